@@ -1,0 +1,39 @@
+# Every target sets itself up: a machine with Python 3.11 or newer and make is enough.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.stamp
+
+.PHONY: fly test check lint types imports bench setup clean
+
+fly: setup  ## fly the default scenario: a hardover on one pitch-rate channel of the F-16
+	$(BIN)/rig fly
+
+test: setup  ## all tests, on all cores
+	$(BIN)/pytest -n auto
+
+check: lint types imports test  ## everything that must hold before a change goes in
+
+lint: setup
+	$(BIN)/ruff check rig tests
+	$(BIN)/ruff format --check rig tests
+
+types: setup
+	$(BIN)/pyright
+
+imports: setup
+	$(BIN)/lint-imports
+
+bench: setup  ## what a frame costs, against bare JSBSim in the same process
+	$(BIN)/rig bench
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml constraints.txt
+	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version.split()[0] if sys.version_info < (3, 11) else 0)'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
+	touch $(STAMP)
+
+clean:
+	rm -rf $(VENV) .pytest_cache .ruff_cache .import_linter_cache build dist

@@ -1,0 +1,33 @@
+"""jsbsim-rig: a test rig for redundant flight control, flown by JSBSim.
+
+import rig
+flight = rig.fly("faults/f16_pitch_rate_hardover.toml", seed=2)
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rig.flight import Flight, fly
+    from rig.log import Log, read_log
+    from rig.scenario import Scenario, load
+
+__all__ = ["Flight", "Log", "Scenario", "fly", "load", "read_log"]
+_HOME = {
+    "Flight": "rig.flight",
+    "fly": "rig.flight",
+    "Log": "rig.log",
+    "read_log": "rig.log",
+    "Scenario": "rig.scenario",
+    "load": "rig.scenario",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import on first use: ``rig --help`` must not load numba and JSBSim."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'rig' has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(_HOME[name]), name)

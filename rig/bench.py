@@ -1,0 +1,119 @@
+"""What a frame costs, as a ratio to bare JSBSim in the same process, and where the time goes.
+
+Absolute times depend on the machine; the ratio is what a change must not make worse.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from rig import loop
+from rig.events import EventFinder
+from rig.flight import fly, intervals, metadata
+from rig.frame import TIMING, new_block
+from rig.log import LogWriter
+from rig.plant import jsbsim
+from rig.scenario import Scenario
+from rig.verdict import Verdict
+
+BARE_S = 4.0  # hands off, an unstable airframe is reloaded before it leaves its flight point
+STAGES = ("plant.read", "sensors", "faults", "redundancy", "control", "plant.step")
+PER_BLOCK = ("prepare", "events", "verdict", "log")
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """Medians over the repeats, microseconds a frame."""
+
+    frames: int
+    repeats: int
+    bare_us: float  # FGFDMExec.run() of the same airframe, steps of one frame
+    frame_us: float  # whole flight: every stage, verdict and log
+    ratio: float
+    stages_us: dict[str, float]  # each with the cost of reading the clock, some 0.1 us
+    log_bytes_per_frame: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data, as ``rig bench --json`` prints it."""
+        return asdict(self)
+
+
+def bench(scenario: Scenario, repeats: int = 7) -> Bench:
+    """Fly ``scenario`` and run its bare airframe in turn; the medians of both."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder)
+        fly(scenario, out=out)  # compiles what is not in the cache yet
+        bare, whole, size = [], [], 0.0
+        for _ in range(repeats):
+            bare.append(_bare_us(scenario))
+            flight = fly(scenario, out=out)
+            whole.append(flight.us_per_frame)
+            size = flight.log.stat().st_size / flight.frames
+            flight.log.unlink()
+        stages = _stages_us(scenario, out)
+    ratio = median(w / b for w, b in zip(whole, bare, strict=True))
+    return Bench(scenario.frames, repeats, median(bare), median(whole), ratio, stages, size)
+
+
+def _bare_us(scenario: Scenario) -> float:
+    """Microseconds of JSBSim's own run() for one frame, over as many frames as a flight has."""
+    steps, total_s, run = scenario.frames, 0.0, 0
+    airframe, dt_s = scenario.airframe, 1.0 / (scenario.rate_hz * scenario.steps_per_frame)
+    while run < steps:
+        fdm = jsbsim.load(airframe, airframe.point(scenario.flight_point), dt_s)
+        count = min(steps - run, round(BARE_S * scenario.rate_hz)) * scenario.steps_per_frame
+        began = time.perf_counter()
+        for _ in range(count):
+            fdm.run()
+        total_s += time.perf_counter() - began
+        run += count // scenario.steps_per_frame
+    return total_s / run * 1e6
+
+
+class _Watch:
+    """Adds up the time of named calls."""
+
+    def __init__(self) -> None:
+        self.total_s = dict.fromkeys((*STAGES, *PER_BLOCK), 0.0)
+
+    def time(self, name: str, call: Callable[..., Any], *arguments: Any) -> Any:
+        began = time.perf_counter()
+        result = call(*arguments)
+        self.total_s[name] += time.perf_counter() - began
+        return result
+
+
+def _stages_us(scenario: Scenario, out: Path) -> dict[str, float]:
+    """The same flight once more with a clock around every stage."""
+    rig, watch, verdict = loop.Rig(scenario), _Watch(), Verdict()
+    finder, size, flown = EventFinder(intervals(scenario)), round(scenario.rate_hz), 0
+    with LogWriter(out / "stages.mcap", scenario.rate_hz, metadata(scenario), []) as writer:
+        for first in range(0, scenario.frames, size):
+            block = new_block(min(size, scenario.frames - first), first)
+            block["reference"] = np.nan
+            watch.time("prepare", rig.prepare, block)
+            for k in range(len(block)):
+                _frame(rig, watch, block, k)
+            flown += len(block)
+            events = watch.time("events", finder.find, block)
+            watch.time("verdict", verdict.add, block, events)
+            watch.time("log", writer.write, block, np.zeros(len(block), TIMING), events)
+    return {name: total / flown * 1e6 for name, total in watch.total_s.items()}
+
+
+def _frame(rig: loop.Rig, watch: _Watch, block: Any, k: int) -> None:
+    """loop.Rig.frame with a clock around every stage."""
+    watch.time("plant.read", rig.plant.read, block, k)
+    watch.time("sensors", rig.sensors.step, block, k)
+    watch.time("faults", rig.faults.step, block, k)
+    watch.time("redundancy", rig.redundancy.step, block, k)
+    watch.time("control", rig.control.step, block, k)
+    watch.time("plant.step", rig.plant.step, block, k)

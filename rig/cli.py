@@ -1,0 +1,216 @@
+"""The commands, thin: parse, call, print.
+
+Exit code 0 when the work was done (a lost aircraft is a result), 2 for bad input, 1 for a failure of ours.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rig.errors import BadInput, RigError
+
+HELP = {"help_option_names": ["-h", "--help"]}
+PLAIN: dict[str, Any] = {
+    "no_args_is_help": True,
+    "pretty_exceptions_enable": False,
+    "rich_markup_mode": None,
+    "context_settings": HELP,
+}
+app = typer.Typer(help="Fly redundant flight control against injected faults.", **PLAIN)
+scenario_app = typer.Typer(help="Look at scenario files.", **PLAIN)
+aircraft_app = typer.Typer(help="Look at aircraft and design their control laws.", **PLAIN)
+app.add_typer(scenario_app, name="scenario")
+app.add_typer(aircraft_app, name="aircraft")
+
+ScenarioName = Annotated[
+    str | None, typer.Argument(help="A scenario file or the name of a bundled one.", show_default=False)
+]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Override a key, e.g. redundancy.manager=mean; repeatable."
+    ),
+]
+Seed = Annotated[int | None, typer.Option(help="Seed of all random draws.", min=0, show_default=False)]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+
+@app.callback()
+def _common(
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Show JSBSim's and our log messages.")
+    ] = False,
+) -> None:
+    logging.basicConfig(level=logging.DEBUG if verbose else logging.ERROR, format="%(name)s: %(message)s")
+    for noisy in ("numba", "asyncio", "matplotlib"):
+        logging.getLogger(noisy).setLevel(logging.WARNING)
+
+
+@app.command()
+def fly(
+    scenario: ScenarioName = None,
+    sets: Sets = None,
+    seed: Seed = None,
+    out: Annotated[Path, typer.Option(help="Folder of the log.")] = Path("logs"),
+    rerun: Annotated[
+        str, typer.Option(help="off, save, serve, spawn, or rerun+http://127.0.0.1:PORT/proxy.")
+    ] = "off",
+    realtime_factor: Annotated[
+        float | None,
+        typer.Option(help="Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Fly one scenario, log every frame, print what happened."""
+    from rig import show
+    from rig.flight import fly as fly_scenario
+
+    with show.progress(enabled=not as_json) as progress:
+        flight = fly_scenario(
+            scenario,
+            seed=seed,
+            overrides=sets or (),
+            out=out,
+            rerun=rerun,
+            realtime_factor=realtime_factor,
+            progress=progress,
+        )
+    _print(as_json, flight.summary, lambda: show.flight(flight))
+
+
+@app.command()
+def recover(
+    log: Annotated[Path, typer.Argument(help="A log that was cut off.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Where to write the mended log.", show_default="<log>.recovered.mcap")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Mend a log that was cut off: keep every whole chunk, write a new summary."""
+    from dataclasses import asdict
+
+    from rig.log import recover as mend
+
+    target = out or log.with_suffix(".recovered.mcap")
+    found = mend(log, target)
+    state = "was whole" if found.complete else f"was cut, {found.lost_bytes} bytes lost"
+    text = f"{log}: {state}; {found.frames} frames to {found.last_time_s:g} s are in {target}"
+    _print(as_json, lambda: {"log": str(target), **asdict(found)}, lambda: typer.echo(text))
+
+
+@app.command()
+def bench(
+    scenario: ScenarioName = None,
+    sets: Sets = None,
+    repeats: Annotated[int, typer.Option(help="Flights; the medians count.", min=1)] = 7,
+    as_json: Json = False,
+) -> None:
+    """Measure a frame, logging included, as a ratio to bare JSBSim in the same process."""
+    from rig import show
+    from rig.bench import bench as measure
+    from rig.scenario import load
+
+    result = measure(load(scenario, sets or ()), repeats)
+    _print(as_json, result.as_dict, lambda: show.bench(result))
+
+
+@scenario_app.command("show")
+def scenario_show(scenario: ScenarioName = None, sets: Sets = None, as_json: Json = False) -> None:
+    """Print a scenario with every default written out, as TOML that can be flown."""
+    from rig.scenario import load
+
+    loaded = load(scenario, sets or ())
+    _print(as_json, loaded.resolved, lambda: typer.echo(loaded.to_toml(), nl=False))
+
+
+@scenario_app.command("check")
+def scenario_check(scenario: ScenarioName = None, sets: Sets = None) -> None:
+    """Check a scenario without flying it."""
+    from rig.scenario import find, load
+
+    loaded = load(scenario, sets or ())
+    typer.echo(
+        f"{find(scenario)}: good, {loaded.frames} frames of {loaded.aircraft}, {len(loaded.faults)} faults"
+    )
+
+
+@aircraft_app.command("list")
+def aircraft_list(as_json: Json = False) -> None:
+    """List the bundled aircraft and their flight points."""
+    from rig import show
+    from rig.aircraft import names
+
+    found = {name: show.flight_points(name) for name in names()}
+    _print(as_json, lambda: found, lambda: show.aircraft(found))
+
+
+@aircraft_app.command("show")
+def aircraft_show(name: str, as_json: Json = False) -> None:
+    """Print everything that is known of an aircraft."""
+    import tomli_w
+
+    from rig.aircraft import tables
+
+    found = tables(name)
+    _print(as_json, lambda: found, lambda: typer.echo(tomli_w.dumps(found), nl=False))
+
+
+@aircraft_app.command("design")
+def aircraft_design(
+    name: str,
+    out: Annotated[
+        Path | None, typer.Option(help="Where to write the gains.", show_default="<aircraft>/gains.toml")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Trim, linearise and design the control law at every flight point; write gains and margins."""
+    from rig import show
+    from rig.aircraft import folder
+    from rig.control import design
+    from rig.plant import airframe
+
+    home = folder(name)
+    gains = design.design(airframe.read(home / "aircraft.toml"))
+    target = out or home / "gains.toml"
+    design.write(gains, target)
+    summary = lambda: {"file": str(target), **gains.model_dump()}  # noqa: E731 # read once, as all others
+    _print(as_json, summary, lambda: show.design(gains, target))
+
+
+def _print(as_json: bool, data: Callable[[], Any], text: Callable[[], None]) -> None:
+    """One JSON object, or text for people."""
+    if as_json:
+        typer.echo(json.dumps(data(), allow_nan=False))
+    else:
+        text()
+
+
+@contextmanager
+def _exit_codes() -> Iterator[None]:
+    """Errors as one line on stderr and an exit code."""
+    try:
+        yield
+    except BadInput as error:
+        typer.echo(f"error: {error}", err=True)
+        sys.exit(2)
+    except RigError as error:
+        typer.echo(f"failed: {error}", err=True)
+        sys.exit(1)
+
+
+def main() -> None:
+    """The ``rig`` command."""
+    with _exit_codes():
+        app()
+
+
+if __name__ == "__main__":
+    main()

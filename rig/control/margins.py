@@ -1,0 +1,180 @@
+"""Gain and phase margins of a sampled loop, from the eigenvalues of the closed loop.
+
+The loop is broken at one actuator, all others stay closed: its command is multiplied by the
+complex factor ``g exp(-i phi)``, and the margins are the factors at which an eigenvalue leaves the
+unit circle.  Unlike reading a Bode plot this cannot mislead on a loop that is unstable when open,
+where a *smaller* gain is as dangerous as a larger one.
+
+The model holds everything between a command and the next one:
+
+    command -> one frame of delay -> hold -> actuator lag -> airframe -> sensor lag -> sample
+
+The hold counts as half a frame, so the delay is one and a half frames in all.  It is exact: the
+chain from hold to sample is one linear system, discretised by the matrix exponential.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+Matrix = NDArray[np.float64]
+
+FARTHEST_GAIN_DB = 40.0
+FARTHEST_PHASE_DEG = 120.0
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """The open loop x+ = F x + G u with the control law u = -K x; the law's own integrators are in x."""
+
+    f: Matrix
+    g: Matrix
+    k: Matrix
+    period_s: float
+
+    def closed(self, factors: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """System matrix of the closed loop when command j is multiplied by ``factors[j]``."""
+        return self.f - (self.g * factors) @ self.k
+
+    def radius(self, actuator: int = 0, factor: complex = 1.0) -> float:
+        """Spectral radius of the closed loop with ``factor`` in one actuator's command; below 1 is stable."""
+        factors = np.ones(self.g.shape[1], np.complex128)
+        factors[actuator] = factor
+        return float(np.max(np.abs(np.linalg.eigvals(self.closed(factors)))))
+
+    def poles(self) -> NDArray[np.complex128]:
+        """Closed-loop eigenvalues in the s-plane [rad/s], those of a pure delay left out."""
+        z = np.linalg.eigvals(self.closed(np.ones(self.g.shape[1], np.complex128)))
+        return np.log(z[np.abs(z) > 1e-6]) / self.period_s
+
+
+@dataclass(frozen=True, slots=True)
+class Margins:
+    """How far one actuator's command may be off before the loop is unstable.
+
+    ``gain_increase_db`` and ``gain_decrease_db`` are both positive numbers; a margin that is not
+    found within 40 dB or 120 degrees is given as that.
+    """
+
+    gain_increase_db: float
+    gain_decrease_db: float
+    phase_deg: float
+    crossover_rad_s: float
+
+
+def sampled_loop(
+    a: Matrix, b: Matrix, c: Matrix, lags_s: list[float], sensor_lag_s: float, period_s: float
+) -> tuple[Matrix, Matrix, Matrix]:
+    """The chain of the module's docstring as (F, G, H): x+ = F x + G u, sampled y = H x.
+
+    a, b, c      airframe, its inputs the surface positions, its outputs what the law uses
+    lags_s       first-order lag of each actuator [s]
+    sensor_lag_s first-order lag of every measured output [s]
+    """
+    n, m, p = a.shape[0], b.shape[1], c.shape[0]
+    rates = np.diag(1.0 / np.array(lags_s))
+    chain = np.block(
+        [
+            [a, b, np.zeros((n, p))],
+            [np.zeros((m, n)), -rates, np.zeros((m, p))],
+            [c / sensor_lag_s, np.zeros((p, m)), -np.eye(p) / sensor_lag_s],
+        ]
+    )
+    drive = np.vstack([np.zeros((n, m)), rates, np.zeros((p, m))])
+    size = n + m + p
+    step = expm(np.block([[chain, drive], [np.zeros((m, size + m))]]) * period_s)
+    # u enters a one-frame memory, and the chain sees what the memory held.
+    f = np.block([[step[:size, :size], step[:size, size:]], [np.zeros((m, size + m))]])
+    g = np.vstack([np.zeros((size, m)), np.eye(m)])
+    h = np.hstack([np.zeros((p, n + m)), np.eye(p), np.zeros((p, m))])
+    return f, g, h
+
+
+def close_with_integrators(
+    chain: tuple[Matrix, Matrix, Matrix], proportional: Matrix, integral: Matrix, period_s: float
+) -> Loop:
+    """The loop of u = -P y - w with w+ = w + T I y+, one integrator w for each actuator.
+
+    The law first adds the newest error to the integrator and then uses it, as the kernel does.
+    """
+    f, g, h = chain
+    n, m = g.shape
+    grow = integral * period_s
+    return Loop(
+        f=np.block([[f, np.zeros((n, m))], [grow @ h, np.eye(m)]]),
+        g=np.vstack([g, np.zeros((m, m))]),
+        k=np.hstack([(proportional + grow) @ h, np.eye(m)]),
+        period_s=period_s,
+    )
+
+
+def holds(loop: Loop, actuator: int, gain_db: float, phase_deg: float) -> bool:
+    """Whether the loop is stable within +-``gain_db`` and up to ``phase_deg`` at this actuator."""
+    decibels = np.linspace(-gain_db, gain_db, 9)
+    factors = [complex(10.0 ** (x / 20.0)) for x in decibels]
+    factors += [complex(np.exp(-1j * math.radians(x))) for x in np.linspace(phase_deg, 0.0, 4)[:-1]]
+    return all(loop.radius(actuator, factor) < 1.0 for factor in factors)
+
+
+def margins(loop: Loop, actuator: int) -> Margins:
+    """The margins at ``actuator`` (a column of G); all zero when the loop is unstable as it stands."""
+    if loop.radius() >= 1.0:
+        return Margins(0.0, 0.0, 0.0, 0.0)
+
+    def stable_at_gain(decibel: float) -> bool:
+        return loop.radius(actuator, 10.0 ** (decibel / 20.0)) < 1.0
+
+    def stable_at_phase(degree: float) -> bool:
+        return loop.radius(actuator, complex(np.exp(-1j * math.radians(degree)))) < 1.0
+
+    return Margins(
+        gain_increase_db=_first_failure(stable_at_gain, FARTHEST_GAIN_DB, 0.5),
+        gain_decrease_db=_first_failure(lambda x: stable_at_gain(-x), FARTHEST_GAIN_DB, 0.5),
+        phase_deg=_first_failure(stable_at_phase, FARTHEST_PHASE_DEG, 2.0),
+        crossover_rad_s=crossover(loop, actuator),
+    )
+
+
+def _first_failure(stable, farthest: float, step: float) -> float:
+    """Smallest x up to ``farthest`` where ``stable`` fails: a scan in steps, then bisection to 1e-3."""
+    high = step
+    while stable(high):
+        if high >= farthest:
+            return farthest
+        high += step
+    low = high - step
+    while high - low > 1e-3:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if stable(middle) else (low, middle)
+    return low
+
+
+def response(loop: Loop, actuator: int, omega: Matrix) -> NDArray[np.complex128]:
+    """Loop gain L(exp(i w T)), broken at ``actuator``, at the frequencies ``omega`` [rad/s]."""
+    others = np.ones(loop.g.shape[1], np.complex128)
+    others[actuator] = 0.0
+    system = loop.closed(others)
+    unit = np.eye(system.shape[0])
+    column, row = loop.g[:, actuator], loop.k[actuator]
+    return np.array(
+        [row @ np.linalg.solve(z * unit - system, column) for z in np.exp(1j * omega * loop.period_s)]
+    )
+
+
+def crossover(loop: Loop, actuator: int) -> float:
+    """Highest frequency [rad/s] at which the loop gain is one; 0 when it never is."""
+    omega = np.geomspace(0.01, 0.9 * math.pi / loop.period_s, 400)
+    above = np.nonzero(np.abs(response(loop, actuator, omega)) >= 1.0)[0]
+    if above.size == 0 or above[-1] == omega.size - 1:
+        return 0.0 if above.size == 0 else float(omega[-1])
+    low, high = omega[above[-1]], omega[above[-1] + 1]
+    for _ in range(30):
+        middle = math.sqrt(low * high)
+        inside = abs(response(loop, actuator, np.array([middle]))[0]) >= 1.0
+        low, high = (middle, high) if inside else (low, middle)
+    return float(low)

@@ -1,0 +1,127 @@
+"""Events: what a reader of a flight wants to know, found by comparing neighbouring rows of a block."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.frame import DISCRETES, SIGNALS, Block, End, Law, Pattern, Resolver, State
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One thing that happened in one frame."""
+
+    frame: int
+    level: Literal["info", "warning", "error"]
+    name: str  # what kind of event, e.g. "channel failed"
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """A fault of the schedule: frames ``first`` (included) to ``last`` (excluded)."""
+
+    label: str
+    first: int
+    last: int
+
+
+class EventFinder:
+    """Finds the events of a flight, block after block."""
+
+    def __init__(self, faults: Sequence[Interval]) -> None:
+        self._faults = faults
+        self._last: Block | None = None
+
+    def find(self, rows: Block) -> list[Event]:
+        """The events of ``rows``, which follow those of the last call, in order of time."""
+        before = rows[:1] if self._last is None else self._last
+        pair = np.concatenate([before, rows])
+        events = [*self._fault_events(rows), *_changes(pair)]
+        self._last = rows[-1:].copy()
+        return sorted(events, key=lambda event: event.frame)
+
+    def _fault_events(self, rows: Block) -> Iterator[Event]:
+        first, last = int(rows["frame"][0]), int(rows["frame"][-1])
+        for fault in self._faults:
+            if first <= fault.first <= last:
+                yield Event(fault.first, "info", "fault on", fault.label)
+            if first <= fault.last <= last:
+                yield Event(fault.last, "info", "fault off", fault.label)
+
+
+def _moved(pair: Block, field: str) -> NDArray[np.intp]:
+    """Where ``field`` differs from the row before: (n, 1 + dimensions) indices into the rows."""
+    values = pair[field]
+    return np.argwhere(values[1:] != values[:-1])
+
+
+def _changes(pair: Block) -> Iterator[Event]:
+    """Events of the rows of ``pair`` after its first."""
+    frames = pair["frame"][1:]
+    for field, describe in _DESCRIBE.items():
+        for k, *place in _moved(pair, field):
+            old, new = pair[field][(k, *place)], pair[field][(k + 1, *place)]
+            event = describe(int(frames[k]), int(old), int(new), *map(int, place), pair[k + 1])
+            if event is not None:
+                yield event
+
+
+def _state(frame: int, old: int, new: int, s: int, c: int, row: Any) -> Event | None:
+    name = f"{SIGNALS[s].name}.{c + 1}"
+    if new == State.FAILED:
+        resolver = Resolver(row["resolver"][s])
+        why = "comparison" if resolver in (Resolver.NONE, Resolver.UNRESOLVED) else resolver.name.lower()
+        return Event(frame, "warning", "channel failed", f"{name} failed by {why}")
+    if old == State.FAILED:
+        return Event(frame, "info", "channel readmitted", f"{name} readmitted")
+    return None
+
+
+def _discrete_state(frame: int, old: int, new: int, d: int, c: int, row: Any) -> Event | None:
+    if new != State.FAILED:
+        return None
+    return Event(frame, "warning", "channel failed", f"{DISCRETES[d].name}.{c + 1} failed by comparison")
+
+
+def _level(frame: int, old: int, new: int, s: int, row: Any) -> Event:
+    name = SIGNALS[s].name
+    if new == 0:
+        return Event(frame, "error", "signal lost", f"{name}: no channel left")
+    return Event(frame, "warning", "level", f"{name}: {old} to {new} channels")
+
+
+def _pattern(frame: int, old: int, new: int, s: int, row: Any) -> Event | None:
+    pattern = Pattern(new)
+    if not pattern.is_singular:
+        return None
+    return Event(frame, "warning", "singular pattern", f"{SIGNALS[s].name}: {pattern.label}")
+
+
+def _reference(frame: int, old: int, new: int, s: int, row: Any) -> Event:
+    standing = "usable" if new else "unusable"
+    return Event(frame, "info", "reference", f"{SIGNALS[s].name}: reference {standing}")
+
+
+def _law(frame: int, old: int, new: int, row: Any) -> Event:
+    return Event(frame, "info", "control law", f"{Law(old).name.lower()} to {Law(new).name.lower()}")
+
+
+def _end(frame: int, old: int, new: int, row: Any) -> Event:
+    return Event(frame, "error", "flight ends", End(new).label)
+
+
+_DESCRIBE = {
+    "state": _state,
+    "discrete_state": _discrete_state,
+    "level": _level,
+    "pattern": _pattern,
+    "reference_usable": _reference,
+    "law": _law,
+    "end": _end,
+}

@@ -1,0 +1,182 @@
+"""Faults: a schedule of what goes wrong on which signal and channel, and when.
+
+A fault acts from ``start_s`` (included) to ``end_s`` (excluded; to the end of the flight when not
+given).  Several on one channel act in the order of the schedule.  What a sensor says after that still
+cannot leave its range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import IntEnum
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, field_validator, model_validator
+
+from rig.angles import limit
+from rig.frame import CHANNELS, INDEX, SIGNALS, Block
+from rig.kernels import kernel
+from rig.settings import Settings
+
+
+class Kind(IntEnum):
+    """Fault kinds, as kernels know them."""
+
+    OFFSET = 0
+    DRIFT = 1
+    HARDOVER = 2
+
+
+class _Fault(Settings):
+    id: str | None = None  # defaults to "<kind> <signal>.<channels>"
+    signal: str
+    channels: list[int] = Field(min_length=1)
+    start_s: float = Field(ge=0)
+    end_s: float | None = Field(default=None, gt=0)
+
+    @field_validator("signal")
+    @classmethod
+    def _known(cls, name: str) -> str:
+        if name not in INDEX:
+            raise ValueError(f"unknown signal, allowed: {', '.join(INDEX)}")
+        return name
+
+    @field_validator("channels")
+    @classmethod
+    def _numbered(cls, channels: list[int]) -> list[int]:
+        if any(not 1 <= channel <= CHANNELS for channel in channels) or len(set(channels)) < len(channels):
+            raise ValueError(f"channels are different numbers from 1 to {CHANNELS}, got {channels}")
+        return channels
+
+    @model_validator(mode="after")
+    def _ordered(self) -> _Fault:
+        if self.end_s is not None and self.end_s <= self.start_s:
+            raise ValueError(f"end_s ({self.end_s:g}) must be after start_s ({self.start_s:g})")
+        return self
+
+    @property
+    def label(self) -> str:
+        """The fault's name in events and tables."""
+        numbers = ",".join(str(channel) for channel in self.channels)
+        return self.id or f"{self.kind} {self.signal}.{numbers}"  # type: ignore[attr-defined]  # every kind has one
+
+
+class Offset(_Fault):
+    """A constant added to the sample: a bias from a bent vane, a shifted zero, a bad calibration."""
+
+    kind: Literal["offset"]
+    offset: float  # unit of the signal
+
+    @property
+    def row(self) -> tuple[Kind, float]:
+        """Kind and value for the kernel."""
+        return Kind.OFFSET, self.offset
+
+
+class Drift(_Fault):
+    """An error that grows steadily from the onset: a gyro warming up, a leaking pressure line."""
+
+    kind: Literal["drift"]
+    rate_per_s: float  # unit of the signal per second
+
+    @property
+    def row(self) -> tuple[Kind, float]:
+        """Kind and value for the kernel."""
+        return Kind.DRIFT, self.rate_per_s
+
+
+class Hardover(_Fault):
+    """The sample goes to the end of the sensor's range: an open or shorted wire, a failed amplifier."""
+
+    kind: Literal["hardover"]
+    direction: Literal["high", "low"] = "high"
+
+    @property
+    def row(self) -> tuple[Kind, float]:
+        """Kind and value for the kernel."""
+        return Kind.HARDOVER, 1.0 if self.direction == "high" else -1.0
+
+
+Fault = Annotated[Offset | Drift | Hardover, Field(discriminator="kind")]
+
+SCHEDULE: Final = np.dtype(
+    [
+        ("kind", "u1"),
+        ("wraps", "u1"),
+        ("channel", "u1", (CHANNELS,)),
+        ("signal", "i8"),
+        ("first", "i8"),
+        ("last", "i8"),  # excluded
+        ("value", "f8"),
+        ("low", "f8"),
+        ("high", "f8"),
+    ],
+    align=True,
+)
+FOREVER: Final = int(np.iinfo(np.int64).max)
+_HARD, _DRIFT = int(Kind.HARDOVER), int(Kind.DRIFT)
+
+
+def to_frame(time_s: float, rate_hz: float) -> int:
+    """The first frame at or after ``time_s``; a time on a frame is that frame, rounding apart."""
+    return int(np.ceil(time_s * rate_hz - 1e-6))
+
+
+def window(fault: Fault, rate_hz: float) -> tuple[int, int]:
+    """The frames in which a fault acts: first (included) and last (excluded)."""
+    last = FOREVER if fault.end_s is None else to_frame(fault.end_s, rate_hz)
+    return to_frame(fault.start_s, rate_hz), last
+
+
+class Faults:
+    """Corrupts the channels of each frame according to the schedule."""
+
+    def __init__(self, faults: Sequence[Fault], ranges: NDArray[np.float64], rate_hz: float) -> None:
+        """``ranges`` (S, 2): the lowest and highest sample of each signal's sensor."""
+        self._dt_s = 1.0 / rate_hz
+        self.schedule = np.zeros(len(faults), SCHEDULE)
+        for row, fault in zip(self.schedule, faults, strict=True):
+            signal = INDEX[fault.signal]
+            row["kind"], row["value"] = fault.row
+            row["signal"], row["wraps"] = signal, SIGNALS[signal].wraps
+            row["low"], row["high"] = ranges[signal]
+            row["channel"][np.array(fault.channels) - 1] = 1
+            row["first"], row["last"] = window(fault, rate_hz)
+
+    def step(self, block: Block, k: int) -> None:
+        """Corrupt row k in place and write how many faults acted."""
+        corrupt(block, k, self.schedule, self._dt_s)
+
+
+@kernel
+def corrupt(block, k, schedule, dt_s):
+    """Apply every fault that is due to the channels of row k.
+
+    offset: x + d    drift: x + d (t - t0)    hardover: the end of the range
+    block : FRAME records; schedule : (F,) SCHEDULE records; dt_s : frame period, s
+    Writes channels and faults_active.
+    """
+    row = block[k]
+    channels = row["channels"]
+    frame = row["frame"]
+    active = 0
+    for f in range(len(schedule)):
+        fault = schedule[f]
+        if frame < fault["first"] or frame >= fault["last"]:
+            continue
+        active += 1
+        s = fault["signal"]
+        mask = fault["channel"]
+        for c in range(CHANNELS):
+            if mask[c] == 0:
+                continue
+            if fault["kind"] == _HARD:
+                channels[s, c] = fault["high"] if fault["value"] > 0.0 else fault["low"]
+                continue
+            error = fault["value"]
+            if fault["kind"] == _DRIFT:
+                error *= (frame - fault["first"]) * dt_s
+            channels[s, c] = limit(channels[s, c] + error, fault["low"], fault["high"], fault["wraps"])
+    row["faults_active"] = min(active, 255)

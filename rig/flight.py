@@ -1,0 +1,236 @@
+"""A flight with its records: the frames of loop.py into log, stream and verdict.
+
+import rig
+flight = rig.fly("faults/f16_pitch_rate_hardover.toml", seed=2)
+flight.survived, flight.failed            # True, {'pitch_rate': [3]}
+flight.signal("pitch_rate").voted         # (frames,) array, rad/s
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig import loop
+from rig.events import Event, EventFinder, Interval
+from rig.faults import window
+from rig.frame import INDEX, Block
+from rig.log import LogWriter, read_log
+from rig.pace import Jitter, JitterCounter, Pace
+from rig.scenario import Scenario, find, load
+from rig.verdict import Peaks, Verdict
+from rig.versions import versions
+from rig.view.stream import StreamReport, open_stream
+
+Progress = Callable[[int, int], None]  # frames flown, frames in all
+
+
+@dataclass(frozen=True, slots=True)
+class SignalArrays:
+    """One signal over a flight, unit as in frame.SIGNALS."""
+
+    time_s: NDArray[np.float64]  # (frames,)
+    channels: NDArray[np.float64]  # (frames, 4), NaN where a channel is not fitted
+    voted: NDArray[np.float64]  # (frames,)
+    truth: NDArray[np.float64]  # (frames,)
+    state: NDArray[np.uint8]  # (frames, 4), frame.State
+    level: NDArray[np.uint8]  # (frames,) channels in use
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What a flight came to; its frames are read from the log when asked for."""
+
+    log: Path
+    scenario: Scenario
+    frames: int
+    digest: str
+    survived: bool
+    end_reason: str
+    failed: dict[str, list[int]]
+    peaks: Peaks
+    events: list[Event]
+    wall_s: float
+    us_per_frame: float
+    jitter: Jitter | None  # paced flights only
+    stream: StreamReport | None
+
+    @property
+    def duration_s(self) -> float:
+        """Simulated time flown."""
+        return self.frames / self.scenario.rate_hz
+
+    @cached_property
+    def rows(self) -> Block:
+        """All frames as one block, read from the log."""
+        return read_log(self.log).rows
+
+    def signal(self, name: str) -> SignalArrays:
+        """The arrays of one signal; KeyError when there is no such signal."""
+        s, rows = INDEX[name], self.rows
+        fields = ("channels", "voted", "truth", "state", "level")
+        return SignalArrays(rows["frame"] / self.scenario.rate_hz, *(rows[field][:, s] for field in fields))
+
+    def summary(self) -> dict[str, Any]:
+        """The flight as plain data, as ``rig fly --json`` prints it."""
+        dt_s = 1.0 / self.scenario.rate_hz
+        timing: dict[str, Any] = {
+            "us_per_frame": self.us_per_frame,
+            "realtime_factor": self.duration_s / self.wall_s,
+        }
+        if self.jitter is not None:
+            timing["jitter"] = asdict(self.jitter)
+        return {
+            "log": str(self.log),
+            "frames": self.frames,
+            "duration_s": self.duration_s,
+            "seed": self.scenario.seed,
+            "digest": self.digest,
+            "survived": self.survived,
+            "end_reason": self.end_reason,
+            "failed": self.failed,
+            "peaks": asdict(self.peaks),
+            "events": [{"time_s": event.frame * dt_s, **asdict(event)} for event in self.events],
+            "timing": timing,
+            "stream": None if self.stream is None else asdict(self.stream),
+        }
+
+
+def fly(
+    scenario: Scenario | str | Path | None = None,
+    *,
+    seed: int | None = None,
+    overrides: Sequence[str] = (),
+    out: str | Path = "logs",
+    rerun: str = "off",
+    realtime_factor: float | None = None,
+    progress: Progress | None = None,
+) -> Flight:
+    """Fly a scenario (a file, a bundled name, or one loaded already) and log every frame.
+
+    seed, overrides : laid over the file, as ``--seed`` and ``--set key=value``; not for a loaded scenario
+    out             : folder of the log; rerun : see view.stream.open_stream
+    realtime_factor : 1.0 paces frames by the wall clock; None flies as fast as it can
+    Raises BadInput before anything is written, RigError when the log cannot be written on.
+    """
+    text = ""
+    if not isinstance(scenario, Scenario):
+        path = find(scenario)
+        scenario, text = load(path, overrides, seed), path.read_text(encoding="utf-8")
+    pace = Pace(scenario.rate_hz, realtime_factor)
+    with _interruptible() as stop:
+        return _record(scenario, text, Path(out), rerun, pace, stop, progress)
+
+
+def _record(
+    scenario: Scenario,
+    text: str,
+    out: Path,
+    rerun: str,
+    pace: Pace,
+    stop: loop.Stop,
+    progress: Progress | None,
+) -> Flight:
+    """Run the frames through verdict, log and stream; the log is finished whatever happens."""
+    rig = loop.Rig(scenario)
+    path = log_path(out, scenario)
+    finder, verdict = EventFinder(intervals(scenario)), Verdict()
+    jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
+    writer = LogWriter(path, scenario.rate_hz, metadata(scenario), [("scenario.toml", text.encode())])
+    with writer:
+        stream = open_stream(rerun, scenario.title or path.stem, scenario.rate_hz, path)
+        began = time.perf_counter()
+        try:
+            for rows, timing in loop.frames(rig, scenario, pace, stop):
+                events = finder.find(rows)
+                verdict.add(rows, events)
+                writer.write(rows, timing, events)
+                if stream is not None:
+                    stream.put(rows.copy(), events)
+                if jitter is not None:
+                    jitter.add(timing["frame_us"], timing["late_us"])
+                if progress is not None:
+                    progress(verdict.frames, scenario.frames)
+            wall_s = time.perf_counter() - began
+            reason = end_reason(verdict, stop, scenario)
+            writer.close({"digest": verdict.digest, "end_reason": reason, "survived": str(verdict.survived)})
+        finally:
+            report = None if stream is None else stream.close(10.0)
+    return Flight(
+        log=path,
+        scenario=scenario,
+        frames=verdict.frames,
+        digest=verdict.digest,
+        survived=verdict.survived,
+        end_reason=reason,
+        failed=verdict.failed,
+        peaks=verdict.peaks,
+        events=verdict.events,
+        wall_s=wall_s,
+        us_per_frame=wall_s / max(verdict.frames, 1) * 1e6,
+        jitter=None if jitter is None else jitter.result(),
+        stream=report,
+    )
+
+
+def log_path(out: Path, scenario: Scenario) -> Path:
+    """A name that says the flight and is not taken yet: <title>_seed<seed>[_n].mcap."""
+    words = "".join(c if c.isalnum() else "_" for c in scenario.title.lower()).strip("_")
+    stem = f"{words or scenario.aircraft}_seed{scenario.seed}"
+    path, number = out / f"{stem}.mcap", 1
+    while path.exists():
+        number += 1
+        path = out / f"{stem}_{number}.mcap"
+    return path
+
+
+def intervals(scenario: Scenario) -> list[Interval]:
+    """The faults of a scenario in frames, for the event finder."""
+    return [Interval(fault.label, *window(fault, scenario.rate_hz)) for fault in scenario.faults]
+
+
+def metadata(scenario: Scenario) -> dict[str, str]:
+    """What a log needs to be flown again: the resolved scenario, the seed, the versions that flew it."""
+    return {
+        "scenario": json.dumps(scenario.resolved()),
+        "aircraft": scenario.aircraft,
+        "seed": str(scenario.seed),
+        **versions(),
+    }
+
+
+def end_reason(verdict: Verdict, stop: loop.Stop, scenario: Scenario) -> str:
+    """Why the flight ended, as a reader would say it."""
+    if not verdict.survived:
+        return verdict.end.label
+    return "interrupted" if stop.requested and verdict.frames < scenario.frames else "duration flown"
+
+
+@contextmanager
+def _interruptible() -> Iterator[loop.Stop]:
+    """Ctrl-C ends the flight after its frame instead of tearing it; a second one is Python's own."""
+    stop = loop.Stop()
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+
+    def ask(number: int, frame: object) -> None:
+        stop.requested = True
+        signal.signal(signal.SIGINT, before)
+
+    before = signal.signal(signal.SIGINT, ask)
+    try:
+        yield stop
+    finally:
+        signal.signal(signal.SIGINT, before)

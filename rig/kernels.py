@@ -1,0 +1,42 @@
+"""How kernels are compiled: ``@kernel`` is numba's njit with a cache that notices every edit.
+
+numba's disk cache looks at the file of the kernel alone, not at kernels that it calls from other
+files, so the cache folder is named after a hash of all our sources.  With ``NUMBA_DISABLE_JIT=1``
+kernels are plain Python.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+import numba
+
+F = TypeVar("F", bound=Callable[..., object])
+
+
+def cache_root() -> Path:
+    """Where generated files may be kept between flights; RIG_CACHE_DIR overrides it."""
+    named = os.environ.get("RIG_CACHE_DIR")
+    if named:
+        return Path(named)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jsbsim-rig"
+
+
+def _source_hash() -> str:
+    digest = hashlib.sha256(f"{numba.__version__}".encode())
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+if not os.environ.get("NUMBA_CACHE_DIR"):
+    numba.config.CACHE_DIR = str(cache_root() / "numba" / _source_hash())  # pyright: ignore[reportAttributeAccessIssue]  # set by numba at import
+
+
+def kernel(function: F) -> F:
+    """Compile ``function`` for the frame loop: no Python objects, no exceptions on division."""
+    return numba.njit(cache=True, error_model="numpy")(function)  # pyright: ignore[reportReturnType]  # same signature

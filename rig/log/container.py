@@ -1,0 +1,304 @@
+"""The MCAP file being written: records in order, their indexes, and the summary that closes it.
+
+    magic  Header  Schema...  Channel...  Metadata "rig"  Attachment...
+    ( Chunk  MessageIndex... ) for each second of flight
+    Metadata "result"  DataEnd  Summary  Footer  magic
+
+Every byte before DataEnd counts in its CRC, every byte after it in the footer's.  What the summary needs
+of a chunk is kept in 64 bytes, 230 kB for an hour of flight at one chunk a second.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from array import array
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+from mcap.well_known import MessageEncoding, SchemaEncoding
+from numpy.typing import NDArray
+
+from rig.frame import SIGNALS
+from rig.log.layout import ROW, STARTS
+from rig.log.schema import EVENTS, FRAME_TOPICS, SCHEMA_NAMES, TOPICS, descriptors
+
+MAGIC: Final = b"\x89MCAP0\r\n"
+LIBRARY: Final = "jsbsim-rig"
+COMPRESSION: Final = "zstd"
+EVENT_CHANNEL: Final = TOPICS.index(EVENTS) + 1
+_CHUNK_HEAD: Final = struct.Struct("<BQQQQII4sQ")
+_INDEX_HEAD: Final = 15  # bytes of a MessageIndex record before its entries of 16
+_FOOTER_HEAD: Final = struct.Struct("<BQQQ")
+
+
+class Packed(NamedTuple):
+    """One chunk, compressed, and what its indexes say of it."""
+
+    data: bytes
+    crc: int  # of the bytes before compression
+    size: int  # their number
+    times: NDArray[np.uint64]  # of its rows, ns
+    events: Sequence[tuple[int, int]]  # time in ns and offset of each event's record
+
+
+class _Kept(NamedTuple):
+    """What is remembered of a chunk that has been written; eight integers of eight bytes."""
+
+    start: int  # ns
+    end: int
+    offset: int  # of the chunk record in the file
+    length: int  # of that record
+    compressed: int
+    uncompressed: int
+    frames: int
+    events: int
+
+
+def encode(record: McapRecord) -> bytes:
+    """The bytes of a record, opcode and length included."""
+    builder = RecordBuilder()
+    record.write(builder)
+    return builder.end()
+
+
+class Container:
+    """Writes one MCAP file; every method raises OSError when the disk does not take it."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("wb", buffering=0)  # unbuffered: a killed process loses nothing it has written
+        self._offset = 0
+        self._crc = 0
+        self._chunks = array("Q")
+        self._attachments: list[AttachmentIndex] = []
+        self._metadata: list[MetadataIndex] = []
+        self._schemas = b"".join(map(encode, schemas()))
+        self._channels = b"".join(map(encode, channels()))
+        self._put(MAGIC, encode(Header("", LIBRARY)), self._schemas, self._channels)
+        self._whole = (self._offset, self._crc)
+
+    def _put(self, *parts: Any) -> None:
+        for part in parts:
+            left = memoryview(part).cast("B")
+            self._crc = zlib.crc32(left, self._crc)
+            self._offset += len(left)
+            while left:
+                left = left[self._file.write(left) :]
+
+    def metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Append a metadata record."""
+        record = encode(Metadata(name, dict(values)))
+        index = MetadataIndex(self._offset, len(record), name)
+        self._put(record)
+        self._metadata.append(index)
+        self._whole = (self._offset, self._crc)
+
+    def attachment(self, name: str, data: bytes) -> None:
+        """Append a file; the media type is text for the endings that we write."""
+        media = (
+            "text/plain" if name.endswith((".toml", ".txt", ".json", ".csv")) else "application/octet-stream"
+        )
+        record = encode(Attachment(0, 0, name, media, data))
+        index = AttachmentIndex(self._offset, len(record), 0, 0, len(data), name, media)
+        self._put(record)
+        self._attachments.append(index)
+        self._whole = (self._offset, self._crc)
+
+    def chunk(self, packed: Packed) -> None:
+        """Append a chunk and its message indexes."""
+        stamps = [int(t) for t in packed.times[[0, -1]]] if len(packed.times) else []
+        stamps += [time for time, _ in packed.events]
+        start, end = min(stamps), max(stamps)
+        length = _CHUNK_HEAD.size + len(packed.data)
+        head = _CHUNK_HEAD.pack(
+            Opcode.CHUNK,
+            length - 9,
+            start,
+            end,
+            packed.size,
+            packed.crc,
+            4,
+            COMPRESSION.encode(),
+            len(packed.data),
+        )
+        offset = self._offset
+        self._put(head, packed.data, *_message_indexes(packed))
+        counts = len(packed.times), len(packed.events)
+        self._chunks.extend(_Kept(start, end, offset, length, len(packed.data), packed.size, *counts))
+        self._whole = (self._offset, self._crc)
+
+    def rewind(self) -> None:
+        """After a write that failed: cut the file back to its last whole record."""
+        self._offset, self._crc = self._whole
+        self._file.seek(self._offset)
+        self._file.truncate()
+
+    def finish(self) -> None:
+        """Write the summary and the footer, and close the file."""
+        self._put(encode(DataEnd(self._crc)))
+        start, self._crc = self._offset, 0
+        offsets: list[bytes] = []
+        for opcode, group in self._groups():
+            begin = self._offset
+            for part in group:
+                self._put(part)
+            if self._offset > begin:
+                offsets.append(encode(SummaryOffset(opcode, begin, self._offset - begin)))
+        offsets_start = self._offset
+        self._put(*offsets)
+        crc = zlib.crc32(_FOOTER_HEAD.pack(Opcode.FOOTER, 20, start, offsets_start), self._crc)
+        self._put(encode(Footer(start, offsets_start, crc)), MAGIC)
+        self._file.close()
+
+    def close(self) -> None:
+        """Close the file as it is."""
+        self._file.close()
+
+    def _groups(self) -> Iterator[tuple[int, Iterable[bytes]]]:
+        yield Opcode.SCHEMA, [self._schemas]
+        yield Opcode.CHANNEL, [self._channels]
+        yield Opcode.STATISTICS, [encode(self._statistics())]
+        yield Opcode.CHUNK_INDEX, map(encode, self._chunk_indexes())
+        yield Opcode.ATTACHMENT_INDEX, map(encode, self._attachments)
+        yield Opcode.METADATA_INDEX, map(encode, self._metadata)
+
+    def _kept(self) -> Iterator[_Kept]:
+        width = len(_Kept._fields)
+        for i in range(0, len(self._chunks), width):
+            yield _Kept(*self._chunks[i : i + width])
+
+    def _statistics(self) -> Statistics:
+        start, end, chunks, frames, events = 0, 0, 0, 0, 0
+        for kept in self._kept():
+            start = min(start, kept.start) if chunks else kept.start
+            end = max(end, kept.end)
+            chunks += 1
+            frames += kept.frames
+            events += kept.events
+        counts = dict.fromkeys(range(1, EVENT_CHANNEL), frames) | {EVENT_CHANNEL: events}
+        return Statistics(
+            attachment_count=len(self._attachments),
+            channel_count=len(TOPICS),
+            channel_message_counts={i: count for i, count in counts.items() if count},
+            chunk_count=chunks,
+            message_count=sum(counts.values()),
+            message_start_time=start,
+            message_end_time=end,
+            metadata_count=len(self._metadata),
+            schema_count=len(SCHEMA_NAMES),
+        )
+
+    def _chunk_indexes(self) -> Iterator[ChunkIndex]:
+        for kept in self._kept():
+            begin = kept.offset + kept.length
+            step = _INDEX_HEAD + 16 * kept.frames
+            indexes = {i + 1: begin + i * step for i in range(len(FRAME_TOPICS))} if kept.frames else {}
+            length = len(indexes) * step
+            if kept.events:
+                indexes[EVENT_CHANNEL] = begin + length
+                length += _INDEX_HEAD + 16 * kept.events
+            yield ChunkIndex(
+                chunk_length=kept.length,
+                chunk_start_offset=kept.offset,
+                compression=COMPRESSION,
+                compressed_size=kept.compressed,
+                message_end_time=kept.end,
+                message_index_length=length,
+                message_index_offsets=indexes,
+                message_start_time=kept.start,
+                uncompressed_size=kept.uncompressed,
+            )
+
+
+def schemas() -> list[Schema]:
+    """The schema records, ids from 1."""
+    return [
+        Schema(i, descriptors(name).SerializeToString(), SchemaEncoding.Protobuf, name)
+        for i, name in enumerate(SCHEMA_NAMES, 1)
+    ]
+
+
+def channels() -> list[Channel]:
+    """The channel records, ids from 1; a signal's says its unit, symbol and range."""
+    about = {
+        signal.topic: {
+            "unit": signal.unit,
+            "symbol": signal.symbol,
+            "group": signal.group,
+            "low": repr(signal.low),
+            "high": repr(signal.high),
+        }
+        for signal in SIGNALS
+    }
+    return [
+        Channel(
+            i,
+            topic.name,
+            MessageEncoding.Protobuf,
+            about.get(topic.name, {}),
+            SCHEMA_NAMES.index(topic.message) + 1,
+        )
+        for i, topic in enumerate(TOPICS, 1)
+    ]
+
+
+_ENTRY: Final = np.dtype([("time", "<u8"), ("offset", "<u8")])
+
+
+def _index_dtype(entries: int) -> np.dtype[Any]:
+    return np.dtype(
+        [
+            ("opcode", "u1"),
+            ("length", "<u8"),
+            ("channel", "<u2"),
+            ("bytes", "<u4"),
+            ("entries", _ENTRY, (entries,)),
+        ]
+    )
+
+
+def _indexes(channel: Any, entries: int) -> NDArray[Any]:
+    made = np.zeros(np.size(channel), _index_dtype(entries))
+    made["opcode"] = Opcode.MESSAGE_INDEX
+    made["length"] = 6 + 16 * entries
+    made["channel"] = channel
+    made["bytes"] = 16 * entries
+    return made
+
+
+@lru_cache(maxsize=2)  # all chunks of a flight are of one length but the last
+def _frame_indexes(frames: int) -> NDArray[Any]:
+    made = _indexes(np.arange(1, EVENT_CHANNEL), frames)
+    made["entries"]["offset"] = np.add.outer(STARTS, ROW * np.arange(frames))
+    return made
+
+
+def _message_indexes(packed: Packed) -> Iterator[NDArray[np.uint8]]:
+    if len(packed.times):
+        frames = _frame_indexes(len(packed.times))
+        frames["entries"]["time"] = packed.times
+        yield frames.view(np.uint8)
+    if packed.events:
+        events = _indexes(EVENT_CHANNEL, len(packed.events))
+        events["entries"][0] = np.array(packed.events, _ENTRY)
+        yield events.view(np.uint8)

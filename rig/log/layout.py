@@ -1,0 +1,326 @@
+"""Where every byte of a chunk lies: frames to MCAP message records and back, without a call per message.
+
+All fields of our messages are written, doubles and small integers have a fixed width, and the varints of
+time stamps are padded to one.  So the message records of one frame always have the same length and the
+same constant bytes (opcodes, lengths, channel ids, protobuf tags): the ``TEMPLATE``.  What changes is moved
+between the frame and the template by two tables of byte offsets, the same ones in both directions.
+A chunk is a run of such rows, then the records of its events.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.errors import RigError
+from rig.frame import FLIGHT_INDEX, FRAME, TIMING, Block
+from rig.kernels import kernel
+from rig.log.schema import DOUBLE, FIXED32, FOXGLOVE, FRAME_TOPICS, MESSAGES, TOPICS, Field, Topic
+
+WORLD: Final = "world"
+AIRCRAFT: Final = "aircraft"
+MESSAGE_OPCODE: Final = 5
+HEAD: Final = struct.Struct("<BQHIQQ")  # opcode, length, channel id, sequence, log time, publish time
+
+# What a row needs that is not in FRAME or TIMING.
+DERIVED: Final = np.dtype(
+    [
+        ("log_time", "<u8"),
+        ("sequence", "<u4"),
+        ("seconds", "u1", (5,)),  # varints
+        ("nanoseconds", "u1", (5,)),
+        ("translation", "<f8", (3,)),
+        ("rotation", "<f8", (4,)),  # x, y, z, w
+        ("position", "<f8", (3,)),  # latitude and longitude in degrees, altitude in m
+    ],
+    align=True,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class _Value:
+    """``width`` bytes of a source, moved into ``room`` bytes of the row (the rest stay zero)."""
+
+    source: str
+    offset: int
+    width: int
+    room: int
+
+
+_Pieces = list[bytes | _Value]
+
+
+def _size(pieces: _Pieces) -> int:
+    return sum(len(piece) if isinstance(piece, bytes) else piece.room for piece in pieces)
+
+
+def _tag(number: int, wire: int) -> bytes:
+    key = number << 3 | wire
+    return bytes([key]) if key < 128 else bytes([key & 127 | 128, key >> 7])
+
+
+def _of(source: str, dtype: np.dtype[Any], name: str, index: int = 0, room: int | None = None) -> _Value:
+    """Element ``index`` (counted through all its axes) of a field of a structured dtype."""
+    assert dtype.fields is not None
+    column, offset = dtype.fields[name][:2]
+    width = column.base.itemsize
+    return _Value(source, offset + index * width, width, room or width)
+
+
+def _derived(name: str, index: int = 0) -> _Value:
+    return _of("derived", DERIVED, name, index)
+
+
+def _payload(topic: Topic) -> _Pieces:
+    if topic.name == "/pose":
+        return _pose()
+    if topic.name == "/position":
+        return _position()
+    pieces: _Pieces = []
+    for number, field in enumerate(MESSAGES[topic.message].fields, 1):
+        pieces += [_tag(number, _WIRE.get(field.kind, 0)), _element(topic, field)]
+    return pieces
+
+
+_WIRE: Final = {DOUBLE: 1, FIXED32: 5}
+
+
+def _element(topic: Topic, field: Field) -> _Value:
+    if topic.message == "rig.Timing":
+        return _of("timing", TIMING, field.source)
+    index = field.index if topic.item is None else (topic.item, *field.index)
+    flat = int(np.ravel_multi_index(index, FRAME[field.source].shape)) if index else 0
+    return _of("frame", FRAME, field.source, flat, 4 if field.kind == FIXED32 else None)
+
+
+def _nested(number: int, pieces: _Pieces) -> _Pieces:
+    return [_tag(number, 2), bytes([_size(pieces)]), *pieces]
+
+
+def _text(number: int, text: str) -> _Pieces:
+    return _nested(number, [text.encode()])
+
+
+def _doubles(name: str, count: int) -> _Pieces:
+    return [piece for i in range(count) for piece in (_tag(i + 1, 1), _derived(name, i))]
+
+
+def _stamp(number: int) -> _Pieces:
+    """google.protobuf.Timestamp, both varints padded to five bytes."""
+    return _nested(
+        number,
+        [_tag(1, 0), *(_derived("seconds", i) for i in range(5))]
+        + [_tag(2, 0), *(_derived("nanoseconds", i) for i in range(5))],
+    )
+
+
+def _numbers(name: str) -> dict[str, int]:
+    return {field.name: field.number for field in FOXGLOVE[name].DESCRIPTOR.fields}
+
+
+def _pose() -> _Pieces:
+    number = _numbers("foxglove.FrameTransform")
+    return [
+        *_stamp(number["timestamp"]),
+        *_text(number["parent_frame_id"], WORLD),
+        *_text(number["child_frame_id"], AIRCRAFT),
+        *_nested(number["translation"], _doubles("translation", 3)),
+        *_nested(number["rotation"], _doubles("rotation", 4)),
+    ]
+
+
+def _position() -> _Pieces:
+    number = _numbers("foxglove.LocationFix")
+    pieces = [*_stamp(number["timestamp"]), *_text(number["frame_id"], AIRCRAFT)]
+    for i, name in enumerate(("latitude", "longitude", "altitude")):
+        pieces += [_tag(number[name], 1), _derived("position", i)]
+    return pieces
+
+
+def _record(topic: Topic) -> _Pieces:
+    payload = _payload(topic)
+    length = HEAD.size - 9 + _size(payload)
+    opening = struct.pack("<BQH", MESSAGE_OPCODE, length, TOPICS.index(topic) + 1)
+    times: _Pieces = [_derived("log_time"), _derived("log_time")]
+    return [opening, _derived("sequence"), *times, *payload]
+
+
+Moves = tuple[NDArray[np.uint64], NDArray[np.uint64]]  # of eight bytes, of one byte: rows (in source, in row)
+
+
+def _moves(source: str, placed: list[tuple[int, _Value]]) -> Moves:
+    words: list[tuple[int, int]] = []
+    octets: list[tuple[int, int]] = []
+    for at, value in placed:
+        if value.source == source and value.width == 8:
+            words.append((value.offset, at))
+        elif value.source == source:
+            octets += [(value.offset + i, at + i) for i in range(value.width)]
+    return (
+        np.array(words, np.uint64).reshape(-1, 2),
+        np.array(octets, np.uint64).reshape(-1, 2),
+    )
+
+
+def _lay_out() -> tuple[NDArray[np.uint8], list[int], dict[str, Moves]]:
+    """The template, the offset of each topic's record in it, and the moves for each source."""
+    template = bytearray()
+    starts: list[int] = []
+    placed: list[tuple[int, _Value]] = []
+    for topic in FRAME_TOPICS:
+        starts.append(len(template))
+        for piece in _record(topic):
+            if isinstance(piece, bytes):
+                template += piece
+            else:
+                placed.append((len(template), piece))
+                template += bytes(piece.room)
+    moves = {source: _moves(source, placed) for source in ("frame", "timing", "derived")}
+    return np.frombuffer(bytes(template), np.uint8), starts, moves
+
+
+TEMPLATE, STARTS, _MOVES = _lay_out()
+ROW: Final = len(TEMPLATE)  # bytes of one frame before compression
+_OPENING: Final = TEMPLATE[:11]  # opcode, length and channel of the first record: marks a row
+
+
+_1, _2, _3, _4, _5, _6, _7 = (np.uint64(i) for i in range(1, 8))
+
+
+@kernel
+def move(
+    source: NDArray[np.uint8],
+    target: NDArray[np.uint8],
+    words: NDArray[np.uint64],
+    octets: NDArray[np.uint64],
+    a: int,
+    b: int,
+) -> None:
+    """Copy bytes of every row of ``source`` (n, m) into the rows of ``target`` (n, m').
+
+    words, octets : (w, 2) offsets of runs of eight bytes and of single bytes; ``a`` is the column of the
+    offset in ``source``, ``b`` the one in ``target``, so that the same tables serve both directions.
+    """
+    for k in range(source.shape[0]):
+        for i in range(words.shape[0]):
+            s = words[i, a]
+            t = words[i, b]
+            # Unsigned offsets, and all loads before all stores: it compiles to one move of eight bytes.
+            x0, x1, x2, x3 = source[k, s], source[k, s + _1], source[k, s + _2], source[k, s + _3]
+            x4, x5, x6, x7 = source[k, s + _4], source[k, s + _5], source[k, s + _6], source[k, s + _7]
+            target[k, t], target[k, t + _1], target[k, t + _2], target[k, t + _3] = x0, x1, x2, x3
+            target[k, t + _4], target[k, t + _5], target[k, t + _6], target[k, t + _7] = x4, x5, x6, x7
+        for i in range(octets.shape[0]):
+            target[k, octets[i, b]] = source[k, octets[i, a]]
+
+
+def _bytes(rows: NDArray[Any]) -> NDArray[np.uint8]:
+    return np.ascontiguousarray(rows).view(np.uint8).reshape(len(rows), rows.dtype.itemsize)
+
+
+def _must_be_small() -> tuple[slice, NDArray[np.uint64]]:
+    """The eight-byte words of FRAME that hold its u1 fields, and the bits of them that must be zero."""
+    bits = np.zeros(FRAME.itemsize, np.uint8)
+    for message in MESSAGES.values():
+        for source in {field.source for field in message.fields if field.kind not in _WIRE}:
+            assert FRAME.fields is not None
+            dtype, offset = FRAME.fields[source][:2]
+            bits[offset : offset + dtype.itemsize] = 128
+    words = bits.view(np.uint64)
+    used = np.flatnonzero(words)
+    span = slice(int(used[0]), int(used[-1]) + 1)
+    return span, words[span]
+
+
+_SMALL_WORDS, _SMALL_BITS = _must_be_small()
+
+
+def _refuse_large(rows: Block) -> None:
+    """RigError when a flag, level or enum has no place in the one byte that it is given."""
+    words = np.ascontiguousarray(rows).view(np.uint64).reshape(len(rows), -1)[:, _SMALL_WORDS]
+    if (np.bitwise_or.reduce(words, axis=0) & _SMALL_BITS).any():
+        fields = {f.source for m in MESSAGES.values() for f in m.fields if f.kind not in _WIRE}
+        named = ", ".join(sorted(name for name in fields if (rows[name] > 127).any()))
+        raise RigError(
+            f"frames {rows['frame'][0]} to {rows['frame'][-1]}: {named} above 127 cannot be logged"
+        )
+
+
+def log_times(frames: NDArray[np.int64], rate_hz: float) -> NDArray[np.uint64]:
+    """Simulation time of frames in ns, rounded to the nearest."""
+    return np.rint(frames * 1e9 / rate_hz).astype(np.uint64)
+
+
+def empty_rows(frames: int) -> NDArray[np.uint8]:
+    """A buffer for ``pack``: (frames, ROW), every row the template."""
+    return np.tile(TEMPLATE, (frames, 1))
+
+
+def pack(rows: Block, timing: NDArray[Any], times: NDArray[np.uint64], out: NDArray[np.uint8]) -> None:
+    """Fill ``out`` (n, ROW), made by ``empty_rows``, with the records of ``rows``; ``times`` in ns.
+
+    RigError when a one-byte field is above 127.
+    """
+    _refuse_large(rows)
+    for name, source in (("frame", rows), ("timing", timing), ("derived", _derive(rows, times))):
+        move(_bytes(source), out, *_MOVES[name], 0, 1)
+
+
+def unpack(packed: NDArray[np.uint8], rows: Block, timing: NDArray[Any]) -> None:
+    """The reverse of ``pack``: fill ``rows`` and ``timing`` from ``packed`` (n, ROW), bit for bit."""
+    move(packed, _bytes(rows), *_MOVES["frame"], 1, 0)
+    move(packed, _bytes(timing), *_MOVES["timing"], 1, 0)
+    rows["frame"] = packed[:, 11:15].copy().view("<u4")[:, 0]
+
+
+def rows_in(data: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The run of rows at the beginning of a chunk's bytes, as (n, ROW)."""
+    whole = len(data) // ROW
+    candidates = data[: whole * ROW].reshape(whole, ROW)
+    ours = (candidates[:, : len(_OPENING)] == _OPENING).all(axis=1)
+    return candidates[: whole if ours.all() else int(ours.argmin())]
+
+
+def _derive(rows: Block, times: NDArray[np.uint64]) -> NDArray[Any]:
+    derived = np.empty(len(rows), DERIVED)
+    derived["log_time"] = times
+    derived["sequence"] = rows["frame"]
+    seconds, nanoseconds = np.divmod(times, np.uint64(1_000_000_000))
+    derived["seconds"] = _varints(seconds)
+    derived["nanoseconds"] = _varints(nanoseconds)
+    _world_axes(rows["flight"], derived)
+    return derived
+
+
+_SEVENS: Final = np.arange(0, 35, 7, dtype=np.uint64)
+_MORE: Final = np.array([128, 128, 128, 128, 0], np.uint64)
+
+
+def _varints(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Varints of five bytes, (n, 5), of numbers below 2^35."""
+    return values[:, None] >> _SEVENS & np.uint64(127) | _MORE
+
+
+def _world_axes(flight: NDArray[np.float64], derived: NDArray[Any]) -> None:
+    """Pose with z up, as 3-D viewers expect it: world east-north-up, aircraft forward-left-up.
+
+        q_enu_flu = q_enu_ned * q_ned_frd * q_frd_flu,  q_enu_ned = (0, 1, 1, 0)/sqrt 2,  q_frd_flu = (0, 1, 0, 0)
+
+    up to its sign; q_ned_frd is the quaternion of FLIGHT.
+    """
+
+    def of(name: str) -> NDArray[np.float64]:
+        return flight[:, FLIGHT_INDEX[name]]
+
+    for i, name in enumerate(("east_m", "north_m", "altitude_m")):
+        derived["translation"][:, i] = of(name)
+    w, x, y, z = (of(f"quaternion_{axis}") for axis in "wxyz")
+    for i, component in enumerate((x + y, x - y, w - z, w + z)):
+        np.multiply(component, np.sqrt(0.5), out=derived["rotation"][:, i])
+    derived["position"][:, 0] = np.degrees(of("latitude_rad"))
+    derived["position"][:, 1] = np.degrees(of("longitude_rad"))
+    derived["position"][:, 2] = of("altitude_m")

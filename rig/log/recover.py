@@ -1,0 +1,85 @@
+"""Mends a log that was cut: a killed process, a full disk, a lost machine."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from rig.errors import BadLog, RigError
+from rig.log.container import Container, Packed
+from rig.log.layout import log_times
+from rig.log.reader import About, Damaged, Part, iter_parts
+from rig.log.writer import RESULT, RIG
+
+RECOVERED: Final = "recovered"  # name of the metadata record that says so
+
+
+@dataclass(frozen=True, slots=True)
+class Recovered:
+    """What was saved; ``complete`` when there was nothing to mend, and then nothing was written."""
+
+    frames: int
+    last_time_s: float  # of the last frame; 0 when there is none
+    complete: bool
+    damage: str  # what was wrong, one line; empty when complete
+
+
+def recover(path: Path | str, out: Path | str) -> Recovered:
+    """Write every whole chunk before the cut or the damage in ``path`` to ``out``, with a new summary.
+
+    ``out`` appears only when it is whole, and may be ``path``.  BadLog when ``path`` is no log of ours or
+    was cut before its metadata; RigError when ``out`` cannot be written.
+    """
+    path, out = Path(path), Path(out)
+    about, tally = About(), _Tally()
+    try:
+        for part in iter_parts(path, about):
+            tally.add(part)
+    except Damaged as error:
+        damage = str(error).removeprefix(f"{path}: ").split(";")[0]
+    else:
+        return Recovered(tally.frames, tally.last / about.rate_hz, complete=True, damage="")
+    if not about.metadata:
+        raise BadLog(f"{path}: {damage}, before its metadata: nothing can be recovered")
+    _write(path, out, about, damage)
+    return Recovered(tally.frames, tally.last / about.rate_hz, complete=False, damage=damage)
+
+
+@dataclass(slots=True)
+class _Tally:
+    frames: int = 0
+    last: int = 0
+
+    def add(self, part: Part) -> None:
+        self.frames += len(part.rows)
+        if len(part.rows):
+            self.last = int(part.rows["frame"][-1])
+
+
+def _write(path: Path, out: Path, about: About, damage: str) -> None:
+    beside = out.with_name(out.name + ".part")
+    try:
+        file = Container(beside)
+        file.metadata(RIG, about.metadata)
+        for name, data in about.attachments.items():
+            file.attachment(name, data)
+        with suppress(Damaged):  # the damage that brought us here
+            for part in iter_parts(path, About()):
+                file.chunk(_packed(part, about.rate_hz))
+        file.metadata(RECOVERED, {"damage": damage})
+        if about.result is not None:
+            file.metadata(RESULT, about.result)
+        file.finish()
+        beside.replace(out)
+    except OSError as error:
+        with suppress(OSError):
+            beside.unlink(missing_ok=True)
+        raise RigError(f"{out}: cannot be written: {error.strerror}") from None
+
+
+def _packed(part: Part, rate_hz: float) -> Packed:
+    chunk = part.chunk
+    times = log_times(part.rows["frame"], rate_hz)
+    return Packed(chunk.data, chunk.uncompressed_crc, chunk.uncompressed_size, times, part.event_entries)

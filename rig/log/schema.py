@@ -1,0 +1,213 @@
+"""What the log says: every topic and message, made from the tables of rig/frame.py.
+
+Each field of FRAME has one place in one message, so a signal, a command or a field added there
+appears in the log by itself.  The descriptors of the messages are embedded in the log; a viewer needs
+nothing of ours to read it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cache
+from typing import Any, Final
+
+import numpy as np
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
+from foxglove_schemas_protobuf.Log_pb2 import Log as FoxgloveLog
+from google.protobuf.descriptor_pb2 import (
+    DescriptorProto,
+    EnumDescriptorProto,
+    EnumValueDescriptorProto,
+    FieldDescriptorProto,
+    FileDescriptorProto,
+    FileDescriptorSet,
+)
+
+from rig.frame import (
+    COMMANDS,
+    DEMANDS,
+    DISCRETES,
+    FLIGHT,
+    FRAME,
+    SIGNALS,
+    SURFACES,
+    TIMING,
+    End,
+    Ilm,
+    Law,
+    Pattern,
+    Resolver,
+    State,
+)
+
+SCHEMA_VERSION: Final = 1  # history in docs/log.md
+
+DOUBLE: Final = FieldDescriptorProto.TYPE_DOUBLE
+BOOL: Final = FieldDescriptorProto.TYPE_BOOL
+UINT32: Final = FieldDescriptorProto.TYPE_UINT32  # one byte: only for what stays below 128
+FIXED32: Final = FieldDescriptorProto.TYPE_FIXED32
+ENUM: Final = FieldDescriptorProto.TYPE_ENUM
+
+# How a u1 field of FRAME is shown.  What is not named here is a fixed32, which holds all of u1.
+_ENUMS: Final[dict[str, type[IntEnum]]] = {
+    "state": State,
+    "discrete_state": State,
+    "ilm": Ilm,
+    "pattern": Pattern,
+    "resolver": Resolver,
+    "law": Law,
+    "end": End,
+}
+_SMALL: Final = {
+    "valid": BOOL,
+    "reference_usable": BOOL,
+    "level": UINT32,
+    "discrete_truth": UINT32,
+    "discrete_channels": UINT32,
+    "discrete_voted": UINT32,
+    "discrete_level": UINT32,
+}
+# Fields of FRAME with one named element each, and the message field names they give.
+_NAMED: Final = {
+    "flight": FLIGHT,
+    "demand": DEMANDS,
+    "command": tuple(f"command_{name}" for name in COMMANDS),
+    "surface": tuple(f"surface_{name}" for name in SURFACES),
+}
+_SHORT: Final = {"channels": "ch", "state": "st"}
+_HOME: Final = {  # which message holds a field that belongs to no signal and no discrete
+    "flight": "rig.Flight",
+    "end": "rig.Flight",
+    "faults_active": "rig.Flight",
+    "demand": "rig.Demand",
+    "command": "rig.Control",
+    "surface": "rig.Control",
+    "law": "rig.Control",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One protobuf field and the element of FRAME or TIMING that it holds."""
+
+    name: str
+    kind: Any  # a FieldDescriptorProto.Type
+    source: str
+    index: tuple[int, ...] = ()  # within the source, after the topic's own row of it
+    enum: type[IntEnum] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One protobuf message; field numbers are positions, from 1."""
+
+    name: str
+    fields: tuple[Field, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """One MCAP channel; ``item`` is its row in the arrays of FRAME, None where there are no rows."""
+
+    name: str
+    message: str
+    item: int | None = None
+
+
+def _fields(source: str, names: tuple[str, ...] | None = None) -> Iterator[Field]:
+    """The message fields of one FRAME field; ``names`` of its elements, else they are numbered from 1."""
+    dtype = FRAME[source]
+    enum = _ENUMS.get(source)
+    if dtype.base == np.dtype("f8"):
+        kind = DOUBLE
+    else:
+        kind = ENUM if enum else _SMALL.get(source, FIXED32)
+    stem = source.removeprefix("discrete_")
+    stem = _SHORT.get(stem, stem)
+    shape = dtype.shape if names else dtype.shape[1:]
+    if not shape:
+        yield Field(stem, kind, source, (), enum)
+    for i in range(shape[0] if shape else 0):
+        yield Field(names[i] if names else f"{stem}_{i + 1}", kind, source, (i,), enum)
+
+
+def _home(source: str) -> str:
+    if source.startswith("discrete_"):
+        return "rig.Discrete"
+    return _HOME.get(source, "rig.Signal")
+
+
+def _message(name: str) -> Message:
+    sources = [s for s in FRAME.names or () if s != "frame" and _home(s) == name]
+    return Message(name, tuple(f for s in sources for f in _fields(s, _NAMED.get(s))))
+
+
+_TIMING_MESSAGE: Final = Message("rig.Timing", tuple(Field(n, DOUBLE, n) for n in TIMING.names or ()))
+MESSAGES: Final = {
+    message.name: message
+    for message in (
+        *map(_message, ("rig.Signal", "rig.Discrete", "rig.Control", "rig.Demand", "rig.Flight")),
+        _TIMING_MESSAGE,
+    )
+}
+FOXGLOVE: Final = {cls.DESCRIPTOR.full_name: cls for cls in (FrameTransform, LocationFix, FoxgloveLog)}
+
+# One message of each in every frame, in the order of their bytes.  Channel ids count from 1.
+FRAME_TOPICS: Final = (
+    *(Topic(signal.topic, "rig.Signal", i) for i, signal in enumerate(SIGNALS)),
+    *(Topic(discrete.topic, "rig.Discrete", i) for i, discrete in enumerate(DISCRETES)),
+    Topic("/control", "rig.Control"),
+    Topic("/demand", "rig.Demand"),
+    Topic("/flight", "rig.Flight"),
+    Topic("/timing", "rig.Timing"),
+    Topic("/pose", "foxglove.FrameTransform"),
+    Topic("/position", "foxglove.LocationFix"),
+)
+EVENTS: Final = Topic("/events", "foxglove.Log")
+TOPICS: Final = (*FRAME_TOPICS, EVENTS)
+SCHEMA_NAMES: Final = tuple(dict.fromkeys(topic.message for topic in TOPICS))
+
+
+@cache
+def descriptors(name: str) -> FileDescriptorSet:
+    """The descriptor of a message with all that it depends on, as the log embeds it."""
+    if name in MESSAGES:
+        return FileDescriptorSet(file=[_file(MESSAGES[name])])
+    found: dict[str, FileDescriptorProto] = {}
+
+    def collect(file: Any) -> None:
+        for dependency in file.dependencies:
+            collect(dependency)
+        proto = FileDescriptorProto()
+        file.CopyToProto(proto)
+        found.setdefault(file.name, proto)
+
+    collect(FOXGLOVE[name].DESCRIPTOR.file)
+    return FileDescriptorSet(file=list(found.values()))
+
+
+def _file(message: Message) -> FileDescriptorProto:
+    package, short = message.name.split(".")
+    enums = dict.fromkeys(field.enum for field in message.fields if field.enum)
+    described = DescriptorProto(name=short, nested_type=[_enum(e) for e in enums])
+    for number, field in enumerate(message.fields, 1):
+        described.field.append(
+            FieldDescriptorProto(
+                name=field.name,
+                number=number,
+                label=FieldDescriptorProto.LABEL_OPTIONAL,
+                type=field.kind,
+                type_name=f".{message.name}.{field.enum.__name__}.Value" if field.enum else None,
+            )
+        )
+    name = f"{package}/{short}.proto"
+    return FileDescriptorProto(name=name, package=package, syntax="proto3", message_type=[described])
+
+
+def _enum(enum: type[IntEnum]) -> DescriptorProto:
+    """A scope of its own for each enum, so that names need no prefix: a viewer shows OK, SUSPECT, FAILED."""
+    values = [EnumValueDescriptorProto(name=member.name, number=member.value) for member in enum]
+    return DescriptorProto(name=enum.__name__, enum_type=[EnumDescriptorProto(name="Value", value=values)])

@@ -1,0 +1,69 @@
+"""Pacing: frames on absolute deadlines of the wall clock, as a rig with hardware would fly them.
+
+Without a factor the flight runs as fast as it can; what it computes is the same either way.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+SPIN_S = 0.0003  # the end of a wait is spent polling: a sleep wakes up late
+
+
+class Pace:
+    """Frame k begins at start + k dt / factor, whatever happened before it."""
+
+    def __init__(self, rate_hz: float, factor: float | None) -> None:
+        self.period_s = None if factor is None else 1.0 / (rate_hz * factor)
+        self._start_s = 0.0
+
+    def wait(self, frame: int) -> float:
+        """Sleep until frame ``frame`` is due; how late it begins, s (0 when not paced)."""
+        if self.period_s is None:
+            return 0.0
+        now = time.perf_counter()
+        if frame == 0:
+            self._start_s = now
+        due = self._start_s + frame * self.period_s
+        if due - now > SPIN_S:
+            time.sleep(due - now - SPIN_S)
+        while (now := time.perf_counter()) < due:
+            pass
+        return now - due
+
+
+@dataclass(frozen=True, slots=True)
+class Jitter:
+    """How late frames began: microseconds; an overrun is a frame that ended after the next was due."""
+
+    median_us: float
+    p99_us: float
+    worst_us: float
+    overruns: int
+
+
+class JitterCounter:
+    """Collects lateness in bounded memory: a histogram of whole microseconds up to 0.1 s."""
+
+    def __init__(self, period_s: float) -> None:
+        self._period_us = period_s * 1e6
+        self._counts = np.zeros(100_001, np.int64)
+        self._worst_us = 0.0
+        self._overruns = 0
+
+    def add(self, frame_us: NDArray[np.float64], late_us: NDArray[np.float64]) -> None:
+        """Count the frames of one block."""
+        whole = np.clip(late_us.astype(np.int64), 0, len(self._counts) - 1)
+        self._counts += np.bincount(whole, minlength=len(self._counts))
+        self._worst_us = max(self._worst_us, float(late_us.max(initial=0.0)))
+        self._overruns += int(np.count_nonzero(late_us + frame_us > self._period_us))
+
+    def result(self) -> Jitter:
+        """Median, 99 % and worst of all frames so far."""
+        reached = np.cumsum(self._counts)
+        at = [float(np.searchsorted(reached, share * reached[-1])) for share in (0.5, 0.99)]
+        return Jitter(at[0], at[1], self._worst_us, self._overruns)

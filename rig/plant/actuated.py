@@ -1,0 +1,202 @@
+"""The base model with actuators in place of its own flight control.
+
+A shipped flight control reads true states, which would go around the redundant sensors.  So the
+aircraft's folder is copied from the installed JSBSim into the cache and there its
+``<flight_control>`` is replaced by one that only moves the surfaces:
+
+    command, rad  -> position limits -> lag -> rate limit -> position, rad
+    throttle 0..1 -> limits          -> lag -> rate limit -> every engine
+
+JSBSim's normalised commands (``fcs/elevator-cmd-norm`` and so on) carry **radians** here, so that
+trim, linearisation and flight share one input.  JSBSim ends the whole process when an equation
+reads a property that nobody has declared; that is found here, before it sees the file.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import tempfile
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from rig.errors import BadInput, RigError
+from rig.kernels import cache_root
+from rig.plant.airframe import Config, Surface, Throttle
+
+THROTTLE_POSITION = "rig/throttle-position"  # 0 to 1, after the actuator
+
+_DROPPED = ("flight_control", "autopilot", "system", "external_reactions", "input", "output")
+_SHAPING = {"base_model", "cg_x_shift_m", "elevator", "aileron", "rudder", "throttle", "properties"}
+_METRES = {"M": 1.0, "FT": 0.3048, "IN": 0.0254}
+_READS = ("property", "p", "independentVar")
+# Created by JSBSim itself while it loads the parts that they describe.
+_INDEXED = re.compile(r"^(propulsion/(engine|tank)|gear/unit|contact/unit|inertia/pointmass-\w+)\b")
+
+
+def folder(airframe: Config, root: Path, known: Callable[[str], bool]) -> Path:
+    """The aircraft folder to give to JSBSim, made when the cache has none.
+
+    root  : the installed JSBSim's data (aircraft, engine, systems)
+    known : whether JSBSim has a property of that name before any aircraft is loaded
+    Raises BadInput: no such base model, or an equation reads an undeclared property.
+    """
+    source = root / "aircraft" / airframe.base_model
+    model = source / f"{airframe.base_model}.xml"
+    if not model.is_file():
+        raise BadInput(f"airframe.base_model: JSBSim has no aircraft {airframe.base_model!r}")
+    target = cache_root() / "airframes" / _key(airframe, source)
+    if not (target / source.name / model.name).is_file():
+        tree = _actuated(ET.parse(model).getroot(), airframe)
+        _check_properties(tree, airframe, root, source, known)
+        _publish(tree, source, target)
+    return target
+
+
+def _key(airframe: Config, source: Path) -> str:
+    digest = hashlib.sha256(Path(__file__).read_bytes())
+    digest.update(airframe.model_dump_json(include=_SHAPING).encode())
+    for path in sorted(source.rglob("*")):
+        if path.is_file():
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:24]
+
+
+def _publish(tree: ET.Element, source: Path, target: Path) -> None:
+    """Write beside, then rename: another process either sees all of it or nothing."""
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        draft = Path(tempfile.mkdtemp(prefix=".draft-", dir=target.parent))
+        shutil.copytree(source, draft / source.name)
+        ET.ElementTree(tree).write(draft / source.name / f"{source.name}.xml", encoding="utf-8")
+        try:
+            os.rename(draft, target)
+        except OSError:
+            shutil.rmtree(draft)
+            if not target.is_dir():  # else another process was faster, with the same result
+                raise
+    except OSError as error:
+        raise RigError(f"{target.parent}: cannot be written: {error}") from None
+
+
+def _actuated(tree: ET.Element, airframe: Config) -> ET.Element:
+    for child in [child for child in tree if child.tag in _DROPPED]:
+        tree.remove(child)
+    _shift_cg(tree, airframe.cg_x_shift_m)
+    engines = len(tree.findall("propulsion/engine"))
+    places = [i for i, child in enumerate(tree) if child.tag == "aerodynamics"]
+    tree.insert(places[0] if places else len(tree), _flight_control(airframe, engines))
+    return tree
+
+
+def _shift_cg(tree: ET.Element, shift_m: float) -> None:
+    location = tree.find("mass_balance/location[@name='CG']")
+    x = None if location is None else location.find("x")
+    if location is None or x is None:
+        raise BadInput("airframe.base_model: its mass_balance has no CG location")
+    metres = _METRES[location.get("unit", "IN")]
+    x.text = repr(float(x.text or 0.0) + shift_m / metres)
+
+
+def _flight_control(airframe: Config, engines: int) -> ET.Element:
+    control = ET.Element("flight_control", name="rig actuators")
+    for name, value in airframe.properties.items():
+        ET.SubElement(control, "property", value=repr(value)).text = name
+    channel = ET.SubElement(control, "channel", name="actuators")
+    _surface(channel, "elevator", airframe.elevator, "fcs/pitch-trim-cmd-norm")
+    _surface(channel, "aileron", airframe.aileron, "fcs/roll-trim-cmd-norm")
+    _surface(channel, "rudder", airframe.rudder, "fcs/yaw-trim-cmd-norm")
+    _throttle(channel, airframe.throttle, engines)
+    return control
+
+
+def _surface(channel: ET.Element, name: str, surface: Surface, trim: str) -> None:
+    # The limits come before the lag: the actuator does not wind up beyond its stop.
+    wanted = ET.SubElement(channel, "summer", name=f"rig/{name}-wanted-rad")
+    for source in (f"fcs/{name}-cmd-norm", trim):
+        ET.SubElement(wanted, "input").text = source
+    _clip(wanted, surface.min_rad, surface.max_rad)
+    actuator = _actuator(channel, name, f"rig/{name}-wanted-rad", surface.lag_s, surface.rate_limit_rad_s)
+    ET.SubElement(actuator, "output").text = surface.position
+
+
+def _throttle(channel: ET.Element, throttle: Throttle, engines: int) -> None:
+    wanted = ET.SubElement(channel, "summer", name="rig/throttle-wanted")
+    ET.SubElement(wanted, "input").text = "fcs/throttle-cmd-norm"
+    _clip(wanted, 0.0, 1.0)
+    actuator = _actuator(channel, "throttle", "rig/throttle-wanted", throttle.lag_s, throttle.rate_limit_1_s)
+    ET.SubElement(actuator, "output").text = THROTTLE_POSITION
+    for engine in range(engines):
+        gain = ET.SubElement(channel, "pure_gain", name=f"rig/engine-{engine}-throttle")
+        ET.SubElement(gain, "input").text = THROTTLE_POSITION
+        ET.SubElement(gain, "gain").text = repr(throttle.full_position)
+        ET.SubElement(gain, "output").text = f"fcs/throttle-pos-norm[{engine}]"
+
+
+def _clip(part: ET.Element, low: float, high: float) -> None:
+    limits = ET.SubElement(part, "clipto")
+    ET.SubElement(limits, "min").text = repr(low)
+    ET.SubElement(limits, "max").text = repr(high)
+
+
+def _actuator(channel: ET.Element, name: str, source: str, lag_s: float, rate: float) -> ET.Element:
+    actuator = ET.SubElement(channel, "actuator", name=f"rig/{name}-actuator")
+    ET.SubElement(actuator, "input").text = source
+    ET.SubElement(actuator, "lag").text = repr(1.0 / lag_s)
+    ET.SubElement(actuator, "rate_limit").text = repr(rate)
+    return actuator
+
+
+def _check_properties(
+    tree: ET.Element, airframe: Config, root: Path, source: Path, known: Callable[[str], bool]
+) -> None:
+    for name in airframe.properties:
+        if known(name):
+            raise BadInput(
+                f"airframe.properties: {name!r} is JSBSim's own; only what it lacks is declared here"
+            )
+    parts = [tree, *_parts_in_files(tree, root, source)]
+    declared = {name for part in parts for name in _declared(part)}
+    for part in parts:
+        for name in _read(part):
+            if name not in declared and not _INDEXED.match(name) and not known(name):
+                raise BadInput(
+                    f"airframe.properties: {source.name} reads {name!r}, which neither JSBSim nor our "
+                    "actuators provide; declare it with a constant value"
+                )
+
+
+def _parts_in_files(tree: ET.Element, root: Path, source: Path) -> Iterator[ET.Element]:
+    """Engines and thrusters, and any other part that the model keeps in a file of its own."""
+    for part in tree.iter():
+        name = part.get("file")
+        for folder in (source, source / "Engines", source / "Engine", root / "engine", root / "systems"):
+            path = folder / f"{name}.xml"
+            if name and path.is_file():
+                yield ET.parse(path).getroot()
+                break
+
+
+def _read(part: ET.Element) -> Iterator[str]:
+    for element in part.iter():
+        if element.tag in _READS and element.text and "value" not in element.attrib:
+            name = element.text.strip().lstrip("-")
+            if name and "#" not in name:  # '#' stands for the engine's number
+                yield name.replace("[0]", "")
+
+
+def _declared(part: ET.Element) -> Iterator[str]:
+    for control in part.findall("flight_control"):
+        for element in control.iter():
+            if element.tag == "property" and element.text:
+                yield element.text.strip()
+            elif element.tag == "output" and element.text:
+                yield element.text.strip().replace("[0]", "")
+            elif element.get("name"):
+                yield str(element.get("name"))
+    for function in part.iter("function"):
+        if function.get("name"):
+            yield str(function.get("name"))

@@ -1,0 +1,229 @@
+"""Load, trim and fly one aircraft in JSBSim; the only importer of JSBSim."""
+
+from __future__ import annotations
+
+import logging
+import struct
+from functools import cache
+from pathlib import Path
+from typing import Final
+
+import jsbsim
+import numpy as np
+
+from rig.errors import BadInput, RigError
+from rig.frame import SURFACES, Block
+from rig.plant import actuated, truth, wind
+from rig.plant.airframe import Config, FlightPoint
+
+FEET_PER_METRE: Final = 1.0 / 0.3048
+_FPS_PER_KNOT: Final = 1852.0 / 3600.0 * FEET_PER_METRE
+_TUSTIN: Final = 4  # JSBSim's number of its Dryden turbulence in Tustin form
+
+log = logging.getLogger("rig.jsbsim")
+log.addHandler(logging.NullHandler())  # else warnings would go to stderr when nobody listens
+_LEVELS = {
+    jsbsim.LogLevel.WARN: logging.WARNING,
+    jsbsim.LogLevel.ERROR: logging.ERROR,
+    jsbsim.LogLevel.FATAL: logging.CRITICAL,
+}
+
+
+class _Logger(jsbsim.FGLogger):
+    """JSBSim's messages into Python's logging: our output stays ours."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._level = logging.DEBUG
+        self._text: list[str] = []
+
+    def set_level(self, level: jsbsim.LogLevel) -> None:
+        self._level = _LEVELS.get(level, logging.DEBUG)
+        self._text = []
+
+    def file_location(self, filename: str, line: int) -> None:
+        self._text.append(f"{filename}:{line}: ")
+
+    def message(self, message: str) -> None:
+        self._text.append(message)
+
+    def format(self, format: jsbsim.LogFormat) -> None:
+        """Colours mean nothing in a log."""
+
+    def flush(self) -> None:
+        text = " ".join("".join(self._text).split())
+        if text:
+            log.log(self._level, "%s", text)
+        self._text = []
+
+
+def _executive() -> jsbsim.FGFDMExec:
+    # The logger belongs to the thread, so every executive sets it anew.
+    jsbsim.set_logger(_logger())
+    fdm = jsbsim.FGFDMExec(None)
+    fdm.set_debug_level(0)
+    return fdm
+
+
+@cache
+def _logger() -> _Logger:
+    return _Logger()
+
+
+def load(
+    airframe: Config,
+    flight_point: FlightPoint,
+    dt_s: float,
+    wind_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> jsbsim.FGFDMExec:
+    """A fresh JSBSim trimmed in level flight at ``flight_point``, heading north.
+
+    dt_s     : JSBSim's own step
+    wind_m_s : steady wind, towards north, east and down
+    The trim stays in ``fcs/elevator-cmd-norm``, ``aileron-``, ``rudder-`` (rad) and
+    ``throttle-cmd-norm`` (0 to 1); the trim commands are zero.  Writes nothing but the cache.
+    Raises BadInput: unknown base model, undeclared property, or no trim at this point.
+    """
+    fdm = _executive()
+    root = Path(jsbsim.get_default_root_dir())
+    folder = actuated.folder(airframe, root, fdm.get_property_manager().hasNode)
+    # Before loading: filters freeze the step that they are loaded with.
+    fdm.set_dt(dt_s)
+    paths = (str(folder), str(root / "engine"), str(root / "systems"))
+    if not fdm.load_model_with_paths(airframe.base_model, *paths, True):
+        raise RigError(f"airframe.base_model: JSBSim could not load {airframe.base_model!r} from {folder}")
+    _begin(fdm, airframe, flight_point, wind_m_s)
+    _trim(fdm, airframe, flight_point)
+    return fdm
+
+
+def _begin(fdm: jsbsim.FGFDMExec, airframe: Config, point: FlightPoint, wind_m_s: tuple[float, ...]) -> None:
+    for axis, speed in zip(("north", "east", "down"), wind_m_s, strict=True):
+        fdm[f"ic/vw-{axis}-fps"] = speed * FEET_PER_METRE
+    fdm["ic/h-sl-ft"] = point.altitude_m * FEET_PER_METRE
+    fdm["ic/mach"] = point.mach
+    fdm["ic/gamma-deg"] = 0.0
+    fdm["gear/gear-cmd-norm"] = 0.0
+    fdm["gear/gear-pos-norm"] = 0.0
+    fdm["propulsion/fuel_freeze"] = float(airframe.freeze_fuel)
+    fdm["propulsion/set-running"] = -1
+    fdm.run_ic()
+    fdm["propulsion/set-running"] = -1
+
+
+def _trim(fdm: jsbsim.FGFDMExec, airframe: Config, point: FlightPoint) -> None:
+    try:
+        fdm.do_trim(int(jsbsim.TrimMode.FULL))
+    except jsbsim.TrimFailureError:
+        raise BadInput(
+            f"flight_point: {airframe.base_model} has no level trim at {point.name!r} "
+            f"({point.altitude_m:g} m, Mach {point.mach:g})"
+        ) from None
+    for command, trim in (("elevator", "pitch"), ("aileron", "roll"), ("rudder", "yaw")):
+        fdm[f"fcs/{command}-cmd-norm"] += fdm[f"fcs/{trim}-trim-cmd-norm"]
+        fdm[f"fcs/{trim}-trim-cmd-norm"] = 0.0
+
+
+class Plant:
+    """One aircraft in flight, read and moved frame by frame.
+
+    trim : (len(SURFACES),) f8, where the surfaces stand in trimmed flight
+
+    ``read`` writes what is true in this frame, ``step`` takes the row's commands to the next one.
+    In flight nothing raises: a broken simulation reads as NaN and ends.
+    Raises BadInput when the aircraft cannot be loaded or trimmed there.
+    """
+
+    def __init__(
+        self,
+        airframe: Config,
+        flight_point: FlightPoint,
+        air: wind.Config,
+        turbulence: wind.Turbulence,
+        rate_hz: float,
+        steps_per_frame: int,
+        seed: int,
+    ) -> None:
+        self._airframe = airframe
+        self._flight_point = flight_point
+        self._wind = air
+        self._severity = wind.SEVERITY[turbulence]
+        self._seed = seed
+        self._rate_hz = rate_hz
+        self._steps = range(steps_per_frame)
+        self._dt_s = 1.0 / (rate_hz * steps_per_frame)
+        self._raw_bytes = bytearray(truth.RAW.itemsize)
+        self._raw = np.frombuffer(self._raw_bytes, truth.RAW)  # the same memory, as one record
+        self._pack = struct.Struct(f"={len(truth.RAW.names or ())}d").pack_into
+        self.trim = np.zeros(len(SURFACES))
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to the first frame, on a fresh JSBSim: the same flight again, bit for bit."""
+        airframe = self._airframe
+        fdm = load(airframe, self._flight_point, self._dt_s, self._wind.steady)
+        _set_turbulence(fdm, self._severity, self._seed)
+        surfaces = (airframe.elevator, airframe.aileron, airframe.rudder)
+        positions = [*(surface.position for surface in surfaces), actuated.THROTTLE_POSITION]
+        nodes = [_node(fdm, name) for name in (*truth.READ.values(), *positions)]
+        self._readers = [node.get_double_value for node in nodes]
+        self._elevator, self._aileron, self._rudder, self._throttle = (
+            _node(fdm, f"fcs/{name}-cmd-norm").set_double_value
+            for name in ("elevator", "aileron", "rudder", "throttle")
+        )
+        self._air = [_node(fdm, f"atmosphere/gust-{axis}-fps") for axis in ("north", "east", "down")]
+        self._air_changes_s = 0.0
+        self._run = fdm.run
+        self._fdm = fdm
+        self._surface = self._frame = np.zeros(0)
+        self._block: Block | None = None
+        self._broken = False
+        self.trim[:] = [fdm[name] for name in positions]
+        self._fixed = truth.fixed(airframe, fdm["position/lat-geod-rad"], fdm["position/long-gc-rad"])
+
+    def read(self, block: Block, k: int) -> int:
+        """Write truth (but the sticks), flight, two discretes and ``end`` of row k; returns the end code."""
+        self._pack(self._raw_bytes, 0, *[reader() for reader in self._readers])
+        if self._broken:
+            self._raw["p_rad_s"] = np.nan
+        return truth.write_row(block, k, self._raw, self._fixed)
+
+    def step(self, block: Block, k: int) -> None:
+        """Give row k's ``surface`` to the actuators and fly to the next frame."""
+        if block is not self._block:  # a field of a structured array is slow to look up
+            self._block, self._surface, self._frame = block, block["surface"], block["frame"]
+        elevator, aileron, rudder, throttle = self._surface[k].tolist()
+        self._elevator(elevator)
+        self._aileron(aileron)
+        self._rudder(rudder)
+        self._throttle(throttle)
+        time_s = (int(self._frame[k]) + 1) / self._rate_hz
+        if time_s >= self._air_changes_s:
+            self._move_air(time_s)
+        try:
+            for _ in self._steps:
+                self._run()
+        except jsbsim.BaseError as error:
+            log.warning("frame %d: %s", self._frame[k], error)
+            self._broken = True
+
+    def _move_air(self, time_s: float) -> None:
+        for node, speed in zip(self._air, wind.added(self._wind, time_s), strict=True):
+            node.set_double_value(speed * FEET_PER_METRE)
+        self._air_changes_s = wind.next_change(self._wind, time_s)
+
+
+def _node(fdm: jsbsim.FGFDMExec, name: str) -> jsbsim.FGPropertyNode:
+    node = fdm.get_property_manager().get_node(name)
+    if node is None:
+        raise RigError(f"JSBSim has no property {name!r}")
+    return node
+
+
+def _set_turbulence(fdm: jsbsim.FGFDMExec, severity: wind.Severity, seed: int) -> None:
+    # After the trim, which wants calm air; always seeded, so that no flight draws from elsewhere.
+    fdm["simulation/randomseed"] = seed % 2**31
+    fdm["atmosphere/turb-type"] = _TUSTIN if severity.exceedance_index else 0
+    milspec = "atmosphere/turbulence/milspec"
+    fdm[f"{milspec}/windspeed_at_20ft_AGL-fps"] = severity.wind_at_20ft_knots * _FPS_PER_KNOT
+    fdm[f"{milspec}/severity"] = severity.exceedance_index

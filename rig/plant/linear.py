@@ -1,0 +1,144 @@
+"""The linearised aircraft at one flight point: small motions about level, trimmed flight.
+
+Longitudinal states (airspeed m/s, alpha, q, theta), inputs (elevator rad, throttle 0 to 1);
+lateral states (beta, p, r, phi), inputs (aileron rad, rudder rad).  Inputs are surface positions:
+actuators are no part of this model, and thrust follows the throttle at once.
+
+The system matrix is JSBSim's own; the input matrix is taken by central differences, because
+JSBSim's has wrong force rows when an actuator lags.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.plant import jsbsim
+from rig.plant.airframe import Config, FlightPoint
+
+if TYPE_CHECKING:
+    from jsbsim import FGFDMExec
+
+Matrix = NDArray[np.float64]
+
+METRES_PER_FOOT: Final = 0.3048
+PASCAL_PER_PSF: Final = 47.880258980336
+LONGITUDINAL: Final = ("Vt", "Alpha", "Q", "Theta")  # as JSBSim names them
+LATERAL: Final = ("Beta", "P", "R", "Phi")
+_LONGITUDINAL_SCALE: Final = np.array([METRES_PER_FOOT, 1.0, 1.0, 1.0])
+_STEP_RAD: Final = 1e-3  # of a surface, for central differences
+_STEP_THROTTLE: Final = 5e-3
+_ANY_STEP_S: Final = 0.01  # JSBSim's step; no part of a linearisation
+
+
+@dataclass(frozen=True)
+class Trim:
+    """Level, trimmed flight at one flight point."""
+
+    airspeed_m_s: float
+    dynamic_pressure_pa: float
+    alpha_rad: float
+    theta_rad: float
+    elevator_rad: float
+    aileron_rad: float
+    rudder_rad: float
+    throttle: float
+
+
+@dataclass(frozen=True)
+class Linear:
+    """dx/dt = A x + B u for both planes, about ``trim``; states and inputs as in the module's docstring."""
+
+    trim: Trim
+    longitudinal_a: Matrix  # (4, 4)
+    longitudinal_b: Matrix  # (4, 2)
+    lateral_a: Matrix  # (4, 4)
+    lateral_b: Matrix  # (4, 2)
+
+
+def linearise(airframe: Config, flight_point: FlightPoint) -> Linear:
+    """The small motions of ``airframe`` about trim at ``flight_point``; BadInput when it does not trim."""
+    longitudinal_a, lateral_a = _system(jsbsim.load(airframe, flight_point, _ANY_STEP_S))
+    fdm = jsbsim.load(airframe, flight_point, _ANY_STEP_S)
+    trim = _trim(fdm, airframe)
+    _hold_still(fdm)
+    longitudinal, lateral = [], []
+    for command, step in (("elevator", _STEP_RAD), ("throttle", _STEP_THROTTLE)):
+        longitudinal.append(_difference(fdm, airframe, command, step)[:4])
+    for command in ("aileron", "rudder"):
+        lateral.append(_difference(fdm, airframe, command, _STEP_RAD)[4:])
+    return Linear(
+        trim=trim,
+        longitudinal_a=longitudinal_a,
+        longitudinal_b=np.array(longitudinal).T,
+        lateral_a=lateral_a,
+        lateral_b=np.array(lateral).T,
+    )
+
+
+def _system(fdm: FGFDMExec) -> tuple[Matrix, Matrix]:
+    model = jsbsim.jsbsim.FGLinearization(fdm)
+    a, names = np.array(model.system_matrix), list(model.x_names)
+    longitudinal = [names.index(name) for name in LONGITUDINAL]
+    lateral = [names.index(name) for name in LATERAL]
+    scale = _LONGITUDINAL_SCALE
+    return a[np.ix_(longitudinal, longitudinal)] * scale[:, None] / scale, a[np.ix_(lateral, lateral)]
+
+
+def _trim(fdm: FGFDMExec, airframe: Config) -> Trim:
+    return Trim(
+        airspeed_m_s=fdm["velocities/vt-fps"] * METRES_PER_FOOT,
+        dynamic_pressure_pa=fdm["aero/qbar-psf"] * PASCAL_PER_PSF,
+        alpha_rad=fdm["aero/alpha-rad"],
+        theta_rad=fdm["attitude/theta-rad"],
+        elevator_rad=fdm[airframe.elevator.position],
+        aileron_rad=fdm[airframe.aileron.position],
+        rudder_rad=fdm[airframe.rudder.position],
+        throttle=fdm["fcs/throttle-cmd-norm"],
+    )
+
+
+def _hold_still(fdm: FGFDMExec) -> None:
+    """Make the trimmed state the initial one, so that ``run_ic`` evaluates the forces there."""
+    for name in ("alpha-rad", "beta-rad", "theta-rad", "phi-rad"):
+        source = "aero" if name in ("alpha-rad", "beta-rad") else "attitude"
+        fdm[f"ic/{name}"] = fdm[f"{source}/{name}"]
+
+
+def _difference(fdm: FGFDMExec, airframe: Config, command: str, step: float) -> Matrix:
+    """(8,) derivative of the state rates by the position that ``command`` moves."""
+    name = f"fcs/{command}-cmd-norm"
+    position = name if command == "throttle" else getattr(airframe, command).position
+    rest = fdm[name]
+    rates, positions = [], []
+    for sign in (1.0, -1.0):
+        fdm[name] = rest + sign * step
+        fdm.set_trim_status(True)  # actuators and engines follow at once
+        fdm.run_ic()
+        fdm.set_trim_status(False)
+        rates.append(_rates(fdm))
+        positions.append(fdm[position])
+    fdm[name] = rest
+    return (rates[0] - rates[1]) / (positions[0] - positions[1])
+
+
+def _rates(fdm: FGFDMExec) -> Matrix:
+    """(8,) rates of the longitudinal and the lateral states."""
+    u, v, w = (fdm[f"velocities/{axis}-aero-fps"] for axis in "uvw")
+    du, dv, dw = (fdm[f"accelerations/{axis}dot-ft_sec2"] for axis in "uvw")
+    speed = np.sqrt(u * u + v * v + w * w)
+    return np.array(
+        [
+            (u * du + v * dv + w * dw) / speed * METRES_PER_FOOT,
+            fdm["aero/alphadot-rad_sec"],
+            fdm["accelerations/qdot-rad_sec2"],
+            fdm["velocities/thetadot-rad_sec"],
+            fdm["aero/betadot-rad_sec"],
+            fdm["accelerations/pdot-rad_sec2"],
+            fdm["accelerations/rdot-rad_sec2"],
+            fdm["velocities/phidot-rad_sec"],
+        ]
+    )

@@ -1,0 +1,249 @@
+"""JSBSim's numbers as the true row of a frame: SI units, the accelerometers' place, the end of a flight.
+
+Everything is of one instant, the frame's: JSBSim moves the aircraft first, then computes winds,
+flow, forces and angular accelerations from the new state.  Its own ``accelerations/N*`` are a
+step older, so load factors come from the forces.
+"""
+
+from __future__ import annotations
+
+from math import cos, inf, isfinite, pi, sin
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.frame import DISCRETE_INDEX, FLIGHT_INDEX, INDEX, TWO_PI, Block, End
+from rig.kernels import kernel
+from rig.plant.airframe import Config
+
+FOOT: Final = 0.3048  # m
+POUND_PER_SQUARE_FOOT: Final = 47.88025898033584  # Pa
+STANDARD_GRAVITY: Final = 9.80665  # m/s^2
+
+# What is read of JSBSim each frame: our name and its property, in this order.  The four surface
+# positions follow; their properties depend on the aircraft.
+READ: Final = {
+    "p_rad_s": "velocities/p-rad_sec",
+    "q_rad_s": "velocities/q-rad_sec",
+    "r_rad_s": "velocities/r-rad_sec",
+    "p_dot_rad_s2": "accelerations/pdot-rad_sec2",
+    "q_dot_rad_s2": "accelerations/qdot-rad_sec2",
+    "r_dot_rad_s2": "accelerations/rdot-rad_sec2",
+    "force_x_lbf": "forces/fbx-total-lbs",  # without weight
+    "force_y_lbf": "forces/fby-total-lbs",
+    "force_z_lbf": "forces/fbz-total-lbs",
+    "mass_slug": "inertia/mass-slugs",
+    "alpha_rad": "aero/alpha-rad",
+    "beta_rad": "aero/beta-rad",
+    "static_pressure_psf": "atmosphere/P-psf",
+    "dynamic_pressure_psf": "aero/qbar-psf",
+    "theta_rad": "attitude/theta-rad",
+    "phi_rad": "attitude/phi-rad",
+    "psi_rad": "attitude/psi-rad",
+    "altitude_ft": "position/h-sl-ft",
+    "height_ft": "position/h-agl-ft",
+    "latitude_rad": "position/lat-geod-rad",
+    "longitude_rad": "position/long-gc-rad",
+    "true_airspeed_fps": "velocities/vt-fps",
+    "mach": "velocities/mach",
+    "velocity_north_fps": "velocities/v-north-fps",
+    "velocity_east_fps": "velocities/v-east-fps",
+    "velocity_down_fps": "velocities/v-down-fps",
+    "wind_north_fps": "atmosphere/total-wind-north-fps",
+    "wind_east_fps": "atmosphere/total-wind-east-fps",
+    "wind_down_fps": "atmosphere/total-wind-down-fps",
+    "wheels_on_ground": "gear/wow",
+    "gear_position": "gear/gear-pos-norm",
+    "ground_force_lbf": "forces/fbz-gear-lbs",
+}
+POSITIONS: Final = ("elevator_rad", "aileron_rad", "rudder_rad", "throttle")
+RAW: Final = np.dtype([(name, "f8") for name in (*READ, *POSITIONS)])
+
+# What is constant in a flight, as one record for the kernel.
+FIXED: Final = np.dtype(
+    [
+        (name, "f8")
+        for name in (
+            "accelerometer_x_m",
+            "accelerometer_y_m",
+            "accelerometer_z_m",
+            "angle_of_attack_min_rad",
+            "angle_of_attack_max_rad",
+            "sideslip_max_rad",
+            "load_factor_min",
+            "load_factor_max",
+            "body_rate_max_rad_s",
+            "pitch_angle_max_rad",
+            "roll_angle_max_rad",
+            "start_latitude_rad",
+            "start_longitude_rad",
+            "north_m_per_rad",
+            "east_m_per_rad",
+        )
+    ]
+)
+
+_Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
+_NX, _NY = INDEX["longitudinal_load_factor"], INDEX["lateral_load_factor"]
+_NZ = INDEX["normal_load_factor"]
+_ALPHA, _BETA = INDEX["angle_of_attack"], INDEX["angle_of_sideslip"]
+_STATIC, _DYNAMIC = INDEX["static_pressure"], INDEX["dynamic_pressure"]
+_THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
+_WHEELS, _GEAR = DISCRETE_INDEX["weight_on_wheels"], DISCRETE_INDEX["gear_down"]
+_ALTITUDE, _NORTH = FLIGHT_INDEX["altitude_m"], FLIGHT_INDEX["north_m"]
+_LATITUDE, _AIRSPEED = FLIGHT_INDEX["latitude_rad"], FLIGHT_INDEX["true_airspeed_m_s"]
+_VELOCITY, _QUATERNION = FLIGHT_INDEX["velocity_north_m_s"], FLIGHT_INDEX["quaternion_w"]
+_WIND, _SURFACE = FLIGHT_INDEX["wind_north_m_s"], FLIGHT_INDEX["elevator_rad"]
+
+_FLYING, _NOT_FINITE, _GROUND = int(End.FLYING), int(End.NOT_FINITE), int(End.GROUND_CONTACT)
+_END_ALPHA, _END_BETA = int(End.DEPARTURE_ANGLE_OF_ATTACK), int(End.DEPARTURE_SIDESLIP)
+_END_LOAD, _END_ATTITUDE = int(End.DEPARTURE_LOAD_FACTOR), int(End.DEPARTURE_ATTITUDE)
+_END_RATE = int(End.DEPARTURE_RATE)
+
+
+def fixed(airframe: Config, latitude_rad: float, longitude_rad: float) -> NDArray[Any]:
+    """The record of constants, shape (1,), for a flight that starts at this place.
+
+    North and east are counted along the WGS 84 ellipsoid's radii at the start, as on a flat map.
+    """
+    values = {f"accelerometer_{key}": value for key, value in airframe.accelerometer}
+    values |= {key: inf if value is None else value for key, value in airframe.limits}
+    flattening = 1.0 / 298.257223563
+    eccentricity2 = flattening * (2.0 - flattening)
+    w2 = 1.0 - eccentricity2 * sin(latitude_rad) ** 2
+    values["start_latitude_rad"] = latitude_rad
+    values["start_longitude_rad"] = longitude_rad
+    values["north_m_per_rad"] = 6_378_137.0 * (1.0 - eccentricity2) / w2**1.5
+    values["east_m_per_rad"] = 6_378_137.0 / w2**0.5 * cos(latitude_rad)
+    record = np.zeros(1, FIXED)
+    for name in FIXED.names or ():
+        record[name] = values[name]
+    return record
+
+
+@kernel
+def write_row(block: Block, k: int, raw: NDArray[Any], constants: NDArray[Any]) -> int:
+    """Fill truth (but the sticks), flight, discretes and end of row k; returns the end code.
+
+    raw       : (1,) RAW, JSBSim's units
+    constants : (1,) FIXED, SI
+    Never raises; NaN anywhere ends the flight as NOT_FINITE.
+    """
+    row = block[k]
+    now = raw[0]
+    fixed = constants[0]
+    truth = row["truth"]
+    flight = row["flight"]
+    _motion(truth, now, fixed)
+    _air_data(truth, now)
+    _attitude(truth, flight, now)
+    _condition(flight, now, fixed)
+    row["discrete_truth"][_WHEELS] = 1 if now["wheels_on_ground"] > 0.5 else 0
+    row["discrete_truth"][_GEAR] = 1 if now["gear_position"] > 0.5 else 0
+    code = _end(truth, flight, now["ground_force_lbf"], fixed)
+    row["end"] = code
+    return code
+
+
+@kernel
+def _motion(truth: NDArray[np.float64], now: Any, fixed: Any) -> None:
+    """Body rates, and load factors at the accelerometers.
+
+        f(r) = F / m + w_dot x r + w x (w x r)
+
+    F : all forces but weight; r : from the centre of gravity; w : rates relative to the Earth.
+    n_x forward, n_y right, n_z up, so that level flight reads 0, 0, +1.
+    """
+    p, q, r = now["p_rad_s"], now["q_rad_s"], now["r_rad_s"]
+    p_dot, q_dot, r_dot = now["p_dot_rad_s2"], now["q_dot_rad_s2"], now["r_dot_rad_s2"]
+    x, y, z = fixed["accelerometer_x_m"], fixed["accelerometer_y_m"], fixed["accelerometer_z_m"]
+    scale = FOOT / now["mass_slug"]
+    along = p * x + q * y + r * z  # w x (w x r) = w (w . r) - r (w . w)
+    square = p * p + q * q + r * r
+    f_x = now["force_x_lbf"] * scale + q_dot * z - r_dot * y + p * along - x * square
+    f_y = now["force_y_lbf"] * scale + r_dot * x - p_dot * z + q * along - y * square
+    f_z = now["force_z_lbf"] * scale + p_dot * y - q_dot * x + r * along - z * square
+    truth[_P], truth[_Q], truth[_R] = p, q, r
+    truth[_NX], truth[_NY] = f_x / STANDARD_GRAVITY, f_y / STANDARD_GRAVITY
+    truth[_NZ] = -f_z / STANDARD_GRAVITY
+
+
+@kernel
+def _air_data(truth: NDArray[np.float64], now: Any) -> None:
+    """Angles of the true flow, wind and turbulence included; dynamic pressure is 0.5 rho V^2."""
+    truth[_ALPHA] = now["alpha_rad"]
+    truth[_BETA] = now["beta_rad"]
+    truth[_STATIC] = now["static_pressure_psf"] * POUND_PER_SQUARE_FOOT
+    truth[_DYNAMIC] = now["dynamic_pressure_psf"] * POUND_PER_SQUARE_FOOT
+
+
+@kernel
+def _attitude(truth: NDArray[np.float64], flight: NDArray[np.float64], now: Any) -> None:
+    """Roll in (-pi, pi], heading in [0, 2 pi), and the quaternion that turns body axes to north-east-down."""
+    theta, phi, psi = now["theta_rad"], now["phi_rad"], now["psi_rad"]
+    if phi > pi:
+        phi -= TWO_PI
+    if phi <= -pi:
+        phi += TWO_PI
+    if psi < 0.0:
+        psi += TWO_PI
+    if psi >= TWO_PI:
+        psi -= TWO_PI
+    truth[_THETA], truth[_PHI], truth[_PSI] = theta, phi, psi
+    c_t, s_t = cos(0.5 * theta), sin(0.5 * theta)
+    c_p, s_p = cos(0.5 * phi), sin(0.5 * phi)
+    c_y, s_y = cos(0.5 * psi), sin(0.5 * psi)
+    flight[_QUATERNION] = c_p * c_t * c_y + s_p * s_t * s_y
+    flight[_QUATERNION + 1] = s_p * c_t * c_y - c_p * s_t * s_y
+    flight[_QUATERNION + 2] = c_p * s_t * c_y + s_p * c_t * s_y
+    flight[_QUATERNION + 3] = c_p * c_t * s_y - s_p * s_t * c_y
+
+
+@kernel
+def _condition(flight: NDArray[np.float64], now: Any, fixed: Any) -> None:
+    """Where the aircraft is, how fast it goes, the wind around it and where its surfaces stand."""
+    flight[_ALTITUDE] = now["altitude_ft"] * FOOT
+    flight[_ALTITUDE + 1] = now["height_ft"] * FOOT
+    latitude, longitude = now["latitude_rad"], now["longitude_rad"]
+    flight[_NORTH] = (latitude - fixed["start_latitude_rad"]) * fixed["north_m_per_rad"]
+    flight[_NORTH + 1] = (longitude - fixed["start_longitude_rad"]) * fixed["east_m_per_rad"]
+    flight[_LATITUDE] = latitude
+    flight[_LATITUDE + 1] = longitude
+    flight[_AIRSPEED] = now["true_airspeed_fps"] * FOOT
+    flight[_AIRSPEED + 1] = now["mach"]
+    flight[_VELOCITY] = now["velocity_north_fps"] * FOOT
+    flight[_VELOCITY + 1] = now["velocity_east_fps"] * FOOT
+    flight[_VELOCITY + 2] = now["velocity_down_fps"] * FOOT
+    flight[_WIND] = now["wind_north_fps"] * FOOT
+    flight[_WIND + 1] = now["wind_east_fps"] * FOOT
+    flight[_WIND + 2] = now["wind_down_fps"] * FOOT
+    flight[_SURFACE] = now["elevator_rad"]
+    flight[_SURFACE + 1] = now["aileron_rad"]
+    flight[_SURFACE + 2] = now["rudder_rad"]
+    flight[_SURFACE + 3] = now["throttle"]
+
+
+@kernel
+def _end(truth: NDArray[np.float64], flight: NDArray[np.float64], ground_force: float, limits: Any) -> int:
+    """Why the flight ends with this row, the first reason in the order of frame.End; 0 while it goes on."""
+    for value in truth:
+        if not isfinite(value):
+            return _NOT_FINITE
+    for value in flight:
+        if not isfinite(value):
+            return _NOT_FINITE
+    if flight[_ALTITUDE + 1] <= 0.0 or ground_force != 0.0:
+        return _GROUND
+    alpha, n_z = truth[_ALPHA], truth[_NZ]
+    if alpha < limits["angle_of_attack_min_rad"] or alpha > limits["angle_of_attack_max_rad"]:
+        return _END_ALPHA
+    if abs(truth[_BETA]) > limits["sideslip_max_rad"]:
+        return _END_BETA
+    if n_z < limits["load_factor_min"] or n_z > limits["load_factor_max"]:
+        return _END_LOAD
+    if abs(truth[_THETA]) > limits["pitch_angle_max_rad"] or abs(truth[_PHI]) > limits["roll_angle_max_rad"]:
+        return _END_ATTITUDE
+    if max(abs(truth[_P]), abs(truth[_Q]), abs(truth[_R])) > limits["body_rate_max_rad_s"]:
+        return _END_RATE
+    return _FLYING

@@ -1,0 +1,88 @@
+"""Cross-channel comparison: which samples count, how they are ranked, which pattern they make.
+
+Source: Zhang 2023, sections 2 and 3; redundancy.md, sections 1 and 2.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from rig.angles import difference
+from rig.frame import CHANNELS, Pattern
+from rig.kernels import kernel
+
+NORMAL: Final = int(Pattern.NORMAL)
+ISOLATED: Final = int(Pattern.ISOLATED)
+P2_2: Final = int(Pattern.P2_2)
+P1_1_1_1: Final = int(Pattern.P1_1_1_1)
+P1_1_1: Final = int(Pattern.P1_1_1)
+P1_1: Final = int(Pattern.P1_1)
+LOST: Final = int(Pattern.LOST)
+
+
+@kernel
+def rank(samples, valid, failed, fitted, low, high, wraps, base, x, order):
+    """Put the samples that may be compared into ascending order; return their number.
+
+    samples : (4,) this frame's channels; valid : (4,) 0 when the sensor flags the sample
+    failed  : (4,) latched failures; fitted : number of channels of the signal
+    low, high : range of the sensor, a sample outside is not compared; nor is NaN
+    wraps, base : an angle is taken within half a turn of ``base``
+    x : (4,) out, comparable values by channel; order : (4,) out, channels by ascending value
+    """
+    n = 0
+    for c in range(fitted):
+        sample = samples[c]
+        if failed[c] != 0 or valid[c] == 0 or not (low <= sample <= high):
+            continue
+        x[c] = base + difference(sample, base, wraps) if wraps != 0 else sample
+        place = n
+        while place > 0 and x[order[place - 1]] > x[c]:
+            order[place] = order[place - 1]
+            place -= 1
+        order[place] = c
+        n += 1
+    return n
+
+
+@kernel
+def classify(x, order, n, threshold, alone):
+    """The pattern of ``n`` ranked samples; ``alone[c]`` is 1 where a sample agrees with no other.
+
+    Neighbours in rank decide: when two neighbours disagree, so do all pairs across the gap.
+    One agreeing partner is enough, so chains a~b~c are normal.
+    """
+    for c in range(CHANNELS):
+        alone[c] = 0
+    if n == 0:
+        return LOST
+    gaps, apart = 0, 0  # gaps: bit i is set when rank i and rank i + 1 disagree
+    for i in range(n - 1):
+        if not (x[order[i + 1]] - x[order[i]] <= threshold):
+            gaps |= 1 << i
+            apart += 1
+    if apart == 0:
+        return NORMAL
+    for i in range(n):
+        below = i == 0 or (gaps >> (i - 1)) & 1 == 1
+        above = i == n - 1 or (gaps >> i) & 1 == 1
+        alone[order[i]] = 1 if below and above else 0
+    return singular(n, gaps, apart)
+
+
+@kernel
+def singular(n, gaps, apart):
+    """The pattern without a majority that the gaps make, or ISOLATED (Zhang, section 3)."""
+    if n == 4 and gaps == 0b010:
+        return P2_2
+    if apart < n - 1:
+        return ISOLATED
+    if n == 4:
+        return P1_1_1_1
+    return P1_1_1 if n == 3 else P1_1
+
+
+@kernel
+def is_singular(pattern):
+    """Whether no majority exists."""
+    return P2_2 <= pattern <= P1_1

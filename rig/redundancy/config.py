@@ -1,0 +1,98 @@
+"""Settings of the redundancy manager: per signal, with units of the signal; counts in frames."""
+
+from __future__ import annotations
+
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, create_model, field_validator
+
+from rig.frame import SIGNALS, Resolver, S
+from rig.settings import Settings
+
+ResolverName = Literal["ilm", "trend", "reference"]
+
+
+class SignalConfig(Settings):
+    """How one signal is monitored and voted: a ``[redundancy.signals.<name>]`` table."""
+
+    threshold: float = Field(gt=0)  # two samples agree within this, unit of the signal
+    persistence: int = Field(default=8, ge=1)  # frames of miscompare until a channel is failed
+    singular_persistence: int = Field(default=10, ge=1)  # frames until a singular pattern is settled
+    resolvers: list[ResolverName] = ["ilm", "trend", "reference"]
+    trend_frames: int = Field(default=3, ge=1, le=8)
+    reference_threshold: float | None = Field(default=None, gt=0)  # as threshold when not given
+    mean: Literal["plain", "trend-weighted"] = "plain"
+    readmit_frames: int = Field(default=100, ge=1)  # agreement needed before a reset readmits
+    fade_s: float = Field(default=0.0, ge=0)  # after a change of level
+
+    @field_validator("resolvers")
+    @classmethod
+    def _once_each(cls, resolvers: list[ResolverName]) -> list[ResolverName]:
+        if len(set(resolvers)) < len(resolvers):
+            raise ValueError(f"each resolver at most once, got {resolvers}")
+        return resolvers
+
+
+SignalConfigs = create_model(
+    "SignalConfigs",
+    __base__=Settings,
+    __doc__="One SignalConfig for every signal of the frame.",
+    **{signal.name: (SignalConfig, ...) for signal in SIGNALS},  # pyright: ignore[reportArgumentType]  # fields
+)
+
+
+class Config(Settings):
+    """The ``[redundancy]`` table of an aircraft or scenario."""
+
+    manager: Literal["cross-channel", "mean", "cross-voter"] = "cross-channel"
+    discrete_persistence: int = Field(default=8, ge=1)
+    signals: SignalConfigs  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
+
+
+PARAMS: Final = np.dtype(
+    [
+        ("threshold", "f8"),
+        ("reference_threshold", "f8"),
+        ("low", "f8"),
+        ("high", "f8"),
+        ("persistence", "i8"),
+        ("singular_persistence", "i8"),
+        ("trend_frames", "i8"),
+        ("readmit_frames", "i8"),
+        ("fade_frames", "i8"),
+        ("fitted", "i8"),  # channels of the signal
+        ("resolvers", "i8", (3,)),  # in order, 0 where none
+        ("wraps", "u1"),
+        ("weighted", "u1"),
+    ],
+    align=True,
+)
+
+
+def parameters(
+    configs: Any, ranges: NDArray[np.float64], channels: NDArray[np.int64], rate_hz: float
+) -> NDArray[np.void]:
+    """The (S,) PARAMS records of a ``SignalConfigs``; ``ranges`` (S, 2) and ``channels`` (S,) of the sensors."""
+    params = np.zeros(S, PARAMS)
+    for i, signal in enumerate(SIGNALS):
+        config: SignalConfig = getattr(configs, signal.name)
+        fill(params[i], config, (ranges[i, 0], ranges[i, 1]), int(channels[i]), signal.wraps, rate_hz)
+    return params
+
+
+def fill(
+    row: Any, config: SignalConfig, limits: tuple[float, float], channels: int, wraps: bool, rate_hz: float
+) -> None:
+    """Write one signal's settings into its PARAMS record."""
+    row["threshold"] = config.threshold
+    row["reference_threshold"] = config.reference_threshold or config.threshold
+    row["low"], row["high"] = limits
+    row["persistence"], row["singular_persistence"] = config.persistence, config.singular_persistence
+    row["trend_frames"], row["readmit_frames"] = config.trend_frames, config.readmit_frames
+    row["fade_frames"] = round(config.fade_s * rate_hz)
+    row["fitted"], row["wraps"] = channels, wraps
+    row["weighted"] = config.mean == "trend-weighted"
+    for place, name in enumerate(config.resolvers):
+        row["resolvers"][place] = Resolver[name.upper()]

@@ -1,0 +1,272 @@
+"""The redundancy manager: cross-channel comparison, median vote, latched isolation.
+
+One pass per signal and frame: rank the samples, name the pattern, vote, count, latch.  Only the channels
+and the references of the row are read, never the truth.
+Source: Zhang 2023; the section numbers below are those of the paper.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.angles import difference, limit
+from rig.frame import CHANNELS, Block, Resolver, State
+from rig.kernels import kernel
+from rig.redundancy import resolve, trend, vote
+from rig.redundancy.compare import LOST, P1_1, P1_1_1, P1_1_1_1, P2_2, classify, is_singular, rank
+
+STATE: Final = np.dtype(
+    [
+        ("vote", "f8"),  # last vote before the fade
+        ("rise_vote", "f8"),  # its last change
+        ("output", "f8"),  # last vote after the fade
+        ("fade", "f8"),  # output minus vote when the level last changed
+        ("last_high", "f8"),
+        ("last_low", "f8"),
+        ("rise_high", "f8"),
+        ("rise_low", "f8"),
+        ("x", "f8", (CHANNELS,)),
+        ("order", "i8", (CHANNELS,)),
+        ("count", "i8", (CHANNELS,)),  # miscomparing frames in a row
+        ("agreed", "i8", (CHANNELS,)),  # frames in a row that a failed channel agreed with the vote
+        ("trend_high", "i8"),
+        ("trend_low", "i8"),
+        ("trend_seen", "i8"),
+        ("last_n", "i8"),
+        ("pattern", "i8"),
+        ("pattern_frames", "i8"),  # frames that the present pattern has lasted
+        ("reference_run", "i8"),  # frames in a row that speak against the reference's present standing
+        ("fade_left", "i8"),
+        ("level", "i8"),
+        ("reference_usable", "u1"),
+        ("started", "u1"),
+        ("failed", "u1", (CHANNELS,)),
+        ("alone", "u1", (CHANNELS,)),
+        ("blamed", "u1", (CHANNELS,)),  # by the provisional answer
+    ],
+    align=True,
+)
+_OK, _SUSPECT, _FAILED, _ABSENT = (int(s) for s in (State.OK, State.SUSPECT, State.FAILED, State.ABSENT))
+_NONE, _UNRESOLVED = int(Resolver.NONE), int(Resolver.UNRESOLVED)
+_EXTREMES, _MIDDLE = int(Resolver.EXTREMES), int(Resolver.MIDDLE)
+
+
+def new_state(params: NDArray[np.void]) -> NDArray[np.void]:
+    """State records at the first frame: every fitted channel in use, every reference trusted."""
+    state = np.zeros(len(params), STATE)
+    state["reference_usable"] = 1
+    state["level"] = params["fitted"]
+    return state
+
+
+class CrossChannel:
+    """The manager of the continuous signals.  ``state`` is plain data and can be copied."""
+
+    def __init__(self, params: NDArray[np.void]) -> None:
+        self.params = params
+        self.state = new_state(params)
+
+    def step(self, block: Block, k: int) -> None:
+        """Vote and monitor every signal of row k."""
+        manage(block, k, self.params, self.state)
+
+
+@kernel
+def manage(block, k, params, state):
+    """Write voted, state, level, pattern, resolver, trend bytes and reference_usable of row k.
+
+    block : FRAME records; params, state : one config.PARAMS and one STATE record per signal
+    """
+    row = block[k]
+    channels, valid, ilm = row["channels"], row["valid"], row["ilm"]
+    voted, reference, states = row["voted"], row["reference"], row["state"]
+    for s in range(len(params)):
+        p, st = params[s], state[s]
+        resolver = manage_signal(channels[s], valid[s], ilm[s], reference[s], p, st)
+        voted[s] = st["output"]
+        row["level"][s], row["pattern"][s] = st["level"], st["pattern"]
+        row["resolver"][s], row["reference_usable"][s] = resolver, st["reference_usable"]
+        row["trend_high"][s], row["trend_low"][s] = st["trend_high"], st["trend_low"]
+        report(p, st, states[s])
+
+
+@kernel
+def manage_signal(samples, valid, ilm, reference, p, st):
+    """One signal, one frame; returns the resolver that decided (Zhang, sections 2 to 8)."""
+    x, order, alone = st["x"], st["order"], st["alone"]
+    base = st["vote"] if st["started"] != 0 else samples[0]
+    if base != base:
+        base = 0.0
+    n = rank(samples, valid, st["failed"], p["fitted"], p["low"], p["high"], p["wraps"], base, x, order)
+    if p["wraps"] != 0 and reference == reference:
+        reference = base + difference(reference, base, p["wraps"])
+    pattern = classify(x, order, n, p["threshold"], alone)
+    st["pattern_frames"] = st["pattern_frames"] + 1 if pattern == st["pattern"] else 1
+    st["pattern"] = pattern
+    if n > 0:
+        trend.update(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p["trend_frames"], p["wraps"])
+    else:
+        trend.update(st, 0.0, 0.0, 0, p["trend_frames"], p["wraps"])
+    resolver, raw = decide(ilm, reference, n, p, st)
+    monitor_reference(raw, reference, n, p, st)
+    watch_failed(samples, valid, raw, p, st)
+    count_miscompares(n, p, st)
+    latch(resolver != _NONE and resolver != _UNRESOLVED, p, st)
+    publish(raw, p, st)
+    return resolver
+
+
+@kernel
+def decide(ilm, reference, n, p, st):
+    """The resolver that answered, and this frame's vote before the fade (Zhang, sections 5 to 8).
+
+    Writes ``blamed``: the channels that the answer would fail.
+    """
+    x, order, blamed, pattern = st["x"], st["order"], st["blamed"], st["pattern"]
+    for c in range(CHANNELS):
+        blamed[c] = 0
+    if pattern == LOST:
+        return _NONE, st["vote"]
+    if pattern == P1_1_1_1:
+        blamed[order[0]] = blamed[order[3]] = 1
+        return _EXTREMES, vote.mean(x[order[1]], x[order[2]], 0.5)
+    if pattern == P1_1_1:
+        blamed[order[0]] = blamed[order[2]] = 1
+        return _MIDDLE, x[order[1]]
+    if pattern == P2_2 or pattern == P1_1:
+        return settle(ilm, reference, n, p, st)
+    weight = 0.5
+    if p["weighted"] != 0:
+        weight = vote.trend_weight(st["rise_high"], st["rise_low"], st["rise_vote"])
+    return _NONE, vote.median(x, order, n, st["alone"], weight)
+
+
+@kernel
+def settle(ilm, reference, n, p, st):
+    """2:2 and 1:1: the resolvers in their order (Zhang, sections 2, 6 and 7)."""
+    x, order, resolvers = st["x"], st["order"], p["resolvers"]
+    half = n // 2
+    low, high = x[order[half - 1]], x[order[half]]
+    for place in range(len(resolvers)):
+        name = resolvers[place]
+        sides = resolve.NO_ANSWER
+        if name == resolve.ILM:
+            sides = resolve.by_ilm(ilm, order, n)
+        elif name == resolve.TREND:
+            sides = resolve.by_trend(st, p["trend_frames"])
+        elif name == resolve.REFERENCE and reference == reference:
+            usable, threshold = st["reference_usable"], p["reference_threshold"]
+            sides = resolve.by_reference(high, low, reference, usable, threshold)
+        if sides != resolve.NO_ANSWER:
+            blame(sides, n, st)
+            if name == resolve.REFERENCE:
+                return name, resolve.middle(high, low, reference)
+            good = half if sides == resolve.LOW_SIDE else 0
+            return name, vote.mean(x[order[good]], x[order[good + half - 1]], 0.5)
+    if st["started"] == 0:
+        return _UNRESOLVED, vote.mean(low, high, 0.5)
+    # Nobody answers: hold the last agreed value, moved by the mean change of the two ranks.
+    return _UNRESOLVED, st["vote"] + 0.5 * (st["rise_high"] + st["rise_low"])
+
+
+@kernel
+def blame(sides, n, st):
+    """Mark the channels of the sides that an answer would fail."""
+    half = n // 2
+    for i in range(half):
+        if sides & resolve.LOW_SIDE:
+            st["blamed"][st["order"][i]] = 1
+        if sides & resolve.HIGH_SIDE:
+            st["blamed"][st["order"][half + i]] = 1
+
+
+@kernel
+def count_miscompares(n, p, st):
+    """Frames in a row that each channel disagreed with all others (section 2).
+
+    A sample that is not comparable counts always; while a singular pattern lasts the counts of the
+    others stand still, so that the ordinary rule does not fail everybody first.
+    """
+    frozen = is_singular(st["pattern"])
+    count, order = st["count"], st["order"]
+    for c in range(p["fitted"]):
+        ranked = False
+        for i in range(n):
+            ranked = ranked or order[i] == c
+        if st["failed"][c] != 0:
+            continue
+        if not ranked:
+            count[c] += 1
+            st["alone"][c] = 1
+        elif not frozen:
+            count[c] = count[c] + 1 if st["alone"][c] != 0 else 0
+
+
+@kernel
+def latch(answered, p, st):
+    """Fail what has persisted: single miscompares, and a singular pattern that was answered."""
+    settled = answered and st["pattern_frames"] >= p["singular_persistence"]
+    settled = settled and is_singular(st["pattern"])
+    level = 0
+    for c in range(p["fitted"]):
+        if st["count"][c] >= p["persistence"] or (settled and st["blamed"][c] != 0):
+            st["failed"][c] = 1
+        level += 1 - st["failed"][c]
+    if level != st["level"]:
+        st["fade_left"] = p["fade_frames"] + 1
+        st["level"] = level
+
+
+@kernel
+def publish(raw, p, st):
+    """Store the vote and its faded output; the fade starts in the frame after a change of level."""
+    st["rise_vote"] = difference(raw, st["vote"], p["wraps"]) if st["started"] != 0 else 0.0
+    st["vote"] = limit(raw, p["low"], p["high"], p["wraps"])
+    left = st["fade_left"]
+    if left > 0 and p["fade_frames"] > 0 and st["started"] != 0:
+        if left == p["fade_frames"]:
+            st["fade"] = difference(st["output"], st["vote"], p["wraps"])
+        share = left / (p["fade_frames"] + 1.0)
+        moved = st["vote"] + st["fade"] * share if left <= p["fade_frames"] else st["vote"]
+        st["output"] = limit(moved, p["low"], p["high"], p["wraps"])
+        st["fade_left"] = left - 1
+    else:
+        st["output"] = st["vote"]
+    st["started"] = 1
+
+
+@kernel
+def monitor_reference(raw, reference, n, p, st):
+    """A reference that left a healthy vote for ``persistence`` frames is unusable until it has agreed as long."""
+    if n < 2 or is_singular(st["pattern"]):
+        return
+    off = abs(difference(raw, reference, p["wraps"]))
+    agrees = 1 if off <= p["reference_threshold"] else 0
+    st["reference_run"] = st["reference_run"] + 1 if agrees != st["reference_usable"] else 0
+    if st["reference_run"] >= p["persistence"]:
+        st["reference_usable"], st["reference_run"] = agrees, 0
+
+
+@kernel
+def watch_failed(samples, valid, raw, p, st):
+    """Count how long each failed channel has agreed with the vote again (for a readmission by command)."""
+    for c in range(p["fitted"]):
+        near = valid[c] != 0 and abs(difference(samples[c], raw, p["wraps"])) <= p["threshold"]
+        st["agreed"][c] = st["agreed"][c] + 1 if st["failed"][c] != 0 and near else 0
+
+
+@kernel
+def report(p, st, states):
+    """Write the (4,) channel states: failed, suspect while it miscompares or is blamed, else ok."""
+    for c in range(CHANNELS):
+        if c >= p["fitted"]:
+            states[c] = _ABSENT
+        elif st["failed"][c] != 0:
+            states[c] = _FAILED
+        elif st["alone"][c] != 0 or st["blamed"][c] != 0 or st["count"][c] > 0:
+            states[c] = _SUSPECT
+        else:
+            states[c] = _OK

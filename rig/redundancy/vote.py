@@ -1,0 +1,50 @@
+"""The median vote, never with a suspect in it.
+
+Source: Zhang 2023, sections 4 and 5; redundancy.md, section 3.
+"""
+
+from __future__ import annotations
+
+from rig.kernels import kernel
+
+
+@kernel
+def median(x, order, n, alone, weight_high):
+    """Mid-value of ``n`` ranked samples (n >= 1) when a majority exists.
+
+    four: mean of the two middle ranks, or one of them when the other agrees with nobody
+    three: the middle one; two: the mean; one: itself
+    x : (4,) values by channel; order : (4,) channels by ascending value; alone : (4,) 1 for a suspect
+    weight_high : share of the larger of the two values in a mean, 0.5 when plain
+    """
+    if n == 1:
+        return x[order[0]]
+    if n == 3:
+        return x[order[1]]
+    low, high = order[n // 2 - 1], order[n // 2]
+    if n == 4 and alone[high] != 0 and alone[low] == 0:
+        return x[low]
+    if n == 4 and alone[low] != 0 and alone[high] == 0:
+        return x[high]
+    return mean(x[low], x[high], weight_high)
+
+
+@kernel
+def mean(low, high, weight_high):
+    """Weighted mean that stays within [low, high] whatever the rounding."""
+    value = low + weight_high * (high - low)
+    return min(max(value, low), high)
+
+
+@kernel
+def trend_weight(rise_high, rise_low, rise_vote):
+    """Share of the larger value in a trend-weighted mean, 0 to 1 (Zhang, section 4).
+
+    The value whose last change is nearer to the vote's last change weighs more; when the two did not move
+    the same way, both weigh the same.
+    """
+    if not rise_high * rise_low > 0.0:
+        return 0.5
+    off_high, off_low = abs(rise_high - rise_vote), abs(rise_low - rise_vote)
+    total = off_high + off_low
+    return off_low / total if total > 0.0 else 0.5

@@ -1,0 +1,162 @@
+"""A scenario: one flight as data, composed of the settings that each stage owns.
+
+Loading is defaults -> aircraft -> file -> overrides, merged as plain tables and checked once.  The
+resolved scenario holds everything (airframe, sensors, gains too), so that a log alone can be flown again.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import numpy as np
+import tomli_w
+from numpy.random import SeedSequence
+from pydantic import Field, model_validator
+
+from rig import aircraft, pilot, redundancy, sensors
+from rig.control import autopilot, gains
+from rig.errors import BadInput
+from rig.faults import Fault
+from rig.plant import airframe, wind
+from rig.settings import Settings, build, read_toml
+
+DEFAULT: Final = "f16_pitch_rate_hardover.toml"
+# The order is part of every recorded flight: append, never insert.
+STREAMS: Final = ("plant", "sensors", "faults")
+
+
+class Scenario(Settings):
+    """Everything that decides a flight."""
+
+    title: str = ""
+    aircraft: str = "f16"
+    flight_point: str | None = None  # the aircraft's first when not given
+    duration_s: float = Field(default=60.0, gt=0, le=360_000)
+    seed: int = Field(default=0, ge=0, lt=2**63)
+    rate_hz: float = Field(default=100.0, ge=1, le=1000)  # frames a second
+    simulation_rate_hz: float | None = Field(default=None, ge=1, le=10_000)  # as rate_hz when not given
+    turbulence: Literal["none", "light", "moderate", "severe"] = "none"
+    wind: wind.Config = wind.Config()
+    pilot: pilot.Config = pilot.Config()
+    faults: list[Fault] = []
+    control: autopilot.Config = autopilot.Config()
+    airframe: airframe.Config
+    sensors: sensors.Suite  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
+    redundancy: redundancy.Config
+    gains: gains.Gains
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Scenario:
+        steps = (self.simulation_rate_hz or self.rate_hz) / self.rate_hz
+        if steps < 1 or not _whole(steps):
+            raise ValueError(
+                f"simulation_rate_hz ({self.simulation_rate_hz:g}) must be a whole multiple of "
+                f"rate_hz ({self.rate_hz:g})"
+            )
+        if not _whole(self.duration_s * self.rate_hz):
+            raise ValueError(
+                f"duration_s ({self.duration_s:g}) must be a whole number of frames of 1/{self.rate_hz:g} s"
+            )
+        self._check_faults()
+        return self
+
+    def _check_faults(self) -> None:
+        """Every fault sits on channels that its signal has, and under a name of its own."""
+        labels: set[str] = set()
+        for i, fault in enumerate(self.faults):
+            fitted = getattr(self.sensors, fault.signal).channels
+            beyond = [channel for channel in fault.channels if channel > fitted]
+            if beyond:
+                raise ValueError(f"faults.{i}.channels: {fault.signal} has {fitted} channels, got {beyond}")
+            if fault.id is not None and fault.id in labels:
+                raise ValueError(f"faults.{i}.id: {fault.id!r} is used twice")
+            labels.add(fault.label)
+
+    @property
+    def frames(self) -> int:
+        """Number of frames of a flight that nothing ends early."""
+        return round(self.duration_s * self.rate_hz)
+
+    @property
+    def steps_per_frame(self) -> int:
+        """JSBSim steps in a frame."""
+        return round((self.simulation_rate_hz or self.rate_hz) / self.rate_hz)
+
+    def streams(self) -> dict[str, SeedSequence]:
+        """One independent seed a stage; adding a stage does not shift the others."""
+        return {name: SeedSequence(self.seed, spawn_key=(i,)) for i, name in enumerate(STREAMS)}
+
+    def resolved(self) -> dict[str, Any]:
+        """All settings as plain data, defaults written out, without what is not set."""
+        return self.model_dump(exclude_none=True)
+
+    def to_toml(self) -> str:
+        """The resolved scenario as TOML; loading it gives the same flight."""
+        return tomli_w.dumps(self.resolved())
+
+
+def _whole(number: float) -> bool:
+    return abs(number - np.round(number)) < 1e-9 * max(1.0, abs(number))
+
+
+def find(name: str | Path | None = None) -> Path:
+    """A scenario's file: the path given, or that name in the bundled ``faults`` folder; else the default."""
+    wanted = Path(DEFAULT if name is None else name)
+    faults = aircraft.bundled("faults")
+    inside = wanted.relative_to("faults") if wanted.parts[:1] == ("faults",) else wanted
+    for candidate in (wanted, faults / inside, faults / f"{inside}.toml"):
+        if candidate.is_file():
+            return candidate
+    known = ", ".join(sorted(path.stem for path in faults.glob("*.toml")))
+    raise BadInput(f"{wanted}: no such file; bundled scenarios: {known}")
+
+
+def load(name: str | Path | None = None, overrides: Sequence[str] = (), seed: int | None = None) -> Scenario:
+    """The scenario of a file with ``key=value`` overrides laid over it; BadInput says what is wrong."""
+    path = find(name)
+    data = read_toml(path)
+    for text in overrides:
+        data = _override(data, text)
+    if seed is not None:
+        data["seed"] = seed
+    source = str(path) if not overrides else f"{path} with --set"
+    chosen = data.get("aircraft", "f16")
+    if not isinstance(chosen, str):
+        raise BadInput(f"{source}: aircraft: must be a name, got {chosen!r}")
+    return build(Scenario, aircraft.merge(aircraft.tables(chosen), data), source)
+
+
+def from_resolved(data: dict[str, Any], source: str) -> Scenario:
+    """A scenario from what ``resolved`` gave, without looking at any file."""
+    return build(Scenario, data, source)
+
+
+def _override(data: dict[str, Any], text: str) -> dict[str, Any]:
+    """``data`` with one ``dotted.key=value`` set; a number in the key counts into a list from 0."""
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        raise BadInput(f"--set {text}: must be key=value")
+    return _set(data, key.strip().split("."), _parse(value.strip()), text)
+
+
+def _set(node: Any, keys: list[str], value: Any, text: str) -> Any:
+    if not keys:
+        return value
+    key, rest = keys[0], keys[1:]
+    if isinstance(node, list):
+        if not key.isdigit() or int(key) >= len(node):
+            raise BadInput(f"--set {text}: {key!r} must be an index from 0 to {len(node) - 1}")
+        return [_set(item, rest, value, text) if i == int(key) else item for i, item in enumerate(node)]
+    table = node if isinstance(node, dict) else {}
+    return {**table, key: _set(table.get(key), rest, value, text)}
+
+
+def _parse(value: str) -> Any:
+    """A TOML value; anything that is none is taken as a bare string."""
+    try:
+        return tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return value

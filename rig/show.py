@@ -1,0 +1,120 @@
+"""What the commands print for people: tables and a progress bar on a terminal, plain lines in a pipe."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import degrees
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from rig.aircraft import tables
+
+if TYPE_CHECKING:
+    from rig.bench import Bench
+    from rig.flight import Flight
+    from rig.flight import Progress as Report
+
+MOST_LINES = 40  # of events on the terminal; all of them are in the log
+
+
+def console() -> Console:
+    """Standard output; lines are not folded in a pipe."""
+    screen = Console(highlight=False)
+    return screen if screen.is_terminal else Console(highlight=False, width=160)
+
+
+@contextmanager
+def progress(enabled: bool) -> Iterator[Report | None]:
+    """A progress bar on a terminal; nothing in a pipe."""
+    screen = Console(stderr=True)
+    if not enabled or not screen.is_terminal:
+        yield None
+        return
+    columns = (
+        TextColumn("flying"),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=screen, transient=True) as bar:
+        task = bar.add_task("flight")
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def flight(flown: Flight) -> None:
+    """The verdict of one flight."""
+    screen, scenario = console(), flown.scenario
+    screen.print(f"[bold]{scenario.title or scenario.aircraft}[/bold]  seed {scenario.seed}")
+    for event in flown.events[:MOST_LINES]:
+        style = {"info": "", "warning": "yellow", "error": "red"}[event.level]
+        screen.print(f"  {event.frame / scenario.rate_hz:9.2f} s  {event.name:17} {event.text}", style=style)
+    if len(flown.events) > MOST_LINES:
+        screen.print(f"  and {len(flown.events) - MOST_LINES} more events, in the log")
+    verdict = "[green]survived[/green]" if flown.survived else "[red]lost[/red]"
+    screen.print(f"verdict  {verdict}: {flown.end_reason} ({flown.frames} frames, {flown.duration_s:g} s)")
+    screen.print(f"failed   {_channels(flown.failed)}")
+    screen.print(f"peaks    {_peaks(flown)}")
+    screen.print(
+        f"speed    {flown.us_per_frame:.1f} us a frame, {flown.duration_s / flown.wall_s:.0f} x real time"
+    )
+    if flown.jitter is not None:
+        j = flown.jitter
+        screen.print(
+            f"jitter   median {j.median_us:.0f} us, 99 % {j.p99_us:.0f} us, worst {j.worst_us:.0f} us, "
+            f"{j.overruns} overruns"
+        )
+    if flown.stream is not None:
+        screen.print(f"stream   {flown.stream}")
+    screen.print(f"digest   {flown.digest}")
+    screen.print(f"log      {flown.log}", soft_wrap=True)
+
+
+def _channels(failed: dict[str, list[int]]) -> str:
+    if not failed:
+        return "no channel"
+    return "; ".join(f"{name} channel {', '.join(map(str, numbers))}" for name, numbers in failed.items())
+
+
+def _peaks(flown: Flight) -> str:
+    p = flown.peaks
+    return (
+        f"angle of attack {degrees(p.angle_of_attack_min_rad):.1f} to {degrees(p.angle_of_attack_max_rad):.1f} deg, "
+        f"load factor {p.load_factor_min:.2f} to {p.load_factor_max:.2f} g, "
+        f"altitude off by {p.altitude_deviation_m:.1f} m, heading by {degrees(p.heading_deviation_rad):.2f} deg"
+    )
+
+
+def flight_points(name: str) -> list[str]:
+    """The names of an aircraft's flight points, the default first."""
+    return [point["name"] for point in tables(name)["airframe"]["flight_points"]]
+
+
+def aircraft(found: dict[str, list[str]]) -> None:
+    """Aircraft and flight points."""
+    table = Table("aircraft", "flight points (the first is the default)", box=None)
+    for name, points in found.items():
+        table.add_row(name, ", ".join(points))
+    console().print(table)
+
+
+def bench(result: Bench) -> None:
+    """What a frame costs, stage by stage."""
+    screen = console()
+    table = Table("stage", "us a frame", box=None)
+    for name, cost in result.stages_us.items():
+        table.add_row(name, f"{cost:.2f}")
+    screen.print(table)
+    screen.print(f"whole frame, log included  {result.frame_us:.2f} us")
+    screen.print(f"bare JSBSim run()          {result.bare_us:.2f} us")
+    screen.print(f"ratio                      {result.ratio:.2f}  (median of {result.repeats} pairs)")
+    screen.print(f"log                        {result.log_bytes_per_frame:.0f} bytes a frame")
+
+
+def design(gains: Any, target: Path) -> None:
+    """The margins of a design."""
+    console().print(f"gains and margins written to {target}")

@@ -1,0 +1,8 @@
+"""What a person sees of a flight: the live stream to Rerun and the layout of its viewer.
+
+Only this package imports rerun, and only when a stream is opened: a flight without one pays nothing.
+"""
+
+from rig.view.stream import Stream, StreamReport, open_stream
+
+__all__ = ["Stream", "StreamReport", "open_stream"]

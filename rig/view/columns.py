@@ -1,0 +1,233 @@
+"""Rows of a block as Rerun columns, in the form in which Rerun's MCAP importer shows our log.
+
+Entities, component names, struct fields and the timeline are the importer's, so one blueprint serves
+the stream and the opened log:
+
+    /signal/<name>, /discrete/<name>   rig.Signal:message, rig.Discrete:message    one struct a frame
+    /control, /demand, /flight         rig.Control:message, ...
+    /pose, /position, /events          Transform3D, GeoPoints, TextLog
+
+Each field of FRAME has one place in one struct, so a signal or a command added there appears by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import IntEnum
+from functools import cache
+from typing import Any, Final, NamedTuple, Protocol
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+from numpy.typing import NDArray
+
+from rig.frame import (
+    COMMANDS,
+    DEMANDS,
+    DISCRETES,
+    FLIGHT,
+    FLIGHT_INDEX,
+    FRAME,
+    SIGNALS,
+    SURFACES,
+    Block,
+    End,
+    Ilm,
+    Law,
+    Pattern,
+    Resolver,
+    State,
+)
+
+TIMELINE: Final = "message_log_time"  # the importer's name for the log time of a message
+WORLD: Final = "world"
+AIRCRAFT: Final = "aircraft"
+
+# How a u1 field of FRAME is shown.  What is not named here is a number.
+_ENUMS: Final[dict[str, type[IntEnum]]] = {
+    "state": State,
+    "discrete_state": State,
+    "ilm": Ilm,
+    "pattern": Pattern,
+    "resolver": Resolver,
+    "law": Law,
+    "end": End,
+}
+_FLAGS: Final = ("valid", "reference_usable")
+# Fields of FRAME with one named element each, and the struct fields that they become.
+_NAMED: Final = {
+    "flight": FLIGHT,
+    "demand": DEMANDS,
+    "command": tuple(f"command_{name}" for name in COMMANDS),
+    "surface": tuple(f"surface_{name}" for name in SURFACES),
+}
+_SHORT: Final = {"channels": "ch", "state": "st"}
+_HOME: Final = {  # which struct holds a field that belongs to no signal and no discrete
+    "flight": "rig.Flight",
+    "end": "rig.Flight",
+    "faults_active": "rig.Flight",
+    "demand": "rig.Demand",
+    "command": "rig.Control",
+    "surface": "rig.Control",
+    "law": "rig.Control",
+}
+_LEVELS: Final = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
+
+
+class EventLike(Protocol):
+    """What is shown of an event; rig.events.Event is one."""
+
+    @property
+    def frame(self) -> int: ...  # noqa: D102
+    @property
+    def level(self) -> str: ...  # noqa: D102
+    @property
+    def text(self) -> str: ...  # noqa: D102
+
+
+class Column(NamedTuple):
+    """One field of a struct and the element of FRAME that it shows."""
+
+    name: str
+    source: str
+    index: tuple[int, ...]  # within the source, after the entity's own row of it
+
+
+class Entity(NamedTuple):
+    """One entity with one struct; ``item`` is its row in the arrays of FRAME, None where there are no rows."""
+
+    path: str
+    archetype: str
+    item: int | None
+
+
+ENTITIES: Final = (
+    *(Entity(signal.topic, "rig.Signal", i) for i, signal in enumerate(SIGNALS)),
+    *(Entity(discrete.topic, "rig.Discrete", i) for i, discrete in enumerate(DISCRETES)),
+    Entity("/control", "rig.Control", None),
+    Entity("/demand", "rig.Demand", None),
+    Entity("/flight", "rig.Flight", None),
+)
+
+
+def send_block(
+    recording: rr.RecordingStream, rows: Block, rate_hz: float, events: Sequence[EventLike] = ()
+) -> None:
+    """Send every row of ``rows`` and the events among them, one batch an entity.
+
+    Measured with blocks of 100 frames: see docs/viewer.md.  Rerun reports trouble with a sink in its own
+    log, not as an exception.
+    """
+    time = [_time(rows["frame"], rate_hz)]
+    for entity in ENTITIES:
+        shown = {"message": struct(rows, entity)}
+        columns = rr.DynamicArchetype.columns(archetype=entity.archetype, components=shown)
+        rr.send_columns(entity.path, time, columns, recording=recording)
+    _send_place(recording, rows, time)
+    if events:
+        _send_events(recording, events, rate_hz)
+
+
+def send_aircraft(recording: rr.RecordingStream) -> None:
+    """A stick figure of an aircraft, 15 m long, which follows /pose; x forward, y left, z up."""
+    strips = [
+        [[8, 0, 0], [-7, 0, 0]],  # fuselage
+        [[-2, 5, 0], [1, 0, 0], [-2, -5, 0]],  # wing
+        [[-7, 2.5, 0], [-5, 0, 0], [-7, -2.5, 0]],  # tailplane
+        [[-5, 0, 0], [-7, 0, 3], [-7, 0, 0]],  # fin
+    ]
+    colors = [(230, 230, 230), (86, 180, 233), (86, 180, 233), (230, 159, 0)]
+    shape = rr.LineStrips3D(strips, colors=colors, radii=0.15)
+    rr.log("/aircraft", shape, rr.CoordinateFrame(AIRCRAFT), static=True, recording=recording)
+
+
+@cache
+def columns_of(archetype: str) -> tuple[Column, ...]:
+    """The fields of the struct ``archetype``, in the order of FRAME."""
+    sources = [s for s in FRAME.names or () if s != "frame" and _home(s) == archetype]
+    return tuple(column for source in sources for column in _columns(source))
+
+
+def _home(source: str) -> str:
+    return "rig.Discrete" if source.startswith("discrete_") else _HOME.get(source, "rig.Signal")
+
+
+def _columns(source: str) -> list[Column]:
+    if source in _NAMED:
+        return [Column(name, source, (i,)) for i, name in enumerate(_NAMED[source])]
+    stem = source.removeprefix("discrete_")
+    stem = _SHORT.get(stem, stem)
+    shape = FRAME[source].shape[1:]  # without the row of the signal
+    if not shape:
+        return [Column(stem, source, ())]
+    return [Column(f"{stem}_{i + 1}", source, (i,)) for i in range(shape[0])]
+
+
+def struct(rows: Block, entity: Entity) -> pa.StructArray:
+    """The fields of ``entity`` in every row, one struct each."""
+    place = () if entity.item is None else (entity.item,)
+    columns = columns_of(entity.archetype)
+    arrays = [_array(column.source, rows[column.source][(slice(None), *place, *column.index)]) for column in columns]
+    fields = [pa.field(c.name, array.type, nullable=False) for c, array in zip(columns, arrays, strict=True)]
+    return pa.StructArray.from_arrays(arrays, fields=fields)
+
+
+def _array(source: str, values: NDArray[Any]) -> pa.Array:
+    values = np.ascontiguousarray(values)
+    if source in _ENUMS:
+        return _enum_table(_ENUMS[source]).take(pa.array(values))
+    if source in _FLAGS:
+        return pa.array(values != 0)
+    return pa.array(values if values.dtype == np.float64 else values.astype(np.uint32))
+
+
+@cache
+def _enum_table(enum: type[IntEnum]) -> pa.StructArray:
+    """What the importer makes of each of the 256 values that a u1 can hold; no name where the enum has none."""
+    names = {member.value: member.name for member in enum}
+    return pa.StructArray.from_arrays(
+        [pa.array([names.get(i) for i in range(256)]), pa.array(range(256), pa.int32())], names=["name", "value"]
+    )
+
+
+def _time(frames: NDArray[np.int64], rate_hz: float) -> rr.TimeColumn:
+    """Simulation time, to the nanosecond that the log writes."""
+    nanoseconds = np.rint(frames * (1e9 / rate_hz)).astype("timedelta64[ns]")
+    return rr.TimeColumn(TIMELINE, duration=nanoseconds)
+
+
+def _send_place(recording: rr.RecordingStream, rows: Block, time: list[rr.TimeColumn]) -> None:
+    """Pose, in a world of x east, y north, z up with the aircraft's x forward, y left, z up; and position."""
+
+    def of(*names: str) -> NDArray[np.float64]:
+        return rows["flight"][:, [FLIGHT_INDEX[name] for name in names]]
+
+    pose = rr.Transform3D.columns(
+        translation=of("east_m", "north_m", "altitude_m"),
+        quaternion=east_north_up(of("quaternion_w", "quaternion_x", "quaternion_y", "quaternion_z")),
+        parent_frame=[WORLD] * len(rows),
+        child_frame=[AIRCRAFT] * len(rows),
+    )
+    rr.send_columns("/pose", time, pose, recording=recording)
+    position = rr.GeoPoints.columns(positions=np.degrees(of("latitude_rad", "longitude_rad")))
+    rr.send_columns("/position", time, position, recording=recording)
+
+
+def east_north_up(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Attitude of an aircraft with forward-left-up axes in an east-north-up world, (n, 4) as x, y, z, w.
+
+        q_enu_flu = q_enu_ned * q_ned_frd * q_frd_flu,  q_enu_ned = (0, 1, 1, 0)/sqrt 2,  q_frd_flu = (0, 1, 0, 0)
+
+    quaternion : (n, 4) as w, x, y, z, from forward-right-down to north-east-down.  The sign is free.
+    """
+    w, x, y, z = quaternion.T
+    return np.sqrt(0.5) * np.column_stack([x + y, x - y, w - z, w + z])
+
+
+def _send_events(recording: rr.RecordingStream, events: Sequence[EventLike], rate_hz: float) -> None:
+    time = _time(np.array([event.frame for event in events], np.int64), rate_hz)
+    text = rr.TextLog.columns(
+        text=[event.text for event in events], level=[_LEVELS.get(event.level, "INFO") for event in events]
+    )
+    rr.send_columns("/events", [time], text, recording=recording)

@@ -1,0 +1,72 @@
+"""What the tests share: rows of one signal through a manager, a quiet and short scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from rig.frame import CHANNELS, Block, State, new_block
+from rig.redundancy.baselines import CrossVoter, Mean
+from rig.redundancy.config import PARAMS, SignalConfig, fill
+from rig.redundancy.manager import CrossChannel
+
+MANAGERS = {"cross-channel": CrossChannel, "mean": Mean, "cross-voter": CrossVoter}
+
+
+@dataclass(frozen=True)
+class Voted:
+    """Signal 0 of a block that went through a manager."""
+
+    rows: Block
+
+    def __getattr__(self, name: str) -> NDArray[Any]:
+        return self.rows[name][:, 0]
+
+    def failed_at(self) -> list[int | None]:
+        """The frame, counted from 1, in which each channel is first reported failed."""
+        failed = self.state == State.FAILED
+        return [int(np.argmax(column)) + 1 if column.any() else None for column in failed.T]
+
+
+@pytest.fixture
+def vote() -> Callable[..., Voted]:
+    """vote(samples (n, 4), manager=..., reference=..., ilm=..., valid=..., wraps=..., limits=..., **settings)."""
+    return vote_samples
+
+
+def vote_samples(
+    samples: Any,
+    *,
+    manager: str = "cross-channel",
+    reference: Any = None,
+    ilm: Any = None,
+    valid: Any = None,
+    wraps: bool = False,
+    limits: tuple[float, float] = (-1000.0, 1000.0),
+    channels: int = CHANNELS,
+    threshold: float = 1.0,
+    **settings: Any,
+) -> Voted:
+    """Run ``samples`` through a manager of one signal."""
+    samples = np.asarray(samples, float)
+    params = np.zeros(1, PARAMS)
+    fill(params[0], SignalConfig(threshold=threshold, **settings), limits, channels, wraps, 100.0)
+    block = new_block(len(samples))
+    block["channels"][:, 0] = samples
+    block["valid"][:, 0] = 1 if valid is None else valid
+    block["ilm"][:, 0] = 2 if ilm is None else ilm
+    block["reference"][:, 0] = np.nan if reference is None else reference
+    stage = MANAGERS[manager](params)
+    for k in range(len(block)):
+        stage.step(block, k)
+    return Voted(block)
+
+
+def constant(*values: float, frames: int = 30) -> NDArray[np.float64]:
+    """The same four samples in every frame."""
+    return np.tile(np.array(values, float), (frames, 1))

@@ -1,0 +1,92 @@
+import numpy as np
+import pytest
+from pydantic import TypeAdapter, ValidationError
+
+from rig.faults import Fault, Faults, to_frame
+from rig.frame import INDEX, SIGNALS, new_block
+
+RATE = 100.0
+RANGES = np.array([(signal.low, signal.high) for signal in SIGNALS])
+Q, PSI = INDEX["pitch_rate"], INDEX["heading"]
+BASE = {"signal": "pitch_rate", "channels": [2], "start_s": 0.1}
+PARSE = TypeAdapter(Fault)
+
+
+def corrupted(*faults: dict, healthy: float = 0.25, frames: int = 40) -> np.ndarray:
+    block = new_block(frames)
+    block["channels"] = healthy
+    stage = Faults([PARSE.validate_python({**BASE, **fault}) for fault in faults], RANGES, RATE)
+    for k in range(frames):
+        stage.step(block, k)
+    return block
+
+
+def test_an_offset_moves_its_channel_alone_between_start_and_end():
+    block = corrupted({"kind": "offset", "offset": 0.5, "end_s": 0.2})
+    channels = block["channels"]
+    assert np.array_equal(np.flatnonzero(channels[:, Q, 1] != 0.25), np.arange(10, 20))
+    assert (channels[10:20, Q, 1] == 0.75).all()
+    channels[:, Q, 1] = 0.25
+    assert (channels == 0.25).all()
+    assert (block["faults_active"][10:20] == 1).all() and block["faults_active"].sum() == 10
+
+
+def test_a_drift_grows_from_its_onset():
+    out = corrupted({"kind": "drift", "rate_per_s": 2.0})["channels"][:, Q, 1]
+    elapsed = np.maximum(np.arange(40) - 10, 0) / RATE
+    assert np.allclose(out, 0.25 + 2.0 * elapsed, atol=1e-12)
+
+
+@pytest.mark.parametrize(("direction", "end"), [("high", 1.5), ("low", -1.5)])
+def test_a_hardover_goes_to_the_end_of_the_range(direction, end):
+    out = corrupted({"kind": "hardover", "direction": direction})["channels"][:, Q, 1]
+    assert (out[10:] == end).all()
+
+
+def test_a_sample_cannot_leave_the_range():
+    out = corrupted({"kind": "offset", "offset": 9.0})["channels"][:, Q, 1]
+    assert (out[10:] == 1.5).all()
+
+
+def test_an_offset_of_a_heading_goes_round():
+    out = corrupted({"kind": "offset", "signal": "heading", "offset": 0.5}, healthy=6.0)["channels"][:, PSI, 1]
+    assert np.allclose(out[10:], 6.5 - 2 * np.pi)
+
+
+def test_several_faults_act_in_the_order_of_the_schedule():
+    offset, hard = {"kind": "offset", "offset": -0.5}, {"kind": "hardover"}
+    assert corrupted(offset, hard)["channels"][30, Q, 1] == 1.5
+    assert corrupted(hard, offset)["channels"][30, Q, 1] == 1.0
+    assert corrupted(offset, hard)["faults_active"][30] == 2
+
+
+def test_one_fault_may_sit_on_several_channels():
+    out = corrupted({"kind": "offset", "offset": 0.5, "channels": [1, 4]})["channels"][30, Q]
+    assert out.tolist() == [0.75, 0.25, 0.25, 0.75]
+
+
+def test_nan_stays_nan():
+    assert np.isnan(corrupted({"kind": "offset", "offset": 0.5}, healthy=np.nan)["channels"][30, Q, 1])
+
+
+@pytest.mark.parametrize(("time_s", "frame"), [(0.0, 0), (0.1, 10), (0.07, 7), (0.071, 8), (0.29, 29)])
+def test_times_become_the_first_frame_not_before_them(time_s, frame):
+    assert to_frame(time_s, RATE) == frame
+
+
+@pytest.mark.parametrize(
+    ("bad", "says"),
+    [
+        ({"signal": "pitchrate"}, "unknown signal"),
+        ({"channels": [5]}, "from 1 to 4"),
+        ({"channels": [1, 1]}, "different"),
+        ({"channels": []}, "at least 1"),
+        ({"end_s": 0.1}, "must be after"),
+        ({"kind": "explode"}, "offset"),
+        ({"offset": float("inf")}, "finite"),
+        ({"start_s": -1.0}, "greater than or equal"),
+    ],
+)
+def test_bad_faults_are_refused_with_what_is_allowed(bad, says):
+    with pytest.raises(ValidationError, match=says):
+        PARSE.validate_python({"kind": "offset", "offset": 0.5, **BASE, **bad})

@@ -1,0 +1,140 @@
+import numpy as np
+import pytest
+from conftest import constant, vote_samples
+
+from rig.frame import Ilm, Pattern, Resolver, State
+
+GOOD, BAD = int(Ilm.GOOD), int(Ilm.BAD)
+
+
+def test_one_agreeing_frame_resets_the_count():
+    samples = constant(0, 0, 0, 5, frames=15)
+    samples[7] = 0
+    assert vote_samples(samples).failed_at() == [None] * 4
+
+
+def test_a_failed_channel_stays_out_when_it_comes_back():
+    samples = constant(0, 0, 0, 5)
+    samples[10:] = 0
+    out = vote_samples(samples)
+    assert (out.state[7:, 3] == State.FAILED).all()
+    assert (out.level[7:] == 3).all()
+
+
+def test_a_chain_of_neighbours_is_normal():
+    out = vote_samples(constant(0, 0.9, 1.8, 2.7))
+    assert (out.pattern == Pattern.NORMAL).all()
+    assert np.allclose(out.voted, 1.35)
+
+
+@pytest.mark.parametrize(
+    ("samples", "vote"),
+    [((0, 0.5, 5, 9), 0.5), ((9, 8.5, 5, 0), 8.5), ((0, 4.5, 5, 9), 4.75), ((0, 0.2, 0.6, 5), 0.4)],
+    ids=["1:1:2 from above", "2:1:1", "1:2:1", "3:1"],
+)
+def test_a_suspect_is_never_in_the_vote(samples, vote):
+    assert vote_samples(constant(*samples, frames=1)).voted[0] == pytest.approx(vote)
+
+
+def test_levels_vote_middle_then_mean_then_the_last_one():
+    samples = constant(0.0, 0.2, 0.6, 0.9, frames=40)
+    samples[0:, 3] = np.nan
+    samples[10:, 2] = np.nan
+    samples[20:, 1] = np.nan
+    out = vote_samples(samples)
+    assert out.voted[9] == 0.2
+    assert out.voted[19] == pytest.approx(0.1)
+    assert out.voted[30] == 0.0
+    assert list(out.level[[9, 19, 30]]) == [3, 2, 1]
+
+
+def test_when_no_channel_is_left_the_last_vote_is_held_and_lost_is_raised():
+    samples = constant(3.0, 3.0, 3.0, 3.0, frames=20)
+    samples[5:] = np.nan
+    out = vote_samples(samples)
+    assert (out.voted == 3.0).all()
+    assert out.level[12] == 0 and (out.pattern[12:] == Pattern.LOST).all()
+
+
+def test_a_sample_outside_the_range_or_flagged_counts_as_a_miscompare():
+    outside = vote_samples(constant(0, 0, 0, 5), limits=(-1, 1), threshold=10.0)
+    flags = np.ones((30, 4), int)
+    flags[:, 1] = 0
+    flagged = vote_samples(constant(0, 0, 0, 0), valid=flags)
+    assert outside.failed_at() == [None, None, None, 8]
+    assert flagged.failed_at() == [None, 8, None, None]
+
+
+def test_three_good_monitors_that_follow_the_pairing_settle_a_split():
+    ilm = np.tile([BAD, BAD, GOOD, GOOD], (30, 1))
+    out = vote_samples(constant(0, 0.1, 5, 5.1), ilm=ilm)
+    assert out.failed_at() == [10, 10, None, None]
+    assert np.allclose(out.voted[:10], 5.05)
+
+
+@pytest.mark.parametrize("flags", [[GOOD, BAD, BAD, GOOD], [GOOD] * 4, [BAD] * 4, [GOOD, GOOD, GOOD, BAD]])
+def test_monitors_that_contradict_the_pairing_are_not_believed(flags):
+    out = vote_samples(constant(0, 0.1, 5, 5.1), ilm=np.tile(flags, (30, 1)))
+    assert (out.resolver[3:10] == Resolver.TREND).all()
+
+
+def test_a_split_that_nobody_settles_holds_and_fails_nobody():
+    samples = constant(0, 0.1, 5, 5.1)
+    samples[::2] += 0.01  # neither rising nor still: the trend bytes are mixed
+    out = vote_samples(samples, resolvers=["trend"], trend_frames=3)
+    assert out.failed_at() == [None] * 4
+    assert (out.resolver[3:] == Resolver.UNRESOLVED).all()
+    assert np.abs(np.diff(out.voted[3:])).max() == pytest.approx(0.01)
+
+
+def test_a_middle_of_three_is_good_and_the_others_fail():
+    samples = np.column_stack([constant(-5, 0, 5), np.full((30, 1), np.nan)])[:, :4]
+    out = vote_samples(samples, channels=3)
+    assert out.failed_at() == [10, None, 10, None]
+    assert (out.voted == 0).all()
+    assert (out.state[:, 3] == State.ABSENT).all()
+
+
+def test_a_change_of_pattern_starts_the_count_anew():
+    samples = constant(0, 0.1, 5, 5.1)
+    samples[8] = [0, 0, 0, 0]
+    out = vote_samples(samples)
+    assert out.failed_at() == [None, None, 19, 19]
+
+
+def test_an_angle_is_compared_and_voted_the_short_way_round():
+    turn = 2 * np.pi
+    samples = constant(0.01, turn - 0.01, 0.02, turn - 0.02)
+    out = vote_samples(samples, wraps=True, limits=(0.0, turn), threshold=0.1)
+    assert out.failed_at() == [None] * 4
+    assert np.abs(np.sin(out.voted)).max() < 0.011
+    assert (np.cos(out.voted) > 0.99).all()
+
+
+def test_a_reference_that_leaves_a_healthy_vote_is_unusable_until_it_has_agreed_as_long():
+    reference = np.zeros(60)
+    reference[10:30] = 50.0
+    out = vote_samples(constant(0, 0, 0, 0, frames=60), reference=reference)
+    usable = out.reference_usable.astype(bool)
+    assert usable[:17].all() and not usable[17:37].any() and usable[37:].all()
+
+
+def test_the_fade_spreads_a_change_of_level():
+    samples = constant(0, 0.8, 0.9, 5.0, frames=60)
+    out = vote_samples(samples, fade_s=0.1)
+    jump = vote_samples(samples)
+    assert np.abs(np.diff(jump.voted)).max() > 4 * np.abs(np.diff(out.voted)).max()
+    assert out.voted[-1] == jump.voted[-1]
+
+
+def test_the_mean_follows_a_hardover_and_fails_nobody():
+    out = vote_samples(constant(0, 0, 0, 8), manager="mean")
+    assert (out.voted == 2.0).all()
+    assert out.failed_at() == [None] * 4
+
+
+def test_the_cross_voter_isolates_a_single_fault_but_blames_all_of_a_split():
+    single = vote_samples(constant(0, 0, 0, 8), manager="cross-voter")
+    split = vote_samples(constant(0, 0, 8, 8), manager="cross-voter")
+    assert single.failed_at() == [None, None, None, 8]
+    assert split.failed_at() == [8, 8, 8, 8]
