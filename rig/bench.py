@@ -82,7 +82,8 @@ class _Watch:
     """Adds up the time of named calls."""
 
     def __init__(self) -> None:
-        self.total_s = dict.fromkeys((*STAGES, *PER_BLOCK), 0.0)
+        names: tuple[str, ...] = (*STAGES, *PER_BLOCK)
+        self.total_s = dict.fromkeys(names, 0.0)
 
     def time(self, name: str, call: Callable[..., Any], *arguments: Any) -> Any:
         began = time.perf_counter()

@@ -35,9 +35,7 @@ ScenarioName = Annotated[
 ]
 Sets = Annotated[
     list[str] | None,
-    typer.Option(
-        "--set", metavar="KEY=VALUE", help="Override a key, e.g. redundancy.manager=mean; repeatable."
-    ),
+    typer.Option("--set", metavar="KEY=VALUE", help="Override a key, e.g. redundancy.manager=mean; repeatable."),
 ]
 Seed = Annotated[int | None, typer.Option(help="Seed of all random draws.", min=0, show_default=False)]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
@@ -45,9 +43,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and no
 
 @app.callback()
 def _common(
-    verbose: Annotated[
-        bool, typer.Option("--verbose", "-v", help="Show JSBSim's and our log messages.")
-    ] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Show JSBSim's and our log messages.")] = False,
 ) -> None:
     logging.basicConfig(level=logging.DEBUG if verbose else logging.ERROR, format="%(name)s: %(message)s")
     for noisy in ("numba", "asyncio", "matplotlib"):
@@ -60,9 +56,7 @@ def fly(
     sets: Sets = None,
     seed: Seed = None,
     out: Annotated[Path, typer.Option(help="Folder of the log.")] = Path("logs"),
-    rerun: Annotated[
-        str, typer.Option(help="off, save, serve, spawn, or rerun+http://127.0.0.1:PORT/proxy.")
-    ] = "off",
+    rerun: Annotated[str, typer.Option(help="off, save, serve, spawn, or rerun+http://127.0.0.1:PORT/proxy.")] = "off",
     realtime_factor: Annotated[
         float | None,
         typer.Option(help="Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False),
@@ -137,9 +131,7 @@ def scenario_check(scenario: ScenarioName = None, sets: Sets = None) -> None:
     from rig.scenario import find, load
 
     loaded = load(scenario, sets or ())
-    typer.echo(
-        f"{find(scenario)}: good, {loaded.frames} frames of {loaded.aircraft}, {len(loaded.faults)} faults"
-    )
+    typer.echo(f"{find(scenario)}: good, {loaded.frames} frames of {loaded.aircraft}, {len(loaded.faults)} faults")
 
 
 @aircraft_app.command("list")

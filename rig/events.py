@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import DISCRETES, SIGNALS, Block, End, Law, Pattern, Resolver, State
+from rig.frame import DISCRETES, FRAME, SIGNALS, Block, End, Law, Pattern, Resolver, State
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +41,10 @@ class EventFinder:
     def find(self, rows: Block) -> list[Event]:
         """The events of ``rows``, which follow those of the last call, in order of time."""
         before = rows[:1] if self._last is None else self._last
-        pair = np.concatenate([before, rows])
-        events = [*self._fault_events(rows), *_changes(pair)]
+        events = list(self._fault_events(rows))
+        flags = _flags(rows)
+        if (flags[1:] != flags[:-1]).any() or (flags[0] != _flags(before)[0]).any():
+            events += _changes(np.concatenate([before, rows]))
         self._last = rows[-1:].copy()
         return sorted(events, key=lambda event: event.frame)
 
@@ -53,6 +55,11 @@ class EventFinder:
                 yield Event(fault.first, "info", "fault on", fault.label)
             if first <= fault.last <= last:
                 yield Event(fault.last, "info", "fault off", fault.label)
+
+
+def _flags(rows: Block) -> NDArray[np.uint8]:
+    """The bytes of each row from ``state`` on: most blocks are settled by seeing that none has moved."""
+    return rows.view(np.uint8).reshape(len(rows), -1)[:, FRAME.fields["state"][1] :]  # type: ignore[index]  # named
 
 
 def _moved(pair: Block, field: str) -> NDArray[np.intp]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
 from rig.angles import limit
-from rig.frame import CHANNELS, INDEX, SIGNALS, Block
+from rig.frame import CHANNELS, INDEX, SIGNALS, Block, to_frame
 from rig.kernels import kernel
 from rig.settings import Settings
 
@@ -117,11 +117,6 @@ SCHEDULE: Final = np.dtype(
 )
 FOREVER: Final = int(np.iinfo(np.int64).max)
 _HARD, _DRIFT = int(Kind.HARDOVER), int(Kind.DRIFT)
-
-
-def to_frame(time_s: float, rate_hz: float) -> int:
-    """The first frame at or after ``time_s``; a time on a frame is that frame, rounding apart."""
-    return int(np.ceil(time_s * rate_hz - 1e-6))
 
 
 def window(fault: Fault, rate_hz: float) -> tuple[int, int]:

@@ -143,6 +143,7 @@ def _record(
     progress: Progress | None,
 ) -> Flight:
     """Run the frames through verdict, log and stream; the log is finished whatever happens."""
+    loop.warm_up(scenario)
     rig = loop.Rig(scenario)
     path = log_path(out, scenario)
     finder, verdict = EventFinder(intervals(scenario)), Verdict()

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from math import pi
+from math import ceil, pi
 from typing import Any, Final
 
 import numpy as np
@@ -232,14 +232,14 @@ FRAME: Final = np.dtype(
         ("reference", "f8", (S,)),  # NaN where there is none
         ("command", "f8", (len(COMMANDS),)),
         ("surface", "f8", (len(SURFACES),)),
+        ("trend_high", "u1", (S,)),
+        ("trend_low", "u1", (S,)),
         ("valid", "u1", (S, CHANNELS)),  # 0: the sensor itself flags the sample
         ("ilm", "u1", (S, CHANNELS)),
         ("state", "u1", (S, CHANNELS)),
         ("level", "u1", (S,)),
         ("pattern", "u1", (S,)),
         ("resolver", "u1", (S,)),
-        ("trend_high", "u1", (S,)),
-        ("trend_low", "u1", (S,)),
         ("reference_usable", "u1", (S,)),
         ("discrete_truth", "u1", (D,)),
         ("discrete_channels", "u1", (D, CHANNELS)),
@@ -261,3 +261,8 @@ def new_block(frames: int, first_frame: int = 0) -> Block:
     block = np.zeros(frames, FRAME)
     block["frame"] = np.arange(first_frame, first_frame + frames)
     return block
+
+
+def to_frame(time_s: float, rate_hz: float) -> int:
+    """The first frame at or after ``time_s``; a time on a frame is that frame, rounding apart."""
+    return ceil(time_s * rate_hz - 1e-6)

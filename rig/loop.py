@@ -66,6 +66,13 @@ class Rig:
         return end
 
 
+def warm_up(scenario: Scenario) -> None:
+    """Compile every kernel by one frame of a throw-away rig, so that no frame of the flight waits for it."""
+    rig, block = Rig(scenario), new_block(1)
+    rig.prepare(block)
+    rig.frame(block, 0)
+
+
 class Stop:
     """Asks a flight to end after the present frame."""
 

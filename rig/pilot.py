@@ -17,9 +17,7 @@ from rig.settings import Settings
 
 STICKS: Final = ("stick_pitch", "stick_roll", "pedal")
 DEMAND_AXES: Final = ("pitch_angle", "roll_angle", "altitude", "heading", "airspeed")
-Axis = Literal[
-    "stick_pitch", "stick_roll", "pedal", "pitch_angle", "roll_angle", "altitude", "heading", "airspeed"
-]
+Axis = Literal["stick_pitch", "stick_roll", "pedal", "pitch_angle", "roll_angle", "altitude", "heading", "airspeed"]
 Times = NDArray[np.float64]
 
 

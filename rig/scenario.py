@@ -9,18 +9,24 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 import tomli_w
 from numpy.random import SeedSequence
 from pydantic import Field, model_validator
 
-from rig import aircraft, pilot, redundancy, sensors
-from rig.control import autopilot, gains
+from rig import aircraft
+from rig.control.autopilot import Config as Control
+from rig.control.gains import Gains
 from rig.errors import BadInput
 from rig.faults import Fault
-from rig.plant import airframe, wind
+from rig.pilot import Config as Pilot
+from rig.plant.airframe import Config as Airframe
+from rig.plant.wind import Config as Wind
+from rig.plant.wind import Turbulence
+from rig.redundancy import Config as Redundancy
+from rig.sensors import Suite
 from rig.settings import Settings, build, read_toml
 
 DEFAULT: Final = "f16_pitch_rate_hardover.toml"
@@ -32,21 +38,21 @@ class Scenario(Settings):
     """Everything that decides a flight."""
 
     title: str = ""
-    aircraft: str = "f16"
+    aircraft: str = "f16"  # a bundled one, or the path of a folder
     flight_point: str | None = None  # the aircraft's first when not given
     duration_s: float = Field(default=60.0, gt=0, le=360_000)
     seed: int = Field(default=0, ge=0, lt=2**63)
     rate_hz: float = Field(default=100.0, ge=1, le=1000)  # frames a second
     simulation_rate_hz: float | None = Field(default=None, ge=1, le=10_000)  # as rate_hz when not given
-    turbulence: Literal["none", "light", "moderate", "severe"] = "none"
-    wind: wind.Config = wind.Config()
-    pilot: pilot.Config = pilot.Config()
+    turbulence: Turbulence = "none"
+    wind: Wind = Wind()
+    pilot: Pilot = Pilot()
     faults: list[Fault] = []
-    control: autopilot.Config = autopilot.Config()
-    airframe: airframe.Config
-    sensors: sensors.Suite  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
-    redundancy: redundancy.Config
-    gains: gains.Gains
+    control: Control = Control()
+    airframe: Airframe
+    sensors: Suite  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
+    redundancy: Redundancy
+    gains: Gains
 
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:

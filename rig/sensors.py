@@ -8,7 +8,7 @@ quantisation, end of range.  Angles on the circle wrap instead of saturating.
 from __future__ import annotations
 
 from math import exp
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
@@ -49,13 +49,14 @@ def _whole(suite: Settings) -> Settings:
     return suite
 
 
-# A full set: one field per signal, made from the frame's table.
+_FIELDS: dict[str, Any] = {signal.name: (Sensor, ...) for signal in SIGNALS}
+_CHECKS: dict[str, Any] = {"whole": model_validator(mode="after")(_whole)}
 Suite = create_model(
     "Suite",
     __base__=Settings,
-    __doc__="The ``[sensors.<signal>]`` tables: one Sensor for every signal.",
-    __validators__={"whole": model_validator(mode="after")(_whole)},
-    **{signal.name: (Sensor, ...) for signal in SIGNALS},  # pyright: ignore[reportArgumentType]  # fields
+    __doc__="A full set, the ``[sensors.<signal>]`` tables: one Sensor for every signal of the frame.",
+    __validators__=_CHECKS,
+    **_FIELDS,
 )
 
 

@@ -20,9 +20,7 @@ M = TypeVar("M", bound="Settings")
 class Settings(BaseModel):
     """Base of every settings model: strict, frozen, no unknown keys, finite numbers only."""
 
-    model_config = ConfigDict(
-        extra="forbid", strict=True, frozen=True, allow_inf_nan=False, validate_default=True
-    )
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, validate_default=True)
 
 
 def read_toml(path: Path) -> dict[str, Any]:

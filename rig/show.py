@@ -59,9 +59,7 @@ def flight(flown: Flight) -> None:
     screen.print(f"verdict  {verdict}: {flown.end_reason} ({flown.frames} frames, {flown.duration_s:g} s)")
     screen.print(f"failed   {_channels(flown.failed)}")
     screen.print(f"peaks    {_peaks(flown)}")
-    screen.print(
-        f"speed    {flown.us_per_frame:.1f} us a frame, {flown.duration_s / flown.wall_s:.0f} x real time"
-    )
+    screen.print(f"speed    {flown.us_per_frame:.1f} us a frame, {flown.duration_s / flown.wall_s:.0f} x real time")
     if flown.jitter is not None:
         j = flown.jitter
         screen.print(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rig.frame import CHANNELS, Block, State, new_block
 from rig.redundancy.baselines import CrossVoter, Mean
-from rig.redundancy.config import PARAMS, SignalConfig, fill
+from rig.redundancy.config import PARAMS, RESETS, SignalConfig, fill
 from rig.redundancy.manager import CrossChannel
 
 MANAGERS = {"cross-channel": CrossChannel, "mean": Mean, "cross-voter": CrossVoter}
@@ -50,6 +50,7 @@ def vote_samples(
     limits: tuple[float, float] = (-1000.0, 1000.0),
     channels: int = CHANNELS,
     threshold: float = 1.0,
+    resets: Any = (),
     **settings: Any,
 ) -> Voted:
     """Run ``samples`` through a manager of one signal."""
@@ -61,7 +62,10 @@ def vote_samples(
     block["valid"][:, 0] = 1 if valid is None else valid
     block["ilm"][:, 0] = 2 if ilm is None else ilm
     block["reference"][:, 0] = np.nan if reference is None else reference
-    stage = MANAGERS[manager](params)
+    table = np.zeros(len(resets), RESETS)
+    for row, (frame, channel) in zip(table, resets, strict=True):
+        row["frame"], row["channel"][channel - 1] = frame, 1
+    stage = MANAGERS[manager](params, table)
     for k in range(len(block)):
         stage.step(block, k)
     return Voted(block)

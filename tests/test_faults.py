@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from rig.faults import Fault, Faults, to_frame
+from rig.faults import Fault, Faults
 from rig.frame import INDEX, SIGNALS, new_block
 
 RATE = 100.0
@@ -67,11 +67,6 @@ def test_one_fault_may_sit_on_several_channels():
 
 def test_nan_stays_nan():
     assert np.isnan(corrupted({"kind": "offset", "offset": 0.5}, healthy=np.nan)["channels"][30, Q, 1])
-
-
-@pytest.mark.parametrize(("time_s", "frame"), [(0.0, 0), (0.1, 10), (0.07, 7), (0.071, 8), (0.29, 29)])
-def test_times_become_the_first_frame_not_before_them(time_s, frame):
-    assert to_frame(time_s, RATE) == frame
 
 
 @pytest.mark.parametrize(

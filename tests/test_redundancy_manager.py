@@ -138,3 +138,21 @@ def test_the_cross_voter_isolates_a_single_fault_but_blames_all_of_a_split():
     split = vote_samples(constant(0, 0, 8, 8), manager="cross-voter")
     assert single.failed_at() == [None, None, None, 8]
     assert split.failed_at() == [8, 8, 8, 8]
+
+
+@pytest.mark.parametrize("manager", ["cross-channel", "cross-voter"])
+def test_a_reset_readmits_only_a_channel_that_has_agreed_long_enough(manager):
+    samples = constant(0, 0, 0, 5, frames=80)
+    samples[20:] = 0
+    early = vote_samples(samples, manager=manager, readmit_frames=30, resets=[(40, 4)])
+    late = vote_samples(samples, manager=manager, readmit_frames=30, resets=[(60, 4)])
+    other = vote_samples(samples, manager=manager, readmit_frames=30, resets=[(60, 3)])
+    assert (early.level[8:] == 3).all() and (other.level[8:] == 3).all()
+    assert (late.level[8:60] == 3).all() and (late.level[60:] == 4).all()
+
+
+def test_a_readmitted_channel_must_miscompare_anew_to_fail_again():
+    samples = constant(0, 0, 0, 5, frames=80)
+    samples[20:65] = 0
+    out = vote_samples(samples, readmit_frames=30, resets=[(60, 4)])
+    assert out.level[[7, 59, 60, 71, 72]].tolist() == [3, 3, 4, 4, 3]

@@ -6,7 +6,8 @@ from pydantic import ValidationError
 from rig import sensors
 from rig.frame import INDEX, SIGNALS, D, Ilm, new_block
 
-IDEAL = {"noise_std": 0.0, "bias_tolerance": 0.0, "scale_tolerance": 0.0, "lag_s": 0.0, "quantum": 0.0, "skew_frames": 0.0}
+ERRORS = ("noise_std", "bias_tolerance", "scale_tolerance", "lag_s", "quantum", "skew_frames")
+IDEAL = dict.fromkeys(ERRORS, 0.0)
 Q, PSI, PHI = INDEX["pitch_rate"], INDEX["heading"], INDEX["roll_angle"]
 RATE = 100.0
 

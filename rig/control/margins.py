@@ -36,6 +36,7 @@ class Loop:
     g: Matrix
     k: Matrix
     period_s: float
+    growth_1_s: float = 0.0  # a slower growth than this still counts as stable
 
     def closed(self, factors: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """System matrix of the closed loop when command j is multiplied by ``factors[j]``."""
@@ -46,6 +47,10 @@ class Loop:
         factors = np.ones(self.g.shape[1], np.complex128)
         factors[actuator] = factor
         return float(np.max(np.abs(np.linalg.eigvals(self.closed(factors)))))
+
+    def stable(self, actuator: int = 0, factor: complex = 1.0) -> bool:
+        """Whether no eigenvalue grows faster than ``growth_1_s`` with ``factor`` in one actuator's command."""
+        return self.radius(actuator, factor) < math.exp(self.growth_1_s * self.period_s)
 
     def poles(self) -> NDArray[np.complex128]:
         """Closed-loop eigenvalues in the s-plane [rad/s], those of a pure delay left out."""
@@ -95,42 +100,24 @@ def sampled_loop(
     return f, g, h
 
 
-def close_with_integrators(
-    chain: tuple[Matrix, Matrix, Matrix], proportional: Matrix, integral: Matrix, period_s: float
-) -> Loop:
-    """The loop of u = -P y - w with w+ = w + T I y+, one integrator w for each actuator.
-
-    The law first adds the newest error to the integrator and then uses it, as the kernel does.
-    """
-    f, g, h = chain
-    n, m = g.shape
-    grow = integral * period_s
-    return Loop(
-        f=np.block([[f, np.zeros((n, m))], [grow @ h, np.eye(m)]]),
-        g=np.vstack([g, np.zeros((m, m))]),
-        k=np.hstack([(proportional + grow) @ h, np.eye(m)]),
-        period_s=period_s,
-    )
-
-
 def holds(loop: Loop, actuator: int, gain_db: float, phase_deg: float) -> bool:
     """Whether the loop is stable within +-``gain_db`` and up to ``phase_deg`` at this actuator."""
     decibels = np.linspace(-gain_db, gain_db, 9)
     factors = [complex(10.0 ** (x / 20.0)) for x in decibels]
     factors += [complex(np.exp(-1j * math.radians(x))) for x in np.linspace(phase_deg, 0.0, 4)[:-1]]
-    return all(loop.radius(actuator, factor) < 1.0 for factor in factors)
+    return all(loop.stable(actuator, factor) for factor in factors)
 
 
 def margins(loop: Loop, actuator: int) -> Margins:
     """The margins at ``actuator`` (a column of G); all zero when the loop is unstable as it stands."""
-    if loop.radius() >= 1.0:
+    if not loop.stable():
         return Margins(0.0, 0.0, 0.0, 0.0)
 
     def stable_at_gain(decibel: float) -> bool:
-        return loop.radius(actuator, 10.0 ** (decibel / 20.0)) < 1.0
+        return loop.stable(actuator, 10.0 ** (decibel / 20.0))
 
     def stable_at_phase(degree: float) -> bool:
-        return loop.radius(actuator, complex(np.exp(-1j * math.radians(degree)))) < 1.0
+        return loop.stable(actuator, complex(np.exp(-1j * math.radians(degree))))
 
     return Margins(
         gain_increase_db=_first_failure(stable_at_gain, FARTHEST_GAIN_DB, 0.5),

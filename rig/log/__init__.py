@@ -1,7 +1,8 @@
 """The log: one MCAP file a flight, that any viewer reads and that is enough to fly it again."""
 
-from rig.log.reader import Log, LoggedEvent, iter_chunks, read_log
+from rig.log.reader import Log, iter_chunks, read_log
 from rig.log.recover import Recovered, recover
+from rig.log.scan import LoggedEvent
 from rig.log.schema import SCHEMA_VERSION
 from rig.log.writer import Event, LogWriter
 

@@ -13,12 +13,10 @@ from __future__ import annotations
 import struct
 import zlib
 from array import array
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-import numpy as np
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
@@ -37,29 +35,16 @@ from mcap.records import (
     SummaryOffset,
 )
 from mcap.well_known import MessageEncoding, SchemaEncoding
-from numpy.typing import NDArray
 
 from rig.frame import SIGNALS
-from rig.log.layout import ROW, STARTS
-from rig.log.schema import EVENTS, FRAME_TOPICS, SCHEMA_NAMES, TOPICS, descriptors
+from rig.log.index import EVENT_CHANNEL, Packed, index_size, message_indexes
+from rig.log.schema import FRAME_TOPICS, SCHEMA_NAMES, TOPICS, descriptors
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 LIBRARY: Final = "jsbsim-rig"
 COMPRESSION: Final = "zstd"
-EVENT_CHANNEL: Final = TOPICS.index(EVENTS) + 1
 _CHUNK_HEAD: Final = struct.Struct("<BQQQQII4sQ")
-_INDEX_HEAD: Final = 15  # bytes of a MessageIndex record before its entries of 16
 _FOOTER_HEAD: Final = struct.Struct("<BQQQ")
-
-
-class Packed(NamedTuple):
-    """One chunk, compressed, and what its indexes say of it."""
-
-    data: bytes
-    crc: int  # of the bytes before compression
-    size: int  # their number
-    times: NDArray[np.uint64]  # of its rows, ns
-    events: Sequence[tuple[int, int]]  # time in ns and offset of each event's record
 
 
 class _Kept(NamedTuple):
@@ -86,6 +71,7 @@ class Container:
     """Writes one MCAP file; every method raises OSError when the disk does not take it."""
 
     def __init__(self, path: Path) -> None:
+        self._path = path
         self._file = path.open("wb", buffering=0)  # unbuffered: a killed process loses nothing it has written
         self._offset = 0
         self._crc = 0
@@ -94,7 +80,11 @@ class Container:
         self._metadata: list[MetadataIndex] = []
         self._schemas = b"".join(map(encode, schemas()))
         self._channels = b"".join(map(encode, channels()))
-        self._put(MAGIC, encode(Header("", LIBRARY)), self._schemas, self._channels)
+        try:
+            self._put(MAGIC, encode(Header("", LIBRARY)), self._schemas, self._channels)
+        except OSError:
+            self.discard()
+            raise
         self._whole = (self._offset, self._crc)
 
     def _put(self, *parts: Any) -> None:
@@ -142,7 +132,7 @@ class Container:
             len(packed.data),
         )
         offset = self._offset
-        self._put(head, packed.data, *_message_indexes(packed))
+        self._put(head, packed.data, *message_indexes(packed))
         counts = len(packed.times), len(packed.events)
         self._chunks.extend(_Kept(start, end, offset, length, len(packed.data), packed.size, *counts))
         self._whole = (self._offset, self._crc)
@@ -173,6 +163,12 @@ class Container:
     def close(self) -> None:
         """Close the file as it is."""
         self._file.close()
+
+    def discard(self) -> None:
+        """Close the file and remove it."""
+        self._file.close()
+        if self._path.is_file():
+            self._path.unlink()
 
     def _groups(self) -> Iterator[tuple[int, Iterable[bytes]]]:
         yield Opcode.SCHEMA, [self._schemas]
@@ -211,12 +207,12 @@ class Container:
     def _chunk_indexes(self) -> Iterator[ChunkIndex]:
         for kept in self._kept():
             begin = kept.offset + kept.length
-            step = _INDEX_HEAD + 16 * kept.frames
+            step = index_size(kept.frames)
             indexes = {i + 1: begin + i * step for i in range(len(FRAME_TOPICS))} if kept.frames else {}
             length = len(indexes) * step
             if kept.events:
                 indexes[EVENT_CHANNEL] = begin + length
-                length += _INDEX_HEAD + 16 * kept.events
+                length += index_size(kept.events)
             yield ChunkIndex(
                 chunk_length=kept.length,
                 chunk_start_offset=kept.offset,
@@ -260,45 +256,3 @@ def channels() -> list[Channel]:
         )
         for i, topic in enumerate(TOPICS, 1)
     ]
-
-
-_ENTRY: Final = np.dtype([("time", "<u8"), ("offset", "<u8")])
-
-
-def _index_dtype(entries: int) -> np.dtype[Any]:
-    return np.dtype(
-        [
-            ("opcode", "u1"),
-            ("length", "<u8"),
-            ("channel", "<u2"),
-            ("bytes", "<u4"),
-            ("entries", _ENTRY, (entries,)),
-        ]
-    )
-
-
-def _indexes(channel: Any, entries: int) -> NDArray[Any]:
-    made = np.zeros(np.size(channel), _index_dtype(entries))
-    made["opcode"] = Opcode.MESSAGE_INDEX
-    made["length"] = 6 + 16 * entries
-    made["channel"] = channel
-    made["bytes"] = 16 * entries
-    return made
-
-
-@lru_cache(maxsize=2)  # all chunks of a flight are of one length but the last
-def _frame_indexes(frames: int) -> NDArray[Any]:
-    made = _indexes(np.arange(1, EVENT_CHANNEL), frames)
-    made["entries"]["offset"] = np.add.outer(STARTS, ROW * np.arange(frames))
-    return made
-
-
-def _message_indexes(packed: Packed) -> Iterator[NDArray[np.uint8]]:
-    if len(packed.times):
-        frames = _frame_indexes(len(packed.times))
-        frames["entries"]["time"] = packed.times
-        yield frames.view(np.uint8)
-    if packed.events:
-        events = _indexes(EVENT_CHANNEL, len(packed.events))
-        events["entries"][0] = np.array(packed.events, _ENTRY)
-        yield events.view(np.uint8)

@@ -1,158 +1,28 @@
 """Where every byte of a chunk lies: frames to MCAP message records and back, without a call per message.
 
-All fields of our messages are written, doubles and small integers have a fixed width, and the varints of
-time stamps are padded to one.  So the message records of one frame always have the same length and the
-same constant bytes (opcodes, lengths, channel ids, protobuf tags): the ``TEMPLATE``.  What changes is moved
-between the frame and the template by two tables of byte offsets, the same ones in both directions.
-A chunk is a run of such rows, then the records of its events.
+The message records of one frame always have the same length and the same constant bytes (opcodes,
+lengths, channel ids, protobuf tags): the ``TEMPLATE``.  What changes is moved between the frame and the
+template by two tables of byte offsets, the same ones in both directions.  A chunk is a run of such rows,
+then the records of its events.
 """
 
 from __future__ import annotations
 
-import struct
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import RigError
-from rig.frame import FLIGHT_INDEX, FRAME, TIMING, Block
+from rig.frame import FLIGHT_INDEX, FRAME, Block
 from rig.kernels import kernel
-from rig.log.schema import DOUBLE, FIXED32, FOXGLOVE, FRAME_TOPICS, MESSAGES, TOPICS, Field, Topic
-
-WORLD: Final = "world"
-AIRCRAFT: Final = "aircraft"
-MESSAGE_OPCODE: Final = 5
-HEAD: Final = struct.Struct("<BQHIQQ")  # opcode, length, channel id, sequence, log time, publish time
-
-# What a row needs that is not in FRAME or TIMING.
-DERIVED: Final = np.dtype(
-    [
-        ("log_time", "<u8"),
-        ("sequence", "<u4"),
-        ("seconds", "u1", (5,)),  # varints
-        ("nanoseconds", "u1", (5,)),
-        ("translation", "<f8", (3,)),
-        ("rotation", "<f8", (4,)),  # x, y, z, w
-        ("position", "<f8", (3,)),  # latitude and longitude in degrees, altitude in m
-    ],
-    align=True,
-)
-
-
-@dataclass(frozen=True, slots=True)
-class _Value:
-    """``width`` bytes of a source, moved into ``room`` bytes of the row (the rest stay zero)."""
-
-    source: str
-    offset: int
-    width: int
-    room: int
-
-
-_Pieces = list[bytes | _Value]
-
-
-def _size(pieces: _Pieces) -> int:
-    return sum(len(piece) if isinstance(piece, bytes) else piece.room for piece in pieces)
-
-
-def _tag(number: int, wire: int) -> bytes:
-    key = number << 3 | wire
-    return bytes([key]) if key < 128 else bytes([key & 127 | 128, key >> 7])
-
-
-def _of(source: str, dtype: np.dtype[Any], name: str, index: int = 0, room: int | None = None) -> _Value:
-    """Element ``index`` (counted through all its axes) of a field of a structured dtype."""
-    assert dtype.fields is not None
-    column, offset = dtype.fields[name][:2]
-    width = column.base.itemsize
-    return _Value(source, offset + index * width, width, room or width)
-
-
-def _derived(name: str, index: int = 0) -> _Value:
-    return _of("derived", DERIVED, name, index)
-
-
-def _payload(topic: Topic) -> _Pieces:
-    if topic.name == "/pose":
-        return _pose()
-    if topic.name == "/position":
-        return _position()
-    pieces: _Pieces = []
-    for number, field in enumerate(MESSAGES[topic.message].fields, 1):
-        pieces += [_tag(number, _WIRE.get(field.kind, 0)), _element(topic, field)]
-    return pieces
-
-
-_WIRE: Final = {DOUBLE: 1, FIXED32: 5}
-
-
-def _element(topic: Topic, field: Field) -> _Value:
-    if topic.message == "rig.Timing":
-        return _of("timing", TIMING, field.source)
-    index = field.index if topic.item is None else (topic.item, *field.index)
-    flat = int(np.ravel_multi_index(index, FRAME[field.source].shape)) if index else 0
-    return _of("frame", FRAME, field.source, flat, 4 if field.kind == FIXED32 else None)
-
-
-def _nested(number: int, pieces: _Pieces) -> _Pieces:
-    return [_tag(number, 2), bytes([_size(pieces)]), *pieces]
-
-
-def _text(number: int, text: str) -> _Pieces:
-    return _nested(number, [text.encode()])
-
-
-def _doubles(name: str, count: int) -> _Pieces:
-    return [piece for i in range(count) for piece in (_tag(i + 1, 1), _derived(name, i))]
-
-
-def _stamp(number: int) -> _Pieces:
-    """google.protobuf.Timestamp, both varints padded to five bytes."""
-    return _nested(
-        number,
-        [_tag(1, 0), *(_derived("seconds", i) for i in range(5))]
-        + [_tag(2, 0), *(_derived("nanoseconds", i) for i in range(5))],
-    )
-
-
-def _numbers(name: str) -> dict[str, int]:
-    return {field.name: field.number for field in FOXGLOVE[name].DESCRIPTOR.fields}
-
-
-def _pose() -> _Pieces:
-    number = _numbers("foxglove.FrameTransform")
-    return [
-        *_stamp(number["timestamp"]),
-        *_text(number["parent_frame_id"], WORLD),
-        *_text(number["child_frame_id"], AIRCRAFT),
-        *_nested(number["translation"], _doubles("translation", 3)),
-        *_nested(number["rotation"], _doubles("rotation", 4)),
-    ]
-
-
-def _position() -> _Pieces:
-    number = _numbers("foxglove.LocationFix")
-    pieces = [*_stamp(number["timestamp"]), *_text(number["frame_id"], AIRCRAFT)]
-    for i, name in enumerate(("latitude", "longitude", "altitude")):
-        pieces += [_tag(number[name], 1), _derived("position", i)]
-    return pieces
-
-
-def _record(topic: Topic) -> _Pieces:
-    payload = _payload(topic)
-    length = HEAD.size - 9 + _size(payload)
-    opening = struct.pack("<BQH", MESSAGE_OPCODE, length, TOPICS.index(topic) + 1)
-    times: _Pieces = [_derived("log_time"), _derived("log_time")]
-    return [opening, _derived("sequence"), *times, *payload]
-
+from rig.log.record import DERIVED, WIRE, Value, frame_record, place
+from rig.log.schema import FRAME_TOPICS, MESSAGES
 
 Moves = tuple[NDArray[np.uint64], NDArray[np.uint64]]  # of eight bytes, of one byte: rows (in source, in row)
 
 
-def _moves(source: str, placed: list[tuple[int, _Value]]) -> Moves:
+def _moves(source: str, placed: list[tuple[int, Value]]) -> Moves:
     words: list[tuple[int, int]] = []
     octets: list[tuple[int, int]] = []
     for at, value in placed:
@@ -170,10 +40,10 @@ def _lay_out() -> tuple[NDArray[np.uint8], list[int], dict[str, Moves]]:
     """The template, the offset of each topic's record in it, and the moves for each source."""
     template = bytearray()
     starts: list[int] = []
-    placed: list[tuple[int, _Value]] = []
+    placed: list[tuple[int, Value]] = []
     for topic in FRAME_TOPICS:
         starts.append(len(template))
-        for piece in _record(topic):
+        for piece in frame_record(topic):
             if isinstance(piece, bytes):
                 template += piece
             else:
@@ -226,9 +96,8 @@ def _must_be_small() -> tuple[slice, NDArray[np.uint64]]:
     """The eight-byte words of FRAME that hold its u1 fields, and the bits of them that must be zero."""
     bits = np.zeros(FRAME.itemsize, np.uint8)
     for message in MESSAGES.values():
-        for source in {field.source for field in message.fields if field.kind not in _WIRE}:
-            assert FRAME.fields is not None
-            dtype, offset = FRAME.fields[source][:2]
+        for source in {field.source for field in message.fields if field.kind not in WIRE}:
+            dtype, offset = place(FRAME, source)
             bits[offset : offset + dtype.itemsize] = 128
     words = bits.view(np.uint64)
     used = np.flatnonzero(words)
@@ -241,9 +110,9 @@ _SMALL_WORDS, _SMALL_BITS = _must_be_small()
 
 def _refuse_large(rows: Block) -> None:
     """RigError when a flag, level or enum has no place in the one byte that it is given."""
-    words = np.ascontiguousarray(rows).view(np.uint64).reshape(len(rows), -1)[:, _SMALL_WORDS]
-    if (np.bitwise_or.reduce(words, axis=0) & _SMALL_BITS).any():
-        fields = {f.source for m in MESSAGES.values() for f in m.fields if f.kind not in _WIRE}
+    words = np.ascontiguousarray(rows).view(np.uint64).reshape(len(rows), FRAME.itemsize // 8)
+    if (np.bitwise_or.reduce(words[:, _SMALL_WORDS], axis=0) & _SMALL_BITS).any():
+        fields = {f.source for m in MESSAGES.values() for f in m.fields if f.kind not in WIRE}
         named = ", ".join(sorted(name for name in fields if (rows[name] > 127).any()))
         raise RigError(
             f"frames {rows['frame'][0]} to {rows['frame'][-1]}: {named} above 127 cannot be logged"
@@ -292,7 +161,8 @@ def _derive(rows: Block, times: NDArray[np.uint64]) -> NDArray[Any]:
     seconds, nanoseconds = np.divmod(times, np.uint64(1_000_000_000))
     derived["seconds"] = _varints(seconds)
     derived["nanoseconds"] = _varints(nanoseconds)
-    _world_axes(rows["flight"], derived)
+    with np.errstate(all="ignore"):  # a flight that ends not finite is logged as it is
+        _world_axes(rows["flight"], derived)
     return derived
 
 

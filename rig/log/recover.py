@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Final
 
 from rig.errors import BadLog, RigError
-from rig.log.container import Container, Packed
+from rig.log.container import Container
+from rig.log.index import Packed
 from rig.log.layout import log_times
-from rig.log.reader import About, Damaged, Part, iter_parts
+from rig.log.scan import About, Damaged, Part, iter_parts
 from rig.log.writer import RESULT, RIG
 
 RECOVERED: Final = "recovered"  # name of the metadata record that says so
@@ -23,6 +24,7 @@ class Recovered:
     frames: int
     last_time_s: float  # of the last frame; 0 when there is none
     complete: bool
+    lost_bytes: int  # of the file, after its last whole record
     damage: str  # what was wrong, one line; empty when complete
 
 
@@ -38,13 +40,13 @@ def recover(path: Path | str, out: Path | str) -> Recovered:
         for part in iter_parts(path, about):
             tally.add(part)
     except Damaged as error:
-        damage = str(error).removeprefix(f"{path}: ").split(";")[0]
+        damage, lost = error.what, path.stat().st_size - error.at
     else:
-        return Recovered(tally.frames, tally.last / about.rate_hz, complete=True, damage="")
+        return Recovered(tally.frames, tally.last / about.rate_hz, complete=True, lost_bytes=0, damage="")
     if not about.metadata:
         raise BadLog(f"{path}: {damage}, before its metadata: nothing can be recovered")
     _write(path, out, about, damage)
-    return Recovered(tally.frames, tally.last / about.rate_hz, complete=False, damage=damage)
+    return Recovered(tally.frames, tally.last / about.rate_hz, complete=False, lost_bytes=lost, damage=damage)
 
 
 @dataclass(slots=True)
@@ -62,21 +64,27 @@ def _write(path: Path, out: Path, about: About, damage: str) -> None:
     beside = out.with_name(out.name + ".part")
     try:
         file = Container(beside)
-        file.metadata(RIG, about.metadata)
-        for name, data in about.attachments.items():
-            file.attachment(name, data)
-        with suppress(Damaged):  # the damage that brought us here
-            for part in iter_parts(path, About()):
-                file.chunk(_packed(part, about.rate_hz))
-        file.metadata(RECOVERED, {"damage": damage})
-        if about.result is not None:
-            file.metadata(RESULT, about.result)
-        file.finish()
+        try:
+            _copy(path, file, about, damage)
+        except OSError:
+            file.discard()
+            raise
         beside.replace(out)
     except OSError as error:
-        with suppress(OSError):
-            beside.unlink(missing_ok=True)
         raise RigError(f"{out}: cannot be written: {error.strerror}") from None
+
+
+def _copy(path: Path, file: Container, about: About, damage: str) -> None:
+    file.metadata(RIG, about.metadata)
+    for name, data in about.attachments.items():
+        file.attachment(name, data)
+    with suppress(Damaged):  # the damage that brought us here
+        for part in iter_parts(path, About()):
+            file.chunk(_packed(part, about.rate_hz))
+    file.metadata(RECOVERED, {"damage": damage})
+    if about.result is not None:
+        file.metadata(RESULT, about.result)
+    file.finish()
 
 
 def _packed(part: Part, rate_hz: float) -> Packed:

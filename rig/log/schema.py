@@ -120,11 +120,11 @@ class Topic:
 def _fields(source: str, names: tuple[str, ...] | None = None) -> Iterator[Field]:
     """The message fields of one FRAME field; ``names`` of its elements, else they are numbered from 1."""
     dtype = FRAME[source]
+    if dtype.base not in (np.dtype("f8"), np.dtype("u1")):
+        raise TypeError(f"frame field {source}: {dtype.base} has no place in the log, f8 and u1 have")
     enum = _ENUMS.get(source)
-    if dtype.base == np.dtype("f8"):
-        kind = DOUBLE
-    else:
-        kind = ENUM if enum else _SMALL.get(source, FIXED32)
+    whole = ENUM if enum else _SMALL.get(source, FIXED32)
+    kind = DOUBLE if dtype.base == np.dtype("f8") else whole
     stem = source.removeprefix("discrete_")
     stem = _SHORT.get(stem, stem)
     shape = dtype.shape if names else dtype.shape[1:]

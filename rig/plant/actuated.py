@@ -8,19 +8,17 @@ aircraft's folder is copied from the installed JSBSim into the cache and there i
     throttle 0..1 -> limits          -> lag -> rate limit -> every engine
 
 JSBSim's normalised commands (``fcs/elevator-cmd-norm`` and so on) carry **radians** here, so that
-trim, linearisation and flight share one input.  JSBSim ends the whole process when an equation
-reads a property that nobody has declared; that is found here, before it sees the file.
+trim, linearisation and flight share one input.  With the copy goes a list of the properties that
+its equations read: JSBSim ends the whole process when one of them is missing.
 """
 
 from __future__ import annotations
 
 import hashlib
-import os
-import re
 import shutil
 import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from rig.errors import BadInput, RigError
@@ -32,28 +30,32 @@ THROTTLE_POSITION = "rig/throttle-position"  # 0 to 1, after the actuator
 _DROPPED = ("flight_control", "autopilot", "system", "external_reactions", "input", "output")
 _SHAPING = {"base_model", "cg_x_shift_m", "elevator", "aileron", "rudder", "throttle", "properties"}
 _METRES = {"M": 1.0, "FT": 0.3048, "IN": 0.0254}
-_READS = ("property", "p", "independentVar")
-# Created by JSBSim itself while it loads the parts that they describe.
-_INDEXED = re.compile(r"^(propulsion/(engine|tank)|gear/unit|contact/unit|inertia/pointmass-\w+)\b")
+_READERS = ("property", "p", "independentVar")
+_READS_FILE = "reads.txt"
 
 
-def folder(airframe: Config, root: Path, known: Callable[[str], bool]) -> Path:
+def folder(airframe: Config, root: Path) -> Path:
     """The aircraft folder to give to JSBSim, made when the cache has none.
 
-    root  : the installed JSBSim's data (aircraft, engine, systems)
-    known : whether JSBSim has a property of that name before any aircraft is loaded
-    Raises BadInput: no such base model, or an equation reads an undeclared property.
+    root : the installed JSBSim's data (aircraft, engine, systems)
+    Raises BadInput: no such base model, or one that our actuators do not fit.
     """
     source = root / "aircraft" / airframe.base_model
     model = source / f"{airframe.base_model}.xml"
     if not model.is_file():
         raise BadInput(f"airframe.base_model: JSBSim has no aircraft {airframe.base_model!r}")
     target = cache_root() / "airframes" / _key(airframe, source)
-    if not (target / source.name / model.name).is_file():
+    if not (target / _READS_FILE).is_file():
         tree = _actuated(ET.parse(model).getroot(), airframe)
-        _check_properties(tree, airframe, root, source, known)
-        _publish(tree, source, target)
+        reads = sorted(_reads(tree, root, source))
+        _check_positions(airframe, reads)
+        _publish(tree, reads, source, target)
     return target
+
+
+def reads(folder: Path) -> list[str]:
+    """The properties that the equations of this folder's aircraft and engines read."""
+    return (folder / _READS_FILE).read_text(encoding="utf-8").split()
 
 
 def _key(airframe: Config, source: Path) -> str:
@@ -65,15 +67,16 @@ def _key(airframe: Config, source: Path) -> str:
     return digest.hexdigest()[:24]
 
 
-def _publish(tree: ET.Element, source: Path, target: Path) -> None:
+def _publish(tree: ET.Element, reads: list[str], source: Path, target: Path) -> None:
     """Write beside, then rename: another process either sees all of it or nothing."""
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         draft = Path(tempfile.mkdtemp(prefix=".draft-", dir=target.parent))
         shutil.copytree(source, draft / source.name)
         ET.ElementTree(tree).write(draft / source.name / f"{source.name}.xml", encoding="utf-8")
+        (draft / _READS_FILE).write_text("\n".join(reads), encoding="utf-8")
         try:
-            os.rename(draft, target)
+            draft.rename(target)
         except OSError:
             shutil.rmtree(draft)
             if not target.is_dir():  # else another process was faster, with the same result
@@ -87,6 +90,8 @@ def _actuated(tree: ET.Element, airframe: Config) -> ET.Element:
         tree.remove(child)
     _shift_cg(tree, airframe.cg_x_shift_m)
     engines = len(tree.findall("propulsion/engine"))
+    if not engines:
+        raise BadInput(f"airframe.base_model: {airframe.base_model} has no engine")
     places = [i for i, child in enumerate(tree) if child.tag == "aerodynamics"]
     tree.insert(places[0] if places else len(tree), _flight_control(airframe, engines))
     return tree
@@ -96,7 +101,7 @@ def _shift_cg(tree: ET.Element, shift_m: float) -> None:
     location = tree.find("mass_balance/location[@name='CG']")
     x = None if location is None else location.find("x")
     if location is None or x is None:
-        raise BadInput("airframe.base_model: its mass_balance has no CG location")
+        raise BadInput("airframe.base_model: its mass balance names no CG location")
     metres = _METRES[location.get("unit", "IN")]
     x.text = repr(float(x.text or 0.0) + shift_m / metres)
 
@@ -150,53 +155,29 @@ def _actuator(channel: ET.Element, name: str, source: str, lag_s: float, rate: f
     return actuator
 
 
-def _check_properties(
-    tree: ET.Element, airframe: Config, root: Path, source: Path, known: Callable[[str], bool]
-) -> None:
-    for name in airframe.properties:
-        if known(name):
-            raise BadInput(
-                f"airframe.properties: {name!r} is JSBSim's own; only what it lacks is declared here"
-            )
-    parts = [tree, *_parts_in_files(tree, root, source)]
-    declared = {name for part in parts for name in _declared(part)}
-    for part in parts:
-        for name in _read(part):
-            if name not in declared and not _INDEXED.match(name) and not known(name):
-                raise BadInput(
-                    f"airframe.properties: {source.name} reads {name!r}, which neither JSBSim nor our "
-                    "actuators provide; declare it with a constant value"
-                )
+def _check_positions(airframe: Config, reads: list[str]) -> None:
+    for name in ("elevator", "aileron", "rudder"):
+        position = getattr(airframe, name).position
+        if position not in reads:
+            raise BadInput(f"airframe.{name}.position: {airframe.base_model} does not read {position!r}")
 
 
-def _parts_in_files(tree: ET.Element, root: Path, source: Path) -> Iterator[ET.Element]:
+def _reads(tree: ET.Element, root: Path, source: Path) -> set[str]:
+    engines = len(tree.findall("propulsion/engine"))
+    names: set[str] = set()
+    for part in (*(child for child in tree if child.tag != "flight_control"), *_files(tree, root, source)):
+        for element in part.iter():
+            if element.tag in _READERS and element.text and element.text.strip():
+                name = element.text.strip().lstrip("-")
+                names.update(name.replace("#", str(engine)) for engine in range(engines))
+    return names
+
+
+def _files(tree: ET.Element, root: Path, source: Path) -> Iterator[ET.Element]:
     """Engines and thrusters, and any other part that the model keeps in a file of its own."""
-    for part in tree.iter():
-        name = part.get("file")
-        for folder in (source, source / "Engines", source / "Engine", root / "engine", root / "systems"):
-            path = folder / f"{name}.xml"
-            if name and path.is_file():
+    places = (source, source / "Engines", source / "Engine", root / "engine")
+    for name in {element.get("file") for element in tree.iter() if element.get("file")}:
+        for path in (place / f"{name}.xml" for place in places):
+            if path.is_file():
                 yield ET.parse(path).getroot()
                 break
-
-
-def _read(part: ET.Element) -> Iterator[str]:
-    for element in part.iter():
-        if element.tag in _READS and element.text and "value" not in element.attrib:
-            name = element.text.strip().lstrip("-")
-            if name and "#" not in name:  # '#' stands for the engine's number
-                yield name.replace("[0]", "")
-
-
-def _declared(part: ET.Element) -> Iterator[str]:
-    for control in part.findall("flight_control"):
-        for element in control.iter():
-            if element.tag == "property" and element.text:
-                yield element.text.strip()
-            elif element.tag == "output" and element.text:
-                yield element.text.strip().replace("[0]", "")
-            elif element.get("name"):
-                yield str(element.get("name"))
-    for function in part.iter("function"):
-        if function.get("name"):
-            yield str(function.get("name"))

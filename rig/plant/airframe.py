@@ -85,6 +85,12 @@ class Config(Settings):
             raise ValueError("flight points must have different names")
         return self
 
+    @property
+    def surface_limits(self) -> list[tuple[float, float]]:
+        """Lowest and highest position of every actuator, in the order of frame.SURFACES."""
+        surfaces = (self.elevator, self.aileron, self.rudder)
+        return [*((surface.min_rad, surface.max_rad) for surface in surfaces), (0.0, 1.0)]
+
     def point(self, name: str | None = None) -> FlightPoint:
         """The flight point of that name, the first when None; BadInput when there is none."""
         for point in self.flight_points:

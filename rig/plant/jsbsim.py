@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import struct
 from functools import cache
+from math import atan2, degrees, hypot
 from pathlib import Path
 from typing import Final
 
@@ -74,41 +75,70 @@ def load(
     airframe: Config,
     flight_point: FlightPoint,
     dt_s: float,
-    wind_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    wind_m_s: wind.Velocity = wind.CALM,
 ) -> jsbsim.FGFDMExec:
     """A fresh JSBSim trimmed in level flight at ``flight_point``, heading north.
 
     dt_s     : JSBSim's own step
-    wind_m_s : steady wind, towards north, east and down
+    wind_m_s : steady wind, towards north and east; the trim holds in it (down is left out)
     The trim stays in ``fcs/elevator-cmd-norm``, ``aileron-``, ``rudder-`` (rad) and
     ``throttle-cmd-norm`` (0 to 1); the trim commands are zero.  Writes nothing but the cache.
     Raises BadInput: unknown base model, undeclared property, or no trim at this point.
     """
     fdm = _executive()
+    for name in airframe.properties:
+        if fdm.get_property_manager().hasNode(name):
+            raise BadInput(f"airframe.properties: {name!r} is JSBSim's own and cannot be declared")
     root = Path(jsbsim.get_default_root_dir())
-    folder = actuated.folder(airframe, root, fdm.get_property_manager().hasNode)
+    folder = actuated.folder(airframe, root)
     # Before loading: filters freeze the step that they are loaded with.
     fdm.set_dt(dt_s)
     paths = (str(folder), str(root / "engine"), str(root / "systems"))
     if not fdm.load_model_with_paths(airframe.base_model, *paths, True):
         raise RigError(f"airframe.base_model: JSBSim could not load {airframe.base_model!r} from {folder}")
+    _check_properties(fdm, airframe, actuated.reads(folder))
     _begin(fdm, airframe, flight_point, wind_m_s)
     _trim(fdm, airframe, flight_point)
     return fdm
 
 
-def _begin(fdm: jsbsim.FGFDMExec, airframe: Config, point: FlightPoint, wind_m_s: tuple[float, ...]) -> None:
-    for axis, speed in zip(("north", "east", "down"), wind_m_s, strict=True):
-        fdm[f"ic/vw-{axis}-fps"] = speed * FEET_PER_METRE
+def _check_properties(fdm: jsbsim.FGFDMExec, airframe: Config, reads: list[str]) -> None:
+    """Refuse an aircraft whose equations read what nobody provides, before anything evaluates them."""
+    has = fdm.get_property_manager().hasNode
+    missing = [name for name in reads if not has(name)]
+    for name in missing:
+        fdm[name] = 0.0  # else JSBSim would abort the process even when it is discarded
+    if missing:
+        raise BadInput(
+            f"airframe.properties: {airframe.base_model} reads {missing[0]!r}, which is missing; "
+            "declare it with a constant value"
+        )
+
+
+def _begin(fdm: jsbsim.FGFDMExec, airframe: Config, point: FlightPoint, wind_m_s: wind.Velocity) -> None:
     fdm["ic/h-sl-ft"] = point.altitude_m * FEET_PER_METRE
     fdm["ic/mach"] = point.mach
     fdm["ic/gamma-deg"] = 0.0
+    _set_wind(fdm, wind_m_s[0] * FEET_PER_METRE, wind_m_s[1] * FEET_PER_METRE)
     fdm["gear/gear-cmd-norm"] = 0.0
     fdm["gear/gear-pos-norm"] = 0.0
     fdm["propulsion/fuel_freeze"] = float(airframe.freeze_fuel)
     fdm["propulsion/set-running"] = -1
     fdm.run_ic()
     fdm["propulsion/set-running"] = -1
+
+
+def _set_wind(fdm: jsbsim.FGFDMExec, north_fps: float, east_fps: float) -> None:
+    """Wind that leaves the airspeed as it is: JSBSim holds the ground speed while wind is set.
+
+    The order matters: without a magnitude JSBSim forgets the direction, which is where the air goes to.
+    """
+    if north_fps == 0.0 and east_fps == 0.0:
+        return
+    fdm["ic/vn-fps"] = fdm["ic/vt-fps"] + north_fps
+    fdm["ic/ve-fps"] = east_fps
+    fdm["ic/vw-mag-fps"] = hypot(north_fps, east_fps)
+    fdm["ic/vw-dir-deg"] = degrees(atan2(east_fps, north_fps))
 
 
 def _trim(fdm: jsbsim.FGFDMExec, airframe: Config, point: FlightPoint) -> None:

@@ -180,7 +180,7 @@ def _air_data(truth: NDArray[np.float64], now: Any) -> None:
 
 @kernel
 def _attitude(truth: NDArray[np.float64], flight: NDArray[np.float64], now: Any) -> None:
-    """Roll in (-pi, pi], heading in [0, 2 pi), and the quaternion that turns body axes to north-east-down."""
+    """Roll in (-pi, pi], heading in [0, 2 pi); quaternion (w >= 0) from body axes to north-east-down."""
     theta, phi, psi = now["theta_rad"], now["phi_rad"], now["psi_rad"]
     if phi > pi:
         phi -= TWO_PI
@@ -194,10 +194,12 @@ def _attitude(truth: NDArray[np.float64], flight: NDArray[np.float64], now: Any)
     c_t, s_t = cos(0.5 * theta), sin(0.5 * theta)
     c_p, s_p = cos(0.5 * phi), sin(0.5 * phi)
     c_y, s_y = cos(0.5 * psi), sin(0.5 * psi)
-    flight[_QUATERNION] = c_p * c_t * c_y + s_p * s_t * s_y
-    flight[_QUATERNION + 1] = s_p * c_t * c_y - c_p * s_t * s_y
-    flight[_QUATERNION + 2] = c_p * s_t * c_y + s_p * c_t * s_y
-    flight[_QUATERNION + 3] = c_p * c_t * s_y - s_p * s_t * c_y
+    w = c_p * c_t * c_y + s_p * s_t * s_y
+    sign = -1.0 if w < 0.0 else 1.0  # of the two that mean the same turn, so that north is no jump
+    flight[_QUATERNION] = sign * w
+    flight[_QUATERNION + 1] = sign * (s_p * c_t * c_y - c_p * s_t * s_y)
+    flight[_QUATERNION + 2] = sign * (c_p * s_t * c_y + s_p * c_t * s_y)
+    flight[_QUATERNION + 3] = sign * (c_p * c_t * s_y - s_p * s_t * c_y)
 
 
 @kernel

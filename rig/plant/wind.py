@@ -3,10 +3,13 @@
 Wind is where the air goes to: north, east and down, in m/s.  Turbulence is JSBSim's Dryden model
 after MIL-F-8785C (its Tustin form), seeded, so that a flight can be repeated bit for bit.
 
-Standard deviation of its vertical gust, measured over ten minutes (m/s), by altitude:
+Standard deviation of each component in m/s, measured over 20 minutes, by altitude, and the chance
+of meeting more (MIL-F-8785C, figure 7):
 
-    level     3 km   6 km   9 km   10.7 km   chance of meeting more (MIL-F-8785C, figure 7)
-    light      ?
+    level       1 km   3 km   6 km   9 km   10.7 km   chance
+    light       2.2    1.8    1.1    0.5    0.1       1e-2
+    moderate    3.2    2.9    2.2    1.8    1.5       1e-3
+    severe      6.6    7.0    6.4    5.5    4.9       1e-5
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ from rig.settings import Settings
 
 Turbulence = Literal["none", "light", "moderate", "severe"]
 Velocity = tuple[float, float, float]  # north, east, down, m/s
+CALM: Final[Velocity] = (0.0, 0.0, 0.0)
 
 
 class Severity(NamedTuple):
@@ -64,7 +68,10 @@ class Gust(Settings):
 
 
 class Config(Settings):
-    """The ``[wind]`` table of a scenario; the aircraft is trimmed in the steady part."""
+    """The ``[wind]`` table of a scenario.
+
+    The aircraft is trimmed in the steady horizontal wind; all the rest acts from the first step on.
+    """
 
     north_m_s: float = 0.0
     east_m_s: float = 0.0
@@ -79,8 +86,8 @@ class Config(Settings):
 
 
 def added(config: Config, time_s: float) -> Velocity:
-    """What steps and gusts add to the steady wind at this time of the flight."""
-    north = east = down = 0.0
+    """What is added to the steady horizontal wind at this time of the flight: down, steps and gusts."""
+    north, east, down = 0.0, 0.0, config.down_m_s
     for step in config.steps:
         if step.start_s <= time_s and (step.end_s is None or time_s < step.end_s):
             north, east, down = north + step.north_m_s, east + step.east_m_s, down + step.down_m_s

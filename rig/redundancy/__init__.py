@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rig.frame import Block
 from rig.redundancy.baselines import CrossVoter, Mean
-from rig.redundancy.config import Config, SignalConfig, parameters
+from rig.redundancy.config import Config, SignalConfig, parameters, reset_table
 from rig.redundancy.discrete import DiscreteVoter
 from rig.redundancy.manager import CrossChannel
 
@@ -23,7 +23,8 @@ class Redundancy:
         self, config: Config, ranges: NDArray[np.float64], channels: NDArray[np.int64], rate_hz: float
     ) -> None:
         """``ranges`` (S, 2) and ``channels`` (S,) are those of the sensors."""
-        self.manager = MANAGERS[config.manager](parameters(config.signals, ranges, channels, rate_hz))
+        params = parameters(config.signals, ranges, channels, rate_hz)
+        self.manager = MANAGERS[config.manager](params, reset_table(config.resets, rate_hz))
         self.discretes = DiscreteVoter(config.discrete_persistence)
 
     def step(self, block: Block, k: int) -> None:

@@ -13,14 +13,14 @@ from rig.angles import limit
 from rig.frame import CHANNELS, Block
 from rig.kernels import kernel
 from rig.redundancy.compare import LOST, NORMAL, rank
-from rig.redundancy.manager import latch, new_state, publish, report
+from rig.redundancy.manager import NO_RESETS, latch, new_state, obey, publish, report, watch_failed
 from rig.redundancy.vote import median
 
 
 class Mean:
-    """The arithmetic mean of every channel that says something; nobody is ever failed."""
+    """The arithmetic mean of every channel that says something; nobody is ever failed, so resets do nothing."""
 
-    def __init__(self, params: NDArray[np.void]) -> None:
+    def __init__(self, params: NDArray[np.void], resets: NDArray[np.void] = NO_RESETS) -> None:
         self.params = params
         self.state = new_state(params)
 
@@ -32,13 +32,14 @@ class Mean:
 class CrossVoter:
     """Median vote; a channel that is off the vote for ``persistence`` frames is failed."""
 
-    def __init__(self, params: NDArray[np.void]) -> None:
+    def __init__(self, params: NDArray[np.void], resets: NDArray[np.void] = NO_RESETS) -> None:
         self.params = params
+        self.resets = resets
         self.state = new_state(params)
 
     def step(self, block: Block, k: int) -> None:
         """Vote and monitor every signal of row k."""
-        cross_voter(block, k, self.params, self.state)
+        cross_voter(block, k, self.params, self.state, self.resets)
 
 
 @kernel
@@ -55,9 +56,10 @@ def average(block, k, params, state):
 
 
 @kernel
-def cross_voter(block, k, params, state):
+def cross_voter(block, k, params, state, resets):
     """Row k: the median of the channels in use; each is then compared with it instead of with each other."""
     row = block[k]
+    obey(row["frame"], resets, params, state)
     for s in range(len(params)):
         p, st = params[s], state[s]
         n = ranked(row, s, p, st)
@@ -82,15 +84,14 @@ def ranked(row, s, p, st):
     if base != base:
         base = 0.0
     valid, failed = row["valid"][s], st["failed"]
-    return rank(
-        samples, valid, failed, p["fitted"], p["low"], p["high"], p["wraps"], base, st["x"], st["order"]
-    )
+    return rank(samples, valid, failed, p["fitted"], p["low"], p["high"], p["wraps"], base, st["x"], st["order"])
 
 
 @kernel
 def finish(row, s, voted, n, p, st):
     """Latch, publish and report signal s of a row."""
     st["pattern"] = NORMAL if n > 0 else LOST
+    watch_failed(row["channels"][s], row["valid"][s], voted, p, st)
     latch(False, p, st)
     publish(voted, p, st)
     row["voted"][s] = st["output"]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, create_model, field_validator
 
-from rig.frame import SIGNALS, Resolver, S
+from rig.frame import CHANNELS, INDEX, SIGNALS, Resolver, S, to_frame
 from rig.settings import Settings
 
 ResolverName = Literal["ilm", "trend", "reference"]
@@ -35,12 +36,32 @@ class SignalConfig(Settings):
         return resolvers
 
 
+_FIELDS: dict[str, Any] = {signal.name: (SignalConfig, ...) for signal in SIGNALS}
 SignalConfigs = create_model(
-    "SignalConfigs",
-    __base__=Settings,
-    __doc__="One SignalConfig for every signal of the frame.",
-    **{signal.name: (SignalConfig, ...) for signal in SIGNALS},  # pyright: ignore[reportArgumentType]  # fields
+    "SignalConfigs", __base__=Settings, __doc__="One SignalConfig for every signal of the frame.", **_FIELDS
 )
+
+
+class Reset(Settings):
+    """A reset command: failed channels that have agreed long enough are readmitted, the others stay out."""
+
+    at_s: float = Field(ge=0)
+    signal: str
+    channels: list[int] = Field(default=[1, 2, 3, 4], min_length=1)
+
+    @field_validator("signal")
+    @classmethod
+    def _known(cls, name: str) -> str:
+        if name not in INDEX:
+            raise ValueError(f"unknown signal, allowed: {', '.join(INDEX)}")
+        return name
+
+    @field_validator("channels")
+    @classmethod
+    def _numbered(cls, channels: list[int]) -> list[int]:
+        if any(not 1 <= channel <= CHANNELS for channel in channels):
+            raise ValueError(f"channels are numbers from 1 to {CHANNELS}, got {channels}")
+        return channels
 
 
 class Config(Settings):
@@ -48,6 +69,7 @@ class Config(Settings):
 
     manager: Literal["cross-channel", "mean", "cross-voter"] = "cross-channel"
     discrete_persistence: int = Field(default=8, ge=1)
+    resets: list[Reset] = []
     signals: SignalConfigs  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
 
 
@@ -69,6 +91,18 @@ PARAMS: Final = np.dtype(
     ],
     align=True,
 )
+
+
+RESETS: Final = np.dtype([("frame", "i8"), ("signal", "i8"), ("channel", "u1", (CHANNELS,))], align=True)
+
+
+def reset_table(resets: Sequence[Reset], rate_hz: float) -> NDArray[np.void]:
+    """The commands as RESETS records; each acts in the first frame at or after its time."""
+    table = np.zeros(len(resets), RESETS)
+    for row, reset in zip(table, resets, strict=True):
+        row["frame"], row["signal"] = to_frame(reset.at_s, rate_hz), INDEX[reset.signal]
+        row["channel"][np.array(reset.channels) - 1] = 1
+    return table
 
 
 def parameters(

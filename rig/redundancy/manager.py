@@ -17,6 +17,7 @@ from rig.frame import CHANNELS, Block, Resolver, State
 from rig.kernels import kernel
 from rig.redundancy import resolve, trend, vote
 from rig.redundancy.compare import LOST, P1_1, P1_1_1, P1_1_1_1, P2_2, classify, is_singular, rank
+from rig.redundancy.config import RESETS
 
 STATE: Final = np.dtype(
     [
@@ -49,6 +50,7 @@ STATE: Final = np.dtype(
     ],
     align=True,
 )
+NO_RESETS: Final = np.zeros(0, RESETS)
 _OK, _SUSPECT, _FAILED, _ABSENT = (int(s) for s in (State.OK, State.SUSPECT, State.FAILED, State.ABSENT))
 _NONE, _UNRESOLVED = int(Resolver.NONE), int(Resolver.UNRESOLVED)
 _EXTREMES, _MIDDLE = int(Resolver.EXTREMES), int(Resolver.MIDDLE)
@@ -65,22 +67,26 @@ def new_state(params: NDArray[np.void]) -> NDArray[np.void]:
 class CrossChannel:
     """The manager of the continuous signals.  ``state`` is plain data and can be copied."""
 
-    def __init__(self, params: NDArray[np.void]) -> None:
+    def __init__(self, params: NDArray[np.void], resets: NDArray[np.void] = NO_RESETS) -> None:
+        """``params`` (S,) config.PARAMS; ``resets`` config.RESETS, the commands of the flight."""
         self.params = params
+        self.resets = resets
         self.state = new_state(params)
 
     def step(self, block: Block, k: int) -> None:
         """Vote and monitor every signal of row k."""
-        manage(block, k, self.params, self.state)
+        manage(block, k, self.params, self.state, self.resets)
 
 
 @kernel
-def manage(block, k, params, state):
+def manage(block, k, params, state, resets):
     """Write voted, state, level, pattern, resolver, trend bytes and reference_usable of row k.
 
     block : FRAME records; params, state : one config.PARAMS and one STATE record per signal
+    resets : config.RESETS records, obeyed in their frame
     """
     row = block[k]
+    obey(row["frame"], resets, params, state)
     channels, valid, ilm = row["channels"], row["valid"], row["ilm"]
     voted, reference, states = row["voted"], row["reference"], row["state"]
     for s in range(len(params)):
@@ -88,7 +94,8 @@ def manage(block, k, params, state):
         resolver = manage_signal(channels[s], valid[s], ilm[s], reference[s], p, st)
         voted[s] = st["output"]
         row["level"][s], row["pattern"][s] = st["level"], st["pattern"]
-        row["resolver"][s], row["reference_usable"][s] = resolver, st["reference_usable"]
+        row["resolver"][s] = resolver
+        row["reference_usable"][s] = st["reference_usable"] if reference[s] == reference[s] else 0
         row["trend_high"][s], row["trend_low"][s] = st["trend_high"], st["trend_low"]
         report(p, st, states[s])
 
@@ -136,7 +143,7 @@ def decide(ilm, reference, n, p, st):
     if pattern == P1_1_1:
         blamed[order[0]] = blamed[order[2]] = 1
         return _MIDDLE, x[order[1]]
-    if pattern == P2_2 or pattern == P1_1:
+    if pattern in (P2_2, P1_1):
         return settle(ilm, reference, n, p, st)
     weight = 0.5
     if p["weighted"] != 0:
@@ -241,7 +248,7 @@ def publish(raw, p, st):
 @kernel
 def monitor_reference(raw, reference, n, p, st):
     """A reference that left a healthy vote for ``persistence`` frames is unusable until it has agreed as long."""
-    if n < 2 or is_singular(st["pattern"]):
+    if n < 2 or is_singular(st["pattern"]) or reference != reference:
         return
     off = abs(difference(raw, reference, p["wraps"]))
     agrees = 1 if off <= p["reference_threshold"] else 0
@@ -256,6 +263,23 @@ def watch_failed(samples, valid, raw, p, st):
     for c in range(p["fitted"]):
         near = valid[c] != 0 and abs(difference(samples[c], raw, p["wraps"])) <= p["threshold"]
         st["agreed"][c] = st["agreed"][c] + 1 if st["failed"][c] != 0 and near else 0
+
+
+@kernel
+def obey(frame, resets, params, state):
+    """Carry out the reset commands of this frame."""
+    for i in range(len(resets)):
+        if resets[i]["frame"] == frame:
+            s = resets[i]["signal"]
+            readmit(resets[i]["channel"], params[s], state[s])
+
+
+@kernel
+def readmit(commanded, p, st):
+    """Clear the failures of the commanded channels that have agreed with the vote for ``readmit_frames``."""
+    for c in range(p["fitted"]):
+        if commanded[c] != 0 and st["failed"][c] != 0 and st["agreed"][c] >= p["readmit_frames"]:
+            st["failed"][c] = st["count"][c] = 0
 
 
 @kernel

@@ -7,6 +7,8 @@ the stream and the opened log:
     /control, /demand, /flight         rig.Control:message, ...
     /pose, /position, /events          Transform3D, GeoPoints, TextLog
 
+and, for the viewer alone, /deviation/<name> (see deviation.py) and the figure of an aircraft.
+
 Each field of FRAME has one place in one struct, so a signal or a command added there appears by itself.
 """
 
@@ -14,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import IntEnum
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
@@ -39,6 +41,7 @@ from rig.frame import (
     Resolver,
     State,
 )
+from rig.view import deviation
 
 TIMELINE: Final = "message_log_time"  # the importer's name for the log time of a message
 WORLD: Final = "world"
@@ -119,14 +122,27 @@ def send_block(
     Measured with blocks of 100 frames: see docs/viewer.md.  Rerun reports trouble with a sink in its own
     log, not as an exception.
     """
-    time = [_time(rows["frame"], rate_hz)]
+    time = [time_column(np.rint(rows["frame"] * (1e9 / rate_hz)))]
     for entity in ENTITIES:
-        shown = {"message": struct(rows, entity)}
-        columns = rr.DynamicArchetype.columns(archetype=entity.archetype, components=shown)
-        rr.send_columns(entity.path, time, columns, recording=recording)
+        send_structs(recording, entity.path, entity.archetype, time, struct(rows, entity))
+    for i, signal in enumerate(SIGNALS):
+        shown = deviation.from_rows(rows, i)
+        send_structs(recording, deviation.path(signal), deviation.ARCHETYPE, time, shown)
     _send_place(recording, rows, time)
     if events:
         _send_events(recording, events, rate_hz)
+
+
+def send_structs(
+    recording: rr.RecordingStream,
+    path: str,
+    archetype: str,
+    time: Sequence[rr.TimeColumn],
+    structs: pa.StructArray,
+) -> None:
+    """One batch of structs as the component <archetype>:message of the entity ``path``."""
+    columns = rr.DynamicArchetype.columns(archetype=archetype, components={"message": structs})
+    rr.send_columns(path, time, columns, recording=recording)
 
 
 def send_aircraft(recording: rr.RecordingStream) -> None:
@@ -176,10 +192,21 @@ def struct(rows: Block, entity: Entity) -> pa.StructArray:
 def _array(source: str, values: NDArray[Any]) -> pa.Array:
     values = np.ascontiguousarray(values)
     if source in _ENUMS:
-        return _enum_table(_ENUMS[source]).take(pa.array(values))
+        return _members(_ENUMS[source], values)
     if source in _FLAGS:
         return pa.array(values != 0)
     return pa.array(values if values.dtype == np.float64 else values.astype(np.uint32))
+
+
+def _members(enum: type[IntEnum], values: NDArray[np.uint8]) -> pa.StructArray:
+    if len(values) and (values == values[0]).all():  # nearly always, and ten times as fast
+        return _unchanging(enum, int(values[0]), len(values))
+    return _enum_table(enum).take(pa.array(values))
+
+
+@lru_cache(maxsize=256)
+def _unchanging(enum: type[IntEnum], value: int, rows: int) -> pa.StructArray:
+    return _enum_table(enum).take(pa.array([value] * rows))
 
 
 @cache
@@ -191,10 +218,9 @@ def _enum_table(enum: type[IntEnum]) -> pa.StructArray:
     )
 
 
-def _time(frames: NDArray[np.int64], rate_hz: float) -> rr.TimeColumn:
-    """Simulation time, to the nanosecond that the log writes."""
-    nanoseconds = np.rint(frames * (1e9 / rate_hz)).astype("timedelta64[ns]")
-    return rr.TimeColumn(TIMELINE, duration=nanoseconds)
+def time_column(nanoseconds: NDArray[Any]) -> rr.TimeColumn:
+    """Simulation time, as the log has it."""
+    return rr.TimeColumn(TIMELINE, duration=nanoseconds.astype("timedelta64[ns]"))
 
 
 def _send_place(recording: rr.RecordingStream, rows: Block, time: list[rr.TimeColumn]) -> None:
@@ -226,7 +252,7 @@ def east_north_up(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _send_events(recording: rr.RecordingStream, events: Sequence[EventLike], rate_hz: float) -> None:
-    time = _time(np.array([event.frame for event in events], np.int64), rate_hz)
+    time = time_column(np.rint([event.frame * (1e9 / rate_hz) for event in events]))
     text = rr.TextLog.columns(
         text=[event.text for event in events], level=[_LEVELS.get(event.level, "INFO") for event in events]
     )

@@ -1,0 +1,379 @@
+"""The control stage: voted signals in, surface positions out, one kernel call a frame.
+
+With the discrete ``autopilot_engaged`` voted 1 the autopilot holds pitch or altitude, roll or
+heading, and airspeed, about the values captured at engagement plus the demands of the frame.
+With 0 the sticks command pitch rate, roll rate and sideslip, and the throttle stays where it is.
+
+Signs: stick_pitch + pulls (nose up), stick_roll + rolls right, pedal + is the right pedal (nose
+right, so a negative sideslip).  Surfaces are absolute positions in the signs of ``frame.SURFACES``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
+
+from rig.angles import wrap
+from rig.control import laws
+from rig.control.airdata import (
+    GRAVITY,
+    equivalent_airspeed,
+    flight_path_angle,
+    mach_number,
+    pressure_altitude,
+    temperature,
+    true_airspeed,
+)
+from rig.control.gains import COLUMNS, Gains
+from rig.control.laws import clamp, integrate
+from rig.frame import (
+    COMMANDS,
+    DEMANDS,
+    DISCRETE_INDEX,
+    INDEX,
+    SIGNALS,
+    SURFACES,
+    TWO_PI,
+    Block,
+    Law,
+    S,
+)
+from rig.kernels import kernel
+from rig.settings import Settings
+
+STICK, ANGLE, PATH = 0, 1, 2  # stick; pitch or roll attitude; altitude or heading
+_VERTICAL: Final = {"stick": STICK, "pitch": ANGLE, "altitude": PATH}
+_LATERAL: Final = {"stick": STICK, "roll": ANGLE, "heading": PATH}
+
+
+class Config(Settings):
+    """The ``[control]`` table of a scenario: what the autopilot holds and how hard it may fly."""
+
+    law: Literal["autopilot"] = "autopilot"
+    vertical: Literal["stick", "pitch", "altitude"] = "altitude"
+    lateral: Literal["stick", "roll", "heading"] = "heading"
+    speed: Literal["off", "airspeed"] = "airspeed"
+    max_bank_rad: float = Field(default=0.5236, gt=0.0, le=1.05)
+    max_climb_angle_rad: float = Field(default=0.0873, gt=0.0, le=0.35)
+    max_load_factor_change: float = Field(default=0.5, gt=0.0, le=3.0)  # by the autopilot, from level flight
+    schedule_filter_s: float = Field(default=2.0, gt=0.0)  # on the dynamic pressure that selects gains
+    airspeed_filter_s: float = Field(default=0.5, gt=0.0)
+
+
+PARAM: Final = np.dtype(
+    [
+        ("dt", "f8"),
+        ("max_bank", "f8"),
+        ("max_climb_angle", "f8"),
+        ("max_load_change", "f8"),
+        ("max_load_factor", "f8"),
+        ("min_load_factor", "f8"),
+        ("max_alpha", "f8"),
+        ("schedule_share", "f8"),  # of a new sample that passes the filter in one frame
+        ("airspeed_share", "f8"),
+        ("low", "f8", (len(SURFACES),)),
+        ("high", "f8", (len(SURFACES),)),
+        ("vertical", "i8"),
+        ("lateral", "i8"),
+        ("speed", "i8"),
+    ],
+    align=True,
+)
+# What evolves from frame to frame; the captured values change at engagement only.
+DYNAMIC: Final = (
+    "elevator_integral",
+    "aileron_integral",
+    "rudder_integral",
+    "throttle_integral",
+    "altitude_reference",
+    "altitude_rate",
+    "altitude_integral",
+    "nose_angle",  # theta - gamma, filtered
+    "airspeed",  # filtered
+    "schedule_pressure",  # filtered
+)
+CAPTURED: Final = ("pitch_angle", "roll_angle", "altitude", "heading", "held_airspeed")
+STATE: Final = np.dtype(
+    [
+        *((name, "f8") for name in (*DYNAMIC, *CAPTURED)),
+        ("measured", "f8", (S,)),  # the last finite value of each signal; NaN until there is one
+        ("demand", "f8", (len(DEMANDS),)),  # likewise, 0 until there is one
+        ("command", "f8", (len(COMMANDS),)),
+        ("surface", "f8", (len(SURFACES),)),
+        ("started", "i8"),
+        ("law", "i8"),
+    ],
+    align=True,
+)
+
+_Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
+_ALPHA, _BETA = INDEX["angle_of_attack"], INDEX["angle_of_sideslip"]
+_STATIC, _DYNAMIC = INDEX["static_pressure"], INDEX["dynamic_pressure"]
+_STICK_PITCH, _STICK_ROLL, _PEDAL = INDEX["stick_pitch"], INDEX["stick_roll"], INDEX["pedal"]
+_THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
+USED: Final = np.array(
+    [_Q, _P, _R, _ALPHA, _BETA, _STATIC, _DYNAMIC, _STICK_PITCH, _STICK_ROLL, _PEDAL, _THETA, _PHI, _PSI]
+)
+_LOW: Final = np.array([signal.low for signal in SIGNALS])
+_HIGH: Final = np.array([signal.high for signal in SIGNALS])
+_ENGAGED: Final = DISCRETE_INDEX["autopilot_engaged"]
+_AUTOPILOT, _STICK_LAW = int(Law.AUTOPILOT), int(Law.STICK)
+_DEMANDS, _SURFACES, _COMMANDS = len(DEMANDS), len(SURFACES), len(COMMANDS)
+_SLOWEST: Final = 30.0  # m/s; divisions by airspeed take at least this
+_ALPHA_APPROACH_1_S: Final = 2.0  # pitch rate allowed per angle left to the alpha limit
+(
+    _C_Q, _C_P, _C_BETA, _C_THETA, _C_PHI, _C_ALTITUDE, _C_PSI, _C_SPEED, _C_PRESSURE_ALTITUDE, _C_EAS, _C_GAMMA
+) = range(_COMMANDS)  # fmt: skip
+
+
+class Control:
+    """Voted signals to surface positions.
+
+    config, gains   how to fly, and the aircraft's designed numbers
+    rate_hz         frames per second
+    surface_limits  (low, high) of each of ``frame.SURFACES``
+    ``state`` and ``param`` are plain record arrays; copying ``state`` copies the stage.
+    """
+
+    def __init__(
+        self, config: Config, gains: Gains, rate_hz: float, surface_limits: Sequence[tuple[float, float]]
+    ) -> None:
+        self.param: NDArray[Any] = _parameters(config, gains, rate_hz, surface_limits)
+        self.pressures, self.table = gains.table()
+        self.gain = np.zeros(len(COLUMNS))
+        self.state: NDArray[Any] = np.zeros(1, STATE)
+        self.reset(np.zeros(len(SURFACES)))
+
+    def reset(self, trim_surfaces: ArrayLike) -> None:
+        """Forget the flight; the first output will be ``trim_surfaces``, (4,) in the order of SURFACES."""
+        self.state[:] = np.zeros(1, STATE)
+        self.state["measured"] = np.nan
+        self.state["surface"] = np.clip(trim_surfaces, self.param["low"][0], self.param["high"][0])
+
+    def step(self, block: Block, k: int) -> None:
+        """Write command, surface and law of row ``k`` from its voted signals and demands."""
+        fly(block, k, self.pressures, self.table, self.param, self.state, self.gain)
+
+
+def _parameters(
+    config: Config, gains: Gains, rate_hz: float, surface_limits: Sequence[tuple[float, float]]
+) -> NDArray[Any]:
+    param = np.zeros(1, PARAM)
+    row = param[0]
+    row["dt"] = 1.0 / rate_hz
+    row["max_bank"], row["max_climb_angle"] = config.max_bank_rad, config.max_climb_angle_rad
+    row["max_load_change"] = config.max_load_factor_change
+    row["max_load_factor"], row["min_load_factor"] = gains.max_load_factor, gains.min_load_factor
+    row["max_alpha"] = gains.max_alpha_rad
+    row["schedule_share"] = 1.0 - math.exp(-1.0 / (rate_hz * config.schedule_filter_s))
+    row["airspeed_share"] = 1.0 - math.exp(-1.0 / (rate_hz * config.airspeed_filter_s))
+    row["low"], row["high"] = np.array(surface_limits, float).T
+    row["vertical"], row["lateral"] = _VERTICAL[config.vertical], _LATERAL[config.lateral]
+    row["speed"] = config.speed == "airspeed"
+    return param
+
+
+@kernel
+def fly(block, k, pressures, table, param, state, gain):
+    """One frame of the control law on row ``k``.
+
+    block : FRAME records, reads voted, discrete_voted, demand; writes command, surface, law
+    pressures (P,), table (P, G) : gain schedule; gain (G,) : workspace
+    param, state : one record of PARAM and of STATE; state in place
+    A signal that is not finite keeps its last value; before the first one the surfaces stay at trim.
+    """
+    row, s = block[k], state[0]
+    law = _AUTOPILOT if row["discrete_voted"][_ENGAGED] == 1 else _STICK_LAW
+    if take(row["voted"], row["demand"], state):
+        measured, command = s["measured"], s["command"]
+        air_data(measured, command)
+        fresh = s["started"] == 0 or law != s["law"]
+        filter_slow(param, state, measured, command, s["started"] == 0)
+        laws.schedule(pressures, table, s["schedule_pressure"], gain)
+        if fresh or law == _STICK_LAW:
+            capture(state, measured, command)
+        outer(param, state, gain, measured, command, law)
+        inner(param, state, gain, measured, command, law, fresh)
+        s["started"], s["law"] = 1, law
+    row["law"] = law
+    for i in range(_COMMANDS):
+        row["command"][i] = s["command"][i]
+    for i in range(_SURFACES):
+        row["surface"][i] = s["surface"][i]
+
+
+@kernel
+def take(voted, demand, state):
+    """Keep every finite signal and demand, within its range; whether each signal in use has a value."""
+    s = state[0]
+    measured, kept = s["measured"], s["demand"]
+    complete = True
+    for i in USED:
+        if math.isfinite(voted[i]):
+            measured[i] = clamp(voted[i], _LOW[i], _HIGH[i])
+        elif not math.isfinite(measured[i]):
+            complete = False
+    for i in range(_DEMANDS):
+        if math.isfinite(demand[i]):
+            kept[i] = demand[i]
+    return complete
+
+
+@kernel
+def air_data(measured, command):
+    """Pressure altitude, equivalent and true airspeed, flight-path angle into ``command``."""
+    altitude = pressure_altitude(measured[_STATIC])
+    mach = mach_number(measured[_STATIC], measured[_DYNAMIC])
+    command[_C_PRESSURE_ALTITUDE] = altitude
+    command[_C_EAS] = equivalent_airspeed(measured[_DYNAMIC])
+    command[_C_SPEED] = true_airspeed(mach, temperature(altitude))
+    command[_C_GAMMA] = flight_path_angle(
+        measured[_THETA], measured[_PHI], measured[_ALPHA], measured[_BETA]
+    )
+
+
+@kernel
+def filter_slow(param, state, measured, command, first):
+    """First-order filters on dynamic pressure and airspeed; at the start they take the sample itself."""
+    s, c = state[0], param[0]
+    speed, pressure = command[_C_SPEED], measured[_DYNAMIC]
+    if first:
+        s["airspeed"], s["schedule_pressure"] = speed, pressure
+    else:
+        s["airspeed"] += c["airspeed_share"] * (speed - s["airspeed"])
+        s["schedule_pressure"] += c["schedule_share"] * (pressure - s["schedule_pressure"])
+
+
+@kernel
+def capture(state, measured, command):
+    """Take the present flight as what the autopilot will hold."""
+    s = state[0]
+    s["pitch_angle"], s["roll_angle"], s["heading"] = measured[_THETA], measured[_PHI], measured[_PSI]
+    s["altitude"] = s["altitude_reference"] = command[_C_PRESSURE_ALTITUDE]
+    s["altitude_rate"] = s["airspeed"] * math.sin(command[_C_GAMMA])
+    s["altitude_integral"] = 0.0
+    s["nose_angle"] = measured[_THETA] - command[_C_GAMMA]
+    s["held_airspeed"] = s["airspeed"]
+
+
+@kernel
+def outer(param, state, gain, measured, command, law):
+    """Demands or sticks to pitch rate, roll rate and sideslip commands."""
+    s, c = state[0], param[0]
+    demand = s["demand"]
+    speed = max(s["airspeed"], _SLOWEST)
+    theta, phi = measured[_THETA], measured[_PHI]
+    command[_C_THETA] = s["pitch_angle"]
+    command[_C_PHI] = s["roll_angle"]
+    command[_C_ALTITUDE] = s["altitude"]
+    command[_C_PSI] = s["heading"]
+    command[_C_SPEED] = s["held_airspeed"]
+    vertical, lateral = STICK, STICK
+    if law == _AUTOPILOT:
+        vertical, lateral = c["vertical"], c["lateral"]
+        command[_C_THETA] += demand[0]
+        command[_C_PHI] = wrap(command[_C_PHI] + demand[1])
+        command[_C_ALTITUDE] += demand[2]
+        command[_C_PSI] = (command[_C_PSI] + demand[3]) % TWO_PI
+        command[_C_SPEED] += demand[4]
+        if lateral == PATH:
+            error = command[_C_PSI] - measured[_PSI]
+            command[_C_PHI] = laws.bank_for_heading(error, gain[laws.HEADING], speed, c["max_bank"])
+        s["nose_angle"] += c["dt"] / gain[laws.NOSE_FILTER] * (theta - command[_C_GAMMA] - s["nose_angle"])
+        if vertical == PATH:
+            climb = laws.climb_rate(
+                command[_C_ALTITUDE],
+                command[_C_PRESSURE_ALTITUDE],
+                gain[laws.ALTITUDE],
+                gain[laws.ALTITUDE_INTEGRAL],
+                speed * math.sin(c["max_climb_angle"]),
+                c["max_load_change"] * GRAVITY,
+                c["dt"],
+                state,
+            )
+            command[_C_THETA] = climb / speed + s["nose_angle"]
+    pitch_rate(param, state, gain, measured, command, vertical, speed)
+    roll_rate(gain, measured, command, lateral)
+    command[_C_P] += laws.turn_roll_rate(phi, theta, speed) if lateral != STICK else 0.0
+    command[_C_BETA] = -measured[_PEDAL] * gain[laws.MAX_SIDESLIP]
+
+
+@kernel
+def pitch_rate(param, state, gain, measured, command, vertical, speed):
+    """Pitch rate command from the stick or the pitch attitude error, within load factor and alpha."""
+    c = param[0]
+    per_load = GRAVITY / speed
+    most, least = c["max_load_factor"] - 1.0, c["min_load_factor"] - 1.0
+    if vertical == STICK:
+        stick = measured[_STICK_PITCH]
+        rate = per_load * (stick * most if stick > 0.0 else -stick * least)
+    else:
+        error = command[_C_THETA] - measured[_THETA]
+        limit = per_load * c["max_load_change"]
+        rate = clamp(gain[laws.PITCH_ANGLE] * error, -limit, limit)
+    rate += laws.turn_pitch_rate(measured[_PHI], measured[_THETA], speed)
+    allowed = _ALPHA_APPROACH_1_S * (c["max_alpha"] - measured[_ALPHA])
+    command[_C_Q] = min(clamp(rate, per_load * least, per_load * most), allowed)
+
+
+@kernel
+def roll_rate(gain, measured, command, lateral):
+    """Roll rate command from the stick or, the short way round, from the roll attitude error."""
+    most = gain[laws.MAX_ROLL_RATE]
+    if lateral == STICK:
+        command[_C_P] = measured[_STICK_ROLL] * most
+    else:
+        error = wrap(command[_C_PHI] - measured[_PHI])
+        command[_C_P] = clamp(gain[laws.ROLL_ANGLE] * error, -most, most)
+
+
+@kernel
+def inner(param, state, gain, measured, command, law, fresh):
+    """Rate, sideslip and airspeed errors to surfaces; ``fresh`` starts the integrators without a jump."""
+    s, c = state[0], param[0]
+    dt = c["dt"]
+    alpha = measured[_ALPHA]
+    speed = max(s["airspeed"], _SLOWEST)
+    yaw = laws.turn_yaw_rate(measured[_PHI], measured[_THETA], speed) + command[_C_P] * math.tan(alpha)
+    q = measured[_Q] - command[_C_Q]
+    p = measured[_P] - command[_C_P]
+    r = measured[_R] - yaw
+    beta = measured[_BETA] - command[_C_BETA]
+    g = gain
+
+    proportional = g[laws.ELEVATOR_ALPHA] * (alpha - g[laws.TRIM_ALPHA]) + g[laws.ELEVATOR_Q] * q
+    change = -dt * g[laws.ELEVATOR_INTEGRAL] * q
+    s["elevator_integral"] = move(s["elevator_integral"], change, proportional, 0, c, s["surface"], fresh)
+
+    proportional = g[laws.AILERON_BETA] * beta + g[laws.AILERON_P] * p + g[laws.AILERON_R] * r
+    change = -dt * (g[laws.AILERON_P_INTEGRAL] * p + g[laws.AILERON_BETA_INTEGRAL] * beta)
+    s["aileron_integral"] = move(s["aileron_integral"], change, proportional, 1, c, s["surface"], fresh)
+
+    proportional = g[laws.RUDDER_BETA] * beta + g[laws.RUDDER_P] * p + g[laws.RUDDER_R] * r
+    change = -dt * (g[laws.RUDDER_P_INTEGRAL] * p + g[laws.RUDDER_BETA_INTEGRAL] * beta)
+    s["rudder_integral"] = move(s["rudder_integral"], change, proportional, 2, c, s["surface"], fresh)
+
+    if law == _AUTOPILOT and c["speed"] == 1:
+        error = s["airspeed"] - command[_C_SPEED]
+        proportional = g[laws.THROTTLE_SPEED] * error
+        change = -dt * g[laws.THROTTLE_INTEGRAL] * error
+        s["throttle_integral"] = move(s["throttle_integral"], change, proportional, 3, c, s["surface"], fresh)
+
+
+@kernel
+def move(integral, change, proportional, i, limits, surface, fresh):
+    """New integrator of surface ``i``; sets ``surface[i]`` = integral - proportional, within its stops.
+
+    When ``fresh`` the surface stays and the integrator becomes what keeps it there.
+    """
+    if fresh:
+        return surface[i] + proportional
+    low, high = limits["low"][i], limits["high"][i]
+    integral = integrate(integral, change, proportional, low, high)
+    surface[i] = clamp(integral - proportional, low, high)
+    return integral

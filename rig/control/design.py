@@ -1,0 +1,263 @@
+"""The design: from an aircraft's linear models to its gains.toml.
+
+Inner loops are linear-quadratic regulators with integral action; one number a plane, the wanted
+crossover, sets their weights.  It starts at a share of the actuator's bandwidth and comes down until
+every margin holds.  Outer loops follow from the inner ones by separation of bandwidth.  What is
+checked is the whole sampled loop, with the law as it is coded (loops.py).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from pydantic import Field
+from scipy.linalg import solve_continuous_are
+
+from rig.control import loops
+from rig.control.gains import Gains, Margin, Point
+from rig.control.loops import ACTUATORS, Law, Plane
+from rig.control.margins import Matrix, holds, margins
+from rig.errors import RigError
+from rig.plant.airframe import Config as Airframe
+from rig.plant.airframe import FlightPoint
+from rig.plant.linear import Linear, linearise
+from rig.settings import Settings
+
+
+class Requirements(Settings):
+    """What every loop must keep, and the ratios that the design starts from."""
+
+    rate_hz: float = Field(default=100.0, gt=0.0)
+    sensor_lag_s: float = Field(default=0.01, gt=0.0)
+    gain_margin_db: float = Field(default=6.5, gt=0.0)  # a reserve of 0.5 dB on 6 dB
+    phase_margin_deg: float = Field(default=46.0, gt=0.0)  # a reserve of 1 degree on 45
+    actuator_share: float = Field(default=0.25, gt=0.0)  # of its bandwidth, the highest crossover tried
+    rudder_share: float = Field(default=0.8, gt=0.0)  # rudder's crossover over the aileron's
+    integral_share: float = Field(default=0.2, gt=0.0)  # integral weight over proportional weight and crossover
+    sideslip_share: float = Field(default=0.05, ge=0.0)  # weight of the sideslip integral
+    attitude_share: float = Field(default=0.18, gt=0.0)  # attitude loop's crossover over the rate loop's
+    heading_share: float = Field(default=0.15, gt=0.0)  # heading over roll attitude
+    altitude_share: float = Field(default=0.2, gt=0.0)  # altitude over the slower of attitude and path
+    airspeed_crossover_rad_s: float = Field(default=0.15, gt=0.0)
+    envelope_share: float = Field(default=0.7, gt=0.0, lt=1.0)  # of the departure limits, what the stick may ask
+
+
+Design = Gains
+_SLOWER: Final = 0.9
+_LAWS: Final[tuple[Law, Law]] = ("stick", "autopilot")
+_TRIES: Final = 25
+
+
+@dataclass(frozen=True)
+class _Case:
+    """One flight point under design."""
+
+    airframe: Airframe
+    point: FlightPoint
+    linear: Linear
+    wanted: Requirements
+
+
+def design(airframe: Airframe, wanted: Requirements | None = None) -> Design:
+    """Gains for every flight point of ``airframe``; RigError when the margins cannot be had.
+
+    Pure: the same aircraft and requirements give the same numbers.
+    """
+    wanted = wanted or Requirements()
+    points = [_Case(airframe, point, linearise(airframe, point), wanted) for point in airframe.flight_points]
+    points.sort(key=lambda case: case.linear.trim.dynamic_pressure_pa)
+    return _gains(airframe, wanted, [_design_point(case) for case in points])
+
+
+def _gains(airframe: Airframe, wanted: Requirements, points: list[Point]) -> Gains:
+    share, limits = wanted.envelope_share, airframe.limits
+    return Gains(
+        rate_hz=wanted.rate_hz,
+        sensor_lag_s=wanted.sensor_lag_s,
+        max_load_factor=1.0 + share * (limits.load_factor_max - 1.0),
+        min_load_factor=1.0 + share * (limits.load_factor_min - 1.0),
+        max_alpha_rad=share * limits.angle_of_attack_max_rad,
+        points=points,
+    )
+
+
+def _design_point(case: _Case) -> Point:
+    """Bring the crossover of each plane down, separately, until that plane's margins hold."""
+    crossover = {plane: _ceiling(case, plane) for plane in ACTUATORS}
+    for plane in ACTUATORS:
+        for _ in range(_TRIES):
+            point = _point(case, crossover)
+            if _holds(case, point, plane):
+                break
+            crossover[plane] *= _SLOWER
+        else:
+            raise RigError(f"{case.airframe.base_model} {case.point.name}: no {plane} gains keep the margins")
+    return _with_margins(case, point)
+
+
+def _ceiling(case: _Case, plane: Plane) -> float:
+    lag = getattr(case.airframe, ACTUATORS[plane][0]).lag_s
+    return case.wanted.actuator_share / lag
+
+
+def _holds(case: _Case, point: Point, plane: Plane) -> bool:
+    gains = _gains(case.airframe, case.wanted, [point])
+    for law in _LAWS:
+        loop = loops.build(case.airframe, case.point, case.linear, gains, law, plane)
+        for i, actuator in enumerate(ACTUATORS[plane]):
+            if law == "stick" and actuator == "throttle":
+                continue
+            if not holds(loop, i, case.wanted.gain_margin_db, case.wanted.phase_margin_deg):
+                return False
+    return True
+
+
+def _with_margins(case: _Case, point: Point) -> Point:
+    gains = _gains(case.airframe, case.wanted, [point])
+    found: dict[Law, dict[str, Margin]] = {law: {} for law in _LAWS}
+    for law in _LAWS:
+        for plane in ACTUATORS:
+            loop = loops.build(case.airframe, case.point, case.linear, gains, law, plane)
+            for i, actuator in enumerate(ACTUATORS[plane]):
+                if law == "stick" and actuator == "throttle":
+                    continue
+                m = margins(loop, i)
+                found[law][actuator] = Margin(
+                    gain_increase_db=m.gain_increase_db,
+                    gain_decrease_db=m.gain_decrease_db,
+                    phase_deg=m.phase_deg,
+                    crossover_rad_s=m.crossover_rad_s,
+                )
+    return point.model_copy(
+        update={"stick_margins": found["stick"], "autopilot_margins": found["autopilot"]}
+    )
+
+
+def regulator(a: Matrix, b: Matrix, q: Matrix, r: Matrix) -> Matrix:
+    """Gain K of u = -K x that minimises the integral of x'Qx + u'Ru (Kalman 1960)."""
+    return np.linalg.solve(r, b.T @ solve_continuous_are(a, b, q, r))
+
+
+def longitudinal_gain(linear: Linear, crossover: float, integral_share: float) -> Matrix:
+    """(1, 3) elevator gain on alpha, q and the integral of the q error.
+
+    Weights: q 1, its integral (share * crossover)^2, elevator (M_elevator / crossover)^2; with these
+    the ideal loop crosses near ``crossover`` [rad/s].
+    """
+    a, b = np.zeros((3, 3)), np.zeros((3, 1))
+    a[:2, :2] = linear.longitudinal_a[1:3, 1:3]
+    a[2, 1] = 1.0
+    b[:2, 0] = linear.longitudinal_b[1:3, 0]
+    q = np.diag([0.0, 1.0, (integral_share * crossover) ** 2])
+    return regulator(a, b, q, np.array([[(b[1, 0] / crossover) ** 2]]))
+
+
+def lateral_gain(linear: Linear, crossover: float, wanted: Requirements) -> Matrix:
+    """(2, 5) aileron and rudder gains on beta, p, r, the integrals of the p error and of the beta error.
+
+    Weights: p and r 1, integral of p (integral_share crossover)^2,
+    integral of beta (sideslip_share crossover_r^2)^2, aileron (L_aileron / crossover)^2, rudder (N_rudder / crossover_r)^2, crossover_r = the rudder's share.
+    """
+    a, b = np.zeros((5, 5)), np.zeros((5, 2))
+    a[:3, :3], b[:3] = linear.lateral_a[:3, :3], linear.lateral_b[:3]
+    a[3, 1] = a[4, 0] = 1.0
+    rudder = wanted.rudder_share * crossover
+    q = np.diag([0.0, 1.0, 1.0, (wanted.integral_share * crossover) ** 2, (wanted.sideslip_share * rudder**2) ** 2])
+    r = np.diag([(b[1, 0] / crossover) ** 2, (b[2, 1] / rudder) ** 2])
+    return regulator(a, b, q, r)
+
+
+def _point(case: _Case, crossover: dict[Plane, float]) -> Point:
+    """All gains of one flight point for the two wanted crossovers [rad/s]."""
+    wanted, linear, trim = case.wanted, case.linear, case.linear.trim
+    elevator = longitudinal_gain(linear, crossover["longitudinal"], wanted.integral_share)[0]
+    aileron, rudder = lateral_gain(linear, crossover["lateral"], wanted)
+    pitch = wanted.attitude_share * crossover["longitudinal"]
+    roll = wanted.attitude_share * crossover["lateral"]
+    path = -linear.longitudinal_a[1, 1]  # how fast the path follows the nose, 1/s
+    altitude = wanted.altitude_share * min(pitch, path)
+    throttle = wanted.airspeed_crossover_rad_s / linear.longitudinal_b[0, 1]
+    return Point(
+        name=case.point.name,
+        dynamic_pressure_pa=trim.dynamic_pressure_pa,
+        trim_airspeed_m_s=trim.airspeed_m_s,
+        trim_alpha_rad=trim.alpha_rad,
+        trim_theta_rad=trim.theta_rad,
+        trim_elevator_rad=trim.elevator_rad,
+        trim_throttle=trim.throttle,
+        elevator_alpha=elevator[0],
+        elevator_pitch_rate_s=elevator[1],
+        elevator_pitch_rate_integral=elevator[2],
+        aileron_beta=aileron[0],
+        aileron_roll_rate_s=aileron[1],
+        aileron_yaw_rate_s=aileron[2],
+        aileron_roll_rate_integral=aileron[3],
+        aileron_beta_integral_1_s=aileron[4],
+        rudder_beta=rudder[0],
+        rudder_roll_rate_s=rudder[1],
+        rudder_yaw_rate_s=rudder[2],
+        rudder_roll_rate_integral=rudder[3],
+        rudder_beta_integral_1_s=rudder[4],
+        throttle_airspeed_s_m=throttle,
+        throttle_airspeed_integral_1_m=throttle * wanted.airspeed_crossover_rad_s / 5.0,
+        pitch_angle_1_s=pitch,
+        roll_angle_1_s=roll,
+        altitude_1_s=altitude,
+        altitude_integral_1_s2=altitude**2 / 8.0,
+        heading_1_s=wanted.heading_share * roll,
+        nose_filter_s=4.0 / path,
+        max_roll_rate_rad_s=_max_roll_rate(case),
+        max_sideslip_rad=_max_sideslip(case),
+    )
+
+
+def _max_roll_rate(case: _Case) -> float:
+    """Six tenths of the steady roll rate at full aileron, within the envelope's share."""
+    a, b = case.linear.lateral_a, case.linear.lateral_b
+    full = min(case.airframe.aileron.max_rad, -case.airframe.aileron.min_rad)
+    reach = 0.6 * full * abs(b[1, 0] / a[1, 1])
+    return min(reach, case.wanted.envelope_share * case.airframe.limits.body_rate_max_rad_s)
+
+
+def _max_sideslip(case: _Case) -> float:
+    """Half of the steady sideslip at full rudder, within half of the envelope's share."""
+    a, b = case.linear.lateral_a, case.linear.lateral_b
+    full = min(case.airframe.rudder.max_rad, -case.airframe.rudder.min_rad)
+    reach = 0.5 * full * abs(b[2, 1] / a[2, 0])
+    return min(reach, 0.5 * case.wanted.envelope_share * case.airframe.limits.sideslip_max_rad)
+
+
+def write(designed: Design, path: Path) -> None:
+    """gains.toml: every number with the digits that give it back exactly; same design, same bytes."""
+    path.write_text(render(designed), encoding="utf-8", newline="\n")
+
+
+def render(designed: Design) -> str:
+    """The text of gains.toml."""
+    data = designed.model_dump()
+    points = data.pop("points")
+    lines = ["# Written by the design from aircraft.toml; do not edit.", "# Margins: dB, degrees, rad/s.", ""]
+    lines += [f"{key} = {_number(value)}" for key, value in data.items()]
+    for point in points:
+        lines += ["", "[[points]]"]
+        lines += [f"{key} = {_value(value)}" for key, value in point.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _value(value: object) -> str:
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_value(item)}" for key, item in value.items()) + " }"
+    return _number(value)
+
+
+def _number(value: object) -> str:
+    number = float(value)  # pyright: ignore[reportArgumentType]  # the model holds numbers only
+    if not math.isfinite(number):
+        raise RigError("design: a gain is not finite")
+    return repr(number)

@@ -1,0 +1,118 @@
+"""The designed numbers of one aircraft: what design.py writes to gains.toml and the law flies with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from rig.settings import Settings, build, read_toml
+
+# The order of the gain table's columns; laws.py numbers them alike.
+COLUMNS: Final = (
+    "trim_alpha_rad",
+    "elevator_alpha",
+    "elevator_pitch_rate_s",
+    "elevator_pitch_rate_integral",
+    "aileron_beta",
+    "aileron_roll_rate_s",
+    "aileron_yaw_rate_s",
+    "aileron_roll_rate_integral",
+    "aileron_beta_integral_1_s",
+    "rudder_beta",
+    "rudder_roll_rate_s",
+    "rudder_yaw_rate_s",
+    "rudder_roll_rate_integral",
+    "rudder_beta_integral_1_s",
+    "throttle_airspeed_s_m",
+    "throttle_airspeed_integral_1_m",
+    "pitch_angle_1_s",
+    "roll_angle_1_s",
+    "altitude_1_s",
+    "altitude_integral_1_s2",
+    "heading_1_s",
+    "nose_filter_s",
+    "max_roll_rate_rad_s",
+    "max_sideslip_rad",
+)
+
+
+class Margin(Settings):
+    """Margins at one actuator, all other loops closed; a margin not found is 40 dB or 120 degrees."""
+
+    gain_increase_db: float
+    gain_decrease_db: float
+    phase_deg: float
+    crossover_rad_s: float
+
+
+class Point(Settings):
+    """One flight point: its trim, its gains and the margins that they leave.
+
+    Surface commands fall with their errors: elevator = w - elevator_alpha (alpha - trim) - ..., w the
+    integrator.  Gains carry the signs of the surfaces.
+    """
+
+    name: str
+    dynamic_pressure_pa: float = Field(gt=0.0)
+    trim_airspeed_m_s: float = Field(gt=0.0)
+    trim_alpha_rad: float
+    trim_theta_rad: float
+    trim_elevator_rad: float
+    trim_throttle: float
+    elevator_alpha: float
+    elevator_pitch_rate_s: float
+    elevator_pitch_rate_integral: float
+    aileron_beta: float
+    aileron_roll_rate_s: float
+    aileron_yaw_rate_s: float
+    aileron_roll_rate_integral: float
+    aileron_beta_integral_1_s: float
+    rudder_beta: float
+    rudder_roll_rate_s: float
+    rudder_yaw_rate_s: float
+    rudder_roll_rate_integral: float
+    rudder_beta_integral_1_s: float
+    throttle_airspeed_s_m: float
+    throttle_airspeed_integral_1_m: float
+    pitch_angle_1_s: float
+    roll_angle_1_s: float
+    altitude_1_s: float
+    altitude_integral_1_s2: float
+    heading_1_s: float
+    nose_filter_s: float = Field(gt=0.0)
+    max_roll_rate_rad_s: float = Field(gt=0.0)
+    max_sideslip_rad: float = Field(gt=0.0)
+    stick_margins: dict[str, Margin] = Field(default_factory=dict)  # rate loops alone
+    autopilot_margins: dict[str, Margin] = Field(default_factory=dict)  # altitude, heading, airspeed held
+
+
+class Gains(Settings):
+    """One aircraft's control law: points in the order of dynamic pressure, and what the stick may ask."""
+
+    rate_hz: float = Field(gt=0.0)  # the frame rate that the margins hold for
+    sensor_lag_s: float = Field(gt=0.0)
+    max_load_factor: float = Field(gt=1.0)
+    min_load_factor: float = Field(lt=1.0)
+    max_alpha_rad: float = Field(gt=0.0)
+    points: list[Point] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _sorted(self) -> Self:
+        pressures = [point.dynamic_pressure_pa for point in self.points]
+        if any(b <= a for a, b in zip(pressures, pressures[1:], strict=False)):
+            raise ValueError("points must be in the order of rising dynamic pressure")
+        return self
+
+    def table(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Dynamic pressures (P,) [Pa] and the gains there (P, len(COLUMNS))."""
+        rows = [[getattr(point, name) for name in COLUMNS] for point in self.points]
+        return np.array([point.dynamic_pressure_pa for point in self.points]), np.array(rows)
+
+
+def read(path: Path) -> Gains:
+    """The gains.toml at ``path``; BadInput when it is missing or cannot be used."""
+    return build(Gains, read_toml(path), str(path))

@@ -1,0 +1,97 @@
+"""The commands as a user runs them: exit codes, one line for bad input, JSON that parses."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+SHORT = ["--set", "duration_s=2", "--set", "faults=[]"]
+
+
+def rig(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "rig", *arguments]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["fly", "nowhere.toml"], "nowhere.toml: no such file; bundled scenarios: "),
+        (["fly", "--set", "duration=3"], "duration: unknown key"),
+        (["fly", "--rerun", "sometimes", *SHORT], "rerun"),
+        (["fly", "--rerun", "rerun+http://192.0.2.1:9876/proxy", *SHORT], "127.0.0.1"),
+        (["scenario", "check", "--set", "faults.0.signal=foo"], "unknown signal"),
+        (["aircraft", "show", "zeppelin"], "unknown aircraft 'zeppelin'"),
+        (["aircraft", "design", "zeppelin"], "unknown aircraft 'zeppelin'"),
+        (["recover", "nowhere.mcap"], "nowhere.mcap"),
+        (["bench", "nowhere.toml"], "no such file"),
+    ],
+)
+def test_bad_input_is_one_line_exit_code_2_and_nothing_written(arguments, says, tmp_path: Path):
+    out = rig(*arguments, cwd=tmp_path)
+    assert out.returncode == 2
+    assert out.stdout == ""
+    assert out.stderr.count("\n") == 1 and out.stderr.startswith("error: ") and says in out.stderr
+    assert list(tmp_path.rglob("*")) == []
+
+
+def test_a_wrong_flag_is_exit_code_2(tmp_path: Path):
+    assert rig("fly", "--sede", "3", cwd=tmp_path).returncode == 2
+
+
+def test_a_flight_in_a_pipe_prints_one_json_object_and_leaves_its_log(tmp_path: Path):
+    out = rig("fly", *SHORT, "--json", cwd=tmp_path)
+    assert (out.returncode, out.stderr) == (0, "")
+    flown = json.loads(out.stdout)
+    assert flown["frames"] == 200 and flown["survived"] and flown["failed"] == {}
+    assert (tmp_path / flown["log"]).is_file()
+    keys = ["log", "frames", "duration_s", "seed", "digest", "survived", "end_reason", "failed", "events", "timing"]
+    assert set(keys) <= set(flown)
+    assert set(flown["timing"]) >= {"us_per_frame", "realtime_factor"}
+
+
+def test_a_log_folder_that_cannot_be_made_is_refused_before_the_flight(tmp_path: Path):
+    (tmp_path / "file").write_text("")
+    out = rig("fly", *SHORT, "--out", "file/logs", cwd=tmp_path)
+    assert out.returncode == 2 and out.stderr.count("\n") == 1 and "file/logs" in out.stderr
+
+
+def test_a_file_that_is_no_mcap_is_refused(tmp_path: Path):
+    (tmp_path / "a.mcap").write_text("not a log")
+    out = rig("recover", "a.mcap", cwd=tmp_path)
+    assert out.returncode == 2 and out.stderr.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["a.mcap"]
+
+
+def test_ctrl_c_leaves_a_finished_readable_log(tmp_path: Path):
+    import rig.log
+
+    command = [sys.executable, "-m", "rig", "fly", "--json", "--realtime-factor", "1", "--set", "faults=[]"]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and sum(p.stat().st_size for p in tmp_path.rglob("*.mcap")) < 200_000:
+        time.sleep(0.05)
+    os.kill(process.pid, signal.SIGINT)
+    stdout, _ = process.communicate(timeout=30)
+    flown = json.loads(stdout)
+    assert process.returncode == 0 and flown["end_reason"] == "interrupted" and flown["survived"]
+    log = rig.log.read_log(tmp_path / flown["log"])
+    assert len(log.rows) == flown["frames"] < 6000
+
+
+def test_the_resolved_scenario_can_be_flown(tmp_path: Path):
+    shown = rig("scenario", "show", *SHORT)
+    (tmp_path / "resolved.toml").write_text(shown.stdout)
+    one = json.loads(rig("fly", *SHORT, "--json", cwd=tmp_path).stdout)
+    two = json.loads(rig("fly", "resolved.toml", "--json", cwd=tmp_path).stdout)
+    assert one["digest"] == two["digest"]
+
+
+def test_aircraft_are_listed_with_their_flight_points():
+    found = json.loads(rig("aircraft", "list", "--json").stdout)
+    assert set(found) == {"f16", "b747", "b737"} and len(found["f16"]) >= 4

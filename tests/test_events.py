@@ -1,0 +1,66 @@
+from rig.events import EventFinder, Interval
+from rig.frame import INDEX, End, Law, Pattern, Resolver, State, new_block
+
+Q = INDEX["pitch_rate"]
+
+
+def blank(frames: int = 30):
+    block = new_block(frames)
+    block["level"] = 4
+    block["reference_usable"] = 1
+    return block
+
+
+def names(events):
+    return [(event.frame, event.name) for event in events]
+
+
+def test_a_flight_without_change_has_no_event():
+    assert EventFinder([]).find(blank()) == []
+
+
+def test_a_failed_channel_is_told_with_its_level_and_who_decided():
+    block = blank()
+    block["state"][12:, Q, 2] = State.FAILED
+    block["level"][12:, Q] = 3
+    block["resolver"][12, Q] = Resolver.TREND
+    found = EventFinder([]).find(block)
+    assert names(found) == [(12, "channel failed"), (12, "level")]
+    assert found[0].text == "pitch_rate.3 failed by trend"
+    assert found[1].text == "pitch_rate: 4 to 3 channels"
+
+
+def test_a_change_between_two_blocks_is_seen_once():
+    block = blank()
+    block["state"][10:, Q, 2] = State.FAILED
+    finder = EventFinder([])
+    found = [*finder.find(block[:10]), *finder.find(block[10:20]), *finder.find(block[20:])]
+    assert names(found) == [(10, "channel failed")]
+
+
+def test_faults_begin_and_end_in_their_frames():
+    finder = EventFinder([Interval("offset pitch_rate.2", 5, 20)])
+    found = [*finder.find(blank()[:10]), *finder.find(blank()[10:])]
+    assert names(found) == [(5, "fault on"), (20, "fault off")]
+
+
+def test_what_the_reader_must_know_is_an_error_or_warning():
+    block = blank()
+    block["pattern"][8:10, Q] = Pattern.P2_2
+    block["level"][15:, Q] = 0
+    block["law"][20:] = Law.STICK
+    block["end"][29] = End.GROUND_CONTACT
+    found = EventFinder([]).find(block)
+    assert [(e.level, e.name) for e in found] == [
+        ("warning", "singular pattern"),
+        ("error", "signal lost"),
+        ("info", "control law"),
+        ("error", "flight ends"),
+    ]
+    assert found[0].text == "pitch_rate: 2:2" and found[3].text == "ground contact"
+
+
+def test_a_suspicion_that_passes_is_no_event():
+    block = blank()
+    block["state"][5:7, Q, 1] = State.SUSPECT
+    assert EventFinder([]).find(block) == []

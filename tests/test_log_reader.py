@@ -1,0 +1,162 @@
+"""What was logged comes back bit for bit, or not at all."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mcap.writer import Writer
+from test_log_writer import RATE, random_block, random_timing, write
+
+from rig.errors import BadLog
+from rig.events import Event
+from rig.frame import FRAME, TIMING
+from rig.log import LoggedEvent, LogWriter, iter_chunks, read_log, schema
+
+EVENTS = (
+    Event(3, "info", "fault on", "stuck: channel 2"),
+    Event(150, "warning", "größer", ""),
+    Event(150, "error", "c", "d"),
+)
+
+
+@given(frames=st.integers(0, 330), seed=st.integers(0, 2**32))
+@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_every_field_of_every_frame_comes_back_bit_for_bit(tmp_path, frames, seed):
+    block, timing = write(tmp_path / "a.mcap", frames, seed=seed)
+    log = read_log(tmp_path / "a.mcap")
+    assert log.rows.dtype == FRAME
+    assert log.rows.tobytes() == block.tobytes()
+    assert log.timing.dtype == TIMING
+    assert log.timing.tobytes() == timing.tobytes()
+
+
+def test_every_element_of_a_frame_has_exactly_one_place_in_the_log():
+    """Counted from the dtype, not from what the layout makes of it."""
+    elements = {name: int(np.prod(FRAME[name].shape)) for name in FRAME.fields or () if name != "frame"}
+    found = dict.fromkeys(elements, 0)
+    for topic in schema.FRAME_TOPICS:
+        for field in schema.MESSAGES[topic.message].fields if topic.message in schema.MESSAGES else ():
+            if field.source in found:
+                found[field.source] += 1
+    assert found == elements
+
+
+def test_a_log_tells_all_that_was_said(tmp_path):
+    write(tmp_path / "a.mcap", 250, EVENTS, result={"survived": "true", "digest": "00ff"})
+    log = read_log(tmp_path / "a.mcap")
+    assert log.events == [LoggedEvent(e.frame, e.level, e.name, e.text) for e in EVENTS]
+    assert log.metadata == {"scenario": "{}", "schema_version": "1", "rate_hz": "100.0"}
+    assert log.result == {"survived": "true", "digest": "00ff"}
+    assert log.scenario_text == "duration_s = 1\n"
+    assert log.rate_hz == RATE
+
+
+def test_a_log_without_result_or_attachment_says_none(tmp_path):
+    with LogWriter(tmp_path / "a.mcap", 60.0, {}) as log:
+        log.write(random_block(7), random_timing(7))
+    read = read_log(tmp_path / "a.mcap")
+    assert (read.result, read.scenario_text, read.rate_hz, len(read.rows)) == (None, None, 60.0, 7)
+
+
+def test_events_without_frames_are_kept(tmp_path):
+    with LogWriter(tmp_path / "a.mcap", RATE, {}) as log:
+        log.write(random_block(0), random_timing(0), EVENTS[:1])
+    assert [e.text for e in read_log(tmp_path / "a.mcap").events] == [EVENTS[0].text]
+
+
+def test_a_long_log_is_read_a_second_at_a_time(tmp_path):
+    block, _ = write(tmp_path / "a.mcap", 250, EVENTS)
+    parts = list(iter_chunks(tmp_path / "a.mcap"))
+    assert [len(rows) for rows, _, _ in parts] == [100, 100, 50]
+    assert b"".join(rows.tobytes() for rows, _, _ in parts) == block.tobytes()
+    assert [len(events) for _, _, events in parts] == [1, 2, 0]
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89MCAP", b"time,alpha\n0,1\n" * 100])
+def test_what_is_no_mcap_is_refused(tmp_path, content):
+    path = tmp_path / "a.mcap"
+    path.write_bytes(content)
+    with pytest.raises(BadLog, match="not an MCAP file"):
+        read_log(path)
+
+
+@pytest.mark.parametrize("name", ["missing.mcap", "."])
+def test_a_missing_file_or_a_folder_is_refused(tmp_path, name):
+    with pytest.raises(BadLog, match="cannot be read"):
+        read_log(tmp_path / name)
+
+
+def test_a_foreign_mcap_is_refused(tmp_path):
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel(
+            "/odometry", "json", writer.register_schema("o", "jsonschema", b"{}")
+        )
+        writer.add_message(channel, 0, b"{}", 0)
+        writer.finish()
+    with pytest.raises(BadLog, match="not a log of this rig"):
+        read_log(path)
+
+
+def test_a_newer_schema_is_refused_with_both_versions(tmp_path, monkeypatch):
+    monkeypatch.setattr("rig.log.writer.SCHEMA_VERSION", 2)
+    write(tmp_path / "a.mcap", 5)
+    with pytest.raises(BadLog, match=r"schema version 2, .* reads up to 1"):
+        read_log(tmp_path / "a.mcap")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        (b"/signal/heading", b"/signal/Heading", "/signal/heading is /signal/Heading"),
+        (b"trend_high", b"trend_higH", "the fields of rig.Signal are not"),
+    ],
+)
+def test_a_log_of_other_signals_is_refused_by_name(tmp_path, old, new, says):
+    path = tmp_path / "a.mcap"
+    write(path, 5)
+    path.write_bytes(path.read_bytes().replace(old, new))
+    with pytest.raises(BadLog, match=says):
+        read_log(path)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    path = tmp_path_factory.mktemp("log") / "whole.mcap"
+    write(path, 23, EVENTS[:1], rate=10.0, result={"survived": "true"})
+    return path
+
+
+@given(bit=st.integers(0, 2**32))
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_any_flipped_bit_is_noticed(tmp_path, whole, bit):
+    damaged = bytearray(whole.read_bytes())
+    damaged[bit // 8 % len(damaged)] ^= 1 << bit % 8
+    path = tmp_path / "a.mcap"
+    path.write_bytes(damaged)
+    with pytest.raises(BadLog) as caught:
+        read_log(path)
+    assert "\n" not in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_any_flipped_bit_of_the_first_and_the_last_bytes_is_noticed(tmp_path, whole):
+    path, content = tmp_path / "a.mcap", whole.read_bytes()
+    for at in [*range(40), *range(len(content) - 60, len(content))]:
+        damaged = bytearray(content)
+        damaged[at] ^= 1 << at % 8
+        path.write_bytes(damaged)
+        with pytest.raises(BadLog):
+            read_log(path)
+
+
+@given(number=st.integers(0, 2**32))
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_any_cut_is_noticed_and_recovery_is_named(tmp_path, whole, number):
+    path, content = tmp_path / "a.mcap", whole.read_bytes()
+    cut = 8 + number % (len(content) - 8)
+    path.write_bytes(content[:cut])
+    with pytest.raises(BadLog, match=f"truncated at byte {cut}; rig recover"):
+        read_log(path)
