@@ -76,6 +76,7 @@ def fly(
             rerun=rerun,
             realtime_factor=realtime_factor,
             progress=progress,
+            viewer=show.Watching(),
         )
     _print(as_json, flight.summary, lambda: show.flight(flight))
 
@@ -95,9 +96,12 @@ def recover(
 
     target = out or log.with_suffix(".recovered.mcap")
     found = mend(log, target)
-    state = "was whole" if found.complete else f"was cut, {found.lost_bytes} bytes lost"
-    text = f"{log}: {state}; {found.frames} frames to {found.last_time_s:g} s are in {target}"
-    _print(as_json, lambda: {"log": str(target), **asdict(found)}, lambda: typer.echo(text))
+    holds = f"{found.frames} frames, the last at {found.last_time_s:g} s"
+    if found.complete:
+        text, kept = f"{log}: whole, nothing to mend: {holds}", log
+    else:
+        text, kept = f"{target}: {holds}; {found.damage}, {found.lost_bytes} bytes lost", target
+    _print(as_json, lambda: {"log": str(kept), **asdict(found)}, lambda: typer.echo(text))
 
 
 @app.command()

@@ -17,23 +17,36 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig import loop
+from rig.errors import BadInput
 from rig.events import Event, EventFinder, Interval
 from rig.faults import window
 from rig.frame import INDEX, Block
 from rig.log import LogWriter, read_log
 from rig.pace import Jitter, JitterCounter, Pace
+from rig.recorder import Recorder
 from rig.scenario import Scenario, find, load
 from rig.verdict import Peaks, Verdict
 from rig.versions import versions
-from rig.view.stream import StreamReport, open_stream
+from rig.view.sink import check_where
+from rig.view.stream import Stream, StreamReport, open_stream
 
 Progress = Callable[[int, int], None]  # frames flown, frames in all
+
+
+class Viewer(Protocol):
+    """Told of the stream when it opens and when the flight is over, before it closes."""
+
+    def opened(self, stream: Stream) -> None:
+        """The stream is open; its addresses are known."""
+
+    def flown(self, stream: Stream) -> None:
+        """The last frame has been handed over; the stream closes when this returns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +129,7 @@ def fly(
     rerun: str = "off",
     realtime_factor: float | None = None,
     progress: Progress | None = None,
+    viewer: Viewer | None = None,
 ) -> Flight:
     """Fly a scenario (a file, a bundled name, or one loaded already) and log every frame.
 
@@ -130,7 +144,7 @@ def fly(
         scenario, text = load(path, overrides, seed), path.read_text(encoding="utf-8")
     pace = Pace(scenario.rate_hz, realtime_factor)
     with _interruptible() as stop:
-        return _record(scenario, text, Path(out), rerun, pace, stop, progress)
+        return _record(scenario, text, Path(out), rerun, pace, stop, progress, viewer)
 
 
 def _record(
@@ -141,31 +155,41 @@ def _record(
     pace: Pace,
     stop: loop.Stop,
     progress: Progress | None,
+    viewer: Viewer | None,
 ) -> Flight:
     """Run the frames through verdict, log and stream; the log is finished whatever happens."""
+    check_where(rerun)
     loop.warm_up(scenario)
     rig = loop.Rig(scenario)
     path = log_path(out, scenario)
     finder, verdict = EventFinder(intervals(scenario)), Verdict()
     jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
-    writer = LogWriter(path, scenario.rate_hz, metadata(scenario), [("scenario.toml", text.encode())])
-    with writer:
+    with LogWriter(path, scenario.rate_hz, metadata(scenario), [("scenario.toml", text.encode())]) as writer:
         stream = open_stream(rerun, scenario.title or path.stem, scenario.rate_hz, path)
+        if stream is not None and viewer is not None:
+            viewer.opened(stream)
+
+        def record(rows: Block, timing: NDArray[Any]) -> None:
+            events = finder.find(rows)
+            verdict.add(rows, events)
+            writer.write(rows, timing, events)
+            if stream is not None:
+                stream.put(rows.copy(), events)
+            if jitter is not None:
+                jitter.add(timing["frame_us"], timing["late_us"])
+            if progress is not None:
+                progress(verdict.frames, scenario.frames)
+
         began = time.perf_counter()
         try:
-            for rows, timing in loop.frames(rig, scenario, pace, stop):
-                events = finder.find(rows)
-                verdict.add(rows, events)
-                writer.write(rows, timing, events)
-                if stream is not None:
-                    stream.put(rows.copy(), events)
-                if jitter is not None:
-                    jitter.add(timing["frame_us"], timing["late_us"])
-                if progress is not None:
-                    progress(verdict.frames, scenario.frames)
+            with Recorder(record) as recorder:
+                for rows, timing in loop.frames(rig, scenario, pace, stop):
+                    recorder.put(rows, timing)
             wall_s = time.perf_counter() - began
             reason = end_reason(verdict, stop, scenario)
             writer.close({"digest": verdict.digest, "end_reason": reason, "survived": str(verdict.survived)})
+            if stream is not None and viewer is not None:
+                viewer.flown(stream)
         finally:
             report = None if stream is None else stream.close(10.0)
     return Flight(
@@ -186,7 +210,11 @@ def _record(
 
 
 def log_path(out: Path, scenario: Scenario) -> Path:
-    """A name that says the flight and is not taken yet: <title>_seed<seed>[_n].mcap."""
+    """A name that says the flight and is not taken yet: <title>_seed<seed>[_n].mcap; makes the folder."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"{out}: logs cannot be kept there: {error.strerror}") from None
     words = "".join(c if c.isalnum() else "_" for c in scenario.title.lower()).strip("_")
     stem = f"{words or scenario.aircraft}_seed{scenario.seed}"
     path, number = out / f"{stem}.mcap", 1

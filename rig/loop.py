@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from itertools import cycle
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from rig.redundancy import Redundancy
 from rig.scenario import Scenario
 from rig.sensors import Sensors
 
-BLOCK_S = 1.0  # a block, and with it a chunk of the log, is at most this long
+BLOCK_S = 0.5  # two blocks are at risk when a flight is killed: the one being filled, the one being recorded
 
 
 class Rig:
@@ -82,28 +83,36 @@ class Stop:
 def frames(
     rig: Rig, scenario: Scenario, pace: Pace | None = None, stop: Stop | None = None
 ) -> Iterator[tuple[Block, NDArray[np.void]]]:
-    """Fly; yields rows and their TIMING, a block at a time.  The arrays are reused: copy what you keep."""
+    """Fly; yields rows and their TIMING, a block at a time.
+
+    Two blocks take turns: what is yielded stays as it is until the block after the next is begun.
+    """
     pace, stop = pace or Pace(scenario.rate_hz, None), stop or Stop()
     size = max(1, int(BLOCK_S * scenario.rate_hz))
-    block, timing = new_block(size), np.zeros(size, TIMING)
-    frame_us, late_us = timing["frame_us"], timing["late_us"]
-    clock, paced, end = time.perf_counter, pace.period_s is not None, 0
+    buffers = cycle([(new_block(size), np.zeros(size, TIMING)) for _ in range(2)])
     for first in range(0, scenario.frames, size):
-        count = min(size, scenario.frames - first)
-        block = _renew(block, first, count)
+        memory, timing = next(buffers)
+        block = _renew(memory, first, min(size, scenario.frames - first))
         rig.prepare(block)
-        k = 0
-        for k in range(count):
-            if paced:
-                late_us[k] = pace.wait(first + k) * 1e6
-            began = clock()
-            end = rig.frame(block, k)
-            frame_us[k] = (clock() - began) * 1e6
-            if end != 0 or stop.requested:
-                break
-        yield block[: k + 1], timing[: k + 1]
-        if end != 0 or stop.requested:
+        flown, over = _fly_block(rig, block, timing, pace, stop)
+        yield block[:flown], timing[:flown]
+        if over:
             return
+
+
+def _fly_block(rig: Rig, block: Block, timing: NDArray[np.void], pace: Pace, stop: Stop) -> tuple[int, bool]:
+    """Fly the rows of a block; how many were flown, and whether the flight is over."""
+    frame_us, late_us = timing["frame_us"], timing["late_us"]
+    clock, fly, paced, first = time.perf_counter, rig.frame, pace.period_s is not None, int(block["frame"][0])
+    for k in range(len(block)):
+        if paced:
+            late_us[k] = pace.wait(first + k) * 1e6
+        began = clock()
+        end = fly(block, k)
+        frame_us[k] = (clock() - began) * 1e6
+        if end != 0 or stop.requested:
+            return k + 1, True
+    return len(block), False
 
 
 def _renew(block: Block, first: int, count: int) -> Block:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import signal
+import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     from rig.bench import Bench
     from rig.flight import Flight
     from rig.flight import Progress as Report
+    from rig.view.stream import Stream
 
 MOST_LINES = 40  # of events on the terminal; all of them are in the log
 
@@ -46,6 +49,24 @@ def progress(enabled: bool) -> Iterator[Report | None]:
         yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
+class Watching:
+    """Says where a stream can be watched, and keeps a served one open until Ctrl-C when somebody is there."""
+
+    def opened(self, stream: Stream) -> None:
+        """Print the address to open."""
+        if stream.browser:
+            print(f"watch at {stream.browser}", file=sys.stderr, flush=True)
+
+    def flown(self, stream: Stream) -> None:
+        """Hold the server on a terminal."""
+        if not stream.browser or not sys.stdin.isatty():
+            return
+        stream.drain()
+        print("flight over, still serving; Ctrl-C ends", file=sys.stderr, flush=True)
+        with suppress(KeyboardInterrupt):
+            signal.pause()
+
+
 def flight(flown: Flight) -> None:
     """The verdict of one flight."""
     screen, scenario = console(), flown.scenario
@@ -67,7 +88,9 @@ def flight(flown: Flight) -> None:
             f"{j.overruns} overruns"
         )
     if flown.stream is not None:
-        screen.print(f"stream   {flown.stream}")
+        s = flown.stream
+        trouble = f", {s.error}" if s.error else ""
+        screen.print(f"stream   {s.where}: {s.sent_frames} frames sent, {s.dropped_frames} dropped{trouble}")
     screen.print(f"digest   {flown.digest}")
     screen.print(f"log      {flown.log}", soft_wrap=True)
 

@@ -66,6 +66,10 @@ class Verdict:
     _peaks: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf, -np.inf, np.inf, -np.inf, 0, 0, 0]))
     _hash: hashlib._Hash = field(default_factory=hashlib.sha256)
 
+    def __post_init__(self) -> None:
+        """Compile the kernel before the first frame."""
+        widen(self._start, self._last, self._peaks)
+
     def add(self, rows: Block, events: Sequence[Event]) -> None:
         """Take in the next rows of the flight and their events."""
         if not len(self._start):

@@ -91,9 +91,7 @@ def test_a_foreign_mcap_is_refused(tmp_path):
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start()
-        channel = writer.register_channel(
-            "/odometry", "json", writer.register_schema("o", "jsonschema", b"{}")
-        )
+        channel = writer.register_channel("/odometry", "json", writer.register_schema("o", "jsonschema", b"{}"))
         writer.add_message(channel, 0, b"{}", 0)
         writer.finish()
     with pytest.raises(BadLog, match="not a log of this rig"):

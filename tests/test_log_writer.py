@@ -6,12 +6,15 @@ import resource
 import subprocess
 import sys
 import tracemalloc
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+import zstandard
+from mcap.data_stream import ReadDataStream
 from mcap.reader import make_reader
-from mcap.records import Message
+from mcap.records import Chunk, Message, MessageIndex
 from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
@@ -98,23 +101,37 @@ def test_the_data_section_checksum_is_right_and_messages_come_in_the_order_of_ti
     assert times == sorted(times)
 
 
-def test_message_indexes_point_at_their_messages(tmp_path):
+def test_the_stock_reader_seeks_to_a_time_and_a_topic(tmp_path):
     write(tmp_path / "a.mcap", 120, [Event(5, "info", "x", "y")])
     with (tmp_path / "a.mcap").open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
-        heading = [
-            m.sequence for _, _, m in reader.iter_messages("/signal/heading", starting_at=1_050_000_000)
-        ]
+        heading = [m.sequence for _, _, m in reader.iter_messages("/signal/heading", starting_at=1_050_000_000)]
         events = [m.sequence for _, _, m in reader.iter_messages("/events")]
-        data = (tmp_path / "a.mcap").read_bytes()
     assert heading == list(range(105, 120))
     assert events == [5]
-    for index in summary_of(
-        tmp_path / "a.mcap"
-    ).chunk_indexes:  # each offset leads to the MessageIndex record of its channel
-        for channel, offset in index.message_index_offsets.items():
-            assert data[offset] == 7
-            assert int.from_bytes(data[offset + 9 : offset + 11], "little") == channel
+
+
+def test_every_entry_of_the_message_indexes_leads_to_its_message(tmp_path):
+    """MCAP: an entry is the log time of a message and its offset in the chunk before compression."""
+    write(
+        tmp_path / "a.mcap",
+        120,
+        [Event(5, "info", "x", "y"), Event(9, "error", "x", "longer"), Event(101, "info", "", "")],
+    )
+    content, entries = (tmp_path / "a.mcap").read_bytes(), 0
+    for index in summary_of(tmp_path / "a.mcap").chunk_indexes:
+        begin = index.chunk_start_offset + 9
+        chunk = Chunk.read(ReadDataStream(BytesIO(content[begin : begin + index.chunk_length - 9])))
+        data = zstandard.decompress(chunk.data)
+        for channel, at in index.message_index_offsets.items():
+            assert content[at] == 7  # the opcode of a MessageIndex
+            found = MessageIndex.read(ReadDataStream(BytesIO(content[at + 9 :])))
+            assert found.channel_id == channel
+            for time, offset in found.records:
+                message = Message.read(ReadDataStream(BytesIO(data[offset + 9 :])), 30)
+                assert (data[offset], message.channel_id, message.log_time) == (5, channel, time)
+            entries += len(found.records)
+    assert entries == 120 * len(FRAME_TOPICS) + 3
 
 
 def summary_of(path):
@@ -205,9 +222,7 @@ def test_pose_and_position_say_where_the_aircraft_is_and_points(tmp_path):
     ]  # east, north, up
     np.testing.assert_allclose(rotated(pose.rotation, [1, 0, 0]), forward, atol=1e-12)
     # Left wing: up when rolling right, by sin(roll) cos(pitch).
-    np.testing.assert_allclose(
-        rotated(pose.rotation, [0, 1, 0])[2], math.sin(roll) * math.cos(pitch), atol=1e-12
-    )
+    np.testing.assert_allclose(rotated(pose.rotation, [0, 1, 0])[2], math.sin(roll) * math.cos(pitch), atol=1e-12)
     assert (pose.translation.x, pose.translation.y, pose.translation.z) == (20.0, 10.0, 300.0)
     assert pose.timestamp.ToNanoseconds() == 123_456_780_000_000
     (fix,) = decoded(path, "/position")

@@ -28,7 +28,12 @@ def test_there_are_at_least_eight_of_them_on_all_three_aircraft():
 
 def test_without_a_name_the_pitch_rate_hardover_is_flown():
     assert find().name == "f16_pitch_rate_hardover.toml"
-    assert find("f16_pitch_rate_hardover") == find("faults/f16_pitch_rate_hardover.toml") == find()
+    assert find("f16_pitch_rate_hardover") == find()
+
+
+def test_a_bundled_file_is_found_from_any_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    assert find("faults/f16_pitch_rate_hardover.toml") == find()
 
 
 def test_the_resolved_scenario_is_the_same_flight(tmp_path: Path):

@@ -63,6 +63,8 @@ class Config(Settings):
     max_load_factor_change: float = Field(default=0.5, gt=0.0, le=3.0)  # by the autopilot, from level flight
     schedule_filter_s: float = Field(default=2.0, gt=0.0)  # on the dynamic pressure that selects gains
     airspeed_filter_s: float = Field(default=0.5, gt=0.0)
+    climb_crossover_rad_s: float = Field(default=0.4, gt=0.0)  # below it barometric, above it inertial
+    max_yaw_correction_rad_s: float = Field(default=0.02, ge=0.0)  # of the heading hold, by rudder
 
 
 PARAM: Final = np.dtype(
@@ -76,6 +78,8 @@ PARAM: Final = np.dtype(
         ("max_alpha", "f8"),
         ("schedule_share", "f8"),  # of a new sample that passes the filter in one frame
         ("airspeed_share", "f8"),
+        ("climb_crossover", "f8"),
+        ("max_yaw", "f8"),
         ("low", "f8", (len(SURFACES),)),
         ("high", "f8", (len(SURFACES),)),
         ("vertical", "i8"),
@@ -93,7 +97,9 @@ DYNAMIC: Final = (
     "altitude_reference",
     "altitude_rate",
     "altitude_integral",
-    "nose_angle",  # theta - gamma, filtered
+    "altitude_estimate",
+    "climb_rate",
+    "acceleration_error",
     "airspeed",  # filtered
     "schedule_pressure",  # filtered
 )
@@ -115,9 +121,11 @@ _Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
 _ALPHA, _BETA = INDEX["angle_of_attack"], INDEX["angle_of_sideslip"]
 _STATIC, _DYNAMIC = INDEX["static_pressure"], INDEX["dynamic_pressure"]
 _STICK_PITCH, _STICK_ROLL, _PEDAL = INDEX["stick_pitch"], INDEX["stick_roll"], INDEX["pedal"]
+_N_X, _N_Y, _N_Z = (INDEX[f"{axis}_load_factor"] for axis in ("longitudinal", "lateral", "normal"))
 _THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
 USED: Final = np.array(
-    [_Q, _P, _R, _ALPHA, _BETA, _STATIC, _DYNAMIC, _STICK_PITCH, _STICK_ROLL, _PEDAL, _THETA, _PHI, _PSI]
+    [_Q, _P, _R, _N_X, _N_Y, _N_Z, _ALPHA, _BETA, _STATIC, _DYNAMIC]
+    + [_STICK_PITCH, _STICK_ROLL, _PEDAL, _THETA, _PHI, _PSI]
 )
 _LOW: Final = np.array([signal.low for signal in SIGNALS])
 _HIGH: Final = np.array([signal.high for signal in SIGNALS])
@@ -125,6 +133,7 @@ _ENGAGED: Final = DISCRETE_INDEX["autopilot_engaged"]
 _AUTOPILOT, _STICK_LAW = int(Law.AUTOPILOT), int(Law.STICK)
 _DEMANDS, _SURFACES, _COMMANDS = len(DEMANDS), len(SURFACES), len(COMMANDS)
 _SLOWEST: Final = 30.0  # m/s; divisions by airspeed take at least this
+_BRAKING: Final = 0.3  # share of the allowed load factor change that a change of altitude plans with
 _ALPHA_APPROACH_1_S: Final = 2.0  # pitch rate allowed per angle left to the alpha limit
 (
     _C_Q, _C_P, _C_BETA, _C_THETA, _C_PHI, _C_ALTITUDE, _C_PSI, _C_SPEED, _C_PRESSURE_ALTITUDE, _C_EAS, _C_GAMMA
@@ -172,6 +181,8 @@ def _parameters(
     row["max_alpha"] = gains.max_alpha_rad
     row["schedule_share"] = 1.0 - math.exp(-1.0 / (rate_hz * config.schedule_filter_s))
     row["airspeed_share"] = 1.0 - math.exp(-1.0 / (rate_hz * config.airspeed_filter_s))
+    row["climb_crossover"] = config.climb_crossover_rad_s
+    row["max_yaw"] = config.max_yaw_correction_rad_s
     row["low"], row["high"] = np.array(surface_limits, float).T
     row["vertical"], row["lateral"] = _VERTICAL[config.vertical], _LATERAL[config.lateral]
     row["speed"] = config.speed == "airspeed"
@@ -196,7 +207,7 @@ def fly(block, k, pressures, table, param, state, gain):
         filter_slow(param, state, measured, command, s["started"] == 0)
         laws.schedule(pressures, table, s["schedule_pressure"], gain)
         if fresh or law == _STICK_LAW:
-            capture(state, measured, command)
+            capture(state, gain, measured, command)
         outer(param, state, gain, measured, command, law)
         inner(param, state, gain, measured, command, law, fresh)
         s["started"], s["law"] = 1, law
@@ -239,25 +250,37 @@ def air_data(measured, command):
 
 @kernel
 def filter_slow(param, state, measured, command, first):
-    """First-order filters on dynamic pressure and airspeed; at the start they take the sample itself."""
+    """Filters on dynamic pressure, airspeed and vertical motion; at the start they take the sample itself."""
     s, c = state[0], param[0]
-    speed, pressure = command[_C_SPEED], measured[_DYNAMIC]
+    speed, pressure, altitude = command[_C_SPEED], measured[_DYNAMIC], command[_C_PRESSURE_ALTITUDE]
+    laws.vertical_motion(altitude, vertical_acceleration(measured), c["climb_crossover"], c["dt"], state)
     if first:
         s["airspeed"], s["schedule_pressure"] = speed, pressure
+        s["altitude_estimate"], s["acceleration_error"] = altitude, 0.0
+        s["climb_rate"] = speed * math.sin(command[_C_GAMMA])
     else:
         s["airspeed"] += c["airspeed_share"] * (speed - s["airspeed"])
         s["schedule_pressure"] += c["schedule_share"] * (pressure - s["schedule_pressure"])
 
 
 @kernel
-def capture(state, measured, command):
+def vertical_acceleration(measured):
+    """Upward acceleration [m/s2] from the load factors and the attitude."""
+    theta, phi = measured[_THETA], measured[_PHI]
+    load = measured[_N_X] * math.sin(theta) - measured[_N_Y] * math.sin(phi) * math.cos(theta)
+    load += measured[_N_Z] * math.cos(phi) * math.cos(theta)
+    return GRAVITY * (load - 1.0)
+
+
+@kernel
+def capture(state, gain, measured, command):
     """Take the present flight as what the autopilot will hold."""
     s = state[0]
     s["pitch_angle"], s["roll_angle"], s["heading"] = measured[_THETA], measured[_PHI], measured[_PSI]
-    s["altitude"] = s["altitude_reference"] = command[_C_PRESSURE_ALTITUDE]
-    s["altitude_rate"] = s["airspeed"] * math.sin(command[_C_GAMMA])
-    s["altitude_integral"] = 0.0
-    s["nose_angle"] = measured[_THETA] - command[_C_GAMMA]
+    s["altitude"] = s["altitude_reference"] = s["altitude_estimate"]
+    s["altitude_rate"] = s["climb_rate"]
+    climb = s["climb_rate"] / max(s["airspeed"], _SLOWEST)
+    s["altitude_integral"] = (1.0 + gain[laws.PATH_PITCH]) * (measured[_THETA] - climb)
     s["held_airspeed"] = s["airspeed"]
 
 
@@ -284,19 +307,13 @@ def outer(param, state, gain, measured, command, law):
         if lateral == PATH:
             error = command[_C_PSI] - measured[_PSI]
             command[_C_PHI] = laws.bank_for_heading(error, gain[laws.HEADING], speed, c["max_bank"])
-        s["nose_angle"] += c["dt"] / gain[laws.NOSE_FILTER] * (theta - command[_C_GAMMA] - s["nose_angle"])
         if vertical == PATH:
-            climb = laws.climb_rate(
-                command[_C_ALTITUDE],
-                command[_C_PRESSURE_ALTITUDE],
-                gain[laws.ALTITUDE],
-                gain[laws.ALTITUDE_INTEGRAL],
-                speed * math.sin(c["max_climb_angle"]),
-                c["max_load_change"] * GRAVITY,
-                c["dt"],
-                state,
-            )
-            command[_C_THETA] = climb / speed + s["nose_angle"]
+            steepest = c["max_climb_angle"]
+            acceleration = _BRAKING * c["max_load_change"] * GRAVITY
+            capture_gain = 0.5 * gain[laws.PATH_ALTITUDE] / gain[laws.PATH_CLIMB]
+            highest = speed * math.sin(steepest)
+            laws.approach(command[_C_ALTITUDE], capture_gain, highest, acceleration, c["dt"], state)
+            command[_C_THETA] = laws.path_pitch(theta, speed, steepest, gain, c["dt"], state)
     pitch_rate(param, state, gain, measured, command, vertical, speed)
     roll_rate(gain, measured, command, lateral)
     command[_C_P] += laws.turn_roll_rate(phi, theta, speed) if lateral != STICK else 0.0
@@ -336,26 +353,29 @@ def roll_rate(gain, measured, command, lateral):
 def inner(param, state, gain, measured, command, law, fresh):
     """Rate, sideslip and airspeed errors to surfaces; ``fresh`` starts the integrators without a jump."""
     s, c = state[0], param[0]
-    dt = c["dt"]
+    dt, g = c["dt"], gain
     alpha = measured[_ALPHA]
     speed = max(s["airspeed"], _SLOWEST)
     yaw = laws.turn_yaw_rate(measured[_PHI], measured[_THETA], speed) + command[_C_P] * math.tan(alpha)
+    if law == _AUTOPILOT and c["lateral"] == PATH:
+        turn = g[laws.HEADING_YAW] * wrap(command[_C_PSI] - measured[_PSI])
+        yaw += clamp(turn, -c["max_yaw"], c["max_yaw"])
     q = measured[_Q] - command[_C_Q]
     p = measured[_P] - command[_C_P]
     r = measured[_R] - yaw
     beta = measured[_BETA] - command[_C_BETA]
-    g = gain
 
     proportional = g[laws.ELEVATOR_ALPHA] * (alpha - g[laws.TRIM_ALPHA]) + g[laws.ELEVATOR_Q] * q
     change = -dt * g[laws.ELEVATOR_INTEGRAL] * q
     s["elevator_integral"] = move(s["elevator_integral"], change, proportional, 0, c, s["surface"], fresh)
 
-    proportional = g[laws.AILERON_BETA] * beta + g[laws.AILERON_P] * p + g[laws.AILERON_R] * r
-    change = -dt * (g[laws.AILERON_P_INTEGRAL] * p + g[laws.AILERON_BETA_INTEGRAL] * beta)
+    proportional = g[laws.AILERON_P] * p
+    change = -dt * g[laws.AILERON_INTEGRAL] * p
     s["aileron_integral"] = move(s["aileron_integral"], change, proportional, 1, c, s["surface"], fresh)
 
-    proportional = g[laws.RUDDER_BETA] * beta + g[laws.RUDDER_P] * p + g[laws.RUDDER_R] * r
-    change = -dt * (g[laws.RUDDER_P_INTEGRAL] * p + g[laws.RUDDER_BETA_INTEGRAL] * beta)
+    proportional = g[laws.RUDDER_BETA] * beta + g[laws.RUDDER_R] * r
+    proportional -= g[laws.RUDDER_COMMAND] * command[_C_BETA]
+    change = -dt * g[laws.RUDDER_INTEGRAL] * beta
     s["rudder_integral"] = move(s["rudder_integral"], change, proportional, 2, c, s["surface"], fresh)
 
     if law == _AUTOPILOT and c["speed"] == 1:

@@ -1,15 +1,16 @@
 """The design: from an aircraft's linear models to its gains.toml.
 
 Inner loops are linear-quadratic regulators with integral action; one number a plane, the wanted
-crossover, sets their weights.  It starts at a share of the actuator's bandwidth and comes down until
-every margin holds.  Outer loops follow from the inner ones by separation of bandwidth.  What is
-checked is the whole sampled loop, with the law as it is coded (loops.py).
+crossover, sets their weights.  It starts at a share of the actuator's bandwidth; the attitude loop is
+put a factor below it, and both come down until every margin holds.  The loops outside these follow by
+separation of bandwidth.  What is checked is the whole sampled loop, with the law as it is coded.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Final
 
@@ -36,20 +37,31 @@ class Requirements(Settings):
     gain_margin_db: float = Field(default=6.5, gt=0.0)  # a reserve of 0.5 dB on 6 dB
     phase_margin_deg: float = Field(default=46.0, gt=0.0)  # a reserve of 1 degree on 45
     actuator_share: float = Field(default=0.25, gt=0.0)  # of its bandwidth, the highest crossover tried
-    rudder_share: float = Field(default=0.8, gt=0.0)  # rudder's crossover over the aileron's
+    rudder_share: float = Field(default=0.7, gt=0.0)  # rudder's crossover over the aileron's
     integral_share: float = Field(default=0.2, gt=0.0)  # integral weight over proportional weight and crossover
-    sideslip_share: float = Field(default=0.05, ge=0.0)  # weight of the sideslip integral
-    attitude_share: float = Field(default=0.18, gt=0.0)  # attitude loop's crossover over the rate loop's
-    heading_share: float = Field(default=0.15, gt=0.0)  # heading over roll attitude
-    altitude_share: float = Field(default=0.2, gt=0.0)  # altitude over the slower of attitude and path
+    sideslip_share: float = Field(default=0.03, ge=0.0)  # weight of the sideslip integral
+    heading_share: float = Field(default=0.25, gt=0.0)  # heading over roll attitude
+    altitude_share: float = Field(default=0.35, gt=0.0)  # altitude over attitude
+    yaw_share: float = Field(default=2.5, ge=0.0)  # heading hold by rudder over heading hold by bank
     airspeed_crossover_rad_s: float = Field(default=0.15, gt=0.0)
     envelope_share: float = Field(default=0.7, gt=0.0, lt=1.0)  # of the departure limits, what the stick may ask
 
 
 Design = Gains
-_SLOWER: Final = 0.9
 _LAWS: Final[tuple[Law, Law]] = ("stick", "autopilot")
-_TRIES: Final = 25
+_RATE_SHARES: Final = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)  # of the highest crossover
+_QUICK: Final = 3  # so many of them count as quick
+_ALPHA_SHARES: Final = (1.0, 0.7, 0.4)  # of the regulator's gain on alpha, in the longitudinal plane
+_ATTITUDE_SHARES: Final = (0.26, 0.22, 0.18, 0.15)  # attitude loop's crossover over the rate loop's
+
+
+@dataclass(frozen=True)
+class _Bandwidth:
+    """How fast one plane is to be: shares of the highest crossover, of the rate loop's, of the alpha gain."""
+
+    rate: float
+    attitude: float
+    alpha: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -86,20 +98,29 @@ def _gains(airframe: Airframe, wanted: Requirements, points: list[Point]) -> Gai
 
 
 def _design_point(case: _Case) -> Point:
-    """Bring the crossover of each plane down, separately, until that plane's margins hold."""
-    crossover = {plane: _ceiling(case, plane) for plane in ACTUATORS}
+    """For each plane the first candidate whose margins hold; the planes do not depend on each other."""
+    first = _Bandwidth(1.0, _ATTITUDE_SHARES[0])
+    chosen = dict.fromkeys(ACTUATORS, first)
     for plane in ACTUATORS:
-        for _ in range(_TRIES):
-            point = _point(case, crossover)
-            if _holds(case, point, plane):
+        for candidate in _candidates():
+            chosen[plane] = candidate
+            if _holds(case, _point(case, chosen), plane):
                 break
-            crossover[plane] *= _SLOWER
         else:
             raise RigError(f"{case.airframe.base_model} {case.point.name}: no {plane} gains keep the margins")
-    return _with_margins(case, point)
+    return _with_margins(case, _point(case, chosen))
+
+
+def _candidates() -> list[_Bandwidth]:
+    """Fast first: the attitude loop gives way before the rate loop loses more than a quarter."""
+    quick, slow = _RATE_SHARES[:_QUICK], _RATE_SHARES[_QUICK:]
+    tried = [_Bandwidth(*x) for x in product(quick, _ATTITUDE_SHARES, _ALPHA_SHARES)]
+    tried.sort(key=lambda x: (-x.attitude, -x.alpha, -x.rate))
+    return tried + [_Bandwidth(rate, _ATTITUDE_SHARES[-1]) for rate in slow]
 
 
 def _ceiling(case: _Case, plane: Plane) -> float:
+    """The highest rate-loop crossover that is tried [rad/s]."""
     lag = getattr(case.airframe, ACTUATORS[plane][0]).lag_s
     return case.wanted.actuator_share / lag
 
@@ -156,30 +177,57 @@ def longitudinal_gain(linear: Linear, crossover: float, integral_share: float) -
     return regulator(a, b, q, np.array([[(b[1, 0] / crossover) ** 2]]))
 
 
-def lateral_gain(linear: Linear, crossover: float, wanted: Requirements) -> Matrix:
-    """(2, 5) aileron and rudder gains on beta, p, r, the integrals of the p error and of the beta error.
+def path_gain(linear: Linear, pitch: float, crossover: float) -> Matrix:
+    """(1, 4) gains of the pitch attitude command on theta, climb angle, altitude / V and its integral.
 
-    Weights: p and r 1, integral of p (integral_share crossover)^2,
-    integral of beta (sideslip_share crossover_r^2)^2, aileron (L_aileron / crossover)^2, rudder (N_rudder / crossover_r)^2, crossover_r = the rudder's share.
+    The attitude loop counts as a lag of 1 / ``pitch``, the path follows the nose at -Z_alpha.
+    Weights: altitude / V 1, its integral (crossover / 8)^2, attitude command 1 / crossover^2.
     """
-    a, b = np.zeros((5, 5)), np.zeros((5, 2))
-    a[:3, :3], b[:3] = linear.lateral_a[:3, :3], linear.lateral_b[:3]
-    a[3, 1] = a[4, 0] = 1.0
-    rudder = wanted.rudder_share * crossover
-    q = np.diag([0.0, 1.0, 1.0, (wanted.integral_share * crossover) ** 2, (wanted.sideslip_share * rudder**2) ** 2])
-    r = np.diag([(b[1, 0] / crossover) ** 2, (b[2, 1] / rudder) ** 2])
-    return regulator(a, b, q, r)
+    follow = -linear.longitudinal_a[1, 1]
+    a, b = np.zeros((4, 4)), np.array([[pitch], [0.0], [0.0], [0.0]])
+    a[0, 0] = -pitch
+    a[1, 0], a[1, 1] = follow, -follow
+    a[2, 1] = a[3, 2] = 1.0
+    q = np.diag([0.0, 0.0, 1.0, (crossover / 8.0) ** 2])
+    return regulator(a, b, q, np.array([[1.0 / crossover**2]]))
 
 
-def _point(case: _Case, crossover: dict[Plane, float]) -> Point:
-    """All gains of one flight point for the two wanted crossovers [rad/s]."""
+def roll_gain(linear: Linear, crossover: float, integral_share: float) -> Matrix:
+    """(1, 2) aileron gain on p and the integral of the p error, for the roll mode alone.
+
+    Weights: p 1, its integral (share * crossover)^2, aileron (L_aileron / crossover)^2.
+    """
+    a = np.array([[linear.lateral_a[1, 1], 0.0], [1.0, 0.0]])
+    b = np.array([[linear.lateral_b[1, 0]], [0.0]])
+    q = np.diag([1.0, (integral_share * crossover) ** 2])
+    return regulator(a, b, q, np.array([[(b[0, 0] / crossover) ** 2]]))
+
+
+def yaw_gain(linear: Linear, crossover: float, sideslip_share: float) -> Matrix:
+    """(1, 3) rudder gain on beta, r and the integral of the beta error, for the Dutch roll alone.
+
+    Weights: r 1, integral of beta (share * crossover^2)^2, rudder (N_rudder / crossover)^2.  One
+    regulator for both surfaces would cross-feed roll into the rudder: with the large and changing
+    dihedral effect of a fighter that costs the Dutch roll its damping, and turbulence its heading.
+    """
+    a = np.zeros((3, 3))
+    a[:2, :2] = linear.lateral_a[np.ix_((0, 2), (0, 2))]
+    a[2, 0] = 1.0
+    b = np.array([[linear.lateral_b[0, 1]], [linear.lateral_b[2, 1]], [0.0]])
+    q = np.diag([0.0, 1.0, (sideslip_share * crossover**2) ** 2])
+    return regulator(a, b, q, np.array([[(b[1, 0] / crossover) ** 2]]))
+
+
+def _point(case: _Case, chosen: dict[Plane, _Bandwidth]) -> Point:
+    """All gains of one flight point."""
+    crossover = {plane: chosen[plane].rate * _ceiling(case, plane) for plane in ACTUATORS}
     wanted, linear, trim = case.wanted, case.linear, case.linear.trim
     elevator = longitudinal_gain(linear, crossover["longitudinal"], wanted.integral_share)[0]
-    aileron, rudder = lateral_gain(linear, crossover["lateral"], wanted)
-    pitch = wanted.attitude_share * crossover["longitudinal"]
-    roll = wanted.attitude_share * crossover["lateral"]
-    path = -linear.longitudinal_a[1, 1]  # how fast the path follows the nose, 1/s
-    altitude = wanted.altitude_share * min(pitch, path)
+    aileron = roll_gain(linear, crossover["lateral"], wanted.integral_share)[0]
+    rudder = yaw_gain(linear, wanted.rudder_share * crossover["lateral"], wanted.sideslip_share)[0]
+    pitch = chosen["longitudinal"].attitude * crossover["longitudinal"]
+    roll = chosen["lateral"].attitude * crossover["lateral"]
+    path = path_gain(linear, pitch, wanted.altitude_share * pitch)[0]
     throttle = wanted.airspeed_crossover_rad_s / linear.longitudinal_b[0, 1]
     return Point(
         name=case.point.name,
@@ -189,27 +237,25 @@ def _point(case: _Case, crossover: dict[Plane, float]) -> Point:
         trim_theta_rad=trim.theta_rad,
         trim_elevator_rad=trim.elevator_rad,
         trim_throttle=trim.throttle,
-        elevator_alpha=elevator[0],
+        elevator_alpha=chosen["longitudinal"].alpha * elevator[0],
         elevator_pitch_rate_s=elevator[1],
         elevator_pitch_rate_integral=elevator[2],
-        aileron_beta=aileron[0],
-        aileron_roll_rate_s=aileron[1],
-        aileron_yaw_rate_s=aileron[2],
-        aileron_roll_rate_integral=aileron[3],
-        aileron_beta_integral_1_s=aileron[4],
+        aileron_roll_rate_s=aileron[0],
+        aileron_roll_rate_integral=aileron[1],
         rudder_beta=rudder[0],
-        rudder_roll_rate_s=rudder[1],
-        rudder_yaw_rate_s=rudder[2],
-        rudder_roll_rate_integral=rudder[3],
-        rudder_beta_integral_1_s=rudder[4],
+        rudder_yaw_rate_s=rudder[1],
+        rudder_beta_integral_1_s=rudder[2],
+        rudder_sideslip_command=-linear.lateral_a[2, 0] / linear.lateral_b[2, 1],
         throttle_airspeed_s_m=throttle,
         throttle_airspeed_integral_1_m=throttle * wanted.airspeed_crossover_rad_s / 5.0,
         pitch_angle_1_s=pitch,
         roll_angle_1_s=roll,
-        altitude_1_s=altitude,
-        altitude_integral_1_s2=altitude**2 / 8.0,
+        path_pitch=path[0],
+        path_climb_angle=path[1],
+        path_altitude_1_s=path[2],
+        path_altitude_integral_1_s2=path[3],
         heading_1_s=wanted.heading_share * roll,
-        nose_filter_s=4.0 / path,
+        heading_yaw_1_s=wanted.yaw_share * wanted.heading_share * roll,
         max_roll_rate_rad_s=_max_roll_rate(case),
         max_sideslip_rad=_max_sideslip(case),
     )
@@ -224,10 +270,10 @@ def _max_roll_rate(case: _Case) -> float:
 
 
 def _max_sideslip(case: _Case) -> float:
-    """Half of the steady sideslip at full rudder, within half of the envelope's share."""
+    """Three tenths of the steady sideslip at full rudder, within half of the envelope's share."""
     a, b = case.linear.lateral_a, case.linear.lateral_b
     full = min(case.airframe.rudder.max_rad, -case.airframe.rudder.min_rad)
-    reach = 0.5 * full * abs(b[2, 1] / a[2, 0])
+    reach = 0.3 * full * abs(b[2, 1] / a[2, 0])
     return min(reach, 0.5 * case.wanted.envelope_share * case.airframe.limits.sideslip_max_rad)
 
 

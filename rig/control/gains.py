@@ -17,24 +17,22 @@ COLUMNS: Final = (
     "elevator_alpha",
     "elevator_pitch_rate_s",
     "elevator_pitch_rate_integral",
-    "aileron_beta",
     "aileron_roll_rate_s",
-    "aileron_yaw_rate_s",
     "aileron_roll_rate_integral",
-    "aileron_beta_integral_1_s",
     "rudder_beta",
-    "rudder_roll_rate_s",
     "rudder_yaw_rate_s",
-    "rudder_roll_rate_integral",
     "rudder_beta_integral_1_s",
+    "rudder_sideslip_command",
     "throttle_airspeed_s_m",
     "throttle_airspeed_integral_1_m",
     "pitch_angle_1_s",
     "roll_angle_1_s",
-    "altitude_1_s",
-    "altitude_integral_1_s2",
+    "path_pitch",
+    "path_climb_angle",
+    "path_altitude_1_s",
+    "path_altitude_integral_1_s2",
     "heading_1_s",
-    "nose_filter_s",
+    "heading_yaw_1_s",
     "max_roll_rate_rad_s",
     "max_sideslip_rad",
 )
@@ -66,24 +64,22 @@ class Point(Settings):
     elevator_alpha: float
     elevator_pitch_rate_s: float
     elevator_pitch_rate_integral: float
-    aileron_beta: float
     aileron_roll_rate_s: float
-    aileron_yaw_rate_s: float
     aileron_roll_rate_integral: float
-    aileron_beta_integral_1_s: float
     rudder_beta: float
-    rudder_roll_rate_s: float
     rudder_yaw_rate_s: float
-    rudder_roll_rate_integral: float
     rudder_beta_integral_1_s: float
+    rudder_sideslip_command: float
     throttle_airspeed_s_m: float
     throttle_airspeed_integral_1_m: float
     pitch_angle_1_s: float
     roll_angle_1_s: float
-    altitude_1_s: float
-    altitude_integral_1_s2: float
+    path_pitch: float
+    path_climb_angle: float
+    path_altitude_1_s: float
+    path_altitude_integral_1_s2: float
     heading_1_s: float
-    nose_filter_s: float = Field(gt=0.0)
+    heading_yaw_1_s: float
     max_roll_rate_rad_s: float = Field(gt=0.0)
     max_sideslip_rad: float = Field(gt=0.0)
     stick_margins: dict[str, Margin] = Field(default_factory=dict)  # rate loops alone

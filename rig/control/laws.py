@@ -23,24 +23,22 @@ _COLUMNS: Final = len(COLUMNS)
     ELEVATOR_ALPHA,
     ELEVATOR_Q,
     ELEVATOR_INTEGRAL,
-    AILERON_BETA,
     AILERON_P,
-    AILERON_R,
-    AILERON_P_INTEGRAL,
-    AILERON_BETA_INTEGRAL,
+    AILERON_INTEGRAL,
     RUDDER_BETA,
-    RUDDER_P,
     RUDDER_R,
-    RUDDER_P_INTEGRAL,
-    RUDDER_BETA_INTEGRAL,
+    RUDDER_INTEGRAL,
+    RUDDER_COMMAND,
     THROTTLE_SPEED,
     THROTTLE_INTEGRAL,
     PITCH_ANGLE,
     ROLL_ANGLE,
-    ALTITUDE,
-    ALTITUDE_INTEGRAL,
+    PATH_PITCH,
+    PATH_CLIMB,
+    PATH_ALTITUDE,
+    PATH_INTEGRAL,
     HEADING,
-    NOSE_FILTER,
+    HEADING_YAW,
     MAX_ROLL_RATE,
     MAX_SIDESLIP,
 ) = range(_COLUMNS)
@@ -111,26 +109,58 @@ def bank_for_heading(error, gain, airspeed, max_bank):
 
 
 @kernel
-def climb_rate(target, altitude, gain, integral_gain, highest, acceleration, dt, state):
-    """Climb rate [m/s] that takes the aircraft to ``target`` [m] and keeps it there.
+def vertical_motion(altitude, acceleration, crossover, dt, state):
+    """Climb rate from pressure altitude [m] and vertical acceleration [m/s2], each where it is good.
 
-    A reference moves towards the target, within ``highest`` [m/s] and ``acceleration`` [m/s2]; the
-    loop follows the reference, so that its integrator never sees the whole step.  Integrates only
-    while the result is within ``highest``.
-    state : altitude_reference [m], altitude_rate [m/s], altitude_integral [m/s], in place
+    A complementary filter of third order, all poles at ``crossover`` [rad/s]: below it the altitude
+    counts, above it the acceleration; a constant error of the acceleration is estimated and taken off.
+    state : altitude_estimate [m], climb_rate [m/s], acceleration_error [m/s2], in place
     """
     s = state[0]
-    wanted = clamp(gain * (target - s["altitude_reference"]), -highest, highest)
-    rate = s["altitude_rate"] + clamp(wanted - s["altitude_rate"], -acceleration * dt, acceleration * dt)
-    reference = s["altitude_reference"] + rate * dt
-    error = reference - altitude
-    integral = s["altitude_integral"] + integral_gain * error * dt
-    climb = rate + gain * error + integral
-    if climb > highest or climb < -highest:
-        integral = s["altitude_integral"]
-        climb = clamp(climb, -highest, highest)
-    s["altitude_reference"], s["altitude_rate"], s["altitude_integral"] = reference, rate, integral
-    return climb
+    error = altitude - s["altitude_estimate"]
+    rate = s["climb_rate"]
+    s["acceleration_error"] += crossover**3 * error * dt
+    s["climb_rate"] += (acceleration + s["acceleration_error"] + 3.0 * crossover**2 * error) * dt
+    s["altitude_estimate"] += (rate + 3.0 * crossover * error) * dt
+
+
+@kernel
+def approach(target, gain, highest, acceleration, dt, state):
+    """Move the altitude reference towards ``target`` [m] so smoothly that the loop behind it can follow.
+
+    With d left to go, the rate is gain * d near the target and sqrt(2 a d - (a / gain)^2) farther out: a
+    braking at ``acceleration`` a [m/s2].  The rate stays within ``highest`` [m/s] and changes by at most a.
+    state : altitude_reference [m], altitude_rate [m/s], in place
+    """
+    s = state[0]
+    left = target - s["altitude_reference"]
+    wanted = gain * left
+    if abs(wanted) * gain > acceleration:
+        wanted = math.sqrt(2.0 * acceleration * abs(left) - (acceleration / gain) ** 2)
+        wanted = wanted if left > 0.0 else -wanted
+    wanted = clamp(wanted, -highest, highest)
+    s["altitude_rate"] += clamp(wanted - s["altitude_rate"], -acceleration * dt, acceleration * dt)
+    s["altitude_reference"] += s["altitude_rate"] * dt
+
+
+@kernel
+def path_pitch(theta, airspeed, steepest, gain, dt, state):
+    """Pitch attitude that keeps the aircraft on its altitude reference, by state feedback.
+
+        theta_c = w + g - K_pitch (theta - g) - K_climb (climb - g) + K_altitude (reference - altitude) / V
+
+    with g the reference's climb angle and w the integral of the altitude error, a pitch attitude;
+    w stands still while the asked climb is beyond ``steepest`` [rad].
+    state : altitude_integral (w), in place
+    """
+    s = state[0]
+    reference = s["altitude_rate"] / airspeed
+    error = (s["altitude_reference"] - s["altitude_estimate"]) / airspeed
+    climb = gain[PATH_ALTITUDE] * error - gain[PATH_CLIMB] * (s["climb_rate"] / airspeed - reference)
+    if -steepest < climb < steepest:
+        s["altitude_integral"] += gain[PATH_INTEGRAL] * error * dt
+    climb = clamp(climb, -steepest, steepest)
+    return s["altitude_integral"] + reference - gain[PATH_PITCH] * (theta - reference) + climb
 
 
 @kernel

@@ -23,7 +23,14 @@ Law = Literal["stick", "autopilot"]
 Plane = Literal["longitudinal", "lateral"]
 # Outputs of each plane that the law reads, and its surfaces.
 OUTPUTS: Final[dict[Plane, tuple[str, ...]]] = {
-    "longitudinal": ("pitch_rate", "angle_of_attack", "static_pressure", "dynamic_pressure", "pitch_angle"),
+    "longitudinal": (
+        "pitch_rate",
+        "angle_of_attack",
+        "static_pressure",
+        "dynamic_pressure",
+        "pitch_angle",
+        "normal_load_factor",
+    ),
     "lateral": ("roll_rate", "yaw_rate", "angle_of_sideslip", "roll_angle", "heading"),
 }
 ACTUATORS: Final[dict[Plane, tuple[str, str]]] = {
@@ -47,10 +54,10 @@ def build(
     airframe: Airframe, point: FlightPoint, linear: Linear, gains: Gains, law: Law, plane: Plane
 ) -> Loop:
     """The sampled loop of one plane; commands of the actuators in the order of ``ACTUATORS[plane]``."""
-    a, b, c = _airframe(linear, point, plane)
+    a, b, c, d = _airframe(airframe, linear, point, plane)
     lags = [getattr(airframe, name).lag_s for name in ACTUATORS[plane]]
     period = 1.0 / gains.rate_hz
-    f, g, h = sampled_loop(a, b, c, lags, gains.sensor_lag_s, period)
+    f, g, h = sampled_loop(a, b, c, d, lags, gains.sensor_lag_s, period)
     ac, bc, cc, dc = _law(gains, linear.trim, point, law, plane)
     n, m = g.shape
     return Loop(
@@ -62,16 +69,19 @@ def build(
     )
 
 
-def _airframe(linear: Linear, point: FlightPoint, plane: Plane) -> tuple[Matrix, Matrix, Matrix]:
-    """(A, B, C) with altitude or heading as a fifth state."""
+def _airframe(
+    airframe: Airframe, linear: Linear, point: FlightPoint, plane: Plane
+) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    """(A, B, C, D) with altitude or heading as a fifth state."""
     trim = linear.trim
-    a, b, c = np.zeros((5, 5)), np.zeros((5, 2)), np.zeros((5, 5))
+    a, b = np.zeros((5, 5)), np.zeros((5, 2))
+    c, d = np.zeros((len(OUTPUTS[plane]), 5)), np.zeros((len(OUTPUTS[plane]), 2))
     if plane == "lateral":
         a[:4, :4], b[:4] = linear.lateral_a, linear.lateral_b
         a[4, 2] = 1.0 / np.cos(trim.theta_rad)
         for row, state in enumerate((1, 2, 0, 3, 4)):
             c[row, state] = 1.0
-        return a, b, c
+        return a, b, c, d
     a[:4, :4], b[:4] = linear.longitudinal_a, linear.longitudinal_b
     a[4, 1], a[4, 3] = -trim.airspeed_m_s, trim.airspeed_m_s
     density = 2.0 * trim.dynamic_pressure_pa / trim.airspeed_m_s**2
@@ -81,7 +91,12 @@ def _airframe(linear: Linear, point: FlightPoint, plane: Plane) -> tuple[Matrix,
     c[2, 4] = -density * GRAVITY
     c[3, 0] = density * trim.airspeed_m_s
     c[3, 4] = -trim.dynamic_pressure_pa / air * (GRAVITY / GAS_CONSTANT - lapse)
-    return a, b, c
+    # n_z = V (q - alpha rate) / g, plus what the pitch acceleration adds ahead of the centre of gravity.
+    lever = airframe.accelerometer.x_m / GRAVITY
+    c[5] = -trim.airspeed_m_s / GRAVITY * a[1] + lever * a[2]
+    c[5, 2] += trim.airspeed_m_s / GRAVITY
+    d[5] = -trim.airspeed_m_s / GRAVITY * b[1] + lever * b[2]
+    return a, b, c, d
 
 
 def _law(
@@ -131,6 +146,8 @@ def trimmed(gains: Gains, trim: Trim, point: FlightPoint, law: Law) -> tuple[Con
     voted[INDEX["angle_of_attack"]] = trim.alpha_rad
     voted[INDEX["pitch_angle"]] = trim.theta_rad
     voted[INDEX["heading"]] = _HEADING
+    voted[INDEX["normal_load_factor"]] = np.cos(trim.theta_rad)
+    voted[INDEX["longitudinal_load_factor"]] = np.sin(trim.theta_rad)
     density = 2.0 * trim.dynamic_pressure_pa / trim.airspeed_m_s**2
     voted[INDEX["static_pressure"]] = density * GAS_CONSTANT * temperature(point.altitude_m)
     voted[INDEX["dynamic_pressure"]] = trim.dynamic_pressure_pa

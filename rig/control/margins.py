@@ -73,11 +73,11 @@ class Margins:
 
 
 def sampled_loop(
-    a: Matrix, b: Matrix, c: Matrix, lags_s: list[float], sensor_lag_s: float, period_s: float
+    a: Matrix, b: Matrix, c: Matrix, d: Matrix, lags_s: list[float], sensor_lag_s: float, period_s: float
 ) -> tuple[Matrix, Matrix, Matrix]:
     """The chain of the module's docstring as (F, G, H): x+ = F x + G u, sampled y = H x.
 
-    a, b, c      airframe, its inputs the surface positions, its outputs what the law uses
+    a, b, c, d   airframe, its inputs the surface positions, its outputs what the law uses
     lags_s       first-order lag of each actuator [s]
     sensor_lag_s first-order lag of every measured output [s]
     """
@@ -87,7 +87,7 @@ def sampled_loop(
         [
             [a, b, np.zeros((n, p))],
             [np.zeros((m, n)), -rates, np.zeros((m, p))],
-            [c / sensor_lag_s, np.zeros((p, m)), -np.eye(p) / sensor_lag_s],
+            [c / sensor_lag_s, d / sensor_lag_s, -np.eye(p) / sensor_lag_s],
         ]
     )
     drive = np.vstack([np.zeros((n, m)), rates, np.zeros((p, m))])

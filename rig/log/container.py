@@ -105,9 +105,7 @@ class Container:
 
     def attachment(self, name: str, data: bytes) -> None:
         """Append a file; the media type is text for the endings that we write."""
-        media = (
-            "text/plain" if name.endswith((".toml", ".txt", ".json", ".csv")) else "application/octet-stream"
-        )
+        media = "text/plain" if name.endswith((".toml", ".txt", ".json", ".csv")) else "application/octet-stream"
         record = encode(Attachment(0, 0, name, media, data))
         index = AttachmentIndex(self._offset, len(record), 0, 0, len(data), name, media)
         self._put(record)

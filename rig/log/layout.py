@@ -114,9 +114,7 @@ def _refuse_large(rows: Block) -> None:
     if (np.bitwise_or.reduce(words[:, _SMALL_WORDS], axis=0) & _SMALL_BITS).any():
         fields = {f.source for m in MESSAGES.values() for f in m.fields if f.kind not in WIRE}
         named = ", ".join(sorted(name for name in fields if (rows[name] > 127).any()))
-        raise RigError(
-            f"frames {rows['frame'][0]} to {rows['frame'][-1]}: {named} above 127 cannot be logged"
-        )
+        raise RigError(f"frames {rows['frame'][0]} to {rows['frame'][-1]}: {named} above 127 cannot be logged")
 
 
 def log_times(frames: NDArray[np.int64], rate_hz: float) -> NDArray[np.uint64]:

@@ -138,9 +138,7 @@ def _records(file: BinaryIO, path: Path) -> Iterator[_Record]:
     end = file.read()
     if end != MAGIC:
         at = size - len(end)
-        raise Damaged(
-            path, f"truncated at byte {size}" if MAGIC.startswith(end) else "damaged at its end", at
-        )
+        raise Damaged(path, f"truncated at byte {size}" if MAGIC.startswith(end) else "damaged at its end", at)
 
 
 def _as(kind: type[R], record: _Record) -> R:

@@ -15,7 +15,7 @@ from foxglove_schemas_protobuf.Log_pb2 import Log as FoxgloveLog
 from numpy.typing import NDArray
 
 from rig.errors import BadInput, RigError
-from rig.frame import Block
+from rig.frame import TIMING, Block, new_block
 from rig.log.container import Container
 from rig.log.index import EVENT_CHANNEL, Packed
 from rig.log.layout import ROW, empty_rows, log_times, pack
@@ -68,6 +68,7 @@ class LogWriter:
         self._compressor = zstandard.ZstdCompressor(compression_params=COMPRESSION)
         self._last_time = 0
         self._file: Container | None = None
+        self._pack(new_block(1), np.zeros(1, TIMING), ())  # compiles the kernels before the first frame
         try:
             self._file = Container(self.path)
             about = {"schema_version": str(SCHEMA_VERSION), "rate_hz": repr(float(rate_hz))}

@@ -89,14 +89,14 @@ def manage(block, k, params, state, resets):
     obey(row["frame"], resets, params, state)
     channels, valid, ilm = row["channels"], row["valid"], row["ilm"]
     voted, reference, states = row["voted"], row["reference"], row["state"]
+    levels, patterns, resolvers, usable = row["level"], row["pattern"], row["resolver"], row["reference_usable"]
+    trend_high, trend_low = row["trend_high"], row["trend_low"]
     for s in range(len(params)):
         p, st = params[s], state[s]
-        resolver = manage_signal(channels[s], valid[s], ilm[s], reference[s], p, st)
-        voted[s] = st["output"]
-        row["level"][s], row["pattern"][s] = st["level"], st["pattern"]
-        row["resolver"][s] = resolver
-        row["reference_usable"][s] = st["reference_usable"] if reference[s] == reference[s] else 0
-        row["trend_high"][s], row["trend_low"][s] = st["trend_high"], st["trend_low"]
+        resolvers[s] = manage_signal(channels[s], valid[s], ilm[s], reference[s], p, st)
+        voted[s], levels[s], patterns[s] = st["output"], st["level"], st["pattern"]
+        usable[s] = st["reference_usable"] if reference[s] == reference[s] else 0
+        trend_high[s], trend_low[s] = st["trend_high"], st["trend_low"]
         report(p, st, states[s])
 
 

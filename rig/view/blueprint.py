@@ -69,17 +69,14 @@ def blueprint(signals: Sequence[str] | None = None, tab: str = OVERVIEW) -> rrb.
 
 
 def _overview(signal: Signal) -> rrb.Container:
-    left = rrb.Vertical(
-        _signal_plot(signal), _deviation_plot(signal), _signal_lanes(signal), row_shares=[5, 4, 4]
-    )
+    left = rrb.Vertical(_signal_plot(signal), _deviation_plot(signal), _signal_lanes(signal), row_shares=[5, 4, 4])
     right = rrb.Vertical(_surfaces(), _events(), _attitude(), row_shares=[2, 2, 2])
     return rrb.Horizontal(left, right, column_shares=[5, 3], name=OVERVIEW)
 
 
 def _group_tab(group: str, signals: Sequence[Signal]) -> rrb.Container:
     rows = [
-        rrb.Horizontal(_signal_plot(s), _deviation_plot(s), _signal_lanes(s), column_shares=[3, 3, 2])
-        for s in signals
+        rrb.Horizontal(_signal_plot(s), _deviation_plot(s), _signal_lanes(s), column_shares=[3, 3, 2]) for s in signals
     ]
     return rrb.Vertical(*rows, name=group)
 
@@ -96,18 +93,16 @@ def _signal_plot(signal: Signal) -> rrb.TimeSeriesView:
 def _deviation_plot(signal: Signal) -> rrb.TimeSeriesView:
     lines = _redundant(signal.channels)
     name = f"{signal.name} less truth, {signal.unit}; trusted channels"
-    return _plot(name, deviation.path(signal), deviation.ARCHETYPE, lines)
+    return _plot(name, deviation.path(signal), deviation.ARCHETYPE, lines, legend=False)  # as beside it
 
 
 def _redundant(channels: int) -> list[Line]:
     """The vote, thick and below the others, and its channels."""
     lines = [(f"ch_{i + 1}", f"ch {i + 1}", CHANNEL_COLORS[i], 1.0) for i in range(channels)]
-    return [("voted", "voted", VOTED, 4.0), *lines]
+    return [("voted", "voted", VOTED, 3.5), *lines]
 
 
-def _plot(
-    name: str, path: str, archetype: str, lines: Iterable[Line]
-) -> rrb.TimeSeriesView:
+def _plot(name: str, path: str, archetype: str, lines: Iterable[Line], legend: bool = True) -> rrb.TimeSeriesView:
     """Fields of one struct against time, the first below the others."""
     series = [
         rr.SeriesLines(names=label, colors=[color], widths=[width]).visualizer(
@@ -116,7 +111,11 @@ def _plot(
         for field, label, color, width in lines
     ]
     return rrb.TimeSeriesView(
-        name=name, origin=path, contents=path, overrides={path: series}, plot_legend=rrb.Corner2D.LeftTop
+        name=name,
+        origin=path,
+        contents=path,
+        overrides={path: series},
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend),
     )
 
 

@@ -94,7 +94,7 @@ class Column(NamedTuple):
 
     name: str
     source: str
-    index: tuple[int, ...]  # within the source, after the entity's own row of it
+    place: tuple[int, ...]  # within the source, after the entity's own row of it
 
 
 class Entity(NamedTuple):
@@ -114,9 +114,7 @@ ENTITIES: Final = (
 )
 
 
-def send_block(
-    recording: rr.RecordingStream, rows: Block, rate_hz: float, events: Sequence[EventLike] = ()
-) -> None:
+def send_block(recording: rr.RecordingStream, rows: Block, rate_hz: float, events: Sequence[EventLike] = ()) -> None:
     """Send every row of ``rows`` and the events among them, one batch an entity.
 
     Measured with blocks of 100 frames: see docs/viewer.md.  Rerun reports trouble with a sink in its own
@@ -184,7 +182,7 @@ def struct(rows: Block, entity: Entity) -> pa.StructArray:
     """The fields of ``entity`` in every row, one struct each."""
     place = () if entity.item is None else (entity.item,)
     columns = columns_of(entity.archetype)
-    arrays = [_array(column.source, rows[column.source][(slice(None), *place, *column.index)]) for column in columns]
+    arrays = [_array(column.source, rows[column.source][(slice(None), *place, *column.place)]) for column in columns]
     fields = [pa.field(c.name, array.type, nullable=False) for c, array in zip(columns, arrays, strict=True)]
     return pa.StructArray.from_arrays(arrays, fields=fields)
 

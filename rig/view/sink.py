@@ -129,7 +129,7 @@ def _serve(title: str) -> Sink:
 
 def _spawn() -> str:
     """A viewer in a window of its own, which outlives us; its address."""
-    viewer.require_display()
+    viewer.require_display("--rerun spawn")
     port = viewer.free_port(GRPC_PORT)
     viewer.start(["--port", str(port), "--expect-data-soon"], port, stay=True)
     return f"rerun+http://{viewer.LOOPBACK}:{port}/proxy"
@@ -144,9 +144,7 @@ def _connect(url: str, title: str) -> Sink:
     if match is None or not viewer.listening(int(match[1])):
         raise BadInput(f"--rerun {url}: nobody listens there; start the viewer first, or use spawn, serve or save")
     recording = rr.RecordingStream(APPLICATION)
-    return Sink(
-        recording, url, title, connect=lambda: recording.connect_grpc(url, default_blueprint=blueprint())
-    )
+    return Sink(recording, url, title, connect=lambda: recording.connect_grpc(url, default_blueprint=blueprint()))
 
 
 def abandon() -> None:

@@ -19,7 +19,7 @@ from rig.view.sink import abandon, check_where, open_sink
 if TYPE_CHECKING:
     from rig.view.columns import EventLike
 
-QUEUE_BLOCKS: Final = 8
+QUEUE_BYTES: Final = 128 * 1024 * 1024  # of rows that wait; minutes of flight, also when flown faster than shown
 FLUSH_S: Final = 30.0  # the worker's patience with a sink at the end; close has its own
 
 
@@ -62,11 +62,12 @@ def open_stream(where: str, title: str, rate_hz: float, out_path: Path) -> Strea
 class Stream:
     """Takes blocks from the frame loop and sends them to a sink from a thread of its own."""
 
-    def __init__(self, sink: SinkLike, rate_hz: float) -> None:
+    def __init__(self, sink: SinkLike, rate_hz: float, queue_bytes: int = QUEUE_BYTES) -> None:
         self.where = sink.where
         self.browser = sink.browser
         self._sink = sink
         self._rate_hz = rate_hz
+        self._queue_bytes = queue_bytes
         self._changed = threading.Condition()  # guards all below
         self._queue: deque[tuple[Block, Sequence[EventLike]]] = deque()
         self._closing = False
@@ -81,7 +82,7 @@ class Stream:
         """Queue ``rows``, which the caller no longer touches, and their events.  Never waits for the sink."""
         with self._changed:
             self._frames += len(rows)
-            if not self._closing and len(self._queue) < QUEUE_BLOCKS:
+            if not self._closing and (self._pending + len(rows)) * rows.itemsize <= self._queue_bytes:
                 self._queue.append((rows, events))
                 self._pending += len(rows)
                 self._changed.notify_all()

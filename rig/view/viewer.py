@@ -61,15 +61,17 @@ def listening(port: int, timeout_s: float = 0.5) -> bool:
     return True
 
 
-def require_display() -> None:
-    """BadInput when a window cannot be opened; only Linux and its kin can tell beforehand."""
+def require_display(asked: str) -> None:
+    """BadInput, naming what was ``asked``, when a window cannot be opened; only Linux and its kin can tell."""
     if sys.platform in ("win32", "darwin"):
         return
     if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise BadInput("--rerun spawn: no display (DISPLAY and WAYLAND_DISPLAY are not set); use serve or save")
+        raise BadInput(f"{asked}: no display for the viewer (DISPLAY and WAYLAND_DISPLAY are not set)")
 
 
-def start(arguments: Sequence[str], port: int, timeout_s: float = 15.0, *, stay: bool = False) -> subprocess.Popen[bytes]:
+def start(
+    arguments: Sequence[str], port: int, timeout_s: float = 15.0, *, stay: bool = False
+) -> subprocess.Popen[bytes]:
     """Run the viewer program until it listens on ``port``; it outlives us if it may ``stay``.
 
     RigError when it ends or does not listen in time.

@@ -61,7 +61,7 @@ def _handler(files: dict[str, File]) -> type[BaseHTTPRequestHandler]:
         protocol_version = "HTTP/1.1"
         timeout = 30
 
-        def do_GET(self) -> None:  # noqa: N802  # the name that http.server asks for
+        def do_GET(self) -> None:  # the name that http.server asks for
             found = files.get(urlsplit(self.path).path)
             headers, contents = found or ({"Content-Type": "text/plain"}, b"not found\n")
             self.send_response(200 if found else 404)

@@ -1,0 +1,111 @@
+"""The flown loop: repeatable, blind to the truth, whole under its worst neighbours."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from rig import loop, scenario
+from rig.frame import INDEX, End, new_block
+from rig.loop import Rig, frames
+
+
+def load(*sets: str, seconds: float = 5.0, seed: int = 1):
+    return scenario.load(None, [f"duration_s={seconds}", "faults.0.start_s=1.0", *sets], seed)
+
+
+def flown(which: scenario.Scenario) -> np.ndarray:
+    return np.concatenate([rows.copy() for rows, _ in frames(Rig(which), which)])
+
+
+def same(a: np.ndarray, b: np.ndarray) -> bool:
+    """Bit for bit, NaN included; copies do not carry what lies between the fields."""
+    return all(a[name].tobytes() == b[name].tobytes() for name in a.dtype.names or ())
+
+
+def test_the_same_scenario_and_seed_give_the_same_bytes_and_another_seed_does_not():
+    first = flown(load("turbulence=moderate"))
+    assert same(first, flown(load("turbulence=moderate")))
+    assert not same(first, flown(load("turbulence=moderate", seed=2)))
+
+
+def test_the_length_of_a_block_does_not_show_in_the_frames(monkeypatch: pytest.MonkeyPatch):
+    whole = flown(load())
+    monkeypatch.setattr(loop, "BLOCK_S", 0.13)
+    assert same(whole, flown(load()))
+
+
+def test_truth_never_reaches_redundancy_or_control():
+    """Once the sensors have spoken, truth and flight condition become garbage; nothing that follows changes."""
+    which = load("turbulence=light")
+    honest, blind = Rig(which), Rig(which)
+    a, b = new_block(300), new_block(300)
+    for block, rig in ((a, honest), (b, blind)):
+        block["reference"] = np.nan
+        rig.prepare(block)
+        for k in range(len(block)):
+            assert rig.plant.read(block, k) == 0
+            rig.sensors.step(block, k)
+            rig.faults.step(block, k)
+            kept = block["truth"][k].copy(), block["flight"][k].copy(), block["discrete_truth"][k].copy()
+            if rig is blind:
+                block["truth"][k], block["flight"][k], block["discrete_truth"][k] = np.nan, np.nan, 77
+            rig.redundancy.step(block, k)
+            rig.control.step(block, k)
+            block["truth"][k], block["flight"][k], block["discrete_truth"][k] = kept
+            rig.plant.step(block, k)
+    assert same(a, b)
+
+
+def test_compiled_and_interpreted_kernels_fly_the_same_bits():
+    program = (
+        "import hashlib, numpy as np\n"
+        "from rig import scenario\nfrom rig.loop import Rig, frames\n"
+        "s = scenario.load('f16_pull_up_load_factor_offset', ['duration_s=1.0', 'turbulence=moderate',"
+        "'faults.0.start_s=0.2', 'pilot.manoeuvres.0.start_s=0.3'])\n"
+        "print(hashlib.sha256(b''.join(r.tobytes() for rows, _ in frames(Rig(s), s) for r in (rows[n] for n in rows.dtype.names))).hexdigest())\n"
+    )
+
+    def digest(**more: str) -> str:
+        env = {**os.environ, **more}
+        run = subprocess.run([sys.executable, "-c", program], env=env, capture_output=True, text=True, check=True)
+        return run.stdout.strip()
+
+    assert digest(NUMBA_DISABLE_JIT="1") == digest()
+
+
+def test_the_faulted_channel_alone_is_failed_and_the_aircraft_flies_on():
+    rows = flown(load())
+    failed = rows["state"][-1] == 2
+    assert np.argwhere(failed).tolist() == [[INDEX["pitch_rate"], 2]]
+    assert rows["end"][-1] == End.FLYING and len(rows) == 500
+
+
+def test_with_the_mean_the_same_fault_loses_the_aircraft_and_the_flight_ends_there():
+    rows = flown(load("redundancy.manager=mean"))
+    assert End(rows["end"][-1]).label.startswith("departure")
+    assert len(rows) < 500 and not rows["end"][:-1].any()
+
+
+def test_three_and_two_channels_fly_too():
+    rows = flown(load("sensors.pitch_rate.channels=3", "sensors.heading.channels=2"))
+    assert rows["level"][0, INDEX["pitch_rate"]] == 3 and rows["level"][-1, INDEX["pitch_rate"]] == 2
+    assert (rows["level"][:, INDEX["heading"]] == 2).all()
+    assert rows["end"][-1] == End.FLYING
+
+
+def test_several_simulation_steps_a_frame_fly_the_same_manoeuvre():
+    coarse, fine = flown(load("faults=[]")), flown(load("faults=[]", "simulation_rate_hz=400"))
+    assert len(coarse) == len(fine)
+    assert np.abs(coarse["truth"][:, INDEX["pitch_rate"]] - fine["truth"][:, INDEX["pitch_rate"]]).max() < 0.01
+
+
+def test_a_stop_ends_the_flight_after_its_frame():
+    which, stop = load(), loop.Stop()
+    seen = 0
+    for rows, _ in frames(Rig(which), which, stop=stop):
+        seen += len(rows)
+        stop.requested = True
+    assert seen == int(loop.BLOCK_S * 100) + 1

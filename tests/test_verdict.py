@@ -1,0 +1,64 @@
+import hashlib
+
+import numpy as np
+import pytest
+
+from rig.frame import FLIGHT_INDEX, INDEX, End, State, new_block
+from rig.verdict import Verdict
+
+ALPHA, N_Z, PSI, Q = (INDEX[n] for n in ("angle_of_attack", "normal_load_factor", "heading", "pitch_rate"))
+ALTITUDE = FLIGHT_INDEX["altitude_m"]
+
+
+def flown() -> np.ndarray:
+    rng = np.random.default_rng(0)
+    block = new_block(200)
+    block["truth"] = rng.normal(size=block["truth"].shape)
+    block["flight"] = rng.normal(size=block["flight"].shape)
+    return block
+
+
+def test_the_digest_is_that_of_all_rows_however_they_come():
+    block, parts = flown(), Verdict()
+    for first in range(0, 200, 70):
+        parts.add(block[first : first + 70], [])
+    assert parts.digest == hashlib.sha256(block.tobytes()).hexdigest()
+    assert parts.frames == 200
+
+
+def test_the_peaks_are_those_of_numpy():
+    block, verdict = flown(), Verdict()
+    block["truth"][:, PSI] = np.linspace(6.2, 6.4, 200) % (2 * np.pi)
+    verdict.add(block[:90], [])
+    verdict.add(block[90:], [])
+    peaks = verdict.peaks
+    assert (peaks.angle_of_attack_min_rad, peaks.angle_of_attack_max_rad) == (
+        block["truth"][:, ALPHA].min(),
+        block["truth"][:, ALPHA].max(),
+    )
+    assert (peaks.load_factor_min, peaks.load_factor_max) == (
+        block["truth"][:, N_Z].min(),
+        block["truth"][:, N_Z].max(),
+    )
+    assert peaks.pitch_rate_max_rad_s == np.abs(block["truth"][:, Q]).max()
+    altitude = block["flight"][:, ALTITUDE]
+    assert peaks.altitude_deviation_m == np.abs(altitude - altitude[0]).max()
+    assert peaks.heading_deviation_rad == pytest.approx(0.2, abs=1e-9)
+
+
+def test_a_last_row_that_is_no_number_leaves_the_peaks_before_it():
+    block, verdict = flown(), Verdict()
+    block["truth"][-1], block["flight"][-1], block["end"][-1] = np.nan, np.nan, End.NOT_FINITE
+    verdict.add(block, [])
+    assert verdict.peaks.load_factor_max == block["truth"][:-1, N_Z].max()
+    assert not verdict.survived and verdict.end == End.NOT_FINITE
+
+
+def test_failed_channels_are_those_of_the_last_row():
+    block, verdict = flown(), Verdict()
+    block["state"][50:, Q, 2] = State.FAILED
+    block["state"][60:90, ALPHA, 0] = State.FAILED
+    block["state"][:, PSI, 3] = State.ABSENT
+    block["discrete_state"][100:, 1, 0] = State.FAILED
+    verdict.add(block, [])
+    assert verdict.failed == {"pitch_rate": [3], "gear_down": [1]}

@@ -1,0 +1,227 @@
+"""The stream: it never holds the flight up, counts what it drops, and stays on this machine."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.request import ProxyHandler, build_opener
+
+import psutil
+import pytest
+from rerun.chunk import RrdReader
+
+from rig.errors import BadInput
+from rig.frame import FRAME, SIGNALS, Block, new_block
+from rig.view import Stream, open_stream, viewer
+from rig.view.blueprint import blueprint
+
+BLOCK = 10  # frames
+ROOM = 3  # blocks
+
+
+class FakeSink:
+    """Takes blocks while its gate is open; waits, as a sink may, while it is shut."""
+
+    where, browser = "nowhere", ""
+
+    def __init__(self, *, is_open: bool = True, broken: bool = False) -> None:
+        self.gate = threading.Event()
+        self.taken: list[int] = []
+        self.closed = False
+        self.broken = broken
+        if is_open:
+            self.gate.set()
+
+    def begin(self) -> None:
+        self.gate.wait()
+
+    def send(self, rows: Block, rate_hz: float, events: Sequence[Any]) -> None:
+        self.gate.wait()
+        if self.broken:
+            raise ValueError("no luck\nwith this one")
+        self.taken.append(int(rows["frame"][0]))
+
+    def flush(self, timeout_s: float) -> None:
+        pass
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.fixture
+def shut() -> Iterator[FakeSink]:
+    sink = FakeSink(is_open=False)
+    yield sink
+    sink.gate.set()  # or its thread would wait for ever
+
+
+def stream_to(sink: FakeSink) -> Stream:
+    return Stream(sink, 100.0, queue_bytes=ROOM * BLOCK * FRAME.itemsize)
+
+
+def put_blocks(stream: Stream, count: int) -> float:
+    began = time.perf_counter()
+    for i in range(count):
+        stream.put(new_block(BLOCK, i * BLOCK))
+    return time.perf_counter() - began
+
+
+def test_all_blocks_reach_the_sink_in_order() -> None:
+    sink = FakeSink()
+    stream = Stream(sink, 100.0)
+    put_blocks(stream, 20)
+    report = stream.close(5.0)
+    assert sink.taken == list(range(0, 200, BLOCK))
+    assert (report.sent_frames, report.dropped_frames, report.error) == (200, 0, "")
+    assert sink.closed
+
+
+def test_a_sink_that_hangs_neither_holds_up_put_nor_close(shut: FakeSink) -> None:
+    stream = stream_to(shut)
+    assert put_blocks(stream, 1000) < 0.5
+    began = time.perf_counter()
+    report = stream.close(0.2)
+    assert time.perf_counter() - began < 1.0
+    assert (report.sent_frames, report.dropped_frames) == (0, 1000 * BLOCK)
+    assert "did not finish within 0.2 s" in report.error
+
+
+def test_a_full_queue_drops_and_counts_and_what_waits_is_sent_later(shut: FakeSink) -> None:
+    stream = stream_to(shut)
+    put_blocks(stream, ROOM + 4)
+    shut.gate.set()
+    report = stream.drain(5.0)
+    assert (report.sent_frames, report.dropped_frames, report.error) == (ROOM * BLOCK, 4 * BLOCK, "")
+    assert shut.taken == [0, 10, 20]
+    stream.put(new_block(BLOCK, 1000))
+    assert stream.close(5.0).sent_frames == (ROOM + 1) * BLOCK
+
+
+def test_a_sink_that_fails_is_reported_in_one_line_and_its_frames_as_dropped() -> None:
+    stream = Stream(FakeSink(broken=True), 100.0)
+    put_blocks(stream, 2)
+    report = stream.close(5.0)
+    assert (report.sent_frames, report.dropped_frames, report.error) == (0, 20, "ValueError: no luck")
+
+
+@pytest.mark.parametrize(
+    "where",
+    [
+        "on",
+        "",
+        "SAVE",
+        "rerun+http://10.0.0.5:9876/proxy",
+        "rerun+http://0.0.0.0:9876/proxy",
+        "rerun+http://127.0.0.1.example.org:9876/proxy",
+        "rerun+http://127.0.0.1:9876/proxy\n",
+        "rerun+http://user@example.org:9876/proxy",
+        "rerun+https://127.0.0.1:9876/proxy",
+        "rerun+http://127.0.0.1:99999/proxy",
+        "rerun+http://127.0.0.1/proxy",
+        "http://127.0.0.1:9876",
+    ],
+)
+def test_other_machines_and_unknown_words_are_refused(where: str, tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="allowed: off, save, serve, spawn or rerun"):
+        open_stream(where, "t", 100.0, tmp_path / "log.mcap")
+
+
+def test_an_address_where_nobody_listens_is_refused_at_once(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="nobody listens"):
+        open_stream(f"rerun+http://127.0.0.1:{viewer.free_port()}/proxy", "t", 100.0, tmp_path / "log.mcap")
+
+
+@pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="a display cannot be told beforehand here")
+def test_a_viewer_without_a_display_is_refused_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    began = time.perf_counter()
+    with pytest.raises(BadInput, match="no display"):
+        open_stream("spawn", "t", 100.0, tmp_path / "log.mcap")
+    assert time.perf_counter() - began < 1.0
+
+
+def test_a_flight_without_a_stream_does_not_import_rerun() -> None:
+    program = (
+        "import json, sys; from pathlib import Path; from rig.view import open_stream;"
+        "print(json.dumps([open_stream('off', 't', 1.0, Path('x')), 'rerun' in sys.modules]))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == [None, False]
+
+
+def test_a_saved_recording_lies_beside_the_log_with_all_entities_and_the_layout(tmp_path: Path) -> None:
+    stream = open_stream("save", "a flight", 100.0, tmp_path / "new" / "log.mcap")
+    assert stream is not None
+    put_blocks(stream, 3)
+    report = stream.close(10.0)
+    assert report.where == str(tmp_path / "new" / "log.rrd")
+    assert (report.sent_frames, report.dropped_frames, report.error) == (3 * BLOCK, 0, "")
+    reader = RrdReader(report.where)
+    frames = dict.fromkeys((signal.topic for signal in SIGNALS), 0)
+    for chunk in reader.stream():
+        frames[chunk.entity_path] = frames.get(chunk.entity_path, 0) + chunk.num_rows
+    assert {frames[signal.topic] for signal in SIGNALS} == {3 * BLOCK}
+    assert {"/discrete/gear_down", "/control", "/demand", "/flight", "/pose", "/position"} <= frames.keys()
+    [recording], [layout] = reader.recordings(), reader.blueprints()
+    assert layout.application_id == recording.application_id
+    views = [chunk for chunk in reader.stream(store=layout) if chunk.entity_path.startswith("/view/")]
+    assert len({chunk.entity_path.split("/")[2] for chunk in views}) > 3 * len(SIGNALS)
+
+
+def test_a_recording_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "log.rrd").mkdir()
+    with pytest.raises(BadInput, match=r"log\.rrd: cannot be written"):
+        open_stream("save", "t", 100.0, tmp_path / "log.mcap")
+
+
+def test_servers_listen_on_this_machine_alone_and_report_no_usage(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME"):
+        monkeypatch.setenv(name, str(tmp_path / "home"))
+    monkeypatch.delenv("CI", raising=False)
+    before = _listeners()
+    stream = open_stream("serve", "t", 100.0, tmp_path / "log.mcap")
+    assert stream is not None
+    try:
+        opened = _listeners() - before
+        assert {address for address, _ in opened} == {"127.0.0.1"}
+        port = int(stream.browser.removeprefix("http://127.0.0.1:").split("/")[0])
+        assert port in {port for _, port in opened}
+        assert len(opened) == 2  # data and page
+        with build_opener(ProxyHandler({})).open(stream.browser, timeout=5) as page:
+            assert b"re_viewer" in page.read()
+            policy = page.headers["Content-Security-Policy"]
+        assert policy.startswith("connect-src 'self' http://127.0.0.1:* ")
+        assert "https:" not in policy
+        put_blocks(stream, 2)
+    finally:
+        report = stream.close(5.0)
+    assert (report.sent_frames, report.error) == (2 * BLOCK, "")
+    assert _listeners() - before == set()
+    assert not (tmp_path / "home").exists()  # where the viewer would keep its usage statistics
+
+
+def _listeners() -> set[tuple[str, int]]:
+    found = psutil.Process().net_connections(kind="inet")
+    return {(c.laddr.ip, c.laddr.port) for c in found if c.status == psutil.CONN_LISTEN}
+
+
+def test_the_viewer_is_told_to_keep_its_statistics_off() -> None:
+    given = {"FORCE_RERUN_ANALYTICS": "1", "PATH": "/bin"}
+    assert viewer.environment(given) == {"PATH": "/bin", "CI": "true"}
+    assert given == {"FORCE_RERUN_ANALYTICS": "1", "PATH": "/bin"}
+
+
+def test_a_layout_for_a_signal_or_tab_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(BadInput, match="no signal nonsense; there are: pitch_rate"):
+        blueprint(["nonsense"])
+    with pytest.raises(BadInput, match="no tab 'nonsense'; there are: overview, rates"):
+        blueprint(tab="nonsense")
