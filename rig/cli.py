@@ -120,6 +120,22 @@ def bench(
     _print(as_json, result.as_dict, lambda: show.bench(result))
 
 
+@app.command()
+def signals(
+    markdown: Annotated[bool, typer.Option("--markdown", help="As the table in docs/signals.md.")] = False,
+    as_json: Json = False,
+) -> None:
+    """List every signal and discrete with symbol, unit, range and redundancy."""
+    from dataclasses import asdict
+
+    from rig import show
+    from rig.frame import DISCRETES, SIGNALS
+
+    data = {"signals": list(map(asdict, SIGNALS)), "discretes": list(map(asdict, DISCRETES))}
+    text = show.signals_markdown if markdown else show.signals
+    _print(as_json, lambda: data, text)
+
+
 @scenario_app.command("show")
 def scenario_show(scenario: ScenarioName = None, sets: Sets = None, as_json: Json = False) -> None:
     """Print a scenario with every default written out, as TOML that can be flown."""

@@ -45,3 +45,17 @@ def kernel(function: F) -> F:
     """
     options: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
     return numba.njit(**options)(function)  # pyright: ignore[reportReturnType]  # same signature
+
+
+def bind(function: F, *arguments: object) -> F:
+    """``function`` compiled for the types of ``arguments``, without numba's look-up of types at every call.
+
+    That look-up costs more than most kernels.  The caller promises the same types ever after: a block of
+    any length, the arrays that it keeps.  With ``NUMBA_DISABLE_JIT=1`` it is ``function`` itself.
+    """
+    if not hasattr(function, "overloads"):
+        return function
+    types = tuple(numba.typeof(argument) for argument in arguments)
+    dispatcher: Any = function
+    dispatcher.compile(types)
+    return dispatcher.overloads[types].entry_point

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from pydantic import Field, create_model, model_validator
 
 from rig.angles import difference, limit
-from rig.frame import CHANNELS, SIGNALS, Block, D, Ilm, S, Signal
-from rig.kernels import kernel
+from rig.frame import CHANNELS, SIGNALS, Block, D, Ilm, S, Signal, new_block
+from rig.kernels import bind, kernel
 from rig.settings import Settings
 
 
@@ -100,6 +100,7 @@ class Sensors:
         self._noise = np.zeros((0, S, CHANNELS))
         self._last_truth = np.full(S, np.nan)
         self._lagged = np.zeros((S, CHANNELS))
+        self._measure = bind(measure, new_block(1), 0, self.params, self._noise, self._last_truth, self._lagged)
 
     def prepare(self, block: Block) -> None:
         """Draw the noise of the rows of ``block``; the stream does not depend on the block's length."""
@@ -109,7 +110,7 @@ class Sensors:
 
     def step(self, block: Block, k: int) -> None:
         """Write channels, valid, ilm and discrete_channels of row k."""
-        measure(block, k, self.params, self._noise, self._last_truth, self._lagged)
+        self._measure(block, k, self.params, self._noise, self._last_truth, self._lagged)
 
 
 def _params(suite: Settings, rate_hz: float, rng: Generator) -> NDArray[np.void]:

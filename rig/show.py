@@ -15,6 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from rig.aircraft import tables
+from rig.frame import DISCRETES, SIGNALS
 
 if TYPE_CHECKING:
     from rig.bench import Bench
@@ -121,6 +122,34 @@ def aircraft(found: dict[str, list[str]]) -> None:
     for name, points in found.items():
         table.add_row(name, ", ".join(points))
     console().print(table)
+
+
+SIGNAL_COLUMNS = ("signal", "symbol", "unit", "range", "channels", "group", "topic")
+
+
+def signal_rows() -> list[tuple[str, ...]]:
+    """The table of the frame, a row a signal, discretes last."""
+    rows = []
+    for s in SIGNALS:
+        span = f"{s.low:.6g} to {s.high:.6g}" + (", wraps" if s.wraps else "")
+        rows.append((s.name, s.symbol, s.unit, span, str(s.channels), s.group, s.topic))
+    for d in DISCRETES:
+        rows.append((d.name, "", "0 or 1", f"fail-safe {d.fail_safe}", str(d.channels), "discretes", d.topic))
+    return rows
+
+
+def signals() -> None:
+    """Every signal and discrete."""
+    table = Table(*SIGNAL_COLUMNS, box=None)
+    for row in signal_rows():
+        table.add_row(*row)
+    console().print(table)
+
+
+def signals_markdown() -> None:
+    """The same as a Markdown table."""
+    for row in (SIGNAL_COLUMNS, ["---"] * len(SIGNAL_COLUMNS), *signal_rows()):
+        print(f"| {' | '.join(row)} |")
 
 
 def bench(result: Bench) -> None:

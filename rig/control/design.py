@@ -153,9 +153,7 @@ def _with_margins(case: _Case, point: Point) -> Point:
                     phase_deg=m.phase_deg,
                     crossover_rad_s=m.crossover_rad_s,
                 )
-    return point.model_copy(
-        update={"stick_margins": found["stick"], "autopilot_margins": found["autopilot"]}
-    )
+    return point.model_copy(update={"stick_margins": found["stick"], "autopilot_margins": found["autopilot"]})
 
 
 def regulator(a: Matrix, b: Matrix, q: Matrix, r: Matrix) -> Matrix:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Final, Self
 
@@ -99,7 +100,7 @@ class Gains(Settings):
     @model_validator(mode="after")
     def _sorted(self) -> Self:
         pressures = [point.dynamic_pressure_pa for point in self.points]
-        if any(b <= a for a, b in zip(pressures, pressures[1:], strict=False)):
+        if any(b <= a for a, b in pairwise(pressures)):
             raise ValueError("points must be in the order of rising dynamic pressure")
         return self
 

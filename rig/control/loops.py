@@ -11,9 +11,10 @@ from typing import Final, Literal
 import numpy as np
 
 from rig.control.airdata import GAS_CONSTANT, GRAVITY, LAPSE_RATE, TROPOPAUSE_ALTITUDE, temperature
-from rig.control.autopilot import DYNAMIC, Config, Control
+from rig.control.autopilot import Config, Control
 from rig.control.gains import Gains
 from rig.control.margins import Loop, Matrix, sampled_loop
+from rig.control.record import DYNAMIC
 from rig.frame import DISCRETE_INDEX, INDEX, SURFACES, Block, S, new_block
 from rig.plant.airframe import Config as Airframe
 from rig.plant.airframe import FlightPoint
@@ -39,7 +40,9 @@ ACTUATORS: Final[dict[Plane, tuple[str, str]]] = {
 }
 # What the law remembers of each plane; the rest of its state does not move in small motions.
 MEMORY: Final[dict[tuple[Law, Plane], tuple[str, ...]]] = {
-    ("autopilot", "longitudinal"): tuple(name for name in DYNAMIC if name not in ("aileron_integral", "rudder_integral")),
+    ("autopilot", "longitudinal"): tuple(
+        name for name in DYNAMIC if name not in ("aileron_integral", "rudder_integral")
+    ),
     ("stick", "longitudinal"): ("elevator_integral", "airspeed", "schedule_pressure"),
     ("autopilot", "lateral"): ("aileron_integral", "rudder_integral"),
     ("stick", "lateral"): ("aileron_integral", "rudder_integral"),
@@ -50,9 +53,7 @@ _HEADING: Final = 1.0  # rad, of the linearised flight; any
 PILOT_CATCHES_1_S: Final = 0.05
 
 
-def build(
-    airframe: Airframe, point: FlightPoint, linear: Linear, gains: Gains, law: Law, plane: Plane
-) -> Loop:
+def build(airframe: Airframe, point: FlightPoint, linear: Linear, gains: Gains, law: Law, plane: Plane) -> Loop:
     """The sampled loop of one plane; commands of the actuators in the order of ``ACTUATORS[plane]``."""
     a, b, c, d = _airframe(airframe, linear, point, plane)
     lags = [getattr(airframe, name).lag_s for name in ACTUATORS[plane]]
@@ -99,9 +100,7 @@ def _airframe(
     return a, b, c, d
 
 
-def _law(
-    gains: Gains, trim: Trim, point: FlightPoint, law: Law, plane: Plane
-) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+def _law(gains: Gains, trim: Trim, point: FlightPoint, law: Law, plane: Plane) -> tuple[Matrix, Matrix, Matrix, Matrix]:
     """(A, B, C, D) of the law, x+ = A x + B y, u = C x + D y, by central differences of the kernel."""
     control, block = trimmed(gains, trim, point, law)
     rest = control.state.copy()

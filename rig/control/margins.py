@@ -16,6 +16,7 @@ chain from hold to sample is one linear system, discretised by the matrix expone
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,7 +41,7 @@ class Loop:
 
     def closed(self, factors: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """System matrix of the closed loop when command j is multiplied by ``factors[j]``."""
-        return self.f - (self.g * factors) @ self.k
+        return np.asarray(self.f - (self.g * factors) @ self.k, np.complex128)
 
     def radius(self, actuator: int = 0, factor: complex = 1.0) -> float:
         """Spectral radius of the closed loop with ``factor`` in one actuator's command; below 1 is stable."""
@@ -92,7 +93,7 @@ def sampled_loop(
     )
     drive = np.vstack([np.zeros((n, m)), rates, np.zeros((p, m))])
     size = n + m + p
-    step = expm(np.block([[chain, drive], [np.zeros((m, size + m))]]) * period_s)
+    step = np.asarray(expm(np.block([[chain, drive], [np.zeros((m, size + m))]]) * period_s), np.float64)
     # u enters a one-frame memory, and the chain sees what the memory held.
     f = np.block([[step[:size, :size], step[:size, size:]], [np.zeros((m, size + m))]])
     g = np.vstack([np.zeros((size, m)), np.eye(m)])
@@ -127,7 +128,7 @@ def margins(loop: Loop, actuator: int) -> Margins:
     )
 
 
-def _first_failure(stable, farthest: float, step: float) -> float:
+def _first_failure(stable: Callable[[float], bool], farthest: float, step: float) -> float:
     """Smallest x up to ``farthest`` where ``stable`` fails: a scan in steps, then bisection to 1e-3."""
     high = step
     while stable(high):
@@ -148,9 +149,7 @@ def response(loop: Loop, actuator: int, omega: Matrix) -> NDArray[np.complex128]
     system = loop.closed(others)
     unit = np.eye(system.shape[0])
     column, row = loop.g[:, actuator], loop.k[actuator]
-    return np.array(
-        [row @ np.linalg.solve(z * unit - system, column) for z in np.exp(1j * omega * loop.period_s)]
-    )
+    return np.array([row @ np.linalg.solve(z * unit - system, column) for z in np.exp(1j * omega * loop.period_s)])
 
 
 def crossover(loop: Loop, actuator: int) -> float:

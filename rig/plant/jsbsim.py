@@ -13,7 +13,8 @@ import jsbsim
 import numpy as np
 
 from rig.errors import BadInput, RigError
-from rig.frame import SURFACES, Block
+from rig.frame import SURFACES, Block, new_block
+from rig.kernels import bind
 from rig.plant import actuated, truth, wind
 from rig.plant.airframe import Config, FlightPoint
 
@@ -210,13 +211,14 @@ class Plant:
         self._broken = False
         self.trim[:] = [fdm[name] for name in positions]
         self._fixed = truth.fixed(airframe, fdm["position/lat-geod-rad"], fdm["position/long-gc-rad"])
+        self._write_row = bind(truth.write_row, new_block(1), 0, self._raw, self._fixed)
 
     def read(self, block: Block, k: int) -> int:
         """Write truth (but the sticks), flight, two discretes and ``end`` of row k; returns the end code."""
         self._pack(self._raw_bytes, 0, *[reader() for reader in self._readers])
         if self._broken:
             self._raw["p_rad_s"] = np.nan
-        return truth.write_row(block, k, self._raw, self._fixed)
+        return self._write_row(block, k, self._raw, self._fixed)
 
     def step(self, block: Block, k: int) -> None:
         """Give row k's ``surface`` to the actuators and fly to the next frame."""

@@ -11,16 +11,13 @@ JSBSim's has wrong force rows when an actuator lags.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.plant import jsbsim
 from rig.plant.airframe import Config, FlightPoint
-
-if TYPE_CHECKING:
-    from jsbsim import FGFDMExec
+from rig.plant.jsbsim import jsbsim, load
 
 Matrix = NDArray[np.float64]
 
@@ -61,8 +58,8 @@ class Linear:
 
 def linearise(airframe: Config, flight_point: FlightPoint) -> Linear:
     """The small motions of ``airframe`` about trim at ``flight_point``; BadInput when it does not trim."""
-    longitudinal_a, lateral_a = _system(jsbsim.load(airframe, flight_point, _ANY_STEP_S))
-    fdm = jsbsim.load(airframe, flight_point, _ANY_STEP_S)
+    longitudinal_a, lateral_a = _system(load(airframe, flight_point, _ANY_STEP_S))
+    fdm = load(airframe, flight_point, _ANY_STEP_S)
     trim = _trim(fdm, airframe)
     _hold_still(fdm)
     longitudinal, lateral = [], []
@@ -79,8 +76,8 @@ def linearise(airframe: Config, flight_point: FlightPoint) -> Linear:
     )
 
 
-def _system(fdm: FGFDMExec) -> tuple[Matrix, Matrix]:
-    model = jsbsim.jsbsim.FGLinearization(fdm)
+def _system(fdm: jsbsim.FGFDMExec) -> tuple[Matrix, Matrix]:
+    model = jsbsim.FGLinearization(fdm)
     a, names = np.array(model.system_matrix), list(model.x_names)
     longitudinal = [names.index(name) for name in LONGITUDINAL]
     lateral = [names.index(name) for name in LATERAL]
@@ -88,7 +85,7 @@ def _system(fdm: FGFDMExec) -> tuple[Matrix, Matrix]:
     return a[np.ix_(longitudinal, longitudinal)] * scale[:, None] / scale, a[np.ix_(lateral, lateral)]
 
 
-def _trim(fdm: FGFDMExec, airframe: Config) -> Trim:
+def _trim(fdm: jsbsim.FGFDMExec, airframe: Config) -> Trim:
     return Trim(
         airspeed_m_s=fdm["velocities/vt-fps"] * METRES_PER_FOOT,
         dynamic_pressure_pa=fdm["aero/qbar-psf"] * PASCAL_PER_PSF,
@@ -101,14 +98,14 @@ def _trim(fdm: FGFDMExec, airframe: Config) -> Trim:
     )
 
 
-def _hold_still(fdm: FGFDMExec) -> None:
+def _hold_still(fdm: jsbsim.FGFDMExec) -> None:
     """Make the trimmed state the initial one, so that ``run_ic`` evaluates the forces there."""
     for name in ("alpha-rad", "beta-rad", "theta-rad", "phi-rad"):
         source = "aero" if name in ("alpha-rad", "beta-rad") else "attitude"
         fdm[f"ic/{name}"] = fdm[f"{source}/{name}"]
 
 
-def _difference(fdm: FGFDMExec, airframe: Config, command: str, step: float) -> Matrix:
+def _difference(fdm: jsbsim.FGFDMExec, airframe: Config, command: str, step: float) -> Matrix:
     """(8,) derivative of the state rates by the position that ``command`` moves."""
     name = f"fcs/{command}-cmd-norm"
     position = name if command == "throttle" else getattr(airframe, command).position
@@ -125,7 +122,7 @@ def _difference(fdm: FGFDMExec, airframe: Config, command: str, step: float) -> 
     return (rates[0] - rates[1]) / (positions[0] - positions[1])
 
 
-def _rates(fdm: FGFDMExec) -> Matrix:
+def _rates(fdm: jsbsim.FGFDMExec) -> Matrix:
     """(8,) rates of the longitudinal and the lateral states."""
     u, v, w = (fdm[f"velocities/{axis}-aero-fps"] for axis in "uvw")
     du, dv, dw = (fdm[f"accelerations/{axis}dot-ft_sec2"] for axis in "uvw")

@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from rig.frame import CHANNELS, DISCRETES, Block, D, State
-from rig.kernels import kernel
+from rig.frame import CHANNELS, DISCRETES, Block, D, State, new_block
+from rig.kernels import bind, kernel
 
 STATE: Final = np.dtype([("count", "i8", (CHANNELS,)), ("failed", "u1", (CHANNELS,))], align=True)
 _OK, _SUSPECT, _FAILED = int(State.OK), int(State.SUSPECT), int(State.FAILED)
@@ -23,10 +23,11 @@ class DiscreteVoter:
         self.fail_safe = np.array([discrete.fail_safe for discrete in DISCRETES], np.int64)
         self.state = np.zeros(D, STATE)
         self._persistence = persistence
+        self._vote = bind(vote_discretes, new_block(1), 0, self.fail_safe, self.state, persistence)
 
     def step(self, block: Block, k: int) -> None:
         """Write discrete_voted, discrete_state and discrete_level of row k."""
-        vote_discretes(block, k, self.fail_safe, self.state, self._persistence)
+        self._vote(block, k, self.fail_safe, self.state, self._persistence)
 
 
 @kernel

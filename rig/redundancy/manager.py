@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.angles import difference, limit
-from rig.frame import CHANNELS, Block, Resolver, State
-from rig.kernels import kernel
+from rig.frame import CHANNELS, Block, Resolver, State, new_block
+from rig.kernels import bind, kernel
 from rig.redundancy import resolve, trend, vote
 from rig.redundancy.compare import LOST, P1_1, P1_1_1, P1_1_1_1, P2_2, classify, is_singular, rank
 from rig.redundancy.config import RESETS
@@ -72,10 +72,11 @@ class CrossChannel:
         self.params = params
         self.resets = resets
         self.state = new_state(params)
+        self._manage = bind(manage, new_block(1), 0, self.params, self.state, self.resets)
 
     def step(self, block: Block, k: int) -> None:
         """Vote and monitor every signal of row k."""
-        manage(block, k, self.params, self.state, self.resets)
+        self._manage(block, k, self.params, self.state, self.resets)
 
 
 @kernel

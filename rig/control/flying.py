@@ -1,0 +1,256 @@
+"""One frame of the control law: signals in, outer loops, inner loops, surfaces out."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from rig.angles import wrap
+from rig.control import laws
+from rig.control.airdata import (
+    GRAVITY,
+    equivalent_airspeed,
+    flight_path_angle,
+    mach_number,
+    pressure_altitude,
+    temperature,
+    true_airspeed,
+)
+from rig.control.laws import clamp, integrate
+from rig.control.record import PATH, STICK
+from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, INDEX, SIGNALS, SURFACES, TWO_PI, Law
+from rig.kernels import kernel
+
+_Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
+_ALPHA, _BETA = INDEX["angle_of_attack"], INDEX["angle_of_sideslip"]
+_STATIC, _DYNAMIC = INDEX["static_pressure"], INDEX["dynamic_pressure"]
+_STICK_PITCH, _STICK_ROLL, _PEDAL = INDEX["stick_pitch"], INDEX["stick_roll"], INDEX["pedal"]
+_N_X, _N_Y, _N_Z = (INDEX[f"{axis}_load_factor"] for axis in ("longitudinal", "lateral", "normal"))
+_THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
+USED: Final = np.array(
+    [
+        *(_Q, _P, _R, _N_X, _N_Y, _N_Z, _ALPHA, _BETA, _STATIC, _DYNAMIC),
+        *(_STICK_PITCH, _STICK_ROLL, _PEDAL, _THETA, _PHI, _PSI),
+    ]
+)
+_LOW: Final = np.array([signal.low for signal in SIGNALS])
+_HIGH: Final = np.array([signal.high for signal in SIGNALS])
+_ENGAGED: Final = DISCRETE_INDEX["autopilot_engaged"]
+_AUTOPILOT, _STICK_LAW = int(Law.AUTOPILOT), int(Law.STICK)
+_DEMANDS, _SURFACES, _COMMANDS = len(DEMANDS), len(SURFACES), len(COMMANDS)
+_SLOWEST: Final = 30.0  # m/s; divisions by airspeed take at least this
+_BRAKING: Final = 0.3  # share of the allowed load factor change that a change of altitude plans with
+_ALPHA_APPROACH_1_S: Final = 2.0  # pitch rate allowed per angle left to the alpha limit
+(
+    _C_Q, _C_P, _C_BETA, _C_THETA, _C_PHI, _C_ALTITUDE, _C_PSI, _C_SPEED, _C_PRESSURE_ALTITUDE, _C_EAS, _C_GAMMA
+) = range(_COMMANDS)  # fmt: skip
+
+
+@kernel
+def fly(block, k, pressures, table, param, state, gain):
+    """One frame of the control law on row ``k``.
+
+    block : FRAME records, reads voted, discrete_voted, demand; writes command, surface, law
+    pressures (P,), table (P, G) : gain schedule; gain (G,) : workspace
+    param, state : one record of PARAM and of STATE; state in place
+    A signal that is not finite keeps its last value; before the first one the surfaces stay at trim.
+    """
+    row, s = block[k], state[0]
+    law = _AUTOPILOT if row["discrete_voted"][_ENGAGED] == 1 else _STICK_LAW
+    if take(row["voted"], row["demand"], state):
+        measured, command = s["measured"], s["command"]
+        air_data(measured, command)
+        fresh = s["started"] == 0 or law != s["law"]
+        filter_slow(param, state, measured, command, s["started"] == 0)
+        laws.schedule(pressures, table, s["schedule_pressure"], gain)
+        if fresh or law == _STICK_LAW:
+            capture(state, gain, measured, command)
+        outer(param, state, gain, measured, command, law)
+        inner(param, state, gain, measured, command, law, fresh)
+        s["started"], s["law"] = 1, law
+    row["law"] = law
+    for i in range(_COMMANDS):
+        row["command"][i] = s["command"][i]
+    for i in range(_SURFACES):
+        row["surface"][i] = s["surface"][i]
+
+
+@kernel
+def take(voted, demand, state):
+    """Keep every finite signal and demand, within its range; whether each signal in use has a value."""
+    s = state[0]
+    measured, kept = s["measured"], s["demand"]
+    complete = True
+    for i in USED:
+        if math.isfinite(voted[i]):
+            measured[i] = clamp(voted[i], _LOW[i], _HIGH[i])
+        elif not math.isfinite(measured[i]):
+            complete = False
+    for i in range(_DEMANDS):
+        if math.isfinite(demand[i]):
+            kept[i] = demand[i]
+    return complete
+
+
+@kernel
+def air_data(measured, command):
+    """Pressure altitude, equivalent and true airspeed, flight-path angle into ``command``."""
+    altitude = pressure_altitude(measured[_STATIC])
+    mach = mach_number(measured[_STATIC], measured[_DYNAMIC])
+    command[_C_PRESSURE_ALTITUDE] = altitude
+    command[_C_EAS] = equivalent_airspeed(measured[_DYNAMIC])
+    command[_C_SPEED] = true_airspeed(mach, temperature(altitude))
+    command[_C_GAMMA] = flight_path_angle(measured[_THETA], measured[_PHI], measured[_ALPHA], measured[_BETA])
+
+
+@kernel
+def filter_slow(param, state, measured, command, first):
+    """Filters on dynamic pressure, airspeed and vertical motion; at the start they take the sample itself."""
+    s, c = state[0], param[0]
+    speed, pressure, altitude = command[_C_SPEED], measured[_DYNAMIC], command[_C_PRESSURE_ALTITUDE]
+    laws.vertical_motion(altitude, vertical_acceleration(measured), c["climb_crossover"], c["dt"], state)
+    if first:
+        s["airspeed"], s["schedule_pressure"] = speed, pressure
+        s["altitude_estimate"], s["acceleration_error"] = altitude, 0.0
+        s["climb_rate"] = speed * math.sin(command[_C_GAMMA])
+    else:
+        s["airspeed"] += c["airspeed_share"] * (speed - s["airspeed"])
+        s["schedule_pressure"] += c["schedule_share"] * (pressure - s["schedule_pressure"])
+
+
+@kernel
+def vertical_acceleration(measured):
+    """Upward acceleration [m/s2] from the load factors and the attitude."""
+    theta, phi = measured[_THETA], measured[_PHI]
+    load = measured[_N_X] * math.sin(theta) - measured[_N_Y] * math.sin(phi) * math.cos(theta)
+    load += measured[_N_Z] * math.cos(phi) * math.cos(theta)
+    return GRAVITY * (load - 1.0)
+
+
+@kernel
+def capture(state, gain, measured, command):
+    """Take the present flight as what the autopilot will hold."""
+    s = state[0]
+    s["pitch_angle"], s["roll_angle"], s["heading"] = measured[_THETA], measured[_PHI], measured[_PSI]
+    s["altitude"] = s["altitude_reference"] = s["altitude_estimate"]
+    s["altitude_rate"] = s["climb_rate"]
+    climb = s["climb_rate"] / max(s["airspeed"], _SLOWEST)
+    s["altitude_integral"] = (1.0 + gain[laws.PATH_PITCH]) * (measured[_THETA] - climb)
+    s["held_airspeed"] = s["airspeed"]
+
+
+@kernel
+def outer(param, state, gain, measured, command, law):
+    """Demands or sticks to pitch rate, roll rate and sideslip commands."""
+    s, c = state[0], param[0]
+    demand = s["demand"]
+    speed = max(s["airspeed"], _SLOWEST)
+    theta, phi = measured[_THETA], measured[_PHI]
+    command[_C_THETA] = s["pitch_angle"]
+    command[_C_PHI] = s["roll_angle"]
+    command[_C_ALTITUDE] = s["altitude"]
+    command[_C_PSI] = s["heading"]
+    command[_C_SPEED] = s["held_airspeed"]
+    vertical, lateral = STICK, STICK
+    if law == _AUTOPILOT:
+        vertical, lateral = c["vertical"], c["lateral"]
+        command[_C_THETA] += demand[0]
+        command[_C_PHI] = wrap(command[_C_PHI] + demand[1])
+        command[_C_ALTITUDE] += demand[2]
+        command[_C_PSI] = (command[_C_PSI] + demand[3]) % TWO_PI
+        command[_C_SPEED] += demand[4]
+        if lateral == PATH:
+            error = command[_C_PSI] - measured[_PSI]
+            command[_C_PHI] = laws.bank_for_heading(error, gain[laws.HEADING], speed, c["max_bank"])
+        if vertical == PATH:
+            steepest = c["max_climb_angle"]
+            acceleration = _BRAKING * c["max_load_change"] * GRAVITY
+            capture_gain = 0.5 * gain[laws.PATH_ALTITUDE] / gain[laws.PATH_CLIMB]
+            highest = speed * math.sin(steepest)
+            laws.approach(command[_C_ALTITUDE], capture_gain, highest, acceleration, c["dt"], state)
+            command[_C_THETA] = laws.path_pitch(theta, speed, steepest, gain, c["dt"], state)
+    pitch_rate(param, state, gain, measured, command, vertical, speed)
+    roll_rate(gain, measured, command, lateral)
+    command[_C_P] += laws.turn_roll_rate(phi, theta, speed) if lateral != STICK else 0.0
+    command[_C_BETA] = -measured[_PEDAL] * gain[laws.MAX_SIDESLIP]
+
+
+@kernel
+def pitch_rate(param, state, gain, measured, command, vertical, speed):
+    """Pitch rate command from the stick or the pitch attitude error, within load factor and alpha."""
+    c = param[0]
+    per_load = GRAVITY / speed
+    most, least = c["max_load_factor"] - 1.0, c["min_load_factor"] - 1.0
+    if vertical == STICK:
+        stick = measured[_STICK_PITCH]
+        rate = per_load * (stick * most if stick > 0.0 else -stick * least)
+    else:
+        error = command[_C_THETA] - measured[_THETA]
+        limit = per_load * c["max_load_change"]
+        rate = clamp(gain[laws.PITCH_ANGLE] * error, -limit, limit)
+    rate += laws.turn_pitch_rate(measured[_PHI], measured[_THETA], speed)
+    allowed = _ALPHA_APPROACH_1_S * (c["max_alpha"] - measured[_ALPHA])
+    command[_C_Q] = min(clamp(rate, per_load * least, per_load * most), allowed)
+
+
+@kernel
+def roll_rate(gain, measured, command, lateral):
+    """Roll rate command from the stick or, the short way round, from the roll attitude error."""
+    most = gain[laws.MAX_ROLL_RATE]
+    if lateral == STICK:
+        command[_C_P] = measured[_STICK_ROLL] * most
+    else:
+        error = wrap(command[_C_PHI] - measured[_PHI])
+        command[_C_P] = clamp(gain[laws.ROLL_ANGLE] * error, -most, most)
+
+
+@kernel
+def inner(param, state, gain, measured, command, law, fresh):
+    """Rate, sideslip and airspeed errors to surfaces; ``fresh`` starts the integrators without a jump."""
+    s, c = state[0], param[0]
+    dt, g = c["dt"], gain
+    alpha = measured[_ALPHA]
+    speed = max(s["airspeed"], _SLOWEST)
+    yaw = laws.turn_yaw_rate(measured[_PHI], measured[_THETA], speed) + command[_C_P] * math.tan(alpha)
+    if law == _AUTOPILOT and c["lateral"] == PATH:
+        turn = g[laws.HEADING_YAW] * wrap(command[_C_PSI] - measured[_PSI])
+        yaw += clamp(turn, -c["max_yaw"], c["max_yaw"])
+    q = measured[_Q] - command[_C_Q]
+    p = measured[_P] - command[_C_P]
+    r = measured[_R] - yaw
+    beta = measured[_BETA] - command[_C_BETA]
+
+    proportional = g[laws.ELEVATOR_ALPHA] * (alpha - g[laws.TRIM_ALPHA]) + g[laws.ELEVATOR_Q] * q
+    change = -dt * g[laws.ELEVATOR_INTEGRAL] * q
+    s["elevator_integral"] = move(s["elevator_integral"], change, proportional, 0, c, s["surface"], fresh)
+
+    proportional = g[laws.AILERON_P] * p
+    change = -dt * g[laws.AILERON_INTEGRAL] * p
+    s["aileron_integral"] = move(s["aileron_integral"], change, proportional, 1, c, s["surface"], fresh)
+
+    proportional = g[laws.RUDDER_BETA] * beta + g[laws.RUDDER_R] * r
+    proportional -= g[laws.RUDDER_COMMAND] * command[_C_BETA]
+    change = -dt * g[laws.RUDDER_INTEGRAL] * beta
+    s["rudder_integral"] = move(s["rudder_integral"], change, proportional, 2, c, s["surface"], fresh)
+
+    if law == _AUTOPILOT and c["speed"] == 1:
+        error = s["airspeed"] - command[_C_SPEED]
+        proportional = g[laws.THROTTLE_SPEED] * error
+        change = -dt * g[laws.THROTTLE_INTEGRAL] * error
+        s["throttle_integral"] = move(s["throttle_integral"], change, proportional, 3, c, s["surface"], fresh)
+
+
+@kernel
+def move(integral, change, proportional, i, limits, surface, fresh):
+    """New integrator of surface ``i``; sets ``surface[i]`` = integral - proportional, within its stops.
+
+    When ``fresh`` the surface stays and the integrator becomes what keeps it there.
+    """
+    if fresh:
+        return surface[i] + proportional
+    low, high = limits["low"][i], limits["high"][i]
+    integral = integrate(integral, change, proportional, low, high)
+    surface[i] = clamp(integral - proportional, low, high)
+    return integral

@@ -1,0 +1,45 @@
+"""What the pages say is what the program does."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from rig import aircraft, show
+
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def test_the_table_of_signals_is_that_of_the_frame():
+    page = (ROOT / "docs" / "signals.md").read_text()
+    for row in show.signal_rows():
+        assert f"| {' | '.join(row)} |" in page
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+def test_every_link_and_every_named_file_exists(page: Path):
+    text = page.read_text()
+    linked = {target for target in re.findall(r"\]\(([^)#]+)", text) if "://" not in target}
+    named = set(re.findall(r"`((?:rig|aircraft|faults|tests|docs)/[\w/.]+\.(?:py|toml|md))`", text))
+    missing = [t for t in linked if not (page.parent / t).exists()] + [n for n in named if not (ROOT / n).exists()]
+    assert missing == []
+
+
+def test_the_readme_names_every_bundled_aircraft():
+    text = (ROOT / "README.md").read_text()
+    assert all(name in text for name in aircraft.names())
+
+
+def test_every_bundled_scenario_is_described():
+    page = (ROOT / "docs" / "scenario.md").read_text()
+    for path in aircraft.bundled("faults").glob("*.toml"):
+        assert f"`{path.stem}`" in page
+
+
+def test_every_test_named_as_evidence_exists():
+    defined = {
+        name for path in (ROOT / "tests").glob("test_*.py") for name in re.findall(r"def (test_\w+)", path.read_text())
+    }
+    for page in PAGES:
+        assert set(re.findall(r"`(test_\w+)`", page.read_text())) <= defined
