@@ -9,7 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import DISCRETES, FRAME, SIGNALS, Block, End, Law, Pattern, Resolver, State
+from rig.frame import DISCRETES, FRAME, SIGNALS, Block, End, Law, Pattern, Resolver, State, new_block
+from rig.kernels import kernel
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,13 +38,13 @@ class EventFinder:
     def __init__(self, faults: Sequence[Interval]) -> None:
         self._faults = faults
         self._last: Block | None = None
+        moved(_flags(new_block(1)), _flags(new_block(1))[0])  # compiled before the first frame
 
     def find(self, rows: Block) -> list[Event]:
         """The events of ``rows``, which follow those of the last call, in order of time."""
         before = rows[:1] if self._last is None else self._last
         events = list(self._fault_events(rows))
-        flags = _flags(rows)
-        if (flags[1:] != flags[:-1]).any() or (flags[0] != _flags(before)[0]).any():
+        if moved(_flags(rows), _flags(before)[0]):
             events += _changes(np.concatenate([before, rows]))
         self._last = rows[-1:].copy()
         return sorted(events, key=lambda event: event.frame)
@@ -60,6 +61,18 @@ class EventFinder:
 def _flags(rows: Block) -> NDArray[np.uint8]:
     """The bytes of each row from ``state`` on: most blocks are settled by seeing that none has moved."""
     return rows.view(np.uint8).reshape(len(rows), -1)[:, FRAME.fields["state"][1] :]  # type: ignore[index]  # named
+
+
+@kernel
+def moved(flags, before):
+    """Whether any row of ``flags`` (n, m) differs from the one before it, the first from ``before`` (m,)."""
+    different = 0
+    for i in range(flags.shape[1]):
+        different |= flags[0, i] ^ before[i]
+    for k in range(1, flags.shape[0]):
+        for i in range(flags.shape[1]):
+            different |= flags[k, i] ^ flags[k - 1, i]
+    return different != 0
 
 
 def _moved(pair: Block, field: str) -> NDArray[np.intp]:

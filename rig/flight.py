@@ -159,7 +159,6 @@ def _record(
 ) -> Flight:
     """Run the frames through verdict, log and stream; the log is finished whatever happens."""
     check_where(rerun)
-    loop.warm_up(scenario)
     rig = loop.Rig(scenario)
     path = log_path(out, scenario)
     finder, verdict = EventFinder(intervals(scenario)), Verdict()
@@ -182,7 +181,7 @@ def _record(
 
         began = time.perf_counter()
         try:
-            with Recorder(record) as recorder:
+            with Recorder(record, threaded=pace.period_s is not None) as recorder:
                 for rows, timing in loop.frames(rig, scenario, pace, stop):
                     recorder.put(rows, timing)
             wall_s = time.perf_counter() - began

@@ -23,7 +23,9 @@ from rig.redundancy import Redundancy
 from rig.scenario import Scenario
 from rig.sensors import Sensors
 
-BLOCK_S = 0.5  # two blocks are at risk when a flight is killed: the one being filled, the one being recorded
+# A killed flight loses no more than a second: the block being filled and, paced, the one being recorded.
+BLOCK_S = 1.0
+PACED_BLOCK_S = 0.5
 
 
 class Rig:
@@ -67,13 +69,6 @@ class Rig:
         return end
 
 
-def warm_up(scenario: Scenario) -> None:
-    """Compile every kernel by one frame of a throw-away rig, so that no frame of the flight waits for it."""
-    rig, block = Rig(scenario), new_block(1)
-    rig.prepare(block)
-    rig.frame(block, 0)
-
-
 class Stop:
     """Asks a flight to end after the present frame."""
 
@@ -88,7 +83,7 @@ def frames(
     Two blocks take turns: what is yielded stays as it is until the block after the next is begun.
     """
     pace, stop = pace or Pace(scenario.rate_hz, None), stop or Stop()
-    size = max(1, int(BLOCK_S * scenario.rate_hz))
+    size = max(1, int((BLOCK_S if pace.period_s is None else PACED_BLOCK_S) * scenario.rate_hz))
     buffers = cycle([(new_block(size), np.zeros(size, TIMING)) for _ in range(2)])
     for first in range(0, scenario.frames, size):
         memory, timing = next(buffers)

@@ -16,6 +16,7 @@ from rig.frame import DISCRETE_INDEX, INDEX, Block
 from rig.settings import Settings
 
 STICKS: Final = ("stick_pitch", "stick_roll", "pedal")
+_STICKS: Final = slice(INDEX["stick_pitch"], INDEX["pedal"] + 1)
 DEMAND_AXES: Final = ("pitch_angle", "roll_angle", "altitude", "heading", "airspeed")
 Axis = Literal["stick_pitch", "stick_roll", "pedal", "pitch_angle", "roll_angle", "altitude", "heading", "airspeed"]
 Times = NDArray[np.float64]
@@ -124,18 +125,15 @@ class Pilot:
     def prepare(self, block: Block) -> None:
         """Fill ``truth`` of the sticks, ``demand`` and ``discrete_truth`` of all rows of ``block``."""
         t = block["frame"] / self._rate_hz
-        for name in STICKS:
-            block["truth"][:, INDEX[name]] = np.clip(self._deflection(name, t), -1.0, 1.0)
-        for i, name in enumerate(DEMAND_AXES):
-            block["demand"][:, i] = self._deflection(name, t)
-        block["discrete_truth"][:, DISCRETE_INDEX["autopilot_engaged"]] = self._engaged(t)
-
-    def _deflection(self, axis: str, t: Times) -> Times:
-        total = np.zeros(len(t))
+        truth, demand = block["truth"], block["demand"]
+        truth[:, _STICKS] = 0.0
+        demand[:] = 0.0
         for manoeuvre in self._config.manoeuvres:
-            if manoeuvre.axis == axis:
-                total += manoeuvre.at(t)
-        return total
+            axis = manoeuvre.axis
+            column = truth[:, INDEX[axis]] if axis in STICKS else demand[:, DEMAND_AXES.index(axis)]
+            column += manoeuvre.at(t)
+        np.clip(truth[:, _STICKS], -1.0, 1.0, out=truth[:, _STICKS])
+        block["discrete_truth"][:, DISCRETE_INDEX["autopilot_engaged"]] = self._engaged(t)
 
     def _engaged(self, t: Times) -> NDArray[np.bool_]:
         """The switch: as at the start, then as the last of the two moments that has passed."""

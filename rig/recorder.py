@@ -1,7 +1,8 @@
-"""One block is recorded while the next is flown: the disk and the compressor never hold a frame up.
+"""Who records a block: the frame loop itself, or a thread while the next block is flown.
 
-The recording runs in order, on one thread; at most one block is under way, so that a killed flight loses
-no more than that block and the one being filled.
+A paced flight records on a thread, so that neither the disk nor the compressor holds a frame up.  One
+that flies as fast as it can has nothing to gain from that (both would share the interpreter) and records
+in line.  Either way in order, and at most one block is under way.
 """
 
 from __future__ import annotations
@@ -23,19 +24,22 @@ SWITCH_S = 2e-4
 
 
 class Recorder:
-    """Hands blocks to ``record`` on a thread; what that raises is raised by the next ``put`` or by ``close``."""
+    """Hands blocks to ``record``; what that raises on the thread is raised by the next ``put`` or at the end."""
 
-    def __init__(self, record: Record) -> None:
+    def __init__(self, record: Record, threaded: bool) -> None:
         self._record = record
-        self._pool = ThreadPoolExecutor(1, "recorder")
+        self._pool = ThreadPoolExecutor(1, "recorder") if threaded else None
         self._pending: Future[None] | None = None
         self._switch_s = sys.getswitchinterval()
 
     def put(self, rows: Block, timing: NDArray[Any]) -> None:
-        """Record ``rows``; returns as soon as the block before them is done.
+        """Record ``rows``; on a thread, returns as soon as the block before them is done.
 
         The arrays must stay as they are until the next call has returned.
         """
+        if self._pool is None:
+            self._record(rows, timing)
+            return
         self._wait()
         self._pending = self._pool.submit(self._record, rows, timing)
 
@@ -45,12 +49,15 @@ class Recorder:
             pending.result()
 
     def __enter__(self) -> Self:
-        sys.setswitchinterval(SWITCH_S)
+        if self._pool is not None:
+            sys.setswitchinterval(SWITCH_S)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if self._pool is None:
+            return
         sys.setswitchinterval(self._switch_s)
         try:
             if kind is None:

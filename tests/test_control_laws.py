@@ -45,7 +45,7 @@ def test_the_turn_pitch_rate_fades_beyond_sixty_degrees() -> None:
 
 
 @pytest.mark.parametrize(
-    ("command", "heading", "side"), [(0.1, 6.2, 1), (6.2, 0.1, -1), (3.2, 3.0, 1), (0.5, 3.5, 1), (3.8, 0.5, -1)]
+    ("command", "heading", "side"), [(0.1, 6.2, 1), (6.2, 0.1, -1), (3.2, 3.0, 1), (0.5, 3.8, 1), (3.8, 0.5, -1)]
 )
 def test_headings_are_turned_to_the_short_way_round(command: float, heading: float, side: int) -> None:
     bank = laws.bank_for_heading(command - heading, 0.2, 190.0, 0.5)
@@ -79,6 +79,7 @@ def test_an_integrator_stands_still_at_a_stop_and_leaves_it_at_once() -> None:
     assert laws.integrate(0.5, 0.01, 0.05, low, high) == 0.5  # would push further
     assert laws.integrate(0.5, -0.01, 0.05, low, high) == 0.49  # comes back
     assert laws.integrate(-0.5, -0.01, 0.05, low, high) == -0.5
+    assert laws.integrate(0.44, 0.05, 0.05, low, high) == pytest.approx(0.45)  # just reaches it
     assert laws.integrate(0.1, 0.01, 0.05, low, high) == pytest.approx(0.11)
 
 

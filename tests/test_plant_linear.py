@@ -28,9 +28,7 @@ def fastest(matrix: NDArray[np.float64]) -> complex:
     return max((x for x in values if abs(x) > 0.2), key=lambda x: (x.real, x.imag))
 
 
-@pytest.mark.parametrize(
-    ("shift_inches", "expected"), [(0, -0.724 + 0.660j), (6, 0.553), (8, 0.806), (10, 1.021)]
-)
+@pytest.mark.parametrize(("shift_inches", "expected"), [(0, -0.724 + 0.660j), (6, 0.553), (8, 0.806), (10, 1.021)])
 def test_the_f16_turns_unstable_as_its_centre_of_gravity_moves_aft(shift_inches: float, expected: complex) -> None:
     config = aircraft("f16", cg_x_shift_m=shift_inches * 0.0254)
     linear = linearise(config, config.point("20000ft_m06"))
@@ -108,4 +106,5 @@ def predict(
     system[:4, :4], system[:4, 4] = a, column
     system[4, 4], system[4, 5] = -1.0 / lag, 1.0 / lag
     start = np.array([0.0, 0.0, 0.0, 0.0, 0.0, step])
-    return {plane: (expm(system * (frames - 1) / RATE_HZ) @ start)[:4]}
+    response = np.asarray(expm(system * (frames - 1) / RATE_HZ), np.float64) @ start
+    return {plane: response[:4]}

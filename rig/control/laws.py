@@ -165,9 +165,11 @@ def path_pitch(theta, airspeed, steepest, gain, dt, state):
 
 @kernel
 def integrate(integral, change, proportional, low, high):
-    """The integrator after one frame; it stands still while it would push the surface further past a stop."""
+    """The integrator after one frame; it never pushes the surface past a stop, nor further past it."""
     moved = integral + change
     position = moved - proportional
-    if (position > high and change > 0.0) or (position < low and change < 0.0):
-        return integral
+    if position > high and change > 0.0:
+        return max(integral, high + proportional)
+    if position < low and change < 0.0:
+        return min(integral, low + proportional)
     return moved

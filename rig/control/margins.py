@@ -56,7 +56,7 @@ class Loop:
     def poles(self) -> NDArray[np.complex128]:
         """Closed-loop eigenvalues in the s-plane [rad/s], those of a pure delay left out."""
         z = np.linalg.eigvals(self.closed(np.ones(self.g.shape[1], np.complex128)))
-        return np.log(z[np.abs(z) > 1e-6]) / self.period_s
+        return (np.log(z[np.abs(z) > 1e-6]) / self.period_s).astype(np.complex128)
 
 
 @dataclass(frozen=True, slots=True)
