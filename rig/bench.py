@@ -16,15 +16,21 @@ from typing import Any
 import numpy as np
 
 from rig import loop
+from rig.control.flying import fly as fly_row
 from rig.events import EventFinder
+from rig.faults import corrupt
 from rig.flight import fly, intervals, metadata
-from rig.frame import TIMING, new_block
+from rig.frame import TIMING, Block, new_block
+from rig.kernels import bind
 from rig.log import LogWriter
 from rig.plant import jsbsim
+from rig.redundancy import vote_row
 from rig.scenario import Scenario
+from rig.sensors import measure
 from rig.verdict import Verdict
 
 BARE_S = 4.0  # hands off, an unstable airframe is reloaded before it leaves its flight point
+Step = Callable[[Block, int], Any]
 STAGES = ("plant.read", "sensors", "faults", "redundancy", "control", "plant.step")
 PER_BLOCK = ("prepare", "events", "verdict", "log")
 
@@ -96,13 +102,16 @@ def _stages_us(scenario: Scenario, out: Path) -> dict[str, float]:
     """The same flight once more with a clock around every stage."""
     rig, watch, verdict = loop.Rig(scenario), _Watch(), Verdict()
     finder, size, flown = EventFinder(intervals(scenario)), round(scenario.rate_hz), 0
+    steps: dict[str, Step] = {}
     with LogWriter(out / "stages.mcap", scenario.rate_hz, metadata(scenario), []) as writer:
         for first in range(0, scenario.frames, size):
             block = new_block(min(size, scenario.frames - first), first)
             block["reference"] = np.nan
             watch.time("prepare", rig.prepare, block)
+            steps = steps or _bound(rig, block)
             for k in range(len(block)):
-                _frame(rig, watch, block, k)
+                for name, step in steps.items():
+                    watch.time(name, step, block, k)
             flown += len(block)
             events = watch.time("events", finder.find, block)
             watch.time("verdict", verdict.add, block, events)
@@ -110,11 +119,12 @@ def _stages_us(scenario: Scenario, out: Path) -> dict[str, float]:
     return {name: total / flown * 1e6 for name, total in watch.total_s.items()}
 
 
-def _frame(rig: loop.Rig, watch: _Watch, block: Any, k: int) -> None:
-    """loop.Rig.frame with a clock around every stage."""
-    watch.time("plant.read", rig.plant.read, block, k)
-    watch.time("sensors", rig.sensors.step, block, k)
-    watch.time("faults", rig.faults.step, block, k)
-    watch.time("redundancy", rig.redundancy.step, block, k)
-    watch.time("control", rig.control.step, block, k)
-    watch.time("plant.step", rig.plant.step, block, k)
+def _bound(rig: loop.Rig, block: Block) -> dict[str, Step]:
+    """loop.Rig.frame taken apart: the same kernels, one by one."""
+    kernels = {"sensors": measure, "faults": corrupt, "redundancy": vote_row, "control": fly_row}
+    steps: dict[str, Step] = {"plant.read": rig.plant.read}
+    for name, function in kernels.items():
+        arguments = getattr(rig, name).arguments
+        entry = bind(function, block, 0, *arguments)
+        steps[name] = lambda b, k, entry=entry, arguments=arguments: entry(b, k, *arguments)
+    return {**steps, "plant.step": rig.plant.step}

@@ -9,15 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
 from rig.angles import limit
-from rig.frame import CHANNELS, INDEX, SIGNALS, Block, new_block, to_frame
-from rig.kernels import bind, kernel
+from rig.frame import CHANNELS, INDEX, SIGNALS, Block, to_frame
+from rig.kernels import kernel
 from rig.settings import Settings
 
 
@@ -139,11 +139,15 @@ class Faults:
             row["low"], row["high"] = ranges[signal]
             row["channel"][np.array(fault.channels) - 1] = 1
             row["first"], row["last"] = window(fault, rate_hz)
-        self._corrupt = bind(corrupt, new_block(1), 0, self.schedule, self._dt_s)
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """What ``corrupt`` needs besides the row."""
+        return self.schedule, self._dt_s
 
     def step(self, block: Block, k: int) -> None:
         """Corrupt row k in place and write how many faults acted."""
-        self._corrupt(block, k, self.schedule, self._dt_s)
+        corrupt(block, k, *self.arguments)
 
 
 @kernel

@@ -8,20 +8,23 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from itertools import cycle
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig import sensors
 from rig.control.autopilot import Control
-from rig.faults import Faults
+from rig.control.flying import fly
+from rig.faults import Faults, corrupt
 from rig.frame import TIMING, Block, new_block
+from rig.kernels import bind, kernel
 from rig.pace import Pace
 from rig.pilot import Pilot
 from rig.plant.jsbsim import Plant
-from rig.redundancy import Redundancy
+from rig.redundancy import Redundancy, vote_row
 from rig.scenario import Scenario
-from rig.sensors import Sensors
+from rig.sensors import Sensors, measure
 
 # A killed flight loses no more than a second: the block being filled and, paced, the one being recorded.
 BLOCK_S = 1.0
@@ -51,22 +54,37 @@ class Rig:
         self.redundancy = Redundancy(scenario.redundancy, ranges, channels, rate_hz)
         self.control = Control(scenario.control, scenario.gains, rate_hz, frame.surface_limits)
         self.control.reset(self.plant.trim)
+        self._compute: Any = None  # bound at the first block
+        self._arguments: tuple[Any, ...] = ()
 
     def prepare(self, block: Block) -> None:
         """What is drawn or planned a block at a time: stick and demands, sensor noise."""
         self.pilot.prepare(block)
         self.sensors.prepare(block)
+        stages = (self.sensors, self.faults, self.redundancy, self.control)
+        self._arguments = tuple(stage.arguments for stage in stages)
+        if self._compute is None:
+            self._compute = bind(compute, block, 0, *self._arguments)
 
     def frame(self, block: Block, k: int) -> int:
-        """Fly row k: measure, corrupt, vote, command, move on.  Nonzero (frame.End) when the flight ends."""
+        """Fly row k: see, compute, move on.  Nonzero (frame.End) when the flight ends."""
         end = self.plant.read(block, k)
-        self.sensors.step(block, k)
-        self.faults.step(block, k)
-        self.redundancy.step(block, k)
-        self.control.step(block, k)
+        self._compute(block, k, *self._arguments)
         if end == 0:
             self.plant.step(block, k)
         return end
+
+
+@kernel
+def compute(block, k, of_sensors, of_faults, of_redundancy, of_control):
+    """The flight computer's frame, in one compiled call: measure, corrupt, vote, command.
+
+    block : FRAME records; the tuples hold each stage's own parameters and state
+    """
+    measure(block, k, *of_sensors)
+    corrupt(block, k, *of_faults)
+    vote_row(block, k, *of_redundancy)
+    fly(block, k, *of_control)
 
 
 class Stop:
@@ -98,12 +116,13 @@ def frames(
 def _fly_block(rig: Rig, block: Block, timing: NDArray[np.void], pace: Pace, stop: Stop) -> tuple[int, bool]:
     """Fly the rows of a block; how many were flown, and whether the flight is over."""
     frame_us, late_us = timing["frame_us"], timing["late_us"]
-    clock, fly, paced, first = time.perf_counter, rig.frame, pace.period_s is not None, int(block["frame"][0])
+    clock, fly_frame, paced = time.perf_counter, rig.frame, pace.period_s is not None
+    first = int(block["frame"][0])
     for k in range(len(block)):
         if paced:
             late_us[k] = pace.wait(first + k) * 1e6
         began = clock()
-        end = fly(block, k)
+        end = fly_frame(block, k)
         frame_us[k] = (clock() - began) * 1e6
         if end != 0 or stop.requested:
             return k + 1, True

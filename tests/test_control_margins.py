@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from functools import cache
 from pathlib import Path
+from typing import cast
 
 import control
 import numpy as np
@@ -122,7 +123,6 @@ def turns_about_zero(curve: NDArray[np.complex128]) -> int:
 def test_the_pitch_rate_loop_written_down_by_hand_is_stable(name: str, point: str, change: str) -> None:
     """Continuous, with Pade delays, by python-control: none of our loop code takes part."""
     config, _, linear, whole, gain = designed(name, point)
-    s = control.tf("s")
     a, b = linear.longitudinal_a[1:3, 1:3], linear.longitudinal_b[1:3, :1]
     airframe_model = control.ss(a, b, np.eye(2), np.zeros((2, 1)))
     delay = 1.5 / whole.rate_hz
@@ -135,11 +135,11 @@ def test_the_pitch_rate_loop_written_down_by_hand_is_stable(name: str, point: st
         * control.tf([1.0], [config.elevator.lag_s, 1.0])
         * control.tf([1.0], [whole.sensor_lag_s, 1.0])
     )
-    rate = control.ss(gain.elevator_pitch_rate_s + gain.elevator_pitch_rate_integral / s)
-    law = control.append(control.ss([], [], [], [[gain.elevator_alpha]]), rate)
+    rate = control.tf([gain.elevator_pitch_rate_s, gain.elevator_pitch_rate_integral], [1.0, 0.0])
+    law = control.append(control.ss([], [], [], [[gain.elevator_alpha]]), control.ss(rate))
     summed = control.ss([], [], [], [[1.0, 1.0]]) * law
     closed = control.feedback(factor * summed * airframe_model * chain, 1)
-    assert np.max(np.linalg.eigvals(control.ss(closed).A).real) < 0.0
+    assert np.max(np.linalg.eigvals(cast(control.StateSpace, closed).A).real) < 0.0
 
 
 @pytest.mark.parametrize(("name", "point"), POINTS)

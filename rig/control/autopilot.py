@@ -68,9 +68,14 @@ class Control:
         self.state["measured"] = np.nan
         self.state["surface"] = np.clip(trim_surfaces, self.param["low"][0], self.param["high"][0])
 
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """What ``flying.fly`` needs besides the row."""
+        return self.pressures, self.table, self.param, self.state, self.gain
+
     def step(self, block: Block, k: int) -> None:
         """Write command, surface and law of row ``k`` from its voted signals and demands."""
-        fly(block, k, self.pressures, self.table, self.param, self.state, self.gain)
+        fly(block, k, *self.arguments)
 
 
 def _parameters(

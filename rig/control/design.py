@@ -41,7 +41,6 @@ class Requirements(Settings):
     integral_share: float = Field(default=0.2, gt=0.0)  # integral weight over proportional weight and crossover
     sideslip_share: float = Field(default=0.03, ge=0.0)  # weight of the sideslip integral
     heading_share: float = Field(default=0.25, gt=0.0)  # heading over roll attitude
-    altitude_share: float = Field(default=0.35, gt=0.0)  # altitude over attitude
     yaw_share: float = Field(default=2.5, ge=0.0)  # heading hold by rudder over heading hold by bank
     airspeed_crossover_rad_s: float = Field(default=0.15, gt=0.0)
     envelope_share: float = Field(default=0.7, gt=0.0, lt=1.0)  # of the departure limits, what the stick may ask
@@ -52,16 +51,18 @@ _LAWS: Final[tuple[Law, Law]] = ("stick", "autopilot")
 _RATE_SHARES: Final = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)  # of the highest crossover
 _QUICK: Final = 3  # so many of them count as quick
 _ALPHA_SHARES: Final = (1.0, 0.7, 0.4)  # of the regulator's gain on alpha, in the longitudinal plane
+_ALTITUDE_SHARES: Final = (0.5, 0.35)  # altitude loop's crossover over the attitude loop's
 _ATTITUDE_SHARES: Final = (0.26, 0.22, 0.18, 0.15)  # attitude loop's crossover over the rate loop's
 
 
 @dataclass(frozen=True)
 class _Bandwidth:
-    """How fast one plane is to be: shares of the highest crossover, of the rate loop's, of the alpha gain."""
+    """How fast one plane is to be: shares of the highest crossover, the rate loop's, the alpha gain, the attitude's."""
 
     rate: float
     attitude: float
-    alpha: float = 1.0
+    alpha: float
+    altitude: float
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ def _gains(airframe: Airframe, wanted: Requirements, points: list[Point]) -> Gai
 
 def _design_point(case: _Case) -> Point:
     """For each plane the first candidate whose margins hold; the planes do not depend on each other."""
-    first = _Bandwidth(1.0, _ATTITUDE_SHARES[0])
+    first = _candidates()[0]
     chosen = dict.fromkeys(ACTUATORS, first)
     for plane in ACTUATORS:
         for candidate in _candidates():
@@ -114,9 +115,9 @@ def _design_point(case: _Case) -> Point:
 def _candidates() -> list[_Bandwidth]:
     """Fast first: the attitude loop gives way before the rate loop loses more than a quarter."""
     quick, slow = _RATE_SHARES[:_QUICK], _RATE_SHARES[_QUICK:]
-    tried = [_Bandwidth(*x) for x in product(quick, _ATTITUDE_SHARES, _ALPHA_SHARES)]
-    tried.sort(key=lambda x: (-x.attitude, -x.alpha, -x.rate))
-    return tried + [_Bandwidth(rate, _ATTITUDE_SHARES[-1]) for rate in slow]
+    tried = [_Bandwidth(*x) for x in product(quick, _ATTITUDE_SHARES, _ALPHA_SHARES, _ALTITUDE_SHARES)]
+    tried.sort(key=lambda x: (-x.altitude, -x.attitude, -x.alpha, -x.rate))
+    return tried + [_Bandwidth(rate, _ATTITUDE_SHARES[-1], 1.0, _ALTITUDE_SHARES[-1]) for rate in slow]
 
 
 def _ceiling(case: _Case, plane: Plane) -> float:
@@ -225,7 +226,7 @@ def _point(case: _Case, chosen: dict[Plane, _Bandwidth]) -> Point:
     rudder = yaw_gain(linear, wanted.rudder_share * crossover["lateral"], wanted.sideslip_share)[0]
     pitch = chosen["longitudinal"].attitude * crossover["longitudinal"]
     roll = chosen["lateral"].attitude * crossover["lateral"]
-    path = path_gain(linear, pitch, wanted.altitude_share * pitch)[0]
+    path = path_gain(linear, pitch, chosen["longitudinal"].altitude * pitch)[0]
     throttle = wanted.airspeed_crossover_rad_s / linear.longitudinal_b[0, 1]
     return Point(
         name=case.point.name,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import struct
 from functools import cache
-from math import atan2, degrees, hypot
+from math import atan2, degrees, hypot, inf
 from pathlib import Path
 from typing import Final
 
@@ -229,9 +229,8 @@ class Plant:
         self._aileron(aileron)
         self._rudder(rudder)
         self._throttle(throttle)
-        time_s = (int(self._frame[k]) + 1) / self._rate_hz
-        if time_s >= self._air_changes_s:
-            self._move_air(time_s)
+        if self._air_changes_s < inf:
+            self._move_air((int(self._frame[k]) + 1) / self._rate_hz)
         try:
             for _ in self._steps:
                 self._run()
@@ -240,6 +239,8 @@ class Plant:
             self._broken = True
 
     def _move_air(self, time_s: float) -> None:
+        if time_s < self._air_changes_s:
+            return
         for node, speed in zip(self._air, wind.added(self._wind, time_s), strict=True):
             node.set_double_value(speed * FEET_PER_METRE)
         self._air_changes_s = wind.next_change(self._wind, time_s)

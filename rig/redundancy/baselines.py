@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.angles import limit
-from rig.frame import CHANNELS, Block, new_block
-from rig.kernels import bind, kernel
+from rig.frame import CHANNELS, Block
+from rig.kernels import kernel
 from rig.redundancy.compare import LOST, NORMAL, rank
 from rig.redundancy.manager import NO_RESETS, latch, new_state, obey, publish, report, watch_failed
 from rig.redundancy.vote import median
@@ -22,12 +22,12 @@ class Mean:
 
     def __init__(self, params: NDArray[np.void], resets: NDArray[np.void] = NO_RESETS) -> None:
         self.params = params
+        self.resets = resets
         self.state = new_state(params)
-        self._average = bind(average, new_block(1), 0, self.params, self.state)
 
     def step(self, block: Block, k: int) -> None:
         """Vote every signal of row k."""
-        self._average(block, k, self.params, self.state)
+        average(block, k, self.params, self.state, self.resets)
 
 
 class CrossVoter:
@@ -37,15 +37,14 @@ class CrossVoter:
         self.params = params
         self.resets = resets
         self.state = new_state(params)
-        self._cross_voter = bind(cross_voter, new_block(1), 0, self.params, self.state, self.resets)
 
     def step(self, block: Block, k: int) -> None:
         """Vote and monitor every signal of row k."""
-        self._cross_voter(block, k, self.params, self.state, self.resets)
+        cross_voter(block, k, self.params, self.state, self.resets)
 
 
 @kernel
-def average(block, k, params, state):
+def average(block, k, params, state, resets):
     """Row k: the mean of all comparable samples of each signal."""
     row = block[k]
     for s in range(len(params)):

@@ -5,12 +5,12 @@ Source: Zhang 2023, section 4, item 1; redundancy.md, section 3.
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from rig.frame import CHANNELS, DISCRETES, Block, D, State, new_block
-from rig.kernels import bind, kernel
+from rig.frame import CHANNELS, DISCRETES, Block, D, State
+from rig.kernels import kernel
 
 STATE: Final = np.dtype([("count", "i8", (CHANNELS,)), ("failed", "u1", (CHANNELS,))], align=True)
 _OK, _SUSPECT, _FAILED = int(State.OK), int(State.SUSPECT), int(State.FAILED)
@@ -23,11 +23,15 @@ class DiscreteVoter:
         self.fail_safe = np.array([discrete.fail_safe for discrete in DISCRETES], np.int64)
         self.state = np.zeros(D, STATE)
         self._persistence = persistence
-        self._vote = bind(vote_discretes, new_block(1), 0, self.fail_safe, self.state, persistence)
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """What ``vote_discretes`` needs besides the row."""
+        return self.fail_safe, self.state, self._persistence
 
     def step(self, block: Block, k: int) -> None:
         """Write discrete_voted, discrete_state and discrete_level of row k."""
-        self._vote(block, k, self.fail_safe, self.state, self._persistence)
+        vote_discretes(block, k, *self.arguments)
 
 
 @kernel

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.angles import difference, limit
-from rig.frame import CHANNELS, Block, Resolver, State, new_block
-from rig.kernels import bind, kernel
+from rig.frame import CHANNELS, Block, Resolver, State
+from rig.kernels import kernel
 from rig.redundancy import resolve, trend, vote
 from rig.redundancy.compare import LOST, P1_1, P1_1_1, P1_1_1_1, P2_2, classify, is_singular, rank
 from rig.redundancy.config import RESETS
@@ -72,11 +72,10 @@ class CrossChannel:
         self.params = params
         self.resets = resets
         self.state = new_state(params)
-        self._manage = bind(manage, new_block(1), 0, self.params, self.state, self.resets)
 
     def step(self, block: Block, k: int) -> None:
         """Vote and monitor every signal of row k."""
-        self._manage(block, k, self.params, self.state, self.resets)
+        manage(block, k, self.params, self.state, self.resets)
 
 
 @kernel
@@ -199,14 +198,13 @@ def count_miscompares(n, p, st):
     others stand still, so that the ordinary rule does not fail everybody first.
     """
     frozen = is_singular(st["pattern"])
-    count, order = st["count"], st["order"]
+    count, ranked = st["count"], 0
+    for i in range(n):
+        ranked |= 1 << st["order"][i]
     for c in range(p["fitted"]):
-        ranked = False
-        for i in range(n):
-            ranked = ranked or order[i] == c
         if st["failed"][c] != 0:
             continue
-        if not ranked:
+        if (ranked >> c) & 1 == 0:
             count[c] += 1
             st["alone"][c] = 1
         elif not frozen:
@@ -261,6 +259,8 @@ def monitor_reference(raw, reference, n, p, st):
 @kernel
 def watch_failed(samples, valid, raw, p, st):
     """Count how long each failed channel has agreed with the vote again (for a readmission by command)."""
+    if st["level"] == p["fitted"]:
+        return
     for c in range(p["fitted"]):
         near = valid[c] != 0 and abs(difference(samples[c], raw, p["wraps"])) <= p["threshold"]
         st["agreed"][c] = st["agreed"][c] + 1 if st["failed"][c] != 0 and near else 0
@@ -280,7 +280,7 @@ def readmit(commanded, p, st):
     """Clear the failures of the commanded channels that have agreed with the vote for ``readmit_frames``."""
     for c in range(p["fitted"]):
         if commanded[c] != 0 and st["failed"][c] != 0 and st["agreed"][c] >= p["readmit_frames"]:
-            st["failed"][c] = st["count"][c] = 0
+            st["failed"][c] = st["count"][c] = st["agreed"][c] = 0
 
 
 @kernel

@@ -1,0 +1,260 @@
+"""Constant delay and constant offset of each channel against the others, and the samples without them.
+
+Delay of a pair of channels a, b: the lag d (frames, not whole) at which
+
+    cost(d) = mean square of (h * a)(k + d) - (h * b)(k), its mean removed
+
+is least.  The filter h weighs each frequency by how coherent the two channels are in it (the generalised
+cross-correlation of Knapp and Carter, 1976), so noise and vibration that they do not share say nothing.
+Medians over the pairs give the delay of each channel, and keep out one bad channel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+from scipy.signal import fftconvolve
+
+from rig.angles import TURN
+from rig.errors import BadInput
+from rig.recorded.config import RecordedSignal
+from rig.recorded.record import Floats, Recording, Samples
+
+MAX_DELAY: Final = 32  # frames
+MIN_ROWS: Final = 256
+CORRELATED: Final = 0.5  # least correlation with another channel, once aligned, of a channel that is trusted
+_MARGIN: Final = 8  # lags beyond MAX_DELAY, for the interpolation of the cost
+_FINE: Final = np.linspace(-1.0, 1.0, 201)  # frames
+_FLOOR: Final = 0.1  # of the mean cross spectrum: whitens no further than this
+_SEGMENT: Final = 1024  # rows of the longest segment of a spectrum
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """What was taken off a channel; ``aligned`` is False for one that is like no other, which is left alone."""
+
+    aligned: bool
+    delay_frames: float
+    delay_s: float
+    offset: float  # unit of the signal
+    correlation: float  # best with another channel
+
+
+Corrections = dict[str, list[Correction]]
+
+
+def align(
+    recording: Recording,
+    settings: dict[str, RecordedSignal],
+    start_s: float | None = None,
+    end_s: float | None = None,
+) -> tuple[Recording, Corrections]:
+    """The recording with the delays and offsets found between ``start_s`` and ``end_s`` taken off everywhere.
+
+    Delays are against the channel in the middle, whose samples stay as they are; offsets against the median.
+    Rows in which a delayed channel has no sample are cut off at both ends.  BadInput: too few rows.
+    """
+    part = _stretch(recording.time_s, start_s, end_s)
+    n = len(recording.time_s)
+    found: Corrections = {}
+    shifts = [0.0]
+    for name, chosen in settings.items():
+        found[name] = _correct(recording, name, chosen, part)
+        shifts += [correction.delay_frames for correction in found[name]]
+    rows = slice(ceil(-min(shifts)), n - ceil(max(shifts)))
+    at = np.arange(rows.start, rows.stop)
+    signals = {
+        name: _taken_off(recording.signals[name], found[name], settings[name], at) for name in settings
+    }
+    return Recording(recording.time_s[rows], signals, recording.first_row + rows.start), found
+
+
+def _stretch(time_s: Floats, start_s: float | None, end_s: float | None) -> slice:
+    start = 0 if start_s is None else int(np.searchsorted(time_s, start_s))
+    end = len(time_s) if end_s is None else int(np.searchsorted(time_s, end_s, side="right"))
+    if end - start < MIN_ROWS:
+        raise BadInput(f"align: {max(end - start, 0)} rows from {start_s} to {end_s} s; at least {MIN_ROWS} are needed")
+    return slice(start, end)
+
+
+def _correct(recording: Recording, name: str, settings: RecordedSignal, part: slice) -> list[Correction]:
+    """The delay and offset of every channel of a signal."""
+    columns = [_whole(column[part]) for column in _valid(recording.signals[name], settings)]
+    delays, correlations = _pairs(_without_spikes(columns))
+    best = correlations.max(axis=1)
+    trusted = best >= CORRELATED
+    moving = bool(trusted.any())
+    if not moving:  # nothing but noise: no delay can be seen, an offset can
+        trusted = np.array([bool(np.isfinite(column).all()) for column in columns])
+    delay = _against_the_middle(delays, trusted) if moving else np.zeros(len(columns))
+    offset = _offsets(columns, delay, trusted, settings.wraps)
+    rate = recording.rate_hz
+    return [
+        Correction(bool(trusted[c]), float(delay[c]), float(delay[c]) / rate, float(offset[c]), float(best[c]))
+        for c in range(len(columns))
+    ]
+
+
+def _valid(samples: Samples, settings: RecordedSignal) -> list[Floats]:
+    """The channels with NaN for each sample that is flagged or out of range; angles without their jumps."""
+    low, high = settings.limits
+    columns: list[Floats] = []
+    for c, raw in enumerate(samples.channels):
+        good = (raw >= low) & (raw <= high)
+        if samples.valid is not None:
+            good &= samples.valid[c] != 0
+        column = np.where(good, raw, np.nan)
+        if settings.wraps and good.any():
+            column[good] = np.unwrap(column[good])
+        columns.append(column)
+    return columns
+
+
+def _whole(column: Floats) -> Floats:
+    """A channel with straight lines across the samples it lacks; all NaN when it has none."""
+    good = np.isfinite(column)
+    if good.all() or not good.any():
+        return column
+    at = np.arange(len(column))
+    return np.interp(at, at[good], column[good])
+
+
+def _without_spikes(columns: list[Floats]) -> list[Floats]:
+    """Centred channels, each cut to the range that the median of all of them has (and a tenth more)."""
+    centred = np.array([column - np.median(column) for column in columns])
+    middle = np.median(centred[np.isfinite(centred).all(axis=1)], axis=0)
+    low, high = (middle.min(), middle.max()) if np.isfinite(middle).all() else (0.0, 0.0)
+    margin = 0.1 * (high - low)
+    return list(np.clip(centred, low - margin, high + margin))
+
+
+def _pairs(columns: list[Floats]) -> tuple[Floats, Floats]:
+    """Delay of channel i against channel j, and their correlation then; (C, C) each."""
+    count = len(columns)
+    delays, correlations = np.zeros((count, count)), np.zeros((count, count))
+    for i in range(count):
+        for j in range(i):
+            delays[i, j], correlations[i, j] = pair(columns[i], columns[j])
+            delays[j, i], correlations[j, i] = -delays[i, j], correlations[i, j]
+    return delays, correlations
+
+
+def pair(a: Floats, b: Floats) -> tuple[float, float]:
+    """By how many frames ``a`` is later than ``b``, up to MAX_DELAY, and how they correlate without that.
+
+    No delay and no correlation when one of them is constant or has no samples.
+    """
+    if not all(np.isfinite(x).all() and np.ptp(x) > 0 for x in (a, b)):
+        return 0.0, 0.0
+    segment = min(_SEGMENT, 1 << int(np.log2(len(a) // 8)))
+    delay = 0.0
+    for _ in range(2):  # the second time the coherence is that of channels which are nearly aligned
+        h = _filter(a, b, round(delay), segment)
+        costs = _costs(*(fftconvolve(x, h, mode="same")[segment // 4 : -segment // 4] for x in (a, b)))
+        delay = min(max(_least(costs), -MAX_DELAY), MAX_DELAY)
+    at = np.arange(MAX_DELAY, len(a) - MAX_DELAY - 1)
+    correlation = float(np.corrcoef(interpolated(a, at + delay), b[at])[0, 1])
+    return float(delay), correlation if abs(delay) < MAX_DELAY and np.isfinite(correlation) else 0.0
+
+
+def _filter(a: Floats, b: Floats, lag: int, segment: int) -> Floats:
+    """A symmetric filter (segment - 1,) whose squared gain is the weight of each frequency."""
+    window = np.hanning(segment + 1)[:-1]
+    starts = np.arange(MAX_DELAY, len(a) - segment - MAX_DELAY + 1, segment // 2)
+
+    def spectra(x: Floats, shift: int) -> NDArray[np.complex128]:
+        rows = np.lib.stride_tricks.sliding_window_view(x, segment)[starts + shift]
+        return np.fft.rfft((rows - rows.mean(axis=1, keepdims=True)) * window, axis=1)
+
+    of_a, of_b = spectra(a, lag), spectra(b, 0)
+    cross = np.abs((of_a * of_b.conj()).sum(axis=0))
+    power = (np.abs(of_a) ** 2).sum(axis=0) * (np.abs(of_b) ** 2).sum(axis=0)
+    independent = 0.75 * len(starts) + 0.25  # segments overlap by half
+    chance = 1.0 / independent  # coherence that noise has by chance
+    coherence = np.divide(cross**2, power, out=np.zeros_like(cross), where=power > 0)
+    coherence = np.clip((coherence - chance) / (1.0 - chance + 1e-9), 0.0, 0.99)
+    weight = coherence / (1.0 - coherence) / (cross + _FLOOR * cross.mean())
+    weight[0] = weight[1]
+    if not weight.any():
+        weight[:] = 1.0
+    return np.fft.fftshift(np.fft.irfft(np.sqrt(weight), segment))[1:] * window[1:]
+
+
+def _costs(a: Floats, b: Floats) -> Floats:
+    """cost(d) at whole lags from -(MAX_DELAY + _MARGIN); every lag over the same rows of ``b``."""
+    most = MAX_DELAY + _MARGIN
+    rows = len(a) - 2 * most
+    fixed = b[most:-most] - b[most:-most].mean()
+    cross = fftconvolve(a, fixed[::-1], mode="valid")
+    sums = np.cumsum(np.concatenate([[0.0], a]))
+    squares = np.cumsum(np.concatenate([[0.0], a * a]))
+    lag = np.arange(2 * most + 1)
+    mean = (sums[lag + rows] - sums[lag]) / rows
+    moving = squares[lag + rows] - squares[lag] - rows * mean * mean
+    return (moving + fixed @ fixed - 2.0 * cross) / rows
+
+
+def _least(costs: Floats) -> float:
+    """The lag of the least cost; a spline of fifth degree between whole lags."""
+    lags = np.arange(-(MAX_DELAY + _MARGIN), MAX_DELAY + _MARGIN + 1)
+    inner = slice(_MARGIN, -_MARGIN)
+    coarse = lags[inner][int(np.argmin(costs[inner]))]
+    spline = make_interp_spline(lags, costs, k=5)
+    fine = coarse + _FINE
+    return float(fine[int(np.argmin(spline(fine)))])
+
+
+def _against_the_middle(delays: Floats, trusted: NDArray[np.bool_]) -> Floats:
+    """Delays (C,) such that the trusted channel in the middle has none."""
+    delay = np.zeros(len(delays))
+    inside = np.flatnonzero(trusted)
+    delay[inside] = np.median(delays[np.ix_(inside, inside)], axis=1)
+    delay[inside] -= np.sort(delay[inside])[(len(inside) - 1) // 2]
+    return delay
+
+
+def _offsets(columns: list[Floats], delay: Floats, trusted: NDArray[np.bool_], wraps: bool) -> Floats:
+    """Median of each trusted channel less the median of them all; zero for the others."""
+    offset = np.zeros(len(columns))
+    inside = np.flatnonzero(trusted)
+    if len(inside) < 2:
+        return offset
+    at = np.arange(MAX_DELAY, len(columns[0]) - MAX_DELAY - 1)
+    aligned = np.array([interpolated(columns[c], at + delay[c]) for c in inside])
+    if wraps:
+        aligned = aligned[0] + _short_way(aligned - aligned[0])
+    offset[inside] = np.median(aligned - np.median(aligned, axis=0), axis=1)
+    return offset
+
+
+def _short_way(angle: Floats) -> Floats:
+    return (angle + TURN / 2) % TURN - TURN / 2
+
+
+def interpolated(column: Floats, at: Floats) -> Floats:
+    """``column`` at rows that are not whole, linearly; NaN next to a NaN."""
+    row = np.floor(at).astype(np.int64)
+    share = at - row
+    after = np.minimum(row + 1, len(column) - 1)
+    return np.where(share > 0, column[row] * (1.0 - share) + column[after] * share, column[row])
+
+
+def _taken_off(
+    samples: Samples, corrections: list[Correction], settings: RecordedSignal, at: NDArray[np.int64]
+) -> Samples:
+    """A signal's samples at the rows ``at`` without delay and offset; invalid ones are NaN."""
+    low, high = settings.limits
+    columns: list[Floats] = []
+    for column, correction in zip(_valid(samples, settings), corrections, strict=True):
+        moved = interpolated(column, at + correction.delay_frames) - correction.offset
+        columns.append((moved - low) % TURN + low if settings.wraps else np.clip(moved, low, high))
+    ilm = samples.ilm
+    if ilm is not None:
+        ilm = [flags[np.rint(at + c.delay_frames).astype(np.int64)] for flags, c in zip(ilm, corrections, strict=True)]
+    reference = None if samples.reference is None else samples.reference[at]
+    return Samples(columns, ilm, reference)

@@ -1,0 +1,62 @@
+"""``rig vote``: parse, call, print."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from time import perf_counter
+from typing import Annotated
+
+import typer
+
+
+def vote(
+    recorded: Annotated[
+        Path, typer.Argument(metavar="INPUT", help="CSV, Parquet or MCAP, or a folder of tables.", show_default=False)
+    ],
+    config: Annotated[Path, typer.Option(help="Settings of the signals, TOML.", show_default=False)],
+    out: Annotated[Path, typer.Option(help="What to write: .csv, .parquet or .mcap.", show_default=False)],
+    align: Annotated[bool, typer.Option("--align", help="Take constant delays and offsets off the channels.")] = False,
+    align_from: Annotated[
+        float | None, typer.Option(help="Begin of the stretch to find them in, s.", show_default="first row")
+    ] = None,
+    align_to: Annotated[
+        float | None, typer.Option(help="Its end, s.", show_default="last row")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Vote on recorded channels with the redundancy manager of the flight."""
+    from rig import recorded as stages
+    from rig.recorded.summary import show, summary
+    from rig.recorded.write import output
+    from rig.show import console
+
+    seconds: dict[str, float] = {}
+    clock = perf_counter()
+
+    def lap(stage: str) -> None:
+        nonlocal clock
+        now = perf_counter()
+        seconds[stage], clock = now - clock, now
+
+    with output(out) as part:
+        settings = stages.read_config(config)
+        recording = stages.read(recorded, settings)
+        signals = settings.signals(recording.signals, str(config))
+        lap("read")
+        corrections = None
+        if align:
+            recording, corrections = stages.align(recording, signals, align_from, align_to)
+            lap("align")
+        voted = stages.vote(recording, signals, settings.resets)
+        lap("vote")
+        stages.write(part, out.suffix, recording, voted)
+        lap("write")
+    found = {"out": str(out), **summary(recording, voted, corrections), "seconds": seconds}
+    if as_json:
+        typer.echo(json.dumps(found, allow_nan=False))
+        return
+    screen = console()
+    show(screen, found)
+    screen.print(", ".join(f"{stage} {taken:.2f} s" for stage, taken in seconds.items()))
+    screen.print(f"written  {out}", soft_wrap=True)

@@ -1,0 +1,116 @@
+"""CONFIG of ``rig vote``: how each recorded signal is monitored and voted, and where its channels are.
+
+    [default]          # for all signals; keys and defaults are those of rig.redundancy.SignalConfig
+    [signal.<name>]    # for one, key by key over the default
+    [mapping]          # columns of a foreign recording: "gyro.1" = "/imu1:angular_velocity.x"
+    [[resets]]         # commands to readmit, as in a scenario
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Collection
+from math import pi
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, field_validator
+
+from rig.errors import BadInput
+from rig.frame import INDEX, SIGNALS, TWO_PI
+from rig.redundancy.config import RESETS, SignalConfig
+from rig.redundancy.config import Reset as FlightReset
+from rig.settings import Settings, build, read_toml
+
+ANY_NUMBER: Final = (-sys.float_info.max, sys.float_info.max)  # finite: infinity is never a sample
+TURN_SLACK: Final = 1e-3  # so that a turn may be written as 6.283
+
+
+class RecordedSignal(SignalConfig):
+    """A ``[signal.<name>]`` table: the settings of flight and what flight knows from its sensors.
+
+    ``range`` and ``wraps`` of a signal that is called as one of the rig's own are by default those of flight.
+    """
+
+    range: list[float] | None = Field(default=None, min_length=2, max_length=2)  # a sample outside is invalid
+    wraps: bool = False  # an angle in rad
+    manager: Literal["cross-channel", "mean", "cross-voter"] = "cross-channel"
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The range with its default: one turn for an angle, else every number."""
+        if self.range is not None:
+            return self.range[0], self.range[1]
+        return (-pi, pi) if self.wraps else ANY_NUMBER
+
+
+class Reset(FlightReset):
+    """A reset command, for a signal of any name."""
+
+    @field_validator("signal")
+    @classmethod
+    def _known(cls, name: str) -> str:
+        return name  # whether the recording has it is checked when it has been read
+
+
+class VoteConfig(Settings):
+    """The whole file; tables of signals are checked by ``signals`` when their names are known."""
+
+    default: dict[str, Any] | None = None
+    signal: dict[str, dict[str, Any]] = {}
+    mapping: dict[str, str] = {}
+    time_column: str = "time_s"
+    resets: list[Reset] = []
+
+    def signals(self, present: Collection[str], source: str) -> dict[str, RecordedSignal]:
+        """Settings of the signals to be voted, those of ``present`` that a table or the default names."""
+        asked = [*self.signal, *(reset.signal for reset in self.resets)]
+        for name in asked:
+            if name not in present:
+                raise BadInput(f"{source}: signal {name!r} is not in the input; it has: {', '.join(present)}")
+        chosen = [name for name in present if name in self.signal or self.default is not None]
+        if not chosen:
+            raise BadInput(f"{source}: no signal to vote: add [signal.<name>] or [default]")
+        return {name: self._settings(name, source) for name in chosen}
+
+    def _settings(self, name: str, source: str) -> RecordedSignal:
+        own = self.signal.get(name, {})
+        table = f"signal.{name}" if own or self.default is None else "default"
+        merged = {**_of_flight(name), **(self.default or {}), **own}
+        settings = build(RecordedSignal, merged, f"{source}: {table}")
+        low, high = settings.limits
+        if low >= high:
+            raise BadInput(f"{source}: {table}: range: low must be below high, got {[low, high]}")
+        if settings.wraps and high - low < TWO_PI - TURN_SLACK:
+            raise BadInput(f"{source}: {table}: range: an angle that wraps needs a whole turn in rad, got {[low, high]}")
+        return settings
+
+
+def _of_flight(name: str) -> dict[str, Any]:
+    if name not in INDEX:
+        return {}
+    signal = SIGNALS[INDEX[name]]
+    return {"range": [signal.low, signal.high], "wraps": signal.wraps}
+
+
+def read_config(path: Path) -> VoteConfig:
+    """The CONFIG at ``path``; BadInput names the file and the key."""
+    config = build(VoteConfig, read_toml(path), str(path))
+    for table, keys in (("default", config.default or {}), *((f"signal.{n}", t) for n, t in config.signal.items())):
+        for key in keys:
+            if key not in RecordedSignal.model_fields:
+                allowed = ", ".join(RecordedSignal.model_fields)
+                raise BadInput(f"{path}: {table}.{key}: unknown key; allowed: {allowed}")
+    return config
+
+
+def reset_table(resets: list[Reset], name: str, time_s: NDArray[np.float64]) -> NDArray[np.void]:
+    """The commands for one signal as RESETS records; each acts in the first row at or after its time."""
+    mine = [reset for reset in resets if reset.signal == name]
+    table = np.zeros(len(mine), RESETS)
+    for row, reset in zip(table, mine, strict=True):
+        row["frame"] = np.searchsorted(time_s, reset.at_s)
+        row["channel"][np.array(reset.channels) - 1] = 1
+    return table

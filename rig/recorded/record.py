@@ -1,0 +1,123 @@
+"""A recording: time and, for each signal, two to four channels with what is known of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.errors import BadInput
+from rig.frame import CHANNELS, Ilm
+
+Floats = NDArray[np.float64]
+Bytes = NDArray[np.uint8]
+TIME: Final = "time_s"
+_COLUMN: Final = re.compile(r"(?P<signal>.+?)(?P<ilm>\.ilm)?\.(?P<channel>0|[1-9]\d*)|(?P<referred>.+)\.ref")
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """One signal, an array (n,) for each channel; NaN is an invalid sample."""
+
+    channels: list[Floats]
+    ilm: list[Bytes] | None = None  # Ilm codes; None when no channel has a monitor
+    reference: Floats | None = None
+    valid: list[Bytes] | None = None  # 0 where the sensor itself flags a sample that is a number
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """``time_s`` (n,), strictly rising; ``first_row`` is the number of rows of the input before it."""
+
+    time_s: Floats
+    signals: dict[str, Samples]
+    first_row: int = 0
+
+    @property
+    def rate_hz(self) -> float:
+        """Rows a second; 1 when there is but one row."""
+        return 1.0 / float(np.median(np.diff(self.time_s))) if len(self.time_s) > 1 else 1.0
+
+
+def assemble(source: str, names: Iterable[str], column: Callable[[str], Floats]) -> Recording:
+    """A recording of the columns ``<signal>.1``, ``<signal>.ilm.1``, ``<signal>.ref`` and ``time_s``.
+
+    ``column`` gives an array (n,), NaN where a cell is empty.  BadInput names ``source``.
+    """
+    names = list(names)
+    if TIME not in names:
+        raise BadInput(f"{source}: no column {TIME!r}")
+    parsed = {name: _parse(source, name) for name in names if name != TIME}
+    counts: dict[str, int] = {}
+    for signal, kind, channel in parsed.values():
+        if kind == "channel":
+            counts[signal] = max(counts.get(signal, 0), channel)
+    for name, (signal, kind, channel) in parsed.items():
+        if signal not in counts or (kind == "ilm" and channel > counts[signal]):
+            raise BadInput(f"{source}: unknown column {name!r}: there is no channel that it belongs to")
+    for signal, count in counts.items():
+        _check_channels(source, signal, count, names)
+    if not counts:
+        raise BadInput(f"{source}: no signal: columns are {TIME}, <signal>.1 to <signal>.{CHANNELS}")
+    time_s = column(TIME)
+    check_time(source, time_s)
+    return Recording(time_s, {signal: _samples(source, signal, counts[signal], names, column) for signal in counts})
+
+
+def _parse(source: str, name: str) -> tuple[str, str, int]:
+    found = _COLUMN.fullmatch(name)
+    if found is None:
+        raise BadInput(
+            f"{source}: unknown column {name!r}; allowed: {TIME}, <signal>.1 to .{CHANNELS}, "
+            f"<signal>.ref, <signal>.ilm.1 to .{CHANNELS}"
+        )
+    if found["referred"]:
+        return found["referred"], "reference", 0
+    channel = int(found["channel"])
+    if not 1 <= channel <= CHANNELS:
+        raise BadInput(f"{source}: column {name!r}: a signal has channels 1 to {CHANNELS}")
+    return found["signal"], "ilm" if found["ilm"] else "channel", channel
+
+
+def _check_channels(source: str, signal: str, count: int, names: list[str]) -> None:
+    if count < 2:
+        raise BadInput(f"{source}: signal {signal!r} has one channel; two to {CHANNELS} are needed")
+    for c in range(1, count):
+        if f"{signal}.{c}" not in names:
+            raise BadInput(f"{source}: signal {signal!r} has a channel {count} but no channel {c}")
+
+
+def check_time(source: str, time_s: Floats) -> None:
+    """BadInput when there are no rows or time does not rise from each to the next."""
+    if len(time_s) == 0:
+        raise BadInput(f"{source}: no rows")
+    wrong = np.flatnonzero(~np.isfinite(time_s))
+    if len(wrong):
+        raise BadInput(f"{source}: row {wrong[0] + 1}: {TIME} is not a number")
+    late = np.flatnonzero(~(np.diff(time_s) > 0))
+    if len(late):
+        before, after = time_s[late[0]], time_s[late[0] + 1]
+        raise BadInput(f"{source}: row {late[0] + 2}: {TIME} must rise, got {after:.9g} after {before:.9g}")
+
+
+def _samples(source: str, signal: str, count: int, names: list[str], column: Callable[[str], Floats]) -> Samples:
+    numbers = range(1, count + 1)
+    monitored = any(f"{signal}.ilm.{c}" in names for c in numbers)
+    ilm = [_flags(source, f"{signal}.ilm.{c}", names, column) for c in numbers] if monitored else None
+    reference = column(f"{signal}.ref") if f"{signal}.ref" in names else None
+    return Samples([column(f"{signal}.{c}") for c in numbers], ilm, reference)
+
+
+def _flags(source: str, name: str, names: list[str], column: Callable[[str], Floats]) -> Bytes:
+    """In-line monitor flags: 0 bad, 1 good, empty absent."""
+    if name not in names:
+        return np.full(len(column(TIME)), Ilm.ABSENT, np.uint8)
+    values = column(name)
+    wrong = np.flatnonzero(~((values == 0) | (values == 1) | np.isnan(values)))
+    if len(wrong):
+        raise BadInput(f"{source}: row {wrong[0] + 1}: {name} must be 0, 1 or empty, got {values[wrong[0]]:g}")
+    return np.where(np.isnan(values), int(Ilm.ABSENT), np.nan_to_num(values)).astype(np.uint8)

@@ -1,0 +1,122 @@
+"""What a vote came to: as one JSON object, and as tables for people."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from rig.frame import Pattern, State
+from rig.recorded.align import Corrections
+from rig.recorded.record import Floats, Recording
+from rig.recorded.vote import Voted
+
+_SINGULAR = [int(pattern) for pattern in Pattern if pattern.is_singular]
+
+
+def summary(recording: Recording, voted: dict[str, Voted], corrections: Corrections | None) -> dict[str, Any]:
+    """Per signal and channel; rows are counted from 1 as in the input."""
+    return {
+        "rows": len(recording.time_s),
+        "first_row": recording.first_row + 1,
+        "rate_hz": recording.rate_hz,
+        "time_s": [float(recording.time_s[0]), float(recording.time_s[-1])],
+        "not_voted": [name for name in recording.signals if name not in voted],
+        "signals": {name: _signal(voted[name], (corrections or {}).get(name)) for name in voted},
+    }
+
+
+def _signal(signal: Voted, corrections: list[Any] | None) -> dict[str, Any]:
+    return {
+        "manager": signal.settings.manager,
+        "threshold": signal.settings.threshold,
+        "level": int(signal.level[-1]),
+        "singular_share": float(np.isin(signal.pattern, _SINGULAR).mean()),
+        "spread": _spread(signal.spread),
+        "voted": {"min": float(signal.voted.min()), "max": float(signal.voted.max())},
+        "channels": [_channel(signal, c, corrections) for c in range(len(signal.state))],
+    }
+
+
+def _spread(spread: Floats) -> dict[str, float | None]:
+    known = spread[np.isfinite(spread)]
+    if len(known) == 0:
+        return {"median": None, "p95": None, "max": None}
+    median, p95 = np.quantile(known, [0.5, 0.95])
+    return {"median": float(median), "p95": float(p95), "max": float(known.max())}
+
+
+def _channel(signal: Voted, c: int, corrections: list[Any] | None) -> dict[str, Any]:
+    said: dict[str, Any] = {
+        "channel": c + 1,
+        "state": State(signal.state[c][-1]).name.lower(),
+        "failed": [
+            {"frame": failure.frame, "time_s": failure.time_s, "why": failure.why}
+            for failure in signal.failures
+            if failure.channel == c + 1
+        ],
+        "invalid_samples": signal.invalid[c],
+    }
+    if corrections is not None:
+        found = corrections[c]
+        said["alignment"] = {name: getattr(found, name) for name in found.__slots__}
+    return said
+
+
+def show(screen: Console, found: dict[str, Any]) -> None:
+    """The summary as tables."""
+    first, last = found["time_s"]
+    screen.print(f"{found['rows']} rows from {first:g} to {last:g} s, {found['rate_hz']:g} a second")
+    aligned = any("alignment" in channel for signal in found["signals"].values() for channel in signal["channels"])
+    if aligned:
+        screen.print(_alignment_table(found))
+    screen.print(_signal_table(found))
+    screen.print(_failure_table(found))
+    if found["not_voted"]:
+        screen.print(f"not voted, as CONFIG does not name them: {', '.join(found['not_voted'])}")
+
+
+def _signal_table(found: dict[str, Any]) -> Table:
+    table = Table(
+        "signal", "level", "singular frames", "spread median", "95 %", "worst", "voted from", "to", box=None
+    )
+    for name, signal in found["signals"].items():
+        spread = [_number(value) for value in signal["spread"].values()]
+        voted = [_number(value) for value in signal["voted"].values()]
+        table.add_row(name, str(signal["level"]), f"{100 * signal['singular_share']:.3g} %", *spread, *voted)
+    return table
+
+
+def _failure_table(found: dict[str, Any]) -> Table:
+    table = Table("channel", "at the end", "failed in frame", "at", "by", "invalid samples", box=None)
+    for name, signal in found["signals"].items():
+        for channel in signal["channels"]:
+            first, *again = channel["failed"] or [None]
+            shown = [str(first["frame"]), f"{first['time_s']:.6g} s", first["why"]] if first else ["never", "", ""]
+            table.add_row(f"{name}.{channel['channel']}", channel["state"], *shown, str(channel["invalid_samples"]))
+            for later in again:
+                table.add_row("", "", str(later["frame"]), f"{later['time_s']:.6g} s", later["why"], "")
+    return table
+
+
+def _alignment_table(found: dict[str, Any]) -> Table:
+    table = Table("channel", "delay in frames", "in ms", "offset", "correlation", "", box=None)
+    for name, signal in found["signals"].items():
+        for channel in signal["channels"]:
+            a = channel["alignment"]
+            note = "" if a["aligned"] else "left alone: like no other channel"
+            table.add_row(
+                f"{name}.{channel['channel']}",
+                f"{a['delay_frames']:.2f}",
+                f"{1e3 * a['delay_s']:.2f}",
+                _number(a["offset"]),
+                f"{a['correlation']:.2f}",
+                note,
+            )
+    return table
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.4g}"

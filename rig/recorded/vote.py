@@ -1,0 +1,175 @@
+"""The flight's manager over the rows of a recording, one signal after the other.
+
+The rows are frames of the flight (rig.frame.FRAME) with one signal in them, so the very kernels of flight run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.angles import difference
+from rig.frame import Ilm, Pattern, Resolver, State, new_block
+from rig.kernels import kernel
+from rig.recorded.config import RecordedSignal, Reset, reset_table
+from rig.recorded.record import Bytes, Floats, Recording, Samples
+from rig.redundancy.baselines import average, cross_voter
+from rig.redundancy.config import PARAMS, fill
+from rig.redundancy.manager import manage, new_state
+
+ROWS: Final = 256  # of a block: half a megabyte, which stays in the cache
+FIELDS: Final = ("voted", "level", "pattern", "resolver", "trend_high", "trend_low", "reference_usable")
+_FAILED: Final = int(State.FAILED)
+
+
+class Failure(NamedTuple):
+    """A channel that was failed: in which row, counted from 1, and by whom."""
+
+    channel: int
+    frame: int
+    time_s: float
+    why: str  # comparison, or a resolver
+
+
+@dataclass(frozen=True, slots=True)
+class Voted:
+    """What the manager said of one signal; every array (n,), ``state`` one for each channel."""
+
+    settings: RecordedSignal
+    voted: Floats
+    level: Bytes
+    pattern: Bytes
+    resolver: Bytes
+    trend_high: Bytes
+    trend_low: Bytes
+    reference_usable: Bytes
+    state: list[Bytes]
+    spread: Floats  # largest less smallest of the samples in use, NaN where there are none
+    invalid: list[int]  # samples of each channel that were no number, flagged, or out of range
+    failures: list[Failure]
+
+
+def vote(recording: Recording, settings: dict[str, RecordedSignal], resets: list[Reset]) -> dict[str, Voted]:
+    """Vote the signals that have settings."""
+    return {
+        name: _vote_signal(recording, recording.signals[name], chosen, reset_table(resets, name, recording.time_s))
+        for name, chosen in settings.items()
+    }
+
+
+def _vote_signal(
+    recording: Recording, samples: Samples, settings: RecordedSignal, resets: NDArray[np.void]
+) -> Voted:
+    n, fitted = len(recording.time_s), len(samples.channels)
+    params = np.zeros(1, PARAMS)
+    fill(params[0], settings, settings.limits, fitted, settings.wraps, recording.rate_hz)
+    state = new_state(params)
+    run = _RUN[settings.manager]
+    out: dict[str, Any] = {name: np.empty(n, np.float64 if name == "voted" else np.uint8) for name in FIELDS}
+    states = [np.empty(n, np.uint8) for _ in samples.channels]
+    spread = np.empty(n)
+    block = _first_block(samples)
+    for start in range(0, n, ROWS):
+        part = slice(start, min(start + ROWS, n))
+        rows = block[: part.stop - start]
+        _put(rows, samples, part)
+        run(rows, params, state, resets)
+        spreads(rows, params[0], spread[part])
+        for name, column in out.items():
+            column[part] = rows[name][:, 0]
+        for c, column in enumerate(states):
+            column[part] = rows["state"][:, 0, c]
+    invalid = [~_usable(samples, settings, c) for c in range(fitted)]
+    failures = _failures(recording, out, states, invalid)
+    return Voted(settings, **out, state=states, spread=spread, invalid=[int(i.sum()) for i in invalid], failures=failures)
+
+
+def _first_block(samples: Samples) -> NDArray[Any]:
+    block = new_block(ROWS)
+    block["channels"] = block["reference"] = np.nan
+    block["valid"] = 1
+    block["ilm"] = Ilm.ABSENT
+    return block
+
+
+def _put(rows: NDArray[Any], samples: Samples, part: slice) -> None:
+    rows["frame"] = np.arange(part.start, part.stop)
+    for c, column in enumerate(samples.channels):
+        rows["channels"][:, 0, c] = column[part]
+    for c, flags in enumerate(samples.ilm or ()):
+        rows["ilm"][:, 0, c] = flags[part]
+    for c, flags in enumerate(samples.valid or ()):
+        rows["valid"][:, 0, c] = flags[part]
+    if samples.reference is not None:
+        rows["reference"][:, 0] = samples.reference[part]
+
+
+@kernel
+def run_cross_channel(rows, params, state, resets):
+    """The cross-channel monitor over all rows."""
+    for k in range(len(rows)):
+        manage(rows, k, params, state, resets)
+
+
+@kernel
+def run_mean(rows, params, state, resets):
+    """The mean of all over all rows."""
+    for k in range(len(rows)):
+        average(rows, k, params, state)
+
+
+@kernel
+def run_cross_voter(rows, params, state, resets):
+    """The cross-voter monitor over all rows."""
+    for k in range(len(rows)):
+        cross_voter(rows, k, params, state, resets)
+
+
+_RUN: Final[dict[str, Callable[..., None]]] = {
+    "cross-channel": run_cross_channel,
+    "mean": run_mean,
+    "cross-voter": run_cross_voter,
+}
+
+
+@kernel
+def spreads(rows, p, out):
+    """Largest less smallest sample of the channels in use of signal 0, each as seen from the vote.
+
+    A sample that is not valid or out of range is not in use; NaN when none is.
+    p : one config.PARAMS record; out : (rows,)
+    """
+    for k in range(len(rows)):
+        row = rows[k]
+        low, high = np.inf, -np.inf
+        for c in range(p["fitted"]):
+            sample = row["channels"][0, c]
+            if row["state"][0, c] != _FAILED and row["valid"][0, c] != 0 and p["low"] <= sample <= p["high"]:
+                off = difference(sample, row["voted"][0], p["wraps"])
+                low, high = min(low, off), max(high, off)
+        out[k] = high - low if high >= low else np.nan
+
+
+def _usable(samples: Samples, settings: RecordedSignal, c: int) -> NDArray[np.bool_]:
+    low, high = settings.limits
+    column = samples.channels[c]
+    usable = (column >= low) & (column <= high)
+    return usable if samples.valid is None else usable & (samples.valid[c] != 0)
+
+
+def _failures(
+    recording: Recording, out: dict[str, Any], states: list[Bytes], invalid: list[NDArray[np.bool_]]
+) -> list[Failure]:
+    """Every change to failed.  While a pattern is singular only resolvers fail what can be compared."""
+    found: list[Failure] = []
+    for c, state in enumerate(states):
+        failed = state == _FAILED
+        for k in np.flatnonzero(failed & ~np.concatenate([[False], failed[:-1]])):
+            resolved = Pattern(out["pattern"][k]).is_singular and not invalid[c][k]
+            why = Resolver(out["resolver"][k]).name.lower() if resolved else "comparison"
+            found.append(Failure(c + 1, recording.first_row + int(k) + 1, float(recording.time_s[k]), why))
+    return sorted(found, key=lambda failure: (failure.frame, failure.channel))
