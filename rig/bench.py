@@ -89,7 +89,7 @@ class _Watch:
 
     def __init__(self) -> None:
         names: tuple[str, ...] = (*STAGES, *PER_BLOCK)
-        self.total_s = dict.fromkeys(names, 0.0)
+        self.total_s: dict[str, float] = dict.fromkeys(names, 0.0)
 
     def time(self, name: str, call: Callable[..., Any], *arguments: Any) -> Any:
         began = time.perf_counter()

@@ -54,17 +54,18 @@ class Rig:
         self.redundancy = Redundancy(scenario.redundancy, ranges, channels, rate_hz)
         self.control = Control(scenario.control, scenario.gains, rate_hz, frame.surface_limits)
         self.control.reset(self.plant.trim)
-        self._compute: Any = None  # bound at the first block
-        self._arguments: tuple[Any, ...] = ()
+        self._arguments = self._gather()
+        self._compute = bind(compute, new_block(1), 0, *self._arguments)
 
     def prepare(self, block: Block) -> None:
         """What is drawn or planned a block at a time: stick and demands, sensor noise."""
         self.pilot.prepare(block)
         self.sensors.prepare(block)
-        stages = (self.sensors, self.faults, self.redundancy, self.control)
-        self._arguments = tuple(stage.arguments for stage in stages)
-        if self._compute is None:
-            self._compute = bind(compute, block, 0, *self._arguments)
+        self._arguments = self._gather()
+
+    def _gather(self) -> tuple[tuple[Any, ...], ...]:
+        """The parameters and states of the stages between two looks at the plant."""
+        return tuple(stage.arguments for stage in (self.sensors, self.faults, self.redundancy, self.control))
 
     def frame(self, block: Block, k: int) -> int:
         """Fly row k: see, compute, move on.  Nonzero (frame.End) when the flight ends."""

@@ -130,10 +130,9 @@ def test_the_pitch_rate_loop_written_down_by_hand_is_stable(name: str, point: st
     if change == "late":
         delay += NEEDED_PHASE / gain.stick_margins["elevator"].crossover_rad_s
     numerator, denominator = control.pade(delay, 6)
-    chain = control.ss(
-        control.tf(numerator, denominator)
-        * control.tf([1.0], [config.elevator.lag_s, 1.0])
-        * control.tf([1.0], [whole.sensor_lag_s, 1.0])
+    lags = ([config.elevator.lag_s, 1.0], [whole.sensor_lag_s, 1.0])
+    chain = control.series(
+        *(control.ss(control.tf(*x)) for x in ((numerator, denominator), *(([1.0], y) for y in lags)))
     )
     rate = control.tf([gain.elevator_pitch_rate_s, gain.elevator_pitch_rate_integral], [1.0, 0.0])
     law = control.append(control.ss([], [], [], [[gain.elevator_alpha]]), control.ss(rate))
