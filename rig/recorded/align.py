@@ -127,8 +127,11 @@ def _whole(column: Floats) -> Floats:
 def _without_spikes(columns: list[Floats]) -> list[Floats]:
     """Centred channels, each cut to the range that the median of all of them has (and a tenth more)."""
     centred = np.array([column - np.median(column) for column in columns])
-    middle = np.median(centred[np.isfinite(centred).all(axis=1)], axis=0)
-    low, high = (middle.min(), middle.max()) if np.isfinite(middle).all() else (0.0, 0.0)
+    whole = np.isfinite(centred).all(axis=1)
+    if not whole.any():
+        return list(centred)
+    middle = np.median(centred[whole], axis=0)
+    low, high = middle.min(), middle.max()
     margin = 0.1 * (high - low)
     return list(np.clip(centred, low - margin, high + margin))
 
@@ -158,8 +161,13 @@ def pair(a: Floats, b: Floats) -> tuple[float, float]:
         costs = _costs(*(fftconvolve(x, h, mode="same")[segment // 4 : -segment // 4] for x in (a, b)))
         delay = min(max(_least(costs), -MAX_DELAY), MAX_DELAY)
     at = np.arange(MAX_DELAY, len(a) - MAX_DELAY - 1)
-    correlation = float(np.corrcoef(interpolated(a, at + delay), b[at])[0, 1])
-    return float(delay), correlation if abs(delay) < MAX_DELAY and np.isfinite(correlation) else 0.0
+    return float(delay), _correlation(interpolated(a, at + delay), b[at]) if abs(delay) < MAX_DELAY else 0.0
+
+
+def _correlation(a: Floats, b: Floats) -> float:
+    a, b = a - a.mean(), b - b.mean()
+    power = float(a @ a) * float(b @ b)
+    return float(a @ b) / power**0.5 if power > 0 else 0.0
 
 
 def _filter(a: Floats, b: Floats, lag: int, segment: int) -> Floats:
