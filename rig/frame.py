@@ -8,10 +8,10 @@ Order of writing in one frame (see loop.py):
 
     pilot      demand, truth of the sticks, discrete_truth[autopilot_engaged]
     plant      truth, discrete_truth, flight, end
-    sensors    channels, valid, ilm, discrete_channels
+    sensors    channels, valid, ilm, discrete_channels, inertial
     faults     the same fields, corrupted
     redundancy voted, reference, state, level, pattern, resolver, trend_*, discrete_*
-    control    law, command, surface
+    control    source, law, command, surface
 
 SI units throughout; angles in rad, load factors in g (1), sticks normalised (-1 to 1).
 """
@@ -116,6 +116,15 @@ COMMANDS: Final = (
     "equivalent_airspeed_m_s",
     "flight_path_angle_rad",
 )
+# What the inertial unit says: one box of its own, no channel of any signal (references read it).
+INERTIAL: Final = (
+    "roll_rate_rad_s",
+    "pitch_rate_rad_s",
+    "yaw_rate_rad_s",
+    "velocity_north_m_s",
+    "velocity_east_m_s",
+    "velocity_down_m_s",
+)
 # The true flight condition; neither redundancy nor control may read it.
 FLIGHT: Final = (
     "altitude_m",
@@ -195,6 +204,14 @@ class Ilm(IntEnum):
     ABSENT = 2
 
 
+class Source(IntEnum):
+    """Where the control law takes a signal from."""
+
+    VOTED = 0
+    REFERENCE = 1  # the signal is lost, its reference is usable
+    DEGRADED = 2  # neither: the signal's degraded mode
+
+
 class Law(IntEnum):
     """Which control law flew the frame."""
 
@@ -228,6 +245,7 @@ FRAME: Final = np.dtype(
         ("flight", "f8", (len(FLIGHT),)),
         ("demand", "f8", (len(DEMANDS),)),
         ("channels", "f8", (S, CHANNELS)),
+        ("inertial", "f8", (len(INERTIAL),)),
         ("voted", "f8", (S,)),
         ("reference", "f8", (S,)),  # NaN where there is none
         ("command", "f8", (len(COMMANDS),)),
@@ -241,6 +259,7 @@ FRAME: Final = np.dtype(
         ("pattern", "u1", (S,)),
         ("resolver", "u1", (S,)),
         ("reference_usable", "u1", (S,)),
+        ("source", "u1", (S,)),
         ("discrete_truth", "u1", (D,)),
         ("discrete_channels", "u1", (D, CHANNELS)),
         ("discrete_voted", "u1", (D,)),

@@ -360,13 +360,13 @@ def test_memory_does_not_grow_with_the_flight(tmp_path):
 
 
 def test_noisy_frames_cost_at_most_1600_bytes_each_on_disk(tmp_path):
-    """Sixteen signals, noise of 4 steps of 15 bits, three in four with a reference; all else is irrational."""
+    """Sixteen signals, noise of 4 steps of a binary fraction, three in four with a reference; all else irrational."""
     rng = np.random.default_rng(0)
     frames = 300
     block = new_block(frames)
     t = np.arange(frames) / RATE
     for i, signal in enumerate(SIGNALS):
-        step = (signal.high - signal.low) / 2**15
+        step = 2.0 ** np.round(np.log2((signal.high - signal.low) / 2**15))
         truth = (signal.low + signal.high) / 2 + step * 2000 * np.sin(t * (1 + i / 7))
         channels = np.round((truth[:, None] + rng.normal(0, 4 * step, (frames, 4))) / step) * step
         block["truth"][:, i], block["channels"][:, i] = truth, channels

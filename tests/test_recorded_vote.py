@@ -138,7 +138,7 @@ def test_an_angle_that_wraps_is_compared_the_short_way(run: Any):
     assert np.allclose(np.cos(table["x.voted"]), np.cos(np.pi + 0.005))
     assert found["signals"]["x"]["spread"]["max"] == pytest.approx(0.03)
     _, straight = run(columns(samples), {**SETTINGS, "threshold": 0.05})
-    assert len(failed(straight)) == 2
+    assert failed(straight) == {1: (8, "comparison")}
 
 
 def test_a_channel_that_agrees_again_is_readmitted_by_a_reset():
@@ -159,10 +159,9 @@ def disturbed(seed: int, channels: int) -> np.ndarray[Any, Any]:
     """A walk in all channels; some drift off, drop out, come back."""
     rng = np.random.default_rng(seed)
     samples = np.cumsum(rng.normal(0, 0.2, 700))[:, None] + rng.normal(0, 0.2, (700, channels))
-    for _ in range(12):
+    for bad in (np.nan, np.inf, -40.0, 1.5, 2.5, 1e300) * 6:
         begin, c = rng.integers(700), rng.integers(channels)
-        part = slice(begin, begin + rng.integers(3, 30))
-        samples[part, c] = rng.choice([np.nan, np.inf, -40.0, 3.0]) + samples[part, c - 1] * rng.integers(2)
+        samples[begin : begin + rng.choice([1, 2, 3, 4, 12], p=[0.3, 0.3, 0.3, 0.08, 0.02]), c] += bad
     return samples
 
 
@@ -190,7 +189,7 @@ def test_every_output_is_that_of_the_flight_bit_for_bit(manager: str, channels: 
     for c in range(channels):
         assert (out.state[c] == flown.state[:, c]).all()
     if manager == "cross-channel":
-        assert len(np.unique(out.pattern)) >= 3 and (out.state[0] != State.OK).any()
+        assert len(np.unique(out.pattern)) >= 2 and (out.state[0] != State.OK).any()
 
 
 def test_a_flown_log_votes_as_it_was_voted_in_flight(tmp_path: Path):

@@ -32,6 +32,7 @@ from rig.frame import (
     DISCRETES,
     FLIGHT,
     FRAME,
+    INERTIAL,
     SIGNALS,
     SURFACES,
     TIMING,
@@ -40,6 +41,7 @@ from rig.frame import (
     Law,
     Pattern,
     Resolver,
+    Source,
     State,
 )
 
@@ -58,6 +60,7 @@ _ENUMS: Final[dict[str, type[IntEnum]]] = {
     "ilm": Ilm,
     "pattern": Pattern,
     "resolver": Resolver,
+    "source": Source,
     "law": Law,
     "end": End,
 }
@@ -74,6 +77,7 @@ _SMALL: Final = {
 _NAMED: Final = {
     "flight": FLIGHT,
     "demand": DEMANDS,
+    "inertial": INERTIAL,
     "command": tuple(f"command_{name}" for name in COMMANDS),
     "surface": tuple(f"surface_{name}" for name in SURFACES),
 }
@@ -86,6 +90,7 @@ _HOME: Final = {  # which message holds a field that belongs to no signal and no
     "command": "rig.Control",
     "surface": "rig.Control",
     "law": "rig.Control",
+    "inertial": "rig.Inertial",
 }
 
 
@@ -149,7 +154,7 @@ _TIMING_MESSAGE: Final = Message("rig.Timing", tuple(Field(n, DOUBLE, n) for n i
 MESSAGES: Final = {
     message.name: message
     for message in (
-        *map(_message, ("rig.Signal", "rig.Discrete", "rig.Control", "rig.Demand", "rig.Flight")),
+        *map(_message, ("rig.Signal", "rig.Discrete", "rig.Control", "rig.Demand", "rig.Inertial", "rig.Flight")),
         _TIMING_MESSAGE,
     )
 }
@@ -161,6 +166,7 @@ FRAME_TOPICS: Final = (
     *(Topic(discrete.topic, "rig.Discrete", i) for i, discrete in enumerate(DISCRETES)),
     Topic("/control", "rig.Control"),
     Topic("/demand", "rig.Demand"),
+    Topic("/inertial", "rig.Inertial"),
     Topic("/flight", "rig.Flight"),
     Topic("/timing", "rig.Timing"),
     Topic("/pose", "foxglove.FrameTransform"),

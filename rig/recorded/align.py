@@ -125,15 +125,15 @@ def _whole(column: Floats) -> Floats:
 
 
 def _without_spikes(columns: list[Floats]) -> list[Floats]:
-    """Centred channels, each cut to the range that the median of all of them has (and a tenth more)."""
+    """Centred channels without what is beyond the range that most of them have (and a quarter more)."""
     centred = np.array([column - np.median(column) for column in columns])
-    whole = np.isfinite(centred).all(axis=1)
-    if not whole.any():
+    whole = centred[np.isfinite(centred).all(axis=1)]
+    if len(whole) == 0:
         return list(centred)
-    middle = np.median(centred[whole], axis=0)
-    low, high = middle.min(), middle.max()
-    margin = 0.1 * (high - low)
-    return list(np.clip(centred, low - margin, high + margin))
+    low, high = np.median(whole.min(axis=1)), np.median(whole.max(axis=1))
+    margin = 0.25 * (high - low)
+    inside = (centred >= low - margin) & (centred <= high + margin)
+    return [_whole(column) for column in np.where(inside, centred, np.nan)]
 
 
 def _pairs(columns: list[Floats]) -> tuple[Floats, Floats]:

@@ -119,7 +119,7 @@ def run_cross_channel(rows, params, state, resets):
 def run_mean(rows, params, state, resets):
     """The mean of all over all rows."""
     for k in range(len(rows)):
-        average(rows, k, params, state)
+        average(rows, k, params, state, resets)
 
 
 @kernel

@@ -31,6 +31,7 @@ from rig.frame import (
     FLIGHT,
     FLIGHT_INDEX,
     FRAME,
+    INERTIAL,
     SIGNALS,
     SURFACES,
     Block,
@@ -39,6 +40,7 @@ from rig.frame import (
     Law,
     Pattern,
     Resolver,
+    Source,
     State,
 )
 from rig.view import deviation
@@ -54,6 +56,7 @@ _ENUMS: Final[dict[str, type[IntEnum]]] = {
     "ilm": Ilm,
     "pattern": Pattern,
     "resolver": Resolver,
+    "source": Source,
     "law": Law,
     "end": End,
 }
@@ -62,6 +65,7 @@ _FLAGS: Final = ("valid", "reference_usable")
 _NAMED: Final = {
     "flight": FLIGHT,
     "demand": DEMANDS,
+    "inertial": INERTIAL,
     "command": tuple(f"command_{name}" for name in COMMANDS),
     "surface": tuple(f"surface_{name}" for name in SURFACES),
 }
@@ -74,6 +78,7 @@ _HOME: Final = {  # which struct holds a field that belongs to no signal and no 
     "command": "rig.Control",
     "surface": "rig.Control",
     "law": "rig.Control",
+    "inertial": "rig.Inertial",
 }
 _LEVELS: Final = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
 
@@ -110,6 +115,7 @@ ENTITIES: Final = (
     *(Entity(discrete.topic, "rig.Discrete", i) for i, discrete in enumerate(DISCRETES)),
     Entity("/control", "rig.Control", None),
     Entity("/demand", "rig.Demand", None),
+    Entity("/inertial", "rig.Inertial", None),
     Entity("/flight", "rig.Flight", None),
 )
 
