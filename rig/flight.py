@@ -138,18 +138,19 @@ def fly(
     realtime_factor : 1.0 paces frames by the wall clock; None flies as fast as it can
     Raises BadInput before anything is written, RigError when the log cannot be written on.
     """
-    text = ""
+    text, name = "", ""
     if not isinstance(scenario, Scenario):
         path = find(scenario)
-        scenario, text = load(path, overrides, seed), path.read_text(encoding="utf-8")
+        scenario, text, name = load(path, overrides, seed), path.read_text(encoding="utf-8"), path.stem
     pace = Pace(scenario.rate_hz, realtime_factor)
     with _interruptible() as stop:
-        return _record(scenario, text, Path(out), rerun, pace, stop, progress, viewer)
+        return _record(scenario, text, name, Path(out), rerun, pace, stop, progress, viewer)
 
 
 def _record(
     scenario: Scenario,
     text: str,
+    name: str,
     out: Path,
     rerun: str,
     pace: Pace,
@@ -160,7 +161,7 @@ def _record(
     """Run the frames through verdict, log and stream; the log is finished whatever happens."""
     check_where(rerun)
     rig = loop.Rig(scenario)
-    path = log_path(out, scenario)
+    path = log_path(out, name or scenario.title or scenario.aircraft, scenario.seed)
     finder, verdict = EventFinder(intervals(scenario)), Verdict()
     jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
     with LogWriter(path, scenario.rate_hz, metadata(scenario), [("scenario.toml", text.encode())]) as writer:
@@ -208,14 +209,13 @@ def _record(
     )
 
 
-def log_path(out: Path, scenario: Scenario) -> Path:
-    """A name that says the flight and is not taken yet: <title>_seed<seed>[_n].mcap; makes the folder."""
+def log_path(out: Path, name: str, seed: int) -> Path:
+    """A file that says the flight and is not taken yet: <name>_seed<seed>[_n].mcap; makes the folder."""
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise BadInput(f"{out}: logs cannot be kept there: {error.strerror}") from None
-    words = "".join(c if c.isalnum() else "_" for c in scenario.title.lower()).strip("_")
-    stem = f"{words or scenario.aircraft}_seed{scenario.seed}"
+    stem = "".join(c if c.isalnum() else "_" for c in name) + f"_seed{seed}"
     path, number = out / f"{stem}.mcap", 1
     while path.exists():
         number += 1

@@ -41,6 +41,7 @@ def test_the_log_holds_every_frame_and_gives_arrays_by_signal(flight):
 def test_the_log_alone_can_be_flown_again(flight, tmp_path):
     log = rig.read_log(flight.log)
     again = fly(from_resolved(json.loads(log.metadata["scenario"]), "log"), out=tmp_path)
+    assert log.result is not None
     assert again.digest == flight.digest == log.result["digest"]
     assert log.metadata["version jsbsim"] and log.metadata["seed"] == "5"
 

@@ -33,9 +33,9 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
 
     def voted(columns: dict[str, Any], settings: dict[str, Any]) -> tuple[pl.DataFrame, dict[str, Any]]:
         pl.DataFrame(columns).write_csv(tmp_path / "in.csv")
-        (tmp_path / "config.toml").write_text(tomli_w.dumps({"default": settings}))
+        (tmp_path / "c.toml").write_text(tomli_w.dumps({"default": settings}))
         monkeypatch.chdir(tmp_path)
-        monkeypatch.setattr(sys, "argv", ["rig", "vote", "in.csv", "--config", "config.toml", "--out", "o.csv", "--json"])
+        monkeypatch.setattr(sys, "argv", ["rig", "vote", "in.csv", "--config", "c.toml", "--out", "o.csv", "--json"])
         with pytest.raises(SystemExit) as end:
             cli.main()
         assert end.value.code == 0
@@ -179,7 +179,14 @@ def test_every_output_is_that_of_the_flight_bit_for_bit(manager: str, channels: 
     flags = np.full((700, 4), 2)
     flags[:, :channels] = ilm
     flown = vote_samples(
-        padded, manager=manager, reference=reference, ilm=flags, wraps=wraps, limits=limits, channels=channels, **settings
+        padded,
+        manager=manager,
+        reference=reference,
+        ilm=flags,
+        wraps=wraps,
+        limits=limits,
+        channels=channels,
+        **settings,
     )
     chosen = RecordedSignal(threshold=1.0, range=list(limits), wraps=wraps, manager=manager, **settings)  # pyright: ignore[reportArgumentType]
     recording = Recording(np.arange(700) / 100, {"x": Samples(list(samples.T), list(ilm.T), reference)})
@@ -200,9 +207,7 @@ def test_a_flown_log_votes_as_it_was_voted_in_flight(tmp_path: Path):
     flight = fly("f16_pitch_rate_hardover", overrides=sets, out=tmp_path)
     rows = read_log(flight.log).rows
     redundancy = flight.scenario.redundancy
-    tables = {
-        name: getattr(redundancy.signals, name).model_dump(exclude_none=True) for name in INDEX
-    }
+    tables = {name: getattr(redundancy.signals, name).model_dump(exclude_none=True) for name in INDEX}
     (tmp_path / "c.toml").write_text(tomli_w.dumps({"signal": tables}))
     config = read_config(tmp_path / "c.toml")
     recording = read(Path(flight.log), config)
@@ -210,7 +215,7 @@ def test_a_flown_log_votes_as_it_was_voted_in_flight(tmp_path: Path):
     assert len(recording.time_s) == len(rows) == 600 and list(out) == [signal.name for signal in SIGNALS]
     for name, i in INDEX.items():
         for field in FIELDS:
-            assert getattr(out[name], field).tobytes() == np.ascontiguousarray(rows[field][:, i]).tobytes(), (name, field)
+            assert getattr(out[name], field).tobytes() == np.ascontiguousarray(rows[field][:, i]).tobytes(), field
         for c, state in enumerate(out[name].state):
             assert (state == rows["state"][:, i, c]).all()
     assert any(signal.failures for signal in out.values())

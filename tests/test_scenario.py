@@ -5,6 +5,7 @@ import pytest
 
 from rig import aircraft, scenario
 from rig.errors import BadInput
+from rig.faults import Hardover
 from rig.scenario import find, from_resolved, load
 
 FAULTS = sorted(aircraft.bundled("faults").glob("*.toml"))
@@ -56,7 +57,8 @@ def test_an_override_reaches_tables_lists_and_the_aircraft():
         ],
         seed=9,
     )
-    assert out.faults[0].channels == [2] and out.faults[0].direction == "low"
+    (fault,) = out.faults
+    assert isinstance(fault, Hardover) and (fault.channels, fault.direction) == ([2], "low")
     assert (out.turbulence, out.seed, out.sensors.heading.channels) == ("light", 9, 3)
     assert out.redundancy.signals.pitch_rate.threshold == 0.2
     assert out.airframe.limits.load_factor_max == 5.0

@@ -16,8 +16,9 @@ from rig.errors import BadLog
 from rig.events import Event
 from rig.frame import FRAME, INDEX, SIGNALS, TIMING, TWO_PI, Block, Ilm, Pattern, Resolver, State, new_block
 from rig.log import LogWriter
+from rig.names import places
 from rig.view import deviation
-from rig.view.columns import ENTITIES, TIMELINE, columns_of, east_north_up, send_block, struct
+from rig.view.columns import ENTITIES, TIMELINE, east_north_up, send_block, struct
 from rig.view.opened import log_to_rrd
 
 RATE_HZ = 100.0
@@ -70,15 +71,15 @@ def components(chunks: Iterable[Chunk]) -> dict[tuple[str, str], tuple[Any, Any]
 @pytest.mark.parametrize("entity", ENTITIES, ids=lambda entity: entity.path)
 def test_every_field_of_a_struct_is_its_column_of_the_rows(rows: Block, entity: Any) -> None:
     shown = struct(rows, entity)
-    for column in columns_of(entity.archetype):
-        place = (slice(None), *(() if entity.item is None else (entity.item,)), *column.place)
+    for column in places(entity.archetype):
+        place = (slice(None), *(() if entity.item is None else (entity.item,)), *column.index)
         array = shown.field(column.name)
         values = array.field("value") if pa.types.is_struct(array.type) else array
-        np.testing.assert_array_equal(values.to_numpy(zero_copy_only=False), rows[column.source][place])
+        np.testing.assert_array_equal(values.to_numpy(zero_copy_only=False), rows[column.field][place])
 
 
 def test_every_field_of_the_frame_is_shown_once() -> None:
-    shown = {c.source for archetype in {e.archetype for e in ENTITIES} for c in columns_of(archetype)}
+    shown = {c.field for archetype in {e.archetype for e in ENTITIES} for c in places(archetype)}
     assert shown == set(FRAME.names or ()) - {"frame"}
 
 

@@ -41,13 +41,14 @@ class Source(NamedTuple):
 
 
 def topics(path: Path) -> dict[str, str]:
-    """The topics of an MCAP file with the names of their schemas; BadLog when it is cut or damaged."""
+    """The topics of an MCAP file in their order, with the names of their schemas; BadLog when it is cut or damaged."""
     with _opened(path) as reader:
         summary = reader.get_summary()
         if summary is None:
             raise BadLog(f"{path}: truncated or without a summary")
-        named = {channel.topic: summary.schemas.get(channel.schema_id) for channel in summary.channels.values()}
-        return {topic: schema.name if schema else "" for topic, schema in sorted(named.items())}
+        channels = [channel for _, channel in sorted(summary.channels.items())]
+        named = {channel.topic: summary.schemas.get(channel.schema_id) for channel in channels}
+        return {topic: schema.name if schema else "" for topic, schema in named.items()}
 
 
 def read(path: Path, wanted: Mapping[str, set[str]]) -> dict[str, Source]:

@@ -7,7 +7,6 @@ nothing of ours to read it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
@@ -26,24 +25,8 @@ from google.protobuf.descriptor_pb2 import (
     FileDescriptorSet,
 )
 
-from rig.frame import (
-    COMMANDS,
-    DEMANDS,
-    DISCRETES,
-    FLIGHT,
-    FRAME,
-    INERTIAL,
-    SIGNALS,
-    SURFACES,
-    TIMING,
-    End,
-    Ilm,
-    Law,
-    Pattern,
-    Resolver,
-    Source,
-    State,
-)
+from rig.frame import DISCRETES, FRAME, SIGNALS, TIMING
+from rig.names import ENUMS, FLAGS, Place, places
 
 SCHEMA_VERSION: Final = 1  # history in docs/log.md
 
@@ -53,44 +36,14 @@ UINT32: Final = FieldDescriptorProto.TYPE_UINT32  # one byte: only for what stay
 FIXED32: Final = FieldDescriptorProto.TYPE_FIXED32
 ENUM: Final = FieldDescriptorProto.TYPE_ENUM
 
-# How a u1 field of FRAME is shown.  What is not named here is a fixed32, which holds all of u1.
-_ENUMS: Final[dict[str, type[IntEnum]]] = {
-    "state": State,
-    "discrete_state": State,
-    "ilm": Ilm,
-    "pattern": Pattern,
-    "resolver": Resolver,
-    "source": Source,
-    "law": Law,
-    "end": End,
-}
+# How a u1 field that is no enum is written; what is not named here is a fixed32, which holds all of u1.
 _SMALL: Final = {
-    "valid": BOOL,
-    "reference_usable": BOOL,
+    **dict.fromkeys(FLAGS, BOOL),
     "level": UINT32,
     "discrete_truth": UINT32,
     "discrete_channels": UINT32,
     "discrete_voted": UINT32,
     "discrete_level": UINT32,
-}
-# Fields of FRAME with one named element each, and the message field names they give.
-_NAMED: Final = {
-    "flight": FLIGHT,
-    "demand": DEMANDS,
-    "inertial": INERTIAL,
-    "command": tuple(f"command_{name}" for name in COMMANDS),
-    "surface": tuple(f"surface_{name}" for name in SURFACES),
-}
-_SHORT: Final = {"channels": "ch", "state": "st"}
-_HOME: Final = {  # which message holds a field that belongs to no signal and no discrete
-    "flight": "rig.Flight",
-    "end": "rig.Flight",
-    "faults_active": "rig.Flight",
-    "demand": "rig.Demand",
-    "command": "rig.Control",
-    "surface": "rig.Control",
-    "law": "rig.Control",
-    "inertial": "rig.Inertial",
 }
 
 
@@ -122,32 +75,18 @@ class Topic:
     item: int | None = None
 
 
-def _fields(source: str, names: tuple[str, ...] | None = None) -> Iterator[Field]:
-    """The message fields of one FRAME field; ``names`` of its elements, else they are numbered from 1."""
-    dtype = FRAME[source]
-    if dtype.base not in (np.dtype("f8"), np.dtype("u1")):
-        raise TypeError(f"frame field {source}: {dtype.base} has no place in the log, f8 and u1 have")
-    enum = _ENUMS.get(source)
-    whole = ENUM if enum else _SMALL.get(source, FIXED32)
-    kind = DOUBLE if dtype.base == np.dtype("f8") else whole
-    stem = source.removeprefix("discrete_")
-    stem = _SHORT.get(stem, stem)
-    shape = dtype.shape if names else dtype.shape[1:]
-    if not shape:
-        yield Field(stem, kind, source, (), enum)
-    for i in range(shape[0] if shape else 0):
-        yield Field(names[i] if names else f"{stem}_{i + 1}", kind, source, (i,), enum)
-
-
-def _home(source: str) -> str:
-    if source.startswith("discrete_"):
-        return "rig.Discrete"
-    return _HOME.get(source, "rig.Signal")
+def _field(place: Place) -> Field:
+    """The message field of one number of the frame."""
+    base = FRAME[place.field].base
+    if base not in (np.dtype("f8"), np.dtype("u1")):
+        raise TypeError(f"frame field {place.field}: {base} has no place in the log, f8 and u1 have")
+    enum = ENUMS.get(place.field)
+    whole = ENUM if enum else _SMALL.get(place.field, FIXED32)
+    return Field(place.name, DOUBLE if base == np.dtype("f8") else whole, place.field, place.index, enum)
 
 
 def _message(name: str) -> Message:
-    sources = [s for s in FRAME.names or () if s != "frame" and _home(s) == name]
-    return Message(name, tuple(f for s in sources for f in _fields(s, _NAMED.get(s))))
+    return Message(name, tuple(map(_field, places(name))))
 
 
 _TIMING_MESSAGE: Final = Message("rig.Timing", tuple(Field(n, DOUBLE, n) for n in TIMING.names or ()))

@@ -145,7 +145,7 @@ class _Writer:
 
     def chunk(self, rows: NDArray[Any], times: NDArray[np.uint64]) -> None:
         """Append rows as a chunk, with an index of the messages of each channel."""
-        raw = memoryview(rows).cast("B")
+        raw: Any = rows.view(np.uint8).reshape(-1)
         data = self._compressor.compress(raw)
         start, end, size = int(times[0]), int(times[-1]), len(raw)
         length = _CHUNK_HEAD.size + len(data)

@@ -6,14 +6,14 @@ Delay of a pair of channels a, b: the lag d (frames, not whole) at which
 
 is least.  The filter h weighs each frequency by how coherent the two channels are in it (the generalised
 cross-correlation of Knapp and Carter, 1976), so noise and vibration that they do not share say nothing.
-Medians over the pairs give the delay of each channel, and keep out one bad channel.
+The pairs that correlate best then tie the channels to each other; a bad channel correlates with none.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import ceil
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,15 +62,13 @@ def align(
     part = _stretch(recording.time_s, start_s, end_s)
     n = len(recording.time_s)
     found: Corrections = {}
-    shifts = [0.0]
     for name, chosen in settings.items():
-        found[name] = _correct(recording, name, chosen, part)
-        shifts += [correction.delay_frames for correction in found[name]]
+        columns = [_whole(column[part]) for column in _valid(recording.signals[name], chosen)]
+        found[name] = _correct(columns, chosen, recording.rate_hz)
+    shifts = [0.0, *(correction.delay_frames for signal in found.values() for correction in signal)]
     rows = slice(ceil(-min(shifts)), n - ceil(max(shifts)))
     at = np.arange(rows.start, rows.stop)
-    signals = {
-        name: _taken_off(recording.signals[name], found[name], settings[name], at) for name in settings
-    }
+    signals = {name: _taken_off(recording.signals[name], found[name], settings[name], at) for name in settings}
     return Recording(recording.time_s[rows], signals, recording.first_row + rows.start), found
 
 
@@ -82,21 +80,17 @@ def _stretch(time_s: Floats, start_s: float | None, end_s: float | None) -> slic
     return slice(start, end)
 
 
-def _correct(recording: Recording, name: str, settings: RecordedSignal, part: slice) -> list[Correction]:
+def _correct(columns: list[Floats], settings: RecordedSignal, rate_hz: float) -> list[Correction]:
     """The delay and offset of every channel of a signal."""
-    columns = [_whole(column[part]) for column in _valid(recording.signals[name], settings)]
     delays, correlations = _pairs(_without_spikes(columns))
-    best = correlations.max(axis=1)
-    trusted = best >= CORRELATED
-    moving = bool(trusted.any())
-    if not moving:  # nothing but noise: no delay can be seen, an offset can
+    delay, trusted = _tied(delays, correlations)
+    if not trusted.any():  # nothing but noise: no delay can be seen in it, an offset can
         trusted = np.array([bool(np.isfinite(column).all()) for column in columns])
-    delay = _against_the_middle(delays, trusted) if moving else np.zeros(len(columns))
     offset = _offsets(columns, delay, trusted, settings.wraps)
-    rate = recording.rate_hz
+    best = correlations.max(axis=1)
     return [
-        Correction(bool(trusted[c]), float(delay[c]), float(delay[c]) / rate, float(offset[c]), float(best[c]))
-        for c in range(len(columns))
+        Correction(bool(trusted[c]), float(d), float(d) / rate_hz, float(offset[c]), float(best[c]))
+        for c, d in enumerate(delay)
     ]
 
 
@@ -137,13 +131,14 @@ def _without_spikes(columns: list[Floats]) -> list[Floats]:
 
 
 def _pairs(columns: list[Floats]) -> tuple[Floats, Floats]:
-    """Delay of channel i against channel j, and their correlation then; (C, C) each."""
+    """Delay of channel i against channel j, and how the two correlate without it; (C, C) each."""
     count = len(columns)
     delays, correlations = np.zeros((count, count)), np.zeros((count, count))
     for i in range(count):
         for j in range(i):
-            delays[i, j], correlations[i, j] = pair(columns[i], columns[j])
-            delays[j, i], correlations[j, i] = -delays[i, j], correlations[i, j]
+            delay, correlation = pair(columns[i], columns[j])
+            delays[i, j], delays[j, i] = delay, -delay
+            correlations[i, j] = correlations[j, i] = correlation
     return delays, correlations
 
 
@@ -154,14 +149,11 @@ def pair(a: Floats, b: Floats) -> tuple[float, float]:
     """
     if not all(np.isfinite(x).all() and np.ptp(x) > 0 for x in (a, b)):
         return 0.0, 0.0
-    segment = min(_SEGMENT, 1 << int(np.log2(len(a) // 8)))
     delay = 0.0
     for _ in range(2):  # the second time the coherence is that of channels which are nearly aligned
-        h = _filter(a, b, round(delay), segment)
-        costs = _costs(*(fftconvolve(x, h, mode="same")[segment // 4 : -segment // 4] for x in (a, b)))
-        delay = min(max(_least(costs), -MAX_DELAY), MAX_DELAY)
+        delay = min(max(_least(_costs(a, b, round(delay))), -MAX_DELAY), MAX_DELAY)
     at = np.arange(MAX_DELAY, len(a) - MAX_DELAY - 1)
-    return float(delay), _correlation(interpolated(a, at + delay), b[at]) if abs(delay) < MAX_DELAY else 0.0
+    return delay, _correlation(interpolated(a, at + delay), b[at]) if abs(delay) < MAX_DELAY else 0.0
 
 
 def _correlation(a: Floats, b: Floats) -> float:
@@ -193,8 +185,14 @@ def _filter(a: Floats, b: Floats, lag: int, segment: int) -> Floats:
     return np.fft.fftshift(np.fft.irfft(np.sqrt(weight), segment))[1:] * window[1:]
 
 
-def _costs(a: Floats, b: Floats) -> Floats:
-    """cost(d) at whole lags from -(MAX_DELAY + _MARGIN); every lag over the same rows of ``b``."""
+def _costs(a: Floats, b: Floats, near: int) -> Floats:
+    """cost(d) at whole lags from -(MAX_DELAY + _MARGIN), every lag over the same rows of ``b``.
+
+    near : the delay about which the coherence is measured
+    """
+    segment = min(_SEGMENT, 1 << int(np.log2(len(a) // 8)))
+    h = _filter(a, b, near, segment)
+    a, b = (fftconvolve(x, h, mode="same")[segment // 4 : -segment // 4] for x in (a, b))
     most = MAX_DELAY + _MARGIN
     rows = len(a) - 2 * most
     fixed = b[most:-most] - b[most:-most].mean()
@@ -217,13 +215,26 @@ def _least(costs: Floats) -> float:
     return float(fine[int(np.argmin(spline(fine)))])
 
 
-def _against_the_middle(delays: Floats, trusted: NDArray[np.bool_]) -> Floats:
-    """Delays (C,) such that the trusted channel in the middle has none."""
-    delay = np.zeros(len(delays))
-    inside = np.flatnonzero(trusted)
-    delay[inside] = np.median(delays[np.ix_(inside, inside)], axis=1)
-    delay[inside] -= np.sort(delay[inside])[(len(inside) - 1) // 2]
-    return delay
+def _tied(delays: Floats, correlations: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Delays (C,) against the channel in the middle, and which channels (C,) are tied to each other.
+
+    Channels are tied one by one, from the pair that correlates best, each by its best pair with one that is tied
+    already; no further when the best is below CORRELATED.
+    """
+    delay, tied = np.zeros(len(delays)), np.zeros(len(delays), bool)
+    first, second = np.unravel_index(int(np.argmax(correlations)), correlations.shape)
+    if correlations[first, second] < CORRELATED:
+        return delay, tied
+    tied[first] = True
+    while not tied.all():
+        ties = np.where(np.outer(tied, ~tied), correlations, -1.0)
+        old, new = np.unravel_index(int(np.argmax(ties)), ties.shape)
+        if ties[old, new] < CORRELATED:
+            break
+        delay[new] = delay[old] + delays[new, old]
+        tied[new] = True
+    delay[tied] -= np.sort(delay[tied])[(int(tied.sum()) - 1) // 2]
+    return delay, tied
 
 
 def _offsets(columns: list[Floats], delay: Floats, trusted: NDArray[np.bool_], wraps: bool) -> Floats:
@@ -244,7 +255,7 @@ def _short_way(angle: Floats) -> Floats:
     return (angle + TURN / 2) % TURN - TURN / 2
 
 
-def interpolated(column: Floats, at: Floats) -> Floats:
+def interpolated(column: Floats, at: NDArray[np.floating[Any]]) -> Floats:
     """``column`` at rows that are not whole, linearly; NaN next to a NaN."""
     row = np.floor(at).astype(np.int64)
     share = at - row

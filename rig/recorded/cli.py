@@ -20,9 +20,7 @@ def vote(
     align_from: Annotated[
         float | None, typer.Option(help="Begin of the stretch to find them in, s.", show_default="first row")
     ] = None,
-    align_to: Annotated[
-        float | None, typer.Option(help="Its end, s.", show_default="last row")
-    ] = None,
+    align_to: Annotated[float | None, typer.Option(help="Its end, s.", show_default="last row")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Vote on recorded channels with the redundancy manager of the flight."""
@@ -39,7 +37,7 @@ def vote(
         now = perf_counter()
         seconds[stage], clock = now - clock, now
 
-    with output(out) as part:
+    with output(out, recorded) as part:
         settings = stages.read_config(config)
         recording = stages.read(recorded, settings)
         signals = settings.signals(recording.signals, str(config))

@@ -4,6 +4,9 @@
     [signal.<name>]    # for one, key by key over the default
     [mapping]          # columns of a foreign recording: "gyro.1" = "/imu1:angular_velocity.x"
     [[resets]]         # commands to readmit, as in a scenario
+    time_column        # of mapped tables, "time_s" when not given
+
+Everything is checked before a row is voted; errors name the file and the key.
 """
 
 from __future__ import annotations
@@ -84,7 +87,9 @@ class VoteConfig(Settings):
         if low >= high:
             raise BadInput(f"{source}: {table}: range: low must be below high, got {[low, high]}")
         if settings.wraps and high - low < TWO_PI - TURN_SLACK:
-            raise BadInput(f"{source}: {table}: range: an angle that wraps needs a whole turn in rad, got {[low, high]}")
+            raise BadInput(
+                f"{source}: {table}: range: an angle that wraps needs a whole turn in rad, got {[low, high]}"
+            )
         return settings
 
 

@@ -79,7 +79,7 @@ def _flown(path: Path) -> Recording:
 
 def _voted(path: Path, topics: list[str]) -> Recording:
     per_channel = [f"{kind}_{c}" for kind in ("ch", "valid", "ilm", "st") for c in range(1, CHANNELS + 1)]
-    sources = foreign.read(path, dict.fromkeys(topics, {*per_channel, "reference"}))
+    sources = foreign.read(path, {topic: {*per_channel, "reference"} for topic in topics})
     recorded: dict[str, Samples] = {}
     for topic, (_, fields) in sources.items():
         fitted = [c for c in range(1, CHANNELS + 1) if fields[f"st_{c}"][0] != State.ABSENT]
@@ -100,7 +100,7 @@ def _wanted(path: Path, config: VoteConfig) -> dict[str, set[str]]:
     for column, place in config.mapping.items():
         source, colon, field = place.rpartition(":")
         if not (source and colon and field):
-            raise BadInput(f"mapping.{column}: must be '<source>:<field>', got {place!r}")
+            raise BadInput(f"[mapping] {column}: must be '<source>:<field>', got {place!r}")
         wanted.setdefault(source, set()).add(field)
     return wanted
 

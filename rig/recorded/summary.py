@@ -79,9 +79,7 @@ def show(screen: Console, found: dict[str, Any]) -> None:
 
 
 def _signal_table(found: dict[str, Any]) -> Table:
-    table = Table(
-        "signal", "level", "singular frames", "spread median", "95 %", "worst", "voted from", "to", box=None
-    )
+    table = Table("signal", "level", "singular frames", "spread median", "95 %", "worst", "voted from", "to", box=None)
     for name, signal in found["signals"].items():
         spread = [_number(value) for value in signal["spread"].values()]
         voted = [_number(value) for value in signal["voted"].values()]
@@ -93,11 +91,11 @@ def _failure_table(found: dict[str, Any]) -> Table:
     table = Table("channel", "at the end", "failed in frame", "at", "by", "invalid samples", box=None)
     for name, signal in found["signals"].items():
         for channel in signal["channels"]:
-            first, *again = channel["failed"] or [None]
-            shown = [str(first["frame"]), f"{first['time_s']:.6g} s", first["why"]] if first else ["never", "", ""]
-            table.add_row(f"{name}.{channel['channel']}", channel["state"], *shown, str(channel["invalid_samples"]))
+            times = [(str(f["frame"]), f"{f['time_s']:.6g} s", f["why"]) for f in channel["failed"]]
+            first, *again = times or [("never", "", "")]
+            table.add_row(f"{name}.{channel['channel']}", channel["state"], *first, str(channel["invalid_samples"]))
             for later in again:
-                table.add_row("", "", str(later["frame"]), f"{later['time_s']:.6g} s", later["why"], "")
+                table.add_row("", "", *later, "")
     return table
 
 

@@ -79,5 +79,5 @@ def _parquet(path: Path, wanted: Callable[[str], bool]) -> Any:
 def _one_line(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror:
         return f"cannot be read: {error.strerror}"
-    text = " ".join(str(error).split())
-    return f"cannot be read, {text[:200]}"
+    text = "".join(letter if letter.isprintable() else " " for letter in str(error))
+    return f"cannot be read: {' '.join(text.split())[:200]}"

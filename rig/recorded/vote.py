@@ -61,9 +61,7 @@ def vote(recording: Recording, settings: dict[str, RecordedSignal], resets: list
     }
 
 
-def _vote_signal(
-    recording: Recording, samples: Samples, settings: RecordedSignal, resets: NDArray[np.void]
-) -> Voted:
+def _vote_signal(recording: Recording, samples: Samples, settings: RecordedSignal, resets: NDArray[np.void]) -> Voted:
     n, fitted = len(recording.time_s), len(samples.channels)
     params = np.zeros(1, PARAMS)
     fill(params[0], settings, settings.limits, fitted, settings.wraps, recording.rate_hz)
@@ -83,9 +81,9 @@ def _vote_signal(
             column[part] = rows[name][:, 0]
         for c, column in enumerate(states):
             column[part] = rows["state"][:, 0, c]
-    invalid = [~_usable(samples, settings, c) for c in range(fitted)]
-    failures = _failures(recording, out, states, invalid)
-    return Voted(settings, **out, state=states, spread=spread, invalid=[int(i.sum()) for i in invalid], failures=failures)
+    wrong = [~_usable(samples, settings, c) for c in range(fitted)]
+    failures, invalid = _failures(recording, out, states, wrong), [int(w.sum()) for w in wrong]
+    return Voted(settings, **out, state=states, spread=spread, invalid=invalid, failures=failures)
 
 
 def _first_block(samples: Samples) -> NDArray[Any]:

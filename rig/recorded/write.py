@@ -26,10 +26,10 @@ RESOLVERS: Final = tuple(resolver.name.lower() for resolver in Resolver)
 
 
 @contextmanager
-def output(path: Path) -> Iterator[Path]:
+def output(path: Path, recorded: Path | None = None) -> Iterator[Path]:
     """A file beside ``path`` to write to, which becomes ``path`` at the end, or nothing when that is not reached.
 
-    BadInput before anything is done: an unknown ending, a folder that is not there or not writable.
+    BadInput before anything is done: an unknown ending, a folder that is not there or not writable, the input itself.
     """
     if path.suffix not in WRITERS:
         raise BadInput(f"{path}: unknown ending; allowed: {', '.join(WRITERS)}")
@@ -37,6 +37,8 @@ def output(path: Path) -> Iterator[Path]:
         raise BadInput(f"{path}: no such folder: {path.parent}")
     if path.is_dir():
         raise BadInput(f"{path}: is a folder")
+    if recorded is not None and path.exists() and recorded.exists() and path.samefile(recorded):
+        raise BadInput(f"{path}: is the input")
     part = path.with_name(path.name + ".part")
     try:
         part.touch()
@@ -97,15 +99,14 @@ def _fields(recording: Recording, name: str, signal: Voted) -> dict[str, Any]:
     samples = recording.signals[name]
     n = len(recording.time_s)
     valid = samples.valid or [np.isfinite(column).astype(np.uint8) for column in samples.channels]
-    absent = CHANNELS - len(samples.channels)
 
-    def filled(columns: list[Any] | None, code: IntEnum) -> list[Any]:
-        return [*(columns or [np.full(n, code, np.uint8)] * (CHANNELS - absent)), *[np.full(n, code, np.uint8)] * absent]
+    def filled(columns: list[Bytes], code: IntEnum) -> list[Bytes]:
+        return columns + [np.full(n, code, np.uint8)] * (CHANNELS - len(columns))
 
     fields: dict[str, Any] = {
         "channels": samples.channels,
         "valid": valid,
-        "ilm": filled(samples.ilm, Ilm.ABSENT),
+        "ilm": filled(samples.ilm or [], Ilm.ABSENT),
         "state": filled(signal.state, State.ABSENT),
         "voted": signal.voted,
         "level": signal.level,

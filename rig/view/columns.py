@@ -24,62 +24,14 @@ import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
-from rig.frame import (
-    COMMANDS,
-    DEMANDS,
-    DISCRETES,
-    FLIGHT,
-    FLIGHT_INDEX,
-    FRAME,
-    INERTIAL,
-    SIGNALS,
-    SURFACES,
-    Block,
-    End,
-    Ilm,
-    Law,
-    Pattern,
-    Resolver,
-    Source,
-    State,
-)
+from rig.frame import DISCRETES, FLIGHT_INDEX, SIGNALS, Block
+from rig.names import ENUMS, FLAGS, places
 from rig.view import deviation
 
 TIMELINE: Final = "message_log_time"  # the importer's name for the log time of a message
 WORLD: Final = "world"
 AIRCRAFT: Final = "aircraft"
 
-# How a u1 field of FRAME is shown.  What is not named here is a number.
-_ENUMS: Final[dict[str, type[IntEnum]]] = {
-    "state": State,
-    "discrete_state": State,
-    "ilm": Ilm,
-    "pattern": Pattern,
-    "resolver": Resolver,
-    "source": Source,
-    "law": Law,
-    "end": End,
-}
-_FLAGS: Final = ("valid", "reference_usable")
-# Fields of FRAME with one named element each, and the struct fields that they become.
-_NAMED: Final = {
-    "flight": FLIGHT,
-    "demand": DEMANDS,
-    "inertial": INERTIAL,
-    "command": tuple(f"command_{name}" for name in COMMANDS),
-    "surface": tuple(f"surface_{name}" for name in SURFACES),
-}
-_SHORT: Final = {"channels": "ch", "state": "st"}
-_HOME: Final = {  # which struct holds a field that belongs to no signal and no discrete
-    "flight": "rig.Flight",
-    "end": "rig.Flight",
-    "faults_active": "rig.Flight",
-    "demand": "rig.Demand",
-    "command": "rig.Control",
-    "surface": "rig.Control",
-    "law": "rig.Control",
-    "inertial": "rig.Inertial",
-}
 _LEVELS: Final = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
 
 
@@ -92,14 +44,6 @@ class EventLike(Protocol):
     def level(self) -> str: ...  # noqa: D102
     @property
     def text(self) -> str: ...  # noqa: D102
-
-
-class Column(NamedTuple):
-    """One field of a struct and the element of FRAME that it shows."""
-
-    name: str
-    source: str
-    place: tuple[int, ...]  # within the source, after the entity's own row of it
 
 
 class Entity(NamedTuple):
@@ -162,42 +106,20 @@ def send_aircraft(recording: rr.RecordingStream) -> None:
     rr.log("/aircraft", shape, rr.CoordinateFrame(AIRCRAFT), static=True, recording=recording)
 
 
-@cache
-def columns_of(archetype: str) -> tuple[Column, ...]:
-    """The fields of the struct ``archetype``, in the order of FRAME."""
-    sources = [s for s in FRAME.names or () if s != "frame" and _home(s) == archetype]
-    return tuple(column for source in sources for column in _columns(source))
-
-
-def _home(source: str) -> str:
-    return "rig.Discrete" if source.startswith("discrete_") else _HOME.get(source, "rig.Signal")
-
-
-def _columns(source: str) -> list[Column]:
-    if source in _NAMED:
-        return [Column(name, source, (i,)) for i, name in enumerate(_NAMED[source])]
-    stem = source.removeprefix("discrete_")
-    stem = _SHORT.get(stem, stem)
-    shape = FRAME[source].shape[1:]  # without the row of the signal
-    if not shape:
-        return [Column(stem, source, ())]
-    return [Column(f"{stem}_{i + 1}", source, (i,)) for i in range(shape[0])]
-
-
 def struct(rows: Block, entity: Entity) -> pa.StructArray:
     """The fields of ``entity`` in every row, one struct each."""
-    place = () if entity.item is None else (entity.item,)
-    columns = columns_of(entity.archetype)
-    arrays = [_array(column.source, rows[column.source][(slice(None), *place, *column.place)]) for column in columns]
-    fields = [pa.field(c.name, array.type, nullable=False) for c, array in zip(columns, arrays, strict=True)]
+    item = () if entity.item is None else (entity.item,)
+    shown = places(entity.archetype)
+    arrays = [_array(place.field, rows[place.field][(slice(None), *item, *place.index)]) for place in shown]
+    fields = [pa.field(p.name, array.type, nullable=False) for p, array in zip(shown, arrays, strict=True)]
     return pa.StructArray.from_arrays(arrays, fields=fields)
 
 
 def _array(source: str, values: NDArray[Any]) -> pa.Array:
     values = np.ascontiguousarray(values)
-    if source in _ENUMS:
-        return _members(_ENUMS[source], values)
-    if source in _FLAGS:
+    if source in ENUMS:
+        return _members(ENUMS[source], values)
+    if source in FLAGS:
         return pa.array(values != 0)
     return pa.array(values if values.dtype == np.float64 else values.astype(np.uint32))
 

@@ -25,11 +25,18 @@ _ADDRESS: Final = re.compile(r"rerun\+http://(?:127\.0\.0\.1|localhost):(\d{1,5}
 
 
 def check_where(where: str) -> None:
-    """BadInput unless ``where`` is one of WORDS or the address of a viewer on this machine."""
+    """BadInput unless ``where`` is one of WORDS or the address of a viewer that listens on this machine.
+
+    A viewer to be spawned needs a display.  Called before anything is written.
+    """
     match = _ADDRESS.fullmatch(where)
     if where not in WORDS and (match is None or not 0 < int(match[1]) < 65536):
         allowed = f"{', '.join(WORDS)} or rerun+http://127.0.0.1:PORT/proxy"
         raise BadInput(f"--rerun {where}: not known, or not on this machine; allowed: {allowed}")
+    if match is not None and not viewer.listening(int(match[1])):
+        raise BadInput(f"--rerun {where}: nobody listens there; start the viewer first, or use spawn, serve or save")
+    if where == "spawn":
+        viewer.require_display("--rerun spawn")
 
 
 class Sink:
@@ -129,7 +136,6 @@ def _serve(title: str) -> Sink:
 
 def _spawn() -> str:
     """A viewer in a window of its own, which outlives us; its address."""
-    viewer.require_display("--rerun spawn")
     port = viewer.free_port(GRPC_PORT)
     viewer.start(["--port", str(port), "--expect-data-soon"], port, stay=True)
     return f"rerun+http://{viewer.LOOPBACK}:{port}/proxy"
@@ -140,9 +146,6 @@ def _connect(url: str, title: str) -> Sink:
 
     from rig.view.blueprint import blueprint
 
-    match = _ADDRESS.fullmatch(url)
-    if match is None or not viewer.listening(int(match[1])):
-        raise BadInput(f"--rerun {url}: nobody listens there; start the viewer first, or use spawn, serve or save")
     recording = rr.RecordingStream(APPLICATION)
     return Sink(recording, url, title, connect=lambda: recording.connect_grpc(url, default_blueprint=blueprint()))
 

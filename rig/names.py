@@ -1,0 +1,93 @@
+"""How log and viewer name what is in the frame: which message holds a field of FRAME, under which name.
+
+Each field has one place; one that is not named here belongs to every signal and keeps its name.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cache
+from typing import Final
+
+from rig.frame import (
+    COMMANDS,
+    DEMANDS,
+    FLIGHT,
+    FRAME,
+    INERTIAL,
+    SURFACES,
+    End,
+    Ilm,
+    Law,
+    Pattern,
+    Resolver,
+    Source,
+    State,
+)
+
+# What the values of a u1 field mean.
+ENUMS: Final[dict[str, type[IntEnum]]] = {
+    "state": State,
+    "discrete_state": State,
+    "ilm": Ilm,
+    "pattern": Pattern,
+    "resolver": Resolver,
+    "source": Source,
+    "law": Law,
+    "end": End,
+}
+FLAGS: Final = ("valid", "reference_usable")  # u1 fields that are 0 or 1
+# Fields with one named element each; the elements of others are numbered from 1.
+ELEMENTS: Final = {
+    "flight": FLIGHT,
+    "demand": DEMANDS,
+    "inertial": INERTIAL,
+    "command": tuple(f"command_{name}" for name in COMMANDS),
+    "surface": tuple(f"surface_{name}" for name in SURFACES),
+}
+_SHORT: Final = {"channels": "ch", "state": "st"}
+_HOME: Final = {
+    "flight": "rig.Flight",
+    "end": "rig.Flight",
+    "faults_active": "rig.Flight",
+    "demand": "rig.Demand",
+    "inertial": "rig.Inertial",
+    "command": "rig.Control",
+    "surface": "rig.Control",
+    "law": "rig.Control",
+}
+
+
+def home(field: str) -> str:
+    """The message that holds a field of FRAME."""
+    if field.startswith("discrete_"):
+        return "rig.Discrete"
+    return _HOME.get(field, "rig.Signal")
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """One number of a message: its name there, its field of FRAME, its index within the message's row of it."""
+
+    name: str
+    field: str
+    index: tuple[int, ...]
+
+
+@cache
+def places(message: str) -> tuple[Place, ...]:
+    """All that a message holds, in the order of FRAME; the frame's number is not part of any."""
+    fields = [field for field in FRAME.names or () if field != "frame" and home(field) == message]
+    return tuple(place for field in fields for place in _places(field))
+
+
+def _places(field: str) -> list[Place]:
+    if field in ELEMENTS:
+        return [Place(name, field, (i,)) for i, name in enumerate(ELEMENTS[field])]
+    plain = field.removeprefix("discrete_")
+    stem = _SHORT.get(plain, plain)
+    shape = FRAME[field].shape[1:]  # without the row of the signal
+    if not shape:
+        return [Place(stem, field, ())]
+    return [Place(f"{stem}_{i + 1}", field, (i,)) for i in range(shape[0])]
