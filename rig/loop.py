@@ -55,7 +55,8 @@ class Rig:
         self.control = Control(scenario.control, scenario.gains, rate_hz, frame.surface_limits)
         self.control.reset(self.plant.trim)
         self._arguments = self._gather()
-        self._compute = bind(compute, new_block(1), 0, *self._arguments)
+        compiled = self.redundancy.own is None
+        self._compute = bind(compute, new_block(1), 0, *self._arguments) if compiled else self._one_by_one
 
     def prepare(self, block: Block) -> None:
         """What is drawn or planned a block at a time: stick and demands, sensor noise."""
@@ -66,6 +67,11 @@ class Rig:
     def _gather(self) -> tuple[tuple[Any, ...], ...]:
         """The parameters and states of the stages between two looks at the plant."""
         return tuple(stage.arguments for stage in (self.sensors, self.faults, self.redundancy, self.control))
+
+    def _one_by_one(self, block: Block, k: int, *_: Any) -> None:
+        """What ``compute`` does, stage by stage: for a manager of the user's own, which is not compiled."""
+        for stage in (self.sensors, self.faults, self.redundancy, self.control):
+            stage.step(block, k)
 
     def frame(self, block: Block, k: int) -> int:
         """Fly row k: see, compute, move on.  Nonzero (frame.End) when the flight ends."""

@@ -11,11 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from rig.frame import CHANNELS, Block, State, new_block
-from rig.redundancy.baselines import CrossVoter, Mean
 from rig.redundancy.config import PARAMS, RESETS, SignalConfig, fill
-from rig.redundancy.manager import CrossChannel
-
-MANAGERS = {"cross-channel": CrossChannel, "mean": Mean, "cross-voter": CrossVoter}
+from rig.redundancy.managers import Manager
 
 
 @dataclass(frozen=True)
@@ -65,7 +62,7 @@ def vote_samples(
     table = np.zeros(len(resets), RESETS)
     for row, (frame, channel) in zip(table, resets, strict=True):
         row["frame"], row["channel"][channel - 1] = frame, 1
-    stage = MANAGERS[manager](params, table)
+    stage = Manager(manager, params, table)
     for k in range(len(block)):
         stage.step(block, k)
     return Voted(block)

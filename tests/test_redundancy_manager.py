@@ -127,19 +127,6 @@ def test_the_fade_spreads_a_change_of_level():
     assert out.voted[-1] == jump.voted[-1]
 
 
-def test_the_mean_follows_a_hardover_and_fails_nobody():
-    out = vote_samples(constant(0, 0, 0, 8), manager="mean")
-    assert (out.voted == 2.0).all()
-    assert out.failed_at() == [None] * 4
-
-
-def test_the_cross_voter_isolates_a_single_fault_but_blames_all_of_a_split():
-    single = vote_samples(constant(0, 0, 0, 8), manager="cross-voter")
-    split = vote_samples(constant(0, 0, 8, 8), manager="cross-voter")
-    assert single.failed_at() == [None, None, None, 8]
-    assert split.failed_at() == [8, 8, 8, 8]
-
-
 @pytest.mark.parametrize("manager", ["cross-channel", "cross-voter"])
 def test_a_reset_readmits_only_a_channel_that_has_agreed_long_enough(manager):
     samples = constant(0, 0, 0, 5, frames=80)

@@ -18,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
-from scipy.signal import fftconvolve
+from scipy.signal import oaconvolve
 
 from rig.angles import TURN
 from rig.errors import BadInput
@@ -192,14 +192,14 @@ def _costs(a: Floats, b: Floats, near: int) -> Floats:
     """
     segment = min(_SEGMENT, 1 << int(np.log2(len(a) // 8)))
     h = _filter(a, b, near, segment)
-    a, b = (fftconvolve(x, h, mode="same")[segment // 4 : -segment // 4] for x in (a, b))
+    a, b = (oaconvolve(x, h, mode="same")[segment // 4 : -segment // 4] for x in (a, b))
     most = MAX_DELAY + _MARGIN
     rows = len(a) - 2 * most
     fixed = b[most:-most] - b[most:-most].mean()
-    cross = fftconvolve(a, fixed[::-1], mode="valid")
     sums = np.cumsum(np.concatenate([[0.0], a]))
     squares = np.cumsum(np.concatenate([[0.0], a * a]))
     lag = np.arange(2 * most + 1)
+    cross = np.array([a[start : start + rows] @ fixed for start in lag])
     mean = (sums[lag + rows] - sums[lag]) / rows
     moving = squares[lag + rows] - squares[lag] - rows * mean * mean
     return (moving + fixed @ fixed - 2.0 * cross) / rows

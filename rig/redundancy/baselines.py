@@ -1,59 +1,92 @@
-"""Managers to compare with: the arithmetic mean of all channels, and the cross-voter monitor.
+"""Managers to compare with: mean, median, cross-voter monitor, selection of one channel.
 
-Same rows, same parameters, same interface as manager.CrossChannel.
-Source: Zhang 2023, section 1 (why neither is good enough).
+Same rows, same parameters and state, same interface as manager.manage.  Mean and median fail nobody, and
+a selection takes back what it distrusted by itself, so resets concern the cross-voter monitor alone.
+Sources: Zhang 2023, section 1 (why mean and cross-voter are not good enough); the selector of the PX4
+autopilot for several inertial units (integrated deviation from their mean, 7 deg/s and 15 deg).
 """
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rig.angles import limit
-from rig.frame import CHANNELS, Block
+from rig.frame import CHANNELS
 from rig.kernels import kernel
 from rig.redundancy.compare import LOST, NORMAL, rank
-from rig.redundancy.manager import NO_RESETS, latch, new_state, obey, publish, report, watch_failed
+from rig.redundancy.manager import latch, obey, publish, report, watch_failed
 from rig.redundancy.vote import median
-
-
-class Mean:
-    """The arithmetic mean of every channel that says something; nobody is ever failed, so resets do nothing."""
-
-    def __init__(self, params: NDArray[np.void], resets: NDArray[np.void] = NO_RESETS) -> None:
-        self.params = params
-        self.resets = resets
-        self.state = new_state(params)
-
-    def step(self, block: Block, k: int) -> None:
-        """Vote every signal of row k."""
-        average(block, k, self.params, self.state, self.resets)
-
-
-class CrossVoter:
-    """Median vote; a channel that is off the vote for ``persistence`` frames is failed."""
-
-    def __init__(self, params: NDArray[np.void], resets: NDArray[np.void] = NO_RESETS) -> None:
-        self.params = params
-        self.resets = resets
-        self.state = new_state(params)
-
-    def step(self, block: Block, k: int) -> None:
-        """Vote and monitor every signal of row k."""
-        cross_voter(block, k, self.params, self.state, self.resets)
 
 
 @kernel
 def average(block, k, params, state, resets):
-    """Row k: the mean of all comparable samples of each signal."""
+    """Row k: the arithmetic mean of all comparable samples of each signal; nobody is ever failed."""
     row = block[k]
     for s in range(len(params)):
         p, st = params[s], state[s]
         n = ranked(row, s, p, st)
-        total = 0.0
+        finish(row, s, mean_of(st, n), n, p, st)
+
+
+@kernel
+def mean_of(st, n):
+    """The mean of the ``n`` ranked samples; the last vote when there is none."""
+    total = 0.0
+    for i in range(n):
+        total += st["x"][st["order"][i]]
+    return total / n if n > 0 else st["vote"]
+
+
+@kernel
+def plain_median(block, k, params, state, resets):
+    """Row k: the median of all comparable samples of each signal; nobody is ever failed."""
+    row = block[k]
+    for s in range(len(params)):
+        p, st = params[s], state[s]
+        n = ranked(row, s, p, st)
+        voted = median(st["x"], st["order"], n, st["alone"], 0.5) if n > 0 else st["vote"]
+        finish(row, s, voted, n, p, st)
+
+
+@kernel
+def select(block, k, params, state, resets):
+    """Row k: one channel is the vote, the first by number until it is distrusted; then the next that is not.
+
+    excess += max(|x - mean of all| - deviation, -excess) each frame; a channel whose excess is above
+    ``deviation_frames`` is distrusted (reported failed) until it has come down again.  A sample that is not
+    comparable is distrusted at once.  With two channels left the mean is as far from both: nobody is.
+    """
+    row = block[k]
+    for s in range(len(params)):
+        p, st = params[s], state[s]
+        for c in range(CHANNELS):
+            st["failed"][c] = 0
+        n = ranked(row, s, p, st)
+        center = mean_of(st, n)
         for i in range(n):
-            total += st["x"][st["order"][i]]
-        finish(row, s, total / n if n > 0 else st["vote"], n, p, st)
+            c = st["order"][i]
+            off = abs(st["x"][c] - center) - p["deviation"] if n > 2 else 0.0
+            st["excess"][c] = max(st["excess"][c] + off, 0.0)
+        choose(n, p, st)
+        voted = st["x"][st["selected"]] if n > 0 else st["vote"]
+        finish(row, s, voted, n, p, st)
+
+
+@kernel
+def choose(n, p, st):
+    """Mark the distrusted channels in ``failed`` and move the selection off them, if any is trusted."""
+    here = 0
+    for i in range(n):
+        here |= 1 << st["order"][i]
+    best = -1
+    for c in range(p["fitted"] - 1, -1, -1):
+        comparable = (here >> c) & 1 == 1
+        if not comparable or st["excess"][c] > p["deviation_frames"]:
+            st["failed"][c] = 1
+        else:
+            best = c
+    if best < 0 and n > 0:
+        best = st["order"][n // 2]
+    if best >= 0 and (st["failed"][st["selected"]] != 0 or (here >> st["selected"]) & 1 == 0):
+        st["selected"] = best
 
 
 @kernel

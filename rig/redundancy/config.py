@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any, Final, Literal
 
@@ -12,6 +13,7 @@ from pydantic import Field, create_model, field_validator
 from rig.frame import CHANNELS, INDEX, SIGNALS, Resolver, S, to_frame
 from rig.settings import Settings
 
+MANAGERS: Final = ("cross-channel", "mean", "median", "cross-voter", "selection")
 ResolverName = Literal["ilm", "trend", "reference"]
 
 
@@ -27,6 +29,10 @@ class SignalConfig(Settings):
     mean: Literal["plain", "trend-weighted"] = "plain"
     readmit_frames: int = Field(default=100, ge=1)  # agreement needed before a reset readmits
     fade_s: float = Field(default=0.0, ge=0)  # after a change of level
+    # For the manager "selection" alone: a deviation from the mean of all that is tolerated, and the
+    # integral over time of what exceeds it that is not (unit times seconds).
+    selection_deviation: float | None = Field(default=None, gt=0)  # 2.5 thresholds when not given
+    selection_integral_s: float | None = Field(default=None, gt=0)  # 5 thresholds times a second
 
     @field_validator("resolvers")
     @classmethod
@@ -67,10 +73,17 @@ class Reset(Settings):
 class Config(Settings):
     """The ``[redundancy]`` table of an aircraft or scenario."""
 
-    manager: Literal["cross-channel", "mean", "cross-voter"] = "cross-channel"
+    manager: str = "cross-channel"  # one of MANAGERS, or module:Class
     discrete_persistence: int = Field(default=8, ge=1)
     resets: list[Reset] = []
     signals: SignalConfigs  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
+
+    @field_validator("manager")
+    @classmethod
+    def _known_manager(cls, name: str) -> str:
+        if name not in MANAGERS and not re.fullmatch(r"[\w.]+:\w+", name):
+            raise ValueError(f"unknown manager, allowed: {', '.join(MANAGERS)} or module:Class")
+        return name
 
 
 PARAMS: Final = np.dtype(
@@ -84,6 +97,8 @@ PARAMS: Final = np.dtype(
         ("trend_frames", "i8"),
         ("readmit_frames", "i8"),
         ("fade_frames", "i8"),
+        ("deviation", "f8"),
+        ("deviation_frames", "f8"),  # integral in unit times frames
         ("fitted", "i8"),  # channels of the signal
         ("resolvers", "i8", (3,)),  # in order, 0 where none
         ("wraps", "u1"),
@@ -126,6 +141,8 @@ def fill(
     row["persistence"], row["singular_persistence"] = config.persistence, config.singular_persistence
     row["trend_frames"], row["readmit_frames"] = config.trend_frames, config.readmit_frames
     row["fade_frames"] = round(config.fade_s * rate_hz)
+    row["deviation"] = config.selection_deviation or 2.5 * config.threshold
+    row["deviation_frames"] = (config.selection_integral_s or 5.0 * config.threshold) * rate_hz
     row["fitted"], row["wraps"] = channels, wraps
     row["weighted"] = config.mean == "trend-weighted"
     for place, name in enumerate(config.resolvers):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.angles import difference, limit
-from rig.frame import CHANNELS, Block, Resolver, State
+from rig.frame import CHANNELS, Resolver, State
 from rig.kernels import kernel
 from rig.redundancy import resolve, trend, vote
 from rig.redundancy.compare import LOST, P1_1, P1_1_1, P1_1_1_1, P2_2, classify, is_singular, rank
@@ -32,6 +32,7 @@ STATE: Final = np.dtype(
         ("x", "f8", (CHANNELS,)),
         ("order", "i8", (CHANNELS,)),
         ("count", "i8", (CHANNELS,)),  # miscomparing frames in a row
+        ("excess", "f8", (CHANNELS,)),  # integrated deviation, for the manager "selection"
         ("agreed", "i8", (CHANNELS,)),  # frames in a row that a failed channel agreed with the vote
         ("trend_high", "i8"),
         ("trend_low", "i8"),
@@ -42,6 +43,7 @@ STATE: Final = np.dtype(
         ("reference_run", "i8"),  # frames in a row that speak against the reference's present standing
         ("fade_left", "i8"),
         ("level", "i8"),
+        ("selected", "i8"),  # channel, for the manager "selection"
         ("reference_usable", "u1"),
         ("started", "u1"),
         ("failed", "u1", (CHANNELS,)),
@@ -62,20 +64,6 @@ def new_state(params: NDArray[np.void]) -> NDArray[np.void]:
     state["reference_usable"] = 1
     state["level"] = params["fitted"]
     return state
-
-
-class CrossChannel:
-    """The manager of the continuous signals.  ``state`` is plain data and can be copied."""
-
-    def __init__(self, params: NDArray[np.void], resets: NDArray[np.void] = NO_RESETS) -> None:
-        """``params`` (S,) config.PARAMS; ``resets`` config.RESETS, the commands of the flight."""
-        self.params = params
-        self.resets = resets
-        self.state = new_state(params)
-
-    def step(self, block: Block, k: int) -> None:
-        """Vote and monitor every signal of row k."""
-        manage(block, k, self.params, self.state, self.resets)
 
 
 @kernel
