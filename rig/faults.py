@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
 from rig.angles import limit
-from rig.frame import CHANNELS, INDEX, SIGNALS, Block, to_frame
+from rig.frame import CHANNELS, INDEX, SIGNALS, Block, Ilm, to_frame
 from rig.kernels import kernel
 from rig.settings import Settings
 
@@ -27,6 +27,17 @@ class Kind(IntEnum):
     OFFSET = 0
     DRIFT = 1
     HARDOVER = 2
+    DROPOUT = 3
+    ILM = 4
+
+
+class Flag(IntEnum):
+    """What a fault does to the in-line monitors of its channels."""
+
+    LEAVE = 0
+    BAD = 1
+    GOOD = 2
+    INVERT = 3
 
 
 class _Fault(Settings):
@@ -63,7 +74,18 @@ class _Fault(Settings):
         return self.id or f"{self.kind} {self.signal}.{numbers}"  # type: ignore[attr-defined]  # every kind has one
 
 
-class Offset(_Fault):
+class _Spoiled(_Fault):
+    """A fault of the sample itself; the channel's in-line monitor may see it."""
+
+    seen_by_ilm: bool = False
+
+    @property
+    def flag(self) -> Flag:
+        """What happens to the in-line monitors."""
+        return Flag.BAD if self.seen_by_ilm else Flag.LEAVE
+
+
+class Offset(_Spoiled):
     """A constant added to the sample: a bias from a bent vane, a shifted zero, a bad calibration."""
 
     kind: Literal["offset"]
@@ -75,7 +97,7 @@ class Offset(_Fault):
         return Kind.OFFSET, self.offset
 
 
-class Drift(_Fault):
+class Drift(_Spoiled):
     """An error that grows steadily from the onset: a gyro warming up, a leaking pressure line."""
 
     kind: Literal["drift"]
@@ -87,7 +109,7 @@ class Drift(_Fault):
         return Kind.DRIFT, self.rate_per_s
 
 
-class Hardover(_Fault):
+class Hardover(_Spoiled):
     """The sample goes to the end of the sensor's range: an open or shorted wire, a failed amplifier."""
 
     kind: Literal["hardover"]
@@ -99,12 +121,42 @@ class Hardover(_Fault):
         return Kind.HARDOVER, 1.0 if self.direction == "high" else -1.0
 
 
-Fault = Annotated[Offset | Drift | Hardover, Field(discriminator="kind")]
+class Dropout(_Spoiled):
+    """No sample: a broken link. The sensor flags it invalid, or, not flagged, says what is no number."""
+
+    kind: Literal["dropout"]
+    flagged: bool = True
+
+    @property
+    def row(self) -> tuple[Kind, float]:
+        """Kind and value for the kernel."""
+        return Kind.DROPOUT, 1.0 if self.flagged else 0.0
+
+
+class IlmFault(_Fault):
+    """An in-line monitor that is stuck on one answer, or says the opposite of what it should."""
+
+    kind: Literal["ilm"]
+    says: Literal["good", "bad", "inverted"]
+
+    @property
+    def row(self) -> tuple[Kind, float]:
+        """Kind and value for the kernel."""
+        return Kind.ILM, 0.0
+
+    @property
+    def flag(self) -> Flag:
+        """What happens to the in-line monitors."""
+        return {"good": Flag.GOOD, "bad": Flag.BAD, "inverted": Flag.INVERT}[self.says]
+
+
+Fault = Annotated[Offset | Drift | Hardover | Dropout | IlmFault, Field(discriminator="kind")]
 
 SCHEDULE: Final = np.dtype(
     [
         ("kind", "u1"),
         ("wraps", "u1"),
+        ("flag", "u1"),
         ("channel", "u1", (CHANNELS,)),
         ("signal", "i8"),
         ("first", "i8"),
@@ -116,7 +168,9 @@ SCHEDULE: Final = np.dtype(
     align=True,
 )
 FOREVER: Final = int(np.iinfo(np.int64).max)
-_HARD, _DRIFT = int(Kind.HARDOVER), int(Kind.DRIFT)
+_HARD, _DRIFT, _DROPOUT, _ILM = (int(k) for k in (Kind.HARDOVER, Kind.DRIFT, Kind.DROPOUT, Kind.ILM))
+_LEAVE, _FLAG_BAD, _FLAG_GOOD = int(Flag.LEAVE), int(Flag.BAD), int(Flag.GOOD)
+_BAD, _GOOD = int(Ilm.BAD), int(Ilm.GOOD)
 
 
 def window(fault: Fault, rate_hz: float) -> tuple[int, int]:
@@ -135,6 +189,7 @@ class Faults:
         for row, fault in zip(self.schedule, faults, strict=True):
             signal = INDEX[fault.signal]
             row["kind"], row["value"] = fault.row
+            row["flag"] = fault.flag
             row["signal"], row["wraps"] = signal, SIGNALS[signal].wraps
             row["low"], row["high"] = ranges[signal]
             row["channel"][np.array(fault.channels) - 1] = 1
@@ -154,12 +209,12 @@ class Faults:
 def corrupt(block, k, schedule, dt_s):
     """Apply every fault that is due to the channels of row k.
 
-    offset: x + d    drift: x + d (t - t0)    hardover: the end of the range
+    offset: x + d    drift: x + d (t - t0)    hardover: the end of the range    dropout: invalid, or NaN
     block : FRAME records; schedule : (F,) SCHEDULE records; dt_s : frame period, s
-    Writes channels and faults_active.
+    Writes channels, valid, ilm and faults_active.
     """
     row = block[k]
-    channels = row["channels"]
+    channels, valid, ilm = row["channels"], row["valid"], row["ilm"]
     frame = row["frame"]
     active = 0
     for f in range(len(schedule)):
@@ -170,13 +225,35 @@ def corrupt(block, k, schedule, dt_s):
         s = fault["signal"]
         mask = fault["channel"]
         for c in range(CHANNELS):
-            if mask[c] == 0:
-                continue
-            if fault["kind"] == _HARD:
-                channels[s, c] = fault["high"] if fault["value"] > 0.0 else fault["low"]
-                continue
-            error = fault["value"]
-            if fault["kind"] == _DRIFT:
-                error *= (frame - fault["first"]) * dt_s
-            channels[s, c] = limit(channels[s, c] + error, fault["low"], fault["high"], fault["wraps"])
+            if mask[c] != 0:
+                spoil(channels[s], valid[s], c, fault, (frame - fault["first"]) * dt_s)
+                ilm[s, c] = flagged(ilm[s, c], fault["flag"])
     row["faults_active"] = min(active, 255)
+
+
+@kernel
+def spoil(samples, valid, c, fault, elapsed_s):
+    """What a fault that has acted for ``elapsed_s`` makes of sample ``c`` and of its validity."""
+    kind = fault["kind"]
+    if kind == _HARD:
+        samples[c] = fault["high"] if fault["value"] > 0.0 else fault["low"]
+    elif kind == _DROPOUT:
+        if fault["value"] != 0.0:
+            valid[c] = 0
+        else:
+            samples[c] = np.nan
+    elif kind != _ILM:
+        error = fault["value"] * (elapsed_s if kind == _DRIFT else 1.0)
+        samples[c] = limit(samples[c] + error, fault["low"], fault["high"], fault["wraps"])
+
+
+@kernel
+def flagged(says, flag):
+    """The in-line monitor's answer under a fault; one that is not fitted stays absent."""
+    if flag == _LEAVE or (says != _BAD and says != _GOOD):
+        return says
+    if flag == _FLAG_BAD:
+        return _BAD
+    if flag == _FLAG_GOOD:
+        return _GOOD
+    return _BAD if says == _GOOD else _GOOD

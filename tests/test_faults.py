@@ -3,7 +3,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from rig.faults import Fault, Faults
-from rig.frame import INDEX, SIGNALS, new_block
+from rig.frame import INDEX, SIGNALS, Ilm, new_block
 
 RATE = 100.0
 RANGES = np.array([(signal.low, signal.high) for signal in SIGNALS])
@@ -12,9 +12,9 @@ BASE = {"signal": "pitch_rate", "channels": [2], "start_s": 0.1}
 PARSE = TypeAdapter(Fault)
 
 
-def corrupted(*faults: dict, healthy: float = 0.25, frames: int = 40) -> np.ndarray:
+def corrupted(*faults: dict, healthy: float = 0.25, frames: int = 40, ilm: int = Ilm.GOOD) -> np.ndarray:
     block = new_block(frames)
-    block["channels"] = healthy
+    block["channels"], block["valid"], block["ilm"] = healthy, 1, ilm
     stage = Faults([PARSE.validate_python({**BASE, **fault}) for fault in faults], RANGES, RATE)
     for k in range(frames):
         stage.step(block, k)
@@ -67,6 +67,39 @@ def test_one_fault_may_sit_on_several_channels():
 
 def test_nan_stays_nan():
     assert np.isnan(corrupted({"kind": "offset", "offset": 0.5}, healthy=np.nan)["channels"][30, Q, 1])
+
+
+def test_a_dropout_is_flagged_or_is_no_number():
+    flagged = corrupted({"kind": "dropout", "end_s": 0.2})
+    silent = corrupted({"kind": "dropout", "flagged": False, "end_s": 0.2})
+    assert (flagged["valid"][10:20, Q, 1] == 0).all() and flagged["valid"].sum() == flagged["valid"].size - 10
+    assert (flagged["channels"] == 0.25).all()
+    assert np.isnan(silent["channels"][10:20, Q, 1]).all() and np.isnan(silent["channels"]).sum() == 10
+    assert (silent["valid"] == 1).all()
+
+
+@pytest.mark.parametrize(
+    ("fault", "before", "within"),
+    [
+        ({"kind": "offset", "offset": 0.5, "seen_by_ilm": True}, Ilm.GOOD, Ilm.BAD),
+        ({"kind": "offset", "offset": 0.5}, Ilm.GOOD, Ilm.GOOD),
+        ({"kind": "ilm", "says": "bad"}, Ilm.GOOD, Ilm.BAD),
+        ({"kind": "ilm", "says": "good"}, Ilm.BAD, Ilm.GOOD),
+        ({"kind": "ilm", "says": "inverted"}, Ilm.GOOD, Ilm.BAD),
+        ({"kind": "ilm", "says": "inverted"}, Ilm.BAD, Ilm.GOOD),
+        ({"kind": "ilm", "says": "bad"}, Ilm.ABSENT, Ilm.ABSENT),
+    ],
+)
+def test_an_in_line_monitor_sees_a_fault_sticks_or_lies(fault, before, within):
+    block = corrupted(fault, ilm=before)
+    assert (block["ilm"][10:, Q, 1] == within).all()
+    block["ilm"][10:, Q, 1] = before
+    assert (block["ilm"] == before).all()
+
+
+def test_a_lie_after_a_seen_fault_hides_it():
+    seen, lie = {"kind": "hardover", "seen_by_ilm": True}, {"kind": "ilm", "says": "inverted"}
+    assert corrupted(seen, lie)["ilm"][30, Q, 1] == Ilm.GOOD
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from rig.recorded import Recording, Samples, read, read_config, vote
 from rig.recorded.cli import vote as mounted
 from rig.recorded.config import RecordedSignal, VoteConfig
 from rig.recorded.vote import FIELDS
+from rig.redundancy.config import MANAGERS
 
 if not any(command.callback is mounted for command in cli.app.registered_commands):
     cli.app.command()(mounted)
@@ -165,7 +166,7 @@ def disturbed(seed: int, channels: int) -> np.ndarray[Any, Any]:
     return samples
 
 
-@pytest.mark.parametrize("manager", ["cross-channel", "mean", "cross-voter"])
+@pytest.mark.parametrize("manager", MANAGERS)
 @pytest.mark.parametrize(("channels", "seed", "wraps"), [(4, 1, False), (4, 2, True), (3, 3, False), (2, 4, False)])
 def test_every_output_is_that_of_the_flight_bit_for_bit(manager: str, channels: int, seed: int, wraps: bool):
     rng = np.random.default_rng(seed)
@@ -219,6 +220,19 @@ def test_a_flown_log_votes_as_it_was_voted_in_flight(tmp_path: Path):
         for c, state in enumerate(out[name].state):
             assert (state == rows["state"][:, i, c]).all()
     assert any(signal.failures for signal in out.values())
+
+
+def test_a_manager_of_the_users_own_votes(run: Any, tmp_path: Path):
+    (tmp_path / "first_of_all.py").write_text(
+        "class First:\n"
+        "    def __init__(self, params):\n"
+        "        self.fitted = int(params['fitted'][0])\n"
+        "    def step(self, block, k):\n"
+        "        block[k]['voted'][0] = block[k]['channels'][0, 0]\n"
+        "        block[k]['level'][0] = self.fitted\n"
+    )
+    table, found = run(columns(constant(7, 0, 0)), {**SETTINGS, "manager": "first_of_all:First"})
+    assert failed(found) == {} and (table["x.voted"] == 7).all() and (table["x.level"] == 3).all()
 
 
 def test_the_mean_fails_nobody_and_says_so(run: Any):
