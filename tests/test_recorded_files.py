@@ -149,6 +149,7 @@ def refused(ran: tuple[int, str, str], name: str, says: str) -> None:
         (["in.csv", "--config", "c.toml", "--out", "/proc/o.csv"], "/proc/o.csv: cannot be written"),
         ([".", "--config", "c.toml", "--out", "o.csv"], "a folder: CONFIG needs a [mapping]"),
         (["in.csv", "--config", "c.toml", "--out", "o.csv", "--align"], "1 rows"),
+        (["in.csv", "--config", "c.toml", "--out", "o.csv", "--align-to", "3"], "need --align"),
     ],
 )
 def test_files_that_are_not_there_or_not_known_are_refused(arguments: list[str], says: str, rig: Any):

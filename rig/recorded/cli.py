@@ -25,10 +25,13 @@ def vote(
 ) -> None:
     """Vote on recorded channels with the redundancy manager of the flight."""
     from rig import recorded as stages
+    from rig.errors import BadInput
     from rig.recorded.summary import show, summary
     from rig.recorded.write import output
     from rig.show import console
 
+    if not align and (align_from, align_to) != (None, None):
+        raise BadInput("--align-from and --align-to need --align")
     seconds: dict[str, float] = {}
     clock = perf_counter()
 

@@ -15,7 +15,7 @@ import sys
 from collections.abc import Collection
 from math import pi
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from pydantic import Field, field_validator
 
 from rig.errors import BadInput
 from rig.frame import INDEX, SIGNALS, TWO_PI
-from rig.redundancy.config import RESETS, SignalConfig
+from rig.redundancy.config import MANAGERS, RESETS, SignalConfig
 from rig.redundancy.config import Reset as FlightReset
 from rig.settings import Settings, build, read_toml
 
@@ -39,7 +39,14 @@ class RecordedSignal(SignalConfig):
 
     range: list[float] | None = Field(default=None, min_length=2, max_length=2)  # a sample outside is invalid
     wraps: bool = False  # an angle in rad
-    manager: Literal["cross-channel", "mean", "cross-voter"] = "cross-channel"
+    manager: str = "cross-channel"  # one of rig.redundancy.MANAGERS, or module:Class
+
+    @field_validator("manager")
+    @classmethod
+    def _known_manager(cls, name: str) -> str:
+        if name not in MANAGERS and ":" not in name:
+            raise ValueError(f"unknown manager, allowed: {', '.join(MANAGERS)} or module:Class")
+        return name
 
     @property
     def limits(self) -> tuple[float, float]:

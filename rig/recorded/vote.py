@@ -17,9 +17,8 @@ from rig.frame import Ilm, Pattern, Resolver, State, new_block
 from rig.kernels import kernel
 from rig.recorded.config import RecordedSignal, Reset, reset_table
 from rig.recorded.record import Bytes, Floats, Recording, Samples
-from rig.redundancy.baselines import average, cross_voter
-from rig.redundancy.config import PARAMS, fill
-from rig.redundancy.manager import manage, new_state
+from rig.redundancy.config import MANAGERS, PARAMS, fill
+from rig.redundancy.managers import Manager, load_manager, vote_signals
 
 ROWS: Final = 256  # of a block: half a megabyte, which stays in the cache
 FIELDS: Final = ("voted", "level", "pattern", "resolver", "trend_high", "trend_low", "reference_usable")
@@ -65,8 +64,7 @@ def _vote_signal(recording: Recording, samples: Samples, settings: RecordedSigna
     n, fitted = len(recording.time_s), len(samples.channels)
     params = np.zeros(1, PARAMS)
     fill(params[0], settings, settings.limits, fitted, settings.wraps, recording.rate_hz)
-    state = new_state(params)
-    run = _RUN[settings.manager]
+    run = _manager(settings.manager, params, resets)
     out: dict[str, Any] = {name: np.empty(n, np.float64 if name == "voted" else np.uint8) for name in FIELDS}
     states = [np.empty(n, np.uint8) for _ in samples.channels]
     spread = np.empty(n)
@@ -75,7 +73,7 @@ def _vote_signal(recording: Recording, samples: Samples, settings: RecordedSigna
         part = slice(start, min(start + ROWS, n))
         rows = block[: part.stop - start]
         _put(rows, samples, part)
-        run(rows, params, state, resets)
+        run(rows)
         spreads(rows, params[0], spread[part])
         for name, column in out.items():
             column[part] = rows[name][:, 0]
@@ -106,32 +104,25 @@ def _put(rows: NDArray[Any], samples: Samples, part: slice) -> None:
         rows["reference"][:, 0] = samples.reference[part]
 
 
-@kernel
-def run_cross_channel(rows, params, state, resets):
-    """The cross-channel monitor over all rows."""
-    for k in range(len(rows)):
-        manage(rows, k, params, state, resets)
+def _manager(name: str, params: NDArray[np.void], resets: NDArray[np.void]) -> Callable[[NDArray[Any]], None]:
+    """What votes all rows of a block: a manager of the house, or the user's own ``module:Class``."""
+    if name in MANAGERS:
+        arguments = Manager(name, params, resets).arguments
+        return lambda rows: vote_rows(rows, *arguments)
+    own = load_manager(name, params)
+
+    def step_by_step(rows: NDArray[Any]) -> None:
+        for k in range(len(rows)):
+            own.step(rows, k)
+
+    return step_by_step
 
 
 @kernel
-def run_mean(rows, params, state, resets):
-    """The mean of all over all rows."""
+def vote_rows(rows, choice, params, state, resets):
+    """All rows through the chosen manager; see managers.vote_signals."""
     for k in range(len(rows)):
-        average(rows, k, params, state, resets)
-
-
-@kernel
-def run_cross_voter(rows, params, state, resets):
-    """The cross-voter monitor over all rows."""
-    for k in range(len(rows)):
-        cross_voter(rows, k, params, state, resets)
-
-
-_RUN: Final[dict[str, Callable[..., None]]] = {
-    "cross-channel": run_cross_channel,
-    "mean": run_mean,
-    "cross-voter": run_cross_voter,
-}
+        vote_signals(rows, k, choice, params, state, resets)
 
 
 @kernel

@@ -1,0 +1,80 @@
+"""The designed numbers of one aircraft's references: what reference_design.py writes to references.toml."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from rig.settings import Settings
+
+# The order of the coefficient table's columns; reference.py numbers them alike.
+COLUMNS: Final = (
+    "lift_slope_1_pa",
+    "zero_lift_alpha_rad",
+    "pitch_rate_gain",
+    "elevator_arm_m",
+    "side_slope_1_pa",
+    "roll_arm_m",
+    "yaw_arm_m",
+    "alpha_filter_s",
+)
+
+
+class Point(Settings):
+    """One flight point: how the aircraft answers the air there, its surfaces eliminated by the moments.
+
+        n_w = q_bar lift_slope (alpha - zero_lift_alpha) + V / g (1 - pitch_rate_gain) q - elevator_arm / g q_dot
+        n_y = q_bar side_slope beta + (roll_arm p_dot + yaw_arm r_dot) / g
+
+    n_w : load factor across the flight path; both at the centre of gravity
+    """
+
+    name: str
+    dynamic_pressure_pa: float = Field(gt=0.0)
+    lift_slope_1_pa: float = Field(gt=0.0)  # g per Pa and rad
+    zero_lift_alpha_rad: float
+    pitch_rate_gain: float = Field(gt=0.0)
+    elevator_arm_m: float
+    side_slope_1_pa: float = Field(lt=0.0)  # g per Pa and rad
+    roll_arm_m: float
+    yaw_arm_m: float
+    alpha_filter_s: float = Field(gt=0.0)  # second pole of pitch rate from angle of attack
+
+
+class Error(Settings):
+    """Reference less vote over all measured flights, unit of the signal."""
+
+    rms: float = Field(ge=0.0)
+    quantile_999: float = Field(ge=0.0)  # of its size: 99.9 % of frames are within
+    worst: float = Field(ge=0.0)
+    threshold: float = Field(gt=0.0)
+
+
+class Designed(Settings):
+    """One aircraft's references: coefficients by dynamic pressure, and the measured error of each source."""
+
+    rate_hz: float = Field(gt=0.0)  # the frame rate of the measurement
+    accelerometer_m: list[float] = Field(min_length=3, max_length=3)  # from the centre of gravity, x, y, z
+    points: list[Point] = Field(min_length=1)
+    errors: dict[str, dict[str, Error]] = Field(default_factory=dict)  # by signal and source
+
+    @model_validator(mode="after")
+    def _sorted(self) -> Self:
+        pressures = [point.dynamic_pressure_pa for point in self.points]
+        if any(b <= a for a, b in pairwise(pressures)):
+            raise ValueError("points must be in the order of rising dynamic pressure")
+        return self
+
+    def table(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Dynamic pressures (P,) [Pa] and the coefficients there (P, len(COLUMNS))."""
+        rows = [[getattr(point, name) for name in COLUMNS] for point in self.points]
+        return np.array([point.dynamic_pressure_pa for point in self.points]), np.array(rows)
+
+    def threshold(self, signal: str, source: str) -> float | None:
+        """The measured threshold of a reference, None when it was not measured."""
+        error = self.errors.get(signal, {}).get(source)
+        return None if error is None else error.threshold

@@ -1,0 +1,375 @@
+"""References: what a signal should read, from its physical partners or from the inertial unit.
+
+Every reference reads the votes of the last frame and this frame's ``inertial``; never the truth, never the
+signal that it is to judge.  It is NaN while one of its partners is lost.  In the first frame, when nothing
+has been voted before, the references begin with the frame's own votes.
+
+n_w is the load factor across the flight path, w the body rates, all angles in rad.
+Source: Zhang 2023, section 7 (pitch rate by a lead filter on angle of attack, or the inertial unit); the
+other partners follow from the equations of motion, as in Etkin, Dynamics of Atmospheric Flight.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from rig.angles import difference
+from rig.frame import INDEX, INERTIAL, SIGNALS, Block, S
+from rig.kernels import kernel
+from rig.redundancy.designed import COLUMNS, Designed
+from rig.settings import Settings
+
+
+class Config(Settings):
+    """The ``[redundancy.references]`` table: where each reference comes from."""
+
+    pitch_rate: Literal["angle_of_attack", "inertial", "none"] = "angle_of_attack"
+    roll_rate: Literal["attitude", "inertial", "none"] = "attitude"
+    yaw_rate: Literal["attitude", "inertial", "none"] = "attitude"
+    normal_load_factor: Literal["angle_of_attack", "none"] = "angle_of_attack"
+    angle_of_attack: Literal["load_factor", "none"] = "load_factor"
+    angle_of_sideslip: Literal["lateral_load_factor", "none"] = "lateral_load_factor"
+    dynamic_pressure: Literal["inertial", "none"] = "inertial"
+    attitude_filter_s: float = Field(default=0.03, gt=0)  # on attitudes, before they become rates
+    acceleration_filter_s: float = Field(default=0.05, gt=0)  # on body rates, before they become accelerations
+    inertial_lead_s: float = Field(default=0.015, ge=0)  # makes up for the unit's lag beyond that of the gyros
+
+
+_TURNING: Final = ("roll_rate", "pitch_rate", "yaw_rate")
+_ATTITUDE: Final = ("pitch_angle", "roll_angle", "heading")
+_AIR: Final = ("dynamic_pressure", "static_pressure")
+# What each source reads of the votes.
+PARTNERS: Final[dict[tuple[str, str], tuple[str, ...]]] = {
+    ("pitch_rate", "angle_of_attack"): (
+        *("angle_of_attack", "angle_of_sideslip", "roll_rate", "yaw_rate"),
+        *("pitch_angle", "roll_angle", *_AIR),
+    ),
+    ("pitch_rate", "inertial"): (),
+    ("roll_rate", "attitude"): _ATTITUDE,
+    ("roll_rate", "inertial"): (),
+    ("yaw_rate", "attitude"): _ATTITUDE,
+    ("yaw_rate", "inertial"): (),
+    ("normal_load_factor", "angle_of_attack"): ("angle_of_attack", "longitudinal_load_factor", *_TURNING, *_AIR),
+    ("angle_of_attack", "load_factor"): ("normal_load_factor", "longitudinal_load_factor", *_TURNING, *_AIR),
+    ("angle_of_sideslip", "lateral_load_factor"): ("lateral_load_factor", *_TURNING, *_AIR),
+    ("dynamic_pressure", "inertial"): ("static_pressure",),
+}
+
+PARAM: Final = np.dtype(
+    [
+        ("rate_hz", "f8"),
+        ("attitude_share", "f8"),  # of a new sample that passes the filter in one frame
+        ("acceleration_share", "f8"),
+        ("lead_frames", "f8"),
+        ("accelerometer", "f8", (3,)),  # m from the centre of gravity: forward, right, down
+        ("source", "u1", (S,)),
+        ("partners", "i8", (S,)),  # a bit for each signal that is read
+    ],
+    align=True,
+)
+STATE: Final = np.dtype(
+    [
+        ("voted", "f8", (S,)),  # the last votes, and below what is kept of them
+        ("smooth", "f8", (S,)),
+        ("slope", "f8", (S,)),  # change of ``smooth`` a second
+        ("rates", "f8", (3,)),  # of the inertial unit, last frame
+        ("coefficient", "f8", (len(COLUMNS),)),
+        ("alpha", "f8"),  # last reference of the angle of attack
+        ("lost", "i8"),  # a bit for each signal without a channel
+        ("smoothing", "i8"),  # a bit for each signal whose filter has begun
+        ("started", "u1"),
+    ],
+    align=True,
+)
+_NO_SOURCE, _PARTNERS, _INERTIAL = 0, 1, 2
+_GRAVITY: Final = 9.80665  # m/s2
+_SLOWEST: Final = 30.0  # m/s; divisions by airspeed take at least this
+_THINNEST: Final = 200.0  # Pa; divisions by dynamic pressure take at least this
+_STEEPEST: Final = 1.3  # rad of pitch; beyond it roll and heading say little
+_Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
+_NX, _NY, _NZ = (INDEX[f"{axis}_load_factor"] for axis in ("longitudinal", "lateral", "normal"))
+_ALPHA, _BETA = INDEX["angle_of_attack"], INDEX["angle_of_sideslip"]
+_STATIC, _DYNAMIC = INDEX["static_pressure"], INDEX["dynamic_pressure"]
+_THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
+(
+    _LIFT_SLOPE, _ZERO_LIFT, _GAIN, _ELEVATOR_ARM, _SIDE_SLOPE, _ROLL_ARM, _YAW_ARM, _ALPHA_FILTER
+) = range(len(COLUMNS))  # fmt: skip
+_ROLL, _PITCH, _YAW = (INERTIAL.index(f"{axis}_rate_rad_s") for axis in ("roll", "pitch", "yaw"))
+_NORTH: Final = INERTIAL.index("velocity_north_m_s")
+
+
+class References:
+    """The references of one flight.  ``state`` is plain data and can be copied."""
+
+    def __init__(self, config: Config, designed: Designed, rate_hz: float) -> None:
+        self.param = _parameters(config, designed, rate_hz)
+        self.pressures, self.table = designed.table()
+        self.state: NDArray[Any] = np.zeros(1, STATE)
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """What ``refer`` and ``remember`` need besides the row."""
+        return self.pressures, self.table, self.param, self.state
+
+
+def source(config: Config, signal: str) -> str:
+    """Where the reference of ``signal`` comes from, ``none`` when it has none."""
+    return getattr(config, signal, "none")
+
+
+def _parameters(config: Config, designed: Designed, rate_hz: float) -> NDArray[Any]:
+    param = np.zeros(1, PARAM)
+    row = param[0]
+    row["rate_hz"], row["lead_frames"] = rate_hz, config.inertial_lead_s * rate_hz
+    row["attitude_share"] = 1.0 - math.exp(-1.0 / (rate_hz * config.attitude_filter_s))
+    row["acceleration_share"] = 1.0 - math.exp(-1.0 / (rate_hz * config.acceleration_filter_s))
+    row["accelerometer"] = designed.accelerometer_m
+    for s, signal in enumerate(SIGNALS):
+        chosen = source(config, signal.name)
+        if chosen != "none":
+            row["source"][s] = _INERTIAL if chosen == "inertial" else _PARTNERS
+            row["partners"][s] = sum(1 << INDEX[name] for name in PARTNERS[signal.name, chosen])
+    return param
+
+
+@kernel
+def refer(block, k, pressures, table, param, state):
+    """Write ``reference`` of row k from the last frame's votes; NaN where there is none.
+
+    block : FRAME records; pressures (P,), table (P, C) : designed coefficients
+    param, state : one record of PARAM and of STATE; state in place
+    """
+    if state[0]["started"] == 0:
+        for s in range(S):
+            block[k]["reference"][s] = np.nan
+        return
+    answer(block[k], pressures, table, param, state)
+
+
+@kernel
+def remember(block, k, pressures, table, param, state):
+    """Keep the votes of row k for the next frame; in the first frame, begin with them."""
+    row, st = block[k], state[0]
+    voted, level = row["voted"], row["level"]
+    lost = 0
+    for s in range(S):
+        if level[s] == 0 or not math.isfinite(voted[s]):
+            lost |= 1 << s
+        else:
+            st["voted"][s] = voted[s]
+    st["lost"] = lost
+    if st["started"] == 0:
+        st["started"] = 1
+        for i in range(3):
+            st["rates"][i] = row["inertial"][i]
+        st["alpha"] = st["voted"][_ALPHA]
+        answer(row, pressures, table, param, state)
+        for s in range(S):
+            row["reference_usable"][s] = 1 if row["reference"][s] == row["reference"][s] else 0
+
+
+@kernel
+def answer(row, pressures, table, param, state):
+    """All references of a row, from what is kept of the votes and the row's inertial unit."""
+    p, st = param[0], state[0]
+    voted, reference, c = st["voted"], row["reference"], st["coefficient"]
+    look_up(pressures, table, voted[_DYNAMIC], c)
+    follow_all(p, st)
+    density = air_density(voted[_STATIC])
+    speed = max(math.sqrt(2.0 * max(voted[_DYNAMIC], 0.0) / density), _SLOWEST)
+    reference[_Q] = pitch_rate(c, st, speed)
+    reference[_P] = roll_rate(st)
+    reference[_R] = yaw_rate(st)
+    reference[_NZ] = normal_load_factor(c, p, st, speed)
+    reference[_ALPHA] = angle_of_attack(c, p, st, speed)
+    reference[_BETA] = angle_of_sideslip(c, p, st)
+    reference[_DYNAMIC] = dynamic_pressure(row["inertial"], density)
+    read_rates(row["inertial"], p, st, reference)
+    steep = abs(voted[_THETA]) > _STEEPEST
+    for s in range(S):
+        attitude = s in (_P, _R) and p["source"][s] == _PARTNERS
+        if p["source"][s] == _NO_SOURCE or (p["partners"][s] & st["lost"]) != 0 or (attitude and steep):
+            reference[s] = np.nan
+
+
+@kernel
+def look_up(pressures, table, dynamic_pressure, c):
+    """Coefficients at ``dynamic_pressure`` [Pa]: linear between the points, constant beyond the ends.
+
+    pressures : (P,) rising; table : (P, C); c : (C,), out
+    """
+    last = len(pressures) - 1
+    low = 0
+    while low < last - 1 and dynamic_pressure > pressures[low + 1]:
+        low += 1
+    high, share = min(low + 1, last), 0.0
+    if high > low:
+        share = (dynamic_pressure - pressures[low]) / (pressures[high] - pressures[low])
+    share = min(max(share, 0.0), 1.0)
+    for i in range(len(c)):
+        c[i] = table[low, i] + share * (table[high, i] - table[low, i])
+
+
+@kernel
+def follow_all(p, st):
+    """Move the filters of all signals whose rate of change is needed."""
+    hz = p["rate_hz"]
+    filter_s = st["coefficient"][_ALPHA_FILTER]
+    follow(st, _ALPHA, 1.0 - math.exp(-1.0 / (hz * filter_s)), hz, 0)
+    for s in (_THETA, _PHI, _PSI):
+        follow(st, s, p["attitude_share"], hz, 0 if s == _THETA else 1)
+    for s in (_Q, _P, _R):
+        follow(st, s, p["acceleration_share"], hz, 0)
+
+
+@kernel
+def follow(st, s, share, rate_hz, wraps):
+    """First-order filter on the vote of signal s, and its slope; it begins anew after a loss.
+
+    y += share (x - y);  slope = change of y a second
+    """
+    bit = 1 << s
+    x, y = st["voted"][s], st["smooth"][s]
+    if (st["lost"] & bit) != 0:
+        st["smoothing"] &= ~bit
+    elif (st["smoothing"] & bit) == 0:
+        st["smoothing"] |= bit
+        st["smooth"][s], st["slope"][s] = x, 0.0
+    else:
+        move = share * difference(x, y, wraps)
+        st["smooth"][s], st["slope"][s] = y + move, move * rate_hz
+
+
+@kernel
+def air_density(static_pressure):
+    """Density [kg/m3] of the International Standard Atmosphere where it has ``static_pressure`` [Pa].
+
+    T = 288.15 (p / 101325)^0.190263, not below 216.65 K;  rho = p / (287.05287 T)    (ISO 2533, up to 20 km)
+    """
+    pressure = max(static_pressure, 1000.0)
+    temperature = max(288.15 * math.pow(pressure / 101_325.0, 0.190263), 216.65)
+    return pressure / (287.05287 * temperature)
+
+
+@kernel
+def lift(c, st, alpha):
+    """n_w that the wing gives at ``alpha``: q_bar lift_slope (alpha - zero_lift_alpha)."""
+    return st["voted"][_DYNAMIC] * c[_LIFT_SLOPE] * (alpha - c[_ZERO_LIFT])
+
+
+@kernel
+def turning_lift(c, st, speed):
+    """n_w that pitching adds, and the tail with it: V / g (1 - gain) q - elevator_arm / g q_dot."""
+    gain, arm = c[_GAIN], c[_ELEVATOR_ARM]
+    return (speed * (1.0 - gain) * st["voted"][_Q] - arm * st["slope"][_Q]) / _GRAVITY
+
+
+@kernel
+def pitch_rate(c, st, speed):
+    """Pitch rate from the angle of attack (Zhang, section 7): (s + Y) / k on alpha, with a second pole.
+
+        q = (alpha_dot + (p cos alpha + r sin alpha) tan beta + g / (V cos beta) (n_w - n_g)) / k
+        n_g = cos alpha cos theta cos phi + sin alpha sin theta
+
+    n_w (alpha) is Y alpha and the trim; n_g is gravity along it, which makes a turn's pitch rate come out
+    right; k is pitch_rate_gain.  A gust's alpha_dot is taken for pitching: that is its error.
+    """
+    voted = st["voted"]
+    alpha, beta, theta = st["smooth"][_ALPHA], voted[_BETA], voted[_THETA]
+    sin_alpha, cos_alpha = math.sin(alpha), math.cos(alpha)
+    gravity = cos_alpha * math.cos(theta) * math.cos(voted[_PHI]) + sin_alpha * math.sin(theta)
+    coupling = (voted[_P] * cos_alpha + voted[_R] * sin_alpha) * math.tan(beta)
+    path = _GRAVITY / (speed * math.cos(beta)) * (lift(c, st, alpha) - gravity)
+    return (st["slope"][_ALPHA] + coupling + path) / c[_GAIN]
+
+
+@kernel
+def roll_rate(st):
+    """Roll rate from attitude: p = phi_dot - psi_dot sin theta."""
+    return st["slope"][_PHI] - st["slope"][_PSI] * math.sin(st["smooth"][_THETA])
+
+
+@kernel
+def yaw_rate(st):
+    """Yaw rate from attitude: r = psi_dot cos theta cos phi - theta_dot sin phi."""
+    theta, phi = st["smooth"][_THETA], st["smooth"][_PHI]
+    return st["slope"][_PSI] * math.cos(theta) * math.cos(phi) - st["slope"][_THETA] * math.sin(phi)
+
+
+@kernel
+def normal_load_factor(c, p, st, speed):
+    """Load factor at the accelerometers from the angle of attack.
+
+    n_z = (n_w + n_x sin alpha) / cos alpha + what turning adds at the accelerometers' place
+    """
+    voted = st["voted"]
+    across = lift(c, st, voted[_ALPHA]) + turning_lift(c, st, speed)
+    along = voted[_NX] * math.sin(voted[_ALPHA])
+    return (across + along) / math.cos(voted[_ALPHA]) + normal_by_turning(p, st)
+
+
+@kernel
+def angle_of_attack(c, p, st, speed):
+    """Angle of attack from the load factor: n_w = n_z cos alpha - n_x sin alpha, solved for alpha.
+
+    The sine and the cosine are those of the last answer, kept within a quarter turn.
+    """
+    voted = st["voted"]
+    centre = voted[_NZ] - normal_by_turning(p, st)
+    across = centre * math.cos(st["alpha"]) - voted[_NX] * math.sin(st["alpha"])
+    slope = max(voted[_DYNAMIC], _THINNEST) * c[_LIFT_SLOPE]
+    alpha = c[_ZERO_LIFT] + (across - turning_lift(c, st, speed)) / slope
+    st["alpha"] = min(max(alpha, -1.5), 1.5)
+    return alpha
+
+
+@kernel
+def angle_of_sideslip(c, p, st):
+    """Sideslip from the lateral load factor: n_y at the centre of gravity over q_bar side_slope."""
+    voted, slope = st["voted"], st["slope"]
+    centre = voted[_NY] - lateral_by_turning(p, st)
+    surfaces = (c[_ROLL_ARM] * slope[_P] + c[_YAW_ARM] * slope[_R]) / _GRAVITY
+    return (centre - surfaces) / (max(voted[_DYNAMIC], _THINNEST) * c[_SIDE_SLOPE])
+
+
+@kernel
+def normal_by_turning(p, st):
+    """What turning adds to n_z at the accelerometers, a = w_dot x place + w x (w x place), upwards in g."""
+    place, voted, slope = p["accelerometer"], st["voted"], st["slope"]
+    x, y, z = place[0], place[1], place[2]
+    roll, pitch, yaw = voted[_P], voted[_Q], voted[_R]
+    spin = yaw * (roll * x + pitch * y + yaw * z) - z * (roll * roll + pitch * pitch + yaw * yaw)
+    return (slope[_Q] * x - slope[_P] * y - spin) / _GRAVITY
+
+
+@kernel
+def lateral_by_turning(p, st):
+    """What turning adds to n_y at the accelerometers, to the right in g."""
+    place, voted, slope = p["accelerometer"], st["voted"], st["slope"]
+    x, y, z = place[0], place[1], place[2]
+    roll, pitch, yaw = voted[_P], voted[_Q], voted[_R]
+    spin = pitch * (roll * x + pitch * y + yaw * z) - y * (roll * roll + pitch * pitch + yaw * yaw)
+    return (slope[_R] * x - slope[_P] * z + spin) / _GRAVITY
+
+
+@kernel
+def dynamic_pressure(inertial, density):
+    """Dynamic pressure from the speed over ground: rho v^2 / 2.  Wind is its error."""
+    north, east, down = inertial[_NORTH], inertial[_NORTH + 1], inertial[_NORTH + 2]
+    return 0.5 * density * (north * north + east * east + down * down)
+
+
+@kernel
+def read_rates(inertial, p, st, reference):
+    """The inertial unit's rates where they are the chosen source, led by ``inertial_lead_s`` (Zhang, section 7)."""
+    for i in range(3):
+        rate = inertial[i] + p["lead_frames"] * (inertial[i] - st["rates"][i])
+        st["rates"][i] = inertial[i]
+        s = _P if i == _ROLL else _Q if i == _PITCH else _R
+        if p["source"][s] == _INERTIAL:
+            reference[s] = rate

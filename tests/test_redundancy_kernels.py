@@ -1,0 +1,246 @@
+"""The small kernels one by one: resolvers, trend, weights, discretes, settings."""
+
+import numpy as np
+import pytest
+from conftest import constant, vote_samples
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from rig.frame import DISCRETES, Ilm, Resolver, State, new_block
+from rig.redundancy import resolve, trend, vote
+from rig.redundancy.config import Config, Reset, SignalConfig, reset_table
+from rig.redundancy.discrete import DiscreteVoter
+
+LOW, HIGH, NONE = resolve.LOW_SIDE, resolve.HIGH_SIDE, resolve.NO_ANSWER
+ORDER = np.array([2, 0, 3, 1])  # channels by ascending value: 3 and 1 below, 4 and 2 above
+GOOD, BAD, ABSENT = int(Ilm.GOOD), int(Ilm.BAD), int(Ilm.ABSENT)
+
+
+@pytest.mark.parametrize(
+    ("flags", "n", "sides"),
+    [
+        ([GOOD, BAD, GOOD, BAD], 4, HIGH),
+        ([BAD, GOOD, BAD, GOOD], 4, LOW),
+        ([GOOD, GOOD, GOOD, BAD], 4, NONE),
+        ([GOOD, BAD, BAD, BAD], 4, NONE),
+        ([BAD, GOOD, GOOD, GOOD], 4, NONE),
+        ([BAD, BAD, BAD, GOOD], 4, NONE),
+        ([GOOD, ABSENT, GOOD, ABSENT], 4, NONE),
+        ([ABSENT, GOOD, ABSENT, GOOD], 4, NONE),
+        ([BAD, ABSENT, GOOD, ABSENT], 2, HIGH),
+        ([GOOD, ABSENT, BAD, ABSENT], 2, LOW),
+        ([GOOD, ABSENT, GOOD, ABSENT], 2, NONE),
+        ([BAD, ABSENT, BAD, ABSENT], 2, NONE),
+    ],
+)
+def test_in_line_monitors_are_believed_only_when_they_follow_the_pairing(flags, n, sides):
+    assert resolve.by_ilm(np.array(flags, np.uint8), ORDER, n) == sides
+
+
+@pytest.mark.parametrize(
+    ("high", "low", "reference", "sides", "middle"),
+    [
+        (5.0, 0.0, 6.0, LOW, 5.0),
+        (5.0, 0.0, 5.0, LOW, 5.0),
+        (5.0, 0.0, -1.0, HIGH, 0.0),
+        (5.0, 0.0, 0.0, HIGH, 0.0),
+        (5.0, 0.0, 2.5, HIGH | LOW, 2.5),
+        (5.0, 0.0, 4.5, LOW, 4.5),
+        (5.0, 0.0, 0.5, HIGH, 0.5),
+        (5.0, 0.0, 1.0, HIGH, 1.0),
+        (5.0, 0.0, 4.0, LOW, 4.0),
+        (1.5, 0.0, 0.75, 0, 0.75),
+    ],
+)
+def test_a_reference_makes_a_triplex_with_the_two_ranks(high, low, reference, sides, middle):
+    assert resolve.by_reference(high, low, reference, 1, 1.0) == sides
+    assert resolve.middle(high, low, reference) == middle
+    assert resolve.by_reference(high, low, reference, 0, 1.0) == NONE
+
+
+def test_a_split_around_a_reference_that_is_near_neither_fails_all_four():
+    out = vote_samples(constant(0, 0.1, 5, 5.1), reference=2.5, resolvers=["reference"])
+    assert out.failed_at() == [10, 10, 10, 10]
+    assert (out.voted == 2.5).all() and out.level[9] == 0
+
+
+def test_a_split_around_a_reference_that_is_near_both_fails_nobody():
+    out = vote_samples(constant(0, 0.1, 1.6, 1.7), reference=0.8, resolvers=["reference"])
+    assert out.failed_at() == [None] * 4
+    assert (out.resolver == Resolver.REFERENCE).all() and (out.voted == 0.8).all()
+
+
+def test_an_unusable_reference_is_not_asked():
+    reference = np.zeros(60)
+    samples = constant(0, 0, 0, 0, frames=60)
+    reference[:20] = 9.0  # off a healthy vote for long enough
+    samples[20:, 2:] = 5.0
+    out = vote_samples(samples, reference=reference, resolvers=["reference"])
+    assert (out.resolver[20:] == Resolver.UNRESOLVED).all() and out.failed_at() == [None] * 4
+
+
+@pytest.mark.parametrize(("resolvers", "first"), [(["trend", "ilm"], Resolver.TREND), (["ilm", "trend"], Resolver.ILM)])
+def test_the_resolvers_are_asked_in_their_order(resolvers, first):
+    ilm = np.tile([BAD, BAD, GOOD, GOOD], (30, 1))
+    out = vote_samples(constant(0, 0.1, 5, 5.1), ilm=ilm, resolvers=resolvers)
+    assert out.resolver[5] == first
+
+
+def test_a_duplex_split_is_settled_like_a_quadruplex_one():
+    pair = np.column_stack([constant(0, 5), np.full((30, 2), np.nan)])
+    still = vote_samples(pair, channels=2)
+    rising = vote_samples(pair + np.arange(30.0)[:, None], channels=2)
+    ilm = vote_samples(pair, channels=2, ilm=np.tile([BAD, GOOD, ABSENT, ABSENT], (30, 1)))
+    assert still.failed_at() == [None, 10, None, None]
+    assert rising.failed_at() == [10, None, None, None]
+    assert ilm.failed_at() == [10, None, None, None]
+
+
+@pytest.mark.parametrize("frames", range(1, 9))
+def test_a_trend_byte_of_any_length_answers_after_as_many_changes(frames):
+    out = vote_samples(constant(0, 0.1, 5, 5.1), trend_frames=frames)
+    asked = np.flatnonzero(out.resolver == Resolver.TREND)
+    assert asked[0] == frames
+    rising = vote_samples(constant(0, 0.1, 5, 5.1) + np.arange(30.0)[:, None], trend_frames=frames)
+    assert rising.trend_high[frames] == 2**frames - 1 == rising.trend_high.max()
+
+
+def test_a_trend_byte_shifts_left_and_keeps_the_last_bits():
+    steps = np.cumsum([0, 1, -1, 1, 1, 0, 1])
+    out = vote_samples(np.tile(steps[:, None], (1, 4)).astype(float), trend_frames=3, threshold=0.5)
+    assert out.trend_high.tolist() == [0, 0b1, 0b10, 0b101, 0b011, 0b110, 0b101]
+    assert out.trend_low.tolist() == out.trend_high.tolist()
+
+
+def test_a_trend_byte_starts_anew_when_the_number_of_valid_samples_changes():
+    samples = constant(0, 0.1, 5, 5.1, frames=20)
+    samples[6, 0] = np.nan
+    out = vote_samples(samples, resolvers=["trend"])
+    assert (out.resolver[3:6] == Resolver.TREND).all()
+    assert (out.resolver[7:10] == Resolver.UNRESOLVED).all() and (out.resolver[10:16] == Resolver.TREND).all()
+
+
+@pytest.mark.parametrize(
+    ("high", "low", "seen", "says"),
+    [(7, 7, 3, 1), (0, 0, 3, 0), (7, 0, 3, -1), (0, 7, 3, -1), (5, 5, 3, -1), (7, 7, 2, -1), (0, 0, 2, -1)],
+)
+def test_a_verdict_needs_both_bytes_whole_and_alike(high, low, seen, says):
+    assert trend.verdict(high, low, seen, 3) == says
+
+
+@given(st.floats(-1e3, 1e3), st.floats(0, 1e3), st.floats(0, 1))
+def test_a_weighted_mean_stays_between_its_two_values(low, width, weight):
+    out = vote.mean(low, low + width, weight)
+    assert low <= out <= low + width
+    assert out == pytest.approx(low + weight * width, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("rise_high", "rise_low", "rise_vote", "share"),
+    [
+        (1.0, 3.0, 1.0, 1.0),
+        (1.0, 3.0, 3.0, 0.0),
+        (1.0, 3.0, 2.0, 0.5),
+        (2.0, 6.0, 3.0, 0.75),
+        (-2.0, -6.0, -3.0, 0.75),
+        (1.0, -3.0, 1.0, 0.5),
+        (0.0, 3.0, 0.0, 0.5),
+        (2.0, 2.0, 2.0, 0.5),
+    ],
+)
+def test_the_value_that_moves_like_the_vote_weighs_more(rise_high, rise_low, rise_vote, share):
+    assert vote.trend_weight(rise_high, rise_low, rise_vote) == share
+
+
+def test_the_trend_weighted_mean_follows_the_rank_that_moved_like_the_vote():
+    samples = np.array([[0.0, 0.0, 0.5, 0.5], [0.1, 0.1, 0.6, 0.6], [0.2, 0.2, 0.9, 0.9]])
+    plain, weighted = vote_samples(samples), vote_samples(samples, mean="trend-weighted")
+    assert plain.voted.tolist() == pytest.approx([0.25, 0.35, 0.55])
+    assert weighted.voted.tolist() == pytest.approx([0.25, 0.35, 0.2])
+
+
+def discretes(samples, persistence: int = 3):
+    """Rows of the first discrete (fail-safe 0); the others agree on their fail-safe value."""
+    block = new_block(len(samples))
+    block["discrete_channels"] = np.array([d.fail_safe for d in DISCRETES])[:, None]
+    block["discrete_channels"][:, 0] = samples
+    stage = DiscreteVoter(persistence)
+    for k in range(len(block)):
+        stage.step(block, k)
+    return block
+
+
+@pytest.mark.parametrize(
+    ("samples", "voted"),
+    [((1, 1, 1, 0), 1), ((0, 0, 0, 1), 0), ((1, 1, 0, 0), 0), ((1, 1, 1, 1), 1), ((0, 0, 0, 0), 0)],
+)
+def test_a_discrete_is_its_majority_and_a_tie_its_fail_safe_value(samples, voted):
+    block = discretes([samples])
+    assert block["discrete_voted"][0, 0] == voted
+    assert block["discrete_voted"][0, 1] == 1  # gear_down, fail-safe 1, untouched
+
+
+def test_a_tie_of_a_discrete_whose_fail_safe_is_one_gives_one():
+    block = new_block(1)
+    block["discrete_channels"][0, 1] = [1, 1, 0, 0]
+    DiscreteVoter(3).step(block, 0)
+    assert block["discrete_voted"][0, 1] == 1
+
+
+def test_a_discrete_channel_that_differs_for_its_persistence_is_failed_for_good():
+    samples = [(1, 1, 1, 0)] * 2 + [(1, 1, 1, 1)] + [(1, 1, 1, 0)] * 3 + [(1, 1, 1, 1)] * 2
+    block = discretes(samples)
+    assert (
+        block["discrete_state"][:, 0, 3].tolist()
+        == [State.SUSPECT] * 2 + [State.OK] + [State.SUSPECT] * 2 + [State.FAILED] * 3
+    )
+    assert block["discrete_level"][:, 0].tolist() == [4] * 5 + [3] * 3
+
+
+def test_failed_discrete_channels_have_no_vote():
+    samples = [(1, 1, 1, 0)] * 3 + [(1, 0, 0, 0)] * 4
+    block = discretes(samples)
+    assert block["discrete_voted"][3:, 0].tolist() == [0] * 4  # two of three now say 0
+    assert block["discrete_level"][-1, 0] == 2
+
+
+def test_the_last_discrete_channel_is_its_own_majority():
+    samples = [(1, 1, 0, 0)] * 3 + [(1, 1, 0, 1)] * 3 + [(0, 0, 1, 0)] * 4
+    block = discretes(samples)
+    assert block["discrete_voted"][:, 0].tolist() == [0] * 6 + [1] * 4
+    assert block["discrete_level"][-1, 0] == 1
+
+
+def test_settings_become_frames_and_records():
+    table = reset_table([Reset(at_s=0.105, signal="heading", channels=[2, 4])], 100.0)
+    assert (table["frame"][0], table["signal"][0], table["channel"][0].tolist()) == (11, 15, [0, 1, 0, 1])
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"threshold": 0.0},
+        {"persistence": 0},
+        {"trend_frames": 0},
+        {"trend_frames": 9},
+        {"resolvers": ["ilm", "ilm"]},
+        {"resolvers": ["oracle"]},
+        {"mean": "mode"},
+    ],
+)
+def test_impossible_settings_of_a_signal_are_refused(bad):
+    with pytest.raises(ValidationError):
+        SignalConfig.model_validate({"threshold": 1.0, **bad})
+
+
+@pytest.mark.parametrize("bad", [{"signal": "pitchrate"}, {"channels": [5]}, {"channels": []}, {"at_s": -1.0}])
+def test_impossible_resets_are_refused(bad):
+    with pytest.raises(ValidationError):
+        Reset.model_validate({"at_s": 1.0, "signal": "heading", **bad})
+
+
+@pytest.mark.parametrize("name", ["average", "module.Class", "a b:C"])
+def test_an_unknown_manager_is_refused(name):
+    with pytest.raises(ValidationError, match="unknown manager"):
+        Config.model_validate({"manager": name, "signals": {}})
