@@ -2,7 +2,8 @@
 
 A fault acts from ``start_s`` (included) to ``end_s`` (excluded; to the end of the flight when not
 given).  Several on one channel act in the order of the schedule.  What a sensor says after that still
-cannot leave its range.
+cannot leave its range.  A fault sits on channels of a signal, or on one quantity of the inertial unit:
+``signal = "inertial.pitch_rate_rad_s"``, without channels.
 """
 
 from __future__ import annotations
@@ -16,9 +17,14 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
 from rig.angles import limit
-from rig.frame import CHANNELS, INDEX, SIGNALS, Block, Ilm, to_frame
+from rig.frame import CHANNELS, INDEX, INERTIAL, SIGNALS, Block, Ilm, S, to_frame
 from rig.kernels import kernel
 from rig.settings import Settings
+
+
+_SIGNALS: Final = S
+# Where a fault can sit: a signal's index, or behind the signals a quantity of the inertial unit.
+PLACES: Final = {**INDEX, **{f"inertial.{name}": S + i for i, name in enumerate(INERTIAL)}}
 
 
 class Kind(IntEnum):
@@ -43,15 +49,15 @@ class Flag(IntEnum):
 class _Fault(Settings):
     id: str | None = None  # defaults to "<kind> <signal>.<channels>"
     signal: str
-    channels: list[int] = Field(min_length=1)
+    channels: list[int] = []  # of a signal; the inertial unit has none
     start_s: float = Field(ge=0)
     end_s: float | None = Field(default=None, gt=0)
 
     @field_validator("signal")
     @classmethod
     def _known(cls, name: str) -> str:
-        if name not in INDEX:
-            raise ValueError(f"unknown signal, allowed: {', '.join(INDEX)}")
+        if name not in PLACES:
+            raise ValueError(f"unknown signal, allowed: {', '.join(PLACES)}")
         return name
 
     @field_validator("channels")
@@ -67,11 +73,24 @@ class _Fault(Settings):
             raise ValueError(f"end_s ({self.end_s:g}) must be after start_s ({self.start_s:g})")
         return self
 
+    @model_validator(mode="after")
+    def _placed(self) -> _Fault:
+        if self.signal in INDEX:
+            if not self.channels:
+                raise ValueError("channels: at least 1 is needed")
+        elif self.channels:
+            raise ValueError(f"channels: {self.signal} has none, got {self.channels}")
+        elif self.kind not in ("offset", "drift", "hardover"):  # type: ignore[attr-defined]  # every kind has one
+            raise ValueError("kind: the inertial unit can have offset, drift and hardover")
+        elif getattr(self, "seen_by_ilm", False):
+            raise ValueError("seen_by_ilm: the inertial unit has no in-line monitor")
+        return self
+
     @property
     def label(self) -> str:
         """The fault's name in events and tables."""
-        numbers = ",".join(str(channel) for channel in self.channels)
-        return self.id or f"{self.kind} {self.signal}.{numbers}"  # type: ignore[attr-defined]  # every kind has one
+        place = ".".join(filter(None, (self.signal, ",".join(map(str, self.channels)))))
+        return self.id or f"{self.kind} {place}"  # type: ignore[attr-defined]  # every kind has one
 
 
 class _Spoiled(_Fault):
@@ -183,16 +202,19 @@ class Faults:
     """Corrupts the channels of each frame according to the schedule."""
 
     def __init__(self, faults: Sequence[Fault], ranges: NDArray[np.float64], rate_hz: float) -> None:
-        """``ranges`` (S, 2): the lowest and highest sample of each signal's sensor."""
+        """``ranges`` (S, 2): the lowest and highest sample of each signal's sensor, then of the inertial unit's
+        quantities if faults sit on them.
+        """
         self._dt_s = 1.0 / rate_hz
         self.schedule = np.zeros(len(faults), SCHEDULE)
         for row, fault in zip(self.schedule, faults, strict=True):
-            signal = INDEX[fault.signal]
+            place = PLACES[fault.signal]
             row["kind"], row["value"] = fault.row
             row["flag"] = fault.flag
-            row["signal"], row["wraps"] = signal, SIGNALS[signal].wraps
-            row["low"], row["high"] = ranges[signal]
-            row["channel"][np.array(fault.channels) - 1] = 1
+            row["signal"], row["wraps"] = place, place < S and SIGNALS[place].wraps
+            row["low"], row["high"] = ranges[place]
+            for channel in fault.channels:
+                row["channel"][channel - 1] = 1
             row["first"], row["last"] = window(fault, rate_hz)
 
     @property
@@ -211,7 +233,7 @@ def corrupt(block, k, schedule, dt_s):
 
     offset: x + d    drift: x + d (t - t0)    hardover: the end of the range    dropout: invalid, or NaN
     block : FRAME records; schedule : (F,) SCHEDULE records; dt_s : frame period, s
-    Writes channels, valid, ilm and faults_active.
+    Writes channels, valid, ilm, inertial and faults_active.
     """
     row = block[k]
     channels, valid, ilm = row["channels"], row["valid"], row["ilm"]
@@ -223,6 +245,9 @@ def corrupt(block, k, schedule, dt_s):
             continue
         active += 1
         s = fault["signal"]
+        if s >= _SIGNALS:
+            spoil(row["inertial"], valid[0], s - _SIGNALS, fault, (frame - fault["first"]) * dt_s)
+            continue
         mask = fault["channel"]
         for c in range(CHANNELS):
             if mask[c] != 0:

@@ -73,7 +73,7 @@ class Scenario(Settings):
         """Every fault sits on channels that its signal has, and under a name of its own."""
         labels: set[str] = set()
         for i, fault in enumerate(self.faults):
-            fitted = getattr(self.sensors, fault.signal).channels
+            fitted = getattr(self.sensors, fault.signal).channels if fault.channels else 0
             beyond = [channel for channel in fault.channels if channel > fitted]
             if beyond:
                 raise ValueError(f"faults.{i}.channels: {fault.signal} has {fitted} channels, got {beyond}")
