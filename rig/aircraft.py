@@ -1,4 +1,5 @@
-"""An aircraft is a folder: ``aircraft.toml`` (airframe, sensors, monitors) and ``gains.toml`` (designed).
+"""An aircraft is a folder: ``aircraft.toml`` (airframe, sensors, monitors), and what was designed from it:
+``gains.toml`` (control law) and ``references.toml``.
 
 ``defaults.toml`` beside the bundled aircraft holds what they share; an aircraft's own file says what
 differs.  Tables are merged as plain data here and checked once, by scenario.py.
@@ -34,13 +35,19 @@ def folder(name: str) -> Path:
 
 
 def tables(name: str) -> dict[str, Any]:
-    """Everything that is known of an aircraft: defaults, its own tables, its designed gains."""
-    own = folder(name)
-    merged = merge(read_toml(bundled("aircraft") / "defaults.toml"), read_toml(own / "aircraft.toml"))
-    gains = own / "gains.toml"
-    if not gains.is_file():
-        raise BadInput(f"{gains}: no such file, write it with: rig aircraft design {name}")
-    return merge(merged, {"gains": read_toml(gains)})
+    """Everything that is known of an aircraft: defaults, its own tables, its designed gains and references."""
+    merged = own_tables(name)
+    for kind in ("gains", "references"):
+        path = folder(name) / f"{kind}.toml"
+        if not path.is_file():
+            raise BadInput(f"{path}: no such file, write it with: rig aircraft design {name}")
+        merged = merge(merged, {kind: read_toml(path)})
+    return merged
+
+
+def own_tables(name: str) -> dict[str, Any]:
+    """What an aircraft is before anything is designed: the defaults and its own tables."""
+    return merge(read_toml(bundled("aircraft") / "defaults.toml"), read_toml(folder(name) / "aircraft.toml"))
 
 
 def merge(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from rig.events import EventFinder
 from rig.faults import corrupt
 from rig.flight import fly, intervals, metadata
 from rig.frame import TIMING, Block, new_block
+from rig.inertial import sense
 from rig.kernels import bind
 from rig.log import LogWriter
 from rig.plant import jsbsim
@@ -31,7 +32,7 @@ from rig.verdict import Verdict
 
 BARE_S = 4.0  # hands off, an unstable airframe is reloaded before it leaves its flight point
 Step = Callable[[Block, int], Any]
-STAGES = ("plant.read", "sensors", "faults", "redundancy", "control", "plant.step")
+STAGES = ("plant.read", "sensors", "inertial", "faults", "redundancy", "control", "plant.step")
 PER_BLOCK = ("prepare", "events", "verdict", "log")
 
 
@@ -121,7 +122,7 @@ def _stages_us(scenario: Scenario, out: Path) -> dict[str, float]:
 
 def _bound(rig: loop.Rig, block: Block) -> dict[str, Step]:
     """loop.Rig.frame taken apart: the same kernels, one by one."""
-    kernels = {"sensors": measure, "faults": corrupt, "redundancy": vote_row, "control": fly_row}
+    kernels = {"sensors": measure, "inertial": sense, "faults": corrupt, "redundancy": vote_row, "control": fly_row}
     steps: dict[str, Step] = {"plant.read": rig.plant.read}
     for name, function in kernels.items():
         arguments = getattr(rig, name).arguments

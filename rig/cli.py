@@ -16,6 +16,7 @@ from typing import Annotated, Any
 import typer
 
 from rig.errors import BadInput, RigError
+from rig.recorded.cli import vote
 
 HELP = {"help_option_names": ["-h", "--help"]}
 PLAIN: dict[str, Any] = {
@@ -134,6 +135,9 @@ def signals(
     data = {"signals": list(map(asdict, SIGNALS)), "discretes": list(map(asdict, DISCRETES))}
     text = show.signals_markdown if markdown else show.signals
     _print(as_json, lambda: data, text)
+
+
+app.command()(vote)
 
 
 @scenario_app.command("show")

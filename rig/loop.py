@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rig import sensors
+from rig import inertial, sensors
 from rig.control.autopilot import Control
 from rig.control.flying import fly
 from rig.faults import Faults, corrupt
 from rig.frame import TIMING, Block, new_block
+from rig.inertial import Inertial, sense
 from rig.kernels import bind, kernel
 from rig.pace import Pace
 from rig.pilot import Pilot
@@ -50,10 +51,12 @@ class Rig:
             int(seeds["plant"].generate_state(1)[0]) & 0x7FFFFFFF,
         )
         self.sensors = Sensors(suite, rate_hz, seeds["sensors"])
-        self.faults = Faults(scenario.faults, ranges, rate_hz)
-        self.redundancy = Redundancy(scenario.redundancy, ranges, channels, rate_hz)
+        self.inertial = Inertial(scenario.inertial, rate_hz, seeds["inertial"])
+        self.faults = Faults(scenario.faults, np.vstack([ranges, inertial.ranges()]), rate_hz)
+        self.redundancy = Redundancy(scenario.redundancy, ranges, channels, scenario.references, rate_hz)
         self.control = Control(scenario.control, scenario.gains, rate_hz, frame.surface_limits)
         self.control.reset(self.plant.trim)
+        self._stages = (self.sensors, self.inertial, self.faults, self.redundancy, self.control)
         self._arguments = self._gather()
         compiled = self.redundancy.own is None
         self._compute = bind(compute, new_block(1), 0, *self._arguments) if compiled else self._one_by_one
@@ -62,15 +65,16 @@ class Rig:
         """What is drawn or planned a block at a time: stick and demands, sensor noise."""
         self.pilot.prepare(block)
         self.sensors.prepare(block)
+        self.inertial.prepare(block)
         self._arguments = self._gather()
 
     def _gather(self) -> tuple[tuple[Any, ...], ...]:
         """The parameters and states of the stages between two looks at the plant."""
-        return tuple(stage.arguments for stage in (self.sensors, self.faults, self.redundancy, self.control))
+        return tuple(stage.arguments for stage in self._stages)
 
     def _one_by_one(self, block: Block, k: int, *_: Any) -> None:
         """What ``compute`` does, stage by stage: for a manager of the user's own, which is not compiled."""
-        for stage in (self.sensors, self.faults, self.redundancy, self.control):
+        for stage in self._stages:
             stage.step(block, k)
 
     def frame(self, block: Block, k: int) -> int:
@@ -83,12 +87,13 @@ class Rig:
 
 
 @kernel
-def compute(block, k, of_sensors, of_faults, of_redundancy, of_control):
+def compute(block, k, of_sensors, of_inertial, of_faults, of_redundancy, of_control):
     """The flight computer's frame, in one compiled call: measure, corrupt, vote, command.
 
     block : FRAME records; the tuples hold each stage's own parameters and state
     """
     measure(block, k, *of_sensors)
+    sense(block, k, *of_inertial)
     corrupt(block, k, *of_faults)
     vote_row(block, k, *of_redundancy)
     fly(block, k, *of_control)

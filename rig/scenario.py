@@ -21,17 +21,19 @@ from rig.control.autopilot import Config as Control
 from rig.control.gains import Gains
 from rig.errors import BadInput
 from rig.faults import Fault
+from rig.inertial import Config as Inertial
 from rig.pilot import Config as Pilot
 from rig.plant.airframe import Config as Airframe
 from rig.plant.wind import Config as Wind
 from rig.plant.wind import Turbulence
 from rig.redundancy import Config as Redundancy
+from rig.redundancy.designed import Designed
 from rig.sensors import Suite
 from rig.settings import Settings, build, read_toml
 
 DEFAULT: Final = "f16_pitch_rate_hardover.toml"
 # The order is part of every recorded flight: append, never insert.
-STREAMS: Final = ("plant", "sensors", "faults")
+STREAMS: Final = ("plant", "sensors", "faults", "inertial")
 
 
 class Scenario(Settings):
@@ -51,8 +53,10 @@ class Scenario(Settings):
     control: Control = Control()
     airframe: Airframe
     sensors: Suite  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
+    inertial: Inertial
     redundancy: Redundancy
     gains: Gains
+    references: Designed
 
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:

@@ -1,15 +1,9 @@
-"""The managers to compare with, and a manager of the user's own."""
-
-from pathlib import Path
+"""The managers to compare with."""
 
 import numpy as np
-import pytest
 from conftest import constant, vote_samples
 
-from rig import scenario
-from rig.errors import BadInput
-from rig.frame import INDEX, State
-from rig.loop import Rig, frames
+from rig.frame import State
 
 
 def test_the_mean_follows_a_hardover_and_fails_nobody():
@@ -61,42 +55,3 @@ def test_a_selection_leaves_a_silent_channel_at_once_and_blames_neither_of_two()
     assert (out.voted[4:] == 1.0).all()
     pair = constant(9.0, 0.0, np.nan, np.nan, frames=500)
     assert (vote_samples(pair, manager="selection").voted == 9.0).all()
-
-
-OWN = """
-import numpy as np
-
-class Median:
-    def __init__(self, params):
-        self.last = np.zeros(len(params))
-
-    def step(self, block, k):
-        row = block[k]
-        use = np.where(row["valid"] == 1, row["channels"], np.nan)
-        self.last[:] = np.nanmedian(use, axis=1)
-        row["voted"][:] = self.last
-        row["level"][:] = 4
-
-class Mute:
-    def __init__(self, params):
-        pass
-"""
-
-
-def test_a_manager_of_the_users_own_flies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    (tmp_path / "own_manager.py").write_text(OWN)
-    monkeypatch.chdir(tmp_path)
-    which = scenario.load(None, ["duration_s=2", "faults.0.start_s=1", "redundancy.manager=own_manager:Median"])
-    rows = np.concatenate([rows.copy() for rows, _ in frames(Rig(which), which)])
-    q = rows["channels"][:, INDEX["pitch_rate"]]
-    assert np.array_equal(rows["voted"][:, INDEX["pitch_rate"]], np.median(q, axis=1))
-    assert (rows["discrete_level"] == 4).all() and rows["end"][-1] == 0
-
-
-@pytest.mark.parametrize("name", ["nowhere:Class", "math:Nothing", "math:pi", "own_manager:Mute"])
-def test_a_manager_that_cannot_be_made_is_refused(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    (tmp_path / "own_manager.py").write_text(OWN)
-    monkeypatch.chdir(tmp_path)
-    which = scenario.load(None, [f"redundancy.manager={name}"])
-    with pytest.raises(BadInput, match=r"redundancy.manager: "):
-        Rig(which)

@@ -146,6 +146,7 @@ def test_a_weighted_mean_stays_between_its_two_values(low, width, weight):
         (-2.0, -6.0, -3.0, 0.75),
         (1.0, -3.0, 1.0, 0.5),
         (0.0, 3.0, 0.0, 0.5),
+        (3.0, 0.0, 0.0, 0.5),
         (2.0, 2.0, 2.0, 0.5),
     ],
 )

@@ -111,6 +111,17 @@ def test_an_angle_is_compared_and_voted_the_short_way_round():
     assert (np.cos(out.voted) > 0.99).all()
 
 
+def test_an_angle_at_the_seam_is_voted_right_from_the_first_frame():
+    samples = constant(np.nan, np.pi - 0.01, -np.pi + 0.02, -np.pi + 0.01, frames=1)
+    out = vote_samples(samples, wraps=True, limits=(-np.pi, np.pi), threshold=0.1)
+    assert abs(abs(out.voted[0]) - np.pi) < 0.021
+
+
+def test_a_first_frame_without_any_number_votes_zero():
+    out = vote_samples(constant(np.nan, np.nan, np.nan, np.nan, frames=2), wraps=True, limits=(-np.pi, np.pi))
+    assert (out.voted == 0).all() and (out.pattern == Pattern.LOST).all()
+
+
 def test_a_reference_that_leaves_a_healthy_vote_is_unusable_until_it_has_agreed_as_long():
     reference = np.zeros(60)
     reference[10:30] = 50.0
@@ -123,6 +134,8 @@ def test_the_fade_spreads_a_change_of_level():
     samples = constant(0, 0.8, 0.9, 5.0, frames=60)
     out = vote_samples(samples, fade_s=0.1)
     jump = vote_samples(samples)
+    step = jump.voted[8] - out.voted[7]
+    assert np.allclose(out.voted[8:20], jump.voted[8:20] - step * np.r_[np.arange(10, 0, -1) / 11, 0, 0])
     assert np.abs(np.diff(jump.voted)).max() > 4 * np.abs(np.diff(out.voted)).max()
     assert out.voted[-1] == jump.voted[-1]
 

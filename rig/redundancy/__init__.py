@@ -7,21 +7,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import Block
+from rig.frame import SIGNALS, Block
 from rig.kernels import kernel
 from rig.redundancy.config import MANAGERS, Config, SignalConfig, parameters, reset_table
+from rig.redundancy.designed import Designed
 from rig.redundancy.discrete import DiscreteVoter, vote_discretes
 from rig.redundancy.managers import Manager, ManagerLike, load_manager, vote_signals
+from rig.redundancy.reference import References, refer, remember, source
 
 
 class Redundancy:
-    """The stage: the chosen manager for the continuous signals, the voter for the discretes."""
+    """The stage: references, the chosen manager for the continuous signals, the voter for the discretes."""
 
     def __init__(
-        self, config: Config, ranges: NDArray[np.float64], channels: NDArray[np.int64], rate_hz: float
+        self,
+        config: Config,
+        ranges: NDArray[np.float64],
+        channels: NDArray[np.int64],
+        designed: Designed,
+        rate_hz: float,
     ) -> None:
         """``ranges`` (S, 2) and ``channels`` (S,) are those of the sensors.  BadInput: the user's manager."""
         params = parameters(config.signals, ranges, channels, rate_hz)
+        measured_thresholds(params, config, designed)
+        self.references = References(config.references, designed, rate_hz)
         own = config.manager not in MANAGERS
         self.own: ManagerLike | None = load_manager(config.manager, params) if own else None
         name = MANAGERS[0] if own else config.manager
@@ -30,22 +39,34 @@ class Redundancy:
 
     @property
     def arguments(self) -> tuple[Any, ...]:
-        """What ``vote_row`` needs besides the row: the manager's part and the discretes' part."""
-        return self.manager.arguments, self.discretes.arguments
+        """What ``vote_row`` needs besides the row: the parts of references, manager and discretes."""
+        return self.references.arguments, self.manager.arguments, self.discretes.arguments
 
     def step(self, block: Block, k: int) -> None:
         """Vote and monitor row k; see manager.manage for what is written."""
         if self.own is None:
             vote_row(block, k, *self.arguments)
             return
+        refer(block, k, *self.references.arguments)
         self.own.step(block, k)
+        remember(block, k, *self.references.arguments)
         self.discretes.step(block, k)
 
 
+def measured_thresholds(params: NDArray[np.void], config: Config, designed: Designed) -> None:
+    """Put the measured threshold of each reference into its PARAMS record, where the settings give none."""
+    for row, signal in zip(params, SIGNALS, strict=True):
+        measured = designed.threshold(signal.name, source(config.references, signal.name))
+        if measured is not None and getattr(config.signals, signal.name).reference_threshold is None:
+            row["reference_threshold"] = measured
+
+
 @kernel
-def vote_row(block, k, of_manager, of_discretes):
-    """Row k through the chosen manager and the voter of the discretes; tuples hold their own data."""
+def vote_row(block, k, of_references, of_manager, of_discretes):
+    """Row k through references, the chosen manager and the voter of the discretes; tuples hold their own data."""
+    refer(block, k, *of_references)
     vote_signals(block, k, *of_manager)
+    remember(block, k, *of_references)
     vote_discretes(block, k, *of_discretes)
 
 

@@ -8,11 +8,10 @@ autopilot for several inertial units (integrated deviation from their mean, 7 de
 
 from __future__ import annotations
 
-from rig.angles import limit
 from rig.frame import CHANNELS
 from rig.kernels import kernel
 from rig.redundancy.compare import LOST, NORMAL, rank
-from rig.redundancy.manager import latch, obey, publish, report, watch_failed
+from rig.redundancy.manager import anchor, latch, obey, publish, report, watch_failed
 from rig.redundancy.vote import median
 
 
@@ -85,7 +84,7 @@ def choose(n, p, st):
             best = c
     if best < 0 and n > 0:
         best = st["order"][n // 2]
-    if best >= 0 and (st["failed"][st["selected"]] != 0 or (here >> st["selected"]) & 1 == 0):
+    if best >= 0 and (st["failed"][st["selected"]] or (here >> st["selected"]) & 1 == 0):
         st["selected"] = best
 
 
@@ -100,11 +99,11 @@ def cross_voter(block, k, params, state, resets):
         x, order, alone, count = st["x"], st["order"], st["alone"], st["count"]
         voted = median(x, order, n, alone, 0.5) if n > 0 else st["vote"]
         for c in range(p["fitted"]):
-            alone[c] = 1 if st["failed"][c] == 0 else 0
+            alone[c] = 1 if not st["failed"][c] else 0
         for i in range(n):
             alone[order[i]] = 0 if abs(x[order[i]] - voted) <= p["threshold"] else 1
         for c in range(p["fitted"]):
-            count[c] = count[c] + 1 if alone[c] != 0 else 0
+            count[c] = count[c] + 1 if alone[c] else 0
         finish(row, s, voted, n, p, st)
 
 
@@ -114,9 +113,7 @@ def ranked(row, s, p, st):
     samples = row["channels"][s]
     for c in range(CHANNELS):
         st["alone"][c] = 0
-    base = st["vote"] if st["started"] != 0 else limit(samples[0], p["low"], p["high"], p["wraps"])
-    if base != base:
-        base = 0.0
+    base = anchor(samples, st)
     valid, failed = row["valid"][s], st["failed"]
     return rank(samples, valid, failed, p["fitted"], p["low"], p["high"], p["wraps"], base, st["x"], st["order"])
 

@@ -33,9 +33,9 @@ def rank(samples, valid, failed, fitted, low, high, wraps, base, x, order):
     n = 0
     for c in range(fitted):
         sample = samples[c]
-        if failed[c] != 0 or valid[c] == 0 or not (low <= sample <= high):
+        if failed[c] or not valid[c] or not (low <= sample <= high):
             continue
-        x[c] = base + difference(sample, base, wraps) if wraps != 0 else sample
+        x[c] = base + difference(sample, base, wraps) if wraps else sample
         order[n] = c
         n += 1
     sort(x, order, n)

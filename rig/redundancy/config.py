@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field, create_model, field_validator
 
 from rig.frame import CHANNELS, INDEX, SIGNALS, Resolver, S, to_frame
+from rig.redundancy.reference import Config as References
 from rig.settings import Settings
 
 MANAGERS: Final = ("cross-channel", "mean", "median", "cross-voter", "selection")
@@ -76,6 +77,7 @@ class Config(Settings):
     manager: str = "cross-channel"  # one of MANAGERS, or module:Class
     discrete_persistence: int = Field(default=8, ge=1)
     resets: list[Reset] = []
+    references: References = References()
     signals: SignalConfigs  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
 
     @field_validator("manager")

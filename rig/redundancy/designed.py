@@ -21,16 +21,23 @@ COLUMNS: Final = (
     "roll_arm_m",
     "yaw_arm_m",
     "alpha_filter_s",
+    "attitude_filter_s",
+    "acceleration_filter_s",
 )
+FILTERS: Final = COLUMNS[-3:]
 
 
 class Point(Settings):
-    """One flight point: how the aircraft answers the air there, its surfaces eliminated by the moments.
+    """One flight point: how the aircraft answers the air there, and the filters that left the least error.
+
+    The surfaces are eliminated by the moments that they must have made:
 
         n_w = q_bar lift_slope (alpha - zero_lift_alpha) + V / g (1 - pitch_rate_gain) q - elevator_arm / g q_dot
         n_y = q_bar side_slope beta + (roll_arm p_dot + yaw_arm r_dot) / g
 
     n_w : load factor across the flight path; both at the centre of gravity
+    Filters: on angle of attack, before it becomes a pitch rate; on attitudes, before they become rates; on
+    body rates, before they become accelerations.
     """
 
     name: str
@@ -42,7 +49,9 @@ class Point(Settings):
     side_slope_1_pa: float = Field(lt=0.0)  # g per Pa and rad
     roll_arm_m: float
     yaw_arm_m: float
-    alpha_filter_s: float = Field(gt=0.0)  # second pole of pitch rate from angle of attack
+    alpha_filter_s: float = Field(gt=0.0)
+    attitude_filter_s: float = Field(gt=0.0)
+    acceleration_filter_s: float = Field(gt=0.0)
 
 
 class Error(Settings):

@@ -46,8 +46,8 @@ def vote_discretes(block, k, fail_safe, state, persistence):
         samples, st = row["discrete_channels"][d], state[d]
         balance = 0
         for c in range(CHANNELS):
-            if st["failed"][c] == 0:
-                balance += 1 if samples[c] != 0 else -1
+            if not st["failed"][c]:
+                balance += 1 if samples[c] else -1
         voted = fail_safe[d]
         if balance != 0:
             voted = 1 if balance > 0 else 0
@@ -64,7 +64,7 @@ def isolate(samples, voted, st, persistence, states):
         st["count"][c] = st["count"][c] + 1 if differs else 0
         if st["count"][c] >= persistence:
             st["failed"][c] = 1
-        if st["failed"][c] != 0:
+        if st["failed"][c]:
             states[c] = _FAILED
             continue
         level += 1

@@ -92,11 +92,9 @@ def manage(block, k, params, state, resets):
 def manage_signal(samples, valid, ilm, reference, p, st):
     """One signal, one frame; returns the resolver that decided (Zhang, sections 2 to 8)."""
     x, order, alone = st["x"], st["order"], st["alone"]
-    base = st["vote"] if st["started"] != 0 else samples[0]
-    if base != base:
-        base = 0.0
+    base = anchor(samples, st)
     n = rank(samples, valid, st["failed"], p["fitted"], p["low"], p["high"], p["wraps"], base, x, order)
-    if p["wraps"] != 0 and reference == reference:
+    if p["wraps"] and reference == reference:
         reference = base + difference(reference, base, p["wraps"])
     pattern = classify(x, order, n, p["threshold"], alone)
     st["pattern_frames"] = st["pattern_frames"] + 1 if pattern == st["pattern"] else 1
@@ -112,6 +110,17 @@ def manage_signal(samples, valid, ilm, reference, p, st):
     latch(resolver != _NONE and resolver != _UNRESOLVED, p, st)
     publish(raw, p, st)
     return resolver
+
+
+@kernel
+def anchor(samples, st):
+    """What an angle is taken near to: the last vote; in the first frame, the first sample that is a number."""
+    if st["started"]:
+        return st["vote"]
+    for c in range(CHANNELS):
+        if samples[c] == samples[c]:
+            return samples[c]
+    return 0.0
 
 
 @kernel
@@ -134,7 +143,7 @@ def decide(ilm, reference, n, p, st):
     if pattern in (P2_2, P1_1):
         return settle(ilm, reference, n, p, st)
     weight = 0.5
-    if p["weighted"] != 0:
+    if p["weighted"]:
         weight = vote.trend_weight(st["rise_high"], st["rise_low"], st["rise_vote"])
     return _NONE, vote.median(x, order, n, st["alone"], weight)
 
@@ -161,7 +170,7 @@ def settle(ilm, reference, n, p, st):
                 return name, resolve.middle(high, low, reference)
             good = half if sides == resolve.LOW_SIDE else 0
             return name, vote.mean(x[order[good]], x[order[good + half - 1]], 0.5)
-    if st["started"] == 0:
+    if not st["started"]:
         return _UNRESOLVED, vote.mean(low, high, 0.5)
     # Nobody answers: hold the last agreed value, moved by the mean change of the two ranks.
     return _UNRESOLVED, st["vote"] + 0.5 * (st["rise_high"] + st["rise_low"])
@@ -190,23 +199,22 @@ def count_miscompares(n, p, st):
     for i in range(n):
         ranked |= 1 << st["order"][i]
     for c in range(p["fitted"]):
-        if st["failed"][c] != 0:
+        if st["failed"][c]:
             continue
         if (ranked >> c) & 1 == 0:
             count[c] += 1
             st["alone"][c] = 1
         elif not frozen:
-            count[c] = count[c] + 1 if st["alone"][c] != 0 else 0
+            count[c] = count[c] + 1 if st["alone"][c] else 0
 
 
 @kernel
 def latch(answered, p, st):
     """Fail what has persisted: single miscompares, and a singular pattern that was answered."""
     settled = answered and st["pattern_frames"] >= p["singular_persistence"]
-    settled = settled and is_singular(st["pattern"])
     level = 0
     for c in range(p["fitted"]):
-        if st["count"][c] >= p["persistence"] or (settled and st["blamed"][c] != 0):
+        if st["count"][c] >= p["persistence"] or (settled and st["blamed"][c]):
             st["failed"][c] = 1
         level += 1 - st["failed"][c]
     if level != st["level"]:
@@ -217,18 +225,16 @@ def latch(answered, p, st):
 @kernel
 def publish(raw, p, st):
     """Store the vote and its faded output; the fade starts in the frame after a change of level."""
-    st["rise_vote"] = difference(raw, st["vote"], p["wraps"]) if st["started"] != 0 else 0.0
+    st["rise_vote"] = difference(raw, st["vote"], p["wraps"]) if st["started"] else 0.0
     st["vote"] = limit(raw, p["low"], p["high"], p["wraps"])
-    left = st["fade_left"]
-    if left > 0 and p["fade_frames"] > 0 and st["started"] != 0:
-        if left == p["fade_frames"]:
-            st["fade"] = difference(st["output"], st["vote"], p["wraps"])
-        share = left / (p["fade_frames"] + 1.0)
-        moved = st["vote"] + st["fade"] * share if left <= p["fade_frames"] else st["vote"]
-        st["output"] = limit(moved, p["low"], p["high"], p["wraps"])
-        st["fade_left"] = left - 1
-    else:
-        st["output"] = st["vote"]
+    frames, left = p["fade_frames"], st["fade_left"]
+    if left == frames:  # the first vote after the change
+        st["fade"] = difference(st["output"], st["vote"], p["wraps"])
+    st["output"] = st["vote"]
+    if 0 < left <= frames:
+        faded = st["vote"] + st["fade"] * left / (frames + 1.0)
+        st["output"] = limit(faded, p["low"], p["high"], p["wraps"])
+    st["fade_left"] = max(left - 1, 0)
     st["started"] = 1
 
 
@@ -250,8 +256,8 @@ def watch_failed(samples, valid, raw, p, st):
     if st["level"] == p["fitted"]:
         return
     for c in range(p["fitted"]):
-        near = valid[c] != 0 and abs(difference(samples[c], raw, p["wraps"])) <= p["threshold"]
-        st["agreed"][c] = st["agreed"][c] + 1 if st["failed"][c] != 0 and near else 0
+        near = valid[c] and abs(difference(samples[c], raw, p["wraps"])) <= p["threshold"]
+        st["agreed"][c] = st["agreed"][c] + 1 if st["failed"][c] and near else 0
 
 
 @kernel
@@ -267,7 +273,7 @@ def obey(frame, resets, params, state):
 def readmit(commanded, p, st):
     """Clear the failures of the commanded channels that have agreed with the vote for ``readmit_frames``."""
     for c in range(p["fitted"]):
-        if commanded[c] != 0 and st["failed"][c] != 0 and st["agreed"][c] >= p["readmit_frames"]:
+        if commanded[c] != 0 and st["failed"][c] and st["agreed"][c] >= p["readmit_frames"]:
             st["failed"][c] = st["count"][c] = st["agreed"][c] = 0
 
 
@@ -277,9 +283,9 @@ def report(p, st, states):
     for c in range(CHANNELS):
         if c >= p["fitted"]:
             states[c] = _ABSENT
-        elif st["failed"][c] != 0:
+        elif st["failed"][c]:
             states[c] = _FAILED
-        elif st["alone"][c] != 0 or st["blamed"][c] != 0 or st["count"][c] > 0:
+        elif st["alone"][c] or st["blamed"][c] or st["count"][c] > 0:
             states[c] = _SUSPECT
         else:
             states[c] = _OK

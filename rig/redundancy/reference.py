@@ -21,7 +21,7 @@ from pydantic import Field
 from rig.angles import difference
 from rig.frame import INDEX, INERTIAL, SIGNALS, Block, S
 from rig.kernels import kernel
-from rig.redundancy.designed import COLUMNS, Designed
+from rig.redundancy.designed import COLUMNS, FILTERS, Designed
 from rig.settings import Settings
 
 
@@ -35,8 +35,6 @@ class Config(Settings):
     angle_of_attack: Literal["load_factor", "none"] = "load_factor"
     angle_of_sideslip: Literal["lateral_load_factor", "none"] = "lateral_load_factor"
     dynamic_pressure: Literal["inertial", "none"] = "inertial"
-    attitude_filter_s: float = Field(default=0.03, gt=0)  # on attitudes, before they become rates
-    acceleration_filter_s: float = Field(default=0.05, gt=0)  # on body rates, before they become accelerations
     inertial_lead_s: float = Field(default=0.015, ge=0)  # makes up for the unit's lag beyond that of the gyros
 
 
@@ -63,8 +61,6 @@ PARTNERS: Final[dict[tuple[str, str], tuple[str, ...]]] = {
 PARAM: Final = np.dtype(
     [
         ("rate_hz", "f8"),
-        ("attitude_share", "f8"),  # of a new sample that passes the filter in one frame
-        ("acceleration_share", "f8"),
         ("lead_frames", "f8"),
         ("accelerometer", "f8", (3,)),  # m from the centre of gravity: forward, right, down
         ("source", "u1", (S,)),
@@ -97,7 +93,8 @@ _ALPHA, _BETA = INDEX["angle_of_attack"], INDEX["angle_of_sideslip"]
 _STATIC, _DYNAMIC = INDEX["static_pressure"], INDEX["dynamic_pressure"]
 _THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
 (
-    _LIFT_SLOPE, _ZERO_LIFT, _GAIN, _ELEVATOR_ARM, _SIDE_SLOPE, _ROLL_ARM, _YAW_ARM, _ALPHA_FILTER
+    _LIFT_SLOPE, _ZERO_LIFT, _GAIN, _ELEVATOR_ARM, _SIDE_SLOPE, _ROLL_ARM, _YAW_ARM,
+    _ALPHA_FILTER, _ATTITUDE_FILTER, _RATE_FILTER,
 ) = range(len(COLUMNS))  # fmt: skip
 _ROLL, _PITCH, _YAW = (INERTIAL.index(f"{axis}_rate_rad_s") for axis in ("roll", "pitch", "yaw"))
 _NORTH: Final = INERTIAL.index("velocity_north_m_s")
@@ -109,6 +106,9 @@ class References:
     def __init__(self, config: Config, designed: Designed, rate_hz: float) -> None:
         self.param = _parameters(config, designed, rate_hz)
         self.pressures, self.table = designed.table()
+        for name in FILTERS:  # a time constant becomes the share of a new sample that passes in one frame
+            column = self.table[:, COLUMNS.index(name)]
+            column[:] = 1.0 - np.exp(-1.0 / (rate_hz * column))
         self.state: NDArray[Any] = np.zeros(1, STATE)
 
     @property
@@ -126,8 +126,6 @@ def _parameters(config: Config, designed: Designed, rate_hz: float) -> NDArray[A
     param = np.zeros(1, PARAM)
     row = param[0]
     row["rate_hz"], row["lead_frames"] = rate_hz, config.inertial_lead_s * rate_hz
-    row["attitude_share"] = 1.0 - math.exp(-1.0 / (rate_hz * config.attitude_filter_s))
-    row["acceleration_share"] = 1.0 - math.exp(-1.0 / (rate_hz * config.acceleration_filter_s))
     row["accelerometer"] = designed.accelerometer_m
     for s, signal in enumerate(SIGNALS):
         chosen = source(config, signal.name)
@@ -218,13 +216,12 @@ def look_up(pressures, table, dynamic_pressure, c):
 @kernel
 def follow_all(p, st):
     """Move the filters of all signals whose rate of change is needed."""
-    hz = p["rate_hz"]
-    filter_s = st["coefficient"][_ALPHA_FILTER]
-    follow(st, _ALPHA, 1.0 - math.exp(-1.0 / (hz * filter_s)), hz, 0)
+    hz, share = p["rate_hz"], st["coefficient"]
+    follow(st, _ALPHA, share[_ALPHA_FILTER], hz, 0)
     for s in (_THETA, _PHI, _PSI):
-        follow(st, s, p["attitude_share"], hz, 0 if s == _THETA else 1)
+        follow(st, s, share[_ATTITUDE_FILTER], hz, 0 if s == _THETA else 1)
     for s in (_Q, _P, _R):
-        follow(st, s, p["acceleration_share"], hz, 0)
+        follow(st, s, share[_RATE_FILTER], hz, 0)
 
 
 @kernel

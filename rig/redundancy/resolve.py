@@ -55,7 +55,7 @@ def by_trend(track, frames):
 @kernel
 def by_reference(high, low, reference, usable, threshold):
     """The triplex {high, low, reference}: who is not its middle, or too far from it (section 7)."""
-    if usable == 0:
+    if not usable:
         return NO_ANSWER
     if reference >= high:
         return LOW_SIDE

@@ -27,7 +27,7 @@ def update(track, high, low, n, frames, wraps):
         up_low = 1 if track["rise_low"] > 0.0 else 0
         track["trend_high"] = ((track["trend_high"] << 1) | up_high) & mask
         track["trend_low"] = ((track["trend_low"] << 1) | up_low) & mask
-        track["trend_seen"] = min(track["trend_seen"] + 1, 8)
+        track["trend_seen"] += 1
     else:
         track["trend_high"] = track["trend_low"] = track["trend_seen"] = 0
         track["rise_high"] = track["rise_low"] = 0.0

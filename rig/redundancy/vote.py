@@ -22,9 +22,9 @@ def median(x, order, n, alone, weight_high):
     if n == 3:
         return x[order[1]]
     low, high = order[n // 2 - 1], order[n // 2]
-    if n == 4 and alone[high] != 0 and alone[low] == 0:
+    if alone[high]:
         return x[low]
-    if n == 4 and alone[low] != 0 and alone[high] == 0:
+    if alone[low]:
         return x[high]
     return mean(x[low], x[high], weight_high)
 
@@ -47,4 +47,4 @@ def trend_weight(rise_high, rise_low, rise_vote):
         return 0.5
     off_high, off_low = abs(rise_high - rise_vote), abs(rise_low - rise_vote)
     total = off_high + off_low
-    return off_low / total if total > 0.0 else 0.5
+    return off_low / total if total else 0.5

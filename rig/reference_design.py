@@ -1,0 +1,264 @@
+"""The design of the references: coefficients from the linear model, filters and thresholds from flights.
+
+Healthy aircraft fly manoeuvres on the sticks and on the autopilot, in calm air and in turbulence, at every
+flight point.  Over their rows the references run as in flight; what is left between reference and vote
+chooses the filters, and the worst of it the threshold.  No reference moves a healthy flight, so one set of
+flights measures every source.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import tomli_w
+from numpy.typing import NDArray
+
+from rig import aircraft
+from rig.control.gains import Gains
+from rig.errors import RigError
+from rig.frame import INDEX, Block
+from rig.kernels import kernel
+from rig.loop import Rig, frames
+from rig.plant.airframe import Config as Airframe
+from rig.plant.airframe import FlightPoint
+from rig.plant.linear import Linear, linearise
+from rig.redundancy.designed import FILTERS, Designed, Error, Point
+from rig.redundancy.reference import PARTNERS, Config, References, refer, remember, source
+from rig.scenario import Scenario
+from rig.settings import build
+
+RATE_HZ: Final = 100.0
+RESERVE: Final = 1.2  # threshold over the worst measured error
+SETTLED_S: Final = 0.5  # the start of each flight is not measured
+SEEDS: Final = (1, 2, 3, 4)  # of calibration, noise and turbulence, for every flight
+TURBULENCE: Final = ("none", "light", "moderate")
+FILTERS_S: Final = (0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4)
+_GRAVITY: Final = 9.80665  # m/s2
+_INERTIAL: Final = Config(
+    pitch_rate="inertial",
+    roll_rate="inertial",
+    yaw_rate="inertial",
+    normal_load_factor="none",
+    angle_of_attack="none",
+    angle_of_sideslip="none",
+    dynamic_pressure="inertial",
+)
+_PARTNERS: Final = Config(
+    pitch_rate="angle_of_attack",
+    roll_rate="attitude",
+    yaw_rate="attitude",
+    normal_load_factor="angle_of_attack",
+    angle_of_attack="load_factor",
+    angle_of_sideslip="lateral_load_factor",
+    dynamic_pressure="none",
+)
+# The references that each filter serves: it is chosen for the least of their worst errors in thresholds.
+_SERVES: Final = {
+    "alpha_filter_s": ("pitch_rate",),
+    "attitude_filter_s": ("roll_rate", "yaw_rate"),
+    "acceleration_filter_s": ("normal_load_factor", "angle_of_attack", "angle_of_sideslip"),
+}
+Key = tuple[str, str]  # signal and source
+Errors = dict[Key, NDArray[np.float32]]
+
+
+def _manoeuvre(kind: str, axis: str, start_s: float, amplitude: float, **more: float) -> dict[str, Any]:
+    return {"kind": kind, "axis": axis, "start_s": start_s, "amplitude": amplitude, **more}
+
+
+# Brisk but ordinary: about a third of the load factor and half of the roll rate that the stick can ask.
+FLIGHTS: Final[dict[str, dict[str, Any]]] = {
+    "pitch": {
+        "duration_s": 20.0,
+        "pilot": {
+            "autopilot_engaged": False,
+            "manoeuvres": [
+                _manoeuvre("3-2-1-1", "stick_pitch", 2.0, 0.3, duration_s=3.5),
+                _manoeuvre("doublet", "stick_pitch", 10.0, 0.4, duration_s=3.0),
+            ],
+        },
+    },
+    "roll and yaw": {
+        "duration_s": 20.0,
+        "pilot": {
+            "autopilot_engaged": False,
+            "manoeuvres": [
+                _manoeuvre("doublet", "stick_roll", 2.0, 0.5, duration_s=2.0),
+                _manoeuvre("doublet", "pedal", 10.0, 0.5, duration_s=3.0),
+            ],
+        },
+    },
+    "climb and turn": {
+        "duration_s": 100.0,
+        "pilot": {
+            "manoeuvres": [
+                _manoeuvre("step", "altitude", 5.0, 60.0),
+                _manoeuvre("step", "heading", 45.0, 0.35),
+            ],
+        },
+    },
+}
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One flight point, its filters chosen, and reference less vote of every settled frame flown there."""
+
+    point: Point
+    errors: Errors
+
+
+def design(name: str, gains: Gains) -> Designed:
+    """The references of an aircraft; BadInput or RigError when it cannot be flown.
+
+    Pure: the same aircraft and gains give the same numbers.  Some seconds for each flight point.
+    """
+    tables = {**aircraft.own_tables(name), "aircraft": name, "gains": gains.model_dump()}
+    airframe = build(Airframe, tables["airframe"], f"aircraft {name}: airframe")
+    measured = [measure(tables, airframe, point) for point in airframe.flight_points]
+    measured.sort(key=lambda one: one.point.dynamic_pressure_pa)
+    return _designed(airframe, [one.point for one in measured], _summary([one.errors for one in measured]))
+
+
+def _designed(airframe: Airframe, points: list[Point], errors: dict[str, dict[str, Error]]) -> Designed:
+    place = airframe.accelerometer
+    return Designed(
+        rate_hz=RATE_HZ, accelerometer_m=[place.x_m, place.y_m, place.z_m], points=points, errors=errors
+    )
+
+
+def coefficients(linear: Linear) -> dict[str, float]:
+    """The coefficients of a Point, six digits of each, from the small motions about its trim.
+
+    alpha_dot = Z_alpha alpha + Z_q q + Z_elevator elevator, and likewise beta_dot: the surfaces are replaced
+    by what the moment equations say of them, elevator = (q_dot - M_alpha alpha - M_q q) / M_elevator.
+    """
+    trim, speed_g = linear.trim, linear.trim.airspeed_m_s / _GRAVITY
+    pressure = trim.dynamic_pressure_pa
+    a, b = linear.longitudinal_a, linear.longitudinal_b
+    tail = b[1, 0] / b[2, 0]  # Z_elevator / M_elevator, s
+    lift_slope = -(a[1, 1] - tail * a[2, 1]) * speed_g / pressure
+    a_lateral, b_lateral = linear.lateral_a, linear.lateral_b
+    fins = np.linalg.solve(b_lateral[1:3].T, b_lateral[0])  # of aileron and rudder together, s
+    side = a_lateral[0, 0] - fins @ a_lateral[1:3, 0]
+    found = {
+        "dynamic_pressure_pa": pressure,
+        "lift_slope_1_pa": lift_slope,
+        "zero_lift_alpha_rad": trim.alpha_rad - 1.0 / (pressure * lift_slope),
+        "pitch_rate_gain": a[1, 2] - tail * a[2, 2],
+        "elevator_arm_m": tail * trim.airspeed_m_s,
+        "side_slope_1_pa": side * speed_g / pressure,
+        "roll_arm_m": fins[0] * trim.airspeed_m_s,
+        "yaw_arm_m": fins[1] * trim.airspeed_m_s,
+    }
+    return {key: _digits(float(value), 6) for key, value in found.items()}
+
+
+def measure(tables: dict[str, Any], airframe: Airframe, flight_point: FlightPoint) -> Measured:
+    """Fly one flight point, try every filter, keep the best."""
+    known = coefficients(linearise(airframe, flight_point))
+    tried = [
+        Point(name=flight_point.name, **known, **dict.fromkeys(FILTERS, filter_s)) for filter_s in FILTERS_S
+    ]
+    designs = [_designed(airframe, [point], {}) for point in tried]
+    inertial: list[Errors] = []
+    partners: list[list[Errors]] = [[] for _ in tried]
+    for rows in fly(tables, flight_point, designs[0]):
+        inertial.append(errors(rows, _INERTIAL, designs[0]))
+        for found, one in zip(partners, designs, strict=True):
+            found.append(errors(rows, _PARTNERS, one))
+    joined = [_join(found) for found in partners]
+    best = _choose(joined, tables["redundancy"]["signals"])
+    chosen: Errors = _join(inertial)
+    for filter_name, signals in _SERVES.items():
+        chosen |= {key: e for key, e in joined[best[filter_name]].items() if key[0] in signals}
+    filters = {filter_name: FILTERS_S[i] for filter_name, i in best.items()}
+    return Measured(tried[0].model_copy(update=filters), chosen)
+
+
+def fly(tables: dict[str, Any], flight_point: FlightPoint, designed: Designed) -> Iterator[Block]:
+    """All rows of each flight of one flight point; RigError when a healthy flight is lost."""
+    for flight, settings in FLIGHTS.items():
+        for turbulence in TURBULENCE:
+            for seed in SEEDS:
+                own = {"turbulence": turbulence, "seed": seed, "rate_hz": RATE_HZ, **settings}
+                own |= {"flight_point": flight_point.name, "references": designed.model_dump()}
+                scenario = build(Scenario, {**tables, **own}, f"aircraft {tables['aircraft']}")
+                rows = np.concatenate([rows.copy() for rows, _ in frames(Rig(scenario), scenario)])
+                if rows["end"][-1] != 0:
+                    where = f"{tables['aircraft']} {flight_point.name}"
+                    raise RigError(f"{where}: lost in the healthy flight {flight!r}, {turbulence} turbulence")
+                yield rows
+
+
+def errors(rows: Block, config: Config, designed: Designed) -> Errors:
+    """Reference less vote of every settled frame of ``rows``, by signal and source; overwrites ``reference``."""
+    run(rows, References(config, designed, RATE_HZ).arguments)
+    settled = rows[round(SETTLED_S * RATE_HZ) :]
+    found: Errors = {}
+    for signal, chosen in PARTNERS:
+        if source(config, signal) == chosen:
+            off = settled["reference"][:, INDEX[signal]] - settled["voted"][:, INDEX[signal]]
+            found[signal, chosen] = off.astype(np.float32)
+    return found
+
+
+@kernel
+def run(rows, of_references):
+    """The references over rows that are voted already, as in flight."""
+    for k in range(len(rows)):
+        refer(rows, k, *of_references)
+        remember(rows, k, *of_references)
+
+
+def _join(found: list[Errors]) -> Errors:
+    return {key: np.concatenate([one[key] for one in found]) for key in found[0]}
+
+
+def _choose(found: list[Errors], monitors: dict[str, Any]) -> dict[str, int]:
+    """For each filter the place of the candidate that leaves the least worst error, in monitor thresholds."""
+    best: dict[str, int] = {}
+    for filter_name, signals in _SERVES.items():
+        worst = [
+            max(float(np.abs(e).max()) / monitors[key[0]]["threshold"] for key, e in one.items() if key[0] in signals)
+            for one in found
+        ]
+        best[filter_name] = int(np.argmin(worst))
+    return best
+
+
+def _summary(found: list[Errors]) -> dict[str, dict[str, Error]]:
+    summary: dict[str, dict[str, Error]] = {}
+    for (signal, chosen), off in _join(found).items():
+        size = np.abs(off.astype(np.float64))
+        worst = float(size.max())
+        summary.setdefault(signal, {})[chosen] = Error(
+            rms=_digits(float(np.sqrt(np.mean(size**2))), 3),
+            quantile_999=_digits(float(np.quantile(size, 0.999)), 3),
+            worst=_digits(worst, 3),
+            threshold=_digits(RESERVE * worst, 3),
+        )
+    return summary
+
+
+def _digits(value: float, digits: int) -> float:
+    """``value`` to so many digits, so that the last bits of a machine's arithmetic do not show."""
+    if not np.isfinite(value):
+        raise RigError("design of references: a number is not finite")
+    return float(f"{value:.{digits}g}")
+
+
+def write(designed: Designed, path: Path) -> None:
+    """references.toml; same design, same bytes."""
+    path.write_text(render(designed), encoding="utf-8", newline="\n")
+
+
+def render(designed: Designed) -> str:
+    """The text of references.toml."""
+    return "# Written by the design from aircraft.toml and gains.toml; do not edit.\n\n" + tomli_w.dumps(
+        designed.model_dump()
+    )
