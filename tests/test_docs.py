@@ -3,9 +3,12 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from rig import aircraft, show
+from rig import aircraft, scenario, show
+from rig.frame import INDEX, State
+from rig.loop import Rig, frames
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -43,3 +46,13 @@ def test_every_test_named_as_evidence_exists():
     }
     for page in PAGES:
         assert set(re.findall(r"`(test_\w+)`", page.read_text())) <= defined
+
+
+def test_the_manager_in_the_docs_flies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    page = (ROOT / "docs" / "redundancy.md").read_text()
+    (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    (tmp_path / "mine.py").write_text(code)
+    monkeypatch.chdir(tmp_path)
+    which = scenario.load(None, ["duration_s=3", "faults.0.start_s=1", "redundancy.manager=mine:Smoothed"])
+    rows = np.concatenate([rows.copy() for rows, _ in frames(Rig(which), which)])
+    assert rows["state"][-1, INDEX["pitch_rate"], 2] == State.FAILED and len(rows) == 300
