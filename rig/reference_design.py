@@ -34,7 +34,7 @@ from rig.settings import build
 RATE_HZ: Final = 100.0
 RESERVE: Final = 1.2  # threshold over the worst measured error
 SETTLED_S: Final = 0.5  # the start of each flight is not measured
-SEEDS: Final = (1, 2, 3, 4)  # of calibration, noise and turbulence, for every flight
+SEEDS: Final = (1, 2, 3, 4, 5, 6, 7, 8)  # of calibration, noise and turbulence, for every flight
 TURBULENCE: Final = ("none", "light", "moderate")
 FILTERS_S: Final = (0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2)  # no slower: a law may have to fly on it
 _GRAVITY: Final = 9.80665  # m/s2
@@ -93,11 +93,11 @@ FLIGHTS: Final[dict[str, dict[str, Any]]] = {
         },
     },
     "climb and turn": {
-        "duration_s": 100.0,
+        "duration_s": 60.0,
         "pilot": {
             "manoeuvres": [
                 _manoeuvre("step", "altitude", 5.0, 60.0),
-                _manoeuvre("step", "heading", 45.0, 0.35),
+                _manoeuvre("step", "heading", 30.0, 0.35),
             ],
         },
     },
@@ -127,7 +127,12 @@ def design(name: str, gains: Gains) -> Designed:
 def _designed(airframe: Airframe, points: list[Point], errors: dict[str, dict[str, Error]]) -> Designed:
     place = airframe.accelerometer
     return Designed(
-        rate_hz=RATE_HZ, accelerometer_m=[place.x_m, place.y_m, place.z_m], points=points, errors=errors
+        rate_hz=RATE_HZ,
+        accelerometer_x_m=place.x_m,
+        accelerometer_y_m=place.y_m,
+        accelerometer_z_m=place.z_m,
+        points=points,
+        errors=errors,
     )
 
 
@@ -249,7 +254,7 @@ def _digits(value: float, digits: int) -> float:
     """``value`` to so many digits, so that the last bits of a machine's arithmetic do not show."""
     if not np.isfinite(value):
         raise RigError("design of references: a number is not finite")
-    return float(f"{value:.{digits}g}")
+    return float(f"{value:.{digits}g}") + 0.0  # which makes a minus zero plain
 
 
 def write(designed: Designed, path: Path) -> None:

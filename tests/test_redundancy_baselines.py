@@ -1,9 +1,15 @@
 """The managers to compare with."""
 
-import numpy as np
-from conftest import constant, vote_samples
+import warnings
 
-from rig.frame import State
+import numpy as np
+import pytest
+from conftest import constant, vote_samples
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from rig.frame import Pattern, State
 
 
 def test_the_mean_follows_a_hardover_and_fails_nobody():
@@ -55,3 +61,90 @@ def test_a_selection_leaves_a_silent_channel_at_once_and_blames_neither_of_two()
     assert (out.voted[4:] == 1.0).all()
     pair = constant(9.0, 0.0, np.nan, np.nan, frames=500)
     assert (vote_samples(pair, manager="selection").voted == 9.0).all()
+
+
+# An independent expectation of each, in plain Python over random samples with gaps.
+SAMPLE = st.sampled_from([0.0, 0.5, 1.0, 1.25, 3.0, 8.0, -4.0, np.nan])
+FLIGHTS = hnp.arrays(np.float64, (25, 4), elements=SAMPLE)
+MANY = settings(max_examples=80, deadline=None, derandomize=True)
+
+
+def held(values: list[float]) -> list[float]:
+    """Where there is no number, the one before; 0 before the first."""
+    out, last = [], 0.0
+    for value in values:
+        last = last if np.isnan(value) else value
+        out.append(last)
+    return out
+
+
+@MANY
+@given(FLIGHTS, st.sampled_from([0.0, 50.0, -7.5]), st.integers(2, 4))
+def test_mean_and_median_are_those_of_what_is_there(samples, shift, channels):
+    samples = samples + shift
+    samples[:, channels:] = np.nan
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        mean, median = np.nanmean(samples, axis=1), np.nanmedian(samples, axis=1)
+    silent = np.isnan(samples[:, :channels]).all(axis=1)
+    for name, wanted in (("mean", mean), ("median", median)):
+        out = vote_samples(samples, manager=name, channels=channels, persistence=1000)
+        assert out.voted.tolist() == pytest.approx(held(wanted.tolist()))
+        assert [Pattern(p).label for p in out.pattern] == ["lost" if s else "normal" for s in silent]
+        assert (out.level == channels).all() and (out.reference_usable == 0).all()
+
+
+@MANY
+@given(FLIGHTS, st.sampled_from([0.0, 50.0]), st.integers(1, 4))
+def test_the_cross_voter_is_that_of_its_definition(samples, shift, persistence):
+    samples = samples + shift
+    out = vote_samples(samples, manager="cross-voter", persistence=persistence)
+    counts, failed, vote = [0] * 4, set(), 0.0
+    for k, row in enumerate(samples):
+        use = [c for c in range(4) if c not in failed and not np.isnan(row[c])]
+        vote = float(np.median(row[use])) if use else vote
+        assert out.voted[k] == pytest.approx(vote)
+        for c in set(range(4)) - failed:
+            off = c not in use or abs(row[c] - vote) > 1.0
+            counts[c] = counts[c] + 1 if off else 0
+            expected = State.SUSPECT if off else State.OK
+            assert out.state[k, c] == (State.FAILED if counts[c] >= persistence else expected)
+        failed |= {c for c in range(4) if counts[c] >= persistence}
+        assert out.level[k] == 4 - len(failed)
+
+
+@MANY
+@given(FLIGHTS, st.sampled_from([0.0, 50.0]), st.integers(2, 4))
+def test_the_selection_is_that_of_its_definition(samples, shift, channels):
+    samples = samples + shift
+    samples[:, channels:] = np.nan
+    out = vote_samples(
+        samples, manager="selection", channels=channels, selection_deviation=0.75, selection_integral_s=0.035
+    )
+    excess, selected, vote = [0.0] * 4, 0, 0.0
+    for k, row in enumerate(samples):
+        use = [c for c in range(channels) if not np.isnan(row[c])]
+        for c in use:
+            off = abs(row[c] - np.mean(row[use])) - 0.75 if len(use) > 2 else 0.0
+            excess[c] = max(excess[c] + off, 0.0)
+        trusted = [c for c in use if excess[c] <= 3.5]
+        if selected not in trusted:
+            if trusted:
+                selected = trusted[0]
+            elif use and selected not in use:
+                selected = sorted(use, key=lambda c: (row[c], c))[len(use) // 2]
+        vote = row[selected] if use else vote
+        tied = len({row[c] for c in use}) < len(use) and not trusted
+        assert tied or out.voted[k] == pytest.approx(vote)
+        selected = int(np.flatnonzero(row == out.voted[k])[0]) if tied and use else selected
+        bad = [c not in trusted for c in range(channels)]
+        assert [s == State.FAILED for s in out.state[k, :channels]] == bad
+        assert out.level[k] == channels - sum(bad)
+
+
+def test_a_baseline_votes_an_angle_the_short_way_round():
+    turn = 2 * np.pi
+    samples = constant(0.01, turn - 0.03, 0.02, turn - 0.02, frames=3)
+    for manager in ("mean", "median", "cross-voter"):
+        out = vote_samples(samples, manager=manager, wraps=True, limits=(0.0, turn), threshold=0.1)
+        assert np.allclose(np.sin(out.voted), -0.005, atol=1e-9) and (np.cos(out.voted) > 0.99).all()

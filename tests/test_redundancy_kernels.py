@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from rig.frame import DISCRETES, Ilm, Resolver, State, new_block
 from rig.redundancy import resolve, trend, vote
-from rig.redundancy.config import Config, Reset, SignalConfig, reset_table
+from rig.redundancy.config import PARAMS, Config, Reset, SignalConfig, fill, reset_table
 from rig.redundancy.discrete import DiscreteVoter
 
 LOW, HIGH, NONE = resolve.LOW_SIDE, resolve.HIGH_SIDE, resolve.NO_ANSWER
@@ -54,9 +54,9 @@ def test_in_line_monitors_are_believed_only_when_they_follow_the_pairing(flags, 
     ],
 )
 def test_a_reference_makes_a_triplex_with_the_two_ranks(high, low, reference, sides, middle):
-    assert resolve.by_reference(high, low, reference, 1, 1.0) == sides
+    assert resolve.by_reference(high, low, reference, 1.0) == sides
     assert resolve.middle(high, low, reference) == middle
-    assert resolve.by_reference(high, low, reference, 0, 1.0) == NONE
+    assert resolve.by_reference(high, low, np.nan, 1.0) == NONE
 
 
 def test_a_split_around_a_reference_that_is_near_neither_fails_all_four():
@@ -182,11 +182,17 @@ def test_a_discrete_is_its_majority_and_a_tie_its_fail_safe_value(samples, voted
     assert block["discrete_voted"][0, 1] == 1  # gear_down, fail-safe 1, untouched
 
 
-def test_a_tie_of_a_discrete_whose_fail_safe_is_one_gives_one():
+@pytest.mark.parametrize(
+    ("samples", "voted"),
+    [((1, 1, 0, 0), 1), ((0, 0, 0, 1), 0), ((0, 0, 0, 0), 0), ((1, 0, 1, 1), 1), ((1, 1, 1, 1), 1), ((0, 1, 0, 0), 0)],
+)
+def test_a_discrete_whose_fail_safe_is_one_gives_one_for_a_tie_alone(samples, voted):
     block = new_block(1)
-    block["discrete_channels"][0, 1] = [1, 1, 0, 0]
+    block["discrete_channels"][0, 1] = samples
     DiscreteVoter(3).step(block, 0)
-    assert block["discrete_voted"][0, 1] == 1
+    assert block["discrete_voted"][0, 1] == voted
+    assert block["discrete_level"][0, 1] == 4
+    assert block["discrete_state"][0, 1].tolist() == [int(x != voted) for x in samples]
 
 
 def test_a_discrete_channel_that_differs_for_its_persistence_is_failed_for_good():
@@ -213,7 +219,51 @@ def test_the_last_discrete_channel_is_its_own_majority():
     assert block["discrete_level"][-1, 0] == 1
 
 
-def test_settings_become_frames_and_records():
+def test_settings_become_a_record_in_frames_with_their_defaults():
+    row = np.zeros(1, PARAMS)
+    fill(row[0], SignalConfig(threshold=0.5, fade_s=0.25), (-1.0, 2.0), 3, True, 100.0)
+    plain = {name: row[name][0].tolist() for name in PARAMS.names or ()}
+    assert plain == {
+        "threshold": 0.5,
+        "reference_threshold": 0.5,
+        "low": -1.0,
+        "high": 2.0,
+        "deviation": 1.25,
+        "deviation_frames": 250.0,
+        "persistence": 8,
+        "singular_persistence": 10,
+        "trend_frames": 3,
+        "readmit_frames": 100,
+        "fade_frames": 25,
+        "fitted": 3,
+        "resolvers": [1, 2, 3],
+        "wraps": 1,
+        "weighted": 0,
+    }
+    chosen = SignalConfig(
+        threshold=0.5,
+        reference_threshold=0.7,
+        mean="trend-weighted",
+        resolvers=["reference"],
+        selection_deviation=2.0,
+        selection_integral_s=0.5,
+    )
+    fill(row[0], chosen, (-1.0, 2.0), 4, False, 100.0)
+    assert (row["reference_threshold"][0], row["weighted"][0], row["wraps"][0]) == (0.7, 1, 0)
+    assert (row["deviation"][0], row["deviation_frames"][0]) == (2.0, 50.0)
+    row = np.zeros(1, PARAMS)
+    fill(row[0], chosen, (-1.0, 2.0), 4, False, 100.0)
+    assert row["resolvers"][0].tolist() == [3, 0, 0]
+
+
+def test_the_smallest_settings_are_one_frame():
+    least = SignalConfig(threshold=1.0, persistence=1, singular_persistence=1, trend_frames=1, readmit_frames=1)
+    assert least.fade_s == 0.0 and Reset(at_s=0.0, signal="heading").channels == [1, 2, 3, 4]
+    with pytest.raises(ValidationError):
+        Reset(at_s=0.0, signal="heading", channels=[0])
+
+
+def test_resets_become_records_in_frames():
     table = reset_table([Reset(at_s=0.105, signal="heading", channels=[2, 4])], 100.0)
     assert (table["frame"][0], table["signal"][0], table["channel"][0].tolist()) == (11, 15, [0, 1, 0, 1])
 

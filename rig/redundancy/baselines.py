@@ -31,7 +31,7 @@ def mean_of(st, n):
     total = 0.0
     for i in range(n):
         total += st["x"][st["order"][i]]
-    return total / n if n > 0 else st["vote"]
+    return total / n if n else st["vote"]
 
 
 @kernel
@@ -41,7 +41,7 @@ def plain_median(block, k, params, state, resets):
     for s in range(len(params)):
         p, st = params[s], state[s]
         n = ranked(row, s, p, st)
-        voted = median(st["x"], st["order"], n, st["alone"], 0.5) if n > 0 else st["vote"]
+        voted = median(st["x"], st["order"], n, st["alone"], 0.5) if n else st["vote"]
         finish(row, s, voted, n, p, st)
 
 
@@ -65,27 +65,31 @@ def select(block, k, params, state, resets):
             off = abs(st["x"][c] - center) - p["deviation"] if n > 2 else 0.0
             st["excess"][c] = max(st["excess"][c] + off, 0.0)
         choose(n, p, st)
-        voted = st["x"][st["selected"]] if n > 0 else st["vote"]
+        voted = st["x"][st["selected"]] if n else st["vote"]
         finish(row, s, voted, n, p, st)
 
 
 @kernel
 def choose(n, p, st):
-    """Mark the distrusted channels in ``failed`` and move the selection off them, if any is trusted."""
+    """Mark the distrusted channels in ``failed`` and move the selection off them.
+
+    When none is trusted it stays where it is, or goes to the middle of those that say something.
+    """
     here = 0
     for i in range(n):
         here |= 1 << st["order"][i]
     best = -1
     for c in range(p["fitted"] - 1, -1, -1):
-        comparable = (here >> c) & 1 == 1
-        if not comparable or st["excess"][c] > p["deviation_frames"]:
+        if not (here >> c) & 1 or st["excess"][c] > p["deviation_frames"]:
             st["failed"][c] = 1
         else:
             best = c
-    if best < 0 and n > 0:
-        best = st["order"][n // 2]
-    if best >= 0 and (st["failed"][st["selected"]] or (here >> st["selected"]) & 1 == 0):
+    if not st["failed"][st["selected"]]:
+        return
+    if best >= 0:
         st["selected"] = best
+    elif n and not (here >> st["selected"]) & 1:
+        st["selected"] = st["order"][n // 2]
 
 
 @kernel
@@ -97,9 +101,9 @@ def cross_voter(block, k, params, state, resets):
         p, st = params[s], state[s]
         n = ranked(row, s, p, st)
         x, order, alone, count = st["x"], st["order"], st["alone"], st["count"]
-        voted = median(x, order, n, alone, 0.5) if n > 0 else st["vote"]
+        voted = median(x, order, n, alone, 0.5) if n else st["vote"]
         for c in range(p["fitted"]):
-            alone[c] = 1 if not st["failed"][c] else 0
+            alone[c] = not st["failed"][c]
         for i in range(n):
             alone[order[i]] = 0 if abs(x[order[i]] - voted) <= p["threshold"] else 1
         for c in range(p["fitted"]):
@@ -121,9 +125,9 @@ def ranked(row, s, p, st):
 @kernel
 def finish(row, s, voted, n, p, st):
     """Latch, publish and report signal s of a row."""
-    st["pattern"] = NORMAL if n > 0 else LOST
+    st["pattern"] = NORMAL if n else LOST
     watch_failed(row["channels"][s], row["valid"][s], voted, p, st)
-    latch(False, p, st)
+    latch(p, st)
     publish(voted, p, st)
     row["voted"][s] = st["output"]
     row["level"][s], row["pattern"][s] = st["level"], st["pattern"]

@@ -67,7 +67,9 @@ class Designed(Settings):
     """One aircraft's references: coefficients by dynamic pressure, and the measured error of each source."""
 
     rate_hz: float = Field(gt=0.0)  # the frame rate of the measurement
-    accelerometer_m: list[float] = Field(min_length=3, max_length=3)  # from the centre of gravity, x, y, z
+    accelerometer_x_m: float  # from the centre of gravity: x forward, y right, z down
+    accelerometer_y_m: float
+    accelerometer_z_m: float
     points: list[Point] = Field(min_length=1)
     errors: dict[str, dict[str, Error]] = Field(default_factory=dict)  # by signal and source
 

@@ -83,7 +83,7 @@ def manage(block, k, params, state, resets):
         p, st = params[s], state[s]
         resolvers[s] = manage_signal(channels[s], valid[s], ilm[s], reference[s], p, st)
         voted[s], levels[s], patterns[s] = st["output"], st["level"], st["pattern"]
-        usable[s] = st["reference_usable"] if reference[s] == reference[s] else 0
+        usable[s] = 0 if np.isnan(reference[s]) else st["reference_usable"]
         trend_high[s], trend_low[s] = st["trend_high"], st["trend_low"]
         report(p, st, states[s])
 
@@ -94,20 +94,18 @@ def manage_signal(samples, valid, ilm, reference, p, st):
     x, order, alone = st["x"], st["order"], st["alone"]
     base = anchor(samples, st)
     n = rank(samples, valid, st["failed"], p["fitted"], p["low"], p["high"], p["wraps"], base, x, order)
-    if p["wraps"] and reference == reference:
+    if p["wraps"]:
         reference = base + difference(reference, base, p["wraps"])
     pattern = classify(x, order, n, p["threshold"], alone)
     st["pattern_frames"] = st["pattern_frames"] + 1 if pattern == st["pattern"] else 1
     st["pattern"] = pattern
-    if n > 0:
-        trend.update(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p["trend_frames"], p["wraps"])
-    else:
-        trend.update(st, 0.0, 0.0, 0, p["trend_frames"], p["wraps"])
+    # Without a sample the ranks are leftovers, and nobody reads what comes of them.
+    trend.update(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p["trend_frames"], p["wraps"])
     resolver, raw = decide(ilm, reference, n, p, st)
     monitor_reference(raw, reference, n, p, st)
     watch_failed(samples, valid, raw, p, st)
     count_miscompares(n, p, st)
-    latch(resolver != _NONE and resolver != _UNRESOLVED, p, st)
+    latch(p, st)
     publish(raw, p, st)
     return resolver
 
@@ -118,7 +116,7 @@ def anchor(samples, st):
     if st["started"]:
         return st["vote"]
     for c in range(CHANNELS):
-        if samples[c] == samples[c]:
+        if not np.isnan(samples[c]):
             return samples[c]
     return 0.0
 
@@ -161,9 +159,8 @@ def settle(ilm, reference, n, p, st):
             sides = resolve.by_ilm(ilm, order, n)
         elif name == resolve.TREND:
             sides = resolve.by_trend(st, p["trend_frames"])
-        elif name == resolve.REFERENCE and reference == reference:
-            usable, threshold = st["reference_usable"], p["reference_threshold"]
-            sides = resolve.by_reference(high, low, reference, usable, threshold)
+        elif name == resolve.REFERENCE and st["reference_usable"]:
+            sides = resolve.by_reference(high, low, reference, p["reference_threshold"])
         if sides != resolve.NO_ANSWER:
             blame(sides, n, st)
             if name == resolve.REFERENCE:
@@ -209,9 +206,9 @@ def count_miscompares(n, p, st):
 
 
 @kernel
-def latch(answered, p, st):
-    """Fail what has persisted: single miscompares, and a singular pattern that was answered."""
-    settled = answered and st["pattern_frames"] >= p["singular_persistence"]
+def latch(p, st):
+    """Fail what has persisted: single miscompares, and whom the answer to a singular pattern blames."""
+    settled = st["pattern_frames"] >= p["singular_persistence"]
     level = 0
     for c in range(p["fitted"]):
         if st["count"][c] >= p["persistence"] or (settled and st["blamed"][c]):
@@ -241,7 +238,7 @@ def publish(raw, p, st):
 @kernel
 def monitor_reference(raw, reference, n, p, st):
     """A reference that left a healthy vote for ``persistence`` frames is unusable until it has agreed as long."""
-    if n < 2 or is_singular(st["pattern"]) or reference != reference:
+    if n < 2 or is_singular(st["pattern"]) or np.isnan(reference):
         return
     off = abs(difference(raw, reference, p["wraps"]))
     agrees = 1 if off <= p["reference_threshold"] else 0
@@ -273,7 +270,7 @@ def obey(frame, resets, params, state):
 def readmit(commanded, p, st):
     """Clear the failures of the commanded channels that have agreed with the vote for ``readmit_frames``."""
     for c in range(p["fitted"]):
-        if commanded[c] != 0 and st["failed"][c] and st["agreed"][c] >= p["readmit_frames"]:
+        if commanded[c] and st["failed"][c] and st["agreed"][c] >= p["readmit_frames"]:
             st["failed"][c] = st["count"][c] = st["agreed"][c] = 0
 
 
@@ -285,7 +282,7 @@ def report(p, st, states):
             states[c] = _ABSENT
         elif st["failed"][c]:
             states[c] = _FAILED
-        elif st["alone"][c] or st["blamed"][c] or st["count"][c] > 0:
+        elif st["alone"][c] or st["blamed"][c] or st["count"][c]:
             states[c] = _SUSPECT
         else:
             states[c] = _OK

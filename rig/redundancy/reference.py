@@ -126,7 +126,7 @@ def _parameters(config: Config, designed: Designed, rate_hz: float) -> NDArray[A
     param = np.zeros(1, PARAM)
     row = param[0]
     row["rate_hz"], row["lead_frames"] = rate_hz, config.inertial_lead_s * rate_hz
-    row["accelerometer"] = designed.accelerometer_m
+    row["accelerometer"] = designed.accelerometer_x_m, designed.accelerometer_y_m, designed.accelerometer_z_m
     for s, signal in enumerate(SIGNALS):
         chosen = source(config, signal.name)
         if chosen != "none":

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import Final
 
+import numpy as np
+
 from rig.frame import Ilm, Resolver
 from rig.kernels import kernel
 from rig.redundancy import trend
@@ -53,9 +55,9 @@ def by_trend(track, frames):
 
 
 @kernel
-def by_reference(high, low, reference, usable, threshold):
+def by_reference(high, low, reference, threshold):
     """The triplex {high, low, reference}: who is not its middle, or too far from it (section 7)."""
-    if not usable:
+    if np.isnan(reference):
         return NO_ANSWER
     if reference >= high:
         return LOW_SIDE

@@ -17,12 +17,16 @@ excluded-modules = []
 test-command = "bash -c 'exec 3<>/dev/tcp/127.0.0.1/$port; read -t 30 -u 3 code || code=99; exit \$code'"
 [cosmic-ray.distributor]
 name = "local"
+# Interpreted, a kernel without its decorator is the same function.
+[cosmic-ray.filters.operators-filter]
+exclude-operators = ["core/RemoveDecorator"]
 EOF
 PYTHONPATH="$PWD" PYTHONDONTWRITEBYTECODE=1 "$bin/python" tests/mutation/server.py "$port" &
 server=$!
 trap 'kill $server' EXIT
 sleep 3
 "$bin/cosmic-ray" init config.toml session.sqlite
+"$bin/cr-filter-operators" session.sqlite config.toml
 "$bin/cosmic-ray" baseline config.toml
 "$bin/cosmic-ray" exec config.toml session.sqlite
 "$bin/cr-report" session.sqlite --surviving-only --show-diff > survivors.txt || true

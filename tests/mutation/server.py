@@ -19,7 +19,7 @@ import numpy  # noqa: F401
 import pydantic  # noqa: F401
 import pytest
 
-TESTS = [f"tests/test_redundancy_{name}.py" for name in ("examples", "kernels", "manager", "baselines", "properties")]
+TESTS = [f"tests/test_redundancy_{name}.py" for name in ("kernels", "examples", "manager", "baselines", "oracle")]
 QUIET = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--no-header", "-W", "ignore"]
 
 
