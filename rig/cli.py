@@ -187,18 +187,26 @@ def aircraft_design(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Trim, linearise and design the control law at every flight point; write gains and margins."""
-    from rig import show
+    """Design the control law at every flight point, then fly it to measure the references.
+
+    Writes gains.toml with the margins, and beside it references.toml with the measured errors.
+    """
+    from rig import reference_design, show
     from rig.aircraft import folder
     from rig.control import design
     from rig.plant import airframe
 
     home = folder(name)
+    if out is not None and not out.parent.is_dir():
+        raise BadInput(f"--out {out}: no such folder")
     gains = design.design(airframe.read(home / "aircraft.toml"))
     target = out or home / "gains.toml"
     design.write(gains, target)
-    summary = lambda: {"file": str(target), **gains.model_dump()}  # noqa: E731 # read once, as all others
-    _print(as_json, summary, lambda: show.design(gains, target))
+    references, beside = reference_design.design(name, gains), target.with_name("references.toml")
+    reference_design.write(references, beside)
+    written = {"file": str(target), "references_file": str(beside)}
+    summary = lambda: {**written, **gains.model_dump(), "references": references.model_dump()}  # noqa: E731 # read once
+    _print(as_json, summary, lambda: show.design(references, target, beside))
 
 
 def _print(as_json: bool, data: Callable[[], Any], text: Callable[[], None]) -> None:

@@ -245,7 +245,7 @@ def corrupt(block, k, schedule, dt_s):
             continue
         active += 1
         s = fault["signal"]
-        if s >= _SIGNALS:
+        if s >= _SIGNALS:  # no dropout there, so nobody's validity is touched
             spoil(row["inertial"], valid[0], s - _SIGNALS, fault, (frame - fault["first"]) * dt_s)
             continue
         mask = fault["channel"]

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rig.bench import Bench
     from rig.flight import Flight
     from rig.flight import Progress as Report
+    from rig.redundancy.designed import Designed
     from rig.view.stream import Stream
 
 MOST_LINES = 40  # of events on the terminal; all of them are in the log
@@ -165,6 +166,14 @@ def bench(result: Bench) -> None:
     screen.print(f"log                        {result.log_bytes_per_frame:.0f} bytes a frame")
 
 
-def design(gains: Any, target: Path) -> None:
-    """The margins of a design."""
-    console().print(f"gains and margins written to {target}")
+def design(references: Designed, target: Path, beside: Path) -> None:
+    """The errors that the references were measured to have."""
+    screen = console()
+    table = Table("signal", "reference from", "RMS", "99.9 %", "worst", "threshold", box=None)
+    for signal, sources in references.errors.items():
+        for source, e in sources.items():
+            numbers = (e.rms, e.quantile_999, e.worst, e.threshold)
+            table.add_row(signal, source, *(f"{number:.3g}" for number in numbers))
+    screen.print(table)
+    screen.print(f"gains and margins written to {target}", soft_wrap=True)
+    screen.print(f"references written to {beside}", soft_wrap=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +14,8 @@ from numpy.typing import NDArray
 from rig.frame import CHANNELS, Block, State, new_block
 from rig.redundancy.config import PARAMS, RESETS, SignalConfig, fill
 from rig.redundancy.managers import Manager
+
+FEWER = int(os.environ.get("RIG_FEWER_EXAMPLES", "1"))  # a mutation run divides the number of examples by it
 
 
 @dataclass(frozen=True)

@@ -43,11 +43,11 @@ def test_truth_never_reaches_redundancy_or_control():
     honest, blind = Rig(which), Rig(which)
     a, b = new_block(300), new_block(300)
     for block, rig in ((a, honest), (b, blind)):
-        block["reference"] = np.nan
         rig.prepare(block)
         for k in range(len(block)):
             assert rig.plant.read(block, k) == 0
             rig.sensors.step(block, k)
+            rig.inertial.step(block, k)
             rig.faults.step(block, k)
             kept = block["truth"][k].copy(), block["flight"][k].copy(), block["discrete_truth"][k].copy()
             if rig is blind:

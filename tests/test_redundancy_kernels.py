@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from rig.frame import DISCRETES, Ilm, Resolver, State, new_block
+from rig.frame import DISCRETES, SIGNALS, Ilm, Resolver, State, new_block
 from rig.redundancy import resolve, trend, vote
-from rig.redundancy.config import PARAMS, Config, Reset, SignalConfig, fill, reset_table
+from rig.redundancy.config import PARAMS, Config, Reset, SignalConfig, SignalConfigs, fill, parameters, reset_table
 from rig.redundancy.discrete import DiscreteVoter
 
 LOW, HIGH, NONE = resolve.LOW_SIDE, resolve.HIGH_SIDE, resolve.NO_ANSWER
@@ -254,6 +254,17 @@ def test_settings_become_a_record_in_frames_with_their_defaults():
     row = np.zeros(1, PARAMS)
     fill(row[0], chosen, (-1.0, 2.0), 4, False, 100.0)
     assert row["resolvers"][0].tolist() == [3, 0, 0]
+
+
+def test_every_signal_has_its_own_settings_range_and_channels():
+    configs = SignalConfigs.model_validate({s.name: {"threshold": 1.0 + i} for i, s in enumerate(SIGNALS)})
+    ranges = np.array([(-10.0 - i, 20.0 + i) for i in range(len(SIGNALS))])
+    table = parameters(configs, ranges, np.array([4, 3] + [2] * (len(SIGNALS) - 2)), 50.0)
+    assert table["threshold"].tolist() == [1.0 + i for i in range(len(SIGNALS))]
+    assert np.array_equal(np.column_stack([table["low"], table["high"]]), ranges)
+    assert table["fitted"].tolist()[:3] == [4, 3, 2]
+    assert table["wraps"].tolist() == [int(s.wraps) for s in SIGNALS]
+    assert (table["deviation_frames"] == 5.0 * table["threshold"] * 50.0).all()
 
 
 def test_the_smallest_settings_are_one_frame():

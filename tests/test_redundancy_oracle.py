@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import vote_samples
+from conftest import FEWER, vote_samples
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from oracle import Oracle, Settings
@@ -95,7 +95,7 @@ def check(chosen: Settings, samples, ilm, references) -> None:
         assert (out.state[k, chosen.channels :] == State.ABSENT).all()
 
 
-@settings(max_examples=250, deadline=None, derandomize=True)
+@settings(max_examples=250 // FEWER, deadline=None, derandomize=True)
 @given(flights())
 def test_every_decision_and_vote_is_that_of_the_requirement(flight):
     check(*flight)
@@ -104,7 +104,7 @@ def test_every_decision_and_vote_is_that_of_the_requirement(flight):
 PLAIN = Settings(turn=2 * np.pi)
 
 
-@settings(max_examples=120, deadline=None, derandomize=True)
+@settings(max_examples=120 // FEWER, deadline=None, derandomize=True)
 @given(flights(turn=True))
 @example((PLAIN, [[0.1, 6.2, 0.0, 6.25]] * 12, [["good"] * 4] * 12, [0.05] * 12))
 @example((PLAIN, [[0.1, 6.2, 2.0, 2.1]] * 12, [["good"] * 4] * 12, [6.28] * 12))

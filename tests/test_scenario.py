@@ -67,7 +67,7 @@ def test_an_override_reaches_tables_lists_and_the_aircraft():
 def test_an_aircraft_of_the_users_own_is_found_by_its_folder(tmp_path: Path):
     own = tmp_path / "mine"
     own.mkdir()
-    for name in ("aircraft.toml", "gains.toml"):
+    for name in ("aircraft.toml", "gains.toml", "references.toml"):
         (own / name).write_bytes((aircraft.folder("f16") / name).read_bytes())
     assert load(None, [f"aircraft={own}"]).airframe == load().airframe
 

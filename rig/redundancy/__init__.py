@@ -30,7 +30,7 @@ class Redundancy:
         """``ranges`` (S, 2) and ``channels`` (S,) are those of the sensors.  BadInput: the user's manager."""
         params = parameters(config.signals, ranges, channels, rate_hz)
         measured_thresholds(params, config, designed)
-        self.references = References(config.references, designed, rate_hz)
+        self.references = References(config.references, designed, rate_hz, config.manager == MANAGERS[0])
         own = config.manager not in MANAGERS
         self.own: ManagerLike | None = load_manager(config.manager, params) if own else None
         name = MANAGERS[0] if own else config.manager

@@ -57,7 +57,7 @@ def select(block, k, params, state, resets):
     for s in range(len(params)):
         p, st = params[s], state[s]
         for c in range(CHANNELS):
-            st["failed"][c] = 0
+            st["failed"][c] = False
         n = ranked(row, s, p, st)
         center = mean_of(st, n)
         for i in range(n):
@@ -65,7 +65,7 @@ def select(block, k, params, state, resets):
             off = abs(st["x"][c] - center) - p["deviation"] if n > 2 else 0.0
             st["excess"][c] = max(st["excess"][c] + off, 0.0)
         choose(n, p, st)
-        voted = st["x"][st["selected"]] if n else st["vote"]
+        voted = st["x"][st["selected"]]
         finish(row, s, voted, n, p, st)
 
 
@@ -73,7 +73,7 @@ def select(block, k, params, state, resets):
 def choose(n, p, st):
     """Mark the distrusted channels in ``failed`` and move the selection off them.
 
-    When none is trusted it stays where it is, or goes to the middle of those that say something.
+    When none is trusted it stays where it is, and its last comparable sample stands.
     """
     here = 0
     for i in range(n):
@@ -81,15 +81,11 @@ def choose(n, p, st):
     best = -1
     for c in range(p["fitted"] - 1, -1, -1):
         if not (here >> c) & 1 or st["excess"][c] > p["deviation_frames"]:
-            st["failed"][c] = 1
+            st["failed"][c] = True
         else:
             best = c
-    if not st["failed"][st["selected"]]:
-        return
-    if best >= 0:
+    if best >= 0 and st["failed"][st["selected"]]:
         st["selected"] = best
-    elif n and not (here >> st["selected"]) & 1:
-        st["selected"] = st["order"][n // 2]
 
 
 @kernel
@@ -105,7 +101,7 @@ def cross_voter(block, k, params, state, resets):
         for c in range(p["fitted"]):
             alone[c] = not st["failed"][c]
         for i in range(n):
-            alone[order[i]] = 0 if abs(x[order[i]] - voted) <= p["threshold"] else 1
+            alone[order[i]] = not abs(x[order[i]] - voted) <= p["threshold"]
         for c in range(p["fitted"]):
             count[c] = count[c] + 1 if alone[c] else 0
         finish(row, s, voted, n, p, st)
@@ -116,7 +112,7 @@ def ranked(row, s, p, st):
     """Rank the samples of signal s into its state; nobody is alone yet.  Returns their number."""
     samples = row["channels"][s]
     for c in range(CHANNELS):
-        st["alone"][c] = 0
+        st["alone"][c] = False
     base = anchor(samples, st)
     valid, failed = row["valid"][s], st["failed"]
     return rank(samples, valid, failed, p["fitted"], p["low"], p["high"], p["wraps"], base, st["x"], st["order"])

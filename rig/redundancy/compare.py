@@ -77,7 +77,7 @@ def classify(x, order, n, threshold, alone):
     One agreeing partner is enough, so chains a~b~c are normal.
     """
     for c in range(CHANNELS):
-        alone[c] = 0
+        alone[c] = False
     if n == 0:
         return LOST
     gaps, apart = 0, 0  # gaps: bit i is set when rank i and rank i + 1 disagree
@@ -90,7 +90,7 @@ def classify(x, order, n, threshold, alone):
     for i in range(n):
         below = i == 0 or (gaps >> (i - 1)) & 1 == 1
         above = i == n - 1 or (gaps >> i) & 1 == 1
-        alone[order[i]] = 1 if below and above else 0
+        alone[order[i]] = below and above
     return singular(n, gaps, apart)
 
 

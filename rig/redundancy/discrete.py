@@ -63,7 +63,7 @@ def isolate(samples, voted, st, persistence, states):
         differs = (samples[c] != 0) != (voted != 0)
         st["count"][c] = st["count"][c] + 1 if differs else 0
         if st["count"][c] >= persistence:
-            st["failed"][c] = 1
+            st["failed"][c] = True
         if st["failed"][c]:
             states[c] = _FAILED
             continue

@@ -129,14 +129,14 @@ def decide(ilm, reference, n, p, st):
     """
     x, order, blamed, pattern = st["x"], st["order"], st["blamed"], st["pattern"]
     for c in range(CHANNELS):
-        blamed[c] = 0
+        blamed[c] = False
     if pattern == LOST:
         return _NONE, st["vote"]
     if pattern == P1_1_1_1:
-        blamed[order[0]] = blamed[order[3]] = 1
+        blamed[order[0]] = blamed[order[3]] = True
         return _EXTREMES, vote.mean(x[order[1]], x[order[2]], 0.5)
     if pattern == P1_1_1:
-        blamed[order[0]] = blamed[order[2]] = 1
+        blamed[order[0]] = blamed[order[2]] = True
         return _MIDDLE, x[order[1]]
     if pattern in (P2_2, P1_1):
         return settle(ilm, reference, n, p, st)
@@ -179,9 +179,9 @@ def blame(sides, n, st):
     half = n // 2
     for i in range(half):
         if sides & resolve.LOW_SIDE:
-            st["blamed"][st["order"][i]] = 1
+            st["blamed"][st["order"][i]] = True
         if sides & resolve.HIGH_SIDE:
-            st["blamed"][st["order"][half + i]] = 1
+            st["blamed"][st["order"][half + i]] = True
 
 
 @kernel
@@ -200,7 +200,7 @@ def count_miscompares(n, p, st):
             continue
         if (ranked >> c) & 1 == 0:
             count[c] += 1
-            st["alone"][c] = 1
+            st["alone"][c] = True
         elif not frozen:
             count[c] = count[c] + 1 if st["alone"][c] else 0
 
@@ -212,8 +212,8 @@ def latch(p, st):
     level = 0
     for c in range(p["fitted"]):
         if st["count"][c] >= p["persistence"] or (settled and st["blamed"][c]):
-            st["failed"][c] = 1
-        level += 1 - st["failed"][c]
+            st["failed"][c] = True
+        level += not st["failed"][c]
     if level != st["level"]:
         st["fade_left"] = p["fade_frames"] + 1
         st["level"] = level
@@ -232,7 +232,7 @@ def publish(raw, p, st):
         faded = st["vote"] + st["fade"] * left / (frames + 1.0)
         st["output"] = limit(faded, p["low"], p["high"], p["wraps"])
     st["fade_left"] = max(left - 1, 0)
-    st["started"] = 1
+    st["started"] = True
 
 
 @kernel

@@ -65,6 +65,7 @@ PARAM: Final = np.dtype(
         ("accelerometer", "f8", (3,)),  # m from the centre of gravity: forward, right, down
         ("source", "u1", (S,)),
         ("partners", "i8", (S,)),  # a bit for each signal that is read
+        ("monitored", "u1"),  # whether the manager watches references at all
     ],
     align=True,
 )
@@ -101,10 +102,14 @@ _NORTH: Final = INERTIAL.index("velocity_north_m_s")
 
 
 class References:
-    """The references of one flight.  ``state`` is plain data and can be copied."""
+    """The references of one flight.  ``state`` is plain data and can be copied.
 
-    def __init__(self, config: Config, designed: Designed, rate_hz: float) -> None:
+    monitored : whether the manager watches references; else none is ever reported usable
+    """
+
+    def __init__(self, config: Config, designed: Designed, rate_hz: float, monitored: bool = True) -> None:
         self.param = _parameters(config, designed, rate_hz)
+        self.param["monitored"] = monitored
         self.pressures, self.table = designed.table()
         for name in FILTERS:  # a time constant becomes the share of a new sample that passes in one frame
             column = self.table[:, COLUMNS.index(name)]
@@ -165,10 +170,10 @@ def remember(block, k, pressures, table, param, state):
         st["started"] = 1
         for i in range(3):
             st["rates"][i] = row["inertial"][i]
-        st["alpha"] = st["voted"][_ALPHA]
         answer(row, pressures, table, param, state)
         for s in range(S):
-            row["reference_usable"][s] = 1 if row["reference"][s] == row["reference"][s] else 0
+            there = row["reference"][s] == row["reference"][s]
+            row["reference_usable"][s] = 1 if there and param[0]["monitored"] != 0 else 0
 
 
 @kernel

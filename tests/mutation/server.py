@@ -12,6 +12,7 @@ import socket
 import sys
 
 os.environ["NUMBA_DISABLE_JIT"] = "1"  # mutants of kernels run as plain Python
+os.environ["RIG_FEWER_EXAMPLES"] = "3"
 
 import hypothesis.extra.numpy  # noqa: F401  # warm
 import numba  # noqa: F401
