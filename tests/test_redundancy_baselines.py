@@ -63,6 +63,15 @@ def test_a_selection_leaves_a_silent_channel_at_once_and_blames_neither_of_two()
     assert (vote_samples(pair, manager="selection").voted == 9.0).all()
 
 
+def test_a_selection_may_come_back_to_the_first_channel():
+    settings = {"selection_deviation": 1.0, "selection_integral_s": 0.1}
+    samples = constant(3, 0.5, 0, 0, frames=200)
+    samples[20:] = [0, 0.5, 0, 0]
+    samples[100:] = [0, 3, 0, 0]
+    out = vote_samples(samples, manager="selection", **settings)
+    assert out.voted[99] == 0.5 and out.voted[-1] == 0 and out.state[-1].tolist() == [0, 2, 0, 0]
+
+
 # An independent expectation of each, in plain Python over random samples with gaps.
 SAMPLE = st.sampled_from([0.0, 0.5, 1.0, 1.25, 3.0, 8.0, -4.0, np.nan])
 FLIGHTS = hnp.arrays(np.float64, (25, 4), elements=SAMPLE)

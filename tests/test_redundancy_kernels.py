@@ -9,7 +9,17 @@ from pydantic import ValidationError
 
 from rig.frame import DISCRETES, SIGNALS, Ilm, Resolver, State, new_block
 from rig.redundancy import resolve, trend, vote
-from rig.redundancy.config import PARAMS, Config, Reset, SignalConfig, SignalConfigs, fill, parameters, reset_table
+from rig.redundancy.config import (
+    MANAGERS,
+    PARAMS,
+    Config,
+    Reset,
+    SignalConfig,
+    SignalConfigs,
+    fill,
+    parameters,
+    reset_table,
+)
 from rig.redundancy.discrete import DiscreteVoter
 
 LOW, HIGH, NONE = resolve.LOW_SIDE, resolve.HIGH_SIDE, resolve.NO_ANSWER
@@ -306,3 +316,32 @@ def test_impossible_resets_are_refused(bad):
 def test_an_unknown_manager_is_refused(name):
     with pytest.raises(ValidationError, match="unknown manager"):
         Config.model_validate({"manager": name, "signals": {}})
+
+
+@pytest.mark.parametrize(("high", "low", "reference", "sides"), [(5.0, 0.0, 6.0, LOW), (5.0, 0.0, -1.0, HIGH)])
+def test_a_reference_outside_the_ranks_decides_however_wide_its_threshold(high, low, reference, sides):
+    assert resolve.by_reference(high, low, reference, 50.0) == sides
+
+
+@pytest.mark.parametrize("manager", [*MANAGERS, "mine:Class", "a.b.c:D"])
+def test_every_manager_of_the_house_and_any_class_may_be_named(manager):
+    signals = {s.name: {"threshold": 1.0} for s in SIGNALS}
+    assert Config.model_validate({"manager": manager, "signals": signals}).manager == manager
+
+
+@pytest.mark.parametrize(
+    "key", ["readmit_frames", "singular_persistence", "selection_deviation", "selection_integral_s"]
+)
+def test_nothing_is_counted_to_zero(key):
+    with pytest.raises(ValidationError):
+        SignalConfig.model_validate({"threshold": 1.0, key: 0})
+
+
+def test_a_sample_at_the_end_of_the_range_is_valid():
+    out = vote_samples(constant(2.0, -2.0, 1.9, 1.8), limits=(-2.0, 2.0), threshold=10.0)
+    assert (out.state == State.OK).all()
+
+
+def test_the_first_change_is_weighed_against_a_vote_that_stood_still():
+    out = vote_samples([[0.0, 0.0, 0.5, 0.5], [0.1, 0.1, 0.7, 0.7]], mean="trend-weighted")
+    assert out.voted[1] == pytest.approx(0.1 + 0.6 / 3)

@@ -156,3 +156,26 @@ def test_a_readmitted_channel_must_miscompare_anew_to_fail_again():
     samples[20:65] = 0
     out = vote_samples(samples, readmit_frames=30, resets=[(60, 4)])
     assert out.level[[7, 59, 60, 71, 72]].tolist() == [3, 3, 4, 4, 3]
+
+
+@pytest.mark.parametrize(("frames", "level"), [(29, 4), (30, 4), (31, 3)])
+def test_a_reset_asks_for_exactly_its_frames_of_agreement(frames, level):
+    """The channel agrees from frame 20 on; a reset in frame 50 sees the 30 frames before it."""
+    samples = constant(0, 0, 0, 5, frames=80)
+    samples[20:] = 0
+    out = vote_samples(samples, readmit_frames=frames, resets=[(50, 4)])
+    assert out.level[50] == level
+
+
+def test_the_threshold_itself_is_agreement_for_a_failed_channel_too():
+    samples = constant(0, 0, 0, 5, frames=80)
+    samples[20:, 3] = 1.0
+    assert vote_samples(samples, readmit_frames=30, resets=[(60, 4)]).level[60] == 4
+
+
+def test_a_silent_channel_does_not_count_as_agreeing():
+    samples = constant(0, 0, 0, 5, frames=80)
+    samples[20:] = 0
+    valid = np.ones((80, 4), int)
+    valid[20:, 3] = 0
+    assert vote_samples(samples, valid=valid, readmit_frames=30, resets=[(60, 4)]).level[60] == 3
