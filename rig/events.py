@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import DISCRETES, FRAME, SIGNALS, Block, End, Law, Pattern, Resolver, State, new_block
+from rig.frame import DISCRETES, FRAME, SIGNALS, Block, End, Law, Pattern, Resolver, Source, State, new_block
 from rig.kernels import kernel
 
 
@@ -128,6 +128,13 @@ def _reference(frame: int, old: int, new: int, s: int, row: Any) -> Event:
     return Event(frame, "info", "reference", f"{SIGNALS[s].name}: reference {standing}")
 
 
+def _source(frame: int, old: int, new: int, s: int, row: Any) -> Event:
+    """A signal that control takes from elsewhere; the switch is faded."""
+    taken = {Source.VOTED: "its vote again", Source.REFERENCE: "its reference", Source.DEGRADED: "its degraded mode"}
+    level: Literal["info", "warning"] = "info" if new == Source.VOTED else "warning"
+    return Event(frame, level, "source", f"{SIGNALS[s].name}: control goes on with {taken[Source(new)]}")
+
+
 def _law(frame: int, old: int, new: int, row: Any) -> Event:
     return Event(frame, "info", "control law", f"{Law(old).name.lower()} to {Law(new).name.lower()}")
 
@@ -142,6 +149,7 @@ _DESCRIBE = {
     "level": _level,
     "pattern": _pattern,
     "reference_usable": _reference,
+    "source": _source,
     "law": _law,
     "end": _end,
 }

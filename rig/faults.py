@@ -21,7 +21,6 @@ from rig.frame import CHANNELS, INDEX, INERTIAL, SIGNALS, Block, Ilm, S, to_fram
 from rig.kernels import kernel
 from rig.settings import Settings
 
-
 _SIGNALS: Final = S
 # Where a fault can sit: a signal's index, or behind the signals a quantity of the inertial unit.
 PLACES: Final = {**INDEX, **{f"inertial.{name}": S + i for i, name in enumerate(INERTIAL)}}

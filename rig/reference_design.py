@@ -166,9 +166,7 @@ def coefficients(linear: Linear) -> dict[str, float]:
 def measure(tables: dict[str, Any], airframe: Airframe, flight_point: FlightPoint) -> Measured:
     """Fly one flight point, try every filter, keep the best."""
     known = coefficients(linearise(airframe, flight_point))
-    tried = [
-        Point(name=flight_point.name, **known, **dict.fromkeys(FILTERS, filter_s)) for filter_s in FILTERS_S
-    ]
+    tried = [Point(name=flight_point.name, **known, **dict.fromkeys(FILTERS, filter_s)) for filter_s in FILTERS_S]
     designs = [_designed(airframe, [point], {}) for point in tried]
     inertial: list[Errors] = []
     partners: list[list[Errors]] = [[] for _ in tried]
@@ -240,11 +238,11 @@ def _summary(found: list[Errors]) -> dict[str, dict[str, Error]]:
     summary: dict[str, dict[str, Error]] = {}
     for (signal, chosen), off in _join(found).items():
         size = np.abs(off.astype(np.float64))
-        worst = float(size.max())
+        worst = _digits(float(size.max()), 3)
         summary.setdefault(signal, {})[chosen] = Error(
             rms=_digits(float(np.sqrt(np.mean(size**2))), 3),
             quantile_999=_digits(float(np.quantile(size, 0.999)), 3),
-            worst=_digits(worst, 3),
+            worst=worst,
             threshold=_digits(RESERVE * worst, 3),
         )
     return summary

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -170,10 +170,10 @@ def design(references: Designed, target: Path, beside: Path) -> None:
     """The errors that the references were measured to have."""
     screen = console()
     table = Table("signal", "reference from", "RMS", "99.9 %", "worst", "threshold", box=None)
-    for signal, sources in references.errors.items():
+    for name, sources in references.errors.items():
         for source, e in sources.items():
             numbers = (e.rms, e.quantile_999, e.worst, e.threshold)
-            table.add_row(signal, source, *(f"{number:.3g}" for number in numbers))
+            table.add_row(name, source, *(f"{number:.3g}" for number in numbers))
     screen.print(table)
     screen.print(f"gains and margins written to {target}", soft_wrap=True)
     screen.print(f"references written to {beside}", soft_wrap=True)

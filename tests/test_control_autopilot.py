@@ -13,7 +13,7 @@ import pytest
 
 from rig.control import gains
 from rig.control.autopilot import Config, Control
-from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, INDEX, SIGNALS, SURFACES, Block, Law, S, new_block
+from rig.frame import CHANNELS, COMMANDS, DEMANDS, DISCRETE_INDEX, INDEX, SIGNALS, SURFACES, Block, Law, S, new_block
 
 AIRCRAFT = Path(__file__).parent.parent / "aircraft"
 LIMITS = [(-0.4, 0.4), (-0.35, 0.35), (-0.5, 0.5), (0.0, 1.0)]
@@ -24,6 +24,7 @@ ENGAGED = DISCRETE_INDEX["autopilot_engaged"]
 def level_flight(frames: int, noise: float = 0.0, seed: int = 0) -> Block:
     """Frames of level flight at 6000 m and Mach 0.6, autopilot engaged."""
     block = new_block(frames)
+    block["level"] = CHANNELS
     voted = block["voted"]
     voted[:, INDEX["static_pressure"]] = 47_181.0
     voted[:, INDEX["dynamic_pressure"]] = 11_890.0

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rig.control import gains
 from rig.control.autopilot import Config, Control
-from rig.frame import DEMANDS, DISCRETE_INDEX, FLIGHT_INDEX, INDEX, SIGNALS, Block, S, new_block
+from rig.frame import CHANNELS, DEMANDS, DISCRETE_INDEX, FLIGHT_INDEX, INDEX, SIGNALS, Block, S, new_block
 from rig.plant import airframe, wind
 from rig.plant.jsbsim import Plant
 
@@ -51,6 +51,7 @@ def fly(
     control.reset(plant.trim)
     n = int(seconds * RATE_HZ)
     block, error, t = new_block(n), np.zeros((n, S)), np.arange(n) / RATE_HZ
+    block["level"] = CHANNELS
     if errors is not None:
         rng = np.random.default_rng(errors)
         error = sizes(NOISE) * rng.standard_normal((n, S)) + sizes(BIAS) * rng.choice([-1.0, 1.0], S)

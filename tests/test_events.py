@@ -1,5 +1,5 @@
 from rig.events import EventFinder, Interval
-from rig.frame import INDEX, End, Law, Pattern, Resolver, State, new_block
+from rig.frame import INDEX, End, Law, Pattern, Resolver, Source, State, new_block
 
 Q = INDEX["pitch_rate"]
 
@@ -64,3 +64,27 @@ def test_a_suspicion_that_passes_is_no_event():
     block = blank()
     block["state"][5:7, Q, 1] = State.SUSPECT
     assert EventFinder([]).find(block) == []
+
+
+def test_a_change_of_source_says_what_control_goes_on_with():
+    block = blank()
+    block["source"][5:, Q] = Source.REFERENCE
+    block["source"][10:, Q] = Source.DEGRADED
+    block["source"][20:, Q] = Source.VOTED
+    found = EventFinder([]).find(block)
+    assert [(e.frame, e.level, e.name) for e in found] == [
+        (5, "warning", "source"),
+        (10, "warning", "source"),
+        (20, "info", "source"),
+    ]
+    assert [e.text.removeprefix("pitch_rate: control goes on with ") for e in found] == [
+        "its reference",
+        "its degraded mode",
+        "its vote again",
+    ]
+
+
+def test_the_back_up_law_is_told_as_a_change_of_law():
+    block = blank()
+    block["law"][8:] = Law.BACKUP
+    assert [(e.frame, e.text) for e in EventFinder([]).find(block)] == [(8, "autopilot to backup")]

@@ -38,6 +38,10 @@ GOOD, BAD, ABSENT = int(Ilm.GOOD), int(Ilm.BAD), int(Ilm.ABSENT)
         ([BAD, BAD, BAD, GOOD], 4, NONE),
         ([GOOD, ABSENT, GOOD, ABSENT], 4, NONE),
         ([ABSENT, GOOD, ABSENT, GOOD], 4, NONE),
+        ([ABSENT, BAD, GOOD, BAD], 4, NONE),
+        ([GOOD, BAD, ABSENT, BAD], 4, NONE),
+        ([BAD, GOOD, BAD, ABSENT], 4, NONE),
+        ([BAD, ABSENT, BAD, GOOD], 4, NONE),
         ([BAD, ABSENT, GOOD, ABSENT], 2, HIGH),
         ([GOOD, ABSENT, BAD, ABSENT], 2, LOW),
         ([GOOD, ABSENT, GOOD, ABSENT], 2, NONE),
@@ -60,6 +64,8 @@ def test_in_line_monitors_are_believed_only_when_they_follow_the_pairing(flags, 
         (5.0, 0.0, 0.5, HIGH, 0.5),
         (5.0, 0.0, 1.0, HIGH, 1.0),
         (5.0, 0.0, 4.0, LOW, 4.0),
+        (-3.0, -8.0, -7.5, HIGH, -7.5),
+        (105.0, 100.0, 104.5, LOW, 104.5),
         (1.5, 0.0, 0.75, 0, 0.75),
     ],
 )
@@ -345,3 +351,15 @@ def test_a_sample_at_the_end_of_the_range_is_valid():
 def test_the_first_change_is_weighed_against_a_vote_that_stood_still():
     out = vote_samples([[0.0, 0.0, 0.5, 0.5], [0.1, 0.1, 0.7, 0.7]], mean="trend-weighted")
     assert out.voted[1] == pytest.approx(0.1 + 0.6 / 3)
+
+
+def test_discretes_persist_eight_frames_unless_told():
+    signals = {s.name: {"threshold": 1.0} for s in SIGNALS}
+    assert Config.model_validate({"signals": signals}).discrete_persistence == 8
+    assert Config.model_validate({"signals": signals, "discrete_persistence": 1}).discrete_persistence == 1
+    for bad in ({"discrete_persistence": 0}, {"resets": [{"at_s": -0.5, "signal": "heading"}]}):
+        with pytest.raises(ValidationError):
+            Config.model_validate({"signals": signals, **bad})
+    for key in ("reference_threshold", "fade_s"):
+        with pytest.raises(ValidationError):
+            SignalConfig.model_validate({"threshold": 1.0, key: -0.5})

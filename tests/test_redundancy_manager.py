@@ -179,3 +179,22 @@ def test_a_silent_channel_does_not_count_as_agreeing():
     valid = np.ones((80, 4), int)
     valid[20:, 3] = 0
     assert vote_samples(samples, valid=valid, readmit_frames=30, resets=[(60, 4)]).level[60] == 3
+
+
+def test_from_four_ways_to_two_the_count_starts_anew():
+    samples = constant(-9, -3, 3, 9, frames=20)
+    samples[6:] = [0, 0.1, 5, 5.1]
+    assert vote_samples(samples).failed_at() == [None, None, 16, 16]
+
+
+@pytest.mark.parametrize("frames", [7, 8])
+def test_a_fade_lasts_its_frames(frames):
+    out = vote_samples(constant(0, 0.8, 0.9, 5.0, frames=40), fade_s=frames / 100)
+    assert (np.diff(out.voted[8 : 8 + frames + 1]) != 0).all() and np.diff(out.voted[8 + frames :]).max() == 0
+
+
+def test_a_reference_earns_its_trust_anew_after_every_loss():
+    reference = np.zeros(80)
+    reference[10:20] = reference[40:47] = 50.0
+    usable = vote_samples(constant(0, 0, 0, 0, frames=80), reference=reference).reference_usable.astype(bool)
+    assert not usable[17:27].any() and usable[27:].all()

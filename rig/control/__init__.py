@@ -3,12 +3,17 @@
 In flight:
     autopilot  the stage: settings, state, one kernel call a frame
     flying     that kernel: signals, outer loops, inner loops, surfaces
+    select     each signal from its vote, its reference or its degraded mode
+    degraded   what stands in for a lost signal
+    rates      a body rate that is not measured
+    backup     the elevator without a pitch rate
     laws       the single laws and the gain schedule
     airdata    altitude, Mach number and airspeeds from two pressures
     record     parameters and state
     gains      the designed numbers of one aircraft, gains.toml
 On the ground:
     design     airframe -> gains
+    reserve    the numbers for flight without some signals
     loops      the whole loop as a linear system, the law as it is coded
     margins    gain and phase margins from closed-loop eigenvalues
 """

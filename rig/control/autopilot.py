@@ -42,6 +42,14 @@ class Config(Settings):
     airspeed_filter_s: float = Field(default=0.5, gt=0.0)
     climb_crossover_rad_s: float = Field(default=0.4, gt=0.0)  # below it barometric, above it inertial
     max_yaw_correction_rad_s: float = Field(default=0.02, ge=0.0)  # of the heading hold, by rudder
+    source_fade_s: float = Field(default=0.5, ge=0.0)  # when a signal's source changes
+    rates_from_attitude: bool = True  # when a body rate and its reference are lost; else the back-up law flies
+    attitude_filter_s: float = Field(default=0.01, gt=0.0)  # on attitudes that become rates
+    rate_bandwidth_rad_s: float = Field(default=12.0, gt=0.0)  # of the estimate of a rate that is not measured
+    attitude_erection_s: float = Field(default=5.0, gt=0.0)  # of an attitude that is integrated from rates
+    learning_s: float = Field(default=60.0, gt=0.0)  # of what stand-ins for lost signals are wrong by
+    backup_load_factor_change: float = Field(default=1.0, gt=0.0, le=3.0)  # by the back-up law, from a level turn
+    backup_path_rad_s: float = Field(default=0.2, gt=0.0)  # bandwidth at which it holds altitude
 
 
 class Control:
@@ -74,7 +82,7 @@ class Control:
         return self.pressures, self.table, self.param, self.state, self.gain
 
     def step(self, block: Block, k: int) -> None:
-        """Write command, surface and law of row ``k`` from its voted signals and demands."""
+        """Write source, command, surface and law of row ``k`` from its voted signals and demands."""
         fly(block, k, *self.arguments)
 
 
@@ -92,6 +100,13 @@ def _parameters(
     row["airspeed_share"] = 1.0 - math.exp(-1.0 / (rate_hz * config.airspeed_filter_s))
     row["climb_crossover"] = config.climb_crossover_rad_s
     row["max_yaw"] = config.max_yaw_correction_rad_s
+    row["fade_frames"] = round(config.source_fade_s * rate_hz)
+    row["attitude_rates"], row["attitude_filter"] = config.rates_from_attitude, config.attitude_filter_s
+    row["erection_s"] = config.attitude_erection_s
+    row["learning_share"] = 1.0 - math.exp(-1.0 / (rate_hz * config.learning_s))
+    row["rate_bandwidth"] = config.rate_bandwidth_rad_s
+    row["lag"] = gains.elevator_lag_s, gains.aileron_lag_s, gains.rudder_lag_s
+    row["backup_load_change"], row["backup_path"] = config.backup_load_factor_change, config.backup_path_rad_s
     row["low"], row["high"] = np.array(surface_limits, float).T
     row["vertical"], row["lateral"] = _VERTICAL[config.vertical], _LATERAL[config.lateral]
     row["speed"] = config.speed == "airspeed"

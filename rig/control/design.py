@@ -9,19 +9,20 @@ separation of bandwidth.  What is checked is the whole sampled loop, with the la
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from pydantic import Field
-from scipy.linalg import solve_continuous_are
 
-from rig.control import loops
+from rig.control import loops, reserve
 from rig.control.gains import Gains, Margin, Point
 from rig.control.loops import ACTUATORS, Law, Plane
-from rig.control.margins import Matrix, holds, margins
+from rig.control.margins import Loop, Margins, Matrix, holds, margins
+from rig.control.reserve import Bandwidth, Sensor, regulator
 from rig.errors import RigError
 from rig.plant.airframe import Config as Airframe
 from rig.plant.airframe import FlightPoint
@@ -53,6 +54,22 @@ _QUICK: Final = 3  # so many of them count as quick
 _ALPHA_SHARES: Final = (1.0, 0.7, 0.4)  # of the regulator's gain on alpha, in the longitudinal plane
 _ALTITUDE_SHARES: Final = (0.5, 0.35)  # altitude loop's crossover over the attitude loop's
 _ATTITUDE_SHARES: Final = (0.26, 0.22, 0.18, 0.15)  # attitude loop's crossover over the rate loop's
+
+# Losses whose margins are written down: what is lost at once, no reference left.
+LOSSES: Final[dict[Plane, tuple[tuple[str, ...], ...]]] = {
+    "longitudinal": (
+        ("pitch_rate",),
+        ("angle_of_attack",),
+        ("normal_load_factor",),
+        ("angle_of_attack", "normal_load_factor"),
+        ("pitch_angle",),
+        ("static_pressure",),
+        ("dynamic_pressure",),
+        *reserve.LOST.values(),
+    ),
+    "lateral": (("roll_rate",), ("yaw_rate",), ("angle_of_sideslip",), ("roll_angle",), ("heading",)),
+}
+_NEARNESS: Final = (1.0, 0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.6, 0.5, 0.4, 0.2)
 
 
 @dataclass(frozen=True)
@@ -94,6 +111,9 @@ def _gains(airframe: Airframe, wanted: Requirements, points: list[Point]) -> Gai
         max_load_factor=1.0 + share * (limits.load_factor_max - 1.0),
         min_load_factor=1.0 + share * (limits.load_factor_min - 1.0),
         max_alpha_rad=share * limits.angle_of_attack_max_rad,
+        elevator_lag_s=airframe.elevator.lag_s,
+        aileron_lag_s=airframe.aileron.lag_s,
+        rudder_lag_s=airframe.rudder.lag_s,
         points=points,
     )
 
@@ -109,7 +129,46 @@ def _design_point(case: _Case) -> Point:
                 break
         else:
             raise RigError(f"{case.airframe.base_model} {case.point.name}: no {plane} gains keep the margins")
-    return _with_margins(case, _point(case, chosen))
+    point = _point(case, chosen)
+    for sensor in reserve.SENSORS:
+        point = _backed_up(case, point, sensor)
+    return _with_lost_margins(case, _with_margins(case, point))
+
+
+def _backed_up(case: _Case, point: Point, sensor: Sensor) -> Point:
+    """``point`` with the first compensator of ``sensor`` that keeps the margins, else the one that comes nearest."""
+    best, nearest = 0.0, point
+    for candidate in reserve.candidates():
+        tried = point.model_copy(update=_compensator(case, sensor, candidate))
+        backup = [_loop(case, tried, law, reserve.LOST[sensor]) for law in _LAWS]
+        for share in _NEARNESS:
+            if share <= best:
+                break
+            if all(_keeps(case, x, share) for x in backup):
+                best, nearest = share, tried
+        if best == 1.0:
+            break
+    return nearest
+
+
+def _keeps(case: _Case, loop: Loop, share: float) -> bool:
+    """Whether the elevator's margins are at least a ``share`` of what is wanted."""
+    return holds(loop, 0, share * case.wanted.gain_margin_db, share * case.wanted.phase_margin_deg)
+
+
+def _loop(case: _Case, point: Point, law: Law, lost: Sequence[str] = (), plane: Plane = "longitudinal") -> Loop:
+    gains = _gains(case.airframe, case.wanted, [point])
+    return loops.build(case.airframe, case.point, case.linear, gains, law, plane, lost)
+
+
+def _compensator(case: _Case, sensor: Sensor, chosen: Bandwidth) -> dict[str, float]:
+    a, b = case.linear.longitudinal_a[1:3, 1:3], case.linear.longitudinal_b[1:3, 0]
+    return reserve.compensator(a, b, _short_period(case), sensor, chosen)
+
+
+def _short_period(case: _Case) -> dict[str, float]:
+    a, b = case.linear.longitudinal_a[1:3, 1:3], case.linear.longitudinal_b[1:3, 0]
+    return reserve.short_period(a, b, case.linear.trim.airspeed_m_s, case.airframe.accelerometer.x_m)
 
 
 def _candidates() -> list[_Bandwidth]:
@@ -147,19 +206,28 @@ def _with_margins(case: _Case, point: Point) -> Point:
             for i, actuator in enumerate(ACTUATORS[plane]):
                 if law == "stick" and actuator == "throttle":
                     continue
-                m = margins(loop, i)
-                found[law][actuator] = Margin(
-                    gain_increase_db=m.gain_increase_db,
-                    gain_decrease_db=m.gain_decrease_db,
-                    phase_deg=m.phase_deg,
-                    crossover_rad_s=m.crossover_rad_s,
-                )
+                found[law][actuator] = _margin(margins(loop, i))
     return point.model_copy(update={"stick_margins": found["stick"], "autopilot_margins": found["autopilot"]})
 
 
-def regulator(a: Matrix, b: Matrix, q: Matrix, r: Matrix) -> Matrix:
-    """Gain K of u = -K x that minimises the integral of x'Qx + u'Ru (Kalman 1960)."""
-    return np.linalg.solve(r, b.T @ solve_continuous_are(a, b, q, r))
+def _with_lost_margins(case: _Case, point: Point) -> Point:
+    """The margins of the autopilot at elevator, aileron and rudder while some signals are lost for good."""
+    found: dict[str, dict[str, Margin]] = {}
+    for plane, losses in LOSSES.items():
+        for lost in losses:
+            loop = _loop(case, point, "autopilot", lost, plane)
+            numbers = (0,) if plane == "longitudinal" else (0, 1)
+            found["_and_".join(lost)] = {ACTUATORS[plane][i]: _margin(margins(loop, i)) for i in numbers}
+    return point.model_copy(update={"lost_margins": found})
+
+
+def _margin(m: Margins) -> Margin:
+    return Margin(
+        gain_increase_db=m.gain_increase_db,
+        gain_decrease_db=m.gain_decrease_db,
+        phase_deg=m.phase_deg,
+        crossover_rad_s=m.crossover_rad_s,
+    )
 
 
 def longitudinal_gain(linear: Linear, crossover: float, integral_share: float) -> Matrix:
@@ -257,7 +325,17 @@ def _point(case: _Case, chosen: dict[Plane, _Bandwidth]) -> Point:
         heading_yaw_1_s=wanted.yaw_share * wanted.heading_share * roll,
         max_roll_rate_rad_s=_max_roll_rate(case),
         max_sideslip_rad=_max_sideslip(case),
+        **_model(case),
     )
+
+
+def _model(case: _Case) -> dict[str, Any]:
+    """What the observers know of the aircraft; the back-up law's compensators are designed when the rest is."""
+    return {
+        **_short_period(case),
+        **reserve.roll_and_yaw(case.linear.lateral_a, case.linear.lateral_b),
+        **reserve.NONE,
+    }
 
 
 def _max_roll_rate(case: _Case) -> float:

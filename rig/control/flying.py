@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-import numpy as np
-
 from rig.angles import wrap
-from rig.control import laws
+from rig.control import backup, degraded, laws
 from rig.control.airdata import (
     GRAVITY,
     equivalent_airspeed,
@@ -18,9 +16,10 @@ from rig.control.airdata import (
     temperature,
     true_airspeed,
 )
-from rig.control.laws import clamp, integrate
+from rig.control.laws import SLOWEST, clamp, move
 from rig.control.record import PATH, STICK
-from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, INDEX, SIGNALS, SURFACES, TWO_PI, Law
+from rig.control.select import DEGRADED, select
+from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, INDEX, SURFACES, TWO_PI, Law, S
 from rig.kernels import kernel
 
 _Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
@@ -29,18 +28,9 @@ _STATIC, _DYNAMIC = INDEX["static_pressure"], INDEX["dynamic_pressure"]
 _STICK_PITCH, _STICK_ROLL, _PEDAL = INDEX["stick_pitch"], INDEX["stick_roll"], INDEX["pedal"]
 _N_X, _N_Y, _N_Z = (INDEX[f"{axis}_load_factor"] for axis in ("longitudinal", "lateral", "normal"))
 _THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
-USED: Final = np.array(
-    [
-        *(_Q, _P, _R, _N_X, _N_Y, _N_Z, _ALPHA, _BETA, _STATIC, _DYNAMIC),
-        *(_STICK_PITCH, _STICK_ROLL, _PEDAL, _THETA, _PHI, _PSI),
-    ]
-)
-_LOW: Final = np.array([signal.low for signal in SIGNALS])
-_HIGH: Final = np.array([signal.high for signal in SIGNALS])
 _ENGAGED: Final = DISCRETE_INDEX["autopilot_engaged"]
-_AUTOPILOT, _STICK_LAW = int(Law.AUTOPILOT), int(Law.STICK)
+_AUTOPILOT, _STICK_LAW, _BACKUP_LAW = int(Law.AUTOPILOT), int(Law.STICK), int(Law.BACKUP)
 _DEMANDS, _SURFACES, _COMMANDS = len(DEMANDS), len(SURFACES), len(COMMANDS)
-_SLOWEST: Final = 30.0  # m/s; divisions by airspeed take at least this
 _BRAKING: Final = 0.3  # share of the allowed load factor change that a change of altitude plans with
 _ALPHA_APPROACH_1_S: Final = 2.0  # pitch rate allowed per angle left to the alpha limit
 (
@@ -52,25 +42,35 @@ _ALPHA_APPROACH_1_S: Final = 2.0  # pitch rate allowed per angle left to the alp
 def fly(block, k, pressures, table, param, state, gain):
     """One frame of the control law on row ``k``.
 
-    block : FRAME records, reads voted, discrete_voted, demand; writes command, surface, law
+    block : FRAME records, reads voted, level, reference, reference_usable, discrete_voted, demand;
+            writes source, command, surface, law
     pressures (P,), table (P, G) : gain schedule; gain (G,) : workspace
     param, state : one record of PARAM and of STATE; state in place
     A signal that is not finite keeps its last value; before the first one the surfaces stay at trim.
     """
     row, s = block[k], state[0]
     law = _AUTOPILOT if row["discrete_voted"][_ENGAGED] == 1 else _STICK_LAW
-    if take(row["voted"], row["demand"], state):
-        measured, command = s["measured"], s["command"]
+    source, measured, command = row["source"], s["measured"], s["command"]
+    keep_demand(row["demand"], state)
+    lost = select(row, param, state)
+    if lost > 0:
+        if s["started"] == 0:
+            laws.schedule(pressures, table, measured[_DYNAMIC], gain)
+        degraded.substitute(row, param, state, gain)
+    if complete(measured):
         air_data(measured, command)
         fresh = s["started"] == 0 or law != s["law"]
         filter_slow(param, state, measured, command, s["started"] == 0)
         laws.schedule(pressures, table, s["schedule_pressure"], gain)
         if fresh or law == _STICK_LAW:
             capture(state, gain, measured, command)
+        degraded.follow(param, state)
+        if lost == 0:
+            degraded.learn(param, state, gain, command)
         outer(param, state, gain, measured, command, law)
-        inner(param, state, gain, measured, command, law, fresh)
+        inner(param, state, gain, measured, command, source, law, fresh)
         s["started"], s["law"] = 1, law
-    row["law"] = law
+    row["law"] = law if s["backup"] == backup.NOT_NEEDED else _BACKUP_LAW
     for i in range(_COMMANDS):
         row["command"][i] = s["command"][i]
     for i in range(_SURFACES):
@@ -78,20 +78,21 @@ def fly(block, k, pressures, table, param, state, gain):
 
 
 @kernel
-def take(voted, demand, state):
-    """Keep every finite signal and demand, within its range; whether each signal in use has a value."""
-    s = state[0]
-    measured, kept = s["measured"], s["demand"]
-    complete = True
-    for i in USED:
-        if math.isfinite(voted[i]):
-            measured[i] = clamp(voted[i], _LOW[i], _HIGH[i])
-        elif not math.isfinite(measured[i]):
-            complete = False
+def keep_demand(demand, state):
+    """Keep every finite demand."""
+    kept = state[0]["demand"]
     for i in range(_DEMANDS):
         if math.isfinite(demand[i]):
             kept[i] = demand[i]
-    return complete
+
+
+@kernel
+def complete(measured):
+    """Whether every signal has a value."""
+    missing = 0
+    for i in range(S):
+        missing += 0 if math.isfinite(measured[i]) else 1
+    return missing == 0
 
 
 @kernel
@@ -136,7 +137,7 @@ def capture(state, gain, measured, command):
     s["pitch_angle"], s["roll_angle"], s["heading"] = measured[_THETA], measured[_PHI], measured[_PSI]
     s["altitude"] = s["altitude_reference"] = s["altitude_estimate"]
     s["altitude_rate"] = s["climb_rate"]
-    climb = s["climb_rate"] / max(s["airspeed"], _SLOWEST)
+    climb = s["climb_rate"] / max(s["airspeed"], SLOWEST)
     s["altitude_integral"] = (1.0 + gain[laws.PATH_PITCH]) * (measured[_THETA] - climb)
     s["held_airspeed"] = s["airspeed"]
 
@@ -146,7 +147,7 @@ def outer(param, state, gain, measured, command, law):
     """Demands or sticks to pitch rate, roll rate and sideslip commands."""
     s, c = state[0], param[0]
     demand = s["demand"]
-    speed = max(s["airspeed"], _SLOWEST)
+    speed = max(s["airspeed"], SLOWEST)
     theta, phi = measured[_THETA], measured[_PHI]
     command[_C_THETA] = s["pitch_angle"]
     command[_C_PHI] = s["roll_angle"]
@@ -207,24 +208,30 @@ def roll_rate(gain, measured, command, lateral):
 
 
 @kernel
-def inner(param, state, gain, measured, command, law, fresh):
+def inner(param, state, gain, measured, command, source, law, fresh):
     """Rate, sideslip and airspeed errors to surfaces; ``fresh`` starts the integrators without a jump."""
     s, c = state[0], param[0]
     dt, g = c["dt"], gain
     alpha = measured[_ALPHA]
-    speed = max(s["airspeed"], _SLOWEST)
+    speed = max(s["airspeed"], SLOWEST)
     yaw = laws.turn_yaw_rate(measured[_PHI], measured[_THETA], speed) + command[_C_P] * math.tan(alpha)
     if law == _AUTOPILOT and c["lateral"] == PATH:
         turn = g[laws.HEADING_YAW] * wrap(command[_C_PSI] - measured[_PSI])
         yaw += clamp(turn, -c["max_yaw"], c["max_yaw"])
-    q = measured[_Q] - command[_C_Q]
     p = measured[_P] - command[_C_P]
     r = measured[_R] - yaw
     beta = measured[_BETA] - command[_C_BETA]
 
-    proportional = g[laws.ELEVATOR_ALPHA] * (alpha - g[laws.TRIM_ALPHA]) + g[laws.ELEVATOR_Q] * q
-    change = -dt * g[laws.ELEVATOR_INTEGRAL] * q
-    s["elevator_integral"] = move(s["elevator_integral"], change, proportional, 0, c, s["surface"], fresh)
+    sensor = backup.needed(source, param)
+    if sensor != backup.NOT_NEEDED:
+        backup.elevator(sensor, law, param, state, gain, measured, command)
+    else:
+        q = measured[_Q] - command[_C_Q]
+        proportional = g[laws.ELEVATOR_ALPHA] * (alpha - g[laws.TRIM_ALPHA]) + g[laws.ELEVATOR_Q] * q
+        change = -dt * g[laws.ELEVATOR_INTEGRAL] * q
+        over = fresh or s["backup"] != backup.NOT_NEEDED
+        s["elevator_integral"] = move(s["elevator_integral"], change, proportional, 0, c, s["surface"], over)
+        s["backup"] = backup.NOT_NEEDED
 
     proportional = g[laws.AILERON_P] * p
     change = -dt * g[laws.AILERON_INTEGRAL] * p
@@ -235,22 +242,8 @@ def inner(param, state, gain, measured, command, law, fresh):
     change = -dt * g[laws.RUDDER_INTEGRAL] * beta
     s["rudder_integral"] = move(s["rudder_integral"], change, proportional, 2, c, s["surface"], fresh)
 
-    if law == _AUTOPILOT and c["speed"] == 1:
+    if law == _AUTOPILOT and c["speed"] == 1 and source[_DYNAMIC] != DEGRADED:
         error = s["airspeed"] - command[_C_SPEED]
         proportional = g[laws.THROTTLE_SPEED] * error
         change = -dt * g[laws.THROTTLE_INTEGRAL] * error
         s["throttle_integral"] = move(s["throttle_integral"], change, proportional, 3, c, s["surface"], fresh)
-
-
-@kernel
-def move(integral, change, proportional, i, limits, surface, fresh):
-    """New integrator of surface ``i``; sets ``surface[i]`` = integral - proportional, within its stops.
-
-    When ``fresh`` the surface stays and the integrator becomes what keeps it there.
-    """
-    if fresh:
-        return surface[i] + proportional
-    low, high = limits["low"][i], limits["high"][i]
-    integral = integrate(integral, change, proportional, low, high)
-    surface[i] = clamp(integral - proportional, low, high)
-    return integral

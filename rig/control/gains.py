@@ -12,6 +12,8 @@ from pydantic import Field, model_validator
 
 from rig.settings import Settings, build, read_toml
 
+# Of each of the back-up law's compensators: feedback of the estimates, then correction of the estimates.
+_BACKUP: Final = ("feedback_alpha", "feedback_pitch_rate_s", "integral_1_s", "observe_alpha", "observe_pitch_rate")
 # The order of the gain table's columns; laws.py numbers them alike.
 COLUMNS: Final = (
     "trim_alpha_rad",
@@ -36,6 +38,23 @@ COLUMNS: Final = (
     "heading_yaw_1_s",
     "max_roll_rate_rad_s",
     "max_sideslip_rad",
+    "lift_slope_1_rad",
+    "load_by_alpha_1_rad",
+    "load_by_pitch_rate_s",
+    "load_by_elevator_1_rad",
+    "alpha_rate_by_alpha_1_s",
+    "alpha_rate_by_pitch_rate",
+    "alpha_rate_by_elevator_1_s",
+    "pitch_acceleration_by_alpha_1_s2",
+    "pitch_acceleration_by_pitch_rate_1_s",
+    "pitch_acceleration_by_elevator_1_s2",
+    "roll_acceleration_by_sideslip_1_s2",
+    "roll_acceleration_by_roll_rate_1_s",
+    "roll_acceleration_by_aileron_1_s2",
+    "yaw_acceleration_by_sideslip_1_s2",
+    "yaw_acceleration_by_yaw_rate_1_s",
+    "yaw_acceleration_by_rudder_1_s2",
+    *(f"backup_{sensor}_{name}" for sensor in ("load", "alpha") for name in _BACKUP),
 )
 
 
@@ -83,8 +102,35 @@ class Point(Settings):
     heading_yaw_1_s: float
     max_roll_rate_rad_s: float = Field(gt=0.0)
     max_sideslip_rad: float = Field(gt=0.0)
+    lift_slope_1_rad: float = Field(gt=0.0)  # load factor by angle of attack in a steady pull
+    load_by_alpha_1_rad: float  # load factor where it is measured, at once
+    load_by_pitch_rate_s: float
+    load_by_elevator_1_rad: float
+    alpha_rate_by_alpha_1_s: float  # from here on the model of the observers: short period,
+    alpha_rate_by_pitch_rate: float
+    alpha_rate_by_elevator_1_s: float
+    pitch_acceleration_by_alpha_1_s2: float
+    pitch_acceleration_by_pitch_rate_1_s: float
+    pitch_acceleration_by_elevator_1_s2: float
+    roll_acceleration_by_sideslip_1_s2: float  # roll and Dutch roll
+    roll_acceleration_by_roll_rate_1_s: float
+    roll_acceleration_by_aileron_1_s2: float
+    yaw_acceleration_by_sideslip_1_s2: float
+    yaw_acceleration_by_yaw_rate_1_s: float
+    yaw_acceleration_by_rudder_1_s2: float
+    backup_load_feedback_alpha: float  # from the load factor alone
+    backup_load_feedback_pitch_rate_s: float
+    backup_load_integral_1_s: float
+    backup_load_observe_alpha: float  # rad/s per g
+    backup_load_observe_pitch_rate: float
+    backup_alpha_feedback_alpha: float  # from the angle of attack alone
+    backup_alpha_feedback_pitch_rate_s: float
+    backup_alpha_integral_1_s: float
+    backup_alpha_observe_alpha: float
+    backup_alpha_observe_pitch_rate: float
     stick_margins: dict[str, Margin] = Field(default_factory=dict)  # rate loops alone
     autopilot_margins: dict[str, Margin] = Field(default_factory=dict)  # altitude, heading, airspeed held
+    lost_margins: dict[str, dict[str, Margin]] = Field(default_factory=dict)  # likewise, without some signals
 
 
 class Gains(Settings):
@@ -95,6 +141,9 @@ class Gains(Settings):
     max_load_factor: float = Field(gt=1.0)
     min_load_factor: float = Field(lt=1.0)
     max_alpha_rad: float = Field(gt=0.0)
+    elevator_lag_s: float = Field(gt=0.0)
+    aileron_lag_s: float = Field(gt=0.0)
+    rudder_lag_s: float = Field(gt=0.0)
     points: list[Point] = Field(min_length=1)
 
     @model_validator(mode="after")

@@ -41,8 +41,27 @@ _COLUMNS: Final = len(COLUMNS)
     HEADING_YAW,
     MAX_ROLL_RATE,
     MAX_SIDESLIP,
-) = range(_COLUMNS)
+    LIFT_SLOPE,
+    LOAD_ALPHA,
+    LOAD_Q,
+    LOAD_ELEVATOR,
+    ALPHA_ALPHA,
+    ALPHA_Q,
+    ALPHA_ELEVATOR,
+    Q_ALPHA,
+    Q_Q,
+    Q_ELEVATOR,
+    P_BETA,
+    P_P,
+    P_AILERON,
+    R_BETA,
+    R_R,
+    R_RUDDER,
+) = range(_COLUMNS - 10)
+BACKUP_LOAD: Final = COLUMNS.index("backup_load_feedback_alpha")  # the first of five
+BACKUP_ALPHA: Final = COLUMNS.index("backup_alpha_feedback_alpha")
 
+SLOWEST: Final = 30.0  # m/s; divisions by airspeed take at least this
 _STEEP: Final = 0.5  # cosine of the bank up to which a level turn is made up for in full (60 degrees)
 
 
@@ -173,3 +192,17 @@ def integrate(integral, change, proportional, low, high):
     if position < low and change < 0.0:
         return min(integral, low + proportional)
     return moved
+
+
+@kernel
+def move(integral, change, proportional, i, limits, surface, fresh):
+    """New integrator of surface ``i``; sets ``surface[i]`` = integral - proportional, within its stops.
+
+    When ``fresh`` the surface stays and the integrator becomes what keeps it there.
+    """
+    if fresh:
+        return surface[i] + proportional
+    low, high = limits["low"][i], limits["high"][i]
+    integral = integrate(integral, change, proportional, low, high)
+    surface[i] = clamp(integral - proportional, low, high)
+    return integral

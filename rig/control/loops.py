@@ -6,16 +6,18 @@ margins are those of the code that flies.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rig.control.airdata import GAS_CONSTANT, GRAVITY, LAPSE_RATE, TROPOPAUSE_ALTITUDE, temperature
 from rig.control.autopilot import Config, Control
 from rig.control.gains import Gains
 from rig.control.margins import Loop, Matrix, sampled_loop
 from rig.control.record import DYNAMIC
-from rig.frame import DISCRETE_INDEX, INDEX, SURFACES, Block, S, new_block
+from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, SURFACES, Block, S, new_block
 from rig.plant.airframe import Config as Airframe
 from rig.plant.airframe import FlightPoint
 from rig.plant.linear import Linear, Trim
@@ -39,13 +41,22 @@ ACTUATORS: Final[dict[Plane, tuple[str, str]]] = {
     "lateral": ("aileron", "rudder"),
 }
 # What the law remembers of each plane; the rest of its state does not move in small motions.
+_LATERAL_MEMORY: Final = ("aileron_integral", "rudder_integral", "smooth_roll_angle", "smooth_heading")
+_LEARNED: Final = ("lift_error", "turn_error", "path_error")  # only while no signal is lost, and slowly
+_RESERVE: Final = (*_LEARNED, "smooth_pitch_angle", "backup_alpha", "backup_pitch_rate", "backup_elevator")
 MEMORY: Final[dict[tuple[Law, Plane], tuple[str, ...]]] = {
-    ("autopilot", "longitudinal"): tuple(
-        name for name in DYNAMIC if name not in ("aileron_integral", "rudder_integral")
-    ),
+    ("autopilot", "longitudinal"): tuple(name for name in DYNAMIC if name not in (*_LATERAL_MEMORY, *_RESERVE)),
     ("stick", "longitudinal"): ("elevator_integral", "airspeed", "schedule_pressure"),
     ("autopilot", "lateral"): ("aileron_integral", "rudder_integral"),
     ("stick", "lateral"): ("aileron_integral", "rudder_integral"),
+}
+# The same when signals are lost, with elements of arrays; ``measured.`` is what stands in for a signal.
+_LOST_MEMORY: Final[dict[Plane, tuple[str, ...]]] = {
+    "longitudinal": (
+        *(name for name in DYNAMIC if name not in (*_LATERAL_MEMORY, *_LEARNED)),
+        *("rate_bias.0", "deflection.0"),
+    ),
+    "lateral": (*_LATERAL_MEMORY, *("rate_bias.1", "deflection.1", "rate_bias.2", "deflection.2")),
 }
 _SURFACE_INDEX: Final = {name.removesuffix("_rad"): i for i, name in enumerate(SURFACES)}
 _HEADING: Final = 1.0  # rad, of the linearised flight; any
@@ -53,20 +64,31 @@ _HEADING: Final = 1.0  # rad, of the linearised flight; any
 PILOT_CATCHES_1_S: Final = 0.05
 
 
-def build(airframe: Airframe, point: FlightPoint, linear: Linear, gains: Gains, law: Law, plane: Plane) -> Loop:
-    """The sampled loop of one plane; commands of the actuators in the order of ``ACTUATORS[plane]``."""
+def build(
+    airframe: Airframe,
+    point: FlightPoint,
+    linear: Linear,
+    gains: Gains,
+    law: Law,
+    plane: Plane,
+    lost: Sequence[str] = (),
+) -> Loop:
+    """The sampled loop of one plane; commands of the actuators in the order of ``ACTUATORS[plane]``.
+
+    ``lost`` signals have no channel and no reference left, and all fades are over.
+    """
     a, b, c, d = _airframe(airframe, linear, point, plane)
     lags = [getattr(airframe, name).lag_s for name in ACTUATORS[plane]]
     period = 1.0 / gains.rate_hz
     f, g, h = sampled_loop(a, b, c, d, lags, gains.sensor_lag_s, period)
-    ac, bc, cc, dc = _law(gains, linear.trim, point, law, plane)
+    ac, bc, cc, dc = _law(gains, linear.trim, point, law, plane, lost)
     n, m = g.shape
     return Loop(
         f=np.block([[f, np.zeros((n, len(ac)))], [bc @ h, ac]]),
         g=np.vstack([g, np.zeros((len(ac), m))]),
         k=-np.hstack([dc @ h, cc]),
         period_s=period,
-        growth_1_s=PILOT_CATCHES_1_S if law == "stick" else 0.0,
+        growth_1_s=PILOT_CATCHES_1_S if law == "stick" or lost else 0.0,
     )
 
 
@@ -100,11 +122,15 @@ def _airframe(
     return a, b, c, d
 
 
-def _law(gains: Gains, trim: Trim, point: FlightPoint, law: Law, plane: Plane) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+def _law(
+    gains: Gains, trim: Trim, point: FlightPoint, law: Law, plane: Plane, lost: Sequence[str]
+) -> tuple[Matrix, Matrix, Matrix, Matrix]:
     """(A, B, C, D) of the law, x+ = A x + B y, u = C x + D y, by central differences of the kernel."""
-    control, block = trimmed(gains, trim, point, law)
+    control, block = trimmed(gains, trim, point, law, lost)
     rest = control.state.copy()
     memory = MEMORY[law, plane]
+    if lost:
+        memory = (*_LOST_MEMORY[plane], *(f"measured.{INDEX[name]}" for name in lost))
     columns: list[Matrix] = []
 
     def difference(change: Matrix | None, name: str, size: float) -> Matrix:
@@ -113,11 +139,11 @@ def _law(gains: Gains, trim: Trim, point: FlightPoint, law: Law, plane: Plane) -
             control.state[:] = rest
             block["voted"][1] = block["voted"][0]
             if change is None:
-                control.state[name] += sign
+                _slot(control, name)[0] += sign
             else:
                 block["voted"][1] += sign * change
             control.step(block, 1)
-            state = [float(control.state[field][0]) for field in memory]
+            state = [float(_slot(control, field)[0]) for field in memory]
             results.append(np.array([*state, *block["surface"][1]]))
         return (results[0] - results[1]) / (2.0 * size)
 
@@ -131,14 +157,22 @@ def _law(gains: Gains, trim: Trim, point: FlightPoint, law: Law, plane: Plane) -
     return jacobian[:n, :n], jacobian[:n, n:], jacobian[surfaces, :n], jacobian[surfaces, n:]
 
 
+def _slot(control: Control, name: str) -> NDArray[np.float64]:
+    """(1,) view of a field of the state, or of an element of one."""
+    field, _, element = name.partition(".")
+    return control.state[field][:, int(element)] if element else control.state[field]
+
+
 def _step(name: str) -> float:
+    if name == f"measured.{INDEX['static_pressure']}":
+        return 1.0
     return 1.0 if "pressure" in name else 1e-2 if name.startswith(("altitude", "airspeed")) else 1e-5
 
 
-def trimmed(gains: Gains, trim: Trim, point: FlightPoint, law: Law) -> tuple[Control, Block]:
-    """A control stage after its first frame in trimmed flight, and the block (2 rows) of that frame."""
+def trimmed(gains: Gains, trim: Trim, point: FlightPoint, law: Law, lost: Sequence[str] = ()) -> tuple[Control, Block]:
+    """A control stage in trimmed flight, and its block of 2 rows: all signals known, and the ``lost`` ones gone."""
     wide = [(-2.0, 2.0)] * len(SURFACES)
-    control = Control(Config(), gains, gains.rate_hz, wide)
+    control = Control(Config(source_fade_s=0.0), gains, gains.rate_hz, wide)
     control.reset([trim.elevator_rad, trim.aileron_rad, trim.rudder_rad, trim.throttle])
     block = new_block(2)
     voted = block["voted"][0]
@@ -151,5 +185,10 @@ def trimmed(gains: Gains, trim: Trim, point: FlightPoint, law: Law) -> tuple[Con
     voted[INDEX["static_pressure"]] = density * GAS_CONSTANT * temperature(point.altitude_m)
     voted[INDEX["dynamic_pressure"]] = trim.dynamic_pressure_pa
     block["discrete_voted"][:, DISCRETE_INDEX["autopilot_engaged"]] = law == "autopilot"
+    block["voted"][1] = voted
+    block["level"] = CHANNELS
     control.step(block, 0)
+    if lost:
+        block["level"][1, [INDEX[name] for name in lost]] = 0
+        control.step(block, 1)
     return control, block

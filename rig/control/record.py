@@ -26,6 +26,15 @@ PARAM: Final = np.dtype(
         ("airspeed_share", "f8"),
         ("climb_crossover", "f8"),
         ("max_yaw", "f8"),
+        ("attitude_filter", "f8"),  # s, on attitudes that become rates
+        ("erection_s", "f8"),  # how fast an estimated attitude returns to what the path says
+        ("learning_share", "f8"),  # of what a substitute is wrong by, learned in one frame while it is not needed
+        ("backup_load_change", "f8"),
+        ("backup_path", "f8"),  # rad/s
+        ("lag", "f8", (3,)),  # s, of elevator, aileron and rudder
+        ("rate_bandwidth", "f8"),  # rad/s, of the estimate of a rate that is not measured
+        ("fade_frames", "i8"),
+        ("attitude_rates", "i8"),  # whether rates may be taken from attitudes
         ("low", "f8", (len(SURFACES),)),
         ("high", "f8", (len(SURFACES),)),
         ("vertical", "i8"),
@@ -48,17 +57,32 @@ DYNAMIC: Final = (
     "acceleration_error",
     "airspeed",  # filtered
     "schedule_pressure",  # filtered
+    "smooth_pitch_angle",
+    "smooth_roll_angle",
+    "smooth_heading",
+    "lift_error",  # rad: angle of attack less what the load factor says of it
+    "turn_error",  # sine of bank from the turn less that measured
+    "path_error",  # rad: climb angle through the air less that of the pressure altitude
+    "backup_alpha",  # rad, from the commanded one
+    "backup_pitch_rate",
+    "backup_elevator",  # rad, from the integral
 )
 CAPTURED: Final = ("pitch_angle", "roll_angle", "altitude", "heading", "held_airspeed")
 STATE: Final = np.dtype(
     [
         *((name, "f8") for name in (*DYNAMIC, *CAPTURED)),
         ("measured", "f8", (S,)),  # the last finite value of each signal; NaN until there is one
+        ("rate_bias", "f8", (3,)),  # what the models of pitch, roll and yaw rate lack, rad/s2
+        ("deflection", "f8", (3,)),  # their surfaces behind the actuators' lag
+        ("fade", "f8", (S,)),  # the jump of the last change of source, being taken out
+        ("fade_left", "i8", (S,)),  # frames
+        ("source", "u1", (S,)),  # frame.Source
         ("demand", "f8", (len(DEMANDS),)),  # likewise, 0 until there is one
         ("command", "f8", (len(COMMANDS),)),
         ("surface", "f8", (len(SURFACES),)),
         ("started", "i8"),
-        ("law", "i8"),
+        ("law", "i8"),  # AUTOPILOT or STICK
+        ("backup", "i8"),  # whether the back-up law has the elevator
     ],
     align=True,
 )

@@ -4,9 +4,8 @@ Every reference reads the votes of the last frame and this frame's ``inertial``;
 signal that it is to judge.  It is NaN while one of its partners is lost.  In the first frame, when nothing
 has been voted before, the references begin with the frame's own votes.
 
-n_w is the load factor across the flight path, w the body rates, all angles in rad.
 Source: Zhang 2023, section 7 (pitch rate by a lead filter on angle of attack, or the inertial unit); the
-other partners follow from the equations of motion, as in Etkin, Dynamics of Atmospheric Flight.
+equations are in motion.py.
 """
 
 from __future__ import annotations
@@ -19,8 +18,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from rig.angles import difference
-from rig.frame import INDEX, INERTIAL, SIGNALS, Block, S
+from rig.frame import INDEX, INERTIAL, SIGNALS, S
 from rig.kernels import kernel
+from rig.redundancy import motion
 from rig.redundancy.designed import COLUMNS, FILTERS, Designed
 from rig.settings import Settings
 
@@ -54,7 +54,7 @@ PARTNERS: Final[dict[tuple[str, str], tuple[str, ...]]] = {
     ("yaw_rate", "inertial"): (),
     ("normal_load_factor", "angle_of_attack"): ("angle_of_attack", "longitudinal_load_factor", *_TURNING, *_AIR),
     ("angle_of_attack", "load_factor"): ("normal_load_factor", "longitudinal_load_factor", *_TURNING, *_AIR),
-    ("angle_of_sideslip", "lateral_load_factor"): ("lateral_load_factor", *_TURNING, *_AIR),
+    ("angle_of_sideslip", "lateral_load_factor"): ("lateral_load_factor", *_TURNING, "dynamic_pressure"),
     ("dynamic_pressure", "inertial"): ("static_pressure",),
 }
 
@@ -84,21 +84,14 @@ STATE: Final = np.dtype(
     align=True,
 )
 _NO_SOURCE, _PARTNERS, _INERTIAL = 0, 1, 2
-_GRAVITY: Final = 9.80665  # m/s2
 _SLOWEST: Final = 30.0  # m/s; divisions by airspeed take at least this
-_THINNEST: Final = 200.0  # Pa; divisions by dynamic pressure take at least this
 _STEEPEST: Final = 1.3  # rad of pitch; beyond it roll and heading say little
 _Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
-_NX, _NY, _NZ = (INDEX[f"{axis}_load_factor"] for axis in ("longitudinal", "lateral", "normal"))
-_ALPHA, _BETA = INDEX["angle_of_attack"], INDEX["angle_of_sideslip"]
+_NZ, _ALPHA, _BETA = (INDEX[name] for name in ("normal_load_factor", "angle_of_attack", "angle_of_sideslip"))
 _STATIC, _DYNAMIC = INDEX["static_pressure"], INDEX["dynamic_pressure"]
 _THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
-(
-    _LIFT_SLOPE, _ZERO_LIFT, _GAIN, _ELEVATOR_ARM, _SIDE_SLOPE, _ROLL_ARM, _YAW_ARM,
-    _ALPHA_FILTER, _ATTITUDE_FILTER, _RATE_FILTER,
-) = range(len(COLUMNS))  # fmt: skip
-_ROLL, _PITCH, _YAW = (INERTIAL.index(f"{axis}_rate_rad_s") for axis in ("roll", "pitch", "yaw"))
-_NORTH: Final = INERTIAL.index("velocity_north_m_s")
+_ALPHA_FILTER, _ATTITUDE_FILTER, _RATE_FILTER = (COLUMNS.index(name) for name in FILTERS)
+_RATES: Final = np.array([INDEX[name.removesuffix("_rad_s")] for name in INERTIAL[:3]])  # the signals they stand for
 
 
 class References:
@@ -183,15 +176,15 @@ def answer(row, pressures, table, param, state):
     voted, reference, c = st["voted"], row["reference"], st["coefficient"]
     look_up(pressures, table, voted[_DYNAMIC], c)
     follow_all(p, st)
-    density = air_density(voted[_STATIC])
+    density = motion.air_density(voted[_STATIC])
     speed = max(math.sqrt(2.0 * max(voted[_DYNAMIC], 0.0) / density), _SLOWEST)
-    reference[_Q] = pitch_rate(c, st, speed)
-    reference[_P] = roll_rate(st)
-    reference[_R] = yaw_rate(st)
-    reference[_NZ] = normal_load_factor(c, p, st, speed)
-    reference[_ALPHA] = angle_of_attack(c, p, st, speed)
-    reference[_BETA] = angle_of_sideslip(c, p, st)
-    reference[_DYNAMIC] = dynamic_pressure(row["inertial"], density)
+    reference[_Q] = motion.pitch_rate(c, st, speed)
+    reference[_P] = motion.roll_rate(st)
+    reference[_R] = motion.yaw_rate(st)
+    reference[_NZ] = motion.normal_load_factor(c, p, st, speed)
+    reference[_ALPHA] = motion.angle_of_attack(c, p, st, speed)
+    reference[_BETA] = motion.angle_of_sideslip(c, p, st)
+    reference[_DYNAMIC] = motion.dynamic_pressure(row["inertial"], density)
     read_rates(row["inertial"], p, st, reference)
     steep = abs(voted[_THETA]) > _STEEPEST
     for s in range(S):
@@ -248,130 +241,11 @@ def follow(st, s, share, rate_hz, wraps):
 
 
 @kernel
-def air_density(static_pressure):
-    """Density [kg/m3] of the International Standard Atmosphere where it has ``static_pressure`` [Pa].
-
-    T = 288.15 (p / 101325)^0.190263, not below 216.65 K;  rho = p / (287.05287 T)    (ISO 2533, up to 20 km)
-    """
-    pressure = max(static_pressure, 1000.0)
-    temperature = max(288.15 * math.pow(pressure / 101_325.0, 0.190263), 216.65)
-    return pressure / (287.05287 * temperature)
-
-
-@kernel
-def lift(c, st, alpha):
-    """n_w that the wing gives at ``alpha``: q_bar lift_slope (alpha - zero_lift_alpha)."""
-    return st["voted"][_DYNAMIC] * c[_LIFT_SLOPE] * (alpha - c[_ZERO_LIFT])
-
-
-@kernel
-def turning_lift(c, st, speed):
-    """n_w that pitching adds, and the tail with it: V / g (1 - gain) q - elevator_arm / g q_dot."""
-    gain, arm = c[_GAIN], c[_ELEVATOR_ARM]
-    return (speed * (1.0 - gain) * st["voted"][_Q] - arm * st["slope"][_Q]) / _GRAVITY
-
-
-@kernel
-def pitch_rate(c, st, speed):
-    """Pitch rate from the angle of attack (Zhang, section 7): (s + Y) / k on alpha, with a second pole.
-
-        q = (alpha_dot + (p cos alpha + r sin alpha) tan beta + g / (V cos beta) (n_w - n_g)) / k
-        n_g = cos alpha cos theta cos phi + sin alpha sin theta
-
-    n_w (alpha) is Y alpha and the trim; n_g is gravity along it, which makes a turn's pitch rate come out
-    right; k is pitch_rate_gain.  A gust's alpha_dot is taken for pitching: that is its error.
-    """
-    voted = st["voted"]
-    alpha, beta, theta = st["smooth"][_ALPHA], voted[_BETA], voted[_THETA]
-    sin_alpha, cos_alpha = math.sin(alpha), math.cos(alpha)
-    gravity = cos_alpha * math.cos(theta) * math.cos(voted[_PHI]) + sin_alpha * math.sin(theta)
-    coupling = (voted[_P] * cos_alpha + voted[_R] * sin_alpha) * math.tan(beta)
-    path = _GRAVITY / (speed * math.cos(beta)) * (lift(c, st, alpha) - gravity)
-    return (st["slope"][_ALPHA] + coupling + path) / c[_GAIN]
-
-
-@kernel
-def roll_rate(st):
-    """Roll rate from attitude: p = phi_dot - psi_dot sin theta."""
-    return st["slope"][_PHI] - st["slope"][_PSI] * math.sin(st["smooth"][_THETA])
-
-
-@kernel
-def yaw_rate(st):
-    """Yaw rate from attitude: r = psi_dot cos theta cos phi - theta_dot sin phi."""
-    theta, phi = st["smooth"][_THETA], st["smooth"][_PHI]
-    return st["slope"][_PSI] * math.cos(theta) * math.cos(phi) - st["slope"][_THETA] * math.sin(phi)
-
-
-@kernel
-def normal_load_factor(c, p, st, speed):
-    """Load factor at the accelerometers from the angle of attack.
-
-    n_z = (n_w + n_x sin alpha) / cos alpha + what turning adds at the accelerometers' place
-    """
-    voted = st["voted"]
-    across = lift(c, st, voted[_ALPHA]) + turning_lift(c, st, speed)
-    along = voted[_NX] * math.sin(voted[_ALPHA])
-    return (across + along) / math.cos(voted[_ALPHA]) + normal_by_turning(p, st)
-
-
-@kernel
-def angle_of_attack(c, p, st, speed):
-    """Angle of attack from the load factor: n_w = n_z cos alpha - n_x sin alpha, solved for alpha.
-
-    The sine and the cosine are those of the last answer, kept within a quarter turn.
-    """
-    voted = st["voted"]
-    centre = voted[_NZ] - normal_by_turning(p, st)
-    across = centre * math.cos(st["alpha"]) - voted[_NX] * math.sin(st["alpha"])
-    slope = max(voted[_DYNAMIC], _THINNEST) * c[_LIFT_SLOPE]
-    alpha = c[_ZERO_LIFT] + (across - turning_lift(c, st, speed)) / slope
-    st["alpha"] = min(max(alpha, -1.5), 1.5)
-    return alpha
-
-
-@kernel
-def angle_of_sideslip(c, p, st):
-    """Sideslip from the lateral load factor: n_y at the centre of gravity over q_bar side_slope."""
-    voted, slope = st["voted"], st["slope"]
-    centre = voted[_NY] - lateral_by_turning(p, st)
-    surfaces = (c[_ROLL_ARM] * slope[_P] + c[_YAW_ARM] * slope[_R]) / _GRAVITY
-    return (centre - surfaces) / (max(voted[_DYNAMIC], _THINNEST) * c[_SIDE_SLOPE])
-
-
-@kernel
-def normal_by_turning(p, st):
-    """What turning adds to n_z at the accelerometers, a = w_dot x place + w x (w x place), upwards in g."""
-    place, voted, slope = p["accelerometer"], st["voted"], st["slope"]
-    x, y, z = place[0], place[1], place[2]
-    roll, pitch, yaw = voted[_P], voted[_Q], voted[_R]
-    spin = yaw * (roll * x + pitch * y + yaw * z) - z * (roll * roll + pitch * pitch + yaw * yaw)
-    return (slope[_Q] * x - slope[_P] * y - spin) / _GRAVITY
-
-
-@kernel
-def lateral_by_turning(p, st):
-    """What turning adds to n_y at the accelerometers, to the right in g."""
-    place, voted, slope = p["accelerometer"], st["voted"], st["slope"]
-    x, y, z = place[0], place[1], place[2]
-    roll, pitch, yaw = voted[_P], voted[_Q], voted[_R]
-    spin = pitch * (roll * x + pitch * y + yaw * z) - y * (roll * roll + pitch * pitch + yaw * yaw)
-    return (slope[_R] * x - slope[_P] * z + spin) / _GRAVITY
-
-
-@kernel
-def dynamic_pressure(inertial, density):
-    """Dynamic pressure from the speed over ground: rho v^2 / 2.  Wind is its error."""
-    north, east, down = inertial[_NORTH], inertial[_NORTH + 1], inertial[_NORTH + 2]
-    return 0.5 * density * (north * north + east * east + down * down)
-
-
-@kernel
 def read_rates(inertial, p, st, reference):
     """The inertial unit's rates where they are the chosen source, led by ``inertial_lead_s`` (Zhang, section 7)."""
     for i in range(3):
         rate = inertial[i] + p["lead_frames"] * (inertial[i] - st["rates"][i])
         st["rates"][i] = inertial[i]
-        s = _P if i == _ROLL else _Q if i == _PITCH else _R
+        s = _RATES[i]
         if p["source"][s] == _INERTIAL:
             reference[s] = rate

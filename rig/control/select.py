@@ -1,0 +1,76 @@
+"""Where each signal comes from: its vote, else its reference, else its degraded mode.
+
+A signal is lost when the redundancy manager has no channel of it left (level 0).  Every change of
+source is faded: the jump between the last value and the new one is taken out over ``fade_frames``.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from rig.angles import difference, limit
+from rig.frame import INDEX, SIGNALS, S, Source
+from rig.kernels import kernel
+
+VOTED, REFERENCE, DEGRADED = int(Source.VOTED), int(Source.REFERENCE), int(Source.DEGRADED)
+_LAST_RATE: Final = INDEX["yaw_rate"]  # pitch, roll and yaw rate come first
+_LOW: Final = np.array([signal.low for signal in SIGNALS])
+_HIGH: Final = np.array([signal.high for signal in SIGNALS])
+_WRAPS: Final = np.array([1 if signal.wraps else 0 for signal in SIGNALS])
+
+
+@kernel
+def select(row, param, state):
+    """Take every signal that is known, and say in ``row["source"]`` where from.  Returns how many are lost.
+
+    row : a FRAME record, reads voted, level, reference, reference_usable; writes source
+    param, state : one record of PARAM and of STATE; writes measured of what is VOTED or REFERENCE, except
+                   body rates by reference: those are estimated, see rates.py
+    A value that is not finite is not taken: the last one stays.
+    """
+    voted, level, told = row["voted"], row["level"], row["source"]
+    reference, usable = row["reference"], row["reference_usable"]
+    lost = 0
+    for i in range(S):
+        value, source = voted[i], VOTED
+        if level[i] == 0:
+            lost += 1
+            value, source = reference[i], REFERENCE
+            if usable[i] == 0 or not math.isfinite(value):
+                source = DEGRADED
+        told[i] = source
+        if source == VOTED or (source == REFERENCE and i > _LAST_RATE):
+            put(i, value, source, param, state)
+    return lost
+
+
+@kernel
+def put(i, value, source, param, state):
+    """Make ``value`` signal i's measurement, faded when it comes from elsewhere than the last one did."""
+    if not math.isfinite(value):
+        return
+    s, frames, wraps = state[0], param[0]["fade_frames"], _WRAPS[i]
+    measured, fade, left = s["measured"], s["fade"], s["fade_left"]
+    value = min(max(value, _LOW[i]), _HIGH[i])
+    if source != s["source"][i]:
+        s["source"][i] = source
+        known = math.isfinite(measured[i])
+        fade[i] = difference(measured[i], value, wraps) if known else 0.0
+        left[i] = frames if known else 0
+    if left[i] > 0:
+        value = limit(value + fade[i] * left[i] / frames, _LOW[i], _HIGH[i], wraps)
+        left[i] -= 1
+    measured[i] = value
+
+
+@kernel
+def carry(i, value, source, state):
+    """Make ``value`` signal i's measurement without a fade: it goes on from the last one."""
+    if not math.isfinite(value):
+        return
+    s = state[0]
+    s["source"][i], s["fade_left"][i] = source, 0
+    s["measured"][i] = limit(value, _LOW[i], _HIGH[i], _WRAPS[i])

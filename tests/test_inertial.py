@@ -1,0 +1,158 @@
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.random import SeedSequence
+from pydantic import TypeAdapter, ValidationError
+
+from rig import inertial, scenario
+from rig.errors import BadInput
+from rig.faults import Fault, Faults
+from rig.frame import FLIGHT_INDEX, INDEX, INERTIAL, SIGNALS, new_block
+from rig.inertial import Config, Inertial
+from rig.loop import Rig, frames
+
+RATE = 100.0
+PERFECT = {
+    "rate_noise_std_rad_s": 0.0,
+    "rate_bias_tolerance_rad_s": 0.0,
+    "velocity_noise_std_m_s": 0.0,
+    "velocity_bias_tolerance_m_s": 0.0,
+    "misalignment_tolerance_rad": 0.0,
+    "lag_s": 0.0,
+}
+PARSE = TypeAdapter(Fault)
+NORTH = FLIGHT_INDEX["velocity_north_m_s"]
+RATES = [INDEX["roll_rate"], INDEX["pitch_rate"], INDEX["yaw_rate"]]
+
+
+def sensed(
+    p: Any = 0.1, q: Any = 0.2, r: Any = 0.3, velocity=(200.0, -5.0, 3.0), frames=200, seed=1, blocks=1, **settings: Any
+):
+    """(frames, 6) of a unit in steady motion; a value may be an array over the frames."""
+    unit = Inertial(Config(**{**PERFECT, **settings}), RATE, SeedSequence(seed))
+    block = new_block(frames)
+    for s, rate in zip(RATES, (p, q, r), strict=True):
+        block["truth"][:, s] = rate
+    block["flight"][:, NORTH : NORTH + 3] = velocity
+    for part in np.array_split(np.arange(frames), blocks):
+        rows = block[part[0] : part[-1] + 1]
+        unit.prepare(rows)
+        for k in range(len(rows)):
+            unit.step(rows, k)
+    return block["inertial"]
+
+
+def test_a_perfect_unit_says_the_truth_in_the_order_of_the_frame():
+    assert (sensed() == [0.1, 0.2, 0.3, 200.0, -5.0, 3.0]).all()
+    assert INERTIAL[0].startswith("roll") and INERTIAL[1].startswith("pitch")
+
+
+def test_the_noise_has_its_standard_deviation_and_every_quantity_its_own():
+    out = sensed(frames=20_000, rate_noise_std_rad_s=0.01, velocity_noise_std_m_s=0.5)
+    assert out.std(axis=0) == pytest.approx([0.01] * 3 + [0.5] * 3, rel=0.03)
+    assert np.abs(np.corrcoef(out.T) - np.eye(6)).max() < 0.03
+
+
+def test_a_bias_is_constant_in_a_flight_and_spread_over_its_tolerance_between_flights():
+    settings: Any = {"rate_bias_tolerance_rad_s": 0.01, "velocity_bias_tolerance_m_s": 2.0}
+    healthy = sensed(frames=3)[0]
+    off = np.array([sensed(frames=3, seed=seed, **settings) - healthy for seed in range(60)])
+    assert (off == off[:, :1]).all()
+    for quantities, tolerance in ((slice(0, 3), 0.01), (slice(3, 6), 2.0)):
+        size = np.abs(off[:, 0, quantities])
+        assert size.max() <= tolerance and size.max() > 0.9 * tolerance
+
+
+def test_the_lag_is_of_first_order():
+    q = np.where(np.arange(100) < 10, 0.0, 1.0)
+    out = sensed(q=q, frames=100, lag_s=0.05)[:, 1]
+    n = np.maximum(np.arange(100) - 9, 0)
+    assert np.allclose(out, 1.0 - np.exp(-n / RATE / 0.05), atol=1e-12)
+
+
+def test_a_box_that_sits_askew_turns_the_rates_and_leaves_their_size():
+    out = sensed(p=2.0, q=0.0, r=0.0, frames=1, misalignment_tolerance_rad=0.01)[0]
+    assert 0.0 < np.hypot(out[1], out[2]) <= 2.0 * np.hypot(0.01, 0.01)
+    assert np.linalg.norm(out[:3]) == pytest.approx(2.0, rel=2e-4)
+
+
+def test_what_it_says_stays_within_its_range():
+    out = sensed(q=50.0, velocity=(-5000.0, 0.0, 0.0), frames=1)[0]
+    assert (out[1], out[3]) == (inertial.ranges()[1, 1], inertial.ranges()[3, 0])
+
+
+def test_the_length_of_a_block_does_not_show():
+    settings: Any = {"rate_noise_std_rad_s": 0.01, "velocity_noise_std_m_s": 0.5, "lag_s": 0.02}
+    assert (sensed(**settings) == sensed(blocks=7, **settings)).all()
+
+
+def test_its_draws_shift_nobody_elses():
+    """A stage of its own stream: the plant, the sensors and all the rest fly the same flight."""
+    quiet, noisy = (
+        scenario.load(None, ["duration_s=1.0", "turbulence=light", f"inertial.rate_noise_std_rad_s={std}"])
+        for std in (0.0005, 0.05)
+    )
+    a, b = (np.concatenate([rows.copy() for rows, _ in frames(Rig(s), s)]) for s in (quiet, noisy))
+    assert not np.array_equal(a["inertial"], b["inertial"])
+    for name in ("truth", "channels", "voted", "surface", "flight"):
+        assert np.array_equal(a[name], b[name], equal_nan=True)
+
+
+def corrupted(**fault):
+    ranges = np.vstack([np.array([(s.low, s.high) for s in SIGNALS]), inertial.ranges()])
+    stage = Faults([PARSE.validate_python({"start_s": 0.1, **fault})], ranges, RATE)
+    block = new_block(40)
+    block["channels"], block["inertial"], block["valid"] = 0.25, 0.5, 1
+    for k in range(len(block)):
+        stage.step(block, k)
+    return block
+
+
+@pytest.mark.parametrize("quantity", range(len(INERTIAL)), ids=INERTIAL)
+def test_an_offset_on_a_quantity_moves_it_alone(quantity):
+    block = corrupted(kind="offset", signal=f"inertial.{INERTIAL[quantity]}", offset=0.125, end_s=0.2)
+    expected = np.full((40, len(INERTIAL)), 0.5)
+    expected[10:20, quantity] = 0.625
+    assert (block["inertial"] == expected).all()
+    assert (block["channels"] == 0.25).all() and (block["valid"] == 1).all()
+    assert block["faults_active"].sum() == 10
+
+
+def test_a_quantity_drifts_and_goes_hard_over_like_a_sensor():
+    elapsed = np.maximum(np.arange(40) - 10, 0) / RATE
+    drift = corrupted(kind="drift", signal="inertial.velocity_north_m_s", rate_per_s=3.0)["inertial"][:, 3]
+    assert np.allclose(drift, 0.5 + 3.0 * elapsed)
+    hard = corrupted(kind="hardover", signal="inertial.yaw_rate_rad_s", direction="low")["inertial"][:, 2]
+    assert (hard[10:] == inertial.ranges()[2, 0]).all() and (hard[:10] == 0.5).all()
+
+
+@pytest.mark.parametrize(
+    ("bad", "says"),
+    [
+        ({"signal": "inertial"}, "unknown signal, allowed: .*inertial.pitch_rate_rad_s"),
+        ({"signal": "inertial.alpha"}, "unknown signal"),
+        ({"channels": [1]}, "inertial.pitch_rate_rad_s has none"),
+        ({"seen_by_ilm": True}, "no in-line monitor"),
+        ({"kind": "dropout"}, "offset, drift and hardover"),
+        ({"kind": "ilm", "says": "bad"}, "offset, drift and hardover"),
+    ],
+)
+def test_what_it_cannot_have_is_refused(bad, says):
+    fault = {"kind": "offset", "offset": 0.1, "start_s": 1.0, "signal": "inertial.pitch_rate_rad_s", **bad}
+    if fault["kind"] != "offset":
+        del fault["offset"]
+    with pytest.raises(ValidationError, match=says):
+        PARSE.validate_python(fault)
+
+
+@pytest.mark.parametrize("override", ["inertial.lag_s=-1", "inertial.noise=1", "inertial.misalignment_tolerance_rad=1"])
+def test_a_wrong_setting_is_one_line(override):
+    with pytest.raises(BadInput, match="inertial") as refused:
+        scenario.load(None, [override])
+    assert "\n" not in str(refused.value)
+
+
+def test_a_fault_is_named_by_its_quantity():
+    fault = PARSE.validate_python({"kind": "hardover", "signal": "inertial.pitch_rate_rad_s", "start_s": 1.0})
+    assert fault.label == "hardover inertial.pitch_rate_rad_s"

@@ -1,0 +1,422 @@
+"""References against the equations of motion, their partners, and whole flights."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rig import scenario
+from rig.frame import INDEX, INERTIAL, SIGNALS, Block, Resolver, State, new_block
+from rig.loop import Rig, frames
+from rig.redundancy import measured_thresholds
+from rig.redundancy.config import parameters
+from rig.redundancy.designed import Designed, Error, Point
+from rig.redundancy.motion import air_density
+from rig.redundancy.reference import PARTNERS, Config, References, refer, remember, source
+from rig.sensors import channels, ranges
+
+G, RATE = 9.80665, 100.0
+DENSITY = 1.225
+SPEED = 150.0
+PRESSURE = 0.5 * DENSITY * SPEED**2
+WING: dict[str, float] = {
+    "dynamic_pressure_pa": PRESSURE,
+    "lift_slope_1_pa": 1e-3,
+    "zero_lift_alpha_rad": -0.02,
+    "pitch_rate_gain": 1.0,
+    "elevator_arm_m": 0.0,
+    "side_slope_1_pa": -3e-4,
+    "roll_arm_m": 0.0,
+    "yaw_arm_m": 0.0,
+    "alpha_filter_s": 0.1,
+    "attitude_filter_s": 0.05,
+    "acceleration_filter_s": 0.05,
+}
+LEVEL_ALPHA = 1.0 / (PRESSURE * 1e-3) - 0.02
+ALL_INERTIAL = Config(pitch_rate="inertial", roll_rate="inertial", yaw_rate="inertial", inertial_lead_s=0.0)
+
+
+def designed(accelerometer: tuple[float, ...] = (0.0, 0.0, 0.0), errors: Any = None, **wing: float) -> Designed:
+    x, y, z = accelerometer
+    place = {"accelerometer_x_m": x, "accelerometer_y_m": y, "accelerometer_z_m": z}
+    return Designed(rate_hz=RATE, points=[Point(name="one", **{**WING, **wing})], errors=errors or {}, **place)
+
+
+def level_flight(n: int = 300, **votes: Any) -> Block:
+    """Voted rows at sea level and 150 m/s; a value may be an array over the frames."""
+    block = new_block(n)
+    block["level"] = 4
+    given = {"static_pressure": 101_325.0, "dynamic_pressure": PRESSURE, "angle_of_attack": LEVEL_ALPHA}
+    for name, value in {**given, "normal_load_factor": 1.0, **votes}.items():
+        block["voted"][:, INDEX[name]] = value
+    return block
+
+
+def run(block: Block, config: Config | None = None, **design: Any) -> Block:
+    stage = References(config or Config(), designed(**design), RATE)
+    for k in range(len(block)):
+        refer(block, k, *stage.arguments)
+        remember(block, k, *stage.arguments)
+    return block
+
+
+def ref(block: Block, name: str) -> np.ndarray:
+    return block["reference"][:, INDEX[name]]
+
+
+def lifting(load: float) -> float:
+    """The angle of attack that gives this load factor across the path."""
+    return load / (PRESSURE * 1e-3) - 0.02
+
+
+# Pitch rate from the angle of attack
+
+
+@pytest.mark.parametrize("q", [-0.05, 0.0, 0.1])
+def test_in_a_steady_pull_up_it_is_the_turning_of_the_path(q: float):
+    """At the bottom the path is level: n_w = 1 + V q / g, and pitch attitude equals angle of attack."""
+    alpha = lifting(1.0 + SPEED * q / G)
+    out = ref(run(level_flight(angle_of_attack=alpha, pitch_angle=alpha)), "pitch_rate")
+    assert out == pytest.approx(q, rel=1e-5, abs=1e-12)  # the density is that of the standard to six digits
+
+
+@pytest.mark.parametrize("bank", [-1.0, 0.5, 1.2])
+def test_in_a_level_turn_it_is_that_of_the_turn(bank: float):
+    """n = 1 / cos(bank), q = g / V tan(bank) sin(bank); the wing is set so that alpha is zero there."""
+    load = 1.0 / math.cos(bank)
+    block = level_flight(angle_of_attack=0.0, roll_angle=bank, yaw_rate=G / SPEED * math.sin(bank))
+    out = ref(run(block, zero_lift_alpha_rad=-load / (PRESSURE * 1e-3)), "pitch_rate")
+    assert out == pytest.approx(G / SPEED * math.tan(bank) * math.sin(bank), rel=1e-5)
+
+
+def test_a_ramp_in_alpha_is_a_pitch_rate_once_the_filter_has_settled():
+    """Wings vertical and almost without lift, nothing but alpha_dot is left."""
+    ramp = 0.1 * np.arange(300) / RATE
+    block = level_flight(angle_of_attack=ramp, roll_angle=math.pi / 2)
+    out = ref(run(block, lift_slope_1_pa=1e-12), "pitch_rate")
+    assert out[-1] == pytest.approx(0.1, rel=1e-8)
+    rise = 1.0 - np.exp(-(np.arange(300) - 1) / RATE / 0.1)  # the vote of frame k counts in frame k + 1
+    assert np.allclose(out[1:], 0.1 * rise[1:], atol=1e-9)
+
+
+def test_rolling_with_sideslip_is_taken_for_what_it_is():
+    """alpha_dot = q - p tan(beta) at small alpha: with alpha held, q = p tan(beta)."""
+    alpha = lifting(1.0)
+    block = level_flight(angle_of_sideslip=0.1, roll_rate=1.0, pitch_angle=alpha)
+    expected = math.cos(alpha) * math.tan(0.1)
+    assert ref(run(block), "pitch_rate")[-1] == pytest.approx(expected, abs=1e-12)
+
+
+def test_its_gain_divides_all_of_it():
+    alpha = lifting(1.5)
+    block = level_flight(angle_of_attack=alpha, pitch_angle=alpha)
+    once, twice = (ref(run(block.copy(), pitch_rate_gain=k), "pitch_rate")[-1] for k in (1.0, 2.0))
+    assert once == pytest.approx(2.0 * twice)
+
+
+# Roll and yaw rate from attitude
+
+
+def test_steady_rolling_is_the_roll_rate_also_through_inverted():
+    phi = (0.8 * np.arange(1000) / RATE + math.pi) % (2 * math.pi) - math.pi
+    out = ref(run(level_flight(1000, roll_angle=phi)), "roll_rate")
+    assert np.allclose(out[100:], 0.8, atol=1e-6)
+
+
+@pytest.mark.parametrize(("bank", "pitch"), [(0.0, 0.0), (0.6, 0.2), (-0.9, -0.3)])
+def test_a_steady_turn_gives_roll_and_yaw_rate_also_through_north(bank: float, pitch: float):
+    psi = (6.0 + 0.1 * np.arange(1000) / RATE) % (2 * math.pi)
+    block = run(level_flight(1000, heading=psi, roll_angle=bank, pitch_angle=pitch))
+    assert np.allclose(ref(block, "roll_rate")[100:], -0.1 * math.sin(pitch), atol=1e-9)
+    assert np.allclose(ref(block, "yaw_rate")[100:], 0.1 * math.cos(pitch) * math.cos(bank), atol=1e-9)
+
+
+def test_pitching_in_a_bank_shows_as_yaw_rate():
+    theta = 0.1 * np.arange(300) / RATE
+    out = ref(run(level_flight(pitch_angle=theta, roll_angle=0.5)), "yaw_rate")
+    assert out[-1] == pytest.approx(-0.1 * math.sin(0.5), abs=1e-9)
+
+
+def test_near_the_vertical_attitude_says_nothing_and_the_others_go_on():
+    block = run(level_flight(pitch_angle=1.4))
+    assert np.isnan(ref(block, "roll_rate")[1:]).all() and np.isnan(ref(block, "yaw_rate")[1:]).all()
+    assert np.isfinite(ref(block, "pitch_rate")).all()
+
+
+# Load factors and air data
+
+
+def test_alpha_and_load_factor_are_each_others_inverse():
+    for alpha in (-0.1, 0.05, 0.25):
+        block = run(level_flight(angle_of_attack=alpha, longitudinal_load_factor=0.2))
+        load = ref(block, "normal_load_factor")[-1]
+        across = load * math.cos(alpha) - 0.2 * math.sin(alpha)
+        assert across == pytest.approx(PRESSURE * 1e-3 * (alpha + 0.02))
+        back = run(level_flight(normal_load_factor=load, longitudinal_load_factor=0.2))
+        assert ref(back, "angle_of_attack")[-1] == pytest.approx(alpha, abs=1e-9)
+
+
+def test_the_accelerometers_place_counts():
+    """Five metres ahead, a pitch acceleration of 0.4 rad/s2 adds 0.4 * 5 / g."""
+    q = 0.4 * np.arange(300) / RATE
+    block = run(level_flight(pitch_rate=q), accelerometer=(5.0, 0.0, 0.0))
+    here = run(level_flight(pitch_rate=q))
+    assert (ref(block, "normal_load_factor") - ref(here, "normal_load_factor"))[-1] == pytest.approx(0.4 * 5.0 / G)
+    less = 0.4 * 5.0 / G / (PRESSURE * 1e-3) * math.cos(LEVEL_ALPHA)
+    assert (ref(here, "angle_of_attack") - ref(block, "angle_of_attack"))[-1] == pytest.approx(less, rel=1e-2)
+
+
+def test_elevator_and_pitching_add_to_the_lift():
+    q = 0.4 * np.arange(300) / RATE
+    more = run(level_flight(pitch_rate=q), elevator_arm_m=3.0, pitch_rate_gain=0.9)
+    plain = run(level_flight(pitch_rate=q))
+    added = (SPEED * 0.1 * q[-2] - 3.0 * 0.4) / G / math.cos(LEVEL_ALPHA)
+    assert (ref(more, "normal_load_factor") - ref(plain, "normal_load_factor"))[-1] == pytest.approx(added, rel=1e-6)
+
+
+def test_sideslip_is_the_side_force_at_the_centre_of_gravity():
+    """n_y = q_bar slope beta, and 4 metres ahead a yaw acceleration on top; the rudder's arm takes part of it."""
+    r = -0.3 * np.arange(300) / RATE
+    n_y = PRESSURE * -3e-4 * 0.05 + (4.0 - 1.5) * -0.3 / G
+    block = level_flight(lateral_load_factor=n_y, yaw_rate=r)
+    out = ref(run(block, accelerometer=(4.0, 0.0, 0.0), yaw_arm_m=-1.5), "angle_of_sideslip")
+    assert out[-1] == pytest.approx(0.05, abs=1e-6)
+
+
+def test_dynamic_pressure_is_that_of_the_speed_over_ground():
+    block = level_flight()
+    block["inertial"][:, 3:] = (90.0, 120.0, 0.0)
+    assert ref(run(block), "dynamic_pressure") == pytest.approx(PRESSURE, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("pressure", "density"), [(101_325.0, 1.2250), (54_019.9, 0.73612), (22_632.0, 0.36391), (12_044.6, 0.19367)]
+)
+def test_density_is_that_of_the_standard_atmosphere(pressure: float, density: float):
+    """0, 5, 11 and 15 km of the published tables (ISO 2533)."""
+    assert air_density(pressure) == pytest.approx(density, rel=1e-4)
+
+
+# The inertial unit
+
+
+def test_the_units_rates_are_read_in_their_own_frame():
+    block = level_flight()
+    block["inertial"][:, 0], block["inertial"][:, 1], block["inertial"][:, 2] = 0.3, 0.1, -0.2
+    run(block, ALL_INERTIAL)
+    assert [ref(block, name)[-1] for name in ("roll_rate", "pitch_rate", "yaw_rate")] == [0.3, 0.1, -0.2]
+
+
+def test_the_lead_makes_up_for_the_units_lag():
+    block = level_flight()
+    late = 0.5 * (np.arange(300) / RATE - 0.02)
+    block["inertial"][:, INERTIAL.index("pitch_rate_rad_s")] = late
+    run(block, Config(pitch_rate="inertial", inertial_lead_s=0.02))
+    assert ref(block, "pitch_rate")[1:] == pytest.approx(0.5 * np.arange(1, 300) / RATE, abs=1e-12)
+
+
+# What is read, and what is not
+
+CHOICES = [
+    Config(),
+    Config(pitch_rate="inertial", roll_rate="inertial", yaw_rate="inertial"),
+]
+
+
+def busy(n: int = 120) -> Block:
+    """Rows in which everything moves."""
+    t = np.arange(n) / RATE
+    names = [signal.name for signal in SIGNALS if signal.name not in ("static_pressure", "dynamic_pressure")]
+    votes = {name: 0.1 * np.sin((2.0 + 0.3 * i) * t + i) for i, name in enumerate(names)}
+    pressures = {"dynamic_pressure": PRESSURE + 300.0 * np.sin(t), "static_pressure": 9e4 + 500.0 * np.cos(t)}
+    block = level_flight(n, **{**votes, "heading": (6.2 + votes["heading"]) % (2 * math.pi), **pressures})
+    block["inertial"][:, :3] = 0.2 * np.sin(3.0 * t)[:, None]
+    block["inertial"][:, 3:] = (150.0, 10.0, -3.0)
+    return block
+
+
+@pytest.mark.parametrize("config", CHOICES, ids=["partners", "inertial"])
+def test_no_reference_reads_truth_channels_or_the_signal_that_it_judges(config: Config):
+    honest = run(busy(), config, accelerometer=(4.0, 0.5, 1.0))
+    for signal in SIGNALS:
+        blind = busy()
+        for field in ("truth", "flight", "channels", "surface", "command", "demand"):
+            blind[field] = np.nan
+        blind["voted"][:, INDEX[signal.name]] = 1e6
+        run(blind, config, accelerometer=(4.0, 0.5, 1.0))
+        assert ref(blind, signal.name).tobytes() == ref(honest, signal.name).tobytes()
+
+
+@pytest.mark.parametrize("config", CHOICES, ids=["partners", "inertial"])
+def test_each_reference_reads_its_partners_and_they_alone(config: Config):
+    aircraft: dict[str, Any] = {"accelerometer": (4.0, 0.5, 1.0), "pitch_rate_gain": 0.95, "elevator_arm_m": 3.0}
+    honest = run(busy(), config, **aircraft)
+    for (name, chosen), partners in PARTNERS.items():
+        if source(config, name) != chosen:
+            continue
+        read = set()
+        for signal in SIGNALS:
+            moved = busy()
+            moved["voted"][60:, INDEX[signal.name]] += 0.01 if signal.unit != "Pa" else 500.0
+            if ref(run(moved, config, **aircraft), name).tobytes() != ref(honest, name).tobytes():
+                read.add(signal.name)
+        assert read == set(partners), (name, chosen)
+
+
+@pytest.mark.parametrize("lost", [signal.name for signal in SIGNALS])
+def test_a_lost_partner_makes_its_references_unusable_until_it_is_back(lost: str):
+    block = busy()
+    block["level"][40:80, INDEX[lost]] = 0
+    run(block)
+    for (name, chosen), partners in PARTNERS.items():
+        if source(Config(), name) == chosen:
+            gone = np.zeros(len(block), bool)
+            gone[41:81] = lost in partners  # the vote of frame k counts in frame k + 1
+            assert np.array_equal(np.isnan(ref(block, name)), gone), name
+
+
+def test_after_a_loss_the_filter_begins_anew():
+    """The heading came back a radian further: that was no yaw rate."""
+    block = level_flight(heading=np.where(np.arange(300) < 100, 1.0, 2.0))
+    block["level"][80:120, INDEX["heading"]] = 0
+    assert np.nanmax(np.abs(ref(run(block), "yaw_rate"))) == 0.0
+
+
+def test_in_the_first_frame_they_begin_with_its_votes():
+    block = run(busy())
+    chosen = {name for name, one in PARTNERS if source(Config(), name) == one}
+    first = {signal.name for signal in SIGNALS if np.isfinite(ref(block, signal.name)[0])}
+    assert first == chosen
+    assert (block["reference_usable"][0] == np.isfinite(block["reference"][0])).all()
+
+
+def test_none_is_none():
+    off: dict[str, Any] = dict.fromkeys((name for name, _ in PARTNERS), "none")
+    assert np.isnan(run(busy(), Config(**off))["reference"]).all()
+
+
+def test_compiled_and_interpreted_references_agree_bit_for_bit():
+    program = "import test_redundancy_reference as t\nprint(t.digest())"
+
+    def digested(**more: str) -> str:
+        env = {**os.environ, **more, "PYTHONPATH": str(Path(__file__).parent)}
+        done = subprocess.run([sys.executable, "-c", program], env=env, capture_output=True, text=True, check=True)
+        return done.stdout
+
+    assert digested(NUMBA_DISABLE_JIT="1") == digested()
+
+
+def digest() -> str:
+    """Of the references of busy rows, from every source."""
+    said = [run(busy(), config, accelerometer=(4.0, 0.5, 1.0))["reference"].tobytes() for config in CHOICES]
+    return hashlib.sha256(b"".join(said)).hexdigest()
+
+
+def test_a_copied_state_goes_on_alike():
+    block = busy()
+    stage = References(Config(), designed(), RATE)
+    for k in range(60):
+        refer(block, k, *stage.arguments)
+        remember(block, k, *stage.arguments)
+    other = References(Config(), designed(), RATE)
+    other.state = copy.deepcopy(stage.state)
+    twin = block.copy()
+    for rows, one in ((block, stage), (twin, other)):
+        for k in range(60, len(rows)):
+            refer(rows, k, *one.arguments)
+            remember(rows, k, *one.arguments)
+    assert block.tobytes() == twin.tobytes()
+
+
+def test_coefficients_go_straight_between_the_points():
+    """At twice the dynamic pressure of a point and half that of the next, a third of the way in between."""
+    low = Point(name="low", **WING)
+    high = Point(name="high", **{**WING, "dynamic_pressure_pa": 4 * PRESSURE, "lift_slope_1_pa": 2.5e-3})
+    place: dict[str, Any] = {"accelerometer_x_m": 0.0, "accelerometer_y_m": 0.0, "accelerometer_z_m": 0.0}
+    stage = References(Config(), Designed(rate_hz=RATE, points=[low, high], **place), RATE)
+    block = level_flight(angle_of_attack=0.0, dynamic_pressure=2 * PRESSURE)
+    for k in range(len(block)):
+        refer(block, k, *stage.arguments)
+        remember(block, k, *stage.arguments)
+    assert ref(block, "normal_load_factor")[-1] == pytest.approx(2 * PRESSURE * 1.5e-3 * 0.02)
+
+
+# Thresholds
+
+
+def test_the_threshold_is_the_measured_one_unless_the_settings_give_one():
+    error = Error(rms=0.01, quantile_999=0.05, worst=0.1, threshold=0.12)
+    one = designed(errors={"pitch_rate": {"angle_of_attack": error}, "roll_rate": {"attitude": error}})
+    which = scenario.load(None, ["redundancy.signals.roll_rate.reference_threshold=0.5"])
+    config, suite = which.redundancy, which.sensors
+    params = parameters(config.signals, ranges(suite), channels(suite), RATE)
+    measured_thresholds(params, config, one)
+    found = {name: params["reference_threshold"][INDEX[name]] for name in ("pitch_rate", "roll_rate", "heading")}
+    assert found == {"pitch_rate": 0.12, "roll_rate": 0.5, "heading": config.signals.heading.threshold}
+
+
+# In flight
+
+
+def flown(*sets: str, name: str = "f16_pitch_rate_hardover", seconds: float = 10.0, seed: int = 3) -> Block:
+    which = scenario.load(name, [f"duration_s={seconds}", "faults=[]", *sets], seed)
+    return np.concatenate([rows.copy() for rows, _ in frames(Rig(which), which)])
+
+
+@pytest.mark.parametrize("aircraft", ["f16", "b747", "b737"])
+@pytest.mark.parametrize("sources", ["{}", '{pitch_rate="inertial",roll_rate="inertial",yaw_rate="inertial"}'])
+def test_a_healthy_flight_in_moderate_turbulence_keeps_every_reference_usable(aircraft: str, sources: str):
+    sets = [f"aircraft={aircraft}", "turbulence=moderate", f"redundancy.references={sources}"]
+    rows = flown(*sets, seconds=40.0, seed=77)
+    expected = [INDEX[name] for name in sorted({name for name, _ in PARTNERS})]
+    assert (rows["reference_usable"][:, expected] == 1).all()
+    assert np.isfinite(rows["reference"][:, expected]).all()
+    others = [i for i in range(len(SIGNALS)) if i not in expected]
+    assert np.isnan(rows["reference"][:, others]).all() and not rows["reference_usable"][:, others].any()
+
+
+def test_a_fault_on_the_inertial_unit_moves_the_reference_and_only_it():
+    sets = ['redundancy.references={pitch_rate="inertial"}', "turbulence=light"]
+    fault = 'faults=[{kind="hardover",signal="inertial.pitch_rate_rad_s",start_s=2.0,end_s=4.0}]'
+    healthy, faulty = flown(*sets, seconds=6.0), flown(*sets, fault, seconds=6.0)
+    moved = {name for name in healthy.dtype.names or () if healthy[name].tobytes() != faulty[name].tobytes()}
+    assert moved == {"inertial", "reference", "reference_usable", "faults_active"}
+    q = INDEX["pitch_rate"]
+    same = np.delete(np.arange(len(SIGNALS)), q)
+    assert healthy["reference"][:, same].tobytes() == faulty["reference"][:, same].tobytes()
+    usable = faulty["reference_usable"][:, q].astype(bool)
+    assert usable[:207].all() and not usable[207:407].any() and usable[409:].all()
+
+
+def test_a_wind_makes_dynamic_pressure_by_speed_over_ground_unusable_and_nothing_else():
+    rows = flown("wind.north_m_s=-40.0", seconds=2.0)
+    unusable = (rows["reference_usable"][-1] == 0) & np.isfinite(rows["reference"][-1])
+    assert np.flatnonzero(unusable).tolist() == [INDEX["dynamic_pressure"]]
+
+
+def test_a_lost_pitch_rate_still_has_its_reference_and_takes_those_that_read_it_along():
+    faults = 'faults=[{kind="dropout",signal="pitch_rate",channels=[1,2,3,4],start_s=1.0}]'
+    rows = flown(faults, seconds=1.5)
+    assert rows["level"][-1, INDEX["pitch_rate"]] == 0
+    there = {signal.name for signal in SIGNALS if np.isfinite(rows["reference"][-1, INDEX[signal.name]])}
+    assert there == {"pitch_rate", "roll_rate", "yaw_rate", "dynamic_pressure"}
+
+
+@pytest.mark.parametrize(("signal", "offset"), [("pitch_rate", 0.06), ("roll_rate", 0.13), ("yaw_rate", 0.06)])
+@pytest.mark.parametrize("bad", [[1, 2], [3, 4]])
+def test_by_the_inertial_unit_a_split_just_over_the_threshold_is_settled_rightly(signal, offset, bad):
+    faults = f'faults=[{{kind="offset",signal="{signal}",channels={bad},start_s=1.0,offset={offset}}}]'
+    asked = f'redundancy.signals.{signal}.resolvers=["reference"]'
+    rows = flown(faults, asked, f'redundancy.references.{signal}="inertial"', "turbulence=moderate", seconds=4.0)
+    failed = np.flatnonzero(rows["state"][-1, INDEX[signal]] == State.FAILED) + 1
+    assert failed.tolist() == bad
+    assert Resolver.REFERENCE in rows["resolver"][:, INDEX[signal]]

@@ -1,0 +1,170 @@
+"""The design of the references: coefficients against flight mechanics, thresholds against flights."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rig import aircraft, reference_design
+from rig.control import gains as control_gains
+from rig.errors import BadInput, RigError
+from rig.frame import INDEX, SIGNALS
+from rig.plant.airframe import read as read_airframe
+from rig.plant.linear import Linear, Trim, linearise
+from rig.redundancy.designed import Designed, Error
+from rig.redundancy.reference import PARTNERS
+from rig.settings import build, read_toml
+
+G = 9.80665
+NAMES = aircraft.names()
+DESIGNED = {
+    name: build(Designed, read_toml(aircraft.folder(name) / "references.toml"), f"{name}/references.toml")
+    for name in NAMES
+}
+
+
+def linear(tail_s: float = 0.0, fin_s: float = 0.0) -> Linear:
+    """An aircraft of 100 m/s whose wing gives 8 g and whose fin takes 3 g for a radian; M_elevator = N_rudder = 1."""
+    trim = Trim(100.0, 6000.0, 0.1, 0.1, 0.0, 0.0, 0.0, 0.5)
+    a, b = np.zeros((4, 4)), np.zeros((4, 2))
+    a[1, 1], a[1, 2], a[2, 1], a[2, 2] = -8.0 * G / 100.0, 1.0, -2.0, -0.5
+    b[1, 0], b[2, 0] = tail_s, 1.0
+    lateral_a, lateral_b = np.zeros((4, 4)), np.zeros((4, 2))
+    lateral_a[0, 0], lateral_a[2, 0] = -3.0 * G / 100.0, 4.0
+    lateral_b[0, 1], lateral_b[1, 0], lateral_b[2, 1] = fin_s, 1.0, 1.0
+    return Linear(trim, a, b, lateral_a, lateral_b)
+
+
+def test_without_tail_forces_the_slopes_are_those_of_wing_and_fin():
+    found = reference_design.coefficients(linear())
+    assert found["lift_slope_1_pa"] * 6000.0 == pytest.approx(8.0, rel=1e-5)
+    assert found["side_slope_1_pa"] * 6000.0 == pytest.approx(-3.0, rel=1e-5)
+    assert (found["pitch_rate_gain"], found["elevator_arm_m"], found["yaw_arm_m"]) == (1.0, 0.0, 0.0)
+
+
+def test_level_flight_lifts_the_weight():
+    found = reference_design.coefficients(linear(tail_s=0.02))
+    lift = 6000.0 * found["lift_slope_1_pa"] * (0.1 - found["zero_lift_alpha_rad"])
+    assert lift == pytest.approx(1.0, rel=1e-4)
+
+
+def test_the_tail_takes_what_trims_the_moments():
+    """Steady: elevator = -(M_alpha alpha + M_q q) / M_elevator, which lifts Z_elevator times as much."""
+    found = reference_design.coefficients(linear(tail_s=0.02, fin_s=0.03))
+    assert found["lift_slope_1_pa"] * 6000.0 == pytest.approx(8.0 - 2.0 * 0.02 * 100.0 / G, rel=1e-5)
+    assert found["pitch_rate_gain"] == pytest.approx(1.0 + 0.02 * 0.5)
+    assert found["elevator_arm_m"] == pytest.approx(2.0)
+    assert found["side_slope_1_pa"] * 6000.0 == pytest.approx(-3.0 - 4.0 * 0.03 * 100.0 / G, rel=1e-5)
+    assert found["yaw_arm_m"] == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_coefficients_in_the_file_are_those_of_the_aircraft(name: str):
+    airframe = read_airframe(aircraft.folder(name) / "aircraft.toml")
+    here = airframe.flight_points[0]
+    point = next(point for point in DESIGNED[name].points if point.name == here.name)
+    fresh = reference_design.coefficients(linearise(airframe, here))
+    assert {key: getattr(point, key) for key in fresh} == fresh
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_source_was_measured_and_its_threshold_is_the_worst_error_with_the_reserve(name: str):
+    errors = DESIGNED[name].errors
+    assert {(signal, source) for signal, sources in errors.items() for source in sources} == set(PARTNERS)
+    for sources in errors.values():
+        for e in sources.values():
+            assert 0.0 < e.rms < e.quantile_999 < e.worst
+            assert e.threshold == float(f"{reference_design.RESERVE * e.worst:.3g}")
+
+
+def test_the_errors_in_the_file_are_those_of_the_flights(monkeypatch: pytest.MonkeyPatch):
+    """A part of the flights of one point leaves errors within the file's worst, and comes near it."""
+    monkeypatch.setattr(reference_design, "SEEDS", (1, 2))
+    monkeypatch.setattr(reference_design, "TURBULENCE", ("moderate",))
+    name, where = "b747", "10000ft_m042"
+    known = DESIGNED[name]
+    airframe = read_airframe(aircraft.folder(name) / "aircraft.toml")
+    tables = {**aircraft.tables(name), "aircraft": name}
+    flights = list(reference_design.fly(tables, airframe.point(where), known))
+    for config in (reference_design._PARTNERS, reference_design._INERTIAL):
+        found = [reference_design.errors(rows, config, known) for rows in flights]
+        for signal, source in found[0]:
+            worst = max(float(np.abs(errors[signal, source]).max()) for errors in found)
+            assert 0.6 < worst / known.errors[signal][source].worst < 1.005, (signal, source)
+
+
+def test_the_same_design_gives_the_same_bytes_and_the_files_are_such(tmp_path: Path):
+    for name in NAMES:
+        assert reference_design.render(DESIGNED[name]) == (aircraft.folder(name) / "references.toml").read_text()
+
+
+def test_an_aircraft_of_the_users_own_is_measured_in_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """One flight point, one seed: twice the same, and filters that were tried."""
+    monkeypatch.setattr(reference_design, "SEEDS", (1,))
+    monkeypatch.setattr(reference_design, "TURBULENCE", ("light",))
+    own = tmp_path / "mine"
+    own.mkdir()
+    text = (aircraft.folder("b747") / "aircraft.toml").read_text()
+    first = text.index("    { name")
+    second = text.index("    { name", first + 1)
+    (own / "aircraft.toml").write_text(text[:second] + text[text.index("]\n", second) :])
+    gains = control_gains.read(aircraft.folder("b747") / "gains.toml")
+    one, two = (reference_design.design(str(own), gains) for _ in range(2))
+    assert one == two and len(one.points) == 1
+    assert one.points[0].alpha_filter_s in reference_design.FILTERS_S
+    assert set(one.errors) == {name for name, _ in PARTNERS}
+
+
+def test_without_the_file_the_user_is_told_what_to_do(tmp_path: Path):
+    own = tmp_path / "mine"
+    own.mkdir()
+    for name in ("aircraft.toml", "gains.toml"):
+        (own / name).write_bytes((aircraft.folder("f16") / name).read_bytes())
+    with pytest.raises(BadInput, match=r"references.toml: no such file, write it with: rig aircraft design"):
+        aircraft.tables(str(own))
+
+
+def test_an_aircraft_that_is_lost_in_a_healthy_flight_cannot_be_measured(monkeypatch: pytest.MonkeyPatch):
+    tables = {**aircraft.tables("f16"), "aircraft": "f16"}
+    tables["airframe"] = {**tables["airframe"], "limits": {**tables["airframe"]["limits"], "load_factor_max": 1.2}}
+    airframe = read_airframe(aircraft.folder("f16") / "aircraft.toml")
+    with pytest.raises(RigError, match="lost in the healthy flight 'pitch'"):
+        list(reference_design.fly(tables, airframe.point(), DESIGNED["f16"]))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_which_references_settle_every_split_is_as_the_documentation_says(name: str):
+    """A split just over a monitor's threshold is settled for certain when threshold and worst error fit into it."""
+    monitors = aircraft.tables(name)["redundancy"]["signals"]
+    certain = {
+        f"{signal} {source}"
+        for signal, sources in DESIGNED[name].errors.items()
+        for source, e in sources.items()
+        if e.threshold + e.worst < monitors[signal]["threshold"]
+    }
+    assert certain == documented(name)
+
+
+def documented(name: str) -> set[str]:
+    """The rows of the table in docs/references.md that say `always` for this aircraft."""
+    lines = (Path(__file__).parent.parent / "docs" / "references.md").read_text().splitlines()
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines if line.startswith("| " + name)]
+    assert rows
+    return {f"{row[1]} {row[2]}" for row in rows if row[-1] == "always"}
+
+
+def test_a_table_out_of_order_is_refused():
+    data = DESIGNED["f16"].model_dump()
+    data["points"].reverse()
+    with pytest.raises(BadInput, match="rising dynamic pressure"):
+        build(Designed, data, "references.toml")
+
+
+def test_thresholds_are_those_of_the_chosen_source():
+    error = Error(rms=0.1, quantile_999=0.2, worst=0.3, threshold=0.36)
+    one = DESIGNED["f16"].model_copy(update={"errors": {"pitch_rate": {"inertial": error}}})
+    assert one.threshold("pitch_rate", "inertial") == 0.36
+    assert one.threshold("pitch_rate", "angle_of_attack") is None and one.threshold("heading", "none") is None
+    assert all(signal in INDEX for signal in DESIGNED["f16"].errors) and len(SIGNALS) == 16
