@@ -38,7 +38,7 @@ class EventFinder:
     def __init__(self, faults: Sequence[Interval]) -> None:
         self._faults = faults
         self._last: Block | None = None
-        moved(_flags(new_block(1)), _flags(new_block(1))[0])  # compiled before the first frame
+        moved(_flags(new_block(2)), _flags(new_block(1))[0])  # compiled before the first frame
 
     def find(self, rows: Block) -> list[Event]:
         """The events of ``rows``, which follow those of the last call, in order of time."""

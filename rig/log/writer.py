@@ -27,7 +27,7 @@ RESULT: Final = "result"
 # Nearly all that repeats is in the row before, so a small table finds it: smaller files than those of
 # zstd's level 1, in less time.
 COMPRESSION: Final = zstandard.ZstdCompressionParameters(
-    window_log=19, hash_log=12, chain_log=12, min_match=6, target_length=1, strategy=zstandard.STRATEGY_FAST
+    window_log=19, hash_log=12, chain_log=12, min_match=6, target_length=2, strategy=zstandard.STRATEGY_FAST
 )
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 CHUNK_BYTES: Final = 1 << 20  # before compression; at high rates a chunk is shorter than a second
