@@ -121,7 +121,7 @@ def _stages_us(scenario: Scenario, out: Path) -> dict[str, float]:
 
 
 def _bound(rig: loop.Rig, block: Block) -> dict[str, Step]:
-    """loop.Rig.frame taken apart: the same kernels, one by one."""
+    """A frame of the loop taken apart: the same kernels, one by one."""
     kernels = {"sensors": measure, "inertial": sense, "faults": corrupt, "redundancy": vote_row, "control": fly_row}
     steps: dict[str, Step] = {"plant.read": rig.plant.read}
     for name, function in kernels.items():

@@ -58,9 +58,14 @@ class EventFinder:
                 yield Event(fault.last, "info", "fault off", fault.label)
 
 
+_PLACES = [(dtype.itemsize + offset, offset, name) for name, (dtype, offset, *_) in (FRAME.fields or {}).items()]
+_FIRST = next(offset for _, offset, name in _PLACES if name == "state")
+_END = max(end for end, _, _ in _PLACES)  # what lies behind is padding, which a copy leaves to chance
+
+
 def _flags(rows: Block) -> NDArray[np.uint8]:
     """The bytes of each row from ``state`` on: most blocks are settled by seeing that none has moved."""
-    return rows.view(np.uint8).reshape(len(rows), -1)[:, FRAME.fields["state"][1] :]  # type: ignore[index]  # named
+    return rows.view(np.uint8).reshape(len(rows), -1)[:, _FIRST:_END]
 
 
 @kernel

@@ -13,6 +13,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -171,8 +172,9 @@ def _record(
 
         def record(rows: Block, timing: NDArray[Any]) -> None:
             events = finder.find(rows)
-            verdict.add(rows, events)
+            hashed = beside.submit(verdict.add, rows, events)  # both leave the interpreter to each other
             writer.write(rows, timing, events)
+            hashed.result()
             if stream is not None:
                 stream.put(rows.copy(), events)
             if jitter is not None:
@@ -182,7 +184,10 @@ def _record(
 
         began = time.perf_counter()
         try:
-            with Recorder(record, threaded=pace.period_s is not None) as recorder:
+            with (
+                ThreadPoolExecutor(1, "verdict") as beside,
+                Recorder(record, threaded=pace.period_s is not None) as recorder,
+            ):
                 for rows, timing in loop.frames(rig, scenario, pace, stop):
                     recorder.put(rows, timing)
             wall_s = time.perf_counter() - began

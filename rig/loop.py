@@ -57,16 +57,16 @@ class Rig:
         self.control = Control(scenario.control, scenario.gains, rate_hz, frame.surface_limits)
         self.control.reset(self.plant.trim)
         self._stages = (self.sensors, self.inertial, self.faults, self.redundancy, self.control)
-        self._arguments = self._gather()
+        self.arguments = self._gather()
         compiled = self.redundancy.own is None
-        self._compute = bind(compute, new_block(1), 0, *self._arguments) if compiled else self._one_by_one
+        self.compute = bind(compute, new_block(1), 0, *self.arguments) if compiled else self._one_by_one
 
     def prepare(self, block: Block) -> None:
         """What is drawn or planned a block at a time: stick and demands, sensor noise."""
         self.pilot.prepare(block)
         self.sensors.prepare(block)
         self.inertial.prepare(block)
-        self._arguments = self._gather()
+        self.arguments = self._gather()
 
     def _gather(self) -> tuple[tuple[Any, ...], ...]:
         """The parameters and states of the stages between two looks at the plant."""
@@ -76,14 +76,6 @@ class Rig:
         """What ``compute`` does, stage by stage: for a manager of the user's own, which is not compiled."""
         for stage in self._stages:
             stage.step(block, k)
-
-    def frame(self, block: Block, k: int) -> int:
-        """Fly row k: see, compute, move on.  Nonzero (frame.End) when the flight ends."""
-        end = self.plant.read(block, k)
-        self._compute(block, k, *self._arguments)
-        if end == 0:
-            self.plant.step(block, k)
-        return end
 
 
 @kernel
@@ -128,13 +120,16 @@ def frames(
 def _fly_block(rig: Rig, block: Block, timing: NDArray[np.void], pace: Pace, stop: Stop) -> tuple[int, bool]:
     """Fly the rows of a block; how many were flown, and whether the flight is over."""
     frame_us, late_us = timing["frame_us"], timing["late_us"]
-    clock, fly_frame, paced = time.perf_counter, rig.frame, pace.period_s is not None
-    first = int(block["frame"][0])
+    clock, paced, first = time.perf_counter, pace.period_s is not None, int(block["frame"][0])
+    see, think, act, arguments = rig.plant.read, rig.compute, rig.plant.step, rig.arguments
     for k in range(len(block)):
         if paced:
             late_us[k] = pace.wait(first + k) * 1e6
         began = clock()
-        end = fly_frame(block, k)
+        end = see(block, k)  # truth, and whether the flight ends here
+        think(block, k, *arguments)  # channels, faults, votes, commands
+        if end == 0:
+            act(block, k)  # surfaces, to the next frame
         frame_us[k] = (clock() - began) * 1e6
         if end != 0 or stop.requested:
             return k + 1, True
