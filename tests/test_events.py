@@ -100,6 +100,6 @@ def test_rows_that_have_not_moved_are_seen_at_a_glance(monkeypatch):
     monkeypatch.setattr("rig.events._changes", lambda pair: pytest.fail("looked closer"))
     for _ in range(5):
         finder._last = np.frombuffer(bytes(range(256)) * 20, np.uint8)[: block.itemsize].copy().view(block.dtype)
-        for name in block.dtype.names:
+        for name in block.dtype.names or ():
             finder._last[name] = block[name][-1]
         assert finder.find(block) == []

@@ -65,7 +65,8 @@ def test_compiled_and_interpreted_kernels_fly_the_same_bits():
         "from rig import scenario\nfrom rig.loop import Rig, frames\n"
         "s = scenario.load('f16_pull_up_load_factor_offset', ['duration_s=1.0', 'turbulence=moderate',"
         "'faults.0.start_s=0.2', 'pilot.manoeuvres.0.start_s=0.3'])\n"
-        "print(hashlib.sha256(b''.join(r.tobytes() for rows, _ in frames(Rig(s), s) for r in (rows[n] for n in rows.dtype.names))).hexdigest())\n"
+        "fields = (r[n] for r, _ in frames(Rig(s), s) for n in r.dtype.names)\n"
+        "print(hashlib.sha256(b''.join(f.tobytes() for f in fields)).hexdigest())\n"
     )
 
     def digest(**more: str) -> str:

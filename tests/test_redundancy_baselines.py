@@ -1,6 +1,7 @@
 """The managers to compare with."""
 
 import warnings
+from typing import Any
 
 import numpy as np
 import pytest
@@ -39,17 +40,17 @@ def test_a_baseline_holds_its_vote_when_nobody_speaks():
 
 def test_a_selection_leaves_its_channel_when_the_integrated_deviation_is_used_up():
     """Channel 1 is off by 8: the mean by 2, its deviation is 6, of which 5 a frame count towards 100."""
-    settings = {"selection_deviation": 1.0, "selection_integral_s": 1.0}  # 1 s is 100 frames
-    out = vote_samples(constant(8, 0, 0, 0, frames=40), manager="selection", **settings)
+    chosen: dict[str, Any] = {"selection_deviation": 1.0, "selection_integral_s": 1.0}  # 1 s is 100 frames
+    out = vote_samples(constant(8, 0, 0, 0, frames=40), manager="selection", **chosen)
     assert (out.voted[:20] == 8).all() and (out.voted[20:] == 0).all()
     assert out.failed_at() == [21, None, None, None]
 
 
 def test_a_selection_stays_where_it_is_and_trusts_again_what_came_back():
-    settings = {"selection_deviation": 1.0, "selection_integral_s": 1.0}
+    chosen: dict[str, Any] = {"selection_deviation": 1.0, "selection_integral_s": 1.0}
     samples = constant(8, 0.5, 0, 0, frames=300)
     samples[60:] = [0, 0.5, 0, 0]
-    out = vote_samples(samples, manager="selection", **settings)
+    out = vote_samples(samples, manager="selection", **chosen)
     assert (out.voted[21:] == 0.5).all()
     assert out.state[59, 0] == State.FAILED and out.state[-1, 0] == State.OK
 
@@ -64,11 +65,11 @@ def test_a_selection_leaves_a_silent_channel_at_once_and_blames_neither_of_two()
 
 
 def test_a_selection_may_come_back_to_the_first_channel():
-    settings = {"selection_deviation": 1.0, "selection_integral_s": 0.1}
+    chosen: dict[str, Any] = {"selection_deviation": 1.0, "selection_integral_s": 0.1}
     samples = constant(3, 0.5, 0, 0, frames=200)
     samples[20:] = [0, 0.5, 0, 0]
     samples[100:] = [0, 3, 0, 0]
-    out = vote_samples(samples, manager="selection", **settings)
+    out = vote_samples(samples, manager="selection", **chosen)
     assert out.voted[99] == 0.5 and out.voted[-1] == 0 and out.state[-1].tolist() == [0, 2, 0, 0]
 
 
