@@ -197,6 +197,19 @@ def _record(
                 viewer.flown(stream)
         finally:
             report = None if stream is None else stream.close(10.0)
+    return _flown(path, scenario, verdict, reason, wall_s, jitter, report)
+
+
+def _flown(
+    path: Path,
+    scenario: Scenario,
+    verdict: Verdict,
+    reason: str,
+    wall_s: float,
+    jitter: JitterCounter | None,
+    report: StreamReport | None,
+) -> Flight:
+    """What the records of a finished flight come to."""
     return Flight(
         log=path,
         scenario=scenario,
