@@ -23,39 +23,37 @@ class Event:
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Interval:
-    """A fault of the schedule: frames ``first`` (included) to ``last`` (excluded)."""
-
-    label: str
-    first: int
-    last: int
-
-
 class EventFinder:
-    """Finds the events of a flight, block after block."""
+    """Finds the events of a flight, block after block; ``faults`` are the labels of its faults, in their order."""
 
-    def __init__(self, faults: Sequence[Interval]) -> None:
+    def __init__(self, faults: Sequence[str]) -> None:
         self._faults = faults
         self._last: Block | None = None
         moved(_flags(new_block(2)), _flags(new_block(1))[0])  # compiled before the first frame
 
     def find(self, rows: Block) -> list[Event]:
         """The events of ``rows``, which follow those of the last call, in order of time."""
-        before = rows[:1] if self._last is None else self._last
-        events = list(self._fault_events(rows))
+        before, events = self._before(rows), []
         if moved(_flags(rows), _flags(before)[0]):
-            events += _changes(np.concatenate([before, rows]))
+            pair = np.concatenate([before, rows])
+            events = [*self._fault_events(pair), *_changes(pair)]
         self._last = rows[-1:].copy()
         return sorted(events, key=lambda event: event.frame)
 
-    def _fault_events(self, rows: Block) -> Iterator[Event]:
-        first, last = int(rows["frame"][0]), int(rows["frame"][-1])
-        for fault in self._faults:
-            if first <= fault.first <= last:
-                yield Event(fault.first, "info", "fault on", fault.label)
-            if first <= fault.last <= last:
-                yield Event(fault.last, "info", "fault off", fault.label)
+    def _before(self, rows: Block) -> Block:
+        """The row before ``rows``; before the first one everything stood as it does there, but no fault acted."""
+        if self._last is not None:
+            return self._last
+        before = rows[:1].copy()
+        before["acting"] = 0
+        return before
+
+    def _fault_events(self, pair: Block) -> Iterator[Event]:
+        """Faults of the rows of ``pair`` after its first that begin or cease to act."""
+        acts = np.unpackbits(pair["acting"], axis=1, bitorder="little")
+        for k, i in np.argwhere(acts[1:] != acts[:-1]):
+            name = "fault on" if acts[k + 1, i] else "fault off"
+            yield Event(int(pair["frame"][k + 1]), "info", name, self._faults[int(i)])
 
 
 _PLACES = [(dtype.itemsize + offset, offset, name) for name, (dtype, offset, *_) in (FRAME.fields or {}).items()]

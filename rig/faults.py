@@ -232,17 +232,17 @@ def corrupt(block, k, schedule, dt_s):
 
     offset: x + d    drift: x + d (t - t0)    hardover: the end of the range    dropout: invalid, or NaN
     block : FRAME records; schedule : (F,) SCHEDULE records; dt_s : frame period, s
-    Writes channels, valid, ilm, inertial and faults_active.
+    Writes channels, valid, ilm, inertial and acting.
     """
     row = block[k]
     channels, valid, ilm = row["channels"], row["valid"], row["ilm"]
     frame = row["frame"]
-    active = 0
+    acting = row["acting"]
     for f in range(len(schedule)):
         fault = schedule[f]
         if frame < fault["first"] or frame >= fault["last"]:
             continue
-        active += 1
+        acting[f >> 3] |= np.uint8(1 << (f & 7))
         s = fault["signal"]
         if s >= _SIGNALS:  # no dropout there, so nobody's validity is touched
             spoil(row["inertial"], valid[0], s - _SIGNALS, fault, (frame - fault["first"]) * dt_s)
@@ -252,7 +252,6 @@ def corrupt(block, k, schedule, dt_s):
             if mask[c] != 0:
                 spoil(channels[s], valid[s], c, fault, (frame - fault["first"]) * dt_s)
                 ilm[s, c] = flagged(ilm[s, c], fault["flag"])
-    row["faults_active"] = min(active, 255)
 
 
 @kernel

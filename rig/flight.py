@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 
 from rig import loop
 from rig.errors import BadInput
-from rig.events import Event, EventFinder, Interval
-from rig.faults import window
+from rig.events import Event, EventFinder
 from rig.frame import INDEX, Block
 from rig.log import LogWriter, read_log
 from rig.pace import Jitter, JitterCounter, Pace
@@ -163,7 +162,7 @@ def _record(
     check_where(rerun)
     rig = loop.Rig(scenario)
     path = log_path(out, name or scenario.title or scenario.aircraft, scenario.seed)
-    finder, verdict = EventFinder(intervals(scenario)), Verdict()
+    finder, verdict = EventFinder(labels(scenario)), Verdict()
     jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
     with LogWriter(path, scenario.rate_hz, metadata(scenario), [("scenario.toml", text.encode())]) as writer:
         stream = open_stream(rerun, scenario.title or path.stem, scenario.rate_hz, path)
@@ -241,9 +240,9 @@ def log_path(out: Path, name: str, seed: int) -> Path:
     return path
 
 
-def intervals(scenario: Scenario) -> list[Interval]:
-    """The faults of a scenario in frames, for the event finder."""
-    return [Interval(fault.label, *window(fault, scenario.rate_hz)) for fault in scenario.faults]
+def labels(scenario: Scenario) -> list[str]:
+    """The faults of a scenario by name, for the event finder."""
+    return [fault.label for fault in scenario.faults]
 
 
 def metadata(scenario: Scenario) -> dict[str, str]:

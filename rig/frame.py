@@ -9,9 +9,10 @@ Order of writing in one frame (see loop.py):
     pilot      demand, truth of the sticks, discrete_truth[autopilot_engaged]
     plant      truth, discrete_truth, flight, end
     sensors    channels, valid, ilm, discrete_channels, inertial
-    faults     the same fields, corrupted
+    faults     the same fields, corrupted; acting
     redundancy voted, reference, state, level, pattern, resolver, trend_*, discrete_*
     control    source, law, command, surface
+    faults     actuator: the surface commands that reach the actuators
 
 SI units throughout; angles in rad, load factors in g (1), sticks normalised (-1 to 1).
 """
@@ -28,6 +29,7 @@ from numpy.typing import NDArray
 
 CHANNELS: Final = 4  # columns of every channel array; a signal may use fewer
 TWO_PI: Final = 2.0 * pi
+MOST_FAULTS: Final = 64  # of one scenario
 
 Block = NDArray[Any]  # structured, dtype FRAME, shape (n,)
 
@@ -250,6 +252,7 @@ FRAME: Final = np.dtype(
         ("reference", "f8", (S,)),  # NaN where there is none
         ("command", "f8", (len(COMMANDS),)),
         ("surface", "f8", (len(SURFACES),)),
+        ("actuator", "f8", (len(SURFACES),)),  # what reaches the actuators: surface, unless a fault is between
         ("trend_high", "u1", (S,)),
         ("trend_low", "u1", (S,)),
         ("valid", "u1", (S, CHANNELS)),  # 0: the sensor itself flags the sample
@@ -265,7 +268,7 @@ FRAME: Final = np.dtype(
         ("discrete_voted", "u1", (D,)),
         ("discrete_state", "u1", (D, CHANNELS)),
         ("discrete_level", "u1", (D,)),
-        ("faults_active", "u1"),  # number of faults that acted in this frame
+        ("acting", "u1", (MOST_FAULTS // 8,)),  # bit i % 8 of byte i // 8: fault i of the scenario acted
         ("law", "u1"),
         ("end", "u1"),
     ],

@@ -45,16 +45,18 @@ ELEMENTS: Final = {
     "inertial": INERTIAL,
     "command": tuple(f"command_{name}" for name in COMMANDS),
     "surface": tuple(f"surface_{name}" for name in SURFACES),
+    "actuator": tuple(f"actuator_{name}" for name in SURFACES),
 }
 _SHORT: Final = {"channels": "ch", "state": "st"}
 _HOME: Final = {
     "flight": "rig.Flight",
     "end": "rig.Flight",
-    "faults_active": "rig.Flight",
+    "acting": "rig.Flight",
     "demand": "rig.Demand",
     "inertial": "rig.Inertial",
     "command": "rig.Control",
     "surface": "rig.Control",
+    "actuator": "rig.Control",
     "law": "rig.Control",
 }
 
@@ -87,7 +89,8 @@ def _places(field: str) -> list[Place]:
         return [Place(name, field, (i,)) for i, name in enumerate(ELEMENTS[field])]
     plain = field.removeprefix("discrete_")
     stem = _SHORT.get(plain, plain)
-    shape = FRAME[field].shape[1:]  # without the row of the signal
+    rows = home(field) in ("rig.Signal", "rig.Discrete")
+    shape = FRAME[field].shape[1:] if rows else FRAME[field].shape  # within the row of the signal
     if not shape:
         return [Place(stem, field, ())]
     return [Place(f"{stem}_{i + 1}", field, (i,)) for i in range(shape[0])]

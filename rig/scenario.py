@@ -21,6 +21,7 @@ from rig.control.autopilot import Config as Control
 from rig.control.gains import Gains
 from rig.errors import BadInput
 from rig.faults import Fault
+from rig.frame import MOST_FAULTS
 from rig.inertial import Config as Inertial
 from rig.pilot import Config as Pilot
 from rig.plant.airframe import Config as Airframe
@@ -49,7 +50,7 @@ class Scenario(Settings):
     turbulence: Turbulence = "none"
     wind: Wind = Wind()
     pilot: Pilot = Pilot()
-    faults: list[Fault] = []
+    faults: list[Fault] = Field(default=[], max_length=MOST_FAULTS)
     control: Control = Control()
     airframe: Airframe
     sensors: Suite  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from rig.events import EventFinder, Interval
+from rig.events import EventFinder
 from rig.frame import INDEX, End, Law, Pattern, Resolver, Source, State, new_block
 
 Q = INDEX["pitch_rate"]
@@ -42,9 +42,17 @@ def test_a_change_between_two_blocks_is_seen_once():
 
 
 def test_faults_begin_and_end_in_their_frames():
-    finder = EventFinder([Interval("offset pitch_rate.2", 5, 20)])
-    found = [*finder.find(blank()[:10]), *finder.find(blank()[10:])]
+    finder, block = EventFinder([*"abcdefghi", "offset pitch_rate.2"]), blank()
+    block["acting"][5:20, 1] = 0b10
+    found = [*finder.find(block[:10]), *finder.find(block[10:])]
     assert names(found) == [(5, "fault on"), (20, "fault off")]
+    assert {event.text for event in found} == {"offset pitch_rate.2"}
+
+
+def test_a_fault_from_the_first_frame_on_begins_there():
+    block = blank()
+    block["acting"][:, 0] = 1
+    assert names(EventFinder(["drift"]).find(block)) == [(0, "fault on")]
 
 
 def test_what_the_reader_must_know_is_an_error_or_warning():

@@ -28,7 +28,7 @@ def test_an_offset_moves_its_channel_alone_between_start_and_end():
     assert (channels[10:20, Q, 1] == 0.75).all()
     channels[:, Q, 1] = 0.25
     assert (channels == 0.25).all()
-    assert (block["faults_active"][10:20] == 1).all() and block["faults_active"].sum() == 10
+    assert (block["acting"][10:20, 0] == 1).all() and block["acting"].sum() == 10
 
 
 def test_a_drift_grows_from_its_onset():
@@ -57,7 +57,7 @@ def test_several_faults_act_in_the_order_of_the_schedule():
     offset, hard = {"kind": "offset", "offset": -0.5}, {"kind": "hardover"}
     assert corrupted(offset, hard)["channels"][30, Q, 1] == 1.5
     assert corrupted(hard, offset)["channels"][30, Q, 1] == 1.0
-    assert corrupted(offset, hard)["faults_active"][30] == 2
+    assert corrupted(offset, hard)["acting"][30, 0] == 0b11
 
 
 def test_one_fault_may_sit_on_several_channels():

@@ -116,7 +116,7 @@ def test_an_offset_on_a_quantity_moves_it_alone(quantity):
     expected[10:20, quantity] = 0.625
     assert (block["inertial"] == expected).all()
     assert (block["channels"] == 0.25).all() and (block["valid"] == 1).all()
-    assert block["faults_active"].sum() == 10
+    assert block["acting"][:, 0].sum() == 10
 
 
 def test_a_quantity_drifts_and_goes_hard_over_like_a_sensor():

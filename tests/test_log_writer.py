@@ -38,7 +38,7 @@ from rig.log.schema import FRAME_TOPICS, MESSAGES
 
 RATE = 100.0
 U1_LIMITS = {"state": 4, "discrete_state": 4, "ilm": 3, "pattern": 7, "resolver": 7, "law": 3, "end": 8}
-WHOLE_BYTE = ("trend_high", "trend_low", "faults_active")
+WHOLE_BYTE = ("trend_high", "trend_low", "acting")
 
 
 def random_block(frames, seed=0, first=0):

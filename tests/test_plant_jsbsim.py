@@ -39,7 +39,7 @@ def plant(
 def fly(flying: jsbsim.Plant, commands: np.ndarray) -> Block:
     """Every row read and stepped; commands (n, 4), absolute."""
     block = new_block(len(commands))
-    block["surface"] = commands
+    block["actuator"] = commands
     for k in range(len(block)):
         flying.read(block, k)
         flying.step(block, k)

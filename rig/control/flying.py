@@ -43,7 +43,7 @@ def fly(block, k, pressures, table, param, state, gain):
     """One frame of the control law on row ``k``.
 
     block : FRAME records, reads voted, level, reference, reference_usable, discrete_voted, demand;
-            writes source, command, surface, law
+            writes source, command, surface, actuator (the same; faults may come between), law
     pressures (P,), table (P, G) : gain schedule; gain (G,) : workspace
     param, state : one record of PARAM and of STATE; state in place
     A signal that is not finite keeps its last value; before the first one the surfaces stay at trim.
@@ -75,6 +75,7 @@ def fly(block, k, pressures, table, param, state, gain):
         row["command"][i] = s["command"][i]
     for i in range(_SURFACES):
         row["surface"][i] = s["surface"][i]
+        row["actuator"][i] = s["surface"][i]
 
 
 @kernel

@@ -208,7 +208,7 @@ class Plant:
         self._air_changes_s = 0.0
         self._run = fdm.run
         self._fdm = fdm
-        self._surface = self._frame = np.zeros(0)
+        self._actuator = self._frame = np.zeros(0)
         self._block: Block | None = None
         self._broken = False
         self.trim[:] = [fdm[name] for name in positions]
@@ -223,10 +223,10 @@ class Plant:
         return self._write_row(block, k, self._raw, self._fixed)
 
     def step(self, block: Block, k: int) -> None:
-        """Give row k's ``surface`` to the actuators and fly to the next frame."""
+        """Give row k's ``actuator`` to the actuators and fly to the next frame."""
         if block is not self._block:  # a field of a structured array is slow to look up
-            self._block, self._surface, self._frame = block, block["surface"], block["frame"]
-        elevator, aileron, rudder, throttle = self._surface[k].tolist()
+            self._block, self._actuator, self._frame = block, block["actuator"], block["frame"]
+        elevator, aileron, rudder, throttle = self._actuator[k].tolist()
         self._elevator(elevator)
         self._aileron(aileron)
         self._rudder(rudder)
