@@ -51,7 +51,7 @@ def run() -> int:
     """One run; a mutant that never ends is stopped by the alarm."""
     import signal
 
-    signal.alarm(20)
+    signal.alarm(120)
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
         return int(pytest.main([*QUIET, *TESTS]))
 
