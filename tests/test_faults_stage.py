@@ -118,7 +118,9 @@ def test_a_reference_comes_back_after_no_number():
 def test_a_jammed_surface_stays_where_it_was_while_the_law_commands_on():
     rows = flown(with_faults({"kind": "stuck", "signal": "surface.elevator", "start_s": 1.0}))
     at = rows["flight"][100, -4]
-    assert (rows["actuator"][100:, 0] == at).all() and np.abs(rows["flight"][100:, -4] - at).max() < 1e-9
+    moved = np.abs(rows["flight"][100:, -4] - at)
+    assert (rows["actuator"][100:, 0] == at).all()
+    assert moved.max() < 2e-4 and moved[-1] < 1e-9  # the servo's lag swings out
     assert np.ptp(rows["surface"][100:, 0]) > 1e-4 and np.array_equal(rows["actuator"][:, 1:], rows["surface"][:, 1:])
 
 
