@@ -8,13 +8,13 @@ import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
-from rig.frame import INDEX, SIGNALS, S, new_block
+from rig.frame import CHANNELS, INDEX, SIGNALS, S, new_block
 from rig.kernels import bind
 from rig.sensors import Sensors, Suite, measure
 
 ERRORS = ("noise_std", "bias_tolerance", "scale_tolerance", "lag_s", "quantum", "skew_frames")
 IDEAL: dict[str, Any] = dict.fromkeys(ERRORS, 0.0)
-WIDE = {"low": -1e9, "high": 1e9}
+WIDE: dict[str, Any] = {"low": -1e9, "high": 1e9}
 
 
 def suite(**per_signal: dict[str, Any]) -> Any:
@@ -31,18 +31,18 @@ def truths(frames: int, **per_signal: Any) -> NDArray[np.float64]:
 
 
 def sense(
-    truth: NDArray[np.float64], settings: Any, *, seed: int = 0, rate_hz: float = 100.0, split: int = 10_000
+    truth: NDArray[np.float64], settings: Any, *, seed: int = 0, rate_hz: float = 100.0, split: int = 500
 ) -> NDArray[np.float64]:
     """(frames, S, 4) samples of the truths, in blocks of ``split`` rows."""
-    stage = Sensors(settings, rate_hz, SeedSequence(seed))
-    out = []
+    stage, memory, step = Sensors(settings, rate_hz, SeedSequence(seed)), new_block(min(split, len(truth))), None
+    out = np.empty((len(truth), S, CHANNELS))
     for first in range(0, len(truth), split):
-        block = new_block(min(split, len(truth) - first), first)
+        block = memory[: len(truth) - first]
         block["truth"] = truth[first : first + len(block)]
         stage.prepare(block)
         arguments = stage.arguments
-        step = bind(measure, block, 0, *arguments)
+        step = step or bind(measure, block, 0, *arguments)
         for k in range(len(block)):
             step(block, k, *arguments)
-        out.append(block["channels"].copy())
-    return np.concatenate(out)
+        out[first : first + len(block)] = block["channels"]
+    return out

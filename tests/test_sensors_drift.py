@@ -4,19 +4,23 @@ The variance of an Allan estimate follows from theory alone: with c(L) the covar
 differences, L clusters apart, n of them, it is (n c(0)^2 + 2 sum (n - L) c(L)^2) / (2 n^2).
 """
 
+import re
 from math import exp, sqrt
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.signal import welch
 from sensing import WIDE, sense, suite, truths
 
+from rig import aircraft
 from rig.frame import INDEX
 
 Q = INDEX["pitch_rate"]
 RATE, FRAMES = 10.0, 400_000
 N, STD, T, K = 2e-4, 3e-4, 20.0, 1e-6
 SIGMAS = 4.0
+IMUS = Path(__file__).parent.parent.parent / "shared" / "data" / "quad_imu" / "path_1"
 WHITE = {"noise_density": N}
 MARKOV = {"bias_instability_std": STD, "bias_correlation_s": T}
 WALK = {"rate_random_walk": K}
@@ -57,7 +61,7 @@ def covariance(r):
 
 def walk(tau, lags):
     """Two triangles overlap by one cluster; 1 / (2 m^2) is the step of a sampled walk."""
-    c = np.zeros(lags + 1)
+    c: np.ndarray = np.zeros(lags + 1)
     m = tau * RATE
     c[:2] = K**2 * tau * 2 / 3 * (1 + 1 / (2 * m**2)), K**2 * tau / 6 * (1 - 1 / m**2)
     return c
@@ -101,6 +105,36 @@ def test_bias_instability_has_its_spread_from_the_first_frame_on():
 def test_channels_wander_apart_and_a_random_walk_starts_at_zero():
     x = drift(WALK, frames=2)
     assert np.abs(x[0]).max() < SIGMAS * K / sqrt(RATE) and len(set(x[0])) == 4
+
+
+def test_the_table_in_the_docs_is_what_a_class_gives():
+    rates = aircraft.sensor_classes()["tactical-grade MEMS"].rates
+    assert rates is not None
+    n, std, t = rates.noise_density, rates.bias_instability_std, rates.bias_correlation_s
+    keys = {"noise_density": n, "bias_instability_std": std, "bias_correlation_s": t, **WIDE}
+    x = sense(truths(200_000), suite(pitch_rate=keys), seed=1)[:, Q]
+    page = (Path(__file__).parent.parent / "docs" / "sensors.md").read_text()
+    rows = re.findall(r"^\| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \|$", page, re.MULTILINE)
+    assert len(rows) == 4
+    for tau, measured, theory in (map(float, row) for row in rows):
+        clusters = x[: 200_000 // round(tau * 100) * round(tau * 100)].reshape(-1, round(tau * 100), 4).mean(axis=1)
+        found, u = sqrt((np.diff(clusters, axis=0) ** 2).mean() / 2), tau / t
+        expected = n**2 / tau + 2 * std**2 / u * (1 - (3 - 4 * exp(-u) + exp(-2 * u)) / (2 * u))
+        assert np.degrees(found) * 3600 == pytest.approx(measured, abs=0.0051)
+        assert np.degrees(sqrt(expected)) * 3600 == pytest.approx(theory, abs=0.0051)
+
+
+@pytest.mark.skipif(not IMUS.is_dir(), reason="the recorded flights are not here")
+def test_real_gyros_in_flight_disagree_by_far_more_than_the_noise_of_a_sheet():
+    """Vibration, mounting and lack of synchronism: what a class does not know, and a recorded file does."""
+    gyros = [np.loadtxt(IMUS / f"IMU_{i}.csv", delimiter=",", skiprows=1)[:, 7:10] for i in range(1, 5)]
+    rows = np.array([gyro[: min(map(len, gyros))] for gyro in gyros])
+    apart = np.diff(rows - rows.mean(axis=0), axis=1)
+    deviation = np.sqrt((apart**2).mean(axis=(0, 1)) / 2 * 4 / 3)  # deg/s, the mean of four being one of them
+    rates = aircraft.sensor_classes()["MEMS consumer"].rates
+    assert rates is not None
+    assert np.degrees(rates.noise_density) * sqrt(120) == pytest.approx(0.055, abs=0.001)
+    assert (deviation > 1.0).all() and (deviation < 11.0).all()
 
 
 MODE = {"mode_rms": 0.01, "mode_frequency_hz": 8.0, "mode_damping": 0.05}
