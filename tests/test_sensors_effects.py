@@ -1,6 +1,10 @@
 """The effects that are fixed for a flight, each against its equation."""
 
+import os
+import subprocess
+import sys
 from math import cos, exp, pi, sin, sqrt
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -155,25 +159,47 @@ def test_the_new_effects_shift_nobody_elses_draws_and_none_of_the_old_ones():
     assert np.array_equal(plain, more)  # the truth is at rest, so the effects show nothing
 
 
+EVERYTHING = {
+    "noise_std": 0.01,
+    "bias_instability_std": 0.01,
+    "bias_correlation_s": 5.0,
+    "rate_random_walk": 0.001,
+    "misalignment_tolerance_rad": 0.01,
+    "g_sensitivity_tolerance": 0.01,
+    "bandwidth_hz": 8.0,
+    "latency_s": 0.013,
+    "mode_rms": 0.01,
+    "mode_frequency_hz": 9.0,
+    "skew_frames": 0.5,
+    "quantum": 1e-4,
+}
+MOVING = np.cumsum(np.random.default_rng(0).normal(0, 0.01, truths(400).shape), axis=0)
+
+
 def test_recorded_truth_gives_the_same_channels_again():
-    truth = np.cumsum(np.random.default_rng(0).normal(0, 0.01, truths(400).shape), axis=0)
-    everything = suite(
-        pitch_rate={
-            "noise_std": 0.01,
-            "bias_instability_std": 0.01,
-            "bias_correlation_s": 5.0,
-            "rate_random_walk": 0.001,
-            "misalignment_tolerance_rad": 0.01,
-            "g_sensitivity_tolerance": 0.01,
-            "bandwidth_hz": 8.0,
-            "latency_s": 0.013,
-            "mode_rms": 0.01,
-            "mode_frequency_hz": 9.0,
-            "skew_frames": 0.5,
-            "quantum": 1e-4,
-        }
+    config = suite(pitch_rate=EVERYTHING)
+    assert np.array_equal(sense(MOVING, config, split=100), sense(MOVING, config, split=33))
+
+
+def test_compiled_and_interpreted_sensors_give_the_same_bits():
+    program = (
+        "import hashlib\n"
+        "from sensing import sense, suite\nfrom test_sensors_effects import EVERYTHING, MOVING\n"
+        "turning = {'latency_s': 0.013, 'bandwidth_hz': 8.0, 'skew_frames': 0.5}\n"
+        "air = {'position_error_per_rad': 0.1, 'position_error_per_pa': 0.1}\n"
+        "config = suite(pitch_rate=EVERYTHING, heading=turning, angle_of_attack=air)\n"
+        "print(hashlib.sha256(sense(MOVING, config).tobytes()).hexdigest())\n"
     )
-    assert np.array_equal(sense(truth, everything, split=100), sense(truth, everything, split=33))
+
+    def digest(**more: str) -> str:
+        env = {**os.environ, **more}
+        here = Path(__file__).parent
+        run = subprocess.run(
+            [sys.executable, "-c", program], env=env, cwd=here, capture_output=True, text=True, check=True
+        )
+        return run.stdout.strip()
+
+    assert digest(NUMBA_DISABLE_JIT="1") == digest()
 
 
 REFUSED = [
