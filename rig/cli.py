@@ -17,6 +17,7 @@ import typer
 
 from rig.errors import BadInput, RigError
 from rig.recorded.cli import vote
+from rig.score.cli import score
 
 HELP = {"help_option_names": ["-h", "--help"]}
 PLAIN: dict[str, Any] = {
@@ -138,6 +139,7 @@ def signals(
 
 
 app.command()(vote)
+app.command()(score)
 
 
 @scenario_app.command("show")

@@ -80,18 +80,19 @@ def _transients(
     rows: Block, twin: Block, faults: Sequence[FaultScore], yardstick: Yardstick, rate_hz: float
 ) -> Transients:
     n = min(len(rows), len(twin))
-    if not (rows["frame"][:n] == twin["frame"][:n]).all():
+    if not np.array_equal(rows["frame"][:n], twin["frame"][:n]):
         raise BadInput("the twin's frames are not those of the flight")
     truth, other = np.ascontiguousarray(rows["truth"][:n]), np.ascontiguousarray(twin["truth"][:n])
     off = deviation(truth, other)[:, _COMPARED]
-    beyond = ~(off[:, :2] <= [yardstick.load_factor, yardstick.pitch_rate_rad_s]).all(axis=1)
+    limits = np.array([yardstick.load_factor, yardstick.pitch_rate_rad_s])
+    beyond = np.any(~(off[:, :2] <= limits), axis=1)
     window = round(yardstick.window_s * rate_hz)
     lost = rows["end"][-1] != End.FLYING
     windows = []
     for onset, ids in _onsets(faults).items():
         part = slice(onset, min(onset + window + 1, n))
         ended = lost and len(rows) <= onset + window + 1
-        within = not beyond[part].any() and not ended
+        within = not np.any(beyond[part]) and not ended
         windows.append(Transient(ids, onset, max(part.stop - onset, 0), _peaks(off[part]), bool(within)))
     differs = np.flatnonzero((truth != other).any(axis=1))
     return Transients(

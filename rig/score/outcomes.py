@@ -26,7 +26,7 @@ def spoiling(acting: Bools, faults: Sequence[Any]) -> Bools:
     out = np.zeros((len(acting), S, CHANNELS), bool)
     for place in on_channels(faults):
         if place.spoils:
-            out[:, place.signal, place.channel] |= acting[:, place.index]
+            out[:, place.signal, place.channel] |= acting[:, place.number]
     return out
 
 
@@ -40,7 +40,7 @@ def outcomes(
 ) -> list[FaultScore]:
     """One entry for each fault and channel, then those that sit on no channel, in the order of the scenario."""
     scored = [
-        _on_channel(place, rows, acting[:, place.index], error, params, failures) for place in on_channels(faults)
+        _on_channel(place, rows, acting[:, place.number], error, params, failures) for place in on_channels(faults)
     ]
     elsewhere = [_elsewhere(i, fault, acting[:, i]) for i, fault in enumerate(faults) if not channels_of(fault)]
     return sorted([*scored, *elsewhere], key=lambda entry: entry.index)
@@ -59,7 +59,7 @@ def _on_channel(
     before = rows["state"][np.maximum(frames - 1, 0), s, c]
     in_use = frames[(before != State.FAILED) | (frames == 0)]
     if not len(in_use):
-        return _entry(place.index, place.fault, SIGNALS[s].name, c + 1, _first(frames), None, None, "not executed")
+        return _entry(place.number, place.fault, SIGNALS[s].name, c + 1, _first(frames), None, None, "not executed")
     onset = int(in_use[0])
     lasted = frames[frames >= onset]
     errors = np.abs(error[lasted, s, c]) if place.spoils else np.zeros(len(lasted))
@@ -71,7 +71,7 @@ def _on_channel(
     run = longest_run(above)
     finite = errors[np.isfinite(errors)]
     return _entry(
-        place.index,
+        place.number,
         place.fault,
         SIGNALS[s].name,
         c + 1,

@@ -11,9 +11,9 @@ MONITOR_KINDS = ("ilm",)  # they change what a channel says of itself, never its
 
 
 class Place(NamedTuple):
-    """Fault ``index`` of the scenario on one channel; ``signal`` and ``channel`` are columns of the frame."""
+    """Fault ``number``, from 0, of the scenario on one channel; ``signal`` and ``channel`` are columns of the frame."""
 
-    index: int
+    number: int
     fault: Any
     signal: int
     channel: int
