@@ -8,7 +8,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig import loop
 from rig.errors import BadInput
 from rig.frame import FRAME, INDEX, Block, End
 from rig.scenario import Scenario
@@ -26,6 +25,8 @@ def fly_twin(scenario: Scenario, frames: int | None = None) -> Block:
 
 def fly_rows(scenario: Scenario, frames: int | None = None) -> Block:
     """All rows of a flight in memory, no more than ``frames``; two kilobytes a frame."""
+    from rig import loop  # a score without a twin needs no simulation
+
     rows, flown = np.zeros(scenario.frames if frames is None else min(frames, scenario.frames), FRAME), 0
     for block, _ in loop.frames(loop.Rig(scenario), scenario):
         taken = block[: len(rows) - flown]
