@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.faults import Fault
+from rig.faults.places import number as place_number
+from rig.faults.places import site
 from rig.frame import CHANNELS, SIGNALS, Block, S, State
 from rig.scenario import Scenario
 from rig.score.isolations import COMPARISON, Failures
@@ -74,9 +76,14 @@ def _on_channel(
 def _elsewhere(
     number: int, fault: Fault, read: Sequence[int], rows: Block, acted: Bools, params: NDArray[np.void]
 ) -> FaultScore:
-    """A fault on no channel: on a reference or the inertial unit the manager's monitor of references may see it."""
+    """A fault on no channel: on a reference or the inertial unit the manager's monitor of references may see it.
+
+    No monitor watches a surface; its error is what reaches the actuator less what was commanded.
+    """
     frames = np.flatnonzero(acted)
     errors, above = np.zeros(len(frames)), np.zeros(len(frames), bool)
+    if site(fault.signal) == "surface":
+        errors = np.abs(rows["actuator"] - rows["surface"])[frames, place_number(fault.signal)]
     failed: list[int] = []
     for s in read:
         off = np.abs(difference(rows["reference"][frames, s], rows["truth"][frames, s], SIGNALS[s].wraps))
