@@ -141,6 +141,25 @@ def test_a_channel_failed_readmitted_and_failed_again_is_two_alarms():
     assert [alarm.frame for alarm in score(which, rows).false_alarms] == [10, 30]
 
 
+def test_two_faulty_channels_that_are_failed_together_are_no_wrong_isolation():
+    found = scored([offset([2], 0.2, 0.3), offset([4], 0.2, -0.3)], 60)
+    assert [fault.outcome for fault in found.faults] == ["detected", "detected"]
+    assert found.wrong_isolations == found.false_alarms == []
+
+
+def test_a_monitor_without_patience_fails_a_channel_in_the_frame_of_the_onset():
+    impatient = ("redundancy.signals.pitch_rate.persistence=1", "redundancy.signals.pitch_rate.singular_persistence=1")
+    assert outcomes(scored([offset([2], 0.2, 0.3)], 40, *impatient)) == [("detected", 20, 20, 20)]
+    assert outcomes(scored([offset([2], 0.0, 0.3)], 40, *impatient)) == [("detected", 0, 0, 0)]
+
+
+@pytest.mark.parametrize(("frames", "tolerated"), [(7, True), (8, False), (9, False)])
+def test_a_missed_fault_is_tolerated_up_to_the_frame_before_the_persistence(frames: int, tolerated: bool):
+    found = scored([offset([3, 4], 0.2, 0.3, 0.2 + frames / 100)], 60)  # two pairs are settled after ten frames
+    assert [fault.outcome for fault in found.faults] == ["missed", "missed"]
+    assert [(f.exceeded_run_frames, f.tolerated) for f in found.faults] == [(frames, tolerated)] * 2
+
+
 def test_lost_samples_exceed_any_threshold():
     for flagged in (True, False):
         dropout = {"kind": "dropout", "signal": "pitch_rate", "channels": [1], "start_s": 0.2, "flagged": flagged}
@@ -154,6 +173,7 @@ def test_a_resolver_that_spoke_but_did_not_stand_is_asked_and_has_not_answered()
     rows["pattern"][:, Q], rows["resolver"][:, Q] = Pattern.NORMAL, Resolver.NONE
     rows["state"][:, Q] = State.OK
     rows["pattern"][20:26, Q], rows["resolver"][20:26, Q] = Pattern.P2_2, Resolver.TREND
+    rows["resolver"][20, Q] = Resolver.ILM
     rows["pattern"][30:35, Q], rows["resolver"][30:35, Q] = Pattern.P2_2, Resolver.REFERENCE
     rows["resolver"][34, Q] = Resolver.UNRESOLVED
     rows["pattern"][40:50, Q], rows["resolver"][40:50, Q] = Pattern.P1_1_1_1, Resolver.EXTREMES
@@ -184,7 +204,7 @@ def test_a_split_that_nobody_settles_is_unresolved():
 
 
 def test_vote_errors_are_those_of_their_definition():
-    which, rows = flight([offset([1], 0.3, 0.01)], 80, exact=True)
+    which, rows = flight([offset([1], 0.4, 0.01)], 80, exact=True)
     rows["voted"][:, Q] = 0.0
     rows["voted"][20:25, Q] = -0.06
     rows["voted"][40:50, Q] = 0.1
