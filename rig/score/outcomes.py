@@ -1,0 +1,155 @@
+"""What became of each fault: when it began, when its error left the threshold, when its channel was failed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.faults import Fault
+from rig.faults.places import number as place_number
+from rig.faults.places import site
+from rig.frame import CHANNELS, SIGNALS, Block, S, State
+from rig.scenario import Scenario
+from rig.score.isolations import COMPARISON, Failures
+from rig.score.places import Place, channels_of, on_channels, references_of
+from rig.score.record import FaultScore, Outcome
+from rig.score.votes import difference
+
+Bools = NDArray[np.bool_]
+
+
+def acts(rows: Block, faults: int) -> Bools:
+    """(n, faults) whether each fault of the scenario acted in each frame."""
+    return np.unpackbits(rows["acting"], axis=1, bitorder="little")[:, :faults].astype(bool)
+
+
+def spoiling(acting: Bools, faults: Sequence[Fault]) -> Bools:
+    """(n, S, 4) whether a fault that changes samples acted on each channel."""
+    out = np.zeros((len(acting), S, CHANNELS), bool)
+    for place in on_channels(faults):
+        if place.spoils:
+            out[:, place.signal, place.channel] |= acting[:, place.number]
+    return out
+
+
+def outcomes(
+    scenario: Scenario,
+    rows: Block,
+    acting: Bools,
+    error: NDArray[np.float64],
+    params: NDArray[np.void],
+    failures: Failures,
+) -> list[FaultScore]:
+    """One entry for each fault and channel, or for the fault where it sits on none, in the order of the scenario."""
+    faults = scenario.faults
+    scored = [_on_channel(p, rows, acting[:, p.number], error, params, failures) for p in on_channels(faults)]
+    for number, fault in enumerate(faults):
+        if not channels_of(fault):
+            read = references_of(fault, scenario.redundancy)
+            scored.append(_elsewhere(number, fault, read, rows, acting[:, number], params))
+    return sorted(scored, key=lambda entry: entry.index)
+
+
+def _on_channel(
+    place: Place,
+    rows: Block,
+    acted: Bools,
+    error: NDArray[np.float64],
+    params: NDArray[np.void],
+    failures: Failures,
+) -> FaultScore:
+    s, c = place.signal, place.channel
+    frames = np.flatnonzero(acted)
+    before = rows["state"][np.maximum(frames - 1, 0), s, c]
+    in_use = frames[(before != State.FAILED) | (frames == 0)]
+    frames = frames[frames >= in_use[0]] if len(in_use) else frames
+    errors = np.abs(error[frames, s, c]) if place.spoils else np.zeros(len(frames))
+    failed, resolver = failures.of(s, c, frames) if place.spoils and len(in_use) else (None, None)
+    name, threshold, persistence = SIGNALS[s].name, params[s]["threshold"], params[s]["persistence"]
+    found = _Found(place.number, place.fault, name, c + 1, frames, executed=len(in_use) > 0)
+    return found.entry(errors, errors > threshold, persistence, failed, resolver)
+
+
+def _elsewhere(
+    number: int, fault: Fault, read: Sequence[int], rows: Block, acted: Bools, params: NDArray[np.void]
+) -> FaultScore:
+    """A fault on no channel: on a reference or the inertial unit the manager's monitor of references may see it.
+
+    No monitor watches a surface; its error is what reaches the actuator less what was commanded.
+    """
+    frames = np.flatnonzero(acted)
+    errors, above = np.zeros(len(frames)), np.zeros(len(frames), bool)
+    if site(fault.signal) == "surface":
+        errors = np.abs(rows["actuator"] - rows["surface"])[frames, place_number(fault.signal)]
+    failed: list[int] = []
+    for s in read:
+        off = np.abs(difference(rows["reference"][frames, s], rows["truth"][frames, s], SIGNALS[s].wraps))
+        errors, above = np.maximum(errors, off), above | ~(off <= params[s]["reference_threshold"])
+        usable = rows["reference_usable"][:, s] != 0
+        gone = np.flatnonzero(usable[:-1] & ~usable[1:]) + 1
+        failed += gone[np.isin(gone, frames)].tolist()
+    found = _Found(number, fault, fault.signal, None, frames, executed=len(frames) > 0)
+    persistence = max((int(params[s]["persistence"]) for s in read), default=1)
+    at = min(failed, default=None)
+    return found.entry(errors, above, persistence, at, None if at is None else COMPARISON)
+
+
+class _Found(NamedTuple):
+    """A fault at one place; ``frames``: when it acted, from its onset."""
+
+    number: int
+    fault: Fault
+    signal: str
+    channel: int | None
+    frames: NDArray[np.intp]
+    executed: bool
+
+    def entry(
+        self,
+        errors: NDArray[np.float64],
+        above: Bools,
+        persistence: int,
+        failed: int | None,
+        resolver: str | None,
+    ) -> FaultScore:
+        """The score; ``errors`` in ``frames``, NaN for a lost sample, and whether they were ``above`` the threshold."""
+        onset = _first(self.frames)
+        lost = np.isnan(errors)
+        beyond = self.frames[above | lost] if self.executed else self.frames[:0]
+        exceeded, run = _first(beyond), longest_run(beyond)
+        outcome: Outcome = "not executed"
+        if self.executed:
+            outcome = "detected" if failed is not None else "missed" if exceeded is not None else "undetectable"
+        return FaultScore(
+            id=self.fault.label,
+            signal=self.signal,
+            channel=self.channel,
+            kind=self.fault.kind,
+            onset_frame=onset,
+            exceeded_frame=exceeded,
+            failed_frame=failed,
+            outcome=outcome,
+            delay_from_onset_frames=None if failed is None or onset is None else failed - onset,
+            delay_from_exceeded_frames=None if failed is None or exceeded is None else failed - exceeded,
+            resolver=resolver,
+            peak_error=None if lost.all() else float(errors[~lost].max()),
+            exceeded_run_frames=run,
+            tolerated=outcome == "missed" and run < int(persistence),
+            index=self.number,
+        )
+
+
+def _first(frames: NDArray[np.intp]) -> int | None:
+    return int(frames[0]) if len(frames) else None
+
+
+def longest_run(frames: NDArray[np.intp]) -> int:
+    """The most consecutive numbers in a row in ``frames``, which rise."""
+    if not len(frames):
+        return 0
+    breaks = np.flatnonzero(np.diff(frames) != 1)
+    edges = np.concatenate([[-1], breaks, [len(frames) - 1]])
+    return int(np.diff(edges).max())
