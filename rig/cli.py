@@ -17,6 +17,7 @@ import typer
 
 from rig.errors import BadInput, RigError
 from rig.recorded.cli import vote
+from rig.replay.cli import diff, info, replay
 
 HELP = {"help_option_names": ["-h", "--help"]}
 PLAIN: dict[str, Any] = {
@@ -137,7 +138,8 @@ def signals(
     _print(as_json, lambda: data, text)
 
 
-app.command()(vote)
+for command in (vote, replay, diff, info):
+    app.command()(command)
 
 
 @scenario_app.command("show")

@@ -39,7 +39,7 @@ class Rig:
         """BadInput when the aircraft cannot be loaded or trimmed."""
         seeds = scenario.streams()
         rate_hz, suite, frame = scenario.rate_hz, scenario.sensors, scenario.airframe
-        ranges, channels = sensors.ranges(suite), sensors.channels(suite)
+        ranges = sensors.ranges(suite)
         self.pilot = Pilot(scenario.pilot, rate_hz)
         self.plant = Plant(
             frame,
@@ -53,7 +53,7 @@ class Rig:
         self.sensors = Sensors(suite, rate_hz, seeds["sensors"])
         self.inertial = Inertial(scenario.inertial, rate_hz, seeds["inertial"])
         self.faults = Faults(scenario.faults, np.vstack([ranges, inertial.ranges()]), rate_hz)
-        self.redundancy = Redundancy(scenario.redundancy, ranges, channels, scenario.references, rate_hz)
+        self.redundancy = redundancy(scenario)
         self.control = Control(scenario.control, scenario.gains, rate_hz, frame.surface_limits)
         self.control.reset(self.plant.trim)
         self._stages = (self.sensors, self.inertial, self.faults, self.redundancy, self.control)
@@ -76,6 +76,13 @@ class Rig:
         """What ``compute`` does, stage by stage: for a manager of the user's own, which is not compiled."""
         for stage in self._stages:
             stage.step(block, k)
+
+
+def redundancy(scenario: Scenario) -> Redundancy:
+    """The redundancy stage of a scenario, at its first frame; a replay runs the same.  BadInput: the user's manager."""
+    suite = scenario.sensors
+    ranges, channels = sensors.ranges(suite), sensors.channels(suite)
+    return Redundancy(scenario.redundancy, ranges, channels, scenario.references, scenario.rate_hz)
 
 
 @kernel
