@@ -17,7 +17,7 @@ import typer
 
 from rig.errors import BadInput, RigError
 from rig.recorded.cli import vote
-from rig.replay.cli import diff, info, replay
+from rig.replay.cli import diff, export, info, replay
 
 HELP = {"help_option_names": ["-h", "--help"]}
 PLAIN: dict[str, Any] = {
@@ -138,7 +138,7 @@ def signals(
     _print(as_json, lambda: data, text)
 
 
-for command in (vote, replay, diff, info):
+for command in (vote, replay, diff, info, export):
     app.command()(command)
 
 

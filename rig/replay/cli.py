@@ -1,4 +1,4 @@
-"""``rig replay``, ``rig diff``, ``rig info``: parse, call, print."""
+"""``rig replay``, ``rig diff``, ``rig info``, ``rig export``: parse, call, print."""
 
 from __future__ import annotations
 
@@ -117,6 +117,30 @@ def info(log: LogFile, as_json: Json = False) -> None:
         show.info(_console(), found)
     if found["damage"] is not None:
         raise BadLog(f"{log}: {found['health']}")
+
+
+def export(
+    log: LogFile,
+    to: Annotated[str, typer.Option(help="csv, parquet or npz.", show_default=False)],
+    signals: Annotated[
+        str | None,
+        typer.Option(metavar="A,B", help="Signals, discretes, control, flight, inertial, demand.", show_default="all"),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="The file to write.", show_default="<log>.<to>")] = None,
+    for_vote: Annotated[bool, typer.Option("--for-vote", help="Only what rig vote reads.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Write a log as a table, its columns named as rig vote names them."""
+    from rig.log import read_log
+    from rig.replay.export import export as write
+
+    owners = [part.strip() for part in (signals or "").split(",") if part.strip()]
+    recording, target = read_log(log), out or log.with_suffix(f".{to}")
+    columns = write(recording, to, target, owners, for_vote)
+    if as_json:
+        _print({"log": str(log), "out": str(target), "rows": len(recording.rows), "columns": columns})
+    else:
+        typer.echo(f"{target}: {len(recording.rows)} rows, {len(columns)} columns")
 
 
 def _console() -> Any:

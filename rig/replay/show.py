@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 from rich.console import Console
@@ -19,14 +20,16 @@ def comparison(screen: Console, found: Comparison) -> None:
         screen.print(f"  {line}", style="yellow")
     for line in found.notes:
         screen.print(f"  {line}", soft_wrap=True)
-    unequal = [field for field in found.fields if field.verdict != "equal"]
+    missing = Counter((f.name.split(".")[0], f.verdict) for f in found.fields if f.verdict.startswith("missing"))
+    for (owner, verdict), count in missing.items():
+        screen.print(f"  {owner}: {count} fields {verdict}", style="yellow")
+    unequal = [field for field in found.fields if field.verdict in ("within", "different")]
     if unequal:
         table = Table("field", "verdict", "frames", "first", "largest", box=None)
         order = sorted(unequal, key=lambda field: (field.verdict != "different", field.first_frame or 0))
         for field in order[:MOST_LINES]:
             first = "" if field.first_frame is None else str(field.first_frame)
-            frames = str(field.frames) if field.frames else ""
-            table.add_row(field.name, field.verdict, frames, first, _number(field.largest))
+            table.add_row(field.name, field.verdict, str(field.frames), first, _number(field.largest))
         screen.print(table)
         _rest(screen, len(unequal))
     counted = ", ".join(f"{count} {name}" for name, count in found.counts().items() if count)

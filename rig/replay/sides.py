@@ -19,7 +19,7 @@ from rig.replay.compare import Comparison, Field, of_column, tolerances
 
 _SAMPLES: Final = ("truth", "voted", "reference", "channels")
 _ANGLES: Final = tuple(field.name for field in MESSAGES["rig.Signal"].fields if field.source in _SAMPLES)
-_SAID: Final = ("aircraft", "seed", "scenario", "machine", "git commit")  # and all "version ..."
+_SAID: Final = ("seed", "scenario", "machine", "git commit")  # and all "version ..."
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,16 +96,12 @@ def _remarks(a: Side, b: Side) -> list[str]:
 
 
 def _notes(a: dict[str, str], b: dict[str, str]) -> list[str]:
-    """What else the logs say differently of how they came to be."""
-    told = [key for key in dict.fromkeys([*a, *b]) if key in _SAID or key.startswith("version ")]
-    found: list[str] = []
-    for key in told:
-        left, right = a.get(key, "not said"), b.get(key, "not said")
-        if left != right and key != "aircraft":
-            found.append("the scenarios differ" if key == "scenario" else f"{key}: {left} and {right}")
-    return found
+    """What both logs say of how they came to be, and not alike."""
+    told = [key for key in a if key in b and (key in _SAID or key.startswith("version "))]
+    differ = [key for key in told if a[key] != b[key]]
+    return ["the scenarios differ" if key == "scenario" else f"{key}: {a[key]} and {b[key]}" for key in differ]
 
 
 def of_replay(old: dict[str, str], new: dict[str, str]) -> list[str]:
     """The versions that replay a log, where they are not those that flew it."""
-    return _notes({key: old[key] for key in old if key in new}, new)
+    return _notes(old, new)
