@@ -82,7 +82,7 @@ class Flight:
         return self.recorded.rows
 
     def signal(self, name: str) -> SignalArrays:
-        """The arrays of one signal; BadInput when there is no such signal."""
+        """The arrays of one signal; KeyError when there is no such signal."""
         return self.recorded.signal(name)
 
     def summary(self) -> dict[str, Any]:

@@ -4,6 +4,7 @@ import json
 import sys
 from math import pi
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -194,7 +195,7 @@ def test_a_bad_file_is_one_clear_line_and_exit_code_2(bad, kind, command, capsys
 
 def test_another_schema_is_refused_with_both_versions_and_who_wrote_it(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("rig.log.writer.SCHEMA_VERSION", 1)
-    about = {"version jsbsim-rig": "0.0.9", "git commit": "abc123"}
+    about: dict[str, Any] = {"version jsbsim-rig": "0.0.9", "git commit": "abc123"}
     old = logged(tmp_path / "a.mcap", new_block(3), **about)
     code, _, err = run(capsys, monkeypatch, "replay", old)
     assert code == 2

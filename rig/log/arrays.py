@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import BadInput
 from rig.frame import DISCRETE_INDEX, INDEX, Block
 
 
@@ -44,19 +43,19 @@ class DiscreteArrays:
 
 
 def of_signal(rows: Block, rate_hz: float, name: str) -> SignalArrays:
-    """The arrays of the signal ``name``; BadInput when there is none."""
+    """The arrays of the signal ``name``; KeyError when there is none."""
     return SignalArrays(rows["frame"] / rate_hz, *_columns(rows, SignalArrays, "", _place(INDEX, name, "signal")))
 
 
 def of_discrete(rows: Block, rate_hz: float, name: str) -> DiscreteArrays:
-    """The arrays of the discrete ``name``; BadInput when there is none."""
+    """The arrays of the discrete ``name``; KeyError when there is none."""
     place = _place(DISCRETE_INDEX, name, "discrete")
     return DiscreteArrays(rows["frame"] / rate_hz, *_columns(rows, DiscreteArrays, "discrete_", place))
 
 
 def _place(index: dict[str, int], name: str, kind: str) -> int:
     if name not in index:
-        raise BadInput(f"unknown {kind} {name!r}, allowed: {', '.join(index)}")
+        raise KeyError(f"unknown {kind} {name!r}, allowed: {', '.join(index)}")
     return index[name]
 
 

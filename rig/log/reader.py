@@ -40,11 +40,11 @@ class Log:
         return self.rows["frame"] / self.rate_hz
 
     def signal(self, name: str) -> SignalArrays:
-        """The arrays of one signal; BadInput when there is no such signal."""
+        """The arrays of one signal; KeyError when there is no such signal."""
         return arrays.of_signal(self.rows, self.rate_hz, name)
 
     def discrete(self, name: str) -> DiscreteArrays:
-        """The arrays of one discrete; BadInput when there is no such discrete."""
+        """The arrays of one discrete; KeyError when there is no such discrete."""
         return arrays.of_discrete(self.rows, self.rate_hz, name)
 
 
