@@ -50,7 +50,7 @@ def test_a_log_replays_to_the_bit(flown):
     found = verify(recorded(flown)).comparison
     assert found.identical and found.frames == 300
     signals, discretes = 16 * (12 + 1), 3 * (4 + 2)  # numbers that the stage writes of each, and the source
-    assert len(found.fields) == signals + discretes
+    assert len(found.fields) == signals + discretes + 8  # and who acted, 64 bits
 
 
 def test_a_log_flown_again_is_the_same_flight_in_every_field(flown):
@@ -58,16 +58,19 @@ def test_a_log_flown_again_is_the_same_flight_in_every_field(flown):
     assert found.identical and len(found.fields) == len(COLUMNS)
 
 
-def last_fault_s(which: scenario.Scenario) -> float:
-    return max((fault.start_s for fault in which.faults), default=1.0)
+def long_enough_s(which: scenario.Scenario) -> float:
+    """A second after the last fault began; the whole flight where one waits for something to happen."""
+    starts = [fault.start_s for fault in which.faults] or [1.0]
+    known = [start for start in starts if start is not None]
+    return min(which.duration_s, max(known) + 1.0) if len(known) == len(starts) else which.duration_s
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_every_bundled_scenario_replays_and_flies_again_identically(name, tmp_path):
-    """Cut a second after its last fault began; ``make replay`` flies them to their ends."""
+    """``make replay`` flies all of them to their ends."""
     which = scenario.load(name)
-    short = f"duration_s={min(which.duration_s, last_fault_s(which) + 1.0)}"
-    recording = recorded(fly(name, overrides=[short], out=tmp_path).log)
+    short = [f"duration_s={long_enough_s(which)}"]
+    recording = recorded(fly(name, overrides=short, out=tmp_path).log)
     assert recording.log.events or not which.faults
     for again in (False, True):
         found = verify(recording, again)
@@ -82,6 +85,29 @@ def test_a_replay_reads_no_truth(flown):
     again = vote_again(blind, recorded(flown).scenario)
     assert again["voted"].tobytes() == rows["voted"].tobytes()
     assert again["state"].tobytes() == rows["state"].tobytes()
+
+
+def test_a_reference_goes_wrong_again_in_a_replay(tmp_path):
+    """The fault sits between the reference and its use; the log holds the faulted one alone."""
+    recording = recorded(fly("f16_reference_drift", overrides=["duration_s=11"], out=tmp_path).log)
+    assert verify(recording).comparison.identical
+    sound = recording.scenario.model_copy(update={"faults": recording.scenario.faults[1:]})
+    rows, without = recording.log.rows, vote_again(recording.log.rows, sound)
+    off = np.abs(rows["reference"][:, Q] - without["reference"][:, Q])
+    assert np.nanmax(off[:300]) == 0.0 and off[700] == pytest.approx(0.2 * (1 - np.exp(-4.0)), abs=1e-3)
+
+
+def test_in_a_what_if_faults_on_references_act_as_they_did(tmp_path):
+    """Their triggers are told the recorded votes: a fault that waits for a level acts although it is not reached."""
+    faults = (
+        "faults=[{kind='hardover', signal='pitch_rate', channels=[3], start_s=1.0},"
+        "{kind='offset', signal='reference.roll_rate', offset=0.3, on={signal='pitch_rate', level=3}}]"
+    )
+    recording = recorded(fly(overrides=["duration_s=3", faults], out=tmp_path).log)
+    patient = changed(recording, None, ["redundancy.signals.pitch_rate.persistence=1000"])
+    rows, other = recording.log.rows, vote_again(recording.log.rows, patient)
+    assert rows["level"][-1, Q] == 3 and other["level"][-1, Q] == 4
+    assert other["acting"].tobytes() == rows["acting"].tobytes() and rows["acting"][-1, 0] == 3
 
 
 def test_a_replay_takes_nothing_over_from_what_was_voted(flown):

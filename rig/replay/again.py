@@ -12,10 +12,12 @@ import numpy as np
 from rig import loop
 from rig.control.select import source_of
 from rig.errors import BadInput, BadLog
+from rig.faults import Fault, Faults, actuate, corrupt, corrupt_reference
+from rig.faults.places import site
 from rig.frame import FRAME, Block, S
 from rig.kernels import kernel
 from rig.log import Log, read_log
-from rig.redundancy import Redundancy, vote_row
+from rig.redundancy import Redundancy, decide_row, refer_row, vote_row
 from rig.scenario import Scenario, from_resolved
 
 # What the redundancy stage writes of a row, and the source that the control law takes on its word.
@@ -60,26 +62,54 @@ def recorded(path: Path | str) -> Recorded:
 def vote_again(rows: Block, scenario: Scenario) -> Block:
     """A copy of ``rows`` with OUTPUTS as the redundancy stage of ``scenario`` writes them over the same channels.
 
-    Open loop: truth, channels, commands and all else stay those of ``rows``.  BadInput: the user's manager.
+    Faults on references act again, in the frames in which they did.  Open loop: truth, channels, commands and all
+    else stay those of ``rows``.  BadInput: the user's manager.
     """
-    again = np.zeros(len(rows), FRAME)
-    for name in FRAME.names or ():  # field by field: the padding between them is part of the digest, and zero
-        if name not in OUTPUTS:
-            again[name] = rows[name]
-    again["reference"] = np.nan
+    again = _copy(rows)
+    for name in OUTPUTS:
+        again[name] = np.nan if name == "reference" else 0
+    on_references = [i for i, fault in enumerate(scenario.faults) if _sites(fault) & {"reference"}]
+    for i in on_references:
+        again["acting"][:, i // 8] &= 255 ^ (1 << i % 8)
     stage = loop.redundancy(scenario)
-    _run(stage, again)
+    if on_references:
+        _run_faulted(stage, loop.faults(scenario), again, _copy(rows))
+    elif stage.own is None:
+        run(again, stage.arguments)
+    else:
+        for k in range(len(again)):
+            stage.step(again, k)
     sources(again)
     return again
 
 
-def _run(stage: Redundancy, rows: Block) -> None:
-    """The stage over all rows, in one compiled call unless its manager is the user's own."""
+def _copy(rows: Block) -> Block:
+    """Field by field: the padding between them is part of the digest, and zero."""
+    made = np.zeros(len(rows), FRAME)
+    for name in FRAME.names or ():
+        made[name] = rows[name]
+    return made
+
+
+def _sites(fault: Fault) -> set[str]:
+    return {site(point.place) for point in fault.points}
+
+
+def _run_faulted(stage: Redundancy, faults: Faults, rows: Block, recorded_rows: Block) -> None:
+    """The stage over all rows, with faults between the references and their use.
+
+    ``recorded_rows`` are those of the log, which tell the faults' triggers what they told in flight.
+    """
+    faults.prepare(rows)
     if stage.own is None:
-        run(rows, stage.arguments)
+        run_faulted(rows, recorded_rows, stage.arguments, faults.arguments)
         return
     for k in range(len(rows)):
-        stage.step(rows, k)
+        faults.step(recorded_rows, k)
+        stage.refer(rows, k)
+        faults.refer(rows, k)
+        stage.decide(rows, k)
+        faults.actuate(recorded_rows, k)
 
 
 @kernel
@@ -87,6 +117,17 @@ def run(rows, of_redundancy):
     """All rows through the redundancy stage; ``of_redundancy`` is what its ``arguments`` gives."""
     for k in range(len(rows)):
         vote_row(rows, k, *of_redundancy)
+
+
+@kernel
+def run_faulted(rows, recorded_rows, of_redundancy, of_faults):
+    """The same with faults on references, as loop.compute has them; ``recorded_rows`` are spoiled on the way."""
+    for k in range(len(rows)):
+        corrupt(recorded_rows, k, *of_faults)
+        refer_row(rows, k, *of_redundancy)
+        corrupt_reference(rows, k, *of_faults)
+        decide_row(rows, k, *of_redundancy)
+        actuate(recorded_rows, k, *of_faults)
 
 
 @kernel

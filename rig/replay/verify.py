@@ -36,7 +36,7 @@ def verify(recording: Recorded, fly: bool = False) -> Verified:
     if fly and recording.what_if is not None:
         raise BadInput(f"{recording.path}: is a what if ({recording.what_if}); it was never flown")
     again = fly_again(scenario, len(rows)) if fly else vote_again(rows, scenario)
-    columns = [column for column in COLUMNS if fly or column.field in OUTPUTS]
+    columns = [column for column in COLUMNS if fly or column.field in (*OUTPUTS, "acting")]
     fields = compare(rows, again, columns)
     notes = of_replay(recording.log.metadata, versions())
     found = Comparison(min(len(rows), len(again)), fields, _lengths(rows, again), notes)

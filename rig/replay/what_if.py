@@ -14,7 +14,8 @@ from typing import Any, Final
 
 from rig.aircraft import merge
 from rig.errors import BadInput
-from rig.events import EventFinder
+from rig.events import EventFinder, not_executed
+from rig.faults import Execution
 from rig.flight import labels
 from rig.frame import Block
 from rig.log import LogWriter
@@ -86,7 +87,7 @@ def _beside(path: Path) -> Path:
 def _write(path: Path, recording: Recorded, scenario: Scenario, rows: Block, changes: Sequence[str]) -> int:
     """Write the log beside and rename it; how many events it has."""
     log, part = recording.log, path.with_name(path.name + ".part")
-    finder, verdict, count = EventFinder(labels(scenario)), Verdict(), 0
+    finder, verdict, execution, count = EventFinder(labels(scenario)), Verdict(), Execution(scenario.faults), 0
     try:
         with LogWriter(part, log.rate_hz, _metadata(recording, scenario, changes), log.attachments.items()) as writer:
             for rows_s, timing in _seconds(rows, log.timing, int(log.rate_hz)):
@@ -94,12 +95,15 @@ def _write(path: Path, recording: Recorded, scenario: Scenario, rows: Block, cha
                 count += len(events)
                 verdict.add(rows_s, events)
                 writer.write(rows_s, timing, events)
+                execution.add(rows_s)
+            last = not_executed(len(rows) - 1, execution.missing)
+            writer.write(rows[:0], log.timing[:0], last)
             ended = {**(log.result or {}), "digest": verdict.digest}
             writer.close(ended)
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)
-    return count
+    return count + len(last)
 
 
 def _metadata(recording: Recorded, scenario: Scenario, changes: Sequence[str]) -> dict[str, str]:
