@@ -30,6 +30,7 @@ from rig.plant.wind import Turbulence
 from rig.redundancy import Config as Redundancy
 from rig.redundancy.designed import Designed
 from rig.sensors import Suite
+from rig.sensors.recorded import pin
 from rig.settings import Settings, build, read_toml
 
 DEFAULT: Final = "f16_pitch_rate_hardover.toml"
@@ -125,7 +126,8 @@ def load(name: str | Path | None = None, overrides: Sequence[str] = (), seed: in
     chosen = data.get("aircraft", "f16")
     if not isinstance(chosen, str):
         raise BadInput(f"{source}: aircraft: must be a name, got {chosen!r}")
-    return build(Scenario, aircraft.merge(aircraft.tables(chosen), data), source)
+    merged = aircraft.lay_over(aircraft.tables(chosen), data, source)
+    return build(Scenario, {**merged, "sensors": pin(merged.get("sensors"), path.parent)}, source)
 
 
 def from_resolved(data: dict[str, Any], source: str) -> Scenario:

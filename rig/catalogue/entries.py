@@ -86,7 +86,7 @@ def entry(kind: str) -> Entry:
         raise BadInput(f"{kind}: no such kind of fault, allowed: {', '.join(KINDS)}")
     model: type[Settings] = KINDS[kind]
     own = {name: info for name, info in model.model_fields.items() if name not in (*Triggered.model_fields, "kind")}
-    sites = list(model.sites) if issubclass(model, Placed) else ["channel"]
+    sites: list[str] = [*model.sites] if issubclass(model, Placed) else ["channel"]
     parameters = [_parameter(name, info) for name, info in own.items()]
     return Entry(kind, inspect.getdoc(model) or "", sites, parameters, EXAMPLES[kind], _example(kind))
 
