@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.stamp
 
-.PHONY: fly test check lint types imports coverage bench setup clean
+.PHONY: fly test check lint types imports coverage bench golden replay setup clean
 
 fly: setup  ## fly the default scenario: a hardover on one pitch-rate channel of the F-16
 	$(BIN)/rig fly
@@ -30,6 +30,12 @@ coverage: setup  ## statements and branches of the monitor, its kernels interpre
 
 bench: setup  ## what a frame costs, against bare JSBSim in the same process
 	$(BIN)/rig bench
+
+golden: setup  ## fly all golden flights and keep what they decide now
+	$(BIN)/python tests/golden_flights.py
+
+replay: setup  ## fly every bundled scenario to its end, replay it and fly it again: all must be identical
+	$(BIN)/python tests/replay_all.py
 
 setup: $(STAMP)
 

@@ -18,6 +18,7 @@ import typer
 from rig.catalogue.cli import faults_app
 from rig.errors import BadInput, RigError
 from rig.recorded.cli import vote
+from rig.replay.cli import diff, export, info, replay
 from rig.score.cli import score
 
 HELP = {"help_option_names": ["-h", "--help"]}
@@ -140,8 +141,8 @@ def signals(
     _print(as_json, lambda: data, text)
 
 
-app.command()(vote)
-app.command()(score)
+for command in (vote, score, replay, diff, info, export):
+    app.command()(command)
 
 
 @scenario_app.command("show")

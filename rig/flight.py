@@ -27,8 +27,8 @@ from rig import loop
 from rig.errors import BadInput
 from rig.events import Event, EventFinder, not_executed
 from rig.faults import Execution
-from rig.frame import INDEX, TIMING, Block, new_block
-from rig.log import LogWriter, read_log
+from rig.frame import TIMING, Block, new_block
+from rig.log import Log, LogWriter, SignalArrays, read_log
 from rig.pace import Jitter, JitterCounter, Pace
 from rig.recorder import Recorder
 from rig.scenario import Scenario, find, load
@@ -48,18 +48,6 @@ class Viewer(Protocol):
 
     def flown(self, stream: Stream) -> None:
         """The last frame has been handed over; the stream closes when this returns."""
-
-
-@dataclass(frozen=True, slots=True)
-class SignalArrays:
-    """One signal over a flight, unit as in frame.SIGNALS."""
-
-    time_s: NDArray[np.float64]  # (frames,)
-    channels: NDArray[np.float64]  # (frames, 4), NaN where a channel is not fitted
-    voted: NDArray[np.float64]  # (frames,)
-    truth: NDArray[np.float64]  # (frames,)
-    state: NDArray[np.uint8]  # (frames, 4), frame.State
-    level: NDArray[np.uint8]  # (frames,) channels in use
 
 
 @dataclass(frozen=True)
@@ -87,15 +75,18 @@ class Flight:
         return self.frames / self.scenario.rate_hz
 
     @cached_property
+    def recorded(self) -> Log:
+        """The log, read when it is first asked for."""
+        return read_log(self.log)
+
+    @property
     def rows(self) -> Block:
         """All frames as one block, read from the log."""
-        return read_log(self.log).rows
+        return self.recorded.rows
 
     def signal(self, name: str) -> SignalArrays:
         """The arrays of one signal; KeyError when there is no such signal."""
-        s, rows = INDEX[name], self.rows
-        fields = ("channels", "voted", "truth", "state", "level")
-        return SignalArrays(rows["frame"] / self.scenario.rate_hz, *(rows[field][:, s] for field in fields))
+        return self.recorded.signal(name)
 
     def summary(self) -> dict[str, Any]:
         """The flight as plain data, as ``rig fly --json`` prints it."""

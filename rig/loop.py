@@ -39,7 +39,6 @@ class Rig:
         """BadInput when the aircraft cannot be loaded or trimmed."""
         seeds = scenario.streams()
         rate_hz, suite, frame = scenario.rate_hz, scenario.sensors, scenario.airframe
-        ranges, channels = sensors.ranges(suite), sensors.channels(suite)
         self.pilot = Pilot(scenario.pilot, rate_hz)
         self.plant = Plant(
             frame,
@@ -52,9 +51,8 @@ class Rig:
         )
         self.sensors = Sensors(suite, rate_hz, seeds["sensors"])
         self.inertial = Inertial(scenario.inertial, rate_hz, seeds["inertial"])
-        places = np.vstack([ranges, inertial.ranges(), ranges, frame.surface_limits])  # as faults.PLACES counts them
-        self.faults = Faults(scenario.faults, places, rate_hz, seeds["faults"])
-        self.redundancy = Redundancy(scenario.redundancy, ranges, channels, scenario.references, rate_hz)
+        self.faults = faults(scenario)
+        self.redundancy = redundancy(scenario)
         self.control = Control(scenario.control, scenario.gains, rate_hz, frame.surface_limits)
         self.control.reset(self.plant.trim)
         self._stages = (self.sensors, self.inertial, self.faults, self.redundancy, self.control)
@@ -84,6 +82,20 @@ class Rig:
         self.redundancy.decide(block, k)
         self.control.step(block, k)
         self.faults.actuate(block, k)
+
+
+def faults(scenario: Scenario) -> Faults:
+    """The faults of a scenario, at their first frame; a replay runs those on references again."""
+    ranges = sensors.ranges(scenario.sensors)
+    places = np.vstack([ranges, inertial.ranges(), ranges, scenario.airframe.surface_limits])  # as in faults.PLACES
+    return Faults(scenario.faults, places, scenario.rate_hz, scenario.streams()["faults"])
+
+
+def redundancy(scenario: Scenario) -> Redundancy:
+    """The redundancy stage of a scenario, at its first frame; a replay runs the same.  BadInput: the user's manager."""
+    suite = scenario.sensors
+    ranges, channels = sensors.ranges(suite), sensors.channels(suite)
+    return Redundancy(scenario.redundancy, ranges, channels, scenario.references, scenario.rate_hz)
 
 
 @kernel

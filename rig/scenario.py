@@ -119,7 +119,7 @@ def load(name: str | Path | None = None, overrides: Sequence[str] = (), seed: in
     path = find(name)
     data = read_toml(path)
     for text in overrides:
-        data = _override(data, text)
+        data = override(data, text)
     if seed is not None:
         data["seed"] = seed
     source = str(path) if not overrides else f"{path} with --set"
@@ -135,7 +135,7 @@ def from_resolved(data: dict[str, Any], source: str) -> Scenario:
     return build(Scenario, data, source)
 
 
-def _override(data: dict[str, Any], text: str) -> dict[str, Any]:
+def override(data: dict[str, Any], text: str) -> dict[str, Any]:
     """``data`` with one ``dotted.key=value`` set; a number in the key counts into a list from 0."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
