@@ -17,6 +17,7 @@ import typer
 
 from rig.errors import BadInput, RigError
 from rig.recorded.cli import vote
+from rig.view.cli import view
 
 HELP = {"help_option_names": ["-h", "--help"]}
 PLAIN: dict[str, Any] = {
@@ -138,6 +139,7 @@ def signals(
 
 
 app.command()(vote)
+app.command()(view)
 
 
 @scenario_app.command("show")

@@ -33,6 +33,7 @@ from rig.recorder import Recorder
 from rig.scenario import Scenario, find, load
 from rig.verdict import Peaks, Verdict
 from rig.versions import versions
+from rig.view.facts import of_scenario
 from rig.view.sink import check_where
 from rig.view.stream import Stream, StreamReport, open_stream
 
@@ -165,7 +166,7 @@ def _record(
     finder, verdict = EventFinder(labels(scenario)), Verdict()
     jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
     with LogWriter(path, scenario.rate_hz, metadata(scenario), [("scenario.toml", text.encode())]) as writer:
-        stream = open_stream(rerun, scenario.title or path.stem, scenario.rate_hz, path)
+        stream = open_stream(rerun, scenario.title or path.stem, scenario.rate_hz, path, of_scenario(scenario))
         if stream is not None and viewer is not None:
             viewer.opened(stream)
 
