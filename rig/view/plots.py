@@ -36,7 +36,7 @@ class Line(NamedTuple):
 
 def plot(name: str, lines: Iterable[Line], shown: Sequence[Shown], legend: bool = True) -> rrb.TimeSeriesView:
     """Lines against time, of every flight; the first of one entity below its others."""
-    series: dict[str, list[Any]] = {}
+    series: dict[Any, list[Any]] = {}
     lines = list(lines)
     for one in shown:
         for line in lines:
@@ -80,7 +80,7 @@ def state_lanes(name: str, lanes: Sequence[Lane], shown: Sequence[Shown], faults
     """
     views = []
     for one in shown:
-        looks = {
+        looks: dict[Any, Any] = {
             one.root + fault_path(i): _configuration({ACTING: (fault.label, FAULT_LANE)})
             for i, fault in enumerate(one.facts.faults)
             if faults is not None and one.facts is not UNKNOWN and faults in ("", fault.place)

@@ -25,8 +25,8 @@ HORIZON: Final = "horizon"
 ABOUT: Final = "/about"  # which flights are shown, in words
 POINTS: Final = 256  # of a path, at most: every other one goes when there are more
 MARKS_HZ: Final = 10.0  # how often the mark of the track is moved
-_LINE: Final = rr.Radius.ui_points(1.5)
-_MARK: Final = rr.Radius.ui_points(6.0)
+_LINE: Final[Any] = rr.Radius.ui_points(1.5)
+_MARK: Final[Any] = rr.Radius.ui_points(6.0)
 
 
 def time_column(nanoseconds: NDArray[Any]) -> rr.TimeColumn:
