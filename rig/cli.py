@@ -18,6 +18,7 @@ import typer
 from rig.errors import BadInput, RigError
 from rig.recorded.cli import vote
 from rig.view.cli import view
+from rig.watch.cli import watch as watch_log
 
 HELP = {"help_option_names": ["-h", "--help"]}
 PLAIN: dict[str, Any] = {
@@ -63,13 +64,17 @@ def fly(
         float | None,
         typer.Option(help="Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False),
     ] = None,
+    watch: Annotated[bool, typer.Option("--watch", help="Show the redundancy page while it flies.")] = False,
     as_json: Json = False,
 ) -> None:
     """Fly one scenario, log every frame, print what happened."""
     from rig import show
     from rig.flight import fly as fly_scenario
+    from rig.watch import watching
 
-    with show.progress(enabled=not as_json) as progress:
+    if watch and as_json:
+        raise BadInput("--watch: not with --json, which prints one object and nothing else")
+    with watching(watch, realtime_factor) as page, show.progress(enabled=not (as_json or watch)) as progress:
         flight = fly_scenario(
             scenario,
             seed=seed,
@@ -79,6 +84,7 @@ def fly(
             realtime_factor=realtime_factor,
             progress=progress,
             viewer=show.Watching(),
+            watch=page,
         )
     _print(as_json, flight.summary, lambda: show.flight(flight))
 
@@ -140,6 +146,7 @@ def signals(
 
 app.command()(vote)
 app.command()(view)
+app.command("watch")(watch_log)
 
 
 @scenario_app.command("show")

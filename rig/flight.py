@@ -38,6 +38,7 @@ from rig.view.sink import check_where
 from rig.view.stream import Stream, StreamReport, open_stream
 
 Progress = Callable[[int, int], None]  # frames flown, frames in all
+Watch = Callable[[Block, float, Sequence[Event]], None]  # a block, its rate in Hz, its events
 
 
 class Viewer(Protocol):
@@ -131,12 +132,14 @@ def fly(
     realtime_factor: float | None = None,
     progress: Progress | None = None,
     viewer: Viewer | None = None,
+    watch: Watch | None = None,
 ) -> Flight:
     """Fly a scenario (a file, a bundled name, or one loaded already) and log every frame.
 
     seed, overrides : laid over the file, as ``--seed`` and ``--set key=value``; not for a loaded scenario
     out             : folder of the log; rerun : see view.stream.open_stream
     realtime_factor : 1.0 paces frames by the wall clock; None flies as fast as it can
+    watch : given every block while it is recorded; it must be quick, and copy the rows that it keeps
     Raises BadInput before anything is written, RigError when the log cannot be written on.
     """
     text, name = "", ""
@@ -145,7 +148,7 @@ def fly(
         scenario, text, name = load(path, overrides, seed), path.read_text(encoding="utf-8"), path.stem
     pace = Pace(scenario.rate_hz, realtime_factor)
     with _interruptible() as stop:
-        return _record(scenario, text, name, Path(out), rerun, pace, stop, progress, viewer)
+        return _record(scenario, text, name, Path(out), rerun, pace, stop, progress, viewer, watch)
 
 
 def _record(
@@ -158,6 +161,7 @@ def _record(
     stop: loop.Stop,
     progress: Progress | None,
     viewer: Viewer | None,
+    watch: Watch | None,
 ) -> Flight:
     """Run the frames through verdict, log and stream; the log is finished whatever happens."""
     check_where(rerun)
@@ -179,6 +183,8 @@ def _record(
                 stream.put(rows.copy(), events)
             if jitter is not None:
                 jitter.add(timing["frame_us"], timing["late_us"])
+            if watch is not None:
+                watch(rows, scenario.rate_hz, events)
             if progress is not None:
                 progress(verdict.frames, scenario.frames)
 

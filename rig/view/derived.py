@@ -38,7 +38,7 @@ def fault_acts(rows: Block, facts: Facts) -> dict[str, NDArray[np.bool_]]:
     """For each signal with faults on it, whether one acts: (n,) by the signal's name."""
     acts = acting(rows, len(facts.faults))
     on = {signal.name: facts.faults_on(signal.name) for signal in SIGNALS}
-    return {name: acts[:, numbers].any(axis=1) for name, numbers in on.items() if numbers}
+    return {name: np.asarray(acts[:, numbers].any(axis=1)) for name, numbers in on.items() if numbers}
 
 
 def band(rows: Block, index: int, threshold: float, acts: NDArray[np.bool_] | None) -> pa.StructArray:

@@ -26,16 +26,16 @@ class Lane(NamedTuple):
 
     path: str
     field: str
-    index: tuple[int, ...]
+    at: tuple[int, ...]
     looks: Looks
 
 
 class Changes(NamedTuple):
-    """States that a lane takes: (n,) rows of the block, and their names (None: the lane ends there)."""
+    """States that a lane takes: (n,) rows of the block, and their names; None: the lane ends there."""
 
     path: str
     rows: NDArray[np.intp]
-    states: list[str | None]
+    states: list[Any]  # str or None
 
 
 def of_signal(signal: Signal) -> list[Lane]:
@@ -77,8 +77,8 @@ def acting(rows: Block, faults: int) -> NDArray[np.uint8]:
 def changes(rows: Block, before: Block | None, faults: Sequence[Any]) -> Iterator[Changes]:
     """What changes in ``rows`` on any lane, after the row ``before`` (1,); None: all lanes begin here."""
     for lane in LANES:
-        values = rows[lane.field][(slice(None), *lane.index)]
-        last = None if before is None else before[lane.field][(slice(None), *lane.index)]
+        values = rows[lane.field][(slice(None), *lane.at)]
+        last = None if before is None else before[lane.field][(slice(None), *lane.at)]
         where = _where(values, last)
         if len(where):
             enum = ENUMS[lane.field]
