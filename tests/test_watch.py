@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+import os
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -18,6 +22,7 @@ from rig.events import Event
 from rig.frame import SIGNALS, TIMING, Block, End, Pattern, Resolver, Source, State, new_block
 from rig.log import LogWriter, read_log
 from rig.watch import watching
+from rig.watch.draw import InPipe, InProcess, OnTerminal
 from rig.watch.live import Watch
 from rig.watch.page import EVENTS, Page
 from rig.watch.played import play
@@ -126,7 +131,7 @@ def test_the_end_of_a_flight_is_on_the_page() -> None:
 
 def test_a_live_page_shows_the_last_frame_and_all_events_and_holds_nobody_up() -> None:
     screen = terminal()
-    watch = Watch(screen, None)
+    watch = Watch(OnTerminal(screen), None)
     began = time.monotonic()
     for first in range(0, 2000, 100):
         rows = flown(100)
@@ -141,38 +146,65 @@ def test_a_live_page_shows_the_last_frame_and_all_events_and_holds_nobody_up() -
 
 
 def test_a_paced_page_is_drawn_several_times_a_block() -> None:
-    watch = Watch(terminal(), 1.0)
+    watch = Watch(OnTerminal(terminal()), 1.0)
     watch(flown(50), RATE_HZ, [])
     time.sleep(0.6)
     watch.close()
     assert 3 <= watch.drawn <= 8
 
 
-def test_a_terminal_that_takes_nothing_does_not_hold_the_flight_up() -> None:
-    class Stuck(io.StringIO):
-        def __init__(self) -> None:
-            super().__init__()
-            self.gate = threading.Event()
+def test_what_draws_may_hang_and_does_not_hold_the_flight_up() -> None:
+    class Stuck(InPipe):
+        gate = threading.Event()
 
-        def write(self, text: str) -> int:
+        def draw(self, *_: object) -> None:
             self.gate.wait()
-            return len(text)
 
-    stuck = Stuck()
-    watch = Watch(Console(file=stuck, force_terminal=True, width=100), None)
+    watch = Watch(Stuck(pipe()), None)
     began = time.monotonic()
     for _ in range(100):
         watch(flown(10), RATE_HZ, [])
     watch.close(0.2)
     assert time.monotonic() - began < 1.0
-    stuck.gate.set()
+    Stuck.gate.set()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals there")
+def test_on_a_terminal_another_process_draws_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    import pty
+
+    ours, theirs = pty.openpty()
+    real = subprocess.Popen
+    monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.setattr(subprocess, "Popen", lambda *args, **more: real(*args, **more, stderr=theirs))
+    drawer = InProcess()
+    drawer.note(TOLD[:1], RATE_HZ)
+    drawer.draw(flown()[150:151], RATE_HZ, TOLD[1:])
+    drawer.close()
+    os.close(theirs)
+    text = ""
+    with contextlib.suppress(OSError):  # the end, on Linux
+        while part := os.read(ours, 65536):
+            text += part.decode()
+    os.close(ours)
+    for said in ("1.50 s", "0.9000x", "offset pitch_rate.2", "it failed"):
+        assert said in text
+
+
+def test_a_process_that_is_gone_is_not_waited_for() -> None:
+    drawer = InProcess()
+    drawer._process.kill()
+    drawer._process.wait()
+    for _ in range(100):
+        drawer.draw(flown(1), RATE_HZ, TOLD)
+    drawer.close()
 
 
 def test_in_a_pipe_events_are_lines_and_the_page_comes_once_at_the_end() -> None:
     screen = pipe()
-    with watching(True, None, screen) as watch:
-        assert watch is not None
-        watch(flown(), RATE_HZ, TOLD)
+    watch = Watch(InPipe(screen), None)
+    watch(flown(), RATE_HZ, TOLD)
+    watch.close()
     lines = screen.export_text().splitlines()
     assert lines[:2] == [
         "     1.00 s  fault on          offset pitch_rate.2",
@@ -243,8 +275,9 @@ def test_a_flight_that_is_watched_is_the_same_flight(tmp_path: Path) -> None:
     import rig
 
     screen = terminal()
-    with watching(True, None, screen) as watch:
-        watched = rig.fly("f16_singular_2_2_level", overrides=["duration_s=11"], out=tmp_path, watch=watch)
+    watch = Watch(OnTerminal(screen), None)
+    watched = rig.fly("f16_singular_2_2_level", overrides=["duration_s=11"], out=tmp_path, watch=watch)
+    watch.close()
     alone = rig.fly("f16_singular_2_2_level", overrides=["duration_s=11"], out=tmp_path)
     assert watched.digest == alone.digest
     text = screen.export_text()
