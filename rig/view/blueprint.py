@@ -71,7 +71,7 @@ def _overview(signal: Signal, shown: Sequence[Shown]) -> rrb.Container:
         _signal_plot(signal, shown),
         _deviation_plot(signal, shown),
         _signal_lanes(signal, shown, faults=""),
-        row_shares=[5, 4, 5] if len(shown) == 1 else [6, 3, 5],
+        row_shares=[4, 3, 5] if len(shown) == 1 else [5, 3, 5],
     )
     right = rrb.Vertical(
         about(shown), _surface_plot(SURFACES[0], shown), events(shown), attitude(shown), row_shares=[1, 2, 2, 3]
@@ -95,7 +95,7 @@ def _group_tab(group: str, signals: Sequence[Signal], shown: Sequence[Shown]) ->
 def _signal_plot(signal: Signal, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
     band = derived.band_path(signal)
     lines = [
-        Line(band, derived.BAND, "fault", "fault acts", FAULT, 16.0),
+        Line(band, derived.BAND, "fault", "fault acts", FAULT, 16.0, fault_on=signal.name),
         Line(band, derived.BAND, "low", "vote ± threshold", THRESHOLD, below=False),
         Line(band, derived.BAND, "high", "vote ± threshold", THRESHOLD, below=False),
         *_redundant(signal.topic, "rig.Signal", signal.channels),

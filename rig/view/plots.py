@@ -23,6 +23,7 @@ class Line(NamedTuple):
     """A field of the struct of an entity as a line; width in points.
 
     below : whether flights that lie below another show it too
+    fault_on : a signal; flights without a fault on it do not show the line
     """
 
     path: str
@@ -32,6 +33,7 @@ class Line(NamedTuple):
     color: Color
     width: float = 1.0
     below: bool = True
+    fault_on: str = ""
 
 
 def plot(name: str, lines: Iterable[Line], shown: Sequence[Shown], legend: bool = True) -> rrb.TimeSeriesView:
@@ -40,7 +42,7 @@ def plot(name: str, lines: Iterable[Line], shown: Sequence[Shown], legend: bool 
     lines = list(lines)
     for one in shown:
         for line in lines:
-            if one.below and not line.below:
+            if (one.below and not line.below) or (line.fault_on and not one.facts.faults_on(line.fault_on)):
                 continue
             look = rr.SeriesLines(
                 names=one.prefix + line.label, colors=[shade(line.color, one.below)], widths=[line.width]

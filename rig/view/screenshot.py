@@ -63,8 +63,11 @@ def headless() -> Iterator[ViewerClient]:
 
 
 def shoot(client: ViewerClient, png: Path, time_s: float | None) -> Shot:
-    """Write what ``client`` shows at ``time_s``, None for where it is; RigError when it does not load in time."""
-    wait_until_loaded(client)
+    """Write what ``client`` shows at ``time_s``, None for where it is; RigError when it does not load in time.
+
+    A live stream is loading as long as the flight goes on: of one, None is what can be asked for.
+    """
+    wait_until_loaded(client, live=time_s is None)
     if time_s is not None:
         client.set_time(TIMELINE, duration=time_s, play_state="paused")
     time.sleep(SETTLE_S)
@@ -74,10 +77,10 @@ def shoot(client: ViewerClient, png: Path, time_s: float | None) -> Shot:
     return Shot(png, tuple(view.name for view in views), tuple(complaints))
 
 
-def wait_until_loaded(client: ViewerClient) -> None:
-    """Wait until the viewer shows views and loads nothing any more."""
+def wait_until_loaded(client: ViewerClient, live: bool = False) -> None:
+    """Wait until the viewer shows views and, unless ``live``, loads nothing any more."""
     deadline = time.monotonic() + LOADED_S
-    while not (state := client.get_state()).views or state.loading:
+    while not (state := client.get_state()).views or (state.loading and not live):
         if time.monotonic() > deadline:
             raise RigError(f"the viewer did not load within {LOADED_S:g} s")
         time.sleep(0.05)
