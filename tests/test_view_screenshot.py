@@ -15,7 +15,7 @@ from rig.errors import BadInput
 from rig.events import Event
 from rig.frame import DISCRETES, SIGNALS, TIMING, Block, Pattern, State, new_block
 from rig.log import LogWriter
-from rig.view.opened import read, show
+from rig.view.opened import as_file, read, window
 from rig.view.scene import TIMELINE
 from rig.view.screenshot import headless, screenshot, wait_until_loaded
 from rig.view.style import CHANNEL_COLORS, STATE_LOOKS, TRUTH, VOTED
@@ -87,8 +87,8 @@ def test_the_overview_of_a_log_shows_channels_vote_and_truth_apart(flights: tupl
 @pytest.mark.parametrize("logs", [1, 2])
 def test_every_view_of_the_layout_holds_data_of_every_flight(flights: tuple[Path, Path], logs: int) -> None:
     opened = read(flights[:logs])
-    with headless() as client:
-        show(opened, client.url)
+    with as_file(opened) as rrd, headless() as client:
+        client.open(str(rrd))
         wait_until_loaded(client)
         views = {view.view_id: view.name for view in client.get_state().views}
         [timeline] = client.get_recording_schema(paths_only=True).timelines
@@ -116,6 +116,13 @@ def test_every_view_of_the_layout_holds_data_of_every_flight(flights: tuple[Path
             assert source is None or any(source in held[path] for path in shown), (name, source)
         if logs == 2 and "lanes" not in name and name[:2] not in ("A ", "B ") and name != "flights":
             assert {path[:3] for path in shown} == {"/A/", "/B/"}, name
+
+
+@needs_vulkan
+def test_a_window_is_a_viewer_with_the_flights_that_ends_with_us(flights: tuple[Path, Path]) -> None:
+    with window(read([flights[0]]), "--headless", "--hide-welcome-screen") as process:
+        assert process.poll() is None
+    assert process.poll() is not None
 
 
 def _pixels_of(picture: np.ndarray, color: tuple[int, int, int], tolerance: int = 24) -> int:

@@ -61,7 +61,11 @@ def view(
         shot = shoot(flights, screenshot, time_s)
         said |= {"picture": str(screenshot), "views": list(shot.views), "complaints": list(shot.complaints)}
     else:
-        opened.show(flights)
+        with opened.window(flights) as process, suppress(KeyboardInterrupt):
+            said["seconds"] = perf_counter() - began
+            _tell(said, as_json, f"{said['frames']} frames; close the window, or Ctrl-C, to end")
+            process.wait()
+        return
     said["seconds"] = perf_counter() - began
     _tell(said, as_json, f"{said['frames']} frames in {said['seconds']:.1f} s{_where(said)}")
 
@@ -79,7 +83,7 @@ def _require_display() -> None:
 def _where(said: dict[str, Any]) -> str:
     if "saved" in said:
         return f": {said['saved']}; open it with: rerun {said['saved']}"
-    return f": {said['picture']}" if "picture" in said else " to the viewer"
+    return f": {said['picture']}"
 
 
 def _serve(flights: Any, said: dict[str, Any], as_json: bool) -> None:

@@ -6,13 +6,17 @@ Rerun opens our .mcap by itself too, but without a layout, and dates the flight 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import subprocess
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from rig.errors import BadInput, BadLog
 from rig.log import Log, read_log
+from rig.view import viewer
 from rig.view.facts import TAGS, Layout, of_log, together
 from rig.view.sink import SERVER_MEMORY, About, Sink, open_sink
 
@@ -109,11 +113,25 @@ def serve(opened: Opened) -> Sink:
     return sink
 
 
-def show(opened: Opened, where: str = "spawn") -> None:
-    """Show the flights in a viewer's window, which outlives us, or in the viewer that runs at ``where``."""
-    sink = open_sink(where, opened.about, Path())
-    send(opened, sink)
-    sink.close()
+@contextmanager
+def as_file(opened: Opened) -> Iterator[Path]:
+    """An .rrd of the flights that is there for a while: a viewer loads it much faster than what it is sent."""
+    with tempfile.TemporaryDirectory(prefix="rig-view-") as folder:
+        rrd = Path(folder) / "flights.rrd"
+        save(opened, rrd)
+        yield rrd
+
+
+@contextmanager
+def window(opened: Opened, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A viewer's window with the flights; it is closed at the end.  ``arguments`` are for the viewer program."""
+    with as_file(opened) as rrd:
+        port = viewer.free_port()
+        process = viewer.start([str(rrd), "--port", str(port), *arguments], port)
+        try:
+            yield process
+        finally:
+            viewer.stop(process)
 
 
 def log_to_rrd(log: Path, rrd: Path, tab: str = "overview") -> None:

@@ -17,7 +17,7 @@ from rerun.experimental import ViewerClient
 
 from rig.errors import BadInput, RigError
 from rig.view import viewer
-from rig.view.opened import Opened, show
+from rig.view.opened import Opened, as_file
 from rig.view.scene import TIMELINE
 
 LOADED_S: Final = 30.0  # patience with the viewer
@@ -44,8 +44,8 @@ def screenshot(opened: Opened, png: Path, time_s: float | None = None) -> Shot:
         png.open("wb").close()
     except OSError as error:
         raise BadInput(f"{png}: cannot be written: {error.strerror}") from None
-    with headless() as client:
-        show(opened, client.url)
+    with as_file(opened) as rrd, headless() as client:
+        client.open(str(rrd))
         return shoot(client, png, opened.moment_s if time_s is None else time_s)
 
 
