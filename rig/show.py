@@ -75,12 +75,16 @@ def flight(flown: Flight) -> None:
     screen.print(f"[bold]{scenario.title or scenario.aircraft}[/bold]  seed {scenario.seed}")
     for event in flown.events[:MOST_LINES]:
         style = {"info": "", "warning": "yellow", "error": "red"}[event.level]
-        screen.print(f"  {event.frame / scenario.rate_hz:9.2f} s  {event.name:17} {event.text}", style=style)
+        screen.print(
+            f"  {event.frame / scenario.rate_hz:9.2f} s  {event.name:17} {event.text}", style=style, markup=False
+        )
     if len(flown.events) > MOST_LINES:
         screen.print(f"  and {len(flown.events) - MOST_LINES} more events, in the log")
     verdict = "[green]survived[/green]" if flown.survived else "[red]lost[/red]"
     screen.print(f"verdict  {verdict}: {flown.end_reason} ({flown.frames} frames, {flown.duration_s:g} s)")
     screen.print(f"failed   {_channels(flown.failed)}")
+    if flown.not_executed:
+        screen.print(f"faults   not executed: {'; '.join(flown.not_executed)}", style="yellow", markup=False)
     screen.print(f"peaks    {_peaks(flown)}")
     screen.print(f"speed    {flown.us_per_frame:.1f} us a frame, {flown.duration_s / flown.wall_s:.0f} x real time")
     if flown.jitter is not None:
