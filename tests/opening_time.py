@@ -27,7 +27,7 @@ def main() -> None:
                 written = time.perf_counter()
                 client.open(str(rrd))
                 last_ns = max(round(int(log.rows["frame"][-1]) * 1e9 / log.rate_hz) for log in opened.logs)
-                while client.get_recording_schema(paths_only=True).timelines[0].end < last_ns:
+                while (client.get_recording_schema(paths_only=True).timelines[0].end or 0) < last_ns:
                     time.sleep(0.01)
                 wait_until_loaded(client)
                 loaded = time.perf_counter()

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ from rig.log import LogWriter, read_log
 from rig.watch import watching
 from rig.watch.draw import InPipe, InProcess, OnTerminal
 from rig.watch.live import Watch
-from rig.watch.page import EVENTS, Page
+from rig.watch.page import EVENTS, EventLike, Page
 from rig.watch.played import play
 
 RATE_HZ = 100.0
@@ -157,7 +158,7 @@ def test_what_draws_may_hang_and_does_not_hold_the_flight_up() -> None:
     class Stuck(InPipe):
         gate = threading.Event()
 
-        def draw(self, *_: object) -> None:
+        def draw(self, row: Block, rate_hz: float, events: Sequence[EventLike]) -> None:
             self.gate.wait()
 
     watch = Watch(Stuck(pipe()), None)

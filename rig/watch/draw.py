@@ -97,7 +97,7 @@ class InProcess:
         with suppress(OSError):
             self._pipe.close()
         try:
-            self._process.wait(3.0)
+            self._process.wait(10.0)  # on a busy machine it may still be starting
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()

@@ -61,7 +61,7 @@ class Watch:
             self._queue.append((kept, rate_hz, events))
             self._changed.notify()
 
-    def close(self, timeout_s: float = 5.0) -> None:
+    def close(self, timeout_s: float = 15.0) -> None:
         """Draw the last frame and end; a terminal that does not take it is left."""
         with self._changed:
             self._closing = True
