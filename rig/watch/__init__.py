@@ -1,0 +1,5 @@
+"""The redundancy page on the terminal: while a flight is flown, or played from its log."""
+
+from rig.watch.live import watching
+
+__all__ = ["watching"]
