@@ -17,6 +17,7 @@ import typer
 
 from rig.errors import BadInput, RigError
 from rig.recorded.cli import vote
+from rig.study.cli import study
 
 HELP = {"help_option_names": ["-h", "--help"]}
 PLAIN: dict[str, Any] = {
@@ -30,6 +31,7 @@ scenario_app = typer.Typer(help="Look at scenario files.", **PLAIN)
 aircraft_app = typer.Typer(help="Look at aircraft and design their control laws.", **PLAIN)
 app.add_typer(scenario_app, name="scenario")
 app.add_typer(aircraft_app, name="aircraft")
+app.add_typer(study, name="study")
 
 ScenarioName = Annotated[
     str | None, typer.Argument(help="A scenario file or the name of a bundled one.", show_default=False)
