@@ -60,9 +60,10 @@ def _show(found: Study, files: list[str]) -> None:
     table.add_row("K1, columns 5 to 8", "2 x 4", "no such regulator exists: see below")
     nominal, fastest, slowest = found.settling_s
     table.add_row(
-        "error system settles (2 %)", "about 6 s, from its figures", f"{nominal:.2f} s ({fastest:.2f} to {slowest:.2f} s)"
+        "error system settles (2 %)", "a figure", f"{nominal:.2f} s; +-10 %: {fastest:.2f} to {slowest:.2f} s"
     )
-    table.add_row("pitch angle after the fault", "1", f"true {found.honest_pitch:.3f}, measured {d['honest_measured_pitch']:.3f}")
+    last = f"true {found.honest_pitch:.3f}, measured {d['honest_measured_pitch']:.3f}"
+    table.add_row("pitch angle after the fault", "1", last)
     screen.print(table)
     for line in REMARKS:
         screen.print(line, soft_wrap=True)
@@ -74,9 +75,9 @@ def _show(found: Study, files: list[str]) -> None:
 REMARKS = (
     "",
     "What does not reproduce, and why:",
-    "- K1, columns 5 to 8: without a fault the observation error is not controllable and one of its modes does not decay",
-    "  (speed cannot be observed from pitch), so the Riccati equation has no stabilising solution to print.",
-    "- The return to y_r = 1: the error system drops the fault's own input (F - 1) H C x_r. With it the loop brings the",
-    "  measured pitch angle to 1, and the true one to 1 / F = 2: nothing in this law knows F.",
+    "- K1, columns 5 to 8: without a fault nothing controls the observation error, and its speed does not decay (speed",
+    "  does not show in the pitch angle), so the Riccati equation has no stabilising solution to print.",
+    "- The return to y_r = 1: the error system drops the fault's own input (F - 1) H C x_r. With it, the loop brings",
+    "  the measured pitch angle to 1 and the true one to 1 / F = 2: nothing in this law knows F.",
     "- B's throttle column is a force and a moment, not divided by mass and inertia; X_theta has the sign of +g.",
 )

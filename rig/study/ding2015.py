@@ -21,6 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm, solve_continuous_are
 
+from rig.errors import RigError
+
 Matrix = NDArray[np.float64]
 Feedback = Literal["estimate", "truth"]
 
@@ -68,12 +70,12 @@ _N: Final = 4
 
 @dataclass(frozen=True)
 class Run:
-    """A response from rest to y_r = 1, and the fault at 5 s."""
+    """A response from rest to y_r = 1, and the fault at 5 s; angles of a unit step."""
 
     time_s: Matrix  # (n,)
     pitch: Matrix  # (n,) true pitch angle
-    measured: Matrix  # (n,) what the sensor says of it
-    elevator: Matrix  # (n,) rad
+    followed: Matrix  # (n,) what the loop takes for it: measured, or in the error system estimated
+    elevator: Matrix  # (n,) rad, from u_r
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,8 @@ class Study:
     design: Design
     error_system: Run  # as the paper computes it
     perturbed: list[Run]  # the same with A, B and C off by 10 %
-    settling_s: tuple[float, float, float]  # nominal, fastest and slowest of all
+    settling_s: tuple[float, float, float]  # of the tracking error: nominal, fastest and slowest of all
+    settling_with_x2_s: tuple[float, float, float]  # likewise, of the true pitch angle: the observation error added
     honest: Run
     with_truth: Run  # honest, and the law given the observation error that nobody can measure
     honest_pitch: float  # where the true pitch angle comes to rest
@@ -112,6 +115,7 @@ class Study:
             "honest_true_pitch": self.honest_pitch,
             "honest_measured_pitch": EFFECTIVENESS * self.honest_pitch,
             "settling_time_range_s": list(self.settling_s[1:]),
+            "settling_time_with_observation_error_s": self.settling_with_x2_s[0],
             "honest_true_pitch_with_truth": self.with_truth_pitch,
             "k1_right_is_defined": d.stabilisable_without_fault,
             "speed_is_observable": d.speed_is_observable,
@@ -129,7 +133,7 @@ def stacked(effectiveness: float, a: Matrix = A, c: Matrix = C) -> Matrix:
 
 
 def regulator(a: Matrix, b: Matrix) -> Matrix:
-    """K = R^-1 B' P of the continuous Riccati equation; scipy raises LinAlgError when it has no stabilising solution."""
+    """K = R^-1 B' P of the Riccati equation; scipy's LinAlgError when it has no stabilising solution."""
     p = solve_continuous_are(a, b, Q * np.eye(len(a)), R * np.eye(b.shape[1]))
     return b.T @ p / R
 
@@ -168,11 +172,11 @@ def reference() -> tuple[Matrix, Matrix]:
 
 def _march(before: Matrix, after: Matrix, start: Matrix, duration_s: float) -> tuple[Matrix, Matrix]:
     """Times (n,) and states (n, m) of z' = before z until the fault, z' = after z from it on; exact."""
-    n = round(duration_s / STEP_S)
-    states, steps = [start], (expm(before * STEP_S), expm(after * STEP_S))
-    for k in range(n):
-        states.append(steps[k >= round(FAULT_S / STEP_S)] @ states[-1])
-    return STEP_S * np.arange(n + 1), np.array(states)
+    time = np.arange(round(duration_s / STEP_S) + 1, dtype=np.float64) * STEP_S
+    states, steps = np.tile(start, (len(time), 1)), (expm(before * STEP_S), expm(after * STEP_S))
+    for k in range(len(time) - 1):
+        states[k + 1] = steps[k >= round(FAULT_S / STEP_S)] @ states[k]
+    return time, states
 
 
 def error_system(design: Design, a: float = 1.0, b: float = 1.0, c: float = 1.0) -> Run:
@@ -185,7 +189,7 @@ def error_system(design: Design, a: float = 1.0, b: float = 1.0, c: float = 1.0)
     time, z = _march(closed[0], closed[1], np.array([0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0]), SHOWN_S)
     gains = np.where(time[:, None, None] < FAULT_S, k1, design.k2)
     elevator = -np.einsum("nj,nj->n", gains[:, 1], z)
-    return Run(time, 1.0 + z[:, 3], 1.0 + z[:, 3], elevator)
+    return Run(time, 1.0 + z[:, 3] + z[:, 7], 1.0 + z[:, 3], elevator)
 
 
 def honest(design: Design, feedback: Feedback, duration_s: float) -> Run:
@@ -209,16 +213,22 @@ def honest(design: Design, feedback: Feedback, duration_s: float) -> Run:
     late = time >= FAULT_S
     gains, pitch = np.where(late[:, None, None], design.k2, k1)[:, 1], z[:, 3]
     error = np.hstack([z[:, _N : 2 * _N] - x_r, known * (z[:, :_N] - z[:, _N : 2 * _N])])
-    elevator = u_r[1] - np.einsum("nj,nj->n", gains, error)
+    elevator = -np.einsum("nj,nj->n", gains, error)
     return Run(time, pitch, np.where(late, EFFECTIVENESS, 1.0) * pitch, elevator)
 
 
-def settling(run: Run) -> float:
-    """Time [s] from which the pitch angle stays within 2 % of the step; inf when it does not."""
-    outside = np.flatnonzero(np.abs(run.pitch - 1.0) > BAND)
+def settling(time_s: Matrix, response: Matrix) -> float:
+    """Time [s] from which a response stays within 2 % of the step; RigError when it does not."""
+    outside = np.flatnonzero(np.abs(response - 1.0) > BAND)
     if not len(outside):
-        return 0.0
-    return float(run.time_s[outside[-1] + 1]) if outside[-1] + 1 < len(run.time_s) else float("inf")
+        return float(time_s[0])
+    if outside[-1] + 1 == len(time_s):
+        raise RigError(f"study: the error system does not settle within {time_s[-1]:g} s")
+    return float(time_s[outside[-1] + 1])
+
+
+def _spread(times: list[float]) -> tuple[float, float, float]:
+    return times[0], min(times), max(times)
 
 
 def study() -> Study:
@@ -226,12 +236,12 @@ def study() -> Study:
     found = design()
     nominal = error_system(found)
     runs = [error_system(found, *factors) for factors in product(PERTURBED, repeat=3) if factors != (1.0, 1.0, 1.0)]
-    times = [settling(run) for run in (nominal, *runs)]
     return Study(
         design=found,
         error_system=nominal,
         perturbed=runs,
-        settling_s=(times[0], min(times), max(times)),
+        settling_s=_spread([settling(run.time_s, run.followed) for run in (nominal, *runs)]),
+        settling_with_x2_s=_spread([settling(run.time_s, run.pitch) for run in (nominal, *runs)]),
         honest=honest(found, "estimate", SHOWN_S),
         with_truth=honest(found, "truth", SHOWN_S),
         honest_pitch=float(honest(found, "estimate", LONG_S).pitch[-1]),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import plotly.graph_objects as go
@@ -16,8 +16,9 @@ from rig.errors import RigError
 from rig.study.ding2015 import FAULT_S, Matrix, Study
 
 _GREY, _BLUE, _RED, _ORANGE, _BLACK = "#9aa5b1", "#1f6fb4", "#c0392b", "#e08e0b", "#333333"
-_TITLES: Final = ("Attitude: pitch angle", "Control: elevator", "Tracking: what the loop believes to follow")
-_UNITS: Final = ("pitch angle, of a unit step", "elevator, rad", "output, of a unit step")
+_TITLES: Final = ("Attitude: pitch angle", "Control: elevator", "Tracking: the output that the loop brings to 1")
+_UNITS: Final = ("of a unit step", "rad, from that of the reference", "of a unit step")
+_LEGENDS: Final = ((1.0, 0.38), (1.0, 1.0), (1.0, 0.38))  # upper right corner, share of the panel
 
 
 @dataclass(frozen=True)
@@ -42,20 +43,19 @@ def _panels(study: Study) -> list[list[_Line]]:
         [
             *attitude,
             _Line("the paper's error system", t, paper.pitch, _BLUE),
-            _Line("honest: true pitch angle", t, honest.pitch, _RED),
-            _Line("honest: measured pitch angle", t, honest.measured, _ORANGE, dash=True),
+            _Line("honest: true", t, honest.pitch, _RED),
+            _Line("honest: measured", t, honest.followed, _ORANGE, dash=True),
             _Line("honest: true, the law fed with the true state", t, truth.pitch, _BLACK, 1.2),
         ],
         [
             *control,
-            _Line("the paper's error system", t, paper.elevator, _BLUE, legend=False),
-            _Line("honest: elevator", t, honest.elevator, _RED),
+            _Line("the paper's error system", t, paper.elevator, _BLUE),
+            _Line("honest", t, honest.elevator, _RED),
         ],
         [
             _Line("wanted, y_r", t, one, _BLACK, 1.0, dash=True),
-            _Line("the paper's error system", t, paper.measured, _BLUE, legend=False),
-            _Line("honest: measured pitch angle", t, honest.measured, _ORANGE, legend=False),
-            _Line("honest: true pitch angle", t, honest.pitch, _RED, legend=False),
+            _Line("the paper's error system: estimated", t, paper.followed, _BLUE),
+            _Line("honest: measured", t, honest.followed, _ORANGE),
         ],
     ]
 
@@ -76,12 +76,17 @@ def _page(study: Study) -> go.Figure:
     for row, (lines, unit) in enumerate(zip(_panels(study), _UNITS, strict=True), 1):
         for line in lines:
             style = {"color": line.colour, "width": line.width, "dash": "dash" if line.dash else "solid"}
-            trace = go.Scatter(x=line.x, y=line.y, name=line.name, line=style, showlegend=line.legend)
+            group = f"legend{row}" if row > 1 else "legend"
+            trace = go.Scatter(x=line.x, y=line.y, name=line.name, line=style, showlegend=line.legend, legend=group)
             figure.add_trace(trace, row=row, col=1)
         figure.add_vline(x=FAULT_S, line={"color": _GREY, "dash": "dot"}, row=row, col=1)  # pyright: ignore[reportArgumentType]  # a row number
         figure.update_yaxes(title_text=unit, row=row, col=1)
     figure.update_xaxes(title_text="time, s", row=3, col=1)
+    places: dict[str, Any] = {
+        f"legend{row}" if row > 1 else "legend": {"y": 1.0 - 0.355 * (row - 1)} for row in (1, 2, 3)
+    }
     figure.update_layout(
+        **places,
         title="Ding, Xiao and Jiang 2015: as printed, and with the fault's own input (F = 0.5 from 5 s)",
         template="plotly_white",
         height=1000,
@@ -93,14 +98,14 @@ def _picture(study: Study) -> Figure:
     figure = Figure(figsize=(10.0, 11.0), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(3, 1, sharex=True)
-    for axis, lines, unit, title in zip(axes, _panels(study), _UNITS, _TITLES, strict=True):
+    for axis, lines, unit, title, corner in zip(axes, _panels(study), _UNITS, _TITLES, _LEGENDS, strict=True):
         for line in lines:
             label, style = line.name if line.legend else None, "--" if line.dash else "-"
             axis.plot(line.x, line.y, style, color=line.colour, linewidth=0.8 * line.width, label=label)
         axis.axvline(FAULT_S, color=_GREY, linestyle=":")
         axis.set(title=title, ylabel=unit)
         axis.grid(alpha=0.25)
-        axis.legend(loc="best", fontsize="small")
+        axis.legend(loc="upper right", bbox_to_anchor=corner, fontsize="small")
     axes[-1].set(xlabel="time, s", xlim=(0.0, study.honest.time_s[-1]))
     figure.suptitle("Ding, Xiao and Jiang 2015: as printed, and with the fault's own input (F = 0.5 from 5 s)")
     return figure
