@@ -111,26 +111,11 @@ class LinearPlant:
         self._random = np.random.default_rng(self._seed)
         self._noise, self._drawn = np.zeros((_DRAWN, dryden.STATES)), _DRAWN
         self._raw = np.zeros(1, truth.RAW)
-        moved: tuple[Any, ...] = (
-            self._x,
-            np.zeros_like(self._x),
-            np.zeros(_S),
-            self._place,
-            self._f,
-            self._g,
-            self._param,
-            self._raw,
-        )
-        seen: tuple[Any, ...] = (
-            self._x,
-            self._place,
-            self._blowing,
-            self._outputs,
-            self._rates,
-            *np.zeros((2, len(OUTPUTS))),
-        )
-        seen = (*seen, self._param, self._raw)
-        self._of_move, self._of_evaluate = moved, seen
+        workspace, command, outputs = np.zeros_like(self._x), np.zeros(_S), np.zeros((2, len(OUTPUTS)))
+        x, place, param, raw = self._x, self._place, self._param, self._raw
+        moved: tuple[Any, ...] = (x, workspace, command, place, self._f, self._g, param, raw)
+        seen: tuple[Any, ...] = (x, place, self._blowing, self._outputs, self._rates, *outputs, param, raw)
+        self._of_move, self._of_evaluate, self._command = moved, seen, command
         self._move = bind(small_motion.move, *moved)
         self._blow = bind(small_motion.blow, self._x, self._gust, self._jump)
         self._stirred = bind(dryden.stir, self._z, self._noise, 0, *self._stir, self._gust)
@@ -147,7 +132,7 @@ class LinearPlant:
 
     def step(self, block: Block, k: int) -> None:
         """Give row k's ``actuator`` to the actuators and fly to the next frame."""
-        self._of_move[2][:] = block["actuator"][k]
+        self._command[:] = block["actuator"][k]
         self._move_air((int(block["frame"][k]) + 1) / self._rate_hz)
         half_s = 0.5 * float(self._param["dt"][0])
         for _ in self._steps:

@@ -59,9 +59,8 @@ def _show(found: Study, files: list[str]) -> None:
     table.add_row("K1, columns 1 to 4", "2 x 4, LQR on A, B alone", f"largest difference {d['k1_left_max_error']:.2g}")
     table.add_row("K1, columns 5 to 8", "2 x 4", "no such regulator exists: see below")
     nominal, fastest, slowest = found.settling_s
-    table.add_row(
-        "error system settles (2 %)", "a figure", f"{nominal:.2f} s; +-10 %: {fastest:.2f} to {slowest:.2f} s"
-    )
+    spread = f"{nominal:.2f} s; +-10 %: {fastest:.2f} to {slowest:.2f} s"
+    table.add_row("error system settles (2 %)", "a figure", spread)
     last = f"true {found.honest_pitch:.3f}, measured {d['honest_measured_pitch']:.3f}"
     table.add_row("pitch angle after the fault", "1", last)
     screen.print(table)

@@ -18,7 +18,7 @@ from rig.study.ding2015 import FAULT_S, Matrix, Study
 _GREY, _BLUE, _RED, _ORANGE, _BLACK = "#9aa5b1", "#1f6fb4", "#c0392b", "#e08e0b", "#333333"
 _TITLES: Final = ("Attitude: pitch angle", "Control: elevator", "Tracking: the output that the loop brings to 1")
 _UNITS: Final = ("of a unit step", "rad, from that of the reference", "of a unit step")
-_LEGENDS: Final = ((1.0, 0.38), (1.0, 1.0), (1.0, 0.38))  # upper right corner, share of the panel
+_LEGENDS: Final = ((1.0, 0.87), (1.0, 1.0), (1.0, 0.38))  # upper right corner, share of the panel
 
 
 @dataclass(frozen=True)
@@ -82,9 +82,8 @@ def _page(study: Study) -> go.Figure:
         figure.add_vline(x=FAULT_S, line={"color": _GREY, "dash": "dot"}, row=row, col=1)  # pyright: ignore[reportArgumentType]  # a row number
         figure.update_yaxes(title_text=unit, row=row, col=1)
     figure.update_xaxes(title_text="time, s", row=3, col=1)
-    places: dict[str, Any] = {
-        f"legend{row}" if row > 1 else "legend": {"y": 1.0 - 0.355 * (row - 1)} for row in (1, 2, 3)
-    }
+    legends = ("legend", "legend2", "legend3")
+    places: dict[str, Any] = {legend: {"y": 1.0 - 0.355 * row} for row, legend in enumerate(legends)}
     figure.update_layout(
         **places,
         title="Ding, Xiao and Jiang 2015: as printed, and with the fault's own input (F = 0.5 from 5 s)",
