@@ -281,7 +281,7 @@ def test_the_design_sees_outputs_whatever_the_states_are() -> None:
 
 
 def test_an_aircraft_that_rolls_turns() -> None:
-    """Roll angle and body rates of a coordinated level turn, held: psi' = g tan(phi) / V, n_y = 0, n_z = 1 / cos(phi)."""
+    """Roll angle and body rates of a coordinated turn, held: psi' = g tan(phi) / V, n_y = 0, n_z = 1 / cos(phi)."""
     rows = [*TABLE["model"]["outputs"], "angle_of_sideslip", "roll_rate", "yaw_rate", "roll_angle"]
     still, unit = np.zeros((8, 8)).tolist(), np.eye(8).tolist()
     turning = 9.80665 * np.tan(0.3) / 237.228

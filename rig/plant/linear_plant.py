@@ -6,7 +6,6 @@ exponential of airframe and actuators together, commands held over the step).
 
 from __future__ import annotations
 
-from math import cos, sin
 from typing import Any, Final
 
 import numpy as np
@@ -18,7 +17,7 @@ from rig.kernels import bind
 from rig.plant import dryden, small_motion, truth, wind
 from rig.plant.airframe import OUTPUTS, FlightPoint, LinearConfig
 from rig.plant.atmosphere import speed_of_sound
-from rig.plant.small_motion import ALTITUDE, HEADING, PARAM
+from rig.plant.small_motion import ALTITUDE, PARAM
 
 Matrix = NDArray[np.float64]
 _DRAWN: Final = 1000  # frames of noise at a time
@@ -106,7 +105,7 @@ class LinearPlant:
         self._place[ALTITUDE] = self._point.altitude_m
         self._steady = np.array([self._wind.north_m_s, self._wind.east_m_s, 0.0])
         self._blowing = self._steady.copy()
-        self._added, self._air_changes_s = np.zeros(3), 0.0
+        self._mean, self._air_changes_s = self._steady.copy(), 0.0
         self._z, self._gust = np.zeros(dryden.STATES), np.zeros(3)
         self._random = np.random.default_rng(self._seed)
         self._noise, self._drawn = np.zeros((_DRAWN, dryden.STATES)), _DRAWN
@@ -117,7 +116,8 @@ class LinearPlant:
         seen: tuple[Any, ...] = (x, place, self._blowing, self._outputs, self._rates, *outputs, param, raw)
         self._of_move, self._of_evaluate, self._command = moved, seen, command
         self._move = bind(small_motion.move, *moved)
-        self._blow = bind(small_motion.blow, self._x, self._gust, self._jump)
+        self._of_blow = (x, self._mean, self._gust, self._blowing, place, self._jump)
+        self._blow = bind(small_motion.blow, *self._of_blow)
         self._stirred = bind(dryden.stir, self._z, self._noise, 0, *self._stir, self._gust)
         self._advance = bind(small_motion.advance, self._place, 0.5, self._raw)
         self._evaluate = bind(small_motion.evaluate, *self._of_evaluate)
@@ -144,19 +144,14 @@ class LinearPlant:
     def _move_air(self, time_s: float) -> None:
         """The wind of the next frame; a change of it is felt at once."""
         if time_s >= self._air_changes_s:
-            self._added[:] = wind.added(self._wind, time_s)
+            self._mean[:] = wind.added(self._wind, time_s)
+            self._mean += self._steady
             self._air_changes_s = wind.next_change(self._wind, time_s)
         elif not self._turbulent:
             return
         if self._turbulent:
             self._draw()
-        along, across, down = self._gust
-        c, s = cos(self._place[HEADING]), sin(self._place[HEADING])
-        now = self._steady + self._added + np.array([c * along - s * across, s * along + c * across, down])
-        change = now - self._blowing
-        self._blowing[:] = now
-        turned = np.array([c * change[0] + s * change[1], c * change[1] - s * change[0], change[2]])
-        self._blow(self._x, turned, self._jump)
+        self._blow(*self._of_blow)
 
     def _draw(self) -> None:
         if self._drawn == _DRAWN:

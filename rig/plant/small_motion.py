@@ -75,13 +75,20 @@ def advance(place, dt, raw):
 
 
 @kernel
-def blow(x, change, jump):
-    """The wind changes by ``change`` (3,), along, across and down: the flow does, the flight path does not.
+def blow(x, mean, gust, wind, place, jump):
+    """The wind becomes ``mean`` and ``gust``: the flow changes with it at once, the flight path does not.
 
-    jump : (n, 3), what the model's states change by
+    mean, wind : (3,) north, east, down [m/s], wind in place; gust : (3,) along, across, down
+    jump : (n, 3), what the model's states change by for each m/s along, across and down
     """
+    c, s = cos(place[HEADING]), sin(place[HEADING])
+    north = mean[0] + c * gust[0] - s * gust[1] - wind[0]
+    east = mean[1] + s * gust[0] + c * gust[1] - wind[1]
+    down = mean[2] + gust[2] - wind[2]
+    wind[0], wind[1], wind[2] = wind[0] + north, wind[1] + east, wind[2] + down
+    along, across = c * north + s * east, c * east - s * north
     for i in range(len(jump)):
-        x[i] += jump[i, 0] * change[0] + jump[i, 1] * change[1] + jump[i, 2] * change[2]
+        x[i] += jump[i, 0] * along + jump[i, 1] * across + jump[i, 2] * down
 
 
 @kernel
