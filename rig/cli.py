@@ -20,6 +20,7 @@ from rig.errors import BadInput, RigError
 from rig.recorded.cli import vote
 from rig.replay.cli import diff, export, info, replay
 from rig.score.cli import score
+from rig.study.cli import study
 from rig.view.cli import view
 from rig.watch.cli import watch as watch_log
 
@@ -36,6 +37,7 @@ aircraft_app = typer.Typer(help="Look at aircraft and design their control laws.
 app.add_typer(scenario_app, name="scenario")
 app.add_typer(aircraft_app, name="aircraft")
 app.add_typer(faults_app, name="faults")
+app.add_typer(study, name="study")
 
 ScenarioName = Annotated[
     str | None, typer.Argument(help="A scenario file or the name of a bundled one.", show_default=False)

@@ -18,7 +18,7 @@ AIRCRAFT = Path(__file__).parent.parent / "aircraft"
 RATE_HZ = 100.0
 
 
-def aircraft(name: str, **changes: float) -> airframe.Config:
+def aircraft(name: str, **changes: float) -> airframe.Airframe:
     return airframe.read(AIRCRAFT / name / "aircraft.toml").model_copy(update=changes)
 
 
