@@ -76,7 +76,7 @@ def fly(
     """Fly one scenario, log every frame, print what happened."""
     from rig import show
     from rig.flight import fly as fly_scenario
-    from rig.watch import watching
+    from rig.watch.live import watching
 
     if watch and as_json:
         raise BadInput("--watch: not with --json, which prints one object and nothing else")

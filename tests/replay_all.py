@@ -6,7 +6,7 @@ from time import perf_counter
 
 from rig import aircraft
 from rig.flight import fly
-from rig.replay import recorded
+from rig.replay.again import recorded
 from rig.replay.verify import verify
 
 

@@ -13,10 +13,10 @@ from rig.flight import fly, metadata
 from rig.frame import FRAME, INDEX, TIMING, State, new_block
 from rig.log import LogWriter, read_log
 from rig.log.columns import COLUMNS
-from rig.replay import decisions, recorded, vote_again, what_if
-from rig.replay.decisions import Moved
+from rig.replay.again import recorded, vote_again
+from rig.replay.decisions import Moved, decisions
 from rig.replay.verify import verify
-from rig.replay.what_if import changed
+from rig.replay.what_if import changed, what_if
 from rig.verdict import Verdict
 
 Q = INDEX["pitch_rate"]

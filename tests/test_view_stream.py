@@ -18,9 +18,10 @@ from rerun.chunk import RrdReader
 
 from rig.errors import BadInput
 from rig.frame import FRAME, SIGNALS, Block, new_block
-from rig.view import Stream, open_stream, viewer
+from rig.view import viewer
 from rig.view.blueprint import blueprint
 from rig.view.facts import Layout
+from rig.view.stream import Stream, open_stream
 
 BLOCK = 10  # frames
 ROOM = 3  # blocks
@@ -150,7 +151,7 @@ def test_a_viewer_without_a_display_is_refused_at_once(tmp_path: Path, monkeypat
 
 def test_a_flight_without_a_stream_does_not_import_rerun() -> None:
     program = (
-        "import json, sys; from pathlib import Path; from rig.view import open_stream;"
+        "import json, sys; from pathlib import Path; from rig.view.stream import open_stream;"
         "print(json.dumps([open_stream('off', 't', 1.0, Path('x')), 'rerun' in sys.modules]))"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

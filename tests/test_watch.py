@@ -22,9 +22,8 @@ from rig.errors import BadInput, BadLog
 from rig.events import Event
 from rig.frame import SIGNALS, TIMING, Block, End, Pattern, Resolver, Source, State, new_block
 from rig.log import LogWriter, read_log
-from rig.watch import watching
 from rig.watch.draw import InPipe, InProcess, OnTerminal
-from rig.watch.live import Watch
+from rig.watch.live import Watch, watching
 from rig.watch.page import EVENTS, EventLike, Page
 from rig.watch.played import play
 

@@ -7,22 +7,3 @@ compare.compare       two flights, number by number
 decisions.moved       which decisions differ, where, old and new
 what_if.what_if       another redundancy over the same channels, as a log of its own
 """
-
-from rig.replay.again import Recorded, fly_again, recorded, vote_again
-from rig.replay.compare import Comparison, compare
-from rig.replay.decisions import Decisions, decisions, moved
-from rig.replay.what_if import WhatIf, what_if
-
-__all__ = [
-    "Comparison",
-    "Decisions",
-    "Recorded",
-    "WhatIf",
-    "compare",
-    "decisions",
-    "fly_again",
-    "moved",
-    "recorded",
-    "vote_again",
-    "what_if",
-]
