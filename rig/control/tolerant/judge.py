@@ -1,0 +1,110 @@
+"""Whether the sensor is trusted: two tests of its innovation, the way back, and the path as arbiter.
+
+    jump   |e| > n sigma in ``persistence`` frames running
+    ramp   the CUSUM of |e| / sigma beyond ``ramp_sigma`` exceeds ``ramp_s`` [sigma seconds]: needs no jump
+    sigma^2 = P_theta + floor^2 + (theta' timing)^2 + (turning turn_error lag)^2
+
+A ramp has moved the estimate before it is seen, so drift and path offset go back to what they were before.
+The sensor is trusted again when it has stayed near the estimate.  When the estimate leaves the path by more
+than gusts explain and the sensor does not, the rates lie and not the sensor: the correction is withdrawn.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from rig.control.tolerant import lie
+from rig.control.tolerant.estimate import forget
+from rig.frame import Trust
+from rig.kernels import kernel
+
+_TRUSTED, _CORRECTED, _WITHDRAWN = int(Trust.TRUSTED), int(Trust.CORRECTED), int(Trust.WITHDRAWN)
+_RECENT_S: Final = 0.5
+_JUMP_SHARE: Final = 0.5  # of the innovation that must be new for a jump
+_KEEP_S: Final = 20.0
+_ARBITER_S: Final = 3.0  # the path's gusts are smoothed over this
+_ARBITER_SIGMA: Final = 4.0
+_ARBITER_LEAST_RAD: Final = 0.02
+_STRAY: Final = 3.0  # of ``near``, that one sample may be off while the sensor comes back
+
+
+@kernel
+def innovate(c, w, said):
+    """Innovation [rad] of what the sensor ``said`` and its sigma; c, w : a PARAM and a STATE record."""
+    timing, turning = w["rate"] * c["timing"], w["turning"] * c["turn_error"] * c["lag"]
+    w["innovation"] = said - w["theta"]
+    w["sigma"] = math.sqrt(w["p"][0, 0] + c["floor"] * c["floor"] + timing * timing + turning * turning)
+
+
+@kernel
+def judge(known, c, w, said, path):
+    """Move ``trust``.  known : rates and bank are voted; said, path : what sensor and path say of theta [rad]."""
+    size = abs(w["innovation"]) / w["sigma"]
+    share = c["dt"] / (_ARBITER_S + c["dt"])
+    w["sensor_off_path"] += share * (path - w["path"] - said - w["sensor_off_path"])
+    w["theta_off_path"] += share * (path - w["path"] - w["theta"] - w["theta_off_path"])
+    before = w["recent"]
+    w["recent"] += c["dt"] / (_RECENT_S + c["dt"]) * (w["innovation"] - w["recent"])
+    if w["trust"] == _CORRECTED:
+        acquit(c, w, said)
+    elif w["trust"] == _WITHDRAWN:
+        w["agreed"] = w["agreed"] + 1 if size < c["jump_sigma"] else 0
+        if w["agreed"] >= c["return_frames"]:
+            w["trust"] = _TRUSTED
+    elif not known:  # nobody can judge: go along with the sensor
+        w["over"], w["cusum"], w["theta"] = 0, 0.0, said
+        forget(w)
+    else:
+        w["over"] = w["over"] + 1 if size > c["jump_sigma"] else 0
+        w["cusum"] = max(0.0, w["cusum"] + (size - c["ramp_sigma"]) * c["dt"])
+        keep(c, w)
+        if w["over"] >= c["persistence"] or w["cusum"] > c["ramp_s"]:
+            convict(w, before)
+
+
+@kernel
+def keep(c, w):
+    """Keep drift and path offset as they were before a ramp could have moved them."""
+    kept = w["kept"]
+    if w["kept_s"] <= 0.0:
+        for i in range(2):
+            kept[1, i] = kept[0, i]
+        kept[0, 0], kept[0, 1] = w["drift"], w["path"]
+        w["kept_s"] = _KEEP_S
+    w["kept_s"] -= c["dt"]
+
+
+@kernel
+def convict(w, before):
+    """The sensor lies; ``before`` : its smoothed innovation before this frame, by which a jump is known."""
+    new = abs(w["innovation"] - before)
+    if new < _JUMP_SHARE * abs(w["innovation"]):
+        w["drift"], w["path"] = w["kept"][1, 0], w["kept"][1, 1]
+        w["p"][0, 0] += w["innovation"] * w["innovation"]
+    w["trust"], w["agreed"], w["over"], w["cusum"] = _CORRECTED, 0, 0, 0.0
+    w["sensor_off_path"] = w["theta_off_path"] = 0.0
+    w["recent"] = w["innovation"]
+    lie.suspect(w)
+
+
+@kernel
+def acquit(c, w, said):
+    """Hand back when the sensor has come back, or when the path speaks for it."""
+    margin = max(_ARBITER_LEAST_RAD, _ARBITER_SIGMA * math.sqrt(w["gust_variance"]))
+    near = abs(w["recent"]) < c["near"] and abs(w["innovation"]) < _STRAY * c["near"]
+    w["agreed"] = w["agreed"] + 1 if near else 0
+    if abs(w["theta_off_path"]) > abs(w["sensor_off_path"]) + margin:
+        hand_back(c, w, said, _WITHDRAWN)
+        w["theta"], w["drift"] = said, 0.0
+        forget(w)
+    elif w["agreed"] >= c["return_frames"]:
+        hand_back(c, w, said, _TRUSTED)
+
+
+@kernel
+def hand_back(c, w, said, trust):
+    """The law flies on the sensor again, faded from the estimate."""
+    w["fade"], w["fade_left"] = w["theta"] - said, c["fade_frames"]
+    w["trust"], w["agreed"], w["over"], w["cusum"] = trust, 0, 0, 0.0
+    lie.clear(w)
