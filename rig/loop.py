@@ -1,6 +1,6 @@
 """One flight: build the stages, run the frames, hand every block of them to whoever records.
 
-JSBSim --truth--> sensors --channels--> faults --> redundancy --voted--> control --surfaces--> faults --> JSBSim
+plant --truth--> sensors --channels--> faults --> redundancy --voted--> control --surfaces--> faults --> plant
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from rig.inertial import Inertial, sense
 from rig.kernels import bind, kernel
 from rig.pace import Pace
 from rig.pilot import Pilot
-from rig.plant.jsbsim import Plant
+from rig.plant.flown import plant
 from rig.redundancy import Redundancy, decide_row, refer_row
 from rig.scenario import Scenario
 from rig.sensors import Sensors, measure
@@ -41,7 +41,7 @@ class Rig:
         rate_hz, suite, frame = scenario.rate_hz, scenario.sensors, scenario.airframe
         ranges, channels = sensors.ranges(suite), sensors.channels(suite)
         self.pilot = Pilot(scenario.pilot, rate_hz)
-        self.plant = Plant(
+        self.plant = plant(
             frame,
             frame.point(scenario.flight_point),
             scenario.wind,

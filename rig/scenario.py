@@ -24,7 +24,7 @@ from rig.faults import Fault, check
 from rig.frame import MOST_FAULTS, SIGNALS
 from rig.inertial import Config as Inertial
 from rig.pilot import Config as Pilot
-from rig.plant.airframe import Config as Airframe
+from rig.plant.airframe import AirframeField
 from rig.plant.wind import Config as Wind
 from rig.plant.wind import Turbulence
 from rig.redundancy import Config as Redundancy
@@ -52,7 +52,7 @@ class Scenario(Settings):
     pilot: Pilot = Pilot()
     faults: list[Fault] = Field(default=[], max_length=MOST_FAULTS)
     control: Control = Control()
-    airframe: Airframe
+    airframe: AirframeField
     sensors: Suite  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
     inertial: Inertial
     redundancy: Redundancy
