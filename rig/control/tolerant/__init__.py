@@ -1,7 +1,7 @@
 """The fault-tolerant law's part beyond the plain law: a pitch angle that does not hang on its sensor.
 
     witness   one frame: estimate, judge the sensor, answer for it when it lies
-    estimate  the Kalman filter on pitch angle, gyro drift and path offset
+    (the Kalman filter itself: rig.inclination)
     judge     innovation tests, hand-back, arbitration by the path
     lie       what the sensor says of the true angle: effectiveness and offset
     record    parameters and state

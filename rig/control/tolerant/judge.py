@@ -15,7 +15,7 @@ import math
 from typing import Final
 
 from rig.control.tolerant import lie
-from rig.control.tolerant.estimate import forget
+from rig.inclination.estimate import forget
 from rig.frame import Trust
 from rig.kernels import kernel
 
@@ -30,22 +30,25 @@ _STRAY: Final = 3.0  # of ``near``, that one sample may be off while the sensor 
 
 
 @kernel
-def innovate(c, w, said):
+def innovate(c, w, said, pitch_rate, yaw_rate):
     """Innovation [rad] of what the sensor ``said`` and its sigma; c, w : a PARAM and a STATE record."""
-    timing, turning = w["rate"] * c["timing"], w["turning"] * c["turn_error"] * c["lag"]
-    w["innovation"] = said - w["theta"]
-    w["sigma"] = math.sqrt(w["p"][0, 0] + c["floor"] * c["floor"] + timing * timing + turning * turning)
+    e, dt = w["filter"], c["filter"]["dt"]
+    w["turning"] += min(dt / c["lag"], 1.0) * (abs(pitch_rate) + abs(yaw_rate) - w["turning"])
+    timing, turning = e["rate"] * c["timing"], w["turning"] * c["turn_error"] * c["lag"]
+    w["innovation"] = said - w["filter"]["theta"]
+    w["sigma"] = math.sqrt(e["p"][0, 0] + c["floor"] * c["floor"] + timing * timing + turning * turning)
 
 
 @kernel
 def judge(known, c, w, said, path):
     """Move ``trust``.  known : rates and bank are voted; said, path : what sensor and path say of theta [rad]."""
+    e, dt = w["filter"], c["filter"]["dt"]
     size = abs(w["innovation"]) / w["sigma"]
-    share = c["dt"] / (_ARBITER_S + c["dt"])
-    w["sensor_off_path"] += share * (path - w["path"] - said - w["sensor_off_path"])
-    w["theta_off_path"] += share * (path - w["path"] - w["theta"] - w["theta_off_path"])
+    share = dt / (_ARBITER_S + dt)
+    w["sensor_off_path"] += share * (path - e["path"] - said - w["sensor_off_path"])
+    w["theta_off_path"] += share * (path - e["path"] - e["theta"] - w["theta_off_path"])
     before = w["recent"]
-    w["recent"] += c["dt"] / (_RECENT_S + c["dt"]) * (w["innovation"] - w["recent"])
+    w["recent"] += dt / (_RECENT_S + dt) * (w["innovation"] - w["recent"])
     if w["trust"] == _CORRECTED:
         acquit(c, w, said)
     elif w["trust"] == _WITHDRAWN:
@@ -53,11 +56,11 @@ def judge(known, c, w, said, path):
         if w["agreed"] >= c["return_frames"]:
             w["trust"] = _TRUSTED
     elif not known:  # nobody can judge: go along with the sensor
-        w["over"], w["cusum"], w["theta"] = 0, 0.0, said
-        forget(w)
+        w["over"], w["cusum"], e["theta"] = 0, 0.0, said
+        forget(c["filter"], e, c["floor"])
     else:
         w["over"] = w["over"] + 1 if size > c["jump_sigma"] else 0
-        w["cusum"] = max(0.0, w["cusum"] + (size - c["ramp_sigma"]) * c["dt"])
+        w["cusum"] = max(0.0, w["cusum"] + (size - c["ramp_sigma"]) * dt)
         keep(c, w)
         if w["over"] >= c["persistence"] or w["cusum"] > c["ramp_s"]:
             convict(w, before)
@@ -70,9 +73,9 @@ def keep(c, w):
     if w["kept_s"] <= 0.0:
         for i in range(2):
             kept[1, i] = kept[0, i]
-        kept[0, 0], kept[0, 1] = w["drift"], w["path"]
+        kept[0, 0], kept[0, 1] = w["filter"]["drift"], w["filter"]["path"]
         w["kept_s"] = _KEEP_S
-    w["kept_s"] -= c["dt"]
+    w["kept_s"] -= c["filter"]["dt"]
 
 
 @kernel
@@ -80,8 +83,9 @@ def convict(w, before):
     """The sensor lies; ``before`` : its smoothed innovation before this frame, by which a jump is known."""
     new = abs(w["innovation"] - before)
     if new < _JUMP_SHARE * abs(w["innovation"]):
-        w["drift"], w["path"] = w["kept"][1, 0], w["kept"][1, 1]
-        w["p"][0, 0] += w["innovation"] * w["innovation"]
+        e = w["filter"]
+        e["drift"], e["path"] = w["kept"][1, 0], w["kept"][1, 1]
+        e["p"][0, 0] += w["innovation"] * w["innovation"]
     w["trust"], w["agreed"], w["over"], w["cusum"] = _CORRECTED, 0, 0, 0.0
     w["sensor_off_path"] = w["theta_off_path"] = 0.0
     w["recent"] = w["innovation"]
@@ -91,13 +95,14 @@ def convict(w, before):
 @kernel
 def acquit(c, w, said):
     """Hand back when the sensor has come back, or when the path speaks for it."""
-    margin = max(_ARBITER_LEAST_RAD, _ARBITER_SIGMA * math.sqrt(w["gust_variance"]))
+    e = w["filter"]
+    margin = max(_ARBITER_LEAST_RAD, _ARBITER_SIGMA * math.sqrt(e["gust_variance"]))
     near = abs(w["recent"]) < c["near"] and abs(w["innovation"]) < _STRAY * c["near"]
     w["agreed"] = w["agreed"] + 1 if near else 0
     if abs(w["theta_off_path"]) > abs(w["sensor_off_path"]) + margin:
         hand_back(c, w, said, _WITHDRAWN)
-        w["theta"], w["drift"] = said, 0.0
-        forget(w)
+        e["theta"], e["drift"] = said, 0.0
+        forget(c["filter"], e, c["floor"])
     elif w["agreed"] >= c["return_frames"]:
         hand_back(c, w, said, _TRUSTED)
 
@@ -105,6 +110,6 @@ def acquit(c, w, said):
 @kernel
 def hand_back(c, w, said, trust):
     """The law flies on the sensor again, faded from the estimate."""
-    w["fade"], w["fade_left"] = w["theta"] - said, c["fade_frames"]
+    w["fade"], w["fade_left"] = w["filter"]["theta"] - said, c["fade_frames"]
     w["trust"], w["agreed"], w["over"], w["cusum"] = trust, 0, 0, 0.0
     lie.clear(w)

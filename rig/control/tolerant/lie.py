@@ -50,7 +50,7 @@ def clear(w):
 @kernel
 def learn(c, w, said):
     """One frame of the least squares on what the sensor ``said`` [rad]; an old misfit opens them again."""
-    p, dt, theta = w["lie"], c["dt"], w["theta"]
+    p, dt, theta = w["lie"], c["filter"]["dt"], w["filter"]["theta"]
     off = said - w["effectiveness"] * theta - w["offset"]
     w["misfit"] += dt / (_MISFIT_S + dt) * (off - w["misfit"])
     if abs(w["misfit"]) > _SURE * c["floor"]:

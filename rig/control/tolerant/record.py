@@ -1,4 +1,4 @@
-"""What the estimate keeps: its fixed parameters and its state, one record each."""
+"""What the judgement keeps: its fixed parameters and its state, one record each."""
 
 from __future__ import annotations
 
@@ -6,17 +6,14 @@ from typing import Final
 
 import numpy as np
 
-from rig.inclination import VERTICAL
+from rig.inclination import estimate
 
 PARAM: Final = np.dtype(
     [
+        ("filter", estimate.PARAM),
         ("on", "i8"),  # whether the fault-tolerant law flies
-        ("dt", "f8"),
         ("lag", "f8"),  # s, of the estimate behind a trusted sensor
         ("sensor_variance", "f8"),  # rad^2 of one sample that gives this lag
-        ("rate_density", "f8"),  # process noise a second: rad^2, (rad/s)^2, rad^2
-        ("drift_density", "f8"),
-        ("path_density", "f8"),
         ("floor", "f8"),  # rad
         ("timing", "f8"),  # s
         ("turn_error", "f8"),
@@ -33,18 +30,8 @@ PARAM: Final = np.dtype(
 )
 STATE: Final = np.dtype(
     [
-        ("vertical", VERTICAL),
-        ("theta", "f8"),  # the estimate: pitch angle, drift of the pitch gyros, offset of the path's word
-        ("drift", "f8"),
-        ("path", "f8"),
-        ("p", "f8", (3, 3)),  # covariance of these three
-        ("rate", "f8"),  # of the pitch angle, last frame
+        ("filter", estimate.STATE),
         ("turning", "f8"),  # |q| + |r|, smoothed over the lag
-        ("heading", "f8"),  # last frame; NaN when unknown
-        ("yaw_drift", "f8"),
-        ("yaw_seconds", "f8"),  # for which it has been learned
-        ("gust_variance", "f8"),
-        ("path_seconds", "f8"),
         ("innovation", "f8"),  # sensor less estimate, before the sensor is used
         ("sigma", "f8"),
         ("recent", "f8"),  # the innovation, smoothed
@@ -61,7 +48,6 @@ STATE: Final = np.dtype(
         ("fade_left", "i8"),  # frames
         ("over", "i8"),  # frames running with too large an innovation
         ("agreed", "i8"),
-        ("gyros", "i8"),  # how many are in the vote, pitch and yaw
         ("trust", "i8"),  # frame.Trust
     ],
     align=True,

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from rig.control.tolerant.record import PARAM
+from rig.inclination.estimate import Noise, fill
 from rig.settings import Settings
 
 
@@ -27,21 +28,17 @@ class Config(Settings):
     innovation_floor_rad: float = Field(default=0.0005, gt=0.0)  # noise, quantum and scale of the vote
     timing_s: float = Field(default=0.005, ge=0.0)  # half a frame: channels do not sample at once
     turn_error: float = Field(default=0.001, ge=0.0)  # of the rate of turn: gyro scale, bank angle
-    rate_noise_rad_sqrt_s: float = Field(default=6.3e-5, gt=0.0)  # random walk of the integrated rates
-    drift_walk_rad_s_sqrt_s: float = Field(default=2e-6, ge=0.0)
-    path_walk_rad_sqrt_s: float = Field(default=3e-5, ge=0.0)
+    noise: Noise = Noise()
 
 
 def parameters(config: Config, on: bool, rate_hz: float) -> NDArray[Any]:
     """The PARAM record; ``on`` when the fault-tolerant law flies."""
     param = np.zeros(1, PARAM)
     row, dt = param[0], 1.0 / rate_hz
-    row["on"], row["dt"] = on, dt
-    row["rate_density"], row["drift_density"] = config.rate_noise_rad_sqrt_s**2, config.drift_walk_rad_s_sqrt_s**2
-    row["path_density"] = config.path_walk_rad_sqrt_s**2
-    row["lag"] = config.lag_s
+    row["on"], row["lag"] = on, config.lag_s
+    fill(row["filter"], config.noise, rate_hz)
     # The steady gain sqrt(rate_density dt / R) a frame is dt / lag for this R.
-    row["sensor_variance"] = row["rate_density"] * config.lag_s**2 / dt
+    row["sensor_variance"] = (config.noise.rate_noise_rad_sqrt_s * config.lag_s) ** 2 / dt
     row["floor"], row["timing"], row["turn_error"] = config.innovation_floor_rad, config.timing_s, config.turn_error
     row["jump_sigma"], row["persistence"] = config.jump_sigma, config.persistence
     row["ramp_sigma"], row["ramp_s"] = config.ramp_sigma, config.ramp_s
