@@ -91,7 +91,7 @@ class Control:
         return self.pressures, self.table, self.param, self.state, self.gain, witness
 
     def step(self, block: Block, k: int) -> None:
-        """Write source, command, surface, law, estimate, trust and lie of row ``k`` from its voted signals and demands."""
+        """Write what ``flying.fly`` writes of row ``k`` from its voted signals and demands."""
         fly(block, k, *self.arguments)
 
 

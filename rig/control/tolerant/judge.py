@@ -15,8 +15,8 @@ import math
 from typing import Final
 
 from rig.control.tolerant import lie
-from rig.inclination.estimate import forget
 from rig.frame import Trust
+from rig.inclination.estimate import forget
 from rig.kernels import kernel
 
 _TRUSTED, _CORRECTED, _WITHDRAWN = int(Trust.TRUSTED), int(Trust.CORRECTED), int(Trust.WITHDRAWN)
@@ -40,11 +40,14 @@ def innovate(c, w, said, pitch_rate, yaw_rate):
 
 
 @kernel
-def judge(known, c, w, said, path):
-    """Move ``trust``.  known : rates and bank are voted; said, path : what sensor and path say of theta [rad]."""
+def judge(known, heard, c, w, said, path):
+    """Move ``trust``.
+
+    known : rates and bank are voted; heard : all of the path is; said, path : what sensor and path say of theta [rad]
+    """
     e, dt = w["filter"], c["filter"]["dt"]
     size = abs(w["innovation"]) / w["sigma"]
-    share = dt / (_ARBITER_S + dt)
+    share = dt / (_ARBITER_S + dt) if heard else 0.0
     w["sensor_off_path"] += share * (path - e["path"] - said - w["sensor_off_path"])
     w["theta_off_path"] += share * (path - e["path"] - e["theta"] - w["theta_off_path"])
     before = w["recent"]

@@ -38,15 +38,15 @@ def testify(row, param, state, measured):
     learn_yaw_drift(known and source[_PSI] == _VOTED, of_filter, e, measured)
     predict(of_filter, e, measured, 8 * levels[_Q] + levels[_R])
     climb(measured, e["theta"], of_filter["dt"], e["vertical"])
-    path = path_pitch_angle(measured, e["vertical"])
+    path, heard = path_pitch_angle(measured, e["vertical"]), voted(source)
     if usable:
         innovate(c, w, said, measured[_Q], measured[_R])
-        judge(known, c, w, said, path)
+        judge(known, heard, c, w, said, path)
         if w["trust"] == _CORRECTED:
             lie.learn(c, w, said)
         elif w["over"] == 0:
             correct(e, said - e["theta"], 0.0, c["sensor_variance"])
-    if voted(source):
+    if heard:
         follow_path(of_filter, e, path)
     if usable:
         measured[_THETA] = answer(c, w, said)
