@@ -15,6 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
+from rig.catalogue.cli import faults_app
 from rig.errors import BadInput, RigError
 from rig.recorded.cli import vote
 
@@ -30,6 +31,7 @@ scenario_app = typer.Typer(help="Look at scenario files.", **PLAIN)
 aircraft_app = typer.Typer(help="Look at aircraft and design their control laws.", **PLAIN)
 app.add_typer(scenario_app, name="scenario")
 app.add_typer(aircraft_app, name="aircraft")
+app.add_typer(faults_app, name="faults")
 
 ScenarioName = Annotated[
     str | None, typer.Argument(help="A scenario file or the name of a bundled one.", show_default=False)

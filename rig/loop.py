@@ -63,7 +63,7 @@ class Rig:
         self.compute = bind(compute, new_block(1), 0, *self.arguments) if compiled else self._one_by_one
 
     def prepare(self, block: Block) -> None:
-        """What is drawn or planned a block at a time: stick and demands, sensor noise."""
+        """What is drawn or planned a block at a time: stick and demands, noise, chance."""
         self.pilot.prepare(block)
         self.sensors.prepare(block)
         self.inertial.prepare(block)

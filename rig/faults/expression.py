@@ -143,8 +143,9 @@ def _number(node: ast.expr) -> Steps:
 
 
 def _finite(node: ast.Constant) -> float:
-    if type(node.value) in (int, float) and abs(node.value) < 1e300:
-        return float(node.value)
+    value = node.value
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < 1e300:
+        return float(value)
     raise ValueError(f"{ast.unparse(node)!r} is no finite number")
 
 

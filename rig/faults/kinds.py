@@ -97,7 +97,9 @@ class Stuck(Ramped):
 
     sites = _WITH_SURFACE
     kind: Literal["stuck"]
-    value: float | None = quantity("signal", "where it sticks; not given: where it is (a surface: its true position)", None)
+    value: float | None = quantity(
+        "signal", "where it sticks; not given: where it is (a surface: its true position)", None
+    )
 
     @property
     def effect(self) -> Effect:
@@ -106,7 +108,7 @@ class Stuck(Ramped):
 
 
 class Noise(Ramped):
-    """y = x + std n, n white and normal, of its own on every channel. A worn bearing, a failing supply, interference."""
+    """y = x + std n, n white and normal, of its own on every channel. A worn bearing, a failing supply."""
 
     kind: Literal["noise"]
     std: float = quantity("signal", "standard deviation of what is added to each sample", gt=0)
@@ -124,7 +126,9 @@ class Oscillation(Ramped):
     kind: Literal["oscillation"]
     amplitude: float = quantity("signal", "A", gt=0)
     frequency_hz: float = quantity("Hz", "f", gt=0, le=500)
-    replacing: bool = quantity("", "it takes the place of the value, about the last one, instead of adding to it", False)
+    replacing: bool = quantity(
+        "", "it takes the place of the value, about the last one, instead of adding to it", False
+    )
 
     @property
     def effect(self) -> Effect:

@@ -57,7 +57,7 @@ def changed(act, x, other, drawn, target, kept, memory, frame, t, dt_s):
         return x * value
     if act == _NOISE:
         return x + value * drawn
-    if act == _OSCILLATE or act == _SWING:
+    if act in (_OSCILLATE, _SWING):
         swing = value * math.sin(_TURN * target["second"] * t)
         return swing + (x if act == _OSCILLATE else kept["held"])
     if act == _DELAY:

@@ -112,10 +112,12 @@ class PitotIcing(_Weather):
 
 
 class VaneIcing(_Weather):
-    """Vanes freeze together where they stand: two frozen alike outvote a third. Water in the housing that turns to ice."""
+    """Vanes freeze together where they stand: two frozen alike outvote a third. Water that turns to ice."""
 
     kind: Literal["vane_icing"]
-    vanes: list[Literal["angle_of_attack", "angle_of_sideslip"]] = quantity("", "which", ["angle_of_attack"], min_length=1)
+    vanes: list[Literal["angle_of_attack", "angle_of_sideslip"]] = quantity(
+        "", "which", ["angle_of_attack"], min_length=1
+    )
     channels: list[int] = quantity("", "counted from 1", [1, 2], min_length=1)
 
     @field_validator("vanes")
@@ -144,5 +146,3 @@ class VaneIcing(_Weather):
     def effect(self) -> Effect:
         """For the kernel."""
         return Effect(Act.HOLD)
-
-
