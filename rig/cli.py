@@ -18,6 +18,7 @@ import typer
 from rig.catalogue.cli import faults_app
 from rig.errors import BadInput, RigError
 from rig.recorded.cli import vote
+from rig.study.cli import study
 
 HELP = {"help_option_names": ["-h", "--help"]}
 PLAIN: dict[str, Any] = {
@@ -32,6 +33,7 @@ aircraft_app = typer.Typer(help="Look at aircraft and design their control laws.
 app.add_typer(scenario_app, name="scenario")
 app.add_typer(aircraft_app, name="aircraft")
 app.add_typer(faults_app, name="faults")
+app.add_typer(study, name="study")
 
 ScenarioName = Annotated[
     str | None, typer.Argument(help="A scenario file or the name of a bundled one.", show_default=False)

@@ -94,4 +94,4 @@ def test_the_resolved_scenario_can_be_flown(tmp_path: Path):
 
 def test_aircraft_are_listed_with_their_flight_points():
     found = json.loads(rig("aircraft", "list", "--json").stdout)
-    assert set(found) == {"f16", "b747", "b737"} and len(found["f16"]) >= 4
+    assert set(found) == {"f16", "b747", "b737", "b707"} and len(found["f16"]) >= 4

@@ -161,7 +161,7 @@ class Model(Settings):
         for name, rows, columns in (("A", n, n), ("B", n, m), ("C", p, n)):
             matrix = getattr(self, name)
             if len(matrix) != rows or any(len(row) != columns for row in matrix):
-                raise ValueError(f"{name} must have {rows} rows of {columns} numbers")
+                raise ValueError(f"matrix {name} must have {rows} rows of {columns} numbers")
         if len(self.initial) != n:
             raise ValueError(f"initial must have {n} numbers, one a state")
         for name, given in (("inputs", self.inputs), ("outputs", self.outputs)):

@@ -50,10 +50,10 @@ def filters(sigma_m_s: float, airspeed_m_s: float, dt_s: float) -> tuple[Matrix,
 def _discrete(a: Matrix, b: Matrix, dt_s: float) -> tuple[Matrix, Matrix]:
     """The exact step of dz/dt = a z + b n, and the Cholesky factor of the noise it gathers (Van Loan 1978)."""
     n = len(a)
-    step = np.asarray(expm(np.block([[-a, b @ b.T], [np.zeros((n, n)), a.T]]) * dt_s))
+    step = np.asarray(expm(np.block([[-a, b @ b.T], [np.zeros((n, n)), a.T]]) * dt_s), np.float64)
     f = step[n:, n:].T
     gathered = f @ step[:n, n:]
-    return f, np.linalg.cholesky(0.5 * (gathered + gathered.T))
+    return f, np.asarray(np.linalg.cholesky(0.5 * (gathered + gathered.T)), np.float64)
 
 
 @kernel

@@ -43,7 +43,7 @@ def discretise(a: Matrix, b: Matrix, lags_s: Matrix, dt_s: float) -> tuple[Matri
     chain = np.zeros((n + 2 * m, n + 2 * m))
     chain[:n, :n], chain[:n, n : n + m] = a, b
     chain[n : n + m, n:] = np.hstack([-np.diag(1.0 / lags_s), np.diag(1.0 / lags_s)])
-    step = np.asarray(expm(chain * dt_s))
+    step = np.asarray(expm(chain * dt_s), np.float64)
     return np.ascontiguousarray(step[: n + m, : n + m]), np.ascontiguousarray(step[: n + m, n + m :])
 
 
@@ -111,10 +111,14 @@ class LinearPlant:
         self._random = np.random.default_rng(self._seed)
         self._noise, self._drawn = np.zeros((_DRAWN, dryden.STATES)), _DRAWN
         self._raw = np.zeros(1, truth.RAW)
-        moved = (self._x, np.zeros_like(self._x), np.zeros(_S), self._place, self._f, self._g, self._param, self._raw)
-        seen = (self._x, self._place, self._blowing, self._outputs, self._rates, *np.zeros((2, len(OUTPUTS))))
-        self._of_move, self._of_evaluate = moved, (*seen, self._param, self._raw)
+        workspace, command, outputs = np.zeros_like(self._x), np.zeros(_S), np.zeros((2, len(OUTPUTS)))
+        x, place, param, raw = self._x, self._place, self._param, self._raw
+        moved: tuple[Any, ...] = (x, workspace, command, place, self._f, self._g, param, raw)
+        seen: tuple[Any, ...] = (x, place, self._blowing, self._outputs, self._rates, *outputs, param, raw)
+        self._of_move, self._of_evaluate, self._command = moved, seen, command
         self._move = bind(small_motion.move, *moved)
+        self._blow = bind(small_motion.blow, self._x, self._gust, self._jump)
+        self._stirred = bind(dryden.stir, self._z, self._noise, 0, *self._stir, self._gust)
         self._advance = bind(small_motion.advance, self._place, 0.5, self._raw)
         self._evaluate = bind(small_motion.evaluate, *self._of_evaluate)
         self._write_row = bind(truth.write_row, new_block(1), 0, self._raw, self._fixed)
@@ -128,7 +132,7 @@ class LinearPlant:
 
     def step(self, block: Block, k: int) -> None:
         """Give row k's ``actuator`` to the actuators and fly to the next frame."""
-        self._of_move[2][:] = block["actuator"][k]
+        self._command[:] = block["actuator"][k]
         self._move_air((int(block["frame"][k]) + 1) / self._rate_hz)
         half_s = 0.5 * float(self._param["dt"][0])
         for _ in self._steps:
@@ -152,11 +156,11 @@ class LinearPlant:
         change = now - self._blowing
         self._blowing[:] = now
         turned = np.array([c * change[0] + s * change[1], c * change[1] - s * change[0], change[2]])
-        small_motion.blow(self._x, turned, self._jump)
+        self._blow(self._x, turned, self._jump)
 
     def _draw(self) -> None:
         if self._drawn == _DRAWN:
             self._random.standard_normal(out=self._noise)
             self._drawn = 0
-        dryden.stir(self._z, self._noise, self._drawn, *self._stir, self._gust)
+        self._stirred(self._z, self._noise, self._drawn, *self._stir, self._gust)
         self._drawn += 1
