@@ -19,7 +19,7 @@ from rig.control.airdata import (
 from rig.control.laws import SLOWEST, clamp, move
 from rig.control.record import PATH, STICK
 from rig.control.select import DEGRADED, select
-from rig.control.tolerant.witness import testify
+from rig.control.tolerant.witness import vouch
 from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, INDEX, SURFACES, TWO_PI, Law, S
 from rig.kernels import kernel
 
@@ -62,7 +62,7 @@ def fly(block, k, pressures, table, param, state, gain, of_witness):
         degraded.substitute(row, param, state, gain)
     if complete(measured):
         if of_witness[0][0]["on"] != 0:
-            testify(row, of_witness[0], of_witness[1], measured)
+            vouch(row, of_witness[0], of_witness[1], measured)
         air_data(measured, command)
         fresh = s["started"] == 0 or law != s["law"]
         filter_slow(param, state, measured, command, s["started"] == 0)

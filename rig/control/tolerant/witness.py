@@ -21,7 +21,7 @@ _FIRST_THETA_RAD: Final = 0.001  # sigma of what the sensor says at the start
 
 
 @kernel
-def testify(row, param, state, measured):
+def vouch(row, param, state, measured):
     """Put the true pitch angle into ``measured`` when the sensor lies, and say what is thought of it in the row.
 
     row : a FRAME record, reads source and level; writes estimate, trust, lie
