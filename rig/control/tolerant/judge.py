@@ -1,7 +1,7 @@
 """Whether the sensor is trusted: two tests of its innovation, the way back, and the path as arbiter.
 
     jump   |e| > n sigma in ``persistence`` frames running
-    ramp   the CUSUM of |e| / sigma beyond ``ramp_sigma`` exceeds ``ramp_s`` [sigma seconds]: needs no jump
+    ramp   the CUSUM of |e| / sigma, at most n, beyond ``ramp_sigma`` exceeds ``ramp_s`` [sigma seconds]: needs no jump
     sigma^2 = P_theta + floor^2 + (theta' timing)^2 + (turning turn_error lag)^2
 
 A ramp has moved the estimate before it is seen, so drift and path offset go back to what they were before.
@@ -15,6 +15,7 @@ import math
 from typing import Final
 
 from rig.control.tolerant import lie
+from rig.control.tolerant.record import KEPT
 from rig.frame import Trust
 from rig.inclination.estimate import forget
 from rig.kernels import kernel
@@ -22,7 +23,8 @@ from rig.kernels import kernel
 _TRUSTED, _CORRECTED, _WITHDRAWN = int(Trust.TRUSTED), int(Trust.CORRECTED), int(Trust.WITHDRAWN)
 _RECENT_S: Final = 0.5
 _JUMP_SHARE: Final = 0.5  # of the innovation that must be new for a jump
-_KEEP_S: Final = 20.0
+_KNOWN_S: Final = 10.0  # after which drift and path offset are known well enough to go back to
+_KEEP_S: Final = 10.0
 _ARBITER_S: Final = 3.0  # the path's gusts are smoothed over this
 _ARBITER_SIGMA: Final = 4.0
 _ARBITER_LEAST_RAD: Final = 0.02
@@ -63,7 +65,7 @@ def judge(known, heard, c, w, said, path):
         forget(c["filter"], e, c["floor"])
     else:
         w["over"] = w["over"] + 1 if size > c["jump_sigma"] else 0
-        w["cusum"] = max(0.0, w["cusum"] + (size - c["ramp_sigma"]) * dt)
+        w["cusum"] = max(0.0, w["cusum"] + (min(size, c["jump_sigma"]) - c["ramp_sigma"]) * dt)
         keep(c, w)
         if w["over"] >= c["persistence"] or w["cusum"] > c["ramp_s"]:
             convict(w, before)
@@ -71,12 +73,15 @@ def judge(known, heard, c, w, said, path):
 
 @kernel
 def keep(c, w):
-    """Keep drift and path offset as they were before a ramp could have moved them."""
-    kept = w["kept"]
-    if w["kept_s"] <= 0.0:
-        for i in range(2):
-            kept[1, i] = kept[0, i]
-        kept[0, 0], kept[0, 1] = w["filter"]["drift"], w["filter"]["path"]
+    """Keep drift and path offset as they were before a ramp could have moved them; first they must be known."""
+    kept, e = w["kept"], w["filter"]
+    if e["frames"] * c["filter"]["dt"] < _KNOWN_S:
+        for i in range(KEPT):
+            kept[i, 0], kept[i, 1] = e["drift"], e["path"]
+    elif w["kept_s"] <= 0.0:
+        for i in range(KEPT - 1, 0, -1):
+            kept[i, 0], kept[i, 1] = kept[i - 1, 0], kept[i - 1, 1]
+        kept[0, 0], kept[0, 1] = e["drift"], e["path"]
         w["kept_s"] = _KEEP_S
     w["kept_s"] -= c["filter"]["dt"]
 
@@ -87,7 +92,7 @@ def convict(w, before):
     new = abs(w["innovation"] - before)
     if new < _JUMP_SHARE * abs(w["innovation"]):
         e = w["filter"]
-        e["drift"], e["path"] = w["kept"][1, 0], w["kept"][1, 1]
+        e["drift"], e["path"] = w["kept"][KEPT - 1, 0], w["kept"][KEPT - 1, 1]
         e["p"][0, 0] += w["innovation"] * w["innovation"]
     w["trust"], w["agreed"], w["over"], w["cusum"] = _CORRECTED, 0, 0, 0.0
     w["sensor_off_path"] = w["theta_off_path"] = 0.0

@@ -8,6 +8,7 @@ import numpy as np
 
 from rig.inclination import estimate
 
+KEPT: Final = 4
 PARAM: Final = np.dtype(
     [
         ("filter", estimate.PARAM),
@@ -38,7 +39,7 @@ STATE: Final = np.dtype(
         ("cusum", "f8"),  # sigma seconds
         ("sensor_off_path", "f8"),  # smoothed
         ("theta_off_path", "f8"),
-        ("kept", "f8", (2, 2)),  # drift and path of up to one and of up to two times KEEP_S ago
+        ("kept", "f8", (KEPT, 2)),  # drift and path as they were, every few seconds, the oldest last
         ("kept_s", "f8"),
         ("effectiveness", "f8"),
         ("offset", "f8"),
