@@ -117,6 +117,12 @@ def test_the_sensor_is_trusted_again_when_it_has_come_back():
     assert np.abs(off(rows, flown())).max() < 0.003
 
 
+def test_a_small_fault_that_stays_is_not_taken_for_a_sensor_that_has_come_back():
+    rows = flown(fault("drift", rate_per_s=0.0003))
+    assert (rows["trust"][FAULT_FRAME + first(rows, Trust.CORRECTED) :] == Trust.CORRECTED).all()
+    assert np.abs(off(rows, flown())).max() < 0.005
+
+
 def test_the_correction_is_bounded():
     rows = flown(fault("offset", offset=0.1), "control.tolerant.max_correction_rad=0.02")
     assert rows["trust"][-1] == Trust.CORRECTED

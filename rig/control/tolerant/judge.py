@@ -28,6 +28,7 @@ _KEEP_S: Final = 10.0
 _ARBITER_S: Final = 3.0  # the path's gusts are smoothed over this
 _ARBITER_SIGMA: Final = 4.0
 _ARBITER_LEAST_RAD: Final = 0.02
+_RETURN_SHARE: Final = 0.5  # of the worst innovation, within which the sensor has come back
 _STRAY: Final = 3.0  # of ``near``, that one sample may be off while the sensor comes back
 
 
@@ -96,7 +97,7 @@ def convict(w, before):
         e["p"][0, 0] += w["innovation"] * w["innovation"]
     w["trust"], w["agreed"], w["over"], w["cusum"] = _CORRECTED, 0, 0, 0.0
     w["sensor_off_path"] = w["theta_off_path"] = 0.0
-    w["recent"] = w["innovation"]
+    w["recent"], w["worst"] = w["innovation"], abs(w["innovation"])
     lie.suspect(w)
 
 
@@ -105,8 +106,10 @@ def acquit(c, w, said):
     """Hand back when the sensor has come back, or when the path speaks for it."""
     e = w["filter"]
     margin = max(_ARBITER_LEAST_RAD, _ARBITER_SIGMA * math.sqrt(e["gust_variance"]))
-    near = abs(w["recent"]) < c["near"] and abs(w["innovation"]) < _STRAY * c["near"]
-    w["agreed"] = w["agreed"] + 1 if near else 0
+    w["worst"] = max(w["worst"], abs(w["recent"]))
+    near = min(c["near"], _RETURN_SHARE * w["worst"])  # a small fault that has not gone away is not a sensor come back
+    back = abs(w["recent"]) < near and abs(w["innovation"]) < _STRAY * c["near"]
+    w["agreed"] = w["agreed"] + 1 if back else 0
     if abs(w["theta_off_path"]) > abs(w["sensor_off_path"]) + margin:
         hand_back(c, w, said, _WITHDRAWN)
         e["theta"], e["drift"] = said, 0.0

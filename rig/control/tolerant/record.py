@@ -36,6 +36,7 @@ STATE: Final = np.dtype(
         ("innovation", "f8"),  # sensor less estimate, before the sensor is used
         ("sigma", "f8"),
         ("recent", "f8"),  # the innovation, smoothed
+        ("worst", "f8"),  # the largest of it since the sensor is not trusted
         ("cusum", "f8"),  # sigma seconds
         ("sensor_off_path", "f8"),  # smoothed
         ("theta_off_path", "f8"),
