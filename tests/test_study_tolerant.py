@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -47,9 +49,7 @@ def test_the_summary_takes_the_worst_and_an_exact_interval():
         return Flown(CASE, "F 0.5", "plain", peak, 0.0, 0.0, 1.0, None, survived)
 
     flown = [Flown(CASE, fault, law, 0.0, 0.0, 0.0, 1.0, 0.5, True) for fault in FAULTS for law in LAWS]
-    altitude = [
-        Flown(Case("f16", "altitude", "none", 0.0, 1), *(getattr(x, n) for n in Flown.__slots__[1:])) for x in flown
-    ]
+    altitude = [replace(x, case=Case("f16", "altitude", "none", 0.0, 1)) for x in flown]
     table = summarise([*flown, *altitude, one(0.3, False)])
     (found,) = [x for x in table if (x.hold, x.fault, x.law) == ("pitch", "F 0.5", "plain")]
     assert (found.flights, found.survived, found.pitch_peak_rad, found.detected) == (2, 1, 0.3, 1)
