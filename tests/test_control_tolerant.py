@@ -118,7 +118,7 @@ def test_the_sensor_is_trusted_again_when_it_has_come_back():
 
 
 def test_a_small_fault_that_stays_is_not_taken_for_a_sensor_that_has_come_back():
-    rows = flown(fault("drift", rate_per_s=0.0003))
+    rows = flown(fault("drift", rate_per_s=0.0005))
     assert (rows["trust"][FAULT_FRAME + first(rows, Trust.CORRECTED) :] == Trust.CORRECTED).all()
     assert np.abs(off(rows, flown())).max() < 0.005
 
