@@ -9,7 +9,21 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import DISCRETES, FRAME, SIGNALS, Block, End, Law, Pattern, Resolver, Source, State, new_block
+from rig.frame import (
+    DISCRETES,
+    FRAME,
+    SIGNALS,
+    Block,
+    End,
+    Law,
+    Lie,
+    Pattern,
+    Resolver,
+    Source,
+    State,
+    Trust,
+    new_block,
+)
 from rig.kernels import kernel
 
 
@@ -147,6 +161,23 @@ def _law(frame: int, old: int, new: int, row: Any) -> Event:
     return Event(frame, "info", "control law", f"{Law(old).name.lower()} to {Law(new).name.lower()}")
 
 
+def _trust(frame: int, old: int, new: int, row: Any) -> Event | None:
+    """What the fault-tolerant law flies its pitch angle on."""
+    if new == Trust.CORRECTED:
+        return Event(frame, "warning", "sensor corrected", "pitch_angle: control goes on with its estimate")
+    if old == Trust.CORRECTED:
+        why = "the sensor is back" if new == Trust.TRUSTED else "the path speaks for the sensor"
+        return Event(frame, "info", "sensor trusted", f"pitch_angle: {why}")
+    return None
+
+
+def _lie(frame: int, old: int, new: int, row: Any) -> Event | None:
+    if new in (Lie.NONE, Lie.UNDETERMINED):
+        return None
+    what = {Lie.EFFECTIVENESS: "its effectiveness", Lie.OFFSET: "an offset", Lie.BOTH: "effectiveness and offset"}
+    return Event(frame, "info", "sensor fault", f"pitch_angle: {what[Lie(new)]}")
+
+
 def _end(frame: int, old: int, new: int, row: Any) -> Event:
     return Event(frame, "error", "flight ends", End(new).label)
 
@@ -159,5 +190,7 @@ _DESCRIBE = {
     "reference_usable": _reference,
     "source": _source,
     "law": _law,
+    "trust": _trust,
+    "lie": _lie,
     "end": _end,
 }

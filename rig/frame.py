@@ -13,7 +13,7 @@ Order of writing in one frame (see loop.py):
     redundancy reference
     faults     reference, corrupted; acting
     redundancy voted, state, level, pattern, resolver, reference_usable, trend_*, discrete_*
-    control    source, law, command, surface, actuator
+    control    source, law, command, surface, actuator, estimate, trust, lie
     faults     actuator, corrupted: the surface commands that reach the actuators; acting
 
 SI units throughout; angles in rad, load factors in g (1), sticks normalised (-1 to 1).
@@ -120,6 +120,18 @@ COMMANDS: Final = (
     "equivalent_airspeed_m_s",
     "flight_path_angle_rad",
 )
+# What the fault-tolerant law holds of the pitch angle and of its sensor = effectiveness * angle + offset; logged.
+ESTIMATES: Final = (
+    "pitch_angle_rad",
+    "effectiveness",
+    "offset_rad",
+    "effectiveness_sigma",
+    "offset_sigma_rad",
+    "innovation_rad",  # sensor less estimate
+    "innovation_sigma_rad",
+    "pitch_rate_drift_rad_s",
+    "path_offset_rad",
+)
 # What the inertial unit says: one box of its own, no channel of any signal (references read it).
 INERTIAL: Final = (
     "roll_rate_rad_s",
@@ -224,6 +236,25 @@ class Law(IntEnum):
     BACKUP = 2
 
 
+class Trust(IntEnum):
+    """What the fault-tolerant law holds of the pitch-angle sensor."""
+
+    NONE = 0  # another law flies: nobody judges it
+    TRUSTED = 1
+    CORRECTED = 2  # it lies: the law flies on the estimate
+    WITHDRAWN = 3  # the estimate was wrong, not the sensor: the law flies on the sensor again
+
+
+class Lie(IntEnum):
+    """How a pitch-angle sensor that is not trusted is off, as far as the flight has told."""
+
+    NONE = 0
+    UNDETERMINED = 1
+    EFFECTIVENESS = 2
+    OFFSET = 3
+    BOTH = 4
+
+
 class End(IntEnum):
     """Why a flight ended; FLYING while it goes on."""
 
@@ -253,6 +284,7 @@ FRAME: Final = np.dtype(
         ("voted", "f8", (S,)),
         ("reference", "f8", (S,)),  # NaN where there is none
         ("command", "f8", (len(COMMANDS),)),
+        ("estimate", "f8", (len(ESTIMATES),)),  # zeros under another law than the fault-tolerant one
         ("surface", "f8", (len(SURFACES),)),
         ("actuator", "f8", (len(SURFACES),)),  # what reaches the actuators: surface, unless a fault is between
         ("trend_high", "u1", (S,)),
@@ -272,6 +304,8 @@ FRAME: Final = np.dtype(
         ("discrete_level", "u1", (D,)),
         ("acting", "u1", (MOST_FAULTS // 8,)),  # bit i % 8 of byte i // 8: fault i of the scenario acted
         ("law", "u1"),
+        ("trust", "u1"),
+        ("lie", "u1"),
         ("end", "u1"),
     ],
     align=True,

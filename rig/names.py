@@ -13,6 +13,7 @@ from typing import Final
 from rig.frame import (
     COMMANDS,
     DEMANDS,
+    ESTIMATES,
     FLIGHT,
     FRAME,
     INERTIAL,
@@ -20,10 +21,12 @@ from rig.frame import (
     End,
     Ilm,
     Law,
+    Lie,
     Pattern,
     Resolver,
     Source,
     State,
+    Trust,
 )
 
 # What the values of a u1 field mean.
@@ -35,6 +38,8 @@ ENUMS: Final[dict[str, type[IntEnum]]] = {
     "resolver": Resolver,
     "source": Source,
     "law": Law,
+    "trust": Trust,
+    "lie": Lie,
     "end": End,
 }
 FLAGS: Final = ("valid", "reference_usable")  # u1 fields that are 0 or 1
@@ -44,6 +49,7 @@ ELEMENTS: Final = {
     "demand": DEMANDS,
     "inertial": INERTIAL,
     "command": tuple(f"command_{name}" for name in COMMANDS),
+    "estimate": tuple(f"estimate_{name}" for name in ESTIMATES),
     "surface": tuple(f"surface_{name}" for name in SURFACES),
     "actuator": tuple(f"actuator_{name}" for name in SURFACES),
 }
@@ -57,7 +63,10 @@ _HOME: Final = {
     "command": "rig.Control",
     "surface": "rig.Control",
     "actuator": "rig.Control",
+    "estimate": "rig.Control",
     "law": "rig.Control",
+    "trust": "rig.Control",
+    "lie": "rig.Control",
 }
 
 

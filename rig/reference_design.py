@@ -45,6 +45,7 @@ _INERTIAL: Final = Config(
     angle_of_attack="none",
     angle_of_sideslip="none",
     dynamic_pressure="inertial",
+    pitch_angle="none",
 )
 _PARTNERS: Final = Config(
     pitch_rate="angle_of_attack",
@@ -54,6 +55,7 @@ _PARTNERS: Final = Config(
     angle_of_attack="load_factor",
     angle_of_sideslip="lateral_load_factor",
     dynamic_pressure="none",
+    pitch_angle="kinematic",
 )
 # The references that each filter serves: it is chosen for the least of their worst errors in thresholds.
 _SERVES: Final = {
@@ -180,6 +182,7 @@ def measure(tables: dict[str, Any], airframe: Airframe, flight_point: FlightPoin
     chosen: Errors = _join(inertial)
     for filter_name, signals in _SERVES.items():
         chosen |= {key: e for key, e in joined[best[filter_name]].items() if key[0] in signals}
+    chosen |= {key: e for key, e in joined[0].items() if key not in chosen}  # served by no filter
     filters = {filter_name: FILTERS_S[i] for filter_name, i in best.items()}
     return Measured(tried[0].model_copy(update=filters), chosen)
 

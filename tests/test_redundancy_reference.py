@@ -16,11 +16,11 @@ import pytest
 
 from rig import scenario
 from rig.frame import INDEX, INERTIAL, SIGNALS, Block, Resolver, State, new_block
+from rig.inclination.path import air_density
 from rig.loop import Rig, frames
 from rig.redundancy import measured_thresholds
 from rig.redundancy.config import parameters
 from rig.redundancy.designed import Designed, Error, Point
-from rig.redundancy.motion import air_density
 from rig.redundancy.reference import PARTNERS, Config, References, refer, remember, source
 from rig.sensors import channels, ranges
 

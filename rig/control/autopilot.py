@@ -21,6 +21,9 @@ from pydantic import Field
 from rig.control.flying import fly
 from rig.control.gains import COLUMNS, Gains
 from rig.control.record import ANGLE, PARAM, PATH, STATE, STICK
+from rig.control.tolerant.record import STATE as WITNESS
+from rig.control.tolerant.settings import Config as Tolerant
+from rig.control.tolerant.settings import parameters as witness_parameters
 from rig.frame import SURFACES, Block
 from rig.settings import Settings
 
@@ -31,7 +34,7 @@ _LATERAL: Final = {"stick": STICK, "roll": ANGLE, "heading": PATH}
 class Config(Settings):
     """The ``[control]`` table of a scenario: what the autopilot holds and how hard it may fly."""
 
-    law: Literal["autopilot"] = "autopilot"
+    law: Literal["autopilot", "fault-tolerant"] = "autopilot"  # the latter judges the pitch-angle sensor
     vertical: Literal["stick", "pitch", "altitude"] = "altitude"
     lateral: Literal["stick", "roll", "heading"] = "heading"
     speed: Literal["off", "airspeed"] = "airspeed"
@@ -50,6 +53,7 @@ class Config(Settings):
     learning_s: float = Field(default=60.0, gt=0.0)  # of what stand-ins for lost signals are wrong by
     backup_load_factor_change: float = Field(default=1.0, gt=0.0, le=3.0)  # by the back-up law, from a level turn
     backup_path_rad_s: float = Field(default=0.2, gt=0.0)  # bandwidth at which it holds altitude
+    tolerant: Tolerant = Tolerant()
 
 
 class Control:
@@ -58,7 +62,8 @@ class Control:
     config, gains   how to fly, and the aircraft's designed numbers
     rate_hz         frames per second
     surface_limits  (low, high) of each of ``frame.SURFACES``
-    ``state`` and ``param`` are plain record arrays; copying ``state`` copies the stage.
+    ``state`` and ``param`` are plain record arrays; copying ``state`` (and ``witness``, the fault-tolerant
+    law's) copies the stage.
     """
 
     def __init__(
@@ -68,21 +73,25 @@ class Control:
         self.pressures, self.table = gains.table()
         self.gain = np.zeros(len(COLUMNS))
         self.state: NDArray[Any] = np.zeros(1, STATE)
+        self.witness_param = witness_parameters(config.tolerant, config.law == "fault-tolerant", rate_hz)
+        self.witness: NDArray[Any] = np.zeros(1, WITNESS)
         self.reset(np.zeros(len(SURFACES)))
 
     def reset(self, trim_surfaces: ArrayLike) -> None:
         """Forget the flight; the first output will be ``trim_surfaces``, (4,) in the order of SURFACES."""
         self.state[:] = np.zeros(1, STATE)
+        self.witness[:] = np.zeros(1, WITNESS)
         self.state["measured"] = np.nan
         self.state["surface"] = np.clip(trim_surfaces, self.param["low"][0], self.param["high"][0])
 
     @property
     def arguments(self) -> tuple[Any, ...]:
         """What ``flying.fly`` needs besides the row."""
-        return self.pressures, self.table, self.param, self.state, self.gain
+        witness = (self.witness_param, self.witness)
+        return self.pressures, self.table, self.param, self.state, self.gain, witness
 
     def step(self, block: Block, k: int) -> None:
-        """Write source, command, surface and law of row ``k`` from its voted signals and demands."""
+        """Write what ``flying.fly`` writes of row ``k`` from its voted signals and demands."""
         fly(block, k, *self.arguments)
 
 

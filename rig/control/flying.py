@@ -19,6 +19,7 @@ from rig.control.airdata import (
 from rig.control.laws import SLOWEST, clamp, move
 from rig.control.record import PATH, STICK
 from rig.control.select import DEGRADED, select
+from rig.control.tolerant.witness import vouch
 from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, INDEX, SURFACES, TWO_PI, Law, S
 from rig.kernels import kernel
 
@@ -39,13 +40,15 @@ _ALPHA_APPROACH_1_S: Final = 2.0  # pitch rate allowed per angle left to the alp
 
 
 @kernel
-def fly(block, k, pressures, table, param, state, gain):
+def fly(block, k, pressures, table, param, state, gain, of_witness):
     """One frame of the control law on row ``k``.
 
     block : FRAME records, reads voted, level, reference, reference_usable, discrete_voted, demand;
-            writes source, command, surface, actuator (the same; faults may come between), law
+            writes source, command, surface, actuator (the same; faults may come between), law, estimate,
+            trust, lie
     pressures (P,), table (P, G) : gain schedule; gain (G,) : workspace
     param, state : one record of PARAM and of STATE; state in place
+    of_witness : the same of the fault-tolerant law, which judges the pitch angle before anyone reads it
     A signal that is not finite keeps its last value; before the first one the surfaces stay at trim.
     """
     row, s = block[k], state[0]
@@ -58,6 +61,8 @@ def fly(block, k, pressures, table, param, state, gain):
             laws.schedule(pressures, table, measured[_DYNAMIC], gain)
         degraded.substitute(row, param, state, gain)
     if complete(measured):
+        if of_witness[0][0]["on"] != 0:
+            vouch(row, of_witness[0], of_witness[1], measured)
         air_data(measured, command)
         fresh = s["started"] == 0 or law != s["law"]
         filter_slow(param, state, measured, command, s["started"] == 0)

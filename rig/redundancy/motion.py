@@ -14,10 +14,13 @@ import math
 from typing import Final
 
 from rig.frame import INDEX, INERTIAL
+from rig.inclination.estimate import begin, follow_path, learn_yaw_drift, predict
+from rig.inclination.path import climb, path_pitch_angle, pitch_on_path
 from rig.kernels import kernel
 from rig.redundancy.designed import COLUMNS
 
 _GRAVITY: Final = 9.80665  # m/s2
+_FIRST_PITCH_RAD: Final = 0.05  # sigma of level flight as a first guess
 _THINNEST: Final = 200.0  # Pa; divisions by dynamic pressure take at least this
 _Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
 _NX, _NY, _NZ = (INDEX[f"{axis}_load_factor"] for axis in ("longitudinal", "lateral", "normal"))
@@ -29,17 +32,6 @@ _LIFT_SLOPE, _ZERO_LIFT, _GAIN = (
 )
 _ELEVATOR_ARM, _SIDE_SLOPE = COLUMNS.index("elevator_arm_m"), COLUMNS.index("side_slope_1_pa")
 _ROLL_ARM, _YAW_ARM = COLUMNS.index("roll_arm_m"), COLUMNS.index("yaw_arm_m")
-
-
-@kernel
-def air_density(static_pressure):
-    """Density [kg/m3] of the International Standard Atmosphere where it has ``static_pressure`` [Pa].
-
-    T = 288.15 (p / 101325)^0.190263, not below 216.65 K;  rho = p / (287.05287 T)    (ISO 2533, up to 20 km)
-    """
-    pressure = max(static_pressure, 1000.0)
-    temperature = max(288.15 * math.pow(pressure / 101_325.0, 0.190263), 216.65)
-    return pressure / (287.05287 * temperature)
 
 
 @kernel
@@ -141,6 +133,25 @@ def lateral_by_turning(p, st):
     roll, pitch, yaw = voted[_P], voted[_Q], voted[_R]
     spin = pitch * (roll * x + pitch * y + yaw * z) - y * (roll * roll + pitch * pitch + yaw * yaw)
     return (slope[_R] * x - slope[_P] * z + spin) / _GRAVITY
+
+
+@kernel
+def pitch_angle(p, st, known):
+    """Pitch angle by the filter of inclination/estimate.py, which never asks its sensor; NaN while a partner is lost.
+
+    It begins anew after a loss, at the angle of level flight, and keeps what it has learned of the gyros.
+    """
+    c, e, x = p["inclination"], st["inclination"], st["voted"]
+    if not known:
+        e["frames"], e["vertical"]["started"] = 0, 0
+        return math.nan
+    if e["frames"] == 0:
+        begin(c, e, pitch_on_path(0.0, x[_ALPHA], x[_BETA], x[_PHI]), _FIRST_PITCH_RAD)
+    learn_yaw_drift(True, c, e, x)
+    predict(c, e, x, st["gyros"])
+    climb(x, e["theta"], c["dt"], e["vertical"])
+    follow_path(c, e, path_pitch_angle(x, e["vertical"]))
+    return e["theta"] + c["dt"] * e["rate"]  # the votes are those of the last frame
 
 
 @kernel

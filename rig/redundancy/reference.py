@@ -19,6 +19,8 @@ from pydantic import Field
 
 from rig.angles import difference
 from rig.frame import INDEX, INERTIAL, SIGNALS, S
+from rig.inclination import estimate
+from rig.inclination.path import air_density
 from rig.kernels import kernel
 from rig.redundancy import motion
 from rig.redundancy.designed import COLUMNS, FILTERS, Designed
@@ -35,6 +37,7 @@ class Config(Settings):
     angle_of_attack: Literal["load_factor", "none"] = "load_factor"
     angle_of_sideslip: Literal["lateral_load_factor", "none"] = "lateral_load_factor"
     dynamic_pressure: Literal["inertial", "none"] = "inertial"
+    pitch_angle: Literal["kinematic", "none"] = "kinematic"
     inertial_lead_s: float = Field(default=0.015, ge=0)  # makes up for the unit's lag beyond that of the gyros
 
 
@@ -56,6 +59,7 @@ PARTNERS: Final[dict[tuple[str, str], tuple[str, ...]]] = {
     ("angle_of_attack", "load_factor"): ("normal_load_factor", "longitudinal_load_factor", *_TURNING, *_AIR),
     ("angle_of_sideslip", "lateral_load_factor"): ("lateral_load_factor", *_TURNING, "dynamic_pressure"),
     ("dynamic_pressure", "inertial"): ("static_pressure",),
+    ("pitch_angle", "kinematic"): estimate.PARTNERS,
 }
 
 PARAM: Final = np.dtype(
@@ -65,6 +69,7 @@ PARAM: Final = np.dtype(
         ("accelerometer", "f8", (3,)),  # m from the centre of gravity: forward, right, down
         ("source", "u1", (S,)),
         ("partners", "i8", (S,)),  # a bit for each signal that is read
+        ("inclination", estimate.PARAM),
         ("monitored", "u1"),  # whether the manager watches references at all
     ],
     align=True,
@@ -77,6 +82,8 @@ STATE: Final = np.dtype(
         ("rates", "f8", (3,)),  # of the inertial unit, last frame
         ("coefficient", "f8", (len(COLUMNS),)),
         ("alpha", "f8"),  # last reference of the angle of attack
+        ("inclination", estimate.STATE),  # that of the pitch angle
+        ("gyros", "i8"),  # channels in the votes of pitch and yaw rate
         ("lost", "i8"),  # a bit for each signal without a channel
         ("smoothing", "i8"),  # a bit for each signal whose filter has begun
         ("started", "u1"),
@@ -123,6 +130,7 @@ def source(config: Config, signal: str) -> str:
 def _parameters(config: Config, designed: Designed, rate_hz: float) -> NDArray[Any]:
     param = np.zeros(1, PARAM)
     row = param[0]
+    estimate.fill(row["inclination"], estimate.Noise(), rate_hz)
     row["rate_hz"], row["lead_frames"] = rate_hz, config.inertial_lead_s * rate_hz
     row["accelerometer"] = designed.accelerometer_x_m, designed.accelerometer_y_m, designed.accelerometer_z_m
     for s, signal in enumerate(SIGNALS):
@@ -159,6 +167,7 @@ def remember(block, k, pressures, table, param, state):
         else:
             st["voted"][s] = voted[s]
     st["lost"] = lost
+    st["gyros"] = 8 * level[_Q] + level[_R]
     if st["started"] == 0:
         st["started"] = 1
         for i in range(3):
@@ -176,7 +185,7 @@ def answer(row, pressures, table, param, state):
     voted, reference, c = st["voted"], row["reference"], st["coefficient"]
     look_up(pressures, table, voted[_DYNAMIC], c)
     follow_all(p, st)
-    density = motion.air_density(voted[_STATIC])
+    density = air_density(voted[_STATIC])
     speed = max(math.sqrt(2.0 * max(voted[_DYNAMIC], 0.0) / density), _SLOWEST)
     reference[_Q] = motion.pitch_rate(c, st, speed)
     reference[_P] = motion.roll_rate(st)
@@ -185,6 +194,8 @@ def answer(row, pressures, table, param, state):
     reference[_ALPHA] = motion.angle_of_attack(c, p, st, speed)
     reference[_BETA] = motion.angle_of_sideslip(c, p, st)
     reference[_DYNAMIC] = motion.dynamic_pressure(row["inertial"], density)
+    known = p["source"][_THETA] != _NO_SOURCE and (p["partners"][_THETA] & st["lost"]) == 0
+    reference[_THETA] = motion.pitch_angle(p, st, known)
     read_rates(row["inertial"], p, st, reference)
     steep = abs(voted[_THETA]) > _STEEPEST
     for s in range(S):

@@ -1,6 +1,7 @@
-"""Studies: published results computed again by the rig's own code.
+"""Studies: published results computed again by the rig's own code, and our answer to them.
 
 ding2015.py  the numbers of Ding, Xiao and Jiang 2015: gains, error system, honest experiment
 figures.py   its three figures, as one page and one picture
+tolerant.py  the fault-tolerant law against the plain one, flown
 cli.py       ``rig study``
 """

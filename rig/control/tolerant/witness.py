@@ -1,0 +1,84 @@
+"""One frame of the estimate: move it, judge the sensor by it, and answer for a sensor that lies."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from rig.control.tolerant import lie
+from rig.control.tolerant.judge import innovate, judge
+from rig.frame import INDEX, Source, Trust
+from rig.inclination.estimate import begin, correct, follow_path, learn_yaw_drift, predict
+from rig.inclination.path import PATH_SIGNALS, climb, path_pitch_angle
+from rig.kernels import kernel
+
+_Q, _R = INDEX["pitch_rate"], INDEX["yaw_rate"]
+_THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
+_PATH: Final = tuple(INDEX[name] for name in PATH_SIGNALS)
+_VOTED: Final = int(Source.VOTED)
+_NONE, _TRUSTED, _CORRECTED = int(Trust.NONE), int(Trust.TRUSTED), int(Trust.CORRECTED)
+_FIRST_THETA_RAD: Final = 0.001  # sigma of what the sensor says at the start
+
+
+@kernel
+def vouch(row, param, state, measured):
+    """Put the true pitch angle into ``measured`` when the sensor lies, and say what is thought of it in the row.
+
+    row : a FRAME record, reads source and level; writes estimate, trust, lie
+    measured : (S,) signals, all finite; param, state : one record of PARAM and of STATE; state in place
+    A healthy sensor is passed on bit for bit.
+    """
+    c, w, source, levels = param[0], state[0], row["source"], row["level"]
+    e, of_filter = w["filter"], c["filter"]
+    said, usable = measured[_THETA], source[_THETA] == _VOTED
+    if w["trust"] == _NONE:
+        begin(of_filter, e, said, _FIRST_THETA_RAD)
+        w["trust"], w["effectiveness"] = _TRUSTED, 1.0
+    known = source[_Q] == _VOTED and source[_R] == _VOTED and source[_PHI] == _VOTED
+    learn_yaw_drift(known and source[_PSI] == _VOTED, of_filter, e, measured)
+    predict(of_filter, e, measured, 8 * levels[_Q] + levels[_R])
+    climb(measured, e["theta"], of_filter["dt"], e["vertical"])
+    path, heard = path_pitch_angle(measured, e["vertical"]), voted(source)
+    if usable:
+        innovate(c, w, said, measured[_Q], measured[_R])
+        judge(known, heard, c, w, said, path)
+        if w["trust"] == _CORRECTED:
+            lie.learn(c, w, said)
+        elif w["over"] == 0:
+            correct(e, said - e["theta"], 0.0, c["sensor_variance"])
+    if heard:
+        follow_path(of_filter, e, path)
+    if usable:
+        measured[_THETA] = answer(c, w, said)
+    tell(row, w)
+
+
+@kernel
+def voted(source):
+    """Whether all that the path is made of comes from votes."""
+    lost = 0
+    for i in _PATH:
+        lost += 0 if source[i] == _VOTED else 1
+    return lost == 0
+
+
+@kernel
+def answer(c, w, said):
+    """The pitch angle that the law flies on: what the sensor ``said``, or the estimate within the bound."""
+    if w["trust"] == _CORRECTED or w["over"] > 0:
+        return said + min(max(w["filter"]["theta"] - said, -c["most"]), c["most"])
+    if w["fade_left"] > 0:
+        w["fade_left"] -= 1
+        return said + w["fade"] * w["fade_left"] / c["fade_frames"]
+    return said
+
+
+@kernel
+def tell(row, w):
+    """Write estimate, trust and lie of the row; in the order of frame.ESTIMATES."""
+    told, e, p = row["estimate"], w["filter"], w["lie"]
+    told[0], told[1], told[2] = e["theta"], w["effectiveness"], w["offset"]
+    told[3], told[4] = math.sqrt(max(p[0], 0.0)), math.sqrt(max(p[1], 0.0))
+    told[5], told[6] = w["innovation"], w["sigma"]
+    told[7], told[8] = e["drift"], e["path"]
+    row["trust"], row["lie"] = w["trust"], lie.name(w)

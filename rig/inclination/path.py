@@ -1,0 +1,103 @@
+"""The pitch angle without its sensor: from the body rates, and from the path of the aircraft through the air.
+
+Two laws of kinematics, exact and free of aerodynamic derivatives, that the control law and the redundancy
+manager share:
+
+    theta' = q cos phi - r sin phi                                  good at once, drifts with the gyros' bias
+    sin gamma = a sin theta - b cos theta                           good on average: a gust's alpha is its error
+    a = cos alpha cos beta,   b = sin beta sin phi + sin alpha cos beta cos phi,   sin gamma = climb rate / V
+
+Source: Etkin, Dynamics of Atmospheric Flight, on the Euler rates and on the flight path's direction.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from rig.frame import INDEX
+from rig.kernels import kernel
+
+GRAVITY: Final = 9.80665  # m/s2
+SLOWEST: Final = 30.0  # m/s; divisions by airspeed take at least this
+CROSSOVER_RAD_S: Final = 0.4  # of the climb rate: below it barometric, above it inertial
+VERTICAL: Final = np.dtype(
+    [
+        ("pressure", "f8"),  # Pa, of the last frame
+        ("barometric", "f8"),  # m, climbed since the start
+        ("altitude", "f8"),  # m, the estimate of it
+        ("climb", "f8"),  # m/s
+        ("acceleration_error", "f8"),  # m/s2
+        ("speed", "f8"),  # true airspeed, m/s
+        ("started", "i8"),
+    ],
+    align=True,
+)
+# What a pitch angle from the path is made of.
+PATH_SIGNALS: Final = (
+    *("angle_of_attack", "angle_of_sideslip", "roll_angle", "static_pressure", "dynamic_pressure"),
+    *("normal_load_factor", "lateral_load_factor", "longitudinal_load_factor"),
+)
+_N_Z, _N_Y, _N_X = (INDEX[f"{axis}_load_factor"] for axis in ("normal", "lateral", "longitudinal"))
+_ALPHA, _BETA, _PHI = INDEX["angle_of_attack"], INDEX["angle_of_sideslip"], INDEX["roll_angle"]
+_STATIC, _DYNAMIC = INDEX["static_pressure"], INDEX["dynamic_pressure"]
+
+
+@kernel
+def air_density(static_pressure):
+    """Density [kg/m3] of the International Standard Atmosphere where it has ``static_pressure`` [Pa].
+
+    T = 288.15 (p / 101325)^0.190263, not below 216.65 K;  rho = p / (287.05287 T)    (ISO 2533, up to 20 km)
+    """
+    pressure = max(static_pressure, 1000.0)
+    temperature = max(288.15 * math.pow(pressure / 101_325.0, 0.190263), 216.65)
+    return pressure / (287.05287 * temperature)
+
+
+@kernel
+def pitching(pitch_rate, yaw_rate, roll_angle):
+    """Rate of the pitch angle [rad/s] from body rates and bank."""
+    return pitch_rate * math.cos(roll_angle) - yaw_rate * math.sin(roll_angle)
+
+
+@kernel
+def pitch_on_path(sine, alpha, beta, roll_angle):
+    """Pitch angle [rad] at which the path climbs with ``sine``; the inverse of airdata.flight_path_angle."""
+    a = math.cos(alpha) * math.cos(beta)
+    b = math.sin(beta) * math.sin(roll_angle) + math.sin(alpha) * math.cos(beta) * math.cos(roll_angle)
+    size = max(math.sqrt(a * a + b * b), 0.1)
+    return math.asin(min(max(sine / size, -1.0), 1.0)) + math.atan2(b, a)
+
+
+@kernel
+def climb(x, theta, dt, v):
+    """One frame of the climb rate: a complementary filter of third order, all poles at ``CROSSOVER_RAD_S``.
+
+    Pressure altitude (p' = -rho g h') counts below it, the load factors above it; a constant accelerometer error
+    is estimated and taken off.  x : (S,) signals; theta : pitch angle [rad], for the direction of the load factors;
+    v : a VERTICAL record, in place
+    """
+    density = air_density(x[_STATIC])
+    v["speed"] = max(math.sqrt(2.0 * max(x[_DYNAMIC], 0.0) / density), SLOWEST)
+    if v["started"] == 0:
+        a = math.cos(x[_ALPHA]) * math.cos(x[_BETA])
+        b = math.sin(x[_BETA]) * math.sin(x[_PHI]) + math.sin(x[_ALPHA]) * math.cos(x[_BETA]) * math.cos(x[_PHI])
+        v["climb"] = v["speed"] * (a * math.sin(theta) - b * math.cos(theta))
+        v["pressure"], v["started"] = x[_STATIC], 1
+    v["barometric"] -= (x[_STATIC] - v["pressure"]) / (density * GRAVITY)
+    v["pressure"] = x[_STATIC]
+    level = x[_N_Z] * math.cos(x[_PHI]) - x[_N_Y] * math.sin(x[_PHI])
+    acceleration = GRAVITY * (level * math.cos(theta) + x[_N_X] * math.sin(theta) - 1.0)
+    off, rate, w = v["barometric"] - v["altitude"], v["climb"], CROSSOVER_RAD_S
+    v["acceleration_error"] += w * w * w * off * dt
+    v["climb"] += (acceleration + v["acceleration_error"] + 3.0 * w * w * off) * dt
+    v["altitude"] += (rate + 3.0 * w * off) * dt
+
+
+@kernel
+def path_pitch_angle(x, v):
+    """Pitch angle [rad] from climb rate, airspeed and the angles of the air flow; x, v as for ``climb``."""
+    sine = min(max(v["climb"] / v["speed"], -1.0), 1.0)
+    return pitch_on_path(sine, x[_ALPHA], x[_BETA], x[_PHI])

@@ -1,0 +1,209 @@
+"""The fault-tolerant law: what it passes on, what it finds, what it answers, and what it does not blame."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rig import scenario
+from rig.errors import BadInput
+from rig.events import EventFinder
+from rig.flight import labels
+from rig.frame import FLIGHT_INDEX, INDEX, Block, Lie, Trust
+from rig.loop import Rig, frames
+
+THETA = INDEX["pitch_angle"]
+FAULT_FRAME = 2000
+POINTS = {"b747": "35000ft_m084", "f16": "20000ft_m06"}
+
+
+def fault(kind: str, **keys: object) -> str:
+    told = {"kind": f'"{kind}"', "signal": '"pitch_angle"', "channels": [1, 2, 3, 4], "start_s": 20.0, **keys}
+    return "faults=[{" + ", ".join(f"{key} = {value}" for key, value in told.items()) + "}]"
+
+
+HALF = fault("scale", factor=0.5)
+
+
+@cache
+def flown(
+    *sets: str, aircraft: str = "f16", law: str = "fault-tolerant", seed: int = 1, seconds: float = 45.0
+) -> Block:
+    """A flight in moderate turbulence with a step of the held pitch angle and one back."""
+    steps = '{kind="step",axis="pitch_angle",start_s=10.0,amplitude=0.05},'
+    steps += '{kind="step",axis="pitch_angle",start_s=30.0,amplitude=-0.05}'
+    common = (f"aircraft={aircraft}", f"flight_point={POINTS[aircraft]}", f"duration_s={seconds}", "faults=[]")
+    common = (*common, f"pilot={{manoeuvres=[{steps}]}}", "control.vertical=pitch", "turbulence=moderate")
+    chosen = scenario.load(None, [*common, f"control.law={law}", *sets], seed)
+    return np.concatenate([rows.copy() for rows, _ in frames(Rig(chosen), chosen)])
+
+
+def off(rows: Block, healthy: Block) -> np.ndarray:
+    """Deviation of the true pitch angle that the fault made, from its onset."""
+    assert rows["end"][-1] == 0
+    return (rows["truth"][:, THETA] - healthy["truth"][:, THETA])[FAULT_FRAME:]
+
+
+def first(rows: Block, trust: Trust) -> int:
+    """Frames from the fault to the first with ``trust``."""
+    return int(np.flatnonzero(rows["trust"] == trust)[0]) - FAULT_FRAME
+
+
+@pytest.mark.parametrize("aircraft", POINTS)
+def test_without_a_fault_it_flies_as_the_plain_law_does_bit_for_bit(aircraft: str):
+    tolerant, plain = flown(aircraft=aircraft), flown(aircraft=aircraft, law="autopilot")
+    for field in ("truth", "voted", "command", "surface", "law"):
+        assert tolerant[field].tobytes() == plain[field].tobytes(), field
+    assert (tolerant["trust"] == Trust.TRUSTED).all() and (tolerant["lie"] == Lie.NONE).all()
+    assert (plain["trust"] == Trust.NONE).all() and not plain["estimate"].any()
+
+
+@pytest.mark.parametrize("aircraft", POINTS)
+@pytest.mark.parametrize(
+    "lie",
+    [
+        *(fault("scale", factor=factor) for factor in (0.2, 0.5, 0.8, 1.5)),
+        *(fault("offset", offset=offset) for offset in (0.05, -0.02)),
+    ],
+)
+def test_a_jump_is_found_in_two_frames_and_the_true_angle_hardly_moves(aircraft: str, lie: str):
+    rows = flown(lie, aircraft=aircraft)
+    moved = off(rows, flown(aircraft=aircraft))
+    assert 0 <= first(rows, Trust.CORRECTED) <= 2
+    assert np.abs(moved).max() < 0.003 and abs(moved[-1000:].mean()) < 0.003
+
+
+@pytest.mark.parametrize("aircraft", POINTS)
+@pytest.mark.parametrize(
+    "lie",
+    [
+        fault("scale", factor=0.5, ramp_s=10.0),
+        fault("drift", rate_per_s=0.005),
+        fault("scale", factor=1.5, ramp_s=10.0),
+    ],
+)
+def test_a_ramp_is_found_without_a_jump(aircraft: str, lie: str):
+    rows = flown(lie, aircraft=aircraft)
+    assert 0 < first(rows, Trust.CORRECTED) < 300
+    assert np.abs(off(rows, flown(aircraft=aircraft))).max() < 0.005
+
+
+def test_the_plain_law_holds_twice_the_angle():
+    moved = off(flown(HALF, law="autopilot"), flown(law="autopilot"))
+    assert moved[900] == pytest.approx(flown()["truth"][FAULT_FRAME, THETA], rel=0.1)
+
+
+def test_effectiveness_and_offset_are_told_apart_once_the_flight_pitches():
+    scaled, shifted = flown(HALF, aircraft="b747"), flown(fault("offset", offset=0.05), aircraft="b747")
+    before = slice(FAULT_FRAME + 10, 2900)
+    assert (scaled["lie"][before] == Lie.UNDETERMINED).all()
+    assert scaled["lie"][-1] == Lie.EFFECTIVENESS and shifted["lie"][-1] == Lie.OFFSET
+    assert scaled["estimate"][-1, 1] == pytest.approx(0.5, abs=0.1)
+    assert shifted["estimate"][-1, 2] == pytest.approx(0.05, abs=0.01)
+
+
+def test_the_sensor_is_trusted_again_when_it_has_come_back():
+    rows = flown(fault("offset", offset=0.05, end_s=25.0))
+    back = first(rows[FAULT_FRAME + 100 :], Trust.TRUSTED) + FAULT_FRAME + FAULT_FRAME + 100
+    assert 2500 + 450 < back < 2500 + 800
+    assert (rows["trust"][back:] == Trust.TRUSTED).all()
+    assert np.abs(off(rows, flown())).max() < 0.003
+
+
+def test_a_small_fault_that_stays_is_not_taken_for_a_sensor_that_has_come_back():
+    rows = flown(fault("drift", rate_per_s=0.0005))
+    assert (rows["trust"][FAULT_FRAME + first(rows, Trust.CORRECTED) :] == Trust.CORRECTED).all()
+    assert np.abs(off(rows, flown())).max() < 0.005
+
+
+def test_the_correction_is_bounded():
+    rows = flown(fault("offset", offset=0.1), "control.tolerant.max_correction_rad=0.02")
+    assert rows["trust"][-1] == Trust.CORRECTED
+    assert np.abs(off(rows, flown()))[500:900].min() > 0.07
+
+
+def test_gyros_that_lie_alike_are_not_blamed_on_the_sensor_for_long():
+    """The path speaks for the sensor; till then the aircraft holds."""
+    rows = flown(
+        HALF.replace("scale", "offset").replace("factor = 0.5", "offset = 0.05").replace("pitch_angle", "pitch_rate")
+    )
+    assert rows["end"][-1] == 0
+    corrected = np.flatnonzero(rows["trust"] == Trust.CORRECTED)
+    assert len(corrected) < 1000 and rows["trust"][-1] != Trust.CORRECTED
+
+
+@pytest.mark.parametrize("signal", ["angle_of_attack", "static_pressure", "dynamic_pressure", "normal_load_factor"])
+def test_other_sensors_that_lie_alike_do_not_trip_it(signal: str):
+    sizes = {"angle_of_attack": 0.05, "static_pressure": 500.0, "dynamic_pressure": 800.0, "normal_load_factor": 0.2}
+    lie = HALF.replace("scale", "offset").replace("factor = 0.5", f"offset = {sizes[signal]}")
+    rows = flown(lie.replace("pitch_angle", signal))
+    assert rows["end"][-1] == 0 and (rows["trust"] == Trust.TRUSTED).all()
+
+
+def test_channels_that_the_voter_fails_do_not_trip_it():
+    for signal in ("pitch_angle", "pitch_rate"):
+        lie = HALF.replace("scale", "hardover").replace(", factor = 0.5", "").replace("[1, 2, 3, 4]", "[1]")
+        rows = flown(lie.replace("pitch_angle", signal))
+        assert (rows["trust"] == Trust.TRUSTED).all(), signal
+
+
+def test_a_lost_sensor_is_left_to_the_rest_of_the_law():
+    rows = flown(HALF.replace("scale", "dropout").replace(", factor = 0.5", ""))
+    assert rows["end"][-1] == 0 and (rows["trust"] != Trust.CORRECTED).all()
+
+
+def test_the_events_say_what_was_found():
+    chosen = scenario.load("b747_pitch_sensor_half")
+    finder = EventFinder(labels(chosen))
+    events = [event for rows, _ in frames(Rig(chosen), chosen) for event in finder.find(rows)]
+    told = [event.name for event in events if event.name.startswith(("sensor", "fault"))]
+    assert told == ["fault on", "sensor corrected", "sensor fault"]
+    assert "its effectiveness" in next(event.text for event in events if event.name == "sensor fault")
+
+
+@pytest.mark.parametrize(("aircraft", "shift_m"), [("b747", -0.3), ("b747", 0.3), ("f16", 0.15), ("f16", 0.21)])
+def test_an_aircraft_that_is_not_as_designed_makes_no_difference(aircraft: str, shift_m: float):
+    """The centre of gravity elsewhere: the estimate has no model of the aircraft."""
+    sets = (f"airframe.cg_x_shift_m={shift_m}",)
+    moved = off(flown(HALF, *sets, aircraft=aircraft), flown(*sets, aircraft=aircraft))
+    assert np.abs(moved).max() < 0.003
+
+
+def test_settings_are_checked():
+    with pytest.raises(BadInput, match="jump_sigma"):
+        scenario.load(None, ["control.tolerant.jump_sigma=0"])
+    with pytest.raises(BadInput, match="law"):
+        scenario.load(None, ["control.law=ideal"])
+
+
+def test_altitude_is_held_through_the_fault():
+    sets = ("control.vertical=altitude", "pilot={manoeuvres=[]}")
+    rows, healthy = flown(HALF, *sets), flown(*sets)
+    lost = (healthy["flight"] - rows["flight"])[:, FLIGHT_INDEX["altitude_m"]]
+    assert np.abs(lost).max() < 2.0
+
+
+def digest() -> str:
+    """Of a short flight with a fault."""
+    rows = flown(fault("scale", factor=0.5).replace("20.0", "2.0"), seconds=4.0)
+    return hashlib.sha256(rows["estimate"].tobytes()).hexdigest()
+
+
+def test_compiled_and_interpreted_agree_bit_for_bit():
+    program = "import test_control_tolerant as t\nprint(t.digest())"
+    run = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=Path(__file__).parent,
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert run.stdout.strip() == digest()
