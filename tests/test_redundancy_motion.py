@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from rig.frame import INDEX, INERTIAL
+from rig.inclination.path import air_density
 from rig.redundancy import motion
 from rig.redundancy.designed import COLUMNS
 from rig.redundancy.reference import PARAM, STATE, look_up
@@ -181,7 +182,7 @@ def test_dynamic_pressure_takes_the_speed_in_space():
 
 @pytest.mark.parametrize(("pressure", "counted"), [(500.0, 1000.0), (1000.0, 1000.0), (1200.0, 1200.0)])
 def test_density_is_that_of_the_cold_stratosphere_and_at_least_of_ten_hectopascals(pressure: float, counted: float):
-    assert motion.air_density(pressure) == pytest.approx(counted / (287.05287 * 216.65))
+    assert air_density(pressure) == pytest.approx(counted / (287.05287 * 216.65))
 
 
 @pytest.mark.parametrize("points", [1, 2, 3, 4, 7])
