@@ -1,0 +1,110 @@
+"""The runs of a campaign: for each a number, a seed, what varies, and the scenario that is flown."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final
+
+from rig import aircraft
+from rig.campaign.config import Campaign
+from rig.campaign.sampling import Choice, choices, seed_of
+from rig.errors import BadInput
+from rig.scenario import Scenario, set_key
+from rig.settings import build
+
+CHECKED: Final = 5_000  # runs whose scenario is built before the first flight; beyond, one of each combination
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One flight of a campaign. ``data`` is its scenario's own table; the aircraft's tables come below it."""
+
+    number: int
+    choice: Choice
+    data: dict[str, Any]
+
+    def scenario(self, tables: dict[str, Any] | None = None) -> Scenario:
+        """The scenario that is flown; ``tables``: the aircraft's, when they have been read already."""
+        below = aircraft.tables(self.data.get("aircraft", "f16")) if tables is None else tables
+        return build(Scenario, aircraft.merge(below, self.data), f"run {self.number}")
+
+
+class Plan:
+    """A campaign's runs, each made when asked for."""
+
+    def __init__(self, campaign: Campaign, source: str) -> None:
+        """BadInput, naming ``source``: a ``[set]`` key that cannot be laid over the base."""
+        self.campaign = campaign
+        self.source = source
+        self._base = campaign.base
+        for key, value in campaign.set.items():
+            self._base = set_key(self._base, key, value, f"{source}: set")
+        self._cases = {
+            (group, case.name): (case.set, f"{source}: cases.{group}.{case.name}")
+            for group, cases in campaign.cases.items()
+            for case in cases
+        }
+
+    def __len__(self) -> int:
+        return len(self.choices)
+
+    @cached_property
+    def choices(self) -> list[Choice]:
+        """What each run varies."""
+        return choices(self.campaign)
+
+    def __getitem__(self, number: int) -> Run:
+        choice = self.choices[number]
+        data = self._base
+        for group in self.campaign.cases:
+            together, source = self._cases[group, choice[group]]
+            for key, value in together.items():
+                data = set_key(data, key, value, source)
+        for key, value in choice.items():
+            if key not in self.campaign.cases:
+                data = set_key(data, key, value, f"{self.source}: vary")
+        return Run(number, choice, {**data, "seed": seed_of(self.campaign, number)})
+
+    def check(self) -> None:
+        """Build the scenarios; BadInput names the file, the first bad run and its key."""
+        seen: set[str] = set()
+        tables: dict[str, dict[str, Any]] = {}
+        for number, choice in enumerate(self.choices):
+            combination = json.dumps([v for v in choice.values() if not isinstance(v, float)], default=str)
+            if number >= CHECKED and combination in seen:
+                continue
+            seen.add(combination)
+            self._check(self[number], tables)
+
+    def _check(self, run: Run, tables: dict[str, dict[str, Any]]) -> None:
+        name = run.data.get("aircraft", "f16")
+        try:
+            if not isinstance(name, str):
+                raise BadInput(f"aircraft: must be a name, got {name!r}")
+            if name not in tables:
+                tables[name] = aircraft.tables(name)
+            scenario = build(Scenario, aircraft.merge(tables[name], run.data), f"run {run.number}")
+            scenario.airframe.point(scenario.flight_point)
+        except BadInput as error:
+            said = str(error).removeprefix(f"run {run.number}: ")
+            raise BadInput(f"{self.source}: run {run.number}: {said}") from None
+
+    def identity(self) -> dict[str, Any]:
+        """All that decides the table: the campaign, and the tables of every aircraft in it."""
+        names = sorted({str(self[i].data.get("aircraft", "f16")) for i in self._firsts("aircraft")})
+        return {"campaign": self.campaign.what(), "aircraft": {name: _sha256(aircraft.tables(name)) for name in names}}
+
+    def _firsts(self, *_: str) -> list[int]:
+        """One run of every combination of cases and of what is no number."""
+        firsts: dict[str, int] = {}
+        for number, choice in enumerate(self.choices):
+            key = json.dumps([v for v in choice.values() if not isinstance(v, float)], default=str)
+            firsts.setdefault(key, number)
+        return list(firsts.values())
+
+
+def _sha256(data: Any) -> str:
+    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()

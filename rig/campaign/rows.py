@@ -1,0 +1,148 @@
+"""The rows of one run, from its flight and its score."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from rig.campaign.table import RESOLVERS, Row, Rows
+from rig.frame import INDEX, SIGNALS, Block, Pattern
+from rig.scenario import Scenario
+from rig.score import FaultScore, Score
+
+if TYPE_CHECKING:
+    from rig.campaign.flying import Flown
+
+__all__ = ["Rows", "alarm_rows", "fault_rows", "run_row"]
+_OUTCOMES: Final = ("detected", "missed", "undetectable", "not executed")
+# The number that says how large a fault is, by kind where a kind has one.
+_MAGNITUDES: Final = ("offset", "rate_per_s", "amplitude", "factor", "gain", "std", "noise_std", "delay_s", "period_s")
+
+
+def run_row(number: int, flown: Flown, scored: Score) -> Row:
+    """The row of table ``runs``."""
+    scenario, verdict = flown.scenario, flown.verdict
+    outcomes = [fault.outcome for fault in scored.faults]
+    return {
+        "run": number,
+        "seed": scenario.seed,
+        "aircraft": scenario.aircraft,
+        "flight_point": scenario.airframe.point(scenario.flight_point).name,
+        "manager": scenario.redundancy.manager,
+        "outcome": "flown",
+        "digest": verdict.digest,
+        "frames": verdict.frames,
+        "duration_s": verdict.frames / scenario.rate_hz,
+        "survived": verdict.survived,
+        "end_reason": flown.end_reason,
+        **{name: _number(value) for name, value in asdict(verdict.peaks).items()},
+        **{outcome.replace(" ", "_"): outcomes.count(outcome) for outcome in _OUTCOMES},
+        "false_alarms": len(scored.false_alarms),
+        "wrong_isolations": len(scored.wrong_isolations),
+        "channel_hours": channel_hours(scenario, verdict.frames),
+        "vote_above_threshold_s": float(sum(error["above_threshold_s"] for error in scored.vote_error.values())),
+        **_resolved(scored),
+        "coverage": json.dumps(scored.coverage, sort_keys=True),
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _resolved(scored: Score) -> Row:
+    row: Row = {"asked": scored.asked, "unresolved": scored.unresolved}
+    for name in RESOLVERS:
+        counts = scored.resolvers.get(name, {})
+        row |= {f"{name}_{what}": counts.get(what, 0) for what in ("answered", "right", "wrong")}
+    return row
+
+
+def channel_hours(scenario: Scenario, frames: int) -> float:
+    """Hours of fitted channels without a fault: each counts until the first fault that is to act on it."""
+    flown_s = frames / scenario.rate_hz
+    total_s = 0.0
+    for signal in SIGNALS:
+        for channel in range(1, getattr(scenario.sensors, signal.name).channels + 1):
+            starts = [f.start_s for f in scenario.faults if f.signal == signal.name and channel in f.channels]
+            total_s += min([flown_s, *starts])
+    return total_s / 3600.0
+
+
+def fault_rows(number: int, scenario: Scenario, rows: Block, scored: Score) -> list[Row]:
+    """The rows of table ``faults``: one a fault and channel."""
+    blamed = {alarm.signal for alarm in scored.wrong_isolations}
+    places = {fault.label: i for i, fault in enumerate(scenario.faults)}
+    return [_fault_row(number, scenario, rows, fault, blamed, places) for fault in scored.faults]
+
+
+def _fault_row(
+    number: int, scenario: Scenario, rows: Block, fault: FaultScore, blamed: set[str], places: dict[str, int]
+) -> Row:
+    period_s = 1.0 / scenario.rate_hz
+    time_s = lambda frame: None if frame is None else frame * period_s  # noqa: E731 # a frame's time, where there is one
+    place = places[fault.id]
+    right = "right" if fault.outcome == "detected" else "none"
+    return {
+        "run": number,
+        "fault": place,
+        "id": fault.id,
+        "signal": fault.signal,
+        "channel": fault.channel,
+        "kind": fault.kind,
+        "magnitude": magnitude(scenario.faults[place]),
+        "onset_s": time_s(fault.onset_frame),
+        "exceeded_s": time_s(fault.exceeded_frame),
+        "failed_s": time_s(fault.failed_frame),
+        "outcome": fault.outcome,
+        "delay_from_onset_s": time_s(fault.delay_from_onset_frames),
+        "delay_from_exceeded_s": time_s(fault.delay_from_exceeded_frames),
+        "isolation": "wrong" if fault.signal in blamed else right,
+        "resolver": fault.resolver,
+        "pattern": _pattern(rows, fault),
+    }
+
+
+def magnitude(fault: Any) -> float | None:
+    """How large a fault is, in the unit of its kind, without its sign; None for a kind without a size."""
+    for name in _MAGNITUDES:
+        value = getattr(fault, name, None)
+        if isinstance(value, (int, float)):
+            return abs(float(value))
+    return None
+
+
+def _pattern(rows: Block, fault: FaultScore) -> str | None:
+    """How the channels stood when the fault was decided upon: in the frame before its failure, else the worst."""
+    if fault.signal not in INDEX or fault.onset_frame is None:
+        return None
+    begin = fault.onset_frame - int(rows["frame"][0])
+    seen = rows["pattern"][begin:, INDEX[fault.signal]]
+    if not len(seen):
+        return None
+    if fault.failed_frame is not None:
+        return Pattern(int(seen[max(0, fault.failed_frame - fault.onset_frame - 1)])).label
+    singular = seen[(seen >= Pattern.P2_2) & (seen <= Pattern.P1_1)]
+    return Pattern(int(singular[0] if len(singular) else np.max(seen))).label
+
+
+def alarm_rows(number: int, scenario: Scenario, scored: Score) -> list[Row]:
+    """The rows of table ``alarms``: healthy channels that were failed."""
+    period_s = 1.0 / scenario.rate_hz
+    kinds = (("false alarm", scored.false_alarms), ("wrong isolation", scored.wrong_isolations))
+    return [
+        {
+            "run": number,
+            "kind": kind,
+            "signal": alarm.signal,
+            "channel": alarm.channel,
+            "time_s": alarm.frame * period_s,
+            "resolver": getattr(alarm, "resolver", None),
+        }
+        for kind, alarms in kinds
+        for alarm in alarms
+    ]
