@@ -1,0 +1,127 @@
+"""The clean channels: what the sensors said before any fault, computed again from the recorded truth.
+
+The sensors are deterministic in the scenario's seed, so what they give for the recorded truth is, bit for
+bit, what they gave in flight; the recorded channels less these are the injected errors.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.angles import difference, limit
+from rig.errors import BadInput
+from rig.frame import CHANNELS, FRAME, SIGNALS, Block, S, new_block
+from rig.kernels import kernel
+from rig.redundancy.compare import sort
+from rig.redundancy.vote import mean
+from rig.scenario import Scenario
+from rig.sensors import Sensors, measure
+
+ROWS: Final = 256  # of the clean block: half a megabyte, which stays in the cache
+_SAME: Final = -1
+
+
+class Clean(NamedTuple):
+    """``error`` (n, S, 4): the injected error, NaN where the sample is lost (no number, or flagged invalid),
+    0 where the channel is not fitted.  ``vote`` (n, S): the median of all clean channels of a signal.
+    """
+
+    error: NDArray[np.float64]
+    vote: NDArray[np.float64]
+
+
+def recompute(scenario: Scenario, rows: Block, params: NDArray[np.void]) -> Clean:
+    """Run the sensors over the recorded truth; ``params`` are the (S,) records of the manager.
+
+    BadInput when a channel differs before any fault has acted: then these are not the sensors that were flown.
+    """
+    sensors = Sensors(scenario.sensors, scenario.rate_hz, scenario.streams()["sensors"])
+    error = np.empty((len(rows), S, CHANNELS))
+    vote = np.empty((len(rows), S))
+    x, order = np.empty(CHANNELS), np.empty(CHANNELS, np.int64)
+    scratch, acted = new_block(min(ROWS, len(rows))), np.zeros(1, np.uint8)
+    for first in range(0, len(rows), ROWS):
+        part = slice(first, min(first + ROWS, len(rows)))
+        recorded, clean = rows[part], scratch[: part.stop - first]
+        _copy(recorded, clean)
+        sensors.prepare(clean)
+        at = measure_again(recorded, clean, sensors.arguments, params, acted, x, order, error[part], vote[part])
+        if at != _SAME:
+            _refuse(recorded["frame"][at // (S * CHANNELS)], at % (S * CHANNELS))
+    return Clean(error, vote)
+
+
+def _copy(rows: Block, out: Block) -> None:
+    out.view(np.uint8)[:] = rows.view(np.uint8)
+
+
+def _refuse(frame: int, place: int) -> None:
+    name = f"{SIGNALS[place // CHANNELS].name} channel {place % CHANNELS + 1}"
+    raise BadInput(
+        f"the sensors of this version do not give the recorded channels again: first {name} in frame {frame}; "
+        "the flight cannot be scored"
+    )
+
+
+def checked(rows: Block) -> Block:
+    """``rows`` in memory as FRAME lies; BadInput unless they are a flight from its first frame on."""
+    if len(rows) == 0 or rows["frame"][0] != 0:
+        raise BadInput("a flight is scored from its frame 0 on")
+    if rows.dtype == FRAME and rows.flags.c_contiguous and rows.flags.aligned and rows.flags.writeable:
+        return rows
+    whole: NDArray[Any] = np.zeros(len(rows), FRAME)
+    whole[:] = rows
+    return whole
+
+
+@kernel
+def measure_again(rows, clean, of_sensors, params, acted, x, order, error, vote):
+    """Fill the clean channels of ``clean`` and compare those of ``rows``, recorded, with them.
+
+    rows, clean : (n,) FRAME; of_sensors : what ``measure`` needs; params : (S,) config.PARAMS
+    acted : (1,) 1 once a fault has acted, in place; x, order : (4,), for sorting
+    error, vote : (n, S, 4) and (n, S), out, see Clean
+    Returns -1, or row * S * 4 + signal * 4 + channel of the first error that no fault can have made.
+    """
+    for k in range(len(rows)):
+        measure(clean, k, *of_sensors)
+        acting = rows[k]["acting"]
+        for i in range(len(acting)):
+            acted[0] |= acting[i]
+        for s in range(len(params)):
+            wraps = params[s]["wraps"]
+            for c in range(CHANNELS):
+                error[k, s, c] = injected(rows[k], clean[k], s, c, wraps) if c < params[s]["fitted"] else 0.0
+                if acted[0] == 0 and error[k, s, c] != 0.0:
+                    return (k * len(params) + s) * CHANNELS + c
+            vote[k, s] = middle(clean[k], s, params[s], x, order)
+    return _SAME
+
+
+@kernel
+def injected(row, clean, s, c, wraps):
+    """Recorded less clean sample; NaN for a sample that a fault has taken away."""
+    if row["valid"][s, c] == 0 and clean["valid"][s, c] != 0:
+        return np.nan
+    dirty, tidy = row["channels"][s, c], clean["channels"][s, c]
+    if dirty == tidy or tidy != tidy:
+        return 0.0
+    return difference(dirty, tidy, wraps)
+
+
+@kernel
+def middle(clean, s, p, x, order):
+    """The median of the fitted channels, the mean of the middle two when their number is even.
+
+    Angles are taken near to the truth.  NaN channels of a truth that is no number give NaN.
+    """
+    n, near = p["fitted"], clean["truth"][s]
+    for c in range(n):
+        sample = clean["channels"][s, c]
+        x[c] = near + difference(sample, near, 1) if p["wraps"] != 0 else sample
+        order[c] = c
+    sort(x, order, n)
+    return limit(mean(x[order[(n - 1) // 2]], x[order[n // 2]], 0.5), p["low"], p["high"], p["wraps"])

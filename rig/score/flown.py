@@ -1,0 +1,119 @@
+"""How the flight went, alone and against its fault-free twin."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig import loop
+from rig.errors import BadInput
+from rig.frame import FRAME, INDEX, Block, End
+from rig.scenario import Scenario
+from rig.score.record import Deviation, FaultScore, FlightScore, Transient, Transients, Yardstick
+from rig.score.votes import deviation
+
+_COMPARED: Final = [INDEX[name] for name in ("normal_load_factor", "pitch_rate", "pitch_angle", "roll_angle")]
+
+
+def fly_twin(scenario: Scenario, frames: int | None = None) -> Block:
+    """The same scenario and seed without its faults: its rows, no more than ``frames``."""
+    twin = scenario.model_copy(update={"faults": []})
+    return fly_rows(twin, frames)
+
+
+def fly_rows(scenario: Scenario, frames: int | None = None) -> Block:
+    """All rows of a flight in memory, no more than ``frames``; two kilobytes a frame."""
+    rows, flown = np.zeros(scenario.frames if frames is None else min(frames, scenario.frames), FRAME), 0
+    for block, _ in loop.frames(loop.Rig(scenario), scenario):
+        taken = block[: len(rows) - flown]
+        rows[flown : flown + len(taken)] = taken
+        flown += len(taken)
+        if flown == len(rows):
+            break
+    return rows[:flown]
+
+
+def flight_score(
+    scenario: Scenario, rows: Block, twin: Block | None, faults: Sequence[FaultScore], yardstick: Yardstick
+) -> FlightScore:
+    """The flight, its peaks, and its transients when there is a twin."""
+    end = End(int(rows["end"][-1]))
+    names = ("normal_load_factor", "pitch_rate", "pitch_angle", "roll_angle", "angle_of_attack")
+    low, high = (dict(zip(names, bound, strict=True)) for bound in _bounds(rows, [INDEX[name] for name in names]))
+    return FlightScore(
+        survived=end == End.FLYING,
+        end_reason=_reason(end, len(rows), scenario),
+        frames=len(rows),
+        duration_s=len(rows) / scenario.rate_hz,
+        load_factor_min=low["normal_load_factor"],
+        load_factor_max=high["normal_load_factor"],
+        pitch_rate_max_rad_s=max(-low["pitch_rate"], high["pitch_rate"]),
+        pitch_angle_min_rad=low["pitch_angle"],
+        pitch_angle_max_rad=high["pitch_angle"],
+        roll_angle_max_rad=max(-low["roll_angle"], high["roll_angle"]),
+        angle_of_attack_min_rad=low["angle_of_attack"],
+        angle_of_attack_max_rad=high["angle_of_attack"],
+        transients=None if twin is None else _transients(rows, twin, faults, yardstick, scenario.rate_hz),
+    )
+
+
+def _reason(end: End, frames: int, scenario: Scenario) -> str:
+    if end != End.FLYING:
+        return end.label
+    return "duration flown" if frames >= scenario.frames else "interrupted"
+
+
+def _bounds(rows: Block, columns: list[int]) -> tuple[list[float], list[float]]:
+    """Lowest and highest finite truth of each column; 0 when there is none."""
+    truth = rows["truth"][:, columns]
+    finite = np.isfinite(truth)
+    low = np.where(finite, truth, np.inf).min(axis=0)
+    high = np.where(finite, truth, -np.inf).max(axis=0)
+    some = finite.any(axis=0)
+    return np.where(some, low, 0.0).tolist(), np.where(some, high, 0.0).tolist()
+
+
+def _transients(
+    rows: Block, twin: Block, faults: Sequence[FaultScore], yardstick: Yardstick, rate_hz: float
+) -> Transients:
+    n = min(len(rows), len(twin))
+    if not (rows["frame"][:n] == twin["frame"][:n]).all():
+        raise BadInput("the twin's frames are not those of the flight")
+    truth, other = np.ascontiguousarray(rows["truth"][:n]), np.ascontiguousarray(twin["truth"][:n])
+    off = deviation(truth, other)[:, _COMPARED]
+    beyond = ~(off[:, :2] <= [yardstick.load_factor, yardstick.pitch_rate_rad_s]).all(axis=1)
+    window = round(yardstick.window_s * rate_hz)
+    lost = rows["end"][-1] != End.FLYING
+    windows = []
+    for onset, ids in _onsets(faults).items():
+        part = slice(onset, min(onset + window + 1, n))
+        ended = lost and len(rows) <= onset + window + 1
+        within = not beyond[part].any() and not ended
+        windows.append(Transient(ids, onset, max(part.stop - onset, 0), _peaks(off[part]), bool(within)))
+    differs = np.flatnonzero((truth != other).any(axis=1))
+    return Transients(
+        limits=yardstick.model_dump(),
+        windows=tuple(windows),
+        overall=_peaks(off),
+        out_of_limits_s=float(beyond.sum() / rate_hz),
+        within_limits=all(window.within_limits for window in windows),
+        first_difference_frame=int(differs[0]) if len(differs) else None,
+    )
+
+
+def _onsets(faults: Sequence[FaultScore]) -> dict[int, tuple[str, ...]]:
+    """The executed faults by the frame of their onset, in order of time."""
+    found: dict[int, list[str]] = {}
+    for fault in faults:
+        if fault.onset_frame is not None and fault.outcome != "not executed":
+            found.setdefault(fault.onset_frame, []).append(fault.id)
+    return {onset: tuple(dict.fromkeys(found[onset])) for onset in sorted(found)}
+
+
+def _peaks(off: NDArray[np.float64]) -> Deviation:
+    """Largest finite differences; 0 when there are none."""
+    finite = np.where(np.isfinite(off), off, 0.0)
+    return Deviation(*(finite.max(axis=0) if len(finite) else np.zeros(len(_COMPARED))).tolist())

@@ -1,0 +1,176 @@
+"""What a score says, as plain data.  Every definition stands in docs/score.md; frames count from 0."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from math import radians
+from typing import Any, Literal
+
+from pydantic import Field
+
+from rig.settings import Settings
+
+Outcome = Literal["detected", "missed", "undetectable", "not executed"]
+
+
+class Yardstick(Settings):
+    """What a failure transient may be: MIL-F-8785C, as commonly cited."""
+
+    load_factor: float = Field(default=0.5, gt=0)  # g, to both sides
+    pitch_rate_rad_s: float = Field(default=radians(10.0), gt=0)
+    window_s: float = Field(default=2.0, gt=0)  # after the onset
+
+
+@dataclass(frozen=True, slots=True)
+class FaultScore:
+    """One fault of the scenario on one channel; ``channel`` is None where it sits on no channel of a signal."""
+
+    id: str
+    signal: str
+    channel: int | None  # from 1
+    kind: str
+    onset_frame: int | None  # first frame in which it acted on a channel in use
+    exceeded_frame: int | None  # first frame in which it acted and its error was above the threshold
+    failed_frame: int | None  # first frame in which the channel was failed for it
+    outcome: Outcome
+    delay_from_onset_frames: int | None  # failed_frame - onset_frame
+    delay_from_exceeded_frames: int | None  # failed_frame - exceeded_frame; below 0 when failed before
+    resolver: str | None  # who failed it: comparison, or a resolver
+    peak_error: float | None  # largest injected error that is a number, unit of the signal
+    exceeded_run_frames: int  # longest run of frames above the threshold
+    tolerated: bool  # missed, and above the threshold for fewer frames in a row than the persistence
+    index: int  # of the fault in the scenario
+
+
+@dataclass(frozen=True, slots=True)
+class Isolation:
+    """A channel that was failed in a frame, and who did it."""
+
+    signal: str
+    channel: int
+    frame: int
+    resolver: str
+
+
+@dataclass(frozen=True, slots=True)
+class Episode:
+    """Frames in a row in which one signal had one pattern without a majority."""
+
+    signal: str
+    pattern: str
+    first_frame: int
+    frames: int
+    asked: tuple[str, ...]  # the resolvers that were asked in any of its frames
+    resolver: str  # whose answer stood in its last frame; unresolved when nobody's
+    failed: tuple[int, ...]  # channels that the resolver failed
+    verdict: Literal["right", "wrong", "open"]  # right: only faulty channels were failed; open: nobody was
+
+
+@dataclass(slots=True)
+class ResolverScore:
+    """How often a resolver was asked, answered to the end of an episode, and failed the right channels."""
+
+    asked: int = 0
+    answered: int = 0
+    right: int = 0
+    wrong: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class VoteError:
+    """The vote against the truth, and against the vote that healthy channels would have given; unit of the signal."""
+
+    peak: float
+    peak_frame: int | None
+    rms: float
+    above_threshold_s: float
+    above_threshold_after_onset_s: float  # counted from the first onset of any fault
+    clean_peak: float
+    clean_rms: float
+    clean_above_threshold_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Deviation:
+    """Largest differences of the truth from the fault-free twin's."""
+
+    load_factor: float
+    pitch_rate_rad_s: float
+    pitch_angle_rad: float
+    roll_angle_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Transient:
+    """What followed an onset within the yardstick's window."""
+
+    faults: tuple[str, ...]
+    onset_frame: int
+    frames: int  # of the window that were flown
+    peaks: Deviation
+    within_limits: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Transients:
+    """The flight against its fault-free twin."""
+
+    limits: dict[str, float]
+    windows: tuple[Transient, ...]
+    overall: Deviation
+    out_of_limits_s: float
+    within_limits: bool
+    first_difference_frame: int | None  # of the truth
+
+
+@dataclass(frozen=True, slots=True)
+class FlightScore:
+    """How the flight went; peaks of the truth."""
+
+    survived: bool
+    end_reason: str
+    frames: int
+    duration_s: float
+    load_factor_min: float
+    load_factor_max: float
+    pitch_rate_max_rad_s: float
+    pitch_angle_min_rad: float
+    pitch_angle_max_rad: float
+    roll_angle_max_rad: float
+    angle_of_attack_min_rad: float
+    angle_of_attack_max_rad: float
+    transients: Transients | None  # None without a twin
+
+
+@dataclass(frozen=True, slots=True)
+class Coverage:
+    """The states of one voter that were seen, and of how many; transitions are ``from>to``."""
+
+    patterns: tuple[str, ...]
+    patterns_possible: int
+    levels: tuple[int, ...]
+    levels_possible: int
+    pattern_transitions: tuple[str, ...]
+    pattern_transitions_possible: int
+    level_transitions: tuple[str, ...]
+    level_transitions_possible: int
+
+
+@dataclass(frozen=True)
+class Score:
+    """A flight against the truth."""
+
+    faults: list[FaultScore]
+    false_alarms: list[Isolation]
+    wrong_isolations: list[Isolation]
+    episodes: list[Episode]
+    resolvers: dict[str, ResolverScore]
+    resolvers_by_pattern: dict[str, dict[str, ResolverScore]]
+    unresolved: int  # episodes in whose last frame no resolver had an answer
+    vote_error: dict[str, VoteError]
+    flight: FlightScore
+    coverage: dict[str, Coverage]  # by signal, and "overall"
+
+    def as_dict(self) -> dict[str, Any]:
+        """The score as plain data, as ``rig score --json`` prints it."""
+        return asdict(self)

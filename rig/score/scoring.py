@@ -1,0 +1,59 @@
+"""The score of one flight: every part of it, from the rows that were flown."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig import sensors
+from rig.frame import Block
+from rig.redundancy import measured_thresholds
+from rig.redundancy.config import parameters
+from rig.scenario import Scenario
+from rig.score.clean import checked, recompute
+from rig.score.coverage import coverage
+from rig.score.episodes import by_pattern, episodes, tally
+from rig.score.flown import flight_score
+from rig.score.isolations import Failures, discrete_alarms
+from rig.score.outcomes import acts, outcomes, spoiling
+from rig.score.record import Score, Yardstick
+from rig.score.votes import vote_errors
+
+_YARDSTICK = Yardstick()
+
+
+def score(scenario: Scenario, rows: Block, twin: Block | None = None, yardstick: Yardstick = _YARDSTICK) -> Score:
+    """Score a flight of ``scenario`` against the truth in its ``rows`` (n,) of FRAME, from frame 0 on.
+
+    twin : rows of the same flight without faults (``fly_twin``); without it there are no transients
+    BadInput when these sensors cannot have given the rows.
+    """
+    rows = checked(rows)
+    params = monitor(scenario)
+    error, clean = recompute(scenario, rows, params)
+    acting = acts(rows, len(scenario.faults))
+    failures = Failures(rows, error, spoiling(acting, scenario.faults), params)
+    faults = outcomes(scenario.faults, rows, acting, error, params, failures)
+    found = episodes(rows, params, failures.all)
+    any_acted = np.flatnonzero(acting.any(axis=1))
+    onset = int(any_acted[0]) if len(any_acted) else None
+    return Score(
+        faults=faults,
+        false_alarms=failures.false_alarms + discrete_alarms(rows),
+        wrong_isolations=failures.wrong_isolations,
+        episodes=found,
+        resolvers=tally(found),
+        resolvers_by_pattern=by_pattern(found),
+        unresolved=sum(episode.resolver == "unresolved" for episode in found),
+        vote_error=vote_errors(rows, clean, params, onset, scenario.rate_hz),
+        flight=flight_score(scenario, rows, twin, faults, yardstick),
+        coverage=coverage(rows, params["fitted"]),
+    )
+
+
+def monitor(scenario: Scenario) -> NDArray[np.void]:
+    """The (S,) config.PARAMS records of the flight's manager."""
+    suite, config = scenario.sensors, scenario.redundancy
+    params = parameters(config.signals, sensors.ranges(suite), sensors.channels(suite), scenario.rate_hz)
+    measured_thresholds(params, config, scenario.references)
+    return params
