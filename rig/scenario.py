@@ -147,10 +147,16 @@ def from_resolved(data: dict[str, Any], source: str) -> Scenario:
 
 def _override(data: dict[str, Any], text: str) -> dict[str, Any]:
     """``data`` with one ``dotted.key=value`` set; a number in the key counts into a list from 0."""
+    key, value = parse_set(text)
+    return set_key(data, key, value, f"--set {text}")
+
+
+def parse_set(text: str) -> tuple[str, Any]:
+    """Key and value of ``dotted.key=value``."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise BadInput(f"--set {text}: must be key=value")
-    return set_key(data, key.strip(), _parse(value.strip()), f"--set {text}")
+    return key.strip(), _parse(value.strip())
 
 
 def set_key(data: dict[str, Any], key: str, value: Any, source: str) -> dict[str, Any]:

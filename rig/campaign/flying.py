@@ -6,15 +6,13 @@ tables of an aircraft and compiled kernels is kept from one flight to the next.
 
 from __future__ import annotations
 
-import json
 import math
 import signal
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -23,15 +21,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig import aircraft, loop
+from rig.campaign.identity import rig_identity
 from rig.campaign.plan import Run
-from rig.campaign.rows import Rows, alarm_rows, fault_rows, run_row
+from rig.campaign.rows import TABLES, Rows, alarm_rows, episode_rows, fault_rows, run_row
 from rig.errors import RigError
 from rig.events import Event, EventFinder
 from rig.flight import end_reason, labels, metadata
 from rig.frame import TIMING, Block, new_block
 from rig.log import LogWriter
 from rig.scenario import Scenario
-from rig.score import fly_twin, score
+from rig.score import Score, fly_twin, score
 from rig.verdict import Verdict
 
 Timing = NDArray[Any]
@@ -91,22 +90,30 @@ def fly_run(run: Run, orders: Orders) -> Rows:
         with _limit(orders.timeout_s):
             flown = fly(run.scenario(_tables(run.data.get("aircraft", "f16"))))
             scored = score(flown.scenario, flown.rows, fly_twin(flown.scenario) if orders.twin else None)
-            alarms = alarm_rows(run.number, flown.scenario, scored)
-            row = run_row(run.number, flown, scored)
-            faults = fault_rows(run.number, flown.scenario, flown.rows, scored)
-    except Exception as error:  # noqa: BLE001 # whatever a flight raises is its own failure, not the campaign's
+        rows = _rows(run.number, flown, scored)
+    except (Exception, SystemExit) as error:  # noqa: BLE001 # whatever a flight raises is its own failure
         said = " ".join(f"{type(error).__name__}: {error}".split())
         return not_flown(run, "failed", said)
-    if keeps(orders, run.number, failed=troubled(row)):
+    row = rows["runs"][0]
+    if keeps(orders, run.number, troubled(row)):
         write_log(flown, log_path(Path(orders.folder), run.number))
     row["wall_s"] = time.perf_counter() - began
-    return {"runs": [row], "faults": faults, "alarms": alarms}
+    return rows
+
+
+def _rows(number: int, flown: Flown, scored: Score) -> Rows:
+    return {
+        "runs": [run_row(number, flown, scored)],
+        "faults": fault_rows(number, flown.scenario, flown.rows, scored),
+        "alarms": alarm_rows(number, flown.scenario, scored),
+        "episodes": episode_rows(number, flown.scenario, scored),
+    }
 
 
 def not_flown(run: Run, outcome: str, reason: str) -> Rows:
     """The rows of a run that has no flight to show."""
     row = {"run": run.number, "seed": run.data["seed"], "outcome": outcome, "reason": reason}
-    return {"runs": [row], "faults": [], "alarms": []}
+    return {**{table: [] for table in TABLES}, "runs": [row]}
 
 
 def troubled(row: dict[str, Any]) -> bool:
@@ -114,11 +121,11 @@ def troubled(row: dict[str, Any]) -> bool:
     return not row["survived"] or any(row[name] for name in ("missed", "false_alarms", "wrong_isolations"))
 
 
-def keeps(orders: Orders, number: int, failed: bool) -> bool:
+def keeps(orders: Orders, number: int, in_trouble: bool) -> bool:
     """Whether the log of a run is kept; a sample is spread evenly over the campaign."""
     if orders.logs.startswith("sample:"):
         return number % math.ceil(orders.runs / int(orders.logs.partition(":")[2])) == 0
-    return orders.logs == "all" or (orders.logs == "failures" and failed)
+    return orders.logs == "all" or (orders.logs == "failures" and in_trouble)
 
 
 def log_path(folder: Path, number: int) -> Path:
@@ -170,12 +177,10 @@ def fly_batch(runs: Sequence[Run], orders: Orders) -> Rows:
 
 def joined(flown: Sequence[Rows]) -> Rows:
     """The rows of several runs, by table."""
-    return {table: [row for rows in flown for row in rows[table]] for table in ("runs", "faults", "alarms")}
+    return {table: [row for rows in flown for row in rows[table]] for table in TABLES}
 
 
 def check_rig(orders: Orders) -> None:
     """RigError when what flies here is not what the campaign is flown with."""
-    from rig.campaign.identity import rig_identity
-
     if rig_identity() != orders.rig:
         raise RigError("a worker flies another version of the rig than this one; install the same everywhere")

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from rig.campaign.table import RESOLVERS, Row, Rows
 from rig.frame import INDEX, SIGNALS, Block, Pattern
 from rig.scenario import Scenario
 from rig.score import FaultScore, Score
@@ -17,7 +16,9 @@ from rig.score import FaultScore, Score
 if TYPE_CHECKING:
     from rig.campaign.flying import Flown
 
-__all__ = ["Rows", "alarm_rows", "fault_rows", "run_row"]
+Row = dict[str, Any]
+Rows = dict[str, list[Row]]  # by table
+TABLES: Final = ("runs", "faults", "alarms", "episodes")  # columns: table.py
 _OUTCOMES: Final = ("detected", "missed", "undetectable", "not executed")
 # The number that says how large a fault is, by kind where a kind has one.
 _MAGNITUDES: Final = ("offset", "rate_per_s", "amplitude", "factor", "gain", "std", "noise_std", "delay_s", "period_s")
@@ -26,7 +27,7 @@ _MAGNITUDES: Final = ("offset", "rate_per_s", "amplitude", "factor", "gain", "st
 def run_row(number: int, flown: Flown, scored: Score) -> Row:
     """The row of table ``runs``."""
     scenario, verdict = flown.scenario, flown.verdict
-    outcomes = [fault.outcome for fault in scored.faults]
+    outcomes, transients = [fault.outcome for fault in scored.faults], scored.flight.transients
     return {
         "run": number,
         "seed": scenario.seed,
@@ -44,9 +45,10 @@ def run_row(number: int, flown: Flown, scored: Score) -> Row:
         "false_alarms": len(scored.false_alarms),
         "wrong_isolations": len(scored.wrong_isolations),
         "channel_hours": channel_hours(scenario, verdict.frames),
-        "vote_above_threshold_s": float(sum(error["above_threshold_s"] for error in scored.vote_error.values())),
-        **_resolved(scored),
-        "coverage": json.dumps(scored.coverage, sort_keys=True),
+        "vote_above_threshold_s": sum(error.above_threshold_s for error in scored.vote_error.values()),
+        "unresolved": scored.unresolved,
+        "out_of_limits_s": None if transients is None else transients.out_of_limits_s,
+        "coverage": _coverage(scored),
     }
 
 
@@ -54,12 +56,10 @@ def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _resolved(scored: Score) -> Row:
-    row: Row = {"asked": scored.asked, "unresolved": scored.unresolved}
-    for name in RESOLVERS:
-        counts = scored.resolvers.get(name, {})
-        row |= {f"{name}_{what}": counts.get(what, 0) for what in ("answered", "right", "wrong")}
-    return row
+def _coverage(scored: Score) -> str:
+    """As JSON, without the signals of which nothing but normal was seen."""
+    seen = {name: asdict(c) for name, c in scored.coverage.items() if len(c.patterns) > 1 or len(c.levels) > 1}
+    return json.dumps({**seen, "overall": asdict(scored.coverage["overall"])}, sort_keys=True)
 
 
 def channel_hours(scenario: Scenario, frames: int) -> float:
@@ -76,25 +76,21 @@ def channel_hours(scenario: Scenario, frames: int) -> float:
 def fault_rows(number: int, scenario: Scenario, rows: Block, scored: Score) -> list[Row]:
     """The rows of table ``faults``: one a fault and channel."""
     blamed = {alarm.signal for alarm in scored.wrong_isolations}
-    places = {fault.label: i for i, fault in enumerate(scenario.faults)}
-    return [_fault_row(number, scenario, rows, fault, blamed, places) for fault in scored.faults]
+    return [_fault_row(number, scenario, rows, fault, blamed) for fault in scored.faults]
 
 
-def _fault_row(
-    number: int, scenario: Scenario, rows: Block, fault: FaultScore, blamed: set[str], places: dict[str, int]
-) -> Row:
+def _fault_row(number: int, scenario: Scenario, rows: Block, fault: FaultScore, blamed: set[str]) -> Row:
     period_s = 1.0 / scenario.rate_hz
     time_s = lambda frame: None if frame is None else frame * period_s  # noqa: E731 # a frame's time, where there is one
-    place = places[fault.id]
     right = "right" if fault.outcome == "detected" else "none"
     return {
         "run": number,
-        "fault": place,
+        "fault": fault.index,
         "id": fault.id,
         "signal": fault.signal,
         "channel": fault.channel,
         "kind": fault.kind,
-        "magnitude": magnitude(scenario.faults[place]),
+        "magnitude": magnitude(scenario.faults[fault.index]),
         "onset_s": time_s(fault.onset_frame),
         "exceeded_s": time_s(fault.exceeded_frame),
         "failed_s": time_s(fault.failed_frame),
@@ -141,8 +137,26 @@ def alarm_rows(number: int, scenario: Scenario, scored: Score) -> list[Row]:
             "signal": alarm.signal,
             "channel": alarm.channel,
             "time_s": alarm.frame * period_s,
-            "resolver": getattr(alarm, "resolver", None),
+            "resolver": alarm.resolver,
         }
         for kind, alarms in kinds
         for alarm in alarms
+    ]
+
+
+def episode_rows(number: int, scenario: Scenario, scored: Score) -> list[Row]:
+    """The rows of table ``episodes``: stretches without a majority, who was asked and what came of it."""
+    return [
+        {
+            "run": number,
+            "signal": episode.signal,
+            "pattern": episode.pattern,
+            "begin_s": episode.first_frame / scenario.rate_hz,
+            "frames": episode.frames,
+            "asked": list(episode.asked),
+            "resolver": episode.resolver,
+            "failed": list(episode.failed),
+            "verdict": episode.verdict,
+        }
+        for episode in scored.episodes
     ]

@@ -1,8 +1,9 @@
 """The campaign's tables: their columns, reading them from a folder's parts, their hash.
 
-runs    one row a run
-faults  one row a fault and channel of a run
-alarms  one row a healthy channel that was failed in a run
+runs      one row a run
+faults    one row a fault and channel of a run
+alarms    one row a healthy channel that was failed in a run
+episodes  one row a stretch of a run in which a signal had one pattern without a majority
 """
 
 from __future__ import annotations
@@ -17,11 +18,9 @@ from typing import Any, Final
 import polars as pl
 
 from rig.campaign.plan import Plan
+from rig.campaign.rows import TABLES, Row
 from rig.verdict import Peaks
 
-Row = dict[str, Any]
-Rows = dict[str, list[Row]]  # by table
-RESOLVERS: Final = ("ilm", "trend", "reference", "extremes", "middle")
 WALL_CLOCK: Final = ("wall_s",)  # no part of what must be the same in every run of a campaign
 
 RUNS: Final[dict[str, Any]] = {
@@ -46,9 +45,8 @@ RUNS: Final[dict[str, Any]] = {
     "wrong_isolations": pl.Int64,
     "channel_hours": pl.Float64,
     "vote_above_threshold_s": pl.Float64,
-    "asked": pl.Int64,
-    "unresolved": pl.Int64,
-    **{f"{name}_{what}": pl.Int64 for name in RESOLVERS for what in ("answered", "right", "wrong")},
+    "unresolved": pl.Int64,  # episodes
+    "out_of_limits_s": pl.Float64,  # against the twin, where it was flown
     "coverage": pl.String,  # JSON
     "wall_s": pl.Float64,
 }
@@ -78,7 +76,24 @@ ALARMS: Final[dict[str, Any]] = {
     "time_s": pl.Float64,
     "resolver": pl.String,
 }
-TABLES: Final = {"runs": RUNS, "faults": FAULTS, "alarms": ALARMS}
+EPISODES: Final[dict[str, Any]] = {
+    "run": pl.Int64,
+    "signal": pl.String,
+    "pattern": pl.String,
+    "begin_s": pl.Float64,
+    "frames": pl.Int64,
+    "asked": pl.List(pl.String),
+    "resolver": pl.String,  # whose answer stood at its end; unresolved when nobody's
+    "failed": pl.List(pl.Int64),
+    "verdict": pl.String,  # right, wrong, open
+}
+COLUMNS: Final = dict(zip(TABLES, (RUNS, FAULTS, ALARMS, EPISODES), strict=True))
+_ORDER: Final = {
+    "runs": ["run"],
+    "faults": ["run", "fault", "channel"],
+    "alarms": ["run", "time_s", "signal", "channel"],
+    "episodes": ["run", "begin_s", "signal"],
+}
 
 
 def varied_columns(plan: Plan) -> dict[str, Any]:
@@ -99,7 +114,7 @@ def _type(types: set[type]) -> Any:
 def schema(plan: Plan, table: str) -> dict[str, Any]:
     """Column names and types of one table; ``runs`` has what varies behind its number and seed."""
     if table != "runs":
-        return TABLES[table]
+        return COLUMNS[table]
     first = {"run": RUNS["run"], "seed": RUNS["seed"]}
     return {**first, **varied_columns(plan), **{k: v for k, v in RUNS.items() if k not in first}}
 
@@ -126,9 +141,8 @@ def read(folder: Path, table: str, parts: Iterable[str]) -> pl.DataFrame:
     """The named parts of one table, in the order of the runs."""
     frames = [pl.read_parquet(folder / table / f"{part}.parquet", hive_partitioning=False) for part in sorted(parts)]
     if not frames:
-        return pl.DataFrame(schema=TABLES[table])
-    order = {"runs": ["run"], "faults": ["run", "fault", "channel"], "alarms": ["run", "time_s", "signal", "channel"]}
-    return pl.concat(frames).sort(order[table], maintain_order=True)
+        return pl.DataFrame(schema=COLUMNS[table])
+    return pl.concat(frames).sort(_ORDER[table], maintain_order=True)
 
 
 def sha256(tables: dict[str, pl.DataFrame]) -> str:
