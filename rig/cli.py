@@ -18,6 +18,7 @@ import typer
 from rig.campaign.cli import app as campaign_app
 from rig.errors import BadInput, RigError
 from rig.recorded.cli import vote
+from rig.score.cli import score
 
 HELP = {"help_option_names": ["-h", "--help"]}
 PLAIN: dict[str, Any] = {
@@ -140,6 +141,7 @@ def signals(
 
 
 app.command()(vote)
+app.command()(score)
 
 
 @scenario_app.command("show")

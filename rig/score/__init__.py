@@ -1,7 +1,37 @@
-"""The score of a flight against the truth: what was detected, missed and wrong, and how the flight went."""
+"""The score of a flight against the truth: what was detected, missed and wrong, and how the flight went.
 
-from rig.score.flown import fly_rows, fly_twin
-from rig.score.record import FaultScore, Score, Yardstick
-from rig.score.scoring import score
+    clean -> outcomes, isolations -> episodes; votes; flown (against the twin); coverage  ->  scoring.score
 
-__all__ = ["FaultScore", "Score", "Yardstick", "fly_rows", "fly_twin", "score"]
+docs/score.md defines every number.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rig.score.flown import fly_rows, fly_twin
+    from rig.score.of_log import Scored, score_log
+    from rig.score.record import FaultScore, Score, Yardstick
+    from rig.score.scoring import score
+
+__all__ = ["FaultScore", "Score", "Scored", "Yardstick", "fly_rows", "fly_twin", "score", "score_log"]
+_HOME = {
+    "FaultScore": "record",
+    "Score": "record",
+    "Yardstick": "record",
+    "fly_rows": "flown",
+    "fly_twin": "flown",
+    "score": "scoring",
+    "Scored": "of_log",
+    "score_log": "of_log",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import on first use: the commands must not load numba before they need it."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'rig.score' has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"rig.score.{_HOME[name]}"), name)

@@ -8,7 +8,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig import loop
 from rig.errors import BadInput
 from rig.frame import FRAME, INDEX, Block, End
 from rig.scenario import Scenario
@@ -26,6 +25,8 @@ def fly_twin(scenario: Scenario, frames: int | None = None) -> Block:
 
 def fly_rows(scenario: Scenario, frames: int | None = None) -> Block:
     """All rows of a flight in memory, no more than ``frames``; two kilobytes a frame."""
+    from rig import loop  # a score without a twin needs no simulation
+
     rows, flown = np.zeros(scenario.frames if frames is None else min(frames, scenario.frames), FRAME), 0
     for block, _ in loop.frames(loop.Rig(scenario), scenario):
         taken = block[: len(rows) - flown]
@@ -80,18 +81,19 @@ def _transients(
     rows: Block, twin: Block, faults: Sequence[FaultScore], yardstick: Yardstick, rate_hz: float
 ) -> Transients:
     n = min(len(rows), len(twin))
-    if not (rows["frame"][:n] == twin["frame"][:n]).all():
+    if not np.array_equal(rows["frame"][:n], twin["frame"][:n]):
         raise BadInput("the twin's frames are not those of the flight")
     truth, other = np.ascontiguousarray(rows["truth"][:n]), np.ascontiguousarray(twin["truth"][:n])
     off = deviation(truth, other)[:, _COMPARED]
-    beyond = ~(off[:, :2] <= [yardstick.load_factor, yardstick.pitch_rate_rad_s]).all(axis=1)
+    limits = np.array([yardstick.load_factor, yardstick.pitch_rate_rad_s])
+    beyond = np.any(~(off[:, :2] <= limits), axis=1)
     window = round(yardstick.window_s * rate_hz)
     lost = rows["end"][-1] != End.FLYING
     windows = []
     for onset, ids in _onsets(faults).items():
         part = slice(onset, min(onset + window + 1, n))
         ended = lost and len(rows) <= onset + window + 1
-        within = not beyond[part].any() and not ended
+        within = not np.any(beyond[part]) and not ended
         windows.append(Transient(ids, onset, max(part.stop - onset, 0), _peaks(off[part]), bool(within)))
     differs = np.flatnonzero((truth != other).any(axis=1))
     return Transients(

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig.frame import CHANNELS, SIGNALS, Block, S, State
-from rig.score.isolations import Failures
-from rig.score.places import Place, channels_of, on_channels
+from rig.scenario import Scenario
+from rig.score.isolations import COMPARISON, Failures
+from rig.score.places import Place, channels_of, on_channels, references_of
 from rig.score.record import FaultScore, Outcome
+from rig.score.votes import difference
 
 Bools = NDArray[np.bool_]
 
@@ -26,24 +28,26 @@ def spoiling(acting: Bools, faults: Sequence[Any]) -> Bools:
     out = np.zeros((len(acting), S, CHANNELS), bool)
     for place in on_channels(faults):
         if place.spoils:
-            out[:, place.signal, place.channel] |= acting[:, place.index]
+            out[:, place.signal, place.channel] |= acting[:, place.number]
     return out
 
 
 def outcomes(
-    faults: Sequence[Any],
+    scenario: Scenario,
     rows: Block,
     acting: Bools,
     error: NDArray[np.float64],
     params: NDArray[np.void],
     failures: Failures,
 ) -> list[FaultScore]:
-    """One entry for each fault and channel, then those that sit on no channel, in the order of the scenario."""
-    scored = [
-        _on_channel(place, rows, acting[:, place.index], error, params, failures) for place in on_channels(faults)
-    ]
-    elsewhere = [_elsewhere(i, fault, acting[:, i]) for i, fault in enumerate(faults) if not channels_of(fault)]
-    return sorted([*scored, *elsewhere], key=lambda entry: entry.index)
+    """One entry for each fault and channel, or for the fault where it sits on none, in the order of the scenario."""
+    faults = scenario.faults
+    scored = [_on_channel(p, rows, acting[:, p.number], error, params, failures) for p in on_channels(faults)]
+    for number, fault in enumerate(faults):
+        if not channels_of(fault):
+            read = references_of(fault, scenario.redundancy)
+            scored.append(_elsewhere(number, fault, read, rows, acting[:, number], params))
+    return sorted(scored, key=lambda entry: entry.index)
 
 
 def _on_channel(
@@ -58,72 +62,76 @@ def _on_channel(
     frames = np.flatnonzero(acted)
     before = rows["state"][np.maximum(frames - 1, 0), s, c]
     in_use = frames[(before != State.FAILED) | (frames == 0)]
-    if not len(in_use):
-        return _entry(place.index, place.fault, SIGNALS[s].name, c + 1, _first(frames), None, None, "not executed")
-    onset = int(in_use[0])
-    lasted = frames[frames >= onset]
-    errors = np.abs(error[lasted, s, c]) if place.spoils else np.zeros(len(lasted))
-    above = lasted[~(errors <= params[s]["threshold"])]
-    failed, resolver = failures.of(s, c, lasted) if place.spoils else (None, None)
-    outcome: Outcome = "undetectable" if not len(above) else "missed"
-    if failed is not None:
-        outcome = "detected"
-    run = longest_run(above)
-    finite = errors[np.isfinite(errors)]
-    return _entry(
-        place.index,
-        place.fault,
-        SIGNALS[s].name,
-        c + 1,
-        onset,
-        _first(above),
-        failed,
-        outcome,
-        resolver,
-        float(finite.max()) if len(finite) else None,
-        run,
-        outcome == "missed" and run < params[s]["persistence"],
-    )
+    frames = frames[frames >= in_use[0]] if len(in_use) else frames
+    errors = np.abs(error[frames, s, c]) if place.spoils else np.zeros(len(frames))
+    failed, resolver = failures.of(s, c, frames) if place.spoils and len(in_use) else (None, None)
+    name, threshold, persistence = SIGNALS[s].name, params[s]["threshold"], params[s]["persistence"]
+    found = _Found(place.number, place.fault, name, c + 1, frames, executed=len(in_use) > 0)
+    return found.entry(errors, errors > threshold, persistence, failed, resolver)
 
 
-def _elsewhere(index: int, fault: Any, acted: Bools) -> FaultScore:
-    """A fault on the inertial unit, a reference, a surface: no channel monitor can see it."""
-    onset = _first(np.flatnonzero(acted))
-    outcome: Outcome = "not executed" if onset is None else "undetectable"
-    return _entry(index, fault, fault.signal, None, onset, None, None, outcome)
-
-
-def _entry(
-    index: int,
-    fault: Any,
-    signal: str,
-    channel: int | None,
-    onset: int | None,
-    exceeded: int | None,
-    failed: int | None,
-    outcome: Outcome,
-    resolver: str | None = None,
-    peak_error: float | None = None,
-    run: int = 0,
-    tolerated: bool = False,
+def _elsewhere(
+    number: int, fault: Any, read: Sequence[int], rows: Block, acted: Bools, params: NDArray[np.void]
 ) -> FaultScore:
-    return FaultScore(
-        id=fault.label,
-        signal=signal,
-        channel=channel,
-        kind=fault.kind,
-        onset_frame=onset,
-        exceeded_frame=exceeded,
-        failed_frame=failed,
-        outcome=outcome,
-        delay_from_onset_frames=None if failed is None or onset is None else failed - onset,
-        delay_from_exceeded_frames=None if failed is None or exceeded is None else failed - exceeded,
-        resolver=resolver,
-        peak_error=peak_error,
-        exceeded_run_frames=run,
-        tolerated=bool(tolerated),
-        index=index,
-    )
+    """A fault on no channel: on a reference or the inertial unit the manager's monitor of references may see it."""
+    frames = np.flatnonzero(acted)
+    errors, above = np.zeros(len(frames)), np.zeros(len(frames), bool)
+    failed: list[int] = []
+    for s in read:
+        off = np.abs(difference(rows["reference"][frames, s], rows["truth"][frames, s], SIGNALS[s].wraps))
+        errors, above = np.maximum(errors, off), above | ~(off <= params[s]["reference_threshold"])
+        usable = rows["reference_usable"][:, s] != 0
+        gone = np.flatnonzero(usable[:-1] & ~usable[1:]) + 1
+        failed += gone[np.isin(gone, frames)].tolist()
+    found = _Found(number, fault, fault.signal, None, frames, executed=len(frames) > 0)
+    persistence = max((int(params[s]["persistence"]) for s in read), default=1)
+    at = min(failed, default=None)
+    return found.entry(errors, above, persistence, at, None if at is None else COMPARISON)
+
+
+class _Found(NamedTuple):
+    """A fault at one place; ``frames``: when it acted, from its onset."""
+
+    number: int
+    fault: Any
+    signal: str
+    channel: int | None
+    frames: NDArray[np.intp]
+    executed: bool
+
+    def entry(
+        self,
+        errors: NDArray[np.float64],
+        above: Bools,
+        persistence: int,
+        failed: int | None,
+        resolver: str | None,
+    ) -> FaultScore:
+        """The score; ``errors`` in ``frames``, NaN for a lost sample, and whether they were ``above`` the threshold."""
+        onset = _first(self.frames)
+        lost = np.isnan(errors)
+        beyond = self.frames[above | lost] if self.executed else self.frames[:0]
+        exceeded, run = _first(beyond), longest_run(beyond)
+        outcome: Outcome = "not executed"
+        if self.executed:
+            outcome = "detected" if failed is not None else "missed" if exceeded is not None else "undetectable"
+        return FaultScore(
+            id=self.fault.label,
+            signal=self.signal,
+            channel=self.channel,
+            kind=self.fault.kind,
+            onset_frame=onset,
+            exceeded_frame=exceeded,
+            failed_frame=failed,
+            outcome=outcome,
+            delay_from_onset_frames=None if failed is None or onset is None else failed - onset,
+            delay_from_exceeded_frames=None if failed is None or exceeded is None else failed - exceeded,
+            resolver=resolver,
+            peak_error=None if lost.all() else float(errors[~lost].max()),
+            exceeded_run_frames=run,
+            tolerated=outcome == "missed" and run < int(persistence),
+            index=self.number,
+        )
 
 
 def _first(frames: NDArray[np.intp]) -> int | None:

@@ -33,7 +33,7 @@ def score(scenario: Scenario, rows: Block, twin: Block | None = None, yardstick:
     error, clean = recompute(scenario, rows, params)
     acting = acts(rows, len(scenario.faults))
     failures = Failures(rows, error, spoiling(acting, scenario.faults), params)
-    faults = outcomes(scenario.faults, rows, acting, error, params, failures)
+    faults = outcomes(scenario, rows, acting, error, params, failures)
     found = episodes(rows, params, failures.all)
     any_acted = np.flatnonzero(acting.any(axis=1))
     onset = int(any_acted[0]) if len(any_acted) else None

@@ -48,10 +48,15 @@ def vote_errors(
 
 def deviation(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n, S) size of ``a - b``, angles the short way round; NaN where either is no number."""
+    return np.abs(difference(a, b, WRAPS))
+
+
+def difference(a: NDArray[np.float64], b: NDArray[np.float64], wraps: NDArray[np.bool_] | bool) -> NDArray[np.float64]:
+    """``a - b``, the short way round where the signal (last axis) ``wraps``; angles.difference for arrays."""
     with np.errstate(invalid="ignore"):
         off = a - b
-        off[:, WRAPS] = (off[:, WRAPS] + np.pi) % TWO_PI - np.pi
-    return np.abs(off)
+        off[..., wraps] = (off[..., wraps] + np.pi) % TWO_PI - np.pi
+    return off
 
 
 def _size(off: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:

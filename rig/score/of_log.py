@@ -1,0 +1,58 @@
+"""The score of a log: read, check that it is a whole flight of a scenario, fly its twin, score."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rig.errors import BadInput
+from rig.log import Log, read_log
+from rig.scenario import Scenario, from_resolved
+from rig.score.flown import fly_twin
+from rig.score.record import Score, Yardstick
+from rig.score.scoring import score
+
+
+class Scored(NamedTuple):
+    """A scored log; ``digest`` is that of the flight."""
+
+    log: Path
+    scenario: Scenario
+    digest: str
+    score: Score
+
+    def as_dict(self) -> dict[str, Any]:
+        """As ``rig score --json`` prints it."""
+        return {"log": str(self.log), "seed": self.scenario.seed, "digest": self.digest, **self.score.as_dict()}
+
+
+def score_log(path: Path, yardstick: Yardstick, twin: bool = True) -> Scored:
+    """Score the flight at ``path``; ``twin`` flies it again without its faults to compare with.
+
+    BadInput, one line, when it is no log of a flight, has no verdict, or was flown with other sensors.
+    """
+    log = read_log(path)
+    scenario, digest = _scenario(path, log), _digest(path, log)
+    try:
+        other = fly_twin(scenario, len(log.rows)) if twin else None
+        scored = score(scenario, log.rows, other, yardstick)
+    except BadInput as error:
+        raise BadInput(f"{path}: {error}") from None
+    return Scored(path, scenario, digest, scored)
+
+
+def _scenario(path: Path, log: Log) -> Scenario:
+    if "scenario" not in log.metadata:
+        raise BadInput(f"{path}: holds no scenario, so there is no truth to score against; only logs of rig fly do")
+    try:
+        resolved = json.loads(log.metadata["scenario"])
+    except ValueError:
+        raise BadInput(f"{path}: its scenario cannot be read") from None
+    return from_resolved(resolved, f"{path}: scenario")
+
+
+def _digest(path: Path, log: Log) -> str:
+    if log.result is None:
+        raise BadInput(f"{path}: the flight has no verdict (cut off, recovered or still being flown): not scored")
+    return log.result.get("digest", "")
