@@ -151,12 +151,22 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _refuse_other(path: Path, there: dict[str, Any], here: dict[str, Any]) -> None:
-    for part, called in (("campaign", "the campaign"), ("aircraft", "the aircraft"), ("rig", "the rig")):
-        was, now = dict(_flat(there.get(part))), dict(_flat(here[part]))
-        for key in sorted({*was, *now}):
-            if was.get(key, "nothing") != now.get(key, "nothing"):
-                differs = f"{key} was {_shown(was, key)}, is {_shown(now, key)}".strip()
-                raise BadInput(f"--out {path}: holds runs of another campaign: {called} differs: {differs}")
+    differs = difference(there, here)
+    if differs:
+        raise BadInput(f"--out {path}: holds runs of another campaign: {differs[0]}")
+
+
+def difference(was: dict[str, Any], now: dict[str, Any]) -> list[str]:
+    """What two identities differ in, a line each."""
+    before, after = dict(_flat(was)), dict(_flat(now))
+    return [
+        f"{key} was {_shown(before, key)}, is {_shown(after, key)}"
+        for key in sorted({*before, *after})
+        if before.get(key, _NOTHING) != after.get(key, _NOTHING)
+    ]
+
+
+_NOTHING: Final = object()
 
 
 def _shown(flat: dict[str, Any], key: str) -> str:
