@@ -117,5 +117,38 @@ def fly(
         raise typer.Exit(1)
 
 
+@app.command()
+def report(
+    folder: Dir,
+    out: Annotated[Path | None, typer.Option(help="The file to write.", show_default="DIR/report.html")] = None,
+    as_json: Json = False,
+) -> None:
+    """Write the report: one HTML file that opens offline; with --json its figures."""
+    from rig.campaign import show
+    from rig.campaign.folder import open_folder
+    from rig.campaign.report import report as write
+
+    target = out or folder / "report.html"
+    found = write(open_folder(folder), target)
+    if as_json:
+        _print({"report": str(target), **found})
+    else:
+        show.report(found, target)
+
+
+@app.command()
+def compare(first: Dir, second: Dir, as_json: Json = False) -> None:
+    """Two campaigns on the same seeds, run by run: exact paired tests (McNemar)."""
+    from rig.campaign import show
+    from rig.campaign.compare import compare as pair
+    from rig.campaign.folder import open_folder
+
+    found = pair(open_folder(first), open_folder(second))
+    if as_json:
+        _print(found)
+    else:
+        show.compare(found)
+
+
 def _print(data: Any) -> None:
     typer.echo(json.dumps(data, allow_nan=False))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, Final
 
 from rich.console import Console
@@ -107,3 +108,49 @@ def again(flown: Flight, number: int, same: bool | None) -> None:
     show_flight(flown)
     says = {None: "not in the table yet", True: "the same digest as in the table", False: "NOT the table's digest"}
     console().print(f"run      {number}: {says[same]}")
+
+
+def report(found: dict[str, Any], target: Path) -> None:
+    """The headline of a report, the resolvers, and where the rest is."""
+    screen, head = console(), found["headline"]
+    screen.print(f"[bold]{found['title']}[/bold]  {head['done']} of {found['runs']} runs")
+    for name in ("detection", "right_isolation", "wrong_isolation", "survival"):
+        screen.print(f"{name.replace('_', ' '):16} {_share(head[name])}")
+    alarms = head["false_alarms"]
+    if alarms["value"] is not None:
+        interval = f"{alarms['low']:.3g} to {alarms['high']:.3g}"
+        counted = f"{alarms['count']} in {alarms['of']:.4g} h"
+        screen.print(f"false alarms     {alarms['value']:.3g} a channel hour ({interval}), {counted}")
+    if found["resolvers"]:
+        table = Table("resolver", "pattern", "asked", "answered", "right", "wrong", "open", "right of decided", box=None)
+        for row in found["resolvers"]:
+            counts = (str(row[key]) for key in ("asked", "answered", "right", "wrong", "open"))
+            table.add_row(row["resolver"], row["pattern"], *counts, _share(row["right_share"]))
+        screen.print(table)
+    screen.print(f"report           {target}", soft_wrap=True)
+
+
+def _share(rate: dict[str, Any]) -> str:
+    if rate["value"] is None:
+        return "none"
+    return f"{rate['count']} of {rate['of']}: {rate['value']:.4f} ({rate['low']:.4f} to {rate['high']:.4f})"
+
+
+def compare(found: dict[str, Any]) -> None:
+    """Paired outcomes of two campaigns."""
+    screen = console()
+    screen.print(f"{found['runs']} runs and {found['faults']} faults that both flew; what differs:")
+    for line in found["differs"] or ["nothing"]:
+        screen.print(f"  {line}", soft_wrap=True)
+    table = Table("outcome", "first", "second", "only first", "only second", "p", box=None)
+    for row in found["outcomes"]:
+        pairs = row["pairs"]
+        table.add_row(
+            row["outcome"],
+            _share(row["first"]),
+            _share(row["second"]),
+            str(pairs["only_first"]),
+            str(pairs["only_second"]),
+            f"{pairs['p_value']:.3g}",
+        )
+    screen.print(table)
