@@ -11,8 +11,8 @@ import pickle
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
-from typing import Any, BinaryIO
+from collections.abc import Iterator, Sequence
+from typing import IO, Any
 
 from rig.campaign.flying import Orders, check_rig, fly_run, joined, not_flown
 from rig.campaign.plan import Run
@@ -67,10 +67,10 @@ def _child(runs: Sequence[Run], orders: Orders) -> tuple[list[Rows], int]:
     return flown, process.returncode
 
 
-def _messages(pipe: BinaryIO) -> Any:
+def _messages(pipe: IO[bytes]) -> Iterator[Any]:
     while True:
         try:
-            yield pickle.load(pipe)  # noqa: S301 # our own child
+            yield pickle.load(pipe)  # our own child
         except (EOFError, pickle.UnpicklingError):
             return
 
@@ -80,7 +80,7 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever a flight prints is no row
-    runs, orders = pickle.load(sys.stdin.buffer)  # noqa: S301 # our own parent
+    runs, orders = pickle.load(sys.stdin.buffer)  # our own parent
     _say(out, READY)
     try:
         for run in runs:
@@ -89,7 +89,7 @@ def main() -> None:
         _say(out, error)
 
 
-def _say(out: BinaryIO, message: Any) -> None:
+def _say(out: IO[bytes], message: Any) -> None:
     pickle.dump(message, out)
     out.flush()
 

@@ -53,7 +53,11 @@ def _paired(
     parts = []
     for folder in (first, second):
         rows = folder.tables[table]
-        rows = rows.filter(pl.col("outcome") == "flown") if table == "runs" else rows.filter(pl.col("channel").is_not_null())
+        rows = (
+            rows.filter(pl.col("outcome") == "flown")
+            if table == "runs"
+            else rows.filter(pl.col("channel").is_not_null())
+        )
         keep = [*on, "outcome", *(["seed"] if table == "runs" else [])]
         parts.append(rows.select(*keep, *named))
     return parts[0].join(parts[1], on=on, how="inner", suffix="_second")

@@ -59,7 +59,8 @@ class Distribution(Settings):
     def _known(self) -> Distribution:
         if self.low >= self.high:
             raise ValueError(f"low ({self.low:g}) must be below high ({self.high:g})")
-        if not isinstance(getattr(scipy.stats, self.distribution, None), scipy.stats.rv_continuous):
+        known = getattr(scipy.stats, self.distribution, None)
+        if known is None or not isinstance(known, scipy.stats.rv_continuous):
             raise ValueError(f"distribution: scipy.stats has no continuous distribution {self.distribution!r}")
         low, high = self.shares()
         if not low < high:
@@ -125,7 +126,8 @@ class Campaign(Settings):
     def _whole(self) -> Campaign:
         if self.sampling != "grid" and self.runs is None:
             raise ValueError(f"runs: how many, when sampling is {self.sampling!r}")
-        if any(key == "seed" for key in (*self.set, *self.vary)):
+        keys = [*self.set, *(key for key, _ in self.varied())]
+        if "seed" in (*keys, *(key for cases in self.cases.values() for case in cases for key in case.set)):
             raise ValueError("seed: each run has its own, from the campaign's seed and the run's number")
         names = [*self.vary, *self.cases, *{k for cases in self.cases.values() for case in cases for k in case.vary}]
         twice = sorted({name for name in names if names.count(name) > 1})

@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from rig.campaign.flying import Orders, keeps, log_path
 from rig.campaign.alone import fly_alone
+from rig.campaign.flying import Orders, keeps, log_path
 from rig.campaign.identity import rig_identity
 from rig.campaign.plan import Plan
 from rig.errors import RigError

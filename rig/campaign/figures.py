@@ -13,6 +13,7 @@ _COLOURS: Final = ("#2166ac", "#b2182b", "#4d9221", "#8073ac", "#e08214", "#3597
 _LAYOUT: Final[dict[str, Any]] = {
     "template": "plotly_white",
     "font": {"family": "system-ui, sans-serif", "size": 13},
+    "title": {"font": {"size": 15}},
     "margin": {"l": 10, "r": 10, "t": 40, "b": 10},
     "xaxis": {"automargin": True},
     "yaxis": {"automargin": True},
@@ -51,7 +52,7 @@ def _heat_map(signal: str, kind: str, rows: list[dict[str, Any]]) -> go.Figure:
             colorbar={"title": "detected", "thickness": 12},
         )
     )
-    figure.update_layout(**_LAYOUT, title=f"{kind} of {signal}", height=150 + 34 * len(places))
+    figure.update_layout(**_LAYOUT, title_text=f"{kind} of {signal}", height=150 + 34 * len(places))
     figure.update_xaxes(title=f"magnitude, {UNITS.get(kind, 'unit of the signal')}", type="category")
     figure.update_yaxes(type="category")
     return figure
@@ -61,7 +62,7 @@ def delay_curves(faults: pl.DataFrame) -> list[go.Figure]:
     """The share of detections that took no longer, by signal and kind, from either beginning."""
     detected = faults.filter(pl.col("outcome") == "detected")
     columns = {
-        "delay_from_exceeded_s": "from the moment the error left the threshold",
+        "delay_from_exceeded_s": "from leaving the threshold",
         "delay_from_onset_s": "from the onset",
     }
     return [_curves(detected, column, title) for column, title in columns.items() if len(detected)]
@@ -85,7 +86,7 @@ def _curves(detected: pl.DataFrame, column: str, title: str) -> go.Figure:
             hovertemplate="%{x:.2f} s: %{y:.3f}<extra>%{fullData.name}</extra>",
         )
     legend = {"orientation": "h", "yanchor": "top", "y": -0.25}
-    figure.update_layout(**_LAYOUT, title=f"Delay {title}", height=340, showlegend=True, legend=legend)
+    figure.update_layout(**_LAYOUT, title_text=f"Delay {title}", height=340, showlegend=True, legend=legend)
     figure.update_xaxes(title="delay, s", rangemode="tozero")
     figure.update_yaxes(title="share of detections", range=[0, 1.02])
     return figure

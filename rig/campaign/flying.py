@@ -88,7 +88,7 @@ def fly_run(run: Run, orders: Orders) -> Rows:
     began = time.perf_counter()
     try:
         with _limit(orders.timeout_s):
-            flown = fly(run.scenario(_tables(run.data.get("aircraft", "f16"))))
+            flown = fly(run.scenario(_tables(run.aircraft)))
             scored = score(flown.scenario, flown.rows, fly_twin(flown.scenario) if orders.twin else None)
         rows = _rows(run.number, flown, scored)
     except (Exception, SystemExit) as error:  # noqa: BLE001 # whatever a flight raises is its own failure

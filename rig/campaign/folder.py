@@ -99,7 +99,9 @@ class Folder:
             try:
                 found |= set(pl.read_parquet(path, columns=["run"])["run"].to_list())
             except (OSError, pl.exceptions.PolarsError) as error:
-                raise RigError(f"{path}: cannot be read: {' '.join(str(error).split())}; delete it to fly it again") from None
+                raise RigError(
+                    f"{path}: cannot be read: {' '.join(str(error).split())}; delete it to fly it again"
+                ) from None
         return found
 
     def write(self, rows: Rows) -> None:

@@ -24,5 +24,7 @@ def rig_identity() -> str:
         flies = name.parts[0] not in _BESIDE or name.parts[:2] in (("campaign", "flying.py"), ("campaign", "rows.py"))
         if flies and name.name not in _FILES:
             digest.update(f"{name}\0".encode() + path.read_bytes())
-    packages = ", ".join(f"{name} {versions()[f'version {name}']}" for name in ("jsbsim-rig", "jsbsim", "numpy", "numba"))
+    packages = ", ".join(
+        f"{name} {versions()[f'version {name}']}" for name in ("jsbsim-rig", "jsbsim", "numpy", "numba")
+    )
     return f"{packages}, sources {digest.hexdigest()[:16]}"

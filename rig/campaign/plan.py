@@ -26,9 +26,17 @@ class Run:
     choice: Choice
     data: dict[str, Any]
 
+    @property
+    def aircraft(self) -> str:
+        """The aircraft's name. BadInput when it is none."""
+        name = self.data.get("aircraft", "f16")
+        if not isinstance(name, str):
+            raise BadInput(f"run {self.number}: aircraft: must be a name, got {name!r}")
+        return name
+
     def scenario(self, tables: dict[str, Any] | None = None) -> Scenario:
         """The scenario that is flown; ``tables``: the aircraft's, when they have been read already."""
-        below = aircraft.tables(self.data.get("aircraft", "f16")) if tables is None else tables
+        below = aircraft.tables(self.aircraft) if tables is None else tables
         return build(Scenario, aircraft.merge(below, self.data), f"run {self.number}")
 
 
@@ -39,6 +47,7 @@ class Plan:
         """BadInput, naming ``source``: a ``[set]`` key that cannot be laid over the base."""
         self.campaign = campaign
         self.source = source
+        self._read: dict[str, dict[str, Any]] = {}  # tables of aircraft
         self._base = campaign.base
         for key, value in campaign.set.items():
             self._base = set_key(self._base, key, value, f"{source}: set")
@@ -70,39 +79,34 @@ class Plan:
 
     def check(self) -> None:
         """Build the scenarios; BadInput names the file, the first bad run and its key."""
-        seen: set[str] = set()
-        tables: dict[str, dict[str, Any]] = {}
-        for number, choice in enumerate(self.choices):
-            combination = json.dumps([v for v in choice.values() if not isinstance(v, float)], default=str)
-            if number >= CHECKED and combination in seen:
-                continue
-            seen.add(combination)
-            self._check(self[number], tables)
+        for number in sorted({*range(min(CHECKED, len(self))), *self._combinations}):
+            self._check(self[number])
 
-    def _check(self, run: Run, tables: dict[str, dict[str, Any]]) -> None:
-        name = run.data.get("aircraft", "f16")
+    def _check(self, run: Run) -> None:
         try:
-            if not isinstance(name, str):
-                raise BadInput(f"aircraft: must be a name, got {name!r}")
-            if name not in tables:
-                tables[name] = aircraft.tables(name)
-            scenario = build(Scenario, aircraft.merge(tables[name], run.data), f"run {run.number}")
+            scenario = run.scenario(self._tables(run.aircraft))
             scenario.airframe.point(scenario.flight_point)
         except BadInput as error:
             said = str(error).removeprefix(f"run {run.number}: ")
             raise BadInput(f"{self.source}: run {run.number}: {said}") from None
 
+    def _tables(self, name: str) -> dict[str, Any]:
+        if name not in self._read:
+            self._read[name] = aircraft.tables(name)
+        return self._read[name]
+
     def identity(self) -> dict[str, Any]:
         """All that decides the table: the campaign, and the tables of every aircraft in it."""
-        names = sorted({str(self[i].data.get("aircraft", "f16")) for i in self._firsts("aircraft")})
-        return {"campaign": self.campaign.what(), "aircraft": {name: _sha256(aircraft.tables(name)) for name in names}}
+        names = sorted({self[number].aircraft for number in self._combinations})
+        return {"campaign": self.campaign.what(), "aircraft": {name: _sha256(self._tables(name)) for name in names}}
 
-    def _firsts(self, *_: str) -> list[int]:
-        """One run of every combination of cases and of what is no number."""
+    @cached_property
+    def _combinations(self) -> list[int]:
+        """The first run of every combination of what varies by name."""
         firsts: dict[str, int] = {}
         for number, choice in enumerate(self.choices):
-            key = json.dumps([v for v in choice.values() if not isinstance(v, float)], default=str)
-            firsts.setdefault(key, number)
+            names = [value for value in choice.values() if not isinstance(value, float)]
+            firsts.setdefault(json.dumps(names, default=str), number)
         return list(firsts.values())
 
 

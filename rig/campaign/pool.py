@@ -77,7 +77,7 @@ class Local:
     def close(self, kill: bool = False) -> None:
         """End the workers."""
         if kill:
-            for process in list((self._executor._processes or {}).values()):  # noqa: SLF001 # it has no public way
+            for process in list((self._executor._processes or {}).values()):  # it has no public way
                 process.kill()
         self._executor.shutdown(wait=True, cancel_futures=True)
 
@@ -99,7 +99,8 @@ class Cluster:
                 self._client = Client(address, timeout=ANSWER_S, set_as_default=False)
         except (OSError, ValueError, RuntimeError) as error:
             raise BadInput(f"--scheduler {address}: no answer: {_line(error)}") from None
-        self.size = sum(self._client.nthreads().values())
+        threads: Any = self._client.nthreads()
+        self.size = sum(threads.values())
         if self.size == 0:
             self._client.close()
             raise BadInput(f"--scheduler {address}: has no worker")

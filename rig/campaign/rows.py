@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Row = dict[str, Any]
 Rows = dict[str, list[Row]]  # by table
-TABLES: Final = ("runs", "faults", "alarms", "episodes")  # columns: table.py
+TABLES: Final[tuple[str, ...]] = ("runs", "faults", "alarms", "episodes")  # columns: table.py
 _OUTCOMES: Final = ("detected", "missed", "undetectable", "not executed")
 # The number that says how large a fault is, by kind where a kind has one.
 _MAGNITUDES: Final = ("offset", "rate_per_s", "amplitude", "factor", "gain", "std", "noise_std", "delay_s", "period_s")

@@ -98,7 +98,9 @@ def status(found: dict[str, Any]) -> None:
     screen = console()
     screen.print(f"[bold]{found['title'] or found['folder']}[/bold]")
     outcomes = ", ".join(f"{n} {name}" for name, n in found["outcomes"].items()) or "none"
-    screen.print(f"runs     {found['done']} of {found['runs']} done: {outcomes}; {found['aircraft_lost']} aircraft lost")
+    screen.print(
+        f"runs     {found['done']} of {found['runs']} done: {outcomes}; {found['aircraft_lost']} aircraft lost"
+    )
     screen.print(f"logs     {found['logs']} kept")
     screen.print(f"table    {found['table_sha256']}")
 
@@ -122,7 +124,9 @@ def report(found: dict[str, Any], target: Path) -> None:
         counted = f"{alarms['count']} in {alarms['of']:.4g} h"
         screen.print(f"false alarms     {alarms['value']:.3g} a channel hour ({interval}), {counted}")
     if found["resolvers"]:
-        table = Table("resolver", "pattern", "asked", "answered", "right", "wrong", "open", "right of decided", box=None)
+        table = Table(
+            "resolver", "pattern", "asked", "answered", "right", "wrong", "open", "right of decided", box=None
+        )
         for row in found["resolvers"]:
             counts = (str(row[key]) for key in ("asked", "answered", "right", "wrong", "open"))
             table.add_row(row["resolver"], row["pattern"], *counts, _share(row["right_share"]))

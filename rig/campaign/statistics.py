@@ -102,8 +102,10 @@ def _grouped(magnitudes: NDArray[np.float64], detected: NDArray[np.bool_]) -> tu
     """ln of each different magnitude, trials and detections there."""
     usable = np.isfinite(magnitudes) & (magnitudes > 0)
     x, index = np.unique(np.log(magnitudes[usable]), return_inverse=True)
-    n = np.bincount(index, minlength=len(x)).astype(float)
-    return x, n, np.bincount(index, weights=detected[usable].astype(float), minlength=len(x))
+    n, k = np.zeros(len(x)), np.zeros(len(x))
+    np.add.at(n, index, 1.0)
+    np.add.at(k, index, detected[usable].astype(float))
+    return x, n, k
 
 
 class _Logistic:
@@ -136,8 +138,10 @@ class _Logistic:
         grid = np.linspace(self.x[0], self.x[-1], 41)
         near = int(np.argmin([self.profile(at, 0.0) for at in grid]))
         bounds = (grid[max(near - 1, 0)], grid[min(near + 1, len(grid) - 1)])
-        at = minimize_scalar(lambda m: self.profile(m, 0.0), bounds=bounds, method="bounded", options={"xatol": 1e-9}).x
-        return float(at), float(self._slope(float(at), 0.0).x)
+        found: Any = minimize_scalar(
+            lambda m: self.profile(m, 0.0), bounds=bounds, method="bounded", options={"xatol": 1e-9}
+        )
+        return float(found.x), float(self._slope(float(found.x), 0.0).x)
 
     @property
     def least(self) -> float:
@@ -165,9 +169,14 @@ def _crossing(above: Callable[[float], float], inside: float, outside: float) ->
     for i in range(1, 201):
         at = inside + i * step
         if above(at) > 0.0:
-            return float(brentq(above, last, at, xtol=1e-9)) if above(last) <= 0.0 else last
+            return _root(above, last, at) if above(last) <= 0.0 else last
         last = at
     return None
+
+
+def _root(function: Callable[[float], float], a: float, b: float) -> float:
+    found: Any = brentq(function, a, b, xtol=1e-9)
+    return float(found)
 
 
 @dataclass(frozen=True, slots=True)

@@ -152,7 +152,9 @@ def by_varied(tables: Tables, plan: Plan) -> list[dict[str, Any]]:
                     "level": level,
                     "runs": len(part),
                     "survival": asdict(proportion(int(part["survived"].sum()), len(part))),
-                    "false_alarms": asdict(poisson(int(part["false_alarms"].sum()), float(part["channel_hours"].sum()))),
+                    "false_alarms": asdict(
+                        poisson(int(part["false_alarms"].sum()), float(part["channel_hours"].sum()))
+                    ),
                 }
             )
     return found
