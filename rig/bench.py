@@ -18,21 +18,32 @@ import numpy as np
 from rig import loop
 from rig.control.flying import fly as fly_row
 from rig.events import EventFinder
-from rig.faults import corrupt
+from rig.faults import actuate, corrupt, corrupt_reference
 from rig.flight import fly, labels, metadata
 from rig.frame import TIMING, Block, new_block
 from rig.inertial import sense
 from rig.kernels import bind
 from rig.log import LogWriter
 from rig.plant import jsbsim
-from rig.redundancy import vote_row
+from rig.redundancy import decide_row, refer_row
 from rig.scenario import Scenario
 from rig.sensors import measure
 from rig.verdict import Verdict
 
 BARE_S = 4.0  # hands off, an unstable airframe is reloaded before it leaves its flight point
 Step = Callable[[Block, int], Any]
-STAGES = ("plant.read", "sensors", "inertial", "faults", "redundancy", "control", "plant.step")
+# A frame of the loop taken apart: each kernel by the name under which its time is told, and the stage it belongs to.
+KERNELS = {
+    "sensors": ("sensors", measure),
+    "inertial": ("inertial", sense),
+    "faults": ("faults", corrupt),
+    "references": ("redundancy", refer_row),
+    "reference faults": ("faults", corrupt_reference),
+    "redundancy": ("redundancy", decide_row),
+    "control": ("control", fly_row),
+    "surface faults": ("faults", actuate),
+}
+STAGES = ("plant.read", *KERNELS, "plant.step")
 PER_BLOCK = ("prepare", "events", "verdict", "log")
 
 
@@ -122,10 +133,9 @@ def _stages_us(scenario: Scenario, out: Path) -> dict[str, float]:
 
 def _bound(rig: loop.Rig, block: Block) -> dict[str, Step]:
     """A frame of the loop taken apart: the same kernels, one by one."""
-    kernels = {"sensors": measure, "inertial": sense, "faults": corrupt, "redundancy": vote_row, "control": fly_row}
     steps: dict[str, Step] = {"plant.read": rig.plant.read}
-    for name, function in kernels.items():
-        arguments = getattr(rig, name).arguments
+    for name, (stage, function) in KERNELS.items():
+        arguments = getattr(rig, stage).arguments
         entry = bind(function, block, 0, *arguments)
         steps[name] = lambda b, k, entry=entry, arguments=arguments: entry(b, k, *arguments)
     return {**steps, "plant.step": rig.plant.step}

@@ -16,6 +16,7 @@ from typing import Annotated, Any
 import typer
 
 from rig.campaign.cli import app as campaign_app
+from rig.catalogue.cli import faults_app
 from rig.errors import BadInput, RigError
 from rig.recorded.cli import vote
 from rig.score.cli import score
@@ -33,6 +34,7 @@ aircraft_app = typer.Typer(help="Look at aircraft and design their control laws.
 app.add_typer(scenario_app, name="scenario")
 app.add_typer(aircraft_app, name="aircraft")
 app.add_typer(campaign_app, name="campaign")
+app.add_typer(faults_app, name="faults")
 
 ScenarioName = Annotated[
     str | None, typer.Argument(help="A scenario file or the name of a bundled one.", show_default=False)

@@ -23,6 +23,11 @@ class Event:
     text: str
 
 
+def not_executed(frame: int, missing: Sequence[tuple[str, str]]) -> list[Event]:
+    """What the end of a flight says of faults that did nothing: ``missing`` are their names and the reasons."""
+    return [Event(frame, "warning", "fault not executed", f"{name}: {reason}") for name, reason in missing]
+
+
 class EventFinder:
     """Finds the events of a flight, block after block; ``faults`` are the labels of its faults, in their order."""
 

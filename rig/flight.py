@@ -25,8 +25,9 @@ from numpy.typing import NDArray
 
 from rig import loop
 from rig.errors import BadInput
-from rig.events import Event, EventFinder
-from rig.frame import INDEX, Block
+from rig.events import Event, EventFinder, not_executed
+from rig.faults import Execution
+from rig.frame import INDEX, TIMING, Block, new_block
 from rig.log import LogWriter, read_log
 from rig.pace import Jitter, JitterCounter, Pace
 from rig.recorder import Recorder
@@ -72,6 +73,7 @@ class Flight:
     survived: bool
     end_reason: str
     failed: dict[str, list[int]]
+    not_executed: list[str]  # faults that did nothing: never triggered, or their channels were out already
     peaks: Peaks
     events: list[Event]
     wall_s: float
@@ -113,6 +115,7 @@ class Flight:
             "survived": self.survived,
             "end_reason": self.end_reason,
             "failed": self.failed,
+            "not_executed": self.not_executed,
             "peaks": asdict(self.peaks),
             "events": [{"time_s": event.frame * dt_s, **asdict(event)} for event in self.events],
             "timing": timing,
@@ -162,7 +165,7 @@ def _record(
     check_where(rerun)
     rig = loop.Rig(scenario)
     path = log_path(out, name or scenario.title or scenario.aircraft, scenario.seed)
-    finder, verdict = EventFinder(labels(scenario)), Verdict()
+    finder, verdict, execution = EventFinder(labels(scenario)), Verdict(), Execution(scenario.faults)
     jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
     with LogWriter(path, scenario.rate_hz, metadata(scenario), [("scenario.toml", text.encode())]) as writer:
         stream = open_stream(rerun, scenario.title or path.stem, scenario.rate_hz, path)
@@ -173,6 +176,7 @@ def _record(
             events = finder.find(rows)
             hashed = beside.submit(verdict.add, rows, events)  # both leave the interpreter to each other
             writer.write(rows, timing, events)
+            execution.add(rows)
             hashed.result()
             if stream is not None:
                 stream.put(rows.copy(), events)
@@ -190,19 +194,23 @@ def _record(
                 for rows, timing in loop.frames(rig, scenario, pace, stop):
                     recorder.put(rows, timing)
             wall_s = time.perf_counter() - began
+            last = not_executed(verdict.frames - 1, execution.missing)
+            verdict.events += last
+            writer.write(new_block(0), np.zeros(0, TIMING), last)
             reason = end_reason(verdict, stop, scenario)
             writer.close({"digest": verdict.digest, "end_reason": reason, "survived": str(verdict.survived)})
             if stream is not None and viewer is not None:
                 viewer.flown(stream)
         finally:
             report = None if stream is None else stream.close(10.0)
-    return _flown(path, scenario, verdict, reason, wall_s, jitter, report)
+    return _flown(path, scenario, verdict, execution, reason, wall_s, jitter, report)
 
 
 def _flown(
     path: Path,
     scenario: Scenario,
     verdict: Verdict,
+    execution: Execution,
     reason: str,
     wall_s: float,
     jitter: JitterCounter | None,
@@ -217,6 +225,7 @@ def _flown(
         survived=verdict.survived,
         end_reason=reason,
         failed=verdict.failed,
+        not_executed=[name for name, _ in execution.missing],
         peaks=verdict.peaks,
         events=verdict.events,
         wall_s=wall_s,

@@ -1,6 +1,6 @@
 """One flight: build the stages, run the frames, hand every block of them to whoever records.
 
-JSBSim --truth--> sensors --channels--> faults --> redundancy --voted--> control --surfaces--> JSBSim
+JSBSim --truth--> sensors --channels--> faults --> redundancy --voted--> control --surfaces--> faults --> JSBSim
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from rig import inertial, sensors
 from rig.control.autopilot import Control
 from rig.control.flying import fly
-from rig.faults import Faults, corrupt
+from rig.faults import Faults, actuate, corrupt, corrupt_reference
 from rig.frame import TIMING, Block, new_block
 from rig.inertial import Inertial, sense
 from rig.kernels import bind, kernel
 from rig.pace import Pace
 from rig.pilot import Pilot
 from rig.plant.jsbsim import Plant
-from rig.redundancy import Redundancy, vote_row
+from rig.redundancy import Redundancy, decide_row, refer_row
 from rig.scenario import Scenario
 from rig.sensors import Sensors, measure
 
@@ -52,7 +52,8 @@ class Rig:
         )
         self.sensors = Sensors(suite, rate_hz, seeds["sensors"])
         self.inertial = Inertial(scenario.inertial, rate_hz, seeds["inertial"])
-        self.faults = Faults(scenario.faults, np.vstack([ranges, inertial.ranges()]), rate_hz)
+        places = np.vstack([ranges, inertial.ranges(), ranges, frame.surface_limits])  # as faults.PLACES counts them
+        self.faults = Faults(scenario.faults, places, rate_hz, seeds["faults"])
         self.redundancy = Redundancy(scenario.redundancy, ranges, channels, scenario.references, rate_hz)
         self.control = Control(scenario.control, scenario.gains, rate_hz, frame.surface_limits)
         self.control.reset(self.plant.trim)
@@ -66,6 +67,7 @@ class Rig:
         self.pilot.prepare(block)
         self.sensors.prepare(block)
         self.inertial.prepare(block)
+        self.faults.prepare(block)
         self.arguments = self._gather()
 
     def _gather(self) -> tuple[tuple[Any, ...], ...]:
@@ -74,21 +76,32 @@ class Rig:
 
     def _one_by_one(self, block: Block, k: int, *_: Any) -> None:
         """What ``compute`` does, stage by stage: for a manager of the user's own, which is not compiled."""
-        for stage in self._stages:
-            stage.step(block, k)
+        self.sensors.step(block, k)
+        self.inertial.step(block, k)
+        self.faults.step(block, k)
+        self.redundancy.refer(block, k)
+        self.faults.refer(block, k)
+        self.redundancy.decide(block, k)
+        self.control.step(block, k)
+        self.faults.actuate(block, k)
 
 
 @kernel
 def compute(block, k, of_sensors, of_inertial, of_faults, of_redundancy, of_control):
     """The flight computer's frame, in one compiled call: measure, corrupt, vote, command.
 
+    Faults come between: on channels and inertial unit, on references, on the way to the actuators.
+
     block : FRAME records; the tuples hold each stage's own parameters and state
     """
     measure(block, k, *of_sensors)
     sense(block, k, *of_inertial)
     corrupt(block, k, *of_faults)
-    vote_row(block, k, *of_redundancy)
+    refer_row(block, k, *of_redundancy)
+    corrupt_reference(block, k, *of_faults)
+    decide_row(block, k, *of_redundancy)
     fly(block, k, *of_control)
+    actuate(block, k, *of_faults)
 
 
 class Stop:

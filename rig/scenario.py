@@ -20,8 +20,8 @@ from rig import aircraft
 from rig.control.autopilot import Config as Control
 from rig.control.gains import Gains
 from rig.errors import BadInput
-from rig.faults import Fault
-from rig.frame import MOST_FAULTS
+from rig.faults import Fault, check
+from rig.frame import MOST_FAULTS, SIGNALS
 from rig.inertial import Config as Inertial
 from rig.pilot import Config as Pilot
 from rig.plant.airframe import Config as Airframe
@@ -71,20 +71,8 @@ class Scenario(Settings):
             raise ValueError(
                 f"duration_s ({self.duration_s:g}) must be a whole number of frames of 1/{self.rate_hz:g} s"
             )
-        self._check_faults()
+        check(self.faults, {signal.name: getattr(self.sensors, signal.name).channels for signal in SIGNALS})
         return self
-
-    def _check_faults(self) -> None:
-        """Every fault sits on channels that its signal has, and under a name of its own."""
-        labels: set[str] = set()
-        for i, fault in enumerate(self.faults):
-            fitted = getattr(self.sensors, fault.signal).channels if fault.channels else 0
-            beyond = [channel for channel in fault.channels if channel > fitted]
-            if beyond:
-                raise ValueError(f"faults.{i}.channels: {fault.signal} has {fitted} channels, got {beyond}")
-            if fault.id is not None and fault.id in labels:
-                raise ValueError(f"faults.{i}.id: {fault.id!r} is used twice")
-            labels.add(fault.label)
 
     @property
     def frames(self) -> int:

@@ -81,6 +81,8 @@ def flight(flown: Flight) -> None:
     verdict = "[green]survived[/green]" if flown.survived else "[red]lost[/red]"
     screen.print(f"verdict  {verdict}: {flown.end_reason} ({flown.frames} frames, {flown.duration_s:g} s)")
     screen.print(f"failed   {_channels(flown.failed)}")
+    if flown.not_executed:
+        screen.print(f"faults   not executed: {'; '.join(flown.not_executed)}", style="yellow", markup=False)
     screen.print(f"peaks    {_peaks(flown)}")
     screen.print(f"speed    {flown.us_per_frame:.1f} us a frame, {flown.duration_s / flown.wall_s:.0f} x real time")
     if flown.jitter is not None:

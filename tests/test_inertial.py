@@ -134,8 +134,8 @@ def test_a_quantity_drifts_and_goes_hard_over_like_a_sensor():
         ({"signal": "inertial.alpha"}, "unknown signal"),
         ({"channels": [1]}, "inertial.pitch_rate_rad_s has none"),
         ({"seen_by_ilm": True}, "no in-line monitor"),
-        ({"kind": "dropout"}, "offset, drift and hardover"),
-        ({"kind": "ilm", "says": "bad"}, "offset, drift and hardover"),
+        ({"kind": "ilm", "says": "bad"}, "ilm cannot sit on inertial.pitch_rate_rad_s"),
+        ({"kind": "rate_loss", "max_rate_per_s": 1.0}, "rate_loss cannot sit on"),
     ],
 )
 def test_what_it_cannot_have_is_refused(bad, says):

@@ -52,9 +52,12 @@ def test_truth_never_reaches_redundancy_or_control():
             kept = block["truth"][k].copy(), block["flight"][k].copy(), block["discrete_truth"][k].copy()
             if rig is blind:
                 block["truth"][k], block["flight"][k], block["discrete_truth"][k] = np.nan, np.nan, 77
-            rig.redundancy.step(block, k)
+            rig.redundancy.refer(block, k)
+            rig.faults.refer(block, k)
+            rig.redundancy.decide(block, k)
             rig.control.step(block, k)
             block["truth"][k], block["flight"][k], block["discrete_truth"][k] = kept
+            rig.faults.actuate(block, k)
             rig.plant.step(block, k)
     assert same(a, b)
 

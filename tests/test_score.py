@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rig import scenario
+from rig.errors import BadInput
 from rig.frame import SIGNALS
 from rig.score import FaultScore, Score, fly_rows, fly_twin, score
 
@@ -193,6 +194,14 @@ def test_without_a_fault_the_twin_is_the_flight(twin_of_hardover):
     assert transients is not None
     assert transients.first_difference_frame is None and transients.windows == () and transients.within_limits
     assert transients.overall.load_factor == 0.0 == transients.out_of_limits_s
+
+
+def test_the_twin_of_another_flight_is_refused(twin_of_hardover):
+    which, rows, twin = twin_of_hardover
+    other = twin.copy()
+    other["truth"][300, 0] += 1e-12  # no fault can have moved the aircraft in the frame of its onset
+    with pytest.raises(BadInput, match="leaves the flight in frame 300"):
+        score(which, rows, other)
 
 
 def test_a_score_is_the_same_every_time(twin_of_hardover):

@@ -18,7 +18,14 @@ _LAYOUT: Final[dict[str, Any]] = {
     "xaxis": {"automargin": True},
     "yaxis": {"automargin": True},
 }
-UNITS: Final = {"drift": "rate, unit of the signal per second"}
+_AXES: Final = {
+    "drift": "unit of the signal per second",
+    "scale": "what is lost or gained, relative",
+    "intermittent": "gap, s",
+    "delay": "s",
+    "frame_skew": "s",
+    "cross_talk": "gain",
+}
 
 
 def heat_maps(rows: list[dict[str, Any]]) -> list[go.Figure]:
@@ -53,7 +60,7 @@ def _heat_map(signal: str, kind: str, rows: list[dict[str, Any]]) -> go.Figure:
         )
     )
     figure.update_layout(**_LAYOUT, title_text=f"{kind} of {signal}", height=150 + 34 * len(places))
-    figure.update_xaxes(title=f"magnitude, {UNITS.get(kind, 'unit of the signal')}", type="category")
+    figure.update_xaxes(title=f"magnitude, {_AXES.get(kind, 'unit of the signal')}", type="category")
     figure.update_yaxes(type="category")
     return figure
 

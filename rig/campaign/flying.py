@@ -25,7 +25,8 @@ from rig.campaign.identity import rig_identity
 from rig.campaign.plan import Run
 from rig.campaign.rows import TABLES, Rows, alarm_rows, episode_rows, fault_rows, run_row
 from rig.errors import RigError
-from rig.events import Event, EventFinder
+from rig.events import Event, EventFinder, not_executed
+from rig.faults import Execution
 from rig.flight import end_reason, labels, metadata
 from rig.frame import TIMING, Block, new_block
 from rig.log import LogWriter
@@ -57,6 +58,7 @@ class Flown:
     timing: Timing
     blocks: list[tuple[int, list[Event]]]  # frames of each block as it was flown, and its events
     verdict: Verdict
+    ended: list[Event]  # what is known only at the end: faults that did nothing
 
     @property
     def end_reason(self) -> str:
@@ -67,16 +69,19 @@ class Flown:
 def fly(scenario: Scenario) -> Flown:
     """Fly a scenario with the digest and events of ``rig fly``, its rows kept in memory."""
     rig, finder, verdict = loop.Rig(scenario), EventFinder(labels(scenario)), Verdict()
+    execution = Execution(scenario.faults)
     kept, timing = new_block(scenario.frames), np.zeros(scenario.frames, TIMING)
     blocks: list[tuple[int, list[Event]]] = []
     for rows, clocked in loop.frames(rig, scenario):
         events = finder.find(rows)
         first = verdict.frames
         verdict.add(rows, events)
+        execution.add(rows)
         _bytes(kept[first : verdict.frames])[:] = _bytes(rows)  # padding too: the digest is over what stands there
         timing[first : verdict.frames] = clocked
         blocks.append((len(rows), events))
-    return Flown(scenario, kept[: verdict.frames], timing[: verdict.frames], blocks, verdict)
+    ended = not_executed(verdict.frames - 1, execution.missing)
+    return Flown(scenario, kept[: verdict.frames], timing[: verdict.frames], blocks, verdict, ended)
 
 
 def _bytes(rows: Block) -> NDArray[np.uint8]:
@@ -142,6 +147,7 @@ def write_log(flown: Flown, path: Path) -> None:
             part = slice(first, first + count)
             writer.write(flown.rows[part], flown.timing[part], events)
             first += count
+        writer.write(new_block(0), np.zeros(0, TIMING), flown.ended)
         ended = {"digest": verdict.digest, "end_reason": flown.end_reason, "survived": str(verdict.survived)}
         writer.close(ended)
 

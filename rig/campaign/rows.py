@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from rig.faults import Fault
 from rig.frame import INDEX, SIGNALS, Block, Pattern
 from rig.scenario import Scenario
 from rig.score import FaultScore, Score
@@ -20,8 +21,21 @@ Row = dict[str, Any]
 Rows = dict[str, list[Row]]  # by table
 TABLES: Final[tuple[str, ...]] = ("runs", "faults", "alarms", "episodes")  # columns: table.py
 _OUTCOMES: Final = ("detected", "missed", "undetectable", "not executed")
-# The number that says how large a fault is, by kind where a kind has one.
-_MAGNITUDES: Final = ("offset", "rate_per_s", "amplitude", "factor", "gain", "std", "noise_std", "delay_s", "period_s")
+# The setting that says how large a fault is, by kind; kinds without one have no magnitude.
+SIZES: Final = {
+    "offset": ("offset",),
+    "drift": ("rate_per_s", "settles_at"),
+    "scale": ("factor",),
+    "noise": ("std",),
+    "oscillation": ("amplitude",),
+    "spikes": ("amplitude",),
+    "intermittent": ("gap_s",),
+    "delay": ("latency_s",),
+    "frame_skew": ("skew_s",),
+    "quantisation": ("step",),
+    "cross_talk": ("gain",),
+    "rate_loss": ("max_rate_per_s",),
+}
 
 
 def run_row(number: int, flown: Flown, scored: Score) -> Row:
@@ -44,7 +58,7 @@ def run_row(number: int, flown: Flown, scored: Score) -> Row:
         **{outcome.replace(" ", "_"): outcomes.count(outcome) for outcome in _OUTCOMES},
         "false_alarms": len(scored.false_alarms),
         "wrong_isolations": len(scored.wrong_isolations),
-        "channel_hours": channel_hours(scenario, verdict.frames),
+        "channel_hours": channel_hours(scenario, verdict.frames, scored),
         "vote_above_threshold_s": sum(error.above_threshold_s for error in scored.vote_error.values()),
         "unresolved": scored.unresolved,
         "out_of_limits_s": None if transients is None else transients.out_of_limits_s,
@@ -62,15 +76,16 @@ def _coverage(scored: Score) -> str:
     return json.dumps({**seen, "overall": asdict(scored.coverage["overall"])}, sort_keys=True)
 
 
-def channel_hours(scenario: Scenario, frames: int) -> float:
-    """Hours of fitted channels without a fault: each counts until the first fault that is to act on it."""
-    flown_s = frames / scenario.rate_hz
-    total_s = 0.0
-    for signal in SIGNALS:
-        for channel in range(1, getattr(scenario.sensors, signal.name).channels + 1):
-            starts = [f.start_s for f in scenario.faults if f.signal == signal.name and channel in f.channels]
-            total_s += min([flown_s, *starts])
-    return total_s / 3600.0
+def channel_hours(scenario: Scenario, frames: int, scored: Score) -> float:
+    """Hours of fitted channels without a fault: each counts until the first fault acts on it."""
+    onsets: dict[tuple[str, int], int] = {}
+    for fault in scored.faults:
+        if fault.channel is not None and fault.onset_frame is not None:
+            place = fault.signal, fault.channel
+            onsets[place] = min(onsets.get(place, frames), fault.onset_frame)
+    channels = sum(getattr(scenario.sensors, signal.name).channels for signal in SIGNALS)
+    faulty = sum(frames - onset for onset in onsets.values())
+    return (channels * frames - faulty) / scenario.rate_hz / 3600.0
 
 
 def fault_rows(number: int, scenario: Scenario, rows: Block, scored: Score) -> list[Row]:
@@ -103,12 +118,12 @@ def _fault_row(number: int, scenario: Scenario, rows: Block, fault: FaultScore, 
     }
 
 
-def magnitude(fault: Any) -> float | None:
-    """How large a fault is, in the unit of its kind, without its sign; None for a kind without a size."""
-    for name in _MAGNITUDES:
-        value = getattr(fault, name, None)
-        if isinstance(value, (int, float)):
-            return abs(float(value))
+def magnitude(fault: Fault) -> float | None:
+    """How large a fault is, without its sign: its setting in SIZES, of a scale its distance from 1."""
+    for name in SIZES.get(fault.kind, ()):
+        value = getattr(fault, name)
+        if value is not None:
+            return abs(1.0 - value) if name == "factor" else abs(float(value))
     return None
 
 

@@ -44,10 +44,18 @@ class Redundancy:
 
     def step(self, block: Block, k: int) -> None:
         """Vote and monitor row k; see manager.manage for what is written."""
+        self.refer(block, k)
+        self.decide(block, k)
+
+    def refer(self, block: Block, k: int) -> None:
+        """The first half: the references of row k."""
+        refer_row(block, k, *self.arguments)
+
+    def decide(self, block: Block, k: int) -> None:
+        """The second half: vote and monitor with them."""
         if self.own is None:
-            vote_row(block, k, *self.arguments)
+            decide_row(block, k, *self.arguments)
             return
-        refer(block, k, *self.references.arguments)
         self.own.step(block, k)
         remember(block, k, *self.references.arguments)
         self.discretes.step(block, k)
@@ -64,10 +72,22 @@ def measured_thresholds(params: NDArray[np.void], config: Config, designed: Desi
 @kernel
 def vote_row(block, k, of_references, of_manager, of_discretes):
     """Row k through references, the chosen manager and the voter of the discretes; tuples hold their own data."""
+    refer_row(block, k, of_references, of_manager, of_discretes)
+    decide_row(block, k, of_references, of_manager, of_discretes)
+
+
+@kernel
+def refer_row(block, k, of_references, of_manager, of_discretes):
+    """The first half of ``vote_row``: the references, which may still go wrong before they are used."""
     refer(block, k, *of_references)
+
+
+@kernel
+def decide_row(block, k, of_references, of_manager, of_discretes):
+    """The second half: vote and monitor."""
     vote_signals(block, k, *of_manager)
     remember(block, k, *of_references)
     vote_discretes(block, k, *of_discretes)
 
 
-__all__ = ["MANAGERS", "Config", "Redundancy", "SignalConfig", "vote_row"]
+__all__ = ["MANAGERS", "Config", "Redundancy", "SignalConfig", "decide_row", "refer_row", "vote_row"]

@@ -38,9 +38,17 @@ def fly_rows(scenario: Scenario, frames: int | None = None) -> Block:
 
 
 def flight_score(
-    scenario: Scenario, rows: Block, twin: Block | None, faults: Sequence[FaultScore], yardstick: Yardstick
+    scenario: Scenario,
+    rows: Block,
+    twin: Block | None,
+    faults: Sequence[FaultScore],
+    first_acted: int | None,
+    yardstick: Yardstick,
 ) -> FlightScore:
-    """The flight, its peaks, and its transients when there is a twin."""
+    """The flight, its peaks, and its transients when there is a twin; BadInput when that is none of this flight.
+
+    first_acted : first frame in which any fault acted, None when none did
+    """
     end = End(int(rows["end"][-1]))
     names = ("normal_load_factor", "pitch_rate", "pitch_angle", "roll_angle", "angle_of_attack")
     low, high = (dict(zip(names, bound, strict=True)) for bound in _bounds(rows, [INDEX[name] for name in names]))
@@ -57,7 +65,7 @@ def flight_score(
         roll_angle_max_rad=max(-low["roll_angle"], high["roll_angle"]),
         angle_of_attack_min_rad=low["angle_of_attack"],
         angle_of_attack_max_rad=high["angle_of_attack"],
-        transients=None if twin is None else _transients(rows, twin, faults, yardstick, scenario.rate_hz),
+        transients=None if twin is None else _transients(rows, twin, faults, first_acted, yardstick, scenario.rate_hz),
     )
 
 
@@ -78,12 +86,21 @@ def _bounds(rows: Block, columns: list[int]) -> tuple[list[float], list[float]]:
 
 
 def _transients(
-    rows: Block, twin: Block, faults: Sequence[FaultScore], yardstick: Yardstick, rate_hz: float
+    rows: Block,
+    twin: Block,
+    faults: Sequence[FaultScore],
+    first_acted: int | None,
+    yardstick: Yardstick,
+    rate_hz: float,
 ) -> Transients:
     n = min(len(rows), len(twin))
-    if not np.array_equal(rows["frame"][:n], twin["frame"][:n]):
-        raise BadInput("the twin's frames are not those of the flight")
     truth, other = np.ascontiguousarray(rows["truth"][:n]), np.ascontiguousarray(twin["truth"][:n])
+    differs = np.flatnonzero((truth != other).any(axis=1))
+    if len(differs) and (first_acted is None or differs[0] <= first_acted):
+        raise BadInput(
+            f"the fault-free twin leaves the flight in frame {differs[0]}, before any fault can have moved the "
+            "aircraft: other versions flew it; without the twin (--no-twin) it can be scored"
+        )
     off = deviation(truth, other)[:, _COMPARED]
     limits = np.array([yardstick.load_factor, yardstick.pitch_rate_rad_s])
     beyond = np.any(~(off[:, :2] <= limits), axis=1)
@@ -95,7 +112,6 @@ def _transients(
         ended = lost and len(rows) <= onset + window + 1
         within = not np.any(beyond[part]) and not ended
         windows.append(Transient(ids, onset, max(part.stop - onset, 0), _peaks(off[part]), bool(within)))
-    differs = np.flatnonzero((truth != other).any(axis=1))
     return Transients(
         limits=yardstick.model_dump(),
         windows=tuple(windows),

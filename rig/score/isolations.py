@@ -21,7 +21,7 @@ class Failure(NamedTuple):
     channel: int
     resolver: str
     own: bool  # its sample was spoiled, now or within the last ``linger`` frames
-    others: bool  # that of another channel of the signal was
+    any: bool  # that of some channel of the signal was
 
 
 class Failures:
@@ -42,8 +42,7 @@ class Failures:
         since = slice(max(0, k - int(self._linger[s])), k + 1)
         wrong = (error[since, s] != 0.0).any(axis=0)  # NaN is not 0
         own = bool(wrong[c] or spoiled[since, s, c].any())
-        others = bool(np.delete(wrong, c).any())
-        return Failure(k, s, c, decided_by(rows, k, s, c), own, others)
+        return Failure(k, s, c, decided_by(rows, k, s, c), own, bool(wrong.any()))
 
     def of(self, s: int, c: int, acted: NDArray[np.intp]) -> tuple[int | None, str | None]:
         """The first failure of a channel while a fault acted, or up to ``linger`` frames after; and by whom.
@@ -60,12 +59,12 @@ class Failures:
     @property
     def false_alarms(self) -> list[Isolation]:
         """Healthy channels failed while every other channel of the signal was healthy too."""
-        return [_isolation(failure) for failure in self.all if not failure.own and not failure.others]
+        return [_isolation(failure) for failure in self.all if not failure.own and not failure.any]
 
     @property
     def wrong_isolations(self) -> list[Isolation]:
         """Healthy channels failed while another channel of the signal was faulty."""
-        return [_isolation(failure) for failure in self.all if not failure.own and failure.others]
+        return [_isolation(failure) for failure in self.all if not failure.own and failure.any]
 
 
 def _isolation(failure: Failure) -> Isolation:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.faults import Fault
+from rig.faults.places import number as place_number
+from rig.faults.places import site
 from rig.frame import CHANNELS, SIGNALS, Block, S, State
 from rig.scenario import Scenario
 from rig.score.isolations import COMPARISON, Failures
@@ -23,7 +26,7 @@ def acts(rows: Block, faults: int) -> Bools:
     return np.unpackbits(rows["acting"], axis=1, bitorder="little")[:, :faults].astype(bool)
 
 
-def spoiling(acting: Bools, faults: Sequence[Any]) -> Bools:
+def spoiling(acting: Bools, faults: Sequence[Fault]) -> Bools:
     """(n, S, 4) whether a fault that changes samples acted on each channel."""
     out = np.zeros((len(acting), S, CHANNELS), bool)
     for place in on_channels(faults):
@@ -71,11 +74,16 @@ def _on_channel(
 
 
 def _elsewhere(
-    number: int, fault: Any, read: Sequence[int], rows: Block, acted: Bools, params: NDArray[np.void]
+    number: int, fault: Fault, read: Sequence[int], rows: Block, acted: Bools, params: NDArray[np.void]
 ) -> FaultScore:
-    """A fault on no channel: on a reference or the inertial unit the manager's monitor of references may see it."""
+    """A fault on no channel: on a reference or the inertial unit the manager's monitor of references may see it.
+
+    No monitor watches a surface; its error is what reaches the actuator less what was commanded.
+    """
     frames = np.flatnonzero(acted)
     errors, above = np.zeros(len(frames)), np.zeros(len(frames), bool)
+    if site(fault.signal) == "surface":
+        errors = np.abs(rows["actuator"] - rows["surface"])[frames, place_number(fault.signal)]
     failed: list[int] = []
     for s in read:
         off = np.abs(difference(rows["reference"][frames, s], rows["truth"][frames, s], SIGNALS[s].wraps))
@@ -93,7 +101,7 @@ class _Found(NamedTuple):
     """A fault at one place; ``frames``: when it acted, from its onset."""
 
     number: int
-    fault: Any
+    fault: Fault
     signal: str
     channel: int | None
     frames: NDArray[np.intp]

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
-from rig.frame import INDEX
+from rig.faults import Fault
+from rig.faults.places import number, site
+from rig.frame import INDEX, INERTIAL
 from rig.redundancy import Config
 from rig.redundancy.reference import source
 
@@ -16,31 +18,31 @@ class Place(NamedTuple):
     """Fault ``number``, from 0, of the scenario on one channel; ``signal`` and ``channel`` are columns of the frame."""
 
     number: int
-    fault: Any
+    fault: Fault
     signal: int
     channel: int
     spoils: bool  # whether the sample is what it changes
 
 
-def on_channels(faults: Sequence[Any]) -> Iterator[Place]:
+def on_channels(faults: Sequence[Fault]) -> Iterator[Place]:
     """Each fault on each channel that it changes, in the order of the scenario."""
-    for number, fault in enumerate(faults):
+    for i, fault in enumerate(faults):
         for name, channel in channels_of(fault):
-            yield Place(number, fault, INDEX[name], channel - 1, fault.kind not in MONITOR_KINDS)
+            yield Place(i, fault, INDEX[name], channel - 1, fault.kind not in MONITOR_KINDS)
 
 
-def channels_of(fault: Any) -> list[tuple[str, int]]:
+def channels_of(fault: Fault) -> list[tuple[str, int]]:
     """(signal, channel from 1) of all that a fault changes; empty for one that sits on no channel."""
-    points = getattr(fault, "points", [(fault.signal, channel) for channel in fault.channels])
-    return [(signal, channel) for signal, channel in points if signal in INDEX and channel is not None]
+    return [(point.place, point.channel) for point in fault.points if point.channel is not None]
 
 
-def references_of(fault: Any, config: Config) -> list[int]:
+def references_of(fault: Fault, config: Config) -> list[int]:
     """The signals whose reference a fault can spoil: it sits on the reference, or on the unit that it is read from."""
-    of, _, quantity = fault.signal.partition(".")
-    if of == "reference":
-        return [INDEX[quantity]]
-    if of != "inertial":
+    where = site(fault.signal)
+    if where == "reference":
+        return [number(fault.signal)]
+    if where != "inertial":
         return []
-    fed = [quantity.removesuffix("_rad_s")] if quantity.endswith("_rad_s") else ["dynamic_pressure"]
-    return [INDEX[name] for name in fed if source(config.references, name) == "inertial"]
+    quantity = INERTIAL[number(fault.signal)]
+    fed = quantity.removesuffix("_rad_s") if quantity.endswith("_rad_s") else "dynamic_pressure"
+    return [INDEX[fed]] if source(config.references, fed) == "inertial" else []

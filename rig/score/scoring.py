@@ -26,7 +26,7 @@ def score(scenario: Scenario, rows: Block, twin: Block | None = None, yardstick:
     """Score a flight of ``scenario`` against the truth in its ``rows`` (n,) of FRAME, from frame 0 on.
 
     twin : rows of the same flight without faults (``fly_twin``); without it there are no transients
-    BadInput when these sensors cannot have given the rows.
+    BadInput when these sensors cannot have given the rows, or the twin is that of another flight.
     """
     rows = checked(rows)
     params = monitor(scenario)
@@ -46,7 +46,7 @@ def score(scenario: Scenario, rows: Block, twin: Block | None = None, yardstick:
         resolvers_by_pattern=by_pattern(found),
         unresolved=sum(episode.resolver == "unresolved" for episode in found),
         vote_error=vote_errors(rows, clean, params, onset, scenario.rate_hz),
-        flight=flight_score(scenario, rows, twin, faults, yardstick),
+        flight=flight_score(scenario, rows, twin, faults, onset, yardstick),
         coverage=coverage(rows, params["fitted"]),
     )
 

@@ -1,0 +1,64 @@
+"""Faults: what goes wrong where, when and how, as entries of ``[[faults]]``; docs/faults.md is the catalogue.
+
+A fault sits on channels of a signal, on the inertial unit, a reference or a surface, or on several sensors at once
+(ice).  A trigger begins it.  Several faults on one value act in the order of the scenario.
+"""
+
+from rig.faults.corrupt import actuate, corrupt, corrupt_reference
+from rig.faults.executed import Execution, executed
+from rig.faults.fault import KINDS, Fault, check
+from rig.faults.kinds import (
+    CrossTalk,
+    Delay,
+    Drift,
+    Dropout,
+    DuplicateFrame,
+    FrameSkew,
+    Hardover,
+    Intermittent,
+    Noise,
+    Offset,
+    Oscillation,
+    Quantisation,
+    Scale,
+    SignReversal,
+    Spikes,
+    Stuck,
+)
+from rig.faults.places import PLACES, Point
+from rig.faults.schedule import Faults
+from rig.faults.systems import IlmFault, PitotIcing, RateLoss, VaneIcing
+
+__all__ = [
+    "KINDS",
+    "PLACES",
+    "CrossTalk",
+    "Delay",
+    "Drift",
+    "Dropout",
+    "DuplicateFrame",
+    "Execution",
+    "Fault",
+    "Faults",
+    "FrameSkew",
+    "Hardover",
+    "IlmFault",
+    "Intermittent",
+    "Noise",
+    "Offset",
+    "Oscillation",
+    "PitotIcing",
+    "Point",
+    "Quantisation",
+    "RateLoss",
+    "Scale",
+    "SignReversal",
+    "Spikes",
+    "Stuck",
+    "VaneIcing",
+    "actuate",
+    "check",
+    "corrupt",
+    "corrupt_reference",
+    "executed",
+]

@@ -1,0 +1,128 @@
+"""The faults of a frame, in three places: channels and inertial unit, references, actuators.
+
+In each the faults act one after the other in the order of the scenario: what one leaves is what the next finds.
+All three kernels take the row and the same data, ``Faults.arguments``.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from rig.faults.settings import Act
+from rig.faults.spoil import flagged, freeze, keep, spoiled
+from rig.faults.trigger import advance, watch
+from rig.frame import FLIGHT_INDEX
+from rig.kernels import kernel
+
+_ICE, _NOISE = int(Act.ICE), int(Act.NOISE)
+_FIRST_SURFACE: Final = FLIGHT_INDEX["elevator_rad"]  # where the surfaces truly are, in the order of SURFACES
+
+
+@kernel
+def corrupt(
+    block, k, param, schedule, state, targets, kept, program, stack, times, memory, seen, uniform, normal
+):  # fmt: skip
+    """Find out which faults act in row k, and spoil its channels and its inertial unit.
+
+    block : FRAME records; the others as in record.py; workspaces and draws as in schedule.Faults
+    Writes channels, valid, ilm, inertial and acting.
+    """
+    if len(schedule) == 0:
+        return
+    row, p = block[k], param[0]
+    advance(row, k, schedule, state, program, stack, times, seen, uniform)
+    channels, valid, ilm, inertial = row["channels"], row["valid"], row["ilm"], row["inertial"]
+    for t in range(p["samples"]):
+        target = targets[t]
+        st = state[target["fault"]]
+        if st["acts"] == 0 and target["remembers"] == 0:
+            continue
+        s, c = target["row"], target["column"]
+        drawn = normal[k, target["draw"]] if target["act"] == _NOISE else 0.0
+        if s < 0:
+            follow(row, inertial, c, target["source"], drawn, target, st, kept[t], memory, p["dt_s"])
+        elif target["act"] == _ICE:
+            freeze(channels, c, target, kept[t], st["fresh"], st["elapsed"] * p["dt_s"] if st["acts"] != 0 else -1.0)
+        else:
+            other = channels[target["source"], c]
+            channels[s, c] = step(row, channels[s, c], other, drawn, target, st, kept[t], memory, p["dt_s"])
+        if st["acts"] != 0:
+            mark(row, target["fault"])
+        if st["acts"] != 0 and s >= 0:
+            flag = schedule[target["fault"]]["flag"]
+            ilm[s, c] = flagged(ilm[s, c], flag)
+            if target["act"] == _ICE:
+                ilm[target["source"], c] = flagged(ilm[target["source"], c], flag)
+            if target["invalid"] != 0:
+                valid[s, c] = 0
+
+
+@kernel
+def corrupt_reference(
+    block, k, param, schedule, state, targets, kept, program, stack, times, memory, seen, uniform, normal
+):  # fmt: skip
+    """Spoil the references of row k, between their making and their use; where there is none, nothing acts.
+
+    Writes reference and acting.
+    """
+    row, p = block[k], param[0]
+    for t in range(p["samples"], p["references"]):
+        target = targets[t]
+        st, reference, c = state[target["fault"]], row["reference"], target["column"]
+        there = reference[c] == reference[c]
+        drawn = normal[k, target["draw"]] if target["act"] == _NOISE else 0.0
+        follow(row, reference, c, target["source"], drawn, target, st, kept[t], memory, p["dt_s"])
+        if not there:
+            reference[c] = np.nan
+        elif st["acts"] != 0:
+            mark(row, target["fault"])
+
+
+@kernel
+def actuate(
+    block, k, param, schedule, state, targets, kept, program, stack, times, memory, seen, uniform, normal
+):  # fmt: skip
+    """Spoil what reaches the actuators in row k; keep its votes for the triggers of the next.
+
+    A fault begins where the surface truly is.  Writes actuator and acting.
+    """
+    row, p = block[k], param[0]
+    for t in range(p["references"], p["surfaces"]):
+        target = targets[t]
+        st, c = state[target["fault"]], target["column"]
+        if st["fresh"] != 0:
+            kept[t]["last"], kept[t]["started"] = row["flight"][_FIRST_SURFACE + c], 1
+        follow(row, row["actuator"], c, c, 0.0, target, st, kept[t], memory, p["dt_s"])
+        if st["acts"] != 0:
+            mark(row, target["fault"])
+    if p["watches"] != 0:
+        watch(row, seen)
+
+
+@kernel
+def follow(row, values, i, source, drawn, target, st, kept, memory, dt_s):
+    """One fault on value i of a row of values."""
+    values[i] = step(row, values[i], values[source], drawn, target, st, kept, memory, dt_s)
+
+
+@kernel
+def step(row, x, other, drawn, target, st, kept, memory, dt_s):
+    """What a fault leaves of x in this frame, whether it acts or only remembers."""
+    frame, y = row["frame"], x
+    if target["remembers"] != 0:
+        keep(x, target, kept, memory, frame)
+        if st["fresh"] != 0:
+            kept["held"] = kept["last"]
+    if st["acts"] != 0:
+        y = spoiled(x, other, drawn, target, kept, memory, frame, st["elapsed"], dt_s)
+    if target["remembers"] != 0:
+        kept["last"] = x
+    return y
+
+
+@kernel
+def mark(row, fault):
+    """Note in the row that the fault acts."""
+    row["acting"][fault >> 3] |= np.uint8(1 << (fault & 7))

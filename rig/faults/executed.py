@@ -1,0 +1,75 @@
+"""Which faults did something: told from the rows of a flight alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.faults.fault import Fault
+from rig.faults.places import site
+from rig.frame import INDEX, MOST_FAULTS, Block, State
+
+NEVER: Final = "never triggered"
+OUT: Final = "its channels were out before it"
+
+
+class Execution:
+    """Follows the rows of a flight, block after block.
+
+    A fault is executed when it acts in a frame at whose beginning one of its channels is in use: neither FAILED
+    nor ABSENT in the frame before.  What is no channel is always in use.
+    """
+
+    def __init__(self, faults: Sequence[Fault]) -> None:
+        self._faults = faults
+        self._waiting = np.zeros(MOST_FAULTS, np.uint8)
+        self._waiting[: len(faults)] = 1
+        self._acted = np.zeros(MOST_FAULTS, np.uint8)
+        self._last: NDArray[np.uint8] | None = None  # (S, 4) states of the last row seen
+
+    def add(self, rows: Block) -> None:
+        """Take in the next rows."""
+        acted = np.unpackbits(np.bitwise_or.reduce(rows["acting"], axis=0), bitorder="little")
+        self._acted |= acted
+        for i in np.flatnonzero(acted & self._waiting):
+            if self._did(rows, int(i)):
+                self._waiting[i] = 0
+        self._last = rows["state"][-1].copy()
+
+    def _did(self, rows: Block, i: int) -> bool:
+        """Whether fault i acts in one of ``rows`` on something that is in use."""
+        fault = self._faults[i]
+        acts = rows["acting"][:, i >> 3] >> np.uint8(i & 7) & 1 == 1
+        for place, channel in fault.points:
+            if site(place) != "channel" or channel is None:
+                return True
+            state = rows["state"][:, INDEX[place], channel - 1]
+            first = state[0] if self._last is None else self._last[INDEX[place], channel - 1]
+            if self._last is None and first == State.FAILED:
+                first = State.OK  # before the first frame nobody has been failed
+            before = np.concatenate([[first], state[:-1]])
+            if (acts & (before < State.FAILED)).any():
+                return True
+        return False
+
+    @property
+    def executed(self) -> list[bool]:
+        """For each fault of the scenario, whether it did something."""
+        return (self._waiting[: len(self._faults)] == 0).tolist()
+
+    @property
+    def missing(self) -> list[tuple[str, str]]:
+        """The faults that did nothing: name and reason."""
+        did = zip(self._faults, self.executed, self._acted.tolist(), strict=False)
+        return [(fault.label, OUT if acted else NEVER) for fault, done, acted in did if not done]
+
+
+def executed(faults: Sequence[Fault], rows: Block) -> list[bool]:
+    """For each fault of the scenario, whether it did something in ``rows``, a whole flight."""
+    execution = Execution(faults)
+    if len(rows):
+        execution.add(rows)
+    return execution.executed

@@ -1,0 +1,124 @@
+"""The faults of a flight as numbers: what the kernels read, and what they keep."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Final
+
+import numpy as np
+
+from rig.frame import D, S
+
+
+class Trigger(IntEnum):
+    """What makes a fault begin."""
+
+    TIME = 0
+    CONDITION = 1
+    AUTOPILOT = 2
+    LEVEL = 3
+    AFTER = 4
+    RANDOM = 5
+
+
+FOREVER: Final = int(np.iinfo(np.int64).max)
+
+PARAM: Final = np.dtype(
+    [
+        ("dt_s", "f8"),
+        ("samples", "i8"),  # the targets up to here are channels and the inertial unit,
+        ("references", "i8"),  # from there up to here references,
+        ("surfaces", "i8"),  # from there up to here surfaces
+        ("watches", "u1"),  # whether a trigger needs the last frame's votes
+    ],
+    align=True,
+)
+# One record a fault, in the order of the scenario.  Times are in frames; excluded ends.
+SCHEDULE: Final = np.dtype(
+    [
+        ("turn", "i8"),  # the fault whose trigger is looked at in this place: one that others come after goes first
+        ("trigger", "u1"),
+        ("flag", "u1"),  # settings.Flag
+        ("rhythm", "u1"),  # settings.Rhythm
+        ("again", "u1"),  # triggers anew when it is over
+        ("first", "i8"),  # the trigger is armed
+        ("last", "i8"),
+        ("delay", "i8"),  # from the trigger to the onset
+        ("duration", "i8"),
+        ("period", "i8"),  # of repetition; 0: none
+        ("repeats", "i8"),
+        ("begin", "i8"),  # steps of the condition, from here
+        ("end", "i8"),
+        ("hold", "i8"),  # that the condition must last
+        ("needs_votes", "u1"),  # it reads what is voted
+        ("place", "i8"),  # signal or discrete of a transition, the fault that this comes after
+        ("level", "i8"),  # that a transition leads to
+        ("chance", "f8"),  # of a random trigger, in a frame
+        ("on", "i8"),  # length of a pulse
+        ("cycle", "i8"),  # of regular pulses
+        ("enter", "f8"),  # chance that a random pulse begins,
+        ("leave", "f8"),  # or ends, in a frame
+        ("times", "i8"),  # given pulses, from here in ``times``
+        ("times_end", "i8"),
+        ("draw", "i8"),  # column of the uniform draws for the trigger
+        ("pulse_draw", "i8"),  # and for the pulses
+    ],
+    align=True,
+)
+STATE: Final = np.dtype(
+    [
+        ("onset", "i8"),  # FOREVER until the trigger has fired
+        ("held", "i8"),  # frames in a row that the condition held
+        ("elapsed", "i8"),  # frames since the present episode began
+        ("left", "i8"),  # frames left of a random pulse; 1 within a gap of a telegraph
+        ("acts", "u1"),
+        ("fresh", "u1"),  # it did not act in the last frame
+    ],
+    align=True,
+)
+# One record a value that a fault acts on, in the order of the scenario within each of the three sorts.
+TARGET: Final = np.dtype(
+    [
+        ("fault", "i8"),
+        ("act", "u1"),  # settings.Act
+        ("remembers", "u1"),  # it needs the value while the fault does not act
+        ("invalid", "u1"),
+        ("wraps", "u1"),
+        ("row", "i8"),  # index of the signal; -1: the inertial unit
+        ("column", "i8"),  # channel; index of the quantity, the reference, the surface
+        ("source", "i8"),  # cross-talk: index of the signal, quantity or reference; ice: the dynamic pressure
+        ("low", "f8"),
+        ("high", "f8"),
+        ("source_low", "f8"),
+        ("source_high", "f8"),
+        ("value", "f8"),
+        ("second", "f8"),
+        ("ramp", "f8"),  # frames
+        ("memory", "i8"),  # its ring begins here
+        ("length", "i8"),
+        ("draw", "i8"),  # column of the normal draws
+    ],
+    align=True,
+)
+KEPT: Final = np.dtype(
+    [
+        ("last", "f8"),  # the value of the last frame, before this fault
+        ("held", "f8"),  # what it is stuck at, moves about, or stood at last
+        ("total", "f8"),  # trapped total pressure
+        ("last_total", "f8"),
+        ("started", "u1"),
+    ],
+    align=True,
+)
+# What triggers see of the votes: the last frame's, and discretes and levels of the frame before.
+SEEN: Final = np.dtype(
+    [
+        ("voted", "f8", (S,)),
+        ("discrete", "u1", (D,)),
+        ("level", "u1", (S,)),
+        ("discrete_before", "u1", (D,)),
+        ("level_before", "u1", (S,)),
+        ("frames", "i8"),
+    ],
+    align=True,
+)

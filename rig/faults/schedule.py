@@ -1,0 +1,221 @@
+"""The stage: the faults of a scenario as the records that the kernels read."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from math import exp, floor
+from typing import Any, Final
+
+import numpy as np
+from numpy.random import Generator, SeedSequence
+from numpy.typing import NDArray
+
+from rig.faults import fault as together
+from rig.faults.corrupt import actuate, corrupt, corrupt_reference
+from rig.faults.expression import DEEPEST, STEP, parse, reads_votes
+from rig.faults.fault import Fault
+from rig.faults.places import PLACES, Point, number, site
+from rig.faults.record import FOREVER, KEPT, PARAM, SCHEDULE, SEEN, STATE, TARGET, Trigger
+from rig.faults.settings import Act, Rhythm
+from rig.frame import DISCRETE_INDEX, INDEX, SIGNALS, Block, to_frame
+
+_REMEMBERING: Final = (Act.HOLD, Act.SWING, Act.DELAY, Act.REPEAT, Act.LIMIT_RATE, Act.ICE)
+_SORTS: Final = (("channel", "inertial"), ("reference",), ("surface",))
+
+
+class Faults:
+    """Corrupts channels, inertial unit, references and what reaches the actuators, as scheduled.
+
+    faults : of the scenario, checked; ranges : (len(PLACES), 2) lowest and highest value of every place
+    seeds  : of this stage; every fault draws from generators of its own, which its name gives
+    All state is plain arrays and can be copied.
+    """
+
+    def __init__(
+        self,
+        faults: Sequence[Fault],
+        ranges: NDArray[np.float64],
+        rate_hz: float,
+        seeds: SeedSequence | None = None,
+    ) -> None:
+        self._faults, self._ranges, self._rate_hz = faults, ranges, rate_hz
+        self._seeds = SeedSequence(0) if seeds is None else seeds
+        self._uniform_from: list[Generator] = []
+        self._normal_from: list[Generator] = []
+        self.schedule = np.zeros(len(faults), SCHEDULE)
+        self.state = np.zeros(len(faults), STATE)
+        self.state["onset"] = FOREVER
+        self._programs: list[NDArray[np.void]] = [np.zeros(0, STEP)]
+        self._times: list[int] = []
+        self._memory = 0
+        for i, turn in enumerate(together.order(faults)):
+            self.schedule[i]["turn"] = turn
+            self._schedule(i)
+        self.targets = self._targets()
+        self.program, self.times = np.concatenate(self._programs), np.array(self._times, np.int64)
+        self.kept, self.seen = np.zeros(len(self.targets), KEPT), np.zeros(1, SEEN)
+        self.memory, self.stack = np.zeros(max(self._memory, 1)), np.zeros(DEEPEST)
+        self.param = self._param()
+        self._uniform, self._normal = np.zeros((1, 1)), np.zeros((1, 1))
+        self._grow(1)
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """What the kernels need besides the row; the same arrays until the next ``prepare``."""
+        records = (self.param, self.schedule, self.state, self.targets, self.kept, self.program)
+        return *records, self.stack, self.times, self.memory, self.seen, self._uniform, self._normal
+
+    def prepare(self, block: Block) -> None:
+        """Draw for the rows of ``block``; no stream depends on the block's length, nor on other faults."""
+        if not self._uniform_from and not self._normal_from:
+            return
+        self._grow(len(block))
+        for column, rng in enumerate(self._uniform_from):
+            self._uniform[: len(block), column] = rng.random(len(block))
+        for column, rng in enumerate(self._normal_from):
+            self._normal[: len(block), column] = rng.standard_normal(len(block))
+
+    def step(self, block: Block, k: int) -> None:
+        """Decide who acts in row k; corrupt its channels and its inertial unit."""
+        corrupt(block, k, *self.arguments)
+
+    def refer(self, block: Block, k: int) -> None:
+        """Corrupt the references of row k."""
+        corrupt_reference(block, k, *self.arguments)
+
+    def actuate(self, block: Block, k: int) -> None:
+        """Corrupt what reaches the actuators in row k."""
+        actuate(block, k, *self.arguments)
+
+    def _frames(self, seconds: float | None, otherwise: int) -> int:
+        """A time in frames, at least one."""
+        return otherwise if seconds is None else max(1, to_frame(seconds, self._rate_hz))
+
+    def _frame(self, time_s: float | None) -> int:
+        return to_frame(time_s or 0.0, self._rate_hz)
+
+    def _chance(self, mean_s: float) -> float:
+        """Of what comes at random, ``mean_s`` apart on average, in one frame."""
+        return 1.0 - exp(-1.0 / (mean_s * self._rate_hz))
+
+    def _generator(self, i: int, purpose: str) -> Generator:
+        """A generator that the fault's name gives, so that no other fault shifts what it draws."""
+        labels = [fault.label for fault in self._faults]
+        name = f"{labels[i]}\0{labels[:i].count(labels[i])}\0{purpose}"  # faults of one name differ by their place
+        words = np.frombuffer(hashlib.sha256(name.encode()).digest()[:16], "<u4")
+        key = (*self._seeds.spawn_key, *map(int, words))
+        return np.random.default_rng(SeedSequence(self._seeds.entropy, spawn_key=key))
+
+    def _uniform_column(self, i: int, purpose: str) -> int:
+        self._uniform_from.append(self._generator(i, purpose))
+        return len(self._uniform_from) - 1
+
+    def _schedule(self, i: int) -> None:
+        """Fill the record of fault i."""
+        row, fault = self.schedule[i], self._faults[i]
+        row["flag"] = fault.flag
+        row["first"], row["delay"] = self._frame(fault.start_s), self._frame(fault.delay_s)
+        row["last"] = FOREVER if fault.end_s is None else to_frame(fault.end_s, self._rate_hz)
+        row["duration"] = self._frames(fault.duration_s, FOREVER)
+        row["period"] = self._frames(fault.repeat_every_s, 0)
+        row["repeats"] = FOREVER if fault.repeats is None else fault.repeats
+        self._trigger(i)
+        self._rhythm(i)
+
+    def _trigger(self, i: int) -> None:
+        row, fault = self.schedule[i], self._faults[i]
+        if fault.when is not None:
+            program = parse(fault.when)
+            begin = sum(map(len, self._programs))
+            self._programs.append(program)
+            row["trigger"], row["begin"], row["end"] = Trigger.CONDITION, begin, begin + len(program)
+            row["hold"], row["needs_votes"] = self._frame(fault.for_s), reads_votes(program)
+        elif fault.on is not None and fault.on.signal is not None:
+            row["trigger"], row["place"], row["level"] = Trigger.LEVEL, INDEX[fault.on.signal], fault.on.level
+        elif fault.on is not None:
+            engaged = fault.on.autopilot == "engaged"
+            row["trigger"], row["place"] = Trigger.AUTOPILOT, DISCRETE_INDEX["autopilot_engaged"]
+            row["level"] = engaged
+        elif fault.after is not None:
+            row["trigger"], row["place"] = Trigger.AFTER, together.parent(self._faults, i)
+        elif fault.rate_per_hour is not None:
+            row["trigger"], row["again"] = Trigger.RANDOM, fault.duration_s is not None
+            row["chance"] = self._chance(3600.0 / fault.rate_per_hour)
+            row["draw"] = self._uniform_column(i, "trigger")
+        else:
+            row["trigger"], self.state[i]["onset"] = Trigger.TIME, row["first"]
+
+    def _rhythm(self, i: int) -> None:
+        row, pulses = self.schedule[i], self._faults[i].pulses
+        row["rhythm"] = pulses.rhythm
+        if pulses.rhythm == Rhythm.STEADY:
+            return
+        row["on"] = max(1, to_frame(pulses.on_s, self._rate_hz))
+        row["cycle"] = max(row["on"] + 1, to_frame(pulses.on_s + pulses.off_s, self._rate_hz))
+        row["times"] = len(self._times)
+        self._times += [to_frame(time, self._rate_hz) for time in pulses.times_s]
+        row["times_end"] = len(self._times)
+        if pulses.rhythm in (Rhythm.RANDOM, Rhythm.TELEGRAPH):
+            row["enter"] = self._chance(pulses.off_s)
+            row["leave"] = self._chance(max(pulses.on_s, 1e-9))
+            row["pulse_draw"] = self._uniform_column(i, "pulses")
+
+    def _targets(self) -> NDArray[np.void]:
+        """A TARGET record for every value that a fault acts on, sorted by sort, then as in the scenario."""
+        found: list[NDArray[np.void]] = []
+        self._ends = []
+        for sites in _SORTS:
+            for i, fault in enumerate(self._faults):
+                points = fault.points
+                if fault.effect.act == Act.ICE:  # one record does both pressures of a channel
+                    points = [Point("static_pressure", channel) for channel in fault.channels]
+                found += [self._target(i, point) for point in points if site(point.place) in sites]
+            self._ends.append(len(found))
+        return np.array(found, TARGET) if found else np.zeros(0, TARGET)
+
+    def _target(self, i: int, point: Point) -> NDArray[np.void]:
+        row = np.zeros((), TARGET)
+        effect, where, at = self._faults[i].effect, site(point.place), number(point.place)
+        source = "dynamic_pressure" if effect.act == Act.ICE else effect.source or point.place
+        row["fault"], row["act"], row["invalid"] = i, effect.act, effect.invalid
+        row["remembers"] = effect.act in _REMEMBERING
+        row["wraps"] = where in ("channel", "reference") and SIGNALS[at].wraps
+        row["row"], row["column"] = (at, (point.channel or 1) - 1) if where == "channel" else (-1, at)
+        row["source"] = number(source)
+        row["low"], row["high"] = low, high = self._ranges[PLACES[point.place]]
+        row["source_low"], row["source_high"] = self._ranges[PLACES[source]]
+        row["value"], row["second"] = effect.value, effect.second
+        row["ramp"] = getattr(self._faults[i], "ramp_s", 0.0) * self._rate_hz
+        if effect.act == Act.END:
+            either = self._generator(i, "direction").random() < 0.5
+            row["act"], row["value"] = Act.SET, high if effect.value > (-0.5 if either else 0.5) else low
+        elif effect.act == Act.SET:
+            row["value"] = np.clip(effect.value, low, high)
+        elif effect.act == Act.NOTHING and where != "channel":
+            row["act"] = Act.NO_NUMBER  # there is no flag to set
+        elif effect.act == Act.NOISE:
+            self._normal_from.append(self._generator(i, f"noise {point.place} {point.channel}"))
+            row["draw"] = len(self._normal_from) - 1
+        elif effect.act == Act.DELAY:
+            frames = effect.value * self._rate_hz
+            row["value"] = self._frames(effect.value, 1) if effect.second == 1.0 else frames
+            row["memory"], row["length"] = self._memory, floor(row["value"]) + 2
+            self._memory += int(row["length"])
+        return row
+
+    def _param(self) -> NDArray[np.void]:
+        param = np.zeros(1, PARAM)
+        row = param[0]
+        row["dt_s"] = 1.0 / self._rate_hz
+        row["samples"], row["references"], row["surfaces"] = self._ends
+        voting = self.schedule["needs_votes"] != 0
+        row["watches"] = voting.any() or np.isin(self.schedule["trigger"], (Trigger.AUTOPILOT, Trigger.LEVEL)).any()
+        return param
+
+    def _grow(self, rows: int) -> None:
+        """Room for the draws of so many rows."""
+        if len(self._uniform) < rows or self._uniform.shape[1] < len(self._uniform_from):
+            self._uniform = np.zeros((rows, max(1, len(self._uniform_from))))
+        if len(self._normal) < rows or self._normal.shape[1] < len(self._normal_from):
+            self._normal = np.zeros((rows, max(1, len(self._normal_from))))

@@ -1,0 +1,241 @@
+"""What every entry of ``[[faults]]`` has: a name, a trigger, how long and how often it acts, where it sits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, ClassVar, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from rig.faults.expression import parse
+from rig.faults.places import Point, Site, refuse_unknown, site
+from rig.frame import CHANNELS, INDEX
+from rig.settings import Settings
+
+
+def quantity(unit: str, meaning: str, default: Any = ..., **bounds: Any) -> Any:
+    """A setting with its unit, ``signal`` for that of the signal, and what it means, for the catalogue."""
+    return Field(default, description=meaning, json_schema_extra={"unit": unit}, **bounds)
+
+
+class Act(IntEnum):
+    """What a kernel does to a value."""
+
+    NOTHING = 0  # to the value; its validity or its in-line monitor are another matter
+    ADD = 1
+    DRIFT = 2
+    SETTLE = 3
+    SET = 4
+    HOLD = 5
+    SCALE = 6
+    NOISE = 7
+    OSCILLATE = 8
+    SWING = 9
+    DELAY = 10
+    QUANTISE = 11
+    CROSS_TALK = 12
+    REPEAT = 13
+    NO_NUMBER = 14
+    LIMIT_RATE = 15
+    ICE = 16
+    END = 17  # an end of the range, which the schedule turns into SET
+
+
+class Rhythm(IntEnum):
+    """When a fault acts within its time: always, or in pulses."""
+
+    STEADY = 0
+    TIMES = 1  # at given times
+    RANDOM = 2  # at random times
+    CYCLE = 3  # on and off, regularly
+    TELEGRAPH = 4  # on and off, at random
+
+
+class Flag(IntEnum):
+    """What a fault does to the in-line monitors of its channels."""
+
+    LEAVE = 0
+    BAD = 1
+    GOOD = 2
+    INVERT = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """What a fault does to each of its values, as numbers for the kernel."""
+
+    act: Act
+    value: float = 0.0
+    second: float = 0.0
+    source: str | None = None  # the place that cross-talk comes from
+    history_s: float = 0.0  # how far back it reads
+    invalid: bool = False  # the sensor flags the sample
+
+
+@dataclass(frozen=True, slots=True)
+class Pulses:
+    """When within its time a fault acts; times in seconds, means of random ones."""
+
+    rhythm: Rhythm = Rhythm.STEADY
+    on_s: float = 0.0  # 0: one frame
+    off_s: float = 0.0
+    times_s: Sequence[float] = ()
+
+
+STEADY = Pulses()
+
+
+class Transition(Settings):
+    """A change of mode that triggers a fault: of the autopilot, or of a signal's level."""
+
+    autopilot: Literal["engaged", "disengaged"] | None = None
+    signal: str | None = None
+    level: int | None = Field(default=None, ge=0, le=CHANNELS)
+
+    @model_validator(mode="after")
+    def _one(self) -> Transition:
+        if self.signal is not None and self.signal not in INDEX:
+            raise ValueError(f"signal: unknown signal {self.signal!r}, allowed: {', '.join(INDEX)}")
+        if (self.signal is None) != (self.level is None) or (self.signal is None) == (self.autopilot is None):
+            raise ValueError("must be { autopilot = 'engaged' or 'disengaged' } or { signal = ..., level = ... }")
+        return self
+
+
+_TRIGGERS = ("when", "on", "after", "rate_per_hour")
+
+
+class Triggered(Settings):
+    """A name, one trigger, and how long and how often the fault acts after it."""
+
+    id: str | None = quantity("", "its name in events, tables and `after`", None, min_length=1)
+    start_s: float | None = quantity(
+        "s", "trigger: this time; with `when`, `on`, `rate_per_hour`: armed from", None, ge=0
+    )
+    when: str | None = quantity("", "trigger: a condition over voted and `true.` quantities", None)
+    for_s: float | None = quantity("s", "the condition must hold for so long", None, gt=0)
+    on: Transition | None = quantity("", "trigger: a transition of the autopilot or of a signal's level", None)
+    after: str | None = quantity("", "trigger: the onset of the fault of this id", None)
+    delay_s: float | None = quantity("s", "from the trigger to the onset, with `when`, `on`, `after`", None, ge=0)
+    rate_per_hour: float | None = quantity("1/h", "trigger: at random, so often per flight hour", None, gt=0, le=3.6e5)
+    end_s: float | None = quantity("s", "time of the flight at which it ends for good", None, gt=0)
+    duration_s: float | None = quantity("s", "how long it acts from its onset", None, gt=0)
+    repeat_every_s: float | None = quantity("s", "it acts again so long after its onset", None, gt=0)
+    repeats: int | None = quantity("", "how often it acts again; not given: to the end", None, ge=1)
+
+    @field_validator("when")
+    @classmethod
+    def _readable(cls, text: str | None) -> str | None:
+        if text is not None:
+            parse(text)
+        return text
+
+    @model_validator(mode="after")
+    def _triggered_once(self) -> Triggered:
+        given = [name for name in _TRIGGERS if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise ValueError(f"{' and '.join(given)}: a fault has one trigger")
+        if not given and self.start_s is None:
+            raise ValueError("a trigger is missing: start_s, when, on, after or rate_per_hour")
+        trigger = given[0] if given else "start_s"
+        if self.for_s is not None and trigger != "when":
+            raise ValueError("for_s: goes with when")
+        if self.delay_s is not None and trigger not in ("when", "on", "after"):
+            raise ValueError("delay_s: goes with when, on or after")
+        if self.start_s is not None and trigger == "after":
+            raise ValueError("start_s: does not go with after; use delay_s")
+        return self
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Triggered:
+        if self.end_s is not None and self.end_s <= (self.start_s or 0.0):
+            raise ValueError(f"end_s ({self.end_s:g}) must be after start_s ({self.start_s or 0.0:g})")
+        if self.repeats is not None and self.repeat_every_s is None:
+            raise ValueError("repeats: goes with repeat_every_s")
+        if self.repeat_every_s is not None:
+            if self.rate_per_hour is not None:
+                raise ValueError("repeat_every_s: does not go with rate_per_hour, which repeats by itself")
+            if self.duration_s is None or self.duration_s >= self.repeat_every_s:
+                raise ValueError("repeat_every_s: needs a duration_s that is shorter")
+        return self
+
+
+class Placed(Triggered):
+    """A fault on one signal's channels or on one value of the inertial unit, a reference or a surface.
+
+    Every kind says what it does as ``effect`` and, when it acts in pulses, ``pulses``.
+    """
+
+    sites: ClassVar[tuple[Site, ...]] = ("channel", "inertial", "reference")
+
+    signal: str = quantity("", "where it sits: <signal>, inertial.<quantity>, reference.<signal>, surface.<name>")
+    channels: list[int] = quantity("", "of a signal, counted from 1; nothing else has any", [])
+
+    @field_validator("signal")
+    @classmethod
+    def _known(cls, name: str) -> str:
+        return refuse_unknown(name)
+
+    @field_validator("channels")
+    @classmethod
+    def _numbered(cls, channels: list[int]) -> list[int]:
+        return distinct(channels)
+
+    @model_validator(mode="after")
+    def _placed(self) -> Placed:
+        where = site(self.signal)
+        if where not in self.sites:
+            raise ValueError(f"signal: {kind_of(self)} cannot sit on {self.signal}, allowed: {', '.join(self.sites)}")
+        if where == "channel" and not self.channels:
+            raise ValueError("channels: at least 1 is needed")
+        if where != "channel" and self.channels:
+            raise ValueError(f"channels: {self.signal} has none, got {self.channels}")
+        if where != "channel" and getattr(self, "seen_by_ilm", False):
+            raise ValueError(f"seen_by_ilm: {self.signal} has no in-line monitor")
+        return self
+
+    @property
+    def points(self) -> list[Point]:
+        """The values that it acts on."""
+        return [Point(self.signal, channel) for channel in self.channels] or [Point(self.signal)]
+
+    @property
+    def label(self) -> str:
+        """The fault's name in events and tables."""
+        place = ".".join(filter(None, (self.signal, ",".join(map(str, self.channels)))))
+        return self.id or f"{kind_of(self)} {place}"
+
+    @property
+    def pulses(self) -> Pulses:
+        """When within its time it acts."""
+        return STEADY
+
+
+class Spoiled(Placed):
+    """A fault of the value itself; the channel's in-line monitor may see it."""
+
+    seen_by_ilm: bool = quantity("", "the in-line monitors of its channels say bad while it acts", False)
+
+    @property
+    def flag(self) -> Flag:
+        """What happens to the in-line monitors."""
+        return Flag.BAD if self.seen_by_ilm else Flag.LEAVE
+
+
+class Ramped(Spoiled):
+    """A fault that may come on gradually."""
+
+    ramp_s: float = quantity("s", "its effect grows linearly from nothing over this time", 0.0, ge=0)
+
+
+def distinct(channels: list[int]) -> list[int]:
+    """``channels`` if they are different numbers from 1 on; else ValueError."""
+    if any(not 1 <= channel <= CHANNELS for channel in channels) or len(set(channels)) < len(channels):
+        raise ValueError(f"channels are different numbers from 1 to {CHANNELS}, got {channels}")
+    return channels
+
+
+def kind_of(fault: Settings) -> str:
+    """The kind of a fault, as in its ``kind`` key."""
+    return str(getattr(fault, "kind"))  # noqa: B009 # every kind has one, in its own class

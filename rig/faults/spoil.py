@@ -1,0 +1,133 @@
+"""What a fault makes of one value."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from rig.angles import difference, limit
+from rig.faults.settings import Act, Flag
+from rig.frame import TWO_PI, Ilm
+from rig.kernels import kernel
+
+_NOTHING, _ADD, _DRIFT, _SETTLE, _SET, _HOLD, _SCALE, _NOISE = map(int, list(Act)[:8])
+_OSCILLATE, _SWING, _DELAY, _QUANTISE, _CROSS_TALK, _REPEAT, _NO_NUMBER, _LIMIT_RATE = map(int, list(Act)[8:16])
+_LEAVE, _FLAG_BAD, _FLAG_GOOD = int(Flag.LEAVE), int(Flag.BAD), int(Flag.GOOD)
+_BAD, _GOOD = int(Ilm.BAD), int(Ilm.GOOD)
+_TURN: Final = TWO_PI
+
+
+@kernel
+def spoiled(x, other, drawn, target, kept, memory, frame, elapsed, dt_s):
+    """The value x under a fault that has acted for ``elapsed`` frames.
+
+    other : the value that cross-talk comes from; drawn : standard normal; target, kept : TARGET and KEPT record
+    memory : rings of what delays read; the equations stand with the kinds
+    """
+    act = target["act"]
+    if act == _NOTHING:
+        return x
+    if act == _NO_NUMBER:
+        return math.nan
+    y = changed(act, x, other, drawn, target, kept, memory, frame, elapsed * dt_s, dt_s)
+    if elapsed < target["ramp"]:
+        y = x + elapsed / target["ramp"] * difference(y, x, target["wraps"])
+    elif act == _SET:
+        return y
+    return limit(y, target["low"], target["high"], target["wraps"])
+
+
+@kernel
+def changed(act, x, other, drawn, target, kept, memory, frame, t, dt_s):
+    """The same without ramp and range; ``t`` [s] since the onset."""
+    value = target["value"]
+    if act == _ADD:
+        return x + value
+    if act == _DRIFT:
+        return x + value * t
+    if act == _SETTLE:
+        return x + value * (1.0 - math.exp(-t / target["second"]))
+    if act == _SET:
+        return value
+    if act == _HOLD:
+        return kept["held"]
+    if act == _SCALE:
+        return x * value
+    if act == _NOISE:
+        return x + value * drawn
+    if act in (_OSCILLATE, _SWING):
+        swing = value * math.sin(_TURN * target["second"] * t)
+        return swing + (x if act == _OSCILLATE else kept["held"])
+    if act == _DELAY:
+        return earlier(frame, target, memory)
+    if act == _QUANTISE:
+        return np.floor(x / value + 0.5) * value
+    if act == _CROSS_TALK:
+        return x + value * other
+    if act == _REPEAT:
+        return kept["last"]
+    most = value * dt_s  # LIMIT_RATE
+    kept["held"] += min(max(x - kept["held"], -most), most)
+    return kept["held"]
+
+
+@kernel
+def earlier(frame, target, memory):
+    """The value ``value`` frames ago, between two frames in proportion."""
+    length, start = target["length"], target["memory"]
+    whole = int(target["value"])
+    part = target["value"] - whole
+    newer = memory[start + (frame - whole) % length]
+    if part == 0.0:
+        return newer
+    older = memory[start + (frame - whole - 1) % length]
+    return newer + part * difference(older, newer, target["wraps"])
+
+
+@kernel
+def keep(x, target, kept, memory, frame):
+    """Remember x, the value before this fault, for what delays read."""
+    if target["length"] > 0:
+        start, length = target["memory"], target["length"]
+        if kept["started"] == 0:
+            for i in range(length):
+                memory[start + i] = x
+        memory[start + frame % length] = x
+    if kept["started"] == 0:
+        kept["last"] = x
+        kept["started"] = 1
+
+
+@kernel
+def freeze(channels, c, target, kept, fresh, t):
+    """Static and dynamic pressure of channel c behind lines that ice has closed; see systems.PitotIcing."""
+    s, q = target["row"], target["source"]
+    static = channels[s, c]
+    total = static + channels[q, c]
+    if kept["started"] == 0:
+        kept["last"], kept["last_total"], kept["started"] = static, total, 1
+    if fresh != 0:
+        kept["held"], kept["total"] = kept["last"], kept["last_total"]
+    kept["last"], kept["last_total"] = static, total
+    if t < 0.0:
+        return
+    if target["value"] == target["value"]:
+        total = kept["total"] + target["value"] * t
+    if target["second"] == target["second"]:
+        static = kept["held"] + target["second"] * t
+        channels[s, c] = limit(static, target["low"], target["high"], 0)
+    channels[q, c] = limit(total - static, target["source_low"], target["source_high"], 0)
+
+
+@kernel
+def flagged(says, flag):
+    """The in-line monitor's answer under a fault; one that is not fitted stays absent."""
+    if flag == _LEAVE or (says != _BAD and says != _GOOD):
+        return says
+    if flag == _FLAG_BAD:
+        return _BAD
+    if flag == _FLAG_GOOD:
+        return _GOOD
+    return _BAD if says == _GOOD else _GOOD

@@ -1,0 +1,121 @@
+"""When faults act: triggers, durations, repetition, pulses.
+
+A trigger reads the truth of this frame and the votes of the last one: this frame's votes are not there yet.
+A transition is seen in the frame after the one that voted it.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from rig.faults.expression import holds
+from rig.faults.record import FOREVER, Trigger
+from rig.faults.settings import Rhythm
+from rig.frame import D, S
+from rig.kernels import kernel
+
+_FOREVER: Final = FOREVER
+_TIME, _CONDITION, _AUTOPILOT, _LEVEL, _AFTER, _RANDOM = map(int, Trigger)
+_STEADY, _TIMES, _AT_RANDOM, _CYCLE, _TELEGRAPH = map(int, Rhythm)
+_SIGNALS, _DISCRETES = S, D
+
+
+@kernel
+def advance(row, k, schedule, state, program, stack, times, seen, uniform):
+    """Find out which faults act in this frame: ``acts``, ``fresh`` and ``elapsed`` of every STATE record.
+
+    row : frame k of its block; schedule, state : (F,) SCHEDULE and STATE; program, stack : of the conditions
+    times : (T,) frames of given pulses; seen : (1,) SEEN; uniform : (n, U) draws of this block
+    """
+    frame = row["frame"]
+    for f in range(len(schedule)):
+        i = schedule[f]["turn"]
+        p, st = schedule[i], state[i]
+        if st["onset"] == _FOREVER and p["first"] <= frame < p["last"]:
+            fired = onset(row, k, p, state, i, program, stack, seen, uniform)
+            st["onset"] = fired if fired == _FOREVER else fired + p["delay"]
+        acts = lasts(frame, p, st)
+        if acts != 0 and p["rhythm"] != _STEADY:
+            acts = beats(k, p, st, times, uniform)
+        st["fresh"] = 1 if acts != 0 and st["acts"] == 0 else 0
+        st["acts"] = acts
+
+
+@kernel
+def onset(row, k, p, state, i, program, stack, seen, uniform):
+    """The frame in which the trigger of fault i fires, FOREVER while it does not."""
+    fires = False
+    trigger, frame = p["trigger"], row["frame"]
+    if trigger == _CONDITION:
+        true = p["needs_votes"] == 0 or seen[0]["frames"] > 0
+        true = true and holds(program, p["begin"], p["end"], row, seen[0], stack) != 0
+        state[i]["held"] = state[i]["held"] + 1 if true else 0
+        fires = state[i]["held"] > p["hold"]
+    elif trigger == _AUTOPILOT:
+        now, before = seen[0]["discrete"][p["place"]], seen[0]["discrete_before"][p["place"]]
+        fires = seen[0]["frames"] > 1 and now == p["level"] and before != now
+    elif trigger == _LEVEL:
+        now, before = seen[0]["level"][p["place"]], seen[0]["level_before"][p["place"]]
+        fires = seen[0]["frames"] > 1 and now == p["level"] and before != now
+    elif trigger == _AFTER:
+        return state[p["place"]]["onset"]
+    elif trigger == _RANDOM:
+        fires = uniform[k, p["draw"]] < p["chance"]
+    return frame if fires else _FOREVER
+
+
+@kernel
+def lasts(frame, p, st):
+    """Whether the fault is within its time: 1 or 0; sets ``elapsed``, and re-arms a random trigger."""
+    if st["onset"] > frame or frame >= p["last"]:
+        return 0
+    elapsed = frame - st["onset"]
+    if p["period"] > 0:
+        episode = min(elapsed // p["period"], p["repeats"])
+        elapsed -= episode * p["period"]
+    st["elapsed"] = elapsed
+    if elapsed < p["duration"]:
+        return 1
+    if p["again"] != 0:
+        st["onset"] = _FOREVER
+    return 0
+
+
+@kernel
+def beats(k, p, st, times, uniform):
+    """Whether a fault that acts in pulses acts now: 1 or 0."""
+    elapsed, rhythm = st["elapsed"], p["rhythm"]
+    if rhythm == _CYCLE:
+        return 1 if elapsed % p["cycle"] < p["on"] else 0
+    if rhythm == _TIMES:
+        for i in range(p["times"], p["times_end"]):
+            if times[i] <= elapsed < times[i] + p["on"]:
+                return 1
+        return 0
+    if elapsed == 0:
+        st["left"] = 1 if rhythm == _TELEGRAPH else 0
+        if rhythm == _TELEGRAPH:
+            return 1
+    drawn = uniform[k, p["pulse_draw"]]
+    if rhythm == _TELEGRAPH:
+        changes = drawn < (p["leave"] if st["left"] != 0 else p["enter"])
+        st["left"] = 1 - st["left"] if changes else st["left"]
+        return st["left"]
+    if st["left"] > 0:
+        st["left"] -= 1
+        return 1
+    st["left"] = p["on"] - 1 if drawn < p["enter"] else 0
+    return 1 if drawn < p["enter"] else 0
+
+
+@kernel
+def watch(row, seen):
+    """Keep this frame's votes for the triggers of the next."""
+    s = seen[0]
+    for i in range(_SIGNALS):
+        s["level_before"][i] = s["level"][i]
+        s["level"][i], s["voted"][i] = row["level"][i], row["voted"][i]
+    for i in range(_DISCRETES):
+        s["discrete_before"][i] = s["discrete"][i]
+        s["discrete"][i] = row["discrete_voted"][i]
+    s["frames"] += 1

@@ -1,0 +1,69 @@
+"""A block of given values through the faults alone, for the tests of faults."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.random import SeedSequence
+from pydantic import TypeAdapter
+
+from rig import inertial
+from rig.faults import Fault, Faults
+from rig.frame import SIGNALS, Block, Ilm, new_block
+
+RATE = 100.0
+RANGES = np.array([(signal.low, signal.high) for signal in SIGNALS])
+STOPS = np.array([(-0.4, 0.4), (-0.3, 0.3), (-0.5, 0.5), (0.0, 1.0)])
+PLACES = np.vstack([RANGES, inertial.ranges(), RANGES, STOPS])
+PARSE: TypeAdapter[Any] = TypeAdapter(Fault)
+Prepare = Callable[[Block], None]
+
+
+def x(frames: int = 60) -> np.ndarray:
+    """A lively value: no two neighbouring frames are alike, no sample is zero."""
+    return 0.3 * np.sin(0.13 * np.arange(frames)) + 0.31 + 0.001 * np.arange(frames)
+
+
+def healthy(frames: int = 60) -> Block:
+    """Every value of every place is ``x``, pressures around their own; the surfaces truly stand half as far."""
+    block = new_block(frames)
+    values = x(frames)
+    block["channels"] = values[:, None, None]
+    block["valid"], block["ilm"], block["level"] = 1, Ilm.GOOD, 4
+    block["inertial"] = values[:, None]
+    block["reference"] = values[:, None]
+    block["surface"] = block["actuator"] = values[:, None] * 0.4
+    block["flight"] = values[:, None] * 0.2
+    return block
+
+
+def faulted(*faults: dict[str, Any], block: Block | None = None, seed: int = 7, size: int = 60) -> Block:
+    """``healthy``, or a given block, after the faults; ``size`` frames are prepared at a time."""
+    rows = healthy() if block is None else block
+    stage = Faults([PARSE.validate_python(fault) for fault in faults], PLACES, RATE, SeedSequence(seed))
+    for start in range(0, len(rows), size):
+        part = rows[start : start + size]
+        stage.prepare(part)
+        for k in range(len(part)):
+            stage.step(part, k)
+            stage.refer(part, k)
+            stage.actuate(part, k)
+    return rows
+
+
+def acts(rows: Block, i: int = 0) -> list[int]:
+    """The frames in which fault i acted."""
+    return np.flatnonzero(rows["acting"][:, i >> 3] >> np.uint8(i & 7) & 1).tolist()
+
+
+def column(rows: Block, place: str) -> np.ndarray:
+    """The values of a place, of channel 2 where there are channels."""
+    from rig.faults.places import number, site
+
+    field = {"channel": "channels", "inertial": "inertial", "reference": "reference", "surface": "actuator"}[
+        site(place)
+    ]
+    values = rows[field][:, number(place)]
+    return values[:, 1] if site(place) == "channel" else values
