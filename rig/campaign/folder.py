@@ -177,7 +177,7 @@ def _shown(flat: dict[str, Any], key: str) -> str:
 
 def _flat(data: Any, above: str = "") -> Iterator[tuple[str, Any]]:
     """Every leaf of plain data with its dotted key."""
-    if isinstance(data, dict | list) and data:
+    if isinstance(data, dict | list):
         items = data.items() if isinstance(data, dict) else enumerate(data)
         for key, value in items:
             yield from _flat(value, f"{above}.{key}" if above else str(key))
