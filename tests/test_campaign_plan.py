@@ -1,5 +1,6 @@
 """What varies, how it is sampled, and what is refused before anything is flown."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -150,3 +151,13 @@ def test_a_campaign_read_back_from_plain_data_is_the_same(tmp_path: Path):
     made = Plan(read("singular"), "x")
     back = Plan(from_what(made.campaign.what(), "y"), "y")
     assert back.choices == made.choices and back[7].data == made[7].data
+
+
+def test_the_example_in_the_docs_can_be_flown(tmp_path: Path):
+    page = (Path(__file__).parent.parent / "docs" / "campaign.md").read_text()
+    (text,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    (tmp_path / "campaign.toml").write_text(text)
+    made = Plan(read(tmp_path / "campaign.toml"), "campaign.toml")
+    made.check()
+    assert len(made) == 200 and set(column(made, "manoeuvre")) == {"level", "3-2-1-1"}
+    assert len({tuple(map(str, choice.items())) for choice in made.choices}) == 3 * 2 * 10 * 3

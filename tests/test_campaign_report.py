@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from rig.aircraft import bundled
 from rig.campaign.compare import compare
 from rig.campaign.config import from_what
 from rig.campaign.folder import Folder, open_folder
@@ -16,6 +17,7 @@ from rig.campaign.plan import Plan
 from rig.campaign.report import report
 from rig.campaign.rows import Rows
 from rig.campaign.summary import summary
+from rig.campaign.table import COLUMNS
 from rig.errors import BadInput
 
 QUIET = {"patterns": ["normal"], "levels": [4], "pattern_transitions": [], "level_transitions": []}
@@ -223,3 +225,10 @@ def test_campaigns_of_other_seeds_are_not_paired(tmp_path: Path):
     b = made(tmp_path / "b", {"runs": [flown(0, seed=5)], **empty})
     with pytest.raises(BadInput, match="not flown on the same seeds"):
         compare(a, b)
+
+
+def test_the_page_names_every_column_and_every_bundled_campaign():
+    page = (Path(__file__).parent.parent / "docs" / "campaign.md").read_text()
+    named = set(re.findall(r"`([\w-]+)`", page))
+    assert {column for columns in COLUMNS.values() for column in columns} <= named
+    assert {path.stem for path in (bundled("faults") / "campaigns").glob("*.toml")} <= named

@@ -30,7 +30,7 @@ from rig.faults import Execution
 from rig.flight import end_reason, labels, metadata
 from rig.frame import TIMING, Block, new_block
 from rig.log import LogWriter
-from rig.scenario import Scenario
+from rig.scenario import Scenario, load
 from rig.score import Score, fly_twin, score
 from rig.verdict import Verdict
 
@@ -90,6 +90,7 @@ def _bytes(rows: Block) -> NDArray[np.uint8]:
 
 def fly_run(run: Run, orders: Orders) -> Rows:
     """Fly, score and perhaps log one run: its rows by table. An exception of its flight is its outcome."""
+    _warm()
     began = time.perf_counter()
     try:
         with _limit(orders.timeout_s):
@@ -150,6 +151,13 @@ def write_log(flown: Flown, path: Path) -> None:
         writer.write(new_block(0), np.zeros(0, TIMING), flown.ended)
         ended = {"digest": verdict.digest, "end_reason": flown.end_reason, "survived": str(verdict.survived)}
         writer.close(ended)
+
+
+@cache
+def _warm() -> None:
+    """Compile the kernels, or load them, before the first clock runs."""
+    short = load(None, ["duration_s=0.01", "faults=[]"])
+    score(short, fly(short).rows)
 
 
 @cache

@@ -10,7 +10,7 @@ import rig
 from rig.versions import versions
 
 # What looks at flights, or hands them out, decides nothing in them.
-_BESIDE = ("campaign", "recorded", "view", "replay", "watch", "export", "study")
+_BESIDE = ("campaign", "catalogue", "recorded", "view", "replay", "watch", "export", "study")
 _FILES = ("cli.py", "show.py", "bench.py", "__main__.py")
 
 
