@@ -159,4 +159,4 @@ def test_a_flight_of_twenty_seconds_is_scored_in_milliseconds():
         began = time.process_time()
         score(which, rows)
         took.append(time.process_time() - began)
-    assert min(took) < 0.05  # 6 ms on the machine that it was written on
+    assert min(took) < 0.05  # 6 to 11 ms on the busy machine that it was written on
