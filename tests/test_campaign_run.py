@@ -208,10 +208,10 @@ def test_a_flight_that_never_ends_is_timed_out(tmp_path: Path, monkeypatch: pyte
     (tmp_path / "hooks.py").write_text(ABORTING)
     monkeypatch.chdir(tmp_path)
     text = 'base = "f16_pitch_rate_hardover"\n[set]\nduration_s = 1.0\nfaults = []\n[vary]\n'
-    text += '"redundancy.manager" = ["mean", "hooks:Hangs", "median"]\n[run]\nworkers = 1\ntimeout_s = 3.0\n'
+    text += '"redundancy.manager" = ["mean", "hooks:Hangs", "median"]\n[run]\nworkers = 1\ntimeout_s = 1.5\n'
     result = run(planned(write(tmp_path, text)), tmp_path / "out")
     rows = open_folder(result.out).tables["runs"].select("outcome", "reason").rows()
-    assert rows == [("flown", None), ("timed out", "longer than 3 s"), ("flown", None)]
+    assert rows == [("flown", None), ("timed out", "longer than 1.5 s"), ("flown", None)]
 
 
 def test_a_full_disk_stops_with_one_line_and_the_same_command_goes_on(whole: Result, tmp_path: Path):

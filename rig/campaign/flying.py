@@ -28,7 +28,7 @@ from rig.errors import RigError
 from rig.events import Event, EventFinder, not_executed
 from rig.faults import Execution
 from rig.flight import end_reason, labels, metadata
-from rig.frame import TIMING, Block, new_block
+from rig.frame import FRAME, TIMING, Block, new_block
 from rig.log import LogWriter
 from rig.scenario import Scenario, load
 from rig.score import Score, fly_twin, score
@@ -70,7 +70,7 @@ def fly(scenario: Scenario) -> Flown:
     """Fly a scenario with the digest and events of ``rig fly``, its rows kept in memory."""
     rig, finder, verdict = loop.Rig(scenario), EventFinder(labels(scenario)), Verdict()
     execution = Execution(scenario.faults)
-    kept, timing = new_block(scenario.frames), np.zeros(scenario.frames, TIMING)
+    kept, timing = np.empty(scenario.frames, FRAME), np.zeros(scenario.frames, TIMING)
     blocks: list[tuple[int, list[Event]]] = []
     for rows, clocked in loop.frames(rig, scenario):
         events = finder.find(rows)
