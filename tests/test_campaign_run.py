@@ -258,8 +258,9 @@ def test_the_first_runs_alone_are_those_of_the_whole_campaign(whole: Result, tmp
     assert few.done == few.runs == 5
     first = open_folder(out).tables["runs"].drop(table.WALL_CLOCK)
     assert first.equals(open_folder(whole.out).tables["runs"].head(5).drop(table.WALL_CLOCK))
-    with pytest.raises(BadInput, match="--runs 49: must be from 1 to the campaign's 48"):
-        run(planned(path), out, runs=49)
+    for wrong in (0, 49):
+        with pytest.raises(BadInput, match=f"--runs {wrong}: must be from 1 to the campaign's 48"):
+            run(planned(path), out, runs=wrong)
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ Sets = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="A key of the scenario, the same in every run; repeatable."),
 ]
-Runs = Annotated[int | None, typer.Option(help="The first N runs only.", min=1, show_default="all")]
+Runs = Annotated[int | None, typer.Option(help="The first N runs only.", show_default="all")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 
@@ -47,7 +47,7 @@ def plan(file: File, sets: Sets = None, runs: Runs = None, as_json: Json = False
     if as_json:
         _print({**expected.as_dict(), "list": show.plan_rows(planned, runs)})
     else:
-        show.plan(planned, expected, runs)
+        show.plan(planned, expected)
 
 
 @app.command()

@@ -36,7 +36,7 @@ class Estimate:
 
 def estimate(plan: Plan, runs: int | None = None) -> Estimate:
     """Fly one run twice, the first time to warm up, and reckon from that."""
-    count = min(runs or len(plan), len(plan))
+    count = plan.count(runs)
     how = plan.campaign.run
     durations = [float(plan[number].data.get("duration_s", 60.0)) for number in range(count)]
     rate_hz = plan[0].scenario().rate_hz

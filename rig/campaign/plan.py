@@ -60,6 +60,13 @@ class Plan:
     def __len__(self) -> int:
         return len(self.choices)
 
+    def count(self, runs: int | None) -> int:
+        """How many runs ``--runs`` asks for; BadInput when the plan has not so many."""
+        count = len(self) if runs is None else runs
+        if not 1 <= count <= len(self):
+            raise BadInput(f"--runs {count}: must be from 1 to the campaign's {len(self)}")
+        return count
+
     @cached_property
     def choices(self) -> list[Choice]:
         """What each run varies."""

@@ -19,7 +19,7 @@ from typing import Any, Final, Protocol
 
 from rig.errors import BadInput, RigError
 
-ANSWER_S: Final = 8.0  # how long a scheduler may take to answer
+ANSWER_S: Final = 5.0  # how long a scheduler may take to answer
 _METHOD: Final = "forkserver" if sys.platform == "linux" else "spawn"
 # One flight uses one core: libraries that would start threads of their own only get into each other's way.
 _SINGLE: Final = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL", "NUMBA", "POLARS")}

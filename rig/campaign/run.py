@@ -25,7 +25,7 @@ from rig.campaign.identity import rig_identity
 from rig.campaign.plan import Plan, Run
 from rig.campaign.pool import Pool, open_pool
 from rig.campaign.rows import Rows
-from rig.errors import BadInput, RigError
+from rig.errors import RigError
 from rig.loop import Stop
 
 AHEAD: Final = 2  # batches handed out for each worker: one it flies, one that waits
@@ -107,9 +107,7 @@ def run(
     BadInput before anything is written; RigError when the disk is full or workers keep dying.
     """
     how = plan.campaign.run
-    count = len(plan) if runs is None else runs
-    if not 1 <= count <= len(plan):
-        raise BadInput(f"--runs {count}: must be from 1 to the campaign's {len(plan)}")
+    count = plan.count(runs)
     plan.check()
     folder = Folder.of(out, plan)
     orders = Orders(

@@ -44,15 +44,15 @@ def progress(enabled: bool) -> Iterator[Report | None]:
 
 def plan_rows(planned: Plan, runs: int | None = None) -> list[dict[str, Any]]:
     """Every run of a plan: number, seed, what varies."""
-    count = min(runs or len(planned), len(planned))
+    count = planned.count(runs)
     listed = (planned[number] for number in range(count))
     return [{"run": run.number, "seed": run.data["seed"], **run.choice} for run in listed]
 
 
-def plan(planned: Plan, expected: Estimate, runs: int | None = None) -> None:
+def plan(planned: Plan, expected: Estimate) -> None:
     """The first runs of a plan and the estimate."""
     screen = console()
-    rows = plan_rows(planned, min(runs or MOST_ROWS, MOST_ROWS))
+    rows = plan_rows(planned, min(expected.runs, MOST_ROWS))
     names = list(dict.fromkeys(name for row in rows for name in row))
     table = Table(*names, box=None)
     for row in rows:
