@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.stamp
 
-.PHONY: fly test check lint types imports bench setup clean
+.PHONY: fly test check lint types imports coverage bench golden replay setup clean
 
 fly: setup  ## fly the default scenario: a hardover on one pitch-rate channel of the F-16
 	$(BIN)/rig fly
@@ -24,8 +24,18 @@ types: setup
 imports: setup
 	$(BIN)/lint-imports
 
+coverage: setup  ## statements and branches of the monitor, its kernels interpreted: all of them, or it fails
+	NUMBA_DISABLE_JIT=1 RIG_FEWER_EXAMPLES=2 $(BIN)/pytest -q -n auto tests/test_redundancy_*.py \
+		--cov=rig.redundancy --cov-branch --cov-report=term-missing --cov-fail-under=100
+
 bench: setup  ## what a frame costs, against bare JSBSim in the same process
 	$(BIN)/rig bench
+
+golden: setup  ## fly all golden flights and keep what they decide now
+	$(BIN)/python tests/golden_flights.py
+
+replay: setup  ## fly every bundled scenario to its end, replay it and fly it again: all must be identical
+	$(BIN)/python tests/replay_all.py
 
 setup: $(STAMP)
 

@@ -2,7 +2,8 @@
 ``gains.toml`` (control law) and ``references.toml``.
 
 ``defaults.toml`` beside the bundled aircraft holds what they share; an aircraft's own file says what
-differs.  Tables are merged as plain data here and checked once, by scenario.py.
+differs.  Tables are merged as plain data here and checked once, by scenario.py.  ``sensor_classes.toml`` holds
+the data-sheet classes that a sensor may name.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from rig.errors import BadInput
-from rig.settings import read_toml
+from rig.sensors.classes import SensorClass, under
+from rig.settings import build, read_toml
 
 
 def bundled(kind: str) -> Path:
@@ -47,7 +49,22 @@ def tables(name: str) -> dict[str, Any]:
 
 def own_tables(name: str) -> dict[str, Any]:
     """What an aircraft is before anything is designed: the defaults and its own tables."""
-    return merge(read_toml(bundled("aircraft") / "defaults.toml"), read_toml(folder(name) / "aircraft.toml"))
+    path = folder(name) / "aircraft.toml"
+    return lay_over(read_toml(bundled("aircraft") / "defaults.toml"), read_toml(path), str(path))
+
+
+def sensor_classes() -> dict[str, SensorClass]:
+    """The data-sheet classes of sensors, by name."""
+    path = bundled("aircraft") / "sensor_classes.toml"
+    return {name: build(SensorClass, table, f"{path}: {name}") for name, table in read_toml(path).items()}
+
+
+def lay_over(below: dict[str, Any], above: dict[str, Any], source: str) -> dict[str, Any]:
+    """``merge``, with the sensor classes that ``above`` names put under its own keys; BadInput names ``source``."""
+    wanted, present = above.get("sensors"), below.get("sensors")
+    if not isinstance(wanted, dict) or not isinstance(present, dict):
+        return merge(below, above)
+    return merge({**below, "sensors": under(present, wanted, sensor_classes(), source)}, above)
 
 
 def merge(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:

@@ -17,6 +17,7 @@ import numpy as np
 
 from rig import loop
 from rig.control.flying import fly as fly_row
+from rig.errors import BadInput
 from rig.events import EventFinder
 from rig.faults import actuate, corrupt, corrupt_reference
 from rig.flight import fly, labels, metadata
@@ -25,6 +26,7 @@ from rig.inertial import sense
 from rig.kernels import bind
 from rig.log import LogWriter
 from rig.plant import jsbsim
+from rig.plant.airframe import LinearConfig
 from rig.redundancy import decide_row, refer_row
 from rig.scenario import Scenario
 from rig.sensors import measure
@@ -65,7 +67,12 @@ class Bench:
 
 
 def bench(scenario: Scenario, repeats: int = 7) -> Bench:
-    """Fly ``scenario`` and run its bare airframe in turn; the medians of both."""
+    """Fly ``scenario`` and run its bare airframe in turn; the medians of both.
+
+    BadInput for a linear aircraft: there is no bare JSBSim to measure against.
+    """
+    if isinstance(scenario.airframe, LinearConfig):
+        raise BadInput(f"aircraft: {scenario.aircraft} is a linear model, it has no bare JSBSim to be measured against")
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
         fly(scenario, out=out)  # compiles what is not in the cache yet

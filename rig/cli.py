@@ -19,7 +19,11 @@ from rig.campaign.cli import app as campaign_app
 from rig.catalogue.cli import faults_app
 from rig.errors import BadInput, RigError
 from rig.recorded.cli import vote
+from rig.replay.cli import diff, export, info, replay
 from rig.score.cli import score
+from rig.study.cli import study
+from rig.view.cli import view
+from rig.watch.cli import watch as watch_log
 
 HELP = {"help_option_names": ["-h", "--help"]}
 PLAIN: dict[str, Any] = {
@@ -35,6 +39,7 @@ app.add_typer(scenario_app, name="scenario")
 app.add_typer(aircraft_app, name="aircraft")
 app.add_typer(campaign_app, name="campaign")
 app.add_typer(faults_app, name="faults")
+app.add_typer(study, name="study")
 
 ScenarioName = Annotated[
     str | None, typer.Argument(help="A scenario file or the name of a bundled one.", show_default=False)
@@ -67,13 +72,17 @@ def fly(
         float | None,
         typer.Option(help="Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False),
     ] = None,
+    watch: Annotated[bool, typer.Option("--watch", help="Show the redundancy page while it flies.")] = False,
     as_json: Json = False,
 ) -> None:
     """Fly one scenario, log every frame, print what happened."""
     from rig import show
     from rig.flight import fly as fly_scenario
+    from rig.watch.live import watching
 
-    with show.progress(enabled=not as_json) as progress:
+    if watch and as_json:
+        raise BadInput("--watch: not with --json, which prints one object and nothing else")
+    with watching(watch, realtime_factor) as page, show.progress(enabled=not (as_json or watch)) as progress:
         flight = fly_scenario(
             scenario,
             seed=seed,
@@ -83,6 +92,7 @@ def fly(
             realtime_factor=realtime_factor,
             progress=progress,
             viewer=show.Watching(),
+            watch=page,
         )
     _print(as_json, flight.summary, lambda: show.flight(flight))
 
@@ -142,8 +152,9 @@ def signals(
     _print(as_json, lambda: data, text)
 
 
-app.command()(vote)
-app.command()(score)
+for command in (vote, score, replay, diff, info, export, view):
+    app.command()(command)
+app.command("watch")(watch_log)
 
 
 @scenario_app.command("show")

@@ -27,17 +27,19 @@ from rig import loop
 from rig.errors import BadInput
 from rig.events import Event, EventFinder, not_executed
 from rig.faults import Execution
-from rig.frame import INDEX, TIMING, Block, new_block
-from rig.log import LogWriter, read_log
+from rig.frame import TIMING, Block, new_block
+from rig.log import Log, LogWriter, SignalArrays, read_log
 from rig.pace import Jitter, JitterCounter, Pace
 from rig.recorder import Recorder
 from rig.scenario import Scenario, find, load
 from rig.verdict import Peaks, Verdict
 from rig.versions import versions
+from rig.view.facts import of_scenario
 from rig.view.sink import check_where
 from rig.view.stream import Stream, StreamReport, open_stream
 
 Progress = Callable[[int, int], None]  # frames flown, frames in all
+Watch = Callable[[Block, float, Sequence[Event]], None]  # a block, its rate in Hz, its events
 
 
 class Viewer(Protocol):
@@ -48,18 +50,6 @@ class Viewer(Protocol):
 
     def flown(self, stream: Stream) -> None:
         """The last frame has been handed over; the stream closes when this returns."""
-
-
-@dataclass(frozen=True, slots=True)
-class SignalArrays:
-    """One signal over a flight, unit as in frame.SIGNALS."""
-
-    time_s: NDArray[np.float64]  # (frames,)
-    channels: NDArray[np.float64]  # (frames, 4), NaN where a channel is not fitted
-    voted: NDArray[np.float64]  # (frames,)
-    truth: NDArray[np.float64]  # (frames,)
-    state: NDArray[np.uint8]  # (frames, 4), frame.State
-    level: NDArray[np.uint8]  # (frames,) channels in use
 
 
 @dataclass(frozen=True)
@@ -87,15 +77,18 @@ class Flight:
         return self.frames / self.scenario.rate_hz
 
     @cached_property
+    def recorded(self) -> Log:
+        """The log, read when it is first asked for."""
+        return read_log(self.log)
+
+    @property
     def rows(self) -> Block:
         """All frames as one block, read from the log."""
-        return read_log(self.log).rows
+        return self.recorded.rows
 
     def signal(self, name: str) -> SignalArrays:
         """The arrays of one signal; KeyError when there is no such signal."""
-        s, rows = INDEX[name], self.rows
-        fields = ("channels", "voted", "truth", "state", "level")
-        return SignalArrays(rows["frame"] / self.scenario.rate_hz, *(rows[field][:, s] for field in fields))
+        return self.recorded.signal(name)
 
     def summary(self) -> dict[str, Any]:
         """The flight as plain data, as ``rig fly --json`` prints it."""
@@ -133,12 +126,14 @@ def fly(
     realtime_factor: float | None = None,
     progress: Progress | None = None,
     viewer: Viewer | None = None,
+    watch: Watch | None = None,
 ) -> Flight:
     """Fly a scenario (a file, a bundled name, or one loaded already) and log every frame.
 
     seed, overrides : laid over the file, as ``--seed`` and ``--set key=value``; not for a loaded scenario
     out             : folder of the log; rerun : see view.stream.open_stream
     realtime_factor : 1.0 paces frames by the wall clock; None flies as fast as it can
+    watch : given every block while it is recorded; it must be quick, and copy the rows that it keeps
     Raises BadInput before anything is written, RigError when the log cannot be written on.
     """
     text, name = "", ""
@@ -147,7 +142,7 @@ def fly(
         scenario, text, name = load(path, overrides, seed), path.read_text(encoding="utf-8"), path.stem
     pace = Pace(scenario.rate_hz, realtime_factor)
     with _interruptible() as stop:
-        return _record(scenario, text, name, Path(out), rerun, pace, stop, progress, viewer)
+        return _record(scenario, text, name, Path(out), rerun, pace, stop, progress, viewer, watch)
 
 
 def _record(
@@ -160,6 +155,7 @@ def _record(
     stop: loop.Stop,
     progress: Progress | None,
     viewer: Viewer | None,
+    watch: Watch | None,
 ) -> Flight:
     """Run the frames through verdict, log and stream; the log is finished whatever happens."""
     check_where(rerun)
@@ -168,7 +164,7 @@ def _record(
     finder, verdict, execution = EventFinder(labels(scenario)), Verdict(), Execution(scenario.faults)
     jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
     with LogWriter(path, scenario.rate_hz, metadata(scenario), [("scenario.toml", text.encode())]) as writer:
-        stream = open_stream(rerun, scenario.title or path.stem, scenario.rate_hz, path)
+        stream = open_stream(rerun, scenario.title or path.stem, scenario.rate_hz, path, of_scenario(scenario))
         if stream is not None and viewer is not None:
             viewer.opened(stream)
 
@@ -182,6 +178,8 @@ def _record(
                 stream.put(rows.copy(), events)
             if jitter is not None:
                 jitter.add(timing["frame_us"], timing["late_us"])
+            if watch is not None:
+                watch(rows, scenario.rate_hz, events)
             if progress is not None:
                 progress(verdict.frames, scenario.frames)
 

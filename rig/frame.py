@@ -10,9 +10,11 @@ Order of writing in one frame (see loop.py):
     plant      truth, discrete_truth, flight, end
     sensors    channels, valid, ilm, discrete_channels, inertial
     faults     the same fields, corrupted; acting
-    redundancy voted, reference, state, level, pattern, resolver, trend_*, discrete_*
-    control    source, law, command, surface
-    faults     actuator: the surface commands that reach the actuators
+    redundancy reference
+    faults     reference, corrupted; acting
+    redundancy voted, state, level, pattern, resolver, reference_usable, trend_*, discrete_*
+    control    source, law, command, surface, actuator
+    faults     actuator, corrupted: the surface commands that reach the actuators; acting
 
 SI units throughout; angles in rad, load factors in g (1), sticks normalised (-1 to 1).
 """

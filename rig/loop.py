@@ -1,6 +1,6 @@
 """One flight: build the stages, run the frames, hand every block of them to whoever records.
 
-JSBSim --truth--> sensors --channels--> faults --> redundancy --voted--> control --surfaces--> faults --> JSBSim
+plant --truth--> sensors --channels--> faults --> redundancy --voted--> control --surfaces--> faults --> plant
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from rig.inertial import Inertial, sense
 from rig.kernels import bind, kernel
 from rig.pace import Pace
 from rig.pilot import Pilot
-from rig.plant.jsbsim import Plant
+from rig.plant.flown import plant
 from rig.redundancy import Redundancy, decide_row, refer_row
 from rig.scenario import Scenario
 from rig.sensors import Sensors, measure
@@ -39,9 +39,8 @@ class Rig:
         """BadInput when the aircraft cannot be loaded or trimmed."""
         seeds = scenario.streams()
         rate_hz, suite, frame = scenario.rate_hz, scenario.sensors, scenario.airframe
-        ranges, channels = sensors.ranges(suite), sensors.channels(suite)
         self.pilot = Pilot(scenario.pilot, rate_hz)
-        self.plant = Plant(
+        self.plant = plant(
             frame,
             frame.point(scenario.flight_point),
             scenario.wind,
@@ -52,9 +51,8 @@ class Rig:
         )
         self.sensors = Sensors(suite, rate_hz, seeds["sensors"])
         self.inertial = Inertial(scenario.inertial, rate_hz, seeds["inertial"])
-        places = np.vstack([ranges, inertial.ranges(), ranges, frame.surface_limits])  # as faults.PLACES counts them
-        self.faults = Faults(scenario.faults, places, rate_hz, seeds["faults"])
-        self.redundancy = Redundancy(scenario.redundancy, ranges, channels, scenario.references, rate_hz)
+        self.faults = faults(scenario)
+        self.redundancy = redundancy(scenario)
         self.control = Control(scenario.control, scenario.gains, rate_hz, frame.surface_limits)
         self.control.reset(self.plant.trim)
         self._stages = (self.sensors, self.inertial, self.faults, self.redundancy, self.control)
@@ -63,7 +61,7 @@ class Rig:
         self.compute = bind(compute, new_block(1), 0, *self.arguments) if compiled else self._one_by_one
 
     def prepare(self, block: Block) -> None:
-        """What is drawn or planned a block at a time: stick and demands, sensor noise."""
+        """What is drawn or planned a block at a time: stick and demands, noise, chance."""
         self.pilot.prepare(block)
         self.sensors.prepare(block)
         self.inertial.prepare(block)
@@ -84,6 +82,20 @@ class Rig:
         self.redundancy.decide(block, k)
         self.control.step(block, k)
         self.faults.actuate(block, k)
+
+
+def faults(scenario: Scenario) -> Faults:
+    """The faults of a scenario, at their first frame; a replay runs those on references again."""
+    ranges = sensors.ranges(scenario.sensors)
+    places = np.vstack([ranges, inertial.ranges(), ranges, scenario.airframe.surface_limits])  # as in faults.PLACES
+    return Faults(scenario.faults, places, scenario.rate_hz, scenario.streams()["faults"])
+
+
+def redundancy(scenario: Scenario) -> Redundancy:
+    """The redundancy stage of a scenario, at its first frame; a replay runs the same.  BadInput: the user's manager."""
+    suite = scenario.sensors
+    ranges, channels = sensors.ranges(suite), sensors.channels(suite)
+    return Redundancy(scenario.redundancy, ranges, channels, scenario.references, scenario.rate_hz)
 
 
 @kernel

@@ -23,8 +23,7 @@ from rig.errors import RigError
 from rig.frame import INDEX, Block
 from rig.kernels import kernel
 from rig.loop import Rig, frames
-from rig.plant.airframe import Config as Airframe
-from rig.plant.airframe import FlightPoint
+from rig.plant.airframe import Airframe, FlightPoint, parse
 from rig.plant.linear import Linear, linearise
 from rig.redundancy.designed import FILTERS, Designed, Error, Point
 from rig.redundancy.reference import PARTNERS, Config, References, refer, remember, source
@@ -118,7 +117,7 @@ def design(name: str, gains: Gains) -> Designed:
     Pure: the same aircraft and gains give the same numbers.  Some seconds for each flight point.
     """
     tables = {**aircraft.own_tables(name), "aircraft": name, "gains": gains.model_dump()}
-    airframe = build(Airframe, tables["airframe"], f"aircraft {name}: airframe")
+    airframe = parse(tables["airframe"], f"aircraft {name}")
     measured = [measure(tables, airframe, point) for point in airframe.flight_points]
     measured.sort(key=lambda one: one.point.dynamic_pressure_pa)
     return _designed(airframe, [one.point for one in measured], _summary([one.errors for one in measured]))
@@ -148,8 +147,10 @@ def coefficients(linear: Linear) -> dict[str, float]:
     tail = b[1, 0] / b[2, 0]  # Z_elevator / M_elevator, s
     lift_slope = -(a[1, 1] - tail * a[2, 1]) * speed_g / pressure
     a_lateral, b_lateral = linear.lateral_a, linear.lateral_b
-    fins = np.linalg.solve(b_lateral[1:3].T, b_lateral[0])  # of aileron and rudder together, s
-    side = a_lateral[0, 0] - fins @ a_lateral[1:3, 0]
+    fins, side = np.zeros(2), -lift_slope * pressure / speed_g  # any slope tells that nothing pushes sideways
+    if linear.rolls:
+        fins = np.linalg.solve(b_lateral[1:3].T, b_lateral[0])  # of aileron and rudder together, s
+        side = a_lateral[0, 0] - fins @ a_lateral[1:3, 0]
     found = {
         "dynamic_pressure_pa": pressure,
         "lift_slope_1_pa": lift_slope,

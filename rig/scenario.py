@@ -24,12 +24,13 @@ from rig.faults import Fault, check
 from rig.frame import MOST_FAULTS, SIGNALS
 from rig.inertial import Config as Inertial
 from rig.pilot import Config as Pilot
-from rig.plant.airframe import Config as Airframe
+from rig.plant.airframe import AirframeField
 from rig.plant.wind import Config as Wind
 from rig.plant.wind import Turbulence
 from rig.redundancy import Config as Redundancy
 from rig.redundancy.designed import Designed
 from rig.sensors import Suite
+from rig.sensors.recorded import pin
 from rig.settings import Settings, build, read_toml
 
 DEFAULT: Final = "f16_pitch_rate_hardover.toml"
@@ -52,7 +53,7 @@ class Scenario(Settings):
     pilot: Pilot = Pilot()
     faults: list[Fault] = Field(default=[], max_length=MOST_FAULTS)
     control: Control = Control()
-    airframe: Airframe
+    airframe: AirframeField
     sensors: Suite  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
     inertial: Inertial
     redundancy: Redundancy
@@ -118,14 +119,15 @@ def load(name: str | Path | None = None, overrides: Sequence[str] = (), seed: in
     path = find(name)
     data = read_toml(path)
     for text in overrides:
-        data = _override(data, text)
+        data = override(data, text)
     if seed is not None:
         data["seed"] = seed
     source = str(path) if not overrides else f"{path} with --set"
     chosen = data.get("aircraft", "f16")
     if not isinstance(chosen, str):
         raise BadInput(f"{source}: aircraft: must be a name, got {chosen!r}")
-    return build(Scenario, aircraft.merge(aircraft.tables(chosen), data), source)
+    merged = aircraft.lay_over(aircraft.tables(chosen), data, source)
+    return build(Scenario, {**merged, "sensors": pin(merged.get("sensors"), path.parent)}, source)
 
 
 def from_resolved(data: dict[str, Any], source: str) -> Scenario:
@@ -133,7 +135,7 @@ def from_resolved(data: dict[str, Any], source: str) -> Scenario:
     return build(Scenario, data, source)
 
 
-def _override(data: dict[str, Any], text: str) -> dict[str, Any]:
+def override(data: dict[str, Any], text: str) -> dict[str, Any]:
     """``data`` with one ``dotted.key=value`` set; a number in the key counts into a list from 0."""
     key, value = parse_set(text)
     return set_key(data, key, value, f"--set {text}")

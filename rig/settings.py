@@ -40,12 +40,12 @@ def build(model: type[M], data: dict[str, Any], source: str) -> M:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise BadInput(f"{source}: {_first_line(error)}") from None
+        raise BadInput(f"{source}: {_first_line(error, data)}") from None
 
 
-def _first_line(error: ValidationError) -> str:
+def _first_line(error: ValidationError, data: dict[str, Any]) -> str:
     detail = error.errors(include_url=False)[0]
-    key = ".".join(str(part) for part in detail["loc"])
+    key = ".".join(_keys(detail["loc"], data, detail["type"] == "missing"))
     if detail["type"] == "extra_forbidden":
         return f"{key}: unknown key"
     message = detail["msg"].removeprefix("Value error, ").replace("\n", " ")
@@ -53,3 +53,19 @@ def _first_line(error: ValidationError) -> str:
     shown = f", got {given!r}" if isinstance(given, (str, int, float, bool)) else ""
     where = f"{key}: " if key else ""
     return f"{where}{message[0].lower()}{message[1:]}{shown}"
+
+
+def _keys(location: tuple[int | str, ...], data: Any, missing: bool) -> list[str]:
+    """The keys of ``data`` in an error's location: without the names of the models that a union chose from."""
+    keys, node = [], data
+    for i, part in enumerate(location):
+        if isinstance(node, dict) and part not in node and not (missing and i == len(location) - 1):
+            continue
+        keys.append(str(part))
+        if isinstance(node, dict):
+            node = node.get(part)
+        elif isinstance(node, list) and isinstance(part, int) and part < len(node):
+            node = node[part]
+        else:
+            node = None
+    return keys

@@ -75,7 +75,9 @@ def flight(flown: Flight) -> None:
     screen.print(f"[bold]{scenario.title or scenario.aircraft}[/bold]  seed {scenario.seed}")
     for event in flown.events[:MOST_LINES]:
         style = {"info": "", "warning": "yellow", "error": "red"}[event.level]
-        screen.print(f"  {event.frame / scenario.rate_hz:9.2f} s  {event.name:17} {event.text}", style=style)
+        screen.print(
+            f"  {event.frame / scenario.rate_hz:9.2f} s  {event.name:17} {event.text}", style=style, markup=False
+        )
     if len(flown.events) > MOST_LINES:
         screen.print(f"  and {len(flown.events) - MOST_LINES} more events, in the log")
     verdict = "[green]survived[/green]" if flown.survived else "[red]lost[/red]"

@@ -10,8 +10,10 @@ from numpy.random import SeedSequence
 from pydantic import TypeAdapter
 
 from rig import inertial
-from rig.faults import Fault, Faults
+from rig.faults import Fault, Faults, actuate, corrupt, corrupt_reference
+from rig.faults.places import number, site
 from rig.frame import SIGNALS, Block, Ilm, new_block
+from rig.kernels import bind
 
 RATE = 100.0
 RANGES = np.array([(signal.low, signal.high) for signal in SIGNALS])
@@ -46,10 +48,11 @@ def faulted(*faults: dict[str, Any], block: Block | None = None, seed: int = 7, 
     for start in range(0, len(rows), size):
         part = rows[start : start + size]
         stage.prepare(part)
+        arguments = stage.arguments
+        steps = [bind(kernel, part, 0, *arguments) for kernel in (corrupt, corrupt_reference, actuate)]
         for k in range(len(part)):
-            stage.step(part, k)
-            stage.refer(part, k)
-            stage.actuate(part, k)
+            for step in steps:
+                step(part, k, *arguments)
     return rows
 
 
@@ -60,8 +63,6 @@ def acts(rows: Block, i: int = 0) -> list[int]:
 
 def column(rows: Block, place: str) -> np.ndarray:
     """The values of a place, of channel 2 where there are channels."""
-    from rig.faults.places import number, site
-
     field = {"channel": "channels", "inertial": "inertial", "reference": "reference", "surface": "actuator"}[
         site(place)
     ]

@@ -96,7 +96,7 @@ def test_seeds_are_those_of_the_campaign_and_the_number_alone(tmp_path: Path):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ('[vary]\n"faults.0.ofset" = [0.1]\n', "campaign.toml: run 0: faults.0.hardover.ofset: unknown key"),
+        ('[vary]\n"faults.0.ofset" = [0.1]\n', "campaign.toml: run 0: faults.0.ofset: unknown key"),
         ("[vary]\nspeed = [1.0]\n", "campaign.toml: run 0: speed: unknown key"),
         ('[vary]\n"faults.1.start_s" = [1.0]\n', "vary: '1' must be an index from 0 to 0"),
         ("[vary]\nduration_s = [60.0, -1.0]\n", "run 1: duration_s: input should be greater than 0"),

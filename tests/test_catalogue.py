@@ -8,7 +8,8 @@ import pytest
 from pydantic import TypeAdapter
 from typer.testing import CliRunner
 
-from rig import catalogue, scenario
+from rig import scenario
+from rig.catalogue import entries as catalogue
 from rig.cli import app
 from rig.errors import BadInput
 from rig.faults import KINDS, Fault

@@ -94,4 +94,12 @@ def test_the_resolved_scenario_can_be_flown(tmp_path: Path):
 
 def test_aircraft_are_listed_with_their_flight_points():
     found = json.loads(rig("aircraft", "list", "--json").stdout)
-    assert set(found) == {"f16", "b747", "b737"} and len(found["f16"]) >= 4
+    assert set(found) == {"f16", "b747", "b737", "b707"} and len(found["f16"]) >= 4
+
+
+def test_the_command_starts_without_the_libraries_that_only_some_of_it_needs():
+    program = (
+        "import sys, rig.cli; print([n for n in ('numpy', 'numba', 'scipy', 'polars', 'rerun') if n in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert done.stdout.strip() == "[]"

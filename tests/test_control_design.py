@@ -15,7 +15,7 @@ from rig.errors import BadInput, RigError
 from rig.plant import airframe
 
 AIRCRAFT = Path(__file__).parent.parent / "aircraft"
-NAMES = ("f16", "b747", "b737")
+NAMES = ("f16", "b747", "b737", "b707")
 
 
 def test_the_regulator_of_a_double_integrator_is_the_known_one() -> None:
@@ -58,6 +58,14 @@ def test_writing_and_reading_give_the_same_numbers_and_bytes(name: str, tmp_path
     design.write(written, tmp_path / "gains.toml")
     assert (tmp_path / "gains.toml").read_bytes() == (AIRCRAFT / name / "gains.toml").read_bytes()
     assert gains.read(tmp_path / "gains.toml") == written
+
+
+def test_an_aircraft_that_only_moves_up_and_down_gets_no_lateral_law() -> None:
+    """Aileron and rudder rest whatever roll, yaw and sideslip the sensors say."""
+    point = gains.read(AIRCRAFT / "b707" / "gains.toml").points[0]
+    assert {getattr(point, name) for name in design._LATERAL_GAINS} == {0.0}
+    assert set(point.autopilot_margins) == {"elevator", "throttle"}
+    assert point.max_roll_rate_rad_s > 0.0 and point.max_sideslip_rad > 0.0
 
 
 def test_margins_out_of_reach_are_refused_with_the_point_by_name() -> None:

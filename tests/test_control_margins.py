@@ -26,7 +26,7 @@ NEEDED_GAIN, NEEDED_PHASE = 10 ** (6 / 20), math.radians(45.0)
 
 
 @cache
-def designed(name: str, point: str) -> tuple[airframe.Config, airframe.FlightPoint, Linear, Gains, Point]:
+def designed(name: str, point: str) -> tuple[airframe.Airframe, airframe.FlightPoint, Linear, Gains, Point]:
     config = airframe.read(AIRCRAFT / name / "aircraft.toml")
     whole = gains.read(AIRCRAFT / name / "gains.toml")
     flight_point = config.point(point)

@@ -143,15 +143,15 @@ def test_what_is_said_in_a_gap(said, value):
 
 
 def test_random_gaps_and_contacts_have_their_means():
-    block = healthy(100_000)
+    block = healthy(60_000)
     keys = {"kind": "intermittent", "signal": "pitch_rate", "channels": [2], "start_s": 0.0, "random": True}
     rows = faulted({**keys, "gap_s": 0.05, "contact_s": 0.2}, block=block, size=100)
     on = np.isin(np.arange(len(rows)), acts(rows))
     assert on[0]
     gaps = np.count_nonzero(on[1:] & ~on[:-1]) + 1
     leave, enter = 1.0 - np.exp(-1.0 / 5.0), 1.0 - np.exp(-1.0 / 20.0)
-    assert on.mean() == pytest.approx(enter / (enter + leave), rel=0.06)
-    assert on.sum() / gaps == pytest.approx(1.0 / leave, rel=0.06)
+    assert on.mean() == pytest.approx(enter / (enter + leave), rel=0.08)
+    assert on.sum() / gaps == pytest.approx(1.0 / leave, rel=0.08)
 
 
 def test_a_flagged_dropout_keeps_its_sample():

@@ -1,5 +1,8 @@
 """What was logged comes back bit for bit, or not at all."""
 
+import hashlib
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -7,9 +10,10 @@ from hypothesis import strategies as st
 from mcap.writer import Writer
 from test_log_writer import RATE, random_block, random_timing, write
 
+import rig
 from rig.errors import BadLog
 from rig.events import Event
-from rig.frame import FRAME, TIMING
+from rig.frame import FRAME, INDEX, TIMING
 from rig.log import LoggedEvent, LogWriter, iter_chunks, read_log, schema
 
 EVENTS = (
@@ -45,7 +49,7 @@ def test_a_log_tells_all_that_was_said(tmp_path):
     write(tmp_path / "a.mcap", 250, EVENTS, result={"survived": "true", "digest": "00ff"})
     log = read_log(tmp_path / "a.mcap")
     assert log.events == [LoggedEvent(e.frame, e.level, e.name, e.text) for e in EVENTS]
-    assert log.metadata == {"scenario": "{}", "schema_version": "1", "rate_hz": "100.0"}
+    assert log.metadata == {"scenario": "{}", "schema_version": str(schema.SCHEMA_VERSION), "rate_hz": "100.0"}
     assert log.result == {"survived": "true", "digest": "00ff"}
     assert log.scenario_text == "duration_s = 1\n"
     assert log.rate_hz == RATE
@@ -98,11 +102,38 @@ def test_a_foreign_mcap_is_refused(tmp_path):
         read_log(path)
 
 
-def test_a_newer_schema_is_refused_with_both_versions(tmp_path, monkeypatch):
-    monkeypatch.setattr("rig.log.writer.SCHEMA_VERSION", 2)
+@pytest.mark.parametrize("version", [schema.SCHEMA_VERSION - 1, schema.SCHEMA_VERSION + 1])
+def test_another_schema_is_refused_with_both_versions(tmp_path, monkeypatch, version):
+    monkeypatch.setattr("rig.log.writer.SCHEMA_VERSION", version)
     write(tmp_path / "a.mcap", 5)
-    with pytest.raises(BadLog, match=r"schema version 2, .* reads up to 1"):
+    with pytest.raises(BadLog, match=rf"schema version {version} .*this one reads version {schema.SCHEMA_VERSION}"):
         read_log(tmp_path / "a.mcap")
+
+
+def test_the_present_schema_is_the_one_of_the_history():
+    """Who changes a message gives the schema a new version, and the history in docs/log.md a line."""
+    text = "".join(
+        f"{topic.name} {topic.message} {schema.descriptors(topic.message).SerializeToString(deterministic=True).hex()}"
+        for topic in schema.TOPICS
+        if topic.message in schema.MESSAGES
+    )
+    fingerprint = hashlib.sha256(text.encode()).hexdigest()[:12]
+    history = (Path(__file__).parent.parent / "docs" / "log.md").read_text()
+    assert f"| {schema.SCHEMA_VERSION} | `{fingerprint}` |" in history
+
+
+def test_a_signal_of_a_log_is_read_as_arrays(tmp_path):
+    block, _ = write(tmp_path / "a.mcap", 40)
+    log = rig.read_log(tmp_path / "a.mcap")
+    heading, wheels = log.signal("heading"), log.discrete("weight_on_wheels")
+    assert heading.channels.tobytes() == block["channels"][:, INDEX["heading"]].tobytes()
+    assert heading.reference.tobytes() == block["reference"][:, INDEX["heading"]].tobytes()
+    assert wheels.state.tobytes() == block["discrete_state"][:, 0].tobytes()
+    assert heading.time_s.tolist() == wheels.time_s.tolist() == log.time_s.tolist() == [k / 100 for k in range(40)]
+    with pytest.raises(KeyError, match="unknown signal 'haeding', allowed: pitch_rate, "):
+        log.signal("haeding")
+    with pytest.raises(KeyError, match="unknown discrete 'heading'"):
+        log.discrete("heading")
 
 
 @pytest.mark.parametrize(

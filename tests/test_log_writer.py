@@ -34,7 +34,7 @@ from rig.frame import (
 from rig.log import LogWriter, read_log, recover
 from rig.log.container import Container
 from rig.log.layout import ROW, log_times
-from rig.log.schema import FRAME_TOPICS, MESSAGES
+from rig.log.schema import FRAME_TOPICS, MESSAGES, SCHEMA_VERSION
 
 RATE = 100.0
 U1_LIMITS = {"state": 4, "discrete_state": 4, "ilm": 3, "pattern": 7, "resolver": 7, "law": 3, "end": 8}
@@ -390,7 +390,7 @@ def test_metadata_and_attachments_are_found_by_the_stock_reader(tmp_path):
         reader = make_reader(file, validate_crcs=True)
         metadata = {m.name: m.metadata for m in reader.iter_metadata()}
         (attachment,) = reader.iter_attachments()
-    assert metadata["rig"] == {"scenario": "{}", "schema_version": "1", "rate_hz": "100.0"}
+    assert metadata["rig"] == {"scenario": "{}", "schema_version": str(SCHEMA_VERSION), "rate_hz": "100.0"}
     assert metadata["result"] == {"survived": "true"}
     assert (attachment.name, attachment.data) == ("flight.toml", b"duration_s = 1\n")
     channels = {c.topic: c.metadata for c in summary_of(tmp_path / "a.mcap").channels.values()}

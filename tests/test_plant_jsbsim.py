@@ -30,7 +30,7 @@ def plant(
     *,
     turbulence: wind.Turbulence = "none",
     steps: int = 1,
-    plane: airframe.Config | None = None,
+    plane: airframe.Airframe | None = None,
 ) -> jsbsim.Plant:
     plane = plane or PLANES[name]
     return jsbsim.Plant(plane, plane.point(point), wind.Config(), turbulence, 1.0 / DT, steps, 1)
@@ -109,7 +109,7 @@ def test_level_accelerometers_read_gravity_less_the_turning_earth(name: str) -> 
     assert signal(block, "lateral_load_factor")[0] == pytest.approx(0.0, abs=2e-4)
 
 
-def at_cg(name: str) -> airframe.Config:
+def at_cg(name: str) -> airframe.Airframe:
     return PLANES[name].model_copy(update={"accelerometer": airframe.Position(x_m=0.0, y_m=0.0, z_m=0.0)})
 
 

@@ -18,7 +18,7 @@ AIRCRAFT = Path(__file__).parent.parent / "aircraft"
 RATE_HZ = 100.0
 
 
-def aircraft(name: str, **changes: float) -> airframe.Config:
+def aircraft(name: str, **changes: float) -> airframe.Airframe:
     return airframe.read(AIRCRAFT / name / "aircraft.toml").model_copy(update=changes)
 
 
@@ -68,7 +68,7 @@ ORDER = {"longitudinal": ("V", "alpha", "q", "theta"), "lateral": ("beta", "p", 
 
 
 def fly(
-    config: airframe.Config, point: airframe.FlightPoint, surface: str, step: float, frames: int
+    config: airframe.Airframe, point: airframe.FlightPoint, surface: str, step: float, frames: int
 ) -> dict[str, float]:
     plant = Plant(config, point, wind.Config(), "none", RATE_HZ, 1, 0)
     block = new_block(frames)
@@ -94,7 +94,7 @@ def fly(
 
 
 def predict(
-    linear: Linear, config: airframe.Config, surface: str, step: float, frames: int
+    linear: Linear, config: airframe.Airframe, surface: str, step: float, frames: int
 ) -> dict[str, NDArray[np.float64]]:
     """The linear response behind the actuator's lag; a command acts one frame late."""
     plane = "longitudinal" if surface in ("elevator", "throttle") else "lateral"

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from rig.errors import BadInput
-from rig.recorded import Recording, Samples, VoteConfig, align, read, vote
-from rig.recorded.align import Correction, interpolated, pair
-from rig.recorded.config import RecordedSignal
+from rig.recorded.align import Correction, align, interpolated, pair
+from rig.recorded.config import RecordedSignal, VoteConfig
+from rig.recorded.read import read
+from rig.recorded.record import Recording, Samples
+from rig.recorded.vote import vote
 
 N = 3000
 QUAD = Path(__file__).parents[2] / "shared" / "data" / "quad_imu"

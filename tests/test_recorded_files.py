@@ -21,10 +21,12 @@ from mcap_protobuf.writer import Writer as ProtobufWriter
 from rig import cli
 from rig.errors import BadInput
 from rig.frame import State
-from rig.recorded import Recording, Samples, VoteConfig, read, vote, write
 from rig.recorded.cli import vote as mounted
-from rig.recorded.read import nearest_rows
-from rig.recorded.write import output
+from rig.recorded.config import VoteConfig
+from rig.recorded.read import nearest_rows, read
+from rig.recorded.record import Recording, Samples
+from rig.recorded.vote import vote
+from rig.recorded.write import output, write
 
 if not any(command.callback is mounted for command in cli.app.registered_commands):
     cli.app.command()(mounted)

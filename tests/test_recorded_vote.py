@@ -15,10 +15,11 @@ from conftest import constant, vote_samples
 
 from rig import cli
 from rig.frame import INDEX, SIGNALS, Pattern, Resolver, State
-from rig.recorded import Recording, Samples, read, read_config, vote
 from rig.recorded.cli import vote as mounted
-from rig.recorded.config import RecordedSignal, VoteConfig
-from rig.recorded.vote import FIELDS
+from rig.recorded.config import RecordedSignal, VoteConfig, read_config
+from rig.recorded.read import read
+from rig.recorded.record import Recording, Samples
+from rig.recorded.vote import FIELDS, vote
 from rig.redundancy.config import MANAGERS
 
 if not any(command.callback is mounted for command in cli.app.registered_commands):

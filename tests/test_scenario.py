@@ -22,9 +22,9 @@ def test_every_bundled_scenario_loads(path: Path):
     assert load(path).frames > 0
 
 
-def test_there_are_at_least_eight_of_them_on_all_three_aircraft():
+def test_there_are_at_least_eight_of_them_on_all_four_aircraft():
     assert len(FAULTS) >= 8
-    assert {load(path).aircraft for path in FAULTS} == {"f16", "b747", "b737"}
+    assert {load(path).aircraft for path in FAULTS} == {"f16", "b747", "b737", "b707"}
 
 
 def test_without_a_name_the_pitch_rate_hardover_is_flown():
@@ -88,7 +88,7 @@ BAD_SETS = [
     ("duration_s=0.005", "whole number of frames"),
     ("simulation_rate_hz=250", "whole multiple"),
     ("seed=1.5", "seed"),
-    ("aircraft=concorde", "unknown aircraft 'concorde', allowed: b737, b747, f16"),
+    ("aircraft=concorde", "unknown aircraft 'concorde', allowed: b707, b737, b747, f16"),
     ("turbulence=mild", "turbulence"),
     ("faults.0.signal=pitchrate", "unknown signal, allowed: pitch_rate"),
     ("faults.0.channels=[5]", "from 1 to 4"),

@@ -12,14 +12,16 @@ import pytest
 import rerun as rr
 from rerun.chunk import Chunk, McapReader, RrdReader
 
-from rig.errors import BadLog
+from rig.errors import BadInput, BadLog
 from rig.events import Event
-from rig.frame import FRAME, INDEX, SIGNALS, TIMING, TWO_PI, Block, Ilm, Pattern, Resolver, State, new_block
+from rig.frame import FRAME, INDEX, TIMING, TWO_PI, Block, Ilm, Pattern, Resolver, State, new_block
 from rig.log import LogWriter
 from rig.names import places
-from rig.view import deviation
-from rig.view.columns import ENTITIES, TIMELINE, east_north_up, send_block, struct
-from rig.view.opened import log_to_rrd
+from rig.view import derived, lanes
+from rig.view.columns import ENTITIES, Columns, struct
+from rig.view.facts import Facts, FaultFact
+from rig.view.opened import log_to_rrd, read, save
+from rig.view.scene import POINTS, TIMELINE, Scene, east_north_up, position
 
 RATE_HZ = 100.0
 EVENTS = [Event(3, "info", "fault on", "one"), Event(5, "warning", "level", "two"), Event(7, "error", "end", "three")]
@@ -47,7 +49,7 @@ def files(rows: Block, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, 
         writer.write(rows, np.zeros(len(rows), TIMING), events)
     recording = rr.RecordingStream("test")
     recording.save(streamed)
-    send_block(recording, rows, RATE_HZ, events)
+    Columns(recording, RATE_HZ).send(rows, events)
     recording.disconnect()
     return log, streamed
 
@@ -86,7 +88,7 @@ def test_every_field_of_the_frame_is_shown_once() -> None:
 def test_the_importer_makes_the_same_components_of_our_log(files: tuple[Path, Path]) -> None:
     ours, theirs = components(RrdReader(files[1]).stream()), components(imported(files[0]))
     assert {name for _, name in ours if name.startswith("rig.Signal")} == {"rig.Signal:message"}
-    compared = [key for key in ours if not key[0].startswith("/deviation")]
+    compared = [key for key in ours if key[0] in {path for path, _ in theirs}]
     assert {key[0] for key in theirs} - {key[0] for key in compared} == {"/timing"}
     for key in compared:
         (our_times, our_values), (their_times, their_values) = ours[key], theirs[key]
@@ -111,33 +113,80 @@ def test_level_flight_to_the_north_points_the_nose_along_y() -> None:
     np.testing.assert_allclose(nose, [0, 1, 0], atol=1e-12)
 
 
-def test_a_log_shows_the_deviations_that_were_streamed(files: tuple[Path, Path], tmp_path: Path) -> None:
+def test_a_log_shows_what_was_streamed(files: tuple[Path, Path], tmp_path: Path) -> None:
     log_to_rrd(files[0], tmp_path / "opened.rrd")
     opened, streamed = (components(RrdReader(f).stream()) for f in (tmp_path / "opened.rrd", files[1]))
-    for signal in SIGNALS:
-        key = (deviation.path(signal), "rig.Deviation:message")
+    assert opened.keys() == streamed.keys()
+    for key in opened:
         for one, other in zip(opened[key], streamed[key], strict=True):
-            assert str(one) == str(other)  # as text, for NaN is there to be equal to NaN
+            assert str(one) == str(other), key  # as text, for NaN is there to be equal to NaN
 
 
-def test_a_log_that_is_none_is_refused_and_leaves_nothing_behind(tmp_path: Path) -> None:
-    (tmp_path / "log.mcap").write_bytes(b"no log\n")
-    with pytest.raises(BadLog, match=r"log\.mcap: cannot be shown"):
+@pytest.mark.parametrize("contents", [b"", b"no log\n"])
+def test_a_log_that_is_none_is_refused_and_leaves_nothing_behind(contents: bytes, tmp_path: Path) -> None:
+    (tmp_path / "log.mcap").write_bytes(contents)
+    with pytest.raises(BadLog, match=r"log\.mcap: not an MCAP file"):
         log_to_rrd(tmp_path / "log.mcap", tmp_path / "log.rrd")
     assert not (tmp_path / "log.rrd").exists()
 
 
-def test_a_log_that_was_cut_off_is_shown_as_far_as_it_goes(rows: Block, tmp_path: Path) -> None:
-    log, cut = tmp_path / "log.mcap", tmp_path / "cut.mcap"
-    with LogWriter(log, RATE_HZ, {}) as writer:
-        for part in (rows[:10], rows[10:]):
-            writer.write(part, np.zeros(len(part), TIMING))
-        whole = log.stat().st_size
-        writer.write(new_block(10, 520), np.zeros(10, TIMING))
-    cut.write_bytes(log.read_bytes()[: whole + 100])
-    log_to_rrd(cut, tmp_path / "cut.rrd")
-    shown = [c for c in RrdReader(tmp_path / "cut.rrd").stream() if c.entity_path == deviation.path(SIGNALS[0])]
-    assert sum(chunk.num_rows for chunk in shown) == 20
+def test_a_log_that_was_cut_off_is_refused_and_the_way_out_named(files: tuple[Path, Path], tmp_path: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(files[0].read_bytes()[:-1000])
+    with pytest.raises(BadLog, match=r"truncated at byte \d+; rig recover"):
+        log_to_rrd(cut, tmp_path / "cut.rrd")
+
+
+def test_a_log_without_frames_and_too_many_logs_are_refused(files: tuple[Path, Path], tmp_path: Path) -> None:
+    with LogWriter(tmp_path / "none.mcap", RATE_HZ, {}):
+        pass
+    with pytest.raises(BadLog, match=r"none\.mcap: has no frames"):
+        read([tmp_path / "none.mcap"])
+    with pytest.raises(BadInput, match="5 logs: 1 to 4 can lie over each other"):
+        read([files[0]] * 5)
+
+
+def test_flights_that_lie_over_each_other_keep_their_columns_under_their_letter(
+    files: tuple[Path, Path], tmp_path: Path
+) -> None:
+    other = tmp_path / "twin" / files[0].name
+    other.parent.mkdir()
+    other.write_bytes(files[0].read_bytes())
+    opened = read([files[0], other])
+    assert "A " in opened.about.title
+    assert f"B twin/{files[0].stem}" in opened.about.title
+    save(opened, tmp_path / "both.rrd")
+    both, one = (components(RrdReader(f).stream()) for f in (tmp_path / "both.rrd", files[1]))
+    assert {path for path, _ in both} == {f"/{tag}{path}" for path, _ in one for tag in "AB"}
+    for tag in "AB":
+        for one_part, both_part in zip(
+            one["/control", "rig.Control:message"], both[f"/{tag}/control", "rig.Control:message"], strict=True
+        ):
+            assert one_part.equals(both_part)
+
+
+def test_blocks_of_any_size_give_the_same_changes_of_state(rows: Block) -> None:
+    def found(size: int) -> list[tuple[str, int, str | None]]:
+        before, changes = None, []
+        for first in range(0, len(rows), size):
+            block = rows[first : first + size]
+            for change in lanes.changes(block, before, ["one fault"]):
+                changes += [(change.path, first + int(k), s) for k, s in zip(change.rows, change.states, strict=True)]
+            before = block[-1:]
+        return sorted(changes, key=lambda change: change[:2])
+
+    assert found(1) == found(7) == found(len(rows))
+
+
+def test_a_lane_has_one_entry_for_each_change_and_a_fault_ends() -> None:
+    rows = new_block(6)
+    rows["state"][2:4, 0, 1] = State.SUSPECT
+    rows["acting"][1:3, 0] = 0b10
+    found = {c.path: (c.rows.tolist(), c.states) for c in lanes.changes(rows, None, ["first", "second"])}
+    assert found["/lane/pitch_rate/ch_2"] == ([0, 2, 4], ["OK", "SUSPECT", "OK"])
+    assert found["/lane/pitch_rate/ch_1"] == ([0], ["OK"])
+    assert found["/fault/2"] == ([1, 3], ["ACTING", None])
+    assert "/fault/1" not in found
 
 
 def test_deviation_leaves_out_what_is_not_trusted_and_goes_the_short_way_round() -> None:
@@ -146,8 +195,45 @@ def test_deviation_leaves_out_what_is_not_trusted_and_goes_the_short_way_round()
     rows["truth"][:, heading], rows["voted"][:, heading] = 0.1, TWO_PI - 0.1
     rows["channels"][:, heading] = TWO_PI - 0.2
     rows["state"][:, heading] = [State.OK, State.SUSPECT, State.FAILED, State.OK]
-    found = list(deviation.from_rows(rows, heading)[0].as_py().values())
-    np.testing.assert_allclose(found, [-0.3, np.nan, np.nan, -0.3, -0.2], atol=1e-12)
+    rows["channels"][:, heading, 3] = 0.3
+    for threshold, fourth in ((0.2, np.nan), (0.5, 0.2), (np.nan, 0.2)):  # 0.4 from the vote
+        found = list(derived.deviation(rows, heading, threshold)[0].as_py().values())
+        np.testing.assert_allclose(found, [-0.2, -0.3, np.nan, np.nan, fourth], atol=1e-12)
+
+
+def test_the_band_is_the_vote_with_the_threshold_either_side_and_marks_the_fault() -> None:
+    rows = new_block(3)
+    rows["voted"][:, 0] = [1.0, 2.0, 3.0]
+    rows["acting"][1, 0] = 0b100  # fault 3 alone, which sits on pitch rate
+    facts = Facts(
+        faults=tuple(FaultFact(f"{i}", place) for i, place in enumerate(("heading", "elsewhere", "pitch_rate")))
+    )
+    acts = derived.fault_acts(rows, facts)
+    assert acts.keys() == {"heading", "pitch_rate"}
+    assert not acts["heading"].any()
+    shown = derived.band(rows, 0, 0.5, acts["pitch_rate"])
+    np.testing.assert_array_equal(shown.field("low"), [0.5, 1.5, 2.5])
+    np.testing.assert_array_equal(shown.field("high"), [1.5, 2.5, 3.5])
+    np.testing.assert_array_equal(shown.field("fault"), [np.nan, 2.0, np.nan])
+
+
+def test_the_path_stays_short_and_keeps_beginning_and_shape() -> None:
+    recording = rr.RecordingStream("test")
+    scene = Scene(recording, "", (1, 2, 3))
+    for first in range(0, 60_000, 1000):
+        rows = new_block(1000, first)
+        rows["flight"][:, 2] = rows["frame"]  # north, m
+        scene.send(rows, rows["frame"] * 1e7)
+    north = scene._path[:, 1]
+    assert POINTS // 4 < len(north) < POINTS
+    assert north[0] == 0
+    assert north[-1] > 58_000
+    assert np.ptp(np.diff(north)) <= np.diff(north).max() / 2  # evenly, whatever was thinned out
+
+
+def test_places_are_written_as_people_read_them() -> None:
+    assert position(-36.5, 8.25) == "36.5000° S 8.2500° E"
+    assert position(36.5, -8.25) == "36.5000° N 8.2500° W"
 
 
 def test_a_code_that_its_enum_does_not_know_is_shown_without_a_name() -> None:

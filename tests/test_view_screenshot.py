@@ -1,10 +1,11 @@
-"""What a person sees: the viewer is started without a display and its picture looked at."""
+"""What a person sees: the viewer is started without a display, asked what it shows, and its picture looked at."""
 
 from __future__ import annotations
 
 import os
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,10 +13,12 @@ from PIL import Image
 
 from rig.errors import BadInput
 from rig.events import Event
-from rig.frame import SIGNALS, TIMING, Block, Pattern, State, new_block
+from rig.frame import DISCRETES, SIGNALS, TIMING, Block, Pattern, State, new_block
 from rig.log import LogWriter
-from rig.view.blueprint import CHANNEL_COLORS, STATE_LOOKS, TRUTH, VOTED
-from rig.view.screenshot import screenshot
+from rig.view.opened import as_file, read, window
+from rig.view.scene import TIMELINE
+from rig.view.screenshot import headless, screenshot, wait_until_loaded
+from rig.view.style import CHANNEL_COLORS, STATE_LOOKS, TRUTH, VOTED
 
 RATE_HZ = 100.0
 DRIVERS = [Path(folder) / "vulkan/icd.d" for folder in ("/usr/share", "/usr/local/share", "/etc")]
@@ -48,27 +51,87 @@ def hardover(seconds: int = 20) -> Block:
     return rows
 
 
+@pytest.fixture(scope="module")
+def flights(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A log of a hardover, and a twin of it without one."""
+    folder = tmp_path_factory.mktemp("screenshot")
+    rows, twin = hardover(), hardover()
+    twin["channels"], twin["state"], twin["pattern"], twin["acting"] = rows["truth"][:, :, None], 0, 0, 0
+    told = [
+        Event(1000, "info", "fault on", "hardover pitch_rate.2"),
+        Event(1010, "warning", "channel failed", "it failed"),
+    ]
+    for name, block, events in (("faulted", rows, told), ("healthy", twin, told[:1])):
+        with LogWriter(folder / f"{name}.mcap", RATE_HZ, {}) as writer:
+            writer.write(block, np.zeros(len(block), TIMING), events)
+    return folder / "faulted.mcap", folder / "healthy.mcap"
+
+
 @needs_vulkan
-def test_the_overview_of_a_log_shows_channels_vote_and_truth_apart(tmp_path: Path) -> None:
-    rows, log, png = hardover(), tmp_path / "log.mcap", tmp_path / "overview.png"
-    with LogWriter(log, RATE_HZ, {}) as writer:
-        writer.write(rows, np.zeros(len(rows), TIMING), [Event(1000, "warning", "channel failed", "it failed")])
-    shot = screenshot(log, png, 12.0)
+def test_the_overview_of_a_log_shows_channels_vote_and_truth_apart(flights: tuple[Path, Path], tmp_path: Path) -> None:
+    png = tmp_path / "overview.png"
+    shot = screenshot(read([flights[0]]), png, 12.0)
     assert shot.complaints == ()
-    assert {"pitch_rate, rad/s", "events", "attitude", "control law", "gear_down"} <= set(shot.views)
+    assert {"pitch_rate, rad/s", "events", "attitude", "faults, control law", "gear_down"} <= set(shot.views)
     picture = np.asarray(Image.open(png).convert("RGB")).astype(int)
     assert picture.shape == (1080, 1920, 3)
-    plots, lanes = picture[90:740, 130:1200], picture[800:1050, :1200]
+    plots, lanes = picture[90:690, 160:1200], picture[740:1050, :1200]
     for color in (*CHANNEL_COLORS, VOTED, TRUTH):
         assert _pixels_of(plots, color) > 100, color
     for name in ("OK", "FAILED"):
         assert _pixels_of(lanes, STATE_LOOKS[name][1], tolerance=60) > 1000, name
+    assert _pixels_of(picture[700:1050, 1210:], VOTED, tolerance=60) > 100  # the wings of the figure
+
+
+@needs_vulkan
+@pytest.mark.parametrize("logs", [1, 2])
+def test_every_view_of_the_layout_holds_data_of_every_flight(flights: tuple[Path, Path], logs: int) -> None:
+    opened = read(flights[:logs])
+    with as_file(opened) as rrd, headless() as client:
+        client.open(str(rrd))
+        wait_until_loaded(client)
+        views = {view.view_id: view.name for view in client.get_state().views}
+        [timeline] = client.get_recording_schema(paths_only=True).timelines
+        held = {
+            entity.entity_path: {component.component for component in entity.components}
+            for entity in client.get_recording_schema(max_entities=10_000, paths_only=False).entities
+        }
+        layout: Any = client.get_blueprint().blueprint
+    assert (timeline.name, timeline.end) == (TIMELINE, 19_990_000_000)
+    wanted = {f"{signal.name}, {signal.unit}" for signal in SIGNALS} | {discrete.name for discrete in DISCRETES}
+    wanted |= {"elevator, rad", "throttle, 1", "events", "attitude", "track from above, north up, in m"}
+    assert wanted <= set(views.values())
+    for view, name in views.items():
+        shown = layout[f"/view/{view}/ViewContents"]["ViewContents"]["query"]
+        shown = [shown] if isinstance(shown, str) else shown
+        assert shown, name
+        assert {path for path in shown if "/fault/" not in path} <= held.keys(), name  # none acted
+        picks = [
+            part["VisualizerInstruction"]
+            for at, part in layout.items()
+            if view in at and "VisualizerInstruction" in part
+        ]
+        for pick in picks:
+            source = pick.get("component_map", {}).get("source_component")
+            assert source is None or any(source in held[path] for path in shown), (name, source)
+        if logs == 2 and "lanes" not in name and name[:2] not in ("A ", "B ") and name != "flights":
+            assert {path[:3] for path in shown} == {"/A/", "/B/"}, name
+
+
+@needs_vulkan
+def test_a_window_is_a_viewer_with_the_flights_that_ends_with_us(flights: tuple[Path, Path]) -> None:
+    with window(read([flights[0]]), "--headless", "--hide-welcome-screen") as process:
+        assert process.poll() is None
+    assert process.poll() is not None
 
 
 def _pixels_of(picture: np.ndarray, color: tuple[int, int, int], tolerance: int = 24) -> int:
     return int((np.abs(picture - np.array(color)).max(axis=-1) <= tolerance).sum())
 
 
-def test_a_picture_of_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match="no such file"):
-        screenshot(tmp_path / "none.mcap", tmp_path / "none.png", 0.0)
+def test_a_picture_that_cannot_be_written_is_refused(flights: tuple[Path, Path], tmp_path: Path) -> None:
+    opened = read([flights[0]])
+    with pytest.raises(BadInput, match=r"must end in \.png"):
+        screenshot(opened, tmp_path / "picture.jpg")
+    with pytest.raises(BadInput, match="cannot be written: No such file"):
+        screenshot(opened, tmp_path / "nowhere" / "picture.png")

@@ -10,7 +10,7 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from rig.catalogue import Parameter
+    from rig.catalogue.entries import Parameter
 
 faults_app = typer.Typer(
     help="Look at the kinds of faults.",
@@ -27,7 +27,7 @@ def list_kinds(as_json: Json = False) -> None:
     """List every kind of fault: what it does and why, where it can sit, its own keys."""
     from rich.table import Table
 
-    from rig.catalogue import common, entries
+    from rig.catalogue.entries import common, entries
     from rig.show import console
 
     found = entries()
@@ -48,7 +48,7 @@ def list_kinds(as_json: Json = False) -> None:
 @faults_app.command("show")
 def show_kind(kind: Annotated[str, typer.Argument(show_default=False)], as_json: Json = False) -> None:
     """Show one kind: cause, keys with units, an example as TOML and the scenario that flies it."""
-    from rig.catalogue import common, entry
+    from rig.catalogue.entries import common, entry
     from rig.show import console
 
     found = entry(kind)

@@ -24,8 +24,7 @@ from rig.control.loops import ACTUATORS, Law, Plane
 from rig.control.margins import Loop, Margins, Matrix, holds, margins
 from rig.control.reserve import Bandwidth, Sensor, regulator
 from rig.errors import RigError
-from rig.plant.airframe import Config as Airframe
-from rig.plant.airframe import FlightPoint
+from rig.plant.airframe import Airframe, FlightPoint
 from rig.plant.linear import Linear, linearise
 from rig.settings import Settings
 
@@ -69,6 +68,17 @@ LOSSES: Final[dict[Plane, tuple[tuple[str, ...], ...]]] = {
     ),
     "lateral": (("roll_rate",), ("yaw_rate",), ("angle_of_sideslip",), ("roll_angle",), ("heading",)),
 }
+_LATERAL_GAINS: Final = (
+    "aileron_roll_rate_s",
+    "aileron_roll_rate_integral",
+    "rudder_beta",
+    "rudder_yaw_rate_s",
+    "rudder_beta_integral_1_s",
+    "rudder_sideslip_command",
+    "roll_angle_1_s",
+    "heading_1_s",
+    "heading_yaw_1_s",
+)
 _NEARNESS: Final = (1.0, 0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.6, 0.5, 0.4, 0.2)
 
 
@@ -122,7 +132,7 @@ def _design_point(case: _Case) -> Point:
     """For each plane the first candidate whose margins hold; the planes do not depend on each other."""
     first = _candidates()[0]
     chosen = dict.fromkeys(ACTUATORS, first)
-    for plane in ACTUATORS:
+    for plane in _planes(case):
         for candidate in _candidates():
             chosen[plane] = candidate
             if _holds(case, _point(case, chosen), plane):
@@ -179,6 +189,11 @@ def _candidates() -> list[_Bandwidth]:
     return tried + [_Bandwidth(rate, _ATTITUDE_SHARES[-1], 1.0, _ALTITUDE_SHARES[-1]) for rate in slow]
 
 
+def _planes(case: _Case) -> list[Plane]:
+    """What is designed: an aircraft that only moves up and down has no lateral law."""
+    return list(ACTUATORS) if case.linear.rolls else ["longitudinal"]
+
+
 def _ceiling(case: _Case, plane: Plane) -> float:
     """The highest rate-loop crossover that is tried [rad/s]."""
     lag = getattr(case.airframe, ACTUATORS[plane][0]).lag_s
@@ -201,7 +216,7 @@ def _with_margins(case: _Case, point: Point) -> Point:
     gains = _gains(case.airframe, case.wanted, [point])
     found: dict[Law, dict[str, Margin]] = {law: {} for law in _LAWS}
     for law in _LAWS:
-        for plane in ACTUATORS:
+        for plane in _planes(case):
             loop = loops.build(case.airframe, case.point, case.linear, gains, law, plane)
             for i, actuator in enumerate(ACTUATORS[plane]):
                 if law == "stick" and actuator == "throttle":
@@ -213,8 +228,8 @@ def _with_margins(case: _Case, point: Point) -> Point:
 def _with_lost_margins(case: _Case, point: Point) -> Point:
     """The margins of the autopilot at elevator, aileron and rudder while some signals are lost for good."""
     found: dict[str, dict[str, Margin]] = {}
-    for plane, losses in LOSSES.items():
-        for lost in losses:
+    for plane in _planes(case):
+        for lost in LOSSES[plane]:
             loop = _loop(case, point, "autopilot", lost, plane)
             numbers = (0,) if plane == "longitudinal" else (0, 1)
             found["_and_".join(lost)] = {ACTUATORS[plane][i]: _margin(margins(loop, i)) for i in numbers}
@@ -290,10 +305,7 @@ def _point(case: _Case, chosen: dict[Plane, _Bandwidth]) -> Point:
     crossover = {plane: chosen[plane].rate * _ceiling(case, plane) for plane in ACTUATORS}
     wanted, linear, trim = case.wanted, case.linear, case.linear.trim
     elevator = longitudinal_gain(linear, crossover["longitudinal"], wanted.integral_share)[0]
-    aileron = roll_gain(linear, crossover["lateral"], wanted.integral_share)[0]
-    rudder = yaw_gain(linear, wanted.rudder_share * crossover["lateral"], wanted.sideslip_share)[0]
     pitch = chosen["longitudinal"].attitude * crossover["longitudinal"]
-    roll = chosen["lateral"].attitude * crossover["lateral"]
     path = path_gain(linear, pitch, chosen["longitudinal"].altitude * pitch)[0]
     throttle = wanted.airspeed_crossover_rad_s / linear.longitudinal_b[0, 1]
     return Point(
@@ -307,26 +319,30 @@ def _point(case: _Case, chosen: dict[Plane, _Bandwidth]) -> Point:
         elevator_alpha=chosen["longitudinal"].alpha * elevator[0],
         elevator_pitch_rate_s=elevator[1],
         elevator_pitch_rate_integral=elevator[2],
-        aileron_roll_rate_s=aileron[0],
-        aileron_roll_rate_integral=aileron[1],
-        rudder_beta=rudder[0],
-        rudder_yaw_rate_s=rudder[1],
-        rudder_beta_integral_1_s=rudder[2],
-        rudder_sideslip_command=-linear.lateral_a[2, 0] / linear.lateral_b[2, 1],
         throttle_airspeed_s_m=throttle,
         throttle_airspeed_integral_1_m=throttle * wanted.airspeed_crossover_rad_s / 5.0,
         pitch_angle_1_s=pitch,
-        roll_angle_1_s=roll,
         path_pitch=path[0],
         path_climb_angle=path[1],
         path_altitude_1_s=path[2],
         path_altitude_integral_1_s2=path[3],
-        heading_1_s=wanted.heading_share * roll,
-        heading_yaw_1_s=wanted.yaw_share * wanted.heading_share * roll,
-        max_roll_rate_rad_s=_max_roll_rate(case),
-        max_sideslip_rad=_max_sideslip(case),
+        **_lateral(case, crossover["lateral"], chosen["lateral"].attitude * crossover["lateral"]),
         **_model(case),
     )
+
+
+def _lateral(case: _Case, crossover: float, roll: float) -> dict[str, float]:
+    """The gains on aileron and rudder, zero where these move nothing; ``roll`` the attitude loop's crossover."""
+    wanted, linear = case.wanted, case.linear
+    limits = {"max_roll_rate_rad_s": _max_roll_rate(case), "max_sideslip_rad": _max_sideslip(case)}
+    if not linear.rolls:
+        return dict.fromkeys(_LATERAL_GAINS, 0.0) | limits
+    aileron = roll_gain(linear, crossover, wanted.integral_share)[0]
+    rudder = yaw_gain(linear, wanted.rudder_share * crossover, wanted.sideslip_share)[0]
+    command = -linear.lateral_a[2, 0] / linear.lateral_b[2, 1]
+    turn = wanted.heading_share * roll
+    gains = (*aileron, *rudder, command, roll, turn, wanted.yaw_share * turn)
+    return dict(zip(_LATERAL_GAINS, map(float, gains), strict=True)) | limits
 
 
 def _model(case: _Case) -> dict[str, Any]:
@@ -342,7 +358,7 @@ def _max_roll_rate(case: _Case) -> float:
     """Six tenths of the steady roll rate at full aileron, within the envelope's share."""
     a, b = case.linear.lateral_a, case.linear.lateral_b
     full = min(case.airframe.aileron.max_rad, -case.airframe.aileron.min_rad)
-    reach = 0.6 * full * abs(b[1, 0] / a[1, 1])
+    reach = 0.6 * full * abs(b[1, 0] / a[1, 1]) if case.linear.rolls else math.inf
     return min(reach, case.wanted.envelope_share * case.airframe.limits.body_rate_max_rad_s)
 
 
@@ -350,7 +366,7 @@ def _max_sideslip(case: _Case) -> float:
     """Three tenths of the steady sideslip at full rudder, within half of the envelope's share."""
     a, b = case.linear.lateral_a, case.linear.lateral_b
     full = min(case.airframe.rudder.max_rad, -case.airframe.rudder.min_rad)
-    reach = 0.3 * full * abs(b[2, 1] / a[2, 0])
+    reach = 0.3 * full * abs(b[2, 1] / a[2, 0]) if case.linear.rolls else math.inf
     return min(reach, 0.5 * case.wanted.envelope_share * case.airframe.limits.sideslip_max_rad)
 
 

@@ -18,8 +18,7 @@ from rig.control.gains import Gains
 from rig.control.margins import Loop, Matrix, sampled_loop
 from rig.control.record import DYNAMIC
 from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, SURFACES, Block, S, new_block
-from rig.plant.airframe import Config as Airframe
-from rig.plant.airframe import FlightPoint
+from rig.plant.airframe import Airframe, FlightPoint
 from rig.plant.linear import Linear, Trim
 
 Law = Literal["stick", "autopilot"]

@@ -35,16 +35,22 @@ def select(row, param, state):
     reference, usable = row["reference"], row["reference_usable"]
     lost = 0
     for i in range(S):
-        value, source = voted[i], VOTED
+        value, source = voted[i], source_of(level[i], usable[i], reference[i])
         if level[i] == 0:
             lost += 1
-            value, source = reference[i], REFERENCE
-            if usable[i] == 0 or not math.isfinite(value):
-                source = DEGRADED
+            value = reference[i]
         told[i] = source
         if source == VOTED or (source == REFERENCE and i > _LAST_RATE):
             put(i, value, source, param, state)
     return lost
+
+
+@kernel
+def source_of(level, usable, reference):
+    """Where a signal with ``level`` channels comes from."""
+    if level != 0:
+        return VOTED
+    return REFERENCE if usable != 0 and math.isfinite(reference) else DEGRADED
 
 
 @kernel

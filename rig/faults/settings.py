@@ -109,7 +109,7 @@ _TRIGGERS = ("when", "on", "after", "rate_per_hour")
 class Triggered(Settings):
     """A name, one trigger, and how long and how often the fault acts after it."""
 
-    id: str | None = quantity("", "its name in events, tables and `after`", None, min_length=1)
+    id: str | None = quantity("", "its name in events, tables and `after`", None, pattern=r"^[^\x00-\x1f]+$")
     start_s: float | None = quantity(
         "s", "trigger: this time; with `when`, `on`, `rate_per_hour`: armed from", None, ge=0
     )

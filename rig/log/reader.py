@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.frame import FRAME, TIMING, Block
+from rig.log import arrays
+from rig.log.arrays import DiscreteArrays, SignalArrays
 from rig.log.scan import About, LoggedEvent, iter_parts
 
 
@@ -31,6 +33,19 @@ class Log:
         """The first file attached, which is the scenario."""
         first = next(iter(self.attachments.values()), None)
         return None if first is None else first.decode("utf-8")
+
+    @property
+    def time_s(self) -> NDArray[np.float64]:
+        """(n,) simulation time of the rows."""
+        return self.rows["frame"] / self.rate_hz
+
+    def signal(self, name: str) -> SignalArrays:
+        """The arrays of one signal; KeyError when there is no such signal."""
+        return arrays.of_signal(self.rows, self.rate_hz, name)
+
+    def discrete(self, name: str) -> DiscreteArrays:
+        """The arrays of one discrete; KeyError when there is no such discrete."""
+        return arrays.of_discrete(self.rows, self.rate_hz, name)
 
 
 def read_log(path: Path | str) -> Log:

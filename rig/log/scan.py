@@ -75,6 +75,7 @@ class About:
     metadata: dict[str, str] = field(default_factory=dict)
     result: dict[str, str] | None = None
     attachments: dict[str, bytes] = field(default_factory=dict)
+    others: dict[str, dict[str, str]] = field(default_factory=dict)  # metadata records of other names
 
     @property
     def rate_hz(self) -> float:
@@ -158,6 +159,8 @@ def _take(record: _Record, path: Path, about: About, described: _Descriptions) -
             about.metadata = said.metadata
         elif said.name == RESULT:
             about.result = said.metadata
+        else:
+            about.others[said.name] = said.metadata
     elif record.opcode == Opcode.ATTACHMENT:
         _same("attachment", int.from_bytes(record.content[-4:], "little"), zlib.crc32(record.content[:-4]))
         attached = _as(Attachment, record)
@@ -179,10 +182,13 @@ def _same(what: str, crc: int, found: int) -> None:
 
 
 def _check_version(path: Path, metadata: dict[str, str]) -> None:
-    version = int(metadata["schema_version"])
-    if version > SCHEMA_VERSION:
-        newer = f"schema version {version}, written by a newer rig"
-        raise BadLog(f"{path}: {newer}; this one reads up to {SCHEMA_VERSION}")
+    """BadLog when the log is of another version: which, and who wrote it."""
+    version = metadata["schema_version"]
+    if int(version) != SCHEMA_VERSION:
+        by = metadata.get("version jsbsim-rig", "of another version")
+        commit = f", commit {metadata['git commit']}" if "git commit" in metadata else ""
+        written = f"written by jsbsim-rig {by}{commit}"
+        raise BadLog(f"{path}: schema version {version} ({written}); this one reads version {SCHEMA_VERSION}")
 
 
 class _Descriptions:

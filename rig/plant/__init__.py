@@ -1,9 +1,15 @@
-"""The plant: the aircraft that flies, JSBSim with our actuators in front of its aerodynamics.
+"""The plant: the aircraft that flies, JSBSim with our actuators in front of its aerodynamics, or a linear model.
 
 airframe.py  what an aircraft is: the ``[airframe]`` table of its ``aircraft.toml``
 actuated.py  the base model with its own flight control replaced by our actuators
 wind.py      steady wind, steps, gusts and turbulence of a flight
 truth.py     JSBSim's numbers as the true row of a frame, in SI units
-linear.py    its small motions about trim
 jsbsim.py    load, trim and fly; the only importer of JSBSim
+linear.py    the small motions of either kind about trim
+flown.py     the plant that an aircraft's settings ask for
+Without JSBSim:
+linear_plant.py   fly the matrices of the small motions
+small_motion.py   its kernels
+atmosphere.py     standard air
+dryden.py         turbulence
 """

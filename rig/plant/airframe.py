@@ -1,16 +1,17 @@
 """What an aircraft is: the ``[airframe]`` table of its ``aircraft.toml``.
 
-The base model comes from the installed JSBSim; the table says what we change in it (centre of
-gravity, actuators), where it flies, where its accelerometers sit and when it counts as lost.
+``plant`` says who moves it.  "jsbsim" (the default): the base model comes from the installed JSBSim; the
+table says what we change in it (centre of gravity, actuators).  "linear": matrices of its small motions
+about level flight.  Both say where it flies, where its accelerometers sit and when it counts as lost.
 """
 
 from __future__ import annotations
 
 from math import pi
 from pathlib import Path
-from typing import Self
+from typing import Annotated, Any, Final, Literal, Self, get_args
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from rig.errors import BadInput
 from rig.settings import Settings, build, read_toml
@@ -24,13 +25,18 @@ class FlightPoint(Settings):
     mach: float = Field(gt=0.0, le=3.0)
 
 
-class Surface(Settings):
-    """One control surface and its actuator: first-order lag, rate limit, position limits."""
+class Actuator(Settings):
+    """One control surface's actuator: first-order lag, rate limit, position limits."""
 
     lag_s: float = Field(gt=0.0)
     rate_limit_rad_s: float = Field(gt=0.0)
     min_rad: float = Field(lt=0.0, ge=-1.0)  # JSBSim's trim searches within -1 to 1
     max_rad: float = Field(gt=0.0, le=1.0)
+
+
+class Surface(Actuator):
+    """One control surface of a JSBSim aircraft."""
+
     position: str = Field(min_length=1)  # the property in which the base model's aerodynamics reads it
 
 
@@ -63,20 +69,14 @@ class Limits(Settings):
     roll_angle_max_rad: float | None = Field(None, gt=0.0, le=pi)
 
 
-class Config(Settings):
-    """The ``[airframe]`` table. Lengths in m, angles in rad, signs as JSBSim's ``fcs/*-pos-rad``."""
+class Shared(Settings):
+    """What both kinds of aircraft have. Lengths in m, angles in rad, signs as JSBSim's ``fcs/*-pos-rad``."""
 
-    base_model: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")  # an aircraft of the installed JSBSim
-    cg_x_shift_m: float = Field(0.0, ge=-2.0, le=2.0)  # aft is positive
-    freeze_fuel: bool = True  # mass and centre of gravity stay; False burns and in the end runs dry
+    base_model: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")  # an aircraft of the installed JSBSim; else any name
     flight_points: list[FlightPoint] = Field(min_length=1)  # the first is the default
-    elevator: Surface
-    aileron: Surface
-    rudder: Surface
     throttle: Throttle
     accelerometer: Position
     limits: Limits
-    properties: dict[str, float] = Field(default_factory=dict)  # read by the aerodynamics, held constant
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Self:
@@ -84,12 +84,6 @@ class Config(Settings):
         if len(set(names)) != len(names):
             raise ValueError("flight points must have different names")
         return self
-
-    @property
-    def surface_limits(self) -> list[tuple[float, float]]:
-        """Lowest and highest position of every actuator, in the order of frame.SURFACES."""
-        surfaces = (self.elevator, self.aileron, self.rudder)
-        return [*((surface.min_rad, surface.max_rad) for surface in surfaces), (0.0, 1.0)]
 
     def point(self, name: str | None = None) -> FlightPoint:
         """The flight point of that name, the first when None; BadInput when there is none."""
@@ -100,9 +94,138 @@ class Config(Settings):
         raise BadInput(f"flight_point: {self.base_model} has no {name!r}; choose from {known}")
 
 
-def read(path: Path) -> Config:
+def _stops(elevator: Actuator, aileron: Actuator, rudder: Actuator) -> list[tuple[float, float]]:
+    """Lowest and highest position of every actuator, in the order of frame.SURFACES."""
+    return [*((surface.min_rad, surface.max_rad) for surface in (elevator, aileron, rudder)), (0.0, 1.0)]
+
+
+class Config(Shared):
+    """The ``[airframe]`` table of an aircraft that JSBSim flies."""
+
+    plant: Literal["jsbsim"] = "jsbsim"
+    cg_x_shift_m: float = Field(0.0, ge=-2.0, le=2.0)  # aft is positive
+    freeze_fuel: bool = True  # mass and centre of gravity stay; False burns and in the end runs dry
+    elevator: Surface
+    aileron: Surface
+    rudder: Surface
+    properties: dict[str, float] = Field(default_factory=dict)  # read by the aerodynamics, held constant
+
+    @property
+    def surface_limits(self) -> list[tuple[float, float]]:
+        """Lowest and highest position of every actuator, in the order of frame.SURFACES."""
+        return _stops(self.elevator, self.aileron, self.rudder)
+
+
+Output = Literal[
+    "true_airspeed_m_s",
+    "angle_of_attack",
+    "pitch_rate",
+    "pitch_angle",
+    "angle_of_sideslip",
+    "roll_rate",
+    "yaw_rate",
+    "roll_angle",
+]
+OUTPUTS: Final[tuple[Output, ...]] = get_args(Output)
+LONGITUDINAL, LATERAL = OUTPUTS[:4], OUTPUTS[4:]  # a linear model must have the first four; others rest at zero
+Input = Literal["elevator_rad", "aileron_rad", "rudder_rad", "throttle"]
+
+
+class Trim(Settings):
+    """Level flight, about which a linear model moves; aileron and rudder are at zero."""
+
+    pitch_angle_rad: float = Field(gt=-0.5, lt=0.5)  # and angle of attack
+    elevator_rad: float
+    throttle: float = Field(ge=0.0, le=1.0)
+
+
+class Model(Settings):
+    """dx/dt = A x + B u, y = C x: deviations from trim, SI units and rad.
+
+    B's inputs are surface positions, signs as in frame.SURFACES; y in the order of ``outputs``.
+    """
+
+    A: list[list[float]] = Field(min_length=1)
+    B: list[list[float]]
+    C: list[list[float]]
+    inputs: list[Input] = Field(min_length=1)
+    outputs: list[Output]
+    initial: list[float]  # x of the first frame
+    # What the aircraft's A and B are over those above, which alone the designs know.
+    a_factor: float = Field(1.0, gt=0.0)
+    b_factor: float = Field(1.0, gt=0.0)
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        n, m, p = len(self.A), len(self.inputs), len(self.outputs)
+        for name, rows, columns in (("A", n, n), ("B", n, m), ("C", p, n)):
+            matrix = getattr(self, name)
+            if len(matrix) != rows or any(len(row) != columns for row in matrix):
+                raise ValueError(f"matrix {name} must have {rows} rows of {columns} numbers")
+        if len(self.initial) != n:
+            raise ValueError(f"initial must have {n} numbers, one a state")
+        for name, given in (("inputs", self.inputs), ("outputs", self.outputs)):
+            if len(set(given)) != len(given):
+                raise ValueError(f"{name} must have different names")
+        missing = [name for name in LONGITUDINAL if name not in self.outputs]
+        if missing:
+            raise ValueError(f"outputs must hold {', '.join(LONGITUDINAL)}; missing: {', '.join(missing)}")
+        return self
+
+
+class LinearConfig(Shared):
+    """The ``[airframe]`` table of an aircraft that is linear: one model, so one flight point."""
+
+    plant: Literal["linear"]
+    flight_points: list[FlightPoint] = Field(min_length=1, max_length=1)
+    elevator: Actuator
+    aileron: Actuator
+    rudder: Actuator
+    trim: Trim
+    model: Model
+
+    @property
+    def surface_limits(self) -> list[tuple[float, float]]:
+        """Lowest and highest position of every actuator, in the order of frame.SURFACES."""
+        return _stops(self.elevator, self.aileron, self.rudder)
+
+    @model_validator(mode="after")
+    def _trim_is_within_the_stops(self) -> Self:
+        if not self.elevator.min_rad <= self.trim.elevator_rad <= self.elevator.max_rad:
+            raise ValueError(f"trim.elevator_rad ({self.trim.elevator_rad:g}) is beyond the elevator's stops")
+        return self
+
+
+def _plant(data: Any) -> str:
+    """Which kind of aircraft a table, or a model made of one, is."""
+    found = data.get("plant", "jsbsim") if isinstance(data, dict) else getattr(data, "plant", "")
+    return found if isinstance(found, str) else ""
+
+
+Airframe = Config | LinearConfig
+# The same as a field of another model: the table's ``plant`` chooses.
+AirframeField = Annotated[
+    Annotated[Config, Tag("jsbsim")] | Annotated[LinearConfig, Tag("linear")],
+    Discriminator(
+        _plant,
+        custom_error_type="plant",
+        custom_error_message='plant must be "jsbsim" or "linear"',
+    ),
+]
+
+
+def parse(data: dict[str, Any], source: str) -> Airframe:
+    """An ``[airframe]`` table as an aircraft of its kind; BadInput names ``source`` and the key."""
+    return build(_Table, {"airframe": data}, source).airframe
+
+
+class _Table(Settings):
+    airframe: AirframeField
+
+
+def read(path: Path) -> Airframe:
     """The ``[airframe]`` table of the aircraft.toml at ``path``; BadInput when it cannot be used."""
     data = read_toml(path)
     if "airframe" not in data:
         raise BadInput(f"{path}: airframe: table is missing")
-    return build(Config, data["airframe"], f"{path}: airframe")
+    return parse(data["airframe"], str(path))

@@ -16,7 +16,7 @@ from rig.errors import BadInput, RigError
 from rig.frame import SURFACES, Block, new_block
 from rig.kernels import bind
 from rig.plant import actuated, truth, wind
-from rig.plant.airframe import Config, FlightPoint
+from rig.plant.airframe import Airframe, Config, FlightPoint
 
 FEET_PER_METRE: Final = 1.0 / 0.3048
 _FPS_PER_KNOT: Final = 1852.0 / 3600.0 * FEET_PER_METRE
@@ -74,8 +74,14 @@ def _logger() -> _Logger:
     return _Logger()
 
 
+def _ours(airframe: Airframe) -> Config:
+    if not isinstance(airframe, Config):
+        raise BadInput(f'airframe.plant: {airframe.base_model} is "linear", JSBSim does not fly it')
+    return airframe
+
+
 def load(
-    airframe: Config,
+    airframe: Airframe,
     flight_point: FlightPoint,
     dt_s: float,
     wind_m_s: wind.Velocity = wind.CALM,
@@ -86,8 +92,9 @@ def load(
     wind_m_s : steady wind, towards north and east; the trim holds in it (down is left out)
     The trim stays in ``fcs/elevator-cmd-norm``, ``aileron-``, ``rudder-`` (rad) and
     ``throttle-cmd-norm`` (0 to 1); the trim commands are zero.  Writes nothing but the cache.
-    Raises BadInput: unknown base model, undeclared property, or no trim at this point.
+    Raises BadInput: a linear aircraft, unknown base model, undeclared property, or no trim at this point.
     """
+    airframe = _ours(airframe)
     fdm = _executive()
     for name in airframe.properties:
         if fdm.get_property_manager().hasNode(name):
@@ -169,7 +176,7 @@ class Plant:
 
     def __init__(
         self,
-        airframe: Config,
+        airframe: Airframe,
         flight_point: FlightPoint,
         air: wind.Config,
         turbulence: wind.Turbulence,
@@ -177,7 +184,7 @@ class Plant:
         steps_per_frame: int,
         seed: int,
     ) -> None:
-        self._airframe = airframe
+        self._airframe = _ours(airframe)
         self._flight_point = flight_point
         self._wind = air
         self._severity = wind.SEVERITY[turbulence]

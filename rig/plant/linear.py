@@ -5,7 +5,7 @@ lateral states (beta, p, r, phi), inputs (aileron rad, rudder rad).  Inputs are 
 actuators are no part of this model, and thrust follows the throttle at once.
 
 The system matrix is JSBSim's own; the input matrix is taken by central differences, because
-JSBSim's has wrong force rows when an actuator lags.
+JSBSim's has wrong force rows when an actuator lags.  A linear aircraft brings its matrices itself.
 """
 
 from __future__ import annotations
@@ -16,8 +16,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.plant.airframe import Config, FlightPoint
+from rig.errors import BadInput
+from rig.frame import SURFACES
+from rig.plant.airframe import OUTPUTS, Airframe, Config, FlightPoint, LinearConfig
+from rig.plant.atmosphere import GAS_CONSTANT, pressure, speed_of_sound, temperature
 from rig.plant.jsbsim import jsbsim, load
+from rig.plant.linear_plant import matrices
 
 Matrix = NDArray[np.float64]
 
@@ -47,7 +51,10 @@ class Trim:
 
 @dataclass(frozen=True)
 class Linear:
-    """dx/dt = A x + B u for both planes, about ``trim``; states and inputs as in the module's docstring."""
+    """dx/dt = A x + B u for both planes, about ``trim``; states and inputs as in the module's docstring.
+
+    An aircraft that only moves up and down has zeros in its lateral matrices.
+    """
 
     trim: Trim
     longitudinal_a: Matrix  # (4, 4)
@@ -55,9 +62,16 @@ class Linear:
     lateral_a: Matrix  # (4, 4)
     lateral_b: Matrix  # (4, 2)
 
+    @property
+    def rolls(self) -> bool:
+        """Whether aileron and rudder move the aircraft at all."""
+        return bool(self.lateral_b.any())
 
-def linearise(airframe: Config, flight_point: FlightPoint) -> Linear:
+
+def linearise(airframe: Airframe, flight_point: FlightPoint) -> Linear:
     """The small motions of ``airframe`` about trim at ``flight_point``; BadInput when it does not trim."""
+    if isinstance(airframe, LinearConfig):
+        return _given(airframe, flight_point)
     longitudinal_a, lateral_a = _system(load(airframe, flight_point, _ANY_STEP_S))
     fdm = load(airframe, flight_point, _ANY_STEP_S)
     trim = _trim(fdm, airframe)
@@ -73,6 +87,36 @@ def linearise(airframe: Config, flight_point: FlightPoint) -> Linear:
         longitudinal_b=np.array(longitudinal).T,
         lateral_a=lateral_a,
         lateral_b=np.array(lateral).T,
+    )
+
+
+def _given(airframe: LinearConfig, point: FlightPoint) -> Linear:
+    """A linear aircraft's own matrices, with its outputs as the states: A' = C A C^-1, B' = C B."""
+    a, b, c = matrices(airframe)
+    named = [OUTPUTS.index(name) for name in airframe.model.outputs]
+    c = c[named]
+    if c.shape[0] != c.shape[1] or np.linalg.matrix_rank(c) < len(c):
+        raise BadInput(f"airframe.model: {airframe.base_model}: C must be square and regular for a design")
+    system, drive = np.zeros((len(OUTPUTS), len(OUTPUTS))), np.zeros((len(OUTPUTS), len(SURFACES)))
+    system[np.ix_(named, named)], drive[named] = c @ a @ np.linalg.inv(c), c @ b
+    speed = point.mach * speed_of_sound(point.altitude_m)
+    density = pressure(point.altitude_m) / (GAS_CONSTANT * temperature(point.altitude_m))
+    trim = airframe.trim
+    return Linear(
+        trim=Trim(
+            airspeed_m_s=speed,
+            dynamic_pressure_pa=0.5 * density * speed**2,
+            alpha_rad=trim.pitch_angle_rad,
+            theta_rad=trim.pitch_angle_rad,
+            elevator_rad=trim.elevator_rad,
+            aileron_rad=0.0,
+            rudder_rad=0.0,
+            throttle=trim.throttle,
+        ),
+        longitudinal_a=system[:4, :4],
+        longitudinal_b=drive[:4][:, [0, 3]],
+        lateral_a=system[4:, 4:],
+        lateral_b=drive[4:, 1:3],
     )
 
 

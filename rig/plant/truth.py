@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rig.frame import DISCRETE_INDEX, FLIGHT_INDEX, INDEX, TWO_PI, Block, End
 from rig.kernels import kernel
-from rig.plant.airframe import Config
+from rig.plant.airframe import Airframe
 
 FOOT: Final = 0.3048  # m
 POUND_PER_SQUARE_FOOT: Final = 47.88025898033584  # Pa
@@ -102,7 +102,7 @@ _END_LOAD, _END_ATTITUDE = int(End.DEPARTURE_LOAD_FACTOR), int(End.DEPARTURE_ATT
 _END_RATE = int(End.DEPARTURE_RATE)
 
 
-def fixed(airframe: Config, latitude_rad: float, longitude_rad: float) -> NDArray[Any]:
+def fixed(airframe: Airframe, latitude_rad: float, longitude_rad: float) -> NDArray[Any]:
     """The record of constants, shape (1,), for a flight that starts at this place.
 
     North and east are counted along the WGS 84 ellipsoid's radii at the start, as on a flat map.

@@ -24,10 +24,13 @@ def vote(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Vote on recorded channels with the redundancy manager of the flight."""
-    from rig import recorded as stages
     from rig.errors import BadInput
+    from rig.recorded.align import align as aligned
+    from rig.recorded.config import read_config
+    from rig.recorded.read import read
     from rig.recorded.summary import show, summary
-    from rig.recorded.write import output
+    from rig.recorded.vote import vote as run
+    from rig.recorded.write import output, write
     from rig.show import console
 
     if not align and (align_from, align_to) != (None, None):
@@ -41,17 +44,17 @@ def vote(
         seconds[stage], clock = now - clock, now
 
     with output(out, recorded) as part:
-        settings = stages.read_config(config)
-        recording = stages.read(recorded, settings)
+        settings = read_config(config)
+        recording = read(recorded, settings)
         signals = settings.signals(recording.signals, str(config))
         lap("read")
         corrections = None
         if align:
-            recording, corrections = stages.align(recording, signals, align_from, align_to)
+            recording, corrections = aligned(recording, signals, align_from, align_to)
             lap("align")
-        voted = stages.vote(recording, signals, settings.resets)
+        voted = run(recording, signals, settings.resets)
         lap("vote")
-        stages.write(part, out.suffix, recording, voted)
+        write(part, out.suffix, recording, voted)
         lap("write")
     found = {"out": str(out), **summary(recording, voted, corrections), "seconds": seconds}
     if as_json:

@@ -2,7 +2,3 @@
 
 Only this package imports rerun, and only when a stream is opened: a flight without one pays nothing.
 """
-
-from rig.view.stream import Stream, StreamReport, open_stream
-
-__all__ = ["Stream", "StreamReport", "open_stream"]

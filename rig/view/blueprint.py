@@ -1,60 +1,52 @@
-"""The layout of the viewer, made from the tables of rig/frame.py.
-
-One blueprint serves the live stream, a saved .rrd and our log: all three hold one struct a frame and entity,
-and a component mapping picks the fields.  Mappings are not a stable API of Rerun: they are used here alone.
-"""
+"""The layout of the viewer, made from the tables of rig/frame.py: one for the live stream, a saved .rrd and a log."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from enum import IntEnum
+from collections.abc import Sequence
 from typing import Any, Final
 
-import rerun as rr
 import rerun.blueprint as rrb
-from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
 from rig.errors import BadInput
-from rig.frame import COMMANDS, DEMANDS, DISCRETES, SIGNALS, SURFACES, Discrete, Law, Pattern, Resolver, Signal
-from rig.view import deviation
-from rig.view.columns import TIMELINE, WORLD
+from rig.frame import COMMANDS, DEMANDS, DISCRETES, INDEX, SIGNALS, SURFACES, Discrete, Signal
+from rig.view import derived, lanes
+from rig.view.facts import Layout, Shown
+from rig.view.plots import (
+    Line,
+    about,
+    attitude,
+    events,
+    fields,
+    map_view,
+    path,
+    plot,
+    state_lanes,
+    track,
+)
+from rig.view.scene import TIMELINE
+from rig.view.style import CHANNEL_COLORS, FAULT, PALETTE, REFERENCE, THRESHOLD, TRUTH, VOTED
 
-Color = tuple[int, int, int]
-Looks = dict[str, tuple[str, Color]]  # member of an enum: label, colour
-Line = tuple[str, str, Color, float]  # field of the struct, name in the legend, colour, width in points
-
-# Okabe and Ito's palette, which people with any colour vision can tell apart, on the viewer's dark ground.
-CHANNEL_COLORS: Final[tuple[Color, ...]] = ((86, 180, 233), (230, 159, 0), (0, 158, 115), (204, 121, 167))
-VOTED: Final[Color] = (240, 228, 66)
-TRUTH: Final[Color] = (255, 255, 255)
-REFERENCE: Final[Color] = (213, 94, 0)
-PALETTE: Final[tuple[Color, ...]] = (*CHANNEL_COLORS, VOTED, REFERENCE, (0, 114, 178), (170, 170, 170))
-QUIET: Final[Color] = (70, 76, 82)  # a state that needs no attention
-STATE_LOOKS: Final[Looks] = {
-    "OK": ("ok", (0, 114, 178)),
-    "SUSPECT": ("suspect", VOTED),
-    "FAILED": ("failed", REFERENCE),
-}
 OVERVIEW: Final = "overview"  # the first tab
-MAIN: Final = "pitch_rate"  # what it shows
+MAIN: Final = "pitch_rate"  # what it shows of a flight without faults
+GROUPS: Final = tuple(dict.fromkeys(signal.group for signal in SIGNALS))
+TABS: Final = (OVERVIEW, *GROUPS, "discretes", "surfaces", "control", "flight")
+LAYOUT: Final = Layout()
 
 
-def blueprint(signals: Sequence[str] | None = None, tab: str = OVERVIEW) -> rrb.Blueprint:
-    """The layout for ``signals``, by name, None for all; it opens at ``tab``.
+def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
+    """The layout for the flights ``layout.shown``, open at ``layout.tab``; BadInput: no such tab.
 
-    The overview shows pitch rate, or else the first of the signals.  BadInput: no such signal or tab.
+    The overview has the first signal that a fault sits on, else pitch rate.  With ``map_tiles`` there is a map
+    beside the track, for which the viewer fetches tiles from the internet.
     """
-    shown = [signal for signal in SIGNALS if signals is None or signal.name in signals]
-    if not shown:
-        raise BadInput(f"no signal {', '.join(signals or ())}; there are: {', '.join(s.name for s in SIGNALS)}")
-    groups = dict.fromkeys(signal.group for signal in shown)
-    main = next((signal for signal in shown if signal.name == MAIN), shown[0])
+    shown, tab, map_tiles = layout
     tabs = {
-        OVERVIEW: _overview(main),
-        **{group: _group_tab(group, [s for s in shown if s.group == group]) for group in groups},
-        "discretes": _discretes_tab(),
-        "control": _control_tab(),
-        "flight": _flight_tab(),
+        OVERVIEW: _overview(_main(shown), shown),
+        **{group: _group_tab(group, [s for s in SIGNALS if s.group == group], shown) for group in GROUPS},
+        "discretes": _discretes_tab(shown),
+        "surfaces": _surfaces_tab(shown),
+        "control": _control_tab(shown),
+        "flight": _flight_tab(shown, map_tiles),
     }
     if tab not in tabs:
         raise BadInput(f"no tab {tab!r}; there are: {', '.join(tabs)}")
@@ -68,171 +60,127 @@ def blueprint(signals: Sequence[str] | None = None, tab: str = OVERVIEW) -> rrb.
     )
 
 
-def _overview(signal: Signal) -> rrb.Container:
-    left = rrb.Vertical(_signal_plot(signal), _deviation_plot(signal), _signal_lanes(signal), row_shares=[5, 4, 4])
-    right = rrb.Vertical(_surfaces(), _events(), _attitude(), row_shares=[2, 2, 2])
+def _main(shown: Sequence[Shown]) -> Signal:
+    """The signal of the overview."""
+    faulted = [one.facts.first_faulted for one in reversed(shown)]
+    return SIGNALS[INDEX[next(filter(None, faulted), MAIN)]]
+
+
+def _overview(signal: Signal, shown: Sequence[Shown]) -> rrb.Container:
+    left = rrb.Vertical(
+        _signal_plot(signal, shown),
+        _deviation_plot(signal, shown),
+        _signal_lanes(signal, shown, faults=""),
+        row_shares=[4, 3, 5] if len(shown) == 1 else [5, 3, 5],
+    )
+    right = rrb.Vertical(
+        about(shown), _surface_plot(SURFACES[0], shown), events(shown), attitude(shown), row_shares=[1, 2, 2, 3]
+    )
     return rrb.Horizontal(left, right, column_shares=[5, 3], name=OVERVIEW)
 
 
-def _group_tab(group: str, signals: Sequence[Signal]) -> rrb.Container:
+def _group_tab(group: str, signals: Sequence[Signal], shown: Sequence[Shown]) -> rrb.Container:
     rows = [
-        rrb.Horizontal(_signal_plot(s), _deviation_plot(s), _signal_lanes(s), column_shares=[3, 3, 2]) for s in signals
+        rrb.Horizontal(
+            _signal_plot(s, shown),
+            _deviation_plot(s, shown),
+            _signal_lanes(s, shown, faults=s.name),
+            column_shares=[3, 3, 2] if len(shown) == 1 else [3, 2, 3],
+        )
+        for s in signals
     ]
     return rrb.Vertical(*rows, name=group)
 
 
-def _signal_plot(signal: Signal) -> rrb.TimeSeriesView:
+def _signal_plot(signal: Signal, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
+    band = derived.band_path(signal)
     lines = [
-        *_redundant(signal.channels),
-        ("reference", "reference", REFERENCE, 1.0),
-        ("truth", "truth", TRUTH, 1.0),
+        Line(band, derived.BAND, "fault", "fault acts", FAULT, 16.0, fault_on=signal.name),
+        Line(band, derived.BAND, "low", "vote ± threshold", THRESHOLD, below=False),
+        Line(band, derived.BAND, "high", "vote ± threshold", THRESHOLD, below=False),
+        *_redundant(signal.topic, "rig.Signal", signal.channels),
+        Line(signal.topic, "rig.Signal", "reference", "reference", REFERENCE, below=False),
+        Line(signal.topic, "rig.Signal", "truth", "truth", TRUTH),
     ]
-    return _plot(f"{signal.name}, {signal.unit}", signal.topic, "rig.Signal", lines)
+    return plot(f"{signal.name}, {signal.unit}", lines, shown)
 
 
-def _deviation_plot(signal: Signal) -> rrb.TimeSeriesView:
-    lines = _redundant(signal.channels)
+def _deviation_plot(signal: Signal, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
+    lines = _redundant(derived.deviation_path(signal), derived.DEVIATION, signal.channels)
     name = f"{signal.name} less truth, {signal.unit}; trusted channels"
-    return _plot(name, deviation.path(signal), deviation.ARCHETYPE, lines, legend=False)  # as beside it
+    return plot(name, lines, shown, legend=False)  # as beside it
 
 
-def _redundant(channels: int) -> list[Line]:
+def _redundant(path: str, archetype: str, channels: int) -> list[Line]:
     """The vote, thick and below the others, and its channels."""
-    lines = [(f"ch_{i + 1}", f"ch {i + 1}", CHANNEL_COLORS[i], 1.0) for i in range(channels)]
-    return [("voted", "voted", VOTED, 3.5), *lines]
-
-
-def _plot(name: str, path: str, archetype: str, lines: Iterable[Line], legend: bool = True) -> rrb.TimeSeriesView:
-    """Fields of one struct against time, the first below the others."""
-    series = [
-        rr.SeriesLines(names=label, colors=[color], widths=[width]).visualizer(
-            mappings=[_pick("Scalars:scalars", archetype, field)]
-        )
-        for field, label, color, width in lines
+    numbered = [
+        Line(path, archetype, f"ch_{i + 1}", f"ch {i + 1}", CHANNEL_COLORS[i], below=False) for i in range(channels)
     ]
-    return rrb.TimeSeriesView(
-        name=name,
-        origin=path,
-        contents=path,
-        overrides={path: series},
-        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend),
-    )
+    return [Line(path, archetype, "voted", "voted", VOTED, 3.5), *numbered]
 
 
-def _pick(slot: str, archetype: str, field: str) -> Any:
-    return VisualizerComponentMapping(
-        slot, ComponentSourceKind.SourceComponent, source_component=f"{archetype}:message", selector=f".{field}"
-    )
+def _signal_lanes(signal: Signal, shown: Sequence[Shown], faults: str) -> Any:
+    name = f"{signal.name}: faults, channels, pattern, resolver, source"
+    return state_lanes(name, lanes.of_signal(signal), shown, faults)
 
 
-def _signal_lanes(signal: Signal) -> rrb.StateTimelineView:
-    lanes = [
-        *_channel_lanes("rig.Signal", signal.channels),
-        _lane("rig.Signal", "pattern", "pattern", _attention(Pattern, Pattern.NORMAL)),
-        _lane("rig.Signal", "resolver", "resolver", _attention(Resolver, Resolver.NONE)),
-    ]
-    return _lanes(f"{signal.name}: channels, pattern, resolver", signal.topic, lanes)
-
-
-def _lanes(name: str, path: str, lanes: Sequence[Any]) -> rrb.StateTimelineView:
-    return rrb.StateTimelineView(name=name, origin=path, contents=path, overrides={path: lanes})
-
-
-def _channel_lanes(archetype: str, channels: int) -> list[Any]:
-    return [_lane(archetype, f"st_{i + 1}", f"ch {i + 1}", STATE_LOOKS) for i in range(channels)]
-
-
-def _lane(archetype: str, field: str, subject: str, looks: Looks) -> Any:
-    """An enum of the struct as a lane.  The viewer cannot name a lane, so each state says whose it is."""
-    look = rr.StateConfiguration(
-        values=list(looks),
-        labels=[f"{subject}: {label}" for label, _ in looks.values()],
-        colors=[color for _, color in looks.values()],
-    )
-    return look.visualizer(mappings=[_pick("StateChange:state", archetype, f"{field}.name")])
-
-
-def _attention(enum: type[IntEnum], quiet: IntEnum) -> Looks:
-    """A look for each member; the one that needs no attention stays in the background."""
-    return {
-        member.name: (
-            getattr(member, "label", member.name.lower()),
-            QUIET if member == quiet else PALETTE[member.value % len(PALETTE)],
-        )
-        for member in enum
-    }
-
-
-def _discretes_tab() -> rrb.Container:
+def _discretes_tab(shown: Sequence[Shown]) -> rrb.Container:
     rows = []
     for discrete in DISCRETES:
-        lanes = _lanes(f"{discrete.name}: channels", discrete.topic, _channel_lanes("rig.Discrete", discrete.channels))
-        rows.append(rrb.Horizontal(_discrete_plot(discrete), lanes, column_shares=[3, 2]))
+        states = state_lanes(f"{discrete.name}: channels", lanes.of_discrete(discrete), shown)
+        rows.append(rrb.Horizontal(_discrete_plot(discrete, shown), states, column_shares=[3, 2]))
     return rrb.Vertical(*rows, name="discretes")
 
 
-def _discrete_plot(discrete: Discrete) -> rrb.TimeSeriesView:
-    lines = [*_redundant(discrete.channels), ("truth", "truth", TRUTH, 1.0)]
-    return _plot(discrete.name, discrete.topic, "rig.Discrete", lines)
+def _discrete_plot(discrete: Discrete, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
+    lines = [
+        *_redundant(discrete.topic, "rig.Discrete", discrete.channels),
+        Line(discrete.topic, "rig.Discrete", "truth", "truth", TRUTH),
+    ]
+    return plot(discrete.name, lines, shown)
 
 
-def _control_tab() -> rrb.Container:
-    def commands(*units: str) -> list[str]:
-        return [f"command_{name}" for name in COMMANDS if name.endswith(units)]
+def _surfaces_tab(shown: Sequence[Shown]) -> rrb.Container:
+    return rrb.Grid(*(_surface_plot(name, shown) for name in SURFACES), grid_columns=2, name="surfaces")
 
-    law = _lane("rig.Control", "law", "law", _attention(Law, Law.AUTOPILOT))
-    return rrb.Grid(
-        _surfaces(),
-        _fields("commands, rad and rad/s", "/control", "rig.Control", commands("_rad", "_rad_s")),
-        _fields("commands, m and m/s", "/control", "rig.Control", commands("_m", "_m_s")),
-        _fields("demands, rad", "/demand", "rig.Demand", [name for name in DEMANDS if name.endswith("_rad")]),
-        _fields("demands, m and m/s", "/demand", "rig.Demand", [n for n in DEMANDS if not n.endswith("_rad")]),
-        _lanes("control law", "/control", [law]),
-        grid_columns=2,
+
+def _surface_plot(name: str, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
+    """What control asks, what reaches the actuator (another only while a fault is between), where it truly is."""
+    lines = [
+        Line("/control", "rig.Control", f"surface_{name}", "asked", VOTED, 3.5),
+        Line("/control", "rig.Control", f"actuator_{name}", "to the actuator", PALETTE[0], 1.5),
+        Line("/flight", "rig.Flight", name, "true position", TRUTH),
+    ]
+    plain, _, unit = name.rpartition("_")
+    return plot(f"{plain}, {unit}" if plain else f"{name}, 1", lines, shown)
+
+
+def _control_tab(shown: Sequence[Shown]) -> rrb.Container:
+    def commands(name: str, *units: str) -> rrb.TimeSeriesView:
+        names = [f"command_{field}" for field in COMMANDS if field.endswith(units)]
+        return fields(name, "/control", "rig.Control", names, shown, "command_")
+
+    def demands(name: str, *units: str) -> rrb.TimeSeriesView:
+        names = [field for field in DEMANDS if field.endswith(units)]
+        return fields(name, "/demand", "rig.Demand", names, shown)
+
+    return rrb.Vertical(
+        rrb.Horizontal(commands("commands, rad and rad/s", "_rad", "_rad_s"), demands("demands, rad", "_rad")),
+        rrb.Horizontal(commands("commands, m and m/s", "_m", "_m_s"), demands("demands, m and m/s", "_m", "_m_s")),
+        state_lanes("faults, control law", [lanes.LAW], shown, faults=""),
+        row_shares=[3, 3, 1 + len(shown)],
         name="control",
     )
 
 
-def _flight_tab() -> rrb.Container:
-    def flight(name: str, *fields: str) -> rrb.TimeSeriesView:
-        return _fields(name, "/flight", "rig.Flight", fields)
+def _flight_tab(shown: Sequence[Shown], map_tiles: bool) -> rrb.Container:
+    def flight(name: str, *names: str) -> rrb.TimeSeriesView:
+        return fields(name, "/flight", "rig.Flight", names, shown)
 
-    return rrb.Grid(
-        _attitude(),
+    above = rrb.Horizontal(path(shown), track(shown), *([map_view(shown)] if map_tiles else []), attitude(shown))
+    below = rrb.Horizontal(
         flight("height, m", "altitude_m", "height_m"),
         flight("speed and wind, m/s", "true_airspeed_m_s", "wind_north_m_s", "wind_east_m_s", "wind_down_m_s"),
-        flight("track, m", "north_m", "east_m"),
-        flight("actuators, rad; throttle, 1", "elevator_rad", "aileron_rad", "rudder_rad", "throttle"),
-        _events(),
-        grid_columns=2,
-        name="flight",
+        events(shown),
     )
-
-
-def _events() -> rrb.TextLogView:
-    shown = rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"], timeline_columns=[TIMELINE])
-    return rrb.TextLogView(name="events", origin="/events", contents="/events", columns=shown)
-
-
-def _surfaces() -> rrb.TimeSeriesView:
-    names = [f"surface_{name}" for name in SURFACES]
-    return _fields("surface commands, rad; throttle, 1", "/control", "rig.Control", names)
-
-
-def _fields(name: str, path: str, archetype: str, fields: Sequence[str]) -> rrb.TimeSeriesView:
-    """Fields of one struct, each in the next colour of the palette."""
-    lines = [
-        (field, field.removeprefix("surface_").removeprefix("command_"), PALETTE[i % len(PALETTE)], 1.5)
-        for i, field in enumerate(fields)
-    ]
-    return _plot(name, path, archetype, lines)
-
-
-def _attitude() -> rrb.Spatial3DView:
-    return rrb.Spatial3DView(
-        name="attitude",
-        origin="/",
-        contents=["/pose", "/aircraft"],
-        spatial_information=rrb.SpatialInformation(target_frame=WORLD),
-        eye_controls=rrb.EyeControls3D(tracking_entity="/aircraft"),
-    )
+    return rrb.Vertical(above, below, row_shares=[3, 2], name="flight")

@@ -7,7 +7,7 @@ the stream and the opened log:
     /control, /demand, /flight         rig.Control:message, ...
     /pose, /position, /events          Transform3D, GeoPoints, TextLog
 
-and, for the viewer alone, /deviation/<name> (see deviation.py) and the figure of an aircraft.
+and, for the viewer alone, what derived.py, lanes.py and scene.py make of the rows.
 
 Each field of FRAME has one place in one struct, so a signal or a command added there appears by itself.
 """
@@ -24,13 +24,12 @@ import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
-from rig.frame import DISCRETES, FLIGHT_INDEX, SIGNALS, Block
+from rig.frame import DISCRETES, SIGNALS, Block
 from rig.names import ENUMS, FLAGS, places
-from rig.view import deviation
-
-TIMELINE: Final = "message_log_time"  # the importer's name for the log time of a message
-WORLD: Final = "world"
-AIRCRAFT: Final = "aircraft"
+from rig.view import derived, lanes
+from rig.view.facts import UNKNOWN, Facts
+from rig.view.scene import Scene, time_column
+from rig.view.style import VOTED, Color
 
 _LEVELS: Final = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
 
@@ -42,6 +41,8 @@ class EventLike(Protocol):
     def frame(self) -> int: ...  # noqa: D102
     @property
     def level(self) -> str: ...  # noqa: D102
+    @property
+    def name(self) -> str: ...  # noqa: D102
     @property
     def text(self) -> str: ...  # noqa: D102
 
@@ -64,46 +65,76 @@ ENTITIES: Final = (
 )
 
 
-def send_block(recording: rr.RecordingStream, rows: Block, rate_hz: float, events: Sequence[EventLike] = ()) -> None:
-    """Send every row of ``rows`` and the events among them, one batch an entity.
+class Columns:
+    """Sends the rows of one flight to a recording, block after block, in order.
 
-    Measured with blocks of 100 frames: see docs/viewer.md.  Rerun reports trouble with a sink in its own
-    log, not as an exception.
+    root : before every path, empty unless several flights share a recording
+    color : of the flight's figure and path
+    Rerun reports trouble with a sink in its own log, not as an exception.
     """
-    time = [time_column(np.rint(rows["frame"] * (1e9 / rate_hz)))]
-    for entity in ENTITIES:
-        send_structs(recording, entity.path, entity.archetype, time, struct(rows, entity))
-    for i, signal in enumerate(SIGNALS):
-        shown = deviation.from_rows(rows, i)
-        send_structs(recording, deviation.path(signal), deviation.ARCHETYPE, time, shown)
-    _send_place(recording, rows, time)
-    if events:
-        _send_events(recording, events, rate_hz)
+
+    def __init__(
+        self,
+        recording: rr.RecordingStream,
+        rate_hz: float,
+        facts: Facts = UNKNOWN,
+        root: str = "",
+        color: Color = VOTED,
+    ) -> None:
+        self._recording = recording
+        self._rate_hz = rate_hz
+        self._facts = facts
+        self._root = root
+        self._before: Block | None = None
+        self._scene = Scene(recording, root, color)
+
+    def send(self, rows: Block, events: Sequence[EventLike] = ()) -> None:
+        """Send every row of ``rows`` and the events among them, one batch an entity."""
+        if not len(rows):
+            return
+        nanoseconds = np.rint(rows["frame"] * (1e9 / self._rate_hz))
+        time = [time_column(nanoseconds)]
+        for entity in ENTITIES:
+            self._structs(entity.path, entity.archetype, time, struct(rows, entity))
+        self._derived(rows, time)
+        for change in lanes.changes(rows, self._before, self._facts.faults):
+            states = rr.StateChange.columns(state=change.states)
+            self._columns(change.path, [time_column(nanoseconds[change.rows])], states)
+        self._scene.send(rows, nanoseconds)
+        self._events(events)
+        self._before = rows[-1:].copy()
+
+    def _derived(self, rows: Block, time: Sequence[rr.TimeColumn]) -> None:
+        acts = derived.fault_acts(rows, self._facts)
+        for i, signal in enumerate(SIGNALS):
+            threshold = self._facts.threshold(i)
+            band = derived.band(rows, i, threshold, acts.get(signal.name))
+            deviation = derived.deviation(rows, i, threshold)
+            self._structs(derived.band_path(signal), derived.BAND, time, band)
+            self._structs(derived.deviation_path(signal), derived.DEVIATION, time, deviation)
+
+    def _events(self, events: Sequence[EventLike]) -> None:
+        if not events:
+            return
+        time = time_column(np.rint([event.frame * (1e9 / self._rate_hz) for event in events]))
+        tag = f"{self._root[1:]}  " if self._root else ""
+        text = rr.TextLog.columns(
+            text=[tag + words(event) for event in events],
+            level=[_LEVELS.get(event.level, "INFO") for event in events],
+        )
+        self._columns("/events", [time], text)
+
+    def _structs(self, path: str, archetype: str, time: Sequence[rr.TimeColumn], structs: pa.StructArray) -> None:
+        """One batch of structs as the component <archetype>:message of an entity."""
+        self._columns(path, time, rr.DynamicArchetype.columns(archetype=archetype, components={"message": structs}))
+
+    def _columns(self, path: str, time: Sequence[rr.TimeColumn], columns: Any) -> None:
+        rr.send_columns(self._root + path, time, columns, recording=self._recording)
 
 
-def send_structs(
-    recording: rr.RecordingStream,
-    path: str,
-    archetype: str,
-    time: Sequence[rr.TimeColumn],
-    structs: pa.StructArray,
-) -> None:
-    """One batch of structs as the component <archetype>:message of the entity ``path``."""
-    columns = rr.DynamicArchetype.columns(archetype=archetype, components={"message": structs})
-    rr.send_columns(path, time, columns, recording=recording)
-
-
-def send_aircraft(recording: rr.RecordingStream) -> None:
-    """A stick figure of an aircraft, 15 m long, which follows /pose; x forward, y left, z up."""
-    strips = [
-        [[8, 0, 0], [-7, 0, 0]],  # fuselage
-        [[-2, 5, 0], [1, 0, 0], [-2, -5, 0]],  # wing
-        [[-7, 2.5, 0], [-5, 0, 0], [-7, -2.5, 0]],  # tailplane
-        [[-5, 0, 0], [-7, 0, 3], [-7, 0, 0]],  # fin
-    ]
-    colors = [(230, 230, 230), (86, 180, 233), (86, 180, 233), (230, 159, 0)]
-    shape = rr.LineStrips3D(strips, colors=colors, radii=0.15)
-    rr.log("/aircraft", shape, rr.CoordinateFrame(AIRCRAFT), static=True, recording=recording)
+def words(event: EventLike) -> str:
+    """An event in words; that of a fault says only which."""
+    return f"{event.name}: {event.text}" if event.name.startswith("fault") else event.text
 
 
 def struct(rows: Block, entity: Entity) -> pa.StructArray:
@@ -142,44 +173,3 @@ def _enum_table(enum: type[IntEnum]) -> pa.StructArray:
     return pa.StructArray.from_arrays(
         [pa.array([names.get(i) for i in range(256)]), pa.array(range(256), pa.int32())], names=["name", "value"]
     )
-
-
-def time_column(nanoseconds: NDArray[Any]) -> rr.TimeColumn:
-    """Simulation time, as the log has it."""
-    return rr.TimeColumn(TIMELINE, duration=nanoseconds.astype("timedelta64[ns]"))
-
-
-def _send_place(recording: rr.RecordingStream, rows: Block, time: list[rr.TimeColumn]) -> None:
-    """Pose, in a world of x east, y north, z up with the aircraft's x forward, y left, z up; and position."""
-
-    def of(*names: str) -> NDArray[np.float64]:
-        return rows["flight"][:, [FLIGHT_INDEX[name] for name in names]]
-
-    pose = rr.Transform3D.columns(
-        translation=of("east_m", "north_m", "altitude_m"),
-        quaternion=east_north_up(of("quaternion_w", "quaternion_x", "quaternion_y", "quaternion_z")),
-        parent_frame=[WORLD] * len(rows),
-        child_frame=[AIRCRAFT] * len(rows),
-    )
-    rr.send_columns("/pose", time, pose, recording=recording)
-    position = rr.GeoPoints.columns(positions=np.degrees(of("latitude_rad", "longitude_rad")))
-    rr.send_columns("/position", time, position, recording=recording)
-
-
-def east_north_up(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Attitude of an aircraft with forward-left-up axes in an east-north-up world, (n, 4) as x, y, z, w.
-
-        q_enu_flu = q_enu_ned * q_ned_frd * q_frd_flu,  q_enu_ned = (0, 1, 1, 0)/sqrt 2,  q_frd_flu = (0, 1, 0, 0)
-
-    quaternion : (n, 4) as w, x, y, z, from forward-right-down to north-east-down.  The sign is free.
-    """
-    w, x, y, z = quaternion.T
-    return np.sqrt(0.5) * np.column_stack([x + y, x - y, w - z, w + z])
-
-
-def _send_events(recording: rr.RecordingStream, events: Sequence[EventLike], rate_hz: float) -> None:
-    time = time_column(np.rint([event.frame * (1e9 / rate_hz) for event in events]))
-    text = rr.TextLog.columns(
-        text=[event.text for event in events], level=[_LEVELS.get(event.level, "INFO") for event in events]
-    )
-    rr.send_columns("/events", [time], text, recording=recording)

@@ -1,78 +1,139 @@
-"""A log of ours opened for viewing: the same entities as the live stream's, in a .rrd with our layout.
+"""Logs opened for viewing: the same columns and layout as the live stream's, several flights over each other.
 
 Rerun opens our .mcap by itself too, but without a layout, and dates the flight 1970.
 """
 
 from __future__ import annotations
 
+import json
+import subprocess
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-import rerun as rr
-from rerun.chunk import Chunk, McapReader
-
 from rig.errors import BadInput, BadLog
-from rig.frame import SIGNALS
-from rig.view import deviation, viewer
-from rig.view.blueprint import OVERVIEW, blueprint
-from rig.view.columns import TIMELINE, send_aircraft, send_structs, time_column
-from rig.view.sink import APPLICATION
+from rig.log import Log, read_log
+from rig.view import viewer
+from rig.view.facts import TAGS, Layout, of_log, together
+from rig.view.sink import SERVER_MEMORY, About, Sink, open_sink
 
-_INDEX: Final = {signal.topic: i for i, signal in enumerate(SIGNALS)}
-_MESSAGE: Final = "rig.Signal:message"
+BATCH: Final = 6000  # frames that are sent at once
+FLUSH_S: Final = 60.0
 
 
-def show(source: Path) -> Path:
-    """Open ``source`` (.mcap or .rrd) in a viewer's window, which outlives us; returns the .rrd that it shows.
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """Logs that have been read, and how they will be shown; the last is on top."""
 
-    An .mcap is converted to an .rrd beside it.  BadInput: no such file, no display; BadLog; RigError.
+    logs: tuple[Log, ...]
+    about: About
+
+    @property
+    def frames(self) -> int:
+        """Of all logs together."""
+        return sum(len(log.rows) for log in self.logs)
+
+    @property
+    def moment_s(self) -> float:
+        """A time worth looking at: the last event of the last log, else its end."""
+        log = self.logs[-1]
+        frame = log.events[-1].frame if log.events else int(log.rows["frame"][-1])
+        return frame / log.rate_hz
+
+
+def read(paths: Sequence[Path], tab: str = "overview", map_tiles: bool = False) -> Opened:
+    """The logs at ``paths``, the last of which is on top where they lie over each other.
+
+    BadInput: too many; BadLog, in one line: one that is missing, foreign, cut, damaged or empty.
     """
-    if not source.is_file():
-        raise BadInput(f"{source}: no such file")
-    viewer.require_display(str(source))
-    shown = source.with_suffix(".rrd")
-    if source.suffix == ".mcap":
-        log_to_rrd(source, shown)
-    port = viewer.free_port()
-    viewer.start([str(shown), "--port", str(port)], port, stay=True)
-    return shown
+    if not 1 <= len(paths) <= len(TAGS):
+        raise BadInput(f"{len(paths)} logs: 1 to {len(TAGS)} can lie over each other")
+    logs = tuple(read_log(path) for path in paths)
+    for path, log in zip(paths, logs, strict=True):
+        if not len(log.rows):
+            raise BadLog(f"{path}: has no frames")
+    shown = together([of_log(log.metadata) for log in logs])
+    names = _names(paths)
+    lines = [_words(one.prefix + name, log) for one, name, log in zip(shown, names, logs, strict=True)]
+    title = ", ".join(one.prefix + name for one, name in zip(shown, names, strict=True))
+    return Opened(logs, About(title, "\n\n".join(lines), Layout(shown, tab, map_tiles)))
 
 
-def log_to_rrd(log: Path, rrd: Path, tab: str = OVERVIEW) -> None:
-    """Write the log at ``log`` as ``rrd``, with the layout in it, open at ``tab``; BadLog when it cannot be read.
+def _names(paths: Sequence[Path]) -> list[str]:
+    """The files' names, with as many of their folders as it takes to tell them apart."""
+    depth = 1
+    whole = [path.resolve().parts for path in paths]
+    while depth < max(map(len, whole)) and len({parts[-depth:] for parts in whole}) < len(set(whole)):
+        depth += 1
+    return [str(Path(*parts[-depth:]).with_suffix("")) for parts in whole]
 
-    A log that was cut off is shown as far as it goes.
-    """
-    if not log.is_file():
-        raise BadLog(f"{log}: no such file")
+
+def _words(name: str, log: Log) -> str:
+    """Which flight a log holds, in Markdown."""
+    result = log.result or {}
+    outcome = {"True": "survived", "False": "lost"}.get(result.get("survived", ""), "not finished")
+    scenario = json.loads(log.metadata.get("scenario", "{}"))
+    said = [
+        scenario.get("title") or scenario.get("aircraft", ""),
+        f"seed {log.metadata['seed']}" if "seed" in log.metadata else "",
+        f"{len(log.rows) / log.rate_hz:g} s at {log.rate_hz:g} Hz",
+        f"{outcome}, {result['end_reason']}" if "end_reason" in result else outcome,
+    ]
+    return f"**{name}** " + "; ".join(filter(None, said))
+
+
+def send(opened: Opened, sink: Sink) -> None:
+    """Send all frames and events, and wait until they are written or handed on."""
+    sink.begin()
+    for flight, log in enumerate(opened.logs):
+        for first in range(0, len(log.rows), BATCH):
+            sink.send(log.rows[first : first + BATCH], log.rate_hz, log.events if first == 0 else (), flight)
+    sink.flush(FLUSH_S)
+
+
+def save(opened: Opened, rrd: Path) -> None:
+    """Write ``rrd``, with the layout in it; BadInput when it cannot be written."""
+    if rrd.suffix != ".rrd":
+        raise BadInput(f"{rrd}: must end in .rrd")
+    sink = open_sink("save", opened.about, rrd)
     try:
-        _write(log, rrd, tab)
-    except (ValueError, RuntimeError, OSError) as error:
-        rrd.unlink(missing_ok=True)
-        raise BadLog(f"{log}: cannot be shown: {str(error).splitlines()[0]}") from None
-
-
-def _write(log: Path, rrd: Path, tab: str) -> None:
-    recording = rr.RecordingStream(APPLICATION)
-    recording.save(rrd, default_blueprint=blueprint(tab=tab))
-    try:
-        recording.send_recording_name(log.stem)
-        send_aircraft(recording)
-        for chunk in McapReader(log, timeline_type="duration", recover=True).stream():
-            rr.send_chunks(chunk, recording=recording)
-            _send_deviation(recording, chunk)
-        recording.flush(timeout_sec=60.0)
+        send(opened, sink)
     finally:
-        recording.disconnect()
+        sink.close()
 
 
-def _send_deviation(recording: rr.RecordingStream, chunk: Chunk) -> None:
-    """The deviation of a signal, if ``chunk`` holds some of its messages."""
-    index = _INDEX.get(chunk.entity_path)
-    batch = chunk.to_record_batch()
-    if index is None or _MESSAGE not in batch.schema.names:
-        return
-    messages = batch[_MESSAGE].flatten()  # a list of one struct each
-    nanoseconds = batch[TIMELINE].cast("int64").to_numpy()
-    shown = deviation.from_structs(messages, index)
-    send_structs(recording, deviation.path(SIGNALS[index]), deviation.ARCHETYPE, [time_column(nanoseconds)], shown)
+def serve(opened: Opened) -> Sink:
+    """Serve the flights to viewers on this machine until the sink is closed; its ``browser`` is the address to open."""
+    room = max(int(SERVER_MEMORY.removesuffix("MB")), 4 * sum(log.rows.nbytes for log in opened.logs) // 1_000_000)
+    sink = open_sink("serve", opened.about, Path(), f"{room}MB")
+    send(opened, sink)
+    return sink
+
+
+@contextmanager
+def as_file(opened: Opened) -> Iterator[Path]:
+    """An .rrd of the flights that is there for a while: a viewer loads it much faster than what it is sent."""
+    with tempfile.TemporaryDirectory(prefix="rig-view-") as folder:
+        rrd = Path(folder) / "flights.rrd"
+        save(opened, rrd)
+        yield rrd
+
+
+@contextmanager
+def window(opened: Opened, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A viewer's window with the flights; it is closed at the end.  ``arguments`` are for the viewer program."""
+    with as_file(opened) as rrd:
+        port = viewer.free_port()
+        process = viewer.start([str(rrd), "--port", str(port), *arguments], port)
+        try:
+            yield process
+        finally:
+            viewer.stop(process)
+
+
+def log_to_rrd(log: Path, rrd: Path, tab: str = "overview") -> None:
+    """Write the log at ``log`` as ``rrd``, open at ``tab``; BadLog when it cannot be read."""
+    save(read([log], tab), rrd)

@@ -6,8 +6,9 @@ A Vulkan driver is needed; Mesa's software one will do (Debian: mesa-vulkan-driv
 
 from __future__ import annotations
 
-import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -16,9 +17,8 @@ from rerun.experimental import ViewerClient
 
 from rig.errors import BadInput, RigError
 from rig.view import viewer
-from rig.view.blueprint import OVERVIEW
-from rig.view.columns import TIMELINE
-from rig.view.opened import log_to_rrd
+from rig.view.opened import Opened, as_file
+from rig.view.scene import TIMELINE
 
 LOADED_S: Final = 30.0  # patience with the viewer
 SETTLE_S: Final = 0.5  # it draws what it has been told in the next few of its frames
@@ -33,40 +33,54 @@ class Shot:
     complaints: tuple[str, ...]  # warnings and errors of the views
 
 
-def screenshot(source: Path, png: Path, time_s: float, tab: str = OVERVIEW) -> Shot:
-    """Show ``source`` (.mcap or .rrd) at ``time_s`` and write what is seen to ``png``, 1920 x 1080.
+def screenshot(opened: Opened, png: Path, time_s: float | None = None) -> Shot:
+    """Show ``opened`` at ``time_s`` (its own moment when None) and write what is seen to ``png``, 1920 x 1080.
 
-    tab : of the layout, for an .mcap; an .rrd opens with the tab that it was saved with
-    BadInput: no such file or tab.  RigError: the viewer does not start (no Vulkan driver?) or load.
+    BadInput: ``png`` cannot be written.  RigError: the viewer does not start (no Vulkan driver?) or load.
     """
-    if not source.is_file():
-        raise BadInput(f"{source}: no such file")
-    with tempfile.TemporaryDirectory() as folder:
-        shown = source.resolve()
-        if source.suffix == ".mcap":
-            shown = Path(folder) / "log.rrd"
-            log_to_rrd(source, shown, tab)
-        port = viewer.free_port()
-        process = viewer.start(["--headless", "--hide-welcome-screen", "--port", str(port)], port)
-        try:
-            client = ViewerClient.connect(f"rerun+http://{viewer.LOOPBACK}:{port}/proxy")
-            return _shoot(client, shown, png, time_s)
-        except (RuntimeError, OSError) as error:
-            raise RigError(f"{source}: no picture: {str(error).splitlines()[0]}") from None
-        finally:
-            viewer.stop(process)
+    if png.suffix != ".png":
+        raise BadInput(f"{png}: must end in .png")
+    try:
+        png.open("wb").close()
+    except OSError as error:
+        raise BadInput(f"{png}: cannot be written: {error.strerror}") from None
+    with as_file(opened) as rrd, headless() as client:
+        client.open(str(rrd))
+        return shoot(client, png, opened.moment_s if time_s is None else time_s)
 
 
-def _shoot(client: ViewerClient, shown: Path, png: Path, time_s: float) -> Shot:
-    client.open(str(shown))
-    deadline = time.monotonic() + LOADED_S
-    while not (state := client.get_state()).views or state.loading:
-        if time.monotonic() > deadline:
-            raise RigError(f"{shown}: the viewer did not load it within {LOADED_S:g} s")
-        time.sleep(0.05)
-    client.set_time(TIMELINE, duration=time_s, play_state="paused")
+@contextmanager
+def headless() -> Iterator[ViewerClient]:
+    """A viewer without a window, on a port of its own."""
+    port = viewer.free_port()
+    process = viewer.start(["--headless", "--hide-welcome-screen", "--port", str(port)], port)
+    try:
+        yield ViewerClient.connect(f"rerun+http://{viewer.LOOPBACK}:{port}/proxy")
+    except (RuntimeError, OSError) as error:
+        raise RigError(f"the viewer: {str(error).splitlines()[0]}") from None
+    finally:
+        viewer.stop(process)
+
+
+def shoot(client: ViewerClient, png: Path, time_s: float | None) -> Shot:
+    """Write what ``client`` shows at ``time_s``, None for where it is; RigError when it does not load in time.
+
+    A live stream is loading as long as the flight goes on: of one, None is what can be asked for.
+    """
+    wait_until_loaded(client, live=time_s is None)
+    if time_s is not None:
+        client.set_time(TIMELINE, duration=time_s, play_state="paused")
     time.sleep(SETTLE_S)
     png.write_bytes(client.take_screenshot())
     views = client.get_state().views
     complaints = [f"{view.name}: {report.summary}" for view in views for report in view.reports]
     return Shot(png, tuple(view.name for view in views), tuple(complaints))
+
+
+def wait_until_loaded(client: ViewerClient, live: bool = False) -> None:
+    """Wait until the viewer shows views and, unless ``live``, loads nothing any more."""
+    deadline = time.monotonic() + LOADED_S
+    while not (state := client.get_state()).views or (state.loading and not live):
+        if time.monotonic() > deadline:
+            raise RigError(f"the viewer did not load within {LOADED_S:g} s")
+        time.sleep(0.05)

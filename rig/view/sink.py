@@ -5,16 +5,17 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from rig.errors import BadInput, RigError
 from rig.frame import Block
 from rig.view import viewer
+from rig.view.facts import Layout
 
 if TYPE_CHECKING:
     import rerun as rr
 
-    from rig.view.columns import EventLike
+    from rig.view.columns import Columns, EventLike
 
 APPLICATION: Final = "jsbsim-rig"  # the viewer keeps one layout per application
 GRPC_PORT: Final = 9876  # Rerun's own default ports, when they are free
@@ -39,14 +40,22 @@ def check_where(where: str) -> None:
         viewer.require_display("--rerun spawn")
 
 
+class About(NamedTuple):
+    """What is shown: its title, which flights it is in words (Markdown), how it is laid out."""
+
+    title: str
+    text: str = ""
+    layout: Layout = Layout()
+
+
 class Sink:
-    """A Rerun recording and what has to be closed with it."""
+    """A Rerun recording, what is sent to it, and what has to be closed with it."""
 
     def __init__(
         self,
         recording: rr.RecordingStream,
         where: str,
-        title: str,
+        about: About,
         browser: str = "",
         connect: Callable[[], None] | None = None,
         also: Callable[[], None] | None = None,
@@ -55,24 +64,31 @@ class Sink:
         self.where = where
         self.browser = browser
         self._recording = recording
-        self._title = title
+        self._about = about
         self._connect = connect
         self._also = also
+        self._columns: list[Columns | None] = [None] * len(about.layout.shown)
 
     def begin(self) -> None:
         """Connect and send what does not change; may block for ever, as send and flush may."""
-        from rig.view.columns import send_aircraft
+        from rig.view.scene import send_about
 
         if self._connect is not None:
             self._connect()
-        self._recording.send_recording_name(self._title)
-        send_aircraft(self._recording)
+        self._recording.send_recording_name(self._about.title)
+        send_about(self._recording, self._about.text)
 
-    def send(self, rows: Block, rate_hz: float, events: Sequence[EventLike]) -> None:
-        """Hand rows and events to Rerun."""
-        from rig.view.columns import send_block
+    def send(self, rows: Block, rate_hz: float, events: Sequence[EventLike], flight: int = 0) -> None:
+        """Hand rows and events of ``flight``, a number into the layout's ``shown``, to Rerun."""
+        from rig.view.columns import Columns
+        from rig.view.style import FLIGHT_COLORS
 
-        send_block(self._recording, rows, rate_hz, events)
+        columns = self._columns[flight]
+        if columns is None:
+            shown = self._about.layout.shown[flight]
+            columns = Columns(self._recording, rate_hz, shown.facts, shown.root, FLIGHT_COLORS[shown.below])
+            self._columns[flight] = columns
+        columns.send(rows, events)
 
     def flush(self, timeout_s: float) -> None:
         """Wait until all is written or handed on; RuntimeError or ValueError when it is not in time."""
@@ -85,53 +101,53 @@ class Sink:
             self._also()
 
 
-def open_sink(where: str, title: str, out_path: Path) -> Sink:
+def open_sink(where: str, about: About, out_path: Path, server_memory: str = SERVER_MEMORY) -> Sink:
     """The sink that ``where`` (checked, not "off") asks for; BadInput or RigError when it cannot be had."""
     if where == "save":
-        return _save(out_path.with_suffix(".rrd"), title)
+        return _save(out_path.with_suffix(".rrd"), about)
     if where == "serve":
-        return _serve(title)
+        return _serve(about, server_memory)
     if where == "spawn":
-        return _connect(_spawn(), title)
-    return _connect(where, title)
+        return _connect(_spawn(), about)
+    return _connect(where, about)
 
 
-def _save(path: Path, title: str) -> Sink:
+def _save(path: Path, about: About) -> Sink:
     import rerun as rr
 
     from rig.view.blueprint import blueprint
 
-    recording = rr.RecordingStream(APPLICATION)
+    recording, layout = rr.RecordingStream(APPLICATION), blueprint(about.layout)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.open("wb").close()  # an error of ours, rather than a line in Rerun's log
-        recording.save(path, default_blueprint=blueprint())
+        recording.save(path, default_blueprint=layout)
     except (OSError, RuntimeError) as error:
         raise BadInput(f"{path}: cannot be written: {error}") from None
-    return Sink(recording, str(path), title)
+    return Sink(recording, str(path), about)
 
 
-def _serve(title: str) -> Sink:
+def _serve(about: About, server_memory: str) -> Sink:
     import rerun as rr
 
     from rig.view.blueprint import blueprint
     from rig.view.web import WebViewer
 
-    recording = rr.RecordingStream(APPLICATION)
+    recording, layout = rr.RecordingStream(APPLICATION), blueprint(about.layout)
     web_port = viewer.free_port(WEB_PORT)
     server = rr.GrpcServerSink(
         viewer.LOOPBACK,
         viewer.free_port(GRPC_PORT),
-        server_memory_limit=SERVER_MEMORY,
+        server_memory_limit=server_memory,
         cors_allow_origin=[f"http://{viewer.LOOPBACK}:{web_port}"],
     )
     try:
-        recording.set_sinks(server, default_blueprint=blueprint())
+        recording.set_sinks(server, default_blueprint=layout)
         web = WebViewer(web_port, server.uri)
     except (OSError, RuntimeError) as error:
         recording.disconnect()
-        raise RigError(f"--rerun serve: {error}") from None
-    return Sink(recording, server.uri, title, web.url, also=web.close)
+        raise RigError(f"the viewer's page cannot be served: {error}") from None
+    return Sink(recording, server.uri, about, web.url, also=web.close)
 
 
 def _spawn() -> str:
@@ -141,13 +157,13 @@ def _spawn() -> str:
     return f"rerun+http://{viewer.LOOPBACK}:{port}/proxy"
 
 
-def _connect(url: str, title: str) -> Sink:
+def _connect(url: str, about: About) -> Sink:
     import rerun as rr
 
     from rig.view.blueprint import blueprint
 
-    recording = rr.RecordingStream(APPLICATION)
-    return Sink(recording, url, title, connect=lambda: recording.connect_grpc(url, default_blueprint=blueprint()))
+    recording, layout = rr.RecordingStream(APPLICATION), blueprint(about.layout)
+    return Sink(recording, url, about, connect=lambda: recording.connect_grpc(url, default_blueprint=layout))
 
 
 def abandon() -> None:

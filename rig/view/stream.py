@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
 from rig.frame import Block
-from rig.view.sink import abandon, check_where, open_sink
+from rig.view.facts import UNKNOWN, Facts, Layout, Shown
+from rig.view.sink import About, abandon, check_where, open_sink
 
 if TYPE_CHECKING:
     from rig.view.columns import EventLike
@@ -46,17 +47,21 @@ class StreamReport:
     error: str  # empty when all went well
 
 
-def open_stream(where: str, title: str, rate_hz: float, out_path: Path) -> Stream | None:
+def open_stream(
+    where: str, title: str, rate_hz: float, out_path: Path, facts: Facts = UNKNOWN, text: str = ""
+) -> Stream | None:
     """The stream that ``where`` asks for, None for "off".
 
     where : off | save | serve | spawn | rerun+http://127.0.0.1:PORT/proxy
     out_path : the log's; "save" writes beside it, with the suffix .rrd
+    facts, text : what the viewer shows of the scenario: thresholds and faults; in words
     BadInput: an unknown word, another machine, no display, nobody listens, no place to write.
     """
     check_where(where)
     if where == "off":
         return None
-    return Stream(open_sink(where, title, out_path), rate_hz)
+    about = About(title, text or f"**{title}**", Layout([Shown(facts=facts)]))
+    return Stream(open_sink(where, about, out_path), rate_hz)
 
 
 class Stream:

@@ -1,0 +1,53 @@
+"""Every number of a frame under the name that the log gives it, like ``pitch_rate.ch_1``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, Final
+
+from numpy.typing import NDArray
+
+from rig.frame import FRAME, SIGNALS, Block
+from rig.log.schema import FRAME_TOPICS, MESSAGES, Field, Topic
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One number of a frame: whose it is, its name in the owner's message, and its place in FRAME."""
+
+    owner: str  # a signal, a discrete, or the topic: control, inertial, flight, demand
+    name: str
+    field: str  # of FRAME
+    index: tuple[int, ...]
+    enum: type[IntEnum] | None
+    wraps: bool  # an angle: differences are the short way round
+
+    @property
+    def path(self) -> str:
+        """As users write it."""
+        return f"{self.owner}.{self.name}"
+
+    @property
+    def channel(self) -> int | None:
+        """The channel, counted from 1; None for what is not of one channel."""
+        return self.index[1] + 1 if len(self.index) == 2 else None
+
+    def of(self, rows: Block) -> NDArray[Any]:
+        """The column of ``rows`` (n,), a view."""
+        return rows[self.field][(slice(None), *self.index)]
+
+
+def _column(topic: Topic, field: Field) -> Column:
+    index = field.index if topic.item is None else (topic.item, *field.index)
+    angle = topic.message == "rig.Signal" and SIGNALS[topic.item or 0].wraps
+    wraps = angle and FRAME[field.source].base == "f8"
+    return Column(topic.name.rsplit("/", 1)[1], field.name, field.source, index, field.enum, wraps)
+
+
+COLUMNS: Final = tuple(
+    _column(topic, field)
+    for topic in FRAME_TOPICS
+    if topic.message in MESSAGES and topic.name != "/timing"
+    for field in MESSAGES[topic.message].fields
+)

@@ -1,0 +1,121 @@
+"""What if: another threshold, resolver order or manager over the channels that were recorded.
+
+Open loop: the flight stays that of the recording, truth and commands with it.  What the new votes would have
+done to the aircraft only a flight can say.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from rig.aircraft import merge
+from rig.errors import BadInput
+from rig.events import EventFinder, not_executed
+from rig.faults import Execution
+from rig.flight import labels
+from rig.frame import Block
+from rig.log import LogWriter
+from rig.replay.again import Recorded, vote_again
+from rig.replay.decisions import Decisions, decisions
+from rig.scenario import Scenario, from_resolved, override
+from rig.settings import read_toml
+from rig.verdict import Verdict
+from rig.versions import versions
+
+KEY: Final = "redundancy"
+
+
+@dataclass(frozen=True, slots=True)
+class WhatIf:
+    """The answer: the rows and their log, and which decisions moved."""
+
+    path: Path
+    scenario: Scenario
+    rows: Block
+    moved: Decisions
+    events: int
+
+
+def changed(recording: Recorded, file: Path | None, sets: Sequence[str]) -> Scenario:
+    """The recorded scenario with another [redundancy]: of a TOML file, then of ``redundancy.key=value``.
+
+    The file has a [redundancy] table, or the keys of one at its top.  BadInput: any other key.
+    """
+    data = recording.scenario.resolved()
+    if file is not None:
+        found = read_toml(file)
+        if KEY in found and len(found) > 1:
+            other = next(key for key in found if key != KEY)
+            raise BadInput(f"{file}: {other}: only [redundancy] can be changed without flying")
+        data[KEY] = merge(data[KEY], found.get(KEY, found))
+    for text in sets:
+        if not text.startswith(f"{KEY}."):
+            raise BadInput(f"--set {text}: only redundancy.* can be changed without flying")
+        data = override(data, text)
+    source = " with ".join(["redundancy", *([str(file)] if file else []), *(f"--set {text}" for text in sets)])
+    return from_resolved(data, source)
+
+
+def what_if(recording: Recorded, scenario: Scenario, out: Path | None = None, changes: Sequence[str] = ()) -> WhatIf:
+    """Vote the recorded channels by ``scenario`` and write the result to ``out``, or beside the recording.
+
+    ``changes`` says in the new log what is not as it was.  BadInput when ``out`` is the recording or cannot be made.
+    """
+    path = out or _beside(recording.path)
+    if path.exists() and path.samefile(recording.path):
+        raise BadInput(f"{path}: is the recording")
+    if not path.parent.is_dir():
+        raise BadInput(f"{path}: no such folder: {path.parent}")
+    rows = vote_again(recording.log.rows, scenario)
+    events = _write(path, recording, scenario, rows, changes)
+    return WhatIf(path, scenario, rows, decisions(recording.log.rows, rows), events)
+
+
+def _beside(path: Path) -> Path:
+    """<log>.what-if.mcap, numbered when there is one already."""
+    made, number = path.with_name(f"{path.stem}.what-if.mcap"), 1
+    while made.exists():
+        number += 1
+        made = path.with_name(f"{path.stem}.what-if_{number}.mcap")
+    return made
+
+
+def _write(path: Path, recording: Recorded, scenario: Scenario, rows: Block, changes: Sequence[str]) -> int:
+    """Write the log beside and rename it; how many events it has."""
+    log, part = recording.log, path.with_name(path.name + ".part")
+    finder, verdict, execution, count = EventFinder(labels(scenario)), Verdict(), Execution(scenario.faults), 0
+    try:
+        with LogWriter(part, log.rate_hz, _metadata(recording, scenario, changes), log.attachments.items()) as writer:
+            for rows_s, timing in _seconds(rows, log.timing, int(log.rate_hz)):
+                events = finder.find(rows_s)
+                count += len(events)
+                verdict.add(rows_s, events)
+                writer.write(rows_s, timing, events)
+                execution.add(rows_s)
+            last = not_executed(len(rows) - 1, execution.missing)
+            writer.write(rows[:0], log.timing[:0], last)
+            ended = {**(log.result or {}), "digest": verdict.digest}
+            writer.close(ended)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+    return count + len(last)
+
+
+def _metadata(recording: Recorded, scenario: Scenario, changes: Sequence[str]) -> dict[str, str]:
+    own = {
+        "scenario": json.dumps(scenario.resolved()),
+        "what if": ", ".join(changes),
+        "what if of": recording.path.name,
+        "what if of digest": (recording.log.result or {}).get("digest", ""),
+    }
+    return {**recording.log.metadata, **versions(), **own}
+
+
+def _seconds(rows: Block, timing: Any, size: int) -> Iterator[tuple[Block, Any]]:
+    for start in range(0, len(rows), max(1, size)):
+        yield rows[start : start + size], timing[start : start + size]

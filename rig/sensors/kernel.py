@@ -1,0 +1,123 @@
+"""One frame of all sensors: the truth of this frame and what the channels remember become samples."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from rig.angles import difference, limit
+from rig.frame import CHANNELS, D, Ilm
+from rig.kernels import kernel
+
+# What the sensors of one signal remember from frame to frame.
+MEMORY: Final = np.dtype(
+    [
+        ("frames", "i8"),  # measured so far
+        ("truth", "f8"),
+        ("felt", "f8", (CHANNELS,)),  # of other signals
+        ("lagged", "f8", (CHANNELS,)),
+        ("passed", "f8", (CHANNELS,)),  # the low pass, and its rate
+        ("speed", "f8", (CHANNELS,)),
+    ],
+    align=True,
+)
+_GOOD: Final = int(Ilm.GOOD)
+_NO_MONITOR: Final = int(Ilm.ABSENT)
+_DISCRETES: Final = D
+
+
+@kernel
+def measure(block, k, params, noise, wander, memory, line):
+    """All channels of row k from the truth of this frame and the last.
+
+    x = truth - skew (truth - last truth), truth with what is felt of others;  y += blend (x - y)
+    y -> low pass -> latency;  sample = round(gain y + bias + noise + wander), within its range
+
+    block : FRAME records; params : (S,) PARAMS; noise : (n, S, 4) standard normal; wander : (n, S, 4), unit of
+    the signal; memory : (S,) MEMORY and line : (S, 4, frames), the latency's ring, in place
+    """
+    row = block[k]
+    truth, channels = row["truth"], row["channels"]
+    valid, ilm = row["valid"], row["ilm"]
+    for s in range(len(params)):
+        p, m = params[s], memory[s]
+        wraps, shares, filtered, wanders = p["wraps"], p["shares"], p["filtered"], p["wanders"]
+        gain, bias, skew, lagged = p["gain"], p["bias"], p["skew"], m["lagged"]
+        first = m["frames"] == 0
+        moved = 0.0 if first else difference(truth[s], m["truth"], wraps)
+        for c in range(CHANNELS):
+            if c >= p["channels"]:
+                channels[s, c] = np.nan
+                valid[s, c] = 0
+                ilm[s, c] = _NO_MONITOR
+                continue
+            x = truth[s] - skew[c] * moved
+            if shares != 0:
+                x += felt(p, m, truth, c)
+            if first:
+                lagged[c] = x
+            else:
+                y = lagged[c] + p["blend"] * difference(x, lagged[c], wraps)
+                lagged[c] = limit(y, p["low"], p["high"], wraps) if wraps != 0 else y
+            sample = lagged[c]
+            if filtered != 0:
+                sample = filter_through(sample, p, m, line[s, c], c)
+            sample = gain[c] * sample + bias[c] + p["noise_std"] * noise[k, s, c]
+            if wanders != 0:
+                sample += wander[k, s, c]
+            if p["quantum"] > 0.0:
+                sample = np.floor(sample / p["quantum"] + 0.5) * p["quantum"]
+            channels[s, c] = limit(sample, p["low"], p["high"], wraps)
+            valid[s, c] = 1
+            ilm[s, c] = _GOOD
+        m["truth"] = truth[s]
+        m["frames"] += 1
+    discrete_truth, discrete_channels = row["discrete_truth"], row["discrete_channels"]
+    for d in range(_DISCRETES):
+        for c in range(CHANNELS):
+            discrete_channels[d, c] = discrete_truth[d]
+
+
+@kernel
+def felt(p, m, truth, c):
+    """What channel c feels of other signals: position error, misalignment, g-sensitivity.
+
+    sum over the sources of share x truth, at the channel's moment of sampling; p PARAMS, m MEMORY, in place
+    """
+    source, share, last = p["source"], p["share"], m["felt"]
+    now = 0.0
+    for j in range(p["shares"]):
+        now += share[j, c] * truth[source[j]]
+    moved = 0.0 if m["frames"] == 0 else now - last[c]
+    last[c] = now
+    return now - p["skew"][c] * moved
+
+
+@kernel
+def filter_through(x, p, m, line, c):
+    """Low pass and latency of channel c; m MEMORY and ``line`` (frames,), the ring, in place.
+
+    With the input held at x over the frame, e = y - x obeys the free system: (e, y') <- transition (e, y').
+    The latency lies between two frames of the ring, on the straight line between them.
+    """
+    wraps, low, high, tick = p["wraps"], p["low"], p["high"], m["frames"]
+    y = x
+    if p["low_pass"] != 0:
+        passed, speed, step = m["passed"], m["speed"], p["transition"]
+        if tick == 0:
+            passed[c], speed[c] = x, 0.0
+        e, v = difference(passed[c], x, wraps), speed[c]
+        y = x + step[0] * e + step[1] * v
+        y = limit(y, low, high, wraps) if wraps != 0 else y
+        passed[c], speed[c] = y, step[2] * e + step[3] * v
+    if p["delayed"] != 0:
+        length = len(line)
+        if tick == 0:
+            for i in range(length):
+                line[i] = y
+        line[tick % length] = y
+        newer, older = line[(tick - p["delay"]) % length], line[(tick - p["delay"] - 1) % length]
+        y = newer - p["delay_rest"] * difference(newer, older, wraps)
+        y = limit(y, low, high, wraps) if wraps != 0 else y
+    return y

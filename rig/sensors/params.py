@@ -1,0 +1,103 @@
+"""Settings and seed as the arrays of the kernel: what is fixed for a flight."""
+
+from __future__ import annotations
+
+from math import exp, floor, hypot, sqrt
+from typing import Any, Final
+
+import numpy as np
+from numpy.random import Generator, SeedSequence
+from numpy.typing import NDArray
+
+from rig.frame import CHANNELS, INDEX, SIGNALS, S
+from rig.sensors.second_order import natural_frequency, transition
+from rig.sensors.settings import ACCELEROMETERS, GYROS, Sensor
+from rig.settings import Settings
+
+_ALPHA, _Q_BAR = INDEX["angle_of_attack"], INDEX["dynamic_pressure"]
+MOST_SHARES: Final = 5  # a gyro's: two other axes, three load factors
+PARAMS: Final = np.dtype(
+    [
+        ("bias", "f8", (CHANNELS,)),
+        ("gain", "f8", (CHANNELS,)),  # 1 + scale error
+        ("skew", "f8", (CHANNELS,)),  # frames
+        ("noise_std", "f8"),
+        ("blend", "f8"),  # share of a new sample that passes the lag in one frame
+        ("quantum", "f8"),
+        ("low", "f8"),
+        ("high", "f8"),
+        ("wraps", "u1"),
+        ("channels", "u1"),
+        ("filtered", "u1"),  # low pass or latency
+        ("low_pass", "u1"),
+        ("delayed", "u1"),
+        ("wanders", "u1"),  # something of wander.py or recorded.py is added
+        ("shares", "u1"),  # how many other signals are felt
+        ("source", "i8", (MOST_SHARES,)),  # which
+        ("share", "f8", (MOST_SHARES, CHANNELS)),  # and how much of their truth
+        ("transition", "f8", (4,)),  # of the low pass, row by row
+        ("delay", "i8"),  # whole frames, and what is over
+        ("delay_rest", "f8"),
+    ],
+    align=True,
+)
+
+
+def fixed(suite: Settings, rate_hz: float, seeds: dict[str, SeedSequence]) -> NDArray[np.void]:
+    """The (S,) PARAMS records; every channel's errors are drawn whether it is fitted or not."""
+    rng = np.random.default_rng(seeds["calibration"])
+    params = np.zeros(S, PARAMS)
+    for signal, row in zip(SIGNALS, params, strict=True):
+        sensor = getattr(suite, signal.name)
+        draw = rng.uniform(-1.0, 1.0, (3, CHANNELS))
+        row["bias"] = sensor.bias_tolerance * draw[0]
+        row["gain"] = 1.0 + sensor.scale_tolerance * draw[1]
+        row["skew"] = sensor.skew_frames * (draw[2] + 1.0) / 2.0
+        row["noise_std"] = hypot(sensor.noise_std, sensor.noise_density * sqrt(rate_hz))
+        row["blend"] = 1.0 if sensor.lag_s == 0 else 1.0 - exp(-1.0 / (rate_hz * sensor.lag_s))
+        row["quantum"] = sensor.quantum
+        row["low"], row["high"] = sensor.limits(signal)
+        row["wanders"] = _wanders(sensor)
+        row["wraps"], row["channels"] = signal.wraps, sensor.channels
+        _dynamics(row, sensor, rate_hz)
+    _couple(params, suite, np.random.default_rng(seeds["misalignment"]), np.random.default_rng(seeds["g_sensitivity"]))
+    return params
+
+
+def _wanders(sensor: Sensor) -> bool:
+    drawn = sensor.bias_instability_std > 0 or sensor.rate_random_walk > 0 or sensor.mode_rms > 0
+    return drawn or sensor.noise_file is not None
+
+
+def _dynamics(row: Any, sensor: Sensor, rate_hz: float) -> None:
+    """Low pass and latency."""
+    row["filtered"] = sensor.bandwidth_hz > 0 or sensor.latency_s > 0
+    row["low_pass"] = sensor.bandwidth_hz > 0
+    if sensor.bandwidth_hz > 0:
+        omega = natural_frequency(sensor.bandwidth_hz, sensor.damping)
+        row["transition"] = transition(omega, sensor.damping, 1.0 / rate_hz).ravel()
+    frames = round(sensor.latency_s * rate_hz, 9)  # 0.03 s at 100 Hz is 3 frames, rounding apart
+    row["delayed"], row["delay"], row["delay_rest"] = frames > 0, floor(frames), frames - floor(frames)
+
+
+def _couple(params: NDArray[np.void], suite: Settings, turn: Generator, push: Generator) -> None:
+    """Which other truths each channel feels, and how much of them."""
+    turns, pushes = turn.uniform(-1.0, 1.0, (S, 2, CHANNELS)), push.uniform(-1.0, 1.0, (S, 3, CHANNELS))
+    for s, signal in enumerate(SIGNALS):
+        sensor = getattr(suite, signal.name)
+        for triad in (GYROS, ACCELEROMETERS):
+            if sensor.misalignment_tolerance_rad > 0 and s in triad:
+                others = [t for t in triad if t != s]
+                _share(params[s], others, sensor.misalignment_tolerance_rad * turns[s])
+        if sensor.g_sensitivity_tolerance > 0:
+            _share(params[s], ACCELEROMETERS, sensor.g_sensitivity_tolerance * pushes[s])
+        if sensor.position_error_per_rad != 0 or sensor.position_error_per_pa != 0:
+            error = np.array([[sensor.position_error_per_rad], [sensor.position_error_per_pa]])
+            _share(params[s], [_ALPHA, _Q_BAR], np.repeat(error, CHANNELS, axis=1))
+
+
+def _share(row: Any, sources: Any, shares: NDArray[np.float64]) -> None:
+    """Let a signal feel ``shares`` (n, 4) of ``sources`` (n,)."""
+    first, last = int(row["shares"]), int(row["shares"]) + len(sources)
+    row["source"][first:last], row["share"][first:last] = sources, shares
+    row["shares"] = last

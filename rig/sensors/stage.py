@@ -1,0 +1,47 @@
+"""The stage: parameters, state and the draws of a block."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.random import SFC64, Generator, SeedSequence
+
+from rig.frame import CHANNELS, Block, S
+from rig.sensors.kernel import MEMORY, measure
+from rig.sensors.params import fixed
+from rig.sensors.wander import PROCESSES, Wander
+from rig.settings import Settings
+
+# The order is part of every recorded flight: append, never insert.
+STREAMS: Final = ("calibration", "noise", "misalignment", "g_sensitivity", *PROCESSES)
+
+
+class Sensors:
+    """Truth to channels.  ``seeds`` gives every purpose a stream of its own, so none shifts another."""
+
+    def __init__(self, suite: Settings, rate_hz: float, seeds: SeedSequence) -> None:
+        """BadInput when a noise file cannot be used."""
+        streams: dict[str, SeedSequence] = dict(zip(STREAMS, seeds.spawn(len(STREAMS)), strict=True))
+        self.params = fixed(suite, rate_hz, streams)
+        self._wander = Wander(suite, rate_hz, streams)
+        self._noise_rng = Generator(SFC64(streams["noise"]))  # the quickest of numpy's
+        self._noise = np.zeros((0, S, CHANNELS), np.float32)  # single precision draws in half the time
+        self._memory = np.zeros(S, MEMORY)
+        self._line = np.zeros((S, CHANNELS, int(self.params["delay"].max()) + 2))
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """What ``measure`` needs besides the row; the same arrays until the next ``prepare``."""
+        return self.params, self._noise, self._wander.rows, self._memory, self._line
+
+    def prepare(self, block: Block) -> None:
+        """Draw the noise of the rows of ``block``; the streams do not depend on the block's length."""
+        if len(self._noise) < len(block):
+            self._noise = np.zeros((len(block), S, CHANNELS), np.float32)
+        self._noise_rng.standard_normal(out=self._noise[: len(block)], dtype=np.float32)
+        self._wander.prepare(len(block))
+
+    def step(self, block: Block, k: int) -> None:
+        """Write channels, valid, ilm and discrete_channels of row k."""
+        measure(block, k, *self.arguments)

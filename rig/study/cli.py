@@ -1,0 +1,82 @@
+"""``rig study``: parse, call, print."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from rig.study.ding2015 import Study
+
+study = typer.Typer(
+    help="Published results, computed again.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+@study.callback()
+def _group() -> None:
+    """Published results, computed again."""
+
+
+@study.command()
+def ding2015(
+    out: Annotated[Path, typer.Option(help="Folder of the figures, made when missing.")] = Path("logs"),
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """The B707 with a lying pitch-angle sensor: printed numbers against ours, and the honest experiment."""
+    from rig.errors import BadInput
+    from rig.study import figures
+    from rig.study.ding2015 import study as compute
+
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"--out {out}: figures cannot be kept there: {error.strerror}") from None
+    found = compute()
+    files = [str(path) for path in figures.write(found, out)]
+    if as_json:
+        typer.echo(json.dumps({**found.as_dict(), "figures": files}, allow_nan=False))
+    else:
+        _show(found, files)
+
+
+def _show(found: Study, files: list[str]) -> None:
+    from rich.table import Table
+
+    from rig.show import console
+
+    d, screen = found.as_dict(), console()
+    table = Table("what", "printed", "ours", box=None)
+    table.add_row("stacked matrix at F = 0.5", "64 entries", f"largest difference {d['stacked_max_error']:.2g}")
+    table.add_row("K2", "2 x 8, LQR on the stacked matrix", f"largest difference {d['k2_max_error']:.2g}")
+    table.add_row("K1, columns 1 to 4", "2 x 4, LQR on A, B alone", f"largest difference {d['k1_left_max_error']:.2g}")
+    table.add_row("K1, columns 5 to 8", "2 x 4", "no such regulator exists: see below")
+    nominal, fastest, slowest = found.settling_s
+    spread = f"{nominal:.2f} s; +-10 %: {fastest:.2f} to {slowest:.2f} s"
+    table.add_row("error system settles (2 %)", "a figure", spread)
+    last = f"true {found.honest_pitch:.3f}, measured {d['honest_measured_pitch']:.3f}"
+    table.add_row("pitch angle after the fault", "1", last)
+    screen.print(table)
+    for line in REMARKS:
+        screen.print(line, soft_wrap=True)
+    screen.print(f"the printed law, given the true state: pitch angle {found.with_truth_pitch:.3f}")
+    for path in files:
+        screen.print(f"written  {path}", soft_wrap=True)
+
+
+REMARKS = (
+    "",
+    "What does not reproduce, and why:",
+    "- K1, columns 5 to 8: without a fault nothing controls the observation error, and its speed does not decay (speed",
+    "  does not show in the pitch angle), so the Riccati equation has no stabilising solution to print.",
+    "- The return to y_r = 1: the error system drops the fault's own input (F - 1) H C x_r. With it, the loop brings",
+    "  the measured pitch angle to 1 and the true one to 1 / F = 2: nothing in this law knows F.",
+    "- B's throttle column is a force and a moment, not divided by mass and inertia; X_theta has the sign of +g.",
+)

@@ -1,0 +1,107 @@
+"""``rig view``: parse, call, print."""
+
+from __future__ import annotations
+
+import json
+import signal
+import threading
+from contextlib import suppress
+from pathlib import Path
+from time import perf_counter
+from typing import Annotated, Any
+
+import typer
+
+
+def view(
+    logs: Annotated[
+        list[Path], typer.Argument(metavar="LOG...", help="Logs; several lie over each other.", show_default=False)
+    ],
+    save: Annotated[
+        Path | None, typer.Option(metavar="FILE.rrd", help="Write a recording with the layout in it.")
+    ] = None,
+    serve: Annotated[bool, typer.Option("--serve", help="Serve to a browser on this machine, until Ctrl-C.")] = False,
+    screenshot: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="A picture, 1920 x 1080; needs no display.")
+    ] = None,
+    time_s: Annotated[
+        float | None, typer.Option("--time", help="Where the cursor of the picture is, s.", show_default="last event")
+    ] = None,
+    tab: Annotated[str, typer.Option(help="The tab to open with.")] = "overview",
+    map_tiles: Annotated[
+        bool, typer.Option("--map", help="A map; the viewer fetches its tiles from OpenStreetMap.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Look at flights in Rerun: a window, or one of --save, --serve and --screenshot."""
+    from rig.errors import BadInput
+
+    if sum((save is not None, serve, screenshot is not None)) > 1:
+        raise BadInput("--save, --serve, --screenshot: one of them at a time")
+    if time_s is not None and screenshot is None:
+        raise BadInput("--time: is for --screenshot")
+    began = perf_counter()
+    if save is None and not serve and screenshot is None:
+        _require_display()
+    from rig.view import opened
+    from rig.view.blueprint import blueprint
+
+    flights = opened.read(logs, tab, map_tiles)
+    blueprint(flights.about.layout)  # refuses a tab that there is not
+    said: dict[str, Any] = {"logs": [str(log) for log in logs], "frames": flights.frames}
+    if serve:
+        _serve(flights, said, as_json)
+        return
+    if save is not None:
+        opened.save(flights, save)
+        said["saved"] = str(save)
+    elif screenshot is not None:
+        from rig.view.screenshot import screenshot as shoot
+
+        shot = shoot(flights, screenshot, time_s)
+        said |= {"picture": str(screenshot), "views": list(shot.views), "complaints": list(shot.complaints)}
+    else:
+        with opened.window(flights) as process, suppress(KeyboardInterrupt):
+            said["seconds"] = perf_counter() - began
+            _tell(said, as_json, f"{said['frames']} frames; close the window, or Ctrl-C, to end")
+            process.wait()
+        return
+    said["seconds"] = perf_counter() - began
+    _tell(said, as_json, f"{said['frames']} frames in {said['seconds']:.1f} s{_where(said)}")
+
+
+def _require_display() -> None:
+    from rig.errors import BadInput
+    from rig.view import viewer
+
+    try:
+        viewer.require_display("rig view")
+    except BadInput as error:
+        raise BadInput(f"{error}; there are --serve, --save and --screenshot") from None
+
+
+def _where(said: dict[str, Any]) -> str:
+    if "saved" in said:
+        return f": {said['saved']}; open it with: rerun {said['saved']}"
+    return f": {said['picture']}"
+
+
+def _serve(flights: Any, said: dict[str, Any], as_json: bool) -> None:
+    """Serve until Ctrl-C or a request to end."""
+    from rig.view.opened import serve
+
+    began, over = perf_counter(), threading.Event()
+    with suppress(ValueError):  # not the main thread: whoever runs it ends it
+        signal.signal(signal.SIGTERM, lambda *_: over.set())
+    sink = serve(flights)
+    try:
+        said |= {"browser": sink.browser, "address": sink.where, "seconds": perf_counter() - began}
+        _tell(said, as_json, f"watch at {sink.browser}; Ctrl-C ends")
+        with suppress(KeyboardInterrupt):
+            over.wait()
+    finally:
+        sink.close()
+
+
+def _tell(said: dict[str, Any], as_json: bool, text: str) -> None:
+    typer.echo(json.dumps(said, allow_nan=False) if as_json else text)

@@ -1,0 +1,102 @@
+"""What the viewer must know of a scenario beside its frames: thresholds, faults by name, a title.
+
+A stream has it from the scenario that is flown, a log from the scenario that was recorded in it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import nan
+from typing import Any, Final, NamedTuple
+
+from rig.errors import BadInput
+from rig.frame import INDEX, MOST_FAULTS, SIGNALS
+from rig.scenario import Scenario, from_resolved
+
+
+@dataclass(frozen=True, slots=True)
+class FaultFact:
+    """A fault of the scenario: its name, and the signal that it sits on (another place: what the scenario says)."""
+
+    label: str
+    place: str
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """``thresholds`` in the unit of their signal, by its name; a signal that is not in it has no band."""
+
+    title: str = ""
+    thresholds: Mapping[str, float] = field(default_factory=dict)
+    faults: tuple[FaultFact, ...] = ()
+
+    def threshold(self, index: int) -> float:
+        """Of signal ``index``; NaN when it is not known."""
+        return self.thresholds.get(SIGNALS[index].name, nan)
+
+    def faults_on(self, signal: str) -> list[int]:
+        """The faults that sit on ``signal``, as numbers from 0."""
+        return [i for i, fault in enumerate(self.faults) if fault.place == signal]
+
+    @property
+    def first_faulted(self) -> str | None:
+        """The signal that the first fault on any signal sits on."""
+        return next((fault.place for fault in self.faults if fault.place in INDEX), None)
+
+
+# Of a log without a scenario that can be read: its faults have numbers for names.
+UNKNOWN: Final = Facts(faults=tuple(FaultFact(f"fault {i + 1}", "") for i in range(MOST_FAULTS)))
+
+TAGS: Final = "ABCD"  # of flights that lie over each other, in their order
+
+
+class Shown(NamedTuple):
+    """One of the flights that lie over each other.
+
+    below : how many lie over it; the viewer draws in the order of ``root``, so the last is on top
+    """
+
+    below: int = 0
+    root: str = ""  # before its paths
+    tag: str = ""  # its letter
+    facts: Facts = UNKNOWN
+
+    @property
+    def prefix(self) -> str:
+        """Before a name in a legend or a lane."""
+        return f"{self.tag} " if self.tag else ""
+
+
+def together(facts: Sequence[Facts]) -> list[Shown]:
+    """Flights that lie over each other, as A, B, .., the last on top; one alone needs no letter."""
+    if len(facts) == 1:
+        return [Shown(facts=facts[0])]
+    return [Shown(len(facts) - 1 - i, f"/{TAGS[i]}", TAGS[i], one) for i, one in enumerate(facts)]
+
+
+class Layout(NamedTuple):
+    """What the viewer is to open with; see blueprint.blueprint."""
+
+    shown: Sequence[Shown] = (Shown(),)
+    tab: str = "overview"
+    map_tiles: bool = False
+
+
+def of_scenario(scenario: Scenario) -> Facts:
+    """The facts of a scenario."""
+    signals: Any = scenario.redundancy.signals
+    return Facts(
+        scenario.title or scenario.aircraft,
+        {signal.name: getattr(signals, signal.name).threshold for signal in SIGNALS},
+        tuple(FaultFact(fault.label, str(getattr(fault, "signal", ""))) for fault in scenario.faults),
+    )
+
+
+def of_log(metadata: Mapping[str, str]) -> Facts:
+    """The facts of the scenario in a log's metadata; UNKNOWN when there is none that this version can read."""
+    try:
+        return of_scenario(from_resolved(json.loads(metadata["scenario"]), "the log's scenario"))
+    except (KeyError, ValueError, BadInput):
+        return UNKNOWN

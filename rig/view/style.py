@@ -1,0 +1,48 @@
+"""Colours, labels and names: what means the same in every view of every flight.
+
+Okabe and Ito's palette, which people with any colour vision can tell apart, on the viewer's dark ground.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Final
+
+Color = tuple[int, int, int]
+Looks = dict[str, tuple[str, Color]]  # member of an enum: label, colour
+
+CHANNEL_COLORS: Final[tuple[Color, ...]] = ((86, 180, 233), (230, 159, 0), (0, 158, 115), (204, 121, 167))
+VOTED: Final[Color] = (240, 228, 66)
+TRUTH: Final[Color] = (255, 255, 255)
+REFERENCE: Final[Color] = (213, 94, 0)
+THRESHOLD: Final[Color] = (150, 142, 52)  # the vote's colour, dimmed
+FAULT: Final[Color] = (128, 40, 26)  # the ground under the vote while a fault acts
+FAULT_LANE: Final[Color] = (168, 50, 30)
+PALETTE: Final[tuple[Color, ...]] = (*CHANNEL_COLORS, VOTED, REFERENCE, (0, 114, 178), (170, 170, 170))
+QUIET: Final[Color] = (70, 76, 82)  # a state that needs no attention
+STATE_LOOKS: Final[Looks] = {
+    "OK": ("ok", (0, 114, 178)),
+    "SUSPECT": ("suspect", VOTED),
+    "FAILED": ("failed", REFERENCE),
+}
+ACTING: Final = "ACTING"
+# Of flights that lie over each other, from the top down: of figure and path, and how bright all lines are.
+FLIGHT_COLORS: Final[tuple[Color, ...]] = (VOTED, CHANNEL_COLORS[0], REFERENCE, CHANNEL_COLORS[3])
+_SHADES: Final = (1.0, 0.55, 0.4, 0.3)
+
+
+def shade(color: Color, below: int) -> Color:
+    """``color`` for a flight with ``below`` others over it: darker the deeper it lies."""
+    red, green, blue = (round(value * _SHADES[below]) for value in color)
+    return red, green, blue
+
+
+def attention(enum: type[IntEnum], quiet: IntEnum) -> Looks:
+    """A look for each member; the one that needs no attention stays in the background."""
+    return {
+        member.name: (
+            getattr(member, "label", member.name.lower()),
+            QUIET if member == quiet else PALETTE[member.value % len(PALETTE)],
+        )
+        for member in enum
+    }

@@ -1,0 +1,1 @@
+"""The redundancy page on the terminal: while a flight is flown, or played from its log."""

@@ -1,0 +1,33 @@
+"""``make replay``: every bundled scenario flown to its end, replayed and flown again; 1 when one is not the same."""
+
+import sys
+import tempfile
+from time import perf_counter
+
+from rig import aircraft
+from rig.flight import fly
+from rig.replay.again import recorded
+from rig.replay.verify import verify
+
+
+def main() -> int:
+    """One line a scenario."""
+    worst = 0
+    for path in sorted(aircraft.bundled("faults").glob("*.toml")):
+        with tempfile.TemporaryDirectory() as folder:
+            recording = recorded(fly(path, out=folder).log)
+            began = perf_counter()
+            replayed = verify(recording).comparison
+            middle = perf_counter()
+            flown = verify(recording, fly=True).comparison
+            took = middle - began, perf_counter() - middle
+        for how, found, seconds in zip(("replay", "--fly"), (replayed, flown), took, strict=True):
+            word = "identical" if found.identical else "DIFFERENT"
+            worst |= not found.identical
+            counted = f"{found.frames} frames, {len(found.fields)} fields, {seconds:.2f} s"
+            print(f"{path.stem:40} {how:7} {word} ({counted})", flush=True)  # noqa: T201
+    return worst
+
+
+if __name__ == "__main__":
+    sys.exit(main())

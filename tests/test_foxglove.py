@@ -1,0 +1,73 @@
+"""Foxglove's own packages read a log and find the numbers that our reader finds.
+
+npm install @mcap/core @mcap/support @mcap/nodejs      # in a folder outside the repository
+RIG_NODE_MODULES=<that folder>/node_modules pytest tests/test_foxglove.py
+"""
+
+import json
+import math
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from rig.flight import fly
+from rig.frame import SIGNALS, Ilm, State
+from rig.log import read_log
+from rig.log.columns import COLUMNS
+from rig.log.schema import BOOL, MESSAGES, TOPICS
+
+SCRIPT = Path(__file__).parent / "foxglove" / "read.mjs"
+MODULES = os.environ.get("RIG_NODE_MODULES", "")
+pytestmark = pytest.mark.skipif(
+    shutil.which("node") is None or not (Path(MODULES) / "@mcap" / "core").is_dir() or not MODULES,
+    reason="needs node, and RIG_NODE_MODULES with @mcap/core, @mcap/support and @mcap/nodejs",
+)
+FRAMES = (0, 99, 107, 108, 299)
+FLAGS = {field.name for field in MESSAGES["rig.Signal"].fields if field.kind == BOOL}
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory) -> Path:
+    return fly(overrides=["duration_s=3", "faults.0.start_s=1"], out=tmp_path_factory.mktemp("logs")).log
+
+
+@pytest.fixture(scope="module")
+def found(flown):
+    command = ["node", str(SCRIPT), str(flown), *map(str, FRAMES)]
+    out = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert (out.returncode, out.stderr) == (0, "")
+    return json.loads(out.stdout)
+
+
+def test_every_message_of_every_topic_is_there_with_its_checksums(flown, found):
+    log = read_log(flown)
+    counts = {topic.name: len(log.rows) for topic in TOPICS} | {"/events": len(log.events)}
+    assert found["counts"] == counts and found["start"] == 0
+
+
+def test_every_number_is_the_one_that_our_reader_finds(flown, found):
+    rows = read_log(flown).rows
+    topics = {topic.name.rsplit("/", 1)[1]: topic.name for topic in TOPICS}
+    for column in COLUMNS:
+        for frame in FRAMES:
+            (message,) = found["messages"][topics[column.owner]][str(frame)]
+            ours, theirs = column.of(rows)[frame].item(), message[column.name]
+            assert message["time"] == frame * 10_000_000
+            if column.enum is not None:
+                assert theirs == column.enum(ours).name, column.path
+            elif isinstance(ours, float) and not math.isfinite(ours):
+                assert theirs.lower().removesuffix("inity") == str(ours), column.path
+            else:
+                assert theirs == (bool(ours) if column.name in FLAGS else ours), column.path
+
+
+def test_names_events_and_metadata_read_as_we_wrote_them(flown, found):
+    log = read_log(flown)
+    said = [event["message"] for at in found["messages"]["/events"].values() for event in at]
+    assert sorted(said) == sorted(event.text for event in log.events)
+    assert found["metadata"] == {"rig": log.metadata, "result": log.result}
+    last = found["messages"][SIGNALS[0].topic]["299"][0]
+    assert (last["st_3"], last["ilm_3"]) == (State.FAILED.name, Ilm.GOOD.name)

@@ -1,0 +1,115 @@
+"""The stage as the loop holds it: references, manager and discretes over constructed rows, no aircraft."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from test_redundancy_reference import PRESSURE, designed, level_flight
+
+from rig.frame import DISCRETE_INDEX, INDEX, SIGNALS, Block, Ilm, S, State
+from rig.redundancy import Redundancy
+from rig.redundancy.config import MANAGERS, Config, SignalConfigs
+from rig.redundancy.designed import Designed, Error, Point
+
+RATE = 100.0
+Q = INDEX["pitch_rate"]
+RANGES = np.array([(signal.low, signal.high) for signal in SIGNALS])
+FOUR = np.full(S, 4)
+SAMPLES = (0.1, 0.2, 0.4, 1.3)  # mean 0.5, median 0.3; every two further apart than any threshold of a rate
+
+
+class Recorder:
+    """A manager of the user's own that votes the first channel and keeps the reference that it was given."""
+
+    def __init__(self, params: Any) -> None:
+        self.seen: list[float] = []
+
+    def step(self, block: Block, k: int) -> None:
+        self.seen.append(float(block[k]["reference"][Q]))
+        block[k]["voted"][:] = block[k]["channels"][:, 0]
+        block[k]["level"][:] = 4
+
+
+def stage(manager: str = MANAGERS[0], errors: Any = None, **of_pitch_rate: Any) -> Redundancy:
+    """Thresholds of 0.05 in every unit; ``of_pitch_rate`` are settings of that signal."""
+    every = {signal.name: {"threshold": 0.05} for signal in SIGNALS}
+    every["pitch_rate"] |= of_pitch_rate
+    config = Config(manager=manager, signals=SignalConfigs.model_validate(every))
+    return Redundancy(config, RANGES, FOUR, designed(errors=errors), RATE)
+
+
+def rows(n: int = 2) -> Block:
+    block = level_flight(n)
+    block["channels"] = block["voted"][:, :, None]
+    block["voted"], block["level"] = 0.0, 0
+    block["valid"], block["ilm"] = 1, Ilm.ABSENT
+    return block
+
+
+def run(which: Redundancy, block: Block) -> Block:
+    for k in range(len(block)):
+        which.step(block, k)
+    return block
+
+
+@pytest.mark.parametrize(("manager", "vote"), [("mean", 0.5), ("median", 0.3), ("selection", 0.1)])
+def test_the_chosen_manager_votes(manager: str, vote: float):
+    block = rows(1)
+    block["channels"][0, Q] = SAMPLES
+    assert run(stage(manager), block)["voted"][0, Q] == pytest.approx(vote)
+
+
+@pytest.mark.parametrize("manager", MANAGERS)
+def test_every_manager_of_the_house_isolates_or_keeps_as_it_says(manager: str):
+    """One channel far off for a second: who monitors has failed it, mean and plain median never do."""
+    block = rows(100)
+    block["channels"][:, Q, 2] = 1.4
+    out = run(stage(manager), block)
+    monitors = manager not in ("mean", "median")
+    assert (out["state"][-1, Q, 2] == State.FAILED) == monitors
+    assert (out["state"][:, :, [0, 1, 3]] == State.OK).all()
+
+
+def test_discretes_are_voted_with_every_manager():
+    for manager in MANAGERS:
+        block = rows(1)
+        block["discrete_channels"][0, DISCRETE_INDEX["gear_down"]] = (1, 1, 0, 1)
+        assert run(stage(manager), block)["discrete_voted"][0, DISCRETE_INDEX["gear_down"]] == 1
+
+
+def test_a_manager_of_the_users_own_sees_the_reference_of_the_votes_before():
+    """In level flight the pitch rate's reference is zero; there is none in the first frame, which has no votes yet."""
+    which = stage(f"{__name__}:Recorder")
+    block = rows(3)
+    block["discrete_channels"][:, DISCRETE_INDEX["gear_down"]] = 1
+    run(which, block)
+    assert isinstance(which.own, Recorder)
+    assert np.isnan(which.own.seen[0]) and which.own.seen[1:] == pytest.approx([0.0, 0.0], abs=1e-3)
+    assert (block["voted"] == block["channels"][:, :, 0]).all()
+    assert (block["discrete_voted"][:, DISCRETE_INDEX["gear_down"]] == 1).all()
+
+
+def test_references_are_usable_for_our_manager_alone():
+    for manager in MANAGERS:
+        usable = run(stage(manager), rows(50))["reference_usable"][-1, Q]
+        assert bool(usable) == (manager == MANAGERS[0])
+
+
+def test_a_measured_threshold_counts_in_the_vote():
+    """The reference is zero and the pairs at 0 and 0.3 rad/s: settled with a threshold of 0.1, not of 1e-9."""
+    for threshold, settled in ((0.1, True), (1e-9, False)):
+        error = Error(rms=0.0, quantile_999=0.0, worst=0.0, threshold=threshold)
+        which = stage(errors={"pitch_rate": {"angle_of_attack": error}}, resolvers=["reference"])
+        block = rows(100)
+        block["channels"][20:, Q, 2:] = 0.3
+        states = run(which, block)["state"][-1, Q].tolist()
+        assert (states == [State.OK, State.OK, State.FAILED, State.FAILED]) is settled
+
+
+def test_points_out_of_order_are_refused():
+    point = designed().points[0].model_dump()
+    points = [Point(**{**point, "dynamic_pressure_pa": pressure}) for pressure in (PRESSURE, PRESSURE)]
+    with pytest.raises(ValueError, match="rising dynamic pressure"):
+        Designed(rate_hz=RATE, accelerometer_x_m=0, accelerometer_y_m=0, accelerometer_z_m=0, points=points)
