@@ -15,6 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
+from rig.campaign.cli import app as campaign_app
 from rig.catalogue.cli import faults_app
 from rig.errors import BadInput, RigError
 from rig.recorded.cli import vote
@@ -36,6 +37,7 @@ scenario_app = typer.Typer(help="Look at scenario files.", **PLAIN)
 aircraft_app = typer.Typer(help="Look at aircraft and design their control laws.", **PLAIN)
 app.add_typer(scenario_app, name="scenario")
 app.add_typer(aircraft_app, name="aircraft")
+app.add_typer(campaign_app, name="campaign")
 app.add_typer(faults_app, name="faults")
 app.add_typer(study, name="study")
 

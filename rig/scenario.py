@@ -137,22 +137,34 @@ def from_resolved(data: dict[str, Any], source: str) -> Scenario:
 
 def override(data: dict[str, Any], text: str) -> dict[str, Any]:
     """``data`` with one ``dotted.key=value`` set; a number in the key counts into a list from 0."""
+    key, value = parse_set(text)
+    return set_key(data, key, value, f"--set {text}")
+
+
+def parse_set(text: str) -> tuple[str, Any]:
+    """Key and value of ``dotted.key=value``."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise BadInput(f"--set {text}: must be key=value")
-    return _set(data, key.strip().split("."), _parse(value.strip()), text)
+    return key.strip(), _parse(value.strip())
 
 
-def _set(node: Any, keys: list[str], value: Any, text: str) -> Any:
+def set_key(data: dict[str, Any], key: str, value: Any, source: str) -> dict[str, Any]:
+    """``data`` with one dotted key set; a number in the key counts into a list from 0. BadInput names ``source``."""
+    return _set(data, key.split("."), value, source)
+
+
+def _set(node: Any, keys: list[str], value: Any, source: str) -> Any:
     if not keys:
         return value
     key, rest = keys[0], keys[1:]
     if isinstance(node, list):
         if not key.isdigit() or int(key) >= len(node):
-            raise BadInput(f"--set {text}: {key!r} must be an index from 0 to {len(node) - 1}")
-        return [_set(item, rest, value, text) if i == int(key) else item for i, item in enumerate(node)]
+            allowed = f"must be an index from 0 to {len(node) - 1}" if node else "counts into an empty list"
+            raise BadInput(f"{source}: {key!r} {allowed}")
+        return [_set(item, rest, value, source) if i == int(key) else item for i, item in enumerate(node)]
     table = node if isinstance(node, dict) else {}
-    return {**table, key: _set(table.get(key), rest, value, text)}
+    return {**table, key: _set(table.get(key), rest, value, source)}
 
 
 def _parse(value: str) -> Any:

@@ -14,6 +14,8 @@ import struct
 import zlib
 from array import array
 from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -23,7 +25,6 @@ from mcap.records import (
     Attachment,
     AttachmentIndex,
     Channel,
-    ChunkIndex,
     DataEnd,
     Footer,
     Header,
@@ -45,6 +46,8 @@ LIBRARY: Final = "jsbsim-rig"
 COMPRESSION: Final = "zstd"
 _CHUNK_HEAD: Final = struct.Struct("<BQQQQII4sQ")
 _FOOTER_HEAD: Final = struct.Struct("<BQQQ")
+_INDEX_HEAD: Final = struct.Struct("<BQQQQQI")  # of a chunk index, up to its message index offsets
+_INDEX_TAIL: Final = struct.Struct("<QI4sQQ")
 
 
 class _Kept(NamedTuple):
@@ -67,6 +70,12 @@ def encode(record: McapRecord) -> bytes:
     return builder.end()
 
 
+@cache
+def _opening() -> tuple[bytes, bytes]:
+    """The schema and the channel records, the same in every file."""
+    return b"".join(map(encode, schemas())), b"".join(map(encode, channels()))
+
+
 class Container:
     """Writes one MCAP file; every method raises OSError when the disk does not take it."""
 
@@ -78,8 +87,7 @@ class Container:
         self._chunks = array("Q")
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
-        self._schemas = b"".join(map(encode, schemas()))
-        self._channels = b"".join(map(encode, channels()))
+        self._schemas, self._channels = _opening()
         try:
             self._put(MAGIC, encode(Header("", LIBRARY)), self._schemas, self._channels)
         except OSError:
@@ -172,7 +180,7 @@ class Container:
         yield Opcode.SCHEMA, [self._schemas]
         yield Opcode.CHANNEL, [self._channels]
         yield Opcode.STATISTICS, [encode(self._statistics())]
-        yield Opcode.CHUNK_INDEX, map(encode, self._chunk_indexes())
+        yield Opcode.CHUNK_INDEX, self._chunk_indexes()
         yield Opcode.ATTACHMENT_INDEX, map(encode, self._attachments)
         yield Opcode.METADATA_INDEX, map(encode, self._metadata)
 
@@ -202,7 +210,8 @@ class Container:
             schema_count=len(SCHEMA_NAMES),
         )
 
-    def _chunk_indexes(self) -> Iterator[ChunkIndex]:
+    def _chunk_indexes(self) -> Iterator[bytes]:
+        """A record a chunk, packed here: the library takes its time over twenty offsets each."""
         for kept in self._kept():
             begin = kept.offset + kept.length
             step = index_size(kept.frames)
@@ -211,17 +220,11 @@ class Container:
             if kept.events:
                 indexes[EVENT_CHANNEL] = begin + length
                 length += index_size(kept.events)
-            yield ChunkIndex(
-                chunk_length=kept.length,
-                chunk_start_offset=kept.offset,
-                compression=COMPRESSION,
-                compressed_size=kept.compressed,
-                message_end_time=kept.end,
-                message_index_length=length,
-                message_index_offsets=indexes,
-                message_start_time=kept.start,
-                uncompressed_size=kept.uncompressed,
-            )
+            offsets = struct.pack(f"<{'HQ' * len(indexes)}", *chain.from_iterable(indexes.items()))
+            size = _INDEX_HEAD.size - 9 + len(offsets) + _INDEX_TAIL.size
+            places = (kept.start, kept.end, kept.offset, kept.length)
+            head = _INDEX_HEAD.pack(Opcode.CHUNK_INDEX, size, *places, len(offsets))
+            yield head + offsets + _INDEX_TAIL.pack(length, 4, COMPRESSION.encode(), kept.compressed, kept.uncompressed)
 
 
 def schemas() -> list[Schema]:

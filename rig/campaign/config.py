@@ -1,0 +1,232 @@
+"""A campaign file: what varies, and apart from it how it runs.
+
+Everything but the ``[run]`` table decides what is flown and so what is in the table.  ``[run]`` decides who
+flies it, how many at a time and which logs stay; it may change between two calls on one folder.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import scipy.stats
+from pydantic import AfterValidator, Field, model_validator
+
+from rig import aircraft
+from rig.errors import BadInput
+from rig.settings import Settings, build, read_toml
+
+Sampling = Literal["grid", "random", "latin-hypercube", "sobol"]
+MOST_RUNS = 1_000_000
+
+
+class Levels(Settings):
+    """A list of values, each as likely as the others."""
+
+    values: list[Any] = Field(min_length=1)
+
+
+class Range(Settings):
+    """Every value from ``low`` to ``high``, evenly, or evenly in its logarithm."""
+
+    low: float
+    high: float
+    log: bool = False
+    whole: bool = False  # whole numbers, both ends included
+    levels: int | None = Field(default=None, ge=1)  # of a grid: as many, evenly from end to end
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Range:
+        if self.low >= self.high:
+            raise ValueError(f"low ({self.low:g}) must be below high ({self.high:g})")
+        if self.log and self.low <= 0:
+            raise ValueError(f"low ({self.low:g}) must be above 0 on a logarithmic scale")
+        return self
+
+
+class Distribution(Settings):
+    """A distribution of scipy.stats, by name, cut off at ``low`` and ``high``."""
+
+    distribution: str
+    low: float
+    high: float
+    parameters: dict[str, float] = {}  # of scipy.stats: loc, scale and its own shapes
+    levels: int | None = Field(default=None, ge=1)  # of a grid: the middles of as many equal shares
+
+    @model_validator(mode="after")
+    def _known(self) -> Distribution:
+        if self.low >= self.high:
+            raise ValueError(f"low ({self.low:g}) must be below high ({self.high:g})")
+        known = getattr(scipy.stats, self.distribution, None)
+        if known is None or not isinstance(known, scipy.stats.rv_continuous):
+            raise ValueError(f"distribution: scipy.stats has no continuous distribution {self.distribution!r}")
+        low, high = self.shares()
+        if not low < high:
+            raise ValueError(f"{self.distribution} has nothing between {self.low:g} and {self.high:g}")
+        return self
+
+    def shares(self) -> tuple[float, float]:
+        """What the distribution has below ``low`` and below ``high``."""
+        try:
+            return tuple(map(float, self.frozen().cdf([self.low, self.high])))  # type: ignore[return-value]
+        except TypeError as error:
+            raise ValueError(f"parameters: {error}") from None
+
+    def frozen(self) -> Any:
+        """The distribution with its parameters."""
+        return getattr(scipy.stats, self.distribution)(**self.parameters)
+
+
+Vary = Levels | Range | Distribution
+
+
+class Case(Settings):
+    """Keys that take their values together, under a name; what it varies itself is varied within it."""
+
+    name: str = Field(min_length=1)
+    set: dict[str, Any] = {}
+    vary: dict[str, Vary] = {}
+
+
+_Logs = re.compile(r"all|failures|none|sample:[1-9]\d*")
+
+
+def _logs(text: str) -> str:
+    if not _Logs.fullmatch(text):
+        raise ValueError("which logs to keep: all, failures, none or sample:N")
+    return text
+
+
+class How(Settings):
+    """The ``[run]`` table: nothing in it changes a row."""
+
+    workers: int = Field(default=2, ge=1, le=1024)
+    batch: int = Field(default=10, ge=1)  # flights of one part
+    logs: Annotated[str, AfterValidator(_logs)] = "none"
+    timeout_s: float = Field(default=300.0, gt=0)  # of one flight, by the wall clock
+
+
+class Campaign(Settings):
+    """What is flown, and how. ``base`` is the base scenario's own table, read."""
+
+    title: str = ""
+    base: dict[str, Any]
+    set: dict[str, Any] = {}  # dotted keys laid over the base scenario in every run
+    sampling: Sampling = "grid"
+    runs: int | None = Field(default=None, ge=1, le=MOST_RUNS)  # a grid's: each of its points once
+    seed: int = Field(default=0, ge=0, lt=2**63)
+    twin: bool = False  # fly every run without its faults as well, for the transients
+    vary: dict[str, Vary] = {}
+    cases: dict[str, list[Case]] = {}
+    run: How = How()
+
+    @model_validator(mode="after")
+    def _whole(self) -> Campaign:
+        if self.sampling != "grid" and self.runs is None:
+            raise ValueError(f"runs: how many, when sampling is {self.sampling!r}")
+        keys = [*self.set, *(key for key, _ in self.varied())]
+        if "seed" in (*keys, *(key for cases in self.cases.values() for case in cases for key in case.set)):
+            raise ValueError("seed: each run has its own, from the campaign's seed and the run's number")
+        names = [*self.vary, *self.cases, *{k for cases in self.cases.values() for case in cases for k in case.vary}]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"{twice[0]}: varied in two places")
+        for name, cases in self.cases.items():
+            labels = [case.name for case in cases]
+            if not labels or len(set(labels)) < len(labels):
+                raise ValueError(f"cases.{name}: at least one case, each with a name of its own")
+        if self.sampling == "grid":
+            self._check_levels()
+        return self
+
+    def _check_levels(self) -> None:
+        for key, vary in self.varied():
+            if not isinstance(vary, Levels) and vary.levels is None:
+                raise ValueError(f"vary.{key}.levels: how many, in a grid")
+
+    def varied(self) -> Iterator[tuple[str, Vary]]:
+        """Everything that varies on its own, the cases' own included."""
+        yield from self.vary.items()
+        for cases in self.cases.values():
+            for case in cases:
+                yield from case.vary.items()
+
+    def what(self) -> dict[str, Any]:
+        """All that decides the table, as plain data; ``from_what`` reads it back."""
+        return self.model_dump(mode="json", exclude={"run"}, exclude_none=True)
+
+
+def find(name: str | Path) -> Path:
+    """A campaign's file: the path given, or that name in the bundled ``faults/campaigns``."""
+    wanted, home = Path(name), aircraft.bundled("faults") / "campaigns"
+    for candidate in (wanted, home / wanted.name, home / f"{wanted.name}.toml"):
+        if candidate.is_file():
+            return candidate
+    known = ", ".join(sorted(path.stem for path in home.glob("*.toml")))
+    raise BadInput(f"{wanted}: no such file; bundled campaigns: {known}")
+
+
+def read(name: str | Path, sets: dict[str, Any] | None = None) -> Campaign:
+    """The campaign of a file, ``sets`` (dotted keys) laid over its ``[set]``; BadInput says what is wrong."""
+    path = find(name)
+    data = read_toml(path)
+    source = str(path)
+    base = data.pop("base", None)
+    if not isinstance(base, str):
+        raise BadInput(f"{source}: base: the file or the bundled name of a scenario is missing")
+    return from_what({**data, "base": _base(base, path), "set": {**data.get("set", {}), **(sets or {})}}, source)
+
+
+def _base(name: str, path: Path) -> dict[str, Any]:
+    """The base scenario's own table: beside the campaign's file, where the command is given, or bundled."""
+    from rig.scenario import find as find_scenario
+
+    beside = path.parent / name
+    try:
+        return read_toml(beside if beside.is_file() else find_scenario(name))
+    except BadInput as error:
+        raise BadInput(f"{path}: base: {error}") from None
+
+
+def from_what(data: dict[str, Any], source: str) -> Campaign:
+    """A campaign from plain data: a file's, or what ``Campaign.what`` gave."""
+    data = dict(data)
+    data["vary"] = _varied(data.get("vary", {}), f"{source}: vary")
+    cases = data.get("cases", {})
+    if not isinstance(cases, dict) or not all(isinstance(group, list) for group in cases.values()):
+        raise BadInput(f"{source}: cases: must be [[cases.<name>]] tables")
+    data["cases"] = {name: [_case(case, f"{source}: cases.{name}") for case in group] for name, group in cases.items()}
+    return build(Campaign, data, source)
+
+
+def _case(data: Any, source: str) -> Any:
+    if not isinstance(data, dict):
+        raise BadInput(f"{source}: must be tables")
+    return {**data, "vary": _varied(data.get("vary", {}), f"{source}.vary")}
+
+
+def _varied(data: Any, source: str) -> dict[str, Vary]:
+    """What varies, by dotted key; a key may be written in quotes or as nested tables."""
+    if not isinstance(data, dict):
+        raise BadInput(f"{source}: must be a table of keys")
+    return dict(_leaves(data, "", source))
+
+
+def _leaves(data: dict[str, Any], above: str, source: str) -> Iterator[tuple[str, Vary]]:
+    for key, value in data.items():
+        name = f"{above}{key}"
+        where = f"{source}.{name}"
+        if isinstance(value, list):
+            yield name, build(Levels, {"values": value}, where)
+        elif not isinstance(value, dict):
+            raise BadInput(f"{where}: must be a list, a range (low, high) or a distribution, got {value!r}")
+        elif isinstance(value.get("values"), list) and len(value) == 1:
+            yield name, build(Levels, value, where)
+        elif isinstance(value.get("distribution"), str):
+            yield name, build(Distribution, value, where)
+        elif any(isinstance(value.get(end), (int, float)) for end in ("low", "high")):
+            yield name, build(Range, value, where)
+        else:
+            yield from _leaves(value, f"{name}.", source)

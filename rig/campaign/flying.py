@@ -1,0 +1,200 @@
+"""One run of a campaign, flown in memory and scored: what a worker does.
+
+A row does not depend on who flies it: all that decides it is in the run's scenario, and nothing but the
+tables of an aircraft and compiled kernels is kept from one flight to the next.
+"""
+
+from __future__ import annotations
+
+import math
+import signal
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig import aircraft, loop
+from rig.campaign.identity import rig_identity
+from rig.campaign.plan import Run
+from rig.campaign.rows import TABLES, Rows, alarm_rows, episode_rows, fault_rows, run_row
+from rig.errors import RigError
+from rig.events import Event, EventFinder, not_executed
+from rig.faults import Execution
+from rig.flight import end_reason, labels, metadata
+from rig.frame import FRAME, TIMING, Block, new_block
+from rig.log import LogWriter
+from rig.scenario import Scenario, load
+from rig.score import Score, fly_twin, score
+from rig.verdict import Verdict
+
+Timing = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Orders:
+    """What every worker is told: which logs to keep and where, how long a flight may take."""
+
+    logs: str  # all, failures, none, or sample:N
+    runs: int  # of the campaign, for the sample
+    folder: str  # of the logs
+    timeout_s: float
+    twin: bool
+    rig: str  # sources and packages that fly; a worker with others refuses
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """A flight in memory."""
+
+    scenario: Scenario
+    rows: Block
+    timing: Timing
+    blocks: list[tuple[int, list[Event]]]  # frames of each block as it was flown, and its events
+    verdict: Verdict
+    ended: list[Event]  # what is known only at the end: faults that did nothing
+
+    @property
+    def end_reason(self) -> str:
+        """Why the flight ended."""
+        return end_reason(self.verdict, loop.Stop(), self.scenario)
+
+
+def fly(scenario: Scenario) -> Flown:
+    """Fly a scenario with the digest and events of ``rig fly``, its rows kept in memory."""
+    rig, finder, verdict = loop.Rig(scenario), EventFinder(labels(scenario)), Verdict()
+    execution = Execution(scenario.faults)
+    kept, timing = np.empty(scenario.frames, FRAME), np.zeros(scenario.frames, TIMING)
+    blocks: list[tuple[int, list[Event]]] = []
+    for rows, clocked in loop.frames(rig, scenario):
+        events = finder.find(rows)
+        first = verdict.frames
+        verdict.add(rows, events)
+        execution.add(rows)
+        _bytes(kept[first : verdict.frames])[:] = _bytes(rows)  # padding too: the digest is over what stands there
+        timing[first : verdict.frames] = clocked
+        blocks.append((len(rows), events))
+    ended = not_executed(verdict.frames - 1, execution.missing)
+    return Flown(scenario, kept[: verdict.frames], timing[: verdict.frames], blocks, verdict, ended)
+
+
+def _bytes(rows: Block) -> NDArray[np.uint8]:
+    return rows.view(np.uint8)
+
+
+def fly_run(run: Run, orders: Orders) -> Rows:
+    """Fly, score and perhaps log one run: its rows by table. An exception of its flight is its outcome."""
+    _warm()
+    began = time.perf_counter()
+    try:
+        with _limit(orders.timeout_s):
+            flown = fly(run.scenario(_tables(run.aircraft)))
+            scored = score(flown.scenario, flown.rows, fly_twin(flown.scenario) if orders.twin else None)
+        rows = _rows(run.number, flown, scored)
+    except (Exception, SystemExit) as error:  # noqa: BLE001 # whatever a flight raises is its own failure
+        said = " ".join(f"{type(error).__name__}: {error}".split())
+        return not_flown(run, "failed", said)
+    row = rows["runs"][0]
+    if keeps(orders, run.number, troubled(row)):
+        write_log(flown, log_path(Path(orders.folder), run.number))
+    row["wall_s"] = time.perf_counter() - began
+    return rows
+
+
+def _rows(number: int, flown: Flown, scored: Score) -> Rows:
+    return {
+        "runs": [run_row(number, flown, scored)],
+        "faults": fault_rows(number, flown.scenario, flown.rows, scored),
+        "alarms": alarm_rows(number, flown.scenario, scored),
+        "episodes": episode_rows(number, flown.scenario, scored),
+    }
+
+
+def not_flown(run: Run, outcome: str, reason: str) -> Rows:
+    """The rows of a run that has no flight to show."""
+    row = {"run": run.number, "seed": run.data["seed"], "outcome": outcome, "reason": reason}
+    return {**{table: [] for table in TABLES}, "runs": [row]}
+
+
+def troubled(row: dict[str, Any]) -> bool:
+    """Whether an engineer would want to see the flight: lost, a fault missed, a healthy channel failed."""
+    return not row["survived"] or any(row[name] for name in ("missed", "false_alarms", "wrong_isolations"))
+
+
+def keeps(orders: Orders, number: int, in_trouble: bool) -> bool:
+    """Whether the log of a run is kept; a sample is spread evenly over the campaign."""
+    if orders.logs.startswith("sample:"):
+        return number % math.ceil(orders.runs / int(orders.logs.partition(":")[2])) == 0
+    return orders.logs == "all" or (orders.logs == "failures" and in_trouble)
+
+
+def log_path(folder: Path, number: int) -> Path:
+    """The log of a run: the same name whoever flies it, so that a second try replaces the first."""
+    return folder / f"run_{number:06d}.mcap"
+
+
+def write_log(flown: Flown, path: Path) -> None:
+    """The flight as ``rig fly`` logs it. RigError when the disk does not take it."""
+    verdict, first = flown.verdict, 0
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with LogWriter(path, flown.scenario.rate_hz, metadata(flown.scenario), [("scenario.toml", b"")]) as writer:
+        for count, events in flown.blocks:
+            part = slice(first, first + count)
+            writer.write(flown.rows[part], flown.timing[part], events)
+            first += count
+        writer.write(new_block(0), np.zeros(0, TIMING), flown.ended)
+        ended = {"digest": verdict.digest, "end_reason": flown.end_reason, "survived": str(verdict.survived)}
+        writer.close(ended)
+
+
+@cache
+def _warm() -> None:
+    """Compile the kernels, or load them, before the first clock runs."""
+    short = load(None, ["duration_s=0.01", "faults=[]"])
+    score(short, fly(short).rows)
+
+
+@cache
+def _tables(name: str) -> dict[str, Any]:
+    return aircraft.tables(name)
+
+
+@contextmanager
+def _limit(timeout_s: float) -> Iterator[None]:
+    """Let the system end this process when the block takes longer, even inside compiled code.
+
+    Who supervises it sees a worker die and flies the suspects alone.
+    """
+    signal.setitimer(signal.ITIMER_REAL, timeout_s)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+_one_at_a_time = threading.Lock()  # a cluster's worker may have several threads; JSBSim and the timer are the process's
+
+
+def fly_batch(runs: Sequence[Run], orders: Orders) -> Rows:
+    """Fly runs one after the other: their rows by table. RigError when this is another version of the rig."""
+    check_rig(orders)
+    with _one_at_a_time:
+        flown = [fly_run(run, orders) for run in runs]
+    return joined(flown)
+
+
+def joined(flown: Sequence[Rows]) -> Rows:
+    """The rows of several runs, by table."""
+    return {table: [row for rows in flown for row in rows[table]] for table in TABLES}
+
+
+def check_rig(orders: Orders) -> None:
+    """RigError when what flies here is not what the campaign is flown with."""
+    if rig_identity() != orders.rig:
+        raise RigError("a worker flies another version of the rig than this one; install the same everywhere")

@@ -1,0 +1,185 @@
+"""A campaign's output folder: whose it is, its parts, what is done.
+
+    campaign.json               the campaign and the rig that flies it
+    runs/000010-000019.parquet  a part, and the same name in faults/, alarms/ and episodes/
+    logs/run_000012.mcap        the logs that are kept
+
+A part is written beside and renamed, the one in ``runs`` last: a run is done when its row is there.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import io
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+import polars as pl
+
+from rig.campaign import table
+from rig.campaign.config import from_what
+from rig.campaign.identity import rig_identity
+from rig.campaign.plan import Plan
+from rig.campaign.rows import TABLES, Rows
+from rig.errors import BadInput, RigError
+
+_ABOUT: Final = "campaign.json"
+_FORMAT: Final = 1
+
+
+class Folder:
+    """One campaign's output; ``open_folder`` for one that is there, ``Folder.of`` to fly into."""
+
+    def __init__(self, path: Path, plan: Plan) -> None:
+        self.path = path
+        self.plan = plan
+
+    @property
+    def logs(self) -> Path:
+        """Where logs are kept."""
+        return self.path / "logs"
+
+    @classmethod
+    def of(cls, path: Path, plan: Plan) -> Folder:
+        """The folder to fly ``plan`` into: a new one, or one in which the same campaign was begun. Writes nothing.
+
+        BadInput: the folder is another campaign's, or something else's; the difference is named.
+        """
+        folder, about = cls(path, plan), path / _ABOUT
+        if about.is_file():
+            there = _read(about)
+            _refuse_other(path, there, folder.about())
+        elif path.exists() and (not path.is_dir() or any(path.iterdir())):
+            raise BadInput(f"--out {path}: is no campaign's folder, and not empty")
+        return folder
+
+    def about(self) -> dict[str, Any]:
+        """What ``campaign.json`` says."""
+        return {"format": _FORMAT, "rig": rig_identity(), **self.plan.identity()}
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Make the folder when there is none, and hold it alone; what an interrupted write left is swept away."""
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            lock = (self.path / "lock").open("w")
+        except OSError as error:
+            raise BadInput(f"--out {self.path}: cannot be written: {error.strerror}") from None
+        with lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                raise BadInput(f"--out {self.path}: another rig campaign run is flying into it") from None
+            self._sweep()
+            if not (self.path / _ABOUT).is_file():
+                self._write(self.path / _ABOUT, json.dumps(self.about(), indent=1).encode())
+            yield
+
+    def _sweep(self) -> None:
+        parts = set(self.parts())
+        for name in TABLES:
+            for path in (self.path / name).glob("*"):
+                if path.suffix == ".tmp" or path.stem not in parts:
+                    path.unlink()
+
+    def parts(self) -> list[str]:
+        """The names of the whole parts."""
+        return sorted(path.stem for path in (self.path / "runs").glob("*.parquet"))
+
+    def done(self) -> set[int]:
+        """The runs whose row is there."""
+        found: set[int] = set()
+        for part in self.parts():
+            path = self.path / "runs" / f"{part}.parquet"
+            try:
+                found |= set(pl.read_parquet(path, columns=["run"])["run"].to_list())
+            except (OSError, pl.exceptions.PolarsError) as error:
+                raise RigError(
+                    f"{path}: cannot be read: {' '.join(str(error).split())}; delete it to fly it again"
+                ) from None
+        return found
+
+    def write(self, rows: Rows) -> None:
+        """One part: all tables, ``runs`` last. RigError when the disk does not take it."""
+        numbers = [row["run"] for row in rows["runs"]]
+        name = f"{min(numbers):06d}-{max(numbers):06d}.parquet"
+        for kind in sorted(TABLES, key=lambda kind: kind == "runs"):
+            memory = io.BytesIO()
+            table.frame(self.plan, kind, rows[kind]).write_parquet(memory)
+            self._write(self.path / kind / name, memory.getvalue())
+
+    def _write(self, path: Path, data: bytes) -> None:
+        """Beside, on the disk, renamed: after any interruption all of it is there or nothing."""
+        draft = path.with_name(f"{path.name}.tmp")
+        try:
+            path.parent.mkdir(exist_ok=True)
+            with draft.open("wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            draft.replace(path)
+        except OSError as error:
+            draft.unlink(missing_ok=True)
+            raise RigError(f"{path}: cannot be written: {error.strerror}") from None
+
+    @cached_property
+    def tables(self) -> dict[str, pl.DataFrame]:
+        """All tables, sorted by run; a part whose ``runs`` is not there yet does not count."""
+        parts = self.parts()
+        return {name: table.read(self.path, name, parts) for name in TABLES}
+
+
+def open_folder(path: Path) -> Folder:
+    """The campaign in a folder. BadInput when there is none."""
+    about = path / _ABOUT
+    if not about.is_file():
+        raise BadInput(f"{path}: no campaign's folder: {_ABOUT} is missing")
+    return Folder(path, Plan(from_what(_read(about)["campaign"], str(about)), str(about)))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise BadInput(f"{path}: cannot be read: {error}") from None
+    if not isinstance(found, dict) or found.get("format") != _FORMAT:
+        raise BadInput(f"{path}: not of this version of the rig")
+    return found
+
+
+def _refuse_other(path: Path, there: dict[str, Any], here: dict[str, Any]) -> None:
+    differs = difference(there, here)
+    if differs:
+        raise BadInput(f"--out {path}: holds runs of another campaign: {differs[0]}")
+
+
+def difference(was: dict[str, Any], now: dict[str, Any]) -> list[str]:
+    """What two identities differ in, a line each."""
+    before, after = dict(_flat(was)), dict(_flat(now))
+    return [
+        f"{key} was {_shown(before, key)}, is {_shown(after, key)}"
+        for key in sorted({*before, *after})
+        if before.get(key, _NOTHING) != after.get(key, _NOTHING)
+    ]
+
+
+_NOTHING: Final = object()
+
+
+def _shown(flat: dict[str, Any], key: str) -> str:
+    return json.dumps(flat[key]) if key in flat else "not there"
+
+
+def _flat(data: Any, above: str = "") -> Iterator[tuple[str, Any]]:
+    """Every leaf of plain data with its dotted key."""
+    if isinstance(data, dict | list):
+        items = data.items() if isinstance(data, dict) else enumerate(data)
+        for key, value in items:
+            yield from _flat(value, f"{above}.{key}" if above else str(key))
+    else:
+        yield above, data

@@ -1,0 +1,121 @@
+"""The runs of a campaign: for each a number, a seed, what varies, and the scenario that is flown."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final
+
+from rig import aircraft
+from rig.campaign.config import Campaign
+from rig.campaign.sampling import Choice, choices, seed_of
+from rig.errors import BadInput
+from rig.scenario import Scenario, set_key
+from rig.settings import build
+
+CHECKED: Final = 5_000  # runs whose scenario is built before the first flight; beyond, one of each combination
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One flight of a campaign. ``data`` is its scenario's own table; the aircraft's tables come below it."""
+
+    number: int
+    choice: Choice
+    data: dict[str, Any]
+
+    @property
+    def aircraft(self) -> str:
+        """The aircraft's name. BadInput when it is none."""
+        name = self.data.get("aircraft", "f16")
+        if not isinstance(name, str):
+            raise BadInput(f"run {self.number}: aircraft: must be a name, got {name!r}")
+        return name
+
+    def scenario(self, tables: dict[str, Any] | None = None) -> Scenario:
+        """The scenario that is flown; ``tables``: the aircraft's, when they have been read already."""
+        below = aircraft.tables(self.aircraft) if tables is None else tables
+        return build(Scenario, aircraft.merge(below, self.data), f"run {self.number}")
+
+
+class Plan:
+    """A campaign's runs, each made when asked for."""
+
+    def __init__(self, campaign: Campaign, source: str) -> None:
+        """BadInput, naming ``source``: a ``[set]`` key that cannot be laid over the base."""
+        self.campaign = campaign
+        self.source = source
+        self._read: dict[str, dict[str, Any]] = {}  # tables of aircraft
+        self._base = campaign.base
+        for key, value in campaign.set.items():
+            self._base = set_key(self._base, key, value, f"{source}: set")
+        self._cases = {
+            (group, case.name): (case.set, f"{source}: cases.{group}.{case.name}")
+            for group, cases in campaign.cases.items()
+            for case in cases
+        }
+
+    def __len__(self) -> int:
+        return len(self.choices)
+
+    def count(self, runs: int | None) -> int:
+        """How many runs ``--runs`` asks for; BadInput when the plan has not so many."""
+        count = len(self) if runs is None else runs
+        if not 1 <= count <= len(self):
+            raise BadInput(f"--runs {count}: must be from 1 to the campaign's {len(self)}")
+        return count
+
+    @cached_property
+    def choices(self) -> list[Choice]:
+        """What each run varies."""
+        return choices(self.campaign)
+
+    def __getitem__(self, number: int) -> Run:
+        choice = self.choices[number]
+        data = self._base
+        for group in self.campaign.cases:
+            together, source = self._cases[group, choice[group]]
+            for key, value in together.items():
+                data = set_key(data, key, value, source)
+        for key, value in choice.items():
+            if key not in self.campaign.cases:
+                data = set_key(data, key, value, f"{self.source}: vary")
+        return Run(number, choice, {**data, "seed": seed_of(self.campaign, number)})
+
+    def check(self) -> None:
+        """Build the scenarios; BadInput names the file, the first bad run and its key."""
+        for number in sorted({*range(min(CHECKED, len(self))), *self._combinations}):
+            self._check(self[number])
+
+    def _check(self, run: Run) -> None:
+        try:
+            scenario = run.scenario(self._tables(run.aircraft))
+            scenario.airframe.point(scenario.flight_point)
+        except BadInput as error:
+            said = str(error).removeprefix(f"run {run.number}: ")
+            raise BadInput(f"{self.source}: run {run.number}: {said}") from None
+
+    def _tables(self, name: str) -> dict[str, Any]:
+        if name not in self._read:
+            self._read[name] = aircraft.tables(name)
+        return self._read[name]
+
+    def identity(self) -> dict[str, Any]:
+        """All that decides the table: the campaign, and the tables of every aircraft in it."""
+        names = sorted({self[number].aircraft for number in self._combinations})
+        return {"campaign": self.campaign.what(), "aircraft": {name: _sha256(self._tables(name)) for name in names}}
+
+    @cached_property
+    def _combinations(self) -> list[int]:
+        """The first run of every combination of what varies by name."""
+        firsts: dict[str, int] = {}
+        for number, choice in enumerate(self.choices):
+            names = [value for value in choice.values() if not isinstance(value, float)]
+            firsts.setdefault(json.dumps(names, default=str), number)
+        return list(firsts.values())
+
+
+def _sha256(data: Any) -> str:
+    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()

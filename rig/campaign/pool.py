@@ -1,0 +1,174 @@
+"""Where batches are flown: processes of this machine, or the workers of a Dask cluster.
+
+Both are a ``concurrent.futures.Executor``.  A task that its executor cannot bring to an end because a worker
+died raises one of ``lost``; the campaign then flies its runs alone.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from contextlib import contextmanager, suppress
+from multiprocessing.connection import wait
+from typing import Any, Final, Protocol
+
+from rig.errors import BadInput, RigError
+
+ANSWER_S: Final = 5.0  # how long a scheduler may take to answer
+_METHOD: Final = "forkserver" if sys.platform == "linux" else "spawn"
+# One flight uses one core: libraries that would start threads of their own only get into each other's way.
+_SINGLE: Final = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL", "NUMBA", "POLARS")}
+
+
+class Pool(Protocol):
+    """An executor that can be made anew after it broke."""
+
+    size: int  # tasks at a time
+    lost: tuple[type[BaseException], ...]
+    breaks: bool  # whether one dead worker takes all tasks with it
+
+    def submit(self, function: Any, *arguments: Any) -> Future[Any]:
+        """Hand out one task."""
+        ...
+
+    def renew(self) -> None:
+        """After a worker died: as good as new."""
+
+    def close(self, kill: bool = False) -> None:
+        """No more tasks; ``kill`` does not wait for those under way."""
+
+
+class Local:
+    """Processes of this machine."""
+
+    lost: tuple[type[BaseException], ...] = (BrokenExecutor,)
+    breaks = True
+
+    def __init__(self, workers: int) -> None:
+        self.size = workers
+        self._executor = self._new()
+
+    def _new(self) -> ProcessPoolExecutor:
+        context = multiprocessing.get_context(_METHOD)
+        if _METHOD == "forkserver":  # workers begin with everything imported, so a new one costs little
+            context.set_forkserver_preload(["rig.campaign.alone"])
+        return ProcessPoolExecutor(self.size, mp_context=context, initializer=_begin)
+
+    def submit(self, function: Any, *arguments: Any) -> Future[Any]:
+        """Hand out one task; one that cannot be taken any more fails as lost."""
+        try:
+            with _environment(_SINGLE):
+                return self._executor.submit(function, *arguments)
+        except BrokenExecutor as error:
+            lost: Future[Any] = Future()
+            lost.set_exception(error)
+            return lost
+
+    def renew(self) -> None:
+        """A dead worker breaks all of the executor."""
+        self._executor.shutdown(wait=True, cancel_futures=True)
+        self._executor = self._new()
+
+    def close(self, kill: bool = False) -> None:
+        """End the workers."""
+        if kill:
+            for process in list((self._executor._processes or {}).values()):  # it has no public way
+                process.kill()
+        self._executor.shutdown(wait=True, cancel_futures=True)
+
+
+class Cluster:
+    """The workers of a Dask cluster. Dask itself gives a lost worker's tasks to another, a few times."""
+
+    breaks = False
+
+    def __init__(self, address: str) -> None:
+        """BadInput when the scheduler does not answer, or has no worker."""
+        try:
+            from distributed import Client
+            from distributed.scheduler import KilledWorker
+        except ImportError:
+            raise BadInput("--scheduler: needs dask.distributed: pip install 'jsbsim-rig[cluster]'") from None
+        try:
+            with _quiet():
+                self._client = Client(address, timeout=ANSWER_S, set_as_default=False)
+        except (OSError, ValueError, RuntimeError) as error:
+            raise BadInput(f"--scheduler {address}: no answer: {_line(error)}") from None
+        threads: Any = self._client.nthreads()
+        self.size = sum(threads.values())
+        if self.size == 0:
+            self._client.close()
+            raise BadInput(f"--scheduler {address}: has no worker")
+        self._executor: Executor = self._client.get_executor(pure=False)
+        self.lost: tuple[type[BaseException], ...] = (KilledWorker,)
+
+    def submit(self, function: Any, *arguments: Any) -> Future[Any]:
+        """Hand out one task."""
+        return self._executor.submit(function, *arguments)
+
+    def renew(self) -> None:
+        """Nothing: the cluster replaces its workers itself."""
+
+    def close(self, kill: bool = False) -> None:
+        """Leave the cluster as it was."""
+        with _quiet():
+            self._executor.shutdown(wait=not kill)
+            self._client.close()
+
+
+def open_pool(workers: int, scheduler: str | None) -> Pool:
+    """The cluster of ``scheduler``, or ``workers`` processes."""
+    return Local(workers) if scheduler is None else Cluster(scheduler)
+
+
+def _begin() -> None:
+    """A worker's first act: Ctrl-C is the parent's, and without the parent there is nothing to do."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _end_with(sentinel: int) -> None:
+    wait([sentinel])
+    os._exit(1)
+
+
+@contextmanager
+def _environment(values: dict[str, str]) -> Iterator[None]:
+    """Environment variables for the processes that are started within; those that are set already stay."""
+    new = {name: value for name, value in values.items() if name not in os.environ}
+    os.environ.update(new)
+    try:
+        yield
+    finally:
+        for name in new:
+            os.environ.pop(name, None)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Dask logs what it tries; our one line says what came of it."""
+    import logging
+
+    logger = logging.getLogger("distributed")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        with suppress(RigError):
+            yield
+    finally:
+        logger.setLevel(level)
+
+
+def _line(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+__all__: Sequence[str] = ["Cluster", "Local", "Pool", "open_pool"]

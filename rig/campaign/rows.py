@@ -1,0 +1,177 @@
+"""The rows of one run, from its flight and its score."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from rig.faults import Fault
+from rig.frame import INDEX, SIGNALS, Block, Pattern
+from rig.scenario import Scenario
+from rig.score import FaultScore, Score
+
+if TYPE_CHECKING:
+    from rig.campaign.flying import Flown
+
+Row = dict[str, Any]
+Rows = dict[str, list[Row]]  # by table
+TABLES: Final[tuple[str, ...]] = ("runs", "faults", "alarms", "episodes")  # columns: table.py
+_OUTCOMES: Final = ("detected", "missed", "undetectable", "not executed")
+# The setting that says how large a fault is, by kind; kinds without one have no magnitude.
+SIZES: Final = {
+    "offset": ("offset",),
+    "drift": ("rate_per_s", "settles_at"),
+    "scale": ("factor",),
+    "noise": ("std",),
+    "oscillation": ("amplitude",),
+    "spikes": ("amplitude",),
+    "intermittent": ("gap_s",),
+    "delay": ("latency_s",),
+    "frame_skew": ("skew_s",),
+    "quantisation": ("step",),
+    "cross_talk": ("gain",),
+    "rate_loss": ("max_rate_per_s",),
+}
+
+
+def run_row(number: int, flown: Flown, scored: Score) -> Row:
+    """The row of table ``runs``."""
+    scenario, verdict = flown.scenario, flown.verdict
+    outcomes, transients = [fault.outcome for fault in scored.faults], scored.flight.transients
+    return {
+        "run": number,
+        "seed": scenario.seed,
+        "aircraft": scenario.aircraft,
+        "flight_point": scenario.airframe.point(scenario.flight_point).name,
+        "manager": scenario.redundancy.manager,
+        "outcome": "flown",
+        "digest": verdict.digest,
+        "frames": verdict.frames,
+        "duration_s": verdict.frames / scenario.rate_hz,
+        "survived": verdict.survived,
+        "end_reason": flown.end_reason,
+        **{name: _number(value) for name, value in asdict(verdict.peaks).items()},
+        **{outcome.replace(" ", "_"): outcomes.count(outcome) for outcome in _OUTCOMES},
+        "false_alarms": len(scored.false_alarms),
+        "wrong_isolations": len(scored.wrong_isolations),
+        "channel_hours": channel_hours(scenario, verdict.frames, scored),
+        "vote_above_threshold_s": sum(error.above_threshold_s for error in scored.vote_error.values()),
+        "unresolved": scored.unresolved,
+        "out_of_limits_s": None if transients is None else transients.out_of_limits_s,
+        "coverage": _coverage(scored),
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _coverage(scored: Score) -> str:
+    """As JSON, without the signals of which nothing but normal was seen."""
+    seen = {name: asdict(c) for name, c in scored.coverage.items() if len(c.patterns) > 1 or len(c.levels) > 1}
+    return json.dumps({**seen, "overall": asdict(scored.coverage["overall"])}, sort_keys=True)
+
+
+def channel_hours(scenario: Scenario, frames: int, scored: Score) -> float:
+    """Hours of fitted channels without a fault: each counts until the first fault acts on it."""
+    onsets: dict[tuple[str, int], int] = {}
+    for fault in scored.faults:
+        if fault.channel is not None and fault.onset_frame is not None:
+            place = fault.signal, fault.channel
+            onsets[place] = min(onsets.get(place, frames), fault.onset_frame)
+    channels = sum(getattr(scenario.sensors, signal.name).channels for signal in SIGNALS)
+    faulty = sum(frames - onset for onset in onsets.values())
+    return (channels * frames - faulty) / scenario.rate_hz / 3600.0
+
+
+def fault_rows(number: int, scenario: Scenario, rows: Block, scored: Score) -> list[Row]:
+    """The rows of table ``faults``: one a fault and channel."""
+    blamed = {alarm.signal for alarm in scored.wrong_isolations}
+    return [_fault_row(number, scenario, rows, fault, blamed) for fault in scored.faults]
+
+
+def _fault_row(number: int, scenario: Scenario, rows: Block, fault: FaultScore, blamed: set[str]) -> Row:
+    period_s = 1.0 / scenario.rate_hz
+    time_s = lambda frame: None if frame is None else frame * period_s  # noqa: E731 # a frame's time, where there is one
+    right = "right" if fault.outcome == "detected" else "none"
+    return {
+        "run": number,
+        "fault": fault.index,
+        "id": fault.id,
+        "signal": fault.signal,
+        "channel": fault.channel,
+        "kind": fault.kind,
+        "magnitude": magnitude(scenario.faults[fault.index]),
+        "onset_s": time_s(fault.onset_frame),
+        "exceeded_s": time_s(fault.exceeded_frame),
+        "failed_s": time_s(fault.failed_frame),
+        "outcome": fault.outcome,
+        "delay_from_onset_s": time_s(fault.delay_from_onset_frames),
+        "delay_from_exceeded_s": time_s(fault.delay_from_exceeded_frames),
+        "isolation": "wrong" if fault.signal in blamed else right,
+        "resolver": fault.resolver,
+        "pattern": _pattern(rows, fault),
+    }
+
+
+def magnitude(fault: Fault) -> float | None:
+    """How large a fault is, without its sign: its setting in SIZES, of a scale its distance from 1."""
+    for name in SIZES.get(fault.kind, ()):
+        value = getattr(fault, name)
+        if value is not None:
+            return abs(1.0 - value) if name == "factor" else abs(float(value))
+    return None
+
+
+def _pattern(rows: Block, fault: FaultScore) -> str | None:
+    """How the channels stood when the fault was decided upon: in the frame before its failure, else the worst."""
+    if fault.signal not in INDEX or fault.onset_frame is None:
+        return None
+    begin = fault.onset_frame - int(rows["frame"][0])
+    seen = rows["pattern"][begin:, INDEX[fault.signal]]
+    if not len(seen):
+        return None
+    if fault.failed_frame is not None:
+        return Pattern(int(seen[max(0, fault.failed_frame - fault.onset_frame - 1)])).label
+    singular = seen[(seen >= Pattern.P2_2) & (seen <= Pattern.P1_1)]
+    return Pattern(int(singular[0] if len(singular) else np.max(seen))).label
+
+
+def alarm_rows(number: int, scenario: Scenario, scored: Score) -> list[Row]:
+    """The rows of table ``alarms``: healthy channels that were failed."""
+    period_s = 1.0 / scenario.rate_hz
+    kinds = (("false alarm", scored.false_alarms), ("wrong isolation", scored.wrong_isolations))
+    return [
+        {
+            "run": number,
+            "kind": kind,
+            "signal": alarm.signal,
+            "channel": alarm.channel,
+            "time_s": alarm.frame * period_s,
+            "resolver": alarm.resolver,
+        }
+        for kind, alarms in kinds
+        for alarm in alarms
+    ]
+
+
+def episode_rows(number: int, scenario: Scenario, scored: Score) -> list[Row]:
+    """The rows of table ``episodes``: stretches without a majority, who was asked and what came of it."""
+    return [
+        {
+            "run": number,
+            "signal": episode.signal,
+            "pattern": episode.pattern,
+            "begin_s": episode.first_frame / scenario.rate_hz,
+            "frames": episode.frames,
+            "asked": list(episode.asked),
+            "resolver": episode.resolver,
+            "failed": list(episode.failed),
+            "verdict": episode.verdict,
+        }
+        for episode in scored.episodes
+    ]

@@ -1,0 +1,232 @@
+"""Flying a campaign: hand out the runs that are missing, write each batch when it comes back.
+
+A worker's death costs only time: what was in flight is flown again, alone (alone.py).  Ctrl-C lets the batches
+under way come in.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from rig.campaign import table
+from rig.campaign.alone import fly_alone
+from rig.campaign.flying import Orders, fly_batch
+from rig.campaign.folder import Folder
+from rig.campaign.identity import rig_identity
+from rig.campaign.plan import Plan, Run
+from rig.campaign.pool import Pool, open_pool
+from rig.campaign.rows import Rows
+from rig.errors import RigError
+from rig.loop import Stop
+
+AHEAD: Final = 2  # batches handed out for each worker: one it flies, one that waits
+PATIENCE: Final = 10  # workers that may die in a row without a single batch coming in
+
+
+Task = tuple[Callable[[Sequence[Run], Orders], Rows], list[int]]
+
+
+@dataclass
+class Progress:
+    """How far a campaign is."""
+
+    runs: int
+    done: int
+    flown: int = 0  # in this call
+    outcomes: Counter[str] = field(default_factory=Counter)  # of this call's runs, and of them the lost aircraft
+    began: float = field(default_factory=time.perf_counter)
+
+    @property
+    def flights_per_s(self) -> float:
+        """Rate of this call."""
+        return self.flown / max(time.perf_counter() - self.began, 1e-9)
+
+    def add(self, rows: Rows) -> None:
+        """Count the runs of a batch."""
+        self.done += len(rows["runs"])
+        self.flown += len(rows["runs"])
+        self.outcomes.update(row["outcome"] for row in rows["runs"])
+        self.outcomes["lost"] += sum(row.get("survived") is False for row in rows["runs"])
+
+
+Report = Callable[[Progress], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What a call of ``run`` came to."""
+
+    out: Path
+    runs: int
+    done: int
+    flown: int
+    outcomes: dict[str, int]  # of all runs that are done
+    table_sha256: str
+    flights_per_s: float
+    wall_s: float
+    interrupted: bool
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data, as ``rig campaign run --json`` prints it."""
+        counts = {name.replace(" ", "_"): self.outcomes.get(name, 0) for name in ("crashed", "timed out", "failed")}
+        return {
+            "out": str(self.out),
+            "runs": self.runs,
+            "done": self.done,
+            **counts,
+            "table_sha256": self.table_sha256,
+            "flown_now": self.flown,
+            "flights_per_s": self.flights_per_s,
+            "wall_s": self.wall_s,
+            "interrupted": self.interrupted,
+        }
+
+
+def run(
+    plan: Plan,
+    out: Path,
+    *,
+    runs: int | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    logs: str | None = None,
+    report: Report | None = None,
+) -> Result:
+    """Fly the runs of ``plan`` (the first ``runs`` of them) that ``out`` does not hold yet.
+
+    workers, logs : in place of the campaign file's; scheduler : a Dask scheduler's address
+    BadInput before anything is written; RigError when the disk is full or workers keep dying.
+    """
+    how = plan.campaign.run
+    count = plan.count(runs)
+    plan.check()
+    folder = Folder.of(out, plan)
+    orders = Orders(
+        logs=logs or how.logs,
+        runs=len(plan),
+        folder=str(folder.logs.absolute()),
+        timeout_s=how.timeout_s,
+        twin=plan.campaign.twin,
+        rig=rig_identity(),
+    )
+    pool = open_pool(workers or how.workers, scheduler)
+    kill = True
+    try:
+        with folder.held(), _interruptible() as stop:
+            done = folder.done()
+            missing = [number for number in range(count) if number not in done]
+            progress = Progress(count, count - len(missing))
+            try:
+                _Flying(plan, pool, folder, orders, progress).fly(missing, how.batch, stop, report)
+            except RigError as error:
+                raise RigError(f"{error}; {progress.done} of {count} runs done, the same command goes on") from None
+            kill = False
+            return _result(folder, count, progress, stop.requested)
+    finally:
+        pool.close(kill)
+
+
+@dataclass
+class _Flying:
+    """Batches on their way through a pool."""
+
+    plan: Plan
+    pool: Pool
+    folder: Folder
+    orders: Orders
+    progress: Progress
+    out: dict[Future[Rows], list[int]] = field(default_factory=dict)  # handed out
+    deaths: int = 0  # of workers, since a batch last came in
+
+    def fly(self, missing: Sequence[int], size: int, stop: Stop, report: Report | None) -> None:
+        """Hand out and take in until nothing waits, or, asked to stop, until nothing is under way."""
+        waiting: deque[Task] = deque(
+            (fly_batch, list(missing[first : first + size])) for first in range(0, len(missing), size)
+        )
+        while self.out or (waiting and not stop.requested):
+            if stop.requested:
+                self.out = {future: numbers for future, numbers in self.out.items() if not future.cancel()}
+            else:
+                self._hand_out(waiting)
+            lost = self._take_in()
+            if lost:
+                self.deaths += 1
+                if self.deaths > PATIENCE:
+                    raise RigError("workers keep dying before any batch comes in")
+                self.pool.renew()
+                waiting.extendleft((fly_alone, numbers) for numbers in reversed(lost))
+            if report is not None:
+                report(self.progress)
+
+    def _hand_out(self, waiting: deque[Task]) -> None:
+        while waiting and len(self.out) < AHEAD * self.pool.size:
+            function, numbers = waiting.popleft()
+            runs = [self.plan[number] for number in numbers]
+            self.out[self.pool.submit(function, runs, self.orders)] = numbers
+
+    def _take_in(self) -> list[list[int]]:
+        """Write the batches that have come in; the runs of those that are lost with their worker."""
+        came = wait(self.out, timeout=0.5, return_when=FIRST_COMPLETED).done
+        if self.pool.breaks and any(isinstance(future.exception(), self.pool.lost) for future in came):
+            came = wait(self.out).done  # none of the others will be flown either
+        lost = []
+        for future in came:
+            numbers = self.out.pop(future)
+            try:
+                rows = future.result()
+            except self.pool.lost:
+                lost.append(numbers)
+            except RigError:
+                raise
+            except Exception as error:
+                said = " ".join(str(error).split())
+                raise RigError(f"a worker failed: {type(error).__name__}: {said}") from error
+            else:
+                self.folder.write(rows)
+                self.progress.add(rows)
+                self.deaths = 0
+        return lost
+
+
+def _result(folder: Folder, count: int, progress: Progress, interrupted: bool) -> Result:
+    tables = folder.tables
+    outcomes = tables["runs"]["outcome"].to_list()
+    return Result(
+        out=folder.path,
+        runs=count,
+        done=progress.done,
+        flown=progress.flown,
+        outcomes=dict(Counter(outcomes)),
+        table_sha256=table.sha256(tables),
+        flights_per_s=progress.flights_per_s,
+        wall_s=time.perf_counter() - progress.began,
+        interrupted=interrupted and progress.done < count,
+    )
+
+
+@contextmanager
+def _interruptible() -> Iterator[Stop]:
+    """The first Ctrl-C asks for an end after the batches under way; a second one is Python's own."""
+    stop = Stop()
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+
+    def ask(number: int, frame: object) -> None:
+        stop.requested = True
+        signal.signal(signal.SIGINT, before)
+
+    before = signal.signal(signal.SIGINT, ask)
+    try:
+        yield stop
+    finally:
+        signal.signal(signal.SIGINT, before)

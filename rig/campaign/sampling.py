@@ -1,0 +1,111 @@
+"""Which values a run gets: points of the unit cube, or of a grid, mapped to the values of the varied keys.
+
+Every key of ``vary`` and every group of cases is one dimension; what cases vary within them shares the
+dimensions behind their group's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+from typing import Any, Final
+
+import numpy as np
+from numpy.random import SeedSequence
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from rig.campaign.config import Campaign, Case, Distribution, Levels, Vary
+
+_POINTS: Final = 0  # spawn keys of a campaign's seed: where the points are drawn from,
+_RUNS: Final = 1  # and above it the runs' own seeds
+Choice = dict[str, Any]  # the varied keys of a run, and the names of its cases by group
+
+
+def seed_of(campaign: Campaign, run: int) -> int:
+    """The seed of one run's flight: from the campaign's seed and the run's number alone."""
+    state = SeedSequence(campaign.seed, spawn_key=(_RUNS, run)).generate_state(1, np.uint64)
+    return int(state[0]) >> 1
+
+
+def choices(campaign: Campaign) -> list[Choice]:
+    """What each run varies, in the order of the runs."""
+    if campaign.sampling != "grid":
+        return [_at(campaign, list(map(float, point))) for point in _points(campaign)]
+    grid = [_joined(parts) for parts in product(*_axes(campaign))]
+    count = campaign.runs or len(grid)
+    return [grid[run % len(grid)] for run in range(count)]  # beyond the grid: around again, with new seeds
+
+
+def _axes(campaign: Campaign) -> Iterator[list[Choice]]:
+    for name, cases in campaign.cases.items():
+        yield [{name: case.name, **inside} for case in cases for inside in _inside(case)]
+    for key, vary in campaign.vary.items():
+        yield [{key: value} for value in levels(vary)]
+
+
+def _inside(case: Case) -> list[Choice]:
+    """The points of the grid within a case."""
+    axes = ([{key: value} for value in levels(vary)] for key, vary in case.vary.items())
+    return [_joined(parts) for parts in product(*axes)]
+
+
+def _joined(parts: tuple[Choice, ...]) -> Choice:
+    return {key: value for part in parts for key, value in part.items()}
+
+
+def levels(vary: Vary) -> list[Any]:
+    """The values of a grid's axis."""
+    if isinstance(vary, Levels):
+        return vary.values
+    count = vary.levels or 1
+    if isinstance(vary, Distribution):
+        return [value(vary, (i + 0.5) / count) for i in range(count)]
+    if count == 1:
+        return [value(vary, 0.5)]
+    points = (np.geomspace if vary.log else np.linspace)(vary.low, vary.high, count).tolist()
+    return [round(point) for point in points] if vary.whole else points
+
+
+def value(vary: Vary, share: float) -> Any:
+    """The value below which ``share`` (0 to 1, excluded) of what varies lies."""
+    if isinstance(vary, Levels):
+        return vary.values[int(share * len(vary.values))]
+    if isinstance(vary, Distribution):
+        low, high = vary.shares()
+        return float(np.clip(vary.frozen().ppf(low + share * (high - low)), vary.low, vary.high))
+    if vary.whole:
+        return int(vary.low) + int(share * (int(vary.high) - int(vary.low) + 1))
+    if vary.log:
+        return float(vary.low * (vary.high / vary.low) ** share)
+    return float(vary.low + share * (vary.high - vary.low))
+
+
+def _at(campaign: Campaign, point: list[float]) -> Choice:
+    """What a point of the unit cube means."""
+    rest = iter(point)
+    chosen: Choice = {}
+    for name, cases in campaign.cases.items():
+        case = cases[int(next(rest) * len(cases))]
+        shares = [next(rest) for _ in range(_depth(cases))]
+        chosen[name] = case.name
+        inside = zip(case.vary.items(), shares, strict=False)  # a case may vary fewer keys than its group's most
+        chosen |= {key: value(vary, share) for (key, vary), share in inside}
+    return chosen | {key: value(vary, next(rest)) for key, vary in campaign.vary.items()}
+
+
+def _depth(cases: list[Case]) -> int:
+    return max(len(case.vary) for case in cases)
+
+
+def _points(campaign: Campaign) -> NDArray[np.float64]:
+    """(runs, dimensions) points of the unit cube."""
+    runs = campaign.runs or 1
+    dimensions = len(campaign.vary) + sum(1 + _depth(cases) for cases in campaign.cases.values())
+    rng = np.random.default_rng(SeedSequence(campaign.seed, spawn_key=(_POINTS,)))
+    if campaign.sampling == "random" or dimensions == 0:
+        return rng.random((runs, dimensions))
+    if campaign.sampling == "latin-hypercube":
+        return qmc.LatinHypercube(dimensions, rng=rng).random(runs)
+    power = max(0, (runs - 1).bit_length())  # Sobol's points are balanced in powers of two
+    return qmc.Sobol(dimensions, rng=rng).random_base2(power)[:runs]

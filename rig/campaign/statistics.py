@@ -1,0 +1,199 @@
+"""Exact intervals, the smallest detectable magnitude, a paired comparison. Plain numbers in, plain numbers out.
+
+Sources: Clopper and Pearson, Biometrika 26 (1934); Garwood, Biometrika 28 (1936), for Poisson counts; McNemar,
+Psychometrika 12 (1947), in its exact conditional form.  tests/test_campaign_statistics.py holds all of them to
+published figures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import exp, log
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq, minimize_scalar
+from scipy.special import log_expit, logit
+from scipy.stats import binomtest, chi2
+
+CONFIDENCE: Final = 0.95
+_STEEPEST: Final = log(1e3)  # slopes of the logistic fit, natural logarithm, per unit of ln magnitude
+_FLATTEST: Final = log(0.1)
+_FARTHEST: Final = log(1e3)  # an interval's end is looked for within this factor of the magnitudes tried
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """``count`` of ``of``, with an interval; of trials a probability, of hours a rate an hour."""
+
+    count: int
+    of: float
+    value: float | None  # None: nothing was tried
+    low: float | None
+    high: float | None
+
+
+def proportion(count: int, trials: int, confidence: float = CONFIDENCE) -> Rate:
+    """A probability with its Clopper-Pearson interval."""
+    if trials == 0:
+        return Rate(0, 0, None, None, None)
+    interval = binomtest(count, trials).proportion_ci(confidence_level=confidence, method="exact")
+    return Rate(count, trials, count / trials, float(interval.low), float(interval.high))
+
+
+def poisson(count: int, hours: float, confidence: float = CONFIDENCE) -> Rate:
+    """A rate an hour with its exact Poisson interval."""
+    if hours <= 0:
+        return Rate(count, 0.0, None, None, None)
+    tail = (1.0 - confidence) / 2.0
+    low = chi2.ppf(tail, 2 * count) / 2.0 if count else 0.0
+    high = chi2.ppf(1.0 - tail, 2 * count + 2) / 2.0
+    return Rate(count, hours, count / hours, float(low / hours), float(high / hours))
+
+
+@dataclass(frozen=True, slots=True)
+class Magnitude:
+    """The magnitude that is detected with a probability; an end is None where the data do not bound it."""
+
+    probability: float
+    value: float
+    low: float | None
+    high: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Detectable:
+    """A logistic fit of detection over the logarithm of the magnitude."""
+
+    trials: int
+    detected: int
+    slope: float | None  # per unit of ln magnitude; None when the trials are separated
+    separated: bool  # every magnitude above some value was detected, none below: only the gap is known
+    magnitudes: list[Magnitude]
+
+
+def detectable(
+    magnitudes: NDArray[np.float64],
+    detected: NDArray[np.bool_],
+    probabilities: tuple[float, ...] = (0.5, 0.99),
+    confidence: float = CONFIDENCE,
+) -> Detectable | None:
+    """The smallest detectable magnitude, from trials (n,) of magnitudes above 0 and whether each was detected.
+
+        logit P(detected) = slope (ln magnitude - ln m50)
+
+    Maximum likelihood, rising slopes only; intervals by profile likelihood.  When the trials are separated the
+    likelihood has no maximum: the value is then the middle of the gap (in the logarithm).  None when all were
+    detected or none was: then there is nothing to fit.
+    """
+    x, n, k = _grouped(magnitudes, detected)
+    if k.sum() in (0, n.sum()) or len(x) < 2:
+        return None
+    fit = _Logistic(x, n, k)
+    separated = float(x[k > 0].min()) >= float(x[k < n].max())
+    found = [_magnitude(fit, p, separated, confidence) for p in probabilities]
+    slope = None if separated else exp(fit.best[1])
+    return Detectable(int(n.sum()), int(k.sum()), slope, separated, found)
+
+
+def _grouped(magnitudes: NDArray[np.float64], detected: NDArray[np.bool_]) -> tuple[NDArray[np.float64], ...]:
+    """ln of each different magnitude, trials and detections there."""
+    usable = np.isfinite(magnitudes) & (magnitudes > 0)
+    x, index = np.unique(np.log(magnitudes[usable]), return_inverse=True)
+    n, k = np.zeros(len(x)), np.zeros(len(x))
+    np.add.at(n, index, 1.0)
+    np.add.at(k, index, detected[usable].astype(float))
+    return x, n, k
+
+
+class _Logistic:
+    """The likelihood of (x, ln slope), x being where a given probability is reached."""
+
+    def __init__(self, x: NDArray[np.float64], n: NDArray[np.float64], k: NDArray[np.float64]) -> None:
+        self.x, self.n, self.k = x, n, k
+        gap = (float(x[k > 0].min()) + float(x[k < n].max())) / 2.0
+        self.middle = gap
+        self.best = self._climb()
+
+    def loss(self, at: float, steepness: float, shift: float) -> float:
+        """Minus the log likelihood; ``shift`` is the logit of the probability that is reached at ``at``."""
+        z = exp(steepness) * (self.x - at) + shift
+        return float(-(self.k * log_expit(z) + (self.n - self.k) * log_expit(-z)).sum())
+
+    def profile(self, at: float, shift: float) -> float:
+        """The least loss over all slopes."""
+        return float(self._slope(at, shift).fun)
+
+    def _slope(self, at: float, shift: float) -> Any:
+        # Not convex in the slope: a coarse look first.
+        grid = np.linspace(_FLATTEST, _STEEPEST, 25)
+        near = int(np.argmin([self.loss(at, s, shift) for s in grid]))
+        bounds = (grid[max(near - 1, 0)], grid[min(near + 1, len(grid) - 1)])
+        return minimize_scalar(lambda s: self.loss(at, s, shift), bounds=bounds, method="bounded")
+
+    def _climb(self) -> tuple[float, float]:
+        """(ln m50, ln slope) of the largest likelihood."""
+        grid = np.linspace(self.x[0], self.x[-1], 41)
+        near = int(np.argmin([self.profile(at, 0.0) for at in grid]))
+        bounds = (grid[max(near - 1, 0)], grid[min(near + 1, len(grid) - 1)])
+        found: Any = minimize_scalar(
+            lambda m: self.profile(m, 0.0), bounds=bounds, method="bounded", options={"xatol": 1e-9}
+        )
+        return float(found.x), float(self._slope(float(found.x), 0.0).x)
+
+    @property
+    def least(self) -> float:
+        """The loss of the best fit."""
+        return self.loss(*self.best, 0.0)
+
+
+def _magnitude(fit: _Logistic, probability: float, separated: bool, confidence: float) -> Magnitude:
+    shift = float(logit(probability))
+    best = fit.middle if separated else fit.best[0] + shift / exp(fit.best[1])
+    limit = fit.least + float(chi2.ppf(confidence, 1)) / 2.0
+
+    def above(at: float) -> float:
+        return fit.profile(at, shift) - limit
+
+    low = _crossing(above, best, best - _FARTHEST)
+    high = _crossing(above, best, best + _FARTHEST)
+    ends = [None if end is None else exp(end) for end in (low, high)]
+    return Magnitude(probability, exp(best), ends[0], ends[1])
+
+
+def _crossing(above: Callable[[float], float], inside: float, outside: float) -> float | None:
+    """Where the profile leaves the interval between ``inside`` and ``outside``; None when it does not."""
+    step, last = (outside - inside) / 200.0, inside
+    for i in range(1, 201):
+        at = inside + i * step
+        if above(at) > 0.0:
+            return _root(above, last, at) if above(last) <= 0.0 else last
+        last = at
+    return None
+
+
+def _root(function: Callable[[float], float], a: float, b: float) -> float:
+    found: Any = brentq(function, a, b, xtol=1e-9)
+    return float(found)
+
+
+@dataclass(frozen=True, slots=True)
+class McNemar:
+    """Pairs of runs that came out differently under two managers, and how likely that is by chance."""
+
+    both: int
+    only_first: int
+    only_second: int
+    neither: int
+    p_value: float  # two-sided, exact
+    odds_ratio: float | None  # only first to only second; None when it is not finite
+
+
+def mcnemar(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> McNemar:
+    """Exact paired comparison of two outcomes (n,) of the same trials."""
+    b, c = int((first & ~second).sum()), int((~first & second).sum())
+    p = 1.0 if b + c == 0 else float(binomtest(b, b + c, 0.5).pvalue)
+    both, neither = int((first & second).sum()), int((~first & ~second).sum())
+    return McNemar(both, b, c, neither, p, b / c if c else None)

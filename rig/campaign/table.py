@@ -1,0 +1,156 @@
+"""The campaign's tables: their columns, reading them from a folder's parts, their hash.
+
+runs      one row a run
+faults    one row a fault and channel of a run
+alarms    one row a healthy channel that was failed in a run
+episodes  one row a stretch of a run in which a signal had one pattern without a majority
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, Final
+
+import polars as pl
+
+from rig.campaign.plan import Plan
+from rig.campaign.rows import TABLES, Row
+from rig.verdict import Peaks
+
+WALL_CLOCK: Final = ("wall_s",)  # no part of what must be the same in every run of a campaign
+
+RUNS: Final[dict[str, Any]] = {
+    "run": pl.Int64,
+    "seed": pl.Int64,
+    "aircraft": pl.String,
+    "flight_point": pl.String,
+    "manager": pl.String,
+    "outcome": pl.String,  # flown, crashed, timed out, failed
+    "reason": pl.String,  # of one that was not flown
+    "digest": pl.String,
+    "frames": pl.Int64,
+    "duration_s": pl.Float64,
+    "survived": pl.Boolean,
+    "end_reason": pl.String,
+    **{field.name: pl.Float64 for field in fields(Peaks)},
+    "detected": pl.Int64,
+    "missed": pl.Int64,
+    "undetectable": pl.Int64,
+    "not_executed": pl.Int64,
+    "false_alarms": pl.Int64,
+    "wrong_isolations": pl.Int64,
+    "channel_hours": pl.Float64,
+    "vote_above_threshold_s": pl.Float64,
+    "unresolved": pl.Int64,  # episodes
+    "out_of_limits_s": pl.Float64,  # against the twin, where it was flown
+    "coverage": pl.String,  # JSON
+    "wall_s": pl.Float64,
+}
+FAULTS: Final[dict[str, Any]] = {
+    "run": pl.Int64,
+    "fault": pl.Int64,  # its place in the scenario, from 0
+    "id": pl.String,
+    "signal": pl.String,
+    "channel": pl.Int64,
+    "kind": pl.String,
+    "magnitude": pl.Float64,
+    "onset_s": pl.Float64,
+    "exceeded_s": pl.Float64,
+    "failed_s": pl.Float64,
+    "outcome": pl.String,  # detected, missed, undetectable, not executed
+    "delay_from_onset_s": pl.Float64,
+    "delay_from_exceeded_s": pl.Float64,
+    "isolation": pl.String,  # right, wrong, none
+    "resolver": pl.String,
+    "pattern": pl.String,
+}
+ALARMS: Final[dict[str, Any]] = {
+    "run": pl.Int64,
+    "kind": pl.String,  # false alarm, wrong isolation
+    "signal": pl.String,
+    "channel": pl.Int64,
+    "time_s": pl.Float64,
+    "resolver": pl.String,
+}
+EPISODES: Final[dict[str, Any]] = {
+    "run": pl.Int64,
+    "signal": pl.String,
+    "pattern": pl.String,
+    "begin_s": pl.Float64,
+    "frames": pl.Int64,
+    "asked": pl.List(pl.String),
+    "resolver": pl.String,  # whose answer stood at its end; unresolved when nobody's
+    "failed": pl.List(pl.Int64),
+    "verdict": pl.String,  # right, wrong, open
+}
+COLUMNS: Final = dict(zip(TABLES, (RUNS, FAULTS, ALARMS, EPISODES), strict=True))
+_ORDER: Final = {
+    "runs": ["run"],
+    "faults": ["run", "fault", "channel"],
+    "alarms": ["run", "time_s", "signal", "channel"],
+    "episodes": ["run", "begin_s", "signal"],
+}
+
+
+def varied_columns(plan: Plan) -> dict[str, Any]:
+    """The columns of what varies: a key of the scenario or a group of cases each, typed by all their values."""
+    values: dict[str, set[type]] = {}
+    for choice in plan.choices:
+        for key, value in choice.items():
+            values.setdefault(key, set()).add(type(value))
+    return {key: _type(types) for key, types in values.items() if key not in RUNS}
+
+
+def _type(types: set[type]) -> Any:
+    if types <= {int, float}:
+        return pl.Int64 if types == {int} else pl.Float64
+    return pl.Boolean if types == {bool} else pl.String
+
+
+def schema(plan: Plan, table: str) -> dict[str, Any]:
+    """Column names and types of one table; ``runs`` has what varies behind its number and seed."""
+    if table != "runs":
+        return COLUMNS[table]
+    first = {"run": RUNS["run"], "seed": RUNS["seed"]}
+    return {**first, **varied_columns(plan), **{k: v for k, v in RUNS.items() if k not in first}}
+
+
+def frame(plan: Plan, table: str, rows: Sequence[Row]) -> pl.DataFrame:
+    """Rows as a typed table, what varies written beside them."""
+    columns = schema(plan, table)
+    if table == "runs":
+        rows = [{**_varied(plan, row["run"], columns), **row} for row in rows]
+    return pl.DataFrame([{name: row.get(name) for name in columns} for row in rows], schema=columns)
+
+
+def _varied(plan: Plan, run: int, columns: dict[str, Any]) -> Row:
+    choice = {key: value for key, value in plan.choices[run].items() if key in columns}
+    text = {key for key in choice if columns[key] == pl.String}
+    return {key: _text(value) if key in text else value for key, value in choice.items()}
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else json.dumps(value, sort_keys=True)
+
+
+def read(folder: Path, table: str, parts: Iterable[str]) -> pl.DataFrame:
+    """The named parts of one table, in the order of the runs."""
+    frames = [pl.read_parquet(folder / table / f"{part}.parquet", hive_partitioning=False) for part in sorted(parts)]
+    if not frames:
+        return pl.DataFrame(schema=COLUMNS[table])
+    return pl.concat(frames).sort(_ORDER[table], maintain_order=True)
+
+
+def sha256(tables: dict[str, pl.DataFrame]) -> str:
+    """One hash of all tables: sorted rows, every number written out exactly, no wall-clock column."""
+    digest = hashlib.sha256()
+    for name in TABLES:
+        plain = tables[name].drop(WALL_CLOCK, strict=False)
+        digest.update(json.dumps([name, plain.columns, [str(t) for t in plain.dtypes]]).encode())
+        for row in plain.iter_rows():
+            digest.update(json.dumps(row, allow_nan=False).encode())
+    return digest.hexdigest()

@@ -1,0 +1,163 @@
+"""What varies, how it is sampled, and what is refused before anything is flown."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rig.campaign.config import find, read
+from rig.campaign.plan import Plan
+from rig.campaign.sampling import seed_of
+from rig.errors import BadInput
+
+BASE = 'base = "f16_pitch_rate_hardover"\n'
+NORMAL = 'distribution = "norm", parameters = { loc = 0.2, scale = 0.1 }'
+
+
+def plan(tmp_path: Path, text: str) -> Plan:
+    path = tmp_path / "campaign.toml"
+    path.write_text(BASE + text)
+    return Plan(read(path), "campaign.toml")
+
+
+def column(made: Plan, key: str) -> list[object]:
+    return [choice.get(key) for choice in made.choices]
+
+
+def test_a_grid_has_every_combination_once_and_goes_around_again_with_new_seeds(tmp_path: Path):
+    text = '[vary]\nduration_s = [1.0, 2.0]\n"faults.0.start_s" = { low = 1.0, high = 100.0, log = true, levels = 3 }\n'
+    once = plan(tmp_path, text)
+    pairs = list(zip(column(once, "duration_s"), column(once, "faults.0.start_s"), strict=True))
+    assert pairs == [(d, pytest.approx(s)) for d in (1.0, 2.0) for s in (1.0, 10.0, 100.0)]
+    again = plan(tmp_path, "runs = 8\n" + text)
+    assert again.choices[6] == again.choices[0]
+    assert again[6].data["seed"] != again[0].data["seed"]
+
+
+def test_cases_lay_their_keys_together_and_vary_within_themselves(tmp_path: Path):
+    made = plan(
+        tmp_path,
+        """
+        [[cases.kind]]
+        name = "offset"
+        set = { "faults.0" = { kind = "offset", signal = "roll_rate", channels = [1], start_s = 1.0, offset = 0.0 } }
+        vary = { "faults.0.offset" = [0.1, 0.2] }
+        [[cases.kind]]
+        name = "hardover"
+        [vary]
+        turbulence = ["none", "light"]
+        """,
+    )
+    assert len(made) == 6
+    scenarios = [made[number].scenario() for number in range(6)]
+    assert [s.faults[0].kind for s in scenarios] == ["offset"] * 4 + ["hardover"] * 2
+    assert [getattr(s.faults[0], "offset", None) for s in scenarios] == [0.1, 0.1, 0.2, 0.2, None, None]
+    assert [s.turbulence for s in scenarios] == ["none", "light"] * 3
+    assert scenarios[0].faults[0].signal == "roll_rate" and scenarios[4].faults[0].signal == "pitch_rate"
+
+
+@pytest.mark.parametrize("sampling", ["random", "latin-hypercube", "sobol"])
+def test_samples_lie_within_their_bounds_and_cover_them(tmp_path: Path, sampling: str):
+    made = plan(
+        tmp_path,
+        f"""
+        sampling = "{sampling}"
+        runs = 200
+        [vary]
+        "faults.0.start_s" = {{ low = 2.0, high = 4.0 }}
+        duration_s = {{ low = 1, high = 5, whole = true }}
+        "wind.north_m_s" = {{ {NORMAL}, low = 0.0, high = 0.3 }}
+        turbulence = ["none", "light"]
+        """,
+    )
+    start = np.array(column(made, "faults.0.start_s"), float)
+    assert 2.0 <= start.min() < 2.2 and 3.8 < start.max() < 4.0
+    assert set(column(made, "duration_s")) == {1, 2, 3, 4, 5}
+    wind = np.array(column(made, "wind.north_m_s"), float)
+    assert wind.min() >= 0.0 and wind.max() <= 0.3
+    assert np.median(wind) == pytest.approx(0.1819, abs=0.02)  # of the normal law cut off at both bounds
+    assert 60 < column(made, "turbulence").count("light") < 140
+
+
+def test_a_latin_hypercube_has_one_sample_in_every_share(tmp_path: Path):
+    made = plan(tmp_path, 'sampling = "latin-hypercube"\nruns = 50\n[vary]\nduration_s = { low = 0.0, high = 50.0 }\n')
+    assert sorted(int(float(str(d))) for d in column(made, "duration_s")) == list(range(50))
+
+
+def test_seeds_are_those_of_the_campaign_and_the_number_alone(tmp_path: Path):
+    few = plan(tmp_path, "seed = 5\nruns = 3\n")
+    many = plan(tmp_path, "seed = 5\nruns = 30\n[run]\nworkers = 7\nbatch = 3\n")
+    assert [few[n].data["seed"] for n in range(3)] == [many[n].data["seed"] for n in range(3)]
+    assert len({seed_of(many.campaign, n) for n in range(30)}) == 30
+    assert seed_of(plan(tmp_path, "seed = 6\n").campaign, 0) != few[0].data["seed"]
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('[vary]\n"faults.0.ofset" = [0.1]\n', "campaign.toml: run 0: faults.0.ofset: unknown key"),
+        ("[vary]\nspeed = [1.0]\n", "campaign.toml: run 0: speed: unknown key"),
+        ('[vary]\n"faults.1.start_s" = [1.0]\n', "vary: '1' must be an index from 0 to 0"),
+        ("[vary]\nduration_s = [60.0, -1.0]\n", "run 1: duration_s: input should be greater than 0"),
+        ('[vary]\nflight_point = ["nowhere"]\n', "run 0: flight_point: f16 has no 'nowhere'"),
+        ('[vary]\naircraft = ["zeppelin"]\n', "unknown aircraft 'zeppelin'"),
+        ('[vary."faults.0.start_s"]\ndistribution = "norm"\n', "vary.faults.0.start_s: low: field required"),
+        (
+            '[vary]\nduration_s = { distribution = "nrm", low = 1, high = 2, levels = 2 }\n',
+            "no continuous distribution",
+        ),
+        ('[vary]\nduration_s = { distribution = "norm", low = 1, high = 2, parameters = { k = 1 } }\n', "parameters"),
+        ("[vary]\nduration_s = { low = 2.0, high = 1.0, levels = 2 }\n", r"low \(2\) must be below high \(1\)"),
+        ("[vary]\nduration_s = { low = 1.0, high = 2.0 }\n", "vary.duration_s.levels: how many, in a grid"),
+        ("[vary]\nduration_s = 3.0\n", "must be a list, a range"),
+        ("[vary]\nduration_s = []\n", "vary.duration_s: values: list should have at least 1 item"),
+        ('sampling = "random"\n', "runs: how many"),
+        ("runs = 0\n", "runs: input should be greater than or equal to 1"),
+        ("[vary]\nseed = [1]\n", "seed: each run has its own"),
+        ("[run]\nlogs = 'some'\n", "which logs to keep"),
+        ("[run]\nworker = 3\n", "run.worker: unknown key"),
+        ("[[cases.a]]\nname = 'x'\n[[cases.a]]\nname = 'x'\n", "each with a name of its own"),
+        ("[vary]\na = [1]\n[[cases.b]]\nname = 'x'\nvary = { a = [1] }\n", "a: varied in two places"),
+    ],
+)
+def test_what_cannot_be_flown_is_refused_in_one_line(tmp_path: Path, text: str, says: str):
+    with pytest.raises(BadInput, match=says) as error:
+        plan(tmp_path, text).check()
+    assert "campaign.toml" in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_base_that_is_missing_is_refused(tmp_path: Path):
+    (tmp_path / "c.toml").write_text('base = "nowhere"\n')
+    with pytest.raises(BadInput, match="base: nowhere: no such file"):
+        read(tmp_path / "c.toml")
+    (tmp_path / "c.toml").write_text("runs = 3\n")
+    with pytest.raises(BadInput, match="base: "):
+        read(tmp_path / "c.toml")
+
+
+@pytest.mark.parametrize(
+    ("name", "runs"), [("smoke", 60), ("pitch-rate", 960), ("singular", 2268), ("false-alarm", 90), ("aircraft", 400)]
+)
+def test_every_bundled_campaign_can_be_flown(name: str, runs: int):
+    made = Plan(read(name), str(find(name)))
+    made.check()
+    assert len(made) == runs
+
+
+def test_a_campaign_read_back_from_plain_data_is_the_same(tmp_path: Path):
+    from rig.campaign.config import from_what
+
+    made = Plan(read("singular"), "x")
+    back = Plan(from_what(made.campaign.what(), "y"), "y")
+    assert back.choices == made.choices and back[7].data == made[7].data
+
+
+def test_the_example_in_the_docs_can_be_flown(tmp_path: Path):
+    page = (Path(__file__).parent.parent / "docs" / "campaign.md").read_text()
+    (text,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    (tmp_path / "campaign.toml").write_text(text)
+    made = Plan(read(tmp_path / "campaign.toml"), "campaign.toml")
+    made.check()
+    assert len(made) == 200 and set(column(made, "manoeuvre")) == {"level", "3-2-1-1"}
+    assert len({tuple(map(str, choice.items())) for choice in made.choices}) == 3 * 2 * 10 * 3

@@ -1,0 +1,234 @@
+"""What the tables say: a constructed table with known answers, the report, the paired comparison."""
+
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rig.aircraft import bundled
+from rig.campaign.compare import compare
+from rig.campaign.config import from_what
+from rig.campaign.folder import Folder, open_folder
+from rig.campaign.plan import Plan
+from rig.campaign.report import report
+from rig.campaign.rows import Rows
+from rig.campaign.summary import summary
+from rig.campaign.table import COLUMNS
+from rig.errors import BadInput
+
+QUIET = {"patterns": ["normal"], "levels": [4], "pattern_transitions": [], "level_transitions": []}
+POSSIBLE = {"patterns_possible": 7, "levels_possible": 5, "pattern_transitions_possible": 42}
+QUIET |= POSSIBLE | {"level_transitions_possible": 20}
+SPLIT = {**QUIET, "patterns": ["normal", "2:2"], "pattern_transitions": ["normal>2:2"]}
+LOST = {**QUIET, "patterns": ["normal", "lost"], "levels": [4, 0], "level_transitions": ["4>0"]}
+
+
+def made(path: Path, rows: Rows, title: str = "constructed", **what: Any) -> Folder:
+    """A campaign's folder that holds ``rows``."""
+    data = {"title": title, "base": {"aircraft": "f16"}, "runs": 40, "vary": {"turbulence": ["none", "light"]}, **what}
+    folder = Folder.of(path, Plan(from_what(data, "constructed"), "constructed"))
+    with folder.held():
+        folder.write(rows)
+    return open_folder(path)
+
+
+def covered(**by_signal: Any) -> str:
+    return json.dumps(by_signal)
+
+
+def flown(number: int, **more: Any) -> dict[str, Any]:
+    plain = {"outcome": "flown", "survived": True, "end_reason": "duration flown", "duration_s": 36.0, "frames": 3600}
+    counts = dict.fromkeys(("detected", "missed", "undetectable", "not_executed", "false_alarms"), 0)
+    place = {"aircraft": "f16", "flight_point": "20000ft_m06", "manager": "cross-channel", "digest": "0"}
+    row = {"run": number, "seed": 1000 + number, **place, **plain, **counts, "wrong_isolations": 0}
+    return {
+        **row,
+        "channel_hours": 0.5,
+        "vote_above_threshold_s": 0.0,
+        "coverage": json.dumps({"overall": QUIET}),
+        **more,
+    }
+
+
+def fault(number: int, magnitude: float | None, outcome: str, **more: Any) -> dict[str, Any]:
+    detected = outcome == "detected"
+    row = {"run": number, "fault": 0, "id": "f", "signal": "pitch_rate", "channel": 1, "kind": "offset"}
+    row |= {"magnitude": magnitude, "outcome": outcome, "isolation": "right" if detected else "none"}
+    delays = {"delay_from_onset_s": 0.08, "delay_from_exceeded_s": 0.07, "resolver": "comparison"} if detected else {}
+    return {**row, **delays, "pattern": "isolated" if detected else "normal", **more}
+
+
+def episode(number: int, resolver: str, verdict: str, asked: list[str]) -> dict[str, Any]:
+    place = {"run": number, "signal": "pitch_rate", "pattern": "2:2", "begin_s": 1.0, "frames": 10, "failed": []}
+    return {**place, "asked": asked, "resolver": resolver, "verdict": verdict}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Folder:
+    """Forty runs: 10 undetectable faults, 30 above the threshold of which 24 are detected, one aircraft lost."""
+    runs = [flown(n) for n in range(40)]
+    runs[7] |= {"survived": False, "end_reason": "departure rate", "coverage": covered(overall=LOST)}
+    runs[9] |= {"wrong_isolations": 1, "coverage": covered(overall=SPLIT, pitch_rate=SPLIT)}
+    runs[11] |= {"false_alarms": 2}
+    runs[39] = {"run": 39, "seed": 1039, "outcome": "crashed", "reason": "killed by signal 6 (SIGABRT)"}
+    faults = [fault(n, 0.01, "undetectable") for n in range(10)]
+    faults += [fault(min(n, 38), 0.1, "detected" if n % 5 else "missed") for n in range(10, 40)]
+    faults[12] |= {"isolation": "wrong"}
+    faults.append(fault(3, None, "detected", kind="dropout", channel=2, delay_from_onset_s=0.2))
+    faults.append(fault(4, 0.5, "not executed", channel=3))
+    alarms = [
+        {"run": 9, "kind": "wrong isolation", "signal": "pitch_rate", "channel": 4, "time_s": 2.0, "resolver": "trend"},
+        *({"run": 11, "kind": "false alarm", "signal": "heading", "channel": c, "time_s": 2.0} for c in (1, 2)),
+    ]
+    order = ["ilm", "trend", "reference"]
+    episodes = [episode(n, "trend", "wrong" if n < 2 else "right", order[:2]) for n in range(10)]
+    episodes += [episode(n, "reference", "right", order) for n in range(10, 15)]
+    episodes += [episode(15, "unresolved", "open", order), episode(16, "trend", "open", order[:2])]
+    return made(tmp_path / "campaign", {"runs": runs, "faults": faults, "alarms": alarms, "episodes": episodes})
+
+
+def counted(found: dict[str, Any]) -> tuple[int, float]:
+    return found["count"], found["of"]
+
+
+def test_the_headline_counts_what_the_table_was_made_of(folder: Folder):
+    head = summary(folder)["headline"]
+    assert (head["done"], head["outcomes"]) == (40, {"crashed": 1, "flown": 39})
+    assert counted(head["survival"]) == (38, 39)
+    assert (head["undetectable"], head["not_executed"], head["faults"]) == (10, 1, 42)
+    assert counted(head["detection"]) == (25, 31)  # 24 offsets and the dropout
+    assert counted(head["right_isolation"]) == (24, 31) and counted(head["wrong_isolation"]) == (1, 31)
+    assert counted(head["false_alarms"]) == (2, 39 * 0.5)
+    assert head["false_alarms"]["value"] == pytest.approx(2 / 19.5)
+    assert head["detection"]["low"] == pytest.approx(0.6254, abs=2e-4)  # Clopper-Pearson, 25 of 31
+    assert head["detection"]["high"] == pytest.approx(0.9255, abs=2e-4)
+
+
+def test_rates_are_those_of_each_magnitude_pattern_and_resolver(folder: Folder):
+    found = summary(folder)
+    by_size = {row["size"]: row for row in found["by_magnitude"]}
+    assert counted(by_size[0.01]["detection_of_all"]) == (0, 10) and by_size[0.01]["detection"]["value"] is None
+    assert counted(by_size[0.1]["detection"]) == (24, 30)
+    assert {row["pattern"]: row["acted"] for row in found["by_pattern"]} == {"isolated": 25, "normal": 16}
+    by = {row["resolver"]: (row["faulty"], row["healthy"]) for row in found["by_resolver"]}
+    assert by == {"comparison": (25, 0), "trend": (0, 1)}
+    levels = {(row["key"], row["level"]): row["runs"] for row in found["by_varied"]}
+    assert levels == {("turbulence", "none"): 20, ("turbulence", "light"): 19}
+
+
+def test_the_truth_table_of_the_resolvers_counts_who_was_asked_and_right(folder: Folder):
+    found = {row["resolver"]: row for row in summary(folder)["resolvers"] if row["pattern"] == "2:2"}
+    counts = {
+        name: [row[key] for key in ("asked", "answered", "right", "wrong", "open")] for name, row in found.items()
+    }
+    assert counts == {"ilm": [17, 0, 0, 0, 0], "trend": [17, 11, 8, 2, 1], "reference": [6, 5, 5, 0, 0]}
+    assert counted(found["trend"]["right_share"]) == (8, 10)
+    assert found["trend"]["right_share"]["low"] == pytest.approx(0.4439, abs=1e-4)  # Clopper-Pearson, 8 of 10
+
+
+def test_the_smallest_magnitude_and_the_delays(folder: Folder):
+    found = summary(folder)
+    (row,) = [row for row in found["detectable"] if row["kind"] == "offset"]
+    assert (row["acted"], row["detected"], row["fit"]["separated"]) == (40, 24, True)
+    assert [m["value"] for m in row["fit"]["magnitudes"]] == pytest.approx([0.1, 0.1])  # all that is known
+    delays = {row["kind"]: row for row in found["delays"]}
+    assert delays["offset"]["delay_from_exceeded_s"]["median"] == 0.07
+    assert delays["dropout"]["delay_from_onset_s"]["max"] == 0.2
+
+
+def test_coverage_is_that_of_all_flights_together_and_the_worst_come_first(folder: Folder):
+    found = summary(folder)
+    overall = next(row for row in found["coverage"] if row["signal"] == "overall")
+    assert overall["patterns"] == ["2:2", "lost", "normal"] and overall["level_transitions"] == ["4>0"]
+    assert [row["run"] for row in found["worst"]][:4] == [39, 7, 9, 11]
+    assert found["worst"][0]["fly"] == f"rig campaign fly {folder.path} --run 39"
+
+
+def test_many_magnitudes_are_put_into_bins(tmp_path: Path):
+    sizes = [0.01 * (n + 1) for n in range(40)]
+    faults = [fault(n, size, "detected" if size > 0.2 else "undetectable") for n, size in enumerate(sizes)]
+    rows: Rows = {"runs": [flown(n) for n in range(40)], "faults": faults, "alarms": [], "episodes": []}
+    found = summary(made(tmp_path / "c", rows))["by_magnitude"]
+    assert [row["acted"] for row in found] == [5] * 8
+    assert [row["detection_of_all"]["count"] for row in found] == [0, 0, 0, 0, 5, 5, 5, 5]
+
+
+def test_a_report_holds_everything_and_asks_for_nothing(folder: Folder, tmp_path: Path):
+    out = tmp_path / "report.html"
+    report(folder, out)
+    text = out.read_text()
+    assert not re.search(r"<(script|link|img|iframe)[^>]*\s(src|href)=[\"']?(https?:|//)", text)
+    assert "constructed" in text and "killed by signal 6 (SIGABRT)" in text
+    figures = json.loads(re.search(r'id="figures">(.*?)</script>', text, re.DOTALL).group(1))  # type: ignore[union-attr]
+    assert set(figures) == {"map-0", "delay-0", "delay-1"}
+    assert figures["map-0"]["data"][0]["z"] == [[0.0, 0.8]]
+
+
+def test_a_title_cannot_end_the_page(tmp_path: Path):
+    rows: Rows = {"runs": [flown(0)], "faults": [], "alarms": [], "episodes": []}
+    out = tmp_path / "report.html"
+    report(made(tmp_path / "c", rows, title="</script><b>x"), out)
+    assert "</script><b>x" not in out.read_text() and "No fault acted" in out.read_text()
+
+
+def test_nothing_flown_is_nothing_to_report(tmp_path: Path):
+    folder = Folder.of(tmp_path / "c", Plan(from_what({"base": {}}, "c"), "c"))
+    with folder.held():
+        pass
+    with pytest.raises(BadInput, match="no run is done yet"):
+        report(folder, tmp_path / "report.html")
+    assert not (tmp_path / "report.html").exists()
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="Chromium is not installed")
+def test_the_report_opens_in_a_browser_without_a_network_and_its_console_is_silent(folder: Folder, tmp_path: Path):
+    out = tmp_path / "report.html"
+    report(folder, out)
+    flags = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
+    flags += " --disable-component-update --disable-sync --enable-logging=stderr --virtual-time-budget=10000 --dump-dom"
+    flags += " --proxy-server=127.0.0.1:9"  # whatever is asked of a network fails
+    command = ["chromium", *flags.split(), f"--user-data-dir={tmp_path / 'profile'}", out.as_uri()]
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    said = [
+        line
+        for line in ran.stderr.splitlines()
+        if ":CONSOLE" in line and "chrome://" not in line and "chrome.t" not in line
+    ]
+    assert said == []
+    assert ran.stdout.count('class="main-svg"') >= 3  # every figure is drawn
+
+
+def test_pairs_of_two_managers_on_the_same_seeds(tmp_path: Path):
+    first = {"runs": [flown(n) for n in range(20)], "faults": [fault(n, 0.1, "detected") for n in range(20)]}
+    second = {
+        "runs": [flown(n, survived=n >= 6) for n in range(20)],
+        "faults": [fault(n, 0.1, "missed" if n < 9 else "detected") for n in range(20)],
+    }
+    empty: Rows = {"alarms": [], "episodes": []}
+    a = made(tmp_path / "a", {**first, **empty})
+    b = made(tmp_path / "b", {**second, **empty}, set={"redundancy.manager": "mean"})
+    found = compare(a, b)
+    assert found["differs"] == ['campaign.set.redundancy.manager was not there, is "mean"']
+    by = {row["outcome"]: row["pairs"] for row in found["outcomes"]}
+    assert (by["survived"]["only_first"], by["survived"]["only_second"]) == (6, 0)
+    assert by["survived"]["p_value"] == pytest.approx(2 * 0.5**6)
+    assert by["fault detected"]["p_value"] == pytest.approx(2 * 0.5**9)
+
+
+def test_campaigns_of_other_seeds_are_not_paired(tmp_path: Path):
+    empty: Rows = {"faults": [], "alarms": [], "episodes": []}
+    a = made(tmp_path / "a", {"runs": [flown(0)], **empty})
+    b = made(tmp_path / "b", {"runs": [flown(0, seed=5)], **empty})
+    with pytest.raises(BadInput, match="not flown on the same seeds"):
+        compare(a, b)
+
+
+def test_the_page_names_every_column_and_every_bundled_campaign():
+    page = (Path(__file__).parent.parent / "docs" / "campaign.md").read_text()
+    named = set(re.findall(r"`([\w-]+)`", page))
+    assert {column for columns in COLUMNS.values() for column in columns} <= named
+    assert {path.stem for path in (bundled("faults") / "campaigns").glob("*.toml")} <= named

@@ -1,0 +1,368 @@
+"""Flying campaigns: the same table whoever flies, nothing lost and nothing twice, whatever is killed."""
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import polars as pl
+import psutil
+import pytest
+
+from rig.campaign import folder as folder_module
+from rig.campaign import pool, table
+from rig.campaign.again import again
+from rig.campaign.config import read
+from rig.campaign.folder import open_folder
+from rig.campaign.plan import Plan
+from rig.campaign.run import Result, run
+from rig.errors import BadInput, RigError
+from rig.log import read_log
+
+CAMPAIGN = """
+base = "f16_pitch_rate_hardover"
+seed = 7
+runs = 48
+[set]
+duration_s = 8.0
+"faults.0.start_s" = 1.0
+[vary]
+"faults.0.signal" = ["pitch_rate", "roll_rate"]
+turbulence = ["none", "light"]
+[run]
+workers = 2
+batch = 3
+"""
+# What JSBSim does with an aircraft whose equations read what nobody declares: it ends the process.
+ABORTING = """
+from pathlib import Path
+
+import jsbsim
+
+from rig import aircraft
+from rig.plant import actuated, airframe
+
+
+class Aborts:
+    def __init__(self, params):
+        config = airframe.read(aircraft.folder("f16") / "aircraft.toml").model_copy(update={"properties": {}})
+        root = Path(jsbsim.get_default_root_dir())
+        fdm = jsbsim.FGFDMExec(None)
+        paths = (str(actuated.folder(config, root)), str(root / "engine"), str(root / "systems"))
+        fdm.load_model_with_paths("f16", *paths, True)
+        try:
+            fdm.run_ic()
+        finally:
+            del fdm
+
+    def step(self, block, k):
+        pass
+
+
+class Hangs:
+    def __init__(self, params):
+        while True:
+            pass
+
+
+class Raises:
+    def __init__(self, params):
+        raise ValueError("first line\\nsecond line")
+"""
+
+
+def write(folder: Path, text: str = CAMPAIGN) -> Path:
+    path = folder / "campaign.toml"
+    path.write_text(text)
+    return path
+
+
+def planned(path: Path) -> Plan:
+    return Plan(read(path), str(path))
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Result:
+    """The campaign flown without any interruption, by one worker."""
+    here = tmp_path_factory.mktemp("whole")
+    return run(planned(write(here)), here / "out", workers=1)
+
+
+def command(path: Path, out: Path, *more: str) -> list[str]:
+    return [sys.executable, "-m", "rig", "campaign", "run", str(path), "--out", str(out), "--json", *more]
+
+
+def after_the_first_part(path: Path, out: Path, act: Callable[[psutil.Process], None]) -> subprocess.Popen[str]:
+    """Start the campaign and ``act`` as soon as its first part is there."""
+    process = subprocess.Popen(command(path, out), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 120
+    while not list((out / "runs").glob("*.parquet")):
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.002)
+    act(psutil.Process(process.pid))
+    return process
+
+
+def workers_of(process: psutil.Process) -> list[psutil.Process]:
+    """The processes that fly: children of the server that forks them."""
+    servers = [child for child in process.children() if "forkserver" in " ".join(child.cmdline())]
+    return [worker for server in servers for worker in server.children()]
+
+
+def done(out: Path) -> list[int]:
+    return [n for path in (out / "runs").glob("*.parquet") for n in pl.read_parquet(path, columns=["run"])["run"]]
+
+
+def test_all_runs_are_there_and_two_workers_and_other_batches_give_the_same_table(whole: Result, tmp_path: Path):
+    assert (whole.done, whole.outcomes) == (48, {"flown": 48})
+    other = run(planned(write(tmp_path, CAMPAIGN.replace("batch = 3", "batch = 5"))), tmp_path / "out", workers=2)
+    assert other.table_sha256 == whole.table_sha256
+    rows = open_folder(tmp_path / "out").tables
+    assert rows["runs"]["run"].to_list() == list(range(48))
+    assert rows["faults"]["outcome"].unique().to_list() == ["detected"]
+    assert set(rows["faults"].filter(pl.col("run") % 4 < 2)["signal"]) == {"pitch_rate"}
+    assert set(rows["runs"]["turbulence"]) == {"none", "light"}
+
+
+def test_a_run_flown_again_has_the_digest_of_the_table_and_its_full_log(whole: Result, tmp_path: Path):
+    flight, digest = again(open_folder(whole.out), 5, tmp_path)
+    assert flight.digest == digest and flight.frames == 800
+    result = read_log(flight.log).result
+    assert result is not None and result["digest"] == digest
+    with pytest.raises(BadInput, match="--run 48: must be from 0 to 47"):
+        again(open_folder(whole.out), 48, tmp_path)
+
+
+def test_after_kill_9_of_the_parent_the_workers_end_and_the_same_command_goes_on(whole: Result, tmp_path: Path):
+    path, out, flying = write(tmp_path), tmp_path / "out", []
+
+    def kill(process: psutil.Process) -> None:
+        flying.extend(workers_of(process))
+        process.send_signal(signal.SIGKILL)
+
+    process = after_the_first_part(path, out, kill)
+    process.communicate(timeout=30)
+    gone, alive = psutil.wait_procs(flying, timeout=20)
+    assert gone and not alive
+    before = done(out)
+    assert 0 < len(before) < 48
+    result = run(planned(path), out)
+    assert result.flown == 48 - len(before) and result.table_sha256 == whole.table_sha256
+    assert sorted(done(out)) == list(range(48))
+
+
+def test_after_kill_9_of_a_worker_the_campaign_goes_on_by_itself(whole: Result, tmp_path: Path):
+    path, out, killed = write(tmp_path), tmp_path / "out", []
+
+    def kill(process: psutil.Process) -> None:
+        killed.append(workers_of(process)[0])
+        killed[0].send_signal(signal.SIGKILL)
+
+    process = after_the_first_part(path, out, kill)
+    stdout, stderr = process.communicate(timeout=120)
+    assert (process.returncode, stderr) == (0, "") and killed
+    result = json.loads(stdout)
+    assert (result["done"], result["crashed"], result["table_sha256"]) == (48, 0, whole.table_sha256)
+    assert sorted(done(out)) == list(range(48))
+
+
+def test_ctrl_c_keeps_what_is_flown_and_says_how_to_go_on(whole: Result, tmp_path: Path):
+    path, out = write(tmp_path), tmp_path / "out"
+    process = after_the_first_part(path, out, lambda process: process.send_signal(signal.SIGINT))
+    stdout, stderr = process.communicate(timeout=60)
+    result = json.loads(stdout)
+    assert process.returncode == 130 and result["interrupted"]
+    assert stderr == f"stopped: {result['done']} of 48 runs done; the same command goes on\n"
+    assert 0 < result["done"] < 48 and result["done"] == len(done(out))
+    assert run(planned(path), out).table_sha256 == whole.table_sha256
+
+
+def test_a_flight_that_ends_the_process_is_recorded_as_crashed_among_twenty_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    (tmp_path / "hooks.py").write_text(ABORTING)
+    monkeypatch.chdir(tmp_path)
+    managers = ['"cross-channel"'] * 10 + ['"hooks:Aborts"'] + ['"cross-channel"'] * 9 + ['"hooks:Raises"']
+    varied = f'[vary]\n"redundancy.manager" = [{", ".join(managers)}]\n'
+    head, _, tail = CAMPAIGN.replace("runs = 48\n", "").replace("8.0", "2.0").partition("[vary]")
+    path = write(tmp_path, head + varied + tail[tail.index("[run]") :] + 'logs = "all"\n')
+    result = run(planned(path), tmp_path / "out")
+    assert result.outcomes == {"flown": 19, "crashed": 1, "failed": 1} and result.done == 21
+    rows = open_folder(result.out).tables["runs"].filter(pl.col("outcome") != "flown")
+    crashed, failed = rows.sort("run").select("run", "outcome", "reason").rows()
+    assert crashed == (10, "crashed", "killed by signal 6 (SIGABRT)")
+    assert failed[:2] == (20, "failed") and "ValueError: first line second line" in failed[2]
+    logs = sorted(path.name for path in (result.out / "logs").glob("*"))
+    assert len(logs) == 19 and "run_000010.mcap" not in logs
+    flown = dict(open_folder(result.out).tables["runs"].select("run", "digest").rows())
+    logged = read_log(result.out / "logs" / "run_000003.mcap").result
+    assert logged is not None and logged["digest"] == flown[3]
+
+
+def test_a_flight_that_never_ends_is_timed_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "hooks.py").write_text(ABORTING)
+    monkeypatch.chdir(tmp_path)
+    text = 'base = "f16_pitch_rate_hardover"\n[set]\nduration_s = 1.0\nfaults = []\n[vary]\n'
+    text += '"redundancy.manager" = ["mean", "hooks:Hangs", "median"]\n[run]\nworkers = 1\ntimeout_s = 1.5\n'
+    result = run(planned(write(tmp_path, text)), tmp_path / "out")
+    rows = open_folder(result.out).tables["runs"].select("outcome", "reason").rows()
+    assert rows == [("flown", None), ("timed out", "longer than 1.5 s"), ("flown", None)]
+
+
+def test_a_full_disk_stops_with_one_line_and_the_same_command_goes_on(whole: Result, tmp_path: Path):
+    path, out = write(tmp_path), tmp_path / "out"
+    limit = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))  # noqa: E731 # less than one log
+    limited = subprocess.run(
+        command(path, out, "--logs", "all"), capture_output=True, text=True, preexec_fn=limit, timeout=120, check=False
+    )
+    assert limited.returncode == 1 and limited.stderr.count("\n") == 1
+    assert limited.stderr.startswith("failed: ") and "disk full" in limited.stderr
+    assert "of 48 runs done, the same command goes on" in limited.stderr
+    assert run(planned(path), out).table_sha256 == whole.table_sha256
+
+
+def test_a_part_that_cannot_be_written_leaves_nothing_half(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    path, out = write(tmp_path, CAMPAIGN.replace("runs = 48", "runs = 4")), tmp_path / "out"
+
+    run(planned(path), out, runs=2)
+    before = sorted(out.rglob("*"))
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(folder_module.os, "fsync", full)
+    with pytest.raises(RigError, match="No space left on device; 2 of 4 runs done"):
+        run(planned(path), out)
+    monkeypatch.undo()
+    assert sorted(out.rglob("*")) == before
+    assert run(planned(path), out).done == 4
+
+
+def test_what_an_interrupted_write_left_is_swept_away_and_never_counted(whole: Result, tmp_path: Path):
+    path, out = write(tmp_path), tmp_path / "out"
+    run(planned(path), out, runs=6)
+    (out / "faults" / "000006-000008.parquet").write_bytes(b"whole, but its runs are not there")
+    (out / "runs" / "000006-000008.parquet.tmp").write_bytes(b"half")
+    assert len(open_folder(out).tables["faults"]) == 6
+    assert run(planned(path), out).table_sha256 == whole.table_sha256
+
+
+def test_the_first_runs_alone_are_those_of_the_whole_campaign(whole: Result, tmp_path: Path):
+    path, out = write(tmp_path), tmp_path / "out"
+    few = run(planned(path), out, runs=5)
+    assert few.done == few.runs == 5
+    first = open_folder(out).tables["runs"].drop(table.WALL_CLOCK)
+    assert first.equals(open_folder(whole.out).tables["runs"].head(5).drop(table.WALL_CLOCK))
+    for wrong in (0, 49):
+        with pytest.raises(BadInput, match=f"--runs {wrong}: must be from 1 to the campaign's 48"):
+            run(planned(path), out, runs=wrong)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (("seed = 7", "seed = 8"), "campaign.seed was 7, is 8"),
+        (("runs = 48", "runs = 50"), "campaign.runs was 48, is 50"),
+        (("duration_s = 8.0", "duration_s = 9.0"), "campaign.set.duration_s was 8.0, is 9.0"),
+        (('"light"]', '"severe"]'), 'campaign.vary.turbulence.values.1 was "light", is "severe"'),
+    ],
+)
+def test_another_campaign_is_refused_with_the_difference(
+    whole: Result, tmp_path: Path, change: tuple[str, str], says: str
+):
+    before = sorted(whole.out.rglob("*"))
+    with pytest.raises(BadInput, match="holds runs of another campaign") as error:
+        run(planned(write(tmp_path, CAMPAIGN.replace(*change))), whole.out)
+    assert says in str(error.value)
+    assert sorted(whole.out.rglob("*")) == before
+
+
+def test_how_it_runs_may_change_under_a_folder(whole: Result, tmp_path: Path):
+    path = write(tmp_path, CAMPAIGN.replace("workers = 2\nbatch = 3", "workers = 1\nbatch = 7\ntimeout_s = 60.0"))
+    assert run(planned(path), whole.out).flown == 0
+
+
+def test_a_folder_of_something_else_is_refused(tmp_path: Path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "letter.txt").write_text("mine")
+    with pytest.raises(BadInput, match="is no campaign's folder, and not empty"):
+        run(planned(write(tmp_path)), tmp_path / "out")
+    with pytest.raises(BadInput, match="no campaign's folder"):
+        open_folder(tmp_path / "out")
+
+
+def test_two_cannot_fly_into_one_folder_at_once(whole: Result):
+    folder = open_folder(whole.out)
+    with folder.held(), pytest.raises(BadInput, match="another rig campaign run is flying into it"), folder.held():
+        pass
+
+
+def test_a_scheduler_that_does_not_answer_is_refused_and_nothing_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(pool, "ANSWER_S", 1.0)
+    with pytest.raises(BadInput, match=r"--scheduler tcp://127.0.0.1:9: no answer") as error:
+        run(planned(write(tmp_path)), tmp_path / "out", scheduler="tcp://127.0.0.1:9")
+    assert "\n" not in str(error.value) and not (tmp_path / "out").exists()
+
+
+CLUSTER = """
+import os, signal, sys, threading, time
+from pathlib import Path
+
+from distributed import LocalCluster
+
+from rig.campaign.config import read
+from rig.campaign.plan import Plan
+from rig.campaign.run import run
+
+if __name__ == "__main__":
+    out = Path(sys.argv[2])
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1") as cluster:
+        def kill():
+            while not list((out / "runs").glob("*.parquet")):
+                time.sleep(0.002)
+            os.kill(next(iter(cluster.workers.values())).pid, signal.SIGKILL)
+        threading.Thread(target=kill).start()
+        result = run(Plan(read(sys.argv[1]), sys.argv[1]), out, scheduler=cluster.scheduler_address)
+    print(result.done, result.outcomes, result.table_sha256)
+"""
+
+
+def test_a_cluster_of_which_one_worker_is_killed_gives_the_same_table(whole: Result, tmp_path: Path):
+    script = tmp_path / "cluster.py"
+    script.write_text(CLUSTER)
+    path = write(tmp_path)
+    ran = subprocess.run(
+        [sys.executable, str(script), str(path), str(tmp_path / "out")],
+        capture_output=True,
+        text=True,
+        timeout=180,
+        check=False,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+    )
+    assert ran.returncode == 0, ran.stderr[-3000:]
+    assert ran.stdout.split("\n")[-2] == f"48 {{'flown': 48}} {whole.table_sha256}"
+
+
+def test_the_commands_say_one_json_object_and_refuse_in_one_line(whole: Result, tmp_path: Path):
+    rig = [sys.executable, "-m", "rig", "campaign"]
+    status = subprocess.run([*rig, "status", str(whole.out), "--json"], capture_output=True, text=True, check=True)
+    assert json.loads(status.stdout)["table_sha256"] == whole.table_sha256
+    flown = subprocess.run(
+        [*rig, "fly", str(whole.out), "--run", "3", "--out", str(tmp_path), "--json"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert json.loads(flown.stdout)["same"] is True
+    bad = subprocess.run(
+        [*rig, "run", "nowhere", "--out", str(tmp_path / "out")], capture_output=True, text=True, check=False
+    )
+    assert bad.returncode == 2 and bad.stderr.count("\n") == 1
+    assert "nowhere: no such file; bundled campaigns: aircraft, false-alarm" in bad.stderr
