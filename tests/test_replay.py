@@ -134,7 +134,7 @@ def test_a_vote_that_is_not_what_the_code_says_is_named_with_its_frame(flown, tm
 
 
 def test_a_manager_of_the_users_own_is_replayed(tmp_path, monkeypatch):
-    (tmp_path / "own_manager.py").write_text(
+    (tmp_path / "third_manager.py").write_text(
         "import numpy as np\n"
         "class Third:\n"
         "    def __init__(self, params): self.last = 0.0\n"
@@ -145,7 +145,7 @@ def test_a_manager_of_the_users_own_is_replayed(tmp_path, monkeypatch):
     )
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
-    sets = ["duration_s=1", "faults=[]", "redundancy.manager=own_manager:Third"]
+    sets = ["duration_s=1", "faults=[]", "redundancy.manager=third_manager:Third"]
     assert verify(recorded(fly(overrides=sets, out=tmp_path).log)).comparison.identical
 
 
