@@ -46,6 +46,17 @@ def test_a_selection_leaves_its_channel_when_the_integrated_deviation_is_used_up
     assert out.failed_at() == [21, None, None, None]
 
 
+def test_a_selection_that_finds_nobody_trusted_stays_on_the_channel_that_it_had():
+    """Channels 1 and 2 are silent from the start, so it sits on 3; when all are silent it does not go back."""
+    samples = constant(1.0, 2.0, 3.0, 4.0, frames=20)
+    samples[:, :2] = np.nan
+    samples[10:15] = np.nan
+    samples[15:, :3] = (1.0, 2.0, 3.0)
+    samples[15:, 3] = np.nan
+    out = vote_samples(samples, manager="selection")
+    assert (out.voted == 3.0).all()
+
+
 def test_a_selection_stays_where_it_is_and_trusts_again_what_came_back():
     chosen: dict[str, Any] = {"selection_deviation": 1.0, "selection_integral_s": 1.0}
     samples = constant(8, 0.5, 0, 0, frames=300)

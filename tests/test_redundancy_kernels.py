@@ -363,3 +363,16 @@ def test_discretes_persist_eight_frames_unless_told():
     for key in ("reference_threshold", "fade_s"):
         with pytest.raises(ValidationError):
             SignalConfig.model_validate({"threshold": 1.0, key: -0.5})
+
+
+@pytest.mark.parametrize(("reference", "blamed"), [(1.0, LOW), (0.0, HIGH)])
+def test_a_reference_on_one_of_two_values_makes_that_one_the_middle(reference: float, blamed: int):
+    """Whatever its threshold: of three values of which two are equal, the third is an extreme."""
+    for threshold in (0.1, 5.0):
+        assert resolve.by_reference(1.0, 0.0, reference, threshold) == blamed
+
+
+def test_a_reset_may_name_a_single_channel():
+    assert reset_table([Reset(at_s=0.0, signal="pitch_rate", channels=[2])], 100.0)["channel"].tolist() == [
+        [0, 1, 0, 0]
+    ]

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from test_redundancy_reference import RATE, designed, level_flight
 
 from rig.frame import INDEX, INERTIAL
 from rig.inclination.path import air_density
 from rig.redundancy import motion
 from rig.redundancy.designed import COLUMNS
-from rig.redundancy.reference import PARAM, STATE, look_up
+from rig.redundancy.reference import PARAM, STATE, Config, References, look_up, refer, remember
 
 G = 9.80665
 SEEDS = range(6)
@@ -111,7 +112,7 @@ def test_roll_and_yaw_rate_are_those_of_turning_heading_pitch_and_bank(seed: int
 def longitudinal(case: Case) -> tuple[float, float]:
     """A consistent flight: the angle of attack, and the load factor that the accelerometers say."""
     alpha, along = case.rng.uniform(0.1, 0.4), case.rng.uniform(-0.5, 0.5)
-    gain, arm, slope, zero_lift = 0.7, 0.4, 4e-4, -0.03
+    gain, arm, slope, zero_lift = 0.4, 0.4, 4e-4, -0.03
     case.coefficient(lift_slope_1_pa=slope, zero_lift_alpha_rad=zero_lift, pitch_rate_gain=gain, elevator_arm_m=arm)
     wing = case.pressure * slope * (alpha - zero_lift)
     tail = (case.speed * (1 - gain) * case.rates[1] - arm * case.accelerations[1]) / G
@@ -170,6 +171,21 @@ def test_divisions_by_dynamic_pressure_take_at_least_200_pascals(pressure: float
     case.coefficient(lift_slope_1_pa=0.1, side_slope_1_pa=0.1, pitch_rate_gain=1.0)
     assert motion.angle_of_attack(case.c, case.p, case.st, case.speed) == pytest.approx(1 / (0.1 * counted))
     assert motion.angle_of_sideslip(case.c, case.p, case.st) == pytest.approx(1 / (0.1 * counted))
+
+
+@pytest.mark.parametrize("constant_s", [0.004, 0.1])
+def test_a_filters_share_of_a_new_sample_is_that_of_its_time_constant(constant_s: float):
+    """Shorter than a frame too: after one frame 1 - exp(-T / tau) of a step is through."""
+    stage = References(Config(), designed(alpha_filter_s=constant_s), RATE)
+    block = level_flight(2)
+    block["voted"][1, INDEX["angle_of_attack"]] += 1.0
+    for k in range(2):
+        refer(block, k, *stage.arguments)
+        remember(block, k, *stage.arguments)
+    before = stage.state["smooth"][0, INDEX["angle_of_attack"]]
+    refer(block, 1, *stage.arguments)
+    after = stage.state["smooth"][0, INDEX["angle_of_attack"]]
+    assert after - before == pytest.approx(1.0 - math.exp(-1.0 / RATE / constant_s))
 
 
 def test_dynamic_pressure_takes_the_speed_in_space():

@@ -200,7 +200,6 @@ def count_miscompares(n, p, st):
             continue
         if (ranked >> c) & 1 == 0:
             count[c] += 1
-            st["alone"][c] = True
         elif not frozen:
             count[c] = count[c] + 1 if st["alone"][c] else 0
 
