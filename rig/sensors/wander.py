@@ -35,11 +35,9 @@ class Wander:
 
     def __init__(self, suite: Settings, rate_hz: float, seeds: dict[str, SeedSequence]) -> None:
         """BadInput when a noise file cannot be used."""
-        streams = {name: seeds[name].spawn(S) for name in PROCESSES}
         self._processes: list[tuple[int, Process]] = []
         for s, signal in enumerate(SIGNALS):
-            sensor = getattr(suite, signal.name)
-            own = {name: Generator(SFC64(streams[name][s])) for name in PROCESSES}
+            sensor, own = getattr(suite, signal.name), _Streams(seeds, s)
             self._processes += [(s, process) for process in _processes(sensor, signal.name, rate_hz, own)]
         self.rows = np.zeros((0, S, CHANNELS))
 
@@ -53,7 +51,18 @@ class Wander:
             process(self.rows[:frames, s])
 
 
-def _processes(sensor: Sensor, name: str, rate_hz: float, rngs: dict[str, Generator]) -> list[Process]:
+class _Streams:
+    """The generators of signal ``s``, one for each of PROCESSES, made when asked for: most sensors ask for none."""
+
+    def __init__(self, seeds: dict[str, SeedSequence], s: int) -> None:
+        self._seeds, self._s = seeds, s
+
+    def __getitem__(self, name: str) -> Generator:
+        parent = self._seeds[name]  # its child number s, as SeedSequence.spawn makes it
+        return Generator(SFC64(SeedSequence(parent.entropy, spawn_key=(*parent.spawn_key, self._s))))
+
+
+def _processes(sensor: Sensor, name: str, rate_hz: float, rngs: _Streams) -> list[Process]:
     """What one signal's sensor has of them."""
     found: list[Process] = []
     if sensor.bias_instability_std > 0:
