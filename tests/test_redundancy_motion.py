@@ -201,6 +201,10 @@ def test_density_is_that_of_the_cold_stratosphere_and_at_least_of_ten_hectopasca
     assert air_density(pressure) == pytest.approx(counted / (287.05287 * 216.65))
 
 
+def test_density_at_sea_level_is_that_of_the_standard():
+    assert air_density(101_325.0) == pytest.approx(101_325.0 / (287.05287 * 288.15), rel=1e-9)
+
+
 @pytest.mark.parametrize("points", [1, 2, 3, 4, 7])
 def test_coefficients_are_interpolated_and_end_with_their_ends(points: int):
     rng = np.random.default_rng(points)

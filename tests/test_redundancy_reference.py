@@ -152,6 +152,33 @@ def test_near_the_vertical_attitude_says_nothing_and_the_others_go_on():
     assert np.isfinite(ref(block, "pitch_rate")).all()
 
 
+@pytest.mark.parametrize(("pitch", "says"), [(1.29, True), (-1.29, True), (1.31, False), (-1.31, False)])
+def test_attitude_says_nothing_from_75_degrees_on(pitch: float, says: bool):
+    block = run(level_flight(pitch_angle=pitch))
+    for name in ("roll_rate", "yaw_rate"):
+        assert np.isfinite(ref(block, name)[1:]).all() == says
+
+
+def test_the_inertial_unit_speaks_in_any_attitude_and_from_the_first_frame_on():
+    block = level_flight(pitch_angle=1.4)
+    block["inertial"][:, :3] = (0.1, 0.2, 0.3)
+    led = Config(pitch_rate="inertial", roll_rate="inertial", yaw_rate="inertial", inertial_lead_s=0.05)
+    out = run(block, led)
+    for name, rate in (("roll_rate", 0.1), ("pitch_rate", 0.2), ("yaw_rate", 0.3)):
+        assert ref(out, name) == pytest.approx(np.full(300, rate))
+
+
+def test_losing_one_signal_leaves_the_filters_of_the_others_as_they_are():
+    block = level_flight(roll_angle=0.2 * np.arange(300) / RATE)
+    block["level"][150:160, INDEX["angle_of_attack"]] = 0
+    assert ref(run(block), "roll_rate")[100:] == pytest.approx(np.full(200, 0.2))
+
+
+def test_a_dynamic_pressure_below_zero_is_a_slow_flight():
+    block = run(level_flight(dynamic_pressure=-0.9))
+    assert np.isfinite(ref(block, "pitch_rate")).all()
+
+
 # Load factors and air data
 
 

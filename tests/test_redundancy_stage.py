@@ -12,6 +12,7 @@ from rig.frame import DISCRETE_INDEX, INDEX, SIGNALS, Block, Ilm, S, State
 from rig.redundancy import Redundancy
 from rig.redundancy.config import MANAGERS, Config, SignalConfigs
 from rig.redundancy.designed import Designed, Error, Point
+from rig.redundancy.reference import Config as References
 
 RATE = 100.0
 Q = INDEX["pitch_rate"]
@@ -93,8 +94,8 @@ def test_a_manager_of_the_users_own_sees_the_reference_of_the_votes_before():
 
 def test_references_are_usable_for_our_manager_alone():
     for manager in MANAGERS:
-        usable = run(stage(manager), rows(50))["reference_usable"][-1, Q]
-        assert bool(usable) == (manager == MANAGERS[0])
+        usable = run(stage(manager), rows(50))["reference_usable"][:, Q]
+        assert (usable == (manager == MANAGERS[0])).all()
 
 
 def test_a_measured_threshold_counts_in_the_vote():
@@ -106,6 +107,41 @@ def test_a_measured_threshold_counts_in_the_vote():
         block["channels"][20:, Q, 2:] = 0.3
         states = run(which, block)["state"][-1, Q].tolist()
         assert (states == [State.OK, State.OK, State.FAILED, State.FAILED]) is settled
+
+
+BOUNDS = {
+    **dict.fromkeys(("dynamic_pressure_pa", "lift_slope_1_pa", "pitch_rate_gain"), -0.5),
+    "side_slope_1_pa": 0.5,
+    **dict.fromkeys(("alpha_filter_s", "attitude_filter_s", "acceleration_filter_s"), -0.5),
+}
+
+
+@pytest.mark.parametrize(("name", "value"), BOUNDS.items())
+def test_a_coefficient_of_the_wrong_sign_is_refused(name: str, value: float):
+    point = designed().points[0].model_dump()
+    for wrong in (value, 0.0):
+        with pytest.raises(ValueError, match=name):
+            Point(**{**point, name: wrong})
+    assert Point(**{**point, name: -value})
+
+
+@pytest.mark.parametrize("name", ["rms", "quantile_999", "worst", "threshold"])
+def test_a_measured_error_below_zero_is_refused(name: str):
+    good = {"rms": 0.1, "quantile_999": 0.2, "worst": 0.3, "threshold": 0.4}
+    with pytest.raises(ValueError, match=name):
+        Error(**{**good, name: -0.5})
+    assert Error(**good)
+
+
+def test_rates_of_the_measurement_and_leads_have_their_sign():
+    with pytest.raises(ValueError, match="rate_hz"):
+        Designed(**{**designed().model_dump(), "rate_hz": 0.0})
+    assert Designed(**{**designed().model_dump(), "rate_hz": 0.5})
+    with pytest.raises(ValueError, match="inertial_lead_s"):
+        References(inertial_lead_s=-0.5)
+    assert (
+        References(inertial_lead_s=0.0).inertial_lead_s == 0.0 == References(inertial_lead_s=0.5).inertial_lead_s - 0.5
+    )
 
 
 def test_points_out_of_order_are_refused():
