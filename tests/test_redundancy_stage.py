@@ -9,7 +9,7 @@ import pytest
 from test_redundancy_reference import PRESSURE, designed, level_flight
 
 from rig.frame import DISCRETE_INDEX, INDEX, SIGNALS, Block, Ilm, S, State
-from rig.redundancy import Redundancy
+from rig.redundancy import Redundancy, vote_row
 from rig.redundancy.config import MANAGERS, Config, SignalConfigs
 from rig.redundancy.designed import Designed, Error, Point
 from rig.redundancy.reference import Config as References
@@ -90,6 +90,18 @@ def test_a_manager_of_the_users_own_sees_the_reference_of_the_votes_before():
     assert np.isnan(which.own.seen[0]) and which.own.seen[1:] == pytest.approx([0.0, 0.0], abs=1e-3)
     assert (block["voted"] == block["channels"][:, :, 0]).all()
     assert (block["discrete_voted"][:, DISCRETE_INDEX["gear_down"]] == 1).all()
+
+
+def test_a_row_at_once_is_its_two_halves():
+    block = rows(60)
+    block["channels"][10:, Q, 2] = 0.4
+    whole, which = block.copy(), stage()
+    for k in range(len(whole)):
+        vote_row(whole, k, *which.arguments)
+    halves = run(stage(), block)
+    for name in ("reference", "voted", "state", "level", "pattern", "discrete_voted"):
+        assert np.array_equal(whole[name], halves[name], equal_nan=True), name
+    assert whole["state"][-1, Q, 2] == State.FAILED
 
 
 def test_references_are_usable_for_our_manager_alone():
