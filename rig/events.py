@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,12 +48,12 @@ class EventFinder:
     def __init__(self, faults: Sequence[str]) -> None:
         self._faults = faults
         self._last: Block | None = None
-        moved(_flags(new_block(2)), _flags(new_block(1))[0])  # compiled before the first frame
+        moved(_flags(new_block(2)), _flags(new_block(1))[0], _FLAGS)  # compiled before the first frame
 
     def find(self, rows: Block) -> list[Event]:
         """The events of ``rows``, which follow those of the last call, in order of time."""
         before, events = self._before(rows), []
-        if moved(_flags(rows), _flags(before)[0]):
+        if moved(_flags(rows), _flags(before)[0], _FLAGS):
             pair = np.concatenate([before, rows])
             events = [*self._fault_events(pair), *_changes(pair)]
         self._last = rows[-1:].copy()
@@ -75,26 +75,37 @@ class EventFinder:
             yield Event(int(pair["frame"][k + 1]), "info", name, self._faults[int(i)])
 
 
-_PLACES = [(dtype.itemsize + offset, offset, name) for name, (dtype, offset, *_) in (FRAME.fields or {}).items()]
-_FIRST = next(offset for _, offset, name in _PLACES if name == "state")
-_END = max(end for end, _, _ in _PLACES)  # what lies behind is padding, which a copy leaves to chance
+def _flag_bits() -> NDArray[np.uint8]:
+    """A row with all bits set that belong to a field from ``state`` on: what lies between is left to chance."""
+    row, first = np.zeros(FRAME.itemsize, np.uint8), (FRAME.fields or {})["state"][1]
+    for dtype, offset, *_ in (FRAME.fields or {}).values():
+        if offset >= first:
+            row[offset : offset + dtype.itemsize] = 255
+    return row
 
 
-def _flags(rows: Block) -> NDArray[np.uint8]:
-    """The bytes of each row from ``state`` on: most blocks are settled by seeing that none has moved."""
-    return rows.view(np.uint8).reshape(len(rows), -1)[:, _FIRST:_END]
+_FIRST: Final = (FRAME.fields or {})["state"][1] // 8  # of the words of eight bytes that are looked at
+_FLAGS: Final = _flag_bits().view(np.uint64)[_FIRST:]
+
+
+def _flags(rows: Block) -> NDArray[np.uint64]:
+    """The words of each row from ``state`` on: most blocks are settled by seeing that none has moved."""
+    return rows.view(np.uint64).reshape(len(rows), -1)[:, _FIRST:]
 
 
 @kernel
-def moved(flags, before):
-    """Whether any row of ``flags`` (n, m) differs from the one before it, the first from ``before`` (m,)."""
-    different = 0
+def moved(flags, before, bits):
+    """Whether any row of ``flags`` (n, m) differs in ``bits`` (m,) from the one before; ``before`` (m,) the first."""
     for i in range(flags.shape[1]):
-        different |= flags[0, i] ^ before[i]
+        if (flags[0, i] ^ before[i]) & bits[i] != 0:
+            return True
     for k in range(1, flags.shape[0]):
+        different = np.uint64(0)
         for i in range(flags.shape[1]):
-            different |= flags[k, i] ^ flags[k - 1, i]
-    return different != 0
+            different |= (flags[k, i] ^ flags[k - 1, i]) & bits[i]
+        if different != 0:
+            return True
+    return False
 
 
 def _moved(pair: Block, field: str) -> NDArray[np.intp]:

@@ -8,7 +8,6 @@ flight.signal("pitch_rate").voted         # (frames,) array, rad/s
 
 from __future__ import annotations
 
-import json
 import signal
 import threading
 import time
@@ -255,7 +254,7 @@ def labels(scenario: Scenario) -> list[str]:
 def metadata(scenario: Scenario) -> dict[str, str]:
     """What a log needs to be flown again: the resolved scenario, the seed, the versions that flew it."""
     return {
-        "scenario": json.dumps(scenario.resolved()),
+        "scenario": scenario.model_dump_json(exclude_none=True),
         "aircraft": scenario.aircraft,
         "seed": str(scenario.seed),
         **versions(),

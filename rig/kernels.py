@@ -57,10 +57,25 @@ def bind(function: F, *arguments: object) -> F:
     """
     if not hasattr(function, "overloads"):
         return function
-    types = tuple(map(_typeof, arguments))
-    dispatcher: Any = function
-    dispatcher.compile(types)
-    return dispatcher.overloads[types].entry_point
+    key = function, _kind(arguments)
+    if key not in _bound:
+        types = tuple(map(_typeof, arguments))
+        dispatcher: Any = function
+        dispatcher.compile(types)
+        _bound[key] = dispatcher.overloads[types].entry_point
+    return _bound[key]
+
+
+_bound: dict[tuple[Any, Any], Any] = {}  # entry points, by function and kinds of arguments
+
+
+def _kind(argument: Any) -> Any:
+    """What decides the type of an argument: numba's own answer costs a flight a millisecond."""
+    if type(argument) is tuple:
+        return tuple(map(_kind, argument))
+    if isinstance(argument, np.ndarray):
+        return argument.dtype, argument.ndim, argument.flags.num
+    return type(argument)
 
 
 _records: dict[tuple[Any, ...], Any] = {}  # numba's types of structured arrays, by what decides them

@@ -35,8 +35,8 @@ PACED_BLOCK_S = 0.5
 class Rig:
     """The stages of one flight, wired up and at their first frame."""
 
-    def __init__(self, scenario: Scenario) -> None:
-        """BadInput when the aircraft cannot be loaded or trimmed."""
+    def __init__(self, scenario: Scenario, *, keep_clean: bool = False) -> None:
+        """BadInput when the aircraft cannot be loaded or trimmed.  ``keep_clean``: see ``Faults.clean``."""
         seeds = scenario.streams()
         rate_hz, suite, frame = scenario.rate_hz, scenario.sensors, scenario.airframe
         self.pilot = Pilot(scenario.pilot, rate_hz)
@@ -51,7 +51,7 @@ class Rig:
         )
         self.sensors = Sensors(suite, rate_hz, seeds["sensors"])
         self.inertial = Inertial(scenario.inertial, rate_hz, seeds["inertial"])
-        self.faults = faults(scenario)
+        self.faults = faults(scenario, keep_clean=keep_clean)
         self.redundancy = redundancy(scenario)
         self.control = Control(scenario.control, scenario.gains, rate_hz, frame.surface_limits)
         self.control.reset(self.plant.trim)
@@ -84,11 +84,12 @@ class Rig:
         self.faults.actuate(block, k)
 
 
-def faults(scenario: Scenario) -> Faults:
+def faults(scenario: Scenario, *, keep_clean: bool = False) -> Faults:
     """The faults of a scenario, at their first frame; a replay runs those on references again."""
     ranges = sensors.ranges(scenario.sensors)
     places = np.vstack([ranges, inertial.ranges(), ranges, scenario.airframe.surface_limits])  # as in faults.PLACES
-    return Faults(scenario.faults, places, scenario.rate_hz, scenario.streams()["faults"])
+    seeds = scenario.streams()["faults"]
+    return Faults(scenario.faults, places, scenario.rate_hz, seeds, keep_clean=keep_clean)
 
 
 def redundancy(scenario: Scenario) -> Redundancy:

@@ -13,12 +13,16 @@ from typer.testing import CliRunner
 
 from rig import scenario
 from rig.aircraft import bundled
+from rig.campaign.flying import fly as fly_in_memory
 from rig.cli import app
 from rig.errors import BadInput, BadLog
 from rig.faults import executed
 from rig.flight import Flight, fly, metadata
+from rig.frame import INDEX
 from rig.log import LogWriter, recover
 from rig.score import Yardstick, fly_rows, fly_twin, score, score_log
+from rig.score.clean import of_flight, recompute
+from rig.score.scoring import monitor
 
 SHORT = ["duration_s=6", "faults.0.start_s=3"]
 
@@ -160,3 +164,16 @@ def test_a_flight_of_twenty_seconds_is_scored_in_milliseconds():
         score(which, rows)
         took.append(time.process_time() - began)
     assert min(took) < 0.05  # 6 to 11 ms on the busy machine that it was written on
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in bundled("faults").glob("*.toml")))
+def test_clean_channels_kept_in_flight_are_those_computed_again(name: str):
+    """Two ways to the same: a campaign keeps what the sensors said, a log's score runs the sensors again."""
+    short = scenario.load(name)
+    onset_s = min([fault.start_s for fault in short.faults if fault.start_s is not None], default=0.0)
+    short = short.model_copy(update={"duration_s": min(short.duration_s, onset_s + 5.0)})
+    flown, params = fly_in_memory(short), monitor(short)
+    kept, again = of_flight(flown.rows, flown.clean, params), recompute(short, flown.rows, params)
+    np.testing.assert_array_equal(kept.error, again.error)
+    np.testing.assert_array_equal(kept.vote, again.vote)
+    assert kept.error.any() or not any(f.signal in INDEX and f.start_s is not None for f in short.faults)

@@ -26,7 +26,7 @@ from rig.campaign.plan import Run
 from rig.campaign.rows import TABLES, Rows, alarm_rows, episode_rows, fault_rows, run_row
 from rig.errors import RigError
 from rig.events import Event, EventFinder, not_executed
-from rig.faults import Execution
+from rig.faults import CLEAN, Execution
 from rig.flight import end_reason, labels, metadata
 from rig.frame import FRAME, TIMING, Block, new_block
 from rig.log import LogWriter
@@ -57,6 +57,7 @@ class Flown:
     rows: Block
     timing: Timing
     blocks: list[tuple[int, list[Event]]]  # frames of each block as it was flown, and its events
+    clean: NDArray[np.void]  # what the sensors said before any fault
     verdict: Verdict
     ended: list[Event]  # what is known only at the end: faults that did nothing
 
@@ -68,23 +69,25 @@ class Flown:
 
 def fly(scenario: Scenario) -> Flown:
     """Fly a scenario with the digest and events of ``rig fly``, its rows kept in memory."""
-    rig, finder, verdict = loop.Rig(scenario), EventFinder(labels(scenario)), Verdict()
+    rig, finder, verdict = loop.Rig(scenario, keep_clean=True), EventFinder(labels(scenario)), Verdict()
     execution = Execution(scenario.faults)
-    kept, timing = np.empty(scenario.frames, FRAME), np.zeros(scenario.frames, TIMING)
+    kept, timing, clean = (np.empty(scenario.frames, dtype) for dtype in (FRAME, TIMING, CLEAN))
     blocks: list[tuple[int, list[Event]]] = []
     for rows, clocked in loop.frames(rig, scenario):
         events = finder.find(rows)
-        first = verdict.frames
+        part = slice(verdict.frames, verdict.frames + len(rows))
         verdict.add(rows, events)
         execution.add(rows)
-        _bytes(kept[first : verdict.frames])[:] = _bytes(rows)  # padding too: the digest is over what stands there
-        timing[first : verdict.frames] = clocked
+        _bytes(kept[part])[:] = _bytes(rows)  # padding too: the digest is over what stands there
+        _bytes(clean[part])[:] = _bytes(rig.faults.clean[: len(rows)])
+        timing[part] = clocked
         blocks.append((len(rows), events))
     ended = not_executed(verdict.frames - 1, execution.missing)
-    return Flown(scenario, kept[: verdict.frames], timing[: verdict.frames], blocks, verdict, ended)
+    flown = slice(verdict.frames)
+    return Flown(scenario, kept[flown], timing[flown], blocks, clean[flown], verdict, ended)
 
 
-def _bytes(rows: Block) -> NDArray[np.uint8]:
+def _bytes(rows: NDArray[np.void]) -> NDArray[np.uint8]:
     return rows.view(np.uint8)
 
 
@@ -95,7 +98,8 @@ def fly_run(run: Run, orders: Orders) -> Rows:
     try:
         with _limit(orders.timeout_s):
             flown = fly(run.scenario(_tables(run.aircraft)))
-            scored = score(flown.scenario, flown.rows, fly_twin(flown.scenario) if orders.twin else None)
+            twin = fly_twin(flown.scenario) if orders.twin else None
+            scored = score(flown.scenario, flown.rows, twin, clean=flown.clean)
         rows = _rows(run.number, flown, scored)
     except (Exception, SystemExit) as error:  # noqa: BLE001 # whatever a flight raises is its own failure
         said = " ".join(f"{type(error).__name__}: {error}".split())
@@ -157,7 +161,8 @@ def write_log(flown: Flown, path: Path) -> None:
 def _warm() -> None:
     """Compile the kernels, or load them, before the first clock runs."""
     short = load(None, ["duration_s=0.01", "faults=[]"])
-    score(short, fly(short).rows)
+    flown = fly(short)
+    score(short, flown.rows, clean=flown.clean)
 
 
 @cache

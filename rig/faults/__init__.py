@@ -26,10 +26,12 @@ from rig.faults.kinds import (
     Stuck,
 )
 from rig.faults.places import PLACES, Point
+from rig.faults.record import CLEAN
 from rig.faults.schedule import Faults
 from rig.faults.systems import IlmFault, PitotIcing, RateLoss, VaneIcing
 
 __all__ = [
+    "CLEAN",
     "KINDS",
     "PLACES",
     "CrossTalk",

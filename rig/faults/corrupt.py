@@ -22,16 +22,18 @@ _FIRST_SURFACE: Final = FLIGHT_INDEX["elevator_rad"]  # where the surfaces truly
 
 @kernel
 def corrupt(
-    block, k, param, schedule, state, targets, kept, program, stack, times, memory, seen, uniform, normal
+    block, k, param, schedule, state, targets, kept, program, stack, times, memory, seen, uniform, normal, clean
 ):  # fmt: skip
     """Find out which faults act in row k, and spoil its channels and its inertial unit.
 
     block : FRAME records; the others as in record.py; workspaces and draws as in schedule.Faults
-    Writes channels, valid, ilm, inertial and acting.
+    Writes channels, valid, ilm, inertial and acting; before, ``clean`` (n,) CLEAN, unless it has no rows.
     """
+    row, p = block[k], param[0]
+    if len(clean) > 0:
+        save(row, clean[k])
     if len(schedule) == 0:
         return
-    row, p = block[k], param[0]
     advance(row, k, schedule, state, program, stack, times, seen, uniform)
     channels, valid, ilm, inertial = row["channels"], row["valid"], row["ilm"], row["inertial"]
     for t in range(p["samples"]):
@@ -61,7 +63,7 @@ def corrupt(
 
 @kernel
 def corrupt_reference(
-    block, k, param, schedule, state, targets, kept, program, stack, times, memory, seen, uniform, normal
+    block, k, param, schedule, state, targets, kept, program, stack, times, memory, seen, uniform, normal, clean
 ):  # fmt: skip
     """Spoil the references of row k, between their making and their use; where there is none, nothing acts.
 
@@ -82,7 +84,7 @@ def corrupt_reference(
 
 @kernel
 def actuate(
-    block, k, param, schedule, state, targets, kept, program, stack, times, memory, seen, uniform, normal
+    block, k, param, schedule, state, targets, kept, program, stack, times, memory, seen, uniform, normal, clean
 ):  # fmt: skip
     """Spoil what reaches the actuators in row k; keep its votes for the triggers of the next.
 
@@ -99,6 +101,15 @@ def actuate(
             mark(row, target["fault"])
     if p["watches"] != 0:
         watch(row, seen)
+
+
+@kernel
+def save(row, clean):
+    """Keep what the sensors said."""
+    channels, valid, clean_channels, clean_valid = row["channels"], row["valid"], clean["channels"], clean["valid"]
+    for s in range(channels.shape[0]):
+        for c in range(channels.shape[1]):
+            clean_channels[s, c], clean_valid[s, c] = channels[s, c], valid[s, c]
 
 
 @kernel

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from rig.frame import D, S
+from rig.frame import CHANNELS, D, S
 
 
 class Trigger(IntEnum):
@@ -122,3 +122,5 @@ SEEN: Final = np.dtype(
     ],
     align=True,
 )
+# What the sensors said before any fault, as the fields of FRAME; kept for who scores a flight in memory.
+CLEAN: Final = np.dtype([("channels", "f8", (S, CHANNELS)), ("valid", "u1", (S, CHANNELS))], align=True)

@@ -16,7 +16,7 @@ from rig.faults.corrupt import actuate, corrupt, corrupt_reference
 from rig.faults.expression import DEEPEST, STEP, parse, reads_votes
 from rig.faults.fault import Fault
 from rig.faults.places import PLACES, Point, number, site
-from rig.faults.record import FOREVER, KEPT, PARAM, SCHEDULE, SEEN, STATE, TARGET, Trigger
+from rig.faults.record import CLEAN, FOREVER, KEPT, PARAM, SCHEDULE, SEEN, STATE, TARGET, Trigger
 from rig.faults.settings import Act, Rhythm
 from rig.frame import DISCRETE_INDEX, INDEX, SIGNALS, Block, to_frame
 
@@ -29,6 +29,7 @@ class Faults:
 
     faults : of the scenario, checked; ranges : (len(PLACES), 2) lowest and highest value of every place
     seeds  : of this stage; every fault draws from generators of its own, which its name gives
+    clean  : (n,) CLEAN, what the sensors said in the rows of the block before any fault; empty unless ``keep_clean``
     All state is plain arrays and can be copied.
     """
 
@@ -38,6 +39,8 @@ class Faults:
         ranges: NDArray[np.float64],
         rate_hz: float,
         seeds: SeedSequence | None = None,
+        *,
+        keep_clean: bool = False,
     ) -> None:
         self._faults, self._ranges, self._rate_hz = faults, ranges, rate_hz
         self._seeds = SeedSequence(0) if seeds is None else seeds
@@ -58,18 +61,17 @@ class Faults:
         self.memory, self.stack = np.zeros(max(self._memory, 1)), np.zeros(DEEPEST)
         self.param = self._param()
         self._uniform, self._normal = np.zeros((1, 1)), np.zeros((1, 1))
+        self._keep_clean, self.clean = keep_clean, np.zeros(0, CLEAN)
         self._grow(1)
 
     @property
     def arguments(self) -> tuple[Any, ...]:
         """What the kernels need besides the row; the same arrays until the next ``prepare``."""
         records = (self.param, self.schedule, self.state, self.targets, self.kept, self.program)
-        return *records, self.stack, self.times, self.memory, self.seen, self._uniform, self._normal
+        return *records, self.stack, self.times, self.memory, self.seen, self._uniform, self._normal, self.clean
 
     def prepare(self, block: Block) -> None:
         """Draw for the rows of ``block``; no stream depends on the block's length, nor on other faults."""
-        if not self._uniform_from and not self._normal_from:
-            return
         self._grow(len(block))
         for column, rng in enumerate(self._uniform_from):
             self._uniform[: len(block), column] = rng.random(len(block))
@@ -214,7 +216,9 @@ class Faults:
         return param
 
     def _grow(self, rows: int) -> None:
-        """Room for the draws of so many rows."""
+        """Room for what is drawn and kept of so many rows."""
+        if self._keep_clean and len(self.clean) < rows:
+            self.clean = np.zeros(rows, CLEAN)
         if len(self._uniform) < rows or self._uniform.shape[1] < len(self._uniform_from):
             self._uniform = np.zeros((rows, max(1, len(self._uniform_from))))
         if len(self._normal) < rows or self._normal.shape[1] < len(self._normal_from):

@@ -8,6 +8,7 @@ then the records of its events.
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final
 
 import numpy as np
@@ -154,41 +155,44 @@ def rows_in(data: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 def _derive(rows: Block, times: NDArray[np.uint64]) -> NDArray[Any]:
     derived = np.empty(len(rows), DERIVED)
-    derived["log_time"] = times
-    derived["sequence"] = rows["frame"]
-    seconds, nanoseconds = np.divmod(times, np.uint64(1_000_000_000))
-    derived["seconds"] = _varints(seconds)
-    derived["nanoseconds"] = _varints(nanoseconds)
-    with np.errstate(all="ignore"):  # a flight that ends not finite is logged as it is
-        _world_axes(rows["flight"], derived)
+    with np.errstate(all="ignore"):  # for interpreted kernels: a flight that ends not finite is logged as it is
+        derive(rows, times, derived)
     return derived
 
 
-_SEVENS: Final = np.arange(0, 35, 7, dtype=np.uint64)
-_MORE: Final = np.array([128, 128, 128, 128, 0], np.uint64)
+_EAST, _NORTH, _ALTITUDE = (FLIGHT_INDEX[name] for name in ("east_m", "north_m", "altitude_m"))
+_LATITUDE, _LONGITUDE = FLIGHT_INDEX["latitude_rad"], FLIGHT_INDEX["longitude_rad"]
+_W, _X, _Y, _Z = (FLIGHT_INDEX[f"quaternion_{axis}"] for axis in "wxyz")
+_SECOND: Final = np.uint64(1_000_000_000)
+_HALF_TURN: Final = math.sqrt(0.5)
+_DEGREE: Final = 180.0 / math.pi
 
 
-def _varints(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Varints of five bytes, (n, 5), of numbers below 2^35."""
-    return values[:, None] >> _SEVENS & np.uint64(127) | _MORE
-
-
-def _world_axes(flight: NDArray[np.float64], derived: NDArray[Any]) -> None:
-    """Pose with z up, as 3-D viewers expect it: world east-north-up, aircraft forward-left-up.
+@kernel
+def derive(rows: Block, times: NDArray[np.uint64], derived: NDArray[Any]) -> None:
+    """Fill ``derived`` (n,) DERIVED. Pose with z up, as 3-D viewers expect it: east-north-up, forward-left-up.
 
         q_enu_flu = q_enu_ned * q_ned_frd * q_frd_flu,  q_enu_ned = (0, 1, 1, 0)/sqrt 2,  q_frd_flu = (0, 1, 0, 0)
 
     up to its sign; q_ned_frd is the quaternion of FLIGHT.
     """
+    for k in range(len(rows)):
+        row, flight = derived[k], rows[k]["flight"]
+        row["log_time"], row["sequence"] = times[k], rows[k]["frame"]
+        varint(times[k] // _SECOND, row["seconds"])
+        varint(times[k] % _SECOND, row["nanoseconds"])
+        translation, rotation, position = row["translation"], row["rotation"], row["position"]
+        translation[0], translation[1], translation[2] = flight[_EAST], flight[_NORTH], flight[_ALTITUDE]
+        w, x, y, z = flight[_W], flight[_X], flight[_Y], flight[_Z]
+        rotation[0], rotation[1] = (x + y) * _HALF_TURN, (x - y) * _HALF_TURN
+        rotation[2], rotation[3] = (w - z) * _HALF_TURN, (w + z) * _HALF_TURN
+        position[0], position[1] = flight[_LATITUDE] * _DEGREE, flight[_LONGITUDE] * _DEGREE
+        position[2] = flight[_ALTITUDE]
 
-    def of(name: str) -> NDArray[np.float64]:
-        return flight[:, FLIGHT_INDEX[name]]
 
-    for i, name in enumerate(("east_m", "north_m", "altitude_m")):
-        derived["translation"][:, i] = of(name)
-    w, x, y, z = (of(f"quaternion_{axis}") for axis in "wxyz")
-    for i, component in enumerate((x + y, x - y, w - z, w + z)):
-        np.multiply(component, np.sqrt(0.5), out=derived["rotation"][:, i])
-    derived["position"][:, 0] = np.degrees(of("latitude_rad"))
-    derived["position"][:, 1] = np.degrees(of("longitude_rad"))
-    derived["position"][:, 2] = of("altitude_m")
+@kernel
+def varint(value: np.uint64, out: NDArray[np.uint8]) -> None:
+    """A number below 2^35 as a varint padded to five bytes."""
+    for i in range(5):
+        out[i] = np.uint8(value & np.uint64(127)) | (np.uint8(128) if i < 4 else np.uint8(0))
+        value >>= np.uint64(7)

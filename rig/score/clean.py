@@ -1,4 +1,4 @@
-"""The clean channels: what the sensors said before any fault, computed again from the recorded truth.
+"""The clean channels: what the sensors said before any fault, kept in flight or computed again from the recorded truth.
 
 The sensors are deterministic in the scenario's seed, so what they give for the recorded truth is, bit for
 bit, what they gave in flight; the recorded channels less these are the injected errors.
@@ -39,23 +39,40 @@ def recompute(scenario: Scenario, rows: Block, params: NDArray[np.void]) -> Clea
     BadInput when a channel differs before any fault has acted: then these are not the sensors that were flown.
     """
     sensors = Sensors(scenario.sensors, scenario.rate_hz, scenario.streams()["sensors"])
-    error = np.empty((len(rows), S, CHANNELS))
-    vote = np.empty((len(rows), S))
-    x, order = np.empty(CHANNELS), np.empty(CHANNELS, np.int64)
-    scratch, acted = new_block(min(ROWS, len(rows))), np.zeros(1, np.uint8)
+    scratch, comparison = new_block(min(ROWS, len(rows))), _Comparison(rows, params)
     for first in range(0, len(rows), ROWS):
-        part = slice(first, min(first + ROWS, len(rows)))
-        recorded, clean = rows[part], scratch[: part.stop - first]
-        _copy(recorded, clean)
+        recorded = rows[first : first + ROWS]
+        clean = scratch[: len(recorded)]
+        clean.view(np.uint8)[:] = recorded.view(np.uint8)
         sensors.prepare(clean)
-        at = measure_again(recorded, clean, sensors.arguments, params, acted, x, order, error[part], vote[part])
+        measure_again(clean, sensors.arguments)
+        comparison.add(clean)
+    return comparison.found
+
+
+def of_flight(rows: Block, clean: NDArray[np.void], params: NDArray[np.void]) -> Clean:
+    """The same from ``clean`` (n,) faults.CLEAN, kept while ``rows`` were flown."""
+    comparison = _Comparison(rows, params)
+    comparison.add(clean)
+    return comparison.found
+
+
+class _Comparison:
+    """Recorded rows against their clean channels, part after part."""
+
+    def __init__(self, rows: Block, params: NDArray[np.void]) -> None:
+        self.found = Clean(np.empty((len(rows), S, CHANNELS)), np.empty((len(rows), S)))
+        self._rows, self._params, self._done = rows, params, 0
+        self._acted, self._x, self._order = np.zeros(1, np.uint8), np.empty(CHANNELS), np.empty(CHANNELS, np.int64)
+
+    def add(self, clean: NDArray[np.void]) -> None:
+        """Compare the next rows."""
+        part = slice(self._done, self._done + len(clean))
+        rows, error, vote = self._rows[part], self.found.error[part], self.found.vote[part]
+        at = compare(rows, clean, self._params, self._acted, self._x, self._order, error, vote)
         if at != _SAME:
-            _refuse(recorded["frame"][at // (S * CHANNELS)], at % (S * CHANNELS))
-    return Clean(error, vote)
-
-
-def _copy(rows: Block, out: Block) -> None:
-    out.view(np.uint8)[:] = rows.view(np.uint8)
+            _refuse(rows["frame"][at // (S * CHANNELS)], at % (S * CHANNELS))
+        self._done = part.stop
 
 
 def _refuse(frame: int, place: int) -> None:
@@ -78,16 +95,22 @@ def checked(rows: Block) -> Block:
 
 
 @kernel
-def measure_again(rows, clean, of_sensors, params, acted, x, order, error, vote):
-    """Fill the clean channels of ``clean`` and compare those of ``rows``, recorded, with them.
+def measure_again(clean, of_sensors):
+    """Fill the channels of ``clean`` (n,) FRAME from its truth; of_sensors : what ``measure`` needs."""
+    for k in range(len(clean)):
+        measure(clean, k, *of_sensors)
 
-    rows, clean : (n,) FRAME; of_sensors : what ``measure`` needs; params : (S,) config.PARAMS
+
+@kernel
+def compare(rows, clean, params, acted, x, order, error, vote):
+    """Compare the channels of ``rows``, recorded, with the clean ones.
+
+    rows : (n,) FRAME; clean : (n,) records with its channels and valid; params : (S,) config.PARAMS
     acted : (1,) 1 once a fault has acted, in place; x, order : (4,), for sorting
     error, vote : (n, S, 4) and (n, S), out, see Clean
     Returns -1, or row * S * 4 + signal * 4 + channel of the first error that no fault can have made.
     """
     for k in range(len(rows)):
-        measure(clean, k, *of_sensors)
         acting = rows[k]["acting"]
         for i in range(len(acting)):
             acted[0] |= acting[i]
@@ -97,7 +120,7 @@ def measure_again(rows, clean, of_sensors, params, acted, x, order, error, vote)
                 error[k, s, c] = injected(rows[k], clean[k], s, c, wraps) if c < params[s]["fitted"] else 0.0
                 if acted[0] == 0 and error[k, s, c] != 0.0:
                     return (k * len(params) + s) * CHANNELS + c
-            vote[k, s] = middle(clean[k], s, params[s], x, order)
+            vote[k, s] = middle(clean[k]["channels"], rows[k]["truth"][s], s, params[s], x, order)
     return _SAME
 
 
@@ -113,14 +136,14 @@ def injected(row, clean, s, c, wraps):
 
 
 @kernel
-def middle(clean, s, p, x, order):
-    """The median of the fitted channels, the mean of the middle two when their number is even.
+def middle(channels, near, s, p, x, order):
+    """The median of the fitted channels of signal s, the mean of the middle two when their number is even.
 
-    Angles are taken near to the truth.  NaN channels of a truth that is no number give NaN.
+    Angles are taken ``near`` to the truth.  NaN channels of a truth that is no number give NaN.
     """
-    n, near = p["fitted"], clean["truth"][s]
+    n = p["fitted"]
     for c in range(n):
-        sample = clean["channels"][s, c]
+        sample = channels[s, c]
         x[c] = near + difference(sample, near, 1) if p["wraps"] != 0 else sample
         order[c] = c
     sort(x, order, n)

@@ -10,7 +10,7 @@ from rig.frame import Block
 from rig.redundancy import measured_thresholds
 from rig.redundancy.config import parameters
 from rig.scenario import Scenario
-from rig.score.clean import checked, recompute
+from rig.score.clean import checked, of_flight, recompute
 from rig.score.coverage import coverage
 from rig.score.episodes import by_pattern, episodes, tally
 from rig.score.flown import flight_score
@@ -22,15 +22,22 @@ from rig.score.votes import vote_errors
 _YARDSTICK = Yardstick()
 
 
-def score(scenario: Scenario, rows: Block, twin: Block | None = None, yardstick: Yardstick = _YARDSTICK) -> Score:
+def score(
+    scenario: Scenario,
+    rows: Block,
+    twin: Block | None = None,
+    yardstick: Yardstick = _YARDSTICK,
+    clean: NDArray[np.void] | None = None,
+) -> Score:
     """Score a flight of ``scenario`` against the truth in its ``rows`` (n,) of FRAME, from frame 0 on.
 
     twin : rows of the same flight without faults (``fly_twin``); without it there are no transients
+    clean : (n,) what ``Faults.clean`` kept in flight; without it the sensors are run again over the recorded truth
     BadInput when these sensors cannot have given the rows, or the twin is that of another flight.
     """
     rows = checked(rows)
     params = monitor(scenario)
-    error, clean = recompute(scenario, rows, params)
+    error, vote = recompute(scenario, rows, params) if clean is None else of_flight(rows, clean, params)
     acting = acts(rows, len(scenario.faults))
     failures = Failures(rows, error, spoiling(acting, scenario.faults), params)
     faults = outcomes(scenario, rows, acting, error, params, failures)
@@ -45,7 +52,7 @@ def score(scenario: Scenario, rows: Block, twin: Block | None = None, yardstick:
         resolvers=tally(found),
         resolvers_by_pattern=by_pattern(found),
         unresolved=sum(episode.resolver == "unresolved" for episode in found),
-        vote_error=vote_errors(rows, clean, params, onset, scenario.rate_hz),
+        vote_error=vote_errors(rows, vote, params, onset, scenario.rate_hz),
         flight=flight_score(scenario, rows, twin, faults, onset, yardstick),
         coverage=coverage(rows, params["fitted"]),
     )

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.angles import difference as short_way
 from rig.frame import SIGNALS, TWO_PI, Block
+from rig.kernels import kernel
 from rig.score.record import VoteError
 
 WRAPS: Final = np.array([signal.wraps for signal in SIGNALS])
+
+
+OFF: Final = np.dtype(
+    [("peak", "f8"), ("at", "i8"), ("squares", "f8"), ("finite", "i8"), ("above", "i8"), ("above_after", "i8")]
+)
 
 
 def vote_errors(
@@ -21,29 +29,49 @@ def vote_errors(
     onset : first frame in which any fault acted, None when none did
     A vote that is no number is above any threshold, and no part of peak and RMS; nor is a truth that is none.
     """
-    voted, truth = np.ascontiguousarray(rows["voted"]), np.ascontiguousarray(rows["truth"])
-    known = np.isfinite(truth)
-    off, off_clean = deviation(voted, truth), deviation(voted, clean)
-    above = known & ~(off <= params["threshold"])
-    clean_above = known & ~(off_clean <= params["threshold"])
-    peak, at, rms = _size(off)
-    clean_peak, _, clean_rms = _size(off_clean)
-    after = above[len(above) if onset is None else onset :]
-    counts = (above.sum(axis=0), after.sum(axis=0), clean_above.sum(axis=0))
-    seconds = [count / rate_hz for count in counts]
+    off = np.zeros((len(SIGNALS), 2), OFF)
+    add_up(rows, clean, params, len(rows) if onset is None else onset, off)
+    rms = np.sqrt(off["squares"] / np.maximum(off["finite"], 1))
     return {
         signal.name: VoteError(
-            peak=float(peak[s]),
-            peak_frame=int(at[s]),
-            rms=float(rms[s]),
-            above_threshold_s=float(seconds[0][s]),
-            above_threshold_after_onset_s=float(seconds[1][s]),
-            clean_peak=float(clean_peak[s]),
-            clean_rms=float(clean_rms[s]),
-            clean_above_threshold_s=float(seconds[2][s]),
+            peak=float(from_truth["peak"]),
+            peak_frame=int(from_truth["at"]),
+            rms=float(rms[s, 0]),
+            above_threshold_s=float(from_truth["above"] / rate_hz),
+            above_threshold_after_onset_s=float(from_truth["above_after"] / rate_hz),
+            clean_peak=float(from_clean["peak"]),
+            clean_rms=float(rms[s, 1]),
+            clean_above_threshold_s=float(from_clean["above"] / rate_hz),
         )
-        for s, signal in enumerate(SIGNALS)
+        for s, (signal, (from_truth, from_clean)) in enumerate(zip(SIGNALS, off, strict=True))
     }
+
+
+@kernel
+def add_up(rows, clean, params, onset, off):
+    """Add up how far the votes of ``rows`` (n,) FRAME are from truth and from ``clean`` (n, S).
+
+    params : (S,) config.PARAMS; onset : row from which ``above_after`` counts; off : (S, 2) OFF, in place
+    """
+    for k in range(len(rows)):
+        truth, voted = rows[k]["truth"], rows[k]["voted"]
+        for s in range(len(params)):
+            known, p = math.isfinite(truth[s]), params[s]
+            add(off[s, 0], k, abs(short_way(voted[s], truth[s], p["wraps"])), known, p["threshold"], onset)
+            add(off[s, 1], k, abs(short_way(voted[s], clean[k, s], p["wraps"])), known, p["threshold"], onset)
+
+
+@kernel
+def add(total, k, off, known, threshold, onset):
+    """One vote, ``off`` by so much; NaN is above any threshold."""
+    if math.isfinite(off):
+        total["finite"] += 1
+        total["squares"] += off * off
+        if off > total["peak"]:
+            total["peak"], total["at"] = off, k
+    if known and not off <= threshold:
+        total["above"] += 1
+        total["above_after"] += k >= onset
 
 
 def deviation(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -57,12 +85,3 @@ def difference(a: NDArray[np.float64], b: NDArray[np.float64], wraps: NDArray[np
         off = a - b
         off[..., wraps] = (off[..., wraps] + np.pi) % TWO_PI - np.pi
     return off
-
-
-def _size(off: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:
-    """Largest, where, and root mean square of each column, over what is finite; 0 when nothing is."""
-    finite = np.isfinite(off)
-    off = np.where(finite, off, 0.0)
-    at = off.argmax(axis=0)
-    count = np.maximum(finite.sum(axis=0), 1)
-    return off.max(axis=0), at, np.sqrt((off * off).sum(axis=0) / count)
