@@ -12,8 +12,10 @@ from rig import scenario
 from rig.errors import BadInput
 from rig.frame import CHANNELS, FRAME, INDEX, SIGNALS, Block, End, Pattern, Resolver, State, new_block
 from rig.loop import Rig
+from rig.redundancy.config import PARAMS
 from rig.scenario import Scenario
 from rig.score import Score, score
+from rig.score.clean import middle
 from rig.score.coverage import POSSIBLE
 from rig.score.outcomes import longest_run
 
@@ -286,3 +288,14 @@ def test_rows_joined_by_numpy_score_the_same():
     joined = np.concatenate([rows[:20], rows[20:]])
     unaligned = rows.astype(np.dtype({n: FRAME.fields[n][:2] for n in FRAME.names or ()}))  # type: ignore[index]
     assert score(which, joined).as_dict() == score(which, unaligned).as_dict() == score(which, rows).as_dict()
+
+
+@settings(max_examples=max(10, 200 // FEWER), deadline=None)
+@given(st.lists(st.floats(-100.0, 100.0), min_size=2, max_size=4))
+def test_the_clean_vote_is_the_median_of_the_channels_that_are_fitted(samples: list[float]):
+    record = np.zeros(1, PARAMS)
+    record["fitted"], record["low"], record["high"] = len(samples), -100.0, 100.0
+    channels = np.array([*samples, np.nan, np.nan][:CHANNELS])
+    assert middle(channels, 0.0, record[0]) == pytest.approx(np.median(samples), abs=1e-12)
+    channels[len(samples) - 1] = np.nan
+    assert np.isnan(middle(channels, 0.0, record[0]))

@@ -15,7 +15,6 @@ from rig.angles import difference, limit
 from rig.errors import BadInput
 from rig.frame import CHANNELS, FRAME, SIGNALS, Block, S, new_block
 from rig.kernels import kernel
-from rig.redundancy.compare import sort
 from rig.redundancy.vote import mean
 from rig.scenario import Scenario
 from rig.sensors import Sensors, measure
@@ -61,15 +60,15 @@ class _Comparison:
     """Recorded rows against their clean channels, part after part."""
 
     def __init__(self, rows: Block, params: NDArray[np.void]) -> None:
-        self.found = Clean(np.empty((len(rows), S, CHANNELS)), np.empty((len(rows), S)))
+        self.found = Clean(np.zeros((len(rows), S, CHANNELS)), np.empty((len(rows), S)))
         self._rows, self._params, self._done = rows, params, 0
-        self._acted, self._x, self._order = np.zeros(1, np.uint8), np.empty(CHANNELS), np.empty(CHANNELS, np.int64)
+        self._acted = np.zeros(1, np.uint8)
 
     def add(self, clean: NDArray[np.void]) -> None:
         """Compare the next rows."""
         part = slice(self._done, self._done + len(clean))
         rows, error, vote = self._rows[part], self.found.error[part], self.found.vote[part]
-        at = compare(rows, clean, self._params, self._acted, self._x, self._order, error, vote)
+        at = compare(rows, clean, self._params, self._acted, error, vote)
         if at != _SAME:
             _refuse(rows["frame"][at // (S * CHANNELS)], at % (S * CHANNELS))
         self._done = part.stop
@@ -102,26 +101,38 @@ def measure_again(clean, of_sensors):
 
 
 @kernel
-def compare(rows, clean, params, acted, x, order, error, vote):
+def compare(rows, clean, params, acted, error, vote):
     """Compare the channels of ``rows``, recorded, with the clean ones.
 
     rows : (n,) FRAME; clean : (n,) records with its channels and valid; params : (S,) config.PARAMS
-    acted : (1,) 1 once a fault has acted, in place; x, order : (4,), for sorting
-    error, vote : (n, S, 4) and (n, S), out, see Clean
+    acted : (1,) not 0 once a fault has acted, in place
+    error, vote : (n, S, 4), zeros, and (n, S), out, see Clean
     Returns -1, or row * S * 4 + signal * 4 + channel of the first error that no fault can have made.
     """
     for k in range(len(rows)):
-        acting = rows[k]["acting"]
+        row, tidy = rows[k], clean[k]
+        acting = row["acting"]
         for i in range(len(acting)):
             acted[0] |= acting[i]
+        spoiled = not same(row["channels"], tidy["channels"]) or not same(row["valid"], tidy["valid"])
         for s in range(len(params)):
-            wraps = params[s]["wraps"]
-            for c in range(CHANNELS):
-                error[k, s, c] = injected(rows[k], clean[k], s, c, wraps) if c < params[s]["fitted"] else 0.0
+            p = params[s]
+            for c in range(p["fitted"] if spoiled else 0):
+                error[k, s, c] = injected(row, tidy, s, c, p["wraps"])
                 if acted[0] == 0 and error[k, s, c] != 0.0:
                     return (k * len(params) + s) * CHANNELS + c
-            vote[k, s] = middle(clean[k]["channels"], rows[k]["truth"][s], s, params[s], x, order)
+            vote[k, s] = middle(tidy["channels"][s], row["truth"][s], p)
     return _SAME
+
+
+@kernel
+def same(a, b):
+    """Whether two (S, 4) arrays are equal, element by element; a NaN is equal to nothing."""
+    different = 0
+    for s in range(a.shape[0]):
+        for c in range(a.shape[1]):
+            different |= a[s, c] != b[s, c]
+    return different == 0
 
 
 @kernel
@@ -136,15 +147,25 @@ def injected(row, clean, s, c, wraps):
 
 
 @kernel
-def middle(channels, near, s, p, x, order):
-    """The median of the fitted channels of signal s, the mean of the middle two when their number is even.
+def middle(channels, near, p):
+    """The median of the fitted ``channels`` (4,), the mean of the middle two when their number is even.
 
-    Angles are taken ``near`` to the truth.  NaN channels of a truth that is no number give NaN.
+    Angles are taken ``near`` to the truth.  NaN where truth or a channel is no number.
     """
-    n = p["fitted"]
-    for c in range(n):
-        sample = channels[s, c]
-        x[c] = near + difference(sample, near, 1) if p["wraps"] != 0 else sample
-        order[c] = c
-    sort(x, order, n)
-    return limit(mean(x[order[(n - 1) // 2]], x[order[n // 2]], 0.5), p["low"], p["high"], p["wraps"])
+    n, wraps = p["fitted"], p["wraps"]
+    a, b = around(channels[0], near, wraps), around(channels[1], near, wraps)
+    c = around(channels[2], near, wraps) if n > 2 else a
+    d = around(channels[3], near, wraps) if n > 3 else b
+    # Of four: the larger of the pairs' smaller ones and the smaller of their larger ones. Of two: each counts twice.
+    one, other = max(min(a, b), min(c, d)), min(max(a, b), max(c, d))
+    if n == 3:
+        one = other = max(min(a, b), min(max(a, b), c))
+    if a + b + c + d != a + b + c + d:
+        return np.nan
+    return limit(mean(min(one, other), max(one, other), 0.5), p["low"], p["high"], wraps)
+
+
+@kernel
+def around(sample, near, wraps):
+    """An angle as a number ``near`` another, anything else as it is."""
+    return near + difference(sample, near, 1) if wraps != 0 else sample
