@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import scipy.stats
 from pydantic import AfterValidator, Field, model_validator
 
 from rig import aircraft
@@ -59,9 +58,6 @@ class Distribution(Settings):
     def _known(self) -> Distribution:
         if self.low >= self.high:
             raise ValueError(f"low ({self.low:g}) must be below high ({self.high:g})")
-        known = getattr(scipy.stats, self.distribution, None)
-        if known is None or not isinstance(known, scipy.stats.rv_continuous):
-            raise ValueError(f"distribution: scipy.stats has no continuous distribution {self.distribution!r}")
         low, high = self.shares()
         if not low < high:
             raise ValueError(f"{self.distribution} has nothing between {self.low:g} and {self.high:g}")
@@ -76,7 +72,15 @@ class Distribution(Settings):
 
     def frozen(self) -> Any:
         """The distribution with its parameters."""
-        return getattr(scipy.stats, self.distribution)(**self.parameters)
+        return self._family()(**self.parameters)
+
+    def _family(self) -> Any:
+        import scipy.stats  # half a second, which no worker needs
+
+        known = getattr(scipy.stats, self.distribution, None)
+        if known is None or not isinstance(known, scipy.stats.rv_continuous):
+            raise ValueError(f"distribution: scipy.stats has no continuous distribution {self.distribution!r}")
+        return known
 
 
 Vary = Levels | Range | Distribution

@@ -13,7 +13,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from rig.campaign.config import Campaign, Case, Distribution, Levels, Vary
 
@@ -105,6 +104,8 @@ def _points(campaign: Campaign) -> NDArray[np.float64]:
     rng = np.random.default_rng(SeedSequence(campaign.seed, spawn_key=(_POINTS,)))
     if campaign.sampling == "random" or dimensions == 0:
         return rng.random((runs, dimensions))
+    from scipy.stats import qmc  # half a second, which no worker needs
+
     if campaign.sampling == "latin-hypercube":
         return qmc.LatinHypercube(dimensions, rng=rng).random(runs)
     power = max(0, (runs - 1).bit_length())  # Sobol's points are balanced in powers of two
