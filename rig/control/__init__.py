@@ -7,7 +7,7 @@ In flight:
     degraded   what stands in for a lost signal
     rates      a body rate that is not measured
     backup     the elevator without a pitch rate
-    laws       the single laws and the gain schedule
+    laws       the single laws
     airdata    altitude, Mach number and airspeeds from two pressures
     record     parameters and state
     gains      the designed numbers of one aircraft, gains.toml

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 from typing import Final, Self
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from rig import pressure_table
 from rig.settings import Settings, build, read_toml
 
 # Of each of the back-up law's compensators: feedback of the estimates, then correction of the estimates.
@@ -148,15 +148,12 @@ class Gains(Settings):
 
     @model_validator(mode="after")
     def _sorted(self) -> Self:
-        pressures = [point.dynamic_pressure_pa for point in self.points]
-        if any(b <= a for a, b in pairwise(pressures)):
-            raise ValueError("points must be in the order of rising dynamic pressure")
+        pressure_table.check_rising(self.points)
         return self
 
     def table(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Dynamic pressures (P,) [Pa] and the gains there (P, len(COLUMNS))."""
-        rows = [[getattr(point, name) for name in COLUMNS] for point in self.points]
-        return np.array([point.dynamic_pressure_pa for point in self.points]), np.array(rows)
+        return pressure_table.table(self.points, COLUMNS)
 
 
 def read(path: Path) -> Gains:
