@@ -210,15 +210,16 @@ def aircraft_design(
     """
     from rig import reference_design, show
     from rig.aircraft import folder
-    from rig.control import design
+    from rig.control.design import design
+    from rig.control.gains import write
     from rig.plant import airframe
 
     home = folder(name)
     if out is not None and not out.parent.is_dir():
         raise BadInput(f"--out {out}: no such folder")
-    gains = design.design(airframe.read(home / "aircraft.toml"))
+    gains = design(airframe.read(home / "aircraft.toml"))
     target = out or home / "gains.toml"
-    design.write(gains, target)
+    write(gains, target)
     references, beside = reference_design.design(name, gains), target.with_name("references.toml")
     reference_design.write(references, beside)
     written = {"file": str(target), "references_file": str(beside)}

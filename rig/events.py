@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,19 @@ class Event:
     level: Literal["info", "warning", "error"]
     name: str  # what kind of event, e.g. "channel failed"
     text: str
+
+
+class EventLike(Protocol):
+    """What is read of an event; Event is one, and the log's are."""
+
+    @property
+    def frame(self) -> int: ...  # noqa: D102
+    @property
+    def level(self) -> str: ...  # noqa: D102
+    @property
+    def name(self) -> str: ...  # noqa: D102
+    @property
+    def text(self) -> str: ...  # noqa: D102
 
 
 def not_executed(frame: int, missing: Sequence[tuple[str, str]]) -> list[Event]:

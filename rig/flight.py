@@ -8,12 +8,9 @@ flight.signal("pitch_rate").voted         # (frames,) array, rad/s
 
 from __future__ import annotations
 
-import signal
-import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -27,6 +24,7 @@ from rig.errors import BadInput
 from rig.events import Event, EventFinder, not_executed
 from rig.faults import Execution
 from rig.frame import TIMING, Block, new_block
+from rig.interrupt import interruptible
 from rig.log import Log, LogWriter, SignalArrays, read_log
 from rig.pace import Jitter, JitterCounter, Pace
 from rig.recorder import Recorder
@@ -140,7 +138,7 @@ def fly(
         path = find(scenario)
         scenario, text, name = load(path, overrides, seed), path.read_text(encoding="utf-8"), path.stem
     pace = Pace(scenario.rate_hz, realtime_factor)
-    with _interruptible() as stop:
+    with interruptible() as stop:
         return _record(scenario, text, name, Path(out), rerun, pace, stop, progress, viewer, watch)
 
 
@@ -160,27 +158,20 @@ def _record(
     check_where(rerun)
     rig = loop.Rig(scenario)
     path = log_path(out, name or scenario.title or scenario.aircraft, scenario.seed)
-    finder, verdict, execution = EventFinder(labels(scenario)), Verdict(), Execution(scenario.faults)
-    jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
+    records = _Records(scenario, pace)
     with LogWriter(path, scenario.rate_hz, metadata(scenario), [("scenario.toml", text.encode())]) as writer:
         stream = open_stream(rerun, scenario.title or path.stem, scenario.rate_hz, path, of_scenario(scenario))
         if stream is not None and viewer is not None:
             viewer.opened(stream)
 
         def record(rows: Block, timing: NDArray[Any]) -> None:
-            events = finder.find(rows)
-            hashed = beside.submit(verdict.add, rows, events)  # both leave the interpreter to each other
-            writer.write(rows, timing, events)
-            execution.add(rows)
-            hashed.result()
+            events = records.add(rows, timing, writer, beside)
             if stream is not None:
                 stream.put(rows.copy(), events)
-            if jitter is not None:
-                jitter.add(timing["frame_us"], timing["late_us"])
             if watch is not None:
                 watch(rows, scenario.rate_hz, events)
             if progress is not None:
-                progress(verdict.frames, scenario.frames)
+                progress(records.verdict.frames, scenario.frames)
 
         began = time.perf_counter()
         try:
@@ -191,45 +182,62 @@ def _record(
                 for rows, timing in loop.frames(rig, scenario, pace, stop):
                     recorder.put(rows, timing)
             wall_s = time.perf_counter() - began
-            last = not_executed(verdict.frames - 1, execution.missing)
-            verdict.events += last
-            writer.write(new_block(0), np.zeros(0, TIMING), last)
-            reason = end_reason(verdict, stop, scenario)
-            writer.close({"digest": verdict.digest, "end_reason": reason, "survived": str(verdict.survived)})
+            reason = records.close(writer, stop)
             if stream is not None and viewer is not None:
                 viewer.flown(stream)
         finally:
             report = None if stream is None else stream.close(10.0)
-    return _flown(path, scenario, verdict, execution, reason, wall_s, jitter, report)
+    return records.flight(path, reason, wall_s, report)
 
 
-def _flown(
-    path: Path,
-    scenario: Scenario,
-    verdict: Verdict,
-    execution: Execution,
-    reason: str,
-    wall_s: float,
-    jitter: JitterCounter | None,
-    report: StreamReport | None,
-) -> Flight:
-    """What the records of a finished flight come to."""
-    return Flight(
-        log=path,
-        scenario=scenario,
-        frames=verdict.frames,
-        digest=verdict.digest,
-        survived=verdict.survived,
-        end_reason=reason,
-        failed=verdict.failed,
-        not_executed=[name for name, _ in execution.missing],
-        peaks=verdict.peaks,
-        events=verdict.events,
-        wall_s=wall_s,
-        us_per_frame=wall_s / max(verdict.frames, 1) * 1e6,
-        jitter=None if jitter is None else jitter.result(),
-        stream=report,
-    )
+class _Records:
+    """What is kept of every block, and what the flight comes to."""
+
+    def __init__(self, scenario: Scenario, pace: Pace) -> None:
+        self.scenario, self.verdict = scenario, Verdict()
+        self._finder, self._execution = EventFinder(labels(scenario)), Execution(scenario.faults)
+        self._jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
+
+    def add(self, rows: Block, timing: NDArray[Any], writer: LogWriter, beside: ThreadPoolExecutor) -> list[Event]:
+        """Into verdict and log; the events of the block."""
+        events = self._finder.find(rows)
+        hashed = beside.submit(self.verdict.add, rows, events)  # both leave the interpreter to each other
+        writer.write(rows, timing, events)
+        self._execution.add(rows)
+        hashed.result()
+        if self._jitter is not None:
+            self._jitter.add(timing["frame_us"], timing["late_us"])
+        return events
+
+    def close(self, writer: LogWriter, stop: loop.Stop) -> str:
+        """Write what only the end can tell; why the flight ended."""
+        verdict = self.verdict
+        last = not_executed(verdict.frames - 1, self._execution.missing)
+        verdict.events += last
+        writer.write(new_block(0), np.zeros(0, TIMING), last)
+        reason = end_reason(verdict, stop, self.scenario)
+        writer.close({"digest": verdict.digest, "end_reason": reason, "survived": str(verdict.survived)})
+        return reason
+
+    def flight(self, path: Path, reason: str, wall_s: float, report: StreamReport | None) -> Flight:
+        """What the records of a finished flight come to."""
+        verdict = self.verdict
+        return Flight(
+            log=path,
+            scenario=self.scenario,
+            frames=verdict.frames,
+            digest=verdict.digest,
+            survived=verdict.survived,
+            end_reason=reason,
+            failed=verdict.failed,
+            not_executed=[name for name, _ in self._execution.missing],
+            peaks=verdict.peaks,
+            events=verdict.events,
+            wall_s=wall_s,
+            us_per_frame=wall_s / max(verdict.frames, 1) * 1e6,
+            jitter=None if self._jitter is None else self._jitter.result(),
+            stream=report,
+        )
 
 
 def log_path(out: Path, name: str, seed: int) -> Path:
@@ -266,22 +274,3 @@ def end_reason(verdict: Verdict, stop: loop.Stop, scenario: Scenario) -> str:
     if not verdict.survived:
         return verdict.end.label
     return "interrupted" if stop.requested and verdict.frames < scenario.frames else "duration flown"
-
-
-@contextmanager
-def _interruptible() -> Iterator[loop.Stop]:
-    """Ctrl-C ends the flight after its frame instead of tearing it; a second one is Python's own."""
-    stop = loop.Stop()
-    if threading.current_thread() is not threading.main_thread():
-        yield stop
-        return
-
-    def ask(number: int, frame: object) -> None:
-        stop.requested = True
-        signal.signal(signal.SIGINT, before)
-
-    before = signal.signal(signal.SIGINT, ask)
-    try:
-        yield stop
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -71,28 +71,20 @@ def _manoeuvre(kind: str, axis: str, start_s: float, amplitude: float, **more: f
     return {"kind": kind, "axis": axis, "start_s": start_s, "amplitude": amplitude, **more}
 
 
+def _on_the_sticks(*manoeuvres: dict[str, Any]) -> dict[str, Any]:
+    return {"duration_s": 20.0, "pilot": {"autopilot_engaged": False, "manoeuvres": list(manoeuvres)}}
+
+
 # Brisk but ordinary: about a third of the load factor and half of the roll rate that the stick can ask.
 FLIGHTS: Final[dict[str, dict[str, Any]]] = {
-    "pitch": {
-        "duration_s": 20.0,
-        "pilot": {
-            "autopilot_engaged": False,
-            "manoeuvres": [
-                _manoeuvre("3-2-1-1", "stick_pitch", 2.0, 0.3, duration_s=3.5),
-                _manoeuvre("doublet", "stick_pitch", 10.0, 0.4, duration_s=3.0),
-            ],
-        },
-    },
-    "roll and yaw": {
-        "duration_s": 20.0,
-        "pilot": {
-            "autopilot_engaged": False,
-            "manoeuvres": [
-                _manoeuvre("doublet", "stick_roll", 2.0, 0.5, duration_s=2.0),
-                _manoeuvre("doublet", "pedal", 10.0, 0.5, duration_s=3.0),
-            ],
-        },
-    },
+    "pitch": _on_the_sticks(
+        _manoeuvre("3-2-1-1", "stick_pitch", 2.0, 0.3, duration_s=3.5),
+        _manoeuvre("doublet", "stick_pitch", 10.0, 0.4, duration_s=3.0),
+    ),
+    "roll and yaw": _on_the_sticks(
+        _manoeuvre("doublet", "stick_roll", 2.0, 0.5, duration_s=2.0),
+        _manoeuvre("doublet", "pedal", 10.0, 0.5, duration_s=3.0),
+    ),
     "climb and turn": {
         "duration_s": 60.0,
         "pilot": {

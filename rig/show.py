@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from rig.aircraft import tables
@@ -34,21 +34,27 @@ def console() -> Console:
 
 
 @contextmanager
-def progress(enabled: bool) -> Iterator[Report | None]:
-    """A progress bar on a terminal; nothing in a pipe."""
+def bar(enabled: bool, *columns: ProgressColumn) -> Iterator[Progress | None]:
+    """A progress bar on standard error while it is a terminal; None in a pipe or when not enabled."""
     screen = Console(stderr=True)
     if not enabled or not screen.is_terminal:
         yield None
         return
-    columns = (
-        TextColumn("flying"),
-        BarColumn(),
-        TextColumn("{task.percentage:3.0f} %"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=screen, transient=True) as bar:
-        task = bar.add_task("flight")
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+    with Progress(*columns, console=screen, transient=True) as shown:
+        yield shown
+
+
+@contextmanager
+def progress(enabled: bool) -> Iterator[Report | None]:
+    """How far a flight is, and the time left; nothing in a pipe."""
+    share = TextColumn("{task.percentage:3.0f} %")
+    with bar(enabled, TextColumn("flying"), BarColumn(), share, TimeRemainingColumn()) as shown:
+        yield None if shown is None else _reporter(shown)
+
+
+def _reporter(shown: Progress) -> Report:
+    task = shown.add_task("flight")
+    return lambda done, total: shown.update(task, completed=done, total=total)
 
 
 class Watching:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from interpreted import printed
 
 from rig.control import gains
 from rig.control.autopilot import Config, Control
@@ -170,13 +168,6 @@ def test_a_copy_of_the_state_flies_on_alike() -> None:
     assert (block["surface"] == again["surface"]).all()
 
 
-SCRIPT = """
-import sys; sys.path.insert(0, {folder!r})
-from test_control_autopilot import digest
-print(digest())
-"""
-
-
 def digest() -> str:
     """Of all outputs of a rough flight through both laws."""
     block = level_flight(600, noise=0.02, seed=5)
@@ -187,13 +178,5 @@ def digest() -> str:
 
 
 def test_compiled_and_plain_python_agree_bit_for_bit() -> None:
-    script = SCRIPT.format(folder=str(Path(__file__).parent))
-    plain = subprocess.run(
-        [sys.executable, "-c", script],
-        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
-        cwd=AIRCRAFT.parent,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert plain.stdout.strip() == digest()
+    program = "from test_control_autopilot import digest; print(digest())"
+    assert printed(program, interpreted=True) == digest()

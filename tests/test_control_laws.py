@@ -1,4 +1,4 @@
-"""The single laws: turns, headings, altitude capture, integrators, the gain schedule."""
+"""The single laws: turns, headings, altitude capture, integrators."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import pytest
 from numpy.typing import NDArray
 
 from rig.control import laws
-from rig.control.gains import COLUMNS
 from rig.control.record import STATE
 
 G = 9.80665
@@ -81,19 +80,3 @@ def test_an_integrator_stands_still_at_a_stop_and_leaves_it_at_once() -> None:
     assert laws.integrate(-0.5, -0.01, 0.05, low, high) == -0.5
     assert laws.integrate(0.44, 0.05, 0.05, low, high) == pytest.approx(0.45)  # just reaches it
     assert laws.integrate(0.1, 0.01, 0.05, low, high) == pytest.approx(0.11)
-
-
-def test_gains_are_interpolated_between_points_and_held_beyond() -> None:
-    pressures = np.array([5e3, 10e3, 30e3])
-    table = np.outer([1.0, 2.0, 6.0], np.arange(1.0, len(COLUMNS) + 1))
-    gain = np.zeros(len(COLUMNS))
-    for pressure in (0.0, 5e3, 7.5e3, 10e3, 15e3, 30e3, 1e5):
-        laws.schedule(pressures, table, pressure, gain)
-        expected = [np.interp(pressure, pressures, column) for column in table.T]
-        assert gain == pytest.approx(expected, rel=1e-12)
-
-
-def test_a_single_point_is_a_schedule_too() -> None:
-    gain = np.zeros(len(COLUMNS))
-    laws.schedule(np.array([1e4]), np.ones((1, len(COLUMNS))), 2e4, gain)
-    assert (gain == 1.0).all()

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from interpreted import printed
 from test_control_flight import AIRCRAFT, DEGREE, NOISE, RATE_HZ, flight, sizes, truth
 
 from rig.control import backup, gains
@@ -275,10 +272,5 @@ def digest() -> str:
 
 
 def test_compiled_and_plain_python_agree_bit_for_bit_when_signals_are_lost() -> None:
-    folder = str(Path(__file__).parent)
-    script = f"import sys; sys.path.insert(0, {folder!r}); from test_control_lost import digest; print(digest())"
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    plain = subprocess.run(
-        [sys.executable, "-c", script], env=environment, cwd=AIRCRAFT.parent, capture_output=True, text=True, check=True
-    )
-    assert plain.stdout.strip() == digest()
+    program = "from test_control_lost import digest; print(digest())"
+    assert printed(program, interpreted=True) == digest()

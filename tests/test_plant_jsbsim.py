@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from math import cos, exp, log, nan, sin
 from pathlib import Path
 
 import numpy as np
 import pytest
+from flown_alone import fly, hold
+from interpreted import printed
 
 from rig.frame import DISCRETE_INDEX, FLIGHT_INDEX, INDEX, SURFACES, Block, End, new_block
 from rig.plant import airframe, jsbsim, wind
@@ -34,20 +33,6 @@ def plant(
 ) -> jsbsim.Plant:
     plane = plane or PLANES[name]
     return jsbsim.Plant(plane, plane.point(point), wind.Config(), turbulence, 1.0 / DT, steps, 1)
-
-
-def fly(flying: jsbsim.Plant, commands: np.ndarray) -> Block:
-    """Every row read and stepped; commands (n, 4), absolute."""
-    block = new_block(len(commands))
-    block["actuator"] = commands
-    for k in range(len(block)):
-        flying.read(block, k)
-        flying.step(block, k)
-    return block
-
-
-def hold(flying: jsbsim.Plant, frames: int) -> np.ndarray:
-    return np.tile(flying.trim, (frames, 1))
 
 
 def position(block: Block, surface: int) -> np.ndarray:
@@ -279,22 +264,14 @@ def test_two_fresh_plants_and_a_reset_one_fly_bit_for_bit_alike(name: str) -> No
 
 _AGAIN = """
 import hashlib
-from tests.test_plant_jsbsim import plant, wild
+from test_plant_jsbsim import plant, wild
 print(hashlib.sha256(wild(plant(turbulence="severe")).tobytes()).hexdigest())
 """
 
 
 def test_the_interpreted_plant_flies_the_same_in_another_process() -> None:
     here = hashlib.sha256(wild(plant(turbulence="severe")).tobytes()).hexdigest()
-    there = subprocess.run(
-        [sys.executable, "-c", _AGAIN],
-        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
-        cwd=AIRCRAFT.parent,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert there.stdout.strip() == here
+    assert printed(_AGAIN, interpreted=True) == here
 
 
 @pytest.fixture

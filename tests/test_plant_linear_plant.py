@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import subprocess
-import sys
 from math import nan
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from flown_alone import fly, hold
+from interpreted import printed
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_discrete_lyapunov
 
@@ -53,19 +52,6 @@ def plant(
 ) -> LinearPlant:
     frame = frame or config()
     return LinearPlant(frame, frame.point(), air or wind.Config(), turbulence, RATE_HZ, steps, 7)
-
-
-def hold(flying: LinearPlant, frames: int) -> np.ndarray:
-    return np.tile(flying.trim, (frames, 1))
-
-
-def fly(flying: LinearPlant, commands: np.ndarray) -> Block:
-    block = new_block(len(commands))
-    block["actuator"] = commands
-    for k in range(len(block)):
-        flying.read(block, k)
-        flying.step(block, k)
-    return block
 
 
 def wild(flying: LinearPlant, frames: int = 400) -> Block:
@@ -245,17 +231,14 @@ def test_the_same_flight_again_is_the_same_bit_for_bit() -> None:
 
 _AGAIN = """
 import hashlib
-from tests.test_plant_linear_plant import plant, wild
+from test_plant_linear_plant import plant, wild
 print(hashlib.sha256(wild(plant(turbulence="severe")).tobytes()).hexdigest())
 """
 
 
 def test_the_interpreted_plant_flies_the_same_in_another_process() -> None:
     here = hashlib.sha256(wild(plant(turbulence="severe")).tobytes()).hexdigest()
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    run = [sys.executable, "-c", _AGAIN]
-    there = subprocess.run(run, env=environment, cwd=ROOT, capture_output=True, text=True, check=True)
-    assert there.stdout.strip() == here
+    assert printed(_AGAIN, interpreted=True) == here
 
 
 def test_the_factors_change_the_aircraft_and_not_what_is_known_of_it() -> None:

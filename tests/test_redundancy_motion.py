@@ -14,7 +14,7 @@ from rig.frame import INDEX, INERTIAL
 from rig.inclination.path import air_density
 from rig.redundancy import motion
 from rig.redundancy.designed import COLUMNS
-from rig.redundancy.reference import PARAM, STATE, Config, References, look_up, refer, remember
+from rig.redundancy.reference import PARAM, STATE, Config, References, refer, remember
 
 G = 9.80665
 SEEDS = range(6)
@@ -203,15 +203,3 @@ def test_density_is_that_of_the_cold_stratosphere_and_at_least_of_ten_hectopasca
 
 def test_density_at_sea_level_is_that_of_the_standard():
     assert air_density(101_325.0) == pytest.approx(101_325.0 / (287.05287 * 288.15), rel=1e-9)
-
-
-@pytest.mark.parametrize("points", [1, 2, 3, 4, 7])
-def test_coefficients_are_interpolated_and_end_with_their_ends(points: int):
-    rng = np.random.default_rng(points)
-    pressures = np.cumsum(rng.uniform(500.0, 5000.0, points))
-    table = rng.standard_normal((points, len(COLUMNS)))
-    out = np.zeros(len(COLUMNS))
-    for pressure in (*pressures, *rng.uniform(0.0, 1.2 * pressures[-1], 40), -1.0):
-        look_up(pressures, table, pressure, out)
-        for i in range(len(COLUMNS)):
-            assert out[i] == pytest.approx(np.interp(pressure, pressures, table[:, i]), abs=1e-12)

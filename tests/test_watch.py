@@ -19,12 +19,12 @@ from typer.testing import CliRunner
 
 from rig.cli import app
 from rig.errors import BadInput, BadLog
-from rig.events import Event
+from rig.events import Event, EventLike
 from rig.frame import SIGNALS, TIMING, Block, End, Pattern, Resolver, Source, State, new_block
 from rig.log import LogWriter, read_log
 from rig.watch.draw import InPipe, InProcess, OnTerminal
 from rig.watch.live import Watch, watching
-from rig.watch.page import EVENTS, EventLike, Page
+from rig.watch.page import EVENTS, Page
 from rig.watch.played import play
 
 RATE_HZ = 100.0

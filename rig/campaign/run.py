@@ -6,13 +6,10 @@ under way come in.
 
 from __future__ import annotations
 
-import signal
-import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -26,6 +23,7 @@ from rig.campaign.plan import Plan, Run
 from rig.campaign.pool import Pool, open_pool
 from rig.campaign.rows import Rows
 from rig.errors import RigError
+from rig.interrupt import interruptible
 from rig.loop import Stop
 
 AHEAD: Final = 2  # batches handed out for each worker: one it flies, one that waits
@@ -121,7 +119,7 @@ def run(
     pool = open_pool(workers or how.workers, scheduler)
     kill = True
     try:
-        with folder.held(), _interruptible() as stop:
+        with folder.held(), interruptible() as stop:
             done = folder.done()
             missing = [number for number in range(count) if number not in done]
             progress = Progress(count, count - len(missing))
@@ -211,22 +209,3 @@ def _result(folder: Folder, count: int, progress: Progress, interrupted: bool) -
         wall_s=time.perf_counter() - progress.began,
         interrupted=interrupted and progress.done < count,
     )
-
-
-@contextmanager
-def _interruptible() -> Iterator[Stop]:
-    """The first Ctrl-C asks for an end after the batches under way; a second one is Python's own."""
-    stop = Stop()
-    if threading.current_thread() is not threading.main_thread():
-        yield stop
-        return
-
-    def ask(number: int, frame: object) -> None:
-        stop.requested = True
-        signal.signal(signal.SIGINT, before)
-
-    before = signal.signal(signal.SIGINT, ask)
-    try:
-        yield stop
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 from rich.table import Table
@@ -16,7 +15,7 @@ from rig.campaign.estimate import Estimate
 from rig.campaign.plan import Plan
 from rig.campaign.run import Progress, Report, Result
 from rig.flight import Flight
-from rig.show import console
+from rig.show import bar, console
 from rig.show import flight as show_flight
 
 MOST_ROWS: Final = 60  # of a plan on a terminal; --json has all
@@ -25,21 +24,21 @@ MOST_ROWS: Final = 60  # of a plan on a terminal; --json has all
 @contextmanager
 def progress(enabled: bool) -> Iterator[Report | None]:
     """Runs done, rate, time left and failures on a terminal; nothing in a pipe."""
-    screen = Console(stderr=True)
-    if not enabled or not screen.is_terminal:
-        yield None
-        return
     columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[text]}"), TimeRemainingColumn())
-    with Bar(*columns, console=screen, transient=True) as bar:
-        task = bar.add_task("runs", total=None, text="")
+    with bar(enabled, *columns) as shown:
+        yield None if shown is None else _reporter(shown)
 
-        def report(state: Progress) -> None:
-            counts = {name: n for name, n in state.outcomes.items() if n and name != "flown"}
-            trouble = "".join(f", {n} {name}" for name, n in counts.items())
-            text = f"{state.flights_per_s:.1f} flights/s{trouble}"
-            bar.update(task, completed=state.done, total=state.runs, text=text)
 
-        yield report
+def _reporter(shown: Bar) -> Report:
+    task = shown.add_task("runs", total=None, text="")
+
+    def report(state: Progress) -> None:
+        counts = {name: n for name, n in state.outcomes.items() if n and name != "flown"}
+        trouble = "".join(f", {n} {name}" for name, n in counts.items())
+        text = f"{state.flights_per_s:.1f} flights/s{trouble}"
+        shown.update(task, completed=state.done, total=state.runs, text=text)
+
+    return report
 
 
 def plan_rows(planned: Plan, runs: int | None = None) -> list[dict[str, Any]]:

@@ -22,6 +22,7 @@ from rig.control.select import DEGRADED, select
 from rig.control.tolerant.witness import vouch
 from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, INDEX, SURFACES, TWO_PI, Law, S
 from rig.kernels import kernel
+from rig.pressure_table import look_up
 
 _Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
 _ALPHA, _BETA = INDEX["angle_of_attack"], INDEX["angle_of_sideslip"]
@@ -58,7 +59,7 @@ def fly(block, k, pressures, table, param, state, gain, of_witness):
     lost = select(row, param, state)
     if lost > 0:
         if s["started"] == 0:
-            laws.schedule(pressures, table, measured[_DYNAMIC], gain)
+            look_up(pressures, table, measured[_DYNAMIC], gain)
         degraded.substitute(row, param, state, gain)
     if complete(measured):
         if of_witness[0][0]["on"] != 0:
@@ -66,7 +67,7 @@ def fly(block, k, pressures, table, param, state, gain, of_witness):
         air_data(measured, command)
         fresh = s["started"] == 0 or law != s["law"]
         filter_slow(param, state, measured, command, s["started"] == 0)
-        laws.schedule(pressures, table, s["schedule_pressure"], gain)
+        look_up(pressures, table, s["schedule_pressure"], gain)
         if fresh or law == _STICK_LAW:
             capture(state, gain, measured, command)
         degraded.follow(param, state)

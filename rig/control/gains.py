@@ -1,8 +1,8 @@
-"""The designed numbers of one aircraft: what design.py writes to gains.toml and the law flies with."""
+"""The designed numbers of one aircraft: gains.toml, which the design writes and the law flies with."""
 
 from __future__ import annotations
 
-from itertools import pairwise
+import math
 from pathlib import Path
 from typing import Final, Self
 
@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from rig import pressure_table
+from rig.errors import RigError
 from rig.settings import Settings, build, read_toml
 
 # Of each of the back-up law's compensators: feedback of the estimates, then correction of the estimates.
-_BACKUP: Final = ("feedback_alpha", "feedback_pitch_rate_s", "integral_1_s", "observe_alpha", "observe_pitch_rate")
+BACKUP: Final = ("feedback_alpha", "feedback_pitch_rate_s", "integral_1_s", "observe_alpha", "observe_pitch_rate")
 # The order of the gain table's columns; laws.py numbers them alike.
 COLUMNS: Final = (
     "trim_alpha_rad",
@@ -54,7 +56,7 @@ COLUMNS: Final = (
     "yaw_acceleration_by_sideslip_1_s2",
     "yaw_acceleration_by_yaw_rate_1_s",
     "yaw_acceleration_by_rudder_1_s2",
-    *(f"backup_{sensor}_{name}" for sensor in ("load", "alpha") for name in _BACKUP),
+    *(f"backup_{sensor}_{name}" for sensor in ("load", "alpha") for name in BACKUP),
 )
 
 
@@ -148,17 +150,46 @@ class Gains(Settings):
 
     @model_validator(mode="after")
     def _sorted(self) -> Self:
-        pressures = [point.dynamic_pressure_pa for point in self.points]
-        if any(b <= a for a, b in pairwise(pressures)):
-            raise ValueError("points must be in the order of rising dynamic pressure")
+        pressure_table.check_rising(self.points)
         return self
 
     def table(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Dynamic pressures (P,) [Pa] and the gains there (P, len(COLUMNS))."""
-        rows = [[getattr(point, name) for name in COLUMNS] for point in self.points]
-        return np.array([point.dynamic_pressure_pa for point in self.points]), np.array(rows)
+        return pressure_table.table(self.points, COLUMNS)
 
 
 def read(path: Path) -> Gains:
     """The gains.toml at ``path``; BadInput when it is missing or cannot be used."""
     return build(Gains, read_toml(path), str(path))
+
+
+def write(gains: Gains, path: Path) -> None:
+    """gains.toml: every number with the digits that give it back exactly; same design, same bytes."""
+    path.write_text(render(gains), encoding="utf-8", newline="\n")
+
+
+def render(gains: Gains) -> str:
+    """The text of gains.toml."""
+    data = gains.model_dump()
+    points = data.pop("points")
+    lines = ["# Written by the design from aircraft.toml; do not edit.", "# Margins: dB, degrees, rad/s.", ""]
+    lines += [f"{key} = {_number(value)}" for key, value in data.items()]
+    for point in points:
+        lines += ["", "[[points]]"]
+        lines += [f"{key} = {_value(value)}" for key, value in point.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _value(value: object) -> str:
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_value(item)}" for key, item in value.items()) + " }"
+    return _number(value)
+
+
+def _number(value: object) -> str:
+    number = float(value)  # pyright: ignore[reportArgumentType]  # the model holds numbers only
+    if not math.isfinite(number):
+        raise RigError("design: a gain is not finite")
+    return repr(number)

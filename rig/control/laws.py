@@ -1,4 +1,4 @@
-"""The control law as kernels: outer loops, inner loops, gain schedule.
+"""The control law as kernels: outer loops, inner loops.
 
     altitude, heading, airspeed -> pitch and roll attitude -> pitch and roll rate -> surfaces
     stick ------------------------------------------------^
@@ -17,7 +17,6 @@ from rig.control.airdata import GRAVITY
 from rig.control.gains import COLUMNS
 from rig.kernels import kernel
 
-_COLUMNS: Final = len(COLUMNS)
 (
     TRIM_ALPHA,
     ELEVATOR_ALPHA,
@@ -57,7 +56,7 @@ _COLUMNS: Final = len(COLUMNS)
     R_BETA,
     R_R,
     R_RUDDER,
-) = range(_COLUMNS - 10)
+) = range(len(COLUMNS) - 10)
 BACKUP_LOAD: Final = COLUMNS.index("backup_load_feedback_alpha")  # the first of five
 BACKUP_ALPHA: Final = COLUMNS.index("backup_alpha_feedback_alpha")
 
@@ -73,25 +72,6 @@ def clamp(x, low, high):
     if x > high:
         return high
     return x
-
-
-@kernel
-def schedule(pressures, table, dynamic_pressure, gain):
-    """Gains at ``dynamic_pressure`` [Pa]: linear between the points, constant beyond the ends.
-
-    pressures : (P,) rising; table : (P, G); gain : (G,), out
-    """
-    last = len(pressures) - 1
-    low = 0
-    while low < last - 1 and pressures[low + 1] <= dynamic_pressure:
-        low += 1
-    high = min(low + 1, last)
-    share = 0.0
-    if high > low:
-        share = (dynamic_pressure - pressures[low]) / (pressures[high] - pressures[low])
-        share = clamp(share, 0.0, 1.0)
-    for i in range(_COLUMNS):
-        gain[i] = table[low, i] + share * (table[high, i] - table[low, i])
 
 
 @kernel

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_are
 
 from rig.control.airdata import GRAVITY
+from rig.control.gains import BACKUP
 
 Matrix = NDArray[np.float64]
 Sensor = Literal["load", "alpha"]
@@ -24,8 +25,7 @@ LOST: Final[dict[Sensor, tuple[str, ...]]] = {
     "load": ("pitch_rate", "pitch_angle"),
     "alpha": ("pitch_rate", "pitch_angle", "normal_load_factor"),
 }
-_GAINS: Final = ("feedback_alpha", "feedback_pitch_rate_s", "integral_1_s", "observe_alpha", "observe_pitch_rate")
-NONE: Final = {f"backup_{sensor}_{name}": 0.0 for sensor in SENSORS for name in _GAINS}  # no compensator yet
+NONE: Final = {f"backup_{sensor}_{name}": 0.0 for sensor in SENSORS for name in BACKUP}  # no compensator yet
 _OBSERVERS_RAD_S: Final = (8.0, 12.0, 16.0, 20.0, 25.0)
 _REGULATORS_RAD_S: Final = (1.0, 1.5, 2.0, 2.5, 3.0)
 _INTEGRALS: Final = (0.2, 0.05)
@@ -100,4 +100,4 @@ def compensator(a: Matrix, b: Matrix, known: dict[str, float], sensor: Sensor, c
         c = np.array([[known["load_by_alpha_1_rad"], known["load_by_pitch_rate_s"]]])
     noise = np.array([[(c[0, 0] * b[1] / v**2) ** 2]])
     observe = regulator(a.T, c.T, np.outer(b, b) + 1e-9 * np.eye(2), noise)[0]
-    return {f"backup_{sensor}_{name}": float(x) for name, x in zip(_GAINS, (*k, *observe), strict=True)}
+    return {f"backup_{sensor}_{name}": float(x) for name, x in zip(BACKUP, (*k, *observe), strict=True)}

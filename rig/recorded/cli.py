@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from time import perf_counter
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -25,16 +25,30 @@ def vote(
 ) -> None:
     """Vote on recorded channels with the redundancy manager of the flight."""
     from rig.errors import BadInput
-    from rig.recorded.align import align as aligned
-    from rig.recorded.config import read_config
-    from rig.recorded.read import read
-    from rig.recorded.summary import show, summary
-    from rig.recorded.vote import vote as run
-    from rig.recorded.write import output, write
+    from rig.recorded.summary import show
     from rig.show import console
 
     if not align and (align_from, align_to) != (None, None):
         raise BadInput("--align-from and --align-to need --align")
+    found = _vote(recorded, config, out, (align_from, align_to) if align else None)
+    if as_json:
+        typer.echo(json.dumps(found, allow_nan=False))
+        return
+    screen = console()
+    show(screen, found)
+    screen.print(", ".join(f"{stage} {taken:.2f} s" for stage, taken in found["seconds"].items()))
+    screen.print(f"written  {out}", soft_wrap=True)
+
+
+def _vote(recorded: Path, config: Path, out: Path, stretch: tuple[float | None, float | None] | None) -> dict[str, Any]:
+    """Read, align on ``stretch`` if there is one, vote, write; what it came to, and the seconds of each step."""
+    from rig.recorded.align import align
+    from rig.recorded.config import read_config
+    from rig.recorded.read import read
+    from rig.recorded.summary import summary
+    from rig.recorded.vote import vote as run
+    from rig.recorded.write import output, write
+
     seconds: dict[str, float] = {}
     clock = perf_counter()
 
@@ -49,18 +63,11 @@ def vote(
         signals = settings.signals(recording.signals, str(config))
         lap("read")
         corrections = None
-        if align:
-            recording, corrections = aligned(recording, signals, align_from, align_to)
+        if stretch is not None:
+            recording, corrections = align(recording, signals, *stretch)
             lap("align")
         voted = run(recording, signals, settings.resets)
         lap("vote")
         write(part, out.suffix, recording, voted)
         lap("write")
-    found = {"out": str(out), **summary(recording, voted, corrections), "seconds": seconds}
-    if as_json:
-        typer.echo(json.dumps(found, allow_nan=False))
-        return
-    screen = console()
-    show(screen, found)
-    screen.print(", ".join(f"{stage} {taken:.2f} s" for stage, taken in seconds.items()))
-    screen.print(f"written  {out}", soft_wrap=True)
+    return {"out": str(out), **summary(recording, voted, corrections), "seconds": seconds}

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from rig import pressure_table
 from rig.settings import Settings
 
 # The order of the coefficient table's columns; reference.py numbers them alike.
@@ -75,15 +75,12 @@ class Designed(Settings):
 
     @model_validator(mode="after")
     def _sorted(self) -> Self:
-        pressures = [point.dynamic_pressure_pa for point in self.points]
-        if any(b <= a for a, b in pairwise(pressures)):
-            raise ValueError("points must be in the order of rising dynamic pressure")
+        pressure_table.check_rising(self.points)
         return self
 
     def table(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Dynamic pressures (P,) [Pa] and the coefficients there (P, len(COLUMNS))."""
-        rows = [[getattr(point, name) for name in COLUMNS] for point in self.points]
-        return np.array([point.dynamic_pressure_pa for point in self.points]), np.array(rows)
+        return pressure_table.table(self.points, COLUMNS)
 
     def threshold(self, signal: str, source: str) -> float | None:
         """The measured threshold of a reference, None when it was not measured."""

@@ -22,6 +22,7 @@ from rig.frame import INDEX, INERTIAL, SIGNALS, S
 from rig.inclination import estimate
 from rig.inclination.path import air_density
 from rig.kernels import kernel
+from rig.pressure_table import look_up
 from rig.redundancy import motion
 from rig.redundancy.designed import COLUMNS, FILTERS, Designed
 from rig.settings import Settings
@@ -202,24 +203,6 @@ def answer(row, pressures, table, param, state):
         attitude = s in (_P, _R) and p["source"][s] == _PARTNERS
         if p["source"][s] == _NO_SOURCE or (p["partners"][s] & st["lost"]) != 0 or (attitude and steep):
             reference[s] = np.nan
-
-
-@kernel
-def look_up(pressures, table, dynamic_pressure, c):
-    """Coefficients at ``dynamic_pressure`` [Pa]: linear between the points, constant beyond the ends.
-
-    pressures : (P,) rising; table : (P, C); c : (C,), out
-    """
-    last = len(pressures) - 1
-    low = 0
-    while low < last - 1 and dynamic_pressure > pressures[low + 1]:
-        low += 1
-    high, share = min(low + 1, last), 0.0
-    if high > low:
-        share = (dynamic_pressure - pressures[low]) / (pressures[high] - pressures[low])
-    share = min(max(share, 0.0), 1.0)
-    for i in range(len(c)):
-        c[i] = table[low, i] + share * (table[high, i] - table[low, i])
 
 
 @kernel

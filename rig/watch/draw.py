@@ -9,13 +9,16 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import IO, Protocol
+from typing import IO, TYPE_CHECKING, Protocol
 
 from rich.console import Console
 from rich.live import Live
 
 from rig.frame import Block
-from rig.watch.page import EventLike, Page, event_line
+from rig.watch.page import Page, event_line
+
+if TYPE_CHECKING:
+    from rig.events import EventLike
 
 
 class Drawer(Protocol):

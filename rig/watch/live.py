@@ -12,13 +12,15 @@ import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rich.console import Console
 
 from rig.frame import Block
 from rig.watch.draw import Drawer, InPipe, InProcess
-from rig.watch.page import EventLike
+
+if TYPE_CHECKING:
+    from rig.events import EventLike
 
 UPDATE_S: Final = 0.1
 

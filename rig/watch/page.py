@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -15,6 +15,9 @@ from rich.table import Table
 from rich.text import Text
 
 from rig.frame import DISCRETES, SIGNALS, End, Law, Pattern, Resolver, Source, State
+
+if TYPE_CHECKING:
+    from rig.events import EventLike
 
 EVENTS: Final = 6  # shown, of those so far
 # How a channel, its mark and what needs attention look.
@@ -26,19 +29,6 @@ _STATES: Final = {
 }
 _LEVELS: Final = {"info": "", "warning": "yellow", "error": "bold red"}
 _NUMBERS: Final = ("ch 1 ", "ch 2 ", "ch 3 ", "ch 4 ", "vote", "level")
-
-
-class EventLike(Protocol):
-    """What is shown of an event; rig.events.Event and the log's are such."""
-
-    @property
-    def frame(self) -> int: ...  # noqa: D102
-    @property
-    def level(self) -> str: ...  # noqa: D102
-    @property
-    def name(self) -> str: ...  # noqa: D102
-    @property
-    def text(self) -> str: ...  # noqa: D102
 
 
 class Page:
