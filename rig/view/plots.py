@@ -82,13 +82,25 @@ def state_lanes(name: str, lanes: Sequence[Lane], shown: Sequence[Shown], faults
     """
     views = []
     for one in shown:
-        looks: dict[Any, Any] = {
+        own: dict[Any, Any] = {
             one.root + fault_path(i): _configuration({ACTING: (fault.label, FAULT_LANE)})
             for i, fault in enumerate(one.facts.faults)
             if faults is not None and one.facts is not UNKNOWN and faults in ("", fault.place)
         }
-        looks |= {one.root + lane.path: _configuration(lane.looks) for lane in lanes}
-        views.append(rrb.StateTimelineView(name=one.prefix + name, origin="/", contents=list(looks), overrides=looks))
+        common, contents = dict[str, Any](), list(own)
+        for lane in lanes:
+            contents.append(one.root + lane.path)
+            if any(common.setdefault(state, look) != look for state, look in lane.looks.items()):
+                own[one.root + lane.path] = _configuration(lane.looks)
+        views.append(
+            rrb.StateTimelineView(
+                name=one.prefix + name,
+                origin="/",
+                contents=contents,
+                overrides=own,
+                defaults=[_configuration(common)],
+            )
+        )
     return views[0] if len(views) == 1 else rrb.Horizontal(*views)
 
 
