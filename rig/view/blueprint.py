@@ -93,7 +93,7 @@ def _group_tab(group: str, signals: Sequence[Signal], shown: Sequence[Shown]) ->
 
 
 def _signal_plot(signal: Signal, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
-    band = derived.band_path(signal)
+    band = signal.topic
     lines = [
         Line(band, derived.BAND, "fault", "fault acts", FAULT, 16.0, fault_on=signal.name),
         Line(band, derived.BAND, "low", "vote ± threshold", THRESHOLD, below=False),
@@ -106,7 +106,7 @@ def _signal_plot(signal: Signal, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
 
 
 def _deviation_plot(signal: Signal, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
-    lines = _redundant(derived.deviation_path(signal), derived.DEVIATION, signal.channels)
+    lines = _redundant(signal.topic, derived.DEVIATION, signal.channels)
     name = f"{signal.name} less truth, {signal.unit}; trusted channels"
     return plot(name, lines, shown, legend=False)  # as beside it
 

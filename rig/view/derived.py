@@ -1,7 +1,7 @@
 """What is worked out for the viewer from the rows, and is not in the log: deviations and threshold bands.
 
-    /band/<signal>       low, high: vote -+ threshold; fault: the vote while a fault on the signal acts
-    /deviation/<signal>  voted, ch_1 .. ch_4, all less truth
+    rig.Band       low, high: vote -+ threshold; fault: the vote while a fault on the signal acts
+    rig.Deviation  voted, ch_1 .. ch_4, all less truth
 
 On the scale of the signal itself four good channels lie on one another, and one hardover squeezes the rest flat;
 as deviations they can be told apart.  There, what the monitor suspects or has failed is left out, and what is
@@ -22,16 +22,6 @@ from rig.view.lanes import acting
 
 BAND: Final = "rig.Band"
 DEVIATION: Final = "rig.Deviation"
-
-
-def band_path(signal: Signal) -> str:
-    """Where the viewer finds the threshold band of ``signal``."""
-    return f"/band/{signal.name}"
-
-
-def deviation_path(signal: Signal) -> str:
-    """Where the viewer finds the deviation of ``signal``."""
-    return f"/deviation/{signal.name}"
 
 
 def fault_acts(rows: Block, facts: Facts) -> dict[str, NDArray[np.bool_]]:
