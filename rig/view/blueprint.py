@@ -20,6 +20,7 @@ from rig.view.plots import (
     map_view,
     path,
     plot,
+    plot_list,
     state_lanes,
     track,
 )
@@ -108,7 +109,7 @@ def _signal_plot(signal: Signal, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
 def _deviation_plot(signal: Signal, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
     lines = _redundant(signal.topic, derived.DEVIATION, signal.channels)
     name = f"{signal.name} less truth, {signal.unit}; trusted channels"
-    return plot(name, lines, shown, legend=False)  # as beside it
+    return plot_list(name, signal.topic, derived.DEVIATION, lines, shown)  # the legend is beside it
 
 
 def _redundant(path: str, archetype: str, channels: int) -> list[Line]:

@@ -113,7 +113,7 @@ class Columns:
         threshold = self._facts.threshold(index)
         return [
             _message(derived.BAND, derived.band(rows, index, threshold, acts.get(SIGNALS[index].name))),
-            _message(derived.DEVIATION, derived.deviation(rows, index, threshold)),
+            _values(derived.DEVIATION, derived.deviation(rows, index, threshold)),
         ]
 
     def _events(self, events: Sequence[EventLike]) -> None:
@@ -134,6 +134,12 @@ class Columns:
 def _message(archetype: str, structs: pa.StructArray) -> rr.ComponentColumnList:
     """One struct a row as the component <archetype>:message."""
     return rr.DynamicArchetype.columns(archetype=archetype, components={"message": structs})
+
+
+def _values(archetype: str, values: NDArray[np.float64]) -> rr.ComponentColumnList:
+    """One list a row, from ``values`` (n, m), as the component <archetype>:values."""
+    columns = rr.DynamicArchetype.columns(archetype=archetype, components={"values": pa.array(values.ravel())})
+    return columns.partition(np.full(len(values), values.shape[1]))
 
 
 def words(event: EventLike) -> str:
