@@ -32,14 +32,12 @@ def main() -> None:
 
 def once(started: float, logs: list[Path]) -> None:
     """Open the logs as rig.view.opened.window does, and say when which step was done."""
-    from rig.view.blueprint import blueprint
     from rig.view.columns import Columns  # noqa: F401  # what writing needs is counted as Python's
     from rig.view.opened import as_file, read
     from rig.view.screenshot import headless, wait_until_loaded
 
     done = {"Python": time.perf_counter()}
     opened = read(logs)
-    blueprint(opened.about.layout)  # as the command does
     done["read"] = time.perf_counter()
     last_s = max(int(log.rows["frame"][-1]) / log.rate_hz for log in opened.logs)
     with headless() as client, as_file(opened) as rrd:

@@ -41,6 +41,7 @@ def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
     beside the track, for which the viewer fetches tiles from the internet.
     """
     shown, tab, map_tiles = layout
+    require_tab(tab)
     tabs = {
         OVERVIEW: _overview(_main(shown), shown),
         **{group: _group_tab(group, [s for s in SIGNALS if s.group == group], shown) for group in GROUPS},
@@ -49,8 +50,6 @@ def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
         "control": _control_tab(shown),
         "flight": _flight_tab(shown, map_tiles),
     }
-    if tab not in tabs:
-        raise BadInput(f"no tab {tab!r}; there are: {', '.join(tabs)}")
     return rrb.Blueprint(
         rrb.Tabs(*tabs.values(), active_tab=list(tabs).index(tab)),
         rrb.BlueprintPanel(state="collapsed"),
@@ -59,6 +58,12 @@ def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
         auto_views=False,
         auto_layout=False,
     )
+
+
+def require_tab(tab: str) -> None:
+    """BadInput when there is no such tab."""
+    if tab not in TABS:
+        raise BadInput(f"no tab {tab!r}; there are: {', '.join(TABS)}")
 
 
 def _main(shown: Sequence[Shown]) -> Signal:
