@@ -15,6 +15,7 @@ from rig.errors import BadInput
 from rig.events import Event
 from rig.frame import DISCRETES, SIGNALS, TIMING, Block, Pattern, State, new_block
 from rig.log import LogWriter
+from rig.view import viewer
 from rig.view.opened import as_file, read, window
 from rig.view.scene import TIMELINE
 from rig.view.screenshot import headless, screenshot, wait_until_loaded
@@ -122,6 +123,9 @@ def test_every_view_of_the_layout_holds_data_of_every_flight(flights: tuple[Path
 def test_a_window_is_a_viewer_with_the_flights_that_ends_with_us(flights: tuple[Path, Path]) -> None:
     with window(read([flights[0]]), "--headless", "--hide-welcome-screen") as process:
         assert process.poll() is None
+        arguments: Any = process.args
+        [recording] = viewer.connect(int(arguments[arguments.index("--port") + 1])).get_state().recordings
+        assert [timeline.end for timeline in recording.timelines] == [19_990_000_000]
     assert process.poll() is not None
 
 

@@ -20,7 +20,9 @@ from rig.errors import BadInput
 from rig.frame import FRAME, SIGNALS, Block, new_block
 from rig.view import viewer
 from rig.view.blueprint import blueprint
-from rig.view.facts import Layout
+from rig.view.facts import Layout, Shown
+from rig.view.lanes import of_signal
+from rig.view.plots import state_lanes
 from rig.view.stream import Stream, open_stream
 
 BLOCK = 10  # frames
@@ -170,7 +172,7 @@ def test_a_saved_recording_lies_beside_the_log_with_all_entities_and_the_layout(
     for chunk in reader.stream():
         frames[chunk.entity_path] = frames.get(chunk.entity_path, 0) + chunk.num_rows
     assert {frames[signal.topic] for signal in SIGNALS} == {3 * BLOCK}
-    assert {"/lane/pitch_rate/pattern", "/band/heading", "/path", "/track", "/about"} <= frames.keys()
+    assert {"/lane/pitch_rate/pattern", "/path", "/track", "/about"} <= frames.keys()
     assert {"/discrete/gear_down", "/control", "/demand", "/flight", "/pose", "/position"} <= frames.keys()
     [recording], [layout] = reader.recordings(), reader.blueprints()
     assert layout.application_id == recording.application_id
@@ -221,6 +223,17 @@ def test_the_viewer_is_told_to_keep_its_statistics_off() -> None:
     given = {"FORCE_RERUN_ANALYTICS": "1", "PATH": "/bin"}
     assert viewer.environment(given) == {"PATH": "/bin", "CI": "true"}
     assert given == {"FORCE_RERUN_ANALYTICS": "1", "PATH": "/bin"}
+
+
+def test_a_lane_keeps_its_own_look_where_another_of_the_view_shows_the_same_state_differently() -> None:
+    lanes = of_signal(SIGNALS[0])
+    view = state_lanes("lanes", lanes, [Shown()])
+    looks = {state: look for lane in lanes[:-1] for state, look in lane.looks.items()}
+    differing = [lane.path for lane in lanes if any(looks.get(s, look) != look for s, look in lane.looks.items())]
+    assert list(view.visualizer_overrides) == differing == ["/lane/pitch_rate/source"]
+    assert view.contents == [lane.path for lane in lanes]
+    [shared] = view.defaults
+    assert shared.values.as_arrow_array().to_pylist()[:3] == ["OK", "SUSPECT", "FAILED"]
 
 
 def test_a_layout_for_a_tab_that_does_not_exist_is_refused() -> None:

@@ -20,6 +20,7 @@ from rig.view.plots import (
     map_view,
     path,
     plot,
+    plot_list,
     state_lanes,
     track,
 )
@@ -40,6 +41,7 @@ def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
     beside the track, for which the viewer fetches tiles from the internet.
     """
     shown, tab, map_tiles = layout
+    require_tab(tab)
     tabs = {
         OVERVIEW: _overview(_main(shown), shown),
         **{group: _group_tab(group, [s for s in SIGNALS if s.group == group], shown) for group in GROUPS},
@@ -48,8 +50,6 @@ def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
         "control": _control_tab(shown),
         "flight": _flight_tab(shown, map_tiles),
     }
-    if tab not in tabs:
-        raise BadInput(f"no tab {tab!r}; there are: {', '.join(tabs)}")
     return rrb.Blueprint(
         rrb.Tabs(*tabs.values(), active_tab=list(tabs).index(tab)),
         rrb.BlueprintPanel(state="collapsed"),
@@ -58,6 +58,12 @@ def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
         auto_views=False,
         auto_layout=False,
     )
+
+
+def require_tab(tab: str) -> None:
+    """BadInput when there is no such tab."""
+    if tab not in TABS:
+        raise BadInput(f"no tab {tab!r}; there are: {', '.join(TABS)}")
 
 
 def _main(shown: Sequence[Shown]) -> Signal:
@@ -93,7 +99,7 @@ def _group_tab(group: str, signals: Sequence[Signal], shown: Sequence[Shown]) ->
 
 
 def _signal_plot(signal: Signal, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
-    band = derived.band_path(signal)
+    band = signal.topic
     lines = [
         Line(band, derived.BAND, "fault", "fault acts", FAULT, 16.0, fault_on=signal.name),
         Line(band, derived.BAND, "low", "vote ± threshold", THRESHOLD, below=False),
@@ -106,9 +112,9 @@ def _signal_plot(signal: Signal, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
 
 
 def _deviation_plot(signal: Signal, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
-    lines = _redundant(derived.deviation_path(signal), derived.DEVIATION, signal.channels)
+    lines = _redundant(signal.topic, derived.DEVIATION, signal.channels)
     name = f"{signal.name} less truth, {signal.unit}; trusted channels"
-    return plot(name, lines, shown, legend=False)  # as beside it
+    return plot_list(name, signal.topic, derived.DEVIATION, lines, shown)  # the legend is beside it
 
 
 def _redundant(path: str, archetype: str, channels: int) -> list[Line]:

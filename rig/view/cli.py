@@ -44,10 +44,10 @@ def view(
     if save is None and not serve and screenshot is None:
         _require_display()
     from rig.view import opened
-    from rig.view.blueprint import blueprint
+    from rig.view.blueprint import require_tab
 
+    require_tab(tab)
     flights = opened.read(logs, tab, map_tiles)
-    blueprint(flights.about.layout)  # refuses a tab that there is not
     said: dict[str, Any] = {"logs": [str(log) for log in logs], "frames": flights.frames}
     if serve:
         _serve(flights, said, as_json)

@@ -7,14 +7,15 @@ the stream and the opened log:
     /control, /demand, /flight         rig.Control:message, ...
     /pose, /position, /events          Transform3D, GeoPoints, TextLog
 
-and, for the viewer alone, what derived.py, lanes.py and scene.py make of the rows.
+and, for the viewer alone, what derived.py, lanes.py and scene.py make of the rows.  What derived.py makes of a
+signal goes with it, as more components of its entity: each entity costs the viewer a clock and a name of every row.
 
 Each field of FRAME has one place in one struct, so a signal or a command added there appears by itself.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from functools import cache, lru_cache
 from typing import Any, Final, NamedTuple, Protocol
@@ -94,9 +95,12 @@ class Columns:
             return
         nanoseconds = np.rint(rows["frame"] * (1e9 / self._rate_hz))
         time = [time_column(nanoseconds)]
+        acts = derived.fault_acts(rows, self._facts)
         for entity in ENTITIES:
-            self._structs(entity.path, entity.archetype, time, struct(rows, entity))
-        self._derived(rows, time)
+            components = [_message(entity.archetype, struct(rows, entity))]
+            if entity.archetype == "rig.Signal" and entity.item is not None:
+                components += self._derived(rows, entity.item, acts)
+            self._columns(entity.path, time, [column for one in components for column in one])
         for change in lanes.changes(rows, self._before, self._facts.faults):
             states = rr.StateChange.columns(state=change.states)
             self._columns(change.path, [time_column(nanoseconds[change.rows])], states)
@@ -104,14 +108,13 @@ class Columns:
         self._events(events)
         self._before = rows[-1:].copy()
 
-    def _derived(self, rows: Block, time: Sequence[rr.TimeColumn]) -> None:
-        acts = derived.fault_acts(rows, self._facts)
-        for i, signal in enumerate(SIGNALS):
-            threshold = self._facts.threshold(i)
-            band = derived.band(rows, i, threshold, acts.get(signal.name))
-            deviation = derived.deviation(rows, i, threshold)
-            self._structs(derived.band_path(signal), derived.BAND, time, band)
-            self._structs(derived.deviation_path(signal), derived.DEVIATION, time, deviation)
+    def _derived(self, rows: Block, index: int, acts: Mapping[str, NDArray[np.bool_]]) -> list[rr.ComponentColumnList]:
+        """Band and deviation of signal ``index``; ``acts`` as derived.fault_acts gives it."""
+        threshold = self._facts.threshold(index)
+        return [
+            _message(derived.BAND, derived.band(rows, index, threshold, acts.get(SIGNALS[index].name))),
+            _values(derived.DEVIATION, derived.deviation(rows, index, threshold)),
+        ]
 
     def _events(self, events: Sequence[EventLike]) -> None:
         if not events:
@@ -124,12 +127,19 @@ class Columns:
         )
         self._columns("/events", [time], text)
 
-    def _structs(self, path: str, archetype: str, time: Sequence[rr.TimeColumn], structs: pa.StructArray) -> None:
-        """One batch of structs as the component <archetype>:message of an entity."""
-        self._columns(path, time, rr.DynamicArchetype.columns(archetype=archetype, components={"message": structs}))
-
     def _columns(self, path: str, time: Sequence[rr.TimeColumn], columns: Any) -> None:
         rr.send_columns(self._root + path, time, columns, recording=self._recording)
+
+
+def _message(archetype: str, structs: pa.StructArray) -> rr.ComponentColumnList:
+    """One struct a row as the component <archetype>:message."""
+    return rr.DynamicArchetype.columns(archetype=archetype, components={"message": structs})
+
+
+def _values(archetype: str, values: NDArray[np.float64]) -> rr.ComponentColumnList:
+    """One list a row, from ``values`` (n, m), as the component <archetype>:values."""
+    columns = rr.DynamicArchetype.columns(archetype=archetype, components={"values": pa.array(values.ravel())})
+    return columns.partition(np.full(len(values), values.shape[1]))
 
 
 def words(event: EventLike) -> str:

@@ -1,7 +1,7 @@
 """What is worked out for the viewer from the rows, and is not in the log: deviations and threshold bands.
 
-    /band/<signal>       low, high: vote -+ threshold; fault: the vote while a fault on the signal acts
-    /deviation/<signal>  voted, ch_1 .. ch_4, all less truth
+    rig.Band       low, high: vote -+ threshold; fault: the vote while a fault on the signal acts
+    rig.Deviation  the vote and channels 1 .. 4, all less truth, as a list: the viewer draws it as one
 
 On the scale of the signal itself four good channels lie on one another, and one hardover squeezes the rest flat;
 as deviations they can be told apart.  There, what the monitor suspects or has failed is left out, and what is
@@ -24,16 +24,6 @@ BAND: Final = "rig.Band"
 DEVIATION: Final = "rig.Deviation"
 
 
-def band_path(signal: Signal) -> str:
-    """Where the viewer finds the threshold band of ``signal``."""
-    return f"/band/{signal.name}"
-
-
-def deviation_path(signal: Signal) -> str:
-    """Where the viewer finds the deviation of ``signal``."""
-    return f"/deviation/{signal.name}"
-
-
 def fault_acts(rows: Block, facts: Facts) -> dict[str, NDArray[np.bool_]]:
     """For each signal with faults on it, whether one acts: (n,) by the signal's name."""
     acts = acting(rows, len(facts.faults))
@@ -48,8 +38,8 @@ def band(rows: Block, index: int, threshold: float, acts: NDArray[np.bool_] | No
     return _struct({"low": voted - threshold, "high": voted + threshold, "fault": fault})
 
 
-def deviation(rows: Block, index: int, threshold: float) -> pa.StructArray:
-    """Fields voted and ch_1 .. of signal ``index``, less truth, in every row; NaN where a channel is not trusted."""
+def deviation(rows: Block, index: int, threshold: float) -> NDArray[np.float64]:
+    """Vote and channels of signal ``index``, less truth: (n, 1 + channels); NaN where a channel is not trusted."""
     signal = SIGNALS[index]
     truth, voted = rows["truth"][:, index, None], rows["voted"][:, index, None]
     shown = _apart(signal, np.column_stack([voted, rows["channels"][:, index, : signal.channels]]), truth)
@@ -57,8 +47,7 @@ def deviation(rows: Block, index: int, threshold: float) -> pa.StructArray:
         far = np.abs(_apart(signal, shown[:, 1:], shown[:, :1])) > threshold
     trusted = (rows["state"][:, index, : signal.channels] == State.OK) & ~far
     shown[:, 1:] = np.where(trusted, shown[:, 1:], np.nan)
-    names = ["voted", *(f"ch_{i + 1}" for i in range(signal.channels))]
-    return _struct(dict(zip(names, np.ascontiguousarray(shown.T), strict=True)))
+    return shown
 
 
 def _apart(signal: Signal, values: NDArray[np.float64], base: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from rig.errors import BadInput, BadLog
+from rig.errors import BadInput, BadLog, RigError
 from rig.log import Log, read_log
 from rig.view import viewer
 from rig.view.facts import TAGS, Layout, of_log, together
@@ -124,14 +124,21 @@ def as_file(opened: Opened) -> Iterator[Path]:
 
 @contextmanager
 def window(opened: Opened, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
-    """A viewer's window with the flights; it is closed at the end.  ``arguments`` are for the viewer program."""
-    with as_file(opened) as rrd:
-        port = viewer.free_port()
-        process = viewer.start([str(rrd), "--port", str(port), *arguments], port)
-        try:
+    """A viewer's window with the flights; it is closed at the end.  ``arguments`` are for the viewer program.
+
+    It is started first, to get itself ready while the file is written.  RigError: it did not take the file.
+    """
+    port = viewer.free_port()
+    process = viewer.start(["--port", str(port), "--expect-data-soon", *arguments], port)
+    try:
+        with as_file(opened) as rrd:
+            try:
+                viewer.connect(port).open(str(rrd))
+            except (RuntimeError, OSError) as error:
+                raise RigError(f"the viewer: {str(error).splitlines()[0]}") from None
             yield process
-        finally:
-            viewer.stop(process)
+    finally:
+        viewer.stop(process)
 
 
 def log_to_rrd(log: Path, rrd: Path, tab: str = "overview") -> None:

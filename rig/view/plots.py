@@ -36,7 +36,7 @@ class Line(NamedTuple):
     fault_on: str = ""
 
 
-def plot(name: str, lines: Iterable[Line], shown: Sequence[Shown], legend: bool = True) -> rrb.TimeSeriesView:
+def plot(name: str, lines: Iterable[Line], shown: Sequence[Shown]) -> rrb.TimeSeriesView:
     """Lines against time, of every flight; the first of one entity below its others."""
     series: dict[Any, list[Any]] = {}
     lines = list(lines)
@@ -54,7 +54,31 @@ def plot(name: str, lines: Iterable[Line], shown: Sequence[Shown], legend: bool 
         origin="/",
         contents=list(series),
         overrides=series,
-        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend),
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop),
+    )
+
+
+def plot_list(
+    name: str, path: str, archetype: str, lines: Sequence[Line], shown: Sequence[Shown]
+) -> rrb.TimeSeriesView:
+    """Lines against time without a legend, of the numbers of one list a frame, in its order.
+
+    All lines of a flight are one part of the layout, where ``plot`` has one a line: the viewer opens it sooner.
+    """
+    series = {}
+    for one in shown:
+        look = rr.SeriesLines(
+            names=[one.prefix + line.label for line in lines],
+            colors=[shade(line.color, one.below) for line in lines],
+            widths=[line.width for line in lines],
+            visible_series=[line.below or not one.below for line in lines],
+        )
+        values = VisualizerComponentMapping(
+            "Scalars:scalars", ComponentSourceKind.SourceComponent, source_component=f"{archetype}:values"
+        )
+        series[one.root + path] = [look.visualizer(mappings=[values])]
+    return rrb.TimeSeriesView(
+        name=name, origin="/", contents=list(series), overrides=series, plot_legend=rrb.PlotLegend(visible=False)
     )
 
 
@@ -82,13 +106,25 @@ def state_lanes(name: str, lanes: Sequence[Lane], shown: Sequence[Shown], faults
     """
     views = []
     for one in shown:
-        looks: dict[Any, Any] = {
+        own: dict[Any, Any] = {
             one.root + fault_path(i): _configuration({ACTING: (fault.label, FAULT_LANE)})
             for i, fault in enumerate(one.facts.faults)
             if faults is not None and one.facts is not UNKNOWN and faults in ("", fault.place)
         }
-        looks |= {one.root + lane.path: _configuration(lane.looks) for lane in lanes}
-        views.append(rrb.StateTimelineView(name=one.prefix + name, origin="/", contents=list(looks), overrides=looks))
+        common, contents = dict[str, Any](), list(own)
+        for lane in lanes:
+            contents.append(one.root + lane.path)
+            if any(common.setdefault(state, look) != look for state, look in lane.looks.items()):
+                own[one.root + lane.path] = _configuration(lane.looks)
+        views.append(
+            rrb.StateTimelineView(
+                name=one.prefix + name,
+                origin="/",
+                contents=contents,
+                overrides=own,
+                defaults=[_configuration(common)],
+            )
+        )
     return views[0] if len(views) == 1 else rrb.Horizontal(*views)
 
 

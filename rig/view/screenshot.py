@@ -1,6 +1,5 @@
 """A picture of the viewer without a display: what a person would see, for tests and for the documents.
 
-The viewer is driven through rerun.experimental, which may change with any release: here alone.
 A Vulkan driver is needed; Mesa's software one will do (Debian: mesa-vulkan-drivers).
 """
 
@@ -11,14 +10,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
-
-from rerun.experimental import ViewerClient
+from typing import TYPE_CHECKING, Final
 
 from rig.errors import BadInput, RigError
 from rig.view import viewer
 from rig.view.opened import Opened, as_file
 from rig.view.scene import TIMELINE
+
+if TYPE_CHECKING:
+    from rerun.experimental import ViewerClient
 
 LOADED_S: Final = 30.0  # patience with the viewer
 SETTLE_S: Final = 0.5  # it draws what it has been told in the next few of its frames
@@ -44,7 +44,7 @@ def screenshot(opened: Opened, png: Path, time_s: float | None = None) -> Shot:
         png.open("wb").close()
     except OSError as error:
         raise BadInput(f"{png}: cannot be written: {error.strerror}") from None
-    with as_file(opened) as rrd, headless() as client:
+    with headless() as client, as_file(opened) as rrd:  # it gets itself ready meanwhile
         client.open(str(rrd))
         return shoot(client, png, opened.moment_s if time_s is None else time_s)
 
@@ -55,7 +55,7 @@ def headless() -> Iterator[ViewerClient]:
     port = viewer.free_port()
     process = viewer.start(["--headless", "--hide-welcome-screen", "--port", str(port)], port)
     try:
-        yield ViewerClient.connect(f"rerun+http://{viewer.LOOPBACK}:{port}/proxy")
+        yield viewer.connect(port)
     except (RuntimeError, OSError) as error:
         raise RigError(f"the viewer: {str(error).splitlines()[0]}") from None
     finally:

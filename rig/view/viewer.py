@@ -14,9 +14,12 @@ import time
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rig.errors import BadInput, RigError
+
+if TYPE_CHECKING:
+    from rerun.experimental import ViewerClient
 
 LOOPBACK: Final = "127.0.0.1"
 
@@ -93,6 +96,16 @@ def start(
             raise RigError(f"the Rerun viewer did not start within {timeout_s:g} s")
         time.sleep(0.05)
     return process
+
+
+def connect(port: int) -> ViewerClient:
+    """The viewer that listens on ``port``, to be driven; RuntimeError when it does not answer.
+
+    It is driven through rerun.experimental, which may change with any release: by what is got from here alone.
+    """
+    from rerun.experimental import ViewerClient
+
+    return ViewerClient.connect(f"rerun+http://{LOOPBACK}:{port}/proxy")
 
 
 def stop(process: subprocess.Popen[bytes], timeout_s: float = 5.0) -> None:
