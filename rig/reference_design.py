@@ -56,11 +56,25 @@ _PARTNERS: Final = Config(
     dynamic_pressure="none",
     pitch_angle="kinematic",
 )
+_ATTITUDE: Final = Config(
+    pitch_rate="attitude",
+    roll_rate="none",
+    yaw_rate="none",
+    normal_load_factor="none",
+    angle_of_attack="none",
+    angle_of_sideslip="none",
+    dynamic_pressure="none",
+    pitch_angle="none",
+)
 # The references that each filter serves: it is chosen for the least of their worst errors in thresholds.
 _SERVES: Final = {
-    "alpha_filter_s": ("pitch_rate",),
-    "attitude_filter_s": ("roll_rate", "yaw_rate"),
-    "acceleration_filter_s": ("normal_load_factor", "angle_of_attack", "angle_of_sideslip"),
+    "alpha_filter_s": (("pitch_rate", "angle_of_attack"),),
+    "attitude_filter_s": (("pitch_rate", "attitude"), ("roll_rate", "attitude"), ("yaw_rate", "attitude")),
+    "acceleration_filter_s": (
+        ("normal_load_factor", "angle_of_attack"),
+        ("angle_of_attack", "load_factor"),
+        ("angle_of_sideslip", "lateral_load_factor"),
+    ),
 }
 # Of filters that leave a worst error within this of the least, the quickest.  An unstable aircraft may have to fly on
 # the pitch rate, where every late hundredth of a second tells and the worst errors hardly differ.
@@ -180,12 +194,12 @@ def measure(tables: dict[str, Any], airframe: Airframe, flight_point: FlightPoin
         rows = fly(tables, flight_point, designs[0], case)
         inertial.append(errors(rows, _INERTIAL, designs[0]))
         for found, one in zip(partners, designs, strict=True):
-            found.append(errors(rows, _PARTNERS, one))
+            found.append(errors(rows, _PARTNERS, one) | errors(rows, _ATTITUDE, one))
     best = _choose(partners, tables["redundancy"]["signals"])
-    of = {signal: best[filter_name] for filter_name, signals in _SERVES.items() for signal in signals}
+    of = {key: best[filter_name] for filter_name, keys in _SERVES.items() for key in keys}
     chosen = [
         # what no filter serves is the same with all of them
-        found | {key: partners[of.get(key[0], 0)][i][key] for key in partners[0][i]}
+        found | {key: partners[of.get(key, 0)][i][key] for key in partners[0][i]}
         for i, found in enumerate(inertial)
     ]
     filters = {filter_name: FILTERS_S[i] for filter_name, i in best.items()}
@@ -242,14 +256,9 @@ def _choose(tried: list[list[Errors]], monitors: dict[str, Any]) -> dict[str, in
     tried : for each candidate, quickest first, the errors of every flight
     """
     best: dict[str, int] = {}
-    for filter_name, signals in _SERVES.items():
+    for filter_name, keys in _SERVES.items():
         worst = [
-            max(
-                float(np.abs(e).max()) / monitors[signal]["threshold"]
-                for one in found
-                for (signal, _), e in one.items()
-                if signal in signals
-            )
+            max(float(np.abs(one[key]).max()) / monitors[key[0]]["threshold"] for one in found for key in keys)
             for found in tried
         ]
         best[filter_name] = int(np.argmax(np.array(worst) <= _NEARLY.get(filter_name, 1.0) * min(worst)))

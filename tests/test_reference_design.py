@@ -98,7 +98,7 @@ def test_the_errors_in_the_file_are_those_of_the_flights(name: str):
                 continue
             flown += 1
             rows = reference_design.fly(tables, airframe.point(point.name), alone, case)
-            for config in (reference_design._PARTNERS, reference_design._INERTIAL):
+            for config in (reference_design._PARTNERS, reference_design._ATTITUDE, reference_design._INERTIAL):
                 for (signal, source), off in reference_design.errors(rows, config, alone).items():
                     kept, worst = known.errors[signal][source], float(f"{np.abs(off).max():.3g}")
                     assert worst == kept.worst if kept.worst_in == where else worst <= kept.worst, (signal, source)
@@ -114,10 +114,10 @@ def test_of_pitch_rate_filters_that_serve_nearly_alike_the_quickest_is_taken_of_
     """Worst errors by filter, and the tenth within which they count as equal."""
 
     def tried(worst: tuple[float, ...]) -> list[list[reference_design.Errors]]:
-        signals = {"pitch_rate": "angle_of_attack", "roll_rate": "attitude", "normal_load_factor": "angle_of_attack"}
-        return [[{key: np.array([0.0, -w], np.float32) for key in signals.items()}] for w in worst]
+        keys = [key for served in reference_design._SERVES.values() for key in served]
+        return [[{key: np.array([0.0, -w], np.float32) for key in keys}] for w in worst]
 
-    monitors = {name: {"threshold": 0.05} for name in ("pitch_rate", "roll_rate", "normal_load_factor")}
+    monitors = {name: {"threshold": 0.05} for name in INDEX}
     expected = {"alpha_filter_s": 1, "attitude_filter_s": 3, "acceleration_filter_s": 3}
     assert reference_design._choose(tried((0.4, 0.208, 0.2, 0.19, 0.21)), monitors) == expected
     assert reference_design._choose(tried((0.4, 0.21, 0.2, 0.19, 0.21)), monitors)["alpha_filter_s"] == 2
