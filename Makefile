@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.stamp
 
-.PHONY: fly test check lint types imports coverage bench golden replay setup clean
+.PHONY: fly test check lint types imports coverage bench golden designs replay setup clean
 
 fly: setup  ## fly the default scenario: a hardover on one pitch-rate channel of the F-16
 	$(BIN)/rig fly
@@ -33,6 +33,9 @@ bench: setup  ## what a frame costs, against bare JSBSim in the same process
 
 golden: setup  ## fly all golden flights and keep what they decide now
 	$(BIN)/python tests/golden_flights.py
+
+designs: setup  ## design every bundled aircraft twice: the same bytes both times, and those of its files
+	$(BIN)/python tests/design_again.py
 
 replay: setup  ## fly every bundled scenario to its end, replay it and fly it again: all must be identical
 	$(BIN)/python tests/replay_all.py

@@ -8,7 +8,6 @@ flights measures every source.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -57,13 +56,31 @@ _PARTNERS: Final = Config(
     dynamic_pressure="none",
     pitch_angle="kinematic",
 )
+_ATTITUDE: Final = Config(
+    pitch_rate="attitude",
+    roll_rate="none",
+    yaw_rate="none",
+    normal_load_factor="none",
+    angle_of_attack="none",
+    angle_of_sideslip="none",
+    dynamic_pressure="none",
+    pitch_angle="none",
+)
 # The references that each filter serves: it is chosen for the least of their worst errors in thresholds.
 _SERVES: Final = {
-    "alpha_filter_s": ("pitch_rate",),
-    "attitude_filter_s": ("roll_rate", "yaw_rate"),
-    "acceleration_filter_s": ("normal_load_factor", "angle_of_attack", "angle_of_sideslip"),
+    "alpha_filter_s": (("pitch_rate", "angle_of_attack"),),
+    "attitude_filter_s": (("pitch_rate", "attitude"), ("roll_rate", "attitude"), ("yaw_rate", "attitude")),
+    "acceleration_filter_s": (
+        ("normal_load_factor", "angle_of_attack"),
+        ("angle_of_attack", "load_factor"),
+        ("angle_of_sideslip", "lateral_load_factor"),
+    ),
 }
+# Of filters that leave a worst error within this of the least, the quickest.  An unstable aircraft may have to fly on
+# the pitch rate, where every late hundredth of a second tells and the worst errors hardly differ.
+_NEARLY: Final = {"alpha_filter_s": 1.1}
 Key = tuple[str, str]  # signal and source
+Case = tuple[str, str, int]  # flight, turbulence, seed
 Errors = dict[Key, NDArray[np.float32]]
 
 
@@ -99,10 +116,10 @@ FLIGHTS: Final[dict[str, dict[str, Any]]] = {
 
 @dataclass(frozen=True)
 class Measured:
-    """One flight point, its filters chosen, and reference less vote of every settled frame flown there."""
+    """One flight point, its filters chosen, and reference less vote of every settled frame of each of ``cases``."""
 
     point: Point
-    errors: Errors
+    errors: list[Errors]
 
 
 def design(name: str, gains: Gains) -> Designed:
@@ -114,7 +131,7 @@ def design(name: str, gains: Gains) -> Designed:
     airframe = parse(tables["airframe"], f"aircraft {name}")
     measured = [measure(tables, airframe, point) for point in airframe.flight_points]
     measured.sort(key=lambda one: one.point.dynamic_pressure_pa)
-    return _designed(airframe, [one.point for one in measured], _summary([one.errors for one in measured]))
+    return _designed(airframe, [one.point for one in measured], _summary(measured))
 
 
 def _designed(airframe: Airframe, points: list[Point], errors: dict[str, dict[str, Error]]) -> Designed:
@@ -165,33 +182,44 @@ def measure(tables: dict[str, Any], airframe: Airframe, flight_point: FlightPoin
     designs = [_designed(airframe, [point], {}) for point in tried]
     inertial: list[Errors] = []
     partners: list[list[Errors]] = [[] for _ in tried]
-    for rows in fly(tables, flight_point, designs[0]):
+    for case in cases():
+        rows = fly(tables, flight_point, designs[0], case)
         inertial.append(errors(rows, _INERTIAL, designs[0]))
         for found, one in zip(partners, designs, strict=True):
-            found.append(errors(rows, _PARTNERS, one))
-    joined = [_join(found) for found in partners]
-    best = _choose(joined, tables["redundancy"]["signals"])
-    chosen: Errors = _join(inertial)
-    for filter_name, signals in _SERVES.items():
-        chosen |= {key: e for key, e in joined[best[filter_name]].items() if key[0] in signals}
-    chosen |= {key: e for key, e in joined[0].items() if key not in chosen}  # served by no filter
+            found.append(errors(rows, _PARTNERS, one) | errors(rows, _ATTITUDE, one))
+    best = _choose(partners, tables["redundancy"]["signals"])
+    of = {key: best[filter_name] for filter_name, keys in _SERVES.items() for key in keys}
+    chosen = [
+        # what no filter serves is the same with all of them
+        found | {key: partners[of.get(key, 0)][i][key] for key in partners[0][i]}
+        for i, found in enumerate(inertial)
+    ]
     filters = {filter_name: FILTERS_S[i] for filter_name, i in best.items()}
     return Measured(tried[0].model_copy(update=filters), chosen)
 
 
-def fly(tables: dict[str, Any], flight_point: FlightPoint, designed: Designed) -> Iterator[Block]:
-    """All rows of each flight of one flight point; RigError when a healthy flight is lost."""
-    for flight, settings in FLIGHTS.items():
-        for turbulence in TURBULENCE:
-            for seed in SEEDS:
-                own = {"turbulence": turbulence, "seed": seed, "rate_hz": RATE_HZ, **settings}
-                own |= {"flight_point": flight_point.name, "references": designed.model_dump()}
-                scenario = build(Scenario, {**tables, **own}, f"aircraft {tables['aircraft']}")
-                rows = np.concatenate([rows.copy() for rows, _ in frames(Rig(scenario), scenario)])
-                if rows["end"][-1] != 0:
-                    where = f"{tables['aircraft']} {flight_point.name}"
-                    raise RigError(f"{where}: lost in the healthy flight {flight!r}, {turbulence} turbulence")
-                yield rows
+def cases() -> list[Case]:
+    """Every flight of a flight point, in order."""
+    return [(flight, turbulence, seed) for flight in FLIGHTS for turbulence in TURBULENCE for seed in SEEDS]
+
+
+def label(flight_point: str, case: Case) -> str:
+    """A measured flight as references.toml names it."""
+    flight, turbulence, seed = case
+    return f"{flight_point}, {flight}, turbulence {turbulence}, seed {seed}"
+
+
+def fly(tables: dict[str, Any], flight_point: FlightPoint, designed: Designed, case: Case) -> Block:
+    """All rows of one flight; RigError when the healthy aircraft is lost."""
+    flight, turbulence, seed = case
+    own = {"turbulence": turbulence, "seed": seed, "rate_hz": RATE_HZ, **FLIGHTS[flight]}
+    own |= {"flight_point": flight_point.name, "references": designed.model_dump()}
+    scenario = build(Scenario, {**tables, **own}, f"aircraft {tables['aircraft']}")
+    rows = np.concatenate([rows.copy() for rows, _ in frames(Rig(scenario), scenario)])
+    if rows["end"][-1] != 0:
+        where = f"{tables['aircraft']} {flight_point.name}"
+        raise RigError(f"{where}: lost in the healthy flight {flight!r}, {turbulence} turbulence")
+    return rows
 
 
 def errors(rows: Block, config: Config, designed: Designed) -> Errors:
@@ -214,32 +242,35 @@ def run(rows, of_references):
         remember(rows, k, *of_references)
 
 
-def _join(found: list[Errors]) -> Errors:
-    return {key: np.concatenate([one[key] for one in found]) for key in found[0]}
+def _choose(tried: list[list[Errors]], monitors: dict[str, Any]) -> dict[str, int]:
+    """For each filter the place of the candidate that leaves the least worst error, or nearly.
 
-
-def _choose(found: list[Errors], monitors: dict[str, Any]) -> dict[str, int]:
-    """For each filter the place of the candidate that leaves the least worst error, in monitor thresholds."""
+    tried : for each candidate, quickest first, the errors of every flight
+    """
     best: dict[str, int] = {}
-    for filter_name, signals in _SERVES.items():
+    for filter_name, keys in _SERVES.items():
         worst = [
-            max(float(np.abs(e).max()) / monitors[key[0]]["threshold"] for key, e in one.items() if key[0] in signals)
-            for one in found
+            max(float(np.abs(one[key]).max()) / monitors[key[0]]["threshold"] for one in found for key in keys)
+            for found in tried
         ]
-        best[filter_name] = int(np.argmin(worst))
+        best[filter_name] = int(np.argmax(np.array(worst) <= _NEARLY.get(filter_name, 1.0) * min(worst)))
     return best
 
 
-def _summary(found: list[Errors]) -> dict[str, dict[str, Error]]:
+def _summary(measured: list[Measured]) -> dict[str, dict[str, Error]]:
+    flown = [(label(one.point.name, case), e) for one in measured for case, e in zip(cases(), one.errors, strict=True)]
     summary: dict[str, dict[str, Error]] = {}
-    for (signal, chosen), off in _join(found).items():
-        size = np.abs(off.astype(np.float64))
-        worst = _digits(float(size.max()), 3)
+    for key in flown[0][1]:
+        signal, chosen = key
+        peaks = [float(np.abs(e[key]).max()) for _, e in flown]
+        size = np.abs(np.concatenate([e[key] for _, e in flown]).astype(np.float64))
+        worst = _digits(max(peaks), 3)
         summary.setdefault(signal, {})[chosen] = Error(
             rms=_digits(float(np.sqrt(np.mean(size**2))), 3),
             quantile_999=_digits(float(np.quantile(size, 0.999)), 3),
             worst=worst,
             threshold=_digits(RESERVE * worst, 3),
+            worst_in=flown[int(np.argmax(peaks))][0],
         )
     return summary
 

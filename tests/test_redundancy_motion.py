@@ -94,7 +94,7 @@ def test_the_pitch_rate_is_the_one_that_moves_the_angle_of_attack_so(seed: int):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_roll_and_yaw_rate_are_those_of_turning_heading_pitch_and_bank(seed: int):
+def test_the_rates_from_attitude_are_those_of_turning_heading_pitch_and_bank(seed: int):
     case = Case(seed)
     phi, theta, psi = case.rng.uniform(-1.0, 1.0, 3)
     of_phi, of_theta, of_psi = case.rng.uniform(-1.0, 1.0, 3)
@@ -106,6 +106,7 @@ def test_roll_and_yaw_rate_are_those_of_turning_heading_pitch_and_bank(seed: int
         np.array([of_phi, 0, 0]) + to_bank @ np.array([0, of_theta, 0]) + to_bank @ to_pitch @ np.array([0, 0, of_psi])
     )
     assert motion.roll_rate(case.st) == pytest.approx(rates[0])
+    assert motion.pitch_rate_of_attitude(case.st) == pytest.approx(rates[1])
     assert motion.yaw_rate(case.st) == pytest.approx(rates[2])
 
 

@@ -39,6 +39,7 @@ WING: dict[str, float] = {
     "acceleration_filter_s": 0.05,
 }
 LEVEL_ALPHA = 1.0 / (PRESSURE * 1e-3) - 0.02
+BY_ATTITUDE = Config(pitch_rate="attitude")
 ALL_INERTIAL = Config(pitch_rate="inertial", roll_rate="inertial", yaw_rate="inertial", inertial_lead_s=0.0)
 
 
@@ -120,7 +121,7 @@ def test_its_gain_divides_all_of_it():
     assert once == pytest.approx(2.0 * twice)
 
 
-# Roll and yaw rate from attitude
+# Rates from attitude
 
 
 def test_steady_rolling_is_the_roll_rate_also_through_inverted():
@@ -130,17 +131,41 @@ def test_steady_rolling_is_the_roll_rate_also_through_inverted():
 
 
 @pytest.mark.parametrize(("bank", "pitch"), [(0.0, 0.0), (0.6, 0.2), (-0.9, -0.3)])
-def test_a_steady_turn_gives_roll_and_yaw_rate_also_through_north(bank: float, pitch: float):
+def test_a_steady_turn_gives_all_three_rates_also_through_north(bank: float, pitch: float):
     psi = (6.0 + 0.1 * np.arange(1000) / RATE) % (2 * math.pi)
-    block = run(level_flight(1000, heading=psi, roll_angle=bank, pitch_angle=pitch))
+    block = run(level_flight(1000, heading=psi, roll_angle=bank, pitch_angle=pitch), BY_ATTITUDE)
+    assert np.allclose(ref(block, "pitch_rate")[100:], 0.1 * math.cos(pitch) * math.sin(bank), atol=1e-9)
     assert np.allclose(ref(block, "roll_rate")[100:], -0.1 * math.sin(pitch), atol=1e-9)
     assert np.allclose(ref(block, "yaw_rate")[100:], 0.1 * math.cos(pitch) * math.cos(bank), atol=1e-9)
 
 
-def test_pitching_in_a_bank_shows_as_yaw_rate():
+def test_pitching_in_a_bank_shows_as_pitch_and_yaw_rate():
     theta = 0.1 * np.arange(300) / RATE
-    out = ref(run(level_flight(pitch_angle=theta, roll_angle=0.5)), "yaw_rate")
-    assert out[-1] == pytest.approx(-0.1 * math.sin(0.5), abs=1e-9)
+    block = run(level_flight(pitch_angle=theta, roll_angle=0.5), BY_ATTITUDE)
+    assert ref(block, "pitch_rate")[-1] == pytest.approx(0.1 * math.cos(0.5), abs=1e-9)
+    assert ref(block, "yaw_rate")[-1] == pytest.approx(-0.1 * math.sin(0.5), abs=1e-9)
+
+
+def test_a_loop_through_inverted_flight_is_a_steady_pitch_rate():
+    """Over the top of a loop roll angle and heading jump by half a turn, the pitch angle turns back."""
+    turned = 1.0 + 0.2 * np.arange(500) / RATE
+    over = turned > math.pi / 2
+    votes = {
+        "pitch_angle": np.where(over, math.pi - turned, turned),
+        "roll_angle": np.where(over, math.pi, 0.0),
+        "heading": np.where(over, math.pi, 0.0),
+    }
+    out = ref(run(level_flight(500, **votes), BY_ATTITUDE), "pitch_rate")
+    near = np.abs(turned - math.pi / 2) < math.pi / 2 - 1.25  # 0.05 rad on either side for the filter's lag
+    assert np.isnan(out[np.abs(turned - math.pi / 2) < 0.2]).all()
+    assert np.allclose(out[60:][~near[60:]], 0.2, atol=1e-4)
+
+
+def test_a_gust_does_not_move_the_pitch_rate_from_attitude():
+    gust = np.where(np.arange(300) < 100, LEVEL_ALPHA, LEVEL_ALPHA + 0.05)
+    calm, moved = level_flight(), level_flight(angle_of_attack=gust)
+    assert np.abs(ref(run(moved), "pitch_rate")).max() > 0.3  # the filter's first step: 0.05 rad over 0.1 s
+    assert ref(run(moved, BY_ATTITUDE), "pitch_rate").tobytes() == ref(run(calm, BY_ATTITUDE), "pitch_rate").tobytes()
 
 
 def test_near_the_vertical_attitude_says_nothing_and_the_others_go_on():
@@ -151,8 +176,8 @@ def test_near_the_vertical_attitude_says_nothing_and_the_others_go_on():
 
 @pytest.mark.parametrize(("pitch", "says"), [(1.29, True), (-1.29, True), (1.31, False), (-1.31, False)])
 def test_attitude_says_nothing_from_75_degrees_on(pitch: float, says: bool):
-    block = run(level_flight(pitch_angle=pitch))
-    for name in ("roll_rate", "yaw_rate"):
+    block = run(level_flight(pitch_angle=pitch), BY_ATTITUDE)
+    for name in ("pitch_rate", "roll_rate", "yaw_rate"):
         assert np.isfinite(ref(block, name)[1:]).all() == says
 
 
@@ -252,6 +277,7 @@ def test_the_lead_makes_up_for_the_units_lag():
 
 CHOICES = [
     Config(),
+    BY_ATTITUDE,
     Config(pitch_rate="inertial", roll_rate="inertial", yaw_rate="inertial"),
 ]
 
@@ -268,7 +294,7 @@ def busy(n: int = 120) -> Block:
     return block
 
 
-@pytest.mark.parametrize("config", CHOICES, ids=["partners", "inertial"])
+@pytest.mark.parametrize("config", CHOICES, ids=["partners", "attitude", "inertial"])
 def test_no_reference_reads_truth_channels_or_the_signal_that_it_judges(config: Config):
     honest = run(busy(), config, accelerometer=(4.0, 0.5, 1.0))
     for signal in SIGNALS:
@@ -280,7 +306,7 @@ def test_no_reference_reads_truth_channels_or_the_signal_that_it_judges(config: 
         assert ref(blind, signal.name).tobytes() == ref(honest, signal.name).tobytes()
 
 
-@pytest.mark.parametrize("config", CHOICES, ids=["partners", "inertial"])
+@pytest.mark.parametrize("config", CHOICES, ids=["partners", "attitude", "inertial"])
 def test_each_reference_reads_its_partners_and_they_alone(config: Config):
     aircraft: dict[str, Any] = {"accelerometer": (4.0, 0.5, 1.0), "pitch_rate_gain": 0.95, "elevator_arm_m": 3.0}
     honest = run(busy(), config, **aircraft)
@@ -392,7 +418,9 @@ def flown(*sets: str, name: str = "f16_pitch_rate_hardover", seconds: float = 10
 
 
 @pytest.mark.parametrize("aircraft", ["f16", "b747", "b737"])
-@pytest.mark.parametrize("sources", ["{}", '{pitch_rate="inertial",roll_rate="inertial",yaw_rate="inertial"}'])
+@pytest.mark.parametrize(
+    "sources", ["{}", '{pitch_rate="attitude"}', '{pitch_rate="inertial",roll_rate="inertial",yaw_rate="inertial"}']
+)
 def test_a_healthy_flight_in_moderate_turbulence_keeps_every_reference_usable(aircraft: str, sources: str):
     sets = [f"aircraft={aircraft}", "turbulence=moderate", f"redundancy.references={sources}"]
     rows = flown(*sets, seconds=40.0, seed=77)
@@ -428,6 +456,16 @@ def test_a_lost_pitch_rate_still_has_its_reference_and_takes_those_that_read_it_
     assert rows["level"][-1, INDEX["pitch_rate"]] == 0
     there = {signal.name for signal in SIGNALS if np.isfinite(rows["reference"][-1, INDEX[signal.name]])}
     assert there == {"pitch_rate", "roll_rate", "yaw_rate", "dynamic_pressure"}
+
+
+@pytest.mark.parametrize("aircraft", ["f16", "b747", "b737"])
+@pytest.mark.parametrize("bad", [[1, 2], [3, 4]])
+def test_by_attitude_a_split_over_threshold_and_worst_error_is_settled_rightly(aircraft: str, bad: list[int]):
+    sets = [f"aircraft={aircraft}", 'redundancy.signals.pitch_rate.resolvers=["reference"]', "turbulence=moderate"]
+    faults = f'faults=[{{kind="offset",signal="pitch_rate",channels={bad},start_s=1.0,offset=0.13}}]'
+    rows = flown(faults, *sets, 'redundancy.references.pitch_rate="attitude"', seconds=4.0)
+    failed = np.flatnonzero(rows["state"][-1, INDEX["pitch_rate"]] == State.FAILED) + 1
+    assert failed.tolist() == bad
 
 
 @pytest.mark.parametrize(("signal", "offset"), [("pitch_rate", 0.06), ("roll_rate", 0.13), ("yaw_rate", 0.06)])

@@ -139,7 +139,7 @@ def test_a_coefficient_of_the_wrong_sign_is_refused(name: str, value: float):
 
 @pytest.mark.parametrize("name", ["rms", "quantile_999", "worst", "threshold"])
 def test_a_measured_error_below_zero_is_refused(name: str):
-    good = {"rms": 0.1, "quantile_999": 0.2, "worst": 0.3, "threshold": 0.4}
+    good: dict[str, Any] = {"rms": 0.1, "quantile_999": 0.2, "worst": 0.3, "threshold": 0.4}
     with pytest.raises(ValueError, match=name):
         Error(**{**good, name: -0.5})
     assert Error(**good)

@@ -61,6 +61,7 @@ class Error(Settings):
     quantile_999: float = Field(ge=0.0)  # of its size: 99.9 % of frames are within
     worst: float = Field(ge=0.0)
     threshold: float = Field(gt=0.0)
+    worst_in: str = ""  # the flight that left the worst: flight point, manoeuvres, turbulence, seed
 
 
 class Designed(Settings):

@@ -67,6 +67,13 @@ def pitch_rate(c, st, speed):
 
 
 @kernel
+def pitch_rate_of_attitude(st):
+    """Pitch rate from attitude: q = theta_dot cos phi + psi_dot cos theta sin phi.  A gust does not move it."""
+    theta, phi = st["smooth"][_THETA], st["smooth"][_PHI]
+    return st["slope"][_THETA] * math.cos(phi) + st["slope"][_PSI] * math.cos(theta) * math.sin(phi)
+
+
+@kernel
 def roll_rate(st):
     """Roll rate from attitude: p = phi_dot - psi_dot sin theta."""
     return st["slope"][_PHI] - st["slope"][_PSI] * math.sin(st["smooth"][_THETA])

@@ -31,7 +31,7 @@ from rig.settings import Settings
 class Config(Settings):
     """The ``[redundancy.references]`` table: where each reference comes from."""
 
-    pitch_rate: Literal["angle_of_attack", "inertial", "none"] = "angle_of_attack"
+    pitch_rate: Literal["angle_of_attack", "attitude", "inertial", "none"] = "angle_of_attack"
     roll_rate: Literal["attitude", "inertial", "none"] = "attitude"
     yaw_rate: Literal["attitude", "inertial", "none"] = "attitude"
     normal_load_factor: Literal["angle_of_attack", "none"] = "angle_of_attack"
@@ -51,6 +51,7 @@ PARTNERS: Final[dict[tuple[str, str], tuple[str, ...]]] = {
         *("angle_of_attack", "angle_of_sideslip", "roll_rate", "yaw_rate"),
         *("pitch_angle", "roll_angle", *_AIR),
     ),
+    ("pitch_rate", "attitude"): _ATTITUDE,
     ("pitch_rate", "inertial"): (),
     ("roll_rate", "attitude"): _ATTITUDE,
     ("roll_rate", "inertial"): (),
@@ -91,7 +92,8 @@ STATE: Final = np.dtype(
     ],
     align=True,
 )
-_NO_SOURCE, _PARTNERS, _INERTIAL = 0, 1, 2
+_NO_SOURCE, _PARTNERS, _INERTIAL, _TURNED = 0, 1, 2, 3
+_SOURCES: Final = {"none": _NO_SOURCE, "inertial": _INERTIAL, "attitude": _TURNED}  # all others are partners
 _SLOWEST: Final = 30.0  # m/s; divisions by airspeed take at least this
 _STEEPEST: Final = 1.3  # rad of pitch; beyond it roll and heading say little
 _Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
@@ -136,8 +138,8 @@ def _parameters(config: Config, designed: Designed, rate_hz: float) -> NDArray[A
     row["accelerometer"] = designed.accelerometer_x_m, designed.accelerometer_y_m, designed.accelerometer_z_m
     for s, signal in enumerate(SIGNALS):
         chosen = source(config, signal.name)
+        row["source"][s] = _SOURCES.get(chosen, _PARTNERS)
         if chosen != "none":
-            row["source"][s] = _INERTIAL if chosen == "inertial" else _PARTNERS
             row["partners"][s] = sum(1 << INDEX[name] for name in PARTNERS[signal.name, chosen])
     return param
 
@@ -188,7 +190,10 @@ def answer(row, pressures, table, param, state):
     follow_all(p, st)
     density = air_density(voted[_STATIC])
     speed = max(math.sqrt(2.0 * max(voted[_DYNAMIC], 0.0) / density), _SLOWEST)
-    reference[_Q] = motion.pitch_rate(c, st, speed)
+    if p["source"][_Q] == _TURNED:
+        reference[_Q] = motion.pitch_rate_of_attitude(st)
+    else:
+        reference[_Q] = motion.pitch_rate(c, st, speed)
     reference[_P] = motion.roll_rate(st)
     reference[_R] = motion.yaw_rate(st)
     reference[_NZ] = motion.normal_load_factor(c, p, st, speed)
@@ -200,8 +205,8 @@ def answer(row, pressures, table, param, state):
     read_rates(row["inertial"], p, st, reference)
     steep = abs(voted[_THETA]) > _STEEPEST
     for s in range(S):
-        attitude = s in (_P, _R) and p["source"][s] == _PARTNERS
-        if p["source"][s] == _NO_SOURCE or (p["partners"][s] & st["lost"]) != 0 or (attitude and steep):
+        unsaid = p["source"][s] == _NO_SOURCE or (steep and p["source"][s] == _TURNED)
+        if unsaid or (p["partners"][s] & st["lost"]) != 0:
             reference[s] = np.nan
 
 
