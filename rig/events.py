@@ -61,16 +61,20 @@ class EventFinder:
     def __init__(self, faults: Sequence[str]) -> None:
         self._faults = faults
         self._last: Block | None = None
-        moved(_flags(new_block(2)), _flags(new_block(1))[0], _FLAGS)  # compiled before the first frame
+        mark_moved(_flags(new_block(1)), _flags(new_block(1))[0], _FLAGS, np.zeros(1, bool))  # compiled before frame 0
 
     def find(self, rows: Block) -> list[Event]:
         """The events of ``rows``, which follow those of the last call, in order of time."""
-        before, events = self._before(rows), []
-        if moved(_flags(rows), _flags(before)[0], _FLAGS):
-            pair = np.concatenate([before, rows])
-            events = [*self._fault_events(pair), *_changes(pair)]
+        before, moved = self._before(rows), np.zeros(len(rows), bool)
+        mark_moved(_flags(rows), _flags(before)[0], _FLAGS, moved)
         self._last = rows[-1:].copy()
-        return sorted(events, key=lambda event: event.frame)
+        if not moved.any():
+            return []
+        at = np.flatnonzero(moved)
+        old, new = rows[at - 1], rows[at]
+        if at[0] == 0:
+            old[0] = before[0]
+        return sorted([*self._fault_events(old, new), *_changes(old, new)], key=lambda event: event.frame)
 
     def _before(self, rows: Block) -> Block:
         """The row before ``rows``; before the first one everything stood as it does there, but no fault acted."""
@@ -80,12 +84,11 @@ class EventFinder:
         before["acting"] = 0
         return before
 
-    def _fault_events(self, pair: Block) -> Iterator[Event]:
-        """Faults of the rows of ``pair`` after its first that begin or cease to act."""
-        acts = np.unpackbits(pair["acting"], axis=1, bitorder="little")
-        for k, i in np.argwhere(acts[1:] != acts[:-1]):
-            name = "fault on" if acts[k + 1, i] else "fault off"
-            yield Event(int(pair["frame"][k + 1]), "info", name, self._faults[int(i)])
+    def _fault_events(self, old: Block, new: Block) -> Iterator[Event]:
+        """Faults that begin or cease to act between rows of ``old`` and those of ``new``."""
+        before, now = (np.unpackbits(rows["acting"], axis=1, bitorder="little") for rows in (old, new))
+        for k, i in np.argwhere(now != before):
+            yield Event(int(new["frame"][k]), "info", "fault on" if now[k, i] else "fault off", self._faults[int(i)])
 
 
 def _flag_bits() -> NDArray[np.uint8]:
@@ -107,33 +110,24 @@ def _flags(rows: Block) -> NDArray[np.uint64]:
 
 
 @kernel
-def moved(flags, before, bits):
-    """Whether any row of ``flags`` (n, m) differs in ``bits`` (m,) from the one before; ``before`` (m,) the first."""
-    for i in range(flags.shape[1]):
-        if (flags[0, i] ^ before[i]) & bits[i] != 0:
-            return True
-    for k in range(1, flags.shape[0]):
+def mark_moved(flags, before, bits, moved):
+    """Mark in ``moved`` (n,) the rows of ``flags`` (n, m) that differ in ``bits`` (m,) from the one before them.
+
+    before : (m,) the one before the first
+    """
+    for k in range(flags.shape[0]):
         different = np.uint64(0)
         for i in range(flags.shape[1]):
-            different |= (flags[k, i] ^ flags[k - 1, i]) & bits[i]
-        if different != 0:
-            return True
-    return False
+            different |= (flags[k, i] ^ (flags[k - 1, i] if k > 0 else before[i])) & bits[i]
+        moved[k] = different != 0
 
 
-def _moved(pair: Block, field: str) -> NDArray[np.intp]:
-    """Where ``field`` differs from the row before: (n, 1 + dimensions) indices into the rows."""
-    values = pair[field]
-    return np.argwhere(values[1:] != values[:-1])
-
-
-def _changes(pair: Block) -> Iterator[Event]:
-    """Events of the rows of ``pair`` after its first."""
-    frames = pair["frame"][1:]
+def _changes(old: Block, new: Block) -> Iterator[Event]:
+    """Events of the rows ``new``, each beside the one before it in ``old``."""
     for field, describe in _DESCRIBE.items():
-        for k, *place in _moved(pair, field):
-            old, new = pair[field][(k, *place)], pair[field][(k + 1, *place)]
-            event = describe(int(frames[k]), int(old), int(new), *map(int, place), pair[k + 1])
+        for k, *place in np.argwhere(new[field] != old[field]):
+            at = (k, *place)
+            event = describe(int(new["frame"][k]), int(old[field][at]), int(new[field][at]), *map(int, place), new[k])
             if event is not None:
                 yield event
 

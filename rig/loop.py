@@ -30,13 +30,14 @@ from rig.sensors import Sensors, measure
 # A killed flight loses no more than a second: the block being filled and, paced, the one being recorded.
 BLOCK_S = 1.0
 PACED_BLOCK_S = 0.5
+MEMORY_BLOCK_S = 5.0  # nothing to lose; what is worked on still fits into a core's own cache
 
 
 class Rig:
     """The stages of one flight, wired up and at their first frame."""
 
     def __init__(self, scenario: Scenario, *, keep_clean: bool = False) -> None:
-        """BadInput when the aircraft cannot be loaded or trimmed.  ``keep_clean``: see ``Faults.clean``."""
+        """BadInput when the aircraft cannot be loaded or trimmed.  ``keep_clean``: fill ``faults.clean``."""
         seeds = scenario.streams()
         rate_hz, suite, frame = scenario.rate_hz, scenario.sensors, scenario.airframe
         self.pilot = Pilot(scenario.pilot, rate_hz)
@@ -51,7 +52,7 @@ class Rig:
         )
         self.sensors = Sensors(suite, rate_hz, seeds["sensors"])
         self.inertial = Inertial(scenario.inertial, rate_hz, seeds["inertial"])
-        self.faults = faults(scenario, keep_clean=keep_clean)
+        self.faults = faults(scenario, scenario.frames if keep_clean else 0)
         self.redundancy = redundancy(scenario)
         self.control = Control(scenario.control, scenario.gains, rate_hz, frame.surface_limits)
         self.control.reset(self.plant.trim)
@@ -84,7 +85,7 @@ class Rig:
         self.faults.actuate(block, k)
 
 
-def faults(scenario: Scenario, *, keep_clean: bool = False) -> Faults:
+def faults(scenario: Scenario, keep_clean: int = 0) -> Faults:
     """The faults of a scenario, at their first frame; a replay runs those on references again."""
     ranges = sensors.ranges(scenario.sensors)
     places = np.vstack([ranges, inertial.ranges(), ranges, scenario.airframe.surface_limits])  # as in faults.PLACES
@@ -123,24 +124,39 @@ class Stop:
     requested = False
 
 
+Flown = tuple[Block, NDArray[np.void]]  # rows and their TIMING
+
+
 def frames(
-    rig: Rig, scenario: Scenario, pace: Pace | None = None, stop: Stop | None = None
-) -> Iterator[tuple[Block, NDArray[np.void]]]:
+    rig: Rig, scenario: Scenario, pace: Pace | None = None, stop: Stop | None = None, memory: Flown | None = None
+) -> Iterator[Flown]:
     """Fly; yields rows and their TIMING, a block at a time.
 
-    Two blocks take turns: what is yielded stays as it is until the block after the next is begun.
+    memory : (scenario.frames,) of both, to fly into; without it two blocks take turns, and what is yielded
+    stays as it is until the block after the next is begun.
     """
     pace, stop = pace or Pace(scenario.rate_hz, None), stop or Stop()
-    size = max(1, int((BLOCK_S if pace.period_s is None else PACED_BLOCK_S) * scenario.rate_hz))
-    buffers = cycle([(new_block(size), np.zeros(size, TIMING)) for _ in range(2)])
-    for first in range(0, scenario.frames, size):
-        memory, timing = next(buffers)
-        block = _renew(memory, first, min(size, scenario.frames - first))
+    for block, timing in _blocks(scenario, pace.period_s is not None, memory):
         rig.prepare(block)
         flown, over = _fly_block(rig, block, timing, pace, stop)
         yield block[:flown], timing[:flown]
         if over:
             return
+
+
+def block_frames(scenario: Scenario, seconds: float = BLOCK_S) -> int:
+    """Frames of a block; without ``seconds`` as a flight is logged."""
+    return max(1, int(seconds * scenario.rate_hz))
+
+
+def _blocks(scenario: Scenario, paced: bool, memory: Flown | None) -> Iterator[Flown]:
+    """The blocks of a flight, blank."""
+    size = block_frames(scenario, PACED_BLOCK_S if paced else BLOCK_S if memory is None else MEMORY_BLOCK_S)
+    turns = cycle([(new_block(size), np.zeros(size, TIMING)) for _ in range(2 if memory is None else 0)])
+    for first in range(0, scenario.frames, size):
+        count = min(size, scenario.frames - first)
+        rows, timing = next(turns) if memory is None else (memory[0][first:], memory[1][first:])
+        yield _renew(rows, first, count), timing[:count]
 
 
 def _fly_block(rig: Rig, block: Block, timing: NDArray[np.void], pace: Pace, stop: Stop) -> tuple[int, bool]:

@@ -10,6 +10,7 @@ import math
 import signal
 import threading
 import time
+from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -26,7 +27,7 @@ from rig.campaign.plan import Run
 from rig.campaign.rows import TABLES, Rows, alarm_rows, episode_rows, fault_rows, run_row
 from rig.errors import RigError
 from rig.events import Event, EventFinder, not_executed
-from rig.faults import CLEAN, Execution
+from rig.faults import Execution
 from rig.flight import end_reason, labels, metadata
 from rig.frame import FRAME, TIMING, Block, new_block
 from rig.log import LogWriter
@@ -56,7 +57,7 @@ class Flown:
     scenario: Scenario
     rows: Block
     timing: Timing
-    blocks: list[tuple[int, list[Event]]]  # frames of each block as it was flown, and its events
+    events: list[Event]
     clean: NDArray[np.void]  # what the sensors said before any fault
     verdict: Verdict
     ended: list[Event]  # what is known only at the end: faults that did nothing
@@ -71,24 +72,16 @@ def fly(scenario: Scenario) -> Flown:
     """Fly a scenario with the digest and events of ``rig fly``, its rows kept in memory."""
     rig, finder, verdict = loop.Rig(scenario, keep_clean=True), EventFinder(labels(scenario)), Verdict()
     execution = Execution(scenario.faults)
-    kept, timing, clean = (np.empty(scenario.frames, dtype) for dtype in (FRAME, TIMING, CLEAN))
-    blocks: list[tuple[int, list[Event]]] = []
-    for rows, clocked in loop.frames(rig, scenario):
+    kept, timing = np.empty(scenario.frames, FRAME), np.zeros(scenario.frames, TIMING)
+    found: list[Event] = []
+    for rows, _ in loop.frames(rig, scenario, memory=(kept, timing)):
         events = finder.find(rows)
-        part = slice(verdict.frames, verdict.frames + len(rows))
         verdict.add(rows, events)
         execution.add(rows)
-        _bytes(kept[part])[:] = _bytes(rows)  # padding too: the digest is over what stands there
-        _bytes(clean[part])[:] = _bytes(rig.faults.clean[: len(rows)])
-        timing[part] = clocked
-        blocks.append((len(rows), events))
+        found += events
     ended = not_executed(verdict.frames - 1, execution.missing)
     flown = slice(verdict.frames)
-    return Flown(scenario, kept[flown], timing[flown], blocks, clean[flown], verdict, ended)
-
-
-def _bytes(rows: NDArray[np.void]) -> NDArray[np.uint8]:
-    return rows.view(np.uint8)
+    return Flown(scenario, kept[flown], timing[flown], found, rig.faults.clean[flown], verdict, ended)
 
 
 def fly_run(run: Run, orders: Orders) -> Rows:
@@ -145,13 +138,13 @@ def log_path(folder: Path, number: int) -> Path:
 
 def write_log(flown: Flown, path: Path) -> None:
     """The flight as ``rig fly`` logs it. RigError when the disk does not take it."""
-    verdict, first = flown.verdict, 0
+    verdict, size, at = flown.verdict, loop.block_frames(flown.scenario), [event.frame for event in flown.events]
     path.parent.mkdir(parents=True, exist_ok=True)
     with LogWriter(path, flown.scenario.rate_hz, metadata(flown.scenario), [("scenario.toml", b"")]) as writer:
-        for count, events in flown.blocks:
-            part = slice(first, first + count)
+        for first in range(0, verdict.frames, size):
+            part = slice(first, first + size)
+            events = flown.events[bisect_left(at, first) : bisect_left(at, first + size)]
             writer.write(flown.rows[part], flown.timing[part], events)
-            first += count
         writer.write(new_block(0), np.zeros(0, TIMING), flown.ended)
         ended = {"digest": verdict.digest, "end_reason": flown.end_reason, "survived": str(verdict.survived)}
         writer.close(ended)

@@ -29,7 +29,7 @@ class Faults:
 
     faults : of the scenario, checked; ranges : (len(PLACES), 2) lowest and highest value of every place
     seeds  : of this stage; every fault draws from generators of its own, which its name gives
-    clean  : (n,) CLEAN, what the sensors said in the rows of the block before any fault; empty unless ``keep_clean``
+    clean  : (keep_clean,) CLEAN, what the sensors said before any fault in so many frames from the first
     All state is plain arrays and can be copied.
     """
 
@@ -40,7 +40,7 @@ class Faults:
         rate_hz: float,
         seeds: SeedSequence | None = None,
         *,
-        keep_clean: bool = False,
+        keep_clean: int = 0,
     ) -> None:
         self._faults, self._ranges, self._rate_hz = faults, ranges, rate_hz
         self._seeds = SeedSequence(0) if seeds is None else seeds
@@ -61,18 +61,21 @@ class Faults:
         self.memory, self.stack = np.zeros(max(self._memory, 1)), np.zeros(DEEPEST)
         self.param = self._param()
         self._uniform, self._normal = np.zeros((1, 1)), np.zeros((1, 1))
-        self._keep_clean, self.clean = keep_clean, np.zeros(0, CLEAN)
+        self.clean = np.empty(keep_clean, CLEAN)
+        self._of_block = self.clean[:0]
         self._grow(1)
 
     @property
     def arguments(self) -> tuple[Any, ...]:
         """What the kernels need besides the row; the same arrays until the next ``prepare``."""
         records = (self.param, self.schedule, self.state, self.targets, self.kept, self.program)
-        return *records, self.stack, self.times, self.memory, self.seen, self._uniform, self._normal, self.clean
+        return *records, self.stack, self.times, self.memory, self.seen, self._uniform, self._normal, self._of_block
 
     def prepare(self, block: Block) -> None:
         """Draw for the rows of ``block``; no stream depends on the block's length, nor on other faults."""
         self._grow(len(block))
+        if len(self.clean):
+            self._of_block = self.clean[int(block["frame"][0]) :][: len(block)]
         for column, rng in enumerate(self._uniform_from):
             self._uniform[: len(block), column] = rng.random(len(block))
         for column, rng in enumerate(self._normal_from):
@@ -216,9 +219,7 @@ class Faults:
         return param
 
     def _grow(self, rows: int) -> None:
-        """Room for what is drawn and kept of so many rows."""
-        if self._keep_clean and len(self.clean) < rows:
-            self.clean = np.zeros(rows, CLEAN)
+        """Room for the draws of so many rows."""
         if len(self._uniform) < rows or self._uniform.shape[1] < len(self._uniform_from):
             self._uniform = np.zeros((rows, max(1, len(self._uniform_from))))
         if len(self._normal) < rows or self._normal.shape[1] < len(self._normal_from):
