@@ -25,7 +25,7 @@ runs = {runs}
 seed = 1
 set = {{ duration_s = 20.0, "faults.0.start_s" = 5.0 }}
 vary = {{ "faults.0.channels.0" = [1, 2, 3, 4] }}
-run = {{ batch = 5, logs = "all" }}
+run = {{ batch = 10, logs = "all" }}
 """
 
 
