@@ -10,6 +10,7 @@ The viewer needs a Vulkan driver (docs/viewer.md); where that is a software one,
 
 from __future__ import annotations
 
+import gc
 import io
 import subprocess
 import sys
@@ -31,7 +32,8 @@ def main() -> None:
 
 
 def once(started: float, logs: list[Path]) -> None:
-    """Open the logs as rig.view.opened.window does, and say when which step was done."""
+    """Open the logs as ``rig view`` does, and say when which step was done."""
+    gc.disable()
     from rig.view.columns import Columns  # noqa: F401  # what writing needs is counted as Python's
     from rig.view.opened import as_file, read
     from rig.view.screenshot import headless, wait_until_loaded
@@ -40,8 +42,9 @@ def once(started: float, logs: list[Path]) -> None:
     opened = read(logs)
     done["read"] = time.perf_counter()
     last_s = max(int(log.rows["frame"][-1]) / log.rate_hz for log in opened.logs)
-    with headless() as client, as_file(opened) as rrd:
+    with headless() as connect, as_file(opened) as rrd:
         done["written"] = time.perf_counter()
+        client = connect()
         client.open(str(rrd))
         wait_until_loaded(client)
         done["loaded"] = time.perf_counter()

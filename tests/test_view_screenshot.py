@@ -88,7 +88,8 @@ def test_the_overview_of_a_log_shows_channels_vote_and_truth_apart(flights: tupl
 @pytest.mark.parametrize("logs", [1, 2])
 def test_every_view_of_the_layout_holds_data_of_every_flight(flights: tuple[Path, Path], logs: int) -> None:
     opened = read(flights[:logs])
-    with as_file(opened) as rrd, headless() as client:
+    with as_file(opened) as rrd, headless() as connect:
+        client = connect()
         client.open(str(rrd))
         wait_until_loaded(client)
         views = {view.view_id: view.name for view in client.get_state().views}

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import signal
 import threading
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from time import perf_counter
 from typing import Annotated, Any
@@ -40,9 +42,34 @@ def view(
         raise BadInput("--save, --serve, --screenshot: one of them at a time")
     if time_s is not None and screenshot is None:
         raise BadInput("--time: is for --screenshot")
-    began = perf_counter()
     if save is None and not serve and screenshot is None:
         _require_display()
+    with _without_collection():
+        _view(logs, save, serve, screenshot, time_s, tab, map_tiles, as_json)
+
+
+@contextmanager
+def _without_collection() -> Iterator[None]:
+    """Opening makes many objects and hardly any rubbish: looking for it takes 0.15 s of a log of ten minutes."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+
+
+def _view(
+    logs: list[Path],
+    save: Path | None,
+    serve: bool,
+    screenshot: Path | None,
+    time_s: float | None,
+    tab: str,
+    map_tiles: bool,
+    as_json: bool,
+) -> None:
+    """Read, and hand on to where it is asked for."""
+    began = perf_counter()
     from rig.view import opened
     from rig.view.blueprint import require_tab
 

@@ -129,9 +129,10 @@ def window(opened: Opened, *arguments: str) -> Iterator[subprocess.Popen[bytes]]
     It is started first, to get itself ready while the file is written.  RigError: it did not take the file.
     """
     port = viewer.free_port()
-    process = viewer.start(["--port", str(port), "--expect-data-soon", *arguments], port)
+    process = viewer.launch(["--port", str(port), "--expect-data-soon", *arguments])
     try:
         with as_file(opened) as rrd:
+            viewer.await_port(process, port)
             try:
                 viewer.connect(port).open(str(rrd))
             except (RuntimeError, OSError) as error:

@@ -6,7 +6,7 @@ A Vulkan driver is needed; Mesa's software one will do (Debian: mesa-vulkan-driv
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,18 +44,24 @@ def screenshot(opened: Opened, png: Path, time_s: float | None = None) -> Shot:
         png.open("wb").close()
     except OSError as error:
         raise BadInput(f"{png}: cannot be written: {error.strerror}") from None
-    with headless() as client, as_file(opened) as rrd:  # it gets itself ready meanwhile
+    with headless() as connect, as_file(opened) as rrd:  # it gets itself ready meanwhile
+        client = connect()
         client.open(str(rrd))
         return shoot(client, png, opened.moment_s if time_s is None else time_s)
 
 
 @contextmanager
-def headless() -> Iterator[ViewerClient]:
-    """A viewer without a window, on a port of its own."""
+def headless() -> Iterator[Callable[[], ViewerClient]]:
+    """A viewer without a window, on a port of its own: a call that waits until it is ready, and drives it."""
     port = viewer.free_port()
-    process = viewer.start(["--headless", "--hide-welcome-screen", "--port", str(port)], port)
+    process = viewer.launch(["--headless", "--hide-welcome-screen", "--port", str(port)])
+
+    def connect() -> ViewerClient:
+        viewer.await_port(process, port)
+        return viewer.connect(port)
+
     try:
-        yield viewer.connect(port)
+        yield connect
     except (RuntimeError, OSError) as error:
         raise RigError(f"the viewer: {str(error).splitlines()[0]}") from None
     finally:

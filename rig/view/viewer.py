@@ -79,7 +79,14 @@ def start(
 
     RigError when it ends or does not listen in time.
     """
-    process = subprocess.Popen(
+    process = launch(arguments, stay=stay)
+    await_port(process, port, timeout_s)
+    return process
+
+
+def launch(arguments: Sequence[str], *, stay: bool = False) -> subprocess.Popen[bytes]:
+    """Run the viewer program, which takes some tenths of a second before it listens: ``await_port``."""
+    return subprocess.Popen(
         [str(program()), "--bind", LOOPBACK, *arguments],
         env=environment(),
         stdin=subprocess.DEVNULL,
@@ -87,6 +94,10 @@ def start(
         stderr=subprocess.DEVNULL,
         start_new_session=stay,
     )
+
+
+def await_port(process: subprocess.Popen[bytes], port: int, timeout_s: float = 15.0) -> None:
+    """Wait until the viewer listens on ``port``; RigError when it ends, or, ended by us, does not in time."""
     deadline = time.monotonic() + timeout_s
     while not listening(port):
         if process.poll() is not None:
@@ -94,8 +105,7 @@ def start(
         if time.monotonic() > deadline:
             stop(process)
             raise RigError(f"the Rerun viewer did not start within {timeout_s:g} s")
-        time.sleep(0.05)
-    return process
+        time.sleep(0.02)
 
 
 def connect(port: int) -> ViewerClient:
