@@ -66,6 +66,7 @@ def _wait_until_drawn(client: Any, last_s: float) -> None:
     from rig.view.style import VOTED
 
     client.set_time(TIMELINE, duration=last_s, play_state="paused")
+    time.sleep(0.05)  # a picture asked for at once shows plots that are not drawn yet, and costs half a second
     while True:
         [timeline] = client.get_recording_schema(paths_only=True).timelines
         picture = np.asarray(Image.open(io.BytesIO(client.take_screenshot())).convert("RGB")).astype(int)
