@@ -1,6 +1,6 @@
 """How many flights a second a campaign flies; not a test, run it by hand on an idle machine:
 
-    python tests/campaign_throughput.py [RUNS]
+    python tests/campaign_throughput.py [RUNS [ROUNDS]]
 
 Flights of 20 s at 100 Hz with every log kept, by one worker and by two, beside what ``rig bench`` says of a frame in
 the same minutes: what a worker could do if a flight were nothing but its frames, log included, and the share of time
@@ -14,9 +14,11 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 FRAMES = 2000
+LINE = "{:8.2f} {:8.2f} {:15.2f} {:6.2f} {:14.0%} {:14.0%} {:13.0%} {:11.2f}   {}"
 CAMPAIGN = """
 title = "Throughput"
 base = "f16_pitch_rate_hardover"
@@ -35,28 +37,33 @@ def rig(*arguments: str) -> dict[str, Any]:
     return json.loads(said.stdout)
 
 
-def main(runs: int) -> None:
-    """Bench, one worker, two workers, bench again; print the comparison."""
-    benches = [rig("bench")]
+def measured(runs: int) -> tuple[float, float, float, float, bool]:
+    """Microseconds of a frame and of bare JSBSim, flights a second of one worker and of two, whether tables are equal."""
+    bench = rig("bench", "--repeats", "3")
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "throughput.toml")
         file.write_text(CAMPAIGN.format(runs=runs))
-        flown = {n: rig("campaign", "run", str(file), "--out", f"{folder}/{n}", "--workers", str(n)) for n in (1, 2)}
-    benches.append(rig("bench"))
-    frame_us, bare_us = (sum(bench[key] for bench in benches) / 2 for key in ("frame_us", "bare_us"))
-    ratios = ", ".join(f"{bench['ratio']:.2f}" for bench in benches)
-    allowed = 1e6 / (frame_us * FRAMES)
-    print(f"rig bench         {frame_us:.2f} us a frame, {bare_us:.2f} us bare JSBSim, ratio {ratios}")
-    print(f"its frame allows  {allowed:.2f} flights of 20 s a second")
-    for workers, found in flown.items():
-        rate = found["flights_per_s"] / workers
-        share = f"{rate / allowed:.0%} of that, bare JSBSim {rate * FRAMES * bare_us / 1e6:.0%}"
-        print(f"{workers} worker(s)       {found['done']} of {found['runs']}, {rate * workers:.2f} a second")
-        print(f"                  {rate:.2f} a second a core, {share}")
-    one, two = flown.values()
-    equal = "equal" if one["table_sha256"] == two["table_sha256"] else "DIFFERENT"
-    print(f"two to one        {two['flights_per_s'] / one['flights_per_s']:.2f}; {equal} tables")
+        one, two = (
+            rig("campaign", "run", str(file), "--out", f"{folder}/{workers}", "--workers", str(workers))
+            for workers in (1, 2)
+        )
+    assert one["done"] == two["done"] == runs
+    equal = one["table_sha256"] == two["table_sha256"]
+    return bench["frame_us"], bench["bare_us"], one["flights_per_s"], two["flights_per_s"], equal
+
+
+def main(runs: int, rounds: int = 5) -> None:
+    """Some rounds, as the speed of a machine changes; each compared in itself, the medians in the end."""
+    lines = []
+    print("frame us  bare us   flights/s: one  two    one of allowed  a core of two  bare's share  two to one  tables")
+    for _ in range(rounds):
+        frame_us, bare_us, one, two, equal = measured(runs)
+        allowed = 1e6 / (frame_us * FRAMES)
+        shares = (one / allowed, two / 2.0 / allowed, one * FRAMES * bare_us / 1e6, two / one)
+        lines.append((frame_us, bare_us, one, two, *shares))
+        print(LINE.format(*lines[-1], "equal" if equal else "DIFFERENT"), flush=True)
+    print(LINE.format(*map(median, zip(*lines, strict=True)), "(medians)"))
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 400)
+    main(*map(int, sys.argv[1:3] or ["300"]))
