@@ -38,7 +38,7 @@ def rig(*arguments: str) -> dict[str, Any]:
 
 
 def measured(runs: int) -> tuple[float, float, float, float, bool]:
-    """Microseconds of a frame and of bare JSBSim, flights a second of one worker and of two, whether tables are equal."""
+    """Microseconds of a frame and of bare JSBSim, flights a second of one worker and two, whether tables are equal."""
     bench = rig("bench", "--repeats", "3")
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "throughput.toml")
