@@ -1,9 +1,18 @@
 import signal
 import threading
+from collections.abc import Iterator
 
 import pytest
 
 from rig.interrupt import interruptible
+
+
+@pytest.fixture(autouse=True)
+def pythons_own() -> Iterator[None]:
+    """A process that was started in the background ignores Ctrl-C from the first."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 def test_the_first_ctrl_c_asks_for_an_end_and_the_second_is_pythons_own():
