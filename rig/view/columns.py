@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from functools import cache, lru_cache
-from typing import Any, Final, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -32,20 +32,10 @@ from rig.view.facts import UNKNOWN, Facts
 from rig.view.scene import Scene, time_column
 from rig.view.style import VOTED, Color
 
+if TYPE_CHECKING:
+    from rig.events import EventLike
+
 _LEVELS: Final = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
-
-
-class EventLike(Protocol):
-    """What is shown of an event; rig.events.Event is one."""
-
-    @property
-    def frame(self) -> int: ...  # noqa: D102
-    @property
-    def level(self) -> str: ...  # noqa: D102
-    @property
-    def name(self) -> str: ...  # noqa: D102
-    @property
-    def text(self) -> str: ...  # noqa: D102
 
 
 class Entity(NamedTuple):

@@ -15,7 +15,8 @@ from rig.view.facts import Layout
 if TYPE_CHECKING:
     import rerun as rr
 
-    from rig.view.columns import Columns, EventLike
+    from rig.events import EventLike
+    from rig.view.columns import Columns
 
 APPLICATION: Final = "jsbsim-rig"  # the viewer keeps one layout per application
 GRPC_PORT: Final = 9876  # Rerun's own default ports, when they are free
