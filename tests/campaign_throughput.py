@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from statistics import median
+from statistics import fmean, median
 from typing import Any
 
 FRAMES = 2000
@@ -37,27 +37,35 @@ def rig(*arguments: str) -> dict[str, Any]:
     return json.loads(said.stdout)
 
 
-def measured(runs: int) -> tuple[float, float, float, float, bool]:
-    """Microseconds of a frame and of bare JSBSim, flights a second of one worker and two, whether tables are equal."""
-    bench = rig("bench", "--repeats", "3")
+def campaign(runs: int, workers: int) -> dict[str, Any]:
+    """Fly the campaign in a folder that is thrown away."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "throughput.toml")
         file.write_text(CAMPAIGN.format(runs=runs))
-        one, two = (
-            rig("campaign", "run", str(file), "--out", f"{folder}/{workers}", "--workers", str(workers))
-            for workers in (1, 2)
-        )
-    assert one["done"] == two["done"] == runs
-    equal = one["table_sha256"] == two["table_sha256"]
-    return bench["frame_us"], bench["bare_us"], one["flights_per_s"], two["flights_per_s"], equal
+        said = rig("campaign", "run", str(file), "--out", f"{folder}/out", "--workers", str(workers))
+    assert said["done"] == runs
+    return said
 
 
-def main(runs: int, rounds: int = 5) -> None:
-    """Some rounds, as the speed of a machine changes; each compared in itself, the medians in the end."""
+def measured(runs: int, order: tuple[int, int]) -> tuple[float, float, float, float, bool]:
+    """Microseconds of a frame and of bare JSBSim, flights a second of one worker and two, whether tables are equal.
+
+    The bench before and after and the mean of both: it is the machine of the minutes between them.
+    """
+    before = rig("bench", "--repeats", "3")
+    flown = {workers: campaign(runs, workers) for workers in order}
+    after = rig("bench", "--repeats", "3")
+    frame_us, bare_us = (fmean((before[name], after[name])) for name in ("frame_us", "bare_us"))
+    equal = flown[1]["table_sha256"] == flown[2]["table_sha256"]
+    return frame_us, bare_us, flown[1]["flights_per_s"], flown[2]["flights_per_s"], equal
+
+
+def main(runs: int, rounds: int = 4) -> None:
+    """Some rounds, one worker first and two first in turn; the medians in the end."""
     lines = []
     print("frame us  bare us   flights/s: one  two    one of allowed  a core of two  bare's share  two to one  tables")
-    for _ in range(rounds):
-        frame_us, bare_us, one, two, equal = measured(runs)
+    for k in range(rounds):
+        frame_us, bare_us, one, two, equal = measured(runs, (1, 2) if k % 2 == 0 else (2, 1))
         allowed = 1e6 / (frame_us * FRAMES)
         shares = (one / allowed, two / 2.0 / allowed, one * FRAMES * bare_us / 1e6, two / one)
         lines.append((frame_us, bare_us, one, two, *shares))
@@ -66,4 +74,4 @@ def main(runs: int, rounds: int = 5) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:3] or ["300"]))
+    main(*map(int, sys.argv[1:3] or ["1000"]))

@@ -1,5 +1,6 @@
 """Flying campaigns: the same table whoever flies, nothing lost and nothing twice, whatever is killed."""
 
+import gc
 import json
 import os
 import resource
@@ -13,6 +14,7 @@ from pathlib import Path
 import polars as pl
 import psutil
 import pytest
+from mcap.reader import make_reader
 
 from rig.campaign import folder as folder_module
 from rig.campaign import pool, table
@@ -23,6 +25,8 @@ from rig.campaign.plan import Plan
 from rig.campaign.run import Result, run
 from rig.errors import BadInput, RigError
 from rig.log import read_log
+from rig.log.layout import ROW
+from rig.log.writer import CHUNK_BYTES
 
 CAMPAIGN = """
 base = "f16_pitch_rate_hardover"
@@ -136,6 +140,28 @@ def test_a_run_flown_again_has_the_digest_of_the_table_and_its_full_log(whole: R
     assert result is not None and result["digest"] == digest
     with pytest.raises(BadInput, match="--run 48: must be from 0 to 47"):
         again(open_folder(whole.out), 48, tmp_path)
+
+
+def test_a_campaign_logs_in_chunks_as_large_as_they_may_be(tmp_path: Path):
+    out = tmp_path / "out"
+    assert run(planned(write(tmp_path)), out, runs=1, workers=1, logs="all").done == 1
+    [path] = (out / "logs").glob("*.mcap")
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    sizes = [index.uncompressed_size for index in summary.chunk_indexes]
+    assert len(sizes) == -(-800 // (CHUNK_BYTES // ROW)) and max(sizes) <= CHUNK_BYTES
+    assert next(event.frame for event in read_log(path).events) == 100  # the fault, in the first chunk
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere workers are not forked from a process that is ready")
+def test_a_worker_begins_with_its_kernels_compiled_and_ctrl_c_still_reaches_the_parent():
+    workers = pool.Local(1)
+    try:
+        assert workers.submit(gc.get_freeze_count).result(60) > 100_000  # what warm() left
+    finally:
+        workers.close()
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
 def test_after_kill_9_of_the_parent_the_workers_end_and_the_same_command_goes_on(whole: Result, tmp_path: Path):

@@ -245,7 +245,7 @@ def test_time_is_exact_to_the_nanosecond_after_a_day(rate):
     assert log_times(frames, rate).tolist() == exact
 
 
-def test_a_chunk_is_never_longer_than_a_second_nor_than_a_mebibyte(tmp_path):
+def test_a_chunk_is_no_longer_than_a_second_unless_asked_nor_than_a_mebibyte(tmp_path):
     write(tmp_path / "a.mcap", 2500, rate=1000.0)
     with LogWriter(tmp_path / "b.mcap", 10.0, {}) as log:
         log.write(random_block(25), random_timing(25))
@@ -254,6 +254,10 @@ def test_a_chunk_is_never_longer_than_a_second_nor_than_a_mebibyte(tmp_path):
         assert len(indexes) > 2
         assert all(index.message_end_time - index.message_start_time < 10**9 for index in indexes)
         assert all(index.uncompressed_size <= 2**20 for index in indexes)
+    with LogWriter(tmp_path / "c.mcap", 10.0, {}, chunk_frames=500) as log:
+        assert 10 < log.chunk_frames < 500
+        log.write(random_block(500), random_timing(500))
+    assert [index.uncompressed_size <= 2**20 for index in summary_of(tmp_path / "c.mcap").chunk_indexes] == [True, True]
 
 
 def test_a_log_of_no_frames_is_a_log(tmp_path):

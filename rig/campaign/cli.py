@@ -66,6 +66,10 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Fly what is missing of a campaign."""
+    from rig.campaign.pool import get_ready
+
+    if scheduler is None:
+        get_ready()  # beside what follows, which takes a second to be imported and read
     from rig.campaign import show
     from rig.campaign.run import run as fly
 

@@ -6,6 +6,7 @@ tables of an aircraft and compiled kernels is kept from one flight to the next.
 
 from __future__ import annotations
 
+import gc
 import math
 import signal
 import threading
@@ -86,7 +87,7 @@ def fly(scenario: Scenario) -> Flown:
 
 def fly_run(run: Run, orders: Orders) -> Rows:
     """Fly, score and perhaps log one run: its rows by table. An exception of its flight is its outcome."""
-    _warm()
+    warm()
     began = time.perf_counter()
     try:
         with _limit(orders.timeout_s):
@@ -137,13 +138,14 @@ def log_path(folder: Path, number: int) -> Path:
 
 
 def write_log(flown: Flown, path: Path) -> None:
-    """The flight as ``rig fly`` logs it. RigError when the disk does not take it."""
-    verdict, size, at = flown.verdict, loop.block_frames(flown.scenario), [event.frame for event in flown.events]
+    """The flight as ``rig fly`` logs it, in larger chunks. RigError when the disk does not take it."""
+    verdict, scenario, at = flown.verdict, flown.scenario, [event.frame for event in flown.events]
     path.parent.mkdir(parents=True, exist_ok=True)
-    with LogWriter(path, flown.scenario.rate_hz, metadata(flown.scenario), [("scenario.toml", b"")]) as writer:
-        for first in range(0, verdict.frames, size):
-            part = slice(first, first + size)
-            events = flown.events[bisect_left(at, first) : bisect_left(at, first + size)]
+    about = metadata(scenario), [("scenario.toml", b"")]
+    with LogWriter(path, scenario.rate_hz, *about, chunk_frames=scenario.frames) as writer:
+        for first in range(0, verdict.frames, writer.chunk_frames):
+            part = slice(first, first + writer.chunk_frames)
+            events = flown.events[bisect_left(at, part.start) : bisect_left(at, part.stop)]
             writer.write(flown.rows[part], flown.timing[part], events)
         writer.write(new_block(0), np.zeros(0, TIMING), flown.ended)
         ended = {"digest": verdict.digest, "end_reason": flown.end_reason, "survived": str(verdict.survived)}
@@ -151,11 +153,13 @@ def write_log(flown: Flown, path: Path) -> None:
 
 
 @cache
-def _warm() -> None:
+def warm() -> None:
     """Compile the kernels, or load them, before the first clock runs."""
     short = load(None, ["duration_s=0.01", "faults=[]"])
     flown = fly(short)
     score(short, flown.rows, clean=flown.clean)
+    gc.collect()
+    gc.freeze()  # what stays is not searched for rubbish again and again: tens of milliseconds each time
 
 
 @cache

@@ -14,6 +14,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager, suppress
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import wait
 from typing import Any, Final, Protocol
 
@@ -28,6 +29,23 @@ _SETTINGS: Final = {
     "MALLOC_MMAP_THRESHOLD_": str(32 << 20),
     "MALLOC_TRIM_THRESHOLD_": str(1 << 30),
 }
+
+
+def get_ready() -> None:
+    """Start the process that workers are forked from, where the system forks; a second call does nothing.
+
+    It imports and compiles what a flight needs while its caller goes on, so that a new worker costs little.
+    """
+    if _METHOD != "forkserver":
+        return
+    forkserver.set_forkserver_preload(["rig.campaign.warmed"])
+    resource_tracker.ensure_running()  # the server would start it, and that lifts any block of SIGINT
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited: Ctrl-C is the parent's
+    try:
+        with _environment(_SETTINGS):
+            forkserver.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class Pool(Protocol):
@@ -59,10 +77,8 @@ class Local:
         self._executor = self._new()
 
     def _new(self) -> ProcessPoolExecutor:
-        context = multiprocessing.get_context(_METHOD)
-        if _METHOD == "forkserver":  # workers begin with everything imported, so a new one costs little
-            context.set_forkserver_preload(["rig.campaign.alone"])
-        return ProcessPoolExecutor(self.size, mp_context=context, initializer=_begin)
+        get_ready()
+        return ProcessPoolExecutor(self.size, mp_context=multiprocessing.get_context(_METHOD), initializer=_begin)
 
     def submit(self, function: Any, *arguments: Any) -> Future[Any]:
         """Hand out one task; one that cannot be taken any more fails as lost."""
@@ -127,7 +143,7 @@ class Cluster:
 
 
 def open_pool(workers: int, scheduler: str | None) -> Pool:
-    """The cluster of ``scheduler``, or ``workers`` processes."""
+    """The cluster of ``scheduler``, or ``workers`` processes, which begin to get ready."""
     return Local(workers) if scheduler is None else Cluster(scheduler)
 
 

@@ -106,19 +106,19 @@ def run(
     """
     how = plan.campaign.run
     count = plan.count(runs)
-    plan.check()
-    folder = Folder.of(out, plan)
-    orders = Orders(
-        logs=logs or how.logs,
-        runs=len(plan),
-        folder=str(folder.logs.absolute()),
-        timeout_s=how.timeout_s,
-        twin=plan.campaign.twin,
-        rig=rig_identity(),
-    )
-    pool = open_pool(workers or how.workers, scheduler)
+    pool = open_pool(workers or how.workers, scheduler)  # first: workers get ready while the runs are checked
     kill = True
     try:
+        plan.check()
+        folder = Folder.of(out, plan)
+        orders = Orders(
+            logs=logs or how.logs,
+            runs=len(plan),
+            folder=str(folder.logs.absolute()),
+            timeout_s=how.timeout_s,
+            twin=plan.campaign.twin,
+            rig=rig_identity(),
+        )
         with folder.held(), interruptible() as stop:
             done = folder.done()
             missing = [number for number in range(count) if number not in done]

@@ -50,8 +50,8 @@ class LogWriter:
     """One log file, open from before the first frame to after the last.
 
     ``metadata`` (resolved scenario, seed, versions) and ``attachments`` (file name, bytes; the scenario
-    file first) must be enough to fly it again.  BadInput when the file cannot be made.  An existing file
-    is replaced.
+    file first) must be enough to fly it again.  ``chunk_frames``: the most in a chunk, a second's unless said;
+    never more than CHUNK_BYTES.  BadInput when the file cannot be made.  An existing file is replaced.
     """
 
     def __init__(
@@ -60,11 +60,12 @@ class LogWriter:
         rate_hz: float,
         metadata: Mapping[str, str],
         attachments: Iterable[tuple[str, bytes]] = (),
+        chunk_frames: int | None = None,
     ) -> None:
         self.path = Path(path)
         self._rate_hz = rate_hz
-        self._most = max(1, min(int(rate_hz), CHUNK_BYTES // ROW))  # frames of a chunk
-        self._rows = empty_rows(self._most)
+        self.chunk_frames = max(1, min(chunk_frames or int(rate_hz), CHUNK_BYTES // ROW))
+        self._rows = empty_rows(self.chunk_frames)
         self._compressor = zstandard.ZstdCompressor(compression_params=COMPRESSION)
         self._last_time = 0
         self._file: Container | None = None
@@ -83,14 +84,14 @@ class LogWriter:
     def write(self, rows: Block, timing: NDArray[Any], events: Sequence[Event] = ()) -> None:
         """Append ``rows`` with their ``timing`` and the events found in them; on the disk when it returns.
 
-        A chunk each, of at most a second.  RigError when the disk is full: the log is then closed with
+        In chunks of at most ``chunk_frames``.  RigError when the disk is full: the log is then closed with
         what it holds.
         """
         if len(timing) != len(rows):
             raise ValueError(f"{len(rows)} rows, {len(timing)} rows of timing")
-        starts = range(0, len(rows), self._most) or range(1 if events else 0)
+        starts = range(0, len(rows), self.chunk_frames) or range(1 if events else 0)
         for start in starts:
-            part = slice(start, start + self._most)
+            part = slice(start, start + self.chunk_frames)
             self._append(self._pack(rows[part], timing[part], events if start == starts[-1] else ()))
 
     def close(self, result: Mapping[str, str] | None = None) -> None:

@@ -19,6 +19,7 @@ import shutil
 import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 from rig.errors import BadInput, RigError
@@ -59,12 +60,19 @@ def reads(folder: Path) -> list[str]:
 
 
 def _key(airframe: Config, source: Path) -> str:
-    digest = hashlib.sha256(Path(__file__).read_bytes())
+    digest = hashlib.sha256(_sources(source))
     digest.update(airframe.model_dump_json(include=_SHAPING).encode())
+    return digest.hexdigest()[:24]
+
+
+@cache
+def _sources(source: Path) -> bytes:
+    """What the copy is made by and from; neither changes while a process runs."""
+    digest = hashlib.sha256(Path(__file__).read_bytes())
     for path in sorted(source.rglob("*")):
         if path.is_file():
             digest.update(path.read_bytes())
-    return digest.hexdigest()[:24]
+    return digest.digest()
 
 
 def _publish(tree: ET.Element, reads: list[str], source: Path, target: Path) -> None:
