@@ -31,7 +31,7 @@ from rig.recorder import Recorder
 from rig.scenario import Scenario, find, load
 from rig.verdict import Peaks, Verdict
 from rig.versions import versions
-from rig.view.facts import of_scenario
+from rig.view.facts import of_resolved
 from rig.view.sink import check_where
 from rig.view.stream import Stream, StreamReport, open_stream
 
@@ -160,7 +160,9 @@ def _record(
     path = log_path(out, name or scenario.title or scenario.aircraft, scenario.seed)
     records = _Records(scenario, pace)
     with LogWriter(path, scenario.rate_hz, metadata(scenario), [("scenario.toml", text.encode())]) as writer:
-        stream = open_stream(rerun, scenario.title or path.stem, scenario.rate_hz, path, of_scenario(scenario))
+        stream = open_stream(
+            rerun, scenario.title or path.stem, scenario.rate_hz, path, of_resolved(scenario.resolved())
+        )
         if stream is not None and viewer is not None:
             viewer.opened(stream)
 

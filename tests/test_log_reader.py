@@ -1,6 +1,8 @@
 """What was logged comes back bit for bit, or not at all."""
 
 import hashlib
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -8,13 +10,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.writer import Writer
-from test_log_writer import RATE, random_block, random_timing, write
+from test_log_writer import RATE, random_block, random_timing, summary_of, write
 
 import rig
 from rig.errors import BadLog
 from rig.events import Event
 from rig.frame import FRAME, INDEX, TIMING
 from rig.log import LoggedEvent, LogWriter, iter_chunks, read_log, schema
+from rig.log.decode import Damaged
+from rig.log.scan import About, iter_parts
 
 EVENTS = (
     Event(3, "info", "fault on", "stuck: channel 2"),
@@ -189,3 +193,28 @@ def test_any_cut_is_noticed_and_recovery_is_named(tmp_path, whole, number):
     path.write_bytes(content[:cut])
     with pytest.raises(BadLog, match=f"truncated at byte {cut}; rig recover"):
         read_log(path)
+
+
+@pytest.mark.parametrize("number", [0, 1, 12, 23, 24])
+def test_all_before_a_damaged_chunk_is_given_in_order_and_nothing_of_what_comes_after(tmp_path, number):
+    """More chunks than are decoded ahead; the result, which stands behind them, must not be known either."""
+    path = tmp_path / "a.mcap"
+    block, _ = write(path, 2500, rate=100.0, result={"survived": "true"})
+    content = bytearray(path.read_bytes())
+    chunk = sorted(summary_of(path).chunk_indexes, key=lambda index: index.chunk_start_offset)[number]
+    content[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 1
+    path.write_bytes(content)
+    about = About()
+    given = iter_parts(path, about)
+    assert b"".join(next(given).rows.tobytes() for _ in range(number)) == block[: number * 100].tobytes()
+    with pytest.raises(Damaged, match=f"damaged at byte {chunk.chunk_start_offset}: "):
+        next(given)
+    assert list(given) == [] and about.result is None
+
+
+def test_a_log_is_read_without_waiting_for_kernels_or_the_checks_of_a_scenario(tmp_path):
+    """Both take longer to be imported than ten minutes of flight to be read."""
+    write(tmp_path / "a.mcap", 250)
+    code = "import sys, rig; rig.read_log(sys.argv[1]); print({'numba', 'pydantic', 'jsbsim'} & set(sys.modules))"
+    said = subprocess.run([sys.executable, "-c", code, str(tmp_path / "a.mcap")], capture_output=True, text=True)
+    assert (said.stdout, said.stderr) == ("set()\n", "")

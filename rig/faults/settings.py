@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from rig import fault_names
 from rig.faults.expression import parse
 from rig.faults.places import Point, Site, refuse_unknown, site
 from rig.frame import CHANNELS, INDEX
@@ -203,8 +204,7 @@ class Placed(Triggered):
     @property
     def label(self) -> str:
         """The fault's name in events and tables."""
-        place = ".".join(filter(None, (self.signal, ",".join(map(str, self.channels)))))
-        return self.id or f"{kind_of(self)} {place}"
+        return fault_names.label(dict(self))
 
     @property
     def pulses(self) -> Pulses:

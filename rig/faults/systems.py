@@ -6,6 +6,7 @@ from typing import ClassVar, Literal
 
 from pydantic import field_validator
 
+from rig import fault_names
 from rig.faults.places import Point, Site
 from rig.faults.settings import STEADY, Act, Effect, Flag, Placed, Pulses, Triggered, distinct, quantity
 
@@ -90,7 +91,7 @@ class PitotIcing(_Weather):
     @property
     def signal(self) -> str:
         """The signals that it acts on, for the name."""
-        return "dynamic_pressure" if self.blocked == "pitot" else "static_pressure+dynamic_pressure"
+        return fault_names.place(dict(self))
 
     @property
     def points(self) -> list[Point]:
@@ -101,7 +102,7 @@ class PitotIcing(_Weather):
     @property
     def label(self) -> str:
         """The fault's name in events and tables."""
-        return self.id or f"{self.kind} {self.blocked}.{','.join(map(str, self.channels))}"
+        return fault_names.label(dict(self))
 
     @property
     def effect(self) -> Effect:
@@ -130,7 +131,7 @@ class VaneIcing(_Weather):
     @property
     def signal(self) -> str:
         """The signals that it acts on, for the name."""
-        return "+".join(self.vanes)
+        return fault_names.place(dict(self))
 
     @property
     def points(self) -> list[Point]:
@@ -140,7 +141,7 @@ class VaneIcing(_Weather):
     @property
     def label(self) -> str:
         """The fault's name in events and tables."""
-        return self.id or f"{self.kind} {self.signal}.{','.join(map(str, self.channels))}"
+        return fault_names.label(dict(self))
 
     @property
     def effect(self) -> Effect:

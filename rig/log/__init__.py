@@ -1,11 +1,17 @@
 """The log: one MCAP file a flight, that any viewer reads and that is enough to fly it again."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 from rig.log.arrays import DiscreteArrays, SignalArrays
+from rig.log.decode import LoggedEvent
 from rig.log.reader import Log, iter_chunks, read_log
 from rig.log.recover import Recovered, recover
-from rig.log.scan import LoggedEvent
 from rig.log.schema import SCHEMA_VERSION
-from rig.log.writer import Event, LogWriter
+
+if TYPE_CHECKING:
+    from rig.log.writer import Event, LogWriter
 
 __all__ = [
     "SCHEMA_VERSION",
@@ -20,3 +26,12 @@ __all__ = [
     "read_log",
     "recover",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """The writer on first use: it has kernels, and who reads a log need not wait for them."""
+    if name not in ("Event", "LogWriter"):
+        raise AttributeError(f"module 'rig.log' has no attribute {name!r}")
+    from rig.log import writer
+
+    return getattr(writer, name)

@@ -44,6 +44,8 @@ from rig.log.schema import FRAME_TOPICS, SCHEMA_NAMES, TOPICS, descriptors
 MAGIC: Final = b"\x89MCAP0\r\n"
 LIBRARY: Final = "jsbsim-rig"
 COMPRESSION: Final = "zstd"
+RIG: Final = "rig"  # names of the metadata records
+RESULT: Final = "result"
 _CHUNK_HEAD: Final = struct.Struct("<BQQQQII4sQ")
 _FOOTER_HEAD: Final = struct.Struct("<BQQQ")
 _INDEX_HEAD: Final = struct.Struct("<BQQQQQI")  # of a chunk index, up to its message index offsets

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Final
 
 from rig.errors import BadLog, RigError
-from rig.log.container import Container
+from rig.log.container import RESULT, RIG, Container
+from rig.log.decode import Damaged, Part
 from rig.log.index import Packed
 from rig.log.layout import log_times
-from rig.log.scan import About, Damaged, Part, iter_parts
-from rig.log.writer import RESULT, RIG
+from rig.log.scan import About, iter_parts
 
 RECOVERED: Final = "recovered"  # name of the metadata record that says so
 

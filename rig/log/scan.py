@@ -14,58 +14,17 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple, TypeVar
 
-import numpy as np
-import zstandard
-from foxglove_schemas_protobuf.Log_pb2 import Log as FoxgloveLog
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
-from google.protobuf.message import DecodeError
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, DataEnd, Footer, Metadata, Schema
-from numpy.typing import NDArray
+from mcap.records import Attachment, Channel, DataEnd, Footer, Metadata, Schema
 
 from rig.errors import BadLog
-from rig.frame import FRAME, TIMING, Block
-from rig.log.container import COMPRESSION, MAGIC, channels
-from rig.log.index import EVENT_CHANNEL
-from rig.log.layout import rows_in, unpack
-from rig.log.record import HEAD, MESSAGE_OPCODE
+from rig.log.container import MAGIC, RESULT, RIG, channels
+from rig.log.decode import Damaged, Decoder, Part, damage, same_crc
 from rig.log.schema import MESSAGES, SCHEMA_VERSION, TOPICS, descriptors
-from rig.log.writer import RESULT, RIG
 
-R = TypeVar("R", Attachment, Channel, Chunk, DataEnd, Footer, Metadata, Schema)
-CHUNK_LIMIT: Final = 1 << 28  # bytes that a chunk may claim; ours have 1 MiB
-_MALFORMED: Final = (McapError, DecodeError, ValueError, LookupError, struct.error, zstandard.ZstdError)
-
-
-class Damaged(BadLog):
-    """A log of ours, of which ``recover`` can save what lies before byte ``at``."""
-
-    def __init__(self, path: Path, what: str, at: int) -> None:
-        super().__init__(f"{path}: {what}; rig recover saves what is before")
-        self.what = what
-        self.at = at
-
-
-@dataclass(frozen=True, slots=True)
-class LoggedEvent:
-    """An event as the log tells it; the fields of rig.events.Event."""
-
-    frame: int
-    level: str
-    name: str
-    text: str
-
-
-class Part(NamedTuple):
-    """One chunk of a log, decoded, and its bytes as they are in the file."""
-
-    rows: Block
-    timing: NDArray[Any]
-    events: list[LoggedEvent]
-    event_entries: list[tuple[int, int]]  # time in ns, offset in the chunk
-    chunk: Chunk
+R = TypeVar("R", Attachment, Channel, DataEnd, Footer, Metadata, Schema)
 
 
 @dataclass(slots=True)
@@ -96,14 +55,20 @@ def _parts(file: BinaryIO, path: Path, about: About) -> Iterator[Part]:
     if file.read(len(MAGIC)) != MAGIC:
         raise BadLog(f"{path}: not an MCAP file")
     described = _Descriptions(path)
-    for record in _records(file, path):
+    with Decoder(path) as decoder:
         try:
-            part = _take(record, path, about, described)
-        except _MALFORMED as error:
-            where = f"damaged at byte {record.offset}: {error}"
-            raise Damaged(path, where, record.offset) from None
-        if part is not None:
-            yield part
+            for record in _records(file, path):
+                if record.opcode == Opcode.CHUNK:
+                    with damage(path, record.offset):
+                        described.check(about)
+                    yield from decoder.add(record.content, record.offset)
+                elif record.opcode != Opcode.MESSAGE_INDEX:  # which the chunks tell better
+                    yield from decoder.rest()  # what a record says counts only when all before it is whole
+                    with damage(path, record.offset):
+                        _note(record, path, about, described)
+        except Damaged:
+            yield from decoder.rest()
+            raise
 
 
 class _Record(NamedTuple):
@@ -147,11 +112,8 @@ def _as(kind: type[R], record: _Record) -> R:
     return read(ReadDataStream(BytesIO(record.content)))
 
 
-def _take(record: _Record, path: Path, about: About, described: _Descriptions) -> Part | None:
-    """Note what ``record`` says; a chunk gives a part."""
-    if record.opcode == Opcode.CHUNK:
-        described.check(about)
-        return decode(_as(Chunk, record))
+def _note(record: _Record, path: Path, about: About, described: _Descriptions) -> None:
+    """Note what ``record``, no chunk, says."""
     if record.opcode == Opcode.METADATA:
         said = _as(Metadata, record)
         if said.name == RIG:
@@ -162,23 +124,17 @@ def _take(record: _Record, path: Path, about: About, described: _Descriptions) -
         else:
             about.others[said.name] = said.metadata
     elif record.opcode == Opcode.ATTACHMENT:
-        _same("attachment", int.from_bytes(record.content[-4:], "little"), zlib.crc32(record.content[:-4]))
+        same_crc("attachment", int.from_bytes(record.content[-4:], "little"), zlib.crc32(record.content[:-4]))
         attached = _as(Attachment, record)
         about.attachments[attached.name] = attached.data
     elif record.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
         described.add(record)
     elif record.opcode == Opcode.DATA_END:
         described.check(about)
-        _same("data section", _as(DataEnd, record).data_section_crc, record.crc_before)
+        same_crc("data section", _as(DataEnd, record).data_section_crc, record.crc_before)
     elif record.opcode == Opcode.FOOTER:
         head = _RECORD_HEAD.pack(record.opcode, len(record.content)) + record.content[:16]
-        _same("summary", _as(Footer, record).summary_crc, zlib.crc32(head, record.crc_before))
-    return None
-
-
-def _same(what: str, crc: int, found: int) -> None:
-    if crc != found:
-        raise ValueError(f"the checksum of the {what} does not match")
+        same_crc("summary", _as(Footer, record).summary_crc, zlib.crc32(head, record.crc_before))
 
 
 def _check_version(path: Path, metadata: dict[str, str]) -> None:
@@ -228,36 +184,3 @@ class _Descriptions:
             same = FileDescriptorSet.FromString(schema.data) == descriptors(name)
         if not same:
             raise BadLog(f"{self._path}: the fields of {schema.name} are not those of this rig")
-
-
-def decode(chunk: Chunk) -> Part:
-    """The frames and events of a chunk; ValueError when it is damaged."""
-    if chunk.compression != COMPRESSION or chunk.uncompressed_size > CHUNK_LIMIT:
-        raise ValueError("not a chunk that the rig writes")
-    if zstandard.frame_content_size(chunk.data) != chunk.uncompressed_size:
-        raise ValueError("the size of the chunk does not match")
-    data = zstandard.ZstdDecompressor().decompress(chunk.data)
-    _same("chunk", chunk.uncompressed_crc, zlib.crc32(data))
-    packed = rows_in(np.frombuffer(data, np.uint8))
-    rows = np.zeros(len(packed), FRAME)
-    timing = np.zeros(len(packed), TIMING)
-    unpack(packed, rows, timing)
-    events, entries = _events(data, packed.nbytes)
-    return Part(rows, timing, events, entries, chunk)
-
-
-_LEVELS: Final = {FoxgloveLog.INFO: "info", FoxgloveLog.WARNING: "warning", FoxgloveLog.ERROR: "error"}
-
-
-def _events(data: bytes, offset: int) -> tuple[list[LoggedEvent], list[tuple[int, int]]]:
-    events: list[LoggedEvent] = []
-    entries: list[tuple[int, int]] = []
-    while offset < len(data):
-        opcode, length, channel, frame, time, _ = HEAD.unpack_from(data, offset)
-        if opcode != MESSAGE_OPCODE or channel != EVENT_CHANNEL:
-            raise ValueError("not a chunk that the rig writes")
-        message = FoxgloveLog.FromString(data[offset + HEAD.size : offset + 9 + length])
-        events.append(LoggedEvent(frame, _LEVELS[message.level], message.name, message.message))
-        entries.append((time, offset))
-        offset += 9 + length
-    return events, entries

@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 
 from rig.errors import BadInput, RigError
 from rig.frame import TIMING, Block, new_block
-from rig.log.container import Container
+from rig.log.container import RESULT, RIG, Container
 from rig.log.index import EVENT_CHANNEL, Packed
-from rig.log.layout import ROW, empty_rows, log_times, pack
+from rig.log.layout import ROW, log_times
+from rig.log.packing import empty_rows, pack
 from rig.log.record import HEAD, MESSAGE_OPCODE
 from rig.log.schema import SCHEMA_VERSION
 
-RIG: Final = "rig"  # names of the metadata records
-RESULT: Final = "result"
 # Nearly all that repeats is in the row before, so a small table finds it: smaller files than those of
 # zstd's level 1, in less time.
 COMPRESSION: Final = zstandard.ZstdCompressionParameters(

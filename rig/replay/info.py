@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from rig.errors import BadLog
+from rig.log.decode import Damaged
 from rig.log.recover import RECOVERED
-from rig.log.scan import About, Damaged, iter_parts
+from rig.log.scan import About, iter_parts
 from rig.log.schema import EVENTS, FRAME_TOPICS
 
 

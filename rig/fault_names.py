@@ -1,0 +1,24 @@
+"""What a fault is called, from its settings as plain data: those of a scenario, or those recorded in a log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+_CLOSED: Final = {"pitot": "dynamic_pressure"}  # any other closed line spoils both pressures
+
+
+def place(fault: Mapping[str, Any]) -> str:
+    """The signal, surface, reference or quantity that a fault acts on; all signals that the environment spoils."""
+    if fault["kind"] == "pitot_icing":
+        return _CLOSED.get(fault["blocked"], "static_pressure+dynamic_pressure")
+    return "+".join(fault["vanes"]) if fault["kind"] == "vane_icing" else fault["signal"]
+
+
+def label(fault: Mapping[str, Any]) -> str:
+    """A fault's name in events, tables and the viewer: its id, else its kind and where it acts."""
+    if fault.get("id"):
+        return fault["id"]
+    where = fault["blocked"] if fault["kind"] == "pitot_icing" else place(fault)
+    channels = ",".join(map(str, fault["channels"]))
+    return f"{fault['kind']} {where}.{channels}" if channels else f"{fault['kind']} {where}"

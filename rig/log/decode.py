@@ -1,0 +1,148 @@
+"""Chunks of a log back to rows and events, on threads, a few chunks ahead of the reader."""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any, Final, NamedTuple, Self
+
+import numpy as np
+import zstandard
+from foxglove_schemas_protobuf.Log_pb2 import Log as FoxgloveLog
+from google.protobuf.message import DecodeError
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.records import Chunk
+from numpy.typing import NDArray
+
+from rig.errors import BadLog
+from rig.frame import Block
+from rig.log.container import COMPRESSION
+from rig.log.index import EVENT_CHANNEL
+from rig.log.layout import rows_in, unpack
+from rig.log.record import HEAD, MESSAGE_OPCODE
+
+CHUNK_LIMIT: Final = 1 << 28  # bytes that a chunk may claim; ours have 1 MiB
+AHEAD: Final = 8  # chunks that are decoded before they are asked for
+THREADS: Final = min(4, os.cpu_count() or 1)  # nearly all of decoding leaves the interpreter to others
+_MALFORMED: Final = (McapError, DecodeError, ValueError, LookupError, struct.error, zstandard.ZstdError)
+
+
+class Damaged(BadLog):
+    """A log of ours, of which ``recover`` can save what lies before byte ``at``."""
+
+    def __init__(self, path: Path, what: str, at: int) -> None:
+        super().__init__(f"{path}: {what}; rig recover saves what is before")
+        self.what = what
+        self.at = at
+
+
+@contextmanager
+def damage(path: Path, at: int) -> Iterator[None]:
+    """Whatever comes of bytes that make no sense, as Damaged at byte ``at``."""
+    try:
+        yield
+    except _MALFORMED as error:
+        raise Damaged(path, f"damaged at byte {at}: {error}", at) from None
+
+
+@dataclass(frozen=True, slots=True)
+class LoggedEvent:
+    """An event as the log tells it; the fields of rig.events.Event."""
+
+    frame: int
+    level: str
+    name: str
+    text: str
+
+
+class Part(NamedTuple):
+    """One chunk of a log, decoded, and its bytes as they are in the file."""
+
+    rows: Block
+    timing: NDArray[Any]
+    events: list[LoggedEvent]
+    event_entries: list[tuple[int, int]]  # time in ns, offset in the chunk
+    chunk: Chunk
+
+
+class Decoder:
+    """Decodes chunks on threads, a few ahead of the one that is asked for; the parts come in the file's order."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._ahead: deque[tuple[int, Future[Part]]] = deque()
+
+    def __enter__(self) -> Self:
+        self._pool = ThreadPoolExecutor(THREADS, "decode")
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._pool.shutdown(cancel_futures=True)
+
+    def add(self, content: bytes, at: int) -> Iterator[Part]:
+        """Begin with the chunk record at byte ``at``; the oldest part, when enough are under way."""
+        self._ahead.append((at, self._pool.submit(decode, content)))
+        if len(self._ahead) > AHEAD:
+            yield self._next()
+
+    def rest(self) -> Iterator[Part]:
+        """All parts that are still under way."""
+        while self._ahead:
+            yield self._next()
+
+    def _next(self) -> Part:
+        """The oldest part; after Damaged there is no other."""
+        at, part = self._ahead.popleft()
+        try:
+            with damage(self._path, at):
+                return part.result()
+        except Damaged:
+            self._ahead.clear()
+            raise
+
+
+def same_crc(what: str, crc: int, found: int) -> None:
+    """ValueError unless two checksums are equal."""
+    if crc != found:
+        raise ValueError(f"the checksum of the {what} does not match")
+
+
+def decode(content: bytes) -> Part:
+    """The frames and events of a chunk record; ValueError and its like when it is damaged."""
+    chunk = Chunk.read(ReadDataStream(BytesIO(content)))
+    if chunk.compression != COMPRESSION or chunk.uncompressed_size > CHUNK_LIMIT:
+        raise ValueError("not a chunk that the rig writes")
+    if zstandard.frame_content_size(chunk.data) != chunk.uncompressed_size:
+        raise ValueError("the size of the chunk does not match")
+    data = zstandard.ZstdDecompressor().decompress(chunk.data)
+    same_crc("chunk", chunk.uncompressed_crc, zlib.crc32(data))
+    packed = rows_in(np.frombuffer(data, np.uint8))
+    rows, timing = unpack(packed)
+    events, entries = _events(data, packed.nbytes)
+    return Part(rows, timing, events, entries, chunk)
+
+
+_LEVELS: Final = {FoxgloveLog.INFO: "info", FoxgloveLog.WARNING: "warning", FoxgloveLog.ERROR: "error"}
+
+
+def _events(data: bytes, offset: int) -> tuple[list[LoggedEvent], list[tuple[int, int]]]:
+    events: list[LoggedEvent] = []
+    entries: list[tuple[int, int]] = []
+    while offset < len(data):
+        opcode, length, channel, frame, time, _ = HEAD.unpack_from(data, offset)
+        if opcode != MESSAGE_OPCODE or channel != EVENT_CHANNEL:
+            raise ValueError("not a chunk that the rig writes")
+        message = FoxgloveLog.FromString(data[offset + HEAD.size : offset + 9 + length])
+        events.append(LoggedEvent(frame, _LEVELS[message.level], message.name, message.message))
+        entries.append((time, offset))
+        offset += 9 + length
+    return events, entries

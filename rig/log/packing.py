@@ -1,0 +1,131 @@
+"""Frames to the message records of a chunk, without a call per message; layout.py says where each byte goes."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.errors import RigError
+from rig.frame import FLIGHT_INDEX, FRAME, Block
+from rig.kernels import kernel
+from rig.log.layout import MOVES, TEMPLATE
+from rig.log.record import DERIVED, WIRE, place
+from rig.log.schema import MESSAGES
+
+_1, _2, _3, _4, _5, _6, _7 = (np.uint64(i) for i in range(1, 8))
+
+
+@kernel
+def move(
+    source: NDArray[np.uint8],
+    target: NDArray[np.uint8],
+    words: NDArray[np.uint64],
+    octets: NDArray[np.uint64],
+) -> None:
+    """Copy bytes of every row of ``source`` (n, m) into the rows of ``target`` (n, m').
+
+    words, octets : (w, 2) offsets of runs of eight bytes and of single bytes, in ``source`` and in ``target``
+    """
+    for k in range(source.shape[0]):
+        for i in range(words.shape[0]):
+            s = words[i, 0]
+            t = words[i, 1]
+            # Unsigned offsets, and all loads before all stores: it compiles to one move of eight bytes.
+            x0, x1, x2, x3 = source[k, s], source[k, s + _1], source[k, s + _2], source[k, s + _3]
+            x4, x5, x6, x7 = source[k, s + _4], source[k, s + _5], source[k, s + _6], source[k, s + _7]
+            target[k, t], target[k, t + _1], target[k, t + _2], target[k, t + _3] = x0, x1, x2, x3
+            target[k, t + _4], target[k, t + _5], target[k, t + _6], target[k, t + _7] = x4, x5, x6, x7
+        for i in range(octets.shape[0]):
+            target[k, octets[i, 1]] = source[k, octets[i, 0]]
+
+
+def _bytes(rows: NDArray[Any]) -> NDArray[np.uint8]:
+    return np.ascontiguousarray(rows).view(np.uint8).reshape(len(rows), rows.dtype.itemsize)
+
+
+def _must_be_small() -> tuple[slice, NDArray[np.uint64]]:
+    """The eight-byte words of FRAME that hold its u1 fields, and the bits of them that must be zero."""
+    bits = np.zeros(FRAME.itemsize, np.uint8)
+    for message in MESSAGES.values():
+        for source in {field.source for field in message.fields if field.kind not in WIRE}:
+            dtype, offset = place(FRAME, source)
+            bits[offset : offset + dtype.itemsize] = 128
+    words = bits.view(np.uint64)
+    used = np.flatnonzero(words)
+    span = slice(int(used[0]), int(used[-1]) + 1)
+    return span, words[span]
+
+
+_SMALL_WORDS, _SMALL_BITS = _must_be_small()
+
+
+def _refuse_large(rows: Block) -> None:
+    """RigError when a flag, level or enum has no place in the one byte that it is given."""
+    words = np.ascontiguousarray(rows).view(np.uint64).reshape(len(rows), FRAME.itemsize // 8)
+    if (np.bitwise_or.reduce(words[:, _SMALL_WORDS], axis=0) & _SMALL_BITS).any():
+        fields = {f.source for m in MESSAGES.values() for f in m.fields if f.kind not in WIRE}
+        named = ", ".join(sorted(name for name in fields if (rows[name] > 127).any()))
+        raise RigError(f"frames {rows['frame'][0]} to {rows['frame'][-1]}: {named} above 127 cannot be logged")
+
+
+def empty_rows(frames: int) -> NDArray[np.uint8]:
+    """A buffer for ``pack``: (frames, ROW), every row the template."""
+    return np.tile(TEMPLATE, (frames, 1))
+
+
+def pack(rows: Block, timing: NDArray[Any], times: NDArray[np.uint64], out: NDArray[np.uint8]) -> None:
+    """Fill ``out`` (n, ROW), made by ``empty_rows``, with the records of ``rows``; ``times`` in ns.
+
+    RigError when a one-byte field is above 127.
+    """
+    _refuse_large(rows)
+    for name, source in (("frame", rows), ("timing", timing), ("derived", _derive(rows, times))):
+        move(_bytes(source), out, *MOVES[name])
+
+
+def _derive(rows: Block, times: NDArray[np.uint64]) -> NDArray[Any]:
+    derived = np.empty(len(rows), DERIVED)
+    with np.errstate(all="ignore"):  # for interpreted kernels: a flight that ends not finite is logged as it is
+        derive(rows, times, derived)
+    return derived
+
+
+_EAST, _NORTH, _ALTITUDE = (FLIGHT_INDEX[name] for name in ("east_m", "north_m", "altitude_m"))
+_LATITUDE, _LONGITUDE = FLIGHT_INDEX["latitude_rad"], FLIGHT_INDEX["longitude_rad"]
+_W, _X, _Y, _Z = (FLIGHT_INDEX[f"quaternion_{axis}"] for axis in "wxyz")
+_SECOND: Final = np.uint64(1_000_000_000)
+_HALF_TURN: Final = math.sqrt(0.5)
+_DEGREE: Final = 180.0 / math.pi
+
+
+@kernel
+def derive(rows: Block, times: NDArray[np.uint64], derived: NDArray[Any]) -> None:
+    """Fill ``derived`` (n,) DERIVED. Pose with z up, as 3-D viewers expect it: east-north-up, forward-left-up.
+
+        q_enu_flu = q_enu_ned * q_ned_frd * q_frd_flu,  q_enu_ned = (0, 1, 1, 0)/sqrt 2,  q_frd_flu = (0, 1, 0, 0)
+
+    up to its sign; q_ned_frd is the quaternion of FLIGHT.
+    """
+    for k in range(len(rows)):
+        row, flight = derived[k], rows[k]["flight"]
+        row["log_time"], row["sequence"] = times[k], rows[k]["frame"]
+        varint(times[k] // _SECOND, row["seconds"])
+        varint(times[k] % _SECOND, row["nanoseconds"])
+        translation, rotation, position = row["translation"], row["rotation"], row["position"]
+        translation[0], translation[1], translation[2] = flight[_EAST], flight[_NORTH], flight[_ALTITUDE]
+        w, x, y, z = flight[_W], flight[_X], flight[_Y], flight[_Z]
+        rotation[0], rotation[1] = (x + y) * _HALF_TURN, (x - y) * _HALF_TURN
+        rotation[2], rotation[3] = (w - z) * _HALF_TURN, (w + z) * _HALF_TURN
+        position[0], position[1] = flight[_LATITUDE] * _DEGREE, flight[_LONGITUDE] * _DEGREE
+        position[2] = flight[_ALTITUDE]
+
+
+@kernel
+def varint(value: np.uint64, out: NDArray[np.uint8]) -> None:
+    """A number below 2^35 as a varint padded to five bytes."""
+    for i in range(5):
+        out[i] = np.uint8(value & np.uint64(127)) | (np.uint8(128) if i < 4 else np.uint8(0))
+        value >>= np.uint64(7)
