@@ -13,6 +13,7 @@ import threading
 import time
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -60,8 +61,13 @@ class Flown:
     timing: Timing
     events: list[Event]
     clean: NDArray[np.void]  # what the sensors said before any fault
-    verdict: Verdict
+    judged: Future[Verdict]
     ended: list[Event]  # what is known only at the end: faults that did nothing
+
+    @property
+    def verdict(self) -> Verdict:
+        """What the flight came to; waits until it is worked out."""
+        return self.judged.result()
 
     @property
     def end_reason(self) -> str:
@@ -71,18 +77,30 @@ class Flown:
 
 def fly(scenario: Scenario) -> Flown:
     """Fly a scenario with the digest and events of ``rig fly``, its rows kept in memory."""
-    rig, finder, verdict = loop.Rig(scenario, keep_clean=True), EventFinder(labels(scenario)), Verdict()
-    execution = Execution(scenario.faults)
+    rig, finder = loop.Rig(scenario, keep_clean=True), EventFinder(labels(scenario))
+    execution, frames = Execution(scenario.faults), 0
     kept, timing = np.empty(scenario.frames, FRAME), np.zeros(scenario.frames, TIMING)
     found: list[Event] = []
     for rows, _ in loop.frames(rig, scenario, memory=(kept, timing)):
-        events = finder.find(rows)
-        verdict.add(rows, events)
+        found += finder.find(rows)
         execution.add(rows)
-        found += events
-    ended = not_executed(verdict.frames - 1, execution.missing)
-    flown = slice(verdict.frames)
-    return Flown(scenario, kept[flown], timing[flown], found, rig.faults.clean[flown], verdict, ended)
+        frames += len(rows)
+    rows, ended = kept[:frames], not_executed(frames - 1, execution.missing)
+    return Flown(scenario, rows, timing[:frames], found, rig.faults.clean[:frames], _judge(rows, found), ended)
+
+
+def _judge(rows: Block, events: Sequence[Event]) -> Future[Verdict]:
+    """The verdict, worked out beside the score: its digest leaves the interpreter, and a core if there is one, free."""
+
+    def judged() -> Verdict:
+        verdict = Verdict()
+        verdict.add(rows, events)
+        return verdict
+
+    beside = ThreadPoolExecutor(1, "verdict")
+    future = beside.submit(judged)
+    beside.shutdown(wait=False)  # the thread ends with its work
+    return future
 
 
 def fly_run(run: Run, orders: Orders) -> Rows:
@@ -158,6 +176,7 @@ def warm() -> None:
     short = load(None, ["duration_s=0.01", "faults=[]"])
     flown = fly(short)
     score(short, flown.rows, clean=flown.clean)
+    flown.judged.result()
     gc.collect()
     gc.freeze()  # what stays is not searched for rubbish again and again: tens of milliseconds each time
 
