@@ -13,7 +13,6 @@ import threading
 import time
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -61,13 +60,8 @@ class Flown:
     timing: Timing
     events: list[Event]
     clean: NDArray[np.void]  # what the sensors said before any fault
-    judged: Future[Verdict]
+    verdict: Verdict
     ended: list[Event]  # what is known only at the end: faults that did nothing
-
-    @property
-    def verdict(self) -> Verdict:
-        """What the flight came to; waits until it is worked out."""
-        return self.judged.result()
 
     @property
     def end_reason(self) -> str:
@@ -77,30 +71,18 @@ class Flown:
 
 def fly(scenario: Scenario) -> Flown:
     """Fly a scenario with the digest and events of ``rig fly``, its rows kept in memory."""
-    rig, finder = loop.Rig(scenario, keep_clean=True), EventFinder(labels(scenario))
-    execution, frames = Execution(scenario.faults), 0
+    rig, finder, verdict = loop.Rig(scenario, keep_clean=True), EventFinder(labels(scenario)), Verdict()
+    execution = Execution(scenario.faults)
     kept, timing = np.empty(scenario.frames, FRAME), np.zeros(scenario.frames, TIMING)
     found: list[Event] = []
     for rows, _ in loop.frames(rig, scenario, memory=(kept, timing)):
-        found += finder.find(rows)
-        execution.add(rows)
-        frames += len(rows)
-    rows, ended = kept[:frames], not_executed(frames - 1, execution.missing)
-    return Flown(scenario, rows, timing[:frames], found, rig.faults.clean[:frames], _judge(rows, found), ended)
-
-
-def _judge(rows: Block, events: Sequence[Event]) -> Future[Verdict]:
-    """The verdict, worked out beside the score: its digest leaves the interpreter, and a core if there is one, free."""
-
-    def judged() -> Verdict:
-        verdict = Verdict()
+        events = finder.find(rows)
         verdict.add(rows, events)
-        return verdict
-
-    beside = ThreadPoolExecutor(1, "verdict")
-    future = beside.submit(judged)
-    beside.shutdown(wait=False)  # the thread ends with its work
-    return future
+        execution.add(rows)
+        found += events
+    ended = not_executed(verdict.frames - 1, execution.missing)
+    flown = slice(verdict.frames)
+    return Flown(scenario, kept[flown], timing[flown], found, rig.faults.clean[flown], verdict, ended)
 
 
 def fly_run(run: Run, orders: Orders) -> Rows:
@@ -176,7 +158,6 @@ def warm() -> None:
     short = load(None, ["duration_s=0.01", "faults=[]"])
     flown = fly(short)
     score(short, flown.rows, clean=flown.clean)
-    flown.judged.result()
     gc.collect()
     gc.freeze()  # what stays is not searched for rubbish again and again: tens of milliseconds each time
 
