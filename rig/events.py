@@ -77,18 +77,27 @@ class EventFinder:
         return sorted([*self._fault_events(old, new), *_changes(old, new)], key=lambda event: event.frame)
 
     def _before(self, rows: Block) -> Block:
-        """The row before ``rows``; before the first one everything stood as it does there, but no fault acted."""
-        if self._last is not None:
-            return self._last
-        before = rows[:1].copy()
-        before["acting"] = 0
-        return before
+        """The row before ``rows``; before the first one all stood as it does there, but no fault acted or failed."""
+        return _before_the_first(rows) if self._last is None else self._last
 
     def _fault_events(self, old: Block, new: Block) -> Iterator[Event]:
         """Faults that begin or cease to act between rows of ``old`` and those of ``new``."""
         before, now = (np.unpackbits(rows["acting"], axis=1, bitorder="little") for rows in (old, new))
         for k, i in np.argwhere(now != before):
             yield Event(int(new["frame"][k]), "info", "fault on" if now[k, i] else "fault off", self._faults[int(i)])
+
+
+def _before_the_first(rows: Block) -> Block:
+    """The row before a flight: as its first one, without acting faults, failed channels and singular patterns."""
+    before = rows[:1].copy()
+    before["acting"] = 0
+    before["pattern"] = Pattern.NORMAL
+    for states, levels in (("state", "level"), ("discrete_state", "discrete_level")):
+        failed = before[states] == State.FAILED
+        before[states][failed] = State.OK
+        fitted = (before[states] != State.ABSENT).sum(axis=-1)
+        before[levels] = np.where(failed.any(axis=-1), fitted, before[levels])
+    return before
 
 
 def _flag_bits() -> NDArray[np.uint8]:

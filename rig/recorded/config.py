@@ -29,6 +29,7 @@ from rig.settings import Settings, build, read_toml
 
 ANY_NUMBER: Final = (-sys.float_info.max, sys.float_info.max)  # finite: infinity is never a sample
 TURN_SLACK: Final = 1e-3  # so that a turn may be written as 6.283
+MOST_ANGLE_RAD: Final = 1e6  # beyond it the fraction of a turn is lost to rounding
 
 
 class RecordedSignal(SignalConfig):
@@ -96,6 +97,10 @@ class VoteConfig(Settings):
         if settings.wraps and high - low < TWO_PI - TURN_SLACK:
             raise BadInput(
                 f"{source}: {table}: range: an angle that wraps needs a whole turn in rad, got {[low, high]}"
+            )
+        if settings.wraps and max(-low, high) > MOST_ANGLE_RAD:
+            raise BadInput(
+                f"{source}: {table}: range: an angle that wraps stays within {MOST_ANGLE_RAD:g} rad, got {[low, high]}"
             )
         return settings
 

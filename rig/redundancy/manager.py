@@ -16,7 +16,7 @@ from rig.angles import difference, limit
 from rig.frame import CHANNELS, Resolver, State
 from rig.kernels import kernel
 from rig.redundancy import resolve, trend, vote
-from rig.redundancy.compare import LOST, P1_1, P1_1_1, P1_1_1_1, P2_2, classify, is_singular, rank
+from rig.redundancy.compare import LOST, P1_1, P1_1_1, P1_1_1_1, P2_2, classify, comparable, is_singular, rank
 from rig.redundancy.config import RESETS
 
 STATE: Final = np.dtype(
@@ -83,7 +83,7 @@ def manage(block, k, params, state, resets):
         p, st = params[s], state[s]
         resolvers[s] = manage_signal(channels[s], valid[s], ilm[s], reference[s], p, st)
         voted[s], levels[s], patterns[s] = st["output"], st["level"], st["pattern"]
-        usable[s] = 0 if np.isnan(reference[s]) else st["reference_usable"]
+        usable[s] = 0 if not np.isfinite(reference[s]) else st["reference_usable"]
         trend_high[s], trend_low[s] = st["trend_high"], st["trend_low"]
         report(p, st, states[s])
 
@@ -92,10 +92,9 @@ def manage(block, k, params, state, resets):
 def manage_signal(samples, valid, ilm, reference, p, st):
     """One signal, one frame; returns the resolver that decided (Zhang, sections 2 to 8)."""
     x, order, alone = st["x"], st["order"], st["alone"]
-    base = anchor(samples, st)
+    base = anchor(samples, valid, p, st)
     n = rank(samples, valid, st["failed"], p["fitted"], p["low"], p["high"], p["wraps"], base, x, order)
-    if p["wraps"]:
-        reference = base + difference(reference, base, p["wraps"])
+    reference = seen_from(reference, base, p["wraps"])
     pattern = classify(x, order, n, p["threshold"], alone)
     st["pattern_frames"] = st["pattern_frames"] + 1 if pattern == st["pattern"] else 1
     st["pattern"] = pattern
@@ -111,14 +110,22 @@ def manage_signal(samples, valid, ilm, reference, p, st):
 
 
 @kernel
-def anchor(samples, st):
-    """What an angle is taken near to: the last vote; in the first frame, the first sample that is a number."""
+def anchor(samples, valid, p, st):
+    """The value that an angle is taken near to: the last vote; in the first frame, the first comparable sample."""
     if st["started"]:
         return st["vote"]
-    for c in range(CHANNELS):
-        if not np.isnan(samples[c]):
+    for c in range(p["fitted"]):
+        if comparable(samples[c], valid[c], p["low"], p["high"]):
             return samples[c]
     return 0.0
+
+
+@kernel
+def seen_from(reference, base, wraps):
+    """A reference within half a turn of ``base`` if it ``wraps``; NaN when it is not finite."""
+    if not np.isfinite(reference):
+        return np.nan
+    return base + difference(reference, base, wraps) if wraps else reference
 
 
 @kernel
@@ -220,7 +227,12 @@ def latch(p, st):
 
 @kernel
 def publish(raw, p, st):
-    """Store the vote and its faded output; the fade starts in the frame after a change of level."""
+    """Store the vote and its faded output; the fade starts in the frame after a change of level.
+
+    Differences of samples near the largest number overflow: then the last vote holds, and nothing is faded.
+    """
+    if not np.isfinite(raw):
+        raw = st["vote"]
     st["rise_vote"] = difference(raw, st["vote"], p["wraps"]) if st["started"] else 0.0
     st["vote"] = limit(raw, p["low"], p["high"], p["wraps"])
     frames, left = p["fade_frames"], st["fade_left"]
@@ -229,7 +241,7 @@ def publish(raw, p, st):
     st["output"] = st["vote"]
     if 0 < left <= frames:
         faded = st["vote"] + st["fade"] * left / (frames + 1.0)
-        st["output"] = limit(faded, p["low"], p["high"], p["wraps"])
+        st["output"] = limit(faded, p["low"], p["high"], p["wraps"]) if np.isfinite(faded) else st["vote"]
     st["fade_left"] = max(left - 1, 0)
     st["started"] = True
 
