@@ -18,6 +18,7 @@ import typer
 from rig.campaign.cli import app as campaign_app
 from rig.catalogue.cli import faults_app
 from rig.errors import BadInput, RigError
+from rig.options import AllowCode
 from rig.recorded.cli import vote
 from rig.replay.cli import diff, export, info, replay
 from rig.score.cli import score
@@ -73,6 +74,7 @@ def fly(
         typer.Option(help="Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False),
     ] = None,
     watch: Annotated[bool, typer.Option("--watch", help="Show the redundancy page while it flies.")] = False,
+    allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:
     """Fly one scenario, log every frame, print what happened."""
@@ -93,6 +95,7 @@ def fly(
             progress=progress,
             viewer=show.Watching(),
             watch=page,
+            allow_code=allow_code,
         )
     _print(as_json, flight.summary, lambda: show.flight(flight))
 
@@ -125,6 +128,7 @@ def bench(
     scenario: ScenarioName = None,
     sets: Sets = None,
     repeats: Annotated[int, typer.Option(help="Flights; the medians count.", min=1)] = 7,
+    allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:
     """Measure a frame, logging included, as a ratio to bare JSBSim in the same process."""
@@ -132,7 +136,7 @@ def bench(
     from rig.bench import bench as measure
     from rig.scenario import load
 
-    result = measure(load(scenario, sets or ()), repeats)
+    result = measure(load(scenario, sets or (), allow_code=allow_code), repeats)
     _print(as_json, result.as_dict, lambda: show.bench(result))
 
 
@@ -172,7 +176,10 @@ def scenario_check(scenario: ScenarioName = None, sets: Sets = None) -> None:
     from rig.scenario import find, load
 
     loaded = load(scenario, sets or ())
-    typer.echo(f"{find(scenario)}: good, {loaded.frames} frames of {loaded.aircraft}, {len(loaded.faults)} faults")
+    manager = loaded.redundancy.manager
+    code = f"; the class {manager} votes: not imported here, rig fly needs --allow-code" if ":" in manager else ""
+    counts = f"{loaded.frames} frames of {loaded.aircraft}, {len(loaded.faults)} faults"
+    typer.echo(f"{find(scenario)}: good, {counts}{code}")
 
 
 @aircraft_app.command("list")

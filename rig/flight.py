@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig import loop
-from rig.errors import BadInput
+from rig.errors import BadInput, ManagerFailed, RigError
 from rig.events import Event, EventFinder, not_executed
 from rig.faults import Execution
 from rig.frame import TIMING, Block, new_block
@@ -124,6 +124,7 @@ def fly(
     progress: Progress | None = None,
     viewer: Viewer | None = None,
     watch: Watch | None = None,
+    allow_code: bool = False,
 ) -> Flight:
     """Fly a scenario (a file, a bundled name, or one loaded already) and log every frame.
 
@@ -131,12 +132,15 @@ def fly(
     out             : folder of the log; rerun : see view.stream.open_stream
     realtime_factor : 1.0 paces frames by the wall clock; None flies as fast as it can
     watch : given every block while it is recorded; it must be quick, and copy the rows that it keeps
-    Raises BadInput before anything is written, RigError when the log cannot be written on.
+    allow_code : a manager class that the scenario names may be run; one that an override names may be in any case
+    Raises BadInput before anything is written, RigError when the log cannot be written on or the user's own manager
+    raises: the log is then finished.
     """
     text, name = "", ""
     if not isinstance(scenario, Scenario):
         path = find(scenario)
         scenario, text, name = load(path, overrides, seed), path.read_text(encoding="utf-8"), path.stem
+    scenario = scenario.trusted(scenario.trust.allowing(allow_code))
     pace = Pace(scenario.rate_hz, realtime_factor)
     with interruptible() as stop:
         return _record(scenario, text, name, Path(out), rerun, pace, stop, progress, viewer, watch)
@@ -181,15 +185,26 @@ def _record(
                 ThreadPoolExecutor(1, "verdict") as beside,
                 Recorder(record, threaded=pace.period_s is not None) as recorder,
             ):
-                for rows, timing in loop.frames(rig, scenario, pace, stop):
-                    recorder.put(rows, timing)
+                failure = _fly(rig, scenario, pace, stop, recorder)
             wall_s = time.perf_counter() - began
-            reason = records.close(writer, stop)
+            reason = records.close(writer, stop, failure)
+            if failure is not None:
+                raise RigError(f"{failure}; the log is complete up to there: {path}")
             if stream is not None and viewer is not None:
                 viewer.flown(stream)
         finally:
             report = None if stream is None else stream.close(10.0)
     return records.flight(path, reason, wall_s, report)
+
+
+def _fly(rig: loop.Rig, scenario: Scenario, pace: Pace, stop: loop.Stop, recorder: Recorder) -> ManagerFailed | None:
+    """Fly to the end of the flight, or until the user's own manager raises, which is returned."""
+    try:
+        for rows, timing in loop.frames(rig, scenario, pace, stop):
+            recorder.put(rows, timing)
+    except ManagerFailed as failure:
+        return failure
+    return None
 
 
 class _Records:
@@ -211,13 +226,13 @@ class _Records:
             self._jitter.add(timing["frame_us"], timing["late_us"])
         return events
 
-    def close(self, writer: LogWriter, stop: loop.Stop) -> str:
+    def close(self, writer: LogWriter, stop: loop.Stop, failure: ManagerFailed | None) -> str:
         """Write what only the end can tell; why the flight ended."""
         verdict = self.verdict
-        last = not_executed(verdict.frames - 1, self._execution.missing)
+        last = not_executed(verdict.frames - 1, self._execution.missing) if verdict.frames else []
         verdict.events += last
         writer.write(new_block(0), np.zeros(0, TIMING), last)
-        reason = end_reason(verdict, stop, self.scenario)
+        reason = end_reason(verdict, stop, self.scenario) if failure is None else "the manager class raised"
         writer.close({"digest": verdict.digest, "end_reason": reason, "survived": str(verdict.survived)})
         return reason
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rig import inertial, sensors
 from rig.control.autopilot import Control
 from rig.control.flying import fly
+from rig.errors import ManagerFailed
 from rig.faults import Faults, actuate, corrupt, corrupt_reference
 from rig.frame import TIMING, Block, new_block
 from rig.inertial import Inertial, sense
@@ -97,7 +98,7 @@ def redundancy(scenario: Scenario) -> Redundancy:
     """The redundancy stage of a scenario, at its first frame; a replay runs the same.  BadInput: the user's manager."""
     suite = scenario.sensors
     ranges, channels = sensors.ranges(suite), sensors.channels(suite)
-    return Redundancy(scenario.redundancy, ranges, channels, scenario.references, scenario.rate_hz)
+    return Redundancy(scenario.redundancy, ranges, channels, scenario.references, scenario.rate_hz, scenario.trust)
 
 
 @kernel
@@ -138,7 +139,12 @@ def frames(
     pace, stop = pace or Pace(scenario.rate_hz, None), stop or Stop()
     for block, timing in _blocks(scenario, pace.period_s is not None, memory):
         rig.prepare(block)
-        flown, over = _fly_block(rig, block, timing, pace, stop)
+        try:
+            flown, over = _fly_block(rig, block, timing, pace, stop)
+        except ManagerFailed as error:
+            if error.row:
+                yield block[: error.row], timing[: error.row]  # the frames before it are whole
+            raise
         yield block[:flown], timing[:flown]
         if over:
             return

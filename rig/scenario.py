@@ -7,14 +7,14 @@ resolved scenario holds everything (airframe, sensors, gains too), so that a log
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import tomli_w
 from numpy.random import SeedSequence
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from rig import aircraft
 from rig.control.autopilot import Config as Control
@@ -32,6 +32,7 @@ from rig.redundancy.designed import Designed
 from rig.sensors import Suite
 from rig.sensors.recorded import pin
 from rig.settings import Settings, build, read_toml
+from rig.trust import Trust
 
 DEFAULT: Final = "f16_pitch_rate_hardover.toml"
 # The order is part of every recorded flight: append, never insert.
@@ -59,6 +60,7 @@ class Scenario(Settings):
     redundancy: Redundancy
     gains: Gains
     references: Designed
+    _trust: Trust = PrivateAttr(default=Trust())  # no setting: no file can grant it
 
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:
@@ -89,6 +91,17 @@ class Scenario(Settings):
         """One independent seed a stage; adding a stage does not shift the others."""
         return {name: SeedSequence(self.seed, spawn_key=(i,)) for i, name in enumerate(STREAMS)}
 
+    @property
+    def trust(self) -> Trust:
+        """Whether a manager class that it names may be run, and which file it is from."""
+        return self._trust
+
+    def trusted(self, trust: Trust) -> Scenario:
+        """Return the same scenario with another trust."""
+        made = self.model_copy()
+        made._trust = trust
+        return made
+
     def resolved(self) -> dict[str, Any]:
         """All settings as plain data, defaults written out, without what is not set."""
         return self.model_dump(exclude_none=True)
@@ -114,8 +127,17 @@ def find(name: str | Path | None = None) -> Path:
     raise BadInput(f"{wanted}: no such file; bundled scenarios: {known}")
 
 
-def load(name: str | Path | None = None, overrides: Sequence[str] = (), seed: int | None = None) -> Scenario:
-    """The scenario of a file with ``key=value`` overrides laid over it; BadInput says what is wrong."""
+def load(
+    name: str | Path | None = None,
+    overrides: Sequence[str] = (),
+    seed: int | None = None,
+    *,
+    allow_code: bool = False,
+) -> Scenario:
+    """Load the scenario of a file with ``key=value`` overrides laid over it; BadInput says what is wrong.
+
+    allow_code : a manager class that the file names may be run; one that an override names may be in any case
+    """
     path = find(name)
     data = read_toml(path)
     for text in overrides:
@@ -127,12 +149,26 @@ def load(name: str | Path | None = None, overrides: Sequence[str] = (), seed: in
     if not isinstance(chosen, str):
         raise BadInput(f"{source}: aircraft: must be a name, got {chosen!r}")
     merged = aircraft.lay_over(aircraft.tables(chosen), data, source)
-    return build(Scenario, {**merged, "sensors": pin(merged.get("sensors"), path.parent)}, source)
+    made = build(Scenario, {**merged, "sensors": pin(merged.get("sensors"), path.parent)}, source)
+    return made.trusted(Trust(str(path), allow_code, named_manager(map(parse_set, overrides))))
 
 
-def from_resolved(data: dict[str, Any], source: str) -> Scenario:
-    """A scenario from what ``resolved`` gave, without looking at any file."""
-    return build(Scenario, data, source)
+def from_resolved(data: dict[str, Any], source: str, trust: Trust | None = None) -> Scenario:
+    """Build a scenario from what ``resolved`` gave, without looking at any file.
+
+    trust : whether a manager class that it names may be run; it may not when not given
+    """
+    return build(Scenario, data, source).trusted(trust or Trust(source))
+
+
+def named_manager(sets: Iterable[tuple[str, Any]]) -> str | None:
+    """Return the ``redundancy.manager`` that dotted keys with their values name, if any: permission in itself."""
+    data: dict[str, Any] = {}
+    for key, value in sets:
+        data = set_key(data, key, value, f"--set {key}")
+    table = data.get("redundancy")
+    name = table.get("manager") if isinstance(table, dict) else None
+    return name if isinstance(name, str) else None
 
 
 def override(data: dict[str, Any], text: str) -> dict[str, Any]:

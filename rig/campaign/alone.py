@@ -48,7 +48,7 @@ def _died(code: int, orders: Orders) -> tuple[str, str]:
 
 def _child(runs: Sequence[Run], orders: Orders) -> tuple[list[Rows], int]:
     """What a fresh process flew of ``runs`` before it ended, and its exit code."""
-    command = [sys.executable, "-m", "rig.campaign.alone"]
+    command = [sys.executable, "-P", "-m", "rig.campaign.alone"]  # -P: no module of the present folder
     quiet: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     with subprocess.Popen(command, env=environment, **quiet) as process:

@@ -27,6 +27,7 @@ from rig.campaign.identity import rig_identity
 from rig.campaign.plan import Plan
 from rig.campaign.rows import TABLES, Rows
 from rig.errors import BadInput, RigError
+from rig.trust import Trust
 
 _ABOUT: Final = "campaign.json"
 _FORMAT: Final = 1
@@ -134,12 +135,17 @@ class Folder:
         return {name: table.read(self.path, name, parts) for name in TABLES}
 
 
-def open_folder(path: Path) -> Folder:
-    """The campaign in a folder. BadInput when there is none."""
+def open_folder(path: Path, allow_code: bool = False) -> Folder:
+    """Open the campaign in a folder. BadInput when there is none.
+
+    allow_code : a manager class that it names may be run
+    """
     about = path / _ABOUT
     if not about.is_file():
         raise BadInput(f"{path}: no campaign's folder: {_ABOUT} is missing")
-    return Folder(path, Plan(from_what(_read(about)["campaign"], str(about)), str(about)))
+    return Folder(
+        path, Plan(from_what(_read(about)["campaign"], str(about)), str(about), Trust(str(about), allow_code))
+    )
 
 
 def _read(path: Path) -> dict[str, Any]:

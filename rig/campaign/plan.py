@@ -14,6 +14,7 @@ from rig.campaign.sampling import Choice, choices, seed_of
 from rig.errors import BadInput
 from rig.scenario import Scenario, set_key
 from rig.settings import build
+from rig.trust import Trust
 
 CHECKED: Final = 5_000  # runs whose scenario is built before the first flight; beyond, one of each combination
 
@@ -25,6 +26,7 @@ class Run:
     number: int
     choice: Choice
     data: dict[str, Any]
+    trust: Trust
 
     @property
     def aircraft(self) -> str:
@@ -37,14 +39,18 @@ class Run:
     def scenario(self, tables: dict[str, Any] | None = None) -> Scenario:
         """The scenario that is flown; ``tables``: the aircraft's, when they have been read already."""
         below = aircraft.tables(self.aircraft) if tables is None else tables
-        return build(Scenario, aircraft.merge(below, self.data), f"run {self.number}")
+        return build(Scenario, aircraft.merge(below, self.data), f"run {self.number}").trusted(self.trust)
 
 
 class Plan:
     """A campaign's runs, each made when asked for."""
 
-    def __init__(self, campaign: Campaign, source: str) -> None:
-        """BadInput, naming ``source``: a ``[set]`` key that cannot be laid over the base."""
+    def __init__(self, campaign: Campaign, source: str, trust: Trust | None = None) -> None:
+        """BadInput, naming ``source``: a ``[set]`` key that cannot be laid over the base.
+
+        trust : which manager classes may be run; none when not given
+        """
+        self.trust = trust or Trust(source)
         self.campaign = campaign
         self.source = source
         self._read: dict[str, dict[str, Any]] = {}  # tables of aircraft
@@ -82,7 +88,7 @@ class Plan:
         for key, value in choice.items():
             if key not in self.campaign.cases:
                 data = set_key(data, key, value, f"{self.source}: vary")
-        return Run(number, choice, {**data, "seed": seed_of(self.campaign, number)})
+        return Run(number, choice, {**data, "seed": seed_of(self.campaign, number)}, self.trust)
 
     def check(self) -> None:
         """Build the scenarios; BadInput names the file, the first bad run and its key."""
@@ -96,6 +102,7 @@ class Plan:
         except BadInput as error:
             said = str(error).removeprefix(f"run {run.number}: ")
             raise BadInput(f"{self.source}: run {run.number}: {said}") from None
+        self.trust.require(scenario.redundancy.manager)
 
     def _tables(self, name: str) -> dict[str, Any]:
         if name not in self._read:

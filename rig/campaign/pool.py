@@ -28,6 +28,7 @@ _SETTINGS: Final = {
     # glibc gives a flight's memory back after each and fetches it anew for the next: 4 % of a short flight's time.
     "MALLOC_MMAP_THRESHOLD_": str(32 << 20),
     "MALLOC_TRIM_THRESHOLD_": str(1 << 30),
+    "PYTHONSAFEPATH": "1",  # no module of the present folder
 }
 
 
@@ -39,7 +40,8 @@ def get_ready() -> None:
     if _METHOD != "forkserver":
         return
     forkserver.set_forkserver_preload(["rig.campaign.warmed"])
-    resource_tracker.ensure_running()  # the server would start it, and that lifts any block of SIGINT
+    with _environment(_SETTINGS):
+        resource_tracker.ensure_running()  # the server would start it, and that lifts any block of SIGINT
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited: Ctrl-C is the parent's
     try:
         with _environment(_SETTINGS):

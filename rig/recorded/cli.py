@@ -9,6 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
+from rig.options import AllowCode
+
 
 def vote(
     recorded: Annotated[
@@ -21,6 +23,7 @@ def vote(
         float | None, typer.Option(help="Begin of the stretch to find them in, s.", show_default="first row")
     ] = None,
     align_to: Annotated[float | None, typer.Option(help="Its end, s.", show_default="last row")] = None,
+    allow_code: AllowCode = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Vote on recorded channels with the redundancy manager of the flight."""
@@ -30,7 +33,7 @@ def vote(
 
     if not align and (align_from, align_to) != (None, None):
         raise BadInput("--align-from and --align-to need --align")
-    found = _vote(recorded, config, out, (align_from, align_to) if align else None)
+    found = _vote(recorded, config, out, (align_from, align_to) if align else None, allow_code)
     if as_json:
         typer.echo(json.dumps(found, allow_nan=False))
         return
@@ -40,7 +43,9 @@ def vote(
     screen.print(f"written  {out}", soft_wrap=True)
 
 
-def _vote(recorded: Path, config: Path, out: Path, stretch: tuple[float | None, float | None] | None) -> dict[str, Any]:
+def _vote(
+    recorded: Path, config: Path, out: Path, stretch: tuple[float | None, float | None] | None, allow_code: bool
+) -> dict[str, Any]:
     """Read, align on ``stretch`` if there is one, vote, write; what it came to, and the seconds of each step."""
     from rig.recorded.align import align
     from rig.recorded.config import read_config
@@ -48,6 +53,7 @@ def _vote(recorded: Path, config: Path, out: Path, stretch: tuple[float | None, 
     from rig.recorded.summary import summary
     from rig.recorded.vote import vote as run
     from rig.recorded.write import output, write
+    from rig.trust import Trust
 
     seconds: dict[str, float] = {}
     clock = perf_counter()
@@ -66,7 +72,7 @@ def _vote(recorded: Path, config: Path, out: Path, stretch: tuple[float | None, 
         if stretch is not None:
             recording, corrections = align(recording, signals, *stretch)
             lap("align")
-        voted = run(recording, signals, settings.resets)
+        voted = run(recording, signals, settings.resets, Trust(str(config), allow_code))
         lap("vote")
         write(part, out.suffix, recording, voted)
         lap("write")

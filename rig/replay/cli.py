@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rig.options import AllowCode
+
 if TYPE_CHECKING:
     from rig.replay.again import Recorded
 
@@ -27,6 +29,7 @@ def replay(
         typer.Option("--set", metavar="KEY=VALUE", help="What if: redundancy.manager=mean; repeatable."),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Log of the what if.", show_default="<log>.what-if.mcap")] = None,
+    allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:
     """Run the recorded manager over the recorded channels and compare every frame.
@@ -41,7 +44,7 @@ def replay(
         raise BadInput("--fly flies what was recorded: it cannot be joined with --redundancy or --set")
     if out is not None and not asked:
         raise BadInput("--out is where a what if is written: it needs --redundancy or --set")
-    recording = recorded(log)
+    recording = recorded(log, allow_code)
     if asked:
         _what_if(recording, redundancy, sets or [], out, as_json)
     else:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,7 +21,7 @@ from rig.frame import Block
 from rig.log import LogWriter
 from rig.replay.again import Recorded, vote_again
 from rig.replay.decisions import Decisions, decisions
-from rig.scenario import Scenario, from_resolved, override
+from rig.scenario import Scenario, from_resolved, named_manager, override, parse_set
 from rig.settings import read_toml
 from rig.verdict import Verdict
 from rig.versions import versions
@@ -45,19 +45,21 @@ def changed(recording: Recorded, file: Path | None, sets: Sequence[str]) -> Scen
 
     The file has a [redundancy] table, or the keys of one at its top.  BadInput: any other key.
     """
-    data = recording.scenario.resolved()
+    data, trust = recording.scenario.resolved(), recording.scenario.trust
     if file is not None:
         found = read_toml(file)
         if KEY in found and len(found) > 1:
             other = next(key for key in found if key != KEY)
             raise BadInput(f"{file}: {other}: only [redundancy] can be changed without flying")
-        data[KEY] = merge(data[KEY], found.get(KEY, found))
+        table = found.get(KEY, found)
+        data[KEY] = merge(data[KEY], table)
+        trust = replace(trust, source=str(file)) if "manager" in table else trust
     for text in sets:
         if not text.startswith(f"{KEY}."):
             raise BadInput(f"--set {text}: only redundancy.* can be changed without flying")
         data = override(data, text)
     source = " with ".join(["redundancy", *([str(file)] if file else []), *(f"--set {text}" for text in sets)])
-    return from_resolved(data, source)
+    return from_resolved(data, source, replace(trust, named=named_manager(map(parse_set, sets))))
 
 
 def what_if(recording: Recorded, scenario: Scenario, out: Path | None = None, changes: Sequence[str] = ()) -> WhatIf:

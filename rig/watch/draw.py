@@ -84,7 +84,7 @@ class InProcess:
     """Has another process draw on this one's standard error; one that ended or hangs is not waited for."""
 
     def __init__(self) -> None:
-        self._process = subprocess.Popen([sys.executable, "-m", "rig.watch"], stdin=subprocess.PIPE)
+        self._process = subprocess.Popen([sys.executable, "-P", "-m", "rig.watch"], stdin=subprocess.PIPE)
 
     def note(self, events: Sequence[EventLike], rate_hz: float) -> None:
         """Pass them on."""
