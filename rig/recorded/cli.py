@@ -68,6 +68,6 @@ def _vote(recorded: Path, config: Path, out: Path, stretch: tuple[float | None, 
             lap("align")
         voted = run(recording, signals, settings.resets)
         lap("vote")
-        write(part, out.suffix, recording, voted)
+        write(part, out, recording, voted)
         lap("write")
     return {"out": str(out), **summary(recording, voted, corrections), "seconds": seconds}
