@@ -100,11 +100,13 @@ def _check_rows(folder: Path, name: str, part: str, runs: pl.DataFrame, rows: pl
 
 def _again(folder: Path, path: Path, part: str, what: str) -> BadInput:
     """The refusal of a part whose runs are to be flown again."""
-    remove = _remove(folder / "runs" / f"{part}.parquet")
+    runs = folder / "runs" / f"{part}.parquet"
+    remove = _remove(runs, *([path] if path.is_dir() and path != runs else []))
     out = shlex.quote(str(folder))
     return BadInput(f"{path}: {what}; its runs are flown again by: {remove} && rig campaign run FILE --out {out}")
 
 
-def _remove(path: Path) -> str:
-    """The command that removes a file, or a folder that has its place."""
-    return f"rm {'-r ' if path.is_dir() else ''}{shlex.quote(str(path))}"
+def _remove(*paths: Path) -> str:
+    """The command that removes files, or folders that have their place."""
+    option = "-r " if any(path.is_dir() for path in paths) else ""
+    return f"rm {option}{shlex.join(map(str, paths))}"
