@@ -11,10 +11,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from rig import loop
 from rig.errors import BadInput, ManagerFailed, RigError
 from rig.events import Event, EventFinder, not_executed
 from rig.faults import Execution
+from rig.files import numbered
 from rig.frame import TIMING, Block, new_block
 from rig.interrupt import interruptible
 from rig.log import Log, LogWriter, SignalArrays, read_log
@@ -35,6 +37,7 @@ from rig.view.facts import of_resolved
 from rig.view.sink import check_where
 from rig.view.stream import Stream, StreamReport, open_stream
 
+NAME_BYTES: Final = 180  # of a log's name; behind them come seed, number and ending
 Progress = Callable[[int, int], None]  # frames flown, frames in all
 Watch = Callable[[Block, float, Sequence[Event]], None]  # a block, its rate in Hz, its events
 
@@ -161,9 +164,9 @@ def _record(
     """Run the frames through verdict, log and stream; the log is finished whatever happens."""
     check_where(rerun)
     rig = loop.Rig(scenario)
-    path = log_path(out, name or scenario.title or scenario.aircraft, scenario.seed)
     records = _Records(scenario, pace)
-    with LogWriter(path, scenario.rate_hz, metadata(scenario), [("scenario.toml", text.encode())]) as writer:
+    with _new_log(out, name or scenario.title or scenario.aircraft, scenario, text) as writer:
+        path = writer.path
         stream = open_stream(
             rerun, scenario.title or path.stem, scenario.rate_hz, path, of_resolved(scenario.resolved())
         )
@@ -257,18 +260,23 @@ class _Records:
         )
 
 
-def log_path(out: Path, name: str, seed: int) -> Path:
-    """A file that says the flight and is not taken yet: <name>_seed<seed>[_n].mcap; makes the folder."""
+def _new_log(out: Path, name: str, scenario: Scenario, text: str) -> LogWriter:
+    """A log of its own, whoever else begins to fly: <name>_seed<seed>[_n].mcap in ``out``, which is made."""
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise BadInput(f"{out}: logs cannot be kept there: {error.strerror}") from None
-    stem = "".join(c if c.isalnum() else "_" for c in name) + f"_seed{seed}"
-    path, number = out / f"{stem}.mcap", 1
-    while path.exists():
-        number += 1
-        path = out / f"{stem}_{number}.mcap"
-    return path
+    for path in numbered(out, f"{_word(name)}_seed{scenario.seed}", ".mcap"):
+        with suppress(FileExistsError):  # another flight was faster
+            attached = [("scenario.toml", text.encode())]
+            return LogWriter(path, scenario.rate_hz, metadata(scenario), attached, new=True)
+    raise RigError(f"{out}: no free name for a log")
+
+
+def _word(name: str) -> str:
+    """``name`` as part of a file's name, which has 255 bytes at most."""
+    letters = "".join(c if c.isalnum() else "_" for c in name)
+    return letters.encode()[:NAME_BYTES].decode(errors="ignore")
 
 
 def labels(scenario: Scenario) -> list[str]:

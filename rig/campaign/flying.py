@@ -29,6 +29,7 @@ from rig.campaign.rows import TABLES, Rows, alarm_rows, episode_rows, fault_rows
 from rig.errors import RigError
 from rig.events import Event, EventFinder, not_executed
 from rig.faults import Execution
+from rig.files import replaced
 from rig.flight import end_reason, labels, metadata
 from rig.frame import FRAME, TIMING, Block, new_block
 from rig.log import LogWriter
@@ -142,7 +143,10 @@ def write_log(flown: Flown, path: Path) -> None:
     verdict, scenario, at = flown.verdict, flown.scenario, [event.frame for event in flown.events]
     path.parent.mkdir(parents=True, exist_ok=True)
     about = metadata(scenario), [("scenario.toml", b"")]
-    with LogWriter(path, scenario.rate_hz, *about, chunk_frames=scenario.frames) as writer:
+    with (
+        replaced(path) as part,
+        LogWriter(part, scenario.rate_hz, *about, chunk_frames=scenario.frames, draft_of=path) as writer,
+    ):
         for first in range(0, verdict.frames, writer.chunk_frames):
             part = slice(first, first + writer.chunk_frames)
             events = flown.events[bisect_left(at, part.start) : bisect_left(at, part.stop)]

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any, Final
 
 from rig import aircraft
-from rig.campaign.config import Campaign
+from rig.campaign.config import Campaign, Levels
 from rig.campaign.sampling import Choice, choices, seed_of
 from rig.errors import BadInput
 from rig.scenario import Scenario, set_key
@@ -79,6 +79,11 @@ class Plan:
         return choices(self.campaign)
 
     def __getitem__(self, number: int) -> Run:
+        data = {**self.data(number), "seed": seed_of(self.campaign, number)}
+        return Run(number, self.choices[number], data, self.trust)
+
+    def data(self, number: int) -> dict[str, Any]:
+        """The table of a run's scenario, without its seed."""
         choice = self.choices[number]
         data = self._base
         for group in self.campaign.cases:
@@ -88,7 +93,7 @@ class Plan:
         for key, value in choice.items():
             if key not in self.campaign.cases:
                 data = set_key(data, key, value, f"{self.source}: vary")
-        return Run(number, choice, {**data, "seed": seed_of(self.campaign, number)}, self.trust)
+        return data
 
     def check(self) -> None:
         """Build the scenarios; BadInput names the file, the first bad run and its key."""
@@ -117,10 +122,12 @@ class Plan:
     @cached_property
     def _combinations(self) -> list[int]:
         """The first run of every combination of what varies by name."""
-        firsts: dict[str, int] = {}
+        listed = {key for key, vary in self.campaign.varied() if isinstance(vary, Levels)} | {*self.campaign.cases}
+        firsts: dict[Any, int] = {}
         for number, choice in enumerate(self.choices):
-            names = [value for value in choice.values() if not isinstance(value, float)]
-            firsts.setdefault(json.dumps(names, default=str), number)
+            names = tuple(value for key, value in choice.items() if key in listed and not isinstance(value, float))
+            known = names if all(type(name) is str for name in names) else json.dumps(names, default=str)
+            firsts.setdefault(known, number)
         return list(firsts.values())
 
 

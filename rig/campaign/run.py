@@ -22,7 +22,7 @@ from rig.campaign.identity import rig_identity
 from rig.campaign.plan import Plan, Run
 from rig.campaign.pool import Pool, open_pool
 from rig.campaign.rows import Rows
-from rig.errors import RigError
+from rig.errors import BadInput, RigError
 from rig.interrupt import interruptible
 from rig.loop import Stop
 
@@ -128,7 +128,7 @@ def run(
             except RigError as error:
                 raise RigError(f"{error}; {progress.done} of {count} runs done, the same command goes on") from None
             kill = False
-            return _result(folder, count, progress, stop.requested)
+            return _result(folder, count, progress, done, stop.requested)
     finally:
         pool.close(kill)
 
@@ -195,8 +195,16 @@ class _Flying:
         return lost
 
 
-def _result(folder: Folder, count: int, progress: Progress, interrupted: bool) -> Result:
-    tables = folder.tables
+def _result(folder: Folder, count: int, progress: Progress, before: set[int], interrupted: bool) -> Result:
+    """What the call came to, from the tables as they are on the disk. RigError when a run is not in them any more."""
+    try:
+        tables = folder.tables
+    except BadInput as error:
+        raise RigError(str(error)) from None
+    lost = len(before) + progress.flown - len(tables["runs"])
+    if lost:
+        said = f"{lost} of {len(before) + progress.flown} runs that were flown are no longer in the tables"
+        raise RigError(f"{folder.path}: {said}; the same command flies them again")
     outcomes = tables["runs"]["outcome"].to_list()
     return Result(
         out=folder.path,

@@ -74,6 +74,6 @@ def _vote(
             lap("align")
         voted = run(recording, signals, settings.resets, Trust(str(config), allow_code))
         lap("vote")
-        write(part, out.suffix, recording, voted)
+        write(part, out, recording, voted)
         lap("write")
     return {"out": str(out), **summary(recording, voted, corrections), "seconds": seconds}

@@ -21,6 +21,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from rig.errors import BadInput, RigError
+from rig.files import replaced
 from rig.frame import SIGNALS, Block, Ilm, State
 from rig.log import Log
 from rig.log.columns import COLUMNS, Column
@@ -41,20 +42,15 @@ def export(log: Log, to: str, out: Path, owners: Sequence[str] = (), for_vote: b
     """
     if to not in WRITERS:
         raise BadInput(f"--to {to}: allowed: {', '.join(WRITERS)}")
-    if not out.parent.is_dir():
-        raise BadInput(f"{out}: no such folder: {out.parent}")
     chosen = _chosen(log.rows, owners, for_vote)
     columns = {TIME: log.time_s}
     for column in chosen:
         columns[name(column)] = _values(log.rows, column, for_vote)
-    part = out.with_name(out.name + ".part")
-    try:
-        WRITERS[to](part, columns, {name(column): column for column in chosen})
-        part.replace(out)
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise RigError(f"{out}: cannot be written: {' '.join(str(error).split())[:200]}") from None
-    finally:
-        part.unlink(missing_ok=True)
+    with replaced(out) as part:
+        try:
+            WRITERS[to](part, columns, {name(column): column for column in chosen})
+        except (OSError, pl.exceptions.PolarsError) as error:
+            raise RigError(f"{out}: cannot be written: {' '.join(str(error).split())[:200]}") from None
     return list(columns)
 
 

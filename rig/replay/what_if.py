@@ -16,6 +16,7 @@ from rig.aircraft import merge
 from rig.errors import BadInput
 from rig.events import EventFinder, not_executed
 from rig.faults import Execution
+from rig.files import draft, numbered, publish, replaced
 from rig.flight import labels
 from rig.frame import Block
 from rig.log import LogWriter
@@ -63,48 +64,37 @@ def changed(recording: Recorded, file: Path | None, sets: Sequence[str]) -> Scen
 
 
 def what_if(recording: Recorded, scenario: Scenario, out: Path | None = None, changes: Sequence[str] = ()) -> WhatIf:
-    """Vote the recorded channels by ``scenario`` and write the result to ``out``, or beside the recording.
+    """Vote the recorded channels by ``scenario``; write the result to ``out``, or beside the recording, numbered.
 
     ``changes`` says in the new log what is not as it was.  BadInput when ``out`` is the recording or cannot be made.
     """
-    path = out or _beside(recording.path)
+    stem = f"{recording.path.stem}.what-if"
+    path = out or recording.path.with_name(f"{stem}.mcap")
     if path.exists() and path.samefile(recording.path):
         raise BadInput(f"{path}: is the recording")
-    if not path.parent.is_dir():
-        raise BadInput(f"{path}: no such folder: {path.parent}")
-    rows = vote_again(recording.log.rows, scenario)
-    events = _write(path, recording, scenario, rows, changes)
+    with draft(path) if out is None else replaced(path) as part:
+        rows = vote_again(recording.log.rows, scenario)
+        metadata, attached = _metadata(recording, scenario, changes), recording.log.attachments.items()
+        with LogWriter(part, recording.log.rate_hz, metadata, attached, draft_of=path) as writer:
+            events = _write(writer, recording, scenario, rows)
+        if out is None:
+            path = publish(part, numbered(path.parent, stem, ".mcap"))
     return WhatIf(path, scenario, rows, decisions(recording.log.rows, rows), events)
 
 
-def _beside(path: Path) -> Path:
-    """<log>.what-if.mcap, numbered when there is one already."""
-    made, number = path.with_name(f"{path.stem}.what-if.mcap"), 1
-    while made.exists():
-        number += 1
-        made = path.with_name(f"{path.stem}.what-if_{number}.mcap")
-    return made
-
-
-def _write(path: Path, recording: Recorded, scenario: Scenario, rows: Block, changes: Sequence[str]) -> int:
-    """Write the log beside and rename it; how many events it has."""
-    log, part = recording.log, path.with_name(path.name + ".part")
+def _write(writer: LogWriter, recording: Recorded, scenario: Scenario, rows: Block) -> int:
+    """Write the whole log; how many events it has."""
+    log = recording.log
     finder, verdict, execution, count = EventFinder(labels(scenario)), Verdict(), Execution(scenario.faults), 0
-    try:
-        with LogWriter(part, log.rate_hz, _metadata(recording, scenario, changes), log.attachments.items()) as writer:
-            for rows_s, timing in _seconds(rows, log.timing, int(log.rate_hz)):
-                events = finder.find(rows_s)
-                count += len(events)
-                verdict.add(rows_s, events)
-                writer.write(rows_s, timing, events)
-                execution.add(rows_s)
-            last = not_executed(len(rows) - 1, execution.missing)
-            writer.write(rows[:0], log.timing[:0], last)
-            ended = {**(log.result or {}), "digest": verdict.digest}
-            writer.close(ended)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    for rows_s, timing in _seconds(rows, log.timing, int(log.rate_hz)):
+        events = finder.find(rows_s)
+        count += len(events)
+        verdict.add(rows_s, events)
+        writer.write(rows_s, timing, events)
+        execution.add(rows_s)
+    last = not_executed(len(rows) - 1, execution.missing)
+    writer.write(rows[:0], log.timing[:0], last)
+    writer.close({**(log.result or {}), "digest": verdict.digest})
     return count + len(last)
 
 
