@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from rig.angles import difference
 from rig.frame import Ilm, Pattern, Resolver, State, new_block
 from rig.kernels import kernel
+from rig.recorded.clock import Floats
 from rig.recorded.config import RecordedSignal, Reset, reset_table
-from rig.recorded.record import Bytes, Floats, Recording, Samples
+from rig.recorded.record import Bytes, Recording, Samples
 from rig.redundancy.config import MANAGERS, PARAMS, fill
 from rig.redundancy.managers import Manager, vote_signals
 from rig.redundancy.own import load_manager
@@ -173,5 +174,5 @@ def _failures(
         for k in np.flatnonzero(failed & ~np.concatenate([[False], failed[:-1]])):
             resolved = Pattern(out["pattern"][k]).is_singular and not invalid[c][k]
             why = Resolver(out["resolver"][k]).name.lower() if resolved else "comparison"
-            found.append(Failure(c + 1, recording.first_row + int(k) + 1, float(recording.time_s[k]), why))
+            found.append(Failure(c + 1, recording.row(int(k)), float(recording.time_s[k]), why))
     return sorted(found, key=lambda failure: (failure.frame, failure.channel))

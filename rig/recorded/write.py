@@ -18,7 +18,8 @@ from rig.errors import BadInput, RigError
 from rig.files import replaced
 from rig.frame import CHANNELS, Ilm, Pattern, Resolver, State
 from rig.log.signals import write_signals
-from rig.recorded.record import TIME, Bytes, Recording
+from rig.recorded.clock import TIME
+from rig.recorded.record import Bytes, Recording
 from rig.recorded.vote import Voted
 
 STATES: Final = ("ok", "suspect", "failed")
@@ -80,6 +81,10 @@ def _mcap(path: Path, recording: Recording, voted: dict[str, Voted]) -> None:
     if recording.time_s[0] < 0:
         raise BadInput(f"time begins at {recording.time_s[0]:g} s: an MCAP file has no time before 0")
     times = np.rint(recording.time_s * 1e9).astype(np.uint64)
+    same = np.flatnonzero(times[1:] == times[:-1])
+    if len(same):
+        rows = f"rows {recording.row(same[0])} and {recording.row(same[0] + 1)}"
+        raise BadInput(f"{rows}: the same nanosecond, the unit of time in an MCAP file")
     signals = {name: _fields(recording, name, signal) for name, signal in voted.items()}
     write_signals(path, times, signals, {"rate_hz": repr(recording.rate_hz)})
 
