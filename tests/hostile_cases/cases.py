@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from hostile_cases import campaigns, files, flags, kernels, logs, scenarios, votes
+from hostile_cases import campaigns, configs, files, flags, folders, kernels, logs, recordings, scenarios
 from hostile_cases.case import Case, Draw
 from hostile_cases.store import Store
 
@@ -15,10 +15,10 @@ KINDS: Final[dict[str, Callable[[Draw, Store], Case]]] = {
     "file": files.file,
     "aircraft": files.aircraft,
     "campaign": campaigns.campaign,
-    "folder": campaigns.folder,
+    "folder": folders.folder,
     "log": logs.log,
-    "recording": votes.recording,
-    "config": votes.config,
+    "recording": recordings.recording,
+    "config": configs.config,
     "flag": flags.flag,
     "trust": scenarios.trust,
     "kernel": kernels.kernel,

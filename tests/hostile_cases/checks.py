@@ -15,7 +15,9 @@ from hostile_cases.values import MARK
 CATEGORIES: Final = ("traceback", "hang", "answer", "files", "memory", "control", "code", "vote", "other")
 LONGEST_LINE: Final = 600
 MEMORY: Final = 2 << 30
-_TRACEBACK: Final = re.compile(r"Traceback \(most recent call last\)|MarkupError|Exception ignored in|Fatal Python error")
+_TRACEBACK: Final = re.compile(
+    r"Traceback \(most recent call last\)|MarkupError|Exception ignored in|Fatal Python error"
+)
 _CONTROL: Final = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 _BROKEN_RULE: Final = 99  # exit code of a case that calls a property of its own
 

@@ -18,7 +18,9 @@ from typing import Any, Final
 from hostile_cases.case import Case
 from hostile_cases.values import EVIL, MARK
 
-ADDRESS_SPACE: Final = 12 << 30  # what numba, polars and rerun reserve is far below; 2 GB resident is the parent's limit
+ADDRESS_SPACE: Final = (
+    12 << 30
+)  # what numba, polars and rerun reserve is far below; 2 GB resident is the parent's limit
 UNEXPECTED: Final = 70  # exit code: the case itself could not be made
 
 
@@ -60,7 +62,9 @@ def quiet(folder: Path) -> None:
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     for number, name in ((1, "out"), (2, "err")):
         os.dup2(os.open(folder / name, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644), number)
-        stream = io.TextIOWrapper(io.FileIO(number, "w", closefd=False), "utf-8", "backslashreplace", write_through=True)
+        stream = io.TextIOWrapper(
+            io.FileIO(number, "w", closefd=False), "utf-8", "backslashreplace", write_through=True
+        )
         setattr(sys, ("stdout", "stderr")[number - 1], stream)
         setattr(sys, ("__stdout__", "__stderr__")[number - 1], stream)
 

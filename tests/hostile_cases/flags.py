@@ -34,7 +34,12 @@ _NEEDED: Final = {
     "watch": {"--speed": "1000"},
 }
 # A legal number would take minutes there, a legal path would write into the checkout: only what is refused at once.
-_REFUSE: Final = {"bench --repeats", "study fault-tolerant --seeds", "study fault-tolerant --workers", "fly --realtime-factor"}
+_REFUSE: Final = {
+    "bench --repeats",
+    "study fault-tolerant --seeds",
+    "study fault-tolerant --workers",
+    "fly --realtime-factor",
+}
 _SKIPPED: Final = {"view --serve", "study ding2015 --json", "study fault-tolerant --json", "aircraft design --json"}
 
 
@@ -71,16 +76,24 @@ def flag(draw: Draw, store: Store) -> Case:
     word = draw.rng.choice(REFUSED if heavy else WORDS)[:130_000].replace("\x00", "")
     given = {key: value for key, value in _NEEDED.get(command, {}).items() if key != option}
     if takes and option == "--rerun":
-        word = draw.rng.choice([*REFUSED, "rerun+http://", "rerun+http://127.0.0.1:1/proxy", "save ", "http://[::1", "-"])
-    arguments = [_sound(command, other, word if not option and other == name else None) for other in _arguments(command)]
+        word = draw.rng.choice(
+            [*REFUSED, "rerun+http://", "rerun+http://127.0.0.1:1/proxy", "save ", "http://[::1", "-"]
+        )
+    arguments = [
+        _sound(command, other, word if not option and other == name else None) for other in _arguments(command)
+    ]
     argv = [*command.split(), *[a for a in arguments if a is not None]]
     argv += [part for key, value in given.items() for part in (key, value)]
     if option:
         argv += [option, word] if takes else [f"{option}={word}" if draw.rng.random() < 0.5 else option]
     if draw.rng.random() < 0.05:
         argv += draw.rng.choice([["--nonsense"], ["\x1b[2J"], ["--", "-x"], ["[/red]"], ["--json", "--json"]])
-    return draw.case(argv, f"{command} {option or name}: {short(word)}", lambda folder: _files(folder, store, argv),
-                     leave="evilmod" in word)
+    return draw.case(
+        argv,
+        f"{command} {option or name}: {short(word)}",
+        lambda folder: _files(folder, store, argv),
+        leave="evilmod" in word,
+    )
 
 
 def _arguments(command: str) -> list[str]:

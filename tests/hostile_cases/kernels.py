@@ -18,6 +18,7 @@ from hostile_cases.store import Store
 _ODD: Final = [np.nan, np.inf, -np.inf, 1e300, -1e300, 1.7e308, 1e16, 1e17, -1e17, 5e-324, 0.0, -0.0, 1e5, 2.0**53]
 _SEQUENCES, _FRAMES, _BROKEN = 20, 40, 99
 _SLACK: Final = 1e-9
+_TURN: Final = 2 * np.pi
 
 
 def kernel(draw: Draw, store: Store) -> Case:
@@ -46,7 +47,9 @@ def _sequence(manager: str, wraps: bool, rng: Random) -> str:
     from rig.redundancy.managers import Manager
 
     fitted, fade_s = rng.choice([2, 3, 4, 4]), rng.choice([0.0, 0.0, 0.05])
-    limits = (-np.pi, np.pi) if wraps else rng.choice([(-1.5, 1.5), (-1e3, 1e3), (-sys.float_info.max, sys.float_info.max)])
+    limits = (
+        (-np.pi, np.pi) if wraps else rng.choice([(-1.5, 1.5), (-1e3, 1e3), (-sys.float_info.max, sys.float_info.max)])
+    )
     settings: dict[str, Any] = {
         "threshold": rng.choice([0.02, 1.0, 1e-9]),
         "persistence": rng.choice([1, 3, 8]),
@@ -77,7 +80,10 @@ def _samples(rng: Random, wraps: bool) -> Any:
     for _ in range(rng.choice([1, 3, 30])):
         row = rng.choice([0, 0, rng.randrange(_FRAMES)])
         x[row : row + rng.choice([1, 1, 10]), rng.randrange(4)] = rng.choice(_ODD)
-    return (x + np.pi) % (2 * np.pi) - np.pi if wraps and rng.random() < 0.3 else x
+    if not wraps or rng.random() < 0.7:
+        return x
+    with np.errstate(invalid="ignore"):
+        return (x + np.pi) % (2 * np.pi) - np.pi
 
 
 def _broken(
@@ -89,26 +95,28 @@ def _broken(
     samples, valid = block["channels"][:, 0, :fitted], block["valid"][:, 0, :fitted] != 0
     states, voted = block["state"][:, 0, :fitted], block["voted"][:, 0]
     counts = valid & (samples >= limits[0]) & (samples <= limits[1])
-    started = False
+    before: float | None = None
     for k in range(_FRAMES):
         failed = states[k] == State.FAILED if manager == "selection" or k == 0 else states[k - 1] == State.FAILED
         usable = counts[k] & ~failed if k or manager == "selection" else counts[k]
-        started = started or bool(counts[k].any())
         where = f"{manager}, {settings}, range {limits}, frame {k}: vote {voted[k]!r} of {samples[k].tolist()}"
-        if started and not np.isfinite(voted[k]):
+        if (before is not None or counts[k].any()) and not np.isfinite(voted[k]):
             return f"not finite: {where}"
         held = block["resolver"][k, 0] == Resolver.UNRESOLVED or fade_s > 0 or not usable.any()
-        if not held and not _within(float(voted[k]), samples[k][usable], wraps):
+        if not held and not _within(float(voted[k]), samples[k][usable], wraps, before):
             return f"outside of the good samples: {where}"
+        before = float(voted[k]) if before is not None or counts[k].any() else None
     return ""
 
 
-def _within(vote: float, good: Any, wraps: bool) -> bool:
-    """Whether a vote is in the range of samples; of angles, when all are within half a turn of the vote."""
+def _within(vote: float, good: Any, wraps: bool, before: float | None) -> bool:
+    """Whether a vote is in the range of samples; angles are taken near the vote before, or near any of the first."""
     if not wraps:
         slack = _SLACK * max(1.0, float(np.abs(good).max()))
         return bool(good.min() - slack <= vote <= good.max() + slack)
-    apart = (good - vote + np.pi) % (2 * np.pi) - np.pi
-    if apart.max() - apart.min() > np.pi:
-        return True
-    return bool(apart.min() <= _SLACK and apart.max() >= -_SLACK)
+    for base in good if before is None else [before]:
+        near = base + (good - base + np.pi) % _TURN - np.pi
+        for turned in (vote - _TURN, vote, vote + _TURN):
+            if near.min() - _SLACK <= turned <= near.max() + _SLACK:
+                return True
+    return False

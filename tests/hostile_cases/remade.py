@@ -11,6 +11,7 @@ from pathlib import Path
 from hostile_cases.logs import records
 
 _METADATA, _DATA_END = 0x0C, 0x0F
+_NUMBER = re.compile(r"[\d.e+-]+")  # the rate and the log's version: without them nothing can be mended
 
 
 def exchanged(source: Path, target: Path, before: str, after: str) -> None:
@@ -25,7 +26,7 @@ def retold(source: Path, target: Path, key: str, value: str) -> None:
     def change(text: str) -> str:
         if text.startswith("{"):
             return re.sub(rf'"{key}":"[^"]*"', lambda _: f'"{key}":{said}', text, count=1)
-        return text if len(text) > 30 or text.isdigit() else value if key == "id" else text
+        return value if key == "id" and not _NUMBER.fullmatch(text) and len(text) < 30 else text
 
     _rewrite(source, target, change)
 

@@ -11,7 +11,11 @@ from hostile_cases.leaves import dotted, leaves, removed, renamed, replaced
 from hostile_cases.store import Store
 from hostile_cases.values import KEYS, TOML, short
 
-_LONG: Final = {"duration_s", "rate_hz", "simulation_rate_hz"}  # legal, and minutes: the scenario's own values stay short
+_LONG: Final = {
+    "duration_s",
+    "rate_hz",
+    "simulation_rate_hz",
+}  # legal, and minutes: the scenario's own values stay short
 _COMMANDS: Final = (
     ("fly", "s.toml", "--out", "logs"),
     ("fly", "s.toml", "--out", "logs", "--json"),

@@ -46,7 +46,9 @@ def main() -> int:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cases", type=int, default=4000)
-    parser.add_argument("--kind", action="append", default=[], choices=list(cases.KINDS), help="of these only; repeatable")
+    parser.add_argument(
+        "--kind", action="append", default=[], choices=list(cases.KINDS), help="of these only; repeatable"
+    )
     parser.add_argument("--only", action="append", default=[], metavar="NAME", help="one case by its name; repeatable")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--seed", type=int, default=0)
@@ -56,10 +58,12 @@ def _arguments() -> argparse.Namespace:
 
 
 def _tell(result: Result, always: bool) -> None:
+    case = result.case
+    about = f"{case.about}; rig {_shown(case.argv)}"
     for category, seen in result.failed.items():
-        print(f"{result.case.name}  {category}: {seen}\n    {result.case.about}; rig {_shown(result.case.argv)}", flush=True)
+        print(f"{case.name}  {category}: {seen}\n    {about}", flush=True)
     if always and not result.failed:
-        print(f"{result.case.name}  held, exit code {result.outcome.code}: {result.case.about}; rig {_shown(result.case.argv)}")
+        print(f"{case.name}  held, exit code {result.outcome.code}: {about}")
 
 
 def _shown(argv: tuple[str, ...]) -> str:

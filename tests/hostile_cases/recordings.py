@@ -1,4 +1,4 @@
-"""Kinds ``recording`` (INPUT of rig vote) and ``config`` (its CONFIG, and the [redundancy] file of a what if)."""
+"""Kind ``recording``: INPUT of rig vote, a table or a foreign MCAP with one thing wrong."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ from random import Random
 from typing import Any, Final
 
 from hostile_cases.case import Case, Draw
-from hostile_cases.leaves import dotted, leaves, removed, renamed, replaced
 from hostile_cases.logs import records
-from hostile_cases.store import MAPPING, VOTE, Store
-from hostile_cases.values import KEYS, NUMBERS, TEXTS, TOML, short
+from hostile_cases.store import Store
+from hostile_cases.values import NUMBERS, TEXTS
 
-_OUT: Final = ("o.csv", "o.csv", "o.parquet", "o.mcap")
+OUT: Final = ("o.csv", "o.csv", "o.parquet", "o.mcap")
 _CELLS: Final = [*[n for n in NUMBERS if len(n) < 500], *TEXTS, "true", "1e999", '"', "1,1", "1\n2", "\ufeff1", "0x10"]
 
 
@@ -22,7 +21,7 @@ def recording(draw: Draw, store: Store) -> Case:
     how = draw.turn(sorted(_INPUTS))
     name, seed = _INPUTS[how][0], draw.rng.random()
     config = "foreign.toml" if name.endswith(".mcap") else "vote.toml"
-    argv = ["vote", name, "--config", config, "--out", draw.rng.choice(_OUT)]
+    argv = ["vote", name, "--config", config, "--out", draw.rng.choice(OUT)]
     argv += draw.rng.choice([[], [], ["--json"], ["--align"], ["--align", "--align-from", "0.1"]])
 
     def make(folder: Path) -> None:
@@ -30,37 +29,6 @@ def recording(draw: Draw, store: Store) -> Case:
         _INPUTS[how][1](folder / name, store.folder, Random(seed))
 
     return draw.case(argv, how, make)
-
-
-def config(draw: Draw, store: Store) -> Case:
-    """A leaf of CONFIG replaced or left out, or a key of a hostile name."""
-    mapped = draw.rng.random() < 0.2
-    sound = {"default": {"threshold": 0.1}, "mapping": MAPPING} if mapped else VOTE
-    path, value, how = draw.turn(leaves(sound), str(mapped)), draw.rng.choice(TOML), draw.rng.random()
-    if how < 0.1 and isinstance(path[-1], str):
-        key = draw.rng.choice(KEYS)
-        text, about = renamed(sound, path, key), f"key {short(key)} beside {dotted(path)}"
-    elif how < 0.15:
-        text, about = removed(sound, path), f"{dotted(path)} left out"
-    else:
-        text, about = replaced(sound, path, value), f"{dotted(path)} = {short(value)}"
-    source = "foreign.mcap" if mapped else draw.rng.choice(["in.csv", "in.parquet", "log.mcap"])
-    argv = ["vote", source, "--config", "c.toml", "--out", draw.rng.choice(_OUT), *draw.rng.choice([[], ["--align"]])]
-    if not mapped and draw.rng.random() < 0.15:
-        argv, text, source = _what_if(draw, store, path, value)
-        about = f"[redundancy] {short(text)}"
-
-    def make(folder: Path) -> None:
-        store.copy(source, folder)
-        (folder / "c.toml").write_text(text, encoding="utf-8", errors="surrogatepass")
-
-    return draw.case(argv, about, make)
-
-
-def _what_if(draw: Draw, store: Store, path: Any, value: str) -> tuple[list[str], str, str]:
-    data = {"redundancy": store.scenarios["everything"]["redundancy"]}
-    text = replaced(data, draw.turn(leaves(data), "redundancy"), value)
-    return ["replay", "log.mcap", "--redundancy", "c.toml"], text, "log.mcap"
 
 
 def _lines(source: Path) -> list[list[str]]:
