@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Final
 
 from hostile_cases.case import Case, Draw
-from hostile_cases.leaves import dotted, leaves, removed, renamed, replaced
+from hostile_cases.leaves import at, dotted, leaves, removed, renamed, replaced
 from hostile_cases.store import CAMPAIGN, Store
-from hostile_cases.values import KEYS, TOML, short
+from hostile_cases.values import KEYS, hostile, short
 
 _READS: Final[tuple[tuple[str, ...], ...]] = (
     ("campaign", "plan", "c.toml"),
@@ -20,7 +20,7 @@ _READS: Final[tuple[tuple[str, ...], ...]] = (
 def campaign(draw: Draw, store: Store) -> Case:
     """A leaf replaced or left out, or a key of a hostile name."""
     path, how = draw.turn(leaves(CAMPAIGN)), draw.rng.random()
-    value = draw.rng.choice(TOML)
+    value = hostile(draw.rng, at(CAMPAIGN, path))
     if how < 0.1 and isinstance(path[-1], str):
         key = draw.rng.choice(KEYS)
         text, about = renamed(CAMPAIGN, path, key), f"key {short(key)} beside {dotted(path)}"

@@ -8,9 +8,9 @@ from random import Random
 from typing import Any, Final
 
 from hostile_cases.case import Case, Draw
-from hostile_cases.leaves import dotted, leaves, removed, replaced
+from hostile_cases.leaves import alike, at, dotted, leaves, removed, replaced
 from hostile_cases.store import Store
-from hostile_cases.values import TOML, short
+from hostile_cases.values import hostile, short
 
 _TAKERS: Final[tuple[tuple[str, ...], ...]] = (
     ("fly", "x", "--out", "logs"),
@@ -125,7 +125,8 @@ def aircraft(draw: Draw, store: Store) -> Case:
 
     home, name = bundled("aircraft") / draw.rng.choice(("f16", "b707")), draw.rng.choice(_FILES)
     data = read_toml(home / name)
-    path, value = draw.turn(leaves(data), name), draw.rng.choice(TOML)
+    path = draw.rng.choice(draw.turn(alike(leaves(data)), name))
+    value = hostile(draw.rng, at(data, path))
     how, seed = draw.rng.random(), draw.rng.random()
     thing = draw.rng.choice(sorted(_THINGS)) if how < 0.2 else ""
     text = removed(data, path) if how < 0.3 else replaced(data, path, value)

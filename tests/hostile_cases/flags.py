@@ -69,12 +69,24 @@ def _commands(command: Any, above: tuple[str, ...]) -> Iterator[tuple[str, Any]]
         yield " ".join(above), command
 
 
+# A folder that is there would be written into after minutes.
+_NO_FOLDER: Final = [
+    "nowhere/g.toml",
+    "everything.toml/g.toml",
+    "/proc/nowhere/g.toml",
+    "\x1b[2J/g.toml",
+    "[/red]/g.toml",
+]
+
+
 def flag(draw: Draw, store: Store) -> Case:
     """One parameter with a hostile word; the others sound."""
     command, option, name, takes = draw.turn(options())
     heavy = f"{command} {option}" in _REFUSE or command == "aircraft design"
     word = draw.rng.choice(REFUSED if heavy else WORDS)[:130_000].replace("\x00", "")
     given = {key: value for key, value in _NEEDED.get(command, {}).items() if key != option}
+    if command == "aircraft design" and option == "--out":
+        word = draw.rng.choice(_NO_FOLDER)
     if takes and option == "--rerun":
         word = draw.rng.choice(
             [*REFUSED, "rerun+http://", "rerun+http://127.0.0.1:1/proxy", "save ", "http://[::1", "-"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterable
 from typing import Any
 
 import tomli_w
@@ -21,6 +22,22 @@ def leaves(data: Any, above: Path = ()) -> list[Path]:
     return found
 
 
+def alike(paths: Iterable[Path]) -> list[list[Path]]:
+    """The paths in groups: of one top table and one last key, wherever between them (each signal, each point)."""
+    groups: dict[tuple[str, str], list[Path]] = {}
+    for path in paths:
+        last = next((str(key) for key in reversed(path) if isinstance(key, str)), "")
+        groups.setdefault((str(path[0]), last), []).append(path)
+    return list(groups.values())
+
+
+def at(data: Any, path: Path) -> Any:
+    """The value at a path."""
+    for key in path:
+        data = data[key]
+    return data
+
+
 def replaced(data: Any, path: Path, text: str) -> str:
     """The document as TOML with ``text``, written as it is, in place of the value at ``path``."""
     return _with(data, path, _HERE).replace(f'"{_HERE}"', text)
@@ -29,14 +46,14 @@ def replaced(data: Any, path: Path, text: str) -> str:
 def removed(data: Any, path: Path) -> str:
     """The document as TOML without the value at ``path``."""
     changed = copy.deepcopy(data)
-    del _at(changed, path[:-1])[path[-1]]
+    del at(changed, path[:-1])[path[-1]]
     return tomli_w.dumps(changed)
 
 
 def renamed(data: Any, path: Path, key: str) -> str:
     """The document as TOML with one more key, written as it is, beside the value at ``path``."""
     changed = copy.deepcopy(data)
-    beside = _at(changed, path[:-1])
+    beside = at(changed, path[:-1])
     if not isinstance(beside, dict):
         return replaced(data, path, f"{{{key} = 1}}")
     beside[_HERE] = 1
@@ -45,14 +62,8 @@ def renamed(data: Any, path: Path, key: str) -> str:
 
 def _with(data: Any, path: Path, value: Any) -> str:
     changed = copy.deepcopy(data)
-    _at(changed, path[:-1])[path[-1]] = value
+    at(changed, path[:-1])[path[-1]] = value
     return tomli_w.dumps(changed)
-
-
-def _at(data: Any, path: Path) -> Any:
-    for key in path:
-        data = data[key]
-    return data
 
 
 def dotted(path: Path) -> str:

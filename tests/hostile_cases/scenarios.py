@@ -7,9 +7,9 @@ from typing import Any, Final
 
 from hostile_cases.case import Case, Draw
 from hostile_cases.leaves import Path as Leaf
-from hostile_cases.leaves import dotted, leaves, removed, renamed, replaced
+from hostile_cases.leaves import alike, at, dotted, leaves, removed, renamed, replaced
 from hostile_cases.store import Store
-from hostile_cases.values import KEYS, TOML, short
+from hostile_cases.values import KEYS, hostile, short
 
 _LONG: Final = {
     "duration_s",
@@ -27,23 +27,20 @@ _COMMANDS: Final = (
 _ON: Final = 'base = "s.toml"\nseed = 1\nsampling = "grid"\n[vary]\n"wind.speed_m_s" = [0.0, 1.0]\n'
 
 
-def _all(store: Store) -> list[tuple[str, Leaf]]:
-    """Every path that any of the scenarios has, with the first that has it."""
+def _chosen(draw: Draw, store: Store) -> tuple[str, Leaf, str]:
+    """A scenario, a path in it and a value: every kind of key in its turn, in any of its places."""
     first: dict[Leaf, str] = {}
     for name, data in store.scenarios.items():
         for path in leaves(data):
             first.setdefault(path, name)
-    return [(name, path) for path, name in first.items()]
-
-
-def _value(draw: Draw, path: Leaf) -> str:
-    allowed = [v for v in TOML if v not in ("2147483648",)] if path[0] in _LONG else TOML
-    return draw.rng.choice(allowed)
+    path = draw.rng.choice(draw.turn(alike(first)))
+    value = hostile(draw.rng, at(store.scenarios[first[path]], path))
+    return first[path], path, "0" if path[0] in _LONG and value in ("2147483648", "255") else value
 
 
 def scenario(draw: Draw, store: Store) -> Case:
     """A leaf replaced, taken away, or a key of a hostile name beside it."""
-    name, path = draw.turn(_all(store))
+    name, path, value = _chosen(draw, store)
     data, how = store.scenarios[name], draw.rng.random()
     if how < 0.08 and isinstance(path[-1], str):
         key = draw.rng.choice(KEYS)
@@ -51,7 +48,6 @@ def scenario(draw: Draw, store: Store) -> Case:
     elif how < 0.15:
         text, about = removed(data, path), f"{dotted(path)} left out"
     else:
-        value = _value(draw, path)
         text, about = replaced(data, path, value), f"{dotted(path)} = {short(value)}"
     argv = _COMMANDS[draw.rng.choices(range(len(_COMMANDS)), (6, 2, 3, 2, 1, 1))[0]]
     return draw.case(argv, f"{name}: {about}", _writes({"s.toml": text, "c.toml": _ON}))
@@ -59,8 +55,7 @@ def scenario(draw: Draw, store: Store) -> Case:
 
 def overridden(draw: Draw, store: Store) -> Case:
     """A leaf by ``--set``, as text of TOML or as a bare word; or a hostile key."""
-    name, path = draw.turn(_all(store))
-    value = _value(draw, path)
+    name, path, value = _chosen(draw, store)
     text = f"{dotted(path)}={value}"
     if draw.rng.random() < 0.1:
         key = draw.rng.choice([k[1:-1] for k in KEYS if "\\u0000" not in k])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from random import Random
 from typing import Final
 
 MARK: Final = "ran_code"  # the file that the class of ``evilmod`` writes
@@ -14,7 +15,7 @@ TEXTS: Final = [
     "x",
     "[/red]",
     "[bold]x[/bold][/]",
-    "[link=file:///etc/passwd]x",
+    "[link=file:///x]x",
     "\x1b]0;OWNED\x07\x1b[2J",
     "\x9b2J",
     "a\x00b",
@@ -22,8 +23,8 @@ TEXTS: Final = [
     "a\r\nb",
     "\u202etxt.exe",
     "../../x",
-    "/etc/passwd",
-    "/dev/zero",
+    "/proc/version",  # a path may be written to, by root too: only where nothing comes of it
+    "/proc/nowhere/x",
     "n" * 300,
     "x" * 100_000,
     "¹²",
@@ -93,7 +94,15 @@ def _quoted(text: str) -> str:
     return json.dumps(text).replace("\x7f", "\\u007f").replace("\x9b", "\\u009b")
 
 
-TOML: Final = [*map(_quoted, TEXTS), *NUMBERS, *SHAPES]
+_TEXTS: Final = list(map(_quoted, TEXTS))
+
+
+def hostile(rng: Random, sound: object) -> str:
+    """A value as TOML text; more often than not one of the type of the ``sound`` value, so that it goes further."""
+    alike = _TEXTS if isinstance(sound, str) else SHAPES if isinstance(sound, bool | list | dict) else NUMBERS
+    return rng.choice(alike if rng.random() < 0.6 else [*_TEXTS, *NUMBERS, *SHAPES])
+
+
 KEYS: Final = [json.dumps(text) for text in TEXTS if len(text) < 2000]
 # Of a command line: an argument holds no NUL, and the largest one that Linux passes on has 128 kB.
 WORDS: Final = [text for text in (*TEXTS, *NUMBERS) if "\x00" not in text]
