@@ -255,10 +255,29 @@ def _exit_codes() -> Iterator[None]:
         sys.exit(1)
 
 
+_UsageError: Any = typer.BadParameter.__mro__[1]  # click's own; where click is, differs between versions of typer
+
+
 def main() -> None:
     """The ``rig`` command."""
     with _exit_codes():
-        app()
+        try:
+            code = app(standalone_mode=False)
+        except typer.Abort:
+            sys.exit(1)
+        except _UsageError as error:
+            if type(error).__name__ == "NoArgsIsHelpError":  # a group without a command: its help
+                error.show()
+                sys.exit(error.exit_code)
+            at = error.ctx.command_path if error.ctx else "rig"
+            raise BadInput(f"{_one_line(error.format_message())}; see: {at} --help") from None
+        sys.exit(code or 0)
+
+
+def _one_line(text: str) -> str:
+    """A word of the command line may hold anything: printable, and not long."""
+    shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in " ".join(text.split()))
+    return shown if len(shown) <= 400 else f"{shown[:200]} ... {shown[-195:]}"
 
 
 if __name__ == "__main__":
