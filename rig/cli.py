@@ -18,6 +18,7 @@ import typer
 from rig.campaign.cli import app as campaign_app
 from rig.catalogue.cli import faults_app
 from rig.errors import BadInput, RigError
+from rig.interrupt import end_cleanly
 from rig.recorded.cli import vote
 from rig.replay.cli import diff, export, info, replay
 from rig.score.cli import score
@@ -250,6 +251,7 @@ def _exit_codes() -> Iterator[None]:
 
 def main() -> None:
     """The ``rig`` command."""
+    end_cleanly()
     with _exit_codes():
         app()
 

@@ -26,7 +26,7 @@ from rig.events import Event, EventFinder, not_executed
 from rig.faults import Execution
 from rig.files import numbered
 from rig.frame import TIMING, Block, new_block
-from rig.interrupt import interruptible
+from rig.interrupt import Stop, interruptible
 from rig.log import Log, LogWriter, SignalArrays, read_log
 from rig.pace import Jitter, JitterCounter, Pace
 from rig.recorder import Recorder
@@ -37,6 +37,7 @@ from rig.view.facts import of_resolved
 from rig.view.sink import check_where
 from rig.view.stream import Stream, StreamReport, open_stream
 
+INTERRUPTED: Final = "interrupted"  # an end reason
 NAME_BYTES: Final = 180  # of a log's name; behind them come seed, number and ending
 Progress = Callable[[int, int], None]  # frames flown, frames in all
 Watch = Callable[[Block, float, Sequence[Event]], None]  # a block, its rate in Hz, its events
@@ -152,7 +153,7 @@ def _record(
     out: Path,
     rerun: str,
     pace: Pace,
-    stop: loop.Stop,
+    stop: Stop,
     progress: Progress | None,
     viewer: Viewer | None,
     watch: Watch | None,
@@ -188,7 +189,7 @@ def _record(
                     recorder.put(rows, timing)
             wall_s = time.perf_counter() - began
             reason = records.close(writer, stop)
-            if stream is not None and viewer is not None:
+            if stream is not None and viewer is not None and not stop.terminated:
                 viewer.flown(stream)
         finally:
             report = None if stream is None else stream.close(10.0)
@@ -214,7 +215,7 @@ class _Records:
             self._jitter.add(timing["frame_us"], timing["late_us"])
         return events
 
-    def close(self, writer: LogWriter, stop: loop.Stop) -> str:
+    def close(self, writer: LogWriter, stop: Stop) -> str:
         """Write what only the end can tell; why the flight ended."""
         verdict = self.verdict
         last = not_executed(verdict.frames - 1, self._execution.missing)
@@ -279,8 +280,8 @@ def metadata(scenario: Scenario) -> dict[str, str]:
     }
 
 
-def end_reason(verdict: Verdict, stop: loop.Stop, scenario: Scenario) -> str:
+def end_reason(verdict: Verdict, stop: Stop, scenario: Scenario) -> str:
     """Why the flight ended, as a reader would say it."""
     if not verdict.survived:
         return verdict.end.label
-    return "interrupted" if stop.requested and verdict.frames < scenario.frames else "duration flown"
+    return INTERRUPTED if stop.requested and verdict.frames < scenario.frames else "duration flown"

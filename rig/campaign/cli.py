@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
+from rig.interrupt import CODE
+
 app = typer.Typer(
     help="Fly many flights of one plan, and say what they show.",
     no_args_is_help=True,
@@ -15,7 +17,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-INTERRUPTED = 130  # exit code, as a shell gives it for Ctrl-C
 
 File = Annotated[str, typer.Argument(help="A campaign file or the name of a bundled one.", show_default=False)]
 Dir = Annotated[Path, typer.Argument(help="A campaign's output folder.", show_default=False)]
@@ -82,7 +83,7 @@ def run(
         show.result(result)
     if result.interrupted:
         typer.echo(f"stopped: {result.done} of {result.runs} runs done; the same command goes on", err=True)
-        raise typer.Exit(INTERRUPTED)
+        raise typer.Exit(CODE + result.signal)
 
 
 @app.command()

@@ -39,8 +39,11 @@ def get_ready() -> None:
     if _METHOD != "forkserver":
         return
     forkserver.set_forkserver_preload(["rig.campaign.warmed"])
-    resource_tracker.ensure_running()  # the server would start it, and that lifts any block of SIGINT
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited: Ctrl-C is the parent's
+    with _environment({"PYTHONWARNINGS": "ignore:resource_tracker"}):  # it tidies up after a kill -9, and says so
+        resource_tracker.ensure_running()  # the server would start it, and that lifts any block of SIGINT
+    before = signal.pthread_sigmask(
+        signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP}
+    )  # inherited: they are the parent's
     try:
         with _environment(_SETTINGS):
             forkserver.ensure_running()
@@ -148,8 +151,10 @@ def open_pool(workers: int, scheduler: str | None) -> Pool:
 
 
 def _begin() -> None:
-    """A worker's first act: Ctrl-C is the parent's, and without the parent there is nothing to do."""
+    """A worker's first act: Ctrl-C and SIGHUP are the parent's, and without the parent there is nothing to do."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "SIGHUP"):
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     parent = multiprocessing.parent_process()
     if parent is not None:
