@@ -18,6 +18,7 @@ import typer
 from rig.campaign.cli import app as campaign_app
 from rig.catalogue.cli import faults_app
 from rig.errors import BadInput, RigError
+from rig.interrupt import end_cleanly
 from rig.options import AllowCode
 from rig.recorded.cli import vote
 from rig.replay.cli import diff, export, info, replay
@@ -260,6 +261,7 @@ _UsageError: Any = typer.BadParameter.__mro__[1]  # click's own; where click is,
 
 def main() -> None:
     """The ``rig`` command."""
+    end_cleanly()
     with _exit_codes():
         try:
             code = app(standalone_mode=False)

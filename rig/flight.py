@@ -26,7 +26,7 @@ from rig.events import Event, EventFinder, not_executed
 from rig.faults import Execution
 from rig.files import numbered
 from rig.frame import TIMING, Block, new_block
-from rig.interrupt import interruptible
+from rig.interrupt import Stop, interruptible
 from rig.log import Log, LogWriter, SignalArrays, read_log
 from rig.pace import Jitter, JitterCounter, Pace
 from rig.recorder import Recorder
@@ -37,6 +37,7 @@ from rig.view.facts import of_resolved
 from rig.view.sink import check_where
 from rig.view.stream import Stream, StreamReport, open_stream
 
+INTERRUPTED: Final = "interrupted"  # an end reason
 NAME_BYTES: Final = 180  # of a log's name; behind them come seed, number and ending
 Progress = Callable[[int, int], None]  # frames flown, frames in all
 Watch = Callable[[Block, float, Sequence[Event]], None]  # a block, its rate in Hz, its events
@@ -156,7 +157,7 @@ def _record(
     out: Path,
     rerun: str,
     pace: Pace,
-    stop: loop.Stop,
+    stop: Stop,
     progress: Progress | None,
     viewer: Viewer | None,
     watch: Watch | None,
@@ -193,14 +194,14 @@ def _record(
             reason = records.close(writer, stop, failure)
             if failure is not None:
                 raise RigError(f"{failure}; the log is complete up to there: {path}")
-            if stream is not None and viewer is not None:
+            if stream is not None and viewer is not None and not stop.terminated:
                 viewer.flown(stream)
         finally:
             report = None if stream is None else stream.close(10.0)
     return records.flight(path, reason, wall_s, report)
 
 
-def _fly(rig: loop.Rig, scenario: Scenario, pace: Pace, stop: loop.Stop, recorder: Recorder) -> ManagerFailed | None:
+def _fly(rig: loop.Rig, scenario: Scenario, pace: Pace, stop: Stop, recorder: Recorder) -> ManagerFailed | None:
     """Fly to the end of the flight, or until the user's own manager raises, which is returned."""
     try:
         for rows, timing in loop.frames(rig, scenario, pace, stop):
@@ -229,7 +230,7 @@ class _Records:
             self._jitter.add(timing["frame_us"], timing["late_us"])
         return events
 
-    def close(self, writer: LogWriter, stop: loop.Stop, failure: ManagerFailed | None) -> str:
+    def close(self, writer: LogWriter, stop: Stop, failure: ManagerFailed | None) -> str:
         """Write what only the end can tell; why the flight ended."""
         verdict = self.verdict
         last = not_executed(verdict.frames - 1, self._execution.missing) if verdict.frames else []
@@ -294,8 +295,8 @@ def metadata(scenario: Scenario) -> dict[str, str]:
     }
 
 
-def end_reason(verdict: Verdict, stop: loop.Stop, scenario: Scenario) -> str:
+def end_reason(verdict: Verdict, stop: Stop, scenario: Scenario) -> str:
     """Why the flight ended, as a reader would say it."""
     if not verdict.survived:
         return verdict.end.label
-    return "interrupted" if stop.requested and verdict.frames < scenario.frames else "duration flown"
+    return INTERRUPTED if stop.requested and verdict.frames < scenario.frames else "duration flown"

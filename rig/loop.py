@@ -20,6 +20,7 @@ from rig.errors import ManagerFailed
 from rig.faults import Faults, actuate, corrupt, corrupt_reference
 from rig.frame import TIMING, Block, new_block
 from rig.inertial import Inertial, sense
+from rig.interrupt import Stop
 from rig.kernels import bind, kernel
 from rig.pace import Pace
 from rig.pilot import Pilot
@@ -117,12 +118,6 @@ def compute(block, k, of_sensors, of_inertial, of_faults, of_redundancy, of_cont
     decide_row(block, k, *of_redundancy)
     fly(block, k, *of_control)
     actuate(block, k, *of_faults)
-
-
-class Stop:
-    """Asks a flight to end after the present frame."""
-
-    requested = False
 
 
 Flown = tuple[Block, NDArray[np.void]]  # rows and their TIMING

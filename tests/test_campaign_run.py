@@ -4,6 +4,7 @@ import gc
 import json
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -22,7 +23,7 @@ from rig.campaign.again import again
 from rig.campaign.config import read
 from rig.campaign.folder import open_folder
 from rig.campaign.plan import Plan
-from rig.campaign.run import Result, run
+from rig.campaign.run import Progress, Result, run
 from rig.errors import BadInput, RigError
 from rig.log import read_log
 from rig.log.layout import ROW
@@ -172,7 +173,8 @@ def test_after_kill_9_of_the_parent_the_workers_end_and_the_same_command_goes_on
         process.send_signal(signal.SIGKILL)
 
     process = after_the_first_part(path, out, kill)
-    process.communicate(timeout=30)
+    _, stderr = process.communicate(timeout=30)
+    assert stderr == ""  # of what is cleared away behind it, no word
     gone, alive = psutil.wait_procs(flying, timeout=20)
     assert gone and not alive
     before = done(out)
@@ -197,15 +199,52 @@ def test_after_kill_9_of_a_worker_the_campaign_goes_on_by_itself(whole: Result, 
     assert sorted(done(out)) == list(range(48))
 
 
-def test_ctrl_c_keeps_what_is_flown_and_says_how_to_go_on(whole: Result, tmp_path: Path):
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)], ids=str
+)
+def test_an_interruption_keeps_what_is_flown_and_says_how_to_go_on(
+    whole: Result, tmp_path: Path, number: signal.Signals, code: int
+):
     path, out = write(tmp_path), tmp_path / "out"
-    process = after_the_first_part(path, out, lambda process: process.send_signal(signal.SIGINT))
+    process = after_the_first_part(path, out, lambda process: process.send_signal(number))
     stdout, stderr = process.communicate(timeout=60)
     result = json.loads(stdout)
-    assert process.returncode == 130 and result["interrupted"]
+    assert process.returncode == code and result["interrupted"]
     assert stderr == f"stopped: {result['done']} of 48 runs done; the same command goes on\n"
     assert 0 < result["done"] < 48 and result["done"] == len(done(out))
     assert run(planned(path), out).table_sha256 == whole.table_sha256
+
+
+def test_a_second_ctrl_c_ends_at_once_and_says_no_more_than_the_first(whole: Result, tmp_path: Path):
+    path, out = write(tmp_path), tmp_path / "out"
+
+    def twice(process: psutil.Process) -> None:
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+
+    process = after_the_first_part(path, out, twice)
+    stdout, stderr = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert stderr == f"stopped: {json.loads(stdout)['done']} of 48 runs done; the same command goes on\n"
+    assert run(planned(path), out).table_sha256 == whole.table_sha256
+
+
+def test_runs_that_are_deleted_in_flight_are_missed_and_the_same_command_flies_them_again(
+    whole: Result, tmp_path: Path
+):
+    path, out = write(tmp_path), tmp_path / "out"
+    gone: list[int] = []
+
+    def delete(report: Progress) -> None:
+        if report.flown >= 6 and not gone:
+            gone.extend(done(out))
+            shutil.rmtree(out / "runs")
+
+    with pytest.raises(RigError, match="that were flown are no longer in the tables; the same command"):
+        run(planned(path), out, report=delete)
+    again = run(planned(path), out)
+    assert again.flown == len(gone) > 0 and again.table_sha256 == whole.table_sha256
 
 
 def test_a_flight_that_ends_the_process_is_recorded_as_crashed_among_twenty_others(

@@ -461,6 +461,6 @@ def test_an_output_of_a_vote_with_codes_that_are_none_is_refused(tmp_path: Path)
         (replace(voted["x"], state=[np.full(30, 7, np.uint8)] * 3), "st_1 is one of 0, 1, 2, 3, got 7"),
         (replace(voted["x"], state=[np.full(30, State.ABSENT, np.uint8)] * 3), "two to 4 are needed"),
     ):
-        write(tmp_path / "o.mcap", ".mcap", recorded, {"x": signal})
+        write(tmp_path / "o.mcap", tmp_path / "o.mcap", recorded, {"x": signal})
         with pytest.raises(BadInput, match=says):
             read(tmp_path / "o.mcap", VoteConfig())

@@ -13,6 +13,7 @@ from rig.redundancy import Redundancy, vote_row
 from rig.redundancy.config import MANAGERS, Config, SignalConfigs
 from rig.redundancy.designed import Designed, Error, Point
 from rig.redundancy.reference import Config as References
+from rig.trust import Trust
 
 RATE = 100.0
 Q = INDEX["pitch_rate"]
@@ -38,7 +39,7 @@ def stage(manager: str = MANAGERS[0], errors: Any = None, **of_pitch_rate: Any) 
     every = {signal.name: {"threshold": 0.05} for signal in SIGNALS}
     every["pitch_rate"] |= of_pitch_rate
     config = Config(manager=manager, signals=SignalConfigs.model_validate(every))
-    return Redundancy(config, RANGES, FOUR, designed(errors=errors), RATE)
+    return Redundancy(config, RANGES, FOUR, designed(errors=errors), RATE, Trust())
 
 
 def rows(n: int = 2) -> Block:

@@ -77,7 +77,8 @@ def _messages(pipe: IO[bytes]) -> Iterator[Any]:
 
 def main() -> None:
     """The child: runs and orders from standard input, rows to standard output."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's, and so is the terminal that is closed
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever a flight prints is no row
     runs, orders = pickle.load(sys.stdin.buffer)  # our own parent

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from rig.interrupt import CODE
 from rig.options import AllowCode
 
 app = typer.Typer(
@@ -17,7 +18,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-INTERRUPTED = 130  # exit code, as a shell gives it for Ctrl-C
 
 File = Annotated[str, typer.Argument(help="A campaign file or the name of a bundled one.", show_default=False)]
 Dir = Annotated[Path, typer.Argument(help="A campaign's output folder.", show_default=False)]
@@ -89,7 +89,7 @@ def run(
         show.result(result)
     if result.interrupted:
         typer.echo(f"stopped: {result.done} of {result.runs} runs done; the same command goes on", err=True)
-        raise typer.Exit(INTERRUPTED)
+        raise typer.Exit(CODE + result.signal)
 
 
 @app.command()

@@ -32,6 +32,7 @@ from rig.faults import Execution
 from rig.files import replaced
 from rig.flight import end_reason, labels, metadata
 from rig.frame import FRAME, TIMING, Block, new_block
+from rig.interrupt import Stop
 from rig.log import LogWriter
 from rig.scenario import Scenario, load
 from rig.score import Score, fly_twin, score
@@ -67,7 +68,7 @@ class Flown:
     @property
     def end_reason(self) -> str:
         """Why the flight ended."""
-        return end_reason(self.verdict, loop.Stop(), self.scenario)
+        return end_reason(self.verdict, Stop(), self.scenario)
 
 
 def fly(scenario: Scenario) -> Flown:

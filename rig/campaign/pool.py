@@ -40,9 +40,11 @@ def get_ready() -> None:
     if _METHOD != "forkserver":
         return
     forkserver.set_forkserver_preload(["rig.campaign.warmed"])
-    with _environment(_SETTINGS):
+    # The tracker tidies up after a kill -9, and would say so.
+    with _environment({**_SETTINGS, "PYTHONWARNINGS": "ignore:resource_tracker"}):
         resource_tracker.ensure_running()  # the server would start it, and that lifts any block of SIGINT
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited: Ctrl-C is the parent's
+    theirs = {signal.SIGINT, signal.SIGHUP}  # the parent's to handle; a mask is inherited
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, theirs)
     try:
         with _environment(_SETTINGS):
             forkserver.ensure_running()
@@ -150,8 +152,10 @@ def open_pool(workers: int, scheduler: str | None) -> Pool:
 
 
 def _begin() -> None:
-    """A worker's first act: Ctrl-C is the parent's, and without the parent there is nothing to do."""
+    """A worker's first act: Ctrl-C and SIGHUP are the parent's, and without the parent there is nothing to do."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "SIGHUP"):
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     parent = multiprocessing.parent_process()
     if parent is not None:
