@@ -47,7 +47,7 @@ def interruptible(*, again: bool = False) -> Iterator[Stop]:
         if number == signal.SIGINT:
             stop.insisted = stop.requested and again
             if stop.insisted or not again:
-                signal.signal(number, before[number])
+                signal.signal(number, before[signal.SIGINT])
         stop.requested, stop.signal = True, stop.signal or number
 
     asking = (signal.SIGINT, *_heeded())
