@@ -23,6 +23,7 @@ from rig.recorded.cli import vote
 from rig.replay.cli import diff, export, info, replay
 from rig.score.cli import score
 from rig.study.cli import study
+from rig.text import plain
 from rig.view.cli import view
 from rig.watch.cli import watch as watch_log
 
@@ -58,6 +59,8 @@ def _common(
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Show JSBSim's and our log messages.")] = False,
 ) -> None:
     logging.basicConfig(level=logging.DEBUG if verbose else logging.ERROR, format="%(name)s: %(message)s")
+    if not verbose:  # what matters in JSBSim's messages becomes our one line
+        logging.getLogger("rig.jsbsim").setLevel(logging.CRITICAL + 1)
     for noisy in ("numba", "asyncio", "matplotlib"):
         logging.getLogger(noisy).setLevel(logging.WARNING)
 
@@ -120,7 +123,7 @@ def recover(
         text, kept = f"{log}: whole, nothing to mend: {holds}", log
     else:
         text, kept = f"{target}: {holds}; {found.damage}, {found.lost_bytes} bytes lost", target
-    _print(as_json, lambda: {"log": str(kept), **asdict(found)}, lambda: typer.echo(text))
+    _print(as_json, lambda: {"log": str(kept), **asdict(found)}, lambda: typer.echo(plain(text)))
 
 
 @app.command()
@@ -167,7 +170,18 @@ def scenario_show(scenario: ScenarioName = None, sets: Sets = None, as_json: Jso
     from rig.scenario import load
 
     loaded = load(scenario, sets or ())
-    _print(as_json, loaded.resolved, lambda: typer.echo(loaded.to_toml(), nl=False))
+    _print(as_json, loaded.resolved, lambda: typer.echo(plain(loaded.to_toml(), keep="\n"), nl=False))
+
+
+@scenario_app.command("list")
+def scenario_list(as_json: Json = False) -> None:
+    """List the bundled scenarios and their titles."""
+    from rig import show
+    from rig.scenario import find, names
+    from rig.settings import read_toml
+
+    found = {name: str(read_toml(find(name)).get("title", "")) for name in names()}
+    _print(as_json, lambda: found, lambda: show.scenarios(found))
 
 
 @scenario_app.command("check")
@@ -179,7 +193,7 @@ def scenario_check(scenario: ScenarioName = None, sets: Sets = None) -> None:
     manager = loaded.redundancy.manager
     code = f"; the class {manager} votes: not imported here, rig fly needs --allow-code" if ":" in manager else ""
     counts = f"{loaded.frames} frames of {loaded.aircraft}, {len(loaded.faults)} faults"
-    typer.echo(f"{find(scenario)}: good, {counts}{code}")
+    typer.echo(plain(f"{find(scenario)}: good, {counts}{code}"))
 
 
 @aircraft_app.command("list")
@@ -200,7 +214,7 @@ def aircraft_show(name: str, as_json: Json = False) -> None:
     from rig.aircraft import tables
 
     found = tables(name)
-    _print(as_json, lambda: found, lambda: typer.echo(tomli_w.dumps(found), nl=False))
+    _print(as_json, lambda: found, lambda: typer.echo(plain(tomli_w.dumps(found), keep="\n"), nl=False))
 
 
 @aircraft_app.command("design")

@@ -7,12 +7,14 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import rig
 from rig import cli, scenario
 from rig.errors import BadInput
 from rig.loop import Rig
+from rig.redundancy.config import PARAMS
 from rig.redundancy.own import load_manager
 from rig.scenario import from_resolved, named_manager
 from rig.trust import Trust
@@ -203,14 +205,12 @@ def test_in_python_permission_is_a_keyword(place: Path):
 
 @pytest.mark.parametrize("name", ["strange:Largest", "sys:exit", "antigravity:x"])
 def test_whatever_a_class_raises_while_it_is_made_is_one_line(name: str, place: Path):
-    import rig.redundancy.own as own
-
     with pytest.raises(BadInput):
-        load_manager(name, own.np.zeros(1), Trust())
+        load_manager(name, np.zeros(1, PARAMS), Trust())
     assert "antigravity" not in sys.modules and not marked(place)
     if name == "sys:exit":
         with pytest.raises(BadInput, match="cannot be made: SystemExit") as caught:
-            load_manager(name, own.np.zeros(1), Trust(allow_code=True))
+            load_manager(name, np.zeros(1, PARAMS), Trust(allow_code=True))
         assert "\n" not in str(caught.value)
 
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
 from rig import aircraft
 from rig.errors import BadInput
-from rig.settings import Settings, build, read_toml
+from rig.settings import Settings, build, is_file, read_toml
+from rig.text import nearest, quoted
 
 Sampling = Literal["grid", "random", "latin-hypercube", "sobol"]
 MOST_RUNS = 1_000_000
@@ -79,7 +80,7 @@ class Distribution(Settings):
 
         known = getattr(scipy.stats, self.distribution, None)
         if known is None or not isinstance(known, scipy.stats.rv_continuous):
-            raise ValueError(f"distribution: scipy.stats has no continuous distribution {self.distribution!r}")
+            raise ValueError(f"distribution: scipy.stats has no continuous distribution {quoted(self.distribution)}")
         return known
 
 
@@ -114,6 +115,8 @@ class How(Settings):
 
 class Campaign(Settings):
     """What is flown, and how. ``base`` is the base scenario's own table, read."""
+
+    keys_are_in: ClassVar[str] = "docs/campaign.md"
 
     title: str = ""
     base: dict[str, Any]
@@ -166,10 +169,10 @@ def find(name: str | Path) -> Path:
     """A campaign's file: the path given, or that name in the bundled ``faults/campaigns``."""
     wanted, home = Path(name), aircraft.bundled("faults") / "campaigns"
     for candidate in (wanted, home / wanted.name, home / f"{wanted.name}.toml"):
-        if candidate.is_file():
+        if is_file(candidate):
             return candidate
-    known = ", ".join(sorted(path.stem for path in home.glob("*.toml")))
-    raise BadInput(f"{wanted}: no such file; bundled campaigns: {known}")
+    known = ", ".join(nearest(wanted.stem, (path.stem for path in home.glob("*.toml"))))
+    raise BadInput(f"{wanted}: no such file; nearest bundled: {known}; all: docs/campaign.md")
 
 
 def read(name: str | Path, sets: dict[str, Any] | None = None) -> Campaign:
@@ -189,7 +192,7 @@ def _base(name: str, path: Path) -> dict[str, Any]:
 
     beside = path.parent / name
     try:
-        return read_toml(beside if beside.is_file() else find_scenario(name))
+        return read_toml(beside if is_file(beside) else find_scenario(name))
     except BadInput as error:
         raise BadInput(f"{path}: base: {error}") from None
 
@@ -225,7 +228,7 @@ def _leaves(data: dict[str, Any], above: str, source: str) -> Iterator[tuple[str
         if isinstance(value, list):
             yield name, build(Levels, {"values": value}, where)
         elif not isinstance(value, dict):
-            raise BadInput(f"{where}: must be a list, a range (low, high) or a distribution, got {value!r}")
+            raise BadInput(f"{where}: must be a list, a range (low, high) or a distribution, got {quoted(value)}")
         elif isinstance(value.get("values"), list) and len(value) == 1:
             yield name, build(Levels, value, where)
         elif isinstance(value.get("distribution"), str):

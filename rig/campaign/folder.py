@@ -151,7 +151,7 @@ def open_folder(path: Path, allow_code: bool = False) -> Folder:
 def _read(path: Path) -> dict[str, Any]:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise BadInput(f"{path}: cannot be read: {error}") from None
     if not isinstance(found, dict) or found.get("format") != _FORMAT:
         raise BadInput(f"{path}: not of this version of the rig")
