@@ -29,7 +29,7 @@ def vote(
     """Vote on recorded channels with the redundancy manager of the flight."""
     from rig.errors import BadInput
     from rig.recorded.summary import show
-    from rig.show import console
+    from rig.screen import console
 
     if not align and (align_from, align_to) != (None, None):
         raise BadInput("--align-from and --align-to need --align")
