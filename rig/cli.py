@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import typer
 
@@ -24,6 +24,7 @@ from rig.recorded.cli import vote
 from rig.replay.cli import diff, export, info, replay
 from rig.score.cli import score
 from rig.study.cli import study
+from rig.text import plain, shorten
 from rig.view.cli import view
 from rig.watch.cli import watch as watch_log
 
@@ -59,6 +60,8 @@ def _common(
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Show JSBSim's and our log messages.")] = False,
 ) -> None:
     logging.basicConfig(level=logging.DEBUG if verbose else logging.ERROR, format="%(name)s: %(message)s")
+    if not verbose:  # what matters in JSBSim's messages becomes our one line
+        logging.getLogger("rig.jsbsim").setLevel(logging.CRITICAL + 1)
     for noisy in ("numba", "asyncio", "matplotlib"):
         logging.getLogger(noisy).setLevel(logging.WARNING)
 
@@ -121,7 +124,7 @@ def recover(
         text, kept = f"{log}: whole, nothing to mend: {holds}", log
     else:
         text, kept = f"{target}: {holds}; {found.damage}, {found.lost_bytes} bytes lost", target
-    _print(as_json, lambda: {"log": str(kept), **asdict(found)}, lambda: typer.echo(text))
+    _print(as_json, lambda: {"log": str(kept), **asdict(found)}, lambda: typer.echo(plain(text)))
 
 
 @app.command()
@@ -168,7 +171,18 @@ def scenario_show(scenario: ScenarioName = None, sets: Sets = None, as_json: Jso
     from rig.scenario import load
 
     loaded = load(scenario, sets or ())
-    _print(as_json, loaded.resolved, lambda: typer.echo(loaded.to_toml(), nl=False))
+    _print(as_json, loaded.resolved, lambda: typer.echo(plain(loaded.to_toml(), keep="\n"), nl=False))
+
+
+@scenario_app.command("list")
+def scenario_list(as_json: Json = False) -> None:
+    """List the bundled scenarios and their titles."""
+    from rig import show
+    from rig.scenario import find, names
+    from rig.settings import read_toml
+
+    found = {name: str(read_toml(find(name)).get("title", "")) for name in names()}
+    _print(as_json, lambda: found, lambda: show.scenarios(found))
 
 
 @scenario_app.command("check")
@@ -180,7 +194,7 @@ def scenario_check(scenario: ScenarioName = None, sets: Sets = None) -> None:
     manager = loaded.redundancy.manager
     code = f"; the class {manager} votes: not imported here, rig fly needs --allow-code" if ":" in manager else ""
     counts = f"{loaded.frames} frames of {loaded.aircraft}, {len(loaded.faults)} faults"
-    typer.echo(f"{find(scenario)}: good, {counts}{code}")
+    typer.echo(plain(f"{find(scenario)}: good, {counts}{code}"))
 
 
 @aircraft_app.command("list")
@@ -201,7 +215,7 @@ def aircraft_show(name: str, as_json: Json = False) -> None:
     from rig.aircraft import tables
 
     found = tables(name)
-    _print(as_json, lambda: found, lambda: typer.echo(tomli_w.dumps(found), nl=False))
+    _print(as_json, lambda: found, lambda: typer.echo(plain(tomli_w.dumps(found), keep="\n"), nl=False))
 
 
 @aircraft_app.command("design")
@@ -256,6 +270,7 @@ def _exit_codes() -> Iterator[None]:
         sys.exit(1)
 
 
+MOST_OF_A_WORD: Final = 400  # characters of a wrong command line that are repeated
 _UsageError: Any = typer.BadParameter.__mro__[1]  # click's own; where click is, differs between versions of typer
 
 
@@ -272,14 +287,8 @@ def main() -> None:
                 error.show()
                 sys.exit(error.exit_code)
             at = error.ctx.command_path if error.ctx else "rig"
-            raise BadInput(f"{_one_line(error.format_message())}; see: {at} --help") from None
+            raise BadInput(f"{shorten(error.format_message(), MOST_OF_A_WORD)}; see: {at} --help") from None
         sys.exit(code or 0)
-
-
-def _one_line(text: str) -> str:
-    """A word of the command line may hold anything: printable, and not long."""
-    shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in " ".join(text.split()))
-    return shown if len(shown) <= 400 else f"{shown[:200]} ... {shown[-195:]}"
 
 
 if __name__ == "__main__":

@@ -6,9 +6,21 @@ RigError                  a failure of ours or of the machine: exit code 1
     └── BadLog            a file that is no log, or a damaged one
 """
 
+from __future__ import annotations
+
+from typing import Any
+
+from rig.text import one_line
+
 
 class RigError(Exception):
-    """A flight, log or design that could not be completed; the message is one line."""
+    """A flight, log or design that could not be completed.
+
+    The message becomes one plain line (text.one_line), whatever was put into it.
+    """
+
+    def __init__(self, message: str = "", *rest: Any) -> None:
+        super().__init__(one_line(message), *rest)
 
 
 class ManagerFailed(RigError):

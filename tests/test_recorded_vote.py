@@ -33,11 +33,12 @@ SETTINGS = {"threshold": 1.0, "persistence": 8, "singular_persistence": 10}
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
     """run(columns, settings) -> the table written, the JSON printed."""
 
-    def voted(columns: dict[str, Any], settings: dict[str, Any]) -> tuple[pl.DataFrame, dict[str, Any]]:
+    def voted(columns: dict[str, Any], settings: dict[str, Any], *options: str) -> tuple[pl.DataFrame, dict[str, Any]]:
         pl.DataFrame(columns).write_csv(tmp_path / "in.csv")
         (tmp_path / "c.toml").write_text(tomli_w.dumps({"default": settings}))
         monkeypatch.chdir(tmp_path)
-        monkeypatch.setattr(sys, "argv", ["rig", "vote", "in.csv", "--config", "c.toml", "--out", "o.csv", "--json"])
+        command = ["rig", "vote", "in.csv", "--config", "c.toml", "--out", "o.csv", "--json", *options]
+        monkeypatch.setattr(sys, "argv", command)
         with pytest.raises(SystemExit) as end:
             cli.main()
         assert end.value.code == 0
@@ -232,7 +233,7 @@ def test_a_manager_of_the_users_own_votes(run: Any, tmp_path: Path):
         "        block[k]['voted'][0] = block[k]['channels'][0, 0]\n"
         "        block[k]['level'][0] = self.fitted\n"
     )
-    table, found = run(columns(constant(7, 0, 0)), {**SETTINGS, "manager": "first_of_all:First"})
+    table, found = run(columns(constant(7, 0, 0)), {**SETTINGS, "manager": "first_of_all:First"}, "--allow-code")
     assert failed(found) == {} and (table["x.voted"] == 7).all() and (table["x.level"] == 3).all()
 
 

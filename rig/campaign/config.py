@@ -11,7 +11,7 @@ import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
@@ -20,6 +20,7 @@ from rig import aircraft
 from rig.errors import BadInput
 from rig.files import is_file
 from rig.settings import Settings, build, read_toml
+from rig.text import nearest, quoted
 
 Sampling = Literal["grid", "random", "latin-hypercube", "sobol"]
 MOST_RUNS: Final = 1_000_000
@@ -98,7 +99,7 @@ class Distribution(Settings):
 
         known = getattr(scipy.stats, self.distribution, None)
         if known is None or not isinstance(known, scipy.stats.rv_continuous):
-            raise ValueError(f"distribution: scipy.stats has no continuous distribution {self.distribution!r}")
+            raise ValueError(f"distribution: scipy.stats has no continuous distribution {quoted(self.distribution)}")
         return known
 
 
@@ -133,6 +134,8 @@ class How(Settings):
 
 class Campaign(Settings):
     """What is flown, and how. ``base`` is the base scenario's own table, read."""
+
+    keys_are_in: ClassVar[str] = "docs/campaign.md"
 
     title: str = ""
     base: dict[str, Any]
@@ -195,8 +198,8 @@ def find(name: str | Path) -> Path:
     for candidate in (wanted, home / wanted.name, home / f"{wanted.name}.toml"):
         if is_file(candidate):
             return candidate
-    known = ", ".join(sorted(path.stem for path in home.glob("*.toml")))
-    raise BadInput(f"{wanted}: no such file; bundled campaigns: {known}")
+    known = ", ".join(nearest(wanted.stem, (path.stem for path in home.glob("*.toml"))))
+    raise BadInput(f"{wanted}: no such file; nearest bundled: {known}; all: docs/campaign.md")
 
 
 def read(name: str | Path, sets: dict[str, Any] | None = None) -> Campaign:
@@ -259,7 +262,7 @@ def _leaves(data: dict[str, Any], above: str, source: str) -> Iterator[tuple[str
         if isinstance(value, list):
             yield name, build(Levels, {"values": value}, where)
         elif not isinstance(value, dict):
-            raise BadInput(f"{where}: must be a list, a range (low, high) or a distribution, got {value!r}")
+            raise BadInput(f"{where}: must be a list, a range (low, high) or a distribution, got {quoted(value)}")
         elif isinstance(value.get("values"), list) and len(value) == 1:
             yield name, build(Levels, value, where)
         elif isinstance(value.get("distribution"), str):

@@ -32,8 +32,8 @@ def vote(
 ) -> None:
     """Vote on recorded channels with the redundancy manager of the flight."""
     from rig.errors import BadInput
-    from rig.recorded.summary import plain, show
-    from rig.show import console
+    from rig.recorded.summary import show
+    from rig.screen import console
 
     if not align and (align_from, align_to) != (None, None):
         raise BadInput("--align-from and --align-to need --align")
@@ -47,7 +47,7 @@ def vote(
     screen = console()
     show(screen, found)
     screen.print(", ".join(f"{stage} {taken:.2f} s" for stage, taken in found["seconds"].items()))
-    screen.print(plain(f"written  {out}"), soft_wrap=True)
+    screen.print(f"written  {out}", soft_wrap=True)
 
 
 def _vote(

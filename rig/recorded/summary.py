@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
 from rig.frame import Pattern, State
 from rig.recorded.align import Corrections
@@ -79,19 +78,14 @@ def show(screen: Console, found: dict[str, Any]) -> None:
     first, last = found["time_s"]
     screen.print(f"{found['rows']} rows from {first:g} to {last:g} s, {found['rate_hz']:g} a second")
     for repair in found["repaired"]:
-        screen.print(plain(_repaired(repair)), soft_wrap=True)
+        screen.print(_repaired(repair), soft_wrap=True)
     aligned = any("alignment" in channel for signal in found["signals"].values() for channel in signal["channels"])
     if aligned:
         screen.print(_alignment_table(found))
     screen.print(_signal_table(found))
     screen.print(_failure_table(found))
     if found["not_voted"]:
-        screen.print(plain(f"not voted, as CONFIG does not name them: {', '.join(found['not_voted'])}"))
-
-
-def plain(text: str) -> Text:
-    """Text with names of other people's files in it: no markup, control characters as in Python."""
-    return Text("".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text))
+        screen.print(f"not voted, as CONFIG does not name them: {', '.join(found['not_voted'])}")
 
 
 def _repaired(repair: dict[str, Any]) -> str:
@@ -105,7 +99,7 @@ def _signal_table(found: dict[str, Any]) -> Table:
     for name, signal in found["signals"].items():
         spread = [_number(value) for value in signal["spread"].values()]
         voted = [_number(value) for value in signal["voted"].values()]
-        table.add_row(plain(name), str(signal["level"]), f"{100 * signal['singular_share']:.3g} %", *spread, *voted)
+        table.add_row(name, str(signal["level"]), f"{100 * signal['singular_share']:.3g} %", *spread, *voted)
     return table
 
 
@@ -115,9 +109,7 @@ def _failure_table(found: dict[str, Any]) -> Table:
         for channel in signal["channels"]:
             times = [(str(f["frame"]), f"{f['time_s']:.6g} s", f["why"]) for f in channel["failed"]]
             first, *again = times or [("never", "", "")]
-            table.add_row(
-                plain(f"{name}.{channel['channel']}"), channel["state"], *first, str(channel["invalid_samples"])
-            )
+            table.add_row(f"{name}.{channel['channel']}", channel["state"], *first, str(channel["invalid_samples"]))
             for later in again:
                 table.add_row("", "", *later, "")
     return table
@@ -130,7 +122,7 @@ def _alignment_table(found: dict[str, Any]) -> Table:
             a = channel["alignment"]
             note = "" if a["aligned"] else "left alone: like no other channel"
             table.add_row(
-                plain(f"{name}.{channel['channel']}"),
+                f"{name}.{channel['channel']}",
                 f"{a['delay_frames']:.2f}",
                 f"{1e3 * a['delay_s']:.2f}",
                 _number(a["offset"]),

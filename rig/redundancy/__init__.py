@@ -28,17 +28,17 @@ class Redundancy:
         channels: NDArray[np.int64],
         designed: Designed,
         rate_hz: float,
-        trust: Trust,
+        trust: Trust | None = None,
     ) -> None:
         """``ranges`` (S, 2) and ``channels`` (S,) are those of the sensors.  BadInput: the user's manager.
 
-        trust : whether a manager class that the settings name may be run
+        trust : whether a manager class that the settings name may be run; it may not when not given
         """
         params = parameters(config.signals, ranges, channels, rate_hz)
         measured_thresholds(params, config, designed)
         self.references = References(config.references, designed, rate_hz, config.manager == MANAGERS[0])
         own = config.manager not in MANAGERS
-        self.own: OwnManager | None = load_manager(config.manager, params, trust) if own else None
+        self.own: OwnManager | None = load_manager(config.manager, params, trust or Trust()) if own else None
         name = MANAGERS[0] if own else config.manager
         self.manager = Manager(name, params, reset_table(config.resets, rate_hz))
         self.discretes = DiscreteVoter(config.discrete_persistence)

@@ -31,12 +31,12 @@ class OwnManager:
 
     def __init__(self, name: str, made: ManagerLike) -> None:
         self.name = name
-        self._made = made
+        self.made = made
 
     def step(self, block: Block, k: int) -> None:
         """Vote and monitor every signal of row k; ManagerFailed names class, frame and exception when it raises."""
         try:
-            self._made.step(block, k)
+            self.made.step(block, k)
         except KeyboardInterrupt:
             raise
         except BaseException as error:

@@ -53,7 +53,7 @@ def recorded(path: Path | str, allow_code: bool = False) -> Recorded:
         raise BadLog(f"{path}: no scenario in its metadata")
     try:
         data = json.loads(log.metadata["scenario"])
-    except ValueError:
+    except (ValueError, RecursionError):
         raise BadLog(f"{path}: the scenario in its metadata is damaged") from None
     scenario = from_resolved(data, f"{path}: its scenario", Trust(str(path), allow_code))
     if len(log.rows) == 0:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig.options import AllowCode
+from rig.text import plain
 
 if TYPE_CHECKING:
     from rig.replay.again import Recorded
@@ -143,11 +144,11 @@ def export(
     if as_json:
         _print({"log": str(log), "out": str(target), "rows": len(recording.rows), "columns": columns})
     else:
-        typer.echo(f"{target}: {len(recording.rows)} rows, {len(columns)} columns")
+        typer.echo(plain(f"{target}: {len(recording.rows)} rows, {len(columns)} columns"))
 
 
 def _console() -> Any:
-    from rig.show import console
+    from rig.screen import console
 
     return console()
 

@@ -26,6 +26,7 @@ from rig.frame import SIGNALS, Block, Ilm, State
 from rig.log import Log
 from rig.log.columns import COLUMNS, Column
 from rig.replay.decisions import label
+from rig.text import choices, quoted
 
 TIME: Final = "time_s"
 _OWN: Final = {"trend_high": "trend.high", "trend_low": "trend.low", "reference": "ref"}
@@ -69,7 +70,7 @@ def _chosen(rows: Block, owners: Sequence[str], for_vote: bool) -> list[Column]:
     known = signals if for_vote else OWNERS
     for owner in owners:
         if owner not in known:
-            raise BadInput(f"--signals: unknown {owner!r}, allowed: {', '.join(known)}")
+            raise BadInput(f"--signals: unknown {quoted(owner)}, {choices(owner, known, 'rig signals')}")
     wanted = owners or known
     fields = _FOR_VOTE if for_vote else tuple(rows.dtype.names or ())
     return [column for column in COLUMNS if column.owner in wanted and column.field in fields and _fitted(rows, column)]

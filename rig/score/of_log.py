@@ -51,7 +51,7 @@ def _scenario(path: Path, log: Log, allow_code: bool) -> Scenario:
         raise BadInput(f"{path}: holds no scenario, so there is no truth to score against; only logs of rig fly do")
     try:
         resolved = json.loads(log.metadata["scenario"])
-    except ValueError:
+    except (ValueError, RecursionError):
         raise BadInput(f"{path}: its scenario cannot be read") from None
     return from_resolved(resolved, f"{path}: scenario", Trust(str(path), allow_code))
 

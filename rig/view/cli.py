@@ -14,6 +14,8 @@ from typing import Annotated, Any
 
 import typer
 
+from rig.text import plain
+
 
 def view(
     logs: Annotated[
@@ -134,4 +136,4 @@ def _serve(flights: Any, said: dict[str, Any], as_json: bool) -> None:
 
 
 def _tell(said: dict[str, Any], as_json: bool, text: str) -> None:
-    typer.echo(json.dumps(said, allow_nan=False) if as_json else text)
+    typer.echo(json.dumps(said, allow_nan=False) if as_json else plain(text))
