@@ -13,6 +13,7 @@ from rig.campaign.compare import compare
 from rig.campaign.config import read
 from rig.campaign.folder import Folder, open_folder
 from rig.campaign.plan import Plan
+from rig.campaign.rows import Rows
 from rig.campaign.report import report
 from rig.campaign.status import status
 from rig.errors import BadInput
@@ -26,7 +27,7 @@ duration_s = [1.0, 2.0]
 FIRST = "000000-000002"
 
 
-def rows(numbers: range) -> dict[str, list[dict[str, object]]]:
+def rows(numbers: range) -> Rows:
     """The rows of a part: each run with one fault found; the second of a part also with an alarm and an episode."""
     counts = dict.fromkeys(("missed", "undetectable", "not_executed", "wrong_isolations"), 0)
     odd = {number: int(number % 3 == 1) for number in numbers}
@@ -66,6 +67,10 @@ def cut(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-20])
 
 
+def empty(path: Path) -> None:
+    path.write_bytes(b"")
+
+
 def folder_there(path: Path) -> None:
     path.unlink()
     path.mkdir()
@@ -74,7 +79,7 @@ def folder_there(path: Path) -> None:
 DAMAGES: dict[str, tuple[Callable[[Path], None], str]] = {
     "missing": (Path.unlink, "is missing"),
     "cut": (cut, "cannot be read"),
-    "empty": (lambda path: path.write_bytes(b"") and None, "cannot be read"),
+    "empty": (empty, "cannot be read"),
     "a folder": (folder_there, "is no file"),
     "a column renamed": (lambda path: rewrite(path, lambda f: f.rename({"run": "flight"})), "column 'run' is not"),
     "a column more": (lambda path: rewrite(path, lambda f: f.with_columns(more=1)), "column 'more' is not"),
@@ -140,7 +145,7 @@ def test_parts_that_overlap_and_runs_that_are_none_of_the_campaigns_are_named(ou
         folder.done()
     (out / "runs" / "000002-000003.parquet").unlink()
     for name in ("runs", "faults", "alarms", "episodes"):
-        beyond = shutil.copy(out / name / f"{FIRST}.parquet", out / name / "000006-000008.parquet")
+        beyond = Path(shutil.copy(out / name / f"{FIRST}.parquet", out / name / "000006-000008.parquet"))
         rewrite(beyond, lambda frame: frame.with_columns(run=pl.col("run") + 6))
     with pytest.raises(BadInput, match=r"000006-000008.parquet: a run twice, or none of the campaign's 6"):
         folder.done()
