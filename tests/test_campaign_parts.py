@@ -4,7 +4,6 @@ import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import polars as pl
 import pytest
@@ -14,6 +13,7 @@ from rig.campaign.compare import compare
 from rig.campaign.config import read
 from rig.campaign.folder import Folder, open_folder
 from rig.campaign.plan import Plan
+from rig.campaign.rows import Rows
 from rig.campaign.report import report
 from rig.campaign.status import status
 from rig.errors import BadInput
@@ -27,7 +27,7 @@ duration_s = [1.0, 2.0]
 FIRST = "000000-000002"
 
 
-def rows(numbers: range) -> dict[str, list[dict[str, Any]]]:
+def rows(numbers: range) -> Rows:
     """The rows of a part: each run with one fault found; the second of a part also with an alarm and an episode."""
     counts = dict.fromkeys(("missed", "undetectable", "not_executed", "wrong_isolations"), 0)
     odd = {number: int(number % 3 == 1) for number in numbers}
@@ -67,6 +67,10 @@ def cut(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-20])
 
 
+def empty(path: Path) -> None:
+    path.write_bytes(b"")
+
+
 def folder_there(path: Path) -> None:
     path.unlink()
     path.mkdir()
@@ -75,7 +79,7 @@ def folder_there(path: Path) -> None:
 DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     "missing": (Path.unlink, "is missing"),
     "cut": (cut, "cannot be read"),
-    "empty": (lambda path: path.write_bytes(b""), "cannot be read"),
+    "empty": (empty, "cannot be read"),
     "a folder": (folder_there, "is no file"),
     "a column renamed": (lambda path: rewrite(path, lambda f: f.rename({"run": "flight"})), "column 'run' is not"),
     "a column more": (lambda path: rewrite(path, lambda f: f.with_columns(more=1)), "column 'more' is not"),
