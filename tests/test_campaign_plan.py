@@ -131,7 +131,7 @@ def test_seeds_are_those_of_the_campaign_and_the_number_alone(tmp_path: Path):
         ("[vary]\nduration_s = { low = 1e-300, high = 1e300, log = true, levels = 3 }\n", "too far apart"),
         ("[vary]\nduration_s = { low = 1, high = 1e300, whole = true, levels = 3 }\n", "must be within"),
         ("[vary]\nduration_s = [9223372036854775808]\n", "vary.duration_s: values: a whole number must have 64 bits"),
-        (f"[vary]\n{'.'.join('a' * 400)} = [1]\n", "tables nested more than 50 deep"),
+        (f"[vary]\n{'.'.join('a' * 400)} = [1]\n", "nested more than 100 deep"),
         ("[run]\ntimeout_s = 1e300\n", "run.timeout_s: input should be less than or equal to"),
     ],
 )

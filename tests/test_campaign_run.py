@@ -28,6 +28,7 @@ from rig.errors import BadInput, RigError
 from rig.log import read_log
 from rig.log.layout import ROW
 from rig.log.writer import CHUNK_BYTES
+from rig.trust import Trust
 
 CAMPAIGN = """
 base = "f16_pitch_rate_hardover"
@@ -87,8 +88,8 @@ def write(folder: Path, text: str = CAMPAIGN) -> Path:
     return path
 
 
-def planned(path: Path) -> Plan:
-    return Plan(read(path), str(path))
+def planned(path: Path, allow_code: bool = False) -> Plan:
+    return Plan(read(path), str(path), Trust(str(path), allow_code))
 
 
 @pytest.fixture(scope="module")
@@ -256,7 +257,7 @@ def test_a_flight_that_ends_the_process_is_recorded_as_crashed_among_twenty_othe
     varied = f'[vary]\n"redundancy.manager" = [{", ".join(managers)}]\n'
     head, _, tail = CAMPAIGN.replace("runs = 48\n", "").replace("8.0", "2.0").partition("[vary]")
     path = write(tmp_path, head + varied + tail[tail.index("[run]") :] + 'logs = "all"\n')
-    result = run(planned(path), tmp_path / "out")
+    result = run(planned(path, allow_code=True), tmp_path / "out")
     assert result.outcomes == {"flown": 19, "crashed": 1, "failed": 1} and result.done == 21
     rows = open_folder(result.out).tables["runs"].filter(pl.col("outcome") != "flown")
     crashed, failed = rows.sort("run").select("run", "outcome", "reason").rows()
@@ -274,7 +275,7 @@ def test_a_flight_that_never_ends_is_timed_out(tmp_path: Path, monkeypatch: pyte
     monkeypatch.chdir(tmp_path)
     text = 'base = "f16_pitch_rate_hardover"\n[set]\nduration_s = 1.0\nfaults = []\n[vary]\n'
     text += '"redundancy.manager" = ["mean", "hooks:Hangs", "median"]\n[run]\nworkers = 1\ntimeout_s = 1.5\n'
-    result = run(planned(write(tmp_path, text)), tmp_path / "out")
+    result = run(planned(write(tmp_path, text), allow_code=True), tmp_path / "out")
     rows = open_folder(result.out).tables["runs"].select("outcome", "reason").rows()
     assert rows == [("flown", None), ("timed out", "longer than 1.5 s"), ("flown", None)]
 

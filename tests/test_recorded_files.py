@@ -109,7 +109,7 @@ BAD_CONFIGS = {
     "unknown key": ({"signal": {"x": {"threshold": 1.0, "persistance": 8}}}, "signal.x.persistance: unknown key"),
     "unknown key of all": ({"default": {"treshold": 1.0}}, "default.treshold: unknown key"),
     "unknown table": ({"signals": {}}, "signals: unknown key"),
-    "signal not in the input": ({"signal": {"y": {"threshold": 1.0}}}, "signal 'y' is not in the input; it has: x"),
+    "signal not in the input": ({"signal": {"y": {"threshold": 1.0}}}, "signal 'y' is not in the input; allowed: x"),
     "reset of no signal": ({**ONE, "resets": [{"at_s": 1.0, "signal": "y"}]}, "signal 'y' is not in the input"),
     "no threshold": ({"signal": {"x": {}}}, "signal.x: threshold: field required"),
     "threshold zero": ({"default": {"threshold": 0.0}}, "default: threshold: input should be greater than 0, got 0.0"),

@@ -24,7 +24,6 @@ from rig.text import nearest, quoted
 
 Sampling = Literal["grid", "random", "latin-hypercube", "sobol"]
 MOST_RUNS: Final = 1_000_000
-MOST_LEVELS: Final = 50  # of tables within tables
 NAME_BYTES: Final = 255  # of a file's name, as file systems have it
 EXACT: Final = 2**53  # up to which a double holds every whole number
 
@@ -254,8 +253,6 @@ def _varied(data: Any, source: str) -> dict[str, Vary]:
 
 
 def _leaves(data: dict[str, Any], above: str, source: str) -> Iterator[tuple[str, Vary]]:
-    if above.count(".") > MOST_LEVELS:
-        raise BadInput(f"{source}: tables nested more than {MOST_LEVELS} deep")
     for key, value in data.items():
         name = f"{above}{key}"
         where = f"{source}.{name}"

@@ -68,12 +68,13 @@ class Folder:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Make the folder when there is none, and hold it alone; what an interrupted write left is swept away."""
+        """Make the folder when there is none, and hold it alone; before and after, what was half written is removed."""
         with _locked(self.path):
             self._sweep()
             if not is_file(self.path / _ABOUT):
                 self._write(self.path / _ABOUT, json.dumps(self.about(), indent=1).encode())
             yield
+            self._sweep()  # a worker that died leaves its draft
 
     def _sweep(self) -> None:
         """Remove drafts, and files of parts whose ``runs`` is not there; nothing else, and nothing behind a link."""

@@ -10,6 +10,7 @@ import multiprocessing
 import os
 import signal
 import sys
+import tempfile
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
@@ -48,6 +49,8 @@ def get_ready() -> None:
     try:
         with _environment(_SETTINGS):
             forkserver.ensure_running()
+    except OSError as error:  # its socket is in the folder of temporary files, and a socket's path is short
+        raise RigError(f"TMPDIR {tempfile.gettempdir()}: no workers can be started: {error}") from None
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
