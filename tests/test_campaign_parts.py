@@ -13,8 +13,8 @@ from rig.campaign.compare import compare
 from rig.campaign.config import read
 from rig.campaign.folder import Folder, open_folder
 from rig.campaign.plan import Plan
-from rig.campaign.rows import Rows
 from rig.campaign.report import report
+from rig.campaign.rows import Rows
 from rig.campaign.status import status
 from rig.errors import BadInput
 
