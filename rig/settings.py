@@ -7,6 +7,7 @@ they fit into frames.  Each stage owns its own ``Config`` derived from ``Setting
 
 from __future__ import annotations
 
+import math
 import re
 import tomllib
 from collections.abc import Iterator
@@ -21,6 +22,7 @@ from rig.text import choices, nearest, quoted, shorten
 M = TypeVar("M", bound="Settings")
 LONGEST_S: Final = 1e6  # eleven days
 MOST: Final = 10**9  # of any count
+LARGEST_TOML: Final = 16 << 20  # bytes
 DEEPEST: Final = 100  # tables and lists within each other
 _TIME: Final = re.compile(r"(?:^|.*_)(?!rad_s|m_s|pa_s|per_s|1_s|sqrt_s|integral_s)[a-z0-9]+_s")
 
@@ -72,7 +74,11 @@ class NotToml(BadInput):
 def read_toml(path: Path) -> dict[str, Any]:
     """The TOML document at ``path``; BadInput when it is missing or does not parse."""
     try:
-        text = path.read_text(encoding="utf-8")
+        with path.open("rb") as file:
+            raw = file.read(LARGEST_TOML + 1)  # a device may never end
+        if len(raw) > LARGEST_TOML:
+            raise BadInput(f"{path}: larger than {LARGEST_TOML >> 20} MiB")
+        text = raw.decode("utf-8")
     except FileNotFoundError:
         raise BadInput(f"{path}: no such file") from None
     except UnicodeDecodeError as error:
@@ -108,6 +114,14 @@ def _refuse_deep(data: dict[str, Any], source: str) -> None:
         if not level:
             return
     raise BadInput(f"{source}: nested more than {DEEPEST} deep")
+
+
+def refuse_not_finite(data: Any, source: str, key: str = "") -> None:
+    """Refuse plain data with a number that is infinite or none; BadInput names ``source`` and its key."""
+    if isinstance(data, float) and not math.isfinite(data):
+        raise BadInput(f"{source}: {key}: must be a finite number, got {data}")
+    for name, value in data.items() if isinstance(data, dict) else enumerate(data if isinstance(data, list) else ()):
+        refuse_not_finite(value, source, f"{key}.{name}" if key else str(name))
 
 
 def build(model: type[M], data: dict[str, Any], source: str) -> M:

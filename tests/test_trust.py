@@ -27,8 +27,7 @@ with Path("mark").open("a") as file:
     file.write("imported")
 
 class Largest:
-    def __init__(self, params):
-        pass
+    def __init__(self, params): pass
 
     def step(self, block, k):
         row = block[k]
@@ -42,8 +41,7 @@ class Raises(Largest):
             raise ValueError("first\\nsecond")
 
 class Exits(Largest):
-    def step(self, block, k):
-        raise SystemExit("enough")
+    def step(self, block, k): raise SystemExit("enough")
 """
 SCENARIO = 'duration_s = 2.0\n[redundancy]\nmanager = "strange:Largest"\n'
 CONFIG = '[signal.gyro]\nthreshold = 0.1\nmanager = "strange:Largest"\n'
@@ -245,7 +243,6 @@ NAMES = {
     "set": 'sampling = "grid"\n[set]\n"redundancy.manager" = "strange:Largest"',
     "vary": '[vary]\n"redundancy.manager" = ["median", "strange:Largest"]',
     "cases": '[[cases.manager]]\nname = "a"\nset = { "redundancy.manager" = "strange:Largest" }',
-    "base": 'set = { "seed_" = 1 }',
 }
 
 

@@ -6,6 +6,7 @@ are flown again when their part in ``runs`` is removed, so that every fault of a
 
 from __future__ import annotations
 
+import json
 import shlex
 from pathlib import Path
 from typing import Any
@@ -66,6 +67,9 @@ def _table(folder: Path, name: str, part: str, plan: Plan) -> pl.DataFrame:
     for column in {**expected, **frame.schema}:
         if frame.schema.get(column) != expected.get(column):
             raise _again(folder, path, part, f"column {column[:60]!r} is not as in this campaign's tables")
+    floats = frame.select(pl.selectors.float())
+    if not all(column.drop_nulls().is_finite().all() for column in floats):
+        raise _again(folder, path, part, "a number is not finite")
     return frame.select(list(expected))
 
 
@@ -74,12 +78,24 @@ def _check_runs(folder: Path, part: str, runs: pl.DataFrame, plan: Plan, seen: d
     path, numbers = folder / "runs" / f"{part}.parquet", runs["run"].to_list()
     if not numbers or None in numbers or part != name_of(numbers):
         raise BadInput(f"{path}: its name is not that of the runs in it: a copy? It is removed by: {_remove(path)}")
+    if not all(map(_is_coverage, runs["coverage"].drop_nulls().unique())):
+        raise _again(folder, path, part, "a coverage is not that of a flight")
     if len(set(numbers)) < len(numbers) or not 0 <= min(numbers) <= max(numbers) < len(plan):
         raise _again(folder, path, part, f"a run twice, or none of the campaign's {len(plan)}")
     for number in numbers:
         if number in seen:
             raise _again(folder, path, part, f"run {number} is in runs/{seen[number]}.parquet too")
         seen[number] = part
+
+
+def _is_coverage(text: str) -> bool:
+    """Whether a text is what a run writes into its column ``coverage``: voter states by signal, counted."""
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        return False
+    signals = found.values() if isinstance(found, dict) else [None]
+    return all(isinstance(s, dict) and all(isinstance(v, list | int) for v in s.values()) for s in signals)
 
 
 def _check_rows(folder: Path, name: str, part: str, runs: pl.DataFrame, rows: pl.DataFrame) -> None:

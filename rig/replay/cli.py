@@ -139,7 +139,7 @@ def export(
     from rig.replay.export import export as write
 
     owners = [part.strip() for part in (signals or "").split(",") if part.strip()]
-    recording, target = read_log(log), out or log.with_suffix(f".{to}")
+    recording, target = read_log(log), out or Path(f"{log.with_suffix('')}.{to}")
     columns = write(recording, to, target, owners, for_vote)
     if as_json:
         _print({"log": str(log), "out": str(target), "rows": len(recording.rows), "columns": columns})

@@ -24,6 +24,7 @@ from rig.replay.again import Recorded, vote_again
 from rig.replay.decisions import Decisions, decisions
 from rig.scenario import Scenario, from_resolved, named_manager, override, parse_set
 from rig.settings import read_toml
+from rig.text import quoted
 from rig.verdict import Verdict
 from rig.versions import versions
 
@@ -53,6 +54,8 @@ def changed(recording: Recorded, file: Path | None, sets: Sequence[str]) -> Scen
             other = next(key for key in found if key != KEY)
             raise BadInput(f"{file}: {other}: only [redundancy] can be changed without flying")
         table = found.get(KEY, found)
+        if not isinstance(table, dict):
+            raise BadInput(f"{file}: {KEY}: must be a table, got {quoted(table)}")
         data[KEY] = merge(data[KEY], table)
         trust = replace(trust, source=str(file)) if "manager" in table else trust
     for text in sets:

@@ -129,7 +129,8 @@ def _about(camp: Path, rng: Random) -> None:
 
 def _text(camp: Path, rng: Random) -> None:
     texts = ("", "{", "5", "[]", "null", '{"format": 1}', '{"format": 1, "campaign": 5}', "[" * 100_000)
-    (camp / "campaign.json").write_text(rng.choice((*texts, '{"format": ' + "9" * 5000 + "}", "\x00", '"\ud800"')))
+    text = rng.choice((*texts, '{"format": ' + "9" * 5000 + "}", "\x00", '"\ud800"'))
+    (camp / "campaign.json").write_text(text, encoding="utf-8", errors="surrogatepass")
 
 
 def _stray(camp: Path, rng: Random) -> None:
