@@ -1,6 +1,7 @@
 """Two logs, field by field: equal, within a tolerance, different, missing; every file one clear line or a verdict."""
 
 import json
+import os
 import sys
 from math import pi
 from pathlib import Path
@@ -170,7 +171,8 @@ def bad(tmp_path_factory) -> dict[str, Path]:
     }
     for name, data in files.items():
         (folder / f"{name}.mcap").write_bytes(data)
-    return {name: folder / f"{name}.mcap" for name in [*files, "whole", "missing"]}
+    os.mkfifo(folder / "pipe.mcap")
+    return {name: folder / f"{name}.mcap" for name in [*files, "pipe", "whole", "missing"]}
 
 
 SAYS = {
@@ -180,6 +182,7 @@ SAYS = {
     "foreign": "not an MCAP file",
     "future": "schema version 9",
     "missing": "cannot be read: No such file",
+    "pipe": "is a pipe",
 }
 
 
