@@ -65,11 +65,17 @@ def _resolver(code: int) -> Resolver:
 
 def _asked(pattern: Pattern, said: Sequence[Resolver], p: NDArray[np.void]) -> tuple[str, ...]:
     """The resolvers asked in any frame: in their order, up to the one that answered, all when nobody did."""
-    if pattern in _LAST_RESORT:
-        return (_LAST_RESORT[pattern].name.lower(),)
-    order = [Resolver(code) for code in p["resolvers"] if code]
+    order = _order(pattern, [Resolver(code) for code in p["resolvers"] if code])
     reached = [order.index(r) + 1 if r in order else len(order) for r in said]
     return tuple(r.name.lower() for r in order[: max(reached)])
+
+
+def _order(pattern: Pattern, configured: Sequence[Resolver]) -> list[Resolver]:
+    """Who is asked of a pattern: the witnesses as configured, the trend of two halves only, the rule of rank last."""
+    halves = pattern not in _LAST_RESORT
+    rules = _LAST_RESORT.values()
+    witnesses = [r for r in configured if r not in rules and (halves or r is not Resolver.TREND)]
+    return witnesses if halves else [*witnesses, *(r for r in configured if r is _LAST_RESORT[pattern])]
 
 
 def tally(found: Sequence[Episode]) -> dict[str, ResolverScore]:
