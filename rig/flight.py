@@ -28,6 +28,7 @@ from rig.interrupt import interruptible
 from rig.log import Log, LogWriter, SignalArrays, read_log
 from rig.pace import Jitter, JitterCounter, Pace
 from rig.recorder import Recorder
+from rig.redundancy.config import reset_table
 from rig.scenario import Scenario, find, load
 from rig.verdict import Peaks, Verdict
 from rig.versions import versions
@@ -197,7 +198,7 @@ class _Records:
 
     def __init__(self, scenario: Scenario, pace: Pace) -> None:
         self.scenario, self.verdict = scenario, Verdict()
-        self._finder, self._execution = EventFinder(labels(scenario)), Execution(scenario.faults)
+        self._finder, self._execution = event_finder(scenario), Execution(scenario.faults)
         self._jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
 
     def add(self, rows: Block, timing: NDArray[Any], writer: LogWriter, beside: ThreadPoolExecutor) -> list[Event]:
@@ -254,6 +255,11 @@ def log_path(out: Path, name: str, seed: int) -> Path:
         number += 1
         path = out / f"{stem}_{number}.mcap"
     return path
+
+
+def event_finder(scenario: Scenario) -> EventFinder:
+    """What finds the events of a flight of this scenario."""
+    return EventFinder(labels(scenario), reset_table(scenario.redundancy.resets, scenario.rate_hz))
 
 
 def labels(scenario: Scenario) -> list[str]:

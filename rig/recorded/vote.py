@@ -119,10 +119,10 @@ def _manager(name: str, params: NDArray[np.void], resets: NDArray[np.void]) -> C
 
 
 @kernel
-def vote_rows(rows, choice, params, state, resets):
+def vote_rows(rows, choice, params, state, resets, boxes):
     """All rows through the chosen manager; see managers.vote_signals."""
     for k in range(len(rows)):
-        vote_signals(rows, k, choice, params, state, resets)
+        vote_signals(rows, k, choice, params, state, resets, boxes)
 
 
 @kernel

@@ -85,6 +85,8 @@ class Config(Settings):
 
     manager: str = "cross-channel"  # one of MANAGERS, or module:Class
     discrete_persistence: int = Field(default=8, ge=1)
+    box_signals: int = Field(default=4, ge=0)  # that accuse a channel at once until it is failed on all; 0: never
+    box_persistence: int = Field(default=8, ge=1)  # frames for which they do
     resets: list[Reset] = []
     references: References = References()
     signals: SignalConfigs  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table

@@ -16,6 +16,7 @@ from rig.angles import difference, limit
 from rig.frame import CHANNELS, Resolver, State
 from rig.kernels import kernel
 from rig.redundancy import trend, vote
+from rig.redundancy.box import accused, fail_boxes
 from rig.redundancy.compare import LOST, classify, comparable, is_singular, rank
 from rig.redundancy.config import RESETS
 from rig.redundancy.last_channel import check_last
@@ -44,6 +45,7 @@ STATE: Final = np.dtype(
         ("pattern", "i8"),
         ("pattern_frames", "i8"),  # frames that the present pattern has lasted
         ("singular_run", "i8"),  # frames in a row of any pattern without a majority
+        ("accused", "i8"),  # a bit for each channel that this frame's evidence speaks against
         ("freeze", "i8"),  # frames for which the counts stand still after it
         ("reference_run", "i8"),  # frames in a row that speak against the reference's present standing
         ("fade_left", "i8"),
@@ -71,11 +73,11 @@ def new_state(params: NDArray[np.void]) -> NDArray[np.void]:
 
 
 @kernel
-def manage(block, k, params, state, resets):
+def manage(block, k, params, state, resets, boxes):
     """Write voted, state, level, pattern, resolver, trend bytes and reference_usable of row k.
 
     block : FRAME records; params, state : one config.PARAMS and one STATE record per signal
-    resets : config.RESETS records, obeyed in their frame
+    resets : config.RESETS records, applied in their frame; boxes : one box.BOXES record
     """
     row = block[k]
     apply_resets(row["frame"], resets, params, state)
@@ -83,6 +85,7 @@ def manage(block, k, params, state, resets):
     voted, reference, states = row["voted"], row["reference"], row["state"]
     levels, patterns, resolvers, usable = row["level"], row["pattern"], row["resolver"], row["reference_usable"]
     trend_high, trend_low = row["trend_high"], row["trend_low"]
+    accusing = 0
     for s in range(len(params)):
         p, st = params[s], state[s]
         resolvers[s] = manage_signal(channels[s], valid[s], ilm[s], reference[s], p, st)
@@ -90,6 +93,12 @@ def manage(block, k, params, state, resets):
         usable[s] = 0 if not np.isfinite(reference[s]) else st["reference_usable"]
         trend_high[s], trend_low[s] = st["trend_high"], st["trend_low"]
         report(p, st, states[s])
+        accusing += st["accused"] != 0
+    box = boxes[0]
+    if accusing >= box["signals"] > 0:
+        fail_boxes(row, params, state, box)
+    else:
+        box["count"][:] = 0
 
 
 @kernel
@@ -107,7 +116,11 @@ def manage_signal(samples, valid, ilm, reference, p, st):
     resolver, raw = decide(ilm, reference, n, p, st)
     monitor_reference(raw, reference, n, p, st)
     watch_failed(samples, valid, raw, p, st)
-    count_miscompares(n, p, st)
+    ranked = 0
+    for i in range(n):
+        ranked |= 1 << order[i]
+    st["accused"] = accused(resolver, ranked, p, st)
+    count_miscompares(n, ranked, p, st)
     latch(p, st)
     publish(raw, p, st)
     return resolver

@@ -13,16 +13,15 @@ from rig.redundancy.compare import is_singular
 
 
 @kernel
-def count_miscompares(n, p, st):
+def count_miscompares(n, ranked, p, st):
     """Frames in a row that each channel disagreed with all others (section 2).
 
     A sample that is not comparable counts always; during a singular pattern and for a while after it the counts
     of the others stand still, so that the ordinary rule does not fail everybody first.
+    ranked : bits of the channels with a comparable sample
     """
     frozen = counts_stand_still(n, p, st)
-    count, ranked = st["count"], 0
-    for i in range(n):
-        ranked |= 1 << st["order"][i]
+    count = st["count"]
     for c in range(p["fitted"]):
         if st["failed"][c]:
             continue

@@ -14,9 +14,9 @@ from typing import Any, Final
 
 from rig.aircraft import merge
 from rig.errors import BadInput
-from rig.events import EventFinder, not_executed
+from rig.events import not_executed
 from rig.faults import Execution
-from rig.flight import labels
+from rig.flight import event_finder
 from rig.frame import Block
 from rig.log import LogWriter
 from rig.replay.again import Recorded, vote_again
@@ -87,7 +87,7 @@ def _beside(path: Path) -> Path:
 def _write(path: Path, recording: Recorded, scenario: Scenario, rows: Block, changes: Sequence[str]) -> int:
     """Write the log beside and rename it; how many events it has."""
     log, part = recording.log, path.with_name(path.name + ".part")
-    finder, verdict, execution, count = EventFinder(labels(scenario)), Verdict(), Execution(scenario.faults), 0
+    finder, verdict, execution, count = event_finder(scenario), Verdict(), Execution(scenario.faults), 0
     try:
         with LogWriter(part, log.rate_hz, _metadata(recording, scenario, changes), log.attachments.items()) as writer:
             for rows_s, timing in _seconds(rows, log.timing, int(log.rate_hz)):
