@@ -51,13 +51,13 @@ class Oracle:
     def step(self, samples: list[float | None], ilm: Sequence[str], reference: float | None) -> Frame:
         self.rules = set()
         view = self.view(samples, ilm, reference)
-        accuser = self.accuser(view)
-        view.lonely = set(view.use) if accuser else self.miscomparing(view.use)
+        disputed_by = self.disputed_by(view)
+        view.lonely = set(view.use) if disputed_by else self.miscomparing(view.use)
         self.name(view)
         self.remember(view)
         view.pattern, view.bits = self.pattern, self.bits
-        resolver, vote, wrong = self.decide(view, accuser)
-        self.judge_reference(view, vote)
+        resolver, vote, wrong = self.decide(view, disputed_by)
+        self.monitor_reference(view, vote)
         self.count(view)
         self.fail(view, resolver, wrong)
         self.vote = vote
@@ -90,8 +90,8 @@ class Oracle:
         far = self.s.threshold
         return {c for c in use if len(use) > 1 and all(abs(use[c] - use[d]) > far for d in use if d != c)}
 
-    def accuser(self, view: View) -> str:
-        """Who says that the only sample left is wrong: its in-line monitor, else a usable reference."""
+    def disputed_by(self, view: View) -> str:
+        """Who disputes the only sample left: its in-line monitor, else a usable reference."""
         if len(view.use) != 1:
             return ""
         ((c, x),) = view.use.items()
@@ -176,13 +176,13 @@ class Oracle:
 
     # Section 3: the vote.
 
-    def decide(self, view: View, accuser: str) -> tuple[str, float, set[int]]:
+    def decide(self, view: View, disputed_by: str) -> tuple[str, float, set[int]]:
         """Resolver, vote and who is wrong."""
         x, n = view.x, len(view.x)
         if not n:
             return "none", self.vote if self.vote is not None else 0.0, set()
-        if accuser:
-            return self.instead_of_the_last(view, accuser)
+        if disputed_by:
+            return self.instead_of_the_last(view, disputed_by)
         if self.singular:
             return self.resolve(view)
         if n == 4 and view.ascending[2] in view.lonely:
@@ -191,13 +191,13 @@ class Oracle:
             return "none", x[2], set()
         return "none", sum(view.ranks) / 2, set()
 
-    def instead_of_the_last(self, view: View, accuser: str) -> tuple[str, float, set[int]]:
+    def instead_of_the_last(self, view: View, disputed_by: str) -> tuple[str, float, set[int]]:
         """While the last channel miscompares: the reference if usable, else the last vote."""
         reference = view.usable_reference
-        self.reached(f"last channel: {accuser}, {'reference voted' if reference is not None else 'vote held'}")
+        self.reached(f"last channel: {disputed_by}, {'reference voted' if reference is not None else 'vote held'}")
         if reference is None:
             reference = view.x[0] if self.vote is None else self.vote
-        return accuser, reference, set()
+        return disputed_by, reference, set()
 
     def resolve(self, view: View) -> tuple[str, float, set[int]]:
         """The answer of the resolvers; without one the last vote, moved as the ranks have moved in this pattern."""
@@ -213,7 +213,7 @@ class Oracle:
 
     # Section 4: the reference's own monitor.
 
-    def judge_reference(self, view: View, vote: float) -> None:
+    def monitor_reference(self, view: View, vote: float) -> None:
         """Untrusted after ``persistence`` frames off a healthy vote, trusted after as many on it; not at level 1."""
         if view.reference is None or len(view.use) < 2 or self.singular:
             return

@@ -16,7 +16,7 @@ FLAGS = {"bad": int(Ilm.BAD), "good": int(Ilm.GOOD), "absent": int(Ilm.ABSENT)}
 
 
 def run(flight: Flight) -> Voted:
-    """What the manager makes of a flight; None is a sample that is not a number."""
+    """Run a flight through the manager; None is a sample that is not a number."""
     s = flight.settings
     return vote_samples(
         np.array(flight.samples, float),
