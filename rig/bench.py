@@ -17,9 +17,9 @@ import numpy as np
 
 from rig import loop
 from rig.control.flying import fly as fly_row
-from rig.errors import BadInput
+from rig.errors import BadInput, RigError
 from rig.faults import actuate, corrupt, corrupt_reference
-from rig.flight import event_finder, fly, metadata
+from rig.flight import INTERRUPTED, event_finder, fly, metadata
 from rig.frame import TIMING, Block, new_block
 from rig.inertial import sense
 from rig.kernels import bind
@@ -79,6 +79,8 @@ def bench(scenario: Scenario, repeats: int = 7) -> Bench:
         for _ in range(repeats):
             bare.append(_bare_us(scenario))
             flight = fly(scenario, out=out)
+            if flight.end_reason == INTERRUPTED:
+                raise RigError("interrupted: nothing was measured")
             whole.append(flight.us_per_frame)
             size = flight.log.stat().st_size / flight.frames
             flight.log.unlink()

@@ -13,6 +13,7 @@ from pydantic import Field, create_model, field_validator, model_validator
 from rig.frame import CHANNELS, INDEX, SIGNALS, Resolver, S, to_frame
 from rig.redundancy.reference import Config as References
 from rig.settings import Settings
+from rig.text import choices
 
 MANAGERS: Final = ("cross-channel", "mean", "median", "cross-voter", "selection")
 ResolverName = Literal["ilm", "reference", "trend", "extremes", "middle"]
@@ -69,7 +70,7 @@ class Reset(Settings):
     @classmethod
     def _known(cls, name: str) -> str:
         if name not in INDEX:
-            raise ValueError(f"unknown signal, allowed: {', '.join(INDEX)}")
+            raise ValueError(f"unknown signal, {choices(name, INDEX, 'rig signals')}")
         return name
 
     @field_validator("channels")

@@ -1,20 +1,12 @@
-"""Which manager votes the continuous signals: ours, one of the baselines, or a class of the user's own.
-
-A class of the user's own is named ``module:Class`` in ``redundancy.manager``.  It is made with the (S,)
-config.PARAMS records and has ``step(block, k)``, which reads ``channels``, ``valid``, ``ilm`` and ``reference`` of
-row k and writes ``voted``, ``state``, ``level`` and what else it can say (docs/redundancy.md has one).
-"""
+"""Which built-in manager votes the continuous signals: ours or one of the baselines (own.py: a class of the user's)."""
 
 from __future__ import annotations
 
-import sys
-from importlib import import_module
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import BadInput
 from rig.frame import Block
 from rig.kernels import kernel
 from rig.redundancy.baselines import average, cross_voter, plain_median, select
@@ -26,13 +18,6 @@ _MEAN: Final = MANAGERS.index("mean")
 _MEDIAN: Final = MANAGERS.index("median")
 _CROSS_VOTER: Final = MANAGERS.index("cross-voter")
 _SELECTION: Final = MANAGERS.index("selection")
-
-
-class ManagerLike(Protocol):
-    """What the loop needs of a manager."""
-
-    def step(self, block: Block, k: int) -> None:
-        """Vote and monitor every signal of row k."""
 
 
 class Manager:
@@ -81,17 +66,3 @@ def vote_signals(block, k, choice, params, state, resets, boxes):
         select(block, k, params, state, resets)
     else:
         manage(block, k, params, state, resets, boxes)
-
-
-def load_manager(name: str, params: NDArray[np.void]) -> ManagerLike:
-    """The user's own manager ``module:Class``; BadInput when it cannot be imported or has no ``step``."""
-    module, _, attribute = name.partition(":")
-    if "" not in sys.path:
-        sys.path.insert(0, "")  # the folder in which the command was given
-    try:
-        made = getattr(import_module(module), attribute)(params)
-    except Exception as error:  # noqa: BLE001 # whatever the user's module raises
-        raise BadInput(f"redundancy.manager: {name!r} cannot be made: {type(error).__name__}: {error}") from None
-    if not callable(getattr(made, "step", None)):
-        raise BadInput(f"redundancy.manager: {name!r} has no step(block, k)")
-    return made
