@@ -74,6 +74,8 @@ class NotToml(BadInput):
 def read_toml(path: Path) -> dict[str, Any]:
     """The TOML document at ``path``; BadInput when it is missing or does not parse."""
     try:
+        if path.is_fifo():  # opening one waits for a writer
+            raise BadInput(f"{path}: is a pipe, no file")
         with path.open("rb") as file:
             raw = file.read(LARGEST_TOML + 1)  # a device may never end
         if len(raw) > LARGEST_TOML:

@@ -13,6 +13,7 @@ from hostile_cases.store import Store
 from hostile_cases.values import NUMBERS, TEXTS
 
 OUT: Final = ("o.csv", "o.csv", "o.parquet", "o.mcap")
+_CHUNK, _FOOTER_AND_MAGIC = 6, 28
 _CELLS: Final = [*[n for n in NUMBERS if len(n) < 500], *TEXTS, "true", "1e999", '"', "1,1", "1\n2", "\ufeff1", "0x10"]
 
 
@@ -145,9 +146,7 @@ def _messages(path: Path, source: Path, rng: Random) -> None:
 
 
 def _bomb(path: Path, source: Path, rng: Random) -> None:
-    """A small file with one chunk of 3 GB of zeros."""
-    import zlib
-
+    """A small file with one chunk of 3 GB of zeros, which its summary finds: no sums (0) that would give it away."""
     import zstandard
 
     size, piece = 3 << 30, bytes(1 << 24)
@@ -155,12 +154,14 @@ def _bomb(path: Path, source: Path, rng: Random) -> None:
     packed = b"".join(packer.compress(piece) for _ in range(size // len(piece))) + packer.flush()
     said = rng.choice([size, size, 100, 2**64 - 1])
     head = struct.pack("<QQQII", 0, 1, said, 0, 4) + b"zstd" + struct.pack("<Q", len(packed))
-    data = (source / "foreign.mcap").read_bytes()
-    first = next(at for at, opcode in records(data) if opcode == 6)
     chunk = b"\x06" + struct.pack("<Q", len(head) + len(packed)) + head + packed
+    data = (source / "foreign.mcap").read_bytes()
+    first = next(at for at, opcode in records(data) if opcode == _CHUNK)
     end = first + 9 + struct.unpack_from("<Q", data, first + 1)[0]
-    path.write_bytes(data[:first] + chunk + data[end:])
-    assert zlib  # the sum of the chunk is left out: 0 says so
+    longer = len(chunk) - (end - first)
+    summary, offsets = struct.unpack_from("<QQ", data, len(data) - _FOOTER_AND_MAGIC)
+    footer = struct.pack("<QQI", summary + longer, offsets + longer, 0)
+    path.write_bytes(data[:first] + chunk + data[end:-_FOOTER_AND_MAGIC] + footer + data[-8:])
 
 
 _INPUTS: Final[dict[str, tuple[str, Any]]] = {
