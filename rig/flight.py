@@ -30,6 +30,7 @@ from rig.interrupt import Stop, interruptible
 from rig.log import Log, LogWriter, SignalArrays, read_log
 from rig.pace import Jitter, JitterCounter, Pace
 from rig.recorder import Recorder
+from rig.redundancy.config import reset_table
 from rig.scenario import Scenario, find, load
 from rig.verdict import Peaks, Verdict
 from rig.versions import versions
@@ -216,7 +217,7 @@ class _Records:
 
     def __init__(self, scenario: Scenario, pace: Pace) -> None:
         self.scenario, self.verdict = scenario, Verdict()
-        self._finder, self._execution = EventFinder(labels(scenario)), Execution(scenario.faults)
+        self._finder, self._execution = event_finder(scenario), Execution(scenario.faults)
         self._jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
 
     def add(self, rows: Block, timing: NDArray[Any], writer: LogWriter, beside: ThreadPoolExecutor) -> list[Event]:
@@ -278,6 +279,11 @@ def _word(name: str) -> str:
     """``name`` as part of a file's name, which has 255 bytes at most."""
     letters = "".join(c if c.isalnum() else "_" for c in name)
     return letters.encode()[:NAME_BYTES].decode(errors="ignore")
+
+
+def event_finder(scenario: Scenario) -> EventFinder:
+    """What finds the events of a flight of this scenario."""
+    return EventFinder(labels(scenario), reset_table(scenario.redundancy.resets, scenario.rate_hz))
 
 
 def labels(scenario: Scenario) -> list[str]:

@@ -4,9 +4,10 @@ import pytest
 from rig import scenario
 from rig.aircraft import bundled
 from rig.events import EventFinder
-from rig.flight import labels
+from rig.flight import event_finder
 from rig.frame import DISCRETE_INDEX, INDEX, End, Law, Pattern, Resolver, Source, State, new_block
 from rig.loop import Rig, frames
+from rig.redundancy.config import RESETS
 from rig.verdict import Verdict
 
 Q = INDEX["pitch_rate"]
@@ -148,7 +149,7 @@ def left_by(events) -> set[str]:
 @pytest.mark.parametrize("name", sorted(path.stem for path in bundled("faults").glob("*.toml")))
 def test_the_failures_of_a_flight_are_those_that_its_events_tell(name):
     which = scenario.load(name)
-    finder, verdict = EventFinder(labels(which)), Verdict()
+    finder, verdict = event_finder(which), Verdict()
     for rows, _ in frames(Rig(which), which):
         verdict.add(rows, finder.find(rows))
     failed = {f"{signal}.{channel}" for signal, channels in verdict.failed.items() for channel in channels}
@@ -159,4 +160,19 @@ def test_the_first_frame_of_a_flight_may_fail_a_channel():
     which = scenario.load(None, ["duration_s=0.1", "redundancy.signals.pitch_rate.persistence=1", "faults.0.start_s=0"])
     rows = np.concatenate([rows.copy() for rows, _ in frames(Rig(which), which)])
     assert rows["state"][0, Q, 2] == State.FAILED
-    assert "channel failed" in [event.name for event in EventFinder(labels(which)).find(rows) if event.frame == 0]
+    assert "channel failed" in [event.name for event in event_finder(which).find(rows) if event.frame == 0]
+
+
+def test_a_refused_readmission_is_told_in_its_frame():
+    """Frame 15 asks for channels 2 and 3: 2 comes back, 3 stays out; frame 25 asks for 3 again, at a block's start."""
+    resets = np.zeros(2, RESETS)
+    resets["frame"], resets["signal"], resets["channel"] = (15, 25), Q, ((0, 1, 1, 0), (0, 0, 1, 0))
+    block = blank()
+    block["state"][5:, Q, 2] = block["state"][5:15, Q, 1] = State.FAILED
+    finder = EventFinder([], resets)
+    found = [*finder.find(block[:25]), *finder.find(block[25:])]
+    assert [(e.frame, e.text) for e in found if e.name == "readmission refused"] == [
+        (15, "pitch_rate.3: has not agreed with the vote for long enough"),
+        (25, "pitch_rate.3: has not agreed with the vote for long enough"),
+    ]
+    assert [e.frame for e in found if e.name == "channel readmitted"] == [15]

@@ -27,10 +27,10 @@ from rig.campaign.identity import rig_identity
 from rig.campaign.plan import Run
 from rig.campaign.rows import TABLES, Rows, alarm_rows, episode_rows, fault_rows, run_row
 from rig.errors import RigError
-from rig.events import Event, EventFinder, not_executed
+from rig.events import Event, not_executed
 from rig.faults import Execution
 from rig.files import replaced
-from rig.flight import end_reason, labels, metadata
+from rig.flight import end_reason, event_finder, metadata
 from rig.frame import FRAME, TIMING, Block, new_block
 from rig.interrupt import Stop
 from rig.log import LogWriter
@@ -73,7 +73,7 @@ class Flown:
 
 def fly(scenario: Scenario) -> Flown:
     """Fly a scenario with the digest and events of ``rig fly``, its rows kept in memory."""
-    rig, finder, verdict = loop.Rig(scenario, keep_clean=True), EventFinder(labels(scenario)), Verdict()
+    rig, finder, verdict = loop.Rig(scenario, keep_clean=True), event_finder(scenario), Verdict()
     execution = Execution(scenario.faults)
     kept, timing = np.empty(scenario.frames, FRAME), np.zeros(scenario.frames, TIMING)
     found: list[Event] = []

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.angles import difference
-from rig.frame import Ilm, Pattern, Resolver, State, new_block
+from rig.frame import Ilm, Resolver, State, new_block
 from rig.kernels import kernel
 from rig.recorded.clock import Floats
 from rig.recorded.config import RecordedSignal, Reset, reset_table
@@ -133,10 +133,10 @@ def _manager(
 
 
 @kernel
-def vote_rows(rows, choice, params, state, resets):
+def vote_rows(rows, choice, params, state, resets, boxes):
     """All rows through the chosen manager; see managers.vote_signals."""
     for k in range(len(rows)):
-        vote_signals(rows, k, choice, params, state, resets)
+        vote_signals(rows, k, choice, params, state, resets, boxes)
 
 
 @kernel
@@ -167,12 +167,13 @@ def _usable(samples: Samples, settings: RecordedSignal, c: int) -> NDArray[np.bo
 def _failures(
     recording: Recording, out: dict[str, Any], states: list[Bytes], invalid: list[NDArray[np.bool_]]
 ) -> list[Failure]:
-    """Every change to failed.  While a pattern is singular only resolvers fail what can be compared."""
+    """Every change to failed: by the resolver of its row if the sample is valid and one decided, else by comparison."""
     found: list[Failure] = []
     for c, state in enumerate(states):
         failed = state == _FAILED
         for k in np.flatnonzero(failed & ~np.concatenate([[False], failed[:-1]])):
-            resolved = Pattern(out["pattern"][k]).is_singular and not invalid[c][k]
-            why = Resolver(out["resolver"][k]).name.lower() if resolved else "comparison"
+            resolver = Resolver(out["resolver"][k])
+            resolved = resolver not in (Resolver.NONE, Resolver.UNRESOLVED) and not invalid[c][k]
+            why = resolver.name.lower() if resolved else "comparison"
             found.append(Failure(c + 1, recording.row(int(k)), float(recording.time_s[k]), why))
     return sorted(found, key=lambda failure: (failure.frame, failure.channel))

@@ -40,7 +40,13 @@ class Redundancy:
         own = config.manager not in MANAGERS
         self.own: OwnManager | None = load_manager(config.manager, params, trust or Trust()) if own else None
         name = MANAGERS[0] if own else config.manager
-        self.manager = Manager(name, params, reset_table(config.resets, rate_hz))
+        self.manager = Manager(
+            name,
+            params,
+            reset_table(config.resets, rate_hz),
+            box_signals=config.box_signals,
+            box_persistence=config.box_persistence,
+        )
         self.discretes = DiscreteVoter(config.discrete_persistence)
 
     @property

@@ -11,7 +11,8 @@ from __future__ import annotations
 from rig.frame import CHANNELS
 from rig.kernels import kernel
 from rig.redundancy.compare import LOST, NORMAL, rank
-from rig.redundancy.manager import anchor, latch, obey, publish, report, watch_failed
+from rig.redundancy.manager import anchor, publish, report
+from rig.redundancy.monitor import apply_resets, latch, watch_failed
 from rig.redundancy.vote import median
 
 
@@ -99,7 +100,7 @@ def choose(n, p, st):
 def cross_voter(block, k, params, state, resets):
     """Row k: the median of the channels in use; each is then compared with it instead of with each other."""
     row = block[k]
-    obey(row["frame"], resets, params, state)
+    apply_resets(row["frame"], resets, params, state)
     for s in range(len(params)):
         p, st = params[s], state[s]
         n = ranked(row, s, p, st)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rig.frame import Block
 from rig.kernels import kernel
 from rig.redundancy.baselines import average, cross_voter, plain_median, select
+from rig.redundancy.box import BOXES
 from rig.redundancy.config import MANAGERS
 from rig.redundancy.manager import NO_RESETS, manage, new_state
 
@@ -23,18 +24,29 @@ class Manager:
     """A manager of the house; ``state`` is plain data and can be copied.
 
     name : one of MANAGERS; params : (S,) config.PARAMS; resets : config.RESETS, the commands of the flight
+    box_signals, box_persistence : as in config.Config; 0 signals: no channel is failed as a box
     """
 
-    def __init__(self, name: str, params: NDArray[np.void], resets: NDArray[np.void] = NO_RESETS) -> None:
+    def __init__(
+        self,
+        name: str,
+        params: NDArray[np.void],
+        resets: NDArray[np.void] = NO_RESETS,
+        *,
+        box_signals: int = 0,
+        box_persistence: int = 1,
+    ) -> None:
         self.choice = MANAGERS.index(name)
         self.params = params
         self.resets = resets
         self.state = new_state(params)
+        self.boxes = np.zeros(1, BOXES)
+        self.boxes["signals"], self.boxes["persistence"] = box_signals, box_persistence
 
     @property
     def arguments(self) -> tuple[Any, ...]:
         """What ``vote_signals`` needs besides the row."""
-        return self.choice, self.params, self.state, self.resets
+        return self.choice, self.params, self.state, self.resets, self.boxes
 
     def step(self, block: Block, k: int) -> None:
         """Vote and monitor every signal of row k."""
@@ -42,7 +54,7 @@ class Manager:
 
 
 @kernel
-def vote_signals(block, k, choice, params, state, resets):
+def vote_signals(block, k, choice, params, state, resets, boxes):
     """Row k through the chosen manager, its place in MANAGERS."""
     if choice == _MEAN:
         average(block, k, params, state, resets)
@@ -53,4 +65,4 @@ def vote_signals(block, k, choice, params, state, resets):
     elif choice == _SELECTION:
         select(block, k, params, state, resets)
     else:
-        manage(block, k, params, state, resets)
+        manage(block, k, params, state, resets, boxes)

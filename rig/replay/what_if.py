@@ -14,10 +14,10 @@ from typing import Any, Final
 
 from rig.aircraft import merge
 from rig.errors import BadInput
-from rig.events import EventFinder, not_executed
+from rig.events import not_executed
 from rig.faults import Execution
 from rig.files import draft, numbered, publish, replaced
-from rig.flight import labels
+from rig.flight import event_finder
 from rig.frame import Block
 from rig.log import LogWriter
 from rig.replay.again import Recorded, vote_again
@@ -88,7 +88,7 @@ def what_if(recording: Recorded, scenario: Scenario, out: Path | None = None, ch
 def _write(writer: LogWriter, recording: Recorded, scenario: Scenario, rows: Block) -> int:
     """Write the whole log; how many events it has."""
     log = recording.log
-    finder, verdict, execution, count = EventFinder(labels(scenario)), Verdict(), Execution(scenario.faults), 0
+    finder, verdict, execution, count = event_finder(scenario), Verdict(), Execution(scenario.faults), 0
     for rows_s, timing in _seconds(rows, log.timing, int(log.rate_hz)):
         events = finder.find(rows_s)
         count += len(events)
