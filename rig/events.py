@@ -144,9 +144,19 @@ def _state(frame: int, old: int, new: int, s: int, c: int, row: Any) -> Event | 
 
 
 def _discrete_state(frame: int, old: int, new: int, d: int, c: int, row: Any) -> Event | None:
-    if new != State.FAILED:
-        return None
-    return Event(frame, "warning", "channel failed", f"{DISCRETES[d].name}.{c + 1} failed by comparison")
+    name = f"{DISCRETES[d].name}.{c + 1}"
+    if new == State.FAILED:
+        return Event(frame, "warning", "channel failed", f"{name} failed by comparison")
+    if old == State.FAILED:
+        return Event(frame, "info", "channel readmitted", f"{name} readmitted")
+    return None
+
+
+def _discrete_level(frame: int, old: int, new: int, d: int, row: Any) -> Event:
+    name = DISCRETES[d].name
+    if new == 0:
+        return Event(frame, "error", "signal lost", f"{name}: no channel left, {row['discrete_voted'][d]} is fail-safe")
+    return Event(frame, "warning", "level", f"{name}: {old} to {new} channels")
 
 
 def _level(frame: int, old: int, new: int, s: int, row: Any) -> Event:
@@ -203,6 +213,7 @@ def _end(frame: int, old: int, new: int, row: Any) -> Event:
 _DESCRIBE = {
     "state": _state,
     "discrete_state": _discrete_state,
+    "discrete_level": _discrete_level,
     "level": _level,
     "pattern": _pattern,
     "reference_usable": _reference,

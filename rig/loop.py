@@ -96,8 +96,8 @@ def faults(scenario: Scenario, keep_clean: int = 0) -> Faults:
 def redundancy(scenario: Scenario) -> Redundancy:
     """The redundancy stage of a scenario, at its first frame; a replay runs the same.  BadInput: the user's manager."""
     suite = scenario.sensors
-    ranges, channels = sensors.ranges(suite), sensors.channels(suite)
-    return Redundancy(scenario.redundancy, ranges, channels, scenario.references, scenario.rate_hz)
+    ranges, channels, discretes = sensors.ranges(suite), sensors.channels(suite), sensors.discrete_channels(suite)
+    return Redundancy(scenario.redundancy, ranges, channels, scenario.references, scenario.rate_hz, discretes)
 
 
 @kernel

@@ -46,6 +46,7 @@ def rows(n: int = 2) -> Block:
     block["channels"] = block["voted"][:, :, None]
     block["voted"], block["level"] = 0.0, 0
     block["valid"], block["ilm"] = 1, Ilm.ABSENT
+    block["discrete_valid"], block["discrete_ilm"] = 1, Ilm.ABSENT
     return block
 
 
@@ -76,8 +77,8 @@ def test_every_manager_of_the_house_isolates_or_keeps_as_it_says(manager: str):
 def test_discretes_are_voted_with_every_manager():
     for manager in MANAGERS:
         block = rows(1)
-        block["discrete_channels"][0, DISCRETE_INDEX["gear_down"]] = (1, 1, 0, 1)
-        assert run(stage(manager), block)["discrete_voted"][0, DISCRETE_INDEX["gear_down"]] == 1
+        block["discrete_channels"][0, DISCRETE_INDEX["gear_down"]] = (0, 0, 1, 0)
+        assert run(stage(manager), block)["discrete_voted"][0, DISCRETE_INDEX["gear_down"]] == 0
 
 
 def test_a_manager_of_the_users_own_sees_the_reference_of_the_votes_before():

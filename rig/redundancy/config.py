@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, create_model, field_validator
 
-from rig.frame import CHANNELS, INDEX, SIGNALS, Resolver, S, to_frame
+from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, SIGNALS, Resolver, S, to_frame
+from rig.redundancy.discrete_config import DiscreteConfigs
 from rig.redundancy.reference import Config as References
 from rig.settings import Settings
 
@@ -59,8 +60,8 @@ class Reset(Settings):
     @field_validator("signal")
     @classmethod
     def _known(cls, name: str) -> str:
-        if name not in INDEX:
-            raise ValueError(f"unknown signal, allowed: {', '.join(INDEX)}")
+        if name not in INDEX and name not in DISCRETE_INDEX:
+            raise ValueError(f"unknown signal, allowed: {', '.join((*INDEX, *DISCRETE_INDEX))}")
         return name
 
     @field_validator("channels")
@@ -75,7 +76,8 @@ class Config(Settings):
     """The ``[redundancy]`` table of an aircraft or scenario."""
 
     manager: str = "cross-channel"  # one of MANAGERS, or module:Class
-    discrete_persistence: int = Field(default=8, ge=1)
+    discrete_persistence: int = Field(default=8, ge=1)  # frames, of a discrete that has none of its own
+    discretes: DiscreteConfigs = DiscreteConfigs()  # pyright: ignore[reportInvalidTypeForm]  # from the frame's table
     resets: list[Reset] = []
     references: References = References()
     signals: SignalConfigs  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
@@ -113,11 +115,15 @@ PARAMS: Final = np.dtype(
 RESETS: Final = np.dtype([("frame", "i8"), ("signal", "i8"), ("channel", "u1", (CHANNELS,))], align=True)
 
 
-def reset_table(resets: Sequence[Reset], rate_hz: float) -> NDArray[np.void]:
-    """The commands as RESETS records; each acts in the first frame at or after its time."""
-    table = np.zeros(len(resets), RESETS)
-    for row, reset in zip(table, resets, strict=True):
-        row["frame"], row["signal"] = to_frame(reset.at_s, rate_hz), INDEX[reset.signal]
+def reset_table(resets: Sequence[Reset], rate_hz: float, index: Mapping[str, int] = INDEX) -> NDArray[np.void]:
+    """The commands as RESETS records; each acts in the first frame at or after its time.
+
+    index : the signals whose commands are meant, by name; DISCRETE_INDEX for those of the discretes
+    """
+    meant = [reset for reset in resets if reset.signal in index]
+    table = np.zeros(len(meant), RESETS)
+    for row, reset in zip(table, meant, strict=True):
+        row["frame"], row["signal"] = to_frame(reset.at_s, rate_hz), index[reset.signal]
         row["channel"][np.array(reset.channels) - 1] = 1
     return table
 
