@@ -152,6 +152,13 @@ def _discrete_state(frame: int, old: int, new: int, d: int, c: int, row: Any) ->
     return None
 
 
+def _discrete_voted(frame: int, old: int, new: int, d: int, row: Any) -> Event | None:
+    """A mode of the control law; that of the autopilot's engagement is an event of the law itself."""
+    modes = {"weight_on_wheels": ("air", "ground"), "gear_down": ("gear up", "gear down")}
+    name = DISCRETES[d].name
+    return Event(frame, "info", "mode", f"{name}: {modes[name][new]} mode") if name in modes else None
+
+
 def _discrete_level(frame: int, old: int, new: int, d: int, row: Any) -> Event:
     name = DISCRETES[d].name
     if new == 0:
@@ -214,6 +221,7 @@ _DESCRIBE = {
     "state": _state,
     "discrete_state": _discrete_state,
     "discrete_level": _discrete_level,
+    "discrete_voted": _discrete_voted,
     "level": _level,
     "pattern": _pattern,
     "reference_usable": _reference,

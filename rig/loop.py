@@ -17,7 +17,7 @@ from rig import inertial, sensors
 from rig.control.autopilot import Control
 from rig.control.flying import fly
 from rig.faults import Faults, actuate, corrupt, corrupt_reference
-from rig.frame import TIMING, Block, new_block
+from rig.frame import SIGNALS, TIMING, Block, new_block
 from rig.inertial import Inertial, sense
 from rig.kernels import bind, kernel
 from rig.pace import Pace
@@ -89,8 +89,9 @@ def faults(scenario: Scenario, keep_clean: int = 0) -> Faults:
     """The faults of a scenario, at their first frame; a replay runs those on references again."""
     ranges = sensors.ranges(scenario.sensors)
     places = np.vstack([ranges, inertial.ranges(), ranges, scenario.airframe.surface_limits])  # as in faults.PLACES
-    seeds = scenario.streams()["faults"]
-    return Faults(scenario.faults, places, scenario.rate_hz, seeds, keep_clean=keep_clean)
+    seeds, monitored = scenario.streams()["faults"], scenario.redundancy.signals
+    thresholds = np.array([getattr(monitored, signal.name).threshold for signal in SIGNALS])
+    return Faults(scenario.faults, places, scenario.rate_hz, seeds, thresholds=thresholds, keep_clean=keep_clean)
 
 
 def redundancy(scenario: Scenario) -> Redundancy:

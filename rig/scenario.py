@@ -21,7 +21,7 @@ from rig.control.autopilot import Config as Control
 from rig.control.gains import Gains
 from rig.errors import BadInput
 from rig.faults import Fault, check
-from rig.frame import MOST_FAULTS, SIGNALS
+from rig.frame import DISCRETES, MOST_FAULTS, SIGNALS
 from rig.inertial import Config as Inertial
 from rig.pilot import Config as Pilot
 from rig.plant.airframe import AirframeField
@@ -72,7 +72,7 @@ class Scenario(Settings):
             raise ValueError(
                 f"duration_s ({self.duration_s:g}) must be a whole number of frames of 1/{self.rate_hz:g} s"
             )
-        check(self.faults, {signal.name: getattr(self.sensors, signal.name).channels for signal in SIGNALS})
+        check(self.faults, {named.name: getattr(self.sensors, named.name).channels for named in (*SIGNALS, *DISCRETES)})
         return self
 
     @property
