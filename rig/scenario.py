@@ -72,6 +72,12 @@ class Scenario(Settings):
             raise ValueError(
                 f"duration_s ({self.duration_s:g}) must be a whole number of frames of 1/{self.rate_hz:g} s"
             )
+        points = [point.name for point in self.airframe.flight_points]
+        if self.flight_point is not None and self.flight_point not in points:
+            raise ValueError(
+                f"flight_point: {self.aircraft} has no {self.flight_point!r}, allowed: {', '.join(points)}; "
+                f"for example --set flight_point={points[0]}"
+            )
         check(self.faults, {named.name: getattr(self.sensors, named.name).channels for named in (*SIGNALS, *DISCRETES)})
         return self
 

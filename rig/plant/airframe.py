@@ -91,7 +91,7 @@ class Shared(Settings):
             if name is None or point.name == name:
                 return point
         known = ", ".join(point.name for point in self.flight_points)
-        raise BadInput(f"flight_point: {self.base_model} has no {name!r}; choose from {known}")
+        raise BadInput(f"flight_point: {self.base_model} has no {name!r}, allowed: {known}")
 
 
 def _stops(elevator: Actuator, aileron: Actuator, rudder: Actuator) -> list[tuple[float, float]]:
