@@ -18,7 +18,7 @@ from rig.control.autopilot import Control
 from rig.control.flying import fly
 from rig.errors import ManagerFailed
 from rig.faults import Faults, actuate, corrupt, corrupt_reference
-from rig.frame import TIMING, Block, new_block
+from rig.frame import SIGNALS, TIMING, Block, new_block
 from rig.inertial import Inertial, sense
 from rig.interrupt import Stop
 from rig.kernels import bind, kernel
@@ -91,15 +91,17 @@ def faults(scenario: Scenario, keep_clean: int = 0) -> Faults:
     """The faults of a scenario, at their first frame; a replay runs those on references again."""
     ranges = sensors.ranges(scenario.sensors)
     places = np.vstack([ranges, inertial.ranges(), ranges, scenario.airframe.surface_limits])  # as in faults.PLACES
-    seeds = scenario.streams()["faults"]
-    return Faults(scenario.faults, places, scenario.rate_hz, seeds, keep_clean=keep_clean)
+    seeds, monitored = scenario.streams()["faults"], scenario.redundancy.signals
+    thresholds = np.array([getattr(monitored, signal.name).threshold for signal in SIGNALS])
+    return Faults(scenario.faults, places, scenario.rate_hz, seeds, thresholds=thresholds, keep_clean=keep_clean)
 
 
 def redundancy(scenario: Scenario) -> Redundancy:
     """The redundancy stage of a scenario, at its first frame; a replay runs the same.  BadInput: the user's manager."""
     suite = scenario.sensors
-    ranges, channels = sensors.ranges(suite), sensors.channels(suite)
-    return Redundancy(scenario.redundancy, ranges, channels, scenario.references, scenario.rate_hz, scenario.trust)
+    ranges, channels, discretes = sensors.ranges(suite), sensors.channels(suite), sensors.discrete_channels(suite)
+    settings, references, rate_hz = scenario.redundancy, scenario.references, scenario.rate_hz
+    return Redundancy(settings, ranges, channels, references, rate_hz, discretes, scenario.trust)
 
 
 @kernel
