@@ -2,6 +2,7 @@
 
     [default]          # for all signals; keys and defaults are those of rig.redundancy.SignalConfig
     [signal.<name>]    # for one, key by key over the default
+    [discrete.<name>]  # columns <name>.1 to .4 of a yes/no quantity, with its fail-safe value
     [mapping]          # columns of a foreign recording: "gyro.1" = "/imu1:angular_velocity.x"
     [[resets]]         # commands to readmit, as in a scenario
     time_column        # of mapped tables, "time_s" when not given
@@ -22,12 +23,13 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
 from rig.errors import BadInput
-from rig.frame import INDEX, SIGNALS, TWO_PI
+from rig.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS, TWO_PI
 from rig.redundancy.config import MANAGERS, RESETS, SignalConfig
 from rig.redundancy.config import Reset as FlightReset
 from rig.settings import Settings, build, read_toml
 
 ANY_NUMBER: Final = (-sys.float_info.max, sys.float_info.max)  # finite: infinity is never a sample
+MOST_FRAMES: Final = 10**12  # a count that no recording reaches
 TURN_SLACK: Final = 1e-3  # so that a turn may be written as 6.283
 
 
@@ -56,6 +58,16 @@ class RecordedSignal(SignalConfig):
         return (-pi, pi) if self.wraps else ANY_NUMBER
 
 
+class RecordedDiscrete(Settings):
+    """A ``[discrete.<name>]`` table.
+
+    ``fail_safe`` of a discrete that is called as one of the rig's own is by default that of flight.
+    """
+
+    fail_safe: int | None = Field(default=None, ge=0, le=1)  # voted without a majority
+    persistence: int = Field(default=8, ge=1, le=MOST_FRAMES)  # frames off the vote until a channel is failed
+
+
 class Reset(FlightReset):
     """A reset command, for a signal of any name."""
 
@@ -70,6 +82,7 @@ class VoteConfig(Settings):
 
     default: dict[str, Any] | None = None
     signal: dict[str, dict[str, Any]] = {}
+    discrete: dict[str, RecordedDiscrete] = {}
     mapping: dict[str, str] = {}
     time_column: str = "time_s"
     resets: list[Reset] = []
@@ -81,9 +94,23 @@ class VoteConfig(Settings):
             if name not in present:
                 raise BadInput(f"{source}: signal {name!r} is not in the input; it has: {', '.join(present)}")
         chosen = [name for name in present if name in self.signal or self.default is not None]
-        if not chosen:
-            raise BadInput(f"{source}: no signal to vote: add [signal.<name>] or [default]")
+        if not chosen and not self.discrete:
+            raise BadInput(f"{source}: no signal to vote: add [signal.<name>], [discrete.<name>] or [default]")
         return {name: self._settings(name, source) for name in chosen}
+
+    def discretes(self, present: Collection[str], source: str) -> dict[str, RecordedDiscrete]:
+        """Settings of the discretes, each with its fail-safe value; all of them must be ``present``."""
+        found: dict[str, RecordedDiscrete] = {}
+        for name, given in self.discrete.items():
+            if name not in present:
+                raise BadInput(f"{source}: discrete {name!r} is not in the input; it has: {', '.join(present)}")
+            fail_safe = given.fail_safe
+            if fail_safe is None and name in DISCRETE_INDEX:
+                fail_safe = DISCRETES[DISCRETE_INDEX[name]].fail_safe
+            if fail_safe is None:
+                raise BadInput(f"{source}: discrete.{name}: fail_safe: field required, 0 or 1")
+            found[name] = given.model_copy(update={"fail_safe": fail_safe})
+        return found
 
     def _settings(self, name: str, source: str) -> RecordedSignal:
         own = self.signal.get(name, {})
@@ -110,6 +137,11 @@ def _of_flight(name: str) -> dict[str, Any]:
 def read_config(path: Path) -> VoteConfig:
     """The CONFIG at ``path``; BadInput names the file and the key."""
     config = build(VoteConfig, read_toml(path), str(path))
+    for name in config.discrete:
+        if name in config.signal:
+            raise BadInput(f"{path}: {name!r} is a signal and a discrete: keep one of the tables")
+        if name in {reset.signal for reset in config.resets}:
+            raise BadInput(f"{path}: resets: {name!r} is a discrete, whose channels are not readmitted")
     for table, keys in (("default", config.default or {}), *((f"signal.{n}", t) for n, t in config.signal.items())):
         for key in keys:
             if key not in RecordedSignal.model_fields:
