@@ -15,7 +15,6 @@ from rig.faults.places import CHANNELLED, WITH_THRESHOLD, Point, Site, refuse_un
 from rig.faults.transition import Transition
 from rig.frame import CHANNELS
 from rig.settings import Settings
-from rig.text import choices, quoted
 
 
 def quantity(unit: str, meaning: str, default: Any = ..., **bounds: Any) -> Any:
