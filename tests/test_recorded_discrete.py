@@ -234,7 +234,11 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
     "a word": ({"door": {"fail_safe": "open"}}, "0,1,1\n", "discrete.door.fail_safe"),
     "an unknown key": ({"door": {"fail_safe": 1, "threshold": 1.0}}, "0,1,1\n", "discrete.door.threshold: unknown key"),
     "no persistence": ({"door": {"fail_safe": 1, "persistence": 0}}, "0,1,1\n", "discrete.door.persistence"),
-    "a persistence beyond all": ({"door": {"fail_safe": 1, "persistence": 2**62}}, "0,1,1\n", "discrete.door.persist"),
+    "a persistence beyond all": (
+        {"door": {"fail_safe": 1, "persistence": 2**62}},
+        "0,1,1\n",
+        "discrete.door: persistence: must be at most",
+    ),
     "a discrete that is not there": ({"flap": {"fail_safe": 0}}, "0,1,1\n", "discrete 'flap' is not in the input"),
 }
 

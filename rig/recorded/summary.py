@@ -123,7 +123,7 @@ def _discrete_table(found: dict[str, Any]) -> Table:
     table = Table("discrete", "level", "fail-safe", "voted 1", "changes", box=None)
     for name, discrete in found["discretes"].items():
         share = f"{100 * discrete['ones_share']:.3g} %"
-        table.add_row(plain(name), str(discrete["level"]), str(discrete["fail_safe"]), share, str(discrete["changes"]))
+        table.add_row(name, str(discrete["level"]), str(discrete["fail_safe"]), share, str(discrete["changes"]))
     return table
 
 
