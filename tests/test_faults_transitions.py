@@ -58,7 +58,7 @@ def test_the_words_of_a_transition_are_those_of_the_frame():
         ({"autopilot": "engaged", "signal": "heading", "level": 3}, "autopilot: does not go with signal"),
         ({"signal": "heading"}, "must be { signal = ..., level or pattern"),
         ({"signal": "heading", "level": 3, "pattern": "2:2"}, "must be { signal = ..., level or pattern"),
-        ({"signal": "haeding", "level": 3}, "unknown signal 'haeding', allowed: pitch_rate"),
+        ({"signal": "haeding", "level": 3}, "unknown signal 'haeding', nearest: heading"),
         ({"signal": "heading", "state": "failed"}, "channel and state: go together"),
         ({"signal": "heading", "level": 3, "channel": 2}, "channel and state: go together"),
         ({"signal": "heading", "pattern": "3:1"}, "Input should be 'normal', 'isolated', '2:2'"),

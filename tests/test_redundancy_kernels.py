@@ -317,3 +317,16 @@ def test_a_reset_may_name_a_single_channel():
     assert reset_table([Reset(at_s=0.0, signal="pitch_rate", channels=[2])], 100.0)["channel"].tolist() == [
         [0, 1, 0, 0]
     ]
+
+
+@pytest.mark.parametrize(("rate_hz", "frames"), [(25.0, 2), (100.0, 8), (400.0, 32), (110.0, 9), (1.0, 1)])
+def test_a_persistence_in_seconds_lasts_at_least_as_long_at_every_rate(rate_hz, frames):
+    row = np.zeros(1, PARAMS)[0]
+    fill(row, SignalConfig(threshold=1.0, persistence_s=0.08, singular_persistence_s=0.08), (-1, 1), 4, False, rate_hz)
+    assert (row["persistence"], row["singular_persistence"]) == (frames, frames)
+
+
+@pytest.mark.parametrize("name", ["persistence", "singular_persistence"])
+def test_a_persistence_is_in_frames_or_in_seconds(name):
+    with pytest.raises(ValidationError, match=f"{name} and {name}_s are the same setting"):
+        SignalConfig.model_validate({"threshold": 1.0, name: 8, f"{name}_s": 0.08})
