@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from rig import inertial, sensors
 from rig.control.autopilot import Control
 from rig.control.flying import fly
-from rig.faults import Faults, actuate, corrupt, corrupt_reference
-from rig.frame import TIMING, Block, new_block
+from rig.faults import Coils, Faults, actuate, corrupt, corrupt_reference
+from rig.frame import SIGNALS, TIMING, Block, new_block
 from rig.inertial import Inertial, sense
 from rig.kernels import bind, kernel
 from rig.pace import Pace
@@ -90,7 +90,9 @@ def faults(scenario: Scenario, keep_clean: int = 0) -> Faults:
     ranges = sensors.ranges(scenario.sensors)
     places = np.vstack([ranges, inertial.ranges(), ranges, scenario.airframe.surface_limits])  # as in faults.PLACES
     seeds = scenario.streams()["faults"]
-    return Faults(scenario.faults, places, scenario.rate_hz, seeds, keep_clean=keep_clean)
+    monitors = {signal.name: getattr(scenario.sensors, signal.name).monitor for signal in SIGNALS}
+    coils = {name: Coils(one.coverage, one.tolerance, one.frames) for name, one in monitors.items() if one is not None}
+    return Faults(scenario.faults, places, scenario.rate_hz, seeds, coils=coils, keep_clean=keep_clean)
 
 
 def redundancy(scenario: Scenario) -> Redundancy:

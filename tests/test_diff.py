@@ -166,7 +166,7 @@ def bad(tmp_path_factory) -> dict[str, Path]:
         "flipped": bytes(flipped),
         "empty": b"",
         "foreign": b"time,alpha\n0,1\n" * 50,
-        "future": content.replace(b"schema_version\x01\x00\x00\x002", b"schema_version\x01\x00\x00\x009"),
+        "future": content.replace(b"schema_version\x01\x00\x00\x003", b"schema_version\x01\x00\x00\x009"),
     }
     for name, data in files.items():
         (folder / f"{name}.mcap").write_bytes(data)
@@ -199,7 +199,7 @@ def test_another_schema_is_refused_with_both_versions_and_who_wrote_it(tmp_path,
     old = logged(tmp_path / "a.mcap", new_block(3), **about)
     code, _, err = run(capsys, monkeypatch, "replay", old)
     assert code == 2
-    assert "schema version 1 (written by jsbsim-rig 0.0.9, commit abc123); this one reads version 2" in err
+    assert "schema version 1 (written by jsbsim-rig 0.0.9, commit abc123); this one reads version 3" in err
 
 
 def test_a_truncated_log_is_recovered_and_then_read(bad, tmp_path, capsys, monkeypatch):

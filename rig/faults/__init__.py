@@ -27,13 +27,14 @@ from rig.faults.kinds import (
 )
 from rig.faults.places import PLACES, Point
 from rig.faults.record import CLEAN
-from rig.faults.schedule import Faults
+from rig.faults.schedule import Coils, Faults
 from rig.faults.systems import IlmFault, PitotIcing, RateLoss, VaneIcing
 
 __all__ = [
     "CLEAN",
     "KINDS",
     "PLACES",
+    "Coils",
     "CrossTalk",
     "Delay",
     "Drift",
