@@ -62,7 +62,7 @@ _SERVES: Final = {
         ("angle_of_sideslip", "lateral_load_factor"),
         ("lateral_load_factor", "angle_of_sideslip"),
     ),
-    "unit_filter_s": (("normal_load_factor", "inertial"), ("lateral_load_factor", "inertial")),
+    "unit_filter_s": tuple((f"{axis}_load_factor", "inertial") for axis in ("normal", "lateral", "longitudinal")),
 }
 # Of filters that leave a worst error within this of the least, the quickest.  An unstable aircraft may have to fly on
 # the pitch rate, where every late hundredth of a second tells and the worst errors hardly differ.
@@ -223,8 +223,8 @@ def errors(rows: Block, config: Config, designed: Designed) -> Errors:
     for key in PARTNERS:
         s = INDEX[key[0]]
         if source(config, key[0]) == key[1]:
-            known = settled["channels" if key in REMEMBERED else "voted"][:, s].reshape(len(settled), -1)
-            off = settled["reference"][:, s, None] - known
+            known = settled["channels" if key[0] in REMEMBERED.get(key, ()) else "voted"][:, s]
+            off = settled["reference"][:, s, None] - known.reshape(len(settled), -1)
             off = (off + np.pi) % TWO_PI - np.pi if SIGNALS[s].wraps else off
             found[key] = off[np.arange(len(off)), np.abs(off).argmax(axis=1)].astype(np.float32)
     return found

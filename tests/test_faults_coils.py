@@ -33,8 +33,8 @@ def test_an_error_of_a_coil_is_seen_in_the_third_frame_beyond_the_tolerance():
     assert said({"kind": "offset", "offset": 0.05, "end_s": 0.3}) == list(range(12, 30))
     assert said({"kind": "offset", "offset": -0.05}) == list(range(12, 60))
     assert said({"kind": "offset", "offset": 0.039}) == []
-    # 0.5 a second: beyond 0.04 from frame 19 on, 0.09 s after the onset
-    assert said({"kind": "drift", "rate_per_s": 0.5}) == list(range(21, 60))
+    # beyond 0.04 from frame 18 on, 0.08 s after the onset
+    assert said({"kind": "drift", "rate_per_s": 0.52}) == list(range(20, 60))
 
 
 @pytest.mark.parametrize(

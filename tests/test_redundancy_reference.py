@@ -19,7 +19,7 @@ from rig.redundancy import measured_thresholds
 from rig.redundancy.config import parameters
 from rig.redundancy.designed import Designed, Error, Point
 from rig.redundancy.reference import References, refer, remember
-from rig.redundancy.sources import PARTNERS, REMEMBERED, Config, source
+from rig.redundancy.sources import FROM_UNIT, PARTNERS, REMEMBERED, Config, source
 from rig.sensors import channels, ranges
 
 G, RATE = 9.80665, 100.0
@@ -309,7 +309,7 @@ def test_no_reference_reads_truth_channels_or_the_signal_that_it_judges(config: 
         for field in ("truth", "flight", "channels", "surface", "command", "demand"):
             blind[field] = np.nan
         own, aligned = (signal.name, source(config, signal.name)), ("pitch_angle", "roll_angle")
-        remembers = own in REMEMBERED or (own[0] in aligned and own[1] == "inertial")
+        remembers = own[0] in REMEMBERED.get(own, ()) or (own[0] in aligned and own[1] == "inertial")
         for block in (known, blind):
             block["pattern"][40 if remembers else 0 :, INDEX[signal.name]] = Pattern.ISOLATED
         blind["voted"][40 if remembers else 0 :, INDEX[signal.name]] = 1e6
@@ -332,8 +332,7 @@ def test_each_reference_reads_its_partners_and_they_alone(config: Config):
             moved["voted"][60:, INDEX[signal.name]] += 0.01 if signal.unit != "Pa" else 50.0
             if ref(run(moved, config, **aircraft), name).tobytes() != ref(honest, name).tobytes():
                 read.add(signal.name)
-        remembered = {name} if (name, chosen) in REMEMBERED else set()
-        assert read == {*partners, *remembered}, (name, chosen)
+        assert read == {*partners, *REMEMBERED.get((name, chosen), ())}, (name, chosen)
 
 
 @pytest.mark.parametrize("lost", [signal.name for signal in SIGNALS])
@@ -485,7 +484,9 @@ def test_a_fault_on_the_inertial_unit_moves_the_reference_and_only_it():
     moved = {name for name in healthy.dtype.names or () if healthy[name].tobytes() != faulty[name].tobytes()}
     assert moved == {"inertial", "reference", "reference_usable", "acting"}
     q = INDEX["pitch_rate"]
-    same = np.delete(np.arange(len(SIGNALS)), q)
+    reading = [INDEX[name] for name, read in FROM_UNIT.items() if "pitch_rate_rad_s" in read]
+    assert q in reading
+    same = np.delete(np.arange(len(SIGNALS)), reading)
     assert healthy["reference"][:, same].tobytes() == faulty["reference"][:, same].tobytes()
     usable = faulty["reference_usable"][:, q].astype(bool)
     assert usable[:207].all() and not usable[207:407].any() and usable[409:].all()
@@ -502,7 +503,9 @@ def test_a_lost_pitch_rate_still_has_its_reference_and_takes_those_that_read_it_
     rows = flown(faults, seconds=1.5)
     assert rows["level"][-1, INDEX["pitch_rate"]] == 0
     there = {signal.name for signal in SIGNALS if np.isfinite(rows["reference"][-1, INDEX[signal.name]])}
-    assert there == {"pitch_rate", "roll_rate", "yaw_rate", "dynamic_pressure"}
+    reading = {name for (name, one), read in PARTNERS.items() if "pitch_rate" in read and source(Config(), name) == one}
+    assert reading == {"lateral_load_factor", "angle_of_attack", "angle_of_sideslip"}
+    assert there == {name for name, _ in PARTNERS} - reading
 
 
 @pytest.mark.parametrize("aircraft", ["f16", "b747", "b737"])

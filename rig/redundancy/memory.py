@@ -12,7 +12,6 @@ from typing import Final
 
 from rig.kernels import kernel
 
-FIRST_S: Final = 5.0  # the line begins as if so much had been seen, so that the first samples' noise does not count
 LONG_S: Final = 300.0  # memory of what is learned of the signal itself: a fault is settled long before
 ASTRAY_S: Final = 30.0  # off an agreed vote for so long, a memory begins again
 

@@ -59,8 +59,12 @@ PARTNERS: Final[dict[tuple[str, str], tuple[str, ...]]] = {
     ("roll_angle", "inertial"): (),
     ("heading", "inertial"): (),
 }
-# References that go on from what their own signal was while its channels agreed (memory.py).
-REMEMBERED: Final = (("static_pressure", "inertial"), ("heading", "inertial"))
+# The signals that a source remembers from when their channels agreed (memory.py, strapdown.py): no partners, it goes on
+# without them.
+REMEMBERED: Final[dict[tuple[str, str], tuple[str, ...]]] = {
+    ("static_pressure", "inertial"): ("static_pressure",),
+    **{(angle, "inertial"): ("heading",) for angle in _ATTITUDE},
+}
 _RATES, _VELOCITIES, _FORCES = INERTIAL[:3], INERTIAL[3:6], INERTIAL[6:]
 # What the source ``inertial`` of each signal reads of the inertial unit.
 FROM_UNIT: Final[dict[str, tuple[str, ...]]] = {

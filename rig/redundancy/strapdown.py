@@ -23,7 +23,7 @@ import numpy as np
 from rig.angles import wrap
 from rig.frame import INDEX, INERTIAL, TWO_PI
 from rig.kernels import kernel
-from rig.redundancy.memory import ASTRAY_S, FIRST_S, LONG_S, frames_of, level_gain, slope_gain
+from rig.redundancy.memory import ASTRAY_S, LONG_S, frames_of, level_gain, slope_gain
 
 STATE: Final = np.dtype(
     [
@@ -38,12 +38,12 @@ STATE: Final = np.dtype(
     align=True,
 )
 LEVEL_S: Final = 60.0  # memory of what level is
+_FIRST_S: Final = 5.0  # the memory begins as if so much had been seen: one frame's change of velocity is mostly noise
 _GRAVITY: Final = 9.80665  # m/s2
 _TRACK_S: Final = 60.0  # in which the angle between heading and track is learned
 _SLOWEST: Final = 30.0  # m/s; below it the track says nothing
-_TILTED: Final = 0.1  # rad; what is off level by more teaches nothing of the gyros
 _FAR: Final = 0.2  # rad; a vote that far off is not learned from
-_WORST_DRIFT: Final = 0.02  # rad/s
+_WORST_DRIFT: Final = 0.005  # rad/s; a unit that was wrong for a while has not taught more
 _THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
 _ANGLES: Final = np.array([_PHI, _THETA, _PSI])
 _V: Final = INERTIAL.index("velocity_north_m_s")
@@ -89,7 +89,7 @@ def begin(unit, votes, agreed, rate_hz, e):
     q[2], q[3] = c * s_t * c_p + s * c_t * s_p, c * c_t * s_p - s * s_t * c_p
     for i in range(3):
         e["drift"][i] = 0.0
-    e["frames"], e["astray"], e["track_frames"] = frames_of(FIRST_S, rate_hz), 0, 0
+    e["frames"], e["astray"], e["track_frames"] = frames_of(_FIRST_S, rate_hz), 0, 0
 
 
 @kernel
@@ -150,8 +150,6 @@ def correct(unit, last, around, rate_hz, e):
     q[0], q[1] = a - n * b - m * c - o * d, b + n * a + m * d - o * c
     q[2], q[3] = c - n * d + m * a + o * b, d + n * c - m * b + o * a
     h, k = slope_gain(level) * rate_hz, slope_gain(long) * rate_hz * around
-    if e_n * e_n + e_e * e_e > _TILTED * _TILTED:  # no drift explains that much
-        h = 0.0
     drift[0] -= h * (r11 * e_n + r21 * e_e) + k * r31
     drift[1] -= h * (r12 * e_n + r22 * e_e) + k * r32
     drift[2] -= h * (r13 * e_n + r23 * e_e) + k * r33

@@ -15,7 +15,7 @@ from rig.frame import INDEX, INERTIAL
 from rig.inclination.path import GRAVITY, air_density
 from rig.kernels import kernel
 from rig.redundancy import strapdown
-from rig.redundancy.memory import ASTRAY_S, FIRST_S, LONG_S, frames_of, level_gain, slope_gain
+from rig.redundancy.memory import ASTRAY_S, LONG_S, frames_of, level_gain, slope_gain
 
 # Of the static pressure: the value of this frame, and how the unit's vertical velocity is off.
 PRESSURE: Final = np.dtype(
@@ -39,6 +39,7 @@ STATE: Final = np.dtype(
     ],
     align=True,
 )
+_FIRST_S: Final = 1.0  # the memory begins as if so much had been seen: the vote's noise is small against a drift
 _FAR: Final = 300.0  # Pa; a vote that far off is not learned from
 _STATIC: Final = INDEX["static_pressure"]
 _DOWN: Final = INERTIAL.index("velocity_down_m_s")
@@ -96,7 +97,7 @@ def static_pressure(unit, votes, agreed, rate_hz, u):
         return math.nan
     if e["frames"] == 0:
         e["pressure"], e["drift"] = vote, 0.0
-        e["frames"], e["astray"] = frames_of(FIRST_S, rate_hz), 0
+        e["frames"], e["astray"] = frames_of(_FIRST_S, rate_hz), 0
         return e["pressure"]
     off = vote - e["pressure"]
     weight = air_density(e["pressure"]) * GRAVITY
