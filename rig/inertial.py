@@ -1,7 +1,7 @@
 """The inertial unit: body rates, velocity and specific force from one box that is no channel of any signal.
 
 The references read it, so it has to fail on its own: ``[[faults]]`` with ``signal = "inertial.<quantity>"``.
-Rates and specific force are those of the box, which sits a little askew at the centre of gravity; the velocity is
+Rates and specific force are those of the box, which sits at the centre of gravity with a mounting misalignment; the velocity is
 over ground.
 """
 
@@ -130,10 +130,10 @@ def sense(block, k, params, noise, force_noise, state):
     row, u, st = block[k], params[0], state[0]
     truth, flight, inertial = row["truth"], row["flight"], row["inertial"]
     seen, lagged, turn, quantum = st["seen"], st["lagged"], u["turn"], u["quantum"]
-    askew(truth[_P], truth[_Q], truth[_R], turn, seen, 0)
+    misalign(truth[_P], truth[_Q], truth[_R], turn, seen, 0)
     for i in range(RATES):
         seen[RATES + i] = flight[_VELOCITY + i]
-    askew(flight[_FORCE], flight[_FORCE + 1], flight[_FORCE + 2], turn, seen, FORCES)
+    misalign(flight[_FORCE], flight[_FORCE + 1], flight[_FORCE + 2], turn, seen, FORCES)
     for i in range(QUANTITIES):
         if st["started"] == 0:
             lagged[i] = seen[i]
@@ -147,7 +147,7 @@ def sense(block, k, params, noise, force_noise, state):
 
 
 @kernel
-def askew(x, y, z, turn, out, first):
+def misalign(x, y, z, turn, out, first):
     """A vector of the aircraft's axes in those of the box, to ``out`` from ``first`` on: v - turn x v."""
     out[first] = x - (turn[1] * z - turn[2] * y)
     out[first + 1] = y - (turn[2] * x - turn[0] * z)

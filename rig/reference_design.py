@@ -216,7 +216,7 @@ def errors(rows: Block, config: Config, designed: Designed) -> Errors:
     """Reference less vote of every settled frame of ``rows``, by signal and source; overwrites ``reference``.
 
     One that remembers its own signal is measured against the channel that is farthest off: the vote it has learned,
-    but a channel is what it may have to judge.
+    but a channel is what it may be compared with.
     """
     run(rows, References(config, designed, RATE_HZ).arguments)
     settled = rows[round(SETTLED_S * RATE_HZ) :]

@@ -96,7 +96,7 @@ def test_a_box_that_sits_askew_turns_the_rates_and_leaves_their_size():
     assert np.linalg.norm(out[:3]) == pytest.approx(2.0, rel=2e-4)
 
 
-def test_the_accelerometers_sit_askew_with_the_gyros():
+def test_the_accelerometers_share_the_misalignment_of_the_gyros():
     """The same small turn for both: what the rates of a roll show, a forward force shows a hundredfold."""
     out = sensed(p=1.0, q=0.0, r=0.0, force=(100.0, 0.0, 0.0), frames=1, misalignment_tolerance_rad=0.01)[0]
     assert out[6:] == pytest.approx(100.0 * out[:3]) and np.abs(out[7:]).min() > 0.0

@@ -38,7 +38,7 @@ class Point(Settings):
 
     n_w : load factor across the flight path; both at the centre of gravity
     Filters: on angle of attack, before it becomes a pitch rate; on attitudes, before they become rates; on
-    body rates, before they become accelerations; on the inertial unit's rates likewise.
+    body rates, before they become accelerations; on the inertial unit's rates, for the same purpose.
     """
 
     name: str

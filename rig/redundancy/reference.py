@@ -1,7 +1,7 @@
 """References: what a signal should read, from its physical partners or from the inertial unit.
 
 Every reference reads the votes of the last frame and this frame's ``inertial``; never the truth, never the
-signal that it is to judge, but for what two of them remember of it (sources.REMEMBERED): a slow memory, which is fed
+signal that it is compared with, but for what two of them remember of it (sources.REMEMBERED): a slow memory, which is fed
 only by frames in which the signal's channels agreed.  A reference is NaN while one of its partners is lost or has no
 majority.  In the first frame, when nothing has been voted before, the references begin with the frame's own votes.
 

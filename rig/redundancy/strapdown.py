@@ -2,7 +2,7 @@
 
     q' = q (w - drift) / 2                 q : quaternion from body axes to north-east-down
     s  = v' - (0, 0, g)                    the specific force that the change of velocity asks for
-    e  = R f x s / max(f f, g g)           the small rotation that turns the one felt into it
+    e  = R f x s / max(f f, g g)           the small rotation that turns the measured one into it
 
 In a coordinated turn s is the direction of the turn's bank, and elsewhere it is exact as well: no side force, no
 acceleration disturbs it.  The level components of e correct attitude and gyro drift with the memory of memory.py, of
