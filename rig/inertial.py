@@ -1,8 +1,8 @@
 """The inertial unit: body rates, velocity and specific force from one box that is no channel of any signal.
 
 The references read it, so it has to fail on its own: ``[[faults]]`` with ``signal = "inertial.<quantity>"``.
-Rates and specific force are those of the box, which sits at the centre of gravity with a mounting misalignment; the velocity is
-over ground.
+Rates and specific force are those of the box, which sits at the centre of gravity with a mounting misalignment; the
+velocity is over ground.
 """
 
 from __future__ import annotations

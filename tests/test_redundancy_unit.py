@@ -226,15 +226,29 @@ def test_the_gyros_drift_is_learned_and_does_not_run_away():
     assert off.max() < 0.01 and off[-1].max() < 2e-3
 
 
-def test_a_lost_heading_stays_at_its_angle_to_the_ground_track():
-    """A wind of 0.1 rad of drift angle; five minutes without a vote and a drift of the gyros that begins after it."""
-    motion = turning(0.0, 400.0, dt=0.2)
-    seen = motion.angles() + np.array([0.0, 0.0, 0.1])
-    known = np.where(np.arange(len(seen)) * 0.2 < 100.0, ATTITUDE, 1 << PHI | 1 << THETA)
-    motion.unit[500:, 2] += 2e-4
-    said = motion.followed(known, np.where(known[:, None] == ATTITUDE, seen, seen + np.array([0.0, 0.0, 1.0])))
-    off = around(said[:, 2], seen[:, 2])
-    assert off.max() < 0.03 and 2.0 * off.max() < 2e-4 * 300.0
+@pytest.mark.parametrize("lost_s", [10.0, 60.0])
+def test_a_lost_heading_goes_on_by_the_gyros_whose_drift_was_learned_whatever_the_wind(lost_s: float):
+    """Ten minutes from the start, a turn of two radians among them; a wind makes another drift angle of each course."""
+    t = np.arange(0.0, 600.0, DT)
+    bank = np.where((t > 100.0) & (t < 140.0), 0.6, 0.0)
+    psi = np.cumsum(G * np.tan(bank) / 150.0) * DT
+    turned = Rotation.from_euler("ZYX", np.column_stack([psi, np.zeros_like(t), bank]))
+    course = 150.0 * np.column_stack([np.cos(psi), np.sin(psi), np.zeros_like(t)])
+    motion = Motion(turned, course + np.array([20.0, -15.0, 0.0]))
+    motion.unit[:, :3] += (0.001, -0.0017, 0.0017)
+    known = np.where(t < lost_s, ATTITUDE, 1 << PHI | 1 << THETA)
+    seen = np.where(t[:, None] < lost_s, motion.angles(), motion.angles() + np.array([0.0, 0.0, 1.0]))
+    off = around(motion.followed(known, seen)[:, 2], motion.angles()[:, 2])
+    assert psi[-1] > 1.5 and off.max() < 0.006
+
+
+def test_a_unit_that_begins_without_an_agreed_heading_has_none_until_it_is_agreed():
+    motion = turning(0.3, 8.0)
+    known = np.where((np.arange(len(motion.unit)) >= 50) & (np.arange(len(motion.unit)) < 60), ATTITUDE, 0)
+    off = around(motion.followed(known), motion.angles())
+    assert np.isfinite(off[:, :2]).all()
+    # agreed in the vote of frame 50, which the next frame sees and the one after it begins with
+    assert np.isnan(off[:52, 2]).all() and off[52:, 2].max() < 0.02
 
 
 def test_the_votes_of_roll_and_pitch_count_in_the_first_frame_alone():

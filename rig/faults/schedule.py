@@ -225,7 +225,7 @@ class Faults:
         return row
 
     def _measure(self, row: Any, i: int, point: Point) -> None:
-        """Let the monitor of a stick's coils see the fault, if it is of a coil and the draw puts it ahead of the sum."""
+        """Let the monitor of a stick's coils see a fault of a coil, if the draw puts it ahead of the sum."""
         coils, fault = self._coils.get(point.place), self._faults[i]
         if coils is None or fault.effect.act not in _OF_A_COIL or getattr(fault, "seen_by_ilm", False) is not None:
             return

@@ -6,9 +6,9 @@
 
 In a coordinated turn s is the direction of the turn's bank, and elsewhere it is exact as well: no side force, no
 acceleration disturbs it.  The level components of e correct attitude and gyro drift with the memory of memory.py, of
-``LEVEL_S``.  Around the vertical the heading's agreed votes do it, with ``LONG_S``; while they are not agreed, the
-ground track and the angle between the two that was learned before.  Roll and pitch angle read no vote of theirs but
-the first.
+``LEVEL_S``.  Around the vertical the heading's agreed votes do it, with ``LONG_S``; while they are not agreed, nothing
+does: what the gyros drift by has been learned to some 1e-5 rad/s within seconds, and the ground track differs from the
+heading by another angle after every turn in wind.  Roll and pitch angle read no vote of theirs but the first.
 
 Source: Mahony et al. 2008, Nonlinear complementary filters on SO(3), with the acceleration taken from the velocity.
 """
@@ -30,18 +30,18 @@ STATE: Final = np.dtype(
         ("q", "f8", (4,)),
         ("drift", "f8", (3,)),  # of the unit's gyros, rad/s
         ("angles", "f8", (3,)),  # roll, pitch, heading of the last frame
-        ("off_track", "f8"),  # heading less ground track, rad
-        ("track_frames", "i8"),  # for which it has been learned
         ("frames", "i8"),  # of memory; 0: not begun
         ("astray", "i8"),  # frames in a row off an agreed vote
+        ("oriented", "u1"),  # whether the heading is known
     ],
     align=True,
 )
 LEVEL_S: Final = 60.0  # memory of what level is
-_FIRST_S: Final = 5.0  # the memory begins as if so much had been seen: one frame's change of velocity is mostly noise
+# The memory begins as if so much had been seen: of level, where one frame's change of velocity is mostly noise, and of
+# the heading, where a vote says more.
+_FIRST_S: Final = 5.0
+_FIRST_HEADING_S: Final = 1.0
 _GRAVITY: Final = 9.80665  # m/s2
-_TRACK_S: Final = 60.0  # in which the angle between heading and track is learned
-_SLOWEST: Final = 30.0  # m/s; below it the track says nothing
 _FAR: Final = 0.2  # rad; a vote that far off is not learned from
 _WORST_DRIFT: Final = 0.005  # rad/s; a unit that was wrong for a while has not taught more
 _THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
@@ -54,6 +54,8 @@ _F: Final = INERTIAL.index("specific_force_forward_m_s2")
 def attitude(unit, last, votes, agreed, rate_hz, lead_s, e, out):
     """Roll, pitch and heading [rad] of this frame into ``out`` (3,); NaN while the unit says what is no number.
 
+    The heading is NaN, too, until its vote has been agreed once since then.
+
     unit, last : (9,) ``inertial`` of this frame and of the last one; votes : (S,) of the last frame
     agreed : a bit for each signal whose channels agreed; e : a STATE record, in place
     """
@@ -65,54 +67,40 @@ def attitude(unit, last, votes, agreed, rate_hz, lead_s, e, out):
     if e["frames"] == 0:
         begin(unit, votes, agreed, rate_hz, e)
     else:
-        learn_track(last, votes, agreed, rate_hz, e)
-        around = heading_off(last, votes, agreed, rate_hz, e)
+        around = heading_off(votes, agreed, e)
         turn(unit, last, rate_hz, e)
         correct(unit, last, around, rate_hz, e)
         e["frames"] += 1
-        if lost_its_way(votes, agreed, rate_hz, e):
+        if lost_its_way(votes, agreed, rate_hz, e) or (e["oriented"] == 0 and (agreed >> _PSI) & 1 != 0):
             e["frames"] = 0
     angles(unit, lead_s, e, out)
 
 
 @kernel
 def begin(unit, votes, agreed, rate_hz, e):
-    """Align: with the agreed attitude; else level by the accelerometers, and along the track."""
+    """Align: with the agreed attitude; else level by the accelerometers, the heading unknown."""
     f, phi, theta, psi = unit[_F : _F + 3], votes[_PHI], votes[_THETA], votes[_PSI]
     if (agreed >> _PHI) & (agreed >> _THETA) & 1 == 0:
         phi, theta = math.atan2(-f[1], -f[2]), math.atan2(f[0], math.sqrt(f[1] * f[1] + f[2] * f[2]))
-    if (agreed >> _PSI) & 1 == 0:
-        psi = math.atan2(unit[_V + 1], unit[_V])
+    e["oriented"] = (agreed >> _PSI) & 1
+    if e["oriented"] == 0:
+        psi = 0.0
     q, c, s = e["q"], math.cos(0.5 * phi), math.sin(0.5 * phi)
     c_t, s_t, c_p, s_p = math.cos(0.5 * theta), math.sin(0.5 * theta), math.cos(0.5 * psi), math.sin(0.5 * psi)
     q[0], q[1] = c * c_t * c_p + s * s_t * s_p, s * c_t * c_p - c * s_t * s_p
     q[2], q[3] = c * s_t * c_p + s * c_t * s_p, c * c_t * s_p - s * s_t * c_p
     for i in range(3):
         e["drift"][i] = 0.0
-    e["frames"], e["astray"], e["track_frames"] = frames_of(_FIRST_S, rate_hz), 0, 0
+    e["frames"], e["astray"] = frames_of(_FIRST_S, rate_hz), 0
 
 
 @kernel
-def learn_track(last, votes, agreed, rate_hz, e):
-    """The angle from ground track to heading, while the heading is agreed."""
-    north, east = last[_V], last[_V + 1]
-    if (agreed >> _PSI) & 1 == 0 or north * north + east * east < _SLOWEST * _SLOWEST:
-        return
-    e["track_frames"] = min(e["track_frames"] + 1, frames_of(_TRACK_S, rate_hz))
-    off = wrap(votes[_PSI] - math.atan2(east, north))
-    e["off_track"] += wrap(off - e["off_track"]) / e["track_frames"]
-
-
-@kernel
-def heading_off(last, votes, agreed, rate_hz, e):
-    """By how much the heading of the last frame is off [rad], 0 when nothing tells."""
-    north, east, psi = last[_V], last[_V + 1], e["angles"][2]
-    if (agreed >> _PSI) & 1 != 0:
-        off = wrap(votes[_PSI] - psi)
-        return off if abs(off) < _FAR else 0.0
-    if e["track_frames"] == 0 or north * north + east * east < _SLOWEST * _SLOWEST:
+def heading_off(votes, agreed, e):
+    """By how much the heading of the last frame is off the agreed vote [rad]; 0 without one, or far from it."""
+    if (agreed >> _PSI) & 1 == 0:
         return 0.0
-    return wrap(math.atan2(east, north) + e["off_track"] - psi)
+    off = wrap(votes[_PSI] - e["angles"][2])
+    return off if abs(off) < _FAR else 0.0
 
 
 @kernel
@@ -144,7 +132,9 @@ def correct(unit, last, around, rate_hz, e):
     s_d = (unit[_V + 2] - last[_V + 2]) * rate_hz - _GRAVITY
     size = max(x * x + y * y + z * z, _GRAVITY * _GRAVITY)
     e_n, e_e = (east * s_d - down * s_e) / size, (down * s_n - north * s_d) / size
-    level, long = min(e["frames"], frames_of(LEVEL_S, rate_hz)), min(e["frames"], frames_of(LONG_S, rate_hz))
+    level = min(e["frames"], frames_of(LEVEL_S, rate_hz))
+    ahead = frames_of(_FIRST_S, rate_hz) - frames_of(_FIRST_HEADING_S, rate_hz)
+    long = min(e["frames"] - ahead, frames_of(LONG_S, rate_hz))
     g = level_gain(level)
     n, m, o = 0.5 * g * e_n, 0.5 * g * e_e, 0.5 * level_gain(long) * around
     q[0], q[1] = a - n * b - m * c - o * d, b + n * a + m * d - o * c
@@ -182,4 +172,4 @@ def angles(unit, lead_s, e, out):
     turning = (q_ * r32 + r * r33) / square
     out[0] = wrap(kept[0] + lead_s * (p - r31 * turning))
     out[1] = kept[1] + lead_s * (q_ * r33 - r * r32) / math.sqrt(square)
-    out[2] = (kept[2] + lead_s * turning) % TWO_PI
+    out[2] = (kept[2] + lead_s * turning) % TWO_PI if e["oriented"] != 0 else math.nan
