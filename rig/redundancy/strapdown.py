@@ -40,7 +40,7 @@ LEVEL_S: Final = 60.0  # memory of what level is
 # The memory begins as if so much had been seen: of level, where one frame's change of velocity is mostly noise, and of
 # the heading, where a vote says more.
 _FIRST_S: Final = 5.0
-_FIRST_HEADING_S: Final = 1.0
+_FIRST_HEADING_S: Final = 0.2
 _GRAVITY: Final = 9.80665  # m/s2
 _FAR: Final = 0.2  # rad; a vote that far off is not learned from
 _WORST_DRIFT: Final = 0.005  # rad/s; a unit that was wrong for a while has not taught more

@@ -39,7 +39,7 @@ STATE: Final = np.dtype(
     ],
     align=True,
 )
-_FIRST_S: Final = 1.0  # the memory begins as if so much had been seen: the vote's noise is small against a drift
+_FIRST_S: Final = 0.2  # the memory begins as if so much had been seen: the vote's noise is small against a drift
 _FAR: Final = 300.0  # Pa; a vote that far off is not learned from
 _STATIC: Final = INDEX["static_pressure"]
 _DOWN: Final = INERTIAL.index("velocity_down_m_s")
