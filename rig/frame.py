@@ -141,6 +141,9 @@ INERTIAL: Final = (
     "velocity_north_m_s",
     "velocity_east_m_s",
     "velocity_down_m_s",
+    "specific_force_forward_m_s2",  # acceleration less gravity, as accelerometers read: level flight is -g downwards
+    "specific_force_right_m_s2",
+    "specific_force_down_m_s2",
 )
 # The true flight condition; neither redundancy nor control may read it.
 FLIGHT: Final = (
@@ -166,6 +169,9 @@ FLIGHT: Final = (
     "aileron_rad",
     "rudder_rad",
     "throttle",
+    "specific_force_forward_m_s2",  # at the centre of gravity
+    "specific_force_right_m_s2",
+    "specific_force_down_m_s2",
 )
 FLIGHT_INDEX: Final = {name: i for i, name in enumerate(FLIGHT)}
 

@@ -1,7 +1,8 @@
-"""The inertial unit: body rates and velocity from one box that is no channel of any signal.
+"""The inertial unit: body rates, velocity and specific force from one box that is no channel of any signal.
 
 The references read it, so it has to fail on its own: ``[[faults]]`` with ``signal = "inertial.<quantity>"``.
-The rates are those of the box, which sits a little askew in the aircraft; the velocity is over ground.
+Rates and specific force are those of the box, which sits at the centre of gravity with a mounting misalignment; the
+velocity is over ground.
 """
 
 from __future__ import annotations
@@ -20,17 +21,22 @@ from rig.kernels import kernel
 from rig.settings import Settings
 
 QUANTITIES: Final = len(INERTIAL)
-RATES: Final = 3  # the first three of INERTIAL; the others are the velocity
-_LIMITS: Final = {"rad_s": 7.0, "m_s": 1000.0}  # full scale to both sides, by unit
+RATES: Final = 3  # the first three of INERTIAL, then three of the velocity, then three of the specific force
+FORCES: Final = INERTIAL.index("specific_force_forward_m_s2")
+_LIMITS: Final = {"rad_s": 7.0, "m_s": 1000.0, "m_s2": 200.0}  # full scale to both sides, by unit
 
 
 class Config(Settings):
-    """The ``[inertial]`` table: one box, so one figure for its rates and one for its velocity."""
+    """The ``[inertial]`` table: one box, so one figure for its rates, one for its velocity, one for its forces."""
 
     rate_noise_std_rad_s: float = Field(ge=0)  # white, per sample
     rate_bias_tolerance_rad_s: float = Field(ge=0)  # uniform within +- this, drawn once a flight
     velocity_noise_std_m_s: float = Field(ge=0)
     velocity_bias_tolerance_m_s: float = Field(ge=0)
+    force_noise_std_m_s2: float = Field(ge=0)
+    force_bias_tolerance_m_s2: float = Field(ge=0)
+    force_scale_tolerance: float = Field(ge=0, lt=1)  # relative
+    force_quantum_m_s2: float = Field(ge=0)  # least significant bit; 0: none
     misalignment_tolerance_rad: float = Field(ge=0, le=0.1)  # of the mounting, about each axis
     lag_s: float = Field(ge=0)  # time constant of the whole chain
 
@@ -38,17 +44,20 @@ class Config(Settings):
 PARAMS: Final = np.dtype(
     [
         ("bias", "f8", (QUANTITIES,)),
+        ("gain", "f8", (QUANTITIES,)),  # 1 + scale error
         ("noise_std", "f8", (QUANTITIES,)),
         ("low", "f8", (QUANTITIES,)),
         ("high", "f8", (QUANTITIES,)),
-        ("turn", "f8", (RATES,)),  # small angles from the aircraft's axes to those of the box
+        ("turn", "f8", (3,)),  # small angles from the aircraft's axes to those of the box
+        ("quantum", "f8"),  # of the specific force
         ("blend", "f8"),  # share of a new sample that passes the lag in one frame
     ],
     align=True,
 )
-STATE: Final = np.dtype([("lagged", "f8", (QUANTITIES,)), ("started", "u1")], align=True)
+STATE: Final = np.dtype([("lagged", "f8", (QUANTITIES,)), ("seen", "f8", (QUANTITIES,)), ("started", "u1")], align=True)
 _P, _Q, _R = INDEX["roll_rate"], INDEX["pitch_rate"], INDEX["yaw_rate"]
 _VELOCITY: Final = FLIGHT_INDEX["velocity_north_m_s"]
+_FORCE: Final = FLIGHT_INDEX["specific_force_forward_m_s2"]
 
 
 def ranges() -> NDArray[np.float64]:
@@ -58,71 +67,88 @@ def ranges() -> NDArray[np.float64]:
 
 
 class Inertial:
-    """Truth to ``inertial``.  ``seeds`` gives two independent streams: calibration and noise."""
+    """Truth to ``inertial``.  ``seeds`` gives independent streams: calibration and noise, then those of the forces."""
 
     def __init__(self, config: Config, rate_hz: float, seeds: SeedSequence) -> None:
-        calibration, noise = seeds.spawn(2)
-        self.params = _params(config, rate_hz, np.random.default_rng(calibration))
+        # The order is part of every recorded flight: append, never insert.
+        calibration, noise, force_calibration, force_noise = map(np.random.default_rng, seeds.spawn(4))
+        self.params = _params(config, rate_hz, calibration, force_calibration)
         self.state: NDArray[Any] = np.zeros(1, STATE)
-        self._noise_rng = np.random.default_rng(noise)
-        self._noise = np.zeros((0, QUANTITIES), np.float32)
+        self._noise_rng, self._force_rng = noise, force_noise
+        self._noise = np.zeros((0, FORCES), np.float32)
+        self._force_noise = np.zeros((0, QUANTITIES - FORCES), np.float32)
 
     @property
     def arguments(self) -> tuple[Any, ...]:
         """What ``sense`` needs besides the row; the same arrays until the next ``prepare``."""
-        return self.params, self._noise, self.state
+        return self.params, self._noise, self._force_noise, self.state
 
     def prepare(self, block: Block) -> None:
-        """Draw the noise of the rows of ``block``; the stream does not depend on the block's length."""
-        if len(self._noise) < len(block):
-            self._noise = np.zeros((len(block), QUANTITIES), np.float32)
-        self._noise_rng.standard_normal(out=self._noise[: len(block)], dtype=np.float32)
+        """Draw the noise of the rows of ``block``; the streams do not depend on the block's length."""
+        rows = len(block)
+        if len(self._noise) < rows:
+            self._noise = np.zeros((rows, FORCES), np.float32)
+            self._force_noise = np.zeros((rows, QUANTITIES - FORCES), np.float32)
+        self._noise_rng.standard_normal(out=self._noise[:rows], dtype=np.float32)
+        self._force_rng.standard_normal(out=self._force_noise[:rows], dtype=np.float32)
 
     def step(self, block: Block, k: int) -> None:
         """Write ``inertial`` of row k."""
         sense(block, k, *self.arguments)
 
 
-def _params(config: Config, rate_hz: float, rng: Generator) -> NDArray[np.void]:
+def _params(config: Config, rate_hz: float, rng: Generator, force_rng: Generator) -> NDArray[np.void]:
     """The (1,) PARAMS record; all errors are drawn, whatever their tolerance."""
     params = np.zeros(1, PARAMS)
     row = params[0]
-    draw = rng.uniform(-1.0, 1.0, QUANTITIES + RATES)
-    rates = np.arange(QUANTITIES) < RATES
+    draw = rng.uniform(-1.0, 1.0, FORCES + 3)  # of rates and velocity, and three of the mounting
+    forces = force_rng.uniform(-1.0, 1.0, (2, QUANTITIES - FORCES))  # bias, scale
+    rates = np.arange(FORCES) < RATES
     tolerance = np.where(rates, config.rate_bias_tolerance_rad_s, config.velocity_bias_tolerance_m_s)
-    row["bias"] = tolerance * draw[:QUANTITIES]
-    row["noise_std"] = np.where(rates, config.rate_noise_std_rad_s, config.velocity_noise_std_m_s)
+    row["bias"] = np.concatenate([tolerance * draw[:FORCES], config.force_bias_tolerance_m_s2 * forces[0]])
+    row["gain"] = np.concatenate([np.ones(FORCES), 1.0 + config.force_scale_tolerance * forces[1]])
+    row["noise_std"][:FORCES] = np.where(rates, config.rate_noise_std_rad_s, config.velocity_noise_std_m_s)
+    row["noise_std"][FORCES:] = config.force_noise_std_m_s2
     row["low"], row["high"] = ranges().T
-    row["turn"] = config.misalignment_tolerance_rad * draw[QUANTITIES:]
+    row["turn"] = config.misalignment_tolerance_rad * draw[FORCES:]
+    row["quantum"] = config.force_quantum_m_s2
     row["blend"] = 1.0 if config.lag_s == 0 else 1.0 - exp(-1.0 / (rate_hz * config.lag_s))
     return params
 
 
 @kernel
-def sense(block, k, params, noise, state):
+def sense(block, k, params, noise, force_noise, state):
     """The inertial unit in row k.
 
-        x = (w - turn x w, v);  y += blend (x - y);  sample = y + bias + noise, within its range
+        x = (w - turn x w, v, f - turn x f);  y += blend (x - y);  sample = gain y + bias + noise, within its range
 
-    w : body rates p, q, r [rad/s]; v : velocity over ground, north, east, down [m/s]
-    block : FRAME records; params : (1,) PARAMS; noise : (n, 6) standard normal; state : (1,) STATE, in place
-    Writes inertial.
+    w : body rates p, q, r [rad/s]; v : velocity over ground, north, east, down [m/s]; f : specific force at the
+    centre of gravity, forward, right, down [m/s2], rounded to its quantum
+    block : FRAME records; params : (1,) PARAMS; noise (n, 6), force_noise (n, 3) : standard normal
+    state : (1,) STATE, in place.  Writes inertial.
     """
     row, u, st = block[k], params[0], state[0]
     truth, flight, inertial = row["truth"], row["flight"], row["inertial"]
-    p, q, r = truth[_P], truth[_Q], truth[_R]
-    turn, lagged = u["turn"], st["lagged"]
+    seen, lagged, turn, quantum = st["seen"], st["lagged"], u["turn"], u["quantum"]
+    misalign(truth[_P], truth[_Q], truth[_R], turn, seen, 0)
+    for i in range(RATES):
+        seen[RATES + i] = flight[_VELOCITY + i]
+    misalign(flight[_FORCE], flight[_FORCE + 1], flight[_FORCE + 2], turn, seen, FORCES)
     for i in range(QUANTITIES):
-        x = p - (turn[1] * r - turn[2] * q)
-        if i == 1:
-            x = q - (turn[2] * p - turn[0] * r)
-        elif i == 2:
-            x = r - (turn[0] * q - turn[1] * p)
-        elif i >= RATES:
-            x = flight[_VELOCITY + i - RATES]
         if st["started"] == 0:
-            lagged[i] = x
-        lagged[i] += u["blend"] * (x - lagged[i])
-        sample = lagged[i] + u["bias"][i] + u["noise_std"][i] * noise[k, i]
+            lagged[i] = seen[i]
+        lagged[i] += u["blend"] * (seen[i] - lagged[i])
+        drawn = noise[k, i] if i < FORCES else force_noise[k, i - FORCES]
+        sample = u["gain"][i] * lagged[i] + u["bias"][i] + u["noise_std"][i] * drawn
+        if i >= FORCES and quantum > 0.0:
+            sample = np.floor(sample / quantum + 0.5) * quantum
         inertial[i] = limit(sample, u["low"][i], u["high"][i], 0)
     st["started"] = 1
+
+
+@kernel
+def misalign(x, y, z, turn, out, first):
+    """A vector of the aircraft's axes in those of the box, to ``out`` from ``first`` on: v - turn x v."""
+    out[first] = x - (turn[1] * z - turn[2] * y)
+    out[first + 1] = y - (turn[2] * x - turn[0] * z)
+    out[first + 2] = z - (turn[0] * y - turn[1] * x)

@@ -17,7 +17,7 @@ from rig import inertial, sensors
 from rig.control.autopilot import Control
 from rig.control.flying import fly
 from rig.errors import ManagerFailed
-from rig.faults import Faults, actuate, corrupt, corrupt_reference
+from rig.faults import Coils, Faults, actuate, corrupt, corrupt_reference
 from rig.frame import SIGNALS, TIMING, Block, new_block
 from rig.inertial import Inertial, sense
 from rig.interrupt import Stop
@@ -93,7 +93,17 @@ def faults(scenario: Scenario, keep_clean: int = 0) -> Faults:
     places = np.vstack([ranges, inertial.ranges(), ranges, scenario.airframe.surface_limits])  # as in faults.PLACES
     seeds, monitored = scenario.streams()["faults"], scenario.redundancy.signals
     thresholds = np.array([getattr(monitored, signal.name).threshold for signal in SIGNALS])
-    return Faults(scenario.faults, places, scenario.rate_hz, seeds, thresholds=thresholds, keep_clean=keep_clean)
+    monitors = {signal.name: getattr(scenario.sensors, signal.name).monitor for signal in SIGNALS}
+    coils = {name: Coils(one.coverage, one.tolerance, one.frames) for name, one in monitors.items() if one is not None}
+    return Faults(
+        scenario.faults,
+        places,
+        scenario.rate_hz,
+        seeds,
+        thresholds=thresholds,
+        coils=coils,
+        keep_clean=keep_clean,
+    )
 
 
 def redundancy(scenario: Scenario) -> Redundancy:

@@ -8,6 +8,7 @@ flights measures every source.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -20,13 +21,14 @@ from rig import aircraft
 from rig.control.gains import Gains
 from rig.errors import RigError
 from rig.files import write_text
-from rig.frame import INDEX, Block
+from rig.frame import INDEX, SIGNALS, TWO_PI, Block
 from rig.kernels import kernel
 from rig.loop import Rig, frames
 from rig.plant.airframe import Airframe, FlightPoint, parse
 from rig.plant.linear import Linear, linearise
 from rig.redundancy.designed import FILTERS, Designed, Error, Point
-from rig.redundancy.reference import PARTNERS, Config, References, refer, remember, source
+from rig.redundancy.reference import References, refer, remember
+from rig.redundancy.sources import PARTNERS, REMEMBERED, Config, source
 from rig.scenario import Scenario
 from rig.settings import build
 
@@ -37,36 +39,20 @@ SEEDS: Final = (1, 2, 3, 4, 5, 6, 7, 8)  # of calibration, noise and turbulence,
 TURBULENCE: Final = ("none", "light", "moderate")
 FILTERS_S: Final = (0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2)  # no slower: a law may have to fly on it
 _GRAVITY: Final = 9.80665  # m/s2
-_INERTIAL: Final = Config(
-    pitch_rate="inertial",
-    roll_rate="inertial",
-    yaw_rate="inertial",
-    normal_load_factor="none",
-    angle_of_attack="none",
-    angle_of_sideslip="none",
-    dynamic_pressure="inertial",
-    pitch_angle="none",
-)
-_PARTNERS: Final = Config(
-    pitch_rate="angle_of_attack",
-    roll_rate="attitude",
-    yaw_rate="attitude",
-    normal_load_factor="angle_of_attack",
-    angle_of_attack="load_factor",
-    angle_of_sideslip="lateral_load_factor",
-    dynamic_pressure="none",
-    pitch_angle="kinematic",
-)
-_ATTITUDE: Final = Config(
-    pitch_rate="attitude",
-    roll_rate="none",
-    yaw_rate="none",
-    normal_load_factor="none",
-    angle_of_attack="none",
-    angle_of_sideslip="none",
-    dynamic_pressure="none",
-    pitch_angle="none",
-)
+Key = tuple[str, str]  # signal and source
+Case = tuple[str, str, int]  # flight, turbulence, seed
+Errors = dict[Key, NDArray[np.float32]]
+
+
+def rounds(keys: Collection[Key] = PARTNERS) -> list[Config]:
+    """Settings of the references that together have each of these sources once."""
+    known: dict[str, list[str]] = {signal: [] for signal, _ in PARTNERS}
+    for signal, chosen in keys:
+        known[signal].append(chosen)
+    most = max(map(len, known.values()))
+    return [build(Config, {s: (of[i:] or ["none"])[0] for s, of in known.items()}, "references") for i in range(most)]
+
+
 # The references that each filter serves: it is chosen for the least of their worst errors in thresholds.
 _SERVES: Final = {
     "alpha_filter_s": (("pitch_rate", "angle_of_attack"),),
@@ -75,14 +61,13 @@ _SERVES: Final = {
         ("normal_load_factor", "angle_of_attack"),
         ("angle_of_attack", "load_factor"),
         ("angle_of_sideslip", "lateral_load_factor"),
+        ("lateral_load_factor", "angle_of_sideslip"),
     ),
+    "unit_filter_s": tuple((f"{axis}_load_factor", "inertial") for axis in ("normal", "lateral", "longitudinal")),
 }
 # Of filters that leave a worst error within this of the least, the quickest.  An unstable aircraft may have to fly on
 # the pitch rate, where every late hundredth of a second tells and the worst errors hardly differ.
 _NEARLY: Final = {"alpha_filter_s": 1.1}
-Key = tuple[str, str]  # signal and source
-Case = tuple[str, str, int]  # flight, turbulence, seed
-Errors = dict[Key, NDArray[np.float32]]
 
 
 def _manoeuvre(kind: str, axis: str, start_s: float, amplitude: float, **more: float) -> dict[str, Any]:
@@ -181,20 +166,16 @@ def measure(tables: dict[str, Any], airframe: Airframe, flight_point: FlightPoin
     known = coefficients(linearise(airframe, flight_point))
     tried = [Point(name=flight_point.name, **known, **dict.fromkeys(FILTERS, filter_s)) for filter_s in FILTERS_S]
     designs = [_designed(airframe, [point], {}) for point in tried]
-    inertial: list[Errors] = []
-    partners: list[list[Errors]] = [[] for _ in tried]
+    found: list[list[Errors]] = [[] for _ in tried]
+    served = [key for keys in _SERVES.values() for key in keys]
     for case in cases():
         rows = fly(tables, flight_point, designs[0], case)
-        inertial.append(errors(rows, _INERTIAL, designs[0]))
-        for found, one in zip(partners, designs, strict=True):
-            found.append(errors(rows, _PARTNERS, one) | errors(rows, _ATTITUDE, one))
-    best = _choose(partners, tables["redundancy"]["signals"])
+        for of_filter, one in zip(found, designs, strict=True):
+            of_filter.append(all_errors(rows, one, PARTNERS if one is designs[0] else served))
+    best = _choose(found, tables["redundancy"]["signals"])
     of = {key: best[filter_name] for filter_name, keys in _SERVES.items() for key in keys}
-    chosen = [
-        # what no filter serves is the same with all of them
-        found | {key: partners[of.get(key, 0)][i][key] for key in partners[0][i]}
-        for i, found in enumerate(inertial)
-    ]
+    # what no filter serves is the same with all of them
+    chosen = [{key: found[of.get(key, 0)][i][key] for key in one} for i, one in enumerate(found[0])]
     filters = {filter_name: FILTERS_S[i] for filter_name, i in best.items()}
     return Measured(tried[0].model_copy(update=filters), chosen)
 
@@ -223,15 +204,30 @@ def fly(tables: dict[str, Any], flight_point: FlightPoint, designed: Designed, c
     return rows
 
 
+def all_errors(rows: Block, designed: Designed, keys: Collection[Key] = PARTNERS) -> Errors:
+    """``errors`` of these sources."""
+    found: Errors = {}
+    for config in rounds(keys):
+        found |= errors(rows, config, designed)
+    return found
+
+
 def errors(rows: Block, config: Config, designed: Designed) -> Errors:
-    """Reference less vote of every settled frame of ``rows``, by signal and source; overwrites ``reference``."""
+    """Reference less vote of every settled frame of ``rows``, by signal and source; overwrites ``reference``.
+
+    One that remembers its own signal is measured against the channel that is farthest off: the vote it has learned,
+    but a channel is what it may be compared with.
+    """
     run(rows, References(config, designed, RATE_HZ).arguments)
     settled = rows[round(SETTLED_S * RATE_HZ) :]
     found: Errors = {}
-    for signal, chosen in PARTNERS:
-        if source(config, signal) == chosen:
-            off = settled["reference"][:, INDEX[signal]] - settled["voted"][:, INDEX[signal]]
-            found[signal, chosen] = off.astype(np.float32)
+    for key in PARTNERS:
+        s = INDEX[key[0]]
+        if source(config, key[0]) == key[1]:
+            known = settled["channels" if key[0] in REMEMBERED.get(key, ()) else "voted"][:, s]
+            off = settled["reference"][:, s, None] - known.reshape(len(settled), -1)
+            off = (off + np.pi) % TWO_PI - np.pi if SIGNALS[s].wraps else off
+            found[key] = off[np.arange(len(off)), np.abs(off).argmax(axis=1)].astype(np.float32)
     return found
 
 

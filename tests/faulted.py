@@ -43,11 +43,16 @@ def healthy(frames: int = 60) -> Block:
     return block
 
 
-def faulted(*faults: dict[str, Any], block: Block | None = None, seed: int = 7, size: int = 60) -> Block:
-    """``healthy``, or a given block, after the faults; ``size`` frames are prepared at a time."""
+def faulted(
+    *faults: dict[str, Any], block: Block | None = None, seed: int = 7, size: int = 60, coils: Any = None
+) -> Block:
+    """``healthy``, or a given block, after the faults; ``size`` frames are prepared at a time.
+
+    coils : the in-line monitors that measure, by signal
+    """
     rows = healthy() if block is None else block
     parsed = [PARSE.validate_python(fault) for fault in faults]
-    stage = Faults(parsed, PLACES, RATE, SeedSequence(seed), thresholds=THRESHOLDS)
+    stage = Faults(parsed, PLACES, RATE, SeedSequence(seed), thresholds=THRESHOLDS, coils=coils)
     for start in range(0, len(rows), size):
         part = rows[start : start + size]
         stage.prepare(part)

@@ -31,9 +31,15 @@ def truths(frames: int, **per_signal: Any) -> NDArray[np.float64]:
 
 
 def sense(
-    truth: NDArray[np.float64], settings: Any, *, seed: int = 0, rate_hz: float = 100.0, split: int = 500
+    truth: NDArray[np.float64],
+    settings: Any,
+    *,
+    seed: int = 0,
+    rate_hz: float = 100.0,
+    split: int = 500,
+    field: str = "channels",
 ) -> NDArray[np.float64]:
-    """(frames, S, 4) samples of the truths, in blocks of ``split`` rows."""
+    """(frames, S, 4) samples of the truths, or another field of the channels, in blocks of ``split`` rows."""
     stage, memory, step = Sensors(settings, rate_hz, SeedSequence(seed)), new_block(min(split, len(truth))), None
     out = np.empty((len(truth), S, CHANNELS))
     for first in range(0, len(truth), split):
@@ -44,5 +50,5 @@ def sense(
         step = step or bind(measure, block, 0, *arguments)
         for k in range(len(block)):
             step(block, k, *arguments)
-        out[first : first + len(block)] = block["channels"]
+        out[first : first + len(block)] = block[field]
     return out

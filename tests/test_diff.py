@@ -168,7 +168,9 @@ def bad(tmp_path_factory) -> dict[str, Path]:
         "flipped": bytes(flipped),
         "empty": b"",
         "foreign": b"time,alpha\n0,1\n" * 50,
-        "future": content.replace(b"schema_version\x01\x00\x00\x00%d" % SCHEMA_VERSION, b"schema_version\x01\x00\x00\x009"),
+        "future": content.replace(
+            b"schema_version\x01\x00\x00\x00%d" % SCHEMA_VERSION, b"schema_version\x01\x00\x00\x009"
+        ),
     }
     for name, data in files.items():
         (folder / f"{name}.mcap").write_bytes(data)

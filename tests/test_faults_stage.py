@@ -11,7 +11,7 @@ import rig
 from rig import scenario
 from rig.faults import executed
 from rig.flight import fly
-from rig.frame import INDEX, MOST_FAULTS, State, new_block
+from rig.frame import FLIGHT_INDEX, INDEX, MOST_FAULTS, State, new_block
 from rig.loop import Rig, frames
 
 Q = INDEX["pitch_rate"]
@@ -115,8 +115,9 @@ def test_a_reference_comes_back_after_no_number():
 
 def test_a_jammed_surface_stays_where_it_was_while_the_law_commands_on():
     rows = flown(with_faults({"kind": "stuck", "signal": "surface.elevator", "start_s": 1.0}))
-    at = rows["flight"][100, -4]
-    moved = np.abs(rows["flight"][100:, -4] - at)
+    elevator = rows["flight"][:, FLIGHT_INDEX["elevator_rad"]]
+    at = elevator[100]
+    moved = np.abs(elevator[100:] - at)
     assert (rows["actuator"][100:, 0] == at).all()
     assert moved.max() < 2e-4 and moved[-1] < 1e-9  # the servo's lag swings out
     assert np.ptp(rows["surface"][100:, 0]) > 1e-4 and np.array_equal(rows["actuator"][:, 1:], rows["surface"][:, 1:])

@@ -18,23 +18,38 @@ PERFECT = {
     "rate_bias_tolerance_rad_s": 0.0,
     "velocity_noise_std_m_s": 0.0,
     "velocity_bias_tolerance_m_s": 0.0,
+    "force_noise_std_m_s2": 0.0,
+    "force_bias_tolerance_m_s2": 0.0,
+    "force_scale_tolerance": 0.0,
+    "force_quantum_m_s2": 0.0,
     "misalignment_tolerance_rad": 0.0,
     "lag_s": 0.0,
 }
 PARSE = TypeAdapter(Fault)
 NORTH = FLIGHT_INDEX["velocity_north_m_s"]
+FORCE = FLIGHT_INDEX["specific_force_forward_m_s2"]
+LEVEL = (0.5, -0.25, -9.75)
 RATES = [INDEX["roll_rate"], INDEX["pitch_rate"], INDEX["yaw_rate"]]
 
 
 def sensed(
-    p: Any = 0.1, q: Any = 0.2, r: Any = 0.3, velocity=(200.0, -5.0, 3.0), frames=200, seed=1, blocks=1, **settings: Any
+    p: Any = 0.1,
+    q: Any = 0.2,
+    r: Any = 0.3,
+    velocity=(200.0, -5.0, 3.0),
+    force: Any = LEVEL,
+    frames=200,
+    seed=1,
+    blocks=1,
+    **settings: Any,
 ):
-    """(frames, 6) of a unit in steady motion; a value may be an array over the frames."""
+    """(frames, 9) of a unit in steady motion; a value may be an array over the frames."""
     unit = Inertial(Config(**{**PERFECT, **settings}), RATE, SeedSequence(seed))
     block = new_block(frames)
     for s, rate in zip(RATES, (p, q, r), strict=True):
         block["truth"][:, s] = rate
     block["flight"][:, NORTH : NORTH + 3] = velocity
+    block["flight"][:, FORCE : FORCE + 3] = force
     for part in np.array_split(np.arange(frames), blocks):
         rows = block[part[0] : part[-1] + 1]
         unit.prepare(rows)
@@ -44,22 +59,26 @@ def sensed(
 
 
 def test_a_perfect_unit_says_the_truth_in_the_order_of_the_frame():
-    assert (sensed() == [0.1, 0.2, 0.3, 200.0, -5.0, 3.0]).all()
+    assert (sensed() == [0.1, 0.2, 0.3, 200.0, -5.0, 3.0, *LEVEL]).all()
     assert INERTIAL[0].startswith("roll") and INERTIAL[1].startswith("pitch")
 
 
 def test_the_noise_has_its_standard_deviation_and_every_quantity_its_own():
-    out = sensed(frames=20_000, rate_noise_std_rad_s=0.01, velocity_noise_std_m_s=0.5)
-    assert out.std(axis=0) == pytest.approx([0.01] * 3 + [0.5] * 3, rel=0.03)
-    assert np.abs(np.corrcoef(out.T) - np.eye(6)).max() < 0.03
+    out = sensed(frames=20_000, rate_noise_std_rad_s=0.01, velocity_noise_std_m_s=0.5, force_noise_std_m_s2=0.2)
+    assert out.std(axis=0) == pytest.approx([0.01] * 3 + [0.5] * 3 + [0.2] * 3, rel=0.03)
+    assert np.abs(np.corrcoef(out.T) - np.eye(9)).max() < 0.03
 
 
 def test_a_bias_is_constant_in_a_flight_and_spread_over_its_tolerance_between_flights():
-    settings: Any = {"rate_bias_tolerance_rad_s": 0.01, "velocity_bias_tolerance_m_s": 2.0}
+    settings: Any = {
+        "rate_bias_tolerance_rad_s": 0.01,
+        "velocity_bias_tolerance_m_s": 2.0,
+        "force_bias_tolerance_m_s2": 0.5,
+    }
     healthy = sensed(frames=3)[0]
     off = np.array([sensed(frames=3, seed=seed, **settings) - healthy for seed in range(60)])
     assert (off == off[:, :1]).all()
-    for quantities, tolerance in ((slice(0, 3), 0.01), (slice(3, 6), 2.0)):
+    for quantities, tolerance in ((slice(0, 3), 0.01), (slice(3, 6), 2.0), (slice(6, 9), 0.5)):
         size = np.abs(off[:, 0, quantities])
         assert size.max() <= tolerance and size.max() > 0.9 * tolerance
 
@@ -77,13 +96,44 @@ def test_a_box_that_sits_askew_turns_the_rates_and_leaves_their_size():
     assert np.linalg.norm(out[:3]) == pytest.approx(2.0, rel=2e-4)
 
 
+def test_the_accelerometers_share_the_misalignment_of_the_gyros():
+    """The same small turn for both: what the rates of a roll show, a forward force shows a hundredfold."""
+    out = sensed(p=1.0, q=0.0, r=0.0, force=(100.0, 0.0, 0.0), frames=1, misalignment_tolerance_rad=0.01)[0]
+    assert out[6:] == pytest.approx(100.0 * out[:3]) and np.abs(out[7:]).min() > 0.0
+
+
+def test_a_scale_error_is_of_the_force_and_within_its_tolerance():
+    share = np.array([sensed(frames=1, seed=s, force_scale_tolerance=0.1)[0, 6:] / LEVEL - 1.0 for s in range(60)])
+    assert 0.09 < np.abs(share).max() <= 0.1
+    assert np.abs(np.corrcoef(share.T) - np.eye(3)).max() < 0.4
+    assert (sensed(frames=1, force_scale_tolerance=0.1)[0, :6] == sensed(frames=1)[0, :6]).all()
+
+
+def test_the_force_comes_in_steps_of_its_quantum_and_nothing_else_does():
+    out = sensed(frames=1, force_quantum_m_s2=0.2)[0]
+    assert out[6:] == pytest.approx([0.6, -0.2, -9.8]) and (out[:6] == sensed(frames=1)[0, :6]).all()
+
+
+def test_the_figures_of_the_forces_shift_no_draw_of_rates_and_velocity():
+    settings: Any = {"rate_noise_std_rad_s": 0.01, "velocity_noise_std_m_s": 0.5, "velocity_bias_tolerance_m_s": 1.0}
+    noisy = sensed(force_noise_std_m_s2=0.3, force_bias_tolerance_m_s2=0.1, **settings)
+    assert (noisy[:, :6] == sensed(**settings)[:, :6]).all() and (noisy[:, 6:] != LEVEL).any()
+
+
 def test_what_it_says_stays_within_its_range():
-    out = sensed(q=50.0, velocity=(-5000.0, 0.0, 0.0), frames=1)[0]
-    assert (out[1], out[3]) == (inertial.ranges()[1, 1], inertial.ranges()[3, 0])
+    out = sensed(q=50.0, velocity=(-5000.0, 0.0, 0.0), force=(0.0, 900.0, 0.0), frames=1)[0]
+    limits = inertial.ranges()
+    assert (out[1], out[3], out[7]) == (limits[1, 1], limits[3, 0], limits[7, 1])
+    assert limits[[0, 3, 6], 1].tolist() == [7.0, 1000.0, 200.0]
 
 
 def test_the_length_of_a_block_does_not_show():
-    settings: Any = {"rate_noise_std_rad_s": 0.01, "velocity_noise_std_m_s": 0.5, "lag_s": 0.02}
+    settings: Any = {
+        "rate_noise_std_rad_s": 0.01,
+        "velocity_noise_std_m_s": 0.5,
+        "force_noise_std_m_s2": 0.1,
+        "lag_s": 0.02,
+    }
     assert (sensed(**settings) == sensed(blocks=7, **settings)).all()
 
 

@@ -221,6 +221,16 @@ def test_calm_and_turbulent_air_differ_and_a_seed_repeats_itself() -> None:
     assert np.ptp(signal(wild(rough), "angle_of_attack")) > 1.05 * np.ptp(signal(wild(calm), "angle_of_attack"))
 
 
+def test_a_gust_that_the_model_cannot_take_up_does_not_carry_the_aircraft() -> None:
+    """Without a state of sideslip a gust from the side would move the aircraft sideways, with no force at all."""
+    known = plant(turbulence="moderate")
+    assert known._stir[2].any(axis=1).tolist() == [row.any() for row in known._outputs[[0, 4, 1]]]
+    block = wild(known)
+    assert not known._outputs[4].any()
+    assert np.ptp(flight(block, "wind_down_m_s")) > 0.5 and np.ptp(flight(block, "wind_east_m_s")) < 1e-9
+    assert np.ptp(flight(block, "velocity_east_m_s")) < 1e-9
+
+
 def test_the_same_flight_again_is_the_same_bit_for_bit() -> None:
     first, second = plant(turbulence="moderate"), plant(turbulence="moderate")
     flown = wild(first, 1500).tobytes()

@@ -45,7 +45,9 @@ def test_the_accelerometers_feel_their_lever_arm() -> None:
     raw = cruise(**dict(zip(names, (*rate, *turning), strict=True)), force_x_lbf=100.0, force_y_lbf=50.0)
     at_cg = np.array([100.0, 50.0, -20_630.0]) / 641.2 * 0.3048
     expected = (at_cg + np.cross(turning, arm) + np.cross(rate, np.cross(rate, arm))) / 9.80665
-    felt = row(raw, constants)["truth"]
+    told = row(raw, constants)
+    felt, first = told["truth"], FLIGHT_INDEX["specific_force_forward_m_s2"]
+    assert told["flight"][first : first + 3] == pytest.approx(at_cg)
     assert felt[INDEX["longitudinal_load_factor"]] == pytest.approx(expected[0])
     assert felt[INDEX["lateral_load_factor"]] == pytest.approx(expected[1])
     assert felt[INDEX["normal_load_factor"]] == pytest.approx(-expected[2])

@@ -60,7 +60,7 @@ def test_a_first_angle_is_a_guess_of_three_degrees():
 
 
 def test_whenever_other_gyros_vote_their_drift_is_less_certain():
-    stage = References(Config(), designed(), RATE)
+    stage = References(Config(pitch_angle="kinematic"), designed(), RATE)
     sets = list(itertools.product(range(1, 5), repeat=2))
     codes = set()
     for pitch, yaw in sets:
@@ -71,7 +71,7 @@ def test_whenever_other_gyros_vote_their_drift_is_less_certain():
     assert len(codes) == len(sets)
     block = level_flight(200)
     block["level"][100:, INDEX["yaw_rate"]] = 3
-    stage, uncertain = References(Config(), designed(), RATE), []
+    stage, uncertain = References(Config(pitch_angle="kinematic"), designed(), RATE), []
     for k in range(len(block)):
         refer(block, k, *stage.arguments)
         remember(block, k, *stage.arguments)
@@ -85,7 +85,8 @@ def test_rates_of_the_first_frame_lead_nothing():
     """The lead is a difference between frames: a first sample has none to differ from but itself."""
     block = level_flight(3)
     block["inertial"][:, :3] = 0.3
-    config = Config(pitch_rate="inertial", roll_rate="inertial", yaw_rate="inertial", inertial_lead_s=0.05)
+    rates = {"pitch_rate": "inertial", "roll_rate": "inertial", "yaw_rate": "inertial"}
+    config = Config(**rates, pitch_angle="kinematic", inertial_lead_s=0.05)
     out = run(block, config)
     for name in ("roll_rate", "pitch_rate", "yaw_rate"):
         assert ref(out, name) == pytest.approx(0.3, abs=1e-12)

@@ -12,13 +12,14 @@ import pytest
 from interpreted import printed
 
 from rig import scenario
-from rig.frame import INDEX, INERTIAL, SIGNALS, Block, Resolver, State, new_block
+from rig.frame import INDEX, INERTIAL, SIGNALS, Block, Pattern, Resolver, State, new_block
 from rig.inclination.path import air_density
 from rig.loop import Rig, frames
 from rig.redundancy import measured_thresholds
 from rig.redundancy.config import parameters
 from rig.redundancy.designed import Designed, Error, Point
-from rig.redundancy.reference import PARTNERS, Config, References, refer, remember, source
+from rig.redundancy.reference import References, refer, remember
+from rig.redundancy.sources import FROM_UNIT, PARTNERS, REMEMBERED, Config, source
 from rig.sensors import channels, ranges
 
 G, RATE = 9.80665, 100.0
@@ -37,9 +38,17 @@ WING: dict[str, float] = {
     "alpha_filter_s": 0.1,
     "attitude_filter_s": 0.05,
     "acceleration_filter_s": 0.05,
+    "unit_filter_s": 0.02,
 }
 LEVEL_ALPHA = 1.0 / (PRESSURE * 1e-3) - 0.02
-BY_ATTITUDE = Config(pitch_rate="attitude")
+BY_PARTNERS = Config(
+    pitch_rate="angle_of_attack",
+    roll_rate="attitude",
+    normal_load_factor="angle_of_attack",
+    lateral_load_factor="angle_of_sideslip",
+    pitch_angle="kinematic",
+)
+BY_ATTITUDE = BY_PARTNERS.model_copy(update={"pitch_rate": "attitude"})
 ALL_INERTIAL = Config(pitch_rate="inertial", roll_rate="inertial", yaw_rate="inertial", inertial_lead_s=0.0)
 
 
@@ -60,7 +69,7 @@ def level_flight(n: int = 300, **votes: Any) -> Block:
 
 
 def run(block: Block, config: Config | None = None, **design: Any) -> Block:
-    stage = References(config or Config(), designed(**design), RATE)
+    stage = References(config or BY_PARTNERS, designed(**design), RATE)
     for k in range(len(block)):
         refer(block, k, *stage.arguments)
         remember(block, k, *stage.arguments)
@@ -243,7 +252,7 @@ def test_sideslip_is_the_side_force_at_the_centre_of_gravity():
 
 def test_dynamic_pressure_is_that_of_the_speed_over_ground():
     block = level_flight()
-    block["inertial"][:, 3:] = (90.0, 120.0, 0.0)
+    block["inertial"][:, 3:6] = (90.0, 120.0, 0.0)
     assert ref(run(block), "dynamic_pressure") == pytest.approx(PRESSURE, rel=1e-4)
 
 
@@ -275,11 +284,7 @@ def test_the_lead_makes_up_for_the_units_lag():
 
 # What is read, and what is not
 
-CHOICES = [
-    Config(),
-    BY_ATTITUDE,
-    Config(pitch_rate="inertial", roll_rate="inertial", yaw_rate="inertial"),
-]
+CHOICES = [BY_PARTNERS, BY_ATTITUDE, Config(pitch_rate="inertial", roll_rate="inertial", yaw_rate="inertial")]
 
 
 def busy(n: int = 120) -> Block:
@@ -290,20 +295,28 @@ def busy(n: int = 120) -> Block:
     pressures = {"dynamic_pressure": PRESSURE + 300.0 * np.sin(t), "static_pressure": 9e4 + 500.0 * np.cos(t)}
     block = level_flight(n, **{**votes, "heading": (6.2 + votes["heading"]) % (2 * math.pi), **pressures})
     block["inertial"][:, :3] = 0.2 * np.sin(3.0 * t)[:, None]
-    block["inertial"][:, 3:] = (150.0, 10.0, -3.0)
+    block["inertial"][:, 3:6] = (150.0, 10.0, -3.0)
+    block["inertial"][:, 6:] = (0.3, 0.1, -9.7) + np.sin(t)[:, None]
     return block
 
 
 @pytest.mark.parametrize("config", CHOICES, ids=["partners", "attitude", "inertial"])
 def test_no_reference_reads_truth_channels_or_the_signal_that_it_judges(config: Config):
-    honest = run(busy(), config, accelerometer=(4.0, 0.5, 1.0))
+    """Nor, of a signal that it remembers or was aligned with, a vote that its channels do not agree on."""
+    honest = {}
     for signal in SIGNALS:
-        blind = busy()
+        known, blind = busy(), busy()
         for field in ("truth", "flight", "channels", "surface", "command", "demand"):
             blind[field] = np.nan
-        blind["voted"][:, INDEX[signal.name]] = 1e6
-        run(blind, config, accelerometer=(4.0, 0.5, 1.0))
-        assert ref(blind, signal.name).tobytes() == ref(honest, signal.name).tobytes()
+        own, aligned = (signal.name, source(config, signal.name)), ("pitch_angle", "roll_angle")
+        remembers = own[0] in REMEMBERED.get(own, ()) or (own[0] in aligned and own[1] == "inertial")
+        for block in (known, blind):
+            block["pattern"][40 if remembers else 0 :, INDEX[signal.name]] = Pattern.ISOLATED
+        blind["voted"][40 if remembers else 0 :, INDEX[signal.name]] = 1e6
+        said = [ref(run(block, config, accelerometer=(4.0, 0.5, 1.0)), signal.name) for block in (known, blind)]
+        assert said[0].tobytes() == said[1].tobytes()
+        honest[signal.name] = said[0]
+    assert {name for name, said in honest.items() if np.isfinite(said).any()} == {name for name, _ in PARTNERS}
 
 
 @pytest.mark.parametrize("config", CHOICES, ids=["partners", "attitude", "inertial"])
@@ -316,10 +329,10 @@ def test_each_reference_reads_its_partners_and_they_alone(config: Config):
         read = set()
         for signal in SIGNALS:
             moved = busy()
-            moved["voted"][60:, INDEX[signal.name]] += 0.01 if signal.unit != "Pa" else 500.0
+            moved["voted"][60:, INDEX[signal.name]] += 0.01 if signal.unit != "Pa" else 50.0
             if ref(run(moved, config, **aircraft), name).tobytes() != ref(honest, name).tobytes():
                 read.add(signal.name)
-        assert read == set(partners), (name, chosen)
+        assert read == {*partners, *REMEMBERED.get((name, chosen), ())}, (name, chosen)
 
 
 @pytest.mark.parametrize("lost", [signal.name for signal in SIGNALS])
@@ -328,10 +341,43 @@ def test_a_lost_partner_makes_its_references_unusable_until_it_is_back(lost: str
     block["level"][40:80, INDEX[lost]] = 0
     run(block)
     for (name, chosen), partners in PARTNERS.items():
-        if source(Config(), name) == chosen:
+        if source(BY_PARTNERS, name) == chosen:
             gone = np.zeros(len(block), bool)
             gone[41:81] = lost in partners  # the vote of frame k counts in frame k + 1
             assert np.array_equal(np.isnan(ref(block, name)), gone), name
+
+
+@pytest.mark.parametrize("torn", [signal.name for signal in SIGNALS])
+@pytest.mark.parametrize("pattern", [one for one in Pattern if one.is_singular])
+def test_a_partner_without_majority_gives_no_reference_and_leaves_no_trace_of_its_vote(torn: str, pattern: Pattern):
+    """Two equal halves: whichever its vote follows, the references that read it say nothing, and go on afterwards."""
+    quiet, wild = busy(), busy()
+    for block in (quiet, wild):
+        block["pattern"][40:48, INDEX[torn]] = pattern
+    wild["voted"][40:48, INDEX[torn]] += 1.0
+    run(quiet)
+    run(wild)
+    for (name, chosen), partners in PARTNERS.items():
+        if source(BY_PARTNERS, name) == chosen:
+            gone = np.zeros(len(wild), bool)
+            gone[41:49] = torn in partners
+            assert np.array_equal(np.isnan(ref(wild, name)), gone), name
+            assert ref(wild, name).tobytes() == ref(quiet, name).tobytes()
+
+
+def test_the_manager_can_ask_which_signals_had_no_majority():
+    block = busy(3)
+    block["pattern"][2, INDEX["heading"]], block["level"][2, INDEX["pitch_rate"]] = Pattern.P1_1, 0
+    block["pattern"][2, INDEX["roll_angle"]] = Pattern.ISOLATED
+    stage = References(Config(), designed(), RATE)
+    for k in range(3):
+        refer(block, k, *stage.arguments)
+        remember(block, k, *stage.arguments)
+    all_signals = (1 << len(SIGNALS)) - 1
+    kept = stage.state[0]
+    assert (kept["singular"], kept["lost"]) == (1 << INDEX["heading"], 1 << INDEX["pitch_rate"])
+    unsure = kept["singular"] | kept["lost"] | 1 << INDEX["roll_angle"]
+    assert kept["agreed"] == all_signals & ~unsure
 
 
 def test_after_a_loss_the_filter_begins_anew():
@@ -343,7 +389,7 @@ def test_after_a_loss_the_filter_begins_anew():
 
 def test_in_the_first_frame_they_begin_with_its_votes():
     block = run(busy())
-    chosen = {name for name, one in PARTNERS if source(Config(), name) == one}
+    chosen = {name for name, one in PARTNERS if source(BY_PARTNERS, name) == one}
     first = {signal.name for signal in SIGNALS if np.isfinite(ref(block, signal.name)[0])}
     assert first == chosen
     assert (block["reference_usable"][0] == np.isfinite(block["reference"][0])).all()
@@ -387,7 +433,7 @@ def test_coefficients_go_straight_between_the_points():
     low = Point(name="low", **WING)
     high = Point(name="high", **{**WING, "dynamic_pressure_pa": 4 * PRESSURE, "lift_slope_1_pa": 2.5e-3})
     place: dict[str, Any] = {"accelerometer_x_m": 0.0, "accelerometer_y_m": 0.0, "accelerometer_z_m": 0.0}
-    stage = References(Config(), Designed(rate_hz=RATE, points=[low, high], **place), RATE)
+    stage = References(BY_PARTNERS, Designed(rate_hz=RATE, points=[low, high], **place), RATE)
     block = level_flight(angle_of_attack=0.0, dynamic_pressure=2 * PRESSURE)
     for k in range(len(block)):
         refer(block, k, *stage.arguments)
@@ -400,7 +446,7 @@ def test_coefficients_go_straight_between_the_points():
 
 def test_the_threshold_is_the_measured_one_unless_the_settings_give_one():
     error = Error(rms=0.01, quantile_999=0.05, worst=0.1, threshold=0.12)
-    one = designed(errors={"pitch_rate": {"angle_of_attack": error}, "roll_rate": {"attitude": error}})
+    one = designed(errors={"pitch_rate": {"attitude": error}, "roll_rate": {"inertial": error}})
     which = scenario.load(None, ["redundancy.signals.roll_rate.reference_threshold=0.5"])
     config, suite = which.redundancy, which.sensors
     params = parameters(config.signals, ranges(suite), channels(suite), RATE)
@@ -438,7 +484,9 @@ def test_a_fault_on_the_inertial_unit_moves_the_reference_and_only_it():
     moved = {name for name in healthy.dtype.names or () if healthy[name].tobytes() != faulty[name].tobytes()}
     assert moved == {"inertial", "reference", "reference_usable", "acting"}
     q = INDEX["pitch_rate"]
-    same = np.delete(np.arange(len(SIGNALS)), q)
+    reading = [INDEX[name] for name, read in FROM_UNIT.items() if "pitch_rate_rad_s" in read]
+    assert q in reading
+    same = np.delete(np.arange(len(SIGNALS)), reading)
     assert healthy["reference"][:, same].tobytes() == faulty["reference"][:, same].tobytes()
     usable = faulty["reference_usable"][:, q].astype(bool)
     assert usable[:207].all() and not usable[207:407].any() and usable[409:].all()
@@ -455,7 +503,9 @@ def test_a_lost_pitch_rate_still_has_its_reference_and_takes_those_that_read_it_
     rows = flown(faults, seconds=1.5)
     assert rows["level"][-1, INDEX["pitch_rate"]] == 0
     there = {signal.name for signal in SIGNALS if np.isfinite(rows["reference"][-1, INDEX[signal.name]])}
-    assert there == {"pitch_rate", "roll_rate", "yaw_rate", "dynamic_pressure"}
+    reading = {name for (name, one), read in PARTNERS.items() if "pitch_rate" in read and source(Config(), name) == one}
+    assert reading == {"lateral_load_factor", "angle_of_attack", "angle_of_sideslip"}
+    assert there == {name for name, _ in PARTNERS} - reading
 
 
 @pytest.mark.parametrize("aircraft", ["f16", "b747", "b737"])

@@ -118,7 +118,7 @@ def test_a_measured_threshold_counts_in_the_vote():
     """The reference is zero and the pairs at 0 and 0.3 rad/s: settled with a threshold of 0.1, not of 1e-9."""
     for threshold, settled in ((0.1, True), (1e-9, False)):
         error = Error(rms=0.0, quantile_999=0.0, worst=0.0, threshold=threshold)
-        which = stage(errors={"pitch_rate": {"angle_of_attack": error}}, resolvers=["reference"])
+        which = stage(errors={"pitch_rate": {"attitude": error}}, resolvers=["reference"])
         block = rows(100)
         block["channels"][20:, Q, 2:] = 0.3
         states = run(which, block)["state"][-1, Q].tolist()
@@ -128,7 +128,7 @@ def test_a_measured_threshold_counts_in_the_vote():
 BOUNDS = {
     **dict.fromkeys(("dynamic_pressure_pa", "lift_slope_1_pa", "pitch_rate_gain"), -0.5),
     "side_slope_1_pa": 0.5,
-    **dict.fromkeys(("alpha_filter_s", "attitude_filter_s", "acceleration_filter_s"), -0.5),
+    **dict.fromkeys(("alpha_filter_s", "attitude_filter_s", "acceleration_filter_s", "unit_filter_s"), -0.5),
 }
 
 

@@ -10,11 +10,12 @@ import pytest
 from rig import aircraft, reference_design
 from rig.control import gains as control_gains
 from rig.errors import BadInput, RigError
-from rig.frame import INDEX, SIGNALS
+from rig.frame import INDEX, SIGNALS, new_block
 from rig.plant.airframe import read as read_airframe
 from rig.plant.linear import Linear, Trim, linearise
+from rig.redundancy import sources as reference_sources
 from rig.redundancy.designed import Designed, Error
-from rig.redundancy.reference import PARTNERS
+from rig.redundancy.sources import PARTNERS
 from rig.settings import build, read_toml
 
 G = 9.80665
@@ -98,10 +99,9 @@ def test_the_errors_in_the_file_are_those_of_the_flights(name: str):
                 continue
             flown += 1
             rows = reference_design.fly(tables, airframe.point(point.name), alone, case)
-            for config in (reference_design._PARTNERS, reference_design._ATTITUDE, reference_design._INERTIAL):
-                for (signal, source), off in reference_design.errors(rows, config, alone).items():
-                    kept, worst = known.errors[signal][source], float(f"{np.abs(off).max():.3g}")
-                    assert worst == kept.worst if kept.worst_in == where else worst <= kept.worst, (signal, source)
+            for (signal, chosen), off in reference_design.all_errors(rows, alone).items():
+                kept, worst = known.errors[signal][chosen], float(f"{np.abs(off).max():.3g}")
+                assert worst == kept.worst if kept.worst_in == where else worst <= kept.worst, (signal, chosen)
     assert flown == len(wanted) > 0
 
 
@@ -118,9 +118,28 @@ def test_of_pitch_rate_filters_that_serve_nearly_alike_the_quickest_is_taken_of_
         return [[{key: np.array([0.0, -w], np.float32) for key in keys}] for w in worst]
 
     monitors = {name: {"threshold": 0.05} for name in INDEX}
-    expected = {"alpha_filter_s": 1, "attitude_filter_s": 3, "acceleration_filter_s": 3}
+    expected = {"alpha_filter_s": 1, "attitude_filter_s": 3, "acceleration_filter_s": 3, "unit_filter_s": 3}
     assert reference_design._choose(tried((0.4, 0.208, 0.2, 0.19, 0.21)), monitors) == expected
     assert reference_design._choose(tried((0.4, 0.21, 0.2, 0.19, 0.21)), monitors)["alpha_filter_s"] == 2
+
+
+def test_every_source_is_measured_in_one_round_and_the_rounds_are_few():
+    asked = [(s, reference_sources.source(config, s)) for config in reference_design.rounds() for s, _ in PARTNERS]
+    asked = [key for key in asked if key[1] != "none"]
+    assert set(asked) == set(PARTNERS) and len(reference_design.rounds()) == 3
+    one = reference_design.rounds([("heading", "inertial")])
+    assert [reference_sources.source(one[0], s) for s, _ in PARTNERS if s != "heading"] == ["none"] * (
+        len(PARTNERS) - 1
+    )
+
+
+def test_a_reference_that_remembers_its_signal_is_measured_against_the_farthest_channel():
+    rows = new_block(200)
+    rows["level"], rows["voted"][:, INDEX["static_pressure"]] = 4, 80_000.0
+    rows["channels"][:, INDEX["static_pressure"]] = 80_000.0 + np.array([-20.0, 10.0, 45.0, 0.0])
+    found = reference_design.all_errors(rows, DESIGNED["f16"], [("static_pressure", "inertial")])
+    assert list(found) == [("static_pressure", "inertial")]
+    assert found["static_pressure", "inertial"] == pytest.approx(np.full(150, -45.0))
 
 
 def test_the_worst_error_is_that_of_the_flight_that_left_it(monkeypatch: pytest.MonkeyPatch):

@@ -26,13 +26,14 @@ from rig.faults.kinds import (
 from rig.faults.moments import DuplicateFrame, Intermittent, Spikes
 from rig.faults.places import PLACES, Point
 from rig.faults.record import CLEAN
-from rig.faults.schedule import Faults
+from rig.faults.schedule import Coils, Faults
 from rig.faults.systems import IlmFault, PitotIcing, RateLoss, VaneIcing
 
 __all__ = [
     "CLEAN",
     "KINDS",
     "PLACES",
+    "Coils",
     "CrossTalk",
     "Delay",
     "Drift",

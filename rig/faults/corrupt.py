@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from rig.faults.settings import Act
-from rig.faults.spoil import flagged, freeze, keep, spoiled
+from rig.faults.spoil import flagged, freeze, keep, measured, spoiled
 from rig.faults.trigger import advance, watch
 from rig.frame import FLIGHT_INDEX
 from rig.kernels import kernel
@@ -50,8 +50,10 @@ def corrupt(
         elif target["act"] == _ICE:
             freeze(channels, c, target, kept[t], st["fresh"], st["elapsed"] * p["dt_s"] if st["acts"] != 0 else -1.0)
         else:
-            other = channels[target["source"], c]
-            channels[s, c] = step(row, channels[s, c], other, drawn, target, st, kept[t], memory, p["dt_s"])
+            other, before = channels[target["source"], c], channels[s, c]
+            channels[s, c] = step(row, before, other, drawn, target, st, kept[t], memory, p["dt_s"])
+            if target["frames"] != 0:
+                ilm[s, c] = measured(ilm[s, c], channels[s, c] - before, target, st, kept[t])
         if st["acts"] != 0:
             mark(row, target["fault"])
         if st["acts"] != 0 and s >= 0:

@@ -98,6 +98,8 @@ TARGET: Final = np.dtype(
         ("memory", "i8"),  # its ring begins here
         ("length", "i8"),
         ("draw", "i8"),  # column of the normal draws
+        ("tolerance", "f8"),  # of the in-line monitor that measures it,
+        ("frames", "i8"),  # and frames in a row beyond it until it says bad; 0: none measures
     ],
     align=True,
 )
@@ -107,6 +109,7 @@ KEPT: Final = np.dtype(
         ("held", "f8"),  # what it is stuck at, moves about, or stood at last
         ("total", "f8"),  # trapped total pressure
         ("last_total", "f8"),
+        ("beyond", "i8"),  # frames in a row that it has been beyond the monitor's tolerance
         ("started", "u1"),
     ],
     align=True,

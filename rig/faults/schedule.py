@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import exp, floor, pi
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
@@ -21,7 +21,18 @@ from rig.faults.settings import Act, Rhythm
 from rig.frame import SIGNALS, Block, D, S, to_frame
 
 _REMEMBERING: Final = (Act.HOLD, Act.SWING, Act.DELAY, Act.REPEAT, Act.LIMIT_RATE, Act.ICE)
+# What an electrical fault of one coil does to a position: an open or shorted turn, a drifting joint, a coupled wire.
+# A jam, a swapped pair, a wrong excitation and all that is digital leave the sum of the coils as it is.
+_OF_A_COIL: Final = (*(Act.ADD, Act.DRIFT, Act.SETTLE, Act.END, Act.NOISE, Act.OSCILLATE, Act.SWING, Act.CROSS_TALK),)
 _SORTS: Final = (("channel", "inertial"), ("discrete",), ("reference",), ("surface",))
+
+
+class Coils(NamedTuple):
+    """An in-line monitor that measures: what share of the faults of a coil it can see, and from where on."""
+
+    coverage: float
+    tolerance: float  # unit of the signal
+    frames: int
 
 
 class Faults:
@@ -30,6 +41,7 @@ class Faults:
     faults : of the scenario, checked; ranges : (n, 2) lowest and highest value of every place but the discretes
     seeds  : of this stage; every fault draws from generators of its own, which its name gives
     thresholds : (S,) of the signals' monitors, for magnitudes that are given in them
+    coils  : the in-line monitors that measure, by signal
     clean  : (keep_clean,) CLEAN, what the sensors said before any fault in so many frames from the first
     All state is plain arrays and can be copied.
     """
@@ -42,12 +54,14 @@ class Faults:
         seeds: SeedSequence | None = None,
         *,
         thresholds: NDArray[np.float64] | None = None,
+        coils: Mapping[str, Coils] | None = None,
         keep_clean: int = 0,
     ) -> None:
         self._faults, self._rate_hz = faults, rate_hz
         self._ranges = np.vstack([ranges, [(0.0, 1.0)] * D])
         self._thresholds = np.full(S, np.nan) if thresholds is None else thresholds
         self._seeds = SeedSequence(0) if seeds is None else seeds
+        self._coils = coils or {}
         self._uniform_from: list[Generator] = []
         self._normal_from: list[Generator] = []
         self.schedule = np.zeros(len(faults), SCHEDULE)
@@ -194,6 +208,7 @@ class Faults:
         row["value"] = effect.value * self._thresholds[at] if effect.thresholds else effect.value
         row["second"] = effect.second
         row["ramp"] = getattr(self._faults[i], "ramp_s", 0.0) * self._rate_hz
+        self._measure(row, i, point)
         if effect.act == Act.END:
             either = self._generator(i, "direction").random() < 0.5
             up = effect.value > (-0.5 if either else 0.5)
@@ -213,6 +228,14 @@ class Faults:
             row["memory"], row["length"] = self._memory, floor(row["value"]) + 2
             self._memory += int(row["length"])
         return row
+
+    def _measure(self, row: Any, i: int, point: Point) -> None:
+        """Let the monitor of a stick's coils see a fault of a coil, if the draw puts it ahead of the sum."""
+        coils, fault = self._coils.get(point.place), self._faults[i]
+        if coils is None or fault.effect.act not in _OF_A_COIL or getattr(fault, "seen_by_ilm", False) is not None:
+            return
+        if self._generator(i, "coil").random() < coils.coverage:
+            row["tolerance"], row["frames"] = coils.tolerance, coils.frames
 
     def _param(self) -> NDArray[np.void]:
         param = np.zeros(1, PARAM)

@@ -219,7 +219,12 @@ class Placed(Triggered):
 class Spoiled(Placed):
     """A fault of the value itself; the channel's in-line monitor may see it."""
 
-    seen_by_ilm: bool = quantity("", "the in-line monitors of its channels say bad while it acts", False)
+    seen_by_ilm: bool | None = quantity(
+        "",
+        "true: the in-line monitors of its channels say bad while it acts; false: they do not; not given: those of "
+        "sticks and pedal measure, no other sees anything",
+        None,
+    )
 
     @property
     def flag(self) -> Flag:

@@ -128,6 +128,19 @@ def freeze(channels, c, target, kept, fresh, t):
 
 
 @kernel
+def measured(says, off, target, st, kept):
+    """The answer of a monitor that measures: bad once one coil, and the sum with it, has been ``off`` for long enough.
+
+    says : its answer so far; off : what the fault adds to the sample; a sample that is no number it does not see
+    """
+    if st["fresh"] != 0:
+        kept["beyond"] = 0
+    beyond = st["acts"] != 0 and abs(off) > target["tolerance"]
+    kept["beyond"] = kept["beyond"] + 1 if beyond else 0
+    return _BAD if kept["beyond"] >= target["frames"] else says
+
+
+@kernel
 def flagged(says, flag):
     """The in-line monitor's answer under a fault; one that is not fitted stays absent."""
     if flag == _LEAVE or (says != _BAD and says != _GOOD):

@@ -82,6 +82,8 @@ class LinearPlant:
         sigma = dryden.sigma(turbulence, flight_point.altitude_m)
         self._turbulent = sigma > 0.0
         self._stir = dryden.filters(sigma, self._speed, 1.0 / rate_hz)
+        # A gust that no state of the model takes up would carry the aircraft with it: there is none.
+        self._stir[2][:] *= [[c[0].any()], [c[4].any()], [c[1].any()]]
         self.reset()
 
     def _lags(self) -> Matrix:

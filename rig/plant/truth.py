@@ -95,6 +95,7 @@ _ALTITUDE, _NORTH = FLIGHT_INDEX["altitude_m"], FLIGHT_INDEX["north_m"]
 _LATITUDE, _AIRSPEED = FLIGHT_INDEX["latitude_rad"], FLIGHT_INDEX["true_airspeed_m_s"]
 _VELOCITY, _QUATERNION = FLIGHT_INDEX["velocity_north_m_s"], FLIGHT_INDEX["quaternion_w"]
 _WIND, _SURFACE = FLIGHT_INDEX["wind_north_m_s"], FLIGHT_INDEX["elevator_rad"]
+_FORCE = FLIGHT_INDEX["specific_force_forward_m_s2"]
 
 _FLYING, _NOT_FINITE, _GROUND = int(End.FLYING), int(End.NOT_FINITE), int(End.GROUND_CONTACT)
 _END_ALPHA, _END_BETA = int(End.DEPARTURE_ANGLE_OF_ATTACK), int(End.DEPARTURE_SIDESLIP)
@@ -135,7 +136,7 @@ def write_row(block: Block, k: int, raw: NDArray[Any], constants: NDArray[Any]) 
     fixed = constants[0]
     truth = row["truth"]
     flight = row["flight"]
-    _motion(truth, now, fixed)
+    _motion(truth, flight, now, fixed)
     _air_data(truth, now)
     _attitude(truth, flight, now)
     _condition(flight, now, fixed)
@@ -147,8 +148,8 @@ def write_row(block: Block, k: int, raw: NDArray[Any], constants: NDArray[Any]) 
 
 
 @kernel
-def _motion(truth: NDArray[np.float64], now: Any, fixed: Any) -> None:
-    """Body rates, and load factors at the accelerometers.
+def _motion(truth: NDArray[np.float64], flight: NDArray[np.float64], now: Any, fixed: Any) -> None:
+    """Body rates, specific force F / m at the centre of gravity, and load factors at the accelerometers.
 
         f(r) = F / m + w_dot x r + w x (w x r)
 
@@ -161,9 +162,11 @@ def _motion(truth: NDArray[np.float64], now: Any, fixed: Any) -> None:
     scale = FOOT / now["mass_slug"]
     along = p * x + q * y + r * z  # w x (w x r) = w (w . r) - r (w . w)
     square = p * p + q * q + r * r
-    f_x = now["force_x_lbf"] * scale + q_dot * z - r_dot * y + p * along - x * square
-    f_y = now["force_y_lbf"] * scale + r_dot * x - p_dot * z + q * along - y * square
-    f_z = now["force_z_lbf"] * scale + p_dot * y - q_dot * x + r * along - z * square
+    forward, right, down = now["force_x_lbf"] * scale, now["force_y_lbf"] * scale, now["force_z_lbf"] * scale
+    flight[_FORCE], flight[_FORCE + 1], flight[_FORCE + 2] = forward, right, down
+    f_x = forward + q_dot * z - r_dot * y + p * along - x * square
+    f_y = right + r_dot * x - p_dot * z + q * along - y * square
+    f_z = down + p_dot * y - q_dot * x + r * along - z * square
     truth[_P], truth[_Q], truth[_R] = p, q, r
     truth[_NX], truth[_NY] = f_x / STANDARD_GRAVITY, f_y / STANDARD_GRAVITY
     truth[_NZ] = -f_z / STANDARD_GRAVITY

@@ -23,8 +23,9 @@ COLUMNS: Final = (
     "alpha_filter_s",
     "attitude_filter_s",
     "acceleration_filter_s",
+    "unit_filter_s",
 )
-FILTERS: Final = COLUMNS[-3:]
+FILTERS: Final = COLUMNS[-4:]
 
 
 class Point(Settings):
@@ -37,7 +38,7 @@ class Point(Settings):
 
     n_w : load factor across the flight path; both at the centre of gravity
     Filters: on angle of attack, before it becomes a pitch rate; on attitudes, before they become rates; on
-    body rates, before they become accelerations.
+    body rates, before they become accelerations; on the inertial unit's rates, for the same purpose.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Point(Settings):
     alpha_filter_s: float = Field(gt=0.0)
     attitude_filter_s: float = Field(gt=0.0)
     acceleration_filter_s: float = Field(gt=0.0)
+    unit_filter_s: float = Field(default=0.02, gt=0.0)  # files from before it was designed have none
 
 
 class Error(Settings):

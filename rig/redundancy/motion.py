@@ -123,6 +123,15 @@ def angle_of_sideslip(c, p, st):
 
 
 @kernel
+def lateral_load_factor(c, p, st):
+    """Load factor at the accelerometers from the sideslip: the inverse of ``angle_of_sideslip``."""
+    voted, slope = st["voted"], st["slope"]
+    surfaces = (c[_ROLL_ARM] * slope[_P] + c[_YAW_ARM] * slope[_R]) / _GRAVITY
+    side = max(voted[_DYNAMIC], _THINNEST) * c[_SIDE_SLOPE] * voted[_BETA]
+    return side + surfaces + lateral_by_turning(p, st)
+
+
+@kernel
 def normal_by_turning(p, st):
     """What turning adds to n_z at the accelerometers, a = w_dot x place + w x (w x place), upwards in g."""
     place, voted, slope = p["accelerometer"], st["voted"], st["slope"]

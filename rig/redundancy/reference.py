@@ -1,68 +1,31 @@
 """References: what a signal should read, from its physical partners or from the inertial unit.
 
 Every reference reads the votes of the last frame and this frame's ``inertial``; never the truth, never the
-signal that it is to judge.  It is NaN while one of its partners is lost.  In the first frame, when nothing
-has been voted before, the references begin with the frame's own votes.
+signal that it is compared with, but for what two of them remember of it (sources.REMEMBERED): a slow memory,
+which is fed only by frames in which the signal's channels agreed.  A reference is NaN while one of its partners is
+lost or has no majority.  In the first frame, when nothing has been voted before, they begin with its own votes.
 
 Source: Zhang 2023, section 7 (pitch rate by a lead filter on angle of attack, or the inertial unit); the
-equations are in motion.py.
+equations are in motion.py, unit.py and strapdown.py.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
 from rig.angles import difference
-from rig.frame import INDEX, INERTIAL, SIGNALS, S
+from rig.frame import INDEX, INERTIAL, SIGNALS, Pattern, S
 from rig.inclination import estimate
 from rig.inclination.path import air_density
 from rig.kernels import kernel
 from rig.pressure_table import look_up
-from rig.redundancy import motion
+from rig.redundancy import motion, strapdown, unit
 from rig.redundancy.designed import COLUMNS, FILTERS, Designed
-from rig.settings import Settings
-
-
-class Config(Settings):
-    """The ``[redundancy.references]`` table: where each reference comes from."""
-
-    pitch_rate: Literal["angle_of_attack", "attitude", "inertial", "none"] = "angle_of_attack"
-    roll_rate: Literal["attitude", "inertial", "none"] = "attitude"
-    yaw_rate: Literal["attitude", "inertial", "none"] = "attitude"
-    normal_load_factor: Literal["angle_of_attack", "none"] = "angle_of_attack"
-    angle_of_attack: Literal["load_factor", "none"] = "load_factor"
-    angle_of_sideslip: Literal["lateral_load_factor", "none"] = "lateral_load_factor"
-    dynamic_pressure: Literal["inertial", "none"] = "inertial"
-    pitch_angle: Literal["kinematic", "none"] = "kinematic"
-    inertial_lead_s: float = Field(default=0.015, ge=0)  # makes up for the unit's lag beyond that of the gyros
-
-
-_TURNING: Final = ("roll_rate", "pitch_rate", "yaw_rate")
-_ATTITUDE: Final = ("pitch_angle", "roll_angle", "heading")
-_AIR: Final = ("dynamic_pressure", "static_pressure")
-# What each source reads of the votes.
-PARTNERS: Final[dict[tuple[str, str], tuple[str, ...]]] = {
-    ("pitch_rate", "angle_of_attack"): (
-        *("angle_of_attack", "angle_of_sideslip", "roll_rate", "yaw_rate"),
-        *("pitch_angle", "roll_angle", *_AIR),
-    ),
-    ("pitch_rate", "attitude"): _ATTITUDE,
-    ("pitch_rate", "inertial"): (),
-    ("roll_rate", "attitude"): _ATTITUDE,
-    ("roll_rate", "inertial"): (),
-    ("yaw_rate", "attitude"): _ATTITUDE,
-    ("yaw_rate", "inertial"): (),
-    ("normal_load_factor", "angle_of_attack"): ("angle_of_attack", "longitudinal_load_factor", *_TURNING, *_AIR),
-    ("angle_of_attack", "load_factor"): ("normal_load_factor", "longitudinal_load_factor", *_TURNING, *_AIR),
-    ("angle_of_sideslip", "lateral_load_factor"): ("lateral_load_factor", *_TURNING, "dynamic_pressure"),
-    ("dynamic_pressure", "inertial"): ("static_pressure",),
-    ("pitch_angle", "kinematic"): estimate.PARTNERS,
-}
+from rig.redundancy.sources import PARTNERS, Config, source
 
 PARAM: Final = np.dtype(
     [
@@ -72,6 +35,8 @@ PARAM: Final = np.dtype(
         ("source", "u1", (S,)),
         ("partners", "i8", (S,)),  # a bit for each signal that is read
         ("inclination", estimate.PARAM),
+        ("lead_s", "f8"),
+        ("strapdown", "u1"),  # whether an attitude comes from the inertial unit
         ("monitored", "u1"),  # whether the manager watches references at all
     ],
     align=True,
@@ -81,12 +46,15 @@ STATE: Final = np.dtype(
         ("voted", "f8", (S,)),  # the last votes, and below what is kept of them
         ("smooth", "f8", (S,)),
         ("slope", "f8", (S,)),  # change of ``smooth`` a second
-        ("rates", "f8", (3,)),  # of the inertial unit, last frame
         ("coefficient", "f8", (len(COLUMNS),)),
         ("alpha", "f8"),  # last reference of the angle of attack
         ("inclination", estimate.STATE),  # that of the pitch angle
+        ("unit", unit.STATE),  # what is kept of the inertial unit
         ("gyros", "i8"),  # channels in the votes of pitch and yaw rate
-        ("lost", "i8"),  # a bit for each signal without a channel
+        # Of the last frame, a bit for each signal:
+        ("lost", "i8"),  # no channel
+        ("singular", "i8"),  # no majority
+        ("agreed", "i8"),  # two channels or more, and all of them agree
         ("smoothing", "i8"),  # a bit for each signal whose filter has begun
         ("started", "u1"),
     ],
@@ -97,11 +65,15 @@ _SOURCES: Final = {"none": _NO_SOURCE, "inertial": _INERTIAL, "attitude": _TURNE
 _SLOWEST: Final = 30.0  # m/s; divisions by airspeed take at least this
 _STEEPEST: Final = 1.3  # rad of pitch; beyond it roll and heading say little
 _Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
-_NZ, _ALPHA, _BETA = (INDEX[name] for name in ("normal_load_factor", "angle_of_attack", "angle_of_sideslip"))
+_NX, _NY, _NZ = (INDEX[f"{axis}_load_factor"] for axis in ("longitudinal", "lateral", "normal"))
+_ALPHA, _BETA = INDEX["angle_of_attack"], INDEX["angle_of_sideslip"]
 _STATIC, _DYNAMIC = INDEX["static_pressure"], INDEX["dynamic_pressure"]
 _THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
-_ALPHA_FILTER, _ATTITUDE_FILTER, _RATE_FILTER = (COLUMNS.index(name) for name in FILTERS)
+_ALPHA_FILTER, _ATTITUDE_FILTER, _RATE_FILTER, _UNIT_FILTER = (COLUMNS.index(name) for name in FILTERS)
 _RATES: Final = np.array([INDEX[name.removesuffix("_rad_s")] for name in INERTIAL[:3]])  # the signals they stand for
+_LOADS: Final = np.array([_NX, _NY, _NZ])  # in the order of the specific force
+_ANGLES: Final = np.array([_PHI, _THETA, _PSI])
+_NORMAL, _FIRST_SINGULAR, _LAST_SINGULAR = int(Pattern.NORMAL), int(Pattern.P2_2), int(Pattern.P1_1)
 
 
 class References:
@@ -125,22 +97,19 @@ class References:
         return self.pressures, self.table, self.param, self.state
 
 
-def source(config: Config, signal: str) -> str:
-    """Where the reference of ``signal`` comes from, ``none`` when it has none."""
-    return getattr(config, signal, "none")
-
-
 def _parameters(config: Config, designed: Designed, rate_hz: float) -> NDArray[Any]:
     param = np.zeros(1, PARAM)
     row = param[0]
     estimate.fill(row["inclination"], estimate.Noise(), rate_hz)
     row["rate_hz"], row["lead_frames"] = rate_hz, config.inertial_lead_s * rate_hz
+    row["lead_s"] = config.inertial_lead_s
     row["accelerometer"] = designed.accelerometer_x_m, designed.accelerometer_y_m, designed.accelerometer_z_m
     for s, signal in enumerate(SIGNALS):
         chosen = source(config, signal.name)
         row["source"][s] = _SOURCES.get(chosen, _PARTNERS)
         if chosen != "none":
             row["partners"][s] = sum(1 << INDEX[name] for name in PARTNERS[signal.name, chosen])
+    row["strapdown"] = (row["source"][_ANGLES] == _INERTIAL).any()
     return param
 
 
@@ -162,19 +131,11 @@ def refer(block, k, pressures, table, param, state):
 def remember(block, k, pressures, table, param, state):
     """Keep the votes of row k for the next frame; in the first frame, begin with them."""
     row, st = block[k], state[0]
-    voted, level = row["voted"], row["level"]
-    lost = 0
-    for s in range(S):
-        if level[s] == 0 or not math.isfinite(voted[s]):
-            lost |= 1 << s
-        else:
-            st["voted"][s] = voted[s]
-    st["lost"] = lost
-    st["gyros"] = 8 * level[_Q] + level[_R]
+    look_back(row, st)
     if st["started"] == 0:
         st["started"] = 1
-        for i in range(3):
-            st["rates"][i] = row["inertial"][i]
+        unit.keep(row["inertial"], st["unit"])
+        st["unit"]["started"] = 0  # so that the filters begin there
         answer(row, pressures, table, param, state)
         for s in range(S):
             there = row["reference"][s] == row["reference"][s]
@@ -182,31 +143,54 @@ def remember(block, k, pressures, table, param, state):
 
 
 @kernel
+def look_back(row, st):
+    """Keep the votes, and which signals are lost, have no majority, or agree; a vote without majority is not kept."""
+    voted, level, pattern, kept = row["voted"], row["level"], row["pattern"], st["voted"]
+    lost, singular, agreed = 0, 0, 0
+    for s in range(S):
+        if level[s] == 0 or not math.isfinite(voted[s]):
+            lost |= 1 << s
+            continue
+        if _FIRST_SINGULAR <= pattern[s] <= _LAST_SINGULAR:
+            singular |= 1 << s
+            if st["started"] != 0:
+                continue
+        elif pattern[s] == _NORMAL and level[s] >= 2:
+            agreed |= 1 << s
+        kept[s] = voted[s]
+    st["lost"], st["singular"], st["agreed"] = lost, singular, agreed
+    st["gyros"] = 8 * level[_Q] + level[_R]
+
+
+@kernel
 def answer(row, pressures, table, param, state):
     """All references of a row, from what is kept of the votes and the row's inertial unit."""
     p, st = param[0], state[0]
-    voted, reference, c = st["voted"], row["reference"], st["coefficient"]
+    voted, reference, c, source = st["voted"], row["reference"], st["coefficient"], p["source"]
     look_up(pressures, table, voted[_DYNAMIC], c)
     follow_all(p, st)
     density = air_density(voted[_STATIC])
     speed = max(math.sqrt(2.0 * max(voted[_DYNAMIC], 0.0) / density), _SLOWEST)
-    if p["source"][_Q] == _TURNED:
+    if source[_Q] == _TURNED:
         reference[_Q] = motion.pitch_rate_of_attitude(st)
     else:
         reference[_Q] = motion.pitch_rate(c, st, speed)
     reference[_P] = motion.roll_rate(st)
     reference[_R] = motion.yaw_rate(st)
-    reference[_NZ] = motion.normal_load_factor(c, p, st, speed)
+    if source[_NZ] == _PARTNERS:
+        reference[_NZ] = motion.normal_load_factor(c, p, st, speed)
+    reference[_NY] = motion.lateral_load_factor(c, p, st)
     reference[_ALPHA] = motion.angle_of_attack(c, p, st, speed)
     reference[_BETA] = motion.angle_of_sideslip(c, p, st)
     reference[_DYNAMIC] = motion.dynamic_pressure(row["inertial"], density)
-    known = p["source"][_THETA] != _NO_SOURCE and (p["partners"][_THETA] & st["lost"]) == 0
-    reference[_THETA] = motion.pitch_angle(p, st, known)
-    read_rates(row["inertial"], p, st, reference)
+    if source[_THETA] == _PARTNERS:
+        reference[_THETA] = motion.pitch_angle(p, st, (p["partners"][_THETA] & st["lost"]) == 0)
+    ask_unit(row["inertial"], p, st, reference)
     steep = abs(voted[_THETA]) > _STEEPEST
+    unknown = st["lost"] | st["singular"]
     for s in range(S):
-        unsaid = p["source"][s] == _NO_SOURCE or (steep and p["source"][s] == _TURNED)
-        if unsaid or (p["partners"][s] & st["lost"]) != 0:
+        unsaid = source[s] == _NO_SOURCE or (steep and source[s] == _TURNED)
+        if unsaid or (p["partners"][s] & unknown) != 0:
             reference[s] = np.nan
 
 
@@ -240,11 +224,22 @@ def follow(st, s, share, rate_hz, wraps):
 
 
 @kernel
-def read_rates(inertial, p, st, reference):
-    """The inertial unit's rates where they are the chosen source, led by ``inertial_lead_s`` (Zhang, section 7)."""
+def ask_unit(inertial, p, st, reference):
+    """What the inertial unit says of the signals whose source it is (unit.py, strapdown.py)."""
+    u, source, rate_hz, lead = st["unit"], p["source"], p["rate_hz"], p["lead_frames"]
+    unit.follow(inertial, st["coefficient"][_UNIT_FILTER], rate_hz, u)
     for i in range(3):
-        rate = inertial[i] + p["lead_frames"] * (inertial[i] - st["rates"][i])
-        st["rates"][i] = inertial[i]
-        s = _RATES[i]
-        if p["source"][s] == _INERTIAL:
-            reference[s] = rate
+        if source[_RATES[i]] == _INERTIAL:
+            reference[_RATES[i]] = unit.rate(i, inertial, lead, u)
+        if source[_LOADS[i]] == _INERTIAL:
+            said = unit.load_factor(i, inertial, lead, p["accelerometer"], u)
+            reference[_LOADS[i]] = -said if i == 2 else said
+    if source[_STATIC] == _INERTIAL:
+        reference[_STATIC] = unit.static_pressure(inertial, st["voted"], st["agreed"], rate_hz, u)
+    if p["strapdown"] != 0:
+        angles, e = u["angles"], u["strapdown"]
+        strapdown.attitude(inertial, u["last"], st["voted"], st["agreed"], rate_hz, p["lead_s"], e, angles)
+        for i in range(3):
+            if source[_ANGLES[i]] == _INERTIAL:
+                reference[_ANGLES[i]] = angles[i]
+    unit.keep(inertial, u)

@@ -63,7 +63,8 @@ def _elsewhere(
 ) -> FaultScore:
     """A fault on no channel: on a reference or the inertial unit the manager's monitor of references may see it.
 
-    No monitor watches a surface; its error is what reaches the actuator less what was commanded.
+    No monitor watches a surface; its error is what reaches the actuator less what was commanded.  Of several references
+    that read one quantity the first one's error is told.
     """
     frames = np.flatnonzero(acted)
     errors, above = np.zeros(len(frames)), np.zeros(len(frames), bool)
@@ -72,7 +73,7 @@ def _elsewhere(
     failed: list[int] = []
     for s in read:
         off = np.abs(difference(rows["reference"][frames, s], rows["truth"][frames, s], SIGNALS[s].wraps))
-        errors, above = np.maximum(errors, off), above | ~(off <= params[s]["reference_threshold"])
+        errors, above = off if s == read[0] else errors, above | ~(off <= params[s]["reference_threshold"])
         usable = rows["reference_usable"][:, s] != 0
         gone = np.flatnonzero(usable[:-1] & ~usable[1:]) + 1
         failed += gone[np.isin(gone, frames)].tolist()

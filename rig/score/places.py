@@ -9,7 +9,7 @@ from rig.faults import Fault
 from rig.faults.places import number, site
 from rig.frame import INDEX, INERTIAL
 from rig.redundancy import Config
-from rig.redundancy.reference import source
+from rig.redundancy.sources import FROM_UNIT, source
 
 # They change what a channel says of itself, never its sample; a discrete that says bad of itself is not voted.
 MONITOR_KINDS: Final = ("ilm",)
@@ -50,5 +50,5 @@ def references_of(fault: Fault, config: Config) -> list[int]:
     if where != "inertial":
         return []
     quantity = INERTIAL[number(fault.signal)]
-    fed = quantity.removesuffix("_rad_s") if quantity.endswith("_rad_s") else "dynamic_pressure"
-    return [INDEX[fed]] if source(config.references, fed) == "inertial" else []
+    fed = [name for name, read in FROM_UNIT.items() if quantity in read]
+    return [INDEX[name] for name in fed if source(config.references, name) == "inertial"]

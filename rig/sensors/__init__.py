@@ -5,6 +5,7 @@
     params.py     settings and seed as the arrays of the kernel
     wander.py     what is drawn a block at a time: noise, bias instability, random walk, structural mode
     recorded.py   a recorded noise file instead of the drawn noise
+    alarms.py     false alarms of in-line monitors
     kernel.py     one frame: truth to channels
 
 Equations and order of the effects: docs/sensors.md.

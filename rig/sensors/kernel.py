@@ -22,12 +22,12 @@ MEMORY: Final = np.dtype(
     ],
     align=True,
 )
-_GOOD: Final = int(Ilm.GOOD)
+_GOOD, _BAD = int(Ilm.GOOD), int(Ilm.BAD)
 _NO_MONITOR: Final = int(Ilm.ABSENT)
 
 
 @kernel
-def measure(block, k, params, noise, wander, memory, line, fitted):
+def measure(block, k, params, noise, wander, memory, line, fitted, alarms):
     """All channels of row k from the truth of this frame and the last.
 
     x = truth - skew (truth - last truth), truth with what is felt of others;  y += blend (x - y)
@@ -36,6 +36,7 @@ def measure(block, k, params, noise, wander, memory, line, fitted):
     block : FRAME records; params : (S,) PARAMS; noise : (n, S, 4) standard normal; wander : (n, S, 4), unit of
     the signal; memory : (S,) MEMORY and line : (S, 4, frames), the latency's ring, in place
     fitted : (D,) channels of each discrete
+    alarms : (n, S, 4), false alarms of in-line monitors
     """
     row = block[k]
     truth, channels = row["truth"], row["channels"]
@@ -70,7 +71,7 @@ def measure(block, k, params, noise, wander, memory, line, fitted):
                 sample = np.floor(sample / p["quantum"] + 0.5) * p["quantum"]
             channels[s, c] = limit(sample, p["low"], p["high"], wraps)
             valid[s, c] = 1
-            ilm[s, c] = _GOOD
+            ilm[s, c] = _BAD if p["alarms"] != 0 and alarms[k, s, c] != 0 else _GOOD
         m["truth"] = truth[s]
         m["frames"] += 1
     switch(row, fitted)

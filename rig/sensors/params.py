@@ -31,6 +31,7 @@ PARAMS: Final = np.dtype(
         ("filtered", "u1"),  # low pass or latency
         ("low_pass", "u1"),
         ("delayed", "u1"),
+        ("alarms", "u1"),  # its in-line monitors may raise false ones
         ("wanders", "u1"),  # something of wander.py or recorded.py is added
         ("shares", "u1"),  # how many other signals are felt
         ("source", "i8", (MOST_SHARES,)),  # which
@@ -58,6 +59,7 @@ def fixed(suite: Settings, rate_hz: float, seeds: dict[str, SeedSequence]) -> ND
         row["quantum"] = sensor.quantum
         row["low"], row["high"] = sensor.limits(signal)
         row["wanders"] = _wanders(sensor)
+        row["alarms"] = sensor.monitor is not None and sensor.monitor.false_alarm_per_hour > 0
         row["wraps"], row["channels"] = signal.wraps, sensor.channels
         _dynamics(row, sensor, rate_hz)
     _couple(params, suite, np.random.default_rng(seeds["misalignment"]), np.random.default_rng(seeds["g_sensitivity"]))

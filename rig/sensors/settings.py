@@ -26,6 +26,20 @@ NOISE_KEYS: Final = ("noise_std", "noise_density", "bias_instability_std", "bias
 FILE_KEYS: Final = ("noise_file", "noise_rate_hz", "noise_sha256")
 
 
+class Monitor(Settings):
+    """The in-line monitor of a stick or pedal: the sum of the two coils of its LVDT.
+
+    At position x the coils give (1 + x) / 2 and (1 - x) / 2 of the full voltage: their difference is x, their sum
+    stays.  An error of one coil is in both alike.
+    """
+
+    coverage: float = Field(ge=0, le=1)  # share of the electrical faults that are ahead of the sum
+    tolerance: float = Field(gt=0)  # of the sum, unit of the signal
+    frames: int = Field(ge=1)  # in a row beyond it until the monitor says bad
+    false_alarm_per_hour: float = Field(ge=0, le=3600)  # of one channel
+    false_alarm_s: float = Field(gt=0)  # how long one lasts
+
+
 class Sensor(Settings):
     """One signal's sensor, the same type on every channel."""
 
@@ -52,6 +66,7 @@ class Sensor(Settings):
     low: float | None = None  # range; as in frame.SIGNALS when not given
     high: float | None = None
     channels: int = Field(default=CHANNELS, ge=2, le=CHANNELS)
+    monitor: Monitor | None = None  # sticks and pedal: their in-line monitor
     # Of the installation, common to all channels
     position_error_per_rad: float = 0.0  # air data: per rad of angle of attack
     position_error_per_pa: float = 0.0  # air data: per Pa of dynamic pressure
@@ -109,6 +124,8 @@ def _whole(suite: Settings) -> Settings:
             raise ValueError(f"{signal.name}: misalignment_tolerance_rad: only rates and load factors have a triad")
         if sensor.g_sensitivity_tolerance > 0 and s not in GYROS:
             raise ValueError(f"{signal.name}: g_sensitivity_tolerance: only rates have it")
+        if sensor.monitor is not None and signal.group != "stick and pedals":
+            raise ValueError(f"{signal.name}: monitor: only sticks and pedal have coils")
         if (sensor.position_error_per_rad or sensor.position_error_per_pa) and signal.group != "air data":
             raise ValueError(f"{signal.name}: position_error: only air data have one")
     return suite

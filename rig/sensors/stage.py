@@ -8,6 +8,7 @@ import numpy as np
 from numpy.random import SFC64, Generator, SeedSequence
 
 from rig.frame import CHANNELS, Block, S
+from rig.sensors.alarms import Alarms
 from rig.sensors.kernel import MEMORY, measure
 from rig.sensors.params import fixed
 from rig.sensors.settings import discrete_channels
@@ -15,7 +16,7 @@ from rig.sensors.wander import PROCESSES, Wander
 from rig.settings import Settings
 
 # The order is part of every recorded flight: append, never insert.
-STREAMS: Final = ("calibration", "noise", "misalignment", "g_sensitivity", *PROCESSES)
+STREAMS: Final = ("calibration", "noise", "misalignment", "g_sensitivity", *PROCESSES, "monitor")
 
 
 class Sensors:
@@ -26,6 +27,7 @@ class Sensors:
         streams: dict[str, SeedSequence] = dict(zip(STREAMS, seeds.spawn(len(STREAMS)), strict=True))
         self.params = fixed(suite, rate_hz, streams)
         self._wander = Wander(suite, rate_hz, streams)
+        self._alarms = Alarms(suite, rate_hz, streams["monitor"])
         self._noise_rng = Generator(SFC64(streams["noise"]))  # the quickest of numpy's
         self._noise = np.zeros((0, S, CHANNELS), np.float32)  # single precision draws in half the time
         self._memory = np.zeros(S, MEMORY)
@@ -35,7 +37,7 @@ class Sensors:
     @property
     def arguments(self) -> tuple[Any, ...]:
         """What ``measure`` needs besides the row; the same arrays until the next ``prepare``."""
-        return self.params, self._noise, self._wander.rows, self._memory, self._line, self._discretes
+        return self.params, self._noise, self._wander.rows, self._memory, self._line, self._discretes, self._alarms.rows
 
     def prepare(self, block: Block) -> None:
         """Draw the noise of the rows of ``block``; the streams do not depend on the block's length."""
@@ -43,6 +45,7 @@ class Sensors:
             self._noise = np.zeros((len(block), S, CHANNELS), np.float32)
         self._noise_rng.standard_normal(out=self._noise[: len(block)], dtype=np.float32)
         self._wander.prepare(len(block))
+        self._alarms.prepare(len(block))
 
     def step(self, block: Block, k: int) -> None:
         """Write channels, valid and ilm of row k, of signals and discretes."""
