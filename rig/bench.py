@@ -126,7 +126,7 @@ def _stages_us(scenario: Scenario, out: Path) -> dict[str, float]:
     with LogWriter(out / "stages.mcap", scenario.rate_hz, metadata(scenario), []) as writer:
         for first in range(0, scenario.frames, size):
             block = new_block(min(size, scenario.frames - first), first)
-            block["reference"] = np.nan
+            block["reference"] = block["second_reference"] = np.nan
             watch.time("prepare", rig.prepare, block)
             steps = steps or _bound(rig, block)
             for k in range(len(block)):

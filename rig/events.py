@@ -217,6 +217,12 @@ def _reference(frame: int, old: int, new: int, s: int, row: Any) -> Event:
     return Event(frame, "info", "reference", f"{SIGNALS[s].name}: reference {standing}")
 
 
+def _common(frame: int, old: int, new: int, s: int, row: Any) -> Event:
+    if not new:
+        return Event(frame, "info", "common mode", f"{SIGNALS[s].name}: no more")
+    return Event(frame, "error", "common mode", f"{SIGNALS[s].name}: two references agree against all channels")
+
+
 def _source(frame: int, old: int, new: int, s: int, row: Any) -> Event:
     """A signal that control takes from elsewhere; the switch is faded."""
     taken = {Source.VOTED: "its vote again", Source.REFERENCE: "its reference", Source.DEGRADED: "its degraded mode"}
@@ -257,6 +263,7 @@ _DESCRIBE = {
     "level": _level,
     "pattern": _pattern,
     "reference_usable": _reference,
+    "common_mode": _common,
     "source": _source,
     "law": _law,
     "trust": _trust,

@@ -218,6 +218,7 @@ class Resolver(IntEnum):
     MIDDLE = 5
     UNRESOLVED = 6
     BOX = 7  # the channel is out on several signals: its box has died
+    COMMON = 8  # all channels agree, and two references agree against them
 
 
 class Ilm(IntEnum):
@@ -291,6 +292,7 @@ FRAME: Final = np.dtype(
         ("inertial", "f8", (len(INERTIAL),)),
         ("voted", "f8", (S,)),
         ("reference", "f8", (S,)),  # NaN where there is none
+        ("second_reference", "f8", (S,)),  # of other physics than ``reference``; NaN where there is none
         ("command", "f8", (len(COMMANDS),)),
         ("estimate", "f8", (len(ESTIMATES),)),  # zeros under another law than the fault-tolerant one
         ("surface", "f8", (len(SURFACES),)),
@@ -304,6 +306,7 @@ FRAME: Final = np.dtype(
         ("pattern", "u1", (S,)),
         ("resolver", "u1", (S,)),
         ("reference_usable", "u1", (S,)),
+        ("common_mode", "u1", (S,)),  # 1: both references speak against all channels, which agree
         ("source", "u1", (S,)),
         ("discrete_truth", "u1", (D,)),
         ("discrete_channels", "u1", (D, CHANNELS)),

@@ -196,5 +196,5 @@ def _renew(block: Block, first: int, count: int) -> Block:
     rows = block[:count]
     rows.view(np.uint8)[:] = 0
     rows["frame"] = np.arange(first, first + count)
-    rows["reference"] = np.nan
+    rows["reference"] = rows["second_reference"] = np.nan
     return rows

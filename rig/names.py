@@ -43,9 +43,9 @@ ENUMS: Final[dict[str, type[IntEnum]]] = {
     "lie": Lie,
     "end": End,
 }
-FLAGS: Final = ("valid", "discrete_valid", "reference_usable")  # u1 fields that are 0 or 1
+FLAGS: Final = ("valid", "discrete_valid", "reference_usable", "common_mode")  # u1 fields that are 0 or 1
 # Fields that were added to a message of earlier logs: they come last in it, so that the others keep their numbers.
-LATER: Final = ("discrete_valid", "discrete_ilm")
+LATER: Final = ("discrete_valid", "discrete_ilm", "second_reference", "common_mode")
 # Fields with one named element each; the elements of others are numbered from 1.
 ELEMENTS: Final = {
     "flight": FLIGHT,

@@ -33,7 +33,9 @@ class Transition(Settings):
     signal: str | None = None
     level: int | None = Field(default=None, ge=0, le=CHANNELS)
     pattern: Literal["normal", "isolated", "2:2", "1:1:1:1", "1:1:1", "1:1", "lost"] | None = None
-    resolver: Literal["none", "ilm", "trend", "reference", "extremes", "middle", "unresolved", "box"] | None = None
+    resolver: (
+        Literal["none", "ilm", "trend", "reference", "extremes", "middle", "unresolved", "box", "common"] | None
+    ) = None
     source: Literal["voted", "reference", "degraded"] | None = None
     channel: int | None = Field(default=None, ge=1, le=CHANNELS)
     state: Literal["ok", "suspect", "failed"] | None = None

@@ -98,7 +98,7 @@ def _vote_signal(
 
 def _first_block(samples: Samples) -> NDArray[Any]:
     block = new_block(ROWS)
-    block["channels"] = block["reference"] = np.nan
+    block["channels"] = block["reference"] = block["second_reference"] = np.nan
     block["valid"] = 1
     block["ilm"] = Ilm.ABSENT
     return block

@@ -15,7 +15,8 @@ from rig.redundancy.discrete import DiscreteVoter, vote_discretes
 from rig.redundancy.discrete_config import discrete_parameters
 from rig.redundancy.managers import Manager, vote_signals
 from rig.redundancy.own import OwnManager, load_manager
-from rig.redundancy.reference import References, refer, remember, source
+from rig.redundancy.reference import References, refer, remember
+from rig.redundancy.sources import second, source
 from rig.trust import Trust
 
 
@@ -39,6 +40,7 @@ class Redundancy:
         """
         params = parameters(config.signals, ranges, channels, rate_hz)
         measured_thresholds(params, config, designed)
+        params["common_persistence"], params["common_fails"] = config.common_persistence, config.common_mode == "fail"
         self.references = References(config.references, designed, rate_hz, config.manager == MANAGERS[0])
         own = config.manager not in MANAGERS
         self.own: OwnManager | None = load_manager(config.manager, params, trust or Trust()) if own else None
@@ -79,11 +81,13 @@ class Redundancy:
 
 
 def measured_thresholds(params: NDArray[np.void], config: Config, designed: Designed) -> None:
-    """Put the measured threshold of each reference into its PARAMS record, where the settings give none."""
+    """Put the measured thresholds of references into the PARAMS records, of the first where the settings give none."""
     for row, signal in zip(params, SIGNALS, strict=True):
         measured = designed.threshold(signal.name, source(config.references, signal.name))
         if measured is not None and getattr(config.signals, signal.name).reference_threshold is None:
             row["reference_threshold"] = measured
+        measured = designed.threshold(signal.name, second(config.references, signal.name))
+        row["second_threshold"] = row["threshold"] if measured is None else measured
 
 
 @kernel

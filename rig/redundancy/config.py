@@ -90,6 +90,8 @@ class Config(Settings):
     box_persistence: int = Field(default=8, ge=1)  # frames for which they do
     discrete_persistence: int = Field(default=8, ge=1)  # frames, of a discrete that has none of its own
     discretes: DiscreteConfigs = DiscreteConfigs()  # pyright: ignore[reportInvalidTypeForm]  # from the frame's table
+    common_mode: Literal["report", "fail"] = "report"  # what two references against all channels do to a signal
+    common_persistence: int = Field(default=10, ge=1)  # frames
     resets: list[Reset] = []
     references: References = References()
     signals: SignalConfigs  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
@@ -106,6 +108,9 @@ PARAMS: Final = np.dtype(
     [
         ("threshold", "f8"),
         ("reference_threshold", "f8"),
+        ("second_threshold", "f8"),
+        ("common_persistence", "i8"),
+        ("common_fails", "u1"),
         ("low", "f8"),
         ("high", "f8"),
         ("persistence", "i8"),
@@ -157,6 +162,7 @@ def fill(
     """Write one signal's settings into its PARAMS record."""
     row["threshold"] = config.threshold
     row["reference_threshold"] = config.reference_threshold or config.threshold
+    row["second_threshold"], row["common_persistence"] = config.threshold, 1
     row["low"], row["high"] = limits
     row["persistence"] = in_frames(config.persistence, config.persistence_s, rate_hz)
     row["singular_persistence"] = in_frames(config.singular_persistence, config.singular_persistence_s, rate_hz)

@@ -17,6 +17,7 @@ from rig.frame import CHANNELS, Resolver, State
 from rig.kernels import kernel
 from rig.redundancy import trend, vote
 from rig.redundancy.box import accused, fail_boxes
+from rig.redundancy.common import watch_common
 from rig.redundancy.compare import LOST, classify, comparable, is_singular, rank
 from rig.redundancy.config import RESETS
 from rig.redundancy.last_channel import check_last
@@ -52,6 +53,8 @@ STATE: Final = np.dtype(
         ("level", "i8"),
         ("selected", "i8"),  # channel, for the manager "selection"
         ("reference_usable", "u1"),
+        ("common_run", "i8"),  # frames in a row in which two references contradicted all channels
+        ("common_mode", "u1"),
         ("started", "u1"),
         ("failed", "u1", (CHANNELS,)),
         ("alone", "u1", (CHANNELS,)),
@@ -74,7 +77,7 @@ def new_state(params: NDArray[np.void]) -> NDArray[np.void]:
 
 @kernel
 def manage(block, k, params, state, resets, boxes):
-    """Write voted, state, level, pattern, resolver, trend bytes and reference_usable of row k.
+    """Write voted, state, level, pattern, resolver, trend bytes, reference_usable and common_mode of row k.
 
     block : FRAME records; params, state : one config.PARAMS and one STATE record per signal
     resets : config.RESETS records, applied in their frame; boxes : one box.BOXES record
@@ -85,13 +88,15 @@ def manage(block, k, params, state, resets, boxes):
     voted, reference, states = row["voted"], row["reference"], row["state"]
     levels, patterns, resolvers, usable = row["level"], row["pattern"], row["resolver"], row["reference_usable"]
     trend_high, trend_low = row["trend_high"], row["trend_low"]
+    second, common = row["second_reference"], row["common_mode"]
     accusing = 0
     for s in range(len(params)):
         p, st = params[s], state[s]
-        resolvers[s] = manage_signal(channels[s], valid[s], ilm[s], reference[s], p, st)
+        resolvers[s] = manage_signal(channels[s], valid[s], ilm[s], reference[s], second[s], p, st)
         voted[s], levels[s], patterns[s] = st["output"], st["level"], st["pattern"]
         usable[s] = 0 if not np.isfinite(reference[s]) else st["reference_usable"]
         trend_high[s], trend_low[s] = st["trend_high"], st["trend_low"]
+        common[s] = st["common_mode"]
         report(p, st, states[s])
         accusing += st["accused"] != 0
     box = boxes[0]
@@ -102,7 +107,7 @@ def manage(block, k, params, state, resets, boxes):
 
 
 @kernel
-def manage_signal(samples, valid, ilm, reference, p, st):
+def manage_signal(samples, valid, ilm, reference, second, p, st):
     """One signal, one frame; returns the resolver that decided (Zhang, sections 2 to 8)."""
     x, order, alone = st["x"], st["order"], st["alone"]
     base = anchor(samples, valid, p, st)
@@ -115,6 +120,7 @@ def manage_signal(samples, valid, ilm, reference, p, st):
     trend.update(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p["trend_frames"], p["wraps"])
     resolver, raw = decide(ilm, reference, n, p, st)
     monitor_reference(raw, reference, n, p, st)
+    resolver = watch_common(resolver, n, raw, reference, seen_from(second, base, p["wraps"]), p, st)
     watch_failed(samples, valid, raw, p, st)
     ranked = 0
     for i in range(n):

@@ -171,6 +171,22 @@ def pitch_angle(p, st, known):
 
 
 @kernel
+def pitch_angle_on_path(inertial, st):
+    """Pitch angle at which the air flow, as voted, has the direction of the unit's velocity.  A gust is its error."""
+    voted = st["voted"]
+    north, east, down = inertial[_NORTH], inertial[_NORTH + 1], inertial[_NORTH + 2]
+    speed = max(math.sqrt(north * north + east * east + down * down), 1.0)
+    return pitch_on_path(-down / speed, voted[_ALPHA], voted[_BETA], voted[_PHI])
+
+
+@kernel
+def roll_angle_of_turn(st, speed):
+    """Roll angle at which the aircraft turns as the heading does: tan phi = V psi_dot cos theta / g - n_y."""
+    turning = speed * st["slope"][_PSI] * math.cos(st["voted"][_THETA]) / _GRAVITY
+    return math.atan(turning - st["voted"][_NY])
+
+
+@kernel
 def dynamic_pressure(inertial, density):
     """Dynamic pressure from the speed over ground: rho v^2 / 2.  Wind is its error."""
     north, east, down = inertial[_NORTH], inertial[_NORTH + 1], inertial[_NORTH + 2]

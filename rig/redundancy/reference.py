@@ -25,7 +25,7 @@ from rig.kernels import kernel
 from rig.pressure_table import look_up
 from rig.redundancy import motion, strapdown, unit
 from rig.redundancy.designed import COLUMNS, FILTERS, Designed
-from rig.redundancy.sources import PARTNERS, Config, source
+from rig.redundancy.sources import PARTNERS, Config, second, source
 
 PARAM: Final = np.dtype(
     [
@@ -34,6 +34,8 @@ PARAM: Final = np.dtype(
         ("accelerometer", "f8", (3,)),  # m from the centre of gravity: forward, right, down
         ("source", "u1", (S,)),
         ("partners", "i8", (S,)),  # a bit for each signal that is read
+        ("second", "u1", (S,)),  # source of the second reference, and its partners
+        ("second_partners", "i8", (S,)),
         ("inclination", estimate.PARAM),
         ("lead_s", "f8"),
         ("strapdown", "u1"),  # whether an attitude comes from the inertial unit
@@ -60,8 +62,8 @@ STATE: Final = np.dtype(
     ],
     align=True,
 )
-_NO_SOURCE, _PARTNERS, _INERTIAL, _TURNED = 0, 1, 2, 3
-_SOURCES: Final = {"none": _NO_SOURCE, "inertial": _INERTIAL, "attitude": _TURNED}  # all others are partners
+_NO_SOURCE, _PARTNERS, _INERTIAL, _TURNED, _PATH = 0, 1, 2, 3, 4
+_SOURCES: Final = {"none": _NO_SOURCE, "inertial": _INERTIAL, "attitude": _TURNED, "path": _PATH}  # others: partners
 _SLOWEST: Final = 30.0  # m/s; divisions by airspeed take at least this
 _STEEPEST: Final = 1.3  # rad of pitch; beyond it roll and heading say little
 _Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
@@ -73,6 +75,7 @@ _ALPHA_FILTER, _ATTITUDE_FILTER, _RATE_FILTER, _UNIT_FILTER = (COLUMNS.index(nam
 _RATES: Final = np.array([INDEX[name.removesuffix("_rad_s")] for name in INERTIAL[:3]])  # the signals they stand for
 _LOADS: Final = np.array([_NX, _NY, _NZ])  # in the order of the specific force
 _ANGLES: Final = np.array([_PHI, _THETA, _PSI])
+_OF_STRAPDOWN: Final = [_PHI, _THETA, _PSI, _ALPHA, _BETA]
 _NORMAL, _FIRST_SINGULAR, _LAST_SINGULAR = int(Pattern.NORMAL), int(Pattern.P2_2), int(Pattern.P1_1)
 
 
@@ -105,24 +108,29 @@ def _parameters(config: Config, designed: Designed, rate_hz: float) -> NDArray[A
     row["lead_s"] = config.inertial_lead_s
     row["accelerometer"] = designed.accelerometer_x_m, designed.accelerometer_y_m, designed.accelerometer_z_m
     for s, signal in enumerate(SIGNALS):
-        chosen = source(config, signal.name)
-        row["source"][s] = _SOURCES.get(chosen, _PARTNERS)
-        if chosen != "none":
-            row["partners"][s] = sum(1 << INDEX[name] for name in PARTNERS[signal.name, chosen])
-    row["strapdown"] = (row["source"][_ANGLES] == _INERTIAL).any()
+        row["source"][s], row["partners"][s] = _coded(signal.name, source(config, signal.name))
+        row["second"][s], row["second_partners"][s] = _coded(signal.name, second(config, signal.name))
+    row["strapdown"] = any((row[field][_OF_STRAPDOWN] == _INERTIAL).any() for field in ("source", "second"))
     return param
+
+
+def _coded(signal: str, chosen: str) -> tuple[int, int]:
+    """A source as its code and the bits of its partners."""
+    if chosen == "none":
+        return _NO_SOURCE, 0
+    return _SOURCES.get(chosen, _PARTNERS), sum(1 << INDEX[name] for name in PARTNERS[signal, chosen])
 
 
 @kernel
 def refer(block, k, pressures, table, param, state):
-    """Write ``reference`` of row k from the last frame's votes; NaN where there is none.
+    """Write ``reference`` and ``second_reference`` of row k from the last frame's votes; NaN where there is none.
 
     block : FRAME records; pressures (P,), table (P, C) : designed coefficients
     param, state : one record of PARAM and of STATE; state in place
     """
     if state[0]["started"] == 0:
         for s in range(S):
-            block[k]["reference"][s] = np.nan
+            block[k]["reference"][s] = block[k]["second_reference"][s] = np.nan
         return
     answer(block[k], pressures, table, param, state)
 
@@ -166,32 +174,87 @@ def look_back(row, st):
 def answer(row, pressures, table, param, state):
     """All references of a row, from what is kept of the votes and the row's inertial unit."""
     p, st = param[0], state[0]
-    voted, reference, c, source = st["voted"], row["reference"], st["coefficient"], p["source"]
-    look_up(pressures, table, voted[_DYNAMIC], c)
+    voted, inertial, u = st["voted"], row["inertial"], st["unit"]
+    look_up(pressures, table, voted[_DYNAMIC], st["coefficient"])
     follow_all(p, st)
+    unit.follow(inertial, st["coefficient"][_UNIT_FILTER], p["rate_hz"], u)
+    if p["strapdown"] != 0:
+        e = u["strapdown"]
+        strapdown.attitude(inertial, u["last"], voted, st["agreed"], p["rate_hz"], p["lead_s"], e, u["angles"])
     density = air_density(voted[_STATIC])
     speed = max(math.sqrt(2.0 * max(voted[_DYNAMIC], 0.0) / density), _SLOWEST)
-    if source[_Q] == _TURNED:
-        reference[_Q] = motion.pitch_rate_of_attitude(st)
-    else:
-        reference[_Q] = motion.pitch_rate(c, st, speed)
-    reference[_P] = motion.roll_rate(st)
-    reference[_R] = motion.yaw_rate(st)
-    if source[_NZ] == _PARTNERS:
-        reference[_NZ] = motion.normal_load_factor(c, p, st, speed)
-    reference[_NY] = motion.lateral_load_factor(c, p, st)
-    reference[_ALPHA] = motion.angle_of_attack(c, p, st, speed)
-    reference[_BETA] = motion.angle_of_sideslip(c, p, st)
-    reference[_DYNAMIC] = motion.dynamic_pressure(row["inertial"], density)
-    if source[_THETA] == _PARTNERS:
-        reference[_THETA] = motion.pitch_angle(p, st, (p["partners"][_THETA] & st["lost"]) == 0)
-    ask_unit(row["inertial"], p, st, reference)
-    steep = abs(voted[_THETA]) > _STEEPEST
     unknown = st["lost"] | st["singular"]
     for s in range(S):
-        unsaid = source[s] == _NO_SOURCE or (steep and source[s] == _TURNED)
-        if unsaid or (p["partners"][s] & unknown) != 0:
-            reference[s] = np.nan
+        row["reference"][s] = opinion(s, p["source"][s], p["partners"][s], unknown, inertial, p, st, density, speed)
+        row["second_reference"][s] = opinion(
+            s, p["second"][s], p["second_partners"][s], unknown, inertial, p, st, density, speed
+        )
+    unit.keep(inertial, u)
+
+
+@kernel
+def opinion(s, source, partners, unknown, inertial, p, st, density, speed):
+    """What a source says of signal s; NaN when there is none, or a partner is lost or has no majority.
+
+    Some sources remember: each is asked once a frame.  partners, unknown : a bit for each signal
+    """
+    if source == _NO_SOURCE:
+        return math.nan
+    if source == _INERTIAL:
+        said = of_unit(s, inertial, p, st, density)
+    elif source == _TURNED:
+        said = of_attitude(s, st) if abs(st["voted"][_THETA]) <= _STEEPEST else math.nan
+    elif source == _PATH:
+        said = motion.pitch_angle_on_path(inertial, st)
+    else:
+        said = of_partners(s, partners, p, st, speed)
+    return said if partners & unknown == 0 else math.nan
+
+
+@kernel
+def of_attitude(s, st):
+    """Body rates from the change of the attitude."""
+    if s == _Q:
+        return motion.pitch_rate_of_attitude(st)
+    return motion.roll_rate(st) if s == _P else motion.yaw_rate(st)
+
+
+@kernel
+def of_partners(s, partners, p, st, speed):
+    """Signal s from the air, the load factors or the turn."""
+    c = st["coefficient"]
+    if s == _Q:
+        return motion.pitch_rate(c, st, speed)
+    if s == _NZ:
+        return motion.normal_load_factor(c, p, st, speed)
+    if s == _NY:
+        return motion.lateral_load_factor(c, p, st)
+    if s == _ALPHA:
+        return motion.angle_of_attack(c, p, st, speed)
+    if s == _BETA:
+        return motion.angle_of_sideslip(c, p, st)
+    if s == _PHI:
+        return motion.roll_angle_of_turn(st, speed)
+    return motion.pitch_angle(p, st, (partners & st["lost"]) == 0)
+
+
+@kernel
+def of_unit(s, inertial, p, st, density):
+    """What the inertial unit says of signal s (unit.py, strapdown.py)."""
+    u, rate_hz, lead = st["unit"], p["rate_hz"], p["lead_frames"]
+    for i in range(3):
+        if s == _RATES[i]:
+            return unit.rate(i, inertial, lead, u)
+        if s == _LOADS[i]:
+            said = unit.load_factor(i, inertial, lead, p["accelerometer"], u)
+            return -said if i == 2 else said
+        if s == _ANGLES[i]:
+            return u["angles"][i]
+    if s == _STATIC:
+        return unit.static_pressure(inertial, st["voted"], st["agreed"], rate_hz, u)
+    if s == _DYNAMIC:
+        return motion.dynamic_pressure(inertial, density)
+    return unit.flow_angle(1 if s == _ALPHA else 2, inertial, u["angles"])
 
 
 @kernel
@@ -221,25 +284,3 @@ def follow(st, s, share, rate_hz, wraps):
     else:
         move = share * difference(x, y, wraps)
         st["smooth"][s], st["slope"][s] = y + move, move * rate_hz
-
-
-@kernel
-def ask_unit(inertial, p, st, reference):
-    """What the inertial unit says of the signals whose source it is (unit.py, strapdown.py)."""
-    u, source, rate_hz, lead = st["unit"], p["source"], p["rate_hz"], p["lead_frames"]
-    unit.follow(inertial, st["coefficient"][_UNIT_FILTER], rate_hz, u)
-    for i in range(3):
-        if source[_RATES[i]] == _INERTIAL:
-            reference[_RATES[i]] = unit.rate(i, inertial, lead, u)
-        if source[_LOADS[i]] == _INERTIAL:
-            said = unit.load_factor(i, inertial, lead, p["accelerometer"], u)
-            reference[_LOADS[i]] = -said if i == 2 else said
-    if source[_STATIC] == _INERTIAL:
-        reference[_STATIC] = unit.static_pressure(inertial, st["voted"], st["agreed"], rate_hz, u)
-    if p["strapdown"] != 0:
-        angles, e = u["angles"], u["strapdown"]
-        strapdown.attitude(inertial, u["last"], st["voted"], st["agreed"], rate_hz, p["lead_s"], e, angles)
-        for i in range(3):
-            if source[_ANGLES[i]] == _INERTIAL:
-                reference[_ANGLES[i]] = angles[i]
-    unit.keep(inertial, u)

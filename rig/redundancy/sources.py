@@ -20,12 +20,12 @@ class Config(Settings):
     normal_load_factor: Literal["angle_of_attack", "inertial", "none"] = "inertial"
     lateral_load_factor: Literal["angle_of_sideslip", "inertial", "none"] = "angle_of_sideslip"
     longitudinal_load_factor: Literal["inertial", "none"] = "inertial"
-    angle_of_attack: Literal["load_factor", "none"] = "load_factor"
-    angle_of_sideslip: Literal["lateral_load_factor", "none"] = "lateral_load_factor"
+    angle_of_attack: Literal["load_factor", "inertial", "none"] = "load_factor"
+    angle_of_sideslip: Literal["lateral_load_factor", "inertial", "none"] = "lateral_load_factor"
     static_pressure: Literal["inertial", "none"] = "inertial"
     dynamic_pressure: Literal["inertial", "none"] = "inertial"
-    pitch_angle: Literal["kinematic", "inertial", "none"] = "inertial"
-    roll_angle: Literal["inertial", "none"] = "inertial"
+    pitch_angle: Literal["kinematic", "path", "inertial", "none"] = "inertial"
+    roll_angle: Literal["turn", "inertial", "none"] = "inertial"
     heading: Literal["inertial", "none"] = "inertial"
     inertial_lead_s: float = Field(default=0.015, ge=0)  # makes up for the unit's lag beyond that of the gyros
 
@@ -51,11 +51,15 @@ PARTNERS: Final[dict[tuple[str, str], tuple[str, ...]]] = {
     ("lateral_load_factor", "inertial"): (),
     ("longitudinal_load_factor", "inertial"): (),
     ("angle_of_attack", "load_factor"): ("normal_load_factor", "longitudinal_load_factor", *_TURNING, *_AIR),
+    ("angle_of_attack", "inertial"): (),
     ("angle_of_sideslip", "lateral_load_factor"): ("lateral_load_factor", *_TURNING, "dynamic_pressure"),
+    ("angle_of_sideslip", "inertial"): (),
     ("static_pressure", "inertial"): (),
     ("dynamic_pressure", "inertial"): ("static_pressure",),
     ("pitch_angle", "kinematic"): estimate.PARTNERS,
+    ("pitch_angle", "path"): ("angle_of_attack", "angle_of_sideslip", "roll_angle"),
     ("pitch_angle", "inertial"): (),
+    ("roll_angle", "turn"): ("lateral_load_factor", "pitch_angle", "heading", *_AIR),
     ("roll_angle", "inertial"): (),
     ("heading", "inertial"): (),
 }
@@ -64,6 +68,30 @@ PARTNERS: Final[dict[tuple[str, str], tuple[str, ...]]] = {
 REMEMBERED: Final[dict[tuple[str, str], tuple[str, ...]]] = {
     ("static_pressure", "inertial"): ("static_pressure",),
     **{(angle, "inertial"): ("heading",) for angle in _ATTITUDE},
+    **{(angle, "inertial"): ("heading",) for angle in ("angle_of_attack", "angle_of_sideslip")},
+}
+# The second reference of a signal, beside the one that is chosen: what that one reads, this one does not.
+SECOND: Final[dict[tuple[str, str], str]] = {
+    ("pitch_rate", "attitude"): "inertial",
+    ("pitch_rate", "angle_of_attack"): "inertial",
+    ("pitch_rate", "inertial"): "attitude",
+    ("roll_rate", "attitude"): "inertial",
+    ("roll_rate", "inertial"): "attitude",
+    ("yaw_rate", "attitude"): "inertial",
+    ("yaw_rate", "inertial"): "attitude",
+    ("normal_load_factor", "angle_of_attack"): "inertial",
+    ("normal_load_factor", "inertial"): "angle_of_attack",
+    ("lateral_load_factor", "angle_of_sideslip"): "inertial",
+    ("lateral_load_factor", "inertial"): "angle_of_sideslip",
+    ("angle_of_attack", "load_factor"): "inertial",
+    ("angle_of_attack", "inertial"): "load_factor",
+    ("angle_of_sideslip", "lateral_load_factor"): "inertial",
+    ("angle_of_sideslip", "inertial"): "lateral_load_factor",
+    ("pitch_angle", "kinematic"): "inertial",
+    ("pitch_angle", "path"): "inertial",
+    ("pitch_angle", "inertial"): "path",
+    ("roll_angle", "turn"): "inertial",
+    ("roll_angle", "inertial"): "turn",
 }
 _RATES, _VELOCITIES, _FORCES = INERTIAL[:3], INERTIAL[3:6], INERTIAL[6:]
 # What the source ``inertial`` of each signal reads of the inertial unit.
@@ -74,10 +102,15 @@ FROM_UNIT: Final[dict[str, tuple[str, ...]]] = {
     "normal_load_factor": (*_RATES, _FORCES[2]),
     "static_pressure": (_VELOCITIES[2],),
     "dynamic_pressure": _VELOCITIES,
-    **dict.fromkeys(_ATTITUDE, INERTIAL),
+    **dict.fromkeys((*_ATTITUDE, "angle_of_attack", "angle_of_sideslip"), INERTIAL),
 }
 
 
 def source(config: Config, signal: str) -> str:
     """Where the reference of ``signal`` comes from, ``none`` when it has none."""
     return getattr(config, signal, "none")
+
+
+def second(config: Config, signal: str) -> str:
+    """Where the second reference of ``signal`` comes from, ``none`` when it has none."""
+    return SECOND.get((signal, source(config, signal)), "none")

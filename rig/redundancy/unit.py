@@ -42,6 +42,7 @@ STATE: Final = np.dtype(
 _FIRST_S: Final = 0.2  # the memory begins as if so much had been seen: the vote's noise is small against a drift
 _FAR: Final = 300.0  # Pa; a vote that far off is not learned from
 _STATIC: Final = INDEX["static_pressure"]
+_NORTH: Final = INERTIAL.index("velocity_north_m_s")
 _DOWN: Final = INERTIAL.index("velocity_down_m_s")
 _F: Final = INERTIAL.index("specific_force_forward_m_s2")
 
@@ -81,6 +82,29 @@ def load_factor(axis, unit, lead_frames, place, u):
     else:
         force += slope[0] * y - slope[1] * x + r * along - z * square
     return force / GRAVITY
+
+
+@kernel
+def flow_angle(axis, unit, angles):
+    """Direction of the unit's velocity in body axes [rad]: 1 the angle of attack, 2 the sideslip.  Wind is its error.
+
+    angles : roll, pitch, heading of the unit
+    """
+    north, east, down = unit[_NORTH], unit[_NORTH + 1], unit[_DOWN]
+    sin_phi, cos_phi, sin_theta, cos_theta = (
+        math.sin(angles[0]),
+        math.cos(angles[0]),
+        math.sin(angles[1]),
+        math.cos(angles[1]),
+    )
+    level = north * math.cos(angles[2]) + east * math.sin(angles[2])
+    aside = east * math.cos(angles[2]) - north * math.sin(angles[2])
+    forward = level * cos_theta - down * sin_theta
+    below = level * sin_theta + down * cos_theta
+    right, under = aside * cos_phi + below * sin_phi, below * cos_phi - aside * sin_phi
+    if axis == 1:
+        return math.atan2(under, forward)
+    return math.atan2(right, math.sqrt(forward * forward + under * under))
 
 
 @kernel

@@ -23,7 +23,8 @@ from rig.trust import Trust
 
 # What the redundancy stage writes of a row, and the source that the control law takes on its word.
 OUTPUTS: Final = (
-    *("voted", "reference", "trend_high", "trend_low", "state", "level", "pattern", "resolver", "reference_usable"),
+    *("voted", "reference", "second_reference", "trend_high", "trend_low", "state", "level", "pattern", "resolver"),
+    *("reference_usable", "common_mode"),
     *("source", "discrete_voted", "discrete_state", "discrete_level"),
 )
 
@@ -71,7 +72,7 @@ def vote_again(rows: Block, scenario: Scenario) -> Block:
     """
     again = _copy(rows)
     for name in OUTPUTS:
-        again[name] = np.nan if name == "reference" else 0
+        again[name] = np.nan if name.endswith("reference") else 0
     on_references = [i for i, fault in enumerate(scenario.faults) if _sites(fault) & {"reference"}]
     for i in on_references:
         again["acting"][:, i // 8] &= 255 ^ (1 << i % 8)
