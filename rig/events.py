@@ -26,6 +26,8 @@ from rig.frame import (
 )
 from rig.kernels import kernel
 
+Commands = Sequence[Any] | NDArray[np.void]
+
 
 @dataclass(frozen=True, slots=True)
 class Event:
@@ -58,12 +60,16 @@ def not_executed(frame: int, missing: Sequence[tuple[str, str]]) -> list[Event]:
 class EventFinder:
     """Finds the events of a flight, block after block.
 
-    faults : the labels of its faults, in their order; resets : its commands to readmit, redundancy.config.RESETS
+    faults : the labels of its faults, in their order
+    resets, discrete_resets : its commands to readmit, redundancy.config.RESETS of the signals and of the discretes
     """
 
-    def __init__(self, faults: Sequence[str], resets: NDArray[np.void] | None = None) -> None:
+    def __init__(self, faults: Sequence[str], resets: Commands = (), discrete_resets: Commands = ()) -> None:
         self._faults = faults
-        self._resets: Sequence[Any] = () if resets is None else list(resets)
+        self._commands = [
+            *((reset, "state", SIGNALS[reset["signal"]].name) for reset in resets),
+            *((reset, "discrete_state", DISCRETES[reset["signal"]].name) for reset in discrete_resets),
+        ]
         self._last: Block | None = None
         mark_moved(_flags(new_block(1)), _flags(new_block(1))[0], _FLAGS, np.zeros(1, bool))  # compiled before frame 0
 
@@ -83,15 +89,14 @@ class EventFinder:
 
     def _refusals(self, rows: Block, before: Block) -> Iterator[Event]:
         """Commands to readmit a channel that did not: it was failed before their frame and still is."""
-        for reset in self._resets:
+        for reset, field, name in self._commands:
             k, s = int(reset["frame"] - rows["frame"][0]), int(reset["signal"])
             if not 0 <= k < len(rows):
                 continue
             old = rows[k - 1] if k else before[0]
-            failed = (old["state"][s] == State.FAILED) & (rows[k]["state"][s] == State.FAILED)
+            failed = (old[field][s] == State.FAILED) & (rows[k][field][s] == State.FAILED)
             for c in np.flatnonzero(failed & (reset["channel"] != 0)):
-                name = f"{SIGNALS[s].name}.{c + 1}"
-                text = f"{name}: has not agreed with the vote for long enough"
+                text = f"{name}.{c + 1}: has not agreed with the vote for long enough"
                 yield Event(int(reset["frame"]), "warning", "readmission refused", text)
 
     def _before(self, rows: Block) -> Block:
@@ -171,9 +176,26 @@ def _state(frame: int, old: int, new: int, s: int, c: int, row: Any) -> Event | 
 
 
 def _discrete_state(frame: int, old: int, new: int, d: int, c: int, row: Any) -> Event | None:
-    if new != State.FAILED:
-        return None
-    return Event(frame, "warning", "channel failed", f"{DISCRETES[d].name}.{c + 1} failed by comparison")
+    name = f"{DISCRETES[d].name}.{c + 1}"
+    if new == State.FAILED:
+        return Event(frame, "warning", "channel failed", f"{name} failed by comparison")
+    if old == State.FAILED:
+        return Event(frame, "info", "channel readmitted", f"{name} readmitted")
+    return None
+
+
+def _discrete_voted(frame: int, old: int, new: int, d: int, row: Any) -> Event | None:
+    """A mode of the control law; that of the autopilot's engagement is an event of the law itself."""
+    modes = {"weight_on_wheels": ("air", "ground"), "gear_down": ("gear up", "gear down")}
+    name = DISCRETES[d].name
+    return Event(frame, "info", "mode", f"{name}: {modes[name][new]} mode") if name in modes else None
+
+
+def _discrete_level(frame: int, old: int, new: int, d: int, row: Any) -> Event:
+    name = DISCRETES[d].name
+    if new == 0:
+        return Event(frame, "error", "signal lost", f"{name}: no channel left, {row['discrete_voted'][d]} is fail-safe")
+    return Event(frame, "warning", "level", f"{name}: {old} to {new} channels")
 
 
 def _level(frame: int, old: int, new: int, s: int, row: Any) -> Event:
@@ -230,6 +252,8 @@ def _end(frame: int, old: int, new: int, row: Any) -> Event:
 _DESCRIBE = {
     "state": _state,
     "discrete_state": _discrete_state,
+    "discrete_level": _discrete_level,
+    "discrete_voted": _discrete_voted,
     "level": _level,
     "pattern": _pattern,
     "reference_usable": _reference,

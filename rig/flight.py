@@ -25,7 +25,7 @@ from rig.errors import BadInput, ManagerFailed, RigError
 from rig.events import Event, EventFinder, not_executed
 from rig.faults import Execution
 from rig.files import numbered
-from rig.frame import TIMING, Block, new_block
+from rig.frame import DISCRETE_INDEX, TIMING, Block, new_block
 from rig.interrupt import Stop, interruptible
 from rig.log import Log, LogWriter, SignalArrays, read_log
 from rig.pace import Jitter, JitterCounter, Pace
@@ -283,7 +283,8 @@ def _word(name: str) -> str:
 
 def event_finder(scenario: Scenario) -> EventFinder:
     """What finds the events of a flight of this scenario."""
-    return EventFinder(labels(scenario), reset_table(scenario.redundancy.resets, scenario.rate_hz))
+    resets, rate_hz = scenario.redundancy.resets, scenario.rate_hz
+    return EventFinder(labels(scenario), reset_table(resets, rate_hz), reset_table(resets, rate_hz, DISCRETE_INDEX))
 
 
 def labels(scenario: Scenario) -> list[str]:

@@ -8,11 +8,12 @@ Order of writing in one frame (see loop.py):
 
     pilot      demand, truth of the sticks, discrete_truth[autopilot_engaged]
     plant      truth, discrete_truth, flight, end
-    sensors    channels, valid, ilm, discrete_channels, inertial
+    sensors    channels, valid, ilm, discrete_channels, discrete_valid, discrete_ilm, inertial
     faults     the same fields, corrupted; acting
     redundancy reference
     faults     reference, corrupted; acting
-    redundancy voted, state, level, pattern, resolver, reference_usable, trend_*, discrete_*
+    redundancy voted, state, level, pattern, resolver, reference_usable, trend_*,
+               discrete_voted, discrete_state, discrete_level
     control    source, law, command, surface, actuator, estimate, trust, lie
     faults     actuator, corrupted: the surface commands that reach the actuators; acting
 
@@ -306,6 +307,8 @@ FRAME: Final = np.dtype(
         ("source", "u1", (S,)),
         ("discrete_truth", "u1", (D,)),
         ("discrete_channels", "u1", (D, CHANNELS)),
+        ("discrete_valid", "u1", (D, CHANNELS)),
+        ("discrete_ilm", "u1", (D, CHANNELS)),
         ("discrete_voted", "u1", (D,)),
         ("discrete_state", "u1", (D, CHANNELS)),
         ("discrete_level", "u1", (D,)),

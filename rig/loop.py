@@ -91,17 +91,20 @@ def faults(scenario: Scenario, keep_clean: int = 0) -> Faults:
     """The faults of a scenario, at their first frame; a replay runs those on references again."""
     ranges = sensors.ranges(scenario.sensors)
     places = np.vstack([ranges, inertial.ranges(), ranges, scenario.airframe.surface_limits])  # as in faults.PLACES
-    seeds = scenario.streams()["faults"]
+    seeds, monitored = scenario.streams()["faults"], scenario.redundancy.signals
+    thresholds = np.array([getattr(monitored, signal.name).threshold for signal in SIGNALS])
     monitors = {signal.name: getattr(scenario.sensors, signal.name).monitor for signal in SIGNALS}
     coils = {name: Coils(one.coverage, one.tolerance, one.frames) for name, one in monitors.items() if one is not None}
-    return Faults(scenario.faults, places, scenario.rate_hz, seeds, coils=coils, keep_clean=keep_clean)
+    more: Any = {"coils": coils, "thresholds": thresholds, "keep_clean": keep_clean}
+    return Faults(scenario.faults, places, scenario.rate_hz, seeds, **more)
 
 
 def redundancy(scenario: Scenario) -> Redundancy:
     """The redundancy stage of a scenario, at its first frame; a replay runs the same.  BadInput: the user's manager."""
     suite = scenario.sensors
-    ranges, channels = sensors.ranges(suite), sensors.channels(suite)
-    return Redundancy(scenario.redundancy, ranges, channels, scenario.references, scenario.rate_hz, scenario.trust)
+    ranges, channels, discretes = sensors.ranges(suite), sensors.channels(suite), sensors.discrete_channels(suite)
+    settings, references, rate_hz = scenario.redundancy, scenario.references, scenario.rate_hz
+    return Redundancy(settings, ranges, channels, references, rate_hz, discretes, scenario.trust)
 
 
 @kernel

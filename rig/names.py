@@ -34,6 +34,7 @@ ENUMS: Final[dict[str, type[IntEnum]]] = {
     "state": State,
     "discrete_state": State,
     "ilm": Ilm,
+    "discrete_ilm": Ilm,
     "pattern": Pattern,
     "resolver": Resolver,
     "source": Source,
@@ -42,7 +43,9 @@ ENUMS: Final[dict[str, type[IntEnum]]] = {
     "lie": Lie,
     "end": End,
 }
-FLAGS: Final = ("valid", "reference_usable")  # u1 fields that are 0 or 1
+FLAGS: Final = ("valid", "discrete_valid", "reference_usable")  # u1 fields that are 0 or 1
+# Fields that were added to a message of earlier logs: they come last in it, so that the others keep their numbers.
+LATER: Final = ("discrete_valid", "discrete_ilm")
 # Fields with one named element each; the elements of others are numbered from 1.
 ELEMENTS: Final = {
     "flight": FLIGHT,
@@ -88,9 +91,9 @@ class Place:
 
 @cache
 def places(message: str) -> tuple[Place, ...]:
-    """All that a message holds, in the order of FRAME; the frame's number is not part of any."""
+    """All that a message holds, in the order of FRAME, LATER last; the frame's number is not part of any."""
     fields = [field for field in FRAME.names or () if field != "frame" and home(field) == message]
-    return tuple(place for field in fields for place in _places(field))
+    return tuple(place for field in sorted(fields, key=LATER.__contains__) for place in _places(field))
 
 
 def _places(field: str) -> list[Place]:

@@ -22,7 +22,7 @@ from rig.control.gains import Gains
 from rig.errors import BadInput
 from rig.faults import Fault, check
 from rig.files import is_file
-from rig.frame import MOST_FAULTS, SIGNALS
+from rig.frame import DISCRETES, MOST_FAULTS, SIGNALS
 from rig.inertial import Config as Inertial
 from rig.pilot import Config as Pilot
 from rig.plant.airframe import AirframeField
@@ -79,7 +79,13 @@ class Scenario(Settings):
             raise ValueError(
                 f"duration_s ({self.duration_s:g}) must be a whole number of frames of 1/{self.rate_hz:g} s"
             )
-        check(self.faults, {signal.name: getattr(self.sensors, signal.name).channels for signal in SIGNALS})
+        points = [point.name for point in self.airframe.flight_points]
+        if self.flight_point is not None and self.flight_point not in points:
+            raise ValueError(
+                f"flight_point: {self.aircraft} has no {self.flight_point!r}, allowed: {', '.join(points)}; "
+                f"for example --set flight_point={points[0]}"
+            )
+        check(self.faults, {named.name: getattr(self.sensors, named.name).channels for named in (*SIGNALS, *DISCRETES)})
         return self
 
     @property

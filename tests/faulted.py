@@ -19,6 +19,7 @@ RATE = 100.0
 RANGES = np.array([(signal.low, signal.high) for signal in SIGNALS])
 STOPS = np.array([(-0.4, 0.4), (-0.3, 0.3), (-0.5, 0.5), (0.0, 1.0)])
 PLACES = np.vstack([RANGES, inertial.ranges(), RANGES, STOPS])
+THRESHOLDS = np.arange(1.0, len(SIGNALS) + 1.0) / 64  # exact, so that a multiple is one value in both forms
 PARSE: TypeAdapter[Any] = TypeAdapter(Fault)
 Prepare = Callable[[Block], None]
 
@@ -34,6 +35,7 @@ def healthy(frames: int = 60) -> Block:
     values = x(frames)
     block["channels"] = values[:, None, None]
     block["valid"], block["ilm"], block["level"] = 1, Ilm.GOOD, 4
+    block["discrete_valid"], block["discrete_ilm"], block["discrete_level"] = 1, Ilm.GOOD, 4
     block["inertial"] = values[:, None]
     block["reference"] = values[:, None]
     block["surface"] = block["actuator"] = values[:, None] * 0.4
@@ -49,7 +51,8 @@ def faulted(
     coils : the in-line monitors that measure, by signal
     """
     rows = healthy() if block is None else block
-    stage = Faults([PARSE.validate_python(fault) for fault in faults], PLACES, RATE, SeedSequence(seed), coils=coils)
+    parsed = [PARSE.validate_python(fault) for fault in faults]
+    stage = Faults(parsed, PLACES, RATE, SeedSequence(seed), coils=coils, thresholds=THRESHOLDS)
     for start in range(0, len(rows), size):
         part = rows[start : start + size]
         stage.prepare(part)

@@ -200,9 +200,7 @@ def test_after_kill_9_of_a_worker_the_campaign_goes_on_by_itself(whole: Result, 
     assert sorted(done(out)) == list(range(48))
 
 
-@pytest.mark.parametrize(
-    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)], ids=str
-)
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)], ids=str)
 def test_an_interruption_keeps_what_is_flown_and_says_how_to_go_on(
     whole: Result, tmp_path: Path, number: signal.Signals, code: int
 ):

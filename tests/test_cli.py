@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from rig import cli
+
 SHORT = ["--set", "duration_s=2", "--set", "faults=[]"]
 
 
@@ -38,13 +40,23 @@ def rig(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess
         ),
     ],
 )
-def test_bad_input_is_one_line_exit_code_2_and_nothing_written(arguments, says, tmp_path: Path):
-    out = rig(*arguments, cwd=tmp_path)
-    assert out.returncode == 2
-    assert out.stdout == ""
-    assert out.stderr.count("\n") == 1 and out.stderr.startswith("error: ") and says in out.stderr
-    assert len(out.stderr) <= 600 and out.stderr.rstrip("\n").isprintable()
+def test_bad_input_is_one_line_exit_code_2_and_nothing_written(arguments, says, tmp_path: Path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["rig", *arguments])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    said = capsys.readouterr()
+    assert end.value.code == 2
+    assert said.out == ""
+    assert said.err.count("\n") == 1 and said.err.startswith("error: ") and says in said.err
+    assert len(said.err) <= 600 and said.err.rstrip("\n").isprintable()
     assert list(tmp_path.rglob("*")) == []
+
+
+def test_a_process_with_bad_input_ends_with_one_line_and_exit_code_2(tmp_path: Path):
+    out = rig("fly", "no\nwhere\x1b[2J.toml", cwd=tmp_path)
+    assert (out.returncode, out.stdout) == (2, "")
+    assert out.stderr.startswith("error: no where\\u001b[2J.toml: no such file") and out.stderr.count("\n") == 1
 
 
 def test_a_wrong_flag_is_exit_code_2(tmp_path: Path):

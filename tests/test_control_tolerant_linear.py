@@ -49,7 +49,7 @@ class Flown:
 
 def model() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """A and B's elevator column, as in aircraft/b707."""
-    airframe = scenario.load(None, ["aircraft=b707", "faults=[]"]).airframe
+    airframe = scenario.load(None, ["aircraft=b707", "flight_point=35000ft_m08", "faults=[]"]).airframe
     assert isinstance(airframe, LinearConfig)
     return np.array(airframe.model.A), np.array(airframe.model.B)[:, 1]
 

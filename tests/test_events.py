@@ -129,6 +129,7 @@ def test_what_is_failed_in_the_first_frame_has_its_events_there():
     assert {event.frame for event in found} == {0}
     assert sorted(event.text for event in found) == [
         "gear_down.1 failed by comparison",
+        "gear_down: 4 to 3 channels",
         "pitch_rate.3 failed by comparison",
         "pitch_rate: 1:1:1",
         "pitch_rate: 4 to 3 channels",
@@ -176,3 +177,24 @@ def test_a_refused_readmission_is_told_in_its_frame():
         (25, "pitch_rate.3: has not agreed with the vote for long enough"),
     ]
     assert [e.frame for e in found if e.name == "channel readmitted"] == [15]
+
+
+def test_discretes_have_events_of_channels_levels_and_modes():
+    block, d = blank(), DISCRETE_INDEX["gear_down"]
+    block["discrete_level"][:, d] = 2
+    block["discrete_state"][5:20, d, 0], block["discrete_level"][5:20, d] = State.FAILED, 1
+    block["discrete_level"][10:15, d], block["discrete_voted"][10:15, d] = 0, 1
+    block["discrete_voted"][25:, DISCRETE_INDEX["weight_on_wheels"]] = 1
+    block["discrete_voted"][25:, DISCRETE_INDEX["autopilot_engaged"]] = 1  # the law's own event
+    found = EventFinder([]).find(block)
+    assert [(e.frame, e.level, e.name, e.text) for e in found] == [
+        (5, "warning", "channel failed", "gear_down.1 failed by comparison"),
+        (5, "warning", "level", "gear_down: 2 to 1 channels"),
+        (10, "error", "signal lost", "gear_down: no channel left, 1 is fail-safe"),
+        (10, "info", "mode", "gear_down: gear down mode"),
+        (15, "warning", "level", "gear_down: 0 to 1 channels"),
+        (15, "info", "mode", "gear_down: gear up mode"),
+        (20, "info", "channel readmitted", "gear_down.1 readmitted"),
+        (20, "warning", "level", "gear_down: 1 to 2 channels"),
+        (25, "info", "mode", "weight_on_wheels: ground mode"),
+    ]

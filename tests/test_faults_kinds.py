@@ -284,7 +284,7 @@ def test_two_vanes_freeze_together():
 
 
 def test_every_kind_has_an_expectation_here():
-    text = Path(__file__).read_text()
+    text = Path(__file__).read_text() + Path(__file__).with_name("test_faults_discretes.py").read_text()
     assert [kind for kind in KINDS if f'"{kind}"' not in text] == []
 
 
@@ -300,11 +300,12 @@ def test_what_any_kind_leaves_is_within_the_range():
     ("bad", "says"),
     [
         ({"kind": "spikes", "amplitude": 1.0}, "either times_s or rate_per_s"),
-        ({"kind": "spikes", "times_s": [1.0]}, "either amplitude or value"),
+        ({"kind": "spikes", "times_s": [1.0]}, "either amplitude or amplitude_thresholds or value"),
         ({"kind": "spikes", "amplitude": 1.0, "times_s": [-1.0]}, "none below zero"),
         ({"kind": "spikes", "amplitude": 1.0, "rate_per_s": -1.0}, "greater than 0"),
-        ({"kind": "drift"}, "either rate_per_s, or settles_at and time_constant_s"),
-        ({"kind": "drift", "settles_at": 1.0}, "go together"),
+        ({"kind": "drift"}, "either rate_per_s or rate_thresholds_per_s or settles_at or"),
+        ({"kind": "drift", "settles_at": 1.0}, "time_constant_s: goes with settles_at"),
+        ({"kind": "drift", "rate_per_s": 1.0, "time_constant_s": 1.0}, "time_constant_s: goes with settles_at"),
         ({"kind": "duplicate_frame"}, "either every_s or rate_per_s"),
         ({"kind": "rate_loss", "max_rate_per_s": 1.0}, "cannot sit on pitch_rate"),
         ({"kind": "noise", "std": 1.0, "signal": "surface.elevator", "channels": []}, "cannot sit on surface.elevator"),

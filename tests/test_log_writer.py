@@ -38,6 +38,7 @@ from rig.log.schema import FRAME_TOPICS, MESSAGES, SCHEMA_VERSION
 
 RATE = 100.0
 U1_LIMITS = {"state": 4, "discrete_state": 4, "ilm": 3, "pattern": 7, "resolver": 7, "law": 3, "end": 8}
+U1_LIMITS |= {"discrete_ilm": U1_LIMITS["ilm"]}
 WHOLE_BYTE = ("trend_high", "trend_low", "acting")
 
 

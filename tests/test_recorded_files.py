@@ -32,7 +32,7 @@ from rig.recorded.config import VoteConfig
 from rig.recorded.read import nearest_rows, read
 from rig.recorded.record import Recording, Samples
 from rig.recorded.vote import vote
-from rig.recorded.write import output, write
+from rig.recorded.write import Result, output, write
 
 if not any(command.callback is mounted for command in cli.app.registered_commands):
     cli.app.command()(mounted)
@@ -225,7 +225,7 @@ def test_the_mcap_opens_with_the_stock_reader(tmp_path: Path):
     recorded = recording(9000)
     voted = vote(recorded, VoteConfig(**ONE).signals(list(recorded.signals), ""), [])
     with output(tmp_path / "o.mcap") as part:
-        write(part, Path("o.mcap"), recorded, voted)
+        write(part, Path("o.mcap"), recorded, Result(voted))
     with (tmp_path / "o.mcap").open("rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
         summary = reader.get_summary()
@@ -249,7 +249,7 @@ def test_the_mcap_opens_in_rerun(tmp_path: Path):
     chunk = pytest.importorskip("rerun.chunk")
     recorded = recording(100)
     voted = vote(recorded, VoteConfig(**ONE).signals(list(recorded.signals), ""), [])
-    write(tmp_path / "o.mcap", tmp_path / "o.mcap", recorded, voted)
+    write(tmp_path / "o.mcap", tmp_path / "o.mcap", recorded, Result(voted))
     messages: list[Any] = []
     for part in chunk.McapReader(tmp_path / "o.mcap", timeline_type="duration").stream():
         batch = part.to_record_batch()
@@ -445,7 +445,7 @@ def test_signals_of_flight_have_the_range_and_the_turn_of_flight():
 def test_a_damaged_chunk_is_noticed(tmp_path: Path):
     recorded = recording(300)
     voted = vote(recorded, VoteConfig(**ONE).signals(list(recorded.signals), ""), [])
-    write(tmp_path / "o.mcap", tmp_path / "o.mcap", recorded, voted)
+    write(tmp_path / "o.mcap", tmp_path / "o.mcap", recorded, Result(voted))
     data = bytearray((tmp_path / "o.mcap").read_bytes())
     at = data.index(struct.pack("<I4s", 4, b"zstd")) + 200
     data[at] ^= 0xFF
@@ -461,6 +461,6 @@ def test_an_output_of_a_vote_with_codes_that_are_none_is_refused(tmp_path: Path)
         (replace(voted["x"], state=[np.full(30, 7, np.uint8)] * 3), "st_1 is one of 0, 1, 2, 3, got 7"),
         (replace(voted["x"], state=[np.full(30, State.ABSENT, np.uint8)] * 3), "two to 4 are needed"),
     ):
-        write(tmp_path / "o.mcap", tmp_path / "o.mcap", recorded, {"x": signal})
+        write(tmp_path / "o.mcap", tmp_path / "o.mcap", recorded, Result({"x": signal}))
         with pytest.raises(BadInput, match=says):
             read(tmp_path / "o.mcap", VoteConfig())

@@ -79,14 +79,14 @@ def test_constant_pairs_go_to_the_smaller_pair(run: Any):
     table, found = run(columns(constant(0, 0.1, 5, 5.1)), SETTINGS)
     assert failed(found) == {3: (10, "trend"), 4: (10, "trend")}
     assert table["x.pattern"].to_list() == ["2:2"] * 10 + ["normal"] * 20
-    assert table["x.resolver"].to_list() == ["unresolved"] * 3 + ["trend"] * 7 + ["none"] * 20
+    assert table["x.resolver"].to_list() == ["unresolved"] * 8 + ["trend"] * 2 + ["none"] * 20
     assert found["signals"]["x"]["singular_share"] == pytest.approx(10 / 30)
 
 
 def test_rising_pairs_go_to_the_larger_pair(run: Any):
     table, found = run(columns(RISING), SETTINGS)
     assert failed(found) == {1: (10, "trend"), 2: (10, "trend")}
-    assert (table["x.trend.high"][3:10] == 7).all() and (table["x.trend.low"][3:10] == 7).all()
+    assert (table["x.trend.high"][8:10] == 255).all() and (table["x.trend.low"][8:10] == 255).all()
 
 
 def test_a_reference_asked_first_saves_the_pair_that_the_trend_would_fail(run: Any):
@@ -247,7 +247,7 @@ def test_names_of_patterns_and_resolvers_are_those_of_the_table():
     from rig.recorded.write import PATTERNS, RESOLVERS, STATES
 
     assert PATTERNS == ("normal", "isolated", "2:2", "1:1:1:1", "1:1:1", "1:1", "lost")
-    assert RESOLVERS == ("none", "ilm", "trend", "reference", "extremes", "middle", "unresolved")
+    assert RESOLVERS == ("none", "ilm", "trend", "reference", "extremes", "middle", "unresolved", "box")
     assert [State[name.upper()] for name in STATES] == [0, 1, 2]
     assert len(PATTERNS) == len(Pattern) and len(RESOLVERS) == len(Resolver)
 

@@ -1,4 +1,4 @@
-"""The small kernels one by one: resolvers, trend, weights, discretes, settings."""
+"""The small kernels one by one: resolvers, trend, weights, settings."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from rig.frame import DISCRETES, SIGNALS, Ilm, Resolver, State, new_block
+from rig.frame import SIGNALS, Ilm, Resolver, State
 from rig.redundancy import resolve, trend, vote
 from rig.redundancy.config import (
     MANAGERS,
@@ -20,7 +20,6 @@ from rig.redundancy.config import (
     parameters,
     reset_table,
 )
-from rig.redundancy.discrete import DiscreteVoter
 
 LOW, HIGH, NONE = resolve.LOW_SIDE, resolve.HIGH_SIDE, resolve.NO_ANSWER
 ORDER = np.array([2, 0, 3, 1])  # channels by ascending value: 3 and 1 below, 4 and 2 above
@@ -177,64 +176,6 @@ def test_the_trend_weighted_mean_follows_the_rank_that_moved_like_the_vote():
     assert weighted.voted.tolist() == pytest.approx([0.25, 0.35, 0.2])
 
 
-def discretes(samples, persistence: int = 3):
-    """Rows of the first discrete (fail-safe 0); the others agree on their fail-safe value."""
-    block = new_block(len(samples))
-    block["discrete_channels"] = np.array([d.fail_safe for d in DISCRETES])[:, None]
-    block["discrete_channels"][:, 0] = samples
-    stage = DiscreteVoter(persistence)
-    for k in range(len(block)):
-        stage.step(block, k)
-    return block
-
-
-@pytest.mark.parametrize(
-    ("samples", "voted"),
-    [((1, 1, 1, 0), 1), ((0, 0, 0, 1), 0), ((1, 1, 0, 0), 0), ((1, 1, 1, 1), 1), ((0, 0, 0, 0), 0)],
-)
-def test_a_discrete_is_its_majority_and_a_tie_its_fail_safe_value(samples, voted):
-    block = discretes([samples])
-    assert block["discrete_voted"][0, 0] == voted
-    assert block["discrete_voted"][0, 1] == 1  # gear_down, fail-safe 1, untouched
-
-
-@pytest.mark.parametrize(
-    ("samples", "voted"),
-    [((1, 1, 0, 0), 1), ((0, 0, 0, 1), 0), ((0, 0, 0, 0), 0), ((1, 0, 1, 1), 1), ((1, 1, 1, 1), 1), ((0, 1, 0, 0), 0)],
-)
-def test_a_discrete_whose_fail_safe_is_one_gives_one_for_a_tie_alone(samples, voted):
-    block = new_block(1)
-    block["discrete_channels"][0, 1] = samples
-    DiscreteVoter(3).step(block, 0)
-    assert block["discrete_voted"][0, 1] == voted
-    assert block["discrete_level"][0, 1] == 4
-    assert block["discrete_state"][0, 1].tolist() == [int(x != voted) for x in samples]
-
-
-def test_a_discrete_channel_that_differs_for_its_persistence_is_failed_for_good():
-    samples = [(1, 1, 1, 0)] * 2 + [(1, 1, 1, 1)] + [(1, 1, 1, 0)] * 3 + [(1, 1, 1, 1)] * 2
-    block = discretes(samples)
-    assert (
-        block["discrete_state"][:, 0, 3].tolist()
-        == [State.SUSPECT] * 2 + [State.OK] + [State.SUSPECT] * 2 + [State.FAILED] * 3
-    )
-    assert block["discrete_level"][:, 0].tolist() == [4] * 5 + [3] * 3
-
-
-def test_failed_discrete_channels_have_no_vote():
-    samples = [(1, 1, 1, 0)] * 3 + [(1, 0, 0, 0)] * 4
-    block = discretes(samples)
-    assert block["discrete_voted"][3:, 0].tolist() == [0] * 4  # two of three now say 0
-    assert block["discrete_level"][-1, 0] == 2
-
-
-def test_the_last_discrete_channel_is_its_own_majority():
-    samples = [(1, 1, 0, 0)] * 3 + [(1, 1, 0, 1)] * 3 + [(0, 0, 1, 0)] * 4
-    block = discretes(samples)
-    assert block["discrete_voted"][:, 0].tolist() == [0] * 6 + [1] * 4
-    assert block["discrete_level"][-1, 0] == 1
-
-
 def test_settings_become_a_record_in_frames_with_their_defaults():
     row = np.zeros(1, PARAMS)
     fill(row[0], SignalConfig(threshold=0.5, fade_s=0.25), (-1.0, 2.0), 3, True, 100.0)
@@ -376,3 +317,16 @@ def test_a_reset_may_name_a_single_channel():
     assert reset_table([Reset(at_s=0.0, signal="pitch_rate", channels=[2])], 100.0)["channel"].tolist() == [
         [0, 1, 0, 0]
     ]
+
+
+@pytest.mark.parametrize(("rate_hz", "frames"), [(25.0, 2), (100.0, 8), (400.0, 32), (110.0, 9), (1.0, 1)])
+def test_a_persistence_in_seconds_lasts_at_least_as_long_at_every_rate(rate_hz, frames):
+    row = np.zeros(1, PARAMS)[0]
+    fill(row, SignalConfig(threshold=1.0, persistence_s=0.08, singular_persistence_s=0.08), (-1, 1), 4, False, rate_hz)
+    assert (row["persistence"], row["singular_persistence"]) == (frames, frames)
+
+
+@pytest.mark.parametrize("name", ["persistence", "singular_persistence"])
+def test_a_persistence_is_in_frames_or_in_seconds(name):
+    with pytest.raises(ValidationError, match=f"{name} and {name}_s are the same setting"):
+        SignalConfig.model_validate({"threshold": 1.0, name: 8, f"{name}_s": 0.08})

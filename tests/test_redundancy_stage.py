@@ -39,7 +39,7 @@ def stage(manager: str = MANAGERS[0], errors: Any = None, **of_pitch_rate: Any) 
     every = {signal.name: {"threshold": 0.05} for signal in SIGNALS}
     every["pitch_rate"] |= of_pitch_rate
     config = Config(manager=manager, signals=SignalConfigs.model_validate(every))
-    return Redundancy(config, RANGES, FOUR, designed(errors=errors), RATE, Trust(allow_code=True))
+    return Redundancy(config, RANGES, FOUR, designed(errors=errors), RATE, trust=Trust(allow_code=True))
 
 
 def rows(n: int = 2) -> Block:
@@ -47,6 +47,7 @@ def rows(n: int = 2) -> Block:
     block["channels"] = block["voted"][:, :, None]
     block["voted"], block["level"] = 0.0, 0
     block["valid"], block["ilm"] = 1, Ilm.ABSENT
+    block["discrete_valid"], block["discrete_ilm"] = 1, Ilm.ABSENT
     return block
 
 
@@ -77,8 +78,8 @@ def test_every_manager_of_the_house_isolates_or_keeps_as_it_says(manager: str):
 def test_discretes_are_voted_with_every_manager():
     for manager in MANAGERS:
         block = rows(1)
-        block["discrete_channels"][0, DISCRETE_INDEX["gear_down"]] = (1, 1, 0, 1)
-        assert run(stage(manager), block)["discrete_voted"][0, DISCRETE_INDEX["gear_down"]] == 1
+        block["discrete_channels"][0, DISCRETE_INDEX["gear_down"]] = (0, 0, 1, 0)
+        assert run(stage(manager), block)["discrete_voted"][0, DISCRETE_INDEX["gear_down"]] == 0
 
 
 def test_a_manager_of_the_users_own_sees_the_reference_of_the_votes_before():
@@ -114,12 +115,12 @@ def test_references_are_usable_for_our_manager_alone():
 
 
 def test_a_measured_threshold_counts_in_the_vote():
-    """The reference is zero and the pairs at 0 and 0.3 rad/s: settled with a threshold of 0.1, not of 1e-9."""
+    """The reference is zero and the pairs at -0.01 and 0.3 rad/s: settled with a threshold of 0.1, not of 1e-9."""
     for threshold, settled in ((0.1, True), (1e-9, False)):
         error = Error(rms=0.0, quantile_999=0.0, worst=0.0, threshold=threshold)
         which = stage(errors={"pitch_rate": {"attitude": error}}, resolvers=["reference"])
         block = rows(100)
-        block["channels"][20:, Q, 2:] = 0.3
+        block["channels"][20:, Q, :2], block["channels"][20:, Q, 2:] = -0.01, 0.3
         states = run(which, block)["state"][-1, Q].tolist()
         assert (states == [State.OK, State.OK, State.FAILED, State.FAILED]) is settled
 

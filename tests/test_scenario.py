@@ -1,3 +1,4 @@
+import os
 import tomllib
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from rig.errors import BadInput
 from rig.faults import Hardover
 from rig.loop import Rig, frames
 from rig.scenario import find, from_resolved, load
+from rig.settings import read_toml
 
 FAULTS = sorted(aircraft.bundled("faults").glob("*.toml"))
 
@@ -197,6 +199,9 @@ def test_files_that_cannot_be_read_are_told_with_name_and_line(tmp_path: Path):
         load(tmp_path / "nowhere.toml")
     with pytest.raises(BadInput, match=r"mine.toml: not valid TOML: .*line 2"):
         load(write(tmp_path, 'title = "a"\nduration_s = = 3\n'))
+    os.mkfifo(tmp_path / "pipe.toml")
+    with pytest.raises(BadInput, match=r"pipe.toml: is a pipe"):
+        read_toml(tmp_path / "pipe.toml")
 
 
 def test_an_aircraft_without_gains_says_how_to_get_them(tmp_path: Path):
@@ -213,3 +218,10 @@ def test_a_merge_goes_down_tables_and_replaces_lists():
 
 def test_the_toml_is_what_tomllib_reads():
     assert tomllib.loads(load().to_toml())["aircraft"] == "f16"
+
+
+def test_a_scenario_on_an_aircraft_without_its_flight_point_names_the_key_and_what_is_allowed():
+    wanted = r"history_qf72.toml with --set: flight_point: f16 has no '35000ft_m084', allowed: 20000ft_m06, .*"
+    with pytest.raises(BadInput, match=wanted + r"; for example --set flight_point=20000ft_m06$"):
+        load("history_qf72", ["aircraft=f16"])
+    assert load("history_qf72", ["aircraft=f16", "flight_point=20000ft_m06"]).aircraft == "f16"

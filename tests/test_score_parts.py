@@ -171,7 +171,8 @@ def test_lost_samples_exceed_any_threshold():
 
 
 def test_a_resolver_that_spoke_but_did_not_stand_is_asked_and_has_not_answered():
-    which, rows = flight([offset([3, 4], 0.2, 0.3)], 60, "redundancy.signals.pitch_rate.singular_persistence=30")
+    order = 'redundancy.signals.pitch_rate.resolvers=["ilm", "trend", "reference", "extremes"]'
+    which, rows = flight([offset([3, 4], 0.2, 0.3)], 60, "redundancy.signals.pitch_rate.singular_persistence=30", order)
     rows["pattern"][:, Q], rows["resolver"][:, Q] = Pattern.NORMAL, Resolver.NONE
     rows["state"][:, Q] = State.OK
     rows["pattern"][20:26, Q], rows["resolver"][20:26, Q] = Pattern.P2_2, Resolver.TREND
@@ -184,15 +185,16 @@ def test_a_resolver_that_spoke_but_did_not_stand_is_asked_and_has_not_answered()
     assert [(e.pattern, e.first_frame, e.frames, e.asked, e.resolver, e.failed, e.verdict) for e in found.episodes] == [
         ("2:2", 20, 6, ("ilm", "trend"), "trend", (), "open"),
         ("2:2", 30, 5, ("ilm", "trend", "reference"), "unresolved", (), "open"),
-        ("1:1:1:1", 40, 10, ("extremes",), "extremes", (1, 4), "wrong"),
+        ("1:1:1:1", 40, 10, ("ilm", "reference", "extremes"), "extremes", (1, 4), "wrong"),
     ]
     counts = {name: (r.asked, r.answered, r.right, r.wrong) for name, r in found.resolvers.items()}
     assert counts == {
-        "ilm": (2, 0, 0, 0),
+        "ilm": (3, 0, 0, 0),
         "trend": (2, 1, 0, 0),
-        "reference": (1, 0, 0, 0),
+        "reference": (2, 0, 0, 0),
         "extremes": (1, 1, 0, 1),
         "middle": (0, 0, 0, 0),
+        "box": (0, 0, 0, 0),
     }
     assert found.unresolved == 1 and set(found.resolvers_by_pattern) == {"2:2", "1:1:1:1"}
     assert [fault.failed_frame for fault in found.faults] == [None, 49]

@@ -111,6 +111,20 @@ def test_discretes_pass_to_every_channel():
     assert D == 3
 
 
+def test_a_discrete_channel_that_is_not_fitted_says_nothing():
+    of_three = sensors.Suite.model_validate({**suite().model_dump(), "gear_down": {"channels": 3}})
+    stage = sensors.Sensors(of_three, RATE, SeedSequence(0))
+    block = new_block(1)
+    block["discrete_truth"][0] = 1
+    stage.prepare(block)
+    stage.step(block, 0)
+    row = block[0]
+    assert row["discrete_channels"].tolist() == row["discrete_valid"].tolist() == [[1] * 4, [1] * 3 + [0], [1] * 4]
+    assert row["discrete_ilm"].tolist() == [[1] * 4, [1] * 3 + [2], [1] * 4]
+    with pytest.raises(ValidationError):
+        sensors.Suite.model_validate({**suite().model_dump(), "gear_down": {"channels": 1}})
+
+
 @pytest.mark.parametrize("bad", [{"noise_std": -1.0}, {"channels": 1}, {"channels": 5}, {"low": 3.0, "high": 1.0}])
 def test_impossible_sensors_are_refused(bad):
     with pytest.raises(ValidationError):

@@ -16,7 +16,7 @@ from rig.errors import BadInput, BadLog
 from rig.events import Event
 from rig.frame import FRAME, INDEX, TIMING, TWO_PI, Block, Ilm, Pattern, Resolver, State, new_block
 from rig.log import LogWriter
-from rig.names import places
+from rig.names import FLAGS, places
 from rig.view import derived, lanes
 from rig.view.columns import ENTITIES, Columns, struct
 from rig.view.facts import Facts, FaultFact
@@ -33,7 +33,7 @@ def rows() -> Block:
     block = new_block(20, 500)
     for name in FRAME.names or ():
         if name != "frame":
-            is_flag = name in ("valid", "reference_usable")
+            is_flag = name in FLAGS
             low, high = (-1.0, 1.0) if FRAME[name].base == np.float64 else (0, 2 if is_flag else 3)
             block[name] = rng.uniform(low, high, block[name].shape)
     return block

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from rig.faults import Fault
+from rig.faults.magnitude import in_thresholds
 from rig.frame import INDEX, SIGNALS, Block, Pattern
 from rig.scenario import Scenario
 from rig.score import FaultScore, Score
@@ -77,10 +78,10 @@ def _coverage(scored: Score) -> str:
 
 
 def channel_hours(scenario: Scenario, frames: int, scored: Score) -> float:
-    """Hours of fitted channels without a fault: each counts until the first fault acts on it."""
+    """Hours of fitted channels of signals without a fault: each counts until the first fault acts on it."""
     onsets: dict[tuple[str, int], int] = {}
     for fault in scored.faults:
-        if fault.channel is not None and fault.onset_frame is not None:
+        if fault.signal in INDEX and fault.channel is not None and fault.onset_frame is not None:
             place = fault.signal, fault.channel
             onsets[place] = min(onsets.get(place, frames), fault.onset_frame)
     channels = sum(getattr(scenario.sensors, signal.name).channels for signal in SIGNALS)
@@ -105,7 +106,7 @@ def _fault_row(number: int, scenario: Scenario, rows: Block, fault: FaultScore, 
         "signal": fault.signal,
         "channel": fault.channel,
         "kind": fault.kind,
-        "magnitude": magnitude(scenario.faults[fault.index]),
+        "magnitude": magnitude(scenario.faults[fault.index], scenario),
         "onset_s": time_s(fault.onset_frame),
         "exceeded_s": time_s(fault.exceeded_frame),
         "failed_s": time_s(fault.failed_frame),
@@ -118,12 +119,18 @@ def _fault_row(number: int, scenario: Scenario, rows: Block, fault: FaultScore, 
     }
 
 
-def magnitude(fault: Fault) -> float | None:
-    """How large a fault is, without its sign: its setting in SIZES, of a scale its distance from 1."""
+def magnitude(fault: Fault, scenario: Scenario) -> float | None:
+    """How large a fault is, without its sign: its setting in SIZES, of a scale its distance from 1.
+
+    A size in thresholds is told in the unit of the signal, as any other.
+    """
     for name in SIZES.get(fault.kind, ()):
-        value = getattr(fault, name)
+        value, multiple = getattr(fault, name), getattr(fault, in_thresholds(name), None)
         if value is not None:
             return abs(1.0 - value) if name == "factor" else abs(float(value))
+        if multiple is not None:
+            monitored = fault.signal.removeprefix("reference.")
+            return abs(float(multiple)) * getattr(scenario.redundancy.signals, monitored).threshold
     return None
 
 

@@ -35,6 +35,8 @@ EXAMPLES: Final = {
     "quantisation": "b747_dynamic_pressure_quantisation",
     "cross_talk": "f16_stick_roll_cross_talk",
     "duplicate_frame": "b737_roll_angle_duplicate_frame",
+    "inverted": "b737_gear_down_inverted",
+    "toggling": "b747_engagement_toggling",
     "ilm": "f16_singular_2_2_lying_ilm",
     "rate_loss": "b747_elevator_rate_loss",
     "pitot_icing": "b737_pitot_icing",

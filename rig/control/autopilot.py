@@ -45,6 +45,9 @@ class Config(Settings):
     airspeed_filter_s: float = Field(default=0.5, gt=0.0)
     climb_crossover_rad_s: float = Field(default=0.4, gt=0.0)  # below it barometric, above it inertial
     max_yaw_correction_rad_s: float = Field(default=0.02, ge=0.0)  # of the heading hold, by rudder
+    gear_down_max_bank_rad: float = Field(default=0.4363, gt=0.0, le=1.05)  # by the autopilot, with the gear down
+    gear_down_max_load_factor: float = Field(default=2.0, gt=1.0)  # with the gear down, by stick too
+    gear_down_min_load_factor: float = Field(default=0.0, lt=1.0)
     source_fade_s: float = Field(default=0.5, ge=0.0)  # when a signal's source changes
     rates_from_attitude: bool = True  # when a body rate and its reference are lost; else the back-up law flies
     attitude_filter_s: float = Field(default=0.01, gt=0.0)  # on attitudes that become rates
@@ -109,6 +112,9 @@ def _parameters(
     row["airspeed_share"] = 1.0 - math.exp(-1.0 / (rate_hz * config.airspeed_filter_s))
     row["climb_crossover"] = config.climb_crossover_rad_s
     row["max_yaw"] = config.max_yaw_correction_rad_s
+    row["gear_max_bank"] = min(config.max_bank_rad, config.gear_down_max_bank_rad)
+    row["gear_max_load_factor"] = min(gains.max_load_factor, config.gear_down_max_load_factor)
+    row["gear_min_load_factor"] = max(gains.min_load_factor, config.gear_down_min_load_factor)
     row["fade_frames"] = round(config.source_fade_s * rate_hz)
     row["attitude_rates"], row["attitude_filter"] = config.rates_from_attitude, config.attitude_filter_s
     row["erection_s"] = config.attitude_erection_s

@@ -66,7 +66,7 @@ def elevator(sensor, law, param, state, gain, measured, command):
         s["backup_alpha"], s["backup_pitch_rate"] = error, measured[_Q] - (asked - upright) * per_load
     a, q, e = s["backup_alpha"], s["backup_pitch_rate"], s["backup_elevator"]
     proportional = g[k] * a + g[k + 1] * q
-    change = -dt * g[k + 2] * error if sensor != BLIND else 0.0
+    change = -dt * g[k + 2] * error if sensor != BLIND and s["ground"] == 0 else 0.0
     integral = move(s["elevator_integral"], change, proportional, 0, c, s["surface"], fresh)
     s["elevator_integral"] = integral
     if fresh:

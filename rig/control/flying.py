@@ -31,6 +31,7 @@ _STICK_PITCH, _STICK_ROLL, _PEDAL = INDEX["stick_pitch"], INDEX["stick_roll"], I
 _N_X, _N_Y, _N_Z = (INDEX[f"{axis}_load_factor"] for axis in ("longitudinal", "lateral", "normal"))
 _THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
 _ENGAGED: Final = DISCRETE_INDEX["autopilot_engaged"]
+_WHEELS, _GEAR = DISCRETE_INDEX["weight_on_wheels"], DISCRETE_INDEX["gear_down"]
 _AUTOPILOT, _STICK_LAW, _BACKUP_LAW = int(Law.AUTOPILOT), int(Law.STICK), int(Law.BACKUP)
 _DEMANDS, _SURFACES, _COMMANDS = len(DEMANDS), len(SURFACES), len(COMMANDS)
 _BRAKING: Final = 0.3  # share of the allowed load factor change that a change of altitude plans with
@@ -66,12 +67,15 @@ def fly(block, k, pressures, table, param, state, gain, of_witness):
             vouch(row, of_witness[0], of_witness[1], measured)
         air_data(measured, command)
         fresh = s["started"] == 0 or law != s["law"]
+        lifted = modes(row["discrete_voted"], state)
         filter_slow(param, state, measured, command, s["started"] == 0)
         look_up(pressures, table, s["schedule_pressure"], gain)
         if fresh or law == _STICK_LAW:
             capture(state, gain, measured, command)
+        elif lifted:
+            begin_path(state, gain, measured)
         degraded.follow(param, state)
-        if lost == 0:
+        if lost == 0 and s["ground"] == 0:
             degraded.learn(param, state, gain, command)
         outer(param, state, gain, measured, command, law)
         inner(param, state, gain, measured, command, source, law, fresh)
@@ -82,6 +86,16 @@ def fly(block, k, pressures, table, param, state, gain, of_witness):
     for i in range(_SURFACES):
         row["surface"][i] = s["surface"][i]
         row["actuator"][i] = s["surface"][i]
+
+
+@kernel
+def modes(voted, state):
+    """Set the modes that the voted discretes ask for; returns whether the aircraft has just left the ground."""
+    s = state[0]
+    before = s["ground"]
+    s["ground"] = 1 if voted[_WHEELS] == 1 else 0
+    s["approach"] = 1 if voted[_GEAR] == 1 else 0
+    return before != 0 and s["ground"] == 0
 
 
 @kernel
@@ -142,18 +156,29 @@ def capture(state, gain, measured, command):
     """Take the present flight as what the autopilot will hold."""
     s = state[0]
     s["pitch_angle"], s["roll_angle"], s["heading"] = measured[_THETA], measured[_PHI], measured[_PSI]
-    s["altitude"] = s["altitude_reference"] = s["altitude_estimate"]
-    s["altitude_rate"] = s["climb_rate"]
-    climb = s["climb_rate"] / max(s["airspeed"], SLOWEST)
-    s["altitude_integral"] = (1.0 + gain[laws.PATH_PITCH]) * (measured[_THETA] - climb)
+    s["altitude"] = s["altitude_estimate"]
+    begin_path(state, gain, measured)
     s["held_airspeed"] = s["airspeed"]
 
 
 @kernel
+def begin_path(state, gain, measured):
+    """Begin the altitude path at the present altitude and climb rate, with the present pitch attitude."""
+    s = state[0]
+    s["altitude_reference"], s["altitude_rate"] = s["altitude_estimate"], s["climb_rate"]
+    climb = s["climb_rate"] / max(s["airspeed"], SLOWEST)
+    s["altitude_integral"] = (1.0 + gain[laws.PATH_PITCH]) * (measured[_THETA] - climb)
+
+
+@kernel
 def outer(param, state, gain, measured, command, law):
-    """Demands or sticks to pitch rate, roll rate and sideslip commands."""
+    """Demands or sticks to pitch rate, roll rate and sideslip commands.
+
+    On the ground the autopilot's pitch and roll attitude commands stay as they are.
+    """
     s, c = state[0], param[0]
-    demand = s["demand"]
+    demand, holds = s["demand"], s["ground"] != 0 and s["started"] != 0
+    held_pitch, held_roll = command[_C_THETA], command[_C_PHI]
     speed = max(s["airspeed"], SLOWEST)
     theta, phi = measured[_THETA], measured[_PHI]
     command[_C_THETA] = s["pitch_angle"]
@@ -169,10 +194,15 @@ def outer(param, state, gain, measured, command, law):
         command[_C_ALTITUDE] += demand[2]
         command[_C_PSI] = (command[_C_PSI] + demand[3]) % TWO_PI
         command[_C_SPEED] += demand[4]
+        bank = c["max_bank"] if s["approach"] == 0 else c["gear_max_bank"]
         if lateral == PATH:
             error = command[_C_PSI] - measured[_PSI]
-            command[_C_PHI] = laws.bank_for_heading(error, gain[laws.HEADING], speed, c["max_bank"])
-        if vertical == PATH:
+            command[_C_PHI] = laws.bank_for_heading(error, gain[laws.HEADING], speed, bank)
+        elif s["approach"] != 0:
+            command[_C_PHI] = clamp(command[_C_PHI], -bank, bank)
+        if holds:
+            command[_C_THETA], command[_C_PHI] = held_pitch, held_roll
+        elif vertical == PATH:
             steepest = c["max_climb_angle"]
             acceleration = _BRAKING * c["max_load_change"] * GRAVITY
             capture_gain = 0.5 * gain[laws.PATH_ALTITUDE] / gain[laws.PATH_CLIMB]
@@ -191,6 +221,8 @@ def pitch_rate(param, state, gain, measured, command, vertical, speed):
     c = param[0]
     per_load = GRAVITY / speed
     most, least = c["max_load_factor"] - 1.0, c["min_load_factor"] - 1.0
+    if state[0]["approach"] != 0:
+        most, least = c["gear_max_load_factor"] - 1.0, c["gear_min_load_factor"] - 1.0
     if vertical == STICK:
         stick = measured[_STICK_PITCH]
         rate = per_load * (stick * most if stick > 0.0 else -stick * least)
@@ -216,9 +248,12 @@ def roll_rate(gain, measured, command, lateral):
 
 @kernel
 def inner(param, state, gain, measured, command, source, law, fresh):
-    """Rate, sideslip and airspeed errors to surfaces; ``fresh`` starts the integrators without a jump."""
+    """Rate, sideslip and airspeed errors to surfaces; ``fresh`` starts the integrators without a jump.
+
+    On the ground the integrators stand still.
+    """
     s, c = state[0], param[0]
-    dt, g = c["dt"], gain
+    dt, g = c["dt"] if s["ground"] == 0 else 0.0, gain
     alpha = measured[_ALPHA]
     speed = max(s["airspeed"], SLOWEST)
     yaw = laws.turn_yaw_rate(measured[_PHI], measured[_THETA], speed) + command[_C_P] * math.tan(alpha)

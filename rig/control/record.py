@@ -26,6 +26,9 @@ PARAM: Final = np.dtype(
         ("airspeed_share", "f8"),
         ("climb_crossover", "f8"),
         ("max_yaw", "f8"),
+        ("gear_max_bank", "f8"),  # with the gear down
+        ("gear_max_load_factor", "f8"),
+        ("gear_min_load_factor", "f8"),
         ("attitude_filter", "f8"),  # s, on attitudes that become rates
         ("erection_s", "f8"),  # how fast an estimated attitude returns to what the path says
         ("learning_share", "f8"),  # of what a substitute is wrong by, learned in one frame while it is not needed
@@ -82,6 +85,8 @@ STATE: Final = np.dtype(
         ("surface", "f8", (len(SURFACES),)),
         ("started", "i8"),
         ("law", "i8"),  # AUTOPILOT or STICK
+        ("ground", "i8"),  # weight on wheels is voted: integrators stand still, the outer loops hold
+        ("approach", "i8"),  # gear down is voted: narrower limits
         ("backup", "i8"),  # whether the back-up law has the elevator
     ],
     align=True,

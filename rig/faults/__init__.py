@@ -1,10 +1,11 @@
 """Faults: what goes wrong where, when and how, as entries of ``[[faults]]``; docs/faults.md is the catalogue.
 
-A fault sits on channels of a signal, on the inertial unit, a reference or a surface, or on several sensors at once
-(ice).  A trigger begins it.  Several faults on one value act in the order of the scenario.
+A fault sits on channels of a signal or a discrete, on the inertial unit, a reference or a surface, or on several
+sensors at once (ice).  A trigger begins it.  Several faults on one value act in the order of the scenario.
 """
 
 from rig.faults.corrupt import actuate, corrupt, corrupt_reference
+from rig.faults.discretes import Inverted, Toggling
 from rig.faults.executed import Execution, executed
 from rig.faults.fault import KINDS, Fault, check
 from rig.faults.kinds import (
@@ -12,19 +13,17 @@ from rig.faults.kinds import (
     Delay,
     Drift,
     Dropout,
-    DuplicateFrame,
     FrameSkew,
     Hardover,
-    Intermittent,
     Noise,
     Offset,
     Oscillation,
     Quantisation,
     Scale,
     SignReversal,
-    Spikes,
     Stuck,
 )
+from rig.faults.moments import DuplicateFrame, Intermittent, Spikes
 from rig.faults.places import PLACES, Point
 from rig.faults.record import CLEAN
 from rig.faults.schedule import Coils, Faults
@@ -47,6 +46,7 @@ __all__ = [
     "Hardover",
     "IlmFault",
     "Intermittent",
+    "Inverted",
     "Noise",
     "Offset",
     "Oscillation",
@@ -58,6 +58,7 @@ __all__ = [
     "SignReversal",
     "Spikes",
     "Stuck",
+    "Toggling",
     "VaneIcing",
     "actuate",
     "check",

@@ -1,4 +1,4 @@
-"""The faults of a frame, in three places: channels and inertial unit, references, actuators.
+"""The faults of a frame, in three places: channels (of signals, of discretes) and inertial unit, references, actuators.
 
 In each the faults act one after the other in the order of the scenario: what one leaves is what the next finds.
 All three kernels take the row and the same data, ``Faults.arguments``.
@@ -17,6 +17,7 @@ from rig.frame import FLIGHT_INDEX
 from rig.kernels import kernel
 
 _ICE, _NOISE = int(Act.ICE), int(Act.NOISE)
+_HALF: Final = 0.5  # between a discrete's two values
 _FIRST_SURFACE: Final = FLIGHT_INDEX["elevator_rad"]  # where the surfaces truly are, in the order of SURFACES
 
 
@@ -24,10 +25,11 @@ _FIRST_SURFACE: Final = FLIGHT_INDEX["elevator_rad"]  # where the surfaces truly
 def corrupt(
     block, k, param, schedule, state, targets, kept, program, stack, times, memory, seen, uniform, normal, clean
 ):  # fmt: skip
-    """Find out which faults act in row k, and spoil its channels and its inertial unit.
+    """Find out which faults act in row k, and corrupt its channels and its inertial unit.
 
     block : FRAME records; the others as in record.py; workspaces and draws as in schedule.Faults
-    Writes channels, valid, ilm, inertial and acting; before, ``clean`` (n,) CLEAN, unless it has no rows.
+    Writes channels, valid, ilm, the same of the discretes, inertial and acting; before, ``clean`` (n,) CLEAN, unless it
+    has no rows.
     """
     row, p = block[k], param[0]
     if len(clean) > 0:
@@ -61,6 +63,25 @@ def corrupt(
                 ilm[target["source"], c] = flagged(ilm[target["source"], c], flag)
             if target["invalid"] != 0:
                 valid[s, c] = 0
+    for t in range(p["samples"], p["discretes"]):
+        target = targets[t]
+        st = state[target["fault"]]
+        if st["acts"] != 0 or target["remembers"] != 0:
+            corrupt_discrete(row, target, st, kept[t], memory, p["dt_s"], schedule[target["fault"]]["flag"])
+
+
+@kernel
+def corrupt_discrete(row, target, st, kept, memory, dt_s, flag):
+    """Apply one fault to one channel of a discrete: its sample, its validity, its in-line monitor."""
+    d, c = target["row"], target["column"]
+    samples, valid, ilm = row["discrete_channels"], row["discrete_valid"], row["discrete_ilm"]
+    x = float(samples[d, c])
+    samples[d, c] = 1 if step(row, x, x, 0.0, target, st, kept, memory, dt_s) > _HALF else 0
+    if st["acts"] != 0:
+        mark(row, target["fault"])
+        ilm[d, c] = flagged(ilm[d, c], flag)
+        if target["invalid"] != 0:
+            valid[d, c] = 0
 
 
 @kernel
@@ -72,7 +93,7 @@ def corrupt_reference(
     Writes reference and acting.
     """
     row, p = block[k], param[0]
-    for t in range(p["samples"], p["references"]):
+    for t in range(p["discretes"], p["references"]):
         target = targets[t]
         st, reference, c = state[target["fault"]], row["reference"], target["column"]
         there = reference[c] == reference[c]

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rig.faults.fault import Fault
-from rig.faults.places import site
-from rig.frame import INDEX, MOST_FAULTS, Block, State
+from rig.faults.places import CHANNELLED, number, site
+from rig.frame import MOST_FAULTS, Block, State
 
 NEVER: Final = "never triggered"
 OUT: Final = "its channels were out before it"
@@ -28,7 +27,7 @@ class Execution:
         self._waiting = np.zeros(MOST_FAULTS, np.uint8)
         self._waiting[: len(faults)] = 1
         self._acted = np.zeros(MOST_FAULTS, np.uint8)
-        self._last: NDArray[np.uint8] | None = None  # (S, 4) states of the last row seen
+        self._last: Block | None = None  # the last row seen
 
     def add(self, rows: Block) -> None:
         """Take in the next rows."""
@@ -37,17 +36,19 @@ class Execution:
         for i in np.flatnonzero(acted & self._waiting):
             if self._did(rows, int(i)):
                 self._waiting[i] = 0
-        self._last = rows["state"][-1].copy()
+        self._last = rows[-1:].copy()
 
     def _did(self, rows: Block, i: int) -> bool:
         """Whether fault i acts in one of ``rows`` on something that is in use."""
         fault = self._faults[i]
         acts = rows["acting"][:, i >> 3] >> np.uint8(i & 7) & 1 == 1
         for place, channel in fault.points:
-            if site(place) != "channel" or channel is None:
+            where = site(place)
+            if where not in CHANNELLED or channel is None:
                 return True
-            state = rows["state"][:, INDEX[place], channel - 1]
-            first = state[0] if self._last is None else self._last[INDEX[place], channel - 1]
+            field, at = ("state" if where == "channel" else "discrete_state"), (number(place), channel - 1)
+            state = rows[field][:, *at]
+            first = state[0] if self._last is None else self._last[field][0, *at]
             if self._last is None and first == State.FAILED:
                 first = State.OK  # before the first frame nobody has been failed
             before = np.concatenate([[first], state[:-1]])

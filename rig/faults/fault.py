@@ -8,7 +8,7 @@ from typing import Annotated, Final, get_args
 
 from pydantic import Field
 
-from rig.faults import kinds, systems
+from rig.faults import discretes, kinds, moments, systems
 from rig.faults.places import PLACES, site
 from rig.text import choices, quoted
 
@@ -21,14 +21,16 @@ Fault = Annotated[
     | kinds.Stuck
     | kinds.Noise
     | kinds.Oscillation
-    | kinds.Spikes
-    | kinds.Intermittent
+    | moments.Spikes
+    | moments.Intermittent
     | kinds.Dropout
     | kinds.Delay
     | kinds.FrameSkew
     | kinds.Quantisation
     | kinds.CrossTalk
-    | kinds.DuplicateFrame
+    | moments.DuplicateFrame
+    | discretes.Inverted
+    | discretes.Toggling
     | systems.IlmFault
     | systems.RateLoss
     | systems.PitotIcing
@@ -42,13 +44,16 @@ KINDS: Final = {get_args(kind.model_fields["kind"].annotation)[0]: kind for kind
 def check(faults: Sequence[Fault], fitted: Mapping[str, int]) -> None:
     """ValueError, one line, where faults do not fit the aircraft or each other.
 
-    fitted : number of channels of each signal
+    fitted : number of channels of each signal and discrete
     """
     _check_labels(faults)
     for i, fault in enumerate(faults):
         for place, channel in fault.points:
             if channel is not None and channel > fitted[place]:
                 raise ValueError(f"faults.{i}.channels: {place} has {fitted[place]} channels, got [{channel}]")
+        on = fault.on
+        if on is not None and on.signal is not None and on.channel is not None and on.channel > fitted[on.signal]:
+            raise ValueError(f"faults.{i}.on.channel: {on.signal} has {fitted[on.signal]} channels, got {on.channel}")
         if isinstance(fault, kinds.CrossTalk):
             _check_source(i, fault, fitted)
     order(faults)

@@ -10,10 +10,11 @@ from typing import Literal
 
 from pydantic import model_validator
 
-from rig.faults.settings import Act, Effect, Pulses, Ramped, Rhythm, Spoiled, quantity
+from rig.faults.magnitude import require_one, sized, threshold_quantity
+from rig.faults.places import site
+from rig.faults.settings import Act, Effect, Ramped, Spoiled, quantity
 
 _WITH_SURFACE = ("channel", "inertial", "reference", "surface")
-_MOST_TIMES = 64
 
 
 class Offset(Ramped):
@@ -21,12 +22,18 @@ class Offset(Ramped):
 
     sites = _WITH_SURFACE
     kind: Literal["offset"]
-    offset: float = quantity("signal", "added to the value")
+    offset: float | None = quantity("signal", "added to the value", None)
+    offset_thresholds: float | None = threshold_quantity("offset")
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Offset:
+        require_one(self, "offset", "offset_thresholds")
+        return self
 
     @property
     def effect(self) -> Effect:
         """For the kernel."""
-        return Effect(Act.ADD, self.offset)
+        return sized(self, Act.ADD, "offset")
 
 
 class Drift(Spoiled):
@@ -35,27 +42,33 @@ class Drift(Spoiled):
     sites = _WITH_SURFACE
     kind: Literal["drift"]
     rate_per_s: float | None = quantity("signal/s", "steady: how fast the error grows", None)
+    rate_thresholds_per_s: float | None = threshold_quantity("rate_per_s")
     settles_at: float | None = quantity("signal", "exponential: the error in the end", None)
+    settles_at_thresholds: float | None = threshold_quantity("settles_at")
     time_constant_s: float | None = quantity("s", "exponential: 63 % of it are there after this time", None, gt=0)
 
     @model_validator(mode="after")
     def _one_law(self) -> Drift:
-        if (self.settles_at is None) != (self.time_constant_s is None):
-            raise ValueError("settles_at and time_constant_s: go together")
-        if (self.rate_per_s is None) == (self.settles_at is None):
-            raise ValueError("either rate_per_s, or settles_at and time_constant_s")
+        require_one(self, "rate_per_s", "rate_thresholds_per_s", "settles_at", "settles_at_thresholds")
+        steady = self.rate_per_s is not None or self.rate_thresholds_per_s is not None
+        if steady != (self.time_constant_s is None):
+            raise ValueError("time_constant_s: goes with settles_at or settles_at_thresholds, which need it")
         return self
 
     @property
     def effect(self) -> Effect:
         """For the kernel."""
-        if self.settles_at is not None and self.time_constant_s is not None:
-            return Effect(Act.SETTLE, self.settles_at, self.time_constant_s)
-        return Effect(Act.DRIFT, self.rate_per_s or 0.0)
+        if self.time_constant_s is not None:
+            return sized(self, Act.SETTLE, "settles_at", self.time_constant_s)
+        return sized(self, Act.DRIFT, "rate_per_s")
 
 
 class Hardover(Ramped):
-    """y = an end of the range. An open or shorted wire, a failed amplifier, a runaway actuator."""
+    """y = an end of the range. An open or shorted wire, a failed amplifier, a runaway actuator.
+
+    An angle on the circle has no ends: y = x + half a turn, the furthest from where it should be; the direction is
+    that of the ramp.
+    """
 
     sites = _WITH_SURFACE
     kind: Literal["hardover"]
@@ -95,11 +108,17 @@ class SignReversal(Spoiled):
 class Stuck(Ramped):
     """y = the last value before the onset, or a given one. A frozen vane, a hung processor, a jammed actuator."""
 
-    sites = _WITH_SURFACE
+    sites = (*_WITH_SURFACE, "discrete")
     kind: Literal["stuck"]
     value: float | None = quantity(
-        "signal", "where it sticks; not given: where it is (a surface: its true position)", None
+        "signal", "where it sticks (a discrete: 0 or 1); not given: where it is (a surface: its true position)", None
     )
+
+    @model_validator(mode="after")
+    def _of_a_discrete(self) -> Stuck:
+        if site(self.signal) == "discrete" and self.value not in (None, 0.0, 1.0):
+            raise ValueError(f"value: {self.signal} is a discrete, allowed: 0, 1; got {self.value:g}")
+        return self
 
     @property
     def effect(self) -> Effect:
@@ -111,12 +130,18 @@ class Noise(Ramped):
     """y = x + std n, n white and normal, of its own on every channel. A worn bearing, a failing supply."""
 
     kind: Literal["noise"]
-    std: float = quantity("signal", "standard deviation of what is added to each sample", gt=0)
+    std: float | None = quantity("signal", "standard deviation of what is added to each sample", None, gt=0)
+    std_thresholds: float | None = threshold_quantity("std", gt=0)
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Noise:
+        require_one(self, "std", "std_thresholds")
+        return self
 
     @property
     def effect(self) -> Effect:
         """For the kernel."""
-        return Effect(Act.NOISE, self.std)
+        return sized(self, Act.NOISE, "std")
 
 
 class Oscillation(Ramped):
@@ -124,74 +149,22 @@ class Oscillation(Ramped):
 
     sites = _WITH_SURFACE
     kind: Literal["oscillation"]
-    amplitude: float = quantity("signal", "A", gt=0)
+    amplitude: float | None = quantity("signal", "A", None, gt=0)
+    amplitude_thresholds: float | None = threshold_quantity("amplitude", gt=0)
     frequency_hz: float = quantity("Hz", "f", gt=0, le=500)
     replacing: bool = quantity(
         "", "it takes the place of the value, about the last one, instead of adding to it", False
     )
 
-    @property
-    def effect(self) -> Effect:
-        """For the kernel."""
-        return Effect(Act.SWING if self.replacing else Act.OSCILLATE, self.amplitude, self.frequency_hz)
-
-
-class Spikes(Spoiled):
-    """y = x + amplitude, or a given value, for moments. Corrupted data words, lightning, a wiper off its track."""
-
-    kind: Literal["spikes"]
-    amplitude: float | None = quantity("signal", "added to the value; either this or `value`", None)
-    value: float | None = quantity("signal", "takes the place of the value", None)
-    times_s: list[float] | None = quantity("s", f"when, from the onset; at most {_MOST_TIMES}", None, min_length=1)
-    rate_per_s: float | None = quantity("1/s", "or at random, so often a second on average", None, gt=0)
-    width_s: float | None = quantity("s", "how long each lasts; not given: one frame", None, gt=0)
-
     @model_validator(mode="after")
-    def _chosen(self) -> Spikes:
-        if (self.amplitude is None) == (self.value is None):
-            raise ValueError("either amplitude or value")
-        if (self.times_s is None) == (self.rate_per_s is None):
-            raise ValueError("either times_s or rate_per_s")
-        if any(time < 0.0 for time in self.times_s or ()) or len(self.times_s or ()) > _MOST_TIMES:
-            raise ValueError(f"times_s: at most {_MOST_TIMES} times, none below zero")
+    def _one_form(self) -> Oscillation:
+        require_one(self, "amplitude", "amplitude_thresholds")
         return self
 
     @property
     def effect(self) -> Effect:
         """For the kernel."""
-        return Effect(Act.ADD, self.amplitude) if self.amplitude is not None else Effect(Act.SET, self.value or 0.0)
-
-    @property
-    def pulses(self) -> Pulses:
-        """At given times, or after pauses that are exponentially distributed."""
-        width = self.width_s or 0.0
-        if self.rate_per_s is None:
-            return Pulses(Rhythm.TIMES, on_s=width, times_s=sorted(self.times_s or ()))
-        return Pulses(Rhythm.RANDOM, on_s=width, off_s=1.0 / self.rate_per_s)
-
-
-class Intermittent(Spoiled):
-    """In gaps the value does not get through. A loose connector under vibration, a chafed wire."""
-
-    kind: Literal["intermittent"]
-    gap_s: float = quantity("s", "how long a gap lasts; it begins with one", gt=0)
-    contact_s: float = quantity("s", "how long the contact holds between two", gt=0)
-    random: bool = quantity("", "both are means of exponentially distributed times", False)
-    in_gaps: Literal["last", "invalid", "no number", "high", "low"] = quantity("", "what is said in a gap", "last")
-
-    @property
-    def effect(self) -> Effect:
-        """For the kernel."""
-        if self.in_gaps in ("high", "low"):
-            return Effect(Act.END, 1.0 if self.in_gaps == "high" else -1.0)
-        if self.in_gaps == "last":
-            return Effect(Act.HOLD)
-        return Effect(Act.NOTHING, invalid=True) if self.in_gaps == "invalid" else Effect(Act.NO_NUMBER)
-
-    @property
-    def pulses(self) -> Pulses:
-        """Gap and contact in turn."""
-        return Pulses(Rhythm.TELEGRAPH if self.random else Rhythm.CYCLE, self.gap_s, self.contact_s)
+        return sized(self, Act.SWING if self.replacing else Act.OSCILLATE, "amplitude", self.frequency_hz)
 
 
 class Dropout(Spoiled):
@@ -200,8 +173,15 @@ class Dropout(Spoiled):
     The inertial unit and the references have no flag: there it is no number either way.
     """
 
+    sites = ("channel", "inertial", "reference", "discrete")
     kind: Literal["dropout"]
     flagged: bool = quantity("", "marked invalid, the value stays; else no number", True)
+
+    @model_validator(mode="after")
+    def _of_a_discrete(self) -> Dropout:
+        if site(self.signal) == "discrete" and not self.flagged:
+            raise ValueError(f"flagged: {self.signal} is a discrete, which is always 0 or 1; must be true")
+        return self
 
     @property
     def effect(self) -> Effect:
@@ -239,12 +219,18 @@ class Quantisation(Spoiled):
     """y = step round(x / step). Lost bits of a converter or of a data word."""
 
     kind: Literal["quantisation"]
-    step: float = quantity("signal", "the coarse step", gt=0)
+    step: float | None = quantity("signal", "the coarse step", None, gt=0)
+    step_thresholds: float | None = threshold_quantity("step", gt=0)
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Quantisation:
+        require_one(self, "step", "step_thresholds")
+        return self
 
     @property
     def effect(self) -> Effect:
         """For the kernel."""
-        return Effect(Act.QUANTISE, self.step)
+        return sized(self, Act.QUANTISE, "step")
 
 
 class CrossTalk(Ramped):
@@ -258,29 +244,3 @@ class CrossTalk(Ramped):
     def effect(self) -> Effect:
         """For the kernel."""
         return Effect(Act.CROSS_TALK, self.gain, source=self.source)
-
-
-class DuplicateFrame(Spoiled):
-    """y = x of the frame before, now and then. A sender slower than its reader: the old message is read again."""
-
-    kind: Literal["duplicate_frame"]
-    every_s: float | None = quantity("s", "regularly: from one duplicate to the next", None, gt=0)
-    rate_per_s: float | None = quantity("1/s", "or at random, so often a second on average", None, gt=0)
-
-    @model_validator(mode="after")
-    def _one_rhythm(self) -> DuplicateFrame:
-        if (self.every_s is None) == (self.rate_per_s is None):
-            raise ValueError("either every_s or rate_per_s")
-        return self
-
-    @property
-    def effect(self) -> Effect:
-        """For the kernel."""
-        return Effect(Act.REPEAT)
-
-    @property
-    def pulses(self) -> Pulses:
-        """One frame each."""
-        if self.rate_per_s is not None:
-            return Pulses(Rhythm.RANDOM, off_s=1.0 / self.rate_per_s)
-        return Pulses(Rhythm.CYCLE, on_s=0.0, off_s=self.every_s or 0.0)

@@ -1,33 +1,36 @@
-"""Where a fault can sit: channels of a signal, the inertial unit, a reference, a surface's actuator."""
+"""Where a fault can sit: channels of a signal or a discrete, the inertial unit, a reference, a surface's actuator."""
 
 from __future__ import annotations
 
 from typing import Final, Literal, NamedTuple
 
-from rig.frame import INDEX, INERTIAL, SURFACES, S
+from rig.frame import DISCRETE_INDEX, INDEX, INERTIAL, SURFACES, S
 from rig.text import choices
 
-Site = Literal["channel", "inertial", "reference", "surface"]
-CHANNEL: Final = "channel"
+Site = Literal["channel", "inertial", "reference", "surface", "discrete"]
+CHANNELLED: Final[tuple[Site, ...]] = ("channel", "discrete")  # where a fault sits on numbered channels
+WITH_THRESHOLD: Final[tuple[Site, ...]] = ("channel", "reference")  # where magnitudes may be given in thresholds
 SURFACE_NAMES: Final = tuple(name.removesuffix("_rad") for name in SURFACES)  # every aircraft has these
 # Each place by name, and its row in the table of ranges that the stage is made with: the signals, the quantities of
-# the inertial unit, the references in the order of the signals, the surfaces.
+# the inertial unit, the references in the order of the signals, the surfaces; behind that table the discretes.
 PLACES: Final = {
     **INDEX,
     **{f"inertial.{name}": S + i for i, name in enumerate(INERTIAL)},
     **{f"reference.{name}": S + len(INERTIAL) + i for name, i in INDEX.items()},
     **{f"surface.{name}": 2 * S + len(INERTIAL) + i for i, name in enumerate(SURFACE_NAMES)},
+    **{name: 2 * S + len(INERTIAL) + len(SURFACES) + i for name, i in DISCRETE_INDEX.items()},
 }
 FIRST: Final[dict[Site, int]] = {
     "channel": 0,
     "inertial": S,
     "reference": S + len(INERTIAL),
     "surface": 2 * S + len(INERTIAL),
+    "discrete": 2 * S + len(INERTIAL) + len(SURFACES),
 }
 
 
 class Point(NamedTuple):
-    """One value that a fault acts on: a place and, for a signal, the channel counted from 1."""
+    """One value that a fault acts on: a place and, for a signal or a discrete, the channel counted from 1."""
 
     place: str
     channel: int | None = None
@@ -35,6 +38,8 @@ class Point(NamedTuple):
 
 def site(place: str) -> Site:
     """What kind of place it is."""
+    if place in DISCRETE_INDEX:
+        return "discrete"
     head = place.partition(".")[0]
     return head if head in ("inertial", "reference", "surface") else "channel"
 

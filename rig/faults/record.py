@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from math import prod
 from typing import Final
 
 import numpy as np
 
-from rig.frame import CHANNELS, D, S
+from rig.frame import CHANNELS, FRAME, D, S
 
 
 class Trigger(IntEnum):
@@ -15,10 +16,9 @@ class Trigger(IntEnum):
 
     TIME = 0
     CONDITION = 1
-    AUTOPILOT = 2
-    LEVEL = 3
-    AFTER = 4
-    RANDOM = 5
+    TRANSITION = 2
+    AFTER = 3
+    RANDOM = 4
 
 
 FOREVER: Final = int(np.iinfo(np.int64).max)
@@ -26,7 +26,8 @@ FOREVER: Final = int(np.iinfo(np.int64).max)
 PARAM: Final = np.dtype(
     [
         ("dt_s", "f8"),
-        ("samples", "i8"),  # the targets up to here are channels and the inertial unit,
+        ("samples", "i8"),  # the targets up to here are channels of signals and the inertial unit,
+        ("discretes", "i8"),  # from there up to here channels of discretes,
         ("references", "i8"),  # from there up to here references,
         ("surfaces", "i8"),  # from there up to here surfaces
         ("watches", "u1"),  # whether a trigger needs the last frame's votes
@@ -51,8 +52,8 @@ SCHEDULE: Final = np.dtype(
         ("end", "i8"),
         ("hold", "i8"),  # that the condition must last
         ("needs_votes", "u1"),  # it reads what is voted
-        ("place", "i8"),  # signal or discrete of a transition, the fault that this comes after
-        ("level", "i8"),  # that a transition leads to
+        ("place", "i8"),  # of what must change, as ``code`` gives it; the fault that this comes after
+        ("value", "i8"),  # that a transition leads to
         ("chance", "f8"),  # of a random trigger, in a frame
         ("on", "i8"),  # length of a pulse
         ("cycle", "i8"),  # of regular pulses
@@ -76,7 +77,7 @@ STATE: Final = np.dtype(
     ],
     align=True,
 )
-# One record a value that a fault acts on, in the order of the scenario within each of the three sorts.
+# One record a value that a fault acts on, in the order of the scenario within each of the four sorts.
 TARGET: Final = np.dtype(
     [
         ("fault", "i8"),
@@ -84,7 +85,7 @@ TARGET: Final = np.dtype(
         ("remembers", "u1"),  # it needs the value while the fault does not act
         ("invalid", "u1"),
         ("wraps", "u1"),
-        ("row", "i8"),  # index of the signal; -1: the inertial unit
+        ("row", "i8"),  # index of the signal or discrete; -1: the inertial unit
         ("column", "i8"),  # channel; index of the quantity, the reference, the surface
         ("source", "i8"),  # cross-talk: index of the signal, quantity or reference; ice: the dynamic pressure
         ("low", "f8"),
@@ -113,14 +114,33 @@ KEPT: Final = np.dtype(
     ],
     align=True,
 )
-# What triggers see of the votes: the last frame's, and discretes and levels of the frame before.
+# The fields of FRAME whose changes trigger faults, in the order of their numbers in SEEN.
+WATCHED: Final = (
+    "level",
+    "pattern",
+    "resolver",
+    "source",
+    "state",
+    "discrete_voted",
+    "discrete_level",
+    "discrete_state",
+)
+_SIZES: Final = [prod(FRAME[field].shape) for field in WATCHED]
+
+
+def code(field: str, *index: int) -> int:
+    """The place in SEEN of an element of a watched field."""
+    first = sum(_SIZES[: WATCHED.index(field)])
+    return first + int(np.ravel_multi_index(index, FRAME[field].shape))
+
+
+# What triggers see of the last frame, and of its decisions in the frame before.
 SEEN: Final = np.dtype(
     [
         ("voted", "f8", (S,)),
         ("discrete", "u1", (D,)),
-        ("level", "u1", (S,)),
-        ("discrete_before", "u1", (D,)),
-        ("level_before", "u1", (S,)),
+        ("code", "u1", (sum(_SIZES),)),
+        ("code_before", "u1", (sum(_SIZES),)),
         ("frames", "i8"),
     ],
     align=True,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from math import exp, floor
+from math import exp, floor, pi
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -15,16 +15,16 @@ from rig.faults import fault as together
 from rig.faults.corrupt import actuate, corrupt, corrupt_reference
 from rig.faults.expression import DEEPEST, STEP, parse, reads_votes
 from rig.faults.fault import Fault
-from rig.faults.places import PLACES, Point, number, site
+from rig.faults.places import CHANNELLED, PLACES, Point, number, site
 from rig.faults.record import CLEAN, FOREVER, KEPT, PARAM, SCHEDULE, SEEN, STATE, TARGET, Trigger
 from rig.faults.settings import Act, Rhythm
-from rig.frame import DISCRETE_INDEX, INDEX, SIGNALS, Block, to_frame
+from rig.frame import SIGNALS, Block, D, S, to_frame
 
 _REMEMBERING: Final = (Act.HOLD, Act.SWING, Act.DELAY, Act.REPEAT, Act.LIMIT_RATE, Act.ICE)
 # What an electrical fault of one coil does to a position: an open or shorted turn, a drifting joint, a coupled wire.
 # A jam, a swapped pair, a wrong excitation and all that is digital leave the sum of the coils as it is.
 _OF_A_COIL: Final = (*(Act.ADD, Act.DRIFT, Act.SETTLE, Act.END, Act.NOISE, Act.OSCILLATE, Act.SWING, Act.CROSS_TALK),)
-_SORTS: Final = (("channel", "inertial"), ("reference",), ("surface",))
+_SORTS: Final = (("channel", "inertial"), ("discrete",), ("reference",), ("surface",))
 
 
 class Coils(NamedTuple):
@@ -38,9 +38,10 @@ class Coils(NamedTuple):
 class Faults:
     """Corrupts channels, inertial unit, references and what reaches the actuators, as scheduled.
 
-    faults : of the scenario, checked; ranges : (len(PLACES), 2) lowest and highest value of every place
+    faults : of the scenario, checked; ranges : (n, 2) lowest and highest value of every place but the discretes
     seeds  : of this stage; every fault draws from generators of its own, which its name gives
     coils  : the in-line monitors that measure, by signal
+    thresholds : (S,) of the signals' monitors, for magnitudes that are given in them
     clean  : (keep_clean,) CLEAN, what the sensors said before any fault in so many frames from the first
     All state is plain arrays and can be copied.
     """
@@ -53,9 +54,12 @@ class Faults:
         seeds: SeedSequence | None = None,
         *,
         coils: Mapping[str, Coils] | None = None,
+        thresholds: NDArray[np.float64] | None = None,
         keep_clean: int = 0,
     ) -> None:
-        self._faults, self._ranges, self._rate_hz = faults, ranges, rate_hz
+        self._faults, self._rate_hz = faults, rate_hz
+        self._ranges = np.vstack([ranges, [(0.0, 1.0)] * D])
+        self._thresholds = np.full(S, np.nan) if thresholds is None else thresholds
         self._seeds = SeedSequence(0) if seeds is None else seeds
         self._coils = coils or {}
         self._uniform_from: list[Generator] = []
@@ -150,12 +154,9 @@ class Faults:
             self._programs.append(program)
             row["trigger"], row["begin"], row["end"] = Trigger.CONDITION, begin, begin + len(program)
             row["hold"], row["needs_votes"] = self._frame(fault.for_s), reads_votes(program)
-        elif fault.on is not None and fault.on.signal is not None:
-            row["trigger"], row["place"], row["level"] = Trigger.LEVEL, INDEX[fault.on.signal], fault.on.level
         elif fault.on is not None:
-            engaged = fault.on.autopilot == "engaged"
-            row["trigger"], row["place"] = Trigger.AUTOPILOT, DISCRETE_INDEX["autopilot_engaged"]
-            row["level"] = engaged
+            row["trigger"] = Trigger.TRANSITION
+            row["place"], row["value"] = fault.on.watched
         elif fault.after is not None:
             row["trigger"], row["place"] = Trigger.AFTER, together.parent(self._faults, i)
         elif fault.rate_per_hour is not None:
@@ -200,19 +201,23 @@ class Faults:
         row["fault"], row["act"], row["invalid"] = i, effect.act, effect.invalid
         row["remembers"] = effect.act in _REMEMBERING
         row["wraps"] = where in ("channel", "reference") and SIGNALS[at].wraps
-        row["row"], row["column"] = (at, (point.channel or 1) - 1) if where == "channel" else (-1, at)
+        row["row"], row["column"] = (at, (point.channel or 1) - 1) if where in CHANNELLED else (-1, at)
         row["source"] = number(source)
         row["low"], row["high"] = low, high = self._ranges[PLACES[point.place]]
         row["source_low"], row["source_high"] = self._ranges[PLACES[source]]
-        row["value"], row["second"] = effect.value, effect.second
+        row["value"] = effect.value * self._thresholds[at] if effect.thresholds else effect.value
+        row["second"] = effect.second
         row["ramp"] = getattr(self._faults[i], "ramp_s", 0.0) * self._rate_hz
         self._measure(row, i, point)
         if effect.act == Act.END:
             either = self._generator(i, "direction").random() < 0.5
-            row["act"], row["value"] = Act.SET, high if effect.value > (-0.5 if either else 0.5) else low
+            up = effect.value > (-0.5 if either else 0.5)
+            row["act"], row["value"] = Act.SET, high if up else low
+            if row["wraps"]:
+                row["act"], row["value"] = Act.TURN, pi if up else -pi
         elif effect.act == Act.SET:
             row["value"] = np.clip(effect.value, low, high)
-        elif effect.act == Act.NOTHING and where != "channel":
+        elif effect.act == Act.NOTHING and where not in CHANNELLED:
             row["act"] = Act.NO_NUMBER  # there is no flag to set
         elif effect.act == Act.NOISE:
             self._normal_from.append(self._generator(i, f"noise {point.place} {point.channel}"))
@@ -236,9 +241,9 @@ class Faults:
         param = np.zeros(1, PARAM)
         row = param[0]
         row["dt_s"] = 1.0 / self._rate_hz
-        row["samples"], row["references"], row["surfaces"] = self._ends
+        row["samples"], row["discretes"], row["references"], row["surfaces"] = self._ends
         voting = self.schedule["needs_votes"] != 0
-        row["watches"] = voting.any() or np.isin(self.schedule["trigger"], (Trigger.AUTOPILOT, Trigger.LEVEL)).any()
+        row["watches"] = voting.any() or (self.schedule["trigger"] == Trigger.TRANSITION).any()
         return param
 
     def _grow(self, rows: int) -> None:

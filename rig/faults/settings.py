@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 from pydantic import Field, field_validator, model_validator
 
 from rig import fault_names
 from rig.faults.expression import parse
-from rig.faults.places import Point, Site, refuse_unknown, site
-from rig.frame import CHANNELS, INDEX
+from rig.faults.places import CHANNELLED, WITH_THRESHOLD, Point, Site, refuse_unknown, site
+from rig.faults.transition import Transition
+from rig.frame import CHANNELS
 from rig.settings import Settings
-from rig.text import choices, quoted
 
 
 def quantity(unit: str, meaning: str, default: Any = ..., **bounds: Any) -> Any:
@@ -42,7 +42,9 @@ class Act(IntEnum):
     NO_NUMBER = 14
     LIMIT_RATE = 15
     ICE = 16
-    END = 17  # an end of the range, which the schedule turns into SET
+    END = 17  # an end of the range, which the schedule makes SET or, for an angle on the circle, TURN
+    INVERT = 18  # of a discrete
+    TURN = 19  # half a turn away
 
 
 class Rhythm(IntEnum):
@@ -74,6 +76,7 @@ class Effect:
     source: str | None = None  # the place that cross-talk comes from
     history_s: float = 0.0  # how far back it reads
     invalid: bool = False  # the sensor flags the sample
+    thresholds: bool = False  # ``value`` is in thresholds of the signal's monitor
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,23 +92,6 @@ class Pulses:
 STEADY = Pulses()
 
 
-class Transition(Settings):
-    """A change of mode that triggers a fault: of the autopilot, or of a signal's level."""
-
-    autopilot: Literal["engaged", "disengaged"] | None = None
-    signal: str | None = None
-    level: int | None = Field(default=None, ge=0, le=CHANNELS)
-
-    @model_validator(mode="after")
-    def _one(self) -> Transition:
-        if self.signal is not None and self.signal not in INDEX:
-            known = choices(self.signal, INDEX, "rig signals")
-            raise ValueError(f"signal: unknown signal {quoted(self.signal)}, {known}")
-        if (self.signal is None) != (self.level is None) or (self.signal is None) == (self.autopilot is None):
-            raise ValueError("must be { autopilot = 'engaged' or 'disengaged' } or { signal = ..., level = ... }")
-        return self
-
-
 _TRIGGERS = ("when", "on", "after", "rate_per_hour")
 
 
@@ -118,7 +104,11 @@ class Triggered(Settings):
     )
     when: str | None = quantity("", "trigger: a condition over voted and `true.` quantities", None)
     for_s: float | None = quantity("s", "the condition must hold for so long", None, gt=0)
-    on: Transition | None = quantity("", "trigger: a transition of the autopilot or of a signal's level", None)
+    on: Transition | None = quantity(
+        "",
+        "trigger: a change of the autopilot, or of a signal's level, pattern, resolver, source or channel state",
+        None,
+    )
     after: str | None = quantity("", "trigger: the onset of the fault of this id", None)
     delay_s: float | None = quantity("s", "from the trigger to the onset, with `when`, `on`, `after`", None, ge=0)
     rate_per_hour: float | None = quantity("1/h", "trigger: at random, so often per flight hour", None, gt=0, le=3.6e5)
@@ -165,15 +155,17 @@ class Triggered(Settings):
 
 
 class Placed(Triggered):
-    """A fault on one signal's channels or on one value of the inertial unit, a reference or a surface.
+    """A fault on channels of one signal or discrete, or on one value of the inertial unit, a reference or a surface.
 
     Every kind says what it does as ``effect`` and, when it acts in pulses, ``pulses``.
     """
 
     sites: ClassVar[tuple[Site, ...]] = ("channel", "inertial", "reference")
 
-    signal: str = quantity("", "where it sits: <signal>, inertial.<quantity>, reference.<signal>, surface.<name>")
-    channels: list[int] = quantity("", "of a signal, counted from 1; nothing else has any", [])
+    signal: str = quantity(
+        "", "where it sits: <signal>, <discrete>, inertial.<quantity>, reference.<signal>, surface.<name>"
+    )
+    channels: list[int] = quantity("", "of a signal or discrete, counted from 1; nothing else has any", [])
 
     @field_validator("signal")
     @classmethod
@@ -189,13 +181,23 @@ class Placed(Triggered):
     def _placed(self) -> Placed:
         where = site(self.signal)
         if where not in self.sites:
-            raise ValueError(f"signal: {kind_of(self)} cannot sit on {self.signal}, allowed: {', '.join(self.sites)}")
-        if where == "channel" and not self.channels:
+            on = f"{self.signal}, a discrete" if where == "discrete" else self.signal
+            raise ValueError(f"signal: {kind_of(self)} cannot sit on {on}, allowed: {', '.join(self.sites)}")
+        if where in CHANNELLED and not self.channels:
             raise ValueError("channels: at least 1 is needed")
-        if where != "channel" and self.channels:
+        if where not in CHANNELLED and self.channels:
             raise ValueError(f"channels: {self.signal} has none, got {self.channels}")
-        if where != "channel" and getattr(self, "seen_by_ilm", False):
+        if where not in CHANNELLED and getattr(self, "seen_by_ilm", False):
             raise ValueError(f"seen_by_ilm: {self.signal} has no in-line monitor")
+        if where == "discrete" and getattr(self, "ramp_s", 0.0) > 0:
+            raise ValueError(f"ramp_s: {self.signal} is a discrete, which has no values between 0 and 1")
+        return self
+
+    @model_validator(mode="after")
+    def _has_a_threshold(self) -> Placed:
+        for key in type(self).model_fields:
+            if "_thresholds" in key and getattr(self, key) is not None and site(self.signal) not in WITH_THRESHOLD:
+                raise ValueError(f"{key}: {self.signal} has no threshold, give {key.replace('_thresholds', '')}")
         return self
 
     @property

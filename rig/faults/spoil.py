@@ -17,6 +17,7 @@ _OSCILLATE, _SWING, _DELAY, _QUANTISE, _CROSS_TALK, _REPEAT, _NO_NUMBER, _LIMIT_
 _LEAVE, _FLAG_BAD, _FLAG_GOOD = int(Flag.LEAVE), int(Flag.BAD), int(Flag.GOOD)
 _BAD, _GOOD = int(Ilm.BAD), int(Ilm.GOOD)
 _TURN: Final = TWO_PI
+_INVERT, _HALF_TURN = int(Act.INVERT), int(Act.TURN)
 
 
 @kernel
@@ -31,6 +32,11 @@ def spoiled(x, other, drawn, target, kept, memory, frame, elapsed, dt_s):
         return x
     if act == _NO_NUMBER:
         return math.nan
+    if act == _INVERT:
+        return 1.0 - x
+    if act == _HALF_TURN:
+        part = min(1.0, elapsed / target["ramp"]) if target["ramp"] > 0.0 else 1.0
+        return limit(x + part * target["value"], target["low"], target["high"], 1)
     y = changed(act, x, other, drawn, target, kept, memory, frame, elapsed * dt_s, dt_s)
     if elapsed < target["ramp"]:
         y = x + elapsed / target["ramp"] * difference(y, x, target["wraps"])

@@ -20,7 +20,7 @@ class IlmFault(Placed):
     good channels and on the two bad ones at once it makes a lying pair.
     """
 
-    sites: ClassVar[tuple[Site, ...]] = ("channel",)
+    sites: ClassVar[tuple[Site, ...]] = ("channel", "discrete")
     kind: Literal["ilm"]
     says: Literal["good", "bad", "inverted", "blind", "false alarm", "lying"] = quantity("", "the answer")
 

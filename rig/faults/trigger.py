@@ -11,13 +11,13 @@ from typing import Final
 from rig.faults.expression import holds
 from rig.faults.record import FOREVER, Trigger
 from rig.faults.settings import Rhythm
-from rig.frame import D, S
+from rig.frame import CHANNELS, D, S
 from rig.kernels import kernel
 
 _FOREVER: Final = FOREVER
-_TIME, _CONDITION, _AUTOPILOT, _LEVEL, _AFTER, _RANDOM = map(int, Trigger)
+_TIME, _CONDITION, _TRANSITION, _AFTER, _RANDOM = map(int, Trigger)
 _STEADY, _TIMES, _AT_RANDOM, _CYCLE, _TELEGRAPH = map(int, Rhythm)
-_SIGNALS, _DISCRETES = S, D
+_SIGNALS, _DISCRETES, _CHANNELS = S, D, CHANNELS
 
 
 @kernel
@@ -51,12 +51,9 @@ def onset(row, k, p, state, i, program, stack, seen, uniform):
         true = true and holds(program, p["begin"], p["end"], row, seen[0], stack) != 0
         state[i]["held"] = state[i]["held"] + 1 if true else 0
         fires = state[i]["held"] > p["hold"]
-    elif trigger == _AUTOPILOT:
-        now, before = seen[0]["discrete"][p["place"]], seen[0]["discrete_before"][p["place"]]
-        fires = seen[0]["frames"] > 1 and now == p["level"] and before != now
-    elif trigger == _LEVEL:
-        now, before = seen[0]["level"][p["place"]], seen[0]["level_before"][p["place"]]
-        fires = seen[0]["frames"] > 1 and now == p["level"] and before != now
+    elif trigger == _TRANSITION:
+        now, before = seen[0]["code"][p["place"]], seen[0]["code_before"][p["place"]]
+        fires = seen[0]["frames"] > 1 and now == p["value"] and before != now
     elif trigger == _AFTER:
         return state[p["place"]]["onset"]
     elif trigger == _RANDOM:
@@ -110,12 +107,38 @@ def beats(k, p, st, times, uniform):
 
 @kernel
 def watch(row, seen):
-    """Keep this frame's votes for the triggers of the next."""
+    """Keep this frame's votes and decisions for the triggers of the next."""
     s = seen[0]
+    now, before = s["code"], s["code_before"]
+    for i in range(len(now)):
+        before[i] = now[i]
     for i in range(_SIGNALS):
-        s["level_before"][i] = s["level"][i]
-        s["level"][i], s["voted"][i] = row["level"][i], row["voted"][i]
+        s["voted"][i] = row["voted"][i]
     for i in range(_DISCRETES):
-        s["discrete_before"][i] = s["discrete"][i]
         s["discrete"][i] = row["discrete_voted"][i]
+    at = keep(row["level"], now, 0)
+    at = keep(row["pattern"], now, at)
+    at = keep(row["resolver"], now, at)
+    at = keep(row["source"], now, at)
+    at = keep_states(row["state"], now, at)
+    at = keep(row["discrete_voted"], now, at)
+    at = keep(row["discrete_level"], now, at)
+    keep_states(row["discrete_state"], now, at)
     s["frames"] += 1
+
+
+@kernel
+def keep(values, codes, at):
+    """Copy ``values`` (n,) to ``codes`` from ``at`` on; where the next ones go."""
+    for i in range(len(values)):
+        codes[at + i] = values[i]
+    return at + len(values)
+
+
+@kernel
+def keep_states(states, codes, at):
+    """The same of ``states`` (n, 4)."""
+    for i in range(len(states)):
+        for c in range(_CHANNELS):
+            codes[at + i * _CHANNELS + c] = states[i, c]
+    return at + len(states) * _CHANNELS

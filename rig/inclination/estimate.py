@@ -29,7 +29,7 @@ class Noise(Settings):
 
     rate_noise_rad_sqrt_s: float = Field(default=6.3e-5, gt=0.0, le=1e3)  # random walk of the integrated rates
     drift_sigma_rad_s: float = Field(default=0.003, ge=0.0, le=1e3)  # of the pitch gyros' vote, at the start
-    scale_sigma: float = Field(default=0.002, ge=0.0, le=1e3)  # likewise
+    scale_sigma: float = Field(default=0.002, ge=0.0, le=1e3)  # the same of its scale
     drift_walk_rad_s_sqrt_s: float = Field(default=2e-6, ge=0.0, le=1e3)
     path_walk_rad_sqrt_s: float = Field(default=3e-5, ge=0.0, le=1e3)
 
@@ -75,7 +75,7 @@ _LEAST_GUST_RAD: Final = 0.001  # the path is never taken as better than this
 _FIRST_GUST_RAD: Final = 0.01
 _GUST_S: Final = 30.0  # in which the gusts' variance is learned
 _GUST_START_S: Final = 3.0
-_YAW_S: Final = 60.0  # likewise the drift of the yaw gyros
+_YAW_S: Final = 60.0  # the same of the drift of the yaw gyros
 _YAW_START_S: Final = 5.0
 _CLIP: Final = 3.0  # sigma; a path farther off counts as that
 _FIRST_PATH_RAD: Final = 0.008

@@ -35,9 +35,11 @@ class DiscreteArrays:
     """One discrete over a flight; views of the rows, not copies."""
 
     time_s: NDArray[np.float64]  # (frames,)
-    channels: NDArray[np.uint8]  # (frames, 4)
+    channels: NDArray[np.uint8]  # (frames, 4), 0 where a channel is not fitted
     voted: NDArray[np.uint8]  # (frames,)
     truth: NDArray[np.uint8]  # (frames,)
+    valid: NDArray[np.uint8]  # (frames, 4), 0: the sensor flags the sample
+    ilm: NDArray[np.uint8]  # (frames, 4), frame.Ilm
     state: NDArray[np.uint8]  # (frames, 4), frame.State
     level: NDArray[np.uint8]  # (frames,)
 

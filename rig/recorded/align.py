@@ -59,7 +59,8 @@ def align(
     """The recording with the delays and offsets found between ``start_s`` and ``end_s`` taken off everywhere.
 
     Delays are against the channel in the middle, whose samples stay as they are; offsets against the median.
-    Rows in which a delayed channel has no sample are cut off at both ends.  BadInput: too few rows.
+    Rows in which a delayed channel has no sample are cut off at both ends; discretes stay as they are.
+    BadInput: too few rows.
     """
     part = _stretch(recording.time_s, start_s, end_s)
     n = len(recording.time_s)
@@ -71,8 +72,10 @@ def align(
     rows = slice(ceil(-min(shifts)), n - ceil(max(shifts)))
     at = np.arange(rows.start, rows.stop)
     signals = {name: _taken_off(recording.signals[name], found[name], settings[name], at) for name in settings}
+    discretes = {name: samples.of(rows) for name, samples in recording.discretes.items()}
     first = recording.first_row + rows.start
-    return replace(recording, time_s=recording.time_s[rows], signals=signals, first_row=first), found
+    moved = replace(recording, time_s=recording.time_s[rows], signals=signals, discretes=discretes, first_row=first)
+    return moved, found
 
 
 def _stretch(time_s: Floats, start_s: float | None, end_s: float | None) -> slice:

@@ -61,10 +61,11 @@ def _vote(
     """Read, align on ``stretch`` if there is one, vote, write; the summary, and the seconds of each step."""
     from rig.recorded.align import align
     from rig.recorded.config import read_config
+    from rig.recorded.discrete import vote_all
     from rig.recorded.read import read
     from rig.recorded.summary import summary
     from rig.recorded.vote import vote as run
-    from rig.recorded.write import output, write
+    from rig.recorded.write import Result, output, write
     from rig.trust import Trust
 
     seconds: dict[str, float] = {}
@@ -79,12 +80,14 @@ def _vote(
         settings = read_config(config)
         recording = read(recorded, settings, repair)
         signals = settings.signals(recording.signals, str(config))
+        discretes = settings.discretes(recording.discretes, str(config))
         lap("read")
         corrections = None
         if stretch is not None:
             recording, corrections = align(recording, signals, *stretch)
             lap("align")
-        voted = run(recording, signals, settings.resets, Trust(str(config), allow_code))
+        resets, trust = settings.resets, Trust(str(config), allow_code)
+        voted = Result(run(recording, signals, resets, trust), vote_all(recording, discretes, resets))
         lap("vote")
         write(part, out, recording, voted)
         lap("write")

@@ -2,6 +2,7 @@
 
     [default]          # for all signals; keys and defaults are those of rig.redundancy.SignalConfig
     [signal.<name>]    # for one, key by key over the default
+    [discrete.<name>]  # columns <name>.1 to .4 of a yes/no quantity, with its fail-safe value
     [mapping]          # columns of a foreign recording: "gyro.1" = "/imu1:angular_velocity.x"
     [[resets]]         # commands to readmit, as in a scenario
     time_column        # of mapped tables, "time_s" when not given
@@ -22,9 +23,10 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
 from rig.errors import BadInput
-from rig.frame import INDEX, SIGNALS, TWO_PI
+from rig.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS, TWO_PI
 from rig.redundancy.config import MANAGERS, RESETS, SignalConfig
 from rig.redundancy.config import Reset as FlightReset
+from rig.redundancy.discrete_config import DiscreteConfig
 from rig.settings import Settings, build, read_toml
 from rig.text import choices, nearest, quoted, shorten
 
@@ -58,6 +60,13 @@ class RecordedSignal(SignalConfig):
         return (-pi, pi) if self.wraps else ANY_NUMBER
 
 
+class RecordedDiscrete(DiscreteConfig):
+    """A ``[discrete.<name>]`` table.
+
+    ``fail_safe`` of a discrete that is called as one of the rig's own is by default that of flight.
+    """
+
+
 class Reset(FlightReset):
     """A reset command, for a signal of any name."""
 
@@ -76,20 +85,35 @@ class VoteConfig(Settings):
 
     default: dict[str, Any] | None = None
     signal: dict[str, dict[str, Any]] = {}
+    discrete: dict[str, RecordedDiscrete] = {}
     mapping: dict[str, str] = {}
     time_column: str = "time_s"
     resets: list[Reset] = []
 
     def signals(self, present: Collection[str], source: str) -> dict[str, RecordedSignal]:
         """Settings of the signals to be voted, those of ``present`` that a table or the default names."""
-        asked = [*self.signal, *(reset.signal for reset in self.resets)]
+        asked = [*self.signal, *(reset.signal for reset in self.resets if reset.signal not in self.discrete)]
         for name in asked:
             if name not in present:
                 raise BadInput(f"{source}: signal {quoted(name)} is not in the input; {choices(name, present)}")
         chosen = [name for name in present if name in self.signal or self.default is not None]
-        if not chosen:
-            raise BadInput(f"{source}: no signal to vote: add [signal.<name>] or [default]")
+        if not chosen and not self.discrete:
+            raise BadInput(f"{source}: no signal to vote: add [signal.<name>], [discrete.<name>] or [default]")
         return {name: self._settings(name, source) for name in chosen}
+
+    def discretes(self, present: Collection[str], source: str) -> dict[str, RecordedDiscrete]:
+        """Settings of the discretes, each with its fail-safe value; all of them must be ``present``."""
+        found: dict[str, RecordedDiscrete] = {}
+        for name, given in self.discrete.items():
+            if name not in present:
+                raise BadInput(f"{source}: discrete {quoted(name)} is not in the input; {choices(name, present)}")
+            fail_safe = given.fail_safe
+            if fail_safe is None and name in DISCRETE_INDEX:
+                fail_safe = DISCRETES[DISCRETE_INDEX[name]].fail_safe
+            if fail_safe is None:
+                raise BadInput(f"{source}: discrete.{name}: fail_safe: field required, 0 or 1")
+            found[name] = given.model_copy(update={"fail_safe": fail_safe})
+        return found
 
     def _settings(self, name: str, source: str) -> RecordedSignal:
         own = self.signal.get(name, {})
@@ -120,6 +144,9 @@ def _of_flight(name: str) -> dict[str, Any]:
 def read_config(path: Path) -> VoteConfig:
     """The CONFIG at ``path``; BadInput names the file and the key."""
     config = build(VoteConfig, read_toml(path), str(path))
+    for name in config.discrete:
+        if name in config.signal:
+            raise BadInput(f"{path}: {name!r} is a signal and a discrete: keep one of the tables")
     for table, keys in (("default", config.default or {}), *((f"signal.{n}", t) for n, t in config.signal.items())):
         for key in keys:
             if key not in RecordedSignal.model_fields:

@@ -5,16 +5,24 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from enum import IntEnum
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import BadInput, BadLog
-from rig.frame import CHANNELS, SIGNALS, Ilm, State
+from rig.frame import CHANNELS, DISCRETES, SIGNALS, Block, Ilm, State
 from rig.log import foreign, read_log
 from rig.log.foreign import Source
+from rig.log.schema import MESSAGES
 from rig.recorded.clock import clock
 from rig.recorded.record import Bytes, Recording, Samples, on_clock
+
+_READ: Final = ("channels", "valid", "ilm", "state", "reference")
+_FIELDS: Final = {
+    message: {field.name for field in MESSAGES[message].fields if field.source.removeprefix("discrete_") in _READ}
+    for message in ("rig.Signal", "rig.Discrete")
+}
 
 
 def read_ours(path: Path, repair: bool = False) -> Recording:
@@ -26,7 +34,7 @@ def read_ours(path: Path, repair: bool = False) -> Recording:
         raise
     if "/flight" in topics:
         return _flown(path, repair)
-    ours = [topic for topic, schema in topics.items() if schema == "rig.Signal"]
+    ours = {topic: schema for topic, schema in topics.items() if schema in _FIELDS}
     if not ours:
         raise BadInput(f"{path}: not a log of this rig: CONFIG needs a [mapping] of its topics: {', '.join(topics)}")
     return _voted(path, ours, repair)
@@ -45,25 +53,34 @@ def _flown(path: Path, repair: bool) -> Recording:
             rows["reference"][:, i].copy(),
             [rows["valid"][:, i, c].copy() for c in fitted],
         )
-    return on_clock(accepted, recorded)
+    return on_clock(accepted, recorded, {discrete.name: _discrete(rows, d) for d, discrete in enumerate(DISCRETES)})
 
 
-def _voted(path: Path, topics: list[str], repair: bool) -> Recording:
-    per_channel = [f"{kind}_{c}" for kind in ("ch", "valid", "ilm", "st") for c in range(1, CHANNELS + 1)]
-    sources = foreign.read(path, {topic: {*per_channel, "reference"} for topic in topics})
-    time_s = sources[topics[0]].time_s
+def _discrete(rows: Block, d: int) -> Samples:
+    fitted = range(int((rows["discrete_state"][0, d] != State.ABSENT).sum()))
+    return Samples(
+        [rows["discrete_channels"][:, d, c].astype(np.float64) for c in fitted],
+        [rows["discrete_ilm"][:, d, c] for c in fitted],
+        valid=[rows["discrete_valid"][:, d, c] for c in fitted],
+    )
+
+
+def _voted(path: Path, topics: Mapping[str, str], repair: bool) -> Recording:
+    sources = foreign.read(path, {topic: _FIELDS[schema] for topic, schema in topics.items()})
+    first, time_s = next((topic, source.time_s) for topic, source in sources.items())
     for topic, source in sources.items():
         if not np.array_equal(source.time_s, time_s):
-            raise BadInput(f"{path}: {topic} has other times than {topics[0]}")
+            raise BadInput(f"{path}: {topic} has other times than {first}")
     accepted = clock(str(path), time_s, repair)
-    signals = {
-        topic.removeprefix("/signal/"): _samples(f"{path}: {topic}", source) for topic, source in sources.items()
-    }
-    return on_clock(accepted, signals)
+    of_kind: dict[str, dict[str, Samples]] = {schema: {} for schema in _FIELDS}
+    for topic, source in sources.items():
+        name = topic.removeprefix("/signal/").removeprefix("/discrete/")
+        of_kind[topics[topic]][name] = _samples(f"{path}: {topic}", source)
+    return on_clock(accepted, of_kind["rig.Signal"], of_kind["rig.Discrete"])
 
 
 def _samples(where: str, source: Source) -> Samples:
-    """The fields of ``rig.Signal`` as samples; BadInput when a code is not one of the rig's."""
+    """The fields of ``rig.Signal`` or ``rig.Discrete`` as samples; BadInput when a code is not one of the rig's."""
     fields = source.fields
     states = [_codes(where, fields, f"st_{c}", State)[0] for c in range(1, CHANNELS + 1)]
     fitted = [c for c, state in enumerate(states, 1) if state != State.ABSENT]
@@ -71,9 +88,9 @@ def _samples(where: str, source: Source) -> Samples:
         raise BadInput(f"{where}: channels {fitted}; two to {CHANNELS} are needed, from 1 on")
     return Samples(
         [fields[f"ch_{c}"] for c in fitted],
-        [_codes(where, fields, f"ilm_{c}", Ilm) for c in fitted],
-        fields["reference"],
-        [_codes(where, fields, f"valid_{c}", (0, 1)) for c in fitted],
+        [_codes(where, fields, f"ilm_{c}", Ilm) for c in fitted] if "ilm_1" in fields else None,
+        fields.get("reference"),
+        [_codes(where, fields, f"valid_{c}", (0, 1)) for c in fitted] if "valid_1" in fields else None,
     )
 
 

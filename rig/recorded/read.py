@@ -26,7 +26,7 @@ from rig.log.foreign import Source
 from rig.recorded.clock import TIME, Floats, clock
 from rig.recorded.config import VoteConfig
 from rig.recorded.ours import read_ours
-from rig.recorded.record import Recording, assemble
+from rig.recorded.record import Recording, assemble, with_discretes
 from rig.recorded.table import TABLES, Table
 
 ENDINGS: Final = (*TABLES, ".mcap")
@@ -37,6 +37,10 @@ def read(path: Path, config: VoteConfig, repair: bool = False) -> Recording:
 
     BadInput in one line when it cannot be used.
     """
+    return with_discretes(str(path), _read(path, config, repair), config.discrete)
+
+
+def _read(path: Path, config: VoteConfig, repair: bool) -> Recording:
     if _is_folder(path):
         wanted = _wanted(path, config)
         return _joined(path, config, _folder(path, wanted, config.time_column), repair)

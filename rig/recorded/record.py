@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -27,6 +27,15 @@ class Samples:
     reference: Floats | None = None
     valid: list[Bytes] | None = None  # 0 where the sensor itself flags a sample that is a number
 
+    def of(self, rows: slice | NDArray[np.int64]) -> Samples:
+        """The samples of these rows."""
+
+        def those(columns: list[Bytes] | None) -> list[Bytes] | None:
+            return None if columns is None else [column[rows] for column in columns]
+
+        reference = None if self.reference is None else self.reference[rows]
+        return Samples([column[rows] for column in self.channels], those(self.ilm), reference, those(self.valid))
+
 
 @dataclass(frozen=True, slots=True)
 class Recording:
@@ -37,6 +46,7 @@ class Recording:
     first_row: int = 0
     kept: NDArray[np.int64] | None = None  # rows of the input, from 0, before alignment cut any; None: all
     repairs: tuple[Repair, ...] = ()
+    discretes: dict[str, Samples] = field(default_factory=dict)  # 0, 1 or NaN
 
     def row(self, k: int) -> int:
         """The row of the input, counted from 1, that became row ``k``, counted from 0."""
@@ -75,21 +85,34 @@ def assemble(source: str, names: Iterable[str], column: Callable[[str], Floats],
     return on_clock(accepted, samples)
 
 
-def on_clock(accepted: Clock, signals: dict[str, Samples]) -> Recording:
-    """The recording of ``signals``, samples of all rows of the input, in the rows that were accepted."""
-    if accepted.kept is not None:
-        signals = {name: _kept(samples, accepted) for name, samples in signals.items()}
+def on_clock(accepted: Clock, signals: dict[str, Samples], discretes: dict[str, Samples] | None = None) -> Recording:
+    """The recording of samples of all rows of the input, in the rows that were accepted."""
+    all_of = [signals, discretes or {}]
+    if (kept := accepted.kept) is not None:
+        all_of = [{name: samples.of(kept) for name, samples in some.items()} for some in all_of]
     repairs = () if accepted.repair is None else (accepted.repair,)
-    return Recording(accepted.time_s, signals, kept=accepted.kept, repairs=repairs)
+    return Recording(accepted.time_s, all_of[0], kept=accepted.kept, repairs=repairs, discretes=all_of[1])
 
 
-def _kept(samples: Samples, accepted: Clock) -> Samples:
-    def all_of(columns: list[Bytes] | None) -> list[Bytes] | None:
-        return None if columns is None else [accepted.of(column) for column in columns]
+def with_discretes(source: str, recording: Recording, names: Collection[str]) -> Recording:
+    """The recording with the signals ``names`` as discretes; BadInput names ``source`` and the row."""
+    mine = {name: samples for name, samples in recording.signals.items() if name in names}
+    for name, samples in mine.items():
+        if samples.reference is not None:
+            raise BadInput(f"{source}: column '{name}.ref': a discrete has no reference")
+    discretes = {**recording.discretes, **mine}
+    for name, samples in discretes.items():
+        _check_discrete(source, recording, name, samples)
+    signals = {name: samples for name, samples in recording.signals.items() if name not in names}
+    return replace(recording, signals=signals, discretes=discretes)
 
-    reference = None if samples.reference is None else accepted.of(samples.reference)
-    channels = [accepted.of(column) for column in samples.channels]
-    return Samples(channels, all_of(samples.ilm), reference, all_of(samples.valid))
+
+def _check_discrete(source: str, recording: Recording, name: str, samples: Samples) -> None:
+    for c, values in enumerate(samples.channels, 1):
+        wrong = np.flatnonzero(~((values == 0) | (values == 1) | np.isnan(values)))
+        if len(wrong):
+            row, got = recording.row(int(wrong[0])), values[wrong[0]]
+            raise BadInput(f"{source}: row {row}: {name}.{c} is a discrete: 0, 1 or empty, got {got:g}")
 
 
 def _parse(source: str, name: str) -> tuple[str, str, int]:

@@ -12,13 +12,15 @@ from rich.table import Table
 from rig.frame import Pattern, State
 from rig.recorded.align import Corrections
 from rig.recorded.clock import Floats
+from rig.recorded.discrete import VotedDiscrete
 from rig.recorded.record import Recording
 from rig.recorded.vote import Voted
+from rig.recorded.write import Result
 
 _SINGULAR = [int(pattern) for pattern in Pattern if pattern.is_singular]
 
 
-def summary(recording: Recording, voted: dict[str, Voted], corrections: Corrections | None) -> dict[str, Any]:
+def summary(recording: Recording, voted: Result, corrections: Corrections | None) -> dict[str, Any]:
     """Per signal and channel; rows are counted from 1 as in the input."""
     return {
         "rows": len(recording.time_s),
@@ -26,8 +28,9 @@ def summary(recording: Recording, voted: dict[str, Voted], corrections: Correcti
         "rate_hz": recording.rate_hz,
         "time_s": [float(recording.time_s[0]), float(recording.time_s[-1])],
         "repaired": [asdict(repair) for repair in recording.repairs],
-        "not_voted": [name for name in recording.signals if name not in voted],
-        "signals": {name: _signal(voted[name], (corrections or {}).get(name)) for name in voted},
+        "not_voted": [name for name in recording.signals if name not in voted.signals],
+        "signals": {name: _signal(signal, (corrections or {}).get(name)) for name, signal in voted.signals.items()},
+        "discretes": {name: _discrete(discrete) for name, discrete in voted.discretes.items()},
     }
 
 
@@ -40,6 +43,16 @@ def _signal(signal: Voted, corrections: list[Any] | None) -> dict[str, Any]:
         "spread": _spread(signal.spread),
         "voted": _extremes(signal.voted),
         "channels": [_channel(signal, c, corrections) for c in range(len(signal.state))],
+    }
+
+
+def _discrete(discrete: VotedDiscrete) -> dict[str, Any]:
+    return {
+        "fail_safe": discrete.settings.fail_safe,
+        "level": int(discrete.level[-1]),
+        "ones_share": float(discrete.voted.mean()),
+        "changes": int((discrete.voted[1:] != discrete.voted[:-1]).sum()),
+        "channels": [_channel(discrete, c, None) for c in range(len(discrete.state))],
     }
 
 
@@ -56,7 +69,7 @@ def _spread(spread: Floats) -> dict[str, float | None]:
     return {"median": float(median), "p95": float(p95), "max": float(known.max())}
 
 
-def _channel(signal: Voted, c: int, corrections: list[Any] | None) -> dict[str, Any]:
+def _channel(signal: Voted | VotedDiscrete, c: int, corrections: list[Any] | None) -> dict[str, Any]:
     said: dict[str, Any] = {
         "channel": c + 1,
         "state": State(signal.state[c][-1]).name.lower(),
@@ -82,7 +95,10 @@ def show(screen: Console, found: dict[str, Any]) -> None:
     aligned = any("alignment" in channel for signal in found["signals"].values() for channel in signal["channels"])
     if aligned:
         screen.print(_alignment_table(found))
-    screen.print(_signal_table(found))
+    if found["signals"]:
+        screen.print(_signal_table(found))
+    if found["discretes"]:
+        screen.print(_discrete_table(found))
     screen.print(_failure_table(found))
     if found["not_voted"]:
         screen.print(f"not voted, as CONFIG does not name them: {', '.join(found['not_voted'])}")
@@ -103,9 +119,17 @@ def _signal_table(found: dict[str, Any]) -> Table:
     return table
 
 
+def _discrete_table(found: dict[str, Any]) -> Table:
+    table = Table("discrete", "level", "fail-safe", "voted 1", "changes", box=None)
+    for name, discrete in found["discretes"].items():
+        share = f"{100 * discrete['ones_share']:.3g} %"
+        table.add_row(name, str(discrete["level"]), str(discrete["fail_safe"]), share, str(discrete["changes"]))
+    return table
+
+
 def _failure_table(found: dict[str, Any]) -> Table:
     table = Table("channel", "at the end", "failed in frame", "at", "by", "invalid samples", box=None)
-    for name, signal in found["signals"].items():
+    for name, signal in {**found["signals"], **found["discretes"]}.items():
         for channel in signal["channels"]:
             times = [(str(f["frame"]), f"{f['time_s']:.6g} s", f["why"]) for f in channel["failed"]]
             first, *again = times or [("never", "", "")]

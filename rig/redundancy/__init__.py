@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import SIGNALS, Block
+from rig.frame import CHANNELS, DISCRETE_INDEX, SIGNALS, Block, D
 from rig.kernels import kernel
 from rig.redundancy.config import MANAGERS, Config, SignalConfig, parameters, reset_table
 from rig.redundancy.designed import Designed
 from rig.redundancy.discrete import DiscreteVoter, vote_discretes
+from rig.redundancy.discrete_config import discrete_parameters
 from rig.redundancy.managers import Manager, vote_signals
 from rig.redundancy.own import OwnManager, load_manager
 from rig.redundancy.reference import References, refer, remember, source
@@ -28,10 +29,12 @@ class Redundancy:
         channels: NDArray[np.int64],
         designed: Designed,
         rate_hz: float,
+        discrete_channels: NDArray[np.int64] | None = None,
         trust: Trust | None = None,
     ) -> None:
-        """``ranges`` (S, 2) and ``channels`` (S,) are those of the sensors.  BadInput: the user's manager.
+        """Make the stage.  BadInput: the user's manager.
 
+        ranges (S, 2), channels (S,), discrete_channels (D,) : of the sensors; all discretes have four when not given
         trust : whether a manager class that the settings name may be run; it may not when not given
         """
         params = parameters(config.signals, ranges, channels, rate_hz)
@@ -47,7 +50,9 @@ class Redundancy:
             box_signals=config.box_signals,
             box_persistence=config.box_persistence,
         )
-        self.discretes = DiscreteVoter(config.discrete_persistence)
+        fitted = np.full(D, CHANNELS) if discrete_channels is None else discrete_channels
+        of_discretes = discrete_parameters(config.discretes, fitted, config.discrete_persistence, rate_hz)
+        self.discretes = DiscreteVoter(of_discretes, reset_table(config.resets, rate_hz, DISCRETE_INDEX))
 
     @property
     def arguments(self) -> tuple[Any, ...]:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, create_model, field_validator, model_validator
 
-from rig.frame import CHANNELS, INDEX, SIGNALS, Resolver, S, to_frame
+from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, SIGNALS, Resolver, S, to_frame
+from rig.redundancy.discrete_config import DiscreteConfigs
+from rig.redundancy.persistence import in_frames, refuse_both
 from rig.redundancy.reference import Config as References
 from rig.settings import Settings
 from rig.text import choices
@@ -40,9 +42,7 @@ class SignalConfig(Settings):
 
     @model_validator(mode="after")
     def _frames_or_seconds(self) -> SignalConfig:
-        for name in ("persistence", "singular_persistence"):
-            if getattr(self, f"{name}_s") is not None and name in self.model_fields_set:
-                raise ValueError(f"{name} and {name}_s are the same setting, give one of them")
+        refuse_both(self, "persistence", "singular_persistence")
         return self
 
     @field_validator("resolvers")
@@ -69,8 +69,9 @@ class Reset(Settings):
     @field_validator("signal")
     @classmethod
     def _known(cls, name: str) -> str:
-        if name not in INDEX:
-            raise ValueError(f"unknown signal, {choices(name, INDEX, 'rig signals')}")
+        known = (*INDEX, *DISCRETE_INDEX)
+        if name not in known:
+            raise ValueError(f"unknown signal, {choices(name, known, 'rig signals')}")
         return name
 
     @field_validator("channels")
@@ -85,9 +86,10 @@ class Config(Settings):
     """The ``[redundancy]`` table of an aircraft or scenario."""
 
     manager: str = "cross-channel"  # one of MANAGERS, or module:Class
-    discrete_persistence: int = Field(default=8, ge=1)
     box_signals: int = Field(default=4, ge=0)  # that accuse a channel at once until it is failed on all; 0: never
     box_persistence: int = Field(default=8, ge=1)  # frames for which they do
+    discrete_persistence: int = Field(default=8, ge=1)  # frames, of a discrete that has none of its own
+    discretes: DiscreteConfigs = DiscreteConfigs()  # pyright: ignore[reportInvalidTypeForm]  # from the frame's table
     resets: list[Reset] = []
     references: References = References()
     signals: SignalConfigs  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
@@ -125,11 +127,15 @@ PARAMS: Final = np.dtype(
 RESETS: Final = np.dtype([("frame", "i8"), ("signal", "i8"), ("channel", "u1", (CHANNELS,))], align=True)
 
 
-def reset_table(resets: Sequence[Reset], rate_hz: float) -> NDArray[np.void]:
-    """The commands as RESETS records; each acts in the first frame at or after its time."""
-    table = np.zeros(len(resets), RESETS)
-    for row, reset in zip(table, resets, strict=True):
-        row["frame"], row["signal"] = to_frame(reset.at_s, rate_hz), INDEX[reset.signal]
+def reset_table(resets: Sequence[Reset], rate_hz: float, index: Mapping[str, int] = INDEX) -> NDArray[np.void]:
+    """The commands as RESETS records; each acts in the first frame at or after its time.
+
+    index : the signals whose commands are meant, by name; DISCRETE_INDEX for those of the discretes
+    """
+    meant = [reset for reset in resets if reset.signal in index]
+    table = np.zeros(len(meant), RESETS)
+    for row, reset in zip(table, meant, strict=True):
+        row["frame"], row["signal"] = to_frame(reset.at_s, rate_hz), index[reset.signal]
         row["channel"][np.array(reset.channels) - 1] = 1
     return table
 
@@ -143,11 +149,6 @@ def parameters(
         config: SignalConfig = getattr(configs, signal.name)
         fill(params[i], config, (ranges[i, 0], ranges[i, 1]), int(channels[i]), signal.wraps, rate_hz)
     return params
-
-
-def in_frames(frames: int, seconds: float | None, rate_hz: float) -> int:
-    """A count in frames, or the time that was given instead: to the nearest frame, one at least."""
-    return frames if seconds is None else max(1, round(seconds * rate_hz))
 
 
 def fill(

@@ -1,6 +1,6 @@
 """Discrete signals: majority, the fail-safe value when there is none, isolation by persistence.
 
-Source: Zhang 2023, section 4, item 1; redundancy.md, section 3.
+Source: Zhang 2023, section 4, item 1; the rule of a frame stands in docs/redundancy.md.
 """
 
 from __future__ import annotations
@@ -8,26 +8,41 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rig.frame import CHANNELS, DISCRETES, Block, D, State
+from rig.frame import CHANNELS, Block, Ilm, State
 from rig.kernels import kernel
+from rig.redundancy.config import RESETS
 
-STATE: Final = np.dtype([("count", "i8", (CHANNELS,)), ("failed", "u1", (CHANNELS,))], align=True)
-_OK, _SUSPECT, _FAILED = int(State.OK), int(State.SUSPECT), int(State.FAILED)
+STATE: Final = np.dtype(
+    [
+        ("count", "i8", (CHANNELS,)),  # miscomparing frames in a row
+        ("agreed", "i8", (CHANNELS,)),  # frames in a row that a failed channel agreed with the vote
+        ("failed", "u1", (CHANNELS,)),
+    ],
+    align=True,
+)
+NO_RESETS: Final = np.zeros(0, RESETS)
+_OK, _SUSPECT, _FAILED, _ABSENT = (int(s) for s in (State.OK, State.SUSPECT, State.FAILED, State.ABSENT))
+_BAD: Final = int(Ilm.BAD)
 
 
 class DiscreteVoter:
-    """Votes the discretes of every row."""
+    """Votes the discretes of every row; ``state`` is plain data and can be copied.
 
-    def __init__(self, persistence: int) -> None:
-        self.fail_safe = np.array([discrete.fail_safe for discrete in DISCRETES], np.int64)
-        self.state = np.zeros(D, STATE)
-        self._persistence = persistence
+    params : one discrete_config.DISCRETE_PARAMS record for each discrete; resets : config.RESETS, whose ``signal``
+    is the place of a discrete among them
+    """
+
+    def __init__(self, params: NDArray[np.void], resets: NDArray[np.void] = NO_RESETS) -> None:
+        self.params = params
+        self.resets = resets
+        self.state = np.zeros(len(params), STATE)
 
     @property
     def arguments(self) -> tuple[Any, ...]:
         """What ``vote_discretes`` needs besides the row."""
-        return self.fail_safe, self.state, self._persistence
+        return self.params, self.state, self.resets
 
     def step(self, block: Block, k: int) -> None:
         """Write discrete_voted, discrete_state and discrete_level of row k."""
@@ -35,38 +50,63 @@ class DiscreteVoter:
 
 
 @kernel
-def vote_discretes(block, k, fail_safe, state, persistence):
-    """Majority of the channels in use; a tie, or nobody left, gives the fail-safe value.
+def vote_discretes(block, k, params, state, resets):
+    """Vote and monitor the discretes of row k: write discrete_voted, discrete_state, discrete_level.
 
-    A channel that differs from the vote for ``persistence`` frames in a row is failed, latched.
-    block : FRAME records; fail_safe : (D,) 0 or 1; state : (D,) STATE records
+    block : FRAME records, reads discrete_channels, discrete_valid, discrete_ilm
+    params, state : one DISCRETE_PARAMS and one STATE record for each discrete; resets : RESETS records
     """
     row = block[k]
-    for d in range(len(state)):
-        samples, st = row["discrete_channels"][d], state[d]
-        balance = 0
-        for c in range(CHANNELS):
-            if not st["failed"][c]:
-                balance += 1 if samples[c] else -1
-        voted = fail_safe[d]
-        if balance != 0:
-            voted = 1 if balance > 0 else 0
-        row["discrete_voted"][d] = voted
-        row["discrete_level"][d] = isolate(samples, voted, st, persistence, row["discrete_state"][d])
+    samples, valid, ilm = row["discrete_channels"], row["discrete_valid"], row["discrete_ilm"]
+    voted, levels, states = row["discrete_voted"], row["discrete_level"], row["discrete_state"]
+    for i in range(len(resets)):
+        if resets[i]["frame"] == row["frame"]:
+            d = resets[i]["signal"]
+            readmit(resets[i]["channel"], params[d], state[d])
+    for d in range(len(params)):
+        voted[d] = majority(samples[d], valid[d], ilm[d], params[d], state[d])
+        levels[d] = isolate(samples[d], valid[d], ilm[d], voted[d], params[d], state[d], states[d])
 
 
 @kernel
-def isolate(samples, voted, st, persistence, states):
-    """Count, latch and report the channels of one discrete; returns how many are left."""
+def readmit(commanded, p, st):
+    """Clear the failures of the commanded channels that have agreed with the vote for ``readmit_frames``."""
+    for c in range(p["fitted"]):
+        if commanded[c] and st["failed"][c] and st["agreed"][c] >= p["readmit_frames"]:
+            st["failed"][c] = st["count"][c] = st["agreed"][c] = 0
+
+
+@kernel
+def majority(samples, valid, ilm, p, st):
+    """The value of most channels that are not failed and can be compared; a tie, or none, gives the fail-safe value."""
+    balance = 0
+    for c in range(p["fitted"]):
+        if st["failed"][c] == 0 and valid[c] != 0 and ilm[c] != _BAD:
+            balance += 1 if samples[c] != 0 else -1
+    if balance == 0:
+        return p["fail_safe"]
+    return 1 if balance > 0 else 0
+
+
+@kernel
+def isolate(samples, valid, ilm, voted, p, st, states):
+    """Count, latch and report the channels of one discrete; returns how many are left.
+
+    A channel that cannot be compared or differs from ``voted`` for ``persistence`` frames in a row is failed.
+    """
     level = 0
     for c in range(CHANNELS):
-        differs = (samples[c] != 0) != (voted != 0)
-        st["count"][c] = st["count"][c] + 1 if differs else 0
-        if st["count"][c] >= persistence:
-            st["failed"][c] = True
+        if c >= p["fitted"]:
+            states[c] = _ABSENT
+            continue
+        agrees = valid[c] != 0 and ilm[c] != _BAD and (samples[c] != 0) == (voted != 0)
+        st["agreed"][c] = st["agreed"][c] + 1 if agrees and st["failed"][c] else 0
+        st["count"][c] = 0 if agrees else st["count"][c] + 1
+        if st["count"][c] >= p["persistence"]:
+            st["failed"][c] = 1
         if st["failed"][c]:
             states[c] = _FAILED
             continue
         level += 1
-        states[c] = _SUSPECT if differs else _OK
+        states[c] = _OK if agrees else _SUSPECT
     return level

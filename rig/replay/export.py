@@ -4,7 +4,7 @@
     <signal>.1 ..  .ilm.1 ..  .ref                    what rig vote reads: an ilm is 0, 1 or empty where there is none
     <signal>.voted .level .pattern .resolver .state.1 ..  .trend.high .trend.low      what rig vote writes
     <signal>.truth .valid.1 ..  .reference_usable .source                             what only a flight has
-    <discrete>.1 ..  .truth .voted .state.1 ..  .level
+    <discrete>.1 ..  .truth .voted .state.1 ..  .level .valid.1 ..  .ilm.1 ..
     control.*, inertial.*, flight.*, demand.*         the fields of these topics
 
 Enums are words in CSV and Parquet and numbers in npz.
@@ -59,7 +59,7 @@ def name(column: Column) -> str:
     """The column's name in a table."""
     if column.field in _NUMBERED:
         return f"{column.owner}{_NUMBERED[column.field]}.{column.channel}"
-    if column.field in ("ilm", "valid"):
+    if column.field.removeprefix("discrete_") in ("ilm", "valid"):
         return f"{column.owner}.{column.field}.{column.channel}"
     return f"{column.owner}.{_OWN.get(column.name, column.name)}"
 

@@ -14,6 +14,7 @@ from rig.score.record import Episode, ResolverScore
 
 RESOLVERS: Final = ("ilm", "trend", "reference", "extremes", "middle", "box")
 PATTERNS: Final = tuple(pattern for pattern in Pattern if pattern.is_singular)
+_CODES: Final = frozenset(map(int, Resolver))
 _LAST_RESORT: Final = {Pattern.P1_1_1_1: Resolver.EXTREMES, Pattern.P1_1_1: Resolver.MIDDLE}
 
 
@@ -60,7 +61,7 @@ def _episode(rows: Block, p: NDArray[np.void], failures: Sequence[Failure], s: i
 
 
 def _resolver(code: int) -> Resolver:
-    return Resolver(code) if code in Resolver else Resolver.NONE
+    return Resolver(code) if code in _CODES else Resolver.NONE
 
 
 def _asked(pattern: Pattern, said: Sequence[Resolver], p: NDArray[np.void]) -> tuple[str, ...]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import CHANNELS, DISCRETES, SIGNALS, Block, Resolver, State
+from rig.frame import CHANNELS, Block, Resolver, State
 from rig.score.record import Isolation
 
 COMPARISON = "comparison"
@@ -20,29 +21,43 @@ class Failure(NamedTuple):
     signal: int
     channel: int
     resolver: str
-    own: bool  # its sample was spoiled, now or within the last ``linger`` frames
+    own: bool  # its sample was wrong or a fault acted on it, now or within the last ``linger`` frames
     any: bool  # that of some channel of the signal was
 
 
 class Failures:
-    """All failures of the continuous signals of a flight.
+    """All failures of the channels of some signals of a flight, in order of time.
 
-    linger : (S,) frames in which a fault that has ceased can still be the cause: the longer persistence
+    names : of the m signals; state, error, acted : (n, m, 4) states, injected errors (NaN for a lost sample), and
+    whether a fault that changes samples acted; linger : (m,) frames in which a fault that has ceased can still be the
+    cause; by : who failed channel c of signal s in row k
     """
 
     def __init__(
-        self, rows: Block, error: NDArray[np.float64], spoiled: NDArray[np.bool_], params: NDArray[np.void]
+        self,
+        names: Sequence[str],
+        state: NDArray[np.uint8],
+        error: NDArray[np.float64],
+        acted: NDArray[np.bool_],
+        linger: NDArray[np.int64],
+        by: Callable[[int, int, int], str],
     ) -> None:
-        self._linger = np.maximum(params["persistence"], params["singular_persistence"])
-        self.all = [self._judge(rows, error, spoiled, *map(int, at)) for at in changes(rows["state"])]
+        self._names, self._linger = names, linger
+        self.all = [self._failure(error, acted, by, *map(int, at)) for at in changes(state)]
 
-    def _judge(
-        self, rows: Block, error: NDArray[np.float64], spoiled: NDArray[np.bool_], k: int, s: int, c: int
+    def _failure(
+        self,
+        error: NDArray[np.float64],
+        acted: NDArray[np.bool_],
+        by: Callable[[int, int, int], str],
+        k: int,
+        s: int,
+        c: int,
     ) -> Failure:
         since = slice(max(0, k - int(self._linger[s])), k + 1)
         wrong = (error[since, s] != 0.0).any(axis=0)  # NaN is not 0
-        own = bool(wrong[c] or spoiled[since, s, c].any())
-        return Failure(k, s, c, decided_by(rows, k, s, c), own, bool(wrong.any()))
+        own = bool(wrong[c] or acted[since, s, c].any())
+        return Failure(k, s, c, by(k, s, c), own, bool(wrong.any()))
 
     def of(self, s: int, c: int, acted: NDArray[np.intp]) -> tuple[int | None, str | None]:
         """The first failure of a channel while a fault acted, or up to ``linger`` frames after; and by whom.
@@ -59,26 +74,15 @@ class Failures:
     @property
     def false_alarms(self) -> list[Isolation]:
         """Healthy channels failed while every other channel of the signal was healthy too."""
-        return [_isolation(failure) for failure in self.all if not failure.own and not failure.any]
+        return [self._isolation(failure) for failure in self.all if not failure.own and not failure.any]
 
     @property
     def wrong_isolations(self) -> list[Isolation]:
         """Healthy channels failed while another channel of the signal was faulty."""
-        return [_isolation(failure) for failure in self.all if not failure.own and failure.any]
+        return [self._isolation(failure) for failure in self.all if not failure.own and failure.any]
 
-
-def _isolation(failure: Failure) -> Isolation:
-    return Isolation(SIGNALS[failure.signal].name, failure.channel + 1, failure.frame, failure.resolver)
-
-
-def discrete_alarms(rows: Block) -> list[Isolation]:
-    """Failed channels of discretes, which no fault can spoil."""
-    wrong = rows["discrete_channels"] != rows["discrete_truth"][:, :, None]
-    return [
-        Isolation(DISCRETES[d].name, int(c) + 1, int(k), COMPARISON)
-        for k, d, c in changes(rows["discrete_state"])
-        if not wrong[: k + 1, d, c].any()
-    ]
+    def _isolation(self, failure: Failure) -> Isolation:
+        return Isolation(self._names[failure.signal], failure.channel + 1, failure.frame, failure.resolver)
 
 
 def changes(state: NDArray[np.uint8]) -> NDArray[np.intp]:

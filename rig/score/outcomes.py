@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from rig.faults import Fault
 from rig.faults.places import number as place_number
 from rig.faults.places import site
-from rig.frame import CHANNELS, SIGNALS, Block, S, State
+from rig.frame import SIGNALS, Block, State
 from rig.scenario import Scenario
-from rig.score.isolations import COMPARISON, Failures
+from rig.score.isolations import COMPARISON
+from rig.score.monitored import Bools, Monitored
 from rig.score.places import Place, channels_of, on_channels, references_of
 from rig.score.record import FaultScore, Outcome
 from rig.score.votes import difference
-
-Bools = NDArray[np.bool_]
 
 
 def acts(rows: Block, faults: int) -> Bools:
@@ -26,26 +25,20 @@ def acts(rows: Block, faults: int) -> Bools:
     return np.unpackbits(rows["acting"], axis=1, bitorder="little")[:, :faults].astype(bool)
 
 
-def spoiling(acting: Bools, faults: Sequence[Fault]) -> Bools:
-    """(n, S, 4) whether a fault that changes samples acted on each channel."""
-    out = np.zeros((len(acting), S, CHANNELS), bool)
-    for place in on_channels(faults):
-        if place.spoils:
-            out[:, place.signal, place.channel] |= acting[:, place.number]
-    return out
-
-
 def outcomes(
     scenario: Scenario,
     rows: Block,
     acting: Bools,
-    error: NDArray[np.float64],
     params: NDArray[np.void],
-    failures: Failures,
+    signals: Monitored,
+    discretes: Monitored,
 ) -> list[FaultScore]:
     """One entry for each fault and channel, or for the fault where it sits on none, in the order of the scenario."""
     faults = scenario.faults
-    scored = [_on_channel(p, rows, acting[:, p.number], error, params, failures) for p in on_channels(faults)]
+    scored = [
+        _on_channel(place, acting[:, place.number], discretes if place.discrete else signals)
+        for place in on_channels(faults)
+    ]
     for number, fault in enumerate(faults):
         if not channels_of(fault):
             read = references_of(fault, scenario.redundancy)
@@ -53,24 +46,16 @@ def outcomes(
     return sorted(scored, key=lambda entry: entry.index)
 
 
-def _on_channel(
-    place: Place,
-    rows: Block,
-    acted: Bools,
-    error: NDArray[np.float64],
-    params: NDArray[np.void],
-    failures: Failures,
-) -> FaultScore:
+def _on_channel(place: Place, acted: Bools, monitored: Monitored) -> FaultScore:
     s, c = place.signal, place.channel
     frames = np.flatnonzero(acted)
-    before = rows["state"][np.maximum(frames - 1, 0), s, c]
+    before = monitored.state[np.maximum(frames - 1, 0), s, c]
     in_use = frames[(before != State.FAILED) | (frames == 0)]
     frames = frames[frames >= in_use[0]] if len(in_use) else frames
-    errors = np.abs(error[frames, s, c]) if place.spoils else np.zeros(len(frames))
-    failed, resolver = failures.of(s, c, frames) if place.spoils and len(in_use) else (None, None)
-    name, threshold, persistence = SIGNALS[s].name, params[s]["threshold"], params[s]["persistence"]
-    found = _Found(place.number, place.fault, name, c + 1, frames, executed=len(in_use) > 0)
-    return found.entry(errors, errors > threshold, persistence, failed, resolver)
+    errors = np.abs(monitored.error[frames, s, c]) if place.changes else np.zeros(len(frames))
+    failed, resolver = monitored.failures.of(s, c, frames) if place.changes and len(in_use) else (None, None)
+    found = _Found(place.number, place.fault, monitored.names[s], c + 1, frames, executed=len(in_use) > 0)
+    return found.entry(errors, errors > monitored.threshold[s], monitored.persistence[s], failed, resolver)
 
 
 def _elsewhere(

@@ -1,4 +1,4 @@
-"""Where the faults of a scenario sit: on channels of signals, on what the references say, or elsewhere."""
+"""Where the faults of a scenario sit: on channels of signals or discretes, on what references say, or elsewhere."""
 
 from __future__ import annotations
 
@@ -11,24 +11,30 @@ from rig.frame import INDEX, INERTIAL
 from rig.redundancy import Config
 from rig.redundancy.sources import FROM_UNIT, source
 
-MONITOR_KINDS: Final = ("ilm",)  # they change what a channel says of itself, never its sample
+# They change what a channel says of itself, never its sample; a discrete that says bad of itself is not voted.
+MONITOR_KINDS: Final = ("ilm",)
 
 
 class Place(NamedTuple):
-    """Fault ``number``, from 0, of the scenario on one channel; ``signal`` and ``channel`` are columns of the frame."""
+    """Fault ``number``, from 0, of the scenario on one channel; ``signal`` and ``channel`` are columns of the frame.
+
+    discrete : whether ``signal`` is the place of a discrete; changes : whether the sample is what it changes
+    """
 
     number: int
     fault: Fault
     signal: int
     channel: int
-    spoils: bool  # whether the sample is what it changes
+    discrete: bool
+    changes: bool
 
 
 def on_channels(faults: Sequence[Fault]) -> Iterator[Place]:
     """Each fault on each channel that it changes, in the order of the scenario."""
     for i, fault in enumerate(faults):
         for name, channel in channels_of(fault):
-            yield Place(i, fault, INDEX[name], channel - 1, fault.kind not in MONITOR_KINDS)
+            discrete = site(name) == "discrete"
+            yield Place(i, fault, number(name), channel - 1, discrete, discrete or fault.kind not in MONITOR_KINDS)
 
 
 def channels_of(fault: Fault) -> list[tuple[str, int]]:
@@ -37,7 +43,7 @@ def channels_of(fault: Fault) -> list[tuple[str, int]]:
 
 
 def references_of(fault: Fault, config: Config) -> list[int]:
-    """The signals whose reference a fault can spoil: it sits on the reference, or on the unit that it is read from."""
+    """The signals whose reference a fault can change: it sits on the reference, or on the unit that it is read from."""
     where = site(fault.signal)
     if where == "reference":
         return [number(fault.signal)]

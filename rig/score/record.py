@@ -170,6 +170,7 @@ class Score:
     vote_error: dict[str, VoteError]
     flight: FlightScore
     coverage: dict[str, Coverage]  # by signal, and "overall"
+    wrong_votes_s: dict[str, float]  # of each discrete, time in which its vote was not the truth
 
     def as_dict(self) -> dict[str, Any]:
         """The score as plain data, as ``rig score --json`` prints it."""

@@ -9,13 +9,14 @@ from rig import sensors
 from rig.frame import Block
 from rig.redundancy import measured_thresholds
 from rig.redundancy.config import parameters
+from rig.redundancy.discrete_config import discrete_parameters
 from rig.scenario import Scenario
 from rig.score.clean import checked, of_flight, recompute
 from rig.score.coverage import coverage
 from rig.score.episodes import by_pattern, episodes, tally
 from rig.score.flown import flight_score
-from rig.score.isolations import Failures, discrete_alarms
-from rig.score.outcomes import acts, outcomes, spoiling
+from rig.score.monitored import of_discretes, of_signals, wrong_votes_s
+from rig.score.outcomes import acts, outcomes
 from rig.score.record import Score, Yardstick
 from rig.score.votes import vote_errors
 
@@ -39,15 +40,16 @@ def score(
     params = monitor(scenario)
     error, vote = recompute(scenario, rows, params) if clean is None else of_flight(rows, clean, params)
     acting = acts(rows, len(scenario.faults))
-    failures = Failures(rows, error, spoiling(acting, scenario.faults), params)
-    faults = outcomes(scenario, rows, acting, error, params, failures)
-    found = episodes(rows, params, failures.all)
+    signals = of_signals(rows, error, acting, scenario.faults, params)
+    discretes = of_discretes(rows, acting, scenario.faults, discrete_monitor(scenario))
+    faults = outcomes(scenario, rows, acting, params, signals, discretes)
+    found = episodes(rows, params, signals.failures.all)
     any_acted = np.flatnonzero(acting.any(axis=1))
     onset = int(any_acted[0]) if len(any_acted) else None
     return Score(
         faults=faults,
-        false_alarms=failures.false_alarms + discrete_alarms(rows),
-        wrong_isolations=failures.wrong_isolations,
+        false_alarms=signals.failures.false_alarms + discretes.failures.false_alarms,
+        wrong_isolations=signals.failures.wrong_isolations + discretes.failures.wrong_isolations,
         episodes=found,
         resolvers=tally(found),
         resolvers_by_pattern=by_pattern(found),
@@ -55,6 +57,7 @@ def score(
         vote_error=vote_errors(rows, vote, params, onset, scenario.rate_hz),
         flight=flight_score(scenario, rows, twin, faults, onset, yardstick),
         coverage=coverage(rows, params["fitted"]),
+        wrong_votes_s=wrong_votes_s(rows, scenario.rate_hz),
     )
 
 
@@ -64,3 +67,9 @@ def monitor(scenario: Scenario) -> NDArray[np.void]:
     params = parameters(config.signals, sensors.ranges(suite), sensors.channels(suite), scenario.rate_hz)
     measured_thresholds(params, config, scenario.references)
     return params
+
+
+def discrete_monitor(scenario: Scenario) -> NDArray[np.void]:
+    """The (D,) discrete_config.DISCRETE_PARAMS records of the flight's voter of the discretes."""
+    fitted, config = sensors.discrete_channels(scenario.sensors), scenario.redundancy
+    return discrete_parameters(config.discretes, fitted, config.discrete_persistence, scenario.rate_hz)

@@ -85,6 +85,9 @@ def _votes(screen: Console, score: Score) -> None:
             table.add_row(name, f"{e.peak:.4g}", str(e.peak_frame), f"{e.rms:.4g}", *seconds, f"{e.clean_peak:.4g}")
     if table.row_count:
         screen.print(table)
+    for name, seconds in score.wrong_votes_s.items():
+        if seconds > 0:
+            screen.print(f"{'vote':17} {name} voted wrong for {seconds:g} s")
     quiet = len(score.vote_error) - table.row_count
     screen.print(f"{quiet} signals voted as healthy channels would have, within their threshold of the truth")
 

@@ -12,7 +12,7 @@ Equations and order of the effects: docs/sensors.md.
 """
 
 from rig.sensors.kernel import measure
-from rig.sensors.settings import Sensor, Suite, channels, ranges
+from rig.sensors.settings import Sensor, Suite, channels, discrete_channels, ranges
 from rig.sensors.stage import Sensors
 
-__all__ = ["Sensor", "Sensors", "Suite", "channels", "measure", "ranges"]
+__all__ = ["Sensor", "Sensors", "Suite", "channels", "discrete_channels", "measure", "ranges"]

@@ -12,7 +12,7 @@ from typing import Any, Final
 from pydantic import Field
 
 from rig.errors import BadInput
-from rig.frame import SIGNALS
+from rig.frame import INDEX, SIGNALS
 from rig.sensors.settings import FILE_KEYS, NOISE_KEYS
 from rig.settings import Settings
 from rig.text import choices, quoted
@@ -76,8 +76,8 @@ def under(below: dict[str, Any], above: dict[str, Any], known: dict[str, SensorC
     """
     made = dict(below)
     for signal, table in above.items():
-        if not isinstance(table, dict) or not isinstance(made.get(signal), dict):
-            continue  # refused later, with its key
+        if signal not in INDEX or not isinstance(table, dict) or not isinstance(made.get(signal), dict):
+            continue  # a discrete; all else is refused later, with its key
         if isinstance(table.get("class"), str):
             figures = _figures(table["class"], signal, known, f"{source}: sensors.{signal}.class")
             kept = {key: value for key, value in made[signal].items() if key not in FILE_KEYS}

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from rig.angles import difference, limit
-from rig.frame import CHANNELS, D, Ilm
+from rig.frame import CHANNELS, Ilm
 from rig.kernels import kernel
 
 # What the sensors of one signal remember from frame to frame.
@@ -24,11 +24,10 @@ MEMORY: Final = np.dtype(
 )
 _GOOD, _BAD = int(Ilm.GOOD), int(Ilm.BAD)
 _NO_MONITOR: Final = int(Ilm.ABSENT)
-_DISCRETES: Final = D
 
 
 @kernel
-def measure(block, k, params, noise, wander, memory, line, alarms):
+def measure(block, k, params, noise, wander, memory, line, alarms, fitted):
     """All channels of row k from the truth of this frame and the last.
 
     x = truth - skew (truth - last truth), truth with what is felt of others;  y += blend (x - y)
@@ -36,7 +35,7 @@ def measure(block, k, params, noise, wander, memory, line, alarms):
 
     block : FRAME records; params : (S,) PARAMS; noise : (n, S, 4) standard normal; wander : (n, S, 4), unit of
     the signal; memory : (S,) MEMORY and line : (S, 4, frames), the latency's ring, in place
-    alarms : (n, S, 4), false alarms of in-line monitors
+    alarms : (n, S, 4), false alarms of in-line monitors; fitted : (D,) channels of each discrete
     """
     row = block[k]
     truth, channels = row["truth"], row["channels"]
@@ -74,10 +73,23 @@ def measure(block, k, params, noise, wander, memory, line, alarms):
             ilm[s, c] = _BAD if p["alarms"] != 0 and alarms[k, s, c] != 0 else _GOOD
         m["truth"] = truth[s]
         m["frames"] += 1
-    discrete_truth, discrete_channels = row["discrete_truth"], row["discrete_channels"]
-    for d in range(_DISCRETES):
+    switch(row, fitted)
+
+
+@kernel
+def switch(row, fitted):
+    """All channels of the discretes: each switch is where the truth is, valid, its monitor good.
+
+    fitted : (D,) channels of each; one that is not fitted is 0, not valid, without a monitor
+    """
+    truth, samples = row["discrete_truth"], row["discrete_channels"]
+    valid, ilm = row["discrete_valid"], row["discrete_ilm"]
+    for d in range(len(fitted)):
         for c in range(CHANNELS):
-            discrete_channels[d, c] = discrete_truth[d]
+            there = c < fitted[d]
+            samples[d, c] = truth[d] if there else 0
+            valid[d, c] = 1 if there else 0
+            ilm[d, c] = _GOOD if there else _NO_MONITOR
 
 
 @kernel

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field, create_model, model_serializer, model_validator
 from pydantic_core.core_schema import SerializerFunctionWrapHandler
 
-from rig.frame import CHANNELS, INDEX, SIGNALS, Signal
+from rig.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Signal
 from rig.settings import Settings
 
 # Three sensors at right angles in one box: each sees a little of what the others measure.
@@ -107,6 +107,12 @@ class Sensor(Settings):
         return {"class" if key == "class_" else key: value for key, value in handler(self).items()}
 
 
+class DiscreteSensor(Settings):
+    """The switches of one discrete: a ``[sensors.<discrete>]`` table."""
+
+    channels: int = Field(default=CHANNELS, ge=2, le=CHANNELS)
+
+
 def _whole(suite: Settings) -> Settings:
     """Refuse a sensor whose range is empty, and an effect that its signal cannot have."""
     for s, signal in enumerate(SIGNALS):
@@ -125,12 +131,15 @@ def _whole(suite: Settings) -> Settings:
     return suite
 
 
-_FIELDS: dict[str, Any] = {signal.name: (Sensor, ...) for signal in SIGNALS}
+_FIELDS: dict[str, Any] = {
+    **{signal.name: (Sensor, ...) for signal in SIGNALS},
+    **{discrete.name: (DiscreteSensor, DiscreteSensor()) for discrete in DISCRETES},
+}
 _CHECKS: dict[str, Any] = {"whole": model_validator(mode="after")(_whole)}
 Suite = create_model(
     "Suite",
     __base__=Settings,
-    __doc__="A full set, the ``[sensors.<signal>]`` tables: one Sensor for every signal of the frame.",
+    __doc__="The ``[sensors.<name>]`` tables: a Sensor for each signal, a DiscreteSensor for each discrete.",
     __validators__=_CHECKS,
     **_FIELDS,
 )
@@ -144,3 +153,8 @@ def ranges(suite: Settings) -> NDArray[np.float64]:
 def channels(suite: Settings) -> NDArray[np.int64]:
     """(S,) number of channels of each signal."""
     return np.array([getattr(suite, signal.name).channels for signal in SIGNALS])
+
+
+def discrete_channels(suite: Settings) -> NDArray[np.int64]:
+    """(D,) number of channels of each discrete."""
+    return np.array([getattr(suite, discrete.name).channels for discrete in DISCRETES])

@@ -11,6 +11,7 @@ from rig.frame import CHANNELS, Block, S
 from rig.sensors.alarms import Alarms
 from rig.sensors.kernel import MEMORY, measure
 from rig.sensors.params import fixed
+from rig.sensors.settings import discrete_channels
 from rig.sensors.wander import PROCESSES, Wander
 from rig.settings import Settings
 
@@ -31,11 +32,13 @@ class Sensors:
         self._noise = np.zeros((0, S, CHANNELS), np.float32)  # single precision draws in half the time
         self._memory = np.zeros(S, MEMORY)
         self._line = np.zeros((S, CHANNELS, int(self.params["delay"].max()) + 2))
+        self._discretes = discrete_channels(suite)
 
     @property
     def arguments(self) -> tuple[Any, ...]:
         """What ``measure`` needs besides the row; the same arrays until the next ``prepare``."""
-        return self.params, self._noise, self._wander.rows, self._memory, self._line, self._alarms.rows
+        drawn = self._noise, self._wander.rows
+        return self.params, *drawn, self._memory, self._line, self._alarms.rows, self._discretes
 
     def prepare(self, block: Block) -> None:
         """Draw the noise of the rows of ``block``; the streams do not depend on the block's length."""
@@ -46,5 +49,5 @@ class Sensors:
         self._alarms.prepare(len(block))
 
     def step(self, block: Block, k: int) -> None:
-        """Write channels, valid, ilm and discrete_channels of row k."""
+        """Write channels, valid and ilm of row k, of signals and discretes."""
         measure(block, k, *self.arguments)

@@ -133,7 +133,8 @@ def _signal_lanes(signal: Signal, shown: Sequence[Shown], faults: str) -> Any:
 def _discretes_tab(shown: Sequence[Shown]) -> rrb.Container:
     rows = []
     for discrete in DISCRETES:
-        states = state_lanes(f"{discrete.name}: channels", lanes.of_discrete(discrete), shown)
+        name = f"{discrete.name}: faults, channels"
+        states = state_lanes(name, lanes.of_discrete(discrete), shown, faults=discrete.name)
         rows.append(rrb.Horizontal(_discrete_plot(discrete, shown), states, column_shares=[3, 2]))
     return rrb.Vertical(*rows, name="discretes")
 

@@ -1,0 +1,38 @@
+"""Kinds of faults that only a discrete can have; ``stuck``, ``dropout``, ``intermittent`` and ``ilm`` suit it too."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from rig.faults.settings import Act, Effect, Pulses, Rhythm, Spoiled, quantity
+
+
+class Inverted(Spoiled):
+    """y = 1 - x. A switch wired to the wrong one of its two contacts, a swapped polarity."""
+
+    sites = ("discrete",)
+    kind: Literal["inverted"]
+
+    @property
+    def effect(self) -> Effect:
+        """For the kernel."""
+        return Effect(Act.INVERT)
+
+
+class Toggling(Spoiled):
+    """y = 1 - x and x in turn. A chattering relay, a bouncing microswitch, a proximity sensor at its limit."""
+
+    sites = ("discrete",)
+    kind: Literal["toggling"]
+    period_s: float = quantity("s", "from one wrong value to the next: half of it wrong, half right", gt=0)
+    random: bool = quantity("", "both halves are means of exponentially distributed times", False)
+
+    @property
+    def effect(self) -> Effect:
+        """For the kernel."""
+        return Effect(Act.INVERT)
+
+    @property
+    def pulses(self) -> Pulses:
+        """Wrong and right in turn; at least a frame each."""
+        return Pulses(Rhythm.TELEGRAPH if self.random else Rhythm.CYCLE, self.period_s / 2, self.period_s / 2)
