@@ -95,8 +95,15 @@ def faults(scenario: Scenario, keep_clean: int = 0) -> Faults:
     thresholds = np.array([getattr(monitored, signal.name).threshold for signal in SIGNALS])
     monitors = {signal.name: getattr(scenario.sensors, signal.name).monitor for signal in SIGNALS}
     coils = {name: Coils(one.coverage, one.tolerance, one.frames) for name, one in monitors.items() if one is not None}
-    more: Any = {"coils": coils, "thresholds": thresholds, "keep_clean": keep_clean}
-    return Faults(scenario.faults, places, scenario.rate_hz, seeds, **more)
+    return Faults(
+        scenario.faults,
+        places,
+        scenario.rate_hz,
+        seeds,
+        thresholds=thresholds,
+        coils=coils,
+        keep_clean=keep_clean,
+    )
 
 
 def redundancy(scenario: Scenario) -> Redundancy:

@@ -52,7 +52,7 @@ def faulted(
     """
     rows = healthy() if block is None else block
     parsed = [PARSE.validate_python(fault) for fault in faults]
-    stage = Faults(parsed, PLACES, RATE, SeedSequence(seed), coils=coils, thresholds=THRESHOLDS)
+    stage = Faults(parsed, PLACES, RATE, SeedSequence(seed), thresholds=THRESHOLDS, coils=coils)
     for start in range(0, len(rows), size):
         part = rows[start : start + size]
         stage.prepare(part)

@@ -108,8 +108,8 @@ def test_in_line_monitors_that_lie_make_a_wrong_isolation():
 def test_the_trend_alone_fails_the_good_pair_of_a_common_offset():
     found = scored("f16_common_offset_trend", "duration_s=12")
     assert failed(found.wrong_isolations) == [
-        ("normal_load_factor", 1, 1008, "trend"),
-        ("normal_load_factor", 2, 1008, "trend"),
+        ("normal_load_factor", 1, 1026, "trend"),
+        ("normal_load_factor", 2, 1026, "trend"),
     ]
     assert [fault.outcome for fault in found.faults] == ["missed", "missed"]
     assert (found.resolvers["trend"].asked, found.resolvers["trend"].wrong) == (1, 1)

@@ -18,7 +18,7 @@ from rig.cli import app
 from rig.errors import BadInput, BadLog
 from rig.faults import executed
 from rig.flight import Flight, fly, metadata
-from rig.frame import INDEX
+from rig.frame import DISCRETE_INDEX, INDEX
 from rig.log import LogWriter, recover
 from rig.score import Yardstick, fly_rows, fly_twin, score, score_log
 from rig.score.clean import of_flight, recompute
@@ -65,7 +65,9 @@ def test_every_key_of_the_json_is_on_the_page(flight: Flight):
             return set().union(*map(keys, node)) if node else set()
         return set(node).union(*map(keys, node.values())) if isinstance(node, dict) else set()
 
-    named = keys({**found, "vote_error": found["vote_error"]["heading"], "coverage": found["coverage"]["overall"]})
+    of_one = {"vote_error": found["vote_error"]["heading"], "coverage": found["coverage"]["overall"]}
+    assert set(found["wrong_votes_s"]) == set(DISCRETE_INDEX)
+    named = keys({**found, **of_one, "wrong_votes_s": 0.0})
     assert {key for key in named if f"`{key}`" not in page} == set()
 
 

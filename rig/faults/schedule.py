@@ -40,8 +40,8 @@ class Faults:
 
     faults : of the scenario, checked; ranges : (n, 2) lowest and highest value of every place but the discretes
     seeds  : of this stage; every fault draws from generators of its own, which its name gives
-    coils  : the in-line monitors that measure, by signal
     thresholds : (S,) of the signals' monitors, for magnitudes that are given in them
+    coils  : the in-line monitors that measure, by signal
     clean  : (keep_clean,) CLEAN, what the sensors said before any fault in so many frames from the first
     All state is plain arrays and can be copied.
     """
@@ -53,8 +53,8 @@ class Faults:
         rate_hz: float,
         seeds: SeedSequence | None = None,
         *,
-        coils: Mapping[str, Coils] | None = None,
         thresholds: NDArray[np.float64] | None = None,
+        coils: Mapping[str, Coils] | None = None,
         keep_clean: int = 0,
     ) -> None:
         self._faults, self._rate_hz = faults, rate_hz

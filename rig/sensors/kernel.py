@@ -27,7 +27,7 @@ _NO_MONITOR: Final = int(Ilm.ABSENT)
 
 
 @kernel
-def measure(block, k, params, noise, wander, memory, line, alarms, fitted):
+def measure(block, k, params, noise, wander, memory, line, fitted, alarms):
     """All channels of row k from the truth of this frame and the last.
 
     x = truth - skew (truth - last truth), truth with what is felt of others;  y += blend (x - y)
@@ -35,7 +35,8 @@ def measure(block, k, params, noise, wander, memory, line, alarms, fitted):
 
     block : FRAME records; params : (S,) PARAMS; noise : (n, S, 4) standard normal; wander : (n, S, 4), unit of
     the signal; memory : (S,) MEMORY and line : (S, 4, frames), the latency's ring, in place
-    alarms : (n, S, 4), false alarms of in-line monitors; fitted : (D,) channels of each discrete
+    fitted : (D,) channels of each discrete
+    alarms : (n, S, 4), false alarms of in-line monitors
     """
     row = block[k]
     truth, channels = row["truth"], row["channels"]

@@ -37,8 +37,7 @@ class Sensors:
     @property
     def arguments(self) -> tuple[Any, ...]:
         """What ``measure`` needs besides the row; the same arrays until the next ``prepare``."""
-        drawn = self._noise, self._wander.rows
-        return self.params, *drawn, self._memory, self._line, self._alarms.rows, self._discretes
+        return self.params, self._noise, self._wander.rows, self._memory, self._line, self._discretes, self._alarms.rows
 
     def prepare(self, block: Block) -> None:
         """Draw the noise of the rows of ``block``; the streams do not depend on the block's length."""

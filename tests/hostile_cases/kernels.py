@@ -1,7 +1,8 @@
 """Kind ``kernel``: random samples through all five managers.
 
-While a valid sample in range exists the vote is finite and within the range of such samples.  Two exceptions are
-the manager's own rules: nobody answers a 2:2 or 1:1 (the last agreed vote is held, moved by the ranks), and a fade.
+While a valid sample in range exists the vote is finite and within the range of such samples.  Three exceptions are
+the manager's own rules: nobody answers a pattern without a majority (the last vote is held, moved by the ranks), a
+fade, and a last channel against which its monitor or the reference speaks (the reference votes, else the last vote).
 """
 
 from __future__ import annotations
@@ -102,7 +103,9 @@ def _broken(
         where = f"{manager}, {settings}, range {limits}, frame {k}: vote {voted[k]!r} of {samples[k].tolist()}"
         if (before is not None or counts[k].any()) and not np.isfinite(voted[k]):
             return f"not finite: {where}"
-        held = block["resolver"][k, 0] == Resolver.UNRESOLVED or fade_s > 0 or not usable.any()
+        resolver = block["resolver"][k, 0]
+        accused = usable.sum() == 1 and resolver in (Resolver.ILM, Resolver.REFERENCE)
+        held = accused or resolver == Resolver.UNRESOLVED or fade_s > 0 or not usable.any()
         if not held and not _within(float(voted[k]), samples[k][usable], wraps, before):
             return f"outside of the good samples: {where}"
         before = float(voted[k]) if before is not None or counts[k].any() else None
