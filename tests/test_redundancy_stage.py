@@ -115,12 +115,12 @@ def test_references_are_usable_for_our_manager_alone():
 
 
 def test_a_measured_threshold_counts_in_the_vote():
-    """The reference is zero and the pairs at 0 and 0.3 rad/s: settled with a threshold of 0.1, not of 1e-9."""
+    """The reference is zero and the pairs at -0.01 and 0.3 rad/s: settled with a threshold of 0.1, not of 1e-9."""
     for threshold, settled in ((0.1, True), (1e-9, False)):
         error = Error(rms=0.0, quantile_999=0.0, worst=0.0, threshold=threshold)
         which = stage(errors={"pitch_rate": {"attitude": error}}, resolvers=["reference"])
         block = rows(100)
-        block["channels"][20:, Q, 2:] = 0.3
+        block["channels"][20:, Q, :2], block["channels"][20:, Q, 2:] = -0.01, 0.3
         states = run(which, block)["state"][-1, Q].tolist()
         assert (states == [State.OK, State.OK, State.FAILED, State.FAILED]) is settled
 

@@ -8,6 +8,7 @@ import pytest
 from rig import scenario
 from rig.errors import BadInput
 from rig.frame import SIGNALS
+from rig.redundancy.sources import FROM_UNIT
 from rig.score import FaultScore, Score, fly_rows, fly_twin, score
 
 PERSISTENCE, SINGULAR = 8, 10  # frames, aircraft/defaults.toml
@@ -117,7 +118,8 @@ def test_the_trend_alone_fails_the_good_pair_of_a_common_offset():
 
 
 def test_extremes_and_reference_settle_four_ways_apart():
-    found = scored("f16_singular_1_1_1_1", "duration_s=12")
+    wide = "redundancy.references.pitch_rate=angle_of_attack"  # by the default one a single sample is near
+    found = scored("f16_singular_1_1_1_1", "duration_s=12", wide)
     by_channel = {fault.channel: fault for fault in found.faults}
     assert {c: fault.resolver for c, fault in by_channel.items()} == {2: "reference", 3: "extremes", 4: "extremes"}
     assert by_channel[3].failed_frame == by_channel[4].failed_frame == 1009
@@ -158,7 +160,9 @@ def test_a_fault_on_the_inertial_unit_is_seen_by_the_monitor_of_the_references()
     (fault,) = found.faults
     assert (fault.signal, fault.channel, fault.outcome) == ("inertial.pitch_rate_rad_s", None, "detected")
     assert frames_of(fault) == (200, 200, 207)
-    unread = scored("f16_pitch_rate_hardover", "duration_s=4", place)  # nobody reads the unit's pitch rate
+    reading = [name for name, read in FROM_UNIT.items() if "pitch_rate_rad_s" in read]
+    off = [f"redundancy.references.{name}=none" for name in reading]
+    unread = scored("f16_pitch_rate_hardover", "duration_s=4", place, *off)
     assert (unread.faults[0].outcome, unread.faults[0].onset_frame) == ("undetectable", 200)
     assert unread.false_alarms == found.false_alarms == []
 

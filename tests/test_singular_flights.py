@@ -67,7 +67,6 @@ def fly(name: str) -> Outcome:
 CERTAIN = {
     "f16_singular_2_2_ilm": (("ilm",), "right"),
     "f16_singular_2_2_lying_ilm": (("ilm",), "wrong"),
-    "f16_singular_1_1_1": (("middle",), "right"),
     "f16_common_offset_trend": (("trend",), "wrong"),
 }
 NAMES = sorted(p.stem for p in (PAGE.parent.parent / "faults").glob("f16_[sc][io][nm][gm]*.toml"))
