@@ -37,6 +37,8 @@ from rig.text import nearest, quoted, shorten
 from rig.trust import Trust
 
 DEFAULT: Final = "f16_pitch_rate_hardover.toml"
+EVERY: Final = "*"  # in a key of --set: all items of a list, all signals of a table of signals
+_OF_SIGNALS: Final = ("redundancy.signals", "sensors")
 _DIGITS: Final = re.compile("[0-9]{1,9}")
 # The order is part of every recorded flight: append, never insert.
 STREAMS: Final = ("plant", "sensors", "faults", "inertial")
@@ -203,24 +205,40 @@ def parse_set(text: str) -> tuple[str, Any]:
 
 
 def set_key(data: dict[str, Any], key: str, value: Any, source: str) -> dict[str, Any]:
-    """``data`` with one dotted key set; a number in the key counts into a list from 0. BadInput names ``source``."""
+    """``data`` with one dotted key set; BadInput names ``source``.
+
+    A number in the key counts into a list from 0; ``*`` is every item of a list, or every signal of a table of signals.
+    """
     keys = key.split(".")
     if len(keys) > DEEPEST:
         raise BadInput(f"{source}: {quoted(key)}: a key of more than {DEEPEST} parts")
     return _set(data, keys, value, source)
 
 
-def _set(node: Any, keys: list[str], value: Any, source: str) -> Any:
+def _set(node: Any, keys: list[str], value: Any, source: str, within: str = "") -> Any:
     if not keys:
         return value
     key, rest = keys[0], keys[1:]
+    if key == EVERY:
+        return _set_every(node, rest, value, source, within)
     if isinstance(node, list):
         if not _DIGITS.fullmatch(key) or int(key) >= len(node):
             allowed = f"must be an index from 0 to {len(node) - 1}" if node else "counts into an empty list"
             raise BadInput(f"{source}: {quoted(key)} {allowed}")
         return [_set(item, rest, value, source) if i == int(key) else item for i, item in enumerate(node)]
     table = node if isinstance(node, dict) else {}
-    return {**table, key: _set(table.get(key), rest, value, source)}
+    return {**table, key: _set(table.get(key), rest, value, source, f"{within}.{key}" if within else key)}
+
+
+def _set_every(node: Any, rest: list[str], value: Any, source: str, within: str) -> Any:
+    """Set ``rest`` in all items of a list, or in the tables of all signals."""
+    if isinstance(node, list) and node:
+        return [_set(item, rest, value, source) for item in node]
+    if within not in _OF_SIGNALS:
+        allowed = ", ".join((*(f"{table}.*" for table in _OF_SIGNALS), "lists that are not empty"))
+        raise BadInput(f"{source}: {within or 'the file'}: * stands for every item; allowed: {allowed}")
+    table = node if isinstance(node, dict) else {}
+    return {**table, **{signal.name: _set(table.get(signal.name), rest, value, source) for signal in SIGNALS}}
 
 
 def _parse(value: str, source: str) -> Any:

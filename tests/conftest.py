@@ -44,7 +44,7 @@ class Voted:
 
 @pytest.fixture
 def vote() -> Callable[..., Voted]:
-    """vote(samples (n, 4), manager=..., reference=..., ilm=..., valid=..., wraps=..., limits=..., **settings)."""
+    """vote(samples (n, 4), manager=..., reference=..., second=..., common=..., ilm=..., valid=..., **settings)."""
     return vote_samples
 
 
@@ -53,6 +53,8 @@ def vote_samples(
     *,
     manager: str = "cross-channel",
     reference: Any = None,
+    second: Any = None,
+    common: tuple[int, bool] | None = None,
     ilm: Any = None,
     valid: Any = None,
     wraps: bool = False,
@@ -71,6 +73,9 @@ def vote_samples(
     block["valid"][:, 0] = 1 if valid is None else valid
     block["ilm"][:, 0] = 2 if ilm is None else ilm
     block["reference"][:, 0] = np.nan if reference is None else reference
+    block["second_reference"][:, 0] = np.nan if second is None else second
+    if common is not None:  # frames, and whether the signal is lost then
+        params["common_persistence"], params["common_fails"] = common
     table = np.zeros(len(resets), RESETS)
     for row, (frame, channel) in zip(table, resets, strict=True):
         row["frame"], row["channel"][channel - 1] = frame, 1

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from rig.angles import wrap
 from rig.frame import INDEX, INERTIAL
 from rig.inclination.estimate import begin, follow_path, learn_yaw_drift, predict
 from rig.inclination.path import climb, path_pitch_angle, pitch_on_path
@@ -21,6 +22,7 @@ from rig.redundancy.designed import COLUMNS
 
 _GRAVITY: Final = 9.80665  # m/s2
 _FIRST_PITCH_RAD: Final = 0.05  # sigma of level flight as a first guess
+_DRAWN_S: Final = 10.0  # longer than a slip, shorter than the gyros need to drift off
 _THINNEST: Final = 200.0  # Pa; divisions by dynamic pressure take at least this
 _Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
 _NX, _NY, _NZ = (INDEX[f"{axis}_load_factor"] for axis in ("longitudinal", "lateral", "normal"))
@@ -171,19 +173,36 @@ def pitch_angle(p, st, known):
 
 
 @kernel
-def pitch_angle_on_path(inertial, st):
-    """Pitch angle at which the air flow, as voted, has the direction of the unit's velocity.  A gust is its error."""
-    voted = st["voted"]
-    north, east, down = inertial[_NORTH], inertial[_NORTH + 1], inertial[_NORTH + 2]
-    speed = max(math.sqrt(north * north + east * east + down * down), 1.0)
-    return pitch_on_path(-down / speed, voted[_ALPHA], voted[_BETA], voted[_PHI])
+def roll_angle(p, st, speed, known):
+    """Roll angle by the voted gyros, drawn to that of the turn within ``_DRAWN_S``; NaN while a partner is lost.
+
+    phi_dot = p + (q sin phi + r cos phi) tan theta
+    """
+    if not known:
+        st["rolling"] = 0
+        return math.nan
+    turned = roll_angle_of_turn(st, speed)
+    if st["rolling"] == 0:
+        st["rolling"], st["roll_angle"] = 1, turned
+        return turned
+    voted, phi = st["voted"], st["roll_angle"]
+    rate = voted[_P] + (voted[_Q] * math.sin(phi) + voted[_R] * math.cos(phi)) * math.tan(voted[_THETA])
+    st["roll_angle"] = wrap(phi + (rate + wrap(turned - phi) / _DRAWN_S) / p["rate_hz"])
+    return st["roll_angle"]
 
 
 @kernel
 def roll_angle_of_turn(st, speed):
-    """Roll angle at which the aircraft turns as the heading does: tan phi = V psi_dot cos theta / g - n_y."""
-    turning = speed * st["slope"][_PSI] * math.cos(st["voted"][_THETA]) / _GRAVITY
-    return math.atan(turning - st["voted"][_NY])
+    """Roll angle at which gravity turns the aircraft as it does.
+
+    g sin phi cos theta = V (r cos alpha - p sin alpha) - g n_y
+
+    What is left out, V beta_dot, is its error in a slip that begins or ends.
+    """
+    voted = st["voted"]
+    turning = speed * (voted[_R] * math.cos(voted[_ALPHA]) - voted[_P] * math.sin(voted[_ALPHA])) / _GRAVITY
+    sine = (turning - voted[_NY]) / max(math.cos(voted[_THETA]), 0.1)
+    return math.asin(min(max(sine, -1.0), 1.0))
 
 
 @kernel

@@ -57,13 +57,15 @@ STATE: Final = np.dtype(
         ("lost", "i8"),  # no channel
         ("singular", "i8"),  # no majority
         ("agreed", "i8"),  # two channels or more, and all of them agree
+        ("roll_angle", "f8"),  # by the voted gyros
+        ("rolling", "u1"),  # whether that has begun
         ("smoothing", "i8"),  # a bit for each signal whose filter has begun
         ("started", "u1"),
     ],
     align=True,
 )
-_NO_SOURCE, _PARTNERS, _INERTIAL, _TURNED, _PATH = 0, 1, 2, 3, 4
-_SOURCES: Final = {"none": _NO_SOURCE, "inertial": _INERTIAL, "attitude": _TURNED, "path": _PATH}  # others: partners
+_NO_SOURCE, _PARTNERS, _INERTIAL, _TURNED = 0, 1, 2, 3
+_SOURCES: Final = {"none": _NO_SOURCE, "inertial": _INERTIAL, "attitude": _TURNED}  # all others are partners
 _SLOWEST: Final = 30.0  # m/s; divisions by airspeed take at least this
 _STEEPEST: Final = 1.3  # rad of pitch; beyond it roll and heading say little
 _Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
@@ -204,8 +206,6 @@ def opinion(s, source, partners, unknown, inertial, p, st, density, speed):
         said = of_unit(s, inertial, p, st, density)
     elif source == _TURNED:
         said = of_attitude(s, st) if abs(st["voted"][_THETA]) <= _STEEPEST else math.nan
-    elif source == _PATH:
-        said = motion.pitch_angle_on_path(inertial, st)
     else:
         said = of_partners(s, partners, p, st, speed)
     return said if partners & unknown == 0 else math.nan
@@ -234,7 +234,7 @@ def of_partners(s, partners, p, st, speed):
     if s == _BETA:
         return motion.angle_of_sideslip(c, p, st)
     if s == _PHI:
-        return motion.roll_angle_of_turn(st, speed)
+        return motion.roll_angle(p, st, speed, (partners & st["lost"]) == 0)
     return motion.pitch_angle(p, st, (partners & st["lost"]) == 0)
 
 

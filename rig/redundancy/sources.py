@@ -24,8 +24,8 @@ class Config(Settings):
     angle_of_sideslip: Literal["lateral_load_factor", "inertial", "none"] = "lateral_load_factor"
     static_pressure: Literal["inertial", "none"] = "inertial"
     dynamic_pressure: Literal["inertial", "none"] = "inertial"
-    pitch_angle: Literal["kinematic", "path", "inertial", "none"] = "inertial"
-    roll_angle: Literal["turn", "inertial", "none"] = "inertial"
+    pitch_angle: Literal["kinematic", "inertial", "none"] = "inertial"
+    roll_angle: Literal["body_rates", "inertial", "none"] = "inertial"
     heading: Literal["inertial", "none"] = "inertial"
     inertial_lead_s: float = Field(default=0.015, ge=0)  # makes up for the unit's lag beyond that of the gyros
 
@@ -57,9 +57,11 @@ PARTNERS: Final[dict[tuple[str, str], tuple[str, ...]]] = {
     ("static_pressure", "inertial"): (),
     ("dynamic_pressure", "inertial"): ("static_pressure",),
     ("pitch_angle", "kinematic"): estimate.PARTNERS,
-    ("pitch_angle", "path"): ("angle_of_attack", "angle_of_sideslip", "roll_angle"),
     ("pitch_angle", "inertial"): (),
-    ("roll_angle", "turn"): ("lateral_load_factor", "pitch_angle", "heading", *_AIR),
+    ("roll_angle", "body_rates"): (
+        *(*_TURNING, "angle_of_attack", "lateral_load_factor", "pitch_angle"),
+        *_AIR,
+    ),
     ("roll_angle", "inertial"): (),
     ("heading", "inertial"): (),
 }
@@ -88,10 +90,9 @@ SECOND: Final[dict[tuple[str, str], str]] = {
     ("angle_of_sideslip", "lateral_load_factor"): "inertial",
     ("angle_of_sideslip", "inertial"): "lateral_load_factor",
     ("pitch_angle", "kinematic"): "inertial",
-    ("pitch_angle", "path"): "inertial",
-    ("pitch_angle", "inertial"): "path",
-    ("roll_angle", "turn"): "inertial",
-    ("roll_angle", "inertial"): "turn",
+    ("pitch_angle", "inertial"): "kinematic",
+    ("roll_angle", "body_rates"): "inertial",
+    ("roll_angle", "inertial"): "body_rates",
 }
 _RATES, _VELOCITIES, _FORCES = INERTIAL[:3], INERTIAL[3:6], INERTIAL[6:]
 # What the source ``inertial`` of each signal reads of the inertial unit.

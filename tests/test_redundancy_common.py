@@ -1,0 +1,124 @@
+"""Two references against all channels: what they must agree on, for how long, and what becomes of the signal."""
+
+import numpy as np
+import pytest
+from conftest import constant, vote_samples
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rig import scenario
+from rig.campaign.flying import fly
+from rig.frame import INDEX, Resolver, Source, State
+from rig.redundancy.sources import FROM_UNIT, PARTNERS, SECOND, Config, second
+
+TEN = constant(10, 10.1, 9.9, 10)
+
+
+def contradicted(reference, other, samples=TEN, frames=5, fails=False, **more):
+    more = {"threshold": 1.0, "reference_threshold": 1.0, **more}
+    return vote_samples(samples, reference=reference, second=other, common=(frames, fails), **more)
+
+
+def test_it_is_reported_in_the_frame_in_which_it_has_persisted():
+    found = contradicted(0.0, 0.0)
+    assert found.common_mode.tolist() == [0] * 4 + [1] * 26
+    assert (found.state == State.OK).all() and (found.voted == found.voted[0]).all()
+
+
+def test_by_choice_the_signal_is_lost_and_its_reference_usable():
+    found = contradicted(0.0, 0.0, frames=12, fails=True)  # after the reference was set aside, at frame 8
+    assert found.reference_usable[10] == 0
+    assert found.failed_at() == [12] * 4 and found.level.tolist() == [4] * 11 + [0] * 19
+    assert found.resolver[11] == Resolver.COMMON and (found.reference_usable[11:] == 1).all()
+
+
+@pytest.mark.parametrize(
+    ("reference", "other"),
+    [
+        (8.4, 0.0),  # within 1.5 thresholds of the vote
+        (0.0, 8.6),
+        (0.0, 2.1),  # further apart than both thresholds
+        (20.0, 0.0),
+        (np.nan, 0.0),
+        (0.0, np.nan),
+        (0.0, None),
+        (np.inf, np.inf),
+        (10.0, 10.0),
+    ],
+)
+def test_two_that_do_not_agree_against_the_vote_say_nothing(reference, other):
+    assert not contradicted(reference, other).common_mode.any()
+
+
+def test_small_common_biases_are_below_the_monitors_own_threshold():
+    assert not contradicted(9.1, 9.1, reference_threshold=0.1).common_mode.any()
+    assert contradicted(8.9, 8.9, reference_threshold=0.1).common_mode.any()
+
+
+def test_all_channels_must_agree():
+    samples = TEN.copy()
+    samples[:, 2] = 20.0  # failed at frame 8; the others are all that are in use then
+    found = contradicted(0.0, 0.0, samples)
+    assert found.common_mode.tolist() == [0] * 12 + [1] * 18
+    samples[:, 3] = np.arange(30) * 1.0  # leaves the vote, and a frame without agreement begins the count again
+    assert not contradicted(0.0, 0.0, samples, frames=3).common_mode[:8].any()
+
+
+def test_a_last_channel_is_no_common_mode():
+    samples = np.full((30, 4), np.nan)
+    samples[:, 0] = 10.0
+    assert not contradicted(0.0, 0.0, samples).common_mode.any()
+
+
+def test_angles_are_compared_the_short_way_round():
+    near_the_turn = constant(3.1, 3.1, 3.1, 3.1)
+    limits = {"wraps": True, "limits": (-np.pi, np.pi), "threshold": 0.2, "reference_threshold": 0.2}
+    assert not contradicted(-3.1, -3.1, near_the_turn, **limits).common_mode.any()
+    assert contradicted(-1.0, -1.0, near_the_turn, **limits).common_mode.any()
+
+
+@given(st.floats(-50, 50), st.floats(-50, 50), st.floats(0.1, 5), st.floats(0.1, 5))
+def test_it_is_the_rule_of_the_page(reference, other, threshold, own):
+    found = contradicted(reference, other, threshold=own, reference_threshold=threshold, samples=constant(*[10.0] * 4))
+    margin = max(1.5 * threshold, own), max(1.5 * own, own)  # the second has the monitor's threshold here
+    expected = (
+        abs(10.0 - reference) > margin[0]
+        and abs(10.0 - other) > margin[1]
+        and abs(reference - other) <= threshold + own
+    )
+    assert bool(found.common_mode[-1]) == expected
+
+
+def test_a_second_reference_reads_nothing_that_the_first_reads():
+    for (signal, chosen), other in SECOND.items():
+        read = [set(PARTNERS[signal, s]) | set(FROM_UNIT[signal] if s == "inertial" else ()) for s in (chosen, other)]
+        assert not read[0] & read[1] and signal not in read[0] | read[1], (signal, chosen)
+
+
+def test_both_references_of_a_signal_are_those_that_it_has_alone():
+    """In one flight: the second reference is what the same source says as the first."""
+    flown = {}
+    for chosen in ("load_factor", "inertial"):
+        sets = [f"redundancy.references.angle_of_attack={chosen}", "duration_s=5", "faults=[]"]
+        flown[chosen] = fly(scenario.load(None, sets)).rows
+    s = INDEX["angle_of_attack"]
+    for one, other in (("load_factor", "inertial"), ("inertial", "load_factor")):
+        assert (flown[one]["second_reference"][:, s] == flown[other]["reference"][:, s]).all()
+
+
+def test_a_signal_without_a_reference_has_no_second():
+    config = Config(pitch_rate="none")
+    assert second(config, "pitch_rate") == "none" and second(Config(), "heading") == "none"
+    assert second(Config(), "pitch_rate") == "inertial"
+
+
+@pytest.mark.parametrize("signal", ["pitch_rate", "angle_of_attack"])
+def test_gyros_and_vanes_that_run_away_together_lose_the_aircraft_or_the_signal(signal):
+    fault = f'faults=[{{kind="hardover", signal="{signal}", channels=[1,2,3,4], start_s=3.0}}]'
+    reported = fly(scenario.load(None, [fault, "duration_s=20"]))
+    assert not reported.verdict.survived and (reported.rows["common_mode"][:, INDEX[signal]] == 1).any()
+    failed = fly(scenario.load(None, [fault, "duration_s=20", 'redundancy.common_mode="fail"']))
+    assert failed.verdict.survived and failed.verdict.failed == {signal: [1, 2, 3, 4]}
+    assert failed.rows["source"][-1, INDEX[signal]] == Source.REFERENCE
+    names = {event.name for event in failed.events}
+    assert "common mode" in names
