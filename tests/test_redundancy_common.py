@@ -80,13 +80,9 @@ def test_angles_are_compared_the_short_way_round():
 @given(st.floats(-50, 50), st.floats(-50, 50), st.floats(0.1, 5), st.floats(0.1, 5))
 def test_it_is_the_rule_of_the_page(reference, other, threshold, own):
     found = contradicted(reference, other, threshold=own, reference_threshold=threshold, samples=constant(*[10.0] * 4))
-    margin = max(1.5 * threshold, own), max(1.5 * own, own)  # the second has the monitor's threshold here
-    expected = (
-        abs(10.0 - reference) > margin[0]
-        and abs(10.0 - other) > margin[1]
-        and abs(reference - other) <= threshold + own
-    )
-    assert bool(found.common_mode[-1]) == expected
+    off = abs(10.0 - reference) > max(1.5 * threshold, own)
+    second_off = abs(10.0 - other) > 1.5 * own  # the second has the monitor's threshold here
+    assert bool(found.common_mode[-1]) == (off and second_off and abs(reference - other) <= threshold + own)
 
 
 def test_a_second_reference_reads_nothing_that_the_first_reads():

@@ -2,7 +2,7 @@
 
     python tests/tools/evidence.py [--workers 2] [--rows last,third,...] [--json FILE]
 
-Every line flies each signal, sign and aircraft that it names from nothing but this file; the same code prints the same counts.
+Every row flies each signal, sign and aircraft that its function names; the same code prints the same counts.
 """
 
 from __future__ import annotations
@@ -14,12 +14,14 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
+from pathlib import Path
 from time import perf_counter
 from typing import Any, Final
 
 import numpy as np
 
 from rig import scenario
+from rig.aircraft import tables
 from rig.campaign.flying import Flown, fly
 from rig.frame import SIGNALS, State
 from rig.score import score
@@ -51,22 +53,9 @@ def offset(name: str, channels: list[int], thresholds: float, start_s: float) ->
 
 def flight(row: str, about: str, aircraft: str, duration_s: float, faults: list[Table], *more: str) -> Try:
     """A flight of an aircraft at its first flight point."""
-    point = scenario.load(None, [f"aircraft={aircraft}", "flight_point=" + first_point(aircraft)]).flight_point
-    sets = (
-        f"aircraft={aircraft}",
-        f"flight_point={point}",
-        f"duration_s={duration_s}",
-        f"faults={toml(faults)}",
-        *more,
-    )
-    return Try(row, f"{aircraft} {about}", sets)
-
-
-def first_point(aircraft: str) -> str:
-    """The name of the first flight point of an aircraft."""
-    from rig.aircraft import tables
-
-    return tables(aircraft)["airframe"]["flight_points"][0]["name"]
+    point = tables(aircraft)["airframe"]["flight_points"][0]["name"]
+    where = (f"aircraft={aircraft}", f"flight_point={point}", f"duration_s={duration_s}")
+    return Try(row, f"{aircraft} {about}", (*where, f"faults={toml(faults)}", *more))
 
 
 def toml(value: Any) -> str:
@@ -177,8 +166,10 @@ MANUAL: Final = "pilot.manoeuvres=" + toml(
         manoeuvre("doublet", "pedal", 40.0, 0.5, duration_s=3.0),
     ]
 )
-ROWS: Final = {"last": last, "third": third, "2:2": split, "sticks": sticks, "apart": apart}
-ROWS_2: Final = {"box": box, "common": common, "healthy": healthy}
+ROWS: Final[dict[str, Callable[[], Iterator[Try]]]] = {
+    **{"last": last, "third": third, "2:2": split, "sticks": sticks, "apart": apart},
+    **{"box": box, "common": common, "healthy": healthy},
+}
 
 
 def judge(one: Try) -> Table:
@@ -201,7 +192,7 @@ def left(flown: Flown) -> int:
     return int(np.count_nonzero((states != State.FAILED) & (states != State.ABSENT)))
 
 
-def table(found: list[Table]) -> str:
+def counts(found: list[Table]) -> str:
     """The counts, a line each row."""
     lines = [
         "| row | flights | hours | survive | right | flights that fail a healthy channel | and leave a faulty one |"
@@ -209,32 +200,30 @@ def table(found: list[Table]) -> str:
     lines.append("|---|---|---|---|---|---|---|")
     for row in dict.fromkeys(one["row"] for one in found):
         mine = [one for one in found if one["row"] == row]
-        counts = [sum(bool(one[key]) for one in mine) for key in ("survived", "right", "wrong", "missed")]
+        sums = [sum(bool(one[key]) for one in mine) for key in ("survived", "right", "wrong", "missed")]
         hours = sum(one["hours"] for one in mine)
-        lines.append(f"| {row} | {len(mine)} | {hours:.1f} | " + " | ".join(map(str, counts)) + " |")
+        lines.append(f"| {row} | {len(mine)} | {hours:.1f} | " + " | ".join(map(str, sums)) + " |")
     return "\n".join(lines)
 
 
 def main() -> int:
     """Fly the rows that are asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    known = {**ROWS, **ROWS_2}
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--rows", default=",".join(known))
+    parser.add_argument("--rows", default=",".join(ROWS))
     parser.add_argument("--json", default="")
     asked = parser.parse_args()
-    tries = [one for row in asked.rows.split(",") for one in known[row]()]
+    tries = [one for row in asked.rows.split(",") for one in ROWS[row]()]
     began = perf_counter()
     with ProcessPoolExecutor(asked.workers, mp_context=get_context("forkserver")) as pool:
         found = list(pool.map(judge, tries, chunksize=4))
     for one in found:
         if one["wrong"] or one["missed"] or not one["survived"]:
             print(one["row"], one["about"], "survived" if one["survived"] else "lost", one["wrong"], one["missed"])
-    print(table(found))
+    print(counts(found))
     print(f"{len(found)} flights in {perf_counter() - began:.0f} s")
     if asked.json:
-        with open(asked.json, "w", encoding="utf-8") as file:
-            json.dump(found, file, indent=0)
+        Path(asked.json).write_text(json.dumps(found, indent=0), encoding="utf-8")
     return 0
 
 
