@@ -246,13 +246,14 @@ class Trust(IntEnum):
 
 
 class Lie(IntEnum):
-    """How a pitch-angle sensor that is not trusted is off, as far as the flight has told."""
+    """How the pitch-angle sensor is off, as far as the flight has told, or that its judges are."""
 
     NONE = 0
     UNDETERMINED = 1
     EFFECTIVENESS = 2
     OFFSET = 3
     BOTH = 4
+    RATE_BIAS = 5  # the sensor is right and trusted: a rate that it is judged by is biased
 
 
 class End(IntEnum):

@@ -66,6 +66,23 @@ def fault_tolerant(
         _show_laws(tolerant.summarise(flown), flights)
 
 
+@study.command("rate-bias")
+def rate_bias(
+    seeds: Annotated[int, typer.Option(help="Seeds of every case.", min=1)] = 1,
+    workers: Annotated[int, typer.Option(help="Processes.", min=1)] = 2,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Biased rates and halved attitudes, by the plain and the fault-tolerant law: 1881 flights for each seed."""
+    from rig.show import console
+    from rig.study import rate_bias, rate_bias_table
+
+    flown = rate_bias.study(range(1, seeds + 1), workers)
+    if as_json:
+        typer.echo(json.dumps(rate_bias_table.as_dict(flown), allow_nan=False))
+    else:
+        rate_bias_table.show(flown, console())
+
+
 def _show_laws(found: Sequence[Summary], flights: int) -> None:
     from rich.table import Table
 

@@ -7,8 +7,10 @@ from typing import Final
 import numpy as np
 
 from rig.inclination import estimate
+from rig.inclination.unit import UNIT
 
 KEPT: Final = 4
+BOTH, UNIT_ALONE, GYROS_ALONE = range(3)  # whose rates are in order
 PARAM: Final = np.dtype(
     [
         ("filter", estimate.PARAM),
@@ -51,6 +53,15 @@ STATE: Final = np.dtype(
         ("over", "i8"),  # frames running with too large an innovation
         ("agreed", "i8"),
         ("trust", "i8"),  # frame.Trust
+        ("unit", UNIT),
+        ("second", estimate.MEAN),  # of the filter, were it driven by the inertial unit
+        ("second_innovation", "f8"),
+        ("second_over", "i8"),  # frames running in which it alone is too large
+        ("apart", "f8"),  # rad/s, rate of the pitch angle by the gyros less that by the unit, smoothed
+        ("usual", "f8"),  # what it is while both are in order
+        ("usual_seconds", "f8"),  # for which it has been learned
+        ("similar", "i8"),  # frames running in which apart is as usual
+        ("rates", "i8"),  # whose rates are in order: BOTH, UNIT or GYROS
     ],
     align=True,
 )
