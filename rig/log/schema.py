@@ -28,7 +28,7 @@ from google.protobuf.descriptor_pb2 import (
 from rig.frame import DISCRETES, FRAME, SIGNALS, TIMING
 from rig.names import ENUMS, FLAGS, Place, places
 
-SCHEMA_VERSION: Final = 2  # history in docs/log.md
+SCHEMA_VERSION: Final = 3  # history in docs/log.md
 
 DOUBLE: Final = FieldDescriptorProto.TYPE_DOUBLE
 BOOL: Final = FieldDescriptorProto.TYPE_BOOL
