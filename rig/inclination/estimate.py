@@ -19,6 +19,7 @@ from pydantic import Field
 
 from rig.angles import wrap
 from rig.frame import INDEX
+from rig.inclination.mean import carry, move
 from rig.inclination.path import PATH_SIGNALS, VERTICAL, pitching
 from rig.kernels import kernel
 from rig.settings import Settings
@@ -66,7 +67,6 @@ STATE: Final = np.dtype(
     ],
     align=True,
 )
-MEAN: Final = np.dtype([(name, "f8") for name in ("theta", "drift", "path", "scale", "rate")], align=True)
 # All that the estimate is made of.
 PARTNERS: Final = ("pitch_rate", "yaw_rate", "heading", *PATH_SIGNALS)
 _Q, _R = INDEX["pitch_rate"], INDEX["yaw_rate"]
@@ -141,12 +141,6 @@ def predict_by(c, e, rate, pitch_rate, roll_angle, gyros):
 
 
 @kernel
-def carry(dt, mean, rate, last, share, moved):
-    """Theta of ``mean``, a STATE or a MEAN record, by its ``rate`` and the ``last`` one less drift and scale error."""
-    mean["theta"] += 0.5 * dt * (rate + last) - share * mean["drift"] + moved * mean["scale"]
-
-
-@kernel
 def learn_yaw_drift(known, c, e, x):
     """r - (psi' cos theta - (q - b) sin phi) / cos phi, averaged; ``known``: rates, bank and heading are."""
     if known and abs(x[_PHI]) < _STEEP_BANK_RAD:
@@ -188,15 +182,6 @@ def correct(e, innovation, of_path, variance):
     for i in range(STATES):
         g[i] = g[i] / total
     move(g, e, innovation)
-
-
-@kernel
-def move(g, mean, innovation):
-    """Move ``mean``, a STATE or a MEAN record, by the gain ``g`` (4,) times its ``innovation`` [rad]."""
-    mean["theta"] += g[0] * innovation
-    mean["drift"] += g[1] * innovation
-    mean["path"] += g[2] * innovation
-    mean["scale"] += g[3] * innovation
 
 
 @kernel

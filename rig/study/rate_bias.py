@@ -1,4 +1,4 @@
-"""The fault-tolerant law against the plain one when its own judges are wrong: rates and attitudes biased alike.
+"""The fault-tolerant law against the plain one when rates and attitudes are biased alike.
 
 Every case is flown by the plain law, by the fault-tolerant one, and once without the fault.  The altitude error is the
 largest difference of the true altitude from the flight without the fault, from the onset on; the two laws fly that

@@ -41,8 +41,8 @@ def _counts(flown: Sequence[Flown]) -> dict[str, Any]:
 
 
 def worst(flown: Sequence[Flown], most: int = 5) -> list[Flown]:
-    """The flights out of bounds or in which the sensor was blamed, else those farthest above the plain law."""
-    ranked = sorted(flown, key=lambda x: (x.within, not x.blamed, x.plain_m - x.tolerant_m))
+    """The flights out of bounds or in which the sensor was blamed, else those farthest above the plain law or off."""
+    ranked = sorted(flown, key=lambda x: (x.within, not x.blamed, x.plain_m - x.tolerant_m, -x.tolerant_m))
     return ranked[:most]
 
 

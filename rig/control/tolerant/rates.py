@@ -19,7 +19,8 @@ from typing import Final
 from rig.angles import wrap
 from rig.control.tolerant.record import BOTH, GYROS_ALONE, KEPT, UNIT_ALONE
 from rig.frame import INDEX, Trust
-from rig.inclination.estimate import carry, move, path_innovation, predict_by
+from rig.inclination.estimate import path_innovation, predict_by
+from rig.inclination.mean import carry, move
 from rig.inclination.path import pitching
 from rig.inclination.unit import SAME_RAD_S, SMOOTH_S, finite, follow_unit, learned
 from rig.kernels import kernel

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from rig.inclination import estimate
+from rig.inclination.mean import MEAN
 from rig.inclination.unit import UNIT
 
 KEPT: Final = 4
@@ -54,7 +55,7 @@ STATE: Final = np.dtype(
         ("agreed", "i8"),
         ("trust", "i8"),  # frame.Trust
         ("unit", UNIT),
-        ("second", estimate.MEAN),  # of the filter, were it driven by the inertial unit
+        ("second", MEAN),  # of the filter, were it driven by the inertial unit
         ("second_innovation", "f8"),
         ("second_over", "i8"),  # frames running in which it alone is too large
         ("apart", "f8"),  # rad/s, rate of the pitch angle by the gyros less that by the unit, smoothed

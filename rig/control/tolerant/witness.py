@@ -9,7 +9,8 @@ from rig.control.tolerant import lie, rates
 from rig.control.tolerant.judge import innovate, judge
 from rig.control.tolerant.record import UNIT_ALONE
 from rig.frame import INDEX, Lie, Source, Trust
-from rig.inclination.estimate import begin, correct, follow_path, learn_yaw_drift, move
+from rig.inclination.estimate import begin, correct, follow_path, learn_yaw_drift
+from rig.inclination.mean import move
 from rig.inclination.path import PATH_SIGNALS, climb, path_pitch_angle
 from rig.kernels import kernel
 
