@@ -12,8 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from rig.errors import BadInput
+from rig.files import is_file
 from rig.sensors.classes import SensorClass, under
 from rig.settings import build, read_toml
+from rig.text import choices, quoted
 
 
 def bundled(kind: str) -> Path:
@@ -31,9 +33,9 @@ def names() -> list[str]:
 def folder(name: str) -> Path:
     """The folder of a bundled aircraft, or of one of the user's own given by its path."""
     for candidate in (bundled("aircraft") / name, Path(name)):
-        if (candidate / "aircraft.toml").is_file():
+        if is_file(candidate / "aircraft.toml"):
             return candidate
-    raise BadInput(f"aircraft: unknown aircraft {name!r}, allowed: {', '.join(names())} or a folder's path")
+    raise BadInput(f"aircraft: unknown aircraft {quoted(name)}, {choices(name, names())} or a folder's path")
 
 
 def tables(name: str) -> dict[str, Any]:
@@ -41,7 +43,7 @@ def tables(name: str) -> dict[str, Any]:
     merged = own_tables(name)
     for kind in ("gains", "references"):
         path = folder(name) / f"{kind}.toml"
-        if not path.is_file():
+        if not is_file(path):
             raise BadInput(f"{path}: no such file, write it with: rig aircraft design {name}")
         merged = merge(merged, {kind: read_toml(path)})
     return merged

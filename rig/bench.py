@@ -17,10 +17,9 @@ import numpy as np
 
 from rig import loop
 from rig.control.flying import fly as fly_row
-from rig.errors import BadInput
-from rig.events import EventFinder
+from rig.errors import BadInput, RigError
 from rig.faults import actuate, corrupt, corrupt_reference
-from rig.flight import fly, labels, metadata
+from rig.flight import INTERRUPTED, event_finder, fly, metadata
 from rig.frame import TIMING, Block, new_block
 from rig.inertial import sense
 from rig.kernels import bind
@@ -80,6 +79,8 @@ def bench(scenario: Scenario, repeats: int = 7) -> Bench:
         for _ in range(repeats):
             bare.append(_bare_us(scenario))
             flight = fly(scenario, out=out)
+            if flight.end_reason == INTERRUPTED:
+                raise RigError("interrupted: nothing was measured")
             whole.append(flight.us_per_frame)
             size = flight.log.stat().st_size / flight.frames
             flight.log.unlink()
@@ -120,7 +121,7 @@ class _Watch:
 def _stages_us(scenario: Scenario, out: Path) -> dict[str, float]:
     """The same flight once more with a clock around every stage."""
     rig, watch, verdict = loop.Rig(scenario), _Watch(), Verdict()
-    finder, size, flown = EventFinder(labels(scenario)), round(scenario.rate_hz), 0
+    finder, size, flown = event_finder(scenario), round(scenario.rate_hz), 0
     steps: dict[str, Step] = {}
     with LogWriter(out / "stages.mcap", scenario.rate_hz, metadata(scenario), []) as writer:
         for first in range(0, scenario.frames, size):

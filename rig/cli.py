@@ -11,17 +11,20 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import typer
 
 from rig.campaign.cli import app as campaign_app
 from rig.catalogue.cli import faults_app
 from rig.errors import BadInput, RigError
+from rig.interrupt import end_cleanly
+from rig.options import AllowCode
 from rig.recorded.cli import vote
 from rig.replay.cli import diff, export, info, replay
 from rig.score.cli import score
 from rig.study.cli import study
+from rig.text import plain, shorten
 from rig.view.cli import view
 from rig.watch.cli import watch as watch_log
 
@@ -57,6 +60,8 @@ def _common(
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Show JSBSim's and our log messages.")] = False,
 ) -> None:
     logging.basicConfig(level=logging.DEBUG if verbose else logging.ERROR, format="%(name)s: %(message)s")
+    if not verbose:  # what matters in JSBSim's messages becomes our one line
+        logging.getLogger("rig.jsbsim").setLevel(logging.CRITICAL + 1)
     for noisy in ("numba", "asyncio", "matplotlib"):
         logging.getLogger(noisy).setLevel(logging.WARNING)
 
@@ -73,6 +78,7 @@ def fly(
         typer.Option(help="Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False),
     ] = None,
     watch: Annotated[bool, typer.Option("--watch", help="Show the redundancy page while it flies.")] = False,
+    allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:
     """Fly one scenario, log every frame, print what happened."""
@@ -93,6 +99,7 @@ def fly(
             progress=progress,
             viewer=show.Watching(),
             watch=page,
+            allow_code=allow_code,
         )
     _print(as_json, flight.summary, lambda: show.flight(flight))
 
@@ -117,7 +124,7 @@ def recover(
         text, kept = f"{log}: whole, nothing to mend: {holds}", log
     else:
         text, kept = f"{target}: {holds}; {found.damage}, {found.lost_bytes} bytes lost", target
-    _print(as_json, lambda: {"log": str(kept), **asdict(found)}, lambda: typer.echo(text))
+    _print(as_json, lambda: {"log": str(kept), **asdict(found)}, lambda: typer.echo(plain(text)))
 
 
 @app.command()
@@ -125,6 +132,7 @@ def bench(
     scenario: ScenarioName = None,
     sets: Sets = None,
     repeats: Annotated[int, typer.Option(help="Flights; the medians count.", min=1)] = 7,
+    allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:
     """Measure a frame, logging included, as a ratio to bare JSBSim in the same process."""
@@ -132,7 +140,7 @@ def bench(
     from rig.bench import bench as measure
     from rig.scenario import load
 
-    result = measure(load(scenario, sets or ()), repeats)
+    result = measure(load(scenario, sets or (), allow_code=allow_code), repeats)
     _print(as_json, result.as_dict, lambda: show.bench(result))
 
 
@@ -163,7 +171,18 @@ def scenario_show(scenario: ScenarioName = None, sets: Sets = None, as_json: Jso
     from rig.scenario import load
 
     loaded = load(scenario, sets or ())
-    _print(as_json, loaded.resolved, lambda: typer.echo(loaded.to_toml(), nl=False))
+    _print(as_json, loaded.resolved, lambda: typer.echo(plain(loaded.to_toml(), keep="\n"), nl=False))
+
+
+@scenario_app.command("list")
+def scenario_list(as_json: Json = False) -> None:
+    """List the bundled scenarios and their titles."""
+    from rig import show
+    from rig.scenario import find, names
+    from rig.settings import read_toml
+
+    found = {name: str(read_toml(find(name)).get("title", "")) for name in names()}
+    _print(as_json, lambda: found, lambda: show.scenarios(found))
 
 
 @scenario_app.command("check")
@@ -172,7 +191,10 @@ def scenario_check(scenario: ScenarioName = None, sets: Sets = None) -> None:
     from rig.scenario import find, load
 
     loaded = load(scenario, sets or ())
-    typer.echo(f"{find(scenario)}: good, {loaded.frames} frames of {loaded.aircraft}, {len(loaded.faults)} faults")
+    manager = loaded.redundancy.manager
+    code = f"; the class {manager} votes: not imported here, rig fly needs --allow-code" if ":" in manager else ""
+    counts = f"{loaded.frames} frames of {loaded.aircraft}, {len(loaded.faults)} faults"
+    typer.echo(plain(f"{find(scenario)}: good, {counts}{code}"))
 
 
 @aircraft_app.command("list")
@@ -191,9 +213,11 @@ def aircraft_show(name: str, as_json: Json = False) -> None:
     import tomli_w
 
     from rig.aircraft import tables
+    from rig.settings import refuse_not_finite
 
     found = tables(name)
-    _print(as_json, lambda: found, lambda: typer.echo(tomli_w.dumps(found), nl=False))
+    refuse_not_finite(found, f"aircraft {name}")
+    _print(as_json, lambda: found, lambda: typer.echo(plain(tomli_w.dumps(found), keep="\n"), nl=False))
 
 
 @aircraft_app.command("design")
@@ -248,10 +272,25 @@ def _exit_codes() -> Iterator[None]:
         sys.exit(1)
 
 
+MOST_OF_A_WORD: Final = 400  # characters of a wrong command line that are repeated
+_UsageError: Any = typer.BadParameter.__mro__[1]  # click's own; where click is, differs between versions of typer
+
+
 def main() -> None:
     """The ``rig`` command."""
+    end_cleanly()
     with _exit_codes():
-        app()
+        try:
+            code = app(standalone_mode=False)
+        except typer.Abort:
+            sys.exit(1)
+        except _UsageError as error:
+            if type(error).__name__ == "NoArgsIsHelpError":  # a group without a command: its help
+                error.show()
+                sys.exit(error.exit_code)
+            at = error.ctx.command_path if error.ctx else "rig"
+            raise BadInput(f"{shorten(error.format_message(), MOST_OF_A_WORD)}; see: {at} --help") from None
+        sys.exit(code or 0)
 
 
 if __name__ == "__main__":

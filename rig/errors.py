@@ -1,13 +1,37 @@
 """What can go wrong outside a frame (inside a frame nothing raises, a status says it).
 
 RigError                  a failure of ours or of the machine: exit code 1
+├── ManagerFailed         a manager class of the user's own raised in a frame
 └── BadInput              what the user gave cannot be used: one line, exit code 2
     └── BadLog            a file that is no log, or a damaged one
 """
 
+from __future__ import annotations
+
+from typing import Any
+
+from rig.text import one_line
+
 
 class RigError(Exception):
-    """A flight, log or design that could not be completed; the message is one line."""
+    """A flight, log or design that could not be completed.
+
+    The message becomes one plain line (text.one_line), whatever was put into it.
+    """
+
+    def __init__(self, message: str = "", *rest: Any) -> None:
+        super().__init__(one_line(message), *rest)
+
+
+class ManagerFailed(RigError):
+    """A manager class of the user's own that raised: ``row`` of its block, ``frame`` of the flight."""
+
+    def __init__(self, message: str, row: int = 0, frame: int = 0) -> None:
+        super().__init__(message, row, frame)
+        self.row, self.frame = row, frame
+
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 class BadInput(RigError):

@@ -56,10 +56,14 @@ def not_executed(frame: int, missing: Sequence[tuple[str, str]]) -> list[Event]:
 
 
 class EventFinder:
-    """Finds the events of a flight, block after block; ``faults`` are the labels of its faults, in their order."""
+    """Finds the events of a flight, block after block.
 
-    def __init__(self, faults: Sequence[str]) -> None:
+    faults : the labels of its faults, in their order; resets : its commands to readmit, redundancy.config.RESETS
+    """
+
+    def __init__(self, faults: Sequence[str], resets: NDArray[np.void] | None = None) -> None:
         self._faults = faults
+        self._resets: Sequence[Any] = () if resets is None else list(resets)
         self._last: Block | None = None
         mark_moved(_flags(new_block(1)), _flags(new_block(1))[0], _FLAGS, np.zeros(1, bool))  # compiled before frame 0
 
@@ -68,27 +72,50 @@ class EventFinder:
         before, moved = self._before(rows), np.zeros(len(rows), bool)
         mark_moved(_flags(rows), _flags(before)[0], _FLAGS, moved)
         self._last = rows[-1:].copy()
+        refused = list(self._refusals(rows, before))
         if not moved.any():
-            return []
+            return refused
         at = np.flatnonzero(moved)
         old, new = rows[at - 1], rows[at]
         if at[0] == 0:
             old[0] = before[0]
-        return sorted([*self._fault_events(old, new), *_changes(old, new)], key=lambda event: event.frame)
+        return sorted([*self._fault_events(old, new), *_changes(old, new), *refused], key=lambda event: event.frame)
+
+    def _refusals(self, rows: Block, before: Block) -> Iterator[Event]:
+        """Commands to readmit a channel that did not: it was failed before their frame and still is."""
+        for reset in self._resets:
+            k, s = int(reset["frame"] - rows["frame"][0]), int(reset["signal"])
+            if not 0 <= k < len(rows):
+                continue
+            old = rows[k - 1] if k else before[0]
+            failed = (old["state"][s] == State.FAILED) & (rows[k]["state"][s] == State.FAILED)
+            for c in np.flatnonzero(failed & (reset["channel"] != 0)):
+                name = f"{SIGNALS[s].name}.{c + 1}"
+                text = f"{name}: has not agreed with the vote for long enough"
+                yield Event(int(reset["frame"]), "warning", "readmission refused", text)
 
     def _before(self, rows: Block) -> Block:
-        """The row before ``rows``; before the first one everything stood as it does there, but no fault acted."""
-        if self._last is not None:
-            return self._last
-        before = rows[:1].copy()
-        before["acting"] = 0
-        return before
+        """The row before ``rows``; before the first one all stood as it does there, but no fault acted or failed."""
+        return _before_the_first(rows) if self._last is None else self._last
 
     def _fault_events(self, old: Block, new: Block) -> Iterator[Event]:
         """Faults that begin or cease to act between rows of ``old`` and those of ``new``."""
         before, now = (np.unpackbits(rows["acting"], axis=1, bitorder="little") for rows in (old, new))
         for k, i in np.argwhere(now != before):
             yield Event(int(new["frame"][k]), "info", "fault on" if now[k, i] else "fault off", self._faults[int(i)])
+
+
+def _before_the_first(rows: Block) -> Block:
+    """The row before a flight: as its first one, without acting faults, failed channels and singular patterns."""
+    before = rows[:1].copy()
+    before["acting"] = 0
+    before["pattern"] = Pattern.NORMAL
+    for states, levels in (("state", "level"), ("discrete_state", "discrete_level")):
+        failed = before[states] == State.FAILED
+        before[states][failed] = State.OK
+        fitted = (before[states] != State.ABSENT).sum(axis=-1)
+        before[levels] = np.where(failed.any(axis=-1), fitted, before[levels])
+    return before
 
 
 def _flag_bits() -> NDArray[np.uint8]:

@@ -11,23 +11,26 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig import loop
-from rig.errors import BadInput
+from rig.errors import BadInput, ManagerFailed, RigError
 from rig.events import Event, EventFinder, not_executed
 from rig.faults import Execution
+from rig.files import numbered
 from rig.frame import TIMING, Block, new_block
-from rig.interrupt import interruptible
+from rig.interrupt import Stop, interruptible
 from rig.log import Log, LogWriter, SignalArrays, read_log
 from rig.pace import Jitter, JitterCounter, Pace
 from rig.recorder import Recorder
+from rig.redundancy.config import reset_table
 from rig.scenario import Scenario, find, load
 from rig.verdict import Peaks, Verdict
 from rig.versions import versions
@@ -35,6 +38,8 @@ from rig.view.facts import of_resolved
 from rig.view.sink import check_where
 from rig.view.stream import Stream, StreamReport, open_stream
 
+INTERRUPTED: Final = "interrupted"  # an end reason
+NAME_BYTES: Final = 180  # of a log's name; behind them come seed, number and ending
 Progress = Callable[[int, int], None]  # frames flown, frames in all
 Watch = Callable[[Block, float, Sequence[Event]], None]  # a block, its rate in Hz, its events
 
@@ -124,6 +129,7 @@ def fly(
     progress: Progress | None = None,
     viewer: Viewer | None = None,
     watch: Watch | None = None,
+    allow_code: bool = False,
 ) -> Flight:
     """Fly a scenario (a file, a bundled name, or one loaded already) and log every frame.
 
@@ -131,12 +137,15 @@ def fly(
     out             : folder of the log; rerun : see view.stream.open_stream
     realtime_factor : 1.0 paces frames by the wall clock; None flies as fast as it can
     watch : given every block while it is recorded; it must be quick, and copy the rows that it keeps
-    Raises BadInput before anything is written, RigError when the log cannot be written on.
+    allow_code : a manager class that the scenario names may be run; one that an override names may be in any case
+    Raises BadInput before anything is written, RigError when the log cannot be written on or the user's own manager
+    raises: the log is then finished.
     """
     text, name = "", ""
     if not isinstance(scenario, Scenario):
         path = find(scenario)
         scenario, text, name = load(path, overrides, seed), path.read_text(encoding="utf-8"), path.stem
+    scenario = scenario.trusted(scenario.trust.allowing(allow_code))
     pace = Pace(scenario.rate_hz, realtime_factor)
     with interruptible() as stop:
         return _record(scenario, text, name, Path(out), rerun, pace, stop, progress, viewer, watch)
@@ -149,7 +158,7 @@ def _record(
     out: Path,
     rerun: str,
     pace: Pace,
-    stop: loop.Stop,
+    stop: Stop,
     progress: Progress | None,
     viewer: Viewer | None,
     watch: Watch | None,
@@ -157,9 +166,9 @@ def _record(
     """Run the frames through verdict, log and stream; the log is finished whatever happens."""
     check_where(rerun)
     rig = loop.Rig(scenario)
-    path = log_path(out, name or scenario.title or scenario.aircraft, scenario.seed)
     records = _Records(scenario, pace)
-    with LogWriter(path, scenario.rate_hz, metadata(scenario), [("scenario.toml", text.encode())]) as writer:
+    with _new_log(out, name or scenario.title or scenario.aircraft, scenario, text) as writer:
+        path = writer.path
         stream = open_stream(
             rerun, scenario.title or path.stem, scenario.rate_hz, path, of_resolved(scenario.resolved())
         )
@@ -181,15 +190,26 @@ def _record(
                 ThreadPoolExecutor(1, "verdict") as beside,
                 Recorder(record, threaded=pace.period_s is not None) as recorder,
             ):
-                for rows, timing in loop.frames(rig, scenario, pace, stop):
-                    recorder.put(rows, timing)
+                failure = _fly(rig, scenario, pace, stop, recorder)
             wall_s = time.perf_counter() - began
-            reason = records.close(writer, stop)
-            if stream is not None and viewer is not None:
+            reason = records.close(writer, stop, failure)
+            if failure is not None:
+                raise RigError(f"{failure}; the log is complete up to there: {path}")
+            if stream is not None and viewer is not None and not stop.terminated:
                 viewer.flown(stream)
         finally:
             report = None if stream is None else stream.close(10.0)
     return records.flight(path, reason, wall_s, report)
+
+
+def _fly(rig: loop.Rig, scenario: Scenario, pace: Pace, stop: Stop, recorder: Recorder) -> ManagerFailed | None:
+    """Fly to the end of the flight, or until the user's own manager raises, which is returned."""
+    try:
+        for rows, timing in loop.frames(rig, scenario, pace, stop):
+            recorder.put(rows, timing)
+    except ManagerFailed as failure:
+        return failure
+    return None
 
 
 class _Records:
@@ -197,7 +217,7 @@ class _Records:
 
     def __init__(self, scenario: Scenario, pace: Pace) -> None:
         self.scenario, self.verdict = scenario, Verdict()
-        self._finder, self._execution = EventFinder(labels(scenario)), Execution(scenario.faults)
+        self._finder, self._execution = event_finder(scenario), Execution(scenario.faults)
         self._jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
 
     def add(self, rows: Block, timing: NDArray[Any], writer: LogWriter, beside: ThreadPoolExecutor) -> list[Event]:
@@ -211,13 +231,13 @@ class _Records:
             self._jitter.add(timing["frame_us"], timing["late_us"])
         return events
 
-    def close(self, writer: LogWriter, stop: loop.Stop) -> str:
+    def close(self, writer: LogWriter, stop: Stop, failure: ManagerFailed | None) -> str:
         """Write what only the end can tell; why the flight ended."""
         verdict = self.verdict
-        last = not_executed(verdict.frames - 1, self._execution.missing)
+        last = not_executed(verdict.frames - 1, self._execution.missing) if verdict.frames else []
         verdict.events += last
         writer.write(new_block(0), np.zeros(0, TIMING), last)
-        reason = end_reason(verdict, stop, self.scenario)
+        reason = end_reason(verdict, stop, self.scenario) if failure is None else "the manager class raised"
         writer.close({"digest": verdict.digest, "end_reason": reason, "survived": str(verdict.survived)})
         return reason
 
@@ -242,18 +262,28 @@ class _Records:
         )
 
 
-def log_path(out: Path, name: str, seed: int) -> Path:
-    """A file that says the flight and is not taken yet: <name>_seed<seed>[_n].mcap; makes the folder."""
+def _new_log(out: Path, name: str, scenario: Scenario, text: str) -> LogWriter:
+    """A log of its own, whoever else begins to fly: <name>_seed<seed>[_n].mcap in ``out``, which is made."""
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise BadInput(f"{out}: logs cannot be kept there: {error.strerror}") from None
-    stem = "".join(c if c.isalnum() else "_" for c in name) + f"_seed{seed}"
-    path, number = out / f"{stem}.mcap", 1
-    while path.exists():
-        number += 1
-        path = out / f"{stem}_{number}.mcap"
-    return path
+    for path in numbered(out, f"{_word(name)}_seed{scenario.seed}", ".mcap"):
+        with suppress(FileExistsError):  # another flight was faster
+            attached = [("scenario.toml", text.encode())]
+            return LogWriter(path, scenario.rate_hz, metadata(scenario), attached, new=True)
+    raise RigError(f"{out}: no free name for a log")
+
+
+def _word(name: str) -> str:
+    """``name`` as part of a file's name, which has 255 bytes at most."""
+    letters = "".join(c if c.isalnum() else "_" for c in name)
+    return letters.encode()[:NAME_BYTES].decode(errors="ignore")
+
+
+def event_finder(scenario: Scenario) -> EventFinder:
+    """What finds the events of a flight of this scenario."""
+    return EventFinder(labels(scenario), reset_table(scenario.redundancy.resets, scenario.rate_hz))
 
 
 def labels(scenario: Scenario) -> list[str]:
@@ -271,8 +301,8 @@ def metadata(scenario: Scenario) -> dict[str, str]:
     }
 
 
-def end_reason(verdict: Verdict, stop: loop.Stop, scenario: Scenario) -> str:
+def end_reason(verdict: Verdict, stop: Stop, scenario: Scenario) -> str:
     """Why the flight ended, as a reader would say it."""
     if not verdict.survived:
         return verdict.end.label
-    return "interrupted" if stop.requested and verdict.frames < scenario.frames else "duration flown"
+    return INTERRUPTED if stop.requested and verdict.frames < scenario.frames else "duration flown"

@@ -210,6 +210,7 @@ class Resolver(IntEnum):
     EXTREMES = 4
     MIDDLE = 5
     UNRESOLVED = 6
+    BOX = 7  # the channel is out on several signals: its box has died
 
 
 class Ilm(IntEnum):

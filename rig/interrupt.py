@@ -1,4 +1,8 @@
-"""Ctrl-C while flights are under way: it asks for an end instead of tearing them."""
+"""Ctrl-C, SIGTERM and SIGHUP: they ask flights under way for an end instead of tearing them, and end all else cleanly.
+
+SIGTERM is what a supervisor or a shutdown sends, SIGHUP what a terminal sends that is closed.  A signal that was
+ignored when the process was started (nohup) stays ignored; of Ctrl-C that is the shell's way for background jobs.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +10,33 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Final, NoReturn
 
-from rig.loop import Stop
+TERMINATIONS: Final = tuple(
+    number for number in (signal.SIGTERM, getattr(signal, "SIGHUP", None)) if number is not None
+)
+CODE: Final = 128  # and a signal's number: the exit code of what it ended, as shells have it
+
+
+class Stop:
+    """Asks flights to end after the present frame: by which signal first, and whether Ctrl-C was pressed again."""
+
+    requested = False
+    signal = 0
+    insisted = False
+
+    @property
+    def terminated(self) -> bool:
+        """Whether nobody is there to press Ctrl-C once more."""
+        return self.signal in TERMINATIONS
 
 
 @contextmanager
-def interruptible() -> Iterator[Stop]:
-    """The first Ctrl-C sets ``requested``; a second one is Python's own.
+def interruptible(*, again: bool = False) -> Iterator[Stop]:
+    """The first Ctrl-C, and every SIGTERM or SIGHUP, sets ``requested``; a second Ctrl-C is Python's own.
 
-    Only a process's main thread can be asked; elsewhere the Stop is never set.
+    again : the second Ctrl-C sets ``insisted``, and the third is Python's own
+    Only a process's main thread can be asked; elsewhere the request is never made.
     """
     stop = Stop()
     if threading.current_thread() is not threading.main_thread():
@@ -22,11 +44,38 @@ def interruptible() -> Iterator[Stop]:
         return
 
     def ask(number: int, frame: object) -> None:
-        stop.requested = True
-        signal.signal(signal.SIGINT, before)
+        if number == signal.SIGINT:
+            stop.insisted = stop.requested and again
+            if stop.insisted or not again:
+                signal.signal(number, before[signal.SIGINT])
+        stop.requested, stop.signal = True, stop.signal or number
 
-    before = signal.signal(signal.SIGINT, ask)
+    asking = (signal.SIGINT, *_heeded())
+    before = {number: signal.getsignal(number) or signal.SIG_DFL for number in asking}
     try:
+        for number in asking:
+            signal.signal(number, ask)
         yield stop
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def end_cleanly() -> None:
+    """From here on SIGTERM and SIGHUP end the process by SystemExit, so that what is half written is cleared away.
+
+    Exit code 128 + signal.  The first one counts: timeout(1) and closed terminals send two.
+    """
+
+    def end(number: int, frame: object) -> NoReturn:
+        for each in _heeded():
+            signal.signal(each, signal.SIG_IGN)
+        raise SystemExit(CODE + number)
+
+    for number in _heeded():
+        signal.signal(number, end)
+
+
+def _heeded() -> list[signal.Signals]:
+    """The terminations that are not ignored."""
+    return [number for number in TERMINATIONS if signal.getsignal(number) is not signal.SIG_IGN]

@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 from rig import inertial, sensors
 from rig.control.autopilot import Control
 from rig.control.flying import fly
+from rig.errors import ManagerFailed
 from rig.faults import Faults, actuate, corrupt, corrupt_reference
 from rig.frame import TIMING, Block, new_block
 from rig.inertial import Inertial, sense
+from rig.interrupt import Stop
 from rig.kernels import bind, kernel
 from rig.pace import Pace
 from rig.pilot import Pilot
@@ -97,7 +99,7 @@ def redundancy(scenario: Scenario) -> Redundancy:
     """The redundancy stage of a scenario, at its first frame; a replay runs the same.  BadInput: the user's manager."""
     suite = scenario.sensors
     ranges, channels = sensors.ranges(suite), sensors.channels(suite)
-    return Redundancy(scenario.redundancy, ranges, channels, scenario.references, scenario.rate_hz)
+    return Redundancy(scenario.redundancy, ranges, channels, scenario.references, scenario.rate_hz, scenario.trust)
 
 
 @kernel
@@ -118,12 +120,6 @@ def compute(block, k, of_sensors, of_inertial, of_faults, of_redundancy, of_cont
     actuate(block, k, *of_faults)
 
 
-class Stop:
-    """Asks a flight to end after the present frame."""
-
-    requested = False
-
-
 Flown = tuple[Block, NDArray[np.void]]  # rows and their TIMING
 
 
@@ -138,7 +134,12 @@ def frames(
     pace, stop = pace or Pace(scenario.rate_hz, None), stop or Stop()
     for block, timing in _blocks(scenario, pace.period_s is not None, memory):
         rig.prepare(block)
-        flown, over = _fly_block(rig, block, timing, pace, stop)
+        try:
+            flown, over = _fly_block(rig, block, timing, pace, stop)
+        except ManagerFailed as error:
+            if error.row:
+                yield block[: error.row], timing[: error.row]  # the frames before it are whole
+            raise
         yield block[:flown], timing[:flown]
         if over:
             return

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from rig import aircraft
 from rig.control.gains import Gains
 from rig.errors import RigError
+from rig.files import write_text
 from rig.frame import INDEX, Block
 from rig.kernels import kernel
 from rig.loop import Rig, frames
@@ -284,7 +285,7 @@ def _digits(value: float, digits: int) -> float:
 
 def write(designed: Designed, path: Path) -> None:
     """references.toml; same design, same bytes."""
-    path.write_text(render(designed), encoding="utf-8", newline="\n")
+    write_text(path, render(designed))
 
 
 def render(designed: Designed) -> str:

@@ -6,21 +6,22 @@ resolved scenario holds everything (airframe, sensors, gains too), so that a log
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 import tomli_w
 from numpy.random import SeedSequence
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from rig import aircraft
 from rig.control.autopilot import Config as Control
 from rig.control.gains import Gains
 from rig.errors import BadInput
 from rig.faults import Fault, check
+from rig.files import is_file
 from rig.frame import MOST_FAULTS, SIGNALS
 from rig.inertial import Config as Inertial
 from rig.pilot import Config as Pilot
@@ -31,15 +32,20 @@ from rig.redundancy import Config as Redundancy
 from rig.redundancy.designed import Designed
 from rig.sensors import Suite
 from rig.sensors.recorded import pin
-from rig.settings import Settings, build, read_toml
+from rig.settings import DEEPEST, NotToml, Settings, build, parse_toml, read_toml
+from rig.text import nearest, quoted, shorten
+from rig.trust import Trust
 
 DEFAULT: Final = "f16_pitch_rate_hardover.toml"
+_DIGITS: Final = re.compile("[0-9]{1,9}")
 # The order is part of every recorded flight: append, never insert.
 STREAMS: Final = ("plant", "sensors", "faults", "inertial")
 
 
 class Scenario(Settings):
     """Everything that decides a flight."""
+
+    keys_are_in: ClassVar[str] = "docs/scenario.md, rig scenario show"
 
     title: str = ""
     aircraft: str = "f16"  # a bundled one, or the path of a folder
@@ -59,6 +65,7 @@ class Scenario(Settings):
     redundancy: Redundancy
     gains: Gains
     references: Designed
+    _trust: Trust = PrivateAttr(default=Trust())  # no setting: no file can grant it
 
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:
@@ -89,6 +96,17 @@ class Scenario(Settings):
         """One independent seed a stage; adding a stage does not shift the others."""
         return {name: SeedSequence(self.seed, spawn_key=(i,)) for i, name in enumerate(STREAMS)}
 
+    @property
+    def trust(self) -> Trust:
+        """Whether a manager class that it names may be run, and which file it is from."""
+        return self._trust
+
+    def trusted(self, trust: Trust) -> Scenario:
+        """Return the same scenario with another trust."""
+        made = self.model_copy()
+        made._trust = trust
+        return made
+
     def resolved(self) -> dict[str, Any]:
         """All settings as plain data, defaults written out, without what is not set."""
         return self.model_dump(exclude_none=True)
@@ -108,14 +126,29 @@ def find(name: str | Path | None = None) -> Path:
     faults = aircraft.bundled("faults")
     inside = wanted.relative_to("faults") if wanted.parts[:1] == ("faults",) else wanted
     for candidate in (wanted, faults / inside, faults / f"{inside}.toml"):
-        if candidate.is_file():
+        if is_file(candidate):
             return candidate
-    known = ", ".join(sorted(path.stem for path in faults.glob("*.toml")))
-    raise BadInput(f"{wanted}: no such file; bundled scenarios: {known}")
+    known = names()
+    near = ", ".join(nearest(wanted.stem, known))
+    raise BadInput(f"{wanted}: no such file; nearest bundled: {near}; all {len(known)}: rig scenario list")
 
 
-def load(name: str | Path | None = None, overrides: Sequence[str] = (), seed: int | None = None) -> Scenario:
-    """The scenario of a file with ``key=value`` overrides laid over it; BadInput says what is wrong."""
+def names() -> list[str]:
+    """Return the names of the bundled scenarios, in alphabetical order."""
+    return sorted(path.stem for path in aircraft.bundled("faults").glob("*.toml"))
+
+
+def load(
+    name: str | Path | None = None,
+    overrides: Sequence[str] = (),
+    seed: int | None = None,
+    *,
+    allow_code: bool = False,
+) -> Scenario:
+    """Load the scenario of a file with ``key=value`` overrides laid over it; BadInput says what is wrong.
+
+    allow_code : a manager class that the file names may be run; one that an override names may be in any case
+    """
     path = find(name)
     data = read_toml(path)
     for text in overrides:
@@ -125,33 +158,50 @@ def load(name: str | Path | None = None, overrides: Sequence[str] = (), seed: in
     source = str(path) if not overrides else f"{path} with --set"
     chosen = data.get("aircraft", "f16")
     if not isinstance(chosen, str):
-        raise BadInput(f"{source}: aircraft: must be a name, got {chosen!r}")
+        raise BadInput(f"{source}: aircraft: must be a name, got {quoted(chosen)}")
     merged = aircraft.lay_over(aircraft.tables(chosen), data, source)
-    return build(Scenario, {**merged, "sensors": pin(merged.get("sensors"), path.parent)}, source)
+    made = build(Scenario, {**merged, "sensors": pin(merged.get("sensors"), path.parent)}, source)
+    return made.trusted(Trust(str(path), allow_code, named_manager(map(parse_set, overrides))))
 
 
-def from_resolved(data: dict[str, Any], source: str) -> Scenario:
-    """A scenario from what ``resolved`` gave, without looking at any file."""
-    return build(Scenario, data, source)
+def from_resolved(data: dict[str, Any], source: str, trust: Trust | None = None) -> Scenario:
+    """Build a scenario from what ``resolved`` gave, without looking at any file.
+
+    trust : whether a manager class that it names may be run; it may not when not given
+    """
+    return build(Scenario, data, source).trusted(trust or Trust(source))
+
+
+def named_manager(sets: Iterable[tuple[str, Any]]) -> str | None:
+    """Return the ``redundancy.manager`` that dotted keys with their values name, if any: permission in itself."""
+    data: dict[str, Any] = {}
+    for key, value in sets:
+        data = set_key(data, key, value, f"--set {key}")
+    table = data.get("redundancy")
+    name = table.get("manager") if isinstance(table, dict) else None
+    return name if isinstance(name, str) else None
 
 
 def override(data: dict[str, Any], text: str) -> dict[str, Any]:
     """``data`` with one ``dotted.key=value`` set; a number in the key counts into a list from 0."""
     key, value = parse_set(text)
-    return set_key(data, key, value, f"--set {text}")
+    return set_key(data, key, value, f"--set {shorten(text)}")
 
 
 def parse_set(text: str) -> tuple[str, Any]:
     """Key and value of ``dotted.key=value``."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
-        raise BadInput(f"--set {text}: must be key=value")
-    return key.strip(), _parse(value.strip())
+        raise BadInput(f"--set {shorten(text)}: must be key=value")
+    return key.strip(), _parse(value.strip(), f"--set {shorten(key.strip())}")
 
 
 def set_key(data: dict[str, Any], key: str, value: Any, source: str) -> dict[str, Any]:
     """``data`` with one dotted key set; a number in the key counts into a list from 0. BadInput names ``source``."""
-    return _set(data, key.split("."), value, source)
+    keys = key.split(".")
+    if len(keys) > DEEPEST:
+        raise BadInput(f"{source}: {quoted(key)}: a key of more than {DEEPEST} parts")
+    return _set(data, keys, value, source)
 
 
 def _set(node: Any, keys: list[str], value: Any, source: str) -> Any:
@@ -159,17 +209,17 @@ def _set(node: Any, keys: list[str], value: Any, source: str) -> Any:
         return value
     key, rest = keys[0], keys[1:]
     if isinstance(node, list):
-        if not key.isdigit() or int(key) >= len(node):
+        if not _DIGITS.fullmatch(key) or int(key) >= len(node):
             allowed = f"must be an index from 0 to {len(node) - 1}" if node else "counts into an empty list"
-            raise BadInput(f"{source}: {key!r} {allowed}")
+            raise BadInput(f"{source}: {quoted(key)} {allowed}")
         return [_set(item, rest, value, source) if i == int(key) else item for i, item in enumerate(node)]
     table = node if isinstance(node, dict) else {}
     return {**table, key: _set(table.get(key), rest, value, source)}
 
 
-def _parse(value: str) -> Any:
+def _parse(value: str, source: str) -> Any:
     """A TOML value; anything that is none is taken as a bare string."""
     try:
-        return tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
+        return parse_toml(f"value = {value}", source)["value"]
+    except NotToml:
         return value

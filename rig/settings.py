@@ -1,38 +1,129 @@
 """Settings: strict models read from TOML, every fault of them one clear line.
 
 Unknown keys, wrong types, NaN and infinity are refused; a whole number is accepted where a
-real one is asked for.  Each stage owns its own ``Config`` derived from ``Settings``.
+real one is asked for.  Times and counts have an upper limit even where a field names none, so that
+they fit into frames.  Each stage owns its own ``Config`` derived from ``Settings``.
 """
 
 from __future__ import annotations
 
+import math
+import re
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, Final, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from rig.errors import BadInput
+from rig.text import choices, nearest, quoted, shorten
 
 M = TypeVar("M", bound="Settings")
+LONGEST_S: Final = 1e6  # eleven days
+MOST: Final = 10**9  # of any count
+LARGEST_TOML: Final = 16 << 20  # bytes
+DEEPEST: Final = 100  # tables and lists within each other
+_TIME: Final = re.compile(r"(?:^|.*_)(?!rad_s|m_s|pa_s|per_s|1_s|sqrt_s|integral_s)[a-z0-9]+_s")
 
 
 class Settings(BaseModel):
     """Base of every settings model: strict, frozen, no unknown keys, finite numbers only."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, validate_default=True)
+    keys_are_in: ClassVar[str] = ""  # where all keys are listed, for who mistypes one
+    _limits: ClassVar[dict[str, float]] = {}  # of fields that name no upper limit themselves
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        super().__pydantic_init_subclass__(**kwargs)
+        cls._limits = dict(_limits(cls))
+
+    @model_validator(mode="after")
+    def _within_limits(self) -> Settings:
+        for name, most in self._limits.items():
+            value = getattr(self, name)
+            for number in value if isinstance(value, list) else (value,):
+                if isinstance(number, int | float) and number > most:
+                    raise ValueError(f"{name}: must be at most {most:g}, got {quoted(number)}")
+        return self
+
+
+def _limits(model: type[BaseModel]) -> Iterator[tuple[str, float]]:
+    """Upper limits of the times (``..._s``) and whole numbers of a model whose fields name none."""
+    for name, field in model.model_fields.items():
+        if any(hasattr(bound, "le") or hasattr(bound, "lt") for bound in field.metadata):
+            continue
+        kinds = _leaves(field.annotation)
+        if float in kinds and _TIME.fullmatch(name):
+            yield name, LONGEST_S
+        elif int in kinds and bool not in kinds:
+            yield name, MOST
+
+
+def _leaves(annotation: Any) -> set[Any]:
+    """The plain types that an annotation is made of."""
+    inside = get_args(annotation)
+    return {leaf for part in inside for leaf in _leaves(part)} if inside else {annotation}
+
+
+class NotToml(BadInput):
+    """A text that is no TOML."""
 
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The TOML document at ``path``; BadInput when it is missing or does not parse."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        if path.is_fifo():  # opening one waits for a writer
+            raise BadInput(f"{path}: is a pipe, no file")
+        with path.open("rb") as file:
+            raw = file.read(LARGEST_TOML + 1)  # a device may never end
+        if len(raw) > LARGEST_TOML:
+            raise BadInput(f"{path}: larger than {LARGEST_TOML >> 20} MiB")
+        text = raw.decode("utf-8")
     except FileNotFoundError:
         raise BadInput(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"{path}: cannot be read: {error}") from None
-    except tomllib.TOMLDecodeError as error:
+    except UnicodeDecodeError as error:
         raise BadInput(f"{path}: not valid TOML: {error}") from None
+    except (OSError, ValueError) as error:
+        raise BadInput(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    return parse_toml(text, str(path))
+
+
+def parse_toml(text: str, source: str) -> dict[str, Any]:
+    """The tables of a TOML text; BadInput, naming ``source``, when it does not parse or is nested too deep."""
+    try:
+        found = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise NotToml(f"{source}: not valid TOML: {error}") from None
+    except RecursionError:
+        raise BadInput(f"{source}: nested more than {DEEPEST} deep") from None
+    except ValueError:
+        raise BadInput(f"{source}: not valid TOML: a number has too many digits") from None
+    _refuse_deep(found, source)
+    return found
+
+
+def _refuse_deep(data: dict[str, Any], source: str) -> None:
+    level: list[Any] = [data]
+    for _ in range(DEEPEST):
+        level = [
+            inside
+            for node in level
+            for inside in (node.values() if isinstance(node, dict) else node)
+            if isinstance(inside, dict | list)
+        ]
+        if not level:
+            return
+    raise BadInput(f"{source}: nested more than {DEEPEST} deep")
+
+
+def refuse_not_finite(data: Any, source: str, key: str = "") -> None:
+    """Refuse plain data with a number that is infinite or none; BadInput names ``source`` and its key."""
+    if isinstance(data, float) and not math.isfinite(data):
+        raise BadInput(f"{source}: {key}: must be a finite number, got {data}")
+    for name, value in data.items() if isinstance(data, dict) else enumerate(data if isinstance(data, list) else ()):
+        refuse_not_finite(value, source, f"{key}.{name}" if key else str(name))
 
 
 def build(model: type[M], data: dict[str, Any], source: str) -> M:
@@ -40,19 +131,57 @@ def build(model: type[M], data: dict[str, Any], source: str) -> M:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise BadInput(f"{source}: {_first_line(error, data)}") from None
+        raise BadInput(f"{source}: {_first_line(model, error, data)}") from None
 
 
-def _first_line(error: ValidationError, data: dict[str, Any]) -> str:
+def _first_line(model: type[Settings], error: ValidationError, data: dict[str, Any]) -> str:
     detail = error.errors(include_url=False)[0]
-    key = ".".join(_keys(detail["loc"], data, detail["type"] == "missing"))
+    key = shorten(".".join(_keys(detail["loc"], data, detail["type"] == "missing")))
     if detail["type"] == "extra_forbidden":
-        return f"{key}: unknown key"
+        return f"{key}: unknown key{_instead(model, detail['loc'])}"
+    if detail["type"] == "union_tag_invalid":
+        said = detail.get("ctx", {})
+        tag, name = str(said["tag"]), said["discriminator"].strip("'")
+        allowed = re.findall(r"'([^']*)'", said["expected_tags"])
+        return f"{key}.{name}: unknown {name} {quoted(tag)}, {choices(tag, allowed, model.keys_are_in)}"
     message = detail["msg"].removeprefix("Value error, ").replace("\n", " ")
     given = detail.get("input")
-    shown = f", got {given!r}" if isinstance(given, (str, int, float, bool)) else ""
+    shown = f", got {quoted(given)}" if isinstance(given, (str, int, float, bool)) else ""
     where = f"{key}: " if key else ""
     return f"{where}{message[0].lower()}{message[1:]}{shown}"
+
+
+def _instead(model: type[Settings], location: tuple[int | str, ...]) -> str:
+    """The key that was meant, and where all of them are."""
+    known = _fields(model, location[:-1])
+    near = f"; nearest: {', '.join(nearest(str(location[-1]), known)[:1])}" if known else ""
+    return near + (f"; all keys: {model.keys_are_in}" if model.keys_are_in else "")
+
+
+def _fields(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
+    """The keys that a table at ``location`` of a model may have."""
+    here = [model]
+    for part in location:
+        fields = [one.model_fields[str(part)] for one in here if part in one.model_fields]
+        inside = [model for field in fields for model in _models(field.annotation)]
+        tagged = [one for one in here if _tag(one) == part]
+        here = inside or tagged or here
+    return list(dict.fromkeys(field.alias or name for one in here for name, field in one.model_fields.items()))
+
+
+def _models(annotation: Any) -> list[type[BaseModel]]:
+    """The settings models that an annotation may be."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for part in get_args(annotation) for model in _models(part)]
+
+
+def _tag(model: type[BaseModel]) -> str | None:
+    """The ``kind`` (or ``plant``) by which a model is chosen among others."""
+    for name in ("kind", "plant"):
+        if name in model.model_fields:
+            return next(iter(get_args(model.model_fields[name].annotation)), None)
+    return None
 
 
 def _keys(location: tuple[int | str, ...], data: Any, missing: bool) -> list[str]:

@@ -10,12 +10,12 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from rig.aircraft import tables
 from rig.frame import DISCRETES, SIGNALS
+from rig.screen import Screen, console, styled
 
 if TYPE_CHECKING:
     from rig.bench import Bench
@@ -27,16 +27,10 @@ if TYPE_CHECKING:
 MOST_LINES = 40  # of events on the terminal; all of them are in the log
 
 
-def console() -> Console:
-    """Standard output; lines are not folded in a pipe."""
-    screen = Console(highlight=False)
-    return screen if screen.is_terminal else Console(highlight=False, width=160)
-
-
 @contextmanager
 def bar(enabled: bool, *columns: ProgressColumn) -> Iterator[Progress | None]:
     """A progress bar on standard error while it is a terminal; None in a pipe or when not enabled."""
-    screen = Console(stderr=True)
+    screen = Screen(stderr=True)
     if not enabled or not screen.is_terminal:
         yield None
         return
@@ -78,19 +72,18 @@ class Watching:
 def flight(flown: Flight) -> None:
     """The verdict of one flight."""
     screen, scenario = console(), flown.scenario
-    screen.print(f"[bold]{scenario.title or scenario.aircraft}[/bold]  seed {scenario.seed}")
+    screen.print(styled((scenario.title or scenario.aircraft, "bold"), f"  seed {scenario.seed}"))
     for event in flown.events[:MOST_LINES]:
         style = {"info": "", "warning": "yellow", "error": "red"}[event.level]
-        screen.print(
-            f"  {event.frame / scenario.rate_hz:9.2f} s  {event.name:17} {event.text}", style=style, markup=False
-        )
+        screen.print(f"  {event.frame / scenario.rate_hz:9.2f} s  {event.name:17} {event.text}", style=style)
     if len(flown.events) > MOST_LINES:
         screen.print(f"  and {len(flown.events) - MOST_LINES} more events, in the log")
-    verdict = "[green]survived[/green]" if flown.survived else "[red]lost[/red]"
-    screen.print(f"verdict  {verdict}: {flown.end_reason} ({flown.frames} frames, {flown.duration_s:g} s)")
+    verdict = ("survived", "green") if flown.survived else ("lost", "red")
+    reason = f": {flown.end_reason} ({flown.frames} frames, {flown.duration_s:g} s)"
+    screen.print(styled("verdict  ", verdict, reason))
     screen.print(f"failed   {_channels(flown.failed)}")
     if flown.not_executed:
-        screen.print(f"faults   not executed: {'; '.join(flown.not_executed)}", style="yellow", markup=False)
+        screen.print(f"faults   not executed: {'; '.join(flown.not_executed)}", style="yellow")
     screen.print(f"peaks    {_peaks(flown)}")
     screen.print(f"speed    {flown.us_per_frame:.1f} us a frame, {flown.duration_s / flown.wall_s:.0f} x real time")
     if flown.jitter is not None:
@@ -132,6 +125,14 @@ def aircraft(found: dict[str, list[str]]) -> None:
     table = Table("aircraft", "flight points (the first is the default)", box=None)
     for name, points in found.items():
         table.add_row(name, ", ".join(points))
+    console().print(table)
+
+
+def scenarios(found: dict[str, str]) -> None:
+    """Bundled scenarios and their titles."""
+    table = Table("scenario", "title", box=None)
+    for name, title in found.items():
+        table.add_row(name, title)
     console().print(table)
 
 

@@ -77,3 +77,8 @@ def vote_samples(
 def constant(*values: float, frames: int = 30) -> NDArray[np.float64]:
     """The same four samples in every frame."""
     return np.tile(np.array(values, float), (frames, 1))
+
+
+def rows(*stretches: tuple[int, Any]) -> NDArray[np.float64]:
+    """Frames from (how many, the four samples or one value) stretches."""
+    return np.concatenate([np.tile(np.array(value, float), (n, 1) if np.ndim(value) else n) for n, value in stretches])

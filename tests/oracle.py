@@ -6,20 +6,12 @@ Samples are given as lists of four, None for one that cannot be compared.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import pi
 
+from oracle_answers import Settings, View, first_answer
 
-@dataclass
-class Settings:
-    threshold: float = 1.0
-    persistence: int = 8
-    singular_persistence: int = 10
-    resolvers: tuple[str, ...] = ("ilm", "trend", "reference")
-    trend_frames: int = 3
-    reference_threshold: float = 1.0
-    channels: int = 4
-    turn: float = 0.0  # a full turn for an angle, 0 for anything else
+LAST_CHANNEL = 1.5  # reference thresholds
 
 
 @dataclass
@@ -35,7 +27,10 @@ class Frame:
 
 @dataclass
 class Oracle:
-    """One signal; ``step`` takes a frame's samples and returns what the monitor must say."""
+    """One signal; ``step`` takes a frame's samples and returns what the monitor must say.
+
+    ``rules`` names the rules for few votes that the last frame reached, for a survey of what a test covers.
+    """
 
     s: Settings
     vote: float | None = None
@@ -43,147 +38,186 @@ class Oracle:
     counts: list[int] = field(default_factory=lambda: [0] * 4)
     pattern: str = ""
     lasted: int = 0
+    run: int = 0
+    freeze: int = 0
     ranks: tuple[float, float] | None = None
     ranked: int = 0
+    rises: tuple[float, float] = (0.0, 0.0)
     bits: tuple[list[int], list[int]] = field(default_factory=lambda: ([], []))
     trusted: bool = True
     against: int = 0
+    rules: set[str] = field(default_factory=set)
 
-    def near(self, x: float, base: float) -> float:
-        """``x`` on the turn of ``base``."""
-        turn = self.s.turn
-        return base + ((x - base + pi) % turn - pi) if turn else x
-
-    def step(self, samples: list[float | None], ilm: list[str], reference: float | None) -> Frame:
-        s = self.s
-        base = self.vote if self.vote is not None else next((x for x in samples if x is not None), 0.0)
-        use = {c: self.near(x, base) for c, x in enumerate(samples) if x is not None and c not in self.failed}
-        if reference is not None:
-            reference = self.near(reference, base)
-        ascending = sorted(use, key=lambda c: use[c])
-        lonely = {c for c in use if len(use) > 1 and all(abs(use[c] - use[d]) > s.threshold for d in use if d != c)}
-        self.name(use, ascending, lonely)
-        rises = self.remember(use, ascending)
-        resolver, vote, blamed = self.answer(use, ascending, lonely, rises, ilm, reference, base)
-        singular = ":" in self.pattern
-        if reference is not None and len(use) >= 2 and not singular:
-            off = abs(self.near(vote, reference) - reference)
-            self.judge_reference(off <= s.reference_threshold)
-        for c in set(range(s.channels)) - self.failed:
-            if c not in use:
-                self.counts[c] += 1
-            elif not singular:
-                self.counts[c] = self.counts[c] + 1 if c in lonely else 0
-        self.failed |= {c for c in range(s.channels) if self.counts[c] >= s.persistence}
-        if singular and self.lasted >= s.singular_persistence:
-            self.failed |= blamed
-        silent = {c for c in range(s.channels) if c not in use}
-        suspects = lonely | blamed | silent | {c for c in range(4) if self.counts[c]}
-        states = ["failed" if c in self.failed else "suspect" if c in suspects else "ok" for c in range(s.channels)]
+    def step(self, samples: list[float | None], ilm: Sequence[str], reference: float | None) -> Frame:
+        self.rules = set()
+        view = self.view(samples, ilm, reference)
+        disputed_by = self.disputed_by(view)
+        view.lonely = set(view.use) if disputed_by else self.miscomparing(view.use)
+        self.name(view)
+        self.remember(view)
+        view.pattern, view.bits = self.pattern, self.bits
+        resolver, vote, wrong = self.decide(view, disputed_by)
+        self.monitor_reference(view, vote)
+        self.count(view)
+        self.fail(view, resolver, wrong)
         self.vote = vote
-        whole = tuple(sum(bit << i for i, bit in enumerate(reversed(b))) for b in self.bits)
+        states = [self.state(c, view, wrong) for c in range(self.s.channels)]
+        high, low = (sum(bit << i for i, bit in enumerate(reversed(byte))) for byte in self.bits)
         usable = self.trusted and reference is not None
-        return Frame(vote, states, s.channels - len(self.failed), self.pattern, resolver, (whole[0], whole[1]), usable)
+        return Frame(vote, states, self.s.channels - len(self.failed), self.pattern, resolver, (high, low), usable)
 
-    def name(self, use: dict[int, float], ascending: list[int], lonely: set[int]) -> None:
-        """The pattern of section 2, and for how many frames it has lasted."""
-        apart = [abs(use[a] - use[b]) > self.s.threshold for i, a in enumerate(ascending) for b in ascending[i + 1 :]]
-        if not use:
+    def view(self, samples: list[float | None], ilm: Sequence[str], reference: float | None) -> View:
+        """The frame's comparable samples, those of an angle on the turn of the last vote."""
+        base = self.vote if self.vote is not None else next((x for x in samples if x is not None), 0.0)
+        near = self.s.near
+        use = {c: near(x, base) for c, x in enumerate(samples) if x is not None and c not in self.failed}
+        return View(self.s, use, ilm, None if reference is None else near(reference, base), self.trusted)
+
+    def state(self, c: int, view: View, wrong: set[int]) -> str:
+        if c in self.failed:
+            return "failed"
+        suspect = c not in view.use or c in view.lonely | wrong or self.counts[c]
+        return "suspect" if suspect else "ok"
+
+    def reached(self, rule: str, condition: object = True) -> None:
+        if condition:
+            self.rules.add(rule)
+
+    # Section 1: who miscompares, and for how long.
+
+    def miscomparing(self, use: dict[int, float]) -> set[int]:
+        """Channels that disagree with all others."""
+        far = self.s.threshold
+        return {c for c in use if len(use) > 1 and all(abs(use[c] - use[d]) > far for d in use if d != c)}
+
+    def disputed_by(self, view: View) -> str:
+        """Who disputes the only sample left: its in-line monitor, else a usable reference."""
+        if len(view.use) != 1:
+            return ""
+        ((c, x),) = view.use.items()
+        reference, far = view.usable_reference, LAST_CHANNEL * self.s.reference_threshold
+        off = reference is not None and self.s.apart(x, reference) > far
+        self.reached("last channel: ilm and reference", off and view.ilm[c] == "bad")
+        return "ilm" if view.ilm[c] == "bad" else "reference" if off else ""
+
+    @property
+    def singular(self) -> bool:
+        """Whether the frame's pattern has no majority."""
+        return ":" in self.pattern
+
+    def still(self) -> bool:
+        """Whether the counts stand still: in a singular run of r frames and for min(r, limit) frames after it."""
+        if self.singular:
+            self.run += 1
+            return True
+        after = min(self.run, self.s.singular_persistence)
+        self.reached("freeze: what was left is longer", 0 < after < self.freeze)
+        left, self.run = max(self.freeze, after), 0
+        self.freeze = max(left - 1, 0)
+        return left > 0
+
+    def count(self, view: View) -> None:
+        """The ordinary counts: one more for a miscompare, none after a frame without one."""
+        still = self.still()
+        for c in set(range(self.s.channels)) - self.failed:
+            moves = c in view.lonely or self.counts[c] > 0
+            if c not in view.use:
+                self.reached("freeze: not comparable", still)
+                self.counts[c] += 1
+            elif still and len(view.use) > 1:
+                after = moves and not self.singular
+                self.reached("freeze: miscompare not counted" if c in view.lonely else "freeze: count kept", after)
+            else:
+                self.reached("freeze: last channel exempt", still and moves)
+                self.counts[c] = self.counts[c] + 1 if c in view.lonely else 0
+
+    def fail(self, view: View, resolver: str, wrong: set[int]) -> None:
+        """Latch who has miscompared for long enough, and who is wrong in a singular pattern that has lasted."""
+        late = {c for c in range(self.s.channels) if self.counts[c] >= self.s.persistence}
+        self.reached(f"last channel: failed by {resolver}", len(view.use) == 1 and set(view.use) <= late)
+        self.failed |= late
+        if self.singular and self.lasted >= self.s.singular_persistence:
+            self.reached(f"{self.pattern} settled by {resolver}", wrong)
+            self.failed |= wrong
+
+    # Section 2, and the trend bytes of section 4.
+
+    def name(self, view: View) -> None:
+        """The pattern, and for how many frames it has lasted."""
+        x, n = view.x, len(view.x)
+        apart = [abs(a - b) > self.s.threshold for i, a in enumerate(x) for b in x[i + 1 :]]
+        if not n:
             pattern = "lost"
-        elif len(use) > 1 and all(apart):
-            pattern = ":".join("1" * len(use))
-        elif len(use) == 4 and apart == [False, True, True, True, True, False]:
+        elif n > 1 and all(apart):
+            pattern = ":".join("1" * n)
+        elif n == 4 and apart == [False, True, True, True, True, False]:
             pattern = "2:2"
         else:
-            pattern = "isolated" if lonely else "normal"
+            pattern = "isolated" if n > 1 and view.lonely else "normal"
         self.lasted = self.lasted + 1 if pattern == self.pattern else 1
         self.pattern = pattern
 
-    def remember(self, use: dict[int, float], ascending: list[int]) -> tuple[float, float]:
-        """The trend bytes of section 4; returns the changes of the larger and the smaller rank."""
-        n = len(ascending)
+    def remember(self, view: View) -> None:
+        """The changes of the two ranks and their bytes, both over frames of as many samples."""
+        n, last = len(view.x), self.ranks
+        self.rises = (0.0, 0.0)
         if not n:
             self.ranks, self.ranked, self.bits = None, 0, ([], [])
-            return 0.0, 0.0
-        now = (use[ascending[n // 2]], use[ascending[(n - 1) // 2]])
-        rises = (0.0, 0.0)
-        if self.ranks is not None and n == self.ranked:
-            last = self.ranks
-            rises = (self.near(now[0], last[0]) - last[0], self.near(now[1], last[1]) - last[1])
-            for byte, rise in zip(self.bits, rises, strict=True):
+            return
+        if last is not None and n == self.ranked:
+            above, below = view.ranks
+            self.rises = (self.s.near(above, last[0]) - last[0], self.s.near(below, last[1]) - last[1])
+            for byte, rise in zip(self.bits, self.rises, strict=True):
                 byte.append(1 if rise > 0 else 0)
                 del byte[: -self.s.trend_frames]
         else:
             self.bits = ([], [])
-        self.ranks, self.ranked = now, n
-        return rises
+        self.ranks, self.ranked = view.ranks, n
 
-    def answer(
-        self,
-        use: dict[int, float],
-        ascending: list[int],
-        lonely: set[int],
-        rises: tuple[float, float],
-        ilm: list[str],
-        reference: float | None,
-        base: float,
-    ) -> tuple[str, float, set[int]]:
-        """Resolver, vote and who is blamed: sections 3 to 6."""
-        x = [use[c] for c in ascending]
-        n = len(x)
-        if self.pattern == "lost":
-            return "none", base if self.vote is not None else 0.0, set()
-        if self.pattern == "1:1:1:1":
-            return "extremes", (x[1] + x[2]) / 2, {ascending[0], ascending[3]}
-        if self.pattern == "1:1:1":
-            return "middle", x[1], {ascending[0], ascending[2]}
-        if self.pattern in ("2:2", "1:1"):
-            return self.settle(ascending, x, rises, ilm, reference)
-        if n == 4 and ascending[2] in lonely:
+    # Section 3: the vote.
+
+    def decide(self, view: View, disputed_by: str) -> tuple[str, float, set[int]]:
+        """Resolver, vote and who is wrong."""
+        x, n = view.x, len(view.x)
+        if not n:
+            return "none", self.vote if self.vote is not None else 0.0, set()
+        if disputed_by:
+            return self.instead_of_the_last(view, disputed_by)
+        if self.singular:
+            return self.resolve(view)
+        if n == 4 and view.ascending[2] in view.lonely:
             return "none", x[1], set()
-        if n == 4 and ascending[1] in lonely:
+        if n == 4 and view.ascending[1] in view.lonely:
             return "none", x[2], set()
-        return "none", {1: x[0], 2: sum(x[:2]) / 2, 3: x[n // 2], 4: sum(x[1:3]) / 2}[n], set()
+        return "none", sum(view.ranks) / 2, set()
 
-    def settle(
-        self, ascending: list[int], x: list[float], rises: tuple[float, float], ilm: list[str], reference: float | None
-    ) -> tuple[str, float, set[int]]:
-        """A split in two halves: section 4."""
-        half = len(x) // 2
-        low, high = set(ascending[:half]), set(ascending[half:])
-        mean = {"low": sum(x[:half]) / half, "high": sum(x[half:]) / half}
-        for name in self.s.resolvers:
-            if name == "ilm":
-                says = [{ilm[c] for c in side} for side in (low, high)]
-                if says == [{"good"}, {"bad"}]:
-                    return name, mean["low"], high
-                if says == [{"bad"}, {"good"}]:
-                    return name, mean["high"], low
-            if name == "trend" and len(self.bits[0]) == self.s.trend_frames:
-                both = self.bits[0] + self.bits[1]
-                if all(both):
-                    return name, mean["high"], low
-                if not any(both):
-                    return name, mean["low"], high
-            if name == "reference" and reference is not None and self.trusted:
-                return (name, *self.triplex(x[half], x[half - 1], reference, low, high))
+    def instead_of_the_last(self, view: View, disputed_by: str) -> tuple[str, float, set[int]]:
+        """While the last channel miscompares: the reference if usable, else the last vote."""
+        reference = view.usable_reference
+        self.reached(f"last channel: {disputed_by}, {'reference voted' if reference is not None else 'vote held'}")
+        if reference is None:
+            reference = view.x[0] if self.vote is None else self.vote
+        return disputed_by, reference, set()
+
+    def resolve(self, view: View) -> tuple[str, float, set[int]]:
+        """The answer of the resolvers; without one the last vote, moved as the ranks have moved in this pattern."""
+        answer = first_answer(view)
+        self.reached(f"{self.pattern} by {answer[0] if answer else 'nobody'}")
+        if answer is not None:
+            return answer
         if self.vote is None:
-            return "unresolved", (x[half - 1] + x[half]) / 2, set()
-        return "unresolved", self.vote + (rises[0] + rises[1]) / 2, set()
+            return "unresolved", sum(view.ranks) / 2, set()
+        first = self.lasted == 1
+        self.reached("unresolved: change of the first frame left out", first and sum(self.rises))
+        return "unresolved", self.vote + (0.0 if first else sum(self.rises) / 2), set()
 
-    def triplex(
-        self, above: float, below: float, reference: float, low: set[int], high: set[int]
-    ) -> tuple[float, set[int]]:
-        """The middle of {above, below, reference} and who fails for it."""
-        if reference >= above:
-            return above, low
-        if reference <= below:
-            return below, high
-        blamed = high if above - reference > self.s.reference_threshold else set()
-        return reference, blamed | (low if reference - below > self.s.reference_threshold else set())
+    # Section 4: the reference's own monitor.
 
-    def judge_reference(self, agrees: bool) -> None:
-        """Untrusted after ``persistence`` frames off a healthy vote, trusted after as many on it."""
+    def monitor_reference(self, view: View, vote: float) -> None:
+        """Untrusted after ``persistence`` frames off a healthy vote, trusted after as many on it; not at level 1."""
+        if view.reference is None or len(view.use) < 2 or self.singular:
+            return
+        agrees = self.s.apart(vote, view.reference) <= self.s.reference_threshold
         self.against = self.against + 1 if agrees != self.trusted else 0
         if self.against >= self.s.persistence:
             self.trusted, self.against = agrees, 0

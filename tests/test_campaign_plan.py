@@ -119,6 +119,20 @@ def test_seeds_are_those_of_the_campaign_and_the_number_alone(tmp_path: Path):
         ("[run]\nworker = 3\n", "run.worker: unknown key"),
         ("[[cases.a]]\nname = 'x'\n[[cases.a]]\nname = 'x'\n", "each with a name of its own"),
         ("[vary]\na = [1]\n[[cases.b]]\nname = 'x'\nvary = { a = [1] }\n", "a: varied in two places"),
+        ("set = 5\n", "campaign.toml: set: must be a table of keys"),
+        ("set = []\n", "set: must be a table of keys"),
+        ('set = "x"\n', "set: must be a table of keys"),
+        ("[vary]\nduration_s = { low = 1.0, high = 2.0, levels = 1000000000 }\n", "less than or equal to 1000000"),
+        (
+            "[vary]\na = { low = 1.0, high = 2.0, levels = 1001 }\nb = { low = 1.0, high = 2.0, levels = 1000 }\n",
+            "vary: the grid has more than 1000000 points",
+        ),
+        ("[vary]\nduration_s = { low = -1e308, high = 1e308, levels = 3 }\n", "too far apart for a double"),
+        ("[vary]\nduration_s = { low = 1e-300, high = 1e300, log = true, levels = 3 }\n", "too far apart"),
+        ("[vary]\nduration_s = { low = 1, high = 1e300, whole = true, levels = 3 }\n", "must be within"),
+        ("[vary]\nduration_s = [9223372036854775808]\n", "vary.duration_s: values: a whole number must have 64 bits"),
+        (f"[vary]\n{'.'.join('a' * 400)} = [1]\n", "nested more than 100 deep"),
+        ("[run]\ntimeout_s = 1e300\n", "run.timeout_s: input should be less than or equal to"),
     ],
 )
 def test_what_cannot_be_flown_is_refused_in_one_line(tmp_path: Path, text: str, says: str):
@@ -134,6 +148,23 @@ def test_a_base_that_is_missing_is_refused(tmp_path: Path):
     (tmp_path / "c.toml").write_text("runs = 3\n")
     with pytest.raises(BadInput, match="base: "):
         read(tmp_path / "c.toml")
+
+
+@pytest.mark.parametrize("name", ["n" * 300, "a\\u0000b", "a\\nb", "\\u001b[2J"])
+def test_a_base_that_no_file_can_be_named_is_refused_in_one_printable_line(tmp_path: Path, name: str):
+    (tmp_path / "c.toml").write_text(f'base = "{name}"\n')
+    with pytest.raises(BadInput, match="base: must be the name of a scenario's file") as error:
+        read(tmp_path / "c.toml")
+    assert str(error.value).isprintable() and len(str(error.value)) < 300
+    with pytest.raises(BadInput, match="no such file"):
+        read("n" * 300)
+
+
+def test_a_grid_of_more_points_than_runs_makes_no_more_than_the_runs(tmp_path: Path):
+    axes = "".join(f"{key} = {{ low = 1.0, high = 2.0, levels = 100000 }}\n" for key in "abc")
+    made = plan(tmp_path, f"runs = 5\n[vary]\n{axes}")
+    assert column(made, "c") == pytest.approx([1.0 + i / 99_999 for i in range(5)])
+    assert {made.choices[i]["a"] for i in range(5)} == {1.0}
 
 
 @pytest.mark.parametrize(

@@ -32,8 +32,19 @@ def made(path: Path, rows: Rows, title: str = "constructed", **what: Any) -> Fol
     data = {"title": title, "base": {"aircraft": "f16"}, "runs": 40, "vary": {"turbulence": ["none", "light"]}, **what}
     folder = Folder.of(path, Plan(from_what(data, "constructed"), "constructed"))
     with folder.held():
-        folder.write(rows)
+        folder.write({**rows, "runs": [counting(run, rows) for run in rows["runs"]]})
     return open_folder(path)
+
+
+def counting(run: dict[str, Any], rows: Rows) -> dict[str, Any]:
+    """A run that counts its rows in the other tables, as the rig's own do."""
+    own = {name: [row for row in rows[name] if row["run"] == run["run"]] for name in ("faults", "alarms", "episodes")}
+    outcomes = ("detected", "missed", "undetectable", "not executed")
+    counts = {name.replace(" ", "_"): sum(f["outcome"] == name for f in own["faults"]) for name in outcomes}
+    kinds = {"false alarm": "false_alarms", "wrong isolation": "wrong_isolations"}
+    counts |= {column: sum(a["kind"] == kind for a in own["alarms"]) for kind, column in kinds.items()}
+    counts["unresolved"] = sum(e["resolver"] == "unresolved" for e in own["episodes"])
+    return {**run, **counts}
 
 
 def covered(**by_signal: Any) -> str:

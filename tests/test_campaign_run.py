@@ -4,6 +4,7 @@ import gc
 import json
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -22,11 +23,12 @@ from rig.campaign.again import again
 from rig.campaign.config import read
 from rig.campaign.folder import open_folder
 from rig.campaign.plan import Plan
-from rig.campaign.run import Result, run
+from rig.campaign.run import Progress, Result, run
 from rig.errors import BadInput, RigError
 from rig.log import read_log
 from rig.log.layout import ROW
 from rig.log.writer import CHUNK_BYTES
+from rig.trust import Trust
 
 CAMPAIGN = """
 base = "f16_pitch_rate_hardover"
@@ -86,8 +88,8 @@ def write(folder: Path, text: str = CAMPAIGN) -> Path:
     return path
 
 
-def planned(path: Path) -> Plan:
-    return Plan(read(path), str(path))
+def planned(path: Path, allow_code: bool = False) -> Plan:
+    return Plan(read(path), str(path), Trust(str(path), allow_code))
 
 
 @pytest.fixture(scope="module")
@@ -172,7 +174,8 @@ def test_after_kill_9_of_the_parent_the_workers_end_and_the_same_command_goes_on
         process.send_signal(signal.SIGKILL)
 
     process = after_the_first_part(path, out, kill)
-    process.communicate(timeout=30)
+    _, stderr = process.communicate(timeout=30)
+    assert stderr == ""  # of what is cleared away behind it, no word
     gone, alive = psutil.wait_procs(flying, timeout=20)
     assert gone and not alive
     before = done(out)
@@ -197,15 +200,52 @@ def test_after_kill_9_of_a_worker_the_campaign_goes_on_by_itself(whole: Result, 
     assert sorted(done(out)) == list(range(48))
 
 
-def test_ctrl_c_keeps_what_is_flown_and_says_how_to_go_on(whole: Result, tmp_path: Path):
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)], ids=str
+)
+def test_an_interruption_keeps_what_is_flown_and_says_how_to_go_on(
+    whole: Result, tmp_path: Path, number: signal.Signals, code: int
+):
     path, out = write(tmp_path), tmp_path / "out"
-    process = after_the_first_part(path, out, lambda process: process.send_signal(signal.SIGINT))
+    process = after_the_first_part(path, out, lambda process: process.send_signal(number))
     stdout, stderr = process.communicate(timeout=60)
     result = json.loads(stdout)
-    assert process.returncode == 130 and result["interrupted"]
+    assert process.returncode == code and result["interrupted"]
     assert stderr == f"stopped: {result['done']} of 48 runs done; the same command goes on\n"
     assert 0 < result["done"] < 48 and result["done"] == len(done(out))
     assert run(planned(path), out).table_sha256 == whole.table_sha256
+
+
+def test_a_second_ctrl_c_ends_at_once_and_says_no_more_than_the_first(whole: Result, tmp_path: Path):
+    path, out = write(tmp_path), tmp_path / "out"
+
+    def twice(process: psutil.Process) -> None:
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+
+    process = after_the_first_part(path, out, twice)
+    stdout, stderr = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert stderr == f"stopped: {json.loads(stdout)['done']} of 48 runs done; the same command goes on\n"
+    assert run(planned(path), out).table_sha256 == whole.table_sha256
+
+
+def test_runs_that_are_deleted_in_flight_are_missed_and_the_same_command_flies_them_again(
+    whole: Result, tmp_path: Path
+):
+    path, out = write(tmp_path), tmp_path / "out"
+    gone: list[int] = []
+
+    def delete(report: Progress) -> None:
+        if report.flown >= 6 and not gone:
+            gone.extend(done(out))
+            shutil.rmtree(out / "runs")
+
+    with pytest.raises(RigError, match="that were flown are no longer in the tables; the same command"):
+        run(planned(path), out, report=delete)
+    again = run(planned(path), out)
+    assert again.flown == len(gone) > 0 and again.table_sha256 == whole.table_sha256
 
 
 def test_a_flight_that_ends_the_process_is_recorded_as_crashed_among_twenty_others(
@@ -217,7 +257,7 @@ def test_a_flight_that_ends_the_process_is_recorded_as_crashed_among_twenty_othe
     varied = f'[vary]\n"redundancy.manager" = [{", ".join(managers)}]\n'
     head, _, tail = CAMPAIGN.replace("runs = 48\n", "").replace("8.0", "2.0").partition("[vary]")
     path = write(tmp_path, head + varied + tail[tail.index("[run]") :] + 'logs = "all"\n')
-    result = run(planned(path), tmp_path / "out")
+    result = run(planned(path, allow_code=True), tmp_path / "out")
     assert result.outcomes == {"flown": 19, "crashed": 1, "failed": 1} and result.done == 21
     rows = open_folder(result.out).tables["runs"].filter(pl.col("outcome") != "flown")
     crashed, failed = rows.sort("run").select("run", "outcome", "reason").rows()
@@ -235,7 +275,7 @@ def test_a_flight_that_never_ends_is_timed_out(tmp_path: Path, monkeypatch: pyte
     monkeypatch.chdir(tmp_path)
     text = 'base = "f16_pitch_rate_hardover"\n[set]\nduration_s = 1.0\nfaults = []\n[vary]\n'
     text += '"redundancy.manager" = ["mean", "hooks:Hangs", "median"]\n[run]\nworkers = 1\ntimeout_s = 1.5\n'
-    result = run(planned(write(tmp_path, text)), tmp_path / "out")
+    result = run(planned(write(tmp_path, text), allow_code=True), tmp_path / "out")
     rows = open_folder(result.out).tables["runs"].select("outcome", "reason").rows()
     assert rows == [("flown", None), ("timed out", "longer than 1.5 s"), ("flown", None)]
 
@@ -391,4 +431,4 @@ def test_the_commands_say_one_json_object_and_refuse_in_one_line(whole: Result, 
         [*rig, "run", "nowhere", "--out", str(tmp_path / "out")], capture_output=True, text=True, check=False
     )
     assert bad.returncode == 2 and bad.stderr.count("\n") == 1
-    assert "nowhere: no such file; bundled campaigns: aircraft, false-alarm" in bad.stderr
+    assert "nowhere: no such file; nearest bundled: " in bad.stderr

@@ -21,7 +21,7 @@ def rig(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["fly", "nowhere.toml"], "nowhere.toml: no such file; bundled scenarios: "),
+        (["fly", "nowhere.toml"], "nowhere.toml: no such file; nearest bundled: "),
         (["fly", "--set", "duration=3"], "duration: unknown key"),
         (["fly", "--rerun", "sometimes", *SHORT], "rerun"),
         (["fly", "--rerun", "rerun+http://192.0.2.1:9876/proxy", *SHORT], "127.0.0.1"),
@@ -30,6 +30,12 @@ def rig(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess
         (["aircraft", "design", "zeppelin"], "unknown aircraft 'zeppelin'"),
         (["recover", "nowhere.mcap"], "nowhere.mcap"),
         (["bench", "nowhere.toml"], "no such file"),
+        (["fly", "no\nwhere\x1b[2J.toml"], "no where\\u001b[2J.toml: no such file"),
+        (["fly", "x" * 5000], ": no such file; nearest bundled: "),
+        (
+            ["fly", "--set", 'airframe.flight_points=[{name="20000ft_m06",altitude_m=24000.0,mach=0.1}]', *SHORT],
+            "no level trim",
+        ),
     ],
 )
 def test_bad_input_is_one_line_exit_code_2_and_nothing_written(arguments, says, tmp_path: Path):
@@ -37,6 +43,7 @@ def test_bad_input_is_one_line_exit_code_2_and_nothing_written(arguments, says, 
     assert out.returncode == 2
     assert out.stdout == ""
     assert out.stderr.count("\n") == 1 and out.stderr.startswith("error: ") and says in out.stderr
+    assert len(out.stderr) <= 600 and out.stderr.rstrip("\n").isprintable()
     assert list(tmp_path.rglob("*")) == []
 
 
@@ -90,6 +97,11 @@ def test_the_resolved_scenario_can_be_flown(tmp_path: Path):
     one = json.loads(rig("fly", *SHORT, "--json", cwd=tmp_path).stdout)
     two = json.loads(rig("fly", "resolved.toml", "--json", cwd=tmp_path).stdout)
     assert one["digest"] == two["digest"]
+
+
+def test_bundled_scenarios_are_listed_with_their_titles():
+    found = json.loads(rig("scenario", "list", "--json").stdout)
+    assert len(found) > 60 and "F-16" in found["f16_pitch_rate_hardover"]
 
 
 def test_aircraft_are_listed_with_their_flight_points():

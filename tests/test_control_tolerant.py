@@ -11,8 +11,7 @@ from interpreted import printed
 
 from rig import scenario
 from rig.errors import BadInput
-from rig.events import EventFinder
-from rig.flight import labels
+from rig.flight import event_finder
 from rig.frame import FLIGHT_INDEX, INDEX, Block, Lie, Trust
 from rig.loop import Rig, frames
 
@@ -179,7 +178,7 @@ def test_a_lost_sensor_is_left_to_the_rest_of_the_law():
 
 def test_the_events_say_what_was_found():
     chosen = scenario.load("b747_pitch_sensor_half")
-    finder = EventFinder(labels(chosen))
+    finder = event_finder(chosen)
     events = [event for rows, _ in frames(Rig(chosen), chosen) for event in finder.find(rows)]
     told = [event.name for event in events if event.name.startswith(("sensor", "fault"))]
     assert told == ["fault on", "sensor corrected", "sensor fault"]

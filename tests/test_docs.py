@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rig import aircraft, scenario, show
-from rig.frame import INDEX, State
+from rig.frame import INDEX, Block, State
 from rig.loop import Rig, frames
 
 ROOT = Path(__file__).parent.parent
@@ -48,11 +48,44 @@ def test_every_test_named_as_evidence_exists():
         assert set(re.findall(r"`(test_\w+)`", page.read_text())) <= defined
 
 
-def test_the_manager_in_the_docs_flies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+@pytest.fixture
+def documented(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The manager of docs/redundancy.md as ``mine.py`` in the current folder."""
     page = (ROOT / "docs" / "redundancy.md").read_text()
     (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     (tmp_path / "mine.py").write_text(code)
     monkeypatch.chdir(tmp_path)
-    which = scenario.load(None, ["duration_s=3", "faults.0.start_s=1", "redundancy.manager=mine:Smoothed"])
-    rows = np.concatenate([rows.copy() for rows, _ in frames(Rig(which), which)])
+
+
+def flown(name: str | None, *sets: str, seed: int | None = None) -> Block:
+    which = scenario.load(name, [*sets, "redundancy.manager=mine:Smoothed"], seed)
+    return np.concatenate([rows.copy() for rows, _ in frames(Rig(which), which)])
+
+
+@pytest.mark.usefixtures("documented")
+def test_the_manager_in_the_docs_fails_the_faulty_channel():
+    rows = flown(None, "duration_s=3", "faults.0.start_s=1")
     assert rows["state"][-1, INDEX["pitch_rate"], 2] == State.FAILED and len(rows) == 300
+    assert (rows["state"][-1] == State.FAILED).sum() == 1
+
+
+@pytest.mark.usefixtures("documented")
+def test_the_manager_in_the_docs_fails_nobody_healthy_in_a_hundred_flights():
+    """Heading north, where the channels of heading lie on both sides of the end of the circle."""
+    for seed in range(100):
+        point = ("20000ft_m06", "10000ft_m08")[seed % 2]
+        sets = ("faults=[]", "duration_s=0.5", f"flight_point={point}", "turbulence=moderate")
+        rows = flown("f16_pitch_rate_offset_in_manoeuvre", *sets, seed=seed)
+        assert not (rows["state"] == State.FAILED).any(), seed
+
+
+@pytest.mark.usefixtures("documented")
+def test_the_manager_in_the_docs_turns_through_north_without_failing_anybody():
+    """A turn to the left from north: heading goes through the end of its circle, roll angle to its limit and back."""
+    turn = "pilot.manoeuvres=[{kind='step', axis='heading', start_s=1.0, amplitude=-0.2}]"
+    rows = flown(None, "faults=[]", "duration_s=15", turn)
+    heading = rows["truth"][:, INDEX["heading"]]
+    assert heading.max() > 6.0 and heading.min() < 0.1
+    assert not (rows["state"] == State.FAILED).any()
+    off = rows["voted"][:, INDEX["heading"]] - heading
+    assert np.abs((off + np.pi) % (2 * np.pi) - np.pi).max() < 0.02

@@ -1,8 +1,14 @@
 import numpy as np
 import pytest
 
+from rig import scenario
+from rig.aircraft import bundled
 from rig.events import EventFinder
-from rig.frame import INDEX, End, Law, Pattern, Resolver, Source, State, new_block
+from rig.flight import event_finder
+from rig.frame import DISCRETE_INDEX, INDEX, End, Law, Pattern, Resolver, Source, State, new_block
+from rig.loop import Rig, frames
+from rig.redundancy.config import RESETS
+from rig.verdict import Verdict
 
 Q = INDEX["pitch_rate"]
 
@@ -111,3 +117,62 @@ def test_rows_that_have_not_moved_are_seen_at_a_glance(monkeypatch):
         for name in block.dtype.names or ():
             finder._last[name] = block[name][-1]
         assert finder.find(block) == []
+
+
+def test_what_is_failed_in_the_first_frame_has_its_events_there():
+    """A monitor without persistence: nobody saw the channel healthy before."""
+    block, gear = blank(), DISCRETE_INDEX["gear_down"]
+    block["state"][:, Q, 2] = block["discrete_state"][:, gear, 0] = State.FAILED
+    block["level"][:, Q] = block["discrete_level"][:, gear] = 3
+    block["pattern"][:4, Q] = Pattern.P1_1_1
+    found = EventFinder([]).find(block)
+    assert {event.frame for event in found} == {0}
+    assert sorted(event.text for event in found) == [
+        "gear_down.1 failed by comparison",
+        "pitch_rate.3 failed by comparison",
+        "pitch_rate: 1:1:1",
+        "pitch_rate: 4 to 3 channels",
+    ]
+
+
+def left_by(events) -> set[str]:
+    """The channels that are failed when all events have happened."""
+    failed = set()
+    for event in events:
+        if event.name == "channel failed":
+            failed.add(event.text.split()[0])
+        elif event.name == "channel readmitted":
+            failed.discard(event.text.split()[0])
+    return failed
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in bundled("faults").glob("*.toml")))
+def test_the_failures_of_a_flight_are_those_that_its_events_tell(name):
+    which = scenario.load(name)
+    finder, verdict = event_finder(which), Verdict()
+    for rows, _ in frames(Rig(which), which):
+        verdict.add(rows, finder.find(rows))
+    failed = {f"{signal}.{channel}" for signal, channels in verdict.failed.items() for channel in channels}
+    assert failed == left_by(verdict.events)
+
+
+def test_the_first_frame_of_a_flight_may_fail_a_channel():
+    which = scenario.load(None, ["duration_s=0.1", "redundancy.signals.pitch_rate.persistence=1", "faults.0.start_s=0"])
+    rows = np.concatenate([rows.copy() for rows, _ in frames(Rig(which), which)])
+    assert rows["state"][0, Q, 2] == State.FAILED
+    assert "channel failed" in [event.name for event in event_finder(which).find(rows) if event.frame == 0]
+
+
+def test_a_refused_readmission_is_told_in_its_frame():
+    """Frame 15 asks for channels 2 and 3: 2 comes back, 3 stays out; frame 25 asks for 3 again, at a block's start."""
+    resets = np.zeros(2, RESETS)
+    resets["frame"], resets["signal"], resets["channel"] = (15, 25), Q, ((0, 1, 1, 0), (0, 0, 1, 0))
+    block = blank()
+    block["state"][5:, Q, 2] = block["state"][5:15, Q, 1] = State.FAILED
+    finder = EventFinder([], resets)
+    found = [*finder.find(block[:25]), *finder.find(block[25:])]
+    assert [(e.frame, e.text) for e in found if e.name == "readmission refused"] == [
+        (15, "pitch_rate.3: has not agreed with the vote for long enough"),
+        (25, "pitch_rate.3: has not agreed with the vote for long enough"),
+    ]
+    assert [e.frame for e in found if e.name == "channel readmitted"] == [15]

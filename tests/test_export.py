@@ -132,8 +132,8 @@ def test_only_what_is_asked_for_is_written(flown, tmp_path, capsys, monkeypatch)
     ("arguments", "says"),
     [
         (["--to", "xls"], "--to xls: allowed: csv, parquet, npz"),
-        (["--to", "csv", "--signals", "haeding"], "unknown 'haeding', allowed: pitch_rate"),
-        (["--to", "csv", "--signals", "flight", "--for-vote"], "unknown 'flight', allowed: pitch_rate"),
+        (["--to", "csv", "--signals", "haeding"], "unknown 'haeding', nearest: heading"),
+        (["--to", "csv", "--signals", "flight", "--for-vote"], "unknown 'flight', nearest: "),
         (["--to", "csv", "--out", "nowhere/a.csv"], "no such folder"),
     ],
 )

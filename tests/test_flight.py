@@ -1,4 +1,5 @@
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -63,6 +64,34 @@ def test_a_second_flight_does_not_overwrite_the_first(tmp_path):
     one = fly(None, overrides=["duration_s=0.1"], out=tmp_path)
     two = fly(None, overrides=["duration_s=0.1"], out=tmp_path)
     assert one.log != two.log and one.log.read_bytes()[:8] == two.log.read_bytes()[:8]
+
+
+@pytest.mark.parametrize("lost", ["folder deleted", "log deleted", "log moved", "another in its place"])
+def test_a_log_that_is_lost_in_flight_is_said_and_no_flight_is_returned(tmp_path, lost):
+    def lose(frames, of):
+        logs = list((tmp_path / "logs").glob("*.mcap"))
+        if frames > 100 or not logs:
+            return
+        if lost == "folder deleted":
+            shutil.rmtree(tmp_path / "logs")
+        elif lost == "log moved":
+            logs[0].rename(tmp_path / "moved.mcap")
+        else:
+            logs[0].unlink()
+        if lost == "another in its place":
+            logs[0].write_bytes(b"another")
+
+    with pytest.raises(RigError, match=r"_seed1.mcap: the log is no longer there: deleted or moved") as error:
+        fly(None, overrides=["duration_s=2"], out=tmp_path / "logs", progress=lose)
+    assert not isinstance(error.value, BadInput)  # exit code 1
+
+
+def test_a_name_of_any_length_and_in_any_script_gives_a_log_that_can_be_made(tmp_path):
+    from rig.scenario import load
+
+    for letter in ("n", "\N{GREEK SMALL LETTER ALPHA}", "\N{CJK UNIFIED IDEOGRAPH-4E00}"):
+        named = from_resolved({**load(None, ["duration_s=0.1"]).resolved(), "title": letter * 400}, "test")
+        assert fly(named, out=tmp_path).log.name.startswith(letter * 50)
 
 
 def test_a_bad_scenario_writes_nothing(tmp_path):

@@ -1,10 +1,16 @@
+import json
 import signal
+import subprocess
+import sys
 import threading
+import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
-from rig.interrupt import interruptible
+from rig.interrupt import end_cleanly, interruptible
+from rig.log import read_log
 
 
 @pytest.fixture(autouse=True)
@@ -42,3 +48,76 @@ def test_a_thread_flies_without_touching_ctrl_c():
     thread.start()
     thread.join()
     assert seen == [(False, before)]
+
+
+TERMINATIONS = [signal.SIGTERM, signal.SIGHUP]
+
+
+@pytest.mark.parametrize("number", TERMINATIONS)
+def test_every_termination_asks_for_an_end_and_none_tears_the_flight(number: signal.Signals):
+    before = signal.getsignal(number)
+    with interruptible() as stop:
+        for _ in range(3):  # timeout(1) sends two, and so may a terminal that is closed
+            signal.raise_signal(number)
+        assert stop.requested and stop.signal == number and stop.terminated
+        signal.raise_signal(signal.SIGINT)
+        assert stop.signal == number and not stop.insisted
+    assert signal.getsignal(number) is before
+
+
+@pytest.mark.parametrize("number", TERMINATIONS)
+def test_what_is_ignored_from_the_first_stays_ignored(number: signal.Signals, monkeypatch: pytest.MonkeyPatch):
+    before = signal.signal(number, signal.SIG_IGN)  # as nohup does
+    try:
+        with interruptible() as stop:
+            signal.raise_signal(number)
+            assert not stop.requested
+        end_cleanly()
+        signal.raise_signal(number)
+        assert signal.getsignal(number) is signal.SIG_IGN
+    finally:
+        signal.signal(number, before)
+
+
+def test_where_a_second_ctrl_c_is_looked_for_the_third_is_pythons_own():
+    with interruptible(again=True) as stop:
+        signal.raise_signal(signal.SIGINT)
+        assert stop.requested and not stop.insisted and not stop.terminated
+        signal.raise_signal(signal.SIGINT)
+        assert stop.insisted
+        signal.raise_signal(signal.SIGTERM)
+        assert stop.insisted and stop.signal == signal.SIGINT
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.parametrize("number", TERMINATIONS)
+def test_a_process_that_ends_cleanly_runs_its_finally_and_a_second_signal_does_not_cut_that_short(
+    number: signal.Signals, tmp_path: Path
+):
+    code = (
+        "import signal\nfrom pathlib import Path\nfrom rig.files import replaced\n"
+        "from rig.interrupt import end_cleanly\nend_cleanly()\n"
+        "with replaced(Path('o')) as made:\n    try:\n"
+        f"        signal.raise_signal({int(number)})\n    finally:\n"
+        f"        signal.raise_signal({int(number)})\n        Path('finally').touch()\n"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, check=False)
+    assert (ran.returncode, ran.stderr) == (128 + number, b"")
+    assert [path.name for path in tmp_path.iterdir()] == ["finally"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, *TERMINATIONS])
+def test_a_flight_that_is_asked_to_end_leaves_a_finished_log(number: signal.Signals, tmp_path: Path):
+    """Paced, so that it is under way; the signal comes when its log is there."""
+    command = [sys.executable, "-m", "rig", "fly", "--set", "duration_s=60", "--realtime-factor", "1", "--json"]
+    begun = subprocess.Popen([*command, "--out", "logs"], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    deadline = time.monotonic() + 120
+    while not any(path.stat().st_size > 20_000 for path in tmp_path.glob("logs/*.mcap")):
+        assert begun.poll() is None and time.monotonic() < deadline
+        time.sleep(0.02)
+    begun.send_signal(number)
+    said, errors = begun.communicate(timeout=60)
+    assert (begun.returncode, errors) == (0, b"")
+    log = read_log(tmp_path / json.loads(said)["log"])
+    assert log.result is not None and log.result["end_reason"] == "interrupted" and 0 < len(log.rows) < 6000

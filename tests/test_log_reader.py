@@ -1,6 +1,7 @@
 """What was logged comes back bit for bit, or not at all."""
 
 import hashlib
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -218,3 +219,9 @@ def test_a_log_is_read_without_waiting_for_kernels_or_the_checks_of_a_scenario(t
     code = "import sys, rig; rig.read_log(sys.argv[1]); print({'numba', 'pydantic', 'jsbsim'} & set(sys.modules))"
     said = subprocess.run([sys.executable, "-c", code, str(tmp_path / "a.mcap")], capture_output=True, text=True)
     assert (said.stdout, said.stderr) == ("set()\n", "")
+
+
+def test_a_pipe_without_a_writer_is_refused_instead_of_waited_for(tmp_path: Path):
+    os.mkfifo(tmp_path / "x.mcap")
+    with pytest.raises(BadLog, match="is a pipe"):
+        read_log(tmp_path / "x.mcap")

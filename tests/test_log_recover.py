@@ -57,7 +57,7 @@ def check(tmp_path, whole, block, ends, cut):
         counted = sum(1 for _ in reader.iter_messages("/flight"))
         assert counted == frames
         assert "recovered" in {m.name for m in reader.iter_metadata()}
-    assert not list(tmp_path.glob("*.part"))
+    assert not list(tmp_path.glob(".*.part"))
 
 
 def test_the_bytes_that_are_lost_are_counted_from_the_last_whole_record(tmp_path, flown):
@@ -131,7 +131,7 @@ def test_a_cut_before_the_metadata_leaves_nothing(tmp_path, flown):
 
 def test_an_output_that_cannot_be_written_is_said_in_one_line(tmp_path, flown):
     (tmp_path / "a.mcap").write_bytes(flown[0][:-10])
-    with pytest.raises(RigError, match="cannot be written"):
+    with pytest.raises(RigError, match="no such folder"):
         recover(tmp_path / "a.mcap", tmp_path / "missing" / "b.mcap")
 
 

@@ -5,11 +5,16 @@ from __future__ import annotations
 import json
 import struct
 import sys
+from dataclasses import replace
+from datetime import date
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import tomli_w
 from google.protobuf.timestamp_pb2 import Timestamp
@@ -21,6 +26,7 @@ from mcap_protobuf.writer import Writer as ProtobufWriter
 from rig import cli
 from rig.errors import BadInput
 from rig.frame import State
+from rig.log import messages as limits
 from rig.recorded.cli import vote as mounted
 from rig.recorded.config import VoteConfig
 from rig.recorded.read import nearest_rows, read
@@ -73,8 +79,8 @@ BAD_TABLES = {
     "a channel 0": ("time_s,x.0,x.1,x.2\n0,1,1,1\n", "column 'x.0': a signal has channels 1 to 4"),
     "a gap in the channels": ("time_s,x.1,x.3\n0,1,1\n", "signal 'x' has a channel 3 but no channel 2"),
     "no time": ("x.1,x.2\n1,1\n", "no column 'time_s'"),
-    "unordered time": (HEAD + "0,1,1,1\n0.2,1,1,1\n0.1,1,1,1\n", "row 3: time_s must rise, got 0.1 after 0.2"),
-    "the same time twice": (HEAD + "0,1,1,1\n0,1,1,1\n", "row 2: time_s must rise, got 0 after 0"),
+    "unordered time": (HEAD + "0,1,1,1\n0.2,1,1,1\n0.1,1,1,1\n", "row 3: time_s must rise, got 0.1 after 0.2; 1 row"),
+    "the same time twice": (HEAD + "0,1,1,1\n0,1,1,1\n", "row 2: time_s must rise, got 0 after 0; 1 row"),
     "a time that is no number": (HEAD + "0,1,1,1\n,1,1,1\n", "row 2: time_s is not a number"),
     "an unknown column": ("time_s,x.1,x.2,remark\n0,1,1,1\n", "unknown column 'remark'"),
     "a column of no signal": ("time_s,x.1,x.2,y.ref\n0,1,1,1\n", "unknown column 'y.ref'"),
@@ -103,7 +109,7 @@ BAD_CONFIGS = {
     "unknown key": ({"signal": {"x": {"threshold": 1.0, "persistance": 8}}}, "signal.x.persistance: unknown key"),
     "unknown key of all": ({"default": {"treshold": 1.0}}, "default.treshold: unknown key"),
     "unknown table": ({"signals": {}}, "signals: unknown key"),
-    "signal not in the input": ({"signal": {"y": {"threshold": 1.0}}}, "signal 'y' is not in the input; it has: x"),
+    "signal not in the input": ({"signal": {"y": {"threshold": 1.0}}}, "signal 'y' is not in the input; allowed: x"),
     "reset of no signal": ({**ONE, "resets": [{"at_s": 1.0, "signal": "y"}]}, "signal 'y' is not in the input"),
     "no threshold": ({"signal": {"x": {}}}, "signal.x: threshold: field required"),
     "threshold zero": ({"default": {"threshold": 0.0}}, "default: threshold: input should be greater than 0, got 0.0"),
@@ -184,7 +190,7 @@ def test_a_failure_leaves_the_output_of_before(rig: Any):
     Path("o.csv").write_text("of before")
     Path("in.csv").write_text(HEAD)
     assert rig("in.csv", "--config", "c.toml", "--out", "o.csv")[0] == 2
-    assert Path("o.csv").read_text() == "of before" and not Path("o.csv.part").exists()
+    assert Path("o.csv").read_text() == "of before" and not list(Path().glob(".*.part"))
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet", "mcap"])
@@ -219,7 +225,7 @@ def test_the_mcap_opens_with_the_stock_reader(tmp_path: Path):
     recorded = recording(9000)
     voted = vote(recorded, VoteConfig(**ONE).signals(list(recorded.signals), ""), [])
     with output(tmp_path / "o.mcap") as part:
-        write(part, ".mcap", recorded, voted)
+        write(part, Path("o.mcap"), recorded, voted)
     with (tmp_path / "o.mcap").open("rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
         summary = reader.get_summary()
@@ -243,7 +249,7 @@ def test_the_mcap_opens_in_rerun(tmp_path: Path):
     chunk = pytest.importorskip("rerun.chunk")
     recorded = recording(100)
     voted = vote(recorded, VoteConfig(**ONE).signals(list(recorded.signals), ""), [])
-    write(tmp_path / "o.mcap", ".mcap", recorded, voted)
+    write(tmp_path / "o.mcap", tmp_path / "o.mcap", recorded, voted)
     messages: list[Any] = []
     for part in chunk.McapReader(tmp_path / "o.mcap", timeline_type="duration").stream():
         batch = part.to_record_batch()
@@ -336,6 +342,97 @@ def test_an_mcap_has_no_time_before_zero(rig: Any):
     assert rig("in.csv", "--config", "c.toml", "--out", "o.csv")[0] == 0
 
 
+def test_an_mcap_has_no_two_rows_of_one_nanosecond(rig: Any):
+    config(**ONE)
+    Path("in.csv").write_text(HEAD + "0,1,1,1\n1,1,1,1\n1.0000000001,1,1,1\n2,1,1,1\n")
+    refused(rig("in.csv", "--config", "c.toml", "--out", "o.mcap"), "", "rows 2 and 3: the same nanosecond")
+    assert rig("in.csv", "--config", "c.toml", "--out", "o.csv")[0] == 0
+
+
+def of_three(path: str, x: Any) -> None:
+    """A Parquet file of three rows with ``x`` as the first of two channels."""
+    pq.write_table(pa.table({"time_s": [0.0, 0.1, 0.2], "x.1": x, "x.2": [1.0, 1.0, 1.0]}), path)
+
+
+NUMBERS = {
+    "booleans": (pa.array([True, False, None]), [1, 0, None]),
+    "decimals": (pa.array([Decimal("1.50")] * 3), [1.5] * 3),
+    "a dictionary": (pa.array([1.0, 2.0, 1.0]).dictionary_encode(), [1, 2, 1]),
+    "halves": (pa.array(np.array([1, 2, 3], np.float16)), [1, 2, 3]),
+    "large integers": (pa.array([2**63 - 1, -(2**63), 0]), [2.0**63, -(2.0**63), 0]),
+    "nothing": (pa.nulls(3), [None] * 3),
+}
+NO_NUMBERS = {
+    "dates": pa.array([date(2020, 1, 1)] * 3),
+    "lists": pa.array([[1.0]] * 3),
+    "structs": pa.array([{"a": 1.0}] * 3),
+    "a dictionary of words": pa.array(["a", "b", "a"]).dictionary_encode(),
+}
+
+
+@pytest.mark.parametrize("kind", NUMBERS)
+def test_parquet_types_that_are_numbers_are_read(kind: str, tmp_path: Path):
+    column, expected = NUMBERS[kind]
+    of_three(str(tmp_path / "in.parquet"), column)
+    found = read(tmp_path / "in.parquet", VoteConfig()).signals["x"].channels[0]
+    assert [None if np.isnan(value) else value for value in found] == expected
+
+
+@pytest.mark.parametrize("kind", NO_NUMBERS)
+def test_parquet_types_that_are_no_numbers_are_refused(kind: str, rig: Any):
+    config(**ONE)
+    of_three("in.parquet", NO_NUMBERS[kind])
+    refused(rig("in.parquet", "--config", "c.toml", "--out", "o.csv"), "in.parquet", "'x.1' is not of numbers but of")
+
+
+def test_a_parquet_column_that_is_there_twice_is_refused(rig: Any):
+    config(**ONE)
+    one = pa.array([0.0, 0.1])
+    pq.write_table(pa.Table.from_arrays([one] * 4, names=["time_s", "x.1", "x.1", "x.2"]), "in.parquet")
+    refused(rig("in.parquet", "--config", "c.toml", "--out", "o.csv"), "in.parquet", "column 'x.1' is there twice")
+
+
+def test_a_parquet_file_that_expands_beyond_its_limits_is_refused(rig: Any, monkeypatch: pytest.MonkeyPatch):
+    config(**ONE)
+    zeros = pa.array(np.zeros(500_000))
+    pq.write_table(pa.table({"time_s": zeros, "x.1": zeros, "x.2": zeros}), "in.parquet")
+    monkeypatch.setattr(limits, "CHUNK_LIMIT", 1 << 20)
+    refused(rig("in.parquet", "--config", "c.toml", "--out", "o.csv"), "in.parquet", "expands to 12000000 bytes")
+
+
+def test_columns_of_any_name_are_shown_as_they_are(rig: Any):
+    config(**ONE)
+    Path("in.csv").write_text("time_s,[/red].1,[/red].2,\x1b[2J.1,\x1b[2J.2\n0,1,1,1,1\n0.1,1,9,1,1\n")
+    code, said, _ = rig("in.csv", "--config", "c.toml", "--out", "o.csv")
+    assert code == 0 and "[/red].2" in said and "\\u001b[2J.1" in said and "\x1b" not in said
+    assert "[/red].voted" in pl.read_csv("o.csv").columns
+
+
+def test_names_that_no_file_can_have_are_refused(rig: Any):
+    for name in ("a" * 300 + ".csv", "a\0.csv"):
+        config(**ONE, mapping={"x.1": f"{name}:x", "x.2": f"{name}:y"})
+        refused(rig(".", "--config", "c.toml", "--out", "o.csv"), "", "cannot be read")
+    refused(rig("a" * 300 + ".csv", "--config", "c.toml", "--out", "o.csv"), "aaa", "read: File name too long")
+
+
+@pytest.mark.parametrize("samples", ["", "inf", "1e308"])
+def test_samples_that_are_no_samples_leave_no_vote_and_no_traceback(samples: str, rig: Any):
+    config(default={"threshold": 1.0, "range": [-5.0, 5.0]})
+    Path("in.csv").write_text(HEAD + "".join(f"{k},{samples},{samples},{samples}\n" for k in range(300)))
+    for more in ([], ["--align"]):
+        code, said, error = rig("in.csv", "--config", "c.toml", "--out", "o.csv", "--json", *more)
+        found = json.loads(said)["signals"]["x"]
+        assert (code, error) == (0, "") and [c["invalid_samples"] for c in found["channels"]] == [300] * 3
+
+
+@pytest.mark.parametrize("option", ["--align-from", "--align-to"])
+@pytest.mark.parametrize("value", ["nan", "inf"])
+def test_a_stretch_is_of_finite_times(option: str, value: str, rig: Any):
+    config(**ONE)
+    Path("in.csv").write_text(HEAD + "0,1,1,1\n")
+    refused(rig("in.csv", "--config", "c.toml", "--out", "o.csv", "--align", option, value), option, "a finite number")
+
+
 def test_signals_of_flight_have_the_range_and_the_turn_of_flight():
     chosen = VoteConfig(**ONE).signals(["heading", "pitch_rate", "x"], "c.toml")
     assert chosen["heading"].wraps and chosen["heading"].limits == (0.0, 2 * np.pi)
@@ -348,10 +445,22 @@ def test_signals_of_flight_have_the_range_and_the_turn_of_flight():
 def test_a_damaged_chunk_is_noticed(tmp_path: Path):
     recorded = recording(300)
     voted = vote(recorded, VoteConfig(**ONE).signals(list(recorded.signals), ""), [])
-    write(tmp_path / "o.mcap", ".mcap", recorded, voted)
+    write(tmp_path / "o.mcap", tmp_path / "o.mcap", recorded, voted)
     data = bytearray((tmp_path / "o.mcap").read_bytes())
     at = data.index(struct.pack("<I4s", 4, b"zstd")) + 200
     data[at] ^= 0xFF
     (tmp_path / "o.mcap").write_bytes(data)
     with pytest.raises(BadInput, match="damaged"):
         read(tmp_path / "o.mcap", VoteConfig())
+
+
+def test_an_output_of_a_vote_with_codes_that_are_none_is_refused(tmp_path: Path):
+    recorded = recording(30, ("x",))
+    voted = vote(recorded, VoteConfig(**ONE).signals(["x"], ""), [])
+    for signal, says in (
+        (replace(voted["x"], state=[np.full(30, 7, np.uint8)] * 3), "st_1 is one of 0, 1, 2, 3, got 7"),
+        (replace(voted["x"], state=[np.full(30, State.ABSENT, np.uint8)] * 3), "two to 4 are needed"),
+    ):
+        write(tmp_path / "o.mcap", tmp_path / "o.mcap", recorded, {"x": signal})
+        with pytest.raises(BadInput, match=says):
+            read(tmp_path / "o.mcap", VoteConfig())

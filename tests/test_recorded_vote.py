@@ -14,6 +14,7 @@ import tomli_w
 from conftest import constant, vote_samples
 
 from rig import cli
+from rig.errors import BadInput
 from rig.frame import INDEX, SIGNALS, Pattern, Resolver, State
 from rig.recorded.cli import vote as mounted
 from rig.recorded.config import RecordedSignal, VoteConfig, read_config
@@ -33,11 +34,12 @@ SETTINGS = {"threshold": 1.0, "persistence": 8, "singular_persistence": 10}
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
     """run(columns, settings) -> the table written, the JSON printed."""
 
-    def voted(columns: dict[str, Any], settings: dict[str, Any]) -> tuple[pl.DataFrame, dict[str, Any]]:
+    def voted(columns: dict[str, Any], settings: dict[str, Any], *options: str) -> tuple[pl.DataFrame, dict[str, Any]]:
         pl.DataFrame(columns).write_csv(tmp_path / "in.csv")
         (tmp_path / "c.toml").write_text(tomli_w.dumps({"default": settings}))
         monkeypatch.chdir(tmp_path)
-        monkeypatch.setattr(sys, "argv", ["rig", "vote", "in.csv", "--config", "c.toml", "--out", "o.csv", "--json"])
+        command = ["rig", "vote", "in.csv", "--config", "c.toml", "--out", "o.csv", "--json", *options]
+        monkeypatch.setattr(sys, "argv", command)
         with pytest.raises(SystemExit) as end:
             cli.main()
         assert end.value.code == 0
@@ -232,7 +234,7 @@ def test_a_manager_of_the_users_own_votes(run: Any, tmp_path: Path):
         "        block[k]['voted'][0] = block[k]['channels'][0, 0]\n"
         "        block[k]['level'][0] = self.fitted\n"
     )
-    table, found = run(columns(constant(7, 0, 0)), {**SETTINGS, "manager": "first_of_all:First"})
+    table, found = run(columns(constant(7, 0, 0)), {**SETTINGS, "manager": "first_of_all:First"}, "--allow-code")
     assert failed(found) == {} and (table["x.voted"] == 7).all() and (table["x.level"] == 3).all()
 
 
@@ -248,3 +250,28 @@ def test_names_of_patterns_and_resolvers_are_those_of_the_table():
     assert RESOLVERS == ("none", "ilm", "trend", "reference", "extremes", "middle", "unresolved")
     assert [State[name.upper()] for name in STATES] == [0, 1, 2]
     assert len(PATTERNS) == len(Pattern) and len(RESOLVERS) == len(Resolver)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("[default]\nthreshold = 1.0\nfade_s = 1e17", "fade_s: must be at most 1e"),
+        ("[default]\nthreshold = 1.0\npersistence = 9223372036854775808", "persistence: must be at most 1e"),
+        (
+            "[default]\nthreshold = 1.0\nthreshhold = 2.0",
+            "default.threshhold: unknown key; nearest: threshold; all keys: ",
+        ),
+        ("a = " + "[" * 2000 + "]" * 2000, "nested more than 100 deep"),
+        ("[[resets]]\nsignal = 'x'\nat_s = 1e12\n[default]\nthreshold = 1.0", "at_s: input should be less than"),
+    ],
+)
+def test_settings_beyond_what_a_frame_counter_holds_are_refused(text: str, says: str, tmp_path: Path):
+    (tmp_path / "c.toml").write_text(text)
+    with pytest.raises(BadInput) as caught:
+        read_config(tmp_path / "c.toml").signals(["x"], "c.toml")
+    assert says in str(caught.value) and len(str(caught.value)) < 600
+
+
+def test_a_reset_may_be_at_the_time_of_a_calendar(tmp_path: Path):
+    (tmp_path / "c.toml").write_text("[[resets]]\nsignal = 'x'\nat_s = 1.7e9\n[default]\nthreshold = 1.0\n")
+    assert read_config(tmp_path / "c.toml").resets[0].at_s == 1.7e9

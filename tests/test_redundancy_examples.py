@@ -28,13 +28,14 @@ def test_constant_pairs_go_to_the_smaller_pair():
     out = vote_samples(constant(0, 0.1, 5, 5.1))
     assert out.failed_at() == [None, None, 10, 10]
     assert (out.pattern[:10] == Pattern.P2_2).all()
-    assert (out.resolver[3:10] == Resolver.TREND).all()
+    assert (out.resolver[8:10] == Resolver.TREND).all()  # eight changes seen
+    assert (out.resolver[:8] == Resolver.UNRESOLVED).all()
 
 
 def test_rising_pairs_go_to_the_larger_pair():
     out = vote_samples(RISING)
     assert out.failed_at() == [10, 10, None, None]
-    assert (out.trend_high[3:10] == 0b111).all()
+    assert (out.trend_high[8:10] == 0b1111_1111).all()
 
 
 def test_a_reference_asked_first_saves_the_pair_that_the_trend_would_fail():

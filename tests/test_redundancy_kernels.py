@@ -100,7 +100,7 @@ def test_an_unusable_reference_is_not_asked():
 def test_the_resolvers_are_asked_in_their_order(resolvers, first):
     ilm = np.tile([BAD, BAD, GOOD, GOOD], (30, 1))
     out = vote_samples(constant(0, 0.1, 5, 5.1), ilm=ilm, resolvers=resolvers)
-    assert out.resolver[5] == first
+    assert out.resolver[8] == first
 
 
 def test_a_duplex_split_is_settled_like_a_quadruplex_one():
@@ -132,7 +132,7 @@ def test_a_trend_byte_shifts_left_and_keeps_the_last_bits():
 def test_a_trend_byte_starts_anew_when_the_number_of_valid_samples_changes():
     samples = constant(0, 0.1, 5, 5.1, frames=20)
     samples[6, 0] = np.nan
-    out = vote_samples(samples, resolvers=["trend"])
+    out = vote_samples(samples, resolvers=["trend"], trend_frames=3)
     assert (out.resolver[3:6] == Resolver.TREND).all()
     assert (out.resolver[7:10] == Resolver.UNRESOLVED).all() and (out.resolver[10:16] == Resolver.TREND).all()
 
@@ -248,11 +248,11 @@ def test_settings_become_a_record_in_frames_with_their_defaults():
         "deviation_frames": 250.0,
         "persistence": 8,
         "singular_persistence": 10,
-        "trend_frames": 3,
+        "trend_frames": 8,
         "readmit_frames": 100,
         "fade_frames": 25,
         "fitted": 3,
-        "resolvers": [1, 2, 3],
+        "resolvers": [1, 3, 2, 4, 5],
         "wraps": 1,
         "weighted": 0,
     }
@@ -269,7 +269,7 @@ def test_settings_become_a_record_in_frames_with_their_defaults():
     assert (row["deviation"][0], row["deviation_frames"][0]) == (2.0, 50.0)
     row = np.zeros(1, PARAMS)
     fill(row[0], chosen, (-1.0, 2.0), 4, False, 100.0)
-    assert row["resolvers"][0].tolist() == [3, 0, 0]
+    assert row["resolvers"][0].tolist() == [3, 0, 0, 0, 0]
 
 
 def test_every_signal_has_its_own_settings_range_and_channels():

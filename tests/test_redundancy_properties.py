@@ -8,12 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from rig.frame import Pattern, State
+from rig.angles import difference
+from rig.frame import TWO_PI, Pattern, Resolver, State
+from rig.redundancy.config import MANAGERS
 
 # Multiples of 1/8 make sums and shifts exact, so that equality can be demanded.
 EIGHTHS = st.integers(-80, 80).map(lambda n: n / 8)
 FRAMES = hnp.arrays(np.float64, (20, 4), elements=EIGHTHS)
 FEW = settings(max_examples=60, deadline=None)
+HOSTILE = st.sampled_from([np.nan, np.inf, -np.inf, 1e16, 1e300, -1e300, 1.7e308, -1.7e308, 5e-324, 0.0, 0.5, 1.0, 6.0])
 DISTINCT = hnp.arrays(np.float64, (4,), elements=EIGHTHS, unique=True)
 
 
@@ -92,3 +95,41 @@ def test_the_pattern_is_that_of_the_definition(values):
     else:
         expected = Pattern.ISOLATED if 0 in partners else Pattern.NORMAL
     assert vote_samples(values[None]).pattern[0] == expected
+
+
+@settings(max_examples=150)
+@given(
+    hnp.arrays(np.float64, (12, 4), elements=HOSTILE),
+    hnp.arrays(np.int64, (12, 4), elements=st.sampled_from([1, 1, 1, 0])),
+    st.sampled_from(MANAGERS),
+    st.sampled_from([(0.0, TWO_PI, True), (-1000.0, 1000.0, False), (-1.7e308, 1.7e308, False)]),
+    st.sampled_from([0.0, 0.05]),
+)
+def test_the_vote_is_finite_and_within_the_comparable_samples(samples, valid, manager, sensor, fade_s):
+    """Out of it only by what the requirement holds: an unresolved pattern, the last one lost, a fade."""
+    low, high, wraps = sensor
+    chosen = {"threshold": 0.2, "persistence": 3, "singular_persistence": 4, "fade_s": fade_s}
+    with np.errstate(all="ignore"):  # interpreted kernels warn where compiled ones overflow in silence
+        out = vote_samples(samples, valid=valid, manager=manager, limits=(low, high), wraps=wraps, **chosen)
+    assert np.isfinite(out.voted).all()
+    latches = manager in ("cross-channel", "cross-voter")
+    for k in range(len(samples)):
+        failed = out.state[k - 1] == State.FAILED if latches and k else np.zeros(4, bool)
+        use = samples[k][~failed & (valid[k] == 1) & (samples[k] >= low) & (samples[k] <= high)]
+        if len(use) == 0 or out.resolver[k] == Resolver.UNRESOLVED or fade_s:
+            continue
+        if wraps:
+            off = np.array([difference(x, out.voted[k], True) for x in use])
+            assert off.min() <= 1e-9 and off.max() >= -1e-9, k
+        else:
+            assert use.min() <= out.voted[k] <= use.max(), k
+
+
+def test_an_infinite_first_sample_does_not_poison_an_angle():
+    samples = np.full((30, 4), 1.0)
+    samples[0, 0] = np.inf
+    for manager in MANAGERS:
+        with np.errstate(invalid="ignore"):
+            out = vote_samples(samples, manager=manager, limits=(0.0, TWO_PI), wraps=True, threshold=0.02)
+        assert np.allclose(out.voted, 1.0, atol=1e-12), manager
+        assert out.failed_at() == [None] * 4 or manager == "selection", manager

@@ -13,6 +13,7 @@ from rig.redundancy import Redundancy, vote_row
 from rig.redundancy.config import MANAGERS, Config, SignalConfigs
 from rig.redundancy.designed import Designed, Error, Point
 from rig.redundancy.reference import Config as References
+from rig.trust import Trust
 
 RATE = 100.0
 Q = INDEX["pitch_rate"]
@@ -38,7 +39,7 @@ def stage(manager: str = MANAGERS[0], errors: Any = None, **of_pitch_rate: Any) 
     every = {signal.name: {"threshold": 0.05} for signal in SIGNALS}
     every["pitch_rate"] |= of_pitch_rate
     config = Config(manager=manager, signals=SignalConfigs.model_validate(every))
-    return Redundancy(config, RANGES, FOUR, designed(errors=errors), RATE)
+    return Redundancy(config, RANGES, FOUR, designed(errors=errors), RATE, Trust(allow_code=True))
 
 
 def rows(n: int = 2) -> Block:
@@ -86,8 +87,10 @@ def test_a_manager_of_the_users_own_sees_the_reference_of_the_votes_before():
     block = rows(3)
     block["discrete_channels"][:, DISCRETE_INDEX["gear_down"]] = 1
     run(which, block)
-    assert isinstance(which.own, Recorder)
-    assert np.isnan(which.own.seen[0]) and which.own.seen[1:] == pytest.approx([0.0, 0.0], abs=1e-3)
+    assert which.own is not None
+    recorder = which.own.made
+    assert isinstance(recorder, Recorder)
+    assert np.isnan(recorder.seen[0]) and recorder.seen[1:] == pytest.approx([0.0, 0.0], abs=1e-3)
     assert (block["voted"] == block["channels"][:, :, 0]).all()
     assert (block["discrete_voted"][:, DISCRETE_INDEX["gear_down"]] == 1).all()
 

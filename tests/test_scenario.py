@@ -1,11 +1,13 @@
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rig import aircraft, scenario
 from rig.errors import BadInput
 from rig.faults import Hardover
+from rig.loop import Rig, frames
 from rig.scenario import find, from_resolved, load
 
 FAULTS = sorted(aircraft.bundled("faults").glob("*.toml"))
@@ -90,9 +92,9 @@ BAD_SETS = [
     ("seed=1.5", "seed"),
     ("aircraft=concorde", "unknown aircraft 'concorde', allowed: b707, b737, b747, f16"),
     ("turbulence=mild", "turbulence"),
-    ("faults.0.signal=pitchrate", "unknown signal, allowed: pitch_rate"),
+    ("faults.0.signal=pitchrate", "unknown signal, nearest: pitch_rate, "),
     ("faults.0.channels=[5]", "from 1 to 4"),
-    ("faults.0.kind=explode", "'offset', 'drift', 'hardover'"),
+    ("faults.0.kind=explode", "faults.0.kind: unknown kind 'explode', nearest: "),
     ("faults.0.end_s=1.0", "must be after start_s"),
     ("faults.3.start_s=1.0", "must be an index from 0 to 0"),
     ("redundancy.manager=median4", "unknown manager, allowed: cross-channel, mean, median"),
@@ -101,6 +103,41 @@ BAD_SETS = [
     ("sensors.pitch_rate.channels=1", "greater than or equal to 2"),
     ("sensors.pitchrate.noise_std=1", "pitchrate: unknown key"),
     ("noequals", "must be key=value"),
+    # Beyond what a frame counter holds
+    ("faults.0.start_s=1e300", "start_s: must be at most 1e+06, got 1e+300"),
+    ("faults.0.end_s=1e17", "end_s: must be at most 1e+06, got 1e+17"),
+    ("faults.0.repeats=9223372036854775808", "repeats: must be at most 1e+09, got 9223372036854775808"),
+    ("redundancy.resets=[{at_s=1e300,signal='heading'}]", "at_s: must be at most 1e+06"),
+    ("redundancy.signals.heading.fade_s=1e300", "fade_s: must be at most 1e+06"),
+    ("redundancy.signals.heading.persistence=9223372036854775808", "persistence: must be at most 1e+09"),
+    ("redundancy.signals.heading.readmit_frames=1_000_000_001", "readmit_frames: must be at most 1e+09"),
+    ("control.tolerant.noise.drift_walk_rad_s_sqrt_s=1e300", "drift_walk_rad_s_sqrt_s: input should be less than"),
+    ("control.tolerant.noise.scale_sigma=1e300", "scale_sigma: input should be less than or equal to 1000"),
+    ("sensors.pitch_rate.bandwidth_hz=1e300", "bandwidth_hz: input should be less than"),
+    ("airframe.elevator.lag_s=5e-324", "lag_s: input should be greater than or equal to 0.0001"),
+    # What no TOML reader, file system or property tree takes
+    ("title=" + "[" * 2000 + "]" * 2000, "--set title: nested more than 100 deep"),
+    ("duration_s=" + "9" * 5000, "--set duration_s: not valid TOML: a number has too many digits"),
+    ("duration_s=0x" + "f" * 5000, "duration_s: input should be a valid number, got a number of thousands of digits"),
+    (".".join("a" * 5000) + "=1", "a key of more than 100 parts"),
+    ("faults.\N{SUPERSCRIPT TWO}=1", "must be an index from 0 to 0"),
+    ("faults." + "9" * 5000 + "=1", "must be an index from 0 to 0"),
+    ("aircraft=" + "x" * 300, "unknown aircraft 'xxx"),
+    ('aircraft="a\\u0000b"', "unknown aircraft 'a"),
+    ('sensors.pitch_rate.noise_file="a\\u0000b"', "sensors.pitch_rate.noise_file: a\\u0000b: no such file"),
+    ("sensors.pitch_rate.noise_file=" + "x" * 300, "no such file"),
+    ('airframe.properties={"a b"=1.0}', "'a b' is no property's name"),
+    ('airframe.properties={"</property>"=1.0}', "'</property>' is no property's name"),
+    ('airframe.properties={"-1"=1.0}', "'-1' is no property's name"),
+    ('airframe.properties={"1a"=1.0}', "'1a' is no property's name"),
+    # Long values and new lines; the nearest name and where the others are
+    ("faults.0.kind=" + "x" * 100_000, "unknown kind 'xxx"),
+    ("a\nb=1", "a b: unknown key"),
+    ("duratoin_s=5", "unknown key; nearest: duration_s; all keys: docs/scenario.md, rig scenario show"),
+    ("faults.0.strat_s=5.0", "faults.0.strat_s: unknown key; nearest: start_s"),
+    ("sensors.pitch_rate.noise_sdt=5.0", "unknown key; nearest: noise_std"),
+    ("faults.0.signal=pitchrate", "nearest: pitch_rate, pitch_angle, "),
+    ("redundancy.signal.heading=1", "nearest: signals"),
 ]
 
 
@@ -109,7 +146,39 @@ def test_bad_settings_are_one_line_that_says_what_is_wrong(text: str, says: str)
     with pytest.raises(BadInput) as caught:
         load(None, [text])
     assert says in str(caught.value)
-    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 600 and str(caught.value).isprintable()
+
+
+def test_files_nested_too_deep_or_with_endless_numbers_are_refused(tmp_path: Path):
+    for text, says in (
+        ("a = " + "[" * 2000 + "]" * 2000, "nested more than 100 deep"),
+        (".".join("a" * 900) + " = 1", "nested more than 100 deep"),
+        ("duration_s = " + "9" * 5000, "a number has too many digits"),
+    ):
+        with pytest.raises(BadInput, match=says):
+            load(write(tmp_path, text))
+
+
+def test_a_name_that_no_file_can_have_is_one_that_is_not_there(tmp_path: Path):
+    for name in ("x" * 300, "a\0b", str(tmp_path / ("y" * 5000))):
+        with pytest.raises(BadInput, match="no such file") as caught:
+            find(name)
+        assert len(str(caught.value)) < 600 and str(caught.value).isprintable()
+
+
+def test_a_mistyped_scenario_is_told_the_nearest_and_the_command_that_lists_them():
+    with pytest.raises(
+        BadInput, match=r"nearest bundled: f16_pitch_rate_hardover, .*; all \d+: rig scenario list"
+    ) as caught:
+        find("f16_pitch_hardover")
+    assert str(caught.value).count("f16_") == 4  # the name itself and three
+
+
+def test_times_and_counts_up_to_the_limit_fly():
+    most = ["faults.0.start_s=1e6", "redundancy.signals.heading.persistence=1_000_000_000", "duration_s=0.1"]
+    which = load(None, most)
+    rows = np.concatenate([rows.copy() for rows, _ in frames(Rig(which), which)])
+    assert not rows["acting"].any() and (rows["level"][:, 0] == 4).all()
 
 
 def test_a_fault_on_a_channel_that_is_not_fitted_is_refused():

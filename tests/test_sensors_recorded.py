@@ -110,7 +110,7 @@ def test_a_file_that_is_no_noise_is_refused_in_one_line(noise: Path, text: str, 
 
 
 def test_a_missing_file_is_refused_when_the_scenario_is_loaded(tmp_path: Path):
-    with pytest.raises(BadInput, match=r"noise_file: .*nowhere.csv: cannot be read"):
+    with pytest.raises(BadInput, match=r"noise_file: .*nowhere.csv: no such file"):
         scenario.load(None, sets(tmp_path / "nowhere.csv"))
 
 

@@ -138,5 +138,5 @@ def test_a_picture_that_cannot_be_written_is_refused(flights: tuple[Path, Path],
     opened = read([flights[0]])
     with pytest.raises(BadInput, match=r"must end in \.png"):
         screenshot(opened, tmp_path / "picture.jpg")
-    with pytest.raises(BadInput, match="cannot be written: No such file"):
+    with pytest.raises(BadInput, match="no such folder"):
         screenshot(opened, tmp_path / "nowhere" / "picture.png")

@@ -7,6 +7,7 @@ alone.py   suspects, flown in a process of their own
 pool.py    where batches are flown: processes of this machine, or a Dask cluster
 run.py     the parent: hands out what is missing, writes each batch as a part
 folder.py  the output folder: what belongs to it, parts, what is done
-table.py   the tables' columns, reading them, their hash
+parts.py   the parts read and checked: every run once, in all tables
+table.py   the tables' columns, their hash
 statistics.py, summary.py, compare.py, report.py   what the tables say
 """

@@ -48,7 +48,7 @@ def _died(code: int, orders: Orders) -> tuple[str, str]:
 
 def _child(runs: Sequence[Run], orders: Orders) -> tuple[list[Rows], int]:
     """What a fresh process flew of ``runs`` before it ended, and its exit code."""
-    command = [sys.executable, "-m", "rig.campaign.alone"]
+    command = [sys.executable, "-P", "-m", "rig.campaign.alone"]  # -P: no module of the present folder
     quiet: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     with subprocess.Popen(command, env=environment, **quiet) as process:
@@ -77,7 +77,8 @@ def _messages(pipe: IO[bytes]) -> Iterator[Any]:
 
 def main() -> None:
     """The child: runs and orders from standard input, rows to standard output."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's, and so is the terminal that is closed
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever a flight prints is no row
     runs, orders = pickle.load(sys.stdin.buffer)  # our own parent

@@ -8,6 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
+from rig.interrupt import CODE
+from rig.options import AllowCode
+
 app = typer.Typer(
     help="Fly many flights of one plan, and say what they show.",
     no_args_is_help=True,
@@ -15,7 +18,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-INTERRUPTED = 130  # exit code, as a shell gives it for Ctrl-C
 
 File = Annotated[str, typer.Argument(help="A campaign file or the name of a bundled one.", show_default=False)]
 Dir = Annotated[Path, typer.Argument(help="A campaign's output folder.", show_default=False)]
@@ -27,21 +29,25 @@ Runs = Annotated[int | None, typer.Option(help="The first N runs only.", show_de
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 
-def _plan(file: str, sets: list[str] | None) -> Any:
+def _plan(file: str, sets: list[str] | None, allow_code: bool) -> Any:
     from rig.campaign.config import find, read
     from rig.campaign.plan import Plan
-    from rig.scenario import parse_set
+    from rig.scenario import named_manager, parse_set
+    from rig.trust import Trust
 
-    return Plan(read(file, dict(map(parse_set, sets or ()))), str(find(file)))
+    given, source = dict(map(parse_set, sets or ())), str(find(file))
+    return Plan(read(file, given), source, Trust(source, allow_code, named_manager(given.items())))
 
 
 @app.command()
-def plan(file: File, sets: Sets = None, runs: Runs = None, as_json: Json = False) -> None:
+def plan(
+    file: File, sets: Sets = None, runs: Runs = None, allow_code: AllowCode = False, as_json: Json = False
+) -> None:
     """List the runs before flying them, with an estimate of time and disk."""
     from rig.campaign import show
     from rig.campaign.estimate import estimate
 
-    planned = _plan(file, sets)
+    planned = _plan(file, sets, allow_code)
     planned.check()
     expected = estimate(planned, runs)
     if as_json:
@@ -63,6 +69,7 @@ def run(
         str | None, typer.Option(help="Logs to keep: all, failures, none, sample:N.", show_default="the file's")
     ] = None,
     sets: Sets = None,
+    allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:
     """Fly what is missing of a campaign."""
@@ -73,7 +80,7 @@ def run(
     from rig.campaign import show
     from rig.campaign.run import run as fly
 
-    planned = _plan(file, sets)
+    planned = _plan(file, sets, allow_code)
     with show.progress(enabled=not as_json) as report:
         result = fly(planned, out, runs=runs, workers=workers, scheduler=scheduler, logs=logs, report=report)
     if as_json:
@@ -82,7 +89,7 @@ def run(
         show.result(result)
     if result.interrupted:
         typer.echo(f"stopped: {result.done} of {result.runs} runs done; the same command goes on", err=True)
-        raise typer.Exit(INTERRUPTED)
+        raise typer.Exit(CODE + result.signal)
 
 
 @app.command()
@@ -104,6 +111,7 @@ def fly(
     folder: Dir,
     run: Annotated[int, typer.Option(help="The run's number in the table, from 0.", min=0, show_default=False)],
     out: Annotated[Path, typer.Option(help="Folder of the log.")] = Path("logs"),
+    allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:
     """Fly one run of a campaign again, with its full log, and compare its digest with the table's."""
@@ -111,7 +119,7 @@ def fly(
     from rig.campaign.again import again
     from rig.campaign.folder import open_folder
 
-    flight, digest = again(open_folder(folder), run, out)
+    flight, digest = again(open_folder(folder, allow_code), run, out)
     same = None if digest is None else digest == flight.digest
     if as_json:
         _print({**flight.summary(), "run": run, "table_digest": digest, "same": same})

@@ -6,25 +6,39 @@ flies it, how many at a time and which logs stay; it may change between two call
 
 from __future__ import annotations
 
+import math
+import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
+import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from rig import aircraft
 from rig.errors import BadInput
+from rig.files import is_file
 from rig.settings import Settings, build, read_toml
+from rig.text import nearest, quoted
 
 Sampling = Literal["grid", "random", "latin-hypercube", "sobol"]
-MOST_RUNS = 1_000_000
+MOST_RUNS: Final = 1_000_000
+NAME_BYTES: Final = 255  # of a file's name, as file systems have it
+EXACT: Final = 2**53  # up to which a double holds every whole number
 
 
 class Levels(Settings):
     """A list of values, each as likely as the others."""
 
     values: list[Any] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _storable(self) -> Levels:
+        for value in self.values:
+            if isinstance(value, int) and not -(2**63) <= value < 2**63:
+                raise ValueError("values: a whole number must have 64 bits at most")
+        return self
 
 
 class Range(Settings):
@@ -34,7 +48,7 @@ class Range(Settings):
     high: float
     log: bool = False
     whole: bool = False  # whole numbers, both ends included
-    levels: int | None = Field(default=None, ge=1)  # of a grid: as many, evenly from end to end
+    levels: int | None = Field(default=None, ge=1, le=MOST_RUNS)  # of a grid: as many, evenly from end to end
 
     @model_validator(mode="after")
     def _ordered(self) -> Range:
@@ -42,6 +56,10 @@ class Range(Settings):
             raise ValueError(f"low ({self.low:g}) must be below high ({self.high:g})")
         if self.log and self.low <= 0:
             raise ValueError(f"low ({self.low:g}) must be above 0 on a logarithmic scale")
+        if not math.isfinite(self.high - self.low) or (self.log and not math.isfinite(self.high / self.low)):
+            raise ValueError(f"low ({self.low:g}) and high ({self.high:g}) are too far apart for a double")
+        if self.whole and max(-self.low, self.high) > EXACT:
+            raise ValueError(f"low ({self.low:g}) and high ({self.high:g}) must be within +-2^53 for whole numbers")
         return self
 
 
@@ -52,7 +70,7 @@ class Distribution(Settings):
     low: float
     high: float
     parameters: dict[str, float] = {}  # of scipy.stats: loc, scale and its own shapes
-    levels: int | None = Field(default=None, ge=1)  # of a grid: the middles of as many equal shares
+    levels: int | None = Field(default=None, ge=1, le=MOST_RUNS)  # of a grid: the middles of as many equal shares
 
     @model_validator(mode="after")
     def _known(self) -> Distribution:
@@ -66,7 +84,8 @@ class Distribution(Settings):
     def shares(self) -> tuple[float, float]:
         """What the distribution has below ``low`` and below ``high``."""
         try:
-            return tuple(map(float, self.frozen().cdf([self.low, self.high])))  # type: ignore[return-value]
+            with np.errstate(all="ignore"):  # what comes of extreme parameters is refused by its value
+                return tuple(map(float, self.frozen().cdf([self.low, self.high])))  # type: ignore[return-value]
         except TypeError as error:
             raise ValueError(f"parameters: {error}") from None
 
@@ -79,7 +98,7 @@ class Distribution(Settings):
 
         known = getattr(scipy.stats, self.distribution, None)
         if known is None or not isinstance(known, scipy.stats.rv_continuous):
-            raise ValueError(f"distribution: scipy.stats has no continuous distribution {self.distribution!r}")
+            raise ValueError(f"distribution: scipy.stats has no continuous distribution {quoted(self.distribution)}")
         return known
 
 
@@ -94,7 +113,7 @@ class Case(Settings):
     vary: dict[str, Vary] = {}
 
 
-_Logs = re.compile(r"all|failures|none|sample:[1-9]\d*")
+_Logs = re.compile(r"all|failures|none|sample:[1-9][0-9]{0,8}")
 
 
 def _logs(text: str) -> str:
@@ -109,11 +128,13 @@ class How(Settings):
     workers: int = Field(default=2, ge=1, le=1024)
     batch: int = Field(default=10, ge=1)  # flights of one part
     logs: Annotated[str, AfterValidator(_logs)] = "none"
-    timeout_s: float = Field(default=300.0, gt=0)  # of one flight, by the wall clock
+    timeout_s: float = Field(default=300.0, gt=0, le=1e9)  # of one flight, by the wall clock
 
 
 class Campaign(Settings):
     """What is flown, and how. ``base`` is the base scenario's own table, read."""
+
+    keys_are_in: ClassVar[str] = "docs/campaign.md"
 
     title: str = ""
     base: dict[str, Any]
@@ -149,6 +170,9 @@ class Campaign(Settings):
         for key, vary in self.varied():
             if not isinstance(vary, Levels) and vary.levels is None:
                 raise ValueError(f"vary.{key}.levels: how many, in a grid")
+        axes = [sum(_points(case.vary) for case in cases) for cases in self.cases.values()]
+        if max(axes, default=0) > MOST_RUNS or (self.runs is None and math.prod(axes) * _points(self.vary) > MOST_RUNS):
+            raise ValueError(f"vary: the grid has more than {MOST_RUNS} points: fewer levels, or another sampling")
 
     def varied(self) -> Iterator[tuple[str, Vary]]:
         """Everything that varies on its own, the cases' own included."""
@@ -162,14 +186,19 @@ class Campaign(Settings):
         return self.model_dump(mode="json", exclude={"run"}, exclude_none=True)
 
 
+def _points(vary: dict[str, Vary]) -> int:
+    """How many points a grid of these keys has."""
+    return math.prod(len(v.values) if isinstance(v, Levels) else v.levels or 1 for v in vary.values())
+
+
 def find(name: str | Path) -> Path:
     """A campaign's file: the path given, or that name in the bundled ``faults/campaigns``."""
     wanted, home = Path(name), aircraft.bundled("faults") / "campaigns"
     for candidate in (wanted, home / wanted.name, home / f"{wanted.name}.toml"):
-        if candidate.is_file():
+        if is_file(candidate):
             return candidate
-    known = ", ".join(sorted(path.stem for path in home.glob("*.toml")))
-    raise BadInput(f"{wanted}: no such file; bundled campaigns: {known}")
+    known = ", ".join(nearest(wanted.stem, (path.stem for path in home.glob("*.toml"))))
+    raise BadInput(f"{wanted}: no such file; nearest bundled: {known}; all: docs/campaign.md")
 
 
 def read(name: str | Path, sets: dict[str, Any] | None = None) -> Campaign:
@@ -180,16 +209,21 @@ def read(name: str | Path, sets: dict[str, Any] | None = None) -> Campaign:
     base = data.pop("base", None)
     if not isinstance(base, str):
         raise BadInput(f"{source}: base: the file or the bundled name of a scenario is missing")
-    return from_what({**data, "base": _base(base, path), "set": {**data.get("set", {}), **(sets or {})}}, source)
+    fixed = data.get("set", {})
+    if not isinstance(fixed, dict):
+        raise BadInput(f"{source}: set: must be a table of keys")
+    return from_what({**data, "base": _base(base, path), "set": {**fixed, **(sets or {})}}, source)
 
 
 def _base(name: str, path: Path) -> dict[str, Any]:
     """The base scenario's own table: beside the campaign's file, where the command is given, or bundled."""
     from rig.scenario import find as find_scenario
 
+    if not name.isprintable() or max(map(len, map(os.fsencode, Path(name).parts)), default=0) > NAME_BYTES:
+        raise BadInput(f"{path}: base: must be the name of a scenario's file, got {name[:60]!r}")
     beside = path.parent / name
     try:
-        return read_toml(beside if beside.is_file() else find_scenario(name))
+        return read_toml(beside if is_file(beside) else find_scenario(name))
     except BadInput as error:
         raise BadInput(f"{path}: base: {error}") from None
 
@@ -225,7 +259,7 @@ def _leaves(data: dict[str, Any], above: str, source: str) -> Iterator[tuple[str
         if isinstance(value, list):
             yield name, build(Levels, {"values": value}, where)
         elif not isinstance(value, dict):
-            raise BadInput(f"{where}: must be a list, a range (low, high) or a distribution, got {value!r}")
+            raise BadInput(f"{where}: must be a list, a range (low, high) or a distribution, got {quoted(value)}")
         elif isinstance(value.get("values"), list) and len(value) == 1:
             yield name, build(Levels, value, where)
         elif isinstance(value.get("distribution"), str):

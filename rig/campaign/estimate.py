@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from dataclasses import asdict, dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
@@ -38,7 +39,7 @@ def estimate(plan: Plan, runs: int | None = None) -> Estimate:
     """Fly one run twice, the first time to warm up, and reckon from that."""
     count = plan.count(runs)
     how = plan.campaign.run
-    durations = [float(plan[number].data.get("duration_s", 60.0)) for number in range(count)]
+    durations = _durations(plan, count)
     rate_hz = plan[0].scenario().rate_hz
     shortest = min(range(min(count, _LOOKED_AT)), key=durations.__getitem__)
     cost_s, log_bytes = _probe(plan, shortest)
@@ -54,6 +55,20 @@ def estimate(plan: Plan, runs: int | None = None) -> Estimate:
         disk_bytes=round(sum(kept) / durations[shortest] * log_bytes) + count * ROW_BYTES,
         us_per_frame=per_frame_s * 1e6,
     )
+
+
+def _durations(plan: Plan, count: int) -> list[float]:
+    """Seconds of every run, built one by one only where they may differ."""
+    sets = [case.set for cases in plan.campaign.cases.values() for case in cases]
+    differ = any(key == "duration_s" for key in (*(key for key, _ in plan.campaign.varied()), *chain(*sets)))
+    if not differ:
+        return [_duration(plan, 0)] * count
+    return [_duration(plan, number) for number in range(count)]
+
+
+def _duration(plan: Plan, number: int) -> float:
+    choice = plan.choices[number]
+    return float((choice if "duration_s" in choice else plan.data(number)).get("duration_s", 60.0))
 
 
 def _probe(plan: Plan, number: int) -> tuple[float, int]:

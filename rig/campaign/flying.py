@@ -27,10 +27,12 @@ from rig.campaign.identity import rig_identity
 from rig.campaign.plan import Run
 from rig.campaign.rows import TABLES, Rows, alarm_rows, episode_rows, fault_rows, run_row
 from rig.errors import RigError
-from rig.events import Event, EventFinder, not_executed
+from rig.events import Event, not_executed
 from rig.faults import Execution
-from rig.flight import end_reason, labels, metadata
+from rig.files import replaced
+from rig.flight import end_reason, event_finder, metadata
 from rig.frame import FRAME, TIMING, Block, new_block
+from rig.interrupt import Stop
 from rig.log import LogWriter
 from rig.scenario import Scenario, load
 from rig.score import Score, fly_twin, score
@@ -66,12 +68,12 @@ class Flown:
     @property
     def end_reason(self) -> str:
         """Why the flight ended."""
-        return end_reason(self.verdict, loop.Stop(), self.scenario)
+        return end_reason(self.verdict, Stop(), self.scenario)
 
 
 def fly(scenario: Scenario) -> Flown:
     """Fly a scenario with the digest and events of ``rig fly``, its rows kept in memory."""
-    rig, finder, verdict = loop.Rig(scenario, keep_clean=True), EventFinder(labels(scenario)), Verdict()
+    rig, finder, verdict = loop.Rig(scenario, keep_clean=True), event_finder(scenario), Verdict()
     execution = Execution(scenario.faults)
     kept, timing = np.empty(scenario.frames, FRAME), np.zeros(scenario.frames, TIMING)
     found: list[Event] = []
@@ -142,7 +144,10 @@ def write_log(flown: Flown, path: Path) -> None:
     verdict, scenario, at = flown.verdict, flown.scenario, [event.frame for event in flown.events]
     path.parent.mkdir(parents=True, exist_ok=True)
     about = metadata(scenario), [("scenario.toml", b"")]
-    with LogWriter(path, scenario.rate_hz, *about, chunk_frames=scenario.frames) as writer:
+    with (
+        replaced(path) as part,
+        LogWriter(part, scenario.rate_hz, *about, chunk_frames=scenario.frames, draft_of=path) as writer,
+    ):
         for first in range(0, verdict.frames, writer.chunk_frames):
             part = slice(first, first + writer.chunk_frames)
             events = flown.events[bisect_left(at, part.start) : bisect_left(at, part.stop)]

@@ -9,6 +9,7 @@ A part is written beside and renamed, the one in ``runs`` last: a run is done wh
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import io
 import json
@@ -21,15 +22,18 @@ from typing import Any, Final
 
 import polars as pl
 
-from rig.campaign import table
+from rig.campaign import parts, table
 from rig.campaign.config import from_what
 from rig.campaign.identity import rig_identity
 from rig.campaign.plan import Plan
 from rig.campaign.rows import TABLES, Rows
 from rig.errors import BadInput, RigError
+from rig.files import DRAFT, is_file, replaced
+from rig.trust import Trust
 
 _ABOUT: Final = "campaign.json"
 _FORMAT: Final = 1
+_REMEDY: Final = "take it from a copy, or fly into another folder"
 
 
 class Folder:
@@ -51,7 +55,7 @@ class Folder:
         BadInput: the folder is another campaign's, or something else's; the difference is named.
         """
         folder, about = cls(path, plan), path / _ABOUT
-        if about.is_file():
+        if is_file(about):
             there = _read(about)
             _refuse_other(path, there, folder.about())
         elif path.exists() and (not path.is_dir() or any(path.iterdir())):
@@ -64,50 +68,34 @@ class Folder:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Make the folder when there is none, and hold it alone; what an interrupted write left is swept away."""
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            lock = (self.path / "lock").open("w")
-        except OSError as error:
-            raise BadInput(f"--out {self.path}: cannot be written: {error.strerror}") from None
-        with lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                raise BadInput(f"--out {self.path}: another rig campaign run is flying into it") from None
+        """Make the folder when there is none, and hold it alone; before and after, what was half written is removed."""
+        with _locked(self.path):
             self._sweep()
-            if not (self.path / _ABOUT).is_file():
+            if not is_file(self.path / _ABOUT):
                 self._write(self.path / _ABOUT, json.dumps(self.about(), indent=1).encode())
             yield
+            self._sweep()  # a worker that died leaves its draft
 
     def _sweep(self) -> None:
-        parts = set(self.parts())
-        for name in TABLES:
-            for path in (self.path / name).glob("*"):
-                if path.suffix == ".tmp" or path.stem not in parts:
+        """Remove drafts, and files of parts whose ``runs`` is not there; nothing else, and nothing behind a link."""
+        whole = set(parts.names(self.path))
+        for name in (*TABLES, "logs"):
+            folder = self.path / name
+            if folder.is_symlink() and name in TABLES:
+                raise BadInput(f"{folder}: is a link: a campaign's tables are folders of its own")
+            for path in folder.glob("*"):
+                half = path.suffix in (DRAFT, ".tmp")
+                orphan = name in TABLES and path.suffix == ".parquet" and path.stem not in whole
+                if (half or orphan) and not path.is_dir():
                     path.unlink()
 
-    def parts(self) -> list[str]:
-        """The names of the whole parts."""
-        return sorted(path.stem for path in (self.path / "runs").glob("*.parquet"))
-
     def done(self) -> set[int]:
-        """The runs whose row is there."""
-        found: set[int] = set()
-        for part in self.parts():
-            path = self.path / "runs" / f"{part}.parquet"
-            try:
-                found |= set(pl.read_parquet(path, columns=["run"])["run"].to_list())
-            except (OSError, pl.exceptions.PolarsError) as error:
-                raise RigError(
-                    f"{path}: cannot be read: {' '.join(str(error).split())}; delete it to fly it again"
-                ) from None
-        return found
+        """The runs that are whole in all tables. BadInput names a part that is not, and the remedy."""
+        return set(parts.read(self.path, self.plan)["runs"]["run"].to_list())
 
     def write(self, rows: Rows) -> None:
         """One part: all tables, ``runs`` last. RigError when the disk does not take it."""
-        numbers = [row["run"] for row in rows["runs"]]
-        name = f"{min(numbers):06d}-{max(numbers):06d}.parquet"
+        name = f"{parts.name_of([row['run'] for row in rows['runs']])}.parquet"
         for kind in sorted(TABLES, key=lambda kind: kind == "runs"):
             memory = io.BytesIO()
             table.frame(self.plan, kind, rows[kind]).write_parquet(memory)
@@ -115,41 +103,70 @@ class Folder:
 
     def _write(self, path: Path, data: bytes) -> None:
         """Beside, on the disk, renamed: after any interruption all of it is there or nothing."""
-        draft = path.with_name(f"{path.name}.tmp")
         try:
             path.parent.mkdir(exist_ok=True)
-            with draft.open("wb") as file:
+            with replaced(path) as draft, draft.open("wb") as file:
                 file.write(data)
                 file.flush()
                 os.fsync(file.fileno())
-            draft.replace(path)
+        except BadInput as error:
+            raise RigError(str(error)) from None
         except OSError as error:
-            draft.unlink(missing_ok=True)
             raise RigError(f"{path}: cannot be written: {error.strerror}") from None
 
     @cached_property
     def tables(self) -> dict[str, pl.DataFrame]:
-        """All tables, sorted by run; a part whose ``runs`` is not there yet does not count."""
-        parts = self.parts()
-        return {name: table.read(self.path, name, parts) for name in TABLES}
+        """All tables, sorted by run; a part whose ``runs`` is not there yet does not count. BadInput as ``done``."""
+        return parts.read(self.path, self.plan)
 
 
-def open_folder(path: Path) -> Folder:
-    """The campaign in a folder. BadInput when there is none."""
+def open_folder(path: Path, allow_code: bool = False) -> Folder:
+    """Open the campaign in a folder. BadInput when there is none.
+
+    allow_code : a manager class that it names may be run
+    """
     about = path / _ABOUT
-    if not about.is_file():
+    if not is_file(about):
         raise BadInput(f"{path}: no campaign's folder: {_ABOUT} is missing")
-    return Folder(path, Plan(from_what(_read(about)["campaign"], str(about)), str(about)))
+    return Folder(
+        path, Plan(from_what(_read(about)["campaign"], str(about)), str(about), Trust(str(about), allow_code))
+    )
 
 
 def _read(path: Path) -> dict[str, Any]:
+    """What ``campaign.json`` says; BadInput when that is nothing of ours."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise BadInput(f"{path}: cannot be read: {error}") from None
-    if not isinstance(found, dict) or found.get("format") != _FORMAT:
+    except (OSError, ValueError, RecursionError) as error:
+        raise BadInput(f"{path}: cannot be read: {error}; {_REMEDY}") from None
+    if not isinstance(found, dict) or "format" not in found:
+        raise BadInput(f"{path}: is damaged: it has no 'format'; {_REMEDY}")
+    if found["format"] != _FORMAT:
         raise BadInput(f"{path}: not of this version of the rig")
+    if not isinstance(found.get("campaign"), dict):
+        raise BadInput(f"{path}: is damaged: it has no table 'campaign'; {_REMEDY}")
     return found
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Make the folder and hold its ``lock``, which is not written to, and not followed when it is a link."""
+    path = folder / "lock"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise BadInput(f"{path}: is a link, and is not followed: remove it") from None
+        raise BadInput(f"--out {folder}: cannot be written: {error.strerror}") from None
+    try:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise BadInput(f"--out {folder}: another rig campaign run is flying into it") from None
+        yield
+    finally:
+        os.close(lock)
 
 
 def _refuse_other(path: Path, there: dict[str, Any], here: dict[str, Any]) -> None:

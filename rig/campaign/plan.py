@@ -9,11 +9,12 @@ from functools import cached_property
 from typing import Any, Final
 
 from rig import aircraft
-from rig.campaign.config import Campaign
+from rig.campaign.config import Campaign, Levels
 from rig.campaign.sampling import Choice, choices, seed_of
 from rig.errors import BadInput
 from rig.scenario import Scenario, set_key
 from rig.settings import build
+from rig.trust import Trust
 
 CHECKED: Final = 5_000  # runs whose scenario is built before the first flight; beyond, one of each combination
 
@@ -25,6 +26,7 @@ class Run:
     number: int
     choice: Choice
     data: dict[str, Any]
+    trust: Trust
 
     @property
     def aircraft(self) -> str:
@@ -37,14 +39,18 @@ class Run:
     def scenario(self, tables: dict[str, Any] | None = None) -> Scenario:
         """The scenario that is flown; ``tables``: the aircraft's, when they have been read already."""
         below = aircraft.tables(self.aircraft) if tables is None else tables
-        return build(Scenario, aircraft.merge(below, self.data), f"run {self.number}")
+        return build(Scenario, aircraft.merge(below, self.data), f"run {self.number}").trusted(self.trust)
 
 
 class Plan:
     """A campaign's runs, each made when asked for."""
 
-    def __init__(self, campaign: Campaign, source: str) -> None:
-        """BadInput, naming ``source``: a ``[set]`` key that cannot be laid over the base."""
+    def __init__(self, campaign: Campaign, source: str, trust: Trust | None = None) -> None:
+        """BadInput, naming ``source``: a ``[set]`` key that cannot be laid over the base.
+
+        trust : which manager classes may be run; none when not given
+        """
+        self.trust = trust or Trust(source)
         self.campaign = campaign
         self.source = source
         self._read: dict[str, dict[str, Any]] = {}  # tables of aircraft
@@ -73,6 +79,11 @@ class Plan:
         return choices(self.campaign)
 
     def __getitem__(self, number: int) -> Run:
+        data = {**self.data(number), "seed": seed_of(self.campaign, number)}
+        return Run(number, self.choices[number], data, self.trust)
+
+    def data(self, number: int) -> dict[str, Any]:
+        """The table of a run's scenario, without its seed."""
         choice = self.choices[number]
         data = self._base
         for group in self.campaign.cases:
@@ -82,7 +93,7 @@ class Plan:
         for key, value in choice.items():
             if key not in self.campaign.cases:
                 data = set_key(data, key, value, f"{self.source}: vary")
-        return Run(number, choice, {**data, "seed": seed_of(self.campaign, number)})
+        return data
 
     def check(self) -> None:
         """Build the scenarios; BadInput names the file, the first bad run and its key."""
@@ -96,6 +107,7 @@ class Plan:
         except BadInput as error:
             said = str(error).removeprefix(f"run {run.number}: ")
             raise BadInput(f"{self.source}: run {run.number}: {said}") from None
+        self.trust.require(scenario.redundancy.manager)
 
     def _tables(self, name: str) -> dict[str, Any]:
         if name not in self._read:
@@ -110,10 +122,12 @@ class Plan:
     @cached_property
     def _combinations(self) -> list[int]:
         """The first run of every combination of what varies by name."""
-        firsts: dict[str, int] = {}
+        listed = {key for key, vary in self.campaign.varied() if isinstance(vary, Levels)} | {*self.campaign.cases}
+        firsts: dict[Any, int] = {}
         for number, choice in enumerate(self.choices):
-            names = [value for value in choice.values() if not isinstance(value, float)]
-            firsts.setdefault(json.dumps(names, default=str), number)
+            names = tuple(value for key, value in choice.items() if key in listed and not isinstance(value, float))
+            known = names if all(type(name) is str for name in names) else json.dumps(names, default=str)
+            firsts.setdefault(known, number)
         return list(firsts.values())
 
 

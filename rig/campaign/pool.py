@@ -10,6 +10,7 @@ import multiprocessing
 import os
 import signal
 import sys
+import tempfile
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
@@ -28,6 +29,7 @@ _SETTINGS: Final = {
     # glibc gives a flight's memory back after each and fetches it anew for the next: 4 % of a short flight's time.
     "MALLOC_MMAP_THRESHOLD_": str(32 << 20),
     "MALLOC_TRIM_THRESHOLD_": str(1 << 30),
+    "PYTHONSAFEPATH": "1",  # no module of the present folder
 }
 
 
@@ -39,11 +41,16 @@ def get_ready() -> None:
     if _METHOD != "forkserver":
         return
     forkserver.set_forkserver_preload(["rig.campaign.warmed"])
-    resource_tracker.ensure_running()  # the server would start it, and that lifts any block of SIGINT
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited: Ctrl-C is the parent's
+    # The tracker tidies up after a kill -9, and would say so.
+    with _environment({**_SETTINGS, "PYTHONWARNINGS": "ignore:resource_tracker"}):
+        resource_tracker.ensure_running()  # the server would start it, and that lifts any block of SIGINT
+    theirs = {signal.SIGINT, signal.SIGHUP}  # the parent's to handle; a mask is inherited
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, theirs)
     try:
         with _environment(_SETTINGS):
             forkserver.ensure_running()
+    except OSError as error:  # its socket is in the folder of temporary files, and a socket's path is short
+        raise RigError(f"TMPDIR {tempfile.gettempdir()}: no workers can be started: {error}") from None
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
@@ -148,8 +155,10 @@ def open_pool(workers: int, scheduler: str | None) -> Pool:
 
 
 def _begin() -> None:
-    """A worker's first act: Ctrl-C is the parent's, and without the parent there is nothing to do."""
+    """A worker's first act: Ctrl-C and SIGHUP are the parent's, and without the parent there is nothing to do."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "SIGHUP"):
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     parent = multiprocessing.parent_process()
     if parent is not None:

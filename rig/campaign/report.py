@@ -13,7 +13,8 @@ from plotly.offline import get_plotlyjs
 from rig.campaign.figures import delay_curves, heat_maps
 from rig.campaign.folder import Folder
 from rig.campaign.summary import acted, summary
-from rig.errors import BadInput, RigError
+from rig.errors import BadInput
+from rig.files import write_text
 from rig.versions import versions
 
 
@@ -23,10 +24,7 @@ def report(folder: Folder, out: Path) -> dict[str, Any]:
         raise BadInput(f"{folder.path}: no run is done yet, there is nothing to report")
     found = summary(folder)
     html = _page(found, heat_maps(found["by_place"]), delay_curves(acted(folder.tables)))
-    try:
-        out.write_text(html, encoding="utf-8")
-    except OSError as error:
-        raise RigError(f"{out}: cannot be written: {error.strerror}") from None
+    write_text(out, html)
     return found
 
 

@@ -1,7 +1,7 @@
 """Flying a campaign: hand out the runs that are missing, write each batch when it comes back.
 
-A worker's death costs only time: what was in flight is flown again, alone (alone.py).  Ctrl-C lets the batches
-under way come in.
+A worker's death costs only time: what was in flight is flown again, alone (alone.py).  Ctrl-C, SIGTERM and SIGHUP
+let the batches under way come in; a second Ctrl-C leaves them.
 """
 
 from __future__ import annotations
@@ -22,9 +22,8 @@ from rig.campaign.identity import rig_identity
 from rig.campaign.plan import Plan, Run
 from rig.campaign.pool import Pool, open_pool
 from rig.campaign.rows import Rows
-from rig.errors import RigError
-from rig.interrupt import interruptible
-from rig.loop import Stop
+from rig.errors import BadInput, RigError
+from rig.interrupt import Stop, interruptible
 
 AHEAD: Final = 2  # batches handed out for each worker: one it flies, one that waits
 PATIENCE: Final = 10  # workers that may die in a row without a single batch coming in
@@ -72,6 +71,7 @@ class Result:
     flights_per_s: float
     wall_s: float
     interrupted: bool
+    signal: int = 0  # that interrupted it
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, as ``rig campaign run --json`` prints it."""
@@ -119,7 +119,7 @@ def run(
             twin=plan.campaign.twin,
             rig=rig_identity(),
         )
-        with folder.held(), interruptible() as stop:
+        with folder.held(), interruptible(again=True) as stop:
             done = folder.done()
             missing = [number for number in range(count) if number not in done]
             progress = Progress(count, count - len(missing))
@@ -127,8 +127,8 @@ def run(
                 _Flying(plan, pool, folder, orders, progress).fly(missing, how.batch, stop, report)
             except RigError as error:
                 raise RigError(f"{error}; {progress.done} of {count} runs done, the same command goes on") from None
-            kill = False
-            return _result(folder, count, progress, stop.requested)
+            kill = stop.insisted
+            return _result(folder, count, progress, done, stop)
     finally:
         pool.close(kill)
 
@@ -146,11 +146,11 @@ class _Flying:
     deaths: int = 0  # of workers, since a batch last came in
 
     def fly(self, missing: Sequence[int], size: int, stop: Stop, report: Report | None) -> None:
-        """Hand out and take in until nothing waits, or, asked to stop, until nothing is under way."""
+        """Hand out and take in until nothing waits, or, asked to stop, nothing is under way, or at once."""
         waiting: deque[Task] = deque(
             (fly_batch, list(missing[first : first + size])) for first in range(0, len(missing), size)
         )
-        while self.out or (waiting and not stop.requested):
+        while (self.out or (waiting and not stop.requested)) and not stop.insisted:
             if stop.requested:
                 self.out = {future: numbers for future, numbers in self.out.items() if not future.cancel()}
             else:
@@ -160,7 +160,8 @@ class _Flying:
                 self.deaths += 1
                 if self.deaths > PATIENCE:
                     raise RigError("workers keep dying before any batch comes in")
-                self.pool.renew()
+                if not stop.requested:
+                    self.pool.renew()
                 waiting.extendleft((fly_alone, numbers) for numbers in reversed(lost))
             if report is not None:
                 report(self.progress)
@@ -195,8 +196,16 @@ class _Flying:
         return lost
 
 
-def _result(folder: Folder, count: int, progress: Progress, interrupted: bool) -> Result:
-    tables = folder.tables
+def _result(folder: Folder, count: int, progress: Progress, before: set[int], stop: Stop) -> Result:
+    """What the call came to, from the tables as they are on the disk. RigError when a run is not in them any more."""
+    try:
+        tables = folder.tables
+    except BadInput as error:
+        raise RigError(str(error)) from None
+    lost = len(before) + progress.flown - len(tables["runs"])
+    if lost:
+        said = f"{lost} of {len(before) + progress.flown} runs that were flown are no longer in the tables"
+        raise RigError(f"{folder.path}: {said}; the same command flies them again")
     outcomes = tables["runs"]["outcome"].to_list()
     return Result(
         out=folder.path,
@@ -207,5 +216,6 @@ def _result(folder: Folder, count: int, progress: Progress, interrupted: bool) -
         table_sha256=table.sha256(tables),
         flights_per_s=progress.flights_per_s,
         wall_s=time.perf_counter() - progress.began,
-        interrupted=interrupted and progress.done < count,
+        interrupted=stop.requested and progress.done < count,
+        signal=stop.signal,
     )

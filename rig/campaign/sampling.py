@@ -6,8 +6,8 @@ dimensions behind their group's.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import product
+from collections.abc import Callable, Iterator
+from itertools import islice, product
 from typing import Any, Final
 
 import numpy as np
@@ -19,6 +19,7 @@ from rig.campaign.config import Campaign, Case, Distribution, Levels, Vary
 _POINTS: Final = 0  # spawn keys of a campaign's seed: where the points are drawn from,
 _RUNS: Final = 1  # and above it the runs' own seeds
 Choice = dict[str, Any]  # the varied keys of a run, and the names of its cases by group
+Valuer = Callable[[float], Any]
 
 
 def seed_of(campaign: Campaign, run: int) -> int:
@@ -30,8 +31,8 @@ def seed_of(campaign: Campaign, run: int) -> int:
 def choices(campaign: Campaign) -> list[Choice]:
     """What each run varies, in the order of the runs."""
     if campaign.sampling != "grid":
-        return [_at(campaign, list(map(float, point))) for point in _points(campaign)]
-    grid = [_joined(parts) for parts in product(*_axes(campaign))]
+        return _sampled(campaign)
+    grid = [_joined(parts) for parts in islice(product(*_axes(campaign)), campaign.runs)]
     count = campaign.runs or len(grid)
     return [grid[run % len(grid)] for run in range(count)]  # beyond the grid: around again, with new seeds
 
@@ -58,30 +59,51 @@ def levels(vary: Vary) -> list[Any]:
     if isinstance(vary, Levels):
         return vary.values
     count = vary.levels or 1
+    value = valuer(vary)
     if isinstance(vary, Distribution):
-        return [value(vary, (i + 0.5) / count) for i in range(count)]
+        return [value((i + 0.5) / count) for i in range(count)]
     if count == 1:
-        return [value(vary, 0.5)]
+        return [value(0.5)]
     points = (np.geomspace if vary.log else np.linspace)(vary.low, vary.high, count).tolist()
     return [round(point) for point in points] if vary.whole else points
 
 
-def value(vary: Vary, share: float) -> Any:
-    """The value below which ``share`` (0 to 1, excluded) of what varies lies."""
+def valuer(vary: Vary) -> Valuer:
+    """The value below which a share (0 to 1, excluded) of what varies lies."""
     if isinstance(vary, Levels):
-        return vary.values[int(share * len(vary.values))]
+        values, count = vary.values, len(vary.values)
+        return lambda share: values[int(share * count)]
     if isinstance(vary, Distribution):
-        low, high = vary.shares()
-        return float(np.clip(vary.frozen().ppf(low + share * (high - low)), vary.low, vary.high))
+        return _of_distribution(vary)
+    low = vary.low
     if vary.whole:
-        return int(vary.low) + int(share * (int(vary.high) - int(vary.low) + 1))
+        first, many = int(low), int(vary.high) - int(low) + 1
+        return lambda share: first + int(share * many)
     if vary.log:
-        return float(vary.low * (vary.high / vary.low) ** share)
-    return float(vary.low + share * (vary.high - vary.low))
+        ratio = vary.high / low
+        return lambda share: float(low * ratio**share)
+    span = vary.high - low
+    return lambda share: float(low + share * span)
 
 
-def _at(campaign: Campaign, point: list[float]) -> Choice:
-    """What a point of the unit cube means."""
+def _of_distribution(vary: Distribution) -> Valuer:
+    (low, high), inverse = vary.shares(), vary.frozen().ppf  # made once: each takes longer than a value
+    return lambda share: float(np.clip(inverse(low + share * (high - low)), vary.low, vary.high))
+
+
+def _sampled(campaign: Campaign) -> list[Choice]:
+    """What the points of the unit cube mean."""
+    points = _points(campaign)
+    valuers = {id(vary): valuer(vary) for _, vary in campaign.varied()}
+    if campaign.cases or not campaign.vary:
+        return [_at(campaign, point, valuers) for point in points.tolist()]
+    columns = zip(campaign.vary.values(), points.T.tolist(), strict=True)
+    values = [map(valuers[id(vary)], shares) for vary, shares in columns]
+    return [dict(zip(campaign.vary, row, strict=True)) for row in zip(*values, strict=True)]
+
+
+def _at(campaign: Campaign, point: list[float], valuers: dict[int, Valuer]) -> Choice:
+    """What a point of the unit cube means, where there are cases."""
     rest = iter(point)
     chosen: Choice = {}
     for name, cases in campaign.cases.items():
@@ -89,8 +111,8 @@ def _at(campaign: Campaign, point: list[float]) -> Choice:
         shares = [next(rest) for _ in range(_depth(cases))]
         chosen[name] = case.name
         inside = zip(case.vary.items(), shares, strict=False)  # a case may vary fewer keys than its group's most
-        chosen |= {key: value(vary, share) for (key, vary), share in inside}
-    return chosen | {key: value(vary, next(rest)) for key, vary in campaign.vary.items()}
+        chosen |= {key: valuers[id(vary)](share) for (key, vary), share in inside}
+    return chosen | {key: valuers[id(vary)](next(rest)) for key, vary in campaign.vary.items()}
 
 
 def _depth(cases: list[Case]) -> int:

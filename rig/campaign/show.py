@@ -15,7 +15,8 @@ from rig.campaign.estimate import Estimate
 from rig.campaign.plan import Plan
 from rig.campaign.run import Progress, Report, Result
 from rig.flight import Flight
-from rig.show import bar, console
+from rig.screen import console, styled
+from rig.show import bar
 from rig.show import flight as show_flight
 
 MOST_ROWS: Final = 60  # of a plan on a terminal; --json has all
@@ -95,7 +96,7 @@ def result(flown: Result) -> None:
 def status(found: dict[str, Any]) -> None:
     """How far a campaign is."""
     screen = console()
-    screen.print(f"[bold]{found['title'] or found['folder']}[/bold]")
+    screen.print(found["title"] or found["folder"], style="bold")
     outcomes = ", ".join(f"{n} {name}" for name, n in found["outcomes"].items()) or "none"
     screen.print(
         f"runs     {found['done']} of {found['runs']} done: {outcomes}; {found['aircraft_lost']} aircraft lost"
@@ -114,7 +115,7 @@ def again(flown: Flight, number: int, same: bool | None) -> None:
 def report(found: dict[str, Any], target: Path) -> None:
     """The headline of a report, the resolvers, and where the rest is."""
     screen, head = console(), found["headline"]
-    screen.print(f"[bold]{found['title']}[/bold]  {head['done']} of {found['runs']} runs")
+    screen.print(styled((found["title"], "bold"), f"  {head['done']} of {found['runs']} runs"))
     for name in ("detection", "right_isolation", "wrong_isolation", "survival"):
         screen.print(f"{name.replace('_', ' '):16} {_share(head[name])}")
     alarms = head["false_alarms"]

@@ -1,4 +1,4 @@
-"""The campaign's tables: their columns, reading them from a folder's parts, their hash.
+"""The campaign's tables: their columns, their parts as one, their hash.
 
 runs      one row a run
 faults    one row a fault and channel of a run
@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
-from pathlib import Path
+from functools import lru_cache
 from typing import Any, Final
 
 import polars as pl
@@ -111,6 +111,7 @@ def _type(types: set[type]) -> Any:
     return pl.Boolean if types == {bool} else pl.String
 
 
+@lru_cache(maxsize=16)
 def schema(plan: Plan, table: str) -> dict[str, Any]:
     """Column names and types of one table; ``runs`` has what varies behind its number and seed."""
     if table != "runs":
@@ -137,9 +138,8 @@ def _text(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value, sort_keys=True)
 
 
-def read(folder: Path, table: str, parts: Iterable[str]) -> pl.DataFrame:
-    """The named parts of one table, in the order of the runs."""
-    frames = [pl.read_parquet(folder / table / f"{part}.parquet", hive_partitioning=False) for part in sorted(parts)]
+def joined(table: str, frames: Sequence[pl.DataFrame]) -> pl.DataFrame:
+    """The parts of one table, in the order of the runs."""
     if not frames:
         return pl.DataFrame(schema=COLUMNS[table])
     return pl.concat(frames).sort(_ORDER[table], maintain_order=True)

@@ -28,7 +28,7 @@ def list_kinds(as_json: Json = False) -> None:
     from rich.table import Table
 
     from rig.catalogue.entries import common, entries
-    from rig.show import console
+    from rig.screen import console
 
     found = entries()
     if as_json:
@@ -49,29 +49,29 @@ def list_kinds(as_json: Json = False) -> None:
 def show_kind(kind: Annotated[str, typer.Argument(show_default=False)], as_json: Json = False) -> None:
     """Show one kind: cause, keys with units, an example as TOML and the scenario that flies it."""
     from rig.catalogue.entries import common, entry
-    from rig.show import console
+    from rig.screen import console, styled
 
     found = entry(kind)
     if as_json:
         _print({**found.as_dict(), "common": _plain(common())})
         return
     screen = console()
-    screen.print(f"[bold]{found.kind}[/bold]  on: {', '.join(found.sites)}")
-    screen.print(found.what, markup=False)
+    screen.print(styled((found.kind, "bold"), f"  on: {', '.join(found.sites)}"))
+    for line in found.what.splitlines():
+        screen.print(line)
     _table(screen, "its keys", found.parameters)
     _table(screen, "keys of every kind", common())
-    screen.print(f"\nexample, flown by  rig fly {found.scenario}\n")
-    screen.print(found.example, markup=False, end="")
+    typer.echo(f"\nexample, flown by  rig fly {found.scenario}\n")
+    typer.echo(found.example, nl=False)
 
 
 def _table(screen: Console, title: str, parameters: list[Parameter]) -> None:
-    from rich.markup import escape
     from rich.table import Table
 
     table = Table(title, "unit", "default", "allowed", "meaning", box=None)
     for p in parameters:
         default = "required" if p.required else "" if p.default is None else json.dumps(p.default)
-        table.add_row(p.name, p.unit, *map(escape, (default, p.allowed, p.meaning)))
+        table.add_row(p.name, p.unit, default, p.allowed, p.meaning)
     screen.print()
     screen.print(table)
 

@@ -15,6 +15,7 @@ from rig.faults import KINDS
 from rig.faults.settings import Placed, Triggered
 from rig.scenario import find
 from rig.settings import Settings, read_toml
+from rig.text import choices, shorten
 
 # The bundled scenario that shows each kind.
 EXAMPLES: Final = {
@@ -83,7 +84,7 @@ def entries() -> list[Entry]:
 def entry(kind: str) -> Entry:
     """The entry of a kind; BadInput when there is none."""
     if kind not in KINDS:
-        raise BadInput(f"{kind}: no such kind of fault, allowed: {', '.join(KINDS)}")
+        raise BadInput(f"{shorten(kind)}: no such kind of fault, {choices(kind, KINDS, 'rig faults list')}")
     model: type[Settings] = KINDS[kind]
     own = {name: info for name, info in model.model_fields.items() if name not in (*Triggered.model_fields, "kind")}
     sites: list[str] = [*model.sites] if issubclass(model, Placed) else ["channel"]

@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 
 from rig import pressure_table
 from rig.errors import RigError
+from rig.files import write_text
 from rig.settings import Settings, build, read_toml
 
 # Of each of the back-up law's compensators: feedback of the estimates, then correction of the estimates.
@@ -165,7 +166,7 @@ def read(path: Path) -> Gains:
 
 def write(gains: Gains, path: Path) -> None:
     """gains.toml: every number with the digits that give it back exactly; same design, same bytes."""
-    path.write_text(render(gains), encoding="utf-8", newline="\n")
+    write_text(path, render(gains))
 
 
 def render(gains: Gains) -> str:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from rig.frame import DISCRETE_INDEX, FLIGHT_INDEX, INDEX
 from rig.kernels import kernel
+from rig.text import choices, quoted
 
 LONGEST: Final = 400  # characters
 DEEPEST: Final = 32  # values on the stack
@@ -162,7 +163,8 @@ def _quantity(name: str) -> Steps:
     known = {**VOTED, **{f"true.{true}": place for true, place in TRUE.items()}}
     if name not in known:
         of = TRUE if name.startswith("true.") else VOTED
-        raise ValueError(f"unknown name {name!r}, allowed: {', '.join(of)}{'' if of is TRUE else ', true.<name>'}")
+        names = [f"true.{true}" for true in TRUE] if of is TRUE else [*of, "true.<name>"]
+        raise ValueError(f"unknown name {quoted(name)}, {choices(name, names, 'docs/faults.md')}")
     op, place = known[name]
     return [(op, place, 0.0)]
 

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from rig.faults import kinds, systems
 from rig.faults.places import PLACES, site
+from rig.text import choices, quoted
 
 Fault = Annotated[
     kinds.Offset
@@ -88,8 +89,9 @@ def parent(faults: Sequence[Fault], i: int) -> int | None:
         return None
     labels = [fault.label for fault in faults]
     if after not in labels:
-        known = ", ".join(repr(label) for j, label in enumerate(labels) if j != i)
-        raise ValueError(f"faults.{i}.after: no fault {after!r}, allowed: {known or 'none, there is no other'}")
+        others = [repr(label) for j, label in enumerate(labels) if j != i]
+        known = choices(after, others) if others else "allowed: none, there is no other"
+        raise ValueError(f"faults.{i}.after: no fault {quoted(after)}, {known}")
     if labels.count(after) > 1:
         raise ValueError(f"faults.{i}.after: {after!r} is the name of several faults; give the one an id")
     return labels.index(after)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final, Literal, NamedTuple
 
 from rig.frame import INDEX, INERTIAL, SURFACES, S
+from rig.text import choices
 
 Site = Literal["channel", "inertial", "reference", "surface"]
 CHANNEL: Final = "channel"
@@ -49,15 +50,10 @@ def refuse_unknown(name: str) -> str:
         return name
     of = site(name)
     if of == "surface":
-        raise ValueError(f"the aircraft has no such surface, allowed: {_listed('surface.')}")
-    if of == "channel":
-        raise ValueError(f"unknown signal, allowed: {', '.join(INDEX)}, {_listed('inertial.')}, {_others()}")
-    raise ValueError(f"unknown signal, allowed: {_listed(f'{of}.')}")
+        raise ValueError(f"the aircraft has no such surface, {choices(name, _starting('surface.'))}")
+    known = PLACES if of == "channel" else _starting(f"{of}.")
+    raise ValueError(f"unknown signal, {choices(name, known, 'docs/faults.md')}")
 
 
-def _listed(start: str) -> str:
-    return ", ".join(name for name in PLACES if name.startswith(start))
-
-
-def _others() -> str:
-    return f"reference.<signal>, {_listed('surface.')}"
+def _starting(start: str) -> list[str]:
+    return [name for name in PLACES if name.startswith(start)]

@@ -14,6 +14,7 @@ from rig.faults.expression import parse
 from rig.faults.places import Point, Site, refuse_unknown, site
 from rig.frame import CHANNELS, INDEX
 from rig.settings import Settings
+from rig.text import choices, quoted
 
 
 def quantity(unit: str, meaning: str, default: Any = ..., **bounds: Any) -> Any:
@@ -98,7 +99,8 @@ class Transition(Settings):
     @model_validator(mode="after")
     def _one(self) -> Transition:
         if self.signal is not None and self.signal not in INDEX:
-            raise ValueError(f"signal: unknown signal {self.signal!r}, allowed: {', '.join(INDEX)}")
+            known = choices(self.signal, INDEX, "rig signals")
+            raise ValueError(f"signal: unknown signal {quoted(self.signal)}, {known}")
         if (self.signal is None) != (self.level is None) or (self.signal is None) == (self.autopilot is None):
             raise ValueError("must be { autopilot = 'engaged' or 'disengaged' } or { signal = ..., level = ... }")
         return self

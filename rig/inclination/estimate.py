@@ -28,11 +28,11 @@ from rig.settings import Settings
 class Noise(Settings):
     """What the filter counts with: noise of the voted signals and what is not known at the start."""
 
-    rate_noise_rad_sqrt_s: float = Field(default=6.3e-5, gt=0.0)  # random walk of the integrated rates
-    drift_sigma_rad_s: float = Field(default=0.003, ge=0.0)  # of the pitch gyros' vote, at the start
-    scale_sigma: float = Field(default=0.002, ge=0.0)  # likewise
-    drift_walk_rad_s_sqrt_s: float = Field(default=2e-6, ge=0.0)
-    path_walk_rad_sqrt_s: float = Field(default=3e-5, ge=0.0)
+    rate_noise_rad_sqrt_s: float = Field(default=6.3e-5, gt=0.0, le=1e3)  # random walk of the integrated rates
+    drift_sigma_rad_s: float = Field(default=0.003, ge=0.0, le=1e3)  # of the pitch gyros' vote, at the start
+    scale_sigma: float = Field(default=0.002, ge=0.0, le=1e3)  # likewise
+    drift_walk_rad_s_sqrt_s: float = Field(default=2e-6, ge=0.0, le=1e3)
+    path_walk_rad_sqrt_s: float = Field(default=3e-5, ge=0.0, le=1e3)
 
 
 STATES: Final = 4

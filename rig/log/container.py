@@ -10,6 +10,7 @@ of a chunk is kept in 64 bytes, 230 kB for an hour of flight at one chunk a seco
 
 from __future__ import annotations
 
+import os
 import struct
 import zlib
 from array import array
@@ -81,9 +82,11 @@ def _opening() -> tuple[bytes, bytes]:
 class Container:
     """Writes one MCAP file; every method raises OSError when the disk does not take it."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, new: bool = False) -> None:
+        """``new``: FileExistsError when there is a file already, also one that came this moment."""
         self._path = path
-        self._file = path.open("wb", buffering=0)  # unbuffered: a killed process loses nothing it has written
+        mode = "xb" if new else "wb"
+        self._file = path.open(mode, buffering=0)  # unbuffered: a killed process loses nothing it has written
         self._offset = 0
         self._crc = 0
         self._chunks = array("Q")
@@ -171,6 +174,15 @@ class Container:
     def close(self) -> None:
         """Close the file as it is."""
         self._file.close()
+
+    def gone(self) -> bool:
+        """Whether the file is no longer where it was made: deleted, moved, or another one in its place."""
+        own = os.fstat(self._file.fileno())
+        try:
+            there = self._path.stat()
+        except OSError:
+            return True
+        return (own.st_dev, own.st_ino) != (there.st_dev, there.st_ino)
 
     def discard(self) -> None:
         """Close the file and remove it."""

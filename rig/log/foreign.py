@@ -14,12 +14,12 @@ import numpy as np
 import zstandard
 from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
-from mcap.reader import McapReader, make_reader
 from mcap.records import Channel, Schema
 from mcap_protobuf.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 from rig.errors import BadInput, BadLog
+from rig.log.messages import Budget, LimitedFile, Summary, messages, summary
 
 _MALFORMED: Final = (
     McapError,
@@ -27,7 +27,9 @@ _MALFORMED: Final = (
     EOFError,
     ValueError,
     LookupError,
-    RuntimeError,  # of the lz4 library
+    TypeError,  # of a schema that protobuf does not take
+    OverflowError,  # of a place beyond what a file can have
+    RuntimeError,  # of the lz4 library; nested too deep
     struct.error,
     zstandard.ZstdError,
 )
@@ -42,37 +44,43 @@ class Source(NamedTuple):
 
 def topics(path: Path) -> dict[str, str]:
     """The topics of an MCAP file in their order, with the names of their schemas; BadLog when it is cut or damaged."""
-    with _opened(path) as reader:
-        summary = reader.get_summary()
-        if summary is None:
-            raise BadLog(f"{path}: truncated or without a summary")
-        channels = [channel for _, channel in sorted(summary.channels.items())]
-        named = {channel.topic: summary.schemas.get(channel.schema_id) for channel in channels}
-        return {topic: schema.name if schema else "" for topic, schema in named.items()}
+    with _opened(path) as file:
+        return _topics(summary(file))
+
+
+def _topics(known: Summary) -> dict[str, str]:
+    channels = [channel for _, channel in sorted(known.channels.items())]
+    named = {channel.topic: known.schemas.get(channel.schema_id) for channel in channels}
+    return {topic: schema.name if schema else "" for topic, schema in named.items()}
 
 
 def read(path: Path, wanted: Mapping[str, set[str]]) -> dict[str, Source]:
     """Fields of messages by topic, ``angular_velocity.x`` for nested ones, ``data.0`` for an element.
 
-    Time is the log time of each message.  BadInput: no such topic or field, an encoding that is neither protobuf
-    nor JSON; BadLog: a file that is cut or damaged.
+    Time is the log time of each message, by which they are ordered.  BadInput: no such topic or field, an encoding
+    that is neither protobuf nor JSON; BadLog: a file that is cut or damaged, or expands beyond its limits.
     """
-    there = topics(path)
-    for topic in wanted:
-        if topic not in there:
-            raise BadInput(f"{path}: no topic {topic!r}; there are: {', '.join(there)}")
-    collected = {topic: _Collector(path, topic, sorted(fields)) for topic, fields in wanted.items()}
-    with _opened(path) as reader:
-        for schema, channel, message in reader.iter_messages(topics=list(wanted)):
-            collected[channel.topic].add(schema, channel, message.log_time, message.data)
+    with _opened(path) as file:
+        known = summary(file)
+        there = _topics(known)
+        for topic in wanted:
+            if topic not in there:
+                raise BadInput(f"{path}: no topic {topic!r}; there are: {', '.join(there)}")
+        collected = {topic: _Collector(path, topic, sorted(fields)) for topic, fields in wanted.items()}
+        takers = {c: collected[channel.topic] for c, channel in known.channels.items() if channel.topic in wanted}
+        budget = Budget(file)
+        for message in messages(file, known, takers, budget):
+            channel = known.channels[message.channel]
+            schema = known.schemas[channel.schema_id] if channel.schema_id else None
+            budget.spend(takers[channel.id].add(schema, channel, message.time_ns, message.data))
     return {topic: collector.source() for topic, collector in collected.items()}
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[McapReader]:
+def _opened(path: Path) -> Iterator[LimitedFile]:
     try:
-        with path.open("rb") as file:
-            yield make_reader(file, validate_crcs=True)
+        with LimitedFile(path) as file:
+            yield file
     except OSError as error:
         raise BadLog(f"{path}: cannot be read: {error.strerror}") from None
     except _MALFORMED as error:
@@ -86,12 +94,12 @@ class _Collector:
     def __init__(self, path: Path, topic: str, fields: list[str]) -> None:
         self._where = f"{path}: topic {topic!r}"
         self._fields = [(field, field.split(".")) for field in fields]
-        self._times = array("q")
+        self._times = array("Q")
         self._values = [array("d") for _ in fields]
         self._decode: dict[int, Callable[[bytes], Any]] = {}  # by channel: a topic may have several
 
-    def add(self, schema: Schema | None, channel: Channel, time: int, data: bytes) -> None:
-        """Take one message."""
+    def add(self, schema: Schema | None, channel: Channel, time: int, data: bytes) -> int:
+        """Take one message; how many bytes it takes."""
         decode = self._decode.get(channel.id)
         if decode is None:
             decode = self._decode[channel.id] = self._decoder(schema, channel)
@@ -99,11 +107,16 @@ class _Collector:
         self._times.append(time)
         for (field, steps), values in zip(self._fields, self._values, strict=True):
             values.append(self._number(message, field, steps))
+        return 8 + 8 * len(self._values)
 
     def source(self) -> Source:
-        """What was collected."""
-        time_s = np.frombuffer(self._times, np.int64) / 1e9
-        columns = (np.frombuffer(values, np.float64) for values in self._values)
+        """What was collected, in the order of time; messages of one time in that of the file."""
+        times = np.frombuffer(self._times, np.uint64)
+        columns = [np.frombuffer(values, np.float64) for values in self._values]
+        if (times[1:] < times[:-1]).any():
+            order = np.argsort(times, kind="stable")
+            times, columns = times[order], [column[order] for column in columns]
+        time_s = times / 1e9
         return Source(time_s, dict(zip((field for field, _ in self._fields), columns, strict=True)))
 
     def _decoder(self, schema: Schema | None, channel: Channel) -> Callable[[bytes], Any]:
@@ -120,6 +133,8 @@ class _Collector:
             for step in steps:
                 value = _step(value, step)
             return float("nan") if value is None else float(value)
+        except OverflowError:  # a whole number beyond all floats: not a sample
+            return float("nan")
         except (AttributeError, LookupError, TypeError, ValueError):
             raise BadInput(f"{self._where}: no number {field!r} in its messages") from None
 

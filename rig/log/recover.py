@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from rig.errors import BadLog, RigError
+from rig.files import replaced
 from rig.log.container import RESULT, RIG, Container
 from rig.log.decode import Damaged, Part
 from rig.log.index import Packed
@@ -61,17 +62,15 @@ class _Tally:
 
 
 def _write(path: Path, out: Path, about: About, damage: str) -> None:
-    beside = out.with_name(out.name + ".part")
-    try:
-        file = Container(beside)
+    with replaced(out) as made:
         try:
-            _copy(path, file, about, damage)
-        except OSError:
-            file.discard()
-            raise
-        beside.replace(out)
-    except OSError as error:
-        raise RigError(f"{out}: cannot be written: {error.strerror}") from None
+            file = Container(made)
+            try:
+                _copy(path, file, about, damage)
+            finally:
+                file.close()
+        except OSError as error:
+            raise RigError(f"{out}: cannot be written: {error.strerror}") from None
 
 
 def _copy(path: Path, file: Container, about: About, damage: str) -> None:

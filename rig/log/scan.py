@@ -45,6 +45,8 @@ class About:
 def iter_parts(path: Path, about: About) -> Iterator[Part]:
     """Read ``path`` from end to end, filling ``about``; Damaged at the first byte that is not as it was written."""
     try:
+        if path.is_fifo():  # opening one waits for a writer
+            raise BadLog(f"{path}: is a pipe, no file")
         with path.open("rb") as file:
             yield from _parts(file, path, about)
     except OSError as error:

@@ -50,7 +50,8 @@ class LogWriter:
 
     ``metadata`` (resolved scenario, seed, versions) and ``attachments`` (file name, bytes; the scenario
     file first) must be enough to fly it again.  ``chunk_frames``: the most in a chunk, a second's unless said;
-    never more than CHUNK_BYTES.  BadInput when the file cannot be made.  An existing file is replaced.
+    never more than CHUNK_BYTES.  ``new``: FileExistsError when there is a file at ``path``, else it is replaced.
+    ``draft_of``: the file that ``path`` will be renamed to; messages name it.  BadInput when the file cannot be made.
     """
 
     def __init__(
@@ -60,8 +61,13 @@ class LogWriter:
         metadata: Mapping[str, str],
         attachments: Iterable[tuple[str, bytes]] = (),
         chunk_frames: int | None = None,
+        *,
+        new: bool = False,
+        draft_of: Path | None = None,
     ) -> None:
         self.path = Path(path)
+        self._named = draft_of or self.path
+        self._draft = draft_of is not None
         self._rate_hz = rate_hz
         self.chunk_frames = max(1, min(chunk_frames or int(rate_hz), CHUNK_BYTES // ROW))
         self._rows = empty_rows(self.chunk_frames)
@@ -70,15 +76,17 @@ class LogWriter:
         self._file: Container | None = None
         self._pack(new_block(1), np.zeros(1, TIMING), ())  # compiles the kernels before the first frame
         try:
-            self._file = Container(self.path)
+            self._file = Container(self.path, new=new)
             about = {"schema_version": str(SCHEMA_VERSION), "rate_hz": repr(float(rate_hz))}
             self._file.metadata(RIG, {**metadata, **about})
             for name, data in attachments:
                 self._file.attachment(name, data)
+        except FileExistsError:  # new
+            raise
         except OSError as error:
             if self._file is not None:
                 self._file.discard()
-            raise BadInput(f"{self.path}: the log cannot be written: {error.strerror}") from None
+            raise BadInput(f"{self._named}: the log cannot be written: {error.strerror}") from None
 
     def write(self, rows: Block, timing: NDArray[Any], events: Sequence[Event] = ()) -> None:
         """Append ``rows`` with their ``timing`` and the events found in them; on the disk when it returns.
@@ -94,16 +102,22 @@ class LogWriter:
             self._append(self._pack(rows[part], timing[part], events if start == starts[-1] else ()))
 
     def close(self, result: Mapping[str, str] | None = None) -> None:
-        """Write ``result`` (how the flight ended) and the summary; a second call does nothing."""
+        """Write ``result`` (how the flight ended) and the summary; a second call does nothing.
+
+        RigError when the disk is full, or when the file was deleted or moved in the meantime.
+        """
         if self._file is None:
             return
         try:
             if result is not None:
                 self._file.metadata(RESULT, result)
+            gone = self._file.gone()
             self._file.finish()
             self._file = None
         except OSError as error:
             raise self._stopped(error) from None
+        if gone:
+            raise RigError(f"{self._named}: the log is no longer there: deleted or moved while it was written")
 
     def abort(self) -> None:
         """Close the file without its summary; ``recover`` can mend it."""
@@ -136,7 +150,7 @@ class LogWriter:
 
     def _append(self, packed: Packed) -> None:
         if self._file is None:
-            raise RigError(f"{self.path}: the log is closed")
+            raise RigError(f"{self._named}: the log is closed")
         try:
             self._file.chunk(packed)
         except OSError as error:
@@ -156,6 +170,8 @@ class LogWriter:
             self.abort()
         self._file = None
         what = "disk full" if error.errno in _FULL else "disk error"
+        if self._draft:
+            return RigError(f"{self._named}: cannot be written: {what} ({error.strerror})")
         end = self._last_time / 1e9
         return RigError(f"{self.path}: {what} ({error.strerror}), flight stopped at {end:.3f} s; {state}")
 

@@ -23,8 +23,10 @@ from functools import cache
 from pathlib import Path
 
 from rig.errors import BadInput, RigError
+from rig.files import is_file
 from rig.kernels import cache_root
 from rig.plant.airframe import Config, Surface, Throttle
+from rig.text import quoted
 
 THROTTLE_POSITION = "rig/throttle-position"  # 0 to 1, after the actuator
 
@@ -43,8 +45,8 @@ def folder(airframe: Config, root: Path) -> Path:
     """
     source = root / "aircraft" / airframe.base_model
     model = source / f"{airframe.base_model}.xml"
-    if not model.is_file():
-        raise BadInput(f"airframe.base_model: JSBSim has no aircraft {airframe.base_model!r}")
+    if not is_file(model):
+        raise BadInput(f"airframe.base_model: JSBSim has no aircraft {quoted(airframe.base_model)}")
     target = cache_root() / "airframes" / _key(airframe, source)
     if not (target / _READS_FILE).is_file():
         tree = _actuated(ET.parse(model).getroot(), airframe)
@@ -167,7 +169,7 @@ def _check_positions(airframe: Config, reads: list[str]) -> None:
     for name in ("elevator", "aileron", "rudder"):
         position = getattr(airframe, name).position
         if position not in reads:
-            raise BadInput(f"airframe.{name}.position: {airframe.base_model} does not read {position!r}")
+            raise BadInput(f"airframe.{name}.position: {airframe.base_model} does not read {quoted(position)}")
 
 
 def _reads(tree: ET.Element, root: Path, source: Path) -> set[str]:

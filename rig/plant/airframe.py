@@ -7,14 +7,20 @@ about level flight.  Both say where it flies, where its accelerometers sit and w
 
 from __future__ import annotations
 
+import re
 from math import pi
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Self, get_args
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
 from rig.errors import BadInput
 from rig.settings import Settings, build, read_toml
+from rig.text import choices, quoted
+
+SHORTEST_LAG_S: Final = 1e-4  # of an actuator: well below the shortest step
+# The names that JSBSim's property tree takes: parts of letters, digits, _ . - with an index if need be.
+_PROPERTY: Final = re.compile(r"[A-Za-z_][\w.-]*(\[\d{1,4}\])?(/[A-Za-z_][\w.-]*(\[\d{1,4}\])?)*", re.ASCII)
 
 
 class FlightPoint(Settings):
@@ -28,8 +34,8 @@ class FlightPoint(Settings):
 class Actuator(Settings):
     """One control surface's actuator: first-order lag, rate limit, position limits."""
 
-    lag_s: float = Field(gt=0.0)
-    rate_limit_rad_s: float = Field(gt=0.0)
+    lag_s: float = Field(ge=SHORTEST_LAG_S, le=1e3)
+    rate_limit_rad_s: float = Field(gt=0.0, le=1e6)
     min_rad: float = Field(lt=0.0, ge=-1.0)  # JSBSim's trim searches within -1 to 1
     max_rad: float = Field(gt=0.0, le=1.0)
 
@@ -43,9 +49,9 @@ class Surface(Actuator):
 class Throttle(Settings):
     """All engines together: command 0 to 1, first-order lag and rate limit before the engine's own."""
 
-    lag_s: float = Field(gt=0.0)
-    rate_limit_1_s: float = Field(gt=0.0)
-    full_position: float = Field(1.0, gt=0.0)  # 2.0 with afterburner: JSBSim counts it from 1 to 2
+    lag_s: float = Field(ge=SHORTEST_LAG_S, le=1e3)
+    rate_limit_1_s: float = Field(gt=0.0, le=1e6)
+    full_position: float = Field(1.0, gt=0.0, le=1e3)  # 2.0 with afterburner: JSBSim counts it from 1 to 2
 
 
 class Position(Settings):
@@ -90,8 +96,8 @@ class Shared(Settings):
         for point in self.flight_points:
             if name is None or point.name == name:
                 return point
-        known = ", ".join(point.name for point in self.flight_points)
-        raise BadInput(f"flight_point: {self.base_model} has no {name!r}; choose from {known}")
+        known = choices(str(name), (point.name for point in self.flight_points), "rig aircraft list")
+        raise BadInput(f"flight_point: {self.base_model} has no {quoted(name)}; {known}")
 
 
 def _stops(elevator: Actuator, aileron: Actuator, rudder: Actuator) -> list[tuple[float, float]]:
@@ -109,6 +115,14 @@ class Config(Shared):
     aileron: Surface
     rudder: Surface
     properties: dict[str, float] = Field(default_factory=dict)  # read by the aerodynamics, held constant
+
+    @field_validator("properties")
+    @classmethod
+    def _nameable(cls, properties: dict[str, float]) -> dict[str, float]:
+        for name in properties:
+            if not _PROPERTY.fullmatch(name):
+                raise ValueError(f"{quoted(name)} is no property's name: parts of letters, digits, _ . - between /")
+        return properties
 
     @property
     def surface_limits(self) -> list[tuple[float, float]]:

@@ -104,7 +104,11 @@ def load(
     # Before loading: filters freeze the step that they are loaded with.
     fdm.set_dt(dt_s)
     paths = (str(folder), str(root / "engine"), str(root / "systems"))
-    if not fdm.load_model_with_paths(airframe.base_model, *paths, True):
+    try:
+        loaded = fdm.load_model_with_paths(airframe.base_model, *paths, True)
+    except RuntimeError as error:
+        raise BadInput(f"airframe: JSBSim does not take these settings: {error}") from None
+    if not loaded:
         raise RigError(f"airframe.base_model: JSBSim could not load {airframe.base_model!r} from {folder}")
     _check_properties(fdm, airframe, actuated.reads(folder))
     _begin(fdm, airframe, flight_point, wind_m_s)

@@ -11,7 +11,7 @@ The pairs that correlate best then tie the channels to each other; a bad channel
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 from typing import Any, Final
 
@@ -22,13 +22,15 @@ from scipy.signal import oaconvolve
 
 from rig.angles import TURN
 from rig.errors import BadInput
+from rig.recorded.clock import Floats
 from rig.recorded.config import RecordedSignal
-from rig.recorded.record import Floats, Recording, Samples
+from rig.recorded.record import Recording, Samples
 
 MAX_DELAY: Final = 32  # frames
 MIN_ROWS: Final = 256
 CORRELATED: Final = 0.5  # least correlation with another channel, once aligned, of a channel that is trusted
 _MARGIN: Final = 8  # lags beyond MAX_DELAY, for the interpolation of the cost
+_LARGEST: Final = 1e100  # a sample beyond it is invalid here: powers of larger ones are no numbers
 _FINE: Final = np.linspace(-1.0, 1.0, 201)  # frames
 _FLOOR: Final = 0.1  # of the mean cross spectrum: whitens no further than this
 _SEGMENT: Final = 1024  # rows of the longest segment of a spectrum
@@ -69,7 +71,8 @@ def align(
     rows = slice(ceil(-min(shifts)), n - ceil(max(shifts)))
     at = np.arange(rows.start, rows.stop)
     signals = {name: _taken_off(recording.signals[name], found[name], settings[name], at) for name in settings}
-    return Recording(recording.time_s[rows], signals, recording.first_row + rows.start), found
+    first = recording.first_row + rows.start
+    return replace(recording, time_s=recording.time_s[rows], signals=signals, first_row=first), found
 
 
 def _stretch(time_s: Floats, start_s: float | None, end_s: float | None) -> slice:
@@ -96,7 +99,7 @@ def _correct(columns: list[Floats], settings: RecordedSignal, rate_hz: float) ->
 
 def _valid(samples: Samples, settings: RecordedSignal) -> list[Floats]:
     """The channels with NaN for each sample that is flagged or out of range; angles without their jumps."""
-    low, high = settings.limits
+    low, high = max(settings.limits[0], -_LARGEST), min(settings.limits[1], _LARGEST)
     columns: list[Floats] = []
     for c, raw in enumerate(samples.channels):
         good = (raw >= low) & (raw <= high)

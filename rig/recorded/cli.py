@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+from math import isfinite
 from pathlib import Path
 from time import perf_counter
 from typing import Annotated, Any
 
 import typer
+
+from rig.options import AllowCode
 
 
 def vote(
@@ -21,16 +24,23 @@ def vote(
         float | None, typer.Option(help="Begin of the stretch to find them in, s.", show_default="first row")
     ] = None,
     align_to: Annotated[float | None, typer.Option(help="Its end, s.", show_default="last row")] = None,
+    repair_time: Annotated[
+        bool, typer.Option("--repair-time", help="Drop rows whose time repeats or steps back, and say how many.")
+    ] = False,
+    allow_code: AllowCode = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Vote on recorded channels with the redundancy manager of the flight."""
     from rig.errors import BadInput
     from rig.recorded.summary import show
-    from rig.show import console
+    from rig.screen import console
 
     if not align and (align_from, align_to) != (None, None):
         raise BadInput("--align-from and --align-to need --align")
-    found = _vote(recorded, config, out, (align_from, align_to) if align else None)
+    for option, value in (("--align-from", align_from), ("--align-to", align_to)):
+        if value is not None and not isfinite(value):
+            raise BadInput(f"{option}: input should be a finite number, got {value}")
+    found = _vote(recorded, config, out, (align_from, align_to) if align else None, repair_time, allow_code)
     if as_json:
         typer.echo(json.dumps(found, allow_nan=False))
         return
@@ -40,14 +50,22 @@ def vote(
     screen.print(f"written  {out}", soft_wrap=True)
 
 
-def _vote(recorded: Path, config: Path, out: Path, stretch: tuple[float | None, float | None] | None) -> dict[str, Any]:
-    """Read, align on ``stretch`` if there is one, vote, write; what it came to, and the seconds of each step."""
+def _vote(
+    recorded: Path,
+    config: Path,
+    out: Path,
+    stretch: tuple[float | None, float | None] | None,
+    repair: bool,
+    allow_code: bool,
+) -> dict[str, Any]:
+    """Read, align on ``stretch`` if there is one, vote, write; the summary, and the seconds of each step."""
     from rig.recorded.align import align
     from rig.recorded.config import read_config
     from rig.recorded.read import read
     from rig.recorded.summary import summary
     from rig.recorded.vote import vote as run
     from rig.recorded.write import output, write
+    from rig.trust import Trust
 
     seconds: dict[str, float] = {}
     clock = perf_counter()
@@ -59,15 +77,15 @@ def _vote(recorded: Path, config: Path, out: Path, stretch: tuple[float | None, 
 
     with output(out, recorded) as part:
         settings = read_config(config)
-        recording = read(recorded, settings)
+        recording = read(recorded, settings, repair)
         signals = settings.signals(recording.signals, str(config))
         lap("read")
         corrections = None
         if stretch is not None:
             recording, corrections = align(recording, signals, *stretch)
             lap("align")
-        voted = run(recording, signals, settings.resets)
+        voted = run(recording, signals, settings.resets, Trust(str(config), allow_code))
         lap("vote")
-        write(part, out.suffix, recording, voted)
+        write(part, out, recording, voted)
         lap("write")
     return {"out": str(out), **summary(recording, voted, corrections), "seconds": seconds}

@@ -15,7 +15,7 @@ import sys
 from collections.abc import Collection
 from math import pi
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +26,11 @@ from rig.frame import INDEX, SIGNALS, TWO_PI
 from rig.redundancy.config import MANAGERS, RESETS, SignalConfig
 from rig.redundancy.config import Reset as FlightReset
 from rig.settings import Settings, build, read_toml
+from rig.text import choices, nearest, quoted, shorten
 
 ANY_NUMBER: Final = (-sys.float_info.max, sys.float_info.max)  # finite: infinity is never a sample
 TURN_SLACK: Final = 1e-3  # so that a turn may be written as 6.283
+MOST_ANGLE_RAD: Final = 1e6  # beyond it the fraction of a turn is lost to rounding
 
 
 class RecordedSignal(SignalConfig):
@@ -59,6 +61,8 @@ class RecordedSignal(SignalConfig):
 class Reset(FlightReset):
     """A reset command, for a signal of any name."""
 
+    at_s: float = Field(ge=0, le=1e11)  # in the recording's time, which may be that of a calendar
+
     @field_validator("signal")
     @classmethod
     def _known(cls, name: str) -> str:
@@ -67,6 +71,8 @@ class Reset(FlightReset):
 
 class VoteConfig(Settings):
     """The whole file; tables of signals are checked by ``signals`` when their names are known."""
+
+    keys_are_in: ClassVar[str] = "docs/vote.md"
 
     default: dict[str, Any] | None = None
     signal: dict[str, dict[str, Any]] = {}
@@ -79,7 +85,7 @@ class VoteConfig(Settings):
         asked = [*self.signal, *(reset.signal for reset in self.resets)]
         for name in asked:
             if name not in present:
-                raise BadInput(f"{source}: signal {name!r} is not in the input; it has: {', '.join(present)}")
+                raise BadInput(f"{source}: signal {quoted(name)} is not in the input; {choices(name, present)}")
         chosen = [name for name in present if name in self.signal or self.default is not None]
         if not chosen:
             raise BadInput(f"{source}: no signal to vote: add [signal.<name>] or [default]")
@@ -97,6 +103,10 @@ class VoteConfig(Settings):
             raise BadInput(
                 f"{source}: {table}: range: an angle that wraps needs a whole turn in rad, got {[low, high]}"
             )
+        if settings.wraps and max(-low, high) > MOST_ANGLE_RAD:
+            raise BadInput(
+                f"{source}: {table}: range: an angle that wraps stays within {MOST_ANGLE_RAD:g} rad, got {[low, high]}"
+            )
         return settings
 
 
@@ -113,8 +123,10 @@ def read_config(path: Path) -> VoteConfig:
     for table, keys in (("default", config.default or {}), *((f"signal.{n}", t) for n, t in config.signal.items())):
         for key in keys:
             if key not in RecordedSignal.model_fields:
-                allowed = ", ".join(RecordedSignal.model_fields)
-                raise BadInput(f"{path}: {table}.{key}: unknown key; allowed: {allowed}")
+                near = ", ".join(nearest(key, RecordedSignal.model_fields)[:1])
+                raise BadInput(
+                    f"{path}: {table}.{shorten(key)}: unknown key; nearest: {near}; all keys: {VoteConfig.keys_are_in}"
+                )
     return config
 
 

@@ -4,92 +4,61 @@
     [mapping] in CONFIG          "<column of ours>" = "<source>:<field>"; the source is a topic of an MCAP file, or
                                  a file in the folder INPUT; a single table needs no source: "<field>"
 
-Sources have times of their own.  The rows are those of the first source that the mapping names; of another,
-each row takes the sample nearest in time, or none when the nearest is more than its sampling interval away.
+Sources have times of their own, which are checked or repaired first (clock.py).  The rows are those of the first
+source that the mapping names; of another, each row takes the sample nearest in time, or none when the nearest is
+more than its sampling interval away.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from stat import S_ISDIR
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import BadInput, BadLog
-from rig.frame import CHANNELS, SIGNALS, State
-from rig.log import foreign, read_log
+from rig.errors import BadInput
+from rig.log import foreign
 from rig.log.foreign import Source
+from rig.recorded.clock import TIME, Floats, clock
 from rig.recorded.config import VoteConfig
-from rig.recorded.record import TIME, Floats, Recording, Samples, assemble, check_time
+from rig.recorded.ours import read_ours
+from rig.recorded.record import Recording, assemble
 from rig.recorded.table import TABLES, Table
 
 ENDINGS: Final = (*TABLES, ".mcap")
 
 
-def read(path: Path, config: VoteConfig) -> Recording:
-    """The recording at ``path``; BadInput in one line when it cannot be used."""
-    if not path.exists():
-        raise BadInput(f"{path}: no such file")
-    if path.is_dir():
+def read(path: Path, config: VoteConfig, repair: bool = False) -> Recording:
+    """The recording at ``path``, with ``repair`` without rows whose time repeats or steps back.
+
+    BadInput in one line when it cannot be used.
+    """
+    if _is_folder(path):
         wanted = _wanted(path, config)
-        return _joined(path, config, _folder(path, wanted, config.time_column))
+        return _joined(path, config, _folder(path, wanted, config.time_column), repair)
     if path.suffix not in ENDINGS:
         raise BadInput(f"{path}: unknown ending; allowed: {', '.join(ENDINGS)}, or a folder of tables")
+    if path.suffix == ".mcap" and config.mapping:
+        return _joined(path, config, foreign.read(path, _wanted(path, config)), repair)
     if path.suffix == ".mcap":
-        return _joined(path, config, foreign.read(path, _wanted(path, config))) if config.mapping else _ours(path)
+        return read_ours(path, repair)
     if config.mapping:
-        return _mapped_table(path, config)
+        return _mapped_table(path, config, repair)
     table = Table(path)
-    return assemble(str(path), table.names, table.column)
+    return assemble(str(path), table.names, table.column, repair)
 
 
-def _ours(path: Path) -> Recording:
-    """A log of a flight, or the output of an earlier vote."""
+def _is_folder(path: Path) -> bool:
     try:
-        topics = foreign.topics(path)
-    except BadLog:
-        read_log(path)  # says more, if it is a log of a flight that was cut
-        raise
-    if "/flight" in topics:
-        return _flown(path)
-    ours = [topic for topic, schema in topics.items() if schema == "rig.Signal"]
-    if not ours:
-        raise BadInput(f"{path}: not a log of this rig: CONFIG needs a [mapping] of its topics: {', '.join(topics)}")
-    return _voted(path, ours)
-
-
-def _flown(path: Path) -> Recording:
-    log = read_log(path)
-    rows = log.rows
-    if len(rows) == 0:
-        raise BadInput(f"{path}: no rows")
-    recorded: dict[str, Samples] = {}
-    for i, signal in enumerate(SIGNALS):
-        fitted = range(int((rows["state"][0, i] != State.ABSENT).sum()))
-        recorded[signal.name] = Samples(
-            [rows["channels"][:, i, c].copy() for c in fitted],
-            [rows["ilm"][:, i, c].copy() for c in fitted],
-            rows["reference"][:, i].copy(),
-            [rows["valid"][:, i, c].copy() for c in fitted],
-        )
-    return Recording(rows["frame"] / log.rate_hz, recorded)
-
-
-def _voted(path: Path, topics: list[str]) -> Recording:
-    per_channel = [f"{kind}_{c}" for kind in ("ch", "valid", "ilm", "st") for c in range(1, CHANNELS + 1)]
-    sources = foreign.read(path, {topic: {*per_channel, "reference"} for topic in topics})
-    recorded: dict[str, Samples] = {}
-    for topic, (_, fields) in sources.items():
-        fitted = [c for c in range(1, CHANNELS + 1) if fields[f"st_{c}"][0] != State.ABSENT]
-        recorded[topic.removeprefix("/signal/")] = Samples(
-            [fields[f"ch_{c}"] for c in fitted],
-            [fields[f"ilm_{c}"].astype(np.uint8) for c in fitted],
-            fields["reference"],
-            [fields[f"valid_{c}"].astype(np.uint8) for c in fitted],
-        )
-    return Recording(sources[topics[0]].time_s, recorded)
+        return S_ISDIR(path.stat().st_mode)
+    except FileNotFoundError:
+        raise BadInput(f"{path}: no such file") from None
+    except (OSError, ValueError) as error:
+        raise BadInput(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from None
 
 
 def _wanted(path: Path, config: VoteConfig) -> dict[str, set[str]]:
@@ -105,12 +74,12 @@ def _wanted(path: Path, config: VoteConfig) -> dict[str, set[str]]:
     return wanted
 
 
-def _mapped_table(path: Path, config: VoteConfig) -> Recording:
+def _mapped_table(path: Path, config: VoteConfig, repair: bool) -> Recording:
     table = Table(path, {config.time_column, *config.mapping.values()}.__contains__)
     renamed = {TIME: config.time_column, **config.mapping}
     for name in renamed.values():
         _must_have(path, table, name)
-    return assemble(str(path), renamed, lambda name: table.column(renamed[name]))
+    return assemble(str(path), renamed, lambda name: table.column(renamed[name]), repair)
 
 
 def _must_have(path: Path, table: Table, name: str) -> None:
@@ -131,21 +100,21 @@ def _folder(path: Path, wanted: Mapping[str, set[str]], time_column: str) -> dic
     return sources
 
 
-def _joined(path: Path, config: VoteConfig, sources: Mapping[str, Source]) -> Recording:
+def _joined(path: Path, config: VoteConfig, sources: Mapping[str, Source], repair: bool) -> Recording:
     """The columns of the mapping on the rows of the first source."""
-    for name, source in sources.items():
-        check_time(f"{path}: {name}", source.time_s)
-    time_s = next(iter(sources.values())).time_s
-    nearest = {name: nearest_rows(time_s, source.time_s) for name, source in sources.items()}
+    clocks = {name: clock(f"{path}: {name}", source.time_s, repair) for name, source in sources.items()}
+    first = next(iter(clocks.values()))
+    nearest = {name: nearest_rows(first.time_s, own.time_s) for name, own in clocks.items()}
 
     def column(name: str) -> Floats:
         if name == TIME:
-            return time_s
+            return first.time_s
         source, _, field = config.mapping[name].rpartition(":")
         rows, near = nearest[source]
-        return np.where(near, sources[source].fields[field][rows], np.nan)
+        return np.where(near, clocks[source].of(sources[source].fields[field])[rows], np.nan)
 
-    return assemble(str(path), [TIME, *config.mapping], column)
+    repairs = tuple(own.repair for own in clocks.values() if own.repair is not None)
+    return replace(assemble(str(path), [TIME, *config.mapping], column), kept=first.kept, repairs=repairs)
 
 
 def nearest_rows(time_s: Floats, own_s: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:

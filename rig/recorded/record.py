@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from rig.errors import BadInput
 from rig.frame import CHANNELS, Ilm
+from rig.recorded.clock import TIME, Clock, Floats, Repair, clock
 
-Floats = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
-TIME: Final = "time_s"
-_COLUMN: Final = re.compile(r"(?P<signal>.+?)(?P<ilm>\.ilm)?\.(?P<channel>0|[1-9]\d*)|(?P<referred>.+)\.ref")
+_COLUMN: Final = re.compile(r"(?P<signal>.+?)(?P<ilm>\.ilm)?\.(?P<channel>0|[1-9][0-9]{0,3})|(?P<referred>.+)\.ref")
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,11 +30,18 @@ class Samples:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """``time_s`` (n,), strictly rising; ``first_row`` is the number of rows of the input before it."""
+    """``time_s`` (n,), strictly rising; ``first_row`` is the number of rows before it that alignment cut off."""
 
     time_s: Floats
     signals: dict[str, Samples]
     first_row: int = 0
+    kept: NDArray[np.int64] | None = None  # rows of the input, from 0, before alignment cut any; None: all
+    repairs: tuple[Repair, ...] = ()
+
+    def row(self, k: int) -> int:
+        """The row of the input, counted from 1, that became row ``k``, counted from 0."""
+        k += self.first_row
+        return (k if self.kept is None else int(self.kept[k])) + 1
 
     @property
     def rate_hz(self) -> float:
@@ -43,10 +49,11 @@ class Recording:
         return 1.0 / float(np.median(np.diff(self.time_s))) if len(self.time_s) > 1 else 1.0
 
 
-def assemble(source: str, names: Iterable[str], column: Callable[[str], Floats]) -> Recording:
+def assemble(source: str, names: Iterable[str], column: Callable[[str], Floats], repair: bool = False) -> Recording:
     """A recording of the columns ``<signal>.1``, ``<signal>.ilm.1``, ``<signal>.ref`` and ``time_s``.
 
-    ``column`` gives an array (n,), NaN where a cell is empty.  BadInput names ``source``.
+    ``column`` gives an array (n,), NaN where a cell is empty; ``repair`` drops rows as in clock.py.
+    BadInput names ``source``.
     """
     names = list(names)
     if TIME not in names:
@@ -63,9 +70,26 @@ def assemble(source: str, names: Iterable[str], column: Callable[[str], Floats])
         _check_channels(source, signal, count, names)
     if not counts:
         raise BadInput(f"{source}: no signal: columns are {TIME}, <signal>.1 to <signal>.{CHANNELS}")
-    time_s = column(TIME)
-    check_time(source, time_s)
-    return Recording(time_s, {signal: _samples(source, signal, counts[signal], names, column) for signal in counts})
+    accepted = clock(source, column(TIME), repair)
+    samples = {signal: _samples(source, signal, counts[signal], names, column) for signal in counts}
+    return on_clock(accepted, samples)
+
+
+def on_clock(accepted: Clock, signals: dict[str, Samples]) -> Recording:
+    """The recording of ``signals``, samples of all rows of the input, in the rows that were accepted."""
+    if accepted.kept is not None:
+        signals = {name: _kept(samples, accepted) for name, samples in signals.items()}
+    repairs = () if accepted.repair is None else (accepted.repair,)
+    return Recording(accepted.time_s, signals, kept=accepted.kept, repairs=repairs)
+
+
+def _kept(samples: Samples, accepted: Clock) -> Samples:
+    def all_of(columns: list[Bytes] | None) -> list[Bytes] | None:
+        return None if columns is None else [accepted.of(column) for column in columns]
+
+    reference = None if samples.reference is None else accepted.of(samples.reference)
+    channels = [accepted.of(column) for column in samples.channels]
+    return Samples(channels, all_of(samples.ilm), reference, all_of(samples.valid))
 
 
 def _parse(source: str, name: str) -> tuple[str, str, int]:
@@ -89,19 +113,6 @@ def _check_channels(source: str, signal: str, count: int, names: list[str]) -> N
     for c in range(1, count):
         if f"{signal}.{c}" not in names:
             raise BadInput(f"{source}: signal {signal!r} has a channel {count} but no channel {c}")
-
-
-def check_time(source: str, time_s: Floats) -> None:
-    """BadInput when there are no rows or time does not rise from each to the next."""
-    if len(time_s) == 0:
-        raise BadInput(f"{source}: no rows")
-    wrong = np.flatnonzero(~np.isfinite(time_s))
-    if len(wrong):
-        raise BadInput(f"{source}: row {wrong[0] + 1}: {TIME} is not a number")
-    late = np.flatnonzero(~(np.diff(time_s) > 0))
-    if len(late):
-        before, after = time_s[late[0]], time_s[late[0] + 1]
-        raise BadInput(f"{source}: row {late[0] + 2}: {TIME} must rise, got {after:.9g} after {before:.9g}")
 
 
 def _samples(source: str, signal: str, count: int, names: list[str], column: Callable[[str], Floats]) -> Samples:

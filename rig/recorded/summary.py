@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,8 @@ from rich.table import Table
 
 from rig.frame import Pattern, State
 from rig.recorded.align import Corrections
-from rig.recorded.record import Floats, Recording
+from rig.recorded.clock import Floats
+from rig.recorded.record import Recording
 from rig.recorded.vote import Voted
 
 _SINGULAR = [int(pattern) for pattern in Pattern if pattern.is_singular]
@@ -20,9 +22,10 @@ def summary(recording: Recording, voted: dict[str, Voted], corrections: Correcti
     """Per signal and channel; rows are counted from 1 as in the input."""
     return {
         "rows": len(recording.time_s),
-        "first_row": recording.first_row + 1,
+        "first_row": recording.row(0),
         "rate_hz": recording.rate_hz,
         "time_s": [float(recording.time_s[0]), float(recording.time_s[-1])],
+        "repaired": [asdict(repair) for repair in recording.repairs],
         "not_voted": [name for name in recording.signals if name not in voted],
         "signals": {name: _signal(voted[name], (corrections or {}).get(name)) for name in voted},
     }
@@ -35,9 +38,14 @@ def _signal(signal: Voted, corrections: list[Any] | None) -> dict[str, Any]:
         "level": int(signal.level[-1]),
         "singular_share": float(np.isin(signal.pattern, _SINGULAR).mean()),
         "spread": _spread(signal.spread),
-        "voted": {"min": float(signal.voted.min()), "max": float(signal.voted.max())},
+        "voted": _extremes(signal.voted),
         "channels": [_channel(signal, c, corrections) for c in range(len(signal.state))],
     }
+
+
+def _extremes(voted: Floats) -> dict[str, float | None]:
+    known = voted[np.isfinite(voted)]
+    return {"min": float(known.min()), "max": float(known.max())} if len(known) else {"min": None, "max": None}
 
 
 def _spread(spread: Floats) -> dict[str, float | None]:
@@ -69,6 +77,8 @@ def show(screen: Console, found: dict[str, Any]) -> None:
     """The summary as tables."""
     first, last = found["time_s"]
     screen.print(f"{found['rows']} rows from {first:g} to {last:g} s, {found['rate_hz']:g} a second")
+    for repair in found["repaired"]:
+        screen.print(_repaired(repair), soft_wrap=True)
     aligned = any("alignment" in channel for signal in found["signals"].values() for channel in signal["channels"])
     if aligned:
         screen.print(_alignment_table(found))
@@ -76,6 +86,12 @@ def show(screen: Console, found: dict[str, Any]) -> None:
     screen.print(_failure_table(found))
     if found["not_voted"]:
         screen.print(f"not voted, as CONFIG does not name them: {', '.join(found['not_voted'])}")
+
+
+def _repaired(repair: dict[str, Any]) -> str:
+    rows = ", ".join(map(str, repair["first"])) + (", ..." if repair["dropped"] > len(repair["first"]) else "")
+    of = f"{repair['rows']} rows of {repair['source']}"
+    return f"dropped {repair['dropped']} of {of}, where time repeats or steps back: {rows}"
 
 
 def _signal_table(found: dict[str, Any]) -> Table:

@@ -14,11 +14,12 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from rig.errors import BadInput
-from rig.recorded.record import Floats
+from rig.log.messages import most_bytes
+from rig.recorded.clock import Floats
 
 TABLES: Final = (".csv", ".parquet")
 _NO_VALUE: Final = ["", "nan", "NaN", "NAN"]
-_FAULTS: Final = (pa.ArrowException, OSError, UnicodeDecodeError, csv.Error)
+_FAULTS: Final = (pa.ArrowException, OSError, ValueError, csv.Error)
 
 
 class Table:
@@ -64,15 +65,23 @@ def _csv(path: Path, wanted: Callable[[str], bool]) -> Any:
 def _header(path: Path) -> list[str]:
     with path.open(encoding="utf-8-sig", newline="") as file:
         header = next(csv.reader(file), [])
-    twice = [name for name, count in Counter(header).items() if count > 1]
+    _once_each(path, header)
+    return header
+
+
+def _once_each(path: Path, names: list[str]) -> None:
+    twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise BadInput(f"{path}: column {twice[0]!r} is there twice")
-    return header
 
 
 def _parquet(path: Path, wanted: Callable[[str], bool]) -> Any:
     with pyarrow.parquet.ParquetFile(path) as file:
         names = [name for name in file.schema_arrow.names if wanted(name)]
+        _once_each(path, names)
+        needed, most = 8 * len(names) * file.metadata.num_rows, most_bytes(path.stat().st_size)
+        if needed > most:
+            raise BadInput(f"{path}: expands to {needed} bytes, more than the {most} that a file of its size may")
         return file.read(columns=names)
 
 

@@ -13,16 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.angles import difference
-from rig.frame import Ilm, Pattern, Resolver, State, new_block
+from rig.frame import Ilm, Resolver, State, new_block
 from rig.kernels import kernel
+from rig.recorded.clock import Floats
 from rig.recorded.config import RecordedSignal, Reset, reset_table
-from rig.recorded.record import Bytes, Floats, Recording, Samples
+from rig.recorded.record import Bytes, Recording, Samples
 from rig.redundancy.config import MANAGERS, PARAMS, fill
-from rig.redundancy.managers import Manager, load_manager, vote_signals
+from rig.redundancy.managers import Manager, vote_signals
+from rig.redundancy.own import load_manager
+from rig.trust import Trust
 
 ROWS: Final = 256  # of a block: half a megabyte, which stays in the cache
 FIELDS: Final = ("voted", "level", "pattern", "resolver", "trend_high", "trend_low", "reference_usable")
 _FAILED: Final = int(State.FAILED)
+_NO_CODE: Final = Trust("the configuration")
 
 
 class Failure(NamedTuple):
@@ -52,19 +56,27 @@ class Voted:
     failures: list[Failure]
 
 
-def vote(recording: Recording, settings: dict[str, RecordedSignal], resets: list[Reset]) -> dict[str, Voted]:
-    """Vote the signals that have settings."""
+def vote(
+    recording: Recording, settings: dict[str, RecordedSignal], resets: list[Reset], trust: Trust = _NO_CODE
+) -> dict[str, Voted]:
+    """Vote the signals that have settings; BadInput: a manager class that ``trust`` does not permit."""
+    for chosen in settings.values():
+        trust.require(chosen.manager)
     return {
-        name: _vote_signal(recording, recording.signals[name], chosen, reset_table(resets, name, recording.time_s))
+        name: _vote_signal(
+            recording, recording.signals[name], chosen, reset_table(resets, name, recording.time_s), trust
+        )
         for name, chosen in settings.items()
     }
 
 
-def _vote_signal(recording: Recording, samples: Samples, settings: RecordedSignal, resets: NDArray[np.void]) -> Voted:
+def _vote_signal(
+    recording: Recording, samples: Samples, settings: RecordedSignal, resets: NDArray[np.void], trust: Trust
+) -> Voted:
     n, fitted = len(recording.time_s), len(samples.channels)
     params = np.zeros(1, PARAMS)
     fill(params[0], settings, settings.limits, fitted, settings.wraps, recording.rate_hz)
-    run = _manager(settings.manager, params, resets)
+    run = _manager(settings.manager, params, resets, trust)
     out: dict[str, Any] = {name: np.empty(n, np.float64 if name == "voted" else np.uint8) for name in FIELDS}
     states = [np.empty(n, np.uint8) for _ in samples.channels]
     spread = np.empty(n)
@@ -104,12 +116,14 @@ def _put(rows: NDArray[Any], samples: Samples, part: slice) -> None:
         rows["reference"][:, 0] = samples.reference[part]
 
 
-def _manager(name: str, params: NDArray[np.void], resets: NDArray[np.void]) -> Callable[[NDArray[Any]], None]:
+def _manager(
+    name: str, params: NDArray[np.void], resets: NDArray[np.void], trust: Trust
+) -> Callable[[NDArray[Any]], None]:
     """What votes all rows of a block: a manager of the house, or the user's own ``module:Class``."""
     if name in MANAGERS:
         arguments = Manager(name, params, resets).arguments
         return lambda rows: vote_rows(rows, *arguments)
-    own = load_manager(name, params)
+    own = load_manager(name, params, trust)
 
     def step_by_step(rows: NDArray[Any]) -> None:
         for k in range(len(rows)):
@@ -119,10 +133,10 @@ def _manager(name: str, params: NDArray[np.void], resets: NDArray[np.void]) -> C
 
 
 @kernel
-def vote_rows(rows, choice, params, state, resets):
+def vote_rows(rows, choice, params, state, resets, boxes):
     """All rows through the chosen manager; see managers.vote_signals."""
     for k in range(len(rows)):
-        vote_signals(rows, k, choice, params, state, resets)
+        vote_signals(rows, k, choice, params, state, resets, boxes)
 
 
 @kernel
@@ -153,12 +167,13 @@ def _usable(samples: Samples, settings: RecordedSignal, c: int) -> NDArray[np.bo
 def _failures(
     recording: Recording, out: dict[str, Any], states: list[Bytes], invalid: list[NDArray[np.bool_]]
 ) -> list[Failure]:
-    """Every change to failed.  While a pattern is singular only resolvers fail what can be compared."""
+    """Every change to failed: by the resolver of its row if the sample is valid and one decided, else by comparison."""
     found: list[Failure] = []
     for c, state in enumerate(states):
         failed = state == _FAILED
         for k in np.flatnonzero(failed & ~np.concatenate([[False], failed[:-1]])):
-            resolved = Pattern(out["pattern"][k]).is_singular and not invalid[c][k]
-            why = Resolver(out["resolver"][k]).name.lower() if resolved else "comparison"
-            found.append(Failure(c + 1, recording.first_row + int(k) + 1, float(recording.time_s[k]), why))
+            resolver = Resolver(out["resolver"][k])
+            resolved = resolver not in (Resolver.NONE, Resolver.UNRESOLVED) and not invalid[c][k]
+            why = resolver.name.lower() if resolved else "comparison"
+            found.append(Failure(c + 1, recording.row(int(k)), float(recording.time_s[k]), why))
     return sorted(found, key=lambda failure: (failure.frame, failure.channel))

@@ -15,9 +15,11 @@ import numpy as np
 import polars as pl
 
 from rig.errors import BadInput, RigError
+from rig.files import replaced
 from rig.frame import CHANNELS, Ilm, Pattern, Resolver, State
 from rig.log.signals import write_signals
-from rig.recorded.record import TIME, Bytes, Recording
+from rig.recorded.clock import TIME
+from rig.recorded.record import Bytes, Recording
 from rig.recorded.vote import Voted
 
 STATES: Final = ("ok", "suspect", "failed")
@@ -30,33 +32,22 @@ def output(path: Path, recorded: Path | None = None) -> Iterator[Path]:
     """A file beside ``path`` to write to, which becomes ``path`` at the end, or nothing when that is not reached.
 
     BadInput before anything is done: an unknown ending, a folder that is not there or not writable, the input itself.
+    RigError when it cannot be renamed.
     """
     if path.suffix not in WRITERS:
         raise BadInput(f"{path}: unknown ending; allowed: {', '.join(WRITERS)}")
-    if not path.parent.is_dir():
-        raise BadInput(f"{path}: no such folder: {path.parent}")
-    if path.is_dir():
-        raise BadInput(f"{path}: is a folder")
-    if recorded is not None and path.exists() and recorded.exists() and path.samefile(recorded):
-        raise BadInput(f"{path}: is the input")
-    part = path.with_name(path.name + ".part")
-    try:
-        part.touch()
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be written: {error.strerror}") from None
-    try:
+    with replaced(path) as part:
+        if recorded is not None and path.exists() and recorded.exists() and path.samefile(recorded):
+            raise BadInput(f"{path}: is the input")
         yield part
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
-def write(part: Path, ending: str, recording: Recording, voted: dict[str, Voted]) -> None:
-    """Write ``voted`` to ``part`` as its ``ending`` says; RigError when the disk does not take it."""
+def write(part: Path, path: Path, recording: Recording, voted: dict[str, Voted]) -> None:
+    """Write ``voted`` to ``part``, the draft of ``path``, as its ending says. RigError: the disk."""
     try:
-        WRITERS[ending](part, recording, voted)
+        WRITERS[path.suffix](part, recording, voted)
     except (OSError, pl.exceptions.PolarsError) as error:
-        raise RigError(f"{part}: cannot be written: {' '.join(str(error).split())[:200]}") from None
+        raise RigError(f"{path}: cannot be written: {' '.join(str(error).split())[:200]}") from None
 
 
 def table(recording: Recording, voted: dict[str, Voted]) -> pl.DataFrame:
@@ -90,6 +81,10 @@ def _mcap(path: Path, recording: Recording, voted: dict[str, Voted]) -> None:
     if recording.time_s[0] < 0:
         raise BadInput(f"time begins at {recording.time_s[0]:g} s: an MCAP file has no time before 0")
     times = np.rint(recording.time_s * 1e9).astype(np.uint64)
+    same = np.flatnonzero(times[1:] == times[:-1])
+    if len(same):
+        rows = f"rows {recording.row(same[0])} and {recording.row(same[0] + 1)}"
+        raise BadInput(f"{rows}: the same nanosecond, the unit of time in an MCAP file")
     signals = {name: _fields(recording, name, signal) for name, signal in voted.items()}
     write_signals(path, times, signals, {"rate_hz": repr(recording.rate_hz)})
 

@@ -12,8 +12,10 @@ from rig.kernels import kernel
 from rig.redundancy.config import MANAGERS, Config, SignalConfig, parameters, reset_table
 from rig.redundancy.designed import Designed
 from rig.redundancy.discrete import DiscreteVoter, vote_discretes
-from rig.redundancy.managers import Manager, ManagerLike, load_manager, vote_signals
+from rig.redundancy.managers import Manager, vote_signals
+from rig.redundancy.own import OwnManager, load_manager
 from rig.redundancy.reference import References, refer, remember, source
+from rig.trust import Trust
 
 
 class Redundancy:
@@ -26,15 +28,25 @@ class Redundancy:
         channels: NDArray[np.int64],
         designed: Designed,
         rate_hz: float,
+        trust: Trust | None = None,
     ) -> None:
-        """``ranges`` (S, 2) and ``channels`` (S,) are those of the sensors.  BadInput: the user's manager."""
+        """``ranges`` (S, 2) and ``channels`` (S,) are those of the sensors.  BadInput: the user's manager.
+
+        trust : whether a manager class that the settings name may be run; it may not when not given
+        """
         params = parameters(config.signals, ranges, channels, rate_hz)
         measured_thresholds(params, config, designed)
         self.references = References(config.references, designed, rate_hz, config.manager == MANAGERS[0])
         own = config.manager not in MANAGERS
-        self.own: ManagerLike | None = load_manager(config.manager, params) if own else None
+        self.own: OwnManager | None = load_manager(config.manager, params, trust or Trust()) if own else None
         name = MANAGERS[0] if own else config.manager
-        self.manager = Manager(name, params, reset_table(config.resets, rate_hz))
+        self.manager = Manager(
+            name,
+            params,
+            reset_table(config.resets, rate_hz),
+            box_signals=config.box_signals,
+            box_persistence=config.box_persistence,
+        )
         self.discretes = DiscreteVoter(config.discrete_persistence)
 
     @property

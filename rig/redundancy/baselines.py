@@ -11,7 +11,8 @@ from __future__ import annotations
 from rig.frame import CHANNELS
 from rig.kernels import kernel
 from rig.redundancy.compare import LOST, NORMAL, rank
-from rig.redundancy.manager import anchor, latch, obey, publish, report, watch_failed
+from rig.redundancy.manager import anchor, publish, report
+from rig.redundancy.monitor import apply_resets, latch, watch_failed
 from rig.redundancy.vote import median
 
 
@@ -27,11 +28,13 @@ def average(block, k, params, state, resets):
 
 @kernel
 def mean_of(st, n):
-    """The mean of the ``n`` ranked samples; the last vote when there is none."""
-    total = 0.0
+    """The mean of the ``n`` ranked samples, within their range even if the sum overflows; the last vote for none."""
+    if n == 0:
+        return st["vote"]
+    x, order, total = st["x"], st["order"], 0.0
     for i in range(n):
-        total += st["x"][st["order"][i]]
-    return total / n if n else st["vote"]
+        total += x[order[i]]
+    return min(max(total / n, x[order[0]]), x[order[n - 1]])
 
 
 @kernel
@@ -73,26 +76,31 @@ def select(block, k, params, state, resets):
 def choose(n, p, st):
     """Mark the distrusted channels in ``failed`` and move the selection off them.
 
-    When none is trusted it stays where it is, and its last comparable sample stands.
+    When none is trusted it stays where it is, or, if its channel has no comparable sample, goes to the one with
+    the least excess that has; when nobody has, the last sample stands.
     """
-    here = 0
+    here, best, least = 0, -1, -1
     for i in range(n):
         here |= 1 << st["order"][i]
-    best = -1
     for c in range(p["fitted"] - 1, -1, -1):
-        if not (here >> c) & 1 or st["excess"][c] > p["deviation_frames"]:
+        speaks = (here >> c) & 1 == 1
+        if speaks and (least < 0 or st["excess"][c] <= st["excess"][least]):
+            least = c
+        if not speaks or st["excess"][c] > p["deviation_frames"]:
             st["failed"][c] = True
         else:
             best = c
     if best >= 0 and st["failed"][st["selected"]]:
         st["selected"] = best
+    elif least >= 0 and (here >> st["selected"]) & 1 == 0:
+        st["selected"] = least
 
 
 @kernel
 def cross_voter(block, k, params, state, resets):
     """Row k: the median of the channels in use; each is then compared with it instead of with each other."""
     row = block[k]
-    obey(row["frame"], resets, params, state)
+    apply_resets(row["frame"], resets, params, state)
     for s in range(len(params)):
         p, st = params[s], state[s]
         n = ranked(row, s, p, st)
@@ -110,11 +118,10 @@ def cross_voter(block, k, params, state, resets):
 @kernel
 def ranked(row, s, p, st):
     """Rank the samples of signal s into its state; nobody is alone yet.  Returns their number."""
-    samples = row["channels"][s]
+    samples, valid, failed = row["channels"][s], row["valid"][s], st["failed"]
     for c in range(CHANNELS):
         st["alone"][c] = False
-    base = anchor(samples, st)
-    valid, failed = row["valid"][s], st["failed"]
+    base = anchor(samples, valid, p, st)
     return rank(samples, valid, failed, p["fitted"], p["low"], p["high"], p["wraps"], base, st["x"], st["order"])
 
 

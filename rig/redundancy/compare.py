@@ -33,13 +33,19 @@ def rank(samples, valid, failed, fitted, low, high, wraps, base, x, order):
     n = 0
     for c in range(fitted):
         sample = samples[c]
-        if failed[c] or not valid[c] or not (low <= sample <= high):
+        if failed[c] or not comparable(sample, valid[c], low, high):
             continue
         x[c] = base + difference(sample, base, wraps) if wraps else sample
         order[n] = c
         n += 1
     sort(x, order, n)
     return n
+
+
+@kernel
+def comparable(sample, valid, low, high):
+    """Whether a sample may be compared and voted: flagged valid, a number, within the sensor's range."""
+    return valid != 0 and low <= sample <= high
 
 
 @kernel

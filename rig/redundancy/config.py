@@ -8,14 +8,15 @@ from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, create_model, field_validator
+from pydantic import Field, create_model, field_validator, model_validator
 
 from rig.frame import CHANNELS, INDEX, SIGNALS, Resolver, S, to_frame
 from rig.redundancy.reference import Config as References
 from rig.settings import Settings
+from rig.text import choices
 
 MANAGERS: Final = ("cross-channel", "mean", "median", "cross-voter", "selection")
-ResolverName = Literal["ilm", "trend", "reference"]
+ResolverName = Literal["ilm", "reference", "trend", "extremes", "middle"]
 
 
 class SignalConfig(Settings):
@@ -23,9 +24,11 @@ class SignalConfig(Settings):
 
     threshold: float = Field(gt=0)  # two samples agree within this, unit of the signal
     persistence: int = Field(default=8, ge=1)  # frames of miscompare until a channel is failed
+    persistence_s: float | None = Field(default=None, gt=0)  # the same as a time, in place of the frames
     singular_persistence: int = Field(default=10, ge=1)  # frames until a singular pattern is settled
-    resolvers: list[ResolverName] = ["ilm", "trend", "reference"]
-    trend_frames: int = Field(default=3, ge=1, le=8)
+    singular_persistence_s: float | None = Field(default=None, gt=0)
+    resolvers: list[ResolverName] = ["ilm", "reference", "trend", "extremes", "middle"]  # the last two close the order
+    trend_frames: int = Field(default=8, ge=1, le=8)
     reference_threshold: float | None = Field(default=None, gt=0)  # as threshold when not given
     mean: Literal["plain", "trend-weighted"] = "plain"
     readmit_frames: int = Field(default=100, ge=1)  # agreement needed before a reset readmits
@@ -34,6 +37,13 @@ class SignalConfig(Settings):
     # integral over time of what exceeds it that is not (unit times seconds).
     selection_deviation: float | None = Field(default=None, gt=0)  # 2.5 thresholds when not given
     selection_integral_s: float | None = Field(default=None, gt=0)  # 5 thresholds times a second
+
+    @model_validator(mode="after")
+    def _frames_or_seconds(self) -> SignalConfig:
+        for name in ("persistence", "singular_persistence"):
+            if getattr(self, f"{name}_s") is not None and name in self.model_fields_set:
+                raise ValueError(f"{name} and {name}_s are the same setting, give one of them")
+        return self
 
     @field_validator("resolvers")
     @classmethod
@@ -60,7 +70,7 @@ class Reset(Settings):
     @classmethod
     def _known(cls, name: str) -> str:
         if name not in INDEX:
-            raise ValueError(f"unknown signal, allowed: {', '.join(INDEX)}")
+            raise ValueError(f"unknown signal, {choices(name, INDEX, 'rig signals')}")
         return name
 
     @field_validator("channels")
@@ -76,6 +86,8 @@ class Config(Settings):
 
     manager: str = "cross-channel"  # one of MANAGERS, or module:Class
     discrete_persistence: int = Field(default=8, ge=1)
+    box_signals: int = Field(default=4, ge=0)  # that accuse a channel at once until it is failed on all; 0: never
+    box_persistence: int = Field(default=8, ge=1)  # frames for which they do
     resets: list[Reset] = []
     references: References = References()
     signals: SignalConfigs  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
@@ -102,7 +114,7 @@ PARAMS: Final = np.dtype(
         ("deviation", "f8"),
         ("deviation_frames", "f8"),  # integral in unit times frames
         ("fitted", "i8"),  # channels of the signal
-        ("resolvers", "i8", (3,)),  # in order, 0 where none
+        ("resolvers", "i8", (5,)),  # in order, 0 where none
         ("wraps", "u1"),
         ("weighted", "u1"),
     ],
@@ -133,6 +145,11 @@ def parameters(
     return params
 
 
+def in_frames(frames: int, seconds: float | None, rate_hz: float) -> int:
+    """A count in frames, or the time that was given instead: to the nearest frame, one at least."""
+    return frames if seconds is None else max(1, round(seconds * rate_hz))
+
+
 def fill(
     row: Any, config: SignalConfig, limits: tuple[float, float], channels: int, wraps: bool, rate_hz: float
 ) -> None:
@@ -140,7 +157,8 @@ def fill(
     row["threshold"] = config.threshold
     row["reference_threshold"] = config.reference_threshold or config.threshold
     row["low"], row["high"] = limits
-    row["persistence"], row["singular_persistence"] = config.persistence, config.singular_persistence
+    row["persistence"] = in_frames(config.persistence, config.persistence_s, rate_hz)
+    row["singular_persistence"] = in_frames(config.singular_persistence, config.singular_persistence_s, rate_hz)
     row["trend_frames"], row["readmit_frames"] = config.trend_frames, config.readmit_frames
     row["fade_frames"] = round(config.fade_s * rate_hz)
     row["deviation"] = config.selection_deviation or 2.5 * config.threshold

@@ -15,9 +15,13 @@ from numpy.typing import NDArray
 from rig.angles import difference, limit
 from rig.frame import CHANNELS, Resolver, State
 from rig.kernels import kernel
-from rig.redundancy import resolve, trend, vote
-from rig.redundancy.compare import LOST, P1_1, P1_1_1, P1_1_1_1, P2_2, classify, is_singular, rank
+from rig.redundancy import trend, vote
+from rig.redundancy.box import accused, fail_boxes
+from rig.redundancy.compare import LOST, classify, comparable, is_singular, rank
 from rig.redundancy.config import RESETS
+from rig.redundancy.last_channel import check_last
+from rig.redundancy.monitor import apply_resets, count_miscompares, latch, monitor_reference, watch_failed
+from rig.redundancy.singular import settle
 
 STATE: Final = np.dtype(
     [
@@ -40,6 +44,9 @@ STATE: Final = np.dtype(
         ("last_n", "i8"),
         ("pattern", "i8"),
         ("pattern_frames", "i8"),  # frames that the present pattern has lasted
+        ("singular_run", "i8"),  # frames in a row of any pattern without a majority
+        ("accused", "i8"),  # a bit for each channel that this frame's evidence speaks against
+        ("freeze", "i8"),  # frames for which the counts stand still after it
         ("reference_run", "i8"),  # frames in a row that speak against the reference's present standing
         ("fade_left", "i8"),
         ("level", "i8"),
@@ -54,8 +61,7 @@ STATE: Final = np.dtype(
 )
 NO_RESETS: Final = np.zeros(0, RESETS)
 _OK, _SUSPECT, _FAILED, _ABSENT = (int(s) for s in (State.OK, State.SUSPECT, State.FAILED, State.ABSENT))
-_NONE, _UNRESOLVED = int(Resolver.NONE), int(Resolver.UNRESOLVED)
-_EXTREMES, _MIDDLE = int(Resolver.EXTREMES), int(Resolver.MIDDLE)
+_NONE: Final = int(Resolver.NONE)
 
 
 def new_state(params: NDArray[np.void]) -> NDArray[np.void]:
@@ -67,35 +73,41 @@ def new_state(params: NDArray[np.void]) -> NDArray[np.void]:
 
 
 @kernel
-def manage(block, k, params, state, resets):
+def manage(block, k, params, state, resets, boxes):
     """Write voted, state, level, pattern, resolver, trend bytes and reference_usable of row k.
 
     block : FRAME records; params, state : one config.PARAMS and one STATE record per signal
-    resets : config.RESETS records, obeyed in their frame
+    resets : config.RESETS records, applied in their frame; boxes : one box.BOXES record
     """
     row = block[k]
-    obey(row["frame"], resets, params, state)
+    apply_resets(row["frame"], resets, params, state)
     channels, valid, ilm = row["channels"], row["valid"], row["ilm"]
     voted, reference, states = row["voted"], row["reference"], row["state"]
     levels, patterns, resolvers, usable = row["level"], row["pattern"], row["resolver"], row["reference_usable"]
     trend_high, trend_low = row["trend_high"], row["trend_low"]
+    accusing = 0
     for s in range(len(params)):
         p, st = params[s], state[s]
         resolvers[s] = manage_signal(channels[s], valid[s], ilm[s], reference[s], p, st)
         voted[s], levels[s], patterns[s] = st["output"], st["level"], st["pattern"]
-        usable[s] = 0 if np.isnan(reference[s]) else st["reference_usable"]
+        usable[s] = 0 if not np.isfinite(reference[s]) else st["reference_usable"]
         trend_high[s], trend_low[s] = st["trend_high"], st["trend_low"]
         report(p, st, states[s])
+        accusing += st["accused"] != 0
+    box = boxes[0]
+    if accusing >= box["signals"] > 0:
+        fail_boxes(row, params, state, box)
+    else:
+        box["count"][:] = 0
 
 
 @kernel
 def manage_signal(samples, valid, ilm, reference, p, st):
     """One signal, one frame; returns the resolver that decided (Zhang, sections 2 to 8)."""
     x, order, alone = st["x"], st["order"], st["alone"]
-    base = anchor(samples, st)
+    base = anchor(samples, valid, p, st)
     n = rank(samples, valid, st["failed"], p["fitted"], p["low"], p["high"], p["wraps"], base, x, order)
-    if p["wraps"]:
-        reference = base + difference(reference, base, p["wraps"])
+    reference = seen_from(reference, base, p["wraps"])
     pattern = classify(x, order, n, p["threshold"], alone)
     st["pattern_frames"] = st["pattern_frames"] + 1 if pattern == st["pattern"] else 1
     st["pattern"] = pattern
@@ -104,21 +116,33 @@ def manage_signal(samples, valid, ilm, reference, p, st):
     resolver, raw = decide(ilm, reference, n, p, st)
     monitor_reference(raw, reference, n, p, st)
     watch_failed(samples, valid, raw, p, st)
-    count_miscompares(n, p, st)
+    ranked = 0
+    for i in range(n):
+        ranked |= 1 << order[i]
+    st["accused"] = accused(resolver, ranked, p, st)
+    count_miscompares(n, ranked, p, st)
     latch(p, st)
     publish(raw, p, st)
     return resolver
 
 
 @kernel
-def anchor(samples, st):
-    """What an angle is taken near to: the last vote; in the first frame, the first sample that is a number."""
+def anchor(samples, valid, p, st):
+    """The value that an angle is taken near to: the last vote; in the first frame, the first comparable sample."""
     if st["started"]:
         return st["vote"]
-    for c in range(CHANNELS):
-        if not np.isnan(samples[c]):
+    for c in range(p["fitted"]):
+        if comparable(samples[c], valid[c], p["low"], p["high"]):
             return samples[c]
     return 0.0
+
+
+@kernel
+def seen_from(reference, base, wraps):
+    """A reference within half a turn of ``base`` if it ``wraps``; NaN when it is not finite."""
+    if not np.isfinite(reference):
+        return np.nan
+    return base + difference(reference, base, wraps) if wraps else reference
 
 
 @kernel
@@ -132,14 +156,10 @@ def decide(ilm, reference, n, p, st):
         blamed[c] = False
     if pattern == LOST:
         return _NONE, st["vote"]
-    if pattern == P1_1_1_1:
-        blamed[order[0]] = blamed[order[3]] = True
-        return _EXTREMES, vote.mean(x[order[1]], x[order[2]], 0.5)
-    if pattern == P1_1_1:
-        blamed[order[0]] = blamed[order[2]] = True
-        return _MIDDLE, x[order[1]]
-    if pattern in (P2_2, P1_1):
+    if is_singular(pattern):
         return settle(ilm, reference, n, p, st)
+    if n == 1:
+        return check_last(ilm, reference, p, st)
     weight = 0.5
     if p["weighted"]:
         weight = vote.trend_weight(st["rise_high"], st["rise_low"], st["rise_vote"])
@@ -147,80 +167,13 @@ def decide(ilm, reference, n, p, st):
 
 
 @kernel
-def settle(ilm, reference, n, p, st):
-    """2:2 and 1:1: the resolvers in their order (Zhang, sections 2, 6 and 7)."""
-    x, order, resolvers = st["x"], st["order"], p["resolvers"]
-    half = n // 2
-    low, high = x[order[half - 1]], x[order[half]]
-    for place in range(len(resolvers)):
-        name = resolvers[place]
-        sides = resolve.NO_ANSWER
-        if name == resolve.ILM:
-            sides = resolve.by_ilm(ilm, order, n)
-        elif name == resolve.TREND:
-            sides = resolve.by_trend(st, p["trend_frames"])
-        elif name == resolve.REFERENCE and st["reference_usable"]:
-            sides = resolve.by_reference(high, low, reference, p["reference_threshold"])
-        if sides != resolve.NO_ANSWER:
-            blame(sides, n, st)
-            if name == resolve.REFERENCE:
-                return name, resolve.middle(high, low, reference)
-            good = half if sides == resolve.LOW_SIDE else 0
-            return name, vote.mean(x[order[good]], x[order[good + half - 1]], 0.5)
-    if not st["started"]:
-        return _UNRESOLVED, vote.mean(low, high, 0.5)
-    # Nobody answers: hold the last agreed value, moved by the mean change of the two ranks.
-    return _UNRESOLVED, st["vote"] + 0.5 * (st["rise_high"] + st["rise_low"])
-
-
-@kernel
-def blame(sides, n, st):
-    """Mark the channels of the sides that an answer would fail."""
-    half = n // 2
-    for i in range(half):
-        if sides & resolve.LOW_SIDE:
-            st["blamed"][st["order"][i]] = True
-        if sides & resolve.HIGH_SIDE:
-            st["blamed"][st["order"][half + i]] = True
-
-
-@kernel
-def count_miscompares(n, p, st):
-    """Frames in a row that each channel disagreed with all others (section 2).
-
-    A sample that is not comparable counts always; while a singular pattern lasts the counts of the
-    others stand still, so that the ordinary rule does not fail everybody first.
-    """
-    frozen = is_singular(st["pattern"])
-    count, ranked = st["count"], 0
-    for i in range(n):
-        ranked |= 1 << st["order"][i]
-    for c in range(p["fitted"]):
-        if st["failed"][c]:
-            continue
-        if (ranked >> c) & 1 == 0:
-            count[c] += 1
-        elif not frozen:
-            count[c] = count[c] + 1 if st["alone"][c] else 0
-
-
-@kernel
-def latch(p, st):
-    """Fail what has persisted: single miscompares, and whom the answer to a singular pattern blames."""
-    settled = st["pattern_frames"] >= p["singular_persistence"]
-    level = 0
-    for c in range(p["fitted"]):
-        if st["count"][c] >= p["persistence"] or (settled and st["blamed"][c]):
-            st["failed"][c] = True
-        level += not st["failed"][c]
-    if level != st["level"]:
-        st["fade_left"] = p["fade_frames"] + 1
-        st["level"] = level
-
-
-@kernel
 def publish(raw, p, st):
-    """Store the vote and its faded output; the fade starts in the frame after a change of level."""
+    """Store the vote and its faded output; the fade starts in the frame after a change of level.
+
+    Differences of samples near the largest number overflow: then the last vote holds, and nothing is faded.
+    """
+    if not np.isfinite(raw):
+        raw = st["vote"]
     st["rise_vote"] = difference(raw, st["vote"], p["wraps"]) if st["started"] else 0.0
     st["vote"] = limit(raw, p["low"], p["high"], p["wraps"])
     frames, left = p["fade_frames"], st["fade_left"]
@@ -229,48 +182,9 @@ def publish(raw, p, st):
     st["output"] = st["vote"]
     if 0 < left <= frames:
         faded = st["vote"] + st["fade"] * left / (frames + 1.0)
-        st["output"] = limit(faded, p["low"], p["high"], p["wraps"])
+        st["output"] = limit(faded, p["low"], p["high"], p["wraps"]) if np.isfinite(faded) else st["vote"]
     st["fade_left"] = max(left - 1, 0)
     st["started"] = True
-
-
-@kernel
-def monitor_reference(raw, reference, n, p, st):
-    """A reference that left a healthy vote for ``persistence`` frames is unusable until it has agreed as long."""
-    if n < 2 or is_singular(st["pattern"]) or np.isnan(reference):
-        return
-    off = abs(difference(raw, reference, p["wraps"]))
-    agrees = 1 if off <= p["reference_threshold"] else 0
-    st["reference_run"] = st["reference_run"] + 1 if agrees != st["reference_usable"] else 0
-    if st["reference_run"] >= p["persistence"]:
-        st["reference_usable"], st["reference_run"] = agrees, 0
-
-
-@kernel
-def watch_failed(samples, valid, raw, p, st):
-    """Count how long each failed channel has agreed with the vote again (for a readmission by command)."""
-    if st["level"] == p["fitted"]:
-        return
-    for c in range(p["fitted"]):
-        near = valid[c] and abs(difference(samples[c], raw, p["wraps"])) <= p["threshold"]
-        st["agreed"][c] = st["agreed"][c] + 1 if st["failed"][c] and near else 0
-
-
-@kernel
-def obey(frame, resets, params, state):
-    """Carry out the reset commands of this frame."""
-    for i in range(len(resets)):
-        if resets[i]["frame"] == frame:
-            s = resets[i]["signal"]
-            readmit(resets[i]["channel"], params[s], state[s])
-
-
-@kernel
-def readmit(commanded, p, st):
-    """Clear the failures of the commanded channels that have agreed with the vote for ``readmit_frames``."""
-    for c in range(p["fitted"]):
-        if commanded[c] and st["failed"][c] and st["agreed"][c] >= p["readmit_frames"]:
-            st["failed"][c] = st["count"][c] = st["agreed"][c] = 0
 
 
 @kernel

@@ -1,23 +1,16 @@
-"""Which manager votes the continuous signals: ours, one of the baselines, or a class of the user's own.
-
-A class of the user's own is named ``module:Class`` in ``redundancy.manager``.  It is made with the (S,)
-config.PARAMS records and has ``step(block, k)``, which reads ``channels``, ``valid``, ``ilm`` and ``reference`` of
-row k and writes ``voted``, ``state``, ``level`` and what else it can say (docs/redundancy.md has one).
-"""
+"""Which built-in manager votes the continuous signals: ours or one of the baselines (own.py: a class of the user's)."""
 
 from __future__ import annotations
 
-import sys
-from importlib import import_module
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import BadInput
 from rig.frame import Block
 from rig.kernels import kernel
 from rig.redundancy.baselines import average, cross_voter, plain_median, select
+from rig.redundancy.box import BOXES
 from rig.redundancy.config import MANAGERS
 from rig.redundancy.manager import NO_RESETS, manage, new_state
 
@@ -27,29 +20,33 @@ _CROSS_VOTER: Final = MANAGERS.index("cross-voter")
 _SELECTION: Final = MANAGERS.index("selection")
 
 
-class ManagerLike(Protocol):
-    """What the loop needs of a manager."""
-
-    def step(self, block: Block, k: int) -> None:
-        """Vote and monitor every signal of row k."""
-
-
 class Manager:
     """A manager of the house; ``state`` is plain data and can be copied.
 
     name : one of MANAGERS; params : (S,) config.PARAMS; resets : config.RESETS, the commands of the flight
+    box_signals, box_persistence : as in config.Config; 0 signals: no channel is failed as a box
     """
 
-    def __init__(self, name: str, params: NDArray[np.void], resets: NDArray[np.void] = NO_RESETS) -> None:
+    def __init__(
+        self,
+        name: str,
+        params: NDArray[np.void],
+        resets: NDArray[np.void] = NO_RESETS,
+        *,
+        box_signals: int = 0,
+        box_persistence: int = 1,
+    ) -> None:
         self.choice = MANAGERS.index(name)
         self.params = params
         self.resets = resets
         self.state = new_state(params)
+        self.boxes = np.zeros(1, BOXES)
+        self.boxes["signals"], self.boxes["persistence"] = box_signals, box_persistence
 
     @property
     def arguments(self) -> tuple[Any, ...]:
         """What ``vote_signals`` needs besides the row."""
-        return self.choice, self.params, self.state, self.resets
+        return self.choice, self.params, self.state, self.resets, self.boxes
 
     def step(self, block: Block, k: int) -> None:
         """Vote and monitor every signal of row k."""
@@ -57,7 +54,7 @@ class Manager:
 
 
 @kernel
-def vote_signals(block, k, choice, params, state, resets):
+def vote_signals(block, k, choice, params, state, resets, boxes):
     """Row k through the chosen manager, its place in MANAGERS."""
     if choice == _MEAN:
         average(block, k, params, state, resets)
@@ -68,18 +65,4 @@ def vote_signals(block, k, choice, params, state, resets):
     elif choice == _SELECTION:
         select(block, k, params, state, resets)
     else:
-        manage(block, k, params, state, resets)
-
-
-def load_manager(name: str, params: NDArray[np.void]) -> ManagerLike:
-    """The user's own manager ``module:Class``; BadInput when it cannot be imported or has no ``step``."""
-    module, _, attribute = name.partition(":")
-    if "" not in sys.path:
-        sys.path.insert(0, "")  # the folder in which the command was given
-    try:
-        made = getattr(import_module(module), attribute)(params)
-    except Exception as error:  # noqa: BLE001 # whatever the user's module raises
-        raise BadInput(f"redundancy.manager: {name!r} cannot be made: {type(error).__name__}: {error}") from None
-    if not callable(getattr(made, "step", None)):
-        raise BadInput(f"redundancy.manager: {name!r} has no step(block, k)")
-    return made
+        manage(block, k, params, state, resets, boxes)

@@ -1,7 +1,8 @@
-"""Who is wrong when no majority exists: in-line monitor, trend, reference, extremes, middle.
+"""What one resolver answers when no majority exists: in-line monitor, trend or reference.
 
-An answer is a set of sides to be failed, as bits: HIGH_SIDE the larger half of the samples, LOW_SIDE the
-smaller; NO_ANSWER when a resolver cannot tell.
+Of two halves an answer is a set of sides to be failed, as bits: HIGH_SIDE the larger half of the samples,
+LOW_SIDE the smaller.  Where nobody agrees with anybody it is the one channel to be kept.  NO_ANSWER when a
+resolver cannot tell.
 Source: Zhang 2023, sections 4, 6, 7 and 8; redundancy.md, sections 4 to 6.
 """
 
@@ -11,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from rig.angles import difference
 from rig.frame import Ilm, Resolver
 from rig.kernels import kernel
 from rig.redundancy import trend
@@ -21,8 +23,8 @@ HIGH_SIDE: Final = 2
 ILM: Final = int(Resolver.ILM)
 TREND: Final = int(Resolver.TREND)
 REFERENCE: Final = int(Resolver.REFERENCE)
-_GOOD: Final = int(Ilm.GOOD)
-_BAD: Final = int(Ilm.BAD)
+GOOD: Final = int(Ilm.GOOD)
+BAD: Final = int(Ilm.BAD)
 
 
 @kernel
@@ -34,10 +36,10 @@ def by_ilm(ilm, order, n):
     good_low, good_high, bad_low, bad_high = 0, 0, 0, 0
     half = n // 2
     for i in range(half):
-        good_low += ilm[order[i]] == _GOOD
-        bad_low += ilm[order[i]] == _BAD
-        good_high += ilm[order[half + i]] == _GOOD
-        bad_high += ilm[order[half + i]] == _BAD
+        good_low += ilm[order[i]] == GOOD
+        bad_low += ilm[order[i]] == BAD
+        good_high += ilm[order[half + i]] == GOOD
+        bad_high += ilm[order[half + i]] == BAD
     if good_low == half and bad_high == half:
         return HIGH_SIDE
     if good_high == half and bad_low == half:
@@ -75,3 +77,26 @@ def by_reference(high, low, reference, threshold):
 def middle(high, low, reference):
     """The middle value of {high, low, reference}, with high >= low."""
     return min(max(reference, low), high)
+
+
+@kernel
+def only_good(ilm, order, n):
+    """The one channel whose own monitor says good while all others say bad; else NO_ANSWER."""
+    good, bad, kept = 0, 0, NO_ANSWER
+    for i in range(n):
+        c = order[i]
+        bad += ilm[c] == BAD
+        if ilm[c] == GOOD:
+            good, kept = good + 1, c
+    return kept if good == 1 and bad == n - 1 else NO_ANSWER
+
+
+@kernel
+def only_near(x, order, n, reference, threshold, wraps):
+    """The one channel within the threshold of the reference; NO_ANSWER for none, several or no reference."""
+    near, kept = 0, NO_ANSWER
+    for i in range(n):
+        c = order[i]
+        if abs(difference(x[c], reference, wraps)) <= threshold:
+            near, kept = near + 1, c
+    return kept if near == 1 else NO_ANSWER

@@ -19,6 +19,7 @@ from rig.kernels import kernel
 from rig.log import Log, read_log
 from rig.redundancy import Redundancy, decide_row, refer_row, vote_row
 from rig.scenario import Scenario, from_resolved
+from rig.trust import Trust
 
 # What the redundancy stage writes of a row, and the source that the control law takes on its word.
 OUTPUTS: Final = (
@@ -41,17 +42,20 @@ class Recorded:
         return self.log.metadata.get("what if")
 
 
-def recorded(path: Path | str) -> Recorded:
-    """The log at ``path`` from its first frame on; BadInput or BadLog in one line when it cannot be replayed."""
+def recorded(path: Path | str, allow_code: bool = False) -> Recorded:
+    """Read the log at ``path`` from its first frame on; BadInput or BadLog in one line when it cannot be replayed.
+
+    allow_code : a manager class that the log names may be run
+    """
     path = Path(path)
     log = read_log(path)
     if not log.metadata.get("scenario"):
         raise BadLog(f"{path}: no scenario in its metadata")
     try:
         data = json.loads(log.metadata["scenario"])
-    except ValueError:
+    except (ValueError, RecursionError):
         raise BadLog(f"{path}: the scenario in its metadata is damaged") from None
-    scenario = from_resolved(data, f"{path}: its scenario")
+    scenario = from_resolved(data, f"{path}: its scenario", Trust(str(path), allow_code))
     if len(log.rows) == 0:
         raise BadInput(f"{path}: no frames")
     if (log.rows["frame"] != np.arange(len(log.rows))).any():

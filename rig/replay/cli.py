@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rig.options import AllowCode
+from rig.text import plain
+
 if TYPE_CHECKING:
     from rig.replay.again import Recorded
 
@@ -27,6 +30,7 @@ def replay(
         typer.Option("--set", metavar="KEY=VALUE", help="What if: redundancy.manager=mean; repeatable."),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Log of the what if.", show_default="<log>.what-if.mcap")] = None,
+    allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:
     """Run the recorded manager over the recorded channels and compare every frame.
@@ -41,7 +45,7 @@ def replay(
         raise BadInput("--fly flies what was recorded: it cannot be joined with --redundancy or --set")
     if out is not None and not asked:
         raise BadInput("--out is where a what if is written: it needs --redundancy or --set")
-    recording = recorded(log)
+    recording = recorded(log, allow_code)
     if asked:
         _what_if(recording, redundancy, sets or [], out, as_json)
     else:
@@ -135,16 +139,16 @@ def export(
     from rig.replay.export import export as write
 
     owners = [part.strip() for part in (signals or "").split(",") if part.strip()]
-    recording, target = read_log(log), out or log.with_suffix(f".{to}")
+    recording, target = read_log(log), out or Path(f"{log.with_suffix('')}.{to}")
     columns = write(recording, to, target, owners, for_vote)
     if as_json:
         _print({"log": str(log), "out": str(target), "rows": len(recording.rows), "columns": columns})
     else:
-        typer.echo(f"{target}: {len(recording.rows)} rows, {len(columns)} columns")
+        typer.echo(plain(f"{target}: {len(recording.rows)} rows, {len(columns)} columns"))
 
 
 def _console() -> Any:
-    from rig.show import console
+    from rig.screen import console
 
     return console()
 

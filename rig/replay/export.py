@@ -21,10 +21,12 @@ import polars as pl
 from numpy.typing import NDArray
 
 from rig.errors import BadInput, RigError
+from rig.files import replaced
 from rig.frame import SIGNALS, Block, Ilm, State
 from rig.log import Log
 from rig.log.columns import COLUMNS, Column
 from rig.replay.decisions import label
+from rig.text import choices, quoted
 
 TIME: Final = "time_s"
 _OWN: Final = {"trend_high": "trend.high", "trend_low": "trend.low", "reference": "ref"}
@@ -41,20 +43,15 @@ def export(log: Log, to: str, out: Path, owners: Sequence[str] = (), for_vote: b
     """
     if to not in WRITERS:
         raise BadInput(f"--to {to}: allowed: {', '.join(WRITERS)}")
-    if not out.parent.is_dir():
-        raise BadInput(f"{out}: no such folder: {out.parent}")
     chosen = _chosen(log.rows, owners, for_vote)
     columns = {TIME: log.time_s}
     for column in chosen:
         columns[name(column)] = _values(log.rows, column, for_vote)
-    part = out.with_name(out.name + ".part")
-    try:
-        WRITERS[to](part, columns, {name(column): column for column in chosen})
-        part.replace(out)
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise RigError(f"{out}: cannot be written: {' '.join(str(error).split())[:200]}") from None
-    finally:
-        part.unlink(missing_ok=True)
+    with replaced(out) as part:
+        try:
+            WRITERS[to](part, columns, {name(column): column for column in chosen})
+        except (OSError, pl.exceptions.PolarsError) as error:
+            raise RigError(f"{out}: cannot be written: {' '.join(str(error).split())[:200]}") from None
     return list(columns)
 
 
@@ -73,7 +70,7 @@ def _chosen(rows: Block, owners: Sequence[str], for_vote: bool) -> list[Column]:
     known = signals if for_vote else OWNERS
     for owner in owners:
         if owner not in known:
-            raise BadInput(f"--signals: unknown {owner!r}, allowed: {', '.join(known)}")
+            raise BadInput(f"--signals: unknown {quoted(owner)}, {choices(owner, known, 'rig signals')}")
     wanted = owners or known
     fields = _FOR_VOTE if for_vote else tuple(rows.dtype.names or ())
     return [column for column in COLUMNS if column.owner in wanted and column.field in fields and _fitted(rows, column)]

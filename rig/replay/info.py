@@ -51,7 +51,7 @@ def _flown(about: About, path: Path) -> dict[str, Any]:
     said = about.metadata
     try:
         scenario = json.loads(said.get("scenario") or "{}")
-    except ValueError:
+    except (ValueError, RecursionError):
         raise BadLog(f"{path}: the scenario in its metadata is damaged") from None
     versions = {key.removeprefix("version "): said[key] for key in said if key.startswith("version ")}
     return {

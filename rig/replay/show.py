@@ -10,6 +10,7 @@ from rich.table import Table
 
 from rig.replay.compare import Comparison
 from rig.replay.decisions import Decisions
+from rig.screen import styled
 
 MOST_LINES = 40  # of a table on the terminal; --json has all
 
@@ -34,7 +35,7 @@ def comparison(screen: Console, found: Comparison) -> None:
         _rest(screen, len(unequal))
     counted = ", ".join(f"{count} {name}" for name, count in found.counts().items() if count)
     word = "identical" if found.identical else "same" if found.same else "different"
-    screen.print(f"[bold]{word}[/bold]: {found.frames} frames, fields: {counted}")
+    screen.print(styled((word, "bold"), f": {found.frames} frames, fields: {counted}"))
 
 
 def decisions(screen: Console, found: Decisions, rate_hz: float) -> None:
@@ -79,7 +80,7 @@ def _rest(screen: Console, count: int) -> None:
 def info(screen: Console, found: dict[str, Any]) -> None:
     """One log."""
     result = found["result"] or {}
-    screen.print(f"[bold]{found['title'] or found['log']}[/bold]  {found['aircraft']}, seed {found['seed']}")
+    screen.print(styled((found["title"] or found["log"], "bold"), f"  {found['aircraft']}, seed {found['seed']}"))
     if found["what_if"] is not None:
         screen.print(f"what if  {found['what_if']}, over the channels of {found['what_if_of']}; never flown")
     planned = "" if found["planned_s"] is None else f" of {found['planned_s']:g} s"

@@ -45,6 +45,8 @@ def side(path: Path | str) -> Side:
 
 def _is_voted(path: Path) -> bool:
     """Whether the file has signals but no flight; what cannot be told here is for read_log to say."""
+    if path.is_fifo():
+        return False
     try:
         topics = foreign.topics(path)
     except BadLog:

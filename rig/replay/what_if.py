@@ -8,21 +8,23 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 from rig.aircraft import merge
 from rig.errors import BadInput
-from rig.events import EventFinder, not_executed
+from rig.events import not_executed
 from rig.faults import Execution
-from rig.flight import labels
+from rig.files import draft, numbered, publish, replaced
+from rig.flight import event_finder
 from rig.frame import Block
 from rig.log import LogWriter
 from rig.replay.again import Recorded, vote_again
 from rig.replay.decisions import Decisions, decisions
-from rig.scenario import Scenario, from_resolved, override
+from rig.scenario import Scenario, from_resolved, named_manager, override, parse_set
 from rig.settings import read_toml
+from rig.text import quoted
 from rig.verdict import Verdict
 from rig.versions import versions
 
@@ -45,64 +47,57 @@ def changed(recording: Recorded, file: Path | None, sets: Sequence[str]) -> Scen
 
     The file has a [redundancy] table, or the keys of one at its top.  BadInput: any other key.
     """
-    data = recording.scenario.resolved()
+    data, trust = recording.scenario.resolved(), recording.scenario.trust
     if file is not None:
         found = read_toml(file)
         if KEY in found and len(found) > 1:
             other = next(key for key in found if key != KEY)
             raise BadInput(f"{file}: {other}: only [redundancy] can be changed without flying")
-        data[KEY] = merge(data[KEY], found.get(KEY, found))
+        table = found.get(KEY, found)
+        if not isinstance(table, dict):
+            raise BadInput(f"{file}: {KEY}: must be a table, got {quoted(table)}")
+        data[KEY] = merge(data[KEY], table)
+        trust = replace(trust, source=str(file)) if "manager" in table else trust
     for text in sets:
         if not text.startswith(f"{KEY}."):
             raise BadInput(f"--set {text}: only redundancy.* can be changed without flying")
         data = override(data, text)
     source = " with ".join(["redundancy", *([str(file)] if file else []), *(f"--set {text}" for text in sets)])
-    return from_resolved(data, source)
+    return from_resolved(data, source, replace(trust, named=named_manager(map(parse_set, sets))))
 
 
 def what_if(recording: Recorded, scenario: Scenario, out: Path | None = None, changes: Sequence[str] = ()) -> WhatIf:
-    """Vote the recorded channels by ``scenario`` and write the result to ``out``, or beside the recording.
+    """Vote the recorded channels by ``scenario``; write the result to ``out``, or beside the recording, numbered.
 
     ``changes`` says in the new log what is not as it was.  BadInput when ``out`` is the recording or cannot be made.
     """
-    path = out or _beside(recording.path)
+    stem = f"{recording.path.stem}.what-if"
+    path = out or recording.path.with_name(f"{stem}.mcap")
     if path.exists() and path.samefile(recording.path):
         raise BadInput(f"{path}: is the recording")
-    if not path.parent.is_dir():
-        raise BadInput(f"{path}: no such folder: {path.parent}")
-    rows = vote_again(recording.log.rows, scenario)
-    events = _write(path, recording, scenario, rows, changes)
+    with draft(path) if out is None else replaced(path) as part:
+        rows = vote_again(recording.log.rows, scenario)
+        metadata, attached = _metadata(recording, scenario, changes), recording.log.attachments.items()
+        with LogWriter(part, recording.log.rate_hz, metadata, attached, draft_of=path) as writer:
+            events = _write(writer, recording, scenario, rows)
+        if out is None:
+            path = publish(part, numbered(path.parent, stem, ".mcap"))
     return WhatIf(path, scenario, rows, decisions(recording.log.rows, rows), events)
 
 
-def _beside(path: Path) -> Path:
-    """<log>.what-if.mcap, numbered when there is one already."""
-    made, number = path.with_name(f"{path.stem}.what-if.mcap"), 1
-    while made.exists():
-        number += 1
-        made = path.with_name(f"{path.stem}.what-if_{number}.mcap")
-    return made
-
-
-def _write(path: Path, recording: Recorded, scenario: Scenario, rows: Block, changes: Sequence[str]) -> int:
-    """Write the log beside and rename it; how many events it has."""
-    log, part = recording.log, path.with_name(path.name + ".part")
-    finder, verdict, execution, count = EventFinder(labels(scenario)), Verdict(), Execution(scenario.faults), 0
-    try:
-        with LogWriter(part, log.rate_hz, _metadata(recording, scenario, changes), log.attachments.items()) as writer:
-            for rows_s, timing in _seconds(rows, log.timing, int(log.rate_hz)):
-                events = finder.find(rows_s)
-                count += len(events)
-                verdict.add(rows_s, events)
-                writer.write(rows_s, timing, events)
-                execution.add(rows_s)
-            last = not_executed(len(rows) - 1, execution.missing)
-            writer.write(rows[:0], log.timing[:0], last)
-            ended = {**(log.result or {}), "digest": verdict.digest}
-            writer.close(ended)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+def _write(writer: LogWriter, recording: Recorded, scenario: Scenario, rows: Block) -> int:
+    """Write the whole log; how many events it has."""
+    log = recording.log
+    finder, verdict, execution, count = event_finder(scenario), Verdict(), Execution(scenario.faults), 0
+    for rows_s, timing in _seconds(rows, log.timing, int(log.rate_hz)):
+        events = finder.find(rows_s)
+        count += len(events)
+        verdict.add(rows_s, events)
+        writer.write(rows_s, timing, events)
+        execution.add(rows_s)
+    last = not_executed(len(rows) - 1, execution.missing)
+    writer.write(rows[:0], log.timing[:0], last)
+    writer.close({**(log.result or {}), "digest": verdict.digest})
     return count + len(last)
 
 

@@ -9,6 +9,8 @@ from typing import Annotated
 
 import typer
 
+from rig.options import AllowCode
+
 
 def score(
     log: Annotated[Path, typer.Argument(help="The log of a flight.", show_default=False)],
@@ -20,6 +22,7 @@ def score(
     transient_window_s: Annotated[
         float, typer.Option(help="Time after each onset that it is judged in.", min=1e-9)
     ] = 2.0,
+    allow_code: AllowCode = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Score a flight against the truth: what was detected, missed and wrong, and how it flew."""
@@ -33,7 +36,7 @@ def score(
         "pitch_rate_rad_s": transient_pitch_rate_rad_s,
         "window_s": transient_window_s,
     }
-    scored = score_log(log, build(Yardstick, limits, "--transient"), twin=not no_twin)
+    scored = score_log(log, build(Yardstick, limits, "--transient"), not no_twin, allow_code)
     if as_json:
         typer.echo(json.dumps(scored.as_dict(), allow_nan=False))
     else:

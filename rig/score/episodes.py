@@ -12,7 +12,7 @@ from rig.frame import SIGNALS, Block, Pattern, Resolver
 from rig.score.isolations import Failure
 from rig.score.record import Episode, ResolverScore
 
-RESOLVERS: Final = ("ilm", "trend", "reference", "extremes", "middle")
+RESOLVERS: Final = ("ilm", "trend", "reference", "extremes", "middle", "box")
 PATTERNS: Final = tuple(pattern for pattern in Pattern if pattern.is_singular)
 _LAST_RESORT: Final = {Pattern.P1_1_1_1: Resolver.EXTREMES, Pattern.P1_1_1: Resolver.MIDDLE}
 
@@ -60,16 +60,22 @@ def _episode(rows: Block, p: NDArray[np.void], failures: Sequence[Failure], s: i
 
 
 def _resolver(code: int) -> Resolver:
-    return Resolver(code) if code <= Resolver.UNRESOLVED else Resolver.NONE
+    return Resolver(code) if code in Resolver else Resolver.NONE
 
 
 def _asked(pattern: Pattern, said: Sequence[Resolver], p: NDArray[np.void]) -> tuple[str, ...]:
     """The resolvers asked in any frame: in their order, up to the one that answered, all when nobody did."""
-    if pattern in _LAST_RESORT:
-        return (_LAST_RESORT[pattern].name.lower(),)
-    order = [Resolver(code) for code in p["resolvers"] if code]
+    order = _order(pattern, [Resolver(code) for code in p["resolvers"] if code])
     reached = [order.index(r) + 1 if r in order else len(order) for r in said]
-    return tuple(r.name.lower() for r in order[: max(reached)])
+    return tuple(r.name.lower() for r in order[: max(reached)]) + (("box",) if Resolver.BOX in said else ())
+
+
+def _order(pattern: Pattern, configured: Sequence[Resolver]) -> list[Resolver]:
+    """Who is asked of a pattern: the witnesses as configured, the trend of two halves only, the rule of rank last."""
+    halves = pattern not in _LAST_RESORT
+    rules = _LAST_RESORT.values()
+    witnesses = [r for r in configured if r not in rules and (halves or r is not Resolver.TREND)]
+    return witnesses if halves else [*witnesses, *(r for r in configured if r is _LAST_RESORT[pattern])]
 
 
 def tally(found: Sequence[Episode]) -> dict[str, ResolverScore]:

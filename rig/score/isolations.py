@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import CHANNELS, DISCRETES, SIGNALS, Block, Pattern, Resolver, State
+from rig.frame import CHANNELS, DISCRETES, SIGNALS, Block, Resolver, State
 from rig.score.record import Isolation
 
 COMPARISON = "comparison"
@@ -92,12 +92,11 @@ def changes(state: NDArray[np.uint8]) -> NDArray[np.intp]:
 
 
 def decided_by(rows: Block, k: int, s: int, c: int) -> str:
-    """Who failed a channel: while a pattern has no majority, only resolvers fail what can be compared."""
+    """Who failed a channel that can be compared: the resolver of its frame, if one decided, else the comparison."""
     row = rows[k]
     sample = row["channels"][s, c]
     comparable = row["valid"][s, c] != 0 and np.isfinite(sample)
     resolver = row["resolver"][s]
-    singular = Pattern.P2_2 <= row["pattern"][s] <= Pattern.P1_1
-    if singular and comparable and Resolver.NONE < resolver < Resolver.UNRESOLVED:
+    if comparable and resolver not in (Resolver.NONE, Resolver.UNRESOLVED):
         return Resolver(resolver).name.lower()
     return COMPARISON

@@ -12,6 +12,7 @@ from rig.scenario import Scenario, from_resolved
 from rig.score.flown import fly_twin
 from rig.score.record import Score, Yardstick
 from rig.score.scoring import score
+from rig.trust import Trust
 
 
 class Scored(NamedTuple):
@@ -27,13 +28,16 @@ class Scored(NamedTuple):
         return {"log": str(self.log), "seed": self.scenario.seed, "digest": self.digest, **self.score.as_dict()}
 
 
-def score_log(path: Path, yardstick: Yardstick, twin: bool = True) -> Scored:
+def score_log(path: Path, yardstick: Yardstick, twin: bool = True, allow_code: bool = False) -> Scored:
     """Score the flight at ``path``; ``twin`` flies it again without its faults to compare with.
 
+    allow_code : a manager class that the log names may be run, in the flight of the twin
     BadInput, one line, when it is no log of a flight, has no verdict, or was flown with other sensors.
     """
     log = read_log(path)
-    scenario, digest = _scenario(path, log), _digest(path, log)
+    scenario, digest = _scenario(path, log, allow_code), _digest(path, log)
+    if twin:
+        scenario.trust.require(scenario.redundancy.manager)
     try:
         other = fly_twin(scenario, len(log.rows)) if twin else None
         scored = score(scenario, log.rows, other, yardstick)
@@ -42,14 +46,14 @@ def score_log(path: Path, yardstick: Yardstick, twin: bool = True) -> Scored:
     return Scored(path, scenario, digest, scored)
 
 
-def _scenario(path: Path, log: Log) -> Scenario:
+def _scenario(path: Path, log: Log, allow_code: bool) -> Scenario:
     if "scenario" not in log.metadata:
         raise BadInput(f"{path}: holds no scenario, so there is no truth to score against; only logs of rig fly do")
     try:
         resolved = json.loads(log.metadata["scenario"])
-    except ValueError:
+    except (ValueError, RecursionError):
         raise BadInput(f"{path}: its scenario cannot be read") from None
-    return from_resolved(resolved, f"{path}: scenario")
+    return from_resolved(resolved, f"{path}: scenario", Trust(str(path), allow_code))
 
 
 def _digest(path: Path, log: Log) -> str:

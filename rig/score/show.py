@@ -10,7 +10,7 @@ from rich.table import Table
 
 from rig.score.of_log import Scored
 from rig.score.record import Deviation, FaultScore, FlightScore, Isolation, Score, Transients
-from rig.show import console
+from rig.screen import console, styled
 
 MOST = 40  # lines of one kind on the terminal; all are in --json
 _ROUNDING = 1e-12  # of angles, which are voted near another angle
@@ -21,7 +21,7 @@ def show(scored: Scored) -> None:
     """Print all parts of a score."""
     screen, score = console(), scored.score
     title = scored.scenario.title or scored.scenario.aircraft
-    screen.print(f"[bold]{title}[/bold]  seed {scored.scenario.seed}  {scored.log}", soft_wrap=True)
+    screen.print(styled((title, "bold"), f"  seed {scored.scenario.seed}  {scored.log}"), soft_wrap=True)
     _faults(screen, score.faults)
     _isolations(screen, "false alarms", score.false_alarms)
     _isolations(screen, "wrong isolations", score.wrong_isolations)
@@ -90,8 +90,9 @@ def _votes(screen: Console, score: Score) -> None:
 
 
 def _flight(screen: Console, flight: FlightScore) -> None:
-    verdict = "[green]survived[/green]" if flight.survived else "[red]lost[/red]"
-    screen.print(f"flight            {verdict}: {flight.end_reason} ({flight.frames} frames, {flight.duration_s:g} s)")
+    verdict = ("survived", "green") if flight.survived else ("lost", "red")
+    reason = f": {flight.end_reason} ({flight.frames} frames, {flight.duration_s:g} s)"
+    screen.print(styled("flight            ", verdict, reason))
     pitch = f"{degrees(flight.pitch_angle_min_rad):.1f} to {degrees(flight.pitch_angle_max_rad):.1f} deg"
     screen.print(
         f"peaks             load factor {flight.load_factor_min:.2f} to {flight.load_factor_max:.2f} g, "
@@ -107,7 +108,7 @@ def _transients(screen: Console, found: Transients) -> None:
     limits = f"{y['load_factor']:g} g and {degrees(y['pitch_rate_rad_s']):g} deg/s within {y['window_s']:g} s"
     table = Table("against the twin", "load factor", "pitch rate", "pitch", "roll", f"limits: {limits}", box=None)
     for window in found.windows[:MOST]:
-        verdict = "[green]within[/green]" if window.within_limits else "[red]beyond[/red]"
+        verdict = styled(("within", "green") if window.within_limits else ("beyond", "red"))
         table.add_row(f"{', '.join(window.faults)} at {window.onset_frame}", *_peaks(window.peaks), verdict)
     table.add_row("whole flight", *_peaks(found.overall), f"{found.out_of_limits_s:g} s beyond")
     screen.print(table)

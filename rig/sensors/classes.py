@@ -15,6 +15,7 @@ from rig.errors import BadInput
 from rig.frame import SIGNALS
 from rig.sensors.settings import FILE_KEYS, NOISE_KEYS
 from rig.settings import Settings
+from rig.text import choices, quoted
 
 _KIND: Final = {
     "angle_of_attack": "vanes",
@@ -38,7 +39,7 @@ class Figures(Settings):
     misalignment_tolerance_rad: float = Field(default=0.0, ge=0)
     g_sensitivity_tolerance: float = Field(default=0.0, ge=0)
     lag_s: float = Field(default=0.0, ge=0)
-    bandwidth_hz: float = Field(default=0.0, ge=0)
+    bandwidth_hz: float = Field(default=0.0, ge=0, le=1e6)
     damping: float = Field(default=0.7071, gt=0)
     latency_s: float = Field(default=0.0, ge=0)
 
@@ -88,7 +89,7 @@ def under(below: dict[str, Any], above: dict[str, Any], known: dict[str, SensorC
 
 def _figures(name: str, signal: str, known: dict[str, SensorClass], where: str) -> dict[str, Any]:
     if name not in known:
-        raise BadInput(f"{where}: unknown class {name!r}, allowed: {', '.join(map(repr, known))}")
+        raise BadInput(f"{where}: unknown class {quoted(name)}, {choices(name, map(repr, known), 'docs/sensors.md')}")
     figures: Figures | None = getattr(known[name], kind(signal), None)
     if figures is None:
         raise BadInput(f"{where}: {name!r} has no figures for {signal}, only for {', '.join(known[name].kinds)}")

@@ -20,8 +20,10 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from rig.errors import BadInput
+from rig.files import is_file
 from rig.frame import CHANNELS
 from rig.sensors.settings import Sensor
+from rig.text import shorten
 
 
 class Recorded:
@@ -63,7 +65,10 @@ def pin(sensors: Any, folder: Path) -> Any:
         file = table.get("noise_file") if isinstance(table, dict) else None
         if isinstance(file, str):
             where = f"sensors.{name}.noise_file"
-            path = next((p for p in (folder / file, Path(file)) if p.is_file()), Path(file)).resolve()
+            path = next((p for p in (folder / file, Path(file)) if is_file(p)), None)
+            if path is None:
+                raise BadInput(f"{where}: {shorten(file)}: no such file")
+            path = path.resolve()
             known = {"noise_sha256": hashlib.sha256(_bytes(path, where)).hexdigest()}
             pinned[name] = {**known, **table, "noise_file": str(path)}
     return pinned
@@ -72,8 +77,9 @@ def pin(sensors: Any, folder: Path) -> Any:
 def _bytes(path: Path, where: str) -> bytes:
     try:
         return path.read_bytes()
-    except OSError as error:
-        raise BadInput(f"{where}: {path}: cannot be read: {error.strerror}") from None
+    except (OSError, ValueError) as error:
+        said = getattr(error, "strerror", None) or error
+        raise BadInput(f"{where}: {path}: cannot be read: {said}") from None
 
 
 def _parse(data: bytes, path: Path, where: str) -> NDArray[np.float64]:

@@ -43,7 +43,7 @@ class Sensor(Settings):
     g_sensitivity_tolerance: float = Field(default=0.0, ge=0)  # gyros: per g, along each axis
     # Dynamics
     lag_s: float = Field(ge=0)  # time constant of a first-order lag
-    bandwidth_hz: float = Field(default=0.0, ge=0)  # -3 dB of a second-order low pass; 0: none
+    bandwidth_hz: float = Field(default=0.0, ge=0, le=1e6)  # -3 dB of a second-order low pass; 0: none
     damping: float = Field(default=0.7071, gt=0, le=2)  # of that low pass
     latency_s: float = Field(default=0.0, ge=0, le=1)  # transport delay, the same on every channel
     skew_frames: float = Field(ge=0, le=1)  # each channel samples up to this much earlier
@@ -56,7 +56,7 @@ class Sensor(Settings):
     position_error_per_rad: float = 0.0  # air data: per rad of angle of attack
     position_error_per_pa: float = 0.0  # air data: per Pa of dynamic pressure
     mode_rms: float = Field(default=0.0, ge=0)  # a structural mode in the signal
-    mode_frequency_hz: float = Field(default=0.0, ge=0)  # its undamped natural frequency
+    mode_frequency_hz: float = Field(default=0.0, ge=0, le=1e6)  # its undamped natural frequency
     mode_damping: float = Field(default=0.02, gt=0, lt=1)
     # Recorded noise instead of the drawn one
     noise_file: str | None = None  # CSV, a column a channel

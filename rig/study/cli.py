@@ -86,7 +86,7 @@ def rate_bias(
 def _show_laws(found: Sequence[Summary], flights: int) -> None:
     from rich.table import Table
 
-    from rig.show import console
+    from rig.screen import console
 
     heads = (
         "hold",
@@ -112,7 +112,7 @@ def _show_laws(found: Sequence[Summary], flights: int) -> None:
 def _show(found: Study, files: list[str]) -> None:
     from rich.table import Table
 
-    from rig.show import console
+    from rig.screen import console
 
     d, screen = found.as_dict(), console()
     table = Table("what", "printed", "ours", box=None)

@@ -14,6 +14,8 @@ from typing import Annotated, Any
 
 import typer
 
+from rig.text import plain
+
 
 def view(
     logs: Annotated[
@@ -115,11 +117,14 @@ def _where(said: dict[str, Any]) -> str:
 
 def _serve(flights: Any, said: dict[str, Any], as_json: bool) -> None:
     """Serve until Ctrl-C or a request to end."""
+    from rig.interrupt import TERMINATIONS
     from rig.view.opened import serve
 
     began, over = perf_counter(), threading.Event()
     with suppress(ValueError):  # not the main thread: whoever runs it ends it
-        signal.signal(signal.SIGTERM, lambda *_: over.set())
+        for number in TERMINATIONS:
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, lambda *_: over.set())
     sink = serve(flights)
     try:
         said |= {"browser": sink.browser, "address": sink.where, "seconds": perf_counter() - began}
@@ -131,4 +136,4 @@ def _serve(flights: Any, said: dict[str, Any], as_json: bool) -> None:
 
 
 def _tell(said: dict[str, Any], as_json: bool, text: str) -> None:
-    typer.echo(json.dumps(said, allow_nan=False) if as_json else text)
+    typer.echo(json.dumps(said, allow_nan=False) if as_json else plain(text))

@@ -100,5 +100,5 @@ def of_log(metadata: Mapping[str, str]) -> Facts:
     """
     try:
         return of_resolved(json.loads(metadata["scenario"]))
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, RecursionError):
         return UNKNOWN

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from rig.errors import BadInput, BadLog, RigError
+from rig.files import replaced
 from rig.log import Log, read_log
 from rig.view import viewer
 from rig.view.facts import TAGS, Layout, of_log, together
@@ -98,11 +99,12 @@ def save(opened: Opened, rrd: Path) -> None:
     """Write ``rrd``, with the layout in it; BadInput when it cannot be written."""
     if rrd.suffix != ".rrd":
         raise BadInput(f"{rrd}: must end in .rrd")
-    sink = open_sink("save", opened.about, rrd)
-    try:
-        send(opened, sink)
-    finally:
-        sink.close()
+    with replaced(rrd) as part:
+        sink = open_sink("save", opened.about, part)
+        try:
+            send(opened, sink)
+        finally:
+            sink.close()
 
 
 def serve(opened: Opened) -> Sink:

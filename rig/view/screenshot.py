@@ -8,11 +8,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from rig.errors import BadInput, RigError
+from rig.files import replaced
 from rig.view import viewer
 from rig.view.opened import Opened, as_file
 from rig.view.scene import TIMELINE
@@ -40,14 +41,11 @@ def screenshot(opened: Opened, png: Path, time_s: float | None = None) -> Shot:
     """
     if png.suffix != ".png":
         raise BadInput(f"{png}: must end in .png")
-    try:
-        png.open("wb").close()
-    except OSError as error:
-        raise BadInput(f"{png}: cannot be written: {error.strerror}") from None
-    with headless() as connect, as_file(opened) as rrd:  # it gets itself ready meanwhile
+    with replaced(png) as part, headless() as connect, as_file(opened) as rrd:  # it gets itself ready meanwhile
         client = connect()
         client.open(str(rrd))
-        return shoot(client, png, opened.moment_s if time_s is None else time_s)
+        shot = shoot(client, part, opened.moment_s if time_s is None else time_s)
+        return replace(shot, png=png)
 
 
 @contextmanager

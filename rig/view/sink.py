@@ -103,9 +103,12 @@ class Sink:
 
 
 def open_sink(where: str, about: About, out_path: Path, server_memory: str = SERVER_MEMORY) -> Sink:
-    """The sink that ``where`` (checked, not "off") asks for; BadInput or RigError when it cannot be had."""
+    """The sink that ``where`` (checked, not "off") asks for; BadInput or RigError when it cannot be had.
+
+    out_path : the file of "save", which is replaced
+    """
     if where == "save":
-        return _save(out_path.with_suffix(".rrd"), about)
+        return _save(out_path, about)
     if where == "serve":
         return _serve(about, server_memory)
     if where == "spawn":

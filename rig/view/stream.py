@@ -61,7 +61,7 @@ def open_stream(
     if where == "off":
         return None
     about = About(title, text or f"**{title}**", Layout([Shown(facts=facts)]))
-    return Stream(open_sink(where, about, out_path), rate_hz)
+    return Stream(open_sink(where, about, out_path.with_suffix(".rrd")), rate_hz)
 
 
 class Stream:

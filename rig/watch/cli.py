@@ -16,7 +16,7 @@ def watch(
     """Play the redundancy page of a log on the terminal; Ctrl-C ends."""
     from rig.errors import BadLog
     from rig.log import read_log
-    from rig.show import console
+    from rig.screen import console
     from rig.watch.played import play
 
     found = read_log(log)

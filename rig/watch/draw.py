@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.live import Live
 
 from rig.frame import Block
+from rig.screen import Screen
 from rig.watch.page import Page, event_line
 
 if TYPE_CHECKING:
@@ -84,7 +85,7 @@ class InProcess:
     """Has another process draw on this one's standard error; one that ended or hangs is not waited for."""
 
     def __init__(self) -> None:
-        self._process = subprocess.Popen([sys.executable, "-m", "rig.watch"], stdin=subprocess.PIPE)
+        self._process = subprocess.Popen([sys.executable, "-P", "-m", "rig.watch"], stdin=subprocess.PIPE)
 
     def note(self, events: Sequence[EventLike], rate_hz: float) -> None:
         """Pass them on."""
@@ -121,7 +122,7 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(AttributeError, OSError):
         os.nice(5)  # the frames come first
-    drawer = OnTerminal(Console(stderr=True, highlight=False))
+    drawer = OnTerminal(Screen(stderr=True))
     with suppress(EOFError):
         while True:
             row, rate_hz, events = pickle.load(sys.stdin.buffer)

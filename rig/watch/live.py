@@ -14,9 +14,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Final
 
-from rich.console import Console
-
 from rig.frame import Block
+from rig.screen import Screen
 from rig.watch.draw import Drawer, InPipe, InProcess
 
 if TYPE_CHECKING:
@@ -35,8 +34,8 @@ def watching(enabled: bool, realtime_factor: float | None) -> Iterator[Watch | N
     if not enabled:
         yield None
         return
-    screen = Console(stderr=True, highlight=False)
-    watch = Watch(InProcess() if screen.is_terminal else InPipe(Console(stderr=True, width=120)), realtime_factor)
+    screen = Screen(stderr=True)
+    watch = Watch(InProcess() if screen.is_terminal else InPipe(Screen(stderr=True, width=120)), realtime_factor)
     try:
         yield watch
     finally:

@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from rig.frame import DISCRETES, SIGNALS, End, Law, Pattern, Resolver, Source, State
+from rig.text import plain
 
 if TYPE_CHECKING:
     from rig.events import EventLike
@@ -35,7 +36,7 @@ class Page:
     """Draws frames of one flight; remembers its last events."""
 
     def __init__(self, title: str = "") -> None:
-        self._title = title
+        self._title = plain(title)
         self._events: deque[tuple[float, EventLike]] = deque(maxlen=EVENTS)
 
     def note(self, events: Sequence[EventLike], rate_hz: float) -> None:
@@ -72,7 +73,8 @@ class Page:
 
 def event_line(time_s: float, event: EventLike) -> Text:
     """An event as one line."""
-    return Text(f"{time_s:9.2f} s  {event.name:17} {event.text}", style=_LEVELS.get(event.level, ""), no_wrap=True)
+    text = plain(f"{time_s:9.2f} s  {event.name:17} {event.text}")
+    return Text(text, style=_LEVELS.get(event.level, ""), no_wrap=True)
 
 
 def _signal(row: Any, s: int) -> list[RenderableType]:

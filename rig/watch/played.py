@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from contextlib import suppress
 
 from rich.console import Console
 
@@ -38,10 +37,13 @@ def play(
         page.close()
         return
     page, began, shown = OnTerminal(screen, title), clock(), -1
-    with suppress(KeyboardInterrupt):
+    try:
         while shown < last:
             k = min(first + int((clock() - began) * speed * log.rate_hz), last)
             page.draw(log.rows[k : k + 1], log.rate_hz, [e for e in log.events if shown < e.frame <= k])
             shown = k
             sleep(UPDATE_S)
-    page.close()
+    except KeyboardInterrupt:
+        return
+    finally:
+        page.close()  # the terminal is as before, whatever ended it

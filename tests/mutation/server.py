@@ -23,7 +23,20 @@ for name in [name for name in sys.modules if name.split(".")[0] == "rig"]:
     del sys.modules[name]
 
 # The quick ones first: most mutants die early.
-ALL = ("kernels", "examples", "manager", "stage", "baselines", "motion", "inclination", "reference", "own", "oracle")
+ALL = (
+    "kernels",
+    "examples",
+    "manager",
+    "stage",
+    "baselines",
+    "motion",
+    "inclination",
+    "reference",
+    "own",
+    "oracle",
+    "last_channel",
+    "revision2",
+)
 TESTS = [f"tests/test_redundancy_{name}.py" for name in os.environ.get("RIG_MUTATION_TESTS", " ".join(ALL)).split()]
 FLIGHTS = ("flies", "flight_in", "inertial_unit", "a_wind", "lost_pitch_rate", "compiled_and")  # seconds each
 QUIET = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--no-header", "-W", "ignore"]

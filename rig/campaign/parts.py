@@ -1,0 +1,128 @@
+"""The parts of a campaign's tables, read and checked: every run exactly once, in all tables.
+
+A part is four files of one name, runs/000010-000019.parquet and the same in faults/, alarms/ and episodes/.  Runs
+are flown again when their part in ``runs`` is removed, so that every fault of a part has a remedy.
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from rig.campaign import table
+from rig.campaign.plan import Plan
+from rig.campaign.rows import TABLES
+from rig.errors import BadInput
+from rig.files import is_file
+
+# Columns of ``runs`` that together say how many rows of another table a run has.
+_COUNTS = {
+    "faults": ("detected", "missed", "undetectable", "not_executed"),
+    "alarms": ("false_alarms", "wrong_isolations"),
+}
+
+
+def names(folder: Path) -> list[str]:
+    """The names of the parts in ``runs``, sorted."""
+    return sorted(path.stem for path in (folder / "runs").glob("*.parquet"))
+
+
+def name_of(numbers: list[int]) -> str:
+    """The name of the part that holds the runs of ``numbers``."""
+    return f"{min(numbers):06d}-{max(numbers):06d}"
+
+
+def read(folder: Path, plan: Plan) -> dict[str, pl.DataFrame]:
+    """All tables of a folder, in the order of the runs.
+
+    BadInput names the file that is damaged, missing, another campaign's or a copy, and the remedy.
+    """
+    parts = names(folder)
+    found = {name: [_table(folder, name, part, plan) for part in parts] for name in TABLES}
+    seen: dict[int, str] = {}
+    for i, part in enumerate(parts):
+        _check_runs(folder, part, found["runs"][i], plan, seen)
+        for name in TABLES[1:]:
+            _check_rows(folder, name, part, found["runs"][i], found[name][i])
+    return {name: table.joined(name, frames) for name, frames in found.items()}
+
+
+def _table(folder: Path, name: str, part: str, plan: Plan) -> pl.DataFrame:
+    """One file, its columns checked."""
+    path = folder / name / f"{part}.parquet"
+    if not is_file(path):
+        raise _again(folder, path, part, "is no file" if path.exists() else "is missing")
+    try:
+        frame = pl.read_parquet(path.read_bytes(), hive_partitioning=False)
+    except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+        said = " ".join(str(error).split())[:120]
+        raise _again(folder, path, part, f"cannot be read ({said})") from None
+    expected = table.schema(plan, name)
+    for column in {**expected, **frame.schema}:
+        if frame.schema.get(column) != expected.get(column):
+            raise _again(folder, path, part, f"column {column[:60]!r} is not as in this campaign's tables")
+    floats = frame.select(pl.selectors.float())
+    if not all(column.drop_nulls().is_finite().all() for column in floats):
+        raise _again(folder, path, part, "a number is not finite")
+    return frame.select(list(expected))
+
+
+def _check_runs(folder: Path, part: str, runs: pl.DataFrame, plan: Plan, seen: dict[int, str]) -> None:
+    """BadInput unless the runs of a part are those of its name, of the plan, and in no part before it."""
+    path, numbers = folder / "runs" / f"{part}.parquet", runs["run"].to_list()
+    if not numbers or None in numbers or part != name_of(numbers):
+        raise BadInput(f"{path}: its name is not that of the runs in it: a copy? It is removed by: {_remove(path)}")
+    if not all(map(_is_coverage, runs["coverage"].drop_nulls().unique())):
+        raise _again(folder, path, part, "a coverage is not that of a flight")
+    if len(set(numbers)) < len(numbers) or not 0 <= min(numbers) <= max(numbers) < len(plan):
+        raise _again(folder, path, part, f"a run twice, or none of the campaign's {len(plan)}")
+    for number in numbers:
+        if number in seen:
+            raise _again(folder, path, part, f"run {number} is in runs/{seen[number]}.parquet too")
+        seen[number] = part
+
+
+def _is_coverage(text: str) -> bool:
+    """Whether a text is what a run writes into its column ``coverage``: voter states by signal, counted."""
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        return False
+    signals = found.values() if isinstance(found, dict) else [None]
+    return all(isinstance(s, dict) and all(isinstance(v, list | int) for v in s.values()) for s in signals)
+
+
+def _check_rows(folder: Path, name: str, part: str, runs: pl.DataFrame, rows: pl.DataFrame) -> None:
+    """BadInput unless a table has as many rows of every run as ``runs`` says."""
+    numbers: NDArray[Any] = np.sort(rows["run"].to_numpy())
+    if name in _COUNTS:
+        counted = runs.select("run", count=pl.sum_horizontal(_COUNTS[name])).sort("run")
+        counts = counted["count"].to_numpy()
+        agree = bool((counts >= 0).all() and (counts <= len(numbers)).all())
+        agree = agree and np.array_equal(numbers, np.repeat(counted["run"].to_numpy(), counts))
+    else:
+        agree = bool(np.isin(numbers, runs["run"].to_numpy()).all())
+        agree &= int((rows["resolver"] == "unresolved").sum()) == int(runs["unresolved"].sum())
+    if not agree:
+        path = folder / name / f"{part}.parquet"
+        raise _again(folder, path, part, f"its rows are not those that runs/{part}.parquet counts")
+
+
+def _again(folder: Path, path: Path, part: str, what: str) -> BadInput:
+    """The refusal of a part whose runs are to be flown again."""
+    runs = folder / "runs" / f"{part}.parquet"
+    remove = _remove(runs, *([path] if path.is_dir() and path != runs else []))
+    out = shlex.quote(str(folder))
+    return BadInput(f"{path}: {what}; its runs are flown again by: {remove} && rig campaign run FILE --out {out}")
+
+
+def _remove(*paths: Path) -> str:
+    """The command that removes files, or folders that have their place."""
+    option = "-r " if any(path.is_dir() for path in paths) else ""
+    return f"rm {option}{shlex.join(map(str, paths))}"

@@ -1,0 +1,101 @@
+"""Time stamps of a recorder: accepted, refused in one line, or repaired on request.
+
+Of rows in the order of the input, a row is kept when its time exceeds that of every row before it.  So the first of
+rows with equal stamps is kept, and after a step back rows are dropped until time exceeds the largest so far.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.errors import BadInput
+
+Floats = NDArray[np.float64]
+TIME: Final = "time_s"
+LATEST_S: Final = 9e9  # a log's time stamps are nanoseconds in 64 bits
+SHORTEST_S: Final = 1e-9
+NAMED: Final = 5  # rows that a message names
+OPTION: Final = "--repair-time"
+
+
+@dataclass(frozen=True, slots=True)
+class Repair:
+    """The rows that were dropped from one input, counted from 1."""
+
+    source: str
+    rows: int  # of the input
+    dropped: int
+    first: list[int]  # the first few of those dropped
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """Time (n,) that rises from row to row, s, and the rows of the input that have it."""
+
+    time_s: Floats
+    kept: NDArray[np.int64] | None = None  # (n,) counted from 0; None: all rows
+    repair: Repair | None = None
+
+    def of(self, column: NDArray[Any]) -> NDArray[Any]:
+        """The rows of a column that are kept."""
+        return column if self.kept is None else column[self.kept]
+
+
+def clock(source: str, time_s: Floats, repair: bool = False) -> Clock:
+    """Accept the stamps ``time_s`` of ``source``; with ``repair`` without rows that repeat or step back.
+
+    BadInput: no rows, a stamp that is no time in seconds, time that does not rise, more rows to drop than to keep.
+    """
+    _check_numbers(source, time_s)
+    late = late_rows(time_s)
+    if len(late) == 0:
+        _check_interval(source, time_s)
+        return Clock(time_s)
+    if not repair:
+        raise BadInput(_refusal(source, time_s, late))
+    if 2 * len(late) > len(time_s):
+        raise BadInput(
+            f"{source}: {OPTION} would drop {len(late)} of {len(time_s)} rows, from row {late[0] + 1} on: "
+            f"{TIME} is no clock that can be repaired"
+        )
+    kept = np.delete(np.arange(len(time_s)), late)
+    _check_interval(source, time_s[kept])
+    return Clock(time_s[kept], kept, Repair(source, len(time_s), len(late), [int(k) + 1 for k in late[:NAMED]]))
+
+
+def late_rows(time_s: Floats) -> NDArray[np.int64]:
+    """Rows (from 0) whose time does not exceed that of every row before them."""
+    return np.flatnonzero(time_s[1:] <= np.maximum.accumulate(time_s)[:-1]) + 1
+
+
+def _check_numbers(source: str, time_s: Floats) -> None:
+    if len(time_s) == 0:
+        raise BadInput(f"{source}: no rows")
+    wrong = np.flatnonzero(~np.isfinite(time_s))
+    if len(wrong):
+        raise BadInput(f"{source}: row {wrong[0] + 1}: {TIME} is not a number")
+    wrong = np.flatnonzero(np.abs(time_s) > LATEST_S)
+    if len(wrong):
+        got = time_s[wrong[0]]
+        raise BadInput(f"{source}: row {wrong[0] + 1}: {TIME} is in seconds, up to {LATEST_S:g}, got {got:g}")
+
+
+def _check_interval(source: str, time_s: Floats) -> None:
+    if len(time_s) > 1 and (interval := float(np.median(np.diff(time_s)))) < SHORTEST_S:
+        raise BadInput(f"{source}: {TIME} rises by {interval:g} s a row; at least {SHORTEST_S:g}")
+
+
+def _refusal(source: str, time_s: Floats, late: NDArray[np.int64]) -> str:
+    row = int(late[0])
+    before, got = time_s[:row].max(), time_s[row]
+    rows = ", ".join(str(k + 1) for k in late[:NAMED]) + (", ..." if len(late) > NAMED else "")
+    count = "1 row repeats or steps" if len(late) == 1 else f"{len(late)} rows repeat or step"
+    which = "it" if len(late) == 1 else "them"
+    return (
+        f"{source}: row {row + 1}: {TIME} must rise, got {got:.15g} after {before:.15g}; "
+        f"{count} back ({rows}); {OPTION} drops {which}"
+    )

@@ -1,0 +1,36 @@
+"""The last channel: nobody is left to compare it with, but its own monitor and its reference are witnesses.
+
+Source: docs/redundancy.md, 'The last channel' (Zhang 2023 leaves it open).
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from rig.angles import difference
+from rig.frame import Resolver
+from rig.kernels import kernel
+from rig.redundancy import resolve
+
+# With 1.0 reference thresholds healthy last channels were failed in 11 of 384 flights, with 1.5 in none.
+LAST_CHANNEL_MARGIN: Final = 1.5
+_NONE: Final = int(Resolver.NONE)
+
+
+@kernel
+def check_last(ilm, reference, p, st):
+    """Level 1: the last channel against its own monitor and its reference, as nobody is left to compare it with.
+
+    While either speaks against it the reference votes if it is usable, else the last vote holds.
+    """
+    c = st["order"][0]
+    sample = st["x"][c]
+    usable = st["reference_usable"] and not np.isnan(reference)
+    off = usable and abs(difference(sample, reference, p["wraps"])) > LAST_CHANNEL_MARGIN * p["reference_threshold"]
+    if ilm[c] != resolve.BAD and not off:
+        return _NONE, sample
+    st["alone"][c] = True
+    instead = reference if usable else (st["vote"] if st["started"] else sample)
+    return (resolve.ILM if ilm[c] == resolve.BAD else resolve.REFERENCE), instead

@@ -1,0 +1,91 @@
+"""Flights for the oracle: stretches of constant offsets on a common ramp, with dropouts, monitors and a reference.
+
+One builder for two sources of choices: hypothesis, which shrinks what fails, and a seeded generator, whose even
+draws reach the rules for few votes far more often.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import permutations, product
+from typing import Any
+
+import numpy as np
+from hypothesis import strategies as st
+from oracle_answers import RESOLVERS, Settings
+
+Pick = Callable[[Sequence[Any]], Any]
+
+LEVELS = [0.0, 0.25, 0.5, 1.0, 1.5, 3.0, 3.5, -3.0, 6.0, -6.0, 9.25]
+SPLIT = list(permutations([0.0, 0.25, 2.5, 2.75]))  # 2:2
+NOISY = list(permutations([0.0, 1.25, 2.75, 3.0]))  # 1:1:2, as noise makes it of a 2:2
+APART = list(permutations([0.0, 1.5, 3.0, -1.5]))  # 1:1:1:1; with a channel silent 1:1:1
+TOGETHER = list(permutations([0.0, 0.25, 0.5, 0.5]))
+SLOPES = [0.0, 0.0, 0.125, -0.125, 0.5]
+SAYS = list(product(["good", "bad", "absent"], repeat=4))
+ONE_GOOD = list(permutations(["good", "bad", "bad", "bad"]))
+TWO_GOOD = list(permutations(["good", "good", "bad", "bad"]))
+ONE_SIDE = [()]  # a good and a bad pair, as the samples split
+NOBODY_SAYS = [("absent",) * 4]
+REFERENCES = [None, None, 0.0, 0.25, 3.0, -1.5, 1.5, 6.25]
+NOBODY = [()]
+ONE_OR_TWO = [c for n in (1, 2) for c in permutations(range(4), n)]
+ALL_BUT_ONE = [*permutations(range(4), 3), (0, 1, 2, 3)]
+
+
+@dataclass
+class Flight:
+    settings: Settings
+    samples: list[list[float | None]] = field(default_factory=list)
+    ilm: list[tuple[str, ...]] = field(default_factory=list)
+    references: list[float | None] = field(default_factory=list)
+
+
+def some_settings(pick: Pick, turn: bool) -> Settings:
+    """Settings of a signal; on a circle no threshold is met exactly, where rounding would decide."""
+    beside = 1 / 1024 if turn else 0.0
+    return Settings(
+        threshold=1.0 + beside,
+        persistence=pick(range(1, 8)),
+        singular_persistence=pick(range(1, 7)),
+        resolvers=tuple(pick(list(permutations(RESOLVERS)))[: pick([5, 5, 4, 3, 2, 1, 0])]),
+        trend_frames=pick([1, 2, 3, 4, 8]),
+        reference_threshold=pick([0.5, 1.0, 2.0]) + beside,
+        channels=pick([4] * 6 + [3, 3, 2]),
+        turn=2 * np.pi if turn else 0.0,
+    )
+
+
+def build(pick: Pick, turn: bool = False) -> Flight:
+    """A flight of one to nine stretches of one to nine frames."""
+    flight = Flight(some_settings(pick, turn))
+    value = pick([0.0, 3.0, -2.5, 100.0])
+    for _ in range(pick(range(1, 10))):
+        slope = pick(SLOPES)
+        offsets = pick(pick([TOGETHER, SPLIT, NOISY, APART, APART, [None]])) or [pick(LEVELS) for _ in range(4)]
+        flags = pick(pick([SAYS, ONE_GOOD, TWO_GOOD, ONE_SIDE, NOBODY_SAYS])) or one_side(offsets, pick([True, False]))
+        silent = pick(pick([NOBODY] * 7 + [ONE_OR_TWO, ONE_OR_TWO, ALL_BUT_ONE]))
+        offset = pick(REFERENCES)
+        for _ in range(pick([1, 1, 2, 2, 3, 3, 4, 6, 9])):
+            value += slope
+            present = set(range(flight.settings.channels)) - set(silent)
+            flight.samples.append([value + offsets[c] if c in present else None for c in range(4)])
+            flight.ilm.append(flags)
+            flight.references.append(None if offset is None else value + offset)
+    return flight
+
+
+def one_side(offsets: Sequence[float], upper: bool) -> tuple[str, ...]:
+    """Monitors that say good of the two larger (smaller) samples and bad of the others."""
+    return tuple("good" if (x in sorted(offsets)[2:]) == upper else "bad" for x in offsets)
+
+
+@st.composite
+def flights(draw: Any, turn: bool = False) -> Flight:
+    return build(lambda choices: draw(st.sampled_from(choices)), turn)
+
+
+def seeded(seed: int, turn: bool = False) -> Flight:
+    return build(random.Random(seed).choice, turn)

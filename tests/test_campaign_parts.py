@@ -1,0 +1,221 @@
+"""A campaign's folder that was copied, cut, mixed or made by somebody else: one line, and what heals it."""
+
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from rig.campaign import parts
+from rig.campaign.compare import compare
+from rig.campaign.config import read
+from rig.campaign.folder import Folder, open_folder
+from rig.campaign.plan import Plan
+from rig.campaign.report import report
+from rig.campaign.rows import Rows
+from rig.campaign.status import status
+from rig.errors import BadInput
+
+CAMPAIGN = """
+base = "f16_pitch_rate_hardover"
+runs = 6
+[vary]
+duration_s = [1.0, 2.0]
+"""
+FIRST = "000000-000002"
+
+
+def rows(numbers: range) -> Rows:
+    """The rows of a part: each run with one fault found; the second of a part also with an alarm and an episode."""
+    counts = dict.fromkeys(("missed", "undetectable", "not_executed", "wrong_isolations"), 0)
+    odd = {number: int(number % 3 == 1) for number in numbers}
+    return {
+        "runs": [
+            {"run": n, "seed": n, "outcome": "flown", "detected": 1, "unresolved": odd[n], "false_alarms": odd[n]}
+            | counts
+            for n in numbers
+        ],
+        "faults": [{"run": n, "fault": 0, "channel": 1, "outcome": "detected"} for n in numbers],
+        "alarms": [{"run": n, "signal": "pitch_rate", "channel": 2, "time_s": 0.5} for n in numbers if odd[n]],
+        "episodes": [{"run": n, "begin_s": 0.5, "resolver": "unresolved"} for n in numbers if odd[n]],
+    }
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    """Six runs in two parts, written and not flown."""
+    (tmp_path / "c.toml").write_text(CAMPAIGN)
+    folder = Folder.of(tmp_path / "out", Plan(read(tmp_path / "c.toml"), "c.toml"))
+    with folder.held():
+        for numbers in (range(3), range(3, 6)):
+            folder.write(rows(numbers))
+    return folder.path
+
+
+def test_whole_parts_are_all_runs_once(out: Path):
+    assert open_folder(out).done() == set(range(6))
+    assert [len(frame) for frame in open_folder(out).tables.values()] == [6, 6, 2, 2]
+
+
+def rewrite(path: Path, change: Callable[[pl.DataFrame], pl.DataFrame]) -> None:
+    change(pl.read_parquet(path)).write_parquet(path)
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-20])
+
+
+def empty(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+def folder_there(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+
+
+DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
+    "missing": (Path.unlink, "is missing"),
+    "cut": (cut, "cannot be read"),
+    "empty": (empty, "cannot be read"),
+    "a folder": (folder_there, "is no file"),
+    "a column renamed": (lambda path: rewrite(path, lambda f: f.rename({"run": "flight"})), "column 'run' is not"),
+    "a column more": (lambda path: rewrite(path, lambda f: f.with_columns(more=1)), "column 'more' is not"),
+    "a column of another type": (
+        lambda path: rewrite(path, lambda f: f.cast({"run": pl.Int32})),
+        "column 'run' is not",
+    ),
+    "no rows": (lambda path: rewrite(path, lambda f: f.clear()), "its rows are not those"),
+    "other runs": (lambda path: rewrite(path, lambda f: f.with_columns(run=pl.lit(5, pl.Int64))), "its rows are not"),
+    "rows twice": (lambda path: rewrite(path, lambda f: pl.concat([f, f])), "its rows are not those"),
+}
+
+
+@pytest.mark.parametrize("name", ["faults", "alarms", "episodes"])
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_part_is_named_and_flown_again_when_its_runs_are_removed(out: Path, name: str, damage: str):
+    act, says = DAMAGES[damage]
+    path = out / name / f"{FIRST}.parquet"
+    act(path)
+    with pytest.raises(BadInput) as error:
+        open_folder(out).done()
+    said = str(error.value)
+    assert said.startswith(f"{path}: {says}") and "\n" not in said and len(said) < 600
+    heal = f"rm {out}/runs/{FIRST}.parquet && rig campaign run FILE --out {out}"
+    if damage == "a folder":
+        heal = heal.replace("rm ", "rm -r ").replace(" &&", f" {path} &&")
+        path.rmdir()
+    assert said.endswith(f"; its runs are flown again by: {heal}")
+    (out / "runs" / f"{FIRST}.parquet").unlink()
+    folder = open_folder(out)
+    with folder.held():
+        assert folder.done() == {3, 4, 5}
+        folder.write(rows(range(3)))
+    assert open_folder(out).done() == set(range(6))
+
+
+@pytest.mark.parametrize("damage", ["cut", "empty", "a folder", "a column renamed"])
+def test_a_damaged_part_of_runs_is_named(out: Path, damage: str):
+    act, says = DAMAGES[damage]
+    path = out / "runs" / f"{FIRST}.parquet"
+    act(path)
+    with pytest.raises(BadInput, match=f"{FIRST}.parquet: {says}") as error:
+        open_folder(out).done()
+    assert f"rm {'-r ' if path.is_dir() else ''}{path} &&" in str(error.value)
+
+
+def test_a_part_copied_under_another_name_is_not_counted_but_named(out: Path):
+    for name in ("runs", "faults", "alarms", "episodes"):
+        shutil.copy(out / name / f"{FIRST}.parquet", out / name / "copy.parquet")
+    with pytest.raises(BadInput, match=f"copy.parquet: its name is not that of the runs in it.*rm {out}/runs/copy"):
+        open_folder(out).done()
+    (out / "runs" / "copy.parquet").unlink()
+    folder = open_folder(out)
+    with folder.held():
+        assert folder.done() == set(range(6))
+    assert not list(out.glob("*/copy.parquet"))
+
+
+def test_parts_that_overlap_and_runs_that_are_none_of_the_campaigns_are_named(out: Path, tmp_path: Path):
+    folder = open_folder(out)
+    folder.write(rows(range(2, 4)))
+    with pytest.raises(BadInput, match=r"000002-000003.parquet: run 2 is in runs/000000-000002.parquet too"):
+        folder.done()
+    (out / "runs" / "000002-000003.parquet").unlink()
+    for name in ("runs", "faults", "alarms", "episodes"):
+        beyond = Path(shutil.copy(out / name / f"{FIRST}.parquet", out / name / "000006-000008.parquet"))
+        rewrite(beyond, lambda frame: frame.with_columns(run=pl.col("run") + 6))
+    with pytest.raises(BadInput, match=r"000006-000008.parquet: a run twice, or none of the campaign's 6"):
+        folder.done()
+
+
+def test_every_command_that_reads_the_tables_says_the_same(out: Path, tmp_path: Path):
+    (out / "faults" / f"{FIRST}.parquet").unlink()
+    shutil.copytree(out, tmp_path / "other")
+    acts: list[Callable[[], object]] = [
+        lambda: status(open_folder(out)),
+        lambda: report(open_folder(out), tmp_path / "r.html"),
+        lambda: compare(open_folder(out), open_folder(tmp_path / "other")),
+    ]
+    for act in acts:
+        with pytest.raises(BadInput, match=f"faults/{FIRST}.parquet: is missing"):
+            act()
+    assert not (tmp_path / "r.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "cannot be read"),
+        ("5", "is damaged: it has no 'format'"),
+        ('{"format": 1}', "is damaged: it has no table 'campaign'"),
+        ('{"format": 1, "campaign": 5}', "is damaged: it has no table 'campaign'"),
+        ('{"format": 1, "campaign": {}}', "base: field required"),
+        ('{"format": 1, "campaign": {"base": {}, "vary": 5}}', "vary: must be a table"),
+        ('{"format": 9, "campaign": {}}', "not of this version"),
+        ("[" * 100_000, "cannot be read"),
+    ],
+)
+def test_a_campaign_json_that_is_damaged_is_said_in_one_line(out: Path, text: str, says: str):
+    (out / "campaign.json").write_text(text)
+    with pytest.raises(BadInput, match=says) as error:
+        open_folder(out)
+    assert "campaign.json" in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_lock_that_is_a_link_is_refused_and_its_target_keeps_its_text(out: Path, tmp_path: Path):
+    precious = tmp_path / "precious"
+    precious.write_text("precious")
+    (out / "lock").unlink()
+    (out / "lock").symlink_to(precious)
+    with pytest.raises(BadInput, match="lock: is a link, and is not followed"), open_folder(out).held():
+        pass
+    (out / "lock").unlink()
+    os.link(precious, out / "lock")
+    with open_folder(out).held():
+        pass
+    assert precious.read_text() == "precious"
+
+
+def test_only_drafts_and_orphans_are_swept_and_nothing_behind_a_link(out: Path, tmp_path: Path):
+    stays = [out / "faults" / "notes.txt", out / "faults" / "folder" / "a.parquet", out / "logs" / "run_000001.mcap"]
+    goes = [out / "runs" / ".x.1234.part", out / "runs" / "x.tmp", out / "faults" / "orphan.parquet"]
+    goes.append(out / "logs" / ".run_000001.mcap.1234.part")
+    (out / "runs" / "y.tmp").mkdir()
+    for path in (*stays, *goes):
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("text")
+    with open_folder(out).held():
+        assert all(path.exists() for path in stays) and not any(path.exists() for path in goes)
+    shutil.move(out / "alarms", tmp_path / "elsewhere")
+    (tmp_path / "elsewhere" / "mine.parquet").write_text("mine")
+    (out / "alarms").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(BadInput, match="alarms: is a link"), open_folder(out).held():
+        pass
+    assert (tmp_path / "elsewhere" / "mine.parquet").exists()
+
+
+def test_the_name_of_a_part_is_that_of_its_first_and_last_run():
+    assert parts.name_of([7, 3, 12]) == "000003-000012"
