@@ -247,14 +247,14 @@ class Trust(IntEnum):
 
 
 class Lie(IntEnum):
-    """How a pitch-angle sensor that is not trusted is off, as far as the flight has told, or why a trusted one seemed so."""
+    """How a pitch-angle sensor that is not trusted is off, as far as the flight has told."""
 
     NONE = 0
     UNDETERMINED = 1
     EFFECTIVENESS = 2
     OFFSET = 3
     BOTH = 4
-    RATE_BIAS = 5  # the sensor is trusted: a rate that it is compared with is biased
+    RATE_BIAS = 5  # the sensor is trusted; a rate that it is compared with is biased
 
 
 class End(IntEnum):

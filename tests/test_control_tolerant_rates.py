@@ -1,4 +1,4 @@
-"""Whose rates are in order: a synthetic flight, with lies of gyros, unit and pitch-angle sensor put in by hand."""
+"""Isolation of a biased rate: a synthetic flight with faults of gyros, unit and pitch-angle sensor."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ RATE_HZ, SPEED, THETA, NOISE = 100.0, 190.0, 0.05, 0.0002
 Q, R, PITCH, ROLL, HEADING = (
     INDEX[name] for name in ("pitch_rate", "yaw_rate", "pitch_angle", "roll_angle", "heading")
 )
-UNIT_Q = INERTIAL.index("pitch_rate_rad_s")
+UNIT_RATES = [INERTIAL.index(f"{axis}_rate_rad_s") for axis in ("roll", "pitch", "yaw")]
+UNIT_VELOCITY = [INERTIAL.index(f"velocity_{axis}_m_s") for axis in ("north", "east")]
 
 
 class Flight:
-    """Level flight at 190 m/s, wings level or in a turn; what lies is changed between the calls of ``fly``.
+    """Level flight at 190 m/s, wings level or in a turn; faults are changed between the calls of ``fly``.
 
     said : the pitch angle that the law read; passed_on : whether it was the sensor's, bit for bit, in every frame
     """
@@ -51,7 +52,7 @@ class Flight:
         self.heading += self.rate / RATE_HZ
         north, east = SPEED * math.cos(self.heading), SPEED * math.sin(self.heading)
         p = -self.rate * math.sin(THETA)
-        self.row["inertial"] = p, q + self.unit + noise[0], r, north, east, 0.0
+        self.row["inertial"][[*UNIT_RATES, *UNIT_VELOCITY]] = p, q + self.unit + noise[0], r, north, east
         x = np.zeros(S)
         x[Q], x[R], x[ROLL] = q + self.gyro + noise[1], r + noise[2], self.roll_factor * self.bank
         x[PITCH], x[HEADING] = THETA + self.sensor + noise[3], self.heading % (2.0 * math.pi)

@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+from rig import scenario
 from rig.frame import FLIGHT_INDEX, End, Lie, Trust, new_block
 from rig.study.rate_bias import (
     ALL_FOUR,
@@ -21,11 +22,13 @@ from rig.study.rate_bias import (
     faults_of,
     fly_faults,
     measure,
+    of_grid,
     settings,
 )
+from rig.study.rate_bias_drawn import KINDS, drawn
 from rig.study.rate_bias_table import as_dict, summarise, worst
 
-CASE, FAULT = Case("f16", "none", 20.0, 1), ALL_FOUR[0]
+CASE, FAULT = of_grid("f16", "none", 20.0, 1), ALL_FOUR[0]
 ALTITUDE = FLIGHT_INDEX["altitude_m"]
 
 
@@ -42,6 +45,22 @@ def test_the_grid_is_complete():
     sizes = [sign * size for size in BIASES_RAD_S for sign in (1.0, -1.0)]
     assert four == set(product(POINTS, TURBULENCE, ONSETS_S, sizes)) and len(four) == 630
     assert len(flown) == 918 and 2 * len(flown) + len(cases([1])) == 1881  # as the help of the command says
+
+
+def test_drawn_flights_are_within_the_limits_of_the_grid_and_reproducible():
+    flights = drawn(60, 3)
+    assert flights == drawn(80, 3)[:60] != drawn(60, 4)
+    assert {case.aircraft for case, _ in flights} == set(POINTS) and len({case.flight_point for case, _ in flights}) > 6
+    assert all(ONSETS_S[0] <= case.onset_s <= ONSETS_S[-1] for case, _ in flights)
+    faults = [fault for _, (fault,) in flights]
+    assert {fault.kind for fault in faults} == set(KINDS)
+    sizes = [fault.size for fault in faults if "scale" not in fault.kind]
+    assert (
+        min(np.abs(sizes)) >= BIASES_RAD_S[0] and max(np.abs(sizes)) <= BIASES_RAD_S[-1] and min(sizes) < 0 < max(sizes)
+    )
+    for case, (fault,) in flights[:10]:
+        chosen = scenario.load(None, settings(case, fault, "fault-tolerant"), case.seed)
+        assert chosen.faults and chosen.pilot.manoeuvres
 
 
 @pytest.mark.parametrize(("plain", "most"), [(0.0, 25.0), (10.0, 35.0), (50.0, 75.0), (200.0, 300.0)])
@@ -88,9 +107,9 @@ def test_the_table_counts_with_exact_intervals_and_names_the_worst_first():
 @pytest.mark.parametrize(
     ("case", "faults"),
     [
-        (Case("f16", "moderate", 5.0, 2), (7, 9)),
-        (Case("b747", "light", 10.0, 2), (2, 6)),
-        (Case("b737", "none", 10.0, 2), (1, 11)),
+        (of_grid("f16", "moderate", 5.0, 2), (7, 9)),
+        (of_grid("b747", "light", 10.0, 2), (2, 6)),
+        (of_grid("b737", "none", 10.0, 2), (1, 11)),
     ],
 )
 def test_a_dozen_flights_are_within_bounds(case: Case, faults: tuple[int, int]):

@@ -4,10 +4,10 @@
     a    = V chi'                                   sideways acceleration of the velocity over ground
     n_level = n_z cos phi - n_y sin phi             load factor along the local vertical
 
-The unit's rates carry the bank angle, and its velocity draws it to the bank that the turn needs.  The drift of its yaw
-rate is what the heading does not confirm, learned while nobody is suspected and slowly, so that a heading that begins
-to lie is found before it has taught anything.  Source: the velocity matching of strapdown alignment (Titterton
-and Weston, Strapdown Inertial Navigation Technology), reduced to one angle.
+The unit's rates are integrated to the bank angle, which converges to the bank of a coordinated turn of its velocity.
+The drift of its yaw rate is its mean difference from the rate of the heading.  It is learned while no fault is
+declared, and slowly, so that a heading fault is found before it has moved the drift.  Source: the velocity matching of
+strapdown alignment (Titterton and Weston, Strapdown Inertial Navigation Technology), reduced to one angle.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ UNIT: Final = np.dtype(
     align=True,
 )
 _P, _Q, _R = (INERTIAL.index(f"{axis}_rate_rad_s") for axis in ("roll", "pitch", "yaw"))
-_NORTH: Final = INERTIAL.index("velocity_north_m_s")
+_NORTH, _EAST = INERTIAL.index("velocity_north_m_s"), INERTIAL.index("velocity_east_m_s")
 _N_Z, _N_Y, _PSI = INDEX["normal_load_factor"], INDEX["lateral_load_factor"], INDEX["heading"]
-_ERECTION_1_S: Final = 0.3  # k: how quickly the turn draws the bank angle
-_LEAST_LEVEL: Final = 0.3  # g; below it the load factors say nothing of the bank angle
+_ERECTION_1_S: Final = 0.3  # k: of the convergence to the bank of the turn
+_LEAST_LEVEL: Final = 0.3  # g; below it load factors do not show the bank angle
 _LEAD_S: Final = 0.015  # the unit's lag beyond that of the gyros
 _MOST_TURN_RAD_S: Final = 0.3  # of a heading; a quicker one is a jump of its sensor
 SMOOTH_S: Final = 1.0
@@ -50,16 +50,14 @@ SAME_RAD_S: Final = 0.001  # as usual; a bias below this is as good as none
 
 @kernel
 def finite(inertial):
-    """Whether the unit says something: its rates and its velocity over ground are numbers."""
-    total = 0.0
-    for i in range(_NORTH + 2):
-        total += inertial[i]
-    return math.isfinite(total)
+    """Whether the unit's rates and velocity over ground are numbers."""
+    rates = inertial[_P] + inertial[_Q] + inertial[_R]
+    return math.isfinite(rates + inertial[_NORTH] + inertial[_EAST])
 
 
 @kernel
 def learned(error, seconds, dt):
-    """What is learned of an ``error`` [rad/s] in one frame after ``seconds``: later no more than of ``SAME_RAD_S``."""
+    """Return the change of a mean in one frame after ``seconds`` by an ``error`` [rad/s], later clipped."""
     if seconds > _KNOWN_S:
         error = min(max(error, -SAME_RAD_S), SAME_RAD_S)
     return dt / (min(seconds, _LEARN_S) + SMOOTH_S) * error
@@ -69,10 +67,10 @@ def learned(error, seconds, dt):
 def follow_unit(inertial, x, theta, learn, dt, u):
     """One frame of the unit's rates and bank angle.
 
-    inertial : (6,) what the unit says, all finite; x : (S,) signals, of which the load factors are read
-    theta : pitch angle [rad]; learn : whether heading and gyros are in order; u : a UNIT record, in place
+    inertial : quantities of frame.INERTIAL, finite; x : (S,) signals, of which load factors and heading are read
+    theta : pitch angle [rad]; learn : whether heading and gyros are trusted; u : a UNIT record, in place
     """
-    last, q, north, east = u["last"], inertial[_Q], inertial[_NORTH], inertial[_NORTH + 1]
+    last, q, north, east = u["last"], inertial[_Q], inertial[_NORTH], inertial[_EAST]
     if u["started"] == 0:
         last[0], last[1], last[2], last[3], u["started"] = q, north, east, x[_PSI], 1
     speed, phi = max(math.sqrt(north * north + east * east), SLOWEST), u["roll_angle"]

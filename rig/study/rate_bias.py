@@ -1,4 +1,4 @@
-"""The fault-tolerant law against the plain one when rates and attitudes are biased alike.
+"""The fault-tolerant law against the plain one under common faults of rates and attitudes.
 
 Every case is flown by the plain law, by the fault-tolerant one, and once without the fault.  The altitude error is the
 largest difference of the true altitude from the flight without the fault, from the onset on; the two laws fly that
@@ -29,6 +29,7 @@ SOME_ONSETS_S: Final = (10.0, 30.0)  # of what is not the bias of all four chann
 BIASES_RAD_S: Final = (0.002, 0.004, 0.005, 0.01, 0.02, 0.035, 0.05)
 SOME_BIASES_RAD_S: Final = (0.01, 0.02, 0.04)
 RAMP_S: Final = 20.0
+ALL_CHANNELS: Final = "[1,2,3,4]"
 HALVED: Final = ("yaw_rate", "heading", "roll_angle")
 FACTOR: Final = 1.5
 MORE_M: Final = 25.0
@@ -39,12 +40,14 @@ _LIES: Final = (Lie.EFFECTIVENESS, Lie.OFFSET, Lie.BOTH)
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """What is flown but for the law and the fault."""
+    """A flight without its law and its fault; ``manoeuvres`` are inline tables of the pilot."""
 
     aircraft: str
+    flight_point: str
     turbulence: str
     onset_s: float
     seed: int
+    manoeuvres: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +57,9 @@ class Fault:
     kind: str
     size: float
     keys: str
+
+
+Flight = tuple[Case, list[Fault]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,12 +85,12 @@ def biases(kind: str, sizes: Sequence[float], channels: str, more: str = "") -> 
     return [Fault(kind, sign * size, f"{keys},offset={sign * size}") for size, sign in product(sizes, (1.0, -1.0))]
 
 
-ALL_FOUR: Final = biases("all four pitch rates", BIASES_RAD_S, "[1,2,3,4]")
+ALL_FOUR: Final = biases("all four pitch rates", BIASES_RAD_S, ALL_CHANNELS)
 OTHERS: Final = [
     *biases("two of four pitch rates", SOME_BIASES_RAD_S, "[1,2]"),
-    *biases(f"all four, over {RAMP_S:g} s", SOME_BIASES_RAD_S, "[1,2,3,4]", f",ramp_s={RAMP_S}"),
+    *biases(f"all four, over {RAMP_S:g} s", SOME_BIASES_RAD_S, ALL_CHANNELS, f",ramp_s={RAMP_S}"),
     *(
-        Fault(f"{name} x 0.5", 0.5, f'kind="scale",signal="{name}",channels=[1,2,3,4],factor=0.5')
+        Fault(f"{name} x 0.5", 0.5, f'kind="scale",signal="{name}",channels={ALL_CHANNELS},factor=0.5')
         for name in ("pitch_rate", *HALVED)
     ),
 ]
@@ -92,26 +98,35 @@ OTHERS: Final = [
 
 def cases(seeds: Sequence[int]) -> list[Case]:
     """Every aircraft, turbulence and onset, with each seed."""
-    return [Case(*which) for which in product(POINTS, TURBULENCE, ONSETS_S, seeds)]
+    return [of_grid(*which) for which in product(POINTS, TURBULENCE, ONSETS_S, seeds)]
+
+
+def of_grid(aircraft: str, turbulence: str, onset_s: float, seed: int) -> Case:
+    """A case in which a turn and a climb come after the onset."""
+    turn = f'{{kind="hold",axis="heading",start_s={onset_s + 15.0},duration_s=20.0,amplitude=0.3}}'
+    climb = f'{{kind="step",axis="altitude",start_s={onset_s + 35.0},amplitude=60.0}}'
+    return Case(aircraft, POINTS[aircraft], turbulence, onset_s, seed, f"{turn},{climb}")
 
 
 def faults_of(case: Case) -> list[Fault]:
-    """What is flown in a case."""
+    """Return the faults of a case of the grid."""
     return [*ALL_FOUR, *(OTHERS if case.onset_s in SOME_ONSETS_S else ())]
 
 
-def study(seeds: Sequence[int] = (1,), workers: int = 2) -> list[Flown]:
-    """Fly everything."""
-    flown: list[Flown] = []
+def grid(seeds: Sequence[int]) -> list[Flight]:
+    """Every case with its faults."""
+    return [(case, faults_of(case)) for case in cases(seeds)]
+
+
+def study(flights: Sequence[Flight], workers: int = 2) -> list[Flown]:
+    """Fly every case with its faults, by both laws."""
     with ProcessPoolExecutor(workers) as pool:
-        for part in pool.map(fly_case, cases(seeds)):
-            flown += part
-    return flown
+        return [flown for part in pool.map(fly_case, flights) for flown in part]
 
 
-def fly_case(case: Case) -> list[Flown]:
-    """All faults of one case."""
-    return list(fly_faults(case, faults_of(case)))
+def fly_case(flight: Flight) -> list[Flown]:
+    """Fly all faults of one case."""
+    return list(fly_faults(*flight))
 
 
 def fly_faults(case: Case, faults: Sequence[Fault]) -> Iterator[Flown]:
@@ -123,14 +138,12 @@ def fly_faults(case: Case, faults: Sequence[Fault]) -> Iterator[Flown]:
 
 
 def settings(case: Case, fault: Fault | None, law: str) -> list[str]:
-    """The overrides of the default scenario: a turn and a climb come after the onset."""
-    turn = f'{{kind="hold",axis="heading",start_s={case.onset_s + 15.0},duration_s=20.0,amplitude=0.3}}'
-    climb = f'{{kind="step",axis="altitude",start_s={case.onset_s + 35.0},amplitude=60.0}}'
-    told = "" if fault is None else f"{{{fault.keys},start_s={case.onset_s}}}"
+    """The overrides of the default scenario."""
+    faults = "" if fault is None else f"{{{fault.keys},start_s={case.onset_s}}}"
     return [
-        *(f"aircraft={case.aircraft}", f"flight_point={POINTS[case.aircraft]}", f"turbulence={case.turbulence}"),
-        *(f"duration_s={case.onset_s + AFTER_S}", f"pilot={{manoeuvres=[{turn},{climb}]}}"),
-        *(f"faults=[{told}]", f"control.law={law}"),
+        *(f"aircraft={case.aircraft}", f"flight_point={case.flight_point}", f"turbulence={case.turbulence}"),
+        *(f"duration_s={case.onset_s + AFTER_S}", f"pilot={{manoeuvres=[{case.manoeuvres}]}}"),
+        *(f"faults=[{faults}]", f"control.law={law}"),
     ]
 
 

@@ -1,4 +1,4 @@
-"""What ``rig study rate-bias`` says of its flights: counts, shares with exact intervals, the worst flights."""
+"""Counts of ``rig study rate-bias``: shares with exact intervals, and the worst flights."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _counts(flown: Sequence[Flown]) -> dict[str, Any]:
 
 
 def worst(flown: Sequence[Flown], most: int = 5) -> list[Flown]:
-    """The flights out of bounds or in which the sensor was blamed, else those farthest above the plain law or off."""
+    """Sort by: out of bounds, sensor blamed, error above the plain law's, error."""
     ranked = sorted(flown, key=lambda x: (x.within, not x.blamed, x.plain_m - x.tolerant_m, -x.tolerant_m))
     return ranked[:most]
 
@@ -59,7 +59,7 @@ def show(flown: Sequence[Flown], screen: Console) -> None:
         "within bounds",
         "sensor blamed",
         "rate biased",
-        "alike",
+        "identical",
         "lost: plain, tolerant",
         "above plain, m",
     )
@@ -69,7 +69,7 @@ def show(flown: Sequence[Flown], screen: Console) -> None:
         shares = (_share(x["within"]), _share(x["blamed"]))
         table.add_row(x["kind"], x["aircraft"], *shares, *counts, f"{x['most_above_plain_m']:.1f}")
     screen.print(table)
-    screen.print("intervals: exact, 95 %; alike: both laws gave the same surface commands, bit for bit")
+    screen.print("intervals: exact, 95 %; identical: both laws gave the same surface commands, bit for bit")
     for x in worst(flown):
         told = "within bounds" if x.within else "out of bounds"
         screen.print(

@@ -7,7 +7,7 @@
 A ramp has moved the estimate before it is seen, so drift and path offset go back to what they were before.
 The sensor is trusted again when it has stayed near the estimate.  When the estimate leaves the path by more
 than gusts explain and the sensor does not, the rates lie and not the sensor: the correction is withdrawn.
-Before it comes to that, a trip that the inertial unit's rates do not confirm is blamed on the gyros: rates.py.
+A trip that the inertial unit's rates do not confirm is a fault of the gyros: rates.py.
 """
 
 from __future__ import annotations
@@ -75,10 +75,10 @@ def judge(known, heard, c, w, said, path):
         w["cusum"] = max(0.0, w["cusum"] + (min(size, c["jump_sigma"]) - c["ramp_sigma"]) * dt)
         keep(c, w)
         if w["over"] >= c["persistence"] or w["cusum"] > c["ramp_s"]:
-            if rates.denied(w):
+            if rates.confirmed(w):
                 convict(w, before)
             else:
-                rates.blame_gyros(w)
+                rates.reject_gyros(w)
 
 
 @kernel

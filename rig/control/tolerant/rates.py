@@ -1,14 +1,14 @@
-"""Whose rates of turn are in order: those of the gyros, of the inertial unit, or of both.
+"""Isolate a biased rate: the voted gyros against the inertial unit.
 
-The filter's mean is driven by the gyros, a second mean by the inertial unit, both corrected with the same gain by the
-same sensor and path.  A sensor that lies is off both means alike; a rate that is biased moves one mean alone:
+One mean of the filter integrates the gyros, a second one the inertial unit's rates; the same sensor and path correct
+both with the same gain.  A fault of the pitch-angle sensor moves both residuals, a biased rate only one of them:
 
-    BOTH         the sensor is denied when the first mean denies it and the second one agrees
-    UNIT_ALONE   the first denied it and the second did not: a voted rate, the bank angle or the heading is wrong, and
-                 the unit drives the filter
-    GYROS_ALONE  the second denied it and the first did not, or the unit says nothing: as without a unit
+    BOTH         no rate is suspected; a sensor fault is declared when both residuals show it
+    UNIT_ALONE   the gyros' residual alone was too large: a voted rate, the bank angle or the heading is wrong, and the
+                 filter integrates the unit's rates
+    GYROS_ALONE  the unit's residual alone was too large, or the unit gives no number: as without a unit
 
-Back to BOTH when the two rates have differed as usual for ``return_frames``.
+Back to BOTH when the two rates have differed by no more than usual for ``return_frames``.
 """
 
 from __future__ import annotations
@@ -27,30 +27,31 @@ from rig.kernels import kernel
 
 _Q, _R, _PHI = INDEX["pitch_rate"], INDEX["yaw_rate"], INDEX["roll_angle"]
 _TRUSTED: Final = int(Trust.TRUSTED)
-_AGREES: Final = 0.5  # share of the first innovation from which on the second says the same
-_BANK_RAD: Final = 0.06  # farther from the unit's bank angle the voted one is not believed
+_AGREES: Final = 0.5  # ratio of the two residuals from which on they show the same fault
+_BANK_RAD: Final = 0.06  # farther from the unit's bank angle the voted one is not used
 _BANK_ERROR: Final = 0.05  # rad, of the unit's bank angle: of the rate of turn when it is used
 
 
 @kernel
 def turn(c, w, known, headed, inertial, x, gyros):
-    """Move both means by their rates; c, w : a PARAM and a STATE record.
+    """Propagate both means by their rates; c, w : a PARAM and a STATE record.
 
     known, headed : rates and bank are voted, and so is the heading
-    inertial : (6,); x : (S,) signals; gyros : which are in the vote, any number that changes with it
+    inertial : quantities of frame.INERTIAL; x : (S,) signals
+    gyros : which are in the vote, any number that changes with it
     """
     e, u, m, dt = w["filter"], w["unit"], w["second"], c["filter"]["dt"]
-    heard = finite(inertial)
+    valid = finite(inertial)
     if w["rates"] == GYROS_ALONE or e["frames"] == 0:
         u["roll_angle"] = x[_PHI]
-    if heard:
+    if valid:
         follow_unit(inertial, x, e["theta"], headed and w["rates"] == BOTH, dt, u)
     else:
         lose_unit(w)
     phi = x[_PHI] if bank_agrees(w, x) else u["roll_angle"]
     rate = pitching(x[_Q], x[_R] - e["yaw_drift"], x[_PHI])
     other = pitching(u["pitch_rate"], u["yaw_rate"], phi)
-    if heard and known:
+    if valid and known:
         compare(c, w, rate - other)
     last = m["rate"] if e["frames"] > 0 else other
     carry(dt, m, other, last, dt * math.cos(phi), dt * math.cos(phi) * u["pitch_rate"])
@@ -63,7 +64,7 @@ def turn(c, w, known, headed, inertial, x, gyros):
 
 @kernel
 def lose_unit(w):
-    """The unit says nothing: the gyros drive the filter."""
+    """The unit gives no number: the filter integrates the gyros."""
     if w["rates"] == UNIT_ALONE:
         drive(w, w["apart"], w["usual"])
     w["rates"], w["similar"], w["unit"]["started"] = GYROS_ALONE, 0, 0
@@ -77,7 +78,7 @@ def bank_agrees(w, x):
 
 @kernel
 def bank_error(w, x):
-    """What the bank angle adds to the error of the rates, of the rate of turn."""
+    """Return what the bank angle adds to the error of the rates, as a share of the rate of turn."""
     alone = w["rates"] == UNIT_ALONE or (w["rates"] == BOTH and not bank_agrees(w, x))
     return _BANK_ERROR if alone else 0.0
 
@@ -95,21 +96,21 @@ def compare(c, w, difference):
 
 
 @kernel
-def denied(w):
-    """Whether what the first mean says against the sensor is said by the second one too, or by nobody else."""
+def confirmed(w):
+    """Whether the second residual confirms a sensor fault that the first one shows, or cannot be asked."""
     first, second = w["innovation"], w["second_innovation"]
     return w["rates"] != BOTH or first * second >= _AGREES * first * first
 
 
 @kernel
 def follow(e, w, path):
-    """The second mean by the path, after the filter's; e : the filter's STATE record."""
+    """Correct the second mean by the path, after the filter's own; e : the filter's STATE record."""
     move(e["g"], w["second"], path_innovation(e, w["second"], path))
 
 
 @kernel
 def settle(c, w, known):
-    """At the end of a frame: who is in order, and the second mean that follows the first when it is not asked."""
+    """End a frame: isolate the unit, return to BOTH, and align the second mean while it is not asked."""
     size = abs(w["second_innovation"])
     if w["rates"] == BOTH and w["trust"] == _TRUSTED and known:
         alone = w["innovation"] * w["second_innovation"] < _AGREES * size * size
@@ -126,8 +127,8 @@ def settle(c, w, known):
 
 
 @kernel
-def blame_gyros(w):
-    """The first mean alone denies the sensor: go on with the second one, driven by the unit."""
+def reject_gyros(w):
+    """Go on with the second mean: the first residual alone shows a fault."""
     e, m = w["filter"], w["second"]
     e["theta"], e["path"], e["scale"], e["rate"] = m["theta"], m["path"], m["scale"], m["rate"]
     drive(w, m["drift"] - e["drift"], -w["usual"])
@@ -136,7 +137,7 @@ def blame_gyros(w):
 
 @kernel
 def drive(w, change, usual):
-    """Others' rates drive the filter: their drift differs by ``change``, and differed by ``usual`` when it was kept."""
+    """Shift the drift by ``change`` [rad/s] for another source of rates, and the kept ones by ``usual`` [rad/s]."""
     w["filter"]["drift"] += change
     for i in range(KEPT):
         w["kept"][i, 0] += usual
@@ -144,6 +145,6 @@ def drive(w, change, usual):
 
 @kernel
 def align(w, apart):
-    """Put the second mean where the filter's is; its drift is less by what the two rates are ``apart`` [rad/s]."""
+    """Set the second mean to the filter's, its drift less by what the two rates are ``apart`` [rad/s]."""
     e, m = w["filter"], w["second"]
     m["theta"], m["path"], m["scale"], m["drift"] = e["theta"], e["path"], e["scale"], e["drift"] - apart

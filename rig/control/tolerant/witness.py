@@ -73,7 +73,7 @@ def voted(source):
 @kernel
 def answer(c, w, said):
     """The pitch angle that the law flies on: what the sensor ``said``, or the estimate within the bound."""
-    if w["trust"] == _CORRECTED or (w["over"] > 0 and rates.denied(w)):
+    if w["trust"] == _CORRECTED or (w["over"] > 0 and rates.confirmed(w)):
         return said + min(max(w["filter"]["theta"] - said, -c["most"]), c["most"])
     if w["fade_left"] > 0:
         w["fade_left"] -= 1
