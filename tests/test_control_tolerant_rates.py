@@ -95,6 +95,17 @@ def test_when_the_bias_is_gone_the_gyros_are_believed_again():
     assert flight.lies == {Lie.NONE} and flight.passed_on
 
 
+def test_a_trip_by_a_difference_that_is_as_good_as_none_is_not_reported():
+    flight = Flight()
+    flight.gyro = 0.0009
+    isolated = set()
+    for _ in range(10):
+        flight.fly(1.0)
+        isolated.add(flight.rates)
+        assert flight.lies == {Lie.NONE} and flight.trusts == {Trust.TRUSTED} and flight.passed_on
+    assert UNIT_ALONE in isolated
+
+
 @pytest.mark.parametrize("offset", [-0.02, 0.005])
 @pytest.mark.parametrize("bank", [0.0, 0.5])
 def test_a_sensor_that_jumps_is_found_in_two_frames_all_the_same(offset: float, bank: float):

@@ -75,7 +75,9 @@ def test_errors_count_from_the_onset_on_against_the_flight_without_the_fault():
     tolerant["lie"][2050:] = Lie.RATE_BIAS
     found = measure(CASE, FAULT, plain, tolerant, healthy)
     assert (found.plain_m, found.tolerant_m, found.within) == (10.0, 36.0, False)
-    assert found.answered_after_s == pytest.approx(0.5) and not found.blamed and found.identical
+    assert found.answered_after_s == pytest.approx(0.5) and not found.blamed and found.identical and not found.early
+    tolerant["lie"][1999] = Lie.RATE_BIAS
+    assert measure(CASE, FAULT, plain, tolerant, healthy).early
 
 
 def test_who_is_blamed_or_flown_without_is_counted():

@@ -75,6 +75,7 @@ class Flown:
     within: bool
     blamed: bool  # the pitch-angle sensor, which is good: corrected, or said to be off
     answered_after_s: float | None  # a rate is biased
+    early: bool  # reported before the onset
     identical: bool  # both laws gave the same surface commands, bit for bit
     command: str  # flies it again
 
@@ -172,6 +173,7 @@ def measure(case: Case, fault: Fault, plain: Block, tolerant: Block, healthy: Bl
         within=survived[1] and errors[1] <= bound(errors[0]) if survived[0] else len(tolerant) >= len(plain),
         blamed=bool(blamed.any()),
         answered_after_s=float(answered[0]) / rate_hz if len(answered) else None,
+        early=bool((tolerant["lie"][:onset] == Lie.RATE_BIAS).any()),
         identical=plain["actuator"].tobytes() == tolerant["actuator"].tobytes(),
         command=" ".join(["rig fly", f"--seed {case.seed}", *flags]),
     )

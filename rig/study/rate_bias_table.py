@@ -33,6 +33,7 @@ def _counts(flown: Sequence[Flown]) -> dict[str, Any]:
         "within": asdict(proportion(sum(x.within for x in flown), len(flown))),
         "blamed": asdict(proportion(sum(x.blamed for x in flown), len(flown))),
         "answered": sum(x.answered_after_s is not None for x in flown),
+        "early": sum(x.early for x in flown),
         "identical": sum(x.identical for x in flown),
         "lost_plain": sum(not x.plain_survived for x in flown),
         "lost_tolerant": sum(not x.tolerant_survived for x in flown),
@@ -58,14 +59,14 @@ def show(flown: Sequence[Flown], screen: Console) -> None:
         "aircraft",
         "within bounds",
         "sensor blamed",
-        "rate biased",
+        "rate biased, early",
         "identical",
         "lost: plain, tolerant",
         "above plain, m",
     )
     table = Table(*heads, box=None)
     for x in summarise(flown):
-        counts = (f"{x['answered']}", f"{x['identical']}", f"{x['lost_plain']}, {x['lost_tolerant']}")
+        counts = (f"{x['answered']}, {x['early']}", f"{x['identical']}", f"{x['lost_plain']}, {x['lost_tolerant']}")
         shares = (_share(x["within"]), _share(x["blamed"]))
         table.add_row(x["kind"], x["aircraft"], *shares, *counts, f"{x['most_above_plain_m']:.1f}")
     screen.print(table)

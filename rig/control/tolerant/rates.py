@@ -90,6 +90,8 @@ def compare(c, w, difference):
     w["apart"] += dt / (SMOOTH_S + dt) * (difference - w["apart"])
     off = w["apart"] - w["usual"]
     w["similar"] = w["similar"] + 1 if abs(off) < SAME_RAD_S else 0
+    if w["similar"] == 0:
+        w["differ"] = 1
     if w["rates"] == BOTH:
         w["usual_seconds"] += dt
         w["usual"] += learned(off, w["usual_seconds"], dt)
@@ -132,7 +134,14 @@ def reject_gyros(w):
     e, m = w["filter"], w["second"]
     e["theta"], e["path"], e["scale"], e["rate"] = m["theta"], m["path"], m["scale"], m["rate"]
     drive(w, m["drift"] - e["drift"], -w["usual"])
+    w["differ"] = 0 if abs(w["apart"] - w["usual"]) < SAME_RAD_S else 1
     w["rates"], w["similar"], w["over"], w["cusum"], w["recent"] = UNIT_ALONE, 0, 0, 0.0, 0.0
+
+
+@kernel
+def biased(w):
+    """Whether a voted rate is biased: rejected for a trusted sensor, and further from the unit's than usual."""
+    return w["rates"] == UNIT_ALONE and w["trust"] == _TRUSTED and w["differ"] != 0
 
 
 @kernel

@@ -62,7 +62,8 @@ STATE: Final = np.dtype(
         ("usual", "f8"),  # what it is while both are in order
         ("usual_seconds", "f8"),  # for which it has been learned
         ("similar", "i8"),  # frames running in which apart is as usual
-        ("rates", "i8"),  # whose rates are in order: BOTH, UNIT or GYROS
+        ("differ", "i8"),  # whether apart has been unusual since the gyros were rejected
+        ("rates", "i8"),  # which rates are in order: BOTH, UNIT_ALONE or GYROS_ALONE
     ],
     align=True,
 )

@@ -7,7 +7,6 @@ from typing import Final
 
 from rig.control.tolerant import lie, rates
 from rig.control.tolerant.judge import innovate, judge
-from rig.control.tolerant.record import UNIT_ALONE
 from rig.frame import INDEX, Lie, Source, Trust
 from rig.inclination.estimate import begin, correct, follow_path, learn_yaw_drift
 from rig.inclination.mean import move
@@ -89,5 +88,4 @@ def tell(row, w):
     told[3], told[4] = math.sqrt(max(p[0], 0.0)), math.sqrt(max(p[1], 0.0))
     told[5], told[6] = w["innovation"], w["sigma"]
     told[7], told[8] = e["drift"], e["path"]
-    biased = w["rates"] == UNIT_ALONE and w["trust"] == _TRUSTED
-    row["trust"], row["lie"] = w["trust"], _RATE_BIAS if biased else lie.name(w)
+    row["trust"], row["lie"] = w["trust"], _RATE_BIAS if rates.biased(w) else lie.name(w)
