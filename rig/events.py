@@ -245,6 +245,8 @@ def _trust(frame: int, old: int, new: int, row: Any) -> Event | None:
 
 
 def _lie(frame: int, old: int, new: int, row: Any) -> Event | None:
+    if new == Lie.RATE_BIAS:
+        return Event(frame, "warning", "rate biased", "pitch_angle: the sensor is right, a rate of turn is biased")
     if new in (Lie.NONE, Lie.UNDETERMINED):
         return None
     what = {Lie.EFFECTIVENESS: "its effectiveness", Lie.OFFSET: "an offset", Lie.BOTH: "effectiveness and offset"}

@@ -262,6 +262,7 @@ class Lie(IntEnum):
     EFFECTIVENESS = 2
     OFFSET = 3
     BOTH = 4
+    RATE_BIAS = 5  # the sensor is trusted; a rate that it is compared with is biased
 
 
 class End(IntEnum):

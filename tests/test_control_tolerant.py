@@ -11,6 +11,7 @@ from interpreted import printed
 
 from rig import scenario
 from rig.errors import BadInput
+from rig.events import EventFinder
 from rig.flight import event_finder
 from rig.frame import FLIGHT_INDEX, INDEX, Block, Lie, Trust
 from rig.loop import Rig, frames
@@ -125,14 +126,35 @@ def test_the_correction_is_bounded():
     assert np.abs(off(rows, flown()))[500:900].min() > 0.07
 
 
-def test_gyros_that_lie_alike_are_not_blamed_on_the_sensor_for_long():
+@pytest.mark.parametrize("aircraft", POINTS)
+@pytest.mark.parametrize(("bias", "channels"), [(0.05, [1, 2, 3, 4]), (-0.004, [1, 2, 3, 4]), (0.02, [1, 2])])
+def test_with_biased_gyros_it_flies_as_the_plain_law_does_bit_for_bit(aircraft: str, bias: float, channels: list[int]):
+    lie = fault("offset", signal='"pitch_rate"', offset=bias, channels=channels)
+    rows, plain = flown(lie, aircraft=aircraft), flown(lie, aircraft=aircraft, law="autopilot")
+    assert rows["actuator"].tobytes() == plain["actuator"].tobytes()
+    assert 0 < np.flatnonzero(rows["lie"] == Lie.RATE_BIAS)[0] - FAULT_FRAME < 300
+    assert (rows["trust"] == Trust.TRUSTED).all() and set(rows["lie"]) == {Lie.NONE, Lie.RATE_BIAS}
+
+
+@pytest.mark.parametrize("signal", ["pitch_rate", "yaw_rate", "heading", "roll_angle"])
+def test_what_it_integrates_may_be_halved_in_a_turn_and_is_not_blamed_on_the_sensor(signal: str):
+    turn = 'pilot={manoeuvres=[{kind="hold",axis="heading",start_s=15.0,duration_s=20.0,amplitude=0.5}]}'
+    rows = flown(fault("scale", signal=f'"{signal}"', factor=0.5), turn)
+    assert (rows["trust"] == Trust.TRUSTED).all() and set(rows["lie"]) <= {Lie.NONE, Lie.RATE_BIAS}
+
+
+def test_a_unit_that_runs_away_changes_nothing():
+    lie = 'faults=[{kind="hardover",signal="inertial.roll_rate_rad_s",start_s=20.0}]'
+    assert flown(lie)["actuator"].tobytes() == flown()["actuator"].tobytes()
+
+
+def test_without_the_unit_gyros_that_lie_alike_are_not_blamed_on_the_sensor_for_long():
     """The path speaks for the sensor; till then the aircraft holds."""
-    rows = flown(
-        HALF.replace("scale", "offset").replace("factor = 0.5", "offset = 0.05").replace("pitch_angle", "pitch_rate")
-    )
+    gyros = fault("offset", signal='"pitch_rate"', offset=0.05).removesuffix("]")
+    rows = flown(gyros + ',{kind="dropout",signal="inertial.pitch_rate_rad_s",start_s=5.0}]')
     assert rows["end"][-1] == 0
     corrected = np.flatnonzero(rows["trust"] == Trust.CORRECTED)
-    assert len(corrected) < 1000 and rows["trust"][-1] != Trust.CORRECTED
+    assert 0 < len(corrected) < 1000 and rows["trust"][-1] != Trust.CORRECTED
 
 
 @pytest.mark.parametrize("signal", ["angle_of_attack", "static_pressure", "dynamic_pressure", "normal_load_factor"])
@@ -162,6 +184,13 @@ def test_the_events_say_what_was_found():
     told = [event.name for event in events if event.name.startswith(("sensor", "fault"))]
     assert told == ["fault on", "sensor corrected", "sensor fault"]
     assert "its effectiveness" in next(event.text for event in events if event.name == "sensor fault")
+
+
+def test_the_events_say_that_a_rate_is_biased():
+    lie = fault("offset", signal='"pitch_rate"', offset=0.02)
+    told = [event for event in EventFinder(["bias"]).find(flown(lie)) if event.name in ("rate biased", "sensor fault")]
+    assert [event.name for event in told] == ["rate biased"]
+    assert told[0].text == "pitch_angle: the sensor is right, a rate of turn is biased"
 
 
 @pytest.mark.parametrize(("aircraft", "shift_m"), [("b747", -0.3), ("b747", 0.3), ("f16", 0.15), ("f16", 0.21)])

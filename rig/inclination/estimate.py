@@ -19,6 +19,7 @@ from pydantic import Field
 
 from rig.angles import wrap
 from rig.frame import INDEX
+from rig.inclination.mean import carry, move
 from rig.inclination.path import PATH_SIGNALS, VERTICAL, pitching
 from rig.kernels import kernel
 from rig.settings import Settings
@@ -111,17 +112,23 @@ def forget(c, e, sigma):
 
 @kernel
 def predict(c, e, x, gyros):
-    """Theta by the body rates, and P = Phi P Phi' + Q.
+    """Theta by the voted body rates, and P = Phi P Phi' + Q.
 
     c, e : a PARAM and a STATE record; x : (S,) signals; gyros : which are in the vote, any number that changes with it
     """
+    rate = pitching(x[_Q], x[_R] - e["yaw_drift"], x[_PHI])
+    predict_by(c, e, rate, x[_Q], x[_PHI], gyros)
+
+
+@kernel
+def predict_by(c, e, rate, pitch_rate, roll_angle, gyros):
+    """The same by any ``rate`` of the pitch angle [rad/s], at this pitch rate [rad/s] and roll angle [rad]."""
     dt, p = c["dt"], e["p"]
     if gyros != e["gyros"] and e["frames"] > 0:  # another set has another drift
         p[1, 1] += c["drift_variance"]
-    rate = pitching(x[_Q], x[_R] - e["yaw_drift"], x[_PHI])
     last = e["rate"] if e["frames"] > 0 else rate
-    share, moved = dt * math.cos(x[_PHI]), dt * math.cos(x[_PHI]) * x[_Q]
-    e["theta"] += 0.5 * dt * (rate + last) - share * e["drift"] + moved * e["scale"]
+    share, moved = dt * math.cos(roll_angle), dt * math.cos(roll_angle) * pitch_rate
+    carry(dt, e, rate, last, share, moved)
     e["rate"], e["gyros"] = rate, gyros
     e["frames"] += 1
     for j in range(STATES):
@@ -150,8 +157,7 @@ def learn_yaw_drift(known, c, e, x):
 @kernel
 def follow_path(c, e, path):
     """Correct by what the path says of theta [rad], and learn how gusty it is."""
-    innovation, size = path - e["theta"] - e["path"], math.sqrt(e["gust_variance"])
-    innovation = min(max(innovation, -_CLIP * size), _CLIP * size)
+    innovation = path_innovation(e, e, path)
     e["path_seconds"] = min(e["path_seconds"] + c["dt"], _GUST_S)
     share = c["dt"] / (e["path_seconds"] + _GUST_START_S)
     e["gust_variance"] += share * (innovation * innovation - e["gust_variance"])
@@ -162,15 +168,24 @@ def follow_path(c, e, path):
 
 @kernel
 def correct(e, innovation, of_path, variance):
-    """Kalman's update by a measurement of theta + ``of_path`` d with ``innovation`` [rad] and ``variance``."""
+    """Kalman's update by a measurement of theta + ``of_path`` d with ``innovation`` [rad] and ``variance``.
+
+    Leaves the gain in ``g`` for ``move``.
+    """
     p, g = e["p"], e["g"]
     for i in range(STATES):
         g[i] = p[i, 0] + of_path * p[i, 2]
     total = g[0] + of_path * g[2] + variance
-    e["theta"] += g[0] / total * innovation
-    e["drift"] += g[1] / total * innovation
-    e["path"] += g[2] / total * innovation
-    e["scale"] += g[3] / total * innovation
     for i in range(STATES):
         for j in range(STATES):
             p[i, j] -= g[i] * g[j] / total
+    for i in range(STATES):
+        g[i] = g[i] / total
+    move(g, e, innovation)
+
+
+@kernel
+def path_innovation(e, mean, path):
+    """What the path says of theta [rad] less what ``mean`` does, no more than gusts explain; e : a STATE record."""
+    most = _CLIP * math.sqrt(e["gust_variance"])
+    return min(max(path - mean["theta"] - mean["path"], -most), most)

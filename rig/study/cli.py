@@ -66,6 +66,26 @@ def fault_tolerant(
         _show_laws(tolerant.summarise(flown), flights)
 
 
+@study.command("rate-bias")
+def rate_bias(
+    seeds: Annotated[int, typer.Option(help="Seeds of every case.", min=1)] = 1,
+    drawn: Annotated[int, typer.Option(help="Draw so many faults at random instead of the grid.", min=0)] = 0,
+    workers: Annotated[int, typer.Option(help="Processes.", min=1)] = 2,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Biased rates and halved attitudes, by the plain and the fault-tolerant law: 1881 flights for each seed."""
+    from rig.screen import console
+    from rig.study import rate_bias, rate_bias_drawn, rate_bias_table
+
+    numbers = range(1, seeds + 1)
+    random = [flight for seed in numbers for flight in rate_bias_drawn.drawn(drawn, seed)]
+    flown = rate_bias.study(random or rate_bias.grid(numbers), workers)
+    if as_json:
+        typer.echo(json.dumps(rate_bias_table.as_dict(flown), allow_nan=False))
+    else:
+        rate_bias_table.show(flown, console())
+
+
 def _show_laws(found: Sequence[Summary], flights: int) -> None:
     from rich.table import Table
 

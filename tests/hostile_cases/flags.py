@@ -38,9 +38,13 @@ _REFUSE: Final = {
     "bench --repeats",
     "study fault-tolerant --seeds",
     "study fault-tolerant --workers",
+    "study rate-bias --seeds",
+    "study rate-bias --drawn",
+    "study rate-bias --workers",
     "fly --realtime-factor",
 }
-_SKIPPED: Final = {"view --serve", "study ding2015 --json", "study fault-tolerant --json", "aircraft design --json"}
+_STUDIES: Final = ("ding2015", "fault-tolerant", "rate-bias")
+_SKIPPED: Final = {"view --serve", "aircraft design --json", *(f"study {name} --json" for name in _STUDIES)}
 
 
 @cache

@@ -7,6 +7,7 @@
 A ramp has moved the estimate before it is seen, so drift and path offset go back to what they were before.
 The sensor is trusted again when it has stayed near the estimate.  When the estimate leaves the path by more
 than gusts explain and the sensor does not, the rates lie and not the sensor: the correction is withdrawn.
+A trip that the inertial unit's rates do not confirm is a fault of the gyros: rates.py.
 """
 
 from __future__ import annotations
@@ -14,13 +15,14 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rig.control.tolerant import lie
+from rig.control.tolerant import lie, rates
 from rig.control.tolerant.record import KEPT
-from rig.frame import Trust
+from rig.frame import INDEX, Trust
 from rig.inclination.estimate import forget
 from rig.kernels import kernel
 
 _TRUSTED, _CORRECTED, _WITHDRAWN = int(Trust.TRUSTED), int(Trust.CORRECTED), int(Trust.WITHDRAWN)
+_Q, _R = INDEX["pitch_rate"], INDEX["yaw_rate"]
 _RECENT_S: Final = 0.5
 _JUMP_SHARE: Final = 0.5  # of the innovation that must be new for a jump
 _KNOWN_S: Final = 10.0  # after which drift and path offset are known well enough to go back to
@@ -33,12 +35,16 @@ _STRAY: Final = 3.0  # of ``near``, that one sample may be off while the sensor 
 
 
 @kernel
-def innovate(c, w, said, pitch_rate, yaw_rate):
-    """Innovation [rad] of what the sensor ``said`` and its sigma; c, w : a PARAM and a STATE record."""
+def innovate(c, w, said, x):
+    """Innovations [rad] of what the sensor ``said`` and their sigma.
+
+    c, w : a PARAM and a STATE record; x : (S,) signals
+    """
     e, dt = w["filter"], c["filter"]["dt"]
-    w["turning"] += min(dt / c["lag"], 1.0) * (abs(pitch_rate) + abs(yaw_rate) - w["turning"])
-    timing, turning = e["rate"] * c["timing"], w["turning"] * c["turn_error"] * c["lag"]
-    w["innovation"] = said - w["filter"]["theta"]
+    w["turning"] += min(dt / c["lag"], 1.0) * (abs(x[_Q]) + abs(x[_R]) - w["turning"])
+    turn_error = c["turn_error"] + rates.bank_error(w, x)
+    timing, turning = e["rate"] * c["timing"], w["turning"] * turn_error * c["lag"]
+    w["innovation"], w["second_innovation"] = said - e["theta"], said - w["second"]["theta"]
     w["sigma"] = math.sqrt(e["p"][0, 0] + c["floor"] * c["floor"] + timing * timing + turning * turning)
 
 
@@ -69,7 +75,10 @@ def judge(known, heard, c, w, said, path):
         w["cusum"] = max(0.0, w["cusum"] + (min(size, c["jump_sigma"]) - c["ramp_sigma"]) * dt)
         keep(c, w)
         if w["over"] >= c["persistence"] or w["cusum"] > c["ramp_s"]:
-            convict(w, before)
+            if rates.confirmed(w):
+                convict(w, before)
+            else:
+                rates.reject_gyros(w)
 
 
 @kernel

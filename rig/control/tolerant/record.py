@@ -7,8 +7,11 @@ from typing import Final
 import numpy as np
 
 from rig.inclination import estimate
+from rig.inclination.mean import MEAN
+from rig.inclination.unit import UNIT
 
 KEPT: Final = 4
+BOTH, UNIT_ALONE, GYROS_ALONE = range(3)  # whose rates are in order
 PARAM: Final = np.dtype(
     [
         ("filter", estimate.PARAM),
@@ -51,6 +54,16 @@ STATE: Final = np.dtype(
         ("over", "i8"),  # frames running with too large an innovation
         ("agreed", "i8"),
         ("trust", "i8"),  # frame.Trust
+        ("unit", UNIT),
+        ("second", MEAN),  # of the filter, were it driven by the inertial unit
+        ("second_innovation", "f8"),
+        ("second_over", "i8"),  # frames running in which it alone is too large
+        ("apart", "f8"),  # rad/s, rate of the pitch angle by the gyros less that by the unit, smoothed
+        ("usual", "f8"),  # what it is while both are in order
+        ("usual_seconds", "f8"),  # for which it has been learned
+        ("similar", "i8"),  # frames running in which apart is as usual
+        ("differ", "i8"),  # whether apart has been unusual since the gyros were rejected
+        ("rates", "i8"),  # which rates are in order: BOTH, UNIT_ALONE or GYROS_ALONE
     ],
     align=True,
 )

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rig.control.tolerant import lie
+from rig.control.tolerant import lie, rates
 from rig.control.tolerant.judge import innovate, judge
-from rig.frame import INDEX, Source, Trust
-from rig.inclination.estimate import begin, correct, follow_path, learn_yaw_drift, predict
+from rig.frame import INDEX, Lie, Source, Trust
+from rig.inclination.estimate import begin, correct, follow_path, learn_yaw_drift
+from rig.inclination.mean import move
 from rig.inclination.path import PATH_SIGNALS, climb, path_pitch_angle
 from rig.kernels import kernel
 
@@ -17,6 +18,7 @@ _THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
 _PATH: Final = tuple(INDEX[name] for name in PATH_SIGNALS)
 _VOTED: Final = int(Source.VOTED)
 _NONE, _TRUSTED, _CORRECTED = int(Trust.NONE), int(Trust.TRUSTED), int(Trust.CORRECTED)
+_RATE_BIAS: Final = int(Lie.RATE_BIAS)
 _FIRST_THETA_RAD: Final = 0.001  # sigma of what the sensor says at the start
 
 
@@ -24,7 +26,7 @@ _FIRST_THETA_RAD: Final = 0.001  # sigma of what the sensor says at the start
 def vouch(row, param, state, measured):
     """Put the true pitch angle into ``measured`` when the sensor lies, and say what is thought of it in the row.
 
-    row : a FRAME record, reads source and level; writes estimate, trust, lie
+    row : a FRAME record, reads source, level and inertial; writes estimate, trust, lie
     measured : (S,) signals, all finite; param, state : one record of PARAM and of STATE; state in place
     A healthy sensor is passed on bit for bit.
     """
@@ -34,20 +36,25 @@ def vouch(row, param, state, measured):
     if w["trust"] == _NONE:
         begin(of_filter, e, said, _FIRST_THETA_RAD)
         w["trust"], w["effectiveness"] = _TRUSTED, 1.0
+        rates.align(w, 0.0)
     known = source[_Q] == _VOTED and source[_R] == _VOTED and source[_PHI] == _VOTED
-    learn_yaw_drift(known and source[_PSI] == _VOTED, of_filter, e, measured)
-    predict(of_filter, e, measured, 8 * levels[_Q] + levels[_R])
+    headed = known and source[_PSI] == _VOTED
+    learn_yaw_drift(headed, of_filter, e, measured)
+    rates.turn(c, w, known, headed, row["inertial"], measured, 8 * levels[_Q] + levels[_R])
     climb(measured, e["theta"], of_filter["dt"], e["vertical"])
     path, heard = path_pitch_angle(measured, e["vertical"]), voted(source)
     if usable:
-        innovate(c, w, said, measured[_Q], measured[_R])
+        innovate(c, w, said, measured)
         judge(known, heard, c, w, said, path)
         if w["trust"] == _CORRECTED:
             lie.learn(c, w, said)
         elif w["over"] == 0:
             correct(e, said - e["theta"], 0.0, c["sensor_variance"])
+            move(e["g"], w["second"], said - w["second"]["theta"])
     if heard:
         follow_path(of_filter, e, path)
+        rates.follow(e, w, path)
+    rates.settle(c, w, known and usable)
     if usable:
         measured[_THETA] = answer(c, w, said)
     tell(row, w)
@@ -65,7 +72,7 @@ def voted(source):
 @kernel
 def answer(c, w, said):
     """The pitch angle that the law flies on: what the sensor ``said``, or the estimate within the bound."""
-    if w["trust"] == _CORRECTED or w["over"] > 0:
+    if w["trust"] == _CORRECTED or (w["over"] > 0 and rates.confirmed(w)):
         return said + min(max(w["filter"]["theta"] - said, -c["most"]), c["most"])
     if w["fade_left"] > 0:
         w["fade_left"] -= 1
@@ -81,4 +88,4 @@ def tell(row, w):
     told[3], told[4] = math.sqrt(max(p[0], 0.0)), math.sqrt(max(p[1], 0.0))
     told[5], told[6] = w["innovation"], w["sigma"]
     told[7], told[8] = e["drift"], e["path"]
-    row["trust"], row["lie"] = w["trust"], lie.name(w)
+    row["trust"], row["lie"] = w["trust"], _RATE_BIAS if rates.biased(w) else lie.name(w)
