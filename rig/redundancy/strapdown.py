@@ -8,7 +8,8 @@ In a coordinated turn s is the direction of the turn's bank, and elsewhere it is
 acceleration disturbs it.  The level components of e correct attitude and gyro drift with the memory of memory.py, of
 ``LEVEL_S``.  Around the vertical the heading's agreed votes do it, with ``LONG_S``; while they are not agreed, nothing
 does: what the gyros drift by has been learned to some 1e-5 rad/s within seconds, and the ground track differs from the
-heading by another angle after every turn in wind.  Roll and pitch angle read no vote of theirs but the first.
+heading by another angle after every turn in wind.  The level never corrects the yaw gyro's drift: in a bank it would
+blame it for errors of the accelerometers.  Roll and pitch angle read no vote of theirs but the first.
 
 Source: Mahony et al. 2008, Nonlinear complementary filters on SO(3), with the acceleration taken from the velocity.
 """
@@ -142,7 +143,7 @@ def correct(unit, last, around, rate_hz, e):
     h, k = slope_gain(level) * rate_hz, slope_gain(long) * rate_hz * around
     drift[0] -= h * (r11 * e_n + r21 * e_e) + k * r31
     drift[1] -= h * (r12 * e_n + r22 * e_e) + k * r32
-    drift[2] -= h * (r13 * e_n + r23 * e_e) + k * r33
+    drift[2] -= k * r33
     for i in range(3):
         drift[i] = min(max(drift[i], -_WORST_DRIFT), _WORST_DRIFT)
 
