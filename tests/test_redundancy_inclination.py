@@ -86,7 +86,7 @@ def test_rates_of_the_first_frame_lead_nothing():
     block = level_flight(3)
     block["inertial"][:, :3] = 0.3
     rates = {"pitch_rate": "inertial", "roll_rate": "inertial", "yaw_rate": "inertial"}
-    config = Config(**rates, pitch_angle="kinematic", inertial_lead_s=0.05)
+    config = Config.model_validate({**rates, "pitch_angle": "kinematic", "inertial_lead_s": 0.05})
     out = run(block, config)
     for name in ("roll_rate", "pitch_rate", "yaw_rate"):
         assert ref(out, name) == pytest.approx(0.3, abs=1e-12)

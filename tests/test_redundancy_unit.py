@@ -174,8 +174,8 @@ class Motion:
             last = max(k - 1, 0)
             x = np.zeros(S)
             x[[PHI, THETA, PSI]] = seen[last]
-            known = agreed if np.isscalar(agreed) else agreed[last]
-            strapdown.attitude(sample, self.unit[last], x, int(known), 1.0 / self.dt, lead_s, e, out)
+            known = int(np.broadcast_to(agreed, len(self.unit))[last])
+            strapdown.attitude(sample, self.unit[last], x, known, 1.0 / self.dt, lead_s, e, out)
             said.append(out.copy())
         return np.array(said)
 
