@@ -8,6 +8,7 @@ import pytest
 from rig import aircraft, scenario
 from rig.errors import BadInput
 from rig.faults import Hardover
+from rig.frame import SIGNALS
 from rig.loop import Rig, frames
 from rig.scenario import find, from_resolved, load
 from rig.settings import read_toml
@@ -225,3 +226,25 @@ def test_a_scenario_on_an_aircraft_without_its_flight_point_names_the_key_and_wh
     with pytest.raises(BadInput, match=wanted + r"; for example --set flight_point=20000ft_m06$"):
         load("history_qf72", ["aircraft=f16"])
     assert load("history_qf72", ["aircraft=f16", "flight_point=20000ft_m06"]).aircraft == "f16"
+
+
+def test_a_star_in_a_key_is_every_fault_or_every_signal():
+    fault = '{kind="offset", signal="heading", channels=[1], offset=0.1}'
+    sets = [f"faults=[{fault}, {fault}]", "faults.*.start_s=3.5", "sensors.*.channels=3"]
+    found = load(None, [*sets, 'redundancy.signals.*.resolvers=["trend"]'])
+    assert [fault.start_s for fault in found.faults] == [3.5, 3.5]
+    for signal in SIGNALS:
+        assert getattr(found.sensors, signal.name).channels == 3
+        assert getattr(found.redundancy.signals, signal.name).resolvers == ["trend"]
+    assert found.redundancy.signals.heading.threshold == load(None).redundancy.signals.heading.threshold
+
+
+@pytest.mark.parametrize("key", ["*", "pilot.*", "faults.0.*.x", "redundancy.*.threshold"])
+def test_a_star_elsewhere_is_refused_with_where_it_may_stand(key: str):
+    with pytest.raises(BadInput, match=r"\* stands for every item; allowed: redundancy.signals.\*, sensors.\*"):
+        load(None, [f"{key}=1"])
+
+
+def test_a_star_in_an_empty_list_is_refused():
+    with pytest.raises(BadInput, match="faults: \\* stands for every item"):
+        load(None, ["faults=[]", "faults.*.start_s=1"])
