@@ -24,7 +24,6 @@ from rig.kernels import kernel
 _TRUSTED, _CORRECTED, _WITHDRAWN = int(Trust.TRUSTED), int(Trust.CORRECTED), int(Trust.WITHDRAWN)
 _Q, _R = INDEX["pitch_rate"], INDEX["yaw_rate"]
 _RECENT_S: Final = 0.5
-_JUMP_SHARE: Final = 0.5  # of the innovation that must be new for a jump
 _KNOWN_S: Final = 10.0  # after which drift and path offset are known well enough to go back to
 _KEEP_S: Final = 10.0
 _ARBITER_S: Final = 3.0  # the path's gusts are smoothed over this
@@ -100,7 +99,7 @@ def keep(c, w):
 def convict(w, before):
     """The sensor lies; ``before`` : its smoothed innovation before this frame, by which a jump is known."""
     new = abs(w["innovation"] - before)
-    if new < _JUMP_SHARE * abs(w["innovation"]):
+    if new < rates.SUDDEN * abs(w["innovation"]):
         e = w["filter"]
         e["drift"], e["path"] = w["kept"][KEPT - 1, 0], w["kept"][KEPT - 1, 1]
         e["p"][0, 0] += w["innovation"] * w["innovation"]

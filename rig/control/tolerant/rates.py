@@ -28,7 +28,8 @@ from rig.kernels import kernel
 _Q, _R, _PHI = INDEX["pitch_rate"], INDEX["yaw_rate"], INDEX["roll_angle"]
 _TRUSTED: Final = int(Trust.TRUSTED)
 _AGREES: Final = 0.5  # ratio of the two residuals from which on they show the same fault
-_BANK_RAD: Final = 0.06  # farther from the unit's bank angle the voted one is not used
+_BANK_RAD: Final = 0.04  # farther from the unit's bank angle the voted one is not used
+SUDDEN: Final = 0.5  # share of the residual that must be new for a jump
 _BANK_ERROR: Final = 0.05  # rad, of the unit's bank angle: of the rate of turn when it is used
 
 
@@ -48,11 +49,13 @@ def turn(c, w, known, headed, inertial, x, gyros):
         follow_unit(inertial, x, e["theta"], headed and w["rates"] == BOTH, dt, u)
     else:
         lose_unit(w)
-    phi = x[_PHI] if bank_agrees(w, x) else u["roll_angle"]
+    phi = x[_PHI] if w["rates"] != UNIT_ALONE and bank_agrees(w, x) else u["roll_angle"]
     rate = pitching(x[_Q], x[_R] - e["yaw_drift"], x[_PHI])
     other = pitching(u["pitch_rate"], u["yaw_rate"], phi)
     if valid and known:
         compare(c, w, rate - other)
+    tilt = pitching(u["pitch_rate"], u["yaw_rate"], u["roll_angle"]) - other
+    w["tilt"] += dt * (tilt - w["tilt"] / max(c["lag"], dt))
     last = m["rate"] if e["frames"] > 0 else other
     carry(dt, m, other, last, dt * math.cos(phi), dt * math.cos(phi) * u["pitch_rate"])
     m["rate"] = other
@@ -99,8 +102,13 @@ def compare(c, w, difference):
 
 @kernel
 def confirmed(w):
-    """Whether the second residual confirms a sensor fault that the first one shows, or cannot be asked."""
+    """Whether the second residual confirms a sensor fault that the first one shows, or cannot be asked.
+
+    Unless the fault is sudden, as an error of the bank angle is not, it must do so with the unit's bank angle, too.
+    """
     first, second = w["innovation"], w["second_innovation"]
+    if abs(first - w["recent"]) < SUDDEN * abs(first):
+        second = min(second, second - w["tilt"]) if first > 0.0 else max(second, second - w["tilt"])
     return w["rates"] != BOTH or first * second >= _AGREES * first * first
 
 
@@ -122,7 +130,8 @@ def settle(c, w, known):
     elif w["rates"] != BOTH and w["similar"] >= c["return_frames"]:
         if w["rates"] == UNIT_ALONE:
             drive(w, w["apart"], w["usual"])
-        w["rates"], w["second_over"] = BOTH, 0
+            w["filter"]["p"][0, 0] += w["innovation"] * w["innovation"]  # the unit's bank angle was less accurate
+        w["rates"], w["second_over"], w["tilt"] = BOTH, 0, 0.0
         align(w, w["apart"])
     if w["rates"] != BOTH or w["trust"] != _TRUSTED or not known:
         align(w, w["usual"] if w["rates"] == BOTH else 0.0)
@@ -133,6 +142,8 @@ def reject_gyros(w):
     """Go on with the second mean: the first residual alone shows a fault."""
     e, m = w["filter"], w["second"]
     e["theta"], e["path"], e["scale"], e["rate"] = m["theta"], m["path"], m["scale"], m["rate"]
+    if abs(w["innovation"] - w["recent"]) < SUDDEN * abs(w["innovation"]):
+        e["theta"] += w["tilt"]
     drive(w, m["drift"] - e["drift"], -w["usual"])
     w["differ"] = 0 if abs(w["apart"] - w["usual"]) < SAME_RAD_S else 1
     w["rates"], w["similar"], w["over"], w["cusum"], w["recent"] = UNIT_ALONE, 0, 0, 0.0, 0.0
