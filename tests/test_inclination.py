@@ -140,5 +140,5 @@ def test_as_a_reference_it_settles_a_split_between_pairs():
 
 def test_a_lost_partner_takes_it_along_and_gives_it_back():
     lost = 'faults=[{kind="dropout",signal="angle_of_attack",channels=[1,2,3,4],start_s=10.0}]'
-    rows = flown(lost, seconds=15.0)
+    rows = flown(lost, "redundancy.references.pitch_angle=kinematic", seconds=15.0)
     assert np.isfinite(rows["reference"][1:1000, THETA]).all() and np.isnan(rows["reference"][1100:, THETA]).all()

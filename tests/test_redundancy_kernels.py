@@ -183,6 +183,9 @@ def test_settings_become_a_record_in_frames_with_their_defaults():
     assert plain == {
         "threshold": 0.5,
         "reference_threshold": 0.5,
+        "second_threshold": 0.5,
+        "common_persistence": 1,
+        "common_fails": 0,
         "low": -1.0,
         "high": 2.0,
         "deviation": 1.25,

@@ -482,7 +482,7 @@ def test_a_fault_on_the_inertial_unit_moves_the_reference_and_only_it():
     fault = 'faults=[{kind="hardover",signal="inertial.pitch_rate_rad_s",start_s=2.0,end_s=4.0}]'
     healthy, faulty = flown(*sets, seconds=6.0), flown(*sets, fault, seconds=6.0)
     moved = {name for name in healthy.dtype.names or () if healthy[name].tobytes() != faulty[name].tobytes()}
-    assert moved == {"inertial", "reference", "reference_usable", "acting"}
+    assert moved == {"inertial", "reference", "second_reference", "reference_usable", "acting"}
     q = INDEX["pitch_rate"]
     reading = [INDEX[name] for name, read in FROM_UNIT.items() if "pitch_rate_rad_s" in read]
     assert q in reading

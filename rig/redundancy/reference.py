@@ -2,7 +2,7 @@
 
 Every reference reads the votes of the last frame and this frame's ``inertial``; never the truth, never the
 signal that it is compared with, but for what two of them remember of it (sources.REMEMBERED): a slow memory,
-which is fed only by frames in which the signal's channels agreed.  A reference is NaN while one of its partners is
+which is fed only by frames in which the signal's channels agreed, or nobody spoke against the last of them.  A reference is NaN while one of its partners is
 lost or has no majority.  In the first frame, when nothing has been voted before, they begin with its own votes.
 
 Source: Zhang 2023, section 7 (pitch rate by a lead filter on angle of attack, or the inertial unit); the
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.angles import difference
-from rig.frame import INDEX, INERTIAL, SIGNALS, Pattern, S
+from rig.frame import INDEX, INERTIAL, SIGNALS, Pattern, Resolver, S
 from rig.inclination import estimate
 from rig.inclination.path import air_density
 from rig.kernels import kernel
@@ -56,7 +56,7 @@ STATE: Final = np.dtype(
         # Of the last frame, a bit for each signal:
         ("lost", "i8"),  # no channel
         ("singular", "i8"),  # no majority
-        ("agreed", "i8"),  # two channels or more, and all of them agree
+        ("agreed", "i8"),  # all channels in use agree, and no witness is against a last one
         ("roll_angle", "f8"),  # by the voted gyros
         ("rolling", "u1"),  # whether that has begun
         ("smoothing", "i8"),  # a bit for each signal whose filter has begun
@@ -78,6 +78,7 @@ _RATES: Final = np.array([INDEX[name.removesuffix("_rad_s")] for name in INERTIA
 _LOADS: Final = np.array([_NX, _NY, _NZ])  # in the order of the specific force
 _ANGLES: Final = np.array([_PHI, _THETA, _PSI])
 _OF_STRAPDOWN: Final = [_PHI, _THETA, _PSI, _ALPHA, _BETA]
+_NOBODY: Final = int(Resolver.NONE)
 _NORMAL, _FIRST_SINGULAR, _LAST_SINGULAR = int(Pattern.NORMAL), int(Pattern.P2_2), int(Pattern.P1_1)
 
 
@@ -155,7 +156,7 @@ def remember(block, k, pressures, table, param, state):
 @kernel
 def look_back(row, st):
     """Keep the votes, and which signals are lost, have no majority, or agree; a vote without majority is not kept."""
-    voted, level, pattern, kept = row["voted"], row["level"], row["pattern"], st["voted"]
+    voted, level, pattern, resolver, kept = row["voted"], row["level"], row["pattern"], row["resolver"], st["voted"]
     lost, singular, agreed = 0, 0, 0
     for s in range(S):
         if level[s] == 0 or not math.isfinite(voted[s]):
@@ -165,7 +166,7 @@ def look_back(row, st):
             singular |= 1 << s
             if st["started"] != 0:
                 continue
-        elif pattern[s] == _NORMAL and level[s] >= 2:
+        elif pattern[s] == _NORMAL and resolver[s] == _NOBODY:  # of a last channel: no witness is against it
             agreed |= 1 << s
         kept[s] = voted[s]
     st["lost"], st["singular"], st["agreed"] = lost, singular, agreed

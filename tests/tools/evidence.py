@@ -38,11 +38,15 @@ Table = dict[str, Any]
 
 @dataclass(frozen=True)
 class Try:
-    """One flight: its settings, the channels that are faulty by signal, and one of its healthy ones."""
+    """One flight: the row that it counts in, what it is, its settings."""
 
     row: str
     about: str
     sets: tuple[str, ...]
+
+    def seeded(self, seed: int) -> Try:
+        """The same flight with noise, calibration and coverage of its own."""
+        return Try(self.row, self.about, (*self.sets, f"seed={seed}"))
 
 
 def offset(name: str, channels: list[int], thresholds: float, start_s: float) -> Table:
@@ -141,9 +145,11 @@ def healthy() -> Iterator[Try]:
                     gone = list(range(1, 5 - level))
                     faults = [{"kind": "dropout", "signal": name, "channels": gone, "start_s": 2.0}]
                     turbulence, manual = ("none", "light", "moderate")[i % 3], i % 2 == 1
-                    more = (f"turbulence={turbulence}", f"seed={i + 1}", MANUAL if manual else STEPS)
+                    more = (f"turbulence={turbulence}", MANUAL if manual else STEPS)
                     engaged = f"pilot.autopilot_engaged={json.dumps(not manual)}"
-                    yield flight(f"level {level}", f"{name} {i}", aircraft, 190.0, faults, *more, engaged)
+                    hands_off_s, held_s = 60.0, 280.0  # nobody flies on after the manoeuvres on the sticks
+                    duration_s = hands_off_s if manual else held_s
+                    yield flight(f"level {level}", f"{name} {i}", aircraft, duration_s, faults, *more, engaged)
 
 
 def manoeuvre(kind: str, axis: str, start_s: float, amplitude: float, **more: float) -> Table:
@@ -213,7 +219,7 @@ def main() -> int:
     parser.add_argument("--rows", default=",".join(ROWS))
     parser.add_argument("--json", default="")
     asked = parser.parse_args()
-    tries = [one for row in asked.rows.split(",") for one in ROWS[row]()]
+    tries = [one.seeded(i) for row in asked.rows.split(",") for i, one in enumerate(ROWS[row](), 1)]
     began = perf_counter()
     with ProcessPoolExecutor(asked.workers, mp_context=get_context("forkserver")) as pool:
         found = list(pool.map(judge, tries, chunksize=4))
