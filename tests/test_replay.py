@@ -49,7 +49,7 @@ def rewrite(source: Path, target: Path, rows=None, changes=None) -> Path:
 def test_a_log_replays_to_the_bit(flown):
     found = verify(recorded(flown)).comparison
     assert found.identical and found.frames == 300
-    signals, discretes = 16 * (12 + 1), 3 * (4 + 2)  # numbers that the stage writes of each, and the source
+    signals, discretes = 16 * (14 + 1), 3 * (4 + 2)  # numbers that the stage writes of each, and the source
     assert len(found.fields) == signals + discretes + 8  # and who acted, 64 bits
 
 

@@ -2,8 +2,9 @@
 
 Every reference reads the votes of the last frame and this frame's ``inertial``; never the truth, never the
 signal that it is compared with, but for what two of them remember of it (sources.REMEMBERED): a slow memory,
-which is fed only by frames in which the signal's channels agreed, or nobody spoke against the last of them.  A reference is NaN while one of its partners is
-lost or has no majority.  In the first frame, when nothing has been voted before, they begin with its own votes.
+fed only by frames in which the signal's channels agreed, or nobody spoke against the last of them.  A reference is
+NaN while one of its partners is lost or has no majority.  In the first frame, when nothing has been voted before,
+they begin with its own votes.
 
 Source: Zhang 2023, section 7 (pitch rate by a lead filter on angle of attack, or the inertial unit); the
 equations are in motion.py, unit.py and strapdown.py.
