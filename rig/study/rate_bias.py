@@ -9,7 +9,6 @@ where the plain law loses the aircraft, no earlier than it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import product
 from shlex import quote
@@ -20,6 +19,7 @@ import numpy as np
 from rig import scenario
 from rig.frame import FLIGHT_INDEX, Block, End, Lie, Trust
 from rig.loop import Rig, frames
+from rig.study.workers import each
 
 AFTER_S: Final = 60.0  # flown after the onset
 POINTS: Final = {"f16": "20000ft_m06", "b747": "35000ft_m084", "b737": "30000ft_m074"}
@@ -121,8 +121,7 @@ def grid(seeds: Sequence[int]) -> list[Flight]:
 
 def study(flights: Sequence[Flight], workers: int = 2) -> list[Flown]:
     """Fly every case with its faults, by both laws."""
-    with ProcessPoolExecutor(workers) as pool:
-        return [flown for part in pool.map(fly_case, flights) for flown in part]
+    return [flown for part in each(fly_case, flights, workers) for flown in part]
 
 
 def fly_case(flight: Flight) -> list[Flown]:

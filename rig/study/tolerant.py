@@ -8,7 +8,6 @@ The airframe is flown as designed and with its centre of gravity moved, which th
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from itertools import product
 from typing import Any, Final
@@ -19,6 +18,7 @@ from scipy.stats import binomtest
 from rig import scenario
 from rig.frame import FLIGHT_INDEX, INDEX, Block, End, Trust
 from rig.loop import Rig, frames
+from rig.study.workers import each
 
 ONSET_S: Final = 20.0
 LAST_S: Final = 10.0  # over which the steady deviation is taken
@@ -104,10 +104,7 @@ def cases(seeds: Sequence[int]) -> list[Case]:
 
 def study(seeds: Sequence[int] = (1,), workers: int = 2) -> tuple[list[Flown], int]:
     """Fly everything; the flights with a fault, and how many there were in all."""
-    flown: list[Flown] = []
-    with ProcessPoolExecutor(workers) as pool:
-        for part in pool.map(fly_case, cases(seeds)):
-            flown += part
+    flown = [one for part in each(fly_case, cases(seeds), workers) for one in part]
     return flown, len(flown) + len(LAWS) * len(cases(seeds))
 
 

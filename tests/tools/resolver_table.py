@@ -33,7 +33,7 @@ def outcomes(folder: Path) -> pl.DataFrame:
     right = ~wrong & (pl.col("missed") == 0) & (pl.col("detected") > 0)
     told = pl.when(wrong).then(pl.lit("wrong")).when(right).then(pl.lit("right")).otherwise(pl.lit("nobody"))
     kind = pl.col("pattern").str.split(",").list.first()
-    place = pl.col("pattern").str.extract(r"good (\S+)")
+    place = pl.col("pattern").str.extract(r"good (\w+)")
     return runs.with_columns(told.alias("told"), kind.alias("kind"), place.alias("place"))
 
 

@@ -1,0 +1,41 @@
+"""Cases on several processes: in their order, and an interruption does not wait for all of them."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+from rig.study.workers import each
+
+SLOW = """
+import sys, time
+from pathlib import Path
+from rig.interrupt import end_cleanly
+from rig.study.workers import each
+
+def fly(case):
+    Path("begun").touch()
+    time.sleep(0.2)
+    return case
+
+end_cleanly()
+list(each(fly, range(1000), 2))
+"""
+
+
+def double(case: int) -> int:
+    return 2 * case
+
+
+def test_results_come_in_the_order_of_the_cases():
+    assert list(each(double, range(20), 2)) == [2 * case for case in range(20)]
+
+
+def test_a_termination_does_not_wait_for_the_cases_that_have_not_begun(tmp_path):
+    process = subprocess.Popen([sys.executable, "-c", SLOW], cwd=tmp_path, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 30
+    while not (tmp_path / "begun").exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    os.kill(process.pid, signal.SIGTERM)
+    assert process.wait(timeout=20) == 128 + signal.SIGTERM
