@@ -21,12 +21,6 @@ settings.load_profile("rig")
 FEWER = int(os.environ.get("RIG_FEWER_EXAMPLES", "1"))  # a mutation run divides the number of examples by it
 
 
-@pytest.hookimpl(optionalhook=True)
-def pytest_xdist_auto_num_workers() -> int:
-    """One worker more than cores: many tests wait for processes that they started."""
-    return (os.cpu_count() or 1) + 1
-
-
 @dataclass(frozen=True)
 class Voted:
     """Signal 0 of a block that went through a manager."""
