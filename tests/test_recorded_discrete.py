@@ -219,7 +219,7 @@ def test_alignment_leaves_discretes_on_their_rows():
     shape = np.cumsum(rng.normal(size=1000))
     late: list[Floats] = [shape[k : k + 800].astype(np.float64) for k in (40, 37, 40)]
     x = Samples(late)  # the second is three rows late
-    door = Samples([np.arange(800) % 2.0] * 2)
+    door = Samples([(np.arange(800) % 2.0).astype(np.float64)] * 2)
     recording = Recording(np.arange(800) / 100, {"x": x}, discretes={"door": door})
     moved, _ = align(recording, VoteConfig(default={"threshold": 1.0}).signals(["x"], ""))
     assert len(moved.time_s) == 797
