@@ -75,9 +75,14 @@ _ALPHA, _BETA = INDEX["angle_of_attack"], INDEX["angle_of_sideslip"]
 _STATIC, _DYNAMIC = INDEX["static_pressure"], INDEX["dynamic_pressure"]
 _THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
 _ALPHA_FILTER, _ATTITUDE_FILTER, _RATE_FILTER, _UNIT_FILTER = (COLUMNS.index(name) for name in FILTERS)
-_RATES: Final = np.array([INDEX[name.removesuffix("_rad_s")] for name in INERTIAL[:3]])  # the signals they stand for
-_LOADS: Final = np.array([_NX, _NY, _NZ])  # in the order of the specific force
-_ANGLES: Final = np.array([_PHI, _THETA, _PSI])
+_RATE, _LOAD, _ANGLE, _FLOW, _AIR = range(5)  # what the inertial unit says of a signal, and of which axis
+_OF_UNIT: Final = {
+    **{INDEX[name.removesuffix("_rad_s")]: (_RATE, i) for i, name in enumerate(INERTIAL[:3])},
+    **{s: (_LOAD, i) for i, s in enumerate((_NX, _NY, _NZ))},  # in the order of the specific force
+    **{s: (_ANGLE, i) for i, s in enumerate((_PHI, _THETA, _PSI))},
+    **{_ALPHA: (_FLOW, 0), _BETA: (_FLOW, 1)},
+}
+_KIND, _AXIS = (np.array([_OF_UNIT.get(s, (_AIR, 0))[part] for s in range(S)]) for part in (0, 1))
 _OF_STRAPDOWN: Final = [_PHI, _THETA, _PSI, _ALPHA, _BETA]
 _NOBODY: Final = int(Resolver.NONE)
 _NORMAL, _FIRST_SINGULAR, _LAST_SINGULAR = int(Pattern.NORMAL), int(Pattern.P2_2), int(Pattern.P1_1)
@@ -185,6 +190,7 @@ def answer(row, pressures, table, param, state):
     if p["strapdown"] != 0:
         e = u["strapdown"]
         strapdown.attitude(inertial, u["last"], voted, st["agreed"], p["rate_hz"], p["lead_s"], e, u["angles"])
+        unit.flow_angles(inertial, u["angles"], u["flow"])
     density = air_density(voted[_STATIC])
     speed = max(math.sqrt(2.0 * max(voted[_DYNAMIC], 0.0) / density), _SLOWEST)
     unknown = st["lost"] | st["singular"]
@@ -244,19 +250,19 @@ def of_partners(s, partners, p, st, speed):
 def of_unit(s, inertial, p, st, density):
     """What the inertial unit says of signal s (unit.py, strapdown.py)."""
     u, rate_hz, lead = st["unit"], p["rate_hz"], p["lead_frames"]
-    for i in range(3):
-        if s == _RATES[i]:
-            return unit.rate(i, inertial, lead, u)
-        if s == _LOADS[i]:
-            said = unit.load_factor(i, inertial, lead, p["accelerometer"], u)
-            return -said if i == 2 else said
-        if s == _ANGLES[i]:
-            return u["angles"][i]
+    kind, i = _KIND[s], _AXIS[s]
+    if kind == _RATE:
+        return unit.rate(i, inertial, lead, u)
+    if kind == _ANGLE:
+        return u["angles"][i]
+    if kind == _LOAD:
+        said = unit.load_factor(i, inertial, lead, p["accelerometer"], u)
+        return -said if i == 2 else said
+    if kind == _FLOW:
+        return u["flow"][i]
     if s == _STATIC:
         return unit.static_pressure(inertial, st["voted"], st["agreed"], rate_hz, u)
-    if s == _DYNAMIC:
-        return motion.dynamic_pressure(inertial, density)
-    return unit.flow_angle(1 if s == _ALPHA else 2, inertial, u["angles"])
+    return motion.dynamic_pressure(inertial, density)
 
 
 @kernel

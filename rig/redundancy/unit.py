@@ -32,7 +32,8 @@ STATE: Final = np.dtype(
         ("last", "f8", (len(INERTIAL),)),  # of the last frame
         ("smooth", "f8", (3,)),  # its rates behind the filter, and their change a second
         ("slope", "f8", (3,)),
-        ("angles", "f8", (3,)),  # workspace
+        ("angles", "f8", (3,)),  # roll, pitch, heading of this frame
+        ("flow", "f8", (2,)),  # angle of attack and sideslip of its velocity
         ("strapdown", strapdown.STATE),
         ("pressure", PRESSURE),
         ("started", "u1"),
@@ -85,10 +86,10 @@ def load_factor(axis, unit, lead_frames, place, u):
 
 
 @kernel
-def flow_angle(axis, unit, angles):
-    """Direction of the unit's velocity in body axes [rad]: 1 the angle of attack, 2 the sideslip.  Wind is its error.
+def flow_angles(unit, angles, out):
+    """Direction of the unit's velocity in body axes [rad] into ``out`` (2,): angle of attack and sideslip.
 
-    angles : roll, pitch, heading of the unit
+    Wind is its error.  angles : roll, pitch, heading of the unit
     """
     north, east, down = unit[_NORTH], unit[_NORTH + 1], unit[_DOWN]
     sin_phi, cos_phi, sin_theta, cos_theta = (
@@ -97,14 +98,13 @@ def flow_angle(axis, unit, angles):
         math.sin(angles[1]),
         math.cos(angles[1]),
     )
-    level = north * math.cos(angles[2]) + east * math.sin(angles[2])
-    aside = east * math.cos(angles[2]) - north * math.sin(angles[2])
+    sin_psi, cos_psi = math.sin(angles[2]), math.cos(angles[2])
+    level, aside = north * cos_psi + east * sin_psi, east * cos_psi - north * sin_psi
     forward = level * cos_theta - down * sin_theta
     below = level * sin_theta + down * cos_theta
     right, under = aside * cos_phi + below * sin_phi, below * cos_phi - aside * sin_phi
-    if axis == 1:
-        return math.atan2(under, forward)
-    return math.atan2(right, math.sqrt(forward * forward + under * under))
+    out[0] = math.atan2(under, forward)
+    out[1] = math.atan2(right, math.sqrt(forward * forward + under * under))
 
 
 @kernel
