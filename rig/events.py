@@ -217,7 +217,9 @@ def _reference(frame: int, old: int, new: int, s: int, row: Any) -> Event:
     return Event(frame, "info", "reference", f"{SIGNALS[s].name}: reference {standing}")
 
 
-def _common(frame: int, old: int, new: int, s: int, row: Any) -> Event:
+def _common(frame: int, old: int, new: int, s: int, row: Any) -> Event | None:
+    if not new and row["level"][s] == 0:
+        return None  # it has been failed for it
     if not new:
         return Event(frame, "info", "common mode", f"{SIGNALS[s].name}: no more")
     return Event(frame, "error", "common mode", f"{SIGNALS[s].name}: two references agree against all channels")

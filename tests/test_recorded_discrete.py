@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -148,21 +147,6 @@ def test_the_discretes_of_a_log_vote_as_in_flight(tmp_path: Path):
         assert found[discrete.name].voted.tolist() == block["discrete_voted"][:, d].tolist()
         assert found[discrete.name].level.tolist() == block["discrete_level"][:, d].tolist()
         assert np.array(found[discrete.name].state).T.tolist() == block["discrete_state"][:, d].tolist()
-
-
-@pytest.fixture
-def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
-    """rig(arguments) -> exit code, stdout, stderr; in a folder of its own."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["rig", "vote", *arguments])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        said = capsys.readouterr()
-        return int(end.value.code or 0), said.out, said.err
-
-    return run
 
 
 def config(**tables: Any) -> None:

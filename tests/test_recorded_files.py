@@ -40,21 +40,6 @@ ONE: dict[str, Any] = {"default": {"threshold": 1.0}}
 HEAD = "time_s,x.1,x.2,x.3\n"
 
 
-@pytest.fixture
-def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
-    """rig(arguments) -> exit code, stdout, stderr; in a folder of its own."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["rig", "vote", *arguments])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        said = capsys.readouterr()
-        return int(end.value.code or 0), said.out, said.err
-
-    return run
-
-
 def config(**tables: Any) -> None:
     Path("c.toml").write_text(tomli_w.dumps(tables))
 

@@ -18,7 +18,7 @@ from rig.loop import Rig, frames
 from rig.redundancy import measured_thresholds
 from rig.redundancy.config import parameters
 from rig.redundancy.designed import Designed, Error, Point
-from rig.redundancy.reference import References, refer, remember
+from rig.redundancy.reference import STATE, References, look_back, refer, remember
 from rig.redundancy.sources import FROM_UNIT, PARTNERS, REMEMBERED, Config, source
 from rig.sensors import channels, ranges
 
@@ -527,3 +527,22 @@ def test_by_the_inertial_unit_a_split_just_over_the_threshold_is_settled_rightly
     failed = np.flatnonzero(rows["state"][-1, INDEX[signal]] == State.FAILED) + 1
     assert failed.tolist() == bad
     assert Resolver.REFERENCE in rows["resolver"][:, INDEX[signal]]
+
+
+@pytest.mark.parametrize(
+    ("level", "pattern", "resolver", "agreed"),
+    [
+        (4, Pattern.NORMAL, Resolver.NONE, True),
+        (1, Pattern.NORMAL, Resolver.NONE, True),
+        (1, Pattern.NORMAL, Resolver.REFERENCE, False),
+        (1, Pattern.NORMAL, Resolver.ILM, False),
+        (4, Pattern.ISOLATED, Resolver.NONE, False),
+        (4, Pattern.P2_2, Resolver.TREND, False),
+        (0, Pattern.LOST, Resolver.NONE, False),
+    ],
+)
+def test_a_last_channel_feeds_what_is_remembered_unless_a_witness_speaks(level, pattern, resolver, agreed):
+    state, block, s = np.zeros(1, STATE), new_block(1), INDEX["static_pressure"]
+    block["level"], block["pattern"], block["resolver"] = level, pattern, resolver
+    look_back(block[0], state[0])
+    assert bool((int(state[0]["agreed"]) >> s) & 1) == agreed

@@ -12,8 +12,8 @@ from rig.angles import difference
 from rig.frame import Resolver
 from rig.kernels import kernel
 from rig.redundancy.compare import NORMAL
+from rig.redundancy.last_channel import REFERENCE_MARGIN
 
-COMMON_MARGIN: Final = 1.5  # thresholds of a reference, as against a last channel
 _COMMON: Final = int(Resolver.COMMON)
 
 
@@ -30,8 +30,8 @@ def contradicted(n, raw, reference, second, p, st):
     apart = abs(difference(reference, second, wraps))
     # A comparison with NaN is false.
     return (
-        off > max(COMMON_MARGIN * first_threshold, p["threshold"])
-        and second_off > max(COMMON_MARGIN * second_threshold, p["threshold"])
+        off > max(REFERENCE_MARGIN * first_threshold, p["threshold"])
+        and second_off > max(REFERENCE_MARGIN * second_threshold, p["threshold"])
         and apart <= first_threshold + second_threshold
     )
 

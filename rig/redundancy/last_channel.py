@@ -15,7 +15,7 @@ from rig.kernels import kernel
 from rig.redundancy import resolve
 
 # With 1.0 reference thresholds healthy last channels were failed in 11 of 384 flights, with 1.5 in none.
-LAST_CHANNEL_MARGIN: Final = 1.5
+REFERENCE_MARGIN: Final = 1.5
 _NONE: Final = int(Resolver.NONE)
 
 
@@ -28,7 +28,7 @@ def check_last(ilm, reference, p, st):
     c = st["order"][0]
     sample = st["x"][c]
     usable = st["reference_usable"] and not np.isnan(reference)
-    off = usable and abs(difference(sample, reference, p["wraps"])) > LAST_CHANNEL_MARGIN * p["reference_threshold"]
+    off = usable and abs(difference(sample, reference, p["wraps"])) > REFERENCE_MARGIN * p["reference_threshold"]
     if ilm[c] != resolve.BAD and not off:
         return _NONE, sample
     st["alone"][c] = True
