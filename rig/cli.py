@@ -213,10 +213,10 @@ def aircraft_show(name: str, as_json: Json = False) -> None:
     import tomli_w
 
     from rig.aircraft import tables
-    from rig.settings import refuse_not_finite
+    from rig.settings import refuse_what_is_no_setting
 
     found = tables(name)
-    refuse_not_finite(found, f"aircraft {name}")
+    refuse_what_is_no_setting(found, f"aircraft {name}")
     _print(as_json, lambda: found, lambda: typer.echo(plain(tomli_w.dumps(found), keep="\n"), nl=False))
 
 

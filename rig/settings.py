@@ -11,6 +11,7 @@ import math
 import re
 import tomllib
 from collections.abc import Iterator
+from datetime import date, time
 from pathlib import Path
 from typing import Any, ClassVar, Final, TypeVar, get_args
 
@@ -118,12 +119,14 @@ def _refuse_deep(data: dict[str, Any], source: str) -> None:
     raise BadInput(f"{source}: nested more than {DEEPEST} deep")
 
 
-def refuse_not_finite(data: Any, source: str, key: str = "") -> None:
-    """Refuse plain data with a number that is infinite or none; BadInput names ``source`` and its key."""
+def refuse_what_is_no_setting(data: Any, source: str, key: str = "") -> None:
+    """Refuse plain data with a number that is infinite or none, or a date; BadInput names ``source`` and its key."""
     if isinstance(data, float) and not math.isfinite(data):
         raise BadInput(f"{source}: {key}: must be a finite number, got {data}")
+    if isinstance(data, date | time):  # TOML has them, JSON and our settings do not
+        raise BadInput(f"{source}: {key}: must be a number, a text, a list or a table, got the date or time {data}")
     for name, value in data.items() if isinstance(data, dict) else enumerate(data if isinstance(data, list) else ()):
-        refuse_not_finite(value, source, f"{key}.{name}" if key else str(name))
+        refuse_what_is_no_setting(value, source, f"{key}.{name}" if key else str(name))
 
 
 def build(model: type[M], data: dict[str, Any], source: str) -> M:
