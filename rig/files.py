@@ -25,6 +25,14 @@ def is_file(path: Path) -> bool:
     return os.path.isfile(path)  # noqa: PTH113 # Path.is_file raises for a name that is too long
 
 
+def is_pipe(path: Path) -> bool:
+    """Whether opening ``path`` would wait for a writer; no for a name that no file can have."""
+    try:
+        return path.is_fifo()
+    except OSError:
+        return False
+
+
 @contextmanager
 def draft(path: Path) -> Iterator[Path]:
     """A new empty file beside ``path``, under a name that nobody else has; it is removed at the end.

@@ -60,7 +60,7 @@ def plan(
 def run(
     file: File,
     out: Annotated[Path, typer.Option(help="Output folder; one that was begun is gone on with.", show_default=False)],
-    workers: Annotated[int | None, typer.Option(help="Processes.", min=1, show_default="the file's")] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes.", min=1, max=1024, show_default="the file's")] = None,
     runs: Runs = None,
     scheduler: Annotated[
         str | None, typer.Option(help="A Dask scheduler, tcp://HOST:PORT, in place of processes.", show_default=False)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import BadLog
+from rig.files import is_pipe
 from rig.frame import INDEX, SIGNALS
 from rig.log import foreign, read_log
 from rig.log.columns import COLUMNS
@@ -45,7 +46,7 @@ def side(path: Path | str) -> Side:
 
 def _is_voted(path: Path) -> bool:
     """Whether the file has signals but no flight; what cannot be told here is for read_log to say."""
-    if path.is_fifo():
+    if is_pipe(path):
         return False
     try:
         topics = foreign.topics(path)

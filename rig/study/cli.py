@@ -52,8 +52,8 @@ def ding2015(
 
 @study.command("fault-tolerant")
 def fault_tolerant(
-    seeds: Annotated[int, typer.Option(help="Seeds of every case.", min=1)] = 1,
-    workers: Annotated[int, typer.Option(help="Processes.", min=1)] = 2,
+    seeds: Annotated[int, typer.Option(help="Seeds of every case.", min=1, max=1000)] = 1,
+    workers: Annotated[int, typer.Option(help="Processes.", min=1, max=1024)] = 2,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Lying pitch-angle sensors by case and law, flown by JSBSim: 648 flights for each seed, some ten minutes."""
@@ -68,9 +68,9 @@ def fault_tolerant(
 
 @study.command("rate-bias")
 def rate_bias(
-    seeds: Annotated[int, typer.Option(help="Seeds of every case.", min=1)] = 1,
-    drawn: Annotated[int, typer.Option(help="Draw so many faults at random instead of the grid.", min=0)] = 0,
-    workers: Annotated[int, typer.Option(help="Processes.", min=1)] = 2,
+    seeds: Annotated[int, typer.Option(help="Seeds of every case.", min=1, max=1000)] = 1,
+    drawn: Annotated[int, typer.Option(help="Draw so many faults instead of the grid.", min=0, max=10**6)] = 0,
+    workers: Annotated[int, typer.Option(help="Processes.", min=1, max=1024)] = 2,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Biased rates and halved attitudes, by the plain and the fault-tolerant law: 1881 flights for each seed."""
