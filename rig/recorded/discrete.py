@@ -14,9 +14,8 @@ from rig.recorded.config import RecordedDiscrete, Reset, reset_table
 from rig.recorded.record import Bytes, Recording, Samples
 from rig.recorded.vote import ROWS, Failure
 from rig.redundancy.discrete import DiscreteVoter, vote_discretes
-from rig.redundancy.discrete_config import DISCRETE_PARAMS, fill_discrete
+from rig.redundancy.discrete_config import DISCRETE_PARAMS, PERSISTENCE, fill_discrete
 
-PERSISTENCE: Final = 8  # frames, of a table that gives none; that of flight
 _FAILED: Final = int(State.FAILED)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field, create_model, field_validator, model_validator
 
 from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, SIGNALS, Resolver, S, to_frame
-from rig.redundancy.discrete_config import DiscreteConfigs
+from rig.redundancy.discrete_config import PERSISTENCE, DiscreteConfigs
 from rig.redundancy.persistence import in_frames, refuse_both
 from rig.redundancy.reference import Config as References
 from rig.settings import Settings
@@ -88,7 +88,7 @@ class Config(Settings):
     manager: str = "cross-channel"  # one of MANAGERS, or module:Class
     box_signals: int = Field(default=4, ge=0)  # that accuse a channel at once until it is failed on all; 0: never
     box_persistence: int = Field(default=8, ge=1)  # frames for which they do
-    discrete_persistence: int = Field(default=8, ge=1)  # frames, of a discrete that has none of its own
+    discrete_persistence: int = Field(default=PERSISTENCE, ge=1)  # frames, of a discrete that has none of its own
     discretes: DiscreteConfigs = DiscreteConfigs()  # pyright: ignore[reportInvalidTypeForm]  # from the frame's table
     common_mode: Literal["report", "fail"] = "report"  # what two references against all channels do to a signal
     common_persistence: int = Field(default=10, ge=1)  # frames

@@ -12,6 +12,8 @@ from rig.frame import DISCRETES, D
 from rig.redundancy.persistence import in_frames, refuse_both
 from rig.settings import Settings
 
+PERSISTENCE: Final = 8  # frames, of a discrete that has none of its own
+
 
 class DiscreteConfig(Settings):
     """How one discrete is monitored and voted: a ``[redundancy.discretes.<name>]`` table."""
