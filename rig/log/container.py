@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import os
 import struct
-import zlib
 from array import array
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
@@ -37,6 +36,7 @@ from mcap.records import (
     SummaryOffset,
 )
 from mcap.well_known import MessageEncoding, SchemaEncoding
+from zlib_ng.zlib_ng import crc32
 
 from rig.frame import SIGNALS
 from rig.log.index import EVENT_CHANNEL, Packed, index_size, message_indexes
@@ -103,7 +103,7 @@ class Container:
     def _put(self, *parts: Any) -> None:
         for part in parts:
             left = memoryview(part).cast("B")
-            self._crc = zlib.crc32(left, self._crc)
+            self._crc = crc32(left, self._crc)
             self._offset += len(left)
             while left:
                 left = left[self._file.write(left) :]
@@ -167,7 +167,7 @@ class Container:
                 offsets.append(encode(SummaryOffset(opcode, begin, self._offset - begin)))
         offsets_start = self._offset
         self._put(*offsets)
-        crc = zlib.crc32(_FOOTER_HEAD.pack(Opcode.FOOTER, 20, start, offsets_start), self._crc)
+        crc = crc32(_FOOTER_HEAD.pack(Opcode.FOOTER, 20, start, offsets_start), self._crc)
         self._put(encode(Footer(start, offsets_start, crc)), MAGIC)
         self._file.close()
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import struct
-import zlib
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -22,6 +21,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.records import Chunk
 from numpy.typing import NDArray
+from zlib_ng.zlib_ng import crc32
 
 from rig.errors import BadLog
 from rig.frame import Block
@@ -124,7 +124,7 @@ def decode(content: bytes) -> Part:
     if zstandard.frame_content_size(chunk.data) != chunk.uncompressed_size:
         raise ValueError("the size of the chunk does not match")
     data = zstandard.ZstdDecompressor().decompress(chunk.data)
-    same_crc("chunk", chunk.uncompressed_crc, zlib.crc32(data))
+    same_crc("chunk", chunk.uncompressed_crc, crc32(data))
     packed = rows_in(np.frombuffer(data, np.uint8))
     rows, timing = unpack(packed)
     events, entries = _events(data, packed.nbytes)

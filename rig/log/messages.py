@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import struct
-import zlib
 from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +20,7 @@ from mcap.opcode import Opcode
 from mcap.reader import FOOTER_SIZE
 from mcap.records import Channel, Chunk, ChunkIndex, Footer, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader
+from zlib_ng.zlib_ng import crc32
 
 from rig.errors import BadLog
 from rig.log.container import MAGIC
@@ -152,7 +152,7 @@ def _content(path: Path, chunk: Chunk, budget: Budget) -> bytes:
     data = _expanded(chunk)
     if len(data) != size:
         raise ValueError(f"a chunk claims {size} bytes and has {len(data)}")
-    if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
+    if chunk.uncompressed_crc not in (0, crc32(data)):
         raise ValueError("the checksum of a chunk does not match")
     return data
 

@@ -7,7 +7,6 @@ log without BadLog is what was written.
 from __future__ import annotations
 
 import struct
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -18,6 +17,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, DataEnd, Footer, Metadata, Schema
+from zlib_ng.zlib_ng import crc32
 
 from rig.errors import BadLog
 from rig.log.container import MAGIC, RESULT, RIG, channels
@@ -89,7 +89,7 @@ def _records(file: BinaryIO, path: Path) -> Iterator[_Record]:
     file.seek(size - len(MAGIC))
     ended = size >= 2 * len(MAGIC) and file.read() == MAGIC
     offset = file.seek(len(MAGIC))
-    crc = zlib.crc32(MAGIC)
+    crc = crc32(MAGIC)
     while True:
         head = file.read(_RECORD_HEAD.size)
         opcode, length = _RECORD_HEAD.unpack(head) if len(head) == _RECORD_HEAD.size else (0, size)
@@ -101,7 +101,7 @@ def _records(file: BinaryIO, path: Path) -> Iterator[_Record]:
         yield _Record(opcode, offset, content, crc)
         if opcode == Opcode.FOOTER:
             break
-        crc = 0 if opcode == Opcode.DATA_END else zlib.crc32(content, zlib.crc32(head, crc))
+        crc = 0 if opcode == Opcode.DATA_END else crc32(content, crc32(head, crc))
         offset += len(head) + length
     end = file.read()
     if end != MAGIC:
@@ -126,7 +126,7 @@ def _note(record: _Record, path: Path, about: About, described: _Descriptions) -
         else:
             about.others[said.name] = said.metadata
     elif record.opcode == Opcode.ATTACHMENT:
-        same_crc("attachment", int.from_bytes(record.content[-4:], "little"), zlib.crc32(record.content[:-4]))
+        same_crc("attachment", int.from_bytes(record.content[-4:], "little"), crc32(record.content[:-4]))
         attached = _as(Attachment, record)
         about.attachments[attached.name] = attached.data
     elif record.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
@@ -136,7 +136,7 @@ def _note(record: _Record, path: Path, about: About, described: _Descriptions) -
         same_crc("data section", _as(DataEnd, record).data_section_crc, record.crc_before)
     elif record.opcode == Opcode.FOOTER:
         head = _RECORD_HEAD.pack(record.opcode, len(record.content)) + record.content[:16]
-        same_crc("summary", _as(Footer, record).summary_crc, zlib.crc32(head, record.crc_before))
+        same_crc("summary", _as(Footer, record).summary_crc, crc32(head, record.crc_before))
 
 
 def _check_version(path: Path, metadata: dict[str, str]) -> None:

@@ -7,7 +7,6 @@ is a numpy record with the tags as fields of their own, and a chunk is a run of 
 from __future__ import annotations
 
 import struct
-import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, Final
@@ -29,6 +28,7 @@ from mcap.records import (
 )
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from numpy.typing import NDArray
+from zlib_ng.zlib_ng import crc32
 
 from rig.log.container import COMPRESSION, LIBRARY, MAGIC, encode
 from rig.log.record import HEAD, MESSAGE_OPCODE, WIRE
@@ -167,7 +167,7 @@ class _Writer:
         start, end, size = int(times[0]), int(times[-1]), len(raw)
         length = _CHUNK_HEAD.size + len(data)
         head = _CHUNK_HEAD.pack(
-            Opcode.CHUNK, length - 9, start, end, size, zlib.crc32(raw), 4, COMPRESSION.encode(), len(data)
+            Opcode.CHUNK, length - 9, start, end, size, crc32(raw), 4, COMPRESSION.encode(), len(data)
         )
         at = self._offset
         indexes = _message_indexes(group, len(rows), times)
@@ -205,13 +205,13 @@ class _Writer:
             self._put(group)
         start = self._offset
         self._put(*offsets)
-        crc = zlib.crc32(_FOOTER_HEAD.pack(Opcode.FOOTER, 20, summary, start), self._crc)
+        crc = crc32(_FOOTER_HEAD.pack(Opcode.FOOTER, 20, summary, start), self._crc)
         self._put(encode(Footer(summary, start, crc)), MAGIC)
 
     def _put(self, *parts: Any) -> None:
         for part in parts:
             data = memoryview(part).cast("B")
-            self._crc = zlib.crc32(data, self._crc)
+            self._crc = crc32(data, self._crc)
             self._offset += len(data)
             self._file.write(data)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -13,6 +12,7 @@ import numpy as np
 import zstandard
 from foxglove_schemas_protobuf.Log_pb2 import Log as FoxgloveLog
 from numpy.typing import NDArray
+from zlib_ng.zlib_ng import crc32
 
 from rig.errors import BadInput, RigError
 from rig.frame import TIMING, Block, new_block
@@ -146,7 +146,7 @@ class LogWriter:
             entries = list(zip(event_times.tolist(), offsets[:-1].tolist(), strict=True))
             data = b"".join([packed.tobytes(), *records])
         size = memoryview(data).nbytes
-        return Packed(self._compressor.compress(data), zlib.crc32(data), size, times, entries)
+        return Packed(self._compressor.compress(data), crc32(data), size, times, entries)
 
     def _append(self, packed: Packed) -> None:
         if self._file is None:
