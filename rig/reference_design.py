@@ -28,6 +28,7 @@ from rig.plant.airframe import Airframe, FlightPoint, parse
 from rig.plant.linear import Linear, linearise
 from rig.redundancy.designed import FILTERS, Designed, Error, Point
 from rig.redundancy.reference import References, refer, remember
+from rig.redundancy.reference_threshold import SEA_LEVEL_DENSITY
 from rig.redundancy.sources import PARTNERS, REMEMBERED, Config, source
 from rig.scenario import Scenario
 from rig.settings import build
@@ -39,9 +40,12 @@ SEEDS: Final = (1, 2, 3, 4, 5, 6, 7, 8)  # of calibration, noise and turbulence,
 TURBULENCE: Final = ("none", "light", "moderate")
 FILTERS_S: Final = (0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2)  # no slower: a law may have to fly on it
 _GRAVITY: Final = 9.80665  # m/s2
-Key = tuple[str, str]  # signal and source
+Key = tuple[str, str]  # signal and source; the name of an airspeed error instead of the source
+# What is measured as an equivalent airspeed, too: wind is the error of a speed over ground.
+AS_AIRSPEED: Final[dict[Key, str]] = {("dynamic_pressure", "inertial"): "inertial, equivalent airspeed"}
 Case = tuple[str, str, int]  # flight, turbulence, seed
 Errors = dict[Key, NDArray[np.float32]]
+Summary = dict[str, dict[str, Error]]  # by signal and source
 
 
 def rounds(keys: Collection[Key] = PARTNERS) -> list[Config]:
@@ -117,10 +121,19 @@ def design(name: str, gains: Gains) -> Designed:
     airframe = parse(tables["airframe"], f"aircraft {name}")
     measured = [measure(tables, airframe, point) for point in airframe.flight_points]
     measured.sort(key=lambda one: one.point.dynamic_pressure_pa)
-    return _designed(airframe, [one.point for one in measured], _summary(measured))
+    return _designed(airframe, [one.point for one in measured], *split(_summary(measured)))
 
 
-def _designed(airframe: Airframe, points: list[Point], errors: dict[str, dict[str, Error]]) -> Designed:
+def split(errors: Summary) -> tuple[Summary, Summary]:
+    """Errors in the signals' units, and those as equivalent airspeeds under the names of their sources."""
+    airspeeds: Summary = {}
+    for (signal, chosen), name in AS_AIRSPEED.items():
+        airspeeds.setdefault(signal, {})[chosen] = errors[signal][name]
+    named = AS_AIRSPEED.values()
+    return {s: {c: e for c, e in of.items() if c not in named} for s, of in errors.items()}, airspeeds
+
+
+def _designed(airframe: Airframe, points: list[Point], errors: Summary, airspeeds: Summary | None = None) -> Designed:
     place = airframe.accelerometer
     return Designed(
         rate_hz=RATE_HZ,
@@ -129,6 +142,7 @@ def _designed(airframe: Airframe, points: list[Point], errors: dict[str, dict[st
         accelerometer_z_m=place.z_m,
         points=points,
         errors=errors,
+        airspeed_errors=airspeeds or {},
     )
 
 
@@ -228,6 +242,9 @@ def errors(rows: Block, config: Config, designed: Designed) -> Errors:
             off = settled["reference"][:, s, None] - known.reshape(len(settled), -1)
             off = (off + np.pi) % TWO_PI - np.pi if SIGNALS[s].wraps else off
             found[key] = off[np.arange(len(off)), np.abs(off).argmax(axis=1)].astype(np.float32)
+            if key in AS_AIRSPEED:
+                scale = np.sqrt(2.0 * SEA_LEVEL_DENSITY * settled["reference"][:, s])
+                found[key[0], AS_AIRSPEED[key]] = (found[key] / scale).astype(np.float32)
     return found
 
 
@@ -254,9 +271,9 @@ def _choose(tried: list[list[Errors]], monitors: dict[str, Any]) -> dict[str, in
     return best
 
 
-def _summary(measured: list[Measured]) -> dict[str, dict[str, Error]]:
+def _summary(measured: list[Measured]) -> Summary:
     flown = [(label(one.point.name, case), e) for one in measured for case, e in zip(cases(), one.errors, strict=True)]
-    summary: dict[str, dict[str, Error]] = {}
+    summary: Summary = {}
     for key in flown[0][1]:
         signal, chosen = key
         peaks = [float(np.abs(e[key]).max()) for _, e in flown]

@@ -67,6 +67,7 @@ def vote_samples(
     manager: str = "cross-channel",
     reference: Any = None,
     second: Any = None,
+    reference_airspeed_m_s: float = 0.0,
     common: tuple[int, bool] | None = None,
     ilm: Any = None,
     valid: Any = None,
@@ -81,6 +82,7 @@ def vote_samples(
     samples = np.asarray(samples, float)
     params = np.zeros(1, PARAMS)
     fill(params[0], SignalConfig(threshold=threshold, **settings), limits, channels, wraps, 100.0)
+    params["reference_airspeed_m_s"] = reference_airspeed_m_s
     block = new_block(len(samples))
     block["channels"][:, 0] = samples
     block["valid"][:, 0] = 1 if valid is None else valid

@@ -455,6 +455,23 @@ def test_the_threshold_is_the_measured_one_unless_the_settings_give_one():
     assert found == {"pitch_rate": 0.12, "roll_rate": 0.5, "heading": config.signals.heading.threshold}
 
 
+@pytest.mark.parametrize(("given", "expected"), [((), (900.0, 7.5)), ((600.0,), (600.0, 0.0))])
+def test_the_threshold_of_dynamic_pressure_is_an_airspeed_unless_the_settings_give_pascals(
+    given: tuple[float, ...], expected: tuple[float, float]
+):
+    error = Error(rms=100.0, quantile_999=500.0, worst=750.0, threshold=900.0)
+    speed = Error(rms=1.0, quantile_999=5.0, worst=6.25, threshold=7.5)
+    by_source = [{"dynamic_pressure": {"inertial": e}} for e in (error, speed)]
+    one = designed(errors=by_source[0]).model_copy(update={"airspeed_errors": by_source[1]})
+    which = scenario.load(None, [f"redundancy.signals.dynamic_pressure.reference_threshold={pa}" for pa in given])
+    config, suite = which.redundancy, which.sensors
+    params = parameters(config.signals, ranges(suite), channels(suite), RATE)
+    measured_thresholds(params, config, one)
+    row = params[INDEX["dynamic_pressure"]]
+    assert (row["reference_threshold"], row["reference_airspeed_m_s"]) == expected
+    assert (np.delete(params["reference_airspeed_m_s"], INDEX["dynamic_pressure"]) == 0.0).all()
+
+
 # In flight
 
 

@@ -10,7 +10,7 @@ import pytest
 from rig import aircraft, reference_design
 from rig.control import gains as control_gains
 from rig.errors import BadInput, RigError
-from rig.frame import INDEX, SIGNALS, new_block
+from rig.frame import INDEX, INERTIAL, SIGNALS, new_block
 from rig.plant.airframe import read as read_airframe
 from rig.plant.linear import Linear, Trim, linearise
 from rig.redundancy import sources as reference_sources
@@ -89,19 +89,22 @@ def test_the_errors_in_the_file_are_those_of_the_flights(name: str):
     """
     known, tables = DESIGNED[name], {**aircraft.tables(name), "aircraft": name}
     airframe = read_airframe(aircraft.folder(name) / "aircraft.toml")
-    wanted = {e.worst_in: e for sources in known.errors.values() for e in sources.values()}
+    kept_errors = {(s, chosen): e for s, sources in known.errors.items() for chosen, e in sources.items()}
+    for key, airspeed_name in reference_design.AS_AIRSPEED.items():
+        kept_errors[key[0], airspeed_name] = known.airspeed_errors[key[0]][key[1]]
+    wanted = {e.worst_in: e for e in kept_errors.values()}
     flown = 0
     for point in known.points:
-        alone = known.model_copy(update={"points": [point], "errors": {}})
+        alone = known.model_copy(update={"points": [point], "errors": {}, "airspeed_errors": {}})
         for case in reference_design.cases():
             where = reference_design.label(point.name, case)
             if where not in wanted:
                 continue
             flown += 1
             rows = reference_design.fly(tables, airframe.point(point.name), alone, case)
-            for (signal, chosen), off in reference_design.all_errors(rows, alone).items():
-                kept, worst = known.errors[signal][chosen], float(f"{np.abs(off).max():.3g}")
-                assert worst == kept.worst if kept.worst_in == where else worst <= kept.worst, (signal, chosen)
+            for key, off in reference_design.all_errors(rows, alone).items():
+                kept, worst = kept_errors[key], float(f"{np.abs(off).max():.3g}")
+                assert worst == kept.worst if kept.worst_in == where else worst <= kept.worst, key
     assert flown == len(wanted) > 0
 
 
@@ -229,6 +232,17 @@ def page_rows(name: str) -> list[list[str]]:
     return rows
 
 
+def test_an_error_of_dynamic_pressure_is_kept_as_equivalent_airspeed_too():
+    """Off by 664 Pa where the reference is 5 kPa: 6 m/s."""
+    rows = new_block(200)
+    rows["level"], rows["voted"][:, INDEX["static_pressure"]] = 4, 101_325.0
+    rows["inertial"][:, INERTIAL.index("velocity_north_m_s")] = 90.35079  # m/s: 5 kPa at sea level
+    rows["voted"][:, INDEX["dynamic_pressure"]] = 5_000.0 - 664.08
+    found = reference_design.all_errors(rows, DESIGNED["f16"], [("dynamic_pressure", "inertial")])
+    of = {key[1]: off[-1] for key, off in found.items()}
+    assert of == pytest.approx({"inertial": 664.08, "inertial, equivalent airspeed": 6.0}, rel=1e-3)
+
+
 def test_a_table_out_of_order_is_refused():
     data = DESIGNED["f16"].model_dump()
     data["points"].reverse()
@@ -239,6 +253,6 @@ def test_a_table_out_of_order_is_refused():
 def test_thresholds_are_those_of_the_chosen_source():
     error = Error(rms=0.1, quantile_999=0.2, worst=0.3, threshold=0.36)
     one = DESIGNED["f16"].model_copy(update={"errors": {"pitch_rate": {"inertial": error}}})
-    assert one.threshold("pitch_rate", "inertial") == 0.36
-    assert one.threshold("pitch_rate", "angle_of_attack") is None and one.threshold("heading", "none") is None
+    assert one.error("pitch_rate", "inertial") == error
+    assert one.error("pitch_rate", "angle_of_attack") is None and one.error("heading", "none") is None
     assert all(signal in INDEX for signal in DESIGNED["f16"].errors) and len(SIGNALS) == 16

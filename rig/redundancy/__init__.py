@@ -83,11 +83,13 @@ class Redundancy:
 def measured_thresholds(params: NDArray[np.void], config: Config, designed: Designed) -> None:
     """Put the measured thresholds of references into the PARAMS records, of the first where the settings give none."""
     for row, signal in zip(params, SIGNALS, strict=True):
-        measured = designed.threshold(signal.name, source(config.references, signal.name))
+        key = signal.name, source(config.references, signal.name)
+        measured, airspeed = designed.error(*key), designed.airspeed_error(*key)
         if measured is not None and getattr(config.signals, signal.name).reference_threshold is None:
-            row["reference_threshold"] = measured
-        measured = designed.threshold(signal.name, second(config.references, signal.name))
-        row["second_threshold"] = row["threshold"] if measured is None else measured
+            row["reference_threshold"] = measured.threshold
+            row["reference_airspeed_m_s"] = 0.0 if airspeed is None else airspeed.threshold
+        measured = designed.error(signal.name, second(config.references, signal.name))
+        row["second_threshold"] = row["threshold"] if measured is None else measured.threshold
 
 
 @kernel

@@ -25,7 +25,7 @@ def contradicted(n, raw, reference, second, p, st):
     """
     if n < 2 or n != st["level"] or st["pattern"] != NORMAL:
         return False
-    wraps, first_threshold, second_threshold = p["wraps"], p["reference_threshold"], p["second_threshold"]
+    wraps, first_threshold, second_threshold = p["wraps"], st["reference_threshold"], p["second_threshold"]
     off, second_off = abs(difference(raw, reference, wraps)), abs(difference(raw, second, wraps))
     apart = abs(difference(reference, second, wraps))
     # A comparison with NaN is false.

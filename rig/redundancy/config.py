@@ -108,6 +108,7 @@ PARAMS: Final = np.dtype(
     [
         ("threshold", "f8"),
         ("reference_threshold", "f8"),
+        ("reference_airspeed_m_s", "f8"),  # of a wind, equivalent; 0 where none (reference_threshold.py)
         ("second_threshold", "f8"),
         ("common_persistence", "i8"),
         ("common_fails", "u1"),

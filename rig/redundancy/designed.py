@@ -75,6 +75,8 @@ class Designed(Settings):
     accelerometer_z_m: float
     points: list[Point] = Field(min_length=1)
     errors: dict[str, dict[str, Error]] = Field(default_factory=dict)  # by signal and source
+    # The same as equivalent airspeed [m/s], for sources whose threshold grows with it (reference_threshold.py).
+    airspeed_errors: dict[str, dict[str, Error]] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _sorted(self) -> Self:
@@ -85,7 +87,10 @@ class Designed(Settings):
         """Dynamic pressures (P,) [Pa] and the coefficients there (P, len(COLUMNS))."""
         return pressure_table.table(self.points, COLUMNS)
 
-    def threshold(self, signal: str, source: str) -> float | None:
-        """The measured threshold of a reference, None when it was not measured."""
-        error = self.errors.get(signal, {}).get(source)
-        return None if error is None else error.threshold
+    def error(self, signal: str, source: str) -> Error | None:
+        """The measured error of a reference, None when it was not measured."""
+        return self.errors.get(signal, {}).get(source)
+
+    def airspeed_error(self, signal: str, source: str) -> Error | None:
+        """The same as an equivalent airspeed, None for a source whose threshold is a constant."""
+        return self.airspeed_errors.get(signal, {}).get(source)

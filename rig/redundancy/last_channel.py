@@ -28,7 +28,7 @@ def check_last(ilm, reference, p, st):
     c = st["order"][0]
     sample = st["x"][c]
     usable = st["reference_usable"] and not np.isnan(reference)
-    off = usable and abs(difference(sample, reference, p["wraps"])) > REFERENCE_MARGIN * p["reference_threshold"]
+    off = usable and abs(difference(sample, reference, p["wraps"])) > REFERENCE_MARGIN * st["reference_threshold"]
     if ilm[c] != resolve.BAD and not off:
         return _NONE, sample
     st["alone"][c] = True

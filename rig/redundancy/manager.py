@@ -22,6 +22,7 @@ from rig.redundancy.compare import LOST, classify, comparable, is_singular, rank
 from rig.redundancy.config import RESETS
 from rig.redundancy.last_channel import check_last
 from rig.redundancy.monitor import apply_resets, count_miscompares, latch, monitor_reference, watch_failed
+from rig.redundancy.reference_threshold import reference_threshold
 from rig.redundancy.singular import settle
 
 STATE: Final = np.dtype(
@@ -34,6 +35,7 @@ STATE: Final = np.dtype(
         ("last_low", "f8"),
         ("rise_high", "f8"),
         ("rise_low", "f8"),
+        ("reference_threshold", "f8"),  # of this frame
         ("x", "f8", (CHANNELS,)),
         ("order", "i8", (CHANNELS,)),
         ("count", "i8", (CHANNELS,)),  # miscomparing frames in a row
@@ -113,6 +115,7 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     base = anchor(samples, valid, p, st)
     n = rank(samples, valid, st["failed"], p["fitted"], p["low"], p["high"], p["wraps"], base, x, order)
     reference = seen_from(reference, base, p["wraps"])
+    st["reference_threshold"] = reference_threshold(reference, p)
     pattern = classify(x, order, n, p["threshold"], alone)
     st["pattern_frames"] = st["pattern_frames"] + 1 if pattern == st["pattern"] else 1
     st["pattern"] = pattern

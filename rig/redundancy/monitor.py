@@ -70,7 +70,7 @@ def monitor_reference(raw, reference, n, p, st):
     if n < 2 or is_singular(st["pattern"]) or np.isnan(reference):
         return
     off = abs(difference(raw, reference, p["wraps"]))
-    agrees = 1 if off <= p["reference_threshold"] else 0
+    agrees = 1 if off <= st["reference_threshold"] else 0
     st["reference_run"] = st["reference_run"] + 1 if agrees != st["reference_usable"] else 0
     if st["reference_run"] >= p["persistence"]:
         st["reference_usable"], st["reference_run"] = agrees, 0

@@ -41,7 +41,7 @@ def settle_halves(ilm, reference, n, p, st):
         elif name == resolve.TREND:
             sides = resolve.by_trend(st, p["trend_frames"])
         elif name == resolve.REFERENCE and st["reference_usable"]:
-            sides = resolve.by_reference(high, low, reference, p["reference_threshold"])
+            sides = resolve.by_reference(high, low, reference, st["reference_threshold"])
         if sides != resolve.NO_ANSWER:
             blame_sides(sides, n, st)
             if name == resolve.REFERENCE:
@@ -61,7 +61,7 @@ def settle_apart(ilm, reference, n, p, st):
         if name == resolve.ILM:
             good = resolve.only_good(ilm, order, n)
         elif name == resolve.REFERENCE and st["reference_usable"]:
-            good = resolve.only_near(x, order, n, reference, p["reference_threshold"], p["wraps"])
+            good = resolve.only_near(x, order, n, reference, st["reference_threshold"], p["wraps"])
         if good != resolve.NO_ANSWER:
             blame_all_but(good, good, n, st)
             return name, x[good]

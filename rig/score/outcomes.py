@@ -12,6 +12,7 @@ from rig.faults import Fault
 from rig.faults.places import number as place_number
 from rig.faults.places import site
 from rig.frame import SIGNALS, Block, State
+from rig.redundancy.reference_threshold import reference_threshold
 from rig.scenario import Scenario
 from rig.score.isolations import COMPARISON
 from rig.score.monitored import Bools, Monitored
@@ -73,7 +74,8 @@ def _elsewhere(
     failed: list[int] = []
     for s in read:
         off = np.abs(difference(rows["reference"][frames, s], rows["truth"][frames, s], SIGNALS[s].wraps))
-        errors, above = off if s == read[0] else errors, above | ~(off <= params[s]["reference_threshold"])
+        allowed = [reference_threshold(reference, params[s]) for reference in rows["reference"][frames, s]]
+        errors, above = off if s == read[0] else errors, above | ~(off <= np.array(allowed))
         usable = rows["reference_usable"][:, s] != 0
         gone = np.flatnonzero(usable[:-1] & ~usable[1:]) + 1
         failed += gone[np.isin(gone, frames)].tolist()
