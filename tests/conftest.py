@@ -25,12 +25,13 @@ FEWER = int(os.environ.get("RIG_FEWER_EXAMPLES", "1"))  # a mutation run divides
 
 @dataclass(frozen=True)
 class Voted:
-    """Signal 0 of a block that went through a manager."""
+    """One signal of a block that went through a manager."""
 
     rows: Block
+    signal: int = 0
 
     def __getattr__(self, name: str) -> NDArray[Any]:
-        return self.rows[name][:, 0]
+        return self.rows[name][:, self.signal]
 
     def failed_at(self) -> list[int | None]:
         """The frame, counted from 1, in which each channel is first reported failed."""
@@ -68,6 +69,7 @@ def vote_samples(
     reference: Any = None,
     second: Any = None,
     reference_airspeed_m_s: float = 0.0,
+    second_threshold: float | None = None,
     common: tuple[int, bool] | None = None,
     ilm: Any = None,
     valid: Any = None,
@@ -91,6 +93,8 @@ def vote_samples(
     block["second_reference"][:, 0] = np.nan if second is None else second
     if common is not None:  # frames, and whether the signal is lost then
         params["common_persistence"], params["common_fails"] = common
+    if second_threshold is not None:
+        params["second_threshold"] = second_threshold
     table = np.zeros(len(resets), RESETS)
     for row, (frame, channel) in zip(table, resets, strict=True):
         row["frame"], row["channel"][channel - 1] = frame, 1

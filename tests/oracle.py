@@ -23,6 +23,7 @@ class Frame:
     resolver: str
     trend: tuple[int, int]
     usable: bool
+    common: bool = False
 
 
 @dataclass
@@ -46,9 +47,17 @@ class Oracle:
     bits: tuple[list[int], list[int]] = field(default_factory=lambda: ([], []))
     trusted: bool = True
     against: int = 0
+    contradicted: int = 0
+    accused: set[int] = field(default_factory=set)
     rules: set[str] = field(default_factory=set)
 
-    def step(self, samples: list[float | None], ilm: Sequence[str], reference: float | None) -> Frame:
+    def step(
+        self,
+        samples: list[float | None],
+        ilm: Sequence[str],
+        reference: float | None,
+        second: float | None = None,
+    ) -> Frame:
         self.rules = set()
         view = self.view(samples, ilm, reference)
         disputed_by = self.disputed_by(view)
@@ -58,13 +67,16 @@ class Oracle:
         view.pattern, view.bits = self.pattern, self.bits
         resolver, vote, wrong = self.decide(view, disputed_by)
         self.monitor_reference(view, vote)
+        resolver = self.compare_references(view, vote, second, resolver)
+        self.accused = self.evidence(view, resolver, wrong)
         self.count(view)
         self.fail(view, resolver, wrong)
         self.vote = vote
         states = [self.state(c, view, wrong) for c in range(self.s.channels)]
         high, low = (sum(bit << i for i, bit in enumerate(reversed(byte))) for byte in self.bits)
         usable = self.trusted and reference is not None
-        return Frame(vote, states, self.s.channels - len(self.failed), self.pattern, resolver, (high, low), usable)
+        level, common = self.s.channels - len(self.failed), self.contradicted >= self.s.common_persistence
+        return Frame(vote, states, level, self.pattern, resolver, (high, low), usable, common)
 
     def view(self, samples: list[float | None], ilm: Sequence[str], reference: float | None) -> View:
         """The frame's comparable samples, those of an angle on the turn of the last vote."""
@@ -221,6 +233,42 @@ class Oracle:
         self.against = self.against + 1 if agrees != self.trusted else 0
         if self.against >= self.s.persistence:
             self.trusted, self.against = agrees, 0
+
+    # Two references against all channels.
+
+    def compare_references(self, view: View, vote: float, second: float | None, resolver: str) -> str:
+        """Count the frames in which both references contradict all channels; by choice the signal is lost then."""
+        self.contradicted = self.contradicted + 1 if self.contradict(view, vote, second) else 0
+        if self.contradicted < self.s.common_persistence or not self.s.common_fails:
+            self.reached("common mode: reported", self.contradicted >= self.s.common_persistence)
+            return resolver
+        self.reached("common mode: lost")
+        self.failed = set(range(self.s.channels))
+        self.trusted, self.against = True, 0
+        return "common"
+
+    def contradict(self, view: View, vote: float, second: float | None) -> bool:
+        """All channels in use agree, two references agree, and the former do not with the latter."""
+        s, first = self.s, view.reference
+        all_agree = self.pattern == "normal" and set(view.use) == set(range(s.channels)) - self.failed
+        if first is None or second is None or len(view.use) < 2 or not all_agree:
+            return False
+        limits = (s.reference_threshold, s.second_threshold)
+        far = [
+            s.apart(vote, r) > max(1.5 * limit, s.threshold) for r, limit in zip((first, second), limits, strict=True)
+        ]
+        near = s.apart(first, second) <= sum(limits)
+        self.reached("common mode: references apart", all(far) and not near)
+        return all(far) and near
+
+    # Boxes: oracle_boxes.py asks for every signal.
+
+    def evidence(self, view: View, resolver: str, wrong: set[int]) -> set[int]:
+        """The channels in use against which this frame speaks."""
+        silent = set(range(self.s.channels)) - self.failed - set(view.use)
+        if self.singular:
+            return silent | (wrong if resolver in ("ilm", "reference") else set())
+        return silent | (view.lonely - self.failed)
 
 
 @dataclass

@@ -20,6 +20,9 @@ class Settings:
     resolvers: tuple[str, ...] = ("ilm", "reference", "trend", "extremes", "middle")
     trend_frames: int = 8
     reference_threshold: float = 1.0
+    second_threshold: float = 1.0
+    common_persistence: int = 10
+    common_fails: bool = False
     channels: int = 4
     turn: float = 0.0  # a full turn for an angle, 0 for anything else
 

@@ -30,6 +30,7 @@ TWO_GOOD = list(permutations(["good", "good", "bad", "bad"]))
 ONE_SIDE = [()]  # a good and a bad pair, as the samples split
 NOBODY_SAYS = [("absent",) * 4]
 REFERENCES = [None, None, 0.0, 0.25, 3.0, -1.5, 1.5, 6.25]
+SECONDS = [*REFERENCES, 3.25, 2.5, -2.0]
 NOBODY = [()]
 ONE_OR_TWO = [c for n in (1, 2) for c in permutations(range(4), n)]
 ALL_BUT_ONE = [*permutations(range(4), 3), (0, 1, 2, 3)]
@@ -41,6 +42,7 @@ class Flight:
     samples: list[list[float | None]] = field(default_factory=list)
     ilm: list[tuple[str, ...]] = field(default_factory=list)
     references: list[float | None] = field(default_factory=list)
+    seconds: list[float | None] = field(default_factory=list)
 
 
 def some_settings(pick: Pick, turn: bool) -> Settings:
@@ -53,6 +55,9 @@ def some_settings(pick: Pick, turn: bool) -> Settings:
         resolvers=tuple(pick(list(permutations(RESOLVERS)))[: pick([5, 5, 4, 3, 2, 1, 0])]),
         trend_frames=pick([1, 2, 3, 4, 8]),
         reference_threshold=pick([0.5, 1.0, 2.0]) + beside,
+        second_threshold=pick([0.5, 1.0, 2.0]) + beside,
+        common_persistence=pick([1, 2, 3, 10]),
+        common_fails=pick([True, False]),
         channels=pick([4] * 6 + [3, 3, 2]),
         turn=2 * np.pi if turn else 0.0,
     )
@@ -67,13 +72,14 @@ def build(pick: Pick, turn: bool = False) -> Flight:
         offsets = pick(pick([TOGETHER, SPLIT, NOISY, APART, APART, [None]])) or [pick(LEVELS) for _ in range(4)]
         flags = pick(pick([SAYS, ONE_GOOD, TWO_GOOD, ONE_SIDE, NOBODY_SAYS])) or one_side(offsets, pick([True, False]))
         silent = pick(pick([NOBODY] * 7 + [ONE_OR_TWO, ONE_OR_TWO, ALL_BUT_ONE]))
-        offset = pick(REFERENCES)
+        offset, second = pick(REFERENCES), pick(SECONDS)
         for _ in range(pick([1, 1, 2, 2, 3, 3, 4, 6, 9])):
             value += slope
             present = set(range(flight.settings.channels)) - set(silent)
             flight.samples.append([value + offsets[c] if c in present else None for c in range(4)])
             flight.ilm.append(flags)
             flight.references.append(None if offset is None else value + offset)
+            flight.seconds.append(None if second is None else value + second)
     return flight
 
 

@@ -1,6 +1,8 @@
 """The monitor against tests/oracle.py, which was written from the requirement alone, over random flights."""
 
 from collections import Counter
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,9 +10,12 @@ from conftest import FEWER, Voted, vote_samples
 from hypothesis import example, given, settings
 from oracle import Frame, Oracle
 from oracle_answers import Settings
+from oracle_boxes import SIGNALS, BoxFlight, BoxOracle, seeded_boxes
 from oracle_flights import Flight, flights, seeded
 
-from rig.frame import Ilm, Pattern, Resolver, State
+from rig.frame import Ilm, Pattern, Resolver, State, new_block
+from rig.redundancy.config import PARAMS, SignalConfig, fill
+from rig.redundancy.managers import Manager
 
 FLAGS = {"bad": int(Ilm.BAD), "good": int(Ilm.GOOD), "absent": int(Ilm.ABSENT)}
 
@@ -21,6 +26,9 @@ def run(flight: Flight) -> Voted:
     return vote_samples(
         np.array(flight.samples, float),
         reference=np.array(flight.references, float),
+        second=np.array(flight.seconds, float) if flight.seconds else None,
+        second_threshold=s.second_threshold,
+        common=(s.common_persistence, s.common_fails),
         ilm=[[FLAGS[flag] for flag in row] for row in flight.ilm],
         wraps=s.turn > 0,
         limits=(0.0, 2 * np.pi) if s.turn else (-1000.0, 1000.0),
@@ -39,15 +47,16 @@ def on_the_circle(flight: Flight) -> Flight:
     turn = 2 * np.pi
     samples = [[None if x is None else x % turn for x in row] for row in flight.samples]
     references = [None if x is None else x % turn for x in flight.references]
-    return Flight(flight.settings, samples, flight.ilm, references)
+    seconds = [None if x is None else x % turn for x in flight.seconds]
+    return Flight(flight.settings, samples, flight.ilm, references, seconds)
 
 
 def check(flight: Flight, name: str = "") -> None:
     s = flight.settings
     flight = on_the_circle(flight) if s.turn else flight
     out, oracle = run(flight), Oracle(s)
-    for k, (row, flags, reference) in enumerate(zip(flight.samples, flight.ilm, flight.references, strict=True)):
-        wanted = oracle.step(row, flags, reference)
+    for k, given_in_frame in enumerate(in_frames(flight)):
+        wanted = oracle.step(*given_in_frame)
         assert decision(out, k, s.channels, wanted.voted) == wanted, (name, k)
         assert (out.state[k, s.channels :] == State.ABSENT).all()
         if s.turn:
@@ -55,6 +64,12 @@ def check(flight: Flight, name: str = "") -> None:
             oracle.vote = float(out.voted[k])  # the same turn for both
         else:
             assert out.voted[k] == pytest.approx(wanted.voted, abs=1e-9), (name, k)
+
+
+def in_frames(flight: Flight) -> Iterator[tuple[Any, ...]]:
+    """Samples, monitors, reference and second reference of each frame."""
+    seconds = flight.seconds or [None] * len(flight.samples)
+    return zip(flight.samples, flight.ilm, flight.references, seconds, strict=True)
 
 
 def decision(out: Voted, k: int, channels: int, voted: float) -> Frame:
@@ -67,6 +82,7 @@ def decision(out: Voted, k: int, channels: int, voted: float) -> Frame:
         Resolver(out.resolver[k]).name.lower(),
         (int(out.trend_high[k]), int(out.trend_low[k])),
         bool(out.reference_usable[k]),
+        bool(out.common_mode[k]),
     )
 
 
@@ -104,6 +120,7 @@ RULES = (
     *(f"freeze: {said}" for said in ("count kept", "miscompare not counted", "not comparable")),
     *(f"freeze: {said}" for said in ("last channel exempt", "what was left is longer")),
     "unresolved: change of the first frame left out",
+    *(f"common mode: {said}" for said in ("reported", "lost", "references apart")),
 )
 
 
@@ -113,8 +130,54 @@ def test_these_flights_reach_every_rule_for_few_votes():
     for seed in range(1500):
         flight = seeded(seed)
         oracle, rules = Oracle(flight.settings), set[str]()
-        for row, flags, reference in zip(flight.samples, flight.ilm, flight.references, strict=True):
-            oracle.step(row, flags, reference)
+        for given_in_frame in in_frames(flight):
+            oracle.step(*given_in_frame)
             rules |= oracle.rules
         reached.update(rules)
     assert {rule: reached[rule] for rule in RULES if reached[rule] < 8} == {}
+
+
+def run_boxes(flight: BoxFlight) -> list[Voted]:
+    """All signals of a flight through one manager; what each of them came to."""
+    params = np.zeros(SIGNALS, PARAMS)
+    for record, s in zip(params, flight.settings, strict=True):
+        config = SignalConfig(
+            threshold=s.threshold,
+            persistence=s.persistence,
+            singular_persistence=s.singular_persistence,
+            resolvers=list(s.resolvers),
+        )
+        fill(record, config, (-1000.0, 1000.0), s.channels, False, 100.0)
+    block = new_block(len(flight.frames))
+    block["channels"] = block["reference"] = block["second_reference"] = np.nan
+    for k, frame in enumerate(flight.frames):
+        for i, (samples, flags, reference) in enumerate(frame):
+            block["channels"][k, i], block["ilm"][k, i] = np.array(samples, float), [FLAGS[flag] for flag in flags]
+            block["reference"][k, i] = np.nan if reference is None else reference
+    block["valid"] = 1
+    boxes = {"box_signals": flight.box_signals, "box_persistence": flight.box_persistence}
+    manager = Manager("cross-channel", params, **boxes)
+    for k in range(len(block)):
+        manager.step(block, k)
+    return [Voted(block, i) for i in range(SIGNALS)]
+
+
+BOXES = 400 // FEWER
+BOX_RULES = (
+    *("1 failed as boxes", "2 failed as boxes", "an accused majority"),
+    *("failed where it was silent", "failed where nothing spoke against it"),
+)
+
+
+def test_boxes_die_in_the_frame_and_on_the_signals_of_the_requirement():
+    reached: Counter[str] = Counter()
+    for seed in range(BOXES):
+        flight = seeded_boxes(seed)
+        out, oracle = run_boxes(flight), BoxOracle(flight)
+        for k, given_in_frame in enumerate(flight.frames):
+            for i, wanted in enumerate(oracle.step(given_in_frame)):
+                found = decision(out[i], k, flight.settings[i].channels, wanted.voted)
+                assert found == wanted, (seed, k, i)
+                assert out[i].voted[k] == pytest.approx(wanted.voted, abs=1e-9), (seed, k, i)
+        reached.update(oracle.rules)
+    assert FEWER > 1 or {rule: reached[rule] for rule in BOX_RULES if reached[rule] < 8} == {}
