@@ -117,9 +117,9 @@ def test_as_a_reference_it_is_near_the_true_angle_and_stays_usable(aircraft: str
 
 def rows_threshold(aircraft: str) -> float:
     measured = scenario.load(None, [f"aircraft={aircraft}", "faults=[]"]).references
-    found = measured.threshold("pitch_angle", "kinematic")
+    found = measured.error("pitch_angle", "kinematic")
     assert found is not None
-    return found
+    return found.threshold
 
 
 def test_as_a_reference_it_never_asks_the_sensor():

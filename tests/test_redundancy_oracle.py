@@ -141,12 +141,8 @@ def run_boxes(flight: BoxFlight) -> list[Voted]:
     """All signals of a flight through one manager; what each of them came to."""
     params = np.zeros(SIGNALS, PARAMS)
     for record, s in zip(params, flight.settings, strict=True):
-        config = SignalConfig(
-            threshold=s.threshold,
-            persistence=s.persistence,
-            singular_persistence=s.singular_persistence,
-            resolvers=list(s.resolvers),
-        )
+        given = {key: getattr(s, key) for key in ("threshold", "persistence", "singular_persistence")}
+        config = SignalConfig.model_validate({**given, "resolvers": list(s.resolvers)})
         fill(record, config, (-1000.0, 1000.0), s.channels, False, 100.0)
     block = new_block(len(flight.frames))
     block["channels"] = block["reference"] = block["second_reference"] = np.nan
@@ -155,8 +151,7 @@ def run_boxes(flight: BoxFlight) -> list[Voted]:
             block["channels"][k, i], block["ilm"][k, i] = np.array(samples, float), [FLAGS[flag] for flag in flags]
             block["reference"][k, i] = np.nan if reference is None else reference
     block["valid"] = 1
-    boxes = {"box_signals": flight.box_signals, "box_persistence": flight.box_persistence}
-    manager = Manager("cross-channel", params, **boxes)
+    manager = Manager("cross-channel", params, box_signals=flight.box_signals, box_persistence=flight.box_persistence)
     for k in range(len(block)):
         manager.step(block, k)
     return [Voted(block, i) for i in range(SIGNALS)]

@@ -55,7 +55,8 @@ ALL_INERTIAL = Config(pitch_rate="inertial", roll_rate="inertial", yaw_rate="ine
 def designed(accelerometer: tuple[float, ...] = (0.0, 0.0, 0.0), errors: Any = None, **wing: float) -> Designed:
     x, y, z = accelerometer
     place = {"accelerometer_x_m": x, "accelerometer_y_m": y, "accelerometer_z_m": z}
-    return Designed(rate_hz=RATE, points=[Point(name="one", **{**WING, **wing})], errors=errors or {}, **place)
+    points = [Point(name="one", **{**WING, **wing})]
+    return Designed.model_validate({"rate_hz": RATE, "points": points, "errors": errors or {}, **place})
 
 
 def level_flight(n: int = 300, **votes: Any) -> Block:
