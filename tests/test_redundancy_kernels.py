@@ -183,6 +183,7 @@ def test_settings_become_a_record_in_frames_with_their_defaults():
     assert plain == {
         "threshold": 0.5,
         "reference_threshold": 0.5,
+        "reference_airspeed_m_s": 0.0,
         "second_threshold": 0.5,
         "common_persistence": 1,
         "common_fails": 0,
