@@ -18,9 +18,10 @@ from rig.frame import CHANNELS, Block, State, new_block
 from rig.redundancy.config import PARAMS, RESETS, SignalConfig, fill
 from rig.redundancy.managers import Manager
 
-settings.register_profile("rig", deadline=None)  # the first example may compile, on a busy machine
-settings.load_profile("rig")
 FEWER = int(os.environ.get("RIG_FEWER_EXAMPLES", "1"))  # a mutation run divides the number of examples by it
+# The first example may compile, on a busy machine.
+settings.register_profile("rig", deadline=None, max_examples=max(1, 100 // FEWER))
+settings.load_profile("rig")
 
 
 @dataclass(frozen=True)

@@ -9,36 +9,48 @@ import contextlib
 import io
 import os
 import socket
+import subprocess
 import sys
+from importlib import import_module
+from pathlib import Path
 
 os.environ["NUMBA_DISABLE_JIT"] = "1"  # mutants of kernels run as plain Python
 os.environ["RIG_FEWER_EXAMPLES"] = "3"
 
 import hypothesis.extra.numpy  # noqa: F401  # warm
 import pytest
+import scipy.spatial.transform  # noqa: F401  # warm
 
-import rig.loop  # noqa: F401  # warm: what it imports stays, itself is forgotten below and read anew by every run
+import rig.loop  # noqa: F401  # warm: the libraries stay, itself is forgotten below
 
 for name in [name for name in sys.modules if name.split(".")[0] == "rig"]:
     del sys.modules[name]
+# What does not read rig.redundancy stays; all else is read anew by every run.
+for name in ("angles", "control", "faults", "frame", "inclination", "kernels", "plant", "sensors", "text", "trust"):
+    import_module(f"rig.{name}")
+if any(name.startswith("rig.redundancy") for name in sys.modules):
+    raise SystemExit("a module that is kept reads rig.redundancy: its mutants would not be seen")
 
-# The quick ones first: most mutants die early.
-ALL = (
-    "kernels",
-    "examples",
-    "manager",
-    "stage",
-    "baselines",
-    "motion",
-    "inclination",
-    "reference",
-    "own",
-    "oracle",
-    "last_channel",
-    "revision2",
-)
-TESTS = [f"tests/test_redundancy_{name}.py" for name in os.environ.get("RIG_MUTATION_TESTS", " ".join(ALL)).split()]
-FLIGHTS = ("flies", "flight_in", "inertial_unit", "a_wind", "lost_pitch_rate", "compiled_and")  # seconds each
+# Test files by module, in stages of which the first failure ends a run: most mutants die early.
+MONITOR = ("examples kernels manager singular last_channel reference_threshold", "box common baselines")
+STAGES: dict[str, tuple[str, ...]] = {
+    "__init__": ("stage", "own reference"),
+    "config": ("kernels", "discrete examples manager baselines stage"),
+    "designed": ("stage", "reference"),
+    "discrete": ("discrete",),
+    "discrete_config": ("discrete kernels stage",),
+    "managers": ("baselines", "stage own"),
+    "memory": ("unit",),
+    "motion": ("motion", "inclination", "reference"),
+    "own": ("own",),
+    "persistence": ("kernels discrete",),
+    "reference": ("stage motion", "reference"),
+    "sources": ("common", "stage", "reference"),
+    "strapdown": ("unit",),
+    "unit": ("unit",),
+}
+FLIGHTS = ("flies", "flight_in", "inertial_unit", "a_wind_makes", "lost_pitch_rate", "compiled_and")  # seconds each
+FLIGHTS += ("both_references_of_a_signal", "run_away_together")
 QUIET = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--no-header", "-W", "ignore"]
 QUIET += ["-k", f"not ({' or '.join(FLIGHTS)})"]
 
@@ -61,12 +73,26 @@ def serve(port: int) -> None:
 
 
 def run() -> int:
-    """One run; a mutant that never ends is stopped by the alarm."""
+    """One run, in stages that end with the first failure; a mutant that never ends is stopped by the alarm."""
     import signal
 
     signal.alarm(120)
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        return int(pytest.main([*QUIET, *TESTS]))
+    for stage in stages():
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            code = int(pytest.main([*QUIET, *stage]))
+        if code != 0:
+            return code
+    return 0
+
+
+def stages() -> list[list[str]]:
+    """The test files of the mutated module, of a part of the monitor its own first."""
+    changed = subprocess.run(["git", "diff", "--name-only"], capture_output=True, text=True, check=True).stdout
+    module = Path(changed.strip() or "none").stem
+    named = os.environ.get("RIG_MUTATION_TESTS", "").split()
+    stages = [named] if named else [names.split() for names in STAGES.get(module, (module, *MONITOR))]
+    files = [[f"tests/test_redundancy_{name}.py" for name in names] for names in stages]
+    return [there for paths in files if (there := [path for path in paths if Path(path).exists()])]
 
 
 if __name__ == "__main__":
