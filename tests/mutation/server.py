@@ -6,6 +6,7 @@ python tests/mutation/server.py PORT      # loopback only; the client is one lin
 from __future__ import annotations
 
 import contextlib
+import gc
 import io
 import os
 import socket
@@ -52,6 +53,7 @@ STAGES: dict[str, tuple[str, ...]] = {
 FLIGHTS = ("flies", "flight_in", "inertial_unit", "a_wind_makes", "lost_pitch_rate", "compiled_and")  # seconds each
 FLIGHTS += ("both_references_of_a_signal", "run_away_together")
 QUIET = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--no-header", "-W", "ignore"]
+QUIET += ["-p", "no:unraisableexception"]  # it collects garbage twice
 QUIET += ["-k", f"not ({' or '.join(FLIGHTS)})"]
 
 
@@ -96,4 +98,8 @@ def stages() -> list[list[str]]:
 
 
 if __name__ == "__main__":
+    with contextlib.redirect_stdout(io.StringIO()):
+        pytest.main(["--version"])  # warm: the plugins
+    gc.collect()
+    gc.freeze()
     serve(int(sys.argv[1]))
