@@ -64,6 +64,11 @@ def test_all_channels_must_agree():
     assert not contradicted(0.0, 0.0, samples, frames=3).common_mode[:8].any()
 
 
+def test_two_channels_that_agree_are_a_vote_that_can_be_contradicted():
+    found = contradicted(0.0, 0.0, constant(10, 10.1, np.nan, np.nan), channels=2)
+    assert found.common_mode.tolist() == [0] * 4 + [1] * 26
+
+
 def test_a_last_channel_is_no_common_mode():
     samples = np.full((30, 4), np.nan)
     samples[:, 0] = 10.0

@@ -323,7 +323,7 @@ def test_a_reset_may_name_a_single_channel():
     ]
 
 
-@pytest.mark.parametrize(("rate_hz", "frames"), [(25.0, 2), (100.0, 8), (400.0, 32), (110.0, 9), (1.0, 1)])
+@pytest.mark.parametrize(("rate_hz", "frames"), [(25.0, 2), (100.0, 8), (400.0, 32), (110.0, 9), (1.0, 1), (1e-5, 1)])
 def test_a_persistence_in_seconds_lasts_at_least_as_long_at_every_rate(rate_hz, frames):
     row = np.zeros(1, PARAMS)[0]
     fill(row, SignalConfig(threshold=1.0, persistence_s=0.08, singular_persistence_s=0.08), (-1, 1), 4, False, rate_hz)

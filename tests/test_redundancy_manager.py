@@ -198,3 +198,10 @@ def test_a_reference_earns_its_trust_anew_after_every_loss():
     reference[10:20] = reference[40:47] = 50.0
     usable = vote_samples(constant(0, 0, 0, 0, frames=80), reference=reference).reference_usable.astype(bool)
     assert not usable[17:27].any() and usable[27:].all()
+
+
+def test_a_reference_that_agrees_as_soon_as_it_is_unusable_is_usable_after_as_many_frames():
+    reference = np.zeros(40)
+    reference[10:18] = 50.0
+    usable = vote_samples(constant(0, 0, 0, 0, frames=40), reference=reference).reference_usable.astype(bool)
+    assert np.flatnonzero(~usable).tolist() == list(range(17, 25))

@@ -93,6 +93,12 @@ def test_the_trend_byte_is_eight_frames_long_and_unusable_before():
     assert (out.trend_high[8:10] == 0xFF).all() and out.trend_low[7] == 0x7F
 
 
+@pytest.mark.parametrize(("samples", "four"), [(APART, (GOOD, BAD, BAD, BAD)), (SPLIT, HIGH_GOOD)])
+def test_monitors_that_are_not_configured_are_not_asked(samples: tuple[float, ...], four: tuple[Ilm, ...]):
+    out = vote_samples(constant(*samples), ilm=flags(*four), resolvers=["reference"])
+    assert (out.resolver == Resolver.UNRESOLVED).all() and out.failed_at() == [None] * 4
+
+
 # 1:1:1:1 and 1:1:1.
 
 
@@ -194,3 +200,19 @@ def test_nor_the_jump_to_another_pattern_or_number_of_samples(then: tuple[float,
     out = vote_samples(rows((5, (0, 0, 0, 0)), (3, (0, 0, 5, 5)), (3, then)), resolvers=[])
     assert (out.resolver[5:] == Resolver.UNRESOLVED).all()
     assert (out.voted == 0).all()
+
+
+@pytest.mark.parametrize(("samples", "vote"), [((-9, 1, 9, NAN), 1.0), ((0, 5, NAN, NAN), 2.5), (APART, 0.0)])
+def test_in_the_first_frame_of_all_the_unresolved_vote_is_the_mean_of_the_middle_ranks(
+    samples: tuple[float, ...], vote: float
+):
+    out = vote_samples(rows((3, samples)), resolvers=[])
+    assert out.voted.tolist() == [vote] * 3
+
+
+def test_an_unresolved_vote_whose_change_overflows_holds():
+    limit = 1.79e308
+    low, high = (-1.7e308, -1.7e308, 0, 0), (1e308, 1e308, 1.7e308, 1.7e308)
+    with np.errstate(over="ignore"):
+        out = vote_samples(rows((2, low), (2, high)), resolvers=[], limits=(-limit, limit))
+    assert out.voted.tolist() == [-0.85e308] * 4
