@@ -12,11 +12,19 @@ from rig.redundancy.managers import Manager
 FRAMES = 30
 
 
-def fly(samples: Any, *, reference: Any = None, fitted: int = 4, box_signals: int = 4, box_persistence: int = 8) -> Any:
+def fly(
+    samples: Any,
+    *,
+    reference: Any = None,
+    fitted: int = 4,
+    box_signals: int = 4,
+    box_persistence: int = 8,
+    fade_s: float = 0.0,
+) -> Any:
     """``samples`` (S, 4), the same in every frame, through the manager; threshold 1, persistence 8, singular 10."""
     params = np.zeros(S, PARAMS)
     for row in params:
-        fill(row, SignalConfig(threshold=1.0), (-1000.0, 1000.0), fitted, False, 100.0)
+        fill(row, SignalConfig(threshold=1.0, fade_s=fade_s), (-1000.0, 1000.0), fitted, False, 100.0)
     block = new_block(FRAMES)
     block["channels"] = samples
     block["valid"], block["ilm"] = 1, Ilm.ABSENT
@@ -109,3 +117,11 @@ def test_how_many_signals_and_how_long_is_chosen(signals: int, persistence: int,
     block = fly(apart(2 if signals == 2 else S, 3), box_signals=signals, box_persistence=persistence)
     last = failed_at(block, S - 1)[3]
     assert last == (8 if at is None else at)
+
+
+def test_where_a_box_agreed_with_the_others_the_vote_fades_from_the_next_frame_on():
+    samples = apart(4, 0)
+    samples[S - 1] = 0.0, 0.6, 0.8, 0.9  # 0.7 of four, 0.8 of the last three
+    voted = fly(samples, fade_s=0.05)["voted"][:, S - 1]
+    assert voted[:8] == pytest.approx(np.full(8, 0.7))
+    assert voted[8:15] == pytest.approx(0.8 - 0.1 * np.array([5, 4, 3, 2, 1, 0, 0]) / 6)

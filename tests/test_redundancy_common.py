@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import constant, vote_samples
+from conftest import constant, rows, vote_samples
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -73,6 +73,13 @@ def test_a_last_channel_is_no_common_mode():
     samples = np.full((30, 4), np.nan)
     samples[:, 0] = 10.0
     assert not contradicted(0.0, 0.0, samples).common_mode.any()
+
+
+def test_nor_is_one_whose_reference_was_set_aside_before():
+    samples = rows((8, (10, 10, 10, 10)), (22, (10, np.nan, np.nan, np.nan)))
+    found = contradicted(0.0, rows((16, np.nan), (14, 0.0)), samples)
+    assert (found.level[16:] == 1).all() and (found.reference_usable[8:] == 0).all() and (found.voted == 10).all()
+    assert not found.common_mode.any()
 
 
 def test_angles_are_compared_the_short_way_round():

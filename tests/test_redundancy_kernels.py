@@ -112,6 +112,15 @@ def test_a_duplex_split_is_settled_like_a_quadruplex_one():
     assert ilm.failed_at() == [10, None, None, None]
 
 
+@pytest.mark.parametrize("moving", [0, 1])
+def test_two_samples_of_which_one_moves_have_no_trend(moving):
+    samples = np.column_stack([constant(0, 5), np.full((30, 2), np.nan)])
+    samples[:, moving] += 0.1 * np.arange(30)
+    out = vote_samples(samples, channels=2, resolvers=["trend"], trend_frames=3)
+    assert (out.resolver == Resolver.UNRESOLVED).all()
+    assert out.trend_high.max() == 7 * moving and out.trend_low.max() == 7 * (1 - moving)
+
+
 @pytest.mark.parametrize("frames", range(1, 9))
 def test_a_trend_byte_of_any_length_answers_after_as_many_changes(frames):
     out = vote_samples(constant(0, 0.1, 5, 5.1), trend_frames=frames)

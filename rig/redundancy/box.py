@@ -67,10 +67,10 @@ def fail_boxes(row, params, state, box):
 
 @kernel
 def fail_all(channels, row, s, p, st):
-    """Latch the failure of ``channels``, bits, on signal s of a row that has been voted."""
+    """Latch the failure of ``channels``, bits, on signal s of a voted row: the fade begins in the next one."""
     for c in range(p["fitted"]):
         if (channels >> c) & 1 == 1 and not st["failed"][c]:
             st["failed"][c] = True
             st["level"] -= 1
-            st["fade_left"] = p["fade_frames"] + 1
+            st["fade_left"] = p["fade_frames"]
             row["state"][s, c], row["level"][s], row["resolver"][s] = _FAILED, st["level"], _BOX
