@@ -35,8 +35,8 @@ def test_by_choice_the_signal_is_lost_and_its_reference_usable():
 @pytest.mark.parametrize(
     ("reference", "other"),
     [
-        (8.4, 0.0),  # within 1.5 thresholds of the vote
-        (0.0, 8.6),
+        (8.6, 8.4),  # within 1.5 thresholds of the vote
+        (8.4, 8.6),
         (0.0, 2.1),  # further apart than both thresholds
         (20.0, 0.0),
         (np.nan, 0.0),

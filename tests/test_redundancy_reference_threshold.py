@@ -30,7 +30,7 @@ def test_without_an_airspeed_the_threshold_is_the_constant():
         assert reference_threshold(reference, params(0.0)) == CONSTANT
 
 
-@pytest.mark.parametrize("airspeed_m_s", [60.0, 140.0, 260.0])
+@pytest.mark.parametrize("airspeed_m_s", [1.0, 60.0, 140.0, 260.0])
 def test_the_threshold_is_the_change_of_dynamic_pressure_with_a_wind(airspeed_m_s: float):
     """Half the sea-level density times the difference of the squares of v + w and v - w, halved: rho0 v w."""
 
@@ -39,6 +39,10 @@ def test_the_threshold_is_the_change_of_dynamic_pressure_with_a_wind(airspeed_m_
 
     change = 0.5 * (pressure(airspeed_m_s + WIND_M_S) - pressure(airspeed_m_s - WIND_M_S))
     assert reference_threshold(pressure(airspeed_m_s), params(WIND_M_S)) == pytest.approx(change, rel=1e-12)
+
+
+def test_a_wind_below_a_metre_a_second_counts_too():
+    assert reference_threshold(20_000.0, params(0.5)) == pytest.approx(110.7, abs=0.1)
 
 
 def test_it_is_never_more_than_the_constant():

@@ -93,10 +93,21 @@ def test_the_trend_byte_is_eight_frames_long_and_unusable_before():
     assert (out.trend_high[8:10] == 0xFF).all() and out.trend_low[7] == 0x7F
 
 
+@pytest.mark.parametrize(("four", "vote"), [(LOW_GOOD, 0.25), (HIGH_GOOD, 5.05)])
+def test_the_vote_is_the_mean_of_the_pair_that_is_kept(four: tuple[Ilm, ...], vote: float):
+    assert vote_samples(constant(*SPLIT), ilm=flags(*four)).voted == pytest.approx(np.full(30, vote))
+
+
 @pytest.mark.parametrize(("samples", "four"), [(APART, (GOOD, BAD, BAD, BAD)), (SPLIT, HIGH_GOOD)])
 def test_monitors_that_are_not_configured_are_not_asked(samples: tuple[float, ...], four: tuple[Ilm, ...]):
     out = vote_samples(constant(*samples), ilm=flags(*four), resolvers=["reference"])
     assert (out.resolver == Resolver.UNRESOLVED).all() and out.failed_at() == [None] * 4
+
+
+@pytest.mark.parametrize(("samples", "resolvers"), [(APART, ["middle", "trend"]), (SPLIT, ["extremes", "middle"])])
+def test_nor_is_a_reference(samples: tuple[float, ...], resolvers: list[str]):
+    out = vote_samples(constant(*samples, frames=8), reference=np.full(8, samples[0]), resolvers=resolvers)
+    assert (out.resolver == Resolver.UNRESOLVED).all()
 
 
 # 1:1:1:1 and 1:1:1.
