@@ -32,6 +32,14 @@ def test_by_choice_the_signal_is_lost_and_its_reference_usable():
     assert found.resolver[11] == Resolver.COMMON and (found.reference_usable[11:] == 1).all()
 
 
+def test_after_a_readmission_the_reference_has_its_whole_persistence_to_agree():
+    resets = [(20, channel) for channel in (1, 2, 3, 4)]
+    second = rows((12, 0.0), (18, np.nan))
+    found = contradicted(0.0, second, fails=True, readmit_frames=1, resets=resets)
+    assert found.level.tolist() == [4] * 4 + [0] * 16 + [4] * 10
+    assert found.reference_usable.tolist() == [1] * 27 + [0] * 3
+
+
 @pytest.mark.parametrize(
     ("reference", "other"),
     [

@@ -1,5 +1,7 @@
 """The small kernels one by one: resolvers, trend, weights, settings."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from conftest import constant, vote_samples
@@ -317,6 +319,17 @@ def test_discretes_persist_eight_frames_unless_told():
     for key in ("reference_threshold", "fade_s"):
         with pytest.raises(ValidationError):
             SignalConfig.model_validate({"threshold": 1.0, key: -0.5})
+
+
+def test_boxes_and_common_modes_have_their_defaults_and_least_settings():
+    every: Any = {"signals": {s.name: {"threshold": 1.0} for s in SIGNALS}}
+    plain = Config.model_validate(every)
+    assert (plain.box_signals, plain.box_persistence) == (4, 8)
+    assert (plain.common_mode, plain.common_persistence) == ("report", 10)
+    for key, least in (("box_signals", 0), ("box_persistence", 1), ("common_persistence", 1)):
+        assert getattr(Config.model_validate({**every, key: least}), key) == least
+        with pytest.raises(ValidationError, match=key):
+            Config.model_validate({**every, key: least - 1})
 
 
 @pytest.mark.parametrize(("reference", "blamed"), [(1.0, LOW), (0.0, HIGH)])

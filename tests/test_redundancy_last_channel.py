@@ -117,3 +117,8 @@ def test_the_last_channel_of_an_angle_is_compared_the_short_way_round(reference:
     settings: dict[str, Any] = {"wraps": True, "limits": (0.0, TWO_PI), "threshold": 0.1, "reference_threshold": 0.1}
     out = vote_samples(samples, reference=np.full(30, reference), **settings)
     assert out.failed_at()[3] == failed
+
+
+def test_the_trend_of_the_last_channel_is_kept():
+    out = vote_samples(alone(0.1 * np.arange(30)))
+    assert out.trend_high[[1, 3, 8, 29]].tolist() == out.trend_low[[1, 3, 8, 29]].tolist() == [1, 7, 255, 255]

@@ -204,3 +204,88 @@ def test_density_is_that_of_the_cold_stratosphere_and_at_least_of_ten_hectopasca
 
 def test_density_at_sea_level_is_that_of_the_standard():
     assert air_density(101_325.0) == pytest.approx(101_325.0 / (287.05287 * 288.15), rel=1e-9)
+
+
+# Lateral load factor and roll angle
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_lateral_load_factor_is_that_of_sideslip_surfaces_and_turning(seed: int):
+    case = Case(seed)
+    beta, slope, roll_arm, yaw_arm = 0.07, -3e-4, 0.6, -1.1
+    case.coefficient(side_slope_1_pa=slope, roll_arm_m=roll_arm, yaw_arm_m=yaw_arm)
+    case.vote("angle_of_sideslip", beta)
+    of_surfaces = (roll_arm * case.accelerations[0] + yaw_arm * case.accelerations[2]) / G
+    expected = case.pressure * slope * beta + of_surfaces + case.by_turning[1]
+    assert motion.lateral_load_factor(case.c, case.p, case.st) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("pressure", "counted"), [(50.0, 200.0), (201.0, 201.0)])
+def test_a_side_force_is_that_of_200_pascals_at_least(pressure: float, counted: float):
+    case = Case(0)
+    case.p["accelerometer"] = 0.0
+    case.coefficient(side_slope_1_pa=-3e-4)
+    case.vote("dynamic_pressure", pressure)
+    case.vote("angle_of_sideslip", 0.1)
+    assert motion.lateral_load_factor(case.c, case.p, case.st) == pytest.approx(-3e-5 * counted)
+
+
+def banked(seed: int, phi: float) -> Case:
+    """Any rates and attitude without a slip: the lateral load factor is acceleration less gravity."""
+    case = Case(seed)
+    alpha, theta = case.rng.uniform(0.05, 0.4, 2)
+    velocity = case.speed * np.array([math.cos(alpha), 0.0, math.sin(alpha)])
+    gravity = about(0, phi) @ about(1, theta) @ np.array([0.0, 0.0, G])
+    case.vote("angle_of_attack", alpha)
+    case.vote("pitch_angle", theta)
+    case.vote("lateral_load_factor", (np.cross(case.rates, velocity)[1] - gravity[1]) / G)
+    return case
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("phi", [-1.2, 0.7])
+def test_the_roll_angle_begins_with_that_at_which_gravity_turns_the_aircraft(seed: int, phi: float):
+    case = banked(seed, phi)
+    assert motion.roll_angle(case.p, case.st, case.speed, True) == pytest.approx(phi)
+    assert case.st["rolling"] == 1 and case.st["roll_angle"] == pytest.approx(phi)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize(("kept", "drawn"), [(0.5, 0.2), (-3.0, -2.583185)])  # the short way to 0.7
+def test_then_it_follows_the_gyros_and_is_drawn_to_that_of_the_turn_within_ten_seconds(seed, kept, drawn):
+    case = banked(seed, 0.7)
+    case.st["rolling"], case.st["roll_angle"], case.p["rate_hz"] = 1, kept, 50.0
+    theta = float(case.st["voted"][INDEX["pitch_angle"]])
+    # Rates of the body are those of roll angle, pitch angle and heading, in the axes that each turns about.
+    to_bank = about(0, kept)
+    axes = np.column_stack([[1.0, 0.0, 0.0], to_bank[:, 1], (to_bank @ about(1, theta))[:, 2]])
+    rolling = float(np.linalg.solve(axes, case.rates)[0])
+    expected = kept + (rolling + drawn / 10.0) / 50.0
+    said = motion.roll_angle(case.p, case.st, case.speed, True)
+    assert math.remainder(said - expected, 2 * math.pi) == pytest.approx(0.0, abs=1e-6)
+    assert case.st["roll_angle"] == said and -math.pi <= said < math.pi
+
+
+def test_without_its_partners_there_is_no_roll_angle_and_it_begins_again():
+    case = banked(1, 0.7)
+    case.st["rolling"], case.st["roll_angle"] = 1, 0.1
+    assert math.isnan(motion.roll_angle(case.p, case.st, case.speed, False))
+    assert motion.roll_angle(case.p, case.st, case.speed, True) == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize(("load", "angle"), [(-5.0, 0.5 * math.pi), (5.0, -0.5 * math.pi)])
+def test_a_turn_that_no_bank_makes_is_a_bank_of_a_quarter_turn(load: float, angle: float):
+    case = banked(0, 0.0)
+    for axis in ("roll_rate", "yaw_rate"):
+        case.vote(axis, 0.0)
+    case.vote("lateral_load_factor", load)
+    assert motion.roll_angle_of_turn(case.st, case.speed) == pytest.approx(angle)
+
+
+def test_near_the_vertical_the_cosine_of_the_pitch_angle_counts_as_a_tenth():
+    case = banked(0, 0.0)
+    for axis in ("roll_rate", "yaw_rate"):
+        case.vote(axis, 0.0)
+    case.vote("pitch_angle", 1.57)
+    case.vote("lateral_load_factor", -0.05)
+    assert motion.roll_angle_of_turn(case.st, case.speed) == pytest.approx(math.asin(0.5))

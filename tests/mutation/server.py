@@ -47,8 +47,8 @@ STAGES: dict[str, tuple[str, ...]] = {
     "persistence": ("kernels discrete",),
     "reference": ("stage motion", "reference"),
     "sources": ("common", "stage", "reference"),
-    "strapdown": ("unit",),
-    "unit": ("unit",),
+    "strapdown": ("strapdown", "unit"),
+    "unit": ("strapdown unit",),
 }
 FLIGHTS = ("flies", "flight_in", "inertial_unit", "a_wind_makes", "lost_pitch_rate", "compiled_and")  # seconds each
 FLIGHTS += ("both_references_of_a_signal", "run_away_together")
