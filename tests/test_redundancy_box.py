@@ -86,6 +86,15 @@ def test_an_accused_majority_is_not_believed():
     assert all(failed_at(block, 5 * c)[c] == 8 for c in range(3))
 
 
+def test_nor_are_two_of_three():
+    samples = np.zeros((S, 4))
+    for c in range(2):
+        samples[5 * c : 5 * c + 5, c] = 5.0
+    block = fly(samples, fitted=3)
+    assert failed_at(block, S - 1) == [None] * 4
+    assert all(failed_at(block, 5 * c)[c] == 8 for c in range(2))
+
+
 def test_contradicting_witnesses_condemn_nobody():
     """Half of the references speak for one pair, half for the other."""
     reference = np.where(np.arange(S) < 8, 0.0, 5.0)

@@ -205,3 +205,17 @@ def test_a_reference_that_agrees_as_soon_as_it_is_unusable_is_usable_after_as_ma
     reference[10:18] = 50.0
     usable = vote_samples(constant(0, 0, 0, 0, frames=40), reference=reference).reference_usable.astype(bool)
     assert np.flatnonzero(~usable).tolist() == list(range(17, 25))
+
+
+@pytest.mark.parametrize("channels", [2, 3, 4])
+def test_a_channel_that_is_not_fitted_is_absent(channels):
+    out = vote_samples(constant(0, 0, 0, 0), channels=channels)
+    assert (out.state == np.where(np.arange(4) < channels, State.OK, State.ABSENT)).all()
+
+
+def test_a_reference_of_an_angle_is_taken_on_the_side_where_it_is():
+    turn = 2 * np.pi
+    samples = constant(turn - 0.05, turn - 0.04, 0.3, 0.31)
+    angle = {"wraps": True, "limits": (0.0, turn), "threshold": 0.1, "resolvers": ["reference"]}
+    assert vote_samples(samples, reference=0.31, **angle).failed_at() == [10, 10, None, None]
+    assert vote_samples(samples, reference=turn - 0.05, **angle).failed_at() == [None, None, 10, 10]
