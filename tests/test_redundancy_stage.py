@@ -165,3 +165,4 @@ def test_points_out_of_order_are_refused():
     points = [Point(**{**point, "dynamic_pressure_pa": pressure}) for pressure in (PRESSURE, PRESSURE)]
     with pytest.raises(ValueError, match="rising dynamic pressure"):
         Designed(rate_hz=RATE, accelerometer_x_m=0, accelerometer_y_m=0, accelerometer_z_m=0, points=points)
+    assert References().inertial_lead_s == 0.015

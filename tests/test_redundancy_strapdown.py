@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+from test_redundancy_reference import level_flight, ref, run
 
 from rig.frame import INDEX, TWO_PI, S
 from rig.redundancy import strapdown, unit
 from rig.redundancy.memory import LONG_S, level_gain, slope_gain
+from rig.redundancy.sources import Config
 from rig.redundancy.strapdown import LEVEL_S
 
 G, RATE = 9.80665, 100.0
@@ -145,3 +147,18 @@ def test_what_flows_past_is_the_velocity_in_body_axes(seed: int):
     out = np.zeros(2)
     unit.flow_angles(said, np.array([phi, theta, psi]), out)
     assert out == pytest.approx([math.atan2(down, forward), math.asin(right / np.linalg.norm(said[3:6]))])
+
+
+@pytest.mark.parametrize("chosen", ["pitch_angle", "angle_of_attack"])
+def test_its_attitude_and_flow_become_the_references_of_the_signals_that_choose_it(chosen: str):
+    """One signal that has it is enough."""
+    turned = Rotation.from_euler("ZYX", [1.0, 0.1, 0.2])
+    block = level_flight(20, roll_angle=0.2, pitch_angle=0.1, heading=1.0)
+    block["inertial"] = np.concatenate([np.zeros(3), [100.0, 80.0, 5.0], turned.inv().apply([0.0, 0.0, -G])])
+    flow = turned.inv().apply([100.0, 80.0, 5.0])
+    expected = {"pitch_angle": 0.1, "angle_of_attack": math.atan2(flow[2], flow[0])}[chosen]
+    none: dict[str, Any] = dict.fromkeys(
+        ("pitch_angle", "roll_angle", "heading", "angle_of_attack", "angle_of_sideslip"), "none"
+    )
+    said = run(block, Config(**{**none, chosen: "inertial", "inertial_lead_s": 0.0}))
+    assert ref(said, chosen) == pytest.approx(np.full(20, expected), abs=1e-9)

@@ -12,9 +12,9 @@ modules=$(printf '"%s",' "$@")
 cat > config.toml <<EOF
 [cosmic-ray]
 module-path = [${modules%,}]
-timeout = 150.0
+timeout = 420.0
 excluded-modules = []
-test-command = "bash -c 'exec 3<>/dev/tcp/127.0.0.1/$port; read -t 130 -u 3 code || code=99; exit \$code'"
+test-command = "bash -c 'exec 3<>/dev/tcp/127.0.0.1/$port; read -t 400 -u 3 code || code=99; exit \$code'"
 [cosmic-ray.distributor]
 name = "local"
 # Interpreted, a kernel without its decorator is the same function.

@@ -51,7 +51,7 @@ STAGES: dict[str, tuple[str, ...]] = {
     "unit": ("strapdown unit",),
 }
 FLIGHTS = ("flies", "flight_in", "inertial_unit", "a_wind_makes", "lost_pitch_rate", "compiled_and")  # seconds each
-FLIGHTS += ("both_references_of_a_signal", "run_away_together")
+FLIGHTS += ("both_references_of_a_signal", "run_away_together", "settled_rightly", "reads_its_partners")
 QUIET = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--no-header", "-W", "ignore"]
 QUIET += ["-p", "no:unraisableexception"]  # it collects garbage twice
 QUIET += ["-k", f"not ({' or '.join(FLIGHTS)})"]
@@ -78,7 +78,7 @@ def run() -> int:
     """One run, in stages that end with the first failure; a mutant that never ends is stopped by the alarm."""
     import signal
 
-    signal.alarm(120)
+    signal.alarm(380)
     for stage in stages():
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             code = int(pytest.main([*QUIET, *stage]))
