@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from test_redundancy_reference import RATE, designed, level_flight
+from test_redundancy_reference import RATE, designed, level_flight, ref, run
 
 from rig.frame import INDEX, INERTIAL
 from rig.inclination.path import air_density
@@ -289,3 +289,11 @@ def test_near_the_vertical_the_cosine_of_the_pitch_angle_counts_as_a_tenth():
     case.vote("pitch_angle", 1.57)
     case.vote("lateral_load_factor", -0.05)
     assert motion.roll_angle_of_turn(case.st, case.speed) == pytest.approx(math.asin(0.5))
+
+
+@pytest.mark.parametrize("bank", [-0.4, 0.8])
+def test_in_a_level_turn_the_roll_angle_by_body_rates_is_the_bank(bank: float):
+    turn = G * math.tan(bank) / 150.0
+    rates = {"pitch_rate": turn * math.sin(bank), "yaw_rate": turn * math.cos(bank)}
+    block = run(level_flight(50, angle_of_attack=0.0, **rates), Config(roll_angle="body_rates"))
+    assert ref(block, "roll_angle") == pytest.approx(np.full(50, bank), abs=1e-3)

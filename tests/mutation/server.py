@@ -45,7 +45,7 @@ STAGES: dict[str, tuple[str, ...]] = {
     "motion": ("motion", "inclination", "reference"),
     "own": ("own",),
     "persistence": ("kernels discrete",),
-    "reference": ("stage motion", "reference"),
+    "reference": ("stage motion", "inclination", "reference"),
     "sources": ("common", "stage", "reference"),
     "strapdown": ("strapdown", "unit"),
     "unit": ("strapdown unit",),
