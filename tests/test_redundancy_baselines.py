@@ -164,3 +164,12 @@ def test_a_baseline_votes_an_angle_the_short_way_round():
     for manager in ("mean", "median", "cross-voter"):
         out = vote_samples(samples, manager=manager, wraps=True, limits=(0.0, turn), threshold=0.1)
         assert np.allclose(np.sin(out.voted), -0.005, atol=1e-9) and (np.cos(out.voted) > 0.99).all()
+
+
+def test_the_selection_without_a_trusted_channel_goes_to_the_one_that_was_least_off():
+    """Every channel is off the mean for long; the last one trusted stays chosen until it has no sample."""
+    samples = constant(0, 30, -31, 80, frames=120)
+    samples[100:, 1] = np.nan
+    out = vote_samples(samples, manager="selection")
+    assert out.failed_at()[1] is not None and (out.level[99] == 0)
+    assert (out.voted[80:100] == 30.0).all() and (out.voted[100:] == 0.0).all()
