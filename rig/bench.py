@@ -143,7 +143,7 @@ def _bound(rig: loop.Rig, block: Block) -> dict[str, Step]:
     """A frame of the loop taken apart: the same kernels, one by one."""
     steps: dict[str, Step] = {"plant.read": rig.plant.read}
     for name, (stage, function) in KERNELS.items():
-        arguments = getattr(rig, stage).arguments
-        entry = bind(function, block, 0, *arguments)
-        steps[name] = lambda b, k, entry=entry, arguments=arguments: entry(b, k, *arguments)
+        data = getattr(rig, stage).data
+        entry = bind(function, block, 0, data)
+        steps[name] = lambda b, k, entry=entry, data=data: entry(b, k, data)
     return {**steps, "plant.step": rig.plant.step}

@@ -8,7 +8,7 @@ velocity is over ground.
 from __future__ import annotations
 
 from math import exp
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
@@ -60,6 +60,15 @@ _VELOCITY: Final = FLIGHT_INDEX["velocity_north_m_s"]
 _FORCE: Final = FLIGHT_INDEX["specific_force_forward_m_s2"]
 
 
+class InertialData(NamedTuple):
+    """What the inertial unit needs besides the row; the draws, standard normal, are those of a block of n rows."""
+
+    params: NDArray[Any]  # (1,) PARAMS
+    noise: NDArray[np.float32]  # (n, 6) of rates and velocity
+    force_noise: NDArray[np.float32]  # (n, 3) of the specific force
+    state: NDArray[Any]  # (1,) STATE, in place
+
+
 def ranges() -> NDArray[np.float64]:
     """(len(INERTIAL), 2) lowest and highest value of each quantity."""
     full = [next(limit for unit, limit in _LIMITS.items() if name.endswith(unit)) for name in INERTIAL]
@@ -79,9 +88,9 @@ class Inertial:
         self._force_noise = np.zeros((0, QUANTITIES - FORCES), np.float32)
 
     @property
-    def arguments(self) -> tuple[Any, ...]:
+    def data(self) -> InertialData:
         """What ``sense`` needs besides the row; the same arrays until the next ``prepare``."""
-        return self.params, self._noise, self._force_noise, self.state
+        return InertialData(self.params, self._noise, self._force_noise, self.state)
 
     def prepare(self, block: Block) -> None:
         """Draw the noise of the rows of ``block``; the streams do not depend on the block's length."""
@@ -94,7 +103,7 @@ class Inertial:
 
     def step(self, block: Block, k: int) -> None:
         """Write ``inertial`` of row k."""
-        sense(block, k, *self.arguments)
+        sense(block, k, self.data)
 
 
 def _params(config: Config, rate_hz: float, rng: Generator, force_rng: Generator) -> NDArray[np.void]:
@@ -117,17 +126,16 @@ def _params(config: Config, rate_hz: float, rng: Generator, force_rng: Generator
 
 
 @kernel
-def sense(block, k, params, noise, force_noise, state):
+def sense(block, k, data):
     """The inertial unit in row k.
 
         x = (w - turn x w, v, f - turn x f);  y += blend (x - y);  sample = gain y + bias + noise, within its range
 
     w : body rates p, q, r [rad/s]; v : velocity over ground, north, east, down [m/s]; f : specific force at the
     centre of gravity, forward, right, down [m/s2], rounded to its quantum
-    block : FRAME records; params : (1,) PARAMS; noise (n, 6), force_noise (n, 3) : standard normal
-    state : (1,) STATE, in place.  Writes inertial.
+    block : FRAME records; data : InertialData.  Writes inertial.
     """
-    row, u, st = block[k], params[0], state[0]
+    row, u, st = block[k], data.params[0], data.state[0]
     truth, flight, inertial = row["truth"], row["flight"], row["inertial"]
     seen, lagged, turn, quantum = st["seen"], st["lagged"], u["turn"], u["quantum"]
     misalign(truth[_P], truth[_Q], truth[_R], turn, seen, 0)
@@ -138,7 +146,7 @@ def sense(block, k, params, noise, force_noise, state):
         if st["started"] == 0:
             lagged[i] = seen[i]
         lagged[i] += u["blend"] * (seen[i] - lagged[i])
-        drawn = noise[k, i] if i < FORCES else force_noise[k, i - FORCES]
+        drawn = data.noise[k, i] if i < FORCES else data.force_noise[k, i - FORCES]
         sample = u["gain"][i] * lagged[i] + u["bias"][i] + u["noise_std"][i] * drawn
         if i >= FORCES and quantum > 0.0:
             sample = np.floor(sample / quantum + 0.5) * quantum

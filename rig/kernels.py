@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 import numba
 import numpy as np
 from numba.core import config as numba_config
-from numba.core.types import BaseTuple
+from numba.core.types import BaseTuple, NamedTuple
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -71,8 +71,8 @@ _bound: dict[tuple[Any, Any], Any] = {}  # entry points, by function and kinds o
 
 def _kind(argument: Any) -> Any:
     """What decides the type of an argument: numba's own answer costs a flight a millisecond."""
-    if type(argument) is tuple:
-        return tuple(map(_kind, argument))
+    if isinstance(argument, tuple):
+        return type(argument), *map(_kind, argument)  # the class alone does not tell what a named tuple holds
     if isinstance(argument, np.ndarray):
         return argument.dtype, argument.ndim, argument.flags.num
     return type(argument)
@@ -83,8 +83,9 @@ _records: dict[tuple[Any, ...], Any] = {}  # numba's types of structured arrays,
 
 def _typeof(argument: Any) -> Any:
     """``numba.typeof``, which works a structured dtype out anew each time: half the cost of a flight's start."""
-    if type(argument) is tuple:
-        return BaseTuple.from_types(tuple(map(_typeof, argument)))
+    if isinstance(argument, tuple):
+        held = tuple(map(_typeof, argument))
+        return NamedTuple(held, type(argument)) if hasattr(argument, "_fields") else BaseTuple.from_types(held)
     if not isinstance(argument, np.ndarray) or argument.dtype.names is None:
         return numba.typeof(argument)
     flags = argument.flags

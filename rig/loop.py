@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from itertools import cycle
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,23 +16,34 @@ from numpy.typing import NDArray
 from rig import inertial, sensors
 from rig.control.autopilot import Control
 from rig.control.flying import fly
+from rig.control.record import ControlData
 from rig.errors import ManagerFailed
-from rig.faults import Coils, Faults, actuate, corrupt, corrupt_reference
+from rig.faults import Coils, FaultData, Faults, actuate, corrupt, corrupt_reference
 from rig.frame import SIGNALS, TIMING, Block, new_block
-from rig.inertial import Inertial, sense
+from rig.inertial import Inertial, InertialData, sense
 from rig.interrupt import Stop
 from rig.kernels import bind, kernel
 from rig.pace import Pace
 from rig.pilot import Pilot
 from rig.plant.flown import plant
-from rig.redundancy import Redundancy, decide_row, refer_row
+from rig.redundancy import Redundancy, RedundancyData, decide_row, refer_row
 from rig.scenario import Scenario
-from rig.sensors import Sensors, measure
+from rig.sensors import SensorData, Sensors, measure
 
 # A killed flight loses no more than a second: the block being filled and, paced, the one being recorded.
 BLOCK_S = 1.0
 PACED_BLOCK_S = 0.5
 MEMORY_BLOCK_S = 5.0  # nothing to lose; what is worked on still fits into a core's own cache
+
+
+class StageData(NamedTuple):
+    """What the stages between two looks at the plant need besides the row."""
+
+    sensors: SensorData
+    inertial: InertialData
+    faults: FaultData
+    redundancy: RedundancyData
+    control: ControlData
 
 
 class Rig:
@@ -59,9 +70,9 @@ class Rig:
         self.control = Control(scenario.control, scenario.gains, rate_hz, frame.surface_limits)
         self.control.reset(self.plant.trim)
         self._stages = (self.sensors, self.inertial, self.faults, self.redundancy, self.control)
-        self.arguments = self._gather()
+        self.data = self._gather()
         compiled = self.redundancy.own is None
-        self.compute = bind(compute, new_block(1), 0, *self.arguments) if compiled else self._one_by_one
+        self.compute = bind(compute, new_block(1), 0, self.data) if compiled else self._one_by_one
 
     def prepare(self, block: Block) -> None:
         """What is drawn or planned a block at a time: stick and demands, noise, chance."""
@@ -69,13 +80,13 @@ class Rig:
         self.sensors.prepare(block)
         self.inertial.prepare(block)
         self.faults.prepare(block)
-        self.arguments = self._gather()
+        self.data = self._gather()
 
-    def _gather(self) -> tuple[tuple[Any, ...], ...]:
+    def _gather(self) -> StageData:
         """The parameters and states of the stages between two looks at the plant."""
-        return tuple(stage.arguments for stage in self._stages)
+        return StageData(*(stage.data for stage in self._stages))
 
-    def _one_by_one(self, block: Block, k: int, *_: Any) -> None:
+    def _one_by_one(self, block: Block, k: int, _: StageData) -> None:
         """What ``compute`` does, stage by stage: for a manager of the user's own, which is not compiled."""
         self.sensors.step(block, k)
         self.inertial.step(block, k)
@@ -115,21 +126,21 @@ def redundancy(scenario: Scenario) -> Redundancy:
 
 
 @kernel
-def compute(block, k, of_sensors, of_inertial, of_faults, of_redundancy, of_control):
+def compute(block, k, data):
     """The flight computer's frame, in one compiled call: measure, corrupt, vote, command.
 
     Faults come between: on channels and inertial unit, on references, on the way to the actuators.
 
-    block : FRAME records; the tuples hold each stage's own parameters and state
+    block : FRAME records; data : StageData
     """
-    measure(block, k, *of_sensors)
-    sense(block, k, *of_inertial)
-    corrupt(block, k, *of_faults)
-    refer_row(block, k, *of_redundancy)
-    corrupt_reference(block, k, *of_faults)
-    decide_row(block, k, *of_redundancy)
-    fly(block, k, *of_control)
-    actuate(block, k, *of_faults)
+    measure(block, k, data.sensors)
+    sense(block, k, data.inertial)
+    corrupt(block, k, data.faults)
+    refer_row(block, k, data.redundancy)
+    corrupt_reference(block, k, data.faults)
+    decide_row(block, k, data.redundancy)
+    fly(block, k, data.control)
+    actuate(block, k, data.faults)
 
 
 Flown = tuple[Block, NDArray[np.void]]  # rows and their TIMING
@@ -176,13 +187,13 @@ def _fly_block(rig: Rig, block: Block, timing: NDArray[np.void], pace: Pace, sto
     """Fly the rows of a block; how many were flown, and whether the flight is over."""
     frame_us, late_us = timing["frame_us"], timing["late_us"]
     clock, paced, first = time.perf_counter, pace.period_s is not None, int(block["frame"][0])
-    see, think, act, arguments = rig.plant.read, rig.compute, rig.plant.step, rig.arguments
+    see, think, act, data = rig.plant.read, rig.compute, rig.plant.step, rig.data
     for k in range(len(block)):
         if paced:
             late_us[k] = pace.wait(first + k) * 1e6
         began = clock()
         end = see(block, k)  # truth, and whether the flight ends here
-        think(block, k, *arguments)  # channels, faults, votes, commands
+        think(block, k, data)  # channels, faults, votes, commands
         if end == 0:
             act(block, k)  # surfaces, to the next frame
         frame_us[k] = (clock() - began) * 1e6

@@ -232,7 +232,7 @@ def errors(rows: Block, config: Config, designed: Designed) -> Errors:
     One that remembers its own signal is measured against the channel that is farthest off: the vote it has learned,
     but a channel is what it may be compared with.
     """
-    run(rows, References(config, designed, RATE_HZ).arguments)
+    run(rows, References(config, designed, RATE_HZ).data)
     settled = rows[round(SETTLED_S * RATE_HZ) :]
     found: Errors = {}
     for key in PARTNERS:
@@ -249,11 +249,11 @@ def errors(rows: Block, config: Config, designed: Designed) -> Errors:
 
 
 @kernel
-def run(rows, of_references):
+def run(rows, data):
     """The references over rows that are voted already, as in flight."""
     for k in range(len(rows)):
-        refer(rows, k, *of_references)
-        remember(rows, k, *of_references)
+        refer(rows, k, data)
+        remember(rows, k, data)
 
 
 def _choose(tried: list[list[Errors]], monitors: dict[str, Any]) -> dict[str, int]:

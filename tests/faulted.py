@@ -56,11 +56,11 @@ def faulted(
     for start in range(0, len(rows), size):
         part = rows[start : start + size]
         stage.prepare(part)
-        arguments = stage.arguments
-        steps = [bind(kernel, part, 0, *arguments) for kernel in (corrupt, corrupt_reference, actuate)]
+        data = stage.data
+        steps = [bind(kernel, part, 0, data) for kernel in (corrupt, corrupt_reference, actuate)]
         for k in range(len(part)):
             for step in steps:
-                step(part, k, *arguments)
+                step(part, k, data)
     return rows
 
 

@@ -46,9 +46,9 @@ def sense(
         block = memory[: len(truth) - first]
         block["truth"] = truth[first : first + len(block)]
         stage.prepare(block)
-        arguments = stage.arguments
-        step = step or bind(measure, block, 0, *arguments)
+        data = stage.data
+        step = step or bind(measure, block, 0, data)
         for k in range(len(block)):
-            step(block, k, *arguments)
+            step(block, k, data)
         out[first : first + len(block)] = block[field]
     return out

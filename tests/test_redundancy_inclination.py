@@ -66,15 +66,15 @@ def test_whenever_other_gyros_vote_their_drift_is_less_certain():
     for pitch, yaw in sets:
         block = level_flight(1)
         block["level"][0, [INDEX["pitch_rate"], INDEX["yaw_rate"]]] = pitch, yaw
-        remember(block, 0, *stage.arguments)
+        remember(block, 0, stage.data)
         codes.add(int(stage.state["gyros"][0]))
     assert len(codes) == len(sets)
     block = level_flight(200)
     block["level"][100:, INDEX["yaw_rate"]] = 3
     stage, uncertain = References(Config(pitch_angle="kinematic"), designed(), RATE), []
     for k in range(len(block)):
-        refer(block, k, *stage.arguments)
-        remember(block, k, *stage.arguments)
+        refer(block, k, stage.data)
+        remember(block, k, stage.data)
         uncertain.append(float(stage.state["inclination"]["p"][0][1, 1]))
     steps = np.diff(uncertain)
     assert steps[100] == pytest.approx(Noise().drift_sigma_rad_s ** 2, rel=0.01)

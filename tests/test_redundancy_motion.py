@@ -181,10 +181,10 @@ def test_a_filters_share_of_a_new_sample_is_that_of_its_time_constant(constant_s
     block = level_flight(2)
     block["voted"][1, INDEX["angle_of_attack"]] += 1.0
     for k in range(2):
-        refer(block, k, *stage.arguments)
-        remember(block, k, *stage.arguments)
+        refer(block, k, stage.data)
+        remember(block, k, stage.data)
     before = stage.state["smooth"][0, INDEX["angle_of_attack"]]
-    refer(block, 1, *stage.arguments)
+    refer(block, 1, stage.data)
     after = stage.state["smooth"][0, INDEX["angle_of_attack"]]
     assert after - before == pytest.approx(1.0 - math.exp(-1.0 / RATE / constant_s))
 

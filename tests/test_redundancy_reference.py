@@ -72,8 +72,8 @@ def level_flight(n: int = 300, **votes: Any) -> Block:
 def run(block: Block, config: Config | None = None, **design: Any) -> Block:
     stage = References(config or BY_PARTNERS, designed(**design), RATE)
     for k in range(len(block)):
-        refer(block, k, *stage.arguments)
-        remember(block, k, *stage.arguments)
+        refer(block, k, stage.data)
+        remember(block, k, stage.data)
     return block
 
 
@@ -372,8 +372,8 @@ def test_the_manager_can_ask_which_signals_had_no_majority():
     block["pattern"][2, INDEX["roll_angle"]] = Pattern.ISOLATED
     stage = References(Config(), designed(), RATE)
     for k in range(3):
-        refer(block, k, *stage.arguments)
-        remember(block, k, *stage.arguments)
+        refer(block, k, stage.data)
+        remember(block, k, stage.data)
     all_signals = (1 << len(SIGNALS)) - 1
     kept = stage.state[0]
     assert (kept["singular"], kept["lost"]) == (1 << INDEX["heading"], 1 << INDEX["pitch_rate"])
@@ -416,15 +416,15 @@ def test_a_copied_state_goes_on_alike():
     block = busy()
     stage = References(Config(), designed(), RATE)
     for k in range(60):
-        refer(block, k, *stage.arguments)
-        remember(block, k, *stage.arguments)
+        refer(block, k, stage.data)
+        remember(block, k, stage.data)
     other = References(Config(), designed(), RATE)
     other.state = copy.deepcopy(stage.state)
     twin = block.copy()
     for rows, one in ((block, stage), (twin, other)):
         for k in range(60, len(rows)):
-            refer(rows, k, *one.arguments)
-            remember(rows, k, *one.arguments)
+            refer(rows, k, one.data)
+            remember(rows, k, one.data)
     for name in ("reference", "reference_usable"):  # fields: padding does not survive a copy
         assert block[name].tobytes() == twin[name].tobytes()
 
@@ -437,8 +437,8 @@ def test_coefficients_go_straight_between_the_points():
     stage = References(BY_PARTNERS, Designed(rate_hz=RATE, points=[low, high], **place), RATE)
     block = level_flight(angle_of_attack=0.0, dynamic_pressure=2 * PRESSURE)
     for k in range(len(block)):
-        refer(block, k, *stage.arguments)
-        remember(block, k, *stage.arguments)
+        refer(block, k, stage.data)
+        remember(block, k, stage.data)
     assert ref(block, "normal_load_factor")[-1] == pytest.approx(2 * PRESSURE * 1.5e-3 * 0.02)
 
 

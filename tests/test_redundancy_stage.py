@@ -101,7 +101,7 @@ def test_a_row_at_once_is_its_two_halves():
     block["channels"][10:, Q, 2] = 0.4
     whole, which = block.copy(), stage()
     for k in range(len(whole)):
-        vote_row(whole, k, *which.arguments)
+        vote_row(whole, k, which.data)
     halves = run(stage(), block)
     for name in ("reference", "voted", "state", "level", "pattern", "discrete_voted"):
         assert np.array_equal(whole[name], halves[name], equal_nan=True), name

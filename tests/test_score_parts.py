@@ -42,7 +42,7 @@ def flight(
     rig.prepare(rows)
     rows["truth"] = truth
     for k in range(frames):
-        rig.compute(rows, k, *rig.arguments)
+        rig.compute(rows, k, rig.data)
     return which, rows
 
 

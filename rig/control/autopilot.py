@@ -20,7 +20,7 @@ from pydantic import Field
 
 from rig.control.flying import fly
 from rig.control.gains import COLUMNS, Gains
-from rig.control.record import ANGLE, PARAM, PATH, STATE, STICK
+from rig.control.record import ANGLE, PARAM, PATH, STATE, STICK, ControlData
 from rig.control.tolerant.record import STATE as WITNESS
 from rig.control.tolerant.settings import Config as Tolerant
 from rig.control.tolerant.settings import parameters as witness_parameters
@@ -88,14 +88,14 @@ class Control:
         self.state["surface"] = np.clip(trim_surfaces, self.param["low"][0], self.param["high"][0])
 
     @property
-    def arguments(self) -> tuple[Any, ...]:
+    def data(self) -> ControlData:
         """What ``flying.fly`` needs besides the row."""
         witness = (self.witness_param, self.witness)
-        return self.pressures, self.table, self.param, self.state, self.gain, witness
+        return ControlData(self.pressures, self.table, self.param, self.state, self.gain, *witness)
 
     def step(self, block: Block, k: int) -> None:
         """Write what ``flying.fly`` writes of row ``k`` from its voted signals and demands."""
-        fly(block, k, *self.arguments)
+        fly(block, k, self.data)
 
 
 def _parameters(

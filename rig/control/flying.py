@@ -42,34 +42,33 @@ _ALPHA_APPROACH_1_S: Final = 2.0  # pitch rate allowed per angle left to the alp
 
 
 @kernel
-def fly(block, k, pressures, table, param, state, gain, of_witness):
+def fly(block, k, data):
     """One frame of the control law on row ``k``.
 
     block : FRAME records, reads voted, level, reference, reference_usable, discrete_voted, demand;
             writes source, command, surface, actuator (the same; faults may come between), law, estimate,
             trust, lie
-    pressures (P,), table (P, G) : gain schedule; gain (G,) : workspace
-    param, state : one record of PARAM and of STATE; state in place
-    of_witness : the same of the fault-tolerant law, which judges the pitch angle before anyone reads it
+    data : ControlData
     A signal that is not finite keeps its last value; before the first one the surfaces stay at trim.
     """
-    row, s = block[k], state[0]
+    row, s = block[k], data.state[0]
+    param, state, gain = data.param, data.state, data.gain
     law = _AUTOPILOT if row["discrete_voted"][_ENGAGED] == 1 else _STICK_LAW
     source, measured, command = row["source"], s["measured"], s["command"]
     keep_demand(row["demand"], state)
     lost = select(row, param, state)
     if lost > 0:
         if s["started"] == 0:
-            look_up(pressures, table, measured[_DYNAMIC], gain)
+            look_up(data.pressures, data.table, measured[_DYNAMIC], gain)
         degraded.substitute(row, param, state, gain)
     if complete(measured):
-        if of_witness[0][0]["on"] != 0:
-            vouch(row, of_witness[0], of_witness[1], measured)
+        if data.witness_param[0]["on"] != 0:
+            vouch(row, data.witness_param, data.witness, measured)
         air_data(measured, command)
         fresh = s["started"] == 0 or law != s["law"]
         lifted = modes(row["discrete_voted"], state)
         filter_slow(param, state, measured, command, s["started"] == 0)
-        look_up(pressures, table, s["schedule_pressure"], gain)
+        look_up(data.pressures, data.table, s["schedule_pressure"], gain)
         if fresh or law == _STICK_LAW:
             capture(state, gain, measured, command)
         elif lifted:

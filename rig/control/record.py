@@ -5,9 +5,10 @@ Plain records, so that copying the state copies the law: for a replay, or to try
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rig.frame import COMMANDS, DEMANDS, SURFACES, S
 
@@ -91,3 +92,15 @@ STATE: Final = np.dtype(
     ],
     align=True,
 )
+
+
+class ControlData(NamedTuple):
+    """What the control law needs besides the row."""
+
+    pressures: NDArray[np.float64]  # (P,) dynamic pressures of the gain schedule
+    table: NDArray[np.float64]  # (P, G) gains there
+    param: NDArray[Any]  # (1,) PARAM
+    state: NDArray[Any]  # (1,) STATE, in place
+    gain: NDArray[np.float64]  # (G,) workspace: the gains of this frame
+    witness_param: NDArray[Any]  # of the fault-tolerant law (tolerant/record.py)
+    witness: NDArray[Any]  # its state, in place

@@ -25,7 +25,7 @@ from rig.faults.kinds import (
 )
 from rig.faults.moments import DuplicateFrame, Intermittent, Spikes
 from rig.faults.places import PLACES, Point
-from rig.faults.record import CLEAN
+from rig.faults.record import CLEAN, FaultData
 from rig.faults.schedule import Coils, Faults
 from rig.faults.systems import IlmFault, PitotIcing, RateLoss, VaneIcing
 
@@ -41,6 +41,7 @@ __all__ = [
     "DuplicateFrame",
     "Execution",
     "Fault",
+    "FaultData",
     "Faults",
     "FrameSkew",
     "Hardover",

@@ -1,7 +1,7 @@
 """The faults of a frame, in three places: channels (of signals, of discretes) and inertial unit, references, actuators.
 
 In each the faults act one after the other in the order of the scenario: what one leaves is what the next finds.
-All three kernels take the row and the same data, ``Faults.arguments``.
+All three kernels take the row and the same FaultData.
 """
 
 from __future__ import annotations
@@ -22,21 +22,20 @@ _FIRST_SURFACE: Final = FLIGHT_INDEX["elevator_rad"]  # where the surfaces truly
 
 
 @kernel
-def corrupt(
-    block, k, param, schedule, state, targets, kept, program, stack, times, memory, seen, uniform, normal, clean
-):  # fmt: skip
+def corrupt(block, k, data):
     """Find out which faults act in row k, and corrupt its channels and its inertial unit.
 
-    block : FRAME records; the others as in record.py; workspaces and draws as in schedule.Faults
-    Writes channels, valid, ilm, the same of the discretes, inertial and acting; before, ``clean`` (n,) CLEAN, unless it
+    block : FRAME records
+    Writes channels, valid, ilm, the same of the discretes, inertial and acting; before, ``data.clean``, unless it
     has no rows.
     """
-    row, p = block[k], param[0]
-    if len(clean) > 0:
-        save(row, clean[k])
+    row, p, schedule, state = block[k], data.param[0], data.schedule, data.state
+    if len(data.clean) > 0:
+        save(row, data.clean[k])
     if len(schedule) == 0:
         return
-    advance(row, k, schedule, state, program, stack, times, seen, uniform)
+    advance(row, k, data)
+    targets, kept, memory = data.targets, data.kept, data.memory
     channels, valid, ilm, inertial = row["channels"], row["valid"], row["ilm"], row["inertial"]
     for t in range(p["samples"]):
         target = targets[t]
@@ -44,7 +43,7 @@ def corrupt(
         if st["acts"] == 0 and target["remembers"] == 0:
             continue
         s, c = target["row"], target["column"]
-        drawn = normal[k, target["draw"]] if target["act"] == _NOISE else 0.0
+        drawn = data.normal[k, target["draw"]] if target["act"] == _NOISE else 0.0
         if s < 0:
             follow(row, inertial, c, target["source"], drawn, target, st, kept[t], memory, p["dt_s"])
         elif target["act"] == _ICE:
@@ -85,19 +84,18 @@ def corrupt_discrete(row, target, st, kept, memory, dt_s, flag):
 
 
 @kernel
-def corrupt_reference(
-    block, k, param, schedule, state, targets, kept, program, stack, times, memory, seen, uniform, normal, clean
-):  # fmt: skip
+def corrupt_reference(block, k, data):
     """Spoil the references of row k, between their making and their use; where there is none, nothing acts.
 
     Writes reference and acting.
     """
-    row, p = block[k], param[0]
+    row, p = block[k], data.param[0]
+    targets, state, kept, memory = data.targets, data.state, data.kept, data.memory
     for t in range(p["discretes"], p["references"]):
         target = targets[t]
         st, reference, c = state[target["fault"]], row["reference"], target["column"]
         there = reference[c] == reference[c]
-        drawn = normal[k, target["draw"]] if target["act"] == _NOISE else 0.0
+        drawn = data.normal[k, target["draw"]] if target["act"] == _NOISE else 0.0
         follow(row, reference, c, target["source"], drawn, target, st, kept[t], memory, p["dt_s"])
         if not there:
             reference[c] = np.nan
@@ -106,14 +104,13 @@ def corrupt_reference(
 
 
 @kernel
-def actuate(
-    block, k, param, schedule, state, targets, kept, program, stack, times, memory, seen, uniform, normal, clean
-):  # fmt: skip
+def actuate(block, k, data):
     """Spoil what reaches the actuators in row k; keep its votes for the triggers of the next.
 
     A fault begins where the surface truly is.  Writes actuator and acting.
     """
-    row, p = block[k], param[0]
+    row, p = block[k], data.param[0]
+    targets, state, kept, memory = data.targets, data.state, data.kept, data.memory
     for t in range(p["references"], p["surfaces"]):
         target = targets[t]
         st, c = state[target["fault"]], target["column"]
@@ -123,7 +120,7 @@ def actuate(
         if st["acts"] != 0:
             mark(row, target["fault"])
     if p["watches"] != 0:
-        watch(row, seen)
+        watch(row, data.seen)
 
 
 @kernel

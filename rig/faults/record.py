@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from enum import IntEnum
 from math import prod
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rig.frame import CHANNELS, FRAME, D, S
 
@@ -147,3 +148,21 @@ SEEN: Final = np.dtype(
 )
 # What the sensors said before any fault, as the fields of FRAME; kept for who scores a flight in memory.
 CLEAN: Final = np.dtype([("channels", "f8", (S, CHANNELS)), ("valid", "u1", (S, CHANNELS))], align=True)
+
+
+class FaultData(NamedTuple):
+    """What the faults need besides the row; the draws and ``clean`` are those of a block of n rows."""
+
+    param: NDArray[Any]  # (1,) PARAM
+    schedule: NDArray[Any]  # (F,) SCHEDULE
+    state: NDArray[Any]  # (F,) STATE, in place
+    targets: NDArray[Any]  # (T,) TARGET
+    kept: NDArray[Any]  # (T,) KEPT, in place
+    program: NDArray[Any]  # steps of all conditions (expression.STEP)
+    stack: NDArray[np.float64]  # workspace of the conditions
+    times: NDArray[np.int64]  # frames of given pulses
+    memory: NDArray[np.float64]  # rings of past values, in place
+    seen: NDArray[Any]  # (1,) SEEN, in place
+    uniform: NDArray[np.float64]  # (n, U) draws of triggers and pulses
+    normal: NDArray[np.float64]  # (n, N) draws of noise
+    clean: NDArray[Any]  # (n,) CLEAN, or no rows: not kept

@@ -16,7 +16,7 @@ from rig.faults.corrupt import actuate, corrupt, corrupt_reference
 from rig.faults.expression import DEEPEST, STEP, parse, reads_votes
 from rig.faults.fault import Fault
 from rig.faults.places import CHANNELLED, PLACES, Point, number, site
-from rig.faults.record import CLEAN, FOREVER, KEPT, PARAM, SCHEDULE, SEEN, STATE, TARGET, Trigger
+from rig.faults.record import CLEAN, FOREVER, KEPT, PARAM, SCHEDULE, SEEN, STATE, TARGET, FaultData, Trigger
 from rig.faults.settings import Act, Rhythm
 from rig.frame import SIGNALS, Block, D, S, to_frame
 
@@ -84,10 +84,23 @@ class Faults:
         self._grow(1)
 
     @property
-    def arguments(self) -> tuple[Any, ...]:
+    def data(self) -> FaultData:
         """What the kernels need besides the row; the same arrays until the next ``prepare``."""
-        records = (self.param, self.schedule, self.state, self.targets, self.kept, self.program)
-        return *records, self.stack, self.times, self.memory, self.seen, self._uniform, self._normal, self._of_block
+        return FaultData(
+            param=self.param,
+            schedule=self.schedule,
+            state=self.state,
+            targets=self.targets,
+            kept=self.kept,
+            program=self.program,
+            stack=self.stack,
+            times=self.times,
+            memory=self.memory,
+            seen=self.seen,
+            uniform=self._uniform,
+            normal=self._normal,
+            clean=self._of_block,
+        )
 
     def prepare(self, block: Block) -> None:
         """Draw for the rows of ``block``; no stream depends on the block's length, nor on other faults."""
@@ -101,15 +114,15 @@ class Faults:
 
     def step(self, block: Block, k: int) -> None:
         """Decide who acts in row k; corrupt its channels and its inertial unit."""
-        corrupt(block, k, *self.arguments)
+        corrupt(block, k, self.data)
 
     def refer(self, block: Block, k: int) -> None:
         """Corrupt the references of row k."""
-        corrupt_reference(block, k, *self.arguments)
+        corrupt_reference(block, k, self.data)
 
     def actuate(self, block: Block, k: int) -> None:
         """Corrupt what reaches the actuators in row k."""
-        actuate(block, k, *self.arguments)
+        actuate(block, k, self.data)
 
     def _frames(self, seconds: float | None, otherwise: int) -> int:
         """A time in frames, at least one."""

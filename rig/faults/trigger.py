@@ -21,34 +21,34 @@ _SIGNALS, _DISCRETES, _CHANNELS = S, D, CHANNELS
 
 
 @kernel
-def advance(row, k, schedule, state, program, stack, times, seen, uniform):
+def advance(row, k, data):
     """Find out which faults act in this frame: ``acts``, ``fresh`` and ``elapsed`` of every STATE record.
 
-    row : frame k of its block; schedule, state : (F,) SCHEDULE and STATE; program, stack : of the conditions
-    times : (T,) frames of given pulses; seen : (1,) SEEN; uniform : (n, U) draws of this block
+    row : frame k of its block; data : FaultData
     """
-    frame = row["frame"]
+    frame, schedule, state = row["frame"], data.schedule, data.state
     for f in range(len(schedule)):
         i = schedule[f]["turn"]
         p, st = schedule[i], state[i]
         if st["onset"] == _FOREVER and p["first"] <= frame < p["last"]:
-            fired = onset(row, k, p, state, i, program, stack, seen, uniform)
+            fired = onset(row, k, i, data)
             st["onset"] = fired if fired == _FOREVER else fired + p["delay"]
         acts = lasts(frame, p, st)
         if acts != 0 and p["rhythm"] != _STEADY:
-            acts = beats(k, p, st, times, uniform)
+            acts = beats(k, p, st, data.times, data.uniform)
         st["fresh"] = 1 if acts != 0 and st["acts"] == 0 else 0
         st["acts"] = acts
 
 
 @kernel
-def onset(row, k, p, state, i, program, stack, seen, uniform):
+def onset(row, k, i, data):
     """The frame in which the trigger of fault i fires, FOREVER while it does not."""
+    p, state, seen = data.schedule[i], data.state, data.seen
     fires = False
     trigger, frame = p["trigger"], row["frame"]
     if trigger == _CONDITION:
         true = p["needs_votes"] == 0 or seen[0]["frames"] > 0
-        true = true and holds(program, p["begin"], p["end"], row, seen[0], stack) != 0
+        true = true and holds(data.program, p["begin"], p["end"], row, seen[0], data.stack) != 0
         state[i]["held"] = state[i]["held"] + 1 if true else 0
         fires = state[i]["held"] > p["hold"]
     elif trigger == _TRANSITION:
@@ -57,7 +57,7 @@ def onset(row, k, p, state, i, program, stack, seen, uniform):
     elif trigger == _AFTER:
         return state[p["place"]]["onset"]
     elif trigger == _RANDOM:
-        fires = uniform[k, p["draw"]] < p["chance"]
+        fires = data.uniform[k, p["draw"]] < p["chance"]
     return frame if fires else _FOREVER
 
 

@@ -54,7 +54,7 @@ def _vote(
         part = slice(start, min(start + ROWS, n))
         rows = block[: part.stop - start]
         _put(rows, samples, part)
-        vote_rows(rows, *voter.arguments)
+        vote_rows(rows, voter.data)
         voted[part], level[part] = rows["discrete_voted"][:, 0], rows["discrete_level"][:, 0]
         invalid += (rows["discrete_valid"][:, 0] == 0).sum(axis=0)
         for c, column in enumerate(state):
@@ -82,10 +82,10 @@ def _put(rows: NDArray[Any], samples: Samples, part: slice) -> None:
 
 
 @kernel
-def vote_rows(rows, params, state, resets):
+def vote_rows(rows, data):
     """All rows through the voter of discretes; see discrete.vote_discretes."""
     for k in range(len(rows)):
-        vote_discretes(rows, k, params, state, resets)
+        vote_discretes(rows, k, data)
 
 
 def _failures(recording: Recording, states: list[Bytes]) -> list[Failure]:

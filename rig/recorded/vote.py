@@ -121,8 +121,8 @@ def _manager(
 ) -> Callable[[NDArray[Any]], None]:
     """What votes all rows of a block: a manager of the house, or the user's own ``module:Class``."""
     if name in MANAGERS:
-        arguments = Manager(name, params, resets).arguments
-        return lambda rows: vote_rows(rows, *arguments)
+        data = Manager(name, params, resets).data
+        return lambda rows: vote_rows(rows, data)
     own = load_manager(name, params, trust)
 
     def step_by_step(rows: NDArray[Any]) -> None:
@@ -133,10 +133,10 @@ def _manager(
 
 
 @kernel
-def vote_rows(rows, choice, params, state, resets, boxes):
+def vote_rows(rows, data):
     """All rows through the chosen manager; see managers.vote_signals."""
     for k in range(len(rows)):
-        vote_signals(rows, k, choice, params, state, resets, boxes)
+        vote_signals(rows, k, data)
 
 
 @kernel

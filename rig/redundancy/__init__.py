@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +11,22 @@ from rig.frame import CHANNELS, DISCRETE_INDEX, SIGNALS, Block, D
 from rig.kernels import kernel
 from rig.redundancy.config import MANAGERS, Config, SignalConfig, parameters, reset_table
 from rig.redundancy.designed import Designed
-from rig.redundancy.discrete import DiscreteVoter, vote_discretes
+from rig.redundancy.discrete import DiscreteData, DiscreteVoter, vote_discretes
 from rig.redundancy.discrete_config import discrete_parameters
+from rig.redundancy.manager import ManagerData
 from rig.redundancy.managers import Manager, vote_signals
 from rig.redundancy.own import OwnManager, load_manager
-from rig.redundancy.reference import References, refer, remember
+from rig.redundancy.reference import ReferenceData, References, refer, remember
 from rig.redundancy.sources import second, source
 from rig.trust import Trust
+
+
+class RedundancyData(NamedTuple):
+    """What the stage needs besides the row, part by part."""
+
+    references: ReferenceData
+    manager: ManagerData
+    discretes: DiscreteData
 
 
 class Redundancy:
@@ -57,9 +66,9 @@ class Redundancy:
         self.discretes = DiscreteVoter(of_discretes, reset_table(config.resets, rate_hz, DISCRETE_INDEX))
 
     @property
-    def arguments(self) -> tuple[Any, ...]:
-        """What ``vote_row`` needs besides the row: the parts of references, manager and discretes."""
-        return self.references.arguments, self.manager.arguments, self.discretes.arguments
+    def data(self) -> RedundancyData:
+        """What ``vote_row`` needs besides the row."""
+        return RedundancyData(self.references.data, self.manager.data, self.discretes.data)
 
     def step(self, block: Block, k: int) -> None:
         """Vote and monitor row k; see manager.manage for what is written."""
@@ -68,15 +77,15 @@ class Redundancy:
 
     def refer(self, block: Block, k: int) -> None:
         """The first half: the references of row k."""
-        refer_row(block, k, *self.arguments)
+        refer_row(block, k, self.data)
 
     def decide(self, block: Block, k: int) -> None:
         """The second half: vote and monitor with them."""
         if self.own is None:
-            decide_row(block, k, *self.arguments)
+            decide_row(block, k, self.data)
             return
         self.own.step(block, k)
-        remember(block, k, *self.references.arguments)
+        remember(block, k, self.references.data)
         self.discretes.step(block, k)
 
 
@@ -93,24 +102,24 @@ def measured_thresholds(params: NDArray[np.void], config: Config, designed: Desi
 
 
 @kernel
-def vote_row(block, k, of_references, of_manager, of_discretes):
-    """Row k through references, the chosen manager and the voter of the discretes; tuples hold their own data."""
-    refer_row(block, k, of_references, of_manager, of_discretes)
-    decide_row(block, k, of_references, of_manager, of_discretes)
+def vote_row(block, k, data):
+    """Row k through references, the chosen manager and the voter of the discretes; data : RedundancyData."""
+    refer_row(block, k, data)
+    decide_row(block, k, data)
 
 
 @kernel
-def refer_row(block, k, of_references, of_manager, of_discretes):
+def refer_row(block, k, data):
     """The first half of ``vote_row``: the references, which may still go wrong before they are used."""
-    refer(block, k, *of_references)
+    refer(block, k, data.references)
 
 
 @kernel
-def decide_row(block, k, of_references, of_manager, of_discretes):
+def decide_row(block, k, data):
     """The second half: vote and monitor."""
-    vote_signals(block, k, *of_manager)
-    remember(block, k, *of_references)
-    vote_discretes(block, k, *of_discretes)
+    vote_signals(block, k, data.manager)
+    remember(block, k, data.references)
+    vote_discretes(block, k, data.discretes)
 
 
-__all__ = ["MANAGERS", "Config", "Redundancy", "SignalConfig", "decide_row", "refer_row", "vote_row"]
+__all__ = ["MANAGERS", "Config", "Redundancy", "RedundancyData", "SignalConfig", "decide_row", "refer_row", "vote_row"]

@@ -17,9 +17,9 @@ from rig.redundancy.vote import median
 
 
 @kernel
-def average(block, k, params, state, resets):
+def average(block, k, data):
     """Row k: the arithmetic mean of all comparable samples of each signal; nobody is ever failed."""
-    row = block[k]
+    row, params, state = block[k], data.params, data.state
     for s in range(len(params)):
         p, st = params[s], state[s]
         n = ranked(row, s, p, st)
@@ -38,9 +38,9 @@ def mean_of(st, n):
 
 
 @kernel
-def plain_median(block, k, params, state, resets):
+def plain_median(block, k, data):
     """Row k: the median of all comparable samples of each signal; nobody is ever failed."""
-    row = block[k]
+    row, params, state = block[k], data.params, data.state
     for s in range(len(params)):
         p, st = params[s], state[s]
         n = ranked(row, s, p, st)
@@ -49,14 +49,14 @@ def plain_median(block, k, params, state, resets):
 
 
 @kernel
-def select(block, k, params, state, resets):
+def select(block, k, data):
     """Row k: one channel is the vote, the first by number until it is distrusted; then the next that is not.
 
     excess += max(|x - mean of all| - deviation, -excess) each frame; a channel whose excess is above
     ``deviation_frames`` is distrusted (reported failed) until it has come down again.  A sample that is not
     comparable is distrusted at once.  With two channels left the mean is as far from both: nobody is.
     """
-    row = block[k]
+    row, params, state = block[k], data.params, data.state
     for s in range(len(params)):
         p, st = params[s], state[s]
         for c in range(CHANNELS):
@@ -97,10 +97,10 @@ def choose(n, p, st):
 
 
 @kernel
-def cross_voter(block, k, params, state, resets):
+def cross_voter(block, k, data):
     """Row k: the median of the channels in use; each is then compared with it instead of with each other."""
-    row = block[k]
-    apply_resets(row["frame"], resets, params, state)
+    row, params, state = block[k], data.params, data.state
+    apply_resets(row["frame"], data.resets, params, state)
     for s in range(len(params)):
         p, st = params[s], state[s]
         n = ranked(row, s, p, st)

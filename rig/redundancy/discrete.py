@@ -5,7 +5,7 @@ Source: Zhang 2023, section 4, item 1; the rule of a frame stands in docs/redund
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,14 @@ _OK, _SUSPECT, _FAILED, _ABSENT = (int(s) for s in (State.OK, State.SUSPECT, Sta
 _BAD: Final = int(Ilm.BAD)
 
 
+class DiscreteData(NamedTuple):
+    """What the voter of the discretes needs besides the row."""
+
+    params: NDArray[Any]  # one discrete_config.DISCRETE_PARAMS record for each discrete
+    state: NDArray[Any]  # one STATE record for each, in place
+    resets: NDArray[Any]  # config.RESETS records, whose ``signal`` is the place of a discrete
+
+
 class DiscreteVoter:
     """Votes the discretes of every row; ``state`` is plain data and can be copied.
 
@@ -40,23 +48,23 @@ class DiscreteVoter:
         self.state = np.zeros(len(params), STATE)
 
     @property
-    def arguments(self) -> tuple[Any, ...]:
+    def data(self) -> DiscreteData:
         """What ``vote_discretes`` needs besides the row."""
-        return self.params, self.state, self.resets
+        return DiscreteData(self.params, self.state, self.resets)
 
     def step(self, block: Block, k: int) -> None:
         """Write discrete_voted, discrete_state and discrete_level of row k."""
-        vote_discretes(block, k, *self.arguments)
+        vote_discretes(block, k, self.data)
 
 
 @kernel
-def vote_discretes(block, k, params, state, resets):
+def vote_discretes(block, k, data):
     """Vote and monitor the discretes of row k: write discrete_voted, discrete_state, discrete_level.
 
     block : FRAME records, reads discrete_channels, discrete_valid, discrete_ilm
-    params, state : one DISCRETE_PARAMS and one STATE record for each discrete; resets : RESETS records
+    data : DiscreteData
     """
-    row = block[k]
+    row, params, state, resets = block[k], data.params, data.state, data.resets
     samples, valid, ilm = row["discrete_channels"], row["discrete_valid"], row["discrete_ilm"]
     voted, levels, states = row["discrete_voted"], row["discrete_level"], row["discrete_state"]
     for i in range(len(resets)):

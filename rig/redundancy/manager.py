@@ -7,7 +7,7 @@ Source: Zhang 2023; the section numbers below are those of the paper.
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,18 @@ STATE: Final = np.dtype(
     align=True,
 )
 NO_RESETS: Final = np.zeros(0, RESETS)
+
+
+class ManagerData(NamedTuple):
+    """What a manager needs besides the row: one record a signal where nothing else is said."""
+
+    choice: int  # place in config.MANAGERS
+    params: NDArray[Any]  # (S,) config.PARAMS
+    state: NDArray[Any]  # (S,) STATE, in place
+    resets: NDArray[Any]  # config.RESETS records, applied in their frame
+    boxes: NDArray[Any]  # (1,) box.BOXES, in place
+
+
 _OK, _SUSPECT, _FAILED, _ABSENT = (int(s) for s in (State.OK, State.SUSPECT, State.FAILED, State.ABSENT))
 _NONE: Final = int(Resolver.NONE)
 
@@ -78,14 +90,13 @@ def new_state(params: NDArray[np.void]) -> NDArray[np.void]:
 
 
 @kernel
-def manage(block, k, params, state, resets, boxes):
+def manage(block, k, data):
     """Write voted, state, level, pattern, resolver, trend bytes, reference_usable and common_mode of row k.
 
-    block : FRAME records; params, state : one config.PARAMS and one STATE record per signal
-    resets : config.RESETS records, applied in their frame; boxes : one box.BOXES record
+    block : FRAME records; data : ManagerData
     """
-    row = block[k]
-    apply_resets(row["frame"], resets, params, state)
+    row, params, state = block[k], data.params, data.state
+    apply_resets(row["frame"], data.resets, params, state)
     channels, valid, ilm = row["channels"], row["valid"], row["ilm"]
     voted, reference, states = row["voted"], row["reference"], row["state"]
     levels, patterns, resolvers, usable = row["level"], row["pattern"], row["resolver"], row["reference_usable"]
@@ -101,7 +112,7 @@ def manage(block, k, params, state, resets, boxes):
         common[s] = st["common_mode"]
         report(p, st, states[s])
         accusing += st["accused"] != 0
-    box = boxes[0]
+    box = data.boxes[0]
     if accusing >= box["signals"] > 0:
         fail_boxes(row, params, state, box)
     else:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from rig.kernels import kernel
 from rig.redundancy.baselines import average, cross_voter, plain_median, select
 from rig.redundancy.box import BOXES
 from rig.redundancy.config import MANAGERS
-from rig.redundancy.manager import NO_RESETS, manage, new_state
+from rig.redundancy.manager import NO_RESETS, ManagerData, manage, new_state
 
 _MEAN: Final = MANAGERS.index("mean")
 _MEDIAN: Final = MANAGERS.index("median")
@@ -44,25 +44,26 @@ class Manager:
         self.boxes["signals"], self.boxes["persistence"] = box_signals, box_persistence
 
     @property
-    def arguments(self) -> tuple[Any, ...]:
+    def data(self) -> ManagerData:
         """What ``vote_signals`` needs besides the row."""
-        return self.choice, self.params, self.state, self.resets, self.boxes
+        return ManagerData(self.choice, self.params, self.state, self.resets, self.boxes)
 
     def step(self, block: Block, k: int) -> None:
         """Vote and monitor every signal of row k."""
-        vote_signals(block, k, *self.arguments)
+        vote_signals(block, k, self.data)
 
 
 @kernel
-def vote_signals(block, k, choice, params, state, resets, boxes):
+def vote_signals(block, k, data):
     """Row k through the chosen manager, its place in MANAGERS."""
+    choice = data.choice
     if choice == _MEAN:
-        average(block, k, params, state, resets)
+        average(block, k, data)
     elif choice == _MEDIAN:
-        plain_median(block, k, params, state, resets)
+        plain_median(block, k, data)
     elif choice == _CROSS_VOTER:
-        cross_voter(block, k, params, state, resets)
+        cross_voter(block, k, data)
     elif choice == _SELECTION:
-        select(block, k, params, state, resets)
+        select(block, k, data)
     else:
-        manage(block, k, params, state, resets, boxes)
+        manage(block, k, data)

@@ -13,7 +13,7 @@ equations are in motion.py, unit.py and strapdown.py.
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,6 +88,15 @@ _NOBODY: Final = int(Resolver.NONE)
 _NORMAL, _FIRST_SINGULAR, _LAST_SINGULAR = int(Pattern.NORMAL), int(Pattern.P2_2), int(Pattern.P1_1)
 
 
+class ReferenceData(NamedTuple):
+    """What the references need besides the row."""
+
+    pressures: NDArray[np.float64]  # (P,) dynamic pressures of the flight points
+    table: NDArray[np.float64]  # (P, C) designed coefficients there
+    param: NDArray[Any]  # (1,) PARAM
+    state: NDArray[Any]  # (1,) STATE, in place
+
+
 class References:
     """The references of one flight.  ``state`` is plain data and can be copied.
 
@@ -104,9 +113,9 @@ class References:
         self.state: NDArray[Any] = np.zeros(1, STATE)
 
     @property
-    def arguments(self) -> tuple[Any, ...]:
+    def data(self) -> ReferenceData:
         """What ``refer`` and ``remember`` need besides the row."""
-        return self.pressures, self.table, self.param, self.state
+        return ReferenceData(self.pressures, self.table, self.param, self.state)
 
 
 def _parameters(config: Config, designed: Designed, rate_hz: float) -> NDArray[Any]:
@@ -131,32 +140,31 @@ def _coded(signal: str, chosen: str) -> tuple[int, int]:
 
 
 @kernel
-def refer(block, k, pressures, table, param, state):
+def refer(block, k, data):
     """Write ``reference`` and ``second_reference`` of row k from the last frame's votes; NaN where there is none.
 
-    block : FRAME records; pressures (P,), table (P, C) : designed coefficients
-    param, state : one record of PARAM and of STATE; state in place
+    block : FRAME records; data : ReferenceData
     """
-    if state[0]["started"] == 0:
+    if data.state[0]["started"] == 0:
         for s in range(S):
             block[k]["reference"][s] = block[k]["second_reference"][s] = np.nan
         return
-    answer(block[k], pressures, table, param, state)
+    answer(block[k], data)
 
 
 @kernel
-def remember(block, k, pressures, table, param, state):
+def remember(block, k, data):
     """Keep the votes of row k for the next frame; in the first frame, begin with them."""
-    row, st = block[k], state[0]
+    row, st = block[k], data.state[0]
     look_back(row, st)
     if st["started"] == 0:
         st["started"] = 1
         unit.keep(row["inertial"], st["unit"])
         st["unit"]["started"] = 0  # so that the filters begin there
-        answer(row, pressures, table, param, state)
+        answer(row, data)
         for s in range(S):
             there = row["reference"][s] == row["reference"][s]
-            row["reference_usable"][s] = 1 if there and param[0]["monitored"] != 0 else 0
+            row["reference_usable"][s] = 1 if there and data.param[0]["monitored"] != 0 else 0
 
 
 @kernel
@@ -180,11 +188,11 @@ def look_back(row, st):
 
 
 @kernel
-def answer(row, pressures, table, param, state):
+def answer(row, data):
     """All references of a row, from what is kept of the votes and the row's inertial unit."""
-    p, st = param[0], state[0]
+    p, st = data.param[0], data.state[0]
     voted, inertial, u = st["voted"], row["inertial"], st["unit"]
-    look_up(pressures, table, voted[_DYNAMIC], st["coefficient"])
+    look_up(data.pressures, data.table, voted[_DYNAMIC], st["coefficient"])
     follow_all(p, st)
     unit.follow(inertial, st["coefficient"][_UNIT_FILTER], p["rate_hz"], u)
     if p["strapdown"] != 0:

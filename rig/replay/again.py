@@ -80,7 +80,7 @@ def vote_again(rows: Block, scenario: Scenario) -> Block:
     if on_references:
         _run_faulted(stage, loop.faults(scenario), again, _copy(rows))
     elif stage.own is None:
-        run(again, stage.arguments)
+        run(again, stage.data)
     else:
         for k in range(len(again)):
             stage.step(again, k)
@@ -107,7 +107,7 @@ def _run_faulted(stage: Redundancy, faults: Faults, rows: Block, recorded_rows: 
     """
     faults.prepare(rows)
     if stage.own is None:
-        run_faulted(rows, recorded_rows, stage.arguments, faults.arguments)
+        run_faulted(rows, recorded_rows, stage.data, faults.data)
         return
     for k in range(len(rows)):
         faults.step(recorded_rows, k)
@@ -118,21 +118,21 @@ def _run_faulted(stage: Redundancy, faults: Faults, rows: Block, recorded_rows: 
 
 
 @kernel
-def run(rows, of_redundancy):
-    """All rows through the redundancy stage; ``of_redundancy`` is what its ``arguments`` gives."""
+def run(rows, data):
+    """All rows through the redundancy stage; data : RedundancyData."""
     for k in range(len(rows)):
-        vote_row(rows, k, *of_redundancy)
+        vote_row(rows, k, data)
 
 
 @kernel
 def run_faulted(rows, recorded_rows, of_redundancy, of_faults):
     """The same with faults on references, as loop.compute has them; ``recorded_rows`` are spoiled on the way."""
     for k in range(len(rows)):
-        corrupt(recorded_rows, k, *of_faults)
-        refer_row(rows, k, *of_redundancy)
-        corrupt_reference(rows, k, *of_faults)
-        decide_row(rows, k, *of_redundancy)
-        actuate(recorded_rows, k, *of_faults)
+        corrupt(recorded_rows, k, of_faults)
+        refer_row(rows, k, of_redundancy)
+        corrupt_reference(rows, k, of_faults)
+        decide_row(rows, k, of_redundancy)
+        actuate(recorded_rows, k, of_faults)
 
 
 @kernel

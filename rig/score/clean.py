@@ -44,7 +44,7 @@ def recompute(scenario: Scenario, rows: Block, params: NDArray[np.void]) -> Clea
         clean = scratch[: len(recorded)]
         clean.view(np.uint8)[:] = recorded.view(np.uint8)
         sensors.prepare(clean)
-        measure_again(clean, sensors.arguments)
+        measure_again(clean, sensors.data)
         comparison.add(clean)
     return comparison.found
 
@@ -94,10 +94,10 @@ def checked(rows: Block) -> Block:
 
 
 @kernel
-def measure_again(clean, of_sensors):
-    """Fill the channels of ``clean`` (n,) FRAME from its truth; of_sensors : what ``measure`` needs."""
+def measure_again(clean, data):
+    """Fill the channels of ``clean`` (n,) FRAME from its truth; data : SensorData."""
     for k in range(len(clean)):
-        measure(clean, k, *of_sensors)
+        measure(clean, k, data)
 
 
 @kernel

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rig.angles import difference, limit
 from rig.frame import CHANNELS, Ilm
@@ -26,19 +27,29 @@ _GOOD, _BAD = int(Ilm.GOOD), int(Ilm.BAD)
 _NO_MONITOR: Final = int(Ilm.ABSENT)
 
 
+class SensorData(NamedTuple):
+    """What the sensors need besides the row; the draws are those of a block of n rows."""
+
+    params: NDArray[Any]  # (S,) PARAMS
+    noise: NDArray[np.float32]  # (n, S, CHANNELS), standard normal
+    wander: NDArray[np.float64]  # (n, S, CHANNELS), unit of the signal
+    memory: NDArray[Any]  # (S,) MEMORY, in place
+    line: NDArray[np.float64]  # (S, CHANNELS, frames), the latency's ring, in place
+    discretes: NDArray[np.int64]  # (D,) channels of each discrete
+    alarms: NDArray[np.uint8]  # (n, S, CHANNELS), false alarms of in-line monitors
+
+
 @kernel
-def measure(block, k, params, noise, wander, memory, line, fitted, alarms):
+def measure(block, k, data):
     """All channels of row k from the truth of this frame and the last.
 
     x = truth - skew (truth - last truth), truth with what is felt of others;  y += blend (x - y)
     y -> low pass -> latency;  sample = round(gain y + bias + noise + wander), within its range
 
-    block : FRAME records; params : (S,) PARAMS; noise : (n, S, 4) standard normal; wander : (n, S, 4), unit of
-    the signal; memory : (S,) MEMORY and line : (S, 4, frames), the latency's ring, in place
-    fitted : (D,) channels of each discrete
-    alarms : (n, S, 4), false alarms of in-line monitors
+    block : FRAME records; data : SensorData
     """
     row = block[k]
+    params, noise, wander, memory, line = data.params, data.noise, data.wander, data.memory, data.line
     truth, channels = row["truth"], row["channels"]
     valid, ilm = row["valid"], row["ilm"]
     for s in range(len(params)):
@@ -71,10 +82,10 @@ def measure(block, k, params, noise, wander, memory, line, fitted, alarms):
                 sample = np.floor(sample / p["quantum"] + 0.5) * p["quantum"]
             channels[s, c] = limit(sample, p["low"], p["high"], wraps)
             valid[s, c] = 1
-            ilm[s, c] = _BAD if p["alarms"] != 0 and alarms[k, s, c] != 0 else _GOOD
+            ilm[s, c] = _BAD if p["alarms"] != 0 and data.alarms[k, s, c] != 0 else _GOOD
         m["truth"] = truth[s]
         m["frames"] += 1
-    switch(row, fitted)
+    switch(row, data.discretes)
 
 
 @kernel

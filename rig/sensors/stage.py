@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.random import SFC64, Generator, SeedSequence
 
 from rig.frame import CHANNELS, Block, S
 from rig.sensors.alarms import Alarms
-from rig.sensors.kernel import MEMORY, measure
+from rig.sensors.kernel import MEMORY, SensorData, measure
 from rig.sensors.params import fixed
 from rig.sensors.settings import discrete_channels
 from rig.sensors.wander import PROCESSES, Wander
@@ -35,9 +35,10 @@ class Sensors:
         self._discretes = discrete_channels(suite)
 
     @property
-    def arguments(self) -> tuple[Any, ...]:
+    def data(self) -> SensorData:
         """What ``measure`` needs besides the row; the same arrays until the next ``prepare``."""
-        return self.params, self._noise, self._wander.rows, self._memory, self._line, self._discretes, self._alarms.rows
+        draws = self._noise, self._wander.rows
+        return SensorData(self.params, *draws, self._memory, self._line, self._discretes, self._alarms.rows)
 
     def prepare(self, block: Block) -> None:
         """Draw the noise of the rows of ``block``; the streams do not depend on the block's length."""
@@ -49,4 +50,4 @@ class Sensors:
 
     def step(self, block: Block, k: int) -> None:
         """Write channels, valid and ilm of row k, of signals and discretes."""
-        measure(block, k, *self.arguments)
+        measure(block, k, self.data)
