@@ -22,14 +22,13 @@ from rig.control.airdata import GRAVITY
 from rig.control.degraded import lift_angle
 from rig.control.laws import clamp, move
 from rig.control.record import ANGLE, PATH
-from rig.control.select import DEGRADED, carry
-from rig.frame import COMMANDS, INDEX, Law
+from rig.control.select import carry
+from rig.frame import COMMANDS, INDEX, Law, Source
 from rig.kernels import kernel
 
 NOT_NEEDED, LOAD, ALPHA, BLIND = 0, 1, 2, 3  # what the back-up law flies on
 _Q, _ALPHA, _N_Z = INDEX["pitch_rate"], INDEX["angle_of_attack"], INDEX["normal_load_factor"]
 _THETA, _PHI = INDEX["pitch_angle"], INDEX["roll_angle"]
-_AUTOPILOT: Final = int(Law.AUTOPILOT)
 _C_Q: Final = COMMANDS.index("pitch_rate_rad_s")
 _DAMPING: Final = 0.9  # of the altitude loop
 _RELEASE_S: Final = 0.5  # how fast a blind law lets the elevator go to its integral
@@ -38,13 +37,13 @@ _RELEASE_S: Final = 0.5  # how fast a blind law lets the elevator go to its inte
 @kernel
 def needed(source, param):
     """What the back-up law must fly on; NOT_NEEDED while the pitch rate can be had."""
-    if source[_Q] != DEGRADED:
+    if source[_Q] != Source.DEGRADED:
         return NOT_NEEDED
-    if param[0]["attitude_rates"] != 0 and source[_THETA] != DEGRADED and source[_PHI] != DEGRADED:
+    if param[0]["attitude_rates"] != 0 and source[_THETA] != Source.DEGRADED and source[_PHI] != Source.DEGRADED:
         return NOT_NEEDED
-    if source[_N_Z] != DEGRADED:
+    if source[_N_Z] != Source.DEGRADED:
         return LOAD
-    return ALPHA if source[_ALPHA] != DEGRADED else BLIND
+    return ALPHA if source[_ALPHA] != Source.DEGRADED else BLIND
 
 
 @kernel
@@ -83,7 +82,7 @@ def elevator(sensor, law, param, state, gain, measured, command):
     if sensor == BLIND:
         s["backup_alpha"], s["backup_pitch_rate"] = a - dt / _RELEASE_S * a, q - dt / _RELEASE_S * q
     s["backup"] = sensor
-    carry(_Q, s["backup_pitch_rate"] + (asked - upright) * per_load, DEGRADED, state)
+    carry(_Q, s["backup_pitch_rate"] + (asked - upright) * per_load, Source.DEGRADED, state)
 
 
 @kernel
@@ -100,9 +99,9 @@ def wanted_load(law, param, state, measured, command):
     upright = math.cos(theta) * math.cos(phi)
     turn = speed / GRAVITY * laws.turn_pitch_rate(phi, theta, speed)
     change = speed / GRAVITY * command[_C_Q] - turn
-    if law == _AUTOPILOT and c["vertical"] == PATH:
+    if law == Law.AUTOPILOT and c["vertical"] == PATH:
         change = 2.0 * _DAMPING * w * (s["altitude_rate"] - s["climb_rate"])
         change = (change + w * w * (s["altitude_reference"] - s["altitude_estimate"])) / GRAVITY
-    elif law == _AUTOPILOT and c["vertical"] == ANGLE:
+    elif law == Law.AUTOPILOT and c["vertical"] == ANGLE:
         change = -2.0 * _DAMPING * w * s["climb_rate"] / GRAVITY
     return upright + turn + clamp(change, -most, most), upright

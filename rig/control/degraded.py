@@ -26,8 +26,8 @@ from rig.control import laws
 from rig.control.airdata import GRAVITY, flight_path_angle
 from rig.control.laws import clamp
 from rig.control.rates import estimate
-from rig.control.select import DEGRADED, REFERENCE, VOTED, carry, put
-from rig.frame import COMMANDS, INDEX
+from rig.control.select import carry, put
+from rig.frame import COMMANDS, INDEX, Source
 from rig.kernels import kernel
 
 _Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
@@ -55,27 +55,27 @@ def substitute(row, param, state, gain):
     measured, command = s["measured"], s["command"]
     body_rates(row, param, state, gain)
     for i in (_STICK_PITCH, _STICK_ROLL, _PEDAL, _N_Y):
-        if source[i] == DEGRADED:
-            put(i, 0.0, DEGRADED, param, state)
+        if source[i] == Source.DEGRADED:
+            put(i, 0.0, Source.DEGRADED, param, state)
     for i in (_STATIC, _DYNAMIC):
-        if source[i] == DEGRADED:
-            carry(i, measured[i], DEGRADED, state)
-    if source[_THETA] == DEGRADED:
-        carry(_THETA, pitch_angle(source, param, state), DEGRADED, state)
-    if source[_PHI] == DEGRADED:
-        carry(_PHI, roll_angle(source, param, state), DEGRADED, state)
-    if source[_PSI] == DEGRADED:
-        put(_PSI, command[_C_PSI], DEGRADED, param, state)
-    if source[_ALPHA] == DEGRADED:
-        put(_ALPHA, angle_of_attack(source, gain, state), DEGRADED, param, state)
-    if source[_BETA] == DEGRADED:
-        put(_BETA, -measured[_PEDAL] * gain[laws.MAX_SIDESLIP], DEGRADED, param, state)
-    if source[_N_X] == DEGRADED:
-        put(_N_X, math.sin(measured[_THETA]), DEGRADED, param, state)
-    if source[_N_Z] == DEGRADED:
-        put(_N_Z, load_factor(source, gain, state), DEGRADED, param, state)
-    if source[_STATIC] == DEGRADED and source[_THETA] != DEGRADED and source[_PHI] != DEGRADED:
-        carry(_STATIC, static_pressure(param, state), DEGRADED, state)
+        if source[i] == Source.DEGRADED:
+            carry(i, measured[i], Source.DEGRADED, state)
+    if source[_THETA] == Source.DEGRADED:
+        carry(_THETA, pitch_angle(source, param, state), Source.DEGRADED, state)
+    if source[_PHI] == Source.DEGRADED:
+        carry(_PHI, roll_angle(source, param, state), Source.DEGRADED, state)
+    if source[_PSI] == Source.DEGRADED:
+        put(_PSI, command[_C_PSI], Source.DEGRADED, param, state)
+    if source[_ALPHA] == Source.DEGRADED:
+        put(_ALPHA, angle_of_attack(source, gain, state), Source.DEGRADED, param, state)
+    if source[_BETA] == Source.DEGRADED:
+        put(_BETA, -measured[_PEDAL] * gain[laws.MAX_SIDESLIP], Source.DEGRADED, param, state)
+    if source[_N_X] == Source.DEGRADED:
+        put(_N_X, math.sin(measured[_THETA]), Source.DEGRADED, param, state)
+    if source[_N_Z] == Source.DEGRADED:
+        put(_N_Z, load_factor(source, gain, state), Source.DEGRADED, param, state)
+    if source[_STATIC] == Source.DEGRADED and source[_THETA] != Source.DEGRADED and source[_PHI] != Source.DEGRADED:
+        carry(_STATIC, static_pressure(param, state), Source.DEGRADED, state)
 
 
 @kernel
@@ -89,25 +89,25 @@ def body_rates(row, param, state, gain):
     Without a heading the turn counts as coordinated; without an attitude nothing is said of the rates.
     """
     source, reference, s = row["source"], row["reference"], state[0]
-    if source[_Q] == VOTED and source[_P] == VOTED and source[_R] == VOTED:
+    if source[_Q] == Source.VOTED and source[_P] == Source.VOTED and source[_R] == Source.VOTED:
         return
     measured, tau = s["measured"], param[0]["attitude_filter"] + param[0]["dt"]
     theta, phi, speed = measured[_THETA], measured[_PHI], max(s["airspeed"], laws.SLOWEST)
     pitching = (theta - s["smooth_pitch_angle"]) / tau
     rolling = wrap(phi - s["smooth_roll_angle"]) / tau
     turning = wrap(measured[_PSI] - s["smooth_heading"]) / tau
-    if source[_PSI] == DEGRADED:
+    if source[_PSI] == Source.DEGRADED:
         turning = GRAVITY / speed * math.sin(phi) / max(math.cos(phi), _FLATTEST)
-    if source[_THETA] == DEGRADED or source[_PHI] == DEGRADED or param[0]["attitude_rates"] == 0:
+    if source[_THETA] == Source.DEGRADED or source[_PHI] == Source.DEGRADED or param[0]["attitude_rates"] == 0:
         pitching = math.nan
     pitch = pitching * math.cos(phi) + turning * math.cos(theta) * math.sin(phi)
     roll = rolling - turning * math.sin(theta) + 0.0 * pitching
     yaw = turning * math.cos(theta) * math.cos(phi) - pitching * math.sin(phi)
     for i, said in ((_Q, pitch), (_P, roll), (_R, yaw)):
-        if source[i] == REFERENCE:
-            estimate(i, reference[i], REFERENCE, param, state, gain)
-        elif source[i] == DEGRADED and (i != _Q or math.isfinite(said)):
-            estimate(i, said, DEGRADED, param, state, gain)
+        if source[i] == Source.REFERENCE:
+            estimate(i, reference[i], Source.REFERENCE, param, state, gain)
+        elif source[i] == Source.DEGRADED and (i != _Q or math.isfinite(said)):
+            estimate(i, said, Source.DEGRADED, param, state, gain)
 
 
 @kernel
@@ -117,7 +117,7 @@ def pitch_angle(source, param, state):
     measured = s["measured"]
     phi = measured[_PHI]
     climb = s["path_error"]
-    if source[_STATIC] != DEGRADED:
+    if source[_STATIC] != Source.DEGRADED:
         climb += s["climb_rate"] / max(s["airspeed"], laws.SLOWEST)
     rate = measured[_Q] * math.cos(phi) - measured[_R] * math.sin(phi)
     drawn = measured[_ALPHA] * math.cos(phi) + climb
@@ -136,7 +136,7 @@ def roll_angle(source, param, state):
     s, c = state[0], param[0]
     measured = s["measured"]
     bank = 0.0
-    if source[_R] != DEGRADED:
+    if source[_R] != Source.DEGRADED:
         bank = math.asin(clamp(turn_sine(state) - s["turn_error"], -1.0, 1.0))
     phi, theta = measured[_PHI], measured[_THETA]
     if not math.isfinite(phi):
@@ -144,7 +144,7 @@ def roll_angle(source, param, state):
     rate = measured[_P]
     if math.isfinite(theta):
         rate += (measured[_Q] * math.sin(phi) + measured[_R] * math.cos(phi)) * math.tan(clamp(theta, -1.0, 1.0))
-    erection = c["erection_s"] * (_HASTE if source[_P] == DEGRADED else 1.0)
+    erection = c["erection_s"] * (_HASTE if source[_P] == Source.DEGRADED else 1.0)
     return phi + c["dt"] * (rate + wrap(bank - phi) / erection)
 
 
@@ -167,7 +167,7 @@ def lift_angle(load, gain):
 def angle_of_attack(source, gain, state):
     """Angle of attack [rad] from the load factor, of 1 g flight when that is lost too."""
     s = state[0]
-    load = s["measured"][_N_Z] if source[_N_Z] != DEGRADED else 1.0
+    load = s["measured"][_N_Z] if source[_N_Z] != Source.DEGRADED else 1.0
     return lift_angle(load, gain) + s["lift_error"]
 
 
@@ -176,7 +176,7 @@ def load_factor(source, gain, state):
     """Normal load factor [g] from the angle of attack; of level flight when that is lost too."""
     s = state[0]
     measured = s["measured"]
-    if source[_ALPHA] == DEGRADED:
+    if source[_ALPHA] == Source.DEGRADED:
         return math.cos(measured[_THETA]) / max(math.cos(measured[_PHI]), _FLATTEST)
     return 1.0 + gain[laws.LIFT_SLOPE] * (measured[_ALPHA] - s["lift_error"] - gain[laws.TRIM_ALPHA])
 

@@ -18,9 +18,9 @@ from rig.control.airdata import (
 )
 from rig.control.laws import SLOWEST, clamp, move
 from rig.control.record import PATH, STICK
-from rig.control.select import DEGRADED, select
+from rig.control.select import select
 from rig.control.tolerant.witness import vouch
-from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, INDEX, SURFACES, TWO_PI, Law, S
+from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, INDEX, SURFACES, TWO_PI, Law, S, Source
 from rig.kernels import kernel
 from rig.pressure_table import look_up
 
@@ -32,7 +32,6 @@ _N_X, _N_Y, _N_Z = (INDEX[f"{axis}_load_factor"] for axis in ("longitudinal", "l
 _THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
 _ENGAGED: Final = DISCRETE_INDEX["autopilot_engaged"]
 _WHEELS, _GEAR = DISCRETE_INDEX["weight_on_wheels"], DISCRETE_INDEX["gear_down"]
-_AUTOPILOT, _STICK_LAW, _BACKUP_LAW = int(Law.AUTOPILOT), int(Law.STICK), int(Law.BACKUP)
 _DEMANDS, _SURFACES, _COMMANDS = len(DEMANDS), len(SURFACES), len(COMMANDS)
 _BRAKING: Final = 0.3  # share of the allowed load factor change that a change of altitude plans with
 _ALPHA_APPROACH_1_S: Final = 2.0  # pitch rate allowed per angle left to the alpha limit
@@ -53,7 +52,7 @@ def fly(block, k, data):
     """
     row, s = block[k], data.state[0]
     param, state, gain = data.param, data.state, data.gain
-    law = _AUTOPILOT if row["discrete_voted"][_ENGAGED] == 1 else _STICK_LAW
+    law = Law.AUTOPILOT if row["discrete_voted"][_ENGAGED] == 1 else Law.STICK
     source, measured, command = row["source"], s["measured"], s["command"]
     keep_demand(row["demand"], state)
     lost = select(row, param, state)
@@ -69,7 +68,7 @@ def fly(block, k, data):
         lifted = modes(row["discrete_voted"], state)
         filter_slow(param, state, measured, command, s["started"] == 0)
         look_up(data.pressures, data.table, s["schedule_pressure"], gain)
-        if fresh or law == _STICK_LAW:
+        if fresh or law == Law.STICK:
             capture(state, gain, measured, command)
         elif lifted:
             begin_path(state, gain, measured)
@@ -79,7 +78,7 @@ def fly(block, k, data):
         outer(param, state, gain, measured, command, law)
         inner(param, state, gain, measured, command, source, law, fresh)
         s["started"], s["law"] = 1, law
-    row["law"] = law if s["backup"] == backup.NOT_NEEDED else _BACKUP_LAW
+    row["law"] = law if s["backup"] == backup.NOT_NEEDED else Law.BACKUP
     for i in range(_COMMANDS):
         row["command"][i] = s["command"][i]
     for i in range(_SURFACES):
@@ -186,7 +185,7 @@ def outer(param, state, gain, measured, command, law):
     command[_C_PSI] = s["heading"]
     command[_C_SPEED] = s["held_airspeed"]
     vertical, lateral = STICK, STICK
-    if law == _AUTOPILOT:
+    if law == Law.AUTOPILOT:
         vertical, lateral = c["vertical"], c["lateral"]
         command[_C_THETA] += demand[0]
         command[_C_PHI] = wrap(command[_C_PHI] + demand[1])
@@ -256,7 +255,7 @@ def inner(param, state, gain, measured, command, source, law, fresh):
     alpha = measured[_ALPHA]
     speed = max(s["airspeed"], SLOWEST)
     yaw = laws.turn_yaw_rate(measured[_PHI], measured[_THETA], speed) + command[_C_P] * math.tan(alpha)
-    if law == _AUTOPILOT and c["lateral"] == PATH:
+    if law == Law.AUTOPILOT and c["lateral"] == PATH:
         turn = g[laws.HEADING_YAW] * wrap(command[_C_PSI] - measured[_PSI])
         yaw += clamp(turn, -c["max_yaw"], c["max_yaw"])
     p = measured[_P] - command[_C_P]
@@ -283,7 +282,7 @@ def inner(param, state, gain, measured, command, source, law, fresh):
     change = -dt * g[laws.RUDDER_INTEGRAL] * beta
     s["rudder_integral"] = move(s["rudder_integral"], change, proportional, 2, c, s["surface"], fresh)
 
-    if law == _AUTOPILOT and c["speed"] == 1 and source[_DYNAMIC] != DEGRADED:
+    if law == Law.AUTOPILOT and c["speed"] == 1 and source[_DYNAMIC] != Source.DEGRADED:
         error = s["airspeed"] - command[_C_SPEED]
         proportional = g[laws.THROTTLE_SPEED] * error
         change = -dt * g[laws.THROTTLE_INTEGRAL] * error

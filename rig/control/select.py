@@ -15,7 +15,6 @@ from rig.angles import difference, limit
 from rig.frame import INDEX, SIGNALS, S, Source
 from rig.kernels import kernel
 
-VOTED, REFERENCE, DEGRADED = int(Source.VOTED), int(Source.REFERENCE), int(Source.DEGRADED)
 _LAST_RATE: Final = INDEX["yaw_rate"]  # pitch, roll and yaw rate come first
 _LOW: Final = np.array([signal.low for signal in SIGNALS])
 _HIGH: Final = np.array([signal.high for signal in SIGNALS])
@@ -27,7 +26,7 @@ def select(row, param, state):
     """Take every signal that is known, and say in ``row["source"]`` where from.  Returns how many are lost.
 
     row : a FRAME record, reads voted, level, reference, reference_usable; writes source
-    param, state : one record of PARAM and of STATE; writes measured of what is VOTED or REFERENCE, except
+    param, state : one record of PARAM and of STATE; writes measured of what is Source.VOTED or Source.REFERENCE, except
                    body rates by reference: those are estimated, see rates.py
     A value that is not finite is not taken: the last one stays.
     """
@@ -40,7 +39,7 @@ def select(row, param, state):
             lost += 1
             value = reference[i]
         told[i] = source
-        if source == VOTED or (source == REFERENCE and i > _LAST_RATE):
+        if source == Source.VOTED or (source == Source.REFERENCE and i > _LAST_RATE):
             put(i, value, source, param, state)
     return lost
 
@@ -49,8 +48,8 @@ def select(row, param, state):
 def source_of(level, usable, reference):
     """Where a signal with ``level`` channels comes from."""
     if level != 0:
-        return VOTED
-    return REFERENCE if usable != 0 and math.isfinite(reference) else DEGRADED
+        return Source.VOTED
+    return Source.REFERENCE if usable != 0 and math.isfinite(reference) else Source.DEGRADED
 
 
 @kernel

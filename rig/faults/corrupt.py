@@ -16,7 +16,6 @@ from rig.faults.trigger import advance, watch
 from rig.frame import FLIGHT_INDEX
 from rig.kernels import kernel
 
-_ICE, _NOISE = int(Act.ICE), int(Act.NOISE)
 _HALF: Final = 0.5  # between a discrete's two values
 _FIRST_SURFACE: Final = FLIGHT_INDEX["elevator_rad"]  # where the surfaces truly are, in the order of SURFACES
 
@@ -43,10 +42,10 @@ def corrupt(block, k, data):
         if st["acts"] == 0 and target["remembers"] == 0:
             continue
         s, c = target["row"], target["column"]
-        drawn = data.normal[k, target["draw"]] if target["act"] == _NOISE else 0.0
+        drawn = data.normal[k, target["draw"]] if target["act"] == Act.NOISE else 0.0
         if s < 0:
             follow(row, inertial, c, target["source"], drawn, target, st, kept[t], memory, p["dt_s"])
-        elif target["act"] == _ICE:
+        elif target["act"] == Act.ICE:
             freeze(channels, c, target, kept[t], st["fresh"], st["elapsed"] * p["dt_s"] if st["acts"] != 0 else -1.0)
         else:
             other, before = channels[target["source"], c], channels[s, c]
@@ -58,7 +57,7 @@ def corrupt(block, k, data):
         if st["acts"] != 0 and s >= 0:
             flag = schedule[target["fault"]]["flag"]
             ilm[s, c] = flagged(ilm[s, c], flag)
-            if target["act"] == _ICE:
+            if target["act"] == Act.ICE:
                 ilm[target["source"], c] = flagged(ilm[target["source"], c], flag)
             if target["invalid"] != 0:
                 valid[s, c] = 0
@@ -95,7 +94,7 @@ def corrupt_reference(block, k, data):
         target = targets[t]
         st, reference, c = state[target["fault"]], row["reference"], target["column"]
         there = reference[c] == reference[c]
-        drawn = data.normal[k, target["draw"]] if target["act"] == _NOISE else 0.0
+        drawn = data.normal[k, target["draw"]] if target["act"] == Act.NOISE else 0.0
         follow(row, reference, c, target["source"], drawn, target, st, kept[t], memory, p["dt_s"])
         if not there:
             reference[c] = np.nan

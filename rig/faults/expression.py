@@ -183,11 +183,6 @@ def reads_votes(program: NDArray[np.void]) -> bool:
     return bool(np.isin(program["op"], (Op.VOTED, Op.VOTED_DISCRETE)).any())
 
 
-_NUMBER, _VOTED, _VOTED_DISCRETE, _TRUTH, _FLIGHT, _TRUE_DISCRETE = map(int, list(Op)[:6])
-_NEGATE, _ABS, _NOT, _ADD, _SUBTRACT, _MULTIPLY, _DIVIDE = map(int, list(Op)[6:13])
-_LESS, _LESS_EQUAL, _GREATER, _GREATER_EQUAL, _EQUAL, _NOT_EQUAL, _AND, _OR = map(int, list(Op)[13:])
-
-
 @kernel
 def holds(program, start, stop, row, seen, stack):
     """Whether steps ``start`` to ``stop`` of ``program`` leave true: 1 or 0.
@@ -199,10 +194,10 @@ def holds(program, start, stop, row, seen, stack):
     for i in range(start, stop):
         step = program[i]
         op = step["op"]
-        if op <= _TRUE_DISCRETE:
+        if op <= Op.TRUE_DISCRETE:
             top += 1
             stack[top] = load(op, step["place"], step["value"], row, seen)
-        elif op <= _NOT:
+        elif op <= Op.NOT:
             stack[top] = one(op, float(stack[top]))
         else:
             top -= 1
@@ -213,15 +208,15 @@ def holds(program, start, stop, row, seen, stack):
 @kernel
 def load(op, place, value, row, seen):
     """The number or quantity that a step pushes."""
-    if op == _VOTED:
+    if op == Op.VOTED:
         return seen["voted"][place]
-    if op == _VOTED_DISCRETE:
+    if op == Op.VOTED_DISCRETE:
         return float(seen["discrete"][place])
-    if op == _TRUTH:
+    if op == Op.TRUTH:
         return row["truth"][place]
-    if op == _FLIGHT:
+    if op == Op.FLIGHT:
         return row["flight"][place]
-    if op == _TRUE_DISCRETE:
+    if op == Op.TRUE_DISCRETE:
         return float(row["discrete_truth"][place])
     return value
 
@@ -229,9 +224,9 @@ def load(op, place, value, row, seen):
 @kernel
 def one(op, a):
     """What a step makes of the uppermost value."""
-    if op == _NEGATE:
+    if op == Op.NEGATE:
         return -a
-    if op == _ABS:
+    if op == Op.ABS:
         return abs(a)
     return 1.0 if a == 0.0 else 0.0
 
@@ -239,24 +234,24 @@ def one(op, a):
 @kernel
 def two(op, a, b):
     """What a step makes of the two uppermost values."""
-    if op <= _DIVIDE:
+    if op <= Op.DIVIDE:
         return arithmetic(op, a, b)
     if a != a or b != b:
         return 0.0
     true = False
-    if op == _LESS:
+    if op == Op.LESS:
         true = a < b
-    elif op == _LESS_EQUAL:
+    elif op == Op.LESS_EQUAL:
         true = a <= b
-    elif op == _GREATER:
+    elif op == Op.GREATER:
         true = a > b
-    elif op == _GREATER_EQUAL:
+    elif op == Op.GREATER_EQUAL:
         true = a >= b
-    elif op == _EQUAL:
+    elif op == Op.EQUAL:
         true = a == b
-    elif op == _NOT_EQUAL:
+    elif op == Op.NOT_EQUAL:
         true = a != b
-    elif op == _AND:
+    elif op == Op.AND:
         true = a != 0.0 and b != 0.0
     else:
         true = a != 0.0 or b != 0.0
@@ -266,10 +261,10 @@ def two(op, a, b):
 @kernel
 def arithmetic(op, a, b):
     """Sum, difference, product or quotient."""
-    if op == _ADD:
+    if op == Op.ADD:
         return a + b
-    if op == _SUBTRACT:
+    if op == Op.SUBTRACT:
         return a - b
-    if op == _MULTIPLY:
+    if op == Op.MULTIPLY:
         return a * b
     return a / b if b != 0.0 else math.nan

@@ -12,12 +12,7 @@ from rig.faults.settings import Act, Flag
 from rig.frame import TWO_PI, Ilm
 from rig.kernels import kernel
 
-_NOTHING, _ADD, _DRIFT, _SETTLE, _SET, _HOLD, _SCALE, _NOISE = map(int, list(Act)[:8])
-_OSCILLATE, _SWING, _DELAY, _QUANTISE, _CROSS_TALK, _REPEAT, _NO_NUMBER, _LIMIT_RATE = map(int, list(Act)[8:16])
-_LEAVE, _FLAG_BAD, _FLAG_GOOD = int(Flag.LEAVE), int(Flag.BAD), int(Flag.GOOD)
-_BAD, _GOOD = int(Ilm.BAD), int(Ilm.GOOD)
 _TURN: Final = TWO_PI
-_INVERT, _HALF_TURN = int(Act.INVERT), int(Act.TURN)
 
 
 @kernel
@@ -28,19 +23,19 @@ def spoiled(x, other, drawn, target, kept, memory, frame, elapsed, dt_s):
     memory : rings of what delays read; the equations stand with the kinds
     """
     act = target["act"]
-    if act == _NOTHING:
+    if act == Act.NOTHING:
         return x
-    if act == _NO_NUMBER:
+    if act == Act.NO_NUMBER:
         return math.nan
-    if act == _INVERT:
+    if act == Act.INVERT:
         return 1.0 - x
-    if act == _HALF_TURN:
+    if act == Act.TURN:
         part = min(1.0, elapsed / target["ramp"]) if target["ramp"] > 0.0 else 1.0
         return limit(x + part * target["value"], target["low"], target["high"], 1)
     y = changed(act, x, other, drawn, target, kept, memory, frame, elapsed * dt_s, dt_s)
     if elapsed < target["ramp"]:
         y = x + elapsed / target["ramp"] * difference(y, x, target["wraps"])
-    elif act == _SET:
+    elif act == Act.SET:
         return y
     return limit(y, target["low"], target["high"], target["wraps"])
 
@@ -49,30 +44,30 @@ def spoiled(x, other, drawn, target, kept, memory, frame, elapsed, dt_s):
 def changed(act, x, other, drawn, target, kept, memory, frame, t, dt_s):
     """The same without ramp and range; ``t`` [s] since the onset."""
     value = target["value"]
-    if act == _ADD:
+    if act == Act.ADD:
         return x + value
-    if act == _DRIFT:
+    if act == Act.DRIFT:
         return x + value * t
-    if act == _SETTLE:
+    if act == Act.SETTLE:
         return x + value * (1.0 - math.exp(-t / target["second"]))
-    if act == _SET:
+    if act == Act.SET:
         return value
-    if act == _HOLD:
+    if act == Act.HOLD:
         return kept["held"]
-    if act == _SCALE:
+    if act == Act.SCALE:
         return x * value
-    if act == _NOISE:
+    if act == Act.NOISE:
         return x + value * drawn
-    if act in (_OSCILLATE, _SWING):
+    if act in (Act.OSCILLATE, Act.SWING):
         swing = value * math.sin(_TURN * target["second"] * t)
-        return swing + (x if act == _OSCILLATE else kept["held"])
-    if act == _DELAY:
+        return swing + (x if act == Act.OSCILLATE else kept["held"])
+    if act == Act.DELAY:
         return earlier(frame, target, memory)
-    if act == _QUANTISE:
+    if act == Act.QUANTISE:
         return np.floor(x / value + 0.5) * value
-    if act == _CROSS_TALK:
+    if act == Act.CROSS_TALK:
         return x + value * other
-    if act == _REPEAT:
+    if act == Act.REPEAT:
         return kept["last"]
     most = value * dt_s  # LIMIT_RATE
     kept["held"] += min(max(x - kept["held"], -most), most)
@@ -137,16 +132,16 @@ def measured(says, off, target, st, kept):
         kept["beyond"] = 0
     beyond = st["acts"] != 0 and abs(off) > target["tolerance"]
     kept["beyond"] = kept["beyond"] + 1 if beyond else 0
-    return _BAD if kept["beyond"] >= target["frames"] else says
+    return Ilm.BAD.value if kept["beyond"] >= target["frames"] else says
 
 
 @kernel
 def flagged(says, flag):
     """The in-line monitor's answer under a fault; one that is not fitted stays absent."""
-    if flag == _LEAVE or (says != _BAD and says != _GOOD):
+    if flag == Flag.LEAVE or (says != Ilm.BAD and says != Ilm.GOOD):
         return says
-    if flag == _FLAG_BAD:
-        return _BAD
-    if flag == _FLAG_GOOD:
-        return _GOOD
-    return _BAD if says == _GOOD else _GOOD
+    if flag == Flag.BAD:
+        return Ilm.BAD.value
+    if flag == Flag.GOOD:
+        return Ilm.GOOD.value
+    return Ilm.BAD.value if says == Ilm.GOOD else Ilm.GOOD.value

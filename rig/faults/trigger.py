@@ -15,8 +15,6 @@ from rig.frame import CHANNELS, D, S
 from rig.kernels import kernel
 
 _FOREVER: Final = FOREVER
-_TIME, _CONDITION, _TRANSITION, _AFTER, _RANDOM = map(int, Trigger)
-_STEADY, _TIMES, _AT_RANDOM, _CYCLE, _TELEGRAPH = map(int, Rhythm)
 _SIGNALS, _DISCRETES, _CHANNELS = S, D, CHANNELS
 
 
@@ -34,7 +32,7 @@ def advance(row, k, data):
             fired = onset(row, k, i, data)
             st["onset"] = fired if fired == _FOREVER else fired + p["delay"]
         acts = lasts(frame, p, st)
-        if acts != 0 and p["rhythm"] != _STEADY:
+        if acts != 0 and p["rhythm"] != Rhythm.STEADY:
             acts = beats(k, p, st, data.times, data.uniform)
         st["fresh"] = 1 if acts != 0 and st["acts"] == 0 else 0
         st["acts"] = acts
@@ -46,17 +44,17 @@ def onset(row, k, i, data):
     p, state, seen = data.schedule[i], data.state, data.seen
     fires = False
     trigger, frame = p["trigger"], row["frame"]
-    if trigger == _CONDITION:
+    if trigger == Trigger.CONDITION:
         true = p["needs_votes"] == 0 or seen[0]["frames"] > 0
         true = true and holds(data.program, p["begin"], p["end"], row, seen[0], data.stack) != 0
         state[i]["held"] = state[i]["held"] + 1 if true else 0
         fires = state[i]["held"] > p["hold"]
-    elif trigger == _TRANSITION:
+    elif trigger == Trigger.TRANSITION:
         now, before = seen[0]["code"][p["place"]], seen[0]["code_before"][p["place"]]
         fires = seen[0]["frames"] > 1 and now == p["value"] and before != now
-    elif trigger == _AFTER:
+    elif trigger == Trigger.AFTER:
         return state[p["place"]]["onset"]
-    elif trigger == _RANDOM:
+    elif trigger == Trigger.RANDOM:
         fires = data.uniform[k, p["draw"]] < p["chance"]
     return frame if fires else _FOREVER
 
@@ -82,19 +80,19 @@ def lasts(frame, p, st):
 def beats(k, p, st, times, uniform):
     """Whether a fault that acts in pulses acts now: 1 or 0."""
     elapsed, rhythm = st["elapsed"], p["rhythm"]
-    if rhythm == _CYCLE:
+    if rhythm == Rhythm.CYCLE:
         return 1 if elapsed % p["cycle"] < p["on"] else 0
-    if rhythm == _TIMES:
+    if rhythm == Rhythm.TIMES:
         for i in range(p["times"], p["times_end"]):
             if times[i] <= elapsed < times[i] + p["on"]:
                 return 1
         return 0
     if elapsed == 0:
-        st["left"] = 1 if rhythm == _TELEGRAPH else 0
-        if rhythm == _TELEGRAPH:
+        st["left"] = 1 if rhythm == Rhythm.TELEGRAPH else 0
+        if rhythm == Rhythm.TELEGRAPH:
             return 1
     drawn = uniform[k, p["pulse_draw"]]
-    if rhythm == _TELEGRAPH:
+    if rhythm == Rhythm.TELEGRAPH:
         changes = drawn < (p["leave"] if st["left"] != 0 else p["enter"])
         st["left"] = 1 - st["left"] if changes else st["left"]
         return st["left"]

@@ -97,11 +97,6 @@ _VELOCITY, _QUATERNION = FLIGHT_INDEX["velocity_north_m_s"], FLIGHT_INDEX["quate
 _WIND, _SURFACE = FLIGHT_INDEX["wind_north_m_s"], FLIGHT_INDEX["elevator_rad"]
 _FORCE = FLIGHT_INDEX["specific_force_forward_m_s2"]
 
-_FLYING, _NOT_FINITE, _GROUND = int(End.FLYING), int(End.NOT_FINITE), int(End.GROUND_CONTACT)
-_END_ALPHA, _END_BETA = int(End.DEPARTURE_ANGLE_OF_ATTACK), int(End.DEPARTURE_SIDESLIP)
-_END_LOAD, _END_ATTITUDE = int(End.DEPARTURE_LOAD_FACTOR), int(End.DEPARTURE_ATTITUDE)
-_END_RATE = int(End.DEPARTURE_RATE)
-
 
 def fixed(airframe: Airframe, latitude_rad: float, longitude_rad: float) -> NDArray[Any]:
     """The record of constants, shape (1,), for a flight that starts at this place.
@@ -144,7 +139,7 @@ def write_row(block: Block, k: int, raw: NDArray[Any], constants: NDArray[Any]) 
     row["discrete_truth"][_GEAR] = 1 if now["gear_position"] > 0.5 else 0
     code = _end(truth, flight, now["ground_force_lbf"], fixed)
     row["end"] = code
-    return code
+    return code.value
 
 
 @kernel
@@ -234,21 +229,21 @@ def _end(truth: NDArray[np.float64], flight: NDArray[np.float64], ground_force: 
     """Why the flight ends with this row, the first reason in the order of frame.End; 0 while it goes on."""
     for value in truth:
         if not isfinite(value):
-            return _NOT_FINITE
+            return End.NOT_FINITE
     for value in flight:
         if not isfinite(value):
-            return _NOT_FINITE
+            return End.NOT_FINITE
     if flight[_ALTITUDE + 1] <= 0.0 or ground_force != 0.0:
-        return _GROUND
+        return End.GROUND_CONTACT
     alpha, n_z = truth[_ALPHA], truth[_NZ]
     if alpha < limits["angle_of_attack_min_rad"] or alpha > limits["angle_of_attack_max_rad"]:
-        return _END_ALPHA
+        return End.DEPARTURE_ANGLE_OF_ATTACK
     if abs(truth[_BETA]) > limits["sideslip_max_rad"]:
-        return _END_BETA
+        return End.DEPARTURE_SIDESLIP
     if n_z < limits["load_factor_min"] or n_z > limits["load_factor_max"]:
-        return _END_LOAD
+        return End.DEPARTURE_LOAD_FACTOR
     if abs(truth[_THETA]) > limits["pitch_angle_max_rad"] or abs(truth[_PHI]) > limits["roll_angle_max_rad"]:
-        return _END_ATTITUDE
+        return End.DEPARTURE_ATTITUDE
     if max(abs(truth[_P]), abs(truth[_Q]), abs(truth[_R])) > limits["body_rate_max_rad_s"]:
-        return _END_RATE
-    return _FLYING
+        return End.DEPARTURE_RATE
+    return End.FLYING

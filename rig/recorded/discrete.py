@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,6 @@ from rig.recorded.record import Bytes, Recording, Samples
 from rig.recorded.vote import ROWS, Failure
 from rig.redundancy.discrete import DiscreteVoter, vote_discretes
 from rig.redundancy.discrete_config import DISCRETE_PARAMS, PERSISTENCE, fill_discrete
-
-_FAILED: Final = int(State.FAILED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +90,7 @@ def _failures(recording: Recording, states: list[Bytes]) -> list[Failure]:
     """Every change to failed."""
     found: list[Failure] = []
     for c, state in enumerate(states, 1):
-        failed = state == _FAILED
+        failed = state == State.FAILED
         for k in np.flatnonzero(failed & ~np.concatenate([[False], failed[:-1]])):
             found.append(Failure(c, recording.row(int(k)), float(recording.time_s[k]), "comparison"))
     return sorted(found, key=lambda failure: (failure.frame, failure.channel))

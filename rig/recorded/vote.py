@@ -25,7 +25,6 @@ from rig.trust import Trust
 
 ROWS: Final = 256  # of a block: half a megabyte, which stays in the cache
 FIELDS: Final = ("voted", "level", "pattern", "resolver", "trend_high", "trend_low", "reference_usable")
-_FAILED: Final = int(State.FAILED)
 _NO_CODE: Final = Trust("the configuration")
 
 
@@ -151,7 +150,7 @@ def spreads(rows, p, out):
         low, high = np.inf, -np.inf
         for c in range(p["fitted"]):
             sample = row["channels"][0, c]
-            if row["state"][0, c] != _FAILED and row["valid"][0, c] != 0 and p["low"] <= sample <= p["high"]:
+            if row["state"][0, c] != State.FAILED and row["valid"][0, c] != 0 and p["low"] <= sample <= p["high"]:
                 off = difference(sample, row["voted"][0], p["wraps"])
                 low, high = min(low, off), max(high, off)
         out[k] = high - low if high >= low else np.nan
@@ -170,7 +169,7 @@ def _failures(
     """Every change to failed: by the resolver of its row if the sample is valid and one decided, else by comparison."""
     found: list[Failure] = []
     for c, state in enumerate(states):
-        failed = state == _FAILED
+        failed = state == State.FAILED
         for k in np.flatnonzero(failed & ~np.concatenate([[False], failed[:-1]])):
             resolver = Resolver(out["resolver"][k])
             resolved = resolver not in (Resolver.NONE, Resolver.UNRESOLVED) and not invalid[c][k]

@@ -8,9 +8,9 @@ autopilot for several inertial units (integrated deviation from their mean, 7 de
 
 from __future__ import annotations
 
-from rig.frame import CHANNELS
+from rig.frame import CHANNELS, Pattern
 from rig.kernels import kernel
-from rig.redundancy.compare import LOST, NORMAL, rank
+from rig.redundancy.compare import rank
 from rig.redundancy.manager import anchor, publish, report
 from rig.redundancy.monitor import apply_resets, latch, watch_failed
 from rig.redundancy.vote import median
@@ -128,7 +128,7 @@ def ranked(row, s, p, st):
 @kernel
 def finish(row, s, voted, n, p, st):
     """Latch, publish and report signal s of a row."""
-    st["pattern"] = NORMAL if n else LOST
+    st["pattern"] = Pattern.NORMAL if n else Pattern.LOST
     watch_failed(row["channels"][s], row["valid"][s], voted, p, st)
     latch(p, st)
     publish(voted, p, st)

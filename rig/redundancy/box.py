@@ -13,7 +13,6 @@ import numpy as np
 
 from rig.frame import CHANNELS, Resolver, State
 from rig.kernels import kernel
-from rig.redundancy import resolve
 from rig.redundancy.compare import is_singular
 
 BOXES: Final = np.dtype(
@@ -24,8 +23,6 @@ BOXES: Final = np.dtype(
     ],
     align=True,
 )
-_BOX: Final = int(Resolver.BOX)
-_FAILED: Final = int(State.FAILED)
 
 
 @kernel
@@ -35,7 +32,7 @@ def accused(resolver, ranked, p, st):
     ranked : bits of the channels with a comparable sample
     """
     singular = is_singular(st["pattern"])
-    witnessed = resolver in (resolve.ILM, resolve.REFERENCE)
+    witnessed = resolver in (Resolver.ILM, Resolver.REFERENCE)
     bits = 0
     for c in range(p["fitted"]):
         if st["failed"][c]:
@@ -73,4 +70,4 @@ def fail_all(channels, row, s, p, st):
             st["failed"][c] = True
             st["level"] -= 1
             st["fade_left"] = p["fade_frames"]
-            row["state"][s, c], row["level"][s], row["resolver"][s] = _FAILED, st["level"], _BOX
+            row["state"][s, c], row["level"][s], row["resolver"][s] = State.FAILED, st["level"], Resolver.BOX

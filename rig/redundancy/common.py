@@ -6,15 +6,10 @@ Source: docs/redundancy.md, 'Two references against all channels' (Zhang 2023, s
 
 from __future__ import annotations
 
-from typing import Final
-
 from rig.angles import difference
-from rig.frame import Resolver
+from rig.frame import Pattern, Resolver
 from rig.kernels import kernel
-from rig.redundancy.compare import NORMAL
 from rig.redundancy.last_channel import REFERENCE_MARGIN
-
-_COMMON: Final = int(Resolver.COMMON)
 
 
 @kernel
@@ -23,7 +18,7 @@ def contradicted(n, raw, reference, second, p, st):
 
     n : comparable samples; raw : the vote; reference, second : NaN where there is none
     """
-    if n < 2 or n != st["level"] or st["pattern"] != NORMAL:
+    if n < 2 or n != st["level"] or st["pattern"] != Pattern.NORMAL:
         return False
     wraps, first_threshold, second_threshold = p["wraps"], st["reference_threshold"], p["second_threshold"]
     off, second_off = abs(difference(raw, reference, wraps)), abs(difference(raw, second, wraps))
@@ -50,4 +45,4 @@ def watch_common(resolver, n, raw, reference, second, p, st):
     for c in range(p["fitted"]):
         st["failed"][c] = True
     st["reference_usable"], st["reference_run"] = 1, 0
-    return _COMMON
+    return Resolver.COMMON.value

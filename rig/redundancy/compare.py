@@ -5,19 +5,9 @@ Source: Zhang 2023, sections 2 and 3; redundancy.md, sections 1 and 2.
 
 from __future__ import annotations
 
-from typing import Final
-
 from rig.angles import difference
 from rig.frame import CHANNELS, Pattern
 from rig.kernels import kernel
-
-NORMAL: Final = int(Pattern.NORMAL)
-ISOLATED: Final = int(Pattern.ISOLATED)
-P2_2: Final = int(Pattern.P2_2)
-P1_1_1_1: Final = int(Pattern.P1_1_1_1)
-P1_1_1: Final = int(Pattern.P1_1_1)
-P1_1: Final = int(Pattern.P1_1)
-LOST: Final = int(Pattern.LOST)
 
 
 @kernel
@@ -85,14 +75,14 @@ def classify(x, order, n, threshold, alone):
     for c in range(CHANNELS):
         alone[c] = False
     if n == 0:
-        return LOST
+        return Pattern.LOST
     gaps, apart = 0, 0  # gaps: bit i is set when rank i and rank i + 1 disagree
     for i in range(n - 1):
         if not (x[order[i + 1]] - x[order[i]] <= threshold):
             gaps |= 1 << i
             apart += 1
     if apart == 0:
-        return NORMAL
+        return Pattern.NORMAL
     for i in range(n):
         below = i == 0 or (gaps >> (i - 1)) & 1 == 1
         above = i == n - 1 or (gaps >> i) & 1 == 1
@@ -102,17 +92,17 @@ def classify(x, order, n, threshold, alone):
 
 @kernel
 def singular(n, gaps, apart):
-    """The pattern without a majority that the gaps make, or ISOLATED (Zhang, section 3)."""
+    """The pattern without a majority that the gaps make, or Pattern.ISOLATED (Zhang, section 3)."""
     if n == 4 and gaps == 0b010:
-        return P2_2
+        return Pattern.P2_2
     if apart < n - 1:
-        return ISOLATED
+        return Pattern.ISOLATED
     if n == 4:
-        return P1_1_1_1
-    return P1_1_1 if n == 3 else P1_1
+        return Pattern.P1_1_1_1
+    return Pattern.P1_1_1 if n == 3 else Pattern.P1_1
 
 
 @kernel
 def is_singular(pattern):
     """Whether no majority exists."""
-    return P2_2 <= pattern <= P1_1
+    return Pattern.P2_2 <= pattern <= Pattern.P1_1

@@ -23,8 +23,6 @@ STATE: Final = np.dtype(
     align=True,
 )
 NO_RESETS: Final = np.zeros(0, RESETS)
-_OK, _SUSPECT, _FAILED, _ABSENT = (int(s) for s in (State.OK, State.SUSPECT, State.FAILED, State.ABSENT))
-_BAD: Final = int(Ilm.BAD)
 
 
 class DiscreteData(NamedTuple):
@@ -89,7 +87,7 @@ def majority(samples, valid, ilm, p, st):
     """The value of most channels that are not failed and can be compared; a tie, or none, gives the fail-safe value."""
     balance = 0
     for c in range(p["fitted"]):
-        if st["failed"][c] == 0 and valid[c] != 0 and ilm[c] != _BAD:
+        if st["failed"][c] == 0 and valid[c] != 0 and ilm[c] != Ilm.BAD:
             balance += 1 if samples[c] != 0 else -1
     if balance == 0:
         return p["fail_safe"]
@@ -105,16 +103,16 @@ def isolate(samples, valid, ilm, voted, p, st, states):
     level = 0
     for c in range(CHANNELS):
         if c >= p["fitted"]:
-            states[c] = _ABSENT
+            states[c] = State.ABSENT
             continue
-        agrees = valid[c] != 0 and ilm[c] != _BAD and (samples[c] != 0) == (voted != 0)
+        agrees = valid[c] != 0 and ilm[c] != Ilm.BAD and (samples[c] != 0) == (voted != 0)
         st["agreed"][c] = st["agreed"][c] + 1 if agrees and st["failed"][c] else 0
         st["count"][c] = 0 if agrees else st["count"][c] + 1
         if st["count"][c] >= p["persistence"]:
             st["failed"][c] = 1
         if st["failed"][c]:
-            states[c] = _FAILED
+            states[c] = State.FAILED
             continue
         level += 1
-        states[c] = _OK if agrees else _SUSPECT
+        states[c] = State.OK if agrees else State.SUSPECT
     return level

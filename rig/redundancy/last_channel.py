@@ -10,13 +10,11 @@ from typing import Final
 import numpy as np
 
 from rig.angles import difference
-from rig.frame import Resolver
+from rig.frame import Ilm, Resolver
 from rig.kernels import kernel
-from rig.redundancy import resolve
 
 # With 1.0 reference thresholds healthy last channels were failed in 11 of 384 flights, with 1.5 in none.
 REFERENCE_MARGIN: Final = 1.5
-_NONE: Final = int(Resolver.NONE)
 
 
 @kernel
@@ -29,8 +27,8 @@ def check_last(ilm, reference, p, st):
     sample = st["x"][c]
     usable = st["reference_usable"] and not np.isnan(reference)
     off = usable and abs(difference(sample, reference, p["wraps"])) > REFERENCE_MARGIN * st["reference_threshold"]
-    if ilm[c] != resolve.BAD and not off:
-        return _NONE, sample
+    if ilm[c] != Ilm.BAD and not off:
+        return Resolver.NONE.value, sample
     st["alone"][c] = True
     instead = reference if usable else (st["vote"] if st["started"] else sample)
-    return (resolve.ILM if ilm[c] == resolve.BAD else resolve.REFERENCE), instead
+    return (Resolver.ILM.value if ilm[c] == Ilm.BAD else Resolver.REFERENCE.value), instead

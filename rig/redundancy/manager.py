@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.angles import difference, limit
-from rig.frame import CHANNELS, Resolver, State
+from rig.frame import CHANNELS, Pattern, Resolver, State
 from rig.kernels import kernel
 from rig.redundancy import trend, vote
 from rig.redundancy.box import accused, fail_boxes
 from rig.redundancy.common import watch_common
-from rig.redundancy.compare import LOST, classify, comparable, is_singular, rank
+from rig.redundancy.compare import classify, comparable, is_singular, rank
 from rig.redundancy.config import RESETS
 from rig.redundancy.last_channel import check_last
 from rig.redundancy.monitor import apply_resets, count_miscompares, latch, monitor_reference, watch_failed
@@ -75,10 +75,6 @@ class ManagerData(NamedTuple):
     state: NDArray[Any]  # (S,) STATE, in place
     resets: NDArray[Any]  # config.RESETS records, applied in their frame
     boxes: NDArray[Any]  # (1,) box.BOXES, in place
-
-
-_OK, _SUSPECT, _FAILED, _ABSENT = (int(s) for s in (State.OK, State.SUSPECT, State.FAILED, State.ABSENT))
-_NONE: Final = int(Resolver.NONE)
 
 
 def new_state(params: NDArray[np.void]) -> NDArray[np.void]:
@@ -174,8 +170,8 @@ def decide(ilm, reference, n, p, st):
     x, order, blamed, pattern = st["x"], st["order"], st["blamed"], st["pattern"]
     for c in range(CHANNELS):
         blamed[c] = False
-    if pattern == LOST:
-        return _NONE, st["vote"]
+    if pattern == Pattern.LOST:
+        return Resolver.NONE.value, st["vote"]
     if is_singular(pattern):
         return settle(ilm, reference, n, p, st)
     if n == 1:
@@ -183,7 +179,7 @@ def decide(ilm, reference, n, p, st):
     weight = 0.5
     if p["weighted"]:
         weight = vote.trend_weight(st["rise_high"], st["rise_low"], st["rise_vote"])
-    return _NONE, vote.median(x, order, n, st["alone"], weight)
+    return Resolver.NONE.value, vote.median(x, order, n, st["alone"], weight)
 
 
 @kernel
@@ -212,10 +208,10 @@ def report(p, st, states):
     """Write the (4,) channel states: failed, suspect while it miscompares or is blamed, else ok."""
     for c in range(CHANNELS):
         if c >= p["fitted"]:
-            states[c] = _ABSENT
+            states[c] = State.ABSENT
         elif st["failed"][c]:
-            states[c] = _FAILED
+            states[c] = State.FAILED
         elif st["alone"][c] or st["blamed"][c] or st["count"][c]:
-            states[c] = _SUSPECT
+            states[c] = State.SUSPECT
         else:
-            states[c] = _OK
+            states[c] = State.OK

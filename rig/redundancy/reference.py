@@ -84,8 +84,6 @@ _OF_UNIT: Final = {
 }
 _KIND, _AXIS = (np.array([_OF_UNIT.get(s, (_AIR, 0))[part] for s in range(S)]) for part in (0, 1))
 _OF_STRAPDOWN: Final = [_PHI, _THETA, _PSI, _ALPHA, _BETA]
-_NOBODY: Final = int(Resolver.NONE)
-_NORMAL, _FIRST_SINGULAR, _LAST_SINGULAR = int(Pattern.NORMAL), int(Pattern.P2_2), int(Pattern.P1_1)
 
 
 class ReferenceData(NamedTuple):
@@ -176,11 +174,11 @@ def look_back(row, st):
         if level[s] == 0 or not math.isfinite(voted[s]):
             lost |= 1 << s
             continue
-        if _FIRST_SINGULAR <= pattern[s] <= _LAST_SINGULAR:
+        if Pattern.P2_2 <= pattern[s] <= Pattern.P1_1:
             singular |= 1 << s
             if st["started"] != 0:
                 continue
-        elif pattern[s] == _NORMAL and resolver[s] == _NOBODY:  # of a last channel: no witness is against it
+        elif pattern[s] == Pattern.NORMAL and resolver[s] == Resolver.NONE:  # of a last channel: nothing disputes it
             agreed |= 1 << s
         kept[s] = voted[s]
     st["lost"], st["singular"], st["agreed"] = lost, singular, agreed

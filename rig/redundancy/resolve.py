@@ -13,18 +13,13 @@ from typing import Final
 import numpy as np
 
 from rig.angles import difference
-from rig.frame import Ilm, Resolver
+from rig.frame import Ilm
 from rig.kernels import kernel
 from rig.redundancy import trend
 
 NO_ANSWER: Final = -1
 LOW_SIDE: Final = 1
 HIGH_SIDE: Final = 2
-ILM: Final = int(Resolver.ILM)
-TREND: Final = int(Resolver.TREND)
-REFERENCE: Final = int(Resolver.REFERENCE)
-GOOD: Final = int(Ilm.GOOD)
-BAD: Final = int(Ilm.BAD)
 
 
 @kernel
@@ -36,10 +31,10 @@ def by_ilm(ilm, order, n):
     good_low, good_high, bad_low, bad_high = 0, 0, 0, 0
     half = n // 2
     for i in range(half):
-        good_low += ilm[order[i]] == GOOD
-        bad_low += ilm[order[i]] == BAD
-        good_high += ilm[order[half + i]] == GOOD
-        bad_high += ilm[order[half + i]] == BAD
+        good_low += ilm[order[i]] == Ilm.GOOD
+        bad_low += ilm[order[i]] == Ilm.BAD
+        good_high += ilm[order[half + i]] == Ilm.GOOD
+        bad_high += ilm[order[half + i]] == Ilm.BAD
     if good_low == half and bad_high == half:
         return HIGH_SIDE
     if good_high == half and bad_low == half:
@@ -85,8 +80,8 @@ def only_good(ilm, order, n):
     good, bad, kept = 0, 0, NO_ANSWER
     for i in range(n):
         c = order[i]
-        bad += ilm[c] == BAD
-        if ilm[c] == GOOD:
+        bad += ilm[c] == Ilm.BAD
+        if ilm[c] == Ilm.GOOD:
             good, kept = good + 1, c
     return kept if good == 1 and bad == n - 1 else NO_ANSWER
 

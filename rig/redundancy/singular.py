@@ -7,22 +7,15 @@ Source: Zhang 2023, sections 2 and 6 to 8; docs/redundancy.md, 'Patterns without
 
 from __future__ import annotations
 
-from typing import Final
-
-from rig.frame import Resolver
+from rig.frame import Pattern, Resolver
 from rig.kernels import kernel
 from rig.redundancy import resolve, vote
-from rig.redundancy.compare import P1_1, P1_1_1_1, P2_2
-
-EXTREMES: Final = int(Resolver.EXTREMES)
-MIDDLE: Final = int(Resolver.MIDDLE)
-_UNRESOLVED: Final = int(Resolver.UNRESOLVED)
 
 
 @kernel
 def settle(ilm, reference, n, p, st):
     """The resolver that answered a pattern without a majority, and this frame's vote; marks ``blamed``."""
-    if st["pattern"] == P2_2 or st["pattern"] == P1_1:
+    if st["pattern"] == Pattern.P2_2 or st["pattern"] == Pattern.P1_1:
         return settle_halves(ilm, reference, n, p, st)
     return settle_apart(ilm, reference, n, p, st)
 
@@ -36,19 +29,19 @@ def settle_halves(ilm, reference, n, p, st):
     for place in range(len(resolvers)):
         name = resolvers[place]
         sides = resolve.NO_ANSWER
-        if name == resolve.ILM:
+        if name == Resolver.ILM:
             sides = resolve.by_ilm(ilm, order, n)
-        elif name == resolve.TREND:
+        elif name == Resolver.TREND:
             sides = resolve.by_trend(st, p["trend_frames"])
-        elif name == resolve.REFERENCE and st["reference_usable"]:
+        elif name == Resolver.REFERENCE and st["reference_usable"]:
             sides = resolve.by_reference(high, low, reference, st["reference_threshold"])
         if sides != resolve.NO_ANSWER:
             blame_sides(sides, n, st)
-            if name == resolve.REFERENCE:
+            if name == Resolver.REFERENCE:
                 return name, resolve.middle(high, low, reference)
             good = half if sides == resolve.LOW_SIDE else 0
             return name, vote.mean(x[order[good]], x[order[good + half - 1]], 0.5)
-    return _UNRESOLVED, hold(n, st)
+    return Resolver.UNRESOLVED.value, hold(n, st)
 
 
 @kernel
@@ -58,9 +51,9 @@ def settle_apart(ilm, reference, n, p, st):
     for place in range(len(resolvers)):
         name = resolvers[place]
         good = resolve.NO_ANSWER
-        if name == resolve.ILM:
+        if name == Resolver.ILM:
             good = resolve.only_good(ilm, order, n)
-        elif name == resolve.REFERENCE and st["reference_usable"]:
+        elif name == Resolver.REFERENCE and st["reference_usable"]:
             good = resolve.only_near(x, order, n, reference, st["reference_threshold"], p["wraps"])
         if good != resolve.NO_ANSWER:
             blame_all_but(good, good, n, st)
@@ -72,13 +65,13 @@ def settle_apart(ilm, reference, n, p, st):
 def settle_by_rank(n, p, st):
     """The rules of likelihood, where they are configured: of four the extremes fail, of three all but the middle."""
     x, order = st["x"], st["order"]
-    rule = EXTREMES if st["pattern"] == P1_1_1_1 else MIDDLE
+    rule = Resolver.EXTREMES.value if st["pattern"] == Pattern.P1_1_1_1 else Resolver.MIDDLE.value
     for place in range(len(p["resolvers"])):
         if p["resolvers"][place] == rule:
             low, high = order[(n - 1) // 2], order[n // 2]
             blame_all_but(low, high, n, st)
             return rule, vote.mean(x[low], x[high], 0.5)
-    return _UNRESOLVED, hold(n, st)
+    return Resolver.UNRESOLVED.value, hold(n, st)
 
 
 @kernel

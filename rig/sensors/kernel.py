@@ -23,8 +23,6 @@ MEMORY: Final = np.dtype(
     ],
     align=True,
 )
-_GOOD, _BAD = int(Ilm.GOOD), int(Ilm.BAD)
-_NO_MONITOR: Final = int(Ilm.ABSENT)
 
 
 class SensorData(NamedTuple):
@@ -62,7 +60,7 @@ def measure(block, k, data):
             if c >= p["channels"]:
                 channels[s, c] = np.nan
                 valid[s, c] = 0
-                ilm[s, c] = _NO_MONITOR
+                ilm[s, c] = Ilm.ABSENT
                 continue
             x = truth[s] - skew[c] * moved
             if shares != 0:
@@ -82,7 +80,7 @@ def measure(block, k, data):
                 sample = np.floor(sample / p["quantum"] + 0.5) * p["quantum"]
             channels[s, c] = limit(sample, p["low"], p["high"], wraps)
             valid[s, c] = 1
-            ilm[s, c] = _BAD if p["alarms"] != 0 and data.alarms[k, s, c] != 0 else _GOOD
+            ilm[s, c] = Ilm.BAD if p["alarms"] != 0 and data.alarms[k, s, c] != 0 else Ilm.GOOD
         m["truth"] = truth[s]
         m["frames"] += 1
     switch(row, data.discretes)
@@ -101,7 +99,7 @@ def switch(row, fitted):
             there = c < fitted[d]
             samples[d, c] = truth[d] if there else 0
             valid[d, c] = 1 if there else 0
-            ilm[d, c] = _GOOD if there else _NO_MONITOR
+            ilm[d, c] = Ilm.GOOD if there else Ilm.ABSENT
 
 
 @kernel

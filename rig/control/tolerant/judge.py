@@ -21,7 +21,6 @@ from rig.frame import INDEX, Trust
 from rig.inclination.estimate import forget
 from rig.kernels import kernel
 
-_TRUSTED, _CORRECTED, _WITHDRAWN = int(Trust.TRUSTED), int(Trust.CORRECTED), int(Trust.WITHDRAWN)
 _Q, _R = INDEX["pitch_rate"], INDEX["yaw_rate"]
 _RECENT_S: Final = 0.5
 _KNOWN_S: Final = 10.0  # after which drift and path offset are known well enough to go back to
@@ -60,12 +59,12 @@ def judge(known, heard, c, w, said, path):
     w["theta_off_path"] += share * (path - e["path"] - e["theta"] - w["theta_off_path"])
     before = w["recent"]
     w["recent"] += dt / (_RECENT_S + dt) * (w["innovation"] - w["recent"])
-    if w["trust"] == _CORRECTED:
+    if w["trust"] == Trust.CORRECTED:
         acquit(c, w, said)
-    elif w["trust"] == _WITHDRAWN:
+    elif w["trust"] == Trust.WITHDRAWN:
         w["agreed"] = w["agreed"] + 1 if size < c["jump_sigma"] else 0
         if w["agreed"] >= c["return_frames"]:
-            w["trust"] = _TRUSTED
+            w["trust"] = Trust.TRUSTED
     elif not known:  # nobody can judge: go along with the sensor
         w["over"], w["cusum"], e["theta"] = 0, 0.0, said
         forget(c["filter"], e, c["floor"])
@@ -103,7 +102,7 @@ def convict(w, before):
         e = w["filter"]
         e["drift"], e["path"] = w["kept"][KEPT - 1, 0], w["kept"][KEPT - 1, 1]
         e["p"][0, 0] += w["innovation"] * w["innovation"]
-    w["trust"], w["agreed"], w["over"], w["cusum"] = _CORRECTED, 0, 0, 0.0
+    w["trust"], w["agreed"], w["over"], w["cusum"] = Trust.CORRECTED, 0, 0, 0.0
     w["sensor_off_path"] = w["theta_off_path"] = 0.0
     w["recent"], w["worst"] = w["innovation"], abs(w["innovation"])
     lie.suspect(w)
@@ -119,11 +118,11 @@ def acquit(c, w, said):
     back = abs(w["recent"]) < near and abs(w["innovation"]) < _STRAY * c["near"]
     w["agreed"] = w["agreed"] + 1 if back else 0
     if abs(w["theta_off_path"]) > abs(w["sensor_off_path"]) + margin:
-        hand_back(c, w, said, _WITHDRAWN)
+        hand_back(c, w, said, Trust.WITHDRAWN)
         e["theta"], e["drift"] = said, 0.0
         forget(c["filter"], e, c["floor"])
     elif w["agreed"] >= c["return_frames"]:
-        hand_back(c, w, said, _TRUSTED)
+        hand_back(c, w, said, Trust.TRUSTED)
 
 
 @kernel

@@ -12,8 +12,6 @@ from typing import Final
 from rig.frame import Lie
 from rig.kernels import kernel
 
-_NONE, _UNDETERMINED = int(Lie.NONE), int(Lie.UNDETERMINED)
-_EFFECTIVENESS, _OFFSET, _BOTH = int(Lie.EFFECTIVENESS), int(Lie.OFFSET), int(Lie.BOTH)
 _FIRST_EFFECTIVENESS: Final = 0.6  # sigma of what is not known at the start
 _FIRST_OFFSET_RAD: Final = 0.05
 _WALK_EFFECTIVENESS: Final = 0.02  # a root second
@@ -71,11 +69,11 @@ def name(w):
     """A ``frame.Lie``: which of the two is off for certain."""
     p = w["lie"]
     if p[0] <= 0.0 or p[1] <= 0.0:
-        return _NONE
+        return Lie.NONE
     scaled = abs(w["effectiveness"] - 1.0) > _SURE * math.sqrt(p[0])
     shifted = abs(w["offset"]) > _SURE * math.sqrt(p[1])
     if scaled and shifted:
-        return _BOTH
+        return Lie.BOTH
     if scaled:
-        return _EFFECTIVENESS
-    return _OFFSET if shifted else _UNDETERMINED
+        return Lie.EFFECTIVENESS
+    return Lie.OFFSET if shifted else Lie.UNDETERMINED

@@ -26,7 +26,6 @@ from rig.inclination.unit import SAME_RAD_S, SMOOTH_S, finite, follow_unit, lear
 from rig.kernels import kernel
 
 _Q, _R, _PHI = INDEX["pitch_rate"], INDEX["yaw_rate"], INDEX["roll_angle"]
-_TRUSTED: Final = int(Trust.TRUSTED)
 _AGREES: Final = 0.5  # ratio of the two residuals from which on they show the same fault
 _BANK_RAD: Final = 0.04  # farther from the unit's bank angle the voted one is not used
 SUDDEN: Final = 0.5  # share of the residual that must be new for a jump
@@ -122,7 +121,7 @@ def follow(e, w, path):
 def settle(c, w, known):
     """End a frame: isolate the unit, return to BOTH, and align the second mean while it is not asked."""
     size = abs(w["second_innovation"])
-    if w["rates"] == BOTH and w["trust"] == _TRUSTED and known:
+    if w["rates"] == BOTH and w["trust"] == Trust.TRUSTED and known:
         alone = w["innovation"] * w["second_innovation"] < _AGREES * size * size
         w["second_over"] = w["second_over"] + 1 if alone and size > c["jump_sigma"] * w["sigma"] else 0
         if w["second_over"] >= c["persistence"]:
@@ -133,7 +132,7 @@ def settle(c, w, known):
             w["filter"]["p"][0, 0] += w["innovation"] * w["innovation"]  # the unit's bank angle was less accurate
         w["rates"], w["second_over"], w["tilt"] = BOTH, 0, 0.0
         align(w, w["apart"])
-    if w["rates"] != BOTH or w["trust"] != _TRUSTED or not known:
+    if w["rates"] != BOTH or w["trust"] != Trust.TRUSTED or not known:
         align(w, w["usual"] if w["rates"] == BOTH else 0.0)
 
 
@@ -152,7 +151,7 @@ def reject_gyros(w):
 @kernel
 def biased(w):
     """Whether a voted rate is biased: rejected for a trusted sensor, and further from the unit's than usual."""
-    return w["rates"] == UNIT_ALONE and w["trust"] == _TRUSTED and w["differ"] != 0
+    return w["rates"] == UNIT_ALONE and w["trust"] == Trust.TRUSTED and w["differ"] != 0
 
 
 @kernel

@@ -16,9 +16,6 @@ from rig.kernels import kernel
 _Q, _R = INDEX["pitch_rate"], INDEX["yaw_rate"]
 _THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
 _PATH: Final = tuple(INDEX[name] for name in PATH_SIGNALS)
-_VOTED: Final = int(Source.VOTED)
-_NONE, _TRUSTED, _CORRECTED = int(Trust.NONE), int(Trust.TRUSTED), int(Trust.CORRECTED)
-_RATE_BIAS: Final = int(Lie.RATE_BIAS)
 _FIRST_THETA_RAD: Final = 0.001  # sigma of what the sensor says at the start
 
 
@@ -32,13 +29,13 @@ def vouch(row, param, state, measured):
     """
     c, w, source, levels = param[0], state[0], row["source"], row["level"]
     e, of_filter = w["filter"], c["filter"]
-    said, usable = measured[_THETA], source[_THETA] == _VOTED
-    if w["trust"] == _NONE:
+    said, usable = measured[_THETA], source[_THETA] == Source.VOTED
+    if w["trust"] == Trust.NONE:
         begin(of_filter, e, said, _FIRST_THETA_RAD)
-        w["trust"], w["effectiveness"] = _TRUSTED, 1.0
+        w["trust"], w["effectiveness"] = Trust.TRUSTED, 1.0
         rates.align(w, 0.0)
-    known = source[_Q] == _VOTED and source[_R] == _VOTED and source[_PHI] == _VOTED
-    headed = known and source[_PSI] == _VOTED
+    known = source[_Q] == Source.VOTED and source[_R] == Source.VOTED and source[_PHI] == Source.VOTED
+    headed = known and source[_PSI] == Source.VOTED
     learn_yaw_drift(headed, of_filter, e, measured)
     rates.turn(c, w, known, headed, row["inertial"], measured, 8 * levels[_Q] + levels[_R])
     climb(measured, e["theta"], of_filter["dt"], e["vertical"])
@@ -46,7 +43,7 @@ def vouch(row, param, state, measured):
     if usable:
         innovate(c, w, said, measured)
         judge(known, heard, c, w, said, path)
-        if w["trust"] == _CORRECTED:
+        if w["trust"] == Trust.CORRECTED:
             lie.learn(c, w, said)
         elif w["over"] == 0:
             correct(e, said - e["theta"], 0.0, c["sensor_variance"])
@@ -65,14 +62,14 @@ def voted(source):
     """Whether all that the path is made of comes from votes."""
     lost = 0
     for i in _PATH:
-        lost += 0 if source[i] == _VOTED else 1
+        lost += 0 if source[i] == Source.VOTED else 1
     return lost == 0
 
 
 @kernel
 def answer(c, w, said):
     """The pitch angle that the law flies on: what the sensor ``said``, or the estimate within the bound."""
-    if w["trust"] == _CORRECTED or (w["over"] > 0 and rates.confirmed(w)):
+    if w["trust"] == Trust.CORRECTED or (w["over"] > 0 and rates.confirmed(w)):
         return said + min(max(w["filter"]["theta"] - said, -c["most"]), c["most"])
     if w["fade_left"] > 0:
         w["fade_left"] -= 1
@@ -88,4 +85,4 @@ def tell(row, w):
     told[3], told[4] = math.sqrt(max(p[0], 0.0)), math.sqrt(max(p[1], 0.0))
     told[5], told[6] = w["innovation"], w["sigma"]
     told[7], told[8] = e["drift"], e["path"]
-    row["trust"], row["lie"] = w["trust"], _RATE_BIAS if rates.biased(w) else lie.name(w)
+    row["trust"], row["lie"] = w["trust"], Lie.RATE_BIAS if rates.biased(w) else lie.name(w)
