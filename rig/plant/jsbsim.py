@@ -198,7 +198,6 @@ class Plant:
         self._dt_s = 1.0 / (rate_hz * steps_per_frame)
         self._raw_bytes = bytearray(truth.RAW.itemsize)
         self._raw = np.frombuffer(self._raw_bytes, truth.RAW)  # the same memory, as one record
-        self._pack = struct.Struct(f"={len(truth.RAW.names or ())}d").pack_into
         self.trim = np.zeros(len(SURFACES))
         self.reset()
 
@@ -209,8 +208,10 @@ class Plant:
         _set_turbulence(fdm, self._severity, self._seed)
         surfaces = (airframe.elevator, airframe.aileron, airframe.rudder)
         positions = [*(surface.position for surface in surfaces), actuated.THROTTLE_POSITION]
-        nodes = [_node(fdm, name) for name in (*truth.READ.values(), *positions)]
-        self._nodes = nodes
+        nodes = [_node(fdm, name) for name in (*truth.READ.values(), *positions, *truth.SLOW.values())]
+        struct.pack_into(f"={len(nodes)}d", self._raw_bytes, 0, *map(_VALUE, nodes))
+        self._nodes = nodes[: -len(truth.SLOW)] if self._stands_still() else nodes
+        self._pack = struct.Struct(f"={len(self._nodes)}d").pack_into
         self._elevator, self._aileron, self._rudder, self._throttle = (
             _node(fdm, f"fcs/{name}-cmd-norm").set_double_value
             for name in ("elevator", "aileron", "rudder", "throttle")
@@ -225,6 +226,12 @@ class Plant:
         self.trim[:] = [fdm[name] for name in positions]
         self._fixed = truth.fixed(airframe, fdm["position/lat-geod-rad"], fdm["position/long-gc-rad"])
         self._write_row = bind(truth.write_row, new_block(1), 0, self._raw, self._fixed)
+
+    def _stands_still(self) -> bool:
+        """Whether mass and wind are those of the first frame throughout the flight."""
+        air = self._wind
+        changes = air.steps or air.gusts or air.down_m_s or self._severity.exceedance_index
+        return self._airframe.freeze_fuel and not changes
 
     def read(self, block: Block, k: int) -> int:
         """Write truth (but the sticks), flight, two discretes and ``end`` of row k; returns the end code."""

@@ -33,7 +33,6 @@ READ: Final = {
     "force_x_lbf": "forces/fbx-total-lbs",  # without weight
     "force_y_lbf": "forces/fby-total-lbs",
     "force_z_lbf": "forces/fbz-total-lbs",
-    "mass_slug": "inertia/mass-slugs",
     "alpha_rad": "aero/alpha-rad",
     "beta_rad": "aero/beta-rad",
     "static_pressure_psf": "atmosphere/P-psf",
@@ -50,15 +49,19 @@ READ: Final = {
     "velocity_north_fps": "velocities/v-north-fps",
     "velocity_east_fps": "velocities/v-east-fps",
     "velocity_down_fps": "velocities/v-down-fps",
-    "wind_north_fps": "atmosphere/total-wind-north-fps",
-    "wind_east_fps": "atmosphere/total-wind-east-fps",
-    "wind_down_fps": "atmosphere/total-wind-down-fps",
     "wheels_on_ground": "gear/wow",
     "gear_position": "gear/gear-pos-norm",
     "ground_force_lbf": "forces/fbz-gear-lbs",
 }
 POSITIONS: Final = ("elevator_rad", "aileron_rad", "rudder_rad", "throttle")
-RAW: Final = np.dtype([(name, "f8") for name in (*READ, *POSITIONS)])
+# The same of what stands still in a flight with frozen fuel through air that does not change: read once then.
+SLOW: Final = {
+    "mass_slug": "inertia/mass-slugs",
+    "wind_north_fps": "atmosphere/total-wind-north-fps",
+    "wind_east_fps": "atmosphere/total-wind-east-fps",
+    "wind_down_fps": "atmosphere/total-wind-down-fps",
+}
+RAW: Final = np.dtype([(name, "f8") for name in (*READ, *POSITIONS, *SLOW)])
 
 # What is constant in a flight, as one record for the kernel.
 FIXED: Final = np.dtype(
