@@ -32,13 +32,13 @@ bench: setup  ## what a frame costs, against bare JSBSim in the same process
 	$(BIN)/rig bench
 
 golden: setup  ## fly all golden flights and keep what they decide now
-	$(BIN)/python tests/golden_flights.py
+	$(BIN)/python tests/tools/golden_flights.py
 
 designs: setup  ## design every bundled aircraft twice: the same bytes both times, and those of its files
-	$(BIN)/python tests/design_again.py
+	$(BIN)/python tests/tools/design_again.py
 
 replay: setup  ## fly every bundled scenario to its end, replay it and fly it again: all must be identical
-	$(BIN)/python tests/replay_all.py
+	$(BIN)/python tests/tools/replay_all.py
 
 setup: $(STAMP)
 

@@ -1,6 +1,6 @@
 """Do viewers hold a flight up?  Real-time flights, served to good and bad clients; not a test, run it by hand:
 
-    python tests/live_clients.py [--seconds 30] [--scenario NAME]
+    python tests/tools/live_clients.py [--seconds 30] [--scenario NAME]
 
     off        no stream at all
     watch      no stream, the page on a terminal

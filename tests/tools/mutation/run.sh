@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Mutation run of rig/redundancy in a clone of the committed tree: PYTHON tests/mutation/run.sh MODULE... (files)
+# Mutation run of rig/redundancy in a clone of the committed tree: PYTHON tests/tools/mutation/run.sh MODULE... (files)
 # prints the survivors.  cosmic-ray must be installed in the environment of PYTHON.
 set -euo pipefail
 port=${PORT:-18700}
@@ -21,7 +21,7 @@ name = "local"
 [cosmic-ray.filters.operators-filter]
 exclude-operators = ["core/RemoveDecorator"]
 EOF
-PYTHONPATH="$PWD" PYTHONDONTWRITEBYTECODE=1 "$bin/python" tests/mutation/server.py "$port" &
+PYTHONPATH="$PWD" PYTHONDONTWRITEBYTECODE=1 "$bin/python" tests/tools/mutation/server.py "$port" &
 server=$!
 trap 'kill $server' EXIT
 sleep 3

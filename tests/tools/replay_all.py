@@ -25,7 +25,7 @@ def main() -> int:
             word = "identical" if found.identical else "DIFFERENT"
             worst |= not found.identical
             counted = f"{found.frames} frames, {len(found.fields)} fields, {seconds:.2f} s"
-            print(f"{path.stem:40} {how:7} {word} ({counted})", flush=True)  # noqa: T201
+            print(f"{path.stem:40} {how:7} {word} ({counted})", flush=True)
     return worst
 
 

@@ -38,7 +38,7 @@ def main() -> None:
     """Exit code 1 and the differences when there are any."""
     found = {name: difference(name) for name in sys.argv[1:] or aircraft.names()}
     for name, moved in found.items():
-        print(f"{name}: {'differs' if moved else 'as kept'}", moved, sep="\n" if moved else "")  # noqa: T201
+        print(f"{name}: {'differs' if moved else 'as kept'}", moved, sep="\n" if moved else "")
     sys.exit(any(found.values()))
 
 

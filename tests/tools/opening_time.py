@@ -1,6 +1,6 @@
 """How long a log takes to open; not a test, run it by hand:
 
-    python tests/opening_time.py logs/flight.mcap [LOG ...]
+    python tests/tools/opening_time.py logs/flight.mcap [LOG ...]
 
 Three times what ``rig view LOG`` does, each in a process of its own and with a viewer of its own (without a window),
 timed from the start of the process: until Python has what it needs, the log is read and checked, the .rrd is written

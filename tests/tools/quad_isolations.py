@@ -1,6 +1,6 @@
 """Healthy channels that the monitor fails in the recordings of four IMUs; not a test, run it by hand:
 
-    python tests/quad_isolations.py ../shared/data/quad_imu_horizontal [persistence ...]
+    python tests/tools/quad_isolations.py ../shared/data/quad_imu_horizontal [persistence ...]
 
 Nobody is faulty in these flights (docs/vote.md), so every failure is a false isolation.  Rates about x, y and z of four
 recorders, each threshold as ``rig vote --repair-time`` would fly it: raw, with ``--align``, and with ``--align-to 6``.

@@ -1,7 +1,7 @@
 """How many flights a second a campaign flies; not a test, run it by hand on an idle machine:
 
-    python tests/campaign_throughput.py [RUNS [ROUNDS]]
-    python tests/campaign_throughput.py --paired [FLIGHTS]
+    python tests/tools/campaign_throughput.py [RUNS [ROUNDS]]
+    python tests/tools/campaign_throughput.py --paired [FLIGHTS]
 
 Flights of 20 s at 100 Hz with every log kept, by one worker and by two, beside what ``rig bench`` says of a frame in
 the same minutes: what a worker could do if a flight were nothing but its frames, log included, and the share of time

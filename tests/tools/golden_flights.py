@@ -17,7 +17,7 @@ from rig import scenario
 from rig.loop import Rig, frames
 from rig.replay.decisions import history
 
-FOLDER = Path(__file__).parent / "golden"
+FOLDER = Path(__file__).parents[1] / "golden"
 SEEDS = 3
 
 
@@ -57,7 +57,7 @@ def renew() -> None:
                 )
     for name, flight in golden.items():
         moved = difference(flight.get("decisions", []), decisions[name])
-        print(f"{name}: {'decisions moved' if moved else 'as before'}", moved, sep="\n" if moved else "")  # noqa: T201
+        print(f"{name}: {'decisions moved' if moved else 'as before'}", moved, sep="\n" if moved else "")
         new = {**flight, "decisions": decisions[name], "together": together(decisions)}
         (FOLDER / f"{name}.toml").write_text(tomli_w.dumps(new, multiline_strings=True))
 

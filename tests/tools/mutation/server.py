@@ -1,6 +1,6 @@
 """Runs the monitor's tests in forks of a warm process, one a mutant: cosmic-ray starts thousands of runs.
 
-python tests/mutation/server.py PORT      # loopback only; the client is one line of bash, see run.sh
+python tests/tools/mutation/server.py PORT      # loopback only; the client is one line of bash, see run.sh
 """
 
 from __future__ import annotations
