@@ -1,5 +1,5 @@
 """``python -m rig`` is the ``rig`` command."""
 
-from rig.cli import main
+from rig.cli.main import main
 
 main()

@@ -12,17 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from rig.errors import BadInput
-from rig.files import is_file
+from rig.files import bundled, is_file
 from rig.sensors.classes import SensorClass, under
 from rig.settings import build, read_toml
 from rig.text import choices, quoted
-
-
-def bundled(kind: str) -> Path:
-    """The bundled ``aircraft`` or ``faults`` folder: inside the installed package, else in the checkout."""
-    package = Path(__file__).parent
-    installed = package / "bundled" / kind
-    return installed if installed.is_dir() else package.parent / kind
 
 
 def names() -> list[str]:

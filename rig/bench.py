@@ -16,20 +16,20 @@ from typing import Any
 import numpy as np
 
 from rig import loop
-from rig.control.flying import fly as fly_row
+from rig.computer.control.law import fly as fly_row
+from rig.computer.redundancy import decide_row, refer_row
 from rig.errors import BadInput, RigError
 from rig.faults import actuate, corrupt, corrupt_reference
 from rig.flight import INTERRUPTED, event_finder, fly, metadata
 from rig.frame import TIMING, Block, new_block
-from rig.inertial import sense
 from rig.kernels import bind
 from rig.log import LogWriter
 from rig.plant import jsbsim
 from rig.plant.airframe import LinearConfig
-from rig.redundancy import decide_row, refer_row
+from rig.record.flight_summary import Verdict
 from rig.scenario import Scenario
 from rig.sensors import measure
-from rig.verdict import Verdict
+from rig.sensors.inertial import sense
 
 BARE_S = 4.0  # hands off, an unstable airframe is reloaded before it leaves its flight point
 Step = Callable[[Block, int], Any]

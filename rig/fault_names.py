@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-_CLOSED: Final = {"pitot": "dynamic_pressure"}  # any other closed line spoils both pressures
+_CLOSED: Final = {"pitot": "dynamic_pressure"}  # any other closed line corrupts both pressures
 
 
 def place(fault: Mapping[str, Any]) -> str:
-    """The signal, surface, reference or quantity that a fault acts on; all signals that the environment spoils."""
+    """The signal, surface, reference or quantity that a fault acts on; all signals that the environment corrupts."""
     if fault["kind"] == "pitot_icing":
         return _CLOSED.get(fault["blocked"], "static_pressure+dynamic_pressure")
     return "+".join(fault["vanes"]) if fault["kind"] == "vane_icing" else fault["signal"]

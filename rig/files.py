@@ -1,4 +1,4 @@
-"""Output files: whole or not there, and never two writers in one.
+"""Bundled files, and output files: whole or not there, and never two writers in one.
 
 A file that the user names is written beside and renamed: of two commands with one output the later wins, and the
 file is whole.  A file that is named here takes the next free number.
@@ -18,6 +18,13 @@ from rig.errors import BadInput, RigError
 
 _KEPT = 40  # characters of a file's name that its draft has too; a name may not have more than 255 bytes
 DRAFT = ".part"
+
+
+def bundled(kind: str) -> Path:
+    """Return the bundled ``aircraft`` or ``faults`` folder: inside the installed package, else in the checkout."""
+    package = Path(__file__).parent
+    installed = package / "bundled" / kind
+    return installed if installed.is_dir() else package.parent / kind
 
 
 def is_file(path: Path) -> bool:

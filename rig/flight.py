@@ -21,18 +21,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig import loop
+from rig.computer.redundancy.config import reset_table
 from rig.errors import BadInput, ManagerFailed, RigError
-from rig.events import Event, EventFinder, not_executed
 from rig.faults import Execution
 from rig.files import numbered
 from rig.frame import DISCRETE_INDEX, TIMING, Block, new_block
 from rig.interrupt import Stop, interruptible
 from rig.log import Log, LogWriter, SignalArrays, read_log
-from rig.pace import Jitter, JitterCounter, Pace
-from rig.recorder import Recorder
-from rig.redundancy.config import reset_table
+from rig.record.events import Event, EventFinder, not_executed
+from rig.record.flight_summary import Peaks, Verdict
+from rig.record.pace import Jitter, JitterCounter, Pace
+from rig.record.recorder import Recorder
 from rig.scenario import Scenario, find, load
-from rig.verdict import Peaks, Verdict
 from rig.versions import versions
 from rig.view.facts import of_resolved
 from rig.view.sink import check_where

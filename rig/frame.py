@@ -248,7 +248,7 @@ class Law(IntEnum):
 class Trust(IntEnum):
     """What the fault-tolerant law holds of the pitch-angle sensor."""
 
-    NONE = 0  # another law flies: nobody judges it
+    NONE = 0  # another law flies: nobody tests it
     TRUSTED = 1
     CORRECTED = 2  # it lies: the law flies on the estimate
     WITHDRAWN = 3  # the estimate was wrong, not the sensor: the law flies on the sensor again

@@ -82,7 +82,7 @@ _records: dict[tuple[Any, ...], Any] = {}  # numba's types of structured arrays,
 
 
 def _typeof(argument: Any) -> Any:
-    """``numba.typeof``, which works a structured dtype out anew each time: half the cost of a flight's start."""
+    """``numba.typeof``, which works a structured dtype out again each time: half the cost of a flight's start."""
     if isinstance(argument, tuple):
         held = tuple(map(_typeof, argument))
         return NamedTuple(held, type(argument)) if hasattr(argument, "_fields") else BaseTuple.from_types(held)

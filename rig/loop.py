@@ -13,22 +13,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig import inertial, sensors
-from rig.control.autopilot import Control
-from rig.control.flying import fly
-from rig.control.record import ControlData
+from rig import sensors
+from rig.computer.control.autopilot import Control
+from rig.computer.control.law import fly
+from rig.computer.control.state import ControlData
+from rig.computer.redundancy import Redundancy, RedundancyData, decide_row, refer_row
 from rig.errors import ManagerFailed
 from rig.faults import Coils, FaultData, Faults, actuate, corrupt, corrupt_reference
 from rig.frame import SIGNALS, TIMING, Block, new_block
-from rig.inertial import Inertial, InertialData, sense
 from rig.interrupt import Stop
 from rig.kernels import bind, kernel
-from rig.pace import Pace
-from rig.pilot import Pilot
 from rig.plant.flown import plant
-from rig.redundancy import Redundancy, RedundancyData, decide_row, refer_row
+from rig.plant.pilot import Pilot
+from rig.record.pace import Pace
 from rig.scenario import Scenario
-from rig.sensors import SensorData, Sensors, measure
+from rig.sensors import SensorData, Sensors, inertial, measure
+from rig.sensors.inertial import Inertial, InertialData, sense
 
 # A killed flight loses no more than a second: the block being filled and, paced, the one being recorded.
 BLOCK_S = 1.0

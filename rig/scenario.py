@@ -17,20 +17,20 @@ from numpy.random import SeedSequence
 from pydantic import Field, PrivateAttr, model_validator
 
 from rig import aircraft
-from rig.control.autopilot import Config as Control
-from rig.control.gains import Gains
+from rig.computer.analytic.designed import Designed
+from rig.computer.control.autopilot import Config as Control
+from rig.computer.control.gains import Gains
+from rig.computer.redundancy import Config as Redundancy
 from rig.errors import BadInput
 from rig.faults import Fault, check
-from rig.files import is_file
+from rig.files import bundled, is_file
 from rig.frame import DISCRETES, MOST_FAULTS, SIGNALS
-from rig.inertial import Config as Inertial
-from rig.pilot import Config as Pilot
 from rig.plant.airframe import AirframeField
+from rig.plant.pilot import Config as Pilot
 from rig.plant.wind import Config as Wind
 from rig.plant.wind import Turbulence
-from rig.redundancy import Config as Redundancy
-from rig.redundancy.designed import Designed
 from rig.sensors import Suite
+from rig.sensors.inertial import Config as Inertial
 from rig.sensors.recorded import pin
 from rig.settings import DEEPEST, NotToml, Settings, build, parse_toml, read_toml
 from rig.text import nearest, quoted, shorten
@@ -131,7 +131,7 @@ def _whole(number: float) -> bool:
 def find(name: str | Path | None = None) -> Path:
     """A scenario's file: the path given, or that name in the bundled ``faults`` folder; else the default."""
     wanted = Path(DEFAULT if name is None else name)
-    faults = aircraft.bundled("faults")
+    faults = bundled("faults")
     inside = wanted.relative_to("faults") if wanted.parts[:1] == ("faults",) else wanted
     for candidate in (wanted, faults / inside, faults / f"{inside}.toml"):
         if is_file(candidate):
@@ -143,7 +143,7 @@ def find(name: str | Path | None = None) -> Path:
 
 def names() -> list[str]:
     """Return the names of the bundled scenarios, in alphabetical order."""
-    return sorted(path.stem for path in aircraft.bundled("faults").glob("*.toml"))
+    return sorted(path.stem for path in bundled("faults").glob("*.toml"))
 
 
 def load(

@@ -14,9 +14,9 @@ import pytest
 from hypothesis import settings
 from numpy.typing import NDArray
 
+from rig.computer.redundancy.config import PARAMS, RESETS, SignalConfig, fill
+from rig.computer.redundancy.managers import Manager
 from rig.frame import CHANNELS, Block, State, new_block
-from rig.redundancy.config import PARAMS, RESETS, SignalConfig, fill
-from rig.redundancy.managers import Manager
 
 FEWER = int(os.environ.get("RIG_FEWER_EXAMPLES", "1"))  # a mutation run divides the number of examples by it
 # The first example may compile, on a busy machine.
@@ -43,7 +43,7 @@ class Voted:
 @pytest.fixture
 def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
     """rig(arguments of ``rig vote``) -> exit code, stdout, stderr; in a folder of its own."""
-    from rig import cli  # not for the tests that need no command
+    from rig.cli import main as cli  # not for the tests that need no command
 
     monkeypatch.chdir(tmp_path)
 

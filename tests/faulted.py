@@ -9,11 +9,11 @@ import numpy as np
 from numpy.random import SeedSequence
 from pydantic import TypeAdapter
 
-from rig import inertial
 from rig.faults import Fault, Faults, actuate, corrupt, corrupt_reference
 from rig.faults.places import number, site
 from rig.frame import SIGNALS, Block, Ilm, new_block
 from rig.kernels import bind
+from rig.sensors import inertial
 
 RATE = 100.0
 RANGES = np.array([(signal.low, signal.high) for signal in SIGNALS])

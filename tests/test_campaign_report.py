@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from rig.aircraft import bundled
 from rig.campaign.compare import compare
 from rig.campaign.config import from_what
 from rig.campaign.folder import Folder, open_folder
@@ -19,6 +18,7 @@ from rig.campaign.rows import Rows
 from rig.campaign.summary import summary
 from rig.campaign.table import COLUMNS
 from rig.errors import BadInput
+from rig.files import bundled
 
 QUIET = {"patterns": ["normal"], "levels": [4], "pattern_transitions": [], "level_transitions": []}
 POSSIBLE = {"patterns_possible": 7, "levels_possible": 5, "pattern_transitions_possible": 42}

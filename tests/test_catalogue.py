@@ -9,10 +9,9 @@ from pydantic import TypeAdapter
 from typer.testing import CliRunner
 
 from rig import scenario
-from rig.catalogue import entries as catalogue
-from rig.cli import app
+from rig.cli.main import app
 from rig.errors import BadInput
-from rig.faults import KINDS, Fault
+from rig.faults import KINDS, Fault, catalogue
 
 PARSE: TypeAdapter[Fault] = TypeAdapter(Fault)
 RUN = CliRunner()

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from rig import cli
+from rig.cli import main as cli
 
 
 @pytest.mark.parametrize(

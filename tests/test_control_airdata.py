@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from rig.control import airdata
+from rig.computer.control import airdata
 
 # ISO 2533: geopotential altitude [m], pressure [Pa], temperature [K]
 ATMOSPHERE = [

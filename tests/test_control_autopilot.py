@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from interpreted import printed
 
-from rig.control import gains
-from rig.control.autopilot import Config, Control
+from rig.computer.control import gains
+from rig.computer.control.autopilot import Config, Control
 from rig.frame import CHANNELS, COMMANDS, DEMANDS, DISCRETE_INDEX, INDEX, SIGNALS, SURFACES, Block, Law, S, new_block
 
 AIRCRAFT = Path(__file__).parent.parent / "aircraft"

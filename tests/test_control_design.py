@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig.control import gains
-from rig.control.design import design
-from rig.control.requirements import Requirements
-from rig.control.reserve import regulator
+from rig.computer.control import gains
+from rig.design.backup import regulator
+from rig.design.gains import design
+from rig.design.requirements import Requirements
 from rig.errors import BadInput, RigError
 from rig.plant import airframe
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rig.control import gains
-from rig.control.autopilot import Config, Control
+from rig.computer.control import gains
+from rig.computer.control.autopilot import Config, Control
 from rig.frame import CHANNELS, DEMANDS, DISCRETE_INDEX, FLIGHT_INDEX, INDEX, SIGNALS, Block, S, new_block
 from rig.plant import airframe, wind
 from rig.plant.jsbsim import Plant

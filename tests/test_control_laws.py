@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rig.control import laws
-from rig.control.record import STATE
+from rig.computer.control import laws
+from rig.computer.control.state import STATE
 
 G = 9.80665
 

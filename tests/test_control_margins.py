@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rig.control import gains, loops
-from rig.control.gains import Gains, Point
-from rig.control.loops import ACTUATORS, Law, Plane
-from rig.control.margins import Loop, crossover, margins, response, sampled_loop
+from rig.computer.control import gains
+from rig.computer.control.gains import Gains, Point
+from rig.design import loops
+from rig.design.linear import Linear, linearise
+from rig.design.loops import ACTUATORS, Law, Plane
+from rig.design.margins import Loop, crossover, margins, response, sampled_loop
 from rig.plant import airframe
-from rig.plant.linear import Linear, linearise
 
 AIRCRAFT = Path(__file__).parent.parent / "aircraft"
 NAMES = ("f16", "b747", "b737")

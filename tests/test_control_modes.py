@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from test_control_autopilot import ENGAGED, fly, level_flight
 
-from rig.control.airdata import GRAVITY
-from rig.control.autopilot import Config
+from rig.computer.control.airdata import GRAVITY
+from rig.computer.control.autopilot import Config
 from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, INDEX, Block
 
 WHEELS, GEAR = DISCRETE_INDEX["weight_on_wheels"], DISCRETE_INDEX["gear_down"]
@@ -130,7 +130,7 @@ def test_with_the_gear_down_the_stick_asks_no_more_than_its_load_factors(stick: 
 
 
 def test_the_backup_laws_integrator_stands_still_too():
-    """Without a pitch rate and its stand-ins the elevator flies on the load factor, which asks for more here."""
+    """Without a pitch rate and its substitutes the elevator flies on the load factor, which asks for more here."""
     moved = []
     for wheels in (0, 1):
         block = disturbed(200, normal_load_factor=0.2)

@@ -11,10 +11,10 @@ from interpreted import printed
 
 from rig import scenario
 from rig.errors import BadInput
-from rig.events import EventFinder
 from rig.flight import event_finder
 from rig.frame import FLIGHT_INDEX, INDEX, Block, Lie, Trust
 from rig.loop import Rig, frames
+from rig.record.events import EventFinder
 
 THETA = INDEX["pitch_angle"]
 FAULT_FRAME = 2000

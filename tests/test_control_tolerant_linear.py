@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from scipy.linalg import expm, solve_continuous_are
 
 from rig import scenario
-from rig.control.tolerant.record import STATE
-from rig.control.tolerant.settings import Config, parameters
-from rig.control.tolerant.witness import vouch
+from rig.computer.analytic.pitch_filter import Noise
+from rig.computer.fdi.monitor import monitor_pitch_angle
+from rig.computer.fdi.settings import Config, parameters
+from rig.computer.fdi.state import STATE
 from rig.frame import INDEX, S, Source, Trust, new_block
-from rig.inclination.estimate import Noise
 from rig.plant.airframe import LinearConfig
 
 RATE_HZ, FAULT_S, END_S, NOISE = 100.0, 5.0, 25.0, 0.002
@@ -90,7 +90,7 @@ def fly(
         measured[THETA] = (1.0 + (factor - 1.0) * share) * x[3] + noise[i, 0]
         measured[Q] = x[2] + noise[i, 1]
         if tolerant:
-            vouch(row[0], param, state, measured)
+            monitor_pitch_angle(row[0], param, state, measured)
         said = measured[THETA]
         integral += dt * (said - 1.0)
         u = -k @ np.array([x[1] + noise[i, 2], measured[Q], said - 1.0, integral])

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from rig.control.tolerant.record import BOTH, GYROS_ALONE, STATE, UNIT_ALONE
-from rig.control.tolerant.settings import Config, parameters
-from rig.control.tolerant.witness import vouch
+from rig.computer.analytic.flight_path import GRAVITY
+from rig.computer.fdi.monitor import monitor_pitch_angle
+from rig.computer.fdi.settings import Config, parameters
+from rig.computer.fdi.state import BOTH, GYROS_ALONE, STATE, UNIT_ALONE
 from rig.frame import INDEX, INERTIAL, Lie, S, Source, Trust, new_block
-from rig.inclination.path import GRAVITY
 
 RATE_HZ, SPEED, THETA, NOISE = 100.0, 190.0, 0.05, 0.0002
 Q, R, PITCH, ROLL, HEADING = (
@@ -62,7 +62,7 @@ class Flight:
         x[INDEX["static_pressure"]], x[INDEX["dynamic_pressure"]] = 46_600.0, 11_790.0
         self.row["source"][Q] = int(Source.DEGRADED if self.lost else Source.VOTED)
         read = x[PITCH]
-        vouch(self.row, self.param, self.state, x)
+        monitor_pitch_angle(self.row, self.param, self.state, x)
         self.said = x[PITCH]
         self.passed_on = self.passed_on and self.said == read
         self.lies.add(Lie(self.row["lie"]))

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from test_log_writer import random_block, write
 
-from rig import cli
+from rig.cli import main as cli
 from rig.errors import BadInput
 from rig.frame import FRAME, INDEX, TIMING, new_block
 from rig.log import LogWriter, read_log
 from rig.log.columns import COLUMNS
 from rig.log.schema import SCHEMA_VERSION
-from rig.replay.compare import Tolerances, compare, of_column, tolerances
-from rig.replay.sides import diff, side
+from rig.offline.compare import Tolerances, compare, of_column, tolerances
+from rig.offline.sides import diff, side
 
 Q = INDEX["pitch_rate"]
 

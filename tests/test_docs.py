@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig import aircraft, scenario, show
+from rig import aircraft, scenario
+from rig.cli import show
+from rig.files import bundled
 from rig.frame import INDEX, Block, State
 from rig.loop import Rig, frames
 
@@ -36,7 +38,7 @@ def test_the_readme_names_every_bundled_aircraft():
 
 def test_every_bundled_scenario_is_described():
     page = (ROOT / "docs" / "scenario.md").read_text()
-    for path in aircraft.bundled("faults").glob("*.toml"):
+    for path in bundled("faults").glob("*.toml"):
         assert f"`{path.stem}`" in page
 
 

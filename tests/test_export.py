@@ -9,13 +9,13 @@ import polars as pl
 import pytest
 
 import rig
-from rig import cli
+from rig.cli import main as cli
 from rig.errors import BadInput
 from rig.flight import fly
 from rig.frame import INDEX, Pattern, State
 from rig.log.columns import COLUMNS
-from rig.replay.export import export
-from rig.replay.info import info
+from rig.offline.export import export
+from rig.offline.log_info import info
 
 Q = INDEX["pitch_rate"]
 # A channel flagged invalid for a while, then a hardover: what rig vote has to see in the table too.

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from rig import fault_names
-from rig.aircraft import bundled
+from rig.files import bundled
 from rig.flight import labels, metadata
 from rig.scenario import load
 from rig.view.facts import UNKNOWN, of_log, of_resolved

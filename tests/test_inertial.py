@@ -5,12 +5,13 @@ import pytest
 from numpy.random import SeedSequence
 from pydantic import TypeAdapter, ValidationError
 
-from rig import inertial, scenario
+from rig import scenario
 from rig.errors import BadInput
 from rig.faults import Fault, Faults
 from rig.frame import FLIGHT_INDEX, INDEX, INERTIAL, SIGNALS, new_block
-from rig.inertial import Config, Inertial
 from rig.loop import Rig, frames
+from rig.sensors import inertial
+from rig.sensors.inertial import Config, Inertial
 
 RATE = 100.0
 PERFECT = {

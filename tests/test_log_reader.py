@@ -15,11 +15,11 @@ from test_log_writer import RATE, random_block, random_timing, summary_of, write
 
 import rig
 from rig.errors import BadLog
-from rig.events import Event
 from rig.frame import FRAME, INDEX, TIMING
 from rig.log import LoggedEvent, LogWriter, iter_chunks, read_log, schema
 from rig.log.decode import Damaged
 from rig.log.scan import About, iter_parts
+from rig.record.events import Event
 
 EVENTS = (
     Event(3, "info", "fault on", "stuck: channel 2"),

@@ -7,9 +7,9 @@ from mcap.reader import make_reader
 from test_log_writer import random_block, random_timing, summary_of, write
 
 from rig.errors import BadLog, RigError
-from rig.events import Event
 from rig.frame import FRAME
 from rig.log import LogWriter, read_log, recover
+from rig.record.events import Event
 
 FRAMES = 33
 RATE = 10.0  # a chunk has 10 frames

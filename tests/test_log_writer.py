@@ -19,22 +19,12 @@ from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
 from rig.errors import BadInput, RigError
-from rig.events import Event
-from rig.frame import (
-    DISCRETES,
-    FLIGHT_INDEX,
-    SIGNALS,
-    TIMING,
-    Ilm,
-    Pattern,
-    Resolver,
-    State,
-    new_block,
-)
+from rig.frame import DISCRETES, FLIGHT_INDEX, SIGNALS, TIMING, Ilm, Pattern, Resolver, State, new_block
 from rig.log import LogWriter, read_log, recover
 from rig.log.container import Container
 from rig.log.layout import ROW, log_times
 from rig.log.schema import FRAME_TOPICS, MESSAGES, SCHEMA_VERSION
+from rig.record.events import Event
 
 RATE = 100.0
 U1_LIMITS = {"state": 4, "discrete_state": 4, "ilm": 3, "pattern": 7, "resolver": 7, "law": 3, "end": 8}

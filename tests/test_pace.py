@@ -3,7 +3,7 @@ import time
 import numpy as np
 import pytest
 
-from rig.pace import JitterCounter, Pace
+from rig.record.pace import JitterCounter, Pace
 
 
 def test_an_unpaced_flight_never_waits():
@@ -16,8 +16,8 @@ def test_an_unpaced_flight_never_waits():
 def test_frames_begin_at_absolute_deadlines_and_never_early(monkeypatch):
     """A clock of our own: sleeping overshoots by a millisecond, and a late frame does not delay the next."""
     now = [100.0]
-    monkeypatch.setattr("rig.pace.time.perf_counter", lambda: now.__setitem__(0, now[0] + 1e-5) or now[0])
-    monkeypatch.setattr("rig.pace.time.sleep", lambda s: now.__setitem__(0, now[0] + s + 0.001))
+    monkeypatch.setattr("rig.record.pace.time.perf_counter", lambda: now.__setitem__(0, now[0] + 1e-5) or now[0])
+    monkeypatch.setattr("rig.record.pace.time.sleep", lambda s: now.__setitem__(0, now[0] + s + 0.001))
     pace = Pace(100.0, 2.0)
     late = [pace.wait(0)]
     start = now[0]

@@ -3,7 +3,7 @@ import pytest
 from pydantic import ValidationError
 
 from rig.frame import DISCRETE_INDEX, INDEX, new_block
-from rig.pilot import Config, Pilot
+from rig.plant.pilot import Config, Pilot
 
 RATE = 100.0
 

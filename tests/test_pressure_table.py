@@ -3,7 +3,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from rig.pressure_table import check_rising, look_up, table
+from rig.computer.gain_schedule import check_rising, look_up, table
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,9 @@ from rig.campaign.flying import fly as fly_in_memory, write_log
 from rig.files import write_text
 from rig.flight import fly
 from rig.log import read_log, recover
-from rig.replay.again import recorded
-from rig.replay.export import export
-from rig.replay.what_if import what_if
+from rig.offline.replay import recorded
+from rig.offline.export import export
+from rig.offline.what_if import what_if
 from rig.scenario import load
 
 SHORT = ["duration_s=0.5"]

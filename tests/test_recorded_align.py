@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from rig.errors import BadInput
-from rig.recorded.align import Correction, align, interpolated, pair
-from rig.recorded.config import RecordedSignal, VoteConfig
-from rig.recorded.read import read
-from rig.recorded.record import Recording, Samples
-from rig.recorded.vote import vote
+from rig.offline.align import Correction, align, interpolated, pair
+from rig.offline.read_recording import read
+from rig.offline.recording import Recording, Samples
+from rig.offline.vote import vote
+from rig.offline.vote_settings import RecordedSignal, VoteConfig
 
 N = 3000
 QUAD = Path(__file__).parents[2] / "shared" / "data" / "quad_imu"

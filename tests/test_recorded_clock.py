@@ -12,14 +12,14 @@ import numpy as np
 import polars as pl
 import pytest
 
-from rig import cli
+from rig.cli import main as cli
+from rig.cli.vote import vote as mounted
 from rig.errors import BadInput
-from rig.recorded.align import align
-from rig.recorded.cli import vote as mounted
-from rig.recorded.clock import clock, late_rows
-from rig.recorded.config import VoteConfig
-from rig.recorded.read import read
-from rig.recorded.vote import vote
+from rig.offline.align import align
+from rig.offline.clock import clock, late_rows
+from rig.offline.read_recording import read
+from rig.offline.vote import vote
+from rig.offline.vote_settings import VoteConfig
 
 if not any(command.callback is mounted for command in cli.app.registered_commands):
     cli.app.command()(mounted)

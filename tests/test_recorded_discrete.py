@@ -12,19 +12,19 @@ import polars as pl
 import pytest
 import tomli_w
 
-from rig import cli
+from rig.cli import main as cli
+from rig.cli.vote import vote as mounted
+from rig.computer.redundancy.discrete import DiscreteVoter
+from rig.computer.redundancy.discrete_config import DiscreteConfigs, discrete_parameters
 from rig.errors import BadInput
 from rig.frame import DISCRETES, TIMING, Ilm, State, new_block
 from rig.log import LogWriter
-from rig.recorded.align import align
-from rig.recorded.cli import vote as mounted
-from rig.recorded.clock import Floats
-from rig.recorded.config import RecordedDiscrete, Reset, VoteConfig, read_config
-from rig.recorded.discrete import VotedDiscrete, vote_all
-from rig.recorded.read import read
-from rig.recorded.record import Recording, Samples
-from rig.redundancy.discrete import DiscreteVoter
-from rig.redundancy.discrete_config import DiscreteConfigs, discrete_parameters
+from rig.offline.align import align
+from rig.offline.clock import Floats
+from rig.offline.discrete_vote import VotedDiscrete, vote_all
+from rig.offline.read_recording import read
+from rig.offline.recording import Recording, Samples
+from rig.offline.vote_settings import RecordedDiscrete, Reset, VoteConfig, read_config
 
 if not any(command.callback is mounted for command in cli.app.registered_commands):
     cli.app.command()(mounted)

@@ -23,16 +23,16 @@ from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 from mcap_protobuf.writer import Writer as ProtobufWriter
 
-from rig import cli
+from rig.cli import main as cli
+from rig.cli.vote import vote as mounted
 from rig.errors import BadInput
 from rig.frame import State
 from rig.log import messages as limits
-from rig.recorded.cli import vote as mounted
-from rig.recorded.config import VoteConfig
-from rig.recorded.read import nearest_rows, read
-from rig.recorded.record import Recording, Samples
-from rig.recorded.vote import vote
-from rig.recorded.write import Result, output, write
+from rig.offline.read_recording import nearest_rows, read
+from rig.offline.recording import Recording, Samples
+from rig.offline.vote import vote
+from rig.offline.vote_settings import VoteConfig
+from rig.offline.write_votes import Result, output, write
 
 if not any(command.callback is mounted for command in cli.app.registered_commands):
     cli.app.command()(mounted)

@@ -13,15 +13,15 @@ import pytest
 import tomli_w
 from conftest import constant, vote_samples
 
-from rig import cli
+from rig.cli import main as cli
+from rig.cli.vote import vote as mounted
+from rig.computer.redundancy.config import MANAGERS
 from rig.errors import BadInput
 from rig.frame import INDEX, SIGNALS, Pattern, Resolver, State
-from rig.recorded.cli import vote as mounted
-from rig.recorded.config import RecordedSignal, VoteConfig, read_config
-from rig.recorded.read import read
-from rig.recorded.record import Recording, Samples
-from rig.recorded.vote import FIELDS, vote
-from rig.redundancy.config import MANAGERS
+from rig.offline.read_recording import read
+from rig.offline.recording import Recording, Samples
+from rig.offline.vote import FIELDS, vote
+from rig.offline.vote_settings import RecordedSignal, VoteConfig, read_config
 
 if not any(command.callback is mounted for command in cli.app.registered_commands):
     cli.app.command()(mounted)
@@ -244,7 +244,7 @@ def test_the_mean_fails_nobody_and_says_so(run: Any):
 
 
 def test_names_of_patterns_and_resolvers_are_those_of_the_table():
-    from rig.recorded.write import PATTERNS, RESOLVERS, STATES
+    from rig.offline.write_votes import PATTERNS, RESOLVERS, STATES
 
     assert PATTERNS == ("normal", "isolated", "2:2", "1:1:1:1", "1:1:1", "1:1", "lost")
     assert RESOLVERS == ("none", "ilm", "trend", "reference", "extremes", "middle", "unresolved", "box", "common")

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rig.computer.redundancy.config import PARAMS, SignalConfig, fill
+from rig.computer.redundancy.managers import Manager
 from rig.frame import Ilm, Pattern, Resolver, S, State, new_block
-from rig.redundancy.config import PARAMS, SignalConfig, fill
-from rig.redundancy.managers import Manager
 
 FRAMES = 30
 
@@ -60,7 +60,7 @@ def test_three_signals_are_three_faults_and_no_box():
     assert all(failed_at(block, s) == [None] * 4 for s in range(3, S))
 
 
-def test_two_boxes_that_die_together_are_told_by_the_signals_with_a_witness():
+def test_two_boxes_that_die_together_are_identified_by_the_signals_with_evidence():
     """2:2 on all signals, references on four of them: the others are settled by the boxes, before the trend answers."""
     reference = np.full(S, np.nan)
     reference[:4] = 0.0
@@ -70,7 +70,7 @@ def test_two_boxes_that_die_together_are_told_by_the_signals_with_a_witness():
     assert (block["pattern"][:8] == Pattern.P2_2).all()
 
 
-def test_the_trend_is_no_witness_against_a_box():
+def test_the_trend_is_no_evidence_against_a_box():
     block = fly(apart(S, 2, 3, off=-5.0))
     assert all(failed_at(block, s) == [10, 10, None, None] for s in range(S))
     assert not (block["resolver"] == Resolver.BOX).any()
@@ -95,14 +95,14 @@ def test_nor_are_two_of_three():
     assert all(failed_at(block, 5 * c)[c] == 8 for c in range(2))
 
 
-def test_contradicting_witnesses_condemn_nobody():
+def test_contradicting_evidence_fails_nobody():
     """Half of the references speak for one pair, half for the other."""
     reference = np.where(np.arange(S) < 8, 0.0, 5.0)
     block = fly(apart(S, 2, 3), reference=reference)
     assert not (block["resolver"] == Resolver.BOX).any()
 
 
-def test_one_of_two_boxes_is_told_by_its_witnesses():
+def test_one_of_two_boxes_is_identified_by_its_evidence():
     reference = np.where(np.arange(S) < 5, 0.0, np.nan)
     block = fly(apart(S, 1, off=-5.0), reference=reference, fitted=2)
     assert all(failed_at(block, s)[:2] == [None, 8] for s in range(S))

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from rig import scenario
 from rig.campaign.flying import fly
+from rig.computer.analytic.sources import FROM_UNIT, PARTNERS, SECOND, Config, second
 from rig.frame import INDEX, Resolver, Source, State
-from rig.redundancy.sources import FROM_UNIT, PARTNERS, SECOND, Config, second
 
 TEN = constant(10, 10.1, 9.9, 10)
 

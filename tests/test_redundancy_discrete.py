@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from oracle import DiscreteOracle, DiscreteSettings
 from pydantic import ValidationError
 
+from rig.computer.redundancy.config import RESETS, Reset, reset_table
+from rig.computer.redundancy.discrete import DiscreteVoter
+from rig.computer.redundancy.discrete_config import DiscreteConfig, DiscreteConfigs, discrete_parameters
 from rig.frame import DISCRETE_INDEX, DISCRETES, Block, D, Ilm, State, new_block
-from rig.redundancy.config import RESETS, Reset, reset_table
-from rig.redundancy.discrete import DiscreteVoter
-from rig.redundancy.discrete_config import DiscreteConfig, DiscreteConfigs, discrete_parameters
 
 WHEELS, GEAR = DISCRETE_INDEX["weight_on_wheels"], DISCRETE_INDEX["gear_down"]
 OK, SUSPECT, FAILED, ABSENT = State.OK, State.SUSPECT, State.FAILED, State.ABSENT

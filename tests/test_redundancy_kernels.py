@@ -9,9 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from rig.frame import SIGNALS, Ilm, Resolver, State
-from rig.redundancy import resolve, trend, vote
-from rig.redundancy.config import (
+from rig.computer.redundancy import resolve, trend, vote
+from rig.computer.redundancy.config import (
     MANAGERS,
     PARAMS,
     Config,
@@ -22,6 +21,7 @@ from rig.redundancy.config import (
     parameters,
     reset_table,
 )
+from rig.frame import SIGNALS, Ilm, Resolver, State
 
 LOW, HIGH, NONE = resolve.LOW_SIDE, resolve.HIGH_SIDE, resolve.NO_ANSWER
 ORDER = np.array([2, 0, 3, 1])  # channels by ascending value: 3 and 1 below, 4 and 2 above

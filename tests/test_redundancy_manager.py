@@ -95,7 +95,7 @@ def test_a_middle_of_three_is_good_and_the_others_fail():
     assert (out.state[:, 3] == State.ABSENT).all()
 
 
-def test_a_change_of_pattern_starts_the_count_anew():
+def test_a_change_of_pattern_starts_the_count_again():
     samples = constant(0, 0.1, 5, 5.1)
     samples[8] = [0, 0, 0, 0]
     out = vote_samples(samples)

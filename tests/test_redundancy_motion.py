@@ -10,11 +10,11 @@ import pytest
 from numpy.typing import NDArray
 from test_redundancy_reference import RATE, designed, level_flight, ref, run
 
+from rig.computer.analytic import motion
+from rig.computer.analytic.designed import COLUMNS
+from rig.computer.analytic.flight_path import air_density
+from rig.computer.analytic.references import PARAM, STATE, Config, References, refer, remember
 from rig.frame import INDEX, INERTIAL
-from rig.inclination.path import air_density
-from rig.redundancy import motion
-from rig.redundancy.designed import COLUMNS
-from rig.redundancy.reference import PARAM, STATE, Config, References, refer, remember
 
 G = 9.80665
 SEEDS = range(6)

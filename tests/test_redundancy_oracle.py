@@ -13,9 +13,9 @@ from oracle_answers import Settings
 from oracle_boxes import SIGNALS, BoxFlight, BoxOracle, seeded_boxes
 from oracle_flights import Flight, flights, seeded
 
+from rig.computer.redundancy.config import PARAMS, SignalConfig, fill
+from rig.computer.redundancy.managers import Manager
 from rig.frame import Ilm, Pattern, Resolver, State, new_block
-from rig.redundancy.config import PARAMS, SignalConfig, fill
-from rig.redundancy.managers import Manager
 
 FLAGS = {"bad": int(Ilm.BAD), "good": int(Ilm.GOOD), "absent": int(Ilm.ABSENT)}
 

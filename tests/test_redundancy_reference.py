@@ -12,14 +12,14 @@ import pytest
 from interpreted import printed
 
 from rig import scenario
+from rig.computer.analytic.designed import Designed, Error, Point
+from rig.computer.analytic.flight_path import air_density
+from rig.computer.analytic.references import STATE, References, look_back, refer, remember
+from rig.computer.analytic.sources import FROM_UNIT, PARTNERS, REMEMBERED, Config, source
+from rig.computer.redundancy import measured_thresholds
+from rig.computer.redundancy.config import parameters
 from rig.frame import INDEX, INERTIAL, SIGNALS, Block, Pattern, Resolver, State, new_block
-from rig.inclination.path import air_density
 from rig.loop import Rig, frames
-from rig.redundancy import measured_thresholds
-from rig.redundancy.config import parameters
-from rig.redundancy.designed import Designed, Error, Point
-from rig.redundancy.reference import STATE, References, look_back, refer, remember
-from rig.redundancy.sources import FROM_UNIT, PARTNERS, REMEMBERED, Config, source
 from rig.sensors import channels, ranges
 
 G, RATE = 9.80665, 100.0
@@ -302,7 +302,7 @@ def busy(n: int = 120) -> Block:
 
 
 @pytest.mark.parametrize("config", CHOICES, ids=["partners", "attitude", "inertial"])
-def test_no_reference_reads_truth_channels_or_the_signal_that_it_judges(config: Config):
+def test_no_reference_reads_truth_channels_or_the_signal_that_it_checks(config: Config):
     """Nor, of a signal that it remembers or was aligned with, a vote that its channels do not agree on."""
     honest = {}
     for signal in SIGNALS:
@@ -559,7 +559,7 @@ def test_by_the_inertial_unit_a_split_just_over_the_threshold_is_settled_rightly
         (0, Pattern.LOST, Resolver.NONE, False),
     ],
 )
-def test_a_last_channel_feeds_what_is_remembered_unless_a_witness_speaks(level, pattern, resolver, agreed):
+def test_a_last_channel_feeds_what_is_remembered_unless_it_is_disputed(level, pattern, resolver, agreed):
     state, block, s = np.zeros(1, STATE), new_block(1), INDEX["static_pressure"]
     block["level"], block["pattern"], block["resolver"] = level, pattern, resolver
     look_back(block[0], state[0])

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from test_redundancy_reference import PRESSURE, designed, level_flight
 
+from rig.computer.analytic.designed import Designed, Error, Point
+from rig.computer.analytic.references import Config as References
+from rig.computer.redundancy import Redundancy, vote_row
+from rig.computer.redundancy.config import MANAGERS, Config, SignalConfigs
 from rig.frame import DISCRETE_INDEX, INDEX, SIGNALS, Block, Ilm, S, State
-from rig.redundancy import Redundancy, vote_row
-from rig.redundancy.config import MANAGERS, Config, SignalConfigs
-from rig.redundancy.designed import Designed, Error, Point
-from rig.redundancy.reference import Config as References
 from rig.trust import Trust
 
 RATE = 100.0

@@ -7,15 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig import aircraft, reference_design
-from rig.control import gains as control_gains
+from rig import aircraft
+from rig.computer.analytic import sources as reference_sources
+from rig.computer.analytic.designed import Designed, Error
+from rig.computer.analytic.sources import PARTNERS
+from rig.computer.control import gains as control_gains
+from rig.design import references as reference_design
+from rig.design.linear import Linear, Trim, linearise
 from rig.errors import BadInput, RigError
 from rig.frame import INDEX, INERTIAL, SIGNALS, new_block
 from rig.plant.airframe import read as read_airframe
-from rig.plant.linear import Linear, Trim, linearise
-from rig.redundancy import sources as reference_sources
-from rig.redundancy.designed import Designed, Error
-from rig.redundancy.sources import PARTNERS
 from rig.settings import build, read_toml
 
 G = 9.80665

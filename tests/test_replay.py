@@ -7,21 +7,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig import aircraft, cli, scenario
+from rig import scenario
+from rig.cli import main as cli
 from rig.errors import BadInput, BadLog
+from rig.files import bundled
 from rig.flight import fly, metadata
 from rig.frame import FRAME, INDEX, TIMING, State, new_block
 from rig.log import LogWriter, read_log
 from rig.log.columns import COLUMNS
-from rig.replay.again import recorded, vote_again
-from rig.replay.decisions import Moved, decisions
-from rig.replay.verify import verify
-from rig.replay.what_if import changed, what_if
-from rig.verdict import Verdict
+from rig.offline.decisions import Moved, decisions
+from rig.offline.replay import recorded, vote_again
+from rig.offline.verify import verify
+from rig.offline.what_if import changed, what_if
+from rig.record.flight_summary import Verdict
 
 Q = INDEX["pitch_rate"]
 SHORT = ["duration_s=3", "faults.0.start_s=1"]
-SCENARIOS = sorted(path.stem for path in aircraft.bundled("faults").glob("*.toml"))
+SCENARIOS = sorted(path.stem for path in bundled("faults").glob("*.toml"))
 
 
 @pytest.fixture(scope="module")

@@ -8,12 +8,13 @@ import pytest
 from rig import aircraft, scenario
 from rig.errors import BadInput
 from rig.faults import Hardover
+from rig.files import bundled
 from rig.frame import SIGNALS
 from rig.loop import Rig, frames
 from rig.scenario import find, from_resolved, load
 from rig.settings import read_toml
 
-FAULTS = sorted(aircraft.bundled("faults").glob("*.toml"))
+FAULTS = sorted(bundled("faults").glob("*.toml"))
 
 
 def write(folder: Path, text: str) -> Path:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rig import scenario
+from rig.computer.analytic.sources import FROM_UNIT
 from rig.errors import BadInput
 from rig.frame import SIGNALS
-from rig.redundancy.sources import FROM_UNIT
 from rig.score import FaultScore, Score, fly_rows, fly_twin, score
 
 PERSISTENCE, SINGULAR = 8, 10  # frames, aircraft/defaults.toml

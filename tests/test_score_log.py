@@ -12,11 +12,11 @@ import pytest
 from typer.testing import CliRunner
 
 from rig import scenario
-from rig.aircraft import bundled
 from rig.campaign.flying import fly as fly_in_memory
-from rig.cli import app
+from rig.cli.main import app
 from rig.errors import BadInput, BadLog
 from rig.faults import executed
+from rig.files import bundled
 from rig.flight import Flight, fly, metadata
 from rig.frame import DISCRETE_INDEX, INDEX
 from rig.log import LogWriter, recover

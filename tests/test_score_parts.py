@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rig import scenario
+from rig.computer.redundancy.config import PARAMS
 from rig.errors import BadInput
 from rig.frame import CHANNELS, FRAME, INDEX, SIGNALS, Block, End, Pattern, Resolver, State, new_block
 from rig.loop import Rig
-from rig.redundancy.config import PARAMS
 from rig.scenario import Scenario
 from rig.score import Score, score
 from rig.score.clean import middle
@@ -60,10 +60,10 @@ def test_the_clean_channels_are_the_recorded_ones_bit_for_bit_where_no_fault_act
     from rig.score.scoring import monitor
 
     error = recompute(which, rows, monitor(which)).error
-    spoiled = np.zeros_like(error, bool)
-    spoiled[50:, Q, 2] = True
-    assert not error[~spoiled].any()
-    np.testing.assert_allclose(error[spoiled], 0.2, rtol=1e-12)
+    corrupted = np.zeros_like(error, bool)
+    corrupted[50:, Q, 2] = True
+    assert not error[~corrupted].any()
+    np.testing.assert_allclose(error[corrupted], 0.2, rtol=1e-12)
 
 
 def test_rows_of_other_sensors_are_refused_with_the_first_difference():
@@ -250,7 +250,7 @@ def test_coverage_counts_what_was_seen_and_nothing_else():
 
 
 def test_possible_patterns_are_those_that_the_classification_can_give():
-    from rig.redundancy.compare import classify
+    from rig.computer.redundancy.compare import classify
 
     alone = np.zeros(CHANNELS, np.uint8)
     order = np.arange(CHANNELS)

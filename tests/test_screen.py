@@ -10,8 +10,8 @@ from rich.color import ColorSystem
 from rich.table import Table
 
 import rig
-from rig import cli
-from rig.screen import Screen, console, styled
+from rig.cli import main as cli
+from rig.console import Screen, console, styled
 
 MARKUP = "[/red][bold]x[/bold] :smile:"
 ACTS = "\x1b]0;PWNED\x07\x1b[2J\u202e"
@@ -110,7 +110,7 @@ def test_a_column_with_markup_in_its_name_is_voted(
 
 def test_campaign_titles_are_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     """What ``rig campaign status`` and ``report`` print of a title, without flying a campaign."""
-    from rig.campaign import show
+    from rig.cli import show_campaign as show
 
     found = {
         "title": MARKUP + ACTS,

@@ -1,4 +1,4 @@
-"""What wanders: Allan deviation and spectrum against theory, each within its own statistical error.
+"""What drifts: Allan deviation and spectrum against theory, each within its own statistical error.
 
 The variance of an Allan estimate follows from theory alone: with c(L) the covariance of neighbouring cluster means'
 differences, L clusters apart, n of them, it is (n c(0)^2 + 2 sum (n - L) c(L)^2) / (2 n^2).

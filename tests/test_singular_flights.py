@@ -50,13 +50,13 @@ def fly(name: str) -> Outcome:
     at = {c + 1: int(np.argmax(state[:, c] == State.FAILED)) for c in range(4) if (state[:, c] == State.FAILED).any()}
     singular = np.flatnonzero([Pattern(p).is_singular for p in pattern])
     moments = sorted({k for k in at.values() if len(singular) and k >= singular[0]})
-    spoiled = {c for f in which.faults if f.kind != "ilm" and f.signal == signal for c in f.channels}
+    corrupted = {c for f in which.faults if f.kind != "ilm" and f.signal == signal for c in f.channels}
     return Outcome(
         name=name,
         patterns=tuple(dict.fromkeys(Pattern(p).label for p in pattern if Pattern(p).is_singular)),
         resolvers=tuple(dict.fromkeys(Resolver(rows["resolver"][k, s]).name.lower() for k in moments)),
         failed=tuple(sorted(at)),
-        faulty=tuple(sorted(spoiled)),
+        faulty=tuple(sorted(corrupted)),
         frames=moments[-1] - int(singular[0]) + 1 if moments else None,
         vote_error=float(np.abs(rows["voted"][:, s] - rows["truth"][:, s]).max()),
         survived=End(rows["end"][-1]) == End.FLYING,

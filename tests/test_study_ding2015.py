@@ -12,9 +12,9 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import LinAlgError
 from typer.testing import CliRunner
 
-from rig.cli import app
-from rig.study import ding2015
-from rig.study.ding2015 import A, B, C, H
+from rig.cli.main import app
+from rig.studies import ding2015
+from rig.studies.ding2015 import A, B, C, H
 
 BBAR = np.vstack([B, np.zeros((4, 2))])
 DESIGN = ding2015.design()

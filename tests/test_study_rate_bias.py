@@ -10,7 +10,7 @@ import pytest
 
 from rig import scenario
 from rig.frame import FLIGHT_INDEX, End, Lie, Trust, new_block
-from rig.study.rate_bias import (
+from rig.studies.rate_bias import (
     ALL_FOUR,
     BIASES_RAD_S,
     ONSETS_S,
@@ -25,8 +25,8 @@ from rig.study.rate_bias import (
     of_grid,
     settings,
 )
-from rig.study.rate_bias_drawn import KINDS, drawn
-from rig.study.rate_bias_table import as_dict, summarise, worst
+from rig.studies.rate_bias_drawn import KINDS, drawn
+from rig.studies.rate_bias_table import as_dict, summarise, worst
 
 CASE, FAULT = of_grid("f16", "none", 20.0, 1), ALL_FOUR[0]
 ALTITUDE = FLIGHT_INDEX["altitude_m"]

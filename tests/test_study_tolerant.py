@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rig.frame import FLIGHT_INDEX, INDEX, End, Trust, new_block
-from rig.study.tolerant import FAULTS, LAWS, Case, Flown, cases, fly, measure, summarise
+from rig.studies.tolerant import FAULTS, LAWS, Case, Flown, cases, fly, measure, summarise
 
 CASE = Case("f16", "pitch", "none", 0.0, 1)
 

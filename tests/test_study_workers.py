@@ -6,13 +6,13 @@ import subprocess
 import sys
 import time
 
-from rig.study.workers import each
+from rig.studies.workers import each
 
 SLOW = """
 import sys, time
 from pathlib import Path
 from rig.interrupt import end_cleanly
-from rig.study.workers import each
+from rig.studies.workers import each
 
 def fly(case):
     Path("begun").touch()

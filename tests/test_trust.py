@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 import rig
-from rig import cli, scenario
+from rig import scenario
+from rig.cli import main as cli
+from rig.computer.redundancy.config import PARAMS
+from rig.computer.redundancy.own import load_manager
 from rig.errors import BadInput
 from rig.loop import Rig
-from rig.redundancy.config import PARAMS
-from rig.redundancy.own import load_manager
 from rig.scenario import from_resolved, named_manager
 from rig.trust import Trust
 
@@ -291,7 +292,7 @@ def test_a_childs_import_never_finds_a_module_of_the_present_folder(place: Path)
     for name in ("numpy", "polars", "zlib", "pickle", "selectors"):
         (place / f"{name}.py").write_text('open("mark", "w").close()\n')
     (place / "c.toml").write_text('base = "plain.toml"\nset = { "duration_s" = 0.1 }\n[run]\nworkers = 1\n')
-    program = [sys.executable, "-P", "-c", "from rig.cli import main; main()"]
+    program = [sys.executable, "-P", "-c", "from rig.cli.main import main; main()"]
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONSAFEPATH"}
     for arguments in (["plan", "c.toml", "--json"], ["run", "c.toml", "--out", "out", "--json"]):
         done = subprocess.run([*program, "campaign", *arguments], capture_output=True, text=True, env=environment)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rig.frame import FLIGHT_INDEX, INDEX, End, State, new_block
-from rig.verdict import Verdict
+from rig.record.flight_summary import Verdict
 
 ALPHA, N_Z, PSI, Q = (INDEX[n] for n in ("angle_of_attack", "normal_load_factor", "heading", "pitch_rate"))
 ALTITUDE = FLIGHT_INDEX["altitude_m"]

@@ -12,9 +12,9 @@ import pytest
 from PIL import Image
 
 from rig.errors import BadInput
-from rig.events import Event
 from rig.frame import DISCRETES, SIGNALS, TIMING, Block, Pattern, State, new_block
 from rig.log import LogWriter
+from rig.record.events import Event
 from rig.view import viewer
 from rig.view.opened import as_file, read, window
 from rig.view.scene import TIMELINE

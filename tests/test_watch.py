@@ -17,15 +17,15 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from rig.cli import app
+from rig.cli.main import app
 from rig.errors import BadInput, BadLog
-from rig.events import Event, EventLike
 from rig.frame import SIGNALS, TIMING, Block, End, Pattern, Resolver, Source, State, new_block
 from rig.log import LogWriter, read_log
-from rig.watch.draw import InPipe, InProcess, OnTerminal
-from rig.watch.live import Watch, watching
-from rig.watch.page import EVENTS, Page
-from rig.watch.played import play
+from rig.record.events import Event, EventLike
+from rig.view.watch.draw import InPipe, InProcess, OnTerminal
+from rig.view.watch.live import Watch, watching
+from rig.view.watch.page import EVENTS, Page
+from rig.view.watch.played import play
 
 RATE_HZ = 100.0
 TOLD = [Event(100, "info", "fault on", "offset pitch_rate.2"), Event(110, "warning", "channel failed", "it failed")]

@@ -16,9 +16,8 @@ from typing import Annotated, Any, ClassVar, Final, Literal
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from rig import aircraft
 from rig.errors import BadInput
-from rig.files import is_file
+from rig.files import bundled, is_file
 from rig.settings import Settings, build, read_toml
 from rig.text import nearest, quoted
 
@@ -193,7 +192,7 @@ def _points(vary: dict[str, Vary]) -> int:
 
 def find(name: str | Path) -> Path:
     """A campaign's file: the path given, or that name in the bundled ``faults/campaigns``."""
-    wanted, home = Path(name), aircraft.bundled("faults") / "campaigns"
+    wanted, home = Path(name), bundled("faults") / "campaigns"
     for candidate in (wanted, home / wanted.name, home / f"{wanted.name}.toml"):
         if is_file(candidate):
             return candidate

@@ -27,16 +27,16 @@ from rig.campaign.identity import rig_identity
 from rig.campaign.plan import Run
 from rig.campaign.rows import TABLES, Rows, alarm_rows, episode_rows, fault_rows, run_row
 from rig.errors import RigError
-from rig.events import Event, not_executed
 from rig.faults import Execution
 from rig.files import replaced
 from rig.flight import end_reason, event_finder, metadata
 from rig.frame import FRAME, TIMING, Block, new_block
 from rig.interrupt import Stop
 from rig.log import LogWriter
+from rig.record.events import Event, not_executed
+from rig.record.flight_summary import Verdict
 from rig.scenario import Scenario, load
 from rig.score import Score, fly_twin, score
-from rig.verdict import Verdict
 
 Timing = NDArray[Any]
 

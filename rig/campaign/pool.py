@@ -26,7 +26,7 @@ _METHOD: Final = "forkserver" if sys.platform == "linux" else "spawn"
 _SETTINGS: Final = {
     # One flight uses one core: libraries that would start threads of their own only get into each other's way.
     **{f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL", "NUMBA", "POLARS")},
-    # glibc gives a flight's memory back after each and fetches it anew for the next: 4 % of a short flight's time.
+    # glibc gives a flight's memory back after each and fetches it again for the next: 4 % of a short flight's time.
     "MALLOC_MMAP_THRESHOLD_": str(32 << 20),
     "MALLOC_TRIM_THRESHOLD_": str(1 << 30),
     "PYTHONSAFEPATH": "1",  # no module of the present folder
@@ -56,7 +56,7 @@ def get_ready() -> None:
 
 
 class Pool(Protocol):
-    """An executor that can be made anew after it broke."""
+    """An executor that can be made again after it broke."""
 
     size: int  # tasks at a time
     lost: tuple[type[BaseException], ...]
@@ -184,7 +184,7 @@ def _environment(values: dict[str, str]) -> Iterator[None]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Dask logs what it tries; our one line says what came of it."""
+    """Dask logs what it tries; our one line says the result."""
     import logging
 
     logger = logging.getLogger("distributed")

@@ -167,7 +167,7 @@ def alarm_rows(number: int, scenario: Scenario, scored: Score) -> list[Row]:
 
 
 def episode_rows(number: int, scenario: Scenario, scored: Score) -> list[Row]:
-    """The rows of table ``episodes``: stretches without a majority, who was asked and what came of it."""
+    """The rows of table ``episodes``: stretches without a majority, who was asked and the result."""
     return [
         {
             "run": number,

@@ -9,7 +9,7 @@ from rig.campaign.folder import Folder
 
 
 def status(folder: Folder) -> dict[str, Any]:
-    """Runs, what is done, what came of it, the hash of the tables so far."""
+    """Runs, what is done, the result, the hash of the tables so far."""
     runs = folder.tables["runs"]
     counts = dict(runs["outcome"].value_counts().iter_rows()) if len(runs) else {}
     return {

@@ -19,7 +19,7 @@ import polars as pl
 
 from rig.campaign.plan import Plan
 from rig.campaign.rows import TABLES, Row
-from rig.verdict import Peaks
+from rig.record.flight_summary import Peaks
 
 WALL_CLOCK: Final = ("wall_s",)  # no part of what must be the same in every run of a campaign
 

@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
+from rig.faults.effects import corrupted, flagged, freeze, keep, measured
 from rig.faults.settings import Act
-from rig.faults.spoil import flagged, freeze, keep, measured, spoiled
 from rig.faults.trigger import advance, watch
 from rig.frame import FLIGHT_INDEX
 from rig.kernels import kernel
@@ -146,7 +146,7 @@ def step(row, x, other, drawn, target, st, kept, memory, dt_s):
         if st["fresh"] != 0:
             kept["held"] = kept["last"]
     if st["acts"] != 0:
-        y = spoiled(x, other, drawn, target, kept, memory, frame, st["elapsed"], dt_s)
+        y = corrupted(x, other, drawn, target, kept, memory, frame, st["elapsed"], dt_s)
     if target["remembers"] != 0:
         kept["last"] = x
     return y

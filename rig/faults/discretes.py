@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from rig.faults.settings import Act, Effect, Pulses, Rhythm, Spoiled, quantity
+from rig.faults.settings import Act, DutyCycle, Effect, Pulses, Spoiled, quantity
 
 
 class Inverted(Spoiled):
@@ -35,4 +35,4 @@ class Toggling(Spoiled):
     @property
     def pulses(self) -> Pulses:
         """Wrong and right in turn; at least a frame each."""
-        return Pulses(Rhythm.TELEGRAPH if self.random else Rhythm.CYCLE, self.period_s / 2, self.period_s / 2)
+        return Pulses(DutyCycle.TELEGRAPH if self.random else DutyCycle.CYCLE, self.period_s / 2, self.period_s / 2)

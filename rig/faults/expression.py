@@ -86,7 +86,7 @@ def parse(text: str) -> NDArray[np.void]:
         raise ValueError(f"a condition has at most {LONGEST} characters, got {len(text)}")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # such as "1and 2"; what matters is what came of it
+            warnings.simplefilter("ignore")  # such as "1and 2"; what matters is the result
             tree = ast.parse(text.strip(), mode="eval")
         steps = _condition(tree.body)
     except (SyntaxError, RecursionError, MemoryError):

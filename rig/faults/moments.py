@@ -8,7 +8,7 @@ from pydantic import model_validator
 
 from rig.faults.magnitude import require_one, sized, threshold_quantity
 from rig.faults.places import site
-from rig.faults.settings import Act, Effect, Pulses, Rhythm, Spoiled, quantity
+from rig.faults.settings import Act, DutyCycle, Effect, Pulses, Spoiled, quantity
 
 _MOST_TIMES = 64
 
@@ -43,8 +43,8 @@ class Spikes(Spoiled):
         """At given times, or after pauses that are exponentially distributed."""
         width = self.width_s or 0.0
         if self.rate_per_s is None:
-            return Pulses(Rhythm.TIMES, on_s=width, times_s=sorted(self.times_s or ()))
-        return Pulses(Rhythm.RANDOM, on_s=width, off_s=1.0 / self.rate_per_s)
+            return Pulses(DutyCycle.TIMES, on_s=width, times_s=sorted(self.times_s or ()))
+        return Pulses(DutyCycle.RANDOM, on_s=width, off_s=1.0 / self.rate_per_s)
 
 
 class Intermittent(Spoiled):
@@ -75,7 +75,7 @@ class Intermittent(Spoiled):
     @property
     def pulses(self) -> Pulses:
         """Gap and contact in turn."""
-        return Pulses(Rhythm.TELEGRAPH if self.random else Rhythm.CYCLE, self.gap_s, self.contact_s)
+        return Pulses(DutyCycle.TELEGRAPH if self.random else DutyCycle.CYCLE, self.gap_s, self.contact_s)
 
 
 class DuplicateFrame(Spoiled):
@@ -86,7 +86,7 @@ class DuplicateFrame(Spoiled):
     rate_per_s: float | None = quantity("1/s", "or at random, so often a second on average", None, gt=0)
 
     @model_validator(mode="after")
-    def _one_rhythm(self) -> DuplicateFrame:
+    def _one_duty_cycle(self) -> DuplicateFrame:
         if (self.every_s is None) == (self.rate_per_s is None):
             raise ValueError("either every_s or rate_per_s")
         return self
@@ -100,5 +100,5 @@ class DuplicateFrame(Spoiled):
     def pulses(self) -> Pulses:
         """One frame each."""
         if self.rate_per_s is not None:
-            return Pulses(Rhythm.RANDOM, off_s=1.0 / self.rate_per_s)
-        return Pulses(Rhythm.CYCLE, on_s=0.0, off_s=self.every_s or 0.0)
+            return Pulses(DutyCycle.RANDOM, off_s=1.0 / self.rate_per_s)
+        return Pulses(DutyCycle.CYCLE, on_s=0.0, off_s=self.every_s or 0.0)

@@ -41,8 +41,8 @@ SCHEDULE: Final = np.dtype(
         ("turn", "i8"),  # the fault whose trigger is looked at in this place: one that others come after goes first
         ("trigger", "u1"),
         ("flag", "u1"),  # settings.Flag
-        ("rhythm", "u1"),  # settings.Rhythm
-        ("again", "u1"),  # triggers anew when it is over
+        ("duty_cycle", "u1"),  # settings.DutyCycle
+        ("again", "u1"),  # triggers again when it is over
         ("first", "i8"),  # the trigger is armed
         ("last", "i8"),
         ("delay", "i8"),  # from the trigger to the onset

@@ -17,7 +17,7 @@ from rig.faults.expression import DEEPEST, STEP, parse, reads_votes
 from rig.faults.fault import Fault
 from rig.faults.places import CHANNELLED, PLACES, Point, number, site
 from rig.faults.record import CLEAN, FOREVER, KEPT, PARAM, SCHEDULE, SEEN, STATE, TARGET, FaultData, Trigger
-from rig.faults.settings import Act, Rhythm
+from rig.faults.settings import Act, DutyCycle
 from rig.frame import SIGNALS, Block, D, S, to_frame
 
 _REMEMBERING: Final = (Act.HOLD, Act.SWING, Act.DELAY, Act.REPEAT, Act.LIMIT_RATE, Act.ICE)
@@ -157,7 +157,7 @@ class Faults:
         row["period"] = self._frames(fault.repeat_every_s, 0)
         row["repeats"] = FOREVER if fault.repeats is None else fault.repeats
         self._trigger(i)
-        self._rhythm(i)
+        self._duty_cycle(i)
 
     def _trigger(self, i: int) -> None:
         row, fault = self.schedule[i], self._faults[i]
@@ -179,17 +179,17 @@ class Faults:
         else:
             row["trigger"], self.state[i]["onset"] = Trigger.TIME, row["first"]
 
-    def _rhythm(self, i: int) -> None:
+    def _duty_cycle(self, i: int) -> None:
         row, pulses = self.schedule[i], self._faults[i].pulses
-        row["rhythm"] = pulses.rhythm
-        if pulses.rhythm == Rhythm.STEADY:
+        row["duty_cycle"] = pulses.duty_cycle
+        if pulses.duty_cycle == DutyCycle.STEADY:
             return
         row["on"] = max(1, to_frame(pulses.on_s, self._rate_hz))
         row["cycle"] = max(row["on"] + 1, to_frame(pulses.on_s + pulses.off_s, self._rate_hz))
         row["times"] = len(self._times)
         self._times += [to_frame(time, self._rate_hz) for time in pulses.times_s]
         row["times_end"] = len(self._times)
-        if pulses.rhythm in (Rhythm.RANDOM, Rhythm.TELEGRAPH):
+        if pulses.duty_cycle in (DutyCycle.RANDOM, DutyCycle.TELEGRAPH):
             row["enter"] = self._chance(pulses.off_s)
             row["leave"] = self._chance(max(pulses.on_s, 1e-9))
             row["pulse_draw"] = self._uniform_column(i, "pulses")

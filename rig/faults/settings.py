@@ -47,7 +47,7 @@ class Act(IntEnum):
     TURN = 19  # half a turn away
 
 
-class Rhythm(IntEnum):
+class DutyCycle(IntEnum):
     """When a fault acts within its time: always, or in pulses."""
 
     STEADY = 0
@@ -83,7 +83,7 @@ class Effect:
 class Pulses:
     """When within its time a fault acts; times in seconds, means of random ones."""
 
-    rhythm: Rhythm = Rhythm.STEADY
+    duty_cycle: DutyCycle = DutyCycle.STEADY
     on_s: float = 0.0  # 0: one frame
     off_s: float = 0.0
     times_s: Sequence[float] = ()

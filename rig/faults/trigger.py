@@ -10,7 +10,7 @@ from typing import Final
 
 from rig.faults.expression import holds
 from rig.faults.record import FOREVER, Trigger
-from rig.faults.settings import Rhythm
+from rig.faults.settings import DutyCycle
 from rig.frame import CHANNELS, D, S
 from rig.kernels import kernel
 
@@ -32,7 +32,7 @@ def advance(row, k, data):
             fired = onset(row, k, i, data)
             st["onset"] = fired if fired == _FOREVER else fired + p["delay"]
         acts = lasts(frame, p, st)
-        if acts != 0 and p["rhythm"] != Rhythm.STEADY:
+        if acts != 0 and p["duty_cycle"] != DutyCycle.STEADY:
             acts = beats(k, p, st, data.times, data.uniform)
         st["fresh"] = 1 if acts != 0 and st["acts"] == 0 else 0
         st["acts"] = acts
@@ -79,20 +79,20 @@ def lasts(frame, p, st):
 @kernel
 def beats(k, p, st, times, uniform):
     """Whether a fault that acts in pulses acts now: 1 or 0."""
-    elapsed, rhythm = st["elapsed"], p["rhythm"]
-    if rhythm == Rhythm.CYCLE:
+    elapsed, duty_cycle = st["elapsed"], p["duty_cycle"]
+    if duty_cycle == DutyCycle.CYCLE:
         return 1 if elapsed % p["cycle"] < p["on"] else 0
-    if rhythm == Rhythm.TIMES:
+    if duty_cycle == DutyCycle.TIMES:
         for i in range(p["times"], p["times_end"]):
             if times[i] <= elapsed < times[i] + p["on"]:
                 return 1
         return 0
     if elapsed == 0:
-        st["left"] = 1 if rhythm == Rhythm.TELEGRAPH else 0
-        if rhythm == Rhythm.TELEGRAPH:
+        st["left"] = 1 if duty_cycle == DutyCycle.TELEGRAPH else 0
+        if duty_cycle == DutyCycle.TELEGRAPH:
             return 1
     drawn = uniform[k, p["pulse_draw"]]
-    if rhythm == Rhythm.TELEGRAPH:
+    if duty_cycle == DutyCycle.TELEGRAPH:
         changes = drawn < (p["leave"] if st["left"] != 0 else p["enter"])
         st["left"] = 1 - st["left"] if changes else st["left"]
         return st["left"]

@@ -56,7 +56,7 @@ def damage(path: Path, at: int) -> Iterator[None]:
 
 @dataclass(frozen=True, slots=True)
 class LoggedEvent:
-    """An event as the log tells it; the fields of rig.events.Event."""
+    """An event as the log tells it; the fields of rig.record.events.Event."""
 
     frame: int
     level: str

@@ -33,7 +33,7 @@ CHUNK_BYTES: Final = 1 << 20  # before compression; at high rates a chunk is sho
 
 
 class Event(Protocol):
-    """What happened in a frame, as rig.events finds it."""
+    """What happened in a frame, as rig.record.events finds it."""
 
     @property
     def frame(self) -> int: ...  # noqa: D102

@@ -62,7 +62,7 @@ class _Logger(jsbsim.FGLogger):
 
 
 def _executive() -> jsbsim.FGFDMExec:
-    # The logger belongs to the thread, so every executive sets it anew.
+    # The logger belongs to the thread, so every executive sets it again.
     jsbsim.set_logger(_logger())
     fdm = jsbsim.FGFDMExec(None)
     fdm.set_debug_level(0)

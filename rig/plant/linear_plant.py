@@ -144,7 +144,7 @@ class LinearPlant:
         self._evaluate(*self._of_evaluate)
 
     def _move_air(self, time_s: float) -> None:
-        """The wind of the next frame; a change of it is felt at once."""
+        """The wind of the next frame; a change of it acts at once."""
         if time_s >= self._air_changes_s:
             self._mean[:] = wind.added(self._wind, time_s)
             self._mean += self._steady

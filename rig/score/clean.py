@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.angles import difference, limit
+from rig.computer.redundancy.vote import mean
 from rig.errors import BadInput
 from rig.frame import CHANNELS, FRAME, SIGNALS, Block, S, new_block
 from rig.kernels import kernel
-from rig.redundancy.vote import mean
 from rig.scenario import Scenario
 from rig.sensors import Sensors, measure
 
@@ -114,10 +114,10 @@ def compare(rows, clean, params, acted, error, vote):
         acting = row["acting"]
         for i in range(len(acting)):
             acted[0] |= acting[i]
-        spoiled = not same(row["channels"], tidy["channels"]) or not same(row["valid"], tidy["valid"])
+        corrupted = not same(row["channels"], tidy["channels"]) or not same(row["valid"], tidy["valid"])
         for s in range(len(params)):
             p = params[s]
-            for c in range(p["fitted"] if spoiled else 0):
+            for c in range(p["fitted"] if corrupted else 0):
                 error[k, s, c] = injected(row, tidy, s, c, p["wraps"])
                 if acted[0] == 0 and error[k, s, c] != 0.0:
                     return (k * len(params) + s) * CHANNELS + c

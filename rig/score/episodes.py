@@ -72,11 +72,11 @@ def _asked(pattern: Pattern, said: Sequence[Resolver], p: NDArray[np.void]) -> t
 
 
 def _order(pattern: Pattern, configured: Sequence[Resolver]) -> list[Resolver]:
-    """Who is asked of a pattern: the witnesses as configured, the trend of two halves only, the rule of rank last."""
+    """Who is asked of a pattern: monitors and reference as configured, trend of halves only, the rule of rank last."""
     halves = pattern not in _LAST_RESORT
     rules = _LAST_RESORT.values()
-    witnesses = [r for r in configured if r not in rules and (halves or r is not Resolver.TREND)]
-    return witnesses if halves else [*witnesses, *(r for r in configured if r is _LAST_RESORT[pattern])]
+    asked = [r for r in configured if r not in rules and (halves or r is not Resolver.TREND)]
+    return asked if halves else [*asked, *(r for r in configured if r is _LAST_RESORT[pattern])]
 
 
 def tally(found: Sequence[Episode]) -> dict[str, ResolverScore]:

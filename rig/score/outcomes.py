@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.computer.redundancy.reference_threshold import reference_threshold
 from rig.faults import Fault
 from rig.faults.places import number as place_number
 from rig.faults.places import site
 from rig.frame import SIGNALS, Block, State
-from rig.redundancy.reference_threshold import reference_threshold
 from rig.scenario import Scenario
 from rig.score.isolations import COMPARISON
 from rig.score.monitored import Bools, Monitored

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
+from rig.computer.analytic.sources import FROM_UNIT, source
+from rig.computer.redundancy import Config
 from rig.faults import Fault
 from rig.faults.places import number, site
 from rig.frame import INDEX, INERTIAL
-from rig.redundancy import Config
-from rig.redundancy.sources import FROM_UNIT, source
 
 # They change what a channel says of itself, never its sample; a discrete that says bad of itself is not voted.
 MONITOR_KINDS: Final = ("ilm",)

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig import sensors
+from rig.computer.redundancy import measured_thresholds
+from rig.computer.redundancy.config import parameters
+from rig.computer.redundancy.discrete_config import discrete_parameters
 from rig.frame import Block
-from rig.redundancy import measured_thresholds
-from rig.redundancy.config import parameters
-from rig.redundancy.discrete_config import discrete_parameters
 from rig.scenario import Scenario
 from rig.score.clean import checked, of_flight, recompute
 from rig.score.coverage import coverage

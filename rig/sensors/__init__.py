@@ -3,7 +3,7 @@
     settings.py   a sensor's data sheet: the ``[sensors.<signal>]`` tables
     classes.py    named data-sheet classes laid under those tables
     params.py     settings and seed as the arrays of the kernel
-    wander.py     what is drawn a block at a time: noise, bias instability, random walk, structural mode
+    drift.py     what is drawn a block at a time: noise, bias instability, random walk, structural mode
     recorded.py   a recorded noise file instead of the drawn noise
     alarms.py     false alarms of in-line monitors
     kernel.py     one frame: truth to channels

@@ -16,7 +16,7 @@ MEMORY: Final = np.dtype(
     [
         ("frames", "i8"),  # measured so far
         ("truth", "f8"),
-        ("felt", "f8", (CHANNELS,)),  # of other signals
+        ("cross_axis", "f8", (CHANNELS,)),  # of other signals
         ("lagged", "f8", (CHANNELS,)),
         ("passed", "f8", (CHANNELS,)),  # the low pass, and its rate
         ("speed", "f8", (CHANNELS,)),
@@ -30,7 +30,7 @@ class SensorData(NamedTuple):
 
     params: NDArray[Any]  # (S,) PARAMS
     noise: NDArray[np.float32]  # (n, S, CHANNELS), standard normal
-    wander: NDArray[np.float64]  # (n, S, CHANNELS), unit of the signal
+    drift: NDArray[np.float64]  # (n, S, CHANNELS), unit of the signal
     memory: NDArray[Any]  # (S,) MEMORY, in place
     line: NDArray[np.float64]  # (S, CHANNELS, frames), the latency's ring, in place
     discretes: NDArray[np.int64]  # (D,) channels of each discrete
@@ -41,18 +41,18 @@ class SensorData(NamedTuple):
 def measure(block, k, data):
     """All channels of row k from the truth of this frame and the last.
 
-    x = truth - skew (truth - last truth), truth with what is felt of others;  y += blend (x - y)
-    y -> low pass -> latency;  sample = round(gain y + bias + noise + wander), within its range
+    x = truth - skew (truth - last truth), truth with the cross-axis error;  y += blend (x - y)
+    y -> low pass -> latency;  sample = round(gain y + bias + noise + drift), within its range
 
     block : FRAME records; data : SensorData
     """
     row = block[k]
-    params, noise, wander, memory, line = data.params, data.noise, data.wander, data.memory, data.line
+    params, noise, drift, memory, line = data.params, data.noise, data.drift, data.memory, data.line
     truth, channels = row["truth"], row["channels"]
     valid, ilm = row["valid"], row["ilm"]
     for s in range(len(params)):
         p, m = params[s], memory[s]
-        wraps, shares, filtered, wanders = p["wraps"], p["shares"], p["filtered"], p["wanders"]
+        wraps, shares, filtered, drifts = p["wraps"], p["shares"], p["filtered"], p["drifts"]
         gain, bias, skew, lagged = p["gain"], p["bias"], p["skew"], m["lagged"]
         first = m["frames"] == 0
         moved = 0.0 if first else difference(truth[s], m["truth"], wraps)
@@ -64,7 +64,7 @@ def measure(block, k, data):
                 continue
             x = truth[s] - skew[c] * moved
             if shares != 0:
-                x += felt(p, m, truth, c)
+                x += cross_axis_error(p, m, truth, c)
             if first:
                 lagged[c] = x
             else:
@@ -74,8 +74,8 @@ def measure(block, k, data):
             if filtered != 0:
                 sample = filter_through(sample, p, m, line[s, c], c)
             sample = gain[c] * sample + bias[c] + p["noise_std"] * noise[k, s, c]
-            if wanders != 0:
-                sample += wander[k, s, c]
+            if drifts != 0:
+                sample += drift[k, s, c]
             if p["quantum"] > 0.0:
                 sample = np.floor(sample / p["quantum"] + 0.5) * p["quantum"]
             channels[s, c] = limit(sample, p["low"], p["high"], wraps)
@@ -103,12 +103,12 @@ def switch(row, fitted):
 
 
 @kernel
-def felt(p, m, truth, c):
-    """What channel c feels of other signals: position error, misalignment, g-sensitivity.
+def cross_axis_error(p, m, truth, c):
+    """Cross-axis error of channel c: position error, misalignment, g-sensitivity.
 
     sum over the sources of share x truth, at the channel's moment of sampling; p PARAMS, m MEMORY, in place
     """
-    source, share, last = p["source"], p["share"], m["felt"]
+    source, share, last = p["source"], p["share"], m["cross_axis"]
     now = 0.0
     for j in range(p["shares"]):
         now += share[j, c] * truth[source[j]]
@@ -121,7 +121,7 @@ def felt(p, m, truth, c):
 def filter_through(x, p, m, line, c):
     """Low pass and latency of channel c; m MEMORY and ``line`` (frames,), the ring, in place.
 
-    With the input held at x over the frame, e = y - x obeys the free system: (e, y') <- transition (e, y').
+    With the input held at x over the frame, e = y - x follows the free system: (e, y') <- transition (e, y').
     The latency lies between two frames of the ring, on the straight line between them.
     """
     wraps, low, high, tick = p["wraps"], p["low"], p["high"], m["frames"]

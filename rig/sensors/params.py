@@ -32,8 +32,8 @@ PARAMS: Final = np.dtype(
         ("low_pass", "u1"),
         ("delayed", "u1"),
         ("alarms", "u1"),  # its in-line monitors may raise false ones
-        ("wanders", "u1"),  # something of wander.py or recorded.py is added
-        ("shares", "u1"),  # how many other signals are felt
+        ("drifts", "u1"),  # something of drift.py or recorded.py is added
+        ("shares", "u1"),  # how many other signals have a cross-axis effect
         ("source", "i8", (MOST_SHARES,)),  # which
         ("share", "f8", (MOST_SHARES, CHANNELS)),  # and how much of their truth
         ("transition", "f8", (4,)),  # of the low pass, row by row
@@ -58,7 +58,7 @@ def fixed(suite: Settings, rate_hz: float, seeds: dict[str, SeedSequence]) -> ND
         row["blend"] = 1.0 if sensor.lag_s == 0 else 1.0 - exp(-1.0 / (rate_hz * sensor.lag_s))
         row["quantum"] = sensor.quantum
         row["low"], row["high"] = sensor.limits(signal)
-        row["wanders"] = _wanders(sensor)
+        row["drifts"] = _drifts(sensor)
         row["alarms"] = sensor.monitor is not None and sensor.monitor.false_alarm_per_hour > 0
         row["wraps"], row["channels"] = signal.wraps, sensor.channels
         _dynamics(row, sensor, rate_hz)
@@ -66,7 +66,7 @@ def fixed(suite: Settings, rate_hz: float, seeds: dict[str, SeedSequence]) -> ND
     return params
 
 
-def _wanders(sensor: Sensor) -> bool:
+def _drifts(sensor: Sensor) -> bool:
     drawn = sensor.bias_instability_std > 0 or sensor.rate_random_walk > 0 or sensor.mode_rms > 0
     return drawn or sensor.noise_file is not None
 

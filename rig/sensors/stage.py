@@ -9,10 +9,10 @@ from numpy.random import SFC64, Generator, SeedSequence
 
 from rig.frame import CHANNELS, Block, S
 from rig.sensors.alarms import Alarms
+from rig.sensors.drift import PROCESSES, Drift
 from rig.sensors.kernel import MEMORY, SensorData, measure
 from rig.sensors.params import fixed
 from rig.sensors.settings import discrete_channels
-from rig.sensors.wander import PROCESSES, Wander
 from rig.settings import Settings
 
 # The order is part of every recorded flight: append, never insert.
@@ -26,7 +26,7 @@ class Sensors:
         """BadInput when a noise file cannot be used."""
         streams: dict[str, SeedSequence] = dict(zip(STREAMS, seeds.spawn(len(STREAMS)), strict=True))
         self.params = fixed(suite, rate_hz, streams)
-        self._wander = Wander(suite, rate_hz, streams)
+        self._drift = Drift(suite, rate_hz, streams)
         self._alarms = Alarms(suite, rate_hz, streams["monitor"])
         self._noise_rng = Generator(SFC64(streams["noise"]))  # the quickest of numpy's
         self._noise = np.zeros((0, S, CHANNELS), np.float32)  # single precision draws in half the time
@@ -37,7 +37,7 @@ class Sensors:
     @property
     def data(self) -> SensorData:
         """What ``measure`` needs besides the row; the same arrays until the next ``prepare``."""
-        draws = self._noise, self._wander.rows
+        draws = self._noise, self._drift.rows
         return SensorData(self.params, *draws, self._memory, self._line, self._discretes, self._alarms.rows)
 
     def prepare(self, block: Block) -> None:
@@ -45,7 +45,7 @@ class Sensors:
         if len(self._noise) < len(block):
             self._noise = np.zeros((len(block), S, CHANNELS), np.float32)
         self._noise_rng.standard_normal(out=self._noise[: len(block)], dtype=np.float32)
-        self._wander.prepare(len(block))
+        self._drift.prepare(len(block))
         self._alarms.prepare(len(block))
 
     def step(self, block: Block, k: int) -> None:

@@ -11,19 +11,7 @@ from rig.errors import BadInput
 from rig.frame import COMMANDS, DEMANDS, DISCRETES, INDEX, SIGNALS, SURFACES, Discrete, Signal
 from rig.view import derived, lanes
 from rig.view.facts import Layout, Shown
-from rig.view.plots import (
-    Line,
-    about,
-    attitude,
-    events,
-    fields,
-    map_view,
-    path,
-    plot,
-    plot_list,
-    state_lanes,
-    track,
-)
+from rig.view.plots import Line, about, attitude, events, fields, map_view, path, plot, plot_list, state_lanes, track
 from rig.view.scene import TIMELINE
 from rig.view.style import CHANNEL_COLORS, FAULT, PALETTE, REFERENCE, THRESHOLD, TRUTH, VOTED
 

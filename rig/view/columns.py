@@ -33,7 +33,7 @@ from rig.view.scene import Scene, time_column
 from rig.view.style import VOTED, Color
 
 if TYPE_CHECKING:
-    from rig.events import EventLike
+    from rig.record.events import EventLike
 
 _LEVELS: Final = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
 

@@ -15,7 +15,7 @@ from rig.view.facts import Layout
 if TYPE_CHECKING:
     import rerun as rr
 
-    from rig.events import EventLike
+    from rig.record.events import EventLike
     from rig.view.columns import Columns
 
 APPLICATION: Final = "jsbsim-rig"  # the viewer keeps one layout per application

@@ -18,7 +18,7 @@ from rig.view.facts import UNKNOWN, Facts, Layout, Shown
 from rig.view.sink import About, abandon, check_where, open_sink
 
 if TYPE_CHECKING:
-    from rig.events import EventLike
+    from rig.record.events import EventLike
 
 QUEUE_BYTES: Final = 128 * 1024 * 1024  # of rows that wait; minutes of flight, also when flown faster than shown
 FLUSH_S: Final = 30.0  # the worker's patience with a sink at the end; close has its own

@@ -71,7 +71,7 @@ def quiet(folder: Path) -> None:
 
 def command(argv: tuple[str, ...]) -> int:
     """``rig ARGV`` as its shell script calls it; the exit code."""
-    from rig.cli import main
+    from rig.cli.main import main
 
     sys.argv = ["rig", *argv]
     sys.modules["__main__"] = types.ModuleType("__main__")  # workers of a campaign import what is there

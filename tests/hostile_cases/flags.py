@@ -53,12 +53,12 @@ def options() -> list[tuple[str, str, str, bool]]:
     import typer
     from typer.main import get_command
 
-    import rig.cli
+    import rig.cli.main
 
     assert typer
     return [
         (command, option, parameter.name, not getattr(parameter, "is_flag", False))
-        for command, made in _commands(get_command(rig.cli.app), ())
+        for command, made in _commands(get_command(rig.cli.main.app), ())
         for parameter in made.params
         for option in ([""] if parameter.param_type_name == "argument" else parameter.opts[:1])
         if f"{command} {option}" not in _SKIPPED and parameter.name != "help"

@@ -24,7 +24,7 @@ _TURN: Final = 2 * np.pi
 
 def kernel(draw: Draw, store: Store) -> Case:
     """Some sequences of one manager and one kind of signal."""
-    from rig.redundancy import MANAGERS
+    from rig.computer.redundancy import MANAGERS
 
     manager, wraps = draw.turn([(m, w) for m in MANAGERS for w in (False, True)])
     seed = draw.rng.random()
@@ -43,9 +43,9 @@ def _check(manager: str, wraps: bool, rng: Random) -> int:
 
 def _sequence(manager: str, wraps: bool, rng: Random) -> str:
     """What broke in one sequence of random samples, or nothing."""
+    from rig.computer.redundancy.config import PARAMS, SignalConfig, fill
+    from rig.computer.redundancy.managers import Manager
     from rig.frame import new_block
-    from rig.redundancy.config import PARAMS, SignalConfig, fill
-    from rig.redundancy.managers import Manager
 
     fitted, fade_s = rng.choice([2, 3, 4, 4]), rng.choice([0.0, 0.0, 0.05])
     limits = (

@@ -1,4 +1,4 @@
-"""Whole logs that say something else: texts of the metadata exchanged, sums and summary made anew."""
+"""Whole logs that say something else: texts of the metadata exchanged, sums and summary made again."""
 
 from __future__ import annotations
 

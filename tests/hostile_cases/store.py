@@ -139,7 +139,7 @@ class Store:
 
 def _everything() -> dict[str, Any]:
     """A scenario of the F-16 with a fault of every kind, resets, wind and manoeuvres."""
-    from rig.catalogue.entries import EXAMPLES
+    from rig.faults.catalogue import EXAMPLES
     from rig.scenario import find
     from rig.settings import read_toml
 

@@ -48,7 +48,7 @@ run = {{ batch = 10, logs = "all" }}
 
 def rig(*arguments: str) -> dict[str, Any]:
     """What a command prints with --json."""
-    said = subprocess.run([sys.executable, "-m", "rig.cli", *arguments, "--json"], capture_output=True, check=True)
+    said = subprocess.run([sys.executable, "-m", "rig.cli.main", *arguments, "--json"], capture_output=True, check=True)
     return json.loads(said.stdout)
 
 

@@ -178,7 +178,7 @@ ROWS: Final[dict[str, Callable[[], Iterator[Try]]]] = {
 }
 
 
-def judge(one: Try) -> Table:
+def outcome_of(one: Try) -> Table:
     """Fly it: whether it survived, which healthy channels were failed, which faulty ones were not."""
     flown = fly(scenario.load(None, one.sets))
     found = score(flown.scenario, flown.rows, clean=flown.clean)
@@ -222,7 +222,7 @@ def main() -> int:
     tries = [one.seeded(i) for row in asked.rows.split(",") for i, one in enumerate(ROWS[row](), 1)]
     began = perf_counter()
     with ProcessPoolExecutor(asked.workers, mp_context=get_context("forkserver")) as pool:
-        found = list(pool.map(judge, tries, chunksize=4))
+        found = list(pool.map(outcome_of, tries, chunksize=4))
     for one in found:
         if one["wrong"] or one["missed"] or not one["survived"]:
             print(one["row"], one["about"], "survived" if one["survived"] else "lost", one["wrong"], one["missed"])

@@ -11,11 +11,11 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from rig.recorded.align import align
-from rig.recorded.config import VoteConfig
-from rig.recorded.read import read
-from rig.recorded.record import Recording
-from rig.recorded.vote import vote
+from rig.offline.align import align
+from rig.offline.read_recording import read
+from rig.offline.recording import Recording
+from rig.offline.vote import vote
+from rig.offline.vote_settings import VoteConfig
 
 THRESHOLDS = (2.0, 3.0, 4.0, 5.0, 7.5, 10.0, 15.0, 20.0, 30.0)  # deg/s
 AXES = {"gyro_x": "Gyr_X", "gyro_y": "Gyr_Y", "gyro_z": "Gyr_Z"}

@@ -4,16 +4,16 @@ import sys
 import tempfile
 from time import perf_counter
 
-from rig import aircraft
+from rig.files import bundled
 from rig.flight import fly
-from rig.replay.again import recorded
-from rig.replay.verify import verify
+from rig.offline.replay import recorded
+from rig.offline.verify import verify
 
 
 def main() -> int:
     """One line a scenario."""
     worst = 0
-    for path in sorted(aircraft.bundled("faults").glob("*.toml")):
+    for path in sorted(bundled("faults").glob("*.toml")):
         with tempfile.TemporaryDirectory() as folder:
             recording = recorded(fly(path, out=folder).log)
             began = perf_counter()

@@ -27,7 +27,7 @@ import rig.loop  # noqa: F401  # warm: the libraries stay, itself is forgotten b
 for name in [name for name in sys.modules if name.split(".")[0] == "rig"]:
     del sys.modules[name]
 # What does not read rig.redundancy stays; all else is read anew by every run.
-for name in ("angles", "control", "faults", "frame", "inclination", "kernels", "plant", "sensors", "text", "trust"):
+for name in ("angles", "control", "faults", "frame", "analytic_pitch_reference", "kernels", "plant", "sensors", "text", "trust"):
     import_module(f"rig.{name}")
 if any(name.startswith("rig.redundancy") for name in sys.modules):
     raise SystemExit("a module that is kept reads rig.redundancy: its mutants would not be seen")
@@ -42,10 +42,10 @@ STAGES: dict[str, tuple[str, ...]] = {
     "discrete_config": ("discrete kernels stage",),
     "managers": ("baselines", "stage own"),
     "memory": ("unit",),
-    "motion": ("motion", "inclination", "reference"),
+    "motion": ("motion", "analytic_pitch_reference", "reference"),
     "own": ("own",),
     "persistence": ("kernels discrete",),
-    "reference": ("stage motion", "inclination", "reference"),
+    "reference": ("stage motion", "analytic_pitch_reference", "reference"),
     "sources": ("common", "stage", "reference"),
     "strapdown": ("strapdown", "unit"),
     "unit": ("strapdown unit",),

@@ -1,1 +1,0 @@
-"""The catalogue of fault kinds: what ``rig faults`` says, taken from the settings themselves."""

@@ -1,0 +1,166 @@
+"""``rig campaign``: parse, call, print."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rig.cli.options import AllowCode
+from rig.interrupt import CODE
+
+app = typer.Typer(
+    help="Fly many flights of one plan, and say what they show.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+File = Annotated[str, typer.Argument(help="A campaign file or the name of a bundled one.", show_default=False)]
+Dir = Annotated[Path, typer.Argument(help="A campaign's output folder.", show_default=False)]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="A key of the scenario, the same in every run; repeatable."),
+]
+Runs = Annotated[int | None, typer.Option(help="The first N runs only.", show_default="all")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+
+def _plan(file: str, sets: list[str] | None, allow_code: bool) -> Any:
+    from rig.campaign.config import find, read
+    from rig.campaign.plan import Plan
+    from rig.scenario import named_manager, parse_set
+    from rig.trust import Trust
+
+    given, source = dict(map(parse_set, sets or ())), str(find(file))
+    return Plan(read(file, given), source, Trust(source, allow_code, named_manager(given.items())))
+
+
+@app.command()
+def plan(
+    file: File, sets: Sets = None, runs: Runs = None, allow_code: AllowCode = False, as_json: Json = False
+) -> None:
+    """List the runs before flying them, with an estimate of time and disk."""
+    from rig.campaign.estimate import estimate
+    from rig.cli import show_campaign as show
+
+    planned = _plan(file, sets, allow_code)
+    planned.check()
+    expected = estimate(planned, runs)
+    if as_json:
+        _print({**expected.as_dict(), "list": show.plan_rows(planned, runs)})
+    else:
+        show.plan(planned, expected)
+
+
+@app.command()
+def run(
+    file: File,
+    out: Annotated[Path, typer.Option(help="Output folder; one that was begun is gone on with.", show_default=False)],
+    workers: Annotated[int | None, typer.Option(help="Processes.", min=1, max=1024, show_default="the file's")] = None,
+    runs: Runs = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="A Dask scheduler, tcp://HOST:PORT, in place of processes.", show_default=False)
+    ] = None,
+    logs: Annotated[
+        str | None, typer.Option(help="Logs to keep: all, failures, none, sample:N.", show_default="the file's")
+    ] = None,
+    sets: Sets = None,
+    allow_code: AllowCode = False,
+    as_json: Json = False,
+) -> None:
+    """Fly what is missing of a campaign."""
+    from rig.campaign.pool import get_ready
+
+    if scheduler is None:
+        get_ready()  # beside what follows, which takes a second to be imported and read
+    from rig.campaign.run import run as fly
+    from rig.cli import show_campaign as show
+
+    planned = _plan(file, sets, allow_code)
+    with show.progress(enabled=not as_json) as report:
+        result = fly(planned, out, runs=runs, workers=workers, scheduler=scheduler, logs=logs, report=report)
+    if as_json:
+        _print(result.as_dict())
+    else:
+        show.result(result)
+    if result.interrupted:
+        typer.echo(f"stopped: {result.done} of {result.runs} runs done; the same command goes on", err=True)
+        raise typer.Exit(CODE + result.signal)
+
+
+@app.command()
+def status(folder: Dir, as_json: Json = False) -> None:
+    """How far a campaign is, and the results of its runs."""
+    from rig.campaign.folder import open_folder
+    from rig.campaign.status import status as look
+    from rig.cli import show_campaign as show
+
+    found = look(open_folder(folder))
+    if as_json:
+        _print(found)
+    else:
+        show.status(found)
+
+
+@app.command()
+def fly(
+    folder: Dir,
+    run: Annotated[int, typer.Option(help="The run's number in the table, from 0.", min=0, show_default=False)],
+    out: Annotated[Path, typer.Option(help="Folder of the log.")] = Path("logs"),
+    allow_code: AllowCode = False,
+    as_json: Json = False,
+) -> None:
+    """Fly one run of a campaign again, with its full log, and compare its digest with the table's."""
+    from rig.campaign.again import again
+    from rig.campaign.folder import open_folder
+    from rig.cli import show_campaign as show
+
+    flight, digest = again(open_folder(folder, allow_code), run, out)
+    same = None if digest is None else digest == flight.digest
+    if as_json:
+        _print({**flight.summary(), "run": run, "table_digest": digest, "same": same})
+    else:
+        show.again(flight, run, same)
+    if same is False:
+        raise typer.Exit(1)
+
+
+@app.command()
+def report(
+    folder: Dir,
+    out: Annotated[Path | None, typer.Option(help="The file to write.", show_default="DIR/report.html")] = None,
+    as_json: Json = False,
+) -> None:
+    """Write the report: one HTML file that opens offline; with --json its figures."""
+    from rig.campaign.folder import open_folder
+    from rig.campaign.report import report as write
+    from rig.cli import show_campaign as show
+
+    target = out or folder / "report.html"
+    found = write(open_folder(folder), target)
+    if as_json:
+        _print({"report": str(target), **found})
+    else:
+        show.report(found, target)
+
+
+@app.command()
+def compare(first: Dir, second: Dir, as_json: Json = False) -> None:
+    """Two campaigns on the same seeds, run by run: exact paired tests (McNemar)."""
+    from rig.campaign.compare import compare as pair
+    from rig.campaign.folder import open_folder
+    from rig.cli import show_campaign as show
+
+    found = pair(open_folder(first), open_folder(second))
+    if as_json:
+        _print(found)
+    else:
+        show.compare(found)
+
+
+def _print(data: Any) -> None:
+    typer.echo(json.dumps(data, allow_nan=False))

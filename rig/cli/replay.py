@@ -1,0 +1,157 @@
+"""``rig replay``, ``rig diff``, ``rig info``, ``rig export``: parse, call, print."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rig.cli.options import AllowCode
+from rig.text import plain
+
+if TYPE_CHECKING:
+    from rig.offline.replay import Recorded
+
+LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A log of a flight.", show_default=False)]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+
+def replay(
+    log: LogFile,
+    fly: Annotated[bool, typer.Option("--fly", help="Fly the whole recorded scenario again.")] = False,
+    redundancy: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="What if: a TOML file with another [redundancy].", show_default=False),
+    ] = None,
+    sets: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="What if: redundancy.manager=mean; repeatable."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Log of the what if.", show_default="<log>.what-if.mcap")] = None,
+    allow_code: AllowCode = False,
+    as_json: Json = False,
+) -> None:
+    """Run the recorded manager over the recorded channels and compare every frame.
+
+    Exit code 0 when all is identical to the bit, 1 when not.  A what if compares decisions, and ends with 0.
+    """
+    from rig.errors import BadInput
+    from rig.offline.replay import recorded
+
+    asked = redundancy is not None or bool(sets)
+    if fly and asked:
+        raise BadInput("--fly flies what was recorded: it cannot be joined with --redundancy or --set")
+    if out is not None and not asked:
+        raise BadInput("--out is where a what if is written: it needs --redundancy or --set")
+    recording = recorded(log, allow_code)
+    if asked:
+        _what_if(recording, redundancy, sets or [], out, as_json)
+    else:
+        _again(recording, fly, as_json)
+
+
+def _again(recording: Recorded, fly: bool, as_json: bool) -> None:
+    """Replay or fly again; exit code 1 when anything differs."""
+    from rig.cli import show_replay as show
+    from rig.offline.verify import verify
+
+    found = verify(recording, fly)
+    if as_json:
+        _print({"log": str(recording.path), **found.as_dict()})
+    else:
+        screen = _console()
+        show.comparison(screen, found.comparison)
+        if not found.comparison.identical:
+            show.decisions(screen, found.decisions, recording.log.rate_hz)
+    if not found.comparison.identical:
+        raise typer.Exit(1)
+
+
+def _what_if(recording: Recorded, file: Path | None, sets: list[str], out: Path | None, as_json: bool) -> None:
+    from rig.cli import show_replay as show
+    from rig.offline.what_if import changed, what_if
+
+    changes = [*([str(file)] if file else []), *sets]
+    answer = what_if(recording, changed(recording, file, sets), out, changes)
+    if as_json:
+        about = {"log": str(recording.path), "what_if": str(answer.path), "changes": changes, "events": answer.events}
+        _print({**about, "open_loop": True, **answer.moved.as_dict()})
+        return
+    screen = _console()
+    show.decisions(screen, answer.moved, recording.log.rate_hz)
+    screen.print("open loop: truth and commands are those of the recording, whatever the new votes say")
+    screen.print(f"written  {answer.path}", soft_wrap=True)
+
+
+def diff(
+    a: Annotated[Path, typer.Argument(metavar="A", help="A log.", show_default=False)],
+    b: Annotated[Path, typer.Argument(metavar="B", help="Another.", show_default=False)],
+    tolerance: Annotated[
+        list[str] | None,
+        typer.Option(metavar="X", help="1e-6 for all fields, 'pitch_rate.*=0.01' for some; repeatable."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Compare two logs field by field; exit code 0 when nothing differs by more than its tolerance, else 1."""
+    from rig.cli import show_replay as show
+    from rig.offline.sides import diff as compare
+    from rig.offline.sides import side
+
+    found = compare(side(a), side(b), tolerance or ())
+    if as_json:
+        _print({"a": str(a), "b": str(b), **found.as_dict()})
+    else:
+        show.comparison(_console(), found)
+    if not found.same:
+        raise typer.Exit(1)
+
+
+def info(log: LogFile, as_json: Json = False) -> None:
+    """What a log says of its flight, and whether the file is whole; exit code 2 when it is not."""
+    from rig.cli import show_replay as show
+    from rig.errors import BadLog
+    from rig.offline.log_info import info as tell
+
+    found = tell(log)
+    if as_json:
+        _print(found)
+    else:
+        show.info(_console(), found)
+    if found["damage"] is not None:
+        raise BadLog(f"{log}: {found['health']}")
+
+
+def export(
+    log: LogFile,
+    to: Annotated[str, typer.Option(help="csv, parquet or npz.", show_default=False)],
+    signals: Annotated[
+        str | None,
+        typer.Option(metavar="A,B", help="Signals, discretes, control, flight, inertial, demand.", show_default="all"),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="The file to write.", show_default="<log>.<to>")] = None,
+    for_vote: Annotated[bool, typer.Option("--for-vote", help="Only what rig vote reads.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Write a log as a table, its columns named as rig vote names them."""
+    from rig.log import read_log
+    from rig.offline.export import export as write
+
+    owners = [part.strip() for part in (signals or "").split(",") if part.strip()]
+    recording, target = read_log(log), out or Path(f"{log.with_suffix('')}.{to}")
+    columns = write(recording, to, target, owners, for_vote)
+    if as_json:
+        _print({"log": str(log), "out": str(target), "rows": len(recording.rows), "columns": columns})
+    else:
+        typer.echo(plain(f"{target}: {len(recording.rows)} rows, {len(columns)} columns"))
+
+
+def _console() -> Any:
+    from rig.console import console
+
+    return console()
+
+
+def _print(found: dict[str, Any]) -> None:
+    typer.echo(json.dumps(found, allow_nan=False))

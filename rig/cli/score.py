@@ -1,0 +1,41 @@
+"""``rig score``: parse, call, print."""
+
+from __future__ import annotations
+
+import json
+from math import radians
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rig.cli.options import AllowCode
+
+
+def score(
+    log: Annotated[Path, typer.Argument(help="The log of a flight.", show_default=False)],
+    no_twin: Annotated[bool, typer.Option("--no-twin", help="Do not fly the fault-free twin: no transients.")] = False,
+    transient_load_factor: Annotated[float, typer.Option(help="Allowed of a failure transient, g.", min=1e-9)] = 0.5,
+    transient_pitch_rate_rad_s: Annotated[
+        float, typer.Option(help="Likewise, rad/s.", min=1e-9, show_default="10 deg/s")
+    ] = radians(10.0),
+    transient_window_s: Annotated[float, typer.Option(help="Time after each onset that is scored.", min=1e-9)] = 2.0,
+    allow_code: AllowCode = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Score a flight against the truth: what was detected, missed and wrong, and how it flew."""
+    from rig.cli.show_score import show
+    from rig.score.of_log import score_log
+    from rig.score.record import Yardstick
+    from rig.settings import build
+
+    limits = {
+        "load_factor": transient_load_factor,
+        "pitch_rate_rad_s": transient_pitch_rate_rad_s,
+        "window_s": transient_window_s,
+    }
+    scored = score_log(log, build(Yardstick, limits, "--transient"), not no_twin, allow_code)
+    if as_json:
+        typer.echo(json.dumps(scored.as_dict(), allow_nan=False))
+    else:
+        show(scored)

@@ -1,0 +1,137 @@
+"""A score as tables for people."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import degrees
+
+from rich.console import Console
+from rich.table import Table
+
+from rig.console import console, styled
+from rig.score.of_log import Scored
+from rig.score.record import Deviation, FaultScore, FlightScore, Isolation, Score, Transients
+
+MOST = 40  # lines of one kind on the terminal; all are in --json
+_ROUNDING = 1e-12  # of angles, which are voted near another angle
+_STYLES = {"detected": "green", "missed": "red", "undetectable": "", "not executed": "yellow"}
+
+
+def show(scored: Scored) -> None:
+    """Print all parts of a score."""
+    screen, score = console(), scored.score
+    title = scored.scenario.title or scored.scenario.aircraft
+    screen.print(styled((title, "bold"), f"  seed {scored.scenario.seed}  {scored.log}"), soft_wrap=True)
+    _faults(screen, score.faults)
+    _isolations(screen, "false alarms", score.false_alarms)
+    _isolations(screen, "wrong isolations", score.wrong_isolations)
+    _resolvers(screen, score)
+    _votes(screen, score)
+    _flight(screen, score.flight)
+    _coverage(screen, score)
+
+
+def _faults(screen: Console, faults: Sequence[FaultScore]) -> None:
+    if not faults:
+        screen.print("faults            none in the scenario")
+        return
+    table = Table("fault", "on", "onset", "exceeded", "failed", "delay", "by", "peak error", "outcome", box=None)
+    for fault in faults[:MOST]:
+        place = fault.signal if fault.channel is None else f"{fault.signal}.{fault.channel}"
+        outcome = f"{fault.outcome}, shorter than the persistence" if fault.tolerated else fault.outcome
+        numbers = (fault.onset_frame, fault.exceeded_frame, fault.failed_frame, fault.delay_from_onset_frames)
+        peak = "" if fault.peak_error is None else f"{fault.peak_error:.4g}"
+        cells = ("" if number is None else str(number) for number in numbers)
+        style = _STYLES[fault.outcome]
+        table.add_row(fault.id, place, *cells, fault.resolver or "", peak, outcome, style=style)
+    screen.print(table)
+    _more(screen, len(faults), "faults")
+
+
+def _isolations(screen: Console, title: str, found: Sequence[Isolation]) -> None:
+    if not found:
+        screen.print(f"{title:17} none")
+    for each in found[:MOST]:
+        text = f"{each.signal}.{each.channel} in frame {each.frame} by {each.resolver}"
+        screen.print(f"{title:17} {text}", style="red")
+    _more(screen, len(found), title)
+
+
+def _more(screen: Console, count: int, what: str) -> None:
+    if count > MOST:
+        screen.print(f"and {count - MOST} more {what}; --json has all")
+
+
+def _resolvers(screen: Console, score: Score) -> None:
+    if not score.episodes:
+        return
+    table = Table("pattern", "resolver", "asked", "answered", "right", "wrong", box=None)
+    for pattern, resolvers in score.resolvers_by_pattern.items():
+        for name, r in resolvers.items():
+            if r.asked:
+                table.add_row(pattern, name, *map(str, (r.asked, r.answered, r.right, r.wrong)))
+    screen.print(table)
+    screen.print(f"{len(score.episodes)} episodes without a majority, {score.unresolved} unresolved")
+
+
+def _votes(screen: Console, score: Score) -> None:
+    """Signals whose vote was above the threshold or not that of healthy channels; one line for the others."""
+    table = Table(
+        "vote error", "peak", "in frame", "RMS", "above threshold", "after onset", "less clean, peak", box=None
+    )
+    for name, e in score.vote_error.items():
+        if e.above_threshold_s > 0 or e.clean_peak > _ROUNDING:
+            seconds = (f"{e.above_threshold_s:g} s", f"{e.above_threshold_after_onset_s:g} s")
+            table.add_row(name, f"{e.peak:.4g}", str(e.peak_frame), f"{e.rms:.4g}", *seconds, f"{e.clean_peak:.4g}")
+    if table.row_count:
+        screen.print(table)
+    for name, seconds in score.wrong_votes_s.items():
+        if seconds > 0:
+            screen.print(f"{'vote':17} {name} voted wrong for {seconds:g} s")
+    quiet = len(score.vote_error) - table.row_count
+    screen.print(f"{quiet} signals voted as healthy channels would have, within their threshold of the truth")
+
+
+def _flight(screen: Console, flight: FlightScore) -> None:
+    verdict = ("survived", "green") if flight.survived else ("lost", "red")
+    reason = f": {flight.end_reason} ({flight.frames} frames, {flight.duration_s:g} s)"
+    screen.print(styled("flight            ", verdict, reason))
+    pitch = f"{degrees(flight.pitch_angle_min_rad):.1f} to {degrees(flight.pitch_angle_max_rad):.1f} deg"
+    screen.print(
+        f"peaks             load factor {flight.load_factor_min:.2f} to {flight.load_factor_max:.2f} g, "
+        f"pitch rate {degrees(flight.pitch_rate_max_rad_s):.2f} deg/s, pitch angle {pitch}, "
+        f"roll angle {degrees(flight.roll_angle_max_rad):.1f} deg"
+    )
+    if flight.transients is not None:
+        _transients(screen, flight.transients)
+
+
+def _transients(screen: Console, found: Transients) -> None:
+    y = found.limits
+    limits = f"{y['load_factor']:g} g and {degrees(y['pitch_rate_rad_s']):g} deg/s within {y['window_s']:g} s"
+    table = Table("against the twin", "load factor", "pitch rate", "pitch", "roll", f"limits: {limits}", box=None)
+    for window in found.windows[:MOST]:
+        verdict = styled(("within", "green") if window.within_limits else ("beyond", "red"))
+        table.add_row(f"{', '.join(window.faults)} at {window.onset_frame}", *_peaks(window.peaks), verdict)
+    table.add_row("whole flight", *_peaks(found.overall), f"{found.out_of_limits_s:g} s beyond")
+    screen.print(table)
+    _more(screen, len(found.windows), "transients")
+
+
+def _peaks(p: Deviation) -> tuple[str, ...]:
+    return (
+        f"{p.load_factor:.3f} g",
+        f"{degrees(p.pitch_rate_rad_s):.2f} deg/s",
+        f"{degrees(p.pitch_angle_rad):.2f} deg",
+        f"{degrees(p.roll_angle_rad):.2f} deg",
+    )
+
+
+def _coverage(screen: Console, score: Score) -> None:
+    c = score.coverage["overall"]
+    screen.print(
+        f"coverage          {len(c.patterns)} of {c.patterns_possible} patterns ({', '.join(c.patterns)}), "
+        f"{len(c.levels)} of {c.levels_possible} levels, "
+        f"{len(c.pattern_transitions)} of {c.pattern_transitions_possible} pattern transitions, "
+        f"{len(c.level_transitions)} of {c.level_transitions_possible} level transitions"
+    )

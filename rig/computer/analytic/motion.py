@@ -1,0 +1,212 @@
+"""The equations of motion that tie a signal to its partners.
+
+Each kernel gives one reference from what reference.py keeps of the votes (``st``, a STATE record), the
+coefficients of the flight point (``c``, in the order of designed.COLUMNS) and, where the accelerometers' place
+counts, the PARAM record ``p``.  Angles in rad, rates in rad/s, load factors in g, pressures in Pa.
+
+n_w is the load factor across the flight path.
+Source: Zhang 2023, section 7, for the pitch rate; the others as in Etkin, Dynamics of Atmospheric Flight.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from rig.angles import wrap
+from rig.computer.analytic.designed import COLUMNS
+from rig.computer.analytic.flight_path import climb, path_pitch_angle, pitch_on_path
+from rig.computer.analytic.pitch_filter import begin, follow_path, learn_yaw_drift, predict
+from rig.frame import INDEX, INERTIAL
+from rig.kernels import kernel
+
+_GRAVITY: Final = 9.80665  # m/s2
+_FIRST_PITCH_RAD: Final = 0.05  # sigma of level flight as a first guess
+_DRAWN_S: Final = 10.0  # longer than a slip, shorter than the gyros need to drift off
+_THINNEST: Final = 200.0  # Pa; divisions by dynamic pressure take at least this
+_Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
+_NX, _NY, _NZ = (INDEX[f"{axis}_load_factor"] for axis in ("longitudinal", "lateral", "normal"))
+_ALPHA, _BETA, _DYNAMIC = (INDEX[name] for name in ("angle_of_attack", "angle_of_sideslip", "dynamic_pressure"))
+_THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
+_NORTH: Final = INERTIAL.index("velocity_north_m_s")
+_LIFT_SLOPE, _ZERO_LIFT, _GAIN = (
+    COLUMNS.index(name) for name in ("lift_slope_1_pa", "zero_lift_alpha_rad", "pitch_rate_gain")
+)
+_ELEVATOR_ARM, _SIDE_SLOPE = COLUMNS.index("elevator_arm_m"), COLUMNS.index("side_slope_1_pa")
+_ROLL_ARM, _YAW_ARM = COLUMNS.index("roll_arm_m"), COLUMNS.index("yaw_arm_m")
+
+
+@kernel
+def lift(c, st, alpha):
+    """n_w that the wing gives at ``alpha``: q_bar lift_slope (alpha - zero_lift_alpha)."""
+    return st["voted"][_DYNAMIC] * c[_LIFT_SLOPE] * (alpha - c[_ZERO_LIFT])
+
+
+@kernel
+def turning_lift(c, st, speed):
+    """n_w that pitching adds, and the tail with it: V / g (1 - gain) q - elevator_arm / g q_dot."""
+    gain, arm = c[_GAIN], c[_ELEVATOR_ARM]
+    return (speed * (1.0 - gain) * st["voted"][_Q] - arm * st["slope"][_Q]) / _GRAVITY
+
+
+@kernel
+def pitch_rate(c, st, speed):
+    """Pitch rate from the angle of attack (Zhang, section 7): (s + Y) / k on alpha, with a second pole.
+
+        q = (alpha_dot + (p cos alpha + r sin alpha) tan beta + g / (V cos beta) (n_w - n_g)) / k
+        n_g = cos alpha cos theta cos phi + sin alpha sin theta
+
+    n_w (alpha) is Y alpha and the trim; n_g is gravity along it, which makes a turn's pitch rate come out
+    right; k is pitch_rate_gain.  A gust's alpha_dot is taken for pitching: that is its error.
+    """
+    voted = st["voted"]
+    alpha, beta, theta = st["smooth"][_ALPHA], voted[_BETA], voted[_THETA]
+    sin_alpha, cos_alpha = math.sin(alpha), math.cos(alpha)
+    gravity = cos_alpha * math.cos(theta) * math.cos(voted[_PHI]) + sin_alpha * math.sin(theta)
+    coupling = (voted[_P] * cos_alpha + voted[_R] * sin_alpha) * math.tan(beta)
+    path = _GRAVITY / (speed * math.cos(beta)) * (lift(c, st, alpha) - gravity)
+    return (st["slope"][_ALPHA] + coupling + path) / c[_GAIN]
+
+
+@kernel
+def pitch_rate_of_attitude(st):
+    """Pitch rate from attitude: q = theta_dot cos phi + psi_dot cos theta sin phi.  A gust does not move it."""
+    theta, phi = st["smooth"][_THETA], st["smooth"][_PHI]
+    return st["slope"][_THETA] * math.cos(phi) + st["slope"][_PSI] * math.cos(theta) * math.sin(phi)
+
+
+@kernel
+def roll_rate(st):
+    """Roll rate from attitude: p = phi_dot - psi_dot sin theta."""
+    return st["slope"][_PHI] - st["slope"][_PSI] * math.sin(st["smooth"][_THETA])
+
+
+@kernel
+def yaw_rate(st):
+    """Yaw rate from attitude: r = psi_dot cos theta cos phi - theta_dot sin phi."""
+    theta, phi = st["smooth"][_THETA], st["smooth"][_PHI]
+    return st["slope"][_PSI] * math.cos(theta) * math.cos(phi) - st["slope"][_THETA] * math.sin(phi)
+
+
+@kernel
+def normal_load_factor(c, p, st, speed):
+    """Load factor at the accelerometers from the angle of attack.
+
+    n_z = (n_w + n_x sin alpha) / cos alpha + what turning adds at the accelerometers' place
+    """
+    voted = st["voted"]
+    across = lift(c, st, voted[_ALPHA]) + turning_lift(c, st, speed)
+    along = voted[_NX] * math.sin(voted[_ALPHA])
+    return (across + along) / math.cos(voted[_ALPHA]) + normal_by_turning(p, st)
+
+
+@kernel
+def angle_of_attack(c, p, st, speed):
+    """Angle of attack from the load factor: n_w = n_z cos alpha - n_x sin alpha, solved for alpha.
+
+    The sine and the cosine are those of the last answer, kept within a quarter turn.
+    """
+    voted = st["voted"]
+    centre = voted[_NZ] - normal_by_turning(p, st)
+    across = centre * math.cos(st["alpha"]) - voted[_NX] * math.sin(st["alpha"])
+    slope = max(voted[_DYNAMIC], _THINNEST) * c[_LIFT_SLOPE]
+    alpha = c[_ZERO_LIFT] + (across - turning_lift(c, st, speed)) / slope
+    st["alpha"] = min(max(alpha, -1.5), 1.5)
+    return alpha
+
+
+@kernel
+def angle_of_sideslip(c, p, st):
+    """Sideslip from the lateral load factor: n_y at the centre of gravity over q_bar side_slope."""
+    voted, slope = st["voted"], st["slope"]
+    centre = voted[_NY] - lateral_by_turning(p, st)
+    surfaces = (c[_ROLL_ARM] * slope[_P] + c[_YAW_ARM] * slope[_R]) / _GRAVITY
+    return (centre - surfaces) / (max(voted[_DYNAMIC], _THINNEST) * c[_SIDE_SLOPE])
+
+
+@kernel
+def lateral_load_factor(c, p, st):
+    """Load factor at the accelerometers from the sideslip: the inverse of ``angle_of_sideslip``."""
+    voted, slope = st["voted"], st["slope"]
+    surfaces = (c[_ROLL_ARM] * slope[_P] + c[_YAW_ARM] * slope[_R]) / _GRAVITY
+    side = max(voted[_DYNAMIC], _THINNEST) * c[_SIDE_SLOPE] * voted[_BETA]
+    return side + surfaces + lateral_by_turning(p, st)
+
+
+@kernel
+def normal_by_turning(p, st):
+    """What turning adds to n_z at the accelerometers, a = w_dot x place + w x (w x place), upwards in g."""
+    place, voted, slope = p["accelerometer"], st["voted"], st["slope"]
+    x, y, z = place[0], place[1], place[2]
+    roll, pitch, yaw = voted[_P], voted[_Q], voted[_R]
+    spin = yaw * (roll * x + pitch * y + yaw * z) - z * (roll * roll + pitch * pitch + yaw * yaw)
+    return (slope[_Q] * x - slope[_P] * y - spin) / _GRAVITY
+
+
+@kernel
+def lateral_by_turning(p, st):
+    """What turning adds to n_y at the accelerometers, to the right in g."""
+    place, voted, slope = p["accelerometer"], st["voted"], st["slope"]
+    x, y, z = place[0], place[1], place[2]
+    roll, pitch, yaw = voted[_P], voted[_Q], voted[_R]
+    spin = pitch * (roll * x + pitch * y + yaw * z) - y * (roll * roll + pitch * pitch + yaw * yaw)
+    return (slope[_R] * x - slope[_P] * z + spin) / _GRAVITY
+
+
+@kernel
+def pitch_angle(p, st, known):
+    """Pitch angle by pitch_filter.py, which never asks its sensor; NaN while a partner is lost.
+
+    It begins again after a loss, at the angle of level flight, and keeps what it has learned of the gyros.
+    """
+    c, e, x = p["pitch_filter"], st["pitch_filter"], st["voted"]
+    if not known:
+        e["frames"], e["vertical"]["started"] = 0, 0
+        return math.nan
+    if e["frames"] == 0:
+        begin(c, e, pitch_on_path(0.0, x[_ALPHA], x[_BETA], x[_PHI]), _FIRST_PITCH_RAD)
+    learn_yaw_drift(True, c, e, x)
+    predict(c, e, x, st["gyros"])
+    climb(x, e["theta"], c["dt"], e["vertical"])
+    follow_path(c, e, path_pitch_angle(x, e["vertical"]))
+    return e["theta"] + c["dt"] * e["rate"]  # the votes are those of the last frame
+
+
+@kernel
+def roll_angle(p, st, speed, known):
+    """Roll angle by the voted gyros, drawn to that of the turn within ``_DRAWN_S``; NaN while a partner is lost.
+
+    phi_dot = p + (q sin phi + r cos phi) tan theta
+    """
+    if not known:
+        st["rolling"] = 0
+        return math.nan
+    turned = roll_angle_of_turn(st, speed)
+    if st["rolling"] == 0:
+        st["rolling"], st["roll_angle"] = 1, turned
+        return turned
+    voted, phi = st["voted"], st["roll_angle"]
+    rate = voted[_P] + (voted[_Q] * math.sin(phi) + voted[_R] * math.cos(phi)) * math.tan(voted[_THETA])
+    st["roll_angle"] = wrap(phi + (rate + wrap(turned - phi) / _DRAWN_S) / p["rate_hz"])
+    return st["roll_angle"]
+
+
+@kernel
+def roll_angle_of_turn(st, speed):
+    """Roll angle at which gravity turns the aircraft as it does.
+
+    g sin phi cos theta = V (r cos alpha - p sin alpha) - g n_y
+
+    What is left out, V beta_dot, is its error in a slip that begins or ends.
+    """
+    voted = st["voted"]
+    turning = speed * (voted[_R] * math.cos(voted[_ALPHA]) - voted[_P] * math.sin(voted[_ALPHA])) / _GRAVITY
+    sine = (turning - voted[_NY]) / max(math.cos(voted[_THETA]), 0.1)
+    return math.asin(min(max(sine, -1.0), 1.0))
+
+
+@kernel
+def dynamic_pressure(inertial, density):
+    """Dynamic pressure from the speed over ground: rho v^2 / 2.  Wind is its error."""
+    north, east, down = inertial[_NORTH], inertial[_NORTH + 1], inertial[_NORTH + 2]
+    return 0.5 * density * (north * north + east * east + down * down)

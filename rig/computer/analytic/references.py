@@ -1,0 +1,301 @@
+"""References: what a signal should read, from its physical partners or from the inertial unit.
+
+Every reference reads the votes of the last frame and this frame's ``inertial``; never the truth, never the
+signal that it is compared with, but for what two of them remember of it (sources.REMEMBERED): a slow memory,
+fed only by frames in which the signal's channels agreed, or nobody spoke against the last of them.  A reference is
+NaN while one of its partners is lost or has no majority.  In the first frame, when nothing has been voted before,
+they begin with its own votes.
+
+Source: Zhang 2023, section 7 (pitch rate by a lead filter on angle of attack, or the inertial unit); the
+equations are in motion.py, unit.py and strapdown.py.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.angles import difference
+from rig.computer.analytic import inertial_unit as unit
+from rig.computer.analytic import motion, strapdown
+from rig.computer.analytic import pitch_filter as estimate
+from rig.computer.analytic.designed import COLUMNS, FILTERS, Designed
+from rig.computer.analytic.flight_path import air_density
+from rig.computer.analytic.sources import PARTNERS, Config, second, source
+from rig.computer.gain_schedule import look_up
+from rig.frame import INDEX, INERTIAL, SIGNALS, Pattern, Resolver, S
+from rig.kernels import kernel
+
+PARAM: Final = np.dtype(
+    [
+        ("rate_hz", "f8"),
+        ("lead_frames", "f8"),
+        ("accelerometer", "f8", (3,)),  # m from the centre of gravity: forward, right, down
+        ("source", "u1", (S,)),
+        ("partners", "i8", (S,)),  # a bit for each signal that is read
+        ("second", "u1", (S,)),  # source of the second reference, and its partners
+        ("second_partners", "i8", (S,)),
+        ("pitch_filter", estimate.PARAM),
+        ("lead_s", "f8"),
+        ("strapdown", "u1"),  # whether an attitude comes from the inertial unit
+        ("monitored", "u1"),  # whether the manager watches references at all
+    ],
+    align=True,
+)
+STATE: Final = np.dtype(
+    [
+        ("voted", "f8", (S,)),  # the last votes, and below what is kept of them
+        ("smooth", "f8", (S,)),
+        ("slope", "f8", (S,)),  # change of ``smooth`` a second
+        ("coefficient", "f8", (len(COLUMNS),)),
+        ("alpha", "f8"),  # last reference of the angle of attack
+        ("pitch_filter", estimate.STATE),  # that of the pitch angle
+        ("unit", unit.STATE),  # what is kept of the inertial unit
+        ("gyros", "i8"),  # channels in the votes of pitch and yaw rate
+        # Of the last frame, a bit for each signal:
+        ("lost", "i8"),  # no channel
+        ("singular", "i8"),  # no majority
+        ("agreed", "i8"),  # all channels in use agree, and nothing disputes a last one
+        ("roll_angle", "f8"),  # by the voted gyros
+        ("rolling", "u1"),  # whether that has begun
+        ("smoothing", "i8"),  # a bit for each signal whose filter has begun
+        ("started", "u1"),
+    ],
+    align=True,
+)
+_NO_SOURCE, _PARTNERS, _INERTIAL, _TURNED = 0, 1, 2, 3
+_SOURCES: Final = {"none": _NO_SOURCE, "inertial": _INERTIAL, "attitude": _TURNED}  # all others are partners
+_SLOWEST: Final = 30.0  # m/s; divisions by airspeed take at least this
+_STEEPEST: Final = 1.3  # rad of pitch; beyond it roll and heading say little
+_Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
+_NX, _NY, _NZ = (INDEX[f"{axis}_load_factor"] for axis in ("longitudinal", "lateral", "normal"))
+_ALPHA, _BETA = INDEX["angle_of_attack"], INDEX["angle_of_sideslip"]
+_STATIC, _DYNAMIC = INDEX["static_pressure"], INDEX["dynamic_pressure"]
+_THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
+_ALPHA_FILTER, _ATTITUDE_FILTER, _RATE_FILTER, _UNIT_FILTER = (COLUMNS.index(name) for name in FILTERS)
+_RATE, _LOAD, _ANGLE, _FLOW, _AIR = range(5)  # what the inertial unit says of a signal, and of which axis
+_OF_UNIT: Final = {
+    **{INDEX[name.removesuffix("_rad_s")]: (_RATE, i) for i, name in enumerate(INERTIAL[:3])},
+    **{s: (_LOAD, i) for i, s in enumerate((_NX, _NY, _NZ))},  # in the order of the specific force
+    **{s: (_ANGLE, i) for i, s in enumerate((_PHI, _THETA, _PSI))},
+    **{_ALPHA: (_FLOW, 0), _BETA: (_FLOW, 1)},
+}
+_KIND, _AXIS = (np.array([_OF_UNIT.get(s, (_AIR, 0))[part] for s in range(S)]) for part in (0, 1))
+_OF_STRAPDOWN: Final = [_PHI, _THETA, _PSI, _ALPHA, _BETA]
+
+
+class ReferenceData(NamedTuple):
+    """What the references need besides the row."""
+
+    pressures: NDArray[np.float64]  # (P,) dynamic pressures of the flight points
+    table: NDArray[np.float64]  # (P, C) designed coefficients there
+    param: NDArray[Any]  # (1,) PARAM
+    state: NDArray[Any]  # (1,) STATE, in place
+
+
+class References:
+    """The references of one flight.  ``state`` is plain data and can be copied.
+
+    monitored : whether the manager watches references; else none is ever reported usable
+    """
+
+    def __init__(self, config: Config, designed: Designed, rate_hz: float, monitored: bool = True) -> None:
+        self.param = _parameters(config, designed, rate_hz)
+        self.param["monitored"] = monitored
+        self.pressures, self.table = designed.table()
+        for name in FILTERS:  # a time constant becomes the share of a new sample that passes in one frame
+            column = self.table[:, COLUMNS.index(name)]
+            column[:] = 1.0 - np.exp(-1.0 / (rate_hz * column))
+        self.state: NDArray[Any] = np.zeros(1, STATE)
+
+    @property
+    def data(self) -> ReferenceData:
+        """What ``refer`` and ``remember`` need besides the row."""
+        return ReferenceData(self.pressures, self.table, self.param, self.state)
+
+
+def _parameters(config: Config, designed: Designed, rate_hz: float) -> NDArray[Any]:
+    param = np.zeros(1, PARAM)
+    row = param[0]
+    estimate.fill(row["pitch_filter"], estimate.Noise(), rate_hz)
+    row["rate_hz"], row["lead_frames"] = rate_hz, config.inertial_lead_s * rate_hz
+    row["lead_s"] = config.inertial_lead_s
+    row["accelerometer"] = designed.accelerometer_x_m, designed.accelerometer_y_m, designed.accelerometer_z_m
+    for s, signal in enumerate(SIGNALS):
+        row["source"][s], row["partners"][s] = _coded(signal.name, source(config, signal.name))
+        row["second"][s], row["second_partners"][s] = _coded(signal.name, second(config, signal.name))
+    row["strapdown"] = any((row[field][_OF_STRAPDOWN] == _INERTIAL).any() for field in ("source", "second"))
+    return param
+
+
+def _coded(signal: str, chosen: str) -> tuple[int, int]:
+    """A source as its code and the bits of its partners."""
+    if chosen == "none":
+        return _NO_SOURCE, 0
+    return _SOURCES.get(chosen, _PARTNERS), sum(1 << INDEX[name] for name in PARTNERS[signal, chosen])
+
+
+@kernel
+def refer(block, k, data):
+    """Write ``reference`` and ``second_reference`` of row k from the last frame's votes; NaN where there is none.
+
+    block : FRAME records; data : ReferenceData
+    """
+    if data.state[0]["started"] == 0:
+        for s in range(S):
+            block[k]["reference"][s] = block[k]["second_reference"][s] = np.nan
+        return
+    answer(block[k], data)
+
+
+@kernel
+def remember(block, k, data):
+    """Keep the votes of row k for the next frame; in the first frame, begin with them."""
+    row, st = block[k], data.state[0]
+    look_back(row, st)
+    if st["started"] == 0:
+        st["started"] = 1
+        unit.keep(row["inertial"], st["unit"])
+        st["unit"]["started"] = 0  # so that the filters begin there
+        answer(row, data)
+        for s in range(S):
+            there = row["reference"][s] == row["reference"][s]
+            row["reference_usable"][s] = 1 if there and data.param[0]["monitored"] != 0 else 0
+
+
+@kernel
+def look_back(row, st):
+    """Keep the votes, and which signals are lost, have no majority, or agree; a vote without majority is not kept."""
+    voted, level, pattern, resolver, kept = row["voted"], row["level"], row["pattern"], row["resolver"], st["voted"]
+    lost, singular, agreed = 0, 0, 0
+    for s in range(S):
+        if level[s] == 0 or not math.isfinite(voted[s]):
+            lost |= 1 << s
+            continue
+        if Pattern.P2_2 <= pattern[s] <= Pattern.P1_1:
+            singular |= 1 << s
+            if st["started"] != 0:
+                continue
+        elif pattern[s] == Pattern.NORMAL and resolver[s] == Resolver.NONE:  # of a last channel: nothing disputes it
+            agreed |= 1 << s
+        kept[s] = voted[s]
+    st["lost"], st["singular"], st["agreed"] = lost, singular, agreed
+    st["gyros"] = 8 * level[_Q] + level[_R]
+
+
+@kernel
+def answer(row, data):
+    """All references of a row, from what is kept of the votes and the row's inertial unit."""
+    p, st = data.param[0], data.state[0]
+    voted, inertial, u = st["voted"], row["inertial"], st["unit"]
+    look_up(data.pressures, data.table, voted[_DYNAMIC], st["coefficient"])
+    follow_all(p, st)
+    unit.follow(inertial, st["coefficient"][_UNIT_FILTER], p["rate_hz"], u)
+    if p["strapdown"] != 0:
+        e = u["strapdown"]
+        strapdown.attitude(inertial, u["last"], voted, st["agreed"], p["rate_hz"], p["lead_s"], e, u["angles"])
+        unit.flow_angles(inertial, u["angles"], u["flow"])
+    density = air_density(voted[_STATIC])
+    speed = max(math.sqrt(2.0 * max(voted[_DYNAMIC], 0.0) / density), _SLOWEST)
+    unknown = st["lost"] | st["singular"]
+    for s in range(S):
+        row["reference"][s] = opinion(s, p["source"][s], p["partners"][s], unknown, inertial, p, st, density, speed)
+        row["second_reference"][s] = opinion(
+            s, p["second"][s], p["second_partners"][s], unknown, inertial, p, st, density, speed
+        )
+    unit.keep(inertial, u)
+
+
+@kernel
+def opinion(s, source, partners, unknown, inertial, p, st, density, speed):
+    """What a source says of signal s; NaN when there is none, or a partner is lost or has no majority.
+
+    Some sources remember: each is asked once a frame.  partners, unknown : a bit for each signal
+    """
+    if source == _NO_SOURCE:
+        return math.nan
+    if source == _INERTIAL:
+        said = of_unit(s, inertial, p, st, density)
+    elif source == _TURNED:
+        said = of_attitude(s, st) if abs(st["voted"][_THETA]) <= _STEEPEST else math.nan
+    else:
+        said = of_partners(s, partners, p, st, speed)
+    return said if partners & unknown == 0 else math.nan
+
+
+@kernel
+def of_attitude(s, st):
+    """Body rates from the change of the attitude."""
+    if s == _Q:
+        return motion.pitch_rate_of_attitude(st)
+    return motion.roll_rate(st) if s == _P else motion.yaw_rate(st)
+
+
+@kernel
+def of_partners(s, partners, p, st, speed):
+    """Signal s from the air, the load factors or the turn."""
+    c = st["coefficient"]
+    if s == _Q:
+        return motion.pitch_rate(c, st, speed)
+    if s == _NZ:
+        return motion.normal_load_factor(c, p, st, speed)
+    if s == _NY:
+        return motion.lateral_load_factor(c, p, st)
+    if s == _ALPHA:
+        return motion.angle_of_attack(c, p, st, speed)
+    if s == _BETA:
+        return motion.angle_of_sideslip(c, p, st)
+    if s == _PHI:
+        return motion.roll_angle(p, st, speed, (partners & st["lost"]) == 0)
+    return motion.pitch_angle(p, st, (partners & st["lost"]) == 0)
+
+
+@kernel
+def of_unit(s, inertial, p, st, density):
+    """What the inertial unit says of signal s (unit.py, strapdown.py)."""
+    u, rate_hz, lead = st["unit"], p["rate_hz"], p["lead_frames"]
+    kind, i = _KIND[s], _AXIS[s]
+    if kind == _RATE:
+        return unit.rate(i, inertial, lead, u)
+    if kind == _ANGLE:
+        return u["angles"][i]
+    if kind == _LOAD:
+        said = unit.load_factor(i, inertial, lead, p["accelerometer"], u)
+        return -said if i == 2 else said
+    if kind == _FLOW:
+        return u["flow"][i]
+    if s == _STATIC:
+        return unit.static_pressure(inertial, st["voted"], st["agreed"], rate_hz, u)
+    return motion.dynamic_pressure(inertial, density)
+
+
+@kernel
+def follow_all(p, st):
+    """Move the filters of all signals whose rate of change is needed."""
+    hz, share = p["rate_hz"], st["coefficient"]
+    follow(st, _ALPHA, share[_ALPHA_FILTER], hz, 0)
+    for s in (_THETA, _PHI, _PSI):
+        follow(st, s, share[_ATTITUDE_FILTER], hz, 0 if s == _THETA else 1)
+    for s in (_Q, _P, _R):
+        follow(st, s, share[_RATE_FILTER], hz, 0)
+
+
+@kernel
+def follow(st, s, share, rate_hz, wraps):
+    """First-order filter on the vote of signal s, and its slope; it begins again after a loss.
+
+    y += share (x - y);  slope = change of y a second
+    """
+    bit = 1 << s
+    x, y = st["voted"][s], st["smooth"][s]
+    if (st["lost"] & bit) != 0:
+        st["smoothing"] &= ~bit
+    elif (st["smoothing"] & bit) == 0:
+        st["smoothing"] |= bit
+        st["smooth"][s], st["slope"][s] = x, 0.0
+    else:
+        move = share * difference(x, y, wraps)
+        st["smooth"][s], st["slope"][s] = y + move, move * rate_hz

@@ -1,0 +1,93 @@
+"""Rates of turn and bank angle from the inertial unit: what moves the pitch angle, without any voted attitude or rate.
+
+    phi' = p + (q sin phi + r cos phi) tan theta + k (a / g - n_z sin phi - n_y cos phi) / n_level
+    a    = V chi'                                   sideways acceleration of the velocity over ground
+    n_level = n_z cos phi - n_y sin phi             load factor along the local vertical
+
+The unit's rates are integrated to the bank angle, which converges to the bank of a coordinated turn of its velocity.
+The drift of its yaw rate is its mean difference from the rate of the heading.  It is learned while no fault is
+declared, and slowly, so that a heading fault is found before it has moved the drift.  Source: the velocity matching of
+strapdown alignment (Titterton and Weston, Strapdown Inertial Navigation Technology), reduced to one angle.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from rig.angles import wrap
+from rig.computer.analytic.flight_path import GRAVITY, SLOWEST
+from rig.frame import INDEX, INERTIAL
+from rig.kernels import kernel
+
+UNIT: Final = np.dtype(
+    [
+        ("pitch_rate", "f8"),  # rad/s, ahead by ``_LEAD_S``
+        ("yaw_rate", "f8"),  # rad/s, less its drift
+        ("roll_angle", "f8"),  # rad
+        ("yaw_drift", "f8"),  # rad/s
+        ("yaw_error", "f8"),  # rad/s, what the heading does not confirm of the yaw rate, smoothed
+        ("yaw_seconds", "f8"),  # for which the drift has been learned
+        ("last", "f8", (4,)),  # of the last frame: pitch rate, velocity north and east, heading
+        ("started", "i8"),
+    ],
+    align=True,
+)
+_P, _Q, _R = (INERTIAL.index(f"{axis}_rate_rad_s") for axis in ("roll", "pitch", "yaw"))
+_NORTH, _EAST = INERTIAL.index("velocity_north_m_s"), INERTIAL.index("velocity_east_m_s")
+_N_Z, _N_Y, _PSI = INDEX["normal_load_factor"], INDEX["lateral_load_factor"], INDEX["heading"]
+_ERECTION_1_S: Final = 0.3  # k: of the convergence to the bank of the turn
+_LEAST_LEVEL: Final = 0.3  # g; below it load factors do not show the bank angle
+_LEAD_S: Final = 0.015  # the unit's lag beyond that of the gyros
+_MOST_TURN_RAD_S: Final = 0.3  # of a heading; a quicker one is a jump of its sensor
+SMOOTH_S: Final = 1.0
+_KNOWN_S: Final = 5.0  # after which a difference is known well enough to be held
+_LEARN_S: Final = 60.0  # in which it is learned then
+SAME_RAD_S: Final = 0.001  # as usual; a bias below this is as good as none
+
+
+@kernel
+def finite(inertial):
+    """Whether the unit's rates and velocity over ground are numbers."""
+    rates = inertial[_P] + inertial[_Q] + inertial[_R]
+    return math.isfinite(rates + inertial[_NORTH] + inertial[_EAST])
+
+
+@kernel
+def learned(error, seconds, dt):
+    """Return the change of a mean in one frame after ``seconds`` by an ``error`` [rad/s], later clipped."""
+    if seconds > _KNOWN_S:
+        error = min(max(error, -SAME_RAD_S), SAME_RAD_S)
+    return dt / (min(seconds, _LEARN_S) + SMOOTH_S) * error
+
+
+@kernel
+def follow_unit(inertial, x, theta, learn, dt, u):
+    """One frame of the unit's rates and bank angle.
+
+    inertial : quantities of frame.INERTIAL, finite; x : (S,) signals, of which load factors and heading are read
+    theta : pitch angle [rad]; learn : whether heading and gyros are trusted; u : a UNIT record, in place
+    """
+    last, q, north, east = u["last"], inertial[_Q], inertial[_NORTH], inertial[_EAST]
+    if u["started"] == 0:
+        last[0], last[1], last[2], last[3], u["started"] = q, north, east, x[_PSI], 1
+    speed, phi = max(math.sqrt(north * north + east * east), SLOWEST), u["roll_angle"]
+    sideways = (north * (east - last[2]) - east * (north - last[1])) / (speed * dt)
+    u["pitch_rate"] = q + _LEAD_S / dt * (q - last[0])
+    u["yaw_rate"] = inertial[_R] - u["yaw_drift"]
+    last[0], last[1], last[2] = q, north, east
+    sine, cosine = math.sin(phi), math.cos(phi)
+    if learn and cosine > _LEAST_LEVEL:
+        turned = min(max(wrap(x[_PSI] - last[3]), -_MOST_TURN_RAD_S * dt), _MOST_TURN_RAD_S * dt)
+        turn = (turned / dt * math.cos(theta) - q * sine) / cosine
+        u["yaw_error"] += dt / (SMOOTH_S + dt) * (u["yaw_rate"] - turn - u["yaw_error"])
+        u["yaw_seconds"] += dt
+        u["yaw_drift"] += learned(u["yaw_error"], u["yaw_seconds"], dt)
+    last[3] = x[_PSI]
+    level = x[_N_Z] * cosine - x[_N_Y] * sine
+    rate = inertial[_P] + (q * sine + u["yaw_rate"] * cosine) * math.tan(theta)
+    if level > _LEAST_LEVEL:
+        rate += _ERECTION_1_S * (sideways / GRAVITY - x[_N_Z] * sine - x[_N_Y] * cosine) / level
+    u["roll_angle"] = wrap(phi + dt * rate)

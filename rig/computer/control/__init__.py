@@ -1,0 +1,15 @@
+"""The control law: designed from the linearised aircraft, flown on voted signals only.
+
+    autopilot     the stage: settings, state, one kernel call a frame
+    law           that kernel: signals, outer loops, inner loops, surfaces
+    source        each signal from its vote, its reference or its degraded mode
+    degraded      what substitutes a lost signal
+    rates         a body rate that is not measured
+    backup        the elevator without a pitch rate
+    laws          the single laws
+    airdata       altitude, Mach number and airspeeds from two pressures
+    state         parameters and state
+    gains         the designed numbers of one aircraft, gains.toml
+
+Its numbers come from rig.design.
+"""

@@ -1,0 +1,128 @@
+"""The control stage: voted signals in, surface positions out, one kernel call a frame.
+
+With the discrete ``autopilot_engaged`` voted 1 the autopilot holds pitch or altitude, roll or
+heading, and airspeed, about the values captured at engagement plus the demands of the frame.
+With 0 the sticks command pitch rate, roll rate and sideslip, and the throttle stays where it is.
+
+Signs: stick_pitch + pulls (nose up), stick_roll + rolls right, pedal + is the right pedal (nose
+right, so a negative sideslip).  Surfaces are absolute positions in the signs of ``frame.SURFACES``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
+
+from rig.computer.control.gains import COLUMNS, Gains
+from rig.computer.control.law import fly
+from rig.computer.control.state import ANGLE, PARAM, PATH, STATE, STICK, ControlData
+from rig.computer.fdi.settings import Config as Tolerant
+from rig.computer.fdi.settings import parameters as fdi_parameters
+from rig.computer.fdi.state import STATE as FDI_STATE
+from rig.frame import SURFACES, Block
+from rig.settings import Settings
+
+_VERTICAL: Final = {"stick": STICK, "pitch": ANGLE, "altitude": PATH}
+_LATERAL: Final = {"stick": STICK, "roll": ANGLE, "heading": PATH}
+
+
+class Config(Settings):
+    """The ``[control]`` table of a scenario: what the autopilot holds and how hard it may fly."""
+
+    law: Literal["autopilot", "fault-tolerant"] = "autopilot"  # the latter tests the pitch-angle sensor
+    vertical: Literal["stick", "pitch", "altitude"] = "altitude"
+    lateral: Literal["stick", "roll", "heading"] = "heading"
+    speed: Literal["off", "airspeed"] = "airspeed"
+    max_bank_rad: float = Field(default=0.5236, gt=0.0, le=1.05)
+    max_climb_angle_rad: float = Field(default=0.0873, gt=0.0, le=0.35)
+    max_load_factor_change: float = Field(default=0.5, gt=0.0, le=3.0)  # by the autopilot, from level flight
+    schedule_filter_s: float = Field(default=2.0, gt=0.0)  # on the dynamic pressure that selects gains
+    airspeed_filter_s: float = Field(default=0.5, gt=0.0)
+    climb_crossover_rad_s: float = Field(default=0.4, gt=0.0)  # below it barometric, above it inertial
+    max_yaw_correction_rad_s: float = Field(default=0.02, ge=0.0)  # of the heading hold, by rudder
+    gear_down_max_bank_rad: float = Field(default=0.4363, gt=0.0, le=1.05)  # by the autopilot, with the gear down
+    gear_down_max_load_factor: float = Field(default=2.0, gt=1.0)  # with the gear down, by stick too
+    gear_down_min_load_factor: float = Field(default=0.0, lt=1.0)
+    source_fade_s: float = Field(default=0.5, ge=0.0)  # when a signal's source changes
+    rates_from_attitude: bool = True  # when a body rate and its reference are lost; else the back-up law flies
+    attitude_filter_s: float = Field(default=0.01, gt=0.0)  # on attitudes that become rates
+    rate_bandwidth_rad_s: float = Field(default=12.0, gt=0.0)  # of the estimate of a rate that is not measured
+    attitude_erection_s: float = Field(default=5.0, gt=0.0)  # of an attitude that is integrated from rates
+    learning_s: float = Field(default=60.0, gt=0.0)  # of what substitutes for lost signals are wrong by
+    backup_load_factor_change: float = Field(default=1.0, gt=0.0, le=3.0)  # by the back-up law, from a level turn
+    backup_path_rad_s: float = Field(default=0.2, gt=0.0)  # bandwidth at which it holds altitude
+    tolerant: Tolerant = Tolerant()
+
+
+class Control:
+    """Voted signals to surface positions.
+
+    config, gains   how to fly, and the aircraft's designed numbers
+    rate_hz         frames per second
+    surface_limits  (low, high) of each of ``frame.SURFACES``
+    ``state`` and ``param`` are plain record arrays; copying ``state`` (and ``fdi``, the fault-tolerant
+    law's) copies the stage.
+    """
+
+    def __init__(
+        self, config: Config, gains: Gains, rate_hz: float, surface_limits: Sequence[tuple[float, float]]
+    ) -> None:
+        self.param: NDArray[Any] = _parameters(config, gains, rate_hz, surface_limits)
+        self.pressures, self.table = gains.table()
+        self.gain = np.zeros(len(COLUMNS))
+        self.state: NDArray[Any] = np.zeros(1, STATE)
+        self.fdi_param = fdi_parameters(config.tolerant, config.law == "fault-tolerant", rate_hz)
+        self.fdi: NDArray[Any] = np.zeros(1, FDI_STATE)
+        self.reset(np.zeros(len(SURFACES)))
+
+    def reset(self, trim_surfaces: ArrayLike) -> None:
+        """Forget the flight; the first output will be ``trim_surfaces``, (4,) in the order of SURFACES."""
+        self.state[:] = np.zeros(1, STATE)
+        self.fdi[:] = np.zeros(1, FDI_STATE)
+        self.state["measured"] = np.nan
+        self.state["surface"] = np.clip(trim_surfaces, self.param["low"][0], self.param["high"][0])
+
+    @property
+    def data(self) -> ControlData:
+        """What ``flying.fly`` needs besides the row."""
+        fdi = (self.fdi_param, self.fdi)
+        return ControlData(self.pressures, self.table, self.param, self.state, self.gain, *fdi)
+
+    def step(self, block: Block, k: int) -> None:
+        """Write what ``flying.fly`` writes of row ``k`` from its voted signals and demands."""
+        fly(block, k, self.data)
+
+
+def _parameters(
+    config: Config, gains: Gains, rate_hz: float, surface_limits: Sequence[tuple[float, float]]
+) -> NDArray[Any]:
+    param = np.zeros(1, PARAM)
+    row = param[0]
+    row["dt"] = 1.0 / rate_hz
+    row["max_bank"], row["max_climb_angle"] = config.max_bank_rad, config.max_climb_angle_rad
+    row["max_load_change"] = config.max_load_factor_change
+    row["max_load_factor"], row["min_load_factor"] = gains.max_load_factor, gains.min_load_factor
+    row["max_alpha"] = gains.max_alpha_rad
+    row["schedule_share"] = 1.0 - math.exp(-1.0 / (rate_hz * config.schedule_filter_s))
+    row["airspeed_share"] = 1.0 - math.exp(-1.0 / (rate_hz * config.airspeed_filter_s))
+    row["climb_crossover"] = config.climb_crossover_rad_s
+    row["max_yaw"] = config.max_yaw_correction_rad_s
+    row["gear_max_bank"] = min(config.max_bank_rad, config.gear_down_max_bank_rad)
+    row["gear_max_load_factor"] = min(gains.max_load_factor, config.gear_down_max_load_factor)
+    row["gear_min_load_factor"] = max(gains.min_load_factor, config.gear_down_min_load_factor)
+    row["fade_frames"] = round(config.source_fade_s * rate_hz)
+    row["attitude_rates"], row["attitude_filter"] = config.rates_from_attitude, config.attitude_filter_s
+    row["erection_s"] = config.attitude_erection_s
+    row["learning_share"] = 1.0 - math.exp(-1.0 / (rate_hz * config.learning_s))
+    row["rate_bandwidth"] = config.rate_bandwidth_rad_s
+    row["lag"] = gains.elevator_lag_s, gains.aileron_lag_s, gains.rudder_lag_s
+    row["backup_load_change"], row["backup_path"] = config.backup_load_factor_change, config.backup_path_rad_s
+    row["low"], row["high"] = np.array(surface_limits, float).T
+    row["vertical"], row["lateral"] = _VERTICAL[config.vertical], _LATERAL[config.lateral]
+    row["speed"] = config.speed == "airspeed"
+    return param

@@ -1,0 +1,219 @@
+"""Degraded modes: what substitutes a signal that is lost and has no usable reference.
+
+    pitch, roll and yaw rate    from the rates of the attitude angles, smoothed (rates.py); attitude lost too:
+                                roll and yaw rate are the model's alone, and the back-up law needs no pitch rate
+    angle_of_attack             from the load factor and the designed lift slope; lost too: that of 1 g flight
+    normal_load_factor          from the angle of attack as well; lost too: that of level flight
+    lateral, longitudinal load  0; the sine of the pitch angle
+    angle_of_sideslip           what is asked, so the rudder follows the pedal and damps yaw
+    static_pressure             reckoned on from the climb angle and the airspeed; attitude lost too: held
+    dynamic_pressure            held: gains and limits stay as they are, so does the throttle
+    sticks, pedal               neutral
+    pitch_angle                 integral of the rates, drawn to angle of attack plus climb angle
+    roll_angle                  integral of the rates, drawn to the bank that the turn asks for
+    heading                     what is asked: wings level
+
+What a substitute is wrong by is learned while every signal is known: lift, bank of a turn, climb angle.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from rig.angles import wrap
+from rig.computer.control import laws
+from rig.computer.control.airdata import GRAVITY, flight_path_angle
+from rig.computer.control.laws import clamp
+from rig.computer.control.rates import estimate
+from rig.computer.control.source import carry, put
+from rig.frame import COMMANDS, INDEX, Source
+from rig.kernels import kernel
+
+_Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
+_ALPHA, _BETA = INDEX["angle_of_attack"], INDEX["angle_of_sideslip"]
+_STATIC, _DYNAMIC = INDEX["static_pressure"], INDEX["dynamic_pressure"]
+_STICK_PITCH, _STICK_ROLL, _PEDAL = INDEX["stick_pitch"], INDEX["stick_roll"], INDEX["pedal"]
+_N_X, _N_Y, _N_Z = (INDEX[f"{axis}_load_factor"] for axis in ("longitudinal", "lateral", "normal"))
+_THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
+_C_P, _C_BETA, _C_PSI, _C_GAMMA = (
+    COMMANDS.index(name) for name in ("roll_rate_rad_s", "sideslip_rad", "heading_rad", "flight_path_angle_rad")
+)
+_FLATTEST: Final = 0.5  # cosine; divisions by the cosine of an attitude take at least this
+_HASTE: Final = 0.3  # of the time in which an estimated bank is erected, when the roll rate is the model's alone
+_LEAST_SLOPE: Final = 1.0  # g per rad; divisions by the lift slope take at least this
+
+
+@kernel
+def substitute(row, param, state, gain):
+    """Give every lost signal of ``row`` its substitute, except the pitch rate when the back-up law is needed.
+
+    A substitute is made from this frame's measurements of the others, or from their own substitutes of the last frame.
+    param, state : one record of PARAM and of STATE; gain (G,) : the scheduled gains of the last frame
+    """
+    s, source = state[0], row["source"]
+    measured, command = s["measured"], s["command"]
+    body_rates(row, param, state, gain)
+    for i in (_STICK_PITCH, _STICK_ROLL, _PEDAL, _N_Y):
+        if source[i] == Source.DEGRADED:
+            put(i, 0.0, Source.DEGRADED, param, state)
+    for i in (_STATIC, _DYNAMIC):
+        if source[i] == Source.DEGRADED:
+            carry(i, measured[i], Source.DEGRADED, state)
+    if source[_THETA] == Source.DEGRADED:
+        carry(_THETA, pitch_angle(source, param, state), Source.DEGRADED, state)
+    if source[_PHI] == Source.DEGRADED:
+        carry(_PHI, roll_angle(source, param, state), Source.DEGRADED, state)
+    if source[_PSI] == Source.DEGRADED:
+        put(_PSI, command[_C_PSI], Source.DEGRADED, param, state)
+    if source[_ALPHA] == Source.DEGRADED:
+        put(_ALPHA, angle_of_attack(source, gain, state), Source.DEGRADED, param, state)
+    if source[_BETA] == Source.DEGRADED:
+        put(_BETA, -measured[_PEDAL] * gain[laws.MAX_SIDESLIP], Source.DEGRADED, param, state)
+    if source[_N_X] == Source.DEGRADED:
+        put(_N_X, math.sin(measured[_THETA]), Source.DEGRADED, param, state)
+    if source[_N_Z] == Source.DEGRADED:
+        put(_N_Z, load_factor(source, gain, state), Source.DEGRADED, param, state)
+    if source[_STATIC] == Source.DEGRADED and source[_THETA] != Source.DEGRADED and source[_PHI] != Source.DEGRADED:
+        carry(_STATIC, static_pressure(param, state), Source.DEGRADED, state)
+
+
+@kernel
+def body_rates(row, param, state, gain):
+    """Estimates of lost body rates from their references, else from the rates of the attitude angles.
+
+        q = theta' cos(phi) + psi' cos(theta) sin(phi)
+        p = phi' - psi' sin(theta)
+        r = psi' cos(theta) cos(phi) - theta' sin(phi)
+
+    Without a heading the turn counts as coordinated; without an attitude nothing is said of the rates.
+    """
+    source, reference, s = row["source"], row["reference"], state[0]
+    if source[_Q] == Source.VOTED and source[_P] == Source.VOTED and source[_R] == Source.VOTED:
+        return
+    measured, tau = s["measured"], param[0]["attitude_filter"] + param[0]["dt"]
+    theta, phi, speed = measured[_THETA], measured[_PHI], max(s["airspeed"], laws.SLOWEST)
+    pitching = (theta - s["smooth_pitch_angle"]) / tau
+    rolling = wrap(phi - s["smooth_roll_angle"]) / tau
+    turning = wrap(measured[_PSI] - s["smooth_heading"]) / tau
+    if source[_PSI] == Source.DEGRADED:
+        turning = GRAVITY / speed * math.sin(phi) / max(math.cos(phi), _FLATTEST)
+    if source[_THETA] == Source.DEGRADED or source[_PHI] == Source.DEGRADED or param[0]["attitude_rates"] == 0:
+        pitching = math.nan
+    pitch = pitching * math.cos(phi) + turning * math.cos(theta) * math.sin(phi)
+    roll = rolling - turning * math.sin(theta) + 0.0 * pitching
+    yaw = turning * math.cos(theta) * math.cos(phi) - pitching * math.sin(phi)
+    for i, said in ((_Q, pitch), (_P, roll), (_R, yaw)):
+        if source[i] == Source.REFERENCE:
+            estimate(i, reference[i], Source.REFERENCE, param, state, gain)
+        elif source[i] == Source.DEGRADED and (i != _Q or math.isfinite(said)):
+            estimate(i, said, Source.DEGRADED, param, state, gain)
+
+
+@kernel
+def pitch_angle(source, param, state):
+    """Pitch angle [rad] without its sensor: the rates' integral, drawn to angle of attack plus climb angle."""
+    s, c = state[0], param[0]
+    measured = s["measured"]
+    phi = measured[_PHI]
+    climb = s["path_error"]
+    if source[_STATIC] != Source.DEGRADED:
+        climb += s["climb_rate"] / max(s["airspeed"], laws.SLOWEST)
+    rate = measured[_Q] * math.cos(phi) - measured[_R] * math.sin(phi)
+    drawn = measured[_ALPHA] * math.cos(phi) + climb
+    theta = measured[_THETA]
+    if not math.isfinite(theta):
+        return drawn
+    return theta + c["dt"] * (rate + (drawn - theta) / c["erection_s"])
+
+
+@kernel
+def roll_angle(source, param, state):
+    """Roll angle [rad] without its sensor: the rates' integral, drawn to the bank of the present turn.
+
+    sin(bank) = V (r - p tan(alpha)) / g in coordinated flight; without a yaw rate it is drawn to wings level.
+    """
+    s, c = state[0], param[0]
+    measured = s["measured"]
+    bank = 0.0
+    if source[_R] != Source.DEGRADED:
+        bank = math.asin(clamp(turn_sine(state) - s["turn_error"], -1.0, 1.0))
+    phi, theta = measured[_PHI], measured[_THETA]
+    if not math.isfinite(phi):
+        return bank
+    rate = measured[_P]
+    if math.isfinite(theta):
+        rate += (measured[_Q] * math.sin(phi) + measured[_R] * math.cos(phi)) * math.tan(clamp(theta, -1.0, 1.0))
+    erection = c["erection_s"] * (_HASTE if source[_P] == Source.DEGRADED else 1.0)
+    return phi + c["dt"] * (rate + wrap(bank - phi) / erection)
+
+
+@kernel
+def turn_sine(state):
+    """Sine of the bank at which the present yaw rate is that of a coordinated turn."""
+    s = state[0]
+    measured = s["measured"]
+    turn = measured[_R] - measured[_P] * math.tan(measured[_ALPHA])
+    return max(s["airspeed"], laws.SLOWEST) * turn / GRAVITY
+
+
+@kernel
+def lift_angle(load, gain):
+    """Angle of attack [rad] at which the wing carries ``load`` [g]."""
+    return gain[laws.TRIM_ALPHA] + (load - 1.0) / max(gain[laws.LIFT_SLOPE], _LEAST_SLOPE)
+
+
+@kernel
+def angle_of_attack(source, gain, state):
+    """Angle of attack [rad] from the load factor, of 1 g flight when that is lost too."""
+    s = state[0]
+    load = s["measured"][_N_Z] if source[_N_Z] != Source.DEGRADED else 1.0
+    return lift_angle(load, gain) + s["lift_error"]
+
+
+@kernel
+def load_factor(source, gain, state):
+    """Normal load factor [g] from the angle of attack; of level flight when that is lost too."""
+    s = state[0]
+    measured = s["measured"]
+    if source[_ALPHA] == Source.DEGRADED:
+        return math.cos(measured[_THETA]) / max(math.cos(measured[_PHI]), _FLATTEST)
+    return 1.0 + gain[laws.LIFT_SLOPE] * (measured[_ALPHA] - s["lift_error"] - gain[laws.TRIM_ALPHA])
+
+
+@kernel
+def static_pressure(param, state):
+    """Static pressure [Pa] reckoned on from the climb: p' = -rho g V sin(gamma), rho = 2 q_bar / V^2."""
+    s = state[0]
+    measured, speed = s["measured"], max(s["airspeed"], laws.SLOWEST)
+    gamma = flight_path_angle(measured[_THETA], measured[_PHI], measured[_ALPHA], measured[_BETA]) - s["path_error"]
+    weight = 2.0 * measured[_DYNAMIC] / speed * GRAVITY
+    return measured[_STATIC] - param[0]["dt"] * weight * math.sin(gamma)
+
+
+@kernel
+def follow(param, state):
+    """Filters on the attitude, whose rates may be needed in the next frame."""
+    s, c = state[0], param[0]
+    measured, share = s["measured"], c["dt"] / (c["attitude_filter"] + c["dt"])
+    first = s["started"] == 0
+    if first:
+        s["smooth_pitch_angle"], s["smooth_roll_angle"] = measured[_THETA], measured[_PHI]
+        s["smooth_heading"] = measured[_PSI]
+        return
+    s["smooth_pitch_angle"] += share * (measured[_THETA] - s["smooth_pitch_angle"])
+    s["smooth_roll_angle"] += share * wrap(measured[_PHI] - s["smooth_roll_angle"])
+    s["smooth_heading"] += share * wrap(measured[_PSI] - s["smooth_heading"])
+
+
+@kernel
+def learn(param, state, gain, command):
+    """What the substitutes are wrong by, while all signals are known."""
+    s, share = state[0], param[0]["learning_share"]
+    measured = s["measured"]
+    lift = measured[_ALPHA] - lift_angle(measured[_N_Z], gain)
+    turn = turn_sine(state) - math.sin(measured[_PHI])
+    path = command[_C_GAMMA] - s["climb_rate"] / max(s["airspeed"], laws.SLOWEST)
+    s["lift_error"] += share * (lift - s["lift_error"])
+    s["turn_error"] += share * (turn - s["turn_error"])
+    s["path_error"] += share * (path - s["path_error"])

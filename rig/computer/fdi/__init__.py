@@ -1,0 +1,12 @@
+"""Fault detection and isolation of the pitch-angle sensor: what the fault-tolerant law has beyond the plain one.
+
+    monitor       one frame: estimate, test the sensor, substitute a faulty one
+    (the Kalman filter itself: rig.computer.analytic.pitch_filter)
+    decision      innovation tests, reversion, arbitration by the path
+    rate_bias     whose rates of turn are in order: the gyros', the inertial unit's, or both
+    sensor_fault  effectiveness and offset of a faulty sensor
+    state         parameters and state
+    settings      the ``[control.tolerant]`` table
+
+The rest of the law flies on as it is, on the estimate in the sensor's place.
+"""

@@ -1,0 +1,134 @@
+"""Whether the sensor is trusted: two tests of its innovation, the way back, and the path as arbiter.
+
+    jump   |e| > n sigma in ``persistence`` frames running
+    ramp   the CUSUM of |e| / sigma, at most n, beyond ``ramp_sigma`` exceeds ``ramp_s`` [sigma seconds]: needs no jump
+    sigma^2 = P_theta + floor^2 + (theta' timing)^2 + (turning turn_error lag)^2
+
+A ramp has moved the estimate before it is seen, so drift and path offset go back to what they were before.
+The sensor is trusted again when it has stayed near the estimate.  When the estimate leaves the path by more
+than gusts explain and the sensor does not, the rates are faulty and not the sensor: the correction is withdrawn.
+A trip that the inertial unit's rates do not confirm is a fault of the gyros: rates.py.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from rig.computer.analytic.pitch_filter import forget
+from rig.computer.fdi import rate_bias as rates
+from rig.computer.fdi import sensor_fault as lie
+from rig.computer.fdi.state import KEPT
+from rig.frame import INDEX, Trust
+from rig.kernels import kernel
+
+_Q, _R = INDEX["pitch_rate"], INDEX["yaw_rate"]
+_RECENT_S: Final = 0.5
+_KNOWN_S: Final = 10.0  # after which drift and path offset are known well enough to go back to
+_KEEP_S: Final = 10.0
+_ARBITER_S: Final = 3.0  # the path's gusts are smoothed over this
+_ARBITER_SIGMA: Final = 4.0
+_ARBITER_LEAST_RAD: Final = 0.02
+_RETURN_SHARE: Final = 0.5  # of the worst innovation, within which the sensor has come back
+_STRAY: Final = 3.0  # of ``near``, that one sample may be off while the sensor comes back
+
+
+@kernel
+def innovate(c, w, said, x):
+    """Innovations [rad] of what the sensor ``said`` and their sigma.
+
+    c, w : a PARAM and a STATE record; x : (S,) signals
+    """
+    e, dt = w["filter"], c["filter"]["dt"]
+    w["turning"] += min(dt / c["lag"], 1.0) * (abs(x[_Q]) + abs(x[_R]) - w["turning"])
+    turn_error = c["turn_error"] + rates.bank_error(w, x)
+    timing, turning = e["rate"] * c["timing"], w["turning"] * turn_error * c["lag"]
+    w["innovation"], w["second_innovation"] = said - e["theta"], said - w["second"]["theta"]
+    w["sigma"] = math.sqrt(e["p"][0, 0] + c["floor"] * c["floor"] + timing * timing + turning * turning)
+
+
+@kernel
+def decide(known, heard, c, w, said, path):
+    """Move ``trust``.
+
+    known : rates and bank are voted; heard : all of the path is; said, path : what sensor and path say of theta [rad]
+    """
+    e, dt = w["filter"], c["filter"]["dt"]
+    size = abs(w["innovation"]) / w["sigma"]
+    share = dt / (_ARBITER_S + dt) if heard else 0.0
+    w["sensor_off_path"] += share * (path - e["path"] - said - w["sensor_off_path"])
+    w["theta_off_path"] += share * (path - e["path"] - e["theta"] - w["theta_off_path"])
+    before = w["recent"]
+    w["recent"] += dt / (_RECENT_S + dt) * (w["innovation"] - w["recent"])
+    if w["trust"] == Trust.CORRECTED:
+        clear_or_withdraw(c, w, said)
+    elif w["trust"] == Trust.WITHDRAWN:
+        w["agreed"] = w["agreed"] + 1 if size < c["jump_sigma"] else 0
+        if w["agreed"] >= c["return_frames"]:
+            w["trust"] = Trust.TRUSTED
+    elif not known:  # nothing can test it: follow the sensor
+        w["over"], w["cusum"], e["theta"] = 0, 0.0, said
+        forget(c["filter"], e, c["floor"])
+    else:
+        w["over"] = w["over"] + 1 if size > c["jump_sigma"] else 0
+        w["cusum"] = max(0.0, w["cusum"] + (min(size, c["jump_sigma"]) - c["ramp_sigma"]) * dt)
+        keep(c, w)
+        if w["over"] >= c["persistence"] or w["cusum"] > c["ramp_s"]:
+            if rates.confirmed(w):
+                declare(w, before)
+            else:
+                rates.reject_gyros(w)
+
+
+@kernel
+def keep(c, w):
+    """Keep drift and path offset as they were before a ramp could have moved them; first they must be known."""
+    kept, e = w["kept"], w["filter"]
+    if e["frames"] * c["filter"]["dt"] < _KNOWN_S:
+        for i in range(KEPT):
+            kept[i, 0], kept[i, 1] = e["drift"], e["path"]
+    elif w["kept_s"] <= 0.0:
+        for i in range(KEPT - 1, 0, -1):
+            kept[i, 0], kept[i, 1] = kept[i - 1, 0], kept[i - 1, 1]
+        kept[0, 0], kept[0, 1] = e["drift"], e["path"]
+        w["kept_s"] = _KEEP_S
+    w["kept_s"] -= c["filter"]["dt"]
+
+
+@kernel
+def declare(w, before):
+    """Declare a sensor fault; ``before`` : its smoothed innovation before this frame, by which a jump is known."""
+    new = abs(w["innovation"] - before)
+    if new < rates.SUDDEN * abs(w["innovation"]):
+        e = w["filter"]
+        e["drift"], e["path"] = w["kept"][KEPT - 1, 0], w["kept"][KEPT - 1, 1]
+        e["p"][0, 0] += w["innovation"] * w["innovation"]
+    w["trust"], w["agreed"], w["over"], w["cusum"] = Trust.CORRECTED, 0, 0, 0.0
+    w["sensor_off_path"] = w["theta_off_path"] = 0.0
+    w["recent"], w["worst"] = w["innovation"], abs(w["innovation"])
+    lie.suspect(w)
+
+
+@kernel
+def clear_or_withdraw(c, w, said):
+    """Revert to the sensor when it has come back, or when the path agrees with it."""
+    e = w["filter"]
+    margin = max(_ARBITER_LEAST_RAD, _ARBITER_SIGMA * math.sqrt(e["gust_variance"]))
+    w["worst"] = max(w["worst"], abs(w["recent"]))
+    near = min(c["near"], _RETURN_SHARE * w["worst"])  # a small fault that has not gone away is not a sensor come back
+    back = abs(w["recent"]) < near and abs(w["innovation"]) < _STRAY * c["near"]
+    w["agreed"] = w["agreed"] + 1 if back else 0
+    if abs(w["theta_off_path"]) > abs(w["sensor_off_path"]) + margin:
+        revert(c, w, said, Trust.WITHDRAWN)
+        e["theta"], e["drift"] = said, 0.0
+        forget(c["filter"], e, c["floor"])
+    elif w["agreed"] >= c["return_frames"]:
+        revert(c, w, said, Trust.TRUSTED)
+
+
+@kernel
+def revert(c, w, said, trust):
+    """The law flies on the sensor again, faded from the estimate."""
+    w["fade"], w["fade_left"] = w["filter"]["theta"] - said, c["fade_frames"]
+    w["trust"], w["agreed"], w["over"], w["cusum"] = trust, 0, 0, 0.0
+    lie.clear(w)

@@ -1,0 +1,169 @@
+"""Isolate a biased rate: the voted gyros against the inertial unit.
+
+One mean of the filter integrates the gyros, a second one the inertial unit's rates; the same sensor and path correct
+both with the same gain.  A fault of the pitch-angle sensor moves both residuals, a biased rate only one of them:
+
+    BOTH         no rate is suspected; a sensor fault is declared when both residuals show it
+    UNIT_ALONE   the gyros' residual alone was too large: a voted rate, the bank angle or the heading is wrong, and the
+                 filter integrates the unit's rates
+    GYROS_ALONE  the unit's residual alone was too large, or the unit gives no number: as without a unit
+
+Back to BOTH when the two rates have differed by no more than usual for ``return_frames``.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from rig.angles import wrap
+from rig.computer.analytic.flight_path import pitching
+from rig.computer.analytic.pitch_filter import path_innovation, predict_by
+from rig.computer.analytic.pitch_mean import carry, move
+from rig.computer.analytic.unit_bank import SAME_RAD_S, SMOOTH_S, finite, follow_unit, learned
+from rig.computer.fdi.state import BOTH, GYROS_ALONE, KEPT, UNIT_ALONE
+from rig.frame import INDEX, Trust
+from rig.kernels import kernel
+
+_Q, _R, _PHI = INDEX["pitch_rate"], INDEX["yaw_rate"], INDEX["roll_angle"]
+_AGREES: Final = 0.5  # ratio of the two residuals from which on they show the same fault
+_BANK_RAD: Final = 0.04  # farther from the unit's bank angle the voted one is not used
+SUDDEN: Final = 0.5  # share of the residual that must be new for a jump
+_BANK_ERROR: Final = 0.05  # rad, of the unit's bank angle: of the rate of turn when it is used
+
+
+@kernel
+def turn(c, w, known, headed, inertial, x, gyros):
+    """Propagate both means by their rates; c, w : a PARAM and a STATE record.
+
+    known, headed : rates and bank are voted, and so is the heading
+    inertial : quantities of frame.INERTIAL; x : (S,) signals
+    gyros : which are in the vote, any number that changes with it
+    """
+    e, u, m, dt = w["filter"], w["unit"], w["second"], c["filter"]["dt"]
+    valid = finite(inertial)
+    if w["rates"] == GYROS_ALONE or e["frames"] == 0:
+        u["roll_angle"] = x[_PHI]
+    if valid:
+        follow_unit(inertial, x, e["theta"], headed and w["rates"] == BOTH, dt, u)
+    else:
+        lose_unit(w)
+    phi = x[_PHI] if w["rates"] != UNIT_ALONE and bank_agrees(w, x) else u["roll_angle"]
+    rate = pitching(x[_Q], x[_R] - e["yaw_drift"], x[_PHI])
+    other = pitching(u["pitch_rate"], u["yaw_rate"], phi)
+    if valid and known:
+        compare(c, w, rate - other)
+    tilt = pitching(u["pitch_rate"], u["yaw_rate"], u["roll_angle"]) - other
+    w["tilt"] += dt * (tilt - w["tilt"] / max(c["lag"], dt))
+    last = m["rate"] if e["frames"] > 0 else other
+    carry(dt, m, other, last, dt * math.cos(phi), dt * math.cos(phi) * u["pitch_rate"])
+    m["rate"] = other
+    if w["rates"] == UNIT_ALONE:
+        predict_by(c["filter"], e, other, u["pitch_rate"], phi, gyros)
+    else:
+        predict_by(c["filter"], e, rate, x[_Q], x[_PHI], gyros)
+
+
+@kernel
+def lose_unit(w):
+    """The unit gives no number: the filter integrates the gyros."""
+    if w["rates"] == UNIT_ALONE:
+        drive(w, w["apart"], w["usual"])
+    w["rates"], w["similar"], w["unit"]["started"] = GYROS_ALONE, 0, 0
+
+
+@kernel
+def bank_agrees(w, x):
+    """Whether the voted bank angle is near that of the unit."""
+    return abs(wrap(x[_PHI] - w["unit"]["roll_angle"])) < _BANK_RAD
+
+
+@kernel
+def bank_error(w, x):
+    """Return what the bank angle adds to the error of the rates, as a share of the rate of turn."""
+    alone = w["rates"] == UNIT_ALONE or (w["rates"] == BOTH and not bank_agrees(w, x))
+    return _BANK_ERROR if alone else 0.0
+
+
+@kernel
+def compare(c, w, difference):
+    """Smooth the ``difference`` of the two rates [rad/s], learn the usual one, count the frames that are as usual."""
+    dt = c["filter"]["dt"]
+    w["apart"] += dt / (SMOOTH_S + dt) * (difference - w["apart"])
+    off = w["apart"] - w["usual"]
+    w["similar"] = w["similar"] + 1 if abs(off) < SAME_RAD_S else 0
+    if w["similar"] == 0:
+        w["differ"] = 1
+    if w["rates"] == BOTH:
+        w["usual_seconds"] += dt
+        w["usual"] += learned(off, w["usual_seconds"], dt)
+
+
+@kernel
+def confirmed(w):
+    """Whether the second residual confirms a sensor fault that the first one shows, or cannot be asked.
+
+    Unless the fault is sudden, as an error of the bank angle is not, it must do so with the unit's bank angle, too.
+    """
+    first, second = w["innovation"], w["second_innovation"]
+    if abs(first - w["recent"]) < SUDDEN * abs(first):
+        second = min(second, second - w["tilt"]) if first > 0.0 else max(second, second - w["tilt"])
+    return w["rates"] != BOTH or first * second >= _AGREES * first * first
+
+
+@kernel
+def follow(e, w, path):
+    """Correct the second mean by the path, after the filter's own; e : the filter's STATE record."""
+    move(e["g"], w["second"], path_innovation(e, w["second"], path))
+
+
+@kernel
+def settle(c, w, known):
+    """End a frame: isolate the unit, return to BOTH, and align the second mean while it is not asked."""
+    size = abs(w["second_innovation"])
+    if w["rates"] == BOTH and w["trust"] == Trust.TRUSTED and known:
+        alone = w["innovation"] * w["second_innovation"] < _AGREES * size * size
+        w["second_over"] = w["second_over"] + 1 if alone and size > c["jump_sigma"] * w["sigma"] else 0
+        if w["second_over"] >= c["persistence"]:
+            w["rates"], w["similar"] = GYROS_ALONE, 0
+    elif w["rates"] != BOTH and w["similar"] >= c["return_frames"]:
+        if w["rates"] == UNIT_ALONE:
+            drive(w, w["apart"], w["usual"])
+            w["filter"]["p"][0, 0] += w["innovation"] * w["innovation"]  # the unit's bank angle was less accurate
+        w["rates"], w["second_over"], w["tilt"] = BOTH, 0, 0.0
+        align(w, w["apart"])
+    if w["rates"] != BOTH or w["trust"] != Trust.TRUSTED or not known:
+        align(w, w["usual"] if w["rates"] == BOTH else 0.0)
+
+
+@kernel
+def reject_gyros(w):
+    """Go on with the second mean: the first residual alone shows a fault."""
+    e, m = w["filter"], w["second"]
+    e["theta"], e["path"], e["scale"], e["rate"] = m["theta"], m["path"], m["scale"], m["rate"]
+    if abs(w["innovation"] - w["recent"]) < SUDDEN * abs(w["innovation"]):
+        e["theta"] += w["tilt"]
+    drive(w, m["drift"] - e["drift"], -w["usual"])
+    w["differ"] = 0 if abs(w["apart"] - w["usual"]) < SAME_RAD_S else 1
+    w["rates"], w["similar"], w["over"], w["cusum"], w["recent"] = UNIT_ALONE, 0, 0, 0.0, 0.0
+
+
+@kernel
+def biased(w):
+    """Whether a voted rate is biased: rejected for a trusted sensor, and further from the unit's than usual."""
+    return w["rates"] == UNIT_ALONE and w["trust"] == Trust.TRUSTED and w["differ"] != 0
+
+
+@kernel
+def drive(w, change, usual):
+    """Shift the drift by ``change`` [rad/s] for another source of rates, and the kept ones by ``usual`` [rad/s]."""
+    w["filter"]["drift"] += change
+    for i in range(KEPT):
+        w["kept"][i, 0] += usual
+
+
+@kernel
+def align(w, apart):
+    """Set the second mean to the filter's, its drift less by what the two rates are ``apart`` [rad/s]."""
+    e, m = w["filter"], w["second"]
+    m["theta"], m["path"], m["scale"], m["drift"] = e["theta"], e["path"], e["scale"], e["drift"] - apart

@@ -1,0 +1,125 @@
+"""Redundancy management: four channels become one voted value, without knowing the truth."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.computer.analytic.designed import Designed
+from rig.computer.analytic.references import ReferenceData, References, refer, remember
+from rig.computer.analytic.sources import second, source
+from rig.computer.redundancy.config import MANAGERS, Config, SignalConfig, parameters, reset_table
+from rig.computer.redundancy.discrete import DiscreteData, DiscreteVoter, vote_discretes
+from rig.computer.redundancy.discrete_config import discrete_parameters
+from rig.computer.redundancy.manager import ManagerData
+from rig.computer.redundancy.managers import Manager, vote_signals
+from rig.computer.redundancy.own import OwnManager, load_manager
+from rig.frame import CHANNELS, DISCRETE_INDEX, SIGNALS, Block, D
+from rig.kernels import kernel
+from rig.trust import Trust
+
+
+class RedundancyData(NamedTuple):
+    """What the stage needs besides the row, part by part."""
+
+    references: ReferenceData
+    manager: ManagerData
+    discretes: DiscreteData
+
+
+class Redundancy:
+    """The stage: references, the chosen manager for the continuous signals, the voter for the discretes."""
+
+    def __init__(
+        self,
+        config: Config,
+        ranges: NDArray[np.float64],
+        channels: NDArray[np.int64],
+        designed: Designed,
+        rate_hz: float,
+        discrete_channels: NDArray[np.int64] | None = None,
+        trust: Trust | None = None,
+    ) -> None:
+        """Make the stage.  BadInput: the user's manager.
+
+        ranges (S, 2), channels (S,), discrete_channels (D,) : of the sensors; all discretes have four when not given
+        trust : whether a manager class that the settings name may be run; it may not when not given
+        """
+        params = parameters(config.signals, ranges, channels, rate_hz)
+        measured_thresholds(params, config, designed)
+        params["common_persistence"], params["common_fails"] = config.common_persistence, config.common_mode == "fail"
+        self.references = References(config.references, designed, rate_hz, config.manager == MANAGERS[0])
+        own = config.manager not in MANAGERS
+        self.own: OwnManager | None = load_manager(config.manager, params, trust or Trust()) if own else None
+        name = MANAGERS[0] if own else config.manager
+        self.manager = Manager(
+            name,
+            params,
+            reset_table(config.resets, rate_hz),
+            box_signals=config.box_signals,
+            box_persistence=config.box_persistence,
+        )
+        fitted = np.full(D, CHANNELS) if discrete_channels is None else discrete_channels
+        of_discretes = discrete_parameters(config.discretes, fitted, config.discrete_persistence, rate_hz)
+        self.discretes = DiscreteVoter(of_discretes, reset_table(config.resets, rate_hz, DISCRETE_INDEX))
+
+    @property
+    def data(self) -> RedundancyData:
+        """What ``vote_row`` needs besides the row."""
+        return RedundancyData(self.references.data, self.manager.data, self.discretes.data)
+
+    def step(self, block: Block, k: int) -> None:
+        """Vote and monitor row k; see manager.manage for what is written."""
+        self.refer(block, k)
+        self.decide(block, k)
+
+    def refer(self, block: Block, k: int) -> None:
+        """The first half: the references of row k."""
+        refer_row(block, k, self.data)
+
+    def decide(self, block: Block, k: int) -> None:
+        """The second half: vote and monitor with them."""
+        if self.own is None:
+            decide_row(block, k, self.data)
+            return
+        self.own.step(block, k)
+        remember(block, k, self.references.data)
+        self.discretes.step(block, k)
+
+
+def measured_thresholds(params: NDArray[np.void], config: Config, designed: Designed) -> None:
+    """Put the measured thresholds of references into the PARAMS records, of the first where the settings give none."""
+    for row, signal in zip(params, SIGNALS, strict=True):
+        key = signal.name, source(config.references, signal.name)
+        measured, airspeed = designed.error(*key), designed.airspeed_error(*key)
+        if measured is not None and getattr(config.signals, signal.name).reference_threshold is None:
+            row["reference_threshold"] = measured.threshold
+            row["reference_airspeed_m_s"] = 0.0 if airspeed is None else airspeed.threshold
+        measured = designed.error(signal.name, second(config.references, signal.name))
+        row["second_threshold"] = row["threshold"] if measured is None else measured.threshold
+
+
+@kernel
+def vote_row(block, k, data):
+    """Row k through references, the chosen manager and the voter of the discretes; data : RedundancyData."""
+    refer_row(block, k, data)
+    decide_row(block, k, data)
+
+
+@kernel
+def refer_row(block, k, data):
+    """The first half of ``vote_row``: the references, which may still go wrong before they are used."""
+    refer(block, k, data.references)
+
+
+@kernel
+def decide_row(block, k, data):
+    """The second half: vote and monitor."""
+    vote_signals(block, k, data.manager)
+    remember(block, k, data.references)
+    vote_discretes(block, k, data.discretes)
+
+
+__all__ = ["MANAGERS", "Config", "Redundancy", "RedundancyData", "SignalConfig", "decide_row", "refer_row", "vote_row"]

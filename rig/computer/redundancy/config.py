@@ -1,0 +1,177 @@
+"""Settings of the redundancy manager: per signal, with units of the signal; counts in frames."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, create_model, field_validator, model_validator
+
+from rig.computer.analytic.references import Config as References
+from rig.computer.redundancy.discrete_config import PERSISTENCE, DiscreteConfigs
+from rig.computer.redundancy.persistence import in_frames, refuse_both
+from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, SIGNALS, Resolver, S, to_frame
+from rig.settings import Settings
+from rig.text import choices
+
+MANAGERS: Final = ("cross-channel", "mean", "median", "cross-voter", "selection")
+ResolverName = Literal["ilm", "reference", "trend", "extremes", "middle"]
+
+
+class SignalConfig(Settings):
+    """How one signal is monitored and voted: a ``[redundancy.signals.<name>]`` table."""
+
+    threshold: float = Field(gt=0)  # two samples agree within this, unit of the signal
+    persistence: int = Field(default=8, ge=1)  # frames of miscompare until a channel is failed
+    persistence_s: float | None = Field(default=None, gt=0)  # the same as a time, in place of the frames
+    singular_persistence: int = Field(default=10, ge=1)  # frames until a singular pattern is settled
+    singular_persistence_s: float | None = Field(default=None, gt=0)
+    resolvers: list[ResolverName] = ["ilm", "reference", "trend", "extremes", "middle"]  # the last two close the order
+    trend_frames: int = Field(default=8, ge=1, le=8)
+    reference_threshold: float | None = Field(default=None, gt=0)  # as threshold when not given
+    mean: Literal["plain", "trend-weighted"] = "plain"
+    readmit_frames: int = Field(default=100, ge=1)  # agreement needed before a reset readmits
+    fade_s: float = Field(default=0.0, ge=0)  # after a change of level
+    # For the manager "selection" alone: a deviation from the mean of all that is tolerated, and the
+    # integral over time of what exceeds it that is not (unit times seconds).
+    selection_deviation: float | None = Field(default=None, gt=0)  # 2.5 thresholds when not given
+    selection_integral_s: float | None = Field(default=None, gt=0)  # 5 thresholds times a second
+
+    @model_validator(mode="after")
+    def _frames_or_seconds(self) -> SignalConfig:
+        refuse_both(self, "persistence", "singular_persistence")
+        return self
+
+    @field_validator("resolvers")
+    @classmethod
+    def _once_each(cls, resolvers: list[ResolverName]) -> list[ResolverName]:
+        if len(set(resolvers)) < len(resolvers):
+            raise ValueError(f"each resolver at most once, got {resolvers}")
+        return resolvers
+
+
+_FIELDS: dict[str, Any] = {signal.name: (SignalConfig, ...) for signal in SIGNALS}
+SignalConfigs = create_model(
+    "SignalConfigs", __base__=Settings, __doc__="One SignalConfig for every signal of the frame.", **_FIELDS
+)
+
+
+class Reset(Settings):
+    """A reset command: failed channels that have agreed long enough are readmitted, the others stay out."""
+
+    at_s: float = Field(ge=0)
+    signal: str
+    channels: list[int] = Field(default=[1, 2, 3, 4], min_length=1)
+
+    @field_validator("signal")
+    @classmethod
+    def _known(cls, name: str) -> str:
+        known = (*INDEX, *DISCRETE_INDEX)
+        if name not in known:
+            raise ValueError(f"unknown signal, {choices(name, known, 'rig signals')}")
+        return name
+
+    @field_validator("channels")
+    @classmethod
+    def _numbered(cls, channels: list[int]) -> list[int]:
+        if any(not 1 <= channel <= CHANNELS for channel in channels):
+            raise ValueError(f"channels are numbers from 1 to {CHANNELS}, got {channels}")
+        return channels
+
+
+class Config(Settings):
+    """The ``[redundancy]`` table of an aircraft or scenario."""
+
+    manager: str = "cross-channel"  # one of MANAGERS, or module:Class
+    box_signals: int = Field(default=4, ge=0)  # that accuse a channel at once until it is failed on all; 0: never
+    box_persistence: int = Field(default=8, ge=1)  # frames for which they do
+    discrete_persistence: int = Field(default=PERSISTENCE, ge=1)  # frames, of a discrete that has none of its own
+    discretes: DiscreteConfigs = DiscreteConfigs()  # pyright: ignore[reportInvalidTypeForm]  # from the frame's table
+    common_mode: Literal["report", "fail"] = "report"  # what two references against all channels do to a signal
+    common_persistence: int = Field(default=10, ge=1)  # frames
+    resets: list[Reset] = []
+    references: References = References()
+    signals: SignalConfigs  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
+
+    @field_validator("manager")
+    @classmethod
+    def _known_manager(cls, name: str) -> str:
+        if name not in MANAGERS and not re.fullmatch(r"[\w.]+:\w+", name):
+            raise ValueError(f"unknown manager, allowed: {', '.join(MANAGERS)} or module:Class")
+        return name
+
+
+PARAMS: Final = np.dtype(
+    [
+        ("threshold", "f8"),
+        ("reference_threshold", "f8"),
+        ("reference_airspeed_m_s", "f8"),  # of a wind, equivalent; 0 where none (reference_threshold.py)
+        ("second_threshold", "f8"),
+        ("common_persistence", "i8"),
+        ("common_fails", "u1"),
+        ("low", "f8"),
+        ("high", "f8"),
+        ("persistence", "i8"),
+        ("singular_persistence", "i8"),
+        ("trend_frames", "i8"),
+        ("readmit_frames", "i8"),
+        ("fade_frames", "i8"),
+        ("deviation", "f8"),
+        ("deviation_frames", "f8"),  # integral in unit times frames
+        ("fitted", "i8"),  # channels of the signal
+        ("resolvers", "i8", (5,)),  # in order, 0 where none
+        ("wraps", "u1"),
+        ("weighted", "u1"),
+    ],
+    align=True,
+)
+
+
+RESETS: Final = np.dtype([("frame", "i8"), ("signal", "i8"), ("channel", "u1", (CHANNELS,))], align=True)
+
+
+def reset_table(resets: Sequence[Reset], rate_hz: float, index: Mapping[str, int] = INDEX) -> NDArray[np.void]:
+    """The commands as RESETS records; each acts in the first frame at or after its time.
+
+    index : the signals whose commands are meant, by name; DISCRETE_INDEX for those of the discretes
+    """
+    meant = [reset for reset in resets if reset.signal in index]
+    table = np.zeros(len(meant), RESETS)
+    for row, reset in zip(table, meant, strict=True):
+        row["frame"], row["signal"] = to_frame(reset.at_s, rate_hz), index[reset.signal]
+        row["channel"][np.array(reset.channels) - 1] = 1
+    return table
+
+
+def parameters(
+    configs: Any, ranges: NDArray[np.float64], channels: NDArray[np.int64], rate_hz: float
+) -> NDArray[np.void]:
+    """The (S,) PARAMS records of a ``SignalConfigs``; ``ranges`` (S, 2) and ``channels`` (S,) of the sensors."""
+    params = np.zeros(S, PARAMS)
+    for i, signal in enumerate(SIGNALS):
+        config: SignalConfig = getattr(configs, signal.name)
+        fill(params[i], config, (ranges[i, 0], ranges[i, 1]), int(channels[i]), signal.wraps, rate_hz)
+    return params
+
+
+def fill(
+    row: Any, config: SignalConfig, limits: tuple[float, float], channels: int, wraps: bool, rate_hz: float
+) -> None:
+    """Write one signal's settings into its PARAMS record."""
+    row["threshold"] = config.threshold
+    row["reference_threshold"] = config.reference_threshold or config.threshold
+    row["second_threshold"], row["common_persistence"] = config.threshold, 1
+    row["low"], row["high"] = limits
+    row["persistence"] = in_frames(config.persistence, config.persistence_s, rate_hz)
+    row["singular_persistence"] = in_frames(config.singular_persistence, config.singular_persistence_s, rate_hz)
+    row["trend_frames"], row["readmit_frames"] = config.trend_frames, config.readmit_frames
+    row["fade_frames"] = round(config.fade_s * rate_hz)
+    row["deviation"] = config.selection_deviation or 2.5 * config.threshold
+    row["deviation_frames"] = (config.selection_integral_s or 5.0 * config.threshold) * rate_hz
+    row["fitted"], row["wraps"] = channels, wraps
+    row["weighted"] = config.mean == "trend-weighted"
+    for place, name in enumerate(config.resolvers):
+        row["resolvers"][place] = Resolver[name.upper()]

@@ -1,0 +1,67 @@
+"""Settings of the voter of the discretes, and the records that its kernel reads."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, create_model, model_validator
+
+from rig.computer.redundancy.persistence import in_frames, refuse_both
+from rig.frame import DISCRETES, D
+from rig.settings import Settings
+
+PERSISTENCE: Final = 8  # frames, of a discrete that has none of its own
+
+
+class DiscreteConfig(Settings):
+    """How one discrete is monitored and voted: a ``[redundancy.discretes.<name>]`` table."""
+
+    persistence: int | None = Field(default=None, ge=1)  # frames; ``discrete_persistence`` when not given
+    persistence_s: float | None = Field(default=None, gt=0)  # the same in seconds
+    readmit_frames: int = Field(default=100, ge=1)  # agreement needed before a reset readmits
+    fail_safe: int | None = Field(default=None, ge=0, le=1)  # voted without a majority; as in frame.DISCRETES
+
+    @model_validator(mode="after")
+    def _one_form(self) -> DiscreteConfig:
+        refuse_both(self, "persistence")
+        return self
+
+
+_FIELDS: dict[str, Any] = {discrete.name: (DiscreteConfig, DiscreteConfig()) for discrete in DISCRETES}
+DiscreteConfigs = create_model(
+    "DiscreteConfigs", __base__=Settings, __doc__="One DiscreteConfig for every discrete of the frame.", **_FIELDS
+)
+DISCRETE_PARAMS: Final = np.dtype(
+    [
+        ("fitted", "i8"),  # channels of the discrete, 2 to 4
+        ("fail_safe", "i8"),  # 0 or 1
+        ("persistence", "i8"),  # frames
+        ("readmit_frames", "i8"),
+    ],
+    align=True,
+)
+
+
+def discrete_parameters(
+    configs: Any, channels: NDArray[np.int64], persistence: int, rate_hz: float
+) -> NDArray[np.void]:
+    """The (D,) DISCRETE_PARAMS records of a ``DiscreteConfigs``.
+
+    channels : (D,) of the sensors; persistence : frames, of a discrete that has none of its own
+    """
+    params = np.zeros(D, DISCRETE_PARAMS)
+    for row, discrete, fitted in zip(params, DISCRETES, channels, strict=True):
+        config: DiscreteConfig = getattr(configs, discrete.name)
+        fill_discrete(row, config, discrete.fail_safe, int(fitted), persistence, rate_hz)
+    return params
+
+
+def fill_discrete(
+    row: Any, config: DiscreteConfig, fail_safe: int, channels: int, persistence: int, rate_hz: float
+) -> None:
+    """Write one discrete's settings into its record; ``fail_safe`` and ``persistence`` where it gives none."""
+    row["fitted"], row["readmit_frames"] = channels, config.readmit_frames
+    row["fail_safe"] = fail_safe if config.fail_safe is None else config.fail_safe
+    row["persistence"] = in_frames(config.persistence or persistence, config.persistence_s, rate_hz)

@@ -1,0 +1,217 @@
+"""The redundancy manager: cross-channel comparison, median vote, latched isolation.
+
+One pass per signal and frame: rank the samples, name the pattern, vote, count, latch.  Only the channels
+and the references of the row are read, never the truth.
+Source: Zhang 2023; the section numbers below are those of the paper.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.angles import difference, limit
+from rig.computer.redundancy import trend, vote
+from rig.computer.redundancy.box import accused, fail_boxes
+from rig.computer.redundancy.common import watch_common
+from rig.computer.redundancy.compare import classify, comparable, is_singular, rank
+from rig.computer.redundancy.config import RESETS
+from rig.computer.redundancy.last_channel import check_last
+from rig.computer.redundancy.monitor import apply_resets, count_miscompares, latch, monitor_reference, watch_failed
+from rig.computer.redundancy.reference_threshold import reference_threshold
+from rig.computer.redundancy.singular import settle
+from rig.frame import CHANNELS, Pattern, Resolver, State
+from rig.kernels import kernel
+
+STATE: Final = np.dtype(
+    [
+        ("vote", "f8"),  # last vote before the fade
+        ("rise_vote", "f8"),  # its last change
+        ("output", "f8"),  # last vote after the fade
+        ("fade", "f8"),  # output minus vote when the level last changed
+        ("last_high", "f8"),
+        ("last_low", "f8"),
+        ("rise_high", "f8"),
+        ("rise_low", "f8"),
+        ("reference_threshold", "f8"),  # of this frame
+        ("x", "f8", (CHANNELS,)),
+        ("order", "i8", (CHANNELS,)),
+        ("count", "i8", (CHANNELS,)),  # miscomparing frames in a row
+        ("excess", "f8", (CHANNELS,)),  # integrated deviation, for the manager "selection"
+        ("agreed", "i8", (CHANNELS,)),  # frames in a row that a failed channel agreed with the vote
+        ("trend_high", "i8"),
+        ("trend_low", "i8"),
+        ("trend_seen", "i8"),
+        ("last_n", "i8"),
+        ("pattern", "i8"),
+        ("pattern_frames", "i8"),  # frames that the present pattern has lasted
+        ("singular_run", "i8"),  # frames in a row of any pattern without a majority
+        ("accused", "i8"),  # a bit for each channel that this frame's evidence speaks against
+        ("freeze", "i8"),  # frames for which the counts stand still after it
+        ("reference_run", "i8"),  # frames in a row that speak against the reference's present standing
+        ("fade_left", "i8"),
+        ("level", "i8"),
+        ("selected", "i8"),  # channel, for the manager "selection"
+        ("reference_usable", "u1"),
+        ("common_run", "i8"),  # frames in a row in which two references contradicted all channels
+        ("common_mode", "u1"),
+        ("started", "u1"),
+        ("failed", "u1", (CHANNELS,)),
+        ("alone", "u1", (CHANNELS,)),
+        ("blamed", "u1", (CHANNELS,)),  # by the provisional answer
+    ],
+    align=True,
+)
+NO_RESETS: Final = np.zeros(0, RESETS)
+
+
+class ManagerData(NamedTuple):
+    """What a manager needs besides the row: one record a signal where nothing else is said."""
+
+    choice: int  # place in config.MANAGERS
+    params: NDArray[Any]  # (S,) config.PARAMS
+    state: NDArray[Any]  # (S,) STATE, in place
+    resets: NDArray[Any]  # config.RESETS records, applied in their frame
+    boxes: NDArray[Any]  # (1,) box.BOXES, in place
+
+
+def new_state(params: NDArray[np.void]) -> NDArray[np.void]:
+    """State records at the first frame: every fitted channel in use, every reference trusted."""
+    state = np.zeros(len(params), STATE)
+    state["reference_usable"] = 1
+    state["level"] = params["fitted"]
+    return state
+
+
+@kernel
+def manage(block, k, data):
+    """Write voted, state, level, pattern, resolver, trend bytes, reference_usable and common_mode of row k.
+
+    block : FRAME records; data : ManagerData
+    """
+    row, params, state = block[k], data.params, data.state
+    apply_resets(row["frame"], data.resets, params, state)
+    channels, valid, ilm = row["channels"], row["valid"], row["ilm"]
+    voted, reference, states = row["voted"], row["reference"], row["state"]
+    levels, patterns, resolvers, usable = row["level"], row["pattern"], row["resolver"], row["reference_usable"]
+    trend_high, trend_low = row["trend_high"], row["trend_low"]
+    second, common = row["second_reference"], row["common_mode"]
+    accusing = 0
+    for s in range(len(params)):
+        p, st = params[s], state[s]
+        resolvers[s] = manage_signal(channels[s], valid[s], ilm[s], reference[s], second[s], p, st)
+        voted[s], levels[s], patterns[s] = st["output"], st["level"], st["pattern"]
+        usable[s] = 0 if not np.isfinite(reference[s]) else st["reference_usable"]
+        trend_high[s], trend_low[s] = st["trend_high"], st["trend_low"]
+        common[s] = st["common_mode"]
+        report(p, st, states[s])
+        accusing += st["accused"] != 0
+    box = data.boxes[0]
+    if accusing >= box["signals"] > 0:
+        fail_boxes(row, params, state, box)
+    else:
+        box["count"][:] = 0
+
+
+@kernel
+def manage_signal(samples, valid, ilm, reference, second, p, st):
+    """One signal, one frame; returns the resolver that decided (Zhang, sections 2 to 8)."""
+    x, order, alone = st["x"], st["order"], st["alone"]
+    base = anchor(samples, valid, p, st)
+    n = rank(samples, valid, st["failed"], p["fitted"], p["low"], p["high"], p["wraps"], base, x, order)
+    reference = seen_from(reference, base, p["wraps"])
+    st["reference_threshold"] = reference_threshold(reference, p)
+    pattern = classify(x, order, n, p["threshold"], alone)
+    st["pattern_frames"] = st["pattern_frames"] + 1 if pattern == st["pattern"] else 1
+    st["pattern"] = pattern
+    # Without a sample the ranks are leftovers, and nobody reads what comes of them.
+    trend.update(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p["trend_frames"], p["wraps"])
+    resolver, raw = decide(ilm, reference, n, p, st)
+    monitor_reference(raw, reference, n, p, st)
+    resolver = watch_common(resolver, n, raw, reference, seen_from(second, base, p["wraps"]), p, st)
+    watch_failed(samples, valid, raw, p, st)
+    ranked = 0
+    for i in range(n):
+        ranked |= 1 << order[i]
+    st["accused"] = accused(resolver, ranked, p, st)
+    count_miscompares(n, ranked, p, st)
+    latch(p, st)
+    publish(raw, p, st)
+    return resolver
+
+
+@kernel
+def anchor(samples, valid, p, st):
+    """The value that an angle is taken near to: the last vote; in the first frame, the first comparable sample."""
+    if st["started"]:
+        return st["vote"]
+    for c in range(p["fitted"]):
+        if comparable(samples[c], valid[c], p["low"], p["high"]):
+            return samples[c]
+    return 0.0
+
+
+@kernel
+def seen_from(reference, base, wraps):
+    """A reference within half a turn of ``base`` if it ``wraps``; NaN when it is not finite."""
+    if not np.isfinite(reference):
+        return np.nan
+    return base + difference(reference, base, wraps) if wraps else reference
+
+
+@kernel
+def decide(ilm, reference, n, p, st):
+    """The resolver that answered, and this frame's vote before the fade (Zhang, sections 5 to 8).
+
+    Writes ``blamed``: the channels that the answer would fail.
+    """
+    x, order, blamed, pattern = st["x"], st["order"], st["blamed"], st["pattern"]
+    for c in range(CHANNELS):
+        blamed[c] = False
+    if pattern == Pattern.LOST:
+        return Resolver.NONE.value, st["vote"]
+    if is_singular(pattern):
+        return settle(ilm, reference, n, p, st)
+    if n == 1:
+        return check_last(ilm, reference, p, st)
+    weight = 0.5
+    if p["weighted"]:
+        weight = vote.trend_weight(st["rise_high"], st["rise_low"], st["rise_vote"])
+    return Resolver.NONE.value, vote.median(x, order, n, st["alone"], weight)
+
+
+@kernel
+def publish(raw, p, st):
+    """Store the vote and its faded output; the fade starts in the frame after a change of level.
+
+    Differences of samples near the largest number overflow: then the last vote holds, and nothing is faded.
+    """
+    if not np.isfinite(raw):
+        raw = st["vote"]
+    st["rise_vote"] = difference(raw, st["vote"], p["wraps"]) if st["started"] else 0.0
+    st["vote"] = limit(raw, p["low"], p["high"], p["wraps"])
+    frames, left = p["fade_frames"], st["fade_left"]
+    if left == frames:  # the first vote after the change
+        st["fade"] = difference(st["output"], st["vote"], p["wraps"])
+    st["output"] = st["vote"]
+    if 0 < left <= frames:
+        faded = st["vote"] + st["fade"] * left / (frames + 1.0)
+        st["output"] = limit(faded, p["low"], p["high"], p["wraps"]) if np.isfinite(faded) else st["vote"]
+    st["fade_left"] = max(left - 1, 0)
+    st["started"] = True
+
+
+@kernel
+def report(p, st, states):
+    """Write the (4,) channel states: failed, suspect while it miscompares or is blamed, else ok."""
+    for c in range(CHANNELS):
+        if c >= p["fitted"]:
+            states[c] = State.ABSENT
+        elif st["failed"][c]:
+            states[c] = State.FAILED
+        elif st["alone"][c] or st["blamed"][c] or st["count"][c]:
+            states[c] = State.SUSPECT
+        else:
+            states[c] = State.OK

@@ -1,0 +1,69 @@
+"""Which built-in manager votes the continuous signals: ours or one of the baselines (own.py: a class of the user's)."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.computer.redundancy.baselines import average, cross_voter, plain_median, select
+from rig.computer.redundancy.box import BOXES
+from rig.computer.redundancy.config import MANAGERS
+from rig.computer.redundancy.manager import NO_RESETS, ManagerData, manage, new_state
+from rig.frame import Block
+from rig.kernels import kernel
+
+_MEAN: Final = MANAGERS.index("mean")
+_MEDIAN: Final = MANAGERS.index("median")
+_CROSS_VOTER: Final = MANAGERS.index("cross-voter")
+_SELECTION: Final = MANAGERS.index("selection")
+
+
+class Manager:
+    """A manager of the house; ``state`` is plain data and can be copied.
+
+    name : one of MANAGERS; params : (S,) config.PARAMS; resets : config.RESETS, the commands of the flight
+    box_signals, box_persistence : as in config.Config; 0 signals: no channel is failed as a box
+    """
+
+    def __init__(
+        self,
+        name: str,
+        params: NDArray[np.void],
+        resets: NDArray[np.void] = NO_RESETS,
+        *,
+        box_signals: int = 0,
+        box_persistence: int = 1,
+    ) -> None:
+        self.choice = MANAGERS.index(name)
+        self.params = params
+        self.resets = resets
+        self.state = new_state(params)
+        self.boxes = np.zeros(1, BOXES)
+        self.boxes["signals"], self.boxes["persistence"] = box_signals, box_persistence
+
+    @property
+    def data(self) -> ManagerData:
+        """What ``vote_signals`` needs besides the row."""
+        return ManagerData(self.choice, self.params, self.state, self.resets, self.boxes)
+
+    def step(self, block: Block, k: int) -> None:
+        """Vote and monitor every signal of row k."""
+        vote_signals(block, k, self.data)
+
+
+@kernel
+def vote_signals(block, k, data):
+    """Row k through the chosen manager, its place in MANAGERS."""
+    choice = data.choice
+    if choice == _MEAN:
+        average(block, k, data)
+    elif choice == _MEDIAN:
+        plain_median(block, k, data)
+    elif choice == _CROSS_VOTER:
+        cross_voter(block, k, data)
+    elif choice == _SELECTION:
+        select(block, k, data)
+    else:
+        manage(block, k, data)

@@ -1,0 +1,80 @@
+"""The design: from an aircraft's linear models to its gains.toml.
+
+The wanted crossover of each plane starts at a share of the actuator's bandwidth; the attitude loop is
+put a factor below it, and both come down until every margin holds (requirements.py).  What gains follow
+from the crossovers is in point_gains.py.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Final
+
+from rig.computer.control.gains import Gains, Point
+from rig.design import backup
+from rig.design.backup import Sensor
+from rig.design.linear import linearise
+from rig.design.loops import ACTUATORS
+from rig.design.point_gains import Shares, backup_gains, gains_at
+from rig.design.requirements import LAWS, Case, Requirements, met, whole, with_margins
+from rig.errors import RigError
+from rig.plant.airframe import Airframe
+
+_RATE_SHARES: Final = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)  # of the highest crossover
+_QUICK: Final = 3  # so many of them count as quick
+_ALPHA_SHARES: Final = (1.0, 0.7, 0.4)  # of the regulator's gain on alpha, in the longitudinal plane
+_ALTITUDE_SHARES: Final = (0.5, 0.35)  # altitude loop's crossover over the attitude loop's
+_ATTITUDE_SHARES: Final = (0.26, 0.22, 0.18, 0.15)  # attitude loop's crossover over the rate loop's
+_NEARNESS: Final = (1.0, 0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.6, 0.5, 0.4, 0.2)
+
+
+def design(airframe: Airframe, wanted: Requirements | None = None) -> Gains:
+    """Gains for every flight point of ``airframe``; RigError when the margins cannot be had.
+
+    Pure: the same aircraft and requirements give the same numbers.
+    """
+    wanted = wanted or Requirements()
+    cases = [Case(airframe, point, linearise(airframe, point), wanted) for point in airframe.flight_points]
+    cases.sort(key=lambda case: case.linear.trim.dynamic_pressure_pa)
+    return whole(airframe, wanted, [_design_point(case) for case in cases])
+
+
+def _design_point(case: Case) -> Point:
+    """For each plane the first candidate whose margins hold; the planes do not depend on each other."""
+    first = _candidates()[0]
+    chosen = dict.fromkeys(ACTUATORS, first)
+    for plane in case.planes:
+        for candidate in _candidates():
+            chosen[plane] = candidate
+            if met(case, gains_at(case, chosen), plane):
+                break
+        else:
+            raise RigError(f"{case.airframe.base_model} {case.point.name}: no {plane} gains keep the margins")
+    point = gains_at(case, chosen)
+    for sensor in backup.SENSORS:
+        point = _backed_up(case, point, sensor)
+    return with_margins(case, point)
+
+
+def _candidates() -> list[Shares]:
+    """Fast first: the attitude loop gives way before the rate loop loses more than a quarter."""
+    quick, slow = _RATE_SHARES[:_QUICK], _RATE_SHARES[_QUICK:]
+    tried = [Shares(*x) for x in product(quick, _ATTITUDE_SHARES, _ALPHA_SHARES, _ALTITUDE_SHARES)]
+    tried.sort(key=lambda x: (-x.altitude, -x.attitude, -x.alpha, -x.rate))
+    return tried + [Shares(rate, _ATTITUDE_SHARES[-1], 1.0, _ALTITUDE_SHARES[-1]) for rate in slow]
+
+
+def _backed_up(case: Case, point: Point, sensor: Sensor) -> Point:
+    """``point`` with the first compensator of ``sensor`` that keeps the margins, else the one that comes nearest."""
+    best, nearest = 0.0, point
+    for candidate in backup.candidates():
+        tried = point.model_copy(update=backup_gains(case, sensor, candidate))
+        loops = [case.loop(tried, law, "longitudinal", backup.LOST[sensor]) for law in LAWS]
+        for share in _NEARNESS:
+            if share <= best:
+                break
+            if all(case.keeps(loop, 0, share) for loop in loops):
+                best, nearest = share, tried
+        if best == 1.0:
+            break
+    return nearest

@@ -1,0 +1,184 @@
+"""The gains of one flight point, from the bandwidths that are wanted there.
+
+Inner loops are linear-quadratic regulators with integral action; one number a plane, the wanted
+crossover, sets their weights.  The loops outside these follow by separation of bandwidth.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rig.computer.control.gains import Point
+from rig.design import backup
+from rig.design.backup import Bandwidth, Sensor, regulator
+from rig.design.linear import Linear
+from rig.design.loops import ACTUATORS, Plane
+from rig.design.margins import Matrix
+from rig.design.requirements import Case
+
+
+@dataclass(frozen=True)
+class Shares:
+    """How fast one plane is to be: shares of the highest crossover, the rate loop's, the alpha gain, the attitude's."""
+
+    rate: float
+    attitude: float
+    alpha: float
+    altitude: float
+
+
+def gains_at(case: Case, chosen: dict[Plane, Shares]) -> Point:
+    """All gains of one flight point."""
+    crossover = {plane: chosen[plane].rate * _ceiling(case, plane) for plane in ACTUATORS}
+    wanted, linear, trim = case.wanted, case.linear, case.linear.trim
+    elevator = longitudinal_gain(linear, crossover["longitudinal"], wanted.integral_share)[0]
+    pitch = chosen["longitudinal"].attitude * crossover["longitudinal"]
+    path = path_gain(linear, pitch, chosen["longitudinal"].altitude * pitch)[0]
+    throttle = wanted.airspeed_crossover_rad_s / linear.longitudinal_b[0, 1]
+    return Point(
+        name=case.point.name,
+        dynamic_pressure_pa=trim.dynamic_pressure_pa,
+        trim_airspeed_m_s=trim.airspeed_m_s,
+        trim_alpha_rad=trim.alpha_rad,
+        trim_theta_rad=trim.theta_rad,
+        trim_elevator_rad=trim.elevator_rad,
+        trim_throttle=trim.throttle,
+        elevator_alpha=chosen["longitudinal"].alpha * elevator[0],
+        elevator_pitch_rate_s=elevator[1],
+        elevator_pitch_rate_integral=elevator[2],
+        throttle_airspeed_s_m=throttle,
+        throttle_airspeed_integral_1_m=throttle * wanted.airspeed_crossover_rad_s / 5.0,
+        pitch_angle_1_s=pitch,
+        path_pitch=path[0],
+        path_climb_angle=path[1],
+        path_altitude_1_s=path[2],
+        path_altitude_integral_1_s2=path[3],
+        **_lateral(case, crossover["lateral"], chosen["lateral"].attitude * crossover["lateral"]),
+        **_model(case),
+    )
+
+
+def _ceiling(case: Case, plane: Plane) -> float:
+    """The highest rate-loop crossover that is tried [rad/s]."""
+    lag = getattr(case.airframe, ACTUATORS[plane][0]).lag_s
+    return case.wanted.actuator_share / lag
+
+
+def _lateral(case: Case, crossover: float, roll: float) -> dict[str, float]:
+    """The gains on aileron and rudder, zero where these move nothing; ``roll`` the attitude loop's crossover."""
+    wanted, linear = case.wanted, case.linear
+    aileron, rudder, command, attitude = np.zeros(2), np.zeros(3), 0.0, 0.0
+    if linear.rolls:
+        aileron = roll_gain(linear, crossover, wanted.integral_share)[0]
+        rudder = yaw_gain(linear, wanted.rudder_share * crossover, wanted.sideslip_share)[0]
+        command = -linear.lateral_a[2, 0] / linear.lateral_b[2, 1]
+        attitude = roll
+    turn = wanted.heading_share * attitude
+    return {
+        "aileron_roll_rate_s": aileron[0],
+        "aileron_roll_rate_integral": aileron[1],
+        "rudder_beta": rudder[0],
+        "rudder_yaw_rate_s": rudder[1],
+        "rudder_beta_integral_1_s": rudder[2],
+        "rudder_sideslip_command": command,
+        "roll_angle_1_s": attitude,
+        "heading_1_s": turn,
+        "heading_yaw_1_s": wanted.yaw_share * turn,
+        "max_roll_rate_rad_s": _max_roll_rate(case),
+        "max_sideslip_rad": _max_sideslip(case),
+    }
+
+
+def _model(case: Case) -> dict[str, Any]:
+    """What the observers know of the aircraft; the back-up law's compensators are designed when the rest is."""
+    return {
+        **_short_period(case),
+        **backup.roll_and_yaw(case.linear.lateral_a, case.linear.lateral_b),
+        **backup.NONE,
+    }
+
+
+def backup_gains(case: Case, sensor: Sensor, chosen: Bandwidth) -> dict[str, float]:
+    """The back-up law's gains on one sensor."""
+    a, b = case.linear.longitudinal_a[1:3, 1:3], case.linear.longitudinal_b[1:3, 0]
+    return backup.compensator(a, b, _short_period(case), sensor, chosen)
+
+
+def _short_period(case: Case) -> dict[str, float]:
+    a, b = case.linear.longitudinal_a[1:3, 1:3], case.linear.longitudinal_b[1:3, 0]
+    return backup.short_period(a, b, case.linear.trim.airspeed_m_s, case.airframe.accelerometer.x_m)
+
+
+def _max_roll_rate(case: Case) -> float:
+    """Six tenths of the steady roll rate at full aileron, within the envelope's share."""
+    a, b = case.linear.lateral_a, case.linear.lateral_b
+    full = min(case.airframe.aileron.max_rad, -case.airframe.aileron.min_rad)
+    reach = 0.6 * full * abs(b[1, 0] / a[1, 1]) if case.linear.rolls else math.inf
+    return min(reach, case.wanted.envelope_share * case.airframe.limits.body_rate_max_rad_s)
+
+
+def _max_sideslip(case: Case) -> float:
+    """Three tenths of the steady sideslip at full rudder, within half of the envelope's share."""
+    a, b = case.linear.lateral_a, case.linear.lateral_b
+    full = min(case.airframe.rudder.max_rad, -case.airframe.rudder.min_rad)
+    reach = 0.3 * full * abs(b[2, 1] / a[2, 0]) if case.linear.rolls else math.inf
+    return min(reach, 0.5 * case.wanted.envelope_share * case.airframe.limits.sideslip_max_rad)
+
+
+def longitudinal_gain(linear: Linear, crossover: float, integral_share: float) -> Matrix:
+    """(1, 3) elevator gain on alpha, q and the integral of the q error.
+
+    Weights: q 1, its integral (share * crossover)^2, elevator (M_elevator / crossover)^2; with these
+    the ideal loop crosses near ``crossover`` [rad/s].
+    """
+    a, b = np.zeros((3, 3)), np.zeros((3, 1))
+    a[:2, :2] = linear.longitudinal_a[1:3, 1:3]
+    a[2, 1] = 1.0
+    b[:2, 0] = linear.longitudinal_b[1:3, 0]
+    q = np.diag([0.0, 1.0, (integral_share * crossover) ** 2])
+    return regulator(a, b, q, np.array([[(b[1, 0] / crossover) ** 2]]))
+
+
+def path_gain(linear: Linear, pitch: float, crossover: float) -> Matrix:
+    """(1, 4) gains of the pitch attitude command on theta, climb angle, altitude / V and its integral.
+
+    The attitude loop counts as a lag of 1 / ``pitch``, the path follows the nose at -Z_alpha.
+    Weights: altitude / V 1, its integral (crossover / 8)^2, attitude command 1 / crossover^2.
+    """
+    follow = -linear.longitudinal_a[1, 1]
+    a, b = np.zeros((4, 4)), np.array([[pitch], [0.0], [0.0], [0.0]])
+    a[0, 0] = -pitch
+    a[1, 0], a[1, 1] = follow, -follow
+    a[2, 1] = a[3, 2] = 1.0
+    q = np.diag([0.0, 0.0, 1.0, (crossover / 8.0) ** 2])
+    return regulator(a, b, q, np.array([[1.0 / crossover**2]]))
+
+
+def roll_gain(linear: Linear, crossover: float, integral_share: float) -> Matrix:
+    """(1, 2) aileron gain on p and the integral of the p error, for the roll mode alone.
+
+    Weights: p 1, its integral (share * crossover)^2, aileron (L_aileron / crossover)^2.
+    """
+    a = np.array([[linear.lateral_a[1, 1], 0.0], [1.0, 0.0]])
+    b = np.array([[linear.lateral_b[1, 0]], [0.0]])
+    q = np.diag([1.0, (integral_share * crossover) ** 2])
+    return regulator(a, b, q, np.array([[(b[0, 0] / crossover) ** 2]]))
+
+
+def yaw_gain(linear: Linear, crossover: float, sideslip_share: float) -> Matrix:
+    """(1, 3) rudder gain on beta, r and the integral of the beta error, for the Dutch roll alone.
+
+    Weights: r 1, integral of beta (share * crossover^2)^2, rudder (N_rudder / crossover)^2.  One
+    regulator for both surfaces would cross-feed roll into the rudder: with the large and changing
+    dihedral effect of a fighter that costs the Dutch roll its damping, and turbulence its heading.
+    """
+    a = np.zeros((3, 3))
+    a[:2, :2] = linear.lateral_a[np.ix_((0, 2), (0, 2))]
+    a[2, 0] = 1.0
+    b = np.array([[linear.lateral_b[0, 1]], [linear.lateral_b[2, 1]], [0.0]])
+    q = np.diag([0.0, 1.0, (sideslip_share * crossover**2) ** 2])
+    return regulator(a, b, q, np.array([[(b[1, 0] / crossover) ** 2]]))

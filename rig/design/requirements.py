@@ -1,0 +1,129 @@
+"""What every loop of a design must keep, and whether it does.
+
+What is checked is the whole sampled loop, with the law as it is coded (loops.py, margins.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from typing import Final
+
+from pydantic import Field
+
+from rig.computer.control.gains import Gains, Margin, Point
+from rig.design import backup, loops
+from rig.design.linear import Linear
+from rig.design.loops import ACTUATORS, Law, Plane
+from rig.design.margins import Loop, holds, margins
+from rig.plant.airframe import Airframe, FlightPoint
+from rig.settings import Settings
+
+LAWS: Final[tuple[Law, Law]] = ("stick", "autopilot")
+# Losses whose margins are written down: what is lost at once, no reference left.
+LOSSES: Final[dict[Plane, tuple[tuple[str, ...], ...]]] = {
+    "longitudinal": (
+        ("pitch_rate",),
+        ("angle_of_attack",),
+        ("normal_load_factor",),
+        ("angle_of_attack", "normal_load_factor"),
+        ("pitch_angle",),
+        ("static_pressure",),
+        ("dynamic_pressure",),
+        *backup.LOST.values(),
+    ),
+    "lateral": (("roll_rate",), ("yaw_rate",), ("angle_of_sideslip",), ("roll_angle",), ("heading",)),
+}
+
+
+class Requirements(Settings):
+    """What every loop must keep, and the ratios that the design starts from."""
+
+    rate_hz: float = Field(default=100.0, gt=0.0)
+    sensor_lag_s: float = Field(default=0.01, gt=0.0)
+    gain_margin_db: float = Field(default=6.5, gt=0.0)  # 0.5 dB more than 6 dB
+    phase_margin_deg: float = Field(default=46.0, gt=0.0)  # 1 degree more than 45
+    actuator_share: float = Field(default=0.25, gt=0.0)  # of its bandwidth, the highest crossover tried
+    rudder_share: float = Field(default=0.7, gt=0.0)  # rudder's crossover over the aileron's
+    integral_share: float = Field(default=0.2, gt=0.0)  # integral weight over proportional weight and crossover
+    sideslip_share: float = Field(default=0.03, ge=0.0)  # weight of the sideslip integral
+    heading_share: float = Field(default=0.25, gt=0.0)  # heading over roll attitude
+    yaw_share: float = Field(default=2.5, ge=0.0)  # heading hold by rudder over heading hold by bank
+    airspeed_crossover_rad_s: float = Field(default=0.15, gt=0.0)
+    envelope_share: float = Field(default=0.7, gt=0.0, lt=1.0)  # of the departure limits, what the stick may ask
+
+
+@dataclass(frozen=True)
+class Case:
+    """One flight point under design."""
+
+    airframe: Airframe
+    point: FlightPoint
+    linear: Linear
+    wanted: Requirements
+
+    @property
+    def planes(self) -> list[Plane]:
+        """What is designed: an aircraft that only moves up and down has no lateral law."""
+        return list(ACTUATORS) if self.linear.rolls else ["longitudinal"]
+
+    def loop(self, point: Point, law: Law, plane: Plane, lost: Sequence[str] = ()) -> Loop:
+        """The whole loop of one plane with the gains of ``point``, the ``lost`` signals gone."""
+        gains = whole(self.airframe, self.wanted, [point])
+        return loops.build(self.airframe, self.point, self.linear, gains, law, plane, lost)
+
+    def keeps(self, loop: Loop, actuator: int, share: float = 1.0) -> bool:
+        """Whether the margins at one actuator are at least a ``share`` of what is wanted."""
+        return holds(loop, actuator, share * self.wanted.gain_margin_db, share * self.wanted.phase_margin_deg)
+
+
+def whole(airframe: Airframe, wanted: Requirements, points: list[Point]) -> Gains:
+    """The gains of an aircraft from those of its flight points."""
+    share, limits = wanted.envelope_share, airframe.limits
+    return Gains(
+        rate_hz=wanted.rate_hz,
+        sensor_lag_s=wanted.sensor_lag_s,
+        max_load_factor=1.0 + share * (limits.load_factor_max - 1.0),
+        min_load_factor=1.0 + share * (limits.load_factor_min - 1.0),
+        max_alpha_rad=share * limits.angle_of_attack_max_rad,
+        elevator_lag_s=airframe.elevator.lag_s,
+        aileron_lag_s=airframe.aileron.lag_s,
+        rudder_lag_s=airframe.rudder.lag_s,
+        points=points,
+    )
+
+
+def met(case: Case, point: Point, plane: Plane) -> bool:
+    """Whether every loop of one plane keeps its margins, under the stick and under the autopilot."""
+    for law in LAWS:
+        loop = case.loop(point, law, plane)
+        if not all(case.keeps(loop, i) for i, _ in _closed(law, plane)):
+            return False
+    return True
+
+
+def with_margins(case: Case, point: Point) -> Point:
+    """``point`` with the margins that it leaves, and those of the autopilot while some signals are lost for good."""
+    found: dict[Law, dict[str, Margin]] = {law: {} for law in LAWS}
+    lost_margins: dict[str, dict[str, Margin]] = {}
+    for plane in case.planes:
+        for law in LAWS:
+            loop = case.loop(point, law, plane)
+            found[law] |= {actuator: _margin(loop, i) for i, actuator in _closed(law, plane)}
+        for lost in LOSSES[plane]:
+            loop = case.loop(point, "autopilot", plane, lost)
+            numbers = (0,) if plane == "longitudinal" else (0, 1)  # elevator, aileron and rudder
+            lost_margins["_and_".join(lost)] = {ACTUATORS[plane][i]: _margin(loop, i) for i in numbers}
+    margins = {"stick_margins": found["stick"], "autopilot_margins": found["autopilot"], "lost_margins": lost_margins}
+    return point.model_copy(update=margins)
+
+
+def _closed(law: Law, plane: Plane) -> Iterator[tuple[int, str]]:
+    """The actuators that the law moves by feedback, by number: with the sticks the throttle is the pilot's."""
+    for i, actuator in enumerate(ACTUATORS[plane]):
+        if not (law == "stick" and actuator == "throttle"):
+            yield i, actuator
+
+
+def _margin(loop: Loop, actuator: int) -> Margin:
+    return Margin(**asdict(margins(loop, actuator)))

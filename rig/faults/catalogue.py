@@ -1,0 +1,128 @@
+"""One entry for each kind of fault: cause, places, parameters with units, an example that flies."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import asdict, dataclass
+from types import UnionType
+from typing import Any, Final, Literal, Union, get_args, get_origin
+
+import tomli_w
+from pydantic.fields import FieldInfo
+
+from rig.errors import BadInput
+from rig.faults import KINDS
+from rig.faults.settings import Placed, Triggered
+from rig.files import bundled
+from rig.settings import Settings, read_toml
+from rig.text import choices, shorten
+
+# The bundled scenario that shows each kind.
+EXAMPLES: Final = {
+    "offset": "f16_pull_up_load_factor_offset",
+    "drift": "b747_static_pressure_drift",
+    "hardover": "f16_pitch_rate_hardover",
+    "scale": "b737_roll_rate_scale",
+    "sign_reversal": "f16_lateral_load_factor_sign_reversal",
+    "stuck": "b747_angle_of_attack_stuck",
+    "noise": "b737_yaw_rate_noise",
+    "oscillation": "f16_normal_load_factor_oscillation",
+    "spikes": "f16_angle_of_attack_spikes",
+    "intermittent": "b747_heading_intermittent",
+    "dropout": "f16_lost_sticks",
+    "delay": "b737_static_pressure_delay",
+    "frame_skew": "f16_pitch_rate_frame_skew",
+    "quantisation": "b747_dynamic_pressure_quantisation",
+    "cross_talk": "f16_stick_roll_cross_talk",
+    "duplicate_frame": "b737_roll_angle_duplicate_frame",
+    "inverted": "b737_gear_down_inverted",
+    "toggling": "b747_engagement_toggling",
+    "ilm": "f16_singular_2_2_lying_ilm",
+    "rate_loss": "b747_elevator_rate_loss",
+    "pitot_icing": "b737_pitot_icing",
+    "vane_icing": "b747_vane_icing",
+}
+_UNITS: Final = {
+    "signal": "unit of the signal",
+    "signal/s": "unit of the signal per s",
+    "signal/source": "unit of the signal per unit of the source",
+}
+_ALLOWED: Final = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One key of a fault."""
+
+    name: str
+    unit: str
+    default: Any  # None: none, see ``required``
+    required: bool
+    allowed: str
+    meaning: str
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One kind of fault; ``parameters`` are its own, ``common()`` are those of every kind."""
+
+    kind: str
+    what: str  # it does, and the physical cause
+    sites: list[str]
+    parameters: list[Parameter]
+    scenario: str
+    example: str  # TOML
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data, as ``rig faults list --json`` prints it."""
+        return asdict(self)
+
+
+def entries() -> list[Entry]:
+    """The whole catalogue."""
+    return [entry(kind) for kind in KINDS]
+
+
+def entry(kind: str) -> Entry:
+    """The entry of a kind; BadInput when there is none."""
+    if kind not in KINDS:
+        raise BadInput(f"{shorten(kind)}: no such kind of fault, {choices(kind, KINDS, 'rig faults list')}")
+    model: type[Settings] = KINDS[kind]
+    own = {name: info for name, info in model.model_fields.items() if name not in (*Triggered.model_fields, "kind")}
+    sites: list[str] = [*model.sites] if issubclass(model, Placed) else ["channel"]
+    parameters = [_parameter(name, info) for name, info in own.items()]
+    return Entry(kind, inspect.getdoc(model) or "", sites, parameters, EXAMPLES[kind], _example(kind))
+
+
+def common() -> list[Parameter]:
+    """The keys of every kind: name, trigger, duration, repetition."""
+    return [_parameter(name, info) for name, info in Triggered.model_fields.items()]
+
+
+def _parameter(name: str, info: FieldInfo) -> Parameter:
+    extra = info.json_schema_extra if isinstance(info.json_schema_extra, dict) else {}
+    unit = str(extra.get("unit", ""))
+    default = None if info.is_required() else info.get_default()
+    return Parameter(
+        name, _UNITS.get(unit, unit), default, info.is_required(), _allowed(info), str(info.description or "")
+    )
+
+
+def _allowed(info: FieldInfo) -> str:
+    """The choices or the bounds of a setting, in words."""
+    choices = _choices(info.annotation)
+    bounds = [f"{sign} {getattr(m, key):g}" for m in info.metadata for key, sign in _ALLOWED.items() if hasattr(m, key)]
+    return ", ".join(choices or bounds)
+
+
+def _choices(annotation: Any) -> list[str]:
+    if get_origin(annotation) is Literal:
+        return list(map(str, get_args(annotation)))
+    inside = get_args(annotation) if get_origin(annotation) in (list, Union, UnionType) else ()
+    return [choice for part in inside for choice in _choices(part)]
+
+
+def _example(kind: str) -> str:
+    """The first fault of the kind in its scenario, as TOML."""
+    faults = read_toml(bundled("faults") / f"{EXAMPLES[kind]}.toml")["faults"]
+    return tomli_w.dumps({"faults": [next(fault for fault in faults if fault["kind"] == kind)]})

@@ -1,0 +1,167 @@
+"""CONFIG of ``rig vote``: how each recorded signal is monitored and voted, and where its channels are.
+
+    [default]          # for all signals; keys and defaults are those of rig.computer.redundancy.SignalConfig
+    [signal.<name>]    # for one, key by key over the default
+    [discrete.<name>]  # columns <name>.1 to .4 of a yes/no quantity, with its fail-safe value
+    [mapping]          # columns of a foreign recording: "gyro.1" = "/imu1:angular_velocity.x"
+    [[resets]]         # commands to readmit, as in a scenario
+    time_column        # of mapped tables, "time_s" when not given
+
+Everything is checked before a row is voted; errors name the file and the key.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Collection
+from math import pi
+from pathlib import Path
+from typing import Any, ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, field_validator
+
+from rig.computer.redundancy.config import MANAGERS, RESETS, SignalConfig
+from rig.computer.redundancy.config import Reset as FlightReset
+from rig.computer.redundancy.discrete_config import DiscreteConfig
+from rig.errors import BadInput
+from rig.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS, TWO_PI
+from rig.settings import Settings, build, read_toml
+from rig.text import choices, nearest, quoted, shorten
+
+ANY_NUMBER: Final = (-sys.float_info.max, sys.float_info.max)  # finite: infinity is never a sample
+TURN_SLACK: Final = 1e-3  # so that a turn may be written as 6.283
+MOST_ANGLE_RAD: Final = 1e6  # beyond it the fraction of a turn is lost to rounding
+
+
+class RecordedSignal(SignalConfig):
+    """A ``[signal.<name>]`` table: the settings of flight and what flight knows from its sensors.
+
+    ``range`` and ``wraps`` of a signal that is called as one of the rig's own are by default those of flight.
+    """
+
+    range: list[float] | None = Field(default=None, min_length=2, max_length=2)  # a sample outside is invalid
+    wraps: bool = False  # an angle in rad
+    manager: str = "cross-channel"  # one of rig.computer.redundancy.MANAGERS, or module:Class
+
+    @field_validator("manager")
+    @classmethod
+    def _known_manager(cls, name: str) -> str:
+        if name not in MANAGERS and ":" not in name:
+            raise ValueError(f"unknown manager, allowed: {', '.join(MANAGERS)} or module:Class")
+        return name
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The range with its default: one turn for an angle, else every number."""
+        if self.range is not None:
+            return self.range[0], self.range[1]
+        return (-pi, pi) if self.wraps else ANY_NUMBER
+
+
+class RecordedDiscrete(DiscreteConfig):
+    """A ``[discrete.<name>]`` table.
+
+    ``fail_safe`` of a discrete that is called as one of the rig's own is by default that of flight.
+    """
+
+
+class Reset(FlightReset):
+    """A reset command, for a signal of any name."""
+
+    at_s: float = Field(ge=0, le=1e11)  # in the recording's time, which may be that of a calendar
+
+    @field_validator("signal")
+    @classmethod
+    def _known(cls, name: str) -> str:
+        return name  # whether the recording has it is checked when it has been read
+
+
+class VoteConfig(Settings):
+    """The whole file; tables of signals are checked by ``signals`` when their names are known."""
+
+    keys_are_in: ClassVar[str] = "docs/vote.md"
+
+    default: dict[str, Any] | None = None
+    signal: dict[str, dict[str, Any]] = {}
+    discrete: dict[str, RecordedDiscrete] = {}
+    mapping: dict[str, str] = {}
+    time_column: str = "time_s"
+    resets: list[Reset] = []
+
+    def signals(self, present: Collection[str], source: str) -> dict[str, RecordedSignal]:
+        """Settings of the signals to be voted, those of ``present`` that a table or the default names."""
+        asked = [*self.signal, *(reset.signal for reset in self.resets if reset.signal not in self.discrete)]
+        for name in asked:
+            if name not in present:
+                raise BadInput(f"{source}: signal {quoted(name)} is not in the input; {choices(name, present)}")
+        chosen = [name for name in present if name in self.signal or self.default is not None]
+        if not chosen and not self.discrete:
+            raise BadInput(f"{source}: no signal to vote: add [signal.<name>], [discrete.<name>] or [default]")
+        return {name: self._settings(name, source) for name in chosen}
+
+    def discretes(self, present: Collection[str], source: str) -> dict[str, RecordedDiscrete]:
+        """Settings of the discretes, each with its fail-safe value; all of them must be ``present``."""
+        found: dict[str, RecordedDiscrete] = {}
+        for name, given in self.discrete.items():
+            if name not in present:
+                raise BadInput(f"{source}: discrete {quoted(name)} is not in the input; {choices(name, present)}")
+            fail_safe = given.fail_safe
+            if fail_safe is None and name in DISCRETE_INDEX:
+                fail_safe = DISCRETES[DISCRETE_INDEX[name]].fail_safe
+            if fail_safe is None:
+                raise BadInput(f"{source}: discrete.{name}: fail_safe: field required, 0 or 1")
+            found[name] = given.model_copy(update={"fail_safe": fail_safe})
+        return found
+
+    def _settings(self, name: str, source: str) -> RecordedSignal:
+        own = self.signal.get(name, {})
+        table = f"signal.{name}" if own or self.default is None else "default"
+        merged = {**_of_flight(name), **(self.default or {}), **own}
+        settings = build(RecordedSignal, merged, f"{source}: {table}")
+        low, high = settings.limits
+        if low >= high:
+            raise BadInput(f"{source}: {table}: range: low must be below high, got {[low, high]}")
+        if settings.wraps and high - low < TWO_PI - TURN_SLACK:
+            raise BadInput(
+                f"{source}: {table}: range: an angle that wraps needs a whole turn in rad, got {[low, high]}"
+            )
+        if settings.wraps and max(-low, high) > MOST_ANGLE_RAD:
+            raise BadInput(
+                f"{source}: {table}: range: an angle that wraps stays within {MOST_ANGLE_RAD:g} rad, got {[low, high]}"
+            )
+        return settings
+
+
+def _of_flight(name: str) -> dict[str, Any]:
+    if name not in INDEX:
+        return {}
+    signal = SIGNALS[INDEX[name]]
+    return {"range": [signal.low, signal.high], "wraps": signal.wraps}
+
+
+def read_config(path: Path) -> VoteConfig:
+    """The CONFIG at ``path``; BadInput names the file and the key."""
+    config = build(VoteConfig, read_toml(path), str(path))
+    for name in config.discrete:
+        if name in config.signal:
+            raise BadInput(f"{path}: {name!r} is a signal and a discrete: keep one of the tables")
+    for table, keys in (("default", config.default or {}), *((f"signal.{n}", t) for n, t in config.signal.items())):
+        for key in keys:
+            if key not in RecordedSignal.model_fields:
+                near = ", ".join(nearest(key, RecordedSignal.model_fields)[:1])
+                raise BadInput(
+                    f"{path}: {table}.{shorten(key)}: unknown key; nearest: {near}; all keys: {VoteConfig.keys_are_in}"
+                )
+    return config
+
+
+def reset_table(resets: list[Reset], name: str, time_s: NDArray[np.float64]) -> NDArray[np.void]:
+    """The commands for one signal as RESETS records; each acts in the first row at or after its time."""
+    mine = [reset for reset in resets if reset.signal == name]
+    table = np.zeros(len(mine), RESETS)
+    for row, reset in zip(table, mine, strict=True):
+        row["frame"] = np.searchsorted(time_s, reset.at_s)
+        row["channel"][np.array(reset.channels) - 1] = 1
+    return table

@@ -1,0 +1,160 @@
+"""What a vote came to: as one JSON object, and as tables for people."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from rig.frame import Pattern, State
+from rig.offline.align import Corrections
+from rig.offline.clock import Floats
+from rig.offline.discrete_vote import VotedDiscrete
+from rig.offline.recording import Recording
+from rig.offline.vote import Voted
+from rig.offline.write_votes import Result
+
+_SINGULAR = [int(pattern) for pattern in Pattern if pattern.is_singular]
+
+
+def summary(recording: Recording, voted: Result, corrections: Corrections | None) -> dict[str, Any]:
+    """Per signal and channel; rows are counted from 1 as in the input."""
+    return {
+        "rows": len(recording.time_s),
+        "first_row": recording.row(0),
+        "rate_hz": recording.rate_hz,
+        "time_s": [float(recording.time_s[0]), float(recording.time_s[-1])],
+        "repaired": [asdict(repair) for repair in recording.repairs],
+        "not_voted": [name for name in recording.signals if name not in voted.signals],
+        "signals": {name: _signal(signal, (corrections or {}).get(name)) for name, signal in voted.signals.items()},
+        "discretes": {name: _discrete(discrete) for name, discrete in voted.discretes.items()},
+    }
+
+
+def _signal(signal: Voted, corrections: list[Any] | None) -> dict[str, Any]:
+    return {
+        "manager": signal.settings.manager,
+        "threshold": signal.settings.threshold,
+        "level": int(signal.level[-1]),
+        "singular_share": float(np.isin(signal.pattern, _SINGULAR).mean()),
+        "spread": _spread(signal.spread),
+        "voted": _extremes(signal.voted),
+        "channels": [_channel(signal, c, corrections) for c in range(len(signal.state))],
+    }
+
+
+def _discrete(discrete: VotedDiscrete) -> dict[str, Any]:
+    return {
+        "fail_safe": discrete.settings.fail_safe,
+        "level": int(discrete.level[-1]),
+        "ones_share": float(discrete.voted.mean()),
+        "changes": int((discrete.voted[1:] != discrete.voted[:-1]).sum()),
+        "channels": [_channel(discrete, c, None) for c in range(len(discrete.state))],
+    }
+
+
+def _extremes(voted: Floats) -> dict[str, float | None]:
+    known = voted[np.isfinite(voted)]
+    return {"min": float(known.min()), "max": float(known.max())} if len(known) else {"min": None, "max": None}
+
+
+def _spread(spread: Floats) -> dict[str, float | None]:
+    known = spread[np.isfinite(spread)]
+    if len(known) == 0:
+        return {"median": None, "p95": None, "max": None}
+    median, p95 = np.quantile(known, [0.5, 0.95])
+    return {"median": float(median), "p95": float(p95), "max": float(known.max())}
+
+
+def _channel(signal: Voted | VotedDiscrete, c: int, corrections: list[Any] | None) -> dict[str, Any]:
+    said: dict[str, Any] = {
+        "channel": c + 1,
+        "state": State(signal.state[c][-1]).name.lower(),
+        "failed": [
+            {"frame": failure.frame, "time_s": failure.time_s, "why": failure.why}
+            for failure in signal.failures
+            if failure.channel == c + 1
+        ],
+        "invalid_samples": signal.invalid[c],
+    }
+    if corrections is not None:
+        found = corrections[c]
+        said["alignment"] = {name: getattr(found, name) for name in found.__slots__}
+    return said
+
+
+def show(screen: Console, found: dict[str, Any]) -> None:
+    """The summary as tables."""
+    first, last = found["time_s"]
+    screen.print(f"{found['rows']} rows from {first:g} to {last:g} s, {found['rate_hz']:g} a second")
+    for repair in found["repaired"]:
+        screen.print(_repaired(repair), soft_wrap=True)
+    aligned = any("alignment" in channel for signal in found["signals"].values() for channel in signal["channels"])
+    if aligned:
+        screen.print(_alignment_table(found))
+    if found["signals"]:
+        screen.print(_signal_table(found))
+    if found["discretes"]:
+        screen.print(_discrete_table(found))
+    screen.print(_failure_table(found))
+    if found["not_voted"]:
+        screen.print(f"not voted, as CONFIG does not name them: {', '.join(found['not_voted'])}")
+
+
+def _repaired(repair: dict[str, Any]) -> str:
+    rows = ", ".join(map(str, repair["first"])) + (", ..." if repair["dropped"] > len(repair["first"]) else "")
+    of = f"{repair['rows']} rows of {repair['source']}"
+    return f"dropped {repair['dropped']} of {of}, where time repeats or steps back: {rows}"
+
+
+def _signal_table(found: dict[str, Any]) -> Table:
+    table = Table("signal", "level", "singular frames", "spread median", "95 %", "worst", "voted from", "to", box=None)
+    for name, signal in found["signals"].items():
+        spread = [_number(value) for value in signal["spread"].values()]
+        voted = [_number(value) for value in signal["voted"].values()]
+        table.add_row(name, str(signal["level"]), f"{100 * signal['singular_share']:.3g} %", *spread, *voted)
+    return table
+
+
+def _discrete_table(found: dict[str, Any]) -> Table:
+    table = Table("discrete", "level", "fail-safe", "voted 1", "changes", box=None)
+    for name, discrete in found["discretes"].items():
+        share = f"{100 * discrete['ones_share']:.3g} %"
+        table.add_row(name, str(discrete["level"]), str(discrete["fail_safe"]), share, str(discrete["changes"]))
+    return table
+
+
+def _failure_table(found: dict[str, Any]) -> Table:
+    table = Table("channel", "at the end", "failed in frame", "at", "by", "invalid samples", box=None)
+    for name, signal in {**found["signals"], **found["discretes"]}.items():
+        for channel in signal["channels"]:
+            times = [(str(f["frame"]), f"{f['time_s']:.6g} s", f["why"]) for f in channel["failed"]]
+            first, *again = times or [("never", "", "")]
+            table.add_row(f"{name}.{channel['channel']}", channel["state"], *first, str(channel["invalid_samples"]))
+            for later in again:
+                table.add_row("", "", *later, "")
+    return table
+
+
+def _alignment_table(found: dict[str, Any]) -> Table:
+    table = Table("channel", "delay in frames", "in ms", "offset", "correlation", "", box=None)
+    for name, signal in found["signals"].items():
+        for channel in signal["channels"]:
+            a = channel["alignment"]
+            note = "" if a["aligned"] else "left alone: like no other channel"
+            table.add_row(
+                f"{name}.{channel['channel']}",
+                f"{a['delay_frames']:.2f}",
+                f"{1e3 * a['delay_s']:.2f}",
+                _number(a["offset"]),
+                f"{a['correlation']:.2f}",
+                note,
+            )
+    return table
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.4g}"

@@ -1,0 +1,189 @@
+"""The fault-tolerant law against the plain one under common faults of rates and attitudes.
+
+Every case is flown by the plain law, by the fault-tolerant one, and once without the fault.  The altitude error is the
+largest difference of the true altitude from the flight without the fault, from the onset on; the two laws fly that
+flight alike, bit for bit.  Within bounds: no more than 1.5 times the plain law's error or 25 m more, whichever is more;
+where the plain law loses the aircraft, no earlier than it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+from shlex import quote
+from typing import Final
+
+import numpy as np
+
+from rig import scenario
+from rig.frame import FLIGHT_INDEX, Block, End, Lie, Trust
+from rig.loop import Rig, frames
+from rig.studies.workers import each
+
+AFTER_S: Final = 60.0  # flown after the onset
+POINTS: Final = {"f16": "20000ft_m06", "b747": "35000ft_m084", "b737": "30000ft_m074"}
+TURBULENCE: Final = ("none", "light", "moderate")
+ONSETS_S: Final = (5.0, 10.0, 20.0, 30.0, 40.0)
+SOME_ONSETS_S: Final = (10.0, 30.0)  # of what is not the bias of all four channels
+BIASES_RAD_S: Final = (0.002, 0.004, 0.005, 0.01, 0.02, 0.035, 0.05)
+SOME_BIASES_RAD_S: Final = (0.01, 0.02, 0.04)
+RAMP_S: Final = 20.0
+ALL_CHANNELS: Final = "[1,2,3,4]"
+HALVED: Final = ("yaw_rate", "heading", "roll_angle")
+FACTOR: Final = 1.5
+MORE_M: Final = 25.0
+LAWS: Final = ("autopilot", "fault-tolerant")
+_ALTITUDE: Final = FLIGHT_INDEX["altitude_m"]
+_LIES: Final = (Lie.EFFECTIVENESS, Lie.OFFSET, Lie.BOTH)
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A flight without its law and its fault; ``manoeuvres`` are inline tables of the pilot."""
+
+    aircraft: str
+    flight_point: str
+    turbulence: str
+    onset_s: float
+    seed: int
+    manoeuvres: str
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A fault without its onset: what it is called, how large it is, and its keys."""
+
+    kind: str
+    size: float
+    keys: str
+
+
+Flight = tuple[Case, list[Fault]]
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """One fault flown by both laws."""
+
+    case: Case
+    fault: Fault
+    plain_m: float
+    tolerant_m: float
+    plain_survived: bool
+    tolerant_survived: bool
+    within: bool
+    blamed: bool  # the pitch-angle sensor, which is good: corrected, or said to be off
+    answered_after_s: float | None  # a rate is biased
+    early: bool  # reported before the onset
+    identical: bool  # both laws gave the same surface commands, bit for bit
+    command: str  # flies it again
+
+
+def biases(kind: str, sizes: Sequence[float], channels: str, more: str = "") -> list[Fault]:
+    """Offsets of the pitch rate with both signs."""
+    keys = f'kind="offset",signal="pitch_rate",channels={channels}{more}'
+    return [Fault(kind, sign * size, f"{keys},offset={sign * size}") for size, sign in product(sizes, (1.0, -1.0))]
+
+
+ALL_FOUR: Final = biases("all four pitch rates", BIASES_RAD_S, ALL_CHANNELS)
+OTHERS: Final = [
+    *biases("two of four pitch rates", SOME_BIASES_RAD_S, "[1,2]"),
+    *biases(f"all four, over {RAMP_S:g} s", SOME_BIASES_RAD_S, ALL_CHANNELS, f",ramp_s={RAMP_S}"),
+    *(
+        Fault(f"{name} x 0.5", 0.5, f'kind="scale",signal="{name}",channels={ALL_CHANNELS},factor=0.5')
+        for name in ("pitch_rate", *HALVED)
+    ),
+]
+
+
+def cases(seeds: Sequence[int]) -> list[Case]:
+    """Every aircraft, turbulence and onset, with each seed."""
+    return [of_grid(*which) for which in product(POINTS, TURBULENCE, ONSETS_S, seeds)]
+
+
+def of_grid(aircraft: str, turbulence: str, onset_s: float, seed: int) -> Case:
+    """A case in which a turn and a climb come after the onset."""
+    turn = f'{{kind="hold",axis="heading",start_s={onset_s + 15.0},duration_s=20.0,amplitude=0.3}}'
+    climb = f'{{kind="step",axis="altitude",start_s={onset_s + 35.0},amplitude=60.0}}'
+    return Case(aircraft, POINTS[aircraft], turbulence, onset_s, seed, f"{turn},{climb}")
+
+
+def faults_of(case: Case) -> list[Fault]:
+    """Return the faults of a case of the grid."""
+    return [*ALL_FOUR, *(OTHERS if case.onset_s in SOME_ONSETS_S else ())]
+
+
+def grid(seeds: Sequence[int]) -> list[Flight]:
+    """Every case with its faults."""
+    return [(case, faults_of(case)) for case in cases(seeds)]
+
+
+def study(flights: Sequence[Flight], workers: int = 2) -> list[Flown]:
+    """Fly every case with its faults, by both laws."""
+    return [flown for part in each(fly_case, flights, workers) for flown in part]
+
+
+def fly_case(flight: Flight) -> list[Flown]:
+    """Fly all faults of one case."""
+    return list(fly_faults(*flight))
+
+
+def fly_faults(case: Case, faults: Sequence[Fault]) -> Iterator[Flown]:
+    """These faults, each by both laws."""
+    healthy = fly(settings(case, None, LAWS[0]), case.seed)
+    for fault in faults:
+        plain, tolerant = (fly(settings(case, fault, law), case.seed) for law in LAWS)
+        yield measure(case, fault, plain, tolerant, healthy)
+
+
+def settings(case: Case, fault: Fault | None, law: str) -> list[str]:
+    """The overrides of the default scenario."""
+    faults = "" if fault is None else f"{{{fault.keys},start_s={case.onset_s}}}"
+    return [
+        *(f"aircraft={case.aircraft}", f"flight_point={case.flight_point}", f"turbulence={case.turbulence}"),
+        *(f"duration_s={case.onset_s + AFTER_S}", f"pilot={{manoeuvres=[{case.manoeuvres}]}}"),
+        *(f"faults=[{faults}]", f"control.law={law}"),
+    ]
+
+
+def fly(sets: Sequence[str], seed: int) -> Block:
+    """All rows of one flight."""
+    chosen = scenario.load(None, sets, seed)
+    return np.concatenate([rows.copy() for rows, _ in frames(Rig(chosen), chosen)])
+
+
+def measure(case: Case, fault: Fault, plain: Block, tolerant: Block, healthy: Block) -> Flown:
+    """The two laws side by side."""
+    rate_hz = len(healthy) / (case.onset_s + AFTER_S)
+    onset = round(case.onset_s * rate_hz)
+    errors = [error(rows, healthy, onset) for rows in (plain, tolerant)]
+    survived = [bool(rows["end"][-1] == End.FLYING) for rows in (plain, tolerant)]
+    answered = np.flatnonzero(tolerant["lie"][onset:] == Lie.RATE_BIAS)
+    blamed = (tolerant["trust"] == Trust.CORRECTED) | np.isin(tolerant["lie"], _LIES)
+    flags = [f"--set {quote(key)}" for key in settings(case, fault, LAWS[1])]
+    return Flown(
+        case=case,
+        fault=fault,
+        plain_m=errors[0],
+        tolerant_m=errors[1],
+        plain_survived=survived[0],
+        tolerant_survived=survived[1],
+        within=survived[1] and errors[1] <= bound(errors[0]) if survived[0] else len(tolerant) >= len(plain),
+        blamed=bool(blamed.any()),
+        answered_after_s=float(answered[0]) / rate_hz if len(answered) else None,
+        early=bool((tolerant["lie"][:onset] == Lie.RATE_BIAS).any()),
+        identical=plain["actuator"].tobytes() == tolerant["actuator"].tobytes(),
+        command=" ".join(["rig fly", f"--seed {case.seed}", *flags]),
+    )
+
+
+def error(rows: Block, healthy: Block, onset: int) -> float:
+    """Largest difference of the true altitude [m] from the flight without the fault, as far as both went."""
+    both = min(len(rows), len(healthy))
+    return float(np.abs(rows["flight"][onset:both, _ALTITUDE] - healthy["flight"][onset:both, _ALTITUDE]).max())
+
+
+def bound(plain_m: float) -> float:
+    """What the altitude error [m] may be where the plain law's is ``plain_m``."""
+    return max(FACTOR * plain_m, plain_m + MORE_M)

@@ -1,0 +1,189 @@
+"""The fault-tolerant law against the plain one, flown: pitch-angle sensors that lie alike on all four channels.
+
+Every case is flown by three: the plain law on the mean of the channels, the plain law behind the voter, the
+fault-tolerant law behind the voter; and once without the fault, from which deviations of the truth are taken.
+The airframe is flown as designed and with its centre of gravity moved, which the law does not know.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from itertools import product
+from typing import Any, Final
+
+import numpy as np
+from scipy.stats import binomtest
+
+from rig import scenario
+from rig.frame import FLIGHT_INDEX, INDEX, Block, End, Trust
+from rig.loop import Rig, frames
+from rig.studies.workers import each
+
+ONSET_S: Final = 20.0
+LAST_S: Final = 10.0  # over which the steady deviation is taken
+DURATION_S: Final = 80.0
+POINTS: Final = {"b747": "35000ft_m084", "f16": "20000ft_m06"}
+SHIFTS_M: Final = {"b747": (0.0, -0.3, 0.3), "f16": (0.0, -0.03, 0.03)}  # of the centre of gravity, + is aft
+STEPS: Final = {
+    "pitch": '{kind="step",axis="pitch_angle",start_s=10.0,amplitude=0.05}',
+    "altitude": '{kind="step",axis="altitude",start_s=40.0,amplitude=60.0}',
+}
+TURBULENCE: Final = ("none", "moderate")
+FAULTS: Final = {
+    "F 0.2": 'kind="scale",factor=0.2',
+    "F 0.5": 'kind="scale",factor=0.5',
+    "F 0.8": 'kind="scale",factor=0.8',
+    "F 1.5": 'kind="scale",factor=1.5',
+    "offset +0.05": 'kind="offset",offset=0.05',
+    "offset -0.05": 'kind="offset",offset=-0.05',
+    "F to 0.5 over 10 s": 'kind="scale",factor=0.5,ramp_s=10.0',
+    "offset to 0.05 over 10 s": 'kind="offset",offset=0.05,ramp_s=10.0',
+}
+LAWS: Final = {
+    "plain": ("control.law=autopilot", "redundancy.manager=mean"),
+    "plain, voter": ("control.law=autopilot",),
+    "fault-tolerant": ("control.law=fault-tolerant",),
+}
+_THETA, _N_Z, _ALTITUDE = INDEX["pitch_angle"], INDEX["normal_load_factor"], FLIGHT_INDEX["altitude_m"]
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """What is flown but for the law and the fault."""
+
+    aircraft: str
+    hold: str
+    turbulence: str
+    cg_shift_m: float
+    seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """One flight with a fault; deviations of the true values from the flight without it, from the onset on."""
+
+    case: Case
+    fault: str
+    law: str
+    pitch_peak_rad: float
+    pitch_steady_rad: float
+    altitude_loss_m: float
+    load_factor_max: float
+    detected_after_s: float | None
+    survived: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """All flights of one fault, hold and law: the worst of each figure, shares with their exact 95 % intervals."""
+
+    fault: str
+    hold: str
+    law: str
+    flights: int
+    pitch_peak_rad: float
+    pitch_steady_rad: float
+    altitude_loss_m: float
+    load_factor_max: float
+    detected: int
+    detected_after_s: float | None
+    survived: int
+    survived_low: float
+    survived_high: float
+
+
+def cases(seeds: Sequence[int]) -> list[Case]:
+    """Every aircraft, hold, turbulence and centre of gravity, with each seed."""
+    return [
+        Case(name, hold, turbulence, shift, seed)
+        for name in POINTS
+        for hold, turbulence, shift, seed in product(STEPS, TURBULENCE, SHIFTS_M[name], seeds)
+    ]
+
+
+def study(seeds: Sequence[int] = (1,), workers: int = 2) -> tuple[list[Flown], int]:
+    """Fly everything; the flights with a fault, and how many there were in all."""
+    flown = [one for part in each(fly_case, cases(seeds), workers) for one in part]
+    return flown, len(flown) + len(LAWS) * len(cases(seeds))
+
+
+def fly_case(case: Case) -> list[Flown]:
+    """All faults and laws of one case."""
+    return [one for law in LAWS for one in _of_law(case, law)]
+
+
+def _of_law(case: Case, law: str) -> Iterator[Flown]:
+    healthy = fly(case, law, None)
+    for fault in FAULTS:
+        yield measure(case, fault, law, fly(case, law, fault), healthy)
+
+
+def fly(case: Case, law: str, fault: str | None) -> Block:
+    """All rows of one flight."""
+    told = "" if fault is None else f'{{signal="pitch_angle",channels=[1,2,3,4],start_s={ONSET_S},{FAULTS[fault]}}}'
+    sets = [
+        *(f"aircraft={case.aircraft}", f"flight_point={POINTS[case.aircraft]}", f"duration_s={DURATION_S}"),
+        *(f"turbulence={case.turbulence}", f"control.vertical={case.hold}", f"faults=[{told}]"),
+        *(f"pilot={{manoeuvres=[{STEPS[case.hold]}]}}", *LAWS[law]),
+    ]
+    chosen = scenario.load(None, sets, case.seed)
+    if case.cg_shift_m != 0.0:
+        shift = chosen.resolved()["airframe"].get("cg_x_shift_m", 0.0) + case.cg_shift_m
+        chosen = scenario.load(None, [*sets, f"airframe.cg_x_shift_m={shift}"], case.seed)
+    return np.concatenate([rows.copy() for rows, _ in frames(Rig(chosen), chosen)])
+
+
+def measure(case: Case, fault: str, law: str, rows: Block, healthy: Block) -> Flown:
+    """What the fault did to the true flight."""
+    rate_hz = len(healthy) / DURATION_S
+    onset, last = round(ONSET_S * rate_hz), round(LAST_S * rate_hz)
+    both = min(len(rows), len(healthy))
+    off = (rows["truth"][:both, _THETA] - healthy["truth"][:both, _THETA])[onset:]
+    lost = (healthy["flight"][:both, _ALTITUDE] - rows["flight"][:both, _ALTITUDE])[onset:]
+    found = np.flatnonzero(rows["trust"][onset:] == Trust.CORRECTED)
+    return Flown(
+        case=case,
+        fault=fault,
+        law=law,
+        pitch_peak_rad=float(np.abs(off).max()),
+        pitch_steady_rad=float(abs(off[-last:].mean())),
+        altitude_loss_m=float(max(lost.max(), 0.0)),
+        load_factor_max=float(rows["truth"][onset:, _N_Z].max()),
+        detected_after_s=float(found[0]) / rate_hz if len(found) else None,
+        survived=bool(rows["end"][-1] == End.FLYING),
+    )
+
+
+def summarise(flown: Sequence[Flown]) -> list[Summary]:
+    """By fault, hold and law."""
+    return [
+        _summary(fault, hold, law, [x for x in flown if (x.fault, x.case.hold, x.law) == (fault, hold, law)])
+        for hold, fault, law in product(STEPS, FAULTS, LAWS)
+    ]
+
+
+def _summary(fault: str, hold: str, law: str, flown: list[Flown]) -> Summary:
+    survived = sum(x.survived for x in flown)
+    interval = binomtest(survived, len(flown)).proportion_ci(0.95, "exact")
+    delays = [x.detected_after_s for x in flown if x.detected_after_s is not None]
+    return Summary(
+        fault=fault,
+        hold=hold,
+        law=law,
+        flights=len(flown),
+        pitch_peak_rad=max(x.pitch_peak_rad for x in flown),
+        pitch_steady_rad=max(x.pitch_steady_rad for x in flown),
+        altitude_loss_m=max(x.altitude_loss_m for x in flown),
+        load_factor_max=max(x.load_factor_max for x in flown),
+        detected=len(delays),
+        detected_after_s=max(delays, default=None),
+        survived=survived,
+        survived_low=float(interval.low),
+        survived_high=float(interval.high),
+    )
+
+
+def as_dict(flown: Sequence[Flown], flights: int) -> dict[str, Any]:
+    """As ``rig study fault-tolerant --json`` prints it."""
+    return {"flights": flights, "table": [asdict(x) for x in summarise(flown)], "rows": [asdict(x) for x in flown]}

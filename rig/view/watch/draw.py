@@ -1,0 +1,133 @@
+"""Who draws a page: this process on a terminal, another one beside it, or nobody where there is none."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import IO, TYPE_CHECKING, Protocol
+
+from rich.console import Console
+from rich.live import Live
+
+from rig.console import Screen
+from rig.frame import Block
+from rig.view.watch.page import Page, event_line
+
+if TYPE_CHECKING:
+    from rig.record.events import EventLike
+
+
+class Drawer(Protocol):
+    """Draws the page of one row (1,) after another."""
+
+    def note(self, events: Sequence[EventLike], rate_hz: float) -> None:
+        """Events that the next page shall have."""
+
+    def draw(self, row: Block, rate_hz: float, events: Sequence[EventLike]) -> None:
+        """The page of a row, with these events too."""
+
+    def close(self) -> None:
+        """No more pages; the last one stays."""
+
+
+class OnTerminal:
+    """Draws over and over in the same place."""
+
+    def __init__(self, screen: Console, title: str = "") -> None:
+        self._page = Page(title)
+        self._live = Live(console=screen, auto_refresh=False)
+        self._live.start()
+
+    def note(self, events: Sequence[EventLike], rate_hz: float) -> None:
+        """Keep them for the next page."""
+        self._page.note(events, rate_hz)
+
+    def draw(self, row: Block, rate_hz: float, events: Sequence[EventLike]) -> None:
+        """Draw now."""
+        self._page.note(events, rate_hz)
+        self._live.update(self._page.draw(row[0], rate_hz), refresh=True)
+
+    def close(self) -> None:
+        """Leave the last page on the terminal."""
+        self._live.stop()
+
+
+class InPipe:
+    """Events as they come, a line each; the page of the last row at the end."""
+
+    def __init__(self, screen: Console, title: str = "") -> None:
+        self._screen = screen
+        self._page = Page(title)
+        self._last: tuple[Block, float] | None = None
+
+    def note(self, events: Sequence[EventLike], rate_hz: float) -> None:
+        """Print them."""
+        for event in events:
+            self._screen.print(event_line(event.frame / rate_hz, event), soft_wrap=True)
+
+    def draw(self, row: Block, rate_hz: float, events: Sequence[EventLike]) -> None:
+        """Print the events, keep the row."""
+        self.note(events, rate_hz)
+        self._last = row, rate_hz
+
+    def close(self) -> None:
+        """Print the page."""
+        if self._last is not None:
+            self._screen.print(self._page.draw(self._last[0][0], self._last[1]))
+
+
+class InProcess:
+    """Has another process draw on this one's standard error; one that ended or hangs is not waited for."""
+
+    def __init__(self) -> None:
+        self._process = subprocess.Popen([sys.executable, "-P", "-m", "rig.view.watch"], stdin=subprocess.PIPE)
+
+    def note(self, events: Sequence[EventLike], rate_hz: float) -> None:
+        """Pass them on."""
+        if events:
+            self._pass_on((None, rate_hz, events))
+
+    def draw(self, row: Block, rate_hz: float, events: Sequence[EventLike]) -> None:
+        """Pass it on."""
+        self._pass_on((row, rate_hz, events))
+
+    def close(self) -> None:
+        """Let it draw what it has been given, and end."""
+        with suppress(OSError):
+            self._pipe.close()
+        try:
+            self._process.wait(10.0)  # on a busy machine it may still be starting
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    @property
+    def _pipe(self) -> IO[bytes]:
+        assert self._process.stdin is not None
+        return self._process.stdin
+
+    def _pass_on(self, what: tuple[Block | None, float, Sequence[EventLike]]) -> None:
+        with suppress(OSError):
+            pickle.dump(what, self._pipe)
+            self._pipe.flush()
+
+
+def main() -> None:
+    """Draw what comes on standard input from an InProcess until it ends; Ctrl-C is for the flight, not for this."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with suppress(AttributeError, OSError):
+        os.nice(5)  # the frames come first
+    drawer = OnTerminal(Screen(stderr=True))
+    with suppress(EOFError):
+        while True:
+            row, rate_hz, events = pickle.load(sys.stdin.buffer)
+            if row is None:
+                drawer.note(events, rate_hz)
+            else:
+                drawer.draw(row, rate_hz, events)
+    drawer.close()

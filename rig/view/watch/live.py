@@ -1,0 +1,110 @@
+"""The page while a flight is flown: the recorder hands over a block and goes on.
+
+A thread picks the frames to be drawn, ten a second: of a paced block (half a second) those that were flown by then, one
+block late; of a flight that is as fast as it can be, the latest.  A process of its own draws them, so that
+drawing takes neither the interpreter nor the terminal's time from the frames.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Final
+
+from rig.console import Screen
+from rig.frame import Block
+from rig.view.watch.draw import Drawer, InPipe, InProcess
+
+if TYPE_CHECKING:
+    from rig.record.events import EventLike
+
+UPDATE_S: Final = 0.1
+
+
+@contextmanager
+def watching(enabled: bool, realtime_factor: float | None) -> Iterator[Watch | None]:
+    """What flight.fly is to be given as ``watch``; None when not enabled.
+
+    On a terminal the page, which stays when the flight is over; else a line an event, and the page of the last
+    frame.  On standard error, for standard output has the verdict.
+    """
+    if not enabled:
+        yield None
+        return
+    screen = Screen(stderr=True)
+    watch = Watch(InProcess() if screen.is_terminal else InPipe(Screen(stderr=True, width=120)), realtime_factor)
+    try:
+        yield watch
+    finally:
+        watch.close()
+
+
+class Watch:
+    """Takes blocks and has the pages of some of their frames drawn."""
+
+    def __init__(self, drawer: Drawer, realtime_factor: float | None) -> None:
+        self._drawer = drawer
+        self._factor = realtime_factor
+        self._queue: deque[tuple[Block, float, Sequence[EventLike]]] = deque()
+        self._changed = threading.Condition()  # guards the queue and _closing
+        self._closing = False
+        self.drawn = 0  # pages
+        self._thread = threading.Thread(target=self._run, name="watch", daemon=True)
+        self._thread.start()
+
+    def __call__(self, rows: Block, rate_hz: float, events: Sequence[EventLike]) -> None:
+        """Take a block; never waits for the terminal."""
+        kept = rows.copy() if self._factor else rows[-1:].copy()
+        with self._changed:
+            self._queue.append((kept, rate_hz, events))
+            self._changed.notify()
+
+    def close(self, timeout_s: float = 15.0) -> None:
+        """Draw the last frame and end; a terminal that does not take it is left."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify()
+        self._thread.join(timeout_s)
+
+    def _run(self) -> None:
+        last: Block | None = None
+        rate_hz = 1.0
+        while (blocks := self._take()) is not None:
+            rows, rate_hz, _ = blocks[-1]
+            self._play(rows, rate_hz, [event for _, _, events in blocks for event in events])
+            last = rows[-1:]
+        if last is not None:
+            self._draw(last, rate_hz, ())
+        self._drawer.close()
+
+    def _play(self, rows: Block, rate_hz: float, events: Sequence[EventLike]) -> None:
+        """Draw frames of a block as they were flown, until it is over or others wait."""
+        pace_hz = rate_hz * (self._factor or float("inf"))
+        began, k = time.monotonic(), -1
+        while k < len(rows) - 1 and (k < 0 or not self._waiting()):
+            k = int(min((time.monotonic() - began + UPDATE_S) * pace_hz, len(rows) - 1))
+            due = [event for event in events if event.frame <= rows["frame"][k]]
+            events = events[len(due) :]
+            self._draw(rows[k : k + 1], rate_hz, due)
+            with self._changed:
+                self._changed.wait_for(lambda: self._closing, UPDATE_S)
+        self._drawer.note(events, rate_hz)  # of frames that were not drawn
+
+    def _draw(self, row: Block, rate_hz: float, events: Sequence[EventLike]) -> None:
+        self._drawer.draw(row, rate_hz, events)
+        self.drawn += 1
+
+    def _take(self) -> list[tuple[Block, float, Sequence[EventLike]]] | None:
+        """All blocks that wait, as soon as there is one; None when there will be no more."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._queue or self._closing)
+            taken = list(self._queue)
+            self._queue.clear()
+            return taken or None
+
+    def _waiting(self) -> bool:
+        with self._changed:
+            return bool(self._queue) or self._closing

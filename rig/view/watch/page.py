@@ -1,0 +1,132 @@
+"""The redundancy page of one frame: signals by channels, level, pattern, who decided, the last events.
+
+A channel is marked in words as well as in colour: ``?`` suspect, ``x`` failed.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from rig.frame import DISCRETES, SIGNALS, End, Law, Pattern, Resolver, Source, State
+from rig.text import plain
+
+if TYPE_CHECKING:
+    from rig.record.events import EventLike
+
+EVENTS: Final = 6  # shown, of those so far
+# How a channel, its mark and what needs attention look.
+_STATES: Final = {
+    State.OK: ("green", " "),
+    State.SUSPECT: ("bold yellow", "?"),
+    State.FAILED: ("bold red", "x"),
+    State.ABSENT: ("dim", " "),
+}
+_LEVELS: Final = {"info": "", "warning": "yellow", "error": "bold red"}
+_NUMBERS: Final = ("ch 1 ", "ch 2 ", "ch 3 ", "ch 4 ", "vote", "level")
+
+
+class Page:
+    """Draws frames of one flight; remembers its last events."""
+
+    def __init__(self, title: str = "") -> None:
+        self._title = plain(title)
+        self._events: deque[tuple[float, EventLike]] = deque(maxlen=EVENTS)
+
+    def note(self, events: Sequence[EventLike], rate_hz: float) -> None:
+        """Keep events for the foot of the page."""
+        self._events.extend((event.frame / rate_hz, event) for event in events)
+
+    def draw(self, row: Any, rate_hz: float) -> RenderableType:
+        """The page of one row of a block."""
+        table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
+        table.add_column("signal")
+        for name in _NUMBERS:
+            table.add_column(name, justify="right", no_wrap=True)
+        for name in ("pattern", "by, or control's source"):
+            table.add_column(name, no_wrap=True)
+        for s in range(len(SIGNALS)):
+            table.add_row(*_signal(row, s))
+        for d in range(len(DISCRETES)):
+            table.add_row(*_discrete(row, d))
+        lines = [event_line(time_s, event) for time_s, event in self._events]
+        blank = [Text("")] * (EVENTS - len(lines))  # or the page would jump
+        foot = [Text("events", style="dim"), *lines, *blank] if lines else []
+        return Group(self._head(row, rate_hz), table, *foot)
+
+    def _head(self, row: Any, rate_hz: float) -> Text:
+        acting = int(np.unpackbits(row["acting"]).sum())
+        head = Text(f"{self._title}  " if self._title else "", style="bold")
+        head.append(f"{row['frame'] / rate_hz:9.2f} s  law {Law(row['law']).name.lower()}", style="not bold")
+        if acting:
+            head.append(f"  {acting} fault{'s' if acting > 1 else ''} acting", style="not bold yellow")
+        if row["end"]:
+            head.append(f"  {End(row['end']).label}", style="bold red")
+        return head
+
+
+def event_line(time_s: float, event: EventLike) -> Text:
+    """An event as one line."""
+    text = plain(f"{time_s:9.2f} s  {event.name:17} {event.text}")
+    return Text(text, style=_LEVELS.get(event.level, ""), no_wrap=True)
+
+
+def _signal(row: Any, s: int) -> list[RenderableType]:
+    signal = SIGNALS[s]
+    pattern = Pattern(row["pattern"][s])
+    values, states = row["channels"][s], row["state"][s]
+    return [
+        _name(signal.name, signal.unit),
+        *(_channel(values[c], states[c], _number) for c in range(4)),
+        Text(_number(row["voted"][s])),
+        _level(int(row["level"][s]), signal.channels),
+        Text(pattern.label, style="dim" if pattern == Pattern.NORMAL else "bold yellow"),
+        Text("; ".join(_notes(row, s)), style="yellow"),
+    ]
+
+
+def _notes(row: Any, s: int) -> Iterator[str]:
+    """Who decided a pattern without a majority, and where control takes the signal from if not from the vote."""
+    resolver, source = Resolver(row["resolver"][s]), Source(row["source"][s])
+    if resolver != Resolver.NONE:
+        yield resolver.name.lower()
+    if source != Source.VOTED:
+        yield f"control: {source.name.lower()}"
+
+
+def _name(name: str, unit: str) -> Text:
+    """What a narrow terminal cuts first."""
+    return Text.assemble(name, (f", {unit}", "dim"), no_wrap=True, overflow="ellipsis")
+
+
+def _discrete(row: Any, d: int) -> list[RenderableType]:
+    values, states = row["discrete_channels"][d], row["discrete_state"][d]
+    return [
+        _name(DISCRETES[d].name, "0 or 1"),
+        *(_channel(values[c], states[c], lambda value: f"{int(value)}") for c in range(4)),
+        Text(str(int(row["discrete_voted"][d]))),
+        _level(int(row["discrete_level"][d]), DISCRETES[d].channels),
+    ]
+
+
+def _channel(value: Any, state: Any, write: Callable[[Any], str]) -> Text:
+    style, mark = _STATES[State(state)]
+    return Text("-" if state == State.ABSENT else write(value) + mark, style=style)
+
+
+def _number(value: float) -> str:
+    """Five digits, in the same width whatever the size."""
+    if not np.isfinite(value):
+        return "nan"
+    return f"{value:.0f}" if abs(value) >= 10_000 else f"{value:.4f}"[:8]
+
+
+def _level(level: int, channels: int) -> Text:
+    style = "" if level == channels else "bold red" if level == 0 else "yellow"
+    return Text(str(level), style=style)
