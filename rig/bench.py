@@ -20,10 +20,11 @@ from rig.computer.control.law import fly as fly_row
 from rig.computer.redundancy import decide_row, refer_row
 from rig.errors import BadInput, RigError
 from rig.faults import actuate, corrupt, corrupt_reference
-from rig.flight import INTERRUPTED, event_finder, fly, metadata
+from rig.flight import INTERRUPTED, event_finder, fly
 from rig.frame import TIMING, Block, new_block
 from rig.kernels import bind
 from rig.log import LogWriter
+from rig.log.of_flight import metadata
 from rig.plant import jsbsim
 from rig.plant.airframe import LinearConfig
 from rig.record.flight_summary import Verdict

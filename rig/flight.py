@@ -11,7 +11,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -22,24 +21,22 @@ from numpy.typing import NDArray
 
 from rig import loop
 from rig.computer.redundancy.config import reset_table
-from rig.errors import BadInput, ManagerFailed, RigError
+from rig.errors import ManagerFailed, RigError
 from rig.faults import Execution
-from rig.files import numbered
 from rig.frame import DISCRETE_INDEX, TIMING, Block, new_block
 from rig.interrupt import Stop, interruptible
 from rig.log import Log, LogWriter, SignalArrays, read_log
+from rig.log.of_flight import new_log
 from rig.record.events import Event, EventFinder, not_executed
 from rig.record.flight_summary import Peaks, Verdict
 from rig.record.pace import Jitter, JitterCounter, Pace
 from rig.record.recorder import Recorder
 from rig.scenario import Scenario, find, load
-from rig.versions import versions
 from rig.view.facts import of_resolved
 from rig.view.sink import check_where
 from rig.view.stream import Stream, StreamReport, open_stream
 
 INTERRUPTED: Final = "interrupted"  # an end reason
-NAME_BYTES: Final = 180  # of a log's name; behind them come seed, number and ending
 Progress = Callable[[int, int], None]  # frames flown, frames in all
 Watch = Callable[[Block, float, Sequence[Event]], None]  # a block, its rate in Hz, its events
 
@@ -167,7 +164,7 @@ def _record(
     check_where(rerun)
     rig = loop.Rig(scenario)
     records = _Records(scenario, pace)
-    with _new_log(out, name or scenario.title or scenario.aircraft, scenario, text) as writer:
+    with new_log(out, name or scenario.title or scenario.aircraft, scenario, text) as writer:
         path = writer.path
         stream = open_stream(
             rerun, scenario.title or path.stem, scenario.rate_hz, path, of_resolved(scenario.resolved())
@@ -262,25 +259,6 @@ class _Records:
         )
 
 
-def _new_log(out: Path, name: str, scenario: Scenario, text: str) -> LogWriter:
-    """A log of its own, whoever else begins to fly: <name>_seed<seed>[_n].mcap in ``out``, which is made."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInput(f"{out}: logs cannot be kept there: {error.strerror}") from None
-    for path in numbered(out, f"{_word(name)}_seed{scenario.seed}", ".mcap"):
-        with suppress(FileExistsError):  # another flight was faster
-            attached = [("scenario.toml", text.encode())]
-            return LogWriter(path, scenario.rate_hz, metadata(scenario), attached, new=True)
-    raise RigError(f"{out}: no free name for a log")
-
-
-def _word(name: str) -> str:
-    """``name`` as part of a file's name, which has 255 bytes at most."""
-    letters = "".join(c if c.isalnum() else "_" for c in name)
-    return letters.encode()[:NAME_BYTES].decode(errors="ignore")
-
-
 def event_finder(scenario: Scenario) -> EventFinder:
     """What finds the events of a flight of this scenario."""
     resets, rate_hz = scenario.redundancy.resets, scenario.rate_hz
@@ -290,16 +268,6 @@ def event_finder(scenario: Scenario) -> EventFinder:
 def labels(scenario: Scenario) -> list[str]:
     """The faults of a scenario by name, for the event finder."""
     return [fault.label for fault in scenario.faults]
-
-
-def metadata(scenario: Scenario) -> dict[str, str]:
-    """What a log needs to be flown again: the resolved scenario, the seed, the versions that flew it."""
-    return {
-        "scenario": scenario.model_dump_json(exclude_none=True),
-        "aircraft": scenario.aircraft,
-        "seed": str(scenario.seed),
-        **versions(),
-    }
 
 
 def end_reason(verdict: Verdict, stop: Stop, scenario: Scenario) -> str:

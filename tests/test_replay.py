@@ -11,10 +11,11 @@ from rig import scenario
 from rig.cli import main as cli
 from rig.errors import BadInput, BadLog
 from rig.files import bundled
-from rig.flight import fly, metadata
+from rig.flight import fly
 from rig.frame import FRAME, INDEX, TIMING, State, new_block
 from rig.log import LogWriter, read_log
 from rig.log.columns import COLUMNS
+from rig.log.of_flight import metadata
 from rig.offline.decisions import Moved, decisions
 from rig.offline.replay import recorded, vote_again
 from rig.offline.verify import verify

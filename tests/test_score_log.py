@@ -17,9 +17,10 @@ from rig.cli.main import app
 from rig.errors import BadInput, BadLog
 from rig.faults import executed
 from rig.files import bundled
-from rig.flight import Flight, fly, metadata
+from rig.flight import Flight, fly
 from rig.frame import DISCRETE_INDEX, INDEX
 from rig.log import LogWriter, recover
+from rig.log.of_flight import metadata
 from rig.score import Yardstick, fly_rows, fly_twin, score, score_log
 from rig.score.clean import of_flight, recompute
 from rig.score.scoring import monitor

@@ -14,8 +14,8 @@ from rerun.chunk import Chunk, McapReader, RrdReader
 
 from rig.errors import BadInput, BadLog
 from rig.frame import FRAME, INDEX, TIMING, TWO_PI, Block, Ilm, Pattern, Resolver, State, new_block
+from rig.frame.fields import FLAGS, places
 from rig.log import LogWriter
-from rig.names import FLAGS, places
 from rig.record.events import Event
 from rig.view import derived, lanes
 from rig.view.columns import ENTITIES, Columns, struct

@@ -29,10 +29,11 @@ from rig.campaign.rows import TABLES, Rows, alarm_rows, episode_rows, fault_rows
 from rig.errors import RigError
 from rig.faults import Execution
 from rig.files import replaced
-from rig.flight import end_reason, event_finder, metadata
+from rig.flight import end_reason, event_finder
 from rig.frame import FRAME, TIMING, Block, new_block
 from rig.interrupt import Stop
 from rig.log import LogWriter
+from rig.log.of_flight import metadata
 from rig.record.events import Event, not_executed
 from rig.record.flight_summary import Verdict
 from rig.scenario import Scenario, load

@@ -17,7 +17,7 @@ def score(
     no_twin: Annotated[bool, typer.Option("--no-twin", help="Do not fly the fault-free twin: no transients.")] = False,
     transient_load_factor: Annotated[float, typer.Option(help="Allowed of a failure transient, g.", min=1e-9)] = 0.5,
     transient_pitch_rate_rad_s: Annotated[
-        float, typer.Option(help="Likewise, rad/s.", min=1e-9, show_default="10 deg/s")
+        float, typer.Option(help="The same of body rates, rad/s.", min=1e-9, show_default="10 deg/s")
     ] = radians(10.0),
     transient_window_s: Annotated[float, typer.Option(help="Time after each onset that is scored.", min=1e-9)] = 2.0,
     allow_code: AllowCode = False,

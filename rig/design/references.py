@@ -23,6 +23,7 @@ from rig.computer.analytic.references import References, refer, remember
 from rig.computer.analytic.sources import PARTNERS, REMEMBERED, Config, source
 from rig.computer.control.gains import Gains
 from rig.computer.redundancy.reference_threshold import SEA_LEVEL_DENSITY
+from rig.design.healthy_flights import FLIGHTS, Case, cases, label
 from rig.design.linear import Linear, linearise
 from rig.errors import RigError
 from rig.files import write_text
@@ -36,14 +37,11 @@ from rig.settings import build
 RATE_HZ: Final = 100.0
 RESERVE: Final = 1.2  # threshold over the worst measured error
 SETTLED_S: Final = 0.5  # the start of each flight is not measured
-SEEDS: Final = (1, 2, 3, 4, 5, 6, 7, 8)  # of calibration, noise and turbulence, for every flight
-TURBULENCE: Final = ("none", "light", "moderate")
 FILTERS_S: Final = (0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2)  # no slower: a law may have to fly on it
 _GRAVITY: Final = 9.80665  # m/s2
 Key = tuple[str, str]  # signal and source; the name of an airspeed error instead of the source
 # What is measured as an equivalent airspeed, too: wind is the error of a speed over ground.
 AS_AIRSPEED: Final[dict[Key, str]] = {("dynamic_pressure", "inertial"): "inertial, equivalent airspeed"}
-Case = tuple[str, str, int]  # flight, turbulence, seed
 Errors = dict[Key, NDArray[np.float32]]
 Summary = dict[str, dict[str, Error]]  # by signal and source
 
@@ -72,36 +70,6 @@ _SERVES: Final = {
 # Of filters that leave a worst error within this of the least, the quickest.  An unstable aircraft may have to fly on
 # the pitch rate, where every late hundredth of a second tells and the worst errors hardly differ.
 _NEARLY: Final = {"alpha_filter_s": 1.1}
-
-
-def _manoeuvre(kind: str, axis: str, start_s: float, amplitude: float, **more: float) -> dict[str, Any]:
-    return {"kind": kind, "axis": axis, "start_s": start_s, "amplitude": amplitude, **more}
-
-
-def _on_the_sticks(*manoeuvres: dict[str, Any]) -> dict[str, Any]:
-    return {"duration_s": 20.0, "pilot": {"autopilot_engaged": False, "manoeuvres": list(manoeuvres)}}
-
-
-# Brisk but ordinary: about a third of the load factor and half of the roll rate that the stick can ask.
-FLIGHTS: Final[dict[str, dict[str, Any]]] = {
-    "pitch": _on_the_sticks(
-        _manoeuvre("3-2-1-1", "stick_pitch", 2.0, 0.3, duration_s=3.5),
-        _manoeuvre("doublet", "stick_pitch", 10.0, 0.4, duration_s=3.0),
-    ),
-    "roll and yaw": _on_the_sticks(
-        _manoeuvre("doublet", "stick_roll", 2.0, 0.5, duration_s=2.0),
-        _manoeuvre("doublet", "pedal", 10.0, 0.5, duration_s=3.0),
-    ),
-    "climb and turn": {
-        "duration_s": 60.0,
-        "pilot": {
-            "manoeuvres": [
-                _manoeuvre("step", "altitude", 5.0, 60.0),
-                _manoeuvre("step", "heading", 30.0, 0.35),
-            ],
-        },
-    },
-}
 
 
 @dataclass(frozen=True)
@@ -192,17 +160,6 @@ def measure(tables: dict[str, Any], airframe: Airframe, flight_point: FlightPoin
     chosen = [{key: found[of.get(key, 0)][i][key] for key in one} for i, one in enumerate(found[0])]
     filters = {filter_name: FILTERS_S[i] for filter_name, i in best.items()}
     return Measured(tried[0].model_copy(update=filters), chosen)
-
-
-def cases() -> list[Case]:
-    """Every flight of a flight point, in order."""
-    return [(flight, turbulence, seed) for flight in FLIGHTS for turbulence in TURBULENCE for seed in SEEDS]
-
-
-def label(flight_point: str, case: Case) -> str:
-    """A measured flight as references.toml names it."""
-    flight, turbulence, seed = case
-    return f"{flight_point}, {flight}, turbulence {turbulence}, seed {seed}"
 
 
 def fly(tables: dict[str, Any], flight_point: FlightPoint, designed: Designed, case: Case) -> Block:

@@ -84,7 +84,7 @@ def corrupt_discrete(row, target, st, kept, memory, dt_s, flag):
 
 @kernel
 def corrupt_reference(block, k, data):
-    """Spoil the references of row k, between their making and their use; where there is none, nothing acts.
+    """Corrupt the references of row k, between their making and their use; where there is none, nothing acts.
 
     Writes reference and acting.
     """
@@ -104,7 +104,7 @@ def corrupt_reference(block, k, data):
 
 @kernel
 def actuate(block, k, data):
-    """Spoil what reaches the actuators in row k; keep its votes for the triggers of the next.
+    """Corrupt what reaches the actuators in row k; keep its votes for the triggers of the next.
 
     A fault begins where the surface truly is.  Writes actuator and acting.
     """

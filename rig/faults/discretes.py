@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-from rig.faults.settings import Act, DutyCycle, Effect, Pulses, Spoiled, quantity
+from rig.faults.settings import Act, Corrupted, DutyCycle, Effect, Pulses, quantity
 
 
-class Inverted(Spoiled):
+class Inverted(Corrupted):
     """y = 1 - x. A switch wired to the wrong one of its two contacts, a swapped polarity."""
 
     sites = ("discrete",)
@@ -19,7 +19,7 @@ class Inverted(Spoiled):
         return Effect(Act.INVERT)
 
 
-class Toggling(Spoiled):
+class Toggling(Corrupted):
     """y = 1 - x and x in turn. A chattering relay, a bouncing microswitch, a proximity sensor at its limit."""
 
     sites = ("discrete",)

@@ -4,7 +4,7 @@
 
 Numbers, ``+ - * /``, ``abs()``, comparisons (chained too), ``and``, ``or``, ``not``, brackets; nothing else, and
 nothing is ever evaluated as Python.  A plain name is the vote of the last frame, ``true.<name>`` the truth of this
-one, SI units as in rig/frame.py.  It becomes a list of steps for a machine with a stack.
+one, SI units as in rig/frame/signals.py.  It becomes a list of steps for a machine with a stack.
 """
 
 from __future__ import annotations

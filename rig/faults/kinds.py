@@ -12,7 +12,7 @@ from pydantic import model_validator
 
 from rig.faults.magnitude import require_one, sized, threshold_quantity
 from rig.faults.places import site
-from rig.faults.settings import Act, Effect, Ramped, Spoiled, quantity
+from rig.faults.settings import Act, Corrupted, Effect, Ramped, quantity
 
 _WITH_SURFACE = ("channel", "inertial", "reference", "surface")
 
@@ -36,7 +36,7 @@ class Offset(Ramped):
         return sized(self, Act.ADD, "offset")
 
 
-class Drift(Spoiled):
+class Drift(Corrupted):
     """y = x + rate t, or x + settles_at (1 - exp(-t / time_constant)). A gyro warming up, a leaking pressure line."""
 
     sites = _WITH_SURFACE
@@ -93,7 +93,7 @@ class Scale(Ramped):
         return Effect(Act.SCALE, self.factor)
 
 
-class SignReversal(Spoiled):
+class SignReversal(Corrupted):
     """y = -x. Wires or pneumatic lines swapped in maintenance, crossed control cables."""
 
     sites = _WITH_SURFACE
@@ -167,7 +167,7 @@ class Oscillation(Ramped):
         return sized(self, Act.SWING if self.replacing else Act.OSCILLATE, "amplitude", self.frequency_hz)
 
 
-class Dropout(Spoiled):
+class Dropout(Corrupted):
     """No value. A broken link: the sensor flags it invalid or, not flagged, says what is no number.
 
     The inertial unit and the references have no flag: there it is no number either way.
@@ -189,7 +189,7 @@ class Dropout(Spoiled):
         return Effect(Act.NOTHING, invalid=True) if self.flagged else Effect(Act.NO_NUMBER)
 
 
-class Delay(Spoiled):
+class Delay(Corrupted):
     """y = x of so long ago. A congested bus, a computer that falls behind, a blocked pneumatic line."""
 
     sites = _WITH_SURFACE
@@ -202,7 +202,7 @@ class Delay(Spoiled):
         return Effect(Act.DELAY, self.latency_s, 1.0, history_s=self.latency_s)
 
 
-class FrameSkew(Spoiled):
+class FrameSkew(Corrupted):
     """y = x between two frames, so much earlier. Channels that are not synchronised sample at different moments."""
 
     sites = ("channel", "inertial")
@@ -215,7 +215,7 @@ class FrameSkew(Spoiled):
         return Effect(Act.DELAY, self.skew_s, 0.0, history_s=self.skew_s)
 
 
-class Quantisation(Spoiled):
+class Quantisation(Corrupted):
     """y = step round(x / step). Lost bits of a converter or of a data word."""
 
     kind: Literal["quantisation"]

@@ -8,12 +8,12 @@ from pydantic import model_validator
 
 from rig.faults.magnitude import require_one, sized, threshold_quantity
 from rig.faults.places import site
-from rig.faults.settings import Act, DutyCycle, Effect, Pulses, Spoiled, quantity
+from rig.faults.settings import Act, Corrupted, DutyCycle, Effect, Pulses, quantity
 
 _MOST_TIMES = 64
 
 
-class Spikes(Spoiled):
+class Spikes(Corrupted):
     """y = x + amplitude, or a given value, for moments. Corrupted data words, lightning, a wiper off its track."""
 
     kind: Literal["spikes"]
@@ -47,7 +47,7 @@ class Spikes(Spoiled):
         return Pulses(DutyCycle.RANDOM, on_s=width, off_s=1.0 / self.rate_per_s)
 
 
-class Intermittent(Spoiled):
+class Intermittent(Corrupted):
     """In gaps the value does not get through. A loose connector under vibration, a chafed wire."""
 
     sites = ("channel", "inertial", "reference", "discrete")
@@ -78,7 +78,7 @@ class Intermittent(Spoiled):
         return Pulses(DutyCycle.TELEGRAPH if self.random else DutyCycle.CYCLE, self.gap_s, self.contact_s)
 
 
-class DuplicateFrame(Spoiled):
+class DuplicateFrame(Corrupted):
     """y = x of the frame before, now and then. A sender slower than its reader: the old message is read again."""
 
     kind: Literal["duplicate_frame"]

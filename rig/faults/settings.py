@@ -216,7 +216,7 @@ class Placed(Triggered):
         return STEADY
 
 
-class Spoiled(Placed):
+class Corrupted(Placed):
     """A fault of the value itself; the channel's in-line monitor may see it."""
 
     seen_by_ilm: bool | None = quantity(
@@ -232,7 +232,7 @@ class Spoiled(Placed):
         return Flag.BAD if self.seen_by_ilm else Flag.LEAVE
 
 
-class Ramped(Spoiled):
+class Ramped(Corrupted):
     """A fault that may come on gradually."""
 
     ramp_s: float = quantity("s", "its effect grows linearly from nothing over this time", 0.0, ge=0)

@@ -1,4 +1,4 @@
-"""What the log says: every topic and message, made from the tables of rig/frame.py.
+"""What the log says: every topic and message, made from the tables of rig/frame/.
 
 Each field of FRAME has one place in one message, so a signal, a command or a field added there
 appears in the log by itself.  The descriptors of the messages are embedded in the log; a viewer needs
@@ -26,7 +26,7 @@ from google.protobuf.descriptor_pb2 import (
 )
 
 from rig.frame import DISCRETES, FRAME, SIGNALS, TIMING
-from rig.names import ENUMS, FLAGS, Place, places
+from rig.frame.fields import ENUMS, FLAGS, Place, places
 
 SCHEMA_VERSION: Final = 3  # history in docs/log.md
 

@@ -1,4 +1,4 @@
-"""The layout of the viewer, made from the tables of rig/frame.py: one for the live stream, a saved .rrd and a log."""
+"""The layout of the viewer, made from the tables of rig/frame/: one for the live stream, a saved .rrd and a log."""
 
 from __future__ import annotations
 

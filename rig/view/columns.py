@@ -26,7 +26,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from rig.frame import DISCRETES, SIGNALS, Block
-from rig.names import ENUMS, FLAGS, places
+from rig.frame.fields import ENUMS, FLAGS, places
 from rig.view import derived, lanes
 from rig.view.facts import UNKNOWN, Facts
 from rig.view.scene import Scene, time_column

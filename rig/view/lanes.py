@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.frame import DISCRETES, SIGNALS, Block, Discrete, Law, Pattern, Resolver, Signal, Source
-from rig.names import ENUMS
+from rig.frame.fields import ENUMS
 from rig.view.style import ACTING, STATE_LOOKS, Looks, attention
 
 

@@ -2,12 +2,11 @@
 
 Every reference reads the votes of the last frame and this frame's ``inertial``; never the truth, never the
 signal that it is compared with, but for what two of them remember of it (sources.REMEMBERED): a slow memory,
-fed only by frames in which the signal's channels agreed, or nobody spoke against the last of them.  A reference is
-NaN while one of its partners is lost or has no majority.  In the first frame, when nothing has been voted before,
-they begin with its own votes.
+fed only by frames in which the signal's channels agreed, or nothing disputed the last of them.  A reference is NaN
+while one of its partners is lost or has no majority.  They begin with the votes of the first frame.
 
-Source: Zhang 2023, section 7 (pitch rate by a lead filter on angle of attack, or the inertial unit); the
-equations are in motion.py, unit.py and strapdown.py.
+Source: Zhang 2023, section 7 (pitch rate by a lead filter on angle of attack, or the inertial unit); the equations
+are in motion.py, inertial_unit.py and strapdown.py.
 """
 
 from __future__ import annotations
@@ -84,7 +83,6 @@ _OF_UNIT: Final = {
     **{_ALPHA: (_FLOW, 0), _BETA: (_FLOW, 1)},
 }
 _KIND, _AXIS = (np.array([_OF_UNIT.get(s, (_AIR, 0))[part] for s in range(S)]) for part in (0, 1))
-_OF_STRAPDOWN: Final = [_PHI, _THETA, _PSI, _ALPHA, _BETA]
 
 
 class ReferenceData(NamedTuple):
@@ -127,7 +125,8 @@ def _parameters(config: Config, designed: Designed, rate_hz: float) -> NDArray[A
     for s, signal in enumerate(SIGNALS):
         row["source"][s], row["partners"][s] = _coded(signal.name, source(config, signal.name))
         row["second"][s], row["second_partners"][s] = _coded(signal.name, second(config, signal.name))
-    row["strapdown"] = any((row[field][_OF_STRAPDOWN] == _INERTIAL).any() for field in ("source", "second"))
+    of_attitude = [_PHI, _THETA, _PSI, _ALPHA, _BETA]
+    row["strapdown"] = any((row[field][of_attitude] == _INERTIAL).any() for field in ("source", "second"))
     return param
 
 

@@ -1,0 +1,112 @@
+"""What the one-byte fields of a frame mean; the members are used in kernels as they are."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class State(IntEnum):
+    """A channel, as its monitor sees it."""
+
+    OK = 0
+    SUSPECT = 1
+    FAILED = 2
+    ABSENT = 3  # the signal has fewer than four channels
+
+
+class Pattern(IntEnum):
+    """How the channels in use agree (redundancy.md, section 2)."""
+
+    NORMAL = 0
+    ISOLATED = 1
+    P2_2 = 2
+    P1_1_1_1 = 3
+    P1_1_1 = 4
+    P1_1 = 5
+    LOST = 6
+
+    @property
+    def label(self) -> str:
+        """As written in tables: ``2:2`` rather than ``P2_2``."""
+        return self.name[1:].replace("_", ":") if self.is_singular else self.name.lower()
+
+    @property
+    def is_singular(self) -> bool:
+        """Whether no majority exists."""
+        return Pattern.P2_2 <= self <= Pattern.P1_1
+
+
+class Resolver(IntEnum):
+    """Who decided a pattern without a majority."""
+
+    NONE = 0
+    ILM = 1
+    TREND = 2
+    REFERENCE = 3
+    EXTREMES = 4
+    MIDDLE = 5
+    UNRESOLVED = 6
+    BOX = 7  # the channel is out on several signals: its box has died
+    COMMON = 8  # all channels agree, and two references agree against them
+
+
+class Ilm(IntEnum):
+    """A channel's in-line monitor: what the sensor says of itself."""
+
+    BAD = 0
+    GOOD = 1
+    ABSENT = 2
+
+
+class Source(IntEnum):
+    """Where the control law takes a signal from."""
+
+    VOTED = 0
+    REFERENCE = 1  # the signal is lost, its reference is usable
+    DEGRADED = 2  # neither: the signal's degraded mode
+
+
+class Law(IntEnum):
+    """Which control law flew the frame."""
+
+    AUTOPILOT = 0
+    STICK = 1
+    BACKUP = 2
+
+
+class Trust(IntEnum):
+    """What the fault-tolerant law holds of the pitch-angle sensor."""
+
+    NONE = 0  # another law flies: nobody tests it
+    TRUSTED = 1
+    CORRECTED = 2  # it lies: the law flies on the estimate
+    WITHDRAWN = 3  # the estimate was wrong, not the sensor: the law flies on the sensor again
+
+
+class Lie(IntEnum):
+    """How a pitch-angle sensor that is not trusted is off, as far as the flight has told."""
+
+    NONE = 0
+    UNDETERMINED = 1
+    EFFECTIVENESS = 2
+    OFFSET = 3
+    BOTH = 4
+    RATE_BIAS = 5  # the sensor is trusted; a rate that it is compared with is biased
+
+
+class End(IntEnum):
+    """Why a flight ended; FLYING while it goes on."""
+
+    FLYING = 0
+    NOT_FINITE = 1
+    GROUND_CONTACT = 2
+    DEPARTURE_ANGLE_OF_ATTACK = 3
+    DEPARTURE_SIDESLIP = 4
+    DEPARTURE_LOAD_FACTOR = 5
+    DEPARTURE_ATTITUDE = 6
+    DEPARTURE_RATE = 7
+
+    @property
+    def label(self) -> str:
+        """As a reader would say it."""
+        return self.name.lower().replace("_", " ")

@@ -1,0 +1,54 @@
+"""How the house is kept: sizes of files and functions, words of the field, one way of imports without exceptions."""
+
+import ast
+import re
+import tomllib
+from pathlib import Path
+
+import rig
+
+ROOT = Path(__file__).parents[1]
+SOURCES = sorted((ROOT / "rig").rglob("*.py"))
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+LONGEST_FILE, LONGEST_FUNCTION = 300, 50
+# Words for which the field has others (CONTRIBUTING.md, 'Words'), as identifiers and in prose.
+WORDS = (
+    *("inclination", "pressure_table", "spoil", "spoils", "spoiled", "obey", "obeys", "witness", "witnesses"),
+    *("judge", "judges", "judged", "vouch", "convict", "acquit", "hand_back", "wander", "wanders", "felt", "rhythm"),
+    *("anew", "likewise", "what came of", "stands in for", "foreseeable"),
+)
+
+
+def test_no_file_and_no_function_is_too_long():
+    files = {str(path): len(path.read_text().splitlines()) for path in SOURCES}
+    assert {name: lines for name, lines in files.items() if lines > LONGEST_FILE} == {}
+    functions = {
+        f"{path}:{node.name}": (node.end_lineno or 0) - node.lineno + 1
+        for path in SOURCES
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    }
+    assert len(functions) > 1000
+    assert {name: lines for name, lines in functions.items() if lines > LONGEST_FUNCTION} == {}
+
+
+def test_the_words_are_those_of_the_field():
+    """Whole words, and parts of an identifier between underscores."""
+    wrong = re.compile(r"(?<![a-z])(" + "|".join(WORDS) + r")(?![a-z])", re.IGNORECASE)
+    found = {
+        f"{path.relative_to(ROOT)}:{number}: {match[0]}"
+        for path in (*SOURCES, *PAGES)
+        for number, line in enumerate(path.read_text().splitlines(), 1)
+        for match in wrong.finditer(line)
+        if "| say |" not in line and not line.startswith("| not ")
+    }
+    assert found == set()
+
+
+def test_the_import_contract_has_no_exception():
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
+    assert settings["contracts"] and not any("ignore_imports" in one for one in settings["contracts"])
+
+
+def test_the_package_shows_its_public_names():
+    assert set(rig.__all__) <= set(dir(rig))
