@@ -44,15 +44,15 @@ def test_truth_never_reaches_redundancy_or_control():
         for k in range(len(block)):
             assert rig.plant.read(block, k) == 0
             rig.sensors.step(block, k)
-            rig.sensors.inertial.step(block, k)
+            rig.inertial.step(block, k)
             rig.faults.step(block, k)
             kept = block["truth"][k].copy(), block["flight"][k].copy(), block["discrete_truth"][k].copy()
             if rig is blind:
                 block["truth"][k], block["flight"][k], block["discrete_truth"][k] = np.nan, np.nan, 77
-            rig.computer.redundancy.refer(block, k)
+            rig.redundancy.refer(block, k)
             rig.faults.refer(block, k)
-            rig.computer.redundancy.decide(block, k)
-            rig.computer.control.step(block, k)
+            rig.redundancy.decide(block, k)
+            rig.control.step(block, k)
             block["truth"][k], block["flight"][k], block["discrete_truth"][k] = kept
             rig.faults.actuate(block, k)
             rig.plant.step(block, k)
