@@ -25,8 +25,8 @@ imports: setup
 	$(BIN)/lint-imports
 
 coverage: setup  ## statements and branches of the monitor, its kernels interpreted: all of them, or it fails
-	NUMBA_DISABLE_JIT=1 RIG_FEWER_EXAMPLES=2 $(BIN)/pytest -q -n auto tests/test_redundancy_*.py \
-		--cov=rig.computer.redundancy --cov-branch --cov-report=term-missing --cov-fail-under=100
+	NUMBA_DISABLE_JIT=1 RIG_FEWER_EXAMPLES=2 $(BIN)/pytest -q -n auto tests/test_redundancy_*.py tests/test_analytic_*.py \
+		--cov=rig.computer.redundancy --cov=rig.computer.analytic --cov-branch --cov-report=term-missing --cov-fail-under=100
 
 bench: setup  ## what a frame costs, against bare JSBSim in the same process
 	$(BIN)/rig bench

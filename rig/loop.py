@@ -69,7 +69,6 @@ class Rig:
         self.redundancy = redundancy(scenario)
         self.control = Control(scenario.control, scenario.gains, rate_hz, frame.surface_limits)
         self.control.reset(self.plant.trim)
-        self._stages = (self.sensors, self.inertial, self.faults, self.redundancy, self.control)
         self.data = self._gather()
         compiled = self.redundancy.own is None
         self.compute = bind(compute, new_block(1), 0, self.data) if compiled else self._one_by_one
@@ -84,7 +83,13 @@ class Rig:
 
     def _gather(self) -> StageData:
         """The parameters and states of the stages between two looks at the plant."""
-        return StageData(*(stage.data for stage in self._stages))
+        return StageData(
+            sensors=self.sensors.data,
+            inertial=self.inertial.data,
+            faults=self.faults.data,
+            redundancy=self.redundancy.data,
+            control=self.control.data,
+        )
 
     def _one_by_one(self, block: Block, k: int, _: StageData) -> None:
         """What ``compute`` does, stage by stage: for a manager of the user's own, which is not compiled."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_redundancy_reference import LEVEL_ALPHA, RATE, designed, level_flight, ref, run
+from test_analytic_references import LEVEL_ALPHA, RATE, designed, level_flight, ref, run
 
 from rig.computer.analytic.pitch_filter import PARTNERS, Noise
 from rig.computer.analytic.references import Config, References, refer, remember

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from rig import scenario
+from rig.computer.redundancy.config import PARAMS
+from rig.computer.redundancy.own import load_manager
 from rig.errors import BadInput, ManagerFailed
 from rig.frame import INDEX, new_block
 from rig.loop import Rig, frames
-from rig.redundancy.config import PARAMS
-from rig.redundancy.own import load_manager
 from rig.trust import Trust
 
 OWN = """

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_redundancy_reference import PRESSURE, designed, level_flight
+from test_analytic_references import PRESSURE, designed, level_flight
 
 from rig.computer.analytic.designed import Designed, Error, Point
 from rig.computer.analytic.references import Config as References

@@ -228,7 +228,7 @@ def _condition(flight: NDArray[np.float64], now: Any, fixed: Any) -> None:
 
 
 @kernel
-def _end(truth: NDArray[np.float64], flight: NDArray[np.float64], ground_force: float, limits: Any) -> int:
+def _end(truth: NDArray[np.float64], flight: NDArray[np.float64], ground_force: float, limits: Any) -> End:
     """Why the flight ends with this row, the first reason in the order of frame.End; 0 while it goes on."""
     for value in truth:
         if not isfinite(value):

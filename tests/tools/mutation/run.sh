@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Mutation run of rig/redundancy in a clone of the committed tree: PYTHON tests/tools/mutation/run.sh MODULE... (files)
+# Mutation run of rig/computer/redundancy and analytic in a clone of the committed tree: PYTHON tests/tools/mutation/run.sh MODULE... (files)
 # prints the survivors.  cosmic-ray must be installed in the environment of PYTHON.
 set -euo pipefail
 port=${PORT:-18700}

@@ -26,29 +26,29 @@ import rig.loop  # noqa: F401  # warm: the libraries stay, itself is forgotten b
 
 for name in [name for name in sys.modules if name.split(".")[0] == "rig"]:
     del sys.modules[name]
-# What does not read rig.redundancy stays; all else is read anew by every run.
-for name in ("angles", "control", "faults", "frame", "analytic_pitch_reference", "kernels", "plant", "sensors", "text", "trust"):
+# What does not read rig.computer stays; all else is read again by every run.
+for name in ("angles", "faults", "frame", "kernels", "plant", "sensors", "text", "trust"):
     import_module(f"rig.{name}")
-if any(name.startswith("rig.redundancy") for name in sys.modules):
-    raise SystemExit("a module that is kept reads rig.redundancy: its mutants would not be seen")
+if any(name.startswith("rig.computer") for name in sys.modules):
+    raise SystemExit("a module that is kept reads rig.computer: its mutants would not be seen")
 
 # Test files by module, in stages of which the first failure ends a run: most mutants die early.
 MONITOR = ("examples kernels manager singular last_channel reference_threshold", "box common baselines")
 STAGES: dict[str, tuple[str, ...]] = {
-    "__init__": ("stage", "own reference"),
+    "__init__": ("stage", "own references"),
     "config": ("kernels", "discrete examples manager baselines stage"),
-    "designed": ("stage", "reference"),
+    "designed": ("stage", "references"),
     "discrete": ("discrete",),
     "discrete_config": ("discrete kernels stage",),
     "managers": ("baselines", "stage own"),
-    "memory": ("unit",),
-    "motion": ("motion", "analytic_pitch_reference", "reference"),
+    "memory": ("inertial_unit",),
+    "motion": ("motion", "pitch_reference", "references"),
     "own": ("own",),
     "persistence": ("kernels discrete",),
-    "reference": ("stage motion", "analytic_pitch_reference", "reference"),
-    "sources": ("common", "stage", "reference"),
-    "strapdown": ("strapdown", "unit"),
-    "unit": ("strapdown unit",),
+    "references": ("stage motion", "pitch_reference", "references"),
+    "sources": ("common", "stage", "references"),
+    "strapdown": ("strapdown", "inertial_unit"),
+    "inertial_unit": ("strapdown inertial_unit",),
 }
 FLIGHTS = ("flies", "flight_in", "inertial_unit", "a_wind_makes", "lost_pitch_rate", "compiled_and")  # seconds each
 FLIGHTS += ("both_references_of_a_signal", "run_away_together", "settled_rightly", "reads_its_partners")
@@ -93,8 +93,13 @@ def stages() -> list[list[str]]:
     module = Path(changed.strip() or "none").stem
     named = os.environ.get("RIG_MUTATION_TESTS", "").split()
     stages = [named] if named else [names.split() for names in STAGES.get(module, (module, *MONITOR))]
-    files = [[f"tests/test_redundancy_{name}.py" for name in names] for names in stages]
-    return [there for paths in files if (there := [path for path in paths if Path(path).exists()])]
+    found = [[str(path) for name in names for path in tests_of(name)] for names in stages]
+    return [paths for paths in found if paths]
+
+
+def tests_of(name: str) -> list[Path]:
+    """The test files of a module of the monitor or of its references."""
+    return [path for room in ("redundancy", "analytic") if (path := Path(f"tests/test_{room}_{name}.py")).exists()]
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from test_redundancy_reference import RATE, designed, level_flight, ref, run
+from test_analytic_references import RATE, designed, level_flight, ref, run
 
 from rig.computer.analytic import motion
 from rig.computer.analytic.designed import COLUMNS

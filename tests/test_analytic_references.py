@@ -402,7 +402,7 @@ def test_none_is_none():
 
 
 def test_compiled_and_interpreted_references_agree_bit_for_bit():
-    program = "from test_redundancy_reference import digest; print(digest())"
+    program = "from test_analytic_references import digest; print(digest())"
     assert printed(program, interpreted=True) == printed(program, interpreted=False)
 
 

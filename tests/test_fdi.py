@@ -222,5 +222,5 @@ def digest() -> str:
 
 
 def test_compiled_and_interpreted_agree_bit_for_bit():
-    program = "from test_control_tolerant import digest; print(digest())"
+    program = "from test_fdi import digest; print(digest())"
     assert printed(program, interpreted=True) == digest()

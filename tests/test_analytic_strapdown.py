@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from test_redundancy_reference import level_flight, ref, run
+from test_analytic_references import level_flight, ref, run
 
+from rig.computer.analytic import inertial_unit as unit
+from rig.computer.analytic import strapdown
+from rig.computer.analytic.memory import LONG_S, level_gain, slope_gain
+from rig.computer.analytic.sources import Config
+from rig.computer.analytic.strapdown import LEVEL_S
 from rig.frame import INDEX, TWO_PI, S
-from rig.redundancy import strapdown, unit
-from rig.redundancy.memory import LONG_S, level_gain, slope_gain
-from rig.redundancy.sources import Config
-from rig.redundancy.strapdown import LEVEL_S
 
 G, RATE = 9.80665, 100.0
 SEEDS = range(5)
