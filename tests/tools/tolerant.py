@@ -18,12 +18,11 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from tolerant_flights import ROWS, Try
+from tolerant_table import counts, fault_free, same_frame
 
 from rig import scenario
 from rig.angles import wrap
-from rig.campaign.statistics import poisson
 from rig.control.tolerant.record import BOTH
 from rig.frame import ESTIMATES, INDEX, Block, Lie, Trust
 from rig.loop import Rig, frames
@@ -43,7 +42,8 @@ def judge(one: Try) -> Table:
         seconds.append(second(rig.control.witness[0], rows[-1]))
     flight, rate_hz = np.concatenate(blocks), chosen.rate_hz
     onset = round(one.case.onset_s * rate_hz) if one.fault else 0
-    about = {"row": one.row, "fault": one.fault.kind if one.fault else "none", "case": asdict(one.case)}
+    where = "turn" if "heading" in one.case.manoeuvres else "straight"
+    about = {"row": one.row, "fault": one.fault.kind if one.fault else "none", "where": where, "case": asdict(one.case)}
     told = {**declared(flight, onset, rate_hz), **errors(flight, onset), "hours": len(flight) / rate_hz / 3600.0}
     return {**about, **told, "seconds": seconds if one.fault is None else []}
 
@@ -75,48 +75,6 @@ def errors(flight: Block, onset: int) -> Table:
         "sensor_rad": float(np.abs(flight["voted"][:, THETA] - truth)[late].max()),
         "sigmas": [float(size.max()), float(np.minimum(size[1:], size[:-1]).max())],
     }
-
-
-def counts(flown: list[Table]) -> str:
-    """Faults found, a line each row and fault."""
-    heads = "flights | found | before the onset | `RATE_BIAS` | after, s | estimate off by, mrad"
-    lines = [f"| row | fault | {heads} |", "|---|---|---|---|---|---|---|---|"]
-    for row, fault in dict.fromkeys((x["row"], x["fault"]) for x in flown):
-        mine = [x for x in flown if (x["row"], x["fault"]) == (row, fault)]
-        delays = [x["after_s"] for x in mine if x["after_s"] is not None]
-        span = f"{min(delays):.2f} to {max(delays):.2f}" if delays else "never"
-        sums = [len(mine), len(delays), sum(x["before"] for x in mine), sum(x["biased"] for x in mine)]
-        off = 1e3 * max(x["estimate_rad"] for x in mine)
-        lines.append(f"| {row} | {fault} | " + " | ".join(map(str, sums)) + f" | {span} | {off:.1f} |")
-    return "\n".join(lines)
-
-
-def same_frame(flown: list[Table]) -> str:
-    """How many faults were found in the same frame with the unit and with it lost."""
-    ours, theirs = ([x["after_s"] for x in flown if x["row"] == row] for row in ("with the unit", "unit lost"))
-    return f"in the same frame by both: {sum(a == b for a, b in zip(ours, theirs, strict=True))} of {len(ours)}"
-
-
-def fault_free(flown: list[Table]) -> str:
-    """Hours, trips, and how near to a trip they came."""
-    rate = poisson(sum(x["trips"] for x in flown), sum(x["hours"] for x in flown))
-    one, two = (max(x["sigmas"][i] for x in flown) for i in (0, 1))
-    bank, tilt, apart, both = np.concatenate([x["seconds"] for x in flown]).T
-    return "\n".join(
-        (
-            f"{rate.count} trips in {rate.of:.1f} hours ({rate.low:.2g} to {rate.high:.2g} an hour, exact, 95 %)",
-            f"RATE_BIAS in {sum(x['biased'] for x in flown)} of {len(flown)} flights",
-            f"innovation: {one:.2f} sigma in one frame, {two:.2f} in two running",
-            f"estimate off by {1e3 * max(x['estimate_rad'] for x in flown):.2f} mrad",
-            f"bank angles: {spread(bank)} mrad; tilt: {spread(tilt)} mrad; apart: {spread(apart)} mrad/s",
-            f"both rates in order at the end of {int(both.sum())} of {len(both)} seconds",
-        )
-    )
-
-
-def spread(values: NDArray[np.float64]) -> str:
-    """The largest, and below what 99 % are; in thousandths."""
-    return f"{1e3 * values.max():.2f} (99 %: {1e3 * np.quantile(values, 0.99):.2f})"
 
 
 def main() -> int:
