@@ -23,23 +23,23 @@ from tolerant_table import counts, fault_free, same_frame
 
 from rig import scenario
 from rig.angles import wrap
-from rig.control.tolerant.record import BOTH
+from rig.computer.fdi.state import BOTH
 from rig.frame import ESTIMATES, INDEX, Block, Lie, Trust
 from rig.loop import Rig, frames
-from rig.study.workers import each
+from rig.studies.workers import each
 
 THETA, PHI = INDEX["pitch_angle"], INDEX["roll_angle"]
 ANGLE, INNOVATION, SIGMA = (ESTIMATES.index(f"{x}_rad") for x in ("pitch_angle", "innovation", "innovation_sigma"))
 Table = dict[str, Any]
 
 
-def judge(one: Try) -> Table:
+def outcome_of(one: Try) -> Table:
     """Fly it: what was declared and when, how far the estimate was off, what the unit's mean was off each second."""
     chosen = scenario.load(None, one.sets(), one.case.seed)
     rig, blocks, seconds = Rig(chosen), [], []
     for rows, _ in frames(rig, chosen):
         blocks.append(rows.copy())
-        seconds.append(second(rig.control.witness[0], rows[-1]))
+        seconds.append(second(rig.control.fdi[0], rows[-1]))
     flight, rate_hz = np.concatenate(blocks), chosen.rate_hz
     onset = round(one.case.onset_s * rate_hz) if one.fault else 0
     where = "turn" if "heading" in one.case.manoeuvres else "straight"
@@ -85,7 +85,7 @@ def main() -> int:
     parser.add_argument("--json", default="")
     asked, began = parser.parse_args(), perf_counter()
     tries = [one for row in asked.rows.split(",") for one in ROWS[row]()]
-    flown = list(each(judge, tries, asked.workers))
+    flown = list(each(outcome_of, tries, asked.workers))
     faulty, without = [x for x in flown if x["fault"] != "none"], [x for x in flown if x["fault"] == "none"]
     if faulty:
         print(counts(faulty))

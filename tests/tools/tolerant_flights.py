@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from rig.aircraft import tables
-from rig.study.rate_bias import AFTER_S, ALL_CHANNELS, POINTS, TURBULENCE, Case, Fault, settings
+from rig.studies.rate_bias import AFTER_S, ALL_CHANNELS, POINTS, TURBULENCE, Case, Fault, settings
 
 ONSET_S: Final = 20.0
 FREE_S: Final = 600.0
