@@ -1,8 +1,8 @@
 """The MCAP file being written: records in order, their indexes, and the summary that closes it.
 
-    magic  Header  Schema...  Channel...  Metadata "rig"  Attachment...
+    magic  Header  Schema...  Channel...  Metadata...  Attachment...
     ( Chunk  MessageIndex... ) for each second of flight
-    Metadata "result"  DataEnd  Summary  Footer  magic
+    Metadata...  DataEnd  Summary  Footer  magic
 
 Every byte before DataEnd counts in its CRC, every byte after it in the footer's.  What the summary needs
 of a chunk is kept in 64 bytes, 230 kB for an hour of flight at one chunk a second.
@@ -13,8 +13,7 @@ from __future__ import annotations
 import os
 import struct
 from array import array
-from collections.abc import Iterable, Iterator, Mapping
-from functools import cache
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -35,18 +34,13 @@ from mcap.records import (
     Statistics,
     SummaryOffset,
 )
-from mcap.well_known import MessageEncoding, SchemaEncoding
 from zlib_ng.zlib_ng import crc32
 
-from rig.frame import SIGNALS
-from rig.log.index import EVENT_CHANNEL, Packed, index_size, message_indexes
-from rig.log.schema import FRAME_TOPICS, SCHEMA_NAMES, TOPICS, descriptors
+from rig.log.index import MOST_RUNS, Packed, Run, index_size, message_indexes
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 LIBRARY: Final = "jsbsim-rig"
 COMPRESSION: Final = "zstd"
-RIG: Final = "rig"  # names of the metadata records
-RESULT: Final = "result"
 _CHUNK_HEAD: Final = struct.Struct("<BQQQQII4sQ")
 _FOOTER_HEAD: Final = struct.Struct("<BQQQ")
 _INDEX_HEAD: Final = struct.Struct("<BQQQQQI")  # of a chunk index, up to its message index offsets
@@ -62,8 +56,20 @@ class _Kept(NamedTuple):
     length: int  # of that record
     compressed: int
     uncompressed: int
-    frames: int
-    events: int
+    run: int  # as _kept_run gives it; 0 where there is none
+    second_run: int
+
+    def runs(self) -> Iterator[tuple[range, int]]:
+        """The channels of each run, and the messages of each of them."""
+        for run in (self.run, self.second_run):
+            first, channels = run & 0xFFFF, run >> 16 & 0xFFFF
+            yield range(first, first + channels), run >> 32
+
+
+def _kept_run(run: Run) -> int:
+    """First channel, channels and messages of each, in 16, 16 and 32 bits."""
+    channels, messages = run.offsets.shape
+    return run.first | channels << 16 | messages << 32
 
 
 def encode(record: McapRecord) -> bytes:
@@ -73,16 +79,25 @@ def encode(record: McapRecord) -> bytes:
     return builder.end()
 
 
-@cache
-def _opening() -> tuple[bytes, bytes]:
-    """The schema and the channel records, the same in every file."""
-    return b"".join(map(encode, schemas())), b"".join(map(encode, channels()))
+class Opening(NamedTuple):
+    """What stands at the begin of a file and in its summary: all schemas and channels, as records."""
+
+    schemas: bytes
+    channels: bytes
+    schema_count: int
+    channel_count: int
+
+    @classmethod
+    def of(cls, schemas: Sequence[Schema], channels: Sequence[Channel]) -> Opening:
+        """Encode them; ids from 1."""
+        records = b"".join(map(encode, schemas)), b"".join(map(encode, channels))
+        return cls(*records, len(schemas), len(channels))
 
 
 class Container:
     """Writes one MCAP file; every method raises OSError when the disk does not take it."""
 
-    def __init__(self, path: Path, *, new: bool = False) -> None:
+    def __init__(self, path: Path, opening: Opening, *, new: bool = False) -> None:
         """``new``: FileExistsError when there is a file already, also one that came this moment."""
         self._path = path
         mode = "xb" if new else "wb"
@@ -92,9 +107,9 @@ class Container:
         self._chunks = array("Q")
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
-        self._schemas, self._channels = _opening()
+        self._opening = opening
         try:
-            self._put(MAGIC, encode(Header("", LIBRARY)), self._schemas, self._channels)
+            self._put(MAGIC, encode(Header("", LIBRARY)), opening.schemas, opening.channels)
         except OSError:
             self.discard()
             raise
@@ -127,9 +142,7 @@ class Container:
 
     def chunk(self, packed: Packed) -> None:
         """Append a chunk and its message indexes."""
-        stamps = [int(t) for t in packed.times[[0, -1]]] if len(packed.times) else []
-        stamps += [time for time, _ in packed.events]
-        start, end = min(stamps), max(stamps)
+        start, end = packed.span
         length = _CHUNK_HEAD.size + len(packed.data)
         head = _CHUNK_HEAD.pack(
             Opcode.CHUNK,
@@ -143,9 +156,9 @@ class Container:
             len(packed.data),
         )
         offset = self._offset
-        self._put(head, packed.data, *message_indexes(packed))
-        counts = len(packed.times), len(packed.events)
-        self._chunks.extend(_Kept(start, end, offset, length, len(packed.data), packed.size, *counts))
+        self._put(head, packed.data, *map(message_indexes, packed.runs))
+        runs = [*map(_kept_run, packed.runs), *[0] * (MOST_RUNS - len(packed.runs))]
+        self._chunks.extend(_Kept(start, end, offset, length, len(packed.data), packed.size, *runs))
         self._whole = (self._offset, self._crc)
 
     def rewind(self) -> None:
@@ -191,8 +204,8 @@ class Container:
             self._path.unlink()
 
     def _groups(self) -> Iterator[tuple[int, Iterable[bytes]]]:
-        yield Opcode.SCHEMA, [self._schemas]
-        yield Opcode.CHANNEL, [self._channels]
+        yield Opcode.SCHEMA, [self._opening.schemas]
+        yield Opcode.CHANNEL, [self._opening.channels]
         yield Opcode.STATISTICS, [encode(self._statistics())]
         yield Opcode.CHUNK_INDEX, self._chunk_indexes()
         yield Opcode.ATTACHMENT_INDEX, map(encode, self._attachments)
@@ -204,70 +217,38 @@ class Container:
             yield _Kept(*self._chunks[i : i + width])
 
     def _statistics(self) -> Statistics:
-        start, end, chunks, frames, events = 0, 0, 0, 0, 0
+        start, end, chunks = 0, 0, 0
+        counts = [0] * (self._opening.channel_count + 1)
         for kept in self._kept():
             start = min(start, kept.start) if chunks else kept.start
             end = max(end, kept.end)
             chunks += 1
-            frames += kept.frames
-            events += kept.events
-        counts = dict.fromkeys(range(1, EVENT_CHANNEL), frames) | {EVENT_CHANNEL: events}
+            for channels, messages in kept.runs():
+                for channel in channels:
+                    counts[channel] += messages
         return Statistics(
             attachment_count=len(self._attachments),
-            channel_count=len(TOPICS),
-            channel_message_counts={i: count for i, count in counts.items() if count},
+            channel_count=self._opening.channel_count,
+            channel_message_counts={i: count for i, count in enumerate(counts) if count},
             chunk_count=chunks,
-            message_count=sum(counts.values()),
+            message_count=sum(counts),
             message_start_time=start,
             message_end_time=end,
             metadata_count=len(self._metadata),
-            schema_count=len(SCHEMA_NAMES),
+            schema_count=self._opening.schema_count,
         )
 
     def _chunk_indexes(self) -> Iterator[bytes]:
         """A record a chunk, packed here: the library takes its time over twenty offsets each."""
         for kept in self._kept():
-            begin = kept.offset + kept.length
-            step = index_size(kept.frames)
-            indexes = {i + 1: begin + i * step for i in range(len(FRAME_TOPICS))} if kept.frames else {}
-            length = len(indexes) * step
-            if kept.events:
-                indexes[EVENT_CHANNEL] = begin + length
-                length += index_size(kept.events)
+            indexes: dict[int, int] = {}
+            length = 0
+            for channels, messages in kept.runs():
+                for channel in channels:
+                    indexes[channel] = kept.offset + kept.length + length
+                    length += index_size(messages)
             offsets = struct.pack(f"<{'HQ' * len(indexes)}", *chain.from_iterable(indexes.items()))
             size = _INDEX_HEAD.size - 9 + len(offsets) + _INDEX_TAIL.size
             places = (kept.start, kept.end, kept.offset, kept.length)
             head = _INDEX_HEAD.pack(Opcode.CHUNK_INDEX, size, *places, len(offsets))
             yield head + offsets + _INDEX_TAIL.pack(length, 4, COMPRESSION.encode(), kept.compressed, kept.uncompressed)
-
-
-def schemas() -> list[Schema]:
-    """The schema records, ids from 1."""
-    return [
-        Schema(i, descriptors(name).SerializeToString(), SchemaEncoding.Protobuf, name)
-        for i, name in enumerate(SCHEMA_NAMES, 1)
-    ]
-
-
-def channels() -> list[Channel]:
-    """The channel records, ids from 1; a signal's says its unit, symbol and range."""
-    about = {
-        signal.topic: {
-            "unit": signal.unit,
-            "symbol": signal.symbol,
-            "group": signal.group,
-            "low": repr(signal.low),
-            "high": repr(signal.high),
-        }
-        for signal in SIGNALS
-    }
-    return [
-        Channel(
-            i,
-            topic.name,
-            MessageEncoding.Protobuf,
-            about.get(topic.name, {}),
-            SCHEMA_NAMES.index(topic.message) + 1,
-        )
-        for i, topic in enumerate(TOPICS, 1)
-    ]

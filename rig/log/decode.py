@@ -26,9 +26,9 @@ from zlib_ng.zlib_ng import crc32
 from rig.errors import BadLog
 from rig.frame import Block
 from rig.log.container import COMPRESSION
-from rig.log.index import EVENT_CHANNEL
 from rig.log.layout import rows_in, unpack
 from rig.log.record import HEAD, MESSAGE_OPCODE
+from rig.log.tables import EVENT_CHANNEL
 
 CHUNK_LIMIT: Final = 1 << 28  # bytes that a chunk may claim; ours have 1 MiB
 AHEAD: Final = 8  # chunks that are decoded before they are asked for

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, Final, NamedTuple
 
@@ -10,10 +10,13 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from rig.log.layout import ROW, STARTS
-from rig.log.schema import EVENTS, TOPICS
 
-EVENT_CHANNEL: Final = TOPICS.index(EVENTS) + 1
+class Run(NamedTuple):
+    """Messages of neighbouring channels in a chunk, as many of each and at the same times."""
+
+    first: int  # id of the first channel
+    times: NDArray[np.uint64]  # (n,), ns
+    offsets: NDArray[np.int64]  # (channels, n) of each message's record in the chunk
 
 
 class Packed(NamedTuple):
@@ -22,10 +25,15 @@ class Packed(NamedTuple):
     data: bytes
     crc: int  # of the bytes before compression
     size: int  # their number
-    times: NDArray[np.uint64]  # of its rows, ns
-    events: Sequence[tuple[int, int]]  # time in ns and offset of each event's record
+    runs: Sequence[Run]  # at most MOST_RUNS
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """Time of the first and of the last message, ns."""
+        return min(int(run.times.min()) for run in self.runs), max(int(run.times.max()) for run in self.runs)
 
 
+MOST_RUNS: Final = 2
 _ENTRY: Final = np.dtype([("time", "<u8"), ("offset", "<u8")])
 
 
@@ -41,19 +49,13 @@ def _index_dtype(entries: int) -> np.dtype[Any]:
     )
 
 
-def _indexes(channel: Any, entries: int) -> NDArray[Any]:
-    made = np.zeros(np.size(channel), _index_dtype(entries))
+@lru_cache(maxsize=4)  # all chunks of a flight are of one length but the last
+def _blank(first: int, channels: int, entries: int) -> NDArray[Any]:
+    made = np.zeros(channels, _index_dtype(entries))
     made["opcode"] = Opcode.MESSAGE_INDEX
     made["length"] = 6 + 16 * entries
-    made["channel"] = channel
+    made["channel"] = np.arange(first, first + channels)
     made["bytes"] = 16 * entries
-    return made
-
-
-@lru_cache(maxsize=4)  # all chunks of a flight are of one length but the last
-def _frame_indexes(frames: int) -> NDArray[Any]:
-    made = _indexes(np.arange(1, EVENT_CHANNEL), frames)
-    made["entries"]["offset"] = np.add.outer(STARTS, ROW * np.arange(frames))
     return made
 
 
@@ -62,13 +64,8 @@ def index_size(entries: int) -> int:
     return _index_dtype(entries).itemsize
 
 
-def message_indexes(packed: Packed) -> Iterator[NDArray[np.uint8]]:
-    """The bytes of the records that follow a chunk: for each channel, the time and offset of each message."""
-    if len(packed.times):
-        frames = _frame_indexes(len(packed.times)).copy()  # flights in other threads share the original
-        frames["entries"]["time"] = packed.times
-        yield frames.view(np.uint8)
-    if packed.events:
-        events = _indexes(EVENT_CHANNEL, len(packed.events))
-        events["entries"][0] = np.array(packed.events, _ENTRY)
-        yield events.view(np.uint8)
+def message_indexes(run: Run) -> NDArray[np.uint8]:
+    """The bytes of the records that follow a chunk: for each channel of a run, time and offset of each message."""
+    made = _blank(run.first, *run.offsets.shape).copy()  # flights in other threads share the original
+    made["entries"]["time"], made["entries"]["offset"] = run.times, run.offsets
+    return made.view(np.uint8)

@@ -9,11 +9,12 @@ from typing import Final
 
 from rig.errors import BadLog, RigError
 from rig.files import replaced
-from rig.log.container import RESULT, RIG, Container
+from rig.log.container import Container
 from rig.log.decode import Damaged, Part
 from rig.log.index import Packed
 from rig.log.layout import log_times
 from rig.log.scan import About, iter_parts
+from rig.log.tables import RESULT, RIG, opening, runs_of
 
 RECOVERED: Final = "recovered"  # name of the metadata record that says so
 
@@ -64,7 +65,7 @@ class _Tally:
 def _write(path: Path, out: Path, about: About, damage: str) -> None:
     with replaced(out) as made:
         try:
-            file = Container(made)
+            file = Container(made, opening())
             try:
                 _copy(path, file, about, damage)
             finally:
@@ -89,4 +90,4 @@ def _copy(path: Path, file: Container, about: About, damage: str) -> None:
 def _packed(part: Part, rate_hz: float) -> Packed:
     chunk = part.chunk
     times = log_times(part.rows["frame"], rate_hz)
-    return Packed(chunk.data, chunk.uncompressed_crc, chunk.uncompressed_size, times, part.event_entries)
+    return Packed(chunk.data, chunk.uncompressed_crc, chunk.uncompressed_size, runs_of(times, part.event_entries))

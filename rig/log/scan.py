@@ -20,9 +20,10 @@ from mcap.records import Attachment, Channel, DataEnd, Footer, Metadata, Schema
 from zlib_ng.zlib_ng import crc32
 
 from rig.errors import BadLog
-from rig.log.container import MAGIC, RESULT, RIG, channels
+from rig.log.container import MAGIC
 from rig.log.decode import Damaged, Decoder, Part, damage, same_crc
 from rig.log.schema import MESSAGES, SCHEMA_VERSION, TOPICS, descriptors
+from rig.log.tables import RESULT, RIG, channels
 
 R = TypeVar("R", Attachment, Channel, DataEnd, Footer, Metadata, Schema)
 

@@ -16,12 +16,13 @@ from zlib_ng.zlib_ng import crc32
 
 from rig.errors import BadInput, RigError
 from rig.frame import TIMING, Block, new_block
-from rig.log.container import RESULT, RIG, Container
-from rig.log.index import EVENT_CHANNEL, Packed
+from rig.log.container import Container
+from rig.log.index import Packed
 from rig.log.layout import ROW, log_times
 from rig.log.packing import empty_rows, pack
 from rig.log.record import HEAD, MESSAGE_OPCODE
 from rig.log.schema import SCHEMA_VERSION
+from rig.log.tables import EVENT_CHANNEL, RESULT, RIG, opening, runs_of
 
 # Nearly all that repeats is in the row before, so a small table finds it: smaller files than those of
 # zstd's level 1, in less time.
@@ -76,7 +77,7 @@ class LogWriter:
         self._file: Container | None = None
         self._pack(new_block(1), np.zeros(1, TIMING), ())  # compiles the kernels before the first frame
         try:
-            self._file = Container(self.path, new=new)
+            self._file = Container(self.path, opening(), new=new)
             about = {"schema_version": str(SCHEMA_VERSION), "rate_hz": repr(float(rate_hz))}
             self._file.metadata(RIG, {**metadata, **about})
             for name, data in attachments:
@@ -146,7 +147,7 @@ class LogWriter:
             entries = list(zip(event_times.tolist(), offsets[:-1].tolist(), strict=True))
             data = b"".join([packed.tobytes(), *records])
         size = memoryview(data).nbytes
-        return Packed(self._compressor.compress(data), crc32(data), size, times, entries)
+        return Packed(self._compressor.compress(data), crc32(data), size, runs_of(times, entries))
 
     def _append(self, packed: Packed) -> None:
         if self._file is None:
@@ -155,8 +156,9 @@ class LogWriter:
             self._file.chunk(packed)
         except OSError as error:
             raise self._stopped(error) from None
-        if len(packed.times):
-            self._last_time = int(packed.times[-1])
+        for run in packed.runs:
+            if run.first != EVENT_CHANNEL:
+                self._last_time = int(run.times[-1])
 
     def _stopped(self, error: OSError) -> RigError:
         """Close the log as well as the disk allows, and say what happened."""
