@@ -17,6 +17,7 @@ check: lint types imports test  ## everything that must hold before a change goe
 lint: setup
 	$(BIN)/ruff check rig tests
 	$(BIN)/ruff format --check rig tests
+	$(BIN)/codespell rig tests docs aircraft faults *.md
 
 types: setup
 	$(BIN)/pyright

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from rig.computer.redundancy import resolve, trend, vote
+from rig.computer.redundancy import opinions, trend, vote
 from rig.computer.redundancy.config import (
     MANAGERS,
     PARAMS,
@@ -23,7 +23,7 @@ from rig.computer.redundancy.config import (
 )
 from rig.frame import SIGNALS, Ilm, Resolver, State
 
-LOW, HIGH, NONE = resolve.LOW_SIDE, resolve.HIGH_SIDE, resolve.NO_ANSWER
+LOW, HIGH, NONE = opinions.LOW_SIDE, opinions.HIGH_SIDE, opinions.NO_ANSWER
 ORDER = np.array([2, 0, 3, 1])  # channels by ascending value: 3 and 1 below, 4 and 2 above
 GOOD, BAD, ABSENT = int(Ilm.GOOD), int(Ilm.BAD), int(Ilm.ABSENT)
 
@@ -50,7 +50,7 @@ GOOD, BAD, ABSENT = int(Ilm.GOOD), int(Ilm.BAD), int(Ilm.ABSENT)
     ],
 )
 def test_in_line_monitors_are_believed_only_when_they_follow_the_pairing(flags, n, sides):
-    assert resolve.by_ilm(np.array(flags, np.uint8), ORDER, n) == sides
+    assert opinions.by_ilm(np.array(flags, np.uint8), ORDER, n) == sides
 
 
 @pytest.mark.parametrize(
@@ -71,9 +71,9 @@ def test_in_line_monitors_are_believed_only_when_they_follow_the_pairing(flags, 
     ],
 )
 def test_a_reference_makes_a_triplex_with_the_two_ranks(high, low, reference, sides, middle):
-    assert resolve.by_reference(high, low, reference, 1.0) == sides
-    assert resolve.middle(high, low, reference) == middle
-    assert resolve.by_reference(high, low, np.nan, 1.0) == NONE
+    assert opinions.by_reference(high, low, reference, 1.0) == sides
+    assert opinions.middle(high, low, reference) == middle
+    assert opinions.by_reference(high, low, np.nan, 1.0) == NONE
 
 
 def test_a_split_around_a_reference_that_is_near_neither_fails_all_four():
@@ -282,7 +282,7 @@ def test_an_unknown_manager_is_refused(name):
 
 @pytest.mark.parametrize(("high", "low", "reference", "sides"), [(5.0, 0.0, 6.0, LOW), (5.0, 0.0, -1.0, HIGH)])
 def test_a_reference_outside_the_ranks_decides_however_wide_its_threshold(high, low, reference, sides):
-    assert resolve.by_reference(high, low, reference, 50.0) == sides
+    assert opinions.by_reference(high, low, reference, 50.0) == sides
 
 
 @pytest.mark.parametrize("manager", [*MANAGERS, "mine:Class", "a.b.c:D"])
@@ -336,7 +336,7 @@ def test_boxes_and_common_modes_have_their_defaults_and_least_settings():
 def test_a_reference_on_one_of_two_values_makes_that_one_the_middle(reference: float, blamed: int):
     """Whatever its threshold: of three values of which two are equal, the third is an extreme."""
     for threshold in (0.1, 5.0):
-        assert resolve.by_reference(1.0, 0.0, reference, threshold) == blamed
+        assert opinions.by_reference(1.0, 0.0, reference, threshold) == blamed
 
 
 def test_a_reset_may_name_a_single_channel():

@@ -6,7 +6,7 @@ fed only by frames in which the signal's channels agreed, or nothing disputed th
 while one of its partners is lost or has no majority.  They begin with the votes of the first frame.
 
 Source: Zhang 2023, section 7 (pitch rate by a lead filter on angle of attack, or the inertial unit); the equations
-are in motion.py, inertial_unit.py and strapdown.py.
+are in kinematics.py, inertial_unit.py and strapdown.py.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from rig.angles import difference
 from rig.computer.analytic import inertial_unit as unit
-from rig.computer.analytic import motion, strapdown
+from rig.computer.analytic import kinematics, strapdown
 from rig.computer.analytic import pitch_filter as estimate
 from rig.computer.analytic.designed import COLUMNS, FILTERS, Designed
 from rig.computer.analytic.flight_path import air_density
@@ -229,8 +229,8 @@ def opinion(s, source, partners, unknown, inertial, p, st, density, speed):
 def of_attitude(s, st):
     """Body rates from the change of the attitude."""
     if s == _Q:
-        return motion.pitch_rate_of_attitude(st)
-    return motion.roll_rate(st) if s == _P else motion.yaw_rate(st)
+        return kinematics.pitch_rate_of_attitude(st)
+    return kinematics.roll_rate(st) if s == _P else kinematics.yaw_rate(st)
 
 
 @kernel
@@ -238,18 +238,18 @@ def of_partners(s, partners, p, st, speed):
     """Signal s from the air, the load factors or the turn."""
     c = st["coefficient"]
     if s == _Q:
-        return motion.pitch_rate(c, st, speed)
+        return kinematics.pitch_rate(c, st, speed)
     if s == _NZ:
-        return motion.normal_load_factor(c, p, st, speed)
+        return kinematics.normal_load_factor(c, p, st, speed)
     if s == _NY:
-        return motion.lateral_load_factor(c, p, st)
+        return kinematics.lateral_load_factor(c, p, st)
     if s == _ALPHA:
-        return motion.angle_of_attack(c, p, st, speed)
+        return kinematics.angle_of_attack(c, p, st, speed)
     if s == _BETA:
-        return motion.angle_of_sideslip(c, p, st)
+        return kinematics.angle_of_sideslip(c, p, st)
     if s == _PHI:
-        return motion.roll_angle(p, st, speed, (partners & st["lost"]) == 0)
-    return motion.pitch_angle(p, st, (partners & st["lost"]) == 0)
+        return kinematics.roll_angle(p, st, speed, (partners & st["lost"]) == 0)
+    return kinematics.pitch_angle(p, st, (partners & st["lost"]) == 0)
 
 
 @kernel
@@ -268,7 +268,7 @@ def of_unit(s, inertial, p, st, density):
         return u["flow"][i]
     if s == _STATIC:
         return unit.static_pressure(inertial, st["voted"], st["agreed"], rate_hz, u)
-    return motion.dynamic_pressure(inertial, density)
+    return kinematics.dynamic_pressure(inertial, density)
 
 
 @kernel

@@ -4,7 +4,7 @@
     (the Kalman filter itself: rig.computer.analytic.pitch_filter)
     decision      innovation tests, reversion, arbitration by the path
     rate_bias     whose rates of turn are in order: the gyros', the inertial unit's, or both
-    sensor_fault  effectiveness and offset of a faulty sensor
+    fault_estimate  effectiveness and offset of a faulty sensor
     state         parameters and state
     settings      the ``[control.tolerant]`` table
 

@@ -16,8 +16,8 @@ import math
 from typing import Final
 
 from rig.computer.analytic.pitch_filter import forget
+from rig.computer.fdi import fault_estimate as lie
 from rig.computer.fdi import rate_bias as rates
-from rig.computer.fdi import sensor_fault as lie
 from rig.computer.fdi.state import KEPT
 from rig.frame import INDEX, Trust
 from rig.kernels import kernel

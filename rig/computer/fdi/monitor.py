@@ -8,8 +8,8 @@ from typing import Final
 from rig.computer.analytic.flight_path import PATH_SIGNALS, climb, path_pitch_angle
 from rig.computer.analytic.pitch_filter import begin, correct, follow_path, learn_yaw_drift
 from rig.computer.analytic.pitch_mean import move
+from rig.computer.fdi import fault_estimate as lie
 from rig.computer.fdi import rate_bias as rates
-from rig.computer.fdi import sensor_fault as lie
 from rig.computer.fdi.decision import decide, innovate
 from rig.frame import INDEX, Lie, Source, Trust
 from rig.kernels import kernel

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from rig.computer.redundancy.compare import rank
 from rig.computer.redundancy.manager import anchor, publish, report
-from rig.computer.redundancy.monitor import apply_resets, latch, watch_failed
+from rig.computer.redundancy.monitor import apply_resets, watch_failed
+from rig.computer.redundancy.persistence import latch
 from rig.computer.redundancy.vote import median
 from rig.frame import CHANNELS, Pattern
 from rig.kernels import kernel

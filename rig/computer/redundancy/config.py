@@ -12,7 +12,7 @@ from pydantic import Field, create_model, field_validator, model_validator
 
 from rig.computer.analytic.references import Config as References
 from rig.computer.redundancy.discrete_config import PERSISTENCE, DiscreteConfigs
-from rig.computer.redundancy.persistence import in_frames, refuse_both
+from rig.computer.redundancy.durations import in_frames, refuse_both
 from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, SIGNALS, Resolver, S, to_frame
 from rig.settings import Settings
 from rig.text import choices

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, create_model, model_validator
 
-from rig.computer.redundancy.persistence import in_frames, refuse_both
+from rig.computer.redundancy.durations import in_frames, refuse_both
 from rig.frame import DISCRETES, D
 from rig.settings import Settings
 

@@ -19,9 +19,10 @@ from rig.computer.redundancy.common import watch_common
 from rig.computer.redundancy.compare import classify, comparable, is_singular, rank
 from rig.computer.redundancy.config import RESETS
 from rig.computer.redundancy.last_channel import check_last
-from rig.computer.redundancy.monitor import apply_resets, count_miscompares, latch, monitor_reference, watch_failed
+from rig.computer.redundancy.monitor import apply_resets, monitor_reference, watch_failed
+from rig.computer.redundancy.persistence import count_miscompares, latch
 from rig.computer.redundancy.reference_threshold import reference_threshold
-from rig.computer.redundancy.singular import settle
+from rig.computer.redundancy.resolve import settle
 from rig.frame import CHANNELS, Pattern, Resolver, State
 from rig.kernels import kernel
 

@@ -1,97 +1,107 @@
-"""What one resolver answers when no majority exists: in-line monitor, trend or reference.
+"""Patterns without a majority: 2:2, 1:1, 1:1:1:1 and 1:1:1, each settled by the resolvers of its signal.
 
-Of two halves an answer is a set of sides to be failed, as bits: HIGH_SIDE the larger half of the samples,
-LOW_SIDE the smaller.  Where nobody agrees with anybody it is the one channel to be kept.  NO_ANSWER when a
-resolver cannot tell.
-Source: Zhang 2023, sections 4, 6, 7 and 8; redundancy.md, sections 4 to 6.
+In-line monitors, reference and trend are asked in the configured order; the rules of likelihood, extremes and
+middle, only when none of them answers.  When nobody answers the vote holds and follows the ranks.
+Source: Zhang 2023, sections 2 and 6 to 8; docs/redundancy.md, 'Patterns without a majority'.
 """
 
 from __future__ import annotations
 
-from typing import Final
-
-import numpy as np
-
-from rig.angles import difference
-from rig.computer.redundancy import trend
-from rig.frame import Ilm
+from rig.computer.redundancy import opinions, vote
+from rig.frame import Pattern, Resolver
 from rig.kernels import kernel
 
-NO_ANSWER: Final = -1
-LOW_SIDE: Final = 1
-HIGH_SIDE: Final = 2
+
+@kernel
+def settle(ilm, reference, n, p, st):
+    """The resolver that answered a pattern without a majority, and this frame's vote; marks ``blamed``."""
+    if st["pattern"] == Pattern.P2_2 or st["pattern"] == Pattern.P1_1:
+        return settle_halves(ilm, reference, n, p, st)
+    return settle_apart(ilm, reference, n, p, st)
 
 
 @kernel
-def by_ilm(ilm, order, n):
-    """What the channels' own monitors say, if they follow the pairing; else NO_ANSWER (section 2).
+def settle_halves(ilm, reference, n, p, st):
+    """2:2 and 1:1: which half is right (sections 2, 6 and 7)."""
+    x, order, resolvers = st["x"], st["order"], p["resolvers"]
+    half = n // 2
+    low, high = x[order[half - 1]], x[order[half]]
+    for place in range(len(resolvers)):
+        name = resolvers[place]
+        sides = opinions.NO_ANSWER
+        if name == Resolver.ILM:
+            sides = opinions.by_ilm(ilm, order, n)
+        elif name == Resolver.TREND:
+            sides = opinions.by_trend(st, p["trend_frames"])
+        elif name == Resolver.REFERENCE and st["reference_usable"]:
+            sides = opinions.by_reference(high, low, reference, st["reference_threshold"])
+        if sides != opinions.NO_ANSWER:
+            blame_sides(sides, n, st)
+            if name == Resolver.REFERENCE:
+                return name, opinions.middle(high, low, reference)
+            good = half if sides == opinions.LOW_SIDE else 0
+            return name, vote.mean(x[order[good]], x[order[good + half - 1]], 0.5)
+    return Resolver.UNRESOLVED.value, hold(n, st)
 
-    ilm : (4,) flags by channel; order : (4,) channels by ascending value; n : 4 or 2
+
+@kernel
+def settle_apart(ilm, reference, n, p, st):
+    """1:1:1:1 and 1:1:1: at most one channel is right (section 8, after monitors and reference)."""
+    x, order, resolvers = st["x"], st["order"], p["resolvers"]
+    for place in range(len(resolvers)):
+        name = resolvers[place]
+        good = opinions.NO_ANSWER
+        if name == Resolver.ILM:
+            good = opinions.only_good(ilm, order, n)
+        elif name == Resolver.REFERENCE and st["reference_usable"]:
+            good = opinions.only_near(x, order, n, reference, st["reference_threshold"], p["wraps"])
+        if good != opinions.NO_ANSWER:
+            blame_all_but(good, good, n, st)
+            return name, x[good]
+    return settle_by_rank(n, p, st)
+
+
+@kernel
+def settle_by_rank(n, p, st):
+    """The rules of likelihood, where they are configured: of four the extremes fail, of three all but the middle."""
+    x, order = st["x"], st["order"]
+    rule = Resolver.EXTREMES.value if st["pattern"] == Pattern.P1_1_1_1 else Resolver.MIDDLE.value
+    for place in range(len(p["resolvers"])):
+        if p["resolvers"][place] == rule:
+            low, high = order[(n - 1) // 2], order[n // 2]
+            blame_all_but(low, high, n, st)
+            return rule, vote.mean(x[low], x[high], 0.5)
+    return Resolver.UNRESOLVED.value, hold(n, st)
+
+
+@kernel
+def hold(n, st):
+    """The vote that nobody decides: the last one, moved by the mean change of the two voting ranks.
+
+    In the first frame of a pattern or of another number of samples that change is half of the fault's jump, and
+    counts as zero.  In the first frame of all, when there is no last vote, the mean of the two ranks.
     """
-    good_low, good_high, bad_low, bad_high = 0, 0, 0, 0
+    if not st["started"]:
+        return vote.mean(st["x"][st["order"][(n - 1) // 2]], st["x"][st["order"][n // 2]], 0.5)
+    if st["pattern_frames"] == 1:
+        return st["vote"]
+    return st["vote"] + 0.5 * (st["rise_high"] + st["rise_low"])
+
+
+@kernel
+def blame_sides(sides, n, st):
+    """Mark the channels of the sides that an answer would fail."""
     half = n // 2
     for i in range(half):
-        good_low += ilm[order[i]] == Ilm.GOOD
-        bad_low += ilm[order[i]] == Ilm.BAD
-        good_high += ilm[order[half + i]] == Ilm.GOOD
-        bad_high += ilm[order[half + i]] == Ilm.BAD
-    if good_low == half and bad_high == half:
-        return HIGH_SIDE
-    if good_high == half and bad_low == half:
-        return LOW_SIDE
-    return NO_ANSWER
+        if sides & opinions.LOW_SIDE:
+            st["blamed"][st["order"][i]] = True
+        if sides & opinions.HIGH_SIDE:
+            st["blamed"][st["order"][half + i]] = True
 
 
 @kernel
-def by_trend(track, frames):
-    """What the trend bytes say of the two voting ranks (section 6)."""
-    said = trend.verdict(track["trend_high"], track["trend_low"], track["trend_seen"], frames)
-    if said == 1:
-        return LOW_SIDE
-    return HIGH_SIDE if said == 0 else NO_ANSWER
-
-
-@kernel
-def by_reference(high, low, reference, threshold):
-    """The triplex {high, low, reference}: who is not its middle, or too far from it (section 7)."""
-    if np.isnan(reference):
-        return NO_ANSWER
-    if reference >= high:
-        return LOW_SIDE
-    if reference <= low:
-        return HIGH_SIDE
-    failed = 0
-    if high - reference > threshold:
-        failed |= HIGH_SIDE
-    if reference - low > threshold:
-        failed |= LOW_SIDE
-    return failed
-
-
-@kernel
-def middle(high, low, reference):
-    """The middle value of {high, low, reference}, with high >= low."""
-    return min(max(reference, low), high)
-
-
-@kernel
-def only_good(ilm, order, n):
-    """The one channel whose own monitor says good while all others say bad; else NO_ANSWER."""
-    good, bad, kept = 0, 0, NO_ANSWER
+def blame_all_but(one, other, n, st):
+    """Mark all ranked channels but the one or two that an answer keeps."""
     for i in range(n):
-        c = order[i]
-        bad += ilm[c] == Ilm.BAD
-        if ilm[c] == Ilm.GOOD:
-            good, kept = good + 1, c
-    return kept if good == 1 and bad == n - 1 else NO_ANSWER
-
-
-@kernel
-def only_near(x, order, n, reference, threshold, wraps):
-    """The one channel within the threshold of the reference; NO_ANSWER for none, several or no reference."""
-    near, kept = 0, NO_ANSWER
-    for i in range(n):
-        c = order[i]
-        if abs(difference(x[c], reference, wraps)) <= threshold:
-            near, kept = near + 1, c
-    return kept if near == 1 else NO_ANSWER
+        c = st["order"][i]
+        st["blamed"][c] = c not in (one, other)

@@ -33,7 +33,7 @@ if any(name.startswith("rig.computer") for name in sys.modules):
     raise SystemExit("a module that is kept reads rig.computer: its mutants would not be seen")
 
 # Test files by module, in stages of which the first failure ends a run: most mutants die early.
-MONITOR = ("examples kernels manager singular last_channel reference_threshold", "box common baselines")
+MONITOR = ("examples kernels manager resolve last_channel reference_threshold", "box common baselines")
 STAGES: dict[str, tuple[str, ...]] = {
     "__init__": ("stage", "own references"),
     "config": ("kernels", "discrete examples manager baselines stage"),
@@ -42,10 +42,10 @@ STAGES: dict[str, tuple[str, ...]] = {
     "discrete_config": ("discrete kernels stage",),
     "managers": ("baselines", "stage own"),
     "memory": ("inertial_unit",),
-    "motion": ("motion", "pitch_reference", "references"),
+    "kinematics": ("kinematics", "pitch_reference", "references"),
     "own": ("own",),
-    "persistence": ("kernels discrete",),
-    "references": ("stage motion", "pitch_reference", "references"),
+    "durations": ("kernels discrete",),
+    "references": ("stage kinematics", "pitch_reference", "references"),
     "sources": ("common", "stage", "references"),
     "strapdown": ("strapdown", "inertial_unit"),
     "inertial_unit": ("strapdown inertial_unit",),

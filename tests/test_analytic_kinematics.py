@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from test_analytic_references import RATE, designed, level_flight, ref, run
 
-from rig.computer.analytic import motion
+from rig.computer.analytic import kinematics
 from rig.computer.analytic.designed import COLUMNS
 from rig.computer.analytic.flight_path import air_density
 from rig.computer.analytic.references import PARAM, STATE, Config, References, refer, remember
@@ -66,8 +66,8 @@ def about(axis: int, angle: float) -> NDArray[np.float64]:
 def test_turning_adds_the_acceleration_of_a_point_of_a_rigid_body(seed: int):
     case = Case(seed)
     _, right, down = case.by_turning
-    assert motion.lateral_by_turning(case.p, case.st) == pytest.approx(right)
-    assert motion.normal_by_turning(case.p, case.st) == pytest.approx(-down)
+    assert kinematics.lateral_by_turning(case.p, case.st) == pytest.approx(right)
+    assert kinematics.normal_by_turning(case.p, case.st) == pytest.approx(-down)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -90,7 +90,7 @@ def test_the_pitch_rate_is_the_one_that_moves_the_angle_of_attack_so(seed: int):
     slope = 3e-4
     zero_lift = alpha - lift / (case.pressure * slope)
     case.coefficient(lift_slope_1_pa=slope, zero_lift_alpha_rad=zero_lift, pitch_rate_gain=0.8)
-    assert motion.pitch_rate(case.c, case.st, case.speed) == pytest.approx(case.rates[1] / 0.8)
+    assert kinematics.pitch_rate(case.c, case.st, case.speed) == pytest.approx(case.rates[1] / 0.8)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -105,9 +105,9 @@ def test_the_rates_from_attitude_are_those_of_turning_heading_pitch_and_bank(see
     rates = (
         np.array([of_phi, 0, 0]) + to_bank @ np.array([0, of_theta, 0]) + to_bank @ to_pitch @ np.array([0, 0, of_psi])
     )
-    assert motion.roll_rate(case.st) == pytest.approx(rates[0])
-    assert motion.pitch_rate_of_attitude(case.st) == pytest.approx(rates[1])
-    assert motion.yaw_rate(case.st) == pytest.approx(rates[2])
+    assert kinematics.roll_rate(case.st) == pytest.approx(rates[0])
+    assert kinematics.pitch_rate_of_attitude(case.st) == pytest.approx(rates[1])
+    assert kinematics.yaw_rate(case.st) == pytest.approx(rates[2])
 
 
 def longitudinal(case: Case) -> tuple[float, float]:
@@ -128,7 +128,7 @@ def longitudinal(case: Case) -> tuple[float, float]:
 def test_the_load_factor_is_that_of_wing_tail_and_turning(seed: int):
     case = Case(seed)
     _, load = longitudinal(case)
-    assert motion.normal_load_factor(case.c, case.p, case.st, case.speed) == pytest.approx(load)
+    assert kinematics.normal_load_factor(case.c, case.p, case.st, case.speed) == pytest.approx(load)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -137,7 +137,7 @@ def test_the_angle_of_attack_comes_back_from_the_load_factor(seed: int):
     alpha, load = longitudinal(case)
     case.vote("normal_load_factor", load)
     case.st["alpha"] = alpha
-    assert motion.angle_of_attack(case.c, case.p, case.st, case.speed) == pytest.approx(alpha)
+    assert kinematics.angle_of_attack(case.c, case.p, case.st, case.speed) == pytest.approx(alpha)
     assert case.st["alpha"] == pytest.approx(alpha)
 
 
@@ -148,7 +148,7 @@ def test_the_kept_angle_of_attack_stays_within_a_quarter_turn(load: float, kept:
     case.coefficient(lift_slope_1_pa=1e-4, pitch_rate_gain=1.0)
     case.vote("normal_load_factor", load)
     case.st["alpha"] = 0.0
-    motion.angle_of_attack(case.c, case.p, case.st, case.speed)
+    kinematics.angle_of_attack(case.c, case.p, case.st, case.speed)
     assert case.st["alpha"] == pytest.approx(kept, abs=1e-12)
 
 
@@ -159,7 +159,7 @@ def test_sideslip_comes_back_from_the_side_force(seed: int):
     case.coefficient(side_slope_1_pa=slope, roll_arm_m=roll_arm, yaw_arm_m=yaw_arm)
     of_surfaces = (roll_arm * case.accelerations[0] + yaw_arm * case.accelerations[2]) / G
     case.vote("lateral_load_factor", case.pressure * slope * beta + of_surfaces + case.by_turning[1])
-    assert motion.angle_of_sideslip(case.c, case.p, case.st) == pytest.approx(beta)
+    assert kinematics.angle_of_sideslip(case.c, case.p, case.st) == pytest.approx(beta)
 
 
 @pytest.mark.parametrize(("pressure", "counted"), [(50.0, 200.0), (199.0, 200.0), (201.0, 201.0)])
@@ -170,8 +170,8 @@ def test_divisions_by_dynamic_pressure_take_at_least_200_pascals(pressure: float
     case.vote("normal_load_factor", 1.0)
     case.vote("lateral_load_factor", 1.0)
     case.coefficient(lift_slope_1_pa=0.1, side_slope_1_pa=0.1, pitch_rate_gain=1.0)
-    assert motion.angle_of_attack(case.c, case.p, case.st, case.speed) == pytest.approx(1 / (0.1 * counted))
-    assert motion.angle_of_sideslip(case.c, case.p, case.st) == pytest.approx(1 / (0.1 * counted))
+    assert kinematics.angle_of_attack(case.c, case.p, case.st, case.speed) == pytest.approx(1 / (0.1 * counted))
+    assert kinematics.angle_of_sideslip(case.c, case.p, case.st) == pytest.approx(1 / (0.1 * counted))
 
 
 @pytest.mark.parametrize("constant_s", [0.004, 0.1])
@@ -194,7 +194,7 @@ def test_dynamic_pressure_takes_the_speed_in_space():
     inertial[INERTIAL.index("velocity_north_m_s")] = 30.0
     inertial[INERTIAL.index("velocity_east_m_s")] = 40.0
     inertial[INERTIAL.index("velocity_down_m_s")] = 120.0
-    assert motion.dynamic_pressure(inertial, 1.1) == pytest.approx(0.5 * 1.1 * 130.0**2)
+    assert kinematics.dynamic_pressure(inertial, 1.1) == pytest.approx(0.5 * 1.1 * 130.0**2)
 
 
 @pytest.mark.parametrize(("pressure", "counted"), [(500.0, 1000.0), (1000.0, 1000.0), (1200.0, 1200.0)])
@@ -217,7 +217,7 @@ def test_the_lateral_load_factor_is_that_of_sideslip_surfaces_and_turning(seed: 
     case.vote("angle_of_sideslip", beta)
     of_surfaces = (roll_arm * case.accelerations[0] + yaw_arm * case.accelerations[2]) / G
     expected = case.pressure * slope * beta + of_surfaces + case.by_turning[1]
-    assert motion.lateral_load_factor(case.c, case.p, case.st) == pytest.approx(expected)
+    assert kinematics.lateral_load_factor(case.c, case.p, case.st) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(("pressure", "counted"), [(50.0, 200.0), (201.0, 201.0)])
@@ -227,7 +227,7 @@ def test_a_side_force_is_that_of_200_pascals_at_least(pressure: float, counted: 
     case.coefficient(side_slope_1_pa=-3e-4)
     case.vote("dynamic_pressure", pressure)
     case.vote("angle_of_sideslip", 0.1)
-    assert motion.lateral_load_factor(case.c, case.p, case.st) == pytest.approx(-3e-5 * counted)
+    assert kinematics.lateral_load_factor(case.c, case.p, case.st) == pytest.approx(-3e-5 * counted)
 
 
 def banked(seed: int, phi: float) -> Case:
@@ -246,7 +246,7 @@ def banked(seed: int, phi: float) -> Case:
 @pytest.mark.parametrize("phi", [-1.2, 0.7])
 def test_the_roll_angle_begins_with_that_at_which_gravity_turns_the_aircraft(seed: int, phi: float):
     case = banked(seed, phi)
-    assert motion.roll_angle(case.p, case.st, case.speed, True) == pytest.approx(phi)
+    assert kinematics.roll_angle(case.p, case.st, case.speed, True) == pytest.approx(phi)
     assert case.st["rolling"] == 1 and case.st["roll_angle"] == pytest.approx(phi)
 
 
@@ -261,7 +261,7 @@ def test_then_it_follows_the_gyros_and_is_drawn_to_that_of_the_turn_within_ten_s
     axes = np.column_stack([[1.0, 0.0, 0.0], to_bank[:, 1], (to_bank @ about(1, theta))[:, 2]])
     rolling = float(np.linalg.solve(axes, case.rates)[0])
     expected = kept + (rolling + drawn / 10.0) / 50.0
-    said = motion.roll_angle(case.p, case.st, case.speed, True)
+    said = kinematics.roll_angle(case.p, case.st, case.speed, True)
     assert math.remainder(said - expected, 2 * math.pi) == pytest.approx(0.0, abs=1e-6)
     assert case.st["roll_angle"] == said and -math.pi <= said < math.pi
 
@@ -269,8 +269,8 @@ def test_then_it_follows_the_gyros_and_is_drawn_to_that_of_the_turn_within_ten_s
 def test_without_its_partners_there_is_no_roll_angle_and_it_begins_again():
     case = banked(1, 0.7)
     case.st["rolling"], case.st["roll_angle"] = 1, 0.1
-    assert math.isnan(motion.roll_angle(case.p, case.st, case.speed, False))
-    assert motion.roll_angle(case.p, case.st, case.speed, True) == pytest.approx(0.7)
+    assert math.isnan(kinematics.roll_angle(case.p, case.st, case.speed, False))
+    assert kinematics.roll_angle(case.p, case.st, case.speed, True) == pytest.approx(0.7)
 
 
 @pytest.mark.parametrize(("load", "angle"), [(-5.0, 0.5 * math.pi), (5.0, -0.5 * math.pi)])
@@ -279,7 +279,7 @@ def test_a_turn_that_no_bank_makes_is_a_bank_of_a_quarter_turn(load: float, angl
     for axis in ("roll_rate", "yaw_rate"):
         case.vote(axis, 0.0)
     case.vote("lateral_load_factor", load)
-    assert motion.roll_angle_of_turn(case.st, case.speed) == pytest.approx(angle)
+    assert kinematics.roll_angle_of_turn(case.st, case.speed) == pytest.approx(angle)
 
 
 def test_near_the_vertical_the_cosine_of_the_pitch_angle_counts_as_a_tenth():
@@ -288,7 +288,7 @@ def test_near_the_vertical_the_cosine_of_the_pitch_angle_counts_as_a_tenth():
         case.vote(axis, 0.0)
     case.vote("pitch_angle", 1.57)
     case.vote("lateral_load_factor", -0.05)
-    assert motion.roll_angle_of_turn(case.st, case.speed) == pytest.approx(math.asin(0.5))
+    assert kinematics.roll_angle_of_turn(case.st, case.speed) == pytest.approx(math.asin(0.5))
 
 
 @pytest.mark.parametrize("bank", [-0.4, 0.8])
