@@ -2,13 +2,15 @@
 
 import os
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import polars as pl
 import pytest
 
-from rig.campaign import parts
+from rig.campaign import identity, parts
 from rig.campaign.compare import compare
 from rig.campaign.config import read
 from rig.campaign.folder import Folder, open_folder
@@ -219,3 +221,13 @@ def test_only_drafts_and_orphans_are_swept_and_nothing_behind_a_link(out: Path, 
 
 def test_the_name_of_a_part_is_that_of_its_first_and_last_run():
     assert parts.name_of([7, 3, 12]) == "000003-000012"
+
+
+def test_what_decides_nothing_in_a_flight_is_named_as_it_is_and_not_imported_by_one():
+    """A renamed room would count as flying, and every change of it as another rig."""
+    home = Path(identity.__file__).parents[1]
+    assert [name for name in (*identity.BESIDE, *identity.FLIES) if not (home / name).exists()] == []
+    program = "import sys, rig.loop; print(*(n for n in sys.modules if n.startswith('rig.')))"
+    loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.split()
+    beside = {f"rig.{name.removesuffix('.py').replace('/', '.')}" for name in identity.BESIDE}
+    assert not {n for n in loaded if any(n == b or n.startswith(f"{b}.") for b in beside)}

@@ -115,5 +115,5 @@ def test_a_missing_file_is_refused_when_the_scenario_is_loaded(tmp_path: Path):
 
 
 def test_noise_drawn_beside_a_file_is_refused(noise: Path):
-    with pytest.raises(BadInput, match="noise_std: must be 0 or left out, noise_file substitutes it"):
+    with pytest.raises(BadInput, match="noise_std: must be 0 or left out, noise_file replaces it"):
         scenario.load(None, sets(noise, "sensors.pitch_rate.noise_std=0.1"))

@@ -1,6 +1,6 @@
 """Suspects: runs of a batch whose worker died, flown in a process of their own.
 
-The process says after every flight the result.  When it dies, the run that it was at is the suspect: it
+The process reports the result after every flight.  When it dies, the run that it was at is the suspect: it
 is flown once more, alone, and when the process dies again the run is recorded as crashed, or as timed out.
 """
 

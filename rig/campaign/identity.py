@@ -10,8 +10,8 @@ import rig
 from rig.versions import versions
 
 # What looks at flights, or hands them out, decides nothing in them.
-_BESIDE = ("campaign", "catalogue", "recorded", "view", "replay", "watch", "export", "study")
-_FILES = ("cli.py", "show.py", "bench.py", "__main__.py")
+BESIDE = ("campaign", "cli", "design", "offline", "studies", "view", "bench.py", "__main__.py", "faults/catalogue.py")
+FLIES = ("campaign/flying.py", "campaign/rows.py")
 
 
 @cache
@@ -20,9 +20,8 @@ def rig_identity() -> str:
     home = Path(rig.__file__).parent
     digest = hashlib.sha256()
     for path in sorted(home.rglob("*.py")):
-        name = path.relative_to(home)
-        flies = name.parts[0] not in _BESIDE or name.parts[:2] in (("campaign", "flying.py"), ("campaign", "rows.py"))
-        if flies and name.name not in _FILES:
+        name = path.relative_to(home).as_posix()
+        if name in FLIES or not (name in BESIDE or name.partition("/")[0] in BESIDE):
             digest.update(f"{name}\0".encode() + path.read_bytes())
     packages = ", ".join(
         f"{name} {versions()[f'version {name}']}" for name in ("jsbsim-rig", "jsbsim", "numpy", "numba")

@@ -184,7 +184,7 @@ def _environment(values: dict[str, str]) -> Iterator[None]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Dask logs what it tries; our one line says the result."""
+    """Dask logs what it tries; our one line reports the result."""
     import logging
 
     logger = logging.getLogger("distributed")

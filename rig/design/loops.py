@@ -49,7 +49,7 @@ MEMORY: Final[dict[tuple[Law, Plane], tuple[str, ...]]] = {
     ("autopilot", "lateral"): ("aileron_integral", "rudder_integral"),
     ("stick", "lateral"): ("aileron_integral", "rudder_integral"),
 }
-# The same when signals are lost, with elements of arrays; ``measured.`` is what substitutes a signal.
+# The same when signals are lost, with elements of arrays; ``measured.`` is what replaces a signal.
 _LOST_MEMORY: Final[dict[Plane, tuple[str, ...]]] = {
     "longitudinal": (
         *(name for name in DYNAMIC if name not in (*_LATERAL_MEMORY, *_LEARNED)),

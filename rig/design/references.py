@@ -117,7 +117,7 @@ def _designed(airframe: Airframe, points: list[Point], errors: Summary, airspeed
 def coefficients(linear: Linear) -> dict[str, float]:
     """The coefficients of a Point, six digits of each, from the small motions about its trim.
 
-    alpha_dot = Z_alpha alpha + Z_q q + Z_elevator elevator, and as well beta_dot: the surfaces are replaced
+    alpha_dot = Z_alpha alpha + Z_q q + Z_elevator elevator, and the same for beta_dot: the surfaces are replaced
     by what the moment equations say of them, elevator = (q_dot - M_alpha alpha - M_q q) / M_elevator.
     """
     trim, speed_g = linear.trim, linear.trim.airspeed_m_s / _GRAVITY

@@ -1,6 +1,6 @@
 """A recorded noise file: four columns of CSV, one a channel, in the unit of the signal, at a rate of its own.
 
-It substitutes the drawn noise.  The start is drawn from the seed, the same row for all four columns, so that
+It replaces the drawn noise.  The start is drawn from the seed, the same row for all four columns, so that
 what the channels share stays shared; after the last row comes the first.  Between rows the noise lies on the
 straight line: nothing but additions and multiplications of single numbers, so every machine gets the same bits.
 

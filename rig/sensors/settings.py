@@ -21,7 +21,7 @@ GYROS: Final = tuple(INDEX[name] for name in ("roll_rate", "pitch_rate", "yaw_ra
 ACCELEROMETERS: Final = tuple(
     INDEX[name] for name in ("longitudinal_load_factor", "lateral_load_factor", "normal_load_factor")
 )
-# What a noise file substitutes.
+# What a noise file replaces.
 NOISE_KEYS: Final = ("noise_std", "noise_density", "bias_instability_std", "bias_correlation_s", "rate_random_walk")
 FILE_KEYS: Final = ("noise_file", "noise_rate_hz", "noise_sha256")
 
@@ -98,7 +98,7 @@ class Sensor(Settings):
             raise ValueError("noise_rate_hz: must be given with noise_file")
         drawn = [key for key in NOISE_KEYS if getattr(self, key) > 0]
         if drawn:
-            raise ValueError(f"{drawn[0]}: must be 0 or left out, noise_file substitutes it")
+            raise ValueError(f"{drawn[0]}: must be 0 or left out, noise_file replaces it")
         return self
 
     @model_serializer(mode="wrap")

@@ -98,7 +98,7 @@ class Study:
     error_system: Run  # as the paper computes it
     perturbed: list[Run]  # the same with A, B and C off by 10 %
     settling_s: tuple[float, float, float]  # of the tracking error: nominal, fastest and slowest of all
-    settling_with_x2_s: tuple[float, float, float]  # as well, of the true pitch angle: the observation error added
+    settling_with_x2_s: tuple[float, float, float]  # the same, of the true pitch angle: the observation error added
     honest: Run
     with_truth: Run  # honest, and the law given the observation error that nobody can measure
     honest_pitch: float  # where the true pitch angle comes to rest

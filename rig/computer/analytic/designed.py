@@ -1,4 +1,4 @@
-"""The designed numbers of one aircraft's references: what reference_design.py writes to references.toml."""
+"""The designed numbers of one aircraft's references: what design/references.py writes to references.toml."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from rig.computer import gain_schedule
 from rig.settings import Settings
 
-# The order of the coefficient table's columns; reference.py numbers them alike.
+# The order of the coefficient table's columns; references.py numbers them alike.
 COLUMNS: Final = (
     "lift_slope_1_pa",
     "zero_lift_alpha_rad",

@@ -1,6 +1,6 @@
 """The equations of motion that tie a signal to its partners.
 
-Each kernel gives one reference from what reference.py keeps of the votes (``st``, a STATE record), the
+Each kernel gives one reference from what references.py keeps of the votes (``st``, a STATE record), the
 coefficients of the flight point (``c``, in the order of designed.COLUMNS) and, where the accelerometers' place
 counts, the PARAM record ``p``.  Angles in rad, rates in rad/s, load factors in g, pressures in Pa.
 

@@ -3,7 +3,7 @@
     autopilot     the stage: settings, state, one kernel call a frame
     law           that kernel: signals, outer loops, inner loops, surfaces
     source        each signal from its vote, its reference or its degraded mode
-    degraded      what substitutes a lost signal
+    degraded      what replaces a lost signal
     rates         a body rate that is not measured
     backup        the elevator without a pitch rate
     laws          the single laws

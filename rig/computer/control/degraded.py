@@ -1,4 +1,4 @@
-"""Degraded modes: what substitutes a signal that is lost and has no usable reference.
+"""Degraded modes: what replaces a signal that is lost and has no usable reference.
 
     pitch, roll and yaw rate    from the rates of the attitude angles, smoothed (rates.py); attitude lost too:
                                 roll and yaw rate are the model's alone, and the back-up law needs no pitch rate

@@ -133,7 +133,7 @@ class Point(Settings):
     backup_alpha_observe_pitch_rate: float
     stick_margins: dict[str, Margin] = Field(default_factory=dict)  # rate loops alone
     autopilot_margins: dict[str, Margin] = Field(default_factory=dict)  # altitude, heading, airspeed held
-    lost_margins: dict[str, dict[str, Margin]] = Field(default_factory=dict)  # as well, without some signals
+    lost_margins: dict[str, dict[str, Margin]] = Field(default_factory=dict)  # the same, without some signals
 
 
 class Gains(Settings):

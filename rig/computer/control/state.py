@@ -81,7 +81,7 @@ STATE: Final = np.dtype(
         ("fade", "f8", (S,)),  # the jump of the last change of source, being taken out
         ("fade_left", "i8", (S,)),  # frames
         ("source", "u1", (S,)),  # frame.Source
-        ("demand", "f8", (len(DEMANDS),)),  # as well, 0 until there is one
+        ("demand", "f8", (len(DEMANDS),)),  # the last finite one, 0 until there is one
         ("command", "f8", (len(COMMANDS),)),
         ("surface", "f8", (len(SURFACES),)),
         ("started", "i8"),
@@ -102,5 +102,5 @@ class ControlData(NamedTuple):
     param: NDArray[Any]  # (1,) PARAM
     state: NDArray[Any]  # (1,) STATE, in place
     gain: NDArray[np.float64]  # (G,) workspace: the gains of this frame
-    fdi_param: NDArray[Any]  # of the fault-tolerant law (tolerant/record.py)
+    fdi_param: NDArray[Any]  # of the fault-tolerant law (fdi/state.py)
     fdi: NDArray[Any]  # its state, in place
