@@ -9,19 +9,21 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from operator import attrgetter
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from rig import loop
 from rig.computer.control.law import fly as fly_row
-from rig.computer.redundancy import decide_row, refer_row
+from rig.computer.redundancy import conclude, refer, vote_signals
 from rig.errors import BadInput, RigError
 from rig.faults import actuate, corrupt, corrupt_reference
 from rig.flight import INTERRUPTED, event_finder, fly
-from rig.frame import TIMING, Block, new_block
+from rig.frame import TIMING, nested, new_block
+from rig.frame.fields import PARTS
 from rig.kernels import bind
 from rig.log import LogWriter
 from rig.log.of_flight import metadata
@@ -33,19 +35,31 @@ from rig.sensors import measure
 from rig.sensors.inertial import sense
 
 BARE_S = 4.0  # hands off, an unstable airframe is reloaded before it leaves its flight point
-Step = Callable[[Block, int], Any]
-# A frame of the loop taken apart: each kernel by the name under which its time is told, and the stage it belongs to.
-KERNELS = {
-    "sensors": ("sensors", measure),
-    "inertial": ("inertial", sense),
-    "faults": ("faults", corrupt),
-    "references": ("redundancy", refer_row),
-    "reference faults": ("faults", corrupt_reference),
-    "redundancy": ("redundancy", decide_row),
-    "control": ("control", fly_row),
-    "surface faults": ("faults", actuate),
-}
-STAGES = ("plant.read", *KERNELS, "plant.step")
+
+
+class Piece(NamedTuple):
+    """One kernel of a frame: the name under which its time is told, what of row k it takes, whose data."""
+
+    name: str
+    kernel: Callable[..., Any]
+    takes: tuple[str, ...]  # parts of the row, or ``row`` itself, or ``k``
+    data: str  # of loop.StageData; empty: none
+
+
+# A frame of the loop taken apart, in the order of loop.compute.
+PIECES: Final = (
+    Piece("sensors", measure, ("truth", "bus", "k"), "sensors"),
+    Piece("inertial", sense, ("truth", "bus", "k"), "inertial"),
+    Piece("faults", corrupt, ("row", "k"), "faults"),
+    Piece("references", refer, ("bus", "fcc"), "redundancy.references"),
+    Piece("reference faults", corrupt_reference, ("row", "k"), "faults"),
+    Piece("redundancy", vote_signals, ("bus", "fcc"), "redundancy.manager"),
+    Piece("redundancy", conclude, ("bus", "fcc"), "redundancy"),
+    Piece("control", fly_row, ("bus", "fcc"), "control"),
+    Piece("surface faults", loop.hand_over, ("surface", "actuator"), ""),
+    Piece("surface faults", actuate, ("row",), "faults"),
+)
+STAGES = ("plant.read", *dict.fromkeys(piece.name for piece in PIECES), "plant.step")
 PER_BLOCK = ("prepare", "events", "verdict", "log")
 
 
@@ -123,16 +137,18 @@ def _stages_us(scenario: Scenario, out: Path) -> dict[str, float]:
     """The same flight once more with a clock around every stage."""
     rig, watch, verdict = loop.Rig(scenario), _Watch(), Verdict()
     finder, size, flown = event_finder(scenario), round(scenario.rate_hz), 0
-    steps: dict[str, Step] = {}
     with LogWriter(out / "stages.mcap", scenario.rate_hz, metadata(scenario), []) as writer:
         for first in range(0, scenario.frames, size):
             block = new_block(min(size, scenario.frames - first), first)
             block["reference"] = block["second_reference"] = np.nan
             watch.time("prepare", rig.prepare, block)
-            steps = steps or _bound(rig, block)
+            rows, bound = nested(block), pieces(rig.data)
             for k in range(len(block)):
-                for name, step in steps.items():
-                    watch.time(name, step, block, k)
+                watch.time("plant.read", rig.plant.read, block, k)
+                parts = parts_of(rows[k], k)
+                for name, kernel, takes, data in bound:
+                    watch.time(name, kernel, *(parts[part] for part in takes), *data)
+                watch.time("plant.step", rig.plant.step, block, k)
             flown += len(block)
             events = watch.time("events", finder.find, block)
             watch.time("verdict", verdict.add, block, events)
@@ -140,11 +156,17 @@ def _stages_us(scenario: Scenario, out: Path) -> dict[str, float]:
     return {name: total / flown * 1e6 for name, total in watch.total_s.items()}
 
 
-def _bound(rig: loop.Rig, block: Block) -> dict[str, Step]:
-    """A frame of the loop taken apart: the same kernels, one by one."""
-    steps: dict[str, Step] = {"plant.read": rig.plant.read}
-    for name, (stage, function) in KERNELS.items():
-        data = getattr(rig, stage).data
-        entry = bind(function, block, 0, data)
-        steps[name] = lambda b, k, entry=entry, data=data: entry(b, k, data)
-    return {**steps, "plant.step": rig.plant.step}
+def parts_of(row: Any, k: int) -> dict[str, Any]:
+    """What a piece may take of a FRAME record, the k-th of its block."""
+    parts = {part: row[part] for part in PARTS}
+    return {**parts, "row": row, "k": k, "surface": row["fcc"]["surface"], "actuator": row["actuation"]["actuator"]}
+
+
+def pieces(data: loop.StageData) -> list[tuple[str, Callable[..., Any], tuple[str, ...], tuple[Any, ...]]]:
+    """PIECES bound to the types of their arguments: name, entry point, what of the row it takes, its data."""
+    parts, found = parts_of(nested(new_block(2))[1], 0), []
+    for piece in PIECES:
+        own = (attrgetter(piece.data)(data),) if piece.data else ()
+        entry = bind(piece.kernel, *(parts[part] for part in piece.takes), *own)
+        found.append((piece.name, entry, piece.takes, own))
+    return found

@@ -20,10 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig import loop
-from rig.computer.redundancy.config import reset_table
 from rig.errors import ManagerFailed, RigError
 from rig.faults import Execution
-from rig.frame import DISCRETE_INDEX, TIMING, Block, new_block
+from rig.frame import TIMING, Block, new_block
 from rig.interrupt import Stop, interruptible
 from rig.log import Log, LogWriter, SignalArrays, read_log
 from rig.log.of_flight import new_log
@@ -261,8 +260,7 @@ class _Records:
 
 def event_finder(scenario: Scenario) -> EventFinder:
     """What finds the events of a flight of this scenario."""
-    resets, rate_hz = scenario.redundancy.resets, scenario.rate_hz
-    return EventFinder(labels(scenario), reset_table(resets, rate_hz), reset_table(resets, rate_hz, DISCRETE_INDEX))
+    return EventFinder(labels(scenario))
 
 
 def labels(scenario: Scenario) -> list[str]:

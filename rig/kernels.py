@@ -75,7 +75,7 @@ def _kind(argument: Any) -> Any:
         return type(argument), *map(_kind, argument)  # the class alone does not tell what a named tuple holds
     if isinstance(argument, np.ndarray):
         return argument.dtype, argument.ndim, argument.flags.num
-    return type(argument)
+    return argument.dtype if isinstance(argument, np.void) else type(argument)
 
 
 _records: dict[tuple[Any, ...], Any] = {}  # numba's types of structured arrays, by what decides them

@@ -1,12 +1,18 @@
 """One flight: build the stages, run the frames, hand every block of them to whoever records.
 
-plant --truth--> sensors --channels--> faults --> redundancy --voted--> control --surfaces--> faults --> plant
+plant --truth--> sensors --bus--> faults --bus--> computer --fcc--> faults --actuation--> plant (next frame)
+
+Between two looks at the plant a frame has three stretches, each written once:
+
+    before   sensors, inertial unit, faults on both, references, faults on references
+    decide   the manager: votes, states and levels of the continuous signals
+    after    what it keeps of the votes, discretes, control law, surfaces to the actuators, faults on the way
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import cycle
 from typing import NamedTuple
 
@@ -17,10 +23,12 @@ from rig import sensors
 from rig.computer.control.autopilot import Control
 from rig.computer.control.law import fly
 from rig.computer.control.state import ControlData
-from rig.computer.redundancy import Redundancy, RedundancyData, decide_row, refer_row
+from rig.computer.redundancy import Redundancy, RedundancyData, conclude, refer, vote_signals
+from rig.computer.redundancy.config import command
+from rig.computer.redundancy.own import OwnManager
 from rig.errors import ManagerFailed
 from rig.faults import Coils, FaultData, Faults, actuate, corrupt, corrupt_reference
-from rig.frame import SIGNALS, TIMING, Block, new_block
+from rig.frame import SIGNALS, TIMING, Block, Nested, nested, new_block
 from rig.interrupt import Stop
 from rig.kernels import bind, kernel
 from rig.plant.flown import plant
@@ -37,7 +45,7 @@ MEMORY_BLOCK_S = 5.0  # nothing to lose; what is worked on still fits into a cor
 
 
 class StageData(NamedTuple):
-    """What the stages between two looks at the plant need besides the row."""
+    """What the stages need besides the row."""
 
     sensors: SensorData
     inertial: InertialData
@@ -53,6 +61,7 @@ class Rig:
         """BadInput when the aircraft cannot be loaded or trimmed.  ``keep_clean``: fill ``faults.clean``."""
         seeds = scenario.streams()
         rate_hz, suite, frame = scenario.rate_hz, scenario.sensors, scenario.airframe
+        self._resets, self._rate_hz = scenario.redundancy.resets, rate_hz
         self.pilot = Pilot(scenario.pilot, rate_hz)
         self.plant = plant(
             frame,
@@ -70,19 +79,19 @@ class Rig:
         self.control = Control(scenario.control, scenario.gains, rate_hz, frame.surface_limits)
         self.control.reset(self.plant.trim)
         self.data = self._gather()
-        compiled = self.redundancy.own is None
-        self.compute = bind(compute, new_block(1), 0, self.data) if compiled else self._one_by_one
+        self.compute = computer(self.data, self.redundancy.own)
 
     def prepare(self, block: Block) -> None:
-        """What is drawn or planned a block at a time: stick and demands, noise, chance."""
+        """What is drawn or planned a block at a time: stick, demands and commands, noise, chance."""
         self.pilot.prepare(block)
+        command(block, self._resets, self._rate_hz)
         self.sensors.prepare(block)
         self.inertial.prepare(block)
         self.faults.prepare(block)
         self.data = self._gather()
 
     def _gather(self) -> StageData:
-        """The parameters and states of the stages between two looks at the plant."""
+        """The parameters and states of the stages."""
         return StageData(
             sensors=self.sensors.data,
             inertial=self.inertial.data,
@@ -90,17 +99,6 @@ class Rig:
             redundancy=self.redundancy.data,
             control=self.control.data,
         )
-
-    def _one_by_one(self, block: Block, k: int, _: StageData) -> None:
-        """What ``compute`` does, stage by stage: for a manager of the user's own, which is not compiled."""
-        self.sensors.step(block, k)
-        self.inertial.step(block, k)
-        self.faults.step(block, k)
-        self.redundancy.refer(block, k)
-        self.faults.refer(block, k)
-        self.redundancy.decide(block, k)
-        self.control.step(block, k)
-        self.faults.actuate(block, k)
 
 
 def faults(scenario: Scenario, keep_clean: int = 0) -> Faults:
@@ -130,22 +128,74 @@ def redundancy(scenario: Scenario) -> Redundancy:
     return Redundancy(settings, ranges, channels, references, rate_hz, discretes, scenario.trust)
 
 
+Step = Callable[[Nested, int, StageData], object]
+
+
+def computer(data: StageData, own: OwnManager | None) -> Step:
+    """Bind the flight computer to what its stages keep: one compiled call, or two around the user's manager."""
+    rows = nested(new_block(2))
+    return bind(compute, rows, 0, data) if own is None else _around(rows, data, own)
+
+
+def _around(rows: Nested, data: StageData, own: OwnManager) -> Step:
+    """What ``compute`` does, with the user's manager in the place of ``decide``."""
+    first, last = bind(before, rows, 0, data), bind(after, rows, 0, data)
+    seen, bus, fcc = rows, rows["bus"], rows["fcc"]
+
+    def step(block: Nested, k: int, data: StageData) -> None:
+        nonlocal seen, bus, fcc
+        if block is not seen:  # a part of a structured array is slow to look up
+            seen, bus, fcc = block, block["bus"], block["fcc"]
+        first(block, k, data)
+        own.step(block, bus, fcc, k)
+        last(block, k, data)
+
+    return step
+
+
 @kernel
 def compute(block, k, data):
-    """The flight computer's frame, in one compiled call: measure, corrupt, vote, command.
+    """Row k of ``block``, FRAME records, from its truth to its actuators; data : StageData."""
+    before(block, k, data)
+    decide(block, k, data)
+    after(block, k, data)
 
-    Faults come between: on channels and inertial unit, on references, on the way to the actuators.
 
-    block : FRAME records; data : StageData
-    """
-    measure(block, k, data.sensors)
-    sense(block, k, data.inertial)
-    corrupt(block, k, data.faults)
-    refer_row(block, k, data.redundancy)
-    corrupt_reference(block, k, data.faults)
-    decide_row(block, k, data.redundancy)
-    fly(block, k, data.control)
-    actuate(block, k, data.faults)
+@kernel
+def before(block, k, data):
+    """All that the manager reads of row k: channels and references, with their faults."""
+    row = block[k]
+    truth, bus = row["truth"], row["bus"]
+    measure(truth, bus, k, data.sensors)
+    sense(truth, bus, k, data.inertial)
+    corrupt(row, k, data.faults)
+    refer(bus, row["fcc"], data.redundancy.references)
+    corrupt_reference(row, k, data.faults)
+
+
+@kernel
+def decide(block, k, data):
+    """Vote and monitor the continuous signals of row k."""
+    row = block[k]
+    vote_signals(row["bus"], row["fcc"], data.redundancy.manager)
+
+
+@kernel
+def after(block, k, data):
+    """All that follows from the votes of row k: what is kept of them, discretes, surfaces and their faults."""
+    row = block[k]
+    bus, fcc = row["bus"], row["fcc"]
+    conclude(bus, fcc, data.redundancy)
+    fly(bus, fcc, data.control)
+    hand_over(fcc["surface"], row["actuation"]["actuator"])
+    actuate(row, data.faults)
+
+
+@kernel
+def hand_over(surface, actuator):
+    """What the computer asks of the surfaces is what reaches the actuators, unless a fault comes between."""
+    for i in range(len(surface)):
+        actuator[i] = surface[i]
 
 
 Flown = tuple[Block, NDArray[np.void]]  # rows and their TIMING
@@ -192,13 +242,13 @@ def _fly_block(rig: Rig, block: Block, timing: NDArray[np.void], pace: Pace, sto
     """Fly the rows of a block; how many were flown, and whether the flight is over."""
     frame_us, late_us = timing["frame_us"], timing["late_us"]
     clock, paced, first = time.perf_counter, pace.period_s is not None, int(block["frame"][0])
-    see, think, act, data = rig.plant.read, rig.compute, rig.plant.step, rig.data
+    see, think, act, data, rows = rig.plant.read, rig.compute, rig.plant.step, rig.data, nested(block)
     for k in range(len(block)):
         if paced:
             late_us[k] = pace.wait(first + k) * 1e6
         began = clock()
         end = see(block, k)  # truth, and whether the flight ends here
-        think(block, k, data)  # channels, faults, votes, commands
+        think(rows, k, data)  # channels, faults, votes, commands
         if end == 0:
             act(block, k)  # surfaces, to the next frame
         frame_us[k] = (clock() - began) * 1e6

@@ -172,12 +172,23 @@ def load(
     return made.trusted(Trust(str(path), allow_code, named_manager(map(parse_set, overrides))))
 
 
+# What scenarios of older logs lack and files must give, as those flights had it: an inertial unit without forces.
+OLDER: Final[dict[str, Any]] = {
+    "inertial": {
+        "force_noise_std_m_s2": 0.0,
+        "force_bias_tolerance_m_s2": 0.0,
+        "force_scale_tolerance": 0.0,
+        "force_quantum_m_s2": 0.0,
+    }
+}
+
+
 def from_resolved(data: dict[str, Any], source: str, trust: Trust | None = None) -> Scenario:
     """Build a scenario from what ``resolved`` gave, without looking at any file.
 
     trust : whether a manager class that it names may be run; it may not when not given
     """
-    return build(Scenario, data, source).trusted(trust or Trust(source))
+    return build(Scenario, aircraft.merge(OLDER, data), source).trusted(trust or Trust(source))
 
 
 def named_manager(sets: Iterable[tuple[str, Any]]) -> str | None:

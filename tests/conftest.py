@@ -14,7 +14,7 @@ import pytest
 from hypothesis import settings
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.config import PARAMS, RESETS, SignalConfig, fill
+from rig.computer.redundancy.config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.managers import Manager
 from rig.frame import CHANNELS, Block, State, new_block
 
@@ -96,10 +96,9 @@ def vote_samples(
         params["common_persistence"], params["common_fails"] = common
     if second_threshold is not None:
         params["second_threshold"] = second_threshold
-    table = np.zeros(len(resets), RESETS)
-    for row, (frame, channel) in zip(table, resets, strict=True):
-        row["frame"], row["channel"][channel - 1] = frame, 1
-    stage = Manager(manager, params, table)
+    for frame, channel in resets:
+        block["reset"][frame, 0] |= 1 << (channel - 1)
+    stage = Manager(manager, params)
     for k in range(len(block)):
         stage.step(block, k)
     return Voted(block)

@@ -11,8 +11,8 @@ from pydantic import TypeAdapter
 
 from rig.faults import Fault, Faults, actuate, corrupt, corrupt_reference
 from rig.faults.places import number, site
-from rig.frame import SIGNALS, Block, Ilm, new_block
-from rig.kernels import bind
+from rig.frame import SIGNALS, Block, Ilm, nested, new_block
+from rig.kernels import bind, kernel
 from rig.sensors import inertial
 
 RATE = 100.0
@@ -57,11 +57,18 @@ def faulted(
         part = rows[start : start + size]
         stage.prepare(part)
         data = stage.data
-        steps = [bind(kernel, part, 0, data) for kernel in (corrupt, corrupt_reference, actuate)]
-        for k in range(len(part)):
-            for step in steps:
-                step(part, k, data)
+        run = bind(corrupt_all, nested(part), data)
+        run(nested(part), data)
     return rows
+
+
+@kernel
+def corrupt_all(rows, data):
+    """All rows through the faults of every place; rows : FRAME records."""
+    for k in range(len(rows)):
+        corrupt(rows[k], k, data)
+        corrupt_reference(rows[k], k, data)
+        actuate(rows[k], data)
 
 
 def acts(rows: Block, i: int = 0) -> list[int]:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
-from rig.frame import CHANNELS, INDEX, SIGNALS, S, new_block
-from rig.kernels import bind
+from rig.frame import CHANNELS, INDEX, SIGNALS, S, nested, new_block
+from rig.kernels import kernel
 from rig.sensors import Sensors, Suite, measure
 
 ERRORS = ("noise_std", "bias_tolerance", "scale_tolerance", "lag_s", "quantum", "skew_frames")
@@ -30,6 +30,13 @@ def truths(frames: int, **per_signal: Any) -> NDArray[np.float64]:
     return truth
 
 
+@kernel
+def measure_all(rows, data):
+    """All rows through the sensors; rows : FRAME records."""
+    for k in range(len(rows)):
+        measure(rows[k]["truth"], rows[k]["bus"], k, data)
+
+
 def sense(
     truth: NDArray[np.float64],
     settings: Any,
@@ -40,15 +47,13 @@ def sense(
     field: str = "channels",
 ) -> NDArray[np.float64]:
     """(frames, S, 4) samples of the truths, or another field of the channels, in blocks of ``split`` rows."""
-    stage, memory, step = Sensors(settings, rate_hz, SeedSequence(seed)), new_block(min(split, len(truth))), None
+    stage, memory = Sensors(settings, rate_hz, SeedSequence(seed)), new_block(min(split, len(truth)))
     out = np.empty((len(truth), S, CHANNELS))
     for first in range(0, len(truth), split):
         block = memory[: len(truth) - first]
         block["truth"] = truth[first : first + len(block)]
         stage.prepare(block)
         data = stage.data
-        step = step or bind(measure, block, 0, data)
-        for k in range(len(block)):
-            step(block, k, data)
+        measure_all(nested(block), data)
         out[first : first + len(block)] = block[field]
     return out

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from ports import refer, remember
 from test_analytic_references import RATE, designed, level_flight, ref, run
 
 from rig.computer.analytic import kinematics
 from rig.computer.analytic.designed import COLUMNS
 from rig.computer.analytic.flight_path import air_density
-from rig.computer.analytic.references import PARAM, STATE, Config, References, refer, remember
+from rig.computer.analytic.references import PARAM, STATE, Config, References
 from rig.frame import INDEX, INERTIAL
 
 G = 9.80665

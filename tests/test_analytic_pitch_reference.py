@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ports import refer, remember
 from test_analytic_references import LEVEL_ALPHA, RATE, designed, level_flight, ref, run
 
 from rig.computer.analytic.pitch_filter import PARTNERS, Noise
-from rig.computer.analytic.references import Config, References, refer, remember
+from rig.computer.analytic.references import Config, References
 from rig.frame import INDEX, Block
 
 

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 from interpreted import printed
+from ports import refer, remember
 
 from rig import scenario
 from rig.computer.analytic.designed import Designed, Error, Point
 from rig.computer.analytic.flight_path import air_density
-from rig.computer.analytic.references import STATE, References, look_back, refer, remember
+from rig.computer.analytic.references import STATE, References, look_back
 from rig.computer.analytic.sources import FROM_UNIT, PARTNERS, REMEMBERED, Config, source
 from rig.computer.redundancy import measured_thresholds
 from rig.computer.redundancy.config import parameters
@@ -89,6 +90,7 @@ def lifting(load: float) -> float:
 # Pitch rate from the angle of attack
 
 
+@pytest.mark.requirement("references", "pitch rate by the lead filter: steady pull-up, turn, ramp")
 @pytest.mark.parametrize("q", [-0.05, 0.0, 0.1])
 def test_in_a_steady_pull_up_it_is_the_turning_of_the_path(q: float):
     """At the bottom the path is level: n_w = 1 + V q / g, and pitch attitude equals angle of attack."""
@@ -97,6 +99,7 @@ def test_in_a_steady_pull_up_it_is_the_turning_of_the_path(q: float):
     assert out == pytest.approx(q, rel=1e-5, abs=1e-12)  # the density is that of the standard to six digits
 
 
+@pytest.mark.requirement("references", "pitch rate by the lead filter: steady pull-up, turn, ramp")
 @pytest.mark.parametrize("bank", [-1.0, 0.5, 1.2])
 def test_in_a_level_turn_it_is_that_of_the_turn(bank: float):
     """n = 1 / cos(bank), q = g / V tan(bank) sin(bank); the wing is set so that alpha is zero there."""
@@ -106,6 +109,7 @@ def test_in_a_level_turn_it_is_that_of_the_turn(bank: float):
     assert out == pytest.approx(G / SPEED * math.tan(bank) * math.sin(bank), rel=1e-5)
 
 
+@pytest.mark.requirement("references", "pitch rate by the lead filter: steady pull-up, turn, ramp")
 def test_a_ramp_in_alpha_is_a_pitch_rate_once_the_filter_has_settled():
     """Wings vertical and almost without lift, nothing but alpha_dot is left."""
     ramp = 0.1 * np.arange(300) / RATE
@@ -134,12 +138,14 @@ def test_its_gain_divides_all_of_it():
 # Rates from attitude
 
 
+@pytest.mark.requirement("references", "rates from attitude, the short way round")
 def test_steady_rolling_is_the_roll_rate_also_through_inverted():
     phi = (0.8 * np.arange(1000) / RATE + math.pi) % (2 * math.pi) - math.pi
     out = ref(run(level_flight(1000, roll_angle=phi)), "roll_rate")
     assert np.allclose(out[100:], 0.8, atol=1e-6)
 
 
+@pytest.mark.requirement("references", "rates from attitude, the short way round")
 @pytest.mark.parametrize(("bank", "pitch"), [(0.0, 0.0), (0.6, 0.2), (-0.9, -0.3)])
 def test_a_steady_turn_gives_all_three_rates_also_through_north(bank: float, pitch: float):
     psi = (6.0 + 0.1 * np.arange(1000) / RATE) % (2 * math.pi)
@@ -156,6 +162,7 @@ def test_pitching_in_a_bank_shows_as_pitch_and_yaw_rate():
     assert ref(block, "yaw_rate")[-1] == pytest.approx(-0.1 * math.sin(0.5), abs=1e-9)
 
 
+@pytest.mark.requirement("references", "rates from attitude, the short way round")
 def test_a_loop_through_inverted_flight_is_a_steady_pitch_rate():
     """Over the top of a loop roll angle and heading jump by half a turn, the pitch angle turns back."""
     turned = 1.0 + 0.2 * np.arange(500) / RATE
@@ -171,6 +178,7 @@ def test_a_loop_through_inverted_flight_is_a_steady_pitch_rate():
     assert np.allclose(out[60:][~near[60:]], 0.2, atol=1e-4)
 
 
+@pytest.mark.requirement("references", "pitch rate from attitude: gusts leave it alone, it settles a 2:2")
 def test_a_gust_does_not_move_the_pitch_rate_from_attitude():
     gust = np.where(np.arange(300) < 100, LEVEL_ALPHA, LEVEL_ALPHA + 0.05)
     calm, moved = level_flight(), level_flight(angle_of_attack=gust)
@@ -214,6 +222,7 @@ def test_a_dynamic_pressure_below_zero_is_a_slow_flight():
 # Load factors and air data
 
 
+@pytest.mark.requirement("references", "load factor, angle of attack, sideslip, at the accelerometers' place")
 def test_alpha_and_load_factor_are_each_others_inverse():
     for alpha in (-0.1, 0.05, 0.25):
         block = run(level_flight(angle_of_attack=alpha, longitudinal_load_factor=0.2))
@@ -224,6 +233,7 @@ def test_alpha_and_load_factor_are_each_others_inverse():
         assert ref(back, "angle_of_attack")[-1] == pytest.approx(alpha, abs=1e-9)
 
 
+@pytest.mark.requirement("references", "load factor, angle of attack, sideslip, at the accelerometers' place")
 def test_the_accelerometers_place_counts():
     """Five metres ahead, a pitch acceleration of 0.4 rad/s2 adds 0.4 * 5 / g."""
     q = 0.4 * np.arange(300) / RATE
@@ -242,6 +252,7 @@ def test_elevator_and_pitching_add_to_the_lift():
     assert (ref(more, "normal_load_factor") - ref(plain, "normal_load_factor"))[-1] == pytest.approx(added, rel=1e-6)
 
 
+@pytest.mark.requirement("references", "load factor, angle of attack, sideslip, at the accelerometers' place")
 def test_sideslip_is_the_side_force_at_the_centre_of_gravity():
     """n_y = q_bar slope beta, and 4 metres ahead a yaw acceleration on top; the rudder's arm takes part of it."""
     r = -0.3 * np.arange(300) / RATE
@@ -301,6 +312,7 @@ def busy(n: int = 120) -> Block:
     return block
 
 
+@pytest.mark.requirement("references", "never the truth, never the signal that it checks")
 @pytest.mark.parametrize("config", CHOICES, ids=["partners", "attitude", "inertial"])
 def test_no_reference_reads_truth_channels_or_the_signal_that_it_checks(config: Config):
     """Nor, of a signal that it remembers or was aligned with, a vote that its channels do not agree on."""
@@ -320,6 +332,7 @@ def test_no_reference_reads_truth_channels_or_the_signal_that_it_checks(config: 
     assert {name for name, said in honest.items() if np.isfinite(said).any()} == {name for name, _ in PARTNERS}
 
 
+@pytest.mark.requirement("references", "its partners and they alone; lost with them")
 @pytest.mark.parametrize("config", CHOICES, ids=["partners", "attitude", "inertial"])
 def test_each_reference_reads_its_partners_and_they_alone(config: Config):
     aircraft: dict[str, Any] = {"accelerometer": (4.0, 0.5, 1.0), "pitch_rate_gain": 0.95, "elevator_arm_m": 3.0}
@@ -336,6 +349,7 @@ def test_each_reference_reads_its_partners_and_they_alone(config: Config):
         assert read == {*partners, *REMEMBERED.get((name, chosen), ())}, (name, chosen)
 
 
+@pytest.mark.requirement("references", "its partners and they alone; lost with them")
 @pytest.mark.parametrize("lost", [signal.name for signal in SIGNALS])
 def test_a_lost_partner_makes_its_references_unusable_until_it_is_back(lost: str):
     block = busy()
@@ -445,6 +459,7 @@ def test_coefficients_go_straight_between_the_points():
 # Thresholds
 
 
+@pytest.mark.requirement("references", "thresholds from the measurement")
 def test_the_threshold_is_the_measured_one_unless_the_settings_give_one():
     error = Error(rms=0.01, quantile_999=0.05, worst=0.1, threshold=0.12)
     one = designed(errors={"pitch_rate": {"attitude": error}, "roll_rate": {"inertial": error}})
@@ -481,6 +496,7 @@ def flown(*sets: str, name: str = "f16_pitch_rate_hardover", seconds: float = 10
     return np.concatenate([rows.copy() for rows, _ in frames(Rig(which), which)])
 
 
+@pytest.mark.requirement("references", "usable in a healthy flight")
 @pytest.mark.parametrize("aircraft", ["f16", "b747", "b737"])
 @pytest.mark.parametrize(
     "sources", ["{}", '{pitch_rate="attitude"}', '{pitch_rate="inertial",roll_rate="inertial",yaw_rate="inertial"}']
@@ -495,6 +511,7 @@ def test_a_healthy_flight_in_moderate_turbulence_keeps_every_reference_usable(ai
     assert np.isnan(rows["reference"][:, others]).all() and not rows["reference_usable"][:, others].any()
 
 
+@pytest.mark.requirement("references", "a fault on the inertial unit")
 def test_a_fault_on_the_inertial_unit_moves_the_reference_and_only_it():
     sets = ['redundancy.references={pitch_rate="inertial"}', "turbulence=light"]
     fault = 'faults=[{kind="hardover",signal="inertial.pitch_rate_rad_s",start_s=2.0,end_s=4.0}]'
@@ -526,6 +543,7 @@ def test_a_lost_pitch_rate_still_has_its_reference_and_takes_those_that_read_it_
     assert there == {name for name, _ in PARTNERS} - reading
 
 
+@pytest.mark.requirement("references", "pitch rate from attitude: gusts leave it alone, it settles a 2:2")
 @pytest.mark.parametrize("aircraft", ["f16", "b747", "b737"])
 @pytest.mark.parametrize("bad", [[1, 2], [3, 4]])
 def test_by_attitude_a_split_over_threshold_and_worst_error_is_settled_rightly(aircraft: str, bad: list[int]):
@@ -536,6 +554,7 @@ def test_by_attitude_a_split_over_threshold_and_worst_error_is_settled_rightly(a
     assert failed.tolist() == bad
 
 
+@pytest.mark.requirement("references", "settles a 2:2")
 @pytest.mark.parametrize(("signal", "offset"), [("pitch_rate", 0.06), ("roll_rate", 0.13), ("yaw_rate", 0.06)])
 @pytest.mark.parametrize("bad", [[1, 2], [3, 4]])
 def test_by_the_inertial_unit_a_split_just_over_the_threshold_is_settled_rightly(signal, offset, bad):

@@ -66,7 +66,7 @@ class Aborts:
         finally:
             del fdm
 
-    def step(self, block, k):
+    def step(self, bus, fcc, k):
         pass
 
 

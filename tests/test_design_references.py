@@ -82,6 +82,7 @@ def test_every_source_was_measured_and_its_threshold_is_the_worst_error_with_the
             assert e.threshold == float(f"{reference_design.RESERVE * e.worst:.3g}")
 
 
+@pytest.mark.requirement("references", "thresholds from the measurement")
 @pytest.mark.parametrize("name", NAMES)
 def test_the_errors_in_the_file_are_those_of_the_flights(name: str):
     """Every flight that the file names as a worst one leaves that error today, to the last digit that is kept.
@@ -191,6 +192,7 @@ def test_an_aircraft_that_is_lost_in_a_healthy_flight_cannot_be_measured(monkeyp
         reference_design.fly(tables, airframe.point(), DESIGNED["f16"], ("pitch", "none", 1))
 
 
+@pytest.mark.requirement("references", "settles a 2:2")
 @pytest.mark.parametrize("name", NAMES)
 def test_which_references_settle_every_split_is_as_the_documentation_says(name: str):
     """A split just over a monitor's threshold is settled for certain when threshold and worst error fit into it."""
@@ -209,6 +211,7 @@ def documented(name: str) -> set[str]:
     return {f"{row[1]} {row[2]}" for row in page_rows(name) if row[-1] == "always"}
 
 
+@pytest.mark.requirement("references", "thresholds from the measurement")
 @pytest.mark.parametrize("name", NAMES)
 def test_the_table_of_the_page_is_that_of_the_file(name: str):
     monitors, expected = aircraft.tables(name)["redundancy"]["signals"], []

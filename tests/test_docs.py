@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import requirements
 
 from rig import aircraft, scenario
 from rig.cli import show
@@ -54,13 +55,12 @@ def test_every_test_named_as_evidence_exists():
 def documented(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The manager of docs/redundancy.md as ``mine.py`` in the current folder."""
     page = (ROOT / "docs" / "redundancy.md").read_text()
-    (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    (tmp_path / "mine.py").write_text(code)
+    (tmp_path / "mine.py").write_text("\n\n".join(re.findall(r"```python\n(.*?)```", page, re.DOTALL)))
     monkeypatch.chdir(tmp_path)
 
 
 def flown(name: str | None, *sets: str, seed: int | None = None) -> Block:
-    which = scenario.load(name, [*sets, "redundancy.manager=mine:Smoothed"], seed)
+    which = scenario.load(name, ["redundancy.manager=mine:Smoothed", *sets], seed)
     return np.concatenate([rows.copy() for rows, _ in frames(Rig(which), which)])
 
 
@@ -91,3 +91,14 @@ def test_the_manager_in_the_docs_turns_through_north_without_failing_anybody():
     assert not (rows["state"] == State.FAILED).any()
     off = rows["voted"][:, INDEX["heading"]] - heading
     assert np.abs((off + np.pi) % (2 * np.pi) - np.pi).max() < 0.02
+
+
+@pytest.mark.usefixtures("documented")
+def test_the_compiled_manager_in_the_docs_votes_the_first_valid_channel():
+    rows = flown("f16_pitch_rate_hardover", "duration_s=2", "redundancy.manager=mine:first_valid", "faults.0.start_s=1")
+    assert np.array_equal(rows["voted"], rows["channels"][:, :, 0])
+
+
+def test_the_page_of_requirements_is_what_the_tests_say():
+    assert requirements.PAGE.read_text() == requirements.written(requirements.collect(ROOT / "tests"))
+    assert sum(map(len, requirements.collect(ROOT / "tests").values())) > 50

@@ -90,7 +90,7 @@ def fly(
         measured[THETA] = (1.0 + (factor - 1.0) * share) * x[3] + noise[i, 0]
         measured[Q] = x[2] + noise[i, 1]
         if tolerant:
-            monitor_pitch_angle(row[0], param, state, measured)
+            monitor_pitch_angle(row["inertial"][0], row[0], param, state, measured)
         said = measured[THETA]
         integral += dt * (said - 1.0)
         u = -k @ np.array([x[1] + noise[i, 2], measured[Q], said - 1.0, integral])

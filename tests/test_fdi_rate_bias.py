@@ -62,7 +62,7 @@ class Flight:
         x[INDEX["static_pressure"]], x[INDEX["dynamic_pressure"]] = 46_600.0, 11_790.0
         self.row["source"][Q] = int(Source.DEGRADED if self.lost else Source.VOTED)
         read = x[PITCH]
-        monitor_pitch_angle(self.row, self.param, self.state, x)
+        monitor_pitch_angle(self.row["inertial"], self.row, self.param, self.state, x)
         self.said = x[PITCH]
         self.passed_on = self.passed_on and self.said == read
         self.lies.add(Lie(self.row["lie"]))

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from rig.frame import DISCRETES, FRAME, INDEX, SIGNALS, Pattern, new_block, to_frame
+from rig.frame import DISCRETES, FLAT, INDEX, SIGNALS, Pattern, new_block, to_frame
 
 
 def test_the_sixteen_signals_and_three_discretes_of_a_flight_control_system_are_there():
@@ -14,7 +14,7 @@ def test_the_sixteen_signals_and_three_discretes_of_a_flight_control_system_are_
 def test_a_block_is_numbered_from_its_first_frame_and_blank():
     block = new_block(5, 100)
     assert block["frame"].tolist() == [100, 101, 102, 103, 104]
-    assert block.dtype == FRAME and not block["channels"].any()
+    assert block.dtype == FLAT and not block["channels"].any()
 
 
 def test_patterns_are_called_as_in_the_paper():

@@ -15,7 +15,7 @@ from test_log_writer import RATE, random_block, random_timing, summary_of, write
 
 import rig
 from rig.errors import BadLog
-from rig.frame import FRAME, INDEX, TIMING
+from rig.frame import FLAT, INDEX, TIMING
 from rig.log import LoggedEvent, LogWriter, iter_chunks, read_log, schema
 from rig.log.decode import Damaged
 from rig.log.scan import About, iter_parts
@@ -33,7 +33,7 @@ EVENTS = (
 def test_every_field_of_every_frame_comes_back_bit_for_bit(tmp_path, frames, seed):
     block, timing = write(tmp_path / "a.mcap", frames, seed=seed)
     log = read_log(tmp_path / "a.mcap")
-    assert log.rows.dtype == FRAME
+    assert log.rows.dtype == FLAT
     assert log.rows.tobytes() == block.tobytes()
     assert log.timing.dtype == TIMING
     assert log.timing.tobytes() == timing.tobytes()
@@ -41,7 +41,7 @@ def test_every_field_of_every_frame_comes_back_bit_for_bit(tmp_path, frames, see
 
 def test_every_element_of_a_frame_has_exactly_one_place_in_the_log():
     """Counted from the dtype, not from what the layout makes of it."""
-    elements = {name: int(np.prod(FRAME[name].shape)) for name in FRAME.fields or () if name != "frame"}
+    elements = {name: int(np.prod(FLAT[name].shape)) for name in FLAT.fields or () if name != "frame"}
     found = dict.fromkeys(elements, 0)
     for topic in schema.FRAME_TOPICS:
         for field in schema.MESSAGES[topic.message].fields if topic.message in schema.MESSAGES else ():
@@ -107,11 +107,13 @@ def test_a_foreign_mcap_is_refused(tmp_path):
         read_log(path)
 
 
-@pytest.mark.parametrize("version", [schema.SCHEMA_VERSION - 1, schema.SCHEMA_VERSION + 1])
+@pytest.mark.parametrize("version", [schema.OLDEST - 1, schema.SCHEMA_VERSION + 1])
 def test_another_schema_is_refused_with_both_versions(tmp_path, monkeypatch, version):
     monkeypatch.setattr("rig.log.writer.SCHEMA_VERSION", version)
     write(tmp_path / "a.mcap", 5)
-    with pytest.raises(BadLog, match=rf"schema version {version} .*this one reads version {schema.SCHEMA_VERSION}"):
+    with pytest.raises(
+        BadLog, match=rf"schema version {version} .*this one reads {schema.OLDEST} to {schema.SCHEMA_VERSION}"
+    ):
         read_log(tmp_path / "a.mcap")
 
 

@@ -7,7 +7,7 @@ from mcap.reader import make_reader
 from test_log_writer import random_block, random_timing, summary_of, write
 
 from rig.errors import BadLog, RigError
-from rig.frame import FRAME
+from rig.frame import FLAT
 from rig.log import LogWriter, read_log, recover
 from rig.record.events import Event
 
@@ -138,4 +138,4 @@ def test_an_output_that_cannot_be_written_is_said_in_one_line(tmp_path, flown):
 def test_the_rows_of_a_recovered_log_have_the_dtype_of_a_frame(tmp_path, flown):
     (tmp_path / "a.mcap").write_bytes(flown[0][:-10])
     recover(tmp_path / "a.mcap", tmp_path / "b.mcap")
-    assert read_log(tmp_path / "b.mcap").rows.dtype == FRAME
+    assert read_log(tmp_path / "b.mcap").rows.dtype == FLAT

@@ -5,7 +5,8 @@ import pytest
 from interpreted import printed
 
 from rig import loop, scenario
-from rig.frame import INDEX, End, new_block
+from rig.computer.redundancy import conclude, refer, vote_signals
+from rig.frame import INDEX, End, nested, new_block
 from rig.loop import Rig, frames
 
 
@@ -34,6 +35,7 @@ def test_the_length_of_a_block_does_not_show_in_the_frames(monkeypatch: pytest.M
     assert same(whole, flown(load()))
 
 
+@pytest.mark.requirement("references", "never the truth, never the signal that it checks")
 def test_truth_never_reaches_redundancy_or_control():
     """Once the sensors have spoken, truth and flight condition become garbage; nothing that follows changes."""
     which = load("turbulence=light")
@@ -49,16 +51,20 @@ def test_truth_never_reaches_redundancy_or_control():
             kept = block["truth"][k].copy(), block["flight"][k].copy(), block["discrete_truth"][k].copy()
             if rig is blind:
                 block["truth"][k], block["flight"][k], block["discrete_truth"][k] = np.nan, np.nan, 77
-            rig.redundancy.refer(block, k)
+            row, data = nested(block)[k], rig.data.redundancy
+            refer(row["bus"], row["fcc"], data.references)
             rig.faults.refer(block, k)
-            rig.redundancy.decide(block, k)
+            vote_signals(row["bus"], row["fcc"], data.manager)
+            conclude(row["bus"], row["fcc"], data)
             rig.control.step(block, k)
             block["truth"][k], block["flight"][k], block["discrete_truth"][k] = kept
+            block["actuator"][k] = block["surface"][k]
             rig.faults.actuate(block, k)
             rig.plant.step(block, k)
     assert same(a, b)
 
 
+@pytest.mark.requirement("redundancy", "compiled and interpreted kernels agree bit for bit")
 def test_compiled_and_interpreted_kernels_fly_the_same_bits():
     program = (
         "import hashlib, numpy as np\n"

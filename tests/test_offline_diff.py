@@ -13,10 +13,10 @@ from test_log_writer import random_block, write
 
 from rig.cli import main as cli
 from rig.errors import BadInput
-from rig.frame import FRAME, INDEX, TIMING, new_block
+from rig.frame import FLAT, INDEX, TIMING, new_block
 from rig.log import LogWriter, read_log
 from rig.log.columns import COLUMNS
-from rig.log.schema import SCHEMA_VERSION
+from rig.log.schema import OLDEST, SCHEMA_VERSION
 from rig.offline.compare import Tolerances, compare, of_column, tolerances
 from rig.offline.sides import diff, side
 
@@ -43,7 +43,7 @@ def column(a, b, tolerance=0.0, wraps=False):
 
 
 def test_the_columns_are_all_numbers_of_a_frame_each_once():
-    elements = {(name, index) for name in FRAME.names or () for index in np.ndindex(FRAME[name].shape)}
+    elements = {(name, index) for name in FLAT.names or () for index in np.ndindex(FLAT[name].shape)}
     elements -= {("frame", ())}
     assert {(c.field, c.index) for c in COLUMNS} == elements
     assert len({c.path for c in COLUMNS}) == len(COLUMNS) == len(elements)
@@ -205,7 +205,7 @@ def test_another_schema_is_refused_with_both_versions_and_who_wrote_it(tmp_path,
     old = logged(tmp_path / "a.mcap", new_block(3), **about)
     code, _, err = run(capsys, monkeypatch, "replay", old)
     assert code == 2
-    read = f"this one reads version {SCHEMA_VERSION}"
+    read = f"this one reads {OLDEST} to {SCHEMA_VERSION}"
     assert f"schema version 1 (written by jsbsim-rig 0.0.9, commit abc123); {read}" in err
 
 

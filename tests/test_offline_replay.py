@@ -12,7 +12,7 @@ from rig.cli import main as cli
 from rig.errors import BadInput, BadLog
 from rig.files import bundled
 from rig.flight import fly
-from rig.frame import FRAME, INDEX, TIMING, State, new_block
+from rig.frame import FLAT, INDEX, TIMING, State, new_block
 from rig.log import LogWriter, read_log
 from rig.log.columns import COLUMNS
 from rig.log.of_flight import metadata
@@ -141,10 +141,9 @@ def test_a_manager_of_the_users_own_is_replayed(tmp_path, monkeypatch):
         "import numpy as np\n"
         "class Third:\n"
         "    def __init__(self, params): self.last = 0.0\n"
-        "    def step(self, block, k):\n"
-        "        row = block[k]\n"
-        "        row['voted'][:] = row['channels'][:, 2]\n"
-        "        row['level'][:] = 1\n"
+        "    def step(self, bus, fcc, k):\n"
+        "        fcc[k]['voted'][:] = bus[k]['channels'][:, 2]\n"
+        "        fcc[k]['level'][:] = 1\n"
     )
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -346,4 +345,4 @@ def test_every_decision_can_move():
         new[name][1].flat[-1] = 1
         (entry,) = decisions(old, new).moved
         assert entry.decision == name.removeprefix("discrete_") and entry.first_frame == 1
-    assert FRAME.names and decided <= set(FRAME.names)
+    assert FLAT.names and decided <= set(FLAT.names)

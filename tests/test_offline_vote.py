@@ -230,9 +230,9 @@ def test_a_manager_of_the_users_own_votes(run: Any, tmp_path: Path):
         "class First:\n"
         "    def __init__(self, params):\n"
         "        self.fitted = int(params['fitted'][0])\n"
-        "    def step(self, block, k):\n"
-        "        block[k]['voted'][0] = block[k]['channels'][0, 0]\n"
-        "        block[k]['level'][0] = self.fitted\n"
+        "    def step(self, bus, fcc, k):\n"
+        "        fcc[k]['voted'][0] = bus[k]['channels'][0, 0]\n"
+        "        fcc[k]['level'][0] = self.fitted\n"
     )
     table, found = run(columns(constant(7, 0, 0)), {**SETTINGS, "manager": "first_of_all:First"}, "--allow-code")
     assert failed(found) == {} and (table["x.voted"] == 7).all() and (table["x.level"] == 3).all()

@@ -88,6 +88,7 @@ def test_in_trim_nothing_moves() -> None:
     assert flight(block, "north_m")[-1] == pytest.approx(9.99 * flight(block, "true_airspeed_m_s")[0])
 
 
+@pytest.mark.requirement("ding2015", "exact steps")
 @pytest.mark.parametrize("steps", [1, 4])
 def test_a_step_of_the_plant_is_that_of_an_independent_integration(steps: int) -> None:
     frame = config()
@@ -114,6 +115,7 @@ def test_a_step_of_the_plant_is_that_of_an_independent_integration(steps: int) -
     assert flight(last, "elevator_rad")[0] == pytest.approx(z[4], abs=1e-8)
 
 
+@pytest.mark.requirement("ding2015", "load factors, pressures, place")
 def test_the_load_factor_is_that_of_the_path() -> None:
     """Specific force by differences of the velocity over ground, turned into body axes."""
     flying = plant(config(accelerometer={"x_m": 0.0, "y_m": 0.0, "z_m": 0.0}))
@@ -128,6 +130,7 @@ def test_the_load_factor_is_that_of_the_path() -> None:
     assert np.ptp(up) > 0.3
 
 
+@pytest.mark.requirement("ding2015", "load factors, pressures, place")
 def test_pressures_are_those_of_speed_and_altitude() -> None:
     block = wild(plant(), 2000)
     assert np.ptp(flight(block, "altitude_m")) > 5.0
@@ -231,6 +234,7 @@ def test_a_gust_that_the_model_cannot_take_up_does_not_carry_the_aircraft() -> N
     assert np.ptp(flight(block, "velocity_east_m_s")) < 1e-9
 
 
+@pytest.mark.requirement("ding2015", "the same flight twice")
 def test_the_same_flight_again_is_the_same_bit_for_bit() -> None:
     first, second = plant(turbulence="moderate"), plant(turbulence="moderate")
     flown = wild(first, 1500).tobytes()

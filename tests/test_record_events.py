@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from rig import scenario
-from rig.computer.redundancy.config import RESETS
 from rig.files import bundled
 from rig.flight import event_finder
 from rig.frame import DISCRETE_INDEX, INDEX, End, Law, Pattern, Resolver, Source, State, new_block
@@ -166,11 +165,10 @@ def test_the_first_frame_of_a_flight_may_fail_a_channel():
 
 def test_a_refused_readmission_is_told_in_its_frame():
     """Frame 15 asks for channels 2 and 3: 2 comes back, 3 stays out; frame 25 asks for 3 again, at a block's start."""
-    resets = np.zeros(2, RESETS)
-    resets["frame"], resets["signal"], resets["channel"] = (15, 25), Q, ((0, 1, 1, 0), (0, 0, 1, 0))
     block = blank()
+    block["reset"][[15, 25], Q] = 0b0110, 0b0100
     block["state"][5:, Q, 2] = block["state"][5:15, Q, 1] = State.FAILED
-    finder = EventFinder([], resets)
+    finder = EventFinder([])
     found = [*finder.find(block[:25]), *finder.find(block[25:])]
     assert [(e.frame, e.text) for e in found if e.name == "readmission refused"] == [
         (15, "pitch_rate.3: has not agreed with the vote for long enough"),

@@ -47,6 +47,7 @@ def failed_at(block: Any, s: int) -> list[int | None]:
     return [int(np.argmax(column)) + 1 if column.any() else None for column in failed.T]
 
 
+@pytest.mark.requirement("redundancy", "a box that is out on four signals is out on all")
 def test_a_channel_off_on_four_signals_is_failed_on_all_at_its_eighth_frame():
     block = fly(apart(4, 2))
     assert all(failed_at(block, s) == [None, None, 8, None] for s in range(S))
@@ -60,6 +61,7 @@ def test_three_signals_are_three_faults_and_no_box():
     assert all(failed_at(block, s) == [None] * 4 for s in range(3, S))
 
 
+@pytest.mark.requirement("redundancy", "a box that is out on four signals is out on all")
 def test_two_boxes_that_die_together_are_identified_by_the_signals_with_evidence():
     """2:2 on all signals, references on four of them: the others are settled by the boxes, before the trend answers."""
     reference = np.full(S, np.nan)
@@ -76,6 +78,7 @@ def test_the_trend_is_no_evidence_against_a_box():
     assert not (block["resolver"] == Resolver.BOX).any()
 
 
+@pytest.mark.requirement("redundancy", "a box that is out on four signals is out on all")
 def test_an_accused_majority_is_not_believed():
     """Three channels each off on other signals: five signals accuse each, nobody is failed as a box."""
     samples = np.zeros((S, 4))

@@ -19,12 +19,18 @@ def contradicted(reference, other, samples=TEN, frames=5, fails=False, **more):
     return vote_samples(samples, reference=reference, second=other, common=(frames, fails), **more)
 
 
+@pytest.mark.requirement(
+    "redundancy", "two references of different physics contradict all channels: reported, or lost by choice"
+)
 def test_it_is_reported_in_the_frame_in_which_it_has_persisted():
     found = contradicted(0.0, 0.0)
     assert found.common_mode.tolist() == [0] * 4 + [1] * 26
     assert (found.state == State.OK).all() and (found.voted == found.voted[0]).all()
 
 
+@pytest.mark.requirement(
+    "redundancy", "two references of different physics contradict all channels: reported, or lost by choice"
+)
 def test_by_choice_the_signal_is_lost_and_its_reference_usable():
     found = contradicted(0.0, 0.0, frames=12, fails=True)  # after the reference was set aside, at frame 8
     assert found.reference_usable[10] == 0
@@ -97,6 +103,9 @@ def test_angles_are_compared_the_short_way_round():
     assert contradicted(-1.0, -1.0, near_the_turn, **limits).common_mode.any()
 
 
+@pytest.mark.requirement(
+    "redundancy", "two references of different physics contradict all channels: reported, or lost by choice"
+)
 @given(st.floats(-50, 50), st.floats(-50, 50), st.floats(0.1, 5), st.floats(0.1, 5))
 def test_it_is_the_rule_of_the_page(reference, other, threshold, own):
     found = contradicted(reference, other, threshold=own, reference_threshold=threshold, samples=constant(*[10.0] * 4))

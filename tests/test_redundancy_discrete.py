@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from oracle import DiscreteOracle, DiscreteSettings
 from pydantic import ValidationError
 
-from rig.computer.redundancy.config import RESETS, Reset, reset_table
+from rig.computer.redundancy.config import Reset, command
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DiscreteConfig, DiscreteConfigs, discrete_parameters
-from rig.frame import DISCRETE_INDEX, DISCRETES, Block, D, Ilm, State, new_block
+from rig.frame import DISCRETE_INDEX, DISCRETES, INDEX, Block, D, Ilm, State, new_block
 
 WHEELS, GEAR = DISCRETE_INDEX["weight_on_wheels"], DISCRETE_INDEX["gear_down"]
 OK, SUSPECT, FAILED, ABSENT = State.OK, State.SUSPECT, State.FAILED, State.ABSENT
@@ -39,15 +39,15 @@ def vote(
     block["discrete_valid"][:, d], block["discrete_ilm"][:, d] = valid, ilm
     config = DiscreteConfigs.model_validate({DISCRETES[d].name: {"persistence": 3, **given_settings}})
     fitted = np.where(np.arange(D) == d, channels, 4)
-    table = np.zeros(len(resets), RESETS)
-    for row, (frame, channel) in zip(table, resets, strict=True):
-        row["frame"], row["signal"], row["channel"][channel - 1] = frame, d, 1
-    stage = DiscreteVoter(discrete_parameters(config, fitted, 8, 100.0), table)
+    for frame, channel in resets:
+        block["discrete_reset"][frame, d] |= 1 << (channel - 1)
+    stage = DiscreteVoter(discrete_parameters(config, fitted, 8, 100.0))
     for k in range(len(block)):
         stage.step(block, k)
     return block
 
 
+@pytest.mark.requirement("redundancy", "discrete: majority, a tie or nobody is the fail-safe value")
 @pytest.mark.parametrize(
     ("samples", "voted"),
     [((1, 1, 1, 0), 1), ((0, 0, 0, 1), 0), ((1, 1, 0, 0), 0), ((1, 1, 1, 1), 1), ((0, 0, 0, 0), 0)],
@@ -58,6 +58,7 @@ def test_a_discrete_is_its_majority_and_a_tie_its_fail_safe_value(samples, voted
     assert block["discrete_voted"][0, GEAR] == 1  # fail-safe 1, untouched
 
 
+@pytest.mark.requirement("redundancy", "discrete: majority, a tie or nobody is the fail-safe value")
 @pytest.mark.parametrize(
     ("samples", "voted"),
     [((1, 1, 0, 0), 1), ((0, 0, 0, 1), 0), ((0, 0, 0, 0), 0), ((1, 0, 1, 1), 1), ((1, 1, 1, 1), 1), ((0, 1, 0, 0), 0)],
@@ -73,6 +74,9 @@ def test_the_fail_safe_value_is_a_setting():
     assert vote([(1, 1, 0, 0)], fail_safe=1)["discrete_voted"][0, WHEELS] == 1
 
 
+@pytest.mark.requirement(
+    "redundancy", "discrete: failed after `persistence` frames off the vote, latched, without a vote"
+)
 def test_a_discrete_channel_that_differs_for_its_persistence_is_failed_for_good():
     samples = [(1, 1, 1, 0)] * 2 + [(1, 1, 1, 1)] + [(1, 1, 1, 0)] * 3 + [(1, 1, 1, 1)] * 2
     block = vote(samples)
@@ -81,6 +85,9 @@ def test_a_discrete_channel_that_differs_for_its_persistence_is_failed_for_good(
     assert block["discrete_level"][:, WHEELS].tolist() == [4] * 5 + [3] * 3
 
 
+@pytest.mark.requirement(
+    "redundancy", "discrete: failed after `persistence` frames off the vote, latched, without a vote"
+)
 def test_failed_discrete_channels_have_no_vote():
     block = vote([(1, 1, 1, 0)] * 3 + [(1, 0, 0, 0)] * 4)
     assert block["discrete_voted"][3:, WHEELS].tolist() == [0] * 4  # two of three now say 0
@@ -93,6 +100,9 @@ def test_the_last_discrete_channel_is_its_own_majority():
     assert block["discrete_level"][-1, WHEELS] == 1
 
 
+@pytest.mark.requirement(
+    "redundancy", "discrete: a sample that is flagged, or whose monitor says bad, is not voted and miscompares"
+)
 @pytest.mark.parametrize("flag", [{"valid": [1, 0, 0, 1]}, {"ilm": [2, 0, 0, 1]}], ids=["invalid", "its own monitor"])
 def test_a_sample_declared_bad_is_not_voted_and_miscompares(flag):
     """Two of four that say 1 are declared bad: the other two decide, where 2:2 would have been fail-safe."""
@@ -103,6 +113,7 @@ def test_a_sample_declared_bad_is_not_voted_and_miscompares(flag):
     assert agreeing["discrete_state"][-1, GEAR].tolist() == [OK, FAILED, FAILED, OK]
 
 
+@pytest.mark.requirement("redundancy", "discrete: majority, a tie or nobody is the fail-safe value")
 def test_without_a_sample_the_vote_is_fail_safe_and_after_the_persistence_nobody_is_left():
     block = vote([(0, 0, 0, 0)] * 3, d=GEAR, valid=0)
     assert block["discrete_voted"][:, GEAR].tolist() == [1, 1, 1]
@@ -110,6 +121,9 @@ def test_without_a_sample_the_vote_is_fail_safe_and_after_the_persistence_nobody
     assert (block["discrete_state"][2, GEAR] == FAILED).all()
 
 
+@pytest.mark.requirement(
+    "redundancy", "discrete: a sample that is flagged, or whose monitor says bad, is not voted and miscompares"
+)
 def test_the_last_channel_whose_monitor_says_bad_gives_the_fail_safe_value():
     ilm = np.full((8, 4), Ilm.GOOD)
     ilm[4:, 3] = Ilm.BAD
@@ -119,6 +133,7 @@ def test_the_last_channel_whose_monitor_says_bad_gives_the_fail_safe_value():
     assert block["discrete_level"][:, WHEELS].tolist() == [4, 4, 1, 1, 1, 1, 0, 0]
 
 
+@pytest.mark.requirement("redundancy", "discrete: two to four channels")
 @pytest.mark.parametrize(("channels", "samples", "voted"), [(3, (1, 1, 0, 0), 1), (2, (1, 0, 1, 1), 0)])
 def test_channels_that_are_not_fitted_have_no_vote(channels, samples, voted):
     block = vote([samples], channels=channels)
@@ -128,6 +143,7 @@ def test_channels_that_are_not_fitted_have_no_vote(channels, samples, voted):
     assert (block["discrete_state"][0, WHEELS, :channels] != ABSENT).all()
 
 
+@pytest.mark.requirement("redundancy", "discrete: readmission by command only, after agreement without a break")
 def test_a_reset_readmits_a_channel_that_has_agreed_long_enough_and_no_other():
     """Channel 4 is failed in frame 2 and agrees from frame 3 on: five frames are complete after frame 7."""
     samples = [(1, 1, 1, 0)] * 3 + [(1, 1, 1, 1)] * 9
@@ -138,6 +154,7 @@ def test_a_reset_readmits_a_channel_that_has_agreed_long_enough_and_no_other():
     assert other["discrete_state"][-1, WHEELS, 3] == FAILED
 
 
+@pytest.mark.requirement("redundancy", "discrete: readmission by command only, after agreement without a break")
 def test_a_frame_without_agreement_begins_the_wait_for_a_reset_again():
     samples = [(1, 1, 1, 0)] * 3 + [(1, 1, 1, 1)] * 3 + [(1, 1, 1, 0)] + [(1, 1, 1, 1)] * 5
     block = vote(samples, readmit_frames=5, resets=[(8, 4), (11, 4)])
@@ -174,10 +191,10 @@ def test_settings_without_a_meaning_are_refused(bad):
 
 def test_commands_are_told_apart_by_the_name_of_the_signal():
     resets = [Reset(at_s=1.0, signal="heading"), Reset(at_s=2.0, signal="gear_down", channels=[2])]
-    assert reset_table(resets, 100.0)["frame"].tolist() == [100]
-    of_discretes = reset_table(resets, 100.0, DISCRETE_INDEX)
-    assert (of_discretes["frame"].tolist(), of_discretes["signal"].tolist()) == ([200], [GEAR])
-    assert of_discretes["channel"].tolist() == [[0, 1, 0, 0]]
+    rows = new_block(150, 80)
+    command(rows, resets, 100.0)
+    assert np.argwhere(rows["reset"]).tolist() == [[20, INDEX["heading"]]] and rows["reset"].max() == 0b1111
+    assert np.argwhere(rows["discrete_reset"]).tolist() == [[120, GEAR]] and rows["discrete_reset"].max() == 0b0010
 
 
 @st.composite

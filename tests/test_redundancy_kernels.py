@@ -17,11 +17,11 @@ from rig.computer.redundancy.config import (
     Reset,
     SignalConfig,
     SignalConfigs,
+    command,
     fill,
     parameters,
-    reset_table,
 )
-from rig.frame import SIGNALS, Ilm, Resolver, State
+from rig.frame import SIGNALS, Ilm, Resolver, State, new_block
 
 LOW, HIGH, NONE = opinions.LOW_SIDE, opinions.HIGH_SIDE, opinions.NO_ANSWER
 ORDER = np.array([2, 0, 3, 1])  # channels by ascending value: 3 and 1 below, 4 and 2 above
@@ -246,9 +246,10 @@ def test_the_smallest_settings_are_one_frame():
         Reset(at_s=0.0, signal="heading", channels=[0])
 
 
-def test_resets_become_records_in_frames():
-    table = reset_table([Reset(at_s=0.105, signal="heading", channels=[2, 4])], 100.0)
-    assert (table["frame"][0], table["signal"][0], table["channel"][0].tolist()) == (11, 15, [0, 1, 0, 1])
+def test_a_reset_is_commanded_in_the_first_frame_not_before_it():
+    rows = new_block(20, 5)
+    command(rows, [Reset(at_s=0.105, signal="heading", channels=[2, 4])], 100.0)
+    assert np.argwhere(rows["reset"]).tolist() == [[6, 15]] and rows["reset"][6, 15] == 0b1010
 
 
 @pytest.mark.parametrize(
@@ -339,10 +340,11 @@ def test_a_reference_on_one_of_two_values_makes_that_one_the_middle(reference: f
         assert opinions.by_reference(1.0, 0.0, reference, threshold) == blamed
 
 
-def test_a_reset_may_name_a_single_channel():
-    assert reset_table([Reset(at_s=0.0, signal="pitch_rate", channels=[2])], 100.0)["channel"].tolist() == [
-        [0, 1, 0, 0]
-    ]
+def test_resets_of_other_blocks_are_not_commanded_and_those_of_one_frame_add_up():
+    rows = new_block(10, 100)
+    of_two = [Reset(at_s=1.0, signal="pitch_rate", channels=[c]) for c in (2, 2, 3)]
+    command(rows, [Reset(at_s=t, signal="pitch_rate") for t in (0.99, 1.1)] + of_two, 100.0)
+    assert np.argwhere(rows["reset"]).tolist() == [[0, 0]] and rows["reset"][0, 0] == 0b0110
 
 
 @pytest.mark.parametrize(("rate_hz", "frames"), [(25.0, 2), (100.0, 8), (400.0, 32), (110.0, 9), (1.0, 1), (1e-5, 1)])

@@ -27,6 +27,7 @@ def says(flag: Ilm, since: int, until: int = 30, frames: int = 30) -> NDArray[np
     return flags
 
 
+@pytest.mark.requirement("redundancy", "the last channel is held to its monitor and its reference")
 def test_the_last_channel_fails_at_the_eighth_frame_in_which_its_monitor_says_bad():
     out = vote_samples(alone(0.1 * np.arange(1, 31)), ilm=says(BAD, since=11))
     assert out.failed_at() == [8, 8, 8, 18]
@@ -46,6 +47,7 @@ def test_the_last_channel_is_believed_while_nobody_speaks_against_it(flag: Ilm):
     assert (out.state[:, 3] == State.OK).all()
 
 
+@pytest.mark.requirement("redundancy", "the last channel is held to its monitor and its reference")
 @pytest.mark.parametrize("side", [1, -1])
 @pytest.mark.parametrize(("thresholds", "failed"), [(1.4, None), (1.5, None), (1.51, 18), (1.6, 18)])
 def test_the_last_channel_fails_beyond_one_and_a_half_reference_thresholds(

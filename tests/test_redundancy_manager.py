@@ -7,12 +7,16 @@ from rig.frame import Ilm, Pattern, Resolver, State
 GOOD, BAD = int(Ilm.GOOD), int(Ilm.BAD)
 
 
+@pytest.mark.requirement("redundancy", "one agreeing frame resets the count")
 def test_one_agreeing_frame_resets_the_count():
     samples = constant(0, 0, 0, 5, frames=15)
     samples[7] = 0
     assert vote_samples(samples).failed_at() == [None] * 4
 
 
+@pytest.mark.requirement(
+    "redundancy", "a channel that disagrees with all others for `persistence` frames is failed, latched"
+)
 def test_a_failed_channel_stays_out_when_it_comes_back():
     samples = constant(0, 0, 0, 5)
     samples[10:] = 0
@@ -21,12 +25,14 @@ def test_a_failed_channel_stays_out_when_it_comes_back():
     assert (out.level[7:] == 3).all()
 
 
+@pytest.mark.requirement("redundancy", "one agreeing partner is enough: chains are normal")
 def test_a_chain_of_neighbours_is_normal():
     out = vote_samples(constant(0, 0.9, 1.8, 2.7))
     assert (out.pattern == Pattern.NORMAL).all()
     assert np.allclose(out.voted, 1.35)
 
 
+@pytest.mark.requirement("redundancy", "never a suspect in the vote")
 @pytest.mark.parametrize(
     ("samples", "vote"),
     [((0, 0.5, 5, 9), 0.5), ((9, 8.5, 5, 0), 8.5), ((0, 4.5, 5, 9), 4.75), ((0, 0.2, 0.6, 5), 0.4)],
@@ -36,6 +42,7 @@ def test_a_suspect_is_never_in_the_vote(samples, vote):
     assert vote_samples(constant(*samples, frames=1)).voted[0] == pytest.approx(vote)
 
 
+@pytest.mark.requirement("redundancy", "levels 4-3-2-1-lost")
 def test_levels_vote_middle_then_mean_then_the_last_one():
     samples = constant(0.0, 0.2, 0.6, 0.9, frames=40)
     samples[0:, 3] = np.nan
@@ -48,6 +55,7 @@ def test_levels_vote_middle_then_mean_then_the_last_one():
     assert list(out.level[[9, 19, 30]]) == [3, 2, 1]
 
 
+@pytest.mark.requirement("redundancy", "levels 4-3-2-1-lost")
 def test_when_no_channel_is_left_the_last_vote_is_held_and_lost_is_raised():
     samples = constant(3.0, 3.0, 3.0, 3.0, frames=20)
     samples[5:] = np.nan
@@ -56,6 +64,9 @@ def test_when_no_channel_is_left_the_last_vote_is_held_and_lost_is_raised():
     assert out.level[12] == 0 and (out.pattern[12:] == Pattern.LOST).all()
 
 
+@pytest.mark.requirement(
+    "redundancy", "a sample that is no number, out of range or flagged miscompares, and is never voted"
+)
 def test_a_sample_outside_the_range_or_flagged_counts_as_a_miscompare():
     outside = vote_samples(constant(0, 0, 0, 5), limits=(-1, 1), threshold=10.0)
     flags = np.ones((30, 4), int)
@@ -65,6 +76,7 @@ def test_a_sample_outside_the_range_or_flagged_counts_as_a_miscompare():
     assert flagged.failed_at() == [None, 8, None, None]
 
 
+@pytest.mark.requirement("redundancy", "2:2 by trend, by reference, by in-line monitors")
 def test_three_good_monitors_that_follow_the_pairing_settle_a_split():
     ilm = np.tile([BAD, BAD, GOOD, GOOD], (30, 1))
     out = vote_samples(constant(0, 0.1, 5, 5.1), ilm=ilm)
@@ -72,12 +84,14 @@ def test_three_good_monitors_that_follow_the_pairing_settle_a_split():
     assert np.allclose(out.voted[:10], 5.05)
 
 
+@pytest.mark.requirement("redundancy", "monitors that contradict the pairing are not believed")
 @pytest.mark.parametrize("flags", [[GOOD, BAD, BAD, GOOD], [GOOD] * 4, [BAD] * 4, [GOOD, GOOD, GOOD, BAD]])
 def test_monitors_that_contradict_the_pairing_are_not_believed(flags):
     out = vote_samples(constant(0, 0.1, 5, 5.1), ilm=np.tile(flags, (30, 1)))
     assert (out.resolver[8:10] == Resolver.TREND).all()
 
 
+@pytest.mark.requirement("redundancy", "unresolved: hold, move with the ranks, fail nobody")
 def test_a_split_that_nobody_settles_holds_and_fails_nobody():
     samples = constant(0, 0.1, 5, 5.1)
     samples[::2] += 0.01  # neither rising nor still: the trend bytes are mixed
@@ -87,6 +101,7 @@ def test_a_split_that_nobody_settles_holds_and_fails_nobody():
     assert np.abs(np.diff(out.voted[3:])).max() == pytest.approx(0.01)
 
 
+@pytest.mark.requirement("redundancy", "1:1:1:1: the extremes fail; 1:1:1: the middle stays")
 def test_a_middle_of_three_is_good_and_the_others_fail():
     samples = np.column_stack([constant(-5, 0, 5), np.full((30, 1), np.nan)])[:, :4]
     out = vote_samples(samples, channels=3)
@@ -95,6 +110,7 @@ def test_a_middle_of_three_is_good_and_the_others_fail():
     assert (out.state[:, 3] == State.ABSENT).all()
 
 
+@pytest.mark.requirement("redundancy", "a change of pattern starts the count again")
 def test_a_change_of_pattern_starts_the_count_again():
     samples = constant(0, 0.1, 5, 5.1)
     samples[8] = [0, 0, 0, 0]
@@ -102,6 +118,7 @@ def test_a_change_of_pattern_starts_the_count_again():
     assert out.failed_at() == [None, None, 19, 19]
 
 
+@pytest.mark.requirement("redundancy", "angles on the circle")
 def test_an_angle_is_compared_and_voted_the_short_way_round():
     turn = 2 * np.pi
     samples = constant(0.01, turn - 0.01, 0.02, turn - 0.02)
@@ -122,6 +139,7 @@ def test_a_first_frame_without_any_number_votes_zero():
     assert (out.voted == 0).all() and (out.pattern == Pattern.LOST).all()
 
 
+@pytest.mark.requirement("redundancy", "a reference is monitored, never failed as a channel")
 def test_a_reference_that_leaves_a_healthy_vote_is_unusable_until_it_has_agreed_as_long():
     reference = np.zeros(60)
     reference[10:30] = 50.0
@@ -140,6 +158,7 @@ def test_the_fade_spreads_a_change_of_level():
     assert out.voted[-1] == jump.voted[-1]
 
 
+@pytest.mark.requirement("redundancy", "readmission by command only")
 @pytest.mark.parametrize("manager", ["cross-channel", "cross-voter"])
 def test_a_reset_readmits_only_a_channel_that_has_agreed_long_enough(manager):
     samples = constant(0, 0, 0, 5, frames=80)

@@ -1,6 +1,8 @@
 """A manager of the user's own."""
 
+import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from rig import scenario
 from rig.computer.redundancy.config import PARAMS
 from rig.computer.redundancy.own import load_manager
 from rig.errors import BadInput, ManagerFailed
-from rig.frame import INDEX, new_block
+from rig.frame import INDEX, Block, nested, new_block
 from rig.loop import Rig, frames
 from rig.trust import Trust
 
@@ -20,28 +22,73 @@ class Median:
     def __init__(self, params):
         self.last = np.zeros(len(params))
 
-    def step(self, block, k):
-        row = block[k]
-        use = np.where(row["valid"] == 1, row["channels"], np.nan)
+    def step(self, bus, fcc, k):
+        use = np.where(bus[k]["valid"] == 1, bus[k]["channels"], np.nan)
         self.last[:] = np.nanmedian(use, axis=1)
-        row["voted"][:] = self.last
-        row["level"][:] = 4
+        fcc[k]["voted"][:] = self.last
+        fcc[k]["level"][:] = 4
+
+class Former:
+    def __init__(self, params):
+        pass
+
+    def step(self, block, k):
+        pass
 
 class Mute:
     def __init__(self, params):
         pass
 
 class Raising:
-    def __init__(self, params):
-        self.raises = ValueError("no median\\nof nothing")
+    raises = ValueError("no median\\nof nothing")
 
-    def step(self, block, k):
+    def __init__(self, params):
+        pass
+
+    def step(self, bus, fcc, k):
         raise self.raises
 
-def interrupted(params):
-    raise KeyboardInterrupt
+class Exiting:
+    def __init__(self, params):
+        raise SystemExit("enough")
+
+class Interrupted:
+    def __init__(self, params):
+        raise KeyboardInterrupt
+"""
+COMPILED = """
+import numba
+import numpy as np
+
+STATE = np.dtype([("vote", "f8"), ("frames", "i8")])
+
+def first_valid(bus, fcc, k, params, state):
+    for s in range(len(params)):
+        for c in range(params[s]["fitted"]):
+            if bus[k]["valid"][s, c] != 0:
+                state[s]["vote"] = bus[k]["channels"][s, c]
+                break
+        state[s]["frames"] += 1
+        fcc[k]["voted"][s] = state[s]["vote"]
+        fcc[k]["level"][s] = params[s]["fitted"]
+        fcc[k]["trend_low"][s] = state[s]["frames"] % 100
+
+vote = numba.njit(first_valid)
+
+@numba.njit
+def raising(bus, fcc, k, params, state):
+    if k == 3:
+        raise ValueError("compiled")
+
+@numba.njit
+def unknown_field(bus, fcc, k, params, state):
+    fcc[k]["truth"][0] = 1.0
 """
 ALLOWED = Trust(allow_code=True)
+
+
+def parts(block: Block) -> tuple[Any, Any]:
+    return nested(block)["bus"], nested(block)["fcc"]
 
 
 def test_a_manager_of_the_users_own_flies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -54,7 +101,10 @@ def test_a_manager_of_the_users_own_flies(tmp_path: Path, monkeypatch: pytest.Mo
     assert (rows["discrete_level"] == 4).all() and rows["end"][-1] == 0
 
 
-@pytest.mark.parametrize("name", ["nowhere:Class", "math:Nothing", "math:pi", "own_manager:Mute"])
+@pytest.mark.parametrize(
+    "name",
+    ["nowhere:Class", "math:Nothing", "math:pi", "own_manager:Mute", "own_manager:Former", "own_manager:Exiting"],
+)
 def test_a_manager_that_cannot_be_made_is_refused(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "own_manager.py").write_text(OWN)
     monkeypatch.chdir(tmp_path)
@@ -63,13 +113,49 @@ def test_a_manager_that_cannot_be_made_is_refused(name: str, tmp_path: Path, mon
         Rig(which)
 
 
+def test_a_class_of_the_former_form_is_told_the_present_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "own_manager.py").write_text(OWN)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(BadInput, match=r"has step\(block, k\), now it is step\(bus, fcc, k\)$"):
+        load_manager("own_manager:Former", np.zeros(1, PARAMS), ALLOWED)
+
+
+def rows_of(*sets: str) -> Block:
+    which = scenario.load(None, ["duration_s=2.5", "faults.0.start_s=1", *sets])
+    return np.concatenate([rows.copy() for rows, _ in frames(Rig(which), which)])
+
+
+def test_a_compiled_function_flies_as_its_python_form_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "compiled_manager.py").write_text(COMPILED)
+    monkeypatch.chdir(tmp_path)
+    compiled, plain = (rows_of(f"redundancy.manager=compiled_manager:{name}") for name in ("vote", "first_valid"))
+    assert np.array_equal(compiled["voted"], compiled["channels"][:, :, 0])
+    assert compiled["trend_low"][:, 0].tolist() == [(k + 1) % 100 for k in range(250)]  # its state is its own, and kept
+    assert compiled.tobytes() == plain.tobytes()
+
+
+def test_what_a_compiled_function_raises_names_it_and_the_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "compiled_manager.py").write_text(COMPILED)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ManagerFailed, match=r"'compiled_manager:raising' raised in frame 3: ValueError: compiled"):
+        rows_of("redundancy.manager=compiled_manager:raising")
+
+
+@pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")
+def test_a_function_that_reaches_for_the_truth_does_not_compile(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "compiled_manager.py").write_text(COMPILED)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(BadInput, match=r"^redundancy.manager: 'compiled_manager:unknown_field' cannot be made: "):
+        load_manager("compiled_manager:unknown_field", np.zeros(2, PARAMS), ALLOWED)
+
+
 def test_what_a_manager_raises_names_class_frame_and_exception_in_one_line(tmp_path: Path, monkeypatch):
     (tmp_path / "own_manager.py").write_text(OWN)
     monkeypatch.chdir(tmp_path)
     block = new_block(2)
     block["frame"] = [40, 41]
     with pytest.raises(ManagerFailed) as caught:
-        load_manager("own_manager:Raising", np.zeros(1, PARAMS), ALLOWED).step(block, 1)
+        load_manager("own_manager:Raising", np.zeros(1, PARAMS), ALLOWED).step(block, *parts(block), 1)
     assert str(caught.value) == (
         "redundancy.manager: 'own_manager:Raising' raised in frame 41: ValueError: no median of nothing"
     )
@@ -79,8 +165,10 @@ def test_an_interrupt_ends_the_program_and_is_no_fault_of_the_manager(tmp_path: 
     (tmp_path / "own_manager.py").write_text(OWN)
     monkeypatch.chdir(tmp_path)
     with pytest.raises(KeyboardInterrupt):
-        load_manager("own_manager:interrupted", np.zeros(1, PARAMS), ALLOWED)
+        load_manager("own_manager:Interrupted", np.zeros(1, PARAMS), ALLOWED)
     manager = load_manager("own_manager:Raising", np.zeros(1, PARAMS), ALLOWED)
-    manager.made.raises = KeyboardInterrupt()  # type: ignore[attr-defined]
+    import own_manager  # pyright: ignore[reportMissingImports]  # of the test's own folder
+
+    monkeypatch.setattr(own_manager.Raising, "raises", KeyboardInterrupt())
     with pytest.raises(KeyboardInterrupt):
-        manager.step(new_block(1), 0)
+        manager.step(new_block(1), *parts(new_block(1)), 0)

@@ -3,6 +3,7 @@
 import itertools
 
 import numpy as np
+import pytest
 from conftest import vote_samples
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -38,6 +39,7 @@ def test_a_shift_and_a_scale_carry_over(samples, shift, scale):
     assert np.allclose(plain.voted * scale + shift, moved.voted, atol=1e-9)
 
 
+@pytest.mark.requirement("redundancy", "one arbitrary channel cannot move the vote out of the others' range")
 @FEW
 @given(hnp.arrays(np.float64, (12, 3), elements=st.floats(0, 0.9)), st.floats(-1000, 1000) | st.just(np.nan))
 def test_one_arbitrary_channel_never_moves_the_vote_out_of_the_range_of_the_others(good, wild):
@@ -58,6 +60,7 @@ def test_at_level_three_likewise(good, wild):
         assert (out.voted <= good.max(axis=1)).all()
 
 
+@pytest.mark.requirement("redundancy", "the vote has the least sum of distances (theorem, section 5)")
 @FEW
 @given(hnp.arrays(np.float64, (1, 4), elements=EIGHTHS))
 def test_the_vote_of_a_majority_has_the_least_sum_of_distances_to_the_samples(samples):
@@ -79,6 +82,7 @@ def test_a_healthy_flight_within_the_threshold_never_suspects_anybody(samples):
     assert (out.level == 4).all()
 
 
+@pytest.mark.requirement("redundancy", "patterns are those of the definition")
 @FEW
 @given(DISTINCT)
 def test_the_pattern_is_that_of_the_definition(values):

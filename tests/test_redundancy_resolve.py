@@ -21,6 +21,7 @@ APART = (-9, -3, 3, 9)
 # The freeze after a singular run.
 
 
+@pytest.mark.requirement("redundancy", "counts stand still after a singular run, as long as it was")
 @pytest.mark.parametrize(("run", "still"), [(3, 3), (9, 9), (30, 10)])
 def test_after_a_singular_run_the_counts_stand_still_for_as_long_up_to_the_singular_persistence(run: int, still: int):
     out = vote_samples(rows((run, SPLIT), (30, NOISY)), resolvers=[])
@@ -28,6 +29,7 @@ def test_after_a_singular_run_the_counts_stand_still_for_as_long_up_to_the_singu
     assert (out.state[run:, :2] != State.OK).all()
 
 
+@pytest.mark.requirement("redundancy", "counts stand still after a singular run, as long as it was")
 def test_noise_that_splits_a_pair_of_a_two_to_two_again_and_again_fails_nobody():
     out = vote_samples(rows(*[(3, SPLIT), (3, NOISY)] * 10))
     assert out.failed_at() == [None] * 4
@@ -113,6 +115,7 @@ def test_nor_is_a_reference(samples: tuple[float, ...], resolvers: list[str]):
 # 1:1:1:1 and 1:1:1.
 
 
+@pytest.mark.requirement("redundancy", "1:1:1:1 and 1:1:1 by in-line monitors and reference first")
 @pytest.mark.parametrize("good", [1, 2, 3, 4])
 def test_the_one_channel_whose_monitor_says_good_is_kept_of_four_apart(good: int):
     one = [GOOD if c == good else BAD for c in range(1, 5)]
@@ -132,6 +135,7 @@ def test_monitors_that_do_not_single_out_one_channel_give_no_answer(four: tuple[
     assert (out.voted[:10] == 0).all()
 
 
+@pytest.mark.requirement("redundancy", "1:1:1:1 and 1:1:1 by in-line monitors and reference first")
 @pytest.mark.parametrize(("reference", "good"), [(9.9, 4), (-9.5, 1), (2.5, 3), (10.0, 4)])
 def test_the_only_sample_within_the_reference_threshold_is_kept_of_four_apart(reference: float, good: int):
     out = vote_samples(constant(*APART), reference=np.full(30, reference))
@@ -172,6 +176,7 @@ def test_three_apart_are_settled_by_monitors_and_reference_before_the_middle(
     assert (out.voted[:10] == (-9, 3, 9)[kept - 1]).all()
 
 
+@pytest.mark.requirement("redundancy", "extremes and middle may be left out")
 @pytest.mark.parametrize("samples", [APART, (-9, 3, 9, NAN)])
 def test_without_extremes_and_middle_nobody_is_failed(samples: tuple[float, ...]):
     channels = int(np.isfinite(samples).sum())
@@ -193,6 +198,7 @@ def test_an_answer_after_the_count_is_reached_decides_at_once():
 # The vote of an unresolved pattern.
 
 
+@pytest.mark.requirement("redundancy", "an unresolved vote does not take half of the jump")
 def test_the_unresolved_vote_does_not_take_half_of_the_faults_jump_with_it():
     out = vote_samples(rows((5, (0, 0, 0, 0)), (25, (0, 0, 5, 5))), resolvers=[])
     assert (out.resolver[5:] == Resolver.UNRESOLVED).all()

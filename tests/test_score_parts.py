@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rig import scenario
 from rig.computer.redundancy.config import PARAMS
 from rig.errors import BadInput
-from rig.frame import CHANNELS, FRAME, INDEX, SIGNALS, Block, End, Pattern, Resolver, State, new_block
+from rig.frame import CHANNELS, FLAT, INDEX, SIGNALS, Block, End, Pattern, Resolver, State, nested, new_block
 from rig.loop import Rig
 from rig.scenario import Scenario
 from rig.score import Score, score
@@ -42,7 +42,7 @@ def flight(
     rig.prepare(rows)
     rows["truth"] = truth
     for k in range(frames):
-        rig.compute(rows, k, rig.data)
+        rig.compute(nested(rows), k, rig.data)
     return which, rows
 
 
@@ -288,7 +288,7 @@ def test_permuting_the_channels_permutes_the_score(sizes: list[float], starts: l
 def test_rows_joined_by_numpy_score_the_same():
     which, rows = flight([offset([2], 0.2, 0.3)], 60)
     joined = np.concatenate([rows[:20], rows[20:]])
-    unaligned = rows.astype(np.dtype({n: FRAME.fields[n][:2] for n in FRAME.names or ()}))  # type: ignore[index]
+    unaligned = rows.astype(np.dtype({n: FLAT.fields[n][:2] for n in FLAT.names or ()}))  # type: ignore[index]
     assert score(which, joined).as_dict() == score(which, unaligned).as_dict() == score(which, rows).as_dict()
 
 

@@ -20,10 +20,12 @@ BBAR = np.vstack([B, np.zeros((4, 2))])
 DESIGN = ding2015.design()
 
 
+@pytest.mark.requirement("ding2015", "K2, Atilde, K1")
 def test_all_64_entries_of_the_stacked_matrix_are_the_formula():
     assert np.array_equal(ding2015.stacked(0.5), ding2015.STACKED)
 
 
+@pytest.mark.requirement("ding2015", "K2, Atilde, K1")
 def test_k2_is_the_plain_regulator_of_the_stacked_system():
     assert np.max(np.abs(DESIGN.k2 - ding2015.K2)) < 2e-4
     poles = np.linalg.eigvals(ding2015.stacked(0.5) - BBAR @ DESIGN.k2)
@@ -39,6 +41,7 @@ def test_the_regulator_solves_its_riccati_equation():
     assert B.T @ p / ding2015.R == pytest.approx(k, rel=1e-4, abs=1e-4)
 
 
+@pytest.mark.requirement("ding2015", "K2, Atilde, K1")
 def test_k1_is_the_regulator_of_the_aircraft_alone_and_its_right_half_does_not_exist():
     assert np.max(np.abs(DESIGN.k1_left - ding2015.K1[:, :4])) < 0.02
     assert not DESIGN.stabilisable_without_fault
@@ -52,6 +55,7 @@ def test_with_the_fault_the_pair_is_stabilisable():
     assert ding2015._stabilisable(ding2015.stacked(0.5), BBAR)
 
 
+@pytest.mark.requirement("ding2015", "settling")
 def test_the_error_system_settles_as_the_paper_says_in_every_perturbed_case():
     for factors in product(ding2015.PERTURBED, repeat=3):
         run = ding2015.error_system(DESIGN, *factors)
@@ -63,6 +67,7 @@ def test_a_response_outside_the_band_at_the_end_is_not_settled():
         ding2015.settling(np.array([0.0, 1.0]), np.array([1.0, 1.03]))
 
 
+@pytest.mark.requirement("ding2015", "true pitch angle 2")
 def test_honestly_the_true_pitch_angle_goes_to_twice_what_is_wanted():
     run = ding2015.honest(DESIGN, "estimate", 60.0)
     assert run.pitch[-1] == pytest.approx(2.0, abs=1e-6)

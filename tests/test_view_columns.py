@@ -13,8 +13,8 @@ import rerun as rr
 from rerun.chunk import Chunk, McapReader, RrdReader
 
 from rig.errors import BadInput, BadLog
-from rig.frame import FRAME, INDEX, TIMING, TWO_PI, Block, Ilm, Pattern, Resolver, State, new_block
-from rig.frame.fields import FLAGS, places
+from rig.frame import FLAT, INDEX, TIMING, TWO_PI, Block, Ilm, Pattern, Resolver, State, new_block
+from rig.frame.fields import FIELD, places
 from rig.log import LogWriter
 from rig.record.events import Event
 from rig.view import derived, lanes
@@ -31,10 +31,10 @@ EVENTS = [Event(3, "info", "fault on", "one"), Event(5, "warning", "level", "two
 def rows() -> Block:
     rng = np.random.default_rng(1)
     block = new_block(20, 500)
-    for name in FRAME.names or ():
+    for name in FLAT.names or ():
         if name != "frame":
-            is_flag = name in FLAGS
-            low, high = (-1.0, 1.0) if FRAME[name].base == np.float64 else (0, 2 if is_flag else 3)
+            is_flag = name in FIELD and FIELD[name].kind == "flag"
+            low, high = (-1.0, 1.0) if FLAT[name].base == np.float64 else (0, 2 if is_flag else 3)
             block[name] = rng.uniform(low, high, block[name].shape)
     return block
 
@@ -82,7 +82,7 @@ def test_every_field_of_a_struct_is_its_column_of_the_rows(rows: Block, entity: 
 
 def test_every_field_of_the_frame_is_shown_once() -> None:
     shown = {c.field for archetype in {e.archetype for e in ENTITIES} for c in places(archetype)}
-    assert shown == set(FRAME.names or ()) - {"frame"}
+    assert shown == set(FLAT.names or ()) - {"frame"}
 
 
 def test_the_importer_makes_the_same_components_of_our_log(files: tuple[Path, Path]) -> None:

@@ -17,7 +17,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 from rig.errors import BadInput
-from rig.frame import FRAME, SIGNALS, Block, new_block
+from rig.frame import FLAT, SIGNALS, Block, new_block
 from rig.view import viewer
 from rig.view.blueprint import blueprint
 from rig.view.facts import Layout, Shown
@@ -66,7 +66,7 @@ def shut() -> Iterator[FakeSink]:
 
 
 def stream_to(sink: FakeSink) -> Stream:
-    return Stream(sink, 100.0, queue_bytes=ROOM * BLOCK * FRAME.itemsize)
+    return Stream(sink, 100.0, queue_bytes=ROOM * BLOCK * FLAT.itemsize)
 
 
 def put_blocks(stream: Stream, count: int) -> float:

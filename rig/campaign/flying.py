@@ -30,7 +30,7 @@ from rig.errors import RigError
 from rig.faults import Execution
 from rig.files import replaced
 from rig.flight import end_reason, event_finder
-from rig.frame import FRAME, TIMING, Block, new_block
+from rig.frame import FLAT, TIMING, Block, new_block
 from rig.interrupt import Stop
 from rig.log import LogWriter
 from rig.log.of_flight import metadata
@@ -76,7 +76,7 @@ def fly(scenario: Scenario) -> Flown:
     """Fly a scenario with the digest and events of ``rig fly``, its rows kept in memory."""
     rig, finder, verdict = loop.Rig(scenario, keep_clean=True), event_finder(scenario), Verdict()
     execution = Execution(scenario.faults)
-    kept, timing = np.empty(scenario.frames, FRAME), np.zeros(scenario.frames, TIMING)
+    kept, timing = np.empty(scenario.frames, FLAT), np.zeros(scenario.frames, TIMING)
     found: list[Event] = []
     for rows, _ in loop.frames(rig, scenario, memory=(kept, timing)):
         events = finder.find(rows)

@@ -209,8 +209,8 @@ def errors(rows: Block, config: Config, designed: Designed) -> Errors:
 def run(rows, data):
     """The references over rows that are voted already, as in flight."""
     for k in range(len(rows)):
-        refer(rows, k, data)
-        remember(rows, k, data)
+        refer(rows[k], rows[k], data)
+        remember(rows[k], rows[k], data)
 
 
 def _choose(tried: list[list[Errors]], monitors: dict[str, Any]) -> dict[str, int]:

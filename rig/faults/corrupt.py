@@ -1,7 +1,7 @@
 """The faults of a frame, in three places: channels (of signals, of discretes) and inertial unit, references, actuators.
 
 In each the faults act one after the other in the order of the scenario: what one leaves is what the next finds.
-All three kernels take the row and the same FaultData.
+All three kernels take the row, a FRAME record, its place k in the block, and the same FaultData.
 """
 
 from __future__ import annotations
@@ -21,21 +21,20 @@ _FIRST_SURFACE: Final = FLIGHT_INDEX["elevator_rad"]  # where the surfaces truly
 
 
 @kernel
-def corrupt(block, k, data):
+def corrupt(row, k, data):
     """Find out which faults act in row k, and corrupt its channels and its inertial unit.
 
-    block : FRAME records
     Writes channels, valid, ilm, the same of the discretes, inertial and acting; before, ``data.clean``, unless it
     has no rows.
     """
-    row, p, schedule, state = block[k], data.param[0], data.schedule, data.state
+    bus, p, schedule, state = row["bus"], data.param[0], data.schedule, data.state
     if len(data.clean) > 0:
-        save(row, data.clean[k])
+        save(bus, data.clean[k])
     if len(schedule) == 0:
         return
     advance(row, k, data)
     targets, kept, memory = data.targets, data.kept, data.memory
-    channels, valid, ilm, inertial = row["channels"], row["valid"], row["ilm"], row["inertial"]
+    channels, valid, ilm, inertial = bus["channels"], bus["valid"], bus["ilm"], bus["inertial"]
     for t in range(p["samples"]):
         target = targets[t]
         st = state[target["fault"]]
@@ -72,7 +71,8 @@ def corrupt(block, k, data):
 def corrupt_discrete(row, target, st, kept, memory, dt_s, flag):
     """Apply one fault to one channel of a discrete: its sample, its validity, its in-line monitor."""
     d, c = target["row"], target["column"]
-    samples, valid, ilm = row["discrete_channels"], row["discrete_valid"], row["discrete_ilm"]
+    bus = row["bus"]
+    samples, valid, ilm = bus["discrete_channels"], bus["discrete_valid"], bus["discrete_ilm"]
     x = float(samples[d, c])
     samples[d, c] = 1 if step(row, x, x, 0.0, target, st, kept, memory, dt_s) > _HALF else 0
     if st["acts"] != 0:
@@ -83,16 +83,16 @@ def corrupt_discrete(row, target, st, kept, memory, dt_s, flag):
 
 
 @kernel
-def corrupt_reference(block, k, data):
-    """Corrupt the references of row k, between their making and their use; where there is none, nothing acts.
+def corrupt_reference(row, k, data):
+    """Corrupt the references of the row, between their making and their use; where there is none, nothing acts.
 
     Writes reference and acting.
     """
-    row, p = block[k], data.param[0]
+    p, reference = data.param[0], row["fcc"]["reference"]
     targets, state, kept, memory = data.targets, data.state, data.kept, data.memory
     for t in range(p["discretes"], p["references"]):
         target = targets[t]
-        st, reference, c = state[target["fault"]], row["reference"], target["column"]
+        st, c = state[target["fault"]], target["column"]
         there = reference[c] == reference[c]
         drawn = data.normal[k, target["draw"]] if target["act"] == Act.NOISE else 0.0
         follow(row, reference, c, target["source"], drawn, target, st, kept[t], memory, p["dt_s"])
@@ -103,29 +103,29 @@ def corrupt_reference(block, k, data):
 
 
 @kernel
-def actuate(block, k, data):
-    """Corrupt what reaches the actuators in row k; keep its votes for the triggers of the next.
+def actuate(row, data):
+    """Corrupt what reaches the actuators; keep the votes of the row for the triggers of the next.
 
     A fault begins where the surface truly is.  Writes actuator and acting.
     """
-    row, p = block[k], data.param[0]
+    p, flight, actuator = data.param[0], row["truth"]["flight"], row["actuation"]["actuator"]
     targets, state, kept, memory = data.targets, data.state, data.kept, data.memory
     for t in range(p["references"], p["surfaces"]):
         target = targets[t]
         st, c = state[target["fault"]], target["column"]
         if st["fresh"] != 0:
-            kept[t]["last"], kept[t]["started"] = row["flight"][_FIRST_SURFACE + c], 1
-        follow(row, row["actuator"], c, c, 0.0, target, st, kept[t], memory, p["dt_s"])
+            kept[t]["last"], kept[t]["started"] = flight[_FIRST_SURFACE + c], 1
+        follow(row, actuator, c, c, 0.0, target, st, kept[t], memory, p["dt_s"])
         if st["acts"] != 0:
             mark(row, target["fault"])
     if p["watches"] != 0:
-        watch(row, data.seen)
+        watch(row["fcc"], data.seen)
 
 
 @kernel
-def save(row, clean):
+def save(bus, clean):
     """Keep what the sensors said."""
-    channels, valid, clean_channels, clean_valid = row["channels"], row["valid"], clean["channels"], clean["valid"]
+    channels, valid, clean_channels, clean_valid = bus["channels"], bus["valid"], clean["channels"], clean["valid"]
     for s in range(channels.shape[0]):
         for c in range(channels.shape[1]):
             clean_channels[s, c], clean_valid[s, c] = channels[s, c], valid[s, c]
@@ -155,4 +155,4 @@ def step(row, x, other, drawn, target, st, kept, memory, dt_s):
 @kernel
 def mark(row, fault):
     """Note in the row that the fault acts."""
-    row["acting"][fault >> 3] |= np.uint8(1 << (fault & 7))
+    row["actuation"]["acting"][fault >> 3] |= np.uint8(1 << (fault & 7))

@@ -184,10 +184,10 @@ def reads_votes(program: NDArray[np.void]) -> bool:
 
 
 @kernel
-def holds(program, start, stop, row, seen, stack):
+def holds(program, start, stop, truth, seen, stack):
     """Whether steps ``start`` to ``stop`` of ``program`` leave true: 1 or 0.
 
-    row : the frame, for the truth; seen : trigger.SEEN record, the last votes; stack : (DEEPEST,) f8, workspace
+    truth : the row's TRUTH record; seen : trigger.SEEN record, the last votes; stack : (DEEPEST,) f8, workspace
     A comparison with what is no number is false (``!=`` too); a division by zero is no number.
     """
     top = -1
@@ -196,7 +196,7 @@ def holds(program, start, stop, row, seen, stack):
         op = step["op"]
         if op <= Op.TRUE_DISCRETE:
             top += 1
-            stack[top] = load(op, step["place"], step["value"], row, seen)
+            stack[top] = load(op, step["place"], step["value"], truth, seen)
         elif op <= Op.NOT:
             stack[top] = one(op, float(stack[top]))
         else:
@@ -206,18 +206,18 @@ def holds(program, start, stop, row, seen, stack):
 
 
 @kernel
-def load(op, place, value, row, seen):
+def load(op, place, value, truth, seen):
     """The number or quantity that a step pushes."""
     if op == Op.VOTED:
         return seen["voted"][place]
     if op == Op.VOTED_DISCRETE:
         return float(seen["discrete"][place])
     if op == Op.TRUTH:
-        return row["truth"][place]
+        return truth["truth"][place]
     if op == Op.FLIGHT:
-        return row["flight"][place]
+        return truth["flight"][place]
     if op == Op.TRUE_DISCRETE:
-        return float(row["discrete_truth"][place])
+        return float(truth["discrete_truth"][place])
     return value
 
 

@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import CHANNELS, FRAME, D, S
+from rig.frame import CHANNELS, FCC, D, S
 
 
 class Trigger(IntEnum):
@@ -115,7 +115,7 @@ KEPT: Final = np.dtype(
     ],
     align=True,
 )
-# The fields of FRAME whose changes trigger faults, in the order of their numbers in SEEN.
+# The fields of FCC whose changes trigger faults, in the order of their numbers in SEEN.
 WATCHED: Final = (
     "level",
     "pattern",
@@ -126,13 +126,13 @@ WATCHED: Final = (
     "discrete_level",
     "discrete_state",
 )
-_SIZES: Final = [prod(FRAME[field].shape) for field in WATCHED]
+_SIZES: Final = [prod(FCC[field].shape) for field in WATCHED]
 
 
 def code(field: str, *index: int) -> int:
     """The place in SEEN of an element of a watched field."""
     first = sum(_SIZES[: WATCHED.index(field)])
-    return first + int(np.ravel_multi_index(index, FRAME[field].shape))
+    return first + int(np.ravel_multi_index(index, FCC[field].shape))
 
 
 # What triggers see of the last frame, and of its decisions in the frame before.
@@ -146,7 +146,7 @@ SEEN: Final = np.dtype(
     ],
     align=True,
 )
-# What the sensors said before any fault, as the fields of FRAME; kept for who scores a flight in memory.
+# What the sensors said before any fault, as the fields of BUS; kept for who scores a flight in memory.
 CLEAN: Final = np.dtype([("channels", "f8", (S, CHANNELS)), ("valid", "u1", (S, CHANNELS))], align=True)
 
 

@@ -18,7 +18,7 @@ from rig.faults.fault import Fault
 from rig.faults.places import CHANNELLED, PLACES, Point, number, site
 from rig.faults.record import CLEAN, FOREVER, KEPT, PARAM, SCHEDULE, SEEN, STATE, TARGET, FaultData, Trigger
 from rig.faults.settings import Act, DutyCycle
-from rig.frame import SIGNALS, Block, D, S, to_frame
+from rig.frame import SIGNALS, Block, D, S, nested, to_frame
 
 _REMEMBERING: Final = (Act.HOLD, Act.SWING, Act.DELAY, Act.REPEAT, Act.LIMIT_RATE, Act.ICE)
 # What an electrical fault of one coil does to a position: an open or shorted turn, a drifting joint, a coupled wire.
@@ -114,15 +114,15 @@ class Faults:
 
     def step(self, block: Block, k: int) -> None:
         """Decide who acts in row k; corrupt its channels and its inertial unit."""
-        corrupt(block, k, self.data)
+        corrupt(nested(block)[k], k, self.data)
 
     def refer(self, block: Block, k: int) -> None:
         """Corrupt the references of row k."""
-        corrupt_reference(block, k, self.data)
+        corrupt_reference(nested(block)[k], k, self.data)
 
     def actuate(self, block: Block, k: int) -> None:
         """Corrupt what reaches the actuators in row k."""
-        actuate(block, k, self.data)
+        actuate(nested(block)[k], self.data)
 
     def _frames(self, seconds: float | None, otherwise: int) -> int:
         """A time in frames, at least one."""

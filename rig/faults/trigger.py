@@ -46,7 +46,7 @@ def onset(row, k, i, data):
     trigger, frame = p["trigger"], row["frame"]
     if trigger == Trigger.CONDITION:
         true = p["needs_votes"] == 0 or seen[0]["frames"] > 0
-        true = true and holds(data.program, p["begin"], p["end"], row, seen[0], data.stack) != 0
+        true = true and holds(data.program, p["begin"], p["end"], row["truth"], seen[0], data.stack) != 0
         state[i]["held"] = state[i]["held"] + 1 if true else 0
         fires = state[i]["held"] > p["hold"]
     elif trigger == Trigger.TRANSITION:
@@ -104,24 +104,24 @@ def beats(k, p, st, times, uniform):
 
 
 @kernel
-def watch(row, seen):
-    """Keep this frame's votes and decisions for the triggers of the next."""
+def watch(fcc, seen):
+    """Keep this frame's votes and decisions, an FCC record, for the triggers of the next."""
     s = seen[0]
     now, before = s["code"], s["code_before"]
     for i in range(len(now)):
         before[i] = now[i]
     for i in range(_SIGNALS):
-        s["voted"][i] = row["voted"][i]
+        s["voted"][i] = fcc["voted"][i]
     for i in range(_DISCRETES):
-        s["discrete"][i] = row["discrete_voted"][i]
-    at = keep(row["level"], now, 0)
-    at = keep(row["pattern"], now, at)
-    at = keep(row["resolver"], now, at)
-    at = keep(row["source"], now, at)
-    at = keep_states(row["state"], now, at)
-    at = keep(row["discrete_voted"], now, at)
-    at = keep(row["discrete_level"], now, at)
-    keep_states(row["discrete_state"], now, at)
+        s["discrete"][i] = fcc["discrete_voted"][i]
+    at = keep(fcc["level"], now, 0)
+    at = keep(fcc["pattern"], now, at)
+    at = keep(fcc["resolver"], now, at)
+    at = keep(fcc["source"], now, at)
+    at = keep_states(fcc["state"], now, at)
+    at = keep(fcc["discrete_voted"], now, at)
+    at = keep(fcc["discrete_level"], now, at)
+    keep_states(fcc["discrete_state"], now, at)
     s["frames"] += 1
 
 

@@ -2,11 +2,27 @@
 
 signals.py  which signals, discretes and other numbers there are
 enums.py    states, patterns, resolvers and what else has one byte
-row.py      FRAME, one row; a block of them
+fields.py   the one table of fields: part, shape, meaning, place in the log
+row.py      FRAME, one row, nested by part; FLAT, the same by field; a block of them
 """
 
-from rig.frame.enums import End, Ilm, Law, Lie, Pattern, Resolver, Source, State, Trust
-from rig.frame.row import FRAME, MOST_FAULTS, TIMING, Block, new_block, to_frame
+from rig.frame.enums import End, Ilm, Law, Lie, Pattern, Resolver, Source, State, Trust, Unit
+from rig.frame.fields import MOST_FAULTS
+from rig.frame.row import (
+    ACTUATION,
+    BUS,
+    FCC,
+    FLAT,
+    FRAME,
+    TIMING,
+    TRUTH,
+    Block,
+    Nested,
+    nested,
+    new_block,
+    offset,
+    to_frame,
+)
 from rig.frame.signals import (
     CHANNELS,
     COMMANDS,
@@ -28,12 +44,16 @@ from rig.frame.signals import (
 )
 
 __all__ = [
+    "ACTUATION",
+    "BUS",
     "CHANNELS",
     "COMMANDS",
     "DEMANDS",
     "DISCRETES",
     "DISCRETE_INDEX",
     "ESTIMATES",
+    "FCC",
+    "FLAT",
     "FLIGHT",
     "FLIGHT_INDEX",
     "FRAME",
@@ -43,6 +63,7 @@ __all__ = [
     "SIGNALS",
     "SURFACES",
     "TIMING",
+    "TRUTH",
     "TWO_PI",
     "Block",
     "D",
@@ -51,6 +72,7 @@ __all__ = [
     "Ilm",
     "Law",
     "Lie",
+    "Nested",
     "Pattern",
     "Resolver",
     "S",
@@ -58,6 +80,9 @@ __all__ = [
     "Source",
     "State",
     "Trust",
+    "Unit",
+    "nested",
     "new_block",
+    "offset",
     "to_frame",
 ]

@@ -72,6 +72,19 @@ class Law(IntEnum):
     AUTOPILOT = 0
     STICK = 1
     BACKUP = 2
+    EXTERNAL = 3  # that of a unit under test
+
+
+class Unit(IntEnum):
+    """What the unit under test said to the frame."""
+
+    NONE = 0  # there is none: the rig's own flight computer answers
+    ANSWERED = 1
+    HELD = 2  # no answer by the deadline: the last one flies on
+    LATE = 3
+    DEAD = 4
+    RESTARTED = 5
+    REFUSED = 6  # its answer was none that a unit may give
 
 
 class Trust(IntEnum):

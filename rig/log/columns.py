@@ -8,17 +8,17 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from rig.frame import FRAME, SIGNALS, Block
+from rig.frame import FLAT, SIGNALS, Block
 from rig.log.schema import FRAME_TOPICS, MESSAGES, Field, Topic
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One number of a frame: whose it is, its name in the owner's message, and its place in FRAME."""
+    """One number of a frame: whose it is, its name in the owner's message, and its place in FLAT."""
 
     owner: str  # a signal, a discrete, or the topic: control, inertial, flight, demand
     name: str
-    field: str  # of FRAME
+    field: str  # of FLAT
     index: tuple[int, ...]
     enum: type[IntEnum] | None
     wraps: bool  # an angle: differences are the short way round
@@ -41,7 +41,7 @@ class Column:
 def _column(topic: Topic, field: Field) -> Column:
     index = field.index if topic.item is None else (topic.item, *field.index)
     angle = topic.message == "rig.Signal" and SIGNALS[topic.item or 0].wraps
-    wraps = angle and FRAME[field.source].base == "f8"
+    wraps = angle and FLAT[field.source].base == "f8"
     return Column(topic.name.rsplit("/", 1)[1], field.name, field.source, index, field.enum, wraps)
 
 

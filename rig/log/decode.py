@@ -26,7 +26,7 @@ from zlib_ng.zlib_ng import crc32
 from rig.errors import BadLog
 from rig.frame import Block
 from rig.log.container import COMPRESSION
-from rig.log.layout import rows_in, unpack
+from rig.log.layout import Layout
 from rig.log.record import HEAD, MESSAGE_OPCODE
 from rig.log.tables import EVENT_CHANNEL
 
@@ -88,9 +88,9 @@ class Decoder:
     def __exit__(self, *_: object) -> None:
         self._pool.shutdown(cancel_futures=True)
 
-    def add(self, content: bytes, at: int) -> Iterator[Part]:
-        """Begin with the chunk record at byte ``at``; the oldest part, when enough are under way."""
-        self._ahead.append((at, self._pool.submit(decode, content)))
+    def add(self, content: bytes, at: int, layout: Layout) -> Iterator[Part]:
+        """Begin with the chunk record at byte ``at``, in ``layout``; give the oldest part when enough are under way."""
+        self._ahead.append((at, self._pool.submit(decode, content, layout)))
         if len(self._ahead) > AHEAD:
             yield self._next()
 
@@ -116,7 +116,7 @@ def same_crc(what: str, crc: int, found: int) -> None:
         raise ValueError(f"the checksum of the {what} does not match")
 
 
-def decode(content: bytes) -> Part:
+def decode(content: bytes, layout: Layout) -> Part:
     """The frames and events of a chunk record; ValueError and its like when it is damaged."""
     chunk = Chunk.read(ReadDataStream(BytesIO(content)))
     if chunk.compression != COMPRESSION or chunk.uncompressed_size > CHUNK_LIMIT:
@@ -125,8 +125,8 @@ def decode(content: bytes) -> Part:
         raise ValueError("the size of the chunk does not match")
     data = zstandard.ZstdDecompressor().decompress(chunk.data)
     same_crc("chunk", chunk.uncompressed_crc, crc32(data))
-    packed = rows_in(np.frombuffer(data, np.uint8))
-    rows, timing = unpack(packed)
+    packed = layout.rows_in(np.frombuffer(data, np.uint8))
+    rows, timing = layout.unpack(packed)
     events, entries = _events(data, packed.nbytes)
     return Part(rows, timing, events, entries, chunk)
 

@@ -9,14 +9,16 @@ No kernels here: a log is read before they would be loaded.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import FRAME, TIMING, Block
+from rig.frame import FLAT, TIMING, Block, Ilm, State
+from rig.frame.fields import FIELD
 from rig.log.record import Value, frame_record
-from rig.log.schema import FRAME_TOPICS
+from rig.log.schema import FRAME_TOPICS, MESSAGES, Field
 
 Moves = tuple[NDArray[np.uint64], NDArray[np.uint64]]  # of eight bytes, of one byte: rows (in source, in row)
 
@@ -35,47 +37,73 @@ def _moves(source: str, placed: list[tuple[int, Value]]) -> Moves:
     )
 
 
-def _lay_out() -> tuple[NDArray[np.uint8], list[int], dict[str, Moves]]:
-    """The template, the offset of each topic's record in it, and the moves for each source."""
-    template = bytearray()
-    starts: list[int] = []
-    placed: list[tuple[int, Value]] = []
-    for topic in FRAME_TOPICS:
-        starts.append(len(template))
-        for piece in frame_record(topic):
-            if isinstance(piece, bytes):
-                template += piece
-            else:
-                placed.append((len(template), piece))
-                template += bytes(piece.room)
-    moves = {source: _moves(source, placed) for source in ("frame", "timing", "derived")}
-    return np.frombuffer(bytes(template), np.uint8), starts, moves
+class Layout:
+    """The rows of a chunk, for the fields that each of our messages has, in the order of their numbers.
+
+    ``template``: a row but for its values; ``starts``: of each topic's record in it; ``moves``: of each source into it;
+    ``absent``: numbers of FLAT that the messages do not have, field and index
+    """
+
+    def __init__(self, messages: Mapping[str, Sequence[Field]]) -> None:
+        template, placed = bytearray(), list[tuple[int, Value]]()
+        self.starts: list[int] = []
+        for topic in FRAME_TOPICS:
+            self.starts.append(len(template))
+            for piece in frame_record(topic, messages.get(topic.message, ())):
+                if isinstance(piece, bytes):
+                    template += piece
+                else:
+                    placed.append((len(template), piece))
+                    template += bytes(piece.room)
+        self.template = np.frombuffer(bytes(template), np.uint8)
+        self.moves = {source: _moves(source, placed) for source in ("frame", "timing", "derived")}
+        self.absent = [
+            (field.source, field.index)
+            for name, message in MESSAGES.items()
+            for field in message.fields
+            if field not in messages[name] and field.source in FIELD
+        ]
+        self._of_frame, self._of_timing = self._origins("frame", FLAT), self._origins("timing", TIMING)
+        self._of_frame[: len(_SEQUENCE)] = _SEQUENCE
+
+    def _origins(self, source: str, dtype: np.dtype[Any]) -> NDArray[np.intp]:
+        """For every byte of a record of ``dtype`` its place in a packed row; what has none comes from a zero."""
+        origins = np.full(dtype.itemsize, _ZERO, np.intp)
+        words, octets = self.moves[source]
+        for i in range(8):
+            origins[words[:, 0] + i] = words[:, 1] + i
+        origins[octets[:, 0]] = octets[:, 1]
+        return origins
+
+    def unpack(self, packed: NDArray[np.uint8]) -> tuple[Block, NDArray[np.void]]:
+        """The FLAT rows and their TIMING of ``packed`` (n, row), bit for bit what ``packing.pack`` was given."""
+        rows = _gathered(packed, self._of_frame, FLAT)
+        if self.absent:
+            self._fill(rows)
+        return rows, _gathered(packed, self._of_timing, TIMING)
+
+    def _fill(self, rows: Block) -> None:
+        """Give ``rows`` what an older log does not say: no number; a discrete whose channels are valid, unmonitored."""
+        for name, index in self.absent:
+            fill = np.nan if FIELD[name].kind == "number" else 0
+            if name == "discrete_ilm":
+                fill = Ilm.ABSENT
+            rows[name][(..., *index)] = fill
+        if ("discrete_valid", (0,)) in self.absent:
+            rows["discrete_valid"] = rows["discrete_state"] != State.ABSENT
+
+    def rows_in(self, data: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """The run of rows at the beginning of a chunk's bytes, as (n, row)."""
+        size = len(self.template)
+        whole = len(data) // size
+        candidates = data[: whole * size].reshape(whole, size)
+        ours = (candidates[:, :_OPENING] == self.template[:_OPENING]).all(axis=1)
+        return candidates[: whole if ours.all() else int(ours.argmin())]
 
 
-TEMPLATE, STARTS, MOVES = _lay_out()
-ROW: Final = len(TEMPLATE)  # bytes of one frame before compression
-_OPENING: Final = TEMPLATE[:11]  # opcode, length and channel of the first record: marks a row
+_OPENING: Final = 11  # bytes: opcode, length and channel of the first record, which mark a row
 _ZERO: Final = 8  # the last byte of that length
 _SEQUENCE: Final = range(11, 15)  # which is the frame's number
-
-
-def _origins(source: str, dtype: np.dtype[Any]) -> NDArray[np.intp]:
-    """For every byte of a record of ``dtype`` its place in a packed row; padding comes from a zero."""
-    origins = np.full(dtype.itemsize, _ZERO, np.intp)
-    words, octets = MOVES[source]
-    for i in range(8):
-        origins[words[:, 0] + i] = words[:, 1] + i
-    origins[octets[:, 0]] = octets[:, 1]
-    return origins
-
-
-_OF_FRAME, _OF_TIMING = _origins("frame", FRAME), _origins("timing", TIMING)
-_OF_FRAME[: len(_SEQUENCE)] = _SEQUENCE
-
-
-def unpack(packed: NDArray[np.uint8]) -> tuple[Block, NDArray[np.void]]:
-    """The FRAME rows and their TIMING of ``packed`` (n, ROW), bit for bit what ``packing.pack`` was given."""
-    return _gathered(packed, _OF_FRAME, FRAME), _gathered(packed, _OF_TIMING, TIMING)
 
 
 def _gathered(packed: NDArray[np.uint8], origins: NDArray[np.intp], dtype: np.dtype[Any]) -> NDArray[np.void]:
@@ -85,12 +113,9 @@ def _gathered(packed: NDArray[np.uint8], origins: NDArray[np.intp], dtype: np.dt
     return rows
 
 
-def rows_in(data: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The run of rows at the beginning of a chunk's bytes, as (n, ROW)."""
-    whole = len(data) // ROW
-    candidates = data[: whole * ROW].reshape(whole, ROW)
-    ours = (candidates[:, : len(_OPENING)] == _OPENING).all(axis=1)
-    return candidates[: whole if ours.all() else int(ours.argmin())]
+LAYOUT: Final = Layout({name: message.fields for name, message in MESSAGES.items()})  # of what we write
+TEMPLATE, STARTS, MOVES = LAYOUT.template, LAYOUT.starts, LAYOUT.moves
+ROW: Final = len(TEMPLATE)  # bytes of one frame before compression
 
 
 def log_times(frames: NDArray[np.int64], rate_hz: float) -> NDArray[np.uint64]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import RigError
-from rig.frame import FLIGHT_INDEX, FRAME, Block
+from rig.frame import FLAT, FLIGHT_INDEX, Block
 from rig.kernels import kernel
 from rig.log.layout import MOVES, TEMPLATE
 from rig.log.record import DERIVED, WIRE, place
@@ -46,28 +46,28 @@ def _bytes(rows: NDArray[Any]) -> NDArray[np.uint8]:
     return np.ascontiguousarray(rows).view(np.uint8).reshape(len(rows), rows.dtype.itemsize)
 
 
-def _must_be_small() -> tuple[slice, NDArray[np.uint64]]:
-    """The eight-byte words of FRAME that hold its u1 fields, and the bits of them that must be zero."""
-    bits = np.zeros(FRAME.itemsize, np.uint8)
-    for message in MESSAGES.values():
-        for source in {field.source for field in message.fields if field.kind not in WIRE}:
-            dtype, offset = place(FRAME, source)
-            bits[offset : offset + dtype.itemsize] = 128
+_SMALL: Final = sorted({f.source for m in MESSAGES.values() for f in m.fields if f.kind not in WIRE})  # in one byte
+
+
+def _must_be_small() -> list[tuple[slice, NDArray[np.uint64]]]:
+    """The runs of eight-byte words of FLAT that hold fields of one byte, and the bits of them that must be zero."""
+    bits = np.zeros(FLAT.itemsize, np.uint8)
+    for source in _SMALL:
+        dtype, offset = place(FLAT, source)
+        bits[offset : offset + dtype.itemsize] = 128
     words = bits.view(np.uint64)
-    used = np.flatnonzero(words)
-    span = slice(int(used[0]), int(used[-1]) + 1)
-    return span, words[span]
+    runs = np.split(used := np.flatnonzero(words), np.flatnonzero(np.diff(used) > 1) + 1)
+    return [(slice(run[0], run[-1] + 1), words[run]) for run in runs]
 
 
-_SMALL_WORDS, _SMALL_BITS = _must_be_small()
+_MUST_BE_SMALL: Final = _must_be_small()
 
 
 def _refuse_large(rows: Block) -> None:
     """RigError when a flag, level or enum has no place in the one byte that it is given."""
-    words = np.ascontiguousarray(rows).view(np.uint64).reshape(len(rows), FRAME.itemsize // 8)
-    if (np.bitwise_or.reduce(words[:, _SMALL_WORDS], axis=0) & _SMALL_BITS).any():
-        fields = {f.source for m in MESSAGES.values() for f in m.fields if f.kind not in WIRE}
-        named = ", ".join(sorted(name for name in fields if (rows[name] > 127).any()))
+    words = np.ascontiguousarray(rows).view(np.uint64).reshape(len(rows), FLAT.itemsize // 8)
+    if any((np.bitwise_or.reduce(words[:, span], axis=0) & bits).any() for span, bits in _MUST_BE_SMALL):
+        named = ", ".join(name for name in _SMALL if (rows[name] > 127).any())
         raise RigError(f"frames {rows['frame'][0]} to {rows['frame'][-1]}: {named} above 127 cannot be logged")
 
 

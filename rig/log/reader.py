@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import FRAME, TIMING, Block
+from rig.frame import FLAT, TIMING, Block
 from rig.log import arrays
 from rig.log.arrays import DiscreteArrays, SignalArrays
 from rig.log.decode import LoggedEvent
@@ -19,7 +19,7 @@ from rig.log.scan import About, iter_parts
 
 @dataclass(slots=True)
 class Log:
-    """A whole flight: ``rows`` (n,) of FRAME, ``timing`` (n,) of TIMING, and all that is known of it."""
+    """A whole flight: ``rows`` (n,) of FLAT, ``timing`` (n,) of TIMING, and all that is known of it."""
 
     rate_hz: float
     rows: Block
@@ -62,7 +62,7 @@ def read_log(path: Path | str) -> Log:
         blocks.append(part.rows)
         timings.append(part.timing)
         events += part.events
-    rows, timing = _joined(blocks, FRAME), _joined(timings, TIMING)
+    rows, timing = _joined(blocks, FLAT), _joined(timings, TIMING)
     return Log(about.rate_hz, rows, timing, events, about.metadata, about.result, about.attachments)
 
 

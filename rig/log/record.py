@@ -7,20 +7,21 @@ time stamps are padded to one: so every frame's records are alike but for their 
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
-from rig.frame import FRAME, TIMING
-from rig.log.schema import DOUBLE, FIXED32, FOXGLOVE, MESSAGES, TOPICS, Field, Topic
+from rig.frame import FLAT, TIMING
+from rig.log.schema import DOUBLE, FIXED32, FOXGLOVE, TOPICS, Field, Topic
 
 WORLD: Final = "world"
 AIRCRAFT: Final = "aircraft"
 MESSAGE_OPCODE: Final = 5
 HEAD: Final = struct.Struct("<BQHIQQ")  # opcode, length, channel id, sequence, log time, publish time
 
-# What a row needs that is not in FRAME or TIMING.
+# What a row needs that is not in FLAT or TIMING.
 DERIVED: Final = np.dtype(
     [
         ("log_time", "<u8"),
@@ -77,13 +78,13 @@ def _derived(name: str, index: int = 0) -> Value:
     return _of("derived", DERIVED, name, index)
 
 
-def _payload(topic: Topic) -> Pieces:
+def _payload(topic: Topic, fields: Sequence[Field]) -> Pieces:
     if topic.name == "/pose":
         return _pose()
     if topic.name == "/position":
         return _position()
     pieces: Pieces = []
-    for number, field in enumerate(MESSAGES[topic.message].fields, 1):
+    for number, field in enumerate(fields, 1):
         pieces += [_tag(number, WIRE.get(field.kind, 0)), _element(topic, field)]
     return pieces
 
@@ -92,8 +93,8 @@ def _element(topic: Topic, field: Field) -> Value:
     if topic.message == "rig.Timing":
         return _of("timing", TIMING, field.source)
     index = field.index if topic.item is None else (topic.item, *field.index)
-    flat = int(np.ravel_multi_index(index, FRAME[field.source].shape)) if index else 0
-    return _of("frame", FRAME, field.source, flat, 4 if field.kind == FIXED32 else None)
+    flat = int(np.ravel_multi_index(index, FLAT[field.source].shape)) if index else 0
+    return _of("frame", FLAT, field.source, flat, 4 if field.kind == FIXED32 else None)
 
 
 def _nested(number: int, pieces: Pieces) -> Pieces:
@@ -138,9 +139,9 @@ def _position() -> Pieces:
     return pieces
 
 
-def frame_record(topic: Topic) -> Pieces:
-    """The message record that a topic has in every frame."""
-    payload = _payload(topic)
+def frame_record(topic: Topic, fields: Sequence[Field]) -> Pieces:
+    """The message record that a topic has in every frame; ``fields`` of its message, none of foxglove's."""
+    payload = _payload(topic, fields)
     length = HEAD.size - 9 + _size(payload)
     opening = struct.pack("<BQH", MESSAGE_OPCODE, length, TOPICS.index(topic) + 1)
     times: Pieces = [_derived("log_time"), _derived("log_time")]

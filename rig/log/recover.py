@@ -14,6 +14,7 @@ from rig.log.decode import Damaged, Part
 from rig.log.index import Packed
 from rig.log.layout import log_times
 from rig.log.scan import About, iter_parts
+from rig.log.schema import SCHEMA_VERSION
 from rig.log.tables import RESULT, RIG, opening, runs_of
 
 RECOVERED: Final = "recovered"  # name of the metadata record that says so
@@ -47,6 +48,9 @@ def recover(path: Path | str, out: Path | str) -> Recovered:
         return Recovered(tally.frames, tally.last / about.rate_hz, complete=True, lost_bytes=0, damage="")
     if not about.metadata:
         raise BadLog(f"{path}: {damage}, before its metadata: nothing can be recovered")
+    version = about.metadata["schema_version"]
+    if int(version) != SCHEMA_VERSION:
+        raise BadLog(f"{path}: schema version {version}; only logs of version {SCHEMA_VERSION} are mended")
     _write(path, out, about, damage)
     return Recovered(tally.frames, tally.last / about.rate_hz, complete=False, lost_bytes=lost, damage=damage)
 

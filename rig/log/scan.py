@@ -22,7 +22,8 @@ from zlib_ng.zlib_ng import crc32
 from rig.errors import BadLog
 from rig.log.container import MAGIC
 from rig.log.decode import Damaged, Decoder, Part, damage, same_crc
-from rig.log.schema import MESSAGES, SCHEMA_VERSION, TOPICS, descriptors
+from rig.log.layout import LAYOUT, Layout
+from rig.log.schema import MESSAGES, OLDEST, SCHEMA_VERSION, TOPICS, Field, descriptors, older
 from rig.log.tables import RESULT, RIG, channels
 
 R = TypeVar("R", Attachment, Channel, DataEnd, Footer, Metadata, Schema)
@@ -63,8 +64,8 @@ def _parts(file: BinaryIO, path: Path, about: About) -> Iterator[Part]:
             for record in _records(file, path):
                 if record.opcode == Opcode.CHUNK:
                     with damage(path, record.offset):
-                        described.check(about)
-                    yield from decoder.add(record.content, record.offset)
+                        layout = described.check(about)
+                    yield from decoder.add(record.content, record.offset, layout)
                 elif record.opcode != Opcode.MESSAGE_INDEX:  # which the chunks tell better
                     yield from decoder.rest()  # what a record says counts only when all before it is whole
                     with damage(path, record.offset):
@@ -141,23 +142,23 @@ def _note(record: _Record, path: Path, about: About, described: _Descriptions) -
 
 
 def _check_version(path: Path, metadata: dict[str, str]) -> None:
-    """BadLog when the log is of another version: which, and who wrote it."""
+    """BadLog when the log is of a version that is not read: which, and who wrote it."""
     version = metadata["schema_version"]
-    if int(version) != SCHEMA_VERSION:
+    if not OLDEST <= int(version) <= SCHEMA_VERSION:
         by = metadata.get("version jsbsim-rig", "of another version")
         commit = f", commit {metadata['git commit']}" if "git commit" in metadata else ""
         written = f"written by jsbsim-rig {by}{commit}"
-        raise BadLog(f"{path}: schema version {version} ({written}); this one reads version {SCHEMA_VERSION}")
+        raise BadLog(f"{path}: schema version {version} ({written}); this one reads {OLDEST} to {SCHEMA_VERSION}")
 
 
 class _Descriptions:
-    """The schemas and channels of a log, which must be those that this version writes."""
+    """The schemas and channels of a log, which must be those that this version writes, or an older one wrote."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
-        self._checked = False
+        self._layout: Layout | None = None
 
     def add(self, record: _Record) -> None:
         if record.opcode == Opcode.SCHEMA:
@@ -167,23 +168,37 @@ class _Descriptions:
             channel = _as(Channel, record)
             self._channels[channel.id] = channel
 
-    def check(self, about: About) -> None:
-        """BadLog when the layout of chunks cannot be the one of rig/log/layout.py."""
-        if self._checked:
-            return
-        if not about.metadata:
-            raise BadLog(f"{self._path}: not a log of this rig (no metadata record {RIG!r})")
-        for ours in channels():
-            found = self._channels.get(ours.id)
-            if found is None or found.topic != ours.topic:
-                named = "is missing" if found is None else f"is {found.topic}"
-                raise BadLog(f"{self._path}: its signals are not those of this rig: {ours.topic} {named}")
-            self._check_schema(self._schemas[found.schema_id], TOPICS[ours.id - 1].message)
-        self._checked = True
+    def check(self, about: About) -> Layout:
+        """The layout of the chunks; BadLog when the messages are not ours."""
+        if self._layout is None:
+            if not about.metadata:
+                raise BadLog(f"{self._path}: not a log of this rig (no metadata record {RIG!r})")
+            newest = int(about.metadata["schema_version"]) == SCHEMA_VERSION
+            found: dict[str, tuple[Field, ...]] = {}
+            for ours in channels():
+                name = TOPICS[ours.id - 1].message
+                fields = self._fields(self._schema(ours), name, newest)
+                found.setdefault(name, fields)
+            self._layout = LAYOUT if newest else Layout(found)
+        return self._layout
 
-    def _check_schema(self, schema: Schema, name: str) -> None:
-        same = schema.name == name
-        if same and name in MESSAGES:  # foxglove's may be of another release: we write the fields we know
-            same = FileDescriptorSet.FromString(schema.data) == descriptors(name)
-        if not same:
+    def _schema(self, ours: Channel) -> Schema:
+        """The schema of one of our channels in this log."""
+        found = self._channels.get(ours.id)
+        if found is None or found.topic != ours.topic:
+            named = "is missing" if found is None else f"is {found.topic}"
+            raise BadLog(f"{self._path}: its signals are not those of this rig: {ours.topic} {named}")
+        return self._schemas[found.schema_id]
+
+    def _fields(self, schema: Schema, name: str, newest: bool) -> tuple[Field, ...]:
+        """The fields of a message of ours in this log, in the order of their numbers; none of foxglove's.
+
+        Those may be of another release: we write the fields that we know.
+        """
+        fields: tuple[Field, ...] | None = ()
+        if name in MESSAGES:
+            described = FileDescriptorSet.FromString(schema.data)
+            fields = MESSAGES[name].fields if described == descriptors(name) else None if newest else older(described)
+        if schema.name != name or fields is None:
             raise BadLog(f"{self._path}: the fields of {schema.name} are not those of this rig")
+        return fields

@@ -1,6 +1,6 @@
 """What the log says: every topic and message, made from the tables of rig/frame/.
 
-Each field of FRAME has one place in one message, so a signal, a command or a field added there
+Each field of the frame has one place in one message, so a signal, a command or a field added there
 appears in the log by itself.  The descriptors of the messages are embedded in the log; a viewer needs
 nothing of ours to read it.
 """
@@ -12,7 +12,6 @@ from enum import IntEnum
 from functools import cache
 from typing import Any, Final
 
-import numpy as np
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
 from foxglove_schemas_protobuf.Log_pb2 import Log as FoxgloveLog
@@ -25,10 +24,11 @@ from google.protobuf.descriptor_pb2 import (
     FileDescriptorSet,
 )
 
-from rig.frame import DISCRETES, FRAME, SIGNALS, TIMING
-from rig.frame.fields import ENUMS, FLAGS, Place, places
+from rig.frame import DISCRETES, SIGNALS, TIMING
+from rig.frame.fields import FIELD, Kind, Place, places
 
-SCHEMA_VERSION: Final = 3  # history in docs/log.md
+SCHEMA_VERSION: Final = 4  # history in docs/log.md
+OLDEST: Final = 2  # that is still read
 
 DOUBLE: Final = FieldDescriptorProto.TYPE_DOUBLE
 BOOL: Final = FieldDescriptorProto.TYPE_BOOL
@@ -36,20 +36,20 @@ UINT32: Final = FieldDescriptorProto.TYPE_UINT32  # one byte: only for what stay
 FIXED32: Final = FieldDescriptorProto.TYPE_FIXED32
 ENUM: Final = FieldDescriptorProto.TYPE_ENUM
 
-# How a u1 field that is no enum is written; what is not named here is a fixed32, which holds all of u1.
-_SMALL: Final = {
-    **dict.fromkeys(FLAGS, BOOL),
-    "level": UINT32,
-    "discrete_truth": UINT32,
-    "discrete_channels": UINT32,
-    "discrete_voted": UINT32,
-    "discrete_level": UINT32,
+# How each kind of field is written; a fixed32 holds all of u1 and u4.
+_WRITTEN: Final[dict[Kind, Any]] = {
+    "number": DOUBLE,
+    "enum": ENUM,
+    "flag": BOOL,
+    "small": UINT32,
+    "byte": FIXED32,
+    "count": FIXED32,
 }
 
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One protobuf field and the element of FRAME or TIMING that it holds."""
+    """One protobuf field and the element of FLAT or TIMING that it holds."""
 
     name: str
     kind: Any  # a FieldDescriptorProto.Type
@@ -68,7 +68,7 @@ class Message:
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One MCAP channel; ``item`` is its row in the arrays of FRAME, None where there are no rows."""
+    """One MCAP channel; ``item`` is its row in the arrays of FLAT, None where there are no rows."""
 
     name: str
     message: str
@@ -77,12 +77,8 @@ class Topic:
 
 def _field(place: Place) -> Field:
     """The message field of one number of the frame."""
-    base = FRAME[place.field].base
-    if base not in (np.dtype("f8"), np.dtype("u1")):
-        raise TypeError(f"frame field {place.field}: {base} has no place in the log, f8 and u1 have")
-    enum = ENUMS.get(place.field)
-    whole = ENUM if enum else _SMALL.get(place.field, FIXED32)
-    return Field(place.name, DOUBLE if base == np.dtype("f8") else whole, place.field, place.index, enum)
+    field = FIELD[place.field]
+    return Field(place.name, _WRITTEN[field.kind], field.name, place.index, field.enum)
 
 
 def _message(name: str) -> Message:
@@ -132,6 +128,25 @@ def descriptors(name: str) -> FileDescriptorSet:
 
     collect(FOXGLOVE[name].DESCRIPTOR.file)
     return FileDescriptorSet(file=list(found.values()))
+
+
+def older(described: FileDescriptorSet) -> tuple[Field, ...] | None:
+    """The fields of a message of an earlier version, by their numbers; None unless all of them are still ours.
+
+    An enum of then may have fewer members, but none of another number.
+    """
+    (message,) = described.file[0].message_type
+    ours = {field.name: field for field in MESSAGES[f"{described.file[0].package}.{message.name}"].fields}
+    enums = {e.name: {(v.name, v.number) for v in e.enum_type[0].value} for e in message.nested_type}
+    found: list[Field] = []
+    for number, theirs in enumerate(message.field, 1):
+        field = ours.get(theirs.name)
+        if field is None or (theirs.number, theirs.type) != (number, field.kind):
+            return None
+        if field.enum and not enums[field.enum.__name__] <= {(m.name, m.value) for m in field.enum}:
+            return None
+        found.append(field)
+    return tuple(found)
 
 
 def _file(message: Message) -> FileDescriptorProto:

@@ -31,6 +31,7 @@ COMPRESSION: Final = zstandard.ZstdCompressionParameters(
 )
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 CHUNK_BYTES: Final = 1 << 20  # before compression; at high rates a chunk is shorter than a second
+EVENT_BYTES: Final = 1 << 12  # of them left for events
 
 
 class Event(Protocol):
@@ -51,7 +52,8 @@ class LogWriter:
 
     ``metadata`` (resolved scenario, seed, versions) and ``attachments`` (file name, bytes; the scenario
     file first) must be enough to fly it again.  ``chunk_frames``: the most in a chunk, a second's unless said;
-    never more than CHUNK_BYTES.  ``new``: FileExistsError when there is a file at ``path``, else it is replaced.
+    with few events never more than CHUNK_BYTES.  ``new``: FileExistsError when there is a file at ``path``, else it is
+    replaced.
     ``draft_of``: the file that ``path`` will be renamed to; messages name it.  BadInput when the file cannot be made.
     """
 
@@ -70,7 +72,7 @@ class LogWriter:
         self._named = draft_of or self.path
         self._draft = draft_of is not None
         self._rate_hz = rate_hz
-        self.chunk_frames = max(1, min(chunk_frames or int(rate_hz), CHUNK_BYTES // ROW))
+        self.chunk_frames = max(1, min(chunk_frames or int(rate_hz), (CHUNK_BYTES - EVENT_BYTES) // ROW))
         self._rows = empty_rows(self.chunk_frames)
         self._compressor = zstandard.ZstdCompressor(compression_params=COMPRESSION)
         self._last_time = 0

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from rig.computer.redundancy.discrete import DiscreteVoter, vote_discretes
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS, PERSISTENCE, fill_discrete
-from rig.frame import CHANNELS, Ilm, State, new_block
+from rig.frame import CHANNELS, Ilm, State, nested, new_block
 from rig.kernels import kernel
 from rig.offline.recording import Bytes, Recording, Samples
 from rig.offline.vote import ROWS, Failure
-from rig.offline.vote_settings import RecordedDiscrete, Reset, reset_table
+from rig.offline.vote_settings import RecordedDiscrete, Reset, commands
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,16 +34,14 @@ def vote_all(
 ) -> dict[str, VotedDiscrete]:
     """Vote the discretes that have settings, whose fail-safe values are known."""
     return {
-        name: _vote(recording, recording.discretes[name], chosen, reset_table(resets, name, recording.time_s))
+        name: _vote(recording, recording.discretes[name], chosen, commands(resets, name, recording.time_s))
         for name, chosen in settings.items()
     }
 
 
-def _vote(
-    recording: Recording, samples: Samples, settings: RecordedDiscrete, resets: NDArray[np.void]
-) -> VotedDiscrete:
+def _vote(recording: Recording, samples: Samples, settings: RecordedDiscrete, resets: Bytes) -> VotedDiscrete:
     n, fitted = len(recording.time_s), len(samples.channels)
-    voter = DiscreteVoter(_params(settings, fitted, recording.rate_hz), resets)
+    voter = DiscreteVoter(_params(settings, fitted, recording.rate_hz))
     voted, level, invalid = np.empty(n, np.uint8), np.empty(n, np.uint8), np.zeros(CHANNELS, np.int64)
     state = [np.empty(n, np.uint8) for _ in samples.channels]
     block = new_block(ROWS)
@@ -52,7 +50,8 @@ def _vote(
         part = slice(start, min(start + ROWS, n))
         rows = block[: part.stop - start]
         _put(rows, samples, part)
-        vote_rows(rows, voter.data)
+        rows["discrete_reset"][:, 0] = resets[part]
+        vote_rows(nested(rows), voter.data)
         voted[part], level[part] = rows["discrete_voted"][:, 0], rows["discrete_level"][:, 0]
         invalid += (rows["discrete_valid"][:, 0] == 0).sum(axis=0)
         for c, column in enumerate(state):
@@ -83,7 +82,7 @@ def _put(rows: NDArray[Any], samples: Samples, part: slice) -> None:
 def vote_rows(rows, data):
     """All rows through the voter of discretes; see discrete.vote_discretes."""
     for k in range(len(rows)):
-        vote_discretes(rows, k, data)
+        vote_discretes(rows[k]["bus"], rows[k]["fcc"], data)
 
 
 def _failures(recording: Recording, states: list[Bytes]) -> list[Failure]:

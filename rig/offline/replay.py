@@ -5,19 +5,22 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from rig import loop
 from rig.computer.control.source import source_of
-from rig.computer.redundancy import Redundancy, decide_row, refer_row, vote_row
+from rig.computer.redundancy import RedundancyData, conclude, refer
+from rig.computer.redundancy.config import command
+from rig.computer.redundancy.own import OwnManager
 from rig.errors import BadInput, BadLog
-from rig.faults import Fault, Faults, actuate, corrupt, corrupt_reference
+from rig.faults import Fault, FaultData, actuate, corrupt, corrupt_reference
 from rig.faults.places import site
-from rig.frame import FRAME, Block, S
+from rig.frame import FLAT, Block, S, nested
 from rig.kernels import kernel
 from rig.log import Log, read_log
+from rig.loop import decide
 from rig.scenario import Scenario, from_resolved
 from rig.trust import Trust
 
@@ -73,66 +76,77 @@ def vote_again(rows: Block, scenario: Scenario) -> Block:
     again = _copy(rows)
     for name in OUTPUTS:
         again[name] = np.nan if name.endswith("reference") else 0
+    command(again, scenario.redundancy.resets, scenario.rate_hz)  # a log of an older schema has none
     on_references = [i for i, fault in enumerate(scenario.faults) if _sites(fault) & {"reference"}]
     for i in on_references:
         again["acting"][:, i // 8] &= 255 ^ (1 << i % 8)
     stage = loop.redundancy(scenario)
-    if on_references:
-        _run_faulted(stage, loop.faults(scenario), again, _copy(rows))
-    elif stage.own is None:
-        run(again, stage.data)
-    else:
-        for k in range(len(again)):
-            stage.step(again, k)
+    faults = loop.faults(scenario if on_references else scenario.model_copy(update={"faults": []}))
+    faults.prepare(again)
+    replay(again, _copy(rows) if on_references else again, ReplayData(faults.data, stage.data), stage.own)
     sources(again)
     return again
 
 
+class ReplayData(NamedTuple):
+    """What a replay needs besides the rows."""
+
+    faults: FaultData
+    redundancy: RedundancyData
+
+
+def replay(rows: Block, recorded: Block, data: ReplayData, own: OwnManager | None) -> None:
+    """Vote the recorded channels of ``rows`` (n,) again, in place: references, their faults, the manager, discretes.
+
+    recorded : (n,) rows as they were flown, which tell the faults' triggers what they told in flight; in place
+    """
+    block, flown = nested(rows), nested(recorded)
+    if own is None:
+        replay_all(block, flown, data)
+        return
+    bus, fcc = block["bus"], block["fcc"]
+    for k in range(len(block)):
+        replay_before(block, flown, k, data)
+        own.step(rows, bus, fcc, k)
+        replay_after(block, flown, k, data)
+
+
+@kernel
+def replay_all(rows, recorded, data):
+    """All rows, with a manager of the house."""
+    for k in range(len(rows)):
+        replay_before(rows, recorded, k, data)
+        decide(rows, k, data)
+        replay_after(rows, recorded, k, data)
+
+
+@kernel
+def replay_before(rows, recorded, k, data):
+    """The references of row k and their faults; ``before`` without what is recorded."""
+    row = rows[k]
+    corrupt(recorded[k], k, data.faults)
+    refer(row["bus"], row["fcc"], data.redundancy.references)
+    corrupt_reference(row, k, data.faults)
+
+
+@kernel
+def replay_after(rows, recorded, k, data):
+    """What is kept of the votes of row k, and its discretes; ``after`` without the control law."""
+    row = rows[k]
+    conclude(row["bus"], row["fcc"], data.redundancy)
+    actuate(recorded[k], data.faults)
+
+
 def _copy(rows: Block) -> Block:
     """Field by field: the padding between them is part of the digest, and zero."""
-    made = np.zeros(len(rows), FRAME)
-    for name in FRAME.names or ():
+    made = np.zeros(len(rows), FLAT)
+    for name in FLAT.names or ():
         made[name] = rows[name]
     return made
 
 
 def _sites(fault: Fault) -> set[str]:
     return {site(point.place) for point in fault.points}
-
-
-def _run_faulted(stage: Redundancy, faults: Faults, rows: Block, recorded_rows: Block) -> None:
-    """The stage over all rows, with faults between the references and their use.
-
-    ``recorded_rows`` are those of the log, which tell the faults' triggers what they told in flight.
-    """
-    faults.prepare(rows)
-    if stage.own is None:
-        run_faulted(rows, recorded_rows, stage.data, faults.data)
-        return
-    for k in range(len(rows)):
-        faults.step(recorded_rows, k)
-        stage.refer(rows, k)
-        faults.refer(rows, k)
-        stage.decide(rows, k)
-        faults.actuate(recorded_rows, k)
-
-
-@kernel
-def run(rows, data):
-    """All rows through the redundancy stage; data : RedundancyData."""
-    for k in range(len(rows)):
-        vote_row(rows, k, data)
-
-
-@kernel
-def run_faulted(rows, recorded_rows, of_redundancy, of_faults):
-    """The same with faults on references, as loop.compute has them; ``recorded_rows`` are corrupted on the way."""
-    for k in range(len(rows)):
-        corrupt(recorded_rows, k, of_faults)
-        refer_row(rows, k, of_redundancy)
-        corrupt_reference(rows, k, of_faults)
-        decide_row(rows, k, of_redundancy)
-        actuate(recorded_rows, k, of_faults)
 
 
 @kernel
@@ -147,7 +161,7 @@ def sources(rows):
 
 def fly_again(scenario: Scenario, frames: int) -> Block:
     """The first ``frames`` of ``scenario``, flown; fewer when the flight ends before."""
-    flown, at = np.zeros(frames, FRAME), 0
+    flown, at = np.zeros(frames, FLAT), 0
     for rows, _ in loop.frames(loop.Rig(scenario), scenario):
         taken = min(len(rows), frames - at)
         flown[at : at + taken] = rows[:taken]

@@ -1,6 +1,6 @@
 """The flight's manager over the rows of a recording, one signal after the other.
 
-The rows are frames of the flight (rig.frame.FRAME) with one signal in them, so the very kernels of flight run.
+The rows are frames of the flight (rig.frame.FLAT) with one signal in them, so the very kernels of flight run.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from rig.angles import difference
 from rig.computer.redundancy.config import MANAGERS, PARAMS, fill
 from rig.computer.redundancy.managers import Manager, vote_signals
 from rig.computer.redundancy.own import load_manager
-from rig.frame import Ilm, Resolver, State, new_block
+from rig.frame import Block, Ilm, Resolver, State, nested, new_block
 from rig.kernels import kernel
 from rig.offline.clock import Floats
 from rig.offline.recording import Bytes, Recording, Samples
-from rig.offline.vote_settings import RecordedSignal, Reset, reset_table
+from rig.offline.vote_settings import RecordedSignal, Reset, commands
 from rig.trust import Trust
 
 ROWS: Final = 256  # of a block: half a megabyte, which stays in the cache
@@ -62,20 +62,18 @@ def vote(
     for chosen in settings.values():
         trust.require(chosen.manager)
     return {
-        name: _vote_signal(
-            recording, recording.signals[name], chosen, reset_table(resets, name, recording.time_s), trust
-        )
+        name: _vote_signal(recording, recording.signals[name], chosen, commands(resets, name, recording.time_s), trust)
         for name, chosen in settings.items()
     }
 
 
 def _vote_signal(
-    recording: Recording, samples: Samples, settings: RecordedSignal, resets: NDArray[np.void], trust: Trust
+    recording: Recording, samples: Samples, settings: RecordedSignal, resets: Bytes, trust: Trust
 ) -> Voted:
     n, fitted = len(recording.time_s), len(samples.channels)
     params = np.zeros(1, PARAMS)
     fill(params[0], settings, settings.limits, fitted, settings.wraps, recording.rate_hz)
-    run = _manager(settings.manager, params, resets, trust)
+    run = _manager(settings.manager, params, trust)
     out: dict[str, Any] = {name: np.empty(n, np.float64 if name == "voted" else np.uint8) for name in FIELDS}
     states = [np.empty(n, np.uint8) for _ in samples.channels]
     spread = np.empty(n)
@@ -84,6 +82,7 @@ def _vote_signal(
         part = slice(start, min(start + ROWS, n))
         rows = block[: part.stop - start]
         _put(rows, samples, part)
+        rows["reset"][:, 0] = resets[part]
         run(rows)
         spreads(rows, params[0], spread[part])
         for name, column in out.items():
@@ -115,18 +114,17 @@ def _put(rows: NDArray[Any], samples: Samples, part: slice) -> None:
         rows["reference"][:, 0] = samples.reference[part]
 
 
-def _manager(
-    name: str, params: NDArray[np.void], resets: NDArray[np.void], trust: Trust
-) -> Callable[[NDArray[Any]], None]:
-    """What votes all rows of a block: a manager of the house, or the user's own ``module:Class``."""
+def _manager(name: str, params: NDArray[np.void], trust: Trust) -> Callable[[Block], None]:
+    """What votes all rows of a block: a manager of the house, or the user's own ``module:name``."""
     if name in MANAGERS:
-        data = Manager(name, params, resets).data
-        return lambda rows: vote_rows(rows, data)
+        data = Manager(name, params).data
+        return lambda rows: vote_rows(nested(rows), data)
     own = load_manager(name, params, trust)
 
-    def step_by_step(rows: NDArray[Any]) -> None:
+    def step_by_step(rows: Block) -> None:
+        bus, fcc = (nested(rows)[part] for part in ("bus", "fcc"))
         for k in range(len(rows)):
-            own.step(rows, k)
+            own.step(rows, bus, fcc, k)
 
     return step_by_step
 
@@ -135,7 +133,7 @@ def _manager(
 def vote_rows(rows, data):
     """All rows through the chosen manager; see managers.vote_signals."""
     for k in range(len(rows)):
-        vote_signals(rows, k, data)
+        vote_signals(rows[k]["bus"], rows[k]["fcc"], data)
 
 
 @kernel

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from rig.computer.redundancy.config import MANAGERS, RESETS, SignalConfig
+from rig.computer.redundancy.config import MANAGERS, SignalConfig, bits
 from rig.computer.redundancy.config import Reset as FlightReset
 from rig.computer.redundancy.discrete_config import DiscreteConfig
 from rig.errors import BadInput
@@ -157,11 +157,11 @@ def read_config(path: Path) -> VoteConfig:
     return config
 
 
-def reset_table(resets: list[Reset], name: str, time_s: NDArray[np.float64]) -> NDArray[np.void]:
-    """The commands for one signal as RESETS records; each acts in the first row at or after its time."""
-    mine = [reset for reset in resets if reset.signal == name]
-    table = np.zeros(len(mine), RESETS)
-    for row, reset in zip(table, mine, strict=True):
-        row["frame"] = np.searchsorted(time_s, reset.at_s)
-        row["channel"][np.array(reset.channels) - 1] = 1
-    return table
+def commands(resets: list[Reset], name: str, time_s: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """(n,) the reset commands for one signal as in the frame; each acts in the first row at or after its time."""
+    given = np.zeros(len(time_s), np.uint8)
+    for reset in resets:
+        row = np.searchsorted(time_s, reset.at_s)
+        if reset.signal == name and row < len(given):
+            given[row] |= bits(reset.channels)
+    return given

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.frame import (
+    CHANNELS,
     DISCRETES,
-    FRAME,
+    FLAT,
     SIGNALS,
     Block,
     End,
@@ -23,10 +24,9 @@ from rig.frame import (
     State,
     Trust,
     new_block,
+    offset,
 )
 from rig.kernels import kernel
-
-Commands = Sequence[Any] | NDArray[np.void]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,27 +58,19 @@ def not_executed(frame: int, missing: Sequence[tuple[str, str]]) -> list[Event]:
 
 
 class EventFinder:
-    """Finds the events of a flight, block after block.
+    """Finds the events of a flight, block after block; ``faults`` are the labels of its faults, in their order."""
 
-    faults : the labels of its faults, in their order
-    resets, discrete_resets : its commands to readmit, redundancy.config.RESETS of the signals and of the discretes
-    """
-
-    def __init__(self, faults: Sequence[str], resets: Commands = (), discrete_resets: Commands = ()) -> None:
+    def __init__(self, faults: Sequence[str]) -> None:
         self._faults = faults
-        self._commands = [
-            *((reset, "state", SIGNALS[reset["signal"]].name) for reset in resets),
-            *((reset, "discrete_state", DISCRETES[reset["signal"]].name) for reset in discrete_resets),
-        ]
         self._last: Block | None = None
-        mark_moved(_flags(new_block(1)), _flags(new_block(1))[0], _FLAGS, np.zeros(1, bool))  # compiled before frame 0
+        mark_moved(_flags(new_block(1)), _flags(new_block(1))[0], _WORDS, _BITS, np.zeros(1, bool))  # compiles it
 
     def find(self, rows: Block) -> list[Event]:
         """The events of ``rows``, which follow those of the last call, in order of time."""
         before, moved = self._before(rows), np.zeros(len(rows), bool)
-        mark_moved(_flags(rows), _flags(before)[0], _FLAGS, moved)
+        mark_moved(_flags(rows), _flags(before)[0], _WORDS, _BITS, moved)
         self._last = rows[-1:].copy()
-        refused = list(self._refusals(rows, before))
+        refused = list(_refusals(rows, before))
         if not moved.any():
             return refused
         at = np.flatnonzero(moved)
@@ -86,18 +78,6 @@ class EventFinder:
         if at[0] == 0:
             old[0] = before[0]
         return sorted([*self._fault_events(old, new), *_changes(old, new), *refused], key=lambda event: event.frame)
-
-    def _refusals(self, rows: Block, before: Block) -> Iterator[Event]:
-        """Commands to readmit a channel that did not: it was failed before their frame and still is."""
-        for reset, field, name in self._commands:
-            k, s = int(reset["frame"] - rows["frame"][0]), int(reset["signal"])
-            if not 0 <= k < len(rows):
-                continue
-            old = rows[k - 1] if k else before[0]
-            failed = (old[field][s] == State.FAILED) & (rows[k][field][s] == State.FAILED)
-            for c in np.flatnonzero(failed & (reset["channel"] != 0)):
-                text = f"{name}.{c + 1}: has not agreed with the vote for long enough"
-                yield Event(int(reset["frame"]), "warning", "readmission refused", text)
 
     def _before(self, rows: Block) -> Block:
         """The row before ``rows``; before the first one all stood as it does there, but no fault acted or failed."""
@@ -123,34 +103,41 @@ def _before_the_first(rows: Block) -> Block:
     return before
 
 
-def _flag_bits() -> NDArray[np.uint8]:
-    """A row with all bits set that belong to a field from ``state`` on: what lies between is left to chance."""
-    row, first = np.zeros(FRAME.itemsize, np.uint8), (FRAME.fields or {})["state"][1]
-    for dtype, offset, *_ in (FRAME.fields or {}).values():
-        if offset >= first:
-            row[offset : offset + dtype.itemsize] = 255
-    return row
+def _refusals(rows: Block, before: Block) -> Iterator[Event]:
+    """Commands to readmit a channel that did not: it was failed before their frame and still is."""
+    for field, states, named in (("reset", "state", SIGNALS), ("discrete_reset", "discrete_state", DISCRETES)):
+        for k, s in np.argwhere(rows[field]):
+            old, new = (rows[k - 1] if k else before[0])[states][s], rows[k][states][s]
+            commanded = rows[k][field][s] >> np.arange(CHANNELS) & 1 == 1
+            for c in np.flatnonzero(commanded & (old == State.FAILED) & (new == State.FAILED)):
+                text = f"{named[s].name}.{c + 1}: has not agreed with the vote for long enough"
+                yield Event(int(rows["frame"][k]), "warning", "readmission refused", text)
 
 
-_FIRST: Final = (FRAME.fields or {})["state"][1] // 8  # of the words of eight bytes that are looked at
-_FLAGS: Final = _flag_bits().view(np.uint64)[_FIRST:]
+def _flag_bits() -> NDArray[np.uint64]:
+    """A row with all bits set whose change may be an event; what lies between is left to chance."""
+    row = np.zeros(FLAT.itemsize, np.uint8)
+    for field in (*_DESCRIBE, "acting"):
+        row[offset(field) : offset(field) + FLAT[field].itemsize] = 255
+    return row.view(np.uint64)
 
 
 def _flags(rows: Block) -> NDArray[np.uint64]:
-    """The words of each row from ``state`` on: most blocks are settled by seeing that none has moved."""
-    return rows.view(np.uint64).reshape(len(rows), -1)[:, _FIRST:]
+    """Each row in words of eight bytes: most blocks are settled by seeing that none of theirs has moved."""
+    return rows.view(np.uint64).reshape(len(rows), -1)
 
 
 @kernel
-def mark_moved(flags, before, bits, moved):
-    """Mark in ``moved`` (n,) the rows of ``flags`` (n, m) that differ in ``bits`` (m,) from the one before them.
+def mark_moved(rows, before, words, bits, moved):
+    """Mark in ``moved`` (n,) the ``rows`` (n, m), in words, that differ from the one before them.
 
-    before : (m,) the one before the first
+    before : (m,) the one before the first; words, bits : (w,) which words are looked at, and which bits of them
     """
-    for k in range(flags.shape[0]):
+    for k in range(rows.shape[0]):
         different = np.uint64(0)
-        for i in range(flags.shape[1]):
-            different |= (flags[k, i] ^ (flags[k - 1, i] if k > 0 else before[i])) & bits[i]
+        for i in range(len(words)):
+            at = words[i]
+            different |= (rows[k, at] ^ (rows[k - 1, at] if k > 0 else before[at])) & bits[i]
         moved[k] = different != 0
 
 
@@ -274,3 +261,5 @@ _DESCRIBE = {
     "lie": _lie,
     "end": _end,
 }
+_WORDS: Final = np.flatnonzero(_flag_bits())  # of a row, in which the fields of events lie
+_BITS: Final = _flag_bits()[_WORDS]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rig.angles import difference, limit
 from rig.computer.redundancy.vote import mean
 from rig.errors import BadInput
-from rig.frame import CHANNELS, FRAME, SIGNALS, Block, S, new_block
+from rig.frame import CHANNELS, FLAT, SIGNALS, Block, S, nested, new_block
 from rig.kernels import kernel
 from rig.scenario import Scenario
 from rig.sensors import Sensors, measure
@@ -44,7 +44,7 @@ def recompute(scenario: Scenario, rows: Block, params: NDArray[np.void]) -> Clea
         clean = scratch[: len(recorded)]
         clean.view(np.uint8)[:] = recorded.view(np.uint8)
         sensors.prepare(clean)
-        measure_again(clean, sensors.data)
+        measure_again(nested(clean), sensors.data)
         comparison.add(clean)
     return comparison.found
 
@@ -83,12 +83,12 @@ def _refuse(frame: int, place: int) -> None:
 
 
 def checked(rows: Block) -> Block:
-    """``rows`` in memory as FRAME lies; BadInput unless they are a flight from its first frame on."""
+    """``rows`` in memory as FLAT lies; BadInput unless they are a flight from its first frame on."""
     if len(rows) == 0 or rows["frame"][0] != 0:
         raise BadInput("a flight is scored from its frame 0 on")
-    if rows.dtype == FRAME and rows.flags.c_contiguous and rows.flags.aligned and rows.flags.writeable:
+    if rows.dtype == FLAT and rows.flags.c_contiguous and rows.flags.aligned and rows.flags.writeable:
         return rows
-    whole: NDArray[Any] = np.zeros(len(rows), FRAME)
+    whole: NDArray[Any] = np.zeros(len(rows), FLAT)
     whole[:] = rows
     return whole
 
@@ -97,14 +97,14 @@ def checked(rows: Block) -> Block:
 def measure_again(clean, data):
     """Fill the channels of ``clean`` (n,) FRAME from its truth; data : SensorData."""
     for k in range(len(clean)):
-        measure(clean, k, data)
+        measure(clean[k]["truth"], clean[k]["bus"], k, data)
 
 
 @kernel
 def compare(rows, clean, params, acted, error, vote):
     """Compare the channels of ``rows``, recorded, with the clean ones.
 
-    rows : (n,) FRAME; clean : (n,) records with its channels and valid; params : (S,) config.PARAMS
+    rows : (n,) FLAT; clean : (n,) records with its channels and valid; params : (S,) config.PARAMS
     acted : (1,) not 0 once a fault has acted, in place
     error, vote : (n, S, 4), zeros, and (n, S), out, see Clean
     Returns -1, or row * S * 4 + signal * 4 + channel of the first error that no fault can have made.

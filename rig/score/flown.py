@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import BadInput
-from rig.frame import FRAME, INDEX, Block, End
+from rig.frame import FLAT, INDEX, Block, End
 from rig.scenario import Scenario
 from rig.score.record import Deviation, FaultScore, FlightScore, Transient, Transients, Yardstick
 from rig.score.votes import deviation
@@ -27,7 +27,7 @@ def fly_rows(scenario: Scenario, frames: int | None = None) -> Block:
     """All rows of a flight in memory, no more than ``frames``; two kilobytes a frame."""
     from rig import loop  # a score without a twin needs no simulation
 
-    rows, flown = np.zeros(scenario.frames if frames is None else min(frames, scenario.frames), FRAME), 0
+    rows, flown = np.zeros(scenario.frames if frames is None else min(frames, scenario.frames), FLAT), 0
     for block, _ in loop.frames(loop.Rig(scenario), scenario):
         taken = block[: len(rows) - flown]
         rows[flown : flown + len(taken)] = taken

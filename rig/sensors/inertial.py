@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from rig.angles import limit
-from rig.frame import FLIGHT_INDEX, INDEX, INERTIAL, Block
+from rig.frame import FLIGHT_INDEX, INDEX, INERTIAL, Block, nested
 from rig.kernels import kernel
 from rig.settings import Settings
 
@@ -103,7 +103,8 @@ class Inertial:
 
     def step(self, block: Block, k: int) -> None:
         """Write ``inertial`` of row k."""
-        sense(block, k, self.data)
+        row = nested(block)[k]
+        sense(row["truth"], row["bus"], k, self.data)
 
 
 def _params(config: Config, rate_hz: float, rng: Generator, force_rng: Generator) -> NDArray[np.void]:
@@ -126,19 +127,19 @@ def _params(config: Config, rate_hz: float, rng: Generator, force_rng: Generator
 
 
 @kernel
-def sense(block, k, data):
-    """The inertial unit in row k.
+def sense(truth, bus, k, data):
+    """The inertial unit in row k of a block.
 
         x = (w - turn x w, v, f - turn x f);  y += blend (x - y);  sample = gain y + bias + noise, within its range
 
     w : body rates p, q, r [rad/s]; v : velocity over ground, north, east, down [m/s]; f : specific force at the
     centre of gravity, forward, right, down [m/s2], rounded to its quantum
-    block : FRAME records; data : InertialData.  Writes inertial.
+    truth, bus : the row's TRUTH and BUS records; data : InertialData.  Writes inertial.
     """
-    row, u, st = block[k], data.params[0], data.state[0]
-    truth, flight, inertial = row["truth"], row["flight"], row["inertial"]
+    u, st = data.params[0], data.state[0]
+    rates, flight, inertial = truth["truth"], truth["flight"], bus["inertial"]
     seen, lagged, turn, quantum = st["seen"], st["lagged"], u["turn"], u["quantum"]
-    misalign(truth[_P], truth[_Q], truth[_R], turn, seen, 0)
+    misalign(rates[_P], rates[_Q], rates[_R], turn, seen, 0)
     for i in range(RATES):
         seen[RATES + i] = flight[_VELOCITY + i]
     misalign(flight[_FORCE], flight[_FORCE + 1], flight[_FORCE + 2], turn, seen, FORCES)

@@ -38,33 +38,31 @@ class SensorData(NamedTuple):
 
 
 @kernel
-def measure(block, k, data):
-    """All channels of row k from the truth of this frame and the last.
+def measure(truth, bus, k, data):
+    """All channels of row k of a block from the truth of this frame and the last.
 
     x = truth - skew (truth - last truth), truth with the cross-axis error;  y += blend (x - y)
     y -> low pass -> latency;  sample = round(gain y + bias + noise + drift), within its range
 
-    block : FRAME records; data : SensorData
+    truth, bus : the row's TRUTH and BUS records; data : SensorData.  Writes channels, valid, ilm, and the discretes'.
     """
-    row = block[k]
     params, noise, drift, memory, line = data.params, data.noise, data.drift, data.memory, data.line
-    truth, channels = row["truth"], row["channels"]
-    valid, ilm = row["valid"], row["ilm"]
+    true, channels, valid, ilm = truth["truth"], bus["channels"], bus["valid"], bus["ilm"]
     for s in range(len(params)):
         p, m = params[s], memory[s]
         wraps, shares, filtered, drifts = p["wraps"], p["shares"], p["filtered"], p["drifts"]
         gain, bias, skew, lagged = p["gain"], p["bias"], p["skew"], m["lagged"]
         first = m["frames"] == 0
-        moved = 0.0 if first else difference(truth[s], m["truth"], wraps)
+        moved = 0.0 if first else difference(true[s], m["truth"], wraps)
         for c in range(CHANNELS):
             if c >= p["channels"]:
                 channels[s, c] = np.nan
                 valid[s, c] = 0
                 ilm[s, c] = Ilm.ABSENT
                 continue
-            x = truth[s] - skew[c] * moved
+            x = true[s] - skew[c] * moved
             if shares != 0:
-                x += cross_axis_error(p, m, truth, c)
+                x += cross_axis_error(p, m, true, c)
             if first:
                 lagged[c] = x
             else:
@@ -81,19 +79,18 @@ def measure(block, k, data):
             channels[s, c] = limit(sample, p["low"], p["high"], wraps)
             valid[s, c] = 1
             ilm[s, c] = Ilm.BAD if p["alarms"] != 0 and data.alarms[k, s, c] != 0 else Ilm.GOOD
-        m["truth"] = truth[s]
+        m["truth"] = true[s]
         m["frames"] += 1
-    switch(row, data.discretes)
+    switch(truth["discrete_truth"], bus, data.discretes)
 
 
 @kernel
-def switch(row, fitted):
+def switch(truth, bus, fitted):
     """All channels of the discretes: each switch is where the truth is, valid, its monitor good.
 
-    fitted : (D,) channels of each; one that is not fitted is 0, not valid, without a monitor
+    truth : (D,); fitted : (D,) channels of each; one that is not fitted is 0, not valid, without a monitor
     """
-    truth, samples = row["discrete_truth"], row["discrete_channels"]
-    valid, ilm = row["discrete_valid"], row["discrete_ilm"]
+    samples, valid, ilm = bus["discrete_channels"], bus["discrete_valid"], bus["discrete_ilm"]
     for d in range(len(fitted)):
         for c in range(CHANNELS):
             there = c < fitted[d]

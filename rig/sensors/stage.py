@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.random import SFC64, Generator, SeedSequence
 
-from rig.frame import CHANNELS, Block, S
+from rig.frame import CHANNELS, Block, S, nested
 from rig.sensors.alarms import Alarms
 from rig.sensors.drift import PROCESSES, Drift
 from rig.sensors.kernel import MEMORY, SensorData, measure
@@ -50,4 +50,5 @@ class Sensors:
 
     def step(self, block: Block, k: int) -> None:
         """Write channels, valid and ilm of row k, of signals and discretes."""
-        measure(block, k, self.data)
+        row = nested(block)[k]
+        measure(row["truth"], row["bus"], k, self.data)

@@ -26,7 +26,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from rig.frame import DISCRETES, SIGNALS, Block
-from rig.frame.fields import ENUMS, FLAGS, places
+from rig.frame.fields import FIELD, places
 from rig.view import derived, lanes
 from rig.view.facts import UNKNOWN, Facts
 from rig.view.scene import Scene, time_column
@@ -148,9 +148,10 @@ def struct(rows: Block, entity: Entity) -> pa.StructArray:
 
 def _array(source: str, values: NDArray[Any]) -> pa.Array:
     values = np.ascontiguousarray(values)
-    if source in ENUMS:
-        return _members(ENUMS[source], values)
-    if source in FLAGS:
+    enum = FIELD[source].enum
+    if enum is not None:
+        return _members(enum, values)
+    if FIELD[source].kind == "flag":
         return pa.array(values != 0)
     return pa.array(values if values.dtype == np.float64 else values.astype(np.uint32))
 

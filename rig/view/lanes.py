@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.frame import DISCRETES, SIGNALS, Block, Discrete, Law, Pattern, Resolver, Signal, Source
-from rig.frame.fields import ENUMS
+from rig.frame.fields import FIELD
 from rig.view.style import ACTING, STATE_LOOKS, Looks, attention
 
 
@@ -81,8 +81,7 @@ def changes(rows: Block, before: Block | None, faults: Sequence[Any]) -> Iterato
         last = None if before is None else before[lane.field][(slice(None), *lane.at)]
         where = _where(values, last)
         if len(where):
-            enum = ENUMS[lane.field]
-            known = {int(member): member.name for member in enum}
+            known = {int(member): member.name for member in FIELD[lane.field].enum or ()}
             yield Changes(lane.path, where, [known.get(int(v)) for v in values[where]])
     acts, last_acts = acting(rows, len(faults)), None if before is None else acting(before, len(faults))
     for i in range(len(faults)):

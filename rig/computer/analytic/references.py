@@ -138,37 +138,37 @@ def _coded(signal: str, chosen: str) -> tuple[int, int]:
 
 
 @kernel
-def refer(block, k, data):
-    """Write ``reference`` and ``second_reference`` of row k from the last frame's votes; NaN where there is none.
+def refer(bus, fcc, data):
+    """Write ``reference`` and ``second_reference`` of a row from the last frame's votes; NaN where there is none.
 
-    block : FRAME records; data : ReferenceData
+    bus, fcc : the row's BUS and FCC records; data : ReferenceData
     """
     if data.state[0]["started"] == 0:
         for s in range(S):
-            block[k]["reference"][s] = block[k]["second_reference"][s] = np.nan
+            fcc["reference"][s] = fcc["second_reference"][s] = np.nan
         return
-    answer(block[k], data)
+    answer(bus["inertial"], fcc, data)
 
 
 @kernel
-def remember(block, k, data):
-    """Keep the votes of row k for the next frame; in the first frame, begin with them."""
-    row, st = block[k], data.state[0]
-    look_back(row, st)
+def remember(bus, fcc, data):
+    """Keep the votes of a row for the next frame; in the first frame, begin with them."""
+    st = data.state[0]
+    look_back(fcc, st)
     if st["started"] == 0:
         st["started"] = 1
-        unit.keep(row["inertial"], st["unit"])
+        unit.keep(bus["inertial"], st["unit"])
         st["unit"]["started"] = 0  # so that the filters begin there
-        answer(row, data)
+        answer(bus["inertial"], fcc, data)
         for s in range(S):
-            there = row["reference"][s] == row["reference"][s]
-            row["reference_usable"][s] = 1 if there and data.param[0]["monitored"] != 0 else 0
+            there = fcc["reference"][s] == fcc["reference"][s]
+            fcc["reference_usable"][s] = 1 if there and data.param[0]["monitored"] != 0 else 0
 
 
 @kernel
-def look_back(row, st):
+def look_back(fcc, st):
     """Keep the votes, and which signals are lost, have no majority, or agree; a vote without majority is not kept."""
-    voted, level, pattern, resolver, kept = row["voted"], row["level"], row["pattern"], row["resolver"], st["voted"]
+    voted, level, pattern, resolver, kept = fcc["voted"], fcc["level"], fcc["pattern"], fcc["resolver"], st["voted"]
     lost, singular, agreed = 0, 0, 0
     for s in range(S):
         if level[s] == 0 or not math.isfinite(voted[s]):
@@ -186,10 +186,10 @@ def look_back(row, st):
 
 
 @kernel
-def answer(row, data):
+def answer(inertial, fcc, data):
     """All references of a row, from what is kept of the votes and the row's inertial unit."""
     p, st = data.param[0], data.state[0]
-    voted, inertial, u = st["voted"], row["inertial"], st["unit"]
+    voted, u = st["voted"], st["unit"]
     look_up(data.pressures, data.table, voted[_DYNAMIC], st["coefficient"])
     follow_all(p, st)
     unit.follow(inertial, st["coefficient"][_UNIT_FILTER], p["rate_hz"], u)
@@ -201,8 +201,8 @@ def answer(row, data):
     speed = max(math.sqrt(2.0 * max(voted[_DYNAMIC], 0.0) / density), _SLOWEST)
     unknown = st["lost"] | st["singular"]
     for s in range(S):
-        row["reference"][s] = opinion(s, p["source"][s], p["partners"][s], unknown, inertial, p, st, density, speed)
-        row["second_reference"][s] = opinion(
+        fcc["reference"][s] = opinion(s, p["source"][s], p["partners"][s], unknown, inertial, p, st, density, speed)
+        fcc["second_reference"][s] = opinion(
             s, p["second"][s], p["second_partners"][s], unknown, inertial, p, st, density, speed
         )
     unit.keep(inertial, u)

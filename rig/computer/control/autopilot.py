@@ -24,7 +24,7 @@ from rig.computer.control.state import ANGLE, PARAM, PATH, STATE, STICK, Control
 from rig.computer.fdi.settings import Config as Tolerant
 from rig.computer.fdi.settings import parameters as fdi_parameters
 from rig.computer.fdi.state import STATE as FDI_STATE
-from rig.frame import SURFACES, Block
+from rig.frame import SURFACES, Block, nested
 from rig.settings import Settings
 
 _VERTICAL: Final = {"stick": STICK, "pitch": ANGLE, "altitude": PATH}
@@ -95,7 +95,8 @@ class Control:
 
     def step(self, block: Block, k: int) -> None:
         """Write what ``flying.fly`` writes of row ``k`` from its voted signals and demands."""
-        fly(block, k, self.data)
+        row = nested(block)[k]
+        fly(row["bus"], row["fcc"], self.data)
 
 
 def _parameters(

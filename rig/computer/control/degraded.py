@@ -45,15 +45,15 @@ _LEAST_SLOPE: Final = 1.0  # g per rad; divisions by the lift slope take at leas
 
 
 @kernel
-def substitute(row, param, state, gain):
-    """Give every lost signal of ``row`` its substitute, except the pitch rate when the back-up law is needed.
+def substitute(fcc, param, state, gain):
+    """Give every lost signal of ``fcc`` its substitute, except the pitch rate when the back-up law is needed.
 
     A substitute is made from this frame's measurements of the others, or from their own substitutes of the last frame.
     param, state : one record of PARAM and of STATE; gain (G,) : the scheduled gains of the last frame
     """
-    s, source = state[0], row["source"]
+    s, source = state[0], fcc["source"]
     measured, command = s["measured"], s["command"]
-    body_rates(row, param, state, gain)
+    body_rates(fcc, param, state, gain)
     for i in (_STICK_PITCH, _STICK_ROLL, _PEDAL, _N_Y):
         if source[i] == Source.DEGRADED:
             put(i, 0.0, Source.DEGRADED, param, state)
@@ -79,7 +79,7 @@ def substitute(row, param, state, gain):
 
 
 @kernel
-def body_rates(row, param, state, gain):
+def body_rates(fcc, param, state, gain):
     """Estimates of lost body rates from their references, else from the rates of the attitude angles.
 
         q = theta' cos(phi) + psi' cos(theta) sin(phi)
@@ -88,7 +88,7 @@ def body_rates(row, param, state, gain):
 
     Without a heading the turn counts as coordinated; without an attitude nothing is said of the rates.
     """
-    source, reference, s = row["source"], row["reference"], state[0]
+    source, reference, s = fcc["source"], fcc["reference"], state[0]
     if source[_Q] == Source.VOTED and source[_P] == Source.VOTED and source[_R] == Source.VOTED:
         return
     measured, tau = s["measured"], param[0]["attitude_filter"] + param[0]["dt"]

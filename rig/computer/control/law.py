@@ -41,31 +41,30 @@ _ALPHA_APPROACH_1_S: Final = 2.0  # pitch rate allowed per angle left to the alp
 
 
 @kernel
-def fly(block, k, data):
-    """One frame of the control law on row ``k``.
+def fly(bus, fcc, data):
+    """One frame of the control law.
 
-    block : FRAME records, reads voted, level, reference, reference_usable, discrete_voted, demand;
-            writes source, command, surface, actuator (the same; faults may come between), law, estimate,
-            trust, lie
+    bus, fcc : the row's BUS and FCC records; reads demand, inertial, voted, level, reference, reference_usable,
+               discrete_voted; writes source, command, surface, law, estimate, trust, lie
     data : ControlData
     A signal that is not finite keeps its last value; before the first one the surfaces stay at trim.
     """
-    row, s = block[k], data.state[0]
+    s = data.state[0]
     param, state, gain = data.param, data.state, data.gain
-    law = Law.AUTOPILOT if row["discrete_voted"][_ENGAGED] == 1 else Law.STICK
-    source, measured, command = row["source"], s["measured"], s["command"]
-    keep_demand(row["demand"], state)
-    lost = select(row, param, state)
+    law = Law.AUTOPILOT if fcc["discrete_voted"][_ENGAGED] == 1 else Law.STICK
+    source, measured, command = fcc["source"], s["measured"], s["command"]
+    keep_demand(bus["demand"], state)
+    lost = select(fcc, param, state)
     if lost > 0:
         if s["started"] == 0:
             look_up(data.pressures, data.table, measured[_DYNAMIC], gain)
-        degraded.substitute(row, param, state, gain)
+        degraded.substitute(fcc, param, state, gain)
     if complete(measured):
         if data.fdi_param[0]["on"] != 0:
-            monitor_pitch_angle(row, data.fdi_param, data.fdi, measured)
+            monitor_pitch_angle(bus["inertial"], fcc, data.fdi_param, data.fdi, measured)
         air_data(measured, command)
         fresh = s["started"] == 0 or law != s["law"]
-        lifted = modes(row["discrete_voted"], state)
+        lifted = modes(fcc["discrete_voted"], state)
         filter_slow(param, state, measured, command, s["started"] == 0)
         look_up(data.pressures, data.table, s["schedule_pressure"], gain)
         if fresh or law == Law.STICK:
@@ -78,12 +77,11 @@ def fly(block, k, data):
         outer(param, state, gain, measured, command, law)
         inner(param, state, gain, measured, command, source, law, fresh)
         s["started"], s["law"] = 1, law
-    row["law"] = law if s["backup"] == backup.NOT_NEEDED else Law.BACKUP
+    fcc["law"] = law if s["backup"] == backup.NOT_NEEDED else Law.BACKUP
     for i in range(_COMMANDS):
-        row["command"][i] = s["command"][i]
+        fcc["command"][i] = s["command"][i]
     for i in range(_SURFACES):
-        row["surface"][i] = s["surface"][i]
-        row["actuator"][i] = s["surface"][i]
+        fcc["surface"][i] = s["surface"][i]
 
 
 @kernel

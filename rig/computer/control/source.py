@@ -22,16 +22,16 @@ _WRAPS: Final = np.array([1 if signal.wraps else 0 for signal in SIGNALS])
 
 
 @kernel
-def select(row, param, state):
-    """Take every signal that is known, and say in ``row["source"]`` where from.  Returns how many are lost.
+def select(fcc, param, state):
+    """Take every signal that is known, and say in ``fcc["source"]`` where from.  Returns how many are lost.
 
-    row : a FRAME record, reads voted, level, reference, reference_usable; writes source
+    fcc : an FCC record, reads voted, level, reference, reference_usable; writes source
     param, state : one record of PARAM and of STATE; writes measured of what is Source.VOTED or Source.REFERENCE, except
                    body rates by reference: those are estimated, see rates.py
     A value that is not finite is not taken: the last one stays.
     """
-    voted, level, told = row["voted"], row["level"], row["source"]
-    reference, usable = row["reference"], row["reference_usable"]
+    voted, level, told = fcc["voted"], fcc["level"], fcc["source"]
+    reference, usable = fcc["reference"], fcc["reference_usable"]
     lost = 0
     for i in range(S):
         value, source = voted[i], source_of(level[i], usable[i], reference[i])

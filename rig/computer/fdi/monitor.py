@@ -21,14 +21,14 @@ _FIRST_THETA_RAD: Final = 0.001  # sigma of what the sensor says at the start
 
 
 @kernel
-def monitor_pitch_angle(row, param, state, measured):
+def monitor_pitch_angle(inertial, fcc, param, state, measured):
     """Replace the pitch angle in ``measured`` by its estimate while the sensor is declared faulty; write the status.
 
-    row : a FRAME record, reads source, level and inertial; writes estimate, trust, lie
+    inertial : quantities of frame.INERTIAL; fcc : an FCC record, reads source and level; writes estimate, trust, lie
     measured : (S,) signals, all finite; param, state : one record of PARAM and of STATE; state in place
     A healthy sensor is passed on bit for bit.
     """
-    c, w, source, levels = param[0], state[0], row["source"], row["level"]
+    c, w, source, levels = param[0], state[0], fcc["source"], fcc["level"]
     e, of_filter = w["filter"], c["filter"]
     said, usable = measured[_THETA], source[_THETA] == Source.VOTED
     if w["trust"] == Trust.NONE:
@@ -38,7 +38,7 @@ def monitor_pitch_angle(row, param, state, measured):
     known = source[_Q] == Source.VOTED and source[_R] == Source.VOTED and source[_PHI] == Source.VOTED
     headed = known and source[_PSI] == Source.VOTED
     learn_yaw_drift(headed, of_filter, e, measured)
-    rates.turn(c, w, known, headed, row["inertial"], measured, 8 * levels[_Q] + levels[_R])
+    rates.turn(c, w, known, headed, inertial, measured, 8 * levels[_Q] + levels[_R])
     climb(measured, e["theta"], of_filter["dt"], e["vertical"])
     path, heard = path_pitch_angle(measured, e["vertical"]), voted(source)
     if usable:
@@ -55,7 +55,7 @@ def monitor_pitch_angle(row, param, state, measured):
     rates.settle(c, w, known and usable)
     if usable:
         measured[_THETA] = answer(c, w, said)
-    tell(row, w)
+    tell(fcc, w)
 
 
 @kernel
@@ -79,11 +79,11 @@ def answer(c, w, said):
 
 
 @kernel
-def tell(row, w):
+def tell(fcc, w):
     """Write estimate, trust and lie of the row; in the order of frame.ESTIMATES."""
-    told, e, p = row["estimate"], w["filter"], w["lie"]
+    told, e, p = fcc["estimate"], w["filter"], w["lie"]
     told[0], told[1], told[2] = e["theta"], w["effectiveness"], w["offset"]
     told[3], told[4] = math.sqrt(max(p[0], 0.0)), math.sqrt(max(p[1], 0.0))
     told[5], told[6] = w["innovation"], w["sigma"]
     told[7], told[8] = e["drift"], e["path"]
-    row["trust"], row["lie"] = w["trust"], Lie.RATE_BIAS if rates.biased(w) else lie.name(w)
+    fcc["trust"], fcc["lie"] = w["trust"], Lie.RATE_BIAS if rates.biased(w) else lie.name(w)

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from rig.computer.analytic.designed import Designed
 from rig.computer.analytic.references import ReferenceData, References, refer, remember
 from rig.computer.analytic.sources import second, source
-from rig.computer.redundancy.config import MANAGERS, Config, SignalConfig, parameters, reset_table
+from rig.computer.redundancy.config import MANAGERS, Config, SignalConfig, parameters
 from rig.computer.redundancy.discrete import DiscreteData, DiscreteVoter, vote_discretes
 from rig.computer.redundancy.discrete_config import discrete_parameters
 from rig.computer.redundancy.manager import ManagerData
 from rig.computer.redundancy.managers import Manager, vote_signals
 from rig.computer.redundancy.own import OwnManager, load_manager
-from rig.frame import CHANNELS, DISCRETE_INDEX, SIGNALS, Block, D
+from rig.frame import CHANNELS, SIGNALS, D
 from rig.kernels import kernel
 from rig.trust import Trust
 
@@ -57,36 +57,17 @@ class Redundancy:
         self.manager = Manager(
             name,
             params,
-            reset_table(config.resets, rate_hz),
             box_signals=config.box_signals,
             box_persistence=config.box_persistence,
         )
         fitted = np.full(D, CHANNELS) if discrete_channels is None else discrete_channels
         of_discretes = discrete_parameters(config.discretes, fitted, config.discrete_persistence, rate_hz)
-        self.discretes = DiscreteVoter(of_discretes, reset_table(config.resets, rate_hz, DISCRETE_INDEX))
+        self.discretes = DiscreteVoter(of_discretes)
 
     @property
     def data(self) -> RedundancyData:
-        """What ``vote_row`` needs besides the row."""
+        """What ``refer``, ``decide`` and ``conclude`` need besides the row."""
         return RedundancyData(self.references.data, self.manager.data, self.discretes.data)
-
-    def step(self, block: Block, k: int) -> None:
-        """Vote and monitor row k; see manager.manage for what is written."""
-        self.refer(block, k)
-        self.decide(block, k)
-
-    def refer(self, block: Block, k: int) -> None:
-        """The first half: the references of row k."""
-        refer_row(block, k, self.data)
-
-    def decide(self, block: Block, k: int) -> None:
-        """The second half: vote and monitor with them."""
-        if self.own is None:
-            decide_row(block, k, self.data)
-            return
-        self.own.step(block, k)
-        remember(block, k, self.references.data)
-        self.discretes.step(block, k)
 
 
 def measured_thresholds(params: NDArray[np.void], config: Config, designed: Designed) -> None:
@@ -102,24 +83,10 @@ def measured_thresholds(params: NDArray[np.void], config: Config, designed: Desi
 
 
 @kernel
-def vote_row(block, k, data):
-    """Row k through references, the chosen manager and the voter of the discretes; data : RedundancyData."""
-    refer_row(block, k, data)
-    decide_row(block, k, data)
+def conclude(bus, fcc, data):
+    """After the manager: keep the votes for the next references, and vote the discretes; data : RedundancyData."""
+    remember(bus, fcc, data.references)
+    vote_discretes(bus, fcc, data.discretes)
 
 
-@kernel
-def refer_row(block, k, data):
-    """The first half of ``vote_row``: the references, which may still go wrong before they are used."""
-    refer(block, k, data.references)
-
-
-@kernel
-def decide_row(block, k, data):
-    """The second half: vote and monitor."""
-    vote_signals(block, k, data.manager)
-    remember(block, k, data.references)
-    vote_discretes(block, k, data.discretes)
-
-
-__all__ = ["MANAGERS", "Config", "Redundancy", "RedundancyData", "SignalConfig", "decide_row", "refer_row", "vote_row"]
+__all__ = ["MANAGERS", "Config", "Redundancy", "RedundancyData", "SignalConfig", "conclude", "refer", "vote_signals"]

@@ -1,6 +1,6 @@
 """Managers to compare with: mean, median, cross-voter monitor, selection of one channel.
 
-Same rows, same parameters and state, same interface as manager.manage.  Mean and median fail nobody, and
+Same records, same parameters and state, same interface as manager.manage.  Mean and median fail nobody, and
 a selection takes back what it distrusted by itself, so resets concern the cross-voter monitor alone.
 Sources: Zhang 2023, section 1 (why mean and cross-voter are not good enough); the selector of the PX4
 autopilot for several inertial units (integrated deviation from their mean, 7 deg/s and 15 deg).
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from rig.computer.redundancy.compare import rank
 from rig.computer.redundancy.manager import anchor, publish, report
-from rig.computer.redundancy.monitor import apply_resets, watch_failed
+from rig.computer.redundancy.monitor import readmit, watch_failed
 from rig.computer.redundancy.persistence import latch
 from rig.computer.redundancy.vote import median
 from rig.frame import CHANNELS, Pattern
@@ -18,13 +18,13 @@ from rig.kernels import kernel
 
 
 @kernel
-def average(block, k, data):
-    """Row k: the arithmetic mean of all comparable samples of each signal; nobody is ever failed."""
-    row, params, state = block[k], data.params, data.state
+def average(bus, fcc, data):
+    """A row: the arithmetic mean of all comparable samples of each signal; nobody is ever failed."""
+    params, state = data.params, data.state
     for s in range(len(params)):
         p, st = params[s], state[s]
-        n = ranked(row, s, p, st)
-        finish(row, s, mean_of(st, n), n, p, st)
+        n = ranked(bus, s, p, st)
+        finish(bus, fcc, s, mean_of(st, n), n, p, st)
 
 
 @kernel
@@ -39,30 +39,30 @@ def mean_of(st, n):
 
 
 @kernel
-def plain_median(block, k, data):
-    """Row k: the median of all comparable samples of each signal; nobody is ever failed."""
-    row, params, state = block[k], data.params, data.state
+def plain_median(bus, fcc, data):
+    """A row: the median of all comparable samples of each signal; nobody is ever failed."""
+    params, state = data.params, data.state
     for s in range(len(params)):
         p, st = params[s], state[s]
-        n = ranked(row, s, p, st)
+        n = ranked(bus, s, p, st)
         voted = median(st["x"], st["order"], n, st["alone"], 0.5) if n else st["vote"]
-        finish(row, s, voted, n, p, st)
+        finish(bus, fcc, s, voted, n, p, st)
 
 
 @kernel
-def select(block, k, data):
-    """Row k: one channel is the vote, the first by number until it is distrusted; then the next that is not.
+def select(bus, fcc, data):
+    """A row: one channel is the vote, the first by number until it is distrusted; then the next that is not.
 
     excess += max(|x - mean of all| - deviation, -excess) each frame; a channel whose excess is above
     ``deviation_frames`` is distrusted (reported failed) until it has come down again.  A sample that is not
     comparable is distrusted at once.  With two channels left the mean is as far from both: nobody is.
     """
-    row, params, state = block[k], data.params, data.state
+    params, state = data.params, data.state
     for s in range(len(params)):
         p, st = params[s], state[s]
         for c in range(CHANNELS):
             st["failed"][c] = False
-        n = ranked(row, s, p, st)
+        n = ranked(bus, s, p, st)
         center = mean_of(st, n)
         for i in range(n):
             c = st["order"][i]
@@ -70,7 +70,7 @@ def select(block, k, data):
             st["excess"][c] = max(st["excess"][c] + off, 0.0)
         choose(n, p, st)
         voted = st["x"][st["selected"]]
-        finish(row, s, voted, n, p, st)
+        finish(bus, fcc, s, voted, n, p, st)
 
 
 @kernel
@@ -98,13 +98,13 @@ def choose(n, p, st):
 
 
 @kernel
-def cross_voter(block, k, data):
-    """Row k: the median of the channels in use; each is then compared with it instead of with each other."""
-    row, params, state = block[k], data.params, data.state
-    apply_resets(row["frame"], data.resets, params, state)
+def cross_voter(bus, fcc, data):
+    """A row: the median of the channels in use; each is then compared with it instead of with each other."""
+    params, state, reset = data.params, data.state, bus["reset"]
     for s in range(len(params)):
         p, st = params[s], state[s]
-        n = ranked(row, s, p, st)
+        readmit(reset[s], p, st)
+        n = ranked(bus, s, p, st)
         x, order, alone, count = st["x"], st["order"], st["alone"], st["count"]
         voted = median(x, order, n, alone, 0.5) if n else st["vote"]
         for c in range(p["fitted"]):
@@ -113,13 +113,13 @@ def cross_voter(block, k, data):
             alone[order[i]] = not abs(x[order[i]] - voted) <= p["threshold"]
         for c in range(p["fitted"]):
             count[c] = count[c] + 1 if alone[c] else 0
-        finish(row, s, voted, n, p, st)
+        finish(bus, fcc, s, voted, n, p, st)
 
 
 @kernel
-def ranked(row, s, p, st):
+def ranked(bus, s, p, st):
     """Rank the samples of signal s into its state; nobody is alone yet.  Returns their number."""
-    samples, valid, failed = row["channels"][s], row["valid"][s], st["failed"]
+    samples, valid, failed = bus["channels"][s], bus["valid"][s], st["failed"]
     for c in range(CHANNELS):
         st["alone"][c] = False
     base = anchor(samples, valid, p, st)
@@ -127,12 +127,12 @@ def ranked(row, s, p, st):
 
 
 @kernel
-def finish(row, s, voted, n, p, st):
+def finish(bus, fcc, s, voted, n, p, st):
     """Latch, publish and report signal s of a row."""
     st["pattern"] = Pattern.NORMAL if n else Pattern.LOST
-    watch_failed(row["channels"][s], row["valid"][s], voted, p, st)
+    watch_failed(bus["channels"][s], bus["valid"][s], voted, p, st)
     latch(p, st)
     publish(voted, p, st)
-    row["voted"][s] = st["output"]
-    row["level"][s], row["pattern"][s] = st["level"], st["pattern"]
-    report(p, st, row["state"][s])
+    fcc["voted"][s] = st["output"]
+    fcc["level"][s], fcc["pattern"][s] = st["level"], st["pattern"]
+    report(p, st, fcc["state"][s])

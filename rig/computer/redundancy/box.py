@@ -44,7 +44,7 @@ def accused(resolver, ranked, p, st):
 
 
 @kernel
-def fail_boxes(row, params, state, box):
+def fail_boxes(fcc, params, state, box):
     """Fail on all their signals the channels accused long enough on enough signals, unless they are the majority."""
     condemned, candidates, boxes = 0, 0, 0
     for c in range(CHANNELS):
@@ -59,15 +59,15 @@ def fail_boxes(row, params, state, box):
     if 2 * candidates > boxes or candidates == 0:
         return
     for s in range(len(params)):
-        fail_all(condemned, row, s, params[s], state[s])
+        fail_all(condemned, fcc, s, params[s], state[s])
 
 
 @kernel
-def fail_all(channels, row, s, p, st):
+def fail_all(channels, fcc, s, p, st):
     """Latch the failure of ``channels``, bits, on signal s of a voted row: the fade begins in the next one."""
     for c in range(p["fitted"]):
         if (channels >> c) & 1 == 1 and not st["failed"][c]:
             st["failed"][c] = True
             st["level"] -= 1
             st["fade_left"] = p["fade_frames"]
-            row["state"][s, c], row["level"][s], row["resolver"][s] = State.FAILED, st["level"], Resolver.BOX
+            fcc["state"][s, c], fcc["level"][s], fcc["resolver"][s] = State.FAILED, st["level"], Resolver.BOX

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -13,7 +13,7 @@ from pydantic import Field, create_model, field_validator, model_validator
 from rig.computer.analytic.references import Config as References
 from rig.computer.redundancy.discrete_config import PERSISTENCE, DiscreteConfigs
 from rig.computer.redundancy.durations import in_frames, refuse_both
-from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, SIGNALS, Resolver, S, to_frame
+from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, SIGNALS, Block, Resolver, S, to_frame
 from rig.settings import Settings
 from rig.text import choices
 
@@ -85,7 +85,7 @@ class Reset(Settings):
 class Config(Settings):
     """The ``[redundancy]`` table of an aircraft or scenario."""
 
-    manager: str = "cross-channel"  # one of MANAGERS, or module:Class
+    manager: str = "cross-channel"  # one of MANAGERS, or module:name of one's own
     box_signals: int = Field(default=4, ge=0)  # that accuse a channel at once until it is failed on all; 0: never
     box_persistence: int = Field(default=8, ge=1)  # frames for which they do
     discrete_persistence: int = Field(default=PERSISTENCE, ge=1)  # frames, of a discrete that has none of its own
@@ -100,7 +100,7 @@ class Config(Settings):
     @classmethod
     def _known_manager(cls, name: str) -> str:
         if name not in MANAGERS and not re.fullmatch(r"[\w.]+:\w+", name):
-            raise ValueError(f"unknown manager, allowed: {', '.join(MANAGERS)} or module:Class")
+            raise ValueError(f"unknown manager, allowed: {', '.join(MANAGERS)} or module:name")
         return name
 
 
@@ -130,20 +130,19 @@ PARAMS: Final = np.dtype(
 )
 
 
-RESETS: Final = np.dtype([("frame", "i8"), ("signal", "i8"), ("channel", "u1", (CHANNELS,))], align=True)
+def command(rows: Block, resets: Sequence[Reset], rate_hz: float) -> None:
+    """Put the reset commands into ``rows``, whose frames follow each other: each into the first frame not before it."""
+    rows["reset"], rows["discrete_reset"] = 0, 0
+    for reset in resets:
+        k = to_frame(reset.at_s, rate_hz) - int(rows["frame"][0])
+        if 0 <= k < len(rows):
+            field, index = ("reset", INDEX) if reset.signal in INDEX else ("discrete_reset", DISCRETE_INDEX)
+            rows[field][k, index[reset.signal]] |= bits(reset.channels)
 
 
-def reset_table(resets: Sequence[Reset], rate_hz: float, index: Mapping[str, int] = INDEX) -> NDArray[np.void]:
-    """The commands as RESETS records; each acts in the first frame at or after its time.
-
-    index : the signals whose commands are meant, by name; DISCRETE_INDEX for those of the discretes
-    """
-    meant = [reset for reset in resets if reset.signal in index]
-    table = np.zeros(len(meant), RESETS)
-    for row, reset in zip(table, meant, strict=True):
-        row["frame"], row["signal"] = to_frame(reset.at_s, rate_hz), index[reset.signal]
-        row["channel"][np.array(reset.channels) - 1] = 1
-    return table
+def bits(channels: Iterable[int]) -> int:
+    """The byte of commanded channels, which count from 1."""
+    return sum(1 << (channel - 1) for channel in set(channels))
 
 
 def parameters(

@@ -10,8 +10,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.config import RESETS
-from rig.frame import CHANNELS, Block, Ilm, State
+from rig.computer.redundancy.monitor import readmit
+from rig.frame import CHANNELS, Block, Ilm, State, nested
 from rig.kernels import kernel
 
 STATE: Final = np.dtype(
@@ -22,7 +22,6 @@ STATE: Final = np.dtype(
     ],
     align=True,
 )
-NO_RESETS: Final = np.zeros(0, RESETS)
 
 
 class DiscreteData(NamedTuple):
@@ -30,56 +29,42 @@ class DiscreteData(NamedTuple):
 
     params: NDArray[Any]  # one discrete_config.DISCRETE_PARAMS record for each discrete
     state: NDArray[Any]  # one STATE record for each, in place
-    resets: NDArray[Any]  # config.RESETS records, whose ``signal`` is the place of a discrete
 
 
 class DiscreteVoter:
     """Votes the discretes of every row; ``state`` is plain data and can be copied.
 
-    params : one discrete_config.DISCRETE_PARAMS record for each discrete; resets : config.RESETS, whose ``signal``
-    is the place of a discrete among them
+    params : one discrete_config.DISCRETE_PARAMS record for each discrete
     """
 
-    def __init__(self, params: NDArray[np.void], resets: NDArray[np.void] = NO_RESETS) -> None:
+    def __init__(self, params: NDArray[np.void]) -> None:
         self.params = params
-        self.resets = resets
         self.state = np.zeros(len(params), STATE)
 
     @property
     def data(self) -> DiscreteData:
         """What ``vote_discretes`` needs besides the row."""
-        return DiscreteData(self.params, self.state, self.resets)
+        return DiscreteData(self.params, self.state)
 
     def step(self, block: Block, k: int) -> None:
         """Write discrete_voted, discrete_state and discrete_level of row k."""
-        vote_discretes(block, k, self.data)
+        row = nested(block)[k]
+        vote_discretes(row["bus"], row["fcc"], self.data)
 
 
 @kernel
-def vote_discretes(block, k, data):
-    """Vote and monitor the discretes of row k: write discrete_voted, discrete_state, discrete_level.
+def vote_discretes(bus, fcc, data):
+    """Vote and monitor the discretes of a row: write discrete_voted, discrete_state, discrete_level.
 
-    block : FRAME records, reads discrete_channels, discrete_valid, discrete_ilm
-    data : DiscreteData
+    bus, fcc : the row's BUS and FCC records; data : DiscreteData
     """
-    row, params, state, resets = block[k], data.params, data.state, data.resets
-    samples, valid, ilm = row["discrete_channels"], row["discrete_valid"], row["discrete_ilm"]
-    voted, levels, states = row["discrete_voted"], row["discrete_level"], row["discrete_state"]
-    for i in range(len(resets)):
-        if resets[i]["frame"] == row["frame"]:
-            d = resets[i]["signal"]
-            readmit(resets[i]["channel"], params[d], state[d])
+    params, state, reset = data.params, data.state, bus["discrete_reset"]
+    samples, valid, ilm = bus["discrete_channels"], bus["discrete_valid"], bus["discrete_ilm"]
+    voted, levels, states = fcc["discrete_voted"], fcc["discrete_level"], fcc["discrete_state"]
     for d in range(len(params)):
+        readmit(reset[d], params[d], state[d])
         voted[d] = majority(samples[d], valid[d], ilm[d], params[d], state[d])
         levels[d] = isolate(samples[d], valid[d], ilm[d], voted[d], params[d], state[d], states[d])
-
-
-@kernel
-def readmit(commanded, p, st):
-    """Clear the failures of the commanded channels that have agreed with the vote for ``readmit_frames``."""
-    for c in range(p["fitted"]):
-        if commanded[c] and st["failed"][c] and st["agreed"][c] >= p["readmit_frames"]:
-            st["failed"][c] = st["count"][c] = st["agreed"][c] = 0
 
 
 @kernel

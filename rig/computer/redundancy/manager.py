@@ -17,9 +17,8 @@ from rig.computer.redundancy import trend, vote
 from rig.computer.redundancy.box import accused, fail_boxes
 from rig.computer.redundancy.common import watch_common
 from rig.computer.redundancy.compare import classify, comparable, is_singular, rank
-from rig.computer.redundancy.config import RESETS
 from rig.computer.redundancy.last_channel import check_last
-from rig.computer.redundancy.monitor import apply_resets, monitor_reference, watch_failed
+from rig.computer.redundancy.monitor import monitor_reference, readmit, watch_failed
 from rig.computer.redundancy.persistence import count_miscompares, latch
 from rig.computer.redundancy.reference_threshold import reference_threshold
 from rig.computer.redundancy.resolve import settle
@@ -65,7 +64,6 @@ STATE: Final = np.dtype(
     ],
     align=True,
 )
-NO_RESETS: Final = np.zeros(0, RESETS)
 
 
 class ManagerData(NamedTuple):
@@ -74,7 +72,6 @@ class ManagerData(NamedTuple):
     choice: int  # place in config.MANAGERS
     params: NDArray[Any]  # (S,) config.PARAMS
     state: NDArray[Any]  # (S,) STATE, in place
-    resets: NDArray[Any]  # config.RESETS records, applied in their frame
     boxes: NDArray[Any]  # (1,) box.BOXES, in place
 
 
@@ -87,21 +84,21 @@ def new_state(params: NDArray[np.void]) -> NDArray[np.void]:
 
 
 @kernel
-def manage(block, k, data):
-    """Write voted, state, level, pattern, resolver, trend bytes, reference_usable and common_mode of row k.
+def manage(bus, fcc, data):
+    """Write voted, state, level, pattern, resolver, trend bytes, reference_usable and common_mode of a row.
 
-    block : FRAME records; data : ManagerData
+    bus, fcc : the row's BUS and FCC records; data : ManagerData
     """
-    row, params, state = block[k], data.params, data.state
-    apply_resets(row["frame"], data.resets, params, state)
-    channels, valid, ilm = row["channels"], row["valid"], row["ilm"]
-    voted, reference, states = row["voted"], row["reference"], row["state"]
-    levels, patterns, resolvers, usable = row["level"], row["pattern"], row["resolver"], row["reference_usable"]
-    trend_high, trend_low = row["trend_high"], row["trend_low"]
-    second, common = row["second_reference"], row["common_mode"]
+    params, state = data.params, data.state
+    channels, valid, ilm, reset = bus["channels"], bus["valid"], bus["ilm"], bus["reset"]
+    voted, reference, states = fcc["voted"], fcc["reference"], fcc["state"]
+    levels, patterns, resolvers, usable = fcc["level"], fcc["pattern"], fcc["resolver"], fcc["reference_usable"]
+    trend_high, trend_low = fcc["trend_high"], fcc["trend_low"]
+    second, common = fcc["second_reference"], fcc["common_mode"]
     accusing = 0
     for s in range(len(params)):
         p, st = params[s], state[s]
+        readmit(reset[s], p, st)
         resolvers[s] = manage_signal(channels[s], valid[s], ilm[s], reference[s], second[s], p, st)
         voted[s], levels[s], patterns[s] = st["output"], st["level"], st["pattern"]
         usable[s] = 0 if not np.isfinite(reference[s]) else st["reference_usable"]
@@ -111,7 +108,7 @@ def manage(block, k, data):
         accusing += st["accused"] != 0
     box = data.boxes[0]
     if accusing >= box["signals"] > 0:
-        fail_boxes(row, params, state, box)
+        fail_boxes(fcc, params, state, box)
     else:
         box["count"][:] = 0
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from rig.computer.redundancy.baselines import average, cross_voter, plain_median, select
 from rig.computer.redundancy.box import BOXES
 from rig.computer.redundancy.config import MANAGERS
-from rig.computer.redundancy.manager import NO_RESETS, ManagerData, manage, new_state
-from rig.frame import Block
+from rig.computer.redundancy.manager import ManagerData, manage, new_state
+from rig.frame import Block, nested
 from rig.kernels import kernel
 
 _MEAN: Final = MANAGERS.index("mean")
@@ -23,7 +23,7 @@ _SELECTION: Final = MANAGERS.index("selection")
 class Manager:
     """A manager of the house; ``state`` is plain data and can be copied.
 
-    name : one of MANAGERS; params : (S,) config.PARAMS; resets : config.RESETS, the commands of the flight
+    name : one of MANAGERS; params : (S,) config.PARAMS
     box_signals, box_persistence : as in config.Config; 0 signals: no channel is failed as a box
     """
 
@@ -31,14 +31,12 @@ class Manager:
         self,
         name: str,
         params: NDArray[np.void],
-        resets: NDArray[np.void] = NO_RESETS,
         *,
         box_signals: int = 0,
         box_persistence: int = 1,
     ) -> None:
         self.choice = MANAGERS.index(name)
         self.params = params
-        self.resets = resets
         self.state = new_state(params)
         self.boxes = np.zeros(1, BOXES)
         self.boxes["signals"], self.boxes["persistence"] = box_signals, box_persistence
@@ -46,24 +44,29 @@ class Manager:
     @property
     def data(self) -> ManagerData:
         """What ``vote_signals`` needs besides the row."""
-        return ManagerData(self.choice, self.params, self.state, self.resets, self.boxes)
+        return ManagerData(self.choice, self.params, self.state, self.boxes)
 
     def step(self, block: Block, k: int) -> None:
         """Vote and monitor every signal of row k."""
-        vote_signals(block, k, self.data)
+        rows = nested(block)
+        self.vote(rows["bus"], rows["fcc"], k)
+
+    def vote(self, bus: Any, fcc: Any, k: int) -> None:
+        """The same of row k of a block's parts."""
+        vote_signals(bus[k], fcc[k], self.data)
 
 
 @kernel
-def vote_signals(block, k, data):
-    """Row k through the chosen manager, its place in MANAGERS."""
+def vote_signals(bus, fcc, data):
+    """A row through the chosen manager, its place in MANAGERS."""
     choice = data.choice
     if choice == _MEAN:
-        average(block, k, data)
+        average(bus, fcc, data)
     elif choice == _MEDIAN:
-        plain_median(block, k, data)
+        plain_median(bus, fcc, data)
     elif choice == _CROSS_VOTER:
-        cross_voter(block, k, data)
+        cross_voter(bus, fcc, data)
     elif choice == _SELECTION:
-        select(block, k, data)
+        select(bus, fcc, data)
     else:
-        manage(block, k, data)
+        manage(bus, fcc, data)

@@ -35,17 +35,10 @@ def watch_failed(samples, valid, raw, p, st):
 
 
 @kernel
-def apply_resets(frame, resets, params, state):
-    """Carry out the reset commands of this frame."""
-    for i in range(len(resets)):
-        if resets[i]["frame"] == frame:
-            s = resets[i]["signal"]
-            readmit(resets[i]["channel"], params[s], state[s])
-
-
-@kernel
 def readmit(commanded, p, st):
-    """Clear the failures of the commanded channels that have agreed with the vote for ``readmit_frames``."""
+    """Clear the failures of the ``commanded`` channels, bits, that have agreed with the vote for ``readmit_frames``."""
+    if commanded == 0:
+        return
     for c in range(p["fitted"]):
-        if commanded[c] and st["failed"][c] and st["agreed"][c] >= p["readmit_frames"]:
+        if (commanded >> c) & 1 == 1 and st["failed"][c] and st["agreed"][c] >= p["readmit_frames"]:
             st["failed"][c] = st["count"][c] = st["agreed"][c] = 0
