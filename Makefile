@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.stamp
 
-.PHONY: fly test check lint types imports coverage bench golden designs replay setup clean
+.PHONY: fly test check lint types imports coverage bench measured requirements golden designs replay setup clean
 
 fly: setup  ## fly the default scenario: a hardover on one pitch-rate channel of the F-16
 	$(BIN)/rig fly
@@ -34,6 +34,12 @@ coverage: setup  ## statements and branches of the monitor, its kernels interpre
 
 bench: setup  ## what a frame costs, against bare JSBSim in the same process
 	$(BIN)/rig bench
+
+measured: setup  ## write docs/measured/: figures of this commit on this machine; only="bench evidence" for some of them
+	$(BIN)/python tests/tools/measured.py $(only)
+
+requirements: setup  ## write docs/requirements.md from the markers in the tests
+	$(BIN)/python tests/tools/requirements.py
 
 golden: setup  ## fly all golden flights and keep what they decide now
 	$(BIN)/python tests/tools/golden_flights.py

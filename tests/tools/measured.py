@@ -1,0 +1,107 @@
+"""Figures of this commit on this machine: run what measures them, and keep what it prints in docs/measured/.
+
+    python tests/tools/measured.py [bench resolvers ...]     without names: all of them, three hours on two cores
+
+Each page has the commands, the commit, the versions, the machine and the output: who doubts a figure runs it again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import re
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter
+from typing import Final, NamedTuple
+
+from rig.versions import versions
+
+ROOT: Final = Path(__file__).parents[2]
+PAGES: Final = ROOT / "docs" / "measured"
+TOOLS: Final = "python tests/tools"
+
+
+class Figures(NamedTuple):
+    """One page: what it shows, and the commands that print it, run in the checkout; ``{folder}`` is a scratch one."""
+
+    title: str
+    commands: Sequence[str]
+
+
+MEASURED: Final = {
+    "bench": Figures("What a frame costs", ["rig bench"] * 8),
+    "evidence": Figures("What the monitor gets wrong", [f"{TOOLS}/evidence.py"]),
+    "resolvers": Figures("Who settles a pattern without a majority", [f"{TOOLS}/resolver_table.py"]),
+    "tolerant": Figures("What the fault-tolerant law finds, and its false trips", [f"{TOOLS}/tolerant.py"]),
+    "rate-bias": Figures(
+        "A common bias of rates and attitudes, by both laws",
+        ["rig study rate-bias", "rig study rate-bias --seeds 2 --drawn 300"],
+    ),
+    "false-alarm": Figures(
+        "Healthy flights: channels and signals failed without a fault",
+        ["rig campaign run false-alarm --set redundancy.common_mode=fail --out {folder}/healthy"],
+    ),
+    "throughput": Figures("Flights a second of a campaign", [f"{TOOLS}/campaign_throughput.py"]),
+    "hostile": Figures("Bad input", [f"{TOOLS}/hostile.py"]),
+}
+
+
+def machine() -> str:
+    """Processor, cores and system."""
+    cpu = Path("/proc/cpuinfo")
+    named = re.search(r"model name\s*: (.+)", cpu.read_text(encoding="utf-8")) if cpu.is_file() else None
+    processor = named[1] if named else platform.processor() or platform.machine()
+    return f"{processor}, {os.cpu_count()} cores, {platform.system()} {platform.machine()}"
+
+
+def printed(command: str, folder: str) -> str:
+    """What a command prints, without its progress; SystemExit when it fails."""
+    name, *rest = command.format(folder=folder).split()
+    program = [sys.executable] if name == "python" else [str(Path(sys.executable).with_name(name))]
+    environment = {**os.environ, "COLUMNS": "140", "NO_COLOR": "1"}
+    done = subprocess.run([*program, *rest], cwd=ROOT, capture_output=True, text=True, env=environment, check=False)
+    if done.returncode:
+        sys.exit(f"{command}: exit code {done.returncode}: {done.stderr.strip()[-500:]}")
+    return done.stdout.replace(folder, "FOLDER").rstrip()
+
+
+def page(name: str, figures: Figures) -> str:
+    """The page of one set of figures."""
+    with TemporaryDirectory(prefix="rig") as folder:
+        began, outputs = perf_counter(), [(command, printed(command, folder)) for command in figures.commands]
+        minutes = (perf_counter() - began) / 60.0
+    known = versions()
+    packages = ", ".join(f"{key.removeprefix('version ')} {value}" for key, value in known.items() if "version" in key)
+    head = [
+        f"# {figures.title}",
+        f"Written by `make measured only={name}`; do not edit.",
+        f"- commit: {known.get('git commit', 'unknown')}",
+        f"- versions: {packages}",
+        f"- machine: {machine()}; {minutes:.1f} minutes",
+    ]
+    blocks = [f"```\n$ {command.format(folder='FOLDER')}\n{output}\n```" for command, output in outputs]
+    return "\n\n".join([head[0], head[1], "\n".join(head[2:]), *blocks]) + "\n"
+
+
+def main() -> int:
+    """Measure what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(MEASURED))
+    names = parser.parse_args().names or list(MEASURED)
+    unknown = [name for name in names if name not in MEASURED]
+    if unknown:
+        parser.error(f"{unknown[0]}: allowed: {', '.join(MEASURED)}")
+    PAGES.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        (PAGES / f"{name}.md").write_text(page(name, MEASURED[name]), encoding="utf-8")
+        print(f"docs/measured/{name}.md", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
