@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
-from rich.console import Console
+from rich.console import Console, RenderableType
+from rich.table import Table
 from rich.text import Text
 
 from rig.text import plain
@@ -24,6 +26,13 @@ class Screen(Console):
     def render_str(self, text: str, **options: Any) -> Text:
         """Every string comes through here: printed ones and a table's cells."""
         return super().render_str(plain(text), **options)
+
+    def table(self, heads: Iterable[str], rows: Iterable[Iterable[RenderableType]]) -> None:
+        """Print rows of cells under their heads."""
+        table = Table(*heads, box=None)
+        for row in rows:
+            table.add_row(*row)
+        self.print(table)
 
 
 def console(stderr: bool = False) -> Screen:

@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from rig.cli.options import AllowCode
+from rig.cli.common import GROUP, AllowCode, Json, Logs, emit
 from rig.interrupt import CODE
 
-app = typer.Typer(
-    help="Fly many flights of one plan, and say what they show.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+app = typer.Typer(help="Fly many flights of one plan, and say what they show.", **GROUP)
 
 File = Annotated[str, typer.Argument(help="A campaign file or the name of a bundled one.", show_default=False)]
 Dir = Annotated[Path, typer.Argument(help="A campaign's output folder.", show_default=False)]
@@ -26,7 +19,6 @@ Sets = Annotated[
     typer.Option("--set", metavar="KEY=VALUE", help="A key of the scenario, the same in every run; repeatable."),
 ]
 Runs = Annotated[int | None, typer.Option(help="The first N runs only.", show_default="all")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 
 def _plan(file: str, sets: list[str] | None, allow_code: bool) -> Any:
@@ -50,10 +42,8 @@ def plan(
     planned = _plan(file, sets, allow_code)
     planned.check()
     expected = estimate(planned, runs)
-    if as_json:
-        _print({**expected.as_dict(), "list": show.plan_rows(planned, runs)})
-    else:
-        show.plan(planned, expected)
+    listed = lambda: {**expected.as_dict(), "list": show.plan_rows(planned, runs)}  # noqa: E731 # read once
+    emit(as_json, listed, lambda: show.plan(planned, expected))
 
 
 @app.command()
@@ -83,10 +73,7 @@ def run(
     planned = _plan(file, sets, allow_code)
     with show.progress(enabled=not as_json) as report:
         result = fly(planned, out, runs=runs, workers=workers, scheduler=scheduler, logs=logs, report=report)
-    if as_json:
-        _print(result.as_dict())
-    else:
-        show.result(result)
+    emit(as_json, result.as_dict, lambda: show.result(result))
     if result.interrupted:
         typer.echo(f"stopped: {result.done} of {result.runs} runs done; the same command goes on", err=True)
         raise typer.Exit(CODE + result.signal)
@@ -100,17 +87,14 @@ def status(folder: Dir, as_json: Json = False) -> None:
     from rig.cli import show_campaign as show
 
     found = look(open_folder(folder))
-    if as_json:
-        _print(found)
-    else:
-        show.status(found)
+    emit(as_json, found, lambda: show.status(found))
 
 
 @app.command()
 def fly(
     folder: Dir,
     run: Annotated[int, typer.Option(help="The run's number in the table, from 0.", min=0, show_default=False)],
-    out: Annotated[Path, typer.Option(help="Folder of the log.")] = Path("logs"),
+    out: Logs = Path("logs"),
     allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:
@@ -121,10 +105,8 @@ def fly(
 
     flight, digest = again(open_folder(folder, allow_code), run, out)
     same = None if digest is None else digest == flight.digest
-    if as_json:
-        _print({**flight.summary(), "run": run, "table_digest": digest, "same": same})
-    else:
-        show.again(flight, run, same)
+    said = {**flight.summary(), "run": run, "table_digest": digest, "same": same}
+    emit(as_json, said, lambda: show.again(flight, run, same))
     if same is False:
         raise typer.Exit(1)
 
@@ -142,10 +124,7 @@ def report(
 
     target = out or folder / "report.html"
     found = write(open_folder(folder), target)
-    if as_json:
-        _print({"report": str(target), **found})
-    else:
-        show.report(found, target)
+    emit(as_json, {"report": str(target), **found}, lambda: show.report(found, target))
 
 
 @app.command()
@@ -156,11 +135,4 @@ def compare(first: Dir, second: Dir, as_json: Json = False) -> None:
     from rig.cli import show_campaign as show
 
     found = pair(open_folder(first), open_folder(second))
-    if as_json:
-        _print(found)
-    else:
-        show.compare(found)
-
-
-def _print(data: Any) -> None:
-    typer.echo(json.dumps(data, allow_nan=False))
+    emit(as_json, found, lambda: show.compare(found))

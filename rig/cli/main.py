@@ -5,10 +5,9 @@ Exit code 0 when the work was done (a lost aircraft is a result), 2 for bad inpu
 
 from __future__ import annotations
 
-import json
 import logging
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -16,28 +15,20 @@ from typing import Annotated, Any, Final
 import typer
 
 from rig.cli.campaign import app as campaign_app
+from rig.cli.common import GROUP, AllowCode, Json, Logs, emit
 from rig.cli.faults import faults_app
-from rig.cli.options import AllowCode
 from rig.cli.replay import diff, export, info, replay
 from rig.cli.score import score
 from rig.cli.studies import study
-from rig.cli.view import view
+from rig.cli.view import view, watch
 from rig.cli.vote import vote
-from rig.cli.watch import watch as watch_log
 from rig.errors import BadInput, RigError
 from rig.interrupt import end_cleanly
 from rig.text import plain, shorten
 
-HELP = {"help_option_names": ["-h", "--help"]}
-PLAIN: dict[str, Any] = {
-    "no_args_is_help": True,
-    "pretty_exceptions_enable": False,
-    "rich_markup_mode": None,
-    "context_settings": HELP,
-}
-app = typer.Typer(help="Fly redundant flight control against injected faults.", **PLAIN)
-scenario_app = typer.Typer(help="Look at scenario files.", **PLAIN)
-aircraft_app = typer.Typer(help="Look at aircraft and design their control laws.", **PLAIN)
+app = typer.Typer(help="Fly redundant flight control against injected faults.", **GROUP)
+scenario_app = typer.Typer(help="Look at scenario files.", **GROUP)
+aircraft_app = typer.Typer(help="Look at aircraft and design their control laws.", **GROUP)
 app.add_typer(scenario_app, name="scenario")
 app.add_typer(aircraft_app, name="aircraft")
 app.add_typer(campaign_app, name="campaign")
@@ -52,7 +43,6 @@ Sets = Annotated[
     typer.Option("--set", metavar="KEY=VALUE", help="Override a key, e.g. redundancy.manager=mean; repeatable."),
 ]
 Seed = Annotated[int | None, typer.Option(help="Seed of all random draws.", min=0, show_default=False)]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 
 @app.callback()
@@ -71,7 +61,7 @@ def fly(
     scenario: ScenarioName = None,
     sets: Sets = None,
     seed: Seed = None,
-    out: Annotated[Path, typer.Option(help="Folder of the log.")] = Path("logs"),
+    out: Logs = Path("logs"),
     rerun: Annotated[str, typer.Option(help="off, save, serve, spawn, or rerun+http://127.0.0.1:PORT/proxy.")] = "off",
     realtime_factor: Annotated[
         float | None,
@@ -101,7 +91,7 @@ def fly(
             watch=page,
             allow_code=allow_code,
         )
-    _print(as_json, flight.summary, lambda: show.flight(flight))
+    emit(as_json, flight.summary, lambda: show.flight(flight))
 
 
 @app.command()
@@ -124,7 +114,7 @@ def recover(
         text, kept = f"{log}: whole, nothing to mend: {holds}", log
     else:
         text, kept = f"{target}: {holds}; {found.damage}, {found.lost_bytes} bytes lost", target
-    _print(as_json, lambda: {"log": str(kept), **asdict(found)}, lambda: typer.echo(plain(text)))
+    emit(as_json, {"log": str(kept), **asdict(found)}, lambda: typer.echo(plain(text)))
 
 
 @app.command()
@@ -141,7 +131,7 @@ def bench(
     from rig.scenario import load
 
     result = measure(load(scenario, sets or (), allow_code=allow_code), repeats)
-    _print(as_json, result.as_dict, lambda: show.bench(result))
+    emit(as_json, result.as_dict, lambda: show.bench(result))
 
 
 @app.command()
@@ -157,12 +147,11 @@ def signals(
 
     data = {"signals": list(map(asdict, SIGNALS)), "discretes": list(map(asdict, DISCRETES))}
     text = show.signals_markdown if markdown else show.signals
-    _print(as_json, lambda: data, text)
+    emit(as_json, data, text)
 
 
-for command in (vote, score, replay, diff, info, export, view):
+for command in (vote, score, replay, diff, info, export, view, watch):
     app.command()(command)
-app.command("watch")(watch_log)
 
 
 @scenario_app.command("show")
@@ -171,7 +160,7 @@ def scenario_show(scenario: ScenarioName = None, sets: Sets = None, as_json: Jso
     from rig.scenario import load
 
     loaded = load(scenario, sets or ())
-    _print(as_json, loaded.resolved, lambda: typer.echo(plain(loaded.to_toml(), keep="\n"), nl=False))
+    emit(as_json, loaded.resolved, lambda: typer.echo(plain(loaded.to_toml(), keep="\n"), nl=False))
 
 
 @scenario_app.command("list")
@@ -182,7 +171,7 @@ def scenario_list(as_json: Json = False) -> None:
     from rig.settings import read_toml
 
     found = {name: str(read_toml(find(name)).get("title", "")) for name in names()}
-    _print(as_json, lambda: found, lambda: show.scenarios(found))
+    emit(as_json, found, lambda: show.scenarios(found))
 
 
 @scenario_app.command("check")
@@ -204,7 +193,7 @@ def aircraft_list(as_json: Json = False) -> None:
     from rig.cli import show
 
     found = {name: show.flight_points(name) for name in names()}
-    _print(as_json, lambda: found, lambda: show.aircraft(found))
+    emit(as_json, found, lambda: show.aircraft(found))
 
 
 @aircraft_app.command("show")
@@ -217,7 +206,7 @@ def aircraft_show(name: str, as_json: Json = False) -> None:
 
     found = tables(name)
     refuse_what_is_no_setting(found, f"aircraft {name}")
-    _print(as_json, lambda: found, lambda: typer.echo(plain(tomli_w.dumps(found), keep="\n"), nl=False))
+    emit(as_json, found, lambda: typer.echo(plain(tomli_w.dumps(found), keep="\n"), nl=False))
 
 
 @aircraft_app.command("design")
@@ -248,16 +237,8 @@ def aircraft_design(
     references, beside = reference_design.design(name, gains), target.with_name("references.toml")
     reference_design.write(references, beside)
     written = {"file": str(target), "references_file": str(beside)}
-    summary = lambda: {**written, **gains.model_dump(), "references": references.model_dump()}  # noqa: E731 # read once
-    _print(as_json, summary, lambda: show.design(references, target, beside))
-
-
-def _print(as_json: bool, data: Callable[[], Any], text: Callable[[], None]) -> None:
-    """One JSON object, or text for people."""
-    if as_json:
-        typer.echo(json.dumps(data(), allow_nan=False))
-    else:
-        text()
+    summary = {**written, **gains.model_dump(), "references": references.model_dump()}
+    emit(as_json, summary, lambda: show.design(references, target, beside))
 
 
 @contextmanager

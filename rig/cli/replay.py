@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rig.cli.options import AllowCode
+from rig.cli.common import AllowCode, Json, emit
 from rig.text import plain
 
 if TYPE_CHECKING:
     from rig.offline.replay import Recorded
 
 LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A log of a flight.", show_default=False)]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 
 def replay(
@@ -58,13 +56,7 @@ def _again(recording: Recorded, fly: bool, as_json: bool) -> None:
     from rig.offline.verify import verify
 
     found = verify(recording, fly)
-    if as_json:
-        _print({"log": str(recording.path), **found.as_dict()})
-    else:
-        screen = _console()
-        show.comparison(screen, found.comparison)
-        if not found.comparison.identical:
-            show.decisions(screen, found.decisions, recording.log.rate_hz)
+    emit(as_json, {"log": str(recording.path), **found.as_dict()}, lambda: show.verified(recording, found))
     if not found.comparison.identical:
         raise typer.Exit(1)
 
@@ -75,14 +67,8 @@ def _what_if(recording: Recorded, file: Path | None, sets: list[str], out: Path 
 
     changes = [*([str(file)] if file else []), *sets]
     answer = what_if(recording, changed(recording, file, sets), out, changes)
-    if as_json:
-        about = {"log": str(recording.path), "what_if": str(answer.path), "changes": changes, "events": answer.events}
-        _print({**about, "open_loop": True, **answer.moved.as_dict()})
-        return
-    screen = _console()
-    show.decisions(screen, answer.moved, recording.log.rate_hz)
-    screen.print("open loop: truth and commands are those of the recording, whatever the new votes say")
-    screen.print(f"written  {answer.path}", soft_wrap=True)
+    about = {"log": str(recording.path), "what_if": str(answer.path), "changes": changes, "events": answer.events}
+    emit(as_json, {**about, "open_loop": True, **answer.moved.as_dict()}, lambda: show.what_if(recording, answer))
 
 
 def diff(
@@ -100,10 +86,7 @@ def diff(
     from rig.offline.sides import side
 
     found = compare(side(a), side(b), tolerance or ())
-    if as_json:
-        _print({"a": str(a), "b": str(b), **found.as_dict()})
-    else:
-        show.comparison(_console(), found)
+    emit(as_json, {"a": str(a), "b": str(b), **found.as_dict()}, lambda: show.comparison(found))
     if not found.same:
         raise typer.Exit(1)
 
@@ -115,10 +98,7 @@ def info(log: LogFile, as_json: Json = False) -> None:
     from rig.offline.log_info import info as tell
 
     found = tell(log)
-    if as_json:
-        _print(found)
-    else:
-        show.info(_console(), found)
+    emit(as_json, found, lambda: show.info(found))
     if found["damage"] is not None:
         raise BadLog(f"{log}: {found['health']}")
 
@@ -141,17 +121,6 @@ def export(
     owners = [part.strip() for part in (signals or "").split(",") if part.strip()]
     recording, target = read_log(log), out or Path(f"{log.with_suffix('')}.{to}")
     columns = write(recording, to, target, owners, for_vote)
-    if as_json:
-        _print({"log": str(log), "out": str(target), "rows": len(recording.rows), "columns": columns})
-    else:
-        typer.echo(plain(f"{target}: {len(recording.rows)} rows, {len(columns)} columns"))
-
-
-def _console() -> Any:
-    from rig.console import console
-
-    return console()
-
-
-def _print(found: dict[str, Any]) -> None:
-    typer.echo(json.dumps(found, allow_nan=False))
+    about = {"log": str(log), "out": str(target), "rows": len(recording.rows), "columns": columns}
+    text = f"{target}: {len(recording.rows)} rows, {len(columns)} columns"
+    emit(as_json, about, lambda: typer.echo(plain(text)))

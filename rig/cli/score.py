@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from math import radians
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from rig.cli.options import AllowCode
+from rig.cli.common import AllowCode, Json, emit
 
 
 def score(
@@ -21,7 +20,7 @@ def score(
     ] = radians(10.0),
     transient_window_s: Annotated[float, typer.Option(help="Time after each onset that is scored.", min=1e-9)] = 2.0,
     allow_code: AllowCode = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Score a flight against the truth: what was detected, missed and wrong, and how it flew."""
     from rig.cli.show_score import show
@@ -35,7 +34,4 @@ def score(
         "window_s": transient_window_s,
     }
     scored = score_log(log, build(Yardstick, limits, "--transient"), not no_twin, allow_code)
-    if as_json:
-        typer.echo(json.dumps(scored.as_dict(), allow_nan=False))
-    else:
-        show(scored)
+    emit(as_json, scored.as_dict, lambda: show(scored))

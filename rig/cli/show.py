@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
 from rig.aircraft import tables
 from rig.console import Screen, console, styled
@@ -122,18 +121,13 @@ def flight_points(name: str) -> list[str]:
 
 def aircraft(found: dict[str, list[str]]) -> None:
     """Aircraft and flight points."""
-    table = Table("aircraft", "flight points (the first is the default)", box=None)
-    for name, points in found.items():
-        table.add_row(name, ", ".join(points))
-    console().print(table)
+    heads = ("aircraft", "flight points (the first is the default)")
+    console().table(heads, ((name, ", ".join(points)) for name, points in found.items()))
 
 
 def scenarios(found: dict[str, str]) -> None:
     """Bundled scenarios and their titles."""
-    table = Table("scenario", "title", box=None)
-    for name, title in found.items():
-        table.add_row(name, title)
-    console().print(table)
+    console().table(("scenario", "title"), found.items())
 
 
 SIGNAL_COLUMNS = ("signal", "symbol", "unit", "range", "channels", "group", "topic")
@@ -152,10 +146,7 @@ def signal_rows() -> list[tuple[str, ...]]:
 
 def signals() -> None:
     """Every signal and discrete."""
-    table = Table(*SIGNAL_COLUMNS, box=None)
-    for row in signal_rows():
-        table.add_row(*row)
-    console().print(table)
+    console().table(SIGNAL_COLUMNS, signal_rows())
 
 
 def signals_markdown() -> None:
@@ -167,10 +158,7 @@ def signals_markdown() -> None:
 def bench(result: Bench) -> None:
     """What a frame costs, stage by stage."""
     screen = console()
-    table = Table("stage", "us a frame", box=None)
-    for name, cost in result.stages_us.items():
-        table.add_row(name, f"{cost:.2f}")
-    screen.print(table)
+    screen.table(("stage", "us a frame"), ((name, f"{cost:.2f}") for name, cost in result.stages_us.items()))
     screen.print(f"whole frame, log included  {result.frame_us:.2f} us")
     screen.print(f"bare JSBSim run()          {result.bare_us:.2f} us")
     screen.print(f"ratio                      {result.ratio:.2f}  (median of {result.repeats} pairs)")
@@ -180,11 +168,11 @@ def bench(result: Bench) -> None:
 def design(references: Designed, target: Path, beside: Path) -> None:
     """The errors that the references were measured to have."""
     screen = console()
-    table = Table("signal", "reference from", "RMS", "99.9 %", "worst", "threshold", box=None)
-    for name, sources in references.errors.items():
-        for source, e in sources.items():
-            numbers = (e.rms, e.quantile_999, e.worst, e.threshold)
-            table.add_row(name, source, *(f"{number:.3g}" for number in numbers))
-    screen.print(table)
+    rows = [
+        (name, source, *(f"{number:.3g}" for number in (e.rms, e.quantile_999, e.worst, e.threshold)))
+        for name, sources in references.errors.items()
+        for source, e in sources.items()
+    ]
+    screen.table(("signal", "reference from", "RMS", "99.9 %", "worst", "threshold"), rows)
     screen.print(f"gains and margins written to {target}", soft_wrap=True)
     screen.print(f"references written to {beside}", soft_wrap=True)

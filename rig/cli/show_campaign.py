@@ -9,7 +9,6 @@ from typing import Any, Final
 
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
-from rich.table import Table
 
 from rig.campaign.estimate import Estimate
 from rig.campaign.plan import Plan
@@ -54,10 +53,7 @@ def plan(planned: Plan, expected: Estimate) -> None:
     screen = console()
     rows = plan_rows(planned, min(expected.runs, MOST_ROWS))
     names = list(dict.fromkeys(name for row in rows for name in row))
-    table = Table(*names, box=None)
-    for row in rows:
-        table.add_row(*(_cell(row.get(name)) for name in names))
-    screen.print(table)
+    screen.table(names, ([_cell(row.get(name)) for name in names] for row in rows))
     if expected.runs > len(rows):
         screen.print(f"and {expected.runs - len(rows)} more runs")
     logs = f"{expected.logs} logs" if planned.campaign.run.logs != "failures" else "logs of failures not counted"
@@ -124,13 +120,9 @@ def report(found: dict[str, Any], target: Path) -> None:
         counted = f"{alarms['count']} in {alarms['of']:.4g} h"
         screen.print(f"false alarms     {alarms['value']:.3g} a channel hour ({interval}), {counted}")
     if found["resolvers"]:
-        table = Table(
-            "resolver", "pattern", "asked", "answered", "right", "wrong", "open", "right of decided", box=None
-        )
-        for row in found["resolvers"]:
-            counts = (str(row[key]) for key in ("asked", "answered", "right", "wrong", "open"))
-            table.add_row(row["resolver"], row["pattern"], *counts, _share(row["right_share"]))
-        screen.print(table)
+        names = ("resolver", "pattern", "asked", "answered", "right", "wrong", "open")
+        rows = ([*(str(row[name]) for name in names), _share(row["right_share"])] for row in found["resolvers"])
+        screen.table((*names, "right of decided"), rows)
     screen.print(f"report           {target}", soft_wrap=True)
 
 
@@ -146,15 +138,11 @@ def compare(found: dict[str, Any]) -> None:
     screen.print(f"{found['runs']} runs and {found['faults']} faults that both flew; what differs:")
     for line in found["differs"] or ["nothing"]:
         screen.print(f"  {line}", soft_wrap=True)
-    table = Table("outcome", "first", "second", "only first", "only second", "p", box=None)
+    rows = []
     for row in found["outcomes"]:
         pairs = row["pairs"]
-        table.add_row(
-            row["outcome"],
-            _share(row["first"]),
-            _share(row["second"]),
-            str(pairs["only_first"]),
-            str(pairs["only_second"]),
-            f"{pairs['p_value']:.3g}",
+        shares = (_share(row["first"]), _share(row["second"]))
+        rows.append(
+            (row["outcome"], *shares, f"{pairs['only_first']}", f"{pairs['only_second']}", f"{pairs['p_value']:.3g}")
         )
-    screen.print(table)
+    screen.table(("outcome", "first", "second", "only first", "only second", "p"), rows)

@@ -5,18 +5,33 @@ from __future__ import annotations
 from collections import Counter
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
-
-from rig.console import styled
+from rig.console import Screen, console, styled
 from rig.offline.compare import Comparison
 from rig.offline.decisions import Decisions
+from rig.offline.replay import Recorded
+from rig.offline.verify import Verified
+from rig.offline.what_if import WhatIf
 
 MOST_LINES = 40  # of a table on the terminal; --json has all
 
 
-def comparison(screen: Console, found: Comparison) -> None:
+def verified(recording: Recorded, found: Verified) -> None:
+    """A replay or a flight again: the fields, and where they are not identical the decisions that moved."""
+    comparison(found.comparison)
+    if not found.comparison.identical:
+        _decisions(found.decisions, recording.log.rate_hz)
+
+
+def what_if(recording: Recorded, answer: WhatIf) -> None:
+    """The decisions that moved, and where the log of the answer is."""
+    _decisions(answer.moved, recording.log.rate_hz)
+    console().print("open loop: truth and commands are those of the recording, whatever the new votes say")
+    console().print(f"written  {answer.path}", soft_wrap=True)
+
+
+def comparison(found: Comparison) -> None:
     """The fields that are not equal, and the verdict."""
+    screen = console()
     for line in found.remarks:
         screen.print(f"  {line}", style="yellow")
     for line in found.notes:
@@ -26,40 +41,38 @@ def comparison(screen: Console, found: Comparison) -> None:
         screen.print(f"  {owner}: {count} fields {verdict}", style="yellow")
     unequal = [field for field in found.fields if field.verdict in ("within", "different")]
     if unequal:
-        table = Table("field", "verdict", "frames", "first", "largest", box=None)
         order = sorted(unequal, key=lambda field: (field.verdict != "different", field.first_frame or 0))
-        for field in order[:MOST_LINES]:
-            first = "" if field.first_frame is None else str(field.first_frame)
-            table.add_row(field.name, field.verdict, str(field.frames), first, _number(field.largest))
-        screen.print(table)
+        rows = [
+            (f.name, f.verdict, f"{f.frames}", "" if f.first_frame is None else f"{f.first_frame}", _number(f.largest))
+            for f in order[:MOST_LINES]
+        ]
+        screen.table(("field", "verdict", "frames", "first", "largest"), rows)
         _rest(screen, len(unequal))
     counted = ", ".join(f"{count} {name}" for name, count in found.counts().items() if count)
     word = "identical" if found.identical else "same" if found.same else "different"
     screen.print(styled((word, "bold"), f": {found.frames} frames, fields: {counted}"))
 
 
-def decisions(screen: Console, found: Decisions, rate_hz: float) -> None:
-    """Which decisions moved."""
+def _decisions(found: Decisions, rate_hz: float) -> None:
+    screen = console()
     if found.failures:
-        table = Table("channel", "failed", "now", box=None)
-        for entry in found.failures:
-            frames = [_frame(frame, rate_hz) for frame in (entry.old_frame, entry.new_frame)]
-            table.add_row(f"{entry.signal}.{entry.channel}", *frames)
-        screen.print(table)
+        rows = [
+            (f"{entry.signal}.{entry.channel}", _frame(entry.old_frame, rate_hz), _frame(entry.new_frame, rate_hz))
+            for entry in found.failures
+        ]
+        screen.table(("channel", "failed", "now"), rows)
     if found.moved:
-        table = Table("decision", "frames", "from s", "old", "new", box=None)
+        rows = []
         for entry in found.moved[:MOST_LINES]:
             channel = "" if entry.channel is None else f".{entry.channel}"
             span = f"{entry.first_frame}" + ("" if entry.last_frame == entry.first_frame else f" to {entry.last_frame}")
             at = f"{entry.first_frame / rate_hz:.2f}"
-            table.add_row(f"{entry.signal}{channel} {entry.decision}", span, at, entry.old, entry.new)
-        screen.print(table)
+            rows.append((f"{entry.signal}{channel} {entry.decision}", span, at, entry.old, entry.new))
+        screen.table(("decision", "frames", "from s", "old", "new"), rows)
         _rest(screen, len(found.moved))
     if found.votes:
-        table = Table("vote", "frames", "first", "largest", box=None)
-        for vote in found.votes:
-            table.add_row(vote.signal, str(vote.frames), str(vote.first_frame), _number(vote.largest))
-        screen.print(table)
+        rows = ((vote.signal, f"{vote.frames}", f"{vote.first_frame}", _number(vote.largest)) for vote in found.votes)
+        screen.table(("vote", "frames", "first", "largest"), rows)
     if not found.moved and not found.votes:
         screen.print("no decision and no vote moved")
 
@@ -72,14 +85,14 @@ def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.4g}"
 
 
-def _rest(screen: Console, count: int) -> None:
+def _rest(screen: Screen, count: int) -> None:
     if count > MOST_LINES:
         screen.print(f"  and {count - MOST_LINES} more, with --json")
 
 
-def info(screen: Console, found: dict[str, Any]) -> None:
+def info(found: dict[str, Any]) -> None:
     """One log."""
-    result = found["result"] or {}
+    screen, result = console(), found["result"] or {}
     screen.print(styled((found["title"] or found["log"], "bold"), f"  {found['aircraft']}, seed {found['seed']}"))
     if found["what_if"] is not None:
         screen.print(f"what if  {found['what_if']}, over the channels of {found['what_if_of']}; never flown")

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import degrees
 
-from rich.console import Console
 from rich.table import Table
 
-from rig.console import console, styled
+from rig.console import Screen, console, styled
 from rig.score.of_log import Scored
 from rig.score.record import Deviation, FaultScore, FlightScore, Isolation, Score, Transients
 
@@ -31,7 +30,7 @@ def show(scored: Scored) -> None:
     _coverage(screen, score)
 
 
-def _faults(screen: Console, faults: Sequence[FaultScore]) -> None:
+def _faults(screen: Screen, faults: Sequence[FaultScore]) -> None:
     if not faults:
         screen.print("faults            none in the scenario")
         return
@@ -48,7 +47,7 @@ def _faults(screen: Console, faults: Sequence[FaultScore]) -> None:
     _more(screen, len(faults), "faults")
 
 
-def _isolations(screen: Console, title: str, found: Sequence[Isolation]) -> None:
+def _isolations(screen: Screen, title: str, found: Sequence[Isolation]) -> None:
     if not found:
         screen.print(f"{title:17} none")
     for each in found[:MOST]:
@@ -57,42 +56,42 @@ def _isolations(screen: Console, title: str, found: Sequence[Isolation]) -> None
     _more(screen, len(found), title)
 
 
-def _more(screen: Console, count: int, what: str) -> None:
+def _more(screen: Screen, count: int, what: str) -> None:
     if count > MOST:
         screen.print(f"and {count - MOST} more {what}; --json has all")
 
 
-def _resolvers(screen: Console, score: Score) -> None:
+def _resolvers(screen: Screen, score: Score) -> None:
     if not score.episodes:
         return
-    table = Table("pattern", "resolver", "asked", "answered", "right", "wrong", box=None)
-    for pattern, resolvers in score.resolvers_by_pattern.items():
-        for name, r in resolvers.items():
-            if r.asked:
-                table.add_row(pattern, name, *map(str, (r.asked, r.answered, r.right, r.wrong)))
-    screen.print(table)
+    rows = [
+        (pattern, name, *map(str, (r.asked, r.answered, r.right, r.wrong)))
+        for pattern, resolvers in score.resolvers_by_pattern.items()
+        for name, r in resolvers.items()
+        if r.asked
+    ]
+    screen.table(("pattern", "resolver", "asked", "answered", "right", "wrong"), rows)
     screen.print(f"{len(score.episodes)} episodes without a majority, {score.unresolved} unresolved")
 
 
-def _votes(screen: Console, score: Score) -> None:
+def _votes(screen: Screen, score: Score) -> None:
     """Signals whose vote was above the threshold or not that of healthy channels; one line for the others."""
-    table = Table(
-        "vote error", "peak", "in frame", "RMS", "above threshold", "after onset", "less clean, peak", box=None
-    )
+    rows = []
     for name, e in score.vote_error.items():
         if e.above_threshold_s > 0 or e.clean_peak > _ROUNDING:
             seconds = (f"{e.above_threshold_s:g} s", f"{e.above_threshold_after_onset_s:g} s")
-            table.add_row(name, f"{e.peak:.4g}", str(e.peak_frame), f"{e.rms:.4g}", *seconds, f"{e.clean_peak:.4g}")
-    if table.row_count:
-        screen.print(table)
+            rows.append((name, f"{e.peak:.4g}", str(e.peak_frame), f"{e.rms:.4g}", *seconds, f"{e.clean_peak:.4g}"))
+    if rows:
+        heads = ("vote error", "peak", "in frame", "RMS", "above threshold", "after onset", "less clean, peak")
+        screen.table(heads, rows)
     for name, seconds in score.wrong_votes_s.items():
         if seconds > 0:
             screen.print(f"{'vote':17} {name} voted wrong for {seconds:g} s")
-    quiet = len(score.vote_error) - table.row_count
+    quiet = len(score.vote_error) - len(rows)
     screen.print(f"{quiet} signals voted as healthy channels would have, within their threshold of the truth")
 
 
-def _flight(screen: Console, flight: FlightScore) -> None:
+def _flight(screen: Screen, flight: FlightScore) -> None:
     verdict = ("survived", "green") if flight.survived else ("lost", "red")
     reason = f": {flight.end_reason} ({flight.frames} frames, {flight.duration_s:g} s)"
     screen.print(styled("flight            ", verdict, reason))
@@ -106,15 +105,15 @@ def _flight(screen: Console, flight: FlightScore) -> None:
         _transients(screen, flight.transients)
 
 
-def _transients(screen: Console, found: Transients) -> None:
+def _transients(screen: Screen, found: Transients) -> None:
     y = found.limits
     limits = f"{y['load_factor']:g} g and {degrees(y['pitch_rate_rad_s']):g} deg/s within {y['window_s']:g} s"
-    table = Table("against the twin", "load factor", "pitch rate", "pitch", "roll", f"limits: {limits}", box=None)
+    rows = []
     for window in found.windows[:MOST]:
         verdict = styled(("within", "green") if window.within_limits else ("beyond", "red"))
-        table.add_row(f"{', '.join(window.faults)} at {window.onset_frame}", *_peaks(window.peaks), verdict)
-    table.add_row("whole flight", *_peaks(found.overall), f"{found.out_of_limits_s:g} s beyond")
-    screen.print(table)
+        rows.append((f"{', '.join(window.faults)} at {window.onset_frame}", *_peaks(window.peaks), verdict))
+    rows.append(("whole flight", *_peaks(found.overall), f"{found.out_of_limits_s:g} s beyond"))
+    screen.table(("against the twin", "load factor", "pitch rate", "pitch", "roll", f"limits: {limits}"), rows)
     _more(screen, len(found.windows), "transients")
 
 
@@ -127,7 +126,7 @@ def _peaks(p: Deviation) -> tuple[str, ...]:
     )
 
 
-def _coverage(screen: Console, score: Score) -> None:
+def _coverage(screen: Screen, score: Score) -> None:
     c = score.coverage["overall"]
     screen.print(
         f"coverage          {len(c.patterns)} of {c.patterns_possible} patterns ({', '.join(c.patterns)}), "

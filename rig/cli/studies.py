@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from rig.cli.common import GROUP, Json, emit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -14,24 +15,15 @@ if TYPE_CHECKING:
     from rig.studies.ding2015 import Study
     from rig.studies.tolerant import Summary
 
-study = typer.Typer(
-    help="Published results, computed again.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-
-
-@study.callback()
-def _group() -> None:
-    """Published results, computed again."""
+study = typer.Typer(help="Published results, computed again.", **GROUP)
+Seeds = Annotated[int, typer.Option(help="Seeds of every case.", min=1, max=1000)]
+Workers = Annotated[int, typer.Option(help="Processes.", min=1, max=1024)]
 
 
 @study.command()
 def ding2015(
     out: Annotated[Path, typer.Option(help="Folder of the figures, made when missing.")] = Path("logs"),
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+    as_json: Json = False,
 ) -> None:
     """The B707 with a lying pitch-angle sensor: printed numbers against ours, and the honest experiment."""
     from rig.errors import BadInput
@@ -44,34 +36,29 @@ def ding2015(
         raise BadInput(f"--out {out}: figures cannot be kept there: {error.strerror}") from None
     found = compute()
     files = [str(path) for path in figures.write(found, out)]
-    if as_json:
-        typer.echo(json.dumps({**found.as_dict(), "figures": files}, allow_nan=False))
-    else:
-        _show(found, files)
+    emit(as_json, {**found.as_dict(), "figures": files}, lambda: _show(found, files))
 
 
 @study.command("fault-tolerant")
 def fault_tolerant(
-    seeds: Annotated[int, typer.Option(help="Seeds of every case.", min=1, max=1000)] = 1,
-    workers: Annotated[int, typer.Option(help="Processes.", min=1, max=1024)] = 2,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+    seeds: Seeds = 1,
+    workers: Workers = 2,
+    as_json: Json = False,
 ) -> None:
     """Lying pitch-angle sensors by case and law, flown by JSBSim: 648 flights for each seed, some ten minutes."""
     from rig.studies import tolerant
 
     flown, flights = tolerant.study(range(1, seeds + 1), workers)
-    if as_json:
-        typer.echo(json.dumps(tolerant.as_dict(flown, flights), allow_nan=False))
-    else:
-        _show_laws(tolerant.summarise(flown), flights)
+    laws = lambda: _show_laws(tolerant.summarise(flown), flights)  # noqa: E731 # shown once
+    emit(as_json, lambda: tolerant.as_dict(flown, flights), laws)
 
 
 @study.command("rate-bias")
 def rate_bias(
-    seeds: Annotated[int, typer.Option(help="Seeds of every case.", min=1, max=1000)] = 1,
+    seeds: Seeds = 1,
     drawn: Annotated[int, typer.Option(help="Draw so many faults instead of the grid.", min=0, max=10**6)] = 0,
-    workers: Annotated[int, typer.Option(help="Processes.", min=1, max=1024)] = 2,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+    workers: Workers = 2,
+    as_json: Json = False,
 ) -> None:
     """Biased rates and halved attitudes, by the plain and the fault-tolerant law: 1881 flights for each seed."""
     from rig.console import console
@@ -80,15 +67,10 @@ def rate_bias(
     numbers = range(1, seeds + 1)
     random = [flight for seed in numbers for flight in rate_bias_drawn.drawn(drawn, seed)]
     flown = rate_bias.study(random or rate_bias.grid(numbers), workers)
-    if as_json:
-        typer.echo(json.dumps(rate_bias_table.as_dict(flown), allow_nan=False))
-    else:
-        rate_bias_table.show(flown, console())
+    emit(as_json, lambda: rate_bias_table.as_dict(flown), lambda: rate_bias_table.show(flown, console()))
 
 
 def _show_laws(found: Sequence[Summary], flights: int) -> None:
-    from rich.table import Table
-
     from rig.console import console
 
     heads = (
@@ -102,33 +84,33 @@ def _show_laws(found: Sequence[Summary], flights: int) -> None:
         "found",
         "survived",
     )
-    table, screen = Table(*heads, box=None), console()
+    rows, screen = [], console()
     for x in found:
         late = "never" if x.detected_after_s is None else f"{x.detected} in {x.detected_after_s:.2f} s"
         errors = (f"{1e3 * x.pitch_peak_rad:.1f}", f"{1e3 * x.pitch_steady_rad:.1f}", f"{x.altitude_loss_m:.1f}")
         share = f"{x.survived} of {x.flights} ({x.survived_low:.2f} to {x.survived_high:.2f})"
-        table.add_row(x.hold, x.fault, x.law, *errors, f"{x.load_factor_max:.2f}", late, share)
-    screen.print(table)
+        rows.append((x.hold, x.fault, x.law, *errors, f"{x.load_factor_max:.2f}", late, share))
+    screen.table(heads, rows)
     screen.print(f"{flights} flights; the worst of each case; intervals: exact, 95 %")
 
 
 def _show(found: Study, files: list[str]) -> None:
-    from rich.table import Table
-
     from rig.console import console
 
-    d, screen = found.as_dict(), console()
-    table = Table("what", "printed", "ours", box=None)
-    table.add_row("stacked matrix at F = 0.5", "64 entries", f"largest difference {d['stacked_max_error']:.2g}")
-    table.add_row("K2", "2 x 8, LQR on the stacked matrix", f"largest difference {d['k2_max_error']:.2g}")
-    table.add_row("K1, columns 1 to 4", "2 x 4, LQR on A, B alone", f"largest difference {d['k1_left_max_error']:.2g}")
-    table.add_row("K1, columns 5 to 8", "2 x 4", "no such regulator exists: see below")
-    nominal, fastest, slowest = found.settling_s
-    spread = f"{nominal:.2f} s; +-10 %: {fastest:.2f} to {slowest:.2f} s"
-    table.add_row("error system settles (2 %)", "a figure", spread)
-    last = f"true {found.honest_pitch:.3f}, measured {d['honest_measured_pitch']:.3f}"
-    table.add_row("pitch angle after the fault", "1", last)
-    screen.print(table)
+    d, screen, (nominal, fastest, slowest) = found.as_dict(), console(), found.settling_s
+    rows = [
+        ("stacked matrix at F = 0.5", "64 entries", f"largest difference {d['stacked_max_error']:.2g}"),
+        ("K2", "2 x 8, LQR on the stacked matrix", f"largest difference {d['k2_max_error']:.2g}"),
+        ("K1, columns 1 to 4", "2 x 4, LQR on A, B alone", f"largest difference {d['k1_left_max_error']:.2g}"),
+        ("K1, columns 5 to 8", "2 x 4", "no such regulator exists: see below"),
+        ("error system settles (2 %)", "a figure", f"{nominal:.2f} s; +-10 %: {fastest:.2f} to {slowest:.2f} s"),
+        (
+            "pitch angle after the fault",
+            "1",
+            f"true {found.honest_pitch:.3f}, measured {d['honest_measured_pitch']:.3f}",
+        ),
+    ]
+    screen.table(("what", "printed", "ours"), rows)
     for line in REMARKS:
         screen.print(line, soft_wrap=True)
     screen.print(f"the printed law, given the true state: pitch angle {found.with_truth_pitch:.3f}")

@@ -1,9 +1,8 @@
-"""``rig view``: parse, call, print."""
+"""``rig view`` and ``rig watch``: parse, call, print."""
 
 from __future__ import annotations
 
 import gc
-import json
 import signal
 import threading
 from collections.abc import Iterator
@@ -14,6 +13,7 @@ from typing import Annotated, Any
 
 import typer
 
+from rig.cli.common import Json, emit
 from rig.text import plain
 
 
@@ -35,7 +35,7 @@ def view(
     map_tiles: Annotated[
         bool, typer.Option("--map", help="A map; the viewer fetches its tiles from OpenStreetMap.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Look at flights in Rerun: a window, or one of --save, --serve and --screenshot."""
     from rig.errors import BadInput
@@ -136,4 +136,21 @@ def _serve(flights: Any, said: dict[str, Any], as_json: bool) -> None:
 
 
 def _tell(said: dict[str, Any], as_json: bool, text: str) -> None:
-    typer.echo(json.dumps(said, allow_nan=False) if as_json else plain(text))
+    emit(as_json, said, lambda: typer.echo(plain(text)))
+
+
+def watch(
+    log: Annotated[Path, typer.Argument(help="A log.", show_default=False)],
+    speed: Annotated[float, typer.Option(help="Times real time.", min=0.01, max=1000.0)] = 1.0,
+    from_s: Annotated[float, typer.Option("--from", help="Where to begin, s.", min=0.0)] = 0.0,
+) -> None:
+    """Play the redundancy page of a log on the terminal; Ctrl-C ends."""
+    from rig.console import console
+    from rig.errors import BadLog
+    from rig.log import read_log
+    from rig.view.watch.played import play
+
+    found = read_log(log)
+    if not len(found.rows):
+        raise BadLog(f"{log}: has no frames")
+    play(found, log.stem, console(), speed, from_s)

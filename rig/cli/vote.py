@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from math import isfinite
 from pathlib import Path
 from time import perf_counter
@@ -10,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rig.cli.options import AllowCode
+from rig.cli.common import AllowCode, Json, emit
 
 
 def vote(
@@ -28,7 +27,7 @@ def vote(
         bool, typer.Option("--repair-time", help="Drop rows whose time repeats or steps back, and say how many.")
     ] = False,
     allow_code: AllowCode = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Vote on recorded channels with the redundancy manager of the flight."""
     from rig.console import console
@@ -41,13 +40,7 @@ def vote(
         if value is not None and not isfinite(value):
             raise BadInput(f"{option}: input should be a finite number, got {value}")
     found = _vote(recorded, config, out, (align_from, align_to) if align else None, repair_time, allow_code)
-    if as_json:
-        typer.echo(json.dumps(found, allow_nan=False))
-        return
-    screen = console()
-    show(screen, found)
-    screen.print(", ".join(f"{stage} {taken:.2f} s" for stage, taken in found["seconds"].items()))
-    screen.print(f"written  {out}", soft_wrap=True)
+    emit(as_json, found, lambda: show(console(), found))
 
 
 def _vote(

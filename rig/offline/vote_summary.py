@@ -6,9 +6,8 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
+from rig.console import Screen
 from rig.frame import Pattern, State
 from rig.offline.align import Corrections
 from rig.offline.clock import Floats
@@ -86,22 +85,24 @@ def _channel(signal: Voted | VotedDiscrete, c: int, corrections: list[Any] | Non
     return said
 
 
-def show(screen: Console, found: dict[str, Any]) -> None:
-    """The summary as tables."""
+def show(screen: Screen, found: dict[str, Any]) -> None:
+    """The summary as tables, how long each step took, and where the votes are."""
     first, last = found["time_s"]
     screen.print(f"{found['rows']} rows from {first:g} to {last:g} s, {found['rate_hz']:g} a second")
     for repair in found["repaired"]:
         screen.print(_repaired(repair), soft_wrap=True)
     aligned = any("alignment" in channel for signal in found["signals"].values() for channel in signal["channels"])
     if aligned:
-        screen.print(_alignment_table(found))
+        _alignments(screen, found)
     if found["signals"]:
-        screen.print(_signal_table(found))
+        _signals(screen, found)
     if found["discretes"]:
-        screen.print(_discrete_table(found))
-    screen.print(_failure_table(found))
+        _discretes(screen, found)
+    _failures(screen, found)
     if found["not_voted"]:
         screen.print(f"not voted, as CONFIG does not name them: {', '.join(found['not_voted'])}")
+    screen.print(", ".join(f"{stage} {taken:.2f} s" for stage, taken in found["seconds"].items()))
+    screen.print(f"written  {found['out']}", soft_wrap=True)
 
 
 def _repaired(repair: dict[str, Any]) -> str:
@@ -110,50 +111,43 @@ def _repaired(repair: dict[str, Any]) -> str:
     return f"dropped {repair['dropped']} of {of}, where time repeats or steps back: {rows}"
 
 
-def _signal_table(found: dict[str, Any]) -> Table:
-    table = Table("signal", "level", "singular frames", "spread median", "95 %", "worst", "voted from", "to", box=None)
+def _signals(screen: Screen, found: dict[str, Any]) -> None:
+    rows = []
     for name, signal in found["signals"].items():
         spread = [_number(value) for value in signal["spread"].values()]
         voted = [_number(value) for value in signal["voted"].values()]
-        table.add_row(name, str(signal["level"]), f"{100 * signal['singular_share']:.3g} %", *spread, *voted)
-    return table
+        rows.append((name, str(signal["level"]), f"{100 * signal['singular_share']:.3g} %", *spread, *voted))
+    screen.table(("signal", "level", "singular frames", "spread median", "95 %", "worst", "voted from", "to"), rows)
 
 
-def _discrete_table(found: dict[str, Any]) -> Table:
-    table = Table("discrete", "level", "fail-safe", "voted 1", "changes", box=None)
+def _discretes(screen: Screen, found: dict[str, Any]) -> None:
+    rows = []
     for name, discrete in found["discretes"].items():
         share = f"{100 * discrete['ones_share']:.3g} %"
-        table.add_row(name, str(discrete["level"]), str(discrete["fail_safe"]), share, str(discrete["changes"]))
-    return table
+        rows.append((name, str(discrete["level"]), str(discrete["fail_safe"]), share, str(discrete["changes"])))
+    screen.table(("discrete", "level", "fail-safe", "voted 1", "changes"), rows)
 
 
-def _failure_table(found: dict[str, Any]) -> Table:
-    table = Table("channel", "at the end", "failed in frame", "at", "by", "invalid samples", box=None)
+def _failures(screen: Screen, found: dict[str, Any]) -> None:
+    rows = []
     for name, signal in {**found["signals"], **found["discretes"]}.items():
         for channel in signal["channels"]:
             times = [(str(f["frame"]), f"{f['time_s']:.6g} s", f["why"]) for f in channel["failed"]]
             first, *again = times or [("never", "", "")]
-            table.add_row(f"{name}.{channel['channel']}", channel["state"], *first, str(channel["invalid_samples"]))
-            for later in again:
-                table.add_row("", "", *later, "")
-    return table
+            rows.append((f"{name}.{channel['channel']}", channel["state"], *first, str(channel["invalid_samples"])))
+            rows += [("", "", *later, "") for later in again]
+    screen.table(("channel", "at the end", "failed in frame", "at", "by", "invalid samples"), rows)
 
 
-def _alignment_table(found: dict[str, Any]) -> Table:
-    table = Table("channel", "delay in frames", "in ms", "offset", "correlation", "", box=None)
+def _alignments(screen: Screen, found: dict[str, Any]) -> None:
+    rows = []
     for name, signal in found["signals"].items():
         for channel in signal["channels"]:
             a = channel["alignment"]
             note = "" if a["aligned"] else "left alone: like no other channel"
-            table.add_row(
-                f"{name}.{channel['channel']}",
-                f"{a['delay_frames']:.2f}",
-                f"{1e3 * a['delay_s']:.2f}",
-                _number(a["offset"]),
-                f"{a['correlation']:.2f}",
-                note,
-            )
-    return table
+            delay = (f"{a['delay_frames']:.2f}", f"{1e3 * a['delay_s']:.2f}")
+            rows.append((f"{name}.{channel['channel']}", *delay, _number(a["offset"]), f"{a['correlation']:.2f}", note))
+    screen.table(("channel", "delay in frames", "in ms", "offset", "correlation", ""), rows)
 
 
 def _number(value: float | None) -> str:

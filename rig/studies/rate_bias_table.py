@@ -7,10 +7,8 @@ from dataclasses import asdict
 from itertools import product
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
-
 from rig.campaign.statistics import proportion
+from rig.console import Screen
 from rig.studies.rate_bias import POINTS, Flown
 
 
@@ -52,24 +50,18 @@ def as_dict(flown: Sequence[Flown]) -> dict[str, Any]:
     return {"table": summarise(flown), "worst": [asdict(x) for x in worst(flown)], "rows": [asdict(x) for x in flown]}
 
 
-def show(flown: Sequence[Flown], screen: Console) -> None:
+def show(flown: Sequence[Flown], screen: Screen) -> None:
     """The table, and the worst flights with the commands that fly them again."""
     heads = (
-        "fault",
-        "aircraft",
-        "within bounds",
-        "sensor blamed",
-        "rate biased, early",
-        "identical",
-        "lost: plain, tolerant",
-        "above plain, m",
+        *("fault", "aircraft", "within bounds", "sensor blamed", "rate biased, early", "identical"),
+        *("lost: plain, tolerant", "above plain, m"),
     )
-    table = Table(*heads, box=None)
+    rows = []
     for x in summarise(flown):
         counts = (f"{x['answered']}, {x['early']}", f"{x['identical']}", f"{x['lost_plain']}, {x['lost_tolerant']}")
         shares = (_share(x["within"]), _share(x["blamed"]))
-        table.add_row(x["kind"], x["aircraft"], *shares, *counts, f"{x['most_above_plain_m']:.1f}")
-    screen.print(table)
+        rows.append((x["kind"], x["aircraft"], *shares, *counts, f"{x['most_above_plain_m']:.1f}"))
+    screen.table(heads, rows)
     screen.print("intervals: exact, 95 %; identical: both laws gave the same surface commands, bit for bit")
     for x in worst(flown):
         told = "within bounds" if x.within else "out of bounds"
