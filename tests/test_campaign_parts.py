@@ -17,7 +17,6 @@ from rig.campaign.folder import Folder, open_folder
 from rig.campaign.plan import Plan
 from rig.campaign.report import report
 from rig.campaign.rows import Rows
-from rig.campaign.status import status
 from rig.errors import BadInput
 
 CAMPAIGN = """
@@ -157,7 +156,7 @@ def test_every_command_that_reads_the_tables_says_the_same(out: Path, tmp_path: 
     (out / "faults" / f"{FIRST}.parquet").unlink()
     shutil.copytree(out, tmp_path / "other")
     acts: list[Callable[[], object]] = [
-        lambda: status(open_folder(out)),
+        lambda: open_folder(out).status(),
         lambda: report(open_folder(out), tmp_path / "r.html"),
         lambda: compare(open_folder(out), open_folder(tmp_path / "other")),
     ]

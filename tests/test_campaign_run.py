@@ -19,11 +19,10 @@ from mcap.reader import make_reader
 
 from rig.campaign import folder as folder_module
 from rig.campaign import pool, table
-from rig.campaign.again import again
 from rig.campaign.config import read
 from rig.campaign.folder import open_folder
 from rig.campaign.plan import Plan
-from rig.campaign.run import Progress, Result, run
+from rig.campaign.run import Progress, Result, again, run
 from rig.errors import BadInput, RigError
 from rig.log import read_log
 from rig.log.layout import ROW

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Final
 
 import polars as pl
 
@@ -12,26 +11,27 @@ from rig.campaign.folder import Folder, difference
 from rig.campaign.statistics import mcnemar, proportion
 from rig.errors import BadInput
 
-_BY_RUN: dict[str, Callable[[], pl.Expr]] = {
-    "survived": lambda: pl.col("survived"),
-    "no false alarm": lambda: pl.col("false_alarms") == 0,
-    "no wrong isolation": lambda: pl.col("wrong_isolations") == 0,
-    "no fault missed": lambda: pl.col("missed") == 0,
+_BY_RUN: Final = {
+    "survived": pl.col("survived"),
+    "no false alarm": pl.col("false_alarms") == 0,
+    "no wrong isolation": pl.col("wrong_isolations") == 0,
+    "no fault missed": pl.col("missed") == 0,
 }
-_BY_FAULT: dict[str, Callable[[], pl.Expr]] = {
-    "fault detected": lambda: pl.col("outcome") == "detected",
-    "fault rightly isolated": lambda: pl.col("isolation") == "right",
+_BY_FAULT: Final = {
+    "fault detected": pl.col("outcome") == "detected",
+    "fault rightly isolated": pl.col("isolation") == "right",
 }
 
 
 def compare(first: Folder, second: Folder) -> dict[str, Any]:
     """Paired outcomes of the runs that both have flown. BadInput when their seeds are not the same."""
-    runs = _paired(first, second, "runs", ["run"], _BY_RUN)
+    (runs, faults), (other_runs, other_faults) = _tables(first), _tables(second)
+    runs = runs.join(other_runs, on=["run"], suffix="_second")
     if runs.is_empty():
         raise BadInput(f"{first.path} and {second.path} have no flown run in common")
     if (runs["seed"] != runs["seed_second"]).any():
         raise BadInput(f"{first.path} and {second.path} were not flown on the same seeds; nothing can be paired")
-    faults = _paired(first, second, "faults", ["run", "fault", "channel"], _BY_FAULT)
+    faults = faults.join(other_faults, on=["run", "fault", "channel"], suffix="_second")
     faults = faults.filter((pl.col("outcome") != "not executed") & (pl.col("outcome_second") != "not executed"))
     return {
         "first": str(first.path),
@@ -46,21 +46,11 @@ def compare(first: Folder, second: Folder) -> dict[str, Any]:
     }
 
 
-def _paired(
-    first: Folder, second: Folder, table: str, on: list[str], tests: dict[str, Callable[[], pl.Expr]]
-) -> pl.DataFrame:
-    named = [expression().alias(name) for name, expression in tests.items()]
-    parts = []
-    for folder in (first, second):
-        rows = folder.tables[table]
-        rows = (
-            rows.filter(pl.col("outcome") == "flown")
-            if table == "runs"
-            else rows.filter(pl.col("channel").is_not_null())
-        )
-        keep = [*on, "outcome", *(["seed"] if table == "runs" else [])]
-        parts.append(rows.select(*keep, *named))
-    return parts[0].join(parts[1], on=on, how="inner", suffix="_second")
+def _tables(folder: Folder) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """The runs that were flown and the faults on channels, with the outcomes that are compared."""
+    runs = folder.tables["runs"].filter(pl.col("outcome") == "flown")
+    faults = folder.tables["faults"].filter(pl.col("channel").is_not_null())
+    return runs.with_columns(**_BY_RUN), faults.with_columns(**_BY_FAULT)
 
 
 def _tested(pairs: pl.DataFrame, name: str, unit: str) -> dict[str, Any]:

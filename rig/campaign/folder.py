@@ -56,8 +56,9 @@ class Folder:
         """
         folder, about = cls(path, plan), path / _ABOUT
         if is_file(about):
-            there = _read(about)
-            _refuse_other(path, there, folder.about())
+            differs = difference(_read(about), folder.about())
+            if differs:
+                raise BadInput(f"--out {path}: holds runs of another campaign: {differs[0]}")
         elif path.exists() and (not path.is_dir() or any(path.iterdir())):
             raise BadInput(f"--out {path}: is no campaign's folder, and not empty")
         return folder
@@ -119,6 +120,20 @@ class Folder:
         """All tables, sorted by run; a part whose ``runs`` is not there yet does not count. BadInput as ``done``."""
         return parts.read(self.path, self.plan)
 
+    def status(self) -> dict[str, Any]:
+        """How far the campaign is: runs, what is done, the result, the hash of the tables so far."""
+        runs = self.tables["runs"]
+        return {
+            "folder": str(self.path),
+            "title": self.plan.campaign.title,
+            "runs": len(self.plan),
+            "done": len(runs),
+            "outcomes": dict(runs["outcome"].value_counts().iter_rows()),
+            "aircraft_lost": int((~runs["survived"].fill_null(value=True)).sum()),
+            "logs": sum(1 for _ in self.logs.glob("*.mcap")),
+            "table_sha256": table.sha256(self.tables),
+        }
+
 
 def open_folder(path: Path, allow_code: bool = False) -> Folder:
     """Open the campaign in a folder. BadInput when there is none.
@@ -167,12 +182,6 @@ def _locked(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.close(lock)
-
-
-def _refuse_other(path: Path, there: dict[str, Any], here: dict[str, Any]) -> None:
-    differs = difference(there, here)
-    if differs:
-        raise BadInput(f"--out {path}: holds runs of another campaign: {differs[0]}")
 
 
 def difference(was: dict[str, Any], now: dict[str, Any]) -> list[str]:

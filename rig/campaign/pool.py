@@ -12,12 +12,12 @@ import signal
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import wait
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from rig.errors import BadInput, RigError
 
@@ -55,26 +55,8 @@ def get_ready() -> None:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-class Pool(Protocol):
-    """An executor that can be made again after it broke."""
-
-    size: int  # tasks at a time
-    lost: tuple[type[BaseException], ...]
-    breaks: bool  # whether one dead worker takes all tasks with it
-
-    def submit(self, function: Any, *arguments: Any) -> Future[Any]:
-        """Hand out one task."""
-        ...
-
-    def renew(self) -> None:
-        """After a worker died: as good as new."""
-
-    def close(self, kill: bool = False) -> None:
-        """No more tasks; ``kill`` does not wait for those under way."""
-
-
 class Local:
-    """Processes of this machine."""
+    """Processes of this machine: ``size`` tasks at a time, and one dead worker takes all tasks with it."""
 
     lost: tuple[type[BaseException], ...] = (BrokenExecutor,)
     breaks = True
@@ -98,12 +80,12 @@ class Local:
             return lost
 
     def renew(self) -> None:
-        """A dead worker breaks all of the executor."""
+        """As good as new, after a worker died."""
         self._executor.shutdown(wait=True, cancel_futures=True)
         self._executor = self._new()
 
     def close(self, kill: bool = False) -> None:
-        """End the workers."""
+        """End the workers; ``kill`` does not wait for tasks under way."""
         if kill:
             for process in list((self._executor._processes or {}).values()):  # it has no public way
                 process.kill()
@@ -126,7 +108,7 @@ class Cluster:
             with _quiet():
                 self._client = Client(address, timeout=ANSWER_S, set_as_default=False)
         except (OSError, ValueError, RuntimeError) as error:
-            raise BadInput(f"--scheduler {address}: no answer: {_line(error)}") from None
+            raise BadInput(f"--scheduler {address}: no answer: {str(error).strip() or type(error).__name__}") from None
         threads: Any = self._client.nthreads()
         self.size = sum(threads.values())
         if self.size == 0:
@@ -147,6 +129,9 @@ class Cluster:
         with _quiet():
             self._executor.shutdown(wait=not kill)
             self._client.close()
+
+
+Pool = Local | Cluster
 
 
 def open_pool(workers: int, scheduler: str | None) -> Pool:
@@ -191,14 +176,6 @@ def _quiet() -> Iterator[None]:
     level = logger.level
     logger.setLevel(logging.CRITICAL)
     try:
-        with suppress(RigError):
-            yield
+        yield
     finally:
         logger.setLevel(level)
-
-
-def _line(error: BaseException) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
-
-
-__all__: Sequence[str] = ["Cluster", "Local", "Pool", "open_pool"]

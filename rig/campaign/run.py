@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+import polars as pl
+
 from rig.campaign import table
 from rig.campaign.alone import fly_alone
 from rig.campaign.flying import Orders, fly_batch
@@ -23,6 +25,7 @@ from rig.campaign.plan import Plan, Run
 from rig.campaign.pool import Pool, open_pool
 from rig.campaign.rows import Rows
 from rig.errors import BadInput, RigError
+from rig.flight import Flight, fly
 from rig.interrupt import Stop, interruptible
 
 AHEAD: Final = 2  # batches handed out for each worker: one it flies, one that waits
@@ -131,6 +134,14 @@ def run(
             return _result(folder, count, progress, done, stop)
     finally:
         pool.close(kill)
+
+
+def again(folder: Folder, number: int, out: Path) -> tuple[Flight, str | None]:
+    """Fly a run once more, alone, with its full log in ``out``; and the digest that the table has of it, if any."""
+    if number >= len(folder.plan):
+        raise BadInput(f"--run {number}: must be from 0 to {len(folder.plan) - 1}")
+    row = folder.tables["runs"].filter(pl.col("run") == number)
+    return fly(folder.plan[number].scenario(), out=out), row["digest"][0] if len(row) else None
 
 
 @dataclass

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from itertools import pairwise
 from typing import Any, Final
@@ -12,7 +13,7 @@ import polars as pl
 
 from rig.campaign.folder import Folder
 from rig.campaign.plan import Plan
-from rig.campaign.statistics import Rate, detectable, poisson, proportion
+from rig.campaign.statistics import detectable, poisson, proportion
 
 Tables = dict[str, pl.DataFrame]
 MOST_LEVELS: Final = 12  # of a magnitude that are shown one by one; more are put into BINS bins
@@ -80,22 +81,35 @@ def headline(tables: Tables) -> dict[str, Any]:
     """The campaign in a few figures."""
     runs, faults = flown(tables), acted(tables)
     exceeded = faults.filter(pl.col("outcome") != "undetectable")
-    isolations = {name: int((exceeded["isolation"] == name).sum()) for name in ("right", "wrong")}
-    alarms = int(runs["false_alarms"].sum())
     return {
         "done": len(tables["runs"]),
         "outcomes": dict(tables["runs"]["outcome"].value_counts().sort("outcome").iter_rows()),
         "flight_h": float(runs["duration_s"].sum()) / 3600.0,
-        "survival": asdict(proportion(int(runs["survived"].sum()), len(runs))),
+        "survival": _share(runs["survived"]),
         "faults": len(tables["faults"]),
         "not_executed": int((tables["faults"]["outcome"] == "not executed").sum()),
         "undetectable": len(faults) - len(exceeded),
-        "detection": asdict(proportion(int((exceeded["outcome"] == "detected").sum()), len(exceeded))),
-        "right_isolation": asdict(proportion(isolations["right"], len(exceeded))),
-        "wrong_isolation": asdict(proportion(isolations["wrong"], len(exceeded))),
-        "false_alarms": asdict(poisson(alarms, float(runs["channel_hours"].sum()))),
+        "detection": _share(exceeded["outcome"] == "detected"),
+        "right_isolation": _share(exceeded["isolation"] == "right"),
+        "wrong_isolation": _share(exceeded["isolation"] == "wrong"),
+        "false_alarms": _alarm_rate(runs),
         "false_alarm_runs": int((runs["false_alarms"] > 0).sum()),
     }
+
+
+def _share(of: pl.Series) -> dict[str, Any]:
+    """How many of the values are true, with the interval; what is null is not."""
+    return asdict(proportion(int(of.sum()), len(of)))
+
+
+def _alarm_rate(runs: pl.DataFrame) -> dict[str, Any]:
+    return asdict(poisson(int(runs["false_alarms"].sum()), float(runs["channel_hours"].sum())))
+
+
+def _groups(rows: pl.DataFrame, by: Sequence[str]) -> Iterator[tuple[dict[str, Any], pl.DataFrame]]:
+    """The keys and the rows of every group, sorted by the keys."""
+    for key, part in rows.sort(by, nulls_last=True).group_by(by, maintain_order=True):
+        yield dict(zip(by, key, strict=True)), part
 
 
 def rates(faults: pl.DataFrame, by: list[str]) -> list[dict[str, Any]]:
@@ -104,18 +118,16 @@ def rates(faults: pl.DataFrame, by: list[str]) -> list[dict[str, Any]]:
     detection is of the faults whose error left the threshold, detection_of_all of every one that acted.
     """
     found = []
-    for key, part in faults.sort(by, nulls_last=True).group_by(by, maintain_order=True):
+    for key, part in _groups(faults, by):
         exceeded = part.filter(pl.col("outcome") != "undetectable")
-        detected = int((part["outcome"] == "detected").sum())
-        isolation = {name: int((exceeded["isolation"] == name).sum()) for name in ("right", "wrong")}
         found.append(
             {
-                **dict(zip(by, key, strict=True)),
+                **key,
                 "acted": len(part),
-                "detection": asdict(proportion(detected, len(exceeded))),
-                "detection_of_all": asdict(proportion(detected, len(part))),
-                "right_isolation": asdict(proportion(isolation["right"], len(exceeded))),
-                "wrong_isolation": asdict(proportion(isolation["wrong"], len(exceeded))),
+                "detection": _share(exceeded["outcome"] == "detected"),
+                "detection_of_all": _share(part["outcome"] == "detected"),
+                "right_isolation": _share(exceeded["isolation"] == "right"),
+                "wrong_isolation": _share(exceeded["isolation"] == "wrong"),
             }
         )
     return found
@@ -146,17 +158,8 @@ def by_varied(tables: Tables, plan: Plan) -> list[dict[str, Any]]:
             continue
         for level in levels:
             part = runs.filter(pl.col(column) == level)
-            found.append(
-                {
-                    "key": column,
-                    "level": level,
-                    "runs": len(part),
-                    "survival": asdict(proportion(int(part["survived"].sum()), len(part))),
-                    "false_alarms": asdict(
-                        poisson(int(part["false_alarms"].sum()), float(part["channel_hours"].sum()))
-                    ),
-                }
-            )
+            row = {"key": column, "level": level, "runs": len(part)}
+            found.append({**row, "survival": _share(part["survived"]), "false_alarms": _alarm_rate(part)})
     return found
 
 
@@ -171,8 +174,8 @@ def false_alarms(tables: Tables) -> list[dict[str, Any]]:
 def delays(faults: pl.DataFrame) -> list[dict[str, Any]]:
     """Delays of detection by signal and kind: from the onset, and from where the error left the threshold."""
     detected, found = faults.filter(pl.col("outcome") == "detected"), []
-    for key, part in detected.sort("signal", "kind").group_by(["signal", "kind"], maintain_order=True):
-        row: dict[str, Any] = {**dict(zip(("signal", "kind"), key, strict=True)), "detected": len(part)}
+    for key, part in _groups(detected, ["signal", "kind"]):
+        row = {**key, "detected": len(part)}
         for name in ("delay_from_onset_s", "delay_from_exceeded_s"):
             values = part[name].drop_nulls()
             row[name] = {q: values.quantile(share, "nearest") for q, share in _QUANTILES.items()}
@@ -182,12 +185,11 @@ def delays(faults: pl.DataFrame) -> list[dict[str, Any]]:
 
 def smallest(faults: pl.DataFrame) -> list[dict[str, Any]]:
     """The smallest detectable magnitude by signal and kind, of all faults that acted."""
-    sizes = faults.filter(pl.col("magnitude").is_not_null())
     found = []
-    for key, part in sizes.sort("signal", "kind").group_by(["signal", "kind"], maintain_order=True):
+    for key, part in _groups(faults.filter(pl.col("magnitude").is_not_null()), ["signal", "kind"]):
         detected = (part["outcome"] == "detected").to_numpy()
         fit = detectable(part["magnitude"].to_numpy(), detected)
-        row = {**dict(zip(("signal", "kind"), key, strict=True)), "acted": len(part), "detected": int(detected.sum())}
+        row = {**key, "acted": len(part), "detected": int(detected.sum())}
         found.append({**row, "fit": None if fit is None else asdict(fit)})
     return found
 
@@ -213,14 +215,12 @@ def resolvers(episodes: pl.DataFrame) -> list[dict[str, Any]]:
 def _answers(episodes: pl.DataFrame, name: str, asked: int) -> dict[str, Any]:
     answered = episodes.filter(pl.col("resolver") == name)
     counts = {verdict: int((answered["verdict"] == verdict).sum()) for verdict in ("right", "wrong", "open")}
-    decided = counts["right"] + counts["wrong"]
-    share: Rate = proportion(counts["right"], decided)
     return {
         "asked": asked,
         "answered": len(answered),
         **counts,
         "answered_share": asdict(proportion(len(answered), asked)),
-        "right_share": asdict(share),
+        "right_share": asdict(proportion(counts["right"], counts["right"] + counts["wrong"])),
     }
 
 
@@ -256,10 +256,8 @@ def worst(folder: Folder) -> list[dict[str, Any]]:
         *(pl.col(name).fill_null(0) for name in ("wrong_isolations", "false_alarms", "missed")),
         pl.col("vote_above_threshold_s").fill_null(0.0),
     ]
-    ranked = runs.with_columns(expr.alias(f"_{i}") for i, expr in enumerate(order))
-    ranked = ranked.sort([*(f"_{i}" for i in range(len(order))), "run"], descending=[True] * len(order) + [False])
-    columns = [name for name in runs.columns if name not in ("coverage", "digest")]
-    return [_flight(folder, row) for row in ranked.select(columns).head(WORST).to_dicts()]
+    ranked = runs.sort([*order, pl.col("run")], descending=[True] * len(order) + [False])
+    return [_flight(folder, row) for row in ranked.drop("coverage", "digest").head(WORST).to_dicts()]
 
 
 def _flight(folder: Folder, row: dict[str, Any]) -> dict[str, Any]:

@@ -83,10 +83,9 @@ def run(
 def status(folder: Dir, as_json: Json = False) -> None:
     """How far a campaign is, and the results of its runs."""
     from rig.campaign.folder import open_folder
-    from rig.campaign.status import status as look
     from rig.cli import show_campaign as show
 
-    found = look(open_folder(folder))
+    found = open_folder(folder).status()
     emit(as_json, found, lambda: show.status(found))
 
 
@@ -99,8 +98,8 @@ def fly(
     as_json: Json = False,
 ) -> None:
     """Fly one run of a campaign again, with its full log, and compare its digest with the table's."""
-    from rig.campaign.again import again
     from rig.campaign.folder import open_folder
+    from rig.campaign.run import again
     from rig.cli import show_campaign as show
 
     flight, digest = again(open_folder(folder, allow_code), run, out)
