@@ -157,7 +157,7 @@ def test_what_draws_may_hang_and_does_not_hold_the_flight_up() -> None:
     class Stuck(InPipe):
         gate = threading.Event()
 
-        def draw(self, row: Block, rate_hz: float, events: Sequence[EventLike]) -> None:
+        def draw(self, row: Block | None, rate_hz: float, events: Sequence[EventLike]) -> None:
             self.gate.wait()
 
     watch = Watch(Stuck(pipe()), None)
@@ -178,7 +178,7 @@ def test_on_a_terminal_another_process_draws_the_page(monkeypatch: pytest.Monkey
     monkeypatch.setenv("COLUMNS", "120")
     monkeypatch.setattr(subprocess, "Popen", lambda *args, **more: real(*args, **more, stderr=theirs))
     drawer = InProcess()
-    drawer.note(TOLD[:1], RATE_HZ)
+    drawer.draw(None, RATE_HZ, TOLD[:1])
     drawer.draw(flown()[150:151], RATE_HZ, TOLD[1:])
     drawer.close()
     os.close(theirs)

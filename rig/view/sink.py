@@ -14,6 +14,7 @@ from rig.view.facts import Layout
 
 if TYPE_CHECKING:
     import rerun as rr
+    import rerun.blueprint as rrb
 
     from rig.record.events import EventLike
     from rig.view.columns import Columns
@@ -107,21 +108,20 @@ def open_sink(where: str, about: About, out_path: Path, server_memory: str = SER
 
     out_path : the file of "save", which is replaced
     """
-    if where == "save":
-        return _save(out_path, about)
-    if where == "serve":
-        return _serve(about, server_memory)
-    if where == "spawn":
-        return _connect(_spawn(), about)
-    return _connect(where, about)
-
-
-def _save(path: Path, about: About) -> Sink:
     import rerun as rr
 
     from rig.view.blueprint import blueprint
 
     recording, layout = rr.RecordingStream(APPLICATION), blueprint(about.layout)
+    if where == "save":
+        return _save(recording, layout, out_path, about)
+    if where == "serve":
+        return _serve(recording, layout, about, server_memory)
+    url = _spawn() if where == "spawn" else where
+    return Sink(recording, url, about, connect=lambda: recording.connect_grpc(url, default_blueprint=layout))
+
+
+def _save(recording: rr.RecordingStream, layout: rrb.Blueprint, path: Path, about: About) -> Sink:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.open("wb").close()  # an error of ours, rather than a line in Rerun's log
@@ -131,13 +131,11 @@ def _save(path: Path, about: About) -> Sink:
     return Sink(recording, str(path), about)
 
 
-def _serve(about: About, server_memory: str) -> Sink:
+def _serve(recording: rr.RecordingStream, layout: rrb.Blueprint, about: About, server_memory: str) -> Sink:
     import rerun as rr
 
-    from rig.view.blueprint import blueprint
     from rig.view.web import WebViewer
 
-    recording, layout = rr.RecordingStream(APPLICATION), blueprint(about.layout)
     web_port = viewer.free_port(WEB_PORT)
     server = rr.GrpcServerSink(
         viewer.LOOPBACK,
@@ -158,16 +156,7 @@ def _spawn() -> str:
     """A viewer in a window of its own, which outlives us; its address."""
     port = viewer.free_port(GRPC_PORT)
     viewer.start(["--port", str(port), "--expect-data-soon"], port, stay=True)
-    return f"rerun+http://{viewer.LOOPBACK}:{port}/proxy"
-
-
-def _connect(url: str, about: About) -> Sink:
-    import rerun as rr
-
-    from rig.view.blueprint import blueprint
-
-    recording, layout = rr.RecordingStream(APPLICATION), blueprint(about.layout)
-    return Sink(recording, url, about, connect=lambda: recording.connect_grpc(url, default_blueprint=layout))
+    return viewer.address(port)
 
 
 def abandon() -> None:

@@ -40,9 +40,8 @@ def environment(given: Mapping[str, str] | None = None) -> dict[str, str]:
     Rerun collects none where it believes to run on a build server, and then leaves the user's own
     setting (`rerun analytics`) alone: it neither reads nor writes it.
     """
-    variables = dict(os.environ if given is None else given)
-    variables.pop("FORCE_RERUN_ANALYTICS", None)
-    return variables | {"CI": "true"}
+    ours = os.environ if given is None else given
+    return {name: value for name, value in ours.items() if name != "FORCE_RERUN_ANALYTICS"} | {"CI": "true"}
 
 
 def free_port(preferred: int = 0) -> int:
@@ -108,6 +107,11 @@ def await_port(process: subprocess.Popen[bytes], port: int, timeout_s: float = 1
         time.sleep(0.02)
 
 
+def address(port: int) -> str:
+    """Where a viewer that listens on ``port`` is reached."""
+    return f"rerun+http://{LOOPBACK}:{port}/proxy"
+
+
 def connect(port: int) -> ViewerClient:
     """The viewer that listens on ``port``, to be driven; RuntimeError when it does not answer.
 
@@ -115,7 +119,7 @@ def connect(port: int) -> ViewerClient:
     """
     from rerun.experimental import ViewerClient
 
-    return ViewerClient.connect(f"rerun+http://{LOOPBACK}:{port}/proxy")
+    return ViewerClient.connect(address(port))
 
 
 def stop(process: subprocess.Popen[bytes], timeout_s: float = 5.0) -> None:

@@ -42,7 +42,7 @@ File = tuple[dict[str, str], bytes]  # headers, contents
 def _fetch() -> dict[str, File]:
     """The page's files, about 45 MB, from the viewer program; it runs for a moment only."""
     port = viewer.free_port()
-    nobody = f"rerun+http://{viewer.LOOPBACK}:{viewer.free_port()}/proxy"
+    nobody = viewer.address(viewer.free_port())
     process = viewer.start(["--serve-web", "--web-viewer-port", str(port), nobody], port)
     opener = build_opener(ProxyHandler({}))  # a proxy of the user's is not for loopback addresses
     try:

@@ -25,11 +25,8 @@ if TYPE_CHECKING:
 class Drawer(Protocol):
     """Draws the page of one row (1,) after another."""
 
-    def note(self, events: Sequence[EventLike], rate_hz: float) -> None:
-        """Events that the next page shall have."""
-
-    def draw(self, row: Block, rate_hz: float, events: Sequence[EventLike]) -> None:
-        """The page of a row, with these events too."""
+    def draw(self, row: Block | None, rate_hz: float, events: Sequence[EventLike]) -> None:
+        """The page of a row, with these events too; without a row they are for the next page."""
 
     def close(self) -> None:
         """No more pages; the last one stays."""
@@ -43,14 +40,11 @@ class OnTerminal:
         self._live = Live(console=screen, auto_refresh=False)
         self._live.start()
 
-    def note(self, events: Sequence[EventLike], rate_hz: float) -> None:
-        """Keep them for the next page."""
+    def draw(self, row: Block | None, rate_hz: float, events: Sequence[EventLike]) -> None:
+        """Draw now, if there is a row."""
         self._page.note(events, rate_hz)
-
-    def draw(self, row: Block, rate_hz: float, events: Sequence[EventLike]) -> None:
-        """Draw now."""
-        self._page.note(events, rate_hz)
-        self._live.update(self._page.draw(row[0], rate_hz), refresh=True)
+        if row is not None:
+            self._live.update(self._page.draw(row[0], rate_hz), refresh=True)
 
     def close(self) -> None:
         """Leave the last page on the terminal."""
@@ -65,15 +59,11 @@ class InPipe:
         self._page = Page(title)
         self._last: tuple[Block, float] | None = None
 
-    def note(self, events: Sequence[EventLike], rate_hz: float) -> None:
-        """Print them."""
+    def draw(self, row: Block | None, rate_hz: float, events: Sequence[EventLike]) -> None:
+        """Print the events, keep the row."""
         for event in events:
             self._screen.print(event_line(event.frame / rate_hz, event), soft_wrap=True)
-
-    def draw(self, row: Block, rate_hz: float, events: Sequence[EventLike]) -> None:
-        """Print the events, keep the row."""
-        self.note(events, rate_hz)
-        self._last = row, rate_hz
+        self._last = self._last if row is None else (row, rate_hz)
 
     def close(self) -> None:
         """Print the page."""
@@ -87,14 +77,12 @@ class InProcess:
     def __init__(self) -> None:
         self._process = subprocess.Popen([sys.executable, "-P", "-m", "rig.view.watch"], stdin=subprocess.PIPE)
 
-    def note(self, events: Sequence[EventLike], rate_hz: float) -> None:
-        """Pass them on."""
-        if events:
-            self._pass_on((None, rate_hz, events))
-
-    def draw(self, row: Block, rate_hz: float, events: Sequence[EventLike]) -> None:
-        """Pass it on."""
-        self._pass_on((row, rate_hz, events))
+    def draw(self, row: Block | None, rate_hz: float, events: Sequence[EventLike]) -> None:
+        """Pass it on, if there is anything."""
+        if row is not None or events:
+            with suppress(OSError):
+                pickle.dump((row, rate_hz, events), self._pipe)
+                self._pipe.flush()
 
     def close(self) -> None:
         """Let it draw what it has been given, and end."""
@@ -111,11 +99,6 @@ class InProcess:
         assert self._process.stdin is not None
         return self._process.stdin
 
-    def _pass_on(self, what: tuple[Block | None, float, Sequence[EventLike]]) -> None:
-        with suppress(OSError):
-            pickle.dump(what, self._pipe)
-            self._pipe.flush()
-
 
 def main() -> None:
     """Draw what comes on standard input from an InProcess until it ends; Ctrl-C is for the flight, not for this."""
@@ -125,9 +108,5 @@ def main() -> None:
     drawer = OnTerminal(Screen(stderr=True))
     with suppress(EOFError):
         while True:
-            row, rate_hz, events = pickle.load(sys.stdin.buffer)
-            if row is None:
-                drawer.note(events, rate_hz)
-            else:
-                drawer.draw(row, rate_hz, events)
+            drawer.draw(*pickle.load(sys.stdin.buffer))
     drawer.close()

@@ -91,7 +91,7 @@ class Watch:
             self._draw(rows[k : k + 1], rate_hz, due)
             with self._changed:
                 self._changed.wait_for(lambda: self._closing, UPDATE_S)
-        self._drawer.note(events, rate_hz)  # of frames that were not drawn
+        self._drawer.draw(None, rate_hz, events)  # of frames that were not drawn
 
     def _draw(self, row: Block, rate_hz: float, events: Sequence[EventLike]) -> None:
         self._drawer.draw(row, rate_hz, events)
