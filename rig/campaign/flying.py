@@ -40,6 +40,7 @@ from rig.scenario import Scenario, load
 from rig.score import Score, fly_twin, score
 
 Timing = NDArray[Any]
+_tables = cache(aircraft.tables)  # of an aircraft, read once by each worker
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,11 +167,6 @@ def warm() -> None:
     score(short, flown.rows, clean=flown.clean)
     gc.collect()
     gc.freeze()  # what stays is not searched for rubbish again and again: tens of milliseconds each time
-
-
-@cache
-def _tables(name: str) -> dict[str, Any]:
-    return aircraft.tables(name)
 
 
 @contextmanager

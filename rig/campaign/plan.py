@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, Final
 
 from rig import aircraft
@@ -53,7 +53,7 @@ class Plan:
         self.trust = trust or Trust(source)
         self.campaign = campaign
         self.source = source
-        self._read: dict[str, dict[str, Any]] = {}  # tables of aircraft
+        self._tables = cache(aircraft.tables)
         self._base = campaign.base
         for key, value in campaign.set.items():
             self._base = set_key(self._base, key, value, f"{source}: set")
@@ -108,11 +108,6 @@ class Plan:
             said = str(error).removeprefix(f"run {run.number}: ")
             raise BadInput(f"{self.source}: run {run.number}: {said}") from None
         self.trust.require(scenario.redundancy.manager)
-
-    def _tables(self, name: str) -> dict[str, Any]:
-        if name not in self._read:
-            self._read[name] = aircraft.tables(name)
-        return self._read[name]
 
     def identity(self) -> dict[str, Any]:
         """All that decides the table: the campaign, and the tables of every aircraft in it."""

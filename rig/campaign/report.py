@@ -39,19 +39,17 @@ def _page(found: dict[str, Any], maps: list[go.Figure], delays: list[go.Figure])
     environment.filters |= {"rate": rate, "number": number, "percent": percent}
     figures = {f"map-{i}": figure for i, figure in enumerate(maps)}
     figures |= {f"delay-{i}": figure for i, figure in enumerate(delays)}
+    data = json.dumps(
+        {name: json.loads(figure.to_json() or "null") for name, figure in figures.items()}, allow_nan=False
+    )
     return environment.get_template("report.html").render(
         found=found,
         maps=[name for name in figures if name.startswith("map")],
         delays=[name for name in figures if name.startswith("delay")],
-        figures=_script({name: json.loads(figure.to_json() or "null") for name, figure in figures.items()}),
+        figures=data.replace("<", "\\u003c"),  # nothing in it can end the script element
         plotly=get_plotlyjs(),
         versions=versions(),
     )
-
-
-def _script(data: Any) -> str:
-    """Plain data for a script element: nothing in it can end the element."""
-    return json.dumps(data, allow_nan=False).replace("<", "\\u003c")
 
 
 def percent(value: float | None) -> str:

@@ -55,7 +55,7 @@ def run_row(number: int, flown: Flown, scored: Score) -> Row:
         "duration_s": verdict.frames / scenario.rate_hz,
         "survived": verdict.survived,
         "end_reason": flown.end_reason,
-        **{name: _number(value) for name, value in asdict(verdict.peaks).items()},
+        **{name: value if math.isfinite(value) else None for name, value in asdict(verdict.peaks).items()},
         **{outcome.replace(" ", "_"): outcomes.count(outcome) for outcome in _OUTCOMES},
         "false_alarms": len(scored.false_alarms),
         "wrong_isolations": len(scored.wrong_isolations),
@@ -65,10 +65,6 @@ def run_row(number: int, flown: Flown, scored: Score) -> Row:
         "out_of_limits_s": None if transients is None else transients.out_of_limits_s,
         "coverage": _coverage(scored),
     }
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 def _coverage(scored: Score) -> str:
@@ -102,21 +98,21 @@ def _fault_row(number: int, scenario: Scenario, rows: Block, fault: FaultScore, 
     return {
         "run": number,
         "fault": fault.index,
-        "id": fault.id,
-        "signal": fault.signal,
-        "channel": fault.channel,
-        "kind": fault.kind,
+        **_of(fault, "id", "signal", "channel", "kind", "outcome", "resolver"),
         "magnitude": magnitude(scenario.faults[fault.index], scenario),
         "onset_s": time_s(fault.onset_frame),
         "exceeded_s": time_s(fault.exceeded_frame),
         "failed_s": time_s(fault.failed_frame),
-        "outcome": fault.outcome,
         "delay_from_onset_s": time_s(fault.delay_from_onset_frames),
         "delay_from_exceeded_s": time_s(fault.delay_from_exceeded_frames),
         "isolation": "wrong" if fault.signal in blamed else right,
-        "resolver": fault.resolver,
         "pattern": _pattern(rows, fault),
     }
+
+
+def _of(scored: Any, *names: str) -> Row:
+    """The columns that are called as in the score."""
+    return {name: getattr(scored, name) for name in names}
 
 
 def magnitude(fault: Fault, scenario: Scenario) -> float | None:
@@ -153,14 +149,7 @@ def alarm_rows(number: int, scenario: Scenario, scored: Score) -> list[Row]:
     period_s = 1.0 / scenario.rate_hz
     kinds = (("false alarm", scored.false_alarms), ("wrong isolation", scored.wrong_isolations))
     return [
-        {
-            "run": number,
-            "kind": kind,
-            "signal": alarm.signal,
-            "channel": alarm.channel,
-            "time_s": alarm.frame * period_s,
-            "resolver": alarm.resolver,
-        }
+        {"run": number, "kind": kind, "time_s": alarm.frame * period_s, **_of(alarm, "signal", "channel", "resolver")}
         for kind, alarms in kinds
         for alarm in alarms
     ]
@@ -171,14 +160,10 @@ def episode_rows(number: int, scenario: Scenario, scored: Score) -> list[Row]:
     return [
         {
             "run": number,
-            "signal": episode.signal,
-            "pattern": episode.pattern,
             "begin_s": episode.first_frame / scenario.rate_hz,
-            "frames": episode.frames,
             "asked": list(episode.asked),
-            "resolver": episode.resolver,
             "failed": list(episode.failed),
-            "verdict": episode.verdict,
+            **_of(episode, "signal", "pattern", "frames", "resolver", "verdict"),
         }
         for episode in scored.episodes
     ]

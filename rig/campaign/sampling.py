@@ -74,7 +74,8 @@ def valuer(vary: Vary) -> Valuer:
         values, count = vary.values, len(vary.values)
         return lambda share: values[int(share * count)]
     if isinstance(vary, Distribution):
-        return _of_distribution(vary)
+        (below, above), inverse = vary.shares(), vary.frozen().ppf  # made once: each takes longer than a value
+        return lambda share: float(np.clip(inverse(below + share * (above - below)), vary.low, vary.high))
     low = vary.low
     if vary.whole:
         first, many = int(low), int(vary.high) - int(low) + 1
@@ -84,11 +85,6 @@ def valuer(vary: Vary) -> Valuer:
         return lambda share: float(low * ratio**share)
     span = vary.high - low
     return lambda share: float(low + share * span)
-
-
-def _of_distribution(vary: Distribution) -> Valuer:
-    (low, high), inverse = vary.shares(), vary.frozen().ppf  # made once: each takes longer than a value
-    return lambda share: float(np.clip(inverse(low + share * (high - low)), vary.low, vary.high))
 
 
 def _sampled(campaign: Campaign) -> list[Choice]:

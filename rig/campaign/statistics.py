@@ -169,14 +169,10 @@ def _crossing(above: Callable[[float], float], inside: float, outside: float) ->
     for i in range(1, 201):
         at = inside + i * step
         if above(at) > 0.0:
-            return _root(above, last, at) if above(last) <= 0.0 else last
+            root: Any = brentq(above, last, at, xtol=1e-9) if above(last) <= 0.0 else last
+            return float(root)
         last = at
     return None
-
-
-def _root(function: Callable[[float], float], a: float, b: float) -> float:
-    found: Any = brentq(function, a, b, xtol=1e-9)
-    return float(found)
 
 
 @dataclass(frozen=True, slots=True)

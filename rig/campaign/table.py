@@ -124,18 +124,14 @@ def frame(plan: Plan, table: str, rows: Sequence[Row]) -> pl.DataFrame:
     """Rows as a typed table, what varies written beside them."""
     columns = schema(plan, table)
     if table == "runs":
-        rows = [{**_varied(plan, row["run"], columns), **row} for row in rows]
-    return pl.DataFrame([{name: row.get(name) for name in columns} for row in rows], schema=columns)
+        rows = [{**plan.choices[row["run"]], **row} for row in rows]
+    return pl.DataFrame([{n: _cell(row.get(n), kind) for n, kind in columns.items()} for row in rows], schema=columns)
 
 
-def _varied(plan: Plan, run: int, columns: dict[str, Any]) -> Row:
-    choice = {key: value for key, value in plan.choices[run].items() if key in columns}
-    text = {key for key in choice if columns[key] == pl.String}
-    return {key: _text(value) if key in text else value for key, value in choice.items()}
-
-
-def _text(value: Any) -> str:
-    return value if isinstance(value, str) else json.dumps(value, sort_keys=True)
+def _cell(value: Any, kind: Any) -> Any:
+    """A value of a column; one that varies may be of several kinds, and is then written as JSON."""
+    as_it_is = value is None or isinstance(value, str) or kind != pl.String
+    return value if as_it_is else json.dumps(value, sort_keys=True)
 
 
 def joined(table: str, frames: Sequence[pl.DataFrame]) -> pl.DataFrame:
