@@ -80,7 +80,8 @@ def flight(flown: Flight) -> None:
     verdict = ("survived", "green") if flown.survived else ("lost", "red")
     reason = f": {flown.end_reason} ({flown.frames} frames, {flown.duration_s:g} s)"
     screen.print(styled("verdict  ", verdict, reason))
-    screen.print(f"failed   {_channels(flown.failed)}")
+    failed = (f"{name} channel {', '.join(map(str, numbers))}" for name, numbers in flown.failed.items())
+    screen.print(f"failed   {'; '.join(failed) or 'no channel'}")
     if flown.not_executed:
         screen.print(f"faults   not executed: {'; '.join(flown.not_executed)}", style="yellow")
     screen.print(f"peaks    {_peaks(flown)}")
@@ -97,12 +98,6 @@ def flight(flown: Flight) -> None:
         screen.print(f"stream   {s.where}: {s.sent_frames} frames sent, {s.dropped_frames} dropped{trouble}")
     screen.print(f"digest   {flown.digest}")
     screen.print(f"log      {flown.log}", soft_wrap=True)
-
-
-def _channels(failed: dict[str, list[int]]) -> str:
-    if not failed:
-        return "no channel"
-    return "; ".join(f"{name} channel {', '.join(map(str, numbers))}" for name, numbers in failed.items())
 
 
 def _peaks(flown: Flight) -> str:

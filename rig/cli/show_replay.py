@@ -98,7 +98,8 @@ def info(found: dict[str, Any]) -> None:
         screen.print(f"what if  {found['what_if']}, over the channels of {found['what_if_of']}; never flown")
     planned = "" if found["planned_s"] is None else f" of {found['planned_s']:g} s"
     screen.print(f"flown    {found['frames']} frames, {found['duration_s']:g} s{planned}, at {found['rate_hz']:g} Hz")
-    screen.print(f"result   {_result(result)}")
+    outcome = f"{'survived' if result.get('survived') == 'True' else 'lost'}: {result.get('end_reason', '')}"
+    screen.print(f"result   {outcome if result else 'none: the flight was not ended by the loop'}")
     events = ", ".join(f"{count} {name}" for name, count in found["events"].items())
     screen.print(f"events   {events or 'none'}")
     screen.print(f"topics   {len(found['topics'])}, {sum(found['topics'].values())} messages, {found['bytes']} bytes")
@@ -107,9 +108,3 @@ def info(found: dict[str, Any]) -> None:
     screen.print(f"commit   {found['commit'] or 'not said'}, on {found['machine'] or 'a machine that is not said'}")
     screen.print(f"digest   {result.get('digest', 'not said')}")
     screen.print(f"health   {found['health']}", soft_wrap=True)
-
-
-def _result(result: dict[str, str]) -> str:
-    if not result:
-        return "none: the flight was not ended by the loop"
-    return f"{'survived' if result.get('survived') == 'True' else 'lost'}: {result.get('end_reason', '')}"

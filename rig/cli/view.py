@@ -84,11 +84,13 @@ def _view(
     if save is not None:
         opened.save(flights, save)
         said["saved"] = str(save)
+        where = f"{save}; open it with: rerun {save}"
     elif screenshot is not None:
         from rig.view.screenshot import screenshot as shoot
 
         shot = shoot(flights, screenshot, time_s)
         said |= {"picture": str(screenshot), "views": list(shot.views), "complaints": list(shot.complaints)}
+        where = f"{screenshot}"
     else:
         with opened.window(flights) as process, suppress(KeyboardInterrupt):
             said["seconds"] = perf_counter() - began
@@ -96,7 +98,7 @@ def _view(
             process.wait()
         return
     said["seconds"] = perf_counter() - began
-    _tell(said, as_json, f"{said['frames']} frames in {said['seconds']:.1f} s{_where(said)}")
+    _tell(said, as_json, f"{said['frames']} frames in {said['seconds']:.1f} s: {where}")
 
 
 def _require_display() -> None:
@@ -107,12 +109,6 @@ def _require_display() -> None:
         viewer.require_display("rig view")
     except BadInput as error:
         raise BadInput(f"{error}; there are --serve, --save and --screenshot") from None
-
-
-def _where(said: dict[str, Any]) -> str:
-    if "saved" in said:
-        return f": {said['saved']}; open it with: rerun {said['saved']}"
-    return f": {said['picture']}"
 
 
 def _serve(flights: Any, said: dict[str, Any], as_json: bool) -> None:
