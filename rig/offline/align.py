@@ -252,13 +252,9 @@ def _offsets(columns: list[Floats], delay: Floats, trusted: NDArray[np.bool_], w
     at = np.arange(MAX_DELAY, len(columns[0]) - MAX_DELAY - 1)
     aligned = np.array([interpolated(columns[c], at + delay[c]) for c in inside])
     if wraps:
-        aligned = aligned[0] + _short_way(aligned - aligned[0])
+        aligned = aligned[0] + ((aligned - aligned[0] + TURN / 2) % TURN - TURN / 2)
     offset[inside] = np.median(aligned - np.median(aligned, axis=0), axis=1)
     return offset
-
-
-def _short_way(angle: Floats) -> Floats:
-    return (angle + TURN / 2) % TURN - TURN / 2
 
 
 def interpolated(column: Floats, at: NDArray[np.floating[Any]]) -> Floats:

@@ -12,7 +12,7 @@ Enums are words in CSV and Parquet and numbers in npz.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -26,12 +26,14 @@ from rig.frame import SIGNALS, Block, Ilm, State
 from rig.log import Log
 from rig.log.columns import COLUMNS, Column
 from rig.offline.decisions import label
+from rig.offline.table import TABLE_WRITERS
 from rig.text import choices, quoted
 
 TIME: Final = "time_s"
 _OWN: Final = {"trend_high": "trend.high", "trend_low": "trend.low", "reference": "ref"}
 _NUMBERED: Final = {"channels": "", "discrete_channels": "", "state": ".state", "discrete_state": ".state"}
 _FOR_VOTE: Final = ("channels", "ilm", "reference")
+ENDINGS: Final = ("csv", "parquet", "npz")
 OWNERS: Final = tuple(dict.fromkeys(column.owner for column in COLUMNS))
 
 
@@ -41,15 +43,15 @@ def export(log: Log, to: str, out: Path, owners: Sequence[str] = (), for_vote: b
     for_vote : only what ``rig vote`` reads, samples that the sensor flags left empty
     BadInput: an unknown owner or ending, a folder that is not there; RigError when the disk does not take it.
     """
-    if to not in WRITERS:
-        raise BadInput(f"--to {to}: allowed: {', '.join(WRITERS)}")
+    if to not in ENDINGS:
+        raise BadInput(f"--to {to}: allowed: {', '.join(ENDINGS)}")
     chosen = _chosen(log.rows, owners, for_vote)
     columns = {TIME: log.time_s}
     for column in chosen:
         columns[name(column)] = _values(log.rows, column, for_vote)
     with replaced(out) as part:
         try:
-            WRITERS[to](part, columns, {name(column): column for column in chosen})
+            _write(part, to, columns, {name(column): column for column in chosen})
         except (OSError, pl.exceptions.PolarsError) as error:
             raise RigError(f"{out}: cannot be written: {' '.join(str(error).split())[:200]}") from None
     return list(columns)
@@ -91,8 +93,13 @@ def _values(rows: Block, column: Column, for_vote: bool) -> NDArray[Any]:
     return values
 
 
-def _table(columns: dict[str, NDArray[Any]], known: dict[str, Column]) -> pl.DataFrame:
-    return pl.DataFrame({key: _series(values, known.get(key)) for key, values in columns.items()})
+def _write(path: Path, to: str, columns: dict[str, NDArray[Any]], known: dict[str, Column]) -> None:
+    if to == "npz":
+        with path.open("wb") as file:
+            np.savez_compressed(file, **columns)  # pyright: ignore[reportArgumentType]  # names are ours
+    else:
+        table = pl.DataFrame({key: _series(values, known.get(key)) for key, values in columns.items()})
+        TABLE_WRITERS[f".{to}"](table, path)
 
 
 def _series(values: NDArray[Any], column: Column | None) -> pl.Series:
@@ -102,23 +109,3 @@ def _series(values: NDArray[Any], column: Column | None) -> pl.Series:
     if column.enum is Ilm:
         return pl.select(pl.when(series < int(Ilm.ABSENT)).then(series)).to_series()
     return series.cast(pl.UInt8).cat.to(pl.Enum([label(column, int(member)) for member in column.enum]))
-
-
-def _csv(path: Path, columns: dict[str, NDArray[Any]], known: dict[str, Column]) -> None:
-    _table(columns, known).write_csv(path)
-
-
-def _parquet(path: Path, columns: dict[str, NDArray[Any]], known: dict[str, Column]) -> None:
-    _table(columns, known).write_parquet(path)
-
-
-def _npz(path: Path, columns: dict[str, NDArray[Any]], known: dict[str, Column]) -> None:
-    with path.open("wb") as file:
-        np.savez_compressed(file, **columns)  # pyright: ignore[reportArgumentType]  # names are ours
-
-
-WRITERS: Final[dict[str, Callable[[Path, dict[str, NDArray[Any]], dict[str, Column]], None]]] = {
-    "csv": _csv,
-    "parquet": _parquet,
-    "npz": _npz,
-}

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import polars as pl
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
@@ -17,7 +18,11 @@ from rig.errors import BadInput
 from rig.log.messages import most_bytes
 from rig.offline.clock import Floats
 
-TABLES: Final = (".csv", ".parquet")
+TABLE_WRITERS: Final[dict[str, Callable[[pl.DataFrame, Path], None]]] = {
+    ".csv": pl.DataFrame.write_csv,
+    ".parquet": pl.DataFrame.write_parquet,
+}
+TABLES: Final = tuple(TABLE_WRITERS)
 _NO_VALUE: Final = ["", "nan", "NaN", "NAN"]
 _FAULTS: Final = (pa.ArrowException, OSError, ValueError, csv.Error)
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from rig.errors import BadInput
-from rig.frame import Block
 from rig.log.columns import COLUMNS
 from rig.offline.compare import Comparison, compare
 from rig.offline.decisions import Decisions, decisions
@@ -38,12 +37,7 @@ def verify(recording: Recorded, fly: bool = False) -> Verified:
     again = fly_again(scenario, len(rows)) if fly else vote_again(rows, scenario)
     columns = [column for column in COLUMNS if fly or column.field in (*OUTPUTS, "acting")]
     fields = compare(rows, again, columns)
+    lengths = [f"recorded {len(rows)} frames, flown again {len(again)}"] if len(rows) != len(again) else []
     notes = of_replay(recording.log.metadata, versions())
-    found = Comparison(min(len(rows), len(again)), fields, _lengths(rows, again), notes)
+    found = Comparison(min(len(rows), len(again)), fields, lengths, notes)
     return Verified(found, decisions(rows, again))
-
-
-def _lengths(rows: Block, again: Block) -> list[str]:
-    if len(rows) == len(again):
-        return []
-    return [f"recorded {len(rows)} frames, flown again {len(again)}"]

@@ -5,7 +5,7 @@ Written beside and renamed: OUTPUT is there only when it is whole.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -22,8 +22,10 @@ from rig.log.signals import write_topics
 from rig.offline.clock import TIME
 from rig.offline.discrete_vote import VotedDiscrete
 from rig.offline.recording import Bytes, Recording
-from rig.offline.vote import Voted
+from rig.offline.table import TABLE_WRITERS, TABLES
+from rig.offline.vote import FIELDS, Voted
 
+ENDINGS: Final = (*TABLES, ".mcap")
 STATES: Final = ("ok", "suspect", "failed")
 PATTERNS: Final = tuple(pattern.label for pattern in Pattern)
 RESOLVERS: Final = tuple(resolver.name.lower() for resolver in Resolver)
@@ -36,8 +38,8 @@ def output(path: Path, recorded: Path | None = None) -> Iterator[Path]:
     BadInput before anything is done: an unknown ending, a folder that is not there or not writable, the input itself.
     RigError when it cannot be renamed.
     """
-    if path.suffix not in WRITERS:
-        raise BadInput(f"{path}: unknown ending; allowed: {', '.join(WRITERS)}")
+    if path.suffix not in ENDINGS:
+        raise BadInput(f"{path}: unknown ending; allowed: {', '.join(ENDINGS)}")
     with replaced(path) as part:
         if recorded is not None and path.exists() and recorded.exists() and path.samefile(recorded):
             raise BadInput(f"{path}: is the input")
@@ -55,7 +57,10 @@ class Result:
 def write(part: Path, path: Path, recording: Recording, voted: Result) -> None:
     """Write ``voted`` to ``part``, the draft of ``path``, as its ending says. RigError: the disk."""
     try:
-        WRITERS[path.suffix](part, recording, voted)
+        if path.suffix == ".mcap":
+            _mcap(part, recording, voted)
+        else:
+            TABLE_WRITERS[path.suffix](table(recording, voted), part)
     except (OSError, pl.exceptions.PolarsError) as error:
         raise RigError(f"{path}: cannot be written: {' '.join(str(error).split())[:200]}") from None
 
@@ -84,14 +89,6 @@ def _named(codes: Bytes, names: tuple[str, ...]) -> pl.Series:
     return pl.Series(codes).cat.to(pl.Enum(names))
 
 
-def _csv(path: Path, recording: Recording, voted: Result) -> None:
-    table(recording, voted).write_csv(path)
-
-
-def _parquet(path: Path, recording: Recording, voted: Result) -> None:
-    table(recording, voted).write_parquet(path)
-
-
 def _mcap(path: Path, recording: Recording, voted: Result) -> None:
     if recording.time_s[0] < 0:
         raise BadInput(f"time begins at {recording.time_s[0]:g} s: an MCAP file has no time before 0")
@@ -112,20 +109,12 @@ def _mcap(path: Path, recording: Recording, voted: Result) -> None:
 def _fields(recording: Recording, name: str, signal: Voted) -> dict[str, Any]:
     """Fields of the frame, for the log; what only a flight has is left out."""
     samples = recording.signals[name]
-    valid = samples.valid or [np.isfinite(column).astype(np.uint8) for column in samples.channels]
-
     fields: dict[str, Any] = {
         "channels": samples.channels,
-        "valid": valid,
+        "valid": samples.valid or [np.isfinite(column).astype(np.uint8) for column in samples.channels],
         "ilm": _filled(recording, samples.ilm or [], Ilm.ABSENT),
         "state": _filled(recording, signal.state, State.ABSENT),
-        "voted": signal.voted,
-        "level": signal.level,
-        "pattern": signal.pattern,
-        "resolver": signal.resolver,
-        "trend_high": signal.trend_high,
-        "trend_low": signal.trend_low,
-        "reference_usable": signal.reference_usable,
+        **{name: getattr(signal, name) for name in FIELDS},
     }
     return fields if samples.reference is None else {**fields, "reference": samples.reference}
 
@@ -133,14 +122,12 @@ def _fields(recording: Recording, name: str, signal: Voted) -> dict[str, Any]:
 def _discrete_fields(recording: Recording, name: str, discrete: VotedDiscrete) -> dict[str, Any]:
     """Fields of the frame, for the log; an empty sample is an invalid 0."""
     samples = recording.discretes[name]
-    flags = samples.valid or [np.ones(len(column), np.uint8) for column in samples.channels]
-    usable = [
-        (np.isfinite(column) & (flag != 0)).astype(np.uint8)
-        for column, flag in zip(samples.channels, flags, strict=True)
-    ]
+    usable = [np.isfinite(column) for column in samples.channels]
+    if samples.valid:
+        usable = [finite & (flag != 0) for finite, flag in zip(usable, samples.valid, strict=True)]
     return {
         "discrete_channels": [(column == 1).astype(np.uint8) for column in samples.channels],
-        "discrete_valid": usable,
+        "discrete_valid": [flag.astype(np.uint8) for flag in usable],
         "discrete_ilm": _filled(recording, samples.ilm or [], Ilm.ABSENT),
         "discrete_state": _filled(recording, discrete.state, State.ABSENT),
         "discrete_voted": discrete.voted,
@@ -150,10 +137,3 @@ def _discrete_fields(recording: Recording, name: str, discrete: VotedDiscrete) -
 
 def _filled(recording: Recording, columns: list[Bytes], code: IntEnum) -> list[Bytes]:
     return columns + [np.full(len(recording.time_s), code, np.uint8)] * (CHANNELS - len(columns))
-
-
-WRITERS: Final[dict[str, Callable[[Path, Recording, Result], None]]] = {
-    ".csv": _csv,
-    ".parquet": _parquet,
-    ".mcap": _mcap,
-}
