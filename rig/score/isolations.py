@@ -43,21 +43,12 @@ class Failures:
         by: Callable[[int, int, int], str],
     ) -> None:
         self._names, self._linger = names, linger
-        self.all = [self._failure(error, acted, by, *map(int, at)) for at in changes(state)]
-
-    def _failure(
-        self,
-        error: NDArray[np.float64],
-        acted: NDArray[np.bool_],
-        by: Callable[[int, int, int], str],
-        k: int,
-        s: int,
-        c: int,
-    ) -> Failure:
-        since = slice(max(0, k - int(self._linger[s])), k + 1)
-        wrong = (error[since, s] != 0.0).any(axis=0)  # NaN is not 0
-        own = bool(wrong[c] or acted[since, s, c].any())
-        return Failure(k, s, c, by(k, s, c), own, bool(wrong.any()))
+        self.all: list[Failure] = []
+        for k, s, c in changes(state).tolist():
+            since = slice(max(0, k - int(linger[s])), k + 1)
+            wrong = (error[since, s] != 0.0).any(axis=0)  # NaN is not 0
+            own = bool(wrong[c] or acted[since, s, c].any())
+            self.all.append(Failure(k, s, c, by(k, s, c), own, bool(wrong.any())))
 
     def of(self, s: int, c: int, acted: NDArray[np.intp]) -> tuple[int | None, str | None]:
         """The first failure of a channel while a fault acted, or up to ``linger`` frames after; and by whom.

@@ -35,7 +35,9 @@ def score_log(path: Path, yardstick: Yardstick, twin: bool = True, allow_code: b
     BadInput, one line, when it is no log of a flight, has no verdict, or was flown with other sensors.
     """
     log = read_log(path)
-    scenario, digest = _scenario(path, log, allow_code), _digest(path, log)
+    scenario = _scenario(path, log, allow_code)
+    if log.result is None:
+        raise BadInput(f"{path}: the flight has no verdict (cut off, recovered or still being flown): not scored")
     if twin:
         scenario.trust.require(scenario.redundancy.manager)
     try:
@@ -43,7 +45,7 @@ def score_log(path: Path, yardstick: Yardstick, twin: bool = True, allow_code: b
         scored = score(scenario, log.rows, other, yardstick)
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
-    return Scored(path, scenario, digest, scored)
+    return Scored(path, scenario, log.result.get("digest", ""), scored)
 
 
 def _scenario(path: Path, log: Log, allow_code: bool) -> Scenario:
@@ -54,9 +56,3 @@ def _scenario(path: Path, log: Log, allow_code: bool) -> Scenario:
     except (ValueError, RecursionError):
         raise BadInput(f"{path}: its scenario cannot be read") from None
     return from_resolved(resolved, f"{path}: scenario", Trust(str(path), allow_code))
-
-
-def _digest(path: Path, log: Log) -> str:
-    if log.result is None:
-        raise BadInput(f"{path}: the flight has no verdict (cut off, recovered or still being flown): not scored")
-    return log.result.get("digest", "")
