@@ -18,7 +18,7 @@ import numpy as np
 
 from rig import scenario
 from rig.frame import FLIGHT_INDEX, Block, End, Lie, Trust
-from rig.loop import Rig, frames
+from rig.score import fly_rows
 from rig.studies.workers import each
 
 AFTER_S: Final = 60.0  # flown after the onset
@@ -149,8 +149,7 @@ def settings(case: Case, fault: Fault | None, law: str) -> list[str]:
 
 def fly(sets: Sequence[str], seed: int) -> Block:
     """All rows of one flight."""
-    chosen = scenario.load(None, sets, seed)
-    return np.concatenate([rows.copy() for rows, _ in frames(Rig(chosen), chosen)])
+    return fly_rows(scenario.load(None, sets, seed))
 
 
 def measure(case: Case, fault: Fault, plain: Block, tolerant: Block, healthy: Block) -> Flown:

@@ -7,7 +7,7 @@ The airframe is flown as designed and with its centre of gravity moved, which th
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import product
 from typing import Any, Final
@@ -17,7 +17,7 @@ from scipy.stats import binomtest
 
 from rig import scenario
 from rig.frame import FLIGHT_INDEX, INDEX, Block, End, Trust
-from rig.loop import Rig, frames
+from rig.score import fly_rows
 from rig.studies.workers import each
 
 ONSET_S: Final = 20.0
@@ -110,13 +110,11 @@ def study(seeds: Sequence[int] = (1,), workers: int = 2) -> tuple[list[Flown], i
 
 def fly_case(case: Case) -> list[Flown]:
     """All faults and laws of one case."""
-    return [one for law in LAWS for one in _of_law(case, law)]
-
-
-def _of_law(case: Case, law: str) -> Iterator[Flown]:
-    healthy = fly(case, law, None)
-    for fault in FAULTS:
-        yield measure(case, fault, law, fly(case, law, fault), healthy)
+    flown: list[Flown] = []
+    for law in LAWS:
+        healthy = fly(case, law, None)
+        flown += [measure(case, fault, law, fly(case, law, fault), healthy) for fault in FAULTS]
+    return flown
 
 
 def fly(case: Case, law: str, fault: str | None) -> Block:
@@ -131,7 +129,7 @@ def fly(case: Case, law: str, fault: str | None) -> Block:
     if case.cg_shift_m != 0.0:
         shift = chosen.resolved()["airframe"].get("cg_x_shift_m", 0.0) + case.cg_shift_m
         chosen = scenario.load(None, [*sets, f"airframe.cg_x_shift_m={shift}"], case.seed)
-    return np.concatenate([rows.copy() for rows, _ in frames(Rig(chosen), chosen)])
+    return fly_rows(chosen)
 
 
 def measure(case: Case, fault: str, law: str, rows: Block, healthy: Block) -> Flown:
