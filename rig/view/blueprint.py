@@ -34,7 +34,7 @@ def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
         OVERVIEW: _overview(_main(shown), shown),
         **{group: _group_tab(group, [s for s in SIGNALS if s.group == group], shown) for group in GROUPS},
         "discretes": _discretes_tab(shown),
-        "surfaces": _surfaces_tab(shown),
+        "surfaces": rrb.Grid(*(_surface_plot(name, shown) for name in SURFACES), grid_columns=2, name="surfaces"),
         "control": _control_tab(shown),
         "flight": _flight_tab(shown, map_tiles),
     }
@@ -133,10 +133,6 @@ def _discrete_plot(discrete: Discrete, shown: Sequence[Shown]) -> rrb.TimeSeries
         Line(discrete.topic, "rig.Discrete", "truth", "truth", TRUTH),
     ]
     return plot(discrete.name, lines, shown)
-
-
-def _surfaces_tab(shown: Sequence[Shown]) -> rrb.Container:
-    return rrb.Grid(*(_surface_plot(name, shown) for name in SURFACES), grid_columns=2, name="surfaces")
 
 
 def _surface_plot(name: str, shown: Sequence[Shown]) -> rrb.TimeSeriesView:

@@ -35,7 +35,8 @@ def band(rows: Block, index: int, threshold: float, acts: NDArray[np.bool_] | No
     """Fields low, high and fault of signal ``index`` in every row; NaN where there is none."""
     voted = np.ascontiguousarray(rows["voted"][:, index])
     fault = np.full(len(rows), np.nan) if acts is None else np.where(acts, voted, np.nan)
-    return _struct({"low": voted - threshold, "high": voted + threshold, "fault": fault})
+    columns = [pa.array(column) for column in (voted - threshold, voted + threshold, fault)]
+    return pa.StructArray.from_arrays(columns, names=["low", "high", "fault"])
 
 
 def deviation(rows: Block, index: int, threshold: float) -> NDArray[np.float64]:
@@ -55,7 +56,3 @@ def _apart(signal: Signal, values: NDArray[np.float64], base: NDArray[np.float64
     with np.errstate(invalid="ignore"):
         apart = values - base
         return apart - TWO_PI * np.rint(apart / TWO_PI) if signal.wraps else apart
-
-
-def _struct(columns: dict[str, NDArray[np.float64]]) -> pa.StructArray:
-    return pa.StructArray.from_arrays([pa.array(column) for column in columns.values()], names=list(columns))
