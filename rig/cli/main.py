@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -241,11 +239,15 @@ def aircraft_design(
     emit(as_json, summary, lambda: show.design(references, target, beside))
 
 
-@contextmanager
-def _exit_codes() -> Iterator[None]:
-    """Errors as one line on stderr and an exit code."""
+MOST_OF_A_WORD: Final = 400  # characters of a wrong command line that are repeated
+_UsageError: Any = typer.BadParameter.__mro__[1]  # click's own; where click is, differs between versions of typer
+
+
+def main() -> None:
+    """The ``rig`` command: errors as one line on stderr and an exit code."""
+    end_cleanly()
     try:
-        yield
+        sys.exit(_command())
     except BadInput as error:
         typer.echo(f"error: {error}", err=True)
         sys.exit(2)
@@ -254,25 +256,18 @@ def _exit_codes() -> Iterator[None]:
         sys.exit(1)
 
 
-MOST_OF_A_WORD: Final = 400  # characters of a wrong command line that are repeated
-_UsageError: Any = typer.BadParameter.__mro__[1]  # click's own; where click is, differs between versions of typer
-
-
-def main() -> None:
-    """The ``rig`` command."""
-    end_cleanly()
-    with _exit_codes():
-        try:
-            code = app(standalone_mode=False)
-        except typer.Abort:
-            sys.exit(1)
-        except _UsageError as error:
-            if type(error).__name__ == "NoArgsIsHelpError":  # a group without a command: its help
-                error.show()
-                sys.exit(error.exit_code)
-            at = error.ctx.command_path if error.ctx else "rig"
-            raise BadInput(f"{shorten(error.format_message(), MOST_OF_A_WORD)}; see: {at} --help") from None
-        sys.exit(code or 0)
+def _command() -> int:
+    """Run what the command line says; its exit code."""
+    try:
+        return app(standalone_mode=False) or 0
+    except typer.Abort:
+        return 1
+    except _UsageError as error:
+        if type(error).__name__ == "NoArgsIsHelpError":  # a group without a command: its help
+            error.show()
+            return error.exit_code
+        at = error.ctx.command_path if error.ctx else "rig"
+        raise BadInput(f"{shorten(error.format_message(), MOST_OF_A_WORD)}; see: {at} --help") from None
 
 
 if __name__ == "__main__":
