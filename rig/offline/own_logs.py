@@ -44,25 +44,16 @@ def _flown(path: Path, repair: bool) -> Recording:
     log = read_log(path)
     rows = log.rows
     accepted = clock(str(path), rows["frame"] / log.rate_hz, repair)
-    recorded: dict[str, Samples] = {}
-    for i, signal in enumerate(SIGNALS):
-        fitted = range(int((rows["state"][0, i] != State.ABSENT).sum()))
-        recorded[signal.name] = Samples(
-            [rows["channels"][:, i, c].copy() for c in fitted],
-            [rows["ilm"][:, i, c].copy() for c in fitted],
-            rows["reference"][:, i].copy(),
-            [rows["valid"][:, i, c].copy() for c in fitted],
-        )
-    return on_clock(accepted, recorded, {discrete.name: _discrete(rows, d) for d, discrete in enumerate(DISCRETES)})
+    signals = {signal.name: _recorded(rows, "", i) for i, signal in enumerate(SIGNALS)}
+    return on_clock(accepted, signals, {one.name: _recorded(rows, "discrete_", i) for i, one in enumerate(DISCRETES)})
 
 
-def _discrete(rows: Block, d: int) -> Samples:
-    fitted = range(int((rows["discrete_state"][0, d] != State.ABSENT).sum()))
-    return Samples(
-        [rows["discrete_channels"][:, d, c].astype(np.float64) for c in fitted],
-        [rows["discrete_ilm"][:, d, c] for c in fitted],
-        valid=[rows["discrete_valid"][:, d, c] for c in fitted],
-    )
+def _recorded(rows: Block, kind: str, i: int) -> Samples:
+    """The fitted channels of signal or discrete ``i``, whose fields begin with ``kind``."""
+    fitted = range(int((rows[f"{kind}state"][0, i] != State.ABSENT).sum()))
+    ilm, valid = ([rows[f"{kind}{name}"][:, i, c].copy() for c in fitted] for name in ("ilm", "valid"))
+    channels = [rows[f"{kind}channels"][:, i, c].astype(np.float64) for c in fitted]
+    return Samples(channels, ilm, None if kind else rows["reference"][:, i].copy(), valid)
 
 
 def _voted(path: Path, topics: Mapping[str, str], repair: bool) -> Recording:
