@@ -33,12 +33,17 @@ class Shares:
 
 def gains_at(case: Case, chosen: dict[Plane, Shares]) -> Point:
     """All gains of one flight point."""
-    crossover = {plane: chosen[plane].rate * _ceiling(case, plane) for plane in ACTUATORS}
+    # The highest rate-loop crossover that is tried [rad/s] is a share of the actuator's bandwidth.
+    lags_s = {plane: getattr(case.airframe, actuators[0]).lag_s for plane, actuators in ACTUATORS.items()}
+    crossover = {plane: chosen[plane].rate * (case.wanted.actuator_share / lags_s[plane]) for plane in ACTUATORS}
     wanted, linear, trim = case.wanted, case.linear, case.linear.trim
     elevator = longitudinal_gain(linear, crossover["longitudinal"], wanted.integral_share)[0]
     pitch = chosen["longitudinal"].attitude * crossover["longitudinal"]
     path = path_gain(linear, pitch, chosen["longitudinal"].altitude * pitch)[0]
     throttle = wanted.airspeed_crossover_rad_s / linear.longitudinal_b[0, 1]
+    # What the observers know of the aircraft; the back-up law's compensators are designed when the rest is.
+    model: dict[str, Any] = {**_short_period(case), **backup.roll_and_yaw(linear.lateral_a, linear.lateral_b)}
+    model |= backup.NONE
     return Point(
         name=case.point.name,
         dynamic_pressure_pa=trim.dynamic_pressure_pa,
@@ -58,14 +63,8 @@ def gains_at(case: Case, chosen: dict[Plane, Shares]) -> Point:
         path_altitude_1_s=path[2],
         path_altitude_integral_1_s2=path[3],
         **_lateral(case, crossover["lateral"], chosen["lateral"].attitude * crossover["lateral"]),
-        **_model(case),
+        **model,
     )
-
-
-def _ceiling(case: Case, plane: Plane) -> float:
-    """The highest rate-loop crossover that is tried [rad/s]."""
-    lag = getattr(case.airframe, ACTUATORS[plane][0]).lag_s
-    return case.wanted.actuator_share / lag
 
 
 def _lateral(case: Case, crossover: float, roll: float) -> dict[str, float]:
@@ -90,15 +89,6 @@ def _lateral(case: Case, crossover: float, roll: float) -> dict[str, float]:
         "heading_yaw_1_s": wanted.yaw_share * turn,
         "max_roll_rate_rad_s": _max_roll_rate(case),
         "max_sideslip_rad": _max_sideslip(case),
-    }
-
-
-def _model(case: Case) -> dict[str, Any]:
-    """What the observers know of the aircraft; the back-up law's compensators are designed when the rest is."""
-    return {
-        **_short_period(case),
-        **backup.roll_and_yaw(case.linear.lateral_a, case.linear.lateral_b),
-        **backup.NONE,
     }
 
 
