@@ -75,7 +75,7 @@ class InProcess:
     """Has another process draw on this one's standard error; one that ended or hangs is not waited for."""
 
     def __init__(self) -> None:
-        self._process = subprocess.Popen([sys.executable, "-P", "-m", "rig.view.watch"], stdin=subprocess.PIPE)
+        self._process = subprocess.Popen([sys.executable, "-P", "-m", "rig.view.watch.draw"], stdin=subprocess.PIPE)
 
     def draw(self, row: Block | None, rate_hz: float, events: Sequence[EventLike]) -> None:
         """Pass it on, if there is anything."""
@@ -110,3 +110,7 @@ def main() -> None:
         while True:
             drawer.draw(*pickle.load(sys.stdin.buffer))
     drawer.close()
+
+
+if __name__ == "__main__":
+    main()
