@@ -99,10 +99,11 @@ class Shared(Settings):
         known = choices(str(name), (point.name for point in self.flight_points), "rig aircraft list")
         raise BadInput(f"flight_point: {self.base_model} has no {quoted(name)}; {known}")
 
-
-def _stops(elevator: Actuator, aileron: Actuator, rudder: Actuator) -> list[tuple[float, float]]:
-    """Lowest and highest position of every actuator, in the order of frame.SURFACES."""
-    return [*((surface.min_rad, surface.max_rad) for surface in (elevator, aileron, rudder)), (0.0, 1.0)]
+    @property
+    def surface_limits(self) -> list[tuple[float, float]]:
+        """Lowest and highest position of every actuator, in the order of frame.SURFACES."""
+        surfaces: list[Actuator] = [getattr(self, name) for name in ("elevator", "aileron", "rudder")]
+        return [*((surface.min_rad, surface.max_rad) for surface in surfaces), (0.0, 1.0)]
 
 
 class Config(Shared):
@@ -123,11 +124,6 @@ class Config(Shared):
             if not _PROPERTY.fullmatch(name):
                 raise ValueError(f"{quoted(name)} is no property's name: parts of letters, digits, _ . - between /")
         return properties
-
-    @property
-    def surface_limits(self) -> list[tuple[float, float]]:
-        """Lowest and highest position of every actuator, in the order of frame.SURFACES."""
-        return _stops(self.elevator, self.aileron, self.rudder)
 
 
 Output = Literal[
@@ -197,11 +193,6 @@ class LinearConfig(Shared):
     rudder: Actuator
     trim: Trim
     model: Model
-
-    @property
-    def surface_limits(self) -> list[tuple[float, float]]:
-        """Lowest and highest position of every actuator, in the order of frame.SURFACES."""
-        return _stops(self.elevator, self.aileron, self.rudder)
 
     @model_validator(mode="after")
     def _trim_is_within_the_stops(self) -> Self:
