@@ -196,8 +196,6 @@ def _keys(location: tuple[int | str, ...], data: Any, missing: bool) -> list[str
         keys.append(str(part))
         if isinstance(node, dict):
             node = node.get(part)
-        elif isinstance(node, list) and isinstance(part, int) and part < len(node):
-            node = node[part]
         else:
-            node = None
+            node = node[part] if isinstance(node, list) and isinstance(part, int) and part < len(node) else None
     return keys
