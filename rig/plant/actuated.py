@@ -25,7 +25,7 @@ from pathlib import Path
 from rig.errors import BadInput, RigError
 from rig.files import is_file
 from rig.kernels import cache_root
-from rig.plant.airframe import Config, Surface, Throttle
+from rig.plant.airframe import Config, Surface
 from rig.text import quoted
 
 THROTTLE_POSITION = "rig/throttle-position"  # 0 to 1, after the actuator
@@ -121,48 +121,42 @@ def _flight_control(airframe: Config, engines: int) -> ET.Element:
     for name, value in airframe.properties.items():
         ET.SubElement(control, "property", value=repr(value)).text = name
     channel = ET.SubElement(control, "channel", name="actuators")
-    _surface(channel, "elevator", airframe.elevator, "fcs/pitch-trim-cmd-norm")
-    _surface(channel, "aileron", airframe.aileron, "fcs/roll-trim-cmd-norm")
-    _surface(channel, "rudder", airframe.rudder, "fcs/yaw-trim-cmd-norm")
-    _throttle(channel, airframe.throttle, engines)
-    return control
-
-
-def _surface(channel: ET.Element, name: str, surface: Surface, trim: str) -> None:
-    # The limits come before the lag: the actuator does not wind up beyond its stop.
-    wanted = ET.SubElement(channel, "summer", name=f"rig/{name}-wanted-rad")
-    for source in (f"fcs/{name}-cmd-norm", trim):
-        ET.SubElement(wanted, "input").text = source
-    _clip(wanted, surface.min_rad, surface.max_rad)
-    actuator = _actuator(channel, name, f"rig/{name}-wanted-rad", surface.lag_s, surface.rate_limit_rad_s)
-    ET.SubElement(actuator, "output").text = surface.position
-
-
-def _throttle(channel: ET.Element, throttle: Throttle, engines: int) -> None:
-    wanted = ET.SubElement(channel, "summer", name="rig/throttle-wanted")
-    ET.SubElement(wanted, "input").text = "fcs/throttle-cmd-norm"
-    _clip(wanted, 0.0, 1.0)
-    actuator = _actuator(channel, "throttle", "rig/throttle-wanted", throttle.lag_s, throttle.rate_limit_1_s)
-    ET.SubElement(actuator, "output").text = THROTTLE_POSITION
+    for name, axis in (("elevator", "pitch"), ("aileron", "roll"), ("rudder", "yaw")):
+        surface: Surface = getattr(airframe, name)
+        stops, lag = (surface.min_rad, surface.max_rad), (surface.lag_s, surface.rate_limit_rad_s)
+        _actuator(channel, name, "-rad", stops, lag, surface.position, f"fcs/{axis}-trim-cmd-norm")
+    throttle = airframe.throttle
+    _actuator(channel, "throttle", "", (0.0, 1.0), (throttle.lag_s, throttle.rate_limit_1_s), THROTTLE_POSITION)
     for engine in range(engines):
         gain = ET.SubElement(channel, "pure_gain", name=f"rig/engine-{engine}-throttle")
         ET.SubElement(gain, "input").text = THROTTLE_POSITION
         ET.SubElement(gain, "gain").text = repr(throttle.full_position)
         ET.SubElement(gain, "output").text = f"fcs/throttle-pos-norm[{engine}]"
+    return control
 
 
-def _clip(part: ET.Element, low: float, high: float) -> None:
-    limits = ET.SubElement(part, "clipto")
-    ET.SubElement(limits, "min").text = repr(low)
-    ET.SubElement(limits, "max").text = repr(high)
-
-
-def _actuator(channel: ET.Element, name: str, source: str, lag_s: float, rate: float) -> ET.Element:
+def _actuator(
+    channel: ET.Element,
+    name: str,
+    unit: str,
+    stops: tuple[float, float],
+    lag: tuple[float, float],
+    output: str,
+    *trims: str,
+) -> None:
+    """Add what moves one position; ``stops``: low and high, ``lag``: its time and the rate limit behind it."""
+    # The limits come before the lag: the actuator does not wind up beyond its stop.
+    wanted = ET.SubElement(channel, "summer", name=f"rig/{name}-wanted{unit}")
+    for source in (f"fcs/{name}-cmd-norm", *trims):
+        ET.SubElement(wanted, "input").text = source
+    limits = ET.SubElement(wanted, "clipto")
+    for tag, stop in zip(("min", "max"), stops, strict=True):
+        ET.SubElement(limits, tag).text = repr(stop)
     actuator = ET.SubElement(channel, "actuator", name=f"rig/{name}-actuator")
-    ET.SubElement(actuator, "input").text = source
-    ET.SubElement(actuator, "lag").text = repr(1.0 / lag_s)
-    ET.SubElement(actuator, "rate_limit").text = repr(rate)
-    return actuator
+    ET.SubElement(actuator, "input").text = f"rig/{name}-wanted{unit}"
+    ET.SubElement(actuator, "lag").text = repr(1.0 / lag[0])
+    ET.SubElement(actuator, "rate_limit").text = repr(lag[1])
+    ET.SubElement(actuator, "output").text = output
 
 
 def _check_positions(airframe: Config, reads: list[str]) -> None:
