@@ -20,7 +20,7 @@ from rig.record.events import Event
 from rig.view import derived, lanes
 from rig.view.columns import ENTITIES, Columns, struct
 from rig.view.facts import Facts, FaultFact
-from rig.view.opened import log_to_rrd, read, save
+from rig.view.opened import read, save
 from rig.view.scene import POINTS, TIMELINE, Scene, east_north_up, position
 
 RATE_HZ = 100.0
@@ -115,7 +115,7 @@ def test_level_flight_to_the_north_points_the_nose_along_y() -> None:
 
 
 def test_a_log_shows_what_was_streamed(files: tuple[Path, Path], tmp_path: Path) -> None:
-    log_to_rrd(files[0], tmp_path / "opened.rrd")
+    save(read(files[:1]), tmp_path / "opened.rrd")
     opened, streamed = (components(RrdReader(f).stream()) for f in (tmp_path / "opened.rrd", files[1]))
     assert opened.keys() == streamed.keys()
     for key in opened:
@@ -127,7 +127,7 @@ def test_a_log_shows_what_was_streamed(files: tuple[Path, Path], tmp_path: Path)
 def test_a_log_that_is_none_is_refused_and_leaves_nothing_behind(contents: bytes, tmp_path: Path) -> None:
     (tmp_path / "log.mcap").write_bytes(contents)
     with pytest.raises(BadLog, match=r"log\.mcap: not an MCAP file"):
-        log_to_rrd(tmp_path / "log.mcap", tmp_path / "log.rrd")
+        save(read([tmp_path / "log.mcap"]), tmp_path / "log.rrd")
     assert not (tmp_path / "log.rrd").exists()
 
 
@@ -135,7 +135,7 @@ def test_a_log_that_was_cut_off_is_refused_and_the_way_out_named(files: tuple[Pa
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(files[0].read_bytes()[:-1000])
     with pytest.raises(BadLog, match=r"truncated at byte \d+; rig recover"):
-        log_to_rrd(cut, tmp_path / "cut.rrd")
+        save(read([cut]), tmp_path / "cut.rrd")
 
 
 def test_a_log_without_frames_and_too_many_logs_are_refused(files: tuple[Path, Path], tmp_path: Path) -> None:

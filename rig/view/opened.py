@@ -142,8 +142,3 @@ def window(opened: Opened, *arguments: str) -> Iterator[subprocess.Popen[bytes]]
             yield process
     finally:
         viewer.stop(process)
-
-
-def log_to_rrd(log: Path, rrd: Path, tab: str = "overview") -> None:
-    """Write the log at ``log`` as ``rrd``, open at ``tab``; BadLog when it cannot be read."""
-    save(read([log], tab), rrd)

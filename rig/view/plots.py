@@ -49,13 +49,7 @@ def plot(name: str, lines: Iterable[Line], shown: Sequence[Shown]) -> rrb.TimeSe
             )
             drawn = look.visualizer(mappings=[_pick("Scalars:scalars", line.archetype, line.field)])
             series.setdefault(one.root + line.path, []).append(drawn)
-    return rrb.TimeSeriesView(
-        name=name,
-        origin="/",
-        contents=list(series),
-        overrides=series,
-        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop),
-    )
+    return _over_time(name, series, rrb.PlotLegend(corner=rrb.Corner2D.LeftTop))
 
 
 def plot_list(
@@ -77,9 +71,11 @@ def plot_list(
             "Scalars:scalars", ComponentSourceKind.SourceComponent, source_component=f"{archetype}:values"
         )
         series[one.root + path] = [look.visualizer(mappings=[values])]
-    return rrb.TimeSeriesView(
-        name=name, origin="/", contents=list(series), overrides=series, plot_legend=rrb.PlotLegend(visible=False)
-    )
+    return _over_time(name, series, rrb.PlotLegend(visible=False))
+
+
+def _over_time(name: str, series: dict[Any, Any], legend: rrb.PlotLegend) -> rrb.TimeSeriesView:
+    return rrb.TimeSeriesView(name=name, origin="/", contents=list(series), overrides=series, plot_legend=legend)
 
 
 def fields(
