@@ -1,8 +1,8 @@
 """What is done with a log afterwards: replay it, ask what if, compare two.
 
-again.recorded        a log with the scenario that it was flown by
-again.vote_again      the recorded channels through the redundancy stage of a scenario
-again.fly_again       the recorded scenario once more, JSBSim and all
+replay.recorded       a log with the scenario that it was flown by
+replay.vote_again     the recorded channels through the redundancy stage of a scenario
+replay.fly_again      the recorded scenario once more, JSBSim and all
 compare.compare       two flights, number by number
 decisions.moved       which decisions differ, where, old and new
 what_if.what_if       another redundancy over the same channels, as a log of its own

@@ -5,7 +5,6 @@ actuated.py  the base model with its own flight control replaced by our actuator
 wind.py      steady wind, steps, gusts and turbulence of a flight
 truth.py     JSBSim's numbers as the true row of a frame, in SI units
 jsbsim.py    load, trim and fly; the only importer of JSBSim
-linear.py    the small motions of either kind about trim
 flown.py     the plant that an aircraft's settings ask for
 Without JSBSim:
 linear_plant.py   fly the matrices of the small motions

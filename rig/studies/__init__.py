@@ -5,5 +5,4 @@ figures.py   its three figures, as one page and one picture
 tolerant.py  the fault-tolerant law against the plain one, flown
 rate_bias.py the two laws under biased rates and attitudes, flown; rate_bias_drawn.py faults drawn at random;
              rate_bias_table.py counts
-cli.py       ``rig study``
 """
