@@ -53,7 +53,9 @@ class Table:
 
 
 def _csv(path: Path, wanted: Callable[[str], bool]) -> Any:
-    header = _header(path)
+    with path.open(encoding="utf-8-sig", newline="") as file:
+        header = next(csv.reader(file), [])
+    _once_each(path, header)
     numbers = dict.fromkeys(filter(wanted, header), pa.float64())
     convert = pyarrow.csv.ConvertOptions(
         column_types=numbers, include_columns=list(numbers), null_values=_NO_VALUE, check_utf8=False
@@ -65,13 +67,6 @@ def _csv(path: Path, wanted: Callable[[str], bool]) -> Any:
     except pa.ArrowInvalid:  # one thread knows the number of the row
         slow = pyarrow.csv.ReadOptions(use_threads=False)
         return pyarrow.csv.read_csv(path, read_options=slow, convert_options=convert)
-
-
-def _header(path: Path) -> list[str]:
-    with path.open(encoding="utf-8-sig", newline="") as file:
-        header = next(csv.reader(file), [])
-    _once_each(path, header)
-    return header
 
 
 def _once_each(path: Path, names: list[str]) -> None:

@@ -118,7 +118,9 @@ class VoteConfig(Settings):
     def _settings(self, name: str, source: str) -> RecordedSignal:
         own = self.signal.get(name, {})
         table = f"signal.{name}" if own or self.default is None else "default"
-        merged = {**_of_flight(name), **(self.default or {}), **own}
+        signal = SIGNALS[INDEX[name]] if name in INDEX else None
+        of_flight = {} if signal is None else {"range": [signal.low, signal.high], "wraps": signal.wraps}
+        merged = {**of_flight, **(self.default or {}), **own}
         settings = build(RecordedSignal, merged, f"{source}: {table}")
         low, high = settings.limits
         if low >= high:
@@ -132,13 +134,6 @@ class VoteConfig(Settings):
                 f"{source}: {table}: range: an angle that wraps stays within {MOST_ANGLE_RAD:g} rad, got {[low, high]}"
             )
         return settings
-
-
-def _of_flight(name: str) -> dict[str, Any]:
-    if name not in INDEX:
-        return {}
-    signal = SIGNALS[INDEX[name]]
-    return {"range": [signal.low, signal.high], "wraps": signal.wraps}
 
 
 def read_config(path: Path) -> VoteConfig:
