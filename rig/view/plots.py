@@ -47,7 +47,11 @@ def plot(name: str, lines: Iterable[Line], shown: Sequence[Shown]) -> rrb.TimeSe
             look = rr.SeriesLines(
                 names=one.prefix + line.label, colors=[shade(line.color, one.below)], widths=[line.width]
             )
-            drawn = look.visualizer(mappings=[_pick("Scalars:scalars", line.archetype, line.field)])
+            component, source = f"{line.archetype}:message", ComponentSourceKind.SourceComponent
+            picked = VisualizerComponentMapping(
+                "Scalars:scalars", source, source_component=component, selector=f".{line.field}"
+            )
+            drawn = look.visualizer(mappings=[picked])
             series.setdefault(one.root + line.path, []).append(drawn)
     return _over_time(name, series, rrb.PlotLegend(corner=rrb.Corner2D.LeftTop))
 
@@ -87,12 +91,6 @@ def fields(
         for i, field in enumerate(names)
     ]
     return plot(name, lines, shown)
-
-
-def _pick(slot: str, archetype: str, field: str) -> Any:
-    return VisualizerComponentMapping(
-        slot, ComponentSourceKind.SourceComponent, source_component=f"{archetype}:message", selector=f".{field}"
-    )
 
 
 def state_lanes(name: str, lanes: Sequence[Lane], shown: Sequence[Shown], faults: str | None = None) -> Any:

@@ -117,7 +117,11 @@ def open_sink(where: str, about: About, out_path: Path, server_memory: str = SER
         return _save(recording, layout, out_path, about)
     if where == "serve":
         return _serve(recording, layout, about, server_memory)
-    url = _spawn() if where == "spawn" else where
+    url = where
+    if where == "spawn":  # a viewer in a window of its own, which outlives us
+        port = viewer.free_port(GRPC_PORT)
+        viewer.start(["--port", str(port), "--expect-data-soon"], port, stay=True)
+        url = viewer.address(port)
     return Sink(recording, url, about, connect=lambda: recording.connect_grpc(url, default_blueprint=layout))
 
 
@@ -150,13 +154,6 @@ def _serve(recording: rr.RecordingStream, layout: rrb.Blueprint, about: About, s
         recording.disconnect()
         raise RigError(f"the viewer's page cannot be served: {error}") from None
     return Sink(recording, server.uri, about, web.url, also=web.close)
-
-
-def _spawn() -> str:
-    """A viewer in a window of its own, which outlives us; its address."""
-    port = viewer.free_port(GRPC_PORT)
-    viewer.start(["--port", str(port), "--expect-data-soon"], port, stay=True)
-    return viewer.address(port)
 
 
 def abandon() -> None:
