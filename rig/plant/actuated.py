@@ -47,7 +47,8 @@ def folder(airframe: Config, root: Path) -> Path:
     model = source / f"{airframe.base_model}.xml"
     if not is_file(model):
         raise BadInput(f"airframe.base_model: JSBSim has no aircraft {quoted(airframe.base_model)}")
-    target = cache_root() / "airframes" / _key(airframe, source)
+    key = hashlib.sha256(_sources(source) + airframe.model_dump_json(include=_SHAPING).encode())
+    target = cache_root() / "airframes" / key.hexdigest()[:24]
     if not (target / _READS_FILE).is_file():
         tree = _actuated(ET.parse(model).getroot(), airframe)
         reads = sorted(_reads(tree, root, source))
@@ -59,12 +60,6 @@ def folder(airframe: Config, root: Path) -> Path:
 def reads(folder: Path) -> list[str]:
     """The properties that the equations of this folder's aircraft and engines read."""
     return (folder / _READS_FILE).read_text(encoding="utf-8").split()
-
-
-def _key(airframe: Config, source: Path) -> str:
-    digest = hashlib.sha256(_sources(source))
-    digest.update(airframe.model_dump_json(include=_SHAPING).encode())
-    return digest.hexdigest()[:24]
 
 
 @cache
