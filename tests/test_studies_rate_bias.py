@@ -13,19 +13,20 @@ from rig.frame import FLIGHT_INDEX, End, Lie, Trust, new_block
 from rig.studies.rate_bias import (
     ALL_FOUR,
     BIASES_RAD_S,
+    DRAWN,
     ONSETS_S,
     POINTS,
     TURBULENCE,
     Case,
     bound,
     cases,
+    drawn,
     faults_of,
     fly_faults,
     measure,
     of_grid,
     settings,
 )
-from rig.studies.rate_bias_drawn import KINDS, drawn
 from rig.studies.rate_bias_table import as_dict, summarise, worst
 
 CASE, FAULT = of_grid("f16", "none", 20.0, 1), ALL_FOUR[0]
@@ -53,7 +54,7 @@ def test_drawn_flights_are_within_the_limits_of_the_grid_and_reproducible():
     assert {case.aircraft for case, _ in flights} == set(POINTS) and len({case.flight_point for case, _ in flights}) > 6
     assert all(ONSETS_S[0] <= case.onset_s <= ONSETS_S[-1] for case, _ in flights)
     faults = [fault for _, (fault,) in flights]
-    assert {fault.kind for fault in faults} == set(KINDS)
+    assert {fault.kind for fault in faults} == set(DRAWN)
     sizes = [fault.size for fault in faults if "scale" not in fault.kind]
     assert (
         min(np.abs(sizes)) >= BIASES_RAD_S[0] and max(np.abs(sizes)) <= BIASES_RAD_S[-1] and min(sizes) < 0 < max(sizes)

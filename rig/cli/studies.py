@@ -62,10 +62,10 @@ def rate_bias(
 ) -> None:
     """Biased rates and halved attitudes, by the plain and the fault-tolerant law: 1881 flights for each seed."""
     from rig.console import console
-    from rig.studies import rate_bias, rate_bias_drawn, rate_bias_table
+    from rig.studies import rate_bias, rate_bias_table
 
     numbers = range(1, seeds + 1)
-    random = [flight for seed in numbers for flight in rate_bias_drawn.drawn(drawn, seed)]
+    random = [flight for seed in numbers for flight in rate_bias.drawn(drawn, seed)]
     flown = rate_bias.study(random or rate_bias.grid(numbers), workers)
     emit(as_json, lambda: rate_bias_table.as_dict(flown), lambda: rate_bias_table.show(flown, console()))
 

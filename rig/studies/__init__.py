@@ -3,6 +3,6 @@
 ding2015.py  the numbers of Ding, Xiao and Jiang 2015: gains, error system, honest experiment
 figures.py   its three figures, as one page and one picture
 tolerant.py  the fault-tolerant law against the plain one, flown
-rate_bias.py the two laws under biased rates and attitudes, flown; rate_bias_drawn.py faults drawn at random;
+rate_bias.py the two laws under biased rates and attitudes, of a grid and drawn at random, flown;
              rate_bias_table.py counts
 """

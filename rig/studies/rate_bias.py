@@ -3,7 +3,8 @@
 Every case is flown by the plain law, by the fault-tolerant one, and once without the fault.  The altitude error is the
 largest difference of the true altitude from the flight without the fault, from the onset on; the two laws fly that
 flight alike, bit for bit.  Within bounds: no more than 1.5 times the plain law's error or 25 m more, whichever is more;
-where the plain law loses the aircraft, no earlier than it.
+where the plain law loses the aircraft, no earlier than it.  Flights drawn at random are a check that nothing was tuned
+to the grid.
 """
 
 from __future__ import annotations
@@ -15,8 +16,10 @@ from shlex import quote
 from typing import Final
 
 import numpy as np
+from numpy.random import Generator, SeedSequence
 
 from rig import scenario
+from rig.aircraft import tables
 from rig.frame import FLIGHT_INDEX, Block, End, Lie, Trust
 from rig.score import fly_rows
 from rig.studies.workers import each
@@ -36,6 +39,15 @@ MORE_M: Final = 25.0
 LAWS: Final = ("autopilot", "fault-tolerant")
 _ALTITUDE: Final = FLIGHT_INDEX["altitude_m"]
 _LIES: Final = (Lie.EFFECTIVENESS, Lie.OFFSET, Lie.BOTH)
+
+DRAWN: Final = {  # kinds of faults, of ten flights that are drawn
+    "all four pitch rates, drawn": 5,
+    "some of four pitch rates, drawn": 1,
+    "all four, growing, drawn": 1,
+    "scale of a rate or attitude, drawn": 2,
+    "unit's pitch rate, drawn": 1,
+}
+AXES: Final = {"heading": 0.6, "altitude": 120.0, "airspeed": 8.0}  # largest change that is drawn; rad, m, m/s
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +129,47 @@ def faults_of(case: Case) -> list[Fault]:
 def grid(seeds: Sequence[int]) -> list[Flight]:
     """Every case with its faults."""
     return [(case, faults_of(case)) for case in cases(seeds)]
+
+
+def drawn(number: int, seed: int) -> list[Flight]:
+    """Draw ``number`` flights with one fault each; each depends on ``seed`` and its own number only."""
+    return [_draw(np.random.default_rng(SeedSequence(seed, spawn_key=(i,))), i) for i in range(number)]
+
+
+def _draw(rng: Generator, number: int) -> Flight:
+    aircraft = str(rng.choice(list(POINTS)))
+    points = [point["name"] for point in tables(aircraft)["airframe"]["flight_points"]]
+    onset = round(rng.uniform(ONSETS_S[0], ONSETS_S[-1]), 2)
+    manoeuvres = ",".join(_manoeuvre(rng, onset) for _ in range(rng.integers(1, 5)))
+    case = Case(aircraft, str(rng.choice(points)), str(rng.choice(TURBULENCE)), onset, 1 + number, manoeuvres)
+    kinds = [kind for kind, share in DRAWN.items() for _ in range(share)]
+    return case, [_fault(rng, kinds[number % len(kinds)])]
+
+
+def _manoeuvre(rng: Generator, onset: float) -> str:
+    """A change of heading, altitude or airspeed before or after the onset, for good or for a while."""
+    axis = str(rng.choice(list(AXES)))
+    keys = f'axis="{axis}",start_s={rng.uniform(1.0, onset + 40.0):.2f},amplitude={AXES[axis] * rng.uniform(-1, 1):.3f}'
+    return (
+        f'{{kind="step",{keys}}}'
+        if rng.random() < 0.3
+        else f'{{kind="hold",duration_s={rng.uniform(5, 40):.2f},{keys}}}'
+    )
+
+
+def _fault(rng: Generator, kind: str) -> Fault:
+    size = round(float(np.exp(rng.uniform(*np.log([BIASES_RAD_S[0], BIASES_RAD_S[-1]]))) * rng.choice([-1.0, 1.0])), 5)
+    if kind.startswith("unit"):
+        return Fault(kind, size, f'kind="offset",signal="inertial.pitch_rate_rad_s",offset={size}')
+    if kind.startswith("scale"):
+        name, factor = rng.choice(["pitch_rate", *HALVED]), round(rng.uniform(0.3, 1.7), 3)
+        return Fault(kind, factor, f'kind="scale",signal="{name}",channels={ALL_CHANNELS},factor={factor}')
+    keys = f'kind="offset",signal="pitch_rate",offset={size}'
+    if kind.startswith("some"):
+        channels = sorted(int(c) for c in rng.choice([1, 2, 3, 4], rng.integers(2, 4), replace=False))
+        return Fault(kind, size, f"{keys},channels={channels}")
+    ramp = f",ramp_s={rng.uniform(1, 50):.2f}" if "growing" in kind else ""
+    return Fault(kind, size, f"{keys},channels={ALL_CHANNELS}{ramp}")
 
 
 def study(flights: Sequence[Flight], workers: int = 2) -> list[Flown]:
