@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from rig.computer.analytic.flight_path import GRAVITY
+from rig.atmosphere import GRAVITY
 from rig.computer.analytic.unit_bank import UNIT, finite, follow_unit
 from rig.frame import INDEX, INERTIAL, S
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from test_control_autopilot import ENGAGED, fly, level_flight
 
-from rig.computer.control.airdata import GRAVITY
+from rig.atmosphere import GRAVITY
 from rig.computer.control.autopilot import Config
 from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, INDEX, Block
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from rig.computer.analytic.flight_path import GRAVITY
+from rig.atmosphere import GRAVITY
 from rig.computer.fdi.monitor import monitor_pitch_angle
 from rig.computer.fdi.settings import Config, parameters
 from rig.computer.fdi.state import BOTH, GYROS_ALONE, STATE, UNIT_ALONE

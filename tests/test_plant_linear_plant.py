@@ -15,6 +15,7 @@ from interpreted import printed
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_discrete_lyapunov
 
+from rig import atmosphere
 from rig.bench import bench
 from rig.computer.control import airdata
 from rig.design.linear import linearise
@@ -139,7 +140,7 @@ def test_pressures_are_those_of_speed_and_altitude() -> None:
         altitude = airdata.pressure_altitude(static)
         assert altitude == pytest.approx(row["flight"][FLIGHT_INDEX["altitude_m"]], abs=1e-6)
         mach = airdata.mach_number(static, dynamic)
-        speed = airdata.true_airspeed(mach, airdata.temperature(altitude))
+        speed = airdata.true_airspeed(mach, atmosphere.temperature(altitude))
         assert mach == pytest.approx(row["flight"][FLIGHT_INDEX["mach"]], rel=1e-9)
         assert speed == pytest.approx(row["flight"][FLIGHT_INDEX["true_airspeed_m_s"]], rel=1e-9)
 

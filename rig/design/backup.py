@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_are
 
-from rig.computer.control.airdata import GRAVITY
+from rig.atmosphere import GRAVITY
 from rig.computer.control.gains import BACKUP
 
 Matrix = NDArray[np.float64]

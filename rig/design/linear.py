@@ -16,10 +16,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.atmosphere import GAS_CONSTANT, pressure, speed_of_sound, temperature
 from rig.errors import BadInput
 from rig.frame import SURFACES
 from rig.plant.airframe import OUTPUTS, Airframe, Config, FlightPoint, LinearConfig
-from rig.plant.atmosphere import GAS_CONSTANT, pressure, speed_of_sound, temperature
 from rig.plant.jsbsim import jsbsim, load
 from rig.plant.linear_plant import matrices
 

@@ -12,7 +12,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.control.airdata import GAS_CONSTANT, GRAVITY, LAPSE_RATE, TROPOPAUSE_ALTITUDE, temperature
+from rig.atmosphere import GAS_CONSTANT, GRAVITY, LAPSE_RATE, TROPOPAUSE_ALTITUDE, temperature
 from rig.computer.control.autopilot import Config, Control
 from rig.computer.control.gains import Gains
 from rig.computer.control.state import DYNAMIC

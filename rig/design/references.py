@@ -18,6 +18,7 @@ import tomli_w
 from numpy.typing import NDArray
 
 from rig import aircraft
+from rig.atmosphere import GRAVITY
 from rig.computer.analytic.designed import FILTERS, Designed, Error, Point
 from rig.computer.analytic.references import References, refer, remember
 from rig.computer.analytic.sources import PARTNERS, REMEMBERED, Config, source
@@ -38,7 +39,6 @@ RATE_HZ: Final = 100.0
 RESERVE: Final = 1.2  # threshold over the worst measured error
 SETTLED_S: Final = 0.5  # the start of each flight is not measured
 FILTERS_S: Final = (0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2)  # no slower: a law may have to fly on it
-_GRAVITY: Final = 9.80665  # m/s2
 Key = tuple[str, str]  # signal and source; the name of an airspeed error instead of the source
 # What is measured as an equivalent airspeed, too: wind is the error of a speed over ground.
 AS_AIRSPEED: Final[dict[Key, str]] = {("dynamic_pressure", "inertial"): "inertial, equivalent airspeed"}
@@ -120,7 +120,7 @@ def coefficients(linear: Linear) -> dict[str, float]:
     alpha_dot = Z_alpha alpha + Z_q q + Z_elevator elevator, and the same for beta_dot: the surfaces are replaced
     by what the moment equations say of them, elevator = (q_dot - M_alpha alpha - M_q q) / M_elevator.
     """
-    trim, speed_g = linear.trim, linear.trim.airspeed_m_s / _GRAVITY
+    trim, speed_g = linear.trim, linear.trim.airspeed_m_s / GRAVITY
     pressure = trim.dynamic_pressure_pa
     a, b = linear.longitudinal_a, linear.longitudinal_b
     tail = b[1, 0] / b[2, 0]  # Z_elevator / M_elevator, s

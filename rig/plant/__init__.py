@@ -9,6 +9,5 @@ flown.py     the plant that an aircraft's settings ask for
 Without JSBSim:
 linear_plant.py   fly the matrices of the small motions
 small_motion.py   its kernels
-atmosphere.py     standard air
 dryden.py         turbulence
 """

@@ -14,10 +14,10 @@ from typing import Final
 
 import numpy as np
 
+from rig.atmosphere import GAS_CONSTANT, GRAVITY, pressure, speed_of_sound, temperature
 from rig.frame import SURFACES
 from rig.kernels import kernel
 from rig.plant.airframe import OUTPUTS
-from rig.plant.atmosphere import GAS_CONSTANT, GRAVITY, pressure, speed_of_sound, temperature
 from rig.plant.truth import FOOT, POUND_PER_SQUARE_FOOT
 
 _SURFACES: Final = len(SURFACES)

@@ -13,13 +13,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.atmosphere import GRAVITY
 from rig.frame import DISCRETE_INDEX, FLIGHT_INDEX, INDEX, TWO_PI, Block, End
 from rig.kernels import kernel
 from rig.plant.airframe import Airframe
 
 FOOT: Final = 0.3048  # m
 POUND_PER_SQUARE_FOOT: Final = 47.88025898033584  # Pa
-STANDARD_GRAVITY: Final = 9.80665  # m/s^2
 
 # What is read of JSBSim each frame: our name and its property, in this order.  The four surface
 # positions follow; their properties depend on the aircraft.
@@ -166,8 +166,8 @@ def _motion(truth: NDArray[np.float64], flight: NDArray[np.float64], now: Any, f
     f_y = right + r_dot * x - p_dot * z + q * along - y * square
     f_z = down + p_dot * y - q_dot * x + r * along - z * square
     truth[_P], truth[_Q], truth[_R] = p, q, r
-    truth[_NX], truth[_NY] = f_x / STANDARD_GRAVITY, f_y / STANDARD_GRAVITY
-    truth[_NZ] = -f_z / STANDARD_GRAVITY
+    truth[_NX], truth[_NY] = f_x / GRAVITY, f_y / GRAVITY
+    truth[_NZ] = -f_z / GRAVITY
 
 
 @kernel

@@ -1,9 +1,12 @@
 """The pitch angle without its sensor: from the body rates, and from the path of the aircraft through the air.
 
-Two laws of kinematics, exact and free of aerodynamic derivatives, that the control law and the redundancy
+Laws of kinematics, exact and free of aerodynamic derivatives, that the control law and the redundancy
 manager share:
 
     theta' = q cos phi - r sin phi                                  good at once, drifts with the gyros' bias
+    q = theta' cos phi + psi' cos theta sin phi
+    p = phi' - psi' sin theta
+    r = psi' cos theta cos phi - theta' sin phi
     sin gamma = a sin theta - b cos theta                           good on average: a gust's alpha is its error
     a = cos alpha cos beta,   b = sin beta sin phi + sin alpha cos beta cos phi,   sin gamma = climb rate / V
 
@@ -17,10 +20,10 @@ from typing import Final
 
 import numpy as np
 
+from rig.atmosphere import GRAVITY
 from rig.frame import INDEX
 from rig.kernels import kernel
 
-GRAVITY: Final = 9.80665  # m/s2
 SLOWEST: Final = 30.0  # m/s; divisions by airspeed take at least this
 CROSSOVER_RAD_S: Final = 0.4  # of the climb rate: below it barometric, above it inertial
 VERTICAL: Final = np.dtype(
@@ -60,6 +63,24 @@ def air_density(static_pressure):
 def pitching(pitch_rate, yaw_rate, roll_angle):
     """Rate of the pitch angle [rad/s] from body rates and bank."""
     return pitch_rate * math.cos(roll_angle) - yaw_rate * math.sin(roll_angle)
+
+
+@kernel
+def pitch_rate_of(pitching, turning, theta, phi):
+    """Pitch rate [rad/s] from the rates of pitch angle and heading."""
+    return pitching * math.cos(phi) + turning * math.cos(theta) * math.sin(phi)
+
+
+@kernel
+def roll_rate_of(rolling, turning, theta):
+    """Roll rate [rad/s] from the rates of roll angle and heading."""
+    return rolling - turning * math.sin(theta)
+
+
+@kernel
+def yaw_rate_of(pitching, turning, theta, phi):
+    """Yaw rate [rad/s] from the rates of pitch angle and heading."""
+    return turning * math.cos(theta) * math.cos(phi) - pitching * math.sin(phi)
 
 
 @kernel

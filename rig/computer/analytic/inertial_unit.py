@@ -11,8 +11,9 @@ from typing import Final
 
 import numpy as np
 
+from rig.atmosphere import GRAVITY
 from rig.computer.analytic import strapdown
-from rig.computer.analytic.flight_path import GRAVITY, air_density
+from rig.computer.analytic.flight_path import air_density
 from rig.computer.analytic.memory import ASTRAY_S, LONG_S, frames_of, level_gain, slope_gain
 from rig.frame import INDEX, INERTIAL
 from rig.kernels import kernel

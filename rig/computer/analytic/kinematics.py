@@ -14,13 +14,20 @@ import math
 from typing import Final
 
 from rig.angles import wrap
+from rig.atmosphere import GRAVITY
 from rig.computer.analytic.designed import COLUMNS
-from rig.computer.analytic.flight_path import climb, path_pitch_angle, pitch_on_path
+from rig.computer.analytic.flight_path import (
+    climb,
+    path_pitch_angle,
+    pitch_on_path,
+    pitch_rate_of,
+    roll_rate_of,
+    yaw_rate_of,
+)
 from rig.computer.analytic.pitch_filter import begin, follow_path, learn_yaw_drift, predict
 from rig.frame import INDEX, INERTIAL
 from rig.kernels import kernel
 
-_GRAVITY: Final = 9.80665  # m/s2
 _FIRST_PITCH_RAD: Final = 0.05  # sigma of level flight as a first guess
 _DRAWN_S: Final = 10.0  # longer than a slip, shorter than the gyros need to drift off
 _THINNEST: Final = 200.0  # Pa; divisions by dynamic pressure take at least this
@@ -46,7 +53,7 @@ def lift(c, st, alpha):
 def turning_lift(c, st, speed):
     """n_w that pitching adds, and the tail with it: V / g (1 - gain) q - elevator_arm / g q_dot."""
     gain, arm = c[_GAIN], c[_ELEVATOR_ARM]
-    return (speed * (1.0 - gain) * st["voted"][_Q] - arm * st["slope"][_Q]) / _GRAVITY
+    return (speed * (1.0 - gain) * st["voted"][_Q] - arm * st["slope"][_Q]) / GRAVITY
 
 
 @kernel
@@ -64,28 +71,28 @@ def pitch_rate(c, st, speed):
     sin_alpha, cos_alpha = math.sin(alpha), math.cos(alpha)
     gravity = cos_alpha * math.cos(theta) * math.cos(voted[_PHI]) + sin_alpha * math.sin(theta)
     coupling = (voted[_P] * cos_alpha + voted[_R] * sin_alpha) * math.tan(beta)
-    path = _GRAVITY / (speed * math.cos(beta)) * (lift(c, st, alpha) - gravity)
+    path = GRAVITY / (speed * math.cos(beta)) * (lift(c, st, alpha) - gravity)
     return (st["slope"][_ALPHA] + coupling + path) / c[_GAIN]
 
 
 @kernel
 def pitch_rate_of_attitude(st):
-    """Pitch rate from attitude: q = theta_dot cos phi + psi_dot cos theta sin phi.  A gust does not move it."""
+    """Pitch rate from attitude: a gust does not move it."""
     theta, phi = st["smooth"][_THETA], st["smooth"][_PHI]
-    return st["slope"][_THETA] * math.cos(phi) + st["slope"][_PSI] * math.cos(theta) * math.sin(phi)
+    return pitch_rate_of(st["slope"][_THETA], st["slope"][_PSI], theta, phi)
 
 
 @kernel
 def roll_rate(st):
-    """Roll rate from attitude: p = phi_dot - psi_dot sin theta."""
-    return st["slope"][_PHI] - st["slope"][_PSI] * math.sin(st["smooth"][_THETA])
+    """Roll rate from attitude."""
+    return roll_rate_of(st["slope"][_PHI], st["slope"][_PSI], st["smooth"][_THETA])
 
 
 @kernel
 def yaw_rate(st):
-    """Yaw rate from attitude: r = psi_dot cos theta cos phi - theta_dot sin phi."""
+    """Yaw rate from attitude."""
     theta, phi = st["smooth"][_THETA], st["smooth"][_PHI]
-    return st["slope"][_PSI] * math.cos(theta) * math.cos(phi) - st["slope"][_THETA] * math.sin(phi)
+    return yaw_rate_of(st["slope"][_THETA], st["slope"][_PSI], theta, phi)
 
 
 @kernel
@@ -120,7 +127,7 @@ def angle_of_sideslip(c, p, st):
     """Sideslip from the lateral load factor: n_y at the centre of gravity over q_bar side_slope."""
     voted, slope = st["voted"], st["slope"]
     centre = voted[_NY] - lateral_by_turning(p, st)
-    surfaces = (c[_ROLL_ARM] * slope[_P] + c[_YAW_ARM] * slope[_R]) / _GRAVITY
+    surfaces = (c[_ROLL_ARM] * slope[_P] + c[_YAW_ARM] * slope[_R]) / GRAVITY
     return (centre - surfaces) / (max(voted[_DYNAMIC], _THINNEST) * c[_SIDE_SLOPE])
 
 
@@ -128,7 +135,7 @@ def angle_of_sideslip(c, p, st):
 def lateral_load_factor(c, p, st):
     """Load factor at the accelerometers from the sideslip: the inverse of ``angle_of_sideslip``."""
     voted, slope = st["voted"], st["slope"]
-    surfaces = (c[_ROLL_ARM] * slope[_P] + c[_YAW_ARM] * slope[_R]) / _GRAVITY
+    surfaces = (c[_ROLL_ARM] * slope[_P] + c[_YAW_ARM] * slope[_R]) / GRAVITY
     side = max(voted[_DYNAMIC], _THINNEST) * c[_SIDE_SLOPE] * voted[_BETA]
     return side + surfaces + lateral_by_turning(p, st)
 
@@ -140,7 +147,7 @@ def normal_by_turning(p, st):
     x, y, z = place[0], place[1], place[2]
     roll, pitch, yaw = voted[_P], voted[_Q], voted[_R]
     spin = yaw * (roll * x + pitch * y + yaw * z) - z * (roll * roll + pitch * pitch + yaw * yaw)
-    return (slope[_Q] * x - slope[_P] * y - spin) / _GRAVITY
+    return (slope[_Q] * x - slope[_P] * y - spin) / GRAVITY
 
 
 @kernel
@@ -150,7 +157,7 @@ def lateral_by_turning(p, st):
     x, y, z = place[0], place[1], place[2]
     roll, pitch, yaw = voted[_P], voted[_Q], voted[_R]
     spin = pitch * (roll * x + pitch * y + yaw * z) - y * (roll * roll + pitch * pitch + yaw * yaw)
-    return (slope[_R] * x - slope[_P] * z + spin) / _GRAVITY
+    return (slope[_R] * x - slope[_P] * z + spin) / GRAVITY
 
 
 @kernel
@@ -200,7 +207,7 @@ def roll_angle_of_turn(st, speed):
     What is left out, V beta_dot, is its error in a slip that begins or ends.
     """
     voted = st["voted"]
-    turning = speed * (voted[_R] * math.cos(voted[_ALPHA]) - voted[_P] * math.sin(voted[_ALPHA])) / _GRAVITY
+    turning = speed * (voted[_R] * math.cos(voted[_ALPHA]) - voted[_P] * math.sin(voted[_ALPHA])) / GRAVITY
     sine = (turning - voted[_NY]) / max(math.cos(voted[_THETA]), 0.1)
     return math.asin(min(max(sine, -1.0), 1.0))
 

@@ -22,7 +22,7 @@ from rig.computer.analytic import inertial_unit as unit
 from rig.computer.analytic import kinematics, strapdown
 from rig.computer.analytic import pitch_filter as estimate
 from rig.computer.analytic.designed import COLUMNS, FILTERS, Designed
-from rig.computer.analytic.flight_path import air_density
+from rig.computer.analytic.flight_path import SLOWEST, air_density
 from rig.computer.analytic.sources import PARTNERS, Config, second, source
 from rig.computer.gain_schedule import look_up
 from rig.frame import INDEX, INERTIAL, SIGNALS, Pattern, Resolver, S
@@ -67,7 +67,6 @@ STATE: Final = np.dtype(
 )
 _NO_SOURCE, _PARTNERS, _INERTIAL, _TURNED = 0, 1, 2, 3
 _SOURCES: Final = {"none": _NO_SOURCE, "inertial": _INERTIAL, "attitude": _TURNED}  # all others are partners
-_SLOWEST: Final = 30.0  # m/s; divisions by airspeed take at least this
 _STEEPEST: Final = 1.3  # rad of pitch; beyond it roll and heading say little
 _Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
 _NX, _NY, _NZ = (INDEX[f"{axis}_load_factor"] for axis in ("longitudinal", "lateral", "normal"))
@@ -198,7 +197,7 @@ def answer(inertial, fcc, data):
         strapdown.attitude(inertial, u["last"], voted, st["agreed"], p["rate_hz"], p["lead_s"], e, u["angles"])
         unit.flow_angles(inertial, u["angles"], u["flow"])
     density = air_density(voted[_STATIC])
-    speed = max(math.sqrt(2.0 * max(voted[_DYNAMIC], 0.0) / density), _SLOWEST)
+    speed = max(math.sqrt(2.0 * max(voted[_DYNAMIC], 0.0) / density), SLOWEST)
     unknown = st["lost"] | st["singular"]
     for s in range(S):
         fcc["reference"][s] = opinion(s, p["source"][s], p["partners"][s], unknown, inertial, p, st, density, speed)

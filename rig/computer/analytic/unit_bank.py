@@ -18,7 +18,8 @@ from typing import Final
 import numpy as np
 
 from rig.angles import wrap
-from rig.computer.analytic.flight_path import GRAVITY, SLOWEST
+from rig.atmosphere import GRAVITY
+from rig.computer.analytic.flight_path import SLOWEST
 from rig.frame import INDEX, INERTIAL
 from rig.kernels import kernel
 

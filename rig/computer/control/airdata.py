@@ -9,15 +9,17 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from rig.atmosphere import (
+    GAS_CONSTANT,
+    GRAVITY,
+    LAPSE_RATE,
+    SEA_LEVEL_DENSITY,
+    SEA_LEVEL_PRESSURE,
+    SEA_LEVEL_TEMPERATURE,
+    TROPOPAUSE_ALTITUDE,
+)
 from rig.kernels import kernel
 
-GRAVITY: Final = 9.80665  # m/s2
-GAS_CONSTANT: Final = 287.05287  # J/(kg K), dry air
-SEA_LEVEL_PRESSURE: Final = 101_325.0  # Pa
-SEA_LEVEL_TEMPERATURE: Final = 288.15  # K
-SEA_LEVEL_DENSITY: Final = SEA_LEVEL_PRESSURE / (GAS_CONSTANT * SEA_LEVEL_TEMPERATURE)  # kg/m3
-LAPSE_RATE: Final = 0.0065  # K/m
-TROPOPAUSE_ALTITUDE: Final = 11_000.0  # m, geopotential
 TROPOPAUSE_TEMPERATURE: Final = SEA_LEVEL_TEMPERATURE - LAPSE_RATE * TROPOPAUSE_ALTITUDE
 EXPONENT: Final = GAS_CONSTANT * LAPSE_RATE / GRAVITY  # of pressure to temperature, 0.190263
 TROPOPAUSE_PRESSURE: Final = SEA_LEVEL_PRESSURE * (TROPOPAUSE_TEMPERATURE / SEA_LEVEL_TEMPERATURE) ** (1.0 / EXPONENT)
@@ -33,12 +35,6 @@ def pressure_altitude(static_pressure: float) -> float:
         ratio = math.pow(p / SEA_LEVEL_PRESSURE, EXPONENT)
         return SEA_LEVEL_TEMPERATURE / LAPSE_RATE * (1.0 - ratio)
     return TROPOPAUSE_ALTITUDE + SCALE_HEIGHT * math.log(TROPOPAUSE_PRESSURE / p)
-
-
-@kernel
-def temperature(altitude: float) -> float:
-    """Standard air temperature [K] at ``altitude`` [m]."""
-    return SEA_LEVEL_TEMPERATURE - LAPSE_RATE * min(altitude, TROPOPAUSE_ALTITUDE)
 
 
 @kernel

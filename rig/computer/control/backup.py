@@ -17,8 +17,9 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from rig.atmosphere import GRAVITY
+from rig.computer.analytic.flight_path import SLOWEST
 from rig.computer.control import laws
-from rig.computer.control.airdata import GRAVITY
 from rig.computer.control.degraded import lift_angle
 from rig.computer.control.laws import clamp, move
 from rig.computer.control.source import carry
@@ -54,7 +55,7 @@ def elevator(sensor, law, param, state, gain, measured, command):
     """
     s, c = state[0], param[0]
     dt, g = c["dt"], gain
-    per_load = GRAVITY / max(s["airspeed"], laws.SLOWEST)
+    per_load = GRAVITY / max(s["airspeed"], SLOWEST)
     asked, upright = wanted_load(law, param, state, measured, command)
     k, slope = (laws.BACKUP_ALPHA if sensor == ALPHA else laws.BACKUP_LOAD), max(g[laws.LOAD_ALPHA], 1.0)
     error = measured[_ALPHA] - lift_angle(asked, g) - s["lift_error"]
@@ -94,7 +95,7 @@ def wanted_load(law, param, state, measured, command):
     Both within ``backup_load_change`` of a level turn.
     """
     s, c = state[0], param[0]
-    speed = max(s["airspeed"], laws.SLOWEST)
+    speed = max(s["airspeed"], SLOWEST)
     theta, phi, most, w = measured[_THETA], measured[_PHI], c["backup_load_change"], c["backup_path"]
     upright = math.cos(theta) * math.cos(phi)
     turn = speed / GRAVITY * laws.turn_pitch_rate(phi, theta, speed)

@@ -22,8 +22,10 @@ import math
 from typing import Final
 
 from rig.angles import wrap
+from rig.atmosphere import GRAVITY
+from rig.computer.analytic.flight_path import SLOWEST, pitch_rate_of, pitching, roll_rate_of, yaw_rate_of
 from rig.computer.control import laws
-from rig.computer.control.airdata import GRAVITY, flight_path_angle
+from rig.computer.control.airdata import flight_path_angle
 from rig.computer.control.laws import clamp
 from rig.computer.control.rates import estimate
 from rig.computer.control.source import carry, put
@@ -82,27 +84,22 @@ def substitute(fcc, param, state, gain):
 def body_rates(fcc, param, state, gain):
     """Estimates of lost body rates from their references, else from the rates of the attitude angles.
 
-        q = theta' cos(phi) + psi' cos(theta) sin(phi)
-        p = phi' - psi' sin(theta)
-        r = psi' cos(theta) cos(phi) - theta' sin(phi)
-
     Without a heading the turn counts as coordinated; without an attitude nothing is said of the rates.
     """
     source, reference, s = fcc["source"], fcc["reference"], state[0]
     if source[_Q] == Source.VOTED and source[_P] == Source.VOTED and source[_R] == Source.VOTED:
         return
     measured, tau = s["measured"], param[0]["attitude_filter"] + param[0]["dt"]
-    theta, phi, speed = measured[_THETA], measured[_PHI], max(s["airspeed"], laws.SLOWEST)
-    pitching = (theta - s["smooth_pitch_angle"]) / tau
+    theta, phi, speed = measured[_THETA], measured[_PHI], max(s["airspeed"], SLOWEST)
+    rate_of_pitch = (theta - s["smooth_pitch_angle"]) / tau
     rolling = wrap(phi - s["smooth_roll_angle"]) / tau
     turning = wrap(measured[_PSI] - s["smooth_heading"]) / tau
     if source[_PSI] == Source.DEGRADED:
         turning = GRAVITY / speed * math.sin(phi) / max(math.cos(phi), _FLATTEST)
     if source[_THETA] == Source.DEGRADED or source[_PHI] == Source.DEGRADED or param[0]["attitude_rates"] == 0:
-        pitching = math.nan
-    pitch = pitching * math.cos(phi) + turning * math.cos(theta) * math.sin(phi)
-    roll = rolling - turning * math.sin(theta) + 0.0 * pitching
-    yaw = turning * math.cos(theta) * math.cos(phi) - pitching * math.sin(phi)
+        rate_of_pitch = math.nan
+    pitch, yaw = pitch_rate_of(rate_of_pitch, turning, theta, phi), yaw_rate_of(rate_of_pitch, turning, theta, phi)
+    roll = roll_rate_of(rolling, turning, theta) + 0.0 * rate_of_pitch
     for i, said in ((_Q, pitch), (_P, roll), (_R, yaw)):
         if source[i] == Source.REFERENCE:
             estimate(i, reference[i], Source.REFERENCE, param, state, gain)
@@ -118,8 +115,8 @@ def pitch_angle(source, param, state):
     phi = measured[_PHI]
     climb = s["path_error"]
     if source[_STATIC] != Source.DEGRADED:
-        climb += s["climb_rate"] / max(s["airspeed"], laws.SLOWEST)
-    rate = measured[_Q] * math.cos(phi) - measured[_R] * math.sin(phi)
+        climb += s["climb_rate"] / max(s["airspeed"], SLOWEST)
+    rate = pitching(measured[_Q], measured[_R], phi)
     drawn = measured[_ALPHA] * math.cos(phi) + climb
     theta = measured[_THETA]
     if not math.isfinite(theta):
@@ -154,7 +151,7 @@ def turn_sine(state):
     s = state[0]
     measured = s["measured"]
     turn = measured[_R] - measured[_P] * math.tan(measured[_ALPHA])
-    return max(s["airspeed"], laws.SLOWEST) * turn / GRAVITY
+    return max(s["airspeed"], SLOWEST) * turn / GRAVITY
 
 
 @kernel
@@ -185,7 +182,7 @@ def load_factor(source, gain, state):
 def static_pressure(param, state):
     """Static pressure [Pa] reckoned on from the climb: p' = -rho g V sin(gamma), rho = 2 q_bar / V^2."""
     s = state[0]
-    measured, speed = s["measured"], max(s["airspeed"], laws.SLOWEST)
+    measured, speed = s["measured"], max(s["airspeed"], SLOWEST)
     gamma = flight_path_angle(measured[_THETA], measured[_PHI], measured[_ALPHA], measured[_BETA]) - s["path_error"]
     weight = 2.0 * measured[_DYNAMIC] / speed * GRAVITY
     return measured[_STATIC] - param[0]["dt"] * weight * math.sin(gamma)
@@ -213,7 +210,7 @@ def learn(param, state, gain, command):
     measured = s["measured"]
     lift = measured[_ALPHA] - lift_angle(measured[_N_Z], gain)
     turn = turn_sine(state) - math.sin(measured[_PHI])
-    path = command[_C_GAMMA] - s["climb_rate"] / max(s["airspeed"], laws.SLOWEST)
+    path = command[_C_GAMMA] - s["climb_rate"] / max(s["airspeed"], SLOWEST)
     s["lift_error"] += share * (lift - s["lift_error"])
     s["turn_error"] += share * (turn - s["turn_error"])
     s["path_error"] += share * (path - s["path_error"])

@@ -6,17 +6,17 @@ import math
 from typing import Final
 
 from rig.angles import wrap
+from rig.atmosphere import GRAVITY, temperature
+from rig.computer.analytic.flight_path import SLOWEST
 from rig.computer.control import backup, degraded, laws
 from rig.computer.control.airdata import (
-    GRAVITY,
     equivalent_airspeed,
     flight_path_angle,
     mach_number,
     pressure_altitude,
-    temperature,
     true_airspeed,
 )
-from rig.computer.control.laws import SLOWEST, clamp, move
+from rig.computer.control.laws import clamp, move
 from rig.computer.control.source import select
 from rig.computer.control.state import PATH, STICK
 from rig.computer.fdi.monitor import monitor_pitch_angle

@@ -13,7 +13,7 @@ import math
 from typing import Final
 
 from rig.angles import wrap
-from rig.computer.control.airdata import GRAVITY
+from rig.atmosphere import GRAVITY
 from rig.computer.control.gains import COLUMNS
 from rig.kernels import kernel
 
@@ -60,7 +60,6 @@ from rig.kernels import kernel
 BACKUP_LOAD: Final = COLUMNS.index("backup_load_feedback_alpha")  # the first of five
 BACKUP_ALPHA: Final = COLUMNS.index("backup_alpha_feedback_alpha")
 
-SLOWEST: Final = 30.0  # m/s; divisions by airspeed take at least this
 _STEEP: Final = 0.5  # cosine of the bank up to which a level turn is made up for in full (60 degrees)
 
 
