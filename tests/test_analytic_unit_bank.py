@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rig.atmosphere import GRAVITY
-from rig.computer.analytic.unit_bank import UNIT, finite, follow_unit
+from rig.computer.analytic.unit_bank import UNIT, bank_by, finite, follow_unit, learn_bank
 from rig.frame import INDEX, INERTIAL, S
 
 DT, SPEED = 0.01, 200.0
@@ -94,6 +94,43 @@ def test_the_pitch_rate_is_led_by_the_lag_of_the_unit():
     turn.inertial[Q] = 0.001
     turn.fly(DT)
     assert turn.unit[0]["pitch_rate"] == pytest.approx(0.001 + 0.015 / DT * 0.001)
+
+
+def straight(seconds: float, roll_drift: float, side: float, voted: float = 0.0, unit=None):
+    """Level flight with a roll rate [rad/s] and a lateral load factor that are off, the bank angles compared."""
+    turn = Turn(0.0)
+    turn.unit = turn.unit if unit is None else unit
+    turn.inertial[P], turn.x[INDEX["lateral_load_factor"]] = roll_drift, side
+    for _ in range(round(seconds / DT)):
+        turn.fly(DT)
+        learn_bank(turn.unit[0], voted - turn.unit[0]["roll_angle"], True, DT)
+    return turn.unit
+
+
+@pytest.mark.parametrize(("roll_drift", "side"), [(0.0015, 0.0), (0.0, 0.012), (-0.0015, 0.012)])
+def test_what_is_constant_is_known_after_five_seconds_of_straight_flight(roll_drift: float, side: float):
+    """0 = p + 0.3 (0 - sin phi - n_y cos phi): phi is off by p / 0.3 - n_y."""
+    unit = straight(5.0, roll_drift, side)[0]
+    off = roll_drift / 0.3 - side
+    assert unit["roll_angle"] == pytest.approx(off * (1.0 - math.exp(-0.3 * 5.0)), rel=0.01)
+    assert unit["usual_bank"] == pytest.approx(-off, rel=0.2)
+    assert bank_by(unit) == pytest.approx(0.0, abs=0.15 * abs(off))
+    assert bank_by(straight(30.0, roll_drift, side)[0]) == pytest.approx(0.0, abs=0.001)
+
+
+def test_a_bank_angle_that_is_off_later_teaches_a_milliradian_a_minute():
+    unit = straight(60.0, 0.0, 0.0)
+    straight(60.0, 0.0, 0.0, voted=0.02, unit=unit)
+    assert 0.0 < unit[0]["usual_bank"] < 0.0011
+
+
+def test_in_a_turn_or_under_suspicion_the_usual_difference_stays():
+    for bank, learn in ((0.2, True), (0.0, False)):
+        unit = np.zeros(1, UNIT)[0]
+        unit["roll_angle"] = bank
+        for _ in range(1000):
+            learn_bank(unit, 0.02, learn, DT)
+        assert unit["usual_bank"] == 0.0
 
 
 @pytest.mark.parametrize("which", [P, Q, R, NORTH, EAST])

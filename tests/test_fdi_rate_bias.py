@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from rig.atmosphere import GRAVITY
+from rig.computer.fdi import rate_bias
 from rig.computer.fdi.monitor import monitor_pitch_angle
 from rig.computer.fdi.settings import Config, parameters
 from rig.computer.fdi.state import BOTH, GYROS_ALONE, STATE, UNIT_ALONE
@@ -27,11 +28,13 @@ class Flight:
     said : the pitch angle that the law read; passed_on : whether it was the sensor's, bit for bit, in every frame
     """
 
-    def __init__(self, bank: float = 0.0) -> None:
+    def __init__(self, bank: float = 0.0, unit_off: tuple[float, float] = (0.0, 0.0)) -> None:
         self.param, self.state, self.row = parameters(Config(), True, RATE_HZ), np.zeros(1, STATE), new_block(1)[0]
         self.rng, self.heading = np.random.default_rng(1), 1.0
         self.gyro = self.unit = self.sensor = 0.0  # biases
         self.roll_factor, self.lost = 1.0, False  # of the voted bank angle; pitch gyros
+        self.rolling = 0.0
+        self.roll_drift, self.side = unit_off  # biases of the unit's roll rate and of the lateral load factor
         self.turn_to(bank)
         self.row["level"] = 4
         self.fly(30.0)
@@ -39,6 +42,14 @@ class Flight:
     def turn_to(self, bank: float) -> None:
         """At once."""
         self.bank, self.rate = bank, GRAVITY * math.tan(bank) / SPEED
+
+    def roll_to(self, bank: float, seconds: float = 3.0) -> None:
+        """At a steady roll rate."""
+        first, self.rolling = self.bank, (bank - self.bank) / seconds
+        for i in range(round(seconds * RATE_HZ)):
+            self.turn_to(first + self.rolling * (i + 1) / RATE_HZ)
+            self.fly(1.0 / RATE_HZ)
+        self.rolling = 0.0
 
     def fly(self, seconds: float) -> None:
         self.passed_on, self.lies, self.trusts = True, set(), set()
@@ -51,13 +62,13 @@ class Flight:
         q, r = self.rate * math.cos(THETA) * sine, self.rate * math.cos(THETA) * cosine
         self.heading += self.rate / RATE_HZ
         north, east = SPEED * math.cos(self.heading), SPEED * math.sin(self.heading)
-        p = -self.rate * math.sin(THETA)
+        p = self.rolling + self.roll_drift - self.rate * math.sin(THETA)
         self.row["inertial"][[*UNIT_RATES, *UNIT_VELOCITY]] = p, q + self.unit + noise[0], r, north, east
         x = np.zeros(S)
         x[Q], x[R], x[ROLL] = q + self.gyro + noise[1], r + noise[2], self.roll_factor * self.bank
         x[PITCH], x[HEADING] = THETA + self.sensor + noise[3], self.heading % (2.0 * math.pi)
         x[INDEX["angle_of_attack"]] = math.atan(math.tan(THETA) / cosine)
-        x[INDEX["normal_load_factor"]] = math.cos(THETA) / cosine
+        x[INDEX["normal_load_factor"]], x[INDEX["lateral_load_factor"]] = math.cos(THETA) / cosine, self.side
         x[INDEX["longitudinal_load_factor"]] = math.sin(THETA)
         x[INDEX["static_pressure"]], x[INDEX["dynamic_pressure"]] = 46_600.0, 11_790.0
         self.row["source"][Q] = int(Source.DEGRADED if self.lost else Source.VOTED)
@@ -196,6 +207,77 @@ def test_a_ramp_of_the_sensor_in_a_turn_is_found_with_the_bank_angle_off_by_as_m
         flight.sensor = 0.002 * i / RATE_HZ
         flight.fly(1.0 / RATE_HZ)
     assert flight.row["trust"] == Trust.CORRECTED and Lie.RATE_BIAS not in flight.lies
+
+
+UNIT_OFF = [(-0.0017, 0.012), (0.0017, -0.012)]  # the unit's bank angle is off by 18 mrad, either way
+
+
+@pytest.mark.parametrize("unit_off", UNIT_OFF)
+@pytest.mark.parametrize("rate", [-0.001, 0.001])
+def test_a_ramp_in_a_turn_is_found_as_early_as_without_a_unit_whose_bank_angle_is_off(
+    unit_off: tuple[float, float], rate: float
+):
+    """What is off in straight flight, too, says nothing in a turn."""
+    after = []
+    for lost in (False, True):
+        flight = Flight(0.0, unit_off)
+        flight.unit = math.nan if lost else 0.0
+        flight.roll_to(0.5)
+        flight.fly(5.0)
+        for i in range(1000):
+            flight.sensor = rate * i / RATE_HZ
+            flight.fly(1.0 / RATE_HZ)
+            if flight.row["trust"] == Trust.CORRECTED:
+                after.append(i)
+                break
+    assert len(after) == 2 and after[0] <= after[1] + 5 and Lie.RATE_BIAS not in flight.lies
+
+
+@pytest.mark.parametrize("unit_off", UNIT_OFF)
+@pytest.mark.parametrize("factor", [0.95, 1.05])
+def test_a_bank_angle_that_is_wrong_in_a_turn_is_no_sensor_fault_beside_a_unit_that_is_off(
+    unit_off: tuple[float, float], factor: float
+):
+    """5 % of 0.5 rad are 25 mrad; the rates stay suspected until the turn is over."""
+    flight, isolated = Flight(0.0, unit_off), False
+    flight.roll_to(0.5)
+    flight.fly(5.0)
+    flight.roll_factor = factor
+    for _ in range(40):
+        flight.fly(1.0)
+        assert flight.trusts == {Trust.TRUSTED} and flight.passed_on
+        assert flight.rates == UNIT_ALONE or not isolated
+        isolated = flight.rates == UNIT_ALONE
+    assert isolated
+    flight.roll_to(0.0)
+    flight.fly(20.0)
+    assert flight.rates == BOTH and flight.trusts == {Trust.TRUSTED} and flight.passed_on
+
+
+@pytest.mark.parametrize(
+    ("second", "tilt", "recent", "confirmed", "refuted"),
+    [
+        (2.0, 0.0, 2.0, True, False),  # both means show it
+        (1.1, 0.0, 2.0, True, False),
+        (0.8, 0.0, 2.0, False, False),  # less than a half, more than a quarter: wait
+        (0.4, 0.0, 2.0, False, True),  # a rate
+        (-2.0, 0.0, 2.0, False, True),
+        (2.0, 1.8, 2.0, False, True),  # the bank angle
+        (2.0, 1.2, 2.0, False, False),
+        (2.0, -1.8, 2.0, True, False),  # by the other bank angle it would be more
+        (2.0, 1.8, 0.0, True, False),  # at once: a bank angle does not do that
+        (0.4, 0.0, 0.0, False, True),
+    ],
+)
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_trip_of_two_milliradians_is_confirmed_refuted_or_left_open(
+    second: float, tilt: float, recent: float, confirmed: bool, refuted: bool, sign: float
+):
+    w = np.zeros(1, STATE)[0]
+    w["innovation"], w["second_innovation"], w["tilt"], w["recent"] = (
+        sign * 1e-3 * x for x in (2.0, second, tilt, recent)
+    )
+    assert (bool(rate_bias.confirmed(w)), bool(rate_bias.refuted(w))) == (confirmed, refuted)
 
 
 def test_lost_gyros_are_not_compared_with_the_unit():

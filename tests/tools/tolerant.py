@@ -23,6 +23,7 @@ from tolerant_table import counts, fault_free, same_frame
 
 from rig import scenario
 from rig.angles import wrap
+from rig.computer.analytic.unit_bank import bank_by
 from rig.computer.fdi.state import BOTH
 from rig.frame import ESTIMATES, INDEX, Block, Lie, Trust
 from rig.loop import Rig, frames
@@ -49,8 +50,8 @@ def outcome_of(one: Try) -> Table:
 
 
 def second(w: Any, row: Any) -> list[float]:
-    """Voted bank angle less the unit's, `tilt`, `apart` less its usual value; whether both rates are in order."""
-    bank = wrap(row["voted"][PHI] - w["unit"]["roll_angle"])
+    """Voted bank angle less that by the unit, `tilt`, `apart` less its usual value; whether both rates are in order."""
+    bank = wrap(row["voted"][PHI] - bank_by(w["unit"]))
     return [abs(float(x)) for x in (bank, w["tilt"], w["apart"] - w["usual"], w["rates"] == BOTH)]
 
 

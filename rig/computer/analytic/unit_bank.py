@@ -5,6 +5,8 @@
     n_level = n_z cos phi - n_y sin phi             load factor along the local vertical
 
 The unit's rates are integrated to the bank angle, which converges to the bank of a coordinated turn of its velocity.
+What its biases and those of the accelerometers leave is learned in straight flight, as the difference from the voted
+bank angle.  An error of the voted one that grows with the bank, or that comes later, is not learned.
 The drift of its yaw rate is its mean difference from the rate of the heading.  It is learned while no fault is
 declared, and slowly, so that a heading fault is found before it has moved the drift.  Source: the velocity matching of
 strapdown alignment (Titterton and Weston, Strapdown Inertial Navigation Technology), reduced to one angle.
@@ -31,6 +33,9 @@ UNIT: Final = np.dtype(
         ("yaw_drift", "f8"),  # rad/s
         ("yaw_error", "f8"),  # rad/s, what the heading does not confirm of the yaw rate, smoothed
         ("yaw_seconds", "f8"),  # for which the drift has been learned
+        ("settled", "f8"),  # share of its convergence that the bank angle has gone through
+        ("usual_bank", "f8"),  # rad, by which the voted bank angle is larger in straight flight
+        ("bank_seconds", "f8"),  # of straight flight in which that has been learned
         ("last", "f8", (4,)),  # of the last frame: pitch rate, velocity north and east, heading
         ("started", "i8"),
     ],
@@ -40,6 +45,10 @@ _P, _Q, _R = (INERTIAL.index(f"{axis}_rate_rad_s") for axis in ("roll", "pitch",
 _NORTH, _EAST = INERTIAL.index("velocity_north_m_s"), INERTIAL.index("velocity_east_m_s")
 _N_Z, _N_Y, _PSI = INDEX["normal_load_factor"], INDEX["lateral_load_factor"], INDEX["heading"]
 _ERECTION_1_S: Final = 0.3  # k: of the convergence to the bank of the turn
+STRAIGHT_RAD: Final = 0.1  # of bank; beyond it an error of the voted one is no longer small beside it
+_FIRST_S: Final = 0.3  # of straight flight, before which little is learned of the usual difference
+_BANK_STEP_RAD: Final = 0.001  # once it is known no more of it is learned in a minute
+_MOST_USUAL_RAD: Final = 0.03  # 20 mg of lateral load factor, 1.7 mrad/s of roll rate over k, 1.8 mrad of roll angle
 _LEAST_LEVEL: Final = 0.3  # g; below it load factors do not show the bank angle
 _LEAD_S: Final = 0.015  # the unit's lag beyond that of the gyros
 _MOST_TURN_RAD_S: Final = 0.3  # of a heading; a quicker one is a jump of its sensor
@@ -92,3 +101,26 @@ def follow_unit(inertial, x, theta, learn, dt, u):
     if level > _LEAST_LEVEL:
         rate += _ERECTION_1_S * (sideways / GRAVITY - x[_N_Z] * sine - x[_N_Y] * cosine) / level
     u["roll_angle"] = wrap(phi + dt * rate)
+
+
+@kernel
+def learn_bank(u, apart, learn, dt):
+    """Learn by how much the bank angles are usually ``apart`` [rad], voted less the unit's.
+
+    Constant errors of rates and load factors appear in phi as it converges, by 1 - exp(-k t): least squares on that
+    share.  u : a UNIT record, in place; learn : whether nothing is suspected
+    """
+    u["settled"] += dt * _ERECTION_1_S * (1.0 - u["settled"])
+    if learn and abs(u["roll_angle"]) < STRAIGHT_RAD:
+        share, error = u["settled"], apart - u["settled"] * u["usual_bank"]
+        u["bank_seconds"] += dt * share * share
+        if u["bank_seconds"] > _KNOWN_S:
+            error = min(max(error, -_BANK_STEP_RAD), _BANK_STEP_RAD)
+        usual = u["usual_bank"] + dt * share / (min(u["bank_seconds"], _LEARN_S) + _FIRST_S) * error
+        u["usual_bank"] = min(max(usual, -_MOST_USUAL_RAD), _MOST_USUAL_RAD)
+
+
+@kernel
+def bank_by(u):
+    """Bank angle [rad] by the unit, with its usual difference from the voted one; u : a UNIT record."""
+    return u["roll_angle"] + u["settled"] * u["usual_bank"]

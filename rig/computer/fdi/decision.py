@@ -7,7 +7,7 @@
 A ramp has moved the estimate before it is seen, so drift and path offset go back to what they were before.
 The sensor is trusted again when it has stayed near the estimate.  When the estimate leaves the path by more
 than gusts explain and the sensor does not, the rates are faulty and not the sensor: the correction is withdrawn.
-A trip that the inertial unit's rates do not confirm is a fault of the gyros: rates.py.
+A trip that the inertial unit's rates refute is a fault of the gyros; between the two the tests go on: rate_bias.py.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def decide(known, heard, c, w, said, path):
         if w["over"] >= c["persistence"] or w["cusum"] > c["ramp_s"]:
             if rates.confirmed(w):
                 declare(w, before)
-            else:
+            elif rates.refuted(w):
                 rates.reject_gyros(w)
 
 

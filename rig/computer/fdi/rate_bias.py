@@ -8,7 +8,8 @@ both with the same gain.  A fault of the pitch-angle sensor moves both residuals
                  filter integrates the unit's rates
     GYROS_ALONE  the unit's residual alone was too large, or the unit gives no number: as without a unit
 
-Back to BOTH when the two rates have differed by no more than usual for ``return_frames``.
+Back to BOTH when the two rates have differed by no more than usual for ``return_frames``, in straight flight: in a turn
+a wrong bank angle or heading may look like that.
 """
 
 from __future__ import annotations
@@ -20,15 +21,26 @@ from rig.angles import wrap
 from rig.computer.analytic.flight_path import pitching
 from rig.computer.analytic.pitch_filter import path_innovation, predict_by
 from rig.computer.analytic.pitch_mean import carry, move
-from rig.computer.analytic.unit_bank import SAME_RAD_S, SMOOTH_S, finite, follow_unit, learned
+from rig.computer.analytic.unit_bank import (
+    SAME_RAD_S,
+    SMOOTH_S,
+    STRAIGHT_RAD,
+    bank_by,
+    finite,
+    follow_unit,
+    learn_bank,
+    learned,
+)
 from rig.computer.fdi.state import BOTH, GYROS_ALONE, KEPT, UNIT_ALONE
 from rig.frame import INDEX, Trust
 from rig.kernels import kernel
 
 _Q, _R, _PHI = INDEX["pitch_rate"], INDEX["yaw_rate"], INDEX["roll_angle"]
 _AGREES: Final = 0.5  # ratio of the two residuals from which on they show the same fault
+_DIFFERS: Final = 0.25  # the ratio below which they do not; between the two more must be seen
 _BANK_RAD: Final = 0.04  # farther from the unit's bank angle the voted one is not used
 SUDDEN: Final = 0.5  # share of the residual that must be new for a jump
+_SAME_BANK_RAD: Final = 0.012  # the two bank angles are nearly always nearer without a fault
 _BANK_ERROR: Final = 0.05  # rad, of the unit's bank angle: of the rate of turn when it is used
 
 
@@ -43,17 +55,20 @@ def turn(c, w, known, headed, inertial, x, gyros):
     e, u, m, dt = w["filter"], w["unit"], w["second"], c["filter"]["dt"]
     valid = finite(inertial)
     if w["rates"] == GYROS_ALONE or e["frames"] == 0:
-        u["roll_angle"] = x[_PHI]
+        u["roll_angle"], u["settled"] = x[_PHI], 0.0
     if valid:
         follow_unit(inertial, x, e["theta"], headed and w["rates"] == BOTH, dt, u)
     else:
         lose_unit(w)
-    phi = x[_PHI] if w["rates"] != UNIT_ALONE and bank_agrees(w, x) else u["roll_angle"]
+    if valid and known:
+        compare_banks(w, x[_PHI], dt)
+    bank = bank_by(u)
+    phi = x[_PHI] if w["rates"] != UNIT_ALONE and bank_agrees(w, x) else bank
     rate = pitching(x[_Q], x[_R] - e["yaw_drift"], x[_PHI])
     other = pitching(u["pitch_rate"], u["yaw_rate"], phi)
     if valid and known:
         compare(c, w, rate - other)
-    tilt = pitching(u["pitch_rate"], u["yaw_rate"], u["roll_angle"]) - other
+    tilt = pitching(u["pitch_rate"], u["yaw_rate"], bank) - other
     w["tilt"] += dt * (tilt - w["tilt"] / max(c["lag"], dt))
     last = m["rate"] if e["frames"] > 0 else other
     carry(dt, m, other, last, dt * math.cos(phi), dt * math.cos(phi) * u["pitch_rate"])
@@ -75,7 +90,7 @@ def lose_unit(w):
 @kernel
 def bank_agrees(w, x):
     """Whether the voted bank angle is near that of the unit."""
-    return abs(wrap(x[_PHI] - w["unit"]["roll_angle"])) < _BANK_RAD
+    return abs(wrap(x[_PHI] - bank_by(w["unit"]))) < _BANK_RAD
 
 
 @kernel
@@ -86,29 +101,59 @@ def bank_error(w, x):
 
 
 @kernel
+def compare_banks(w, voted, dt):
+    """Smooth the difference of the ``voted`` bank angle [rad] from that by the unit, and learn the usual one."""
+    u = w["unit"]
+    learn_bank(u, wrap(voted - u["roll_angle"]), w["rates"] == BOTH and w["trust"] == Trust.TRUSTED, dt)
+    w["bank_apart"] += dt / (SMOOTH_S + dt) * (wrap(voted - bank_by(u)) - w["bank_apart"])
+
+
+@kernel
+def returning(w):
+    """Whether rates that are as usual show that they are in order: in straight flight, or when a bank angle agrees."""
+    agrees = w["bank_suspected"] != 0 and abs(w["bank_apart"]) < _SAME_BANK_RAD
+    return w["rates"] != UNIT_ALONE or agrees or abs(w["unit"]["roll_angle"]) < STRAIGHT_RAD
+
+
+@kernel
 def compare(c, w, difference):
     """Smooth the ``difference`` of the two rates [rad/s], learn the usual one, count the frames that are as usual."""
     dt = c["filter"]["dt"]
     w["apart"] += dt / (SMOOTH_S + dt) * (difference - w["apart"])
     off = w["apart"] - w["usual"]
-    w["similar"] = w["similar"] + 1 if abs(off) < SAME_RAD_S else 0
-    if w["similar"] == 0:
-        w["differ"] = 1
+    if abs(off) >= SAME_RAD_S:
+        w["similar"], w["differ"] = 0, 1
+    else:
+        w["similar"] = w["similar"] + 1 if returning(w) else 0
     if w["rates"] == BOTH:
         w["usual_seconds"] += dt
         w["usual"] += learned(off, w["usual_seconds"], dt)
 
 
 @kernel
-def confirmed(w):
-    """Whether the second residual confirms a sensor fault that the first one shows, or cannot be asked.
+def second_opinion(w):
+    """Return the second residual [rad]: with the voted bank angle or with the unit's, whichever shows less of a fault.
 
-    Unless the fault is sudden, as an error of the bank angle is not, it must do so with the unit's bank angle, too.
+    A sudden fault is no error of the bank angle, so that the voted one is enough.
     """
     first, second = w["innovation"], w["second_innovation"]
-    if abs(first - w["recent"]) < SUDDEN * abs(first):
-        second = min(second, second - w["tilt"]) if first > 0.0 else max(second, second - w["tilt"])
-    return w["rates"] != BOTH or first * second >= _AGREES * first * first
+    if abs(first - w["recent"]) >= SUDDEN * abs(first):
+        return second
+    return min(second, second - w["tilt"]) if first > 0.0 else max(second, second - w["tilt"])
+
+
+@kernel
+def confirmed(w):
+    """Whether the second residual confirms a sensor fault that the first one shows, or cannot be asked."""
+    first = w["innovation"]
+    return w["rates"] != BOTH or first * second_opinion(w) >= _AGREES * first * first
+
+
+@kernel
+def refuted(w):
+    """Whether the second residual shows too little of what the first one does."""
+    first = w["innovation"]
+    return first * second_opinion(w) < _DIFFERS * first * first
 
 
 @kernel
@@ -139,9 +184,10 @@ def settle(c, w, known):
 @kernel
 def reject_gyros(w):
     """Go on with the second mean: the first residual alone shows a fault."""
-    e, m = w["filter"], w["second"]
+    e, m, first = w["filter"], w["second"], w["innovation"]
     e["theta"], e["path"], e["scale"], e["rate"] = m["theta"], m["path"], m["scale"], m["rate"]
-    if abs(w["innovation"] - w["recent"]) < SUDDEN * abs(w["innovation"]):
+    w["bank_suspected"] = 1 if first * w["second_innovation"] >= _DIFFERS * first * first else 0
+    if w["bank_suspected"] != 0:
         e["theta"] += w["tilt"]
     drive(w, m["drift"] - e["drift"], -w["usual"])
     w["differ"] = 0 if abs(w["apart"] - w["usual"]) < SAME_RAD_S else 1

@@ -58,6 +58,8 @@ STATE: Final = np.dtype(
         ("second", MEAN),  # of the filter, were it driven by the inertial unit
         ("second_innovation", "f8"),
         ("tilt", "f8"),  # rad, what the unit's bank angle instead of the voted one would add to the second mean
+        ("bank_apart", "f8"),  # rad, voted bank angle less that by the unit, smoothed
+        ("bank_suspected", "i8"),  # whether the gyros were rejected for the bank angle alone
         ("second_over", "i8"),  # frames running in which it alone is too large
         ("apart", "f8"),  # rad/s, rate of the pitch angle by the gyros less that by the unit, smoothed
         ("usual", "f8"),  # what it is while both are in order
