@@ -122,6 +122,7 @@ def rows_threshold(aircraft: str) -> float:
     return found.threshold
 
 
+@pytest.mark.requirement("fault-tolerant", "the reference never asks the sensor")
 def test_as_a_reference_it_never_asks_the_sensor():
     """All four channels off: the reference stays, and says so by becoming unusable."""
     lie = 'faults=[{kind="offset",signal="pitch_angle",channels=[1,2,3,4],start_s=20.0,offset=0.2}]'
@@ -131,6 +132,7 @@ def test_as_a_reference_it_never_asks_the_sensor():
     assert not rows["reference_usable"][2100, THETA]
 
 
+@pytest.mark.requirement("fault-tolerant", "the reference never asks the sensor")
 def test_as_a_reference_it_settles_a_split_between_pairs():
     lie = 'faults=[{kind="offset",signal="pitch_angle",channels=[1,2],start_s=20.0,offset=0.1}]'
     rows = flown(lie, 'redundancy.signals.pitch_angle.resolvers=["reference"]')

@@ -11,6 +11,8 @@ from rig.atmosphere import GRAVITY
 from rig.computer.analytic.unit_bank import UNIT, bank_by, finite, follow_unit, learn_bank
 from rig.frame import INDEX, INERTIAL, S
 
+pytestmark = pytest.mark.requirement("fault-tolerant", "the unit's bank angle, its usual difference and yaw drift")
+
 DT, SPEED = 0.01, 200.0
 P, Q, R, NORTH, EAST = (
     INERTIAL.index(name)

@@ -53,6 +53,7 @@ def first(rows: Block, trust: Trust) -> int:
     return int(np.flatnonzero(rows["trust"] == trust)[0]) - FAULT_FRAME
 
 
+@pytest.mark.requirement("fault-tolerant", "no fault: the plain law's flight")
 @pytest.mark.parametrize("aircraft", POINTS)
 def test_without_a_fault_it_flies_as_the_plain_law_does_bit_for_bit(aircraft: str):
     tolerant, plain = flown(aircraft=aircraft), flown(aircraft=aircraft, law="autopilot")
@@ -62,6 +63,7 @@ def test_without_a_fault_it_flies_as_the_plain_law_does_bit_for_bit(aircraft: st
     assert (plain["trust"] == Trust.NONE).all() and not plain["estimate"].any()
 
 
+@pytest.mark.requirement("fault-tolerant", "jumps and ramps, both aircraft")
 @pytest.mark.parametrize("aircraft", POINTS)
 @pytest.mark.parametrize(
     "lie",
@@ -77,6 +79,7 @@ def test_a_jump_is_found_in_two_frames_and_the_true_angle_hardly_moves(aircraft:
     assert np.abs(moved).max() < 0.003 and abs(moved[-1000:].mean()) < 0.003
 
 
+@pytest.mark.requirement("fault-tolerant", "jumps and ramps, both aircraft")
 @pytest.mark.parametrize("aircraft", POINTS)
 @pytest.mark.parametrize(
     "lie",
@@ -97,6 +100,7 @@ def test_the_plain_law_holds_twice_the_angle():
     assert moved[900] == pytest.approx(flown()["truth"][FAULT_FRAME, THETA], rel=0.1)
 
 
+@pytest.mark.requirement("fault-tolerant", "effectiveness and offset apart")
 def test_effectiveness_and_offset_are_told_apart_once_the_flight_pitches():
     scaled, shifted = flown(HALF, aircraft="b747"), flown(fault("offset", offset=0.05), aircraft="b747")
     before = slice(FAULT_FRAME + 10, 2900)
@@ -106,6 +110,7 @@ def test_effectiveness_and_offset_are_told_apart_once_the_flight_pitches():
     assert shifted["estimate"][-1, 2] == pytest.approx(0.05, abs=0.01)
 
 
+@pytest.mark.requirement("fault-tolerant", "bound, reversion, arbiter")
 def test_the_sensor_is_trusted_again_when_it_has_come_back():
     rows = flown(fault("offset", offset=0.05, end_s=25.0))
     back = first(rows[FAULT_FRAME + 100 :], Trust.TRUSTED) + FAULT_FRAME + FAULT_FRAME + 100
@@ -120,12 +125,14 @@ def test_a_small_fault_that_stays_is_not_taken_for_a_sensor_that_has_come_back()
     assert np.abs(off(rows, flown())).max() < 0.005
 
 
+@pytest.mark.requirement("fault-tolerant", "bound, reversion, arbiter")
 def test_the_correction_is_bounded():
     rows = flown(fault("offset", offset=0.1), "control.tolerant.max_correction_rad=0.02")
     assert rows["trust"][-1] == Trust.CORRECTED
     assert np.abs(off(rows, flown()))[500:900].min() > 0.07
 
 
+@pytest.mark.requirement("fault-tolerant", "biased gyros: the plain law's flight")
 @pytest.mark.parametrize("aircraft", POINTS)
 @pytest.mark.parametrize(("bias", "channels"), [(0.05, [1, 2, 3, 4]), (-0.004, [1, 2, 3, 4]), (0.02, [1, 2])])
 def test_with_biased_gyros_it_flies_as_the_plain_law_does_bit_for_bit(aircraft: str, bias: float, channels: list[int]):
@@ -136,6 +143,7 @@ def test_with_biased_gyros_it_flies_as_the_plain_law_does_bit_for_bit(aircraft: 
     assert (rows["trust"] == Trust.TRUSTED).all() and set(rows["lie"]) == {Lie.NONE, Lie.RATE_BIAS}
 
 
+@pytest.mark.requirement("fault-tolerant", "rates, bank angle or heading halved: not the sensor")
 @pytest.mark.parametrize("signal", ["pitch_rate", "yaw_rate", "heading", "roll_angle"])
 def test_what_it_integrates_may_be_halved_in_a_turn_and_is_not_blamed_on_the_sensor(signal: str):
     turn = 'pilot={manoeuvres=[{kind="hold",axis="heading",start_s=15.0,duration_s=20.0,amplitude=0.5}]}'
@@ -148,6 +156,7 @@ def test_a_unit_that_runs_away_changes_nothing():
     assert flown(lie)["actuator"].tobytes() == flown()["actuator"].tobytes()
 
 
+@pytest.mark.requirement("fault-tolerant", "bound, reversion, arbiter")
 def test_without_the_unit_gyros_that_lie_alike_are_not_blamed_on_the_sensor_for_long():
     """The path speaks for the sensor; till then the aircraft holds."""
     gyros = fault("offset", signal='"pitch_rate"', offset=0.05).removesuffix("]")
@@ -157,6 +166,7 @@ def test_without_the_unit_gyros_that_lie_alike_are_not_blamed_on_the_sensor_for_
     assert 0 < len(corrected) < 1000 and rows["trust"][-1] != Trust.CORRECTED
 
 
+@pytest.mark.requirement("fault-tolerant", "nobody else's fault trips it")
 @pytest.mark.parametrize("signal", ["angle_of_attack", "static_pressure", "dynamic_pressure", "normal_load_factor"])
 def test_other_sensors_that_lie_alike_do_not_trip_it(signal: str):
     sizes = {"angle_of_attack": 0.05, "static_pressure": 500.0, "dynamic_pressure": 800.0, "normal_load_factor": 0.2}
@@ -165,6 +175,7 @@ def test_other_sensors_that_lie_alike_do_not_trip_it(signal: str):
     assert rows["end"][-1] == 0 and (rows["trust"] == Trust.TRUSTED).all()
 
 
+@pytest.mark.requirement("fault-tolerant", "nobody else's fault trips it")
 def test_channels_that_the_voter_fails_do_not_trip_it():
     for signal in ("pitch_angle", "pitch_rate"):
         lie = HALF.replace("scale", "hardover").replace(", factor = 0.5", "").replace("[1, 2, 3, 4]", "[1]")
@@ -193,6 +204,7 @@ def test_the_events_say_that_a_rate_is_biased():
     assert told[0].text == "pitch_angle: the sensor is right, a rate of turn is biased"
 
 
+@pytest.mark.requirement("fault-tolerant", "an aircraft that is not as designed")
 @pytest.mark.parametrize(("aircraft", "shift_m"), [("b747", -0.3), ("b747", 0.3), ("f16", 0.15), ("f16", 0.21)])
 def test_an_aircraft_that_is_not_as_designed_makes_no_difference(aircraft: str, shift_m: float):
     """The centre of gravity elsewhere: the estimate has no model of the aircraft."""

@@ -108,6 +108,7 @@ def test_without_the_estimate_the_true_pitch_angle_goes_to_twice_the_step():
     assert fly(factor=0.5, tolerant=False).theta[-1] == pytest.approx(2.0, abs=0.02)
 
 
+@pytest.mark.requirement("fault-tolerant", "the linear yardstick")
 def test_half_the_effectiveness_moves_the_true_pitch_angle_by_less_than_the_yardstick(healthy):
     peak, steady = fly(factor=0.5).against(healthy[1.0, 1.0])
     assert peak <= 0.01 and steady <= 0.002
@@ -119,6 +120,7 @@ def test_likewise_with_other_noise(seed: int):
     assert peak <= 0.01 and steady <= 0.004
 
 
+@pytest.mark.requirement("fault-tolerant", "the linear yardstick")
 @pytest.mark.parametrize("which", PERTURBED)
 @pytest.mark.parametrize("ramp_s", [0.0, 10.0])
 def test_in_all_perturbations_within_three_percent_jump_and_ramp(healthy, which: tuple[float, float], ramp_s: float):

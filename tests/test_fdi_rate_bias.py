@@ -14,6 +14,8 @@ from rig.computer.fdi.settings import Config, parameters
 from rig.computer.fdi.state import BOTH, GYROS_ALONE, STATE, UNIT_ALONE
 from rig.frame import INDEX, INERTIAL, Lie, S, Source, Trust, new_block
 
+pytestmark = pytest.mark.requirement("fault-tolerant", "the three hypotheses, isolation and return")
+
 RATE_HZ, SPEED, THETA, NOISE = 100.0, 190.0, 0.05, 0.0002
 Q, R, PITCH, ROLL, HEADING = (
     INDEX[name] for name in ("pitch_rate", "yaw_rate", "pitch_angle", "roll_angle", "heading")
@@ -184,6 +186,7 @@ def test_a_unit_that_is_lost_while_it_drives_the_filter_leaves_the_bias_as_drift
     assert flight.state[0]["filter"]["drift"] == pytest.approx(0.02, abs=2e-4)
 
 
+@pytest.mark.requirement("fault-tolerant", "a bank angle that is wrong by little")
 @pytest.mark.parametrize(("bank", "factor"), [(0.5, 0.5), (0.28, 1.13), (-0.28, 0.87)])
 def test_a_bank_angle_that_is_wrong_in_a_turn_is_no_sensor_fault(bank: float, factor: float):
     """By a little, too: 36 mrad is no more than the unit's bank angle may be off by."""
@@ -212,6 +215,7 @@ def test_a_ramp_of_the_sensor_in_a_turn_is_found_with_the_bank_angle_off_by_as_m
 UNIT_OFF = [(-0.0017, 0.012), (0.0017, -0.012)]  # the unit's bank angle is off by 18 mrad, either way
 
 
+@pytest.mark.requirement("fault-tolerant", "the unit's usual error costs no ramp in a turn")
 @pytest.mark.parametrize("unit_off", UNIT_OFF)
 @pytest.mark.parametrize("rate", [-0.001, 0.001])
 def test_a_ramp_in_a_turn_is_found_as_early_as_without_a_unit_whose_bank_angle_is_off(
@@ -233,6 +237,7 @@ def test_a_ramp_in_a_turn_is_found_as_early_as_without_a_unit_whose_bank_angle_i
     assert len(after) == 2 and after[0] <= after[1] + 5 and Lie.RATE_BIAS not in flight.lies
 
 
+@pytest.mark.requirement("fault-tolerant", "a bank angle that is wrong by little")
 @pytest.mark.parametrize("unit_off", UNIT_OFF)
 @pytest.mark.parametrize("factor", [0.95, 1.05])
 def test_a_bank_angle_that_is_wrong_in_a_turn_is_no_sensor_fault_beside_a_unit_that_is_off(
@@ -254,6 +259,7 @@ def test_a_bank_angle_that_is_wrong_in_a_turn_is_no_sensor_fault_beside_a_unit_t
     assert flight.rates == BOTH and flight.trusts == {Trust.TRUSTED} and flight.passed_on
 
 
+@pytest.mark.requirement("fault-tolerant", "confirmed, refuted or left open")
 @pytest.mark.parametrize(
     ("second", "tilt", "recent", "confirmed", "refuted"),
     [

@@ -107,6 +107,7 @@ def test_the_table_counts_with_exact_intervals_and_names_the_worst_first():
     assert all(f"'{key}'" in good.command or key in good.command for key in settings(CASE, FAULT, "fault-tolerant"))
 
 
+@pytest.mark.requirement("fault-tolerant", "biased gyros: the plain law's flight")
 @pytest.mark.parametrize(
     ("case", "faults"),
     [
