@@ -172,7 +172,7 @@ def _record(
             viewer.opened(stream)
 
         def record(rows: Block, timing: NDArray[Any]) -> None:
-            events = records.add(rows, timing, writer, beside)
+            events = records.record(rows, timing, writer, beside)
             if stream is not None:
                 stream.put(rows.copy(), events)
             if watch is not None:
@@ -208,16 +208,35 @@ def _fly(rig: loop.Rig, scenario: Scenario, pace: Pace, stop: Stop, recorder: Re
     return None
 
 
-class _Records:
+class Findings:
+    """What is found in the rows of a flight, block after block: events, its summary, faults that did nothing."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.verdict = Verdict()
+        self._finder, self._execution = event_finder(scenario), Execution(scenario.faults)
+
+    def add(self, rows: Block) -> list[Event]:
+        """The events of the next rows."""
+        events = self._finder.find(rows)
+        self.verdict.add(rows, events)
+        self._execution.add(rows)
+        return events
+
+    def end(self) -> list[Event]:
+        """What only the end can tell: the faults that did nothing."""
+        return not_executed(self.verdict.frames - 1, self._execution.missing) if self.verdict.frames else []
+
+
+class _Records(Findings):
     """What is kept of every block, and what the flight comes to."""
 
     def __init__(self, scenario: Scenario, pace: Pace) -> None:
-        self.scenario, self.verdict = scenario, Verdict()
-        self._finder, self._execution = event_finder(scenario), Execution(scenario.faults)
+        super().__init__(scenario)
+        self.scenario = scenario
         self._jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
 
-    def add(self, rows: Block, timing: NDArray[Any], writer: LogWriter, beside: ThreadPoolExecutor) -> list[Event]:
-        """Into verdict and log; the events of the block."""
+    def record(self, rows: Block, timing: NDArray[Any], writer: LogWriter, beside: ThreadPoolExecutor) -> list[Event]:
+        """Into summary and log; the events of the block."""
         events = self._finder.find(rows)
         hashed = beside.submit(self.verdict.add, rows, events)  # both leave the interpreter to each other
         writer.write(rows, timing, events)
@@ -229,8 +248,7 @@ class _Records:
 
     def close(self, writer: LogWriter, stop: Stop, failure: ManagerFailed | None) -> str:
         """Write what only the end can tell; why the flight ended."""
-        verdict = self.verdict
-        last = not_executed(verdict.frames - 1, self._execution.missing) if verdict.frames else []
+        verdict, last = self.verdict, self.end()
         verdict.events += last
         writer.write(new_block(0), np.zeros(0, TIMING), last)
         reason = end_reason(verdict, stop, self.scenario) if failure is None else "the manager class raised"

@@ -28,7 +28,7 @@ from rig.computer.redundancy.config import command
 from rig.computer.redundancy.own import OwnManager
 from rig.errors import ManagerFailed
 from rig.faults import Coils, FaultData, Faults, actuate, corrupt, corrupt_reference
-from rig.frame import SIGNALS, TIMING, Block, Nested, nested, new_block
+from rig.frame import FLAT, SIGNALS, TIMING, Block, Nested, nested, new_block
 from rig.interrupt import Stop
 from rig.kernels import bind, kernel
 from rig.plant.flown import plant
@@ -221,6 +221,19 @@ def frames(
         yield block[:flown], timing[:flown]
         if over:
             return
+
+
+def fly_rows(scenario: Scenario, frames_at_most: int | None = None) -> Block:
+    """All rows of a flight in memory, no more than ``frames_at_most``; two kilobytes a frame."""
+    most = scenario.frames if frames_at_most is None else min(frames_at_most, scenario.frames)
+    rows, flown = np.zeros(most, FLAT), 0
+    for block, _ in frames(Rig(scenario), scenario):
+        taken = block[: most - flown]
+        rows[flown : flown + len(taken)] = taken
+        flown += len(taken)
+        if flown == most:
+            break
+    return rows[:flown]
 
 
 def block_frames(scenario: Scenario, seconds: float = BLOCK_S) -> int:

@@ -27,14 +27,13 @@ from rig.campaign.identity import rig_identity
 from rig.campaign.plan import Run
 from rig.campaign.rows import TABLES, Rows, alarm_rows, episode_rows, fault_rows, run_row
 from rig.errors import RigError
-from rig.faults import Execution
 from rig.files import replaced
-from rig.flight import end_reason, event_finder
+from rig.flight import Findings, end_reason
 from rig.frame import FLAT, TIMING, Block, new_block
 from rig.interrupt import Stop
 from rig.log import LogWriter
 from rig.log.of_flight import metadata
-from rig.record.events import Event, not_executed
+from rig.record.events import Event
 from rig.record.flight_summary import Verdict
 from rig.scenario import Scenario, load
 from rig.score import Score, fly_twin, score
@@ -75,18 +74,14 @@ class Flown:
 
 def fly(scenario: Scenario) -> Flown:
     """Fly a scenario with the digest and events of ``rig fly``, its rows kept in memory."""
-    rig, finder, verdict = loop.Rig(scenario, keep_clean=True), event_finder(scenario), Verdict()
-    execution = Execution(scenario.faults)
+    rig, findings = loop.Rig(scenario, keep_clean=True), Findings(scenario)
     kept, timing = np.empty(scenario.frames, FLAT), np.zeros(scenario.frames, TIMING)
     found: list[Event] = []
     for rows, _ in loop.frames(rig, scenario, memory=(kept, timing)):
-        events = finder.find(rows)
-        verdict.add(rows, events)
-        execution.add(rows)
-        found += events
-    ended = not_executed(verdict.frames - 1, execution.missing)
-    flown = slice(verdict.frames)
-    return Flown(scenario, kept[flown], timing[flown], found, rig.faults.clean[flown], verdict, ended)
+        found += findings.add(rows)
+    flown = slice(findings.verdict.frames)
+    about = findings.verdict, findings.end()
+    return Flown(scenario, kept[flown], timing[flown], found, rig.faults.clean[flown], *about)
 
 
 def fly_run(run: Run, orders: Orders) -> Rows:

@@ -30,7 +30,7 @@ from rig.errors import RigError
 from rig.files import write_text
 from rig.frame import INDEX, SIGNALS, TWO_PI, Block
 from rig.kernels import kernel
-from rig.loop import Rig, frames
+from rig.loop import fly_rows
 from rig.plant.airframe import Airframe, FlightPoint, parse
 from rig.scenario import Scenario
 from rig.settings import build
@@ -168,7 +168,7 @@ def fly(tables: dict[str, Any], flight_point: FlightPoint, designed: Designed, c
     own = {"turbulence": turbulence, "seed": seed, "rate_hz": RATE_HZ, **FLIGHTS[flight]}
     own |= {"flight_point": flight_point.name, "references": designed.model_dump()}
     scenario = build(Scenario, {**tables, **own}, f"aircraft {tables['aircraft']}")
-    rows = np.concatenate([rows.copy() for rows, _ in frames(Rig(scenario), scenario)])
+    rows = fly_rows(scenario)
     if rows["end"][-1] != 0:
         where = f"{tables['aircraft']} {flight_point.name}"
         raise RigError(f"{where}: lost in the healthy flight {flight!r}, {turbulence} turbulence")

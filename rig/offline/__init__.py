@@ -2,7 +2,6 @@
 
 replay.recorded       a log with the scenario that it was flown by
 replay.vote_again     the recorded channels through the redundancy stage of a scenario
-replay.fly_again      the recorded scenario once more, JSBSim and all
 compare.compare       two flights, number by number
 decisions.moved       which decisions differ, where, old and new
 what_if.what_if       another redundancy over the same channels, as a log of its own

@@ -157,15 +157,3 @@ def sources(rows):
         level, usable, reference, source = row["level"], row["reference_usable"], row["reference"], row["source"]
         for s in range(S):
             source[s] = source_of(level[s], usable[s], reference[s])
-
-
-def fly_again(scenario: Scenario, frames: int) -> Block:
-    """The first ``frames`` of ``scenario``, flown; fewer when the flight ends before."""
-    flown, at = np.zeros(frames, FLAT), 0
-    for rows, _ in loop.frames(loop.Rig(scenario), scenario):
-        taken = min(len(rows), frames - at)
-        flown[at : at + taken] = rows[:taken]
-        at += taken
-        if at == frames:
-            break
-    return flown[:at]

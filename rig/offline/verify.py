@@ -7,9 +7,10 @@ from typing import Any
 
 from rig.errors import BadInput
 from rig.log.columns import COLUMNS
+from rig.loop import fly_rows
 from rig.offline.compare import Comparison, compare
 from rig.offline.decisions import Decisions, decisions
-from rig.offline.replay import OUTPUTS, Recorded, fly_again, vote_again
+from rig.offline.replay import OUTPUTS, Recorded, vote_again
 from rig.offline.sides import of_replay
 from rig.versions import versions
 
@@ -34,7 +35,7 @@ def verify(recording: Recorded, fly: bool = False) -> Verified:
     rows, scenario = recording.log.rows, recording.scenario
     if fly and recording.what_if is not None:
         raise BadInput(f"{recording.path}: is a what if ({recording.what_if}); it was never flown")
-    again = fly_again(scenario, len(rows)) if fly else vote_again(rows, scenario)
+    again = fly_rows(scenario, len(rows)) if fly else vote_again(rows, scenario)
     columns = [column for column in COLUMNS if fly or column.field in (*OUTPUTS, "acting")]
     fields = compare(rows, again, columns)
     lengths = [f"recorded {len(rows)} frames, flown again {len(again)}"] if len(rows) != len(again) else []

@@ -14,15 +14,12 @@ from typing import Any, Final
 
 from rig.aircraft import merge
 from rig.errors import BadInput
-from rig.faults import Execution
 from rig.files import draft, numbered, publish, replaced
-from rig.flight import event_finder
+from rig.flight import Findings
 from rig.frame import Block
 from rig.log import LogWriter
 from rig.offline.decisions import Decisions, decisions
 from rig.offline.replay import Recorded, vote_again
-from rig.record.events import not_executed
-from rig.record.flight_summary import Verdict
 from rig.scenario import Scenario, from_resolved, named_manager, override, parse_set
 from rig.settings import read_toml
 from rig.text import quoted
@@ -87,17 +84,14 @@ def what_if(recording: Recorded, scenario: Scenario, out: Path | None = None, ch
 
 def _write(writer: LogWriter, recording: Recorded, scenario: Scenario, rows: Block) -> int:
     """Write the whole log; how many events it has."""
-    log = recording.log
-    finder, verdict, execution, count = event_finder(scenario), Verdict(), Execution(scenario.faults), 0
+    log, findings, count = recording.log, Findings(scenario), 0
     for rows_s, timing in _seconds(rows, log.timing, int(log.rate_hz)):
-        events = finder.find(rows_s)
+        events = findings.add(rows_s)
         count += len(events)
-        verdict.add(rows_s, events)
         writer.write(rows_s, timing, events)
-        execution.add(rows_s)
-    last = not_executed(len(rows) - 1, execution.missing)
+    last = findings.end()
     writer.write(rows[:0], log.timing[:0], last)
-    writer.close({**(log.result or {}), "digest": verdict.digest})
+    writer.close({**(log.result or {}), "digest": findings.verdict.digest})
     return count + len(last)
 
 

@@ -10,21 +10,22 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rig.score.flown import fly_rows, fly_twin
+    from rig.loop import fly_rows
+    from rig.score.flown import fly_twin
     from rig.score.of_log import Scored, score_log
     from rig.score.record import FaultScore, Score, Yardstick
     from rig.score.scoring import score
 
 __all__ = ["FaultScore", "Score", "Scored", "Yardstick", "fly_rows", "fly_twin", "score", "score_log"]
 _HOME = {
-    "FaultScore": "record",
-    "Score": "record",
-    "Yardstick": "record",
-    "fly_rows": "flown",
-    "fly_twin": "flown",
-    "score": "scoring",
-    "Scored": "of_log",
-    "score_log": "of_log",
+    "FaultScore": "rig.score.record",
+    "Score": "rig.score.record",
+    "Yardstick": "rig.score.record",
+    "fly_rows": "rig.loop",
+    "fly_twin": "rig.score.flown",
+    "score": "rig.score.scoring",
+    "Scored": "rig.score.of_log",
+    "score_log": "rig.score.of_log",
 }
 
 
@@ -34,4 +35,4 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'rig.score' has no attribute {name!r}")
     from importlib import import_module
 
-    return getattr(import_module(f"rig.score.{_HOME[name]}"), name)
+    return getattr(import_module(_HOME[name]), name)

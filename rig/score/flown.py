@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import BadInput
-from rig.frame import FLAT, INDEX, Block, End
+from rig.frame import INDEX, Block, End
 from rig.scenario import Scenario
 from rig.score.record import Deviation, FaultScore, FlightScore, Transient, Transients, Yardstick
 from rig.score.votes import deviation
@@ -19,22 +19,9 @@ _COMPARED: Final = [INDEX[name] for name in ("normal_load_factor", "pitch_rate",
 
 def fly_twin(scenario: Scenario, frames: int | None = None) -> Block:
     """The same scenario and seed without its faults: its rows, no more than ``frames``."""
-    twin = scenario.model_copy(update={"faults": []})
-    return fly_rows(twin, frames)
+    from rig.loop import fly_rows  # a score without a twin needs no simulation
 
-
-def fly_rows(scenario: Scenario, frames: int | None = None) -> Block:
-    """All rows of a flight in memory, no more than ``frames``; two kilobytes a frame."""
-    from rig import loop  # a score without a twin needs no simulation
-
-    rows, flown = np.zeros(scenario.frames if frames is None else min(frames, scenario.frames), FLAT), 0
-    for block, _ in loop.frames(loop.Rig(scenario), scenario):
-        taken = block[: len(rows) - flown]
-        rows[flown : flown + len(taken)] = taken
-        flown += len(taken)
-        if flown == len(rows):
-            break
-    return rows[:flown]
+    return fly_rows(scenario.model_copy(update={"faults": []}), frames)
 
 
 def flight_score(

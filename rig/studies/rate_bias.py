@@ -21,7 +21,7 @@ from numpy.random import Generator, SeedSequence
 from rig import scenario
 from rig.aircraft import tables
 from rig.frame import FLIGHT_INDEX, Block, End, Lie, Trust
-from rig.score import fly_rows
+from rig.loop import fly_rows
 from rig.studies.workers import each
 
 AFTER_S: Final = 60.0  # flown after the onset

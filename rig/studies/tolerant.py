@@ -17,7 +17,7 @@ from scipy.stats import binomtest
 
 from rig import scenario
 from rig.frame import FLIGHT_INDEX, INDEX, Block, End, Trust
-from rig.score import fly_rows
+from rig.loop import fly_rows
 from rig.studies.workers import each
 
 ONSET_S: Final = 20.0
