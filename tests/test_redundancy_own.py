@@ -12,7 +12,7 @@ from rig.computer.redundancy.config import PARAMS
 from rig.computer.redundancy.own import load_manager
 from rig.errors import BadInput, ManagerFailed
 from rig.frame import INDEX, Block, nested, new_block
-from rig.loop import Rig, frames
+from rig.loop import Rig, fly_rows, frames
 from rig.trust import Trust
 
 OWN = """
@@ -122,7 +122,7 @@ def test_a_class_of_the_former_form_is_told_the_present_one(tmp_path: Path, monk
 
 def rows_of(*sets: str) -> Block:
     which = scenario.load(None, ["duration_s=2.5", "faults.0.start_s=1", *sets])
-    return np.concatenate([rows.copy() for rows, _ in frames(Rig(which), which)])
+    return fly_rows(which)
 
 
 def test_a_compiled_function_flies_as_its_python_form_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
