@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from rig.frame import DISCRETES, FLAT, INDEX, SIGNALS, Pattern, new_block, to_frame
+from rig.frame import DISCRETES, FLAT, INDEX, SIGNALS, Pattern, new_block, sig, to_frame
 
 
 def test_the_sixteen_signals_and_three_discretes_of_a_flight_control_system_are_there():
@@ -25,3 +25,7 @@ def test_patterns_are_called_as_in_the_paper():
 @pytest.mark.parametrize(("time_s", "frame"), [(0.0, 0), (0.1, 10), (0.07, 7), (0.071, 8), (0.29, 29)])
 def test_times_become_the_first_frame_not_before_them(time_s, frame):
     assert to_frame(time_s, 100.0) == frame
+
+
+def test_the_places_by_symbol_are_those_of_the_table():
+    assert [getattr(sig, signal.symbol.upper()) for signal in SIGNALS] == list(range(len(SIGNALS)))

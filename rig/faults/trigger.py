@@ -6,16 +6,11 @@ A transition is seen in the frame after the one that voted it.
 
 from __future__ import annotations
 
-from typing import Final
-
 from rig.faults.expression import holds
 from rig.faults.record import FOREVER, Trigger
 from rig.faults.settings import DutyCycle
 from rig.frame import CHANNELS, D, S
 from rig.kernels import kernel
-
-_FOREVER: Final = FOREVER
-_SIGNALS, _DISCRETES, _CHANNELS = S, D, CHANNELS
 
 
 @kernel
@@ -28,9 +23,9 @@ def advance(row, k, data):
     for f in range(len(schedule)):
         i = schedule[f]["turn"]
         p, st = schedule[i], state[i]
-        if st["onset"] == _FOREVER and p["first"] <= frame < p["last"]:
+        if st["onset"] == FOREVER and p["first"] <= frame < p["last"]:
             fired = onset(row, k, i, data)
-            st["onset"] = fired if fired == _FOREVER else fired + p["delay"]
+            st["onset"] = fired if fired == FOREVER else fired + p["delay"]
         acts = lasts(frame, p, st)
         if acts != 0 and p["duty_cycle"] != DutyCycle.STEADY:
             acts = beats(k, p, st, data.times, data.uniform)
@@ -56,7 +51,7 @@ def onset(row, k, i, data):
         return state[p["place"]]["onset"]
     elif trigger == Trigger.RANDOM:
         fires = data.uniform[k, p["draw"]] < p["chance"]
-    return frame if fires else _FOREVER
+    return frame if fires else FOREVER
 
 
 @kernel
@@ -72,7 +67,7 @@ def lasts(frame, p, st):
     if elapsed < p["duration"]:
         return 1
     if p["again"] != 0:
-        st["onset"] = _FOREVER
+        st["onset"] = FOREVER
     return 0
 
 
@@ -110,9 +105,9 @@ def watch(fcc, seen):
     now, before = s["code"], s["code_before"]
     for i in range(len(now)):
         before[i] = now[i]
-    for i in range(_SIGNALS):
+    for i in range(S):
         s["voted"][i] = fcc["voted"][i]
-    for i in range(_DISCRETES):
+    for i in range(D):
         s["discrete"][i] = fcc["discrete_voted"][i]
     at = keep(fcc["level"], now, 0)
     at = keep(fcc["pattern"], now, at)
@@ -137,6 +132,6 @@ def keep(values, codes, at):
 def keep_states(states, codes, at):
     """The same of ``states`` (n, 4)."""
     for i in range(len(states)):
-        for c in range(_CHANNELS):
-            codes[at + i * _CHANNELS + c] = states[i, c]
-    return at + len(states) * _CHANNELS
+        for c in range(CHANNELS):
+            codes[at + i * CHANNELS + c] = states[i, c]
+    return at + len(states) * CHANNELS

@@ -3,6 +3,7 @@
 signals.py  which signals, discretes and other numbers there are
 enums.py    states, patterns, resolvers and what else has one byte
 fields.py   the one table of fields: part, shape, meaning, place in the log
+sig.py      the places of the signals by their symbols, for kernels
 row.py      FRAME, one row, nested by part; FLAT, the same by field; a block of them
 """
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.atmosphere import GRAVITY
-from rig.frame import DISCRETE_INDEX, FLIGHT_INDEX, INDEX, TWO_PI, Block, End
+from rig.frame import DISCRETE_INDEX, FLIGHT_INDEX, TWO_PI, Block, End, sig
 from rig.kernels import kernel
 from rig.plant.airframe import Airframe
 
@@ -87,12 +87,6 @@ FIXED: Final = np.dtype(
     ]
 )
 
-_Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
-_NX, _NY = INDEX["longitudinal_load_factor"], INDEX["lateral_load_factor"]
-_NZ = INDEX["normal_load_factor"]
-_ALPHA, _BETA = INDEX["angle_of_attack"], INDEX["angle_of_sideslip"]
-_STATIC, _DYNAMIC = INDEX["static_pressure"], INDEX["dynamic_pressure"]
-_THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
 _WHEELS, _GEAR = DISCRETE_INDEX["weight_on_wheels"], DISCRETE_INDEX["gear_down"]
 _ALTITUDE, _NORTH = FLIGHT_INDEX["altitude_m"], FLIGHT_INDEX["north_m"]
 _LATITUDE, _AIRSPEED = FLIGHT_INDEX["latitude_rad"], FLIGHT_INDEX["true_airspeed_m_s"]
@@ -165,18 +159,18 @@ def _motion(truth: NDArray[np.float64], flight: NDArray[np.float64], now: Any, f
     f_x = forward + q_dot * z - r_dot * y + p * along - x * square
     f_y = right + r_dot * x - p_dot * z + q * along - y * square
     f_z = down + p_dot * y - q_dot * x + r * along - z * square
-    truth[_P], truth[_Q], truth[_R] = p, q, r
-    truth[_NX], truth[_NY] = f_x / GRAVITY, f_y / GRAVITY
-    truth[_NZ] = -f_z / GRAVITY
+    truth[sig.P], truth[sig.Q], truth[sig.R] = p, q, r
+    truth[sig.N_X], truth[sig.N_Y] = f_x / GRAVITY, f_y / GRAVITY
+    truth[sig.N_Z] = -f_z / GRAVITY
 
 
 @kernel
 def _air_data(truth: NDArray[np.float64], now: Any) -> None:
     """Angles of the true flow, wind and turbulence included; dynamic pressure is 0.5 rho V^2."""
-    truth[_ALPHA] = now["alpha_rad"]
-    truth[_BETA] = now["beta_rad"]
-    truth[_STATIC] = now["static_pressure_psf"] * POUND_PER_SQUARE_FOOT
-    truth[_DYNAMIC] = now["dynamic_pressure_psf"] * POUND_PER_SQUARE_FOOT
+    truth[sig.ALPHA] = now["alpha_rad"]
+    truth[sig.BETA] = now["beta_rad"]
+    truth[sig.P_S] = now["static_pressure_psf"] * POUND_PER_SQUARE_FOOT
+    truth[sig.Q_BAR] = now["dynamic_pressure_psf"] * POUND_PER_SQUARE_FOOT
 
 
 @kernel
@@ -191,7 +185,7 @@ def _attitude(truth: NDArray[np.float64], flight: NDArray[np.float64], now: Any)
         psi += TWO_PI
     if psi >= TWO_PI:
         psi -= TWO_PI
-    truth[_THETA], truth[_PHI], truth[_PSI] = theta, phi, psi
+    truth[sig.THETA], truth[sig.PHI], truth[sig.PSI] = theta, phi, psi
     c_t, s_t = cos(0.5 * theta), sin(0.5 * theta)
     c_p, s_p = cos(0.5 * phi), sin(0.5 * phi)
     c_y, s_y = cos(0.5 * psi), sin(0.5 * psi)
@@ -238,15 +232,15 @@ def _end(truth: NDArray[np.float64], flight: NDArray[np.float64], ground_force: 
             return End.NOT_FINITE
     if flight[_ALTITUDE + 1] <= 0.0 or ground_force != 0.0:
         return End.GROUND_CONTACT
-    alpha, n_z = truth[_ALPHA], truth[_NZ]
+    alpha, n_z = truth[sig.ALPHA], truth[sig.N_Z]
     if alpha < limits["angle_of_attack_min_rad"] or alpha > limits["angle_of_attack_max_rad"]:
         return End.DEPARTURE_ANGLE_OF_ATTACK
-    if abs(truth[_BETA]) > limits["sideslip_max_rad"]:
+    if abs(truth[sig.BETA]) > limits["sideslip_max_rad"]:
         return End.DEPARTURE_SIDESLIP
     if n_z < limits["load_factor_min"] or n_z > limits["load_factor_max"]:
         return End.DEPARTURE_LOAD_FACTOR
-    if abs(truth[_THETA]) > limits["pitch_angle_max_rad"] or abs(truth[_PHI]) > limits["roll_angle_max_rad"]:
+    if abs(truth[sig.THETA]) > limits["pitch_angle_max_rad"] or abs(truth[sig.PHI]) > limits["roll_angle_max_rad"]:
         return End.DEPARTURE_ATTITUDE
-    if max(abs(truth[_P]), abs(truth[_Q]), abs(truth[_R])) > limits["body_rate_max_rad_s"]:
+    if max(abs(truth[sig.P]), abs(truth[sig.Q]), abs(truth[sig.R])) > limits["body_rate_max_rad_s"]:
         return End.DEPARTURE_RATE
     return End.FLYING

@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.angles import wrap
-from rig.frame import DISCRETES, FLIGHT_INDEX, INDEX, SIGNALS, Block, End, State, new_block
+from rig.frame import DISCRETES, FLIGHT_INDEX, INDEX, SIGNALS, Block, End, State, new_block, sig
 from rig.kernels import kernel
 from rig.record.events import Event
 
 MOST_EVENTS = 10_000  # kept for the summary; all of them are in the log
-_ALPHA, _N_Z, _Q = INDEX["angle_of_attack"], INDEX["normal_load_factor"], INDEX["pitch_rate"]
 _HEADING, _ALTITUDE = INDEX["heading"], FLIGHT_INDEX["altitude_m"]
 
 
@@ -38,7 +37,7 @@ def widen(rows, start, peaks):
     altitude, heading = start[0]["flight"][_ALTITUDE], start[0]["truth"][_HEADING]
     for k in range(len(rows)):
         truth = rows[k]["truth"]
-        alpha, n_z = truth[_ALPHA], truth[_N_Z]
+        alpha, n_z = truth[sig.ALPHA], truth[sig.N_Z]
         climbed = abs(rows[k]["flight"][_ALTITUDE] - altitude)
         turned = abs(wrap(truth[_HEADING] - heading))
         # A comparison with NaN is false, so a flight that ends in NaN keeps the peaks before it.
@@ -46,7 +45,7 @@ def widen(rows, start, peaks):
         peaks[1] = alpha if alpha > peaks[1] else peaks[1]
         peaks[2] = n_z if n_z < peaks[2] else peaks[2]
         peaks[3] = n_z if n_z > peaks[3] else peaks[3]
-        peaks[4] = abs(truth[_Q]) if abs(truth[_Q]) > peaks[4] else peaks[4]
+        peaks[4] = abs(truth[sig.Q]) if abs(truth[sig.Q]) > peaks[4] else peaks[4]
         peaks[5] = climbed if climbed > peaks[5] else peaks[5]
         peaks[6] = turned if turned > peaks[6] else peaks[6]
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from rig.angles import limit
-from rig.frame import FLIGHT_INDEX, INDEX, INERTIAL, Block, nested
+from rig.frame import FLIGHT_INDEX, INERTIAL, Block, nested, sig
 from rig.kernels import kernel
 from rig.settings import Settings
 
@@ -55,7 +55,6 @@ PARAMS: Final = np.dtype(
     align=True,
 )
 STATE: Final = np.dtype([("lagged", "f8", (QUANTITIES,)), ("seen", "f8", (QUANTITIES,)), ("started", "u1")], align=True)
-_P, _Q, _R = INDEX["roll_rate"], INDEX["pitch_rate"], INDEX["yaw_rate"]
 _VELOCITY: Final = FLIGHT_INDEX["velocity_north_m_s"]
 _FORCE: Final = FLIGHT_INDEX["specific_force_forward_m_s2"]
 
@@ -139,7 +138,7 @@ def sense(truth, bus, k, data):
     u, st = data.params[0], data.state[0]
     rates, flight, inertial = truth["truth"], truth["flight"], bus["inertial"]
     seen, lagged, turn, quantum = st["seen"], st["lagged"], u["turn"], u["quantum"]
-    misalign(rates[_P], rates[_Q], rates[_R], turn, seen, 0)
+    misalign(rates[sig.P], rates[sig.Q], rates[sig.R], turn, seen, 0)
     for i in range(RATES):
         seen[RATES + i] = flight[_VELOCITY + i]
     misalign(flight[_FORCE], flight[_FORCE + 1], flight[_FORCE + 2], turn, seen, FORCES)

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.random import Generator, SeedSequence
 from numpy.typing import NDArray
 
-from rig.frame import CHANNELS, INDEX, SIGNALS, S
+from rig.frame import CHANNELS, SIGNALS, S, sig
 from rig.sensors.second_order import natural_frequency, transition
 from rig.sensors.settings import ACCELEROMETERS, GYROS, Sensor
 from rig.settings import Settings
 
-_ALPHA, _Q_BAR = INDEX["angle_of_attack"], INDEX["dynamic_pressure"]
 MOST_SHARES: Final = 5  # a gyro's: two other axes, three load factors
 PARAMS: Final = np.dtype(
     [
@@ -95,7 +94,7 @@ def _couple(params: NDArray[np.void], suite: Settings, turn: Generator, push: Ge
             _share(params[s], ACCELEROMETERS, sensor.g_sensitivity_tolerance * pushes[s])
         if sensor.position_error_per_rad != 0 or sensor.position_error_per_pa != 0:
             error = np.array([[sensor.position_error_per_rad], [sensor.position_error_per_pa]])
-            _share(params[s], [_ALPHA, _Q_BAR], np.repeat(error, CHANNELS, axis=1))
+            _share(params[s], [sig.ALPHA, sig.Q_BAR], np.repeat(error, CHANNELS, axis=1))
 
 
 def _share(row: Any, sources: Any, shares: NDArray[np.float64]) -> None:

@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 
 from rig.atmosphere import GRAVITY
-from rig.frame import INDEX
+from rig.frame import sig
 from rig.kernels import kernel
 
 SLOWEST: Final = 30.0  # m/s; divisions by airspeed take at least this
@@ -43,9 +43,6 @@ PATH_SIGNALS: Final = (
     *("angle_of_attack", "angle_of_sideslip", "roll_angle", "static_pressure", "dynamic_pressure"),
     *("normal_load_factor", "lateral_load_factor", "longitudinal_load_factor"),
 )
-_N_Z, _N_Y, _N_X = (INDEX[f"{axis}_load_factor"] for axis in ("normal", "lateral", "longitudinal"))
-_ALPHA, _BETA, _PHI = INDEX["angle_of_attack"], INDEX["angle_of_sideslip"], INDEX["roll_angle"]
-_STATIC, _DYNAMIC = INDEX["static_pressure"], INDEX["dynamic_pressure"]
 
 
 @kernel
@@ -100,17 +97,19 @@ def climb(x, theta, dt, v):
     is estimated and taken off.  x : (S,) signals; theta : pitch angle [rad], for the direction of the load factors;
     v : a VERTICAL record, in place
     """
-    density = air_density(x[_STATIC])
-    v["speed"] = max(math.sqrt(2.0 * max(x[_DYNAMIC], 0.0) / density), SLOWEST)
+    density = air_density(x[sig.P_S])
+    v["speed"] = max(math.sqrt(2.0 * max(x[sig.Q_BAR], 0.0) / density), SLOWEST)
     if v["started"] == 0:
-        a = math.cos(x[_ALPHA]) * math.cos(x[_BETA])
-        b = math.sin(x[_BETA]) * math.sin(x[_PHI]) + math.sin(x[_ALPHA]) * math.cos(x[_BETA]) * math.cos(x[_PHI])
+        a = math.cos(x[sig.ALPHA]) * math.cos(x[sig.BETA])
+        b = math.sin(x[sig.BETA]) * math.sin(x[sig.PHI]) + math.sin(x[sig.ALPHA]) * math.cos(x[sig.BETA]) * math.cos(
+            x[sig.PHI]
+        )
         v["climb"] = v["speed"] * (a * math.sin(theta) - b * math.cos(theta))
-        v["pressure"], v["started"] = x[_STATIC], 1
-    v["barometric"] -= (x[_STATIC] - v["pressure"]) / (density * GRAVITY)
-    v["pressure"] = x[_STATIC]
-    level = x[_N_Z] * math.cos(x[_PHI]) - x[_N_Y] * math.sin(x[_PHI])
-    acceleration = GRAVITY * (level * math.cos(theta) + x[_N_X] * math.sin(theta) - 1.0)
+        v["pressure"], v["started"] = x[sig.P_S], 1
+    v["barometric"] -= (x[sig.P_S] - v["pressure"]) / (density * GRAVITY)
+    v["pressure"] = x[sig.P_S]
+    level = x[sig.N_Z] * math.cos(x[sig.PHI]) - x[sig.N_Y] * math.sin(x[sig.PHI])
+    acceleration = GRAVITY * (level * math.cos(theta) + x[sig.N_X] * math.sin(theta) - 1.0)
     off, rate, w = v["barometric"] - v["altitude"], v["climb"], CROSSOVER_RAD_S
     v["acceleration_error"] += w * w * w * off * dt
     v["climb"] += (acceleration + v["acceleration_error"] + 3.0 * w * w * off) * dt
@@ -121,4 +120,4 @@ def climb(x, theta, dt, v):
 def path_pitch_angle(x, v):
     """Pitch angle [rad] from climb rate, airspeed and the angles of the air flow; x, v as for ``climb``."""
     sine = min(max(v["climb"] / v["speed"], -1.0), 1.0)
-    return pitch_on_path(sine, x[_ALPHA], x[_BETA], x[_PHI])
+    return pitch_on_path(sine, x[sig.ALPHA], x[sig.BETA], x[sig.PHI])

@@ -15,7 +15,7 @@ from rig.atmosphere import GRAVITY
 from rig.computer.analytic import strapdown
 from rig.computer.analytic.flight_path import air_density
 from rig.computer.analytic.memory import ASTRAY_S, LONG_S, frames_of, level_gain, slope_gain
-from rig.frame import INDEX, INERTIAL
+from rig.frame import INERTIAL, sig
 from rig.kernels import kernel
 
 # Of the static pressure: the value of this frame, and how the unit's vertical velocity is off.
@@ -43,7 +43,6 @@ STATE: Final = np.dtype(
 )
 _FIRST_S: Final = 0.2  # the memory begins as if so much had been seen: the vote's noise is small against a drift
 _FAR: Final = 300.0  # Pa; a vote that far off is not learned from
-_STATIC: Final = INDEX["static_pressure"]
 _NORTH: Final = INERTIAL.index("velocity_north_m_s")
 _DOWN: Final = INERTIAL.index("velocity_down_m_s")
 _F: Final = INERTIAL.index("specific_force_forward_m_s2")
@@ -115,8 +114,8 @@ def static_pressure(unit, votes, agreed, rate_hz, u):
     While the vote is agreed, value and drift follow it with the memory of memory.py; else they run free.
     rho is that of the standard atmosphere at p.  votes : (S,) of the last frame; NaN while nothing is known
     """
-    e, down, last, vote = u["pressure"], unit[_DOWN], u["last"][_DOWN], votes[_STATIC]
-    known = (agreed >> _STATIC) & 1 != 0
+    e, down, last, vote = u["pressure"], unit[_DOWN], u["last"][_DOWN], votes[sig.P_S]
+    known = (agreed >> sig.P_S) & 1 != 0
     if not math.isfinite(down) or (e["frames"] == 0 and not known):
         e["frames"] = 0
         return math.nan

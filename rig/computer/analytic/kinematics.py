@@ -25,16 +25,12 @@ from rig.computer.analytic.flight_path import (
     yaw_rate_of,
 )
 from rig.computer.analytic.pitch_filter import begin, follow_path, learn_yaw_drift, predict
-from rig.frame import INDEX, INERTIAL
+from rig.frame import INERTIAL, sig
 from rig.kernels import kernel
 
 _FIRST_PITCH_RAD: Final = 0.05  # sigma of level flight as a first guess
 _DRAWN_S: Final = 10.0  # longer than a slip, shorter than the gyros need to drift off
 _THINNEST: Final = 200.0  # Pa; divisions by dynamic pressure take at least this
-_Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
-_NX, _NY, _NZ = (INDEX[f"{axis}_load_factor"] for axis in ("longitudinal", "lateral", "normal"))
-_ALPHA, _BETA, _DYNAMIC = (INDEX[name] for name in ("angle_of_attack", "angle_of_sideslip", "dynamic_pressure"))
-_THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
 _NORTH: Final = INERTIAL.index("velocity_north_m_s")
 _LIFT_SLOPE, _ZERO_LIFT, _GAIN = (
     COLUMNS.index(name) for name in ("lift_slope_1_pa", "zero_lift_alpha_rad", "pitch_rate_gain")
@@ -46,14 +42,14 @@ _ROLL_ARM, _YAW_ARM = COLUMNS.index("roll_arm_m"), COLUMNS.index("yaw_arm_m")
 @kernel
 def lift(c, st, alpha):
     """n_w that the wing gives at ``alpha``: q_bar lift_slope (alpha - zero_lift_alpha)."""
-    return st["voted"][_DYNAMIC] * c[_LIFT_SLOPE] * (alpha - c[_ZERO_LIFT])
+    return st["voted"][sig.Q_BAR] * c[_LIFT_SLOPE] * (alpha - c[_ZERO_LIFT])
 
 
 @kernel
 def turning_lift(c, st, speed):
     """n_w that pitching adds, and the tail with it: V / g (1 - gain) q - elevator_arm / g q_dot."""
     gain, arm = c[_GAIN], c[_ELEVATOR_ARM]
-    return (speed * (1.0 - gain) * st["voted"][_Q] - arm * st["slope"][_Q]) / GRAVITY
+    return (speed * (1.0 - gain) * st["voted"][sig.Q] - arm * st["slope"][sig.Q]) / GRAVITY
 
 
 @kernel
@@ -67,32 +63,32 @@ def pitch_rate(c, st, speed):
     right; k is pitch_rate_gain.  A gust's alpha_dot is taken for pitching: that is its error.
     """
     voted = st["voted"]
-    alpha, beta, theta = st["smooth"][_ALPHA], voted[_BETA], voted[_THETA]
+    alpha, beta, theta = st["smooth"][sig.ALPHA], voted[sig.BETA], voted[sig.THETA]
     sin_alpha, cos_alpha = math.sin(alpha), math.cos(alpha)
-    gravity = cos_alpha * math.cos(theta) * math.cos(voted[_PHI]) + sin_alpha * math.sin(theta)
-    coupling = (voted[_P] * cos_alpha + voted[_R] * sin_alpha) * math.tan(beta)
+    gravity = cos_alpha * math.cos(theta) * math.cos(voted[sig.PHI]) + sin_alpha * math.sin(theta)
+    coupling = (voted[sig.P] * cos_alpha + voted[sig.R] * sin_alpha) * math.tan(beta)
     path = GRAVITY / (speed * math.cos(beta)) * (lift(c, st, alpha) - gravity)
-    return (st["slope"][_ALPHA] + coupling + path) / c[_GAIN]
+    return (st["slope"][sig.ALPHA] + coupling + path) / c[_GAIN]
 
 
 @kernel
 def pitch_rate_of_attitude(st):
     """Pitch rate from attitude: a gust does not move it."""
-    theta, phi = st["smooth"][_THETA], st["smooth"][_PHI]
-    return pitch_rate_of(st["slope"][_THETA], st["slope"][_PSI], theta, phi)
+    theta, phi = st["smooth"][sig.THETA], st["smooth"][sig.PHI]
+    return pitch_rate_of(st["slope"][sig.THETA], st["slope"][sig.PSI], theta, phi)
 
 
 @kernel
 def roll_rate(st):
     """Roll rate from attitude."""
-    return roll_rate_of(st["slope"][_PHI], st["slope"][_PSI], st["smooth"][_THETA])
+    return roll_rate_of(st["slope"][sig.PHI], st["slope"][sig.PSI], st["smooth"][sig.THETA])
 
 
 @kernel
 def yaw_rate(st):
     """Yaw rate from attitude."""
-    theta, phi = st["smooth"][_THETA], st["smooth"][_PHI]
-    return yaw_rate_of(st["slope"][_THETA], st["slope"][_PSI], theta, phi)
+    theta, phi = st["smooth"][sig.THETA], st["smooth"][sig.PHI]
+    return yaw_rate_of(st["slope"][sig.THETA], st["slope"][sig.PSI], theta, phi)
 
 
 @kernel
@@ -102,9 +98,9 @@ def normal_load_factor(c, p, st, speed):
     n_z = (n_w + n_x sin alpha) / cos alpha + what turning adds at the accelerometers' place
     """
     voted = st["voted"]
-    across = lift(c, st, voted[_ALPHA]) + turning_lift(c, st, speed)
-    along = voted[_NX] * math.sin(voted[_ALPHA])
-    return (across + along) / math.cos(voted[_ALPHA]) + normal_by_turning(p, st)
+    across = lift(c, st, voted[sig.ALPHA]) + turning_lift(c, st, speed)
+    along = voted[sig.N_X] * math.sin(voted[sig.ALPHA])
+    return (across + along) / math.cos(voted[sig.ALPHA]) + normal_by_turning(p, st)
 
 
 @kernel
@@ -114,9 +110,9 @@ def angle_of_attack(c, p, st, speed):
     The sine and the cosine are those of the last answer, kept within a quarter turn.
     """
     voted = st["voted"]
-    centre = voted[_NZ] - normal_by_turning(p, st)
-    across = centre * math.cos(st["alpha"]) - voted[_NX] * math.sin(st["alpha"])
-    slope = max(voted[_DYNAMIC], _THINNEST) * c[_LIFT_SLOPE]
+    centre = voted[sig.N_Z] - normal_by_turning(p, st)
+    across = centre * math.cos(st["alpha"]) - voted[sig.N_X] * math.sin(st["alpha"])
+    slope = max(voted[sig.Q_BAR], _THINNEST) * c[_LIFT_SLOPE]
     alpha = c[_ZERO_LIFT] + (across - turning_lift(c, st, speed)) / slope
     st["alpha"] = min(max(alpha, -1.5), 1.5)
     return alpha
@@ -126,17 +122,17 @@ def angle_of_attack(c, p, st, speed):
 def angle_of_sideslip(c, p, st):
     """Sideslip from the lateral load factor: n_y at the centre of gravity over q_bar side_slope."""
     voted, slope = st["voted"], st["slope"]
-    centre = voted[_NY] - lateral_by_turning(p, st)
-    surfaces = (c[_ROLL_ARM] * slope[_P] + c[_YAW_ARM] * slope[_R]) / GRAVITY
-    return (centre - surfaces) / (max(voted[_DYNAMIC], _THINNEST) * c[_SIDE_SLOPE])
+    centre = voted[sig.N_Y] - lateral_by_turning(p, st)
+    surfaces = (c[_ROLL_ARM] * slope[sig.P] + c[_YAW_ARM] * slope[sig.R]) / GRAVITY
+    return (centre - surfaces) / (max(voted[sig.Q_BAR], _THINNEST) * c[_SIDE_SLOPE])
 
 
 @kernel
 def lateral_load_factor(c, p, st):
     """Load factor at the accelerometers from the sideslip: the inverse of ``angle_of_sideslip``."""
     voted, slope = st["voted"], st["slope"]
-    surfaces = (c[_ROLL_ARM] * slope[_P] + c[_YAW_ARM] * slope[_R]) / GRAVITY
-    side = max(voted[_DYNAMIC], _THINNEST) * c[_SIDE_SLOPE] * voted[_BETA]
+    surfaces = (c[_ROLL_ARM] * slope[sig.P] + c[_YAW_ARM] * slope[sig.R]) / GRAVITY
+    side = max(voted[sig.Q_BAR], _THINNEST) * c[_SIDE_SLOPE] * voted[sig.BETA]
     return side + surfaces + lateral_by_turning(p, st)
 
 
@@ -145,9 +141,9 @@ def normal_by_turning(p, st):
     """What turning adds to n_z at the accelerometers, a = w_dot x place + w x (w x place), upwards in g."""
     place, voted, slope = p["accelerometer"], st["voted"], st["slope"]
     x, y, z = place[0], place[1], place[2]
-    roll, pitch, yaw = voted[_P], voted[_Q], voted[_R]
+    roll, pitch, yaw = voted[sig.P], voted[sig.Q], voted[sig.R]
     spin = yaw * (roll * x + pitch * y + yaw * z) - z * (roll * roll + pitch * pitch + yaw * yaw)
-    return (slope[_Q] * x - slope[_P] * y - spin) / GRAVITY
+    return (slope[sig.Q] * x - slope[sig.P] * y - spin) / GRAVITY
 
 
 @kernel
@@ -155,9 +151,9 @@ def lateral_by_turning(p, st):
     """What turning adds to n_y at the accelerometers, to the right in g."""
     place, voted, slope = p["accelerometer"], st["voted"], st["slope"]
     x, y, z = place[0], place[1], place[2]
-    roll, pitch, yaw = voted[_P], voted[_Q], voted[_R]
+    roll, pitch, yaw = voted[sig.P], voted[sig.Q], voted[sig.R]
     spin = pitch * (roll * x + pitch * y + yaw * z) - y * (roll * roll + pitch * pitch + yaw * yaw)
-    return (slope[_R] * x - slope[_P] * z + spin) / GRAVITY
+    return (slope[sig.R] * x - slope[sig.P] * z + spin) / GRAVITY
 
 
 @kernel
@@ -171,7 +167,7 @@ def pitch_angle(p, st, known):
         e["frames"], e["vertical"]["started"] = 0, 0
         return math.nan
     if e["frames"] == 0:
-        begin(c, e, pitch_on_path(0.0, x[_ALPHA], x[_BETA], x[_PHI]), _FIRST_PITCH_RAD)
+        begin(c, e, pitch_on_path(0.0, x[sig.ALPHA], x[sig.BETA], x[sig.PHI]), _FIRST_PITCH_RAD)
     learn_yaw_drift(True, c, e, x)
     predict(c, e, x, st["gyros"])
     climb(x, e["theta"], c["dt"], e["vertical"])
@@ -193,7 +189,7 @@ def roll_angle(p, st, speed, known):
         st["rolling"], st["roll_angle"] = 1, turned
         return turned
     voted, phi = st["voted"], st["roll_angle"]
-    rate = voted[_P] + (voted[_Q] * math.sin(phi) + voted[_R] * math.cos(phi)) * math.tan(voted[_THETA])
+    rate = voted[sig.P] + (voted[sig.Q] * math.sin(phi) + voted[sig.R] * math.cos(phi)) * math.tan(voted[sig.THETA])
     st["roll_angle"] = wrap(phi + (rate + wrap(turned - phi) / _DRAWN_S) / p["rate_hz"])
     return st["roll_angle"]
 
@@ -207,8 +203,8 @@ def roll_angle_of_turn(st, speed):
     What is left out, V beta_dot, is its error in a slip that begins or ends.
     """
     voted = st["voted"]
-    turning = speed * (voted[_R] * math.cos(voted[_ALPHA]) - voted[_P] * math.sin(voted[_ALPHA])) / GRAVITY
-    sine = (turning - voted[_NY]) / max(math.cos(voted[_THETA]), 0.1)
+    turning = speed * (voted[sig.R] * math.cos(voted[sig.ALPHA]) - voted[sig.P] * math.sin(voted[sig.ALPHA])) / GRAVITY
+    sine = (turning - voted[sig.N_Y]) / max(math.cos(voted[sig.THETA]), 0.1)
     return math.asin(min(max(sine, -1.0), 1.0))
 
 

@@ -20,7 +20,7 @@ from pydantic import Field
 from rig.angles import wrap
 from rig.computer.analytic.flight_path import PATH_SIGNALS, VERTICAL, pitching
 from rig.computer.analytic.pitch_mean import carry, move
-from rig.frame import INDEX
+from rig.frame import sig
 from rig.kernels import kernel
 from rig.settings import Settings
 
@@ -69,8 +69,6 @@ STATE: Final = np.dtype(
 )
 # All that the estimate is made of.
 PARTNERS: Final = ("pitch_rate", "yaw_rate", "heading", *PATH_SIGNALS)
-_Q, _R = INDEX["pitch_rate"], INDEX["yaw_rate"]
-_PHI, _PSI = INDEX["roll_angle"], INDEX["heading"]
 _LENGTH_M: Final = 533.4  # scale of vertical turbulence above 2000 ft (MIL-F-8785C)
 _LEAST_GUST_RAD: Final = 0.001  # the path is never taken as better than this
 _FIRST_GUST_RAD: Final = 0.01
@@ -116,8 +114,8 @@ def predict(c, e, x, gyros):
 
     c, e : a PARAM and a STATE record; x : (S,) signals; gyros : which are in the vote, any number that changes with it
     """
-    rate = pitching(x[_Q], x[_R] - e["yaw_drift"], x[_PHI])
-    predict_by(c, e, rate, x[_Q], x[_PHI], gyros)
+    rate = pitching(x[sig.Q], x[sig.R] - e["yaw_drift"], x[sig.PHI])
+    predict_by(c, e, rate, x[sig.Q], x[sig.PHI], gyros)
 
 
 @kernel
@@ -143,13 +141,13 @@ def predict_by(c, e, rate, pitch_rate, roll_angle, gyros):
 @kernel
 def learn_yaw_drift(known, c, e, x):
     """r - (psi' cos theta - (q - b) sin phi) / cos phi, averaged; ``known``: rates, bank and heading are."""
-    if known and abs(x[_PHI]) < _STEEP_BANK_RAD:
+    if known and abs(x[sig.PHI]) < _STEEP_BANK_RAD:
         if math.isfinite(e["heading"]):
-            turn = wrap(x[_PSI] - e["heading"]) / c["dt"]
-            said = (turn * math.cos(e["theta"]) - (x[_Q] - e["drift"]) * math.sin(x[_PHI])) / math.cos(x[_PHI])
+            turn = wrap(x[sig.PSI] - e["heading"]) / c["dt"]
+            said = (turn * math.cos(e["theta"]) - (x[sig.Q] - e["drift"]) * math.sin(x[sig.PHI])) / math.cos(x[sig.PHI])
             e["yaw_seconds"] = min(e["yaw_seconds"] + c["dt"], _YAW_S)
-            e["yaw_drift"] += c["dt"] / (e["yaw_seconds"] + _YAW_START_S) * (x[_R] - said - e["yaw_drift"])
-        e["heading"] = x[_PSI]
+            e["yaw_drift"] += c["dt"] / (e["yaw_seconds"] + _YAW_START_S) * (x[sig.R] - said - e["yaw_drift"])
+        e["heading"] = x[sig.PSI]
     else:
         e["heading"] = math.nan
 

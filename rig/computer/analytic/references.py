@@ -18,14 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.angles import difference
-from rig.computer.analytic import inertial_unit as unit
-from rig.computer.analytic import kinematics, strapdown
-from rig.computer.analytic import pitch_filter as estimate
+from rig.computer.analytic import inertial_unit, kinematics, pitch_filter, strapdown
 from rig.computer.analytic.designed import COLUMNS, FILTERS, Designed
 from rig.computer.analytic.flight_path import SLOWEST, air_density
 from rig.computer.analytic.sources import PARTNERS, Config, second, source
 from rig.computer.gain_schedule import look_up
-from rig.frame import INDEX, INERTIAL, SIGNALS, Pattern, Resolver, S
+from rig.frame import INDEX, INERTIAL, SIGNALS, Pattern, Resolver, S, sig
 from rig.kernels import kernel
 
 PARAM: Final = np.dtype(
@@ -37,7 +35,7 @@ PARAM: Final = np.dtype(
         ("partners", "i8", (S,)),  # a bit for each signal that is read
         ("second", "u1", (S,)),  # source of the second reference, and its partners
         ("second_partners", "i8", (S,)),
-        ("pitch_filter", estimate.PARAM),
+        ("pitch_filter", pitch_filter.PARAM),
         ("lead_s", "f8"),
         ("strapdown", "u1"),  # whether an attitude comes from the inertial unit
         ("monitored", "u1"),  # whether the manager watches references at all
@@ -51,8 +49,8 @@ STATE: Final = np.dtype(
         ("slope", "f8", (S,)),  # change of ``smooth`` a second
         ("coefficient", "f8", (len(COLUMNS),)),
         ("alpha", "f8"),  # last reference of the angle of attack
-        ("pitch_filter", estimate.STATE),  # that of the pitch angle
-        ("unit", unit.STATE),  # what is kept of the inertial unit
+        ("pitch_filter", pitch_filter.STATE),  # that of the pitch angle
+        ("unit", inertial_unit.STATE),  # what is kept of the inertial unit
         ("gyros", "i8"),  # channels in the votes of pitch and yaw rate
         # Of the last frame, a bit for each signal:
         ("lost", "i8"),  # no channel
@@ -68,18 +66,13 @@ STATE: Final = np.dtype(
 _NO_SOURCE, _PARTNERS, _INERTIAL, _TURNED = 0, 1, 2, 3
 _SOURCES: Final = {"none": _NO_SOURCE, "inertial": _INERTIAL, "attitude": _TURNED}  # all others are partners
 _STEEPEST: Final = 1.3  # rad of pitch; beyond it roll and heading say little
-_Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
-_NX, _NY, _NZ = (INDEX[f"{axis}_load_factor"] for axis in ("longitudinal", "lateral", "normal"))
-_ALPHA, _BETA = INDEX["angle_of_attack"], INDEX["angle_of_sideslip"]
-_STATIC, _DYNAMIC = INDEX["static_pressure"], INDEX["dynamic_pressure"]
-_THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
 _ALPHA_FILTER, _ATTITUDE_FILTER, _RATE_FILTER, _UNIT_FILTER = (COLUMNS.index(name) for name in FILTERS)
 _RATE, _LOAD, _ANGLE, _FLOW, _AIR = range(5)  # what the inertial unit says of a signal, and of which axis
 _OF_UNIT: Final = {
     **{INDEX[name.removesuffix("_rad_s")]: (_RATE, i) for i, name in enumerate(INERTIAL[:3])},
-    **{s: (_LOAD, i) for i, s in enumerate((_NX, _NY, _NZ))},  # in the order of the specific force
-    **{s: (_ANGLE, i) for i, s in enumerate((_PHI, _THETA, _PSI))},
-    **{_ALPHA: (_FLOW, 0), _BETA: (_FLOW, 1)},
+    **{s: (_LOAD, i) for i, s in enumerate((sig.N_X, sig.N_Y, sig.N_Z))},  # in the order of the specific force
+    **{s: (_ANGLE, i) for i, s in enumerate((sig.PHI, sig.THETA, sig.PSI))},
+    **{sig.ALPHA: (_FLOW, 0), sig.BETA: (_FLOW, 1)},
 }
 _KIND, _AXIS = (np.array([_OF_UNIT.get(s, (_AIR, 0))[part] for s in range(S)]) for part in (0, 1))
 
@@ -117,14 +110,14 @@ class References:
 def _parameters(config: Config, designed: Designed, rate_hz: float) -> NDArray[Any]:
     param = np.zeros(1, PARAM)
     row = param[0]
-    estimate.fill(row["pitch_filter"], estimate.Noise(), rate_hz)
+    pitch_filter.fill(row["pitch_filter"], pitch_filter.Noise(), rate_hz)
     row["rate_hz"], row["lead_frames"] = rate_hz, config.inertial_lead_s * rate_hz
     row["lead_s"] = config.inertial_lead_s
     row["accelerometer"] = designed.accelerometer_x_m, designed.accelerometer_y_m, designed.accelerometer_z_m
     for s, signal in enumerate(SIGNALS):
         row["source"][s], row["partners"][s] = _coded(signal.name, source(config, signal.name))
         row["second"][s], row["second_partners"][s] = _coded(signal.name, second(config, signal.name))
-    of_attitude = [_PHI, _THETA, _PSI, _ALPHA, _BETA]
+    of_attitude = [sig.PHI, sig.THETA, sig.PSI, sig.ALPHA, sig.BETA]
     row["strapdown"] = any((row[field][of_attitude] == _INERTIAL).any() for field in ("source", "second"))
     return param
 
@@ -156,7 +149,7 @@ def remember(bus, fcc, data):
     look_back(fcc, st)
     if st["started"] == 0:
         st["started"] = 1
-        unit.keep(bus["inertial"], st["unit"])
+        inertial_unit.keep(bus["inertial"], st["unit"])
         st["unit"]["started"] = 0  # so that the filters begin there
         answer(bus["inertial"], fcc, data)
         for s in range(S):
@@ -181,7 +174,7 @@ def look_back(fcc, st):
             agreed |= 1 << s
         kept[s] = voted[s]
     st["lost"], st["singular"], st["agreed"] = lost, singular, agreed
-    st["gyros"] = 8 * level[_Q] + level[_R]
+    st["gyros"] = 8 * level[sig.Q] + level[sig.R]
 
 
 @kernel
@@ -189,22 +182,22 @@ def answer(inertial, fcc, data):
     """All references of a row, from what is kept of the votes and the row's inertial unit."""
     p, st = data.param[0], data.state[0]
     voted, u = st["voted"], st["unit"]
-    look_up(data.pressures, data.table, voted[_DYNAMIC], st["coefficient"])
+    look_up(data.pressures, data.table, voted[sig.Q_BAR], st["coefficient"])
     follow_all(p, st)
-    unit.follow(inertial, st["coefficient"][_UNIT_FILTER], p["rate_hz"], u)
+    inertial_unit.follow(inertial, st["coefficient"][_UNIT_FILTER], p["rate_hz"], u)
     if p["strapdown"] != 0:
         e = u["strapdown"]
         strapdown.attitude(inertial, u["last"], voted, st["agreed"], p["rate_hz"], p["lead_s"], e, u["angles"])
-        unit.flow_angles(inertial, u["angles"], u["flow"])
-    density = air_density(voted[_STATIC])
-    speed = max(math.sqrt(2.0 * max(voted[_DYNAMIC], 0.0) / density), SLOWEST)
+        inertial_unit.flow_angles(inertial, u["angles"], u["flow"])
+    density = air_density(voted[sig.P_S])
+    speed = max(math.sqrt(2.0 * max(voted[sig.Q_BAR], 0.0) / density), SLOWEST)
     unknown = st["lost"] | st["singular"]
     for s in range(S):
         fcc["reference"][s] = opinion(s, p["source"][s], p["partners"][s], unknown, inertial, p, st, density, speed)
         fcc["second_reference"][s] = opinion(
             s, p["second"][s], p["second_partners"][s], unknown, inertial, p, st, density, speed
         )
-    unit.keep(inertial, u)
+    inertial_unit.keep(inertial, u)
 
 
 @kernel
@@ -218,7 +211,7 @@ def opinion(s, source, partners, unknown, inertial, p, st, density, speed):
     if source == _INERTIAL:
         said = of_unit(s, inertial, p, st, density)
     elif source == _TURNED:
-        said = of_attitude(s, st) if abs(st["voted"][_THETA]) <= _STEEPEST else math.nan
+        said = of_attitude(s, st) if abs(st["voted"][sig.THETA]) <= _STEEPEST else math.nan
     else:
         said = of_partners(s, partners, p, st, speed)
     return said if partners & unknown == 0 else math.nan
@@ -227,46 +220,46 @@ def opinion(s, source, partners, unknown, inertial, p, st, density, speed):
 @kernel
 def of_attitude(s, st):
     """Body rates from the change of the attitude."""
-    if s == _Q:
+    if s == sig.Q:
         return kinematics.pitch_rate_of_attitude(st)
-    return kinematics.roll_rate(st) if s == _P else kinematics.yaw_rate(st)
+    return kinematics.roll_rate(st) if s == sig.P else kinematics.yaw_rate(st)
 
 
 @kernel
 def of_partners(s, partners, p, st, speed):
     """Signal s from the air, the load factors or the turn."""
     c = st["coefficient"]
-    if s == _Q:
+    if s == sig.Q:
         return kinematics.pitch_rate(c, st, speed)
-    if s == _NZ:
+    if s == sig.N_Z:
         return kinematics.normal_load_factor(c, p, st, speed)
-    if s == _NY:
+    if s == sig.N_Y:
         return kinematics.lateral_load_factor(c, p, st)
-    if s == _ALPHA:
+    if s == sig.ALPHA:
         return kinematics.angle_of_attack(c, p, st, speed)
-    if s == _BETA:
+    if s == sig.BETA:
         return kinematics.angle_of_sideslip(c, p, st)
-    if s == _PHI:
+    if s == sig.PHI:
         return kinematics.roll_angle(p, st, speed, (partners & st["lost"]) == 0)
     return kinematics.pitch_angle(p, st, (partners & st["lost"]) == 0)
 
 
 @kernel
 def of_unit(s, inertial, p, st, density):
-    """What the inertial unit says of signal s (unit.py, strapdown.py)."""
+    """What the inertial unit says of signal s (inertial_unit.py, strapdown.py)."""
     u, rate_hz, lead = st["unit"], p["rate_hz"], p["lead_frames"]
     kind, i = _KIND[s], _AXIS[s]
     if kind == _RATE:
-        return unit.rate(i, inertial, lead, u)
+        return inertial_unit.rate(i, inertial, lead, u)
     if kind == _ANGLE:
         return u["angles"][i]
     if kind == _LOAD:
-        said = unit.load_factor(i, inertial, lead, p["accelerometer"], u)
+        said = inertial_unit.load_factor(i, inertial, lead, p["accelerometer"], u)
         return -said if i == 2 else said
     if kind == _FLOW:
         return u["flow"][i]
-    if s == _STATIC:
-        return unit.static_pressure(inertial, st["voted"], st["agreed"], rate_hz, u)
+    if s == sig.P_S:
+        return inertial_unit.static_pressure(inertial, st["voted"], st["agreed"], rate_hz, u)
     return kinematics.dynamic_pressure(inertial, density)
 
 
@@ -274,10 +267,10 @@ def of_unit(s, inertial, p, st, density):
 def follow_all(p, st):
     """Move the filters of all signals whose rate of change is needed."""
     hz, share = p["rate_hz"], st["coefficient"]
-    follow(st, _ALPHA, share[_ALPHA_FILTER], hz, 0)
-    for s in (_THETA, _PHI, _PSI):
-        follow(st, s, share[_ATTITUDE_FILTER], hz, 0 if s == _THETA else 1)
-    for s in (_Q, _P, _R):
+    follow(st, sig.ALPHA, share[_ALPHA_FILTER], hz, 0)
+    for s in (sig.THETA, sig.PHI, sig.PSI):
+        follow(st, s, share[_ATTITUDE_FILTER], hz, 0 if s == sig.THETA else 1)
+    for s in (sig.Q, sig.P, sig.R):
         follow(st, s, share[_RATE_FILTER], hz, 0)
 
 

@@ -6,7 +6,7 @@ from typing import Final, Literal
 
 from pydantic import Field
 
-from rig.computer.analytic import pitch_filter as estimate
+from rig.computer.analytic import pitch_filter
 from rig.frame import INERTIAL
 from rig.settings import Settings
 
@@ -56,7 +56,7 @@ PARTNERS: Final[dict[tuple[str, str], tuple[str, ...]]] = {
     ("angle_of_sideslip", "inertial"): (),
     ("static_pressure", "inertial"): (),
     ("dynamic_pressure", "inertial"): ("static_pressure",),
-    ("pitch_angle", "kinematic"): estimate.PARTNERS,
+    ("pitch_angle", "kinematic"): pitch_filter.PARTNERS,
     ("pitch_angle", "inertial"): (),
     ("roll_angle", "body_rates"): (
         *(*_TURNING, "angle_of_attack", "lateral_load_factor", "pitch_angle"),

@@ -23,7 +23,7 @@ import numpy as np
 
 from rig.angles import wrap
 from rig.computer.analytic.memory import ASTRAY_S, LONG_S, frames_of, level_gain, slope_gain
-from rig.frame import INDEX, INERTIAL, TWO_PI
+from rig.frame import INERTIAL, TWO_PI, sig
 from rig.kernels import kernel
 
 STATE: Final = np.dtype(
@@ -45,8 +45,7 @@ _FIRST_HEADING_S: Final = 0.2
 _GRAVITY: Final = 9.80665  # m/s2
 _FAR: Final = 0.2  # rad; a vote that far off is not learned from
 _WORST_DRIFT: Final = 0.005  # rad/s; a unit that was wrong for a while has not taught more
-_THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
-_ANGLES: Final = np.array([_PHI, _THETA, _PSI])
+_ANGLES: Final = np.array([sig.PHI, sig.THETA, sig.PSI])
 _V: Final = INERTIAL.index("velocity_north_m_s")
 _F: Final = INERTIAL.index("specific_force_forward_m_s2")
 
@@ -72,7 +71,7 @@ def attitude(unit, last, votes, agreed, rate_hz, lead_s, e, out):
         turn(unit, last, rate_hz, e)
         correct(unit, last, around, rate_hz, e)
         e["frames"] += 1
-        if lost_its_way(votes, agreed, rate_hz, e) or (e["oriented"] == 0 and (agreed >> _PSI) & 1 != 0):
+        if lost_its_way(votes, agreed, rate_hz, e) or (e["oriented"] == 0 and (agreed >> sig.PSI) & 1 != 0):
             e["frames"] = 0
     angles(unit, lead_s, e, out)
 
@@ -80,10 +79,10 @@ def attitude(unit, last, votes, agreed, rate_hz, lead_s, e, out):
 @kernel
 def begin(unit, votes, agreed, rate_hz, e):
     """Align: with the agreed attitude; else level by the accelerometers, the heading unknown."""
-    f, phi, theta, psi = unit[_F : _F + 3], votes[_PHI], votes[_THETA], votes[_PSI]
-    if (agreed >> _PHI) & (agreed >> _THETA) & 1 == 0:
+    f, phi, theta, psi = unit[_F : _F + 3], votes[sig.PHI], votes[sig.THETA], votes[sig.PSI]
+    if (agreed >> sig.PHI) & (agreed >> sig.THETA) & 1 == 0:
         phi, theta = math.atan2(-f[1], -f[2]), math.atan2(f[0], math.sqrt(f[1] * f[1] + f[2] * f[2]))
-    e["oriented"] = (agreed >> _PSI) & 1
+    e["oriented"] = (agreed >> sig.PSI) & 1
     if e["oriented"] == 0:
         psi = 0.0
     q, c, s = e["q"], math.cos(0.5 * phi), math.sin(0.5 * phi)
@@ -98,9 +97,9 @@ def begin(unit, votes, agreed, rate_hz, e):
 @kernel
 def heading_off(votes, agreed, e):
     """By how much the heading of the last frame is off the agreed vote [rad]; 0 without one, or far from it."""
-    if (agreed >> _PSI) & 1 == 0:
+    if (agreed >> sig.PSI) & 1 == 0:
         return 0.0
-    off = wrap(votes[_PSI] - e["angles"][2])
+    off = wrap(votes[sig.PSI] - e["angles"][2])
     return off if abs(off) < _FAR else 0.0
 
 

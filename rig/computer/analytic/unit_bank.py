@@ -22,7 +22,7 @@ import numpy as np
 from rig.angles import wrap
 from rig.atmosphere import GRAVITY
 from rig.computer.analytic.flight_path import SLOWEST
-from rig.frame import INDEX, INERTIAL
+from rig.frame import INERTIAL, sig
 from rig.kernels import kernel
 
 UNIT: Final = np.dtype(
@@ -43,7 +43,6 @@ UNIT: Final = np.dtype(
 )
 _P, _Q, _R = (INERTIAL.index(f"{axis}_rate_rad_s") for axis in ("roll", "pitch", "yaw"))
 _NORTH, _EAST = INERTIAL.index("velocity_north_m_s"), INERTIAL.index("velocity_east_m_s")
-_N_Z, _N_Y, _PSI = INDEX["normal_load_factor"], INDEX["lateral_load_factor"], INDEX["heading"]
 _ERECTION_1_S: Final = 0.3  # k: of the convergence to the bank of the turn
 STRAIGHT_RAD: Final = 0.1  # of bank; beyond it an error of the voted one is no longer small beside it
 _FIRST_S: Final = 0.3  # of straight flight, before which little is learned of the usual difference
@@ -82,7 +81,7 @@ def follow_unit(inertial, x, theta, learn, dt, u):
     """
     last, q, north, east = u["last"], inertial[_Q], inertial[_NORTH], inertial[_EAST]
     if u["started"] == 0:
-        last[0], last[1], last[2], last[3], u["started"] = q, north, east, x[_PSI], 1
+        last[0], last[1], last[2], last[3], u["started"] = q, north, east, x[sig.PSI], 1
     speed, phi = max(math.sqrt(north * north + east * east), SLOWEST), u["roll_angle"]
     sideways = (north * (east - last[2]) - east * (north - last[1])) / (speed * dt)
     u["pitch_rate"] = q + _LEAD_S / dt * (q - last[0])
@@ -90,16 +89,16 @@ def follow_unit(inertial, x, theta, learn, dt, u):
     last[0], last[1], last[2] = q, north, east
     sine, cosine = math.sin(phi), math.cos(phi)
     if learn and cosine > _LEAST_LEVEL:
-        turned = min(max(wrap(x[_PSI] - last[3]), -_MOST_TURN_RAD_S * dt), _MOST_TURN_RAD_S * dt)
+        turned = min(max(wrap(x[sig.PSI] - last[3]), -_MOST_TURN_RAD_S * dt), _MOST_TURN_RAD_S * dt)
         turn = (turned / dt * math.cos(theta) - q * sine) / cosine
         u["yaw_error"] += dt / (SMOOTH_S + dt) * (u["yaw_rate"] - turn - u["yaw_error"])
         u["yaw_seconds"] += dt
         u["yaw_drift"] += learned(u["yaw_error"], u["yaw_seconds"], dt)
-    last[3] = x[_PSI]
-    level = x[_N_Z] * cosine - x[_N_Y] * sine
+    last[3] = x[sig.PSI]
+    level = x[sig.N_Z] * cosine - x[sig.N_Y] * sine
     rate = inertial[_P] + (q * sine + u["yaw_rate"] * cosine) * math.tan(theta)
     if level > _LEAST_LEVEL:
-        rate += _ERECTION_1_S * (sideways / GRAVITY - x[_N_Z] * sine - x[_N_Y] * cosine) / level
+        rate += _ERECTION_1_S * (sideways / GRAVITY - x[sig.N_Z] * sine - x[sig.N_Y] * cosine) / level
     u["roll_angle"] = wrap(phi + dt * rate)
 
 

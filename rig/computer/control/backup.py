@@ -24,12 +24,10 @@ from rig.computer.control.degraded import lift_angle
 from rig.computer.control.laws import clamp, move
 from rig.computer.control.source import carry
 from rig.computer.control.state import ANGLE, PATH
-from rig.frame import COMMANDS, INDEX, Law, Source
+from rig.frame import COMMANDS, Law, Source, sig
 from rig.kernels import kernel
 
 NOT_NEEDED, LOAD, ALPHA, BLIND = 0, 1, 2, 3  # what the back-up law flies on
-_Q, _ALPHA, _N_Z = INDEX["pitch_rate"], INDEX["angle_of_attack"], INDEX["normal_load_factor"]
-_THETA, _PHI = INDEX["pitch_angle"], INDEX["roll_angle"]
 _C_Q: Final = COMMANDS.index("pitch_rate_rad_s")
 _DAMPING: Final = 0.9  # of the altitude loop
 _RELEASE_S: Final = 0.5  # how fast a blind law lets the elevator go to its integral
@@ -38,13 +36,13 @@ _RELEASE_S: Final = 0.5  # how fast a blind law lets the elevator go to its inte
 @kernel
 def needed(source, param):
     """What the back-up law must fly on; NOT_NEEDED while the pitch rate can be had."""
-    if source[_Q] != Source.DEGRADED:
+    if source[sig.Q] != Source.DEGRADED:
         return NOT_NEEDED
-    if param[0]["attitude_rates"] != 0 and source[_THETA] != Source.DEGRADED and source[_PHI] != Source.DEGRADED:
+    if param[0]["attitude_rates"] != 0 and source[sig.THETA] != Source.DEGRADED and source[sig.PHI] != Source.DEGRADED:
         return NOT_NEEDED
-    if source[_N_Z] != Source.DEGRADED:
+    if source[sig.N_Z] != Source.DEGRADED:
         return LOAD
-    return ALPHA if source[_ALPHA] != Source.DEGRADED else BLIND
+    return ALPHA if source[sig.ALPHA] != Source.DEGRADED else BLIND
 
 
 @kernel
@@ -58,12 +56,12 @@ def elevator(sensor, law, param, state, gain, measured, command):
     per_load = GRAVITY / max(s["airspeed"], SLOWEST)
     asked, upright = wanted_load(law, param, state, measured, command)
     k, slope = (laws.BACKUP_ALPHA if sensor == ALPHA else laws.BACKUP_LOAD), max(g[laws.LOAD_ALPHA], 1.0)
-    error = measured[_ALPHA] - lift_angle(asked, g) - s["lift_error"]
+    error = measured[sig.ALPHA] - lift_angle(asked, g) - s["lift_error"]
     if sensor == LOAD:
-        error = (measured[_N_Z] - asked) / slope
+        error = (measured[sig.N_Z] - asked) / slope
     fresh = sensor != s["backup"]
     if s["backup"] == NOT_NEEDED:
-        s["backup_alpha"], s["backup_pitch_rate"] = error, measured[_Q] - (asked - upright) * per_load
+        s["backup_alpha"], s["backup_pitch_rate"] = error, measured[sig.Q] - (asked - upright) * per_load
     a, q, e = s["backup_alpha"], s["backup_pitch_rate"], s["backup_elevator"]
     proportional = g[k] * a + g[k + 1] * q
     change = -dt * g[k + 2] * error if sensor != BLIND and s["ground"] == 0 else 0.0
@@ -74,7 +72,7 @@ def elevator(sensor, law, param, state, gain, measured, command):
     correct = error - a
     if sensor == LOAD:
         expected = g[laws.LOAD_ALPHA] * a + g[laws.LOAD_Q] * q + g[laws.LOAD_ELEVATOR] * e
-        correct = measured[_N_Z] - asked - expected
+        correct = measured[sig.N_Z] - asked - expected
     s["backup_alpha"] += dt * (
         g[laws.ALPHA_ALPHA] * a + g[laws.ALPHA_Q] * q + g[laws.ALPHA_ELEVATOR] * e + g[k + 3] * correct
     )
@@ -83,7 +81,7 @@ def elevator(sensor, law, param, state, gain, measured, command):
     if sensor == BLIND:
         s["backup_alpha"], s["backup_pitch_rate"] = a - dt / _RELEASE_S * a, q - dt / _RELEASE_S * q
     s["backup"] = sensor
-    carry(_Q, s["backup_pitch_rate"] + (asked - upright) * per_load, Source.DEGRADED, state)
+    carry(sig.Q, s["backup_pitch_rate"] + (asked - upright) * per_load, Source.DEGRADED, state)
 
 
 @kernel
@@ -96,7 +94,7 @@ def wanted_load(law, param, state, measured, command):
     """
     s, c = state[0], param[0]
     speed = max(s["airspeed"], SLOWEST)
-    theta, phi, most, w = measured[_THETA], measured[_PHI], c["backup_load_change"], c["backup_path"]
+    theta, phi, most, w = measured[sig.THETA], measured[sig.PHI], c["backup_load_change"], c["backup_path"]
     upright = math.cos(theta) * math.cos(phi)
     turn = speed / GRAVITY * laws.turn_pitch_rate(phi, theta, speed)
     change = speed / GRAVITY * command[_C_Q] - turn

@@ -29,15 +29,9 @@ from rig.computer.control.airdata import flight_path_angle
 from rig.computer.control.laws import clamp
 from rig.computer.control.rates import estimate
 from rig.computer.control.source import carry, put
-from rig.frame import COMMANDS, INDEX, Source
+from rig.frame import COMMANDS, Source, sig
 from rig.kernels import kernel
 
-_Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
-_ALPHA, _BETA = INDEX["angle_of_attack"], INDEX["angle_of_sideslip"]
-_STATIC, _DYNAMIC = INDEX["static_pressure"], INDEX["dynamic_pressure"]
-_STICK_PITCH, _STICK_ROLL, _PEDAL = INDEX["stick_pitch"], INDEX["stick_roll"], INDEX["pedal"]
-_N_X, _N_Y, _N_Z = (INDEX[f"{axis}_load_factor"] for axis in ("longitudinal", "lateral", "normal"))
-_THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
 _C_P, _C_BETA, _C_PSI, _C_GAMMA = (
     COMMANDS.index(name) for name in ("roll_rate_rad_s", "sideslip_rad", "heading_rad", "flight_path_angle_rad")
 )
@@ -56,28 +50,32 @@ def substitute(fcc, param, state, gain):
     s, source = state[0], fcc["source"]
     measured, command = s["measured"], s["command"]
     body_rates(fcc, param, state, gain)
-    for i in (_STICK_PITCH, _STICK_ROLL, _PEDAL, _N_Y):
+    for i in (sig.D_P, sig.D_R, sig.D_Y, sig.N_Y):
         if source[i] == Source.DEGRADED:
             put(i, 0.0, Source.DEGRADED, param, state)
-    for i in (_STATIC, _DYNAMIC):
+    for i in (sig.P_S, sig.Q_BAR):
         if source[i] == Source.DEGRADED:
             carry(i, measured[i], Source.DEGRADED, state)
-    if source[_THETA] == Source.DEGRADED:
-        carry(_THETA, pitch_angle(source, param, state), Source.DEGRADED, state)
-    if source[_PHI] == Source.DEGRADED:
-        carry(_PHI, roll_angle(source, param, state), Source.DEGRADED, state)
-    if source[_PSI] == Source.DEGRADED:
-        put(_PSI, command[_C_PSI], Source.DEGRADED, param, state)
-    if source[_ALPHA] == Source.DEGRADED:
-        put(_ALPHA, angle_of_attack(source, gain, state), Source.DEGRADED, param, state)
-    if source[_BETA] == Source.DEGRADED:
-        put(_BETA, -measured[_PEDAL] * gain[laws.MAX_SIDESLIP], Source.DEGRADED, param, state)
-    if source[_N_X] == Source.DEGRADED:
-        put(_N_X, math.sin(measured[_THETA]), Source.DEGRADED, param, state)
-    if source[_N_Z] == Source.DEGRADED:
-        put(_N_Z, load_factor(source, gain, state), Source.DEGRADED, param, state)
-    if source[_STATIC] == Source.DEGRADED and source[_THETA] != Source.DEGRADED and source[_PHI] != Source.DEGRADED:
-        carry(_STATIC, static_pressure(param, state), Source.DEGRADED, state)
+    if source[sig.THETA] == Source.DEGRADED:
+        carry(sig.THETA, pitch_angle(source, param, state), Source.DEGRADED, state)
+    if source[sig.PHI] == Source.DEGRADED:
+        carry(sig.PHI, roll_angle(source, param, state), Source.DEGRADED, state)
+    if source[sig.PSI] == Source.DEGRADED:
+        put(sig.PSI, command[_C_PSI], Source.DEGRADED, param, state)
+    if source[sig.ALPHA] == Source.DEGRADED:
+        put(sig.ALPHA, angle_of_attack(source, gain, state), Source.DEGRADED, param, state)
+    if source[sig.BETA] == Source.DEGRADED:
+        put(sig.BETA, -measured[sig.D_Y] * gain[laws.MAX_SIDESLIP], Source.DEGRADED, param, state)
+    if source[sig.N_X] == Source.DEGRADED:
+        put(sig.N_X, math.sin(measured[sig.THETA]), Source.DEGRADED, param, state)
+    if source[sig.N_Z] == Source.DEGRADED:
+        put(sig.N_Z, load_factor(source, gain, state), Source.DEGRADED, param, state)
+    if (
+        source[sig.P_S] == Source.DEGRADED
+        and source[sig.THETA] != Source.DEGRADED
+        and source[sig.PHI] != Source.DEGRADED
+    ):
+        carry(sig.P_S, static_pressure(param, state), Source.DEGRADED, state)
 
 
 @kernel
@@ -87,23 +85,23 @@ def body_rates(fcc, param, state, gain):
     Without a heading the turn counts as coordinated; without an attitude nothing is said of the rates.
     """
     source, reference, s = fcc["source"], fcc["reference"], state[0]
-    if source[_Q] == Source.VOTED and source[_P] == Source.VOTED and source[_R] == Source.VOTED:
+    if source[sig.Q] == Source.VOTED and source[sig.P] == Source.VOTED and source[sig.R] == Source.VOTED:
         return
     measured, tau = s["measured"], param[0]["attitude_filter"] + param[0]["dt"]
-    theta, phi, speed = measured[_THETA], measured[_PHI], max(s["airspeed"], SLOWEST)
+    theta, phi, speed = measured[sig.THETA], measured[sig.PHI], max(s["airspeed"], SLOWEST)
     rate_of_pitch = (theta - s["smooth_pitch_angle"]) / tau
     rolling = wrap(phi - s["smooth_roll_angle"]) / tau
-    turning = wrap(measured[_PSI] - s["smooth_heading"]) / tau
-    if source[_PSI] == Source.DEGRADED:
+    turning = wrap(measured[sig.PSI] - s["smooth_heading"]) / tau
+    if source[sig.PSI] == Source.DEGRADED:
         turning = GRAVITY / speed * math.sin(phi) / max(math.cos(phi), _FLATTEST)
-    if source[_THETA] == Source.DEGRADED or source[_PHI] == Source.DEGRADED or param[0]["attitude_rates"] == 0:
+    if source[sig.THETA] == Source.DEGRADED or source[sig.PHI] == Source.DEGRADED or param[0]["attitude_rates"] == 0:
         rate_of_pitch = math.nan
     pitch, yaw = pitch_rate_of(rate_of_pitch, turning, theta, phi), yaw_rate_of(rate_of_pitch, turning, theta, phi)
     roll = roll_rate_of(rolling, turning, theta) + 0.0 * rate_of_pitch
-    for i, said in ((_Q, pitch), (_P, roll), (_R, yaw)):
+    for i, said in ((sig.Q, pitch), (sig.P, roll), (sig.R, yaw)):
         if source[i] == Source.REFERENCE:
             estimate(i, reference[i], Source.REFERENCE, param, state, gain)
-        elif source[i] == Source.DEGRADED and (i != _Q or math.isfinite(said)):
+        elif source[i] == Source.DEGRADED and (i != sig.Q or math.isfinite(said)):
             estimate(i, said, Source.DEGRADED, param, state, gain)
 
 
@@ -112,13 +110,13 @@ def pitch_angle(source, param, state):
     """Pitch angle [rad] without its sensor: the rates' integral, drawn to angle of attack plus climb angle."""
     s, c = state[0], param[0]
     measured = s["measured"]
-    phi = measured[_PHI]
+    phi = measured[sig.PHI]
     climb = s["path_error"]
-    if source[_STATIC] != Source.DEGRADED:
+    if source[sig.P_S] != Source.DEGRADED:
         climb += s["climb_rate"] / max(s["airspeed"], SLOWEST)
-    rate = pitching(measured[_Q], measured[_R], phi)
-    drawn = measured[_ALPHA] * math.cos(phi) + climb
-    theta = measured[_THETA]
+    rate = pitching(measured[sig.Q], measured[sig.R], phi)
+    drawn = measured[sig.ALPHA] * math.cos(phi) + climb
+    theta = measured[sig.THETA]
     if not math.isfinite(theta):
         return drawn
     return theta + c["dt"] * (rate + (drawn - theta) / c["erection_s"])
@@ -133,15 +131,15 @@ def roll_angle(source, param, state):
     s, c = state[0], param[0]
     measured = s["measured"]
     bank = 0.0
-    if source[_R] != Source.DEGRADED:
+    if source[sig.R] != Source.DEGRADED:
         bank = math.asin(clamp(turn_sine(state) - s["turn_error"], -1.0, 1.0))
-    phi, theta = measured[_PHI], measured[_THETA]
+    phi, theta = measured[sig.PHI], measured[sig.THETA]
     if not math.isfinite(phi):
         return bank
-    rate = measured[_P]
+    rate = measured[sig.P]
     if math.isfinite(theta):
-        rate += (measured[_Q] * math.sin(phi) + measured[_R] * math.cos(phi)) * math.tan(clamp(theta, -1.0, 1.0))
-    erection = c["erection_s"] * (_HASTE if source[_P] == Source.DEGRADED else 1.0)
+        rate += (measured[sig.Q] * math.sin(phi) + measured[sig.R] * math.cos(phi)) * math.tan(clamp(theta, -1.0, 1.0))
+    erection = c["erection_s"] * (_HASTE if source[sig.P] == Source.DEGRADED else 1.0)
     return phi + c["dt"] * (rate + wrap(bank - phi) / erection)
 
 
@@ -150,7 +148,7 @@ def turn_sine(state):
     """Sine of the bank at which the present yaw rate is that of a coordinated turn."""
     s = state[0]
     measured = s["measured"]
-    turn = measured[_R] - measured[_P] * math.tan(measured[_ALPHA])
+    turn = measured[sig.R] - measured[sig.P] * math.tan(measured[sig.ALPHA])
     return max(s["airspeed"], SLOWEST) * turn / GRAVITY
 
 
@@ -164,7 +162,7 @@ def lift_angle(load, gain):
 def angle_of_attack(source, gain, state):
     """Angle of attack [rad] from the load factor, of 1 g flight when that is lost too."""
     s = state[0]
-    load = s["measured"][_N_Z] if source[_N_Z] != Source.DEGRADED else 1.0
+    load = s["measured"][sig.N_Z] if source[sig.N_Z] != Source.DEGRADED else 1.0
     return lift_angle(load, gain) + s["lift_error"]
 
 
@@ -173,9 +171,9 @@ def load_factor(source, gain, state):
     """Normal load factor [g] from the angle of attack; of level flight when that is lost too."""
     s = state[0]
     measured = s["measured"]
-    if source[_ALPHA] == Source.DEGRADED:
-        return math.cos(measured[_THETA]) / max(math.cos(measured[_PHI]), _FLATTEST)
-    return 1.0 + gain[laws.LIFT_SLOPE] * (measured[_ALPHA] - s["lift_error"] - gain[laws.TRIM_ALPHA])
+    if source[sig.ALPHA] == Source.DEGRADED:
+        return math.cos(measured[sig.THETA]) / max(math.cos(measured[sig.PHI]), _FLATTEST)
+    return 1.0 + gain[laws.LIFT_SLOPE] * (measured[sig.ALPHA] - s["lift_error"] - gain[laws.TRIM_ALPHA])
 
 
 @kernel
@@ -183,9 +181,12 @@ def static_pressure(param, state):
     """Static pressure [Pa] reckoned on from the climb: p' = -rho g V sin(gamma), rho = 2 q_bar / V^2."""
     s = state[0]
     measured, speed = s["measured"], max(s["airspeed"], SLOWEST)
-    gamma = flight_path_angle(measured[_THETA], measured[_PHI], measured[_ALPHA], measured[_BETA]) - s["path_error"]
-    weight = 2.0 * measured[_DYNAMIC] / speed * GRAVITY
-    return measured[_STATIC] - param[0]["dt"] * weight * math.sin(gamma)
+    gamma = (
+        flight_path_angle(measured[sig.THETA], measured[sig.PHI], measured[sig.ALPHA], measured[sig.BETA])
+        - s["path_error"]
+    )
+    weight = 2.0 * measured[sig.Q_BAR] / speed * GRAVITY
+    return measured[sig.P_S] - param[0]["dt"] * weight * math.sin(gamma)
 
 
 @kernel
@@ -195,12 +196,12 @@ def follow(param, state):
     measured, share = s["measured"], c["dt"] / (c["attitude_filter"] + c["dt"])
     first = s["started"] == 0
     if first:
-        s["smooth_pitch_angle"], s["smooth_roll_angle"] = measured[_THETA], measured[_PHI]
-        s["smooth_heading"] = measured[_PSI]
+        s["smooth_pitch_angle"], s["smooth_roll_angle"] = measured[sig.THETA], measured[sig.PHI]
+        s["smooth_heading"] = measured[sig.PSI]
         return
-    s["smooth_pitch_angle"] += share * (measured[_THETA] - s["smooth_pitch_angle"])
-    s["smooth_roll_angle"] += share * wrap(measured[_PHI] - s["smooth_roll_angle"])
-    s["smooth_heading"] += share * wrap(measured[_PSI] - s["smooth_heading"])
+    s["smooth_pitch_angle"] += share * (measured[sig.THETA] - s["smooth_pitch_angle"])
+    s["smooth_roll_angle"] += share * wrap(measured[sig.PHI] - s["smooth_roll_angle"])
+    s["smooth_heading"] += share * wrap(measured[sig.PSI] - s["smooth_heading"])
 
 
 @kernel
@@ -208,8 +209,8 @@ def learn(param, state, gain, command):
     """What the substitutes are wrong by, while all signals are known."""
     s, share = state[0], param[0]["learning_share"]
     measured = s["measured"]
-    lift = measured[_ALPHA] - lift_angle(measured[_N_Z], gain)
-    turn = turn_sine(state) - math.sin(measured[_PHI])
+    lift = measured[sig.ALPHA] - lift_angle(measured[sig.N_Z], gain)
+    turn = turn_sine(state) - math.sin(measured[sig.PHI])
     path = command[_C_GAMMA] - s["climb_rate"] / max(s["airspeed"], SLOWEST)
     s["lift_error"] += share * (lift - s["lift_error"])
     s["turn_error"] += share * (turn - s["turn_error"])

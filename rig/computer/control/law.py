@@ -21,15 +21,9 @@ from rig.computer.control.source import select
 from rig.computer.control.state import PATH, STICK
 from rig.computer.fdi.monitor import monitor_pitch_angle
 from rig.computer.gain_schedule import look_up
-from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, INDEX, SURFACES, TWO_PI, Law, S, Source
+from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, SURFACES, TWO_PI, Law, S, Source, sig
 from rig.kernels import kernel
 
-_Q, _P, _R = INDEX["pitch_rate"], INDEX["roll_rate"], INDEX["yaw_rate"]
-_ALPHA, _BETA = INDEX["angle_of_attack"], INDEX["angle_of_sideslip"]
-_STATIC, _DYNAMIC = INDEX["static_pressure"], INDEX["dynamic_pressure"]
-_STICK_PITCH, _STICK_ROLL, _PEDAL = INDEX["stick_pitch"], INDEX["stick_roll"], INDEX["pedal"]
-_N_X, _N_Y, _N_Z = (INDEX[f"{axis}_load_factor"] for axis in ("longitudinal", "lateral", "normal"))
-_THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
 _ENGAGED: Final = DISCRETE_INDEX["autopilot_engaged"]
 _WHEELS, _GEAR = DISCRETE_INDEX["weight_on_wheels"], DISCRETE_INDEX["gear_down"]
 _DEMANDS, _SURFACES, _COMMANDS = len(DEMANDS), len(SURFACES), len(COMMANDS)
@@ -57,7 +51,7 @@ def fly(bus, fcc, data):
     lost = select(fcc, param, state)
     if lost > 0:
         if s["started"] == 0:
-            look_up(data.pressures, data.table, measured[_DYNAMIC], gain)
+            look_up(data.pressures, data.table, measured[sig.Q_BAR], gain)
         degraded.substitute(fcc, param, state, gain)
     if complete(measured):
         if data.fdi_param[0]["on"] != 0:
@@ -115,19 +109,21 @@ def complete(measured):
 @kernel
 def air_data(measured, command):
     """Pressure altitude, equivalent and true airspeed, flight-path angle into ``command``."""
-    altitude = pressure_altitude(measured[_STATIC])
-    mach = mach_number(measured[_STATIC], measured[_DYNAMIC])
+    altitude = pressure_altitude(measured[sig.P_S])
+    mach = mach_number(measured[sig.P_S], measured[sig.Q_BAR])
     command[_C_PRESSURE_ALTITUDE] = altitude
-    command[_C_EAS] = equivalent_airspeed(measured[_DYNAMIC])
+    command[_C_EAS] = equivalent_airspeed(measured[sig.Q_BAR])
     command[_C_SPEED] = true_airspeed(mach, temperature(altitude))
-    command[_C_GAMMA] = flight_path_angle(measured[_THETA], measured[_PHI], measured[_ALPHA], measured[_BETA])
+    command[_C_GAMMA] = flight_path_angle(
+        measured[sig.THETA], measured[sig.PHI], measured[sig.ALPHA], measured[sig.BETA]
+    )
 
 
 @kernel
 def filter_slow(param, state, measured, command, first):
     """Filters on dynamic pressure, airspeed and vertical motion; at the start they take the sample itself."""
     s, c = state[0], param[0]
-    speed, pressure, altitude = command[_C_SPEED], measured[_DYNAMIC], command[_C_PRESSURE_ALTITUDE]
+    speed, pressure, altitude = command[_C_SPEED], measured[sig.Q_BAR], command[_C_PRESSURE_ALTITUDE]
     laws.vertical_motion(altitude, vertical_acceleration(measured), c["climb_crossover"], c["dt"], state)
     if first:
         s["airspeed"], s["schedule_pressure"] = speed, pressure
@@ -141,9 +137,9 @@ def filter_slow(param, state, measured, command, first):
 @kernel
 def vertical_acceleration(measured):
     """Upward acceleration [m/s2] from the load factors and the attitude."""
-    theta, phi = measured[_THETA], measured[_PHI]
-    load = measured[_N_X] * math.sin(theta) - measured[_N_Y] * math.sin(phi) * math.cos(theta)
-    load += measured[_N_Z] * math.cos(phi) * math.cos(theta)
+    theta, phi = measured[sig.THETA], measured[sig.PHI]
+    load = measured[sig.N_X] * math.sin(theta) - measured[sig.N_Y] * math.sin(phi) * math.cos(theta)
+    load += measured[sig.N_Z] * math.cos(phi) * math.cos(theta)
     return GRAVITY * (load - 1.0)
 
 
@@ -151,7 +147,7 @@ def vertical_acceleration(measured):
 def capture(state, gain, measured, command):
     """Take the present flight as what the autopilot will hold."""
     s = state[0]
-    s["pitch_angle"], s["roll_angle"], s["heading"] = measured[_THETA], measured[_PHI], measured[_PSI]
+    s["pitch_angle"], s["roll_angle"], s["heading"] = measured[sig.THETA], measured[sig.PHI], measured[sig.PSI]
     s["altitude"] = s["altitude_estimate"]
     begin_path(state, gain, measured)
     s["held_airspeed"] = s["airspeed"]
@@ -163,7 +159,7 @@ def begin_path(state, gain, measured):
     s = state[0]
     s["altitude_reference"], s["altitude_rate"] = s["altitude_estimate"], s["climb_rate"]
     climb = s["climb_rate"] / max(s["airspeed"], SLOWEST)
-    s["altitude_integral"] = (1.0 + gain[laws.PATH_PITCH]) * (measured[_THETA] - climb)
+    s["altitude_integral"] = (1.0 + gain[laws.PATH_PITCH]) * (measured[sig.THETA] - climb)
 
 
 @kernel
@@ -176,7 +172,7 @@ def outer(param, state, gain, measured, command, law):
     demand, holds = s["demand"], s["ground"] != 0 and s["started"] != 0
     held_pitch, held_roll = command[_C_THETA], command[_C_PHI]
     speed = max(s["airspeed"], SLOWEST)
-    theta, phi = measured[_THETA], measured[_PHI]
+    theta, phi = measured[sig.THETA], measured[sig.PHI]
     command[_C_THETA] = s["pitch_angle"]
     command[_C_PHI] = s["roll_angle"]
     command[_C_ALTITUDE] = s["altitude"]
@@ -192,7 +188,7 @@ def outer(param, state, gain, measured, command, law):
         command[_C_SPEED] += demand[4]
         bank = c["max_bank"] if s["approach"] == 0 else c["gear_max_bank"]
         if lateral == PATH:
-            error = command[_C_PSI] - measured[_PSI]
+            error = command[_C_PSI] - measured[sig.PSI]
             command[_C_PHI] = laws.bank_for_heading(error, gain[laws.HEADING], speed, bank)
         elif s["approach"] != 0:
             command[_C_PHI] = clamp(command[_C_PHI], -bank, bank)
@@ -208,7 +204,7 @@ def outer(param, state, gain, measured, command, law):
     pitch_rate(param, state, gain, measured, command, vertical, speed)
     roll_rate(gain, measured, command, lateral)
     command[_C_P] += laws.turn_roll_rate(phi, theta, speed) if lateral != STICK else 0.0
-    command[_C_BETA] = -measured[_PEDAL] * gain[laws.MAX_SIDESLIP]
+    command[_C_BETA] = -measured[sig.D_Y] * gain[laws.MAX_SIDESLIP]
 
 
 @kernel
@@ -220,14 +216,14 @@ def pitch_rate(param, state, gain, measured, command, vertical, speed):
     if state[0]["approach"] != 0:
         most, least = c["gear_max_load_factor"] - 1.0, c["gear_min_load_factor"] - 1.0
     if vertical == STICK:
-        stick = measured[_STICK_PITCH]
+        stick = measured[sig.D_P]
         rate = per_load * (stick * most if stick > 0.0 else -stick * least)
     else:
-        error = command[_C_THETA] - measured[_THETA]
+        error = command[_C_THETA] - measured[sig.THETA]
         limit = per_load * c["max_load_change"]
         rate = clamp(gain[laws.PITCH_ANGLE] * error, -limit, limit)
-    rate += laws.turn_pitch_rate(measured[_PHI], measured[_THETA], speed)
-    allowed = _ALPHA_APPROACH_1_S * (c["max_alpha"] - measured[_ALPHA])
+    rate += laws.turn_pitch_rate(measured[sig.PHI], measured[sig.THETA], speed)
+    allowed = _ALPHA_APPROACH_1_S * (c["max_alpha"] - measured[sig.ALPHA])
     command[_C_Q] = min(clamp(rate, per_load * least, per_load * most), allowed)
 
 
@@ -236,9 +232,9 @@ def roll_rate(gain, measured, command, lateral):
     """Roll rate command from the stick or, the short way round, from the roll attitude error."""
     most = gain[laws.MAX_ROLL_RATE]
     if lateral == STICK:
-        command[_C_P] = measured[_STICK_ROLL] * most
+        command[_C_P] = measured[sig.D_R] * most
     else:
-        error = wrap(command[_C_PHI] - measured[_PHI])
+        error = wrap(command[_C_PHI] - measured[sig.PHI])
         command[_C_P] = clamp(gain[laws.ROLL_ANGLE] * error, -most, most)
 
 
@@ -250,21 +246,21 @@ def inner(param, state, gain, measured, command, source, law, fresh):
     """
     s, c = state[0], param[0]
     dt, g = c["dt"] if s["ground"] == 0 else 0.0, gain
-    alpha = measured[_ALPHA]
+    alpha = measured[sig.ALPHA]
     speed = max(s["airspeed"], SLOWEST)
-    yaw = laws.turn_yaw_rate(measured[_PHI], measured[_THETA], speed) + command[_C_P] * math.tan(alpha)
+    yaw = laws.turn_yaw_rate(measured[sig.PHI], measured[sig.THETA], speed) + command[_C_P] * math.tan(alpha)
     if law == Law.AUTOPILOT and c["lateral"] == PATH:
-        turn = g[laws.HEADING_YAW] * wrap(command[_C_PSI] - measured[_PSI])
+        turn = g[laws.HEADING_YAW] * wrap(command[_C_PSI] - measured[sig.PSI])
         yaw += clamp(turn, -c["max_yaw"], c["max_yaw"])
-    p = measured[_P] - command[_C_P]
-    r = measured[_R] - yaw
-    beta = measured[_BETA] - command[_C_BETA]
+    p = measured[sig.P] - command[_C_P]
+    r = measured[sig.R] - yaw
+    beta = measured[sig.BETA] - command[_C_BETA]
 
     sensor = backup.needed(source, param)
     if sensor != backup.NOT_NEEDED:
         backup.elevator(sensor, law, param, state, gain, measured, command)
     else:
-        q = measured[_Q] - command[_C_Q]
+        q = measured[sig.Q] - command[_C_Q]
         proportional = g[laws.ELEVATOR_ALPHA] * (alpha - g[laws.TRIM_ALPHA]) + g[laws.ELEVATOR_Q] * q
         change = -dt * g[laws.ELEVATOR_INTEGRAL] * q
         over = fresh or s["backup"] != backup.NOT_NEEDED
@@ -280,7 +276,7 @@ def inner(param, state, gain, measured, command, source, law, fresh):
     change = -dt * g[laws.RUDDER_INTEGRAL] * beta
     s["rudder_integral"] = move(s["rudder_integral"], change, proportional, 2, c, s["surface"], fresh)
 
-    if law == Law.AUTOPILOT and c["speed"] == 1 and source[_DYNAMIC] != Source.DEGRADED:
+    if law == Law.AUTOPILOT and c["speed"] == 1 and source[sig.Q_BAR] != Source.DEGRADED:
         error = s["airspeed"] - command[_C_SPEED]
         proportional = g[laws.THROTTLE_SPEED] * error
         change = -dt * g[laws.THROTTLE_INTEGRAL] * error

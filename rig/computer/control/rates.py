@@ -16,12 +16,10 @@ from typing import Final
 
 from rig.computer.control import laws
 from rig.computer.control.source import carry
-from rig.frame import INDEX
+from rig.frame import sig
 from rig.kernels import kernel
 
 # Pitch, roll and yaw rate are signals 0, 1 and 2, and so are the surfaces that move them.
-_ALPHA: Final = INDEX["angle_of_attack"]
-_BETA: Final = INDEX["angle_of_sideslip"]
 _MODEL: Final = (laws.Q_ALPHA, laws.P_BETA, laws.R_BETA)  # the first of three gains of each axis
 _VOTED: Final = 0
 
@@ -34,7 +32,7 @@ def estimate(i, said, source, param, state, gain):
     x, k = measured[i], _MODEL[i]
     if not math.isfinite(x):
         x = said if math.isfinite(said) else 0.0
-    model = gain[k] * measured[_ALPHA if i == 0 else _BETA] + gain[k + 1] * x
+    model = gain[k] * measured[sig.ALPHA if i == 0 else sig.BETA] + gain[k + 1] * x
     if s["source"][i] == _VOTED or s["started"] == 0:
         deflection[i] = surface[i]
         bias[i] = -model - gain[k + 2] * deflection[i]

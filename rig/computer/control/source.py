@@ -12,10 +12,9 @@ from typing import Final
 import numpy as np
 
 from rig.angles import difference, limit
-from rig.frame import INDEX, SIGNALS, S, Source
+from rig.frame import SIGNALS, S, Source, sig
 from rig.kernels import kernel
 
-_LAST_RATE: Final = INDEX["yaw_rate"]  # pitch, roll and yaw rate come first
 _LOW: Final = np.array([signal.low for signal in SIGNALS])
 _HIGH: Final = np.array([signal.high for signal in SIGNALS])
 _WRAPS: Final = np.array([1 if signal.wraps else 0 for signal in SIGNALS])
@@ -39,7 +38,7 @@ def select(fcc, param, state):
             lost += 1
             value = reference[i]
         told[i] = source
-        if source == Source.VOTED or (source == Source.REFERENCE and i > _LAST_RATE):
+        if source == Source.VOTED or (source == Source.REFERENCE and i > sig.R):  # after the body rates
             put(i, value, source, param, state)
     return lost
 

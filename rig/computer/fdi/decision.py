@@ -16,13 +16,11 @@ import math
 from typing import Final
 
 from rig.computer.analytic.pitch_filter import forget
-from rig.computer.fdi import fault_estimate as lie
-from rig.computer.fdi import rate_bias as rates
+from rig.computer.fdi import fault_estimate, rate_bias
 from rig.computer.fdi.state import KEPT
-from rig.frame import INDEX, Trust
+from rig.frame import Trust, sig
 from rig.kernels import kernel
 
-_Q, _R = INDEX["pitch_rate"], INDEX["yaw_rate"]
 _RECENT_S: Final = 0.5
 _KNOWN_S: Final = 10.0  # after which drift and path offset are known well enough to go back to
 _KEEP_S: Final = 10.0
@@ -40,8 +38,8 @@ def innovate(c, w, said, x):
     c, w : a PARAM and a STATE record; x : (S,) signals
     """
     e, dt = w["filter"], c["filter"]["dt"]
-    w["turning"] += min(dt / c["lag"], 1.0) * (abs(x[_Q]) + abs(x[_R]) - w["turning"])
-    turn_error = c["turn_error"] + rates.bank_error(w, x)
+    w["turning"] += min(dt / c["lag"], 1.0) * (abs(x[sig.Q]) + abs(x[sig.R]) - w["turning"])
+    turn_error = c["turn_error"] + rate_bias.bank_error(w, x)
     timing, turning = e["rate"] * c["timing"], w["turning"] * turn_error * c["lag"]
     w["innovation"], w["second_innovation"] = said - e["theta"], said - w["second"]["theta"]
     w["sigma"] = math.sqrt(e["p"][0, 0] + c["floor"] * c["floor"] + timing * timing + turning * turning)
@@ -74,10 +72,10 @@ def decide(known, heard, c, w, said, path):
         w["cusum"] = max(0.0, w["cusum"] + (min(size, c["jump_sigma"]) - c["ramp_sigma"]) * dt)
         keep(c, w)
         if w["over"] >= c["persistence"] or w["cusum"] > c["ramp_s"]:
-            if rates.confirmed(w):
+            if rate_bias.confirmed(w):
                 declare(w, before)
-            elif rates.refuted(w):
-                rates.reject_gyros(w)
+            elif rate_bias.refuted(w):
+                rate_bias.reject_gyros(w)
 
 
 @kernel
@@ -99,14 +97,14 @@ def keep(c, w):
 def declare(w, before):
     """Declare a sensor fault; ``before`` : its smoothed innovation before this frame, by which a jump is known."""
     new = abs(w["innovation"] - before)
-    if new < rates.SUDDEN * abs(w["innovation"]):
+    if new < rate_bias.SUDDEN * abs(w["innovation"]):
         e = w["filter"]
         e["drift"], e["path"] = w["kept"][KEPT - 1, 0], w["kept"][KEPT - 1, 1]
         e["p"][0, 0] += w["innovation"] * w["innovation"]
     w["trust"], w["agreed"], w["over"], w["cusum"] = Trust.CORRECTED, 0, 0, 0.0
     w["sensor_off_path"] = w["theta_off_path"] = 0.0
     w["recent"], w["worst"] = w["innovation"], abs(w["innovation"])
-    lie.suspect(w)
+    fault_estimate.suspect(w)
 
 
 @kernel
@@ -131,4 +129,4 @@ def revert(c, w, said, trust):
     """The law flies on the sensor again, faded from the estimate."""
     w["fade"], w["fade_left"] = w["filter"]["theta"] - said, c["fade_frames"]
     w["trust"], w["agreed"], w["over"], w["cusum"] = trust, 0, 0, 0.0
-    lie.clear(w)
+    fault_estimate.clear(w)

@@ -8,14 +8,11 @@ from typing import Final
 from rig.computer.analytic.flight_path import PATH_SIGNALS, climb, path_pitch_angle
 from rig.computer.analytic.pitch_filter import begin, correct, follow_path, learn_yaw_drift
 from rig.computer.analytic.pitch_mean import move
-from rig.computer.fdi import fault_estimate as lie
-from rig.computer.fdi import rate_bias as rates
+from rig.computer.fdi import fault_estimate, rate_bias
 from rig.computer.fdi.decision import decide, innovate
-from rig.frame import INDEX, Lie, Source, Trust
+from rig.frame import INDEX, Lie, Source, Trust, sig
 from rig.kernels import kernel
 
-_Q, _R = INDEX["pitch_rate"], INDEX["yaw_rate"]
-_THETA, _PHI, _PSI = INDEX["pitch_angle"], INDEX["roll_angle"], INDEX["heading"]
 _PATH: Final = tuple(INDEX[name] for name in PATH_SIGNALS)
 _FIRST_THETA_RAD: Final = 0.001  # sigma of what the sensor says at the start
 
@@ -30,31 +27,31 @@ def monitor_pitch_angle(inertial, fcc, param, state, measured):
     """
     c, w, source, levels = param[0], state[0], fcc["source"], fcc["level"]
     e, of_filter = w["filter"], c["filter"]
-    said, usable = measured[_THETA], source[_THETA] == Source.VOTED
+    said, usable = measured[sig.THETA], source[sig.THETA] == Source.VOTED
     if w["trust"] == Trust.NONE:
         begin(of_filter, e, said, _FIRST_THETA_RAD)
         w["trust"], w["effectiveness"] = Trust.TRUSTED, 1.0
-        rates.align(w, 0.0)
-    known = source[_Q] == Source.VOTED and source[_R] == Source.VOTED and source[_PHI] == Source.VOTED
-    headed = known and source[_PSI] == Source.VOTED
+        rate_bias.align(w, 0.0)
+    known = source[sig.Q] == Source.VOTED and source[sig.R] == Source.VOTED and source[sig.PHI] == Source.VOTED
+    headed = known and source[sig.PSI] == Source.VOTED
     learn_yaw_drift(headed, of_filter, e, measured)
-    rates.turn(c, w, known, headed, inertial, measured, 8 * levels[_Q] + levels[_R])
+    rate_bias.turn(c, w, known, headed, inertial, measured, 8 * levels[sig.Q] + levels[sig.R])
     climb(measured, e["theta"], of_filter["dt"], e["vertical"])
     path, heard = path_pitch_angle(measured, e["vertical"]), voted(source)
     if usable:
         innovate(c, w, said, measured)
         decide(known, heard, c, w, said, path)
         if w["trust"] == Trust.CORRECTED:
-            lie.learn(c, w, said)
+            fault_estimate.learn(c, w, said)
         elif w["over"] == 0:
             correct(e, said - e["theta"], 0.0, c["sensor_variance"])
             move(e["g"], w["second"], said - w["second"]["theta"])
     if heard:
         follow_path(of_filter, e, path)
-        rates.follow(e, w, path)
-    rates.settle(c, w, known and usable)
+        rate_bias.follow(e, w, path)
+    rate_bias.settle(c, w, known and usable)
     if usable:
-        measured[_THETA] = answer(c, w, said)
+        measured[sig.THETA] = answer(c, w, said)
     tell(fcc, w)
 
 
@@ -70,7 +67,7 @@ def voted(source):
 @kernel
 def answer(c, w, said):
     """The pitch angle that the law flies on: what the sensor ``said``, or the estimate within the bound."""
-    if w["trust"] == Trust.CORRECTED or (w["over"] > 0 and rates.confirmed(w)):
+    if w["trust"] == Trust.CORRECTED or (w["over"] > 0 and rate_bias.confirmed(w)):
         return said + min(max(w["filter"]["theta"] - said, -c["most"]), c["most"])
     if w["fade_left"] > 0:
         w["fade_left"] -= 1
@@ -86,4 +83,4 @@ def tell(fcc, w):
     told[3], told[4] = math.sqrt(max(p[0], 0.0)), math.sqrt(max(p[1], 0.0))
     told[5], told[6] = w["innovation"], w["sigma"]
     told[7], told[8] = e["drift"], e["path"]
-    fcc["trust"], fcc["lie"] = w["trust"], Lie.RATE_BIAS if rates.biased(w) else lie.name(w)
+    fcc["trust"], fcc["lie"] = w["trust"], Lie.RATE_BIAS if rate_bias.biased(w) else fault_estimate.name(w)

@@ -32,10 +32,9 @@ from rig.computer.analytic.unit_bank import (
     learned,
 )
 from rig.computer.fdi.state import BOTH, GYROS_ALONE, KEPT, UNIT_ALONE
-from rig.frame import INDEX, Trust
+from rig.frame import Trust, sig
 from rig.kernels import kernel
 
-_Q, _R, _PHI = INDEX["pitch_rate"], INDEX["yaw_rate"], INDEX["roll_angle"]
 _AGREES: Final = 0.5  # ratio of the two residuals from which on they show the same fault
 _DIFFERS: Final = 0.25  # the ratio below which they do not; between the two more must be seen
 _BANK_RAD: Final = 0.04  # farther from the unit's bank angle the voted one is not used
@@ -55,16 +54,16 @@ def turn(c, w, known, headed, inertial, x, gyros):
     e, u, m, dt = w["filter"], w["unit"], w["second"], c["filter"]["dt"]
     valid = finite(inertial)
     if w["rates"] == GYROS_ALONE or e["frames"] == 0:
-        u["roll_angle"], u["settled"] = x[_PHI], 0.0
+        u["roll_angle"], u["settled"] = x[sig.PHI], 0.0
     if valid:
         follow_unit(inertial, x, e["theta"], headed and w["rates"] == BOTH, dt, u)
     else:
         lose_unit(w)
     if valid and known:
-        compare_banks(w, x[_PHI], dt)
+        compare_banks(w, x[sig.PHI], dt)
     bank = bank_by(u)
-    phi = x[_PHI] if w["rates"] != UNIT_ALONE and bank_agrees(w, x) else bank
-    rate = pitching(x[_Q], x[_R] - e["yaw_drift"], x[_PHI])
+    phi = x[sig.PHI] if w["rates"] != UNIT_ALONE and bank_agrees(w, x) else bank
+    rate = pitching(x[sig.Q], x[sig.R] - e["yaw_drift"], x[sig.PHI])
     other = pitching(u["pitch_rate"], u["yaw_rate"], phi)
     if valid and known:
         compare(c, w, rate - other)
@@ -76,7 +75,7 @@ def turn(c, w, known, headed, inertial, x, gyros):
     if w["rates"] == UNIT_ALONE:
         predict_by(c["filter"], e, other, u["pitch_rate"], phi, gyros)
     else:
-        predict_by(c["filter"], e, rate, x[_Q], x[_PHI], gyros)
+        predict_by(c["filter"], e, rate, x[sig.Q], x[sig.PHI], gyros)
 
 
 @kernel
@@ -90,7 +89,7 @@ def lose_unit(w):
 @kernel
 def bank_agrees(w, x):
     """Whether the voted bank angle is near that of the unit."""
-    return abs(wrap(x[_PHI] - bank_by(w["unit"]))) < _BANK_RAD
+    return abs(wrap(x[sig.PHI] - bank_by(w["unit"]))) < _BANK_RAD
 
 
 @kernel

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from rig.computer.analytic import pitch_filter as estimate
+from rig.computer.analytic import pitch_filter
 from rig.computer.analytic.pitch_mean import MEAN
 from rig.computer.analytic.unit_bank import UNIT
 
@@ -14,7 +14,7 @@ KEPT: Final = 4
 BOTH, UNIT_ALONE, GYROS_ALONE = range(3)  # whose rates are in order
 PARAM: Final = np.dtype(
     [
-        ("filter", estimate.PARAM),
+        ("filter", pitch_filter.PARAM),
         ("on", "i8"),  # whether the fault-tolerant law flies
         ("lag", "f8"),  # s, of the estimate behind a trusted sensor
         ("sensor_variance", "f8"),  # rad^2 of one sample that gives this lag
@@ -34,7 +34,7 @@ PARAM: Final = np.dtype(
 )
 STATE: Final = np.dtype(
     [
-        ("filter", estimate.STATE),
+        ("filter", pitch_filter.STATE),
         ("turning", "f8"),  # |q| + |r|, smoothed over the lag
         ("innovation", "f8"),  # sensor less estimate, before the sensor is used
         ("sigma", "f8"),
