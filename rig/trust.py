@@ -1,8 +1,8 @@
 """Whose code may run: a manager class that a file names is imported only with permission.
 
-A log, a scenario, a campaign or a vote configuration may name a class (``module:Class``) as its manager.  The
+A log, a scenario, a campaign or a vote configuration may name code (``module:name``) as its manager.  The
 option ``--allow-code`` (``allow_code=True`` in Python) permits what a file names; a class named on the command
-line itself, ``--set redundancy.manager=module:Class``, needs no other permission.
+line itself, ``--set redundancy.manager=module:name``, needs no other permission.
 """
 
 from __future__ import annotations

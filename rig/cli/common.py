@@ -17,7 +17,7 @@ GROUP: Final[dict[str, Any]] = {
 }
 AllowCode = Annotated[
     bool,
-    typer.Option("--allow-code", help="Run a manager class that a file names (module:Class), not only one of --set."),
+    typer.Option("--allow-code", help="Run a manager that a file names (module:name), not only one of --set."),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 Logs = Annotated[Path, typer.Option(help="Folder of the log.")]

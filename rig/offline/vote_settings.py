@@ -43,13 +43,13 @@ class RecordedSignal(SignalConfig):
 
     range: list[float] | None = Field(default=None, min_length=2, max_length=2)  # a sample outside is invalid
     wraps: bool = False  # an angle in rad
-    manager: str = "cross-channel"  # one of rig.computer.redundancy.MANAGERS, or module:Class
+    manager: str = "cross-channel"  # one of rig.computer.redundancy.MANAGERS, or module:name
 
     @field_validator("manager")
     @classmethod
     def _known_manager(cls, name: str) -> str:
         if name not in MANAGERS and ":" not in name:
-            raise ValueError(f"unknown manager, allowed: {', '.join(MANAGERS)} or module:Class")
+            raise ValueError(f"unknown manager, allowed: {', '.join(MANAGERS)} or module:name")
         return name
 
     @property
