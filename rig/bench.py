@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from operator import attrgetter
 from pathlib import Path
 from statistics import median
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
@@ -23,8 +23,7 @@ from rig.errors import BadInput, RigError
 from rig.faults import actuate, corrupt, corrupt_reference
 from rig.flight import INTERRUPTED, event_finder, fly
 from rig.frame import TIMING, nested, new_block
-from rig.frame.fields import PARTS
-from rig.kernels import bind
+from rig.kernels import bind, kernel
 from rig.log import LogWriter
 from rig.log.of_flight import metadata
 from rig.plant import jsbsim
@@ -37,29 +36,68 @@ from rig.sensors.inertial import sense
 BARE_S = 4.0  # hands off, an unstable airframe is reloaded before it leaves its flight point
 
 
-class Piece(NamedTuple):
-    """One kernel of a frame: the name under which its time is told, what of row k it takes, whose data."""
-
-    name: str
-    kernel: Callable[..., Any]
-    takes: tuple[str, ...]  # parts of the row, or ``row`` itself, or ``k``
-    data: str  # of loop.StageData; empty: none
+@kernel
+def sensors_of(rows, k, data):
+    """Row k of the sensors.  All pieces take FRAME records and k: one record by itself is slow to hand over."""
+    measure(rows[k]["truth"], rows[k]["bus"], k, data)
 
 
-# A frame of the loop taken apart, in the order of loop.compute.
-PIECES: Final = (
-    Piece("sensors", measure, ("truth", "bus", "k"), "sensors"),
-    Piece("inertial", sense, ("truth", "bus", "k"), "inertial"),
-    Piece("faults", corrupt, ("row", "k"), "faults"),
-    Piece("references", refer, ("bus", "fcc"), "redundancy.references"),
-    Piece("reference faults", corrupt_reference, ("row", "k"), "faults"),
-    Piece("redundancy", vote_signals, ("bus", "fcc"), "redundancy.manager"),
-    Piece("redundancy", conclude, ("bus", "fcc"), "redundancy"),
-    Piece("control", fly_row, ("bus", "fcc"), "control"),
-    Piece("surface faults", loop.hand_over, ("surface", "actuator"), ""),
-    Piece("surface faults", actuate, ("row",), "faults"),
-)
-STAGES = ("plant.read", *dict.fromkeys(piece.name for piece in PIECES), "plant.step")
+@kernel
+def inertial_of(rows, k, data):
+    """Row k of the inertial unit."""
+    sense(rows[k]["truth"], rows[k]["bus"], k, data)
+
+
+@kernel
+def faults_of(rows, k, data):
+    """Row k of the faults on channels and inertial unit."""
+    corrupt(rows[k], k, data)
+
+
+@kernel
+def references_of(rows, k, data):
+    """Row k of the references."""
+    refer(rows[k]["bus"], rows[k]["fcc"], data)
+
+
+@kernel
+def reference_faults_of(rows, k, data):
+    """Row k of the faults on references."""
+    corrupt_reference(rows[k], k, data)
+
+
+@kernel
+def redundancy_of(rows, k, data):
+    """Row k of the manager, and what follows from its votes before the control law."""
+    vote_signals(rows[k]["bus"], rows[k]["fcc"], data.manager)
+    conclude(rows[k]["bus"], rows[k]["fcc"], data)
+
+
+@kernel
+def control_of(rows, k, data):
+    """Row k of the control law."""
+    fly_row(rows[k]["bus"], rows[k]["fcc"], data)
+
+
+@kernel
+def surface_faults_of(rows, k, data):
+    """Row k of the surfaces on their way to the actuators."""
+    loop.hand_over(rows[k]["fcc"]["surface"], rows[k]["actuation"]["actuator"])
+    actuate(rows[k], data)
+
+
+# A frame of the loop taken apart, in the order of loop.compute: each kernel by name, and whose data it takes.
+PIECES: Final = {
+    "sensors": (sensors_of, "sensors"),
+    "inertial": (inertial_of, "inertial"),
+    "faults": (faults_of, "faults"),
+    "references": (references_of, "redundancy.references"),
+    "reference faults": (reference_faults_of, "faults"),
+    "redundancy": (redundancy_of, "redundancy"),
+    "control": (control_of, "control"),
+    "surface faults": (surface_faults_of, "faults"),
+}
+STAGES = ("plant.read", *PIECES, "plant.step")
 PER_BLOCK = ("prepare", "events", "verdict", "log")
 
 
@@ -145,9 +183,8 @@ def _stages_us(scenario: Scenario, out: Path) -> dict[str, float]:
             rows, bound = nested(block), pieces(rig.data)
             for k in range(len(block)):
                 watch.time("plant.read", rig.plant.read, block, k)
-                parts = parts_of(rows[k], k)
-                for name, kernel, takes, data in bound:
-                    watch.time(name, kernel, *(parts[part] for part in takes), *data)
+                for name, entry, data in bound:
+                    watch.time(name, entry, rows, k, data)
                 watch.time("plant.step", rig.plant.step, block, k)
             flown += len(block)
             events = watch.time("events", finder.find, block)
@@ -156,17 +193,10 @@ def _stages_us(scenario: Scenario, out: Path) -> dict[str, float]:
     return {name: total / flown * 1e6 for name, total in watch.total_s.items()}
 
 
-def parts_of(row: Any, k: int) -> dict[str, Any]:
-    """What a piece may take of a FRAME record, the k-th of its block."""
-    parts = {part: row[part] for part in PARTS}
-    return {**parts, "row": row, "k": k, "surface": row["fcc"]["surface"], "actuator": row["actuation"]["actuator"]}
-
-
-def pieces(data: loop.StageData) -> list[tuple[str, Callable[..., Any], tuple[str, ...], tuple[Any, ...]]]:
-    """PIECES bound to the types of their arguments: name, entry point, what of the row it takes, its data."""
-    parts, found = parts_of(nested(new_block(2))[1], 0), []
-    for piece in PIECES:
-        own = (attrgetter(piece.data)(data),) if piece.data else ()
-        entry = bind(piece.kernel, *(parts[part] for part in piece.takes), *own)
-        found.append((piece.name, entry, piece.takes, own))
+def pieces(data: loop.StageData) -> list[tuple[str, Callable[..., Any], Any]]:
+    """PIECES bound to the types of their arguments: name, entry point, its data."""
+    rows, found = nested(new_block(2)), []
+    for name, (piece, whose) in PIECES.items():
+        own = attrgetter(whose)(data)
+        found.append((name, bind(piece, rows, 0, own), own))
     return found

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rig import scenario
-from rig.bench import parts_of, pieces
+from rig.bench import pieces
 from rig.computer.redundancy.own import OwnManager
 from rig.frame import Block, nested, new_block
 from rig.kernels import bind
@@ -38,9 +38,8 @@ def at_once(rig: Rig):
 
 def in_pieces(rig: Rig):
     def think(rows, k):
-        parts = parts_of(rows[k], k)
-        for _, kernel, takes, data in pieces(rig.data):
-            kernel(*(parts[part] for part in takes), *data)
+        for _, entry, data in pieces(rig.data):
+            entry(rows, k, data)
 
     return think
 

@@ -63,12 +63,13 @@ class EventFinder:
     def __init__(self, faults: Sequence[str]) -> None:
         self._faults = faults
         self._last: Block | None = None
-        mark_moved(_flags(new_block(1)), _flags(new_block(1))[0], _WORDS, _BITS, np.zeros(1, bool))  # compiles it
+        mark_moved(_flags(new_block(1)), _flags(new_block(1))[0], _BITS, np.zeros(1, bool))  # compiles it
 
     def find(self, rows: Block) -> list[Event]:
         """The events of ``rows``, which follow those of the last call, in order of time."""
         before, moved = self._before(rows), np.zeros(len(rows), bool)
-        mark_moved(_flags(rows), _flags(before)[0], _WORDS, _BITS, moved)
+        mark_moved(_flags(rows), _flags(before)[0], _BITS, moved)
+        moved |= rows["end"] != End.FLYING
         self._last = rows[-1:].copy()
         refused = list(_refusals(rows, before))
         if not moved.any():
@@ -115,29 +116,28 @@ def _refusals(rows: Block, before: Block) -> Iterator[Event]:
 
 
 def _flag_bits() -> NDArray[np.uint64]:
-    """A row with all bits set whose change may be an event; what lies between is left to chance."""
+    """A row with all bits set whose change may be an event, but ``end``, which lies apart and changes once."""
     row = np.zeros(FLAT.itemsize, np.uint8)
-    for field in (*_DESCRIBE, "acting"):
+    for field in {*_DESCRIBE, "acting"} - {"end"}:
         row[offset(field) : offset(field) + FLAT[field].itemsize] = 255
     return row.view(np.uint64)
 
 
 def _flags(rows: Block) -> NDArray[np.uint64]:
-    """Each row in words of eight bytes: most blocks are settled by seeing that none of theirs has moved."""
-    return rows.view(np.uint64).reshape(len(rows), -1)
+    """The words of each row in which the flags lie: most blocks are settled by seeing that none has moved."""
+    return rows.view(np.uint64).reshape(len(rows), -1)[:, _FIRST:]
 
 
 @kernel
-def mark_moved(rows, before, words, bits, moved):
-    """Mark in ``moved`` (n,) the ``rows`` (n, m), in words, that differ from the one before them.
+def mark_moved(flags, before, bits, moved):
+    """Mark in ``moved`` (n,) the rows of ``flags`` (n, m) that differ in ``bits`` (m,) from the one before them.
 
-    before : (m,) the one before the first; words, bits : (w,) which words are looked at, and which bits of them
+    before : (m,) the one before the first
     """
-    for k in range(rows.shape[0]):
+    for k in range(flags.shape[0]):
         different = np.uint64(0)
-        for i in range(len(words)):
-            at = words[i]
-            different |= (rows[k, at] ^ (rows[k - 1, at] if k > 0 else before[at])) & bits[i]
+        for i in range(flags.shape[1]):
+            different |= (flags[k, i] ^ (flags[k - 1, i] if k > 0 else before[i])) & bits[i]
         moved[k] = different != 0
 
 
@@ -261,5 +261,5 @@ _DESCRIBE = {
     "lie": _lie,
     "end": _end,
 }
-_WORDS: Final = np.flatnonzero(_flag_bits())  # of a row, in which the fields of events lie
-_BITS: Final = _flag_bits()[_WORDS]
+_FIRST: Final = int(np.flatnonzero(_flag_bits())[0])  # of the words of a row, in which the flags lie
+_BITS: Final = _flag_bits()[_FIRST:]
