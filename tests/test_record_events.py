@@ -163,6 +163,22 @@ def test_the_first_frame_of_a_flight_may_fail_a_channel():
     assert "channel failed" in [event.name for event in event_finder(which).find(rows) if event.frame == 0]
 
 
+def test_a_flight_that_is_over_in_its_first_frame_says_so():
+    block = blank()[:1]
+    block["end"] = End.GROUND_CONTACT
+    assert [(e.frame, e.text) for e in EventFinder([]).find(block)] == [(0, "ground contact")]
+
+
+def test_each_command_of_a_run_that_is_refused_is_told():
+    """The bits stay set from frame 3 to 6, over the end of a block: nothing of the flags moves in between."""
+    block = blank()
+    block["reset"][3:7, Q] = 0b0100
+    block["state"][:, Q, 2] = State.FAILED
+    finder = EventFinder([])
+    found = [*finder.find(block[:5]), *finder.find(block[5:])]
+    assert [e.frame for e in found if e.name == "readmission refused"] == [3, 4, 5, 6]
+
+
 def test_a_refused_readmission_is_told_in_its_frame():
     """Frame 15 asks for channels 2 and 3: 2 comes back, 3 stays out; frame 25 asks for 3 again, at a block's start."""
     block = blank()

@@ -49,24 +49,33 @@ def _bytes(rows: NDArray[Any]) -> NDArray[np.uint8]:
 _SMALL: Final = sorted({f.source for m in MESSAGES.values() for f in m.fields if f.kind not in WIRE})  # in one byte
 
 
-def _must_be_small() -> list[tuple[slice, NDArray[np.uint64]]]:
-    """The runs of eight-byte words of FLAT that hold fields of one byte, and the bits of them that must be zero."""
+def _sign_bits() -> NDArray[np.uint64]:
+    """The words of a row of FLAT, with the bit set that must be zero in every field of one byte."""
     bits = np.zeros(FLAT.itemsize, np.uint8)
     for source in _SMALL:
         dtype, offset = place(FLAT, source)
         bits[offset : offset + dtype.itemsize] = 128
-    words = bits.view(np.uint64)
-    runs = np.split(used := np.flatnonzero(words), np.flatnonzero(np.diff(used) > 1) + 1)
-    return [(slice(run[0], run[-1] + 1), words[run]) for run in runs]
+    return bits.view(np.uint64)
 
 
-_MUST_BE_SMALL: Final = _must_be_small()
+_PLACES: Final = np.flatnonzero(_sign_bits())
+_MUST_BE_ZERO: Final = _sign_bits()[_PLACES]
+
+
+@kernel
+def any_set(words: NDArray[np.uint64], places: NDArray[np.int64], bits: NDArray[np.uint64]) -> bool:
+    """Whether a row of ``words`` (n, m) has one of ``bits`` (p,) set in its words at ``places`` (p,)."""
+    found = np.uint64(0)
+    for k in range(words.shape[0]):
+        for i in range(places.shape[0]):
+            found |= words[k, places[i]] & bits[i]
+    return found != 0
 
 
 def _refuse_large(rows: Block) -> None:
     """RigError when a flag, level or enum has no place in the one byte that it is given."""
     words = np.ascontiguousarray(rows).view(np.uint64).reshape(len(rows), FLAT.itemsize // 8)
-    if any((np.bitwise_or.reduce(words[:, span], axis=0) & bits).any() for span, bits in _MUST_BE_SMALL):
+    if any_set(words, _PLACES, _MUST_BE_ZERO):
         named = ", ".join(name for name in _SMALL if (rows[name] > 127).any())
         raise RigError(f"frames {rows['frame'][0]} to {rows['frame'][-1]}: {named} above 127 cannot be logged")
 

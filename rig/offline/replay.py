@@ -76,6 +76,7 @@ def vote_again(rows: Block, scenario: Scenario) -> Block:
     again = _copy(rows)
     for name in OUTPUTS:
         again[name] = np.nan if name.endswith("reference") else 0
+    again["reset"], again["discrete_reset"] = 0, 0
     command(again, scenario.redundancy.resets, scenario.rate_hz)  # a log of an older schema has none
     on_references = [i for i, fault in enumerate(scenario.faults) if _sites(fault) & {"reference"}]
     for i in on_references:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal, Protocol
 
@@ -63,22 +63,21 @@ class EventFinder:
     def __init__(self, faults: Sequence[str]) -> None:
         self._faults = faults
         self._last: Block | None = None
-        mark_moved(_flags(new_block(1)), _flags(new_block(1))[0], _BITS, np.zeros(1, bool))  # compiles it
+        mark_news(_words(new_block(1)), _words(new_block(1))[0], _PLACES, _CHANGED, _SET, np.zeros(1, bool))  # compiles
 
     def find(self, rows: Block) -> list[Event]:
         """The events of ``rows``, which follow those of the last call, in order of time."""
-        before, moved = self._before(rows), np.zeros(len(rows), bool)
-        mark_moved(_flags(rows), _flags(before)[0], _BITS, moved)
-        moved |= rows["end"] != End.FLYING
+        before, news = self._before(rows), np.zeros(len(rows), bool)
+        mark_news(_words(rows), _words(before)[0], _PLACES, _CHANGED, _SET, news)
         self._last = rows[-1:].copy()
-        refused = list(_refusals(rows, before))
-        if not moved.any():
-            return refused
-        at = np.flatnonzero(moved)
+        at = np.flatnonzero(news)
+        if not len(at):
+            return []
         old, new = rows[at - 1], rows[at]
         if at[0] == 0:
             old[0] = before[0]
-        return sorted([*self._fault_events(old, new), *_changes(old, new), *refused], key=lambda event: event.frame)
+        found = [*self._fault_events(old, new), *_changes(old, new), *_refusals(old, new)]
+        return sorted(found, key=lambda event: event.frame)
 
     def _before(self, rows: Block) -> Block:
         """The row before ``rows``; before the first one all stood as it does there, but no fault acted or failed."""
@@ -92,10 +91,11 @@ class EventFinder:
 
 
 def _before_the_first(rows: Block) -> Block:
-    """The row before a flight: as its first one, without acting faults, failed channels and singular patterns."""
+    """The row before a flight: as its first one, but nothing acts, has failed, is singular or over."""
     before = rows[:1].copy()
     before["acting"] = 0
     before["pattern"] = Pattern.NORMAL
+    before["end"] = End.FLYING
     for states, levels in (("state", "level"), ("discrete_state", "discrete_level")):
         failed = before[states] == State.FAILED
         before[states][failed] = State.OK
@@ -104,41 +104,45 @@ def _before_the_first(rows: Block) -> Block:
     return before
 
 
-def _refusals(rows: Block, before: Block) -> Iterator[Event]:
-    """Commands to readmit a channel that did not: it was failed before their frame and still is."""
+def _refusals(old: Block, new: Block) -> Iterator[Event]:
+    """Commands in rows ``new`` to readmit a channel that did not: failed in the row before, in ``old``, and still."""
     for field, states, named in (("reset", "state", SIGNALS), ("discrete_reset", "discrete_state", DISCRETES)):
-        for k, s in np.argwhere(rows[field]):
-            old, new = (rows[k - 1] if k else before[0])[states][s], rows[k][states][s]
-            commanded = rows[k][field][s] >> np.arange(CHANNELS) & 1 == 1
-            for c in np.flatnonzero(commanded & (old == State.FAILED) & (new == State.FAILED)):
+        for k, s in np.argwhere(new[field]):
+            commanded = new[field][k, s] >> np.arange(CHANNELS) & 1 == 1
+            failed = (old[states][k, s] == State.FAILED) & (new[states][k, s] == State.FAILED)
+            for c in np.flatnonzero(commanded & failed):
                 text = f"{named[s].name}.{c + 1}: has not agreed with the vote for long enough"
-                yield Event(int(rows["frame"][k]), "warning", "readmission refused", text)
+                yield Event(int(new["frame"][k]), "warning", "readmission refused", text)
 
 
-def _flag_bits() -> NDArray[np.uint64]:
-    """A row with all bits set whose change may be an event, but ``end``, which lies apart and changes once."""
+def _bits(fields: Iterable[str]) -> NDArray[np.uint64]:
+    """The words of a row with all bits of ``fields`` set."""
     row = np.zeros(FLAT.itemsize, np.uint8)
-    for field in {*_DESCRIBE, "acting"} - {"end"}:
+    for field in fields:
         row[offset(field) : offset(field) + FLAT[field].itemsize] = 255
     return row.view(np.uint64)
 
 
-def _flags(rows: Block) -> NDArray[np.uint64]:
-    """The words of each row in which the flags lie: most blocks are settled by seeing that none has moved."""
-    return rows.view(np.uint64).reshape(len(rows), -1)[:, _FIRST:]
+def _words(rows: Block) -> NDArray[np.uint64]:
+    """``rows`` as (n, words): most blocks are settled by seeing that none of a few words has moved."""
+    return rows.view(np.uint64).reshape(len(rows), -1)
 
 
 @kernel
-def mark_moved(flags, before, bits, moved):
-    """Mark in ``moved`` (n,) the rows of ``flags`` (n, m) that differ in ``bits`` (m,) from the one before them.
+def mark_news(words, before, places, changed, present, news):
+    """Mark in ``news`` (n,) the rows of ``words`` (n, m) that may hold an event.
 
-    before : (m,) the one before the first
+    before : (m,) the words of the row before the first
+    places : (p,) of the words that are looked at
+    changed, present : (p,) bits of them that are news when they differ from the row before, when they are set
     """
-    for k in range(flags.shape[0]):
-        different = np.uint64(0)
-        for i in range(flags.shape[1]):
-            different |= (flags[k, i] ^ (flags[k - 1, i] if k > 0 else before[i])) & bits[i]
-        moved[k] = different != 0
+    for k in range(words.shape[0]):
+        seen = np.uint64(0)
+        for i in range(places.shape[0]):
+            word = words[k, places[i]]
+            last = words[k - 1, places[i]] if k > 0 else before[places[i]]
+            seen |= ((word ^ last) & changed[i]) | (word & present[i])
+        news[k] = seen != 0
 
 
 def _changes(old: Block, new: Block) -> Iterator[Event]:
@@ -261,5 +265,6 @@ _DESCRIBE = {
     "lie": _lie,
     "end": _end,
 }
-_FIRST: Final = int(np.flatnonzero(_flag_bits())[0])  # of the words of a row, in which the flags lie
-_BITS: Final = _flag_bits()[_FIRST:]
+_IF_CHANGED, _IF_SET = _bits([*_DESCRIBE, "acting"]), _bits(["reset", "discrete_reset"])
+_PLACES: Final = np.flatnonzero(_IF_CHANGED | _IF_SET)
+_CHANGED, _SET = _IF_CHANGED[_PLACES], _IF_SET[_PLACES]

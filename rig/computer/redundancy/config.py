@@ -131,8 +131,7 @@ PARAMS: Final = np.dtype(
 
 
 def command(rows: Block, resets: Sequence[Reset], rate_hz: float) -> None:
-    """Put the reset commands into ``rows``, whose frames follow each other: each into the first frame not before it."""
-    rows["reset"], rows["discrete_reset"] = 0, 0
+    """Add the reset commands to ``rows``, whose frames follow each other: each to the first frame not before it."""
     for reset in resets:
         k = to_frame(reset.at_s, rate_hz) - int(rows["frame"][0])
         if 0 <= k < len(rows):
