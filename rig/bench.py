@@ -21,7 +21,8 @@ from rig.computer.control.law import fly as fly_row
 from rig.computer.redundancy import conclude, refer, vote_signals
 from rig.errors import BadInput, RigError
 from rig.faults import actuate, corrupt, corrupt_reference
-from rig.flight import INTERRUPTED, event_finder, fly
+from rig.flight import fly
+from rig.flight_records import INTERRUPTED, event_finder
 from rig.frame import TIMING, nested, new_block
 from rig.kernels import bind, kernel
 from rig.log import LogWriter

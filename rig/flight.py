@@ -8,34 +8,37 @@ flight.signal("pitch_rate").voted         # (frames,) array, rad/s
 
 from __future__ import annotations
 
+import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Protocol
 
-import numpy as np
 from numpy.typing import NDArray
 
-from rig import loop
+from rig import loop, under_test
+from rig.computer.external.settings import Unit, read_unit
+from rig.computer.external.unit import UnitUnderTest
 from rig.errors import ManagerFailed, RigError
-from rig.faults import Execution
-from rig.frame import TIMING, Block, new_block
+from rig.flight_records import Records
+from rig.frame import Block
 from rig.interrupt import Stop, interruptible
-from rig.log import Log, LogWriter, SignalArrays, read_log
+from rig.log import Log, SignalArrays, read_log
 from rig.log.of_flight import new_log
-from rig.record.events import Event, EventFinder, not_executed
-from rig.record.flight_summary import Peaks, Verdict
-from rig.record.pace import Jitter, JitterCounter, Pace
+from rig.record.events import Event
+from rig.record.flight_summary import Peaks
+from rig.record.pace import Jitter, Pace
 from rig.record.recorder import Recorder
 from rig.scenario import Scenario, find, load
+from rig.trust import Trust
 from rig.view.facts import of_resolved
 from rig.view.sink import check_where
 from rig.view.stream import Stream, StreamReport, open_stream
 
-INTERRUPTED: Final = "interrupted"  # an end reason
 Progress = Callable[[int, int], None]  # frames flown, frames in all
 Watch = Callable[[Block, float, Sequence[Event]], None]  # a block, its rate in Hz, its events
 
@@ -68,6 +71,8 @@ class Flight:
     us_per_frame: float
     jitter: Jitter | None  # paced flights only
     stream: StreamReport | None
+    unit: dict[str, Any] | None  # what became of the exchanges with a unit under test
+    printed: str  # by the unit's process, its end
 
     @property
     def duration_s(self) -> float:
@@ -111,6 +116,7 @@ class Flight:
             "events": [{"time_s": event.frame * dt_s, **asdict(event)} for event in self.events],
             "timing": timing,
             "stream": None if self.stream is None else asdict(self.stream),
+            **({} if self.unit is None else {"unit": self.unit}),
         }
 
 
@@ -126,6 +132,7 @@ def fly(
     viewer: Viewer | None = None,
     watch: Watch | None = None,
     allow_code: bool = False,
+    unit: Unit | str | Path | None = None,
 ) -> Flight:
     """Fly a scenario (a file, a bundled name, or one loaded already) and log every frame.
 
@@ -134,6 +141,7 @@ def fly(
     realtime_factor : 1.0 paces frames by the wall clock; None flies as fast as it can
     watch : given every block while it is recorded; it must be quick, and copy the rows that it keeps
     allow_code : a manager class that the scenario names may be run; one that an override names may be in any case
+    unit : flight software under test, or its unit file (docs/unit.md), in the place of our manager
     Raises BadInput before anything is written, RigError when the log cannot be written on or the user's own manager
     raises: the log is then finished.
     """
@@ -143,8 +151,29 @@ def fly(
         scenario, text, name = load(path, overrides, seed), path.read_text(encoding="utf-8"), path.stem
     scenario = scenario.trusted(scenario.trust.allowing(allow_code))
     pace = Pace(scenario.rate_hz, realtime_factor)
-    with interruptible() as stop:
-        return _record(scenario, text, name, Path(out), rerun, pace, stop, progress, viewer, watch)
+    tested = read_unit(unit) if isinstance(unit, str | Path) else unit
+    if tested is not None and tested.carrier == "python":
+        scenario, tested = managed(scenario, tested), None
+    with interruptible() as stop, _running(tested) as running:
+        flown = _record(scenario, text, name, Path(out), rerun, pace, stop, progress, viewer, watch, running)
+    return flown if running is None else replace(flown, printed=running.printed)
+
+
+def managed(scenario: Scenario, unit: Unit) -> Scenario:
+    """The scenario with the manager class that a unit file names, which is permission to run it."""
+    named = scenario.redundancy.model_copy(update={"manager": unit.manager})
+    return scenario.model_copy(update={"redundancy": named}).trusted(Trust(unit.source, named=unit.manager))
+
+
+@contextmanager
+def _running(unit: Unit | None) -> Iterator[UnitUnderTest | None]:
+    """The unit, started or found; ended when the flight is over."""
+    running = None if unit is None else UnitUnderTest(unit)
+    try:
+        yield running
+    finally:
+        if running is not None:
+            running.close()
 
 
 def _record(
@@ -158,16 +187,17 @@ def _record(
     progress: Progress | None,
     viewer: Viewer | None,
     watch: Watch | None,
+    unit: UnitUnderTest | None,
 ) -> Flight:
     """Run the frames through verdict, log and stream; the log is finished whatever happens."""
     check_where(rerun)
     rig = loop.Rig(scenario)
-    records = _Records(scenario, pace)
-    with new_log(out, name or scenario.title or scenario.aircraft, scenario, text) as writer:
+    about = {} if unit is None else _with_unit(unit, rig, scenario, pace, stop)
+    records = Records(scenario, pace, unit)
+    with new_log(out, name or scenario.title or scenario.aircraft, scenario, text, about) as writer:
         path = writer.path
-        stream = open_stream(
-            rerun, scenario.title or path.stem, scenario.rate_hz, path, of_resolved(scenario.resolved())
-        )
+        named = scenario.title or path.stem
+        stream = open_stream(rerun, named, scenario.rate_hz, path, of_resolved(scenario.resolved()))
         if stream is not None and viewer is not None:
             viewer.opened(stream)
 
@@ -195,7 +225,13 @@ def _record(
                 viewer.flown(stream)
         finally:
             report = None if stream is None else stream.close(10.0)
-    return records.flight(path, reason, wall_s, report)
+    return _came_to(records, path, reason, wall_s, report)
+
+
+def _with_unit(unit: UnitUnderTest, rig: loop.Rig, scenario: Scenario, pace: Pace, stop: Stop) -> dict[str, str]:
+    """Put the unit in the place of our manager; what the log says of it."""
+    under_test.put(unit, rig, scenario, pace, stop)
+    return {"unit": json.dumps({**unit.unit.about(), "said": unit.said})}
 
 
 def _fly(rig: loop.Rig, scenario: Scenario, pace: Pace, stop: Stop, recorder: Recorder) -> ManagerFailed | None:
@@ -208,86 +244,24 @@ def _fly(rig: loop.Rig, scenario: Scenario, pace: Pace, stop: Stop, recorder: Re
     return None
 
 
-class Findings:
-    """What is found in the rows of a flight, block after block: events, its summary, faults that did nothing."""
-
-    def __init__(self, scenario: Scenario) -> None:
-        self.verdict = Verdict()
-        self._finder, self._execution = event_finder(scenario), Execution(scenario.faults)
-
-    def add(self, rows: Block) -> list[Event]:
-        """The events of the next rows."""
-        events = self._finder.find(rows)
-        self.verdict.add(rows, events)
-        self._execution.add(rows)
-        return events
-
-    def end(self) -> list[Event]:
-        """What only the end can tell: the faults that did nothing."""
-        return not_executed(self.verdict.frames - 1, self._execution.missing) if self.verdict.frames else []
-
-
-class _Records(Findings):
-    """What is kept of every block, and what the flight comes to."""
-
-    def __init__(self, scenario: Scenario, pace: Pace) -> None:
-        super().__init__(scenario)
-        self.scenario = scenario
-        self._jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
-
-    def record(self, rows: Block, timing: NDArray[Any], writer: LogWriter, beside: ThreadPoolExecutor) -> list[Event]:
-        """Into summary and log; the events of the block."""
-        events = self._finder.find(rows)
-        hashed = beside.submit(self.verdict.add, rows, events)  # both leave the interpreter to each other
-        writer.write(rows, timing, events)
-        self._execution.add(rows)
-        hashed.result()
-        if self._jitter is not None:
-            self._jitter.add(timing["frame_us"], timing["late_us"])
-        return events
-
-    def close(self, writer: LogWriter, stop: Stop, failure: ManagerFailed | None) -> str:
-        """Write what only the end can tell; why the flight ended."""
-        verdict, last = self.verdict, self.end()
-        verdict.events += last
-        writer.write(new_block(0), np.zeros(0, TIMING), last)
-        reason = end_reason(verdict, stop, self.scenario) if failure is None else "the manager class raised"
-        writer.close({"digest": verdict.digest, "end_reason": reason, "survived": str(verdict.survived)})
-        return reason
-
-    def flight(self, path: Path, reason: str, wall_s: float, report: StreamReport | None) -> Flight:
-        """What the records of a finished flight come to."""
-        verdict = self.verdict
-        return Flight(
-            log=path,
-            scenario=self.scenario,
-            frames=verdict.frames,
-            digest=verdict.digest,
-            survived=verdict.survived,
-            end_reason=reason,
-            failed=verdict.failed,
-            not_executed=[name for name, _ in self._execution.missing],
-            peaks=verdict.peaks,
-            events=verdict.events,
-            wall_s=wall_s,
-            us_per_frame=wall_s / max(verdict.frames, 1) * 1e6,
-            jitter=None if self._jitter is None else self._jitter.result(),
-            stream=report,
-        )
-
-
-def event_finder(scenario: Scenario) -> EventFinder:
-    """What finds the events of a flight of this scenario."""
-    return EventFinder(labels(scenario))
-
-
-def labels(scenario: Scenario) -> list[str]:
-    """The faults of a scenario by name, for the event finder."""
-    return [fault.label for fault in scenario.faults]
-
-
-def end_reason(verdict: Verdict, stop: Stop, scenario: Scenario) -> str:
-    """Why the flight ended, as a reader would say it."""
-    if not verdict.survived:
-        return verdict.end.label
-    return INTERRUPTED if stop.requested and verdict.frames < scenario.frames else "duration flown"
+def _came_to(records: Records, path: Path, reason: str, wall_s: float, report: StreamReport | None) -> Flight:
+    """What the records of a finished flight come to."""
+    verdict = records.verdict
+    return Flight(
+        log=path,
+        scenario=records.scenario,
+        frames=verdict.frames,
+        digest=verdict.digest,
+        survived=verdict.survived,
+        end_reason=reason,
+        failed=verdict.failed,
+        not_executed=[name for name, _ in records.execution.missing],
+        peaks=verdict.peaks,
+        events=verdict.events,
+        wall_s=wall_s,
+        us_per_frame=wall_s / max(verdict.frames, 1) * 1e6,
+        jitter=None if records.jitter is None else records.jitter.result(),
+        stream=report,
+        unit=records.of_unit(),
+        printed="",
+    )

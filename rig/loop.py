@@ -23,6 +23,7 @@ from rig import sensors
 from rig.computer.control.autopilot import Control
 from rig.computer.control.law import fly
 from rig.computer.control.state import ControlData
+from rig.computer.external.unit import UnitUnderTest
 from rig.computer.redundancy import Redundancy, RedundancyData, conclude, refer, vote_signals
 from rig.computer.redundancy.config import command
 from rig.computer.redundancy.own import OwnManager
@@ -80,6 +81,7 @@ class Rig:
         self.control.reset(self.plant.trim)
         self.data = self._gather()
         self.compute = computer(self.data, self.redundancy.own)
+        self.unit: UnitUnderTest | None = None  # see under_test.py
 
     def prepare(self, block: Block) -> None:
         """What is drawn or planned a block at a time: stick, demands and commands, noise, chance."""
@@ -253,7 +255,7 @@ def _blocks(scenario: Scenario, paced: bool, memory: Flown | None) -> Iterator[F
 
 def _fly_block(rig: Rig, block: Block, timing: NDArray[np.void], pace: Pace, stop: Stop) -> tuple[int, bool]:
     """Fly the rows of a block; how many were flown, and whether the flight is over."""
-    frame_us, late_us = timing["frame_us"], timing["late_us"]
+    frame_us, late_us, reply_us, unit = timing["frame_us"], timing["late_us"], timing["reply_us"], rig.unit
     clock, paced, first = time.perf_counter, pace.period_s is not None, int(block["frame"][0])
     see, think, act, data, rows = rig.plant.read, rig.compute, rig.plant.step, rig.data, nested(block)
     for k in range(len(block)):
@@ -265,6 +267,8 @@ def _fly_block(rig: Rig, block: Block, timing: NDArray[np.void], pace: Pace, sto
         if end == 0:
             act(block, k)  # surfaces, to the next frame
         frame_us[k] = (clock() - began) * 1e6
+        if unit is not None:
+            reply_us[k] = unit.reply_us
         if end != 0 or stop.requested:
             return k + 1, True
     return len(block), False

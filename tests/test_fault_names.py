@@ -9,7 +9,7 @@ import pytest
 
 from rig import fault_names
 from rig.files import bundled
-from rig.flight import labels
+from rig.flight_records import labels
 from rig.log.of_flight import metadata
 from rig.scenario import load
 from rig.view.facts import UNKNOWN, of_log, of_resolved

@@ -3,7 +3,7 @@ import pytest
 
 from rig import scenario
 from rig.files import bundled
-from rig.flight import event_finder
+from rig.flight_records import event_finder
 from rig.frame import DISCRETE_INDEX, INDEX, End, Law, Pattern, Resolver, Source, State, new_block
 from rig.loop import Rig, frames
 from rig.record.events import EventFinder

@@ -28,7 +28,7 @@ from rig.campaign.plan import Run
 from rig.campaign.rows import TABLES, Rows, alarm_rows, episode_rows, fault_rows, run_row
 from rig.errors import RigError
 from rig.files import replaced
-from rig.flight import Findings, end_reason
+from rig.flight_records import Findings, end_reason
 from rig.frame import FLAT, TIMING, Block, new_block
 from rig.interrupt import Stop
 from rig.log import LogWriter

@@ -66,6 +66,9 @@ def fly(
         typer.Option(help="Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False),
     ] = None,
     watch: Annotated[bool, typer.Option("--watch", help="Show the redundancy page while it flies.")] = False,
+    unit: Annotated[
+        Path | None, typer.Option(help="A unit file: the flight software under test.", show_default=False)
+    ] = None,
     allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:
@@ -88,6 +91,7 @@ def fly(
             viewer=show.Watching(),
             watch=page,
             allow_code=allow_code,
+            unit=unit,
         )
     emit(as_json, flight.summary, lambda: show.flight(flight))
 

@@ -92,12 +92,29 @@ def flight(flown: Flight) -> None:
             f"jitter   median {j.median_us:.0f} us, 99 % {j.p99_us:.0f} us, worst {j.worst_us:.0f} us, "
             f"{j.overruns} overruns"
         )
+    if flown.unit is not None:
+        _unit(flown)
     if flown.stream is not None:
         s = flown.stream
         trouble = f", {s.error}" if s.error else ""
         screen.print(f"stream   {s.where}: {s.sent_frames} frames sent, {s.dropped_frames} dropped{trouble}")
     screen.print(f"digest   {flown.digest}")
     screen.print(f"log      {flown.log}", soft_wrap=True)
+
+
+def _unit(flown: Flight) -> None:
+    """What became of the exchanges with the unit under test, and what it printed."""
+    screen, unit = console(), flown.unit or {}
+    told = ("missed", "late", "requests_lost", "replies_lost", "discarded", "refused", "not_finite", "restarts")
+    wrong = [f"{unit[name]} {name.replace('_', ' ')}" for name in told if unit[name]]
+    text = ", ".join([f"{unit['answered']} frames answered", *wrong])
+    screen.print(f"unit     {unit['name']}: {text}", style="yellow" if wrong else "")
+    reply = unit["reply"]
+    screen.print(
+        f"replies  median {reply['median_us']:.0f} us, 99 % {reply['p99_us']:.0f} us, worst {reply['worst_us']:.0f} us"
+    )
+    for line in flown.printed.splitlines()[-MOST_LINES:]:
+        screen.print(f"printed  {line}")
 
 
 def _peaks(flown: Flight) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -15,8 +16,11 @@ from rig.versions import versions
 NAME_BYTES: Final = 180  # of a log's name; behind them come seed, number and ending
 
 
-def new_log(out: Path, name: str, scenario: Scenario, text: str) -> LogWriter:
-    """A log of its own, whoever else begins to fly: <name>_seed<seed>[_n].mcap in ``out``, which is made."""
+def new_log(out: Path, name: str, scenario: Scenario, text: str, about: Mapping[str, str] | None = None) -> LogWriter:
+    """A log of its own, whoever else begins to fly: <name>_seed<seed>[_n].mcap in ``out``, which is made.
+
+    about : more metadata
+    """
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -24,7 +28,8 @@ def new_log(out: Path, name: str, scenario: Scenario, text: str) -> LogWriter:
     for path in numbered(out, f"{word_of(name)}_seed{scenario.seed}", ".mcap"):
         with suppress(FileExistsError):  # another flight was faster
             attached = [("scenario.toml", text.encode())]
-            return LogWriter(path, scenario.rate_hz, metadata(scenario), attached, new=True)
+            told = {**metadata(scenario), **(about or {})}
+            return LogWriter(path, scenario.rate_hz, told, attached, new=True)
     raise RigError(f"{out}: no free name for a log")
 
 

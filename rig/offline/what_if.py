@@ -15,7 +15,7 @@ from typing import Any, Final
 from rig.aircraft import merge
 from rig.errors import BadInput
 from rig.files import draft, numbered, publish, replaced
-from rig.flight import Findings
+from rig.flight_records import Findings
 from rig.frame import Block
 from rig.log import LogWriter
 from rig.offline.decisions import Decisions, decisions

@@ -23,10 +23,13 @@ from rig.frame import (
     Source,
     State,
     Trust,
+    Unit,
     new_block,
     offset,
 )
 from rig.kernels import kernel
+
+MISSED: Final = "unit missed"  # an event's name
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +66,7 @@ class EventFinder:
     def __init__(self, faults: Sequence[str]) -> None:
         self._faults = faults
         self._last: Block | None = None
+        self._missed = False
         mark_news(_words(new_block(1)), _words(new_block(1))[0], _PLACES, _CHANGED, _SET, np.zeros(1, bool))  # compiles
 
     def find(self, rows: Block) -> list[Event]:
@@ -77,7 +81,13 @@ class EventFinder:
         if at[0] == 0:
             old[0] = before[0]
         found = [*self._fault_events(old, new), *_changes(old, new), *_refusals(old, new)]
-        return sorted(found, key=lambda event: event.frame)
+        return list(self._first_miss_only(sorted(found, key=lambda event: event.frame)))
+
+    def _first_miss_only(self, events: list[Event]) -> Iterator[Event]:
+        for event in events:
+            if event.name != MISSED or not self._missed:
+                yield event
+            self._missed = self._missed or event.name == MISSED
 
     def _before(self, rows: Block) -> Block:
         """The row before ``rows``; before the first one all stood as it does there, but no fault acted or failed."""
@@ -246,6 +256,17 @@ def _lie(frame: int, old: int, new: int, row: Any) -> Event | None:
     return Event(frame, "info", "sensor fault", f"pitch_angle: {what[Lie(new)]}")
 
 
+def _unit(frame: int, old: int, new: int, row: Any) -> Event | None:
+    """What a unit under test did not do; that it missed a frame is told once a flight."""
+    said: dict[int, tuple[Literal["warning", "error"], str, str]] = {
+        Unit.HELD: ("warning", MISSED, "no answer by the deadline: the last one is flown"),
+        Unit.REFUSED: ("warning", "unit refused", "its answer is none that a unit may give: the last one is flown"),
+        Unit.RESTARTED: ("warning", "unit restarted", "it was dead and has begun again, without its latches"),
+        Unit.DEAD: ("error", "unit dead", "no more answers"),
+    }
+    return Event(frame, *said[new]) if new in said else None
+
+
 def _end(frame: int, old: int, new: int, row: Any) -> Event:
     return Event(frame, "error", "flight ends", End(new).label)
 
@@ -263,6 +284,7 @@ _DESCRIBE = {
     "law": _law,
     "trust": _trust,
     "lie": _lie,
+    "unit": _unit,
     "end": _end,
 }
 _IF_CHANGED, _IF_SET = _bits([*_DESCRIBE, "acting"]), _bits(["reset", "discrete_reset"])

@@ -28,12 +28,16 @@ class Pace:
         now = time.perf_counter()
         if frame == 0:
             self._start_s = now
-        due = self._start_s + frame * self.period_s
+        due = self.due(frame)
         if due - now > SPIN_S:
             time.sleep(due - now - SPIN_S)
         while (now := time.perf_counter()) < due:
             pass
         return now - due
+
+    def due(self, frame: int, share: float = 0.0) -> float:
+        """The time of ``perf_counter`` at which ``share`` of frame ``frame`` is over, in a paced flight."""
+        return self._start_s + (frame + share) * (self.period_s or 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,24 +50,43 @@ class Jitter:
     overruns: int
 
 
+class Histogram:
+    """Times in bounded memory: whole microseconds up to 0.1 s, and the longest."""
+
+    def __init__(self) -> None:
+        self.counts = np.zeros(100_001, np.int64)
+        self.worst_us = 0.0
+
+    def add(self, times_us: NDArray[np.float64]) -> None:
+        """Count the times of one block."""
+        whole = np.clip(times_us.astype(np.int64), 0, len(self.counts) - 1)
+        self.counts += np.bincount(whole, minlength=len(self.counts))
+        self.worst_us = max(self.worst_us, float(times_us.max(initial=0.0)))
+
+    def at(self, share: float) -> float:
+        """The time, us, below which ``share`` of them are."""
+        reached = np.cumsum(self.counts)
+        return float(np.searchsorted(reached, share * reached[-1]))
+
+    def as_dict(self) -> dict[str, float]:
+        """Median, 99 %, 99.9 % and worst."""
+        at = {"median_us": 0.5, "p99_us": 0.99, "p999_us": 0.999}
+        return {**{name: self.at(share) for name, share in at.items()}, "worst_us": self.worst_us}
+
+
 class JitterCounter:
-    """Collects lateness in bounded memory: a histogram of whole microseconds up to 0.1 s."""
+    """Collects the lateness of frames, and how many ended after the next was due."""
 
     def __init__(self, period_s: float) -> None:
         self._period_us = period_s * 1e6
-        self._counts = np.zeros(100_001, np.int64)
-        self._worst_us = 0.0
+        self._late = Histogram()
         self._overruns = 0
 
     def add(self, frame_us: NDArray[np.float64], late_us: NDArray[np.float64]) -> None:
         """Count the frames of one block."""
-        whole = np.clip(late_us.astype(np.int64), 0, len(self._counts) - 1)
-        self._counts += np.bincount(whole, minlength=len(self._counts))
-        self._worst_us = max(self._worst_us, float(late_us.max(initial=0.0)))
+        self._late.add(late_us)
         self._overruns += int(np.count_nonzero(late_us + frame_us > self._period_us))
 
     def result(self) -> Jitter:
         """Median, 99 % and worst of all frames so far."""
-        reached = np.cumsum(self._counts)
-        at = [float(np.searchsorted(reached, share * reached[-1])) for share in (0.5, 0.99)]
-        return Jitter(at[0], at[1], self._worst_us, self._overruns)
+        return Jitter(self._late.at(0.5), self._late.at(0.99), self._late.worst_us, self._overruns)

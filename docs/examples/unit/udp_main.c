@@ -1,0 +1,184 @@
+/* Makes a process of any unit: its three functions behind a UDP socket.
+ *
+ *     ./monitor_udp --rig ADDRESS:PORT            says READY to the rig, which waits there; ends when the rig is gone
+ *     ./monitor_udp --listen PORT                 waits for a HELLO and answers whoever sent it
+ *     ./monitor_udp --listen ADDRESS:PORT         the same at one address of this machine
+ *
+ * One message in, at most one out; no thread, no clock, no time limit: the rig alone steps the unit.
+ */
+#define _POSIX_C_SOURCE 200809L
+#include <arpa/inet.h>
+#include <errno.h>
+#include <netinet/in.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+
+#include "rig_unit.h"
+
+#ifndef UNIT_NAME
+#define UNIT_NAME "unit"
+#endif
+#define PART_BYTES 1024
+#define PARTS ((sizeof(struct rig_config) + PART_BYTES - 1) / PART_BYTES)
+
+union message {
+    struct rig_hello head; /* what every message begins with; END is no more than that */
+    struct rig_config_part part;
+    struct rig_input input;
+    uint8_t bytes[2048]; /* more than any has, so that one that is too long is noticed */
+};
+
+static int fd;
+static bool connected;         /* to one rig, by --rig */
+static struct sockaddr_in rig; /* whom to answer */
+static uint64_t session;       /* 0: none */
+static uint8_t config[PARTS * PART_BYTES];
+static bool here[PARTS]; /* the parts of CONFIG that have come */
+static bool opened;
+
+static void answer(const void *record, size_t size)
+{
+    const struct sockaddr *to = connected ? NULL : (const struct sockaddr *)&rig;
+    (void)sendto(fd, record, size, 0, to, connected ? 0 : sizeof rig); /* what gets lost is the rig's to notice */
+}
+
+static void say(uint16_t kind, const char *text)
+{
+    struct rig_ready ready = {.magic = RIG_MAGIC_OUTPUT, .version = RIG_UNIT_VERSION, .kind = kind};
+    ready.layout = RIG_UNIT_LAYOUT;
+    ready.session = session;
+    ready.length = offsetof(struct rig_ready, length);
+    snprintf(ready.text, sizeof ready.text, "%s", text);
+    answer(&ready, sizeof ready);
+}
+
+static void begin_session(uint64_t number)
+{
+    if (opened) {
+        rig_unit_close();
+    }
+    opened = false;
+    memset(here, 0, sizeof here);
+    session = number;
+}
+
+/* Keep one part; with the last of them open the unit. */
+static void configure(const struct rig_config_part *part)
+{
+    struct rig_config whole;
+    if (part->parts != PARTS || part->part >= PARTS) {
+        return;
+    }
+    memcpy(config + part->part * PART_BYTES, part->bytes, PART_BYTES);
+    here[part->part] = true;
+    for (size_t i = 0; i < PARTS; i++) {
+        if (!here[i]) {
+            return;
+        }
+    }
+    memcpy(&whole, config, sizeof whole);
+    begin_session(session);
+    opened = rig_unit_open(&whole) == 0;
+    say(opened ? RIG_KIND_READY : RIG_KIND_REFUSED, opened ? UNIT_NAME : UNIT_NAME " cannot fly with this CONFIG");
+}
+
+static void step(const struct rig_input *input)
+{
+    struct rig_output output = {.magic = RIG_MAGIC_OUTPUT, .version = RIG_UNIT_VERSION, .kind = RIG_KIND_REPLY};
+    output.layout = RIG_UNIT_LAYOUT;
+    output.session = session;
+    output.frame = input->frame;
+    output.time_s = input->time_s;
+    output.length = offsetof(struct rig_output, length);
+    if (opened && rig_unit_step(input, &output) == 0) {
+        answer(&output, sizeof output);
+    }
+}
+
+/* Whether these bytes are a whole message of this layout and, unless it begins one, of this session. */
+static bool sound(const union message *m, size_t size)
+{
+    size_t wanted = sizeof m->head;
+    uint32_t length = 0;
+    if (m->head.kind == RIG_KIND_CONFIG || m->head.kind == RIG_KIND_FRAME) {
+        wanted = m->head.kind == RIG_KIND_CONFIG ? sizeof m->part : sizeof m->input;
+    }
+    if (size != wanted || m->head.magic != RIG_MAGIC_INPUT || m->head.layout != RIG_UNIT_LAYOUT) {
+        return false;
+    }
+    memcpy(&length, m->bytes + size - 2 * sizeof length, sizeof length);
+    return length == size - 2 * sizeof length &&
+           (m->head.kind == RIG_KIND_HELLO || (session != 0 && m->head.session == session));
+}
+
+static void handle(const union message *m, const struct sockaddr_in *from)
+{
+    if (m->head.kind == RIG_KIND_HELLO) {
+        rig = *from;
+        begin_session(m->head.session);
+        say(RIG_KIND_READY, UNIT_NAME);
+    } else if (m->head.kind == RIG_KIND_CONFIG) {
+        configure(&m->part);
+    } else if (m->head.kind == RIG_KIND_FRAME) {
+        step(&m->input);
+    } else if (m->head.kind == RIG_KIND_END) {
+        begin_session(0);
+    }
+}
+
+/* Serve until the rig is gone; never with --listen.  Returns the exit code. */
+static int serve(void)
+{
+    static union message m;
+    bool heard = false;
+    for (;;) {
+        struct sockaddr_in from;
+        socklen_t length = sizeof from;
+        const ssize_t size = recvfrom(fd, &m, sizeof m, 0, (struct sockaddr *)&from, &length);
+        if (size >= (ssize_t)sizeof m.head && sound(&m, (size_t)size)) {
+            heard = true;
+            handle(&m, &from);
+        } else if (size < 0 && connected && errno == ECONNREFUSED) {
+            begin_session(0);
+            return heard ? EXIT_SUCCESS : EXIT_FAILURE;
+        } else if (size < 0 && errno != EINTR && errno != ECONNREFUSED) {
+            perror(UNIT_NAME);
+            return EXIT_FAILURE;
+        }
+    }
+}
+
+/* ADDRESS:PORT, or PORT alone for every address of this machine. */
+static bool parse(const char *text, struct sockaddr_in *found)
+{
+    char address[INET_ADDRSTRLEN] = "0.0.0.0";
+    unsigned port = 0;
+    const bool whole = sscanf(text, "%15[0-9.]:%5u", address, &port) == 2;
+    if (!whole && (strspn(text, "0123456789") != strlen(text) || sscanf(text, "%5u", &port) != 1)) {
+        return false;
+    }
+    found->sin_family = AF_INET;
+    found->sin_port = htons((uint16_t)port);
+    return port > 0 && port <= UINT16_MAX && inet_pton(AF_INET, whole ? address : "0.0.0.0", &found->sin_addr) == 1;
+}
+
+int main(int argc, char **argv)
+{
+    connected = argc == 3 && strcmp(argv[1], "--rig") == 0;
+    if (argc != 3 || (!connected && strcmp(argv[1], "--listen") != 0) || !parse(argv[2], &rig)) {
+        fprintf(stderr, "usage: %s --rig ADDRESS:PORT | --listen [ADDRESS:]PORT\n", argv[0]);
+        return 2;
+    }
+    fd = socket(AF_INET, SOCK_DGRAM, 0);
+    if (fd < 0 || (connected ? connect : bind)(fd, (const struct sockaddr *)&rig, sizeof rig) != 0) {
+        perror(UNIT_NAME);
+        return EXIT_FAILURE;
+    }
+    if (connected) {
+        say(RIG_KIND_READY, UNIT_NAME);
+    }
+    return serve();
+}

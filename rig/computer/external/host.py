@@ -1,0 +1,178 @@
+"""The child process in which a library runs: messages of a socket to its three functions and back.
+
+    python -I host.py library PARENT FD PATH BLANK NAME=SIZE ...   (processes.py starts it)
+    python -I host.py exec PARENT COMMAND ...
+
+The second replaces itself by a command that ends with the rig, whatever ends the rig.  Standard library only: a child
+must answer within a tenth of a second.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import socket
+import struct
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+HEAD = struct.Struct("<IHHQQqd")  # magic, version, kind, layout, session, frame, time_s
+HELLO, CONFIG, FRAME, END, READY, REFUSED = range(1, 7)
+_PR_SET_PDEATHSIG = 1
+FUNCTIONS = ("rig_unit_open", "rig_unit_step", "rig_unit_close")
+
+
+class Refused(Exception):
+    """Why a library cannot be flown."""
+
+
+class Library:
+    """The three functions of a shared library, and the frames stepped since it was opened."""
+
+    def __init__(self, path: str, layout: int) -> None:
+        """Refused: no library, without its functions, or built for other records."""
+        try:
+            self._library = ctypes.CDLL(str(Path(path).resolve()))
+        except OSError as error:
+            raise Refused(f"{path} is no library that can be loaded: {error}") from None
+        missing = [name for name in FUNCTIONS if not hasattr(self._library, name)]
+        if missing:
+            raise Refused(f"{path} has no function {missing[0]}; a unit has {', '.join(FUNCTIONS)}")
+        with suppress(ValueError):  # not every language writes it
+            built = ctypes.c_uint64.in_dll(self._library, "rig_unit_layout").value
+            if built != layout:
+                again = "write the header again ('rig unit header') and rebuild"
+                raise Refused(f"{path} was built for layout {built:016x}, this rig has {layout:016x}: {again}")
+        self._open, self.step, self._close = (getattr(self._library, name) for name in FUNCTIONS)
+        self._open.argtypes, self.step.argtypes = (ctypes.c_void_p,), (ctypes.c_void_p, ctypes.c_void_p)
+        self._close.restype = None
+        self._opened = False
+
+    def open(self, config: int) -> None:
+        """Begin afresh with the record at the address ``config``; Refused when the unit will not."""
+        self.close()
+        if code := self._open(config):
+            raise Refused(f"rig_unit_open returned {code}")
+        self._opened = True
+
+    def close(self) -> None:
+        """End what ``open`` began."""
+        if self._opened:
+            self._opened = False
+            self._close()
+
+
+class Voice:
+    """What the child says, in records of the sizes that the rig has given it."""
+
+    def __init__(self, talk: socket.socket, blank: bytes, sizes: dict[str, int]) -> None:
+        """``blank``: an answer with nothing in it but its head and length."""
+        self.talk, self.blank, self.sizes = talk, blank, sizes
+
+    def say(self, kind: int, asked: bytes | memoryview, text: str) -> None:
+        """READY or REFUSED to the message ``asked``."""
+        magic, layout = struct.unpack_from("<I4xQ", self.blank)
+        _, version, _, _, session, frame, time_s = HEAD.unpack_from(asked)
+        head = HEAD.pack(magic, version, kind, layout, session, frame, time_s)
+        said = text.encode()[: self.sizes["text"] - 1].ljust(self.sizes["text"], b"\0")
+        self.talk.send(head + said + struct.pack("<II", len(head) + len(said), 0))
+
+
+class Host:
+    """Answers the messages of the rig with what a library says."""
+
+    def __init__(self, voice: Voice, library: Library) -> None:
+        self._voice, self._library = voice, library
+        self._config = bytearray(voice.sizes["config"])
+        self._input, self._output = bytearray(voice.sizes["input"]), bytearray(voice.blank)
+        self._from, self._to, self._with = map(_address, (self._input, self._output, self._config))
+        self._stepped = 0
+
+    def serve(self) -> None:
+        """Until the other side is gone."""
+        message = memoryview(bytearray(max(self._voice.sizes.values())))
+        receive, step, size = self._voice.talk.recv_into, self._step, len(self._input)
+        while count := receive(message):
+            kind = message[6] | message[7] << 8
+            if kind == FRAME and count == size:
+                step(message)
+            elif kind == HELLO:
+                self._voice.say(READY, message, "library")
+            elif kind == CONFIG:
+                self._configure(message)
+            elif kind == END:
+                self._library.close()
+
+    def _step(self, message: memoryview) -> None:
+        self._input[:] = message[: len(self._input)]
+        output = self._output
+        output[:] = self._voice.blank
+        output[16:40] = message[16:40]  # session, frame, time_s
+        code = self._library.step(self._from, self._to)
+        if code:
+            self._voice.say(REFUSED, message, f"rig_unit_step returned {code}")
+            return
+        self._stepped += 1
+        output[40:48] = self._stepped.to_bytes(8, "little")
+        self._voice.talk.send(output)
+
+    def _configure(self, message: memoryview) -> None:
+        """Keep a part of the configuration; the last one opens the library."""
+        part, parts = struct.unpack_from("<II", message, HEAD.size)
+        first, begin = part * self._voice.sizes["part"], HEAD.size + 8
+        count = min(self._voice.sizes["part"], len(self._config) - first)
+        self._config[first : first + count] = message[begin : begin + count]
+        if part + 1 < parts:
+            return
+        try:
+            self._library.open(self._with)
+            self._stepped = 0
+            self._voice.say(READY, message, "library")
+        except Refused as reason:
+            self._voice.say(REFUSED, message, str(reason))
+
+
+def _address(buffer: bytearray) -> int:
+    """Where the bytes are; they stay there, as ctypes keeps the buffer from being resized."""
+    held = (ctypes.c_char * len(buffer)).from_buffer(buffer)
+    _held.append(held)
+    return ctypes.addressof(held)
+
+
+_held: list[object] = []
+
+
+def end_with_the_rig(parent: int) -> None:
+    """Have the kernel end this process when the one that started it is gone."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        raise SystemExit(1)
+
+
+def main(arguments: list[str]) -> None:
+    """Serve a library, or become a command; see the head of this file."""
+    kind, parent, *rest = arguments
+    end_with_the_rig(int(parent))
+    if kind == "exec":
+        try:
+            os.execvp(rest[0], rest)
+        except OSError as error:
+            sys.exit(f"{rest[0]}: {error.strerror}")
+    fd, path, blank, *sizes = rest
+    named = {name: int(size) for name, _, size in (text.partition("=") for text in sizes)}
+    voice = Voice(socket.socket(fileno=int(fd)), bytes.fromhex(blank), named)
+    try:
+        library = Library(path, HEAD.unpack_from(voice.blank)[3])
+    except Refused as reason:
+        voice.say(REFUSED, voice.blank, str(reason))
+        voice.talk.recv(1)  # it is heard before the socket closes
+        return
+    voice.say(READY, voice.blank, "library")
+    Host(voice, library).serve()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

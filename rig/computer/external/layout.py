@@ -1,0 +1,196 @@
+"""The records that go between the rig and a unit under test: their fields follow from the frame's table.
+
+Little-endian, IEEE 754, naturally aligned, every gap a field of its own (``pad_...``), sizes a multiple of eight bytes.
+All carriers move the same bytes; docs/unit.md has the tables.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from enum import IntEnum, IntFlag
+from typing import Any, Final
+
+import numpy as np
+
+from rig.computer.redundancy.config import PARAMS
+from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
+from rig.frame import DISCRETES, SIGNALS, SURFACES, D, Ilm, Law, Pattern, Resolver, S, State
+from rig.frame.fields import BASES, FIELD, FIELDS
+
+VERSION: Final = 1  # of the seam; a change of a field changes LAYOUT alone
+TO_UNIT, FROM_UNIT = 0x49474952, 0x4F474952  # "RIGI", "RIGO" as little-endian words
+PART_BYTES: Final = 1024  # of CONFIG in one message that must fit into an Ethernet frame
+NAME_BYTES, TEXT_BYTES = 64, 192
+
+
+class Kind(IntEnum):
+    """What a message is."""
+
+    HELLO = 1  # a session begins
+    CONFIG = 2
+    FRAME = 3
+    END = 4  # the session is over; the next one begins as if it were the first
+    READY = 5  # to HELLO and to the whole CONFIG
+    REFUSED = 6  # to either, with a reason
+    REPLY = 7
+
+
+class Said(IntFlag):
+    """Groups of an answer that the unit has filled."""
+
+    VOTED = 1
+    STATE = 2  # with level
+    PATTERN = 4  # with resolver, reference_usable, common_mode
+    TREND = 8
+    DISCRETES = 16  # their votes, states and levels
+    SURFACE = 32
+
+
+class Form(IntEnum):
+    """How much of the flight computer a unit is."""
+
+    REDUNDANCY = 0  # channels in, votes and states out
+    FLIGHT_COMPUTER = 1  # surfaces out
+
+
+# Besides BUS: what the rig computes from the unit's last votes, NaN where there is none.
+REFERENCES: Final = ("reference", "second_reference")
+ANSWERS: Final[dict[str, Said]] = {
+    "voted": Said.VOTED,
+    "surface": Said.SURFACE,
+    "state": Said.STATE,
+    "level": Said.STATE,
+    "pattern": Said.PATTERN,
+    "resolver": Said.PATTERN,
+    "reference_usable": Said.PATTERN,
+    "common_mode": Said.PATTERN,
+    "trend_high": Said.TREND,
+    "trend_low": Said.TREND,
+    "discrete_voted": Said.DISCRETES,
+    "discrete_state": Said.DISCRETES,
+    "discrete_level": Said.DISCRETES,
+    "law": Said.SURFACE,
+}
+ENUMS: Final[tuple[type[IntEnum] | type[IntFlag], ...]] = (Kind, Form, Said, Ilm, State, Pattern, Resolver, Law)
+
+_Entry = tuple[str, Any, tuple[int, ...]]
+_HEAD: Final[list[_Entry]] = [
+    ("magic", "<u4", ()),
+    ("version", "<u2", ()),
+    ("kind", "<u2", ()),
+    ("layout", "<u8", ()),
+    ("session", "<u8", ()),
+    ("frame", "<i8", ()),
+    ("time_s", "<f8", ()),
+]
+_TAIL: Final[list[_Entry]] = [("length", "<u4", ()), ("crc", "<u4", ())]
+
+
+def _of_frame(names: list[str]) -> list[_Entry]:
+    """Fields of the frame, the widest first."""
+    fields = [FIELD[name] for name in names]
+    entries: list[_Entry] = [(field.name, f"<{BASES[field.kind]}", field.shape) for field in fields]
+    return sorted(entries, key=lambda entry: -np.dtype(entry[1]).itemsize)
+
+
+def _packed(entries: list[_Entry]) -> np.dtype[Any]:
+    """``entries`` in their order, gaps filled by fields ``pad_1``, ...; the size is a multiple of eight bytes."""
+    found: list[_Entry] = []
+    at, pads = 0, 0
+    for name, kind, shape in [*entries, ("", "<u8", ())]:  # the last one only closes the record
+        dtype = np.dtype(kind)
+        wide = 8 if name == "length" else _alignment(dtype)
+        if gap := -at % wide:
+            pads += 1
+            found.append((f"pad_{pads}", "u1", (gap,)))
+            at += gap
+        if name:
+            found.append((name, dtype, shape))
+            at += dtype.itemsize * int(np.prod(shape, dtype=int))
+    return np.dtype(found)
+
+
+def _alignment(dtype: np.dtype[Any]) -> int:
+    if dtype.names is not None:
+        return 8
+    return 1 if dtype.kind == "S" else dtype.itemsize
+
+
+def _little(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    """A record of our own settings as one of the seam: the widest fields first."""
+    fields: Any = dtype.fields
+    entries: list[_Entry] = []
+    for name in dtype.names or ():
+        base, shape = fields[name][0].base, fields[name][0].shape
+        entries.append((name, base.newbyteorder("<"), shape))
+    return _packed(sorted(entries, key=lambda entry: -np.dtype(entry[1]).itemsize))
+
+
+SIGNAL_CONFIG: Final = _little(PARAMS)
+DISCRETE_CONFIG: Final = _little(DISCRETE_PARAMS)
+HELLO: Final = _packed([*_HEAD, *_TAIL])  # END too
+READY: Final = _packed([*_HEAD, ("text", f"S{TEXT_BYTES}", ()), *_TAIL])  # REFUSED too
+CONFIG: Final = _packed(
+    [
+        *_HEAD,
+        ("rate_hz", "<f8", ()),
+        ("form", "<i8", ()),
+        ("box_signals", "<i8", ()),
+        ("box_persistence", "<i8", ()),
+        ("trim_surface", "<f8", (len(SURFACES),)),
+        ("surface_low", "<f8", (len(SURFACES),)),
+        ("surface_high", "<f8", (len(SURFACES),)),
+        ("signal", SIGNAL_CONFIG, (S,)),
+        ("discrete", DISCRETE_CONFIG, (D,)),
+        ("aircraft", f"S{NAME_BYTES}", ()),
+        ("flight_point", f"S{NAME_BYTES}", ()),
+        *_TAIL,
+    ]
+)
+PART: Final = _packed(
+    [*_HEAD, ("part", "<u4", ()), ("parts", "<u4", ()), ("bytes", "u1", (PART_BYTES,)), *_TAIL]
+)  # of CONFIG
+INPUT: Final = _packed(
+    [*_HEAD, *_of_frame([*REFERENCES, *(field.name for field in FIELDS if field.part == "bus")]), *_TAIL]
+)
+OUTPUT: Final = _packed([*_HEAD, ("stepped", "<u8", ()), *_of_frame([*ANSWERS]), ("said", "u1", ()), *_TAIL])
+RECORDS: Final[dict[str, np.dtype[Any]]] = {
+    "hello": HELLO,
+    "ready": READY,
+    "signal_config": SIGNAL_CONFIG,
+    "discrete_config": DISCRETE_CONFIG,
+    "config": CONFIG,
+    "config_part": PART,
+    "input": INPUT,
+    "output": OUTPUT,
+}
+
+
+def place(dtype: np.dtype[Any], name: str) -> tuple[np.dtype[Any], int]:
+    """A field's own dtype and its offset."""
+    fields: Any = dtype.fields
+    return fields[name][0], fields[name][1]
+
+
+def blank(dtype: np.dtype[Any], magic: int, kind: Kind, session: int = 0) -> np.ndarray[Any, Any]:
+    """A record (1,) of a session with nothing in it but its head and length."""
+    record = np.zeros(1, dtype)
+    record["magic"], record["version"], record["kind"] = magic, VERSION, kind
+    record["layout"], record["session"], record["length"] = LAYOUT, session, place(dtype, "length")[1]
+    return record
+
+
+def described() -> str:
+    """Every name, type, shape and offset that both sides must agree on: the text that LAYOUT is the hash of."""
+    lines = [f"version {VERSION}", *(signal.name for signal in SIGNALS), *(one.name for one in DISCRETES)]
+    for record, dtype in RECORDS.items():
+        lines.append(f"{record} {dtype.itemsize}")
+        for name in dtype.names or ():
+            of, at = place(dtype, name)
+            base = next((n for n, d in RECORDS.items() if d == of.base), of.base.str)
+            lines.append(f"  {at} {name} {base} {of.shape}")
+    lines += [f"{enum.__name__}.{one.name} {one.value}" for enum in ENUMS for one in enum]
+    return "\n".join(lines)
+
+
+LAYOUT: Final = int.from_bytes(hashlib.sha256(described().encode()).digest()[:8], "little")

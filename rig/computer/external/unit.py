@@ -1,0 +1,183 @@
+"""The unit under test: one that runs, from flight to flight."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any, Final
+
+from numpy.typing import NDArray
+
+from rig.computer.external import links
+from rig.computer.external.host import Refused
+from rig.computer.external.layout import FROM_UNIT, OUTPUT, Form, Kind, blank
+from rig.computer.external.links import MOST_BYTES, Called, Gone, Link, clock
+from rig.computer.external.port import Port, new_port
+from rig.computer.external.session import Dead, end_session, open_session
+from rig.computer.external.settings import Unit
+from rig.computer.external.watch import Counts, Watch
+from rig.errors import BadInput, ManagerFailed, RigError
+from rig.frame import Unit as Answer
+from rig.interrupt import Stop
+
+_MOST_RESTARTS: Final = 10
+_FORMS: Final = {"redundancy": Form.REDUNDANCY, "flight-computer": Form.FLIGHT_COMPUTER}
+_FOREVER: Final = float("inf")
+Deadline = Callable[[int, float], float]  # the time of ``clock`` at which a share of a frame is over
+
+
+class UnitUnderTest:
+    """``begin`` a flight, ``exchange`` every frame of it, ``end`` it; ``close`` at last."""
+
+    port: Port  # of the flight that has begun
+    watch: Watch
+
+    def __init__(self, unit: Unit) -> None:
+        """Start the unit, or find it.  BadInput: one line says what is wrong with it."""
+        self.unit, self.form = unit, _FORMS[unit.form]
+        self.said, self.printed = "", ""  # of itself; on its standard output, known when it is closed
+        self.reply_us = 0.0  # of the last frame
+        self.dead = False
+        self._link: Link | Called = _reach(unit)
+        self._into = memoryview(bytearray(MOST_BYTES))
+
+    def begin(self, config: NDArray[Any], deadline: Deadline | None = None, stop: Stop | None = None) -> None:
+        """Bring it to its first frame, whatever it did before.  BadInput: it will not.
+
+        config : (1,) CONFIG; deadline : of a paced flight, None in lockstep; stop : asks for the end of the flight
+        """
+        self.dead, self._deadline, self._stop, self._config = False, deadline, stop or Stop(), config
+        config["session"] = secrets.randbits(63) + 1
+        trim, rate_hz = config["trim_surface"][0], float(config["rate_hz"][0])
+        self.port = new_port(self.form, self._session, self.unit.latency_frames, trim, rate_hz)
+        self.watch = Watch(self._session, Counts())
+        self._sent, self._received = self.port.sent_bytes.data, self.port.received_bytes.data
+        try:
+            self._open()
+        except (Gone, Dead, Refused) as reason:
+            raise BadInput(f"{self.unit.source} {self._explained(str(reason))}") from None
+
+    @property
+    def _session(self) -> int:
+        return int(self._config["session"][0])
+
+    def _open(self) -> None:
+        if isinstance(self._link, Called):
+            self._link.open(self._config)
+            template = blank(OUTPUT, FROM_UNIT, Kind.REPLY, self._session).tobytes()
+            self._link.bind(self.port.sent, self.port.received, template)
+            return
+        self.said = open_session(self._link, self._config, self.unit.start_s, lambda: self._stop.requested)
+
+    def end(self) -> None:
+        """The flight is over.  RigError: a library in this process has changed how it calculates."""
+        if not isinstance(self._link, Called):
+            end_session(self._link, self._session)
+            return
+        self._link.close()
+        if self._link.environment.moved():
+            raise RigError(f"{self.unit.source} changed the rounding of this process: its flight does not count")
+
+    def close(self) -> None:
+        """End the unit; no process of it is left behind."""
+        process = self._link.process
+        self._link.close()
+        if process is not None:
+            self.printed += process.printed()
+            process.forget()
+
+    def exchange(self, frame: int, row: int) -> int:
+        """Hand ``port.sent`` over and wait for ``port.received``; the frame's Unit so far.
+
+        ManagerFailed when the unit file says that the flight ends with this; ``row`` of its block.
+        """
+        began = clock()
+        try:
+            return Answer.DEAD.value if self.dead else self._step(frame)
+        except (Gone, Dead) as reason:
+            return self._died(str(reason), frame, row)
+        finally:
+            self.reply_us = (clock() - began) * 1e6
+
+    def taken(self, status: int) -> None:
+        """What the frame came to when its answer had been looked into."""
+        self.watch.flown(status in (Answer.ANSWERED, Answer.RESTARTED), status == Answer.REFUSED)
+
+    def _step(self, frame: int) -> int:
+        if self.watch.run >= self.unit.max_missed:
+            raise Dead(f"gave no answer that can be flown for max_missed = {self.unit.max_missed} frames in a row")
+        link = self._link
+        if isinstance(link, Called):
+            code = link.step()
+            if code:
+                raise Dead(f"failed: rig_unit_step returned {code}")
+            return Answer.ANSWERED.value
+        link.send(self._sent)
+        until, into = self._until(frame), self._into
+        while True:
+            count = link.receive(into, until)
+            if count and self.watch.is_answer(into[:count], frame):
+                self._received[:] = into[:count]
+                return Answer.ANSWERED.value
+            if self._stop.requested:
+                return Answer.HELD.value
+            if not count and clock() >= until:
+                return self._missed(frame)
+
+    def _until(self, frame: int) -> float:
+        """When the wait is over.  The first answer has as long as in lockstep: there is none before it to be held."""
+        if self._deadline is not None and self.watch.last_frame >= 0:
+            return self._deadline(frame, self.unit.deadline)
+        return clock() + (self.unit.timeout_s or _FOREVER)
+
+    def _missed(self, frame: int) -> int:
+        if self._deadline is None or self.watch.last_frame < 0:
+            raise Dead(f"has not answered within timeout_s = {self.unit.timeout_s:g} s")
+        self.watch.missed(frame)
+        if self.unit.on_miss == "end":
+            raise Dead(f"missed its deadline, {self.unit.deadline:g} of the frame")
+        return Answer.HELD.value
+
+    def _died(self, reason: str, frame: int, row: int) -> int:
+        """What the unit file says of a dead unit."""
+        then, counts = self.unit.on_dead, self.watch.counts
+        said = self._explained(reason)
+        if then == "restart" and counts.restarts < _MOST_RESTARTS:
+            try:
+                return self._restart(frame)
+            except (Gone, Dead, BadInput) as again:
+                said += f"; started again it {again}"
+        counts.dead_frame, self.dead = frame, True
+        if then in ("end", "restart"):
+            raise ManagerFailed(f"{self.unit.source}, frame {frame}: {said}", row, frame)
+        return Answer.DEAD.value
+
+    def _restart(self, frame: int) -> int:
+        """A new process, CONFIG, and the present frame once more: the unit has lost its latches."""
+        self.close()
+        self.watch.counts.restarts += 1
+        self._link = _reach(self.unit)
+        self.watch.begin_again()
+        self._open()
+        status = self._step(frame)
+        return Answer.RESTARTED.value if status == Answer.ANSWERED else status
+
+    def _explained(self, reason: str) -> str:
+        """``reason``, with the last line that its process printed."""
+        said = "" if self._link.process is None else self._link.process.last_line()
+        return f"{reason}; it printed: {said}" if said else reason
+
+    def result(self) -> dict[str, Any]:
+        """What the flight says of its unit."""
+        counts = self.watch.counts
+        counts.not_finite = int(self.port.counts[1])
+        return {"said": self.said, **asdict(counts), "reproducible": counts.reproducible}
+
+
+def _reach(unit: Unit) -> Link | Called:
+    if unit.carrier == "library":
+        return links.child(unit) if unit.isolate else Called(unit)
+    if unit.carrier == "udp":
+        return links.udp(unit)
+    raise BadInput(f"{unit.source}: carrier {unit.carrier} cannot be flown here")

@@ -1,0 +1,70 @@
+/* A unit that goes wrong at frame 50 in the way that the environment variable FAULT names; a first valid channel else. */
+#include <fenv.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "rig_unit.h"
+
+static const char *fault;
+static long at;
+static double vote[RIG_SIGNALS];
+
+int rig_unit_open(const struct rig_config *config)
+{
+    fault = getenv("FAULT") ? getenv("FAULT") : "";
+    at = getenv("FAULT_FRAME") ? atol(getenv("FAULT_FRAME")) : 50;
+    memset(vote, 0, sizeof vote);
+    if (strcmp(fault, "rounding") == 0) {
+        fesetround(FE_UPWARD);
+    }
+    return config->layout != RIG_UNIT_LAYOUT || strcmp(fault, "open") == 0 ? 7 : 0;
+}
+
+static int go_wrong(struct rig_output *out)
+{
+    if (strcmp(fault, "segv") == 0) {
+        *(volatile int *)0 = 0;
+    } else if (strcmp(fault, "abort") == 0) {
+        abort();
+    } else if (strcmp(fault, "exit") == 0) {
+        exit(3);
+    } else if (strcmp(fault, "hang") == 0) {
+        for (;;) {
+            pause();
+        }
+    } else if (strcmp(fault, "sleep") == 0) {
+        sleep(3);
+    } else if (strcmp(fault, "error") == 0) {
+        return 5;
+    } else if (strcmp(fault, "print") == 0) {
+        puts("hello from the unit");
+        fflush(stdout);
+    } else if (strcmp(fault, "nan vote") == 0) {
+        out->voted[RIG_SIGNAL_HEADING] = NAN;
+    } else if (strcmp(fault, "state") == 0) {
+        out->state[0][1] = 17;
+    } else if (strcmp(fault, "silent") == 0) {
+        out->said = 0;
+    }
+    return 0;
+}
+
+int rig_unit_step(const struct rig_input *in, struct rig_output *out)
+{
+    for (int i = 0; i < RIG_SIGNALS; i++) {
+        if (in->valid[i][0] && isfinite(in->channels[i][0])) {
+            vote[i] = in->channels[i][0];
+        }
+        out->voted[i] = vote[i];
+        out->level[i] = 4;
+    }
+    out->said = RIG_SAID_VOTED | RIG_SAID_STATE;
+    return in->frame == at ? go_wrong(out) : 0;
+}
+
+void rig_unit_close(void)
+{
+}
