@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -22,7 +21,7 @@ from numpy.typing import NDArray
 
 from rig import loop, under_test
 from rig.computer.external.settings import Unit, read_unit
-from rig.computer.external.unit import UnitUnderTest
+from rig.computer.external.unit import UnitUnderTest, running
 from rig.errors import ManagerFailed, RigError
 from rig.flight_records import Records
 from rig.frame import Block
@@ -154,26 +153,15 @@ def fly(
     tested = read_unit(unit) if isinstance(unit, str | Path) else unit
     if tested is not None and tested.carrier == "python":
         scenario, tested = managed(scenario, tested), None
-    with interruptible() as stop, _running(tested) as running:
-        flown = _record(scenario, text, name, Path(out), rerun, pace, stop, progress, viewer, watch, running)
-    return flown if running is None else replace(flown, printed=running.printed)
+    with interruptible() as stop, running(tested) as under:
+        flown = _record(scenario, text, name, Path(out), rerun, pace, stop, progress, viewer, watch, under)
+    return flown if under is None else replace(flown, printed=under.printed)
 
 
 def managed(scenario: Scenario, unit: Unit) -> Scenario:
     """The scenario with the manager class that a unit file names, which is permission to run it."""
     named = scenario.redundancy.model_copy(update={"manager": unit.manager})
     return scenario.model_copy(update={"redundancy": named}).trusted(Trust(unit.source, named=unit.manager))
-
-
-@contextmanager
-def _running(unit: Unit | None) -> Iterator[UnitUnderTest | None]:
-    """The unit, started or found; ended when the flight is over."""
-    running = None if unit is None else UnitUnderTest(unit)
-    try:
-        yield running
-    finally:
-        if running is not None:
-            running.close()
 
 
 def _record(

@@ -225,11 +225,14 @@ def frames(
             return
 
 
-def fly_rows(scenario: Scenario, frames_at_most: int | None = None) -> Block:
-    """All rows of a flight in memory, no more than ``frames_at_most``; two kilobytes a frame."""
+def fly_rows(scenario: Scenario, frames_at_most: int | None = None, rig: Rig | None = None) -> Block:
+    """All rows of a flight in memory, no more than ``frames_at_most``; two kilobytes a frame.
+
+    rig : of the scenario, at its first frame; one is made without it
+    """
     most = scenario.frames if frames_at_most is None else min(frames_at_most, scenario.frames)
     rows, flown = np.zeros(most, FLAT), 0
-    for block, _ in frames(Rig(scenario), scenario):
+    for block, _ in frames(rig or Rig(scenario), scenario):
         taken = block[: most - flown]
         rows[flown : flown + len(taken)] = taken
         flown += len(taken)

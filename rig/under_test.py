@@ -7,7 +7,10 @@ after_unit    its answer into the row; what it has not said is the rig's: discre
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from rig.computer.analytic.references import remember
 from rig.computer.control.law import fly
@@ -15,34 +18,59 @@ from rig.computer.external.layout import Form
 from rig.computer.external.port import ON_DISCRETES, fill, take
 from rig.computer.external.session import configuration
 from rig.computer.external.unit import UnitUnderTest
+from rig.computer.redundancy import Redundancy
 from rig.computer.redundancy.discrete import vote_discretes
 from rig.faults import actuate
-from rig.frame import Nested, Unit, nested, new_block
+from rig.frame import FLIGHT_INDEX, SURFACES, Block, Nested, Unit, nested, new_block
 from rig.interrupt import Stop
 from rig.kernels import bind, kernel
-from rig.loop import Rig, StageData, before, compute, hand_over
+from rig.loop import Rig, StageData, Step, before, compute, hand_over
 from rig.record.pace import Pace
 from rig.scenario import Scenario
 
 
-def put(unit: UnitUnderTest, rig: Rig, scenario: Scenario, pace: Pace, stop: Stop) -> None:
+def put(unit: UnitUnderTest, rig: Rig, scenario: Scenario, pace: Pace | None = None, stop: Stop | None = None) -> None:
     """Begin a flight of ``unit`` in ``rig``, which is at its first frame.  BadInput: it will not fly it."""
-    redundancy, frame = rig.redundancy, scenario.airframe
-    config = configuration(
-        scenario.rate_hz,
-        unit.form,
-        redundancy.manager.data.params,
-        redundancy.discretes.params,
-        redundancy.manager.data.boxes,
-        rig.plant.trim,
-        np.array(frame.surface_limits),
-        (scenario.aircraft, frame.point(scenario.flight_point).name),
-    )
-    unit.begin(config, None if pace.period_s is None else pace.due, stop)
+    deadline = None if pace is None or pace.period_s is None else pace.due
+    unit.begin(config_of(scenario, rig.redundancy, rig.plant.trim, unit.form), deadline, stop)
     rig.unit, rig.compute = unit, _around(unit, rig.data)
 
 
-def _around(unit: UnitUnderTest, data: StageData):
+def config_of(scenario: Scenario, redundancy: Redundancy, trim: NDArray[np.float64], form: Form) -> NDArray[Any]:
+    """The (1,) CONFIG of a scenario; trim : (4,) surfaces of its first frame."""
+    frame = scenario.airframe
+    return configuration(
+        scenario.rate_hz,
+        form,
+        redundancy.manager.data.params,
+        redundancy.discretes.params,
+        redundancy.manager.data.boxes,
+        trim,
+        np.array(frame.surface_limits),
+        (scenario.aircraft, frame.point(scenario.flight_point).name),
+    )
+
+
+class UnitVoter:
+    """A unit over recorded rows, in open loop."""
+
+    def __init__(self, unit: UnitUnderTest, scenario: Scenario, redundancy: Redundancy, rows: Block) -> None:
+        """Begin a session; rows : from the first frame on.  BadInput: the unit will not."""
+        trim = rows["flight"][0, [FLIGHT_INDEX[name] for name in SURFACES]]
+        unit.begin(config_of(scenario, redundancy, trim, unit.form))
+        self._unit, self._seen, self._raw = unit, rows[:0], _bytes(rows[:0])
+
+    def step(self, rows: Block, k: int) -> int:
+        """Write what the unit answers to row k of ``rows`` into it; the groups that it said, of layout.Said."""
+        if rows is not self._seen:
+            self._seen, self._raw = rows, _bytes(rows)
+        port, frame = self._unit.port, int(rows["frame"][k])
+        fill(self._raw, k, frame, port)
+        self._unit.taken(take(self._raw, k, port, self._unit.exchange(frame, k)))
+        return int(port.slots[0]["said"])
+
+
+def _around(unit: UnitUnderTest, data: StageData) -> Step:
     """What ``loop.compute`` does, with the unit in the place of our own; ours once it is to take over."""
     port, rows = unit.port, nested(new_block(2))
     raw = _bytes(rows)
@@ -65,7 +93,7 @@ def _around(unit: UnitUnderTest, data: StageData):
     return step
 
 
-def _bytes(rows: Nested) -> np.ndarray:
+def _bytes(rows: Block) -> NDArray[np.uint8]:
     return rows.view(np.uint8).reshape(len(rows), -1)
 
 
@@ -82,15 +110,21 @@ def after_unit(block, raw, k, data, port, status):
     status = take(raw, k, port, status)
     row, answer = block[k], port.slots[0]
     bus, fcc = row["bus"], row["fcc"]
-    remember(bus, fcc, data.redundancy.references)
-    if answer["said"] & ON_DISCRETES == 0:
-        vote_discretes(bus, fcc, data.redundancy.discretes)
+    conclude_unit(bus, fcc, answer["said"], data.redundancy)
     if port.form == _REDUNDANCY:
         fly(bus, fcc, data.control)
     hand_over(fcc["surface"], row["actuation"]["actuator"])
     row["actuation"]["unit"], row["actuation"]["unit_age"] = status, row["frame"] - answer["frame"]
     actuate(row, data.faults)
     return status
+
+
+@kernel
+def conclude_unit(bus, fcc, said, data):
+    """After a unit: keep its votes for the next references, and vote the discretes unless it has."""
+    remember(bus, fcc, data.references)
+    if said & ON_DISCRETES == 0:
+        vote_discretes(bus, fcc, data.discretes)
 
 
 _REDUNDANCY = int(Form.REDUNDANCY)

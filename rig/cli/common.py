@@ -20,6 +20,9 @@ AllowCode = Annotated[
     typer.Option("--allow-code", help="Run a manager that a file names (module:name), not only one of --set."),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+UnitFile = Annotated[
+    Path | None, typer.Option("--unit", help="A unit file: the flight software under test.", show_default=False)
+]
 Logs = Annotated[Path, typer.Option(help="Folder of the log.")]
 
 

@@ -13,11 +13,12 @@ from typing import Annotated, Any, Final
 import typer
 
 from rig.cli.campaign import app as campaign_app
-from rig.cli.common import GROUP, AllowCode, Json, Logs, emit
+from rig.cli.common import GROUP, AllowCode, Json, Logs, UnitFile, emit
 from rig.cli.faults import faults_app
 from rig.cli.replay import diff, export, info, replay
 from rig.cli.score import score
 from rig.cli.studies import study
+from rig.cli.unit import unit_app
 from rig.cli.view import view, watch
 from rig.cli.vote import vote
 from rig.errors import BadInput, RigError
@@ -32,6 +33,7 @@ app.add_typer(aircraft_app, name="aircraft")
 app.add_typer(campaign_app, name="campaign")
 app.add_typer(faults_app, name="faults")
 app.add_typer(study, name="study")
+app.add_typer(unit_app, name="unit")
 
 ScenarioName = Annotated[
     str | None, typer.Argument(help="A scenario file or the name of a bundled one.", show_default=False)
@@ -66,9 +68,7 @@ def fly(
         typer.Option(help="Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False),
     ] = None,
     watch: Annotated[bool, typer.Option("--watch", help="Show the redundancy page while it flies.")] = False,
-    unit: Annotated[
-        Path | None, typer.Option(help="A unit file: the flight software under test.", show_default=False)
-    ] = None,
+    unit: UnitFile = None,
     allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:

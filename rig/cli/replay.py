@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rig.cli.common import AllowCode, Json, emit
+from rig.cli.common import AllowCode, Json, UnitFile, emit
 from rig.text import plain
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ def replay(
         typer.Option("--set", metavar="KEY=VALUE", help="What if: redundancy.manager=mean; repeatable."),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Log of the what if.", show_default="<log>.what-if.mcap")] = None,
+    unit: UnitFile = None,
     allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:
@@ -43,19 +44,23 @@ def replay(
         raise BadInput("--fly flies what was recorded: it cannot be joined with --redundancy or --set")
     if out is not None and not asked:
         raise BadInput("--out is where a what if is written: it needs --redundancy or --set")
+    if asked and unit is not None:
+        raise BadInput("--unit replays what was recorded: it cannot be joined with --redundancy or --set")
     recording = recorded(log, allow_code)
     if asked:
         _what_if(recording, redundancy, sets or [], out, as_json)
     else:
-        _again(recording, fly, as_json)
+        _again(recording, fly, unit, as_json)
 
 
-def _again(recording: Recorded, fly: bool, as_json: bool) -> None:
+def _again(recording: Recorded, fly: bool, unit: Path | None, as_json: bool) -> None:
     """Replay or fly again; exit code 1 when anything differs."""
     from rig.cli import show_replay as show
+    from rig.computer.external.unit import running
     from rig.offline.verify import verify
 
-    found = verify(recording, fly)
+    with running(unit) as tested:
+        found = verify(recording, fly, tested)
     emit(as_json, {"log": str(recording.path), **found.as_dict()}, lambda: show.verified(recording, found))
     if not found.comparison.identical:
         raise typer.Exit(1)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from rig import loop
 from rig.computer.control.source import source_of
+from rig.computer.external.layout import Form
+from rig.computer.external.unit import UnitUnderTest
 from rig.computer.redundancy import RedundancyData, conclude, refer
 from rig.computer.redundancy.config import command
 from rig.computer.redundancy.own import OwnManager
@@ -23,6 +25,7 @@ from rig.log import Log, read_log
 from rig.loop import decide
 from rig.scenario import Scenario, from_resolved
 from rig.trust import Trust
+from rig.under_test import UnitVoter, conclude_unit
 
 # What the redundancy stage writes of a row, and the source that the control law takes on its word.
 OUTPUTS: Final = (
@@ -30,6 +33,7 @@ OUTPUTS: Final = (
     *("reference_usable", "common_mode"),
     *("source", "discrete_voted", "discrete_state", "discrete_level"),
 )
+COMMANDED: Final = ("surface", "law")  # by a unit in the form of a flight computer
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +48,11 @@ class Recorded:
     def what_if(self) -> str | None:
         """What was changed, when these frames were never flown but are the answer to a what if."""
         return self.log.metadata.get("what if")
+
+    @property
+    def unit(self) -> dict[str, Any]:
+        """The unit under test that flew it, as ``settings.Unit.about`` said; empty when our own manager did."""
+        return json.loads(self.log.metadata.get("unit", "{}"))
 
 
 def recorded(path: Path | str, allow_code: bool = False) -> Recorded:
@@ -67,14 +76,16 @@ def recorded(path: Path | str, allow_code: bool = False) -> Recorded:
     return Recorded(path, log, scenario)
 
 
-def vote_again(rows: Block, scenario: Scenario) -> Block:
+def vote_again(rows: Block, scenario: Scenario, unit: UnitUnderTest | None = None) -> Block:
     """A copy of ``rows`` with OUTPUTS as the redundancy stage of ``scenario`` writes them over the same channels.
 
     Faults on references act again, in the frames in which they did.  Open loop: truth, channels, commands and all
     else stay those of ``rows``.  BadInput: the user's manager.
+
+    unit : that votes in the place of the manager; one in the form of a flight computer writes SURFACES too
     """
     again = _copy(rows)
-    for name in OUTPUTS:
+    for name in outputs(unit):
         again[name] = np.nan if name.endswith("reference") else 0
     again["reset"], again["discrete_reset"] = 0, 0
     command(again, scenario.redundancy.resets, scenario.rate_hz)  # a log of an older schema has none
@@ -84,7 +95,11 @@ def vote_again(rows: Block, scenario: Scenario) -> Block:
     stage = loop.redundancy(scenario)
     faults = loop.faults(scenario if on_references else scenario.model_copy(update={"faults": []}))
     faults.prepare(again)
-    replay(again, _copy(rows) if on_references else again, ReplayData(faults.data, stage.data), stage.own)
+    flown, data = _copy(rows) if on_references else again, ReplayData(faults.data, stage.data)
+    if unit is None:
+        replay(again, flown, data, stage.own)
+    else:
+        replay_unit(again, flown, data, UnitVoter(unit, scenario, stage, again))
     sources(again)
     return again
 
@@ -112,6 +127,19 @@ def replay(rows: Block, recorded: Block, data: ReplayData, own: OwnManager | Non
         replay_after(block, flown, k, data)
 
 
+def replay_unit(rows: Block, recorded: Block, data: ReplayData, voter: UnitVoter) -> None:
+    """As ``replay``, with a unit under test that votes."""
+    block, flown = nested(rows), nested(recorded)
+    for k in range(len(block)):
+        replay_before(block, flown, k, data)
+        replay_after_unit(block, flown, k, voter.step(rows, k), data)
+
+
+def outputs(unit: UnitUnderTest | None) -> tuple[str, ...]:
+    """What a replay writes."""
+    return OUTPUTS if unit is None or unit.form is Form.REDUNDANCY else (*OUTPUTS, *COMMANDED)
+
+
 @kernel
 def replay_all(rows, recorded, data):
     """All rows, with a manager of the house."""
@@ -135,6 +163,14 @@ def replay_after(rows, recorded, k, data):
     """What is kept of the votes of row k, and its discretes; ``after`` without the control law."""
     row = rows[k]
     conclude(row["bus"], row["fcc"], data.redundancy)
+    actuate(recorded[k], data.faults)
+
+
+@kernel
+def replay_after_unit(rows, recorded, k, said, data):
+    """The same after a unit that has said the groups ``said``."""
+    row = rows[k]
+    conclude_unit(row["bus"], row["fcc"], said, data.redundancy)
     actuate(recorded[k], data.faults)
 
 

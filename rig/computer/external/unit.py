@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any, Final
 
 from numpy.typing import NDArray
@@ -15,7 +17,7 @@ from rig.computer.external.layout import FROM_UNIT, OUTPUT, Form, Kind, blank
 from rig.computer.external.links import MOST_BYTES, Called, Gone, Link, clock
 from rig.computer.external.port import Port, new_port
 from rig.computer.external.session import Dead, end_session, open_session
-from rig.computer.external.settings import Unit
+from rig.computer.external.settings import Unit, read_unit
 from rig.computer.external.watch import Counts, Watch
 from rig.errors import BadInput, ManagerFailed, RigError
 from rig.frame import Unit as Answer
@@ -173,6 +175,18 @@ class UnitUnderTest:
         counts = self.watch.counts
         counts.not_finite = int(self.port.counts[1])
         return {"said": self.said, **asdict(counts), "reproducible": counts.reproducible}
+
+
+@contextmanager
+def running(unit: Unit | Path | str | None) -> Iterator[UnitUnderTest | None]:
+    """The unit of a file, started or found; ended with the context.  BadInput."""
+    found = read_unit(unit) if isinstance(unit, str | Path) else unit
+    tested = None if found is None else UnitUnderTest(found)
+    try:
+        yield tested
+    finally:
+        if tested is not None:
+            tested.close()
 
 
 def _reach(unit: Unit) -> Link | Called:

@@ -1,0 +1,43 @@
+"""``rig unit``: what goes between the rig and a unit under test, and whether a unit keeps to it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rig.cli.common import GROUP, Json, emit
+from rig.errors import BadInput
+
+unit_app = typer.Typer(help="Flight software under test: its records, its conformance.", **GROUP)
+
+
+@unit_app.command()
+def header(
+    ada: Annotated[bool, typer.Option("--ada", help="Ada record clauses.")] = False,
+    markdown: Annotated[bool, typer.Option("--markdown", help="The tables of docs/unit.md.")] = False,
+) -> None:
+    """Print the records as a C header, or in another form."""
+    from rig.computer.external import ada as in_ada
+    from rig.computer.external import description, header
+
+    if ada and markdown:
+        raise BadInput("--ada, --markdown: one of them")
+    text = in_ada.specification if ada else description.markdown if markdown else header.header
+    typer.echo(text(), nl=False)
+
+
+@unit_app.command()
+def check(
+    file: Annotated[Path, typer.Argument(metavar="UNIT", help="A unit file.", show_default=False)],
+    as_json: Json = False,
+) -> None:
+    """Test whether a unit keeps to the records and the requirement; exit code 1 when it fails one of them."""
+    from rig.cli import show_unit as show
+    from rig.offline.unit_check import check as test
+
+    found = test(file)
+    emit(as_json, found.as_dict, lambda: show.checked(found))
+    if not found.passed:
+        raise typer.Exit(1)

@@ -1,0 +1,106 @@
+"""Vectors: what a monitor must say to known inputs, each case with the requirement that it tests.
+
+They are made by an independent reading of docs/redundancy.md (``python tests/tools/unit_vectors.py``), not by our manager.
+A file of numpy arrays; a case is a session of its own:
+
+    layout       LAYOUT of the records
+    requirement  (cases,) text
+    config       (cases,) CONFIG
+    case         (frames,) to which case a frame belongs, in order
+    input        (frames,) INPUT
+    expected     (frames,) OUTPUT, of which ``said`` names the groups that count
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.computer.external.layout import ANSWERS, CONFIG, INPUT, LAYOUT, OUTPUT, Said
+from rig.computer.external.unit import UnitUnderTest
+from rig.errors import RigError
+from rig.frame import SIGNALS
+from rig.frame import Unit as Answer
+
+FILE: Final = Path(__file__).with_name("vectors.npz")
+VOTES_WITHIN: Final = 1e-6  # of a signal's range
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One session: what goes in, and what must come out."""
+
+    requirement: str
+    config: NDArray[Any]  # (1,) CONFIG
+    inputs: NDArray[Any]  # (n,) INPUT
+    expected: NDArray[Any]  # (n,) OUTPUT
+
+
+def load(path: Path = FILE) -> list[Case]:
+    """The cases of a file.  RigError: of other records than ours."""
+    with np.load(path) as held:
+        if int(held["layout"]) != LAYOUT:
+            raise RigError(f"{path}: vectors of another layout: write them again with tests/tools/unit_vectors.py")
+        requirement, config, case = held["requirement"], held["config"], held["case"]
+        inputs, expected = held["input"], held["expected"]
+    return [
+        Case(str(requirement[i]), config[i : i + 1].copy(), inputs[case == i], expected[case == i])
+        for i in range(len(config))
+    ]
+
+
+def save(cases: list[Case], path: Path = FILE) -> None:
+    """Write the cases to a file."""
+    np.savez_compressed(
+        path,
+        layout=np.uint64(LAYOUT),
+        requirement=np.array([case.requirement for case in cases]),
+        config=np.concatenate([case.config for case in cases]).astype(CONFIG),
+        case=np.repeat(np.arange(len(cases)), [len(case.inputs) for case in cases]),
+        input=np.concatenate([case.inputs for case in cases]).astype(INPUT),
+        expected=np.concatenate([case.expected for case in cases]).astype(OUTPUT),
+    )
+
+
+def answers(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -> NDArray[Any]:
+    """What a unit says to ``inputs`` (n,) in a session of its own: (n,) OUTPUT.  BadInput: it will not begin.
+
+    Frames without an answer stay zero, their ``frame`` -1.
+    """
+    tested.begin(config.copy())
+    port, found = tested.port, np.zeros(len(inputs), OUTPUT)
+    found["frame"] = -1
+    for k, asked in enumerate(inputs):
+        session = port.sent["session"][0]
+        port.sent[0] = asked
+        port.sent["session"], port.sent["layout"], port.sent["frame"] = session, LAYOUT, k
+        status = tested.exchange(k, k)
+        tested.taken(status)
+        if status == Answer.ANSWERED:
+            found[k] = port.received[0]
+    tested.end()
+    return found
+
+
+def differences(case: Case, said: NDArray[Any]) -> Iterator[str]:
+    """Where the answers (n,) OUTPUT are not those of the case: decisions by value, votes by VOTES_WITHIN of the range."""
+    ranges = case.config["signal"][0]
+    allowed = VOTES_WITHIN * (ranges["high"] - ranges["low"])
+    unanswered = said["frame"] < 0
+    for k in np.flatnonzero(unanswered)[:1]:
+        yield f"frame {k}: no answer"
+    for name, group in ANSWERS.items():
+        expected, found = case.expected[name], said[name]
+        counts = (case.expected["said"] & group != 0) & ~unanswered
+        counts = counts.reshape(-1, *[1] * (expected.ndim - 1))
+        unsaid = (said["said"] & group == 0).reshape(counts.shape) & counts
+        off = ~(np.abs(expected - found) <= allowed) if group == Said.VOTED else expected != found
+        for place in np.argwhere((off | unsaid) & counts)[:1]:
+            where = tuple(int(i) for i in place)
+            named = f" {SIGNALS[where[1]].name}" if len(where) > 1 and expected.shape[1] == len(SIGNALS) else ""
+            yield f"frame {where[0]}: {name}{named} is {found[where]}, must be {expected[where]}"
