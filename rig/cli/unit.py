@@ -31,13 +31,14 @@ def header(
 @unit_app.command()
 def check(
     file: Annotated[Path, typer.Argument(metavar="UNIT", help="A unit file.", show_default=False)],
+    seam: Annotated[bool, typer.Option("--seam", help="How it answers, not what it decides.")] = False,
     as_json: Json = False,
 ) -> None:
     """Test whether a unit keeps to the records and the requirement; exit code 1 when it fails one of them."""
     from rig.cli import show_unit as show
     from rig.offline.unit_check import check as test
 
-    found = test(file)
+    found = test(file, seam_only=seam)
     emit(as_json, found.as_dict, lambda: show.checked(found))
     if not found.passed:
         raise typer.Exit(1)

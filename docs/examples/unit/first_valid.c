@@ -19,15 +19,16 @@ int rig_unit_step(const struct rig_input *in, struct rig_output *out)
 {
     for (int i = 0; i < RIG_SIGNALS; i++) {
         const struct rig_signal_config *p = &config.signal[i];
-        for (int c = RIG_CHANNELS - 1; c >= 0; c--) { /* the first one has the last word */
+        for (int c = (int)p->fitted - 1; c >= 0; c--) { /* backwards: the first channel has the last word */
             const double x = in->channels[i][c];
-            const int usable = c < p->fitted && in->valid[i][c] && p->low <= x && x <= p->high; /* false for NaN */
-            vote[i] = usable ? x : vote[i];
-            out->state[i][c] = c < p->fitted ? RIG_STATE_OK : RIG_STATE_ABSENT;
+            if (in->valid[i][c] && p->low <= x && x <= p->high) { /* false for NaN */
+                vote[i] = x;
+            }
         }
-        out->voted[i] = vote[i];
+        memset(&out->state[i][p->fitted], RIG_STATE_ABSENT, (size_t)(RIG_CHANNELS - p->fitted));
         out->level[i] = (uint8_t)p->fitted;
     }
+    memcpy(out->voted, vote, sizeof vote);
     out->stepped = ++stepped;
     out->said = RIG_SAID_VOTED | RIG_SAID_STATE;
     return 0;

@@ -38,11 +38,14 @@ static uint64_t session;       /* 0: none */
 static uint8_t config[PARTS * PART_BYTES];
 static bool here[PARTS]; /* the parts of CONFIG that have come */
 static bool opened;
+static bool gone; /* the rig that we are connected to */
 
 static void answer(const void *record, size_t size)
 {
     const struct sockaddr *to = connected ? NULL : (const struct sockaddr *)&rig;
-    (void)sendto(fd, record, size, 0, to, connected ? 0 : sizeof rig); /* what gets lost is the rig's to notice */
+    if (sendto(fd, record, size, 0, to, connected ? 0 : sizeof rig) < 0 && connected && errno == ECONNREFUSED) {
+        gone = true; /* any other loss is the rig's to notice */
+    }
 }
 
 static void say(uint16_t kind, const char *text)
@@ -129,26 +132,27 @@ static void handle(const union message *m, const struct sockaddr_in *from)
     }
 }
 
-/* Serve until the rig is gone; never with --listen.  Returns the exit code. */
+/* Serve until the rig is gone; with --listen for ever.  Returns the exit code. */
 static int serve(void)
 {
     static union message m;
     bool heard = false;
-    for (;;) {
+    while (!gone) {
         struct sockaddr_in from;
         socklen_t length = sizeof from;
         const ssize_t size = recvfrom(fd, &m, sizeof m, 0, (struct sockaddr *)&from, &length);
         if (size >= (ssize_t)sizeof m.head && sound(&m, (size_t)size)) {
             heard = true;
             handle(&m, &from);
-        } else if (size < 0 && connected && errno == ECONNREFUSED) {
-            begin_session(0);
-            return heard ? EXIT_SUCCESS : EXIT_FAILURE;
-        } else if (size < 0 && errno != EINTR && errno != ECONNREFUSED) {
+        } else if (size < 0 && errno == ECONNREFUSED) {
+            gone = connected; /* a listener answers whoever asks next */
+        } else if (size < 0 && errno != EINTR) {
             perror(UNIT_NAME);
             return EXIT_FAILURE;
         }
     }
+    begin_session(0);
+    return heard ? EXIT_SUCCESS : EXIT_FAILURE;
 }
 
 /* ADDRESS:PORT, or PORT alone for every address of this machine. */

@@ -88,7 +88,7 @@ class Host:
         self._config = bytearray(voice.sizes["config"])
         self._input, self._output = bytearray(voice.sizes["input"]), bytearray(voice.blank)
         self._from, self._to, self._with = map(_address, (self._input, self._output, self._config))
-        self._stepped = 0
+        self._stepped, self._session = 0, b""
 
     def serve(self) -> None:
         """Until the other side is gone."""
@@ -96,9 +96,10 @@ class Host:
         receive, step, size = self._voice.talk.recv_into, self._step, len(self._input)
         while count := receive(message):
             kind = message[6] | message[7] << 8
-            if kind == FRAME and count == size:
+            if kind == FRAME and count == size and message[16:24] == self._session:
                 step(message)
             elif kind == HELLO:
+                self._session = bytes(message[16:24])
                 self._voice.say(READY, message, "library")
             elif kind == CONFIG:
                 self._configure(message)

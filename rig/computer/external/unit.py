@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import secrets
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, overload
 
 from numpy.typing import NDArray
 
@@ -102,6 +102,13 @@ class UnitUnderTest:
         finally:
             self.reply_us = (clock() - began) * 1e6
 
+    def send_foreign(self) -> None:
+        """Send the last frame as one of another session, which no unit may step; of a library here, nothing."""
+        if not isinstance(self._link, Called):
+            sent = self.port.sent.copy()
+            sent["session"] ^= 1
+            self._link.send(sent.view("u1").data)
+
     def taken(self, status: int) -> None:
         """What the frame came to when its answer had been looked into."""
         self.watch.flown(status in (Answer.ANSWERED, Answer.RESTARTED), status == Answer.REFUSED)
@@ -177,6 +184,12 @@ class UnitUnderTest:
         return {"said": self.said, **asdict(counts), "reproducible": counts.reproducible}
 
 
+@overload
+def running(unit: Unit | Path | str) -> AbstractContextManager[UnitUnderTest]: ...
+@overload
+def running(unit: None) -> AbstractContextManager[None]: ...
+@overload
+def running(unit: Unit | Path | str | None) -> AbstractContextManager[UnitUnderTest | None]: ...
 @contextmanager
 def running(unit: Unit | Path | str | None) -> Iterator[UnitUnderTest | None]:
     """The unit of a file, started or found; ended with the context.  BadInput."""

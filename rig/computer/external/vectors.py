@@ -1,6 +1,6 @@
 """Vectors: what a monitor must say to known inputs, each case with the requirement that it tests.
 
-They are made by an independent reading of docs/redundancy.md (``python tests/tools/unit_vectors.py``), not by our manager.
+They are made by an independent reading of docs/redundancy.md (tests/tools/unit_vectors.py), not by our manager.
 A file of numpy arrays; a case is a session of its own:
 
     layout       LAYOUT of the records
@@ -21,13 +21,16 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.external.layout import ANSWERS, CONFIG, INPUT, LAYOUT, OUTPUT, Said
+from rig.computer.external.layout import ANSWERS, CONFIG, HELLO, INPUT, LAYOUT, OUTPUT, Said
 from rig.computer.external.unit import UnitUnderTest
-from rig.errors import RigError
+from rig.errors import ManagerFailed, RigError
 from rig.frame import SIGNALS
 from rig.frame import Unit as Answer
 
 FILE: Final = Path(__file__).with_name("vectors.npz")
+BODY: Final = tuple(
+    name for name in INPUT.names or () if name not in (HELLO.names or ()) and not name.startswith("pad_")
+)
 VOTES_WITHIN: Final = 1e-6  # of a signal's range
 
 
@@ -73,22 +76,31 @@ def answers(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -
     Frames without an answer stay zero, their ``frame`` -1.
     """
     tested.begin(config.copy())
-    port, found = tested.port, np.zeros(len(inputs), OUTPUT)
+    found = np.zeros(len(inputs), OUTPUT)
     found["frame"] = -1
     for k, asked in enumerate(inputs):
-        session = port.sent["session"][0]
-        port.sent[0] = asked
-        port.sent["session"], port.sent["layout"], port.sent["frame"] = session, LAYOUT, k
-        status = tested.exchange(k, k)
-        tested.taken(status)
-        if status == Answer.ANSWERED:
-            found[k] = port.received[0]
+        if ask(tested, asked, k):
+            found[k] = tested.port.received[0]
     tested.end()
     return found
 
 
+def ask(tested: UnitUnderTest, asked: Any, k: int) -> bool:
+    """Put the body of an INPUT record to a unit as frame k of the session that has begun; whether it was answered."""
+    port = tested.port
+    for name in BODY:
+        port.sent[name] = asked[name]
+    port.sent["frame"], port.sent["time_s"] = k, k / port.rate_hz
+    try:
+        status = tested.exchange(k, k)
+    except ManagerFailed:
+        return False
+    tested.taken(status)
+    return status == Answer.ANSWERED
+
+
 def differences(case: Case, said: NDArray[Any]) -> Iterator[str]:
-    """Where the answers (n,) OUTPUT are not those of the case: decisions by value, votes by VOTES_WITHIN of the range."""
+    """Where the answers (n,) OUTPUT are not those of the case; votes may be off by VOTES_WITHIN of the range."""
     ranges = case.config["signal"][0]
     allowed = VOTES_WITHIN * (ranges["high"] - ranges["low"])
     unanswered = said["frame"] < 0

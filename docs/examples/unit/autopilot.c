@@ -1,0 +1,109 @@
+/* A small flight computer: holds pitch and roll angle, about those of its first frame, by PID.
+ *
+ * It votes the median of the valid channels and keeps no monitor.  Surfaces are changes from trim; the gains are
+ * those of the F-16 at the reference dynamic pressure and fall with the dynamic pressure, as surfaces work the more
+ * the faster the air.  The F-16 diverges in pitch: pitch rate and angle of attack are fed back to hold it.
+ * Signs: the elevator pitches down when it is positive, the aileron rolls right, the rudder yaws left.
+ */
+#include <math.h>
+#include <string.h>
+
+#include "rig_unit.h"
+
+#define REFERENCE_PRESSURE 5276.0 /* Pa */
+#define LEAST_PRESSURE 2000.0     /* Pa; below it the gains stay */
+#define ALPHA_GAIN 0.15           /* rad of elevator per rad of angle of attack */
+#define YAW_GAIN 3.0              /* s; rad of rudder per rad/s */
+#define WASHOUT_S 2.0             /* a yaw rate that lasts longer is a turn, which is not damped */
+
+struct pid {
+    double p, i_1_s, d_s; /* gains: surface per angle, per its integral and per its rate */
+    double held;          /* angle of the first frame */
+    double integral;      /* rad s */
+};
+
+static struct rig_config config;
+static struct pid pitch, roll;
+static double voted[RIG_SIGNALS]; /* the last value holds while no channel is valid */
+static double alpha_trim, yaw_rate_slow;
+static uint64_t stepped;
+
+/* Median of the valid channels in range, or the last one when there is none. */
+static double vote(const struct rig_input *in, int i)
+{
+    double x[RIG_CHANNELS];
+    int n = 0;
+    for (int c = 0; c < config.signal[i].fitted; c++) {
+        const double sample = in->channels[i][c];
+        if (in->valid[i][c] && config.signal[i].low <= sample && sample <= config.signal[i].high) {
+            int place = n++;
+            for (; place > 0 && x[place - 1] > sample; place--) {
+                x[place] = x[place - 1];
+            }
+            x[place] = sample;
+        }
+    }
+    return n > 0 ? 0.5 * (x[(n - 1) / 2] + x[n / 2]) : voted[i];
+}
+
+/* Set a surface to trim + change within its stops; whether it reached none. */
+static int set(struct rig_output *out, int i, double change)
+{
+    const double wanted = config.trim_surface[i] + change;
+    out->surface[i] = fmin(fmax(wanted, config.surface_low[i]), config.surface_high[i]);
+    return out->surface[i] == wanted;
+}
+
+/* What the surface owes to an angle's error, its integral and its rate. */
+static double owed(const struct pid *pid, double error, double rate)
+{
+    return pid->p * error + pid->i_1_s * pid->integral + pid->d_s * rate;
+}
+
+static double demanded(const struct rig_input *in, int i)
+{
+    return isfinite(in->demand[i]) ? in->demand[i] : 0.0;
+}
+
+int rig_unit_open(const struct rig_config *wanted)
+{
+    config = *wanted;
+    pitch = (struct pid){.p = 2.2, .i_1_s = 0.9, .d_s = 1.2};
+    roll = (struct pid){.p = 2.4, .i_1_s = 1.2, .d_s = 1.1};
+    memset(voted, 0, sizeof voted);
+    stepped = 0;
+    return wanted->layout == RIG_UNIT_LAYOUT && wanted->form == RIG_FORM_FLIGHT_COMPUTER ? 0 : 1;
+}
+
+int rig_unit_step(const struct rig_input *in, struct rig_output *out)
+{
+    const double dt = 1.0 / config.rate_hz;
+    for (int i = 0; i < RIG_SIGNALS; i++) {
+        voted[i] = vote(in, i);
+    }
+    if (stepped++ == 0) {
+        pitch.held = voted[RIG_SIGNAL_PITCH_ANGLE];
+        roll.held = voted[RIG_SIGNAL_ROLL_ANGLE];
+        alpha_trim = voted[RIG_SIGNAL_ANGLE_OF_ATTACK];
+        yaw_rate_slow = voted[RIG_SIGNAL_YAW_RATE];
+    }
+    const double soft = REFERENCE_PRESSURE / fmax(voted[RIG_SIGNAL_DYNAMIC_PRESSURE], LEAST_PRESSURE);
+    const double pitch_error = voted[RIG_SIGNAL_PITCH_ANGLE] - pitch.held - demanded(in, RIG_DEMAND_PITCH_ANGLE_RAD);
+    const double roll_error = voted[RIG_SIGNAL_ROLL_ANGLE] - roll.held - demanded(in, RIG_DEMAND_ROLL_ANGLE_RAD);
+    const double alpha = voted[RIG_SIGNAL_ANGLE_OF_ATTACK] - alpha_trim;
+    const double elevator = soft * owed(&pitch, pitch_error, voted[RIG_SIGNAL_PITCH_RATE]) + ALPHA_GAIN * alpha;
+    const double aileron = -soft * owed(&roll, roll_error, voted[RIG_SIGNAL_ROLL_RATE]);
+    pitch.integral += set(out, RIG_SURFACE_ELEVATOR_RAD, elevator) ? pitch_error * dt : 0.0;
+    roll.integral += set(out, RIG_SURFACE_AILERON_RAD, aileron) ? roll_error * dt : 0.0;
+    yaw_rate_slow += (voted[RIG_SIGNAL_YAW_RATE] - yaw_rate_slow) * dt / WASHOUT_S;
+    set(out, RIG_SURFACE_RUDDER_RAD, soft * YAW_GAIN * (voted[RIG_SIGNAL_YAW_RATE] - yaw_rate_slow));
+    set(out, RIG_SURFACE_THROTTLE, 0.0);
+    out->stepped = stepped;
+    out->law = RIG_LAW_EXTERNAL;
+    out->said = RIG_SAID_SURFACE;
+    return 0;
+}
+
+void rig_unit_close(void)
+{
+}

@@ -1,0 +1,199 @@
+/* Cross-channel comparison: which samples count, how they are ranked, which pattern they make, and their median. */
+#include "monitor.h"
+
+#define SEA_LEVEL_DENSITY 1.225 /* kg/m3; International Standard Atmosphere */
+
+/* ---- Which samples are compared, and their ranks: sections 2 and 3 ---- */
+
+/* A sample is compared and voted when it is flagged valid, a number and within the sensor's range. */
+static bool comparable(const struct frame *f, int c, params *p)
+{
+    return (f->valid[c] != 0) && (p->low <= f->samples[c]) && (f->samples[c] <= p->high);
+}
+
+/* What an angle is taken near to: the last vote; in the first frame of all the first comparable sample. */
+static double anchor(const struct frame *f, params *p, const struct signal *s)
+{
+    if (s->started) {
+        return s->vote;
+    }
+    for (int c = 0; c < p->fitted; c++) {
+        if (comparable(f, c, p)) {
+            return f->samples[c];
+        }
+    }
+    return 0.0;
+}
+
+/* A value within half a turn of the frame's base if the signal is an angle. */
+static double near_base(double x, const struct frame *f, params *p)
+{
+    return (p->wraps != 0) ? (f->base + difference(x, f->base, p)) : x;
+}
+
+/* A reference near the frame's base; NaN when it is not finite. */
+static double seen(double reference, const struct frame *f, params *p)
+{
+    return isfinite(reference) ? near_base(reference, f, p) : (double)NAN;
+}
+
+/* Swap places i < j of the order when they are out of order. */
+static void exchange(struct frame *f, int i, int j)
+{
+    const int a = f->order[i];
+    const int b = f->order[j];
+    if (f->x[a] > f->x[b]) {
+        f->order[i] = b;
+        f->order[j] = a;
+    }
+}
+
+/* Put the channels into ascending order of their samples: five exchanges for four, three for three. */
+static void sort(struct frame *f)
+{
+    if (f->n == 4) {
+        exchange(f, 0, 1);
+        exchange(f, 2, 3);
+        exchange(f, 0, 2);
+        exchange(f, 1, 3);
+        exchange(f, 1, 2);
+    } else if (f->n >= 2) {
+        exchange(f, 0, 1);
+        if (f->n == 3) {
+            exchange(f, 1, 2);
+            exchange(f, 0, 1);
+        }
+    } else {
+        /* nothing to sort */
+    }
+}
+
+/* Section 2: gather the comparable samples of channels in use, rank them, find the two voting ranks. */
+static void rank(struct frame *f, params *p, const struct signal *s)
+{
+    for (int c = 0; c < p->fitted; c++) {
+        if (!s->latches.failed[c] && comparable(f, c, p)) {
+            f->x[c] = near_base(f->samples[c], f, p);
+            f->order[f->n] = c;
+            f->n++;
+            f->ranked |= 1U << c;
+        }
+    }
+    sort(f);
+    if (f->n > 0) {
+        f->low = f->x[f->order[(f->n - 1) / 2]];
+        f->high = f->x[f->order[f->n / 2]];
+    }
+}
+
+/* redundancy.md 'References': of a dynamic pressure that is made from the speed over ground, the wind is the error. */
+static double reference_threshold(double reference, params *p)
+{
+    if ((p->reference_airspeed_m_s > 0.0) && (reference > 0.0)) {
+        const double of_wind = p->reference_airspeed_m_s * sqrt(2.0 * SEA_LEVEL_DENSITY * reference);
+        return (p->reference_threshold < of_wind) ? p->reference_threshold : of_wind;
+    }
+    return p->reference_threshold;
+}
+
+struct frame compare_samples(const struct rig_input *input, int signal, params *p, const struct signal *s)
+{
+    struct frame f = {.samples = input->channels[signal], .valid = input->valid[signal], .ilm = input->ilm[signal]};
+    f.base = anchor(&f, p, s);
+    f.reference = seen(input->reference[signal], &f, p);
+    f.second = seen(input->second_reference[signal], &f, p);
+    f.reference_threshold = reference_threshold(f.reference, p);
+    rank(&f, p, s);
+    return f;
+}
+
+/* ---- Which pattern they make: sections 2 and 3 ---- */
+
+/* The pattern of n samples of which `count` neighbours in rank are apart, those in the middle as `middle` says. */
+static uint8_t pattern_of(int n, int count, bool middle)
+{
+    if (n == 0) {
+        return RIG_PATTERN_LOST;
+    }
+    if (count == 0) {
+        return RIG_PATTERN_NORMAL;
+    }
+    if ((n == 4) && (count == 1) && middle) {
+        return RIG_PATTERN_P2_2;
+    }
+    if (count < (n - 1)) {
+        return RIG_PATTERN_ISOLATED;
+    }
+    if (n == 4) {
+        return RIG_PATTERN_P1_1_1_1;
+    }
+    return (n == 3) ? RIG_PATTERN_P1_1_1 : RIG_PATTERN_P1_1;
+}
+
+/* Neighbours in rank decide: across a gap all pairs disagree. */
+void compare_pattern(struct frame *f, params *p, struct signal *s)
+{
+    bool apart[RIG_CHANNELS + 1] = {true, true, true, true, true}; /* apart[i]: ranks i - 1 and i */
+    int count = 0;
+    for (int i = 1; i < f->n; i++) {
+        apart[i] = !((f->x[f->order[i]] - f->x[f->order[i - 1]]) <= p->threshold);
+        count += apart[i] ? 1 : 0;
+    }
+    for (int i = 0; (i < f->n) && (count > 0); i++) {
+        f->alone[f->order[i]] = apart[i] && apart[i + 1];
+    }
+    const uint8_t pattern = pattern_of(f->n, count, apart[2]);
+    s->pattern_frames = (pattern == s->pattern) ? (s->pattern_frames + 1) : 1;
+    s->pattern = pattern;
+}
+
+/* ---- Trend: section 6 and table 1 ---- */
+
+/* The bytes begin again when the number of samples has changed. */
+void compare_trend(struct frame *f, params *p, struct signal *s)
+{
+    if ((f->n == s->last_n) && (f->n > 0)) {
+        const unsigned mask = (1U << p->trend_frames) - 1U;
+        f->rise_high = difference(f->high, s->last_high, p);
+        f->rise_low = difference(f->low, s->last_low, p);
+        s->trend_high = ((s->trend_high << 1) | ((f->rise_high > 0.0) ? 1U : 0U)) & mask;
+        s->trend_low = ((s->trend_low << 1) | ((f->rise_low > 0.0) ? 1U : 0U)) & mask;
+        s->trend_seen++;
+    } else {
+        s->trend_high = 0U;
+        s->trend_low = 0U;
+        s->trend_seen = 0;
+    }
+    s->last_high = f->high;
+    s->last_low = f->low;
+    s->last_n = f->n;
+}
+
+/* ---- The vote with a majority: sections 4 and 5 ---- */
+
+/* Section 4, trend-weighted mean: the value whose change is nearer to the vote's last change weighs more. */
+static double trend_weight(const struct frame *f, const struct signal *s)
+{
+    if (!((f->rise_high * f->rise_low) > 0.0)) {
+        return 0.5;
+    }
+    const double off_high = fabs(f->rise_high - s->rise_vote);
+    const double off_low = fabs(f->rise_low - s->rise_vote);
+    const double total = off_high + off_low;
+    return (total <= 0.0) ? 0.5 : (off_low / total);
+}
+
+/* Section 5: the middle value, the mean of two, and never a suspect where the other rank is none. */
+double compare_median(const struct frame *f, params *p, const struct signal *s)
+{
+    if ((f->n % 2) == 1) {
+        return f->high;
+    }
+    if (f->alone[f->order[f->n / 2]]) {
+        return f->low;
+    }
+    if (f->alone[f->order[(f->n / 2) - 1]]) {
+        return f->high;
+    }
+    return mean(f->low, f->high, (p->weighted != 0) ? trend_weight(f, s) : 0.5);
+}

@@ -1,0 +1,205 @@
+/* Patterns without a majority: 2:2, 1:1, 1:1:1:1 and 1:1:1, each settled by the resolvers of its signal.
+ *
+ * Sections 6 to 8; redundancy.md 'Patterns without a majority' and 'Nobody answers'.
+ */
+#include "monitor.h"
+
+#define RESOLVERS 5    /* places in the configured order */
+#define NO_ANSWER (-1) /* of a resolver that cannot tell */
+#define LOW_SIDE 1     /* of two halves: that of the smaller samples, */
+#define HIGH_SIDE 2    /* and that of the larger */
+
+/* Channels among the ranks from `first` to before `end` whose in-line monitor says `flag`. */
+static int saying(const struct frame *f, int first, int end, uint8_t flag)
+{
+    int count = 0;
+    for (int i = first; i < end; i++) {
+        count += (f->ilm[f->order[i]] == flag) ? 1 : 0;
+    }
+    return count;
+}
+
+/* Section 2: the in-line monitors answer when they follow the pairing. */
+static int by_ilm(const struct frame *f)
+{
+    const int half = f->n / 2;
+    if ((saying(f, 0, half, RIG_ILM_GOOD) == half) && (saying(f, half, f->n, RIG_ILM_BAD) == half)) {
+        return HIGH_SIDE;
+    }
+    if ((saying(f, half, f->n, RIG_ILM_GOOD) == half) && (saying(f, 0, half, RIG_ILM_BAD) == half)) {
+        return LOW_SIDE;
+    }
+    return NO_ANSWER;
+}
+
+/* Section 7: the triplex {high, low, reference}: who is not its middle, or too far from it. */
+static int by_reference(const struct frame *f)
+{
+    if (isnan(f->reference)) {
+        return NO_ANSWER;
+    }
+    if (f->reference >= f->high) {
+        return LOW_SIDE;
+    }
+    if (f->reference <= f->low) {
+        return HIGH_SIDE;
+    }
+    const int high = ((f->high - f->reference) > f->reference_threshold) ? HIGH_SIDE : 0;
+    const int low = ((f->reference - f->low) > f->reference_threshold) ? LOW_SIDE : 0;
+    return high + low;
+}
+
+/* Section 6: both ranks rose in every frame of full bytes: the larger is good.  Neither rose in any: the smaller is. */
+static int by_trend(params *p, const struct signal *s)
+{
+    const unsigned rising = (1U << p->trend_frames) - 1U;
+    if ((s->trend_seen < p->trend_frames) || (s->trend_high != s->trend_low)) {
+        return NO_ANSWER;
+    }
+    if (s->trend_high == rising) {
+        return LOW_SIDE;
+    }
+    return (s->trend_high == 0U) ? HIGH_SIDE : NO_ANSWER;
+}
+
+/* What one resolver says of two halves: the sides to be failed, or NO_ANSWER. */
+static int ask_sides(int64_t resolver, const struct frame *f, params *p, const struct signal *s)
+{
+    if (resolver == RIG_RESOLVER_ILM) {
+        return by_ilm(f);
+    }
+    if (resolver == RIG_RESOLVER_TREND) {
+        return by_trend(p, s);
+    }
+    if ((resolver == RIG_RESOLVER_REFERENCE) && s->reference_usable) {
+        return by_reference(f);
+    }
+    return NO_ANSWER;
+}
+
+/* Mark the channels of the sides that an answer would fail. */
+static void blame_sides(int sides, struct frame *f)
+{
+    const int half = f->n / 2;
+    for (int i = 0; i < f->n; i++) {
+        const int side = (i < half) ? LOW_SIDE : HIGH_SIDE;
+        f->blamed[f->order[i]] = (sides == side) || (sides == (LOW_SIDE + HIGH_SIDE));
+    }
+}
+
+/* Mark all ranked channels but the one or two that an answer keeps. */
+static void blame_all_but(int one, int other, struct frame *f)
+{
+    for (int i = 0; i < f->n; i++) {
+        const int c = f->order[i];
+        f->blamed[c] = (c != one) && (c != other);
+    }
+}
+
+/* 2:2 and 1:1, sections 2, 6 and 7: which half is right; whether a resolver could tell. */
+static bool settle_halves(struct frame *f, params *p, const struct signal *s)
+{
+    const int half = f->n / 2;
+    for (int place = 0; place < RESOLVERS; place++) {
+        const int64_t name = p->resolvers[place];
+        const int sides = ask_sides(name, f, p, s);
+        if (sides != NO_ANSWER) {
+            const int good = (sides == LOW_SIDE) ? half : 0;
+            f->vote = (name == RIG_RESOLVER_REFERENCE)
+                          ? clamp(f->reference, f->low, f->high)
+                          : mean(f->x[f->order[good]], f->x[f->order[good + half - 1]], 0.5);
+            f->resolver = (uint8_t)name;
+            blame_sides(sides, f);
+            return true;
+        }
+    }
+    return false;
+}
+
+/* The one channel whose in-line monitor says good while all others say bad. */
+static int only_good(const struct frame *f)
+{
+    int kept = NO_ANSWER;
+    for (int i = 0; i < f->n; i++) {
+        kept = (f->ilm[f->order[i]] == RIG_ILM_GOOD) ? f->order[i] : kept;
+    }
+    const int good = saying(f, 0, f->n, RIG_ILM_GOOD);
+    const int bad = saying(f, 0, f->n, RIG_ILM_BAD);
+    return ((good == 1) && (bad == (f->n - 1))) ? kept : NO_ANSWER;
+}
+
+/* The one channel within the threshold of the reference; no answer for none, several or no reference. */
+static int only_near(const struct frame *f, params *p)
+{
+    int near = 0;
+    int kept = NO_ANSWER;
+    for (int i = 0; i < f->n; i++) {
+        if (fabs(difference(f->x[f->order[i]], f->reference, p)) <= f->reference_threshold) {
+            near++;
+            kept = f->order[i];
+        }
+    }
+    return (near == 1) ? kept : NO_ANSWER;
+}
+
+/* 1:1:1:1 and 1:1:1, section 8: at most one channel is right; whether monitors or reference could tell. */
+static bool settle_apart(struct frame *f, params *p, const struct signal *s)
+{
+    for (int place = 0; place < RESOLVERS; place++) {
+        const int64_t name = p->resolvers[place];
+        int good = NO_ANSWER;
+        if (name == RIG_RESOLVER_ILM) {
+            good = only_good(f);
+        } else if ((name == RIG_RESOLVER_REFERENCE) && s->reference_usable) {
+            good = only_near(f, p);
+        } else {
+            /* no answer to these patterns */
+        }
+        if (good != NO_ANSWER) {
+            f->vote = f->x[good];
+            f->resolver = (uint8_t)name;
+            blame_all_but(good, good, f);
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Section 8, rules of likelihood if configured: of four the extremes fail, of three all but the middle. */
+static bool settle_by_rank(struct frame *f, params *p, const struct signal *s)
+{
+    const uint8_t rule = (s->pattern == RIG_PATTERN_P1_1_1_1) ? RIG_RESOLVER_EXTREMES : RIG_RESOLVER_MIDDLE;
+    for (int place = 0; place < RESOLVERS; place++) {
+        if (p->resolvers[place] == rule) {
+            f->vote = mean(f->low, f->high, 0.5);
+            f->resolver = rule;
+            blame_all_but(f->order[(f->n - 1) / 2], f->order[f->n / 2], f);
+            return true;
+        }
+    }
+    return false;
+}
+
+/* redundancy.md 'Nobody answers': the last vote, moved by the ranks' mean change but in a pattern's first frame. */
+static double hold(const struct frame *f, const struct signal *s)
+{
+    if (!s->started) {
+        return mean(f->low, f->high, 0.5);
+    }
+    return (s->pattern_frames == 1) ? s->vote : (s->vote + (0.5 * (f->rise_high + f->rise_low)));
+}
+
+/* Ask the resolvers in their order, then the rules of rank; hold when nobody answers. */
+void resolvers_settle(struct frame *f, params *p, const struct signal *s)
+{
+    bool answered;
+    if ((s->pattern == RIG_PATTERN_P2_2) || (s->pattern == RIG_PATTERN_P1_1)) {
+        answered = settle_halves(f, p, s);
+    } else {
+        answered = settle_apart(f, p, s) || settle_by_rank(f, p, s);
+    }
+    if (!answered) {
+        f->vote = hold(f, s);
+        f->resolver = RIG_RESOLVER_UNRESOLVED;
+    }
+}
