@@ -2,7 +2,9 @@
 
 RigError                  a failure of ours or of the machine: exit code 1
 ├── ManagerFailed         a manager class of the user's own raised in a frame
+│   └── UnitDead          a unit under test does not answer any more
 └── BadInput              what the user gave cannot be used: one line, exit code 2
+    ├── UnitRefused       a unit under test that will not fly, or must not
     └── BadLog            a file that is no log, or a damaged one
 """
 
@@ -39,6 +41,14 @@ class BadInput(RigError):
 
     The message is one line: file, key, what is wrong, what is allowed.
     """
+
+
+class UnitDead(ManagerFailed):
+    """A unit under test that does not answer any more, and why."""
+
+
+class UnitRefused(BadInput):
+    """A unit under test that cannot be begun."""
 
 
 class BadLog(BadInput):

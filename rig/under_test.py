@@ -25,6 +25,7 @@ from rig.frame import FLIGHT_INDEX, SURFACES, Block, Nested, Unit, nested, new_b
 from rig.interrupt import Stop
 from rig.kernels import bind, kernel
 from rig.loop import Rig, StageData, Step, before, compute, hand_over
+from rig.loop import fly_rows as loop_rows
 from rig.record.pace import Pace
 from rig.scenario import Scenario
 
@@ -34,6 +35,17 @@ def put(unit: UnitUnderTest, rig: Rig, scenario: Scenario, pace: Pace | None = N
     deadline = None if pace is None or pace.period_s is None else pace.due
     unit.begin(config_of(scenario, rig.redundancy, rig.plant.trim, unit.form), deadline, stop)
     rig.unit, rig.compute = unit, _around(unit, rig.data)
+
+
+def fly_rows(scenario: Scenario, frames_at_most: int | None = None, unit: UnitUnderTest | None = None) -> Block:
+    """All rows of a flight in memory, no more than ``frames_at_most``, of a unit or of our own computer."""
+    rig = Rig(scenario)
+    if unit is not None:
+        put(unit, rig, scenario)
+    rows = loop_rows(scenario, frames_at_most, rig)
+    if unit is not None:
+        unit.end()
+    return rows
 
 
 def config_of(scenario: Scenario, redundancy: Redundancy, trim: NDArray[np.float64], form: Form) -> NDArray[Any]:

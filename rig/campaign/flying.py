@@ -7,6 +7,7 @@ tables of an aircraft and compiled kernels is kept from one flight to the next.
 from __future__ import annotations
 
 import gc
+import json
 import math
 import signal
 import threading
@@ -14,7 +15,7 @@ import time
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,11 @@ from rig import aircraft, loop
 from rig.campaign.identity import rig_identity
 from rig.campaign.plan import Run
 from rig.campaign.rows import TABLES, Rows, alarm_rows, episode_rows, fault_rows, run_row
-from rig.errors import RigError
+from rig.campaign.units import check as check_unit
+from rig.campaign.units import flown_with
+from rig.computer.external.settings import Unit
+from rig.computer.external.unit import UnitUnderTest
+from rig.errors import RigError, UnitDead, UnitRefused
 from rig.files import replaced
 from rig.flight_records import Findings, end_reason
 from rig.frame import FLAT, TIMING, Block, new_block
@@ -37,6 +42,7 @@ from rig.record.events import Event
 from rig.record.flight_summary import Verdict
 from rig.scenario import Scenario, load
 from rig.score import Score, fly_twin, score
+from rig.under_test import put
 
 Timing = NDArray[Any]
 _tables = cache(aircraft.tables)  # of an aircraft, read once by each worker
@@ -52,6 +58,8 @@ class Orders:
     timeout_s: float
     twin: bool
     rig: str  # sources and packages that fly; a worker with others refuses
+    unit: Unit | None = None  # under test, and the hash of its build
+    unit_sha256: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +73,7 @@ class Flown:
     clean: NDArray[np.void]  # what the sensors said before any fault
     verdict: Verdict
     ended: list[Event]  # what is known only at the end: faults that did nothing
+    unit: dict[str, str] = field(default_factory=dict)  # what its log says of the unit under test
 
     @property
     def end_reason(self) -> str:
@@ -72,16 +81,31 @@ class Flown:
         return end_reason(self.verdict, Stop(), self.scenario)
 
 
-def fly(scenario: Scenario) -> Flown:
-    """Fly a scenario with the digest and events of ``rig fly``, its rows kept in memory."""
+def fly(scenario: Scenario, tested: UnitUnderTest | None = None) -> Flown:
+    """Fly a scenario with the digest and events of ``rig fly``, its rows kept in memory.
+
+    UnitDead, UnitRefused: the unit under test.
+    """
     rig, findings = loop.Rig(scenario, keep_clean=True), Findings(scenario)
+    if tested is not None:
+        put(tested, rig, scenario)
     kept, timing = np.empty(scenario.frames, FLAT), np.zeros(scenario.frames, TIMING)
     found: list[Event] = []
     for rows, _ in loop.frames(rig, scenario, memory=(kept, timing)):
         found += findings.add(rows)
     flown = slice(findings.verdict.frames)
-    about = findings.verdict, findings.end()
+    about = findings.verdict, findings.end(), ended_unit(tested)
     return Flown(scenario, kept[flown], timing[flown], found, rig.faults.clean[flown], *about)
+
+
+def ended_unit(tested: UnitUnderTest | None) -> dict[str, str]:
+    """End the session of a unit; what a log says of it.  UnitDead when another flew on in its place."""
+    if tested is None:
+        return {}
+    tested.end()
+    if tested.dead:
+        raise UnitDead(f"{tested.unit.source}: dead from frame {tested.watch.counts.dead_frame} on")
+    return {"unit": json.dumps({**tested.unit.about(), "said": tested.said})}
 
 
 def fly_run(run: Run, orders: Orders) -> Rows:
@@ -89,11 +113,13 @@ def fly_run(run: Run, orders: Orders) -> Rows:
     warm()
     began = time.perf_counter()
     try:
-        with _limit(orders.timeout_s):
-            flown = fly(run.scenario(_tables(run.aircraft)))
-            twin = fly_twin(flown.scenario) if orders.twin else None
+        with _limit(orders.timeout_s), flown_with(orders.unit) as tested:
+            flown = fly(run.scenario(_tables(run.aircraft)), tested)
+            twin = fly_twin(flown.scenario, unit=tested) if orders.twin else None
             scored = score(flown.scenario, flown.rows, twin, clean=flown.clean)
         rows = _rows(run.number, flown, scored)
+    except (UnitDead, UnitRefused) as error:
+        return not_flown(run, "unit dead" if isinstance(error, UnitDead) else "unit refused", str(error))
     except (Exception, SystemExit) as error:  # noqa: BLE001 # whatever a flight raises is its own failure
         said = " ".join(f"{type(error).__name__}: {error}".split())
         return not_flown(run, "failed", said)
@@ -140,7 +166,7 @@ def write_log(flown: Flown, path: Path) -> None:
     """The flight as ``rig fly`` logs it, in larger chunks. RigError when the disk does not take it."""
     verdict, scenario, at = flown.verdict, flown.scenario, [event.frame for event in flown.events]
     path.parent.mkdir(parents=True, exist_ok=True)
-    about = metadata(scenario), [("scenario.toml", b"")]
+    about = {**metadata(scenario), **flown.unit}, [("scenario.toml", b"")]
     with (
         replaced(path) as part,
         LogWriter(part, scenario.rate_hz, *about, chunk_frames=scenario.frames, draft_of=path) as writer,
@@ -197,3 +223,4 @@ def check_rig(orders: Orders) -> None:
     """RigError when what flies here is not what the campaign is flown with."""
     if rig_identity() != orders.rig:
         raise RigError("a worker flies another version of the rig than this one; install the same everywhere")
+    check_unit(orders.unit, orders.unit_sha256)

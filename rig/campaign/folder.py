@@ -27,6 +27,7 @@ from rig.campaign.config import from_what
 from rig.campaign.identity import rig_identity
 from rig.campaign.plan import Plan
 from rig.campaign.rows import TABLES, Rows
+from rig.computer.external.settings import Unit
 from rig.errors import BadInput, RigError
 from rig.files import DRAFT, is_file, replaced
 from rig.trust import Trust
@@ -39,9 +40,11 @@ _REMEDY: Final = "take it from a copy, or fly into another folder"
 class Folder:
     """One campaign's output; ``open_folder`` for one that is there, ``Folder.of`` to fly into."""
 
-    def __init__(self, path: Path, plan: Plan) -> None:
+    def __init__(self, path: Path, plan: Plan, unit: Unit | None = None) -> None:
+        """``unit``: under test, in the place of our manager."""
         self.path = path
         self.plan = plan
+        self.unit = unit
 
     @property
     def logs(self) -> Path:
@@ -49,12 +52,12 @@ class Folder:
         return self.path / "logs"
 
     @classmethod
-    def of(cls, path: Path, plan: Plan) -> Folder:
+    def of(cls, path: Path, plan: Plan, unit: Unit | None = None) -> Folder:
         """The folder to fly ``plan`` into: a new one, or one in which the same campaign was begun. Writes nothing.
 
         BadInput: the folder is another campaign's, or something else's; the difference is named.
         """
-        folder, about = cls(path, plan), path / _ABOUT
+        folder, about = cls(path, plan, unit), path / _ABOUT
         if is_file(about):
             differs = difference(_read(about), folder.about())
             if differs:
@@ -65,7 +68,17 @@ class Folder:
 
     def about(self) -> dict[str, Any]:
         """What ``campaign.json`` says."""
-        return {"format": _FORMAT, "rig": rig_identity(), **self.plan.identity()}
+        unit = {} if self.unit is None else {"unit": self.unit.about()}
+        return {"format": _FORMAT, "rig": rig_identity(), **self.plan.identity(), **unit}
+
+    def require(self, unit: Unit | None) -> None:
+        """BadInput when the campaign was flown with another unit under test than ``unit``, or another build of it."""
+        was = _read(self.path / _ABOUT).get("unit")
+        if was is None and unit is not None:
+            raise BadInput(f"{self.path}: was flown without a unit under test")
+        if was is not None and (unit is None or unit.sha256() != was.get("sha256")):
+            given = "give its file by --unit" if unit is None else f"{unit.source} is another build"
+            raise BadInput(f"{self.path}: was flown with the unit under test {was.get('name')!r}: {given}")
 
     @contextmanager
     def held(self) -> Iterator[None]:

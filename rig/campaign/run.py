@@ -24,11 +24,14 @@ from rig.campaign.identity import rig_identity
 from rig.campaign.plan import Plan, Run
 from rig.campaign.pool import Pool, open_pool
 from rig.campaign.rows import Rows
+from rig.campaign.units import fits
+from rig.computer.external.settings import Unit
 from rig.errors import BadInput, RigError
 from rig.flight import Flight, fly
 from rig.interrupt import Stop, interruptible
 
 AHEAD: Final = 2  # batches handed out for each worker: one it flies, one that waits
+NOT_FLOWN: Final = ("crashed", "timed out", "failed", "unit dead", "unit refused")
 PATIENCE: Final = 10  # workers that may die in a row without a single batch coming in
 
 
@@ -78,7 +81,7 @@ class Result:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, as ``rig campaign run --json`` prints it."""
-        counts = {name.replace(" ", "_"): self.outcomes.get(name, 0) for name in ("crashed", "timed out", "failed")}
+        counts = {name.replace(" ", "_"): self.outcomes.get(name, 0) for name in NOT_FLOWN}
         return {
             "out": str(self.out),
             "runs": self.runs,
@@ -101,19 +104,22 @@ def run(
     scheduler: str | None = None,
     logs: str | None = None,
     report: Report | None = None,
+    unit: Unit | None = None,
 ) -> Result:
     """Fly the runs of ``plan`` (the first ``runs`` of them) that ``out`` does not hold yet.
 
     workers, logs : in place of the campaign file's; scheduler : a Dask scheduler's address
+    unit : under test; each worker has one of its own
     BadInput before anything is written; RigError when the disk is full or workers keep dying.
     """
     how = plan.campaign.run
     count = plan.count(runs)
-    pool = open_pool(workers or how.workers, scheduler)  # first: workers get ready while the runs are checked
+    most = fits(unit, workers) or how.workers
+    pool = open_pool(most, scheduler)  # first: workers get ready while the runs are checked
     kill = True
     try:
         plan.check()
-        folder = Folder.of(out, plan)
+        folder = Folder.of(out, plan, unit)
         orders = Orders(
             logs=logs or how.logs,
             runs=len(plan),
@@ -121,6 +127,8 @@ def run(
             timeout_s=how.timeout_s,
             twin=plan.campaign.twin,
             rig=rig_identity(),
+            unit=unit,
+            unit_sha256="" if unit is None else unit.sha256(),
         )
         with folder.held(), interruptible(again=True) as stop:
             done = folder.done()
@@ -136,12 +144,13 @@ def run(
         pool.close(kill)
 
 
-def again(folder: Folder, number: int, out: Path) -> tuple[Flight, str | None]:
+def again(folder: Folder, number: int, out: Path, unit: Unit | None = None) -> tuple[Flight, str | None]:
     """Fly a run once more, alone, with its full log in ``out``; and the digest that the table has of it, if any."""
     if number >= len(folder.plan):
         raise BadInput(f"--run {number}: must be from 0 to {len(folder.plan) - 1}")
+    folder.require(unit)
     row = folder.tables["runs"].filter(pl.col("run") == number)
-    return fly(folder.plan[number].scenario(), out=out), row["digest"][0] if len(row) else None
+    return fly(folder.plan[number].scenario(), out=out, unit=unit), row["digest"][0] if len(row) else None
 
 
 @dataclass

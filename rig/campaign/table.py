@@ -29,7 +29,7 @@ RUNS: Final[dict[str, Any]] = {
     "aircraft": pl.String,
     "flight_point": pl.String,
     "manager": pl.String,
-    "outcome": pl.String,  # flown, crashed, timed out, failed
+    "outcome": pl.String,  # flown, crashed, timed out, failed, unit dead, unit refused
     "reason": pl.String,  # of one that was not flown
     "digest": pl.String,
     "frames": pl.Int64,

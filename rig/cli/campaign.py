@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rig.cli.common import GROUP, AllowCode, Json, Logs, emit
+from rig.cli.common import GROUP, AllowCode, Json, Logs, UnitFile, emit
 from rig.interrupt import CODE
 
 app = typer.Typer(help="Fly many flights of one plan, and say what they show.", **GROUP)
@@ -29,6 +29,12 @@ def _plan(file: str, sets: list[str] | None, allow_code: bool) -> Any:
 
     given, source = dict(map(parse_set, sets or ())), str(find(file))
     return Plan(read(file, given), source, Trust(source, allow_code, named_manager(given.items())))
+
+
+def _unit(path: Path | None) -> Any:
+    from rig.computer.external.settings import read_unit
+
+    return None if path is None else read_unit(path)
 
 
 @app.command()
@@ -59,6 +65,7 @@ def run(
         str | None, typer.Option(help="Logs to keep: all, failures, none, sample:N.", show_default="the file's")
     ] = None,
     sets: Sets = None,
+    unit: UnitFile = None,
     allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:
@@ -70,9 +77,10 @@ def run(
     from rig.campaign.run import run as fly
     from rig.cli import show_campaign as show
 
-    planned = _plan(file, sets, allow_code)
+    planned, tested = _plan(file, sets, allow_code), _unit(unit)
+    how: dict[str, Any] = {"runs": runs, "workers": workers, "scheduler": scheduler, "logs": logs, "unit": tested}
     with show.progress(enabled=not as_json) as report:
-        result = fly(planned, out, runs=runs, workers=workers, scheduler=scheduler, logs=logs, report=report)
+        result = fly(planned, out, report=report, **how)
     emit(as_json, result.as_dict, lambda: show.result(result))
     if result.interrupted:
         typer.echo(f"stopped: {result.done} of {result.runs} runs done; the same command goes on", err=True)
@@ -94,6 +102,7 @@ def fly(
     folder: Dir,
     run: Annotated[int, typer.Option(help="The run's number in the table, from 0.", min=0, show_default=False)],
     out: Logs = Path("logs"),
+    unit: UnitFile = None,
     allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:
@@ -102,7 +111,7 @@ def fly(
     from rig.campaign.run import again
     from rig.cli import show_campaign as show
 
-    flight, digest = again(open_folder(folder, allow_code), run, out)
+    flight, digest = again(open_folder(folder, allow_code), run, out, _unit(unit))
     same = None if digest is None else digest == flight.digest
     said = {**flight.summary(), "run": run, "table_digest": digest, "same": same}
     emit(as_json, said, lambda: show.again(flight, run, same))

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.common import AllowCode, Json, emit
+from rig.cli.common import AllowCode, Json, UnitFile, emit
 
 
 def score(
@@ -19,11 +19,13 @@ def score(
         float, typer.Option(help="The same of body rates, rad/s.", min=1e-9, show_default="10 deg/s")
     ] = radians(10.0),
     transient_window_s: Annotated[float, typer.Option(help="Time after each onset that is scored.", min=1e-9)] = 2.0,
+    unit: UnitFile = None,
     allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:
     """Score a flight against the truth: what was detected, missed and wrong, and how it flew."""
     from rig.cli.show_score import show
+    from rig.computer.external.unit import running
     from rig.score.of_log import score_log
     from rig.score.record import Yardstick
     from rig.settings import build
@@ -33,5 +35,6 @@ def score(
         "pitch_rate_rad_s": transient_pitch_rate_rad_s,
         "window_s": transient_window_s,
     }
-    scored = score_log(log, build(Yardstick, limits, "--transient"), not no_twin, allow_code)
+    with running(unit) as tested:
+        scored = score_log(log, build(Yardstick, limits, "--transient"), not no_twin, allow_code, tested)
     emit(as_json, scored.as_dict, lambda: show(scored))

@@ -7,15 +7,12 @@ from typing import Any
 
 from rig.computer.external.unit import UnitUnderTest
 from rig.errors import BadInput
-from rig.frame import Block
 from rig.log.columns import COLUMNS
-from rig.loop import Rig, fly_rows
 from rig.offline.compare import Comparison, compare
 from rig.offline.decisions import Decisions, decisions
 from rig.offline.replay import Recorded, outputs, vote_again
 from rig.offline.sides import of_replay
-from rig.scenario import Scenario
-from rig.under_test import put
+from rig.under_test import fly_rows
 from rig.versions import versions
 
 
@@ -44,20 +41,13 @@ def verify(recording: Recorded, fly: bool = False, unit: UnitUnderTest | None = 
     if recording.unit and unit is None:
         name = recording.unit.get("name")
         raise BadInput(f"{recording.path}: the unit under test {name!r} flew it: replay it with --unit FILE")
-    again = _fly(scenario, len(rows), unit) if fly else vote_again(rows, scenario, unit)
+    again = fly_rows(scenario, len(rows), unit) if fly else vote_again(rows, scenario, unit)
     columns = [column for column in COLUMNS if fly or column.field in (*outputs(unit), "acting")]
     fields = compare(rows, again, columns)
     lengths = [f"recorded {len(rows)} frames, flown again {len(again)}"] if len(rows) != len(again) else []
     notes = [*of_replay(recording.log.metadata, versions()), *_of_unit(recording, unit)]
     found = Comparison(min(len(rows), len(again)), fields, lengths, notes)
     return Verified(found, decisions(rows, again))
-
-
-def _fly(scenario: Scenario, frames: int, unit: UnitUnderTest | None) -> Block:
-    rig = Rig(scenario)
-    if unit is not None:
-        put(unit, rig, scenario)
-    return fly_rows(scenario, frames, rig)
 
 
 def _of_unit(recording: Recorded, unit: UnitUnderTest | None) -> list[str]:

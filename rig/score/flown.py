@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +14,20 @@ from rig.scenario import Scenario
 from rig.score.record import Deviation, FaultScore, FlightScore, Transient, Transients, Yardstick
 from rig.score.votes import deviation
 
+if TYPE_CHECKING:
+    from rig.computer.external.unit import UnitUnderTest
+
 _COMPARED: Final = [INDEX[name] for name in ("normal_load_factor", "pitch_rate", "pitch_angle", "roll_angle")]
 
 
-def fly_twin(scenario: Scenario, frames: int | None = None) -> Block:
-    """The same scenario and seed without its faults: its rows, no more than ``frames``."""
-    from rig.loop import fly_rows  # a score without a twin needs no simulation
+def fly_twin(scenario: Scenario, frames: int | None = None, unit: UnitUnderTest | None = None) -> Block:
+    """The same scenario and seed without its faults: its rows, no more than ``frames``.
 
-    return fly_rows(scenario.model_copy(update={"faults": []}), frames)
+    unit : under test, that flew the scenario too
+    """
+    from rig.under_test import fly_rows  # a score without a twin needs no simulation
+
+    return fly_rows(scenario.model_copy(update={"faults": []}), frames, unit)
 
 
 def flight_score(

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rig.computer.external.unit import UnitUnderTest
 from rig.errors import BadInput
 from rig.log import Log, read_log
 from rig.scenario import Scenario, from_resolved
@@ -28,10 +29,17 @@ class Scored(NamedTuple):
         return {"log": str(self.log), "seed": self.scenario.seed, "digest": self.digest, **self.score.as_dict()}
 
 
-def score_log(path: Path, yardstick: Yardstick, twin: bool = True, allow_code: bool = False) -> Scored:
+def score_log(
+    path: Path,
+    yardstick: Yardstick,
+    twin: bool = True,
+    allow_code: bool = False,
+    unit: UnitUnderTest | None = None,
+) -> Scored:
     """Score the flight at ``path``; ``twin`` flies it again without its faults to compare with.
 
     allow_code : a manager class that the log names may be run, in the flight of the twin
+    unit : under test, that flew it and flies the twin
     BadInput, one line, when it is no log of a flight, has no verdict, or was flown with other sensors.
     """
     log = read_log(path)
@@ -40,8 +48,10 @@ def score_log(path: Path, yardstick: Yardstick, twin: bool = True, allow_code: b
         raise BadInput(f"{path}: the flight has no verdict (cut off, recovered or still being flown): not scored")
     if twin:
         scenario.trust.require(scenario.redundancy.manager)
+        if "unit" in log.metadata and unit is None:
+            raise BadInput(f"{path}: a unit under test flew it: its twin needs --unit FILE, or --no-twin")
     try:
-        other = fly_twin(scenario, len(log.rows)) if twin else None
+        other = fly_twin(scenario, len(log.rows), unit) if twin else None
         scored = score(scenario, log.rows, other, yardstick)
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None

@@ -19,7 +19,7 @@ from rig.computer.external.port import Port, new_port
 from rig.computer.external.session import Dead, end_session, open_session
 from rig.computer.external.settings import Unit, read_unit
 from rig.computer.external.watch import Counts, Watch
-from rig.errors import BadInput, ManagerFailed, RigError
+from rig.errors import BadInput, RigError, UnitDead, UnitRefused
 from rig.frame import Unit as Answer
 from rig.interrupt import Stop
 
@@ -45,7 +45,7 @@ class UnitUnderTest:
         self._into = memoryview(bytearray(MOST_BYTES))
 
     def begin(self, config: NDArray[Any], deadline: Deadline | None = None, stop: Stop | None = None) -> None:
-        """Bring it to its first frame, whatever it did before.  BadInput: it will not.
+        """Bring it to its first frame, whatever it did before.  UnitRefused: it will not.
 
         config : (1,) CONFIG; deadline : of a paced flight, None in lockstep; stop : asks for the end of the flight
         """
@@ -58,7 +58,7 @@ class UnitUnderTest:
         try:
             self._open()
         except (Gone, Dead, Refused) as reason:
-            raise BadInput(f"{self.unit.source} {self._explained(str(reason))}") from None
+            raise UnitRefused(f"{self.unit.source} {self._explained(str(reason))}") from None
 
     @property
     def _session(self) -> int:
@@ -92,7 +92,7 @@ class UnitUnderTest:
     def exchange(self, frame: int, row: int) -> int:
         """Hand ``port.sent`` over and wait for ``port.received``; the frame's Unit so far.
 
-        ManagerFailed when the unit file says that the flight ends with this; ``row`` of its block.
+        UnitDead when the unit file says that the flight ends with this; ``row`` of its block.
         """
         began = clock()
         try:
@@ -159,7 +159,7 @@ class UnitUnderTest:
                 said += f"; started again it {again}"
         counts.dead_frame, self.dead = frame, True
         if then in ("end", "restart"):
-            raise ManagerFailed(f"{self.unit.source}, frame {frame}: {said}", row, frame)
+            raise UnitDead(f"{self.unit.source}, frame {frame}: {said}", row, frame)
         return Answer.DEAD.value
 
     def _restart(self, frame: int) -> int:

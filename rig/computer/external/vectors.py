@@ -109,7 +109,7 @@ def differences(case: Case, said: NDArray[Any]) -> Iterator[str]:
     for name, group in ANSWERS.items():
         expected, found = case.expected[name], said[name]
         counts = (case.expected["said"] & group != 0) & ~unanswered
-        counts = counts.reshape(-1, *[1] * (expected.ndim - 1))
+        counts = counts.reshape(len(counts), *[1] * (expected.ndim - 1))
         unsaid = (said["said"] & group == 0).reshape(counts.shape) & counts
         off = ~(np.abs(expected - found) <= allowed) if group == Said.VOTED else expected != found
         for place in np.argwhere((off | unsaid) & counts)[:1]:

@@ -1,0 +1,98 @@
+"""Campaigns of a unit under test: the same table whoever flies, its deaths no losses of the aircraft."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from unit_files import library, needs_a_compiler, unit, written
+
+from rig.campaign.config import read
+from rig.campaign.folder import open_folder
+from rig.campaign.plan import Plan
+from rig.campaign.run import Result, again, run
+from rig.computer.external.settings import Unit
+from rig.errors import BadInput
+from rig.trust import Trust
+
+pytestmark = needs_a_compiler
+CAMPAIGN = """
+base = "f16_pitch_rate_hardover"
+seed = 7
+runs = 12
+twin = true
+[set]
+duration_s = 2.0
+"faults.0.start_s" = 0.5
+[vary]
+"faults.0.signal" = ["pitch_rate", "roll_rate"]
+turbulence = ["none", "light"]
+[run]
+workers = 2
+batch = 2
+"""
+
+
+def fly(folder: Path, tested: Unit | None, out: str, **how: int) -> Result:
+    path = folder / "campaign.toml"
+    path.write_text(CAMPAIGN)
+    return run(Plan(read(path), str(path), Trust(str(path))), folder / out, unit=tested, **how)
+
+
+def faulty(folder: Path, fault: str, **keys: str) -> Unit:
+    """A library of its own: workers are forked from a process with an environment of its own."""
+    (folder / "fault").write_text(fault)
+    shutil.copy(library("faulty"), folder)
+    return written(folder, {"name": "faulty", "path": "libfaulty.so", **keys})
+
+
+def test_a_table_does_not_depend_on_how_many_units_fly_it(tmp_path: Path):
+    tested = unit(tmp_path, "monitor")
+    one, four = fly(tmp_path, tested, "one", workers=1), fly(tmp_path, tested, "four", workers=4)
+    assert one.outcomes == four.outcomes == {"flown": 12}
+    assert one.table_sha256 == four.table_sha256
+    flight, digest = again(open_folder(one.out), 3, tmp_path, tested)
+    assert flight.digest == digest
+    runs = open_folder(one.out).tables["runs"]
+    ours = open_folder(fly(tmp_path, None, "ours").out).tables["runs"]
+    assert runs["detected"].to_list() == ours["detected"].to_list() == [1] * 12
+    assert set(runs["digest"]).isdisjoint(ours["digest"]), "the frame says who voted"
+
+
+def test_a_unit_that_dies_costs_one_flight_which_is_no_loss_of_the_aircraft(tmp_path: Path):
+    found = fly(tmp_path, faulty(tmp_path, "segv once"), "out")
+    assert found.outcomes == {"flown": 11, "unit dead": 1}
+    assert found.as_dict()["unit_dead"] == 1 and found.as_dict()["unit_refused"] == 0
+    runs = open_folder(found.out).tables["runs"]
+    (dead,) = runs.filter(runs["outcome"] == "unit dead").to_dicts()
+    assert "frame 50: killed by signal 11 (SIGSEGV)" in dead["reason"] and dead["survived"] is None
+
+
+def test_a_unit_whose_place_another_takes_is_dead_all_the_same(tmp_path: Path):
+    found = fly(tmp_path, faulty(tmp_path, "segv", on_dead="hold"), "out", runs=2)
+    assert found.outcomes == {"unit dead": 2}
+
+
+def test_a_unit_that_refuses_is_an_outcome_of_its_own(tmp_path: Path):
+    assert fly(tmp_path, faulty(tmp_path, "open"), "out", runs=2).outcomes == {"unit refused": 2}
+
+
+def test_a_campaign_goes_on_only_with_the_build_that_it_was_begun_with(tmp_path: Path):
+    begun = fly(tmp_path, unit(tmp_path, "first_valid"), "out", runs=2).out
+    other = written(tmp_path, {"name": "first_valid", "path": str(library("monitor"))})
+    with pytest.raises(BadInput, match=r"holds runs of another campaign: unit\.path was .*|unit\.sha256 was"):
+        fly(tmp_path, other, "out")
+    with pytest.raises(BadInput, match="holds runs of another campaign: unit"):
+        fly(tmp_path, None, "out")
+    with pytest.raises(BadInput, match="was flown with the unit under test 'first_valid': give its file by --unit"):
+        again(open_folder(begun), 0, tmp_path)
+    with pytest.raises(BadInput, match="is another build"):
+        again(open_folder(begun), 0, tmp_path, other)
+
+
+def test_a_box_is_one_worker(tmp_path: Path):
+    box = written(tmp_path, {"name": "box", "carrier": "udp", "address": "127.0.0.1:9", "start_s": 0.2})
+    with pytest.raises(BadInput, match=r"--workers 2: the unit at 127\.0\.0\.1:9 is one"):
+        fly(tmp_path, box, "out", workers=2)
+    assert fly(tmp_path, box, "out", runs=1).outcomes == {"unit refused": 1}
