@@ -70,7 +70,7 @@ class UnitVoter:
         """Begin a session; rows : from the first frame on.  BadInput: the unit will not."""
         trim = rows["flight"][0, [FLIGHT_INDEX[name] for name in SURFACES]]
         unit.begin(config_of(scenario, redundancy, trim, unit.form))
-        self._unit, self._seen, self._raw = unit, rows[:0], _bytes(rows[:0])
+        self._unit, self._seen, self._raw = unit, rows, _bytes(rows)
 
     def step(self, rows: Block, k: int) -> int:
         """Write what the unit answers to row k of ``rows`` into it; the groups that it said, of layout.Said."""

@@ -41,20 +41,28 @@ class Voted:
 
 
 @pytest.fixture
-def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
-    """rig(arguments of ``rig vote``) -> exit code, stdout, stderr; in a folder of its own."""
+def rig_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., tuple[int, str, str]]:
+    """rig_command(arguments of ``rig``) -> exit code, stdout, stderr; in a folder of its own."""
     from rig.cli import main as cli  # not for the tests that need no command
 
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["rig", "vote", *arguments])
+        monkeypatch.setattr(sys, "argv", ["rig", *arguments])
         with pytest.raises(SystemExit) as end:
             cli.main()
         said = capsys.readouterr()
         return int(end.value.code or 0), said.out, said.err
 
     return run
+
+
+@pytest.fixture
+def rig(rig_command: Callable[..., tuple[int, str, str]]) -> Any:
+    """rig(arguments of ``rig vote``) -> exit code, stdout, stderr; in a folder of its own."""
+    return lambda *arguments: rig_command("vote", *arguments)
 
 
 @pytest.fixture

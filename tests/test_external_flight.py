@@ -79,11 +79,13 @@ def test_an_answer_flown_a_frame_later_has_that_age(tmp_path: Path):
 
 
 def test_a_flight_computer_flies_its_own_surfaces(tmp_path: Path):
-    rows = fly(tmp_path, unit(tmp_path, "autopilot", form="flight-computer")).rows
+    flight = fly(tmp_path, unit(tmp_path, "autopilot", form="flight-computer"))
+    rows = flight.rows
     assert (rows["law"] == Law.EXTERNAL).all()
     assert np.isnan(rows["voted"]).all() and (rows["state"] == State.ABSENT).all()
     assert np.array_equal(rows["surface"], rows["actuator"])
     assert np.ptp(rows["surface"][:, 0]) > 0
+    assert flight.survived and flight.not_executed == []
 
 
 DEATHS = {

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from rig.atmosphere import GRAVITY
-from rig.computer.fdi import rate_bias
 from rig.computer.fdi.monitor import monitor_pitch_angle
 from rig.computer.fdi.settings import Config, parameters
 from rig.computer.fdi.state import BOTH, GYROS_ALONE, STATE, UNIT_ALONE
@@ -257,33 +256,6 @@ def test_a_bank_angle_that_is_wrong_in_a_turn_is_no_sensor_fault_beside_a_unit_t
     flight.roll_to(0.0)
     flight.fly(20.0)
     assert flight.rates == BOTH and flight.trusts == {Trust.TRUSTED} and flight.passed_on
-
-
-@pytest.mark.requirement("fault-tolerant", "confirmed, refuted or left open")
-@pytest.mark.parametrize(
-    ("second", "tilt", "recent", "confirmed", "refuted"),
-    [
-        (2.0, 0.0, 2.0, True, False),  # both means show it
-        (1.1, 0.0, 2.0, True, False),
-        (0.8, 0.0, 2.0, False, False),  # less than a half, more than a quarter: wait
-        (0.4, 0.0, 2.0, False, True),  # a rate
-        (-2.0, 0.0, 2.0, False, True),
-        (2.0, 1.8, 2.0, False, True),  # the bank angle
-        (2.0, 1.2, 2.0, False, False),
-        (2.0, -1.8, 2.0, True, False),  # by the other bank angle it would be more
-        (2.0, 1.8, 0.0, True, False),  # at once: a bank angle does not do that
-        (0.4, 0.0, 0.0, False, True),
-    ],
-)
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_a_trip_of_two_milliradians_is_confirmed_refuted_or_left_open(
-    second: float, tilt: float, recent: float, confirmed: bool, refuted: bool, sign: float
-):
-    w = np.zeros(1, STATE)[0]
-    w["innovation"], w["second_innovation"], w["tilt"], w["recent"] = (
-        sign * 1e-3 * x for x in (2.0, second, tilt, recent)
-    )
-    assert (bool(rate_bias.confirmed(w)), bool(rate_bias.refuted(w))) == (confirmed, refuted)
 
 
 def test_lost_gyros_are_not_compared_with_the_unit():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 from functools import cache
@@ -12,6 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from unit_library import COMPILER
+from unit_library import build as make
 
 from rig.computer.external.header import header
 from rig.computer.external.layout import CONFIG, INPUT, LAYOUT, OUTPUT, PART, READY
@@ -19,8 +20,7 @@ from rig.computer.external.settings import Unit, read_unit
 from rig.kernels import cache_root
 
 ROOT = Path(__file__).parents[1]
-EXAMPLES, HERE = ROOT / "docs/examples/unit", ROOT / "tests/units"
-COMPILER = shutil.which(os.environ.get("CC", "cc"))
+HERE = ROOT / "tests/units"
 FLAGS = ("-std=gnu99", "-O2", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off", "-fPIC", "-shared")
 needs_a_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc)")
 
@@ -43,9 +43,7 @@ def library(name: str) -> Path:
     target = cache_root() / "test-units" / f"{LAYOUT:016x}-{os.getpid()}" / f"lib{name}.so"
     if (HERE / f"{name}.c").exists():
         return build([HERE / f"{name}.c"], target)
-    command = ["make", "-s", "-C", str(EXAMPLES), f"BUILD={target.parent}", f"CC={COMPILER}", str(target)]
-    subprocess.run(command, check=True, capture_output=True, text=True)
-    return target
+    return make(target.parent, target.name)
 
 
 def unit(folder: Path, name: str = "first_valid", **keys: Any) -> Unit:

@@ -19,7 +19,7 @@ class Execution:
     """Follows the rows of a flight, block after block.
 
     A fault is executed when it acts in a frame at whose beginning one of its channels is in use: neither FAILED
-    nor ABSENT in the frame before.  What is no channel is always in use.
+    nor ABSENT in the frame before.  What is no channel is always in use; so are all when nobody says their states.
     """
 
     def __init__(self, faults: Sequence[Fault]) -> None:
@@ -52,7 +52,8 @@ class Execution:
             if self._last is None and first == State.FAILED:
                 first = State.OK  # before the first frame nobody has been failed
             before = np.concatenate([[first], state[:-1]])
-            if (acts & (before < State.FAILED)).any():
+            silent = (rows[field][:, at[0]] == State.ABSENT).all(axis=-1)  # a unit that says no states
+            if (acts & ((before < State.FAILED) | silent)).any():
                 return True
         return False
 

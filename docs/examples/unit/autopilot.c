@@ -68,11 +68,12 @@ static double demanded(const struct rig_input *in, int i)
 int rig_unit_open(const struct rig_config *wanted)
 {
     config = *wanted;
-    pitch = (struct pid){.p = 2.2, .i_1_s = 0.9, .d_s = 1.2};
-    roll = (struct pid){.p = 2.4, .i_1_s = 1.2, .d_s = 1.1};
+    pitch = (struct pid){.p = 2.0, .i_1_s = 0.5, .d_s = 1.4};
+    roll = (struct pid){.p = 2.0, .i_1_s = 0.4, .d_s = 1.2};
     memset(voted, 0, sizeof voted);
     stepped = 0;
-    return wanted->layout == RIG_UNIT_LAYOUT && wanted->form == RIG_FORM_FLIGHT_COMPUTER ? 0 : 1;
+    const int ours = wanted->form == RIG_FORM_FLIGHT_COMPUTER && wanted->rate_hz > 0.0;
+    return ours && wanted->layout == RIG_UNIT_LAYOUT ? 0 : 1;
 }
 
 int rig_unit_step(const struct rig_input *in, struct rig_output *out)

@@ -80,7 +80,7 @@ struct signal {
 static inline double modulo_turn(double x)
 {
     const double rest = fmod(x, TURN);
-    return (rest < 0.0) ? (rest + TURN) : fabs(rest);
+    return rest + ((rest < 0.0) ? TURN : 0.0); /* -0.0 + 0.0 is 0.0 */
 }
 
 /* a - b; of an angle the short way round. */

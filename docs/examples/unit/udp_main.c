@@ -48,11 +48,12 @@ static void answer(const void *record, size_t size)
     }
 }
 
-static void say(uint16_t kind, const char *text)
+static void say(uint16_t kind, const char *text, int64_t frame)
 {
     struct rig_ready ready = {.magic = RIG_MAGIC_OUTPUT, .version = RIG_UNIT_VERSION, .kind = kind};
     ready.layout = RIG_UNIT_LAYOUT;
     ready.session = session;
+    ready.frame = frame;
     ready.length = offsetof(struct rig_ready, length);
     snprintf(ready.text, sizeof ready.text, "%s", text);
     answer(&ready, sizeof ready);
@@ -85,7 +86,7 @@ static void configure(const struct rig_config_part *part)
     memcpy(&whole, config, sizeof whole);
     begin_session(session);
     opened = rig_unit_open(&whole) == 0;
-    say(opened ? RIG_KIND_READY : RIG_KIND_REFUSED, opened ? UNIT_NAME : UNIT_NAME " cannot fly with this CONFIG");
+    say(opened ? RIG_KIND_READY : RIG_KIND_REFUSED, opened ? UNIT_NAME : UNIT_NAME " cannot fly with this CONFIG", 0);
 }
 
 static void step(const struct rig_input *input)
@@ -96,8 +97,13 @@ static void step(const struct rig_input *input)
     output.frame = input->frame;
     output.time_s = input->time_s;
     output.length = offsetof(struct rig_output, length);
-    if (opened && rig_unit_step(input, &output) == 0) {
+    if (!opened) {
+        return;
+    }
+    if (rig_unit_step(input, &output) == 0) {
         answer(&output, sizeof output);
+    } else {
+        say(RIG_KIND_REFUSED, UNIT_NAME " cannot step", input->frame);
     }
 }
 
@@ -122,7 +128,7 @@ static void handle(const union message *m, const struct sockaddr_in *from)
     if (m->head.kind == RIG_KIND_HELLO) {
         rig = *from;
         begin_session(m->head.session);
-        say(RIG_KIND_READY, UNIT_NAME);
+        say(RIG_KIND_READY, UNIT_NAME, 0);
     } else if (m->head.kind == RIG_KIND_CONFIG) {
         configure(&m->part);
     } else if (m->head.kind == RIG_KIND_FRAME) {
@@ -182,7 +188,7 @@ int main(int argc, char **argv)
         return EXIT_FAILURE;
     }
     if (connected) {
-        say(RIG_KIND_READY, UNIT_NAME);
+        say(RIG_KIND_READY, UNIT_NAME, 0);
     }
     return serve();
 }

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Mutation run of rig/computer/redundancy and analytic in a clone of the committed tree: PYTHON tests/tools/mutation/run.sh MODULE... (files)
-# prints the survivors.  cosmic-ray must be installed in the environment of PYTHON.
+# Mutation run of rig/computer/redundancy, analytic and fdi in a clone of the committed tree:
+# PYTHON tests/tools/mutation/run.sh MODULE... (files) prints the survivors.
+# cosmic-ray must be installed in the environment of PYTHON.
 set -euo pipefail
 port=${PORT:-18700}
 bin=$(dirname "${PYTHON:-.venv/bin/python}")

@@ -49,6 +49,9 @@ STAGES: dict[str, tuple[str, ...]] = {
     "sources": ("common", "stage", "references"),
     "strapdown": ("strapdown", "inertial_unit"),
     "inertial_unit": ("strapdown inertial_unit",),
+    "unit_bank": ("unit_bank", "rate_bias"),
+    "rate_bias": ("rate_bias_kernels", "rate_bias"),
+    "decision": ("decision", "rate_bias"),
 }
 FLIGHTS = ("flies", "flight_in", "inertial_unit", "a_wind_makes", "lost_pitch_rate", "compiled_and")  # seconds each
 FLIGHTS += ("both_references_of_a_signal", "run_away_together", "settled_rightly", "reads_its_partners")
@@ -98,8 +101,9 @@ def stages() -> list[list[str]]:
 
 
 def tests_of(name: str) -> list[Path]:
-    """The test files of a module of the monitor or of its references."""
-    return [path for room in ("redundancy", "analytic") if (path := Path(f"tests/test_{room}_{name}.py")).exists()]
+    """The test files of a module of the monitor, of its references or of the pitch-angle monitor."""
+    rooms = ("redundancy", "analytic", "fdi")
+    return [path for room in rooms if (path := Path(f"tests/test_{room}_{name}.py")).exists()]
 
 
 if __name__ == "__main__":

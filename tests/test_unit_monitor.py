@@ -1,0 +1,165 @@
+"""The monitor in C, docs/examples/unit: the same bits as the rig's own manager, over flights and random rows."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from unit_library import COMPILER, Library, build, config, differing, inputs
+from unit_rows import HUGE, random_discretes, random_params, random_rows, vote
+
+from rig import scenario
+from rig.computer.external.layout import Form, Said
+from rig.frame import INDEX, Block, Ilm, Law, Pattern, Resolver, State
+from rig.loop import fly_rows, redundancy
+
+pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler is installed")
+
+FLIGHTS = (
+    ("f16_fault_in_the_split", ["duration_s=15"]),
+    ("history_afti_flight_44", ["duration_s=20"]),
+    ("f16_singular_2_2_lying_ilm", ["duration_s=20", "redundancy.common_mode=fail"]),
+    ("f16_singular_1_1_1", ["duration_s=15", "redundancy.resets=[{at_s=9.0, signal='pitch_rate'}]"]),
+    ("b747_lost_pitch_rate", ["duration_s=20"]),
+    ("b737_turn_through_north", ["duration_s=35"]),
+    ("b737_gear_down_inverted", ["duration_s=10"]),
+)
+
+
+@pytest.fixture(scope="module")
+def monitor(tmp_path_factory: pytest.TempPathFactory) -> Library:
+    return Library(build(tmp_path_factory.mktemp("unit"), "libmonitor.so"))
+
+
+@pytest.mark.parametrize(("name", "overrides"), FLIGHTS, ids=[name for name, _ in FLIGHTS])
+def test_a_flight_is_voted_to_the_same_bits(monitor: Library, name: str, overrides: list[str]):
+    loaded = scenario.load(name, overrides)
+    stage, rows = redundancy(loaded), fly_rows(loaded)
+    record = config(stage.manager.params, stage.discretes.params, stage.manager.boxes)
+    assert differing(monitor.fly(record, rows), rows) == {}
+
+
+RANDOM_FLIGHTS = 30  # of each seed
+FLIGHT_FRAMES = 150  # of a random flight: channels are failed for good in most of them, so many short ones say more
+
+
+def random_flight(seed: Sequence[int], hostile: bool = False) -> tuple[np.ndarray, Block]:
+    """CONFIG, and rows voted by the kernels."""
+    draw = np.random.default_rng(seed)
+    params, discretes = random_params(draw), random_discretes(draw)
+    if hostile:
+        params["low"][::5], params["high"][::5] = -HUGE, HUGE
+    rows = random_rows(draw, params, FLIGHT_FRAMES, hostile)
+    box = int(draw.integers(0, 13)), int(draw.integers(1, 5))
+    manager = vote(rows, params, discretes, *box)
+    return config(params, discretes, manager.boxes), rows
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_random_rows_are_voted_to_the_same_bits(monitor: Library, seed: int):
+    for flight in range(RANDOM_FLIGHTS):
+        record, rows = random_flight((seed, flight))
+        assert differing(monitor.fly(record, rows), rows) == {}, flight
+
+
+@pytest.mark.parametrize("seed", range(100, 104))
+def test_so_are_rows_with_infinities_and_numbers_near_the_largest(monitor: Library, seed: int):
+    for flight in range(RANDOM_FLIGHTS):
+        record, rows = random_flight((seed, flight), hostile=True)
+        assert differing(monitor.fly(record, rows), rows) == {}, flight
+
+
+def test_the_random_rows_reach_every_pattern_resolver_state_and_readmission():
+    seen: Counter[object] = Counter()
+    for flight in range(8 * RANDOM_FLIGHTS):
+        _, rows = random_flight(divmod(flight, RANDOM_FLIGHTS))
+        for name, enum in (("pattern", Pattern), ("resolver", Resolver), ("state", State), ("discrete_state", State)):
+            values, counts = np.unique(rows[name], return_counts=True)
+            seen.update({(name, enum(value)): int(count) for value, count in zip(values, counts, strict=True)})
+        seen["common mode"] += int(rows["common_mode"].sum())
+        for name, found in (("level", "readmitted"), ("discrete_level", "discrete readmitted")):
+            seen[found] += int((np.diff(rows[name].astype(int), axis=0) > 0).sum())
+    expected = [("pattern", one) for one in Pattern] + [("resolver", one) for one in Resolver]
+    expected += [(name, one) for name in ("state", "discrete_state") for one in State]
+    counts = {one: seen[one] for one in (*expected, "common mode", "readmitted", "discrete readmitted")}
+    assert min(counts.values()) >= 10, counts
+
+
+def quiet(frames: int) -> tuple[np.ndarray, Block]:
+    """CONFIG of the default scenario, and rows of zeros, all valid, without references."""
+    stage = redundancy(scenario.load("f16_singular_2_2_ilm"))
+    rows = np.zeros(frames, fly_rows(scenario.load("f16_singular_2_2_ilm"), 1).dtype)
+    rows["valid"] = rows["discrete_valid"] = 1
+    rows["ilm"] = rows["discrete_ilm"] = Ilm.ABSENT
+    rows["reference"] = rows["second_reference"] = np.nan
+    return config(stage.manager.params, stage.discretes.params, stage.manager.boxes), rows
+
+
+def test_a_monitor_that_is_absent_does_not_say_bad(monitor: Library):
+    record, rows = quiet(20)
+    record["signal"][0, 0]["resolvers"] = [Resolver.ILM, 0, 0, 0, 0]
+    rows["channels"][:, 0] = [0.0, 0.0, 1.0, 1.0]
+    rows["ilm"][:, 0] = [Ilm.GOOD, Ilm.GOOD, Ilm.ABSENT, Ilm.ABSENT]
+    rows["discrete_channels"] = 1
+    out = monitor.fly(record, rows)
+    assert set(out["resolver"][:, 0]) == {Resolver.UNRESOLVED}
+    assert (out["discrete_voted"] == 1).all()
+
+
+def test_a_reset_readmits_only_a_channel_that_has_agreed_long_enough(monitor: Library):
+    record, rows = quiet(400)
+    rows["channels"][:100, 0, 3] = 1.0
+    wait = int(record["signal"][0, 0]["readmit_frames"])
+    rows["reset"][[50, 99 + wait, 101 + wait], 0] = 8  # in disagreement, a frame too early, in time
+    states = monitor.fly(record, rows)["state"][:, 0, 3]
+    assert (states[50 : 101 + wait] == State.FAILED).all()
+    assert (states[101 + wait :] == State.OK).all()
+
+
+def test_an_open_after_a_close_begins_at_the_first_frame(monitor: Library):
+    record, rows = random_flight((3, 0))
+    once, again = monitor.fly(record, rows), monitor.fly(record, rows)
+    assert once.tobytes() == again.tobytes()
+    assert list(once["stepped"][[0, -1]]) == [1, FLIGHT_FRAMES]
+    assert set(once["said"]) == {int(Said.VOTED | Said.STATE | Said.PATTERN | Said.TREND | Said.DISCRETES)}
+
+
+@pytest.mark.parametrize("name", ["monitor", "first_valid", "autopilot"])
+def test_a_configuration_of_another_layout_is_refused(tmp_path: Path, name: str):
+    record, _ = quiet(1)
+    record["layout"] ^= 1
+    assert Library(build(tmp_path, f"lib{name}.so")).open(record) != 0
+
+
+def test_the_first_valid_unit_votes_the_first_channel_in_range_and_holds_without_one(tmp_path: Path):
+    record, rows = quiet(3)
+    rows["channels"][:, 0] = [np.nan, 9.0, 0.25, 0.5]
+    rows["valid"][1, 0, 2] = 0
+    rows["valid"][2, 0] = 0
+    out = Library(build(tmp_path, "libfirst_valid.so")).fly(record, rows)
+    assert list(out["voted"][:, 0]) == [0.25, 0.5, 0.5]
+    assert set(out["said"]) == {int(Said.VOTED | Said.STATE)}
+
+
+def test_the_autopilot_puts_the_nose_and_the_wings_back_within_the_stops(tmp_path: Path):
+    record, rows = quiet(3)
+    record["form"], record["rate_hz"] = Form.FLIGHT_COMPUTER, 100.0
+    record["surface_low"], record["surface_high"] = -0.3, [0.3, 0.3, 0.3, 1.0]
+    record["trim_surface"] = [0.01, 0.0, 0.0, 0.25]
+    rows["channels"][:, INDEX["dynamic_pressure"]] = 5276.0
+    rows["channels"][1, INDEX["pitch_angle"]] = [0.05, 0.05, 0.05, 1.0]  # nose up: the elevator goes down, positive
+    rows["channels"][1, INDEX["roll_angle"]] = 0.05
+    rows["channels"][2, INDEX["pitch_angle"]] = -1.0
+    rows["channels"][2, INDEX["roll_angle"]] = -1.0
+    out = Library(build(tmp_path, "libautopilot.so")).fly(record, rows)
+    assert np.allclose(out["surface"][0], [0.01, 0.0, 0.0, 0.25])
+    assert out["surface"][1, 0] > 0.05 and out["surface"][1, 1] < -0.05
+    assert list(out["surface"][2, :2]) == [-0.3, 0.3]
+    assert set(out["law"]) == {Law.EXTERNAL} and set(out["said"]) == {int(Said.SURFACE)}
+
+
+def test_the_inputs_are_the_fields_of_the_frame():
+    _, rows = quiet(2)
+    rows["channels"][1, 15] = [1, 2, 3, 4]
+    assert list(inputs(rows)["channels"][1, 15]) == [1, 2, 3, 4]
