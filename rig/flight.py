@@ -31,6 +31,8 @@ from rig.log.of_flight import new_log
 from rig.record.events import Event
 from rig.record.flight_summary import Peaks
 from rig.record.pace import Jitter, Pace
+from rig.record.realtime import beside as off_the_core
+from rig.record.realtime import realtime as asked_realtime
 from rig.record.recorder import Recorder
 from rig.scenario import Scenario, find, load
 from rig.trust import Trust
@@ -72,6 +74,7 @@ class Flight:
     stream: StreamReport | None
     unit: dict[str, Any] | None  # what became of the exchanges with a unit under test
     printed: str  # by the unit's process, its end
+    realtime: dict[str, str]  # what was asked of the system and got; empty when nothing was
 
     @property
     def duration_s(self) -> float:
@@ -101,6 +104,8 @@ class Flight:
         }
         if self.jitter is not None:
             timing["jitter"] = asdict(self.jitter)
+        if self.realtime:
+            timing["realtime"] = self.realtime
         return {
             "log": str(self.log),
             "frames": self.frames,
@@ -132,6 +137,7 @@ def fly(
     watch: Watch | None = None,
     allow_code: bool = False,
     unit: Unit | str | Path | None = None,
+    realtime: bool = False,
 ) -> Flight:
     """Fly a scenario (a file, a bundled name, or one loaded already) and log every frame.
 
@@ -140,6 +146,7 @@ def fly(
     realtime_factor : 1.0 paces frames by the wall clock; None flies as fast as it can
     watch : given every block while it is recorded; it must be quick, and copy the rows that it keeps
     allow_code : a manager class that the scenario names may be run; one that an override names may be in any case
+    realtime : ask the system for frames on time (record/realtime.py); at the pace of the clock when no factor is given
     unit : flight software under test, or its unit file (docs/unit.md), in the place of our manager
     Raises BadInput before anything is written, RigError when the log cannot be written on or the user's own manager
     raises: the log is then finished.
@@ -149,13 +156,13 @@ def fly(
         path = find(scenario)
         scenario, text, name = load(path, overrides, seed), path.read_text(encoding="utf-8"), path.stem
     scenario = scenario.trusted(scenario.trust.allowing(allow_code))
-    pace = Pace(scenario.rate_hz, realtime_factor)
+    pace = Pace(scenario.rate_hz, 1.0 if realtime and realtime_factor is None else realtime_factor)
     tested = read_unit(unit) if isinstance(unit, str | Path) else unit
     if tested is not None and tested.carrier == "python":
         scenario, tested = managed(scenario, tested), None
-    with interruptible() as stop, running(tested) as under:
+    with interruptible() as stop, running(tested) as under, asked_realtime(realtime) as got:
         flown = _record(scenario, text, name, Path(out), rerun, pace, stop, progress, viewer, watch, under)
-    return flown if under is None else replace(flown, printed=under.printed)
+    return replace(flown, realtime=got, printed="" if under is None else under.printed)
 
 
 def managed(scenario: Scenario, unit: Unit) -> Scenario:
@@ -201,7 +208,7 @@ def _record(
         began = time.perf_counter()
         try:
             with (
-                ThreadPoolExecutor(1, "verdict") as beside,
+                ThreadPoolExecutor(1, "verdict", off_the_core) as beside,
                 Recorder(record, threaded=pace.period_s is not None) as recorder,
             ):
                 failure = _fly(rig, scenario, pace, stop, recorder)
@@ -252,4 +259,5 @@ def _came_to(records: Records, path: Path, reason: str, wall_s: float, report: S
         stream=report,
         unit=records.of_unit(),
         printed="",
+        realtime={},
     )

@@ -16,6 +16,7 @@ from rig.errors import BadInput, RigError
 from rig.frame import Law, State
 from rig.frame import Unit as Answer
 from rig.offline.log_info import info
+from rig.record.realtime import realtime
 
 pytestmark = needs_a_compiler
 SHORT = ("duration_s=2", "faults.0.start_s=0.5")
@@ -286,3 +287,22 @@ def test_a_python_class_is_a_carrier_too(tmp_path: Path, monkeypatch):
     )
     flight = fly(tmp_path, written(tmp_path, {"name": "m", "carrier": "python", "manager": "mine_unit:Mine"}))
     assert np.array_equal(flight.rows["voted"], flight.rows["channels"][:, :, 1])
+
+
+def test_real_time_is_asked_for_told_and_given_back(tmp_path: Path):
+    before = os.sched_getscheduler(0), os.sched_getaffinity(0)
+    flight = fly(tmp_path, None, "duration_s=0.2", "faults=[]", realtime=True)
+    assert flight.realtime.keys() == {"scheduling", "memory", "core"}
+    assert flight.jitter is not None and flight.wall_s >= 0.19
+    assert (os.sched_getscheduler(0), os.sched_getaffinity(0)) == before
+
+
+def test_a_system_that_refuses_is_quoted(monkeypatch):
+    def refuse(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    with realtime(True) as got:
+        assert got["scheduling"] == "refused: Operation not permitted"
+    with realtime(False) as got:
+        assert got == {}

@@ -67,6 +67,9 @@ def fly(
         float | None,
         typer.Option(help="Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False),
     ] = None,
+    realtime: Annotated[
+        bool, typer.Option("--realtime", help="Real time, and ask the system for a scheduling class, memory, a core.")
+    ] = False,
     watch: Annotated[bool, typer.Option("--watch", help="Show the redundancy page while it flies.")] = False,
     unit: UnitFile = None,
     allow_code: AllowCode = False,
@@ -92,6 +95,7 @@ def fly(
             watch=page,
             allow_code=allow_code,
             unit=unit,
+            realtime=realtime,
         )
     emit(as_json, flight.summary, lambda: show.flight(flight))
 

@@ -92,6 +92,8 @@ def flight(flown: Flight) -> None:
             f"jitter   median {j.median_us:.0f} us, 99 % {j.p99_us:.0f} us, worst {j.worst_us:.0f} us, "
             f"{j.overruns} overruns"
         )
+    if flown.realtime:
+        screen.print(f"realtime {'; '.join(f'{name}: {got}' for name, got in flown.realtime.items())}")
     if flown.unit is not None:
         _unit(flown)
     if flown.stream is not None:

@@ -16,6 +16,7 @@ from typing import Any, Self
 from numpy.typing import NDArray
 
 from rig.frame import Block
+from rig.record.realtime import beside
 
 Record = Callable[[Block, NDArray[Any]], None]
 # The recording spends most of its time outside the interpreter's lock (hash, checksum, compression,
@@ -28,7 +29,7 @@ class Recorder:
 
     def __init__(self, record: Record, threaded: bool) -> None:
         self._record = record
-        self._pool = ThreadPoolExecutor(1, "recorder") if threaded else None
+        self._pool = ThreadPoolExecutor(1, "recorder", beside) if threaded else None
         self._pending: Future[None] | None = None
         self._switch_s = sys.getswitchinterval()
 
