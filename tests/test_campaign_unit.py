@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 from unit_files import library, needs_a_compiler, unit, written
@@ -34,7 +35,7 @@ batch = 2
 """
 
 
-def fly(folder: Path, tested: Unit | None, out: str, **how: int) -> Result:
+def fly(folder: Path, tested: Unit | None, out: str, **how: Any) -> Result:
     path = folder / "campaign.toml"
     path.write_text(CAMPAIGN)
     return run(Plan(read(path), str(path), Trust(str(path))), folder / out, unit=tested, **how)

@@ -113,6 +113,7 @@ def differences(case: Case, said: NDArray[Any]) -> Iterator[str]:
         unsaid = (said["said"] & group == 0).reshape(counts.shape) & counts
         off = ~(np.abs(expected - found) <= allowed) if group == Said.VOTED else expected != found
         for place in np.argwhere((off | unsaid) & counts)[:1]:
-            where = tuple(int(i) for i in place)
-            named = f" {SIGNALS[where[1]].name}" if len(where) > 1 and expected.shape[1] == len(SIGNALS) else ""
+            where: tuple[int, ...] = tuple(place.tolist())
+            of_signals = expected.shape[1:2] == (len(SIGNALS),)
+            named = f" {SIGNALS[where[1]].name}" if of_signals else ""
             yield f"frame {where[0]}: {name}{named} is {found[where]}, must be {expected[where]}"
