@@ -7,20 +7,21 @@ after_unit    its answer into the row; what it has not said is the rig's: discre
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.analytic.references import remember
+from rig.computer.analytic.references import ReferenceData, remember
 from rig.computer.control.law import fly
+from rig.computer.control.state import ControlData
 from rig.computer.external.layout import Form
-from rig.computer.external.port import ON_DISCRETES, fill, take
+from rig.computer.external.port import FLOWN, ON_DISCRETES, fill, take
 from rig.computer.external.session import configuration
 from rig.computer.external.unit import UnitUnderTest
 from rig.computer.redundancy import Redundancy
-from rig.computer.redundancy.discrete import vote_discretes
-from rig.faults import actuate
+from rig.computer.redundancy.discrete import DiscreteData, vote_discretes
+from rig.faults import FaultData, actuate
 from rig.frame import FLIGHT_INDEX, SURFACES, Block, Nested, Unit, nested, new_block
 from rig.interrupt import Stop
 from rig.kernels import bind, kernel
@@ -28,6 +29,8 @@ from rig.loop import Rig, StageData, Step, before, compute, hand_over
 from rig.loop import fly_rows as loop_rows
 from rig.record.pace import Pace
 from rig.scenario import Scenario
+from rig.sensors import SensorData
+from rig.sensors.inertial import InertialData
 
 
 def put(unit: UnitUnderTest, rig: Rig, scenario: Scenario, pace: Pace | None = None, stop: Stop | None = None) -> None:
@@ -77,30 +80,71 @@ class UnitVoter:
         if rows is not self._seen:
             self._seen, self._raw = rows, _bytes(rows)
         port, frame = self._unit.port, int(rows["frame"][k])
-        fill(self._raw, k, frame, port)
-        self._unit.taken(take(self._raw, k, port, self._unit.exchange(frame, k)))
-        return int(port.slots[0]["said"])
+        fill(self._raw, k, frame, port.out)
+        self._unit.taken(take(self._raw, k, port.back, self._unit.exchange(frame, k)))
+        return int(port.back.records[FLOWN]["said"])
+
+
+class _References(NamedTuple):
+    """Of the redundancy stage, what comes before a unit."""
+
+    references: ReferenceData
+
+
+class _Before(NamedTuple):
+    """What the stages before a unit need besides the row: each array costs the call some nanoseconds."""
+
+    sensors: SensorData
+    inertial: InertialData
+    faults: FaultData
+    redundancy: _References
+
+
+class _Concluding(NamedTuple):
+    """Of the redundancy stage, what comes after a unit."""
+
+    references: ReferenceData
+    discretes: DiscreteData
+
+
+class _After(NamedTuple):
+    """What the stages after a unit need besides the row."""
+
+    redundancy: _Concluding
+    control: ControlData
+    faults: FaultData
+
+
+def _parted(data: StageData) -> tuple[_Before, _After]:
+    references, discretes = data.redundancy.references, data.redundancy.discretes
+    before_it = _Before(data.sensors, data.inertial, data.faults, _References(references))
+    return before_it, _After(_Concluding(references, discretes), data.control, data.faults)
 
 
 def _around(unit: UnitUnderTest, data: StageData) -> Step:
     """What ``loop.compute`` does, with the unit in the place of our own; ours once it is to take over."""
-    port, rows = unit.port, nested(new_block(2))
+    out, back = unit.port
+    rows, known, parts = nested(new_block(2)), data, _parted(data)
     raw = _bytes(rows)
-    first, last = bind(before_unit, rows, raw, 0, data, port), bind(after_unit, rows, raw, 0, data, port, 0)
+    first = bind(before_unit, rows, raw, 0, parts[0], out)
+    last = bind(after_unit, rows, raw, 0, parts[1], back, 0)
     ours = bind(compute, rows, 0, data) if unit.unit.on_dead == "backup" else None
-    seen, start = rows, 0
+    seen, start, exchange, watch = rows, 0, unit.exchange, unit.watch
 
     def step(block: Nested, k: int, data: StageData) -> None:
-        nonlocal seen, raw, start
+        nonlocal seen, raw, start, known, parts
         if block is not seen:  # a view is slow to make
             seen, raw, start = block, _bytes(block), int(block["frame"][0])
+        if data is not known:
+            known, parts = data, _parted(data)
         if ours is not None and unit.dead:
             ours(block, k, data)
             block["actuation"]["unit"][k] = Unit.DEAD
             return
-        first(block, raw, k, data, port)
-        status = unit.exchange(start + k, k)
-        unit.taken(last(block, raw, k, data, port, status))
+        first(block, raw, k, parts[0], out)
+        status = last(block, raw, k, parts[1], back, exchange(start + k, k))
+        if status != Unit.ANSWERED.value or watch.run:
+            unit.taken(status)
 
     return step
 
@@ -120,7 +164,7 @@ def before_unit(block, raw, k, data, port):
 def after_unit(block, raw, k, data, port, status):
     """All that follows from a unit's answer to row k; returns what the frame came to, of frame.Unit."""
     status = take(raw, k, port, status)
-    row, answer = block[k], port.slots[0]
+    row, answer = block[k], port.records[FLOWN]
     bus, fcc = row["bus"], row["fcc"]
     conclude_unit(bus, fcc, answer["said"], data.redundancy)
     if port.form == _REDUNDANCY:

@@ -86,14 +86,14 @@ class Host:
     def __init__(self, voice: Voice, library: Library) -> None:
         self._voice, self._library = voice, library
         self._config = bytearray(voice.sizes["config"])
-        self._input, self._output = bytearray(voice.sizes["input"]), bytearray(voice.blank)
-        self._from, self._to, self._with = map(_address, (self._input, self._output, self._config))
+        self._message, self._output = bytearray(voice.sizes["message"]), bytearray(voice.blank)
+        self._from, self._to, self._with = map(_address, (self._message, self._output, self._config))
         self._stepped, self._session = 0, b""
 
     def serve(self) -> None:
         """Until the other side is gone."""
-        message = memoryview(bytearray(max(self._voice.sizes.values())))
-        receive, step, size = self._voice.talk.recv_into, self._step, len(self._input)
+        message = memoryview(self._message)
+        receive, step, size = self._voice.talk.recv_into, self._step, self._voice.sizes["input"]
         while count := receive(message):
             kind = message[6] | message[7] << 8
             if kind == FRAME and count == size and message[16:24] == self._session:
@@ -107,7 +107,6 @@ class Host:
                 self._library.close()
 
     def _step(self, message: memoryview) -> None:
-        self._input[:] = message[: len(self._input)]
         output = self._output
         output[:] = self._voice.blank
         output[16:40] = message[16:40]  # session, frame, time_s

@@ -198,18 +198,18 @@ class Called:
         self._library.open(config.ctypes.data)
         self._stepped = 0
 
-    def bind(self, sent: np.ndarray[Any, Any], received: np.ndarray[Any, Any], template: bytes) -> None:
-        """Where the records of the next calls are."""
-        self._from, self._to = sent.ctypes.data, received.ctypes.data
-        self._sent, self._received = (one.view(np.uint8).data for one in (sent, received))
-        self._template = template
+    def bind(self, sent: memoryview, received: memoryview, template: bytes) -> None:
+        """Where the records of the next calls are, and what an answer is before the library has filled it."""
+        self._sent, self._received, self._template = sent, received, template
+        self._from, self._to = (np.frombuffer(one, np.uint8).ctypes.data for one in (sent, received))
+        self._function = self._library.step
 
     def step(self) -> int:
         """One frame, between the records that are bound."""
         received = self._received
         received[:] = self._template
         received[24:40] = self._sent[24:40]  # frame, time_s
-        return self._library.step(self._from, self._to)
+        return self._function(self._from, self._to)
 
     def close(self) -> None:
         """End the session."""

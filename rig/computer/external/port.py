@@ -21,9 +21,9 @@ from rig.computer.external.layout import (
     Form,
     Kind,
     Said,
+    blank,
     place,
 )
-from rig.computer.external.layout import blank as blank_record
 from rig.frame import FLAT, SURFACES, State, Unit
 from rig.frame.fields import FIELD, FIELDS
 from rig.kernels import kernel
@@ -33,55 +33,46 @@ _OWN_CONTROL: Final = ("surface", "law")  # the rig's in the redundancy form, wh
 Moves = NDArray[np.int64]  # (m, 4): group of Said or 0, first byte there, first byte here, bytes
 
 
-class Port(NamedTuple):
-    """What goes over in a frame, and how its bytes lie."""
+# Places in the records of an answer.
+RECEIVED, BLANK, FLOWN = 0, 1, 2  # just now; what stands for groups that are not said; the oldest that was accepted
+
+
+class Outbound(NamedTuple):
+    """What goes to the unit."""
 
     sent: NDArray[Any]  # (1,) INPUT
-    received: NDArray[Any]  # (1,) OUTPUT
-    slots: NDArray[Any]  # (latency_frames + 1,) OUTPUT: accepted answers, the first is flown
-    blank: NDArray[Any]  # (1,) OUTPUT: what is flown of groups that are not said
-    sent_bytes: NDArray[np.uint8]  # the same four as bytes
-    received_bytes: NDArray[np.uint8]
-    slot_bytes: NDArray[np.uint8]  # (slots, bytes)
-    blank_bytes: NDArray[np.uint8]
-    out: Moves  # row to ``sent``
-    groups: Moves  # ``received`` to a slot
-    back: Moves  # slot to row
-    limits: NDArray[np.int64]  # (n, 4): group, first byte, bytes, largest value of an enum
+    sent_bytes: NDArray[np.uint8]  # the same
     rate_hz: float
+
+
+class Inbound(NamedTuple):
+    """What comes back, and what of it waits to be flown."""
+
+    records: NDArray[Any]  # (3 + latency_frames,) OUTPUT: RECEIVED, BLANK, FLOWN and those that will be
+    bytes: NDArray[np.uint8]  # the same, (records, bytes)
+    counts: NDArray[np.int64]  # (2,): answers accepted, surfaces that were no finite number
     form: int  # of Form
     needed: int  # groups that an answer must fill
-    counts: NDArray[np.int64]  # (2,): answers accepted, surfaces that were no finite number
+
+
+class Port(NamedTuple):
+    """What goes over in a frame."""
+
+    out: Outbound
+    back: Inbound
 
 
 def new_port(form: Form, session: int, latency_frames: int, trim: NDArray[np.float64], rate_hz: float) -> Port:
     """The port of one flight; trim : (4,) surfaces that are flown until the unit has said others."""
-    sent, received = blank_record(INPUT, TO_UNIT, Kind.FRAME, session), np.zeros(1, OUTPUT)
-    blank = blank_record(OUTPUT, FROM_UNIT, Kind.REPLY, session)
-    blank["voted"], blank["state"], blank["surface"], blank["frame"] = np.nan, State.ABSENT, trim, -1
-    slots = np.repeat(blank, latency_frames + 1)
-    surfaces = form is Form.FLIGHT_COMPUTER
+    sent = blank(INPUT, TO_UNIT, Kind.FRAME, session)
+    records = np.repeat(blank(OUTPUT, FROM_UNIT, Kind.REPLY, session), 3 + latency_frames)
+    records["voted"], records["state"], records["surface"], records["frame"] = np.nan, State.ABSENT, trim, -1
+    needed = Said.SURFACE if form is Form.FLIGHT_COMPUTER else Said.VOTED
+    counts = np.zeros(2, np.int64)
     return Port(
-        sent,
-        received,
-        slots,
-        blank,
-        sent.view(np.uint8),
-        received.view(np.uint8),
-        slots.view(np.uint8).reshape(len(slots), -1),
-        blank.view(np.uint8),
-        _moves(dict.fromkeys(_READ, 0), FLAT, INPUT),
-        _moves({**ANSWERS, "said": 0}, OUTPUT, OUTPUT),
-        _moves({name: 0 for name in ANSWERS if surfaces or name not in _OWN_CONTROL}, OUTPUT, FLAT),
-        _limits(),
-        rate_hz,
-        int(form),
-        int(Said.SURFACE if surfaces else Said.VOTED),
-        np.zeros(2, np.int64),
+        Outbound(sent, sent.view(np.uint8), rate_hz),
+        Inbound(records, records.view(np.uint8).reshape(len(records), -1), counts, int(form), int(needed)),
     )
-
-
-_READ: Final = (*REFERENCES, *(field.name for field in FIELDS if field.part == "bus"))
 
 
 def _moves(groups: dict[str, Any], source: np.dtype[Any], target: np.dtype[Any]) -> Moves:
@@ -110,18 +101,31 @@ def _limits() -> NDArray[np.int64]:
     return np.array(found, np.int64)
 
 
-@kernel
-def fill(raw, k, frame, port):
-    """Write row k of a block into ``port.sent``.
+_READ: Final = (*REFERENCES, *(field.name for field in FIELDS if field.part == "bus"))
+# Constants of the kernels.
+_OUT: Final = _moves(dict.fromkeys(_READ, 0), FLAT, INPUT)
+_GROUPS: Final = _moves({**ANSWERS, "said": 0}, OUTPUT, OUTPUT)
+_VOTES: Final = _moves({name: 0 for name in ANSWERS if name not in _OWN_CONTROL}, OUTPUT, FLAT)
+_CONTROL: Final = _moves(dict.fromkeys(_OWN_CONTROL, 0), OUTPUT, FLAT)
+_LIMITS: Final = _limits()
+_WITH_SURFACES: Final = int(Form.FLIGHT_COMPUTER)
+_SURFACES: Final = len(SURFACES)
 
-    raw : (n, bytes) of the block
-    """
-    sent, moves = port.sent_bytes, port.out
-    port.sent[0]["frame"], port.sent[0]["time_s"] = frame, frame / port.rate_hz
+
+@kernel
+def move(source, target, moves):
+    """Copy the bytes of ``moves`` (m, 4)."""
     for m in range(moves.shape[0]):
         first, to = moves[m, 1], moves[m, 2]
         for i in range(moves[m, 3]):
-            sent[to + i] = raw[k, first + i]
+            target[to + i] = source[first + i]
+
+
+@kernel
+def fill(raw, k, frame, port):
+    """Write row k of a block, raw (n, bytes), into the record that is sent; port : Outbound."""
+    port.sent[0]["frame"], port.sent[0]["time_s"] = frame, frame / port.rate_hz
+    move(raw[k], port.sent_bytes, _OUT)
 
 
 @kernel
@@ -129,58 +133,56 @@ def take(raw, k, port, status):
     """Write what is flown in frame k into its row: the answer just received if ``status`` says so and it may be one.
 
     Returns the status that the frame comes to: REFUSED in place of ANSWERED for an answer that no unit may give.
+    port : Inbound
     """
     answers = status == Unit.ANSWERED or status == Unit.RESTARTED
     if answers and not may_be(port):
         status = Unit.REFUSED.value
     elif answers:
         accept(port)
-    slot, moves = port.slot_bytes, port.back
-    for m in range(moves.shape[0]):
-        first, to = moves[m, 1], moves[m, 2]
-        for i in range(moves[m, 3]):
-            raw[k, to + i] = slot[0, first + i]
+    move(port.bytes[FLOWN], raw[k], _VOTES)
+    if port.form == _WITH_SURFACES:
+        move(port.bytes[FLOWN], raw[k], _CONTROL)
     return status
 
 
 @kernel
 def may_be(port):
     """Whether the answer fills what its form needs, and every state, level and pattern of it is one."""
-    said, received, limits = port.received[0]["said"], port.received_bytes, port.limits
+    said, received = port.records[RECEIVED]["said"], port.bytes[RECEIVED]
     allowed = said & port.needed == port.needed
-    for n in range(limits.shape[0]):
-        if said & limits[n, 0]:
-            for i in range(limits[n, 2]):
-                allowed = allowed and received[limits[n, 1] + i] <= limits[n, 3]
+    for n in range(_LIMITS.shape[0]):
+        if said & _LIMITS[n, 0]:
+            for i in range(_LIMITS[n, 2]):
+                allowed = allowed and received[_LIMITS[n, 1] + i] <= _LIMITS[n, 3]
     return allowed
+
+
+@kernel
+def copy(records, source, target):
+    """One of the records (n, bytes) over another."""
+    for i in range(records.shape[1]):
+        records[target, i] = records[source, i]
 
 
 @kernel
 def accept(port):
     """Take the answer in behind those that still wait to be flown; the first one of a flight fills all places."""
-    slots, last = port.slot_bytes, port.slots.shape[0] - 1
-    first = port.counts[0] == 0
-    for j in range(last):
-        for i in range(slots.shape[1]):
-            slots[j, i] = slots[j + 1, i]
-    newest = port.slots[last]
+    received, last = port.records[RECEIVED], port.records.shape[0] - 1
+    for j in range(FLOWN, last):
+        copy(port.bytes, j + 1, j)
+    newest = port.records[last]
     for s in range(_SURFACES):
-        value = port.received[0]["surface"][s]
-        if not np.isfinite(value):  # that surface stays where it was
-            port.counts[1] += (port.received[0]["said"] & ON_SURFACES) != 0
-            port.received[0]["surface"][s] = newest["surface"][s]
-    said, moves = port.received[0]["said"], port.groups
-    for m in range(moves.shape[0]):
-        from_unit = moves[m, 0] == 0 or said & moves[m, 0] != 0
-        at = moves[m, 1]
-        for i in range(at, at + moves[m, 3]):
-            slots[last, i] = port.received_bytes[i] if from_unit else port.blank_bytes[i]
-    newest["frame"] = port.received[0]["frame"]
-    if first:
-        for j in range(last):
-            for i in range(slots.shape[1]):
-                slots[j, i] = slots[last, i]
+        if not np.isfinite(received["surface"][s]):  # that surface stays where it was
+            port.counts[1] += (received["said"] & ON_SURFACES) != 0
+            received["surface"][s] = newest["surface"][s]
+    for m in range(_GROUPS.shape[0]):
+        group, at = _GROUPS[m, 0], _GROUPS[m, 1]
+        source = port.bytes[RECEIVED] if group == 0 or received["said"] & group != 0 else port.bytes[BLANK]
+        for i in range(at, at + _GROUPS[m, 3]):
+            port.bytes[last, i] = source[i]
+    newest["frame"] = received["frame"]
+    if port.counts[0] == 0:
+        for j in range(FLOWN, last):
+            copy(port.bytes, last, j)
     port.counts[0] += 1
-
-
-_SURFACES: Final = len(SURFACES)

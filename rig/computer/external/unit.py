@@ -15,7 +15,7 @@ from rig.computer.external import links
 from rig.computer.external.host import Refused
 from rig.computer.external.layout import FROM_UNIT, OUTPUT, Form, Kind, blank
 from rig.computer.external.links import MOST_BYTES, Called, Gone, Link, clock
-from rig.computer.external.port import Port, new_port
+from rig.computer.external.port import RECEIVED, Port, new_port
 from rig.computer.external.session import Dead, end_session, open_session
 from rig.computer.external.settings import Unit, read_unit
 from rig.computer.external.watch import Counts, Watch
@@ -54,7 +54,8 @@ class UnitUnderTest:
         trim, rate_hz = config["trim_surface"][0], float(config["rate_hz"][0])
         self.port = new_port(self.form, self._session, self.unit.latency_frames, trim, rate_hz)
         self.watch = Watch(self._session, Counts())
-        self._sent, self._received = self.port.sent_bytes.data, self.port.received_bytes.data
+        out, back = self.port
+        self._sent, self._received = out.sent_bytes.data, back.bytes[RECEIVED].data
         try:
             self._open()
         except (Gone, Dead, Refused) as reason:
@@ -68,7 +69,7 @@ class UnitUnderTest:
         if isinstance(self._link, Called):
             self._link.open(self._config)
             template = blank(OUTPUT, FROM_UNIT, Kind.REPLY, self._session).tobytes()
-            self._link.bind(self.port.sent, self.port.received, template)
+            self._link.bind(self._sent, self._received, template)
             return
         self.said = open_session(self._link, self._config, self.unit.start_s, lambda: self._stop.requested)
 
@@ -105,12 +106,12 @@ class UnitUnderTest:
     def send_foreign(self) -> None:
         """Send the last frame as one of another session, which no unit may step; of a library here, nothing."""
         if not isinstance(self._link, Called):
-            sent = self.port.sent.copy()
+            sent = self.port.out.sent.copy()
             sent["session"] ^= 1
             self._link.send(sent.view("u1").data)
 
     def taken(self, status: int) -> None:
-        """What the frame came to when its answer had been looked into."""
+        """What the frame came to when its answer had been looked into, unless it and the one before were answered."""
         self.watch.flown(status in (Answer.ANSWERED, Answer.RESTARTED), status == Answer.REFUSED)
 
     def _step(self, frame: int) -> int:
@@ -180,7 +181,7 @@ class UnitUnderTest:
     def result(self) -> dict[str, Any]:
         """What the flight says of its unit."""
         counts = self.watch.counts
-        counts.not_finite = int(self.port.counts[1])
+        counts.answered, counts.not_finite = map(int, self.port.back.counts)
         return {"said": self.said, **asdict(counts), "reproducible": counts.reproducible}
 
 

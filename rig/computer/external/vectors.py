@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.external.layout import ANSWERS, CONFIG, HELLO, INPUT, LAYOUT, OUTPUT, Said
+from rig.computer.external.port import RECEIVED
 from rig.computer.external.unit import UnitUnderTest
 from rig.errors import ManagerFailed, RigError
 from rig.frame import SIGNALS
@@ -80,14 +81,14 @@ def answers(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -
     found["frame"] = -1
     for k, asked in enumerate(inputs):
         if ask(tested, asked, k):
-            found[k] = tested.port.received[0]
+            found[k] = tested.port.back.records[RECEIVED]
     tested.end()
     return found
 
 
 def ask(tested: UnitUnderTest, asked: Any, k: int) -> bool:
     """Put the body of an INPUT record to a unit as frame k of the session that has begun; whether it was answered."""
-    port = tested.port
+    port = tested.port.out
     for name in BODY:
         port.sent[name] = asked[name]
     port.sent["frame"], port.sent["time_s"] = k, k / port.rate_hz

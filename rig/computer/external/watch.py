@@ -12,6 +12,9 @@ from rig.computer.external.layout import FROM_UNIT, LAYOUT, OUTPUT, VERSION, Kin
 from rig.computer.external.session import Dead, answer
 
 _TAIL: Final = struct.Struct("<II")
+_BODY: Final = OUTPUT.itemsize - _TAIL.size
+_USUAL_TAIL: Final = _TAIL.pack(_BODY, 0)
+_BEGIN: Final = struct.Struct("<24sq")  # all of the head that a session keeps, and the frame
 _STEPPED: Final = struct.Struct("<Q")
 _STEPPED_AT: Final = place(OUTPUT, "stepped")[1]
 
@@ -20,7 +23,7 @@ _STEPPED_AT: Final = place(OUTPUT, "stepped")[1]
 class Counts:
     """What became of the frames of a flight; all but ``answered`` are counts of what went wrong."""
 
-    answered: int = 0
+    answered: int = 0  # counted by the port
     missed: int = 0  # frames without an answer by their deadline
     late: int = 0  # answers that came after it, and were not flown
     discarded: int = 0  # messages that were none: doubled, of another session, of another form
@@ -46,11 +49,23 @@ class Watch:
     counts: Counts
     run: int = 0  # frames in a row without an answer that was flown
     last_frame: int = -1  # that was answered
+    _reply: bytes = b""  # how an answer begins
     _stepped: int = 0  # by the unit, as its last answer said
     _open: set[int] = field(default_factory=set)  # missed frames whose answer may still come
 
+    def __post_init__(self) -> None:
+        """Know how an answer of this session begins."""
+        self._reply = HEAD.pack(FROM_UNIT, VERSION, Kind.REPLY, LAYOUT, self.session, 0, 0.0)[:24]
+
     def is_answer(self, message: memoryview, frame: int) -> bool:
         """Whether ``message`` answers ``frame``; any other is counted.  Dead: the unit says that it has failed."""
+        usual = len(message) == OUTPUT.itemsize and message[_BODY:] == _USUAL_TAIL
+        if usual and _BEGIN.unpack_from(message) == (self._reply, frame):
+            self._heard(message, frame)
+            return True
+        return self._is_unusual_answer(message, frame)
+
+    def _is_unusual_answer(self, message: memoryview, frame: int) -> bool:
         if len(message) >= HEAD.size:
             magic, version, kind, layout, session, of, _ = HEAD.unpack_from(message)
             ours = (magic, version, layout, session) == (FROM_UNIT, VERSION, LAYOUT, self.session)
@@ -86,7 +101,6 @@ class Watch:
     def flown(self, answered: bool, refused: bool) -> None:
         """What the frame came to."""
         if answered:
-            self.counts.answered += 1
             self.run = 0
             return
         self.run += 1
@@ -103,5 +117,5 @@ def _whole(message: memoryview) -> bool:
     """Whether an answer has its length, says so, and has the right checksum if it has one."""
     if len(message) != OUTPUT.itemsize:
         return False
-    length, crc = _TAIL.unpack_from(message, OUTPUT.itemsize - _TAIL.size)
-    return length == OUTPUT.itemsize - _TAIL.size and crc in (0, zlib.crc32(message[:length]) if crc else 0)
+    length, crc = _TAIL.unpack_from(message, _BODY)
+    return length == _BODY and crc in (0, zlib.crc32(message[:length]) if crc else 0)
