@@ -1,0 +1,95 @@
+"""The conformance test: who passes with which grade, and what it finds in a unit that does not keep to the seam."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from unit_files import build, needs_a_compiler, udp, unit, written
+
+from rig.computer.external.settings import Unit
+from rig.offline.unit_check import Checked, check
+
+pytestmark = needs_a_compiler
+# A unit that looks right and is not: a line of its step is another.
+STRANGE = """
+#include <stdlib.h>
+#include "rig_unit.h"
+static double kept;
+int rig_unit_open(const struct rig_config *config) {{ {opening} return config->layout != RIG_UNIT_LAYOUT; }}
+int rig_unit_step(const struct rig_input *in, struct rig_output *out)
+{{
+    static int called;
+    called++;
+    for (int s = 0; s < RIG_SIGNALS; s++) {{
+        out->voted[s] = in->channels[s][0];
+    }}
+    kept += 1.0;
+    out->said = RIG_SAID_VOTED | RIG_SAID_STATE;
+    {step}
+    return 0;
+}}
+void rig_unit_close(void) {{ }}
+"""
+OPENING = "kept = 0.0;"
+WRONG = {
+    "a session after another begins as if it were the first": ("", "out->voted[0] = kept;"),
+    "from new twice, the same bytes": (OPENING, "out->voted[0] = (double)(size_t)malloc(1) + called;"),
+    "fills what its form needs, with values of the enums": (OPENING, "out->state[3][1] = 9;"),
+    "answers every frame": (OPENING, "if (in->frame == 5) return 1;"),
+    "answers NaN, infinities, denormals, all invalid, every monitor value": (
+        OPENING,
+        "if (in->channels[0][0] > 1e300) abort();",
+    ),
+}
+
+
+def strange(folder: Path, opening: str, step: str) -> Unit:
+    source = folder / "strange.c"
+    source.write_text(STRANGE.format(opening=opening, step=step))
+    build([source], folder / "libstrange.so", "-Wno-unused-result", "-Wno-unused-but-set-variable")
+    return written(folder, {"name": "strange", "path": "libstrange.so"})
+
+
+def failed(found: Checked) -> list[str]:
+    return [one.name for one in found.requirements if not one.passed]
+
+
+def test_the_monitor_in_c_meets_every_requirement_to_the_bit(tmp_path: Path):
+    unit(tmp_path, "monitor", isolate=False)
+    found = check(tmp_path / "unit.toml")
+    assert found.passed and found.grade == "bits" and failed(found) == []
+    assert len(found.requirements) > 40
+
+
+def test_a_unit_with_rules_of_its_own_keeps_to_the_seam_alone(tmp_path: Path, rig_command):
+    unit(tmp_path, "first_valid")
+    found = check(tmp_path / "unit.toml", seam_only=True)
+    assert found.passed and found.grade == "seam"
+    code, out, _ = rig_command("unit", "check", str(tmp_path / "unit.toml"), "--json")
+    said = json.loads(out)
+    assert code == 1 and not said["passed"] and said["grade"] == "failed"
+    wrong = [one for one in said["requirements"] if not one["passed"]]
+    assert {one["part"] for one in wrong} == {"decisions", "bits"}
+    assert "1 of 1 cases; frame" in next(one for one in wrong if one["name"] == "2:2 settled by the trend")["detail"]
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_unit_that_does_not_keep_to_the_seam_is_found(tmp_path: Path, name: str):
+    strange(tmp_path, *WRONG[name])
+    found = check(tmp_path / "unit.toml", seam_only=True)
+    assert name in failed(found) and not found.passed
+
+
+def test_a_process_that_steps_frames_of_other_sessions_is_found(tmp_path: Path):
+    """The planned unit never looks at a session; its votes, which hold the last valid sample, tell."""
+    udp(tmp_path, [], "monitor")
+    found = check(tmp_path / "unit.toml", seam_only=True)
+    assert failed(found) == ["a frame of another session is not stepped"]
+
+
+def test_a_flight_computer_is_asked_for_its_surfaces(tmp_path: Path):
+    unit(tmp_path, "autopilot", form="flight-computer")
+    found = check(tmp_path / "unit.toml")
+    assert found.passed and found.grade == "seam"
