@@ -28,6 +28,23 @@ def show(scored: Scored) -> None:
     _votes(screen, score)
     _flight(screen, score.flight)
     _coverage(screen, score)
+    _times(screen, scored)
+
+
+def _times(screen: Screen, scored: Scored) -> None:
+    """What became of the exchanges with a unit under test, and the wall clock of a paced flight."""
+    if scored.unit is not None:
+        counts = ", ".join(
+            f"{value} {name.replace('_', ' ')}" for name, value in scored.unit.items() if _counted(value)
+        )
+        screen.print(f"unit              {scored.unit['name']}: {counts}")
+    for name, bins in scored.times.items():
+        told = ", ".join(f"{count} {bin.replace('_', ' ')}" for bin, count in bins.items() if count)
+        screen.print(f"{name:17} {told}")
+
+
+def _counted(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value > 0
 
 
 def _faults(screen: Screen, faults: Sequence[FaultScore]) -> None:

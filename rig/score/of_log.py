@@ -13,6 +13,7 @@ from rig.scenario import Scenario, from_resolved
 from rig.score.flown import fly_twin
 from rig.score.record import Score, Yardstick
 from rig.score.scoring import score
+from rig.score.times import times
 from rig.trust import Trust
 
 
@@ -23,10 +24,13 @@ class Scored(NamedTuple):
     scenario: Scenario
     digest: str
     score: Score
+    unit: dict[str, Any] | None  # what became of the exchanges with a unit under test
+    times: dict[str, dict[str, int]]  # histograms of the wall clock
 
     def as_dict(self) -> dict[str, Any]:
         """As ``rig score --json`` prints it."""
-        return {"log": str(self.log), "seed": self.scenario.seed, "digest": self.digest, **self.score.as_dict()}
+        about = {"log": str(self.log), "seed": self.scenario.seed, "digest": self.digest}
+        return {**about, **self.score.as_dict(), "unit": self.unit, "times": self.times}
 
 
 def score_log(
@@ -55,7 +59,8 @@ def score_log(
         scored = score(scenario, log.rows, other, yardstick)
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
-    return Scored(path, scenario, log.result.get("digest", ""), scored)
+    unit = json.loads(log.result["unit"]) if "unit" in log.result else None
+    return Scored(path, scenario, log.result.get("digest", ""), scored, unit, times(log.timing))
 
 
 def _scenario(path: Path, log: Log, allow_code: bool) -> Scenario:
