@@ -12,6 +12,7 @@ import json
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -26,6 +27,7 @@ from rig.errors import ManagerFailed, RigError
 from rig.flight_records import Records
 from rig.frame import Block
 from rig.interrupt import Stop, interruptible
+from rig.live import Keys
 from rig.log import Log, SignalArrays, read_log
 from rig.log.of_flight import new_log
 from rig.record.events import Event
@@ -138,6 +140,7 @@ def fly(
     allow_code: bool = False,
     unit: Unit | str | Path | None = None,
     realtime: bool = False,
+    live: Callable[[Keys], AbstractContextManager[object]] | None = None,
 ) -> Flight:
     """Fly a scenario (a file, a bundled name, or one loaded already) and log every frame.
 
@@ -147,6 +150,7 @@ def fly(
     watch : given every block while it is recorded; it must be quick, and copy the rows that it keeps
     allow_code : a manager class that the scenario names may be run; one that an override names may be in any case
     realtime : ask the system for frames on time (record/realtime.py); at the pace of the clock when no factor is given
+    live : a context, given the Keys of the flight, in which they may be pressed; the faults of [[live]] wait for theirs
     unit : flight software under test, or its unit file (docs/unit.md), in the place of our manager
     Raises BadInput before anything is written, RigError when the log cannot be written on or the user's own manager
     raises: the log is then finished.
@@ -157,12 +161,29 @@ def fly(
         scenario, text, name = load(path, overrides, seed), path.read_text(encoding="utf-8"), path.stem
     scenario = scenario.trusted(scenario.trust.allowing(allow_code))
     pace = Pace(scenario.rate_hz, 1.0 if realtime and realtime_factor is None else realtime_factor)
+    scenario = scenario if live is None else scenario.armed()
+    keys = None if live is None else Keys(scenario)
+    pressed = nullcontext() if live is None or keys is None else live(keys)
     tested = read_unit(unit) if isinstance(unit, str | Path) else unit
     if tested is not None and tested.carrier == "python":
         scenario, tested = managed(scenario, tested), None
-    with interruptible() as stop, running(tested) as under, asked_realtime(realtime) as got:
-        flown = _record(scenario, text, name, Path(out), rerun, pace, stop, progress, viewer, watch, under)
+    asked = _Asked(name, text, Path(out), rerun, progress, viewer, watch)
+    with interruptible() as stop, running(tested) as under, asked_realtime(realtime) as got, pressed:
+        flown = _record(scenario, asked, pace, stop, under, keys)
     return replace(flown, realtime=got, printed="" if under is None else under.printed)
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """Where a flight is recorded, and who is told of it."""
+
+    name: str  # of the log
+    text: str  # of the scenario's file
+    out: Path
+    rerun: str
+    progress: Progress | None
+    viewer: Viewer | None
+    watch: Watch | None
 
 
 def managed(scenario: Scenario, unit: Unit) -> Scenario:
@@ -172,38 +193,27 @@ def managed(scenario: Scenario, unit: Unit) -> Scenario:
 
 
 def _record(
-    scenario: Scenario,
-    text: str,
-    name: str,
-    out: Path,
-    rerun: str,
-    pace: Pace,
-    stop: Stop,
-    progress: Progress | None,
-    viewer: Viewer | None,
-    watch: Watch | None,
-    unit: UnitUnderTest | None,
+    scenario: Scenario, asked: _Asked, pace: Pace, stop: Stop, unit: UnitUnderTest | None, keys: Keys | None
 ) -> Flight:
     """Run the frames through verdict, log and stream; the log is finished whatever happens."""
-    check_where(rerun)
-    rig = loop.Rig(scenario)
+    check_where(asked.rerun)
+    rig, viewer = loop.Rig(scenario), asked.viewer
     about = {} if unit is None else _with_unit(unit, rig, scenario, pace, stop)
-    records = Records(scenario, pace, unit)
-    with new_log(out, name or scenario.title or scenario.aircraft, scenario, text, about) as writer:
-        path = writer.path
-        named = scenario.title or path.stem
-        stream = open_stream(rerun, named, scenario.rate_hz, path, of_resolved(scenario.resolved()))
+    records = Records(scenario, pace, unit, keys)
+    if keys is not None:
+        rig.asked = keys.of_flight(rig, pace, stop)
+    named = asked.name or scenario.title or scenario.aircraft
+    with new_log(asked.out, named, scenario, asked.text, about) as writer:
+        path, shown = writer.path, scenario.title or writer.path.stem
+        stream = open_stream(asked.rerun, shown, scenario.rate_hz, path, of_resolved(scenario.resolved()))
         if stream is not None and viewer is not None:
             viewer.opened(stream)
+        told = _told(asked, scenario, stream, records)
 
         def record(rows: Block, timing: NDArray[Any]) -> None:
             events = records.record(rows, timing, writer, beside)
-            if stream is not None:
-                stream.put(rows.copy(), events)
-            if watch is not None:
-                watch(rows, scenario.rate_hz, events)
-            if progress is not None:
-                progress(records.verdict.frames, scenario.frames)
+            for tell in told:
+                tell(rows, events)
 
         began = time.perf_counter()
         try:
@@ -221,6 +231,21 @@ def _record(
         finally:
             report = None if stream is None else stream.close(10.0)
     return _came_to(records, path, reason, wall_s, report)
+
+
+Tell = Callable[[Block, Sequence[Event]], None]
+
+
+def _told(asked: _Asked, scenario: Scenario, stream: Stream | None, records: Records) -> list[Tell]:
+    """Who is given every block with its events when the log has it."""
+    told: list[Tell] = []
+    if stream is not None:
+        told.append(lambda rows, events: stream.put(rows.copy(), events))
+    if (watch := asked.watch) is not None:
+        told.append(lambda rows, events: watch(rows, scenario.rate_hz, events))
+    if (progress := asked.progress) is not None:
+        told.append(lambda rows, events: progress(records.verdict.frames, scenario.frames))
+    return told
 
 
 def _with_unit(unit: UnitUnderTest, rig: loop.Rig, scenario: Scenario, pace: Pace, stop: Stop) -> dict[str, str]:

@@ -14,6 +14,7 @@ from rig.errors import ManagerFailed
 from rig.faults import Execution
 from rig.frame import TIMING, Block, new_block
 from rig.interrupt import Stop
+from rig.live import Keys
 from rig.log import LogWriter
 from rig.record.events import Event, EventFinder, not_executed
 from rig.record.flight_summary import Verdict
@@ -45,14 +46,16 @@ class Findings:
 class Records(Findings):
     """What is kept of every block, and what the flight comes to."""
 
-    def __init__(self, scenario: Scenario, pace: Pace, unit: UnitUnderTest | None) -> None:
+    def __init__(self, scenario: Scenario, pace: Pace, unit: UnitUnderTest | None, keys: Keys | None = None) -> None:
         super().__init__(scenario)
-        self.scenario, self._unit, self._replies = scenario, unit, Histogram()
+        self.scenario, self._unit, self._replies, self._keys = scenario, unit, Histogram(), keys
         self.jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
 
     def record(self, rows: Block, timing: NDArray[Any], writer: LogWriter, beside: ThreadPoolExecutor) -> list[Event]:
         """Into summary and log; the events of the block."""
         events = self._finder.find(rows)
+        if self._keys is not None and len(rows):
+            events = sorted([*self._keys.told(int(rows["frame"][-1])), *events], key=lambda event: event.frame)
         hashed = beside.submit(self.verdict.add, rows, events)  # both leave the interpreter to each other
         writer.write(rows, timing, events)
         self.execution.add(rows)
@@ -80,6 +83,8 @@ class Records(Findings):
         reason = end_reason(verdict, stop, self.scenario) if failure is None else failed
         unit = self.of_unit()
         about = {} if unit is None else {"unit": json.dumps(unit)}
+        if self._keys is not None:
+            about["keys"] = self._keys.pressed.to_json()
         writer.close({"digest": verdict.digest, "end_reason": reason, "survived": str(verdict.survived), **about})
         return reason
 

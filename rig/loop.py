@@ -82,6 +82,7 @@ class Rig:
         self.data = self._gather()
         self.compute = computer(self.data, self.redundancy.own)
         self.unit: UnitUnderTest | None = None  # see under_test.py
+        self.asked: Callable[[Nested, int], None] | None = None  # what keys ask for before a row, see live.py
 
     def prepare(self, block: Block) -> None:
         """What is drawn or planned a block at a time: stick, demands and commands, noise, chance."""
@@ -261,9 +262,12 @@ def _fly_block(rig: Rig, block: Block, timing: NDArray[np.void], pace: Pace, sto
     frame_us, late_us, reply_us, unit = timing["frame_us"], timing["late_us"], timing["reply_us"], rig.unit
     clock, paced, first = time.perf_counter, pace.period_s is not None, int(block["frame"][0])
     see, think, act, data, rows = rig.plant.read, rig.compute, rig.plant.step, rig.data, nested(block)
+    asked = rig.asked
     for k in range(len(block)):
         if paced:
             late_us[k] = pace.wait(first + k) * 1e6
+        if asked is not None:
+            asked(rows, k)
         began = clock()
         end = see(block, k)  # truth, and whether the flight ends here
         think(rows, k, data)  # channels, faults, votes, commands

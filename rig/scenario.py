@@ -23,6 +23,7 @@ from rig.computer.control.gains import Gains
 from rig.computer.redundancy import Config as Redundancy
 from rig.errors import BadInput
 from rig.faults import Fault, check
+from rig.faults.live import LiveFault, distinct_keys
 from rig.files import bundled, is_file
 from rig.frame import DISCRETES, MOST_FAULTS, SIGNALS
 from rig.plant.airframe import AirframeField
@@ -60,6 +61,7 @@ class Scenario(Settings):
     wind: Wind = Wind()
     pilot: Pilot = Pilot()
     faults: list[Fault] = Field(default=[], max_length=MOST_FAULTS)
+    live: list[LiveFault] = []  # that a key begins and ends (rig fly --watch)
     control: Control = Control()
     airframe: AirframeField
     sensors: Suite  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
@@ -87,7 +89,14 @@ class Scenario(Settings):
                 f"flight_point: {self.aircraft} has no {self.flight_point!r}, allowed: {', '.join(points)}; "
                 f"for example --set flight_point={points[0]}"
             )
-        check(self.faults, {named.name: getattr(self.sensors, named.name).channels for named in (*SIGNALS, *DISCRETES)})
+        fitted = {named.name: getattr(self.sensors, named.name).channels for named in (*SIGNALS, *DISCRETES)}
+        check(self.faults, fitted)
+        labels = {fault.label for fault in self.faults}
+        waiting = [entry.fault for entry in self.live if entry.fault.label not in labels]  # a flown one has them
+        if len(self.faults) + len(waiting) > MOST_FAULTS:
+            raise ValueError(f"live: with faults more than {MOST_FAULTS}")
+        check([*self.faults, *waiting], fitted)
+        distinct_keys(self.live)
         return self
 
     @property
@@ -99,6 +108,11 @@ class Scenario(Settings):
     def steps_per_frame(self) -> int:
         """JSBSim steps in a frame."""
         return round((self.simulation_rate_hz or self.rate_hz) / self.rate_hz)
+
+    def armed(self) -> Scenario:
+        """With the faults of ``live`` among its faults: they begin when their keys are pressed."""
+        waiting = [entry.fault for entry in self.live]
+        return self.model_copy(update={"faults": [*self.faults, *waiting]}).trusted(self.trust)
 
     def streams(self) -> dict[str, SeedSequence]:
         """One independent seed a stage; adding a stage does not shift the others."""

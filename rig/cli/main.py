@@ -78,6 +78,7 @@ def fly(
     """Fly one scenario, log every frame, print what happened."""
     from rig.cli import show
     from rig.flight import fly as fly_scenario
+    from rig.view.watch.keyboard import keyboard
     from rig.view.watch.live import watching
 
     if watch and as_json:
@@ -96,6 +97,7 @@ def fly(
             allow_code=allow_code,
             unit=unit,
             realtime=realtime,
+            live=keyboard(watch and (realtime or realtime_factor is not None)),
         )
     emit(as_json, flight.summary, lambda: show.flight(flight))
 

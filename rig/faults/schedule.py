@@ -159,6 +159,14 @@ class Faults:
         self._trigger(i)
         self._duty_cycle(i)
 
+    def begin(self, i: int, frame: int) -> None:
+        """Begin fault i, whose trigger is a time, in ``frame``."""
+        self.schedule[i]["first"] = self.state[i]["onset"] = frame
+
+    def end(self, i: int, frame: int) -> None:
+        """End fault i before ``frame``, for good."""
+        self.schedule[i]["last"] = frame
+
     def _trigger(self, i: int) -> None:
         row, fault = self.schedule[i], self._faults[i]
         if fault.when is not None:

@@ -21,6 +21,7 @@ from rig.faults import Fault, FaultData, actuate, corrupt, corrupt_reference
 from rig.faults.places import site
 from rig.frame import FLAT, Block, S, nested
 from rig.kernels import kernel
+from rig.live import pressed
 from rig.log import Log, read_log
 from rig.loop import decide
 from rig.scenario import Scenario, from_resolved
@@ -69,6 +70,7 @@ def recorded(path: Path | str, allow_code: bool = False) -> Recorded:
     except (ValueError, RecursionError):
         raise BadLog(f"{path}: the scenario in its metadata is damaged") from None
     scenario = from_resolved(data, f"{path}: its scenario", Trust(str(path), allow_code))
+    scenario = pressed(scenario, log.result, str(path))
     if len(log.rows) == 0:
         raise BadInput(f"{path}: no frames")
     if (log.rows["frame"] != np.arange(len(log.rows))).any():

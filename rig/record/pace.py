@@ -35,6 +35,10 @@ class Pace:
             pass
         return now - due
 
+    def move(self, seconds: float) -> None:
+        """Begin all frames to come so much later."""
+        self._start_s += seconds
+
     def due(self, frame: int, share: float = 0.0) -> float:
         """The time of ``perf_counter`` at which ``share`` of frame ``frame`` is over, in a paced flight."""
         return self._start_s + (frame + share) * (self.period_s or 0.0)

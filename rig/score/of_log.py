@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from rig.computer.external.unit import UnitUnderTest
 from rig.errors import BadInput
+from rig.live import pressed
 from rig.log import Log, read_log
 from rig.scenario import Scenario, from_resolved
 from rig.score.flown import fly_twin
@@ -70,4 +71,5 @@ def _scenario(path: Path, log: Log, allow_code: bool) -> Scenario:
         resolved = json.loads(log.metadata["scenario"])
     except (ValueError, RecursionError):
         raise BadInput(f"{path}: its scenario cannot be read") from None
-    return from_resolved(resolved, f"{path}: scenario", Trust(str(path), allow_code))
+    scenario = from_resolved(resolved, f"{path}: scenario", Trust(str(path), allow_code))
+    return pressed(scenario, log.result, str(path))

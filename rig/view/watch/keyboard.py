@@ -1,0 +1,63 @@
+"""The keys of a terminal while a flight is flown: each at once, without Enter."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Protocol
+
+from rig.errors import BadInput
+
+
+class Pressable(Protocol):
+    """What the keys go to."""
+
+    def press(self, key: str) -> None:
+        """One key."""
+
+
+def keyboard(enabled: bool) -> Callable[[Pressable], object] | None:
+    """What flight.fly is to be given as ``live``; None when not enabled or nobody sits at a terminal."""
+    return pressing if enabled and sys.stdin.isatty() else None
+
+
+@contextmanager
+def pressing(keys: Pressable) -> Iterator[None]:
+    """Hand every key of standard input to ``keys`` while the context lasts; the terminal is as before after it.
+
+    BadInput: standard input is no terminal.
+    """
+    try:
+        import termios
+        import tty
+
+        fd = sys.stdin.fileno()
+        before = termios.tcgetattr(fd)
+    except (ImportError, OSError, ValueError) as error:
+        raise BadInput(f"keys: standard input is no terminal ({error})") from None
+    over, told = os.pipe()
+    thread = threading.Thread(target=_listen, args=(fd, over, keys), name="keyboard", daemon=True)
+    try:
+        tty.setcbreak(fd)
+        thread.start()
+        yield
+    finally:
+        os.write(told, b"q")
+        thread.join()
+        termios.tcsetattr(fd, termios.TCSADRAIN, before)
+        os.close(over)
+        os.close(told)
+
+
+def _listen(fd: int, over: int, keys: Pressable) -> None:
+    while over not in (ready := select.select([fd, over], [], [])[0]):
+        if fd in ready:
+            data = os.read(fd, 64)
+            if not data:
+                return
+            for key in data.decode(errors="ignore"):
+                keys.press(key)
