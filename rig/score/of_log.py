@@ -60,8 +60,8 @@ def score_log(
         scored = score(scenario, log.rows, other, yardstick)
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
-    unit = json.loads(log.result["unit"]) if "unit" in log.result else None
-    return Scored(path, scenario, log.result.get("digest", ""), scored, unit, times(log.timing))
+    exchanges = json.loads(log.result["unit"]) if "unit" in log.result else None
+    return Scored(path, scenario, log.result.get("digest", ""), scored, exchanges, times(log.timing))
 
 
 def _scenario(path: Path, log: Log, allow_code: bool) -> Scenario:

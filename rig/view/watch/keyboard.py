@@ -7,7 +7,7 @@ import select
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol
 
 from rig.errors import BadInput
@@ -20,7 +20,7 @@ class Pressable(Protocol):
         """One key."""
 
 
-def keyboard(enabled: bool) -> Callable[[Pressable], object] | None:
+def keyboard(enabled: bool) -> Callable[[Pressable], AbstractContextManager[None]] | None:
     """What flight.fly is to be given as ``live``; None when not enabled or nobody sits at a terminal."""
     return pressing if enabled and sys.stdin.isatty() else None
 

@@ -1,0 +1,135 @@
+"""The conformance vectors: made by the independent reading, met by both of our monitors, by none with a defect."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import unit_vectors
+from numpy.typing import NDArray
+from unit_defects import DEFECTS, Defect
+from unit_files import build, needs_a_compiler
+from unit_library import SOURCES as EXAMPLES
+
+from rig.computer.external.layout import CONFIG, INPUT, OUTPUT
+from rig.computer.external.vectors import Case, differences, load
+from rig.computer.redundancy.config import PARAMS
+from rig.computer.redundancy.discrete import DiscreteVoter
+from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
+from rig.computer.redundancy.managers import Manager
+from rig.frame import FLAT, Pattern, Resolver, State, new_block
+
+SOURCES = ("monitor.c", "compare.c", "resolvers.c", "discretes.c")
+FILES = [*(EXAMPLES / name for name in SOURCES), EXAMPLES / "monitor.h"]
+OWN = f"-I{EXAMPLES}"
+CASES = load()
+REACHED = {"pattern": Pattern, "resolver": Resolver, "state": State, "discrete_state": State}
+
+
+def found(case: Case, said: NDArray[Any]) -> list[str]:
+    return [f"{case.requirement}: {line}" for line in differences(case, said)]
+
+
+def params(config: NDArray[Any], name: str, dtype: np.dtype[Any]) -> NDArray[Any]:
+    """The records that our own manager is made with."""
+    records = np.zeros(config[name].shape[1], dtype)
+    for field in dtype.names or ():
+        records[field] = config[name][0][field]
+    return records
+
+
+def by_our_manager(case: Case) -> NDArray[Any]:
+    """What our own manager says, in OUTPUT records."""
+    rows, config = new_block(len(case.inputs)), case.config
+    for name in set(INPUT.names or ()) & set(FLAT.names or ()):
+        rows[name] = case.inputs[name]
+    boxes = {name: int(config[name][0]) for name in ("box_signals", "box_persistence")}
+    manager = Manager("cross-channel", params(config, "signal", PARAMS), **boxes)
+    voter = DiscreteVoter(params(config, "discrete", DISCRETE_PARAMS))
+    with np.errstate(invalid="ignore"):  # of an infinite angle, when the kernels are not compiled
+        for k in range(len(rows)):
+            manager.step(rows, k)
+            voter.step(rows, k)
+    said = np.zeros(len(rows), OUTPUT)
+    for name in set(OUTPUT.names or ()) & set(FLAT.names or ()):
+        said[name] = rows[name]
+    said["said"], said["frame"] = case.expected["said"], case.inputs["frame"]
+    return said
+
+
+class Library:
+    """A unit's three functions, called in this process."""
+
+    def __init__(self, path: Path) -> None:
+        self.functions = ctypes.CDLL(str(path))
+
+    def said(self, case: Case) -> NDArray[Any]:
+        config, said = case.config.astype(CONFIG), np.zeros(len(case.inputs), OUTPUT)
+        inputs = np.ascontiguousarray(case.inputs)
+        said["frame"] = inputs["frame"]
+        assert self.functions.rig_unit_open(ctypes.c_void_p(config.ctypes.data)) == 0
+        for k in range(len(inputs)):
+            read = ctypes.c_void_p(inputs.ctypes.data + k * INPUT.itemsize)
+            write = ctypes.c_void_p(said.ctypes.data + k * OUTPUT.itemsize)
+            assert self.functions.rig_unit_step(read, write) == 0
+        self.functions.rig_unit_close()
+        return said
+
+
+@pytest.fixture(scope="module")
+def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The monitor's files, each compiled."""
+    folder = tmp_path_factory.mktemp("objects")
+    return {name: build([EXAMPLES / name], folder / f"{name}.o", "-O0", OWN, "-c") for name in SOURCES}
+
+
+def with_defect(defect: Defect, objects: dict[str, Path], folder: Path) -> Library:
+    """The monitor with one text replaced; what includes it is compiled again."""
+    where = [path for path in FILES if defect.old in path.read_text()]
+    assert [path.read_text().count(defect.old) for path in where] == [1]
+    for path in FILES:
+        shutil.copy(path, folder)
+    changed = folder / where[0].name
+    changed.write_text(changed.read_text().replace(defect.old, defect.new))
+    again = SOURCES if changed.suffix == ".h" else (changed.name,)
+    sources = [folder / name if name in again else objects[name] for name in SOURCES]
+    return Library(build(sources, folder / "libdefect.so", "-O0"))
+
+
+def test_the_vectors_are_those_of_the_independent_reading():
+    made = unit_vectors.cases()
+    assert [case.requirement for case in made] == [case.requirement for case in CASES]
+    for ours, kept in zip(made, CASES, strict=True):
+        for name in ("config", "inputs", "expected"):
+            assert getattr(ours, name).tobytes() == getattr(kept, name).tobytes(), (kept.requirement, name)
+
+
+def test_the_vectors_reach_every_pattern_resolver_and_state():
+    expected = {name: np.concatenate([case.expected[name].ravel() for case in CASES]) for name in REACHED}
+    for name, enum in REACHED.items():
+        seen = {
+            enum(value): int(count) for value, count in zip(*np.unique(expected[name], return_counts=True), strict=True)
+        }
+        assert {one: seen.get(one, 0) for one in enum if seen.get(one, 0) < 20} == {}, name
+
+
+@pytest.mark.parametrize("case", CASES, ids=[case.requirement for case in CASES])
+def test_our_own_manager_says_what_the_requirement_says(case: Case):
+    assert found(case, by_our_manager(case)) == []
+
+
+@needs_a_compiler
+def test_so_does_the_monitor_in_c(objects: dict[str, Path], tmp_path: Path):
+    monitor = Library(build([*objects.values()], tmp_path / "libmonitor.so"))
+    assert [line for case in CASES for line in found(case, monitor.said(case))] == []
+
+
+@needs_a_compiler
+@pytest.mark.parametrize("defect", DEFECTS, ids=[defect.name for defect in DEFECTS])
+def test_the_vectors_find_a_monitor_with_a_defect(defect: Defect, objects: dict[str, Path], tmp_path: Path):
+    monitor = with_defect(defect, objects, tmp_path)
+    assert any(found(case, monitor.said(case)) for case in CASES)

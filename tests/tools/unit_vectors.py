@@ -1,0 +1,417 @@
+"""Write the conformance vectors of a unit under test: what a monitor must say, by the independent reading.
+
+    python tests/tools/unit_vectors.py [FILE]      rig/computer/external/vectors.npz when not given
+
+Each case is named by what it tests and holds sixteen independent signals that reach it, drawn with fixed seeds; the
+answers are those of tests/oracle.py, oracle_resets.py and oracle_boxes.py.  What no oracle knows is switched off: the
+fade after a change of level and the trend-weighted mean.
+"""
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import islice, pairwise
+from pathlib import Path
+from random import Random
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from oracle import Frame, Oracle
+from oracle_answers import PAIRS, Settings, View
+from oracle_boxes import BoxFlight, BoxOracle, Row, row, seeded_boxes, some_settings
+from oracle_flights import Flight
+from vector_flights import (
+    FRAMES,
+    NEVER,
+    Flown,
+    angle,
+    at_airspeed,
+    at_the_limits,
+    discrete,
+    lasting,
+    plain,
+    quiet_discrete,
+    quiet_signal,
+    spoken,
+    to_the_ends,
+    with_absent_monitors,
+    with_resets,
+)
+from vector_records import MISSING, Session
+
+from rig.computer.external.vectors import FILE, Case, save
+from rig.frame import DISCRETES, D, S
+
+Wanted = Callable[[Flown], bool]
+POOL = 1200  # random signals that the cases choose from
+INVALID = ("flag",)
+BEYOND = ("above", "below")
+RARE = 4  # signals that fulfil a wish, at least
+NO_NUMBER = ("nan", "infinity", "-infinity")
+
+
+def reached(*rules: str) -> list[Wanted]:
+    """Signals for each of these rules of the oracle."""
+    return [lambda flown, rule=rule: rule in flown.rules for rule in rules]
+
+
+def patterns(flown: Flown) -> set[str]:
+    return {frame.pattern for frame in flown.answers}
+
+
+def with_a_majority(flown: Flown) -> bool:
+    """Suspects, and always a majority."""
+    return patterns(flown) <= {"normal", "isolated"} and "isolated" in patterns(flown)
+
+
+def latched(flown: Flown) -> bool:
+    """A channel failed by comparison that agrees again while others go on."""
+    last, samples = flown.answers[-1], flown.flight.samples[-1]
+    back = [x for x, state in zip(samples, last.states, strict=False) if state == "failed" and x is not None]
+    return with_a_majority(flown) and any(abs(x - last.voted) <= flown.settings.threshold for x in back)
+
+
+def exact(name: str) -> Wanted:
+    """A distance that is exactly a threshold decides."""
+    return lambda flown: flown.hangs_on(**{name: getattr(flown.settings, name) * (1 - 1 / 1024)})
+
+
+def exact_below(flown: Flown) -> bool:
+    """A reference settles two halves, exactly its threshold above a sample."""
+    given = zip(flown.answers, flown.flight.samples, flown.flight.references, strict=True)
+    return any(
+        frame.pattern in PAIRS and frame.resolver == "reference" and x - flown.settings.reference_threshold in samples
+        for frame, samples, x in given
+        if x is not None
+    )
+
+
+def on_a_rank(side: int) -> Wanted:
+    """Two halves are settled by a reference that lies on a sample: a little to one side it is another answer."""
+
+    def wish(flown: Flown) -> bool:
+        little = side * flown.settings.threshold / 1024
+        references = [None if x is None else x + little for x in flown.flight.references]
+        there = replace(flown, flight=replace(flown.flight, references=references))
+        frames = [
+            k for k, frame in enumerate(flown.answers) if frame.pattern in PAIRS and frame.resolver == "reference"
+        ]
+        return bool(frames) and any(flown.answers[k].states != there.answers[k].states for k in frames)
+
+    return wish
+
+
+def common_moves(to: bool, *names: str) -> Wanted:
+    """A common mode appears, or is gone, when these thresholds are a little smaller: one was met exactly."""
+
+    def wish(flown: Flown) -> bool:
+        smaller = {name: getattr(flown.settings, name) * (1 - 1 / 1024) for name in names}
+        others = flown.with_settings(**smaller).answers
+        return any(a.common != b.common and b.common == to for a, b in zip(flown.answers, others, strict=True))
+
+    return wish
+
+
+def trusted_again(flown: Flown) -> bool:
+    """The reference is set aside, and trusted again later."""
+    usable = [frame.usable for frame, x in zip(flown.answers, flown.flight.references, strict=True) if x is not None]
+    return False in usable and True in usable[usable.index(False) :]
+
+
+def not_compared(flown: Flown) -> bool:
+    """Samples that cannot be compared, among some that can."""
+    c = flown.settings.channels
+    return any(None in row[:c] and row[:c].count(None) < c - 1 for row in flown.flight.samples)
+
+
+def lost(flown: Flown) -> bool:
+    return "lost" in patterns(flown) and flown.answers[0].pattern != "lost"
+
+
+def absent_is_not_bad(flown: Flown) -> bool:
+    """Other answers when the absent monitors say bad."""
+    return spoken(flown, {c: {"absent": "bad"} for c in range(4)}).answers != flown.answers
+
+
+def readmitted(flown: Flown) -> bool:
+    levels = [frame.level for frame in flown.answers]
+    return any(b > a for a, b in pairwise(levels))
+
+
+def readmitted_exactly(flown: Flown) -> bool:
+    """A channel that is readmitted has agreed by exactly a threshold."""
+    return readmitted(flown) and exact("threshold")(flown)
+
+
+def refused_early(flown: Flown) -> bool:
+    """A command comes too early: a shorter wait gives other answers."""
+    return replace(flown, readmit_frames=flown.readmit_frames - 1).answers != flown.answers
+
+
+def anything(_: Flown) -> bool:
+    return True
+
+
+def settled(pattern: str, *by: str) -> list[Wanted]:
+    return reached(*(f"{pattern} settled by {name}" for name in by))
+
+
+LAST = "last channel: {}".format
+FREEZE = "freeze: {}".format
+NOBODY = [f"{pattern} by nobody" for pattern in ("2:2", "1:1:1:1", "1:1:1", "1:1")]
+# Requirement, what its signals must reach in turn, and how samples are missing in it (all ways if not given).
+PLAIN: list[tuple[str, list[Wanted], Sequence[str]]] = [
+    ("the vote is the median, never with a suspect in it", [with_a_majority], ()),
+    (
+        "samples and references exactly a threshold apart agree",
+        [exact("threshold"), exact("reference_threshold"), exact_below],
+        (),
+    ),
+    ("a reference exactly on a sample", [on_a_rank(1), on_a_rank(-1)], ()),
+    ("a sample that is no number is not compared", [not_compared], NO_NUMBER),
+    ("a sample out of the sensor's range is not compared", [not_compared], BEYOND),
+    ("a sample flagged invalid is not compared", [not_compared], INVALID),
+    ("a signal without a sample holds its last vote", [lost], ()),
+    ("2:2 settled by in-line monitors", settled("2:2", "ilm"), ()),
+    ("2:2 settled by the reference", settled("2:2", "reference"), ()),
+    ("2:2 settled by the trend", settled("2:2", "trend"), ()),
+    ("1:1 settled by in-line monitors, reference and trend", settled("1:1", "ilm", "reference", "trend"), ()),
+    ("1:1:1:1 settled by in-line monitors and the reference", settled("1:1:1:1", "ilm", "reference"), ()),
+    ("1:1:1:1 settled by extremes", settled("1:1:1:1", "extremes"), ()),
+    ("1:1:1 settled by in-line monitors and the reference", settled("1:1:1", "ilm", "reference"), ()),
+    ("1:1:1 settled by the middle", settled("1:1:1", "middle"), ()),
+    ("nobody answers: the last vote, moved as the ranks move", reached(*NOBODY), ()),
+    (
+        "the change of a pattern's first frame does not move the vote",
+        reached("unresolved: change of the first frame left out"),
+        (),
+    ),
+    (
+        "the last channel against its monitor",
+        reached(LAST("ilm, reference voted"), LAST("ilm, vote held"), LAST("failed by ilm"), LAST("ilm and reference")),
+        (),
+    ),
+    (
+        "the last channel against its reference",
+        reached(LAST("reference, reference voted"), LAST("failed by reference")),
+        (),
+    ),
+    (
+        "counts stand still during and after a pattern without a majority",
+        reached(FREEZE("count kept"), FREEZE("miscompare not counted"), FREEZE("what was left is longer")),
+        (),
+    ),
+    (
+        "but not those of a sample that is missing or of the last channel",
+        reached(FREEZE("not comparable"), FREEZE("last channel exempt")),
+        (),
+    ),
+    ("a reference off the vote is set aside, and trusted again after agreement", [trusted_again], ()),
+    ("two references against all channels are reported", reached("common mode: reported"), ()),
+    ("two references against all channels lose the signal where configured", reached("common mode: lost"), ()),
+    ("two references that contradict each other are no common mode", reached("common mode: references apart"), ()),
+]
+
+
+LIMITS = [
+    (True, "reference_threshold"),
+    (True, "second_threshold"),
+    (True, "threshold"),
+    (False, "reference_threshold", "second_threshold"),
+]
+
+
+@cache
+def drawn(make: Callable[[int], Flown | None], seed: int) -> Flown | None:
+    return make(seed)
+
+
+def chosen(make: Callable[[int], Flown | None], wanted: list[Wanted]) -> list[Flown]:
+    """A signal for each place, which fulfil the wishes in turn; those of a rare wish come again."""
+    found = []
+    for turn, wish in enumerate(wanted):
+        places = len(range(turn, S, len(wanted)))
+        seen = (flown for seed in range(POOL) if (flown := drawn(make, seed)) is not None and wish(flown))
+        found.append(list(islice(seen, places)))
+        if len(found[-1]) < min(places, RARE):
+            raise LookupError(f"wish {turn}: {len(found[-1])} signals")
+    return [found[i % len(wanted)][(i // len(wanted)) % len(found[i % len(wanted)])] for i in range(S)]
+
+
+def quiet_discretes() -> list:
+    return [quiet_discrete(one.fail_safe) for one in DISCRETES]
+
+
+def of_signals(
+    title: str, make: Callable[[int], Flown | None], wanted: list[Wanted], how: Sequence[str] = ()
+) -> Session:
+    """A case of signals alone."""
+    return Session(title, chosen(make, wanted), quiet_discretes(), missing=how or MISSING)
+
+
+def of_discretes(title: str, seed: str, resets: bool) -> Session:
+    """A case of discretes alone."""
+    return Session(title, [quiet_signal()] * S, [discrete(f"{seed} {d}", resets) for d in range(D)])
+
+
+class TrendAccuses(Oracle):
+    """Another rule, for a choice of flights: whoever is blamed without a majority is accused by trend and rank too."""
+
+    def evidence(self, view: View, resolver: str, wrong: set[int]) -> set[int]:
+        return super().evidence(view, "ilm" if resolver in ("trend", "extremes", "middle") else resolver, wrong)
+
+
+class NobodyAccuses(Oracle):
+    """And another one: nobody who is blamed without a majority is accused."""
+
+    def evidence(self, view: View, resolver: str, wrong: set[int]) -> set[int]:
+        return super().evidence(view, "trend", wrong)
+
+
+@dataclass
+class Dying:
+    """A flight of boxes, and the answers of each frame."""
+
+    flight: BoxFlight
+    oracle: BoxOracle
+    answers: list[list[Frame]]
+    everywhere: bool  # nearly every signal accused somebody in the frame in which a box was failed
+
+    def hangs_on(self, other: type[Oracle]) -> bool:
+        """Whether another rule of who is accused gives other answers."""
+        return fly_boxes(self.flight, other).answers != self.answers
+
+
+def fly_boxes(flight: BoxFlight, kind: type[Oracle] = Oracle) -> Dying:
+    oracle = BoxOracle(flight)
+    oracle.signals = [kind(s) for s in flight.settings]
+    answers, everywhere = [], False
+    for rows in flight.frames:
+        answers.append(oracle.step(rows))
+        failed = any(frame.resolver == "box" for frame in answers[-1])
+        accusing = sum(bool(one.accused) for one in oracle.signals)
+        everywhere = everywhere or (failed and accusing > S - flight.box_signals)
+    return Dying(flight, oracle, answers, everywhere)
+
+
+def boxes(title: str, wish: Callable[[Dying], bool], first: int) -> Session:
+    """A case of channels that die as a whole on some of the sixteen signals, looked for from the seed ``first``."""
+    for seed in range(first, first + POOL):
+        found = fly_boxes(all_signals(seeded_boxes(seed), Random(f"boxes {seed}")))
+        if wish(found):
+            flown = [one_signal(found.flight, i) for i in range(S)]
+            answers = [list(frames) for frames in zip(*found.answers, strict=True)]
+            needed, persistence = found.flight.box_signals, found.flight.box_persistence
+            return Session(title, flown, quiet_discretes(), answers, needed, persistence)
+    raise LookupError(title)
+
+
+def switched_off(title: str) -> Session:
+    """A case in which boxes would be failed, but are not to be."""
+    found = boxes(title, BOXES[0][1], 0)
+    return Session(title, found.signals, found.discretes)
+
+
+def all_signals(flight: BoxFlight, draw: Random) -> BoxFlight:
+    """The same flight with more signals, all healthy or all hit like those that are there, FRAMES long."""
+    more = S - len(flight.settings)
+    settings = [*flight.settings, *(some_settings(draw) for _ in range(more))]
+    healthy = draw.random() < 0.5
+    frames = (flight.frames + flight.frames[-1:] * FRAMES)[:FRAMES]
+    return replace(
+        flight, settings=settings, frames=[[*rows, *others(rows, settings[-more:], healthy)] for rows in frames]
+    )
+
+
+def others(rows: Sequence[Row], settings: Sequence[Settings], healthy: bool) -> list[Row]:
+    """One frame of signals beside those of ``rows``."""
+    if healthy:
+        return [row(s.channels, (), None, ("absent",) * 4, None) for s in settings]
+    like = [rows[i % len(rows)] for i in range(len(settings))]
+    return [
+        ([x if c < s.channels else None for c, x in enumerate(samples)], ilm, reference)
+        for s, (samples, ilm, reference) in zip(settings, like, strict=True)
+    ]
+
+
+def one_signal(flight: BoxFlight, i: int) -> Flown:
+    samples, ilm, references = (list(column) for column in zip(*(rows[i] for rows in flight.frames), strict=True))
+    return Flown(lasting(Flight(flight.settings[i], samples, ilm, references, [None] * FRAMES)))
+
+
+def mixed(number: int) -> Session:
+    """Whatever comes: every kind of signal, discretes with resets."""
+    makes = [plain, plain, plain, with_resets, with_absent_monitors]
+    signals = [makes[i % len(makes)](POOL + 1 + number * S + i) for i in range(S)]
+    return Session(f"mixed, {number}", signals, [discrete(f"mixed {number} {d}") for d in range(D)])
+
+
+# Title, what its flights must reach, and the seeds from which these are looked for.
+BOXES: list[tuple[str, Callable[[Dying], bool], tuple[int, ...]]] = [
+    (
+        "a box that dies is failed on all its signals",
+        lambda dying: {"1 failed as boxes", "failed where nothing spoke against it"} <= dying.oracle.rules,
+        (0, 6, 18),
+    ),
+    (
+        "two boxes that die together are failed",
+        lambda dying: {"2 failed as boxes", "failed where it was silent"} <= dying.oracle.rules,
+        (11, 38),
+    ),
+    (
+        "an accused majority of boxes is not failed",
+        lambda dying: "an accused majority" in dying.oracle.rules,
+        (24, 48, 57),
+    ),
+    ("a box that dies on nearly every signal", lambda dying: dying.everywhere, (170, 196)),
+    ("trend and rank accuse no box", lambda dying: dying.hangs_on(TrendAccuses), (116, 137)),
+    ("monitors and references accuse a box without a majority", lambda dying: dying.hangs_on(NobodyAccuses), (19, 31)),
+]
+
+
+def sessions() -> Iterator[Session]:
+    """All cases, in order."""
+    yield from (of_signals(title, plain, wanted, how) for title, wanted, how in PLAIN)
+    title = "a channel that miscompares for its persistence is failed and stays so"
+    yield of_signals(title, lambda seed: replace(with_resets(seed), readmit_frames=NEVER), [latched])
+    title = "a sample at the end of the sensor's range is compared"
+    yield of_signals(title, to_the_ends, [not_compared])
+    title = "references exactly at the limits of a common mode"
+    yield of_signals(title, at_the_limits, [common_moves(*moves) for moves in LIMITS])
+    title = "the reference threshold of a dynamic pressure by its airspeed"
+    yield of_signals(title, at_airspeed, [lambda flown: replace(flown, airspeed_m_s=0.0).answers != flown.answers])
+    yield of_signals("an absent monitor is not a bad one", with_absent_monitors, [absent_is_not_bad])
+    yield of_signals(
+        "a reset readmits only after agreement", with_resets, [readmitted, refused_early, readmitted_exactly]
+    )
+    for number in range(3):
+        yield of_signals(
+            f"angles on the circle, {number + 1}", lambda seed, n=number: angle(1000 * n + seed), [anything]
+        )
+    for title, wish, seeds in BOXES:
+        yield from (boxes(f"{title}, {number + 1}", wish, seed) for number, seed in enumerate(seeds))
+    yield switched_off("no box is failed where that is switched off")
+    for number in range(3):
+        title = f"majority of discretes, the fail-safe value without one, {number + 1}"
+        yield of_discretes(title, f"majority {number}", resets=False)
+    for number in range(3):
+        title = f"a reset readmits a discrete channel only after agreement, {number + 1}"
+        yield of_discretes(title, f"resets {number}", resets=True)
+    yield from (mixed(number) for number in range(1, 9))
+
+
+def cases() -> list[Case]:
+    return [session.case() for session in sessions()]
+
+
+def main() -> None:
+    path = Path(sys.argv[1]) if len(sys.argv) > 1 else FILE
+    made = cases()
+    save(made, path)
+    frames = sum(len(case.inputs) for case in made)
+    print(f"{path}: {len(made)} cases, {frames} frames, {path.stat().st_size} bytes")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,237 @@
+"""Defects of the monitor in C, each a replacement in the text of docs/examples/unit: the vectors find them all."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Defect(NamedTuple):
+    """``old`` stands once in all files of the monitor."""
+
+    name: str
+    old: str
+    new: str
+
+
+IN_RANGE = "(p->low <= f->samples[c]) && (f->samples[c] <= p->high)"
+SAMPLES = [
+    Defect("the flag of an invalid sample ignored", "return (f->valid[c] != 0) && (p->low", "return (p->low"),
+    Defect("a sample out of range compared", IN_RANGE, "isfinite(f->samples[c]) && (p->low <= p->high)"),
+    Defect("an infinite sample compared", IN_RANGE, f"(isinf(f->samples[c]) || ({IN_RANGE}))"),
+    Defect("a sample that is no number compared", IN_RANGE, f"(isnan(f->samples[c]) || ({IN_RANGE}))"),
+    Defect(
+        "two samples a threshold apart disagree",
+        "!((f->x[f->order[i]] - f->x[f->order[i - 1]]) <= p->threshold)",
+        "!((f->x[f->order[i]] - f->x[f->order[i - 1]]) < p->threshold)",
+    ),
+    Defect(
+        "an angle compared as a plain number",
+        "return (p->wraps != 0) ? (modulo_turn((a",
+        "return (p->wraps > 1) ? (modulo_turn((a",
+    ),
+    Defect(
+        "the vote of an angle out of its range",
+        "(p->wraps != 0) ? (modulo_turn(x - p->low)",
+        "(p->wraps > 1) ? (modulo_turn(x - p->low)",
+    ),
+]
+VOTES = [
+    Defect("the median of an even number is the lower one", "trend_weight(f, s) : 0.5", "trend_weight(f, s) : 0.0"),
+    Defect(
+        "the median of three is the smallest",
+        "if ((f->n % 2) == 1) {\n        return f->high;",
+        "if ((f->n % 2) == 1) {\n        return f->x[f->order[0]];",
+    ),
+    Defect("a suspect in the mean", "if (f->alone[f->order[f->n / 2]]) {", "if (f->n < 0) {"),
+    Defect(
+        "a lost signal votes zero",
+        "if (f->n == 0) {\n        f->vote = s->vote;",
+        "if (f->n == 0) {\n        f->vote = 0.0;",
+    ),
+    Defect(
+        "the newest trend bit at the wrong end",
+        "s->trend_high = ((s->trend_high << 1) | ((f->rise_high > 0.0) ? 1U : 0U)) & mask;",
+        "s->trend_high = (s->trend_high >> 1) | ((f->rise_high > 0.0) ? ((mask + 1U) / 2U) : 0U);",
+    ),
+    Defect("a trend at rest counts as rising", "(f->rise_low > 0.0)", "(f->rise_low >= 0.0)"),
+    Defect("the trend of another number of samples kept", "(f->n == s->last_n) && (f->n > 0)", "(f->n > 0)"),
+    Defect(
+        "the first frame of a pattern moves the vote",
+        "(s->pattern_frames == 1) ? s->vote",
+        "(s->pattern_frames == 0) ? s->vote",
+    ),
+]
+RESOLVERS = [
+    Defect(
+        "an absent monitor read as bad",
+        "count += (f->ilm[f->order[i]] == flag) ? 1 : 0;",
+        "count += ((f->ilm[f->order[i]] == flag) || (f->ilm[f->order[i]] > flag + 1)) ? 1 : 0;",
+    ),
+    Defect(
+        "an absent monitor disputes the last channel",
+        "bad = f->ilm[c] == RIG_ILM_BAD;",
+        "bad = f->ilm[c] != RIG_ILM_GOOD;",
+    ),
+    Defect(
+        "the extremes kept, the others failed",
+        "blame_all_but(f->order[(f->n - 1) / 2], f->order[f->n / 2], f);",
+        "blame_all_but(f->order[0], f->order[f->n - 1], f);",
+    ),
+    Defect(
+        "the middle and what is beside it kept",
+        "blame_all_but(f->order[(f->n - 1) / 2], f->order[f->n / 2], f);",
+        "blame_all_but(f->order[1], f->order[2], f);",
+    ),
+    Defect(
+        "extremes and middle without being configured",
+        "if (p->resolvers[place] == rule) {",
+        "if (p->resolvers[place] >= 0) {",
+    ),
+    Defect(
+        "neither rank rising blames the smaller half",
+        "(s->trend_high == 0U) ? HIGH_SIDE",
+        "(s->trend_high == 0U) ? LOW_SIDE",
+    ),
+    Defect(
+        "the reference blames the half that it is near to",
+        "if (f->reference >= f->high) {\n        return LOW_SIDE;",
+        "if (f->reference >= f->high) {\n        return HIGH_SIDE;",
+    ),
+    Defect(
+        "the last channel within one reference threshold",
+        "(apart > (REFERENCE_MARGIN * f->reference_threshold))",
+        "(apart > f->reference_threshold)",
+    ),
+    Defect(
+        "a reference never trusted again",
+        "s->reference_usable = agrees;",
+        "s->reference_usable = agrees && s->reference_usable;",
+    ),
+    Defect(
+        "a common mode reported a frame late",
+        "s->common_run >= p->common_persistence",
+        "s->common_run > p->common_persistence",
+    ),
+    Defect(
+        "the second reference ignored",
+        "f.second = seen(input->second_reference[signal], &f, p);",
+        "f.second = f.reference;",
+    ),
+    Defect(
+        "a common mode of references that are apart",
+        "(apart <= (f->reference_threshold + p->second_threshold))",
+        "(apart >= 0.0)",
+    ),
+    Defect(
+        "a common mode within one reference threshold", "margin = REFERENCE_MARGIN * threshold;", "margin = threshold;"
+    ),
+    Defect(
+        "a common mode that is to be reported fails the signal",
+        "if (s->common_mode && (p->common_fails != 0)) {",
+        "if (s->common_mode) {",
+    ),
+]
+LATCHES = [
+    Defect("failed a frame late", "(s->latches.count[c] >= p->persistence)", "(s->latches.count[c] > p->persistence)"),
+    Defect(
+        "a pattern settled a frame late",
+        "s->pattern_frames >= p->singular_persistence",
+        "s->pattern_frames > p->singular_persistence",
+    ),
+    Defect(
+        "an agreeing frame does not end the count",
+        "(!ranked || f->alone[c]) ? (count[c] + 1) : 0",
+        "(!ranked || f->alone[c]) ? (count[c] + 1) : count[c]",
+    ),
+    Defect(
+        "counts go on in a pattern without a majority",
+        "s->singular_run++;\n        return true;",
+        "s->singular_run++;\n        return false;",
+    ),
+    Defect(
+        "counts go on after a pattern without a majority",
+        "s->freeze = (wait > s->freeze) ? wait : s->freeze;",
+        "s->freeze = 0 * wait;",
+    ),
+    Defect("an earlier wait forgotten", "s->freeze = (wait > s->freeze) ? wait : s->freeze;", "s->freeze = wait;"),
+    Defect("the count of a last channel stands still", "return f->n != 1;", "return f->n >= 0;"),
+    Defect(
+        "the counts of missing samples stand still",
+        "s->latches.failed[c] || (ranked && still)",
+        "s->latches.failed[c] || still",
+    ),
+    Defect(
+        "a failed channel comes back by itself",
+        "s->latches.agreed[c] = agrees ? (s->latches.agreed[c] + 1) : 0;",
+        "s->latches.failed[c] = s->latches.failed[c] && !agrees;",
+    ),
+    Defect(
+        "readmission without agreement",
+        "wanted && latches->failed[c] && (latches->agreed[c] >= readmit_frames)",
+        "wanted && latches->failed[c] && (readmit_frames > 0)",
+    ),
+    Defect(
+        "readmission a frame early",
+        "(latches->agreed[c] >= readmit_frames)",
+        "(latches->agreed[c] + 1 >= readmit_frames)",
+    ),
+    Defect(
+        "a break does not end the wait for a reset",
+        "agrees ? (s->latches.agreed[c] + 1) : 0",
+        "agrees ? (s->latches.agreed[c] + 1) : s->latches.agreed[c]",
+    ),
+    Defect(
+        "the reset of one channel resets all", "wanted = ((commanded >> c) & 1U) != 0U;", "wanted = commanded != 0U;"
+    ),
+    Defect("a channel that is counted is not suspect", "|| (s->latches.count[c] != 0)", "|| (s->latches.count[c] < 0)"),
+    Defect(
+        "a channel that is not fitted is ok",
+        "if (c >= p->fitted) {\n        return RIG_STATE_ABSENT;",
+        "if (c >= p->fitted) {\n        return RIG_STATE_OK;",
+    ),
+    Defect("the last session remembered", "memset(signals, 0, sizeof signals);", "memset(signals, 0, 1);"),
+]
+BOXES = [
+    Defect("a box for two signals fewer", "(against >= config.box_signals) ?", "(against >= config.box_signals - 2) ?"),
+    Defect(
+        "a box failed a frame late", "box_count[c] >= config.box_persistence", "box_count[c] > config.box_persistence"
+    ),
+    Defect("half of the boxes not failed", "(2 * candidates) <= boxes", "(2 * candidates) < boxes"),
+    Defect("a majority of boxes failed", "(2 * candidates) <= boxes", "candidates <= boxes"),
+    Defect(
+        "the trend accuses a box",
+        "(f->resolver == RIG_RESOLVER_ILM) || (f",
+        "(f->resolver == RIG_RESOLVER_TREND) || (f",
+    ),
+]
+DISCRETES = [
+    Defect("a tie of a discrete is one", "return (uint8_t)config[d].fail_safe;", "return 1;"),
+    Defect(
+        "the level of a discrete counts failed channels",
+        "output->discrete_level[d] = level;",
+        "output->discrete_level[d] = (uint8_t)(level + 0 * d + 1);",
+    ),
+    Defect(
+        "a discrete channel failed a frame late",
+        "l->count[c] >= config[d].persistence",
+        "l->count[c] > config[d].persistence",
+    ),
+    Defect(
+        "an agreeing frame of a discrete does not end the count",
+        "agrees ? 0 : (l->count[c] + 1)",
+        "agrees ? l->count[c] : (l->count[c] + 1)",
+    ),
+    Defect(
+        "an absent monitor of a discrete read as bad",
+        "input->discrete_ilm[d][c] != RIG_ILM_BAD",
+        "input->discrete_ilm[d][c] == RIG_ILM_GOOD",
+    ),
+    Defect(
+        "a bad monitor of a discrete ignored",
+        "(input->discrete_valid[d][c] != 0) && (input->discrete_ilm[d][c] != RIG_ILM_BAD)",
+        "input->discrete_valid[d][c] != 0",
+    ),
+    Defect("the flag of a discrete ignored", "(input->discrete_valid[d][c] != 0) && (input", "(input"),
+    Defect("a failed discrete channel votes", "!latches[d].failed[c] && comparable", "comparable"),
+]
+DEFECTS = [*SAMPLES, *VOTES, *RESOLVERS, *LATCHES, *BOXES, *DISCRETES]

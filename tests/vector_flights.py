@@ -1,0 +1,266 @@
+"""Flights of the conformance vectors: what goes into one signal or one discrete, and what the requirement answers.
+
+The answers are those of the oracles alone (oracle.py and those that go with it).
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from math import pi, sqrt
+from typing import Any
+
+from oracle import DiscreteOracle, DiscreteSettings, Frame
+from oracle_answers import Settings
+from oracle_flights import SLOPES, Flight, build
+from oracle_resets import ResettableOracle
+
+FRAMES = 30  # of a case
+RANGE = 250.0  # thresholds, either way, of a signal that is no angle
+TURN = 2 * pi
+NOISE = 1e-9  # rad; where it moves a decision, rounding would
+END = 1e-3  # rad, of an angle's range: no vote is nearer to it, where rounding would go round the circle
+MOVING = [x for x in SLOPES if x]  # the trend of an angle at rest hangs on rounding
+DENSITY = 1.225  # kg/m3, of the air at sea level
+NEVER = 1_000_000  # frames of agreement until a reset
+
+Reset = frozenset[int]
+NO_RESET: Reset = frozenset()
+
+
+@dataclass
+class NoisySettings(Settings):
+    """The same circle with another rounding."""
+
+    draw: random.Random = field(default_factory=lambda: random.Random(1))
+
+    def near(self, x: float, base: float) -> float:
+        return super().near(x, base) + self.draw.uniform(-NOISE, NOISE)
+
+
+@dataclass(frozen=True)
+class Flown:
+    """One signal of a case: its settings, what it is given in each frame, and the answers that it must get."""
+
+    flight: Flight
+    low: float = -RANGE
+    high: float = RANGE
+    resets: tuple[Reset, ...] = (NO_RESET,) * FRAMES
+    readmit_frames: int = NEVER
+    airspeed_m_s: float = 0.0  # error of a reference that is a dynamic pressure; 0 of any other
+
+    @property
+    def settings(self) -> Settings:
+        return self.flight.settings
+
+    @cached_property
+    def answers(self) -> list[Frame]:
+        return self._answers()[0]
+
+    @cached_property
+    def rules(self) -> set[str]:
+        """The oracle's rules for few votes that the flight reached."""
+        return self._answers()[1]
+
+    def _answers(self) -> tuple[list[Frame], set[str]]:
+        oracle, rules, answers = ResettableOracle(self.settings, readmit_frames=self.readmit_frames), set[str](), []
+        flight = self.flight
+        given = zip(flight.samples, flight.ilm, flight.references, flight.seconds, strict=True)
+        for (samples, ilm, reference, second), reset in zip(given, self.resets, strict=True):
+            oracle.command(set(reset))
+            oracle.s = self.settings_of(reference)
+            frame = oracle.step(samples, ilm, reference, second)
+            if self.settings.turn:
+                oracle.vote = self.low + (frame.voted - self.low) % TURN
+                frame = replace(frame, voted=oracle.vote)
+            answers.append(frame)
+            rules |= oracle.rules
+        return answers, rules
+
+    def settings_of(self, reference: float | None) -> Settings:
+        """Those of a frame; of a dynamic pressure by the error of its airspeed if that is the less (references.md)."""
+        if not self.airspeed_m_s or reference is None:
+            return self.settings
+        error = sqrt(2 * DENSITY * reference) * self.airspeed_m_s
+        return replace(self.settings, reference_threshold=min(self.settings.reference_threshold, error))
+
+    def with_settings(self, **changes: Any) -> Flown:
+        return replace(self, flight=replace(self.flight, settings=replace(self.settings, **changes)))
+
+    def hangs_on(self, **changes: Any) -> bool:
+        """Whether other settings give other answers."""
+        return self.with_settings(**changes).answers != self.answers
+
+    @property
+    def hangs_on_rounding(self) -> bool:
+        """Whether the answers of an angle change with a noise far below all thresholds."""
+        noisy = replace(self, flight=replace(self.flight, settings=NoisySettings(**vars(self.settings))))
+        if any(min(frame.voted - self.low, self.high - frame.voted) < END for frame in self.answers):
+            return True
+        for _ in range(3):
+            for mine, theirs in zip(self.answers, noisy._answers()[0], strict=True):
+                if abs(mine.voted - theirs.voted) > 100 * NOISE or replace(mine, voted=0.0) != replace(
+                    theirs, voted=0.0
+                ):
+                    return True
+        return False
+
+
+def lasting(flight: Flight, frames: int = FRAMES) -> Flight:
+    """The first frames of a flight; of a shorter one the last frame goes on."""
+    fields = ("samples", "ilm", "references", "seconds")
+    rows = {name: getattr(flight, name) for name in fields}
+    return replace(flight, **{name: (row + row[-1:] * frames)[:frames] for name, row in rows.items()})
+
+
+def scaled(flight: Flight, factor: float) -> Flight:
+    """The same in another unit: a power of two changes no bit of any difference."""
+
+    def times(row: Sequence[float | None]) -> list[float | None]:
+        return [None if x is None else factor * x for x in row]
+
+    s = flight.settings
+    thresholds = {name: factor * getattr(s, name) for name in ("threshold", "reference_threshold", "second_threshold")}
+    samples, references, seconds = (
+        [times(row) for row in flight.samples],
+        times(flight.references),
+        times(flight.seconds),
+    )
+    return Flight(replace(s, **thresholds), samples, flight.ilm, references, seconds)
+
+
+def plain(seed: int) -> Flown:
+    """A random signal that is no angle."""
+    draw = random.Random(f"plain {seed}")
+    factor = draw.choice([0.125, 0.5, 1.0, 4.0])
+    return Flown(scaled(lasting(build(draw.choice)), factor), -RANGE * factor, RANGE * factor)
+
+
+def to_the_ends(seed: int) -> Flown | None:
+    """A random signal whose sensor ends at its largest and at its smallest sample; None if a vote lies beyond."""
+    found = plain(seed)
+    samples = [x for row in found.flight.samples for x in row if x is not None]
+    low, high = min(samples, default=0.0), max(samples, default=0.0)
+    inside = low < 0.0 < high and all(low <= frame.voted <= high for frame in found.answers)
+    return replace(found, low=low, high=high) if inside else None
+
+
+def at_airspeed(seed: int) -> Flown | None:
+    """A random signal as if it were a dynamic pressure; None where the reference is none."""
+    found, draw = plain(seed), random.Random(f"airspeed {seed}")
+    references = [x for x in found.flight.references if x is not None]
+    if min(references, default=0.0) < 0.2 * found.high:
+        return None
+    error = found.settings.reference_threshold * draw.choice([0.3, 0.6, 1.0])
+    return replace(found, airspeed_m_s=error / sqrt(2 * DENSITY * references[0]))
+
+
+def at_the_limits(seed: int) -> Flown:
+    """Channels that agree, and two references about as far from them and from each other as makes a common mode."""
+    draw = random.Random(f"limits {seed}")
+    s = replace(build(draw.choice).settings, common_persistence=draw.randint(1, 5))
+    flight, value = Flight(s), draw.choice([0.0, -2.5, 8.0])
+    first, second = s.reference_threshold, s.second_threshold
+    while len(flight.samples) < FRAMES:
+        side, beyond = draw.choice([1, -1]), draw.choice([0.0, 0.25])
+        one = max(1.5 * first, s.threshold) + beyond
+        enough = max(1.5 * second, s.threshold)
+        other = draw.choice([enough, enough + 0.25, one + first + second, one - first - second])
+        for _ in range(draw.randint(1, 9)):
+            value += 0.125
+            flight.samples.append([value if c < s.channels else None for c in range(4)])
+            flight.ilm.append(("good",) * 4)
+            flight.references.append(value + side * one)
+            flight.seconds.append(value + side * other)
+    return Flown(lasting(flight))
+
+
+def angle(seed: int) -> Flown | None:
+    """A random angle, heading or bank; None for one in which rounding would decide."""
+    draw = random.Random(f"angle {seed}")
+    flight = build(lambda choices: draw.choice(MOVING if choices is SLOPES else choices), turn=True)
+    if len(flight.samples) < FRAMES:
+        return None
+    low = draw.choice([0.0, -pi])
+
+    def into(x: float | None) -> float | None:
+        return None if x is None else low + (x - low) % TURN
+
+    flight.samples = [[into(x) for x in row] for row in flight.samples]
+    flight.references, flight.seconds = [into(x) for x in flight.references], [into(x) for x in flight.seconds]
+    found = Flown(lasting(flight), low, low + TURN)
+    return None if found.hangs_on_rounding else found
+
+
+def with_absent_monitors(seed: int) -> Flown:
+    """A random signal of which some monitors are absent where they would say bad."""
+    found, draw = plain(seed), random.Random(f"absent {seed}")
+    absent = draw.sample(range(4), draw.choice([1, 2, 2, 3, 4]))
+    return spoken(found, {c: {"bad": "absent"} for c in absent})
+
+
+def spoken(flown: Flown, instead: dict[int, dict[str, str]]) -> Flown:
+    """The same with other words of some monitors."""
+    ilm = [tuple(instead.get(c, {}).get(flag, flag) for c, flag in enumerate(row)) for row in flown.flight.ilm]
+    return replace(flown, flight=replace(flown.flight, ilm=ilm))
+
+
+def with_resets(seed: int) -> Flown:
+    """One to three channels that go off and come back, and commands in time, too early and in disagreement."""
+    draw = random.Random(f"resets {seed}")
+    s = Settings(
+        persistence=draw.randint(1, 4), singular_persistence=draw.randint(1, 4), channels=draw.choice([4, 4, 4, 3])
+    )
+    flight, resets, value = Flight(s), list[Reset](), draw.choice([0.0, -2.5, 8.0])
+    while len(flight.samples) < FRAMES:
+        off = draw.sample(range(s.channels), draw.choice([0, 0, 1, 1, 2]))
+        away = [draw.choice([None, 3.0, -3.0, 1.0]) if c in off else 0.0 for c in range(s.channels)] + [None] * 4
+        for _ in range(draw.randint(1, 7)):
+            value += 0.125
+            flight.samples.append([None if x is None else value + x for x in away[:4]])
+            flight.ilm.append(("absent",) * 4)
+            flight.references.append(None)
+            flight.seconds.append(None)
+            resets.append(Reset(draw.sample(range(4), draw.choice([0, 0, 1, 1, 2, 4]))))
+    return Flown(lasting(flight), resets=tuple(resets[:FRAMES]), readmit_frames=draw.randint(1, 5))
+
+
+@dataclass(frozen=True)
+class FlownDiscrete:
+    """One discrete of a case: samples None where they are declared bad."""
+
+    settings: DiscreteSettings
+    samples: tuple[tuple[bool | None, ...], ...]
+    resets: tuple[Reset, ...] = (NO_RESET,) * FRAMES
+
+    @cached_property
+    def answers(self) -> list[tuple[int, list[str], int]]:
+        oracle = DiscreteOracle(self.settings)
+        return [oracle.step(list(row), set(reset)) for row, reset in zip(self.samples, self.resets, strict=True)]
+
+
+def quiet_discrete(fail_safe: int) -> FlownDiscrete:
+    """Four channels that agree throughout."""
+    return FlownDiscrete(DiscreteSettings(fail_safe=fail_safe), ((True,) * 4,) * FRAMES)
+
+
+def discrete(seed: str, resets: bool = True) -> FlownDiscrete:
+    """Stretches in which some channels are off the others, or are declared bad."""
+    draw = random.Random(seed)
+    s = DiscreteSettings(draw.randint(0, 1), draw.randint(1, 5), draw.randint(1, 5), draw.choice([4, 4, 4, 3, 2]))
+    samples, commands = list[tuple[bool | None, ...]](), list[Reset]()
+    while len(samples) < FRAMES:
+        truth, off = draw.random() < 0.5, draw.sample(range(4), draw.choice([0, 1, 1, 2, 2, 3]))
+        how = [draw.choice([None, not truth, not truth]) if c in off else truth for c in range(4)]
+        for _ in range(draw.randint(1, 7)):
+            samples.append(tuple(how))
+            commands.append(Reset(draw.sample(range(4), draw.choice([0, 0, 1, 4])) if resets else ()))
+    return FlownDiscrete(s, tuple(samples[:FRAMES]), tuple(commands[:FRAMES]))
+
+
+def quiet_signal() -> Flown:
+    """Four channels that agree throughout, at rest."""
+    flight = Flight(Settings(), [[1.0, 1.25, 1.5, 1.5]], [("absent",) * 4], [None], [None])
+    return Flown(lasting(flight))
