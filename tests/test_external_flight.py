@@ -17,6 +17,8 @@ from rig.frame import Law, State
 from rig.frame import Unit as Answer
 from rig.offline.log_info import info
 from rig.record.realtime import realtime
+from rig.score.of_log import score_log
+from rig.score.record import Yardstick
 
 pytestmark = needs_a_compiler
 SHORT = ("duration_s=2", "faults.0.start_s=0.5")
@@ -244,7 +246,7 @@ PLAN = [["lost-request", 50, 52], ["lost-reply", 80, 84], ["delay", 120, 120, 0.
 
 def test_paced_misses_are_held_and_told_apart(tmp_path: Path):
     """A frame lasts 20 ms, its answer has 16: a delay of 30 ms misses its frame and holds the next one up too."""
-    tested = udp(tmp_path, PLAN)
+    tested = udp(tmp_path, PLAN, on_miss="fault")
     flight = fly(tmp_path, tested, "rate_hz=50", "duration_s=4", realtime_factor=1.0)
     found, rows = flight.unit, flight.rows
     assert found is not None and flight.survived
@@ -256,6 +258,9 @@ def test_paced_misses_are_held_and_told_apart(tmp_path: Path):
     assert np.array_equal(rows["voted"][84], rows["voted"][79])
     assert [event.frame for event in flight.events if event.name == "unit missed"] == [50]
     assert not found["reproducible"]
+    scored = score_log(flight.log, Yardstick(), twin=False)
+    assert [miss.first_frame for miss in scored.misses if miss.last_frame < 100] == [50, 80]
+    assert scored.times["lateness"] and scored.times["replies"]
 
 
 def test_a_unit_may_not_miss_more_in_a_row_than_it_is_allowed(tmp_path: Path):

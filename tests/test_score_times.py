@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from rig.frame import TIMING
+from rig.frame import TIMING, new_block
+from rig.score.misses import Miss, misses
 from rig.score.times import histogram, times
 
 
@@ -22,3 +23,11 @@ def test_a_flight_without_clock_or_unit_has_no_times():
     assert times(timing) == {}
     timing["reply_us"] = 12.0
     assert times(timing) == {"replies": {**histogram(np.zeros(0)), "below_20_us": 3}}
+
+
+def test_misses_are_told_by_their_frames_and_first_status():
+    rows = new_block(10, 5)
+    rows["unit"] = [1, 2, 2, 1, 6, 4, 5, 1, 1, 2]
+    assert misses(rows) == [Miss(6, 7, "held"), Miss(9, 10, "refused"), Miss(14, 14, "held")]
+    rows["unit"] = 0
+    assert misses(rows) == []

@@ -38,6 +38,9 @@ def _times(screen: Screen, scored: Scored) -> None:
             f"{value} {name.replace('_', ' ')}" for name, value in scored.unit.items() if _counted(value)
         )
         screen.print(f"unit              {scored.unit['name']}: {counts}")
+    for miss in scored.misses[:MOST]:
+        screen.print(f"unit fault        {miss.status} in frames {miss.first_frame} to {miss.last_frame}", style="red")
+    _more(screen, len(scored.misses), "faults of the unit")
     for name, bins in scored.times.items():
         told = ", ".join(f"{count} {bin.replace('_', ' ')}" for bin, count in bins.items() if count)
         screen.print(f"{name:17} {told}")

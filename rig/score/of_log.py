@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,6 +13,7 @@ from rig.live import pressed
 from rig.log import Log, read_log
 from rig.scenario import Scenario, from_resolved
 from rig.score.flown import fly_twin
+from rig.score.misses import Miss, misses
 from rig.score.record import Score, Yardstick
 from rig.score.scoring import score
 from rig.score.times import times
@@ -27,11 +29,14 @@ class Scored(NamedTuple):
     score: Score
     unit: dict[str, Any] | None  # what became of the exchanges with a unit under test
     times: dict[str, dict[str, int]]  # histograms of the wall clock
+    misses: list[Miss]  # of a unit whose file calls them faults
 
     def as_dict(self) -> dict[str, Any]:
         """As ``rig score --json`` prints it."""
         about = {"log": str(self.log), "seed": self.scenario.seed, "digest": self.digest}
-        return {**about, **self.score.as_dict(), "unit": self.unit, "times": self.times}
+        return {**about, **self.score.as_dict(), "unit": self.unit, "times": self.times} | {
+            "unit_faults": [asdict(miss) for miss in self.misses]
+        }
 
 
 def score_log(
@@ -61,7 +66,14 @@ def score_log(
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
     exchanges = json.loads(log.result["unit"]) if "unit" in log.result else None
-    return Scored(path, scenario, log.result.get("digest", ""), scored, exchanges, times(log.timing))
+    return Scored(
+        path, scenario, log.result.get("digest", ""), scored, exchanges, times(log.timing), _faults_of_unit(log)
+    )
+
+
+def _faults_of_unit(log: Log) -> list[Miss]:
+    on_miss = json.loads(log.metadata.get("unit", "{}")).get("on_miss")
+    return misses(log.rows) if on_miss == "fault" else []
 
 
 def _scenario(path: Path, log: Log, allow_code: bool) -> Scenario:

@@ -33,6 +33,7 @@ class Figures(NamedTuple):
     commands: Sequence[str]
 
 
+UNITS: Final = ("monitor", "monitor_in_process", "monitor_udp")
 MEASURED: Final = {
     "bench": Figures("What a frame costs", ["rig bench"] * 8),
     "evidence": Figures("What the monitor gets wrong", [f"{TOOLS}/evidence.py"]),
@@ -45,6 +46,16 @@ MEASURED: Final = {
     "false-alarm": Figures(
         "Healthy flights: channels and signals failed without a fault",
         ["rig campaign run false-alarm --set redundancy.common_mode=fail --out {folder}/healthy"],
+    ),
+    "unit": Figures(
+        "A unit under test: the bits of our manager, what it costs, paced flights",
+        [
+            "make -s -C docs/examples/unit",
+            "rig unit check docs/examples/unit/monitor.toml",
+            f"{TOOLS}/unit_bench.py docs/examples/unit/build",
+            f"{TOOLS}/unit_identity.py " + " ".join(f"docs/examples/unit/{name}.toml" for name in UNITS),
+            f"{TOOLS}/unit_paced.py docs/examples/unit/build/libmonitor.so",
+        ],
     ),
     "throughput": Figures("Flights a second of a campaign", [f"{TOOLS}/campaign_throughput.py"]),
     "hostile": Figures("Bad input", [f"{TOOLS}/hostile.py"]),
