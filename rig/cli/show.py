@@ -109,6 +109,8 @@ def _unit(flown: Flight) -> None:
     screen, unit = console(), flown.unit or {}
     told = ("missed", "late", "requests_lost", "replies_lost", "discarded", "refused", "not_finite", "restarts")
     wrong = [f"{unit[name]} {name.replace('_', ' ')}" for name in told if unit[name]]
+    if unit["dead_frame"] is not None:
+        wrong.append(f"dead from frame {unit['dead_frame']} on")
     text = ", ".join([f"{unit['answered']} frames answered", *wrong])
     screen.print(f"unit     {unit['name']}: {text}", style="yellow" if wrong else "")
     reply = unit["reply"]

@@ -30,6 +30,7 @@ class Started:
 
         fds : that it inherits; folder : in which it runs
         """
+        self._command = kind == "exec"
         self._output = tempfile.TemporaryFile()  # noqa: SIM115 # lives as long as the process
         command = [sys.executable, "-I", _HOST, kind, str(os.getpid()), *arguments]
         try:
@@ -58,11 +59,19 @@ class Started:
         return f"exited with status {code}"
 
     def stop(self) -> None:
-        """End it, and all that it has started in its session, if it has not ended by itself."""
+        """End it, and all that it has started in its session.
+
+        The host of a library sees that its socket is closed; a command that waits for a datagram does not.
+        """
+        if self._command:
+            self._signal(signal.SIGTERM)
         self.how_it_ended(END_S)
-        with suppress(ProcessLookupError):
-            os.killpg(self._process.pid, signal.SIGKILL)
+        self._signal(signal.SIGKILL)
         self._process.wait()
+
+    def _signal(self, number: signal.Signals) -> None:
+        with suppress(ProcessLookupError):
+            os.killpg(self._process.pid, number)
 
     def printed(self) -> str:
         """The end of what it has written to its standard output and error."""
