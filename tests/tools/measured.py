@@ -54,6 +54,7 @@ MEASURED: Final = {
             "rig unit check docs/examples/unit/monitor.toml",
             f"{TOOLS}/unit_bench.py docs/examples/unit/build",
             f"{TOOLS}/unit_identity.py " + " ".join(f"docs/examples/unit/{name}.toml" for name in UNITS),
+            f"{TOOLS}/unit_crashes.py",
             f"{TOOLS}/unit_paced.py docs/examples/unit/build/libmonitor.so",
         ],
     ),
