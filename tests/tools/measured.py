@@ -74,12 +74,13 @@ def machine() -> str:
 def printed(command: str, folder: str) -> str:
     """What a command prints, without its progress; SystemExit when it fails."""
     name, *rest = command.format(folder=folder).split()
-    program = [sys.executable] if name == "python" else [str(Path(sys.executable).with_name(name))]
+    own = Path(sys.executable).with_name(name)
+    program = [sys.executable] if name == "python" else [str(own) if own.is_file() else name]
     environment = {**os.environ, "COLUMNS": "140", "NO_COLOR": "1"}
     done = subprocess.run([*program, *rest], cwd=ROOT, capture_output=True, text=True, env=environment, check=False)
     if done.returncode:
         sys.exit(f"{command}: exit code {done.returncode}: {done.stderr.strip()[-500:]}")
-    return done.stdout.replace(folder, "FOLDER").rstrip()
+    return done.stdout.replace(folder, "FOLDER").replace(f"{ROOT}/", "").rstrip()
 
 
 def page(name: str, figures: Figures) -> str:
