@@ -12,7 +12,8 @@ from contextlib import contextmanager, suppress
 from typing import Any, Final
 
 PRIORITY: Final = 50  # of SCHED_FIFO: above all that is no driver's thread
-_LOCK_NOW_AND_LATER: Final = 1 | 2  # MCL_CURRENT, MCL_FUTURE
+# MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT: what is in use stays, and what libraries have reserved is not made memory.
+_LOCK_NOW_AND_LATER: Final = 1 | 2 | 4
 
 
 @contextmanager
