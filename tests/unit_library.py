@@ -19,10 +19,11 @@ COMPILER = shutil.which("gcc") or shutil.which("cc")
 OF_FRAME = [name for name in INPUT.names or () if name in (FLAT.names or ()) and name != "frame"]
 
 
-def build(folder: Path, target: str, flags: str = "") -> Path:
-    """Make one target of the examples' Makefile in ``folder``."""
+def build(folder: Path, target: str, flags: str = "", **variables: str) -> Path:
+    """Make one target of the examples' Makefile in ``folder``; variables : others of its own."""
     made = folder / target
     command = ["make", "-C", str(SOURCES), f"BUILD={folder}", f"CC={COMPILER}", f"CFLAGS={flags}", str(made)]
+    command += [f"{name}={value}" for name, value in variables.items()]
     subprocess.run(command, check=True, capture_output=True, text=True)
     return made
 

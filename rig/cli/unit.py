@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -17,13 +17,19 @@ unit_app = typer.Typer(help="Flight software under test: its records, its confor
 def header(
     ada: Annotated[bool, typer.Option("--ada", help="Ada record clauses.")] = False,
     markdown: Annotated[bool, typer.Option("--markdown", help="The tables of docs/unit.md.")] = False,
+    fmu: Annotated[
+        Literal["2", "3"] | None, typer.Option(help="modelDescription.xml of an FMU by FMI 2.0 or 3.0.")
+    ] = None,
 ) -> None:
     """Print the records as a C header, or in another form."""
     from rig.computer.external import ada as in_ada
-    from rig.computer.external import description, header
+    from rig.computer.external import description, fmu_description, header
 
-    if ada and markdown:
-        raise BadInput("--ada, --markdown: one of them")
+    if ada + markdown + (fmu is not None) > 1:
+        raise BadInput("--ada, --markdown, --fmu: one of them")
+    if fmu is not None:
+        typer.echo(fmu_description.description(fmu), nl=False)
+        return
     text = in_ada.specification if ada else description.markdown if markdown else header.header
     typer.echo(text(), nl=False)
 

@@ -33,7 +33,7 @@ class Figures(NamedTuple):
     commands: Sequence[str]
 
 
-UNITS: Final = ("monitor", "monitor_in_process", "monitor_udp")
+UNITS: Final = ("monitor", "monitor_in_process", "monitor_udp", "monitor_fmu")
 MEASURED: Final = {
     "bench": Figures("What a frame costs", ["rig bench"] * 8),
     "evidence": Figures("What the monitor gets wrong", [f"{TOOLS}/evidence.py"]),
@@ -50,7 +50,7 @@ MEASURED: Final = {
     "unit": Figures(
         "A unit under test: the bits of our manager, what it costs, paced flights",
         [
-            "make -s -C docs/examples/unit",
+            "make -s -C docs/examples/unit all build/monitor.fmu RIG=../../../.venv/bin/rig",
             "rig unit check docs/examples/unit/monitor.toml",
             f"{TOOLS}/unit_bench.py docs/examples/unit/build",
             f"{TOOLS}/unit_identity.py " + " ".join(f"docs/examples/unit/{name}.toml" for name in UNITS),

@@ -2,7 +2,7 @@
 
     python tests/tools/unit_bench.py FOLDER [--pairs 7] [--scenario NAME]
 
-FOLDER has libmonitor.so and monitor_udp (make -C docs/examples/unit BUILD=FOLDER); both sides decide the same.
+FOLDER has libmonitor.so, monitor.fmu, monitor_udp (docs/examples/unit/Makefile); both sides decide the same.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from rig.under_test import put
 FORMS = {
     "in process": {"path": "libmonitor.so", "isolate": False},
     "child": {"path": "libmonitor.so"},
+    "FMU": {"carrier": "fmu", "path": "monitor.fmu"},
     "UDP": {"carrier": "udp", "command": ["monitor_udp", "--rig", "{address}"]},
 }
 

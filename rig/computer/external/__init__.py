@@ -8,5 +8,6 @@ watch.py     what arrived and what did not
 links.py     messages: a library in this process, a socket to a child or a box
 processes.py what the rig starts, and its end
 host.py      the child in which a library runs
+fmu.py       an FMU; fmu_host.py the child in which it is stepped; fmu_description.py its modelDescription.xml
 unit.py      all of them, for one flight
 """

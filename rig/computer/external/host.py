@@ -15,6 +15,7 @@ import signal
 import socket
 import struct
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -30,6 +31,8 @@ class Refused(Exception):
 
 class Library:
     """The three functions of a shared library, and the frames stepped since it was opened."""
+
+    kind = "library"  # what it says of itself
 
     def __init__(self, path: str, layout: int) -> None:
         """Refused: no library, without its functions, or built for other records."""
@@ -100,7 +103,7 @@ class Host:
                 step(message)
             elif kind == HELLO:
                 self._session = bytes(message[16:24])
-                self._voice.say(READY, message, "library")
+                self._voice.say(READY, message, self._library.kind)
             elif kind == CONFIG:
                 self._configure(message)
             elif kind == END:
@@ -129,7 +132,7 @@ class Host:
         try:
             self._library.open(self._with)
             self._stepped = 0
-            self._voice.say(READY, message, "library")
+            self._voice.say(READY, message, self._library.kind)
         except Refused as reason:
             self._voice.say(REFUSED, message, str(reason))
 
@@ -161,17 +164,22 @@ def main(arguments: list[str]) -> None:
             os.execvp(rest[0], rest)
         except OSError as error:
             sys.exit(f"{rest[0]}: {error.strerror}")
-    fd, path, blank, *sizes = rest
+    serve(rest, Library)
+
+
+def serve(arguments: list[str], load: Callable[[str, int], Library], host: type[Host] = Host) -> None:
+    """Answer for what ``load`` finds at the path of ``arguments``, until the other side is gone.  fmu_host.py too."""
+    fd, path, blank, *sizes = arguments
     named = {name: int(size) for name, _, size in (text.partition("=") for text in sizes)}
     voice = Voice(socket.socket(fileno=int(fd)), bytes.fromhex(blank), named)
     try:
-        library = Library(path, HEAD.unpack_from(voice.blank)[3])
+        library = load(path, HEAD.unpack_from(voice.blank)[3])
     except Refused as reason:
         voice.say(REFUSED, voice.blank, str(reason))
         voice.talk.recv(1)  # it is heard before the socket closes
         return
-    voice.say(READY, voice.blank, "library")
-    Host(voice, library).serve()
+    voice.say(READY, voice.blank, library.kind)
+    host(voice, library).serve()
 
 
 if __name__ == "__main__":

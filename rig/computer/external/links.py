@@ -12,6 +12,7 @@ import socket
 import struct
 import time
 from contextlib import suppress
+from pathlib import Path
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -115,6 +116,11 @@ class SocketLink:
 
 def child(unit: Unit) -> SocketLink:
     """A library in a child process; BadInput when it cannot be started."""
+    return SocketLink(*hosted("library", unit.file, unit.file.parent))
+
+
+def hosted(kind: str, path: Path, folder: Path) -> tuple[socket.socket, Started]:
+    """The host of ``kind`` with what is at ``path``, in ``folder``, and a socket to it.  BadInput."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     sizes = {
         "config": CONFIG.itemsize,
@@ -127,8 +133,8 @@ def child(unit: Unit) -> SocketLink:
     template = blank(OUTPUT, FROM_UNIT, Kind.REPLY).tobytes().hex()
     with theirs:
         fd = theirs.fileno()
-        process = Started("library", [str(fd), str(unit.file), template, *arguments], (fd,), unit.file.parent)
-    return SocketLink(ours, process)
+        process = Started(kind, [str(fd), str(path), template, *arguments], (fd,), folder)
+    return ours, process
 
 
 def udp(unit: Unit) -> SocketLink:

@@ -17,7 +17,7 @@ from rig.text import one_line
 
 MOST_OUTPUT: Final = 4096  # bytes of what it printed that are shown
 END_S: Final = 1.0  # to end by itself when it is told that the session is over
-_HOST: Final = str(Path(__file__).with_name("host.py"))
+_HOSTS: Final = {"library": "host.py", "exec": "host.py", "fmu": "fmu_host.py"}
 
 
 class Started:
@@ -26,13 +26,14 @@ class Started:
     def __init__(
         self, kind: str, arguments: Iterable[str], fds: tuple[int, ...] = (), folder: Path | None = None
     ) -> None:
-        """Start ``host.py`` as ``kind`` with ``arguments``; BadInput when the system cannot.
+        """Start the host of ``kind`` with ``arguments``; BadInput when the system cannot.
 
         fds : that it inherits; folder : in which it runs
         """
         self._command = kind == "exec"
         self._output = tempfile.TemporaryFile()  # noqa: SIM115 # lives as long as the process
-        command = [sys.executable, "-I", _HOST, kind, str(os.getpid()), *arguments]
+        host = str(Path(__file__).with_name(_HOSTS[kind]))
+        command = [sys.executable, "-I", host, kind, str(os.getpid()), *arguments]
         try:
             self._process = subprocess.Popen(
                 command,

@@ -11,7 +11,7 @@ from typing import Any, Final, overload
 
 from numpy.typing import NDArray
 
-from rig.computer.external import links
+from rig.computer.external import fmu, links
 from rig.computer.external.host import Refused
 from rig.computer.external.layout import FROM_UNIT, OUTPUT, Form, Kind, blank
 from rig.computer.external.links import MOST_BYTES, Called, Gone, Link, clock
@@ -208,4 +208,6 @@ def _reach(unit: Unit) -> Link | Called:
         return links.child(unit) if unit.isolate else Called(unit)
     if unit.carrier == "udp":
         return links.udp(unit)
+    if unit.carrier == "fmu":
+        return fmu.child(unit)
     raise BadInput(f"{unit.source}: carrier {unit.carrier} cannot be flown here")
