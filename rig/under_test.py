@@ -124,26 +124,26 @@ def _parted(data: StageData) -> tuple[_Before, _After]:
 def _around(unit: UnitUnderTest, data: StageData) -> Step:
     """What ``loop.compute`` does, with the unit in the place of our own; ours once it is to take over."""
     out, back = unit.port
-    rows, known, parts = nested(new_block(2)), data, _parted(data)
-    raw = _bytes(rows)
-    first = bind(before_unit, rows, raw, 0, parts[0], out)
-    last = bind(after_unit, rows, raw, 0, parts[1], back, 0)
+    rows, known = nested(new_block(2)), data
+    raw, (ahead, behind) = _bytes(rows), _parted(data)
+    first = bind(before_unit, rows, raw, 0, ahead, out)
+    last = bind(after_unit, rows, raw, 0, behind, back, 0)
     ours = bind(compute, rows, 0, data) if unit.unit.on_dead == "backup" else None
-    seen, start, exchange, watch = rows, 0, unit.exchange, unit.watch
+    seen, start, exchange, watch, answered = rows, 0, unit.exchange, unit.watch, int(Unit.ANSWERED)
 
     def step(block: Nested, k: int, data: StageData) -> None:
-        nonlocal seen, raw, start, known, parts
+        nonlocal seen, raw, start, known, ahead, behind
         if block is not seen:  # a view is slow to make
             seen, raw, start = block, _bytes(block), int(block["frame"][0])
         if data is not known:
-            known, parts = data, _parted(data)
+            known, (ahead, behind) = data, _parted(data)
         if ours is not None and unit.dead:
             ours(block, k, data)
             block["actuation"]["unit"][k] = Unit.DEAD
             return
-        first(block, raw, k, parts[0], out)
-        status = last(block, raw, k, parts[1], back, exchange(start + k, k))
-        if status != Unit.ANSWERED.value or watch.run:
+        first(block, raw, k, ahead, out)
+        status = last(block, raw, k, behind, back, exchange(start + k, k))
+        if status != answered or watch.run:
             unit.taken(status)
 
     return step

@@ -206,15 +206,15 @@ class Called:
 
     def bind(self, sent: memoryview, received: memoryview, template: bytes) -> None:
         """Where the records of the next calls are, and what an answer is before the library has filled it."""
-        self._sent, self._received, self._template = sent, received, template
+        self._received, self._template = received, template
+        self._asked, self._answers = sent[24:40], received[24:40]  # frame, time_s
         self._from, self._to = (np.frombuffer(one, np.uint8).ctypes.data for one in (sent, received))
         self._function = self._library.step
 
     def step(self) -> int:
         """One frame, between the records that are bound."""
-        received = self._received
-        received[:] = self._template
-        received[24:40] = self._sent[24:40]  # frame, time_s
+        self._received[:] = self._template
+        self._answers[:] = self._asked
         return self._function(self._from, self._to)
 
     def close(self) -> None:

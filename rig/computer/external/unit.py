@@ -24,6 +24,7 @@ from rig.frame import Unit as Answer
 from rig.interrupt import Stop
 
 _MOST_RESTARTS: Final = 10
+_ANSWERED, _DEAD = Answer.ANSWERED.value, Answer.DEAD.value  # looked up in every frame
 _FORMS: Final = {"redundancy": Form.REDUNDANCY, "flight-computer": Form.FLIGHT_COMPUTER}
 _FOREVER: Final = float("inf")
 Deadline = Callable[[int, float], float]  # the time of ``clock`` at which a share of a frame is over
@@ -97,7 +98,7 @@ class UnitUnderTest:
         """
         began = clock()
         try:
-            return Answer.DEAD.value if self.dead else self._step(frame)
+            return _DEAD if self.dead else self._step(frame)
         except (Gone, Dead) as reason:
             return self._died(str(reason), frame, row)
         finally:
@@ -122,14 +123,14 @@ class UnitUnderTest:
             code = link.step()
             if code:
                 raise Dead(f"failed: rig_unit_step returned {code}")
-            return Answer.ANSWERED.value
+            return _ANSWERED
         link.send(self._sent)
         until, into = self._until(frame), self._into
         while True:
             count = link.receive(into, until)
             if count and self.watch.is_answer(into[:count], frame):
                 self._received[:] = into[:count]
-                return Answer.ANSWERED.value
+                return _ANSWERED
             if self._stop.requested:
                 return Answer.HELD.value
             if not count and clock() >= until:
