@@ -46,7 +46,7 @@ class Keys:
         self._by_key = {entry.key: entry.fault.label for entry in scenario.live}
         self._places = {fault.label: i for i, fault in enumerate(scenario.faults)}
         self.waiting: deque[str] = deque()
-        self.pressed, self.events = Pressed(), list[Event]()
+        self.pressed, self.events = Pressed(), deque[Event]()
 
     def press(self, key: str) -> None:
         """A key that acts in the next frame; one without a meaning does nothing."""
@@ -56,25 +56,22 @@ class Keys:
     def of_flight(self, rig: Rig, pace: Pace, stop: Stop) -> Callable[[Nested, int], None]:
         """What the loop calls before each row."""
 
-        def end() -> None:
-            stop.requested = True
-
         def asked(block: Nested, k: int) -> None:
             if self.waiting:
-                self.act(rig, block, k, end, pace.move)
+                self.act(rig, block, k, pace, stop)
 
         return asked
 
-    def act(self, rig: Rig, block: Nested, k: int, end: Callable[[], None], move: Callable[[float], None]) -> None:
-        """Do what was asked for before row k; ``end`` asks for the end, ``move`` the clock by a pause, s."""
+    def act(self, rig: Rig, block: Nested, k: int, pace: Pace, stop: Stop) -> None:
+        """Do what was asked for before row k."""
         frame = int(block["frame"][k])
         while self.waiting:
             key = self.waiting.popleft()
             if key == PAUSE:
-                move(self._pause(frame))
+                pace.move(self._pause(frame, stop))
             elif key == END:
                 self._tell(frame, key, "the flight ends")
-                end()
+                stop.requested = True
             elif key == RESET:
                 block["bus"]["reset"][k] = block["bus"]["discrete_reset"][k] = _ALL
                 self.pressed.resets.append(frame)
@@ -94,14 +91,14 @@ class Keys:
         begin_or_end(self._places[label], frame)
         self._tell(frame, key, f"{label} {'begins' if len(moments) == 1 else 'ends'}")
 
-    def _pause(self, frame: int) -> float:
-        """Wait for the same key, or for the end; how long it took, s."""
+    def _pause(self, frame: int, stop: Stop) -> float:
+        """Wait for the same key, or for the end, by a key or Ctrl-C; how long it took, s."""
         self._tell(frame, PAUSE, "paused")
         began = time.perf_counter()
-        while not self.waiting or self.waiting[0] not in (PAUSE, END):
+        while not stop.requested and not {PAUSE, END} & set(self.waiting):
             time.sleep(_LOOK_S)
-        if self.waiting[0] == PAUSE:
-            self.waiting.popleft()
+        if PAUSE in self.waiting:
+            self.waiting.remove(PAUSE)
         self._tell(frame, PAUSE, "goes on")
         return time.perf_counter() - began
 
@@ -109,9 +106,10 @@ class Keys:
         self.events.append(Event(frame, "info", "key", f"{key}: {text}"))
 
     def told(self, frame: int) -> list[Event]:
-        """The events up to ``frame``, which have not been told yet."""
-        due = [event for event in self.events if event.frame <= frame]
-        self.events = self.events[len(due) :]
+        """The events up to ``frame``, which have not been told yet; the frames may add others meanwhile."""
+        due = list[Event]()
+        while self.events and self.events[0].frame <= frame:
+            due.append(self.events.popleft())
         return due
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pty
+import signal
 import threading
 import time
 from collections.abc import Iterator
@@ -143,6 +144,20 @@ def test_a_pause_moves_the_clock_and_nothing_else(scenario: Path):
     assert 1.3 < flight.wall_s < 2.5, "one second of flight and 0.4 s of pause"
     assert flight.jitter is not None and flight.jitter.overruns < 100
     assert [e.text for e in flight.events if e.name == "key"] == ["p: paused", "p: goes on"]
+
+
+def test_ctrl_c_ends_a_flight_that_is_paused(scenario: Path):
+    """Keys other than p and q wait for the end of the pause; the stop that Ctrl-C asks for does not."""
+
+    @contextmanager
+    def live(found: Keys) -> Iterator[None]:
+        timer = threading.Timer(0.5, lambda: [found.press("p"), time.sleep(0.3), os.kill(os.getpid(), signal.SIGINT)])
+        timer.start()
+        yield
+        timer.join()
+
+    flight = rig.fly(scenario, out=scenario.parent, live=live, realtime_factor=4.0)
+    assert flight.end_reason == "interrupted" and flight.frames < 400
 
 
 WRONG = {

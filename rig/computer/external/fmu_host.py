@@ -11,6 +11,7 @@ from __future__ import annotations
 import ctypes
 import json
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -37,7 +38,7 @@ _NO_BYTE: Final = 255  # in no enum: what an integer becomes that no byte can ho
 Call = Callable[[], Any]
 
 
-class Fmu:
+class Fmu(ABC):
     """An FMU with what the host calls of a library: ``open``, ``step``, ``close``."""
 
     kind: str  # what it says of itself
@@ -62,19 +63,21 @@ class Fmu:
             "unzipDirectory": str(folder),
         }
 
+    @abstractmethod
     def _loaded(self, folder: Path) -> Any:
-        raise NotImplementedError
+        """FMPy's object of the FMU."""
 
+    @abstractmethod
     def _initialize(self, put: list[Call]) -> None:
         """Set the parameters of a new instance and bring it to its first step."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _call(self, run: dict[str, Any], address: int, verb: str) -> Call:
         """What sets or gets the variables of ``run`` in the record at ``address``."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _do_step(self, time_s: float) -> None:
-        raise NotImplementedError
+        """One step from ``time_s`` on."""
 
     def _wants_to_end(self) -> bool:
         """Whether a step was discarded because the unit wants to end."""
@@ -117,11 +120,13 @@ class Fmu:
         self._runs = False
         self._free(instance)
 
+    @abstractmethod
     def _end(self, instance: Any) -> None:
-        raise NotImplementedError
+        """Terminate the instance."""
 
+    @abstractmethod
     def _free(self, instance: Any) -> None:
-        raise NotImplementedError
+        """Let go of its memory."""
 
     def step(self, source: int, target: int) -> int:
         """One frame; a step that is discarded leaves an answer that says nothing.  Refused: the unit has failed."""

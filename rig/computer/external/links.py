@@ -196,13 +196,11 @@ class Called:
             self._library = Library(str(unit.file), LAYOUT)
         except Refused as reason:
             raise BadInput(f"{unit.source}: {reason}") from None
-        self._stepped = 0
         self.environment = Environment()
 
     def open(self, config: np.ndarray[Any, Any]) -> None:
         """Begin a session; Refused."""
         self._library.open(config.ctypes.data)
-        self._stepped = 0
 
     def bind(self, sent: memoryview, received: memoryview, template: bytes) -> None:
         """Where the records of the next calls are, and what an answer is before the library has filled it."""
