@@ -45,6 +45,8 @@ class Oracle:
     ranked: int = 0
     rises: tuple[float, float] = (0.0, 0.0)
     bits: tuple[list[int], list[int]] = field(default_factory=lambda: ([], []))
+    memory: dict[str | int, float] = field(default_factory=dict)  # of the filter: channels, the reference, the vote
+    base: float = 0.0
     trusted: bool = True
     against: int = 0
     contradicted: int = 0
@@ -61,7 +63,7 @@ class Oracle:
         self.rules = set()
         view = self.view(samples, ilm, reference)
         disputed_by = self.disputed_by(view)
-        view.lonely = set(view.use) if disputed_by else self.miscomparing(view.use)
+        view.lonely = set(view.use) if disputed_by else self.miscomparing(view.seen)
         self.name(view)
         self.remember(view)
         view.pattern, view.bits = self.pattern, self.bits
@@ -81,9 +83,24 @@ class Oracle:
     def view(self, samples: list[float | None], ilm: Sequence[str], reference: float | None) -> View:
         """The frame's comparable samples, those of an angle on the turn of the last vote."""
         base = self.vote if self.vote is not None else next((x for x in samples if x is not None), 0.0)
-        near = self.s.near
-        use = {c: near(x, base) for c, x in enumerate(samples) if x is not None and c not in self.failed}
-        return View(self.s, use, ilm, None if reference is None else near(reference, base), self.trusted)
+        self.base, near = base, self.s.near
+        here = {c: None if x is None else near(x, base) for c, x in enumerate(samples)}
+        smooth = {c: self.smooth(c, x) for c, x in here.items()}
+        use = {c: x for c, x in here.items() if x is not None and c not in self.failed}
+        seen = {c: x for c, x in smooth.items() if x is not None and c in use}
+        reference = None if reference is None else near(reference, base)
+        return View(self.s, use, seen, ilm, reference, self.smooth("reference", reference), self.trusted)
+
+    def smooth(self, key: str | int, x: float | None) -> float | None:
+        """The next value behind the filter: a share of the way to ``x``; it begins with ``x``, after a gap too."""
+        if x is None:
+            self.memory.pop(key, None)
+            return None
+        last, near = self.memory.get(key), self.s.near
+        if self.s.filter_share and last is not None:
+            x = near(last + self.s.filter_share * (near(x, last) - last), self.base)
+        self.memory[key] = x
+        return x
 
     def state(self, c: int, view: View, wrong: set[int]) -> str:
         if c in self.failed:
@@ -99,7 +116,7 @@ class Oracle:
 
     def miscomparing(self, use: dict[int, float]) -> set[int]:
         """Channels that disagree with all others."""
-        far = self.s.threshold
+        far = self.s.within(len(use))
         return {c for c in use if len(use) > 1 and all(abs(use[c] - use[d]) > far for d in use if d != c)}
 
     def disputed_by(self, view: View) -> str:
@@ -156,8 +173,8 @@ class Oracle:
 
     def name(self, view: View) -> None:
         """The pattern, and for how many frames it has lasted."""
-        x, n = view.x, len(view.x)
-        apart = [abs(a - b) > self.s.threshold for i, a in enumerate(x) for b in x[i + 1 :]]
+        x, n = [view.seen[c] for c in view.by_seen], len(view.x)
+        apart = [abs(a - b) > self.s.within(n) for i, a in enumerate(x) for b in x[i + 1 :]]
         if not n:
             pattern = "lost"
         elif n > 1 and all(apart):
@@ -255,7 +272,8 @@ class Oracle:
             return False
         limits = (s.reference_threshold, s.second_threshold)
         far = [
-            s.apart(vote, r) > max(1.5 * limit, s.threshold) for r, limit in zip((first, second), limits, strict=True)
+            s.apart(vote, r) > max(1.5 * limit, s.within(len(view.use)))
+            for r, limit in zip((first, second), limits, strict=True)
         ]
         near = s.apart(first, second) <= sum(limits)
         self.reached("common mode: references apart", all(far) and not near)

@@ -15,6 +15,9 @@ Answer = tuple[float, set[int]]  # the vote, and the channels that are wrong
 @dataclass
 class Settings:
     threshold: float = 1.0
+    threshold_triplex: float | None = None  # of three compared samples, and of two; threshold where not given
+    threshold_duplex: float | None = None
+    filter_share: float = 0.0  # of a new sample in what is compared; 0: the sample itself
     persistence: int = 8
     singular_persistence: int = 10
     resolvers: tuple[str, ...] = ("ilm", "reference", "trend", "extremes", "middle")
@@ -25,6 +28,10 @@ class Settings:
     common_fails: bool = False
     channels: int = 4
     turn: float = 0.0  # a full turn for an angle, 0 for anything else
+
+    def within(self, compared: int) -> float:
+        """How far two of ``compared`` samples may be apart and agree."""
+        return {3: self.threshold_triplex, 2: self.threshold_duplex}.get(compared) or self.threshold
 
     def near(self, x: float, base: float) -> float:
         """``x`` on the turn of ``base``."""
@@ -37,18 +44,24 @@ class Settings:
 
 @dataclass
 class View:
-    """One frame as the monitor sees it: the comparable samples of the channels in use, ranked."""
+    """One frame as the monitor sees it: the comparable samples of the channels in use, ranked.
+
+    What is compared (``seen``, ``seen_reference``) is behind the filter where there is one; what is voted is not.
+    """
 
     s: Settings
     use: dict[int, float]
+    seen: dict[int, float]
     ilm: Sequence[str]
     reference: float | None  # finite
+    seen_reference: float | None
     trusted: bool  # whether the reference has not been declared unusable
     bits: tuple[list[int], list[int]] = ([], [])
     pattern: str = ""
     lonely: set[int] = field(default_factory=set)  # who miscompares
 
     def __post_init__(self) -> None:
+        self.by_seen = sorted(self.seen, key=lambda c: self.seen[c])
         self.ascending = sorted(self.use, key=lambda c: self.use[c])
         self.x = [self.use[c] for c in self.ascending]
 
@@ -64,8 +77,13 @@ class View:
     @property
     def halves(self) -> tuple[set[int], set[int]]:
         """The channels of the smaller and of the larger half."""
-        half = len(self.ascending) // 2
-        return set(self.ascending[:half]), set(self.ascending[half:])
+        half = len(self.by_seen) // 2
+        return set(self.by_seen[:half]), set(self.by_seen[half:])
+
+    @property
+    def middle_two(self) -> tuple[int, int]:
+        """The channels at the two voting ranks of what is compared, the larger first."""
+        return self.by_seen[len(self.by_seen) // 2], self.by_seen[(len(self.by_seen) - 1) // 2]
 
     def mean(self, side: set[int]) -> float:
         return sum(self.use[c] for c in side) / len(side)
@@ -83,12 +101,12 @@ def by_ilm(view: View) -> Answer | None:
 
 def by_reference(view: View) -> Answer | None:
     """The middle of {ranks, reference}; where nobody agrees, the only sample within the reference threshold."""
-    reference = view.usable_reference
-    if reference is None:
+    reference = view.seen_reference
+    if view.usable_reference is None or reference is None:
         return None
     if view.pattern in PAIRS:
         return triplex(view, reference)
-    within = [c for c in view.use if view.s.apart(view.use[c], reference) <= view.s.reference_threshold]
+    within = [c for c in view.seen if view.s.apart(view.seen[c], reference) <= view.s.reference_threshold]
     if len(within) != 1:
         return None
     return view.use[within[0]], set(view.use) - set(within)
@@ -96,13 +114,14 @@ def by_reference(view: View) -> Answer | None:
 
 def triplex(view: View, reference: float) -> Answer:
     """Section 4.3: the middle, and who fails for it."""
-    (above, below), (low, high) = view.ranks, view.halves
+    (above, below), (low, high) = (view.seen[c] for c in view.middle_two), view.halves
+    vote = sorted([*(view.use[c] for c in view.middle_two), view.reference or 0.0])[1]
     if reference >= above:
-        return above, low
+        return vote, low
     if reference <= below:
-        return below, high
+        return vote, high
     wrong = high if above - reference > view.s.reference_threshold else set()
-    return reference, wrong | (low if reference - below > view.s.reference_threshold else set())
+    return vote, wrong | (low if reference - below > view.s.reference_threshold else set())
 
 
 def by_trend(view: View) -> Answer | None:
@@ -120,14 +139,14 @@ def by_extremes(view: View) -> Answer | None:
     """Section 5, when nobody else answers."""
     if view.pattern != "1:1:1:1":
         return None
-    return sum(view.ranks) / 2, {view.ascending[0], view.ascending[3]}
+    return view.mean(set(view.middle_two)), {view.by_seen[0], view.by_seen[3]}
 
 
 def by_middle(view: View) -> Answer | None:
     """Section 6, when nobody else answers."""
     if view.pattern != "1:1:1":
         return None
-    return view.x[1], {view.ascending[0], view.ascending[2]}
+    return view.use[view.by_seen[1]], {view.by_seen[0], view.by_seen[2]}
 
 
 RESOLVERS: dict[str, Callable[[View], Answer | None]] = {

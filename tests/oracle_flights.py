@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import permutations, product
 from typing import Any
 
@@ -86,6 +86,23 @@ def build(pick: Pick, turn: bool = False) -> Flight:
 def one_side(offsets: Sequence[float], upper: bool) -> tuple[str, ...]:
     """Monitors that say good of the two larger (smaller) samples and bad of the others."""
     return tuple("good" if (x in sorted(offsets)[2:]) == upper else "bad" for x in offsets)
+
+
+def by_level(flight: Flight, pick: Pick) -> Flight:
+    """The same with thresholds of their own for three and for two samples."""
+    triplex, duplex = (pick([0.5, 1.5, 2.75, 3.25, None]) for _ in range(2))
+    return replace(flight, settings=replace(flight.settings, threshold_triplex=triplex, threshold_duplex=duplex))
+
+
+def filtered(flight: Flight, pick: Pick) -> Flight:
+    """The same behind a filter; no threshold is met exactly, no reference lies on a sample: rounding would decide."""
+    s, beside = flight.settings, 1 / 1024
+    more = {name: getattr(s, name) + beside for name in ("threshold", "reference_threshold", "second_threshold")}
+    levels = {name: pick([None, 0.5 + beside, 2.0 + beside]) for name in ("threshold_triplex", "threshold_duplex")}
+    references = [None if x is None else x + beside / 2 for x in flight.references]
+    return replace(
+        flight, settings=replace(s, filter_share=pick([0.15, 0.4, 0.9]), **more, **levels), references=references
+    )
 
 
 @st.composite

@@ -1,6 +1,7 @@
 """Readmission by command, once more from the requirement alone: oracle.py with failed channels that come back.
 
-A failed channel agrees in a frame in which its sample can be compared and lies within the threshold of the vote.
+A failed channel agrees in a frame in which its sample can be compared and lies within the threshold of the vote, both
+behind the filter where there is one.
 """
 
 from __future__ import annotations
@@ -34,7 +35,8 @@ class ResettableOracle(Oracle):
     ) -> Frame:
         out = set(self.failed)
         frame = super().step(samples, ilm, reference, second)
+        voted = self.smooth("vote", frame.voted) or 0.0
         for c, x in enumerate(samples):
-            agrees = x is not None and self.s.apart(x, frame.voted) <= self.s.threshold
+            agrees = x is not None and self.s.apart(self.memory[c], voted) <= self.s.threshold
             self.agreed[c] = self.agreed[c] + 1 if c in out and agrees else 0
         return frame

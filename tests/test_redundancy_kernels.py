@@ -193,6 +193,9 @@ def test_settings_become_a_record_in_frames_with_their_defaults():
     plain = {name: row[name][0].tolist() for name in PARAMS.names or ()}
     assert plain == {
         "threshold": 0.5,
+        "threshold_triplex": 0.5,
+        "threshold_duplex": 0.5,
+        "filter_gain": 0.0,
         "reference_threshold": 0.5,
         "reference_airspeed_m_s": 0.0,
         "second_threshold": 0.5,
@@ -214,6 +217,9 @@ def test_settings_become_a_record_in_frames_with_their_defaults():
     }
     chosen = SignalConfig(
         threshold=0.5,
+        threshold_triplex=0.6,
+        threshold_duplex=0.8,
+        filter_s=0.02,
         reference_threshold=0.7,
         mean="trend-weighted",
         resolvers=["reference"],
@@ -222,6 +228,8 @@ def test_settings_become_a_record_in_frames_with_their_defaults():
     )
     fill(row[0], chosen, (-1.0, 2.0), 4, False, 100.0)
     assert (row["reference_threshold"][0], row["weighted"][0], row["wraps"][0]) == (0.7, 1, 0)
+    assert (row["threshold_triplex"][0], row["threshold_duplex"][0]) == (0.6, 0.8)
+    assert row["filter_gain"][0] == pytest.approx(1.0 - np.exp(-0.5))
     assert (row["deviation"][0], row["deviation_frames"][0]) == (2.0, 50.0)
     row = np.zeros(1, PARAMS)
     fill(row[0], chosen, (-1.0, 2.0), 4, False, 100.0)

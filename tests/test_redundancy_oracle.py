@@ -1,7 +1,9 @@
 """The monitor against tests/oracle.py, which was written from the requirement alone, over random flights."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from math import log1p
+from random import Random
 from typing import Any
 
 import numpy as np
@@ -11,7 +13,7 @@ from hypothesis import example, given, settings
 from oracle import Frame, Oracle
 from oracle_answers import Settings
 from oracle_boxes import SIGNALS, BoxFlight, BoxOracle, seeded_boxes
-from oracle_flights import Flight, flights, seeded
+from oracle_flights import Flight, Pick, by_level, filtered, flights, seeded
 
 from rig.computer.redundancy.config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.managers import Manager
@@ -39,6 +41,9 @@ def run(flight: Flight) -> Voted:
         resolvers=list(s.resolvers),
         trend_frames=s.trend_frames,
         reference_threshold=s.reference_threshold,
+        threshold_triplex=s.threshold_triplex,
+        threshold_duplex=s.threshold_duplex,
+        filter_s=-1.0 / (100.0 * log1p(-s.filter_share)) if s.filter_share else 0.0,
     )
 
 
@@ -102,6 +107,16 @@ def test_every_decision_and_vote_is_that_of_the_requirement(flight: Flight):
 @example(Flight(PLAIN, [[0.1, 6.2, 2.0, 2.1]] * 12, [("good",) * 4] * 12, [6.28] * 12))
 def test_and_of_an_angle_on_the_circle(flight: Flight):
     check(flight)
+
+
+@pytest.mark.parametrize("turn", [False, True])
+@pytest.mark.parametrize("change", [by_level, filtered])
+def test_so_are_those_with_thresholds_by_level_and_behind_a_filter(
+    change: Callable[[Flight, Pick], Flight], turn: bool
+):
+    for seed in range(300 // FEWER):
+        flight = seeded(seed, turn)
+        check(change(flight, Random(seed).choice), f"seed {seed}")
 
 
 def test_so_are_those_of_flights_drawn_evenly():

@@ -21,8 +21,8 @@ SAMPLES = [
     Defect("a sample that is no number compared", IN_RANGE, f"(isnan(f->samples[c]) || ({IN_RANGE}))"),
     Defect(
         "two samples a threshold apart disagree",
-        "!((f->x[f->order[i]] - f->x[f->order[i - 1]]) <= p->threshold)",
-        "!((f->x[f->order[i]] - f->x[f->order[i - 1]]) < p->threshold)",
+        "!((f->y[f->by[i]] - f->y[f->by[i - 1]]) <= f->threshold)",
+        "!((f->y[f->by[i]] - f->y[f->by[i - 1]]) < f->threshold)",
     ),
     Defect(
         "an angle compared as a plain number",
@@ -64,8 +64,8 @@ VOTES = [
 RESOLVERS = [
     Defect(
         "an absent monitor read as bad",
-        "count += (f->ilm[f->order[i]] == flag) ? 1 : 0;",
-        "count += ((f->ilm[f->order[i]] == flag) || (f->ilm[f->order[i]] > flag + 1)) ? 1 : 0;",
+        "count += (f->ilm[f->by[i]] == flag) ? 1 : 0;",
+        "count += ((f->ilm[f->by[i]] == flag) || (f->ilm[f->by[i]] > flag + 1)) ? 1 : 0;",
     ),
     Defect(
         "an absent monitor disputes the last channel",
@@ -74,13 +74,13 @@ RESOLVERS = [
     ),
     Defect(
         "the extremes kept, the others failed",
-        "blame_all_but(f->order[(f->n - 1) / 2], f->order[f->n / 2], f);",
-        "blame_all_but(f->order[0], f->order[f->n - 1], f);",
+        "blame_all_but(low, high, f);",
+        "blame_all_but(f->by[0], f->by[f->n - 1], f);",
     ),
     Defect(
         "the middle and what is beside it kept",
-        "blame_all_but(f->order[(f->n - 1) / 2], f->order[f->n / 2], f);",
-        "blame_all_but(f->order[1], f->order[2], f);",
+        "blame_all_but(low, high, f);",
+        "blame_all_but(f->by[1], f->by[2], f);",
     ),
     Defect(
         "extremes and middle without being configured",
@@ -94,8 +94,8 @@ RESOLVERS = [
     ),
     Defect(
         "the reference blames the half that it is near to",
-        "if (f->reference >= f->high) {\n        return LOW_SIDE;",
-        "if (f->reference >= f->high) {\n        return HIGH_SIDE;",
+        "if (reference >= above) {\n        return LOW_SIDE;",
+        "if (reference >= above) {\n        return HIGH_SIDE;",
     ),
     Defect(
         "the last channel within one reference threshold",
@@ -234,4 +234,31 @@ DISCRETES = [
     Defect("the flag of a discrete ignored", "(input->discrete_valid[d][c] != 0) && (input", "(input"),
     Defect("a failed discrete channel votes", "!latches[d].failed[c] && comparable", "comparable"),
 ]
-DEFECTS = [*SAMPLES, *VOTES, *RESOLVERS, *LATCHES, *BOXES, *DISCRETES]
+LEVELS_AND_FILTER = [
+    Defect("three samples with the threshold of four", "(n == 3) ? p->threshold_triplex", "(n == 3) ? p->threshold"),
+    Defect("two samples with the threshold of four", ": p->threshold_duplex;", ": p->threshold;"),
+    Defect("no filter", "if (p->filter_gain > 0.0) {", "if (p->filter_gain > 1.0) {"),
+    Defect(
+        "the filter goes on over a gap",
+        "s->smooth[c] = there ? compare_follow(s->smooth[c], near_base(f->samples[c], f, p), f, p) : (double)NAN;",
+        "s->smooth[c] = there ? compare_follow(s->smooth[c], near_base(f->samples[c], f, p), f, p) : s->smooth[c];",
+    ),
+    Defect(
+        "the filter begins with zero",
+        "    if (isnan(last)) {\n        return x;",
+        "    if (isnan(last)) {\n        return 0.0 * x;",
+    ),
+    Defect("compared in the order of the samples", "        sort(f->y, f->by, f->n);\n", ""),
+    Defect(
+        "the reference not filtered", "f->seen_reference = s->smooth_reference;", "f->seen_reference = f->reference;"
+    ),
+    Defect(
+        "the filtered value voted by the reference",
+        "const double low = f->x[f->by[(f->n - 1) / 2]];",
+        "const double low = f->y[f->by[(f->n - 1) / 2]];",
+    ),
+    Defect("the filtered value voted", "f->vote = f->x[good];", "f->vote = f->y[good];"),
+    Defect("readmission by the sample itself", "samples = filtered ? s->smooth : f->samples", "samples = f->samples"),
+    Defect("readmission to the unfiltered vote", "vote = s->smooth_vote;", "vote = f->vote;"),
+]
+DEFECTS = [*LEVELS_AND_FILTER, *SAMPLES, *VOTES, *RESOLVERS, *LATCHES, *BOXES, *DISCRETES]

@@ -42,6 +42,9 @@ def random_params(draw: Generator) -> NDArray[Any]:
     params["wraps"][angle], params["threshold"][angle] = 1, 0.1
     params["low"][angle] = draw.choice([0.0, -np.pi], angle.sum())
     params["high"][angle] = params["low"][angle] + TWO_PI
+    levels = draw.choice([1.0, 1.0, 0.6, 1.7, 3.1], (2, S))
+    params["threshold_triplex"], params["threshold_duplex"] = params["threshold"] * levels
+    params["filter_gain"] = draw.choice([0.0, 0.0, 0.1, 0.5, 0.95], S)
     for row in params:
         chosen = draw.permutation(5)[: draw.integers(0, 6)] + 1
         row["resolvers"][: len(chosen)] = chosen

@@ -14,7 +14,7 @@ from typing import Any
 
 from oracle import DiscreteOracle, DiscreteSettings, Frame
 from oracle_answers import Settings
-from oracle_flights import SLOPES, Flight, build
+from oracle_flights import SLOPES, Flight, build, by_level, filtered
 from oracle_resets import ResettableOracle
 
 FRAMES = 30  # of a case
@@ -122,7 +122,7 @@ def scaled(flight: Flight, factor: float) -> Flight:
         return [None if x is None else factor * x for x in row]
 
     s = flight.settings
-    thresholds = {name: factor * getattr(s, name) for name in ("threshold", "reference_threshold", "second_threshold")}
+    thresholds = {name: factor * limit for name, limit in vars(s).items() if "threshold" in name and limit is not None}
     samples, references, seconds = (
         [times(row) for row in flight.samples],
         times(flight.references),
@@ -136,6 +136,24 @@ def plain(seed: int) -> Flown:
     draw = random.Random(f"plain {seed}")
     factor = draw.choice([0.125, 0.5, 1.0, 4.0])
     return Flown(scaled(lasting(build(draw.choice)), factor), -RANGE * factor, RANGE * factor)
+
+
+def levelled(seed: int) -> Flown:
+    """A random signal with thresholds of its own for three and for two samples."""
+    draw = random.Random(f"levels {seed}")
+    return Flown(by_level(lasting(build(draw.choice)), draw.choice))
+
+
+def smoothed(seed: int) -> Flown:
+    """A random signal that is compared behind a filter."""
+    draw = random.Random(f"filter {seed}")
+    return Flown(filtered(lasting(build(draw.choice)), draw.choice))
+
+
+def smoothed_with_resets(seed: int) -> Flown:
+    """The same, with channels that go and come and commands to readmit them."""
+    found, draw = with_resets(seed), random.Random(f"filter {seed}")
+    return replace(found, flight=filtered(found.flight, draw.choice))
 
 
 def to_the_ends(seed: int) -> Flown | None:

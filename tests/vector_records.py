@@ -116,6 +116,7 @@ def configure(row: Any, flown: Flown) -> None:
         row[name] = getattr(s, name)
     for name in ("persistence", "singular_persistence", "trend_frames"):
         row[name] = getattr(s, name)
+    row["threshold_triplex"], row["threshold_duplex"], row["filter_gain"] = s.within(3), s.within(2), s.filter_share
     row["reference_airspeed_m_s"] = flown.airspeed_m_s
     row["low"], row["high"], row["readmit_frames"] = flown.low, flown.high, flown.readmit_frames
     row["deviation"], row["deviation_frames"] = 2.5 * s.threshold, 5.0 * s.threshold * RATE_HZ

@@ -30,9 +30,12 @@ from vector_flights import (
     at_the_limits,
     discrete,
     lasting,
+    levelled,
     plain,
     quiet_discrete,
     quiet_signal,
+    smoothed,
+    smoothed_with_resets,
     spoken,
     to_the_ends,
     with_absent_monitors,
@@ -149,6 +152,19 @@ def refused_early(flown: Flown) -> bool:
     return replace(flown, readmit_frames=flown.readmit_frames - 1).answers != flown.answers
 
 
+def by_three(flown: Flown) -> bool:
+    """Other answers when three samples have the threshold of four."""
+    return flown.hangs_on(threshold_triplex=None)
+
+
+def by_two(flown: Flown) -> bool:
+    return flown.hangs_on(threshold_duplex=None)
+
+
+def behind_filter(flown: Flown) -> bool:
+    return flown.hangs_on(filter_share=0.0)
+
+
 def anything(_: Flown) -> bool:
     return True
 
@@ -160,6 +176,7 @@ def settled(pattern: str, *by: str) -> list[Wanted]:
 LAST = "last channel: {}".format
 FREEZE = "freeze: {}".format
 NOBODY = [f"{pattern} by nobody" for pattern in ("2:2", "1:1:1:1", "1:1:1", "1:1")]
+FILTERED = [f"{pattern} settled by reference" for pattern in ("2:2", "1:1:1:1", "1:1:1", "1:1")]
 # Requirement, what its signals must reach in turn, and how samples are missing in it (all ways if not given).
 PLAIN: list[tuple[str, list[Wanted], Sequence[str]]] = [
     ("the vote is the median, never with a suspect in it", [with_a_majority], ()),
@@ -384,6 +401,11 @@ def sessions() -> Iterator[Session]:
     yield of_signals("an absent monitor is not a bad one", with_absent_monitors, [absent_is_not_bad])
     yield of_signals(
         "a reset readmits only after agreement", with_resets, [readmitted, refused_early, readmitted_exactly]
+    )
+    yield of_signals("thresholds of their own for three and for two samples", levelled, [by_three, by_two])
+    yield of_signals("comparisons behind a filter", smoothed, [behind_filter, *reached(*FILTERED)])
+    yield of_signals(
+        "a reset behind a filter", smoothed_with_resets, [lambda flown: readmitted(flown) and behind_filter(flown)]
     )
     for number in range(3):
         yield of_signals(

@@ -1,4 +1,6 @@
 /* Cross-channel comparison: which samples count, how they are ranked, which pattern they make, and their median. */
+#include <string.h>
+
 #include "monitor.h"
 
 #define SEA_LEVEL_DENSITY 1.225 /* kg/m3; International Standard Atmosphere */
@@ -38,30 +40,30 @@ static double seen(double reference, const struct frame *f, params *p)
 }
 
 /* Swap places i < j of the order when they are out of order. */
-static void exchange(struct frame *f, int i, int j)
+static void exchange(const double *x, int *order, int i, int j)
 {
-    const int a = f->order[i];
-    const int b = f->order[j];
-    if (f->x[a] > f->x[b]) {
-        f->order[i] = b;
-        f->order[j] = a;
+    const int a = order[i];
+    const int b = order[j];
+    if (x[a] > x[b]) {
+        order[i] = b;
+        order[j] = a;
     }
 }
 
-/* Put the channels into ascending order of their samples: five exchanges for four, three for three. */
-static void sort(struct frame *f)
+/* Put n channels into ascending order of x: five exchanges for four, three for three. */
+static void sort(const double *x, int *order, int n)
 {
-    if (f->n == 4) {
-        exchange(f, 0, 1);
-        exchange(f, 2, 3);
-        exchange(f, 0, 2);
-        exchange(f, 1, 3);
-        exchange(f, 1, 2);
-    } else if (f->n >= 2) {
-        exchange(f, 0, 1);
-        if (f->n == 3) {
-            exchange(f, 1, 2);
-            exchange(f, 0, 1);
+    if (n == 4) {
+        exchange(x, order, 0, 1);
+        exchange(x, order, 2, 3);
+        exchange(x, order, 0, 2);
+        exchange(x, order, 1, 3);
+        exchange(x, order, 1, 2);
+    } else if (n >= 2) {
+        exchange(x, order, 0, 1);
+        if (n == 3) {
+            exchange(x, order, 1, 2);
+            exchange(x, order, 0, 1);
         }
     } else {
         /* nothing to sort */
@@ -79,11 +81,47 @@ static void rank(struct frame *f, params *p, const struct signal *s)
             f->ranked |= 1U << c;
         }
     }
-    sort(f);
+    sort(f->x, f->order, f->n);
     if (f->n > 0) {
         f->low = f->x[f->order[(f->n - 1) / 2]];
         f->high = f->x[f->order[f->n / 2]];
     }
+}
+
+double compare_follow(double last, double x, const struct frame *f, params *p)
+{
+    if (isnan(last)) {
+        return x;
+    }
+    const double y = near_base(last + (p->filter_gain * difference(x, last, p)), f, p);
+    return isfinite(y) ? y : x;
+}
+
+/* What is compared: the samples and the reference, or where there is a filter what it makes of them. */
+static void look(struct frame *f, params *p, struct signal *s)
+{
+    memcpy(f->y, f->x, sizeof f->y);
+    memcpy(f->by, f->order, sizeof f->by);
+    f->seen_reference = f->reference;
+    if (p->filter_gain > 0.0) {
+        for (int c = 0; c < p->fitted; c++) {
+            const bool there = comparable(f, c, p);
+            s->smooth[c] = there ? compare_follow(s->smooth[c], near_base(f->samples[c], f, p), f, p) : (double)NAN;
+        }
+        s->smooth_reference = compare_follow(s->smooth_reference, f->reference, f, p);
+        f->seen_reference = s->smooth_reference;
+        memcpy(f->y, s->smooth, sizeof f->y);
+        sort(f->y, f->by, f->n);
+    }
+}
+
+/* Within what two of n samples agree. */
+static double threshold(int n, params *p)
+{
+    if (n == RIG_CHANNELS) {
+        return p->threshold;
+    }
+    return (n == 3) ? p->threshold_triplex : p->threshold_duplex;
 }
 
 /* redundancy.md 'References': of a dynamic pressure that is made from the speed over ground, the wind is the error. */
@@ -96,7 +134,7 @@ static double reference_threshold(double reference, params *p)
     return p->reference_threshold;
 }
 
-struct frame compare_samples(const struct rig_input *input, int signal, params *p, const struct signal *s)
+struct frame compare_samples(const struct rig_input *input, int signal, params *p, struct signal *s)
 {
     struct frame f = {.samples = input->channels[signal], .valid = input->valid[signal], .ilm = input->ilm[signal]};
     f.base = anchor(&f, p, s);
@@ -104,6 +142,8 @@ struct frame compare_samples(const struct rig_input *input, int signal, params *
     f.second = seen(input->second_reference[signal], &f, p);
     f.reference_threshold = reference_threshold(f.reference, p);
     rank(&f, p, s);
+    look(&f, p, s);
+    f.threshold = threshold(f.n, p);
     return f;
 }
 
@@ -131,16 +171,16 @@ static uint8_t pattern_of(int n, int count, bool middle)
 }
 
 /* Neighbours in rank decide: across a gap all pairs disagree. */
-void compare_pattern(struct frame *f, params *p, struct signal *s)
+void compare_pattern(struct frame *f, struct signal *s)
 {
     bool apart[RIG_CHANNELS + 1] = {true, true, true, true, true}; /* apart[i]: ranks i - 1 and i */
     int count = 0;
     for (int i = 1; i < f->n; i++) {
-        apart[i] = !((f->x[f->order[i]] - f->x[f->order[i - 1]]) <= p->threshold);
+        apart[i] = !((f->y[f->by[i]] - f->y[f->by[i - 1]]) <= f->threshold);
         count += apart[i] ? 1 : 0;
     }
     for (int i = 0; (i < f->n) && (count > 0); i++) {
-        f->alone[f->order[i]] = apart[i] && apart[i + 1];
+        f->alone[f->by[i]] = apart[i] && apart[i + 1];
     }
     const uint8_t pattern = pattern_of(f->n, count, apart[2]);
     s->pattern_frames = (pattern == s->pattern) ? (s->pattern_frames + 1) : 1;

@@ -72,7 +72,7 @@ static void monitor_reference(const struct frame *f, params *p, struct signal *s
 static bool off_vote(double reference, double threshold, const struct frame *f, params *p)
 {
     const double margin = REFERENCE_MARGIN * threshold;
-    return fabs(difference(f->vote, reference, p)) > ((p->threshold > margin) ? p->threshold : margin);
+    return fabs(difference(f->vote, reference, p)) > ((f->threshold > margin) ? f->threshold : margin);
 }
 
 /* redundancy.md 'Two references against all channels': all in use agree, both references contradict them. */
@@ -106,11 +106,18 @@ static void watch_common(struct frame *f, params *p, struct signal *s)
 /* Count how long each failed channel has agreed with the vote again, for a readmission by command. */
 static void watch_failed(const struct frame *f, params *p, struct signal *s)
 {
+    const bool filtered = p->filter_gain > 0.0;
+    const double *const samples = filtered ? s->smooth : f->samples;
+    double vote = f->vote;
+    if (filtered) {
+        s->smooth_vote = compare_follow(s->smooth_vote, isfinite(vote) ? vote : s->vote, f, p);
+        vote = s->smooth_vote;
+    }
     if (s->level == p->fitted) {
         return;
     }
     for (int c = 0; c < p->fitted; c++) {
-        const bool near = fabs(difference(f->samples[c], f->vote, p)) <= p->threshold;
+        const bool near = fabs(difference(samples[c], vote, p)) <= p->threshold;
         const bool agrees = s->latches.failed[c] && (f->valid[c] != 0) && near;
         s->latches.agreed[c] = agrees ? (s->latches.agreed[c] + 1) : 0;
     }
@@ -325,7 +332,7 @@ static void monitor_signal(const struct rig_input *input, int i, struct rig_outp
     struct signal *const s = &signals[i];
     monitor_readmit(&s->latches, input->reset[i], p->fitted, p->readmit_frames);
     struct frame f = compare_samples(input, i, p, s);
-    compare_pattern(&f, p, s);
+    compare_pattern(&f, s);
     compare_trend(&f, p, s);
     decide(&f, p, s);
     monitor_reference(&f, p, s);
@@ -365,6 +372,11 @@ int rig_unit_open(const struct rig_config *wanted)
     memset(box_count, 0, sizeof box_count);
     stepped = 0U;
     for (int i = 0; i < RIG_SIGNALS; i++) {
+        for (int c = 0; c < RIG_CHANNELS; c++) {
+            signals[i].smooth[c] = (double)NAN;
+        }
+        signals[i].smooth_reference = (double)NAN;
+        signals[i].smooth_vote = (double)NAN;
         signals[i].reference_usable = true;
         signals[i].level = config.signal[i].fitted;
     }

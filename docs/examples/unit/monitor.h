@@ -38,9 +38,13 @@ struct frame {
     double reference;           /* NaN: none */
     double second;              /* reference of other physics; NaN: none */
     double reference_threshold;
+    double threshold;           /* of as many samples */
     int n;                      /* comparable samples */
     int order[RIG_CHANNELS];    /* their channels, by ascending value */
     double x[RIG_CHANNELS];     /* their values, by channel */
+    double seen_reference;      /* what is compared: behind the filter, if there is one */
+    double y[RIG_CHANNELS];     /* the same of the channels, */
+    int by[RIG_CHANNELS];       /* and the channels by ascending y */
     unsigned ranked;            /* their channels, bits */
     double low, high;           /* the two voting ranks, */
     double rise_low, rise_high; /* and their changes since the last frame */
@@ -53,6 +57,9 @@ struct frame {
 /* One signal, from frame to frame. */
 struct signal {
     struct latches latches;
+    double smooth[RIG_CHANNELS]; /* behind the filter; NaN: begins with the next value */
+    double smooth_reference;
+    double smooth_vote;
     double vote;       /* the last one, before the fade */
     double rise_vote;  /* its last change */
     double output;     /* the last one, after the fade */
@@ -111,10 +118,13 @@ static inline bool is_singular(uint8_t pattern)
 /* ---- compare.c ---- */
 
 /* What a frame shows of one signal: its comparable samples, ranked, and its references. */
-struct frame compare_samples(const struct rig_input *input, int signal, params *p, const struct signal *s);
+struct frame compare_samples(const struct rig_input *input, int signal, params *p, struct signal *s);
+
+/* redundancy.md 'A filter before the comparison': the next value after `last`, which is NaN at the beginning. */
+double compare_follow(double last, double x, const struct frame *f, params *p);
 
 /* Name the pattern, mark who agrees with nobody, and count for how many frames the pattern has lasted. */
-void compare_pattern(struct frame *f, params *p, struct signal *s);
+void compare_pattern(struct frame *f, struct signal *s);
 
 /* Section 6 and table 1: shift this frame's bits into the trend bytes. */
 void compare_trend(struct frame *f, params *p, struct signal *s);

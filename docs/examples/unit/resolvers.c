@@ -1,6 +1,7 @@
 /* Patterns without a majority: 2:2, 1:1, 1:1:1:1 and 1:1:1, each settled by the resolvers of its signal.
  *
- * Sections 6 to 8; redundancy.md 'Patterns without a majority' and 'Nobody answers'.
+ * Sections 6 to 8; redundancy.md 'Patterns without a majority' and 'Nobody answers'.  Who stands on which side is told by
+ * what is compared, `y` and `by`; the vote is made of the samples.
  */
 #include "monitor.h"
 
@@ -14,7 +15,7 @@ static int saying(const struct frame *f, int first, int end, uint8_t flag)
 {
     int count = 0;
     for (int i = first; i < end; i++) {
-        count += (f->ilm[f->order[i]] == flag) ? 1 : 0;
+        count += (f->ilm[f->by[i]] == flag) ? 1 : 0;
     }
     return count;
 }
@@ -35,17 +36,20 @@ static int by_ilm(const struct frame *f)
 /* Section 7: the triplex {high, low, reference}: who is not its middle, or too far from it. */
 static int by_reference(const struct frame *f)
 {
-    if (isnan(f->reference)) {
+    const double reference = f->seen_reference;
+    const double above = f->y[f->by[f->n / 2]];
+    const double below = f->y[f->by[(f->n - 1) / 2]];
+    if (isnan(reference)) {
         return NO_ANSWER;
     }
-    if (f->reference >= f->high) {
+    if (reference >= above) {
         return LOW_SIDE;
     }
-    if (f->reference <= f->low) {
+    if (reference <= below) {
         return HIGH_SIDE;
     }
-    const int high = ((f->high - f->reference) > f->reference_threshold) ? HIGH_SIDE : 0;
-    const int low = ((f->reference - f->low) > f->reference_threshold) ? LOW_SIDE : 0;
+    const int high = ((above - reference) > f->reference_threshold) ? HIGH_SIDE : 0;
+    const int low = ((reference - below) > f->reference_threshold) ? LOW_SIDE : 0;
     return high + low;
 }
 
@@ -83,7 +87,7 @@ static void blame_sides(int sides, struct frame *f)
     const int half = f->n / 2;
     for (int i = 0; i < f->n; i++) {
         const int side = (i < half) ? LOW_SIDE : HIGH_SIDE;
-        f->blamed[f->order[i]] = (sides == side) || (sides == (LOW_SIDE + HIGH_SIDE));
+        f->blamed[f->by[i]] = (sides == side) || (sides == (LOW_SIDE + HIGH_SIDE));
     }
 }
 
@@ -91,9 +95,23 @@ static void blame_sides(int sides, struct frame *f)
 static void blame_all_but(int one, int other, struct frame *f)
 {
     for (int i = 0; i < f->n; i++) {
-        const int c = f->order[i];
+        const int c = f->by[i];
         f->blamed[c] = (c != one) && (c != other);
     }
+}
+
+/* The plain mean of two values, whose ranks say a <= b but behind a filter. */
+static double halfway(double a, double b)
+{
+    return (a > b) ? mean(b, a, 0.5) : mean(a, b, 0.5);
+}
+
+/* The middle of the triplex of the samples at the two voting ranks and the reference. */
+static double triplex(const struct frame *f)
+{
+    const double low = f->x[f->by[(f->n - 1) / 2]];
+    const double high = f->x[f->by[f->n / 2]];
+    return (low > high) ? clamp(f->reference, high, low) : clamp(f->reference, low, high);
 }
 
 /* 2:2 and 1:1, sections 2, 6 and 7: which half is right; whether a resolver could tell. */
@@ -105,9 +123,8 @@ static bool settle_halves(struct frame *f, params *p, const struct signal *s)
         const int sides = ask_sides(name, f, p, s);
         if (sides != NO_ANSWER) {
             const int good = (sides == LOW_SIDE) ? half : 0;
-            f->vote = (name == RIG_RESOLVER_REFERENCE)
-                          ? clamp(f->reference, f->low, f->high)
-                          : mean(f->x[f->order[good]], f->x[f->order[good + half - 1]], 0.5);
+            f->vote = (name == RIG_RESOLVER_REFERENCE) ? triplex(f)
+                                                       : halfway(f->x[f->by[good]], f->x[f->by[good + half - 1]]);
             f->resolver = (uint8_t)name;
             blame_sides(sides, f);
             return true;
@@ -121,7 +138,7 @@ static int only_good(const struct frame *f)
 {
     int kept = NO_ANSWER;
     for (int i = 0; i < f->n; i++) {
-        kept = (f->ilm[f->order[i]] == RIG_ILM_GOOD) ? f->order[i] : kept;
+        kept = (f->ilm[f->by[i]] == RIG_ILM_GOOD) ? f->by[i] : kept;
     }
     const int good = saying(f, 0, f->n, RIG_ILM_GOOD);
     const int bad = saying(f, 0, f->n, RIG_ILM_BAD);
@@ -134,9 +151,9 @@ static int only_near(const struct frame *f, params *p)
     int near = 0;
     int kept = NO_ANSWER;
     for (int i = 0; i < f->n; i++) {
-        if (fabs(difference(f->x[f->order[i]], f->reference, p)) <= f->reference_threshold) {
+        if (fabs(difference(f->y[f->by[i]], f->seen_reference, p)) <= f->reference_threshold) {
             near++;
-            kept = f->order[i];
+            kept = f->by[i];
         }
     }
     return (near == 1) ? kept : NO_ANSWER;
@@ -171,9 +188,11 @@ static bool settle_by_rank(struct frame *f, params *p, const struct signal *s)
     const uint8_t rule = (s->pattern == RIG_PATTERN_P1_1_1_1) ? RIG_RESOLVER_EXTREMES : RIG_RESOLVER_MIDDLE;
     for (int place = 0; place < RESOLVERS; place++) {
         if (p->resolvers[place] == rule) {
-            f->vote = mean(f->low, f->high, 0.5);
+            const int low = f->by[(f->n - 1) / 2];
+            const int high = f->by[f->n / 2];
+            f->vote = halfway(f->x[low], f->x[high]);
             f->resolver = rule;
-            blame_all_but(f->order[(f->n - 1) / 2], f->order[f->n / 2], f);
+            blame_all_but(low, high, f);
             return true;
         }
     }

@@ -26,7 +26,7 @@ extern "C" {
 #endif
 
 #define RIG_UNIT_VERSION 1
-#define RIG_UNIT_LAYOUT UINT64_C(0x62a664285cc9fcff)
+#define RIG_UNIT_LAYOUT UINT64_C(0x54c5497c645d77e8)
 #define RIG_MAGIC_INPUT UINT32_C(0x49474952)
 #define RIG_MAGIC_OUTPUT UINT32_C(0x4f474952)
 #define RIG_CHANNELS 4
@@ -204,6 +204,9 @@ RIG_ASSERT(offsetof(struct rig_ready, crc) == 236);
 /* how one signal is monitored and voted; counts in frames */
 struct rig_signal_config {
     double threshold;
+    double threshold_triplex;
+    double threshold_duplex;
+    double filter_gain;
     double reference_threshold;
     double reference_airspeed_m_s;
     double second_threshold;
@@ -225,27 +228,30 @@ struct rig_signal_config {
     uint8_t pad_1[5];
 };
 
-RIG_ASSERT(sizeof(struct rig_signal_config) == 168);
+RIG_ASSERT(sizeof(struct rig_signal_config) == 192);
 RIG_ASSERT(offsetof(struct rig_signal_config, threshold) == 0);
-RIG_ASSERT(offsetof(struct rig_signal_config, reference_threshold) == 8);
-RIG_ASSERT(offsetof(struct rig_signal_config, reference_airspeed_m_s) == 16);
-RIG_ASSERT(offsetof(struct rig_signal_config, second_threshold) == 24);
-RIG_ASSERT(offsetof(struct rig_signal_config, common_persistence) == 32);
-RIG_ASSERT(offsetof(struct rig_signal_config, low) == 40);
-RIG_ASSERT(offsetof(struct rig_signal_config, high) == 48);
-RIG_ASSERT(offsetof(struct rig_signal_config, persistence) == 56);
-RIG_ASSERT(offsetof(struct rig_signal_config, singular_persistence) == 64);
-RIG_ASSERT(offsetof(struct rig_signal_config, trend_frames) == 72);
-RIG_ASSERT(offsetof(struct rig_signal_config, readmit_frames) == 80);
-RIG_ASSERT(offsetof(struct rig_signal_config, fade_frames) == 88);
-RIG_ASSERT(offsetof(struct rig_signal_config, deviation) == 96);
-RIG_ASSERT(offsetof(struct rig_signal_config, deviation_frames) == 104);
-RIG_ASSERT(offsetof(struct rig_signal_config, fitted) == 112);
-RIG_ASSERT(offsetof(struct rig_signal_config, resolvers) == 120);
-RIG_ASSERT(offsetof(struct rig_signal_config, common_fails) == 160);
-RIG_ASSERT(offsetof(struct rig_signal_config, wraps) == 161);
-RIG_ASSERT(offsetof(struct rig_signal_config, weighted) == 162);
-RIG_ASSERT(offsetof(struct rig_signal_config, pad_1) == 163);
+RIG_ASSERT(offsetof(struct rig_signal_config, threshold_triplex) == 8);
+RIG_ASSERT(offsetof(struct rig_signal_config, threshold_duplex) == 16);
+RIG_ASSERT(offsetof(struct rig_signal_config, filter_gain) == 24);
+RIG_ASSERT(offsetof(struct rig_signal_config, reference_threshold) == 32);
+RIG_ASSERT(offsetof(struct rig_signal_config, reference_airspeed_m_s) == 40);
+RIG_ASSERT(offsetof(struct rig_signal_config, second_threshold) == 48);
+RIG_ASSERT(offsetof(struct rig_signal_config, common_persistence) == 56);
+RIG_ASSERT(offsetof(struct rig_signal_config, low) == 64);
+RIG_ASSERT(offsetof(struct rig_signal_config, high) == 72);
+RIG_ASSERT(offsetof(struct rig_signal_config, persistence) == 80);
+RIG_ASSERT(offsetof(struct rig_signal_config, singular_persistence) == 88);
+RIG_ASSERT(offsetof(struct rig_signal_config, trend_frames) == 96);
+RIG_ASSERT(offsetof(struct rig_signal_config, readmit_frames) == 104);
+RIG_ASSERT(offsetof(struct rig_signal_config, fade_frames) == 112);
+RIG_ASSERT(offsetof(struct rig_signal_config, deviation) == 120);
+RIG_ASSERT(offsetof(struct rig_signal_config, deviation_frames) == 128);
+RIG_ASSERT(offsetof(struct rig_signal_config, fitted) == 136);
+RIG_ASSERT(offsetof(struct rig_signal_config, resolvers) == 144);
+RIG_ASSERT(offsetof(struct rig_signal_config, common_fails) == 184);
+RIG_ASSERT(offsetof(struct rig_signal_config, wraps) == 185);
+RIG_ASSERT(offsetof(struct rig_signal_config, weighted) == 186);
+RIG_ASSERT(offsetof(struct rig_signal_config, pad_1) == 187);
 
 /* the same of a discrete; counts in frames */
 struct rig_discrete_config {
@@ -285,7 +291,7 @@ struct rig_config {
     uint32_t crc;
 };
 
-RIG_ASSERT(sizeof(struct rig_config) == 3088);
+RIG_ASSERT(sizeof(struct rig_config) == 3472);
 RIG_ASSERT(offsetof(struct rig_config, magic) == 0);
 RIG_ASSERT(offsetof(struct rig_config, version) == 4);
 RIG_ASSERT(offsetof(struct rig_config, kind) == 6);
@@ -301,11 +307,11 @@ RIG_ASSERT(offsetof(struct rig_config, trim_surface) == 72);
 RIG_ASSERT(offsetof(struct rig_config, surface_low) == 104);
 RIG_ASSERT(offsetof(struct rig_config, surface_high) == 136);
 RIG_ASSERT(offsetof(struct rig_config, signal) == 168);
-RIG_ASSERT(offsetof(struct rig_config, discrete) == 2856);
-RIG_ASSERT(offsetof(struct rig_config, aircraft) == 2952);
-RIG_ASSERT(offsetof(struct rig_config, flight_point) == 3016);
-RIG_ASSERT(offsetof(struct rig_config, length) == 3080);
-RIG_ASSERT(offsetof(struct rig_config, crc) == 3084);
+RIG_ASSERT(offsetof(struct rig_config, discrete) == 3240);
+RIG_ASSERT(offsetof(struct rig_config, aircraft) == 3336);
+RIG_ASSERT(offsetof(struct rig_config, flight_point) == 3400);
+RIG_ASSERT(offsetof(struct rig_config, length) == 3464);
+RIG_ASSERT(offsetof(struct rig_config, crc) == 3468);
 
 /* a part of config where one message must fit into an Ethernet frame */
 struct rig_config_part {

@@ -8,7 +8,7 @@ autopilot for several inertial units (integrated deviation from their mean, 7 de
 
 from __future__ import annotations
 
-from rig.computer.redundancy.compare import rank
+from rig.computer.redundancy.compare import rank, threshold
 from rig.computer.redundancy.manager import anchor, publish, report
 from rig.computer.redundancy.monitor import readmit, watch_failed
 from rig.computer.redundancy.persistence import latch
@@ -110,7 +110,7 @@ def cross_voter(bus, fcc, data):
         for c in range(p["fitted"]):
             alone[c] = not st["failed"][c]
         for i in range(n):
-            alone[order[i]] = not abs(x[order[i]] - voted) <= p["threshold"]
+            alone[order[i]] = not abs(x[order[i]] - voted) <= threshold(n, p)
         for c in range(p["fitted"]):
             count[c] = count[c] + 1 if alone[c] else 0
         finish(bus, fcc, s, voted, n, p, st)

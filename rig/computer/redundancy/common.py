@@ -25,8 +25,8 @@ def contradicted(n, raw, reference, second, p, st):
     apart = abs(difference(reference, second, wraps))
     # A comparison with NaN is false.
     return (
-        off > max(REFERENCE_MARGIN * first_threshold, p["threshold"])
-        and second_off > max(REFERENCE_MARGIN * second_threshold, p["threshold"])
+        off > max(REFERENCE_MARGIN * first_threshold, st["threshold"])
+        and second_off > max(REFERENCE_MARGIN * second_threshold, st["threshold"])
         and apart <= first_threshold + second_threshold
     )
 

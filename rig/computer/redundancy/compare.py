@@ -39,6 +39,14 @@ def comparable(sample, valid, low, high):
 
 
 @kernel
+def threshold(n, p):
+    """Within what two of ``n`` comparable samples agree, unit of the signal."""
+    if n == CHANNELS:
+        return p["threshold"]
+    return p["threshold_triplex"] if n == 3 else p["threshold_duplex"]
+
+
+@kernel
 def sort(x, order, n):
     """Put the first ``n`` channels of ``order`` into ascending order of ``x``.
 

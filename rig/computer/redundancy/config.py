@@ -13,6 +13,7 @@ from pydantic import Field, create_model, field_validator, model_validator
 from rig.computer.analytic.references import Config as References
 from rig.computer.redundancy.discrete_config import PERSISTENCE, DiscreteConfigs
 from rig.computer.redundancy.durations import in_frames, refuse_both
+from rig.computer.redundancy.lowpass import gain
 from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, SIGNALS, Block, Resolver, S, to_frame
 from rig.settings import Settings
 from rig.text import choices
@@ -25,6 +26,13 @@ class SignalConfig(Settings):
     """How one signal is monitored and voted: a ``[redundancy.signals.<name>]`` table."""
 
     threshold: float = Field(gt=0)  # two samples agree within this, unit of the signal
+    threshold_triplex: float | None = Field(
+        default=None, gt=0
+    )  # while three samples are compared; threshold if not given
+    threshold_duplex: float | None = Field(default=None, gt=0)  # while two are
+    filter_s: float = Field(
+        default=0.0, ge=0
+    )  # time constant of a low-pass that comparisons see, and the vote does not
     persistence: int = Field(default=8, ge=1)  # frames of miscompare until a channel is failed
     persistence_s: float | None = Field(default=None, gt=0)  # the same as a time, in place of the frames
     singular_persistence: int = Field(default=10, ge=1)  # frames until a singular pattern is settled
@@ -107,6 +115,9 @@ class Config(Settings):
 PARAMS: Final = np.dtype(
     [
         ("threshold", "f8"),
+        ("threshold_triplex", "f8"),
+        ("threshold_duplex", "f8"),
+        ("filter_gain", "f8"),  # share of a new sample in the low-pass of the comparison (lowpass.py); 0: none
         ("reference_threshold", "f8"),
         ("reference_airspeed_m_s", "f8"),  # of a wind, equivalent; 0 where none (reference_threshold.py)
         ("second_threshold", "f8"),
@@ -160,6 +171,9 @@ def fill(
 ) -> None:
     """Write one signal's settings into its PARAMS record."""
     row["threshold"] = config.threshold
+    row["threshold_triplex"] = config.threshold_triplex or config.threshold
+    row["threshold_duplex"] = config.threshold_duplex or config.threshold
+    row["filter_gain"] = gain(config.filter_s, rate_hz)
     row["reference_threshold"] = config.reference_threshold or config.threshold
     row["second_threshold"], row["common_persistence"] = config.threshold, 1
     row["low"], row["high"] = limits

@@ -16,8 +16,9 @@ from rig.angles import difference, limit
 from rig.computer.redundancy import trend, vote
 from rig.computer.redundancy.box import accused, fail_boxes
 from rig.computer.redundancy.common import watch_common
-from rig.computer.redundancy.compare import classify, comparable, is_singular, rank
+from rig.computer.redundancy.compare import classify, comparable, is_singular, rank, threshold
 from rig.computer.redundancy.last_channel import check_last
+from rig.computer.redundancy.lowpass import follow, smooth_channels
 from rig.computer.redundancy.monitor import monitor_reference, readmit, watch_failed
 from rig.computer.redundancy.persistence import count_miscompares, latch
 from rig.computer.redundancy.reference_threshold import reference_threshold
@@ -35,9 +36,15 @@ STATE: Final = np.dtype(
         ("last_low", "f8"),
         ("rise_high", "f8"),
         ("rise_low", "f8"),
-        ("reference_threshold", "f8"),  # of this frame
+        ("threshold", "f8"),  # of this frame, as the next
+        ("reference_threshold", "f8"),
         ("x", "f8", (CHANNELS,)),
         ("order", "i8", (CHANNELS,)),
+        # With a filter before the comparison alone; NaN where it begins with the next value.
+        ("smooth", "f8", (CHANNELS,)),
+        ("smooth_order", "i8", (CHANNELS,)),
+        ("smooth_reference", "f8"),
+        ("smooth_vote", "f8"),
         ("count", "i8", (CHANNELS,)),  # miscomparing frames in a row
         ("excess", "f8", (CHANNELS,)),  # integrated deviation, for the manager "selection"
         ("agreed", "i8", (CHANNELS,)),  # frames in a row that a failed channel agreed with the vote
@@ -80,6 +87,8 @@ def new_state(params: NDArray[np.void]) -> NDArray[np.void]:
     state = np.zeros(len(params), STATE)
     state["reference_usable"] = 1
     state["level"] = params["fitted"]
+    for name in ("smooth", "smooth_reference", "smooth_vote"):
+        state[name] = np.nan
     return state
 
 
@@ -121,15 +130,25 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     n = rank(samples, valid, st["failed"], p["fitted"], p["low"], p["high"], p["wraps"], base, x, order)
     reference = seen_from(reference, base, p["wraps"])
     st["reference_threshold"] = reference_threshold(reference, p)
-    pattern = classify(x, order, n, p["threshold"], alone)
+    st["threshold"] = threshold(n, p)
+    seen = x, order, reference
+    if p["filter_gain"] > 0.0:
+        smooth_channels(samples, valid, base, n, p, st)
+        st["smooth_reference"] = follow(st["smooth_reference"], reference, base, p)
+        seen = st["smooth"], st["smooth_order"], st["smooth_reference"]
+    pattern = classify(seen[0], seen[1], n, st["threshold"], alone)
     st["pattern_frames"] = st["pattern_frames"] + 1 if pattern == st["pattern"] else 1
     st["pattern"] = pattern
     # Without a sample the ranks are leftovers, and nobody reads what comes of them.
     trend.update(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p["trend_frames"], p["wraps"])
-    resolver, raw = decide(ilm, reference, n, p, st)
+    resolver, raw = decide(ilm, reference, seen, n, p, st)
     monitor_reference(raw, reference, n, p, st)
     resolver = watch_common(resolver, n, raw, reference, seen_from(second, base, p["wraps"]), p, st)
-    watch_failed(samples, valid, raw, p, st)
+    if p["filter_gain"] > 0.0:
+        st["smooth_vote"] = follow(st["smooth_vote"], raw if np.isfinite(raw) else st["vote"], base, p)
+        watch_failed(st["smooth"], valid, st["smooth_vote"], p, st)
+    else:
+        watch_failed(samples, valid, raw, p, st)
     ranked = 0
     for i in range(n):
         ranked |= 1 << order[i]
@@ -160,10 +179,11 @@ def seen_from(reference, base, wraps):
 
 
 @kernel
-def decide(ilm, reference, n, p, st):
+def decide(ilm, reference, seen, n, p, st):
     """The resolver that answered, and this frame's vote before the fade (Zhang, sections 5 to 8).
 
     Writes ``blamed``: the channels that the answer would fail.
+    seen : what is compared: values by channel (4,), channels by ascending value (4,), reference
     """
     x, order, blamed, pattern = st["x"], st["order"], st["blamed"], st["pattern"]
     for c in range(CHANNELS):
@@ -171,7 +191,7 @@ def decide(ilm, reference, n, p, st):
     if pattern == Pattern.LOST:
         return Resolver.NONE.value, st["vote"]
     if is_singular(pattern):
-        return settle(ilm, reference, n, p, st)
+        return settle(ilm, reference, seen, n, p, st)
     if n == 1:
         return check_last(ilm, reference, p, st)
     weight = 0.5

@@ -70,7 +70,9 @@ def by_reference(high, low, reference, threshold):
 
 @kernel
 def middle(high, low, reference):
-    """The middle value of {high, low, reference}, with high >= low."""
+    """The middle value of {high, low, reference}; their ranks say high >= low but behind a filter."""
+    if low > high:
+        high, low = low, high
     return min(max(reference, low), high)
 
 

@@ -2,6 +2,8 @@
 
 In-line monitors, reference and trend are asked in the configured order; the rules of likelihood, extremes and
 middle, only when none of them answers.  When nobody answers the vote holds and follows the ranks.
+Who stands on which side is told by what is compared (``seen``: values by channel, their order, the reference, behind
+the filter if there is one); the vote is made of the samples themselves.
 Source: Zhang 2023, sections 2 and 6 to 8; docs/redundancy.md, 'Patterns without a majority'.
 """
 
@@ -13,19 +15,20 @@ from rig.kernels import kernel
 
 
 @kernel
-def settle(ilm, reference, n, p, st):
+def settle(ilm, reference, seen, n, p, st):
     """The resolver that answered a pattern without a majority, and this frame's vote; marks ``blamed``."""
     if st["pattern"] == Pattern.P2_2 or st["pattern"] == Pattern.P1_1:
-        return settle_halves(ilm, reference, n, p, st)
-    return settle_apart(ilm, reference, n, p, st)
+        return settle_halves(ilm, reference, seen, n, p, st)
+    return settle_apart(ilm, seen, n, p, st)
 
 
 @kernel
-def settle_halves(ilm, reference, n, p, st):
+def settle_halves(ilm, reference, seen, n, p, st):
     """2:2 and 1:1: which half is right (sections 2, 6 and 7)."""
-    x, order, resolvers = st["x"], st["order"], p["resolvers"]
+    x, resolvers = st["x"], p["resolvers"]
+    y, order, compared = seen
     half = n // 2
-    low, high = x[order[half - 1]], x[order[half]]
+    low, high = order[half - 1], order[half]
     for place in range(len(resolvers)):
         name = resolvers[place]
         sides = opinions.NO_ANSWER
@@ -34,43 +37,44 @@ def settle_halves(ilm, reference, n, p, st):
         elif name == Resolver.TREND:
             sides = opinions.by_trend(st, p["trend_frames"])
         elif name == Resolver.REFERENCE and st["reference_usable"]:
-            sides = opinions.by_reference(high, low, reference, st["reference_threshold"])
+            sides = opinions.by_reference(y[high], y[low], compared, st["reference_threshold"])
         if sides != opinions.NO_ANSWER:
-            blame_sides(sides, n, st)
+            blame_sides(sides, order, n, st)
             if name == Resolver.REFERENCE:
-                return name, opinions.middle(high, low, reference)
+                return name, opinions.middle(x[high], x[low], reference)
             good = half if sides == opinions.LOW_SIDE else 0
-            return name, vote.mean(x[order[good]], x[order[good + half - 1]], 0.5)
+            return name, vote.halfway(x[order[good]], x[order[good + half - 1]])
     return Resolver.UNRESOLVED.value, hold(n, st)
 
 
 @kernel
-def settle_apart(ilm, reference, n, p, st):
+def settle_apart(ilm, seen, n, p, st):
     """1:1:1:1 and 1:1:1: at most one channel is right (section 8, after monitors and reference)."""
-    x, order, resolvers = st["x"], st["order"], p["resolvers"]
+    resolvers = p["resolvers"]
+    y, order, compared = seen
     for place in range(len(resolvers)):
         name = resolvers[place]
         good = opinions.NO_ANSWER
         if name == Resolver.ILM:
             good = opinions.only_good(ilm, order, n)
         elif name == Resolver.REFERENCE and st["reference_usable"]:
-            good = opinions.only_near(x, order, n, reference, st["reference_threshold"], p["wraps"])
+            good = opinions.only_near(y, order, n, compared, st["reference_threshold"], p["wraps"])
         if good != opinions.NO_ANSWER:
-            blame_all_but(good, good, n, st)
-            return name, x[good]
-    return settle_by_rank(n, p, st)
+            blame_all_but(good, good, order, n, st)
+            return name, st["x"][good]
+    return settle_by_rank(order, n, p, st)
 
 
 @kernel
-def settle_by_rank(n, p, st):
+def settle_by_rank(order, n, p, st):
     """The rules of likelihood, where they are configured: of four the extremes fail, of three all but the middle."""
-    x, order = st["x"], st["order"]
+    x = st["x"]
     rule = Resolver.EXTREMES.value if st["pattern"] == Pattern.P1_1_1_1 else Resolver.MIDDLE.value
     for place in range(len(p["resolvers"])):
         if p["resolvers"][place] == rule:
             low, high = order[(n - 1) // 2], order[n // 2]
-            blame_all_but(low, high, n, st)
-            return rule, vote.mean(x[low], x[high], 0.5)
+            blame_all_but(low, high, order, n, st)
+            return rule, vote.halfway(x[low], x[high])
     return Resolver.UNRESOLVED.value, hold(n, st)
 
 
@@ -89,19 +93,19 @@ def hold(n, st):
 
 
 @kernel
-def blame_sides(sides, n, st):
+def blame_sides(sides, order, n, st):
     """Mark the channels of the sides that an answer would fail."""
     half = n // 2
     for i in range(half):
         if sides & opinions.LOW_SIDE:
-            st["blamed"][st["order"][i]] = True
+            st["blamed"][order[i]] = True
         if sides & opinions.HIGH_SIDE:
-            st["blamed"][st["order"][half + i]] = True
+            st["blamed"][order[half + i]] = True
 
 
 @kernel
-def blame_all_but(one, other, n, st):
+def blame_all_but(one, other, order, n, st):
     """Mark all ranked channels but the one or two that an answer keeps."""
     for i in range(n):
-        c = st["order"][i]
+        c = order[i]
         st["blamed"][c] = c not in (one, other)

@@ -37,6 +37,12 @@ def mean(low, high, weight_high):
 
 
 @kernel
+def halfway(a, b):
+    """The plain mean of two values, never outside them; their ranks say a <= b but behind a filter."""
+    return mean(b, a, 0.5) if a > b else mean(a, b, 0.5)
+
+
+@kernel
 def trend_weight(rise_high, rise_low, rise_vote):
     """Share of the larger value in a trend-weighted mean, 0 to 1 (Zhang, section 4).
 
