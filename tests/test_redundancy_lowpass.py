@@ -10,12 +10,10 @@ from rig.computer.redundancy.lowpass import gain
 from rig.frame import Pattern, Resolver, State
 
 RATE_HZ = 100.0  # of vote_samples
-BY_LEVEL = pytest.mark.requirement("redundancy", "a threshold for four, for three and for two samples")
-FILTER = pytest.mark.requirement("redundancy", "comparisons behind a filter, the vote without it")
 ALIKE = (0.0, 0.0, 0.0, 0.0)
 
 
-@BY_LEVEL
+@pytest.mark.requirement("redundancy", "a threshold for four, for three and for two samples")
 @pytest.mark.parametrize(
     ("samples", "pattern"),
     [
@@ -31,13 +29,13 @@ def test_each_number_of_samples_has_its_threshold(samples, pattern):
     assert out.pattern[0] == pattern
 
 
-@BY_LEVEL
+@pytest.mark.requirement("redundancy", "a threshold for four, for three and for two samples")
 def test_a_threshold_that_is_not_given_is_that_of_four():
     out = vote_samples(constant(0.0, 0.0, 1.5, np.nan, frames=1), threshold=1.0, threshold_duplex=9.0)
     assert out.pattern[0] == Pattern.ISOLATED
 
 
-@BY_LEVEL
+@pytest.mark.requirement("redundancy", "a threshold for four, for three and for two samples")
 def test_the_next_fault_is_found_by_the_threshold_of_those_that_are_left():
     samples = constant(*ALIKE, frames=60)
     samples[5:, 3], samples[30:, 2] = 5.0, 1.5
@@ -46,7 +44,7 @@ def test_the_next_fault_is_found_by_the_threshold_of_those_that_are_left():
     assert found == [None, None, 38, 13] and wide == [None, None, None, 13]  # counted from 1
 
 
-@FILTER
+@pytest.mark.requirement("redundancy", "comparisons behind a filter, the vote without it")
 def test_an_offset_is_seen_when_the_filtered_one_leaves_the_threshold():
     offset, threshold, filter_s, persistence = 2.0, 1.0, 0.1, 8
     samples = constant(*ALIKE, frames=60)
@@ -58,7 +56,7 @@ def test_an_offset_is_seen_when_the_filtered_one_leaves_the_threshold():
     assert out.failed_at() == [None, first + persistence - 1, None, None]
 
 
-@FILTER
+@pytest.mark.requirement("redundancy", "comparisons behind a filter, the vote without it")
 def test_vibration_fails_nobody_behind_a_filter_and_is_voted_as_it_is():
     samples = constant(*ALIKE, frames=200)
     samples[1:, 2] = 3.0 * np.where(np.arange(199) % 4 < 2, 1.0, -1.0)  # two samples a side: 2 (3 - 0) gain < threshold
@@ -68,7 +66,7 @@ def test_vibration_fails_nobody_behind_a_filter_and_is_voted_as_it_is():
     assert np.array_equal(out.voted, vote_samples(samples, manager="median").voted)
 
 
-@FILTER
+@pytest.mark.requirement("redundancy", "comparisons behind a filter, the vote without it")
 def test_a_step_of_the_vote_is_not_delayed():
     samples = constant(*ALIKE, frames=20)
     samples[10:] = 5.0
@@ -76,7 +74,7 @@ def test_a_step_of_the_vote_is_not_delayed():
     assert list(out.voted[8:12]) == [0.0, 0.0, 5.0, 5.0]
 
 
-@FILTER
+@pytest.mark.requirement("redundancy", "comparisons behind a filter, the vote without it")
 def test_the_filter_begins_again_after_a_sample_that_cannot_be_compared():
     samples = constant(*ALIKE, frames=80)
     samples[20:23, 0] = np.nan
@@ -87,7 +85,7 @@ def test_the_filter_begins_again_after_a_sample_that_cannot_be_compared():
     assert out.state[19, 0] == State.OK
 
 
-@FILTER
+@pytest.mark.requirement("redundancy", "comparisons behind a filter, the vote without it")
 def test_an_angle_is_filtered_the_short_way_round():
     samples = np.tile(np.array([3.1, 3.1, -3.12, -3.12]), (60, 1))
     turning = (samples + 0.05 * np.arange(60)[:, None] + np.pi) % (2 * np.pi) - np.pi
@@ -95,7 +93,7 @@ def test_an_angle_is_filtered_the_short_way_round():
     assert (out.pattern == Pattern.NORMAL).all() and out.failed_at() == [None] * 4
 
 
-@FILTER
+@pytest.mark.requirement("redundancy", "comparisons behind a filter, the vote without it")
 def test_the_halves_of_a_split_are_those_of_the_filtered_samples():
     samples = constant(*ALIKE, frames=120)
     samples[20:] = 0.0, 0.2, 4.0, 4.2
@@ -107,7 +105,7 @@ def test_the_halves_of_a_split_are_those_of_the_filtered_samples():
     assert vote_samples(samples, **given).failed_at()[2:] == [None, None]
 
 
-@FILTER
+@pytest.mark.requirement("redundancy", "comparisons behind a filter, the vote without it")
 def test_a_failed_channel_comes_back_when_the_filtered_one_agrees():
     samples = constant(*ALIKE, frames=300)
     samples[10:60, 3] = 9.0
