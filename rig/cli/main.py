@@ -15,6 +15,7 @@ import typer
 from rig.cli.campaign import app as campaign_app
 from rig.cli.common import GROUP, AllowCode, Json, Logs, UnitFile, emit
 from rig.cli.faults import faults_app
+from rig.cli.reliability import reliability_app
 from rig.cli.replay import diff, export, info, replay
 from rig.cli.score import score
 from rig.cli.studies import study
@@ -34,6 +35,7 @@ app.add_typer(campaign_app, name="campaign")
 app.add_typer(faults_app, name="faults")
 app.add_typer(study, name="study")
 app.add_typer(unit_app, name="unit")
+app.add_typer(reliability_app, name="reliability")
 
 ScenarioName = Annotated[
     str | None, typer.Argument(help="A scenario file or the name of a bundled one.", show_default=False)

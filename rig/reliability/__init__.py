@@ -1,0 +1,1 @@
+"""From rates and measured outcomes to a probability per flight hour."""
