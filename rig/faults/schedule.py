@@ -18,7 +18,7 @@ from rig.faults.fault import Fault
 from rig.faults.places import CHANNELLED, PLACES, Point, number, site
 from rig.faults.record import CLEAN, FOREVER, KEPT, PARAM, SCHEDULE, SEEN, STATE, TARGET, FaultData, Trigger
 from rig.faults.settings import Act, DutyCycle
-from rig.frame import SIGNALS, Block, D, S, nested, to_frame
+from rig.frame import SIGNALS, Block, D, S, Signal, nested, to_frame
 
 _REMEMBERING: Final = (Act.HOLD, Act.SWING, Act.DELAY, Act.REPEAT, Act.LIMIT_RATE, Act.ICE)
 # What an electrical fault of one coil does to a position: an open or shorted turn, a drifting joint, a coupled wire.
@@ -43,6 +43,7 @@ class Faults:
     thresholds : (S,) of the signals' monitors, for magnitudes that are given in them
     coils  : the in-line monitors that measure, by signal
     clean  : (keep_clean,) CLEAN, what the sensors said before any fault in so many frames from the first
+    signals : (S,) those whose samples the frame holds; a recording has others in the places of the flight's
     All state is plain arrays and can be copied.
     """
 
@@ -56,8 +57,9 @@ class Faults:
         thresholds: NDArray[np.float64] | None = None,
         coils: Mapping[str, Coils] | None = None,
         keep_clean: int = 0,
+        signals: Sequence[Signal] = SIGNALS,
     ) -> None:
-        self._faults, self._rate_hz = faults, rate_hz
+        self._faults, self._rate_hz, self._signals = faults, rate_hz, signals
         self._ranges = np.vstack([ranges, [(0.0, 1.0)] * D])
         self._thresholds = np.full(S, np.nan) if thresholds is None else thresholds
         self._seeds = SeedSequence(0) if seeds is None else seeds
@@ -163,6 +165,13 @@ class Faults:
         """Begin fault i, whose trigger is a time, in ``frame``."""
         self.schedule[i]["first"] = self.state[i]["onset"] = frame
 
+    def arm(self, i: int, frame: int) -> None:
+        """Arm fault i from ``frame`` on; one whose trigger is a time begins there."""
+        if self.schedule[i]["trigger"] == Trigger.TIME:
+            self.begin(i, frame)
+        else:
+            self.schedule[i]["first"] = frame
+
     def end(self, i: int, frame: int) -> None:
         """End fault i before ``frame``, for good."""
         self.schedule[i]["last"] = frame
@@ -221,7 +230,7 @@ class Faults:
         source = "dynamic_pressure" if effect.act == Act.ICE else effect.source or point.place
         row["fault"], row["act"], row["invalid"] = i, effect.act, effect.invalid
         row["remembers"] = effect.act in _REMEMBERING
-        row["wraps"] = where in ("channel", "reference") and SIGNALS[at].wraps
+        row["wraps"] = where in ("channel", "reference") and self._signals[at].wraps
         row["row"], row["column"] = (at, (point.channel or 1) - 1) if where in CHANNELLED else (-1, at)
         row["source"] = number(source)
         row["low"], row["high"] = low, high = self._ranges[PLACES[point.place]]
@@ -241,7 +250,8 @@ class Faults:
         elif effect.act == Act.NOTHING and where not in CHANNELLED:
             row["act"] = Act.NO_NUMBER  # there is no flag to set
         elif effect.act == Act.NOISE:
-            self._normal_from.append(self._generator(i, f"noise {point.place} {point.channel}"))
+            place = self._signals[at].name if where == "channel" else point.place
+            self._normal_from.append(self._generator(i, f"noise {place} {point.channel}"))
             row["draw"] = len(self._normal_from) - 1
         elif effect.act == Act.DELAY:
             frames = effect.value * self._rate_hz

@@ -99,6 +99,8 @@ def show(screen: Screen, found: dict[str, Any]) -> None:
     if found["discretes"]:
         _discretes(screen, found)
     _failures(screen, found)
+    if "injected" in found:
+        _injected(screen, found["injected"])
     if found["not_voted"]:
         screen.print(f"not voted, as CONFIG does not name them: {', '.join(found['not_voted'])}")
     screen.print(", ".join(f"{stage} {taken:.2f} s" for stage, taken in found["seconds"].items()))
@@ -137,6 +139,17 @@ def _failures(screen: Screen, found: dict[str, Any]) -> None:
             rows.append((f"{name}.{channel['channel']}", channel["state"], *first, str(channel["invalid_samples"])))
             rows += [("", "", *later, "") for later in again]
     screen.table(("channel", "at the end", "failed in frame", "at", "by", "invalid samples"), rows)
+
+
+def _injected(screen: Screen, injected: dict[str, Any]) -> None:
+    rows = []
+    for one in injected["faults"]:
+        onset = "" if one["onset_s"] is None else f"{one['onset_s']:.6g} s"
+        failed = "" if one["failed_channel"] is None else f"{one['signal']}.{one['failed_channel']}"
+        delay = "" if one["delay_s"] is None else f"{one['delay_s']:.3f} s"
+        channel = f"{one['signal']}.{one['channel']}"
+        rows.append((one["fault"], channel, onset, one["outcome"], failed, delay, one["by"] or ""))
+    screen.table(("injected", "channel", "onset", "outcome", "failed", "delay", "by"), rows)
 
 
 def _alignments(screen: Screen, found: dict[str, Any]) -> None:

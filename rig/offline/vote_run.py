@@ -1,0 +1,78 @@
+"""One ``rig vote``: read, inject faults, align, vote, write."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from rig.offline.align import align
+from rig.offline.discrete_vote import vote_all
+from rig.offline.inject import inject
+from rig.offline.injection_file import read_injection
+from rig.offline.injection_score import score
+from rig.offline.injection_score import summary as scores
+from rig.offline.read_recording import read
+from rig.offline.vote import vote
+from rig.offline.vote_settings import read_config
+from rig.offline.vote_summary import summary
+from rig.offline.write_votes import Result, output, write
+from rig.trust import Trust
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What is done with the recording besides the vote."""
+
+    stretch: tuple[float | None, float | None] | None = None  # to find the alignment in, s; None: not aligned
+    faults: str | None = None  # a file, or a bundled scenario, of [[faults]] to inject
+    repair: bool = False
+    allow_code: bool = False
+
+
+class Laps:
+    """How long each stage took, s."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._clock = perf_counter()
+
+    def __call__(self, stage: str) -> None:
+        """End ``stage`` and begin the next."""
+        now = perf_counter()
+        self.seconds[stage], self._clock = now - self._clock, now
+
+
+def run(recorded: Path, config: Path, out: Path, options: Options) -> dict[str, Any]:
+    """Vote ``recorded`` and write ``out``, which is there only when all went well; the summary.
+
+    Faults are put into the recording as it was read, as a fault is in the sensor: alignment sees them.
+    """
+    lap = Laps()
+    with output(out, recorded) as part:
+        settings = read_config(config)
+        test = None if options.faults is None else read_injection(options.faults)
+        recording = read(recorded, settings, options.repair)
+        signals = settings.signals(recording.signals, str(config))
+        discretes = settings.discretes(recording.discretes, str(config))
+        lap("read")
+        injected = []
+        if test is not None:
+            file, source = test
+            injection = inject(recording, file.faults, signals, discretes, seed=file.seed, source=source)
+            recording, injected = injection.recording, injection.injected
+            lap("inject")
+        corrections = None
+        if options.stretch is not None:
+            recording, corrections = align(recording, signals, *options.stretch)
+            lap("align")
+        resets, trust = settings.resets, Trust(str(config), options.allow_code)
+        voted = Result(vote(recording, signals, resets, trust), vote_all(recording, discretes, resets))
+        lap("vote")
+        write(part, out, recording, voted)
+        lap("write")
+    found = {"out": str(out), **summary(recording, voted, corrections), "seconds": lap.seconds}
+    if test is not None:
+        found["injected"] = scores(score(injected, recording, voted, corrections), test[1], test[0].seed)
+    return found
