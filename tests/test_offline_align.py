@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from rig.errors import BadInput
-from rig.offline.align import Correction, align, interpolated, pair
+from rig.offline.align import Correction, align
+from rig.offline.delays import interpolated, pair
 from rig.offline.read_recording import read
 from rig.offline.recording import Recording, Samples
 from rig.offline.vote import vote

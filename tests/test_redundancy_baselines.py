@@ -11,6 +11,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from rig.frame import Pattern, State
+from rig.offline.recording import Recording, Samples
+from rig.offline.vote import vote
+from rig.offline.vote_settings import VoteConfig
 
 
 def test_the_mean_follows_a_hardover_and_fails_nobody():
@@ -39,11 +42,16 @@ def test_a_baseline_holds_its_vote_when_nobody_speaks():
 
 
 def test_a_selection_leaves_its_channel_when_the_integrated_deviation_is_used_up():
-    """Channel 1 is off by 8: the mean by 2, its deviation is 6, of which 5 a frame count towards 100."""
+    """Channel 1 is off by 8, the mean by 2: after k frames its deviation is 6 (1 - 0.95^k), less 1 of which is summed.
+
+    The others are off by 2, which is more than 1 too: but one alone is distrusted, the one that is off most.
+    """
     chosen: dict[str, Any] = {"selection_deviation": 1.0, "selection_integral_s": 1.0}  # 1 s is 100 frames
-    out = vote_samples(constant(8, 0, 0, 0, frames=40), manager="selection", **chosen)
-    assert (out.voted[:20] == 8).all() and (out.voted[20:] == 0).all()
-    assert out.failed_at() == [21, None, None, None]
+    out = vote_samples(constant(8, 0, 0, 0, frames=400), manager="selection", **chosen)
+    excess = np.cumsum(np.maximum(6.0 * (1.0 - 0.95 ** np.arange(1, 401)) - 1.0, 0.0))
+    first = int(np.flatnonzero(excess > 100.0)[0])
+    assert (out.voted[:first] == 8).all() and (out.voted[first:] == 0).all()
+    assert out.failed_at() == [first + 1, None, None, None]
 
 
 def test_a_selection_that_finds_nobody_trusted_stays_on_the_channel_that_it_had():
@@ -62,7 +70,7 @@ def test_a_selection_stays_where_it_is_and_trusts_again_what_came_back():
     samples = constant(8, 0.5, 0, 0, frames=300)
     samples[60:] = [0, 0.5, 0, 0]
     out = vote_samples(samples, manager="selection", **chosen)
-    assert (out.voted[21:] == 0.5).all()
+    assert (out.voted[41:] == 0.5).all()
     assert out.state[59, 0] == State.FAILED and out.state[-1, 0] == State.OK
 
 
@@ -77,11 +85,11 @@ def test_a_selection_leaves_a_silent_channel_at_once_and_blames_neither_of_two()
 
 def test_a_selection_may_come_back_to_the_first_channel():
     chosen: dict[str, Any] = {"selection_deviation": 1.0, "selection_integral_s": 0.1}
-    samples = constant(3, 0.5, 0, 0, frames=200)
-    samples[20:] = [0, 0.5, 0, 0]
-    samples[100:] = [0, 3, 0, 0]
+    samples = constant(3, 0.5, 0, 0, frames=300)
+    samples[40:] = [0, 0.5, 0, 0]
+    samples[200:] = [0, 3, 0, 0]
     out = vote_samples(samples, manager="selection", **chosen)
-    assert out.voted[99] == 0.5 and out.voted[-1] == 0 and out.state[-1].tolist() == [0, 2, 0, 0]
+    assert out.voted[199] == 0.5 and out.voted[-1] == 0 and out.state[-1].tolist() == [0, 2, 0, 0]
 
 
 # An independent expectation of each, in plain Python over random samples with gaps.
@@ -140,15 +148,17 @@ def test_the_selection_is_that_of_its_definition(samples, shift, channels):
     samples = samples + shift
     samples[:, channels:] = np.nan
     out = vote_samples(
-        samples, manager="selection", channels=channels, selection_deviation=0.75, selection_integral_s=0.035
+        samples, manager="selection", channels=channels, selection_deviation=0.75, selection_integral_s=0.009
     )
-    excess, selected, last = [0.0] * 4, 0, [0.0] * 4
+    excess, smooth, selected, last = [0.0] * 4, [0.0] * 4, 0, [0.0] * 4
     for k, row in enumerate(samples):
         use = [c for c in range(channels) if not np.isnan(row[c])]
         for c in use:
-            off = abs(row[c] - np.mean(row[use])) - 0.75 if len(use) > 2 else 0.0
+            smooth[c] = 0.95 * smooth[c] + 0.05 * (row[c] - np.mean(row[use]))
+            off = abs(smooth[c]) - 0.75 if len(use) > 2 else 0.0
             excess[c] = max(excess[c] + off, 0.0)
-        trusted = [c for c in use if excess[c] <= 3.5]
+        most = max(use, key=lambda c: excess[c], default=0)
+        trusted = [c for c in use if c != most or excess[c] <= 0.9]
         if selected not in trusted and trusted:
             selected = trusted[0]
         last = [x if np.isnan(new) else new for x, new in zip(last, row, strict=True)]
@@ -167,9 +177,41 @@ def test_a_baseline_votes_an_angle_the_short_way_round():
 
 
 def test_the_selection_without_a_trusted_channel_goes_to_the_one_that_was_least_off():
-    """Every channel is off the mean for long; the last one trusted stays chosen until it has no sample."""
-    samples = constant(0, 30, -31, 80, frames=120)
-    samples[100:, 1] = np.nan
+    """Channel 1 is distrusted and alone has samples for a while; it is what there is."""
+    samples = constant(30, 0, 0, 0, frames=200)
+    samples[150:, 1:] = np.nan
     out = vote_samples(samples, manager="selection")
-    assert out.failed_at()[1] is not None and (out.level[99] == 0)
-    assert (out.voted[80:100] == 30.0).all() and (out.voted[100:] == 0.0).all()
+    assert out.level[149] == 3 and out.level[150] == 0
+    assert (out.voted[100:150] == 0.0).all() and (out.voted[150:] == 30.0).all()
+
+
+def test_a_silent_channel_does_not_blind_the_selection_to_another():
+    """NaN in one channel of four: the offset of another is found as without it, against the mean of three."""
+    chosen: dict[str, Any] = {"selection_deviation": 1.0, "selection_integral_s": 1.0}
+    samples = constant(8, 0, 0, 0, frames=400)
+    samples[:, 3] = np.nan
+    out = vote_samples(samples, manager="selection", **chosen)
+    excess = np.cumsum(np.maximum(16.0 / 3.0 * (1.0 - 0.95 ** np.arange(1, 401)) - 1.0, 0.0))
+    assert out.failed_at() == [int(np.flatnonzero(excess > 100.0)[0]) + 1, None, None, 1]
+
+
+def test_the_axes_of_a_unit_are_one_vector_and_one_selection():
+    """6, 3 and 2 off on three axes are 7 together, of which the mean takes a quarter."""
+    n, rate = 600, 100.0
+    off = (6.0, 3.0, 2.0)
+    signals = {f"w{i}": Samples([np.full(n, size), *(np.zeros(n) for _ in range(3))]) for i, size in enumerate(off)}
+    config = {"threshold": 9.0, "manager": "selection", "selection_deviation": 4.0, "selection_integral_s": 1.5}
+    settings = VoteConfig(default=config).signals(signals, "")
+    recording = Recording(np.arange(n) / rate, signals)
+    together = vote(recording, settings, [], triads={"w": list(signals)})
+    excess = np.cumsum(np.maximum(0.75 * 7.0 * (1.0 - 0.95 ** np.arange(1, n + 1)) - 4.0, 0.0))
+    first = int(np.flatnonzero(excess > 1.5 * rate)[0])
+    for name, size in zip(signals, off, strict=True):
+        assert [(f.channel, f.frame) for f in together[name].failures] == [(1, first + 1)]
+        assert (together[name].voted[:first] == size).all() and (together[name].voted[first:] == 0).all()
+    apart = vote(recording, settings, [])
+    assert [len(apart[name].failures) for name in signals] == [1, 0, 0]
+    gap = signals["w1"].channels[2]
+    gap[300:] = np.nan  # one axis of another channel
+    voted = vote(recording, settings, [], triads={"w": list(signals)})
+    assert [(f.channel, f.frame) for f in voted["w0"].failures] == [(1, first + 1), (3, 301)]

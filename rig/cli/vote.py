@@ -21,7 +21,10 @@ def vote(
     align_from: Annotated[
         float | None, typer.Option(help="Begin of the stretch to find them in, s.", show_default="first row")
     ] = None,
-    align_to: Annotated[float | None, typer.Option(help="Its end, s.", show_default="last row")] = None,
+    align_to: Annotated[float | None, typer.Option(help="Its end, s.", show_default="6 s after its begin")] = None,
+    align_matrix: Annotated[
+        bool, typer.Option("--align-matrix", help="Take misalignments off the [triads] of CONFIG too.")
+    ] = False,
     inject: Annotated[
         str | None,
         typer.Option(metavar="FILE", help="Put [[faults]] into the channels and score who is failed."),
@@ -35,14 +38,16 @@ def vote(
     """Vote on recorded channels with the redundancy manager of the flight."""
     from rig.console import console
     from rig.errors import BadInput
+    from rig.offline.alignment import AlignOptions
     from rig.offline.vote_run import Options, run
     from rig.offline.vote_summary import show
 
-    if not align and (align_from, align_to) != (None, None):
-        raise BadInput("--align-from and --align-to need --align")
+    if not align and (align_from, align_to, align_matrix) != (None, None, False):
+        raise BadInput("--align-from, --align-to and --align-matrix need --align")
     for option, value in (("--align-from", align_from), ("--align-to", align_to)):
         if value is not None and not isfinite(value):
             raise BadInput(f"{option}: input should be a finite number, got {value}")
-    options = Options((align_from, align_to) if align else None, inject, repair_time, allow_code)
+    stretch = AlignOptions(align_from, align_to, align_matrix) if align else None
+    options = Options(stretch, inject, repair_time, allow_code)
     found = run(recorded, config, out, options)
     emit(as_json, found, lambda: show(console(), found))

@@ -7,7 +7,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from rig.offline.align import align
+from rig.offline.alignment import AlignOptions, run_alignment
 from rig.offline.discrete_vote import vote_all
 from rig.offline.inject import inject
 from rig.offline.injection_file import read_injection
@@ -25,7 +25,7 @@ from rig.trust import Trust
 class Options:
     """What is done with the recording besides the vote."""
 
-    stretch: tuple[float | None, float | None] | None = None  # to find the alignment in, s; None: not aligned
+    align: AlignOptions | None = None  # None: not aligned
     faults: str | None = None  # a file, or a bundled scenario, of [[faults]] to inject
     repair: bool = False
     allow_code: bool = False
@@ -63,16 +63,17 @@ def run(recorded: Path, config: Path, out: Path, options: Options) -> dict[str, 
             injection = inject(recording, file.faults, signals, discretes, seed=file.seed, source=source)
             recording, injected = injection.recording, injection.injected
             lap("inject")
-        corrections = None
-        if options.stretch is not None:
-            recording, corrections = align(recording, signals, *options.stretch)
+        alignment = None
+        if options.align is not None:
+            recording, alignment = run_alignment(recording, signals, options.align, settings.triads, injected)
             lap("align")
         resets, trust = settings.resets, Trust(str(config), options.allow_code)
-        voted = Result(vote(recording, signals, resets, trust), vote_all(recording, discretes, resets))
+        voted = Result(vote(recording, signals, resets, trust, settings.triads), vote_all(recording, discretes, resets))
         lap("vote")
         write(part, out, recording, voted)
         lap("write")
-    found = {"out": str(out), **summary(recording, voted, corrections), "seconds": lap.seconds}
+    found = {"out": str(out), **summary(recording, voted, alignment), "seconds": lap.seconds}
     if test is not None:
+        corrections = None if alignment is None else alignment.corrections
         found["injected"] = scores(score(injected, recording, voted, corrections), test[1], test[0].seed)
     return found

@@ -3,6 +3,7 @@
     [default]          # for all signals; keys and defaults are those of rig.computer.redundancy.SignalConfig
     [signal.<name>]    # for one, key by key over the default
     [discrete.<name>]  # columns <name>.1 to .4 of a yes/no quantity, with its fail-safe value
+    [triads]           # three signals that are the axes of one vector: gyro = ["gyro_x", "gyro_y", "gyro_z"]
     [mapping]          # columns of a foreign recording: "gyro.1" = "/imu1:angular_velocity.x"
     [[resets]]         # commands to readmit, as in a scenario
     time_column        # of mapped tables, "time_s" when not given
@@ -86,6 +87,7 @@ class VoteConfig(Settings):
     default: dict[str, Any] | None = None
     signal: dict[str, dict[str, Any]] = {}
     discrete: dict[str, RecordedDiscrete] = {}
+    triads: dict[str, list[str]] = {}
     mapping: dict[str, str] = {}
     time_column: str = "time_s"
     resets: list[Reset] = []
@@ -99,7 +101,10 @@ class VoteConfig(Settings):
         chosen = [name for name in present if name in self.signal or self.default is not None]
         if not chosen and not self.discrete:
             raise BadInput(f"{source}: no signal to vote: add [signal.<name>], [discrete.<name>] or [default]")
-        return {name: self._settings(name, source) for name in chosen}
+        found = {name: self._settings(name, source) for name in chosen}
+        for triad, axes in self.triads.items():
+            _check_triad(f"{source}: triads.{shorten(triad)}", axes, found)
+        return found
 
     def discretes(self, present: Collection[str], source: str) -> dict[str, RecordedDiscrete]:
         """Settings of the discretes, each with its fail-safe value; all of them must be ``present``."""
@@ -136,9 +141,22 @@ class VoteConfig(Settings):
         return settings
 
 
+def _check_triad(where: str, axes: list[str], settings: dict[str, RecordedSignal]) -> None:
+    """BadInput unless three signals can be the axes of one vector (that each is in one triad, ``read_config`` sees)."""
+    for axis in axes:
+        if axis not in settings:
+            raise BadInput(f"{where}: {quoted(axis)} is not voted; {choices(axis, settings)}")
+        if settings[axis].wraps:
+            raise BadInput(f"{where}: {axis} is an angle that wraps, no axis of a vector")
+    managers = {settings[axis].manager for axis in axes}
+    if len(managers) > 1 and "selection" in managers:
+        raise BadInput(f"{where}: manager: selection chooses a channel for all axes; give it to all of them or to none")
+
+
 def read_config(path: Path) -> VoteConfig:
     """The CONFIG at ``path``; BadInput names the file and the key."""
     config = build(VoteConfig, read_toml(path), str(path))
+    _check_axes(path, config.triads)
     for name in config.discrete:
         if name in config.signal:
             raise BadInput(f"{path}: {name!r} is a signal and a discrete: keep one of the tables")
@@ -150,6 +168,17 @@ def read_config(path: Path) -> VoteConfig:
                     f"{path}: {table}.{shorten(key)}: unknown key; nearest: {near}; all keys: {VoteConfig.keys_are_in}"
                 )
     return config
+
+
+def _check_axes(path: Path, triads: dict[str, list[str]]) -> None:
+    """Three different signals each, no signal in two triads."""
+    taken: set[str] = set()
+    for triad, axes in triads.items():
+        if len(set(axes)) != 3:
+            raise BadInput(f"{path}: triads.{shorten(triad)}: must be three different signals, got {quoted(axes)}")
+        if twice := [axis for axis in axes if axis in taken]:
+            raise BadInput(f"{path}: triads.{shorten(triad)}: {quoted(twice[0])} is in another triad already")
+        taken.update(axes)
 
 
 def commands(resets: list[Reset], name: str, time_s: NDArray[np.float64]) -> NDArray[np.uint8]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from rig.console import Screen
 from rig.frame import Pattern, State
-from rig.offline.align import Corrections
+from rig.offline.alignment import Alignment
 from rig.offline.clock import Floats
 from rig.offline.discrete_vote import VotedDiscrete
 from rig.offline.recording import Recording
@@ -19,21 +19,29 @@ from rig.offline.write_votes import Result
 _SINGULAR = [int(pattern) for pattern in Pattern if pattern.is_singular]
 
 
-def summary(recording: Recording, voted: Result, corrections: Corrections | None) -> dict[str, Any]:
+def summary(recording: Recording, voted: Result, alignment: Alignment | None = None) -> dict[str, Any]:
     """Per signal and channel; rows are counted from 1 as in the input."""
-    return {
+    found = {
         "rows": len(recording.time_s),
         "first_row": recording.row(0),
         "rate_hz": recording.rate_hz,
         "time_s": [float(recording.time_s[0]), float(recording.time_s[-1])],
         "repaired": [asdict(repair) for repair in recording.repairs],
         "not_voted": [name for name in recording.signals if name not in voted.signals],
-        "signals": {name: _signal(signal, (corrections or {}).get(name)) for name, signal in voted.signals.items()},
+        "signals": {name: _signal(signal) for name, signal in voted.signals.items()},
         "discretes": {name: _discrete(discrete) for name, discrete in voted.discretes.items()},
     }
+    if alignment is not None:
+        found["alignment"] = alignment.as_dict()
+        for name, signal in found["signals"].items():
+            for channel, took, move in zip(
+                signal["channels"], alignment.corrections[name], alignment.moves[name], strict=True
+            ):
+                channel["alignment"] = {**asdict(took), **asdict(move)}
+    return found
 
 
-def _signal(signal: Voted, corrections: list[Any] | None) -> dict[str, Any]:
+def _signal(signal: Voted) -> dict[str, Any]:
     return {
         "manager": signal.settings.manager,
         "threshold": signal.settings.threshold,
@@ -41,7 +49,7 @@ def _signal(signal: Voted, corrections: list[Any] | None) -> dict[str, Any]:
         "singular_share": float(np.isin(signal.pattern, _SINGULAR).mean()),
         "spread": _spread(signal.spread),
         "voted": _extremes(signal.voted),
-        "channels": [_channel(signal, c, corrections) for c in range(len(signal.state))],
+        "channels": [_channel(signal, c) for c in range(len(signal.state))],
     }
 
 
@@ -51,7 +59,7 @@ def _discrete(discrete: VotedDiscrete) -> dict[str, Any]:
         "level": int(discrete.level[-1]),
         "ones_share": float(discrete.voted.mean()),
         "changes": int((discrete.voted[1:] != discrete.voted[:-1]).sum()),
-        "channels": [_channel(discrete, c, None) for c in range(len(discrete.state))],
+        "channels": [_channel(discrete, c) for c in range(len(discrete.state))],
     }
 
 
@@ -68,8 +76,8 @@ def _spread(spread: Floats) -> dict[str, float | None]:
     return {"median": float(median), "p95": float(p95), "max": float(known.max())}
 
 
-def _channel(signal: Voted | VotedDiscrete, c: int, corrections: list[Any] | None) -> dict[str, Any]:
-    said: dict[str, Any] = {
+def _channel(signal: Voted | VotedDiscrete, c: int) -> dict[str, Any]:
+    return {
         "channel": c + 1,
         "state": State(signal.state[c][-1]).name.lower(),
         "failed": [
@@ -79,10 +87,6 @@ def _channel(signal: Voted | VotedDiscrete, c: int, corrections: list[Any] | Non
         ],
         "invalid_samples": signal.invalid[c],
     }
-    if corrections is not None:
-        found = corrections[c]
-        said["alignment"] = {name: getattr(found, name) for name in found.__slots__}
-    return said
 
 
 def show(screen: Screen, found: dict[str, Any]) -> None:
@@ -91,8 +95,7 @@ def show(screen: Screen, found: dict[str, Any]) -> None:
     screen.print(f"{found['rows']} rows from {first:g} to {last:g} s, {found['rate_hz']:g} a second")
     for repair in found["repaired"]:
         screen.print(_repaired(repair), soft_wrap=True)
-    aligned = any("alignment" in channel for signal in found["signals"].values() for channel in signal["channels"])
-    if aligned:
+    if "alignment" in found:
         _alignments(screen, found)
     if found["signals"]:
         _signals(screen, found)
@@ -153,6 +156,9 @@ def _injected(screen: Screen, injected: dict[str, Any]) -> None:
 
 
 def _alignments(screen: Screen, found: dict[str, Any]) -> None:
+    about = found["alignment"]
+    chosen = ", as no --align-to is given" if about["by_default"] else ""
+    screen.print(f"aligned by {about['rows']} rows from {about['from_s']:g} to {about['to_s']:g} s{chosen}")
     rows = []
     for name, signal in found["signals"].items():
         for channel in signal["channels"]:
@@ -161,6 +167,20 @@ def _alignments(screen: Screen, found: dict[str, Any]) -> None:
             delay = (f"{a['delay_frames']:.2f}", f"{1e3 * a['delay_s']:.2f}")
             rows.append((f"{name}.{channel['channel']}", *delay, _number(a["offset"]), f"{a['correlation']:.2f}", note))
     screen.table(("channel", "delay in frames", "in ms", "offset", "correlation", ""), rows)
+    if about["matrices"]:
+        _matrices(screen, about["matrices"])
+    for warning in about["warnings"]:
+        screen.print(f"warning: {warning}", soft_wrap=True)
+
+
+def _matrices(screen: Screen, matrices: list[dict[str, Any]]) -> None:
+    rows = []
+    for one in matrices:
+        note = "" if one["applied"] else "left alone: no misalignment that can be believed"
+        gains = f"{one['gains'][-1]:.3f} to {one['gains'][0]:.3f}"
+        rms = (_number(one["rms_before"]), _number(one["rms_after"]))
+        rows.append((f"{one['triad']}, channel {one['channel']}", f"{one['rotation_deg']:.2f}", gains, *rms, note))
+    screen.table(("triad", "turned by, deg", "gains", "off before, rms", "after", ""), rows)
 
 
 def _number(value: float | None) -> str:

@@ -3,7 +3,8 @@
     python tests/tools/quad_isolations.py ../shared/data/quad_imu_horizontal [persistence ...]
 
 Nobody is faulty in these flights (docs/vote.md), so every failure is a false isolation.  Rates about x, y and z of four
-recorders, each threshold as ``rig vote --repair-time`` would fly it: raw, with ``--align``, and with ``--align-to 6``.
+recorders, each threshold as ``rig vote --repair-time`` would fly it: raw, aligned by the whole flight and by its first
+6 s (``--align``), each without and with ``--align-matrix``.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from rig.offline.align import align
+from rig.offline.alignment import AlignOptions, run_alignment
 from rig.offline.read_recording import read
 from rig.offline.recording import Recording
 from rig.offline.vote import vote
@@ -19,6 +20,7 @@ from rig.offline.vote_settings import VoteConfig
 
 THRESHOLDS = (2.0, 3.0, 4.0, 5.0, 7.5, 10.0, 15.0, 20.0, 30.0)  # deg/s
 AXES = {"gyro_x": "Gyr_X", "gyro_y": "Gyr_Y", "gyro_z": "Gyr_Z"}
+TRIADS = {"gyro": list(AXES)}
 MAPPING = {f"{name}.{c}": f"IMU_{c}.csv:{field}" for name, field in AXES.items() for c in range(1, 5)}
 
 
@@ -33,7 +35,13 @@ def variants(flight: Path) -> dict[str, Recording]:
     chosen = config(1.0, 8)
     raw = read(flight, chosen, repair=True)
     settings = chosen.signals(raw.signals, "")
-    return {"raw": raw, "aligned": align(raw, settings)[0], "aligned by 6 s": align(raw, settings, end_s=6.0)[0]}
+    first, last = float(raw.time_s[0]), float(raw.time_s[-1])
+    found = {"raw": raw}
+    for name, end in (("aligned", last), ("aligned by 6 s", 6.0)):
+        for matrix in (False, True):
+            options = AlignOptions(first, end, matrix)
+            found[name + ", matrix" * matrix] = run_alignment(raw, settings, options, TRIADS)[0]
+    return found
 
 
 def failed(recording: Recording, threshold: float, persistence: int) -> int:

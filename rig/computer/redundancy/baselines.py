@@ -2,11 +2,15 @@
 
 Same records, same parameters and state, same interface as manager.manage.  Mean and median fail nobody, and
 a selection takes back what it distrusted by itself, so resets concern the cross-voter monitor alone.
-Sources: Zhang 2023, section 1 (why mean and cross-voter are not good enough); the selector of the PX4
-autopilot for several inertial units (integrated deviation from their mean, 7 deg/s and 15 deg).
+Sources: Zhang 2023, section 1 (why mean and cross-voter are not good enough); the selector of the PX4 autopilot for
+several inertial units: deviation from their mean, low-passed a sample at a time by 0.95 and 0.05, its norm over the
+axes of a unit, integrated above 7 deg/s up to 15 deg (EKF2Selector, VotedSensorsUpdate::calcGyroInconsistency).
 """
 
 from __future__ import annotations
+
+import math
+from typing import Final
 
 from rig.computer.redundancy.compare import rank, threshold
 from rig.computer.redundancy.manager import anchor, publish, report
@@ -15,6 +19,9 @@ from rig.computer.redundancy.persistence import latch
 from rig.computer.redundancy.vote import median
 from rig.frame import CHANNELS, Pattern
 from rig.kernels import kernel
+
+KEPT: Final = 0.95  # of the low-passed deviation, from one sample to the next
+_LARGEST: Final = 1e150  # of a deviation: its square is finite
 
 
 @kernel
@@ -51,45 +58,93 @@ def plain_median(bus, fcc, data):
 
 @kernel
 def select(bus, fcc, data):
-    """A row: one channel is the vote, the first by number until it is distrusted; then the next that is not.
-
-    excess += max(|x - mean of all| - deviation, -excess) each frame; a channel whose excess is above
-    ``deviation_frames`` is distrusted (reported failed) until it has come down again.  A sample that is not
-    comparable is distrusted at once.  With two channels left the mean is as far from both: nobody is.
-    """
-    params, state = data.params, data.state
-    for s in range(len(params)):
-        p, st = params[s], state[s]
-        for c in range(CHANNELS):
-            st["failed"][c] = False
-        n = ranked(bus, s, p, st)
-        center = mean_of(st, n)
-        for i in range(n):
-            c = st["order"][i]
-            off = abs(st["x"][c] - center) - p["deviation"] if n > 2 else 0.0
-            st["excess"][c] = max(st["excess"][c] + off, 0.0)
-        choose(n, p, st)
-        voted = st["x"][st["selected"]]
-        finish(bus, fcc, s, voted, n, p, st)
+    """A row: of each signal one channel is the vote; every signal is a unit of one axis."""
+    for s in range(len(data.params)):
+        select_unit(bus, fcc, s, s + 1, data)
 
 
 @kernel
-def choose(n, p, st):
+def select_unit(bus, fcc, first, end, data):
+    """A row of one unit, whose axes are the signals from ``first`` to ``end`` - 1: one channel is the vote of them all.
+
+    d += (1 - KEPT) (x - mean of all - d) on each axis, excess += max(|d| - deviation, -excess), |d| over the axes.  The
+    channel with the largest excess is distrusted (reported failed) while that is above ``deviation_frames``.  The vote
+    is the first channel by number until it is distrusted, then the next that is not.
+    A channel without a comparable sample on an axis is distrusted at once and is no part of the mean; its d stands
+    still, and the others are compared as before.  With two channels the mean is as far from both: nothing is added.
+    Settings are those of the first axis.
+    """
+    params, state = data.params, data.state
+    p, st = params[first], state[first]
+    here = (1 << p["fitted"]) - 1
+    for s in range(first, end):
+        here &= speaking(bus, s, params[s], state[s])
+    n = 0
+    for c in range(CHANNELS):
+        n += (here >> c) & 1
+    for s in range(first, end):
+        deviate(here, n, state[s])
+    for c in range(CHANNELS):
+        if (here >> c) & 1 == 1 and n > 2:
+            square = 0.0
+            for s in range(first, end):
+                square += state[s]["smooth"][c] ** 2
+            st["excess"][c] = max(st["excess"][c] + math.sqrt(square) - p["deviation"], 0.0)
+    choose(here, p, st)
+    for s in range(first, end):
+        axis = state[s]
+        axis["selected"] = st["selected"]
+        for c in range(CHANNELS):
+            axis["failed"][c] = st["failed"][c]
+        finish(bus, fcc, s, axis["x"][axis["selected"]], n, params[s], axis)
+
+
+@kernel
+def speaking(bus, s, p, st):
+    """Rank all samples of signal s; the channels with a comparable one, a bit each."""
+    for c in range(CHANNELS):
+        st["failed"][c] = False
+    n, bits = ranked(bus, s, p, st), 0
+    for i in range(n):
+        bits |= 1 << st["order"][i]
+    return bits
+
+
+@kernel
+def deviate(here, n, st):
+    """Move the low-passed deviation of the ``n`` channels ``here``, bits, from their mean: ``smooth``, 0 at first."""
+    x, smooth, center = st["x"], st["smooth"], 0.0
+    for c in range(CHANNELS):
+        if (here >> c) & 1 == 1:
+            center += x[c] / n
+    for c in range(CHANNELS):
+        if (here >> c) & 1 == 1:
+            before = smooth[c] if smooth[c] == smooth[c] else 0.0
+            off = min(max(x[c] - center, -_LARGEST), _LARGEST)
+            smooth[c] = KEPT * before + (1.0 - KEPT) * off
+
+
+@kernel
+def choose(here, p, st):
     """Mark the distrusted channels in ``failed`` and move the selection off them.
 
+    here : the channels with comparable samples, a bit each
     When none is trusted it stays where it is, or, if its channel has no comparable sample, goes to the one with
     the least excess that has; when nobody has, the last sample stands.
     """
-    here, best, least = 0, -1, -1
-    for i in range(n):
-        here |= 1 << st["order"][i]
-    for c in range(p["fitted"] - 1, -1, -1):
-        speaks = (here >> c) & 1 == 1
-        if speaks and (least < 0 or st["excess"][c] <= st["excess"][least]):
+    best, least, most = -1, -1, -1
+    for c in range(CHANNELS - 1, -1, -1):
+        st["failed"][c] = (here >> c) & 1 == 0
+        if st["failed"][c]:
+            continue
+        if least < 0 or st["excess"][c] <= st["excess"][least]:
             least = c
-        if not speaks or st["excess"][c] > p["deviation_frames"]:
-            st["failed"][c] = True
-        else:
+        if most < 0 or st["excess"][c] >= st["excess"][most]:
+            most = c
+    if most >= 0 and st["excess"][most] > p["deviation_frames"]:
+        st["failed"][most] = True
+    for c in range(CHANNELS - 1, -1, -1):
+        if not st["failed"][c]:
             best = c
     if best >= 0 and st["failed"][st["selected"]]:
         st["selected"] = best
