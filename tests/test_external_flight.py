@@ -11,6 +11,7 @@ import pytest
 from unit_files import library, needs_a_compiler, udp, unit, written
 
 import rig
+from rig.computer.external import session
 from rig.computer.external.settings import Unit
 from rig.errors import BadInput, RigError
 from rig.frame import Law, State
@@ -108,6 +109,13 @@ def test_a_dead_unit_ends_the_flight_in_one_line_with_a_whole_log(tmp_path: Path
     assert f"unit.toml: faulty, frame 50: {DEATHS[fault]}" in str(said.value)
     (log,) = tmp_path.glob("*.mcap")
     assert info(log)["damage"] is None and len(rig.read_log(log).rows) == 50
+
+
+def test_a_child_that_is_slow_to_start_is_still_heard_when_it_refuses(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(session, "_AGAIN_S", 0.001)
+    monkeypatch.setenv("FAULT", "open")
+    with pytest.raises(BadInput, match="refuses the flight: rig_unit_open returned 7"):
+        fly(tmp_path, unit(tmp_path, "faulty"))
 
 
 def test_a_library_in_this_process_that_fails_is_not_called_again(tmp_path: Path, monkeypatch):

@@ -49,6 +49,7 @@ class Link(Protocol):
 
     process: Started | None
     fd: int  # of its socket
+    reliable: bool  # no message is lost
 
     def send(self, message: memoryview) -> None:
         """Hand a message over."""
@@ -68,7 +69,7 @@ class SocketLink:
 
     def __init__(self, talk: socket.socket, process: Started | None) -> None:
         self._talk, self.process = talk, process
-        self.fd = talk.fileno()
+        self.fd, self.reliable = talk.fileno(), talk.type != socket.SOCK_DGRAM
         self._look(LOOK_S)
 
     def _look(self, seconds: float) -> None:
@@ -95,7 +96,7 @@ class SocketLink:
         except OSError:  # nobody listens there now
             self._require(LOOK_S)
             return 0
-        if count == 0 and self._talk.type != socket.SOCK_DGRAM:
+        if count == 0 and self.reliable:
             self._require(2.0)
             raise Gone("its process has closed the connection")
         return count
