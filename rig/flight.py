@@ -205,7 +205,8 @@ def _record(
     named = asked.name or scenario.title or scenario.aircraft
     with new_log(asked.out, named, scenario, asked.text, about) as writer:
         path, shown = writer.path, scenario.title or writer.path.stem
-        stream = open_stream(asked.rerun, shown, scenario.rate_hz, path, of_resolved(scenario.resolved()))
+        facts = replace(of_resolved(scenario.resolved()), **_clocked(unit, pace))
+        stream = open_stream(asked.rerun, shown, scenario.rate_hz, path, facts)
         if stream is not None and viewer is not None:
             viewer.opened(stream)
         told = _told(asked, scenario, stream, records)
@@ -213,7 +214,7 @@ def _record(
         def record(rows: Block, timing: NDArray[Any]) -> None:
             events = records.record(rows, timing, writer, beside)
             for tell in told:
-                tell(rows, events)
+                tell(rows, events, timing)
 
         began = time.perf_counter()
         try:
@@ -233,18 +234,23 @@ def _record(
     return _came_to(records, path, reason, wall_s, report)
 
 
-Tell = Callable[[Block, Sequence[Event]], None]
+Tell = Callable[[Block, Sequence[Event], NDArray[Any]], None]
+
+
+def _clocked(unit: UnitUnderTest | None, pace: Pace) -> dict[str, Any]:
+    """What the viewer must know to show the wall clock."""
+    return {"unit": "" if unit is None else unit.unit.name, "paced": pace.period_s is not None}
 
 
 def _told(asked: _Asked, scenario: Scenario, stream: Stream | None, records: Records) -> list[Tell]:
     """Who is given every block with its events when the log has it."""
     told: list[Tell] = []
     if stream is not None:
-        told.append(lambda rows, events: stream.put(rows.copy(), events))
+        told.append(lambda rows, events, timing: stream.put(rows.copy(), events, timing.copy()))
     if (watch := asked.watch) is not None:
-        told.append(lambda rows, events: watch(rows, scenario.rate_hz, events))
+        told.append(lambda rows, events, timing: watch(rows, scenario.rate_hz, events))
     if (progress := asked.progress) is not None:
-        told.append(lambda rows, events: progress(records.verdict.frames, scenario.frames))
+        told.append(lambda rows, events, timing: progress(records.verdict.frames, scenario.frames))
     return told
 
 

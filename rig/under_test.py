@@ -1,8 +1,11 @@
 """A unit under test in the loop: in the place of the manager, or of manager and control law.
 
 before_unit   channels and references, and all that the unit reads into its record
-exchange      the unit, wherever it is
+ask           the unit, wherever it is
 after_unit    its answer into the row; what it has not said is the rig's: discretes, control law
+
+One compiled call has all three; where the answer is not a usual one (way.py) it ends early, and Python goes on with
+``exchange`` and ``after_unit``.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ from rig.computer.external.layout import Form
 from rig.computer.external.port import FLOWN, ON_DISCRETES, fill, take
 from rig.computer.external.session import configuration
 from rig.computer.external.unit import UnitUnderTest
+from rig.computer.external.way import FOREVER_NS, PENDING, ask
 from rig.computer.redundancy import Redundancy
 from rig.computer.redundancy.discrete import DiscreteData, vote_discretes
 from rig.faults import FaultData, actuate
@@ -85,64 +89,53 @@ class UnitVoter:
         return int(port.back.records[FLOWN]["said"])
 
 
-class _References(NamedTuple):
-    """Of the redundancy stage, what comes before a unit."""
-
-    references: ReferenceData
-
-
-class _Before(NamedTuple):
-    """What the stages before a unit need besides the row: each array costs the call some nanoseconds."""
-
-    sensors: SensorData
-    inertial: InertialData
-    faults: FaultData
-    redundancy: _References
-
-
-class _Concluding(NamedTuple):
-    """Of the redundancy stage, what comes after a unit."""
+class _Redundancy(NamedTuple):
+    """Of the redundancy stage, what is not the unit's."""
 
     references: ReferenceData
     discretes: DiscreteData
 
 
-class _After(NamedTuple):
-    """What the stages after a unit need besides the row."""
+class _Around(NamedTuple):
+    """What the stages around a unit need besides the row: each array costs the call some nanoseconds."""
 
-    redundancy: _Concluding
-    control: ControlData
+    sensors: SensorData
+    inertial: InertialData
     faults: FaultData
+    redundancy: _Redundancy
+    control: ControlData
 
 
-def _parted(data: StageData) -> tuple[_Before, _After]:
-    references, discretes = data.redundancy.references, data.redundancy.discretes
-    before_it = _Before(data.sensors, data.inertial, data.faults, _References(references))
-    return before_it, _After(_Concluding(references, discretes), data.control, data.faults)
+def _without_manager(data: StageData) -> _Around:
+    redundancy = _Redundancy(data.redundancy.references, data.redundancy.discretes)
+    return _Around(data.sensors, data.inertial, data.faults, redundancy, data.control)
 
 
 def _around(unit: UnitUnderTest, data: StageData) -> Step:
     """What ``loop.compute`` does, with the unit in the place of our own; ours once it is to take over."""
-    out, back = unit.port
-    rows, known = nested(new_block(2)), data
-    raw, (ahead, behind) = _bytes(rows), _parted(data)
-    first = bind(before_unit, rows, raw, 0, ahead, out)
-    last = bind(after_unit, rows, raw, 0, behind, back, 0)
+    port, way, paced = unit.port, unit.way, unit.paced
+    rows, known, around = nested(new_block(2)), data, _without_manager(data)
+    raw = _bytes(rows)
+    whole = bind(with_unit, rows, raw, 0, around, port, way, 0)
+    last = bind(after_unit, rows, raw, 0, around, port.back, 0)
     ours = bind(compute, rows, 0, data) if unit.unit.on_dead == "backup" else None
     seen, start, exchange, watch, answered = rows, 0, unit.exchange, unit.watch, int(Unit.ANSWERED)
 
     def step(block: Nested, k: int, data: StageData) -> None:
-        nonlocal seen, raw, start, known, ahead, behind
+        nonlocal seen, raw, start, known, around
         if block is not seen:  # a view is slow to make
             seen, raw, start = block, _bytes(block), int(block["frame"][0])
         if data is not known:
-            known, (ahead, behind) = data, _parted(data)
+            known, around = data, _without_manager(data)
         if ours is not None and unit.dead:
             ours(block, k, data)
             block["actuation"]["unit"][k] = Unit.DEAD
             return
-        first(block, raw, k, ahead, out)
-        status = last(block, raw, k, behind, back, exchange(start + k, k))
+        usual = not (watch.run or unit.dead)
+        until_ns = (unit.until_ns(start + k) if paced else FOREVER_NS) if usual else 0
+        status = whole(block, raw, k, around, port, way, until_ns)
+        if status == PENDING:
+            status = last(block, raw, k, around, port.back, exchange(start + k, k))
         if status != answered or watch.run:
             unit.taken(status)
 
@@ -158,6 +151,17 @@ def before_unit(block, raw, k, data, port):
     """All that a unit reads of row k, and its record filled from it; raw : (n, bytes) the same rows."""
     before(block, k, data)
     fill(raw, k, block[k]["frame"], port)
+
+
+@kernel
+def with_unit(block, raw, k, data, port, way, until_ns):
+    """Row k with a unit; PENDING when the answer, and so what follows from it, is left to Python.
+
+    until_ns : of way.ask; 0 when the frame before had no answer, and Python is to look at this one from its begin
+    """
+    before_unit(block, raw, k, data, port.out)
+    status = ask(port, way, until_ns) if until_ns != 0 else PENDING
+    return after_unit(block, raw, k, data, port.back, status) if status != PENDING else PENDING
 
 
 @kernel

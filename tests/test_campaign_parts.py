@@ -127,6 +127,19 @@ def test_a_damaged_part_of_runs_is_named(out: Path, damage: str):
     assert f"rm {'-r ' if path.is_dir() else ''}{path} &&" in str(error.value)
 
 
+def test_a_part_of_a_version_without_reply_times_has_none(out: Path):
+    path = out / "runs" / f"{FIRST}.parquet"
+    pl.read_parquet(path).drop("replies").write_parquet(path)
+    assert open_folder(out).tables["runs"]["replies"].null_count() == 6
+
+
+def test_reply_times_that_are_not_in_these_bins_are_named(out: Path):
+    path = out / "runs" / f"{FIRST}.parquet"
+    pl.read_parquet(path).with_columns(pl.Series("replies", [[1, 2]] * 3)).write_parquet(path)
+    with pytest.raises(BadInput, match="reply times are not counted in the bins of this version"):
+        _ = open_folder(out).tables
+
+
 def test_a_part_copied_under_another_name_is_not_counted_but_named(out: Path):
     for name in ("runs", "faults", "alarms", "episodes"):
         shutil.copy(out / name / f"{FIRST}.parquet", out / name / "copy.parquet")

@@ -19,6 +19,7 @@ from rig.campaign.summary import summary
 from rig.campaign.table import COLUMNS
 from rig.errors import BadInput
 from rig.files import bundled
+from rig.record.time_bins import BINS
 
 QUIET = {"patterns": ["normal"], "levels": [4], "pattern_transitions": [], "level_transitions": []}
 POSSIBLE = {"patterns_possible": 7, "levels_possible": 5, "pattern_transitions_possible": 42}
@@ -211,6 +212,21 @@ def test_the_report_opens_in_a_browser_without_a_network_and_its_console_is_sile
     ]
     assert said == []
     assert ran.stdout.count('class="main-svg"') >= 3  # every figure is drawn
+
+
+def test_reply_times_of_a_unit_are_added_up_over_the_runs(tmp_path: Path):
+    counts = [0, 5, 3590, 4, *[0] * (BINS - 5), 1]
+    runs = [flown(0, replies=counts), flown(1, replies=counts), {"run": 2, "seed": 2, "outcome": "unit dead"}]
+    empty: Rows = {"faults": [], "alarms": [], "episodes": []}
+    tested = made(tmp_path / "unit", {"runs": runs, **empty})
+    found = summary(tested)["replies"]
+    assert (found["runs"], found["frames"]) == (2, 7200) and found["counts"] == [2 * count for count in counts]
+    assert dict(zip(found["bins_us"], found["counts"], strict=True))["2 to 5"] == 7180
+    report(tested, tmp_path / "unit.html")
+    assert 'id="replies-0"' in (tmp_path / "unit.html").read_text()
+    ours = made(tmp_path / "ours", {"runs": [flown(0)], **empty})
+    report(ours, tmp_path / "ours.html")
+    assert summary(ours)["replies"] is None and "Reply times" not in (tmp_path / "ours.html").read_text()
 
 
 def test_pairs_of_two_managers_on_the_same_seeds(tmp_path: Path):

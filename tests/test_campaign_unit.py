@@ -56,7 +56,9 @@ def test_a_table_does_not_depend_on_how_many_units_fly_it(tmp_path: Path):
     flight, digest = again(open_folder(one.out), 3, tmp_path, tested)
     assert flight.digest == digest
     runs = open_folder(one.out).tables["runs"]
+    assert [sum(counts) for counts in runs["replies"]] == runs["frames"].to_list()
     ours = open_folder(fly(tmp_path, None, "ours").out).tables["runs"]
+    assert ours["replies"].null_count() == 12
     assert runs["detected"].to_list() == ours["detected"].to_list() == [1] * 12
     assert set(runs["digest"]).isdisjoint(ours["digest"]), "the frame says who voted"
 

@@ -11,6 +11,7 @@ import pytest
 from unit_files import library, needs_a_compiler, udp, unit, written
 
 import rig
+from rig.computer.external import session
 from rig.computer.external.settings import Unit
 from rig.errors import BadInput, RigError
 from rig.frame import Law, State
@@ -108,6 +109,32 @@ def test_a_dead_unit_ends_the_flight_in_one_line_with_a_whole_log(tmp_path: Path
     assert f"unit.toml: faulty, frame 50: {DEATHS[fault]}" in str(said.value)
     (log,) = tmp_path.glob("*.mcap")
     assert info(log)["damage"] is None and len(rig.read_log(log).rows) == 50
+
+
+def test_a_child_that_is_slow_to_start_is_still_heard_when_it_refuses(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(session, "_AGAIN_S", 0.001)
+    monkeypatch.setenv("FAULT", "open")
+    with pytest.raises(BadInput, match="refuses the flight: rig_unit_open returned 7"):
+        fly(tmp_path, unit(tmp_path, "faulty"))
+
+
+def test_a_library_in_this_process_that_fails_is_not_called_again(tmp_path: Path, monkeypatch):
+    monkeypatch.setenv("FAULT", "error")
+    with pytest.raises(RigError, match="faulty, frame 50: failed: rig_unit_step returned 5"):
+        fly(tmp_path, unit(tmp_path, "faulty", isolate=False))
+    held = fly(tmp_path, unit(tmp_path, "faulty", isolate=False, on_dead="hold"))
+    assert held.rows["unit"].tolist() == [Answer.ANSWERED] * 50 + [Answer.DEAD] * 150
+    assert (held.recorded.timing["reply_us"][:50] > 0).all()
+
+
+def test_an_answer_that_comes_after_the_short_look_for_it_is_flown(tmp_path: Path):
+    """5 ms later, twice, and once before another message that is none: the same bits, and all of it counted."""
+    plan = [["delay", 20, 21, 0.005], ["double", 40, 40]]
+    plain, slow = fly(tmp_path, udp(tmp_path, [])), fly(tmp_path, udp(tmp_path, plan))
+    assert slow.digest == plain.digest
+    assert slow.unit is not None and (slow.unit["answered"], slow.unit["discarded"]) == (200, 1)
+    reply = slow.recorded.timing["reply_us"]
+    assert (reply[[20, 21]] > 4500).all() and np.median(reply) < 4500
 
 
 def test_a_unit_that_hangs_is_dead_after_its_time_limit(tmp_path: Path, monkeypatch):

@@ -20,7 +20,7 @@ from rig.errors import BadInput
 from rig.frame import FLAT, SIGNALS, Block, new_block
 from rig.view import viewer
 from rig.view.blueprint import blueprint
-from rig.view.facts import Layout, Shown
+from rig.view.facts import Facts, Layout, Shown
 from rig.view.lanes import of_signal
 from rig.view.plots import state_lanes
 from rig.view.stream import Stream, open_stream
@@ -45,7 +45,7 @@ class FakeSink:
     def begin(self) -> None:
         self.gate.wait()
 
-    def send(self, rows: Block, rate_hz: float, events: Sequence[Any]) -> None:
+    def send(self, rows: Block, rate_hz: float, events: Sequence[Any], timing: Any = None) -> None:
         self.gate.wait()
         if self.broken:
             raise ValueError("no luck\nwith this one")
@@ -239,3 +239,9 @@ def test_a_lane_keeps_its_own_look_where_another_of_the_view_shows_the_same_stat
 def test_a_layout_for_a_tab_that_does_not_exist_is_refused() -> None:
     with pytest.raises(BadInput, match="no tab 'nonsense'; there are: overview, rates"):
         blueprint(Layout(tab="nonsense"))
+
+
+def test_a_tab_for_a_unit_is_only_there_when_one_was_flown() -> None:
+    with pytest.raises(BadInput, match="no tab 'unit': no unit under test was flown"):
+        blueprint(Layout(tab="unit"))
+    assert blueprint(Layout([Shown(facts=Facts(unit="mine"))], "unit")) is not None

@@ -59,9 +59,10 @@ def written(folder: Path, keys: dict[str, Any]) -> Unit:
     return read_unit(path)
 
 
-def udp(folder: Path, plan: list[Any], name: str = "first_valid", **keys: Any) -> Unit:
-    """A library behind tests/units/udp.py with a plan of what goes wrong."""
+def udp(folder: Path, plan: list[Any], name: str | Path = "first_valid", **keys: Any) -> Unit:
+    """A library, by its name or path, behind tests/units/udp.py with a plan of what goes wrong."""
+    path = library(name) if isinstance(name, str) else name.resolve()
     sizes = {"input": INPUT, "output": OUTPUT, "config": CONFIG, "part": PART, "ready": READY}
     known = json.dumps({**{key: dtype.itemsize for key, dtype in sizes.items()}, "layout": LAYOUT})
-    command = [sys.executable, str(HERE / "udp.py"), str(library(name)), "{address}", json.dumps(plan), known]
+    command = [sys.executable, str(HERE / "udp.py"), str(path), "{address}", json.dumps(plan), known]
     return written(folder, {"name": "planned", "carrier": "udp", "command": command, **keys})

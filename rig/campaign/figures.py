@@ -97,3 +97,21 @@ def _curves(detected: pl.DataFrame, column: str, title: str) -> go.Figure:
     figure.update_xaxes(title="delay, s", rangemode="tozero")
     figure.update_yaxes(title="share of detections", range=[0, 1.02])
     return figure
+
+
+def reply_times(found: dict[str, Any]) -> go.Figure:
+    """How many frames a unit under test answered in which time; ``found`` as summary's ``replies``."""
+    share = [100.0 * count / max(found["frames"], 1) for count in found["counts"]]
+    figure = go.Figure(
+        go.Bar(
+            x=found["bins_us"],
+            y=share,
+            customdata=found["counts"],
+            marker={"color": _COLOURS[0]},
+            hovertemplate="%{x} µs: %{customdata} frames, %{y:.3g} %<extra></extra>",
+        )
+    )
+    figure.update_layout(**_LAYOUT, title_text="Reply time", height=340)
+    figure.update_xaxes(title="reply time, µs", type="category")
+    figure.update_yaxes(title="% of frames, logarithmic", type="log")
+    return figure

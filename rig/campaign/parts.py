@@ -20,6 +20,7 @@ from rig.campaign.plan import Plan
 from rig.campaign.rows import TABLES
 from rig.errors import BadInput
 from rig.files import is_file
+from rig.record.time_bins import BINS
 
 # Columns of ``runs`` that together say how many rows of another table a run has.
 _COUNTS = {
@@ -64,6 +65,8 @@ def _table(folder: Path, name: str, part: str, plan: Plan) -> pl.DataFrame:
         said = " ".join(str(error).split())[:120]
         raise _again(folder, path, part, f"cannot be read ({said})") from None
     expected = table.schema(plan, name)
+    lacking = [column for column in table.ADDED if column in expected and column not in frame.columns]
+    frame = frame.with_columns(pl.lit(None, expected[column]).alias(column) for column in lacking)
     for column in {**expected, **frame.schema}:
         if frame.schema.get(column) != expected.get(column):
             raise _again(folder, path, part, f"column {column[:60]!r} is not as in this campaign's tables")
@@ -80,6 +83,8 @@ def _check_runs(folder: Path, part: str, runs: pl.DataFrame, plan: Plan, seen: d
         raise BadInput(f"{path}: its name is not that of the runs in it: a copy? It is removed by: {_remove(path)}")
     if not all(map(_is_coverage, runs["coverage"].drop_nulls().unique())):
         raise _again(folder, path, part, "a coverage is not that of a flight")
+    if not all(len(one) == BINS and min(one) >= 0 for one in map(list, runs["replies"].drop_nulls())):
+        raise _again(folder, path, part, "reply times are not counted in the bins of this version")
     if len(set(numbers)) < len(numbers) or not 0 <= min(numbers) <= max(numbers) < len(plan):
         raise _again(folder, path, part, f"a run twice, or none of the campaign's {len(plan)}")
     for number in numbers:

@@ -10,7 +10,7 @@ import jinja2
 import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 
-from rig.campaign.figures import delay_curves, heat_maps
+from rig.campaign.figures import delay_curves, heat_maps, reply_times
 from rig.campaign.folder import Folder
 from rig.campaign.summary import acted, summary
 from rig.errors import BadInput
@@ -23,12 +23,13 @@ def report(folder: Folder, out: Path) -> dict[str, Any]:
     if folder.tables["runs"].is_empty():
         raise BadInput(f"{folder.path}: no run is done yet, there is nothing to report")
     found = summary(folder)
-    html = _page(found, heat_maps(found["by_place"]), delay_curves(acted(folder.tables)))
+    replies = [] if found["replies"] is None else [reply_times(found["replies"])]
+    html = _page(found, heat_maps(found["by_place"]), delay_curves(acted(folder.tables)), replies)
     write_text(out, html)
     return found
 
 
-def _page(found: dict[str, Any], maps: list[go.Figure], delays: list[go.Figure]) -> str:
+def _page(found: dict[str, Any], maps: list[go.Figure], delays: list[go.Figure], replies: list[go.Figure]) -> str:
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("rig.campaign", "."),
         autoescape=True,
@@ -39,6 +40,7 @@ def _page(found: dict[str, Any], maps: list[go.Figure], delays: list[go.Figure])
     environment.filters |= {"rate": rate, "number": number, "percent": percent}
     figures = {f"map-{i}": figure for i, figure in enumerate(maps)}
     figures |= {f"delay-{i}": figure for i, figure in enumerate(delays)}
+    figures |= {f"replies-{i}": figure for i, figure in enumerate(replies)}
     data = json.dumps(
         {name: json.loads(figure.to_json() or "null") for name, figure in figures.items()}, allow_nan=False
     )

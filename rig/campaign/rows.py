@@ -12,6 +12,7 @@ import numpy as np
 from rig.faults import Fault
 from rig.faults.magnitude import in_thresholds
 from rig.frame import INDEX, SIGNALS, Block, Pattern
+from rig.record.time_bins import binned
 from rig.scenario import Scenario
 from rig.score import FaultScore, Score
 
@@ -64,6 +65,7 @@ def run_row(number: int, flown: Flown, scored: Score) -> Row:
         "unresolved": scored.unresolved,
         "out_of_limits_s": None if transients is None else transients.out_of_limits_s,
         "coverage": _coverage(scored),
+        "replies": binned(flown.timing["reply_us"]).tolist() if flown.unit else None,
     }
 
 

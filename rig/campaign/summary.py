@@ -14,6 +14,7 @@ import polars as pl
 from rig.campaign.folder import Folder
 from rig.campaign.plan import Plan
 from rig.campaign.statistics import detectable, poisson, proportion
+from rig.record.time_bins import names
 
 Tables = dict[str, pl.DataFrame]
 MOST_LEVELS: Final = 12  # of a magnitude that are shown one by one; more are put into BINS bins
@@ -42,8 +43,18 @@ def summary(folder: Folder) -> dict[str, Any]:
         "detectable": smallest(faults),
         "resolvers": resolvers(tables["episodes"]),
         "coverage": coverage(tables["runs"]),
+        "replies": replies(tables["runs"]),
         "worst": worst(folder),
     }
+
+
+def replies(runs: pl.DataFrame) -> dict[str, Any] | None:
+    """The reply times of a unit under test, all frames of all runs in the bins of time_bins; None without one."""
+    counted = runs["replies"].drop_nulls()
+    if counted.is_empty():
+        return None
+    counts = np.sum([one.to_numpy() for one in counted], axis=0)
+    return {"runs": len(counted), "frames": int(counts.sum()), "bins_us": names(), "counts": counts.tolist()}
 
 
 def flown(tables: Tables) -> pl.DataFrame:

@@ -21,7 +21,8 @@ from rig.campaign.plan import Plan
 from rig.campaign.rows import TABLES, Row
 from rig.record.flight_summary import Peaks
 
-WALL_CLOCK: Final = ("wall_s",)  # no part of what must be the same in every run of a campaign
+WALL_CLOCK: Final = ("wall_s", "replies")  # no part of what must be the same in every run of a campaign
+ADDED: Final = ("replies",)  # columns that parts of older versions lack; they are then empty
 
 RUNS: Final[dict[str, Any]] = {
     "run": pl.Int64,
@@ -49,6 +50,7 @@ RUNS: Final[dict[str, Any]] = {
     "out_of_limits_s": pl.Float64,  # against the twin, where it was flown
     "coverage": pl.String,  # JSON
     "wall_s": pl.Float64,
+    "replies": pl.List(pl.Int64),  # reply times of a unit under test in each bin of record.time_bins; empty without one
 }
 FAULTS: Final[dict[str, Any]] = {
     "run": pl.Int64,

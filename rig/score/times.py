@@ -5,18 +5,18 @@ Not part of a frame: the same flight has other times on another day.
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-EDGES_US: Final = (10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 100_000)
+from rig.record.time_bins import EDGES_US, binned
 
 
 def histogram(times_us: NDArray[np.float64]) -> dict[str, int]:
     """How many times lie below each of EDGES_US and not below the one before; ``more`` are all others."""
-    counts = np.bincount(np.searchsorted(EDGES_US, times_us, side="right"), minlength=len(EDGES_US) + 1)
-    return dict(zip((*(f"below_{edge}_us" for edge in EDGES_US), "more"), counts.tolist(), strict=True))
+    named = *(f"below_{edge}_us" for edge in EDGES_US), "more"
+    return dict(zip(named, binned(times_us).tolist(), strict=True))
 
 
 def times(timing: NDArray[Any]) -> dict[str, dict[str, int]]:

@@ -9,16 +9,30 @@ import rerun.blueprint as rrb
 
 from rig.errors import BadInput
 from rig.frame import COMMANDS, DEMANDS, DISCRETES, INDEX, SIGNALS, SURFACES, Discrete, Signal
-from rig.view import derived, lanes
+from rig.view import derived, lanes, times
 from rig.view.facts import Layout, Shown
-from rig.view.plots import Line, about, attitude, events, fields, map_view, path, plot, plot_list, state_lanes, track
+from rig.view.plots import (
+    Line,
+    about,
+    attitude,
+    events,
+    fields,
+    histogram,
+    map_view,
+    path,
+    plot,
+    plot_list,
+    state_lanes,
+    track,
+)
 from rig.view.scene import TIMELINE
 from rig.view.style import CHANNEL_COLORS, FAULT, PALETTE, REFERENCE, THRESHOLD, TRUTH, VOTED
 
 OVERVIEW: Final = "overview"  # the first tab
 MAIN: Final = "pitch_rate"  # what it shows of a flight without faults
 GROUPS: Final = tuple(dict.fromkeys(signal.group for signal in SIGNALS))
-TABS: Final = (OVERVIEW, *GROUPS, "discretes", "surfaces", "control", "flight")
+UNIT: Final = "unit"  # the last tab, of flights with a unit under test alone
+TABS: Final = (OVERVIEW, *GROUPS, "discretes", "surfaces", "control", "flight", UNIT)
 LAYOUT: Final = Layout()
 
 
@@ -30,6 +44,9 @@ def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
     """
     shown, tab, map_tiles = layout
     require_tab(tab)
+    tested = [one for one in shown if one.facts.unit]
+    if tab == UNIT and not tested:
+        raise BadInput(f"no tab {tab!r}: no unit under test was flown")
     tabs = {
         OVERVIEW: _overview(_main(shown), shown),
         **{group: _group_tab(group, [s for s in SIGNALS if s.group == group], shown) for group in GROUPS},
@@ -37,6 +54,7 @@ def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
         "surfaces": rrb.Grid(*(_surface_plot(name, shown) for name in SURFACES), grid_columns=2, name="surfaces"),
         "control": _control_tab(shown),
         "flight": _flight_tab(shown, map_tiles),
+        **({UNIT: _unit_tab(tested)} if tested else {}),
     }
     return rrb.Blueprint(
         rrb.Tabs(*tabs.values(), active_tab=list(tabs).index(tab)),
@@ -175,3 +193,17 @@ def _flight_tab(shown: Sequence[Shown], map_tiles: bool) -> rrb.Container:
         events(shown),
     )
     return rrb.Vertical(above, below, row_shares=[3, 2], name="flight")
+
+
+def _unit_tab(shown: Sequence[Shown]) -> rrb.Container:
+    """How long the unit took, how old the answers are that were flown; histograms up to the cursor."""
+    clock = Line(times.PATH, times.ARCHETYPE, "reply_us", "reply time", VOTED)
+    late = Line(times.PATH, times.ARCHETYPE, "late_us", "lateness", PALETTE[0])
+    paced = [one for one in shown if one.facts.paced]
+    bars = [histogram(times.REPLIES, shown), *([histogram(times.LATENESS, paced)] if paced else [])]
+    return rrb.Vertical(
+        plot("reply time and lateness, µs" if paced else "reply time, µs", [clock, *([late] if paced else [])], shown),
+        fields("age of the answer that was flown, frames", "/control", "rig.Control", ["unit_age"], shown),
+        rrb.Horizontal(*bars),
+        name=UNIT,
+    )

@@ -31,6 +31,7 @@ from rig.view import derived, lanes
 from rig.view.facts import UNKNOWN, Facts
 from rig.view.scene import Scene, time_column
 from rig.view.style import VOTED, Color
+from rig.view.times import Times
 
 if TYPE_CHECKING:
     from rig.record.events import EventLike
@@ -78,9 +79,13 @@ class Columns:
         self._root = root
         self._before: Block | None = None
         self._scene = Scene(recording, root, color)
+        self._times = Times(self._columns) if facts.unit else None
 
-    def send(self, rows: Block, events: Sequence[EventLike] = ()) -> None:
-        """Send every row of ``rows`` and the events among them, one batch an entity."""
+    def send(self, rows: Block, events: Sequence[EventLike] = (), timing: NDArray[Any] | None = None) -> None:
+        """Send every row of ``rows`` and the events among them, one batch an entity.
+
+        timing : (n,) of TIMING, shown of a flight with a unit under test
+        """
         if not len(rows):
             return
         nanoseconds = np.rint(rows["frame"] * (1e9 / self._rate_hz))
@@ -95,6 +100,8 @@ class Columns:
             states = rr.StateChange.columns(state=change.states)
             self._columns(change.path, [time_column(nanoseconds[change.rows])], states)
         self._scene.send(rows, nanoseconds)
+        if self._times is not None and timing is not None:
+            self._times.send(timing, nanoseconds)
         self._events(events)
         self._before = rows[-1:].copy()
 

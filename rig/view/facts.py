@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import nan
 from typing import Any, Final, NamedTuple
 
@@ -30,6 +30,8 @@ class Facts:
     title: str = ""
     thresholds: Mapping[str, float] = field(default_factory=dict)
     faults: tuple[FaultFact, ...] = ()
+    unit: str = ""  # under test, by its name; empty: our own manager
+    paced: bool = False  # by the clock
 
     def threshold(self, index: int) -> float:
         """Of signal ``index``; NaN when it is not known."""
@@ -99,6 +101,11 @@ def of_log(metadata: Mapping[str, str]) -> Facts:
     As plain data: a scenario's checks take half a second to be imported, and it has passed them when it was flown.
     """
     try:
-        return of_resolved(json.loads(metadata["scenario"]))
+        return replace(of_resolved(json.loads(metadata["scenario"])), unit=_unit(metadata))
     except (KeyError, TypeError, ValueError, RecursionError):
         return UNKNOWN
+
+
+def _unit(metadata: Mapping[str, str]) -> str:
+    """The name of the unit under test that a log was flown with."""
+    return str(json.loads(metadata["unit"])["name"]) if "unit" in metadata else ""

@@ -10,7 +10,7 @@ import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -56,7 +56,7 @@ def read(paths: Sequence[Path], tab: str = "overview", map_tiles: bool = False) 
     for path, log in zip(paths, logs, strict=True):
         if not len(log.rows):
             raise BadLog(f"{path}: has no frames")
-    shown = together([of_log(log.metadata) for log in logs])
+    shown = together([replace(of_log(log.metadata), paced=bool(log.timing["late_us"].any())) for log in logs])
     names = _names(paths)
     lines = [_words(one.prefix + name, log) for one, name, log in zip(shown, names, logs, strict=True)]
     title = ", ".join(one.prefix + name for one, name in zip(shown, names, strict=True))
@@ -91,7 +91,8 @@ def send(opened: Opened, sink: Sink) -> None:
     sink.begin()
     for flight, log in enumerate(opened.logs):
         for first in range(0, len(log.rows), BATCH):
-            sink.send(log.rows[first : first + BATCH], log.rate_hz, log.events if first == 0 else (), flight)
+            part, events = slice(first, first + BATCH), log.events if first == 0 else ()
+            sink.send(log.rows[part], log.rate_hz, events, log.timing[part], flight)
     sink.flush(FLUSH_S)
 
 

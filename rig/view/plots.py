@@ -17,6 +17,7 @@ from rig.view.facts import UNKNOWN, Shown
 from rig.view.lanes import Lane, fault_path
 from rig.view.scene import ABOUT, HORIZON, TIMELINE, WORLD
 from rig.view.style import ACTING, FAULT_LANE, PALETTE, Color, Looks, shade
+from rig.view.times import Bars
 
 
 class Line(NamedTuple):
@@ -128,6 +129,11 @@ def _configuration(looks: Looks) -> rr.StateConfiguration:
         labels=[label for label, _ in looks.values()],
         colors=[color for _, color in looks.values()],
     )
+
+
+def histogram(bars: Bars, shown: Sequence[Shown]) -> rrb.BarChartView:
+    """A histogram of every flight."""
+    return rrb.BarChartView(name=bars.name, origin="/", contents=[one.root + bars.path for one in shown])
 
 
 def about(shown: Sequence[Shown]) -> rrb.TextDocumentView:

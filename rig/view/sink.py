@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from numpy.typing import NDArray
 
 from rig.errors import BadInput, RigError
 from rig.frame import Block
@@ -80,8 +82,15 @@ class Sink:
         self._recording.send_recording_name(self._about.title)
         send_about(self._recording, self._about.text)
 
-    def send(self, rows: Block, rate_hz: float, events: Sequence[EventLike], flight: int = 0) -> None:
-        """Hand rows and events of ``flight``, a number into the layout's ``shown``, to Rerun."""
+    def send(
+        self,
+        rows: Block,
+        rate_hz: float,
+        events: Sequence[EventLike],
+        timing: NDArray[Any] | None = None,
+        flight: int = 0,
+    ) -> None:
+        """Hand rows, events and timing of ``flight``, a number into the layout's ``shown``, to Rerun."""
         from rig.view.columns import Columns
         from rig.view.style import FLIGHT_COLORS
 
@@ -90,7 +99,7 @@ class Sink:
             shown = self._about.layout.shown[flight]
             columns = Columns(self._recording, rate_hz, shown.facts, shown.root, FLIGHT_COLORS[shown.below])
             self._columns[flight] = columns
-        columns.send(rows, events)
+        columns.send(rows, events, timing)
 
     def flush(self, timeout_s: float) -> None:
         """Wait until all is written or handed on; RuntimeError or ValueError when it is not in time."""

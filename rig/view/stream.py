@@ -11,7 +11,9 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+from numpy.typing import NDArray
 
 from rig.frame import Block
 from rig.view.facts import UNKNOWN, Facts, Layout, Shown
@@ -31,7 +33,9 @@ class SinkLike(Protocol):
     browser: str
 
     def begin(self) -> None: ...  # noqa: D102
-    def send(self, rows: Block, rate_hz: float, events: Sequence[EventLike]) -> None: ...  # noqa: D102
+    def send(  # noqa: D102
+        self, rows: Block, rate_hz: float, events: Sequence[EventLike], timing: NDArray[Any] | None = None
+    ) -> None: ...
     def flush(self, timeout_s: float) -> None: ...  # noqa: D102
     def close(self) -> None: ...  # noqa: D102
 
@@ -64,6 +68,9 @@ def open_stream(
     return Stream(open_sink(where, about, out_path.with_suffix(".rrd")), rate_hz)
 
 
+_Item = tuple[Block, "Sequence[EventLike]", NDArray[Any] | None]
+
+
 class Stream:
     """Takes blocks from the frame loop and sends them to a sink from a thread of its own."""
 
@@ -74,7 +81,7 @@ class Stream:
         self._rate_hz = rate_hz
         self._queue_bytes = queue_bytes
         self._changed = threading.Condition()  # guards all below
-        self._queue: deque[tuple[Block, Sequence[EventLike]]] = deque()
+        self._queue: deque[_Item] = deque()
         self._closing = False
         self._frames = 0  # given to put
         self._pending = 0  # of these, queued or being sent
@@ -83,12 +90,12 @@ class Stream:
         self._worker = threading.Thread(target=self._run, name="rerun stream", daemon=True)
         self._worker.start()
 
-    def put(self, rows: Block, events: Sequence[EventLike] = ()) -> None:
-        """Queue ``rows``, which the caller no longer touches, and their events.  Never waits for the sink."""
+    def put(self, rows: Block, events: Sequence[EventLike] = (), timing: NDArray[Any] | None = None) -> None:
+        """Queue ``rows``, which the caller no longer touches, their events and TIMING.  Never waits for the sink."""
         with self._changed:
             self._frames += len(rows)
             if not self._closing and (self._pending + len(rows)) * rows.itemsize <= self._queue_bytes:
-                self._queue.append((rows, events))
+                self._queue.append((rows, events, timing))
                 self._pending += len(rows)
                 self._changed.notify_all()
 
@@ -117,8 +124,8 @@ class Stream:
     def _run(self) -> None:
         self._try(self._sink.begin)
         while (item := self._next()) is not None:
-            rows, events = item
-            sent = self._try(lambda: self._sink.send(rows, self._rate_hz, events))  # noqa: B023  # called at once
+            rows, events, timing = item
+            sent = self._try(lambda: self._sink.send(rows, self._rate_hz, events, timing))  # noqa: B023 # called at once
             with self._changed:
                 self._pending -= len(rows)
                 self._sent += len(rows) if sent else 0
@@ -126,7 +133,7 @@ class Stream:
         self._try(lambda: self._sink.flush(FLUSH_S))
         self._try(self._sink.close)
 
-    def _next(self) -> tuple[Block, Sequence[EventLike]] | None:
+    def _next(self) -> _Item | None:
         """The next block, as soon as there is one; None when there will be no more."""
         with self._changed:
             self._changed.wait_for(lambda: self._queue or self._closing)

@@ -55,6 +55,7 @@ MEASURED: Final = {
             f"{TOOLS}/unit_bench.py docs/examples/unit/build",
             f"{TOOLS}/unit_identity.py " + " ".join(f"docs/examples/unit/{name}.toml" for name in UNITS),
             f"{TOOLS}/unit_crashes.py",
+            f"{TOOLS}/unit_stopped.py docs/examples/unit/build",
             f"{TOOLS}/unit_paced.py docs/examples/unit/build/libmonitor.so",
         ],
     ),

@@ -9,30 +9,20 @@ Misses beyond the plan are the machine's: the share of a frame that an answer ma
 from __future__ import annotations
 
 import argparse
-import json
 import random
 import sys
 import tempfile
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
 import numpy as np
+from unit_files import udp
 
 import rig
-from rig.computer.external.layout import CONFIG, INPUT, LAYOUT, OUTPUT, PART, READY
+from rig.computer.external.settings import Unit
 from rig.frame import Unit as Answer
-
-PROCESS = Path(__file__).parents[1] / "units" / "udp.py"
-
-
-def unit_file(folder: Path, library: Path, plan: list[Any]) -> Path:
-    """A unit file whose process goes by ``plan``."""
-    sizes = {"input": INPUT, "output": OUTPUT, "config": CONFIG, "part": PART, "ready": READY}
-    known = json.dumps({**{key: dtype.itemsize for key, dtype in sizes.items()}, "layout": LAYOUT})
-    command = [sys.executable, str(PROCESS), str(library.resolve()), "{address}", json.dumps(plan), known]
-    path = folder / "unit.toml"
-    path.write_text(f'name = "planned"\ncarrier = "udp"\ncommand = {json.dumps(command)}\nmax_missed = 1000\n')
-    return path
 
 
 def planned(frames: int, period_s: float, seed: int = 1) -> list[Any]:
@@ -52,10 +42,10 @@ def expected(plan: list[Any]) -> dict[str, int]:
     return {kind: sum(last - first + 1 for name, first, last, *_ in plan if name == kind) for kind in kinds}
 
 
-def fly(folder: Path, file: Path, rate_hz: int, seconds: float, rerun: str = "off") -> rig.Flight:
+def fly(folder: Path, tested: Unit, rate_hz: int, seconds: float, rerun: str = "off") -> rig.Flight:
     """A paced flight of the default scenario without faults."""
     sets = [f"rate_hz={rate_hz}", f"duration_s={seconds}", "faults=[]"]
-    return rig.fly(overrides=sets, out=folder, unit=file, realtime_factor=1.0, rerun=rerun)
+    return rig.fly(overrides=sets, out=folder, unit=tested, realtime_factor=1.0, rerun=rerun)
 
 
 def told(flight: rig.Flight) -> str:
@@ -82,11 +72,11 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for rate_hz in given.rates:
-            file = unit_file(folder, given.library, [])
-            print(f"{rate_hz} Hz, alone: {told(fly(folder, file, rate_hz, given.seconds))}", flush=True)
-            print(f"{rate_hz} Hz, streamed: {told(fly(folder, file, rate_hz, given.seconds, 'serve'))}", flush=True)
+            tested = udp(folder, [], given.library, max_missed=1000)
+            print(f"{rate_hz} Hz, alone: {told(fly(folder, tested, rate_hz, given.seconds))}", flush=True)
+            print(f"{rate_hz} Hz, streamed: {told(fly(folder, tested, rate_hz, given.seconds, 'serve'))}", flush=True)
             plan = planned(round(given.seconds * rate_hz), 1.0 / rate_hz)
-            flight = fly(folder, unit_file(folder, given.library, plan), rate_hz, given.seconds)
+            flight = fly(folder, udp(folder, plan, given.library, max_missed=1000), rate_hz, given.seconds)
             unit, want, held = flight.unit or {}, expected(plan), flight.rows["unit"] == Answer.HELD
             lost = [k for kind, first, last, *_ in plan if kind.startswith("lost") for k in range(first, last + 1)]
             delayed = [first for kind, first, *_ in plan if kind == "delay"]

@@ -67,9 +67,16 @@ class Fmu(ABC):
     def _loaded(self, folder: Path) -> Any:
         """FMPy's object of the FMU."""
 
-    @abstractmethod
     def _initialize(self, put: list[Call]) -> None:
         """Set the parameters of a new instance and bring it to its first step."""
+        self._set_up()
+        for call in put:
+            call()
+        self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()
+
+    def _set_up(self) -> None:  # noqa: B027 # nothing, where the standard asks for nothing
+        """What a new instance is told before its parameters."""
 
     @abstractmethod
     def _call(self, run: dict[str, Any], address: int, verb: str) -> Call:
@@ -166,12 +173,8 @@ class Fmi2(Fmu):
     def _loaded(self, folder: Path) -> Any:
         return FMU2Slave(**self._arguments(folder))
 
-    def _initialize(self, put: list[Call]) -> None:
+    def _set_up(self) -> None:
         self.fmu.setupExperiment(startTime=0.0)
-        for call in put:
-            call()
-        self.fmu.enterInitializationMode()
-        self.fmu.exitInitializationMode()
 
     def _call(self, run: dict[str, Any], address: int, verb: str) -> Call:
         count, kind = len(run["references"]), run["kind"]
@@ -232,12 +235,6 @@ class Fmi3(Fmu):
         self._flags = [ctypes.c_bool() for _ in ("event", "end", "early return")]
         self._reached = ctypes.c_double()
         return FMU3Slave(**self._arguments(folder))
-
-    def _initialize(self, put: list[Call]) -> None:
-        for call in put:
-            call()
-        self.fmu.enterInitializationMode()
-        self.fmu.exitInitializationMode()
 
     def _call(self, run: dict[str, Any], address: int, verb: str) -> Call:
         count, kind = len(run["references"]), run["kind"]

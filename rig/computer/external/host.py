@@ -91,18 +91,19 @@ class Host:
         self._config = bytearray(voice.sizes["config"])
         self._message, self._output = bytearray(voice.sizes["message"]), bytearray(voice.blank)
         self._from, self._to, self._with = map(_address, (self._message, self._output, self._config))
-        self._stepped, self._session = 0, b""
+        self._stepped, self._usual = 0, b""  # how a FRAME of the session begins
 
     def serve(self) -> None:
         """Until the other side is gone."""
         message = memoryview(self._message)
         receive, step, size = self._voice.talk.recv_into, self._step, self._voice.sizes["input"]
         while count := receive(message):
-            kind = message[6] | message[7] << 8
-            if kind == FRAME and count == size and message[16:24] == self._session:
+            if count == size and message[:24] == self._usual:
                 step(message)
-            elif kind == HELLO:
-                self._session = bytes(message[16:24])
+                continue
+            kind = message[6] | message[7] << 8
+            if kind == HELLO:
+                self._usual = bytes(message[:6]) + FRAME.to_bytes(2, "little") + bytes(message[8:24])
                 self._voice.say(READY, message, self._library.kind)
             elif kind == CONFIG:
                 self._configure(message)
@@ -111,15 +112,16 @@ class Host:
 
     def _step(self, message: memoryview) -> None:
         output = self._output
-        output[:] = self._voice.blank
         output[16:40] = message[16:40]  # session, frame, time_s
         code = self._library.step(self._from, self._to)
         if code:
+            output[:] = self._voice.blank
             self._voice.say(REFUSED, message, f"rig_unit_step returned {code}")
             return
         self._stepped += 1
         output[40:48] = self._stepped.to_bytes(8, "little")
         self._voice.talk.send(output)
+        output[:] = self._voice.blank  # for the next one, while the rig works on this
 
     def _configure(self, message: memoryview) -> None:
         """Keep a part of the configuration; the last one opens the library."""
@@ -129,6 +131,7 @@ class Host:
         self._config[first : first + count] = message[begin : begin + count]
         if part + 1 < parts:
             return
+        self._output[:] = self._voice.blank
         try:
             self._library.open(self._with)
             self._stepped = 0

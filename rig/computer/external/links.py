@@ -48,6 +48,8 @@ class Link(Protocol):
     """A way to a unit."""
 
     process: Started | None
+    fd: int  # of its socket
+    reliable: bool  # no message is lost
 
     def send(self, message: memoryview) -> None:
         """Hand a message over."""
@@ -67,6 +69,7 @@ class SocketLink:
 
     def __init__(self, talk: socket.socket, process: Started | None) -> None:
         self._talk, self.process = talk, process
+        self.fd, self.reliable = talk.fileno(), talk.type != socket.SOCK_DGRAM
         self._look(LOOK_S)
 
     def _look(self, seconds: float) -> None:
@@ -93,7 +96,7 @@ class SocketLink:
         except OSError:  # nobody listens there now
             self._require(LOOK_S)
             return 0
-        if count == 0 and self._talk.type != socket.SOCK_DGRAM:
+        if count == 0 and self.reliable:
             self._require(2.0)
             raise Gone("its process has closed the connection")
         return count
@@ -198,22 +201,14 @@ class Called:
             raise BadInput(f"{unit.source}: {reason}") from None
         self.environment = Environment()
 
+    @property
+    def step(self) -> Any:
+        """The library's rig_unit_step."""
+        return self._library.step
+
     def open(self, config: np.ndarray[Any, Any]) -> None:
         """Begin a session; Refused."""
         self._library.open(config.ctypes.data)
-
-    def bind(self, sent: memoryview, received: memoryview, template: bytes) -> None:
-        """Where the records of the next calls are, and what an answer is before the library has filled it."""
-        self._received, self._template = received, template
-        self._asked, self._answers = sent[24:40], received[24:40]  # frame, time_s
-        self._from, self._to = (np.frombuffer(one, np.uint8).ctypes.data for one in (sent, received))
-        self._function = self._library.step
-
-    def step(self) -> int:
-        """One frame, between the records that are bound."""
-        self._received[:] = self._template
-        self._answers[:] = self._asked
-        return self._function(self._from, self._to)
 
     def close(self) -> None:
         """End the session."""

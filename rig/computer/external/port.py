@@ -11,6 +11,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.computer.external.calls import copy_bytes
 from rig.computer.external.layout import (
     ANSWERS,
     FROM_UNIT,
@@ -116,9 +117,7 @@ _SURFACES: Final = len(SURFACES)
 def move(source, target, moves):
     """Copy the bytes of ``moves`` (m, 4)."""
     for m in range(moves.shape[0]):
-        first, to = moves[m, 1], moves[m, 2]
-        for i in range(moves[m, 3]):
-            target[to + i] = source[first + i]
+        copy_bytes(target, moves[m, 2], source, moves[m, 1], moves[m, 3])
 
 
 @kernel
@@ -161,8 +160,7 @@ def may_be(port):
 @kernel
 def copy(records, source, target):
     """One of the records (n, bytes) over another."""
-    for i in range(records.shape[1]):
-        records[target, i] = records[source, i]
+    copy_bytes(records[target], 0, records[source], 0, records.shape[1])
 
 
 @kernel
@@ -179,8 +177,7 @@ def accept(port):
     for m in range(_GROUPS.shape[0]):
         group, at = _GROUPS[m, 0], _GROUPS[m, 1]
         source = port.bytes[RECEIVED] if group == 0 or received["said"] & group != 0 else port.bytes[BLANK]
-        for i in range(at, at + _GROUPS[m, 3]):
-            port.bytes[last, i] = source[i]
+        copy_bytes(port.bytes[last], at, source, at, _GROUPS[m, 3])
     newest["frame"] = received["frame"]
     if port.counts[0] == 0:
         for j in range(FLOWN, last):

@@ -45,13 +45,16 @@ def open_session(link: Link, config: NDArray[Any], start_s: float, stopped: Call
 
 
 def _ask(link: Link, messages: list[memoryview], session: int, start_s: float, stopped: Callable[[], bool]) -> str:
-    """Send until READY to the last one of ``messages``."""
+    """Send until READY to the last one of ``messages``.
+
+    What cannot be lost is sent once: the READY to a second HELLO would be taken for that to CONFIG.
+    """
     until, into = clock() + start_s, memoryview(bytearray(MOST_BYTES))
     while clock() < until and not stopped():
         for message in messages:
             link.send(message)
-        again = min(until, clock() + _AGAIN_S)
-        while clock() < again:
+        again = until if link.reliable else min(until, clock() + _AGAIN_S)
+        while clock() < again and not stopped():
             if link.receive(into, again) != READY.itemsize:
                 continue
             kind, text = answer(into, session)

@@ -9,19 +9,22 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final, overload
 
+import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.external import fmu, links
 from rig.computer.external.host import Refused
-from rig.computer.external.layout import FROM_UNIT, OUTPUT, Form, Kind, blank
+from rig.computer.external.layout import Form
 from rig.computer.external.links import MOST_BYTES, Called, Gone, Link, clock
 from rig.computer.external.port import RECEIVED, Port, new_port
 from rig.computer.external.session import Dead, end_session, open_session
 from rig.computer.external.settings import Unit, read_unit
 from rig.computer.external.watch import Counts, Watch
+from rig.computer.external.way import FOREVER_NS, Way, ask, clear, new_way, to_library, to_socket
 from rig.errors import BadInput, RigError, UnitDead, UnitRefused
 from rig.frame import Unit as Answer
 from rig.interrupt import Stop
+from rig.kernels import bind
 
 _MOST_RESTARTS: Final = 10
 _ANSWERED, _DEAD = Answer.ANSWERED.value, Answer.DEAD.value  # looked up in every frame
@@ -34,16 +37,18 @@ class UnitUnderTest:
     """``begin`` a flight, ``exchange`` every frame of it, ``end`` it; ``close`` at last."""
 
     port: Port  # of the flight that has begun
+    way: Way  # compiled code's, to the unit
     watch: Watch
 
     def __init__(self, unit: Unit) -> None:
         """Start the unit, or find it.  BadInput: one line says what is wrong with it."""
         self.unit, self.form = unit, _FORMS[unit.form]
         self.said, self.printed = "", ""  # of itself; on its standard output, known when it is closed
-        self.reply_us = 0.0  # of the last frame
+        self._took_ns = memoryview(bytearray(8)).cast("q")  # of the last frame
         self.dead = False
         self._link: Link | Called = _reach(unit)
-        self._into = memoryview(bytearray(MOST_BYTES))
+        self._message = np.zeros(MOST_BYTES, np.uint8)
+        self._into = self._message.data
 
     def begin(self, config: NDArray[Any], deadline: Deadline | None = None, stop: Stop | None = None) -> None:
         """Bring it to its first frame, whatever it did before.  UnitRefused: it will not.
@@ -55,6 +60,8 @@ class UnitUnderTest:
         trim, rate_hz = config["trim_surface"][0], float(config["rate_hz"][0])
         self.port = new_port(self.form, self._session, self.unit.latency_frames, trim, rate_hz)
         self.watch = Watch(self._session, Counts())
+        self.way = new_way(self.port, self._session, self._message)
+        self._took_ns = self.way.at["took_ns"].data
         out, back = self.port
         self._sent, self._received = out.sent_bytes.data, back.bytes[RECEIVED].data
         try:
@@ -69,9 +76,10 @@ class UnitUnderTest:
     def _open(self) -> None:
         if isinstance(self._link, Called):
             self._link.open(self._config)
-            template = blank(OUTPUT, FROM_UNIT, Kind.REPLY, self._session).tobytes()
-            self._link.bind(self._sent, self._received, template)
+            to_library(self.way, self._link.step)
+            self._ask = bind(ask, self.port, self.way, 0)
             return
+        to_socket(self.way, self._link.fd)
         self.said = open_session(self._link, self._config, self.unit.start_s, lambda: self._stop.requested)
 
     def end(self) -> None:
@@ -91,18 +99,32 @@ class UnitUnderTest:
             self.printed += process.printed()
             process.forget()
 
+    @property
+    def paced(self) -> bool:
+        """Whether answers have a deadline."""
+        return self._deadline is not None
+
+    @property
+    def reply_us(self) -> float:
+        """How long the last frame's answer took: from its sending, or of the call of the library alone."""
+        return self._took_ns[0] * 1e-3
+
+    def until_ns(self, frame: int) -> int:
+        """When the wait for the answer to ``frame`` is over, of ``clock``; not for the first of a flight."""
+        return FOREVER_NS if self._deadline is None else int(self._deadline(frame, self.unit.deadline) * 1e9)
+
     def exchange(self, frame: int, row: int) -> int:
-        """Hand ``port.sent`` over and wait for ``port.received``; the frame's Unit so far.
+        """Hand ``port.out`` over and wait for the answer, or go on where ``way.ask`` left it; the frame's Unit so far.
 
         UnitDead when the unit file says that the flight ends with this; ``row`` of its block.
         """
-        began = clock()
+        began, spent = clock(), self._took_ns[0] if self.way.at["sent"][0] else 0
         try:
             return _DEAD if self.dead else self._step(frame)
         except (Gone, Dead) as reason:
             return self._died(str(reason), frame, row)
         finally:
-            self.reply_us = (clock() - began) * 1e6
+            self._took_ns[0] = spent + int((clock() - began) * 1e9)
 
     def send_foreign(self) -> None:
         """Send the last frame as one of another session, which no unit may step; of a library here, nothing."""
@@ -118,16 +140,17 @@ class UnitUnderTest:
     def _step(self, frame: int) -> int:
         if self.watch.run >= self.unit.max_missed:
             raise Dead(f"gave no answer that can be flown for max_missed = {self.unit.max_missed} frames in a row")
-        link = self._link
+        link, (at,) = self._link, self.way.at
         if isinstance(link, Called):
-            code = link.step()
-            if code:
-                raise Dead(f"failed: rig_unit_step returned {code}")
-            return _ANSWERED
-        link.send(self._sent)
+            return self._call(at)
+        sent, count, last = at["sent"], int(at["count"]), (int(at["frame"]), int(at["stepped"]))
+        clear(self.way)
+        self.watch.catch_up(*last)
+        if not sent:
+            link.send(self._sent)
         until, into = self._until(frame), self._into
         while True:
-            count = link.receive(into, until)
+            count = count or link.receive(into, until)
             if count and self.watch.is_answer(into[:count], frame):
                 self._received[:] = into[:count]
                 return _ANSWERED
@@ -135,6 +158,17 @@ class UnitUnderTest:
                 return Answer.HELD.value
             if not count and clock() >= until:
                 return self._missed(frame)
+            count = 0
+
+    def _call(self, at: Any) -> int:
+        """Step a library of this process, unless ``way.ask`` has; ``at`` : record of WAY."""
+        if not at["sent"]:
+            self._ask(self.port, self.way, 0)
+        code = int(at["code"])
+        clear(self.way)
+        if code:
+            raise Dead(f"failed: rig_unit_step returned {code}")
+        return _ANSWERED
 
     def _until(self, frame: int) -> float:
         """When the wait is over.  The first answer has as long as in lockstep: there is none before it to be held."""
