@@ -19,6 +19,7 @@ from rig.cli.reliability import reliability_app
 from rig.cli.replay import diff, export, info, replay
 from rig.cli.score import score
 from rig.cli.studies import study
+from rig.cli.thresholds import thresholds
 from rig.cli.unit import unit_app
 from rig.cli.view import view, watch
 from rig.cli.vote import vote
@@ -160,7 +161,7 @@ def signals(
     emit(as_json, data, text)
 
 
-for command in (vote, score, replay, diff, info, export, view, watch):
+for command in (vote, thresholds, score, replay, diff, info, export, view, watch):
     app.command()(command)
 
 

@@ -1,0 +1,131 @@
+"""``rig thresholds``: parse, call, print."""
+
+from __future__ import annotations
+
+from math import isfinite
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rig.cli.common import Json, emit
+from rig.errors import BadInput
+
+if TYPE_CHECKING:
+    from rig.thresholds.design import Grid
+
+MOST_FRAMES = 10_000
+
+
+def thresholds(
+    inputs: Annotated[
+        list[Path],
+        typer.Argument(metavar="INPUT...", help="Recordings, folders of them, logs, a campaign.", show_default=False),
+    ],
+    budget: Annotated[float, typer.Option(help="False isolations an hour and signal.", show_default=False)],
+    out: Annotated[Path, typer.Option(help="What to write: CONFIG with the thresholds, TOML.", show_default=False)],
+    config: Annotated[
+        Path | None, typer.Option(help="Settings of rig vote; logs of ours may do without.", show_default=False)
+    ] = None,
+    persistence: Annotated[str, typer.Option(help="Frames to try.")] = "8,12,24,48",
+    levels: Annotated[str, typer.Option(help="Channels in use to design for.")] = "4,3,2",
+    filters: Annotated[str, typer.Option("--filter", help="Low-pass of the comparison to try, s.")] = "0,0.1",
+    align: Annotated[bool, typer.Option("--align", help="Take constant delays and offsets off the channels.")] = False,
+    align_from: Annotated[
+        float | None, typer.Option(help="Begin of the stretch to find them in, s.", show_default="first row")
+    ] = None,
+    align_to: Annotated[float | None, typer.Option(help="Its end, s.", show_default="last row")] = None,
+    repair_time: Annotated[bool, typer.Option("--repair-time", help="Drop rows whose time repeats.")] = False,
+    keep: Annotated[
+        bool, typer.Option("--keep", help="Design with flights too in which a channel stands out.")
+    ] = False,
+    monitored: Annotated[
+        list[Path] | None, typer.Option(help="Data to be monitored: does it move more? Repeatable.", show_default=False)
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="The trade-off as a page: .html.", show_default=False)] = None,
+    seed: Annotated[int, typer.Option(help="Of the bootstrap.", min=0)] = 0,
+    as_json: Json = False,
+) -> None:
+    """Design thresholds from a budget of false isolations, by healthy data."""
+    from rig.cli.show_thresholds import show
+    from rig.console import console
+    from rig.thresholds.design import Grid
+
+    if not (isfinite(budget) and budget > 0):
+        raise BadInput(f"--budget: false isolations an hour, above 0, got {budget}")
+    if not align and (align_from, align_to) != (None, None):
+        raise BadInput("--align-from and --align-to need --align")
+    grid = Grid(
+        budget,
+        _numbers("--persistence", persistence, 1, MOST_FRAMES),
+        _numbers("--levels", levels, 2, 4),
+        _seconds("--filter", filters),
+        seed,
+    )
+    stretch = (align_from, align_to) if align else None
+    found = _design(inputs, config, (out, plot), grid, (repair_time, stretch), keep, monitored or [])
+    emit(as_json, found, lambda: show(console(), found))
+
+
+def _numbers(option: str, text: str, least: int, most: int) -> list[int]:
+    """Whole numbers between commas."""
+    parts = [part.strip() for part in text.split(",")]
+    if not all(part.isascii() and part.isdecimal() and least <= int(part[:9]) <= most for part in parts):
+        raise BadInput(f"{option}: whole numbers from {least} to {most} with commas between, got {text!r}")
+    return sorted({int(part) for part in parts})
+
+
+def _seconds(option: str, text: str) -> list[float]:
+    try:
+        found = sorted({float(part) for part in text.split(",")})
+    except ValueError:
+        found = [-1.0]
+    if not all(isfinite(value) and 0 <= value <= 1e3 for value in found):
+        raise BadInput(f"{option}: seconds from 0 to 1000 with commas between, got {text!r}")
+    return found
+
+
+def _design(
+    inputs: list[Path],
+    config: Path | None,
+    outputs: tuple[Path, Path | None],
+    grid: Grid,
+    reading: tuple[bool, Any],
+    keep: bool,
+    monitored: list[Path],
+) -> dict[str, Any]:
+    """Read, design, write; the summary, and the seconds of each step."""
+    from rig.files import write_text
+    from rig.offline.vote_settings import VoteConfig
+    from rig.thresholds import plot
+    from rig.thresholds.blocks import recordings
+    from rig.thresholds.config import recorded_toml, scenario_toml, start
+    from rig.thresholds.data import load, of_scenario
+    from rig.thresholds.motion import beyond, envelope
+    from rig.thresholds.report import remarks, summary
+    from rig.thresholds.run import design
+
+    (out, page), clock = outputs, perf_counter()
+    if config is None:
+        using, raw, source = of_scenario(recordings(inputs, VoteConfig())), None, str(inputs[0])
+    else:
+        (using, raw), source = start(config), str(config)
+    data = load(inputs, using, source, *reading)
+    read_s, clock = perf_counter() - clock, perf_counter()
+    signals = design(data, grid, keep)
+    if monitored:
+        other = load(monitored, using, source, *reading)
+        of = {name: envelope(flights, other.settings[name].wraps) for name, flights in other.signals.items()}
+        data.notes.extend(beyond({name: signal.motion for name, signal in signals.items()}, of))
+    found = summary(data, grid, signals)
+    chosen = {name: made for name, signal in signals.items() if (made := signal.design) is not None}
+    head = remarks(data, grid, signals)
+    if raw is None:
+        text = scenario_toml(chosen, data.settings, head)
+    else:
+        text = recorded_toml(raw, chosen, data.settings, data.rate_hz, data.referenced, head)
+    if page is not None:
+        plot.write(page, found)
+    write_text(out, text)
+    return {"out": str(out), **found, "seconds": {"read": read_s, "design": perf_counter() - clock}}

@@ -1,0 +1,89 @@
+"""CONFIG in and OUT: a configuration of ``rig vote`` whose thresholds may be missing, or tables of a scenario.
+
+Everything else of CONFIG is kept: mapping, ranges, discretes, resets, and signals that are not designed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import tomli_w
+
+from rig.computer.redundancy.durations import in_frames
+from rig.errors import BadInput
+from rig.offline.vote_settings import RecordedSignal, VoteConfig, read_config
+from rig.settings import read_toml
+from rig.text import plain
+from rig.thresholds.design import Design
+
+PLACEHOLDER: Final = 1.0  # threshold of a CONFIG that names none: what is asked for is not needed to begin
+
+
+def start(path: Path) -> tuple[VoteConfig, dict[str, Any]]:
+    """CONFIG with a threshold for every signal, and its tables as they are. BadInput as of ``rig vote``."""
+    config, raw = read_config(path), read_toml(path)
+    if config.default is None and not config.signal:
+        raise BadInput(f"{path}: no signal to design: add [default] or [signal.<name>]")
+    default = None if config.default is None else {"threshold": PLACEHOLDER, **config.default}
+    signal = {name: table if default else {"threshold": PLACEHOLDER, **table} for name, table in config.signal.items()}
+    return config.model_copy(update={"default": default, "signal": signal}), raw
+
+
+def recorded_toml(
+    raw: Mapping[str, Any],
+    chosen: Mapping[str, Design],
+    settings: Mapping[str, RecordedSignal],
+    rate_hz: float,
+    referenced: Iterable[str],
+    remarks: Iterable[str],
+) -> str:
+    """OUT for ``rig vote``: ``raw`` with the designs ``chosen`` in the tables of their signals.
+
+    Signals in ``referenced`` keep the threshold of their reference, which by default is that of the channels.
+    """
+    tables = dict(raw)
+    if (default := raw.get("default")) is not None:
+        tables["default"] = _in_frames(default, rate_hz)
+    signals = {name: dict(table) for name, table in raw.get("signal", {}).items()}
+    for name, design in chosen.items():
+        own = {key: value for key, value in signals.get(name, {}).items() if key != "persistence_s"}
+        given = settings[name]
+        new = _new(design, given)
+        known = {**tables.get("default", {}), **own}
+        if name in referenced and "reference_threshold" not in known and "threshold" in known:
+            new["reference_threshold"] = known["threshold"]
+        signals[name] = {**own, **new}
+    tables["signal"] = signals
+    return _text(tables, remarks)
+
+
+def scenario_toml(chosen: Mapping[str, Design], settings: Mapping[str, RecordedSignal], remarks: Iterable[str]) -> str:
+    """OUT for a scenario: ``[redundancy.signals.<name>]``."""
+    signals: dict[str, Any] = {}
+    for name, design in chosen.items():
+        given = settings[name]
+        signals[name] = {**_new(design, given), "reference_threshold": given.reference_threshold or given.threshold}
+    return _text({"redundancy": {"signals": signals}}, remarks)
+
+
+def _new(design: Design, given: RecordedSignal) -> dict[str, Any]:
+    """The keys of a design; a singular persistence that CONFIG gives stays where it is."""
+    keys = dict(design.keys())
+    if "singular_persistence" in given.model_fields_set or given.singular_persistence_s is not None:
+        keys.pop("singular_persistence")
+    return {key: value for key, value in keys.items() if key in RecordedSignal.model_fields}
+
+
+def _in_frames(default: Mapping[str, Any], rate_hz: float) -> dict[str, Any]:
+    """[default] with its persistence in rows: a signal's own, in rows, may not meet one in seconds."""
+    found = dict(default)
+    if (seconds := found.pop("persistence_s", None)) is not None:
+        found["persistence"] = in_frames(1, seconds, rate_hz)
+    return found
+
+
+def _text(tables: Mapping[str, Any], remarks: Iterable[str]) -> str:
+    head = "".join(f"# {plain(' '.join(line.split()))}\n" for line in remarks)
+    return f"{head}\n{tomli_w.dumps(tables)}"

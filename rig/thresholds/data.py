@@ -1,0 +1,145 @@
+"""All recordings of INPUT as flights of each signal, with the settings that the design starts from."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from rig.computer.redundancy.config import SignalConfig
+from rig.errors import BadInput, BadLog
+from rig.log.scan import About, iter_parts
+from rig.offline.align import align
+from rig.offline.read_recording import read
+from rig.offline.recording import Recording, Samples
+from rig.offline.vote_settings import RecordedSignal, VoteConfig
+from rig.thresholds.blocks import recordings
+from rig.thresholds.design import Flight
+
+MANAGER: Final = "cross-channel"
+SAME_RATE: Final = 0.02  # by which rates may differ
+Stretch = tuple[float | None, float | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Data:
+    """``signals`` by name: one flight a recording; ``settings`` as CONFIG has them; ``notes`` a line each."""
+
+    names: list[str]  # of the recordings
+    rate_hz: float
+    hours: float
+    signals: dict[str, list[Flight]]
+    settings: dict[str, RecordedSignal]
+    referenced: set[str] = field(default_factory=set)  # signals with a reference in the recording
+    notes: list[str] = field(default_factory=list)
+
+
+def load(
+    inputs: Iterable[Path], config: VoteConfig, source: str, repair: bool = False, stretch: Stretch | None = None
+) -> Data:
+    """Read everything. BadInput in one line: nothing to read, a fault in a flight, unlike recordings.
+
+    stretch : from and to, s, for the alignment of each recording; None: as they are
+    """
+    paths = recordings(inputs, config)
+    data: Data | None = None
+    for path in paths:
+        _refuse_faults(path)
+        recording = read(path, config, repair)
+        settings = _monitored(config.signals(recording.signals, source), source)
+        notes = [
+            f"{one.source}: {one.dropped} rows dropped, where time repeats or steps back" for one in recording.repairs
+        ]
+        if stretch is not None:
+            recording, _ = align(recording, settings, *stretch)
+        if data is None:
+            used = {name for name in settings if recording.signals[name].reference is not None}
+            data = Data([], recording.rate_hz, 0.0, {name: [] for name in settings}, settings, used)
+        _add(data, path, recording)
+        data.notes.extend(notes)
+    assert data is not None
+    hours = sum(flight.hours for flight in next(iter(data.signals.values())))
+    return Data(data.names, data.rate_hz, hours, data.signals, data.settings, data.referenced, data.notes)
+
+
+def _monitored(settings: dict[str, RecordedSignal], source: str) -> dict[str, RecordedSignal]:
+    """The signals that are monitored by comparison with each other. BadInput: there is none."""
+    kept = {name: chosen for name, chosen in settings.items() if chosen.manager == MANAGER}
+    if not kept:
+        raise BadInput(f'{source}: no signal with the manager "{MANAGER}": others have no threshold to design')
+    return kept
+
+
+def _add(data: Data, path: Path, recording: Recording) -> None:
+    """One more flight of every signal. BadInput: another rate, other channels."""
+    rate = recording.rate_hz
+    if abs(rate - data.rate_hz) > SAME_RATE * data.rate_hz:
+        raise BadInput(
+            f"{path}: {rate:.4g} rows a second, {data.names[0]} has {data.rate_hz:.4g}: "
+            "persistence counts rows, design each rate by itself"
+        )
+    for name, flights in data.signals.items():
+        if name not in recording.signals:
+            raise BadInput(f"{path}: no signal {name!r}, which {data.names[0]} has")
+        samples = columns(recording.signals[name], data.settings[name])
+        if flights and len(samples) != len(flights[0].samples):
+            raise BadInput(f"{path}: {name} has {len(samples)} channels, in {data.names[0]} {len(flights[0].samples)}")
+        flights.append(Flight(str(path), samples, data.rate_hz))
+    data.names.append(str(path))
+
+
+def columns(samples: Samples, settings: RecordedSignal) -> Any:
+    """(C, n) the channels, NaN where the manager would not compare a sample."""
+    low, high = settings.limits
+    found = np.array(samples.channels)
+    good = (found >= low) & (found <= high)
+    if samples.valid is not None:
+        good &= np.array(samples.valid) != 0
+    if not good.all():
+        found[~good] = np.nan
+    return found
+
+
+def _refuse_faults(path: Path) -> None:
+    """BadInput for the log of a flight with faults in its scenario."""
+    scenario = _scenario(path)
+    if scenario.get("faults"):
+        count = len(scenario["faults"])
+        raise BadInput(f"{path}: its scenario has {count} faults: design on flights without, rig fly --set faults=[]")
+
+
+def _scenario(path: Path) -> dict[str, Any]:
+    """The scenario of a flight's log; empty for any other file."""
+    about = About()
+    if path.suffix == ".mcap":
+        with suppress(BadLog, OSError, StopIteration):
+            next(iter(iter_parts(path, about)))
+    with suppress(ValueError, RecursionError):
+        found = json.loads(about.metadata.get("scenario") or "{}")
+        return found if isinstance(found, dict) else {}
+    return {}
+
+
+def of_scenario(paths: Sequence[Path]) -> VoteConfig:
+    """The settings that the first log's scenario flew with, for INPUT that is logs of ours alone.
+
+    BadInput: something else is among them, or another manager flew.
+    """
+    for path in paths:
+        scenario = _scenario(path)
+        redundancy = scenario.get("redundancy", {})
+        if not redundancy.get("signals"):
+            raise BadInput(f"{path}: no log of a flight of ours: --config is needed, the settings of rig vote")
+        if redundancy.get("manager", MANAGER) != MANAGER:
+            raise BadInput(f"{path}: flown with the manager {redundancy['manager']}, which has no threshold to design")
+    signals: dict[str, Any] = {}
+    for name, table in _scenario(paths[0])["redundancy"]["signals"].items():
+        known = {key: value for key, value in table.items() if key in SignalConfig.model_fields and value is not None}
+        known.pop("singular_persistence", None)  # resolved: always there, whoever asked for it
+        signals[name] = known
+    return VoteConfig(signal=signals)

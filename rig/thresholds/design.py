@@ -1,0 +1,154 @@
+"""Thresholds of one signal for a budget of false isolations: for each filter, persistence and level.
+
+At a level each choice of channels that may be in use gets a threshold for the whole budget, and the largest counts:
+it is not known which channels will be left.  Written is the upper value of the bootstrap (bootstrap.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.offline.vote_settings import RecordedSignal
+from rig.thresholds.bootstrap import draws, point, upper
+from rig.thresholds.distances import Monitored, exceeded, in_use, low_passed
+from rig.thresholds.tail import LEAST, peaks
+
+Floats = NDArray[np.float64]
+FIELDS: Final = {4: "threshold", 3: "threshold_triplex", 2: "threshold_duplex"}  # by channels in use
+
+
+@dataclass(frozen=True, slots=True)
+class Threshold:
+    """For one level: the upper value and the point estimate, unit of the signal, and what they rest on."""
+
+    level: int
+    upper: float
+    point: float
+    clusters: int
+    shape: float
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """One row of the table of a signal: thresholds by level; ``persistence`` and ``singular`` in frames."""
+
+    filter_s: float
+    persistence: int
+    singular: int
+    thresholds: dict[int, Threshold]
+
+    @property
+    def threshold(self) -> Threshold:
+        """With all channels in use."""
+        return self.thresholds[max(self.thresholds)]
+
+    def settings(self, given: RecordedSignal) -> RecordedSignal:
+        """The settings of a signal with this design in them."""
+        return given.model_copy(update={**self.keys(), "persistence_s": None, "singular_persistence_s": None})
+
+    def keys(self) -> dict[str, float | int]:
+        """What a table of CONFIG says of it; a level that was not designed has the threshold of the one above."""
+        largest = max(self.thresholds)
+        of_level = {FIELDS[level]: rounded_up(found.upper) for level, found in self.thresholds.items()}
+        of_level["threshold"] = rounded_up(self.thresholds[largest].upper)
+        return {
+            **of_level,
+            "persistence": self.persistence,
+            "singular_persistence": self.singular,
+            "filter_s": self.filter_s,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """What is asked for."""
+
+    budget_per_h: float
+    persistence: Sequence[int] = (8, 12, 24, 48)
+    levels: Sequence[int] = (4, 3, 2)
+    filters_s: Sequence[float] = (0.0, 0.1)
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """One block: samples (C, n) of a signal, NaN where one is not comparable."""
+
+    name: str
+    samples: Floats
+    rate_hz: float
+
+    @property
+    def hours(self) -> float:
+        """How long it is."""
+        return self.samples.shape[1] / self.rate_hz / 3600.0
+
+
+def designs(flights: Sequence[Flight], given: RecordedSignal, grid: Grid, number: int = 0) -> list[Design]:
+    """Every filter and persistence of the grid that the data can say something of.
+
+    number : of the signal, for its random stream
+    """
+    return list(_designs(flights, given, grid, number))
+
+
+def _designs(flights: Sequence[Flight], given: RecordedSignal, grid: Grid, number: int) -> Iterator[Design]:
+    fitted = len(flights[0].samples)
+    levels = [level for level in grid.levels if level < fitted] if fitted not in grid.levels else list(grid.levels)
+    wanted = sorted({fitted, *(level for level in levels if level < fitted)}, reverse=True)
+    for f, filter_s in enumerate(grid.filters_s):
+        seen = [low_passed(flight.samples, filter_s, flight.rate_hz) for flight in flights]
+        for frames in grid.persistence:
+            singular = _singular(given, frames, flights[0].rate_hz)
+            found: dict[int, Threshold] = {}
+            for level in wanted:
+                stream = np.random.SeedSequence(grid.seed, spawn_key=(number, f, frames, level))
+                one = _at_level(flights, seen, given, (frames, singular, level), grid.budget_per_h, stream)
+                if one is not None:
+                    found[level] = one
+            if fitted in found:
+                yield Design(filter_s, frames, singular, found)
+
+
+def _singular(given: RecordedSignal, frames: int, rate_hz: float) -> int:
+    """``singular_persistence``: as CONFIG says, else as the persistence."""
+    if given.singular_persistence_s is not None:
+        return max(1, int(np.ceil(given.singular_persistence_s * rate_hz - 1e-9)))
+    return given.singular_persistence if "singular_persistence" in given.model_fields_set else frames
+
+
+def _at_level(
+    flights: Sequence[Flight],
+    seen: Sequence[Floats],
+    given: RecordedSignal,
+    frames: tuple[int, int, int],
+    budget_per_h: float,
+    stream: np.random.SeedSequence,
+) -> Threshold | None:
+    """The threshold at a level; None where too few clusters are left to say anything."""
+    persistence, singular, level = frames
+    rates = [flight.rate_hz for flight in flights]
+    found: list[Threshold] = []
+    for channels, seed in zip(of := in_use(len(seen[0]), level), stream.spawn(len(of)), strict=True):
+        monitored = Monitored(channels, persistence, singular)
+        tail = peaks([exceeded(samples, monitored, given.wraps) for samples in seen], rates, budget_per_h)
+        if tail.clusters < LEAST:
+            return None
+        middle, shape = point(tail, budget_per_h)
+        most = upper(draws(tail, budget_per_h, np.random.default_rng(seed)))
+        found.append(Threshold(level, max(most, middle), middle, tail.clusters, shape))
+    return max(found, key=lambda one: one.upper)
+
+
+def rounded_up(value: float, digits: int = 4) -> float:
+    """The least number of so many digits that is not below ``value``."""
+    if not value > 0:
+        return value
+    step = 10.0 ** (int(np.floor(np.log10(value))) - digits + 1)
+    up = float(np.ceil(value / step))
+    return float(f"{up * step:.{digits}g}")

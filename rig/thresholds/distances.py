@@ -1,0 +1,123 @@
+"""The scalar series whose exceedances are false isolations, for any threshold at once.
+
+D_c(k) is the distance of channel c to the nearest other channel in frame k.  The manager "cross-channel" counts
+channel c in frame k at threshold T exactly when D_c(k) > T (compare.py: agreement is ``<=``, one partner is enough),
+and fails it after ``persistence`` such frames in a row, so with
+
+    M(k) = the largest over c of the least D_c over the last ``persistence`` frames
+    G(k) = the least middle gap of the four ranked samples over the last ``singular_persistence`` frames
+
+a recording whose middle gap never exceeds T has its first failure at T in the first frame with M > T, and none when M
+never exceeds T.  Where the middle gap does, there are patterns without a majority (2:2 and 1:1:1:1 need it): while they
+last and for as long after them the counts stand still (persistence.py), which moves single failures in time, and one
+that lasts for ``singular_persistence`` may be settled against healthy channels, for which G must exceed T.
+A sample that is not comparable counts always: its distance is infinite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.angles import TURN
+from rig.frame import CHANNELS
+
+Floats = NDArray[np.float64]
+DUPLEX: Final = 2
+
+
+class Monitored(NamedTuple):
+    """What is compared with one threshold: ``channels`` in use, ``persistence`` and ``singular`` frames."""
+
+    channels: tuple[int, ...]  # counted from 0
+    persistence: int
+    singular: int
+
+
+def in_use(fitted: int, level: int) -> list[tuple[int, ...]]:
+    """The channels that may be in use at ``level``: each choice of so many of the ``fitted``."""
+    return list(combinations(range(fitted), level))
+
+
+def exceeded(samples: Floats, monitored: Monitored, wraps: bool = False) -> Floats:
+    """(n,) the threshold that frame k would exceed: a channel is failed at every smaller one.
+
+    samples : (C, n), unit of the signal, NaN where a sample is not comparable; angles that ``wraps`` in rad
+    """
+    chosen = near(samples[list(monitored.channels)]) if wraps else samples[list(monitored.channels)]
+    if len(chosen) == DUPLEX:
+        return sliding_minimum(_apart(chosen), monitored.singular)
+    of_each = nearest(chosen)
+    found = sliding_minimum(of_each[0], monitored.persistence)
+    for distance in of_each[1:]:
+        np.maximum(found, sliding_minimum(distance, monitored.persistence), out=found)
+    if len(chosen) == CHANNELS:
+        np.maximum(found, sliding_minimum(middle_gap(chosen), monitored.singular), out=found)
+    elif monitored.singular < monitored.persistence:
+        np.maximum(found, sliding_minimum(np.min(of_each, axis=0), monitored.singular), out=found)
+    return found
+
+
+def near(samples: Floats) -> Floats:
+    """Angles (C, n), rad, within half a turn of the first channel of their frame that has a sample."""
+    base = samples[0].copy()
+    for column in samples[1:]:
+        np.copyto(base, column, where=np.isnan(base))
+    return base + (samples - base + TURN / 2) % TURN - TURN / 2
+
+
+def nearest(samples: Floats) -> list[Floats]:
+    """D_c of each channel, (n,) each: infinite for a sample that is not comparable, 0 for one without a partner."""
+    count, present = len(samples), ~np.isnan(samples)
+    apart = {pair: np.abs(samples[pair[0]] - samples[pair[1]]) for pair in combinations(range(count), 2)}
+    found: list[Floats] = []
+    for c in range(count):
+        distance = apart[min(c, c - 1), max(c, c - 1)] if c else apart[0, 1]
+        for other in range(count):
+            if other != c:
+                distance = np.fmin(distance, apart[min(c, other), max(c, other)])
+        if not present.all():
+            distance = np.where(present[c], np.nan_to_num(distance, nan=0.0, posinf=np.inf), np.inf)
+        found.append(distance)
+    return found
+
+
+def _apart(pair: Floats) -> Floats:
+    """Distance of two channels: 0 where one of them is not comparable, as it is failed without a pattern."""
+    return np.nan_to_num(np.abs(pair[0] - pair[1]), nan=0.0, posinf=np.inf)
+
+
+def middle_gap(samples: Floats) -> Floats:
+    """Third less second of four ranked samples (4, n); 0 where one is not comparable."""
+    a, b, c, d = samples
+    second = np.maximum(np.minimum(a, b), np.minimum(c, d))
+    third = np.minimum(np.maximum(a, b), np.maximum(c, d))
+    return np.nan_to_num(np.abs(third - second), nan=0.0, posinf=np.inf)
+
+
+def sliding_minimum(series: Floats, frames: int) -> Floats:
+    """(n,) the least of the last ``frames`` values, 0 before so many have been; windows are doubled until they fit."""
+    if frames > len(series):
+        return np.zeros(len(series))
+    least, width = series, 1
+    while 2 * width <= frames:
+        least = np.minimum(least[width:], least[:-width])
+        width *= 2
+    if (rest := frames - width) > 0:
+        least = np.minimum(least[rest:], least[:-rest])
+    return np.concatenate([np.zeros(frames - 1), least])
+
+
+def low_passed(samples: Floats, filter_s: float, rate_hz: float) -> Floats:
+    """The channels as the comparison sees them with ``filter_s``."""
+    return samples if filter_s == 0 else samples
+
+
+def invalid_runs(samples: Floats, frames: int) -> Sequence[int]:
+    """The channels, from 0, with so many samples in a row that are not comparable: no threshold keeps them."""
+    lost = np.isnan(samples).astype(np.float64)
+    return [c for c, flags in enumerate(lost) if sliding_minimum(flags, frames).any()]

@@ -1,0 +1,87 @@
+"""The flight's manager over many short pieces of one signal: in which frame each channel is failed.
+
+The very kernel of flight and of ``rig vote`` (redundancy/manager.py) on samples alone, without frames of the log.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.computer.redundancy.config import PARAMS, fill
+from rig.computer.redundancy.manager import manage_signal, new_state
+from rig.frame import CHANNELS, Ilm
+from rig.kernels import kernel
+from rig.offline.vote_settings import RecordedSignal
+
+Floats = NDArray[np.float64]
+Frames = NDArray[np.int64]
+NEVER: Final = -1
+_VALID: Final = np.ones(CHANNELS, np.uint8)
+_ABSENT: Final = np.full(CHANNELS, Ilm.ABSENT, np.uint8)
+
+
+def failures(samples: Floats, settings: RecordedSignal, rate_hz: float) -> Frames:
+    """(R, C) the frame in which each channel is failed, NEVER if it is not; every piece begins healthy.
+
+    samples : (R, n, C), NaN where a sample is not comparable
+    """
+    pieces, _, count = samples.shape
+    params = _params(settings, count, rate_hz)
+    first = np.full((pieces, CHANNELS), NEVER)
+    _run(_four(samples), _VALID, _ABSENT, params, np.repeat(new_state(params), pieces), first)
+    return first[:, :count]
+
+
+def isolations(samples: Floats, settings: RecordedSignal, rate_hz: float, gap: int) -> Frames:
+    """The frames of a whole flight (n, C) in which somebody is failed while all channels are in use.
+
+    After each the flight goes on with all channels in use again; those within ``gap`` frames of the last are one.
+    """
+    params = _params(settings, samples.shape[1], rate_hz)
+    found = np.zeros(len(samples), np.uint8)
+    _restarted(_four(samples), _VALID, _ABSENT, params, new_state(params), new_state(params), found)
+    at = np.flatnonzero(found)
+    return at[np.diff(at, prepend=-gap - 1) > gap]
+
+
+def _four(samples: Floats) -> Floats:
+    """The samples with the channels that a signal of fewer than four does not have."""
+    if samples.shape[-1] == CHANNELS:
+        return np.ascontiguousarray(samples)
+    padded = np.full((*samples.shape[:-1], CHANNELS), np.nan)
+    padded[..., : samples.shape[-1]] = samples
+    return padded
+
+
+def _params(settings: RecordedSignal, count: int, rate_hz: float) -> NDArray[Any]:
+    params = np.zeros(1, PARAMS)
+    fill(params[0], settings, settings.limits, count, settings.wraps, rate_hz)
+    return params
+
+
+@kernel
+def _run(samples, valid, ilm, params, states, first):
+    """Every piece through the manager; writes ``first`` (R, 4)."""
+    p = params[0]
+    for r in range(len(samples)):
+        st = states[r]
+        for k in range(samples.shape[1]):
+            manage_signal(samples[r, k], valid, ilm, np.nan, np.nan, p, st)
+            for c in range(p["fitted"]):
+                if st["failed"][c] and first[r, c] < 0:
+                    first[r, c] = k
+
+
+@kernel
+def _restarted(samples, valid, ilm, params, fresh, state, found):
+    """One flight through the manager, which begins again after each failure; marks the frames of failures."""
+    p = params[0]
+    for k in range(len(samples)):
+        st = state[0]
+        manage_signal(samples[k], valid, ilm, np.nan, np.nan, p, st)
+        if st["level"] < p["fitted"]:
+            found[k] = 1
+            state[0] = fresh[0]

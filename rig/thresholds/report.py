@@ -1,0 +1,116 @@
+"""What a design says: one JSON object, and the remarks at the head of OUT."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rig.thresholds.data import Data
+from rig.thresholds.design import Design, Grid, rounded_up
+from rig.thresholds.holdout import Count, total
+from rig.thresholds.motion import SHARE
+from rig.thresholds.run import MARKED, RULE, Signal, extrapolation
+from rig.thresholds.tradeoff import Found, Tradeoff
+
+
+def summary(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> dict[str, Any]:
+    """Everything that was found, as plain data."""
+    counts = {name: signal.held_out for name, signal in signals.items() if signal.held_out}
+    overall = total(counts)
+    return {
+        "budget_per_h": grid.budget_per_h,
+        "flights": len(data.names),
+        "hours": data.hours,
+        "rate_hz": data.rate_hz,
+        "rule": RULE,
+        "signals": {name: _signal(signal, grid.budget_per_h) for name, signal in signals.items()},
+        "hold_out": None if overall is None else _count(overall),
+        "notes": notes(data, grid, signals),
+    }
+
+
+def notes(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> list[str]:
+    """All remarks, a line each; one that several signals share stands once."""
+    lines = list(data.notes)
+    factor = extrapolation(grid.budget_per_h, data.hours)
+    if factor > MARKED:
+        lines.append(
+            f"the budget is {factor:.3g} times beyond the {data.hours:.3g} h of data (marked *; above {MARKED:g} "
+            f"nothing supports the tail): record {1.0 / (MARKED * grid.budget_per_h):.3g} h or more, or ask for more an hour"
+        )
+    own = [note for signal in signals.values() for note in signal.notes]
+    shared: dict[str, list[str]] = {}
+    for note in own:
+        name, _, text = note.partition(": ")
+        shared.setdefault(text if name in signals else note, []).append(name if name in signals else "")
+    return lines + [f"{', '.join(names)}: {text}" if any(names) else text for text, names in shared.items()]
+
+
+def _signal(signal: Signal, budget_per_h: float) -> dict[str, Any]:
+    made = signal.design
+    rows = [
+        {**_design(one, budget_per_h, signal.hours), "tradeoff": _tradeoff(signal.found[i]) if signal.found else None}
+        for i, one in enumerate(signal.designs)
+    ]
+    return {
+        "flights": signal.flights,
+        "hours": signal.hours,
+        "left_out": [one._asdict() for one in signal.left_out],
+        "motion": {**signal.motion._asdict(), "still": signal.motion.still},
+        "chosen": None if made is None else made.keys(),
+        "designs": rows,
+        "hold_out": {str(level): _count(one) for level, one in (signal.held_out or {}).items()},
+    }
+
+
+def _design(one: Design, budget_per_h: float, hours: float) -> dict[str, Any]:
+    levels = {
+        str(level): {
+            "threshold": rounded_up(found.upper),
+            "upper": found.upper,
+            "point": found.point,
+            "clusters": found.clusters,
+            "shape": found.shape,
+        }
+        for level, found in one.thresholds.items()
+    }
+    return {
+        "filter_s": one.filter_s,
+        "persistence": one.persistence,
+        "singular_persistence": one.singular,
+        "extrapolation": extrapolation(budget_per_h, hours),
+        "levels": levels,
+    }
+
+
+def _tradeoff(found: Tradeoff) -> dict[str, Any]:
+    return {
+        "smallest_offset": found.smallest_offset,
+        "at_twice_the_threshold": found.at_twice._asdict(),
+        "faults": {name: one._asdict() for name, one in found.kinds.items()},
+        "found_rightly": found.share,
+    }
+
+
+def _count(one: Count) -> dict[str, Any]:
+    return {"counted": one.counted, "expected": one.expected, "hours": one.hours, "significantly_over": one.over}
+
+
+def right(found: Found) -> str:
+    """Found rightly of all, with what went wrong if anything did."""
+    return f"{found.right}/{sum(found[:3])}" + (f" ({found.wrong} wrong)" if found.wrong else "")
+
+
+def remarks(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> list[str]:
+    """The head of OUT: how it was made, and the motion that it holds for."""
+    lines = [
+        f"Thresholds by rig thresholds: {grid.budget_per_h:g} false isolations an hour and signal, "
+        f"from {data.hours:.4g} h in {len(data.names)} recordings (docs/thresholds.md).",
+        f"Persistence and filter: {RULE}.",
+        f"The data move so ({100 * SHARE:g} % of the rows); of what moves more the thresholds say nothing:",
+    ]
+    for name, signal in signals.items():
+        motion = signal.motion
+        if signal.design is not None:
+            lines.append(f"motion {name}: {motion.value:.4g} from its median, {motion.rate_per_s:.4g} a second")
+    return lines + [f"note {line}" for line in notes(data, grid, signals)]

@@ -1,0 +1,137 @@
+"""``rig thresholds``: recordings and a budget to a design of every signal."""
+
+from __future__ import annotations
+
+import os
+import zlib
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from rig.errors import BadInput
+from rig.offline.vote_settings import RecordedSignal
+from rig.thresholds.data import Data
+from rig.thresholds.design import Design, Flight, Grid, designs
+from rig.thresholds.healthy import Suspect, suspects
+from rig.thresholds.holdout import Count, holdout
+from rig.thresholds.motion import Envelope, envelope
+from rig.thresholds.tail import CLUSTERS
+from rig.thresholds.tradeoff import Tradeoff, best, pieces, tradeoff
+
+RULE: Final = "most of the injected faults found rightly at this budget; of equals the shorter persistence, then the shorter filter"
+MARKED: Final = 100.0  # extrapolation from which a design is marked
+FEW: Final = 9  # flights below which budgets did not hold
+STRETCHES: Final = 16  # that a single flight is cut into
+_SHORTEST_S: Final = 10.0  # of a stretch
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """What came out for one signal; ``chosen`` is the place in ``designs``, None where nothing can be said."""
+
+    settings: RecordedSignal
+    flights: int
+    hours: float
+    left_out: list[Suspect]
+    motion: Envelope
+    designs: list[Design] = field(default_factory=list)
+    found: list[Tradeoff] = field(default_factory=list)
+    chosen: int | None = None
+    held_out: dict[int, Count] | None = None
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def design(self) -> Design | None:
+        """The chosen one."""
+        return None if self.chosen is None else self.designs[self.chosen]
+
+
+def design(data: Data, grid: Grid, keep: bool = False) -> dict[str, Signal]:
+    """Every signal designed. BadInput: nothing can be said of any of them.
+
+    keep : flights that hold a fault are not left out
+    """
+    with ThreadPoolExecutor(min(os.cpu_count() or 1, len(data.signals))) as pool:
+        work = pool.map(lambda name: _signal(name, data, grid, keep), data.signals)
+        signals = dict(zip(data.signals, work, strict=True))
+    if all(signal.chosen is None for signal in signals.values()):
+        raise BadInput(next(note for signal in signals.values() for note in signal.notes[::-1]))
+    return signals
+
+
+def _signal(name: str, data: Data, grid: Grid, keep: bool) -> Signal:
+    flights, given = data.signals[name], data.settings[name]
+    told = suspects(flights, given.wraps, max(grid.persistence))
+    left_out = {suspect.flight for suspect in told} if not keep else set()
+    used = [flight for f, flight in enumerate(flights) if f not in left_out]
+    notes = [_stands_out(name, flights[one.flight].name, one, keep) for one in told]
+    motion, hours = envelope(used or flights, given.wraps), sum(flight.hours for flight in used)
+    if not used:
+        notes.append(f"{name}: a channel stands out in every flight: correct it (--align), or leave out the signal")
+        return Signal(given, 0, 0.0, told, motion, notes=notes)
+    blocks = _blocks(name, used, notes)
+    made = designs(blocks, given, grid, zlib.crc32(name.encode()))
+    if not made:
+        notes.append(_nothing(name, used, hours, motion))
+        return Signal(given, len(used), hours, told, motion, notes=notes)
+    notes += _remarks(name, made, motion, grid.budget_per_h, hours)
+    cut = pieces(used)
+    if cut is None:
+        notes.append(f"{name}: flights are too short for the trade-off: the shortest persistence is taken")
+        return Signal(given, len(used), hours, told, motion, made, [], 0, None, notes)
+    size = max(motion.value, motion.noise)
+    found = [tradeoff(cut, one, given, size) for one in made]
+    chosen = best(made, found)
+    held_out = holdout(blocks, given, grid, made[chosen])
+    return Signal(given, len(used), hours, told, motion, made, found, chosen, held_out, notes)
+
+
+def _blocks(name: str, flights: list[Flight], notes: list[str]) -> Sequence[Flight]:
+    """The flights; a single one is cut into stretches, which differ less than flights do."""
+    if len(flights) >= FEW:
+        return flights
+    if len(flights) > 1:
+        notes.append(
+            f"{name}: {len(flights)} flights: with fewer than {FEW} budgets were exceeded by 2 to 4; record more"
+        )
+        return flights
+    one = flights[0]
+    count = min(STRETCHES, int(one.hours * 3600.0 / _SHORTEST_S))
+    notes.append(
+        f"{name}: one flight: its {max(count, 1)} stretches stand for flights, which differ more: record {FEW} or more"
+    )
+    if count < 2:
+        return flights
+    return [Flight(one.name, part, one.rate_hz) for part in np.array_split(one.samples, count, axis=1)]
+
+
+def _stands_out(name: str, flight: str, one: Suspect, keep: bool) -> str:
+    what = "kept, as asked: thresholds grow with the fault" if keep else "this flight is left out for the signal"
+    return f"{flight}: {name}.{one.channel} stands out: {one.why}; {what}"
+
+
+def _nothing(name: str, flights: Sequence[Flight], hours: float, motion: Envelope) -> str:
+    if motion.noise == 0.0:
+        return f"{name}: its channels do not differ in {hours:.3g} h: there is nothing to measure a threshold by"
+    return f"{name}: too few events in {hours:.3g} h of {len(flights)} flights to say anything: record more"
+
+
+def _remarks(name: str, made: Sequence[Design], motion: Envelope, budget_per_h: float, hours: float) -> list[str]:
+    """Lines on what a design of this signal rests on."""
+    lines: list[str] = []
+    few = min(one.clusters for each in made for one in each.thresholds.values())
+    if few < CLUSTERS:
+        lines.append(f"{name}: only {few} events where {CLUSTERS} are wanted: the thresholds are rough, record more")
+    if motion.still:
+        lines.append(f"{name}: does not move: the thresholds hold at rest, and for nothing else")
+    if any(one.clusters <= budget_per_h * hours for each in made for one in each.thresholds.values()):
+        lines.append(f"{name}: {budget_per_h:g} an hour is more than the events that the data hold: ask for less")
+    return lines
+
+
+def extrapolation(budget_per_h: float, hours: float) -> float:
+    """How many times longer the data would have to be for one event at the budget."""
+    return 1.0 / (budget_per_h * hours) if hours > 0 else float("inf")
