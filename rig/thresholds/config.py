@@ -73,7 +73,7 @@ def _new(design: Design, given: RecordedSignal) -> dict[str, Any]:
     keys = dict(design.keys())
     if "singular_persistence" in given.model_fields_set or given.singular_persistence_s is not None:
         keys.pop("singular_persistence")
-    return {key: value for key, value in keys.items() if key in RecordedSignal.model_fields}
+    return keys
 
 
 def _in_frames(default: Mapping[str, Any], rate_hz: float) -> dict[str, Any]:

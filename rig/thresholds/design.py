@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from rig.offline.vote_settings import RecordedSignal
 from rig.thresholds.bootstrap import draws, point, upper
-from rig.thresholds.distances import Monitored, exceeded, in_use, low_passed
+from rig.thresholds.distances import Monitored, exceeded, in_use
+from rig.thresholds.monitored import low_passed
 from rig.thresholds.tail import LEAST, peaks
 
 Floats = NDArray[np.float64]
@@ -102,7 +103,8 @@ def _designs(flights: Sequence[Flight], given: RecordedSignal, grid: Grid, numbe
     levels = [level for level in grid.levels if level < fitted] if fitted not in grid.levels else list(grid.levels)
     wanted = sorted({fitted, *(level for level in levels if level < fitted)}, reverse=True)
     for f, filter_s in enumerate(grid.filters_s):
-        seen = [low_passed(flight.samples, filter_s, flight.rate_hz) for flight in flights]
+        filtered = given.model_copy(update={"filter_s": filter_s})
+        seen = [low_passed(flight.samples, filtered, flight.rate_hz) for flight in flights]
         for frames in grid.persistence:
             singular = _singular(given, frames, flights[0].rate_hz)
             found: dict[int, Threshold] = {}

@@ -112,11 +112,6 @@ def sliding_minimum(series: Floats, frames: int) -> Floats:
     return np.concatenate([np.zeros(frames - 1), least])
 
 
-def low_passed(samples: Floats, filter_s: float, rate_hz: float) -> Floats:
-    """The channels as the comparison sees them with ``filter_s``."""
-    return samples if filter_s == 0 else samples
-
-
 def invalid_runs(samples: Floats, frames: int) -> Sequence[int]:
     """The channels, from 0, with so many samples in a row that are not comparable: no threshold keeps them."""
     lost = np.isnan(samples).astype(np.float64)

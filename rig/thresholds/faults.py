@@ -66,8 +66,8 @@ def own(pieces: Floats, channel: Numbers) -> Floats:
 
 
 def _median(pieces: Floats) -> Floats:
-    lost = np.isnan(pieces).all(axis=2)
-    return np.nanmedian(np.where(lost[..., None], 0.0, pieces), axis=2)
+    lost = np.all(np.isnan(pieces), axis=2, keepdims=True)
+    return np.nanmedian(np.where(lost, 0.0, pieces), axis=2)
 
 
 def _after(onset: int, faulty: Floats, healthy: Floats) -> Floats:

@@ -52,17 +52,11 @@ def holdout(flights: Sequence[Flight], given: RecordedSignal, grid: Grid, chosen
         if not made:
             return None
         found.append(count(test, given, made[0], grid.budget_per_h))
-    return {
-        level: Count(
-            *(a + b for a, b in zip(_sums(found[0][level]), _sums(found[1][level]), strict=True)), grid.budget_per_h
-        )
-        for level in found[0]
-        if level in found[1]
-    }
+    return {level: _both(one, found[1][level]) for level, one in found[0].items() if level in found[1]}
 
 
-def _sums(count: Count) -> tuple[int, float]:
-    return count.counted, count.hours
+def _both(a: Count, b: Count) -> Count:
+    return Count(a.counted + b.counted, a.hours + b.hours, a.budget_per_h)
 
 
 def count(flights: Sequence[Flight], given: RecordedSignal, design: Design, budget_per_h: float) -> dict[int, Count]:

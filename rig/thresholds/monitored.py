@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.config import PARAMS, fill
+from rig.computer.redundancy.lowpass import follow
 from rig.computer.redundancy.manager import manage_signal, new_state
 from rig.frame import CHANNELS, Ilm
 from rig.kernels import kernel
@@ -47,6 +48,15 @@ def isolations(samples: Floats, settings: RecordedSignal, rate_hz: float, gap: i
     return at[np.diff(at, prepend=-gap - 1) > gap]
 
 
+def low_passed(samples: Floats, settings: RecordedSignal, rate_hz: float) -> Floats:
+    """The channels (C, n) as the comparison sees them behind the filter of ``settings``."""
+    if settings.filter_s == 0.0:
+        return samples
+    found = np.empty_like(samples)
+    _follow(samples, _params(settings, len(samples), rate_hz), found)
+    return found
+
+
 def _four(samples: Floats) -> Floats:
     """The samples with the channels that a signal of fewer than four does not have."""
     if samples.shape[-1] == CHANNELS:
@@ -60,6 +70,18 @@ def _params(settings: RecordedSignal, count: int, rate_hz: float) -> NDArray[Any
     params = np.zeros(1, PARAMS)
     fill(params[0], settings, settings.limits, count, settings.wraps, rate_hz)
     return params
+
+
+@kernel
+def _follow(samples, params, out):
+    """Every channel (C, n) through the manager's low-pass; NaN where a sample is not comparable."""
+    p = params[0]
+    for c in range(len(samples)):
+        last = np.nan
+        for k in range(samples.shape[1]):
+            x = samples[c, k]
+            last = np.nan if np.isnan(x) else follow(last, x, x, p)
+            out[c, k] = last
 
 
 @kernel

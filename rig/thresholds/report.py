@@ -36,7 +36,7 @@ def notes(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> list[str]:
     if factor > MARKED:
         lines.append(
             f"the budget is {factor:.3g} times beyond the {data.hours:.3g} h of data (marked *; above {MARKED:g} "
-            f"nothing supports the tail): record {1.0 / (MARKED * grid.budget_per_h):.3g} h or more, or ask for more an hour"
+            f"nothing supports the tail): record {1.0 / (MARKED * grid.budget_per_h):.3g} h or more"
         )
     own = [note for signal in signals.values() for note in signal.notes]
     shared: dict[str, list[str]] = {}

@@ -21,7 +21,7 @@ from rig.thresholds.motion import Envelope, envelope
 from rig.thresholds.tail import CLUSTERS
 from rig.thresholds.tradeoff import Tradeoff, best, pieces, tradeoff
 
-RULE: Final = "most of the injected faults found rightly at this budget; of equals the shorter persistence, then the shorter filter"
+RULE: Final = "most of the injected faults found rightly at this budget; of equals the shorter persistence, then filter"
 MARKED: Final = 100.0  # extrapolation from which a design is marked
 FEW: Final = 9  # flights below which budgets did not hold
 STRETCHES: Final = 16  # that a single flight is cut into

@@ -2,11 +2,11 @@
 
     python tests/tools/thresholds_quad.py FOLDER [seed]
 
-FOLDER holds the flights of four IMUs on one quadrotor (docs/vote.md), as ``quad_imu_horizontal``; alignment is found in the
-first six seconds of each.  Nobody is faulty, so a channel that is failed is a false isolation.  Then one channel of each
-flight and axis is made faulty, after 20 to 60 % of the flight, by each of eleven faults in turn, and the flight goes on to
-its end: right when the faulty channel is the first to be failed after that, wrong when another is, prior when one had been
-failed before.
+FOLDER holds the flights of four IMUs on one quadrotor (docs/vote.md), as ``quad_imu_horizontal``; alignment is found in
+the first six seconds of each.  Nobody is faulty, so a channel that is failed is a false isolation.  Then one channel of
+each flight and axis is made faulty, after 20 to 60 % of the flight, by each of eleven faults in turn, and the flight
+goes on to its end: right when the faulty channel is the first to be failed after that, wrong when another is, prior
+when one had been failed before.
 """
 
 from __future__ import annotations
