@@ -85,5 +85,6 @@ def beyond(design: Mapping[str, Envelope], monitored: Mapping[str, Envelope]) ->
         got = monitored[name]
         for what, most, found in (("", known.value, got.value), (" a second", known.rate_per_s, got.rate_per_s)):
             if found > BEYOND * most:
-                lines.append(f"{name}: 95 % of its motion is {found:.3g}{what}, of the design data {most:.3g}")
+                moves = f"{100 * SHARE:g} % of its motion is {found:.3g}{what}, of the design data {most:.3g}"
+                lines.append(f"{name}: {moves}: the thresholds are not made for it")
     return lines

@@ -1,0 +1,191 @@
+"""Designs of a signal: the budget is met in data that did not make them, and what is told of the data is right."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rig.offline.vote_settings import RecordedSignal
+from rig.thresholds import faults
+from rig.thresholds.design import Design, Flight, Grid, Threshold, designs, rounded_up
+from rig.thresholds.healthy import suspects
+from rig.thresholds.holdout import Count, count, holdout
+from rig.thresholds.motion import BEYOND, Envelope, beyond, envelope
+from rig.thresholds.tradeoff import Found, Tradeoff, best, inject, pieces, tradeoff
+
+GIVEN = RecordedSignal(threshold=1.0)
+RATE = 100.0
+
+
+def flight(seed: int, seconds: float = 60.0, channels: int = 4, swing: float = 3.0) -> Flight:
+    """A common motion of period 5 s with white noise of 1 on each channel."""
+    n = round(seconds * RATE)
+    rng = np.random.default_rng(seed)
+    motion = swing * np.sin(2 * np.pi * np.arange(n) / RATE / 5.0)
+    return Flight(f"flight {seed}", motion + rng.normal(size=(channels, n)), RATE)
+
+
+@pytest.fixture(scope="module")
+def made() -> list[Design]:
+    grid = Grid(20.0, (2, 4), (4, 3, 2), (0.0, 0.05))
+    return designs([flight(k) for k in range(20)], GIVEN, grid)
+
+
+def test_every_filter_and_persistence_has_a_threshold_a_level(made: list[Design]):
+    assert [(one.filter_s, one.persistence, one.singular) for one in made] == [
+        *((0.0, 2, 2), (0.0, 4, 4)),
+        *((0.05, 2, 2), (0.05, 4, 4)),
+    ]
+    for one in made:
+        assert list(one.thresholds) == [4, 3, 2]
+        assert all(at.upper >= at.point > 0 and at.clusters >= 40 for at in one.thresholds.values())
+        assert one.thresholds[2].upper > one.thresholds[4].upper  # two channels differ more than the nearest of three
+
+
+def test_the_budget_is_met_in_other_flights(made: list[Design]):
+    """10 h: 200 events are allowed at level 4; a threshold a tenth lower has several times as many."""
+    others = [flight(100 + k, 1200.0) for k in range(6)]
+    found = count(others, GIVEN, made[0], 20.0)[4]
+    assert found.hours == pytest.approx(2.0)
+    assert 5 <= found.counted <= 60 and not found.over
+    at = made[0].thresholds[4]
+    lower = Design(0.0, 2, 2, {4: Threshold(4, 0.85 * at.upper, at.point, 0, 0.0)})
+    assert count(others, GIVEN, lower, 20.0)[4].over
+
+
+def test_the_design_is_the_same_again_and_another_by_another_seed():
+    flights = [flight(k, 30.0) for k in range(10)]
+    first, again, other = (designs(flights, GIVEN, Grid(20.0, (4,), (4,), (0.0,), seed)) for seed in (1, 1, 2))
+    assert first == again != other
+    assert first[0].threshold.point == other[0].threshold.point
+
+
+def test_settings_of_a_design_are_those_that_are_written():
+    levels = {4: Threshold(4, 1.00001, 0.9, 40, 0.1), 3: Threshold(3, 2.0, 1.0, 40, 0.1)}
+    chosen = Design(0.1, 24, 12, levels).settings(RecordedSignal(threshold=9.0, persistence_s=1.0, fade_s=0.5))
+    assert (chosen.threshold, chosen.threshold_triplex, chosen.threshold_duplex) == (1.001, 2.0, None)
+    assert (chosen.persistence, chosen.persistence_s, chosen.singular_persistence) == (24, None, 12)
+    assert (chosen.filter_s, chosen.fade_s) == (0.1, 0.5)
+
+
+def test_a_singular_persistence_that_is_given_stays():
+    flights = [flight(k, 30.0) for k in range(4)]
+    for given in (
+        RecordedSignal(threshold=1.0, singular_persistence=7),
+        RecordedSignal(threshold=1.0, singular_persistence_s=0.07),
+    ):
+        assert designs(flights, given, Grid(20.0, (4,), (4,), (0.0,)))[0].singular == 7
+
+
+def test_signals_of_three_channels_have_two_levels():
+    found = designs([flight(k, 30.0, channels=3) for k in range(4)], GIVEN, Grid(20.0, (4,), (4, 3, 2), (0.0,)))
+    assert list(found[0].thresholds) == [3, 2]
+    assert set(found[0].keys()) >= {"threshold", "threshold_duplex"}
+
+
+def test_nothing_is_designed_from_channels_that_do_not_differ():
+    same = Flight("same", np.ones((4, 5000)), RATE)
+    assert designs([same] * 3, GIVEN, Grid(10.0, (4,), (4,), (0.0,))) == []
+
+
+@pytest.mark.parametrize(
+    ("value", "wanted"), [(1.0, 1.0), (1.00001, 1.001), (12345.0, 12350.0), (0.00123456, 0.001235)]
+)
+def test_a_threshold_is_rounded_up(value: float, wanted: float):
+    assert rounded_up(value) == wanted
+
+
+def test_a_faulty_channel_of_one_flight_is_told():
+    flights = [flight(k, 20.0) for k in range(5)]
+    assert suspects(flights, wraps=False, longest=48) == []
+    flights[2].samples[1, 900:1200] += 12.0
+    told = suspects(flights, wraps=False, longest=48)
+    assert [(one.flight, one.channel) for one in told] == [(2, 2)]
+    assert told[0].why.startswith("for 1 s from ")
+    flights[3].samples[2, 100:150] = np.nan
+    flights[4].samples[0, 500:700] = 0.25
+    told = suspects(flights, wraps=False, longest=48)
+    assert [(one.flight, one.channel) for one in told] == [(2, 2), (3, 3), (4, 1)]
+    assert "48 samples or more" in told[1].why and "repeats one value for 1 s from 5.0 s" in told[2].why
+
+
+def test_the_envelope_of_a_sine_is_that_of_a_sine():
+    """95 % of |sin| stay within sin(0.95 pi / 2), of its rate within 2 pi f times it."""
+    clean = Flight("sine", np.tile(10.0 * np.sin(2 * np.pi * np.arange(100_000) / RATE / 4.0), (4, 1)), RATE)
+    found = envelope([clean], wraps=False)
+    share = np.sin(0.95 * np.pi / 2)
+    assert found.value == pytest.approx(10.0 * share, rel=0.01)
+    assert found.rate_per_s == pytest.approx(10.0 * 2 * np.pi / 4.0 * share, rel=0.01)
+    assert found.noise == 0.0 and not found.still
+    assert envelope([flight(1, 60.0, swing=0.0)], wraps=False).still
+
+
+def test_data_that_move_more_are_told():
+    design = {"x": Envelope(10.0, 100.0, 1.0)}
+    assert beyond(design, {"x": Envelope(10.0 * BEYOND, 100.0 * BEYOND, 9.0), "y": Envelope(99.0, 9.0, 1.0)}) == []
+    assert beyond(design, {"x": Envelope(16.0, 90.0, 1.0)}) == [
+        "x: 95 % of its motion is 16, of the design data 10: the thresholds are not made for it"
+    ]
+    assert "a second" in beyond(design, {"x": Envelope(9.0, 151.0, 1.0)})[0]
+
+
+def test_faults_are_what_they_are_called():
+    cut = pieces([flight(k, 20.0) for k in range(3)], 8)
+    assert cut is not None and cut.samples.shape == (8, 901, 4) and cut.onset == 100
+    healthy, after = faults.own(cut.samples, cut.channel), slice(cut.onset, None)
+
+    def change(fault: faults.Fault):
+        faulty = fault(cut.samples, cut.channel, cut.onset)
+        assert np.array_equal(faulty[:, : cut.onset], healthy[:, : cut.onset])
+        return faulty[:, after], healthy[:, after]
+
+    faulty, was = change(faults.offset(2.0))
+    assert np.abs(faulty - was) == pytest.approx(2.0) and len(np.unique(np.sign(faulty - was))) == 2
+    faulty, was = change(faults.ramp(3.0, RATE))
+    assert np.abs(faulty - was)[:, 200] == pytest.approx(6.0)
+    faulty, was = change(faults.gain(0.5))
+    assert faulty == pytest.approx(0.5 * was)
+    faulty, was = change(faults.stuck())
+    assert (faulty == healthy[:, cut.onset - 1 : cut.onset]).all()
+    faulty, was = change(faults.noise(10.0))
+    middle = np.median(cut.samples, axis=2)[:, after]
+    assert faulty - middle == pytest.approx(10.0 * (was - middle))
+
+
+def test_a_large_offset_is_found_and_a_small_one_is_not(made: list[Design]):
+    cut = pieces([flight(k) for k in range(20)])
+    assert cut is not None
+    found = tradeoff(cut, made[1], GIVEN, 50.0)
+    assert found.kinds["offset 1"].right == 48 and found.kinds["offset 1"].delay_s == pytest.approx(0.03)
+    assert inject(cut, made[1].settings(GIVEN), faults.offset(0.1), 1.0).right == 0
+    assert found.smallest_offset is not None
+    exact = inject(cut.short(), made[1].settings(GIVEN), faults.offset(found.smallest_offset), 1.0)
+    less = inject(cut.short(), made[1].settings(GIVEN), faults.offset(found.smallest_offset / 1.1), 1.0)
+    assert exact.right >= 0.95 * 48 > less.right
+    assert 0.0 < found.share < 1.0
+
+
+def test_the_best_design_finds_most_and_of_equals_the_shortest_is_taken():
+    def row(right: int) -> Tradeoff:
+        return Tradeoff(None, Found(0, 0, 48, None, None), {"gain": Found(right, 0, 48 - right, 0.1, 0.2)})
+
+    threshold = {4: Threshold(4, 1.0, 1.0, 40, 0.0)}
+    asked = [Design(f, n, n, threshold) for f in (0.0, 0.1) for n in (8, 24)]
+    assert best(asked, [row(40), row(41), row(30), row(41)]) == 1
+    assert best(asked, [row(41), row(41), row(41), row(41)]) == 0
+
+
+def test_halves_are_flown_with_the_thresholds_of_the_other():
+    flights = [flight(k) for k in range(12)]
+    grid = Grid(30.0, (2,), (4, 2), (0.0,))
+    found = holdout(flights, GIVEN, grid, designs(flights, GIVEN, grid)[0])
+    assert found is not None and set(found) == {4, 2}
+    assert found[4].hours == pytest.approx(12 / 60) and found[2].hours == pytest.approx(6 * 12 / 60)
+    assert found[4].expected == pytest.approx(6.0) and not found[4].over
+    assert holdout(flights[:1], GIVEN, grid, designs(flights, GIVEN, grid)[0]) is None
+
+
+def test_a_count_is_over_when_chance_would_not_have_it():
+    """Poisson of 6: 11 or more in 4.3 % of trials, 12 in 2.0 %."""
+    assert not Count(11, 0.2, 30.0).over and Count(12, 0.2, 30.0).over
+    assert not Count(0, 0.0, 30.0).over
