@@ -10,7 +10,17 @@ import pytest
 from rig.offline.recording import Recording, Samples
 from rig.offline.vote import vote
 from rig.offline.vote_settings import RecordedSignal
-from rig.thresholds.distances import Monitored, exceeded, in_use, invalid_runs, middle_gap, nearest, sliding_minimum
+from rig.thresholds import distances
+from rig.thresholds.distances import (
+    Monitored,
+    exceeded,
+    exceeded_each,
+    in_use,
+    invalid_runs,
+    middle_gap,
+    nearest,
+    sliding_minimum,
+)
 from rig.thresholds.monitored import NEVER, failures, isolations, low_passed
 
 RATE = 100.0
@@ -158,3 +168,11 @@ def test_a_flight_goes_on_after_an_isolation_and_one_event_counts_once():
     settings = RecordedSignal(threshold=1.0, persistence=4, singular_persistence=4)
     assert isolations(samples, settings, RATE, 50).tolist() == [103, 703]
     assert isolations(samples, settings, RATE, 10).tolist() == [103, 323, 703]
+
+
+def test_chunks_are_seamless(monkeypatch: pytest.MonkeyPatch):
+    samples = one_off(5)
+    whole = exceeded_each(samples, [(8, 8), (24, 10)])
+    monkeypatch.setattr(distances, "CHUNK", 17)
+    for part, wanted in zip(exceeded_each(samples, [(8, 8), (24, 10)]), whole, strict=True):
+        assert np.array_equal(part, wanted)

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from rig.offline.vote_settings import RecordedSignal
 from rig.thresholds.bootstrap import draws, point, upper
-from rig.thresholds.distances import Monitored, exceeded, in_use
+from rig.thresholds.distances import exceeded_each, in_use
 from rig.thresholds.monitored import low_passed
-from rig.thresholds.tail import LEAST, peaks
+from rig.thresholds.tail import LEAST, Peaks, peaks
 
 Floats = NDArray[np.float64]
 FIELDS: Final = {4: "threshold", 3: "threshold_triplex", 2: "threshold_duplex"}  # by channels in use
@@ -100,21 +100,16 @@ def designs(flights: Sequence[Flight], given: RecordedSignal, grid: Grid, number
 
 def _designs(flights: Sequence[Flight], given: RecordedSignal, grid: Grid, number: int) -> Iterator[Design]:
     fitted = len(flights[0].samples)
-    levels = [level for level in grid.levels if level < fitted] if fitted not in grid.levels else list(grid.levels)
-    wanted = sorted({fitted, *(level for level in levels if level < fitted)}, reverse=True)
+    levels = sorted({fitted, *(level for level in grid.levels if level < fitted)}, reverse=True)
+    frames = [(count, _singular(given, count, flights[0].rate_hz)) for count in grid.persistence]
     for f, filter_s in enumerate(grid.filters_s):
         filtered = given.model_copy(update={"filter_s": filter_s})
         seen = [low_passed(flight.samples, filtered, flight.rate_hz) for flight in flights]
-        for frames in grid.persistence:
-            singular = _singular(given, frames, flights[0].rate_hz)
-            found: dict[int, Threshold] = {}
-            for level in wanted:
-                stream = np.random.SeedSequence(grid.seed, spawn_key=(number, f, frames, level))
-                one = _at_level(flights, seen, given, (frames, singular, level), grid.budget_per_h, stream)
-                if one is not None:
-                    found[level] = one
+        at = {level: _at_level(flights, seen, given, frames, level, (grid, number, f)) for level in levels}
+        for i, (persistence, singular) in enumerate(frames):
+            found = {level: one for level in levels if (one := at[level][i]) is not None}
             if fitted in found:
-                yield Design(filter_s, frames, singular, found)
+                yield Design(filter_s, persistence, singular, found)
 
 
 def _singular(given: RecordedSignal, frames: int, rate_hz: float) -> int:
@@ -128,23 +123,33 @@ def _at_level(
     flights: Sequence[Flight],
     seen: Sequence[Floats],
     given: RecordedSignal,
-    frames: tuple[int, int, int],
-    budget_per_h: float,
-    stream: np.random.SeedSequence,
-) -> Threshold | None:
-    """The threshold at a level; None where too few clusters are left to say anything."""
-    persistence, singular, level = frames
+    frames: Sequence[tuple[int, int]],
+    level: int,
+    asked: tuple[Grid, int, int],
+) -> list[Threshold | None]:
+    """The threshold at a level for each of ``frames``; None where too few clusters are left to say anything."""
+    grid, *place = asked
     rates = [flight.rate_hz for flight in flights]
-    found: list[Threshold] = []
-    for channels, seed in zip(of := in_use(len(seen[0]), level), stream.spawn(len(of)), strict=True):
-        monitored = Monitored(channels, persistence, singular)
-        tail = peaks([exceeded(samples, monitored, given.wraps) for samples in seen], rates, budget_per_h)
-        if tail.clusters < LEAST:
-            return None
-        middle, shape = point(tail, budget_per_h)
-        most = upper(draws(tail, budget_per_h, np.random.default_rng(seed)))
-        found.append(Threshold(level, max(most, middle), middle, tail.clusters, shape))
-    return max(found, key=lambda one: one.upper)
+    largest: list[Threshold | None] = [None] * len(frames)
+    few = [False] * len(frames)
+    for choice, channels in enumerate(in_use(len(seen[0]), level)):
+        series = [exceeded_each(samples[list(channels)], frames, given.wraps) for samples in seen]
+        for i, (persistence, _) in enumerate(frames):
+            tail = peaks([one[i] for one in series], rates, grid.budget_per_h)
+            few[i] |= tail.clusters < LEAST
+            if few[i]:
+                continue
+            stream = np.random.SeedSequence(grid.seed, spawn_key=(*place, persistence, level, choice))
+            found = _threshold(tail, grid.budget_per_h, level, np.random.default_rng(stream))
+            known = largest[i]
+            largest[i] = found if known is None or found.upper > known.upper else known
+    return [None if lost else one for one, lost in zip(largest, few, strict=True)]
+
+
+def _threshold(tail: Peaks, budget_per_h: float, level: int, rng: np.random.Generator) -> Threshold:
+    middle, shape = point(tail, budget_per_h)
+    most = upper(draws(tail, budget_per_h, rng))
+    return Threshold(level, max(most, middle), middle, tail.clusters, shape)
 
 
 def rounded_up(value: float, digits: int = 4) -> float:

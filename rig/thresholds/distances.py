@@ -16,7 +16,7 @@ A sample that is not comparable counts always: its distance is infinite.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import Final, NamedTuple
 
@@ -28,6 +28,7 @@ from rig.frame import CHANNELS
 
 Floats = NDArray[np.float64]
 DUPLEX: Final = 2
+CHUNK: Final = 16_384  # frames, so that what is made of them stays in the cache
 
 
 class Monitored(NamedTuple):
@@ -48,18 +49,36 @@ def exceeded(samples: Floats, monitored: Monitored, wraps: bool = False) -> Floa
 
     samples : (C, n), unit of the signal, NaN where a sample is not comparable; angles that ``wraps`` in rad
     """
-    chosen = near(samples[list(monitored.channels)]) if wraps else samples[list(monitored.channels)]
-    if len(chosen) == DUPLEX:
-        return sliding_minimum(_apart(chosen), monitored.singular)
-    of_each = nearest(chosen)
-    found = sliding_minimum(of_each[0], monitored.persistence)
-    for distance in of_each[1:]:
-        np.maximum(found, sliding_minimum(distance, monitored.persistence), out=found)
-    if len(chosen) == CHANNELS:
-        np.maximum(found, sliding_minimum(middle_gap(chosen), monitored.singular), out=found)
-    elif monitored.singular < monitored.persistence:
-        np.maximum(found, sliding_minimum(np.min(of_each, axis=0), monitored.singular), out=found)
+    channels, *frames = monitored
+    return exceeded_each(samples[list(channels)], [(frames[0], frames[1])], wraps)[0]
+
+
+def exceeded_each(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool = False) -> list[Floats]:
+    """The same for all of the channels (C, n) and several persistences: (persistence, singular) each."""
+    n, lead = samples.shape[1], max(max(pair) for pair in frames) - 1
+    found = [np.empty(n) for _ in frames]
+    for start in range(0, n, CHUNK):
+        first, end = max(start - lead, 0), min(start + CHUNK, n)
+        for out, part in zip(found, _exceeded(samples[:, first:end], frames, wraps), strict=True):
+            out[start:end] = part[start - first :]
     return found
+
+
+def _exceeded(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool) -> Iterator[Floats]:
+    chosen = near(samples) if wraps else samples
+    if len(chosen) == DUPLEX:
+        apart = _apart(chosen)
+        yield from (sliding_minimum(apart, singular) for _, singular in frames)
+        return
+    of_each = nearest(chosen)
+    gap = middle_gap(chosen) if len(chosen) == CHANNELS else np.min(of_each, axis=0)
+    for persistence, singular in frames:
+        found = sliding_minimum(of_each[0], persistence)
+        for distance in of_each[1:]:
+            np.maximum(found, sliding_minimum(distance, persistence), out=found)
+        if len(chosen) == CHANNELS or singular < persistence:
+            np.maximum(found, sliding_minimum(gap, singular), out=found)
+        yield found
 
 
 def near(samples: Floats) -> Floats:

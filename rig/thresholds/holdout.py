@@ -19,6 +19,7 @@ from rig.thresholds.monitored import isolations
 from rig.thresholds.tail import GAP_S
 
 OVER: Final = 0.0228  # chance of so many by luck from which a count is significantly over: two sigma
+MOST: Final = 200_000  # frames up to which other levels are flown too
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +44,9 @@ class Count:
 def holdout(flights: Sequence[Flight], given: RecordedSignal, grid: Grid, chosen: Design) -> dict[int, Count] | None:
     """Counts by level of both halves, every second flight each; None where a half cannot be designed."""
     halves = (flights[0::2], flights[1::2])
-    own = replace(grid, persistence=(chosen.persistence,), filters_s=(chosen.filter_s,))
+    frames = sum(flight.samples.shape[1] for flight in flights)
+    levels = grid.levels if frames <= MOST else ()  # () : only all channels in use
+    own = replace(grid, persistence=(chosen.persistence,), filters_s=(chosen.filter_s,), levels=levels)
     found: list[dict[int, Count]] = []
     for of, test in (halves, halves[::-1]):
         if not of or not test:

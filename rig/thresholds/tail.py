@@ -53,11 +53,12 @@ def peaks(series: list[Floats], rates_hz: list[float], budget_per_h: float) -> P
     needed = max(CLUSTERS, MARGIN * budget_per_h * float(hours.sum()))
     gap = max(round(GAP_S * max(rates_hz)), 1)
     values = np.concatenate(series)
-    block = np.repeat(np.arange(len(series)), [len(one) for one in series])
+    ends = np.cumsum([len(one) for one in series])
     best: Peaks | None = None
     for u in _levels(values):
         above = np.flatnonzero(values > u)
-        found = _clusters(values[above], above + block[above] * (gap + 1), block[above], gap, u, hours)
+        block = np.searchsorted(ends, above, side="right")
+        found = _clusters(values[above], above + block * (gap + 1), block, gap, u, hours)
         if found.clusters >= needed:
             return found
         if best is None or found.clusters > best.clusters:
@@ -68,8 +69,9 @@ def peaks(series: list[Floats], rates_hz: list[float], budget_per_h: float) -> P
 def _levels(values: Floats) -> Floats:
     """Candidates for u, the largest first: quantiles of every so many values."""
     some = values[:: max(len(values) // _SAMPLE, 1)]
-    some = some[np.isfinite(some)]
-    return np.unique(np.quantile(some, 1.0 - _SHARES))[::-1] if len(some) else some
+    some = np.sort(some[np.isfinite(some)])
+    at = np.unique(((len(some) - 1) * (1.0 - _SHARES)).astype(np.int64))
+    return np.unique(some[at])[::-1] if len(some) else some
 
 
 def _clusters(

@@ -59,6 +59,14 @@ MEASURED: Final = {
             f"{TOOLS}/unit_paced.py docs/examples/unit/build/libmonitor.so",
         ],
     ),
+    "thresholds": Figures(
+        "Thresholds from a budget: real flights that did not design them, noise of known kinds, a million rows",
+        [
+            f"{TOOLS}/thresholds_quad.py ../shared/data/quad_imu_horizontal",
+            f"{TOOLS}/thresholds_synthetic.py",
+            f"{TOOLS}/thresholds_speed.py",
+        ],
+    ),
     "throughput": Figures("Flights a second of a campaign", [f"{TOOLS}/campaign_throughput.py"]),
     "hostile": Figures("Bad input", [f"{TOOLS}/hostile.py"]),
 }

@@ -1,0 +1,300 @@
+"""``rig thresholds``: what it reads, writes and refuses; OUT is a configuration that ``rig vote`` takes."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+import tomli_w
+
+from rig.cli import main as cli
+from rig.offline.vote_settings import read_config
+from rig.settings import read_toml
+from rig.thresholds.blocks import recordings
+from rig.thresholds.config import recorded_toml, scenario_toml, start
+from rig.thresholds.data import of_scenario
+from rig.thresholds.design import Design, Threshold
+
+QUAD = Path(__file__).parents[2] / "shared" / "data" / "quad_imu_horizontal"
+QUICK = ["--persistence", "4", "--levels", "4", "--filter", "0"]
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *arguments: str) -> tuple[int, str, str]:
+    monkeypatch.setattr(sys, "argv", ["rig", "thresholds", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    out, err = capsys.readouterr()
+    return int(ended.value.code or 0), out, err
+
+
+def record(folder: str, flights: int, seconds: float = 30.0, names: tuple[str, ...] = ("gyro",), seed: int = 0) -> None:
+    """Tables of four channels at 100 Hz: a common motion and white noise of 1."""
+    Path(folder).mkdir(exist_ok=True)
+    n = round(100 * seconds)
+    for k in range(flights):
+        rng = np.random.default_rng([seed, k])
+        columns: dict[str, Any] = {"time_s": np.arange(n) / 100.0}
+        for name in names:
+            motion = 20.0 * np.sin(np.arange(n) / 80.0)
+            columns |= {f"{name}.{c}": motion + rng.normal(size=n) for c in range(1, 5)}
+        pl.DataFrame(columns).write_parquet(f"{folder}/path_{k + 1}.parquet")
+
+
+def config(**tables: Any) -> None:
+    Path("c.toml").write_text(tomli_w.dumps(tables or {"default": {"fade_s": 0.1}}))
+
+
+def test_out_is_a_whole_configuration_and_the_design_is_told(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    record("data", 10)
+    config()
+    wanted = ["data", "--config", "c.toml", "--budget", "20", "--out", "o.toml", *QUICK]
+    code, out, _ = run(capsys, monkeypatch, *wanted, "--json", "--plot", "p.html")
+    assert code == 0
+    found = json.loads(out)
+    signal = found["signals"]["gyro"]
+    assert found["flights"] == 10 and found["hours"] == pytest.approx(1 / 12) and found["notes"] == []
+    made = signal["designs"][0]
+    assert made["extrapolation"] == pytest.approx(12 / 20)
+    assert made["levels"]["4"]["clusters"] >= 40
+    assert made["tradeoff"]["smallest_offset"] > 0
+    assert signal["hold_out"]["4"]["expected"] == pytest.approx(20 / 12)
+    written = read_config(Path("o.toml"))
+    assert written.default == {"fade_s": 0.1}
+    assert written.signal["gyro"] == signal["chosen"] and written.signal["gyro"]["persistence"] == 4
+    assert "20 false isolations an hour" in Path("o.toml").read_text().splitlines()[0]
+    assert "plotly" in Path("p.html").read_text()
+    first = Path("o.toml").read_bytes()
+    code, out, _ = run(capsys, monkeypatch, *wanted)
+    assert code == 0 and Path("o.toml").read_bytes() == first
+    assert "smallest offset" in out and "hold-out" in out and "motion of the data" in out
+
+
+def test_a_flight_with_a_fault_is_told_and_left_out(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    record("data", 10)
+    table = pl.read_parquet("data/path_3.parquet")
+    faulty = table.with_columns(pl.when(pl.col("time_s") > 12).then(pl.col("gyro.2") + 15).otherwise(pl.col("gyro.2")))
+    faulty.with_columns(**{"gyro.2": faulty["gyro.2"]}).write_parquet("data/path_3.parquet")
+    config()
+    wanted = ["data", "--config", "c.toml", "--budget", "20", "--out", "o.toml", *QUICK, "--json"]
+    left_out, kept = (json.loads(run(capsys, monkeypatch, *wanted, *more)[1]) for more in ([], ["--keep"]))
+    (told,) = left_out["signals"]["gyro"]["left_out"]
+    assert (told["flight"], told["channel"]) == (2, 2)
+    assert any("path_3.parquet: gyro.2 stands out: for 1 s from 1" in note for note in left_out["notes"])
+    thresholds = [found["signals"]["gyro"]["chosen"]["threshold"] for found in (left_out, kept)]
+    assert thresholds[0] < 4 < thresholds[1]
+
+
+REMARKS = {
+    "one flight": (1, 300.0, ["--budget", "20"], "one flight: its 16 stretches stand for flights"),
+    "few flights": (3, 60.0, ["--budget", "20"], "3 flights: with fewer than 9"),
+    "beyond the data": (10, 30.0, ["--budget", "0.01"], "1.2e+03 times beyond the 0.0833 h of data"),
+    "little data": (2, 4.0, ["--budget", "100"], "events where 40 are wanted"),
+}
+
+
+@pytest.mark.parametrize("case", REMARKS)
+def test_what_the_data_do_not_support_is_told(
+    case: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    flights, seconds, more, wanted = REMARKS[case]
+    record("data", flights, seconds)
+    config()
+    code, out, err = run(capsys, monkeypatch, "data", "--config", "c.toml", "--out", "o.toml", *QUICK, *more, "--json")
+    assert code == 0, err
+    assert any(wanted in note for note in json.loads(out)["notes"]), json.loads(out)["notes"]
+
+
+def test_data_to_be_monitored_that_move_more_are_told(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    record("data", 9)
+    record("other", 1)
+    table = pl.read_parquet("other/path_1.parquet")
+    table.with_columns(pl.exclude("time_s") * 4.0).write_parquet("other/path_1.parquet")
+    config()
+    wanted = ["data", "--config", "c.toml", "--budget", "20", "--out", "o.toml", *QUICK, "--json"]
+    notes = json.loads(run(capsys, monkeypatch, *wanted, "--monitored", "other")[1])["notes"]
+    assert any(note.startswith("gyro: 95 % of its motion is") for note in notes)
+    assert json.loads(run(capsys, monkeypatch, *wanted, "--monitored", "data")[1])["notes"] == []
+
+
+def _same_channels() -> None:
+    record("data", 2)
+    for path in Path("data").iterdir():
+        table = pl.read_parquet(path)
+        table.with_columns(**{f"gyro.{c}": table["gyro.1"] for c in (2, 3, 4)}).write_parquet(path)
+
+
+def _all_faulty() -> None:
+    record("data", 2)
+    for path in Path("data").iterdir():
+        pl.read_parquet(path).with_columns(pl.lit(None, pl.Float64).alias("gyro.2")).write_parquet(path)
+
+
+def _other_rate() -> None:
+    record("data", 2)
+    table = pl.read_parquet("data/path_2.parquet")
+    table.with_columns(pl.col("time_s") * 2.0).write_parquet("data/path_2.parquet")
+
+
+BAD: dict[str, tuple[Any, dict[str, Any], list[str], str]] = {
+    "no config": (None, {}, ["--config", "none.toml"], "none.toml: no such file"),
+    "no settings": (None, {"time_column": "t"}, [], "c.toml: no signal to design: add [default] or [signal.<name>]"),
+    "an unknown signal": (None, {"signal": {"gyr": {}}}, [], "signal 'gyr' is not in the input; allowed: gyro"),
+    "another manager": (None, {"default": {"manager": "mean"}}, [], 'no signal with the manager "cross-channel"'),
+    "an empty folder": (lambda: Path("data").mkdir(), {}, [], "data: no recording in it: neither a file of .csv"),
+    "nothing there": (lambda: None, {}, [], "data: no such file"),
+    "no budget": (None, {}, ["--budget", "0"], "--budget: false isolations an hour, above 0, got 0.0"),
+    "a budget of nan": (None, {}, ["--budget", "nan"], "--budget: false isolations an hour, above 0, got nan"),
+    "no frames": (None, {}, ["--persistence", "8,0"], "--persistence: whole numbers from 1 to 10000"),
+    "a level of one": (None, {}, ["--levels", "4,1"], "--levels: whole numbers from 2 to 4"),
+    "a filter of words": (None, {}, ["--filter", "long"], "--filter: seconds from 0 to 1000"),
+    "a stretch without align": (None, {}, ["--align-to", "3"], "--align-from and --align-to need --align"),
+    "channels that are one": (_same_channels, {}, [], "gyro: its channels do not differ in 0.0167 h"),
+    "a fault everywhere": (_all_faulty, {}, [], "gyro: a channel stands out in every flight"),
+    "flights too short": (lambda: record("data", 2, 0.5), {}, [], "gyro: too few events in 0.000278 h of 2 flights"),
+    "another rate": (_other_rate, {}, [], "path_2.parquet: 50 rows a second, data/path_1.parquet has 100"),
+    "no such folder": (None, {}, ["--out", "none/o.toml"], "none/o.toml: no such folder: none"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_line_and_nothing_is_written(
+    case: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    make, tables, more, wanted = BAD[case]
+    (make or (lambda: record("data", 2, 5.0)))()
+    config(**tables)
+    options = ["--config", "c.toml", "--budget", "20", "--out", "o.toml", *QUICK, *more]
+    code, out, err = run(capsys, monkeypatch, "data", *options)
+    assert (code, out) == (2, "")
+    assert wanted in err and err.count("\n") == 1
+    assert not Path("o.toml").exists()
+
+
+DESIGN = Design(0.1, 24, 24, {4: Threshold(4, 2.0, 1.0, 40, 0.1), 3: Threshold(3, 3.0, 1.0, 40, 0.1)})
+
+
+def test_everything_else_of_the_configuration_is_kept():
+    mapping = {"a.1": "one.csv:x", "a.2": "two.csv:x"}
+    given = {
+        "default": {"threshold": 9.0, "persistence_s": 0.055, "fade_s": 0.2},
+        "signal": {"a": {"range": [-3.0, 3.0], "singular_persistence": 5}},
+        "mapping": mapping,
+        "discrete": {"gear": {"fail_safe": 1}},
+        "resets": [{"at_s": 1.0, "signal": "a"}],
+    }
+    config(**given)
+    using, raw = start(Path("c.toml"))
+    settings = using.signals(["a", "b"], "c.toml")
+    Path("o.toml").write_text(recorded_toml(raw, {"a": DESIGN}, settings, 100.0, {"a"}, ["two\nlines"]))
+    assert Path("o.toml").read_text().startswith("# two lines\n\n")
+    written = read_toml(Path("o.toml"))
+    for key in ("mapping", "discrete", "resets"):
+        assert written[key] == given[key]
+    chosen = read_config(Path("o.toml")).signals(["a", "b"], "o.toml")
+    assert (chosen["a"].threshold, chosen["a"].threshold_triplex, chosen["a"].persistence) == (2.0, 3.0, 24)
+    assert (chosen["a"].range, chosen["a"].singular_persistence, chosen["a"].fade_s) == ([-3.0, 3.0], 5, 0.2)
+    assert chosen["a"].reference_threshold == 9.0  # as before: the design is not of the reference
+    assert (chosen["b"].threshold, chosen["b"].persistence) == (9.0, 6)
+
+
+def test_the_tables_of_a_scenario_fly(tmp_path: Path):
+    from rig.scenario import load
+
+    given = {"pitch_rate": load(None).redundancy.signals.pitch_rate}
+    Path("o.toml").write_text(scenario_toml({"pitch_rate": DESIGN}, given, ["remark"]))
+    table = read_toml(Path("o.toml"))["redundancy"]["signals"]["pitch_rate"]
+    sets = [f"redundancy.signals.pitch_rate.{key}={value}" for key, value in table.items()]
+    flown = load(None, sets).redundancy.signals.pitch_rate
+    assert (flown.threshold, flown.threshold_triplex, flown.filter_s, flown.persistence) == (2.0, 3.0, 0.1, 24)
+    assert flown.reference_threshold == given["pitch_rate"].threshold
+
+
+def test_a_folder_is_one_recording_or_holds_some():
+    for k in (1, 2, 10):
+        Path(f"data/path_{k}").mkdir(parents=True)
+        Path(f"data/path_{k}/one.csv").touch()
+    Path("data/README.md").touch()
+    config(default={}, mapping={"a.1": "one.csv:x", "a.2": "one.csv:y"})
+    using, _ = start(Path("c.toml"))
+    inside = [Path(f"data/path_{k}") for k in (1, 2, 10)]
+    assert recordings([Path("data")], using) == inside
+    assert recordings([inside[1], Path("data")], using) == [inside[1], inside[0], inside[2]]
+
+
+def test_logs_of_ours_need_no_configuration(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
+    from rig.flight import fly
+
+    healthy = fly(None, overrides=["faults=[]", "duration_s=4.0"], out=Path("logs"))
+    faulty = fly(None, overrides=["duration_s=1.0"], out=Path("faulty"))
+    assert of_scenario([healthy.log]).signal["pitch_rate"]["threshold"] == 0.05
+    options = ["--budget", "2000", "--out", "o.toml", "--persistence", "2", "--filter", "0", "--json"]
+    code, out, err = run(capsys, monkeypatch, "logs", *options)
+    assert code == 0, err
+    written = read_toml(Path("o.toml"))["redundancy"]["signals"]
+    assert written["pitch_rate"]["persistence"] == 2
+    assert written["pitch_rate"]["threshold"] == json.loads(out)["signals"]["pitch_rate"]["chosen"]["threshold"]
+    code, _, err = run(capsys, monkeypatch, str(faulty.log), "--budget", "20", "--out", "p.toml")
+    assert code == 2 and "its scenario has 1 faults" in err and not Path("p.toml").exists()
+
+
+@pytest.mark.skipif(not QUAD.is_dir(), reason="the recordings are not here")
+def test_a_design_on_real_flights_is_met_by_others(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
+    """Nine flights design, five others fly; a setting that docs/vote.md warns of fails channels in the same five."""
+    from rig.offline.align import align
+    from rig.offline.read_recording import read
+    from rig.offline.vote import vote
+
+    mapping = {f"gyro_{a}.{c}": f"IMU_{c}.csv:Gyr_{a.upper()}" for a in "xyz" for c in range(1, 5)}
+    config(default={}, mapping=mapping, time_column="time")
+    paths = sorted(QUAD.glob("path_*"))
+    using = [
+        "--config",
+        "c.toml",
+        "--align",
+        "--align-to",
+        "6",
+        "--repair-time",
+        "--persistence",
+        "24",
+        "--filter",
+        "0",
+    ]
+    options = [
+        *map(str, paths[:9]),
+        *using,
+        "--budget",
+        "10",
+        "--filter",
+        "0",
+        "--levels",
+        "4",
+        "--out",
+        "o.toml",
+        "--json",
+    ]
+    assert run(capsys, monkeypatch, *options)[0] == 0
+    designed, failed = read_config(Path("o.toml")), {"designed": 0, "10 deg/s, 8": 0}
+    fixed = designed.model_copy(update={"signal": {}, "default": {"threshold": 10.0, "persistence": 8}})
+    for path in paths[9:]:
+        recording = read(path, designed, repair=True)
+        moved, _ = align(recording, designed.signals(recording.signals, ""), end_s=6.0)
+        for name, chosen in zip(failed, (designed, fixed), strict=True):
+            voted = vote(moved, chosen.signals(moved.signals, ""), [])
+            failed[name] += sum(len(signal.failures) for signal in voted.values())
+    assert failed["designed"] <= 1 < failed["10 deg/s, 8"]
