@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from math import isfinite
 from pathlib import Path
 from time import perf_counter
@@ -96,7 +97,7 @@ def _design(
     monitored: list[Path],
 ) -> dict[str, Any]:
     """Read, design, write; the summary, and the seconds of each step."""
-    from rig.files import write_text
+    from rig.files import replaced, write_text
     from rig.offline.vote_settings import VoteConfig
     from rig.thresholds import plot
     from rig.thresholds.blocks import recordings
@@ -106,26 +107,28 @@ def _design(
     from rig.thresholds.report import remarks, summary
     from rig.thresholds.run import design
 
-    (out, page), clock = outputs, perf_counter()
-    if config is None:
-        using, raw, source = of_scenario(recordings(inputs, VoteConfig())), None, str(inputs[0])
-    else:
-        (using, raw), source = start(config), str(config)
-    data = load(inputs, using, source, *reading)
-    read_s, clock = perf_counter() - clock, perf_counter()
-    signals = design(data, grid, keep)
-    if monitored:
-        other = load(monitored, using, source, *reading)
-        of = {name: envelope(flights, other.settings[name].wraps) for name, flights in other.signals.items()}
-        data.notes.extend(beyond({name: signal.motion for name, signal in signals.items()}, of))
-    found = summary(data, grid, signals)
-    chosen = {name: made for name, signal in signals.items() if (made := signal.design) is not None}
-    head = remarks(data, grid, signals)
-    if raw is None:
-        text = scenario_toml(chosen, data.settings, head)
-    else:
-        text = recorded_toml(raw, chosen, data.settings, data.rate_hz, data.referenced, head)
-    if page is not None:
-        plot.write(page, found)
-    write_text(out, text)
+    out, page = outputs
+    with replaced(out) as part, replaced(page) if page else nullcontext() as page_part:
+        clock = perf_counter()
+        if config is None:
+            using, raw, source = of_scenario(recordings(inputs, VoteConfig())), None, str(inputs[0])
+        else:
+            (using, raw), source = start(config), str(config)
+        data = load(inputs, using, source, *reading)
+        read_s, clock = perf_counter() - clock, perf_counter()
+        signals = design(data, grid, keep)
+        if monitored:
+            other = load(monitored, using, source, *reading)
+            of = {name: envelope(flights, other.settings[name].wraps) for name, flights in other.signals.items()}
+            data.notes.extend(beyond({name: signal.motion for name, signal in signals.items()}, of))
+        found = summary(data, grid, signals)
+        chosen = {name: made for name, signal in signals.items() if (made := signal.design) is not None}
+        head = remarks(data, grid, signals)
+        if raw is None:
+            text = scenario_toml(chosen, data.settings, head)
+        else:
+            text = recorded_toml(raw, chosen, data.settings, data.rate_hz, data.referenced, head)
+        if page_part is not None:
+            plot.write(page_part, found)
+        write_text(part, text)
     return {"out": str(out), **found, "seconds": {"read": read_s, "design": perf_counter() - clock}}
