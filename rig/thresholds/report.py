@@ -10,7 +10,7 @@ from rig.thresholds.design import Design, Grid, rounded_up
 from rig.thresholds.holdout import Count, total
 from rig.thresholds.motion import SHARE
 from rig.thresholds.run import MARKED, RULE, Signal, extrapolation
-from rig.thresholds.tradeoff import Found, Tradeoff
+from rig.thresholds.tradeoff import Tradeoff
 
 
 def summary(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> dict[str, Any]:
@@ -94,11 +94,6 @@ def _tradeoff(found: Tradeoff) -> dict[str, Any]:
 
 def _count(one: Count) -> dict[str, Any]:
     return {"counted": one.counted, "expected": one.expected, "hours": one.hours, "significantly_over": one.over}
-
-
-def right(found: Found) -> str:
-    """Found rightly of all, with what went wrong if anything did."""
-    return f"{found.right}/{sum(found[:3])}" + (f" ({found.wrong} wrong)" if found.wrong else "")
 
 
 def remarks(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> list[str]:
