@@ -240,7 +240,7 @@ def test_a_folder_is_one_recording_or_holds_some():
 def test_logs_of_ours_need_no_configuration(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
     from rig.flight import fly
 
-    healthy = fly(None, overrides=["faults=[]", "duration_s=4.0"], out=Path("logs"))
+    healthy = fly(None, overrides=["faults=[]", "duration_s=40.0"], out=Path("logs"))
     faulty = fly(None, overrides=["duration_s=1.0"], out=Path("faulty"))
     assert of_scenario([healthy.log]).signal["pitch_rate"]["threshold"] == 0.05
     options = ["--budget", "2000", "--out", "o.toml", "--persistence", "2", "--filter", "0", "--json"]
