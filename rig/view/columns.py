@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -27,13 +27,11 @@ from numpy.typing import NDArray
 
 from rig.frame import DISCRETES, SIGNALS, Block
 from rig.frame.fields import FIELD, places
+from rig.record.event import Event
 from rig.view import derived, lanes
 from rig.view.facts import UNKNOWN, Facts
 from rig.view.scene import Scene, time_column
 from rig.view.style import VOTED, Color
-
-if TYPE_CHECKING:
-    from rig.record.events import EventLike
 
 _LEVELS: Final = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
 
@@ -79,7 +77,7 @@ class Columns:
         self._before: Block | None = None
         self._scene = Scene(recording, root, color)
 
-    def send(self, rows: Block, events: Sequence[EventLike] = ()) -> None:
+    def send(self, rows: Block, events: Sequence[Event] = ()) -> None:
         """Send every row of ``rows`` and the events among them, one batch an entity."""
         if not len(rows):
             return
@@ -106,7 +104,7 @@ class Columns:
             _values(derived.DEVIATION, derived.deviation(rows, index, threshold)),
         ]
 
-    def _events(self, events: Sequence[EventLike]) -> None:
+    def _events(self, events: Sequence[Event]) -> None:
         if not events:
             return
         time = time_column(np.rint([event.frame * (1e9 / self._rate_hz) for event in events]))
@@ -132,7 +130,7 @@ def _values(archetype: str, values: NDArray[np.float64]) -> rr.ComponentColumnLi
     return columns.partition(np.full(len(values), values.shape[1]))
 
 
-def words(event: EventLike) -> str:
+def words(event: Event) -> str:
     """An event in words; that of a fault says only which."""
     return f"{event.name}: {event.text}" if event.name.startswith("fault") else event.text
 

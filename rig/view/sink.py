@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from rig.errors import BadInput, RigError
 from rig.frame import Block
+from rig.record.event import Event
 from rig.view import viewer
 from rig.view.facts import Layout
 
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     import rerun as rr
     import rerun.blueprint as rrb
 
-    from rig.record.events import EventLike
     from rig.view.columns import Columns
 
 APPLICATION: Final = "jsbsim-rig"  # the viewer keeps one layout per application
@@ -80,7 +80,7 @@ class Sink:
         self._recording.send_recording_name(self._about.title)
         send_about(self._recording, self._about.text)
 
-    def send(self, rows: Block, rate_hz: float, events: Sequence[EventLike], flight: int = 0) -> None:
+    def send(self, rows: Block, rate_hz: float, events: Sequence[Event], flight: int = 0) -> None:
         """Hand rows and events of ``flight``, a number into the layout's ``shown``, to Rerun."""
         from rig.view.columns import Columns
         from rig.view.style import FLIGHT_COLORS
@@ -154,10 +154,3 @@ def _serve(recording: rr.RecordingStream, layout: rrb.Blueprint, about: About, s
         recording.disconnect()
         raise RigError(f"the viewer's page cannot be served: {error}") from None
     return Sink(recording, server.uri, about, web.url, also=web.close)
-
-
-def abandon() -> None:
-    """Keep Rerun from waiting, when the process ends, for a sink that does not answer."""
-    import rerun as rr
-
-    rr.unregister_shutdown()

@@ -11,14 +11,12 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import Final, Protocol
 
 from rig.frame import Block
+from rig.record.event import Event
 from rig.view.facts import UNKNOWN, Facts, Layout, Shown
-from rig.view.sink import About, abandon, check_where, open_sink
-
-if TYPE_CHECKING:
-    from rig.record.events import EventLike
+from rig.view.sink import About, check_where, open_sink
 
 QUEUE_BYTES: Final = 128 * 1024 * 1024  # of rows that wait; minutes of flight, also when flown faster than shown
 FLUSH_S: Final = 30.0  # the worker's patience with a sink at the end; close has its own
@@ -31,7 +29,7 @@ class SinkLike(Protocol):
     browser: str
 
     def begin(self) -> None: ...  # noqa: D102
-    def send(self, rows: Block, rate_hz: float, events: Sequence[EventLike]) -> None: ...  # noqa: D102
+    def send(self, rows: Block, rate_hz: float, events: Sequence[Event]) -> None: ...  # noqa: D102
     def flush(self, timeout_s: float) -> None: ...  # noqa: D102
     def close(self) -> None: ...  # noqa: D102
 
@@ -74,7 +72,7 @@ class Stream:
         self._rate_hz = rate_hz
         self._queue_bytes = queue_bytes
         self._changed = threading.Condition()  # guards all below
-        self._queue: deque[tuple[Block, Sequence[EventLike]]] = deque()
+        self._queue: deque[tuple[Block, Sequence[Event]]] = deque()
         self._closing = False
         self._frames = 0  # given to put
         self._pending = 0  # of these, queued or being sent
@@ -83,7 +81,7 @@ class Stream:
         self._worker = threading.Thread(target=self._run, name="rerun stream", daemon=True)
         self._worker.start()
 
-    def put(self, rows: Block, events: Sequence[EventLike] = ()) -> None:
+    def put(self, rows: Block, events: Sequence[Event] = ()) -> None:
         """Queue ``rows``, which the caller no longer touches, and their events.  Never waits for the sink."""
         with self._changed:
             self._frames += len(rows)
@@ -106,7 +104,9 @@ class Stream:
         self._worker.join(timeout_s)
         late = self._worker.is_alive()
         if late:
-            abandon()
+            import rerun
+
+            rerun.unregister_shutdown()  # else it would wait, when the process ends, for a sink that does not answer
         with self._changed:
             return self._report(f"the sink did not finish within {timeout_s:g} s" if late else "", 0)
 
@@ -126,7 +126,7 @@ class Stream:
         self._try(lambda: self._sink.flush(FLUSH_S))
         self._try(self._sink.close)
 
-    def _next(self) -> tuple[Block, Sequence[EventLike]] | None:
+    def _next(self) -> tuple[Block, Sequence[Event]] | None:
         """The next block, as soon as there is one; None when there will be no more."""
         with self._changed:
             self._changed.wait_for(lambda: self._queue or self._closing)
