@@ -56,7 +56,8 @@ def _size(pieces: Pieces) -> int:
     return sum(len(piece) if isinstance(piece, bytes) else piece.room for piece in pieces)
 
 
-def _tag(number: int, wire: int) -> bytes:
+def tag(number: int, wire: int) -> bytes:
+    """The tag of a protobuf field: its number and its wire type."""
     key = number << 3 | wire
     return bytes([key]) if key < 128 else bytes([key & 127 | 128, key >> 7])
 
@@ -85,7 +86,7 @@ def _payload(topic: Topic, fields: Sequence[Field]) -> Pieces:
         return _position()
     pieces: Pieces = []
     for number, field in enumerate(fields, 1):
-        pieces += [_tag(number, WIRE.get(field.kind, 0)), _element(topic, field)]
+        pieces += [tag(number, WIRE.get(field.kind, 0)), _element(topic, field)]
     return pieces
 
 
@@ -98,7 +99,7 @@ def _element(topic: Topic, field: Field) -> Value:
 
 
 def _nested(number: int, pieces: Pieces) -> Pieces:
-    return [_tag(number, 2), bytes([_size(pieces)]), *pieces]
+    return [tag(number, 2), bytes([_size(pieces)]), *pieces]
 
 
 def _text(number: int, text: str) -> Pieces:
@@ -106,14 +107,14 @@ def _text(number: int, text: str) -> Pieces:
 
 
 def _doubles(name: str, count: int) -> Pieces:
-    return [piece for i in range(count) for piece in (_tag(i + 1, 1), _derived(name, i))]
+    return [piece for i in range(count) for piece in (tag(i + 1, 1), _derived(name, i))]
 
 
 def _stamp(number: int) -> Pieces:
     """google.protobuf.Timestamp, both varints padded to five bytes."""
     seconds = [_derived("seconds", i) for i in range(5)]
     nanoseconds = [_derived("nanoseconds", i) for i in range(5)]
-    return _nested(number, [_tag(1, 0), *seconds, _tag(2, 0), *nanoseconds])
+    return _nested(number, [tag(1, 0), *seconds, tag(2, 0), *nanoseconds])
 
 
 def _numbers(name: str) -> dict[str, int]:
@@ -135,7 +136,7 @@ def _position() -> Pieces:
     number = _numbers("foxglove.LocationFix")
     pieces = [*_stamp(number["timestamp"]), *_text(number["frame_id"], AIRCRAFT)]
     for i, name in enumerate(("latitude", "longitude", "altitude")):
-        pieces += [_tag(number[name], 1), _derived("position", i)]
+        pieces += [tag(number[name], 1), _derived("position", i)]
     return pieces
 
 

@@ -20,6 +20,7 @@ from mcap.records import Attachment, Channel, DataEnd, Footer, Metadata, Schema
 from zlib_ng.zlib_ng import crc32
 
 from rig.errors import BadLog
+from rig.files import reported
 from rig.log.container import MAGIC
 from rig.log.decode import Damaged, Decoder, Part, damage, same_crc
 from rig.log.layout import LAYOUT, Layout
@@ -46,13 +47,11 @@ class About:
 
 def iter_parts(path: Path, about: About) -> Iterator[Part]:
     """Read ``path`` from end to end, filling ``about``; Damaged at the first byte that is not as it was written."""
-    try:
+    with reported(path, BadLog, "cannot be read"):
         if path.is_fifo():  # opening one waits for a writer
             raise BadLog(f"{path}: is a pipe, no file")
         with path.open("rb") as file:
             yield from _parts(file, path, about)
-    except OSError as error:
-        raise BadLog(f"{path}: cannot be read: {error.strerror}") from None
 
 
 def _parts(file: BinaryIO, path: Path, about: About) -> Iterator[Part]:
