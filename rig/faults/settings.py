@@ -195,7 +195,7 @@ class Placed(Triggered):
         where = site(self.signal)
         if where not in self.sites:
             on = f"{self.signal}, a discrete" if where == "discrete" else self.signal
-            raise ValueError(f"signal: {kind_of(self)} cannot sit on {on}, allowed: {', '.join(self.sites)}")
+            raise ValueError(f"signal: {dict(self)['kind']} cannot sit on {on}, allowed: {', '.join(self.sites)}")
         if where in CHANNELLED and not self.channels:
             raise ValueError("channels: at least 1 is needed")
         if where not in CHANNELLED and self.channels:
@@ -234,8 +234,3 @@ class Ramped(Corrupted):
     """A fault that may come on gradually."""
 
     ramp_s: float = quantity("s", "its effect grows linearly from nothing over this time", 0.0, ge=0)
-
-
-def kind_of(fault: Settings) -> str:
-    """The kind of a fault, as in its ``kind`` key."""
-    return str(getattr(fault, "kind"))  # noqa: B009 # every kind has one, in its own class

@@ -27,13 +27,14 @@ from rig.frame import Block
 from rig.log.container import COMPRESSION
 from rig.log.layout import Layout
 from rig.log.record import HEAD, MESSAGE_OPCODE
-from rig.log.tables import EVENT_CHANNEL
-from rig.record.event import Event, Severity
+from rig.log.tables import EVENT_CHANNEL, LEVELS
+from rig.record.event import Event
 
 CHUNK_LIMIT: Final = 1 << 28  # bytes that a chunk may claim; ours have 1 MiB
 AHEAD: Final = 8  # chunks that are decoded before they are asked for
 THREADS: Final = min(4, os.cpu_count() or 1)  # nearly all of decoding leaves the interpreter to others
-_MALFORMED: Final = (McapError, DecodeError, ValueError, LookupError, struct.error, zstandard.ZstdError)
+# Raised by bytes that make no sense.
+MALFORMED: Final = (McapError, DecodeError, ValueError, LookupError, struct.error, zstandard.ZstdError)
 
 
 class Damaged(BadLog):
@@ -50,7 +51,7 @@ def damage(path: Path, at: int) -> Iterator[None]:
     """Whatever comes of bytes that make no sense, as Damaged at byte ``at``."""
     try:
         yield
-    except _MALFORMED as error:
+    except MALFORMED as error:
         raise Damaged(path, f"damaged at byte {at}: {error}", at) from None
 
 
@@ -121,11 +122,7 @@ def decode(content: bytes, layout: Layout) -> Part:
     return Part(rows, timing, events, entries, chunk)
 
 
-_LEVELS: Final[dict[Any, Severity]] = {
-    FoxgloveLog.INFO: "info",
-    FoxgloveLog.WARNING: "warning",
-    FoxgloveLog.ERROR: "error",
-}
+_LEVELS: Final = {code: level for level, code in LEVELS.items()}
 
 
 def _events(data: bytes, offset: int) -> tuple[list[Event], list[tuple[int, int]]]:

@@ -21,7 +21,7 @@ from rig.log.layout import ROW, log_times
 from rig.log.packing import empty_rows, pack
 from rig.log.record import HEAD, MESSAGE_OPCODE
 from rig.log.schema import SCHEMA_VERSION
-from rig.log.tables import EVENT_CHANNEL, RESULT, RIG, opening, runs_of
+from rig.log.tables import EVENT_CHANNEL, LEVELS, RESULT, RIG, opening, runs_of
 from rig.record.event import Event
 
 # Nearly all that repeats is in the row before, so a small table finds it: smaller files than those of
@@ -165,12 +165,9 @@ class LogWriter:
         return RigError(f"{self.path}: {what} ({error.strerror}), flight stopped at {end:.3f} s; {state}")
 
 
-_LEVELS: Final = {"info": FoxgloveLog.INFO, "warning": FoxgloveLog.WARNING, "error": FoxgloveLog.ERROR}
-
-
 def _event(event: Event, time: int) -> bytes:
     """The message record of an event."""
-    message = FoxgloveLog(level=_LEVELS[event.level], message=event.text, name=event.name)
+    message = FoxgloveLog(level=LEVELS[event.level], message=event.text, name=event.name)
     message.timestamp.FromNanoseconds(time)
     data = message.SerializeToString()
     length = HEAD.size - 9 + len(data)

@@ -18,15 +18,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from functools import cache, lru_cache
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
-from rig.frame import DISCRETES, SIGNALS, Block
+from rig.frame import SIGNALS, Block
 from rig.frame.fields import FIELD, places
+from rig.log.schema import TOPICS_OF_ROWS, Topic
 from rig.record.event import Event
 from rig.view import derived, lanes
 from rig.view.facts import UNKNOWN, Facts
@@ -34,24 +35,6 @@ from rig.view.scene import Scene, time_column
 from rig.view.style import VOTED, Color
 
 _LEVELS: Final = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
-
-
-class Entity(NamedTuple):
-    """One entity with one struct; ``item`` is its row in the arrays of FRAME, None where there are no rows."""
-
-    path: str
-    archetype: str
-    item: int | None
-
-
-ENTITIES: Final = (
-    *(Entity(signal.topic, "rig.Signal", i) for i, signal in enumerate(SIGNALS)),
-    *(Entity(discrete.topic, "rig.Discrete", i) for i, discrete in enumerate(DISCRETES)),
-    Entity("/control", "rig.Control", None),
-    Entity("/demand", "rig.Demand", None),
-    Entity("/inertial", "rig.Inertial", None),
-    Entity("/flight", "rig.Flight", None),
-)
 
 
 class Columns:
@@ -84,11 +67,11 @@ class Columns:
         nanoseconds = np.rint(rows["frame"] * (1e9 / self._rate_hz))
         time = [time_column(nanoseconds)]
         acts = derived.fault_acts(rows, self._facts)
-        for entity in ENTITIES:
-            components = [_message(entity.archetype, struct(rows, entity))]
-            if entity.archetype == "rig.Signal" and entity.item is not None:
-                components += self._derived(rows, entity.item, acts)
-            self._columns(entity.path, time, [column for one in components for column in one])
+        for topic in TOPICS_OF_ROWS:
+            components = [_message(topic.message, struct(rows, topic))]
+            if topic.message == "rig.Signal" and topic.item is not None:
+                components += self._derived(rows, topic.item, acts)
+            self._columns(topic.name, time, [column for one in components for column in one])
         for change in lanes.changes(rows, self._before, self._facts.faults):
             states = rr.StateChange.columns(state=change.states)
             self._columns(change.path, [time_column(nanoseconds[change.rows])], states)
@@ -135,10 +118,10 @@ def words(event: Event) -> str:
     return f"{event.name}: {event.text}" if event.name.startswith("fault") else event.text
 
 
-def struct(rows: Block, entity: Entity) -> pa.StructArray:
-    """The fields of ``entity`` in every row, one struct each."""
-    item = () if entity.item is None else (entity.item,)
-    shown = places(entity.archetype)
+def struct(rows: Block, topic: Topic) -> pa.StructArray:
+    """The fields of a topic's message in every row, one struct each."""
+    item = () if topic.item is None else (topic.item,)
+    shown = places(topic.message)
     arrays = [_array(place.field, rows[place.field][(slice(None), *item, *place.index)]) for place in shown]
     fields = [pa.field(p.name, array.type, nullable=False) for p, array in zip(shown, arrays, strict=True)]
     return pa.StructArray.from_arrays(arrays, fields=fields)
