@@ -6,7 +6,7 @@ sensors at once (ice).  A trigger begins it.  Several faults on one value act in
 
 from rig.faults.corrupt import actuate, corrupt, corrupt_reference
 from rig.faults.discretes import Inverted, Toggling
-from rig.faults.executed import Execution, executed
+from rig.faults.executed import Execution
 from rig.faults.fault import KINDS, Fault, check
 from rig.faults.kinds import (
     CrossTalk,

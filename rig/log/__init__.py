@@ -13,19 +13,6 @@ from rig.record.event import Event
 if TYPE_CHECKING:
     from rig.log.writer import LogWriter
 
-__all__ = [
-    "SCHEMA_VERSION",
-    "DiscreteArrays",
-    "Event",
-    "Log",
-    "LogWriter",
-    "Recovered",
-    "SignalArrays",
-    "iter_chunks",
-    "read_log",
-    "recover",
-]
-
 
 def __getattr__(name: str) -> Any:
     """The writer on first use: it has kernels, and who reads a log need not wait for them."""
