@@ -28,7 +28,7 @@ from rig.log.container import COMPRESSION
 from rig.log.layout import Layout
 from rig.log.record import HEAD, MESSAGE_OPCODE
 from rig.log.tables import EVENT_CHANNEL, LEVELS
-from rig.record.event import Event
+from rig.record.event import Event, Severity
 
 CHUNK_LIMIT: Final = 1 << 28  # bytes that a chunk may claim; ours have 1 MiB
 AHEAD: Final = 8  # chunks that are decoded before they are asked for
@@ -122,7 +122,7 @@ def decode(content: bytes, layout: Layout) -> Part:
     return Part(rows, timing, events, entries, chunk)
 
 
-_LEVELS: Final = {code: level for level, code in LEVELS.items()}
+_LEVELS: Final[dict[Any, Severity]] = {code: level for level, code in LEVELS.items()}
 
 
 def _events(data: bytes, offset: int) -> tuple[list[Event], list[tuple[int, int]]]:
