@@ -41,6 +41,15 @@ def is_pipe(path: Path) -> bool:
 
 
 @contextmanager
+def reported(where: Path | str, kind: type[RigError] = RigError, what: str = "cannot be written") -> Iterator[None]:
+    """Say in one line, as ``kind``, what the system refuses in the block: ``where``, ``what`` and the reason."""
+    try:
+        yield
+    except OSError as error:
+        raise kind(f"{where}: {what}: {error.strerror}") from None
+
+
+@contextmanager
 def draft(path: Path) -> Iterator[Path]:
     """A new empty file beside ``path``, under a name that nobody else has; it is removed at the end.
 
@@ -48,10 +57,8 @@ def draft(path: Path) -> Iterator[Path]:
     """
     _check(path)
     made = path.with_name(f".{path.name[:_KEPT]}.{secrets.token_hex(4)}{DRAFT}")
-    try:
+    with reported(path, BadInput):
         made.touch(exist_ok=False)
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be written: {error.strerror}") from None
     try:
         yield made
     finally:
@@ -66,19 +73,14 @@ def replaced(path: Path) -> Iterator[Path]:
     """
     with draft(path) as made:
         yield made
-        try:
+        with reported(path):
             made.replace(path)
-        except OSError as error:
-            raise RigError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def write_text(path: Path, text: str) -> None:
     """Write UTF-8 with Unix line ends, all of it or nothing. BadInput as of ``draft``, RigError: the disk."""
-    with replaced(path) as made:
-        try:
-            made.write_text(text, encoding="utf-8", newline="\n")
-        except OSError as error:
-            raise RigError(f"{path}: cannot be written: {error.strerror}") from None
+    with replaced(path) as made, reported(path):
+        made.write_text(text, encoding="utf-8", newline="\n")
 
 
 def numbered(folder: Path, stem: str, ending: str) -> Iterator[Path]:
@@ -92,17 +94,16 @@ def numbered(folder: Path, stem: str, ending: str) -> Iterator[Path]:
 def publish(made: Path, paths: Iterable[Path]) -> Path:
     """Rename a draft to the first of ``paths`` that is free, and say which. RigError when it cannot be renamed."""
     for path in paths:
-        try:
-            path.touch(exist_ok=False)  # ours from here on, whoever else looks for a name
-        except FileExistsError:
-            continue
-        except OSError as error:
-            raise RigError(f"{path}: cannot be written: {error.strerror}") from None
-        try:
-            return made.replace(path)
-        except OSError as error:
-            path.unlink(missing_ok=True)
-            raise RigError(f"{path}: cannot be written: {error.strerror}") from None
+        with reported(path):
+            try:
+                path.touch(exist_ok=False)  # ours from here on, whoever else looks for a name
+            except FileExistsError:
+                continue
+            try:
+                return made.replace(path)
+            except OSError:
+                path.unlink(missing_ok=True)
+                raise
     raise RigError(f"{made.parent}: no free name")
 
 

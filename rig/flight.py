@@ -198,7 +198,10 @@ def _record(
     """Run the frames through verdict, log and stream; the log is finished whatever happens."""
     check_where(asked.rerun)
     rig, viewer = loop.Rig(scenario), asked.viewer
-    about = {} if unit is None else _with_unit(unit, rig, scenario, pace, stop)
+    about = {}
+    if unit is not None:
+        under_test.put(unit, rig, scenario, pace, stop)
+        about["unit"] = json.dumps({**unit.unit.about(), "said": unit.said})
     records = Records(scenario, pace, unit, keys)
     if keys is not None:
         rig.asked = keys.of_flight(rig, pace, stop)
@@ -252,12 +255,6 @@ def _told(asked: _Asked, scenario: Scenario, stream: Stream | None, records: Rec
     if (progress := asked.progress) is not None:
         told.append(lambda rows, events, timing: progress(records.verdict.frames, scenario.frames))
     return told
-
-
-def _with_unit(unit: UnitUnderTest, rig: loop.Rig, scenario: Scenario, pace: Pace, stop: Stop) -> dict[str, str]:
-    """Put the unit in the place of our manager; what the log says of it."""
-    under_test.put(unit, rig, scenario, pace, stop)
-    return {"unit": json.dumps({**unit.unit.about(), "said": unit.said})}
 
 
 def _fly(rig: loop.Rig, scenario: Scenario, pace: Pace, stop: Stop, recorder: Recorder) -> ManagerFailed | None:

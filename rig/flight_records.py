@@ -91,12 +91,7 @@ class Records(Findings):
 
 def event_finder(scenario: Scenario) -> EventFinder:
     """What finds the events of a flight of this scenario."""
-    return EventFinder(labels(scenario))
-
-
-def labels(scenario: Scenario) -> list[str]:
-    """The faults of a scenario by name, for the event finder."""
-    return [fault.label for fault in scenario.faults]
+    return EventFinder([fault.label for fault in scenario.faults])
 
 
 def end_reason(verdict: Verdict, stop: Stop, scenario: Scenario) -> str:

@@ -16,7 +16,7 @@ from test_log_writer import RATE, random_block, random_timing, summary_of, write
 import rig
 from rig.errors import BadLog
 from rig.frame import FLAT, INDEX, TIMING
-from rig.log import LoggedEvent, LogWriter, iter_chunks, read_log, schema
+from rig.log import LogWriter, iter_chunks, read_log, schema
 from rig.log.decode import Damaged
 from rig.log.scan import About, iter_parts
 from rig.record.events import Event
@@ -53,7 +53,7 @@ def test_every_element_of_a_frame_has_exactly_one_place_in_the_log():
 def test_a_log_tells_all_that_was_said(tmp_path):
     write(tmp_path / "a.mcap", 250, EVENTS, result={"survived": "true", "digest": "00ff"})
     log = read_log(tmp_path / "a.mcap")
-    assert log.events == [LoggedEvent(e.frame, e.level, e.name, e.text) for e in EVENTS]
+    assert log.events == list(EVENTS)
     assert log.metadata == {"scenario": "{}", "schema_version": str(schema.SCHEMA_VERSION), "rate_hz": "100.0"}
     assert log.result == {"survived": "true", "digest": "00ff"}
     assert log.scenario_text == "duration_s = 1\n"

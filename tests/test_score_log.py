@@ -15,7 +15,7 @@ from rig import scenario
 from rig.campaign.flying import fly as fly_in_memory
 from rig.cli.main import app
 from rig.errors import BadInput, BadLog
-from rig.faults import executed
+from rig.faults import Execution
 from rig.files import bundled
 from rig.flight import Flight, fly
 from rig.frame import DISCRETE_INDEX, INDEX
@@ -153,7 +153,9 @@ def test_every_bundled_scenario_is_scored_and_agrees_on_what_was_executed(path: 
     rows = fly_rows(which)
     found = score(which, rows)
     acted = [any(f.outcome != "not executed" for f in found.faults if f.index == i) for i in range(len(which.faults))]
-    assert acted == executed(which.faults, rows)
+    execution = Execution(which.faults)
+    execution.add(rows)
+    assert acted == execution.executed
     assert {fault.index for fault in found.faults} == set(range(len(which.faults)))
     json.dumps(found.as_dict(), allow_nan=False)
 

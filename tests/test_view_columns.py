@@ -16,9 +16,10 @@ from rig.errors import BadInput, BadLog
 from rig.frame import FLAT, INDEX, TIMING, TWO_PI, Block, Ilm, Pattern, Resolver, State, new_block
 from rig.frame.fields import FIELD, places
 from rig.log import LogWriter
+from rig.log.schema import TOPICS_OF_ROWS, Topic
 from rig.record.events import Event
 from rig.view import derived, lanes
-from rig.view.columns import ENTITIES, Columns, struct
+from rig.view.columns import Columns, struct
 from rig.view.facts import Facts, FaultFact
 from rig.view.opened import read, save
 from rig.view.scene import POINTS, TIMELINE, Scene, east_north_up, position
@@ -70,18 +71,18 @@ def components(chunks: Iterable[Chunk]) -> dict[tuple[str, str], tuple[Any, Any]
     return found
 
 
-@pytest.mark.parametrize("entity", ENTITIES, ids=lambda entity: entity.path)
-def test_every_field_of_a_struct_is_its_column_of_the_rows(rows: Block, entity: Any) -> None:
-    shown = struct(rows, entity)
-    for column in places(entity.archetype):
-        place = (slice(None), *(() if entity.item is None else (entity.item,)), *column.index)
+@pytest.mark.parametrize("topic", TOPICS_OF_ROWS, ids=lambda topic: topic.name)
+def test_every_field_of_a_struct_is_its_column_of_the_rows(rows: Block, topic: Topic) -> None:
+    shown = struct(rows, topic)
+    for column in places(topic.message):
+        place = (slice(None), *(() if topic.item is None else (topic.item,)), *column.index)
         array = shown.field(column.name)
         values = array.field("value") if pa.types.is_struct(array.type) else array
         np.testing.assert_array_equal(values.to_numpy(zero_copy_only=False), rows[column.field][place])
 
 
 def test_every_field_of_the_frame_is_shown_once() -> None:
-    shown = {c.field for archetype in {e.archetype for e in ENTITIES} for c in places(archetype)}
+    shown = {c.field for message in {topic.message for topic in TOPICS_OF_ROWS} for c in places(message)}
     assert shown == set(FLAT.names or ()) - {"frame"}
 
 
@@ -240,7 +241,7 @@ def test_places_are_written_as_people_read_them() -> None:
 def test_a_code_that_its_enum_does_not_know_is_shown_without_a_name() -> None:
     rows = new_block(2)
     rows["pattern"][1] = 200
-    shown = struct(rows, ENTITIES[0]).field("pattern").to_pylist()
+    shown = struct(rows, TOPICS_OF_ROWS[0]).field("pattern").to_pylist()
     assert shown == [{"name": Pattern.NORMAL.name, "value": 0}, {"name": None, "value": 200}]
 
 
@@ -249,5 +250,5 @@ def test_enums_are_shown_by_name(source: str, enum: Any) -> None:
     rows = new_block(len(enum))
     for field in ("resolver", "ilm", "state"):
         rows[field].T[:] = np.arange(len(enum))
-    shown = struct(rows, ENTITIES[0]).field(source).to_pylist()
+    shown = struct(rows, TOPICS_OF_ROWS[0]).field(source).to_pylist()
     assert shown == [{"name": member.name, "value": member.value} for member in enum]

@@ -21,7 +21,7 @@ from rig.cli.main import app
 from rig.errors import BadInput, BadLog
 from rig.frame import SIGNALS, TIMING, Block, End, Pattern, Resolver, Source, State, new_block
 from rig.log import LogWriter, read_log
-from rig.record.events import Event, EventLike
+from rig.record.events import Event
 from rig.view.watch.draw import InPipe, InProcess, OnTerminal
 from rig.view.watch.live import Watch, watching
 from rig.view.watch.page import EVENTS, Page
@@ -157,7 +157,7 @@ def test_what_draws_may_hang_and_does_not_hold_the_flight_up() -> None:
     class Stuck(InPipe):
         gate = threading.Event()
 
-        def draw(self, row: Block | None, rate_hz: float, events: Sequence[EventLike]) -> None:
+        def draw(self, row: Block | None, rate_hz: float, events: Sequence[Event]) -> None:
             self.gate.wait()
 
     watch = Watch(Stuck(pipe()), None)

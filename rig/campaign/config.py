@@ -10,6 +10,7 @@ import math
 import os
 import re
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Literal
 
@@ -150,10 +151,10 @@ class Campaign(Settings):
     def _whole(self) -> Campaign:
         if self.sampling != "grid" and self.runs is None:
             raise ValueError(f"runs: how many, when sampling is {self.sampling!r}")
-        keys = [*self.set, *(key for key, _ in self.varied())]
-        if "seed" in (*keys, *(key for cases in self.cases.values() for case in cases for key in case.set)):
+        keys = [*self.set, *(key for key, _ in self.varied()), *(key for case in self.all_cases() for key in case.set)]
+        if "seed" in keys:
             raise ValueError("seed: each run has its own, from the campaign's seed and the run's number")
-        names = [*self.vary, *self.cases, *{k for cases in self.cases.values() for case in cases for k in case.vary}]
+        names = [*self.vary, *self.cases, *{key for case in self.all_cases() for key in case.vary}]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"{twice[0]}: varied in two places")
@@ -173,12 +174,13 @@ class Campaign(Settings):
         if max(axes, default=0) > MOST_RUNS or (self.runs is None and math.prod(axes) * _points(self.vary) > MOST_RUNS):
             raise ValueError(f"vary: the grid has more than {MOST_RUNS} points: fewer levels, or another sampling")
 
+    def all_cases(self) -> list[Case]:
+        """The cases of all groups."""
+        return list(chain(*self.cases.values()))
+
     def varied(self) -> Iterator[tuple[str, Vary]]:
         """Everything that varies on its own, the cases' own included."""
-        yield from self.vary.items()
-        for cases in self.cases.values():
-            for case in cases:
-                yield from case.vary.items()
+        return chain(self.vary.items(), *(case.vary.items() for case in self.all_cases()))
 
     def what(self) -> dict[str, Any]:
         """All that decides the table, as plain data; ``from_what`` reads it back."""

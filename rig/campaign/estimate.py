@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from rig.campaign.alone import fly_alone
 from rig.campaign.flying import Orders, keeps, log_path
@@ -29,10 +29,6 @@ class Estimate:
     logs: int  # kept; of ``failures`` nobody knows before
     disk_bytes: int
     us_per_frame: float  # measured, everything included
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain data."""
-        return asdict(self)
 
 
 def estimate(plan: Plan, runs: int | None = None) -> Estimate:
@@ -59,11 +55,9 @@ def estimate(plan: Plan, runs: int | None = None) -> Estimate:
 
 def _durations(plan: Plan, count: int) -> list[float]:
     """Seconds of every run, built one by one only where they may differ."""
-    sets = [case.set for cases in plan.campaign.cases.values() for case in cases]
-    differ = any(key == "duration_s" for key in (*(key for key, _ in plan.campaign.varied()), *chain(*sets)))
-    if not differ:
-        return [_duration(plan, 0)] * count
-    return [_duration(plan, number) for number in range(count)]
+    sets = (case.set for case in plan.campaign.all_cases())
+    differ = "duration_s" in (*(key for key, _ in plan.campaign.varied()), *chain(*sets))
+    return [_duration(plan, number) for number in range(count)] if differ else [_duration(plan, 0)] * count
 
 
 def _duration(plan: Plan, number: int) -> float:

@@ -29,7 +29,7 @@ from rig.campaign.plan import Plan
 from rig.campaign.rows import TABLES, Rows
 from rig.computer.external.settings import Unit
 from rig.errors import BadInput, RigError
-from rig.files import DRAFT, is_file, replaced
+from rig.files import DRAFT, is_file, replaced, reported
 from rig.trust import Trust
 
 _ABOUT: Final = "campaign.json"
@@ -118,15 +118,14 @@ class Folder:
     def _write(self, path: Path, data: bytes) -> None:
         """Beside, on the disk, renamed: after any interruption all of it is there or nothing."""
         try:
-            path.parent.mkdir(exist_ok=True)
-            with replaced(path) as draft, draft.open("wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
+            with reported(path):
+                path.parent.mkdir(exist_ok=True)
+                with replaced(path) as draft, draft.open("wb") as file:
+                    file.write(data)
+                    file.flush()
+                    os.fsync(file.fileno())
         except BadInput as error:
             raise RigError(str(error)) from None
-        except OSError as error:
-            raise RigError(f"{path}: cannot be written: {error.strerror}") from None
 
     @cached_property
     def tables(self) -> dict[str, pl.DataFrame]:

@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 
 from rig.campaign import table
 from rig.campaign.plan import Plan
-from rig.campaign.rows import TABLES
+from rig.campaign.rows import OUTCOMES, TABLES
 from rig.errors import BadInput
 from rig.files import is_file
 from rig.record.time_bins import BINS
 
 # Columns of ``runs`` that together say how many rows of another table a run has.
 _COUNTS = {
-    "faults": ("detected", "missed", "undetectable", "not_executed"),
+    "faults": tuple(OUTCOMES.values()),
     "alarms": ("false_alarms", "wrong_isolations"),
 }
 

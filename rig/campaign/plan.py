@@ -112,7 +112,9 @@ class Plan:
     def identity(self) -> dict[str, Any]:
         """All that decides the table: the campaign, and the tables of every aircraft in it."""
         names = sorted({self[number].aircraft for number in self._combinations})
-        return {"campaign": self.campaign.what(), "aircraft": {name: _sha256(self._tables(name)) for name in names}}
+        texts = {name: json.dumps(self._tables(name), sort_keys=True) for name in names}
+        hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in texts.items()}
+        return {"campaign": self.campaign.what(), "aircraft": hashes}
 
     @cached_property
     def _combinations(self) -> list[int]:
@@ -124,7 +126,3 @@ class Plan:
             known = names if all(type(name) is str for name in names) else json.dumps(names, default=str)
             firsts.setdefault(known, number)
         return list(firsts.values())
-
-
-def _sha256(data: Any) -> str:
-    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()

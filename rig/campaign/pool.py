@@ -134,11 +134,6 @@ class Cluster:
 Pool = Local | Cluster
 
 
-def open_pool(workers: int, scheduler: str | None) -> Pool:
-    """The cluster of ``scheduler``, or ``workers`` processes, which begin to get ready."""
-    return Local(workers) if scheduler is None else Cluster(scheduler)
-
-
 def _begin() -> None:
     """A worker's first act: Ctrl-C and SIGHUP are the parent's, and without the parent there is nothing to do."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

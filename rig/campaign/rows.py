@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, get_args
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from rig.frame import INDEX, SIGNALS, Block, Pattern
 from rig.record.time_bins import binned
 from rig.scenario import Scenario
 from rig.score import FaultScore, Score
+from rig.score.record import Outcome
 
 if TYPE_CHECKING:
     from rig.campaign.flying import Flown
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 Row = dict[str, Any]
 Rows = dict[str, list[Row]]  # by table
 TABLES: Final[tuple[str, ...]] = ("runs", "faults", "alarms", "episodes")  # columns: table.py
-_OUTCOMES: Final = ("detected", "missed", "undetectable", "not executed")
+OUTCOMES: Final = {outcome: outcome.replace(" ", "_") for outcome in get_args(Outcome)}  # and their columns in ``runs``
 # The setting that says how large a fault is, by kind; kinds without one have no magnitude.
 SIZES: Final = {
     "offset": ("offset",),
@@ -57,7 +58,7 @@ def run_row(number: int, flown: Flown, scored: Score) -> Row:
         "survived": verdict.survived,
         "end_reason": flown.end_reason,
         **{name: value if math.isfinite(value) else None for name, value in asdict(verdict.peaks).items()},
-        **{outcome.replace(" ", "_"): outcomes.count(outcome) for outcome in _OUTCOMES},
+        **{column: outcomes.count(outcome) for outcome, column in OUTCOMES.items()},
         "false_alarms": len(scored.false_alarms),
         "wrong_isolations": len(scored.wrong_isolations),
         "channel_hours": channel_hours(scenario, verdict.frames, scored),

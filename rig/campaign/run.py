@@ -22,7 +22,7 @@ from rig.campaign.flying import Orders, fly_batch
 from rig.campaign.folder import Folder
 from rig.campaign.identity import rig_identity
 from rig.campaign.plan import Plan, Run
-from rig.campaign.pool import Pool, open_pool
+from rig.campaign.pool import Cluster, Local, Pool
 from rig.campaign.rows import Rows
 from rig.campaign.units import fits
 from rig.computer.external.settings import Unit
@@ -115,7 +115,7 @@ def run(
     how = plan.campaign.run
     count = plan.count(runs)
     most = fits(unit, workers) or how.workers
-    pool = open_pool(most, scheduler)  # first: workers get ready while the runs are checked
+    pool = Local(most) if scheduler is None else Cluster(scheduler)  # first: workers get ready during the checks
     kill = True
     try:
         plan.check()

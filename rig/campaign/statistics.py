@@ -113,8 +113,7 @@ class _Logistic:
 
     def __init__(self, x: NDArray[np.float64], n: NDArray[np.float64], k: NDArray[np.float64]) -> None:
         self.x, self.n, self.k = x, n, k
-        gap = (float(x[k > 0].min()) + float(x[k < n].max())) / 2.0
-        self.middle = gap
+        self.middle = (float(x[k > 0].min()) + float(x[k < n].max())) / 2.0  # of the gap between separated trials
         self.best = self._climb()
 
     def loss(self, at: float, steepness: float, shift: float) -> float:
@@ -127,26 +126,24 @@ class _Logistic:
         return float(self._slope(at, shift).fun)
 
     def _slope(self, at: float, shift: float) -> Any:
-        # Not convex in the slope: a coarse look first.
-        grid = np.linspace(_FLATTEST, _STEEPEST, 25)
-        near = int(np.argmin([self.loss(at, s, shift) for s in grid]))
-        bounds = (grid[max(near - 1, 0)], grid[min(near + 1, len(grid) - 1)])
-        return minimize_scalar(lambda s: self.loss(at, s, shift), bounds=bounds, method="bounded")
+        return _least(lambda s: self.loss(at, s, shift), np.linspace(_FLATTEST, _STEEPEST, 25))
 
     def _climb(self) -> tuple[float, float]:
         """(ln m50, ln slope) of the largest likelihood."""
-        grid = np.linspace(self.x[0], self.x[-1], 41)
-        near = int(np.argmin([self.profile(at, 0.0) for at in grid]))
-        bounds = (grid[max(near - 1, 0)], grid[min(near + 1, len(grid) - 1)])
-        found: Any = minimize_scalar(
-            lambda m: self.profile(m, 0.0), bounds=bounds, method="bounded", options={"xatol": 1e-9}
-        )
+        found = _least(lambda m: self.profile(m, 0.0), np.linspace(self.x[0], self.x[-1], 41), xatol=1e-9)
         return float(found.x), float(self._slope(float(found.x), 0.0).x)
 
     @property
     def least(self) -> float:
         """The loss of the best fit."""
         return self.loss(*self.best, 0.0)
+
+
+def _least(function: Callable[[float], float], grid: NDArray[np.float64], **options: float) -> Any:
+    """The minimum of a function that may have several: a coarse look over ``grid`` first."""
+    near = int(np.argmin([function(at) for at in grid]))
+    bounds = (grid[max(near - 1, 0)], grid[min(near + 1, len(grid) - 1)])
+    return minimize_scalar(function, bounds=bounds, method="bounded", options=options)
 
 
 def _magnitude(fit: _Logistic, probability: float, separated: bool, confidence: float) -> Magnitude:

@@ -18,7 +18,7 @@ from typing import Any, Final
 import polars as pl
 
 from rig.campaign.plan import Plan
-from rig.campaign.rows import TABLES, Row
+from rig.campaign.rows import OUTCOMES, TABLES, Row
 from rig.record.flight_summary import Peaks
 
 WALL_CLOCK: Final = ("wall_s", "replies")  # no part of what must be the same in every run of a campaign
@@ -38,10 +38,7 @@ RUNS: Final[dict[str, Any]] = {
     "survived": pl.Boolean,
     "end_reason": pl.String,
     **{field.name: pl.Float64 for field in fields(Peaks)},
-    "detected": pl.Int64,
-    "missed": pl.Int64,
-    "undetectable": pl.Int64,
-    "not_executed": pl.Int64,
+    **dict.fromkeys(OUTCOMES.values(), pl.Int64),
     "false_alarms": pl.Int64,
     "wrong_isolations": pl.Int64,
     "channel_hours": pl.Float64,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -48,7 +49,7 @@ def plan(
     planned = _plan(file, sets, allow_code)
     planned.check()
     expected = estimate(planned, runs)
-    listed = lambda: {**expected.as_dict(), "list": show.plan_rows(planned, runs)}  # noqa: E731 # read once
+    listed = lambda: {**asdict(expected), "list": show.plan_rows(planned, runs)}  # noqa: E731 # read once
     emit(as_json, listed, lambda: show.plan(planned, expected))
 
 

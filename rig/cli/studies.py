@@ -27,13 +27,12 @@ def ding2015(
 ) -> None:
     """The B707 with a lying pitch-angle sensor: printed numbers against ours, and the honest experiment."""
     from rig.errors import BadInput
+    from rig.files import reported
     from rig.studies import figures
     from rig.studies.ding2015 import study as compute
 
-    try:
+    with reported(f"--out {out}", BadInput, "figures cannot be kept there"):
         out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInput(f"--out {out}: figures cannot be kept there: {error.strerror}") from None
     found = compute()
     files = [str(path) for path in figures.write(found, out)]
     emit(as_json, {**found.as_dict(), "figures": files}, lambda: _show(found, files))

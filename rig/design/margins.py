@@ -23,6 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from rig.computer.control.gains import Margin
+
 Matrix = NDArray[np.float64]
 
 FARTHEST_GAIN_DB = 40.0
@@ -57,20 +59,6 @@ class Loop:
         """Closed-loop eigenvalues in the s-plane [rad/s], those of a pure delay left out."""
         z = np.linalg.eigvals(self.closed(np.ones(self.g.shape[1], np.complex128)))
         return (np.log(z[np.abs(z) > 1e-6]) / self.period_s).astype(np.complex128)
-
-
-@dataclass(frozen=True, slots=True)
-class Margins:
-    """How far one actuator's command may be off before the loop is unstable.
-
-    ``gain_increase_db`` and ``gain_decrease_db`` are both positive numbers; a margin that is not
-    found within 40 dB or 120 degrees is given as that.
-    """
-
-    gain_increase_db: float
-    gain_decrease_db: float
-    phase_deg: float
-    crossover_rad_s: float
 
 
 def sampled_loop(
@@ -109,10 +97,10 @@ def holds(loop: Loop, actuator: int, gain_db: float, phase_deg: float) -> bool:
     return all(loop.stable(actuator, factor) for factor in factors)
 
 
-def margins(loop: Loop, actuator: int) -> Margins:
+def margins(loop: Loop, actuator: int) -> Margin:
     """The margins at ``actuator`` (a column of G); all zero when the loop is unstable as it stands."""
     if not loop.stable():
-        return Margins(0.0, 0.0, 0.0, 0.0)
+        return Margin(gain_increase_db=0.0, gain_decrease_db=0.0, phase_deg=0.0, crossover_rad_s=0.0)
 
     def stable_at_gain(decibel: float) -> bool:
         return loop.stable(actuator, 10.0 ** (decibel / 20.0))
@@ -120,7 +108,7 @@ def margins(loop: Loop, actuator: int) -> Margins:
     def stable_at_phase(degree: float) -> bool:
         return loop.stable(actuator, complex(np.exp(-1j * math.radians(degree))))
 
-    return Margins(
+    return Margin(
         gain_increase_db=_first_failure(stable_at_gain, FARTHEST_GAIN_DB, 0.5),
         gain_decrease_db=_first_failure(lambda x: stable_at_gain(-x), FARTHEST_GAIN_DB, 0.5),
         phase_deg=_first_failure(stable_at_phase, FARTHEST_PHASE_DEG, 2.0),

@@ -102,16 +102,8 @@ def split(errors: Summary) -> tuple[Summary, Summary]:
 
 
 def _designed(airframe: Airframe, points: list[Point], errors: Summary, airspeeds: Summary | None = None) -> Designed:
-    place = airframe.accelerometer
-    return Designed(
-        rate_hz=RATE_HZ,
-        accelerometer_x_m=place.x_m,
-        accelerometer_y_m=place.y_m,
-        accelerometer_z_m=place.z_m,
-        points=points,
-        errors=errors,
-        airspeed_errors=airspeeds or {},
-    )
+    place = {f"accelerometer_{key}": value for key, value in airframe.accelerometer}
+    return Designed(rate_hz=RATE_HZ, **place, points=points, errors=errors, airspeed_errors=airspeeds or {})
 
 
 def coefficients(linear: Linear) -> dict[str, float]:
@@ -260,6 +252,5 @@ def write(designed: Designed, path: Path) -> None:
 
 def render(designed: Designed) -> str:
     """The text of references.toml."""
-    return "# Written by the design from aircraft.toml and gains.toml; do not edit.\n\n" + tomli_w.dumps(
-        designed.model_dump()
-    )
+    head = "# Written by the design from aircraft.toml and gains.toml; do not edit.\n\n"
+    return head + tomli_w.dumps(designed.model_dump())

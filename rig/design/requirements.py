@@ -6,7 +6,7 @@ What is checked is the whole sampled loop, with the law as it is coded (loops.py
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Final
 
 from pydantic import Field
@@ -109,13 +109,13 @@ def with_margins(case: Case, point: Point) -> Point:
     for plane in case.planes:
         for law in LAWS:
             loop = case.loop(point, law, plane)
-            found[law] |= {actuator: _margin(loop, i) for i, actuator in _closed(law, plane)}
+            found[law] |= {actuator: margins(loop, i) for i, actuator in _closed(law, plane)}
         for lost in LOSSES[plane]:
             loop = case.loop(point, "autopilot", plane, lost)
             numbers = (0,) if plane == "longitudinal" else (0, 1)  # elevator, aileron and rudder
-            lost_margins["_and_".join(lost)] = {ACTUATORS[plane][i]: _margin(loop, i) for i in numbers}
-    margins = {"stick_margins": found["stick"], "autopilot_margins": found["autopilot"], "lost_margins": lost_margins}
-    return point.model_copy(update=margins)
+            lost_margins["_and_".join(lost)] = {ACTUATORS[plane][i]: margins(loop, i) for i in numbers}
+    kept = {"stick_margins": found["stick"], "autopilot_margins": found["autopilot"], "lost_margins": lost_margins}
+    return point.model_copy(update=kept)
 
 
 def _closed(law: Law, plane: Plane) -> Iterator[tuple[int, str]]:
@@ -123,7 +123,3 @@ def _closed(law: Law, plane: Plane) -> Iterator[tuple[int, str]]:
     for i, actuator in enumerate(ACTUATORS[plane]):
         if not (law == "stick" and actuator == "throttle"):
             yield i, actuator
-
-
-def _margin(loop: Loop, actuator: int) -> Margin:
-    return Margin(**asdict(margins(loop, actuator)))

@@ -6,7 +6,7 @@ sensors at once (ice).  A trigger begins it.  Several faults on one value act in
 
 from rig.faults.corrupt import actuate, corrupt, corrupt_reference
 from rig.faults.discretes import Inverted, Toggling
-from rig.faults.executed import Execution, executed
+from rig.faults.executed import Execution
 from rig.faults.fault import KINDS, Fault, check
 from rig.faults.kinds import (
     CrossTalk,
@@ -28,42 +28,3 @@ from rig.faults.places import PLACES, Point
 from rig.faults.record import CLEAN, FaultData
 from rig.faults.schedule import Coils, Faults
 from rig.faults.systems import IlmFault, PitotIcing, RateLoss, VaneIcing
-
-__all__ = [
-    "CLEAN",
-    "KINDS",
-    "PLACES",
-    "Coils",
-    "CrossTalk",
-    "Delay",
-    "Drift",
-    "Dropout",
-    "DuplicateFrame",
-    "Execution",
-    "Fault",
-    "FaultData",
-    "Faults",
-    "FrameSkew",
-    "Hardover",
-    "IlmFault",
-    "Intermittent",
-    "Inverted",
-    "Noise",
-    "Offset",
-    "Oscillation",
-    "PitotIcing",
-    "Point",
-    "Quantisation",
-    "RateLoss",
-    "Scale",
-    "SignReversal",
-    "Spikes",
-    "Stuck",
-    "Toggling",
-    "VaneIcing",
-    "actuate",
-    "check",
-    "corrupt",
-    "corrupt_reference",
-    "executed",
-]

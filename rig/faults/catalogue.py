@@ -91,7 +91,9 @@ def entry(kind: str) -> Entry:
     own = {name: info for name, info in model.model_fields.items() if name not in (*Triggered.model_fields, "kind")}
     sites: list[str] = [*model.sites] if issubclass(model, Placed) else ["channel"]
     parameters = [_parameter(name, info) for name, info in own.items()]
-    return Entry(kind, inspect.getdoc(model) or "", sites, parameters, EXAMPLES[kind], _example(kind))
+    flown = read_toml(bundled("faults") / f"{EXAMPLES[kind]}.toml")["faults"]
+    example = tomli_w.dumps({"faults": [next(fault for fault in flown if fault["kind"] == kind)]})
+    return Entry(kind, inspect.getdoc(model) or "", sites, parameters, EXAMPLES[kind], example)
 
 
 def common() -> list[Parameter]:
@@ -120,9 +122,3 @@ def _choices(annotation: Any) -> list[str]:
         return list(map(str, get_args(annotation)))
     inside = get_args(annotation) if get_origin(annotation) in (list, Union, UnionType) else ()
     return [choice for part in inside for choice in _choices(part)]
-
-
-def _example(kind: str) -> str:
-    """The first fault of the kind in its scenario, as TOML."""
-    faults = read_toml(bundled("faults") / f"{EXAMPLES[kind]}.toml")["faults"]
-    return tomli_w.dumps({"faults": [next(fault for fault in faults if fault["kind"] == kind)]})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from rig.faults.settings import Act, Corrupted, DutyCycle, Effect, Pulses, quantity
 
@@ -12,11 +12,7 @@ class Inverted(Corrupted):
 
     sites = ("discrete",)
     kind: Literal["inverted"]
-
-    @property
-    def effect(self) -> Effect:
-        """For the kernel."""
-        return Effect(Act.INVERT)
+    effect: ClassVar[Effect] = Effect(Act.INVERT)
 
 
 class Toggling(Corrupted):
@@ -26,11 +22,7 @@ class Toggling(Corrupted):
     kind: Literal["toggling"]
     period_s: float = quantity("s", "from one wrong value to the next: half of it wrong, half right", gt=0)
     random: bool = quantity("", "both halves are means of exponentially distributed times", False)
-
-    @property
-    def effect(self) -> Effect:
-        """For the kernel."""
-        return Effect(Act.INVERT)
+    effect: ClassVar[Effect] = Effect(Act.INVERT)
 
     @property
     def pulses(self) -> Pulses:

@@ -67,11 +67,3 @@ class Execution:
         """The faults that did nothing: name and reason."""
         did = zip(self._faults, self.executed, self._acted.tolist(), strict=False)
         return [(fault.label, OUT if acted else NEVER) for fault, done, acted in did if not done]
-
-
-def executed(faults: Sequence[Fault], rows: Block) -> list[bool]:
-    """For each fault of the scenario, whether it did something in ``rows``, a whole flight."""
-    execution = Execution(faults)
-    if len(rows):
-        execution.add(rows)
-    return execution.executed

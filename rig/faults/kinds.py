@@ -6,11 +6,11 @@ What a fault makes of a value stays within the range of its sensor or the stops 
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import model_validator
 
-from rig.faults.magnitude import require_one, sized, threshold_quantity
+from rig.faults.magnitude import one_form, require_one, sized, threshold_quantity
 from rig.faults.places import site
 from rig.faults.settings import Act, Corrupted, Effect, Ramped, quantity
 
@@ -25,10 +25,7 @@ class Offset(Ramped):
     offset: float | None = quantity("signal", "added to the value", None)
     offset_thresholds: float | None = threshold_quantity("offset")
 
-    @model_validator(mode="after")
-    def _one_form(self) -> Offset:
-        require_one(self, "offset", "offset_thresholds")
-        return self
+    _one_form = one_form("offset")
 
     @property
     def effect(self) -> Effect:
@@ -98,11 +95,7 @@ class SignReversal(Corrupted):
 
     sites = _WITH_SURFACE
     kind: Literal["sign_reversal"]
-
-    @property
-    def effect(self) -> Effect:
-        """For the kernel."""
-        return Effect(Act.SCALE, -1.0)
+    effect: ClassVar[Effect] = Effect(Act.SCALE, -1.0)
 
 
 class Stuck(Ramped):
@@ -133,10 +126,7 @@ class Noise(Ramped):
     std: float | None = quantity("signal", "standard deviation of what is added to each sample", None, gt=0)
     std_thresholds: float | None = threshold_quantity("std", gt=0)
 
-    @model_validator(mode="after")
-    def _one_form(self) -> Noise:
-        require_one(self, "std", "std_thresholds")
-        return self
+    _one_form = one_form("std")
 
     @property
     def effect(self) -> Effect:
@@ -156,10 +146,7 @@ class Oscillation(Ramped):
         "", "it takes the place of the value, about the last one, instead of adding to it", False
     )
 
-    @model_validator(mode="after")
-    def _one_form(self) -> Oscillation:
-        require_one(self, "amplitude", "amplitude_thresholds")
-        return self
+    _one_form = one_form("amplitude")
 
     @property
     def effect(self) -> Effect:
@@ -199,7 +186,7 @@ class Delay(Corrupted):
     @property
     def effect(self) -> Effect:
         """For the kernel; the schedule makes frames of the time."""
-        return Effect(Act.DELAY, self.latency_s, 1.0, history_s=self.latency_s)
+        return Effect(Act.DELAY, self.latency_s, 1.0)
 
 
 class FrameSkew(Corrupted):
@@ -212,7 +199,7 @@ class FrameSkew(Corrupted):
     @property
     def effect(self) -> Effect:
         """For the kernel; the schedule makes frames of the time."""
-        return Effect(Act.DELAY, self.skew_s, 0.0, history_s=self.skew_s)
+        return Effect(Act.DELAY, self.skew_s, 0.0)
 
 
 class Quantisation(Corrupted):
@@ -222,10 +209,7 @@ class Quantisation(Corrupted):
     step: float | None = quantity("signal", "the coarse step", None, gt=0)
     step_thresholds: float | None = threshold_quantity("step", gt=0)
 
-    @model_validator(mode="after")
-    def _one_form(self) -> Quantisation:
-        require_one(self, "step", "step_thresholds")
-        return self
+    _one_form = one_form("step")
 
     @property
     def effect(self) -> Effect:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from pydantic import model_validator
+
 from rig.faults.settings import Act, Effect, Placed, quantity
 
 
@@ -22,6 +24,16 @@ def require_one(fault: Placed, *keys: str) -> None:
     """ValueError unless exactly one of ``keys`` is given."""
     if sum(getattr(fault, key) is not None for key in keys) != 1:
         raise ValueError(f"either {' or '.join(keys)}")
+
+
+def one_form(key: str) -> Any:
+    """A validator of a kind: the magnitude ``key`` is given in one of its two forms."""
+
+    def check(fault: Placed) -> Placed:
+        require_one(fault, key, in_thresholds(key))
+        return fault
+
+    return model_validator(mode="after")(check)
 
 
 def sized(fault: Placed, act: Act, key: str, second: float = 0.0) -> Effect:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import model_validator
 
@@ -84,17 +84,13 @@ class DuplicateFrame(Corrupted):
     kind: Literal["duplicate_frame"]
     every_s: float | None = quantity("s", "regularly: from one duplicate to the next", None, gt=0)
     rate_per_s: float | None = quantity("1/s", "or at random, so often a second on average", None, gt=0)
+    effect: ClassVar[Effect] = Effect(Act.REPEAT)
 
     @model_validator(mode="after")
     def _one_duty_cycle(self) -> DuplicateFrame:
         if (self.every_s is None) == (self.rate_per_s is None):
             raise ValueError("either every_s or rate_per_s")
         return self
-
-    @property
-    def effect(self) -> Effect:
-        """For the kernel."""
-        return Effect(Act.REPEAT)
 
     @property
     def pulses(self) -> Pulses:

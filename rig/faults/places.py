@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import Final, Literal, NamedTuple
 
-from rig.frame import DISCRETE_INDEX, INDEX, INERTIAL, SURFACES, S
+from rig.frame import DISCRETE_INDEX, INDEX, INERTIAL, SURFACES
 from rig.text import choices
 
 Site = Literal["channel", "inertial", "reference", "surface", "discrete"]
@@ -13,20 +14,14 @@ WITH_THRESHOLD: Final[tuple[Site, ...]] = ("channel", "reference")  # where magn
 SURFACE_NAMES: Final = tuple(name.removesuffix("_rad") for name in SURFACES)  # every aircraft has these
 # Each place by name, and its row in the table of ranges that the stage is made with: the signals, the quantities of
 # the inertial unit, the references in the order of the signals, the surfaces; behind that table the discretes.
-PLACES: Final = {
-    **INDEX,
-    **{f"inertial.{name}": S + i for i, name in enumerate(INERTIAL)},
-    **{f"reference.{name}": S + len(INERTIAL) + i for name, i in INDEX.items()},
-    **{f"surface.{name}": 2 * S + len(INERTIAL) + i for i, name in enumerate(SURFACE_NAMES)},
-    **{name: 2 * S + len(INERTIAL) + len(SURFACES) + i for name, i in DISCRETE_INDEX.items()},
+_NAMES: Final[dict[Site, list[str]]] = {
+    "channel": [*INDEX],
+    "inertial": [f"inertial.{name}" for name in INERTIAL],
+    "reference": [f"reference.{name}" for name in INDEX],
+    "surface": [f"surface.{name}" for name in SURFACE_NAMES],
+    "discrete": [*DISCRETE_INDEX],
 }
-FIRST: Final[dict[Site, int]] = {
-    "channel": 0,
-    "inertial": S,
-    "reference": S + len(INERTIAL),
-    "surface": 2 * S + len(INERTIAL),
-    "discrete": 2 * S + len(INERTIAL) + len(SURFACES),
-}
+PLACES: Final = {name: i for i, name in enumerate(chain(*_NAMES.values()))}
 
 
 class Point(NamedTuple):
@@ -46,7 +41,7 @@ def site(place: str) -> Site:
 
 def number(place: str) -> int:
     """The index of a place among those of its kind."""
-    return PLACES[place] - FIRST[site(place)]
+    return PLACES[place] - PLACES[_NAMES[site(place)][0]]
 
 
 def refuse_unknown(name: str) -> str:
@@ -55,10 +50,6 @@ def refuse_unknown(name: str) -> str:
         return name
     of = site(name)
     if of == "surface":
-        raise ValueError(f"the aircraft has no such surface, {choices(name, _starting('surface.'))}")
-    known = PLACES if of == "channel" else _starting(f"{of}.")
+        raise ValueError(f"the aircraft has no such surface, {choices(name, _NAMES[of])}")
+    known = PLACES if of == "channel" else _NAMES[of]
     raise ValueError(f"unknown signal, {choices(name, known, 'docs/faults.md')}")
-
-
-def _starting(start: str) -> list[str]:
-    return [name for name in PLACES if name.startswith(start)]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from rig import fault_names
 from rig.faults.expression import parse
@@ -20,6 +20,15 @@ from rig.settings import Settings
 def quantity(unit: str, meaning: str, default: Any = ..., **bounds: Any) -> Any:
     """A setting with its unit, ``signal`` for that of the signal, and what it means, for the catalogue."""
     return Field(default, description=meaning, json_schema_extra={"unit": unit}, **bounds)
+
+
+def _distinct(channels: list[int]) -> list[int]:
+    if any(not 1 <= channel <= CHANNELS for channel in channels) or len(set(channels)) < len(channels):
+        raise ValueError(f"channels are different numbers from 1 to {CHANNELS}, got {channels}")
+    return channels
+
+
+Channels = Annotated[list[int], AfterValidator(_distinct)]  # different numbers from 1 on
 
 
 class Act(IntEnum):
@@ -74,7 +83,6 @@ class Effect:
     value: float = 0.0
     second: float = 0.0
     source: str | None = None  # the place that cross-talk comes from
-    history_s: float = 0.0  # how far back it reads
     invalid: bool = False  # the sensor flags the sample
     thresholds: bool = False  # ``value`` is in thresholds of the signal's monitor
 
@@ -153,6 +161,21 @@ class Triggered(Settings):
                 raise ValueError("repeat_every_s: needs a duration_s that is shorter")
         return self
 
+    @property
+    def label(self) -> str:
+        """The fault's name in events and tables."""
+        return fault_names.label(dict(self))
+
+    @property
+    def flag(self) -> Flag:
+        """What happens to the in-line monitors of its channels."""
+        return Flag.BAD if getattr(self, "seen_by_ilm", False) else Flag.LEAVE
+
+    @property
+    def pulses(self) -> Pulses:
+        """When within its time it acts."""
+        return STEADY
+
 
 class Placed(Triggered):
     """A fault on channels of one signal or discrete, or on one value of the inertial unit, a reference or a surface.
@@ -162,27 +185,17 @@ class Placed(Triggered):
 
     sites: ClassVar[tuple[Site, ...]] = ("channel", "inertial", "reference")
 
-    signal: str = quantity(
+    signal: Annotated[str, AfterValidator(refuse_unknown)] = quantity(
         "", "where it sits: <signal>, <discrete>, inertial.<quantity>, reference.<signal>, surface.<name>"
     )
-    channels: list[int] = quantity("", "of a signal or discrete, counted from 1; nothing else has any", [])
-
-    @field_validator("signal")
-    @classmethod
-    def _known(cls, name: str) -> str:
-        return refuse_unknown(name)
-
-    @field_validator("channels")
-    @classmethod
-    def _numbered(cls, channels: list[int]) -> list[int]:
-        return distinct(channels)
+    channels: Channels = quantity("", "of a signal or discrete, counted from 1; nothing else has any", [])
 
     @model_validator(mode="after")
     def _placed(self) -> Placed:
         where = site(self.signal)
         if where not in self.sites:
             on = f"{self.signal}, a discrete" if where == "discrete" else self.signal
-            raise ValueError(f"signal: {kind_of(self)} cannot sit on {on}, allowed: {', '.join(self.sites)}")
+            raise ValueError(f"signal: {dict(self)['kind']} cannot sit on {on}, allowed: {', '.join(self.sites)}")
         if where in CHANNELLED and not self.channels:
             raise ValueError("channels: at least 1 is needed")
         if where not in CHANNELLED and self.channels:
@@ -205,16 +218,6 @@ class Placed(Triggered):
         """The values that it acts on."""
         return [Point(self.signal, channel) for channel in self.channels] or [Point(self.signal)]
 
-    @property
-    def label(self) -> str:
-        """The fault's name in events and tables."""
-        return fault_names.label(dict(self))
-
-    @property
-    def pulses(self) -> Pulses:
-        """When within its time it acts."""
-        return STEADY
-
 
 class Corrupted(Placed):
     """A fault of the value itself; the channel's in-line monitor may see it."""
@@ -226,25 +229,8 @@ class Corrupted(Placed):
         None,
     )
 
-    @property
-    def flag(self) -> Flag:
-        """What happens to the in-line monitors."""
-        return Flag.BAD if self.seen_by_ilm else Flag.LEAVE
-
 
 class Ramped(Corrupted):
     """A fault that may come on gradually."""
 
     ramp_s: float = quantity("s", "its effect grows linearly from nothing over this time", 0.0, ge=0)
-
-
-def distinct(channels: list[int]) -> list[int]:
-    """``channels`` if they are different numbers from 1 on; else ValueError."""
-    if any(not 1 <= channel <= CHANNELS for channel in channels) or len(set(channels)) < len(channels):
-        raise ValueError(f"channels are different numbers from 1 to {CHANNELS}, got {channels}")
-    return channels
-
-
-def kind_of(fault: Settings) -> str:
-    """The kind of a fault, as in its ``kind`` key."""
-    return str(getattr(fault, "kind"))  # noqa: B009 # every kind has one, in its own class

@@ -8,7 +8,7 @@ from pydantic import field_validator
 
 from rig import fault_names
 from rig.faults.places import Point, Site
-from rig.faults.settings import STEADY, Act, Effect, Flag, Placed, Pulses, Triggered, distinct, quantity
+from rig.faults.settings import Act, Channels, Effect, Flag, Placed, Triggered, quantity
 
 _ILM = {"good": Flag.GOOD, "blind": Flag.GOOD, "bad": Flag.BAD, "false alarm": Flag.BAD}
 
@@ -24,14 +24,11 @@ class IlmFault(Placed):
     kind: Literal["ilm"]
     says: Literal["good", "bad", "inverted", "blind", "false alarm", "lying"] = quantity("", "the answer")
 
-    @property
-    def effect(self) -> Effect:
-        """The value stays."""
-        return Effect(Act.NOTHING)
+    effect: ClassVar[Effect] = Effect(Act.NOTHING)
 
     @property
     def flag(self) -> Flag:
-        """What happens to the in-line monitors."""
+        """What happens to the in-line monitors of its channels."""
         return _ILM.get(self.says, Flag.INVERT)
 
 
@@ -47,32 +44,17 @@ class RateLoss(Placed):
         """For the kernel."""
         return Effect(Act.LIMIT_RATE, self.max_rate_per_s)
 
-    @property
-    def flag(self) -> Flag:
-        """A surface has no in-line monitor."""
-        return Flag.LEAVE
-
 
 class _Weather(Triggered):
     """A fault of the environment: it chooses its signals itself."""
 
-    channels: list[int] = quantity("", "counted from 1", [1, 2, 3, 4], min_length=1)
+    channels: Channels = quantity("", "counted from 1", [1, 2, 3, 4], min_length=1)
     seen_by_ilm: bool = quantity("", "the in-line monitors of its channels say bad while it acts", False)
 
-    @field_validator("channels")
-    @classmethod
-    def _numbered(cls, channels: list[int]) -> list[int]:
-        return distinct(channels)
-
     @property
-    def flag(self) -> Flag:
-        """What happens to the in-line monitors."""
-        return Flag.BAD if self.seen_by_ilm else Flag.LEAVE
-
-    @property
-    def pulses(self) -> Pulses:
-        """All the time."""
-        return STEADY
+    def signal(self) -> str:
+        """The signals that it acts on, for the name."""
+        return fault_names.place(dict(self))
 
 
 class PitotIcing(_Weather):
@@ -89,20 +71,10 @@ class PitotIcing(_Weather):
     static_rate_pa_s: float = quantity("Pa/s", "how fast the trapped static pressure changes", 0.0)
 
     @property
-    def signal(self) -> str:
-        """The signals that it acts on, for the name."""
-        return fault_names.place(dict(self))
-
-    @property
     def points(self) -> list[Point]:
         """The values that it changes: the dynamic pressure, and the static one if its line is closed."""
         names = ("dynamic_pressure",) if self.blocked == "pitot" else ("static_pressure", "dynamic_pressure")
         return [Point(name, channel) for name in names for channel in self.channels]
-
-    @property
-    def label(self) -> str:
-        """The fault's name in events and tables."""
-        return fault_names.label(dict(self))
 
     @property
     def effect(self) -> Effect:
@@ -119,7 +91,8 @@ class VaneIcing(_Weather):
     vanes: list[Literal["angle_of_attack", "angle_of_sideslip"]] = quantity(
         "", "which", ["angle_of_attack"], min_length=1
     )
-    channels: list[int] = quantity("", "counted from 1", [1, 2], min_length=1)
+    channels: Channels = quantity("", "counted from 1", [1, 2], min_length=1)
+    effect: ClassVar[Effect] = Effect(Act.HOLD)
 
     @field_validator("vanes")
     @classmethod
@@ -129,21 +102,6 @@ class VaneIcing(_Weather):
         return vanes
 
     @property
-    def signal(self) -> str:
-        """The signals that it acts on, for the name."""
-        return fault_names.place(dict(self))
-
-    @property
     def points(self) -> list[Point]:
         """The values that it acts on."""
         return [Point(vane, channel) for vane in self.vanes for channel in self.channels]
-
-    @property
-    def label(self) -> str:
-        """The fault's name in events and tables."""
-        return fault_names.label(dict(self))
-
-    @property
-    def effect(self) -> Effect:
-        """For the kernel."""
-        return Effect(Act.HOLD)

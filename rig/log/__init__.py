@@ -5,33 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from rig.log.arrays import DiscreteArrays, SignalArrays
-from rig.log.decode import LoggedEvent
 from rig.log.reader import Log, iter_chunks, read_log
 from rig.log.recover import Recovered, recover
 from rig.log.schema import SCHEMA_VERSION
+from rig.record.event import Event
 
 if TYPE_CHECKING:
-    from rig.log.writer import Event, LogWriter
-
-__all__ = [
-    "SCHEMA_VERSION",
-    "DiscreteArrays",
-    "Event",
-    "Log",
-    "LogWriter",
-    "LoggedEvent",
-    "Recovered",
-    "SignalArrays",
-    "iter_chunks",
-    "read_log",
-    "recover",
-]
+    from rig.log.writer import LogWriter
 
 
 def __getattr__(name: str) -> Any:
     """The writer on first use: it has kernels, and who reads a log need not wait for them."""
-    if name not in ("Event", "LogWriter"):
+    if name != "LogWriter":
         raise AttributeError(f"module 'rig.log' has no attribute {name!r}")
-    from rig.log import writer
+    from rig.log.writer import LogWriter
 
-    return getattr(writer, name)
+    return LogWriter

@@ -9,7 +9,7 @@ from typing import Any, Final
 from numpy.typing import NDArray
 
 from rig.frame import FLAT, SIGNALS, Block
-from rig.log.schema import FRAME_TOPICS, MESSAGES, Field, Topic
+from rig.log.schema import MESSAGES, TOPICS_OF_ROWS, Field, Topic
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,9 +45,4 @@ def _column(topic: Topic, field: Field) -> Column:
     return Column(topic.name.rsplit("/", 1)[1], field.name, field.source, index, field.enum, wraps)
 
 
-COLUMNS: Final = tuple(
-    _column(topic, field)
-    for topic in FRAME_TOPICS
-    if topic.message in MESSAGES and topic.name != "/timing"
-    for field in MESSAGES[topic.message].fields
-)
+COLUMNS: Final = tuple(_column(topic, field) for topic in TOPICS_OF_ROWS for field in MESSAGES[topic.message].fields)

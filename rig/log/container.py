@@ -41,6 +41,7 @@ from rig.log.index import MOST_RUNS, Packed, Run, index_size, message_indexes
 MAGIC: Final = b"\x89MCAP0\r\n"
 LIBRARY: Final = "jsbsim-rig"
 COMPRESSION: Final = "zstd"
+RECORD_HEAD: Final = struct.Struct("<BQ")  # opcode, length
 _CHUNK_HEAD: Final = struct.Struct("<BQQQQII4sQ")
 _FOOTER_HEAD: Final = struct.Struct("<BQQQ")
 _INDEX_HEAD: Final = struct.Struct("<BQQQQQI")  # of a chunk index, up to its message index offsets

@@ -8,7 +8,6 @@ from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Final, NamedTuple, Self
@@ -28,12 +27,14 @@ from rig.frame import Block
 from rig.log.container import COMPRESSION
 from rig.log.layout import Layout
 from rig.log.record import HEAD, MESSAGE_OPCODE
-from rig.log.tables import EVENT_CHANNEL
+from rig.log.tables import EVENT_CHANNEL, LEVELS
+from rig.record.event import Event, Severity
 
 CHUNK_LIMIT: Final = 1 << 28  # bytes that a chunk may claim; ours have 1 MiB
 AHEAD: Final = 8  # chunks that are decoded before they are asked for
 THREADS: Final = min(4, os.cpu_count() or 1)  # nearly all of decoding leaves the interpreter to others
-_MALFORMED: Final = (McapError, DecodeError, ValueError, LookupError, struct.error, zstandard.ZstdError)
+# Raised by bytes that make no sense.
+MALFORMED: Final = (McapError, DecodeError, ValueError, LookupError, struct.error, zstandard.ZstdError)
 
 
 class Damaged(BadLog):
@@ -50,18 +51,8 @@ def damage(path: Path, at: int) -> Iterator[None]:
     """Whatever comes of bytes that make no sense, as Damaged at byte ``at``."""
     try:
         yield
-    except _MALFORMED as error:
+    except MALFORMED as error:
         raise Damaged(path, f"damaged at byte {at}: {error}", at) from None
-
-
-@dataclass(frozen=True, slots=True)
-class LoggedEvent:
-    """An event as the log tells it; the fields of rig.record.events.Event."""
-
-    frame: int
-    level: str
-    name: str
-    text: str
 
 
 class Part(NamedTuple):
@@ -69,7 +60,7 @@ class Part(NamedTuple):
 
     rows: Block
     timing: NDArray[Any]
-    events: list[LoggedEvent]
+    events: list[Event]
     event_entries: list[tuple[int, int]]  # time in ns, offset in the chunk
     chunk: Chunk
 
@@ -131,18 +122,18 @@ def decode(content: bytes, layout: Layout) -> Part:
     return Part(rows, timing, events, entries, chunk)
 
 
-_LEVELS: Final = {FoxgloveLog.INFO: "info", FoxgloveLog.WARNING: "warning", FoxgloveLog.ERROR: "error"}
+_LEVELS: Final[dict[Any, Severity]] = {code: level for level, code in LEVELS.items()}
 
 
-def _events(data: bytes, offset: int) -> tuple[list[LoggedEvent], list[tuple[int, int]]]:
-    events: list[LoggedEvent] = []
+def _events(data: bytes, offset: int) -> tuple[list[Event], list[tuple[int, int]]]:
+    events: list[Event] = []
     entries: list[tuple[int, int]] = []
     while offset < len(data):
         opcode, length, channel, frame, time, _ = HEAD.unpack_from(data, offset)
         if opcode != MESSAGE_OPCODE or channel != EVENT_CHANNEL:
             raise ValueError("not a chunk that the rig writes")
         message = FoxgloveLog.FromString(data[offset + HEAD.size : offset + 9 + length])
-        events.append(LoggedEvent(frame, _LEVELS[message.level], message.name, message.message))
+        events.append(Event(frame, _LEVELS[message.level], message.name, message.message))
         entries.append((time, offset))
         offset += 9 + length
     return events, entries

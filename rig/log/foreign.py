@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import struct
 from array import array
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -11,27 +10,20 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-import zstandard
-from google.protobuf.message import DecodeError
-from mcap.exceptions import McapError
 from mcap.records import Channel, Schema
 from mcap_protobuf.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 from rig.errors import BadInput, BadLog
+from rig.log.decode import MALFORMED
 from rig.log.messages import Budget, LimitedFile, Summary, messages, summary
 
 _MALFORMED: Final = (
-    McapError,
-    DecodeError,
+    *MALFORMED,
     EOFError,
-    ValueError,
-    LookupError,
     TypeError,  # of a schema that protobuf does not take
     OverflowError,  # of a place beyond what a file can have
     RuntimeError,  # of the lz4 library; nested too deep
-    struct.error,
-    zstandard.ZstdError,
 )
 
 

@@ -23,12 +23,11 @@ from mcap.stream_reader import StreamReader
 from zlib_ng.zlib_ng import crc32
 
 from rig.errors import BadLog
-from rig.log.container import MAGIC
+from rig.log.container import MAGIC, RECORD_HEAD
 from rig.log.decode import CHUNK_LIMIT
 
 EXPANSION: Final = 100  # bytes of memory for a byte of a file, beyond the first CHUNK_LIMIT
 MESSAGE_LIMIT: Final = 1 << 22  # bytes of a message that numbers are read from
-_RECORD: Final = struct.Struct("<BQ")  # opcode, length
 _MESSAGE: Final = struct.Struct("<HIQQ")  # channel id, sequence, log time, publish time
 
 
@@ -175,8 +174,8 @@ def _expanded(chunk: Chunk) -> bytes:
 def _in_chunk(data: bytes, wanted: Container[int], path: Path) -> Iterator[Raw]:
     at = 0
     while at < len(data):
-        opcode, length = _RECORD.unpack_from(data, at)
-        at += _RECORD.size
+        opcode, length = RECORD_HEAD.unpack_from(data, at)
+        at += RECORD_HEAD.size
         if length > len(data) - at:
             raise ValueError("a record is longer than its chunk")
         if opcode == Opcode.MESSAGE:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from rig.errors import BadInput, RigError
-from rig.files import numbered
+from rig.files import numbered, reported
 from rig.log.writer import LogWriter
 from rig.scenario import Scenario
 from rig.versions import versions
@@ -21,10 +21,8 @@ def new_log(out: Path, name: str, scenario: Scenario, text: str, about: Mapping[
 
     about : more metadata
     """
-    try:
+    with reported(out, BadInput, "logs cannot be kept there"):
         out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInput(f"{out}: logs cannot be kept there: {error.strerror}") from None
     for path in numbered(out, f"{word_of(name)}_seed{scenario.seed}", ".mcap"):
         with suppress(FileExistsError):  # another flight was faster
             attached = [("scenario.toml", text.encode())]

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from rig.frame import FLAT, TIMING, Block
 from rig.log import arrays
 from rig.log.arrays import DiscreteArrays, SignalArrays
-from rig.log.decode import LoggedEvent
 from rig.log.scan import About, iter_parts
+from rig.record.event import Event
 
 
 @dataclass(slots=True)
@@ -24,7 +24,7 @@ class Log:
     rate_hz: float
     rows: Block
     timing: NDArray[Any]
-    events: list[LoggedEvent]
+    events: list[Event]
     metadata: dict[str, str]
     result: dict[str, str] | None  # None when the flight was not ended by the loop
     attachments: dict[str, bytes]
@@ -57,7 +57,7 @@ def read_log(path: Path | str) -> Log:
     about = About()
     blocks: list[Block] = []
     timings: list[NDArray[Any]] = []
-    events: list[LoggedEvent] = []
+    events: list[Event] = []
     for part in iter_parts(Path(path), about):
         blocks.append(part.rows)
         timings.append(part.timing)
@@ -74,7 +74,7 @@ def _joined(parts: list[NDArray[Any]], dtype: np.dtype[Any]) -> NDArray[Any]:
     return joined
 
 
-def iter_chunks(path: Path | str) -> Iterator[tuple[Block, NDArray[Any], list[LoggedEvent]]]:
+def iter_chunks(path: Path | str) -> Iterator[tuple[Block, NDArray[Any], list[Event]]]:
     """A log a second at a time, in bounded memory: rows, timing, events of each chunk.
 
     Damage is reported when it is reached, after the chunks before it have been given.

@@ -12,9 +12,15 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
+from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
+from google.protobuf.message import Message
+from google.protobuf.timestamp_pb2 import Timestamp
 
 from rig.frame import FLAT, TIMING
-from rig.log.schema import DOUBLE, FIXED32, FOXGLOVE, TOPICS, Field, Topic
+from rig.log.schema import DOUBLE, FIXED32, TOPICS, Field, Topic
 
 WORLD: Final = "world"
 AIRCRAFT: Final = "aircraft"
@@ -47,7 +53,7 @@ class Value:
 
 
 Pieces = list[bytes | Value]
-
+Marked = tuple[bytes, list[Value]]  # what stands in a message where values belong, and the values
 
 WIRE: Final = {DOUBLE: 1, FIXED32: 5}  # protobuf wire types; all other kinds are varints of one byte, 0
 
@@ -56,7 +62,8 @@ def _size(pieces: Pieces) -> int:
     return sum(len(piece) if isinstance(piece, bytes) else piece.room for piece in pieces)
 
 
-def _tag(number: int, wire: int) -> bytes:
+def tag(number: int, wire: int) -> bytes:
+    """The tag of a protobuf field: its number and its wire type."""
     key = number << 3 | wire
     return bytes([key]) if key < 128 else bytes([key & 127 | 128, key >> 7])
 
@@ -85,7 +92,7 @@ def _payload(topic: Topic, fields: Sequence[Field]) -> Pieces:
         return _position()
     pieces: Pieces = []
     for number, field in enumerate(fields, 1):
-        pieces += [_tag(number, WIRE.get(field.kind, 0)), _element(topic, field)]
+        pieces += [tag(number, WIRE.get(field.kind, 0)), _element(topic, field)]
     return pieces
 
 
@@ -97,46 +104,39 @@ def _element(topic: Topic, field: Field) -> Value:
     return _of("frame", FLAT, field.source, flat, 4 if field.kind == FIXED32 else None)
 
 
-def _nested(number: int, pieces: Pieces) -> Pieces:
-    return [_tag(number, 2), bytes([_size(pieces)]), *pieces]
+def _doubles(name: str) -> list[Marked]:
+    """The elements of a field of DERIVED, for the numbers 1, 2, 3, ... in a message."""
+    return [(struct.pack("<d", i + 1.0), [_derived(name, i)]) for i in range(DERIVED[name].shape[0])]
 
 
-def _text(number: int, text: str) -> Pieces:
-    return _nested(number, [text.encode()])
+def _cut(message: Message, marks: Sequence[Marked]) -> Pieces:
+    """A message as protobuf writes it, with values in the places of its marks, which stand in this order."""
+    pieces: Pieces = []
+    rest = message.SerializeToString()
+    for mark, values in marks:
+        before, _, rest = rest.partition(mark)
+        pieces += [before, *values]
+    return [*pieces, rest]
 
 
-def _doubles(name: str, count: int) -> Pieces:
-    return [piece for i in range(count) for piece in (_tag(i + 1, 1), _derived(name, i))]
-
-
-def _stamp(number: int) -> Pieces:
-    """google.protobuf.Timestamp, both varints padded to five bytes."""
-    seconds = [_derived("seconds", i) for i in range(5)]
-    nanoseconds = [_derived("nanoseconds", i) for i in range(5)]
-    return _nested(number, [_tag(1, 0), *seconds, _tag(2, 0), *nanoseconds])
-
-
-def _numbers(name: str) -> dict[str, int]:
-    return {field.name: field.number for field in FOXGLOVE[name].DESCRIPTOR.fields}
+_STAMP: Final = Timestamp(seconds=1 << 34, nanos=1 << 30)  # both varints have five bytes
+_STAMPED: Final[list[Marked]] = [
+    (b"\x80\x80\x80\x80\x40", [_derived("seconds", i) for i in range(5)]),
+    (b"\x80\x80\x80\x80\x04", [_derived("nanoseconds", i) for i in range(5)]),
+]
 
 
 def _pose() -> Pieces:
-    number = _numbers("foxglove.FrameTransform")
-    return [
-        *_stamp(number["timestamp"]),
-        *_text(number["parent_frame_id"], WORLD),
-        *_text(number["child_frame_id"], AIRCRAFT),
-        *_nested(number["translation"], _doubles("translation", 3)),
-        *_nested(number["rotation"], _doubles("rotation", 4)),
-    ]
+    frames = {"parent_frame_id": WORLD, "child_frame_id": AIRCRAFT}
+    place, turn = Vector3(x=1, y=2, z=3), Quaternion(x=1, y=2, z=3, w=4)
+    message = FrameTransform(timestamp=_STAMP, **frames, translation=place, rotation=turn)
+    return _cut(message, [*_STAMPED, *_doubles("translation"), *_doubles("rotation")])
 
 
 def _position() -> Pieces:
-    number = _numbers("foxglove.LocationFix")
-    pieces = [*_stamp(number["timestamp"]), *_text(number["frame_id"], AIRCRAFT)]
-    for i, name in enumerate(("latitude", "longitude", "altitude")):
-        pieces += [_tag(number[name], 1), _derived("position", i)]
-    return pieces
+    """In two parts, the time first as in all logs: protobuf would put it last, and reads any order."""
+    when = _cut(LocationFix(timestamp=_STAMP, frame_id=AIRCRAFT), _STAMPED)
+    return [*when, *_cut(LocationFix(latitude=1, longitude=2, altitude=3), _doubles("position"))]
 
 
 def frame_record(topic: Topic, fields: Sequence[Field]) -> Pieces:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from rig.errors import BadLog, RigError
-from rig.files import replaced
+from rig.errors import BadLog
+from rig.files import replaced, reported
 from rig.log.container import Container
 from rig.log.decode import Damaged, Part
 from rig.log.index import Packed
@@ -38,44 +38,25 @@ def recover(path: Path | str, out: Path | str) -> Recovered:
     was cut before its metadata; RigError when ``out`` cannot be written.
     """
     path, out = Path(path), Path(out)
-    about, tally = About(), _Tally()
+    about, frames, last, damage, lost = About(), 0, 0, "", 0
     try:
         for part in iter_parts(path, about):
-            tally.add(part)
+            frames += len(part.rows)
+            last = int(part.rows["frame"][-1]) if len(part.rows) else last
     except Damaged as error:
         damage, lost = error.what, path.stat().st_size - error.at
-    else:
-        return Recovered(tally.frames, tally.last / about.rate_hz, complete=True, lost_bytes=0, damage="")
+        _mend(path, out, about, damage)
+    return Recovered(frames, last / about.rate_hz, complete=not damage, lost_bytes=lost, damage=damage)
+
+
+def _mend(path: Path, out: Path, about: About, damage: str) -> None:
     if not about.metadata:
         raise BadLog(f"{path}: {damage}, before its metadata: nothing can be recovered")
     version = about.metadata["schema_version"]
     if int(version) != SCHEMA_VERSION:
         raise BadLog(f"{path}: schema version {version}; only logs of version {SCHEMA_VERSION} are mended")
-    _write(path, out, about, damage)
-    return Recovered(tally.frames, tally.last / about.rate_hz, complete=False, lost_bytes=lost, damage=damage)
-
-
-@dataclass(slots=True)
-class _Tally:
-    frames: int = 0
-    last: int = 0
-
-    def add(self, part: Part) -> None:
-        self.frames += len(part.rows)
-        if len(part.rows):
-            self.last = int(part.rows["frame"][-1])
-
-
-def _write(path: Path, out: Path, about: About, damage: str) -> None:
-    with replaced(out) as made:
-        try:
-            file = Container(made, opening())
-            try:
-                _copy(path, file, about, damage)
-            finally:
-                file.close()
-        except OSError as error:
-            raise RigError(f"{out}: cannot be written: {error.strerror}") from None
+    with replaced(out) as made, reported(out), closing(Container(made, opening())) as file:
+        _copy(path, file, about, damage)
 
 
 def _copy(path: Path, file: Container, about: About, damage: str) -> None:

@@ -6,12 +6,11 @@ log without BadLog is what was written.
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO, Final, NamedTuple, TypeVar
+from typing import Any, BinaryIO, NamedTuple, TypeVar
 
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.data_stream import ReadDataStream
@@ -20,7 +19,8 @@ from mcap.records import Attachment, Channel, DataEnd, Footer, Metadata, Schema
 from zlib_ng.zlib_ng import crc32
 
 from rig.errors import BadLog
-from rig.log.container import MAGIC
+from rig.files import reported
+from rig.log.container import MAGIC, RECORD_HEAD
 from rig.log.decode import Damaged, Decoder, Part, damage, same_crc
 from rig.log.layout import LAYOUT, Layout
 from rig.log.schema import MESSAGES, OLDEST, SCHEMA_VERSION, TOPICS, Field, descriptors, older
@@ -46,13 +46,11 @@ class About:
 
 def iter_parts(path: Path, about: About) -> Iterator[Part]:
     """Read ``path`` from end to end, filling ``about``; Damaged at the first byte that is not as it was written."""
-    try:
+    with reported(path, BadLog, "cannot be read"):
         if path.is_fifo():  # opening one waits for a writer
             raise BadLog(f"{path}: is a pipe, no file")
         with path.open("rb") as file:
             yield from _parts(file, path, about)
-    except OSError as error:
-        raise BadLog(f"{path}: cannot be read: {error.strerror}") from None
 
 
 def _parts(file: BinaryIO, path: Path, about: About) -> Iterator[Part]:
@@ -82,9 +80,6 @@ class _Record(NamedTuple):
     crc_before: int  # of the data section, or after DataEnd of the summary
 
 
-_RECORD_HEAD: Final = struct.Struct("<BQ")
-
-
 def _records(file: BinaryIO, path: Path) -> Iterator[_Record]:
     """Every record up to the footer; Damaged where the file ends before it."""
     size = file.seek(0, 2)
@@ -93,8 +88,8 @@ def _records(file: BinaryIO, path: Path) -> Iterator[_Record]:
     offset = file.seek(len(MAGIC))
     crc = crc32(MAGIC)
     while True:
-        head = file.read(_RECORD_HEAD.size)
-        opcode, length = _RECORD_HEAD.unpack(head) if len(head) == _RECORD_HEAD.size else (0, size)
+        head = file.read(RECORD_HEAD.size)
+        opcode, length = RECORD_HEAD.unpack(head) if len(head) == RECORD_HEAD.size else (0, size)
         if offset + len(head) + length > size:
             if ended:
                 raise Damaged(path, f"damaged at byte {offset}", offset)
@@ -137,7 +132,7 @@ def _note(record: _Record, path: Path, about: About, described: _Descriptions) -
         described.check(about)
         same_crc("data section", _as(DataEnd, record).data_section_crc, record.crc_before)
     elif record.opcode == Opcode.FOOTER:
-        head = _RECORD_HEAD.pack(record.opcode, len(record.content)) + record.content[:16]
+        head = RECORD_HEAD.pack(record.opcode, len(record.content)) + record.content[:16]
         same_crc("summary", _as(Footer, record).summary_crc, crc32(head, record.crc_before))
 
 

@@ -81,17 +81,10 @@ def _field(place: Place) -> Field:
     return Field(place.name, _WRITTEN[field.kind], field.name, place.index, field.enum)
 
 
-def _message(name: str) -> Message:
-    return Message(name, tuple(map(_field, places(name))))
-
-
-_TIMING_MESSAGE: Final = Message("rig.Timing", tuple(Field(n, DOUBLE, n) for n in TIMING.names or ()))
+_OF_FRAME: Final = ("rig.Signal", "rig.Discrete", "rig.Control", "rig.Demand", "rig.Inertial", "rig.Flight")
 MESSAGES: Final = {
-    message.name: message
-    for message in (
-        *map(_message, ("rig.Signal", "rig.Discrete", "rig.Control", "rig.Demand", "rig.Inertial", "rig.Flight")),
-        _TIMING_MESSAGE,
-    )
+    **{name: Message(name, tuple(map(_field, places(name)))) for name in _OF_FRAME},
+    "rig.Timing": Message("rig.Timing", tuple(Field(name, DOUBLE, name) for name in TIMING.names or ())),
 }
 FOXGLOVE: Final = {cls.DESCRIPTOR.full_name: cls for cls in (FrameTransform, LocationFix, FoxgloveLog)}
 
@@ -107,6 +100,7 @@ FRAME_TOPICS: Final = (
     Topic("/pose", "foxglove.FrameTransform"),
     Topic("/position", "foxglove.LocationFix"),
 )
+TOPICS_OF_ROWS: Final = tuple(topic for topic in FRAME_TOPICS if topic.message in _OF_FRAME)
 EVENTS: Final = Topic("/events", "foxglove.Log")
 TOPICS: Final = (*FRAME_TOPICS, EVENTS)
 SCHEMA_NAMES: Final = tuple(dict.fromkeys(topic.message for topic in TOPICS))

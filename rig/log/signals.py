@@ -21,7 +21,7 @@ from zlib_ng.zlib_ng import crc32
 
 from rig.log.container import Container, Opening
 from rig.log.index import Packed, Run
-from rig.log.record import HEAD, MESSAGE_OPCODE, WIRE
+from rig.log.record import HEAD, MESSAGE_OPCODE, WIRE, tag
 from rig.log.schema import DOUBLE, FIXED32, MESSAGES, SCHEMA_VERSION, Field, descriptors
 from rig.log.writer import CHUNK_BYTES
 
@@ -59,8 +59,7 @@ def write_topics(path: Path, times_ns: NDArray[np.uint64], topics: Topics, about
 
 
 def _tag(field: Field, number: int) -> bytes:
-    key = number << 3 | WIRE.get(field.kind, 0)
-    return bytes([key]) if key < 128 else bytes([key & 127 | 128, key >> 7])
+    return tag(number, WIRE.get(field.kind, 0))
 
 
 def _record(message: str) -> np.dtype[Any]:

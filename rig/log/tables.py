@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache, lru_cache
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+from foxglove_schemas_protobuf.Log_pb2 import Log as FoxgloveLog
 from mcap.records import Channel, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from numpy.typing import NDArray
@@ -16,16 +17,26 @@ from rig.log.container import Opening
 from rig.log.index import Run
 from rig.log.layout import ROW, STARTS
 from rig.log.schema import EVENTS, SCHEMA_NAMES, TOPICS, descriptors
+from rig.record.event import Severity
 
 RIG: Final = "rig"  # names of the metadata records
 RESULT: Final = "result"
 EVENT_CHANNEL: Final = TOPICS.index(EVENTS) + 1
+LEVELS: Final[dict[Severity, Any]] = {
+    "info": FoxgloveLog.INFO,
+    "warning": FoxgloveLog.WARNING,
+    "error": FoxgloveLog.ERROR,
+}
 
 
 @cache
 def opening() -> Opening:
     """Return the schema and the channel records, the same in every file."""
-    return Opening.of(schemas(), channels())
+    schemas = [
+        Schema(i, descriptors(name).SerializeToString(), SchemaEncoding.Protobuf, name)
+        for i, name in enumerate(SCHEMA_NAMES, 1)
+    ]
+    return Opening.of(schemas, channels())
 
 
 def runs_of(times: NDArray[np.uint64], events: Sequence[tuple[int, int]]) -> list[Run]:
@@ -42,14 +53,6 @@ def _offsets(rows: int) -> NDArray[np.int64]:
     return np.add.outer(STARTS, ROW * np.arange(rows))
 
 
-def schemas() -> list[Schema]:
-    """The schema records, ids from 1."""
-    return [
-        Schema(i, descriptors(name).SerializeToString(), SchemaEncoding.Protobuf, name)
-        for i, name in enumerate(SCHEMA_NAMES, 1)
-    ]
-
-
 def channels() -> list[Channel]:
     """The channel records, ids from 1; a signal's says its unit, symbol and range."""
     about = {
@@ -62,13 +65,8 @@ def channels() -> list[Channel]:
         }
         for signal in SIGNALS
     }
+    schema_ids = {name: i for i, name in enumerate(SCHEMA_NAMES, 1)}
     return [
-        Channel(
-            i,
-            topic.name,
-            MessageEncoding.Protobuf,
-            about.get(topic.name, {}),
-            SCHEMA_NAMES.index(topic.message) + 1,
-        )
+        Channel(i, topic.name, MessageEncoding.Protobuf, about.get(topic.name, {}), schema_ids[topic.message])
         for i, topic in enumerate(TOPICS, 1)
     ]

@@ -5,8 +5,7 @@ from __future__ import annotations
 import errno
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Final, Protocol, Self
+from typing import Any, Final, Self
 
 import numpy as np
 import zstandard
@@ -22,7 +21,8 @@ from rig.log.layout import ROW, log_times
 from rig.log.packing import empty_rows, pack
 from rig.log.record import HEAD, MESSAGE_OPCODE
 from rig.log.schema import SCHEMA_VERSION
-from rig.log.tables import EVENT_CHANNEL, RESULT, RIG, opening, runs_of
+from rig.log.tables import EVENT_CHANNEL, LEVELS, RESULT, RIG, opening, runs_of
+from rig.record.event import Event
 
 # Nearly all that repeats is in the row before, so a small table finds it: smaller files than those of
 # zstd's level 1, in less time.
@@ -32,19 +32,6 @@ COMPRESSION: Final = zstandard.ZstdCompressionParameters(
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 CHUNK_BYTES: Final = 1 << 20  # before compression; at high rates a chunk is shorter than a second
 EVENT_BYTES: Final = 1 << 12  # of them left for events
-
-
-class Event(Protocol):
-    """What happened in a frame, as rig.record.events finds it."""
-
-    @property
-    def frame(self) -> int: ...  # noqa: D102
-    @property
-    def level(self) -> str: ...  # noqa: D102  # info, warning or error
-    @property
-    def name(self) -> str: ...  # noqa: D102
-    @property
-    def text(self) -> str: ...  # noqa: D102
 
 
 class LogWriter:
@@ -131,9 +118,7 @@ class LogWriter:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _pack(self, rows: Block, timing: NDArray[Any], events: Sequence[Event]) -> Packed:
@@ -180,12 +165,9 @@ class LogWriter:
         return RigError(f"{self.path}: {what} ({error.strerror}), flight stopped at {end:.3f} s; {state}")
 
 
-_LEVELS: Final = {"info": FoxgloveLog.INFO, "warning": FoxgloveLog.WARNING, "error": FoxgloveLog.ERROR}
-
-
 def _event(event: Event, time: int) -> bytes:
     """The message record of an event."""
-    message = FoxgloveLog(level=_LEVELS[event.level], message=event.text, name=event.name)
+    message = FoxgloveLog(level=LEVELS[event.level], message=event.text, name=event.name)
     message.timestamp.FromNanoseconds(time)
     data = message.SerializeToString()
     length = HEAD.size - 9 + len(data)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rig import fault_names
 from rig.errors import BadInput
 from rig.faults import Fault, check
-from rig.faults.places import FIRST
+from rig.faults.places import PLACES
 from rig.faults.settings import Act
 from rig.frame import DISCRETE_INDEX, INDEX, SIGNALS, S, Signal
 from rig.offline.injection_file import Fitted, Table, number
@@ -48,7 +48,7 @@ class Slots:
 
     def ranges(self, settings: Mapping[str, RecordedSignal]) -> NDArray[np.float64]:
         """Lowest and highest value of each place but the discretes, as ``faults.Faults`` takes them."""
-        found = np.zeros((FIRST["discrete"], 2))
+        found = np.zeros((len(PLACES) - len(DISCRETE_INDEX), 2))
         for name, place in self.signals.items():
             found[INDEX[place]] = settings[name].limits
         return found

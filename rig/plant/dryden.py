@@ -4,7 +4,7 @@
     across, down:  sigma sqrt(T)     (1 + sqrt(3) T s) / (1 + T s)^2        T = L / V
 
 driven by white noise of unit intensity and discretised exactly, so that the standard deviation is sigma at
-any frame rate.  Length L of MIL-F-8785C above 2000 ft; sigma as JSBSim's was measured (see wind.py).
+any frame rate.  Length L of MIL-F-8785C above 2000 ft; sigma as JSBSim's was measured over 20 minutes.
 """
 
 from __future__ import annotations

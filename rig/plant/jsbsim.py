@@ -61,17 +61,15 @@ class _Logger(jsbsim.FGLogger):
         self._text = []
 
 
+_logger = cache(_Logger)
+
+
 def _executive() -> jsbsim.FGFDMExec:
     # The logger belongs to the thread, so every executive sets it again.
     jsbsim.set_logger(_logger())
     fdm = jsbsim.FGFDMExec(None)
     fdm.set_debug_level(0)
     return fdm
-
-
-@cache
-def _logger() -> _Logger:
-    return _Logger()
 
 
 def _ours(airframe: Airframe) -> Config:

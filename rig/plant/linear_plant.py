@@ -47,13 +47,7 @@ def discretise(a: Matrix, b: Matrix, lags_s: Matrix, dt_s: float) -> tuple[Matri
 
 
 class LinearPlant:
-    """One linear aircraft in flight, read and moved frame by frame.
-
-    trim : (len(SURFACES),) f8, where the surfaces stand in trimmed flight
-
-    ``read`` writes what is true in this frame, ``step`` takes the row's commands to the next one.
-    In flight nothing raises: what is no number reads as NaN and ends the flight.
-    """
+    """One linear aircraft in flight, read and moved as jsbsim.Plant is; what is no number ends the flight."""
 
     def __init__(
         self,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rig.atmosphere import GRAVITY
 from rig.frame import DISCRETE_INDEX, FLIGHT_INDEX, TWO_PI, Block, End, sig
 from rig.kernels import kernel
-from rig.plant.airframe import Airframe
+from rig.plant.airframe import Airframe, Limits, Position
 
 FOOT: Final = 0.3048  # m
 POUND_PER_SQUARE_FOOT: Final = 47.88025898033584  # Pa
@@ -64,28 +64,9 @@ SLOW: Final = {
 RAW: Final = np.dtype([(name, "f8") for name in (*READ, *POSITIONS, *SLOW)])
 
 # What is constant in a flight, as one record for the kernel.
-FIXED: Final = np.dtype(
-    [
-        (name, "f8")
-        for name in (
-            "accelerometer_x_m",
-            "accelerometer_y_m",
-            "accelerometer_z_m",
-            "angle_of_attack_min_rad",
-            "angle_of_attack_max_rad",
-            "sideslip_max_rad",
-            "load_factor_min",
-            "load_factor_max",
-            "body_rate_max_rad_s",
-            "pitch_angle_max_rad",
-            "roll_angle_max_rad",
-            "start_latitude_rad",
-            "start_longitude_rad",
-            "north_m_per_rad",
-            "east_m_per_rad",
-        )
-    ]
-)
+_PLACE: Final = ("start_latitude_rad", "start_longitude_rad", "north_m_per_rad", "east_m_per_rad")
+_ACCELEROMETER: Final = tuple(f"accelerometer_{name}" for name in Position.model_fields)
+FIXED: Final = np.dtype([(name, "f8") for name in (*_ACCELEROMETER, *Limits.model_fields, *_PLACE)])
 
 _WHEELS, _GEAR = DISCRETE_INDEX["weight_on_wheels"], DISCRETE_INDEX["gear_down"]
 _ALTITUDE, _NORTH = FLIGHT_INDEX["altitude_m"], FLIGHT_INDEX["north_m"]

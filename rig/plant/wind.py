@@ -3,13 +3,7 @@
 Wind is where the air goes to: north, east and down, in m/s.  Turbulence is JSBSim's Dryden model
 after MIL-F-8785C (its Tustin form), seeded, so that a flight can be repeated bit for bit.
 
-Standard deviation of each component in m/s, measured over 20 minutes, by altitude, and the chance
-of meeting more (MIL-F-8785C, figure 7):
-
-    level       1 km   3 km   6 km   9 km   10.7 km   chance
-    light       2.2    1.8    1.1    0.5    0.1       1e-2
-    moderate    3.2    2.9    2.2    1.8    1.5       1e-3
-    severe      6.6    7.0    6.4    5.5    4.9       1e-5
+What its levels measure is in dryden.py.
 """
 
 from __future__ import annotations
@@ -35,9 +29,9 @@ class Severity(NamedTuple):
 
 SEVERITY: Final[dict[Turbulence, Severity]] = {
     "none": Severity(0, 0.0),
-    "light": Severity(3, 15.0),
-    "moderate": Severity(4, 30.0),
-    "severe": Severity(6, 45.0),
+    "light": Severity(3, 15.0),  # exceeded with a probability of 1e-2,
+    "moderate": Severity(4, 30.0),  # 1e-3,
+    "severe": Severity(6, 45.0),  # 1e-5
 }
 
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any, Final, Literal, Protocol
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,31 +27,9 @@ from rig.frame import (
     offset,
 )
 from rig.kernels import kernel
+from rig.record.event import Event, Severity
 
 MISSED: Final = "unit missed"  # an event's name
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """One thing that happened in one frame."""
-
-    frame: int
-    level: Literal["info", "warning", "error"]
-    name: str  # what kind of event, e.g. "channel failed"
-    text: str
-
-
-class EventLike(Protocol):
-    """What is read of an event; Event is one, and the log's are."""
-
-    @property
-    def frame(self) -> int: ...  # noqa: D102
-    @property
-    def level(self) -> str: ...  # noqa: D102
-    @property
-    def name(self) -> str: ...  # noqa: D102
-    @property
-    def text(self) -> str: ...  # noqa: D102
 
 
 def not_executed(frame: int, missing: Sequence[tuple[str, str]]) -> list[Event]:
@@ -71,7 +48,7 @@ class EventFinder:
 
     def find(self, rows: Block) -> list[Event]:
         """The events of ``rows``, which follow those of the last call, in order of time."""
-        before, news = self._before(rows), np.zeros(len(rows), bool)
+        before, news = _before_the_first(rows) if self._last is None else self._last, np.zeros(len(rows), bool)
         mark_news(_words(rows), _words(before)[0], _PLACES, _CHANGED, _SET, news)
         self._last = rows[-1:].copy()
         at = np.flatnonzero(news)
@@ -88,10 +65,6 @@ class EventFinder:
             if event.name != MISSED or not self._missed:
                 yield event
             self._missed = self._missed or event.name == MISSED
-
-    def _before(self, rows: Block) -> Block:
-        """The row before ``rows``; before the first one all stood as it does there, but no fault acted or failed."""
-        return _before_the_first(rows) if self._last is None else self._last
 
     def _fault_events(self, old: Block, new: Block) -> Iterator[Event]:
         """Faults that begin or cease to act between rows of ``old`` and those of ``new``."""
@@ -166,22 +139,21 @@ def _changes(old: Block, new: Block) -> Iterator[Event]:
 
 
 def _state(frame: int, old: int, new: int, s: int, c: int, row: Any) -> Event | None:
-    name = f"{SIGNALS[s].name}.{c + 1}"
-    if new == State.FAILED:
-        resolver = Resolver(row["resolver"][s])
-        why = "comparison" if resolver in (Resolver.NONE, Resolver.UNRESOLVED) else resolver.name.lower()
-        return Event(frame, "warning", "channel failed", f"{name} failed by {why}")
-    if old == State.FAILED:
-        return Event(frame, "info", "channel readmitted", f"{name} readmitted")
-    return None
+    resolver = Resolver(row["resolver"][s]) if new == State.FAILED else Resolver.NONE
+    by = "comparison" if resolver in (Resolver.NONE, Resolver.UNRESOLVED) else resolver.name.lower()
+    return _standing(frame, old, new, f"{SIGNALS[s].name}.{c + 1}", by)
 
 
 def _discrete_state(frame: int, old: int, new: int, d: int, c: int, row: Any) -> Event | None:
-    name = f"{DISCRETES[d].name}.{c + 1}"
+    return _standing(frame, old, new, f"{DISCRETES[d].name}.{c + 1}", "comparison")
+
+
+def _standing(frame: int, old: int, new: int, channel: str, by: str) -> Event | None:
+    """A channel that is failed ``by`` someone, or readmitted."""
     if new == State.FAILED:
-        return Event(frame, "warning", "channel failed", f"{name} failed by comparison")
+        return Event(frame, "warning", "channel failed", f"{channel} failed by {by}")
     if old == State.FAILED:
-        return Event(frame, "info", "channel readmitted", f"{name} readmitted")
+        return Event(frame, "info", "channel readmitted", f"{channel} readmitted")
     return None
 
 
@@ -193,16 +165,17 @@ def _discrete_voted(frame: int, old: int, new: int, d: int, row: Any) -> Event |
 
 
 def _discrete_level(frame: int, old: int, new: int, d: int, row: Any) -> Event:
-    name = DISCRETES[d].name
-    if new == 0:
-        return Event(frame, "error", "signal lost", f"{name}: no channel left, {row['discrete_voted'][d]} is fail-safe")
-    return Event(frame, "warning", "level", f"{name}: {old} to {new} channels")
+    return _channels_left(frame, old, new, DISCRETES[d].name, f", {row['discrete_voted'][d]} is fail-safe")
 
 
 def _level(frame: int, old: int, new: int, s: int, row: Any) -> Event:
-    name = SIGNALS[s].name
+    return _channels_left(frame, old, new, SIGNALS[s].name)
+
+
+def _channels_left(frame: int, old: int, new: int, name: str, lost: str = "") -> Event:
+    """A change in the number of channels in use; ``lost``: what is said besides when it is the last."""
     if new == 0:
-        return Event(frame, "error", "signal lost", f"{name}: no channel left")
+        return Event(frame, "error", "signal lost", f"{name}: no channel left{lost}")
     return Event(frame, "warning", "level", f"{name}: {old} to {new} channels")
 
 
@@ -229,7 +202,7 @@ def _common(frame: int, old: int, new: int, s: int, row: Any) -> Event | None:
 def _source(frame: int, old: int, new: int, s: int, row: Any) -> Event:
     """A signal that control takes from elsewhere; the switch is faded."""
     taken = {Source.VOTED: "its vote again", Source.REFERENCE: "its reference", Source.DEGRADED: "its degraded mode"}
-    level: Literal["info", "warning"] = "info" if new == Source.VOTED else "warning"
+    level: Severity = "info" if new == Source.VOTED else "warning"
     return Event(frame, level, "source", f"{SIGNALS[s].name}: control goes on with {taken[Source(new)]}")
 
 
@@ -258,7 +231,7 @@ def _lie(frame: int, old: int, new: int, row: Any) -> Event | None:
 
 def _unit(frame: int, old: int, new: int, row: Any) -> Event | None:
     """What a unit under test did not do; that it missed a frame is told once a flight."""
-    said: dict[int, tuple[Literal["warning", "error"], str, str]] = {
+    said: dict[int, tuple[Severity, str, str]] = {
         Unit.HELD: ("warning", MISSED, "no answer by the deadline: the last one is flown"),
         Unit.REFUSED: ("warning", "unit refused", "its answer is none that a unit may give: the last one is flown"),
         Unit.RESTARTED: ("warning", "unit restarted", "it was dead and has begun again, without its latches"),

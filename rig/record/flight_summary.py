@@ -87,7 +87,10 @@ class Verdict:
     @property
     def failed(self) -> dict[str, list[int]]:
         """Failed channels, numbered from 1, by signal or discrete."""
-        return _failed(self._last["state"][0], self._last["discrete_state"][0])
+        row = self._last[0]
+        named = [*zip(SIGNALS, row["state"], strict=True), *zip(DISCRETES, row["discrete_state"], strict=True)]
+        lists = {signal.name: (np.flatnonzero(state == State.FAILED) + 1).tolist() for signal, state in named}
+        return {name: channels for name, channels in lists.items() if channels}
 
     @property
     def peaks(self) -> Peaks:
@@ -103,10 +106,3 @@ class Verdict:
     def survived(self) -> bool:
         """Whether the aircraft was still flying at the end."""
         return self.end == End.FLYING
-
-
-def _failed(state: NDArray[np.uint8], discrete_state: NDArray[np.uint8]) -> dict[str, list[int]]:
-    """Failed channels, numbered from 1, by signal."""
-    named = [*zip(SIGNALS, state, strict=True), *zip(DISCRETES, discrete_state, strict=True)]
-    lists = {signal.name: [int(c) + 1 for c in np.flatnonzero(row == State.FAILED)] for signal, row in named}
-    return {name: channels for name, channels in lists.items() if channels}

@@ -70,16 +70,12 @@ class _Comparison:
         rows, error, vote = self._rows[part], self.found.error[part], self.found.vote[part]
         at = compare(rows, clean, self._params, self._acted, error, vote)
         if at != _SAME:
-            _refuse(rows["frame"][at // (S * CHANNELS)], at % (S * CHANNELS))
+            k, s, c = np.unravel_index(at, (len(rows), S, CHANNELS))
+            raise BadInput(
+                "the sensors of this version do not give the recorded channels again: first "
+                f"{SIGNALS[s].name} channel {c + 1} in frame {rows['frame'][k]}; the flight cannot be scored"
+            )
         self._done = part.stop
-
-
-def _refuse(frame: int, place: int) -> None:
-    name = f"{SIGNALS[place // CHANNELS].name} channel {place % CHANNELS + 1}"
-    raise BadInput(
-        f"the sensors of this version do not give the recorded channels again: first {name} in frame {frame}; "
-        "the flight cannot be scored"
-    )
 
 
 def checked(rows: Block) -> Block:

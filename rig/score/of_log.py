@@ -66,14 +66,9 @@ def score_log(
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
     exchanges = json.loads(log.result["unit"]) if "unit" in log.result else None
-    return Scored(
-        path, scenario, log.result.get("digest", ""), scored, exchanges, times(log.timing), _faults_of_unit(log)
-    )
-
-
-def _faults_of_unit(log: Log) -> list[Miss]:
     on_miss = json.loads(log.metadata.get("unit", "{}")).get("on_miss")
-    return misses(log.rows) if on_miss == "fault" else []
+    found = misses(log.rows) if on_miss == "fault" else []
+    return Scored(path, scenario, log.result.get("digest", ""), scored, exchanges, times(log.timing), found)
 
 
 def _scenario(path: Path, log: Log, allow_code: bool) -> Scenario:

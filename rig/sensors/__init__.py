@@ -14,5 +14,3 @@ Equations and order of the effects: docs/sensors.md.
 from rig.sensors.kernel import SensorData, measure
 from rig.sensors.settings import Sensor, Suite, channels, discrete_channels, ranges
 from rig.sensors.stage import Sensors
-
-__all__ = ["Sensor", "SensorData", "Sensors", "Suite", "channels", "discrete_channels", "measure", "ranges"]

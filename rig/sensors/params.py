@@ -57,17 +57,13 @@ def fixed(suite: Settings, rate_hz: float, seeds: dict[str, SeedSequence]) -> ND
         row["blend"] = 1.0 if sensor.lag_s == 0 else 1.0 - exp(-1.0 / (rate_hz * sensor.lag_s))
         row["quantum"] = sensor.quantum
         row["low"], row["high"] = sensor.limits(signal)
-        row["drifts"] = _drifts(sensor)
+        drawn = sensor.bias_instability_std > 0 or sensor.rate_random_walk > 0 or sensor.mode_rms > 0
+        row["drifts"] = drawn or sensor.noise_file is not None
         row["alarms"] = sensor.monitor is not None and sensor.monitor.false_alarm_per_hour > 0
         row["wraps"], row["channels"] = signal.wraps, sensor.channels
         _dynamics(row, sensor, rate_hz)
     _couple(params, suite, np.random.default_rng(seeds["misalignment"]), np.random.default_rng(seeds["g_sensitivity"]))
     return params
-
-
-def _drifts(sensor: Sensor) -> bool:
-    drawn = sensor.bias_instability_std > 0 or sensor.rate_random_walk > 0 or sensor.mode_rms > 0
-    return drawn or sensor.noise_file is not None
 
 
 def _dynamics(row: Any, sensor: Sensor, rate_hz: float) -> None:

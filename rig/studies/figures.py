@@ -12,8 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from plotly.subplots import make_subplots
 
-from rig.errors import RigError
-from rig.files import replaced
+from rig.files import replaced, reported
 from rig.studies.ding2015 import FAULT_S, Matrix, Study
 
 _GREY, _BLUE, _RED, _ORANGE, _BLACK = "#9aa5b1", "#1f6fb4", "#c0392b", "#e08e0b", "#333333"
@@ -64,12 +63,10 @@ def _panels(study: Study) -> list[list[_Line]]:
 def write(study: Study, folder: Path) -> list[Path]:
     """ding2015.html (needs no network) and ding2015.png in ``folder``, which exists; RigError when that fails."""
     page, picture = folder / "ding2015.html", folder / "ding2015.png"
-    with replaced(page) as of_page, replaced(picture) as of_picture:
-        try:
-            _page(study).write_html(of_page, include_plotlyjs=True, div_id="ding2015")
-            _picture(study).savefig(of_picture, dpi=110, format="png")
-        except OSError as error:
-            raise RigError(f"{folder}: the figures cannot be written: {error.strerror}") from None
+    refused = reported(folder, what="the figures cannot be written")
+    with replaced(page) as of_page, replaced(picture) as of_picture, refused:
+        _page(study).write_html(of_page, include_plotlyjs=True, div_id="ding2015")
+        _picture(study).savefig(of_picture, dpi=110, format="png")
     return [page, picture]
 
 

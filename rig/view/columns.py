@@ -18,43 +18,24 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
-from rig.frame import DISCRETES, SIGNALS, Block
+from rig.frame import SIGNALS, Block
 from rig.frame.fields import FIELD, places
+from rig.log.schema import TOPICS_OF_ROWS, Topic
+from rig.record.event import Event
 from rig.view import derived, lanes
 from rig.view.facts import UNKNOWN, Facts
 from rig.view.scene import Scene, time_column
 from rig.view.style import VOTED, Color
 from rig.view.times import Times
 
-if TYPE_CHECKING:
-    from rig.record.events import EventLike
-
 _LEVELS: Final = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
-
-
-class Entity(NamedTuple):
-    """One entity with one struct; ``item`` is its row in the arrays of FRAME, None where there are no rows."""
-
-    path: str
-    archetype: str
-    item: int | None
-
-
-ENTITIES: Final = (
-    *(Entity(signal.topic, "rig.Signal", i) for i, signal in enumerate(SIGNALS)),
-    *(Entity(discrete.topic, "rig.Discrete", i) for i, discrete in enumerate(DISCRETES)),
-    Entity("/control", "rig.Control", None),
-    Entity("/demand", "rig.Demand", None),
-    Entity("/inertial", "rig.Inertial", None),
-    Entity("/flight", "rig.Flight", None),
-)
 
 
 class Columns:
@@ -81,7 +62,7 @@ class Columns:
         self._scene = Scene(recording, root, color)
         self._times = Times(self._columns) if facts.unit else None
 
-    def send(self, rows: Block, events: Sequence[EventLike] = (), timing: NDArray[Any] | None = None) -> None:
+    def send(self, rows: Block, events: Sequence[Event] = (), timing: NDArray[Any] | None = None) -> None:
         """Send every row of ``rows`` and the events among them, one batch an entity.
 
         timing : (n,) of TIMING, shown of a flight with a unit under test
@@ -91,11 +72,11 @@ class Columns:
         nanoseconds = np.rint(rows["frame"] * (1e9 / self._rate_hz))
         time = [time_column(nanoseconds)]
         acts = derived.fault_acts(rows, self._facts)
-        for entity in ENTITIES:
-            components = [_message(entity.archetype, struct(rows, entity))]
-            if entity.archetype == "rig.Signal" and entity.item is not None:
-                components += self._derived(rows, entity.item, acts)
-            self._columns(entity.path, time, [column for one in components for column in one])
+        for topic in TOPICS_OF_ROWS:
+            components = [_message(topic.message, struct(rows, topic))]
+            if topic.message == "rig.Signal" and topic.item is not None:
+                components += self._derived(rows, topic.item, acts)
+            self._columns(topic.name, time, [column for one in components for column in one])
         for change in lanes.changes(rows, self._before, self._facts.faults):
             states = rr.StateChange.columns(state=change.states)
             self._columns(change.path, [time_column(nanoseconds[change.rows])], states)
@@ -113,7 +94,7 @@ class Columns:
             _values(derived.DEVIATION, derived.deviation(rows, index, threshold)),
         ]
 
-    def _events(self, events: Sequence[EventLike]) -> None:
+    def _events(self, events: Sequence[Event]) -> None:
         if not events:
             return
         time = time_column(np.rint([event.frame * (1e9 / self._rate_hz) for event in events]))
@@ -139,15 +120,15 @@ def _values(archetype: str, values: NDArray[np.float64]) -> rr.ComponentColumnLi
     return columns.partition(np.full(len(values), values.shape[1]))
 
 
-def words(event: EventLike) -> str:
+def words(event: Event) -> str:
     """An event in words; that of a fault says only which."""
     return f"{event.name}: {event.text}" if event.name.startswith("fault") else event.text
 
 
-def struct(rows: Block, entity: Entity) -> pa.StructArray:
-    """The fields of ``entity`` in every row, one struct each."""
-    item = () if entity.item is None else (entity.item,)
-    shown = places(entity.archetype)
+def struct(rows: Block, topic: Topic) -> pa.StructArray:
+    """The fields of a topic's message in every row, one struct each."""
+    item = () if topic.item is None else (topic.item,)
+    shown = places(topic.message)
     arrays = [_array(place.field, rows[place.field][(slice(None), *item, *place.index)]) for place in shown]
     fields = [pa.field(p.name, array.type, nullable=False) for p, array in zip(shown, arrays, strict=True)]
     return pa.StructArray.from_arrays(arrays, fields=fields)

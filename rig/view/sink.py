@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rig.errors import BadInput, RigError
 from rig.frame import Block
+from rig.record.event import Event
 from rig.view import viewer
 from rig.view.facts import Layout
 
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     import rerun as rr
     import rerun.blueprint as rrb
 
-    from rig.record.events import EventLike
     from rig.view.columns import Columns
 
 APPLICATION: Final = "jsbsim-rig"  # the viewer keeps one layout per application
@@ -86,7 +86,7 @@ class Sink:
         self,
         rows: Block,
         rate_hz: float,
-        events: Sequence[EventLike],
+        events: Sequence[Event],
         timing: NDArray[Any] | None = None,
         flight: int = 0,
     ) -> None:
@@ -163,10 +163,3 @@ def _serve(recording: rr.RecordingStream, layout: rrb.Blueprint, about: About, s
         recording.disconnect()
         raise RigError(f"the viewer's page cannot be served: {error}") from None
     return Sink(recording, server.uri, about, web.url, also=web.close)
-
-
-def abandon() -> None:
-    """Keep Rerun from waiting, when the process ends, for a sink that does not answer."""
-    import rerun as rr
-
-    rr.unregister_shutdown()

@@ -11,16 +11,14 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import Any, Final, Protocol
 
 from numpy.typing import NDArray
 
 from rig.frame import Block
+from rig.record.event import Event
 from rig.view.facts import UNKNOWN, Facts, Layout, Shown
-from rig.view.sink import About, abandon, check_where, open_sink
-
-if TYPE_CHECKING:
-    from rig.record.events import EventLike
+from rig.view.sink import About, check_where, open_sink
 
 QUEUE_BYTES: Final = 128 * 1024 * 1024  # of rows that wait; minutes of flight, also when flown faster than shown
 FLUSH_S: Final = 30.0  # the worker's patience with a sink at the end; close has its own
@@ -34,7 +32,7 @@ class SinkLike(Protocol):
 
     def begin(self) -> None: ...  # noqa: D102
     def send(  # noqa: D102
-        self, rows: Block, rate_hz: float, events: Sequence[EventLike], timing: NDArray[Any] | None = None
+        self, rows: Block, rate_hz: float, events: Sequence[Event], timing: NDArray[Any] | None = None
     ) -> None: ...
     def flush(self, timeout_s: float) -> None: ...  # noqa: D102
     def close(self) -> None: ...  # noqa: D102
@@ -68,7 +66,7 @@ def open_stream(
     return Stream(open_sink(where, about, out_path.with_suffix(".rrd")), rate_hz)
 
 
-_Item = tuple[Block, "Sequence[EventLike]", NDArray[Any] | None]
+_Item = tuple[Block, "Sequence[Event]", NDArray[Any] | None]
 
 
 class Stream:
@@ -90,7 +88,7 @@ class Stream:
         self._worker = threading.Thread(target=self._run, name="rerun stream", daemon=True)
         self._worker.start()
 
-    def put(self, rows: Block, events: Sequence[EventLike] = (), timing: NDArray[Any] | None = None) -> None:
+    def put(self, rows: Block, events: Sequence[Event] = (), timing: NDArray[Any] | None = None) -> None:
         """Queue ``rows``, which the caller no longer touches, their events and TIMING.  Never waits for the sink."""
         with self._changed:
             self._frames += len(rows)
@@ -113,7 +111,9 @@ class Stream:
         self._worker.join(timeout_s)
         late = self._worker.is_alive()
         if late:
-            abandon()
+            import rerun
+
+            rerun.unregister_shutdown()  # else it would wait, when the process ends, for a sink that does not answer
         with self._changed:
             return self._report(f"the sink did not finish within {timeout_s:g} s" if late else "", 0)
 

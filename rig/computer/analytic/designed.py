@@ -11,22 +11,6 @@ from pydantic import Field, model_validator
 from rig.computer import gain_schedule
 from rig.settings import Settings
 
-# The order of the coefficient table's columns; references.py numbers them alike.
-COLUMNS: Final = (
-    "lift_slope_1_pa",
-    "zero_lift_alpha_rad",
-    "pitch_rate_gain",
-    "elevator_arm_m",
-    "side_slope_1_pa",
-    "roll_arm_m",
-    "yaw_arm_m",
-    "alpha_filter_s",
-    "attitude_filter_s",
-    "acceleration_filter_s",
-    "unit_filter_s",
-)
-FILTERS: Final = COLUMNS[-4:]
-
 
 class Point(Settings):
     """One flight point: how the aircraft answers the air there, and the filters that left the least error.
@@ -54,6 +38,11 @@ class Point(Settings):
     attitude_filter_s: float = Field(gt=0.0)
     acceleration_filter_s: float = Field(gt=0.0)
     unit_filter_s: float = Field(default=0.02, gt=0.0)  # files from before it was designed have none
+
+
+# The order of the coefficient table's columns; references.py numbers them alike.
+COLUMNS: Final = tuple(name for name in Point.model_fields if name not in ("name", "dynamic_pressure_pa"))
+FILTERS: Final = COLUMNS[-4:]
 
 
 class Error(Settings):

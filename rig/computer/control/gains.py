@@ -17,52 +17,13 @@ from rig.settings import Settings, build, read_toml
 
 # Of each of the back-up law's compensators: feedback of the estimates, then correction of the estimates.
 BACKUP: Final = ("feedback_alpha", "feedback_pitch_rate_s", "integral_1_s", "observe_alpha", "observe_pitch_rate")
-# The order of the gain table's columns; laws.py numbers them alike.
-COLUMNS: Final = (
-    "trim_alpha_rad",
-    "elevator_alpha",
-    "elevator_pitch_rate_s",
-    "elevator_pitch_rate_integral",
-    "aileron_roll_rate_s",
-    "aileron_roll_rate_integral",
-    "rudder_beta",
-    "rudder_yaw_rate_s",
-    "rudder_beta_integral_1_s",
-    "rudder_sideslip_command",
-    "throttle_airspeed_s_m",
-    "throttle_airspeed_integral_1_m",
-    "pitch_angle_1_s",
-    "roll_angle_1_s",
-    "path_pitch",
-    "path_climb_angle",
-    "path_altitude_1_s",
-    "path_altitude_integral_1_s2",
-    "heading_1_s",
-    "heading_yaw_1_s",
-    "max_roll_rate_rad_s",
-    "max_sideslip_rad",
-    "lift_slope_1_rad",
-    "load_by_alpha_1_rad",
-    "load_by_pitch_rate_s",
-    "load_by_elevator_1_rad",
-    "alpha_rate_by_alpha_1_s",
-    "alpha_rate_by_pitch_rate",
-    "alpha_rate_by_elevator_1_s",
-    "pitch_acceleration_by_alpha_1_s2",
-    "pitch_acceleration_by_pitch_rate_1_s",
-    "pitch_acceleration_by_elevator_1_s2",
-    "roll_acceleration_by_sideslip_1_s2",
-    "roll_acceleration_by_roll_rate_1_s",
-    "roll_acceleration_by_aileron_1_s2",
-    "yaw_acceleration_by_sideslip_1_s2",
-    "yaw_acceleration_by_yaw_rate_1_s",
-    "yaw_acceleration_by_rudder_1_s2",
-    *(f"backup_{sensor}_{name}" for sensor in ("load", "alpha") for name in BACKUP),
-)
 
 
 class Margin(Settings):
-    """Margins at one actuator, all other loops closed; a margin not found is 40 dB or 120 degrees."""
+    """How far one actuator's command may be off, all other loops closed, before the loop is unstable.
+
+    Increase and decrease are both positive numbers; a margin that is not found within 40 dB or 120 degrees is that.
+    """
 
     gain_increase_db: float
     gain_decrease_db: float
@@ -134,6 +95,13 @@ class Point(Settings):
     stick_margins: dict[str, Margin] = Field(default_factory=dict)  # rate loops alone
     autopilot_margins: dict[str, Margin] = Field(default_factory=dict)  # altitude, heading, airspeed held
     lost_margins: dict[str, dict[str, Margin]] = Field(default_factory=dict)  # the same, without some signals
+
+
+_NOT_FLOWN: Final = ("dynamic_pressure_pa", "trim_airspeed_m_s", "trim_theta_rad", "trim_elevator_rad", "trim_throttle")
+# The order of the gain table's columns; laws.py numbers them alike.
+COLUMNS: Final = tuple(
+    name for name, field in Point.model_fields.items() if field.annotation is float and name not in _NOT_FLOWN
+)
 
 
 class Gains(Settings):

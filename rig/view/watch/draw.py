@@ -9,23 +9,21 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import IO, TYPE_CHECKING, Protocol
+from typing import IO, Protocol
 
 from rich.console import Console
 from rich.live import Live
 
 from rig.console import Screen
 from rig.frame import Block
+from rig.record.event import Event
 from rig.view.watch.page import Page, event_line
-
-if TYPE_CHECKING:
-    from rig.record.events import EventLike
 
 
 class Drawer(Protocol):
     """Draws the page of one row (1,) after another."""
 
-    def draw(self, row: Block | None, rate_hz: float, events: Sequence[EventLike]) -> None:
+    def draw(self, row: Block | None, rate_hz: float, events: Sequence[Event]) -> None:
         """The page of a row, with these events too; without a row they are for the next page."""
 
     def close(self) -> None:
@@ -40,7 +38,7 @@ class OnTerminal:
         self._live = Live(console=screen, auto_refresh=False)
         self._live.start()
 
-    def draw(self, row: Block | None, rate_hz: float, events: Sequence[EventLike]) -> None:
+    def draw(self, row: Block | None, rate_hz: float, events: Sequence[Event]) -> None:
         """Draw now, if there is a row."""
         self._page.note(events, rate_hz)
         if row is not None:
@@ -59,7 +57,7 @@ class InPipe:
         self._page = Page(title)
         self._last: tuple[Block, float] | None = None
 
-    def draw(self, row: Block | None, rate_hz: float, events: Sequence[EventLike]) -> None:
+    def draw(self, row: Block | None, rate_hz: float, events: Sequence[Event]) -> None:
         """Print the events, keep the row."""
         for event in events:
             self._screen.print(event_line(event.frame / rate_hz, event), soft_wrap=True)
@@ -77,7 +75,7 @@ class InProcess:
     def __init__(self) -> None:
         self._process = subprocess.Popen([sys.executable, "-P", "-m", "rig.view.watch.draw"], stdin=subprocess.PIPE)
 
-    def draw(self, row: Block | None, rate_hz: float, events: Sequence[EventLike]) -> None:
+    def draw(self, row: Block | None, rate_hz: float, events: Sequence[Event]) -> None:
         """Pass it on, if there is anything."""
         if row is not None or events:
             with suppress(OSError):

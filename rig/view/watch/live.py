@@ -12,14 +12,12 @@ import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from rig.console import Screen
 from rig.frame import Block
+from rig.record.event import Event
 from rig.view.watch.draw import Drawer, InPipe, InProcess
-
-if TYPE_CHECKING:
-    from rig.record.events import EventLike
 
 UPDATE_S: Final = 0.1
 
@@ -48,14 +46,14 @@ class Watch:
     def __init__(self, drawer: Drawer, realtime_factor: float | None) -> None:
         self._drawer = drawer
         self._factor = realtime_factor
-        self._queue: deque[tuple[Block, float, Sequence[EventLike]]] = deque()
+        self._queue: deque[tuple[Block, float, Sequence[Event]]] = deque()
         self._changed = threading.Condition()  # guards the queue and _closing
         self._closing = False
         self.drawn = 0  # pages
         self._thread = threading.Thread(target=self._run, name="watch", daemon=True)
         self._thread.start()
 
-    def __call__(self, rows: Block, rate_hz: float, events: Sequence[EventLike]) -> None:
+    def __call__(self, rows: Block, rate_hz: float, events: Sequence[Event]) -> None:
         """Take a block; never waits for the terminal."""
         kept = rows.copy() if self._factor else rows[-1:].copy()
         with self._changed:
@@ -80,7 +78,7 @@ class Watch:
             self._draw(last, rate_hz, ())
         self._drawer.close()
 
-    def _play(self, rows: Block, rate_hz: float, events: Sequence[EventLike]) -> None:
+    def _play(self, rows: Block, rate_hz: float, events: Sequence[Event]) -> None:
         """Draw frames of a block as they were flown, until it is over or others wait."""
         pace_hz = rate_hz * (self._factor or float("inf"))
         began, k = time.monotonic(), -1
@@ -93,11 +91,11 @@ class Watch:
                 self._changed.wait_for(lambda: self._closing, UPDATE_S)
         self._drawer.draw(None, rate_hz, events)  # of frames that were not drawn
 
-    def _draw(self, row: Block, rate_hz: float, events: Sequence[EventLike]) -> None:
+    def _draw(self, row: Block, rate_hz: float, events: Sequence[Event]) -> None:
         self._drawer.draw(row, rate_hz, events)
         self.drawn += 1
 
-    def _take(self) -> list[tuple[Block, float, Sequence[EventLike]]] | None:
+    def _take(self) -> list[tuple[Block, float, Sequence[Event]]] | None:
         """All blocks that wait, as soon as there is one; None when there will be no more."""
         with self._changed:
             self._changed.wait_for(lambda: self._queue or self._closing)

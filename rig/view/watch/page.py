@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -15,10 +15,8 @@ from rich.table import Table
 from rich.text import Text
 
 from rig.frame import DISCRETES, SIGNALS, End, Law, Pattern, Resolver, Source, State
+from rig.record.event import Event
 from rig.text import plain
-
-if TYPE_CHECKING:
-    from rig.record.events import EventLike
 
 EVENTS: Final = 6  # shown, of those so far
 # How a channel, its mark and what needs attention look.
@@ -37,9 +35,9 @@ class Page:
 
     def __init__(self, title: str = "") -> None:
         self._title = plain(title)
-        self._events: deque[tuple[float, EventLike]] = deque(maxlen=EVENTS)
+        self._events: deque[tuple[float, Event]] = deque(maxlen=EVENTS)
 
-    def note(self, events: Sequence[EventLike], rate_hz: float) -> None:
+    def note(self, events: Sequence[Event], rate_hz: float) -> None:
         """Keep events for the foot of the page."""
         self._events.extend((event.frame / rate_hz, event) for event in events)
 
@@ -71,7 +69,7 @@ class Page:
         return head
 
 
-def event_line(time_s: float, event: EventLike) -> Text:
+def event_line(time_s: float, event: Event) -> Text:
     """An event as one line."""
     text = plain(f"{time_s:9.2f} s  {event.name:17} {event.text}")
     return Text(text, style=_LEVELS.get(event.level, ""), no_wrap=True)
