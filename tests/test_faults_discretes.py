@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 from faulted import PARSE, acts, faulted, healthy
+from faults_executed import executed
 from pydantic import ValidationError
 
 from rig import scenario
 from rig.errors import BadInput
-from rig.faults import executed
 from rig.frame import DISCRETE_INDEX, Block, Ilm, State
 
 GEAR, WHEELS = DISCRETE_INDEX["gear_down"], DISCRETE_INDEX["weight_on_wheels"]

@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 from faulted import PARSE, acts, faulted, healthy, x
+from faults_executed import executed
 from interpreted import printed
 
 import rig
 from rig import scenario
-from rig.faults import executed
 from rig.flight import fly
 from rig.frame import FLIGHT_INDEX, INDEX, MOST_FAULTS, State, new_block
 from rig.loop import Rig, frames

@@ -62,8 +62,10 @@ class Folder:
             differs = difference(_read(about), folder.about())
             if differs:
                 raise BadInput(f"--out {path}: holds runs of another campaign: {differs[0]}")
-        elif path.exists() and (not path.is_dir() or any(path.iterdir())):
-            raise BadInput(f"--out {path}: is no campaign's folder, and not empty")
+            return folder
+        with reported(f"--out {path}", BadInput, "cannot be read"):
+            if path.exists() and (not path.is_dir() or any(path.iterdir())):
+                raise BadInput(f"--out {path}: is no campaign's folder, and not empty")
         return folder
 
     def about(self) -> dict[str, Any]:
