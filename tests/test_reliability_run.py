@@ -1,6 +1,7 @@
 """``rig reliability run`` and ``plan`` on constructed counts; the rates file."""
 
 import json
+import re
 from pathlib import Path
 
 import polars as pl
@@ -86,13 +87,17 @@ def test_common_mode_needs_its_cell(counted, rates: Path):
         module.run([Path("a")], read_rates(rates), "pitch_rate", [4], 1.0, 1)
 
 
-def test_the_pictures_have_a_line_a_manager(rig_command, counted, rates: Path, tmp_path: Path):
+def test_the_report_has_the_assumptions_before_the_numbers_and_needs_no_network(
+    rig_command, counted, rates: Path, tmp_path: Path
+):
     counted["a"] = Cells("cross-channel", table(bad=1), NO_ALARMS)
-    plot = tmp_path / "plot.html"
-    code, _, _ = rig_command("reliability", "run", "a", "--rates", str(rates), "--plot", str(plot))
-    page = plot.read_text()
+    path = tmp_path / "report.html"
+    code, _, _ = rig_command("reliability", "run", "a", "--rates", str(rates), "--report", str(path))
+    page = path.read_text()
     assert code == 0 and "cross-channel" in page and "perfect isolation" in page and "military" in page
-    assert page.count("<script") >= 3  # of bad votes, known losses and lost aircraft
+    assert [page.count(f'id="picture-{i}"') for i in range(4)] == [1, 1, 1, 0]  # bad votes, known losses, lost aircraft
+    assert page.index("a channel fails 0.001 times an hour (a test)") < page.index("<table>")
+    assert not re.findall("<(?:script|link|img)[^>]*https?:", page)
 
 
 def test_the_bundled_rates_say_what_is_assumed():

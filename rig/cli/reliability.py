@@ -42,13 +42,16 @@ def run(
     channels: Annotated[str, typer.Option(help="Numbers of channels.")] = "1,2,3,4",
     signal: SignalName = None,
     checks: Annotated[int, typer.Option(help="Flights between two full checks, beside one.", min=1, max=1000)] = 50,
-    plot: Annotated[Path | None, typer.Option(help="Write the pictures, HTML.", show_default=False)] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option("--report", "--plot", help="Write a page with the pictures, HTML.", show_default=False),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Print bad votes, known losses and lost aircraft per flight hour, and what decides them."""
     from rig.cli import show_reliability as show
-    from rig.reliability.plot import write_plot
     from rig.reliability.rates import read_rates
+    from rig.reliability.report import write_report
     from rig.reliability.run import assumptions
     from rig.reliability.run import run as reckon
 
@@ -56,8 +59,8 @@ def run(
     name, given = read.of(signal, str(rates))
     found = reckon(folders, read, name, _numbers(channels), hours, checks)
     lines = assumptions(read, name, found)
-    if plot is not None:
-        write_plot(found, plot)
+    if report is not None:
+        write_report(found, lines, report)
     emit(as_json, lambda: _as_dict(found, lines), lambda: show.run(found, given, lines))
 
 

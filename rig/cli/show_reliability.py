@@ -9,9 +9,8 @@ from rig.reliability.chain_file import ChainResult
 from rig.reliability.plan import Needed
 from rig.reliability.plot import TITLES
 from rig.reliability.rates import SignalRates
-from rig.reliability.result import TARGETS, Contribution, Estimate, Result
-
-WORTH_SAYING = 0.01  # of a result
+from rig.reliability.result import TARGETS, Result
+from rig.reliability.words import decided_by, interval
 
 
 def chain(found: ChainResult) -> None:
@@ -55,24 +54,6 @@ def _row(one: Result, shown: Sequence[str]) -> tuple[str, ...]:
         f"{one.perfect:.2e}",
         *("met" if met else "not met" for met in one.requirement.values()),
     )
-
-
-def interval(found: Estimate) -> str:
-    """A probability with its interval, or its upper end where there is no lower one."""
-    if found.low is None:
-        return f"< {found.high:.2e}"
-    return f"{found.median:.2e} ({found.low:.2e} to {found.high:.2e})"
-
-
-def decided_by(one: Result) -> str:
-    """What makes a result, the largest first, and what would make it narrower."""
-    parts = [_part(share) for share in one.contributions if share.share >= WORTH_SAYING]
-    return "; ".join(parts[:3]) if parts else "all channels failing"
-
-
-def _part(one: Contribution) -> str:
-    seen = f", {one.seen} of {one.trials} not kept, {one.trials_to_halve} more halve the interval" if one.trials else ""
-    return f"{one.cell} {100 * one.share:.0f} %{seen}"
 
 
 def _first_of_each(found: Sequence[Result], given: SignalRates) -> list[Result]:

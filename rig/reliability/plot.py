@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Final
 
 import plotly.graph_objects as go
 
-from rig.files import write_text
-from rig.reliability.result import TARGETS, WHAT, Result
+from rig.reliability.result import TARGETS, Result
 
 COLOURS: Final = ("#2166ac", "#b2182b", "#4d9221", "#8073ac", "#e08214", "#35978f", "#c51b7d", "#666666")
 TITLES: Final = {
@@ -53,13 +51,3 @@ def _line(figure: go.Figure, points: Sequence[Result], what: str, name: str, col
         line={"color": colour},
         name=name,
     )
-
-
-def write_plot(found: Sequence[Result], path: Path) -> None:
-    """All pictures, of every rate and share of common mode, as one page that opens without a network."""
-    sweep = dict.fromkeys((one.case.per_hour, one.case.beta) for one in found)
-    shown = [what for what in WHAT if any(what in one.estimates for one in found)]
-    pictures = [picture(found, what, *pair) for pair in sweep for what in shown]
-    parts = [figure.to_html(full_html=False, include_plotlyjs=i == 0) for i, figure in enumerate(pictures)]
-    head = '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Reliability</title></head><body>'
-    write_text(path, head + "\n".join(parts) + "</body></html>\n")

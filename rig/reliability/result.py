@@ -87,10 +87,8 @@ def results(
 
 def cases(given: SignalRates, channels: Iterable[int], hours: float, checks: int) -> list[Case]:
     """All numbers of channels, rates and shares of common mode, checked after each flight and after ``checks``."""
-    flights = sorted({1, checks})
-    return [
-        Case(*four, flights_) for *four, flights_ in product(channels, given.per_hour, given.beta, [hours], flights)
-    ]
+    sweep = product(channels, given.per_hour, given.beta, sorted({1, checks}))
+    return [Case(n, rate, beta, hours, flights) for n, rate, beta, flights in sweep]
 
 
 def false_isolations(table: pl.DataFrame, rng: np.random.Generator) -> dict[int, Floats]:
