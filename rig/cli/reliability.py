@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import typer
 
 from rig.cli.common import GROUP, Json, emit
-
-if TYPE_CHECKING:
-    from rig.reliability.chain_file import ChainResult
+from rig.errors import BadInput
 
 reliability_app = typer.Typer(help="From rates and measured outcomes to a probability per flight hour.", **GROUP)
-
-
-@reliability_app.callback()
-def _group() -> None:
-    """A group, however many commands it has."""
+RatesFile = Annotated[Path, typer.Option("--rates", help="Rates with their sources, TOML.", show_default=False)]
+Hours = Annotated[float, typer.Option(help="Duration of a flight.", min=1e-3, max=1e3)]
+SignalName = Annotated[
+    str | None, typer.Option("--signal", help="Of the rates file; its only one.", show_default=False)
+]
 
 
 @reliability_app.command()
@@ -26,30 +24,74 @@ def chain(
     as_json: Json = False,
 ) -> None:
     """Print the probability of every state of a chain that is given as rates."""
+    from rig.cli import show_reliability as show
     from rig.reliability.chain_file import solve_file
 
     found = solve_file(file)
-    emit(as_json, lambda: as_dict(found), lambda: show(found))
+    emit(as_json, lambda: {**found._asdict(), "death_probability": found.of_death}, lambda: show.chain(found))
 
 
-def as_dict(found: ChainResult) -> dict[str, object]:
-    """The result as plain data."""
-    return {
-        "hours": found.hours,
-        "start": found.start,
-        "probability": found.probability,
-        "death": found.death,
-        "death_probability": found.of_death,
-    }
+@reliability_app.command()
+def run(
+    folders: Annotated[
+        list[Path],
+        typer.Argument(metavar="DIR...", help="Flown campaigns or trials, of any managers.", show_default=False),
+    ],
+    rates: RatesFile,
+    hours: Hours = 1.0,
+    channels: Annotated[str, typer.Option(help="Numbers of channels.")] = "1,2,3,4",
+    signal: SignalName = None,
+    checks: Annotated[int, typer.Option(help="Flights between two full checks, beside one.", min=1, max=1000)] = 50,
+    report: Annotated[
+        Path | None,
+        typer.Option("--report", "--plot", help="Write a page with the pictures, HTML.", show_default=False),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Print bad votes, known losses and lost aircraft per flight hour, and what decides them."""
+    from rig.cli import show_reliability as show
+    from rig.reliability.rates import read_rates
+    from rig.reliability.report import write_report
+    from rig.reliability.run import assumptions
+    from rig.reliability.run import run as reckon
+
+    read = read_rates(rates)
+    name, given = read.of(signal, str(rates))
+    found = reckon(folders, read, name, _numbers(channels), hours, checks)
+    lines = assumptions(read, name, found)
+    if report is not None:
+        write_report(found, lines, report)
+    emit(as_json, lambda: _as_dict(found, lines), lambda: show.run(found, given, lines))
 
 
-def show(found: ChainResult) -> None:
-    """The states, and the sum over those that nothing leaves."""
-    from rig.console import console
+def _as_dict(found: list[Any], assumptions: list[str]) -> dict[str, Any]:
+    return {"assumptions": assumptions, "results": [one.as_dict() for one in found]}
 
-    screen = console()
-    screen.table(
-        ("state", f"probability after {found.hours:g} h", ""),
-        ((name, f"{p:.12e}", "death" if name in found.death else "") for name, p in found.probability.items()),
-    )
-    screen.print(f"death states: {found.of_death:.12e}" if found.death else "no death state: every state is left")
+
+def _numbers(text: str) -> list[int]:
+    """Numbers of channels from a list with commas."""
+    from rig.frame import CHANNELS
+
+    parts = text.split(",")
+    if not all(part.strip().isdecimal() and 1 <= int(part) <= CHANNELS for part in parts):
+        raise BadInput(f"--channels: numbers from 1 to {CHANNELS} with commas between, got {text}")
+    return sorted({int(part) for part in parts})
+
+
+@reliability_app.command()
+def plan(
+    target: Annotated[float, typer.Option(help="Probability per flight hour to be shown.", min=1e-15, max=1.0)],
+    rates: RatesFile,
+    hours: Hours = 1.0,
+    signal: SignalName = None,
+    as_json: Json = False,
+) -> None:
+    """Print how many trials a target needs for each number of good channels, and what they cost here."""
+    from rig.cli import show_reliability as show
+    from rig.reliability.plan import needed
+    from rig.reliability.rates import read_rates
+
+    read = read_rates(rates)
+    _, given = read.of(signal, str(rates))
+    found = needed(target, max(given.per_hour), hours=hours)
+    emit(as_json, lambda: {"cells": [one._asdict() for one in found]}, lambda: show.plan(found, [None] * len(found)))

@@ -1,0 +1,80 @@
+"""What ``rig reliability`` prints for people."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rig.console import console
+from rig.reliability.chain_file import ChainResult
+from rig.reliability.plan import Needed
+from rig.reliability.plot import TITLES
+from rig.reliability.rates import SignalRates
+from rig.reliability.result import TARGETS, Result
+from rig.reliability.words import decided_by, interval
+
+
+def chain(found: ChainResult) -> None:
+    """The states, and the sum over those that nothing leaves."""
+    screen = console()
+    screen.table(
+        ("state", f"probability after {found.hours:g} h", ""),
+        ((name, f"{p:.12e}", "death" if name in found.death else "") for name, p in found.probability.items()),
+    )
+    screen.print(f"death states: {found.of_death:.12e}" if found.death else "no death state: every state is left")
+
+
+def run(found: Sequence[Result], given: SignalRates, assumptions: Sequence[str]) -> None:
+    """Assumptions first, then the numbers, then what decides them."""
+    screen = console()
+    screen.print("This holds if:")
+    for line in assumptions:
+        screen.print(f"  - {line}")
+    screen.print("")
+    screen.print(f"{found[0].signal}: probability per flight hour, median (95 %)")
+    shown = [what for what in TITLES if any(what in one.estimates for one in found)]
+    heads = ("manager", "channels", "per hour", "common", "checks", *(TITLES[what] for what in shown), "perfect")
+    screen.table((*heads, *TARGETS), (_row(one, shown) for one in found))
+    screen.print("")
+    screen.table(
+        ("manager", "channels", "decided by"),
+        ((one.manager, str(one.case.channels), decided_by(one)) for one in _first_of_each(found, given)),
+    )
+
+
+def _row(one: Result, shown: Sequence[str]) -> tuple[str, ...]:
+    case = one.case
+    checks = f"every {case.flights_between_checks}" if case.flights_between_checks > 1 else "each flight"
+    return (
+        one.manager,
+        str(case.channels),
+        f"{case.per_hour:g}",
+        f"{100 * case.beta:g} %",
+        checks,
+        *(interval(one.estimates[what]) if what in one.estimates else "" for what in shown),
+        f"{one.perfect:.2e}",
+        *("met" if met else "not met" for met in one.requirement.values()),
+    )
+
+
+def _first_of_each(found: Sequence[Result], given: SignalRates) -> list[Result]:
+    """One case of each manager and number of channels: the first rate and share, checked after each flight."""
+    first = (given.per_hour[0], given.beta[0], 1)
+    return [one for one in found if (one.case.per_hour, one.case.beta, one.case.flights_between_checks) == first]
+
+
+def plan(found: Sequence[Needed], cost_s: Sequence[float | None]) -> None:
+    """A row for each number of good channels."""
+    screen = console()
+    screen.table(
+        ("good before", "not kept, at most", "trials without one", "how", "here, one core"),
+        (
+            (
+                str(one.good_before),
+                f"{one.chance:.3g}" if one.chance < 1.0 else "any",
+                f"{one.trials:,}",
+                "open loop" if one.open_loop else "flights",
+                "" if seconds is None else f"{seconds:.3g} s",
+            )
+            for one, seconds in zip(found, cost_s, strict=True)
+        ),
+    )

@@ -1,0 +1,132 @@
+"""The chain of one signal with n channels: faults suffered, false isolations, and the two ways to lose the signal.
+
+State (k, announced): k channels are faulty or failed; announced when any of them was failed, so that the ground crew
+will know.  A fault is settled after a mean time tau, during which a second one can come; tau is so short beside a
+flight that the fault's outcome is taken at once, with the chance of a second one within tau in it.
+
+    (k)   -> next fault         (n - k) (1 - beta) lambda
+    (k)   -> two alike          beta lambda                     k <= n - 2
+    (k)   -> (k + 1, announced) (n - k) phi                     false isolation; of the last channel: known loss
+Source: docs/reliability.md, 'The model'.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from rig.reliability.chain import Floats, transitions
+from rig.reliability.outcomes import BAD, BAD_LOST, KEPT, KNOWN, KNOWN_LOST, OUTCOMES, Cell
+
+LOSSES: Final = (KNOWN, KNOWN_LOST, BAD, BAD_LOST)
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """What a chain is made of; arrays have a first axis of draws."""
+
+    outcomes: Mapping[Cell, Floats]  # (draws, OUTCOMES)
+    announced: Mapping[Cell, float]
+    false_isolation: Mapping[int, Floats]  # (draws,) per channel hour, by channels in use
+    settle_h: float
+
+    def of(self, design: str, good: int) -> Floats:
+        """A cell's draws; of two faults that were not flown all are bad votes, shared out as others are."""
+        if (design, good) in self.outcomes:
+            return self.outcomes[design, good]
+        single = self.outcomes["single", good]
+        found = np.zeros_like(single)
+        found[:, BAD : BAD_LOST + 1] = split(single, BAD)
+        return found
+
+
+def split(outcome: Floats, loss: int) -> Floats:
+    """Shares (draws, 2) of a loss, KNOWN or BAD, that the aircraft survives and that it does not."""
+    both = outcome[:, loss] + outcome[:, loss + 1]
+    lost = np.divide(outcome[:, loss + 1], both, out=np.ones_like(both), where=both > 0.0)
+    return np.stack([1.0 - lost, lost], axis=-1)
+
+
+def states(n: int) -> dict[tuple[int, bool], int]:
+    """The places of the states (faulty channels, announced); the four losses come behind them."""
+    return {pair: i for i, pair in enumerate((k, told) for k in range(n) for told in (False, True) if k or not told)}
+
+
+def rates(n: int, per_hour: float, beta: float, given: Given) -> Floats:
+    """Rates (draws, m, m) per hour of a signal with ``n`` channels, each failing ``per_hour`` times an hour."""
+    place = states(n)
+    size = len(place) + len(LOSSES)
+    found = np.zeros((len(given.outcomes["single", 1]), size, size))
+    for (k, told), here in place.items():
+        row, good = found[:, here], n - k
+        _after(row, place, k, 1, told, good * (1.0 - beta) * per_hour, next_fault(given, good, per_hour), given)
+        if good >= 2 and beta > 0.0:
+            _after(row, place, k, 2, told, beta * per_hour, given.of("alike", good), given)
+        phi = good * given.false_isolation[good]
+        if good >= 2:
+            row[:, place[k + 1, True]] += phi
+        else:  # nobody is left
+            row[:, len(place) : len(place) + 2] += phi[:, None] * split(given.of("single", 1), KNOWN)
+    return found
+
+
+def next_fault(given: Given, good: int, per_hour: float) -> Floats:
+    """Outcomes (draws, OUTCOMES) of the next fault, settled or overtaken by another one within the settling time."""
+    single = given.of("single", good)
+    second = (good - 1) * per_hour * given.settle_h
+    overtaken = second / (1.0 + second)
+    return single if good < 2 else (1.0 - overtaken) * single + overtaken * given.of("near", good)
+
+
+def _after(
+    row: Floats,
+    place: Mapping[tuple[int, bool], int],
+    k: int,
+    more: int,
+    told: bool,
+    rate: float,
+    outcome: Floats,
+    given: Given,
+) -> None:
+    """Add to ``row`` (draws, m) what ``more`` faults in state k lead to, at ``rate`` per hour."""
+    n = 1 + max(faulty for faulty, _ in place)
+    losses = outcome[:, list(LOSSES)].copy()
+    if k + more < n:
+        share = 1.0 if told else given.announced.get(("single", n - k), 0.0)
+        row[:, place[k + more, True]] += rate * outcome[:, KEPT] * share
+        row[:, place[k + more, False]] += rate * outcome[:, KEPT] * (1.0 - share)
+    elif more == 1:
+        losses[:, :2] += outcome[:, [KEPT]] * split(outcome, KNOWN)  # the vote was right, but nobody is left
+    else:
+        losses[:, 2:] += outcome[:, [KEPT]] * split(outcome, BAD)  # two alike, and nobody left to contradict them
+    row[:, len(place) :] += rate * losses
+
+
+def after_flights(chain: Floats, n: int, hours: float, flights: int) -> Floats:
+    """Probability (draws, 4) of each loss per flight hour, on the average of ``flights`` between two full checks.
+
+    What was announced is repaired after the flight; what was tolerated without a word is found by the check alone.
+    """
+    place = states(n)
+    step = transitions(chain, hours)
+    now = np.zeros((len(chain), 1, chain.shape[-1]))
+    now[:, 0, 0] = 1.0
+    lost = np.zeros((len(chain), len(LOSSES)))
+    for _ in range(flights):
+        now = now @ step
+        lost += now[:, 0, len(place) :]
+        repaired = [i for (_, told), i in place.items() if told] + list(range(len(place), now.shape[-1]))
+        now[:, :, 0] += now[:, :, repaired].sum(axis=-1)
+        now[:, :, repaired] = 0.0
+    return lost / (flights * hours)
+
+
+def perfect(n: int, per_hour: float, hours: float) -> float:
+    """Probability per flight hour when every fault but the last is kept: all channels fail in one flight."""
+    return float((-np.expm1(-per_hour * hours)) ** n / hours)
+
+
+assert len(LOSSES) + 1 == OUTCOMES

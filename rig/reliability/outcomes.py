@@ -1,0 +1,100 @@
+"""What the next fault does, from counts: draws of its outcomes for every number of good channels.
+
+Counts of a kind give a Dirichlet distribution; the kinds are weighted by their shares in the rates file.  The prior is
+Jeffreys': a half for all that is not kept, spread over all kinds of a cell together (a half for each kind would make an
+empty table look as many times worse as there are kinds), and a half for what is kept.
+Source: docs/reliability.md, 'Intervals'; Jeffreys prior as in Brown, Cai and DasGupta (2001).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import polars as pl
+from numpy.random import Generator
+
+from rig.errors import BadInput
+from rig.reliability.chain import Floats
+
+KEPT, KNOWN, KNOWN_LOST, BAD, BAD_LOST = range(5)  # outcomes; ..._LOST: with the aircraft
+OUTCOMES: Final = 5
+DESIGNS: Final = ("single", "near", "alike")
+Cell = tuple[str, int]  # design, good channels before
+WHERE_FLOWN: Final = "lost_aircraft_known", "lost_aircraft_bad"
+
+
+@dataclass(frozen=True, slots=True)
+class Outcomes:
+    """Of the cells of one manager and signal."""
+
+    draws: dict[Cell, Floats]  # (draws, OUTCOMES), rows add up to one
+    trials: dict[Cell, int]
+    seen: dict[Cell, int]  # of them not kept
+    announced: dict[Cell, float]  # share of the kept ones whose faulty channel was failed
+    flown: bool  # whether any told what became of the aircraft
+
+
+def outcomes(counts: pl.DataFrame, kinds: Mapping[str, float], source: str, rng: Generator, draws: int) -> Outcomes:
+    """Draws of every cell in ``counts``, a table of cells of one signal (docs/reliability.md).
+
+    kinds : share of each kind of fault; a cell of single faults must have them all, else BadInput names it
+    """
+    found = Outcomes(
+        {}, {}, {}, {}, flown=not bool(counts.select(pl.col(WHERE_FLOWN).is_null().all()).row(0) == (1, 1))
+    )
+    lost = _lost_share(counts, rng, draws)
+    for (design, good), cell in sorted(counts.group_by("design", "good_before"), key=lambda item: item[0]):
+        place = str(design), int(good)  # pyright: ignore[reportArgumentType]  # columns of text and whole numbers
+        shares = _shares(cell, kinds, place, source)
+        found.draws[place] = _cell(cell, shares, lost, rng, draws)
+        found.trials[place] = int(cell["trials"].sum())
+        found.seen[place] = int((cell["trials"] - cell["kept"]).sum())
+        kept = int(cell["kept"].sum())
+        announced = int(cell["announced"].sum()) if "announced" in cell.columns else 0
+        found.announced[place] = announced / kept if kept else 0.0
+    return found
+
+
+def _shares(cell: pl.DataFrame, kinds: Mapping[str, float], place: Cell, source: str) -> dict[str, float]:
+    """The shares of the kinds of a cell; pairs of faults are flown of some kinds only."""
+    flown = set(cell.filter(pl.col("trials") > 0)["kind"])
+    absent = sorted(set(kinds) - flown)
+    if place[0] == "single" and absent:
+        raise BadInput(f"{source}: no trial of {absent[0]} with {place[1]} good channels, which the rates file names")
+    shares = {kind: share for kind, share in sorted(kinds.items()) if kind in flown}
+    if not shares:
+        raise BadInput(
+            f"{source}: {place[0]} faults with {place[1]} good channels: no kind of the rates file was flown"
+        )
+    total = sum(shares.values())
+    return {kind: share / total for kind, share in shares.items()}
+
+
+def _cell(
+    cell: pl.DataFrame, shares: Mapping[str, float], lost: tuple[Floats, Floats], rng: Generator, draws: int
+) -> Floats:
+    """Draws (draws, OUTCOMES) of one cell, its conditions taken together."""
+    prior = 0.25 / len(shares)
+    found = np.zeros((draws, OUTCOMES))
+    for kind, share in shares.items():
+        of_kind = cell.filter(pl.col("kind") == kind)
+        kept, known, bad = (float(of_kind[name].sum()) for name in ("kept", "known_loss", "bad_vote"))
+        chance = rng.dirichlet((kept + 0.5, known + prior, bad + prior), draws)
+        found[:, KEPT] += share * chance[:, 0]
+        for outcome, column, with_aircraft in ((KNOWN, 1, lost[0]), (BAD, 2, lost[1])):
+            found[:, outcome] += share * chance[:, column] * (1.0 - with_aircraft)
+            found[:, outcome + 1] += share * chance[:, column] * with_aircraft
+    return found
+
+
+def _lost_share(counts: pl.DataFrame, rng: Generator, draws: int) -> tuple[Floats, Floats]:
+    """Draws (draws,) of the share of known losses, and of bad votes, in which the aircraft was lost, of all cells."""
+    shares = []
+    for column, outcome in zip(WHERE_FLOWN, ("known_loss", "bad_vote"), strict=True):
+        flown = counts.filter(pl.col(column).is_not_null())
+        lost, of = float(flown[column].sum()), float(flown[outcome].sum())
+        shares.append(rng.beta(lost + 0.5, of - lost + 0.5, draws))
+    return shares[0], shares[1]

@@ -1,0 +1,179 @@
+"""Per flight hour: bad vote, known loss and lost aircraft of every manager and number of channels, and what decides."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import product
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import polars as pl
+
+from rig.reliability.cells import Cells
+from rig.reliability.chain import Floats
+from rig.reliability.model import Given, after_flights, perfect, rates
+from rig.reliability.outcomes import BAD_LOST, KEPT, Outcomes, outcomes
+from rig.reliability.rates import Layer, SignalRates
+
+DRAWS: Final = 4000
+SEED: Final = 1
+SETTLE_S: Final = 0.1  # where no fault was settled: the mean of hard faults (docs/reliability.md)
+TARGETS: Final = {"military": 1e-7, "civil": 1e-9}  # per flight hour; Zhang 2023, introduction
+WHAT: Final = ("bad_vote", "known_loss", "lost_aircraft")
+_SUMS: Final = {"bad_vote": (2, 3), "known_loss": (0, 1), "lost_aircraft": (1, 3)}  # of model.LOSSES
+UNSEEN: Final = 0.5  # of a result from cells in which nothing was seen: above it the lower end is the prior's
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A probability per flight hour; ``low`` is None where the data give no lower end."""
+
+    median: float
+    low: float | None
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Contribution:
+    """What a result would lose if a cell kept everything."""
+
+    cell: str
+    share: float
+    trials: int
+    seen: int  # of them not kept
+    trials_to_halve: int  # more of them, to halve the interval if the cell alone made it
+
+
+class Case(NamedTuple):
+    """One chain of a sweep."""
+
+    channels: int
+    per_hour: float
+    beta: float
+    hours: float  # of a flight
+    flights_between_checks: int
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """One manager and case."""
+
+    manager: str
+    signal: str
+    case: Case
+    estimates: dict[str, Estimate]  # by WHAT; without lost_aircraft where nothing was flown
+    perfect: float
+    requirement: dict[str, bool]  # by TARGETS: met by the upper end of the loss of the function
+    contributions: tuple[Contribution, ...]  # to that loss, the largest first
+    layers: tuple[str, ...]  # in series, with given coverages
+
+    def as_dict(self) -> dict[str, Any]:
+        """As plain data."""
+        return {**asdict(self), "case": self.case._asdict()}
+
+
+def results(
+    found: Cells, signal: str, given: SignalRates, cases: Iterable[Case], layers: Sequence[Layer] = ()
+) -> list[Result]:
+    """One manager in all ``cases``.  BadInput names a kind of fault that was not flown."""
+    counts = found.counts.filter(pl.col("signal") == signal).sort("design", "good_before", "kind", "condition")
+    rng = np.random.default_rng(SEED)
+    drawn = outcomes(counts, given.kinds, found.manager, rng, DRAWS)
+    phi = false_isolations(found.false_isolations.filter(pl.col("signal") == signal), rng)
+    base = Given(drawn.draws, drawn.announced, phi, settle_s(counts) / 3600.0)
+    return [_result(found.manager, signal, base, drawn, case, layers) for case in cases]
+
+
+def cases(given: SignalRates, channels: Iterable[int], hours: float, checks: int) -> list[Case]:
+    """All numbers of channels, rates and shares of common mode, checked after each flight and after ``checks``."""
+    sweep = product(channels, given.per_hour, given.beta, sorted({1, checks}))
+    return [Case(n, rate, beta, hours, flights) for n, rate, beta, flights in sweep]
+
+
+def false_isolations(table: pl.DataFrame, rng: np.random.Generator) -> dict[int, Floats]:
+    """Draws (DRAWS,) of false isolations per channel hour, by level: Gamma(events + 1/2, hours); none without hours."""
+    found: dict[int, Floats] = {}
+    for level in (4, 3, 2, 1):
+        here = table.filter(pl.col("level") == level)
+        events, hours = float(here["events"].sum()), float(here["channel_hours"].sum())
+        found[level] = rng.gamma(events + 0.5, 1.0 / hours, DRAWS) if hours > 0.0 else np.zeros(DRAWS)
+    return found
+
+
+def settle_s(counts: pl.DataFrame) -> float:
+    """Mean time from onset to settled, of all cells by their trials."""
+    known = counts.filter(pl.col("settle_s_mean").is_not_null() & (pl.col("design") == "single"))
+    if known.is_empty():
+        return SETTLE_S
+    return float(np.average(known["settle_s_mean"].to_numpy(), weights=known["trials"].to_numpy()))
+
+
+def _result(manager: str, signal: str, base: Given, drawn: Outcomes, case: Case, layers: Sequence[Layer]) -> Result:
+    lost = losses(base, case)
+    contributions = _contributions(_mean(base), drawn, case)
+    unseen = sum(one.share for one in contributions if one.trials and not one.seen)
+    more = sum(in_series(layer, case.hours) for layer in layers)
+    estimates = {
+        name: _estimate(lost[:, list(_SUMS[name])].sum(axis=1) + (more if name != "known_loss" else 0.0), unseen)
+        for name in WHAT
+        if drawn.flown or name != "lost_aircraft"
+    }
+    function = float(np.quantile(lost.sum(axis=1) + more, 0.975))
+    requirement = {name: function < target for name, target in TARGETS.items()}
+    ideal = perfect(case.channels, case.per_hour, case.hours)
+    return Result(
+        manager, signal, case, estimates, ideal, requirement, contributions, tuple(one.name for one in layers)
+    )
+
+
+def losses(given: Given, case: Case) -> Floats:
+    """Probability (draws, 4) per flight hour of each of model.LOSSES."""
+    chain = rates(case.channels, case.per_hour, case.beta, given)
+    return after_flights(chain, case.channels, case.hours, case.flights_between_checks)
+
+
+def _mean(given: Given) -> Given:
+    """The same with one draw, the mean of all."""
+    return replace(
+        given,
+        outcomes={cell: u.mean(axis=0, keepdims=True) for cell, u in given.outcomes.items()},
+        false_isolation={level: phi.mean(keepdims=True) for level, phi in given.false_isolation.items()},
+    )
+
+
+def _estimate(values: Floats, unseen: float) -> Estimate:
+    low, median, high = np.quantile(values, (0.025, 0.5, 0.975))
+    return Estimate(float(median), None if unseen > UNSEEN else float(low), float(high))
+
+
+def _contributions(mean: Given, drawn: Outcomes, case: Case) -> tuple[Contribution, ...]:
+    """Set each cell's losses to nothing in turn, at the means."""
+    whole = float(losses(mean, case).sum())
+
+    def share(without: Given) -> float:
+        return (whole - float(losses(without, case).sum())) / whole if whole > 0.0 else 0.0
+
+    found = []
+    for cell in sorted(cell for cell in mean.outcomes if cell[1] <= case.channels):
+        without = replace(mean, outcomes={**mean.outcomes, cell: _all_kept()})
+        trials = drawn.trials[cell]
+        found.append(Contribution(f"{cell[0]}, {cell[1]} good", share(without), trials, drawn.seen[cell], 3 * trials))
+    none = {level: np.zeros_like(phi) for level, phi in mean.false_isolation.items()}
+    found.append(Contribution("false isolations", share(replace(mean, false_isolation=none)), 0, 0, 0))
+    return tuple(sorted(found, key=lambda one: (-one.share, one.cell)))
+
+
+def _all_kept() -> Floats:
+    kept = np.zeros((1, BAD_LOST + 1))
+    kept[:, KEPT] = 1.0
+    return kept
+
+
+def in_series(layer: Layer, hours: float) -> float:
+    """Probability per flight hour that a layer is lost: a fault not covered, or all of its channels."""
+    uncovered = {
+        ("single", layer.channels - k): np.array([[1.0 - u, 0.0, 0.0, 0.0, u]]) for k, u in enumerate(layer.not_covered)
+    }
+    none = {level: np.zeros(1) for level in range(1, layer.channels + 1)}
+    return float(losses(Given(uncovered, {}, none, 0.0), Case(layer.channels, layer.per_hour, 0.0, hours, 1)).sum())

@@ -1,0 +1,82 @@
+"""Flown campaigns and a rates file in, results and what they assume out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import polars as pl
+
+from rig.errors import BadInput
+from rig.reliability.cells import Cells, cells
+from rig.reliability.rates import Rates, SignalRates
+from rig.reliability.result import Result, cases, results
+
+
+def run(
+    folders: Sequence[Path], rates: Rates, name: str, channels: Sequence[int], hours: float, checks: int
+) -> list[Result]:
+    """The results of every manager in ``folders``, campaigns or trials, for the signal ``name``.
+
+    Folders of the same manager are added up.  BadInput names the folder, the signal or the cell that is missing.
+    """
+    given = rates.signals[name]
+    chosen = cases(given, channels, hours, checks)
+    found: list[Result] = []
+    for manager, parts in by_manager(folders).items():
+        whole = together(manager, parts)
+        require(whole, name, max(channels), given, ", ".join(str(folder) for folder in folders))
+        found += results(whole, name, given, chosen, rates.layers)
+    return found
+
+
+def by_manager(folders: Sequence[Path]) -> dict[str, list[Cells]]:
+    """The counts of all folders, by manager in the order in which they were given."""
+    found: dict[str, list[Cells]] = {}
+    for folder in folders:
+        one = cells(folder)
+        found.setdefault(one.manager, []).append(one)
+    return found
+
+
+def together(manager: str, parts: Sequence[Cells]) -> Cells:
+    """The counts of several folders of one manager, one below the other."""
+    counts = pl.concat([one.counts for one in parts], how="diagonal_relaxed")
+    return Cells(manager, counts, pl.concat([one.false_isolations for one in parts], how="diagonal_relaxed"))
+
+
+def require(found: Cells, signal: str, channels: int, given: SignalRates, source: str) -> None:
+    """Refuse counts that lack a cell which the chain needs."""
+    here = found.counts.filter(pl.col("signal") == signal)
+    if here.is_empty():
+        known = ", ".join(sorted(set(found.counts["signal"])))
+        raise BadInput(f"{source}: {found.manager}: no trial of {signal}, flown were: {known}")
+    flown = {(str(design), int(good)) for design, good in here.select("design", "good_before").iter_rows()}
+    needed = [("single", good) for good in range(channels, 0, -1)]
+    if any(beta > 0.0 for beta in given.beta):
+        needed += [("alike", good) for good in range(channels, 1, -1)]
+    for design, good in needed:
+        if (design, good) not in flown:
+            raise BadInput(
+                f"{source}: {found.manager}: no {design} fault of {signal} with {good} good channels was flown"
+            )
+
+
+def assumptions(rates: Rates, name: str, found: Sequence[Result]) -> list[str]:
+    """For what the numbers hold, one line each."""
+    given = rates.signals[name]
+    rate = " or ".join(f"{rate:g}" for rate in given.per_hour)
+    beta = " or ".join(f"{100 * beta:g} %" for beta in given.beta)
+    kinds = ", ".join(f"{kind} {100 * share:g} %" for kind, share in given.kinds.items())
+    lines = [
+        f"a channel fails {rate} times an hour ({given.source})",
+        f"kinds: {kinds} ({given.kinds_source})",
+        f"common mode: {beta} of them hit two alike ({given.beta_source}); all others are independent",
+        f"one signal, {name}; software, power and wiring are not in it",
+        "aircraft, flight points, manoeuvres and sizes of faults are those of the campaign",
+        "what was announced is repaired before the next flight, what was not stays until a check",
+    ]
+    lines += [f"layer {layer.name}: coverages given, not measured ({layer.source})" for layer in rates.layers]
+    if any("lost_aircraft" not in one.estimates for one in found):
+        lines.append("nothing is said of the aircraft: the trials were open loop")
+    return lines

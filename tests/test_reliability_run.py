@@ -1,0 +1,133 @@
+"""``rig reliability run`` and ``plan`` on constructed counts; the rates file."""
+
+import json
+import re
+from pathlib import Path
+
+import polars as pl
+import pytest
+from test_reliability_result import NO_ALARMS, table
+
+from rig.errors import BadInput
+from rig.reliability import run as module
+from rig.reliability.cells import Cells
+from rig.reliability.rates import read_rates
+
+BUNDLED = Path(__file__).parent.parent / "faults" / "rates" / "zhang2023.toml"
+RATES = """
+[pitch_rate]
+per_hour = [1e-3]
+source = "a test"
+kinds = { hardover = 0.5, drift = 0.5 }
+"""
+
+
+@pytest.fixture
+def rates(tmp_path: Path) -> Path:
+    path = tmp_path / "rates.toml"
+    path.write_text(RATES)
+    return path
+
+
+@pytest.fixture
+def counted(monkeypatch: pytest.MonkeyPatch) -> dict[str, Cells]:
+    """Folders by name."""
+    found: dict[str, Cells] = {}
+    monkeypatch.setattr(module, "cells", lambda folder: found[str(folder)])
+    return found
+
+
+def test_every_manager_and_number_of_channels_has_its_row(rig_command, counted, rates: Path):
+    counted["a"] = Cells("cross-channel", table(bad=1), NO_ALARMS)
+    counted["b"] = Cells("mean", table(bad=500), NO_ALARMS)
+    code, out, err = rig_command("reliability", "run", "a", "b", "--rates", str(rates), "--json")
+    assert (code, err) == (0, "")
+    results = json.loads(out)["results"]
+    assert {(one["manager"], one["case"]["channels"]) for one in results} == {
+        (manager, n) for manager in ("cross-channel", "mean") for n in (1, 2, 3, 4)
+    }
+    of_mean = [one for one in results if one["manager"] == "mean" and one["case"]["flights_between_checks"] == 1]
+    # Half of all faults are fatal, however many channels there are: four channels fail four times as often as one.
+    worst = {one["case"]["channels"]: one["estimates"]["bad_vote"]["median"] for one in of_mean}
+    assert worst[4] == pytest.approx(4 * 0.5e-3, rel=0.1) and not any(of_mean[-1]["requirement"].values())
+
+
+def test_folders_of_one_manager_are_added_up(counted, rates: Path):
+    counted["a"] = counted["b"] = Cells("cross-channel", table(bad=1), NO_ALARMS)
+    both = module.run([Path("a"), Path("b")], read_rates(rates), "pitch_rate", [4], 1.0, 1)
+    assert len(both) == 1 and both[0].contributions[0].trials == 8000
+
+
+def test_the_assumptions_come_first(rig_command, counted, rates: Path):
+    counted["a"] = Cells("cross-channel", table(bad=1), NO_ALARMS)
+    code, out, _ = rig_command("reliability", "run", "a", "--rates", str(rates))
+    assert code == 0 and out.startswith("This holds if:\n  - a channel fails 0.001 times an hour (a test)")
+    assert "decided by" in out and "single, 4 good" in out
+
+
+def test_a_missing_cell_is_named(rig_command, counted, rates: Path):
+    counted["a"] = Cells("cross-channel", table().filter(pl.col("good_before") != 2), NO_ALARMS)
+    code, _, err = rig_command("reliability", "run", "a", "--rates", str(rates))
+    assert code == 2
+    assert err == "error: a: cross-channel: no single fault of pitch_rate with 2 good channels was flown\n"
+    code, _, _ = rig_command("reliability", "run", "a", "--rates", str(rates), "--channels", "1")
+    assert code == 0
+
+
+def test_a_missing_kind_is_named(rig_command, counted, rates: Path):
+    counted["a"] = Cells("cross-channel", table(kinds=("hardover",)), NO_ALARMS)
+    code, _, err = rig_command("reliability", "run", "a", "--rates", str(rates))
+    assert code == 2 and "no trial of drift with" in err
+
+
+def test_common_mode_needs_its_cell(counted, rates: Path):
+    rates.write_text(RATES + "beta = [0.01]\n")
+    counted["a"] = Cells("cross-channel", table(), NO_ALARMS)
+    with pytest.raises(BadInput, match="no alike fault of pitch_rate with 4 good channels"):
+        module.run([Path("a")], read_rates(rates), "pitch_rate", [4], 1.0, 1)
+
+
+def test_the_report_has_the_assumptions_before_the_numbers_and_needs_no_network(
+    rig_command, counted, rates: Path, tmp_path: Path
+):
+    counted["a"] = Cells("cross-channel", table(bad=1), NO_ALARMS)
+    path = tmp_path / "report.html"
+    code, _, _ = rig_command("reliability", "run", "a", "--rates", str(rates), "--report", str(path))
+    page = path.read_text()
+    assert code == 0 and "cross-channel" in page and "perfect isolation" in page and "military" in page
+    assert [page.count(f'id="picture-{i}"') for i in range(4)] == [1, 1, 1, 0]  # bad votes, known losses, lost aircraft
+    assert page.index("a channel fails 0.001 times an hour (a test)") < page.index("<table>")
+    assert not re.findall("<(?:script|link|img)[^>]*https?:", page)
+
+
+def test_the_bundled_rates_say_what_is_assumed():
+    found = read_rates(BUNDLED)
+    assert set(found.signals) == {"pitch_rate", "normal_load_factor", "static_pressure"}
+    assert all("assumed" in one.kinds_source and "Zhang 2023" in one.source for one in found.signals.values())
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('source = "a test"\n', "", "pitch_rate: source: field required"),
+        ("[1e-3]", "[-1e-3]", "pitch_rate: per_hour: rates per hour are above 0 and at most 1, got [-0.001]"),
+        ("drift = 0.5", "drift = 0.6", "pitch_rate: kinds: the shares of the kinds must add up to 1, got 1.1"),
+        ("drift", "drfit", "pitch_rate: kinds: unknown kind 'drfit'"),
+        ("[pitch_rate]", "[pitch_rat]", "signals: unknown signal 'pitch_rat'"),
+        ("[1e-3]", "[]", "pitch_rate: per_hour: list should have at least 1 item"),
+    ],
+)
+def test_bad_rates_are_one_line(rig_command, rates: Path, old: str, new: str, said: str):
+    rates.write_text(RATES.replace(old, new))
+    code, out, err = rig_command("reliability", "plan", "--target", "1e-7", "--rates", str(rates))
+    assert (code, out) == (2, "") and err.startswith(f"error: {rates}: ") and said in err and err.count("\n") == 1
+
+
+def test_the_plan_has_a_row_for_each_number_of_good_channels(rig_command, rates: Path):
+    code, out, _ = rig_command("reliability", "plan", "--target", "1e-9", "--rates", str(rates), "--json")
+    assert code == 0 and [one["trials"] for one in json.loads(out)["cells"]] == [23_965_859, 35_949, 24]
+
+
+def test_a_wrong_number_of_channels_is_refused(rig_command, rates: Path):
+    code, _, err = rig_command("reliability", "run", "a", "--rates", str(rates), "--channels", "1,5")
+    assert code == 2 and err == "error: --channels: numbers from 1 to 4 with commas between, got 1,5\n"
