@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rig.cli.common import GROUP, Json, emit
+from rig.cli.reliability_trials import trials
 
 if TYPE_CHECKING:
     from rig.reliability.chain_file import ChainResult
@@ -53,3 +54,6 @@ def show(found: ChainResult) -> None:
         ((name, f"{p:.12e}", "death" if name in found.death else "") for name, p in found.probability.items()),
     )
     screen.print(f"death states: {found.of_death:.12e}" if found.death else "no death state: every state is left")
+
+
+reliability_app.command()(trials)
