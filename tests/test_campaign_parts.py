@@ -18,6 +18,7 @@ from rig.campaign.plan import Plan
 from rig.campaign.report import report
 from rig.campaign.rows import Rows
 from rig.errors import BadInput
+from rig.frame import SIGNALS
 
 CAMPAIGN = """
 base = "f16_pitch_rate_hardover"
@@ -41,6 +42,7 @@ def rows(numbers: range) -> Rows:
         "faults": [{"run": n, "fault": 0, "channel": 1, "outcome": "detected"} for n in numbers],
         "alarms": [{"run": n, "signal": "pitch_rate", "channel": 2, "time_s": 0.5} for n in numbers if odd[n]],
         "episodes": [{"run": n, "begin_s": 0.5, "resolver": "unresolved"} for n in numbers if odd[n]],
+        "signals": [{"run": n, "signal": signal.name} for n in numbers for signal in SIGNALS],
     }
 
 
@@ -57,7 +59,7 @@ def out(tmp_path: Path) -> Path:
 
 def test_whole_parts_are_all_runs_once(out: Path):
     assert open_folder(out).done() == set(range(6))
-    assert [len(frame) for frame in open_folder(out).tables.values()] == [6, 6, 2, 2]
+    assert [len(frame) for frame in open_folder(out).tables.values()] == [6, 6, 2, 2, 6 * len(SIGNALS)]
 
 
 def rewrite(path: Path, change: Callable[[pl.DataFrame], pl.DataFrame]) -> None:
@@ -94,7 +96,7 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
 }
 
 
-@pytest.mark.parametrize("name", ["faults", "alarms", "episodes"])
+@pytest.mark.parametrize("name", ["faults", "alarms", "episodes", "signals"])
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_part_is_named_and_flown_again_when_its_runs_are_removed(out: Path, name: str, damage: str):
     act, says = DAMAGES[damage]
@@ -141,7 +143,7 @@ def test_reply_times_that_are_not_in_these_bins_are_named(out: Path):
 
 
 def test_a_part_copied_under_another_name_is_not_counted_but_named(out: Path):
-    for name in ("runs", "faults", "alarms", "episodes"):
+    for name in ("runs", "faults", "alarms", "episodes", "signals"):
         shutil.copy(out / name / f"{FIRST}.parquet", out / name / "copy.parquet")
     with pytest.raises(BadInput, match=f"copy.parquet: its name is not that of the runs in it.*rm {out}/runs/copy"):
         open_folder(out).done()
@@ -158,7 +160,7 @@ def test_parts_that_overlap_and_runs_that_are_none_of_the_campaigns_are_named(ou
     with pytest.raises(BadInput, match=r"000002-000003.parquet: run 2 is in runs/000000-000002.parquet too"):
         folder.done()
     (out / "runs" / "000002-000003.parquet").unlink()
-    for name in ("runs", "faults", "alarms", "episodes"):
+    for name in ("runs", "faults", "alarms", "episodes", "signals"):
         beyond = Path(shutil.copy(out / name / f"{FIRST}.parquet", out / name / "000006-000008.parquet"))
         rewrite(beyond, lambda frame: frame.with_columns(run=pl.col("run") + 6))
     with pytest.raises(BadInput, match=r"000006-000008.parquet: a run twice, or none of the campaign's 6"):

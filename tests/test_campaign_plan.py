@@ -192,3 +192,48 @@ def test_the_example_in_the_docs_can_be_flown(tmp_path: Path):
     made.check()
     assert len(made) == 200 and set(column(made, "manoeuvre")) == {"level", "3-2-1-1"}
     assert len({tuple(map(str, choice.items())) for choice in made.choices}) == 3 * 2 * 10 * 3
+
+
+STRATIFIED = """
+sampling = "stratified"
+runs = 12
+[vary]
+"faults.0.start_s" = { low = 1.0, high = 5.0 }
+[[cases.kind]]
+name = "up"
+set = { "faults.0.kind" = "offset", "faults.0.direction" = 0 }
+vary = { "faults.0.offset" = { low = 0.1, high = 1.0, log = true } }
+[[cases.kind]]
+name = "down"
+vary = { "faults.0.offset" = { low = -1.0, high = -0.1, log = true } }
+[[cases.weather]]
+name = "calm"
+[[cases.weather]]
+name = "rough"
+[[cases.weather]]
+name = "worse"
+"""
+
+
+def test_stratified_runs_go_around_all_cases_and_draw_what_varies_for_each(tmp_path: Path):
+    made = plan(tmp_path, STRATIFIED)
+    around = [(kind, weather) for kind in ("up", "down") for weather in ("calm", "rough", "worse")]
+    assert list(zip(column(made, "kind"), column(made, "weather"), strict=True)) == around * 2
+    starts = column(made, "faults.0.start_s")
+    assert len(set(starts)) == 12 and all(1.0 <= start <= 5.0 for start in starts)  # type: ignore[operator]
+
+
+def test_a_logarithmic_range_may_lie_below_zero(tmp_path: Path):
+    made = plan(tmp_path, STRATIFIED.replace("runs = 12", "runs = 600"))
+    down = np.array([c["faults.0.offset"] for c in made.choices if c["kind"] == "down"])
+    assert down.min() >= -1.0 and down.max() <= -0.1
+    assert 0.4 < np.mean(down < -(0.1**0.5)) < 0.6  # half of them on either side of the geometric middle
+
+
+def test_every_cell_of_the_campaign_reliability_is_planned():
+    made = Plan(read("reliability"), "reliability.toml")
+    designs = {str(choice["design"]).split(",")[0] for choice in made.choices}
+    assert designs == {f"single {n}" for n in (1, 2, 3, 4)} | {f"{d} {n}" for d in ("near", "alike") for n in (2, 3, 4)}
+    assert len({tuple(c[g] for g in ("design", "form", "signal", "condition")) for c in made.choices}) == len(made)
+    scenario = made[1500].scenario()
+    assert scenario.faults[0].label == "tested" and scenario.duration_s == 8.0

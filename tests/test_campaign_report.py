@@ -19,6 +19,7 @@ from rig.campaign.summary import summary
 from rig.campaign.table import COLUMNS
 from rig.errors import BadInput
 from rig.files import bundled
+from rig.frame import SIGNALS
 from rig.record.time_bins import BINS
 
 QUIET = {"patterns": ["normal"], "levels": [4], "pattern_transitions": [], "level_transitions": []}
@@ -33,8 +34,14 @@ def made(path: Path, rows: Rows, title: str = "constructed", **what: Any) -> Fol
     data = {"title": title, "base": {"aircraft": "f16"}, "runs": 40, "vary": {"turbulence": ["none", "light"]}, **what}
     folder = Folder.of(path, Plan(from_what(data, "constructed"), "constructed"))
     with folder.held():
-        folder.write({**rows, "runs": [counting(run, rows) for run in rows["runs"]]})
+        folder.write({**rows, "runs": [counting(run, rows) for run in rows["runs"]], "signals": signals(rows)})
     return open_folder(path)
+
+
+def signals(rows: Rows) -> list[dict[str, Any]]:
+    """A row for each signal of every run that was flown."""
+    flown_runs = [run["run"] for run in rows["runs"] if run["outcome"] == "flown"]
+    return [{"run": number, "signal": signal.name} for number in flown_runs for signal in SIGNALS]
 
 
 def counting(run: dict[str, Any], rows: Rows) -> dict[str, Any]:

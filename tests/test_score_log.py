@@ -67,6 +67,7 @@ def test_every_key_of_the_json_is_on_the_page(flight: Flight):
         return set(node).union(*map(keys, node.values())) if isinstance(node, dict) else set()
 
     of_one = {"vote_error": found["vote_error"]["heading"], "coverage": found["coverage"]["overall"]}
+    of_one["signals"] = found["signals"]["heading"]
     assert set(found["wrong_votes_s"]) == set(DISCRETE_INDEX)
     named = keys({**found, **of_one, "wrong_votes_s": 0.0})
     assert {key for key in named if f"`{key}`" not in page} == set()

@@ -22,7 +22,7 @@ from rig.files import bundled, is_file
 from rig.settings import Settings, build, read_toml
 from rig.text import nearest, quoted
 
-Sampling = Literal["grid", "random", "latin-hypercube", "sobol"]
+Sampling = Literal["grid", "stratified", "random", "latin-hypercube", "sobol"]
 MOST_RUNS: Final = 1_000_000
 NAME_BYTES: Final = 255  # of a file's name, as file systems have it
 EXACT: Final = 2**53  # up to which a double holds every whole number
@@ -54,8 +54,8 @@ class Range(Settings):
     def _ordered(self) -> Range:
         if self.low >= self.high:
             raise ValueError(f"low ({self.low:g}) must be below high ({self.high:g})")
-        if self.log and self.low <= 0:
-            raise ValueError(f"low ({self.low:g}) must be above 0 on a logarithmic scale")
+        if self.log and self.low <= 0 <= self.high:
+            raise ValueError(f"low ({self.low:g}) must be above 0 on a logarithmic scale, or high below it")
         if not math.isfinite(self.high - self.low) or (self.log and not math.isfinite(self.high / self.low)):
             raise ValueError(f"low ({self.low:g}) and high ({self.high:g}) are too far apart for a double")
         if self.whole and max(-self.low, self.high) > EXACT:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from rig import aircraft, loop
 from rig.campaign.identity import rig_identity
 from rig.campaign.plan import Run
-from rig.campaign.rows import TABLES, Rows, alarm_rows, episode_rows, fault_rows, run_row
+from rig.campaign.rows import TABLES, Rows, alarm_rows, episode_rows, fault_rows, run_row, signal_rows
 from rig.campaign.units import check as check_unit
 from rig.campaign.units import flown_with
 from rig.computer.external.settings import Unit
@@ -136,6 +136,7 @@ def _rows(number: int, flown: Flown, scored: Score) -> Rows:
         "faults": fault_rows(number, flown.scenario, flown.rows, scored),
         "alarms": alarm_rows(number, flown.scenario, scored),
         "episodes": episode_rows(number, flown.scenario, scored),
+        "signals": signal_rows(number, scored),
     }
 
 

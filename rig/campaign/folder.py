@@ -1,7 +1,7 @@
 """A campaign's output folder: whose it is, its parts, what is done.
 
     campaign.json               the campaign and the rig that flies it
-    runs/000010-000019.parquet  a part, and the same name in faults/, alarms/ and episodes/
+    runs/000010-000019.parquet  a part, and the same name in faults/, alarms/, episodes/ and signals/
     logs/run_000012.mcap        the logs that are kept
 
 A part is written beside and renamed, the one in ``runs`` last: a run is done when its row is there.

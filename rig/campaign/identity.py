@@ -10,7 +10,8 @@ import rig
 from rig.versions import versions
 
 # What looks at flights, or hands them out, decides nothing in them.
-BESIDE = ("campaign", "cli", "design", "offline", "studies", "view", "bench.py", "__main__.py", "faults/catalogue.py")
+ROOMS = ("campaign", "cli", "design", "offline", "reliability", "studies", "view")
+BESIDE = (*ROOMS, "bench.py", "__main__.py", "faults/catalogue.py")
 FLIES = ("campaign/flying.py", "campaign/rows.py")
 
 

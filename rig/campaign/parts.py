@@ -1,7 +1,7 @@
 """The parts of a campaign's tables, read and checked: every run exactly once, in all tables.
 
-A part is four files of one name, runs/000010-000019.parquet and the same in faults/, alarms/ and episodes/.  Runs
-are flown again when their part in ``runs`` is removed, so that every fault of a part has a remedy.
+A part is five files of one name, runs/000010-000019.parquet and the same in the folders of the
+other tables.  Runs are flown again when their part in ``runs`` is removed, so that every fault of a part has a remedy.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from rig.campaign.plan import Plan
 from rig.campaign.rows import OUTCOMES, TABLES
 from rig.errors import BadInput
 from rig.files import is_file
+from rig.frame import SIGNALS
 from rig.record.time_bins import BINS
 
 # Columns of ``runs`` that together say how many rows of another table a run has.
@@ -111,6 +112,9 @@ def _check_rows(folder: Path, name: str, part: str, runs: pl.DataFrame, rows: pl
         counts = counted["count"].to_numpy()
         agree = bool((counts >= 0).all() and (counts <= len(numbers)).all())
         agree = agree and np.array_equal(numbers, np.repeat(counted["run"].to_numpy(), counts))
+    elif name == "signals":
+        flown = runs.filter(pl.col("outcome") == "flown")["run"].sort().to_numpy()
+        agree = np.array_equal(numbers, np.repeat(flown, len(SIGNALS)))
     else:
         agree = bool(np.isin(numbers, runs["run"].to_numpy()).all())
         agree &= int((rows["resolver"] == "unresolved").sum()) == int(runs["unresolved"].sum())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final, get_args
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from rig.faults import Fault
 from rig.faults.magnitude import in_thresholds
-from rig.frame import INDEX, SIGNALS, Block, Pattern
+from rig.frame import CHANNELS, INDEX, SIGNALS, Block, Pattern
 from rig.record.time_bins import binned
 from rig.scenario import Scenario
 from rig.score import FaultScore, Score
@@ -22,7 +23,8 @@ if TYPE_CHECKING:
 
 Row = dict[str, Any]
 Rows = dict[str, list[Row]]  # by table
-TABLES: Final[tuple[str, ...]] = ("runs", "faults", "alarms", "episodes")  # columns: table.py
+TABLES: Final[tuple[str, ...]] = ("runs", "faults", "alarms", "episodes", "signals")  # columns: table.py
+TAKES_BACK: Final = ("selection",)  # managers that fail a channel only for as long as they distrust it
 OUTCOMES: Final = {outcome: outcome.replace(" ", "_") for outcome in get_args(Outcome)}  # and their columns in ``runs``
 # The setting that says how large a fault is, by kind; kinds without one have no magnitude.
 SIZES: Final = {
@@ -90,14 +92,12 @@ def channel_hours(scenario: Scenario, frames: int, scored: Score) -> float:
 
 def fault_rows(number: int, scenario: Scenario, rows: Block, scored: Score) -> list[Row]:
     """The rows of table ``faults``: one a fault and channel."""
-    blamed = {alarm.signal for alarm in scored.wrong_isolations}
-    return [_fault_row(number, scenario, rows, fault, blamed) for fault in scored.faults]
+    return [_fault_row(number, scenario, rows, fault, scored) for fault in scored.faults]
 
 
-def _fault_row(number: int, scenario: Scenario, rows: Block, fault: FaultScore, blamed: set[str]) -> Row:
+def _fault_row(number: int, scenario: Scenario, rows: Block, fault: FaultScore, scored: Score) -> Row:
     period_s = 1.0 / scenario.rate_hz
     time_s = lambda frame: None if frame is None else frame * period_s  # noqa: E731 # a frame's time, where there is one
-    right = "right" if fault.outcome == "detected" else "none"
     return {
         "run": number,
         "fault": fault.index,
@@ -108,8 +108,38 @@ def _fault_row(number: int, scenario: Scenario, rows: Block, fault: FaultScore, 
         "failed_s": time_s(fault.failed_frame),
         "delay_from_onset_s": time_s(fault.delay_from_onset_frames),
         "delay_from_exceeded_s": time_s(fault.delay_from_exceeded_frames),
-        "isolation": "wrong" if fault.signal in blamed else right,
+        "isolation": _isolation(fault, scored, scenario.redundancy.manager),
         "pattern": _pattern(rows, fault),
+        **_followed(fault),
+    }
+
+
+def _isolation(fault: FaultScore, scored: Score, manager: str) -> str:
+    """Whether a healthy channel was failed for this fault: between its onset and the next one's on the signal.
+
+    Of a manager that takes its failures back the vote decides.
+    """
+    window, onset = fault.window, fault.onset_frame
+    if window is None or onset is None:
+        wrong = any(alarm.signal == fault.signal for alarm in scored.wrong_isolations)
+    elif manager in TAKES_BACK:
+        wrong = not window.kept
+    else:
+        frames = [alarm.frame for alarm in scored.wrong_isolations if alarm.signal == fault.signal]
+        wrong = any(onset <= frame < window.end_frame for frame in frames)
+    return "wrong" if wrong else "right" if fault.outcome == "detected" else "none"
+
+
+def _followed(fault: FaultScore) -> Row:
+    """The columns of what followed a fault on a channel of a signal; all empty for another."""
+    window = fault.window
+    if window is None:
+        return {}
+    return {
+        **_of(window, "good_before", "latent_before", "lost_s"),
+        "vote_above_threshold_s": window.above_threshold_s,
+        "vote_error_max": window.error_max,
+        "vote_kept": window.kept,
     }
 
 
@@ -170,3 +200,24 @@ def episode_rows(number: int, scenario: Scenario, scored: Score) -> list[Row]:
         }
         for episode in scored.episodes
     ]
+
+
+def signal_rows(number: int, scored: Score) -> list[Row]:
+    """The rows of table ``signals``: one a signal, how it stood over the run."""
+    return [
+        {
+            "run": number,
+            "signal": name,
+            "vote_above_threshold_s": scored.vote_error[name].above_threshold_s,
+            "vote_error_max": scored.vote_error[name].peak,
+            **_of(one, "level_at_end", "lost_s", "unresolved_s"),
+            **by_level("channel_hours", one.channel_hours),
+            **by_level("false_isolations", one.false_isolations),
+        }
+        for name, one in scored.signals.items()
+    ]
+
+
+def by_level(name: str, values: Sequence[Any]) -> Row:
+    """Columns ``name_level_4`` to ``name_level_1``."""
+    return {f"{name}_level_{CHANNELS - i}": value for i, value in enumerate(values)}

@@ -6,6 +6,7 @@ dimensions behind their group's.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from itertools import islice, product
 from typing import Any, Final
@@ -30,6 +31,8 @@ def seed_of(campaign: Campaign, run: int) -> int:
 
 def choices(campaign: Campaign) -> list[Choice]:
     """What each run varies, in the order of the runs."""
+    if campaign.sampling == "stratified":
+        return _stratified(campaign)
     if campaign.sampling != "grid":
         return _sampled(campaign)
     grid = [_joined(parts) for parts in islice(product(*_axes(campaign)), campaign.runs)]
@@ -98,6 +101,28 @@ def _sampled(campaign: Campaign) -> list[Choice]:
     return [dict(zip(campaign.vary, row, strict=True)) for row in zip(*values, strict=True)]
 
 
+def _stratified(campaign: Campaign) -> list[Choice]:
+    """Every combination of the cases in turn, the last group fastest; what varies is drawn for each run."""
+    turns = [[case.name for case in cases] for cases in campaign.cases.values()]
+    count = math.prod(map(len, turns))
+    valuers = {id(vary): valuer(vary) for _, vary in campaign.varied()}
+    points = _points(campaign)
+    for column, names in enumerate(turns):
+        count //= len(names)
+        points[:, column] = (np.arange(len(points)) // count % len(names) + 0.5) / len(names)
+    return [_at(campaign, point, valuers) for point in _in_order(campaign, points).tolist()]
+
+
+def _in_order(campaign: Campaign, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``points``, whose first columns are those of the cases, with every group's before those of its own keys."""
+    order, rest = [], len(campaign.cases)
+    for column, cases in enumerate(campaign.cases.values()):
+        depth = _depth(cases)
+        order += [column, *range(rest, rest + depth)]
+        rest += depth
+    return points[:, [*order, *range(rest, points.shape[1])]]
+
+
 def _at(campaign: Campaign, point: list[float], valuers: dict[int, Valuer]) -> Choice:
     """What a point of the unit cube means, where there are cases."""
     rest = iter(point)
@@ -120,7 +145,7 @@ def _points(campaign: Campaign) -> NDArray[np.float64]:
     runs = campaign.runs or 1
     dimensions = len(campaign.vary) + sum(1 + _depth(cases) for cases in campaign.cases.values())
     rng = np.random.default_rng(SeedSequence(campaign.seed, spawn_key=(_POINTS,)))
-    if campaign.sampling == "random" or dimensions == 0:
+    if campaign.sampling in ("random", "stratified") or dimensions == 0:
         return rng.random((runs, dimensions))
     from scipy.stats import qmc  # half a second, which no worker needs
 

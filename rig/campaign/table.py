@@ -4,6 +4,7 @@ runs      one row a run
 faults    one row a fault and channel of a run
 alarms    one row a healthy channel that was failed in a run
 episodes  one row a stretch of a run in which a signal had one pattern without a majority
+signals   one row a signal of a run
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import polars as pl
 
 from rig.campaign.plan import Plan
 from rig.campaign.rows import OUTCOMES, TABLES, Row
+from rig.frame import CHANNELS
 from rig.record.flight_summary import Peaks
 
 WALL_CLOCK: Final = ("wall_s", "replies")  # no part of what must be the same in every run of a campaign
@@ -66,6 +68,12 @@ FAULTS: Final[dict[str, Any]] = {
     "isolation": pl.String,  # right, wrong, none
     "resolver": pl.String,
     "pattern": pl.String,
+    "good_before": pl.Int64,
+    "latent_before": pl.Int64,
+    "vote_above_threshold_s": pl.Float64,  # these four from its onset to the next one on the signal
+    "vote_error_max": pl.Float64,
+    "vote_kept": pl.Boolean,
+    "lost_s": pl.Float64,
 }
 ALARMS: Final[dict[str, Any]] = {
     "run": pl.Int64,
@@ -86,12 +94,25 @@ EPISODES: Final[dict[str, Any]] = {
     "failed": pl.List(pl.Int64),
     "verdict": pl.String,  # right, wrong, open
 }
-COLUMNS: Final = dict(zip(TABLES, (RUNS, FAULTS, ALARMS, EPISODES), strict=True))
+_LEVELS: Final = range(CHANNELS, 0, -1)
+OF_SIGNALS: Final[dict[str, Any]] = {
+    "run": pl.Int64,
+    "signal": pl.String,
+    "vote_above_threshold_s": pl.Float64,
+    "vote_error_max": pl.Float64,
+    "level_at_end": pl.Int64,
+    "lost_s": pl.Float64,
+    "unresolved_s": pl.Float64,
+    **{f"channel_hours_level_{level}": pl.Float64 for level in _LEVELS},
+    **{f"false_isolations_level_{level}": pl.Int64 for level in _LEVELS},
+}
+COLUMNS: Final = dict(zip(TABLES, (RUNS, FAULTS, ALARMS, EPISODES, OF_SIGNALS), strict=True))
 _ORDER: Final = {
     "runs": ["run"],
     "faults": ["run", "fault", "channel"],
     "alarms": ["run", "time_s", "signal", "channel"],
     "episodes": ["run", "begin_s", "signal"],
+    "signals": ["run"],
 }
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from rig.cli.common import GROUP, Json, emit
+from rig.cli.reliability_trials import trials
 from rig.errors import BadInput
 
 reliability_app = typer.Typer(help="From rates and measured outcomes to a probability per flight hour.", **GROUP)
@@ -95,3 +96,6 @@ def plan(
     _, given = read.of(signal, str(rates))
     found = needed(target, max(given.per_hour), hours=hours)
     emit(as_json, lambda: {"cells": [one._asdict() for one in found]}, lambda: show.plan(found, [None] * len(found)))
+
+
+reliability_app.command()(trials)

@@ -1,17 +1,50 @@
-"""Counts of what the next fault did, by cell."""
+"""What the next fault of a signal did, counted by cell: from a flown campaign `reliability`, or from open-loop trials.
+
+A cell is a signal, how many of its channels are good before the fault, a design (single, near, alike), a kind and a
+condition.  Every trial of a cell is one of three, by what follows the onset of its last fault to the end of the run:
+
+    known loss  the signal was declared lost: level 0 at any time
+    bad vote    it was not, and the vote was not kept (score/windows.py)
+    kept        neither
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-
 from pathlib import Path
+from typing import Any, Final
 
 import polars as pl
 
+from rig.campaign.folder import open_folder
+from rig.campaign.rows import by_level
+from rig.errors import BadInput
+from rig.files import is_file
+from rig.frame import CHANNELS
 
-@dataclass(frozen=True, slots=True)
+TESTED, SECOND = "tested", "second"  # ids of the fault that is counted, and of a near one after it
+DESIGNS: Final = ("single", "near", "alike")
+CELL: Final = ("signal", "good_before", "design", "kind", "condition")
+COUNTS: Final[dict[str, Any]] = {
+    **dict.fromkeys(CELL, pl.String),
+    "good_before": pl.Int64,
+    **dict.fromkeys(("trials", "kept", "known_loss", "bad_vote"), pl.Int64),
+    **dict.fromkeys(("lost_aircraft_known", "lost_aircraft_bad"), pl.Int64),  # null where not flown
+    "settle_s_mean": pl.Float64,  # from the onset to the failure of all faulty channels; null where none was
+}
+FALSE_ISOLATIONS: Final[dict[str, Any]] = {
+    "signal": pl.String,
+    "level": pl.Int64,
+    "channel_hours": pl.Float64,
+    "events": pl.Int64,
+}
+ABOUT: Final = "trials.json"  # in a folder of trials
+
+
+@dataclass(frozen=True)
 class Cells:
-    """Of one manager."""
+    """Counts of one manager: ``counts`` has the columns COUNTS, ``false_isolations`` FALSE_ISOLATIONS."""
 
     manager: str
     counts: pl.DataFrame
@@ -19,5 +52,118 @@ class Cells:
 
 
 def cells(folder: Path) -> Cells:
-    """Temporary."""
-    raise NotImplementedError
+    """Count a flown campaign `reliability`, or read a folder of trials; BadInput says in one line why it is neither."""
+    if is_file(folder / ABOUT):
+        from rig.reliability.trials_folder import read_trials
+
+        return read_trials(folder)
+    return of_tables(open_folder(folder).tables, str(folder))
+
+
+def of_tables(tables: dict[str, pl.DataFrame], source: str) -> Cells:
+    """Count a campaign's tables; ``source`` names them in a refusal."""
+    runs = tables["runs"].filter(pl.col("outcome") == "flown")
+    faults = tables["faults"].filter((pl.col("outcome") != "not executed") & pl.col("good_before").is_not_null())
+    lacking = [column for column in ("design", "condition") if column not in runs.columns]
+    if lacking or runs.is_empty() or faults.filter(pl.col("id") == TESTED).is_empty():
+        what = f"its runs have no {lacking[0]!r}" if lacking else "no run of it has a fault that is called 'tested'"
+        raise BadInput(f"{source}: no flown campaign `reliability`: {what}")
+    managers = runs["manager"].unique().sort().to_list()
+    if len(managers) > 1:
+        raise BadInput(f"{source}: runs of several managers ({', '.join(managers)}); a folder must have one")
+    counts = counted(_trials(runs, faults, source))
+    return Cells(managers[0], counts, _false_isolations(tables["signals"]))
+
+
+def _trials(runs: pl.DataFrame, faults: pl.DataFrame, source: str) -> pl.DataFrame:
+    """A row for each run whose tested fault began on a channel in use."""
+    runs = runs.select("run", "condition", "survived", design=pl.col("design").str.split(" ").list.first())
+    unknown = sorted(set(runs["design"].unique().to_list()) - set(DESIGNS))
+    if unknown:
+        raise BadInput(f"{source}: design {unknown[0]!r}: must begin with {', '.join(DESIGNS)}")
+    window = [pl.col(name).first() for name in ("vote_kept", "lost_s")]
+    tested, second = (
+        faults.filter(pl.col("id") == name)
+        .sort("run", "channel")
+        .group_by("run", maintain_order=True)
+        .agg(*(pl.col(key).first() for key in ("signal", "kind", "good_before")), *window, settle=_settled())
+        for name in (TESTED, SECOND)
+    )
+    second = second.select("run", kept2="vote_kept", lost2="lost_s", settle2="settle")
+    both = runs.join(tested, on="run", how="inner").join(second, on="run", how="left")
+    return both.select(
+        *CELL,
+        lost=pl.coalesce("lost2", "lost_s") > 0,
+        off=~pl.coalesce("kept2", "vote_kept"),
+        survived="survived",
+        settle=pl.when(pl.col("kept2").is_null())
+        .then("settle")
+        .when(pl.col("settle").is_not_null() & pl.col("settle2").is_not_null())
+        .then(pl.max_horizontal("settle", "settle2")),
+    ).filter(pl.col("good_before").is_between(1, CHANNELS))
+
+
+def _settled() -> pl.Expr:
+    """From the onset to the failure of the last of a fault's channels; null when one was not failed."""
+    delay = pl.col("delay_from_onset_s")
+    return pl.when(delay.is_null().any()).then(None).otherwise(delay.max())
+
+
+def counted(trials: pl.DataFrame) -> pl.DataFrame:
+    """COUNTS of trials: CELL, ``lost`` and ``off`` (bool), ``survived`` (bool or null), ``settle`` (s or null)."""
+    lost, bad = pl.col("lost"), ~pl.col("lost") & pl.col("off")
+    crashed = ~pl.col("survived")
+    flown = pl.col("survived").is_not_null().any()
+    grouped = trials.group_by(CELL).agg(
+        trials=pl.len().cast(pl.Int64),
+        kept=(~lost & ~pl.col("off")).sum().cast(pl.Int64),
+        known_loss=lost.sum().cast(pl.Int64),
+        bad_vote=bad.sum().cast(pl.Int64),
+        lost_aircraft_known=pl.when(flown).then((crashed & lost).sum()).cast(pl.Int64),
+        lost_aircraft_bad=pl.when(flown).then((crashed & bad).sum()).cast(pl.Int64),
+        settle_s_mean=pl.col("settle").filter(~lost & ~pl.col("off")).sort().mean(),
+    )
+    return grouped.select(*COUNTS).sort(CELL)
+
+
+def _false_isolations(signals: pl.DataFrame) -> pl.DataFrame:
+    """FALSE_ISOLATIONS of a campaign's table ``signals``; sums in the order of the runs."""
+    levels = range(CHANNELS, 0, -1)
+    hours, events = (list(by_level(name, levels)) for name in ("channel_hours", "false_isolations"))
+    parts = [
+        signals.sort("run")
+        .group_by("signal")
+        .agg(channel_hours=pl.col(hour).sort().sum(), events=pl.col(event).sum())
+        .with_columns(level=pl.lit(level, pl.Int64))
+        for level, hour, event in zip(levels, hours, events, strict=True)
+    ]
+    return pl.concat(parts).select(*FALSE_ISOLATIONS).sort("signal", "level", descending=[False, True])
+
+
+def missing(cells: Cells, channels: int, signals: Sequence[str] | None = None) -> list[str]:
+    """The cells that a chain of ``channels`` channels needs and ``cells`` has no trial of, by name.
+
+    Of every signal (all in ``cells`` when not given): each kind and condition that it has anywhere, single with
+    ``channels`` down to 1 channels good, near and alike down to 2.
+    """
+    there = set(cells.counts.filter(pl.col("trials") > 0).select(CELL).iter_rows())
+    found: list[str] = []
+    for signal in cells.counts["signal"].unique().sort() if signals is None else signals:
+        own = cells.counts.filter(pl.col("signal") == signal)
+        forms = sorted(set(own.select("kind", "condition").iter_rows())) or [("any kind", "any condition")]
+        wanted = [(good, design) for good in range(channels, 0, -1) for design in DESIGNS[: 1 if good == 1 else 3]]
+        found += [
+            f"{signal}, {good} good, {design}, {kind}, {condition}"
+            for good, design in wanted
+            for kind, condition in forms
+            if (signal, good, design, kind, condition) not in there
+        ]
+    return found
+
+
+def require(cells: Cells, channels: int, source: str, signals: Sequence[str] | None = None) -> None:
+    """BadInput when a cell is missing: one line that names the first, and how many more."""
+    absent = missing(cells, channels, signals)
+    if absent:
+        more = f" and {len(absent) - 1} more" if len(absent) > 1 else ""
+        raise BadInput(f"{source}: no trial of: {absent[0]}{more}")

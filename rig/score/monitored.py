@@ -18,11 +18,12 @@ _HALF: Final = 0.5  # an error of a discrete is 0 or 1
 
 
 class Monitored(NamedTuple):
-    """Channels of m signals: (n, m, 4) states and injected errors, NaN for a lost sample; (m,) settings."""
+    """Channels of m signals: (n, m, 4) states, injected errors (NaN: a lost sample), acting faults; (m,) settings."""
 
     names: Sequence[str]
     state: NDArray[np.uint8]
     error: NDArray[np.float64]
+    acted: Bools
     threshold: NDArray[np.float64]
     persistence: NDArray[np.int64]
     failures: Failures
@@ -31,14 +32,16 @@ class Monitored(NamedTuple):
 def of_signals(
     rows: Block, error: NDArray[np.float64], acting: Bools, faults: Sequence[Fault], params: NDArray[np.void]
 ) -> Monitored:
-    """The continuous signals; ``params`` (S,) config.PARAMS.
-
-    A fault that has ceased can be the cause of a failure for the longer of the two persistences.
-    """
-    linger = np.maximum(params["persistence"], params["singular_persistence"])
+    """The continuous signals; ``params`` (S,) config.PARAMS."""
+    linger = lingers(params)
     names, acted = [signal.name for signal in SIGNALS], corrupting(acting, faults, len(SIGNALS), discrete=False)
     failures = Failures(names, rows["state"], error, acted, linger, lambda k, s, c: decided_by(rows, k, s, c))
-    return Monitored(names, rows["state"], error, params["threshold"], params["persistence"], failures)
+    return Monitored(names, rows["state"], error, acted, params["threshold"], params["persistence"], failures)
+
+
+def lingers(params: NDArray[np.void]) -> NDArray[np.int64]:
+    """(S,) frames for which a fault that has ceased can be the cause of a failure: the longer of the persistences."""
+    return np.maximum(params["persistence"], params["singular_persistence"])
 
 
 def of_discretes(rows: Block, acting: Bools, faults: Sequence[Fault], params: NDArray[np.void]) -> Monitored:
@@ -52,7 +55,7 @@ def of_discretes(rows: Block, acting: Bools, faults: Sequence[Fault], params: ND
     error[state == State.ABSENT] = 0.0
     names, acted = [discrete.name for discrete in DISCRETES], corrupting(acting, faults, len(DISCRETES), discrete=True)
     failures = Failures(names, state, error, acted, params["persistence"], lambda k, s, c: COMPARISON)
-    return Monitored(names, state, error, np.full(len(names), _HALF), params["persistence"], failures)
+    return Monitored(names, state, error, acted, np.full(len(names), _HALF), params["persistence"], failures)
 
 
 def corrupting(acting: Bools, faults: Sequence[Fault], signals: int, discrete: bool) -> Bools:

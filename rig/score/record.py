@@ -22,6 +22,19 @@ class Yardstick(Settings):
 
 
 @dataclass(frozen=True, slots=True)
+class Window:
+    """What followed the onset of a fault on a channel, up to the next onset on the signal (windows.py)."""
+
+    end_frame: int  # the first that is no part of it
+    good_before: int  # channels of the signal without a fault, not failed, in the frame before the onset
+    latent_before: int  # channels with a fault that were not failed
+    above_threshold_s: float  # for which the vote was off by more than its threshold
+    error_max: float  # of the vote, unit of the signal
+    kept: bool  # the vote: within its threshold at the end, and before but for a monitor's time
+    lost_s: float  # at level 0
+
+
+@dataclass(frozen=True, slots=True)
 class FaultScore:
     """One fault of the scenario on one channel; ``channel`` is None where it sits on no channel of a signal."""
 
@@ -40,6 +53,7 @@ class FaultScore:
     exceeded_run_frames: int  # longest run of frames above the threshold
     tolerated: bool  # missed, and above the threshold for fewer frames in a row than the persistence
     index: int  # of the fault in the scenario
+    window: Window | None = None  # None where it never began, or sits on no channel of a signal
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +102,17 @@ class VoteError:
     clean_peak: float
     clean_rms: float
     clean_above_threshold_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class SignalScore:
+    """How a signal stood (standing.py); by level: 4, 3, 2, 1 channels in use."""
+
+    level_at_end: int
+    lost_s: float  # at level 0
+    unresolved_s: float
+    channel_hours: tuple[float, ...]  # of healthy channels in use, undisturbed, by level
+    false_isolations: tuple[int, ...]  # of them failed, by level
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,6 +193,7 @@ class Score:
     resolvers_by_pattern: dict[str, dict[str, ResolverScore]]
     unresolved: int  # episodes in whose last frame no resolver had an answer
     vote_error: dict[str, VoteError]
+    signals: dict[str, SignalScore]
     flight: FlightScore
     coverage: dict[str, Coverage]  # by signal, and "overall"
     wrong_votes_s: dict[str, float]  # of each discrete, time in which its vote was not the truth

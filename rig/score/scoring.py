@@ -18,7 +18,9 @@ from rig.score.flown import flight_score
 from rig.score.monitored import of_discretes, of_signals, wrong_votes_s
 from rig.score.outcomes import acts, outcomes
 from rig.score.record import Score, Yardstick
+from rig.score.standing import signal_scores
 from rig.score.votes import vote_errors
+from rig.score.windows import with_windows
 
 _YARDSTICK = Yardstick()
 
@@ -43,6 +45,7 @@ def score(
     signals = of_signals(rows, error, acting, scenario.faults, params)
     discretes = of_discretes(rows, acting, scenario.faults, discrete_monitor(scenario))
     faults = outcomes(scenario, rows, acting, params, signals, discretes)
+    faults = with_windows(faults, rows, signals, params, scenario.rate_hz)
     found = episodes(rows, params, signals.failures.all)
     any_acted = np.flatnonzero(acting.any(axis=1))
     onset = int(any_acted[0]) if len(any_acted) else None
@@ -55,6 +58,7 @@ def score(
         resolvers_by_pattern=by_pattern(found),
         unresolved=sum(episode.resolver == "unresolved" for episode in found),
         vote_error=vote_errors(rows, vote, params, onset, scenario.rate_hz),
+        signals=signal_scores(rows, signals, faults, params, scenario.rate_hz),
         flight=flight_score(scenario, rows, twin, faults, onset, yardstick),
         coverage=coverage(rows, params["fitted"]),
         wrong_votes_s=wrong_votes_s(rows, scenario.rate_hz),

@@ -50,9 +50,7 @@ def fixed(suite: Settings, rate_hz: float, seeds: dict[str, SeedSequence]) -> ND
     for signal, row in zip(SIGNALS, params, strict=True):
         sensor = getattr(suite, signal.name)
         draw = rng.uniform(-1.0, 1.0, (3, CHANNELS))
-        row["bias"] = sensor.bias_tolerance * draw[0]
-        row["gain"] = 1.0 + sensor.scale_tolerance * draw[1]
-        row["skew"] = sensor.skew_frames * (draw[2] + 1.0) / 2.0
+        calibrate(row, sensor, draw)
         row["noise_std"] = hypot(sensor.noise_std, sensor.noise_density * sqrt(rate_hz))
         row["blend"] = 1.0 if sensor.lag_s == 0 else 1.0 - exp(-1.0 / (rate_hz * sensor.lag_s))
         row["quantum"] = sensor.quantum
@@ -64,6 +62,13 @@ def fixed(suite: Settings, rate_hz: float, seeds: dict[str, SeedSequence]) -> ND
         _dynamics(row, sensor, rate_hz)
     _couple(params, suite, np.random.default_rng(seeds["misalignment"]), np.random.default_rng(seeds["g_sensitivity"]))
     return params
+
+
+def calibrate(rows: Any, sensor: Sensor, draw: NDArray[np.float64]) -> None:
+    """Write what differs from channel to channel; draw (3, ..., 4) within -1 to 1, for PARAMS of shape (...)."""
+    rows["bias"] = sensor.bias_tolerance * draw[0]
+    rows["gain"] = 1.0 + sensor.scale_tolerance * draw[1]
+    rows["skew"] = sensor.skew_frames * (draw[2] + 1.0) / 2.0
 
 
 def _dynamics(row: Any, sensor: Sensor, rate_hz: float) -> None:

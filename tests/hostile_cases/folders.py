@@ -12,6 +12,7 @@ from hostile_cases.case import Case, Draw
 from hostile_cases.store import Store
 from hostile_cases.values import TEXTS
 
+_TABLES: Final = ("runs", "faults", "alarms", "episodes", "signals")
 _COMMANDS: Final[tuple[tuple[str, ...], ...]] = (
     ("campaign", "status", "camp"),
     ("campaign", "status", "camp", "--json"),
@@ -39,7 +40,7 @@ def folder(draw: Draw, store: Store) -> Case:
 
 
 def _part(camp: Path, rng: Random, ending: str = "*.parquet") -> Path:
-    return rng.choice(sorted((camp / rng.choice(["runs", "runs", "faults", "alarms", "episodes"])).glob(ending)))
+    return rng.choice(sorted((camp / rng.choice(["runs", *_TABLES])).glob(ending)))
 
 
 def _emptied(camp: Path, rng: Random) -> None:
@@ -67,7 +68,7 @@ def _folder_for_part(camp: Path, rng: Random) -> None:
 
 def _again(camp: Path, rng: Random) -> None:
     name = rng.choice(["000004-000005", "copy", "[red]", "000000-000001 (1)"])
-    for kind in rng.choice([["runs"], ["runs", "faults", "alarms", "episodes"]]):
+    for kind in rng.choice([["runs"], list(_TABLES)]):
         shutil.copyfile(camp / kind / "000000-000001.parquet", camp / kind / f"{name}.parquet")
 
 
@@ -165,7 +166,7 @@ _DAMAGES: Final[dict[str, Any]] = {
     "campaign.json missing": lambda camp, rng: (camp / "campaign.json").unlink(),
     "a stray file or folder": _stray,
     "a part a link": _link_out,
-    "a table's folder missing": lambda camp, rng: shutil.rmtree(camp / rng.choice(["runs", "faults", "episodes"])),
+    "a table's folder missing": lambda camp, rng: shutil.rmtree(camp / rng.choice(_TABLES)),
     "a table's folder a file": lambda camp, rng: _as_file(camp / rng.choice(["runs", "faults", "logs"])),
     "a file in place of the folder": lambda camp, rng: _as_file(camp),
 }

@@ -1,0 +1,75 @@
+"""An open-loop trial beside the flight that it stands for: same faults, same draws, the truth of the healthy flight."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.frame import INDEX, Block, State, new_block
+from rig.loop import fly_rows
+from rig.reliability.cells import SECOND, TESTED
+from rig.reliability.drawn import Cell
+from rig.reliability.one_signal import faults_of, one_signal
+from rig.reliability.open_loop import NEVER, Trials
+from rig.reliability.recorded import Recording, of_rows
+from rig.reliability.trials import fly_trials, off_votes
+from rig.scenario import Scenario
+from rig.score.monitored import lingers
+from rig.sensors import Sensors
+
+
+class Beside(NamedTuple):
+    """First frame in which each channel of the signal was failed, or NEVER: (4,) in flight, and in the trial."""
+
+    flight: NDArray[np.int64]
+    trial: NDArray[np.int64]
+    outcome: str  # of the trial: kept, known loss or bad vote
+
+
+def beside(scenario: Scenario) -> Beside:
+    """Fly a scenario whose faults sit on one signal, fly it healthy, and run the trial."""
+    labels = [fault.label for fault in scenario.faults]
+    tested = labels.index(TESTED)
+    name = scenario.faults[tested].signal
+    second = labels.index(SECOND) if SECOND in labels else None
+    made = Cell(scenario, one_signal(scenario, name), faults_of(scenario, name), {}, tested, second, [])
+    healthy = fly_rows(scenario.model_copy(update={"faults": []}).trusted(scenario.trust))
+    results, _, _ = fly_trials(made, _as_flown(made, of_rows(healthy)), lambda: None)
+    outcome = "known loss" if results["lost"][0] else "bad vote" if off_votes(made, results)[0] else "kept"
+    return Beside(_failed_at(fly_rows(scenario), INDEX[name]), results["failed_at"][0], outcome)
+
+
+def _as_flown(made: Cell, recording: Recording) -> Trials:
+    """The one trial with the draws of the flight."""
+    scenario, s, frames = made.scenario, made.one.signal, len(recording.truth)
+    block = new_block(frames)
+    sensors = Sensors(scenario.sensors, scenario.rate_hz, scenario.streams()["sensors"])
+    sensors.prepare(block)
+    made.faults.prepare(block)
+    onset = made.faults.schedule["first"][[made.tested]]
+    delay = 0 if made.second is None else int(made.faults.schedule["delay"][made.second])
+    return Trials(
+        first=np.zeros(1, np.int64),
+        onset=onset,
+        counted_from=onset + delay,
+        tested=made.tested,
+        last=np.full(1, frames),
+        early=0,
+        linger=int(lingers(made.one.manager.params)[0]),
+        threshold=made.one.threshold,
+        truth=np.ascontiguousarray(recording.truth[:, s]),
+        reference=np.ascontiguousarray(recording.reference[:, s]),
+        second=np.ascontiguousarray(recording.second_reference[:, s]),
+        sensors=made.one.params[None, :],
+        noise=np.ascontiguousarray(sensors.data.noise[:frames, s : s + 1]),
+        schedule=made.faults.schedule[None, :],
+        targets=made.faults.targets[None, :],
+        normal=np.ascontiguousarray(made.faults.data.normal[:frames]),
+    )
+
+
+def _failed_at(rows: Block, s: int) -> NDArray[np.int64]:
+    failed = rows["state"][:, s] == State.FAILED
+    return np.where(failed.any(axis=0), failed.argmax(axis=0), NEVER)

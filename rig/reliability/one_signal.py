@@ -1,0 +1,80 @@
+"""One signal of a flight on its own, for the kernels of the flight: rows with that signal alone, its fault's targets.
+
+Kernels take the fields of a row by name and loop over as many signals as their parameters have, so a row in which
+the tested signal is the only one runs through the same code.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig import loop, sensors
+from rig.computer.redundancy import MANAGERS
+from rig.computer.redundancy.managers import Manager
+from rig.errors import BadInput
+from rig.faults import Faults
+from rig.frame import INDEX, S
+from rig.frame.fields import BASES, FIELDS, PARTS, Part
+from rig.scenario import Scenario
+from rig.sensors.kernel import MEMORY
+
+
+def _part(part: Part) -> np.dtype[np.void]:
+    """The fields of a part, those of every signal for one alone; the truth stays as it is, for the triggers."""
+    fields = [
+        (f.name, BASES[f.kind], (1, *f.shape[1:]) if part != "truth" and f.shape[:1] == (S,) else f.shape)
+        for f in FIELDS
+        if f.part == part
+    ]
+    return np.dtype(fields, align=True)
+
+
+ROW: Final = np.dtype([("frame", "i8"), *((part, _part(part)) for part in PARTS)], align=True)
+
+
+class OneSignal(NamedTuple):
+    """What is the same in every trial of a scenario: records of the tested signal, blank ones to begin with."""
+
+    signal: int
+    params: NDArray[np.void]  # (1,) sensors.params.PARAMS, channel errors still to be drawn
+    memory: NDArray[np.void]  # (1,) sensors.kernel.MEMORY
+    line: NDArray[np.float64]  # (1, 4, frames) the latency's ring
+    manager: Manager  # of the signal alone
+    threshold: float
+    latches: bool  # whether the manager keeps what it failed out for good
+
+
+def one_signal(scenario: Scenario, name: str) -> OneSignal:
+    """The tested signal of a scenario.  BadInput: a manager or sensor that open-loop trials do not know."""
+    s, chosen = INDEX[name], scenario.redundancy.manager
+    if chosen not in MANAGERS:
+        raise BadInput(f"redundancy.manager: {chosen!r}: open-loop trials run {', '.join(MANAGERS)}")
+    params = sensors.Sensors(scenario.sensors, scenario.rate_hz, scenario.streams()["sensors"]).params[s : s + 1].copy()
+    for field, what in (("shares", "cross-axis errors"), ("drifts", "drift"), ("alarms", "false alarms of monitors")):
+        if params[0][field] != 0:
+            raise BadInput(f"sensors.{name}: open-loop trials know no {what}")
+    p = loop.redundancy(scenario).manager.params[s : s + 1].copy()
+    return OneSignal(
+        signal=s,
+        params=params,
+        memory=np.zeros(1, MEMORY),
+        line=np.zeros((1, 4, int(params["delay"].max()) + 2)),
+        manager=Manager(chosen, p),
+        threshold=float(p["threshold"][0]),
+        latches=chosen in ("cross-channel", "cross-voter"),
+    )
+
+
+def faults_of(scenario: Scenario, name: str) -> Faults:
+    """The faults of a scenario on one signal alone, at their first frame.  BadInput: one sits elsewhere, or waits."""
+    made = loop.faults(scenario)
+    for fault in scenario.faults:
+        if fault.signal != name or {point.place for point in fault.points} != {name}:
+            raise BadInput(f"faults: {fault.label}: open-loop trials have all faults on channels of one signal")
+        if fault.when is not None or fault.on is not None or fault.rate_per_hour is not None:
+            raise BadInput(f"faults: {fault.label}: in open-loop trials a fault begins at a time, or after another")
+    made.targets["row"] = made.targets["source"] = 0
+    return made

@@ -1,0 +1,210 @@
+"""Open-loop trials: sensors, faults and manager of one signal, frame by frame over a recorded truth.
+
+Nothing flies: the truth does not answer to the vote.  While enough good channels outvote the faulty one it has nothing
+to answer to, which holds with 4 and 3 good channels and not with fewer.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.angles import difference
+from rig.computer.redundancy import vote_signals
+from rig.computer.redundancy.manager import ManagerData
+from rig.faults import FaultData, corrupt
+from rig.faults.record import FOREVER, Trigger
+from rig.frame import CHANNELS, State
+from rig.kernels import kernel
+from rig.sensors import SensorData, measure
+
+LEVELS: Final = CHANNELS + 1
+NEVER: Final = -1
+RESULT: Final = np.dtype(
+    [
+        ("above", "i8"),  # frames from the last onset on in which the vote was off by more than its threshold
+        ("off", "u1"),  # whether it was in the last frame
+        ("lost", "u1"),  # whether the signal was at level 0 from the last onset on
+        ("frames", "i8"),
+        ("good_before", "i8"),  # channels without a fault and not failed, in the frame before the tested onset
+        ("in_use", "i8"),  # of the tested channels, those not failed then
+        ("failed_at", "i8", (CHANNELS,)),  # first frame in which each channel was failed, or NEVER
+        ("faulty", "u1", (CHANNELS,)),  # whether a fault has acted on it
+        ("disturbed", "i8"),  # last frame in which a channel in use was faulty
+    ],
+    align=True,
+)
+
+
+class Trials(NamedTuple):
+    """T trials on a recording of N frames; F faults on K channels in each.
+
+    Draws are streams of R rows: a trial takes as many as it has frames, the next one goes on where it ended.
+    """
+
+    first: NDArray[np.int64]  # (T,) frame of the recording in which a trial begins
+    onset: NDArray[np.int64]  # (T,) of the tested fault
+    counted_from: NDArray[np.int64]  # (T,) frame from which on it counts: the last onset
+    tested: int  # number of the tested fault
+    last: NDArray[np.int64]  # (T,) frame before which it ends
+    early: int  # 1: ends when all faulty channels have been out for ``linger`` frames
+    linger: int  # frames for which a fault that has ceased still counts
+    threshold: float
+    truth: NDArray[np.float64]  # (N,) of the signal
+    reference: NDArray[np.float64]  # (N,), as the healthy flight computed it
+    second: NDArray[np.float64]  # (N,)
+    sensors: NDArray[Any]  # (T, 1) sensors.params.PARAMS
+    noise: NDArray[np.float32]  # (R, 1, 4), of the sensors
+    schedule: NDArray[Any]  # (T, F)
+    targets: NDArray[Any]  # (T, K)
+    normal: NDArray[np.float64]  # (R, N), of the faults
+
+
+class Scratch(NamedTuple):
+    """Records that every trial begins with, and the ones that it works on."""
+
+    row: NDArray[Any]  # (1,) ROW
+    blank_memory: NDArray[Any]  # (1,)
+    memory: NDArray[Any]  # (1,)
+    line: NDArray[np.float64]
+    no_drift: NDArray[np.float64]  # (0, 0, 0)
+    no_alarms: NDArray[np.uint8]  # (0, 0, 0)
+    no_discretes: NDArray[np.int64]  # (0,)
+    faults: FaultData
+    blank_kept: NDArray[Any]  # (1,)
+    manager: ManagerData
+    blank_manager: NDArray[Any]  # (1,)
+
+
+@kernel
+def run_trials(trials, j, scratch, results, healthy, failed):
+    """Run trials from j on while the draws last; the first that was not run.
+
+    results : (T,) RESULT, out; healthy, failed : (5,) frames and failures of healthy channels, by level
+    """
+    at = 0
+    while j < len(trials.first) and at + trials.last[j] - trials.first[j] <= len(trials.noise):
+        begin(trials, j, scratch, results[j])
+        run_trial(trials, j, at, scratch, results[j], healthy, failed)
+        at += results[j]["frames"]
+        j += 1
+    return j
+
+
+@kernel
+def begin(trials, j, scratch, result):
+    """Blank records for trial j."""
+    scratch.memory[0] = scratch.blank_memory[0]
+    scratch.manager.state[0] = scratch.blank_manager[0]
+    state, schedule = scratch.faults.state, trials.schedule[j]
+    for f in range(len(state)):
+        at_a_time = schedule[f]["trigger"] == Trigger.TIME
+        state[f]["onset"] = schedule[f]["first"] if at_a_time else FOREVER
+        state[f]["held"] = state[f]["elapsed"] = state[f]["left"] = 0
+        state[f]["acts"] = state[f]["fresh"] = 0
+    for t in range(len(scratch.faults.kept)):
+        scratch.faults.kept[t] = scratch.blank_kept[0]
+    result["above"], result["off"], result["lost"], result["frames"] = 0, 0, 0, 0
+    result["good_before"], result["in_use"] = 0, 0
+    result["disturbed"] = -(FOREVER // 2)
+    for c in range(CHANNELS):
+        result["failed_at"][c] = NEVER
+        result["faulty"][c] = 0
+
+
+@kernel
+def run_trial(trials, j, at, scratch, result, healthy, failed):
+    """Trial j from its first frame to its end; its draws begin in row ``at``."""
+    f = scratch.faults
+    data = FaultData(
+        f.param, trials.schedule[j], f.state, trials.targets[j], f.kept, f.program, f.stack, f.times, f.memory, f.seen,
+        f.uniform, trials.normal[at:], f.clean,
+    )  # fmt: skip
+    own = SensorData(
+        trials.sensors[j], trials.noise[at:], scratch.no_drift, scratch.memory, scratch.line,
+        scratch.no_discretes, scratch.no_alarms,
+    )  # fmt: skip
+    level = np.int64(scratch.manager.params[0]["fitted"])
+    for k in range(trials.last[j] - trials.first[j]):
+        frame = trials.first[j] + k
+        row = scratch.row[0]
+        truth, bus, fcc = row["truth"], row["bus"], row["fcc"]
+        row["frame"] = frame
+        truth["truth"][0] = trials.truth[frame]
+        out = failed_bits(fcc["state"][0]) if k > 0 else 0
+        measure(truth, bus, k, own)
+        corrupt(row, k, data)
+        fcc["reference"][0], fcc["second_reference"][0] = trials.reference[frame], trials.second[frame]
+        vote_signals(bus, fcc, scratch.manager)
+        if frame == trials.onset[j]:
+            stand_before(data, out, trials.tested, scratch.manager.params[0]["fitted"], result)
+        note(data, out, result, frame)
+        fitted = scratch.manager.params[0]["fitted"]
+        if frame - result["disturbed"] > trials.linger:
+            count_healthy(fcc["state"][0], out, level, fitted, result["faulty"], healthy, failed)
+        settled = note_failures(fcc["state"][0], frame, result)
+        level = np.int64(fcc["level"][0])
+        off = (
+            not abs(difference(fcc["voted"][0], trials.truth[frame], scratch.manager.params[0]["wraps"]))
+            <= trials.threshold
+        )
+        if frame >= trials.counted_from[j]:
+            result["above"] += off
+            result["lost"] |= level == 0
+        result["off"], result["frames"] = off, k + 1
+        if trials.early != 0 and frame >= trials.counted_from[j] and not off and 0 <= settled <= frame - trials.linger:
+            return
+
+
+@kernel
+def failed_bits(states):
+    """A bit for each failed channel of ``states`` (4,)."""
+    bits = 0
+    for c in range(CHANNELS):
+        bits |= (states[c] == State.FAILED) << c
+    return bits
+
+
+@kernel
+def stand_before(data, out, tested, fitted, result):
+    """Note how the signal stands before the tested fault; out : failed channels, bits."""
+    for c in range(fitted):
+        result["good_before"] += result["faulty"][c] == 0 and (out >> c) & 1 == 0
+    for t in range(len(data.targets)):
+        if data.targets[t]["fault"] == tested:
+            result["in_use"] += (out >> data.targets[t]["column"]) & 1 == 0
+
+
+@kernel
+def note(data, out, result, frame):
+    """Mark the channels on which a fault acts; ``disturbed``: one was not among ``out``, those failed before, bits."""
+    for t in range(len(data.targets)):
+        c = data.targets[t]["column"]
+        if data.state[data.targets[t]["fault"]]["acts"] != 0:
+            result["faulty"][c] = 1
+            if (out >> c) & 1 == 0:
+                result["disturbed"] = frame
+
+
+@kernel
+def count_healthy(states, out, level, fitted, faulty, healthy, failed):
+    """Add the healthy channels in use, and those of them that are failed, by ``level``, of the frame before."""
+    for c in range(fitted):
+        if faulty[c] == 0 and (out >> c) & 1 == 0:
+            healthy[level] += 1
+            failed[level] += states[c] == State.FAILED
+
+
+@kernel
+def note_failures(states, frame, result):
+    """Note who is failed; the frame in which the last of the faulty channels was, or NEVER while one is in use."""
+    settled, wait = NEVER, False
+    for c in range(CHANNELS):
+        if states[c] == State.FAILED and result["failed_at"][c] == NEVER:
+            result["failed_at"][c] = frame
+        if result["faulty"][c] != 0:
+            settled = max(settled, result["failed_at"][c])
+            wait = wait or result["failed_at"][c] == NEVER
+    return NEVER if wait else settled

@@ -1,0 +1,144 @@
+"""Cells of a campaign's tables: hand-built tables with known counts, and what is refused."""
+
+import random
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import pytest
+
+from rig.errors import BadInput
+from rig.reliability.cells import CELL, Cells, cells, missing, of_tables, require
+
+Row = dict[str, Any]
+RUN = {"outcome": "flown", "manager": "median", "survived": True, "condition": "level"}
+FAULT = {"signal": "pitch_rate", "kind": "offset", "channel": 1, "outcome": "detected", "good_before": 4}
+FAULT |= {"vote_kept": True, "lost_s": 0.0, "delay_from_onset_s": 0.08}
+FAULT_TYPES = {"delay_from_onset_s": pl.Float64, "good_before": pl.Int64, "vote_kept": pl.Boolean, "lost_s": pl.Float64}
+
+
+def tables(*trials: tuple[str, Row, list[Row]]) -> dict[str, pl.DataFrame]:
+    """Runs with their design, what differs of the run, and of each of its faults."""
+    runs = [{**RUN, "run": i, "design": f"{design}, channel 1", **run} for i, (design, run, _) in enumerate(trials)]
+    faults = [
+        {**FAULT, "run": i, "id": "tested", **fault} for i, (_, _, of_run) in enumerate(trials) for fault in of_run
+    ]
+    level = {f"channel_hours_level_{k}": 0.25 * k for k in (4, 3, 2, 1)}
+    level |= {f"false_isolations_level_{k}": int(k == 3) for k in (4, 3, 2, 1)}
+    signals = [{"run": i, "signal": "pitch_rate", **level} for i in range(len(runs))]
+    made = {"runs": pl.DataFrame(runs), "faults": pl.DataFrame(faults, schema_overrides=FAULT_TYPES)}
+    return {**made, "signals": pl.DataFrame(signals)}
+
+
+BAD, LOST = {"vote_kept": False}, {"vote_kept": False, "lost_s": 0.3}
+TRIALS = [
+    ("single 4", {}, [{}]),
+    ("single 4", {}, [{"delay_from_onset_s": 0.10}]),
+    ("single 4", {}, [{"delay_from_onset_s": None, "outcome": "missed"}]),  # kept, not settled
+    ("single 4", {"survived": False}, [BAD]),
+    ("single 4", {}, [BAD]),
+    ("single 4", {"survived": False}, [LOST]),
+    ("single 4", {}, [{"outcome": "not executed"}]),  # its channel was out already: no trial
+    ("single 4", {"outcome": "crashed"}, []),
+    ("single 3", {}, [{"good_before": 3, "lost_s": 0.1}]),
+    ("single 2", {}, [{"good_before": 1}, {"id": "earlier", "channel": 2, **BAD}]),  # a healthy one was failed before
+    ("alike 4", {}, [{"delay_from_onset_s": 0.08}, {"channel": 2, "delay_from_onset_s": 0.2}]),
+    ("near 4", {}, [BAD, {"id": "second", "channel": 2, "good_before": 3}]),  # the window of the second decides
+    ("near 4", {}, [{}, {"id": "second", "channel": 2, "good_before": 3, **LOST}]),
+    ("near 4", {}, [BAD, {"id": "second", "channel": 2, "outcome": "not executed"}]),
+]
+
+
+def row(found: Cells, design: str, good: int) -> Row:
+    (one,) = found.counts.filter((pl.col("design") == design) & (pl.col("good_before") == good)).to_dicts()
+    return one
+
+
+def test_trials_are_counted_by_what_became_of_the_signal():
+    found = of_tables(tables(*TRIALS), "T")
+    one = row(found, "single", 4)
+    counts = {key: one[key] for key in ("trials", "kept", "known_loss", "bad_vote")}
+    assert counts == {"trials": 6, "kept": 3, "known_loss": 1, "bad_vote": 2}
+    assert (one["lost_aircraft_known"], one["lost_aircraft_bad"]) == (1, 1)
+    assert one["settle_s_mean"] == pytest.approx(0.09) and found.manager == "median"
+    assert {name: one[name] for name in CELL} == dict(
+        zip(CELL, ("pitch_rate", 4, "single", "offset", "level"), strict=True)
+    )
+
+
+def test_a_trial_counts_where_the_signal_stood_not_where_it_was_planned():
+    found = of_tables(tables(*TRIALS), "T")
+    assert row(found, "single", 1)["kept"] == 1 and row(found, "single", 3)["known_loss"] == 1
+
+
+def test_two_alike_are_one_trial_settled_with_the_later_of_them():
+    one = row(of_tables(tables(*TRIALS), "T"), "alike", 4)
+    assert (one["trials"], one["settle_s_mean"]) == (1, pytest.approx(0.2))
+
+
+def test_of_two_near_faults_the_window_of_the_second_decides_and_the_good_are_those_before_the_first():
+    one = row(of_tables(tables(*TRIALS), "T"), "near", 4)
+    assert (one["trials"], one["kept"], one["known_loss"], one["bad_vote"]) == (3, 1, 1, 1)
+
+
+def test_a_cell_in_which_nothing_settled_has_no_mean():
+    assert row(of_tables(tables(("single 4", {}, [BAD])), "T"), "single", 4)["settle_s_mean"] is None
+
+
+def test_the_order_of_the_rows_changes_nothing():
+    made, found = tables(*TRIALS), of_tables(tables(*TRIALS), "T")
+    for seed in range(10):
+        order = {name: random.Random(seed).sample(range(len(t)), len(t)) for name, t in made.items()}
+        mixed = of_tables({name: made[name][rows] for name, rows in order.items()}, "T")
+        assert mixed.counts.equals(found.counts) and mixed.false_isolations.equals(found.false_isolations)
+
+
+def test_false_isolations_have_their_hours_by_level():
+    found = of_tables(tables(*TRIALS[:4]), "T").false_isolations
+    assert found.rows() == [
+        ("pitch_rate", 4, 4.0, 0),
+        ("pitch_rate", 3, 3.0, 4),
+        ("pitch_rate", 2, 2.0, 0),
+        ("pitch_rate", 1, 1.0, 0),
+    ]
+
+
+def test_missing_cells_have_names():
+    found = of_tables(tables(*TRIALS), "T")
+    absent = missing(found, 4)
+    assert "pitch_rate, 2 good, single, offset, level" in absent and "pitch_rate, 2 good, near, offset, level" in absent
+    assert len(absent) == 10 - len(found.counts) and not any(", 1 good, near" in name for name in absent)
+    assert missing(found, 4, ["heading"])[0] == "heading, 4 good, single, any kind, any condition"
+    with pytest.raises(BadInput, match=r"^T: no trial of: pitch_rate, 3 good, near, offset, level and \d more$"):
+        require(found, 3, "T")
+    assert missing(found, 1) == []
+    require(found, 1, "T")
+
+
+def changed(name: str, **columns: Any) -> dict[str, pl.DataFrame]:
+    made = tables(*TRIALS)
+    return {**made, name: made[name].with_columns(**columns)}
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (
+            changed("runs", manager=pl.Series(["mean", *["median"] * (len(TRIALS) - 1)])),
+            "several managers \\(mean, median",
+        ),
+        ({**tables(*TRIALS), "runs": tables(*TRIALS)["runs"].drop("design")}, "its runs have no 'design'"),
+        (changed("faults", id=pl.lit("other")), "no run of it has a fault that is called 'tested'"),
+        (changed("runs", outcome=pl.lit("crashed")), "no flown campaign"),
+        (changed("runs", design=pl.lit("double 4")), "design 'double': must begin with single, near, alike"),
+    ],
+)
+def test_what_is_no_such_campaign_is_refused_in_one_line(made: dict[str, pl.DataFrame], said: str):
+    with pytest.raises(BadInput, match=f"^T: .*{said}") as caught:
+        of_tables(made, "T")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_folder_that_is_no_campaign_is_refused(tmp_path: Path):
+    with pytest.raises(BadInput, match="no campaign's folder"):
+        cells(tmp_path)

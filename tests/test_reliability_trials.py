@@ -1,0 +1,215 @@
+"""Open-loop trials: drawn records are those of the stage, the same isolations as in flight, no matter who runs them."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from rig.campaign.config import read
+from rig.campaign.plan import Plan
+from rig.cli.main import app
+from rig.errors import BadInput
+from rig.faults.settings import Act
+from rig.reliability.beside import beside
+from rig.reliability.cells import cells, missing
+from rig.reliability.drawn import Drawn, cell, records
+from rig.reliability.one_signal import faults_of
+from rig.reliability.trials import SHARES, Flight, Unit, added_up, combinations, planned, shared_out
+from rig.reliability.trials_folder import fly_trials
+
+RELIABILITY = "faults/campaigns/reliability.toml"
+
+
+def plan(**sets: Any) -> Plan:
+    campaign = read(RELIABILITY, {key.replace("__", "."): value for key, value in sets.items()})
+    return Plan(campaign, "reliability.toml")
+
+
+@pytest.fixture(scope="module")
+def bundled() -> Plan:
+    return plan()
+
+
+def of_form(made: Plan, form: str, design: str, more: int = 0) -> int:
+    """The number of a run with a form and a design, pitch rate in a manoeuvre."""
+    wanted = {"form": form, "signal": "pitch_rate", "condition": "manoeuvre"}
+    found = [
+        n
+        for n, choice in enumerate(made.choices)
+        if str(choice["design"]).startswith(design) and all(choice[k] == v for k, v in wanted.items())
+    ]
+    return found[more]
+
+
+FORMS = ("hardover", "stuck", "offset up", "offset down", "drift up", "drift down", "oscillation", "noise", "dropout")
+
+
+@pytest.mark.parametrize("form", [*FORMS, "intermittent high", "intermittent low"])
+@pytest.mark.parametrize("design", ["single 3", "near 4"])
+def test_drawn_records_are_those_that_the_stage_makes_of_a_scenario_with_these_values(
+    bundled: Plan, form: str, design: str
+):
+    number = of_form(bundled, form, design)
+    other = Plan(bundled.campaign.model_copy(update={"seed": 77}), "other")  # the same cases, other values
+    made, scenario = cell(bundled, number), other[number].scenario()
+    expected = faults_of(scenario, "pitch_rate")
+    values = {place: other.choices[number][f"faults.{place[0]}.{place[1]}"] for place in made.varied}
+    assert values and any(bundled.choices[number][f"faults.{i}.{key}"] != v for (i, key), v in values.items())
+    ups = [1.0] * len(scenario.faults)
+    for target in expected.targets[expected.targets["act"] == Act.SET]:
+        ups[target["fault"]] = float(target["value"] == target["high"])
+    drawn = Drawn({place: np.array([v, v]) for place, v in values.items()}, np.array([ups, ups]) > 0.5)
+    schedule, targets = records(made, drawn)
+    assert all((schedule[j] == expected.schedule).all() and (targets[j] == expected.targets).all() for j in (0, 1))
+
+
+@pytest.mark.parametrize("manager", ["cross-channel", "cross-voter"])
+def test_a_trial_isolates_the_channels_of_its_flight_in_the_same_frames(manager: str):
+    made = plan(redundancy__manager=manager)
+    forms = {"single 4": ("offset up", "noise"), "single 3": ("drift down", "stuck"), "near 4": ("oscillation",)}
+    runs = [of_form(made, f, design, 1) for design, all_of in forms.items() for f in all_of]
+    runs += [of_form(made, "intermittent high", "alike 4"), of_form(made, "dropout", "near 3")]
+    isolated = 0
+    for number in runs:
+        found = beside(made[number].scenario())
+        np.testing.assert_array_equal(found.trial, found.flight, err_msg=str(made.choices[number]))
+        isolated += int((found.flight >= 0).sum())
+    assert isolated >= len(runs)
+
+
+def test_units_share_out_all_trials_over_every_combination(bundled: Plan):
+    units = shared_out(bundled, 200_000, 5)
+    assert {unit.number for unit in units} == {n for n in combinations(bundled) if planned(bundled, n)[0] >= 3}
+    of_place: dict[tuple[int, str], int] = {}
+    for unit in units:
+        place = planned(bundled, unit.number)
+        of_place[place] = of_place.get(place, 0) + unit.trials
+    assert sum(of_place.values()) >= 200_000
+    assert {place: n / 200_000 for place, n in of_place.items()} == pytest.approx(SHARES, rel=0.03)
+    assert len({(unit.number, unit.chunk) for unit in units}) == len(units)
+
+
+def test_neither_order_nor_company_decides_what_a_unit_draws(bundled: Plan):
+    numbers = [of_form(bundled, form, design) for form in ("noise", "hardover") for design in ("single 4", "alike 3")]
+    units = [Unit(number, chunk, 40, 3) for number in numbers for chunk in (0, 1)]
+    one = added_up([*map(Flight(bundled), units)], "m")
+    other = Flight(plan())
+    two = added_up([other(unit) for unit in reversed(units)], "m")
+    assert one.counts.equals(two.counts) and one.false_isolations.equals(two.false_isolations)
+    assert one.counts["trials"].sum() == 320
+    different = added_up([Flight(bundled)(Unit(u.number, u.chunk, 40, 4)) for u in units], "m")
+    assert not different.counts.equals(one.counts)
+
+
+def test_hardovers_with_four_good_are_out_after_eight_frames_and_the_vote_is_kept(bundled: Plan):
+    found = added_up([Flight(bundled)(Unit(of_form(bundled, "hardover", "single 4"), 0, 200, 1))], "m")
+    (row,) = found.counts.to_dicts()
+    assert (row["good_before"], row["trials"], row["kept"]) == (4, 200, 200)
+    assert row["settle_s_mean"] == pytest.approx(0.07) and row["lost_aircraft_bad"] is None
+    # Ten healthy frames on four channels, then the linger of ten has just passed when the trial ends: three, one frame.
+    assert found.false_isolations.rows()[0] == ("pitch_rate", 4, pytest.approx(200 * 40 / 360_000), 0)
+
+
+def test_a_mean_is_bad_after_a_hardover():
+    made = plan(redundancy__manager="mean")
+    (row,) = added_up([Flight(made)(Unit(of_form(made, "hardover", "single 4"), 0, 50, 1))], "mean").counts.to_dicts()
+    assert (row["bad_vote"], row["kept"], row["settle_s_mean"]) == (50, 0, None)
+
+
+@pytest.mark.parametrize("good", [[2], [4, 1], [3, 2, 1]])
+def test_levels_two_and_one_are_refused_with_the_reason(bundled: Plan, good: list[int]):
+    with pytest.raises(BadInput, match=r"--good-before [12]: .* the aircraft moves with the vote .*: fly the campaign"):
+        shared_out(bundled, 100, 1, good)
+
+
+@pytest.mark.parametrize(
+    ("name", "sets", "said"),
+    [
+        ("smoke", {}, "no campaign like `reliability`: it has no cases.design"),
+        ("reliability", {"redundancy.manager": "mine:Own"}, "redundancy.manager: 'mine:Own'"),
+        ("reliability", {"sensors.pitch_rate.g_sensitivity_tolerance": 0.001}, "sensors.pitch_rate: .* cross-axis"),
+    ],
+)
+def test_what_trials_do_not_know_is_refused_in_one_line(tmp_path: Path, name: str, sets: dict[str, Any], said: str):
+    with pytest.raises(BadInput, match=said) as caught:
+        fly_trials(Plan(read(name, sets), name), tmp_path / "out", 100, 1, 1, [4])
+    assert "\n" not in str(caught.value) and not (tmp_path / "out").exists()
+
+
+SMALL = """
+base = "f16_pitch_rate_hardover"
+sampling = "stratified"
+runs = 2
+[set]
+duration_s = 2.0
+faults = [{ id = "tested", kind = "hardover", signal = "pitch_rate", channels = [2] }]
+[vary]
+"faults.0.start_s" = { low = 0.5, high = 1.0 }
+[[cases.design]]
+name = "single 4, channel 2"
+[[cases.condition]]
+name = "level"
+[[cases.condition]]
+name = "climb"
+set = { "pilot.manoeuvres" = [{ kind = "step", axis = "altitude", start_s = 0.2, amplitude = 30.0 }] }
+"""
+
+
+def run(*argv: str) -> Any:
+    return CliRunner().invoke(app, ["reliability", "trials", *argv])
+
+
+def test_the_command_writes_a_folder_of_cells_whoever_runs_them(tmp_path: Path):
+    (tmp_path / "c.toml").write_text(SMALL)
+    told = {}
+    for workers in ("1", "2"):
+        out = tmp_path / workers
+        argv = [str(tmp_path / "c.toml"), "--out", str(out), "--runs", "1500", "--good-before", "4", "--json"]
+        done = run(*argv, "--workers", workers, "--seed", "9")
+        assert done.exit_code == 0, done.output
+        told[workers] = {key: value for key, value in json.loads(done.stdout).items() if key != "out"}
+    one, two = (cells(tmp_path / workers) for workers in ("1", "2"))
+    assert one.counts.equals(two.counts) and one.false_isolations.equals(two.false_isolations)
+    assert told["1"] == told["2"] and told["1"]["trials"] == 1500 and told["1"]["seed"] == 9
+    assert one.manager == "cross-channel" and one.counts["trials"].to_list() == [750, 750]
+    assert missing(one, 4)[:1] == ["pitch_rate, 4 good, near, hardover, climb"]
+
+
+def test_a_folder_that_is_there_is_not_written_to(tmp_path: Path):
+    (tmp_path / "there").write_text("x")
+    done = run("reliability", "--out", str(tmp_path), "--runs", "10")
+    assert isinstance(done.exception, BadInput) and "is there already, and not empty" in str(done.exception)
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (lambda folder: (folder / "cells.parquet").unlink(), "cells.parquet: is missing"),
+        (lambda folder: (folder / "cells.parquet").write_bytes(b"x"), "cells.parquet: cannot be read"),
+        (lambda folder: (folder / "trials.json").write_text("{}"), "trials.json: is damaged"),
+        (lambda folder: (folder / "trials.json").write_text("{"), "trials.json: cannot be read"),
+    ],
+)
+def test_a_damaged_folder_is_refused_in_one_line(tmp_path: Path, damage: Any, said: str):
+    (tmp_path / "c.toml").write_text(SMALL)
+    fly_trials(Plan(read(tmp_path / "c.toml"), "c.toml"), tmp_path / "out", 4, 1, 1, [4])
+    damage(tmp_path / "out")
+    with pytest.raises(BadInput, match=said) as caught:
+        cells(tmp_path / "out")
+    assert "\n" not in str(caught.value)
+
+
+def test_ctrl_c_leaves_nothing(tmp_path: Path):
+    argv = [sys.executable, "-m", "rig", "reliability", "trials", "reliability", "--runs", "100000000"]
+    process = subprocess.Popen([*argv, "--out", str(tmp_path / "out")], stderr=subprocess.PIPE, stdout=subprocess.PIPE)
+    time.sleep(3.0)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130 and b"Traceback" not in said and not (tmp_path / "out").exists()
