@@ -73,7 +73,7 @@ def test_a_trial_counts_where_the_signal_stood_not_where_it_was_planned():
 
 def test_two_alike_are_one_trial_settled_with_the_later_of_them():
     one = row(of_tables(tables(*TRIALS), "T"), "alike", 4)
-    assert (one["trials"], one["settle_s_mean"]) == (1, pytest.approx(0.2))
+    assert (one["trials"], one["announced"], one["settle_s_mean"]) == (1, 1, pytest.approx(0.2))
 
 
 def test_of_two_near_faults_the_window_of_the_second_decides_and_the_good_are_those_before_the_first():
@@ -82,7 +82,8 @@ def test_of_two_near_faults_the_window_of_the_second_decides_and_the_good_are_th
 
 
 def test_a_cell_in_which_nothing_settled_has_no_mean():
-    assert row(of_tables(tables(("single 4", {}, [BAD])), "T"), "single", 4)["settle_s_mean"] is None
+    one = row(of_tables(tables(("single 4", {}, [BAD])), "T"), "single", 4)
+    assert (one["announced"], one["settle_s_mean"]) == (0, None)
 
 
 def test_the_order_of_the_rows_changes_nothing():

@@ -105,7 +105,7 @@ def table(bad: int = 0, known: int = 0, trials: int = 1000, kinds: tuple[str, ..
     rows = [
         {"signal": "pitch_rate", "good_before": good, "design": "single", "kind": kind, "condition": condition}
         | {"trials": trials, "kept": trials - bad - known, "known_loss": known, "bad_vote": bad}
-        | {"lost_aircraft_known": 0, "lost_aircraft_bad": bad, "settle_s_mean": 0.2}
+        | {"lost_aircraft_known": 0, "lost_aircraft_bad": bad, "announced": 0, "settle_s_mean": 0.2}
         for good in (4, 3, 2, 1)
         for kind in kinds
         for condition in ("level", "manoeuvre")

@@ -31,6 +31,7 @@ COUNTS: Final[dict[str, Any]] = {
     "good_before": pl.Int64,
     **dict.fromkeys(("trials", "kept", "known_loss", "bad_vote"), pl.Int64),
     **dict.fromkeys(("lost_aircraft_known", "lost_aircraft_bad"), pl.Int64),  # null where not flown
+    "announced": pl.Int64,  # kept, and every faulty channel of it failed
     "settle_s_mean": pl.Float64,  # from the onset to the failure of all faulty channels; null where none was
 }
 FALSE_ISOLATIONS: Final[dict[str, Any]] = {
@@ -121,6 +122,7 @@ def counted(trials: pl.DataFrame) -> pl.DataFrame:
         bad_vote=bad.sum().cast(pl.Int64),
         lost_aircraft_known=pl.when(flown).then((crashed & lost).sum()).cast(pl.Int64),
         lost_aircraft_bad=pl.when(flown).then((crashed & bad).sum()).cast(pl.Int64),
+        announced=(~lost & ~pl.col("off") & pl.col("settle").is_not_null()).sum().cast(pl.Int64),
         settle_s_mean=pl.col("settle").filter(~lost & ~pl.col("off")).sort().mean(),
     )
     return grouped.select(*COUNTS).sort(CELL)

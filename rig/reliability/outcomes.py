@@ -53,7 +53,7 @@ def outcomes(counts: pl.DataFrame, kinds: Mapping[str, float], source: str, rng:
         found.trials[place] = int(cell["trials"].sum())
         found.seen[place] = int((cell["trials"] - cell["kept"]).sum())
         kept = int(cell["kept"].sum())
-        announced = int(cell["announced"].sum()) if "announced" in cell.columns else 0
+        announced = int(cell["announced"].sum())
         found.announced[place] = announced / kept if kept else 0.0
     return found
 

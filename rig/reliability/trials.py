@@ -231,4 +231,4 @@ def _row(place: tuple[Any, ...], found: NDArray[np.int64], rate_hz: float) -> tu
     """A row of COUNTS; nobody flew, so no aircraft can have been lost."""
     trials, known, bad, settled, frames = found.tolist()
     mean = frames / settled / rate_hz if settled else None
-    return (*place, trials, trials - known - bad, known, bad, None, None, mean)
+    return (*place, trials, trials - known - bad, known, bad, None, None, settled, mean)
