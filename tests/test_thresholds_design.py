@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rig.offline.vote_settings import RecordedSignal
 from rig.thresholds import faults
+from rig.thresholds.data import Data
 from rig.thresholds.design import Design, Flight, Grid, Threshold, designs, rounded_up
 from rig.thresholds.healthy import suspects
 from rig.thresholds.holdout import Count, count, holdout
 from rig.thresholds.motion import BEYOND, Envelope, beyond, envelope
+from rig.thresholds.run import design
 from rig.thresholds.tradeoff import Found, Tradeoff, best, inject, pieces, tradeoff
 
 GIVEN = RecordedSignal(threshold=1.0)
@@ -107,6 +111,17 @@ def test_a_faulty_channel_of_one_flight_is_told():
     told = suspects(flights, wraps=False, longest=48)
     assert [(one.flight, one.channel) for one in told] == [(2, 2), (3, 3), (4, 1)]
     assert "48 samples or more" in told[1].why and "repeats one value for 1 s from 5.0 s" in told[2].why
+
+
+def test_a_channel_that_stands_out_in_a_flight_of_ours_without_faults_is_kept():
+    flights = [flight(seed, 20.0) for seed in range(10)]
+    flights[3].samples[1, 500:] += 15.0
+    named = [Flight(f"flight {i}", one.samples, one.rate_hz) for i, one in enumerate(flights)]
+    settings, grid = RecordedSignal(threshold=1.0), Grid(20.0, (4,), (4,), (0.0,))
+    data = Data([one.name for one in named], 100.0, 1.0, {"x": named}, {"x": settings})
+    known = replace(data, healthy={one.name for one in named})
+    left_out, kept = (design(one, grid)["x"] for one in (data, known))
+    assert (left_out.flights, kept.flights) == (9, 10) and kept.left_out == []
 
 
 def test_the_envelope_of_a_sine_is_that_of_a_sine():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -37,6 +37,7 @@ class Data:
     settings: dict[str, RecordedSignal]
     referenced: set[str] = field(default_factory=set)  # signals with a reference in the recording
     notes: list[str] = field(default_factory=list)
+    healthy: set[str] = field(default_factory=set)  # flights whose scenario has no fault: whoever stands out is good
 
 
 def load(
@@ -49,7 +50,7 @@ def load(
     paths = recordings(inputs, config)
     data: Data | None = None
     for path in paths:
-        _refuse_faults(path)
+        ours = _without_faults(path)
         recording = read(path, config, repair)
         settings = _monitored(config.signals(recording.signals, source), source)
         notes = [
@@ -62,9 +63,10 @@ def load(
             data = Data([], recording.rate_hz, 0.0, {name: [] for name in settings}, settings, used)
         _add(data, path, recording)
         data.notes.extend(notes)
+        data.healthy.update({str(path)} if ours else ())
     assert data is not None
     hours = sum(flight.hours for flight in next(iter(data.signals.values())))
-    return Data(data.names, data.rate_hz, hours, data.signals, data.settings, data.referenced, data.notes)
+    return replace(data, hours=hours)
 
 
 def _monitored(settings: dict[str, RecordedSignal], source: str) -> dict[str, RecordedSignal]:
@@ -105,12 +107,13 @@ def columns(samples: Samples, settings: RecordedSignal) -> Any:
     return found
 
 
-def _refuse_faults(path: Path) -> None:
-    """BadInput for the log of a flight with faults in its scenario."""
+def _without_faults(path: Path) -> bool:
+    """Whether it is the log of a flight of ours; BadInput when its scenario has faults."""
     scenario = _scenario(path)
     if scenario.get("faults"):
         count = len(scenario["faults"])
         raise BadInput(f"{path}: its scenario has {count} faults: design on flights without, rig fly --set faults=[]")
+    return bool(scenario)
 
 
 def _scenario(path: Path) -> dict[str, Any]:

@@ -64,7 +64,11 @@ def design(data: Data, grid: Grid, keep: bool = False) -> dict[str, Signal]:
 
 def _signal(name: str, data: Data, grid: Grid, keep: bool) -> Signal:
     flights, given = data.signals[name], data.settings[name]
-    told = suspects(flights, given.wraps, max(grid.persistence))
+    told = [
+        one
+        for one in suspects(flights, given.wraps, max(grid.persistence))
+        if flights[one.flight].name not in data.healthy
+    ]
     left_out = {suspect.flight for suspect in told} if not keep else set()
     used = [flight for f, flight in enumerate(flights) if f not in left_out]
     notes = [_stands_out(name, flights[one.flight].name, one, keep) for one in told]
