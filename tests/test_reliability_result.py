@@ -119,6 +119,9 @@ NO_ALARMS = pl.DataFrame(
 GIVEN = SignalRates(per_hour=[LAMBDA], source="a test", kinds=KINDS)
 
 
+COUNTED = ("trials", "kept", "known_loss", "bad_vote", "lost_aircraft_known", "lost_aircraft_bad")
+
+
 def drawn(counts: pl.DataFrame, seed: int = 1, draws: int = 4000) -> np.ndarray:
     return outcomes(counts, KINDS, "here", np.random.default_rng(seed), draws).draws["single", 4]
 
@@ -166,6 +169,26 @@ def test_a_result_is_the_rule_of_thumb_with_the_interval_of_its_cell():
     assert found.estimates["bad_vote"].high == pytest.approx(4 * LAMBDA * high, rel=0.05)
     assert found.estimates["lost_aircraft"].median == pytest.approx(rule, rel=0.05)  # every bad vote cost one
     assert found.contributions[0].cell == "single, 4 good" and found.contributions[0].share > 0.98
+
+
+def test_false_isolations_that_are_given_take_the_place_of_those_of_few_hours():
+    few = Cells("here", table(bad=1), NO_ALARMS.with_columns(channel_hours=pl.lit(0.1)))
+    case = cases(GIVEN, (2,), 1.0, 1)
+    [counted] = results(few, "pitch_rate", GIVEN, case)
+    chosen = GIVEN.model_copy(update={"false_isolations_per_channel_hour": 0.0})
+    [given] = results(few, "pitch_rate", chosen, case)
+    assert counted.contributions[0].cell == "false isolations" and counted.estimates["known_loss"].median > 0.1
+    assert given.estimates["known_loss"].median < 1e-5
+
+
+def test_a_cell_that_never_came_to_be_is_a_bad_vote():
+    counts = table(bad=1).with_columns(
+        *(pl.when(pl.col("good_before") == 3).then(0).otherwise(pl.col(n)).alias(n) for n in COUNTED)
+    )
+    [found] = run(counts)
+    # The second of four channels is then the end: 6 lambda^2.
+    assert found.estimates["bad_vote"].median == pytest.approx(4e-3 * 1e-3 + 6e-6, rel=0.05)
+    assert found.unreached == ("single, 3 good",)
 
 
 def test_where_nothing_was_seen_there_is_no_lower_end():

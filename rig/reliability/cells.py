@@ -72,7 +72,7 @@ def of_tables(tables: dict[str, pl.DataFrame], source: str) -> Cells:
     managers = runs["manager"].unique().sort().to_list()
     if len(managers) > 1:
         raise BadInput(f"{source}: runs of several managers ({', '.join(managers)}); a folder must have one")
-    counts = counted(_trials(runs, faults, source))
+    counts = _with_planned(counted(_trials(runs, faults, source)), runs, tables["faults"])
     return Cells(managers[0], counts, _false_isolations(tables["signals"]))
 
 
@@ -102,6 +102,18 @@ def _trials(runs: pl.DataFrame, faults: pl.DataFrame, source: str) -> pl.DataFra
         .when(pl.col("settle").is_not_null() & pl.col("settle2").is_not_null())
         .then(pl.max_horizontal("settle", "settle2")),
     ).filter(pl.col("good_before").is_between(1, CHANNELS))
+
+
+def _with_planned(counts: pl.DataFrame, runs: pl.DataFrame, faults: pl.DataFrame) -> pl.DataFrame:
+    """The counts, and rows of no trial for what was planned and never came to be: earlier faults had ended it."""
+    tested = faults.filter(pl.col("id") == TESTED).select("run", "signal", "kind").unique()
+    design = pl.col("design").str
+    good = design.extract(r"^\w+ (\d)").cast(pl.Int64)
+    planned = runs.select("run", "condition", design=design.split(" ").list.first(), good_before=good)
+    planned = planned.join(tested, on="run").select(*CELL).drop_nulls().unique()
+    absent = planned.join(counts, on=CELL, how="anti")
+    zeros = [pl.lit(0, pl.Int64).alias(name) for name in ("trials", "kept", "known_loss", "bad_vote", "announced")]
+    return pl.concat([counts, absent.with_columns(zeros)], how="diagonal").select(*COUNTS).sort(CELL)
 
 
 def _settled() -> pl.Expr:

@@ -34,6 +34,7 @@ class Outcomes:
     trials: dict[Cell, int]
     seen: dict[Cell, int]  # of them not kept
     announced: dict[Cell, float]  # share of the kept ones whose faulty channel was failed
+    unreached: list[Cell]  # with a kind of which no trial came to be
     flown: bool  # whether any told what became of the aircraft
 
 
@@ -42,9 +43,8 @@ def outcomes(counts: pl.DataFrame, kinds: Mapping[str, float], source: str, rng:
 
     kinds : share of each kind of fault; a cell of single faults must have them all, else BadInput names it
     """
-    found = Outcomes(
-        {}, {}, {}, {}, flown=not bool(counts.select(pl.col(WHERE_FLOWN).is_null().all()).row(0) == (1, 1))
-    )
+    flown = counts.select(pl.col(WHERE_FLOWN).is_null().all()).row(0) != (True, True)
+    found = Outcomes({}, {}, {}, {}, [], flown)
     lost = _lost_share(counts, rng, draws)
     for (design, good), cell in sorted(counts.group_by("design", "good_before"), key=lambda item: item[0]):
         place = str(design), int(good)  # pyright: ignore[reportArgumentType]  # columns of text and whole numbers
@@ -52,6 +52,8 @@ def outcomes(counts: pl.DataFrame, kinds: Mapping[str, float], source: str, rng:
         found.draws[place] = _cell(cell, shares, lost, rng, draws)
         found.trials[place] = int(cell["trials"].sum())
         found.seen[place] = int((cell["trials"] - cell["kept"]).sum())
+        if bool((cell.group_by("kind").agg(pl.col("trials").sum())["trials"] == 0).any()):
+            found.unreached.append(place)
         kept = int(cell["kept"].sum())
         announced = int(cell["announced"].sum())
         found.announced[place] = announced / kept if kept else 0.0
@@ -60,7 +62,7 @@ def outcomes(counts: pl.DataFrame, kinds: Mapping[str, float], source: str, rng:
 
 def _shares(cell: pl.DataFrame, kinds: Mapping[str, float], place: Cell, source: str) -> dict[str, float]:
     """The shares of the kinds of a cell; pairs of faults are flown of some kinds only."""
-    flown = set(cell.filter(pl.col("trials") > 0)["kind"])
+    flown = set(cell["kind"])  # or planned: what never came to be is a bad vote
     absent = sorted(set(kinds) - flown)
     if place[0] == "single" and absent:
         raise BadInput(f"{source}: no trial of {absent[0]} with {place[1]} good channels, which the rates file names")
@@ -82,7 +84,10 @@ def _cell(
     for kind, share in shares.items():
         of_kind = cell.filter(pl.col("kind") == kind)
         kept, known, bad = (float(of_kind[name].sum()) for name in ("kept", "known_loss", "bad_vote"))
-        chance = rng.dirichlet((kept + 0.5, known + prior, bad + prior), draws)
+        if kept + known + bad == 0.0:
+            chance = np.tile((0.0, 0.0, 1.0), (draws, 1))  # earlier faults had cost the signal or the aircraft
+        else:
+            chance = rng.dirichlet((kept + 0.5, known + prior, bad + prior), draws)
         found[:, KEPT] += share * chance[:, 0]
         for outcome, column, with_aircraft in ((KNOWN, 1, lost[0]), (BAD, 2, lost[1])):
             found[:, outcome] += share * chance[:, column] * (1.0 - with_aircraft)

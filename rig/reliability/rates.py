@@ -7,6 +7,8 @@ beta = [0.0, 0.01]             # common mode: this share of per_hour hits two ch
 beta_source = "assumed"
 kinds = { hardover = 0.5, drift = 0.5 }
 kinds_source = "assumed"
+false_isolations_per_channel_hour = 1e-9   # in place of what the campaign counted
+false_isolations_source = "..."
 
 [[layers]]                     # what is not flown: in series with the signal
 name = "computers"
@@ -42,6 +44,9 @@ class SignalRates(Settings):
     beta_source: str = Field(default=ASSUMED, min_length=1)
     kinds: dict[str, float] = Field(min_length=1)
     kinds_source: str = Field(default=ASSUMED, min_length=1)
+    # Of healthy channels; where it is not given, the campaign's hours say it, which are few below level 4.
+    false_isolations_per_channel_hour: float | None = Field(default=None, ge=0, le=1)
+    false_isolations_source: str = Field(default=ASSUMED, min_length=1)
 
     @field_validator("per_hour")
     @classmethod

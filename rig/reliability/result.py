@@ -67,6 +67,7 @@ class Result:
     requirement: dict[str, bool]  # by TARGETS: met by the upper end of the loss of the function
     contributions: tuple[Contribution, ...]  # to that loss, the largest first
     layers: tuple[str, ...]  # in series, with given coverages
+    unreached: tuple[str, ...]  # cells in which a kind of fault never came to be, and counts as a bad vote
 
     def as_dict(self) -> dict[str, Any]:
         """As plain data."""
@@ -81,6 +82,8 @@ def results(
     rng = np.random.default_rng(SEED)
     drawn = outcomes(counts, given.kinds, found.manager, rng, DRAWS)
     phi = false_isolations(found.false_isolations.filter(pl.col("signal") == signal), rng)
+    if given.false_isolations_per_channel_hour is not None:
+        phi = dict.fromkeys(phi, np.full(DRAWS, given.false_isolations_per_channel_hour))
     base = Given(drawn.draws, drawn.announced, phi, settle_s(counts) / 3600.0)
     return [_result(found.manager, signal, base, drawn, case, layers) for case in cases]
 
@@ -122,9 +125,9 @@ def _result(manager: str, signal: str, base: Given, drawn: Outcomes, case: Case,
     function = float(np.quantile(lost.sum(axis=1) + more, 0.975))
     requirement = {name: function < target for name, target in TARGETS.items()}
     ideal = perfect(case.channels, case.per_hour, case.hours)
-    return Result(
-        manager, signal, case, estimates, ideal, requirement, contributions, tuple(one.name for one in layers)
-    )
+    unreached = tuple(f"{design}, {good} good" for design, good in drawn.unreached if good <= case.channels)
+    names = tuple(one.name for one in layers)
+    return Result(manager, signal, case, estimates, ideal, requirement, contributions, names, unreached)
 
 
 def losses(given: Given, case: Case) -> Floats:

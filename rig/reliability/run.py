@@ -72,11 +72,28 @@ def assumptions(rates: Rates, name: str, found: Sequence[Result]) -> list[str]:
         f"a channel fails {rate} times an hour ({given.source})",
         f"kinds: {kinds} ({given.kinds_source})",
         f"common mode: {beta} of them hit two alike ({given.beta_source}); all others are independent",
+        _false_isolations(given),
         f"one signal, {name}; software, power and wiring are not in it",
         "aircraft, flight points, manoeuvres and sizes of faults are those of the campaign",
         "what was announced is repaired before the next flight, what was not stays until a check",
     ]
     lines += [f"layer {layer.name}: coverages given, not measured ({layer.source})" for layer in rates.layers]
+    for manager in dict.fromkeys(one.manager for one in found):
+        cells_ = list(dict.fromkeys(cell for one in found if one.manager == manager for cell in one.unreached))
+        if cells_:
+            lines.append(
+                f"{manager}: some faults of {'; '.join(cells_)} never came to be, as earlier ones had cost the signal "
+                "or the aircraft: they count as bad votes"
+            )
     if any("lost_aircraft" not in one.estimates for one in found):
         lines.append("nothing is said of the aircraft: the trials were open loop")
     return lines
+
+
+def _false_isolations(given: SignalRates) -> str:
+    if given.false_isolations_per_channel_hour is None:
+        return "healthy channels are failed as often as in the campaign's hours, which are few below level 4"
+    return (
+        f"healthy channels are failed {given.false_isolations_per_channel_hour:g} times a channel hour "
+        f"({given.false_isolations_source})"
+    )
