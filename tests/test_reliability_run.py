@@ -119,13 +119,22 @@ def test_the_bundled_rates_say_what_is_assumed():
 )
 def test_bad_rates_are_one_line(rig_command, rates: Path, old: str, new: str, said: str):
     rates.write_text(RATES.replace(old, new))
-    code, out, err = rig_command("reliability", "plan", "--target", "1e-7", "--rates", str(rates))
+    code, out, err = rig_command("reliability", "plan", "--target", "1e-7", "--rates", str(rates), "--no-cost")
     assert (code, out) == (2, "") and err.startswith(f"error: {rates}: ") and said in err and err.count("\n") == 1
 
 
 def test_the_plan_has_a_row_for_each_number_of_good_channels(rig_command, rates: Path):
-    code, out, _ = rig_command("reliability", "plan", "--target", "1e-9", "--rates", str(rates), "--json")
+    code, out, _ = rig_command("reliability", "plan", "--target", "1e-9", "--rates", str(rates), "--json", "--no-cost")
     assert code == 0 and [one["trials"] for one in json.loads(out)["cells"]] == [23_965_859, 35_949, 24]
+
+
+def test_the_plan_says_what_it_takes_here(rig_command, rates: Path):
+    code, out, err = rig_command("reliability", "plan", "--target", "1e-9", "--rates", str(rates), "--json")
+    assert code == 0, err
+    cells = json.loads(out)["cells"]
+    a_trial, a_flight = cells[0]["seconds"] / cells[0]["trials"], cells[2]["seconds"] / cells[2]["trials"]
+    assert cells[1]["seconds"] / cells[1]["trials"] == pytest.approx(a_trial)
+    assert 0.0 < a_trial < a_flight  # a trial is a part of a flight, of one signal
 
 
 def test_a_wrong_number_of_channels_is_refused(rig_command, rates: Path):

@@ -85,6 +85,7 @@ def plan(
     rates: RatesFile,
     hours: Hours = 1.0,
     signal: SignalName = None,
+    cost: Annotated[bool, typer.Option(help="Measure what a trial and a flight take here.")] = True,
     as_json: Json = False,
 ) -> None:
     """Print how many trials a target needs for each number of good channels, and what they cost here."""
@@ -95,7 +96,14 @@ def plan(
     read = read_rates(rates)
     _, given = read.of(signal, str(rates))
     found = needed(target, max(given.per_hour), hours=hours)
-    emit(as_json, lambda: {"cells": [one._asdict() for one in found]}, lambda: show.plan(found, [None] * len(found)))
+    seconds: list[float | None] = [None] * len(found)
+    if cost:
+        from rig.reliability.cost import measure
+
+        taken = measure()
+        seconds = [taken.of(one.trials, one.open_loop) for one in found]
+    cells = [{**one._asdict(), "seconds": taking} for one, taking in zip(found, seconds, strict=True)]
+    emit(as_json, lambda: {"cells": cells}, lambda: show.plan(found, seconds))
 
 
 reliability_app.command()(trials)
