@@ -186,7 +186,7 @@ def test_a_fault_comes_after_another_by_its_name_in_the_recording():
         ({"on": {"signal": "gyro"}}, "faults.0.on: needs votes, which a recording has not; allowed triggers: start_s"),
         ({"after": "roll"}, "faults.0.after: no fault 'roll', allowed: none, there is no other"),
         ({"seen_by_ilm": True}, "faults.0.seen_by_ilm: gyro has no in-line monitor in the recording"),
-        ({"kind": "offsett"}, "faults.0.kind: unknown kind 'offsett', nearest: offset"),
+        ({"kind": "offset_"}, "faults.0.kind: unknown kind 'offset_', nearest: offset"),
         (
             {"kind": "pitot_icing"},
             "pitot_icing needs static_pressure and dynamic_pressure, which the recording has not",
