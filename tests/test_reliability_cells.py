@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from rig.errors import BadInput
-from rig.reliability.cells import CELL, Cells, cells, missing, of_tables, require
+from rig.reliability.cells import CELL, Cells, cells, of_tables
 
 Row = dict[str, Any]
 RUN = {"outcome": "flown", "manager": "median", "survived": True, "condition": "level"}
@@ -102,20 +102,6 @@ def test_false_isolations_have_their_hours_by_level():
         ("pitch_rate", 2, 2.0, 0),
         ("pitch_rate", 1, 1.0, 0),
     ]
-
-
-def test_missing_cells_have_names():
-    found = of_tables(tables(*TRIALS), "T")
-    absent = missing(found, 4)
-    assert "pitch_rate, 2 good, single, offset, level" in absent and "pitch_rate, 2 good, near, offset, level" in absent
-    assert len(absent) == 10 - len(found.counts.filter(pl.col("trials") > 0)) and not any(
-        ", 1 good, near" in name for name in absent
-    )
-    assert missing(found, 4, ["heading"])[0] == "heading, 4 good, single, any kind, any condition"
-    with pytest.raises(BadInput, match=r"^T: no trial of: pitch_rate, 3 good, near, offset, level and \d more$"):
-        require(found, 3, "T")
-    assert missing(found, 1) == []
-    require(found, 1, "T")
 
 
 def changed(name: str, **columns: Any) -> dict[str, pl.DataFrame]:

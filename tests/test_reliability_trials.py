@@ -18,7 +18,7 @@ from rig.cli.main import app
 from rig.errors import BadInput
 from rig.faults.settings import Act
 from rig.reliability.beside import beside
-from rig.reliability.cells import cells, missing
+from rig.reliability.cells import cells
 from rig.reliability.drawn import Drawn, cell, records
 from rig.reliability.one_signal import faults_of
 from rig.reliability.trials import SHARES, Flight, Unit, added_up, combinations, planned, shared_out
@@ -179,7 +179,6 @@ def test_the_command_writes_a_folder_of_cells_whoever_runs_them(tmp_path: Path):
     assert one.counts.equals(two.counts) and one.false_isolations.equals(two.false_isolations)
     assert told["1"] == told["2"] and told["1"]["trials"] == 1500 and told["1"]["seed"] == 9
     assert one.manager == "cross-channel" and one.counts["trials"].to_list() == [750, 750]
-    assert missing(one, 4)[:1] == ["pitch_rate, 4 good, near, hardover, climb"]
 
 
 def test_a_folder_that_is_there_is_not_written_to(tmp_path: Path):

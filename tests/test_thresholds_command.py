@@ -237,6 +237,24 @@ def test_a_folder_is_one_recording_or_holds_some():
     assert recordings([inside[1], Path("data")], using) == [inside[1], inside[0], inside[2]]
 
 
+def test_alignment_without_an_end_is_found_in_the_stretch_of_rig_vote():
+    from rig.offline.align import align
+    from rig.offline.read_recording import read
+    from rig.thresholds.data import load
+
+    record("data", 1)
+    (path,) = Path("data").iterdir()
+    late = pl.when(pl.col("time_s") > 8.0).then(5.0).otherwise(0.0)  # most of the recording, none of the first 6 s
+    pl.read_parquet(path).with_columns(pl.col("gyro.2") + late).write_parquet(path)
+    config(default={"threshold": 1.0})
+    using = read_config(Path("c.toml"))
+    recording = read(path, using, False)
+    settings = using.signals(recording.signals, "")
+    first, whole = (align(recording, settings, 0.0, end)[0].signals["gyro"].channels for end in (6.0, None))
+    (found,) = load([path], using, "c.toml", stretch=(None, None)).signals["gyro"]
+    assert np.array_equal(found.samples, np.array(first)) and not np.array_equal(found.samples, np.array(whole))
+
+
 def test_logs_of_ours_need_no_configuration(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
     from rig.flight import fly
 

@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from typing import IO, Any
 
 from rig.campaign.flying import Orders, check_rig, fly_run, joined, not_flown
@@ -53,11 +54,9 @@ def _child(runs: Sequence[Run], orders: Orders) -> tuple[list[Rows], int]:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     with subprocess.Popen(command, env=environment, **quiet) as process:
         assert process.stdin is not None and process.stdout is not None
-        try:
-            with process.stdin as pipe:
-                pickle.dump((list(runs), orders), pipe)
-        except BrokenPipeError:
-            pass  # it has ended already; that it was never ready says so below
+        # One that has ended already was never ready, which says so below.
+        with suppress(BrokenPipeError), process.stdin as pipe:
+            pickle.dump((list(runs), orders), pipe)
         said = list(_messages(process.stdout))
     if not said:
         raise RigError(f"a process for single flights could not be started: exit code {process.returncode}")

@@ -30,21 +30,14 @@ def report(folder: Folder, out: Path) -> dict[str, Any]:
 
 
 def _page(found: dict[str, Any], maps: list[go.Figure], delays: list[go.Figure], replies: list[go.Figure]) -> str:
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("rig.campaign", "."),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"rate": rate, "number": number, "percent": percent}
+    template = page("rig.campaign", {"rate": rate, "number": number, "percent": percent})
     figures = {f"map-{i}": figure for i, figure in enumerate(maps)}
     figures |= {f"delay-{i}": figure for i, figure in enumerate(delays)}
     figures |= {f"replies-{i}": figure for i, figure in enumerate(replies)}
     data = json.dumps(
         {name: json.loads(figure.to_json() or "null") for name, figure in figures.items()}, allow_nan=False
     )
-    return environment.get_template("report.html").render(
+    return template.render(
         found=found,
         maps=[name for name in figures if name.startswith("map")],
         delays=[name for name in figures if name.startswith("delay")],
@@ -52,6 +45,19 @@ def _page(found: dict[str, Any], maps: list[go.Figure], delays: list[go.Figure],
         plotly=get_plotlyjs(),
         versions=versions(),
     )
+
+
+def page(package: str, filters: dict[str, Any]) -> jinja2.Template:
+    """The template ``report.html`` of a package, in which a name that is not given is an error."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader(package, "."),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= filters
+    return environment.get_template("report.html")
 
 
 def percent(value: float | None) -> str:

@@ -36,7 +36,7 @@ def thresholds(
     align_from: Annotated[
         float | None, typer.Option(help="Begin of the stretch to find them in, s.", show_default="first row")
     ] = None,
-    align_to: Annotated[float | None, typer.Option(help="Its end, s.", show_default="last row")] = None,
+    align_to: Annotated[float | None, typer.Option(help="Its end, s.", show_default="6 s after its begin")] = None,
     repair_time: Annotated[bool, typer.Option("--repair-time", help="Drop rows whose time repeats.")] = False,
     keep: Annotated[
         bool, typer.Option("--keep", help="Design with flights too in which a channel stands out.")

@@ -10,7 +10,6 @@ condition.  Every trial of a cell is one of three, by what follows the onset of 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -152,32 +151,3 @@ def _false_isolations(signals: pl.DataFrame) -> pl.DataFrame:
         for level, hour, event in zip(levels, hours, events, strict=True)
     ]
     return pl.concat(parts).select(*FALSE_ISOLATIONS).sort("signal", "level", descending=[False, True])
-
-
-def missing(cells: Cells, channels: int, signals: Sequence[str] | None = None) -> list[str]:
-    """The cells that a chain of ``channels`` channels needs and ``cells`` has no trial of, by name.
-
-    Of every signal (all in ``cells`` when not given): each kind and condition that it has anywhere, single with
-    ``channels`` down to 1 channels good, near and alike down to 2.
-    """
-    there = set(cells.counts.filter(pl.col("trials") > 0).select(CELL).iter_rows())
-    found: list[str] = []
-    for signal in cells.counts["signal"].unique().sort() if signals is None else signals:
-        own = cells.counts.filter(pl.col("signal") == signal)
-        forms = sorted(set(own.select("kind", "condition").iter_rows())) or [("any kind", "any condition")]
-        wanted = [(good, design) for good in range(channels, 0, -1) for design in DESIGNS[: 1 if good == 1 else 3]]
-        found += [
-            f"{signal}, {good} good, {design}, {kind}, {condition}"
-            for good, design in wanted
-            for kind, condition in forms
-            if (signal, good, design, kind, condition) not in there
-        ]
-    return found
-
-
-def require(cells: Cells, channels: int, source: str, signals: Sequence[str] | None = None) -> None:
-    """BadInput when a cell is missing: one line that names the first, and how many more."""
-    absent = missing(cells, channels, signals)
-    if absent:
-        more = f" and {len(absent) - 1} more" if len(absent) > 1 else ""
-        raise BadInput(f"{source}: no trial of: {absent[0]}{more}")

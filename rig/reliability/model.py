@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 
 from rig.reliability.chain import Floats, transitions
-from rig.reliability.outcomes import BAD, BAD_LOST, KEPT, KNOWN, KNOWN_LOST, OUTCOMES, Cell
+from rig.reliability.outcomes import BAD, BAD_LOST, KEPT, KNOWN, KNOWN_LOST, Cell
 
 LOSSES: Final = (KNOWN, KNOWN_LOST, BAD, BAD_LOST)
 
@@ -95,7 +95,7 @@ def _after(
     n = 1 + max(faulty for faulty, _ in place)
     losses = outcome[:, list(LOSSES)].copy()
     if k + more < n:
-        share = 1.0 if told else given.announced.get(("single", n - k), 0.0)
+        share = 1.0 if told else given.announced.get(("single" if more == 1 else "alike", n - k), 0.0)
         row[:, place[k + more, True]] += rate * outcome[:, KEPT] * share
         row[:, place[k + more, False]] += rate * outcome[:, KEPT] * (1.0 - share)
     elif more == 1:
@@ -127,6 +127,3 @@ def after_flights(chain: Floats, n: int, hours: float, flights: int) -> Floats:
 def perfect(n: int, per_hour: float, hours: float) -> float:
     """Probability per flight hour when every fault but the last is kept: all channels fail in one flight."""
     return float((-np.expm1(-per_hour * hours)) ** n / hours)
-
-
-assert len(LOSSES) + 1 == OUTCOMES

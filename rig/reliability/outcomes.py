@@ -21,7 +21,6 @@ from rig.reliability.chain import Floats
 
 KEPT, KNOWN, KNOWN_LOST, BAD, BAD_LOST = range(5)  # outcomes; ..._LOST: with the aircraft
 OUTCOMES: Final = 5
-DESIGNS: Final = ("single", "near", "alike")
 Cell = tuple[str, int]  # design, good channels before
 WHERE_FLOWN: Final = "lost_aircraft_known", "lost_aircraft_bad"
 

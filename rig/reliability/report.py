@@ -6,9 +6,9 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-import jinja2
 from plotly.offline import get_plotlyjs
 
+from rig.campaign.report import page
 from rig.files import write_text
 from rig.reliability.plot import TITLES, picture
 from rig.reliability.result import TARGETS, WHAT, Result
@@ -18,16 +18,9 @@ from rig.versions import versions
 
 def write_report(found: Sequence[Result], assumptions: Sequence[str], path: Path) -> None:
     """Write the page of ``found``, which has a result at least.  BadInput or RigError: the file cannot be written."""
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("rig.reliability", "."),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"interval": interval, "decided_by": decided_by}
+    template = page("rig.reliability", {"interval": interval, "decided_by": decided_by})
     pictures = _pictures(found)
-    page = environment.get_template("report.html").render(
+    text = template.render(
         signal=found[0].signal,
         found=found,
         titles={name: title for name, title in TITLES.items() if any(name in one.estimates for one in found)},
@@ -38,7 +31,7 @@ def write_report(found: Sequence[Result], assumptions: Sequence[str], path: Path
         plotly=get_plotlyjs(),
         versions=versions(),
     )
-    write_text(path, page)
+    write_text(path, text)
 
 
 def _pictures(found: Sequence[Result]) -> dict[str, object]:

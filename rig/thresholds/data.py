@@ -15,6 +15,8 @@ from rig.computer.redundancy.config import SignalConfig
 from rig.errors import BadInput, BadLog
 from rig.log.scan import About, iter_parts
 from rig.offline.align import align
+from rig.offline.alignment import AlignOptions
+from rig.offline.alignment import stretch as stretch_of
 from rig.offline.read_recording import read
 from rig.offline.recording import Recording, Samples
 from rig.offline.vote_settings import RecordedSignal, VoteConfig
@@ -45,7 +47,7 @@ def load(
 ) -> Data:
     """Read everything. BadInput in one line: nothing to read, a fault in a flight, unlike recordings.
 
-    stretch : from and to, s, for the alignment of each recording; None: as they are
+    stretch : from and to, s, for the alignment of each recording, what is None as in ``rig vote``; None: as they are
     """
     paths = recordings(inputs, config)
     data: Data | None = None
@@ -57,7 +59,7 @@ def load(
             f"{one.source}: {one.dropped} rows dropped, where time repeats or steps back" for one in recording.repairs
         ]
         if stretch is not None:
-            recording, _ = align(recording, settings, *stretch)
+            recording, _ = align(recording, settings, *stretch_of(recording, AlignOptions(*stretch)))
         if data is None:
             used = {name for name in settings if recording.signals[name].reference is not None}
             data = Data([], recording.rate_hz, 0.0, {name: [] for name in settings}, settings, used)
