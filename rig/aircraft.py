@@ -8,14 +8,21 @@ the data-sheet classes that a sensor may name.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from rig.errors import BadInput
 from rig.files import bundled, is_file
+from rig.frame import INDEX
 from rig.sensors.classes import SensorClass, under
 from rig.settings import build, read_toml
 from rig.text import choices, quoted
+
+
+DESIGNED_AT_HZ: Final = 100.0  # outlier thresholds: a sample is taken up to a part of a frame early
+SAME_ERRORS: Final = {"channels", "monitor"}  # keys of a sensor that leave the errors of its channels as they are
+OUTLIERS: Final = ("outlier_threshold", "outlier_threshold_triplex")
 
 
 def names() -> list[str]:
@@ -55,11 +62,30 @@ def sensor_classes() -> dict[str, SensorClass]:
 
 
 def lay_over(below: dict[str, Any], above: dict[str, Any], source: str) -> dict[str, Any]:
-    """``merge``, with the sensor classes that ``above`` names put under its own keys; BadInput names ``source``."""
+    """``merge``, with the sensor classes that ``above`` names put under its own keys; BadInput names ``source``.
+
+    Outlier thresholds are designed for the sensors that they stand beside: where ``above`` has others, they go.
+    """
+    below = merge(below, {"redundancy": without_outliers(below.get("redundancy", {}), redesigned(above))})
     wanted, present = above.get("sensors"), below.get("sensors")
     if not isinstance(wanted, dict) or not isinstance(present, dict):
         return merge(below, above)
     return merge({**below, "sensors": under(present, wanted, sensor_classes(), source)}, above)
+
+
+def redesigned(above: dict[str, Any]) -> Collection[str]:
+    """The signals whose channels differ by other errors with ``above`` than without; at a lower rate, all of them."""
+    rate_hz, wanted = above.get("rate_hz"), above.get("sensors")
+    if isinstance(rate_hz, int | float) and rate_hz < DESIGNED_AT_HZ:
+        return INDEX
+    tables = wanted.items() if isinstance(wanted, dict) else ()
+    return {name for name, table in tables if isinstance(table, dict) and table.keys() - SAME_ERRORS}
+
+
+def without_outliers(redundancy: dict[str, Any], signals: Collection[str]) -> dict[str, Any]:
+    """The tables of ``signals`` in ``[redundancy.signals]`` with outlier thresholds that are not there."""
+    tables = redundancy.get("signals", {})
+    return {"signals": {name: {**tables[name], **dict.fromkeys(OUTLIERS)} for name in signals if name in tables}}
 
 
 def merge(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from oracle_answers import Settings, View, first_answer
 
@@ -63,7 +64,7 @@ class Oracle:
         self.rules = set()
         view = self.view(samples, ilm, reference)
         disputed_by = self.disputed_by(view)
-        view.lonely = set(view.use) if disputed_by else self.miscomparing(view.seen)
+        view.lonely = set(view.use) if disputed_by else self.miscomparing(view.seen) or self.outliers(view.seen)
         self.name(view)
         self.remember(view)
         view.pattern, view.bits = self.pattern, self.bits
@@ -118,6 +119,17 @@ class Oracle:
         """Channels that disagree with all others."""
         far = self.s.within(len(use))
         return {c for c in use if len(use) > 1 and all(abs(use[c] - use[d]) > far for d in use if d != c)}
+
+    def outliers(self, use: dict[int, float]) -> set[int]:
+        """Of samples that all agree, those far from all others while at least two are close to each other."""
+        limit, ranked = self.s.outlier_of(len(use)), sorted(use.values())
+        agree = all(above - below <= self.s.within(len(use)) for below, above in pairwise(ranked))
+        if limit is None or not agree:
+            return set()
+        close = {c for c in use for d in use if d != c and abs(use[c] - use[d]) <= limit}
+        self.reached("outlier", close and len(close) < len(use))
+        self.reached("outlier: no two are close", not close)
+        return set(use) - close if close else set()
 
     def disputed_by(self, view: View) -> str:
         """Who disputes the only sample left: its in-line monitor, else a usable reference."""

@@ -17,6 +17,8 @@ class Settings:
     threshold: float = 1.0
     threshold_triplex: float | None = None  # of three compared samples, and of two; threshold where not given
     threshold_duplex: float | None = None
+    outlier: float | None = None  # of four samples that agree within the threshold, and of three; none where not given
+    outlier_triplex: float | None = None
     filter_share: float = 0.0  # of a new sample in what is compared; 0: the sample itself
     persistence: int = 8
     singular_persistence: int = 10
@@ -32,6 +34,10 @@ class Settings:
     def within(self, compared: int) -> float:
         """How far two of ``compared`` samples may be apart and agree."""
         return {3: self.threshold_triplex, 2: self.threshold_duplex}.get(compared) or self.threshold
+
+    def outlier_of(self, compared: int) -> float | None:
+        """How far one of ``compared`` samples that all agree may be from the others."""
+        return {4: self.outlier, 3: self.outlier_triplex}.get(compared)
 
     def near(self, x: float, base: float) -> float:
         """``x`` on the turn of ``base``."""

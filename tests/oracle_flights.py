@@ -94,6 +94,13 @@ def by_level(flight: Flight, pick: Pick) -> Flight:
     return replace(flight, settings=replace(flight.settings, threshold_triplex=triplex, threshold_duplex=duplex))
 
 
+def with_outliers(flight: Flight, pick: Pick) -> Flight:
+    """The same with thresholds of their own for one of four and of three samples that agree."""
+    wide = {"threshold": pick([1.0, 2.0]) + 1 / 1024, "threshold_triplex": pick([None, 3.5])}
+    limits = {name: pick([0.25, 0.125, 0.75, None]) for name in ("outlier", "outlier_triplex")}
+    return replace(flight, settings=replace(flight.settings, **wide, **limits))
+
+
 def filtered(flight: Flight, pick: Pick) -> Flight:
     """The same behind a filter; no threshold is met exactly, no reference lies on a sample: rounding would decide."""
     s, beside = flight.settings, 1 / 1024

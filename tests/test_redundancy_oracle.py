@@ -13,7 +13,7 @@ from hypothesis import example, given, settings
 from oracle import Frame, Oracle
 from oracle_answers import Settings
 from oracle_boxes import SIGNALS, BoxFlight, BoxOracle, seeded_boxes
-from oracle_flights import Flight, Pick, by_level, filtered, flights, seeded
+from oracle_flights import Flight, Pick, by_level, filtered, flights, seeded, with_outliers
 
 from rig.computer.redundancy.config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.managers import Manager
@@ -43,6 +43,8 @@ def run(flight: Flight) -> Voted:
         reference_threshold=s.reference_threshold,
         threshold_triplex=s.threshold_triplex,
         threshold_duplex=s.threshold_duplex,
+        outlier_threshold=s.outlier,
+        outlier_threshold_triplex=s.outlier_triplex,
         filter_s=-1.0 / (100.0 * log1p(-s.filter_share)) if s.filter_share else 0.0,
     )
 
@@ -110,8 +112,8 @@ def test_and_of_an_angle_on_the_circle(flight: Flight):
 
 
 @pytest.mark.parametrize("turn", [False, True])
-@pytest.mark.parametrize("change", [by_level, filtered])
-def test_so_are_those_with_thresholds_by_level_and_behind_a_filter(
+@pytest.mark.parametrize("change", [by_level, with_outliers, filtered])
+def test_so_are_those_with_thresholds_by_level_and_scale_and_behind_a_filter(
     change: Callable[[Flight, Pick], Flight], turn: bool
 ):
     for seed in range(300 // FEWER):
@@ -122,6 +124,18 @@ def test_so_are_those_with_thresholds_by_level_and_behind_a_filter(
 def test_so_are_those_of_flights_drawn_evenly():
     for seed, turn in EVEN:
         check(seeded(seed, turn), f"seed {seed}{' on the circle' * turn}")
+
+
+@pytest.mark.skipif(FEWER > 1, reason="a part of the flights need not reach every rule")
+def test_these_flights_have_outliers_with_and_without_a_majority():
+    reached: Counter[str] = Counter()
+    for seed in range(300):
+        flight = with_outliers(seeded(seed), Random(seed).choice)
+        oracle = Oracle(flight.settings)
+        for given_in_frame in in_frames(flight):
+            oracle.step(*given_in_frame)
+            reached.update(oracle.rules)
+    assert reached["outlier"] > 50 and reached["outlier: no two are close"] > 20
 
 
 RULES = (

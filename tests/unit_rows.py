@@ -44,6 +44,8 @@ def random_params(draw: Generator) -> NDArray[Any]:
     params["high"][angle] = params["low"][angle] + TWO_PI
     levels = draw.choice([1.0, 1.0, 0.6, 1.7, 3.1], (2, S))
     params["threshold_triplex"], params["threshold_duplex"] = params["threshold"] * levels
+    for name, level in (("outlier_threshold", "threshold"), ("outlier_threshold_triplex", "threshold_triplex")):
+        params[name] = params[level] * draw.choice([0.0, 0.0, 0.2, 0.5, 1.0], S)
     params["filter_gain"] = draw.choice([0.0, 0.0, 0.1, 0.5, 0.95], S)
     for row in params:
         chosen = draw.permutation(5)[: draw.integers(0, 6)] + 1

@@ -14,7 +14,7 @@ from typing import Any
 
 from oracle import DiscreteOracle, DiscreteSettings, Frame
 from oracle_answers import Settings
-from oracle_flights import SLOPES, Flight, build, by_level, filtered
+from oracle_flights import SLOPES, Flight, build, by_level, filtered, with_outliers
 from oracle_resets import ResettableOracle
 
 FRAMES = 30  # of a case
@@ -142,6 +142,12 @@ def levelled(seed: int) -> Flown:
     """A random signal with thresholds of its own for three and for two samples."""
     draw = random.Random(f"levels {seed}")
     return Flown(by_level(lasting(build(draw.choice)), draw.choice))
+
+
+def with_limits(seed: int) -> Flown:
+    """A random signal with outlier thresholds."""
+    draw = random.Random(f"outliers {seed}")
+    return Flown(with_outliers(lasting(build(draw.choice)), draw.choice))
 
 
 def smoothed(seed: int) -> Flown:

@@ -41,6 +41,9 @@ def thresholds(
     keep: Annotated[
         bool, typer.Option("--keep", help="Design with flights too in which a channel stands out.")
     ] = False,
+    outlier: Annotated[
+        bool, typer.Option("--outlier", help="Write them as outlier thresholds, beside the thresholds that there are.")
+    ] = False,
     monitored: Annotated[
         list[Path] | None, typer.Option(help="Data to be monitored: does it move more? Repeatable.", show_default=False)
     ] = None,
@@ -65,7 +68,7 @@ def thresholds(
         seed,
     )
     stretch = (align_from, align_to) if align else None
-    found = _design(inputs, config, (out, plot), grid, (repair_time, stretch), keep, monitored or [])
+    found = _design(inputs, config, (out, plot), grid, (repair_time, stretch), (keep, outlier), monitored or [])
     emit(as_json, found, lambda: show(console(), found))
 
 
@@ -93,7 +96,7 @@ def _design(
     outputs: tuple[Path, Path | None],
     grid: Grid,
     reading: tuple[bool, Any],
-    keep: bool,
+    choices: tuple[bool, bool],
     monitored: list[Path],
 ) -> dict[str, Any]:
     """Read, design, write; the summary, and the seconds of each step."""
@@ -107,7 +110,7 @@ def _design(
     from rig.thresholds.report import remarks, summary
     from rig.thresholds.run import design
 
-    out, page = outputs
+    (out, page), (keep, outlier) = outputs, choices
     with replaced(out) as part, replaced(page) if page else nullcontext() as page_part:
         clock = perf_counter()
         if config is None:
@@ -125,9 +128,9 @@ def _design(
         chosen = {name: made for name, signal in signals.items() if (made := signal.design) is not None}
         head = remarks(data, grid, signals)
         if raw is None:
-            text = scenario_toml(chosen, data.settings, head)
+            text = scenario_toml(chosen, data.settings, head, outlier)
         else:
-            text = recorded_toml(raw, chosen, data.settings, data.rate_hz, data.referenced, head)
+            text = recorded_toml(raw, chosen, data.settings, data.rate_hz, data.referenced, head, outlier)
         if page_part is not None:
             plot.write(page_part, found)
         write_text(part, text)

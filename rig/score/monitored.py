@@ -35,8 +35,10 @@ def of_signals(
     """The continuous signals; ``params`` (S,) config.PARAMS."""
     linger = lingers(params)
     names, acted = [signal.name for signal in SIGNALS], corrupting(acting, faults, len(SIGNALS), discrete=False)
+    outlier = params["outlier_threshold"]  # of a single channel of four; a vote is off by more than the threshold
+    smallest = np.where(outlier > 0.0, outlier, params["threshold"])
     failures = Failures(names, rows["state"], error, acted, linger, lambda k, s, c: decided_by(rows, k, s, c))
-    return Monitored(names, rows["state"], error, acted, params["threshold"], params["persistence"], failures)
+    return Monitored(names, rows["state"], error, acted, smallest, params["persistence"], failures)
 
 
 def lingers(params: NDArray[np.void]) -> NDArray[np.int64]:

@@ -16,7 +16,7 @@ from rig.errors import BadInput
 from rig.offline.vote_settings import RecordedSignal, VoteConfig, read_config
 from rig.settings import read_toml
 from rig.text import plain
-from rig.thresholds.design import Design
+from rig.thresholds.design import FIELDS, Design
 
 PLACEHOLDER: Final = 1.0  # threshold of a CONFIG that names none: what is asked for is not needed to begin
 
@@ -38,6 +38,7 @@ def recorded_toml(
     rate_hz: float,
     referenced: Iterable[str],
     remarks: Iterable[str],
+    outlier: bool = False,
 ) -> str:
     """OUT for ``rig vote``: ``raw`` with the designs ``chosen`` in the tables of their signals.
 
@@ -50,30 +51,58 @@ def recorded_toml(
     for name, design in chosen.items():
         own = {key: value for key, value in signals.get(name, {}).items() if key != "persistence_s"}
         given = settings[name]
-        new = _new(design, given)
         known = {**tables.get("default", {}), **own}
-        if name in referenced and "reference_threshold" not in known and "threshold" in known:
+        if outlier and "threshold" not in known:
+            raise BadInput(f"signal.{name}: --outlier needs the threshold beside which it is written")
+        new = _new(design, given, outlier)
+        if not outlier and name in referenced and "reference_threshold" not in known and "threshold" in known:
             new["reference_threshold"] = known["threshold"]
         signals[name] = {**own, **new}
     tables["signal"] = signals
     return _text(tables, remarks)
 
 
-def scenario_toml(chosen: Mapping[str, Design], settings: Mapping[str, RecordedSignal], remarks: Iterable[str]) -> str:
+def scenario_toml(
+    chosen: Mapping[str, Design],
+    settings: Mapping[str, RecordedSignal],
+    remarks: Iterable[str],
+    outlier: bool = False,
+) -> str:
     """OUT for a scenario: ``[redundancy.signals.<name>]``."""
     signals: dict[str, Any] = {}
     for name, design in chosen.items():
         given = settings[name]
-        signals[name] = {**_new(design, given), "reference_threshold": given.reference_threshold or given.threshold}
+        signals[name] = _new(design, given, outlier)
+        if not outlier:
+            signals[name]["reference_threshold"] = given.reference_threshold or given.threshold
     return _text({"redundancy": {"signals": signals}}, remarks)
 
 
-def _new(design: Design, given: RecordedSignal) -> dict[str, Any]:
+def _new(design: Design, given: RecordedSignal, outlier: bool) -> dict[str, Any]:
     """The keys of a design; a singular persistence that CONFIG gives stays where it is."""
     keys = dict(design.keys())
     if "singular_persistence" in given.model_fields_set or given.singular_persistence_s is not None:
         keys.pop("singular_persistence")
+    return _beside(keys, given) if outlier else _in_place(keys, given)
+
+
+def _in_place(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
+    """The designed thresholds in place of those of ``given``, whose outlier thresholds then ask nothing more."""
+    for level in ("", "_triplex"):
+        if getattr(given, f"outlier_threshold{level}") is not None:
+            keys[f"outlier_threshold{level}"] = keys.get(f"threshold{level}", keys["threshold"])
     return keys
+
+
+def _beside(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
+    """The designed thresholds as those of outliers; those of ``given`` stay unless they are smaller than the design."""
+    found = {key: value for key, value in keys.items() if key not in FIELDS.values()}
+    for name in sorted(FIELDS.values() & keys.keys()):
+        if keys[name] > (getattr(given, name) or given.threshold):
+            found[name] = keys[name]
+        if name != FIELDS[2]:
+            found[f"outlier_{name}"] = keys[name]
+    return found
 
 
 def _in_frames(default: Mapping[str, Any], rate_hz: float) -> dict[str, Any]:

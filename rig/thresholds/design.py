@@ -50,7 +50,8 @@ class Design:
 
     def settings(self, given: RecordedSignal) -> RecordedSignal:
         """The settings of a signal with this design in them."""
-        return given.model_copy(update={**self.keys(), "persistence_s": None, "singular_persistence_s": None})
+        none = ("persistence_s", "singular_persistence_s", "outlier_threshold", "outlier_threshold_triplex")
+        return given.model_copy(update={**self.keys(), **dict.fromkeys(none)})
 
     def keys(self) -> dict[str, float | int]:
         """What a table of CONFIG says of it; a level that was not designed has the threshold of the one above."""

@@ -39,6 +39,7 @@ from vector_flights import (
     spoken,
     to_the_ends,
     with_absent_monitors,
+    with_limits,
     with_resets,
 )
 from vector_records import MISSING, Session
@@ -159,6 +160,14 @@ def by_three(flown: Flown) -> bool:
 
 def by_two(flown: Flown) -> bool:
     return flown.hangs_on(threshold_duplex=None)
+
+
+def by_outlier(flown: Flown) -> bool:
+    return flown.hangs_on(outlier=None)
+
+
+def by_outlier_of_three(flown: Flown) -> bool:
+    return flown.hangs_on(outlier_triplex=None)
 
 
 def behind_filter(flown: Flown) -> bool:
@@ -403,6 +412,8 @@ def sessions() -> Iterator[Session]:
         "a reset readmits only after agreement", with_resets, [readmitted, refused_early, readmitted_exactly]
     )
     yield of_signals("thresholds of their own for three and for two samples", levelled, [by_three, by_two])
+    wanted = [by_outlier, by_outlier_of_three, *reached("outlier: no two are close")]
+    yield of_signals("an outlier of channels that agree", with_limits, wanted)
     yield of_signals("comparisons behind a filter", smoothed, [behind_filter, *reached(*FILTERED)])
     yield of_signals(
         "a reset behind a filter", smoothed_with_resets, [lambda flown: readmitted(flown) and behind_filter(flown)]

@@ -124,6 +124,15 @@ static double threshold(int n, params *p)
     return (n == 3) ? p->threshold_triplex : p->threshold_duplex;
 }
 
+/* Within what n samples that all agree must be; 0: nothing more is asked of them. */
+static double outlier_threshold(int n, params *p)
+{
+    if (n == RIG_CHANNELS) {
+        return p->outlier_threshold;
+    }
+    return (n == 3) ? p->outlier_threshold_triplex : 0.0;
+}
+
 /* redundancy.md 'References': of a dynamic pressure that is made from the speed over ground, the wind is the error. */
 static double reference_threshold(double reference, params *p)
 {
@@ -144,6 +153,7 @@ struct frame compare_samples(const struct rig_input *input, int signal, params *
     rank(&f, p, s);
     look(&f, p, s);
     f.threshold = threshold(f.n, p);
+    f.outlier_threshold = outlier_threshold(f.n, p);
     return f;
 }
 
@@ -171,18 +181,32 @@ static uint8_t pattern_of(int n, int count, bool middle)
 }
 
 /* Neighbours in rank decide: across a gap all pairs disagree. */
-void compare_pattern(struct frame *f, struct signal *s)
+static uint8_t classify(struct frame *f, double within)
 {
     bool apart[RIG_CHANNELS + 1] = {true, true, true, true, true}; /* apart[i]: ranks i - 1 and i */
     int count = 0;
     for (int i = 1; i < f->n; i++) {
-        apart[i] = !((f->y[f->by[i]] - f->y[f->by[i - 1]]) <= f->threshold);
+        apart[i] = !((f->y[f->by[i]] - f->y[f->by[i - 1]]) <= within);
         count += apart[i] ? 1 : 0;
     }
     for (int i = 0; (i < f->n) && (count > 0); i++) {
         f->alone[f->by[i]] = apart[i] && apart[i + 1];
     }
-    const uint8_t pattern = pattern_of(f->n, count, apart[2]);
+    return pattern_of(f->n, count, apart[2]);
+}
+
+/* Those who all agree are compared once more by the outlier threshold; without a majority at that scale nobody is
+ * blamed (redundancy.md 'Outliers'). */
+void compare_pattern(struct frame *f, struct signal *s)
+{
+    uint8_t pattern = classify(f, f->threshold);
+    if ((pattern == RIG_PATTERN_NORMAL) && (f->outlier_threshold > 0.0)) {
+        pattern = classify(f, f->outlier_threshold);
+        if ((pattern != RIG_PATTERN_NORMAL) && (pattern != RIG_PATTERN_ISOLATED)) {
+            memset(f->alone, 0, sizeof f->alone);
+            pattern = RIG_PATTERN_NORMAL;
+        }
+    }
     s->pattern_frames = (pattern == s->pattern) ? (s->pattern_frames + 1) : 1;
     s->pattern = pattern;
 }

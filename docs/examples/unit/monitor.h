@@ -39,6 +39,7 @@ struct frame {
     double second;              /* reference of other physics; NaN: none */
     double reference_threshold;
     double threshold;           /* of as many samples */
+    double outlier_threshold;   /* the same of those who all agree; 0: none */
     int n;                      /* comparable samples */
     int order[RIG_CHANNELS];    /* their channels, by ascending value */
     double x[RIG_CHANNELS];     /* their values, by channel */

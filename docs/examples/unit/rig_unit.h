@@ -26,7 +26,7 @@ extern "C" {
 #endif
 
 #define RIG_UNIT_VERSION 1
-#define RIG_UNIT_LAYOUT UINT64_C(0x54c5497c645d77e8)
+#define RIG_UNIT_LAYOUT UINT64_C(0xbaec0c917febb05e)
 #define RIG_MAGIC_INPUT UINT32_C(0x49474952)
 #define RIG_MAGIC_OUTPUT UINT32_C(0x4f474952)
 #define RIG_CHANNELS 4
@@ -206,6 +206,8 @@ struct rig_signal_config {
     double threshold;
     double threshold_triplex;
     double threshold_duplex;
+    double outlier_threshold;
+    double outlier_threshold_triplex;
     double filter_gain;
     double reference_threshold;
     double reference_airspeed_m_s;
@@ -228,30 +230,32 @@ struct rig_signal_config {
     uint8_t pad_1[5];
 };
 
-RIG_ASSERT(sizeof(struct rig_signal_config) == 192);
+RIG_ASSERT(sizeof(struct rig_signal_config) == 208);
 RIG_ASSERT(offsetof(struct rig_signal_config, threshold) == 0);
 RIG_ASSERT(offsetof(struct rig_signal_config, threshold_triplex) == 8);
 RIG_ASSERT(offsetof(struct rig_signal_config, threshold_duplex) == 16);
-RIG_ASSERT(offsetof(struct rig_signal_config, filter_gain) == 24);
-RIG_ASSERT(offsetof(struct rig_signal_config, reference_threshold) == 32);
-RIG_ASSERT(offsetof(struct rig_signal_config, reference_airspeed_m_s) == 40);
-RIG_ASSERT(offsetof(struct rig_signal_config, second_threshold) == 48);
-RIG_ASSERT(offsetof(struct rig_signal_config, common_persistence) == 56);
-RIG_ASSERT(offsetof(struct rig_signal_config, low) == 64);
-RIG_ASSERT(offsetof(struct rig_signal_config, high) == 72);
-RIG_ASSERT(offsetof(struct rig_signal_config, persistence) == 80);
-RIG_ASSERT(offsetof(struct rig_signal_config, singular_persistence) == 88);
-RIG_ASSERT(offsetof(struct rig_signal_config, trend_frames) == 96);
-RIG_ASSERT(offsetof(struct rig_signal_config, readmit_frames) == 104);
-RIG_ASSERT(offsetof(struct rig_signal_config, fade_frames) == 112);
-RIG_ASSERT(offsetof(struct rig_signal_config, deviation) == 120);
-RIG_ASSERT(offsetof(struct rig_signal_config, deviation_frames) == 128);
-RIG_ASSERT(offsetof(struct rig_signal_config, fitted) == 136);
-RIG_ASSERT(offsetof(struct rig_signal_config, resolvers) == 144);
-RIG_ASSERT(offsetof(struct rig_signal_config, common_fails) == 184);
-RIG_ASSERT(offsetof(struct rig_signal_config, wraps) == 185);
-RIG_ASSERT(offsetof(struct rig_signal_config, weighted) == 186);
-RIG_ASSERT(offsetof(struct rig_signal_config, pad_1) == 187);
+RIG_ASSERT(offsetof(struct rig_signal_config, outlier_threshold) == 24);
+RIG_ASSERT(offsetof(struct rig_signal_config, outlier_threshold_triplex) == 32);
+RIG_ASSERT(offsetof(struct rig_signal_config, filter_gain) == 40);
+RIG_ASSERT(offsetof(struct rig_signal_config, reference_threshold) == 48);
+RIG_ASSERT(offsetof(struct rig_signal_config, reference_airspeed_m_s) == 56);
+RIG_ASSERT(offsetof(struct rig_signal_config, second_threshold) == 64);
+RIG_ASSERT(offsetof(struct rig_signal_config, common_persistence) == 72);
+RIG_ASSERT(offsetof(struct rig_signal_config, low) == 80);
+RIG_ASSERT(offsetof(struct rig_signal_config, high) == 88);
+RIG_ASSERT(offsetof(struct rig_signal_config, persistence) == 96);
+RIG_ASSERT(offsetof(struct rig_signal_config, singular_persistence) == 104);
+RIG_ASSERT(offsetof(struct rig_signal_config, trend_frames) == 112);
+RIG_ASSERT(offsetof(struct rig_signal_config, readmit_frames) == 120);
+RIG_ASSERT(offsetof(struct rig_signal_config, fade_frames) == 128);
+RIG_ASSERT(offsetof(struct rig_signal_config, deviation) == 136);
+RIG_ASSERT(offsetof(struct rig_signal_config, deviation_frames) == 144);
+RIG_ASSERT(offsetof(struct rig_signal_config, fitted) == 152);
+RIG_ASSERT(offsetof(struct rig_signal_config, resolvers) == 160);
+RIG_ASSERT(offsetof(struct rig_signal_config, common_fails) == 200);
+RIG_ASSERT(offsetof(struct rig_signal_config, wraps) == 201);
+RIG_ASSERT(offsetof(struct rig_signal_config, weighted) == 202);
+RIG_ASSERT(offsetof(struct rig_signal_config, pad_1) == 203);
 
 /* the same of a discrete; counts in frames */
 struct rig_discrete_config {
@@ -291,7 +295,7 @@ struct rig_config {
     uint32_t crc;
 };
 
-RIG_ASSERT(sizeof(struct rig_config) == 3472);
+RIG_ASSERT(sizeof(struct rig_config) == 3728);
 RIG_ASSERT(offsetof(struct rig_config, magic) == 0);
 RIG_ASSERT(offsetof(struct rig_config, version) == 4);
 RIG_ASSERT(offsetof(struct rig_config, kind) == 6);
@@ -307,11 +311,11 @@ RIG_ASSERT(offsetof(struct rig_config, trim_surface) == 72);
 RIG_ASSERT(offsetof(struct rig_config, surface_low) == 104);
 RIG_ASSERT(offsetof(struct rig_config, surface_high) == 136);
 RIG_ASSERT(offsetof(struct rig_config, signal) == 168);
-RIG_ASSERT(offsetof(struct rig_config, discrete) == 3240);
-RIG_ASSERT(offsetof(struct rig_config, aircraft) == 3336);
-RIG_ASSERT(offsetof(struct rig_config, flight_point) == 3400);
-RIG_ASSERT(offsetof(struct rig_config, length) == 3464);
-RIG_ASSERT(offsetof(struct rig_config, crc) == 3468);
+RIG_ASSERT(offsetof(struct rig_config, discrete) == 3496);
+RIG_ASSERT(offsetof(struct rig_config, aircraft) == 3592);
+RIG_ASSERT(offsetof(struct rig_config, flight_point) == 3656);
+RIG_ASSERT(offsetof(struct rig_config, length) == 3720);
+RIG_ASSERT(offsetof(struct rig_config, crc) == 3724);
 
 /* a part of config where one message must fit into an Ethernet frame */
 struct rig_config_part {

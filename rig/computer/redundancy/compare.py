@@ -47,6 +47,14 @@ def threshold(n, p):
 
 
 @kernel
+def outlier_threshold(n, p):
+    """Within what ``n`` samples that all agree must be, unit of the signal; 0: nothing more is asked of them."""
+    if n == CHANNELS:
+        return p["outlier_threshold"]
+    return p["outlier_threshold_triplex"] if n == 3 else 0.0
+
+
+@kernel
 def sort(x, order, n):
     """Put the first ``n`` channels of ``order`` into ascending order of ``x``.
 
@@ -71,6 +79,24 @@ def exchange(x, order, i, j):
     swapped = x[a] > x[b]
     order[i] = b if swapped else a
     order[j] = a if swapped else b
+
+
+@kernel
+def pattern_of(x, order, n, within, p, alone):
+    """The pattern of ``n`` ranked samples; ``alone`` as of ``classify``.
+
+    Where all agree ``within`` they are compared once more by the outlier threshold, which a single channel must keep
+    to while the others show a majority: without one at that scale nobody is blamed (docs/redundancy.md, 'Outliers').
+    """
+    pattern = classify(x, order, n, within, alone)
+    limit = outlier_threshold(n, p)
+    if pattern != Pattern.NORMAL or limit <= 0.0:
+        return pattern
+    if classify(x, order, n, limit, alone) == Pattern.ISOLATED:
+        return Pattern.ISOLATED
+    for c in range(CHANNELS):
+        alone[c] = False
+    return Pattern.NORMAL
 
 
 @kernel

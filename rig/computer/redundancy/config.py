@@ -30,6 +30,9 @@ class SignalConfig(Settings):
         default=None, gt=0
     )  # while three samples are compared; threshold if not given
     threshold_duplex: float | None = Field(default=None, gt=0)  # while two are
+    # Where four (three) samples agree within the above: how far one may be from the majority; none when not given.
+    outlier_threshold: float | None = Field(default=None, gt=0)
+    outlier_threshold_triplex: float | None = Field(default=None, gt=0)
     filter_s: float = Field(
         default=0.0, ge=0
     )  # time constant of a low-pass that comparisons see, and the vote does not
@@ -52,6 +55,20 @@ class SignalConfig(Settings):
     def _frames_or_seconds(self) -> SignalConfig:
         refuse_both(self, "persistence", "singular_persistence")
         return self
+
+    @model_validator(mode="after")
+    def _outliers_within(self) -> SignalConfig:
+        within = {"": self.threshold, "_triplex": self.threshold_triplex or self.threshold}
+        for level, most in within.items():
+            limit = getattr(self, f"outlier_threshold{level}")
+            if limit is not None and limit > most:
+                raise ValueError(f"outlier_threshold{level}: at most threshold{level}, {most:g}, got {limit:g}")
+        return self
+
+    @property
+    def smallest(self) -> float:
+        """The error above which a single channel of four is found, unit of the signal."""
+        return self.outlier_threshold or self.threshold
 
     @field_validator("resolvers")
     @classmethod
@@ -117,6 +134,8 @@ PARAMS: Final = np.dtype(
         ("threshold", "f8"),
         ("threshold_triplex", "f8"),
         ("threshold_duplex", "f8"),
+        ("outlier_threshold", "f8"),  # 0: none
+        ("outlier_threshold_triplex", "f8"),
         ("filter_gain", "f8"),  # share of a new sample in the low-pass of the comparison (lowpass.py); 0: none
         ("reference_threshold", "f8"),
         ("reference_airspeed_m_s", "f8"),  # of a wind, equivalent; 0 where none (reference_threshold.py)
@@ -173,6 +192,8 @@ def fill(
     row["threshold"] = config.threshold
     row["threshold_triplex"] = config.threshold_triplex or config.threshold
     row["threshold_duplex"] = config.threshold_duplex or config.threshold
+    for name in ("outlier_threshold", "outlier_threshold_triplex"):
+        row[name] = getattr(config, name) or 0.0
     row["filter_gain"] = gain(config.filter_s, rate_hz)
     row["reference_threshold"] = config.reference_threshold or config.threshold
     row["second_threshold"], row["common_persistence"] = config.threshold, 1

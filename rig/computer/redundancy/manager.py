@@ -16,7 +16,7 @@ from rig.angles import difference, limit
 from rig.computer.redundancy import trend, vote
 from rig.computer.redundancy.box import accused, fail_boxes
 from rig.computer.redundancy.common import watch_common
-from rig.computer.redundancy.compare import classify, comparable, is_singular, rank, threshold
+from rig.computer.redundancy.compare import comparable, is_singular, pattern_of, rank, threshold
 from rig.computer.redundancy.last_channel import check_last
 from rig.computer.redundancy.lowpass import follow, smooth_channels
 from rig.computer.redundancy.monitor import monitor_reference, readmit, watch_failed
@@ -136,7 +136,7 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
         smooth_channels(samples, valid, base, n, p, st)
         st["smooth_reference"] = follow(st["smooth_reference"], reference, base, p)
         seen = st["smooth"], st["smooth_order"], st["smooth_reference"]
-    pattern = classify(seen[0], seen[1], n, st["threshold"], alone)
+    pattern = pattern_of(seen[0], seen[1], n, st["threshold"], p, alone)
     st["pattern_frames"] = st["pattern_frames"] + 1 if pattern == st["pattern"] else 1
     st["pattern"] = pattern
     # Without a sample the ranks are leftovers, and nobody reads what comes of them.
