@@ -18,9 +18,12 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from quad_isolations import AXES, config
+from quad_isolations import AXES, TRIADS, config
+from quad_selection import CONFIG as SELECTION
 from scipy.stats import poisson
 
+from rig.offline.recording import Recording, Samples
+from rig.offline.vote import vote
 from rig.offline.vote_settings import RecordedSignal
 from rig.thresholds import faults
 from rig.thresholds.data import load
@@ -49,18 +52,45 @@ FAULTS: Final[dict[str, Callable[[Floats, NDArray[np.int64], int], Floats]]] = {
 }
 
 
-def flown(flight: Flight, axis: int, settings: RecordedSignal, seed: int) -> dict[str, str]:
-    """What becomes of each fault: right, wrong, missed or prior; ``+`` when a healthy channel is lost later."""
+def faulted(flight: Flight, axis: int, seed: int) -> tuple[Floats, int, int]:
+    """The samples (fault, n, 4) with each fault in one channel from the onset on; the channel, the onset."""
     rng = np.random.default_rng([seed, axis, *flight.name.encode()])
     samples = np.ascontiguousarray(flight.samples.T)[None]
     n = samples.shape[1]
     onset = max(EARLIEST, int(n * rng.uniform(0.2, 0.6)))
-    channel = np.array([rng.integers(4)])
+    channel = rng.integers(4, size=1)
     every = np.repeat(samples, len(FAULTS), axis=0)
     for row, fault in enumerate(FAULTS.values()):
         every[row, :, channel[0]] = fault(samples, channel, onset)[0]
+    return every, int(channel[0]), onset
+
+
+def flown(flight: Flight, axis: int, settings: RecordedSignal, seed: int) -> dict[str, str]:
+    """What becomes of each fault: right, wrong, missed or prior; ``+`` when a healthy channel is lost later."""
+    every, channel, onset = faulted(flight, axis, seed)
     at = failures(every, settings, flight.rate_hz)
-    return {name: _outcome(first, int(channel[0]), onset) for name, first in zip(FAULTS, at, strict=True)}
+    return {name: _outcome(first, channel, onset) for name, first in zip(FAULTS, at, strict=True)}
+
+
+def selected(unit: Sequence[Flight], axis: int, seed: int) -> dict[str, str]:
+    """The same by PX4's rule, to which the three axes of ``unit`` are one sensor each."""
+    every, channel, onset = faulted(unit[axis], axis, seed)
+    return {
+        name: _outcome(_distrusted(unit, axis, one), channel, onset) for name, one in zip(FAULTS, every, strict=True)
+    }
+
+
+def _distrusted(unit: Sequence[Flight], axis: int, samples: Floats) -> NDArray[np.int64]:
+    """(4,) the first row in which each sensor is distrusted, with ``samples`` (n, 4) on one of its axes."""
+    n = min(len(samples), *(flight.samples.shape[1] for flight in unit))
+    columns = [samples.T if k == axis else flight.samples for k, flight in enumerate(unit)]
+    signals = {name: Samples([np.ascontiguousarray(c[:n]) for c in of]) for name, of in zip(AXES, columns, strict=True)}
+    settings = SELECTION.signals(signals, "")
+    voted = vote(Recording(np.arange(n) / RATE_HZ, signals), settings, [], triads=TRIADS)[list(AXES)[axis]]
+    first = np.full(4, NEVER)
+    for failure in reversed(voted.failures):
+        first[failure.channel - 1] = round(failure.time_s * RATE_HZ)
+    return first
 
 
 def _outcome(first: NDArray[np.int64], channel: int, onset: int) -> str:
@@ -150,6 +180,8 @@ def main() -> None:
         hit, runs = fixed(signals, settings, seed)
         print(f"{threshold:g} deg/s, {frames} frames: a false isolation in {hit} of {len(runs)} flights and axes")
         row(f"{threshold:g} deg/s, {frames} frames", runs)
+    units = list(zip(*signals.values(), strict=True))
+    row("PX4's rule, 7 deg/s, 15 deg", [selected(unit, k, seed) for k in range(len(AXES)) for unit in units])
 
 
 if __name__ == "__main__":
