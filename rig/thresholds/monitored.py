@@ -14,7 +14,7 @@ from rig.computer.redundancy.config import PARAMS, fill
 from rig.computer.redundancy.lowpass import follow
 from rig.computer.redundancy.manager import manage_signal, new_state
 from rig.frame import CHANNELS, Ilm
-from rig.kernels import kernel
+from rig.kernels import long_kernel
 from rig.offline.vote_settings import RecordedSignal
 
 Floats = NDArray[np.float64]
@@ -72,7 +72,7 @@ def _params(settings: RecordedSignal, count: int, rate_hz: float) -> NDArray[Any
     return params
 
 
-@kernel
+@long_kernel
 def _follow(samples, params, out):
     """Every channel (C, n) through the manager's low-pass; NaN where a sample is not comparable."""
     p = params[0]
@@ -84,7 +84,7 @@ def _follow(samples, params, out):
             out[c, k] = last
 
 
-@kernel
+@long_kernel
 def _run(samples, valid, ilm, params, states, first):
     """Every piece through the manager; writes ``first`` (R, 4)."""
     p = params[0]
@@ -97,7 +97,7 @@ def _run(samples, valid, ilm, params, states, first):
                     first[r, c] = k
 
 
-@kernel
+@long_kernel
 def _restarted(samples, valid, ilm, params, fresh, state, found):
     """One flight through the manager, which begins again after each failure; marks the frames of failures."""
     p = params[0]
