@@ -19,7 +19,6 @@ from rig.sensors.classes import SensorClass, under
 from rig.settings import build, read_toml
 from rig.text import choices, quoted
 
-
 DESIGNED_AT_HZ: Final = 100.0  # outlier thresholds: a sample is taken up to a part of a frame early
 SAME_ERRORS: Final = {"channels", "monitor"}  # keys of a sensor that leave the errors of its channels as they are
 OUTLIERS: Final = ("outlier_threshold", "outlier_threshold_triplex")
