@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from rig.cli.common import GROUP, Json, emit
+from rig.cli.reliability_margin import margin
 from rig.cli.reliability_trials import trials
 from rig.errors import BadInput
 
@@ -107,3 +108,4 @@ def plan(
 
 
 reliability_app.command()(trials)
+reliability_app.command()(margin)
