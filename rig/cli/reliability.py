@@ -53,7 +53,6 @@ def run(
     """Print bad votes, known losses and lost aircraft per flight hour, and what decides them."""
     from rig.cli import show_reliability as show
     from rig.reliability.rates import read_rates
-    from rig.reliability.report import write_report
     from rig.reliability.run import assumptions
     from rig.reliability.run import run as reckon
 
@@ -62,6 +61,8 @@ def run(
     found = reckon(folders, read, name, _numbers(channels), hours, checks)
     lines = assumptions(read, name, found)
     if report is not None:
+        from rig.reliability.report import write_report
+
         write_report(found, lines, report)
     emit(as_json, lambda: _as_dict(found, lines), lambda: show.run(found, given, lines))
 

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from rig.console import console
 from rig.reliability.chain_file import ChainResult
-from rig.reliability.margin import FLOOR, Margin
 from rig.reliability.plan import Needed
-from rig.reliability.plot import TITLES
 from rig.reliability.rates import SignalRates
 from rig.reliability.result import TARGETS, Result
-from rig.reliability.words import decided_by, interval
+from rig.reliability.words import TITLES, decided_by, interval
+
+if TYPE_CHECKING:
+    from rig.reliability.margin import Margin
 
 
 def chain(found: ChainResult) -> None:
@@ -95,7 +97,7 @@ def margins(signal: str, found: Sequence[Margin], target: float | None, chosen: 
 
 def _margin(one: Margin) -> tuple[str, ...]:
     if one.per_hour is None:
-        return f"{one.threshold:.5g}", f"< {FLOOR:g} (at most {one.high:.1e})", "", "", ""
+        return f"{one.threshold:.5g}", f"< 1e-12 (at most {one.high:.1e})", "", "", ""
     rate = f"{one.per_hour:.3e} ({one.low:.3e} to {one.high:.3e})"
     cut = f", {one.cut} excursions cut off" if one.cut else ""
     sets = f"{min(one.sets)} to {max(one.sets)}{cut}"

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from rig.angles import TURN
 from rig.frame import CHANNELS
 from rig.sensors import Sensor
 
@@ -42,8 +43,8 @@ def ends(sensor: Sensor, truth: Floats, wraps: bool, least: float = COUNTS_FROM)
 
     least : share of what all kinds of errors can do together from which a kind is drawn near its ends
     """
-    moved = np.abs(np.diff(truth)).max(initial=0.0)
-    moved = min(moved, 2.0 * np.pi - moved) if wraps else moved
+    moved = np.abs(np.diff(truth))
+    moved = (np.minimum(moved, TURN - moved) if wraps else moved).max(initial=0.0)
     effects = np.array(
         [
             2.0 * sensor.bias_tolerance,

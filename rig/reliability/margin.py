@@ -61,7 +61,7 @@ class Margin:
     high: float
     at_start: float  # chance that a channel is failed in the first frames of a flight
     sets: list[int]  # different sets of errors that reached each level, the fewest of all repetitions; [] if none
-    carrying: float  # sets of errors that carry the estimate: so many if all had the same part in it
+    carrying: float  # sets of errors that carry the estimate: their number if all had the same part in it (Kish)
     repetitions: int
     cut: int  # excursions that were left after splitting.LONGEST frames
 
@@ -83,7 +83,7 @@ class Repetition(NamedTuple):
     per_hour: float
     at_start: float
     sets: list[int]
-    carrying: float
+    parts: Floats  # of the estimate, by flight that reached the end
     cut: int
 
 
@@ -115,7 +115,7 @@ def estimate(bench: Bench, seed: int = 0, effort: Effort | None = None) -> Margi
         high=mean + half,
         at_start=float(np.mean([one.at_start for one in found])),
         sets=[min(of) for of in zip(*(one.sets for one in found), strict=True)],
-        carrying=min(one.carrying for one in found),
+        carrying=effective(np.concatenate([one.parts for one in found])),
         repetitions=len(found),
         cut=sum(one.cut for one in found),
     )
@@ -136,7 +136,8 @@ def repetition(bench: Bench, seeds: SeedSequence, effort: Effort) -> Repetition:
     errors_from, flux_from, levels_from = (Generator(SFC64(child)) for child in seeds.spawn(3))
     given = bench.arrangements()
     errors, weights = drawn_errors(given, effort.flights, errors_from, effort.kappas)
-    held, windows = bench.held(errors), bench.windows(bench.starts(effort.flights, errors_from))
+    first, more = bench.starts(effort.flights, errors_from)
+    held, windows, weights = bench.held(errors), bench.windows(first), weights * more
     begun, flown = excursions_begun(bench, held, windows, flux_from)
     carried = weights[begun.flight] / (flown * COUNTED)
     at_start = float(weights @ windows.at_start) / (flown * bench.channels)
@@ -145,9 +146,10 @@ def repetition(bench: Bench, seeds: SeedSequence, effort: Effort) -> Repetition:
         begun, carried, left = next_level(held, begun, carried, level, effort.excursions, levels_from)
         cut += left
         sets.append(_different(begun.flight, given.any))
-    per_frame = float(carried @ begun.failed) / bench.channels
-    carrying = effective(begun.flight, carried) if given.any else float(sets[-1])
-    return Repetition(per_frame * bench.scenario.rate_hz * 3600.0, at_start, sets, carrying, cut)
+    parts: Floats = carried * begun.failed / bench.channels
+    if given.any:
+        parts = np.bincount(begun.flight, parts).astype(np.float64)
+    return Repetition(float(parts.sum()) * bench.scenario.rate_hz * 3600.0, at_start, sets, parts, cut)
 
 
 def _different(flights: NDArray[np.int64], errors: bool) -> int:
@@ -155,10 +157,9 @@ def _different(flights: NDArray[np.int64], errors: bool) -> int:
     return len(np.unique(flights)) if errors else len(flights)
 
 
-def effective(flights: NDArray[np.int64], carried: Floats) -> float:
-    """How many flights carry as much together, if each had the same part (Kish's effective size)."""
-    of_each = np.bincount(flights, carried)
-    return float(of_each.sum() ** 2 / (of_each**2).sum()) if of_each.any() else 0.0
+def effective(parts: Floats) -> float:
+    """How many parts of a sum there are, if each had the same share of it (Kish's effective size)."""
+    return float(parts.sum() ** 2 / (parts**2).sum()) if parts.any() else 0.0
 
 
 def excursions_begun(bench: Bench, held: Held, windows: Windows, rng: Generator) -> tuple[Particles, int]:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from rig.angles import TURN
 from rig.computer.redundancy.manager import new_state
 from rig.errors import BadInput
 from rig.frame import INDEX, SIGNALS, D
@@ -21,6 +23,8 @@ from rig.sensors.params import calibrate
 
 RUN_IN: Final = 12  # frames
 COUNTED: Final = 48
+_TINY: Final = 1e-300
+_LEAST: Final = 0.05  # of what errors do: no smaller noise decides where windows begin
 # Key of the threshold by fitted channels.
 THRESHOLDS: Final = {4: "threshold", 3: "threshold_triplex", 2: "threshold_duplex"}
 
@@ -82,9 +86,23 @@ class Bench:
         """Windows that begin at frames ``first`` of the recording."""
         return Windows(first, self._run_in, COUNTED, *np.zeros((2, len(first)), np.int64))
 
-    def starts(self, count: int, rng: Generator) -> NDArray[np.int64]:
-        """Frames in which windows can begin, at random."""
-        return rng.integers(0, len(self._series[0]) - self._run_in - COUNTED, count)
+    def starts(self, count: int, rng: Generator) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Frames in which windows begin, and the weight of each: half of them where gain and skew do the most."""
+        does = self._doing()
+        drawn = np.exp((does - does.max()) / max(float(self._one.params["noise_std"][0]), _LEAST * does.max(), _TINY))
+        chances = 0.5 / len(does) + 0.5 * drawn / drawn.sum()
+        first = rng.choice(len(does), count, p=chances / chances.sum())
+        return first, 1.0 / (len(does) * chances[first])
+
+    def _doing(self) -> NDArray[np.float64]:
+        """By the frame in which a window begins: how far gain and skew set channels apart, long enough to fail one."""
+        truth, frames = self._series[0], min(int(self.params["persistence"]), COUNTED)
+        moved = np.abs(np.diff(truth))
+        moved = np.minimum(moved, TURN - moved) if self._wraps else moved
+        apart = 2.0 * self._sensor.scale_tolerance * np.abs(truth[1:]) + self._sensor.skew_frames * moved
+        lasting = sliding_window_view(apart, frames).min(axis=-1)
+        windows = sliding_window_view(lasting, COUNTED - frames + 1).max(axis=-1)
+        return windows[self._run_in - 1 :] + self._sensor.bias_tolerance
 
     def stretches(self) -> NDArray[np.int64]:
         """Beginnings of windows whose counted frames cover the recording."""

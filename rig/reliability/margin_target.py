@@ -29,38 +29,37 @@ def shown(found: Margin) -> float:
 def threshold_for(benches: Benches, begin: float, target: float, seed: int, effort: Effort) -> Margin:
     """The margin at the lowest threshold that was found to meet ``target``, per hour of one channel.
 
+    A degenerate estimate tells where to look, and shows nothing.
     begin : threshold with which to begin
     BadInput: none meets it, or all do.
     """
-    met, missed = _bracket(benches, begin, target, seed, effort)
+    met, missed, tried = _bracket(benches, begin, target, seed, effort)
     for _ in range(MOST_TRIES):
-        close = met.threshold - missed.threshold <= CLOSE * met.threshold
-        if close or (met.per_hour is not None and shown(met) >= NEAR * target):
+        near = met.few is None and met.per_hour is not None and shown(met) >= NEAR * target
+        if near or met.threshold - missed.threshold <= CLOSE * met.threshold:
             break
         found = estimate(benches(_between(missed, met, target)), seed, effort)
-        if _meets(found, target):
-            met = found
-        else:
-            missed = found
-    return met
+        tried.append(found)
+        met, missed = (found, missed) if shown(found) <= target else (met, found)
+    return min((one for one in tried if one.few is None and shown(one) <= target), key=lambda one: one.threshold)
 
 
-def _bracket(benches: Benches, begin: float, target: float, seed: int, effort: Effort) -> tuple[Margin, Margin]:
-    """A threshold that meets the target, and the next lower one that does not."""
-    found = estimate(benches(begin), seed, effort)
-    up = not _meets(found, target)
+def _bracket(
+    benches: Benches, begin: float, target: float, seed: int, effort: Effort
+) -> tuple[Margin, Margin, list[Margin]]:
+    """A threshold that meets the target, the next lower one that does not, and all that were tried."""
+    tried = [estimate(benches(begin), seed, effort)]
+    up = shown(tried[0]) > target or tried[0].few is not None
     for _ in range(MOST_STEPS):
-        other = estimate(benches(found.threshold / STEP if up else found.threshold * STEP), seed, effort)
-        if _meets(other, target) == up:
-            return (other, found) if up else (found, other)
-        found = other
+        last = tried[-1]
+        tried.append(estimate(benches(last.threshold / STEP if up else last.threshold * STEP), seed, effort))
+        meets = shown(tried[-1]) <= target
+        if up and meets and tried[-1].few is None:
+            return tried[-1], last, tried
+        if not up and not meets:
+            return last, tried[-1], tried
     said = "does not meet" if up else "still meets"
-    raise BadInput(f"--target {target:g}: a threshold of {found.threshold:g} {said} it")
-
-
-def _meets(found: Margin, target: float) -> bool:
-    """Whether a threshold is shown to meet the target; a degenerate estimate shows nothing."""
-    return found.few is None and shown(found) <= target
+    raise BadInput(f"--target {target:g}: a threshold of {tried[-1].threshold:g} {said} it")
 
 
 def _between(missed: Margin, met: Margin, target: float) -> float:

@@ -52,7 +52,7 @@ class Particles(NamedTuple):
 
     def taken(self, places: NDArray[np.int64] | slice) -> Particles:
         """Some of them, or some several times; copies but of a slice."""
-        return Particles(*(of[places] for of in self))
+        return Particles._make(of[places] for of in self)
 
 
 class Windows(NamedTuple):
