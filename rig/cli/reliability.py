@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from rig.cli.common import GROUP, Json, emit
+from rig.cli.reliability_margin import margin
 from rig.cli.reliability_trials import trials
 from rig.errors import BadInput
 
@@ -52,7 +53,6 @@ def run(
     """Print bad votes, known losses and lost aircraft per flight hour, and what decides them."""
     from rig.cli import show_reliability as show
     from rig.reliability.rates import read_rates
-    from rig.reliability.report import write_report
     from rig.reliability.run import assumptions
     from rig.reliability.run import run as reckon
 
@@ -61,6 +61,8 @@ def run(
     found = reckon(folders, read, name, _numbers(channels), hours, checks)
     lines = assumptions(read, name, found)
     if report is not None:
+        from rig.reliability.report import write_report
+
         write_report(found, lines, report)
     emit(as_json, lambda: _as_dict(found, lines), lambda: show.run(found, given, lines))
 
@@ -107,3 +109,4 @@ def plan(
 
 
 reliability_app.command()(trials)
+reliability_app.command()(margin)

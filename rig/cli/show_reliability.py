@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from rig.console import console
 from rig.reliability.chain_file import ChainResult
 from rig.reliability.plan import Needed
-from rig.reliability.plot import TITLES
 from rig.reliability.rates import SignalRates
 from rig.reliability.result import TARGETS, Result
-from rig.reliability.words import decided_by, interval
+from rig.reliability.words import TITLES, decided_by, interval
+
+if TYPE_CHECKING:
+    from rig.reliability.margin import Margin
 
 
 def chain(found: ChainResult) -> None:
@@ -78,3 +81,24 @@ def plan(found: Sequence[Needed], cost_s: Sequence[float | None]) -> None:
             for one, seconds in zip(found, cost_s, strict=True)
         ),
     )
+
+
+def margins(signal: str, found: Sequence[Margin], target: float | None, chosen: Margin | None) -> None:
+    """A row for each threshold; the one that meets the target last."""
+    screen = console()
+    screen.print(f"{signal}: false isolations of a healthy channel, an hour (95 %)")
+    screen.table(
+        ("threshold", "an hour", "in the first frames", "sets of errors", "repetitions"),
+        (_margin(one) for one in (*found, *([] if chosen is None else [chosen]))),
+    )
+    if chosen is not None:
+        screen.print(f"at most {target:g} an hour: threshold {chosen.threshold:.5g}")
+
+
+def _margin(one: Margin) -> tuple[str, ...]:
+    if one.per_hour is None:
+        return f"{one.threshold:.5g}", f"< 1e-12 (at most {one.high:.1e})", "", "", ""
+    rate = f"{one.per_hour:.3e} ({one.low:.3e} to {one.high:.3e})"
+    cut = f", {one.cut} excursions cut off" if one.cut else ""
+    sets = f"{min(one.sets)} to {max(one.sets)}{cut}"
+    return f"{one.threshold:.5g}", rate, f"{one.at_start:.1e} a flight", sets, str(one.repetitions)

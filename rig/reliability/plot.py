@@ -8,13 +8,9 @@ from typing import Final
 import plotly.graph_objects as go
 
 from rig.reliability.result import TARGETS, Result
+from rig.reliability.words import TITLES
 
 COLOURS: Final = ("#2166ac", "#b2182b", "#4d9221", "#8073ac", "#e08214", "#35978f", "#c51b7d", "#666666")
-TITLES: Final = {
-    "bad_vote": "bad vote, not declared",
-    "known_loss": "known loss of the signal",
-    "lost_aircraft": "lost aircraft",
-}
 
 
 def picture(found: Sequence[Result], what: str, per_hour: float, beta: float) -> go.Figure:

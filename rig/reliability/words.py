@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from rig.reliability.result import Contribution, Estimate, Result
 
+TITLES: Final = {
+    "bad_vote": "bad vote, not declared",
+    "known_loss": "known loss of the signal",
+    "lost_aircraft": "lost aircraft",
+}
 WORTH_SAYING = 0.01  # of a result
 MOST = 3  # parts of what decides one
 

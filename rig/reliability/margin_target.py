@@ -1,0 +1,70 @@
+"""The threshold at which false isolations are as rare as a target asks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import exp, log
+from typing import Final
+
+from rig.errors import BadInput
+from rig.reliability.margin import Effort, Margin, estimate
+from rig.reliability.margin_bench import Bench
+
+CLOSE: Final = 0.01  # of the threshold: the search ends
+NEAR: Final = 0.5  # of the target: it ends too
+AIM: Final = 0.8  # of the target
+STEP: Final = 0.8  # from a threshold to the next lower one, until one does not meet the target
+MOST_STEPS: Final = 40
+MOST_TRIES: Final = 12
+_LEAST: Final = 1e-30  # whose logarithm is taken in place of a smaller one's
+
+Benches = Callable[[float], Bench]  # by threshold
+
+
+def shown(found: Margin) -> float:
+    """What is shown of a flight hour of a channel: the upper end of the rate, and failures in the first frames."""
+    return found.high + found.at_start
+
+
+def threshold_for(benches: Benches, begin: float, target: float, seed: int, effort: Effort) -> Margin:
+    """The margin at the lowest threshold that was found to meet ``target``, per hour of one channel.
+
+    A degenerate estimate tells where to look, and shows nothing.
+    begin : threshold with which to begin
+    BadInput: none meets it, or all do.
+    """
+    met, missed, tried = _bracket(benches, begin, target, seed, effort)
+    for _ in range(MOST_TRIES):
+        near = met.few is None and met.per_hour is not None and shown(met) >= NEAR * target
+        if near or met.threshold - missed.threshold <= CLOSE * met.threshold:
+            break
+        found = estimate(benches(_between(missed, met, target)), seed, effort)
+        tried.append(found)
+        met, missed = (found, missed) if shown(found) <= target else (met, found)
+    return min((one for one in tried if one.few is None and shown(one) <= target), key=lambda one: one.threshold)
+
+
+def _bracket(
+    benches: Benches, begin: float, target: float, seed: int, effort: Effort
+) -> tuple[Margin, Margin, list[Margin]]:
+    """A threshold that meets the target, the next lower one that does not, and all that were tried."""
+    tried = [estimate(benches(begin), seed, effort)]
+    up = shown(tried[0]) > target or tried[0].few is not None
+    for _ in range(MOST_STEPS):
+        last = tried[-1]
+        tried.append(estimate(benches(last.threshold / STEP if up else last.threshold * STEP), seed, effort))
+        meets = shown(tried[-1]) <= target
+        if up and meets and tried[-1].few is None:
+            return tried[-1], last, tried
+        if not up and not meets:
+            return last, tried[-1], tried
+    said = "does not meet" if up else "still meets"
+    raise BadInput(f"--target {target:g}: a threshold of {tried[-1].threshold:g} {said} it")
+
+
+def _between(missed: Margin, met: Margin, target: float) -> float:
+    """A threshold between, by the logarithms of what they show, not too close to either."""
+    high, low = (log(max(shown(one), _LEAST)) for one in (missed, met))
+    share = (high - log(AIM * target)) / (high - low) if high > low else 0.5
+    share = min(max(share, 0.1), 0.9)
+    return exp((1.0 - share) * log(missed.threshold) + share * log(met.threshold))

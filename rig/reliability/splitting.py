@@ -1,0 +1,169 @@
+"""Healthy channels, sensors and manager of one signal, frame by frame, from many copied states: for splitting.
+
+The level of a state is its largest count of miscompares; while an answer to a pattern without a majority blames
+somebody, at least as much as that pattern has lasted, in parts of what fails a channel.  ``persistence`` is a failure.
+An excursion begins in the frame in which the level leaves 0 and ends when it is 0 again, or a channel is failed.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.computer.redundancy import vote_signals
+from rig.computer.redundancy.compare import is_singular
+from rig.computer.redundancy.manager import ManagerData
+from rig.frame import CHANNELS, Pattern
+from rig.kernels import kernel
+from rig.sensors import SensorData, measure
+
+LONGEST: Final = 1000  # frames of an excursion that are followed
+RUNS, REACHED, ENDED, CUT = range(4)  # outcomes of a particle
+
+
+class Held(NamedTuple):
+    """What all particles have in common, and the errors of E flights."""
+
+    truth: NDArray[np.float64]  # (N,) of the signal; behind its end it stays
+    reference: NDArray[np.float64]  # (N,)
+    second: NDArray[np.float64]  # (N,)
+    sensors: NDArray[Any]  # (E, 1) sensors.params.PARAMS
+    manager: ManagerData  # its state is not used
+    row: NDArray[Any]  # (1,) one_signal.ROW
+    blank_manager: NDArray[Any]  # (1,) manager.STATE
+    blank_memory: NDArray[Any]  # (1,) sensors.kernel.MEMORY
+    no_drift: NDArray[np.float64]  # (0, 0, 0)
+    no_alarms: NDArray[np.uint8]  # (0, 0, 0)
+    no_discretes: NDArray[np.int64]  # (0,)
+
+
+class Particles(NamedTuple):
+    """P states, in place."""
+
+    memory: NDArray[Any]  # (P,) sensors.kernel.MEMORY
+    line: NDArray[np.float64]  # (P, 1, 4, frames) the latency's ring
+    manager: NDArray[Any]  # (P,) manager.STATE
+    flight: NDArray[np.int64]  # (P,) whose errors
+    frame: NDArray[np.int64]  # (P,) of the recording, the next
+    level: NDArray[np.int64]  # (P,)
+    failed: NDArray[np.int64]  # (P,) channels failed
+
+    def taken(self, places: NDArray[np.int64] | slice) -> Particles:
+        """Some of them, or some several times; copies but of a slice."""
+        return Particles._make(of[places] for of in self)
+
+
+class Windows(NamedTuple):
+    """The first frames of E flights: where each begins, and what was seen in it."""
+
+    first: NDArray[np.int64]  # (E,) frame of the recording
+    run_in: int  # frames that are not counted
+    counted: int  # frames that are
+    at_start: NDArray[np.int64]  # (E,) out: channels failed in the run-in
+    apart: NDArray[np.int64]  # (E,) out: counted frames in which somebody disagreed
+
+
+@kernel
+def step(held, p, j, k, noise):
+    """Move particle j by a frame; its noise is row k of ``noise`` (R, 1, 4)."""
+    row, m = held.row[0], held.manager
+    truth, bus, fcc = row["truth"], row["bus"], row["fcc"]
+    frame = min(p.frame[j], len(held.truth) - 1)
+    row["frame"] = frame
+    truth["truth"][0] = held.truth[frame]
+    sensors = SensorData(
+        held.sensors[p.flight[j]], noise[k:], held.no_drift, p.memory[j : j + 1], p.line[j],
+        held.no_discretes, held.no_alarms,
+    )  # fmt: skip
+    measure(truth, bus, 0, sensors)
+    fcc["reference"][0], fcc["second_reference"][0] = held.reference[frame], held.second[frame]
+    vote_signals(bus, fcc, ManagerData(m.choice, m.params, p.manager[j : j + 1], m.boxes))
+    p.frame[j] += 1
+    params = m.params[0]
+    p.failed[j] = failures(p.manager[j], params["fitted"])
+    p.level[j] = params["persistence"] if p.failed[j] > 0 else level(p.manager[j], params)
+
+
+@kernel
+def failures(st, fitted):
+    """How many channels are failed."""
+    found = 0
+    for c in range(fitted):
+        found += st["failed"][c] != 0
+    return found
+
+
+@kernel
+def level(st, params):
+    """How far a state without a failure is on its way to one, 0 to ``persistence`` - 1."""
+    found, blamed = 0, False
+    for c in range(params["fitted"]):
+        found = max(found, st["count"][c])
+        blamed = blamed or st["blamed"][c] != 0
+    if blamed and is_singular(st["pattern"]):
+        found = max(found, st["pattern_frames"] * params["persistence"] // params["singular_persistence"])
+    return min(found, params["persistence"] - 1)
+
+
+@kernel
+def run_windows(held, p, j, windows, noise, out, n):
+    """Run windows from j on, in particle 0 of ``p``, while noise and places last; the next window, and ``n``.
+
+    A manager that has failed a channel begins again with all of them.
+    out : Particles; the states in which excursions begin are copied to it from place ``n`` on
+    """
+    at, frames = 0, windows.run_in + windows.counted
+    while j < len(windows.first) and at + frames <= len(noise) and n + windows.counted <= len(out.level):
+        p.memory[0], p.manager[0] = held.blank_memory[0], held.blank_manager[0]
+        p.flight[0], p.frame[0], p.level[0] = j, windows.first[j], 0
+        for k in range(frames):
+            before = p.level[0]
+            step(held, p, 0, at, noise)
+            at += 1
+            if k >= windows.run_in:
+                windows.apart[j] += p.level[0] > 0 or p.manager[0]["pattern"] != Pattern.NORMAL
+                if before == 0 and p.level[0] > 0:
+                    copy(p, 0, out, n)
+                    n += 1
+            if p.failed[0] > 0:
+                windows.at_start[j] += p.failed[0] if k < windows.run_in else 0
+                p.manager[0], p.level[0] = held.blank_manager[0], 0
+        j += 1
+    return j, n
+
+
+@kernel
+def copy(p, i, out, j):
+    """Particle i of ``p`` to place j of ``out``."""
+    out.memory[j], out.manager[j] = p.memory[i], p.manager[i]
+    ring, line = out.line[j], p.line[i]
+    for c in range(CHANNELS):
+        for t in range(ring.shape[2]):
+            ring[0, c, t] = line[0, c, t]
+    out.flight[j], out.frame[j], out.level[j], out.failed[j] = p.flight[i], p.frame[i], p.level[i], p.failed[i]
+
+
+@kernel
+def run_excursions(held, p, j, goal, noise, outcome, age):
+    """Run particles from j on to level ``goal`` or back to 0, while the noise lasts; the first that is not done.
+
+    outcome : (P,) out, REACHED, ENDED or CUT after LONGEST frames; age : (P,) frames run, in place
+    """
+    at = 0
+    while j < len(outcome):
+        while outcome[j] == RUNS:
+            if p.level[j] >= goal:
+                outcome[j] = REACHED
+            elif p.level[j] == 0:
+                outcome[j] = ENDED
+            elif age[j] >= LONGEST:
+                outcome[j] = CUT
+            elif at == len(noise):
+                return j
+            else:
+                step(held, p, j, at, noise)
+                at, age[j] = at + 1, age[j] + 1
+        j += 1
+    return j
