@@ -27,6 +27,7 @@ _TINY: Final = 1e-300
 _LEAST: Final = 0.05  # of what errors do: no smaller noise decides where windows begin
 # Key of the threshold by fitted channels.
 THRESHOLDS: Final = {4: "threshold", 3: "threshold_triplex", 2: "threshold_duplex"}
+OUTLIERS: Final = {4: "outlier_threshold", 3: "outlier_threshold_triplex"}
 
 
 class Bench:
@@ -54,8 +55,18 @@ class Bench:
 
     @property
     def threshold(self) -> float:
-        """Of the comparison, with the channels that are fitted."""
-        return float(self.params[THRESHOLDS[self.channels]])
+        """Of the comparison, with the channels that are fitted: of an outlier, where the signal has one."""
+        outlier = OUTLIERS.get(self.channels)
+        return float((outlier and self.params[outlier]) or self.params[THRESHOLDS[self.channels]])
+
+    def sets(self, threshold: float) -> list[str]:
+        """Overrides of the scenario that give the comparison another threshold."""
+        within, outlier = THRESHOLDS[self.channels], OUTLIERS.get(self.channels)
+        key = f"redundancy.signals.{self.signal}"
+        if not outlier or not self.params[outlier]:
+            return [f"{key}.{within}={threshold!r}"]
+        wider = [f"{key}.{within}={threshold!r}"] if threshold > self.params[within] else []
+        return [*wider, f"{key}.{outlier}={threshold!r}"]
 
     @property
     def channels(self) -> int:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rig.errors import BadInput
 from rig.frame import INDEX
 from rig.reliability.margin import Effort, Margin, margin
-from rig.reliability.margin_bench import THRESHOLDS, Bench
+from rig.reliability.margin_bench import Bench
 from rig.reliability.margin_target import threshold_for
 from rig.reliability.recorded import recording
 from rig.scenario import load
@@ -36,10 +36,9 @@ def run(
     key = f"redundancy.signals.{signal}"
     more = [] if persistence is None else [f"{key}.persistence={persistence}"]
     own = Bench(load(scenario, [*sets, *more]), signal, recorded)
-    place = THRESHOLDS[own.channels]
 
     def at(threshold: float) -> Bench:
-        return Bench(load(scenario, [*sets, *more, f"{key}.{place}={threshold!r}"]), signal, recorded)
+        return Bench(load(scenario, [*sets, *more, *own.sets(threshold)]), signal, recorded)
 
     benches = [own] if thresholds is None else [at(one) for one in thresholds]
     found = [] if target is not None and thresholds is None else [margin(bench, seed, effort) for bench in benches]
