@@ -37,7 +37,10 @@ UNITS: Final = ("monitor", "monitor_in_process", "monitor_udp", "monitor_fmu")
 MEASURED: Final = {
     "bench": Figures("What a frame costs", ["rig bench"] * 8),
     "evidence": Figures("What the monitor gets wrong", [f"{TOOLS}/evidence.py"]),
-    "resolvers": Figures("Who settles a pattern without a majority", [f"{TOOLS}/resolver_table.py"]),
+    "resolvers": Figures(
+        "Who settles a pattern without a majority",
+        ["rig campaign run resolvers --out {folder}/resolvers", f"{TOOLS}/resolver_table.py {{folder}}/resolvers"],
+    ),
     "tolerant": Figures("What the fault-tolerant law finds, and its false trips", [f"{TOOLS}/tolerant.py"]),
     "rate-bias": Figures(
         "A common bias of rates and attitudes, by both laws",
