@@ -70,6 +70,13 @@ MEASURED: Final = {
             f"{TOOLS}/thresholds_speed.py",
         ],
     ),
+    "recorders": Figures(
+        "Healthy channels failed on four recorders of one quadrotor, and the manager selection on them",
+        [
+            f"{TOOLS}/quad_isolations.py ../shared/data/quad_imu_horizontal",
+            f"{TOOLS}/quad_selection.py ../shared/data/quad_imu_horizontal",
+        ],
+    ),
     "throughput": Figures("Flights a second of a campaign", [f"{TOOLS}/campaign_throughput.py"]),
     "hostile": Figures("Bad input", [f"{TOOLS}/hostile.py"]),
 }
