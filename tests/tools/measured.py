@@ -46,6 +46,9 @@ MEASURED: Final = {
         "A common bias of rates and attitudes, by both laws",
         ["rig study rate-bias", "rig study rate-bias --seeds 2 --drawn 300"],
     ),
+    "fault-tolerant": Figures(
+        "All four pitch-angle sensors fail together: each law, worst of twelve flights", ["rig study fault-tolerant"]
+    ),
     "false-alarm": Figures(
         "Healthy flights: channels and signals failed without a fault",
         ["rig campaign run false-alarm --set redundancy.common_mode=fail --out {folder}/healthy"],
