@@ -41,6 +41,8 @@ MEASURED: Final = {
         "Who settles a pattern without a majority",
         ["rig campaign run resolvers --out {folder}/resolvers", f"{TOOLS}/resolver_table.py {{folder}}/resolvers"],
     ),
+    "references": Figures("Measured errors of the references", [f"{TOOLS}/references_table.py"]),
+    "histories": Figures("What happened to aircraft, flown again", ["python tests/test_histories.py"]),
     "tolerant": Figures("What the fault-tolerant law finds, and its false trips", [f"{TOOLS}/tolerant.py"]),
     "rate-bias": Figures(
         "A common bias of rates and attitudes, by both laws",
