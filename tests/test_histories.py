@@ -60,6 +60,8 @@ def test_a_majority_that_is_wrong_outvotes_the_good_channel():
 
 
 if __name__ == "__main__":
+    print("| scenario | manager | detected | delay, frames | wrong isolations | vote error | survived |")  # noqa: T201
+    print("|---|---|---|---|---|---|---|")  # noqa: T201
     for each in SIGNALS:
         for who in (*ORDERS, *MANAGERS):
             print(row(each, who, fly(each, who)))  # noqa: T201 # the table of docs/measured/histories.md
