@@ -3,8 +3,8 @@
     python -I host.py library PARENT FD PATH BLANK NAME=SIZE ...   (processes.py starts it)
     python -I host.py exec PARENT COMMAND ...
 
-The second replaces itself by a command that ends with the rig, whatever ends the rig.  Standard library only: a child
-must answer within a tenth of a second.
+The second replaces itself by a command that ends with the rig, whatever ends the rig.  Nothing heavy is imported: a
+child must answer within a fifth of a second.
 """
 
 from __future__ import annotations
@@ -17,9 +17,11 @@ import struct
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 HEAD = struct.Struct("<IHHQQqd")  # magic, version, kind, layout, session, frame, time_s
+USUAL_BYTES = 24  # magic to session: the same in all frames of a session
 HELLO, CONFIG, FRAME, END, READY, REFUSED = range(1, 7)
 _PR_SET_PDEATHSIG = 1
 FUNCTIONS = ("rig_unit_open", "rig_unit_step", "rig_unit_close")
@@ -90,38 +92,48 @@ class Host:
         self._voice, self._library = voice, library
         self._config = bytearray(voice.sizes["config"])
         self._message, self._output = bytearray(voice.sizes["message"]), bytearray(voice.blank)
+        self._usual = bytearray(USUAL_BYTES)  # how a FRAME of the session begins
         self._from, self._to, self._with = map(_address, (self._message, self._output, self._config))
-        self._stepped, self._usual = 0, b""  # how a FRAME of the session begins
+        self._state = (ctypes.c_int64 * 2)()  # frames stepped since CONFIG, code of the last step
 
     def serve(self) -> None:
         """Until the other side is gone."""
         message = memoryview(self._message)
-        receive, step, size = self._voice.talk.recv_into, self._step, self._voice.sizes["input"]
-        while count := receive(message):
-            if count == size and message[:24] == self._usual:
-                step(message)
-                continue
-            kind = message[6] | message[7] << 8
-            if kind == HELLO:
-                self._usual = bytes(message[:6]) + FRAME.to_bytes(2, "little") + bytes(message[8:24])
-                self._voice.say(READY, message, self._library.kind)
-            elif kind == CONFIG:
-                self._configure(message)
-            elif kind == END:
-                self._library.close()
+        while self._answer(message):
+            self._handle(message)
+
+    def _answer(self, message: memoryview) -> int:
+        """Answer the frames of the session; the bytes of a message that is none, 0 when the other side is gone."""
+        receive, size = self._voice.talk.recv_into, self._voice.sizes["input"]
+        while (count := receive(message)) == size and message[:USUAL_BYTES] == self._usual:
+            self._step(message)
+        return count
+
+    def _handle(self, message: memoryview) -> None:
+        kind = message[6] | message[7] << 8
+        if kind == HELLO:
+            self._usual[:] = bytes(message[:6]) + FRAME.to_bytes(2, "little") + bytes(message[8:USUAL_BYTES])
+            self._voice.say(READY, message, self._library.kind)
+        elif kind == CONFIG:
+            self._configure(message)
+        elif kind == END:
+            self._library.close()
 
     def _step(self, message: memoryview) -> None:
         output = self._output
         output[16:40] = message[16:40]  # session, frame, time_s
         code = self._library.step(self._from, self._to)
         if code:
-            output[:] = self._voice.blank
-            self._voice.say(REFUSED, message, f"rig_unit_step returned {code}")
+            self._refuse(message, code)
             return
-        self._stepped += 1
-        output[40:48] = self._stepped.to_bytes(8, "little")
+        self._state[0] += 1
+        output[40:48] = self._state[0].to_bytes(8, "little")
         self._voice.talk.send(output)
         output[:] = self._voice.blank  # for the next one, while the rig works on this
+
+    def _refuse(self, message: memoryview, code: int) -> None:
+        self._output[:] = self._voice.blank
+        self._voice.say(REFUSED, message, f"rig_unit_step returned {code}")
 
     def _configure(self, message: memoryview) -> None:
         """Keep a part of the configuration; the last one opens the library."""
@@ -134,10 +146,34 @@ class Host:
         self._output[:] = self._voice.blank
         try:
             self._library.open(self._with)
-            self._stepped = 0
+            self._state[0] = 0
             self._voice.say(READY, message, self._library.kind)
         except Refused as reason:
             self._voice.say(REFUSED, message, str(reason))
+
+
+class LibraryHost(Host):
+    """Steps a library in compiled code."""
+
+    def __init__(self, voice: Voice, library: Library) -> None:
+        super().__init__(voice, library)
+        from rig.computer.external.answering import compiled  # not by who imports this file for its records
+
+        self._blank, system = bytearray(voice.blank), ctypes.CDLL(None)
+        functions = [ctypes.cast(one, ctypes.c_void_p) for one in (library.step, system.recv, system.send)]
+        sizes, state = voice.sizes, ctypes.addressof(self._state)
+        records = (self._from, sizes["message"], sizes["input"], _address(self._usual))
+        reply = (self._to, _address(self._blank), len(self._blank), state)
+        self._compiled = partial(compiled(), voice.talk.fileno(), *records, *reply, *functions)
+
+    def _answer(self, message: memoryview) -> int:
+        """As it says, for a step that fails too; what Python alone can tell of a broken socket is left to it."""
+        while (count := self._compiled()) < 0 or self._state[1]:
+            if count < 0:
+                return super()._answer(message)
+            self._refuse(message, self._state[1])
+            self._state[1] = 0
+        return count
 
 
 def _address(buffer: bytearray) -> int:
@@ -167,7 +203,7 @@ def main(arguments: list[str]) -> None:
             os.execvp(rest[0], rest)
         except OSError as error:
             sys.exit(f"{rest[0]}: {error.strerror}")
-    serve(rest, Library)
+    serve(rest, Library, LibraryHost)
 
 
 def serve(arguments: list[str], load: Callable[[str, int], Library], host: type[Host] = Host) -> None:
