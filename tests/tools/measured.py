@@ -42,6 +42,7 @@ MEASURED: Final = {
         ["rig campaign run resolvers --out {folder}/resolvers", f"{TOOLS}/resolver_table.py {{folder}}/resolvers"],
     ),
     "references": Figures("Measured errors of the references", [f"{TOOLS}/references_table.py"]),
+    "singular": Figures("Patterns without a majority, flown", ["python tests/test_singular_flights.py"]),
     "histories": Figures("What happened to aircraft, flown again", ["python tests/test_histories.py"]),
     "tolerant": Figures("What the fault-tolerant law finds, and its false trips", [f"{TOOLS}/tolerant.py"]),
     "rate-bias": Figures(
