@@ -1,8 +1,8 @@
 """The measured errors of every reference of the bundled aircraft, as a table: python tests/tools/references_table.py
 
-Units of the signals; ``monitor`` is the monitor's threshold.  A split between two pairs is settled rightly for certain
-when it exceeds threshold and worst error together (``settled above``).  Settles a 2:2: ``always`` when that is below the
-monitor's threshold, ``never wrong`` when the worst error is, else ``large ones``.
+Units of the signals; ``monitor`` is the monitor's threshold.  A split between pairs is settled rightly for certain
+when it exceeds threshold and worst error together (``settled above``).  Settles a 2:2: ``always`` when that is below
+the monitor's threshold, ``never wrong`` when the worst error is, else ``large ones``.
 """
 
 from __future__ import annotations
