@@ -207,7 +207,7 @@ def test_which_references_settle_every_split_is_as_the_documentation_says(name: 
 
 
 def documented(name: str) -> set[str]:
-    """The rows of the table in docs/references.md that say `always` for this aircraft."""
+    """The rows of the table in docs/measured/references.md that say `always` for this aircraft."""
     return {f"{row[1]} {row[2]}" for row in page_rows(name) if row[-1] == "always"}
 
 
@@ -230,8 +230,8 @@ def test_the_table_of_the_page_is_that_of_the_file(name: str):
 
 
 def page_rows(name: str) -> list[list[str]]:
-    """The cells of this aircraft's rows in docs/references.md."""
-    lines = (Path(__file__).parent.parent / "docs" / "references.md").read_text().splitlines()
+    """The cells of this aircraft's rows in docs/measured/references.md."""
+    lines = (Path(__file__).parent.parent / "docs" / "measured" / "references.md").read_text().splitlines()
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines if line.startswith("| " + name)]
     assert rows
     return rows

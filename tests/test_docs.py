@@ -14,6 +14,7 @@ from rig.frame import INDEX, Block, State
 from rig.loop import Rig, frames
 
 ROOT = Path(__file__).parent.parent
+EXAMPLE = ROOT / "docs" / "examples" / "manager" / "mine.py"
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
@@ -53,9 +54,8 @@ def test_every_test_named_as_evidence_exists():
 
 @pytest.fixture
 def documented(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The manager of docs/redundancy.md as ``mine.py`` in the current folder."""
-    page = (ROOT / "docs" / "redundancy.md").read_text()
-    (tmp_path / "mine.py").write_text("\n\n".join(re.findall(r"```python\n(.*?)```", page, re.DOTALL)))
+    """The managers of docs/examples/manager as ``mine.py`` in the current folder."""
+    (tmp_path / "mine.py").write_text(EXAMPLE.read_text())
     monkeypatch.chdir(tmp_path)
 
 
@@ -91,6 +91,11 @@ def test_the_manager_in_the_docs_turns_through_north_without_failing_anybody():
     assert not (rows["state"] == State.FAILED).any()
     off = rows["voted"][:, INDEX["heading"]] - heading
     assert np.abs((off + np.pi) % (2 * np.pi) - np.pi).max() < 0.02
+
+
+def test_the_manager_on_the_page_is_the_one_of_the_example():
+    (on_the_page,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "redundancy.md").read_text(), re.DOTALL)
+    assert on_the_page in EXAMPLE.read_text()
 
 
 @pytest.mark.usefixtures("documented")

@@ -37,9 +37,9 @@ def test_a_c_compiler_lays_the_records_out_as_numpy_does(tmp_path: Path):
 
 
 def test_the_committed_header_and_tables_are_those_of_the_frame():
-    """To renew them: ``rig unit header > docs/examples/unit/rig_unit.h``, and --markdown at the end of docs/unit.md."""
+    """To renew them: ``rig unit header > docs/examples/unit/rig_unit.h``, and --markdown for the tables."""
     assert (EXAMPLES / "rig_unit.h").read_text() == header.header()
-    page = (ROOT / "docs/unit.md").read_text()
+    page = (ROOT / "docs/unit-records.md").read_text()
     assert description.markdown() in page
 
 

@@ -93,8 +93,8 @@ def test_for_people_it_says_the_outcome_and_where(flight: Flight):
 
 
 def test_a_flight_with_a_manager_of_the_users_own_is_scored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    page = (Path(__file__).parent.parent / "docs" / "redundancy.md").read_text()
-    (tmp_path / "own_scored.py").write_text(page.split("```python\n")[1].split("```")[0])
+    example = Path(__file__).parent.parent / "docs" / "examples" / "manager" / "mine.py"
+    (tmp_path / "own_scored.py").write_text(example.read_text())
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     which = scenario.load(None, [*SHORT, "redundancy.manager=own_scored:Smoothed"])

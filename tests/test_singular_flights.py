@@ -10,7 +10,8 @@ from rig import scenario
 from rig.frame import INDEX, End, Pattern, Resolver, State
 from rig.loop import Rig, frames
 
-PAGE = Path(__file__).parent.parent / "docs" / "singular.md"
+ROOT = Path(__file__).parent.parent
+PAGE = ROOT / "docs" / "measured" / "singular.md"
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class Outcome:
         return "wrong" if set(self.failed) - set(self.faulty) else "open"
 
     def row(self) -> str:
-        """The line of docs/singular.md."""
+        """The line of docs/measured/singular.md."""
         took = "" if self.frames is None else str(self.frames)
         who = ", ".join(self.resolvers) or "nobody"
         cells = (f"`{self.name}`", ", ".join(self.patterns), who, self.verdict, took, f"{self.vote_error:.3f}")
@@ -69,7 +70,7 @@ CERTAIN = {
     "f16_singular_2_2_lying_ilm": (("ilm",), "wrong"),
     "f16_common_offset_trend": (("trend",), "wrong"),
 }
-NAMES = sorted(p.stem for p in (PAGE.parent.parent / "faults").glob("f16_[sc][io][nm][gm]*.toml"))
+NAMES = sorted(p.stem for p in (ROOT / "faults").glob("f16_[sc][io][nm][gm]*.toml"))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -82,5 +83,7 @@ def test_a_flight_without_a_majority_ends_as_the_page_says(name: str):
 
 
 if __name__ == "__main__":
+    print("| scenario | patterns | decided by | result | frames | vote error | survived |")  # noqa: T201
+    print("|---|---|---|---|---|---|---|")  # noqa: T201
     for each in NAMES:
-        print(fly(each).row())  # noqa: T201 # the table of docs/singular.md
+        print(fly(each).row())  # noqa: T201 # the table of docs/measured/singular.md

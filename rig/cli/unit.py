@@ -16,7 +16,7 @@ unit_app = typer.Typer(help="Flight software under test: its records, its confor
 @unit_app.command()
 def header(
     ada: Annotated[bool, typer.Option("--ada", help="Ada record clauses.")] = False,
-    markdown: Annotated[bool, typer.Option("--markdown", help="The tables of docs/unit.md.")] = False,
+    markdown: Annotated[bool, typer.Option("--markdown", help="The tables of docs/unit-records.md.")] = False,
     fmu: Annotated[
         Literal["2", "3"] | None, typer.Option(help="modelDescription.xml of an FMU by FMI 2.0 or 3.0.")
     ] = None,

@@ -37,11 +37,20 @@ UNITS: Final = ("monitor", "monitor_in_process", "monitor_udp", "monitor_fmu")
 MEASURED: Final = {
     "bench": Figures("What a frame costs", ["rig bench"] * 8),
     "evidence": Figures("What the monitor gets wrong", [f"{TOOLS}/evidence.py"]),
-    "resolvers": Figures("Who settles a pattern without a majority", [f"{TOOLS}/resolver_table.py"]),
+    "resolvers": Figures(
+        "Who settles a pattern without a majority",
+        ["rig campaign run resolvers --out {folder}/resolvers", f"{TOOLS}/resolver_table.py {{folder}}/resolvers"],
+    ),
+    "references": Figures("Measured errors of the references", [f"{TOOLS}/references_table.py"]),
+    "singular": Figures("Patterns without a majority, flown", ["python tests/test_singular_flights.py"]),
+    "histories": Figures("What happened to aircraft, flown again", ["python tests/test_histories.py"]),
     "tolerant": Figures("What the fault-tolerant law finds, and its false trips", [f"{TOOLS}/tolerant.py"]),
     "rate-bias": Figures(
         "A common bias of rates and attitudes, by both laws",
         ["rig study rate-bias", "rig study rate-bias --seeds 2 --drawn 300"],
+    ),
+    "fault-tolerant": Figures(
+        "All four pitch-angle sensors fail together: each law, worst of twelve flights", ["rig study fault-tolerant"]
     ),
     "false-alarm": Figures(
         "Healthy flights: channels and signals failed without a fault",
@@ -65,6 +74,13 @@ MEASURED: Final = {
             f"{TOOLS}/thresholds_quad.py ../shared/data/quad_imu_horizontal",
             f"{TOOLS}/thresholds_synthetic.py",
             f"{TOOLS}/thresholds_speed.py",
+        ],
+    ),
+    "recorders": Figures(
+        "Healthy channels failed on four recorders of one quadrotor, and the manager selection on them",
+        [
+            f"{TOOLS}/quad_isolations.py ../shared/data/quad_imu_horizontal",
+            f"{TOOLS}/quad_selection.py ../shared/data/quad_imu_horizontal",
         ],
     ),
     "throughput": Figures("Flights a second of a campaign", [f"{TOOLS}/campaign_throughput.py"]),

@@ -1,4 +1,4 @@
-"""The records of layout.py as tables in Markdown, for docs/unit.md: ``rig unit header --markdown``."""
+"""The records of layout.py as tables in Markdown, for docs/unit-records.md: ``rig unit header --markdown``."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The records that go between the rig and a unit under test: their fields follow from the frame's table.
 
 Little-endian, IEEE 754, naturally aligned, every gap a field of its own (``pad_...``), sizes a multiple of eight bytes.
-All carriers move the same bytes; docs/unit.md has the tables.
+All carriers move the same bytes; docs/unit-records.md has the tables.
 """
 
 from __future__ import annotations
