@@ -111,11 +111,13 @@ def fly(
     from rig.campaign.folder import open_folder
     from rig.campaign.run import again
     from rig.cli import show_campaign as show
+    from rig.score.of_log import conclude
 
     flight, digest = again(open_folder(folder, allow_code), run, out, _unit(unit))
     same = None if digest is None else digest == flight.digest
-    said = {**flight.summary(), "run": run, "table_digest": digest, "same": same}
-    emit(as_json, said, lambda: show.again(flight, run, same))
+    found = conclude(flight.log, flight.frames)
+    said = {**flight.summary(), "run": run, "table_digest": digest, "same": same, "conclusion": found}
+    emit(as_json, said, lambda: show.again(flight, run, same, found))
     if same is False:
         raise typer.Exit(1)
 

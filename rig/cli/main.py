@@ -102,7 +102,7 @@ def fly(
             realtime=realtime,
             live=keyboard(watch and (realtime or realtime_factor is not None)),
         )
-    emit(as_json, flight.summary, lambda: show.flight(flight))
+    show.emit_flight(as_json, flight)
 
 
 @app.command()

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
 
 from rig.aircraft import tables
+from rig.cli.common import emit
 from rig.console import Screen, console, styled
 from rig.frame import DISCRETES, SIGNALS
 
@@ -66,6 +67,41 @@ class Watching:
         print("flight over, still serving; Ctrl-C ends", file=sys.stderr, flush=True)
         with suppress(KeyboardInterrupt):
             signal.pause()
+
+
+def emit_flight(as_json: bool, flown: Flight) -> None:
+    """The verdict of one flight with its conclusion and the next commands, for people or as JSON."""
+    from rig.score.conclusion import next_commands
+    from rig.score.of_log import conclude
+
+    said, follow = conclude(flown.log, flown.frames), next_commands(flown.log)
+    emit(as_json, lambda: {**flown.summary(), "conclusion": said, "next": follow}, lambda: _concluded(flown, said))
+
+
+def _concluded(flown: Flight, said: list[str]) -> None:
+    flight(flown)
+    conclusion(said)
+    next_steps(flown.log)
+
+
+def conclusion(said: Sequence[str]) -> None:
+    """The sentences of a conclusion, the first MOST_LINES and the last."""
+    screen = console()
+    screen.print("conclusion", style="bold")
+    left = len(said) - MOST_LINES
+    for line in said if left <= 0 else [*said[: MOST_LINES - 1], f"and {left} more, with --json", said[-1]]:
+        screen.print(f"  {line}", soft_wrap=True)
+
+
+_NEXT: Final = ("against the truth", "in Rerun", "run the manager over the log again")
+
+
+def next_steps(log: Path) -> None:
+    """The commands that show more of a log."""
+    from rig.score.conclusion import next_commands
+
+    for i, (command, what) in enumerate(zip(next_commands(log), _NEXT, strict=True)):
+        console().print(f"{'next' if i == 0 else '':9}{command}   # {what}", soft_wrap=True)
 
 
 def flight(flown: Flight) -> None:

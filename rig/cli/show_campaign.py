@@ -13,7 +13,7 @@ from rich.progress import Progress as Bar
 from rig.campaign.estimate import Estimate
 from rig.campaign.plan import Plan
 from rig.campaign.run import Progress, Report, Result
-from rig.cli.show import bar
+from rig.cli.show import bar, conclusion, next_steps
 from rig.cli.show import flight as show_flight
 from rig.console import console, styled
 from rig.flight import Flight
@@ -101,11 +101,13 @@ def status(found: dict[str, Any]) -> None:
     screen.print(f"table    {found['table_sha256']}")
 
 
-def again(flown: Flight, number: int, same: bool | None) -> None:
-    """A run flown again."""
+def again(flown: Flight, number: int, same: bool | None, said: list[str]) -> None:
+    """A run flown again, and its conclusion."""
     show_flight(flown)
+    conclusion(said)
     says = {None: "not in the table yet", True: "the same digest as in the table", False: "NOT the table's digest"}
     console().print(f"run      {number}: {says[same]}")
+    next_steps(flown.log)
 
 
 def report(found: dict[str, Any], target: Path) -> None:

@@ -7,6 +7,7 @@ from math import degrees
 
 from rich.table import Table
 
+from rig.cli.show import conclusion
 from rig.console import Screen, console, styled
 from rig.score.of_log import Scored
 from rig.score.record import Deviation, FaultScore, FlightScore, Isolation, Score, Transients
@@ -21,6 +22,7 @@ def show(scored: Scored) -> None:
     screen, score = console(), scored.score
     title = scored.scenario.title or scored.scenario.aircraft
     screen.print(styled((title, "bold"), f"  seed {scored.scenario.seed}  {scored.log}"), soft_wrap=True)
+    conclusion(scored.conclusion)
     _faults(screen, score.faults)
     _isolations(screen, "false alarms", score.false_alarms)
     _isolations(screen, "wrong isolations", score.wrong_isolations)
