@@ -90,8 +90,10 @@ def diff(
     from rig.offline.sides import diff as compare
     from rig.offline.sides import side
 
-    found = compare(side(a), side(b), tolerance or ())
-    emit(as_json, {"a": str(a), "b": str(b), **found.as_dict()}, lambda: show.comparison(found))
+    left, right = side(a), side(b)
+    found = compare(left, right, tolerance or ())
+    rate_hz = left.rate_hz if left.rate_hz == right.rate_hz else None
+    emit(as_json, {"a": str(a), "b": str(b), **found.as_dict()}, lambda: show.comparison(found, rate_hz))
     if not found.same:
         raise typer.Exit(1)
 

@@ -13,7 +13,9 @@ from rig.cli.common import AllowCode, Json, UnitFile, emit
 
 def score(
     log: Annotated[Path, typer.Argument(help="The log of a flight.", show_default=False)],
-    no_twin: Annotated[bool, typer.Option("--no-twin", help="Do not fly the fault-free twin: no transients.")] = False,
+    no_twin: Annotated[
+        bool, typer.Option("--no-twin", help="Do not fly the fault-free reference run: no transients.")
+    ] = False,
     transient_load_factor: Annotated[float, typer.Option(help="Allowed of a failure transient, g.", min=1e-9)] = 0.5,
     transient_pitch_rate_rad_s: Annotated[
         float, typer.Option(help="The same of body rates, rad/s.", min=1e-9, show_default="10 deg/s")

@@ -16,6 +16,7 @@ from rig.aircraft import tables
 from rig.cli.common import emit
 from rig.console import Screen, console, styled
 from rig.frame import DISCRETES, SIGNALS
+from rig.quantities import moment
 
 if TYPE_CHECKING:
     from rig.bench import Bench
@@ -115,13 +116,13 @@ def flight(flown: Flight) -> None:
         screen.print(f"  and {len(flown.events) - MOST_LINES} more events, in the log")
     verdict = ("survived", "green") if flown.survived else ("lost", "red")
     reason = f": {flown.end_reason} ({flown.frames} frames, {flown.duration_s:g} s)"
-    screen.print(styled("verdict  ", verdict, reason))
+    screen.print(styled("result   ", verdict, reason))
     failed = (f"{name} channel {', '.join(map(str, numbers))}" for name, numbers in flown.failed.items())
     screen.print(f"failed   {'; '.join(failed) or 'no channel'}")
     if flown.not_executed:
         screen.print(f"faults   not executed: {'; '.join(flown.not_executed)}", style="yellow")
     screen.print(f"peaks    {_peaks(flown)}")
-    screen.print(f"speed    {flown.us_per_frame:.1f} us a frame, {flown.duration_s / flown.wall_s:.0f} x real time")
+    screen.print(f"run time {flown.us_per_frame:.1f} us per frame, {flown.duration_s / flown.wall_s:.0f} x real time")
     if flown.jitter is not None:
         j = flown.jitter
         screen.print(
@@ -146,7 +147,7 @@ def _unit(flown: Flight) -> None:
     told = ("missed", "late", "requests_lost", "replies_lost", "discarded", "refused", "not_finite", "restarts")
     wrong = [f"{unit[name]} {name.replace('_', ' ')}" for name in told if unit[name]]
     if unit["dead_frame"] is not None:
-        wrong.append(f"dead from frame {unit['dead_frame']} on")
+        wrong.append(f"dead from {moment(unit['dead_frame'], flown.scenario.rate_hz)} on")
     text = ", ".join([f"{unit['answered']} frames answered", *wrong])
     screen.print(f"unit     {unit['name']}: {text}", style="yellow" if wrong else "")
     reply = unit["reply"]
