@@ -23,8 +23,10 @@ from rig.cli.thresholds import thresholds
 from rig.cli.unit import unit_app
 from rig.cli.view import view, watch
 from rig.cli.vote import vote
+from rig.cli.working import working
 from rig.errors import BadInput, RigError
 from rig.interrupt import end_cleanly
+from rig.progress import tell
 from rig.text import plain, shorten
 
 app = typer.Typer(help="Fly redundant flight control against injected faults.", **GROUP)
@@ -84,9 +86,10 @@ def fly(
     from rig.view.watch.keyboard import keyboard
     from rig.view.watch.live import watching
 
+    flying = lambda done, total: tell("flying", done, total)  # noqa: E731 # for the progress display
     if watch and as_json:
         raise BadInput("--watch: not with --json, which prints one object and nothing else")
-    with watching(watch, realtime_factor) as page, show.progress(enabled=not (as_json or watch)) as progress:
+    with watching(watch, realtime_factor) as page, working("starting", not (as_json or watch)):
         flight = fly_scenario(
             scenario,
             seed=seed,
@@ -94,7 +97,7 @@ def fly(
             out=out,
             rerun=rerun,
             realtime_factor=realtime_factor,
-            progress=progress,
+            progress=None if watch else flying,
             viewer=show.Watching(),
             watch=page,
             allow_code=allow_code,
@@ -141,7 +144,8 @@ def bench(
     from rig.cli import show
     from rig.scenario import load
 
-    result = measure(load(scenario, sets or (), allow_code=allow_code), repeats)
+    with working("measuring", not as_json):
+        result = measure(load(scenario, sets or (), allow_code=allow_code), repeats)
     emit(as_json, result.as_dict, lambda: show.bench(result))
 
 
@@ -242,10 +246,12 @@ def aircraft_design(
     home = folder(name)
     if out is not None and not out.parent.is_dir():
         raise BadInput(f"--out {out}: no such folder")
-    gains = design(airframe.read(home / "aircraft.toml"))
     target = out or home / "gains.toml"
-    write(gains, target)
-    references, beside = reference_design.design(name, gains), target.with_name("references.toml")
+    beside = target.with_name("references.toml")
+    with working("designing the gains", not as_json):
+        gains = design(airframe.read(home / "aircraft.toml"))
+        write(gains, target)
+        references = reference_design.design(name, gains)
     reference_design.write(references, beside)
     written = {"file": str(target), "references_file": str(beside)}
     summary = {**written, **gains.model_dump(), "references": references.model_dump()}

@@ -9,6 +9,7 @@ import typer
 
 from rig.cli.common import GROUP, Json, emit
 from rig.cli.reliability_trials import trials
+from rig.cli.working import working
 from rig.errors import BadInput
 
 reliability_app = typer.Typer(help="From rates and measured outcomes to a probability per flight hour.", **GROUP)
@@ -58,7 +59,8 @@ def run(
 
     read = read_rates(rates)
     name, given = read.of(signal, str(rates))
-    found = reckon(folders, read, name, _numbers(channels), hours, checks)
+    with working("reading the cells", not as_json):
+        found = reckon(folders, read, name, _numbers(channels), hours, checks)
     lines = assumptions(read, name, found)
     if report is not None:
         write_report(found, lines, report)

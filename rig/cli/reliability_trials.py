@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 
 from rig.cli.common import Json, emit
+from rig.cli.working import working
+from rig.progress import tell
 
 Workers = Annotated[int, typer.Option(help="Processes.", min=1, max=1024)]
 
@@ -33,5 +35,6 @@ def trials(
     if not all(part.strip() in ("1", "2", "3", "4") for part in good_before.split(",")):
         raise BadInput(f"--good-before {good_before}: must be numbers of channels, as in 4,3")
     good = sorted({int(part) for part in good_before.split(",")}, reverse=True)
-    about = fly_trials(plan, out, runs, seed, workers, good)
+    with working("recording the healthy flights", not as_json):
+        about = fly_trials(plan, out, runs, seed, workers, good, report=lambda done, count: tell("trials", done, count))
     emit(as_json, {"out": str(out), **about}, lambda: typer.echo(f"{about['trials']} trials: {out}"))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rig.cli.common import AllowCode, Json, UnitFile, emit
+from rig.cli.working import working
 from rig.text import plain
 
 if TYPE_CHECKING:
@@ -46,7 +47,8 @@ def replay(
         raise BadInput("--out is where a what if is written: it needs --redundancy or --set")
     if asked and unit is not None:
         raise BadInput("--unit replays what was recorded: it cannot be joined with --redundancy or --set")
-    recording = recorded(log, allow_code)
+    with working("reading the log", not as_json):
+        recording = recorded(log, allow_code)
     if asked:
         _what_if(recording, redundancy, sets or [], out, as_json)
     else:
@@ -59,7 +61,7 @@ def _again(recording: Recorded, fly: bool, unit: Path | None, as_json: bool) -> 
     from rig.computer.external.unit import running
     from rig.offline.verify import verify
 
-    with running(unit) as tested:
+    with working("flying again" if fly else "replaying", not as_json), running(unit) as tested:
         found = verify(recording, fly, tested)
     emit(as_json, {"log": str(recording.path), **found.as_dict()}, lambda: show.verified(recording, found))
     if not found.comparison.identical:
@@ -71,7 +73,8 @@ def _what_if(recording: Recorded, file: Path | None, sets: list[str], out: Path 
     from rig.offline.what_if import changed, what_if
 
     changes = [*([str(file)] if file else []), *sets]
-    answer = what_if(recording, changed(recording, file, sets), out, changes)
+    with working("replaying", not as_json):
+        answer = what_if(recording, changed(recording, file, sets), out, changes)
     about = {"log": str(recording.path), "what_if": str(answer.path), "changes": changes, "events": answer.events}
     emit(as_json, {**about, "open_loop": True, **answer.moved.as_dict()}, lambda: show.what_if(recording, answer))
 
@@ -90,8 +93,9 @@ def diff(
     from rig.offline.sides import diff as compare
     from rig.offline.sides import side
 
-    left, right = side(a), side(b)
-    found = compare(left, right, tolerance or ())
+    with working("comparing", not as_json):
+        left, right = side(a), side(b)
+        found = compare(left, right, tolerance or ())
     rate_hz = left.rate_hz if left.rate_hz == right.rate_hz else None
     emit(as_json, {"a": str(a), "b": str(b), **found.as_dict()}, lambda: show.comparison(found, rate_hz))
     if not found.same:
@@ -126,8 +130,10 @@ def export(
     from rig.offline.export import export as write
 
     owners = [part.strip() for part in (signals or "").split(",") if part.strip()]
-    recording, target = read_log(log), out or Path(f"{log.with_suffix('')}.{to}")
-    columns = write(recording, to, target, owners, for_vote)
+    target = out or Path(f"{log.with_suffix('')}.{to}")
+    with working("writing", not as_json):
+        recording = read_log(log)
+        columns = write(recording, to, target, owners, for_vote)
     about = {"log": str(log), "out": str(target), "rows": len(recording.rows), "columns": columns}
     text = f"{target}: {len(recording.rows)} rows, {len(columns)} columns"
     emit(as_json, about, lambda: typer.echo(plain(text)))

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from rig.cli.common import AllowCode, Json, UnitFile, emit
+from rig.cli.working import working
 
 
 def score(
@@ -37,6 +38,6 @@ def score(
         "pitch_rate_rad_s": transient_pitch_rate_rad_s,
         "window_s": transient_window_s,
     }
-    with running(unit) as tested:
+    with working("reading the log", not as_json), running(unit) as tested:
         scored = score_log(log, build(Yardstick, limits, "--transient"), not no_twin, allow_code, tested)
     emit(as_json, scored.as_dict, lambda: show(scored))

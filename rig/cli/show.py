@@ -10,10 +10,11 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress, ProgressColumn
 
 from rig.aircraft import tables
 from rig.cli.common import emit
+from rig.cli.working import working
 from rig.console import Screen, console, styled
 from rig.frame import DISCRETES, SIGNALS
 from rig.quantities import moment
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from rig.bench import Bench
     from rig.computer.analytic.designed import Designed
     from rig.flight import Flight
-    from rig.flight import Progress as Report
     from rig.view.stream import Stream
 
 MOST_LINES = 40  # of events on the terminal; all of them are in the log
@@ -37,19 +37,6 @@ def bar(enabled: bool, *columns: ProgressColumn) -> Iterator[Progress | None]:
         return
     with Progress(*columns, console=screen, transient=True) as shown:
         yield shown
-
-
-@contextmanager
-def progress(enabled: bool) -> Iterator[Report | None]:
-    """How far a flight is, and the time left; nothing in a pipe."""
-    share = TextColumn("{task.percentage:3.0f} %")
-    with bar(enabled, TextColumn("flying"), BarColumn(), share, TimeRemainingColumn()) as shown:
-        yield None if shown is None else _reporter(shown)
-
-
-def _reporter(shown: Progress) -> Report:
-    task = shown.add_task("flight")
-    return lambda done, total: shown.update(task, completed=done, total=total)
 
 
 class Watching:
@@ -75,7 +62,8 @@ def emit_flight(as_json: bool, flown: Flight) -> None:
     from rig.score.conclusion import next_commands
     from rig.score.of_log import conclude
 
-    said, follow = conclude(flown.log, flown.frames), next_commands(flown.log)
+    with working("scoring", not as_json):
+        said, follow = conclude(flown.log, flown.frames), next_commands(flown.log)
     emit(as_json, lambda: {**flown.summary(), "conclusion": said, "next": follow}, lambda: _concluded(flown, said))
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig.cli.common import Json, emit
+from rig.cli.working import working
 from rig.errors import BadInput
 
 if TYPE_CHECKING:
@@ -65,7 +66,8 @@ def thresholds(
         seed,
     )
     stretch = (align_from, align_to) if align else None
-    found = _design(inputs, config, (out, plot), grid, (repair_time, stretch), keep, monitored or [])
+    with working("reading", not as_json):
+        found = _design(inputs, config, (out, plot), grid, (repair_time, stretch), keep, monitored or [])
     emit(as_json, found, lambda: show(console(), found))
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from rig.cli.common import GROUP, Json, emit
+from rig.cli.working import working
 from rig.errors import BadInput
 
 unit_app = typer.Typer(help="Flight software under test: its records, its conformance.", **GROUP)
@@ -44,7 +45,8 @@ def check(
     from rig.cli import show_unit as show
     from rig.offline.unit_check import check as test
 
-    found = test(file, seam_only=seam)
+    with working("testing the unit", not as_json):
+        found = test(file, seam_only=seam)
     emit(as_json, found.as_dict, lambda: show.checked(found))
     if not found.passed:
         raise typer.Exit(1)

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from rig.cli.common import AllowCode, Json, emit
+from rig.cli.working import working
 
 
 def vote(
@@ -49,5 +50,6 @@ def vote(
             raise BadInput(f"{option}: input should be a finite number, got {value}")
     stretch = AlignOptions(align_from, align_to, align_matrix) if align else None
     options = Options(stretch, inject, repair_time, allow_code)
-    found = run(recorded, config, out, options)
+    with working("reading", not as_json):
+        found = run(recorded, config, out, options)
     emit(as_json, found, lambda: show(console(), found))

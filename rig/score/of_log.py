@@ -11,6 +11,7 @@ from rig.computer.external.unit import UnitUnderTest
 from rig.errors import BadInput
 from rig.live import pressed
 from rig.log import Log, read_log
+from rig.progress import tell
 from rig.scenario import Scenario, from_resolved
 from rig.score.conclusion import conclusion
 from rig.score.flown import fly_twin
@@ -66,7 +67,9 @@ def score_log(
         if "unit" in log.metadata and unit is None:
             raise BadInput(f"{path}: a unit under test flew it: its twin needs --unit FILE, or --no-twin")
     try:
+        tell("flying the fault-free run")
         other = fly_twin(scenario, len(log.rows), unit) if twin else None
+        tell("scoring")
         scored = score(scenario, log.rows, other, yardstick)
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
