@@ -12,7 +12,7 @@ import typer
 GROUP: Final[dict[str, Any]] = {
     "no_args_is_help": True,
     "pretty_exceptions_enable": False,
-    "rich_markup_mode": None,
+    "rich_markup_mode": "rich",
     "context_settings": {"help_option_names": ["-h", "--help"]},
 }
 AllowCode = Annotated[
@@ -21,9 +21,10 @@ AllowCode = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 UnitFile = Annotated[
-    Path | None, typer.Option("--unit", help="A unit file: the flight software under test.", show_default=False)
+    Path | None,
+    typer.Option("--unit", metavar="FILE", help="A unit file: the flight software under test.", show_default=False),
 ]
-Logs = Annotated[Path, typer.Option(help="Folder of the log.")]
+Logs = Annotated[Path, typer.Option(metavar="DIR", help="Folder of the log.")]
 
 
 def emit(as_json: bool, data: Any, text: Callable[[], object]) -> None:

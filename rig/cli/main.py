@@ -12,6 +12,7 @@ from typing import Annotated, Any, Final
 
 import typer
 
+from rig.cli import complete
 from rig.cli.campaign import app as campaign_app
 from rig.cli.common import GROUP, AllowCode, Json, Logs, UnitFile, emit
 from rig.cli.faults import faults_app
@@ -29,25 +30,47 @@ from rig.interrupt import end_cleanly
 from rig.progress import tell
 from rig.text import plain, shorten
 
-app = typer.Typer(help="Fly redundant flight control against injected faults.", **GROUP)
+EXAMPLE: Final = "Example: rig fly f16_singular_2_2_level, then: rig score LOG, rig view LOG. Names: rig scenario list."
+FLY, LOOK, SCORE, RECORDED, MANY, REFERENCE = "Fly", "Look", "Score", "Recorded data", "Many flights", "Reference"
+app = typer.Typer(help="Fly redundant flight control against injected faults.", epilog=EXAMPLE, **GROUP)
 scenario_app = typer.Typer(help="Look at scenario files.", **GROUP)
 aircraft_app = typer.Typer(help="Look at aircraft and design their control laws.", **GROUP)
-app.add_typer(scenario_app, name="scenario")
-app.add_typer(aircraft_app, name="aircraft")
-app.add_typer(campaign_app, name="campaign")
-app.add_typer(faults_app, name="faults")
-app.add_typer(study, name="study")
-app.add_typer(unit_app, name="unit")
-app.add_typer(reliability_app, name="reliability")
+app.add_typer(scenario_app, name="scenario", rich_help_panel=FLY)
+app.add_typer(aircraft_app, name="aircraft", rich_help_panel=FLY)
+app.add_typer(campaign_app, name="campaign", rich_help_panel=MANY)
+app.add_typer(faults_app, name="faults", rich_help_panel=REFERENCE)
+app.add_typer(study, name="study", rich_help_panel=MANY)
+app.add_typer(unit_app, name="unit", rich_help_panel=FLY)
+app.add_typer(reliability_app, name="reliability", rich_help_panel=MANY)
 
 ScenarioName = Annotated[
-    str | None, typer.Argument(help="A scenario file or the name of a bundled one.", show_default=False)
+    str | None,
+    typer.Argument(
+        metavar="FILE|NAME",
+        help="A scenario file or the name of a bundled one.",
+        show_default="f16_pitch_rate_hardover",
+        autocompletion=complete.scenarios,
+    ),
+]
+AircraftName = Annotated[
+    str,
+    typer.Argument(
+        metavar="NAME|DIR",
+        help="A bundled aircraft, or a folder of one.",
+        show_default=False,
+        autocompletion=complete.aircraft,
+    ),
 ]
 Sets = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Override a key, e.g. redundancy.manager=mean; repeatable."),
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Override a key, e.g. redundancy.manager=mean; repeatable.",
+        autocompletion=complete.sets,
+    ),
 ]
-Seed = Annotated[int | None, typer.Option(help="Seed of all random draws.", min=0, show_default=False)]
+Seed = Annotated[int | None, typer.Option(metavar="N", help="Seed of all random draws.", min=0, show_default=False)]
 
 
 @app.callback()
@@ -61,16 +84,18 @@ def _common(
         logging.getLogger(noisy).setLevel(logging.WARNING)
 
 
-@app.command()
+@app.command(rich_help_panel=FLY)
 def fly(
     scenario: ScenarioName = None,
     sets: Sets = None,
     seed: Seed = None,
     out: Logs = Path("logs"),
-    rerun: Annotated[str, typer.Option(help="off, save, serve, spawn, or rerun+http://127.0.0.1:PORT/proxy.")] = "off",
+    rerun: Annotated[
+        str, typer.Option(metavar="WHERE", help="off, save, serve, spawn, or rerun+http://127.0.0.1:PORT/proxy.")
+    ] = "off",
     realtime_factor: Annotated[
         float | None,
-        typer.Option(help="Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False),
+        typer.Option(metavar="X", help="Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False),
     ] = None,
     realtime: Annotated[
         bool, typer.Option("--realtime", help="Real time, and ask the system for a scheduling class, memory, a core.")
@@ -108,11 +133,11 @@ def fly(
     show.emit_flight(as_json, flight)
 
 
-@app.command()
 def recover(
-    log: Annotated[Path, typer.Argument(help="A log that was cut off.")],
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log that was cut off.", show_default=False)],
     out: Annotated[
-        Path | None, typer.Option(help="Where to write the mended log.", show_default="<log>.recovered.mcap")
+        Path | None,
+        typer.Option(metavar="FILE", help="Where to write the mended log.", show_default="<log>.recovered.mcap"),
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -131,11 +156,10 @@ def recover(
     emit(as_json, {"log": str(kept), **asdict(found)}, lambda: typer.echo(plain(text)))
 
 
-@app.command()
 def bench(
     scenario: ScenarioName = None,
     sets: Sets = None,
-    repeats: Annotated[int, typer.Option(help="Flights; the medians count.", min=1)] = 7,
+    repeats: Annotated[int, typer.Option(metavar="N", help="Flights; the medians count.", min=1)] = 7,
     allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:
@@ -149,7 +173,6 @@ def bench(
     emit(as_json, result.as_dict, lambda: show.bench(result))
 
 
-@app.command()
 def signals(
     markdown: Annotated[bool, typer.Option("--markdown", help="As the table in docs/signals.md.")] = False,
     as_json: Json = False,
@@ -165,8 +188,15 @@ def signals(
     emit(as_json, data, text)
 
 
-for command in (vote, thresholds, score, replay, diff, info, export, view, watch):
-    app.command()(command)
+_PANELS: Final = {
+    LOOK: (view, watch, info),
+    SCORE: (score, replay, diff),
+    RECORDED: (vote, thresholds, export, recover),
+    REFERENCE: (signals, bench),
+}
+for panel, commands in _PANELS.items():
+    for command in commands:
+        app.command(rich_help_panel=panel)(command)
 
 
 @scenario_app.command("show")
@@ -180,13 +210,23 @@ def scenario_show(scenario: ScenarioName = None, sets: Sets = None, as_json: Jso
 
 @scenario_app.command("list")
 def scenario_list(as_json: Json = False) -> None:
-    """List the bundled scenarios and their titles."""
+    """List the bundled scenarios: name, aircraft, title."""
     from rig.cli import show
     from rig.scenario import find, names
     from rig.settings import read_toml
 
-    found = {name: str(read_toml(find(name)).get("title", "")) for name in names()}
-    emit(as_json, found, lambda: show.scenarios(found))
+    files = {name: read_toml(find(name)) for name in names()}
+    found = {name: str(file.get("title", "")) for name, file in files.items()}
+    rows = [(name, str(files[name].get("aircraft", "f16")), title) for name, title in found.items()]
+    emit(as_json, found, lambda: show.scenarios(rows))
+
+
+@scenario_app.command("schema")
+def scenario_schema() -> None:
+    """Print the JSON schema of scenario files, for editors."""
+    from rig.cli.schema import of_file
+
+    typer.echo(of_file("scenario"))
 
 
 @scenario_app.command("check")
@@ -212,7 +252,7 @@ def aircraft_list(as_json: Json = False) -> None:
 
 
 @aircraft_app.command("show")
-def aircraft_show(name: str, as_json: Json = False) -> None:
+def aircraft_show(name: AircraftName, as_json: Json = False) -> None:
     """Print everything that is known of an aircraft."""
     import tomli_w
 
@@ -226,9 +266,10 @@ def aircraft_show(name: str, as_json: Json = False) -> None:
 
 @aircraft_app.command("design")
 def aircraft_design(
-    name: str,
+    name: AircraftName,
     out: Annotated[
-        Path | None, typer.Option(help="Where to write the gains.", show_default="<aircraft>/gains.toml")
+        Path | None,
+        typer.Option(metavar="FILE", help="Where to write the gains.", show_default="<aircraft>/gains.toml"),
     ] = None,
     as_json: Json = False,
 ) -> None:

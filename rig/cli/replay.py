@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rig.cli import complete
 from rig.cli.common import AllowCode, Json, UnitFile, emit
 from rig.cli.working import working
 from rig.text import plain
@@ -22,13 +23,20 @@ def replay(
     fly: Annotated[bool, typer.Option("--fly", help="Fly the whole recorded scenario again.")] = False,
     redundancy: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="What if: a TOML file with another [redundancy].", show_default=False),
+        typer.Option(metavar="FILE", help="What if: a TOML file with another redundancy table.", show_default=False),
     ] = None,
     sets: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="What if: redundancy.manager=mean; repeatable."),
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="What if: redundancy.manager=mean; repeatable.",
+            autocompletion=complete.sets,
+        ),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Log of the what if.", show_default="<log>.what-if.mcap")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Log of the what if.", show_default="<log>.what-if.mcap")
+    ] = None,
     unit: UnitFile = None,
     allow_code: AllowCode = False,
     as_json: Json = False,
@@ -80,8 +88,8 @@ def _what_if(recording: Recorded, file: Path | None, sets: list[str], out: Path 
 
 
 def diff(
-    a: Annotated[Path, typer.Argument(metavar="A", help="A log.", show_default=False)],
-    b: Annotated[Path, typer.Argument(metavar="B", help="Another.", show_default=False)],
+    a: Annotated[Path, typer.Argument(metavar="LOG_A", help="A log.", show_default=False)],
+    b: Annotated[Path, typer.Argument(metavar="LOG_B", help="Another.", show_default=False)],
     tolerance: Annotated[
         list[str] | None,
         typer.Option(metavar="X", help="1e-6 for all fields, 'pitch_rate.*=0.01' for some; repeatable."),
@@ -116,12 +124,14 @@ def info(log: LogFile, as_json: Json = False) -> None:
 
 def export(
     log: LogFile,
-    to: Annotated[str, typer.Option(help="csv, parquet or npz.", show_default=False)],
+    to: Annotated[str, typer.Option(metavar="FORMAT", help="csv, parquet or npz.", show_default=False)],
     signals: Annotated[
         str | None,
         typer.Option(metavar="A,B", help="Signals, discretes, control, flight, inertial, demand.", show_default="all"),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="The file to write.", show_default="<log>.<to>")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The file to write.", show_default="<log>.<to>")
+    ] = None,
     for_vote: Annotated[bool, typer.Option("--for-vote", help="Only what rig vote reads.")] = False,
     as_json: Json = False,
 ) -> None:

@@ -13,15 +13,19 @@ from rig.cli.working import working
 
 
 def score(
-    log: Annotated[Path, typer.Argument(help="The log of a flight.", show_default=False)],
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="The log of a flight.", show_default=False)],
     no_twin: Annotated[
         bool, typer.Option("--no-twin", help="Do not fly the fault-free reference run: no transients.")
     ] = False,
-    transient_load_factor: Annotated[float, typer.Option(help="Allowed of a failure transient, g.", min=1e-9)] = 0.5,
+    transient_load_factor: Annotated[
+        float, typer.Option(metavar="X", help="Allowed of a failure transient, g.", min=1e-9)
+    ] = 0.5,
     transient_pitch_rate_rad_s: Annotated[
         float, typer.Option(help="The same of body rates, rad/s.", min=1e-9, show_default="10 deg/s")
     ] = radians(10.0),
-    transient_window_s: Annotated[float, typer.Option(help="Time after each onset that is scored.", min=1e-9)] = 2.0,
+    transient_window_s: Annotated[
+        float, typer.Option(metavar="X", help="Time after each onset that is scored.", min=1e-9)
+    ] = 2.0,
     unit: UnitFile = None,
     allow_code: AllowCode = False,
     as_json: Json = False,

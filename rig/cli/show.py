@@ -96,7 +96,8 @@ def next_steps(log: Path) -> None:
 def flight(flown: Flight) -> None:
     """The verdict of one flight."""
     screen, scenario = console(), flown.scenario
-    screen.print(styled((scenario.title or scenario.aircraft, "bold"), f"  seed {scenario.seed}"))
+    about = [f"seed {scenario.seed}", f"manager {scenario.redundancy.manager}", *flown.overrides]
+    screen.print(styled((scenario.title or scenario.aircraft, "bold"), f"  {', '.join(about)}"), soft_wrap=True)
     for event in flown.events[:MOST_LINES]:
         style = {"info": "", "warning": "yellow", "error": "red"}[event.level]
         screen.print(f"  {event.frame / scenario.rate_hz:9.2f} s  {event.name:17} {event.text}", style=style)
@@ -166,9 +167,9 @@ def aircraft(found: dict[str, list[str]]) -> None:
     console().table(heads, ((name, ", ".join(points)) for name, points in found.items()))
 
 
-def scenarios(found: dict[str, str]) -> None:
-    """Bundled scenarios and their titles."""
-    console().table(("scenario", "title"), found.items())
+def scenarios(rows: Sequence[tuple[str, str, str]]) -> None:
+    """Bundled scenarios: name, aircraft, title."""
+    console().table(("scenario", "aircraft", "title"), rows)
 
 
 SIGNAL_COLUMNS = ("signal", "symbol", "unit", "range", "channels", "group", "topic")

@@ -15,6 +15,7 @@ from rig.offline.what_if import WhatIf
 from rig.quantities import duration, moment, number, unit_shown
 
 MOST_LINES = 40  # of a table on the terminal; --json has all
+MOST_OVERRIDES = 8  # of a log
 
 
 def verified(recording: Recorded, found: Verified) -> None:
@@ -104,6 +105,11 @@ def info(found: dict[str, Any]) -> None:
     """One log."""
     screen, result = console(), found["result"] or {}
     screen.print(styled((found["title"] or found["log"], "bold"), f"  {found['aircraft']}, seed {found['seed']}"))
+    screen.print(f"manager  {found['manager'] or 'not said'}")
+    if found["overrides"]:
+        left = len(found["overrides"]) - MOST_OVERRIDES
+        more = f" and {left} more, with --json" if left > 0 else ""
+        screen.print(f"set      {', '.join(found['overrides'][:MOST_OVERRIDES])}{more}", soft_wrap=True)
     if found["what_if"] is not None:
         screen.print(f"what if  {found['what_if']}, over the channels of {found['what_if_of']}; never flown")
     planned = "" if found["planned_s"] is None else f" of {found['planned_s']:g} s"

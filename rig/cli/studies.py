@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from rig.studies.tolerant import Summary
 
 study = typer.Typer(help="Published results, computed again.", **GROUP)
-Seeds = Annotated[int, typer.Option(help="Seeds of every case.", min=1, max=1000)]
-Workers = Annotated[int, typer.Option(help="Processes.", min=1, max=1024)]
+Seeds = Annotated[int, typer.Option(metavar="N", help="Seeds of every case.", min=1, max=1000)]
+Workers = Annotated[int, typer.Option(metavar="N", help="Processes.", min=1, max=1024)]
 
 
 @study.command()
 def ding2015(
-    out: Annotated[Path, typer.Option(help="Folder of the figures, made when missing.")] = Path("logs"),
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the figures, made when missing.")] = Path("logs"),
     as_json: Json = False,
 ) -> None:
     """The B707 with a lying pitch-angle sensor: printed numbers against ours, and the honest experiment."""
@@ -58,7 +58,9 @@ def fault_tolerant(
 @study.command("rate-bias")
 def rate_bias(
     seeds: Seeds = 1,
-    drawn: Annotated[int, typer.Option(help="Draw so many faults instead of the grid.", min=0, max=10**6)] = 0,
+    drawn: Annotated[
+        int, typer.Option(metavar="N", help="Draw so many faults instead of the grid.", min=0, max=10**6)
+    ] = 0,
     workers: Workers = 2,
     as_json: Json = False,
 ) -> None:

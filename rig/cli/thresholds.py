@@ -25,10 +25,15 @@ def thresholds(
         list[Path],
         typer.Argument(metavar="INPUT...", help="Recordings, folders of them, logs, a campaign.", show_default=False),
     ],
-    budget: Annotated[float, typer.Option(help="False isolations an hour and signal.", show_default=False)],
-    out: Annotated[Path, typer.Option(help="What to write: CONFIG with the thresholds, TOML.", show_default=False)],
+    budget: Annotated[
+        float, typer.Option(metavar="X", help="False isolations an hour and signal.", show_default=False)
+    ],
+    out: Annotated[
+        Path, typer.Option(metavar="FILE", help="What to write: CONFIG with the thresholds, TOML.", show_default=False)
+    ],
     config: Annotated[
-        Path | None, typer.Option(help="Settings of rig vote; logs of ours may do without.", show_default=False)
+        Path | None,
+        typer.Option(metavar="FILE", help="Settings of rig vote; logs of ours may do without.", show_default=False),
     ] = None,
     persistence: Annotated[str, typer.Option(help="Frames to try.")] = "8,12,24,48",
     levels: Annotated[str, typer.Option(help="Channels in use to design for.")] = "4,3,2",
@@ -43,10 +48,13 @@ def thresholds(
         bool, typer.Option("--keep", help="Design with flights too in which a channel stands out.")
     ] = False,
     monitored: Annotated[
-        list[Path] | None, typer.Option(help="Data to be monitored: does it move more? Repeatable.", show_default=False)
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="Data to be monitored: does it move more? Repeatable.", show_default=False),
     ] = None,
-    plot: Annotated[Path | None, typer.Option(help="The trade-off as a page: .html.", show_default=False)] = None,
-    seed: Annotated[int, typer.Option(help="Of the bootstrap.", min=0)] = 0,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The trade-off as a page: .html.", show_default=False)
+    ] = None,
+    seed: Annotated[int, typer.Option(metavar="N", help="Of the bootstrap.", min=0)] = 0,
     as_json: Json = False,
 ) -> None:
     """Design thresholds from a budget of false isolations, by healthy data."""

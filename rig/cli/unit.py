@@ -36,6 +36,14 @@ def header(
 
 
 @unit_app.command()
+def schema() -> None:
+    """Print the JSON schema of unit files, for editors."""
+    from rig.cli.schema import of_file
+
+    typer.echo(of_file("unit"))
+
+
+@unit_app.command()
 def check(
     file: Annotated[Path, typer.Argument(metavar="UNIT", help="A unit file.", show_default=False)],
     seam: Annotated[bool, typer.Option("--seam", help="How it answers, not what it decides.")] = False,

@@ -16,19 +16,21 @@ def vote(
     recorded: Annotated[
         Path, typer.Argument(metavar="INPUT", help="CSV, Parquet or MCAP, or a folder of tables.", show_default=False)
     ],
-    config: Annotated[Path, typer.Option(help="Settings of the signals, TOML.", show_default=False)],
-    out: Annotated[Path, typer.Option(help="What to write: .csv, .parquet or .mcap.", show_default=False)],
+    config: Annotated[Path, typer.Option(metavar="FILE", help="Settings of the signals, TOML.", show_default=False)],
+    out: Annotated[
+        Path, typer.Option(metavar="FILE", help="What to write: .csv, .parquet or .mcap.", show_default=False)
+    ],
     align: Annotated[bool, typer.Option("--align", help="Take constant delays and offsets off the channels.")] = False,
     align_from: Annotated[
         float | None, typer.Option(help="Begin of the stretch to find them in, s.", show_default="first row")
     ] = None,
     align_to: Annotated[float | None, typer.Option(help="Its end, s.", show_default="6 s after its begin")] = None,
     align_matrix: Annotated[
-        bool, typer.Option("--align-matrix", help="Take misalignments off the [triads] of CONFIG too.")
+        bool, typer.Option("--align-matrix", help="Take misalignments off the triads of CONFIG too.")
     ] = False,
     inject: Annotated[
         str | None,
-        typer.Option(metavar="FILE", help="Put [[faults]] into the channels and score who is failed."),
+        typer.Option(metavar="FILE", help="Put the faults of FILE into the channels and score who is failed."),
     ] = None,
     repair_time: Annotated[
         bool, typer.Option("--repair-time", help="Drop rows whose time repeats or steps back, and say how many.")
