@@ -49,10 +49,10 @@ Watch = Callable[[Block, float, Sequence[Event]], None]  # a block, its rate in 
 class Viewer(Protocol):
     """Told of the stream when it opens and when the flight is over, before it closes."""
 
-    def opened(self, stream: Stream) -> None:
-        """The stream is open; its addresses are known."""
+    def opened(self, stream: Stream, stop: Stop) -> None:
+        """The stream is open, its addresses are known; the flight begins when this returns."""
 
-    def flown(self, stream: Stream) -> None:
+    def flown(self, stream: Stream, stop: Stop) -> None:
         """The last frame has been handed over; the stream closes when this returns."""
 
 
@@ -215,7 +215,7 @@ def _record(
         facts = replace(of_resolved(scenario.resolved()), **_clocked(unit, pace))
         stream = open_stream(asked.rerun, shown, scenario.rate_hz, path, facts)
         if stream is not None and viewer is not None:
-            viewer.opened(stream)
+            viewer.opened(stream, stop)
         told = _told(asked, scenario, stream, records)
 
         def record(rows: Block, timing: NDArray[Any]) -> None:
@@ -235,7 +235,7 @@ def _record(
             if failure is not None:
                 raise RigError(f"{failure}; the log is complete up to there: {path}")
             if stream is not None and viewer is not None and not stop.terminated:
-                viewer.flown(stream)
+                viewer.flown(stream, stop)
         finally:
             report = None if stream is None else stream.close(10.0)
     return _came_to(records, path, reason, wall_s, report)

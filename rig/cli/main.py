@@ -93,6 +93,12 @@ def fly(
     rerun: Annotated[
         str, typer.Option(metavar="WHERE", help="off, save, serve, spawn, or rerun+http://127.0.0.1:PORT/proxy.")
     ] = "off",
+    wait: Annotated[
+        bool,
+        typer.Option(
+            "--wait/--no-wait", help="With serve: begin when a viewer is connected. It serves until Ctrl-C in any case."
+        ),
+    ] = True,
     realtime_factor: Annotated[
         float | None,
         typer.Option(metavar="X", help="Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False),
@@ -123,7 +129,7 @@ def fly(
             rerun=rerun,
             realtime_factor=realtime_factor,
             progress=None if watch else flying,
-            viewer=show.Watching(),
+            viewer=show.Watching(wait),
             watch=page,
             allow_code=allow_code,
             unit=unit,

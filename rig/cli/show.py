@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import signal
 import sys
+import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -17,14 +17,17 @@ from rig.cli.common import emit
 from rig.cli.working import working
 from rig.console import Screen, console, styled
 from rig.frame import DISCRETES, SIGNALS
+from rig.progress import tell
 from rig.quantities import moment
 
 if TYPE_CHECKING:
     from rig.bench import Bench
     from rig.computer.analytic.designed import Designed
     from rig.flight import Flight
+    from rig.interrupt import Stop
     from rig.view.stream import Stream
 
+LOOK_S: Final = 0.1  # between two looks for a viewer, or for Ctrl-C
 MOST_LINES = 40  # of events on the terminal; all of them are in the log
 
 
@@ -40,21 +43,30 @@ def bar(enabled: bool, *columns: ProgressColumn) -> Iterator[Progress | None]:
 
 
 class Watching:
-    """Says where a stream can be watched, and keeps a served one open until Ctrl-C when somebody is there."""
+    """Says where a stream can be watched; a served one waits for a viewer, and stays open until Ctrl-C."""
 
-    def opened(self, stream: Stream) -> None:
-        """Print the address to open."""
-        if stream.browser:
-            print(f"watch at {stream.browser}", file=sys.stderr, flush=True)
+    def __init__(self, wait: bool = True) -> None:
+        self._wait = wait
 
-    def flown(self, stream: Stream) -> None:
-        """Hold the server on a terminal."""
-        if not stream.browser or not sys.stdin.isatty():
+    def opened(self, stream: Stream, stop: Stop) -> None:
+        """Print the address to open, and wait until a viewer is connected; Ctrl-C gives the flight up."""
+        if not stream.browser:
+            return
+        waiting = "; the flight begins when a viewer is connected (--no-wait: at once)" if self._wait else ""
+        print(f"watch at {stream.browser}{waiting}", file=sys.stderr, flush=True)
+        tell("waiting for a viewer")
+        while self._wait and not stop.requested and not stream.watched:
+            time.sleep(LOOK_S)
+
+    def flown(self, stream: Stream, stop: Stop) -> None:
+        """Hold the server until Ctrl-C, which may have come in flight."""
+        if not stream.browser or stop.requested:
             return
         stream.drain()
         print("flight over, still serving; Ctrl-C ends", file=sys.stderr, flush=True)
-        with suppress(KeyboardInterrupt):
-            signal.pause()
+        tell("serving")
+        while not stop.requested:
+            time.sleep(LOOK_S)
 
 
 def emit_flight(as_json: bool, flown: Flight) -> None:
