@@ -1,7 +1,7 @@
 """Progress of commands: on a terminal alone, on standard error; elsewhere one line when kernels are compiled."""
 
 import io
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -17,9 +17,10 @@ def compiled(name: str) -> None:
     """Compile a kernel that no cache holds."""
     import numba
 
-    space: dict[str, object] = {}
+    space: dict[str, Any] = {}
     exec(f"def {name}(x):\n    return x + 1.0\n", space)  # a function that is nowhere on disk
-    assert numba.njit(space[name])(np.float64(1.0)) == 2.0
+    made: Any = numba.njit(space[name])
+    assert made(np.float64(1.0)) == 2.0
 
 
 class Terminal(Screen):

@@ -68,12 +68,7 @@ class _Shown:
 @contextmanager
 def _compilation(begun: Any) -> Iterator[None]:
     """Call ``begun`` with 1, 2, ... whenever a kernel is compiled within."""
-    import numba
     from numba.core import event
-
-    if numba.config.DISABLE_JIT:  # pyright: ignore[reportAttributeAccessIssue]  # a module's variable
-        yield
-        return
 
     class Listener(event.Listener):
         count = 0

@@ -14,9 +14,9 @@ from rig.log.writer import LogWriter
 from rig.scenario import Scenario
 from rig.versions import versions
 
-LONGEST_TAG: Final = 48  # characters of the overrides in a log's name
+LONGEST_TAG: Final = 40  # characters of the overrides in a log's name
 _HASH: Final = 6
-NAME_BYTES: Final = 140  # of a log's name; behind them come seed, number and ending
+NAME_BYTES: Final = 160  # of a log's name; behind them come seed, overrides, number and ending
 
 
 def new_log(

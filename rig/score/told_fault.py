@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -194,5 +194,5 @@ def _threshold(fault: FaultScore, about: Context) -> str:
     return "" if value is None else quantity(value, about.unit(fault))
 
 
-def _params(fault: FaultScore, about: Context) -> np.void:
+def _params(fault: FaultScore, about: Context) -> Any:
     return about.params[INDEX[fault.signal]]
