@@ -9,6 +9,8 @@ from typing import Annotated, Any, Final
 
 import typer
 
+from rig.cli import complete
+
 GROUP: Final[dict[str, Any]] = {
     "no_args_is_help": True,
     "pretty_exceptions_enable": False,
@@ -25,6 +27,25 @@ UnitFile = Annotated[
     typer.Option("--unit", metavar="FILE", help="A unit file: the flight software under test.", show_default=False),
 ]
 Logs = Annotated[Path, typer.Option(metavar="DIR", help="Folder of the log.")]
+
+ScenarioName = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="FILE|NAME",
+        help="A scenario file or the name of a bundled one.",
+        show_default="f16_pitch_rate_hardover",
+        autocompletion=complete.scenarios,
+    ),
+]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Override a key, e.g. redundancy.manager=mean; repeatable.",
+        autocompletion=complete.sets,
+    ),
+]
 
 
 def emit(as_json: bool, data: Any, text: Callable[[], object]) -> None:

@@ -12,12 +12,13 @@ from typing import Annotated, Any, Final
 
 import typer
 
-from rig.cli import complete
+from rig.cli.aircraft import aircraft_app
 from rig.cli.campaign import app as campaign_app
-from rig.cli.common import GROUP, AllowCode, Json, Logs, UnitFile, emit
+from rig.cli.common import GROUP, AllowCode, Json, Logs, ScenarioName, Sets, UnitFile, emit
 from rig.cli.faults import faults_app
 from rig.cli.reliability import reliability_app
 from rig.cli.replay import diff, export, info, replay
+from rig.cli.scenario import scenario_app
 from rig.cli.score import score
 from rig.cli.studies import study
 from rig.cli.thresholds import thresholds
@@ -33,8 +34,6 @@ from rig.text import plain, shorten
 EXAMPLE: Final = "Example: rig fly f16_singular_2_2_level, then: rig score LOG, rig view LOG. Names: rig scenario list."
 FLY, LOOK, SCORE, RECORDED, MANY, REFERENCE = "Fly", "Look", "Score", "Recorded data", "Many flights", "Reference"
 app = typer.Typer(help="Fly redundant flight control against injected faults.", epilog=EXAMPLE, **GROUP)
-scenario_app = typer.Typer(help="Look at scenario files.", **GROUP)
-aircraft_app = typer.Typer(help="Look at aircraft and design their control laws.", **GROUP)
 app.add_typer(scenario_app, name="scenario", rich_help_panel=FLY)
 app.add_typer(aircraft_app, name="aircraft", rich_help_panel=FLY)
 app.add_typer(campaign_app, name="campaign", rich_help_panel=MANY)
@@ -43,34 +42,25 @@ app.add_typer(study, name="study", rich_help_panel=MANY)
 app.add_typer(unit_app, name="unit", rich_help_panel=FLY)
 app.add_typer(reliability_app, name="reliability", rich_help_panel=MANY)
 
-ScenarioName = Annotated[
-    str | None,
-    typer.Argument(
-        metavar="FILE|NAME",
-        help="A scenario file or the name of a bundled one.",
-        show_default="f16_pitch_rate_hardover",
-        autocompletion=complete.scenarios,
-    ),
-]
-AircraftName = Annotated[
-    str,
-    typer.Argument(
-        metavar="NAME|DIR",
-        help="A bundled aircraft, or a folder of one.",
-        show_default=False,
-        autocompletion=complete.aircraft,
-    ),
-]
-Sets = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help="Override a key, e.g. redundancy.manager=mean; repeatable.",
-        autocompletion=complete.sets,
-    ),
-]
 Seed = Annotated[int | None, typer.Option(metavar="N", help="Seed of all random draws.", min=0, show_default=False)]
+
+Rerun = Annotated[
+    str, typer.Option(metavar="WHERE", help="off, save, serve, spawn, or rerun+http://127.0.0.1:PORT/proxy.")
+]
+Wait = Annotated[
+    bool,
+    typer.Option(
+        "--wait/--no-wait", help="With serve: begin when a viewer is connected. It serves until Ctrl-C in any case."
+    ),
+]
+Factor = Annotated[
+    float | None,
+    typer.Option(metavar="X", help="Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False),
+]
+Realtime = Annotated[
+    bool, typer.Option("--realtime", help="Real time, and ask the system for a scheduling class, memory, a core.")
+]
+Watch = Annotated[bool, typer.Option("--watch", help="Show the redundancy page while it flies.")]
 
 
 @app.callback()
@@ -90,23 +80,11 @@ def fly(
     sets: Sets = None,
     seed: Seed = None,
     out: Logs = Path("logs"),
-    rerun: Annotated[
-        str, typer.Option(metavar="WHERE", help="off, save, serve, spawn, or rerun+http://127.0.0.1:PORT/proxy.")
-    ] = "off",
-    wait: Annotated[
-        bool,
-        typer.Option(
-            "--wait/--no-wait", help="With serve: begin when a viewer is connected. It serves until Ctrl-C in any case."
-        ),
-    ] = True,
-    realtime_factor: Annotated[
-        float | None,
-        typer.Option(metavar="X", help="Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False),
-    ] = None,
-    realtime: Annotated[
-        bool, typer.Option("--realtime", help="Real time, and ask the system for a scheduling class, memory, a core.")
-    ] = False,
-    watch: Annotated[bool, typer.Option("--watch", help="Show the redundancy page while it flies.")] = False,
+    rerun: Rerun = "off",
+    wait: Wait = True,
+    realtime_factor: Factor = None,
+    realtime: Realtime = False,
+    watch: Watch = False,
     unit: UnitFile = None,
     allow_code: AllowCode = False,
     as_json: Json = False,
@@ -114,6 +92,7 @@ def fly(
     """Fly one scenario, log every frame, print what happened."""
     from rig.cli import show
     from rig.flight import fly as fly_scenario
+    from rig.score.of_log import conclude
     from rig.view.watch.keyboard import keyboard
     from rig.view.watch.live import watching
 
@@ -136,7 +115,9 @@ def fly(
             realtime=realtime,
             live=keyboard(watch and (realtime or realtime_factor is not None)),
         )
-    show.emit_flight(as_json, flight)
+        tell("scoring")
+        said = conclude(flight.log, flight.frames)
+    show.emit_flight(as_json, flight, said)
 
 
 def recover(
@@ -203,106 +184,6 @@ _PANELS: Final = {
 for panel, commands in _PANELS.items():
     for command in commands:
         app.command(rich_help_panel=panel)(command)
-
-
-@scenario_app.command("show")
-def scenario_show(scenario: ScenarioName = None, sets: Sets = None, as_json: Json = False) -> None:
-    """Print a scenario with every default written out, as TOML that can be flown."""
-    from rig.scenario import load
-
-    loaded = load(scenario, sets or ())
-    emit(as_json, loaded.resolved, lambda: typer.echo(plain(loaded.to_toml(), keep="\n"), nl=False))
-
-
-@scenario_app.command("list")
-def scenario_list(as_json: Json = False) -> None:
-    """List the bundled scenarios: name, aircraft, title."""
-    from rig.cli import show
-    from rig.scenario import find, names
-    from rig.settings import read_toml
-
-    files = {name: read_toml(find(name)) for name in names()}
-    found = {name: str(file.get("title", "")) for name, file in files.items()}
-    rows = [(name, str(files[name].get("aircraft", "f16")), title) for name, title in found.items()]
-    emit(as_json, found, lambda: show.scenarios(rows))
-
-
-@scenario_app.command("schema")
-def scenario_schema() -> None:
-    """Print the JSON schema of scenario files, for editors."""
-    from rig.cli.schema import of_file
-
-    typer.echo(of_file("scenario"))
-
-
-@scenario_app.command("check")
-def scenario_check(scenario: ScenarioName = None, sets: Sets = None) -> None:
-    """Check a scenario without flying it."""
-    from rig.scenario import find, load
-
-    loaded = load(scenario, sets or ())
-    manager = loaded.redundancy.manager
-    code = f"; the class {manager} votes: not imported here, rig fly needs --allow-code" if ":" in manager else ""
-    counts = f"{loaded.frames} frames of {loaded.aircraft}, {len(loaded.faults)} faults"
-    typer.echo(plain(f"{find(scenario)}: good, {counts}{code}"))
-
-
-@aircraft_app.command("list")
-def aircraft_list(as_json: Json = False) -> None:
-    """List the bundled aircraft and their flight points."""
-    from rig.aircraft import names
-    from rig.cli import show
-
-    found = {name: show.flight_points(name) for name in names()}
-    emit(as_json, found, lambda: show.aircraft(found))
-
-
-@aircraft_app.command("show")
-def aircraft_show(name: AircraftName, as_json: Json = False) -> None:
-    """Print everything that is known of an aircraft."""
-    import tomli_w
-
-    from rig.aircraft import tables
-    from rig.settings import refuse_what_is_no_setting
-
-    found = tables(name)
-    refuse_what_is_no_setting(found, f"aircraft {name}")
-    emit(as_json, found, lambda: typer.echo(plain(tomli_w.dumps(found), keep="\n"), nl=False))
-
-
-@aircraft_app.command("design")
-def aircraft_design(
-    name: AircraftName,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Where to write the gains.", show_default="<aircraft>/gains.toml"),
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    """Design the control law at every flight point, then fly it to measure the references.
-
-    Writes gains.toml with the margins, and beside it references.toml with the measured errors.
-    """
-    from rig.aircraft import folder
-    from rig.cli import show
-    from rig.computer.control.gains import write
-    from rig.design import references as reference_design
-    from rig.design.gains import design
-    from rig.plant import airframe
-
-    home = folder(name)
-    if out is not None and not out.parent.is_dir():
-        raise BadInput(f"--out {out}: no such folder")
-    target = out or home / "gains.toml"
-    beside = target.with_name("references.toml")
-    with working("designing the gains", not as_json):
-        gains = design(airframe.read(home / "aircraft.toml"))
-        write(gains, target)
-        references = reference_design.design(name, gains)
-    reference_design.write(references, beside)
-    written = {"file": str(target), "references_file": str(beside)}
-    summary = {**written, **gains.model_dump(), "references": references.model_dump()}
-    emit(as_json, summary, lambda: show.design(references, target, beside))
 
 
 MOST_OF_A_WORD: Final = 400  # characters of a wrong command line that are repeated

@@ -14,7 +14,6 @@ from rich.progress import Progress, ProgressColumn
 
 from rig.aircraft import tables
 from rig.cli.common import emit
-from rig.cli.working import working
 from rig.console import Screen, console, styled
 from rig.frame import DISCRETES, SIGNALS
 from rig.progress import tell
@@ -69,13 +68,11 @@ class Watching:
             time.sleep(LOOK_S)
 
 
-def emit_flight(as_json: bool, flown: Flight) -> None:
-    """The verdict of one flight with its conclusion and the next commands, for people or as JSON."""
+def emit_flight(as_json: bool, flown: Flight, said: list[str]) -> None:
+    """The summary of one flight with what its conclusion ``said`` and the next commands, for people or as JSON."""
     from rig.score.conclusion import next_commands
-    from rig.score.of_log import conclude
 
-    with working("scoring", not as_json):
-        said, follow = conclude(flown.log, flown.frames), next_commands(flown.log)
+    follow = next_commands(flown.log)
     emit(as_json, lambda: {**flown.summary(), "conclusion": said, "next": follow}, lambda: _concluded(flown, said))
 
 
