@@ -18,6 +18,15 @@ if TYPE_CHECKING:
     from rig.thresholds.design import Grid
 
 MOST_FRAMES = 10_000
+Budget = Annotated[float, typer.Option(metavar="X", help="False isolations an hour and signal.", show_default=False)]
+Out = Annotated[
+    Path, typer.Option(metavar="FILE", help="What to write: CONFIG with the thresholds, TOML.", show_default=False)
+]
+Plot = Annotated[Path | None, typer.Option(metavar="FILE", help="The trade-off as a page: .html.", show_default=False)]
+Config = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Settings of rig vote; logs of ours may do without.", show_default=False),
+]
 
 
 def thresholds(
@@ -25,16 +34,9 @@ def thresholds(
         list[Path],
         typer.Argument(metavar="INPUT...", help="Recordings, folders of them, logs, a campaign.", show_default=False),
     ],
-    budget: Annotated[
-        float, typer.Option(metavar="X", help="False isolations an hour and signal.", show_default=False)
-    ],
-    out: Annotated[
-        Path, typer.Option(metavar="FILE", help="What to write: CONFIG with the thresholds, TOML.", show_default=False)
-    ],
-    config: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Settings of rig vote; logs of ours may do without.", show_default=False),
-    ] = None,
+    budget: Budget,
+    out: Out,
+    config: Config = None,
     persistence: Annotated[str, typer.Option(help="Frames to try.")] = "8,12,24,48",
     levels: Annotated[str, typer.Option(help="Channels in use to design for.")] = "4,3,2",
     filters: Annotated[str, typer.Option("--filter", help="Low-pass of the comparison to try, s.")] = "0,0.1",
@@ -51,9 +53,7 @@ def thresholds(
         list[Path] | None,
         typer.Option(metavar="FILE", help="Data to be monitored: does it move more? Repeatable.", show_default=False),
     ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="The trade-off as a page: .html.", show_default=False)
-    ] = None,
+    plot: Plot = None,
     seed: Annotated[int, typer.Option(metavar="N", help="Of the bootstrap.", min=0)] = 0,
     as_json: Json = False,
 ) -> None:
