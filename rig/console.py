@@ -11,7 +11,7 @@ from rich.text import Text
 
 from rig.text import plain
 
-PIPE_WIDTH = 160  # lines are not folded in a pipe
+PIPE_WIDTH = 240  # lines are not folded in a pipe
 
 
 class Screen(Console):

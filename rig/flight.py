@@ -49,10 +49,10 @@ Watch = Callable[[Block, float, Sequence[Event]], None]  # a block, its rate in 
 class Viewer(Protocol):
     """Told of the stream when it opens and when the flight is over, before it closes."""
 
-    def opened(self, stream: Stream) -> None:
-        """The stream is open; its addresses are known."""
+    def opened(self, stream: Stream, stop: Stop) -> None:
+        """The stream is open, its addresses are known; the flight begins when this returns."""
 
-    def flown(self, stream: Stream) -> None:
+    def flown(self, stream: Stream, stop: Stop) -> None:
         """The last frame has been handed over; the stream closes when this returns."""
 
 
@@ -77,6 +77,7 @@ class Flight:
     unit: dict[str, Any] | None  # what became of the exchanges with a unit under test
     printed: str  # by the unit's process, its end
     realtime: dict[str, str]  # what was asked of the system and got; empty when nothing was
+    overrides: tuple[str, ...] = ()  # ``key=value``, laid over the scenario's file
 
     @property
     def duration_s(self) -> float:
@@ -113,6 +114,8 @@ class Flight:
             "frames": self.frames,
             "duration_s": self.duration_s,
             "seed": self.scenario.seed,
+            "manager": self.scenario.redundancy.manager,
+            "overrides": list(self.overrides),
             "digest": self.digest,
             "survived": self.survived,
             "end_reason": self.end_reason,
@@ -167,10 +170,10 @@ def fly(
     tested = read_unit(unit) if isinstance(unit, str | Path) else unit
     if tested is not None and tested.carrier == "python":
         scenario, tested = managed(scenario, tested), None
-    asked = _Asked(name, text, Path(out), rerun, progress, viewer, watch)
+    asked = _Asked(name, text, Path(out), rerun, progress, viewer, watch, tuple(overrides))
     with interruptible() as stop, running(tested) as under, asked_realtime(realtime) as got, pressed:
         flown = _record(scenario, asked, pace, stop, under, keys)
-    return replace(flown, realtime=got, printed="" if under is None else under.printed)
+    return replace(flown, overrides=asked.overrides, realtime=got, printed="" if under is None else under.printed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,6 +187,7 @@ class _Asked:
     progress: Progress | None
     viewer: Viewer | None
     watch: Watch | None
+    overrides: tuple[str, ...] = ()  # of the scenario's file
 
 
 def managed(scenario: Scenario, unit: Unit) -> Scenario:
@@ -206,12 +210,12 @@ def _record(
     if keys is not None:
         rig.asked = keys.of_flight(rig, pace, stop)
     named = asked.name or scenario.title or scenario.aircraft
-    with new_log(asked.out, named, scenario, asked.text, about) as writer:
+    with new_log(asked.out, named, scenario, asked.text, about, asked.overrides) as writer:
         path, shown = writer.path, scenario.title or writer.path.stem
         facts = replace(of_resolved(scenario.resolved()), **_clocked(unit, pace))
         stream = open_stream(asked.rerun, shown, scenario.rate_hz, path, facts)
         if stream is not None and viewer is not None:
-            viewer.opened(stream)
+            viewer.opened(stream, stop)
         told = _told(asked, scenario, stream, records)
 
         def record(rows: Block, timing: NDArray[Any]) -> None:
@@ -231,7 +235,7 @@ def _record(
             if failure is not None:
                 raise RigError(f"{failure}; the log is complete up to there: {path}")
             if stream is not None and viewer is not None and not stop.terminated:
-                viewer.flown(stream)
+                viewer.flown(stream, stop)
         finally:
             report = None if stream is None else stream.close(10.0)
     return _came_to(records, path, reason, wall_s, report)

@@ -18,7 +18,7 @@ from typing import Any, ClassVar, Final, TypeVar, get_args
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from rig.errors import BadInput
-from rig.text import choices, nearest, quoted, shorten
+from rig.text import LONGEST_LIST, choices, nearest, quoted, shorten
 
 M = TypeVar("M", bound="Settings")
 LONGEST_S: Final = 1e6  # eleven days
@@ -155,10 +155,15 @@ def _first_line(model: type[Settings], error: ValidationError, data: dict[str, A
 
 
 def _instead(model: type[Settings], location: tuple[int | str, ...]) -> str:
-    """The key that was meant, and where all of them are."""
+    """The key that was meant; all that are allowed, or of many the nearest; and where all of them are."""
     known = _fields(model, location[:-1])
-    near = f"; nearest: {', '.join(nearest(str(location[-1]), known)[:1])}" if known else ""
-    return near + (f"; all keys: {model.keys_are_in}" if model.keys_are_in else "")
+    where = f"; all keys: {model.keys_are_in}" if model.keys_are_in else ""
+    if not known:
+        return where
+    near = nearest(str(location[-1]), known)
+    if len(", ".join(known)) <= LONGEST_LIST:
+        return f"; nearest: {near[0]}; allowed: {', '.join(known)}{where}"
+    return f"; nearest: {', '.join(near)}{where}"
 
 
 def _fields(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:

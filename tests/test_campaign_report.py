@@ -127,6 +127,15 @@ def test_the_headline_counts_what_the_table_was_made_of(folder: Folder):
     assert head["detection"]["high"] == pytest.approx(0.9255, abs=2e-4)
 
 
+def test_for_people_the_counts_of_the_faults_add_up(folder: Folder, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    from rig.cli.show_campaign import report as show
+
+    show(summary(folder), tmp_path / "report.html")
+    said = " ".join(capsys.readouterr().out.split())
+    assert "faults 42, counted by channel: 31 detectable, 10 undetectable (error below the threshold), 1 not" in said
+    assert "detection 25 of 31: " in said and "correct isolation 24 of 31: " in said
+
+
 def test_rates_are_those_of_each_magnitude_pattern_and_resolver(folder: Folder):
     found = summary(folder)
     by_size = {row["size"]: row for row in found["by_magnitude"]}

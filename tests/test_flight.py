@@ -81,7 +81,9 @@ def test_a_log_that_is_lost_in_flight_is_said_and_no_flight_is_returned(tmp_path
         if lost == "another in its place":
             logs[0].write_bytes(b"another")
 
-    with pytest.raises(RigError, match=r"_seed1.mcap: the log is no longer there: deleted or moved") as error:
+    with pytest.raises(
+        RigError, match=r"_seed1_duration_s-2.mcap: the log is no longer there: deleted or moved"
+    ) as error:
         fly(None, overrides=["duration_s=2"], out=tmp_path / "logs", progress=lose)
     assert not isinstance(error.value, BadInput)  # exit code 1
 

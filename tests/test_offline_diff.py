@@ -15,7 +15,7 @@ from rig.cli import main as cli
 from rig.errors import BadInput
 from rig.frame import FLAT, INDEX, TIMING, new_block
 from rig.log import LogWriter, read_log
-from rig.log.columns import COLUMNS
+from rig.log.columns import COLUMNS, unit_of
 from rig.log.schema import OLDEST, SCHEMA_VERSION
 from rig.offline.compare import Tolerances, compare, of_column, tolerances
 from rig.offline.sides import diff, side
@@ -132,6 +132,29 @@ def test_other_aircraft_rates_and_lengths_are_said(tmp_path, capsys, monkeypatch
     for said in ("lengths differ: 120 and 100", "rates differ: 100 and 50 Hz", "aircraft differ: f16 and b747"):
         assert said in text
     assert "seed: 1 and 2" in text and f"{len(COLUMNS)} equal" in text
+
+
+def test_for_people_a_difference_has_seconds_frame_and_unit(tmp_path, capsys, monkeypatch):
+    rows, other = new_block(90), new_block(90)
+    other["voted"][77:, INDEX["pitch_rate"]] = np.radians(2.0)
+    a, b = logged(tmp_path / "a.mcap", rows), logged(tmp_path / "b.mcap", other)
+    _, text, _ = run(capsys, monkeypatch, "diff", a, b)
+    assert "pitch_rate.voted different 13 0.77 s (frame 77) 2 deg/s" in " ".join(text.split())
+    _, text, _ = run(capsys, monkeypatch, "diff", a, logged(tmp_path / "c.mcap", other, 50.0))
+    assert "frame 77 2 deg/s" in " ".join(text.split())  # two rates: no time
+
+
+@pytest.mark.parametrize(
+    ("path", "unit"),
+    [
+        *(("pitch_rate.ch_1", "rad/s"), ("heading.reference", "rad"), ("static_pressure.truth", "Pa")),
+        *(("pitch_rate.st_1", ""), ("pitch_rate.level", ""), ("gear_down.ch_1", ""), ("nobody.ch_1", "")),
+        *(("control.command_pitch_rate_rad_s", "rad/s"), ("flight.altitude_m", "m"), ("flight.mach", "")),
+        ("inertial.specific_force_down_m_s2", "m/s2"),
+    ],
+)
+def test_every_number_of_a_log_has_its_unit(path, unit):
+    assert unit_of(path) == unit
 
 
 def test_what_only_one_side_has_is_named(tmp_path, capsys, monkeypatch):

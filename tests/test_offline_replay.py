@@ -311,7 +311,7 @@ def test_the_command_says_what_moved(flown, tmp_path, monkeypatch, capsys):
     out = tmp_path / "b.mcap"
     sets = ["--set", "redundancy.signals.pitch_rate.persistence=4"]
     code, text, _ = run(capsys, monkeypatch, "replay", flown, *sets, "--out", out)
-    assert code == 0 and "open loop" in text and "107 (1.07 s)" in text and "103 (1.03 s)" in text
+    assert code == 0 and "open loop" in text and "1.07 s (frame 107)" in text and "1.03 s (frame 103)" in text
     code, text, _ = run(capsys, monkeypatch, "replay", flown, *sets, "--out", out, "--json")
     found = json.loads(text)
     assert found["open_loop"] and found["what_if"] == str(out)

@@ -187,14 +187,14 @@ def test_a_resolver_that_spoke_but_did_not_stand_is_asked_and_has_not_answered()
         ("2:2", 30, 5, ("ilm", "trend", "reference"), "unresolved", (), "open"),
         ("1:1:1:1", 40, 10, ("ilm", "reference", "extremes"), "extremes", (1, 4), "wrong"),
     ]
-    counts = {name: (r.asked, r.answered, r.right, r.wrong) for name, r in found.resolvers.items()}
+    counts = {name: (r.asked, r.answered, r.right, r.wrong, r.open) for name, r in found.resolvers.items()}
     assert counts == {
-        "ilm": (3, 0, 0, 0),
-        "trend": (2, 1, 0, 0),
-        "reference": (2, 0, 0, 0),
-        "extremes": (1, 1, 0, 1),
-        "middle": (0, 0, 0, 0),
-        "box": (0, 0, 0, 0),
+        "ilm": (3, 0, 0, 0, 0),
+        "trend": (2, 1, 0, 0, 1),
+        "reference": (2, 0, 0, 0, 0),
+        "extremes": (1, 1, 0, 1, 0),
+        "middle": (0, 0, 0, 0, 0),
+        "box": (0, 0, 0, 0, 0),
     }
     assert found.unresolved == 1 and set(found.resolvers_by_pattern) == {"2:2", "1:1:1:1"}
     assert [fault.failed_frame for fault in found.faults] == [None, 49]

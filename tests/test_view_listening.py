@@ -19,7 +19,7 @@ SERVERS = 2  # recording and page
 
 def test_every_socket_of_a_served_flight_and_of_a_served_log_is_on_the_loopback(tmp_path: Path):
     flown = ["fly", "f16_pitch_rate_hardover", "--set", "duration_s=600", "--out", "logs", "--realtime-factor", "1"]
-    watched([*flown, "--rerun", "serve"], tmp_path)
+    watched([*flown, "--rerun", "serve", "--no-wait"], tmp_path)
     (log,) = (tmp_path / "logs").glob("*.mcap")
     watched(["view", str(log), "--serve"], tmp_path)
 

@@ -20,7 +20,7 @@ from pydantic import AfterValidator, Field, model_validator
 from rig.errors import BadInput
 from rig.files import bundled, is_file
 from rig.settings import Settings, build, read_toml
-from rig.text import nearest, quoted
+from rig.text import choices, quoted
 
 Sampling = Literal["grid", "stratified", "random", "latin-hypercube", "sobol"]
 MOST_RUNS: Final = 1_000_000
@@ -198,8 +198,12 @@ def find(name: str | Path) -> Path:
     for candidate in (wanted, home / wanted.name, home / f"{wanted.name}.toml"):
         if is_file(candidate):
             return candidate
-    known = ", ".join(nearest(wanted.stem, (path.stem for path in home.glob("*.toml"))))
-    raise BadInput(f"{wanted}: no such file; nearest bundled: {known}; all: docs/campaign.md")
+    raise BadInput(f"{wanted}: no such file; bundled: {choices(wanted.stem, names(), 'docs/campaign.md')}")
+
+
+def names() -> list[str]:
+    """The names of the bundled campaigns, in alphabetical order."""
+    return sorted(path.stem for path in (bundled("faults") / "campaigns").glob("*.toml"))
 
 
 def read(name: str | Path, sets: dict[str, Any] | None = None) -> Campaign:

@@ -8,18 +8,32 @@ from typing import Annotated, Any
 
 import typer
 
+from rig.cli import complete
 from rig.cli.common import GROUP, AllowCode, Json, Logs, UnitFile, emit
 from rig.interrupt import CODE
 
 app = typer.Typer(help="Fly many flights of one plan, and say what they show.", **GROUP)
 
-File = Annotated[str, typer.Argument(help="A campaign file or the name of a bundled one.", show_default=False)]
-Dir = Annotated[Path, typer.Argument(help="A campaign's output folder.", show_default=False)]
+File = Annotated[
+    str,
+    typer.Argument(
+        metavar="FILE|NAME",
+        help="A campaign file or the name of a bundled one.",
+        show_default=False,
+        autocompletion=complete.campaigns,
+    ),
+]
+Dir = Annotated[Path, typer.Argument(metavar="DIR", help="A campaign's output folder.", show_default=False)]
 Sets = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="A key of the scenario, the same in every run; repeatable."),
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="A key of the scenario, the same in every run; repeatable.",
+        autocompletion=complete.sets,
+    ),
 ]
-Runs = Annotated[int | None, typer.Option(help="The first N runs only.", show_default="all")]
+Runs = Annotated[int | None, typer.Option(metavar="N", help="The first N runs only.", show_default="all")]
 
 
 def _plan(file: str, sets: list[str] | None, allow_code: bool) -> Any:
@@ -56,8 +70,12 @@ def plan(
 @app.command()
 def run(
     file: File,
-    out: Annotated[Path, typer.Option(help="Output folder; one that was begun is gone on with.", show_default=False)],
-    workers: Annotated[int | None, typer.Option(help="Processes.", min=1, max=1024, show_default="the file's")] = None,
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Output folder; a begun one is continued.", show_default=False)
+    ],
+    workers: Annotated[
+        int | None, typer.Option(metavar="N", help="Processes.", min=1, max=1024, show_default="the file's")
+    ] = None,
     runs: Runs = None,
     scheduler: Annotated[
         str | None, typer.Option(help="A Dask scheduler, tcp://HOST:PORT, in place of processes.", show_default=False)
@@ -101,7 +119,9 @@ def status(folder: Dir, as_json: Json = False) -> None:
 @app.command()
 def fly(
     folder: Dir,
-    run: Annotated[int, typer.Option(help="The run's number in the table, from 0.", min=0, show_default=False)],
+    run: Annotated[
+        int, typer.Option(metavar="N", help="The run's number in the table, from 0.", min=0, show_default=False)
+    ],
     out: Logs = Path("logs"),
     unit: UnitFile = None,
     allow_code: AllowCode = False,
@@ -111,11 +131,13 @@ def fly(
     from rig.campaign.folder import open_folder
     from rig.campaign.run import again
     from rig.cli import show_campaign as show
+    from rig.score.of_log import conclude
 
     flight, digest = again(open_folder(folder, allow_code), run, out, _unit(unit))
     same = None if digest is None else digest == flight.digest
-    said = {**flight.summary(), "run": run, "table_digest": digest, "same": same}
-    emit(as_json, said, lambda: show.again(flight, run, same))
+    found = conclude(flight.log, flight.frames)
+    said = {**flight.summary(), "run": run, "table_digest": digest, "same": same, "conclusion": found}
+    emit(as_json, said, lambda: show.again(flight, run, same, found))
     if same is False:
         raise typer.Exit(1)
 
@@ -123,7 +145,9 @@ def fly(
 @app.command()
 def report(
     folder: Dir,
-    out: Annotated[Path | None, typer.Option(help="The file to write.", show_default="DIR/report.html")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The file to write.", show_default="DIR/report.html")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Write the report: one HTML file that opens offline; with --json its figures."""
@@ -134,6 +158,14 @@ def report(
     target = out or folder / "report.html"
     found = write(open_folder(folder), target)
     emit(as_json, {"report": str(target), **found}, lambda: show.report(found, target))
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON schema of campaign files, for editors."""
+    from rig.cli.schema import of_file
+
+    typer.echo(of_file("campaign"))
 
 
 @app.command()

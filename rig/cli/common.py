@@ -9,10 +9,12 @@ from typing import Annotated, Any, Final
 
 import typer
 
+from rig.cli import complete
+
 GROUP: Final[dict[str, Any]] = {
     "no_args_is_help": True,
     "pretty_exceptions_enable": False,
-    "rich_markup_mode": None,
+    "rich_markup_mode": "rich",
     "context_settings": {"help_option_names": ["-h", "--help"]},
 }
 AllowCode = Annotated[
@@ -21,9 +23,29 @@ AllowCode = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 UnitFile = Annotated[
-    Path | None, typer.Option("--unit", help="A unit file: the flight software under test.", show_default=False)
+    Path | None,
+    typer.Option("--unit", metavar="FILE", help="A unit file: the flight software under test.", show_default=False),
 ]
-Logs = Annotated[Path, typer.Option(help="Folder of the log.")]
+Logs = Annotated[Path, typer.Option(metavar="DIR", help="Folder of the log.")]
+
+ScenarioName = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="FILE|NAME",
+        help="A scenario file or the name of a bundled one.",
+        show_default="f16_pitch_rate_hardover",
+        autocompletion=complete.scenarios,
+    ),
+]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Override a key, e.g. redundancy.manager=mean; repeatable.",
+        autocompletion=complete.sets,
+    ),
+]
 
 
 def emit(as_json: bool, data: Any, text: Callable[[], object]) -> None:

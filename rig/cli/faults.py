@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rig.cli import complete
 from rig.cli.common import GROUP, Json, emit
 
 if TYPE_CHECKING:
@@ -40,7 +41,10 @@ def _kinds(found: list[Entry]) -> None:
 
 
 @faults_app.command("show")
-def show_kind(kind: Annotated[str, typer.Argument(show_default=False)], as_json: Json = False) -> None:
+def show_kind(
+    kind: Annotated[str, typer.Argument(metavar="KIND", show_default=False, autocompletion=complete.kinds)],
+    as_json: Json = False,
+) -> None:
     """Show one kind: cause, keys with units, an example as TOML and the scenario that flies it."""
     from rig.faults.catalogue import common, entry
 

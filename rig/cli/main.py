@@ -12,40 +12,55 @@ from typing import Annotated, Any, Final
 
 import typer
 
+from rig.cli.aircraft import aircraft_app
 from rig.cli.campaign import app as campaign_app
-from rig.cli.common import GROUP, AllowCode, Json, Logs, UnitFile, emit
+from rig.cli.common import GROUP, AllowCode, Json, Logs, ScenarioName, Sets, UnitFile, emit
 from rig.cli.faults import faults_app
 from rig.cli.reliability import reliability_app
 from rig.cli.replay import diff, export, info, replay
+from rig.cli.scenario import scenario_app
 from rig.cli.score import score
 from rig.cli.studies import study
 from rig.cli.thresholds import thresholds
 from rig.cli.unit import unit_app
 from rig.cli.view import view, watch
 from rig.cli.vote import vote
+from rig.cli.working import working
 from rig.errors import BadInput, RigError
 from rig.interrupt import end_cleanly
+from rig.progress import tell
 from rig.text import plain, shorten
 
-app = typer.Typer(help="Fly redundant flight control against injected faults.", **GROUP)
-scenario_app = typer.Typer(help="Look at scenario files.", **GROUP)
-aircraft_app = typer.Typer(help="Look at aircraft and design their control laws.", **GROUP)
-app.add_typer(scenario_app, name="scenario")
-app.add_typer(aircraft_app, name="aircraft")
-app.add_typer(campaign_app, name="campaign")
-app.add_typer(faults_app, name="faults")
-app.add_typer(study, name="study")
-app.add_typer(unit_app, name="unit")
-app.add_typer(reliability_app, name="reliability")
+EXAMPLE: Final = "Example: rig fly f16_singular_2_2_level, then: rig score LOG, rig view LOG. Names: rig scenario list."
+FLY, LOOK, SCORE, RECORDED, MANY, REFERENCE = "Fly", "Look", "Score", "Recorded data", "Many flights", "Reference"
+app = typer.Typer(help="Fly redundant flight control against injected faults.", epilog=EXAMPLE, **GROUP)
+app.add_typer(scenario_app, name="scenario", rich_help_panel=FLY)
+app.add_typer(aircraft_app, name="aircraft", rich_help_panel=FLY)
+app.add_typer(campaign_app, name="campaign", rich_help_panel=MANY)
+app.add_typer(faults_app, name="faults", rich_help_panel=REFERENCE)
+app.add_typer(study, name="study", rich_help_panel=MANY)
+app.add_typer(unit_app, name="unit", rich_help_panel=FLY)
+app.add_typer(reliability_app, name="reliability", rich_help_panel=MANY)
 
-ScenarioName = Annotated[
-    str | None, typer.Argument(help="A scenario file or the name of a bundled one.", show_default=False)
+Seed = Annotated[int | None, typer.Option(metavar="N", help="Seed of all random draws.", min=0, show_default=False)]
+
+Rerun = Annotated[
+    str, typer.Option(metavar="WHERE", help="off, save, serve, spawn, or rerun+http://127.0.0.1:PORT/proxy.")
 ]
-Sets = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Override a key, e.g. redundancy.manager=mean; repeatable."),
+Wait = Annotated[
+    bool,
+    typer.Option(
+        "--wait/--no-wait", help="With serve: begin when a viewer is connected. It serves until Ctrl-C in any case."
+    ),
 ]
-Seed = Annotated[int | None, typer.Option(help="Seed of all random draws.", min=0, show_default=False)]
+Factor = Annotated[
+    float | None,
+    typer.Option(metavar="X", help="Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False),
+]
+Realtime = Annotated[
+    bool, typer.Option("--realtime", help="Real time, and ask the system for a scheduling class, memory, a core.")
+]
+Watch = Annotated[bool, typer.Option("--watch", help="Show the redundancy page while it flies.")]
 
 
 @app.callback()
@@ -59,21 +74,17 @@ def _common(
         logging.getLogger(noisy).setLevel(logging.WARNING)
 
 
-@app.command()
+@app.command(rich_help_panel=FLY)
 def fly(
     scenario: ScenarioName = None,
     sets: Sets = None,
     seed: Seed = None,
     out: Logs = Path("logs"),
-    rerun: Annotated[str, typer.Option(help="off, save, serve, spawn, or rerun+http://127.0.0.1:PORT/proxy.")] = "off",
-    realtime_factor: Annotated[
-        float | None,
-        typer.Option(help="Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False),
-    ] = None,
-    realtime: Annotated[
-        bool, typer.Option("--realtime", help="Real time, and ask the system for a scheduling class, memory, a core.")
-    ] = False,
-    watch: Annotated[bool, typer.Option("--watch", help="Show the redundancy page while it flies.")] = False,
+    rerun: Rerun = "off",
+    wait: Wait = True,
+    realtime_factor: Factor = None,
+    realtime: Realtime = False,
+    watch: Watch = False,
     unit: UnitFile = None,
     allow_code: AllowCode = False,
     as_json: Json = False,
@@ -81,12 +92,14 @@ def fly(
     """Fly one scenario, log every frame, print what happened."""
     from rig.cli import show
     from rig.flight import fly as fly_scenario
+    from rig.score.of_log import conclude
     from rig.view.watch.keyboard import keyboard
     from rig.view.watch.live import watching
 
+    flying = lambda done, total: tell("flying", done, total)  # noqa: E731 # for the progress display
     if watch and as_json:
         raise BadInput("--watch: not with --json, which prints one object and nothing else")
-    with watching(watch, realtime_factor) as page, show.progress(enabled=not (as_json or watch)) as progress:
+    with watching(watch, realtime_factor) as page, working("starting", not (as_json or watch)):
         flight = fly_scenario(
             scenario,
             seed=seed,
@@ -94,22 +107,24 @@ def fly(
             out=out,
             rerun=rerun,
             realtime_factor=realtime_factor,
-            progress=progress,
-            viewer=show.Watching(),
+            progress=None if watch else flying,
+            viewer=show.Watching(wait),
             watch=page,
             allow_code=allow_code,
             unit=unit,
             realtime=realtime,
             live=keyboard(watch and (realtime or realtime_factor is not None)),
         )
-    emit(as_json, flight.summary, lambda: show.flight(flight))
+        tell("scoring")
+        said = conclude(flight.log, flight.frames)
+    show.emit_flight(as_json, flight, said)
 
 
-@app.command()
 def recover(
-    log: Annotated[Path, typer.Argument(help="A log that was cut off.")],
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log that was cut off.", show_default=False)],
     out: Annotated[
-        Path | None, typer.Option(help="Where to write the mended log.", show_default="<log>.recovered.mcap")
+        Path | None,
+        typer.Option(metavar="FILE", help="Where to write the mended log.", show_default="<log>.recovered.mcap"),
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -128,11 +143,10 @@ def recover(
     emit(as_json, {"log": str(kept), **asdict(found)}, lambda: typer.echo(plain(text)))
 
 
-@app.command()
 def bench(
     scenario: ScenarioName = None,
     sets: Sets = None,
-    repeats: Annotated[int, typer.Option(help="Flights; the medians count.", min=1)] = 7,
+    repeats: Annotated[int, typer.Option(metavar="N", help="Flights; the medians count.", min=1)] = 7,
     allow_code: AllowCode = False,
     as_json: Json = False,
 ) -> None:
@@ -141,11 +155,11 @@ def bench(
     from rig.cli import show
     from rig.scenario import load
 
-    result = measure(load(scenario, sets or (), allow_code=allow_code), repeats)
+    with working("measuring", not as_json):
+        result = measure(load(scenario, sets or (), allow_code=allow_code), repeats)
     emit(as_json, result.as_dict, lambda: show.bench(result))
 
 
-@app.command()
 def signals(
     markdown: Annotated[bool, typer.Option("--markdown", help="As the table in docs/signals.md.")] = False,
     as_json: Json = False,
@@ -161,95 +175,15 @@ def signals(
     emit(as_json, data, text)
 
 
-for command in (vote, thresholds, score, replay, diff, info, export, view, watch):
-    app.command()(command)
-
-
-@scenario_app.command("show")
-def scenario_show(scenario: ScenarioName = None, sets: Sets = None, as_json: Json = False) -> None:
-    """Print a scenario with every default written out, as TOML that can be flown."""
-    from rig.scenario import load
-
-    loaded = load(scenario, sets or ())
-    emit(as_json, loaded.resolved, lambda: typer.echo(plain(loaded.to_toml(), keep="\n"), nl=False))
-
-
-@scenario_app.command("list")
-def scenario_list(as_json: Json = False) -> None:
-    """List the bundled scenarios and their titles."""
-    from rig.cli import show
-    from rig.scenario import find, names
-    from rig.settings import read_toml
-
-    found = {name: str(read_toml(find(name)).get("title", "")) for name in names()}
-    emit(as_json, found, lambda: show.scenarios(found))
-
-
-@scenario_app.command("check")
-def scenario_check(scenario: ScenarioName = None, sets: Sets = None) -> None:
-    """Check a scenario without flying it."""
-    from rig.scenario import find, load
-
-    loaded = load(scenario, sets or ())
-    manager = loaded.redundancy.manager
-    code = f"; the class {manager} votes: not imported here, rig fly needs --allow-code" if ":" in manager else ""
-    counts = f"{loaded.frames} frames of {loaded.aircraft}, {len(loaded.faults)} faults"
-    typer.echo(plain(f"{find(scenario)}: good, {counts}{code}"))
-
-
-@aircraft_app.command("list")
-def aircraft_list(as_json: Json = False) -> None:
-    """List the bundled aircraft and their flight points."""
-    from rig.aircraft import names
-    from rig.cli import show
-
-    found = {name: show.flight_points(name) for name in names()}
-    emit(as_json, found, lambda: show.aircraft(found))
-
-
-@aircraft_app.command("show")
-def aircraft_show(name: str, as_json: Json = False) -> None:
-    """Print everything that is known of an aircraft."""
-    import tomli_w
-
-    from rig.aircraft import tables
-    from rig.settings import refuse_what_is_no_setting
-
-    found = tables(name)
-    refuse_what_is_no_setting(found, f"aircraft {name}")
-    emit(as_json, found, lambda: typer.echo(plain(tomli_w.dumps(found), keep="\n"), nl=False))
-
-
-@aircraft_app.command("design")
-def aircraft_design(
-    name: str,
-    out: Annotated[
-        Path | None, typer.Option(help="Where to write the gains.", show_default="<aircraft>/gains.toml")
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    """Design the control law at every flight point, then fly it to measure the references.
-
-    Writes gains.toml with the margins, and beside it references.toml with the measured errors.
-    """
-    from rig.aircraft import folder
-    from rig.cli import show
-    from rig.computer.control.gains import write
-    from rig.design import references as reference_design
-    from rig.design.gains import design
-    from rig.plant import airframe
-
-    home = folder(name)
-    if out is not None and not out.parent.is_dir():
-        raise BadInput(f"--out {out}: no such folder")
-    gains = design(airframe.read(home / "aircraft.toml"))
-    target = out or home / "gains.toml"
-    write(gains, target)
-    references, beside = reference_design.design(name, gains), target.with_name("references.toml")
-    reference_design.write(references, beside)
-    written = {"file": str(target), "references_file": str(beside)}
-    summary = {**written, **gains.model_dump(), "references": references.model_dump()}
-    emit(as_json, summary, lambda: show.design(references, target, beside))
+_PANELS: Final = {
+    LOOK: (view, watch, info),
+    SCORE: (score, replay, diff),
+    RECORDED: (vote, thresholds, export, recover),
+    REFERENCE: (signals, bench),
+}
+for panel, commands in _PANELS.items():
+    for command in commands:
+        app.command(rich_help_panel=panel)(command)
 
 
 MOST_OF_A_WORD: Final = 400  # characters of a wrong command line that are repeated

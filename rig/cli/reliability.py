@@ -10,11 +10,14 @@ import typer
 from rig.cli.common import GROUP, Json, emit
 from rig.cli.reliability_margin import margin
 from rig.cli.reliability_trials import trials
+from rig.cli.working import working
 from rig.errors import BadInput
 
 reliability_app = typer.Typer(help="From rates and measured outcomes to a probability per flight hour.", **GROUP)
-RatesFile = Annotated[Path, typer.Option("--rates", help="Rates with their sources, TOML.", show_default=False)]
-Hours = Annotated[float, typer.Option(help="Duration of a flight.", min=1e-3, max=1e3)]
+RatesFile = Annotated[
+    Path, typer.Option("--rates", metavar="FILE", help="Rates with their sources, TOML.", show_default=False)
+]
+Hours = Annotated[float, typer.Option(metavar="X", help="Duration of a flight.", min=1e-3, max=1e3)]
 SignalName = Annotated[
     str | None, typer.Option("--signal", help="Of the rates file; its only one.", show_default=False)
 ]
@@ -22,7 +25,7 @@ SignalName = Annotated[
 
 @reliability_app.command()
 def chain(
-    file: Annotated[Path, typer.Argument(help="Rates between states, TOML.", show_default=False)],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Rates between states, TOML.", show_default=False)],
     as_json: Json = False,
 ) -> None:
     """Print the probability of every state of a chain that is given as rates."""
@@ -43,7 +46,9 @@ def run(
     hours: Hours = 1.0,
     channels: Annotated[str, typer.Option(help="Numbers of channels.")] = "1,2,3,4",
     signal: SignalName = None,
-    checks: Annotated[int, typer.Option(help="Flights between two full checks, beside one.", min=1, max=1000)] = 50,
+    checks: Annotated[
+        int, typer.Option(metavar="N", help="Flights between two full checks, beside one.", min=1, max=1000)
+    ] = 50,
     report: Annotated[
         Path | None,
         typer.Option("--report", "--plot", help="Write a page with the pictures, HTML.", show_default=False),
@@ -58,7 +63,8 @@ def run(
 
     read = read_rates(rates)
     name, given = read.of(signal, str(rates))
-    found = reckon(folders, read, name, _numbers(channels), hours, checks)
+    with working("reading the cells", not as_json):
+        found = reckon(folders, read, name, _numbers(channels), hours, checks)
     lines = assumptions(read, name, found)
     if report is not None:
         from rig.reliability.report import write_report

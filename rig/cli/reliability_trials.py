@@ -8,15 +8,19 @@ from typing import Annotated
 import typer
 
 from rig.cli.common import Json, emit
+from rig.cli.working import working
+from rig.progress import tell
 
-Workers = Annotated[int, typer.Option(help="Processes.", min=1, max=1024)]
+Workers = Annotated[int, typer.Option(metavar="N", help="Processes.", min=1, max=1024)]
 
 
 def trials(
-    campaign: Annotated[str, typer.Argument(help="A campaign like `reliability`, its file or bundled name.")],
-    out: Annotated[Path, typer.Option(help="Folder for the counts, new or empty.", show_default=False)],
-    runs: Annotated[int, typer.Option(help="Trials in all.", min=1, max=10**9, show_default=False)],
-    seed: Annotated[int, typer.Option(help="Of all draws.", min=0, max=2**63 - 1)] = 0,
+    campaign: Annotated[
+        str, typer.Argument(metavar="FILE|NAME", help="A campaign like `reliability`, its file or bundled name.")
+    ],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the counts, new or empty.", show_default=False)],
+    runs: Annotated[int, typer.Option(metavar="N", help="Trials in all.", min=1, max=10**9, show_default=False)],
+    seed: Annotated[int, typer.Option(metavar="N", help="Of all draws.", min=0, max=2**63 - 1)] = 0,
     good_before: Annotated[str, typer.Option(help="Good channels before the fault, with commas: 4, 3.")] = "4,3",
     workers: Workers = 2,
     set_: Annotated[list[str] | None, typer.Option("--set", help="Lay KEY=VALUE over every run.")] = None,
@@ -33,5 +37,6 @@ def trials(
     if not all(part.strip() in ("1", "2", "3", "4") for part in good_before.split(",")):
         raise BadInput(f"--good-before {good_before}: must be numbers of channels, as in 4,3")
     good = sorted({int(part) for part in good_before.split(",")}, reverse=True)
-    about = fly_trials(plan, out, runs, seed, workers, good)
+    with working("recording the healthy flights", not as_json):
+        about = fly_trials(plan, out, runs, seed, workers, good, report=lambda done, count: tell("trials", done, count))
     emit(as_json, {"out": str(out), **about}, lambda: typer.echo(f"{about['trials']} trials: {out}"))

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rig.cli import complete
 from rig.cli.common import AllowCode, Json, UnitFile, emit
+from rig.cli.working import working
 from rig.text import plain
 
 if TYPE_CHECKING:
@@ -21,13 +23,20 @@ def replay(
     fly: Annotated[bool, typer.Option("--fly", help="Fly the whole recorded scenario again.")] = False,
     redundancy: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="What if: a TOML file with another [redundancy].", show_default=False),
+        typer.Option(metavar="FILE", help="What if: a TOML file with another redundancy table.", show_default=False),
     ] = None,
     sets: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="What if: redundancy.manager=mean; repeatable."),
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="What if: redundancy.manager=mean; repeatable.",
+            autocompletion=complete.sets,
+        ),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Log of the what if.", show_default="<log>.what-if.mcap")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Log of the what if.", show_default="<log>.what-if.mcap")
+    ] = None,
     unit: UnitFile = None,
     allow_code: AllowCode = False,
     as_json: Json = False,
@@ -46,7 +55,8 @@ def replay(
         raise BadInput("--out is where a what if is written: it needs --redundancy or --set")
     if asked and unit is not None:
         raise BadInput("--unit replays what was recorded: it cannot be joined with --redundancy or --set")
-    recording = recorded(log, allow_code)
+    with working("reading the log", not as_json):
+        recording = recorded(log, allow_code)
     if asked:
         _what_if(recording, redundancy, sets or [], out, as_json)
     else:
@@ -59,7 +69,7 @@ def _again(recording: Recorded, fly: bool, unit: Path | None, as_json: bool) -> 
     from rig.computer.external.unit import running
     from rig.offline.verify import verify
 
-    with running(unit) as tested:
+    with working("flying again" if fly else "replaying", not as_json), running(unit) as tested:
         found = verify(recording, fly, tested)
     emit(as_json, {"log": str(recording.path), **found.as_dict()}, lambda: show.verified(recording, found))
     if not found.comparison.identical:
@@ -71,14 +81,15 @@ def _what_if(recording: Recorded, file: Path | None, sets: list[str], out: Path 
     from rig.offline.what_if import changed, what_if
 
     changes = [*([str(file)] if file else []), *sets]
-    answer = what_if(recording, changed(recording, file, sets), out, changes)
+    with working("replaying", not as_json):
+        answer = what_if(recording, changed(recording, file, sets), out, changes)
     about = {"log": str(recording.path), "what_if": str(answer.path), "changes": changes, "events": answer.events}
     emit(as_json, {**about, "open_loop": True, **answer.moved.as_dict()}, lambda: show.what_if(recording, answer))
 
 
 def diff(
-    a: Annotated[Path, typer.Argument(metavar="A", help="A log.", show_default=False)],
-    b: Annotated[Path, typer.Argument(metavar="B", help="Another.", show_default=False)],
+    a: Annotated[Path, typer.Argument(metavar="LOG_A", help="A log.", show_default=False)],
+    b: Annotated[Path, typer.Argument(metavar="LOG_B", help="Another.", show_default=False)],
     tolerance: Annotated[
         list[str] | None,
         typer.Option(metavar="X", help="1e-6 for all fields, 'pitch_rate.*=0.01' for some; repeatable."),
@@ -90,8 +101,11 @@ def diff(
     from rig.offline.sides import diff as compare
     from rig.offline.sides import side
 
-    found = compare(side(a), side(b), tolerance or ())
-    emit(as_json, {"a": str(a), "b": str(b), **found.as_dict()}, lambda: show.comparison(found))
+    with working("comparing", not as_json):
+        left, right = side(a), side(b)
+        found = compare(left, right, tolerance or ())
+    rate_hz = left.rate_hz if left.rate_hz == right.rate_hz else None
+    emit(as_json, {"a": str(a), "b": str(b), **found.as_dict()}, lambda: show.comparison(found, rate_hz))
     if not found.same:
         raise typer.Exit(1)
 
@@ -110,12 +124,14 @@ def info(log: LogFile, as_json: Json = False) -> None:
 
 def export(
     log: LogFile,
-    to: Annotated[str, typer.Option(help="csv, parquet or npz.", show_default=False)],
+    to: Annotated[str, typer.Option(metavar="FORMAT", help="csv, parquet or npz.", show_default=False)],
     signals: Annotated[
         str | None,
         typer.Option(metavar="A,B", help="Signals, discretes, control, flight, inertial, demand.", show_default="all"),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="The file to write.", show_default="<log>.<to>")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The file to write.", show_default="<log>.<to>")
+    ] = None,
     for_vote: Annotated[bool, typer.Option("--for-vote", help="Only what rig vote reads.")] = False,
     as_json: Json = False,
 ) -> None:
@@ -124,8 +140,10 @@ def export(
     from rig.offline.export import export as write
 
     owners = [part.strip() for part in (signals or "").split(",") if part.strip()]
-    recording, target = read_log(log), out or Path(f"{log.with_suffix('')}.{to}")
-    columns = write(recording, to, target, owners, for_vote)
+    target = out or Path(f"{log.with_suffix('')}.{to}")
+    with working("writing", not as_json):
+        recording = read_log(log)
+        columns = write(recording, to, target, owners, for_vote)
     about = {"log": str(log), "out": str(target), "rows": len(recording.rows), "columns": columns}
     text = f"{target}: {len(recording.rows)} rows, {len(columns)} columns"
     emit(as_json, about, lambda: typer.echo(plain(text)))

@@ -9,16 +9,23 @@ from typing import Annotated
 import typer
 
 from rig.cli.common import AllowCode, Json, UnitFile, emit
+from rig.cli.working import working
 
 
 def score(
-    log: Annotated[Path, typer.Argument(help="The log of a flight.", show_default=False)],
-    no_twin: Annotated[bool, typer.Option("--no-twin", help="Do not fly the fault-free twin: no transients.")] = False,
-    transient_load_factor: Annotated[float, typer.Option(help="Allowed of a failure transient, g.", min=1e-9)] = 0.5,
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="The log of a flight.", show_default=False)],
+    no_twin: Annotated[
+        bool, typer.Option("--no-twin", help="Do not fly the fault-free reference run: no transients.")
+    ] = False,
+    transient_load_factor: Annotated[
+        float, typer.Option(metavar="X", help="Allowed of a failure transient, g.", min=1e-9)
+    ] = 0.5,
     transient_pitch_rate_rad_s: Annotated[
         float, typer.Option(help="The same of body rates, rad/s.", min=1e-9, show_default="10 deg/s")
     ] = radians(10.0),
-    transient_window_s: Annotated[float, typer.Option(help="Time after each onset that is scored.", min=1e-9)] = 2.0,
+    transient_window_s: Annotated[
+        float, typer.Option(metavar="X", help="Time after each onset that is scored.", min=1e-9)
+    ] = 2.0,
     unit: UnitFile = None,
     allow_code: AllowCode = False,
     as_json: Json = False,
@@ -35,6 +42,6 @@ def score(
         "pitch_rate_rad_s": transient_pitch_rate_rad_s,
         "window_s": transient_window_s,
     }
-    with running(unit) as tested:
+    with working("reading the log", not as_json), running(unit) as tested:
         scored = score_log(log, build(Yardstick, limits, "--transient"), not no_twin, allow_code, tested)
     emit(as_json, scored.as_dict, lambda: show(scored))

@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-import signal
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
-from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress, ProgressColumn
 
 from rig.aircraft import tables
+from rig.cli.common import emit
 from rig.console import Screen, console, styled
 from rig.frame import DISCRETES, SIGNALS
+from rig.progress import tell
+from rig.quantities import moment
 
 if TYPE_CHECKING:
     from rig.bench import Bench
     from rig.computer.analytic.designed import Designed
     from rig.flight import Flight
-    from rig.flight import Progress as Report
+    from rig.interrupt import Stop
     from rig.view.stream import Stream
 
+LOOK_S: Final = 0.1  # between two looks for a viewer, or for Ctrl-C
 MOST_LINES = 40  # of events on the terminal; all of them are in the log
 
 
@@ -37,41 +41,72 @@ def bar(enabled: bool, *columns: ProgressColumn) -> Iterator[Progress | None]:
         yield shown
 
 
-@contextmanager
-def progress(enabled: bool) -> Iterator[Report | None]:
-    """How far a flight is, and the time left; nothing in a pipe."""
-    share = TextColumn("{task.percentage:3.0f} %")
-    with bar(enabled, TextColumn("flying"), BarColumn(), share, TimeRemainingColumn()) as shown:
-        yield None if shown is None else _reporter(shown)
-
-
-def _reporter(shown: Progress) -> Report:
-    task = shown.add_task("flight")
-    return lambda done, total: shown.update(task, completed=done, total=total)
-
-
 class Watching:
-    """Says where a stream can be watched, and keeps a served one open until Ctrl-C when somebody is there."""
+    """Says where a stream can be watched; a served one waits for a viewer, and stays open until Ctrl-C."""
 
-    def opened(self, stream: Stream) -> None:
-        """Print the address to open."""
-        if stream.browser:
-            print(f"watch at {stream.browser}", file=sys.stderr, flush=True)
+    def __init__(self, wait: bool = True) -> None:
+        self._wait = wait
 
-    def flown(self, stream: Stream) -> None:
-        """Hold the server on a terminal."""
-        if not stream.browser or not sys.stdin.isatty():
+    def opened(self, stream: Stream, stop: Stop) -> None:
+        """Print the address to open, and wait until a viewer is connected; Ctrl-C gives the flight up."""
+        if not stream.browser:
+            return
+        waiting = "; the flight begins when a viewer is connected (--no-wait: at once)" if self._wait else ""
+        print(f"watch at {stream.browser}{waiting}", file=sys.stderr, flush=True)
+        tell("waiting for a viewer")
+        while self._wait and not stop.requested and not stream.watched:
+            time.sleep(LOOK_S)
+
+    def flown(self, stream: Stream, stop: Stop) -> None:
+        """Hold the server until Ctrl-C, which may have come in flight."""
+        if not stream.browser or stop.requested:
             return
         stream.drain()
         print("flight over, still serving; Ctrl-C ends", file=sys.stderr, flush=True)
-        with suppress(KeyboardInterrupt):
-            signal.pause()
+        tell("serving")
+        while not stop.requested:
+            time.sleep(LOOK_S)
+
+
+def emit_flight(as_json: bool, flown: Flight, said: list[str]) -> None:
+    """The summary of one flight with what its conclusion ``said`` and the next commands, for people or as JSON."""
+    from rig.score.conclusion import next_commands
+
+    follow = next_commands(flown.log)
+    emit(as_json, lambda: {**flown.summary(), "conclusion": said, "next": follow}, lambda: _concluded(flown, said))
+
+
+def _concluded(flown: Flight, said: list[str]) -> None:
+    flight(flown)
+    conclusion(said)
+    next_steps(flown.log)
+
+
+def conclusion(said: Sequence[str]) -> None:
+    """The sentences of a conclusion, the first MOST_LINES and the last."""
+    screen = console()
+    screen.print("conclusion", style="bold")
+    left = len(said) - MOST_LINES
+    for line in said if left <= 0 else [*said[: MOST_LINES - 1], f"and {left} more, with --json", said[-1]]:
+        screen.print(f"  {line}", soft_wrap=True)
+
+
+_NEXT: Final = ("against the truth", "in Rerun", "run the manager over the log again")
+
+
+def next_steps(log: Path) -> None:
+    """The commands that show more of a log."""
+    from rig.score.conclusion import next_commands
+
+    for i, (command, what) in enumerate(zip(next_commands(log), _NEXT, strict=True)):
+        console().print(f"{'next' if i == 0 else '':9}{command}   # {what}", soft_wrap=True)
 
 
 def flight(flown: Flight) -> None:
     """The verdict of one flight."""
     screen, scenario = console(), flown.scenario
-    screen.print(styled((scenario.title or scenario.aircraft, "bold"), f"  seed {scenario.seed}"))
+    about = [f"seed {scenario.seed}", f"manager {scenario.redundancy.manager}", *flown.overrides]
+    screen.print(styled((scenario.title or scenario.aircraft, "bold"), f"  {', '.join(about)}"), soft_wrap=True)
     for event in flown.events[:MOST_LINES]:
         style = {"info": "", "warning": "yellow", "error": "red"}[event.level]
         screen.print(f"  {event.frame / scenario.rate_hz:9.2f} s  {event.name:17} {event.text}", style=style)
@@ -79,13 +114,13 @@ def flight(flown: Flight) -> None:
         screen.print(f"  and {len(flown.events) - MOST_LINES} more events, in the log")
     verdict = ("survived", "green") if flown.survived else ("lost", "red")
     reason = f": {flown.end_reason} ({flown.frames} frames, {flown.duration_s:g} s)"
-    screen.print(styled("verdict  ", verdict, reason))
+    screen.print(styled("result   ", verdict, reason))
     failed = (f"{name} channel {', '.join(map(str, numbers))}" for name, numbers in flown.failed.items())
     screen.print(f"failed   {'; '.join(failed) or 'no channel'}")
     if flown.not_executed:
         screen.print(f"faults   not executed: {'; '.join(flown.not_executed)}", style="yellow")
     screen.print(f"peaks    {_peaks(flown)}")
-    screen.print(f"speed    {flown.us_per_frame:.1f} us a frame, {flown.duration_s / flown.wall_s:.0f} x real time")
+    screen.print(f"run time {flown.us_per_frame:.1f} us per frame, {flown.duration_s / flown.wall_s:.0f} x real time")
     if flown.jitter is not None:
         j = flown.jitter
         screen.print(
@@ -110,7 +145,7 @@ def _unit(flown: Flight) -> None:
     told = ("missed", "late", "requests_lost", "replies_lost", "discarded", "refused", "not_finite", "restarts")
     wrong = [f"{unit[name]} {name.replace('_', ' ')}" for name in told if unit[name]]
     if unit["dead_frame"] is not None:
-        wrong.append(f"dead from frame {unit['dead_frame']} on")
+        wrong.append(f"dead from {moment(unit['dead_frame'], flown.scenario.rate_hz)} on")
     text = ", ".join([f"{unit['answered']} frames answered", *wrong])
     screen.print(f"unit     {unit['name']}: {text}", style="yellow" if wrong else "")
     reply = unit["reply"]
@@ -141,9 +176,9 @@ def aircraft(found: dict[str, list[str]]) -> None:
     console().table(heads, ((name, ", ".join(points)) for name, points in found.items()))
 
 
-def scenarios(found: dict[str, str]) -> None:
-    """Bundled scenarios and their titles."""
-    console().table(("scenario", "title"), found.items())
+def scenarios(rows: Sequence[tuple[str, str, str]]) -> None:
+    """Bundled scenarios: name, aircraft, title."""
+    console().table(("scenario", "aircraft", "title"), rows)
 
 
 SIGNAL_COLUMNS = ("signal", "symbol", "unit", "range", "channels", "group", "topic")

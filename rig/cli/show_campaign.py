@@ -13,7 +13,7 @@ from rich.progress import Progress as Bar
 from rig.campaign.estimate import Estimate
 from rig.campaign.plan import Plan
 from rig.campaign.run import Progress, Report, Result
-from rig.cli.show import bar
+from rig.cli.show import bar, conclusion, next_steps
 from rig.cli.show import flight as show_flight
 from rig.console import console, styled
 from rig.flight import Flight
@@ -101,29 +101,53 @@ def status(found: dict[str, Any]) -> None:
     screen.print(f"table    {found['table_sha256']}")
 
 
-def again(flown: Flight, number: int, same: bool | None) -> None:
-    """A run flown again."""
+def again(flown: Flight, number: int, same: bool | None, said: list[str]) -> None:
+    """A run flown again, and its conclusion."""
     show_flight(flown)
+    conclusion(said)
     says = {None: "not in the table yet", True: "the same digest as in the table", False: "NOT the table's digest"}
     console().print(f"run      {number}: {says[same]}")
+    next_steps(flown.log)
 
 
 def report(found: dict[str, Any], target: Path) -> None:
     """The headline of a report, the resolvers, and where the rest is."""
     screen, head = console(), found["headline"]
     screen.print(styled((found["title"], "bold"), f"  {head['done']} of {found['runs']} runs"))
-    for name in ("detection", "right_isolation", "wrong_isolation", "survival"):
-        screen.print(f"{name.replace('_', ' '):16} {_share(head[name])}")
+    screen.print(f"{'faults':18} {_accounted(head)}")
+    for name, label in _SHARES.items():
+        screen.print(f"{label:18} {_share(head[name])}")
     alarms = head["false_alarms"]
     if alarms["value"] is not None:
         interval = f"{alarms['low']:.3g} to {alarms['high']:.3g}"
         counted = f"{alarms['count']} in {alarms['of']:.4g} h"
-        screen.print(f"false alarms     {alarms['value']:.3g} a channel hour ({interval}), {counted}")
+        screen.print(f"{'false alarms':18} {alarms['value']:.3g} a channel hour ({interval}), {counted}")
     if found["resolvers"]:
         names = ("resolver", "pattern", "asked", "answered", "right", "wrong", "open")
         rows = ([*(str(row[name]) for name in names), _share(row["right_share"])] for row in found["resolvers"])
-        screen.table((*names, "right of decided"), rows)
-    screen.print(f"report           {target}", soft_wrap=True)
+        screen.table((*("correct" if name == "right" else name for name in names), "correct of decided"), rows)
+    screen.print(f"{'report':18} {target}", soft_wrap=True)
+
+
+_SHARES: Final = {
+    "detection": "detection",
+    "right_isolation": "correct isolation",
+    "wrong_isolation": "wrong isolation",
+    "survival": "survival",
+}
+
+
+def _accounted(head: dict[str, Any]) -> str:
+    """What became of every fault of the table, so that the counts add up; detection is of the detectable ones."""
+    detectable = head["detection"]["of"]
+    elsewhere = head["faults"] - head["not_executed"] - head["undetectable"] - detectable
+    parts = {
+        "detectable": detectable,
+        "undetectable (error below the threshold)": head["undetectable"],
+        "not executed": head["not_executed"],
+        "on no channel (surface, reference, inertial unit)": elsewhere,
+    }
+    return f"{head['faults']}, counted by channel: " + ", ".join(f"{n} {what}" for what, n in parts.items() if n)
 
 
 def _share(rate: dict[str, Any]) -> str:

@@ -6,18 +6,21 @@ from collections import Counter
 from typing import Any
 
 from rig.console import Screen, console, styled
+from rig.log.columns import unit_of
 from rig.offline.compare import Comparison
 from rig.offline.decisions import Decisions
 from rig.offline.replay import Recorded
 from rig.offline.verify import Verified
 from rig.offline.what_if import WhatIf
+from rig.quantities import duration, moment, number, unit_shown
 
 MOST_LINES = 40  # of a table on the terminal; --json has all
+MOST_OVERRIDES = 8  # of a log
 
 
 def verified(recording: Recorded, found: Verified) -> None:
     """A replay or a flight again: the fields, and where they are not identical the decisions that moved."""
-    comparison(found.comparison)
+    comparison(found.comparison, recording.log.rate_hz)
     if not found.comparison.identical:
         _decisions(found.decisions, recording.log.rate_hz)
 
@@ -29,8 +32,8 @@ def what_if(recording: Recorded, answer: WhatIf) -> None:
     console().print(f"written  {answer.path}", soft_wrap=True)
 
 
-def comparison(found: Comparison) -> None:
-    """The fields that are not equal, and the verdict."""
+def comparison(found: Comparison, rate_hz: float | None) -> None:
+    """The fields that are not equal, and the verdict; without a rate the frames alone."""
     screen = console()
     for line in found.remarks:
         screen.print(f"  {line}", style="yellow")
@@ -43,10 +46,10 @@ def comparison(found: Comparison) -> None:
     if unequal:
         order = sorted(unequal, key=lambda field: (field.verdict != "different", field.first_frame or 0))
         rows = [
-            (f.name, f.verdict, f"{f.frames}", "" if f.first_frame is None else f"{f.first_frame}", _number(f.largest))
+            (f.name, f.verdict, f"{f.frames}", _at(f.first_frame, rate_hz), *_sized(f.largest, unit_of(f.name)))
             for f in order[:MOST_LINES]
         ]
-        screen.table(("field", "verdict", "frames", "first", "largest"), rows)
+        screen.table(("field", "result", "frames", "first", "largest difference", "unit"), rows)
         _rest(screen, len(unequal))
     counted = ", ".join(f"{count} {name}" for name, count in found.counts().items() if count)
     word = "identical" if found.identical else "same" if found.same else "different"
@@ -57,7 +60,7 @@ def _decisions(found: Decisions, rate_hz: float) -> None:
     screen = console()
     if found.failures:
         rows = [
-            (f"{entry.signal}.{entry.channel}", _frame(entry.old_frame, rate_hz), _frame(entry.new_frame, rate_hz))
+            (f"{entry.signal}.{entry.channel}", *(_failed(at, rate_hz) for at in (entry.old_frame, entry.new_frame)))
             for entry in found.failures
         ]
         screen.table(("channel", "failed", "now"), rows)
@@ -65,24 +68,32 @@ def _decisions(found: Decisions, rate_hz: float) -> None:
         rows = []
         for entry in found.moved[:MOST_LINES]:
             channel = "" if entry.channel is None else f".{entry.channel}"
-            span = f"{entry.first_frame}" + ("" if entry.last_frame == entry.first_frame else f" to {entry.last_frame}")
-            at = f"{entry.first_frame / rate_hz:.2f}"
-            rows.append((f"{entry.signal}{channel} {entry.decision}", span, at, entry.old, entry.new))
-        screen.table(("decision", "frames", "from s", "old", "new"), rows)
+            length = duration(entry.last_frame - entry.first_frame + 1, rate_hz)
+            at = moment(entry.first_frame, rate_hz)
+            rows.append((f"{entry.signal}{channel} {entry.decision}", at, length, entry.old, entry.new))
+        screen.table(("decision", "from", "for", "old", "new"), rows)
         _rest(screen, len(found.moved))
     if found.votes:
-        rows = ((vote.signal, f"{vote.frames}", f"{vote.first_frame}", _number(vote.largest)) for vote in found.votes)
-        screen.table(("vote", "frames", "first", "largest"), rows)
+        rows = (
+            (v.signal, f"{v.frames}", moment(v.first_frame, rate_hz), *_sized(v.largest, unit_of(f"{v.signal}.voted")))
+            for v in found.votes
+        )
+        screen.table(("vote", "frames", "first", "largest difference", "unit"), rows)
     if not found.moved and not found.votes:
         screen.print("no decision and no vote moved")
 
 
-def _frame(frame: int | None, rate_hz: float) -> str:
-    return "never" if frame is None else f"{frame} ({frame / rate_hz:.2f} s)"
+def _failed(frame: int | None, rate_hz: float) -> str:
+    return "never" if frame is None else moment(frame, rate_hz)
 
 
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.4g}"
+def _at(frame: int | None, rate_hz: float | None) -> str:
+    """The time of a frame where the rate is known, else the frame."""
+    return moment(frame, rate_hz) if rate_hz else "" if frame is None else f"frame {frame}"
+
+
+def _sized(value: float | None, unit: str) -> tuple[str, str]:
+    return number(value, unit), unit_shown(unit)
 
 
 def _rest(screen: Screen, count: int) -> None:
@@ -94,6 +105,11 @@ def info(found: dict[str, Any]) -> None:
     """One log."""
     screen, result = console(), found["result"] or {}
     screen.print(styled((found["title"] or found["log"], "bold"), f"  {found['aircraft']}, seed {found['seed']}"))
+    screen.print(f"manager  {found['manager'] or 'not said'}")
+    if found["overrides"]:
+        left = len(found["overrides"]) - MOST_OVERRIDES
+        more = f" and {left} more, with --json" if left > 0 else ""
+        screen.print(f"set      {', '.join(found['overrides'][:MOST_OVERRIDES])}{more}", soft_wrap=True)
     if found["what_if"] is not None:
         screen.print(f"what if  {found['what_if']}, over the channels of {found['what_if_of']}; never flown")
     planned = "" if found["planned_s"] is None else f" of {found['planned_s']:g} s"

@@ -7,9 +7,14 @@ from math import degrees
 
 from rich.table import Table
 
+from rig.cli.show import conclusion
 from rig.console import Screen, console, styled
+from rig.frame import INDEX, SIGNALS
+from rig.quantities import duration, moment, number, unit_shown
+from rig.score.context import error_unit
+from rig.score.misses import Miss
 from rig.score.of_log import Scored
-from rig.score.record import Deviation, FaultScore, FlightScore, Isolation, Score, Transients
+from rig.score.record import Deviation, FlightScore, Isolation, Score, Transients
 
 MOST = 40  # lines of one kind on the terminal; all are in --json
 _ROUNDING = 1e-12  # of angles, which are voted near another angle
@@ -21,12 +26,13 @@ def show(scored: Scored) -> None:
     screen, score = console(), scored.score
     title = scored.scenario.title or scored.scenario.aircraft
     screen.print(styled((title, "bold"), f"  seed {scored.scenario.seed}  {scored.log}"), soft_wrap=True)
-    _faults(screen, score.faults)
-    _isolations(screen, "false alarms", score.false_alarms)
-    _isolations(screen, "wrong isolations", score.wrong_isolations)
+    conclusion(scored.conclusion)
+    _faults(screen, scored)
+    _isolations(screen, "false alarms", score.false_alarms, scored.scenario.rate_hz)
+    _isolations(screen, "wrong isolations", score.wrong_isolations, scored.scenario.rate_hz)
     _resolvers(screen, score)
-    _votes(screen, score)
-    _flight(screen, score.flight)
+    _votes(screen, scored)
+    _flight(screen, score.flight, scored.scenario.rate_hz)
     _coverage(screen, score)
     _times(screen, scored)
 
@@ -39,39 +45,46 @@ def _times(screen: Screen, scored: Scored) -> None:
         )
         screen.print(f"unit              {scored.unit['name']}: {counts}")
     for miss in scored.misses[:MOST]:
-        screen.print(f"unit fault        {miss.status} in frames {miss.first_frame} to {miss.last_frame}", style="red")
+        screen.print(f"unit fault        {miss.status} {_span(miss, scored.scenario.rate_hz)}", style="red")
     _more(screen, len(scored.misses), "faults of the unit")
     for name, bins in scored.times.items():
         told = ", ".join(f"{count} {bin.replace('_', ' ')}" for bin, count in bins.items() if count)
         screen.print(f"{name:17} {told}")
 
 
+def _span(miss: Miss, rate_hz: float) -> str:
+    return f"from {moment(miss.first_frame, rate_hz)} to {moment(miss.last_frame, rate_hz)}"
+
+
 def _counted(value: object) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and value > 0
 
 
-def _faults(screen: Screen, faults: Sequence[FaultScore]) -> None:
+def _faults(screen: Screen, scored: Scored) -> None:
+    faults, rate_hz = scored.score.faults, scored.scenario.rate_hz
     if not faults:
         screen.print("faults            none in the scenario")
         return
-    table = Table("fault", "on", "onset", "exceeded", "failed", "delay", "by", "peak error", "outcome", box=None)
+    heads = ("fault", "on", "onset", "left threshold", "failed", "delay", "from threshold", "by", "peak error", "unit")
+    table = Table(*heads, "outcome", box=None)
     for fault in faults[:MOST]:
         place = fault.signal if fault.channel is None else f"{fault.signal}.{fault.channel}"
         outcome = f"{fault.outcome}, shorter than the persistence" if fault.tolerated else fault.outcome
-        numbers = (fault.onset_frame, fault.exceeded_frame, fault.failed_frame, fault.delay_from_onset_frames)
-        peak = "" if fault.peak_error is None else f"{fault.peak_error:.4g}"
-        cells = ("" if number is None else str(number) for number in numbers)
-        style = _STYLES[fault.outcome]
-        table.add_row(fault.id, place, *cells, fault.resolver or "", peak, outcome, style=style)
+        frames = (moment(frame, rate_hz) for frame in (fault.onset_frame, fault.exceeded_frame, fault.failed_frame))
+        delays = (fault.delay_from_onset_frames, fault.delay_from_exceeded_frames)
+        unit = error_unit(fault, scored.scenario)
+        cells = (*frames, *(duration(delay, rate_hz) for delay in delays), fault.resolver or "")
+        peak = (number(fault.peak_error, unit), unit_shown(unit))
+        table.add_row(fault.id, place, *cells, *peak, outcome, style=_STYLES[fault.outcome])
     screen.print(table)
     _more(screen, len(faults), "faults")
 
 
-def _isolations(screen: Screen, title: str, found: Sequence[Isolation]) -> None:
+def _isolations(screen: Screen, title: str, found: Sequence[Isolation], rate_hz: float) -> None:
     if not found:
         screen.print(f"{title:17} none")
     for each in found[:MOST]:
-        text = f"{each.signal}.{each.channel} in frame {each.frame} by {each.resolver}"
+        text = f"{each.signal}.{each.channel} at {moment(each.frame, rate_hz)} by {each.resolver}"
         screen.print(f"{title:17} {text}", style="red")
     _more(screen, len(found), title)
 
@@ -85,24 +98,29 @@ def _resolvers(screen: Screen, score: Score) -> None:
     if not score.episodes:
         return
     rows = [
-        (pattern, name, *map(str, (r.asked, r.answered, r.right, r.wrong)))
+        (pattern, name, *map(str, (r.asked, r.answered, r.right, r.wrong, r.open)))
         for pattern, resolvers in score.resolvers_by_pattern.items()
         for name, r in resolvers.items()
         if r.asked
     ]
-    screen.table(("pattern", "resolver", "asked", "answered", "right", "wrong"), rows)
-    screen.print(f"{len(score.episodes)} episodes without a majority, {score.unresolved} unresolved")
+    screen.table(("pattern", "resolver", "asked", "answered", "correct", "wrong", "open"), rows)
+    screen.print(
+        f"{len(score.episodes)} patterns without a majority, {score.unresolved} unresolved; "
+        "answered = correct + wrong + open, open: the pattern went by before a channel was failed"
+    )
 
 
-def _votes(screen: Screen, score: Score) -> None:
+def _votes(screen: Screen, scored: Scored) -> None:
     """Signals whose vote was above the threshold or not that of healthy channels; one line for the others."""
-    rows = []
+    score, rows = scored.score, []
     for name, e in score.vote_error.items():
         if e.above_threshold_s > 0 or e.clean_peak > _ROUNDING:
+            unit = SIGNALS[INDEX[name]].unit
             seconds = (f"{e.above_threshold_s:g} s", f"{e.above_threshold_after_onset_s:g} s")
-            rows.append((name, f"{e.peak:.4g}", str(e.peak_frame), f"{e.rms:.4g}", *seconds, f"{e.clean_peak:.4g}"))
+            peak = (number(e.peak, unit), moment(e.peak_frame, scored.scenario.rate_hz), number(e.rms, unit))
+            rows.append((name, unit_shown(unit), *peak, *seconds, number(e.clean_peak, unit)))
     if rows:
-        heads = ("vote error", "peak", "in frame", "RMS", "above threshold", "after onset", "less clean, peak")
+        heads = ("vote error", "unit", "peak", "at", "RMS", "above threshold", "after onset", "due to faults, peak")
         screen.table(heads, rows)
     for name, seconds in score.wrong_votes_s.items():
         if seconds > 0:
@@ -111,7 +129,7 @@ def _votes(screen: Screen, score: Score) -> None:
     screen.print(f"{quiet} signals voted as healthy channels would have, within their threshold of the truth")
 
 
-def _flight(screen: Screen, flight: FlightScore) -> None:
+def _flight(screen: Screen, flight: FlightScore, rate_hz: float) -> None:
     verdict = ("survived", "green") if flight.survived else ("lost", "red")
     reason = f": {flight.end_reason} ({flight.frames} frames, {flight.duration_s:g} s)"
     screen.print(styled("flight            ", verdict, reason))
@@ -122,18 +140,22 @@ def _flight(screen: Screen, flight: FlightScore) -> None:
         f"roll angle {degrees(flight.roll_angle_max_rad):.1f} deg"
     )
     if flight.transients is not None:
-        _transients(screen, flight.transients)
+        _transients(screen, flight.transients, rate_hz)
 
 
-def _transients(screen: Screen, found: Transients) -> None:
+def _transients(screen: Screen, found: Transients, rate_hz: float) -> None:
     y = found.limits
     limits = f"{y['load_factor']:g} g and {degrees(y['pitch_rate_rad_s']):g} deg/s within {y['window_s']:g} s"
     rows = []
     for window in found.windows[:MOST]:
         verdict = styled(("within", "green") if window.within_limits else ("beyond", "red"))
-        rows.append((f"{', '.join(window.faults)} at {window.onset_frame}", *_peaks(window.peaks), verdict))
+        rows.append(
+            (f"{', '.join(window.faults)} at {moment(window.onset_frame, rate_hz)}", *_peaks(window.peaks), verdict)
+        )
     rows.append(("whole flight", *_peaks(found.overall), f"{found.out_of_limits_s:g} s beyond"))
-    screen.table(("against the twin", "load factor", "pitch rate", "pitch", "roll", f"limits: {limits}"), rows)
+    screen.table(
+        ("against the fault-free run", "load factor", "pitch rate", "pitch", "roll", f"limits: {limits}"), rows
+    )
     _more(screen, len(found.windows), "transients")
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rig.cli.common import GROUP, Json, emit
+from rig.cli.working import working
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,13 +17,13 @@ if TYPE_CHECKING:
     from rig.studies.tolerant import Summary
 
 study = typer.Typer(help="Published results, computed again.", **GROUP)
-Seeds = Annotated[int, typer.Option(help="Seeds of every case.", min=1, max=1000)]
-Workers = Annotated[int, typer.Option(help="Processes.", min=1, max=1024)]
+Seeds = Annotated[int, typer.Option(metavar="N", help="Seeds of every case.", min=1, max=1000)]
+Workers = Annotated[int, typer.Option(metavar="N", help="Processes.", min=1, max=1024)]
 
 
 @study.command()
 def ding2015(
-    out: Annotated[Path, typer.Option(help="Folder of the figures, made when missing.")] = Path("logs"),
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the figures, made when missing.")] = Path("logs"),
     as_json: Json = False,
 ) -> None:
     """The B707 with a lying pitch-angle sensor: printed numbers against ours, and the honest experiment."""
@@ -33,8 +34,9 @@ def ding2015(
 
     with reported(f"--out {out}", BadInput, "figures cannot be kept there"):
         out.mkdir(parents=True, exist_ok=True)
-    found = compute()
-    files = [str(path) for path in figures.write(found, out)]
+    with working("computing the study", not as_json):
+        found = compute()
+        files = [str(path) for path in figures.write(found, out)]
     emit(as_json, {**found.as_dict(), "figures": files}, lambda: _show(found, files))
 
 
@@ -47,7 +49,8 @@ def fault_tolerant(
     """Lying pitch-angle sensors by case and law, flown by JSBSim: 648 flights for each seed, some ten minutes."""
     from rig.studies import tolerant
 
-    flown, flights = tolerant.study(range(1, seeds + 1), workers)
+    with working(f"flying {648 * seeds} flights", not as_json):
+        flown, flights = tolerant.study(range(1, seeds + 1), workers)
     laws = lambda: _show_laws(tolerant.summarise(flown), flights)  # noqa: E731 # shown once
     emit(as_json, lambda: tolerant.as_dict(flown, flights), laws)
 
@@ -55,7 +58,9 @@ def fault_tolerant(
 @study.command("rate-bias")
 def rate_bias(
     seeds: Seeds = 1,
-    drawn: Annotated[int, typer.Option(help="Draw so many faults instead of the grid.", min=0, max=10**6)] = 0,
+    drawn: Annotated[
+        int, typer.Option(metavar="N", help="Draw so many faults instead of the grid.", min=0, max=10**6)
+    ] = 0,
     workers: Workers = 2,
     as_json: Json = False,
 ) -> None:
@@ -65,7 +70,9 @@ def rate_bias(
 
     numbers = range(1, seeds + 1)
     random = [flight for seed in numbers for flight in rate_bias.drawn(drawn, seed)]
-    flown = rate_bias.study(random or rate_bias.grid(numbers), workers)
+    flights = random or rate_bias.grid(numbers)
+    with working(f"flying {len(flights)} flights", not as_json):
+        flown = rate_bias.study(flights, workers)
     emit(as_json, lambda: rate_bias_table.as_dict(flown), lambda: rate_bias_table.show(flown, console()))
 
 

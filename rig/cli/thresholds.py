@@ -11,12 +11,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig.cli.common import Json, emit
+from rig.cli.working import working
 from rig.errors import BadInput
 
 if TYPE_CHECKING:
     from rig.thresholds.design import Grid
 
 MOST_FRAMES = 10_000
+Budget = Annotated[float, typer.Option(metavar="X", help="False isolations an hour and signal.", show_default=False)]
+Out = Annotated[
+    Path, typer.Option(metavar="FILE", help="What to write: CONFIG with the thresholds, TOML.", show_default=False)
+]
+Plot = Annotated[Path | None, typer.Option(metavar="FILE", help="The trade-off as a page: .html.", show_default=False)]
+Config = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Settings of rig vote; logs of ours may do without.", show_default=False),
+]
 
 
 def thresholds(
@@ -24,11 +34,9 @@ def thresholds(
         list[Path],
         typer.Argument(metavar="INPUT...", help="Recordings, folders of them, logs, a campaign.", show_default=False),
     ],
-    budget: Annotated[float, typer.Option(help="False isolations an hour and signal.", show_default=False)],
-    out: Annotated[Path, typer.Option(help="What to write: CONFIG with the thresholds, TOML.", show_default=False)],
-    config: Annotated[
-        Path | None, typer.Option(help="Settings of rig vote; logs of ours may do without.", show_default=False)
-    ] = None,
+    budget: Budget,
+    out: Out,
+    config: Config = None,
     persistence: Annotated[str, typer.Option(help="Frames to try.")] = "8,12,24,48",
     levels: Annotated[str, typer.Option(help="Channels in use to design for.")] = "4,3,2",
     filters: Annotated[str, typer.Option("--filter", help="Low-pass of the comparison to try, s.")] = "0,0.1",
@@ -45,10 +53,11 @@ def thresholds(
         bool, typer.Option("--outlier", help="Write them as outlier thresholds, beside the thresholds that there are.")
     ] = False,
     monitored: Annotated[
-        list[Path] | None, typer.Option(help="Data to be monitored: does it move more? Repeatable.", show_default=False)
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="Data to be monitored: does it move more? Repeatable.", show_default=False),
     ] = None,
-    plot: Annotated[Path | None, typer.Option(help="The trade-off as a page: .html.", show_default=False)] = None,
-    seed: Annotated[int, typer.Option(help="Of the bootstrap.", min=0)] = 0,
+    plot: Plot = None,
+    seed: Annotated[int, typer.Option(metavar="N", help="Of the bootstrap.", min=0)] = 0,
     as_json: Json = False,
 ) -> None:
     """Design thresholds from a budget of false isolations, by healthy data."""
@@ -68,7 +77,8 @@ def thresholds(
         seed,
     )
     stretch = (align_from, align_to) if align else None
-    found = _design(inputs, config, (out, plot), grid, (repair_time, stretch), (keep, outlier), monitored or [])
+    with working("reading", not as_json):
+        found = _design(inputs, config, (out, plot), grid, (repair_time, stretch), (keep, outlier), monitored or [])
     emit(as_json, found, lambda: show(console(), found))
 
 

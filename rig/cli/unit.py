@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from rig.cli.common import GROUP, Json, emit
+from rig.cli.working import working
 from rig.errors import BadInput
 
 unit_app = typer.Typer(help="Flight software under test: its records, its conformance.", **GROUP)
@@ -35,6 +36,14 @@ def header(
 
 
 @unit_app.command()
+def schema() -> None:
+    """Print the JSON schema of unit files, for editors."""
+    from rig.cli.schema import of_file
+
+    typer.echo(of_file("unit"))
+
+
+@unit_app.command()
 def check(
     file: Annotated[Path, typer.Argument(metavar="UNIT", help="A unit file.", show_default=False)],
     seam: Annotated[bool, typer.Option("--seam", help="How it answers, not what it decides.")] = False,
@@ -44,7 +53,8 @@ def check(
     from rig.cli import show_unit as show
     from rig.offline.unit_check import check as test
 
-    found = test(file, seam_only=seam)
+    with working("testing the unit", not as_json):
+        found = test(file, seam_only=seam)
     emit(as_json, found.as_dict, lambda: show.checked(found))
     if not found.passed:
         raise typer.Exit(1)

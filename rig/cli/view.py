@@ -13,6 +13,7 @@ from typing import Annotated, Any
 
 import typer
 
+from rig.cli import complete
 from rig.cli.common import Json, emit
 from rig.text import plain
 
@@ -31,7 +32,9 @@ def view(
     time_s: Annotated[
         float | None, typer.Option("--time", help="Where the cursor of the picture is, s.", show_default="last event")
     ] = None,
-    tab: Annotated[str, typer.Option(help="The tab to open with.")] = "overview",
+    tab: Annotated[
+        str, typer.Option(metavar="NAME", help="The tab to open with.", autocompletion=complete.tabs)
+    ] = "overview",
     map_tiles: Annotated[
         bool, typer.Option("--map", help="A map; the viewer fetches its tiles from OpenStreetMap.")
     ] = False,
@@ -136,9 +139,9 @@ def _tell(said: dict[str, Any], as_json: bool, text: str) -> None:
 
 
 def watch(
-    log: Annotated[Path, typer.Argument(help="A log.", show_default=False)],
-    speed: Annotated[float, typer.Option(help="Times real time.", min=0.01, max=1000.0)] = 1.0,
-    from_s: Annotated[float, typer.Option("--from", help="Where to begin, s.", min=0.0)] = 0.0,
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log.", show_default=False)],
+    speed: Annotated[float, typer.Option(metavar="X", help="Times real time.", min=0.01, max=1000.0)] = 1.0,
+    from_s: Annotated[float, typer.Option("--from", metavar="X", help="Where to begin, s.", min=0.0)] = 0.0,
 ) -> None:
     """Play the redundancy page of a log on the terminal; Ctrl-C ends."""
     from rig.console import console

@@ -19,6 +19,7 @@ from rig.design.point_gains import Shares, backup_gains, gains_at
 from rig.design.requirements import LAWS, Case, Requirements, met, whole, with_margins
 from rig.errors import RigError
 from rig.plant.airframe import Airframe
+from rig.progress import tell
 
 _RATE_SHARES: Final = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)  # of the highest crossover
 _QUICK: Final = 3  # so many of them count as quick
@@ -36,7 +37,11 @@ def design(airframe: Airframe, wanted: Requirements | None = None) -> Gains:
     wanted = wanted or Requirements()
     cases = [Case(airframe, point, linearise(airframe, point), wanted) for point in airframe.flight_points]
     cases.sort(key=lambda case: case.linear.trim.dynamic_pressure_pa)
-    return whole(airframe, wanted, [_design_point(case) for case in cases])
+    points: list[Point] = []
+    for case in cases:
+        tell(f"designing the gains of {case.point.name}", len(points), len(cases))
+        points.append(_design_point(case))
+    return whole(airframe, wanted, points)
 
 
 def _design_point(case: Case) -> Point:

@@ -32,6 +32,7 @@ from rig.frame import INDEX, SIGNALS, TWO_PI, Block
 from rig.kernels import kernel
 from rig.loop import fly_rows
 from rig.plant.airframe import Airframe, FlightPoint, parse
+from rig.progress import tell
 from rig.scenario import Scenario
 from rig.settings import build
 
@@ -87,7 +88,10 @@ def design(name: str, gains: Gains) -> Designed:
     """
     tables = {**aircraft.own_tables(name), "aircraft": name, "gains": gains.model_dump()}
     airframe = parse(tables["airframe"], f"aircraft {name}")
-    measured = [measure(tables, airframe, point) for point in airframe.flight_points]
+    measured: list[Measured] = []
+    for point in airframe.flight_points:
+        tell(f"measuring the references of {point.name}", len(measured), len(airframe.flight_points))
+        measured.append(measure(tables, airframe, point))
     measured.sort(key=lambda one: one.point.dynamic_pressure_pa)
     return _designed(airframe, [one.point for one in measured], *split(_summary(measured)))
 

@@ -8,7 +8,8 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from rig.frame import FLAT, SIGNALS, Block
+from rig.frame import FLAT, INDEX, SIGNALS, Block
+from rig.frame.fields import FIELD
 from rig.log.schema import MESSAGES, TOPICS_OF_ROWS, Field, Topic
 
 
@@ -46,3 +47,15 @@ def _column(topic: Topic, field: Field) -> Column:
 
 
 COLUMNS: Final = tuple(_column(topic, field) for topic in TOPICS_OF_ROWS for field in MESSAGES[topic.message].fields)
+_UNITS: Final = {"_rad_s": "rad/s", "_rad": "rad", "_m_s2": "m/s2", "_m_s": "m/s", "_m": "m"}  # by end of a name
+_OF_SIGNALS: Final = {
+    field.name for field in MESSAGES["rig.Signal"].fields if field.source in FIELD and FIELD[field.source].unit
+}
+
+
+def unit_of(path: str) -> str:
+    """The SI unit of the number that the log names ``path``, like ``pitch_rate.ch_1``; "" where it has none."""
+    owner, _, name = path.partition(".")
+    if owner in INDEX:
+        return SIGNALS[INDEX[owner]].unit if name in _OF_SIGNALS else ""
+    return next((unit for end, unit in _UNITS.items() if name.endswith(end)), "")

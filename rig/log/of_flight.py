@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from hashlib import sha256
 from pathlib import Path
 from typing import Final
 
@@ -13,17 +14,27 @@ from rig.log.writer import LogWriter
 from rig.scenario import Scenario
 from rig.versions import versions
 
-NAME_BYTES: Final = 180  # of a log's name; behind them come seed, number and ending
+LONGEST_TAG: Final = 40  # characters of the overrides in a log's name
+_HASH: Final = 6
+NAME_BYTES: Final = 160  # of a log's name; behind them come seed, overrides, number and ending
 
 
-def new_log(out: Path, name: str, scenario: Scenario, text: str, about: Mapping[str, str] | None = None) -> LogWriter:
-    """A log of its own, whoever else begins to fly: <name>_seed<seed>[_n].mcap in ``out``, which is made.
+def new_log(
+    out: Path,
+    name: str,
+    scenario: Scenario,
+    text: str,
+    about: Mapping[str, str] | None = None,
+    overrides: Sequence[str] = (),
+) -> LogWriter:
+    """A log of its own, whoever else begins to fly: <name>_seed<seed>[_<tag>][_n].mcap in ``out``, which is made.
 
-    about : more metadata
+    about : more metadata; overrides : of the file, ``key=value``, from which the tag is made
     """
     with reported(out, BadInput, "logs cannot be kept there"):
         out.mkdir(parents=True, exist_ok=True)
-    for path in numbered(out, f"{word_of(name)}_seed{scenario.seed}", ".mcap"):
+    made = tag(overrides)
+    for path in numbered(out, f"{word_of(name)}_seed{scenario.seed}{f'_{made}' if made else ''}", ".mcap"):
         with suppress(FileExistsError):  # another flight was faster
             attached = [("scenario.toml", text.encode())]
             told = {**metadata(scenario), **(about or {})}
@@ -35,6 +46,28 @@ def word_of(name: str) -> str:
     """``name`` as part of a file's name, which has 255 bytes at most."""
     letters = "".join(c if c.isalnum() else "_" for c in name)
     return letters.encode()[:NAME_BYTES].decode(errors="ignore")
+
+
+def tag(overrides: Sequence[str]) -> str:
+    """Overrides as part of a file's name, at most LONGEST_TAG characters: ``manager-mean``; longer ones end in a hash.
+
+    The last part of a key names it, of a long key the last two; the seed has a place of its own.
+    """
+    parts = [_part(text) for text in overrides if text.partition("=")[0].strip() != "seed"]
+    whole = "_".join(parts)
+    if len(whole) <= LONGEST_TAG:
+        return whole
+    digest = sha256("\n".join(overrides).encode()).hexdigest()[:_HASH]
+    return f"{whole[: LONGEST_TAG - _HASH - 1].rstrip('_.-')}_{digest}"
+
+
+def _part(text: str) -> str:
+    key, _, value = text.partition("=")
+    named = key.strip().split(".")
+    shown = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "" for c in value.strip())
+    if not shown:
+        shown = "none" if value.strip() in ("", "[]", "{}") else sha256(value.encode()).hexdigest()[:_HASH]
+    return f"{word_of('.'.join(named[-2:]) if len(named) > 2 else named[-1])}-{shown}"
 
 
 def metadata(scenario: Scenario) -> dict[str, str]:

@@ -12,6 +12,7 @@ from rig.log.decode import Damaged
 from rig.log.recover import RECOVERED
 from rig.log.scan import About, iter_parts
 from rig.log.schema import EVENTS, FRAME_TOPICS
+from rig.offline.overrides import FILE, overrides
 
 
 def info(path: Path | str) -> dict[str, Any]:
@@ -57,6 +58,8 @@ def _flown(about: About, path: Path) -> dict[str, Any]:
     return {
         "title": scenario.get("title", ""),
         "aircraft": said.get("aircraft", ""),
+        "manager": scenario.get("redundancy", {}).get("manager"),
+        "overrides": overrides(about.attachments.get(FILE, b"").decode(errors="replace"), scenario),
         "seed": scenario.get("seed"),
         "rate_hz": about.rate_hz,
         "planned_s": scenario.get("duration_s"),

@@ -18,6 +18,7 @@ from rig.offline.vote import vote
 from rig.offline.vote_settings import read_config
 from rig.offline.vote_summary import summary
 from rig.offline.write_votes import Result, output, write
+from rig.progress import tell
 from rig.trust import Trust
 
 
@@ -42,6 +43,7 @@ class Laps:
         """End ``stage`` and begin the next."""
         now = perf_counter()
         self.seconds[stage], self._clock = now - self._clock, now
+        tell(f"{stage}: done")
 
 
 def run(recorded: Path, config: Path, out: Path, options: Options) -> dict[str, Any]:

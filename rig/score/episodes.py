@@ -90,6 +90,7 @@ def tally(found: Sequence[Episode]) -> dict[str, ResolverScore]:
             score.answered += 1
             score.right += episode.verdict == "right"
             score.wrong += episode.verdict == "wrong"
+            score.open += episode.verdict == "open"
     return scores
 
 

@@ -5,19 +5,23 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from rig.computer.external.unit import UnitUnderTest
 from rig.errors import BadInput
 from rig.live import pressed
 from rig.log import Log, read_log
+from rig.progress import tell
 from rig.scenario import Scenario, from_resolved
+from rig.score.conclusion import conclusion
 from rig.score.flown import fly_twin
 from rig.score.misses import Miss, misses
 from rig.score.record import Score, Yardstick
-from rig.score.scoring import score
+from rig.score.scoring import monitor, score
 from rig.score.times import times
 from rig.trust import Trust
+
+MOST_FRAMES: Final = 100_000  # 200 MB of rows
 
 
 class Scored(NamedTuple):
@@ -30,12 +34,14 @@ class Scored(NamedTuple):
     unit: dict[str, Any] | None  # what became of the exchanges with a unit under test
     times: dict[str, dict[str, int]]  # histograms of the wall clock
     misses: list[Miss]  # of a unit whose file calls them faults
+    conclusion: list[str]  # sentences
 
     def as_dict(self) -> dict[str, Any]:
         """As ``rig score --json`` prints it."""
         about = {"log": str(self.log), "seed": self.scenario.seed, "digest": self.digest}
         return {**about, **self.score.as_dict(), "unit": self.unit, "times": self.times} | {
-            "unit_faults": [asdict(miss) for miss in self.misses]
+            "unit_faults": [asdict(miss) for miss in self.misses],
+            "conclusion": self.conclusion,
         }
 
 
@@ -61,14 +67,30 @@ def score_log(
         if "unit" in log.metadata and unit is None:
             raise BadInput(f"{path}: a unit under test flew it: its twin needs --unit FILE, or --no-twin")
     try:
+        tell("flying the fault-free run")
         other = fly_twin(scenario, len(log.rows), unit) if twin else None
+        tell("scoring")
         scored = score(scenario, log.rows, other, yardstick)
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
     exchanges = json.loads(log.result["unit"]) if "unit" in log.result else None
     on_miss = json.loads(log.metadata.get("unit", "{}")).get("on_miss")
     found = misses(log.rows) if on_miss == "fault" else []
-    return Scored(path, scenario, log.result.get("digest", ""), scored, exchanges, times(log.timing), found)
+    said = conclusion(scenario, log.rows, monitor(scenario), scored)
+    return Scored(path, scenario, log.result.get("digest", ""), scored, exchanges, times(log.timing), found, said)
+
+
+def conclude(log: Path, frames: int) -> list[str]:
+    """Return the conclusion of the log that a flight has just written, without a fault-free run; never raises.
+
+    frames : of the flight; one that is too long for memory is left to ``rig score``
+    """
+    if frames > MOST_FRAMES:
+        return [f"{frames} frames are not scored here: rig score {log}"]
+    try:
+        return score_log(log, Yardstick(), twin=False).conclusion
+    except BadInput as error:
+        return [f"not scored: {error}"]
 
 
 def _scenario(path: Path, log: Log, allow_code: bool) -> Scenario:

@@ -88,6 +88,7 @@ class ResolverScore:
     answered: int = 0
     right: int = 0
     wrong: int = 0
+    open: int = 0  # answered, and nobody was failed before the pattern went by
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ import numpy as np
 
 from rig.errors import BadInput
 from rig.offline.vote_settings import RecordedSignal
+from rig.progress import tell
 from rig.thresholds.data import Data
 from rig.thresholds.design import Design, Flight, Grid, designs
 from rig.thresholds.healthy import Suspect, suspects
@@ -56,7 +57,10 @@ def design(data: Data, grid: Grid, keep: bool = False) -> dict[str, Signal]:
     """
     with ThreadPoolExecutor(min(os.cpu_count() or 1, len(data.signals))) as pool:
         work = pool.map(lambda name: _signal(name, data, grid, keep), data.signals)
-        signals = dict(zip(data.signals, work, strict=True))
+        signals: dict[str, Signal] = {}
+        for name, made in zip(data.signals, work, strict=True):
+            signals[name] = made
+            tell(f"designed {name}", len(signals), len(data.signals))
     if all(signal.chosen is None for signal in signals.values()):
         raise BadInput(next(note for signal in signals.values() for note in signal.notes[::-1]))
     return signals

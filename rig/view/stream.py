@@ -12,11 +12,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Protocol
+from urllib.parse import urlsplit
 
 from numpy.typing import NDArray
 
 from rig.frame import Block
 from rig.record.event import Event
+from rig.view import viewer
 from rig.view.facts import UNKNOWN, Facts, Layout, Shown
 from rig.view.sink import About, check_where, open_sink
 
@@ -96,6 +98,11 @@ class Stream:
                 self._queue.append((rows, events, timing))
                 self._pending += len(rows)
                 self._changed.notify_all()
+
+    @property
+    def watched(self) -> bool:
+        """Whether a viewer is connected to the server of "serve"; True for all that is not served."""
+        return not self.browser or viewer.connected(urlsplit(self.where.removeprefix("rerun+")).port or 0)
 
     def drain(self, timeout_s: float = 5.0) -> StreamReport:
         """Wait until all that is queued has been sent; a server goes on serving until close."""

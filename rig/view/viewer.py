@@ -16,6 +16,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+import psutil
+
 from rig.errors import BadInput, RigError
 
 if TYPE_CHECKING:
@@ -61,6 +63,19 @@ def listening(port: int, timeout_s: float = 0.5) -> bool:
     except OSError:
         return False
     return True
+
+
+def connected(port: int) -> bool:
+    """Whether somebody holds a connection to ``port``, on which this process listens.
+
+    rerun-sdk 0.41 does not tell when a viewer connects to its server, so the system is asked.  An operating system
+    that does not say it counts as connected: nobody may wait for ever.
+    """
+    try:
+        sockets = psutil.Process().net_connections(kind="tcp")
+    except psutil.AccessDenied:
+        return True
+    return any(one.status == psutil.CONN_ESTABLISHED and one.laddr.port == port for one in sockets)
 
 
 def require_display(asked: str) -> None:

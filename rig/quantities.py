@@ -1,0 +1,53 @@
+"""Times, durations and quantities as a person reads them: seconds with the frame, milliseconds, degrees.
+
+Inside the rig and in JSON everything is SI and rad; only text for people is converted here.
+"""
+
+from __future__ import annotations
+
+from math import ceil, degrees, isfinite, log10
+from typing import Final
+
+_PLAIN: Final = {"rad": "deg", "rad/s": "deg/s", "1": ""}  # by SI unit; any other stays
+_WHOLE: Final = 999.5  # from here on without decimals
+_SMALL: Final = 1e-4  # below it with an exponent
+
+
+def unit_shown(unit: str) -> str:
+    """Return the unit in which a quantity of the SI ``unit`` is shown; "" where it has none."""
+    return _PLAIN.get(unit, unit)
+
+
+def number(value: float | None, unit: str = "", signed: bool = False) -> str:
+    """Return ``value``, in the SI ``unit``, as a number in ``unit_shown(unit)``: three digits; "" for None."""
+    if value is None:
+        return ""
+    told = degrees(value) if unit.startswith("rad") else value
+    if not isfinite(told):
+        return f"{told}"
+    size = abs(told)
+    digits = ".0f" if size >= _WHOLE else ".2e" if 0.0 < size < _SMALL else ".3g"
+    return format(told, f"+{digits}" if signed else digits)
+
+
+def quantity(value: float, unit: str, signed: bool = False) -> str:
+    """Return ``value``, in the SI ``unit``, with the unit in which it is shown: ``0.17 deg/s``."""
+    return f"{number(value, unit, signed)} {unit_shown(unit)}".rstrip()
+
+
+def seconds(frame: int, rate_hz: float) -> str:
+    """Return the time of a frame: ``20.07 s``; as many decimals as the rate needs, two at least."""
+    return f"{frame / rate_hz:.{max(2, ceil(log10(rate_hz)))}f} s"
+
+
+def moment(frame: int | None, rate_hz: float) -> str:
+    """Return the time of a frame with the frame: ``20.07 s (frame 2007)``; "" for None."""
+    return "" if frame is None else f"{seconds(frame, rate_hz)} (frame {frame})"
+
+
+def duration(frames: int | None, rate_hz: float) -> str:
+    """Return the length of so many frames: ``70 ms``, from a second on ``4.85 s``; "" for None."""
+    if frames is None:
+        return ""
+    length_s = frames / rate_hz
+    return f"{length_s:.2f} s" if abs(length_s) >= 1.0 else f"{round(length_s * 1e3, 1):g} ms"

@@ -1,0 +1,129 @@
+"""Names that a user types: completion, lists, schemas, help in groups, log names that tell overrides apart."""
+
+import json
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from rig import scenario
+from rig.cli import complete
+from rig.cli.schema import of_file
+from rig.errors import BadInput
+from rig.files import bundled
+from rig.log.of_flight import LONGEST_TAG, tag
+from rig.offline.overrides import overrides
+from rig.scenario import find, load
+
+
+@pytest.mark.parametrize(
+    ("sets", "says"),
+    [
+        ([], ""),
+        (["redundancy.manager=mean"], "manager-mean"),
+        (["seed=3", "redundancy.manager=mean"], "manager-mean"),
+        (["duration_s=2.5", "faults=[]"], "duration_s-2.5_faults-none"),
+        (["redundancy.signals.pitch_rate.persistence=4"], "pitch_rate_persistence-4"),
+        (["title=a/b ../c"], "title-ab..c"),
+    ],
+)
+def test_a_tag_names_the_overrides(sets, says):
+    assert tag(sets) == says
+
+
+def test_long_overrides_end_in_a_hash_that_tells_them_apart():
+    one, other = ([f"sensors.pitch_rate.noise_std={size}", *["redundancy.manager=mean"] * 3] for size in (0.1, 0.2))
+    assert len(tag(one)) <= LONGEST_TAG and len(tag(other)) <= LONGEST_TAG
+    assert tag(one) != tag(other) and tag(one) == tag(list(one))
+    assert tag(["a.b=ééé"]) != tag(["a.b=èèè"])
+
+
+def test_overrides_are_told_from_the_file_and_what_was_flown():
+    text = find().read_text()
+    flown = load(None, ["redundancy.manager=mean", "faults.0.start_s=3.0", "duration_s=5"], seed=9).resolved()
+    assert overrides(text, load(None).resolved()) == []
+    assert sorted(overrides(text, flown) or []) == [
+        "duration_s=5.0",
+        "faults.0.start_s=3.0",
+        "redundancy.manager=mean",
+    ]
+    assert overrides("no toml [", flown) is None
+
+
+def test_the_log_the_header_and_info_name_manager_and_overrides(rig_command):
+    short = ["--set", "duration_s=2", "--set", "faults=[]"]
+    _, out, _ = rig_command("fly", *short, "--set", "redundancy.manager=median")
+    log = Path(next(line.split()[1] for line in out.splitlines() if line.startswith("log ")))
+    assert log.name == "f16_pitch_rate_hardover_seed1_duration_s-2_faults-none_manager-median.mcap"
+    assert out.splitlines()[0].endswith("seed 1, manager median, duration_s=2, faults=[], redundancy.manager=median")
+    found = json.loads(rig_command("info", str(log), "--json")[1])
+    assert found["manager"] == "median" and "redundancy.manager=median" in found["overrides"]
+    said = rig_command("info", str(log))[1]
+    assert "manager  median" in said and "set      " in said and "duration_s=2.0" in said
+
+
+def test_names_are_completed():
+    assert complete.scenarios("f16_singular_1_1_1") == ["f16_singular_1_1_1", "f16_singular_1_1_1_1"]
+    assert complete.aircraft("b7") == ["b707", "b737", "b747"]
+    assert complete.kinds("hard") == ["hardover"] and complete.campaigns("smo") == ["smoke"]
+    assert "overview" in complete.tabs("over")
+    assert complete.sets("redundancy.manager=m") == ["redundancy.manager=mean", "redundancy.manager=median"]
+    assert complete.sets("aircraft=f") == ["aircraft=f16"] and "duration_s=" in complete.sets("d")
+
+
+def test_the_shell_is_given_the_completions():
+    environment = {"_RIG_COMPLETE": "complete_bash", "COMP_WORDS": "rig fly f16_singular_2_2_l", "COMP_CWORD": "2"}
+    command = [sys.executable, "-c", "from rig.cli.main import app; app(prog_name='rig')"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60, check=False)
+    assert done.stdout.split() == ["f16_singular_2_2_level", "f16_singular_2_2_lying_ilm"]
+
+
+def test_scenarios_are_listed_with_aircraft_and_title(rig_command):
+    said = rig_command("scenario", "list")[1]
+    lines = [" ".join(line.split()) for line in said.splitlines()]
+    assert "b737_gear_down_inverted b737 B737 gear switches" in lines
+    assert len(lines) == 1 + len(scenario.names())
+
+
+@pytest.mark.parametrize(("kind", "files"), [("scenario", "*.toml"), ("campaign", "campaigns/*.toml")])
+def test_every_bundled_file_is_valid_by_its_schema(kind, files):
+    checker = jsonschema.Draft202012Validator(json.loads(of_file(kind)))
+    found = sorted(bundled("faults").glob(files))
+    assert len(found) > 5
+    wrong = {path.name: [e.message for e in checker.iter_errors(tomllib.loads(path.read_text()))] for path in found}
+    assert {name: errors for name, errors in wrong.items() if errors} == {}
+
+
+def test_schemas_refuse_what_is_mistyped(rig_command):
+    checker = jsonschema.Draft202012Validator(json.loads(rig_command("scenario", "schema")[1]))
+    assert not checker.is_valid({"duratoin_s": 5.0}) and not checker.is_valid({"turbulence": "hard"})
+    assert not checker.is_valid({"faults": [{"kind": "offset"}]})  # where it sits is missing
+    unit = jsonschema.Draft202012Validator(json.loads(rig_command("unit", "schema")[1]))
+    assert unit.is_valid({"name": "x", "path": "x.so"}) and not unit.is_valid({"path": "x.so"})
+    campaign = jsonschema.Draft202012Validator(json.loads(rig_command("campaign", "schema")[1]))
+    assert campaign.is_valid({"base": "x"}) and not campaign.is_valid({"base": "x", "runs": "many"})
+
+
+def test_help_stands_in_groups_and_nothing_is_cut_off(rig_command, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    said = rig_command("--help")[1]
+    at = [said.index(f" {panel} ─") for panel in ("Fly", "Look", "Score", "Recorded data", "Reference", "Many flights")]
+    assert at == sorted(at) and "Example: rig fly" in said
+    assert "..." not in said.replace("[ARGS]...", "") and "…" not in said
+
+
+def test_an_unknown_key_says_the_nearest_and_what_is_allowed():
+    with pytest.raises(
+        BadInput, match=r"pilot\.autopilot_engagd: unknown key; nearest: autopilot_engaged; allowed: auto"
+    ):
+        load(None, ["pilot.autopilot_engagd=false"])
+    with pytest.raises(BadInput, match=r"unknown key; nearest: persistence, \w+, \w+; all keys: docs/scenario.md"):
+        load(None, ["redundancy.signals.pitch_rate.persistance=4"])
+
+
+def test_an_unknown_campaign_says_the_nearest(rig_command):
+    code, _, err = rig_command("campaign", "plan", "smok")
+    assert code == 2 and "smok: no such file; bundled: " in err and "smoke" in err
