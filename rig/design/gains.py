@@ -25,6 +25,12 @@ _QUICK: Final = 3  # so many of them count as quick
 _ALPHA_SHARES: Final = (1.0, 0.7, 0.4)  # of the regulator's gain on alpha, in the longitudinal plane
 _ALTITUDE_SHARES: Final = (0.5, 0.35)  # altitude loop's crossover over the attitude loop's
 _ATTITUDE_SHARES: Final = (0.26, 0.22, 0.18, 0.15)  # attitude loop's crossover over the rate loop's
+# Of airframes that damp pitch and roll faster than their actuators let the loops cross: light aircraft.
+_DAMPED_RATES: Final = (1.0, 0.7, 0.5, 0.4)
+_DAMPED_ATTITUDES: Final = (0.26, 0.18, 0.12)
+_DAMPED_ALTITUDES: Final = (0.5, 0.35, 0.25)
+_INTEGRALS: Final = (0.6, 0.3, 1.0)  # crossover of the integral alone over the rate loop's
+_AIRSPEEDS: Final = (1.0, 0.6)
 _NEARNESS: Final = (1.0, 0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.6, 0.5, 0.4, 0.2)
 
 
@@ -61,7 +67,8 @@ def _candidates() -> list[Shares]:
     quick, slow = _RATE_SHARES[:_QUICK], _RATE_SHARES[_QUICK:]
     tried = [Shares(*x) for x in product(quick, _ATTITUDE_SHARES, _ALPHA_SHARES, _ALTITUDE_SHARES)]
     tried.sort(key=lambda x: (-x.altitude, -x.attitude, -x.alpha, -x.rate))
-    return tried + [Shares(rate, _ATTITUDE_SHARES[-1], 1.0, _ALTITUDE_SHARES[-1]) for rate in slow]
+    tried += [Shares(rate, _ATTITUDE_SHARES[-1], 1.0, _ALTITUDE_SHARES[-1]) for rate in slow]
+    return tried + [Shares(*x) for x in product(_DAMPED_RATES, _DAMPED_ATTITUDES, (1.0,), _DAMPED_ALTITUDES, _INTEGRALS, _AIRSPEEDS)]
 
 
 def _backed_up(case: Case, point: Point, sensor: Sensor) -> Point:

@@ -17,6 +17,7 @@ from rig.frame import SURFACES, Block, new_block
 from rig.kernels import bind
 from rig.plant import actuated, truth, wind
 from rig.plant.airframe import Airframe, Config, FlightPoint
+from rig.text import choices, quoted
 
 FEET_PER_METRE: Final = 1.0 / 0.3048
 _FPS_PER_KNOT: Final = 1852.0 / 3600.0 * FEET_PER_METRE
@@ -109,6 +110,7 @@ def load(
     if not loaded:
         raise RigError(f"airframe.base_model: JSBSim could not load {airframe.base_model!r} from {folder}")
     _check_properties(fdm, airframe, actuated.reads(folder))
+    _check_held(fdm, airframe)
     _begin(fdm, airframe, flight_point, wind_m_s)
     _trim(fdm, airframe, flight_point)
     return fdm
@@ -127,6 +129,17 @@ def _check_properties(fdm: jsbsim.FGFDMExec, airframe: Config, reads: list[str])
         )
 
 
+def _check_held(fdm: jsbsim.FGFDMExec, airframe: Config) -> None:
+    """Refuse what is held and not there: a write of a missing property would create it, and do nothing."""
+    has = fdm.get_property_manager().hasNode
+    for name in airframe.held:
+        if not has(name):
+            known = [line.split(" ")[0] for line in fdm.get_property_catalog()]
+            raise BadInput(
+                f"airframe.held: {airframe.base_model} has no property {quoted(name)}, {choices(name, known)}"
+            )
+
+
 def _begin(fdm: jsbsim.FGFDMExec, airframe: Config, point: FlightPoint, wind_m_s: wind.Velocity) -> None:
     fdm["ic/h-sl-ft"] = point.altitude_m * FEET_PER_METRE
     fdm["ic/mach"] = point.mach
@@ -138,6 +151,8 @@ def _begin(fdm: jsbsim.FGFDMExec, airframe: Config, point: FlightPoint, wind_m_s
     fdm["propulsion/set-running"] = -1
     fdm.run_ic()
     fdm["propulsion/set-running"] = -1
+    for name, value in airframe.held.items():  # after the start, which opens every lever
+        fdm[name] = value
 
 
 def _set_wind(fdm: jsbsim.FGFDMExec, north_fps: float, east_fps: float) -> None:
@@ -164,6 +179,11 @@ def _trim(fdm: jsbsim.FGFDMExec, airframe: Config, point: FlightPoint) -> None:
     for command, trim in (("elevator", "pitch"), ("aileron", "roll"), ("rudder", "yaw")):
         fdm[f"fcs/{command}-cmd-norm"] += fdm[f"fcs/{trim}-trim-cmd-norm"]
         fdm[f"fcs/{trim}-trim-cmd-norm"] = 0.0
+
+
+def turns_propellers(fdm: jsbsim.FGFDMExec) -> bool:
+    """Whether the first engine drives a propeller."""
+    return bool(fdm.get_property_manager().hasNode("propulsion/engine/propeller-rpm"))
 
 
 class Plant:
