@@ -68,7 +68,9 @@ def _candidates() -> list[Shares]:
     tried = [Shares(*x) for x in product(quick, _ATTITUDE_SHARES, _ALPHA_SHARES, _ALTITUDE_SHARES)]
     tried.sort(key=lambda x: (-x.altitude, -x.attitude, -x.alpha, -x.rate))
     tried += [Shares(rate, _ATTITUDE_SHARES[-1], 1.0, _ALTITUDE_SHARES[-1]) for rate in slow]
-    return tried + [Shares(*x) for x in product(_DAMPED_RATES, _DAMPED_ATTITUDES, (1.0,), _DAMPED_ALTITUDES, _INTEGRALS, _AIRSPEEDS)]
+    return tried + [
+        Shares(*x) for x in product(_DAMPED_RATES, _DAMPED_ATTITUDES, (1.0,), _DAMPED_ALTITUDES, _INTEGRALS, _AIRSPEEDS)
+    ]
 
 
 def _backed_up(case: Case, point: Point, sensor: Sensor) -> Point:

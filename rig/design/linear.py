@@ -21,8 +21,8 @@ from rig.atmosphere import GAS_CONSTANT, pressure, speed_of_sound, temperature
 from rig.errors import BadInput
 from rig.frame import SURFACES
 from rig.plant.airframe import OUTPUTS, Airframe, Config, FlightPoint, LinearConfig
-from rig.plant.jsbsim import jsbsim, load, turns_propellers
 from rig.plant.linear_plant import matrices
+from rig.plant.loading import jsbsim, load, turns_propellers
 
 Matrix = NDArray[np.float64]
 
