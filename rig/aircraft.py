@@ -23,6 +23,11 @@ def names() -> list[str]:
     return sorted(path.parent.name for path in bundled("aircraft").glob("*/aircraft.toml"))
 
 
+def own_names() -> list[str]:
+    """The aircraft in the present folder: its folders with an aircraft.toml, in alphabetical order."""
+    return sorted(str(path.parent) for path in Path().glob("*/aircraft.toml"))
+
+
 def folder(name: str) -> Path:
     """The folder of a bundled aircraft, or of one of the user's own given by its path."""
     for candidate in (bundled("aircraft") / name, Path(name)):

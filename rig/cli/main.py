@@ -12,6 +12,7 @@ from typing import Annotated, Any, Final
 
 import typer
 
+from rig.cli.aircraft import aircraft_app
 from rig.cli.campaign import app as campaign_app
 from rig.cli.common import GROUP, AllowCode, Json, Logs, UnitFile, emit
 from rig.cli.faults import faults_app
@@ -29,7 +30,6 @@ from rig.text import plain, shorten
 
 app = typer.Typer(help="Fly redundant flight control against injected faults.", **GROUP)
 scenario_app = typer.Typer(help="Look at scenario files.", **GROUP)
-aircraft_app = typer.Typer(help="Look at aircraft and design their control laws.", **GROUP)
 app.add_typer(scenario_app, name="scenario")
 app.add_typer(aircraft_app, name="aircraft")
 app.add_typer(campaign_app, name="campaign")
@@ -195,61 +195,6 @@ def scenario_check(scenario: ScenarioName = None, sets: Sets = None) -> None:
     code = f"; the class {manager} votes: not imported here, rig fly needs --allow-code" if ":" in manager else ""
     counts = f"{loaded.frames} frames of {loaded.aircraft}, {len(loaded.faults)} faults"
     typer.echo(plain(f"{find(scenario)}: good, {counts}{code}"))
-
-
-@aircraft_app.command("list")
-def aircraft_list(as_json: Json = False) -> None:
-    """List the bundled aircraft and their flight points."""
-    from rig.aircraft import names
-    from rig.cli import show
-
-    found = {name: show.flight_points(name) for name in names()}
-    emit(as_json, found, lambda: show.aircraft(found))
-
-
-@aircraft_app.command("show")
-def aircraft_show(name: str, as_json: Json = False) -> None:
-    """Print everything that is known of an aircraft."""
-    import tomli_w
-
-    from rig.aircraft import tables
-    from rig.settings import refuse_what_is_no_setting
-
-    found = tables(name)
-    refuse_what_is_no_setting(found, f"aircraft {name}")
-    emit(as_json, found, lambda: typer.echo(plain(tomli_w.dumps(found), keep="\n"), nl=False))
-
-
-@aircraft_app.command("design")
-def aircraft_design(
-    name: str,
-    out: Annotated[
-        Path | None, typer.Option(help="Where to write the gains.", show_default="<aircraft>/gains.toml")
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    """Design the control law at every flight point, then fly it to measure the references.
-
-    Writes gains.toml with the margins, and beside it references.toml with the measured errors.
-    """
-    from rig.aircraft import folder
-    from rig.cli import show
-    from rig.computer.control.gains import write
-    from rig.design import references as reference_design
-    from rig.design.gains import design
-    from rig.plant import airframe
-
-    home = folder(name)
-    if out is not None and not out.parent.is_dir():
-        raise BadInput(f"--out {out}: no such folder")
-    gains = design(airframe.read(home / "aircraft.toml"))
-    target = out or home / "gains.toml"
-    write(gains, target)
-    references, beside = reference_design.design(name, gains), target.with_name("references.toml")
-    reference_design.write(references, beside)
-    written = {"file": str(target), "references_file": str(beside)}
-    summary = {**written, **gains.model_dump(), "references": references.model_dump()}
-    emit(as_json, summary, lambda: show.design(references, target, beside))
 
 
 MOST_OF_A_WORD: Final = 400  # characters of a wrong command line that are repeated

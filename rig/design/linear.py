@@ -93,6 +93,11 @@ def linearise(airframe: Airframe, flight_point: FlightPoint) -> Linear:
     )
 
 
+def trimmed(airframe: Config, flight_point: FlightPoint) -> Trim:
+    """Level flight at ``flight_point``, nothing linearised; BadInput when it does not trim."""
+    return _trim(load(airframe, flight_point, _ANY_STEP_S), airframe)
+
+
 def _given(airframe: LinearConfig, point: FlightPoint) -> Linear:
     """A linear aircraft's own matrices, with its outputs as the states: A' = C A C^-1, B' = C B."""
     a, b, c = matrices(airframe)
@@ -133,7 +138,7 @@ def _system(fdm: jsbsim.FGFDMExec) -> tuple[Matrix, Matrix]:
 
 
 def _differenced(fdm: jsbsim.FGFDMExec) -> tuple[Matrix, Matrix]:
-    """The same by central differences, revolutions settled: JSBSim's own may search a minute for those of a propeller."""
+    """The same by central differences, revolutions settled: JSBSim's may search a minute for those of a propeller."""
     rest = _states(fdm)
     columns: list[Matrix] = []
     for i, step in enumerate(_STATE_STEPS):

@@ -34,6 +34,7 @@ class BaseModel:
     engine: str  # piston, turbine, turboprop, electric, rocket
     augmented: bool
     blade_angles_deg: tuple[float, float] | None  # of a propeller, the same twice when it is fixed
+    wing_area_m2: float
 
     @property
     def propeller(self) -> bool:
@@ -67,7 +68,8 @@ def read(name: str) -> BaseModel:
     parts = list(actuated.part_files(tree, root, model.parent))
     engine = next((kind for part in parts for kind in _ENGINES if part.tag.startswith(kind)), "turbine")
     augmented = any(_number(part, "augmented") == 1.0 for part in parts)
-    return BaseModel(name, reads, positions, stops, engines, engine, augmented, _blade_angles(parts))
+    area = _wing_area(tree, name)
+    return BaseModel(name, reads, positions, stops, engines, engine, augmented, _blade_angles(parts), area)
 
 
 def position(model: str, surface: str, reads: list[str]) -> str:
@@ -115,6 +117,14 @@ def _range(part: ET.Element) -> tuple[float, float] | None:
     gain = (_number(part, "gain") or 1.0) if limits.tag == "range" else 1.0
     low, high = max(low * gain, -1.0), min(high * gain, 1.0)
     return (low, high) if low < 0.0 < high else None
+
+
+def _wing_area(tree: ET.Element, name: str) -> float:
+    element = tree.find("metrics/wingarea")
+    area = None if element is None else _number(tree, "metrics/wingarea")
+    if element is None or area is None or area <= 0.0:
+        raise BadInput(f"airframe.base_model: {name} gives no wing area")
+    return area * (1.0 if element.get("unit", "FT2") == "M2" else 0.3048**2)
 
 
 def _blade_angles(parts: Iterable[ET.Element]) -> tuple[float, float] | None:

@@ -16,6 +16,7 @@ from rig.plant.airframe import Airframe, Config, FlightPoint
 from rig.text import choices, quoted
 
 FEET_PER_METRE: Final = 1.0 / 0.3048
+KILOGRAMS_PER_SLUG: Final = 14.593903
 
 log = logging.getLogger("rig.jsbsim")
 log.addHandler(logging.NullHandler())  # else warnings would go to stderr when nobody listens
@@ -66,6 +67,7 @@ def _executive() -> jsbsim.FGFDMExec:
 
 
 def jsbsim_airframe(airframe: Airframe) -> Config:
+    """The aircraft itself when JSBSim flies it; BadInput for a linear one."""
     if not isinstance(airframe, Config):
         raise BadInput(f'airframe.plant: {airframe.base_model} is "linear", JSBSim does not fly it')
     return airframe
@@ -92,6 +94,14 @@ def load(
     _begin(fdm, airframe, flight_point, wind_m_s)
     _trim(fdm, airframe, flight_point)
     return fdm
+
+
+def mass_kg(airframe: Config, point: FlightPoint) -> float:
+    """The mass with the fuel that the model begins with; nothing is trimmed."""
+    fdm, folder = _loaded(airframe, 0.01)
+    _check_properties(fdm, airframe, actuated.reads(folder))
+    _begin(fdm, airframe, point, wind.CALM)
+    return fdm["inertia/mass-slugs"] * KILOGRAMS_PER_SLUG
 
 
 def undeclared(airframe: Config) -> list[str]:
@@ -144,10 +154,9 @@ def _check_held(fdm: jsbsim.FGFDMExec, airframe: Config) -> None:
     has = fdm.get_property_manager().hasNode
     for name in airframe.held:
         if not has(name):
-            known = [line.split(" ")[0] for line in fdm.get_property_catalog()]
-            raise BadInput(
-                f"airframe.held: {airframe.base_model} has no property {quoted(name)}, {choices(name, known)}"
-            )
+            known = [line.split(" ")[0] for line in fdm.query_property_catalog("/").split("\n")]
+            wrong = f"{airframe.base_model} has no property {quoted(name)}"
+            raise BadInput(f"airframe.held: {wrong}; {choices(name, known)}")
 
 
 def _begin(fdm: jsbsim.FGFDMExec, airframe: Config, point: FlightPoint, wind_m_s: wind.Velocity) -> None:
