@@ -36,6 +36,15 @@ def folder(name: str) -> Path:
     raise BadInput(f"aircraft: unknown aircraft {quoted(name)}, {choices(name, names())} or a folder's path")
 
 
+def located(name: str, beside: Path) -> str:
+    """``name``, or its path from the folder ``beside`` when an aircraft's folder is there and none by that name."""
+    if not any(is_file(home / name / "aircraft.toml") for home in (bundled("aircraft"), Path())):
+        path = beside / name
+        if is_file(path / "aircraft.toml"):
+            return str(path)
+    return name
+
+
 def tables(name: str) -> dict[str, Any]:
     """Everything that is known of an aircraft: defaults, its own tables, its designed gains and references."""
     merged = own_tables(name)

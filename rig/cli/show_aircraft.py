@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from rig.aircraft import folder, own_tables
 from rig.console import console, styled
+from rig.design.new_aircraft import SCENARIO
 from rig.files import is_file
 from rig.settings import read_toml
 
@@ -60,12 +61,18 @@ def _row(name: str, altitude_m: float, mach: float, trim: Trim) -> tuple[str, ..
 def next_steps(made: NewAircraft, home: Path, *, designed: bool) -> None:
     """The next commands for this aircraft."""
     screen = console()
-    fault = "kind = 'hardover', signal = 'pitch_rate', channels = [3], start_s = 20.0"
     if designed:
-        screen.print(f"next     rig fly --set aircraft={home}    (a pitch-rate hardover)", soft_wrap=True)
-        screen.print(f'         in a scenario file: aircraft = "{home}" and faults = [{{ {fault} }}]', soft_wrap=True)
+        fly_it(home)
+        others = [one.point.name for one in made.found[1:]]
+        screen.print("".join(f"         with --set flight_point={name}\n" for name in others), end="")
     else:
         screen.print(f"next     rig aircraft check {home} --accept", soft_wrap=True)
+
+
+def fly_it(home: Path) -> None:
+    """The command that flies the first scenario of an aircraft, when it has one."""
+    if is_file(home / SCENARIO):
+        console().print(f"next     rig fly {home / SCENARIO}", soft_wrap=True)
 
 
 def check(found: Check, name: str) -> None:
@@ -112,4 +119,4 @@ def _conclusion(found: Check, name: str) -> None:
 def accepted(home: Path) -> None:
     """Where the gains and references are."""
     console().print(f"written  {home / 'gains.toml'}, {home / 'references.toml'}", soft_wrap=True)
-    console().print(f"next     rig fly --set aircraft={home}", soft_wrap=True)
+    fly_it(home)

@@ -28,6 +28,21 @@ from rig.text import choices, quoted
 _NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,60}")
 WIDTH: Final = 118  # of a comment line
 ASSUMED: Final = "assumed"
+SCENARIO: Final = "hardover.toml"
+_SCENARIO: Final = """\
+title = "{name} pitch-rate hardover"
+aircraft = "../{name}"  # from this file's folder
+flight_point = "{first}"  # of {points}
+duration_s = 60.0
+seed = 1
+
+# The autopilot holds altitude, heading and airspeed; one gyro runs to its stop.
+[[faults]]
+kind = "hardover"
+signal = "pitch_rate"
+channels = [3]
+start_s = 20.0
+"""
 
 
 @dataclass(frozen=True)
@@ -107,10 +122,17 @@ def _own_points(table: dict[str, Any], base: BaseModel, points: list[tuple[float
 
 
 def write(new: NewAircraft, folder: Path) -> None:
-    """Make the folder with its aircraft.toml; BadInput or RigError when it cannot be written."""
+    """Make the folder with aircraft.toml and a first scenario; BadInput or RigError when it cannot be written."""
     with reported(folder, BadInput):
         folder.mkdir()
     write_text(folder / "aircraft.toml", render(new))
+    write_text(folder / SCENARIO, scenario(new))
+
+
+def scenario(new: NewAircraft) -> str:
+    """The text of a first scenario: the gyro fault of the default scenario, on this aircraft."""
+    points = ", ".join(one.point.name for one in new.found)
+    return _SCENARIO.format(name=new.name, first=new.found[0].point.name, points=points)
 
 
 def render(new: NewAircraft) -> str:
