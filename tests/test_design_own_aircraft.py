@@ -13,10 +13,12 @@ from test_plant_base_model import POINT, light
 
 import rig
 from rig import aircraft
+from rig.cli import aircraft as aircraft_commands
 from rig.cli import main as cli
+from rig.cli import show_aircraft
 from rig.computer.control import gains as gains_file
 from rig.computer.control.gains import Margin
-from rig.design import backup, linear, new_aircraft, propose, references
+from rig.design import backup, linear, new_aircraft, propose, references, requirements
 from rig.design import gains as design_gains
 from rig.design.check import check
 from rig.design.requirements import Requirements, short_of
@@ -125,9 +127,10 @@ def test_a_missed_margin_is_told_with_its_number():
 def test_a_design_below_the_requirement_fails_with_numbers_or_is_accepted_and_says_so(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ):
-    few = design_gains._candidates()[:2]
+    monkeypatch.setattr(requirements, "LOSSES", {"longitudinal": (), "lateral": ()})
+    few, slow = design_gains._candidates()[:2], backup.candidates()[:1]
     monkeypatch.setattr(design_gains, "_candidates", lambda: few)
-    monkeypatch.setattr(design_gains.backup, "candidates", lambda slow=backup.candidates()[:1]: slow)
+    monkeypatch.setattr(design_gains.backup, "candidates", lambda: slow)
     plane, hard = airframe.read(BUNDLED / "b707" / "aircraft.toml"), Requirements(phase_margin_deg=100.0)
     with pytest.raises(RigError, match=r"autopilot elevator phase \d+\.\d of 100 deg.*rig aircraft check"):
         design_gains.design(plane, hard)
@@ -185,8 +188,12 @@ def test_bad_input_is_one_line_and_writes_nothing(
 
 
 def test_c172x_is_made_accepted_and_flown_from_the_users_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """The references are measured over one healthy flight, not 72: the commands are the same."""
+    """The commands of a user, made short: fewer candidates, no margins of losses, references of one flight, not 72."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(requirements, "LOSSES", {"longitudinal": (), "lateral": ()})
+    slow, later = backup.candidates()[:1], design_gains._candidates()[77:]
+    monkeypatch.setattr(design_gains, "_candidates", lambda: later)
+    monkeypatch.setattr(design_gains.backup, "candidates", lambda: slow)
     monkeypatch.setattr(references, "cases", lambda: [("pitch", "none", 1)])
     assert command("aircraft", "new", "mine", "--base", "c172x", "--points", "1", "--no-design") == 0
     assert command("aircraft", "check", "mine", "--accept") == 0
@@ -196,3 +203,24 @@ def test_c172x_is_made_accepted_and_flown_from_the_users_folder(tmp_path: Path, 
     flight = rig.fly(tmp_path / "mine" / "hardover.toml", overrides=["duration_s=25"], out=tmp_path / "logs")
     assert flight.survived and flight.failed == {"pitch_rate": [3]}
     assert "gains_below_requirement" not in flight.summary()
+
+
+def test_enter_takes_the_assumed_figures_and_a_rate_is_asked_for_in_degrees(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(aircraft_commands.typer, "prompt", lambda text, default, type=str: default)
+    assert aircraft_commands._ask(new_aircraft.Answers(), "light") == new_aircraft.Answers()
+    typed = {"s": 0.05, "deg/s": 90.0, "(docs/sensors.md)": "AHRS MEMS"}
+    monkeypatch.setattr(aircraft_commands.typer, "prompt", lambda text, **_: typed[text.split()[-1]])
+    own = aircraft_commands._ask(new_aircraft.Answers(), "light")
+    assert own == new_aircraft.Answers(0.05, np.pi / 2, "AHRS MEMS", 4)
+
+
+def test_a_folder_of_the_user_that_cannot_be_used_does_not_hide_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "broken").mkdir()
+    (tmp_path / "broken" / "aircraft.toml").write_text("[airframe]\n")
+    assert aircraft.own_names() == ["broken"]
+    assert "cannot be used: aircraft broken: airframe." in show_aircraft.listed("broken")[0]
+    with pytest.raises(BadInput):
+        show_aircraft.flight_points("broken")

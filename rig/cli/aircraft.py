@@ -34,7 +34,8 @@ def aircraft_list(
     from rig.aircraft import names, own_names
     from rig.cli import show_aircraft as show
 
-    found = {name: show.flight_points(name) for name in (*names(), *own_names(), *map(str, folders or ()))}
+    found = {name: show.flight_points(name) for name in (*names(), *map(str, folders or ()))}
+    found |= {name: show.listed(name) for name in own_names() if name not in found}
     below = {name: lines for name in found if (lines := show.below(name))}
     emit(as_json, found, lambda: show.aircraft(found, below))
 

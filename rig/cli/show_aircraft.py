@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 from rig.aircraft import folder, own_tables
 from rig.console import console, styled
 from rig.design.new_aircraft import SCENARIO
+from rig.errors import BadInput
 from rig.files import is_file
+from rig.plant.airframe import parse
 from rig.settings import read_toml
 
 if TYPE_CHECKING:
@@ -21,8 +23,17 @@ _TRIM_HEADS = ("flight point", "altitude, m", "Mach", "speed, m/s", "alpha, deg"
 
 
 def flight_points(name: str) -> list[str]:
-    """The names of an aircraft's flight points, the default first."""
-    return [str(point["name"]) for point in own_tables(name)["airframe"]["flight_points"]]
+    """The names of an aircraft's flight points, the default first; BadInput when its file cannot be used."""
+    airframe = parse(own_tables(name).get("airframe", {}), f"aircraft {name}")
+    return [point.name for point in airframe.flight_points]
+
+
+def listed(name: str) -> list[str]:
+    """The same of a folder that nobody named: where the file cannot be used, why."""
+    try:
+        return flight_points(name)
+    except BadInput as error:
+        return [f"cannot be used: {error}"]
 
 
 def below(name: str) -> list[str]:
