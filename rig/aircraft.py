@@ -8,6 +8,7 @@ the data-sheet classes that a sensor may name.
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -39,9 +40,9 @@ def folder(name: str) -> Path:
 def located(name: str, beside: Path) -> str:
     """``name``, or its path from the folder ``beside`` when an aircraft's folder is there and none by that name."""
     if not any(is_file(home / name / "aircraft.toml") for home in (bundled("aircraft"), Path())):
-        path = beside / name
-        if is_file(path / "aircraft.toml"):
-            return str(path)
+        path = os.path.normpath(beside / name)
+        if is_file(Path(path) / "aircraft.toml"):
+            return path
     return name
 
 

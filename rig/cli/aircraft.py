@@ -73,7 +73,7 @@ def aircraft_new(
         str | None, typer.Option(help="Data-sheet class of the sensors that it measures.", show_default=False)
     ] = None,
     channels: Annotated[int, typer.Option(help="Channels of every signal.", min=2, max=4)] = 4,
-    design: Annotated[bool, typer.Option(help="Design it too, a minute or two; else: rig aircraft check.")] = True,
+    design: Annotated[bool, typer.Option(help="Design it too, some minutes; else: rig aircraft check.")] = True,
     as_json: Json = False,
 ) -> None:
     """Make an aircraft of your own from one of JSBSim's: surfaces, limits and engines found, flight points proposed.
