@@ -8,6 +8,7 @@ the data-sheet classes that a sensor may name.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any, Final
@@ -29,12 +30,26 @@ def names() -> list[str]:
     return sorted(path.parent.name for path in bundled("aircraft").glob("*/aircraft.toml"))
 
 
+def own_names() -> list[str]:
+    """The aircraft in the present folder: its folders with an aircraft.toml, in alphabetical order."""
+    return sorted(str(path.parent) for path in Path().glob("*/aircraft.toml"))
+
+
 def folder(name: str) -> Path:
     """The folder of a bundled aircraft, or of one of the user's own given by its path."""
     for candidate in (bundled("aircraft") / name, Path(name)):
         if is_file(candidate / "aircraft.toml"):
             return candidate
     raise BadInput(f"aircraft: unknown aircraft {quoted(name)}, {choices(name, names())} or a folder's path")
+
+
+def located(name: str, beside: Path) -> str:
+    """``name``, or its path from the folder ``beside`` when an aircraft's folder is there and none by that name."""
+    if not any(is_file(home / name / "aircraft.toml") for home in (bundled("aircraft"), Path())):
+        path = os.path.normpath(beside / name)
+        if is_file(Path(path) / "aircraft.toml"):
+            return path
+    return name
 
 
 def tables(name: str) -> dict[str, Any]:

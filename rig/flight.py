@@ -125,6 +125,7 @@ class Flight:
             "events": [{"time_s": event.frame * dt_s, **asdict(event)} for event in self.events],
             "timing": timing,
             "stream": None if self.stream is None else asdict(self.stream),
+            **({"gains_below_requirement": below} if (below := self.scenario.gains.below) else {}),
             **({} if self.unit is None else {"unit": self.unit}),
         }
 

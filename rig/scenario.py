@@ -51,7 +51,7 @@ class Scenario(Settings):
     keys_are_in: ClassVar[str] = "docs/scenario.md, rig scenario show"
 
     title: str = ""
-    aircraft: str = "f16"  # a bundled one, or the path of a folder
+    aircraft: str = "f16"  # a bundled one, or a folder's path from the present folder or from the scenario's
     flight_point: str | None = None  # the aircraft's first when not given
     duration_s: float = Field(default=60.0, gt=0, le=360_000)
     seed: int = Field(default=0, ge=0, lt=2**63)
@@ -181,7 +181,7 @@ def load(
     chosen = data.get("aircraft", "f16")
     if not isinstance(chosen, str):
         raise BadInput(f"{source}: aircraft: must be a name, got {quoted(chosen)}")
-    merged = aircraft.lay_over(aircraft.tables(chosen), data, source)
+    merged = aircraft.lay_over(aircraft.tables(aircraft.located(chosen, path.parent)), data, source)
     made = build(Scenario, {**merged, "sensors": pin(merged.get("sensors"), path.parent)}, source)
     return made.trusted(Trust(str(path), allow_code, named_manager(map(parse_set, overrides))))
 

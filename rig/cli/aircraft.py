@@ -1,9 +1,11 @@
-"""``rig aircraft``: parse, call, print."""
+"""``rig aircraft``: look at aircraft, make one of your own, design its control law, check it."""
 
 from __future__ import annotations
 
+import sys
+from math import degrees, radians
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,32 +13,41 @@ from rig.cli import complete
 from rig.cli.common import GROUP, Json, emit
 from rig.cli.working import working
 from rig.errors import BadInput
-from rig.text import plain
+from rig.text import plain, quoted
 
-aircraft_app = typer.Typer(help="Look at aircraft and design their control laws.", **GROUP)
-AircraftName = Annotated[
+if TYPE_CHECKING:
+    from rig.computer.control.gains import Gains
+    from rig.design.new_aircraft import Answers
+
+aircraft_app = typer.Typer(help="Look at aircraft, make your own, design their control laws.", **GROUP)
+
+Home = Annotated[
     str,
     typer.Argument(
-        metavar="NAME|DIR",
-        help="A bundled aircraft, or a folder of one.",
-        show_default=False,
-        autocompletion=complete.aircraft,
+        help="A bundled aircraft or the path of a folder.", metavar="NAME|DIR", autocompletion=complete.aircraft
     ),
 ]
 
 
 @aircraft_app.command("list")
-def aircraft_list(as_json: Json = False) -> None:
-    """List the bundled aircraft and their flight points."""
-    from rig.aircraft import names
-    from rig.cli import show
+def aircraft_list(
+    folders: Annotated[
+        list[Path] | None, typer.Argument(help="Folders of your own to list too.", show_default=False)
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """List the bundled aircraft, those in the present folder, and their flight points."""
+    from rig.aircraft import names, own_names
+    from rig.cli import show_aircraft as show
 
-    found = {name: show.flight_points(name) for name in names()}
-    emit(as_json, found, lambda: show.aircraft(found))
+    found = {name: show.flight_points(name) for name in (*names(), *map(str, folders or ()))}
+    found |= {name: show.listed(name) for name in own_names() if name not in found}
+    below = {name: lines for name in found if (lines := show.below(name))}
+    emit(as_json, found, lambda: show.aircraft(found, below))
 
 
 @aircraft_app.command("show")
-def aircraft_show(name: AircraftName, as_json: Json = False) -> None:
+def aircraft_show(name: Home, as_json: Json = False) -> None:
     """Print everything that is known of an aircraft."""
     import tomli_w
 
@@ -48,12 +59,119 @@ def aircraft_show(name: AircraftName, as_json: Json = False) -> None:
     emit(as_json, found, lambda: typer.echo(plain(tomli_w.dumps(found), keep="\n"), nl=False))
 
 
+@aircraft_app.command("new")
+def aircraft_new(
+    name: Annotated[str, typer.Argument(help="Its name, and that of its folder.")],
+    base: Annotated[str, typer.Option(help="An aircraft of the installed JSBSim, e.g. c172x.", show_default=False)],
+    out: Annotated[Path, typer.Option(help="Where its folder is made.")] = Path(),
+    point: Annotated[
+        list[str] | None,
+        typer.Option(metavar="ALTITUDE_M:MACH", help="A flight point; repeatable. Else two that trim are proposed."),
+    ] = None,
+    points: Annotated[int, typer.Option(help="How many flight points to propose.", min=1, max=3)] = 2,
+    lag_s: Annotated[
+        float | None, typer.Option(help="Lag of the surfaces' actuators, s.", min=1e-4, max=1.0, show_default=False)
+    ] = None,
+    rate_limit_rad_s: Annotated[
+        float | None, typer.Option(help="Their rate limit, rad/s.", min=0.01, max=20.0, show_default=False)
+    ] = None,
+    sensor_class: Annotated[
+        str | None, typer.Option(help="Data-sheet class of the sensors that it measures.", show_default=False)
+    ] = None,
+    channels: Annotated[int, typer.Option(help="Channels of every signal.", min=2, max=4)] = 4,
+    design: Annotated[bool, typer.Option(help="Design it too, some minutes; else: rig aircraft check.")] = True,
+    as_json: Json = False,
+) -> None:
+    """Make an aircraft of your own from one of JSBSim's: surfaces, limits and engines found, flight points proposed.
+
+    What the model does not tell (actuators, sensors) is asked for on a terminal, else assumed; the file says which.
+    """
+    from rig.cli import show_aircraft as show
+    from rig.design.new_aircraft import Answers, propose, target, write
+
+    folder = target(name, out)
+    given = [_point(text) for text in point or ()]
+    answers = Answers(lag_s, rate_limit_rad_s, sensor_class, channels)
+    made = propose(name, base, answers, given, points)
+    if sys.stdin.isatty() and not as_json:
+        answers = _ask(answers, made.kind)
+        made = propose(name, base, answers, given, points)
+    write(made, folder)
+    written = {"folder": str(folder), "airframe": made.airframe.model_dump(exclude_none=True), "kind": made.kind}
+    if not as_json:
+        show.proposed(made, folder)
+    if design:
+        written |= _measured(str(folder), _gains(str(folder), accept=False, quiet=as_json), quiet=as_json)
+    emit(as_json, written, lambda: show.next_steps(made, folder, designed=design))
+
+
+def _point(text: str) -> tuple[float, float]:
+    """Altitude [m] and Mach number of ``--point``."""
+    altitude, _, mach = text.partition(":")
+    try:
+        return float(altitude), float(mach)
+    except ValueError:
+        raise BadInput(f"--point {quoted(text)}: must be ALTITUDE_M:MACH, e.g. 1500:0.16") from None
+
+
+def _ask(answers: Answers, kind: str) -> Answers:
+    """What the model does not know, asked for on a terminal; Enter takes the assumed figure."""
+    from dataclasses import replace
+
+    from rig.design.assumed import FIGURES
+
+    figures = FIGURES[kind]  # pyright: ignore[reportArgumentType]  # one of its keys
+    typer.echo(f"Enter takes the assumed figure of a {kind} aircraft: {figures.actuator_source}")
+    lag_s, rate = answers.lag_s, answers.rate_limit_rad_s
+    if lag_s is None:
+        asked = typer.prompt("lag of the surfaces' actuators, s", default=figures.lag_s, type=float)
+        lag_s = None if asked == figures.lag_s else asked
+    if rate is None:
+        assumed = round(degrees(figures.rate_limit_rad_s))
+        asked = typer.prompt("their rate limit, deg/s", default=assumed, type=float)
+        rate = None if asked == assumed else radians(asked)
+    sensors = answers.sensor_class
+    if sensors is None:
+        asked = typer.prompt("data-sheet class of the sensors (docs/sensors.md)", default="defaults")
+        sensors = None if asked == "defaults" else asked
+    return replace(answers, lag_s=lag_s, rate_limit_rad_s=rate, sensor_class=sensors)
+
+
+@aircraft_app.command("check")
+def aircraft_check(
+    name: Home,
+    accept: Annotated[
+        bool, typer.Option("--accept", help="Write the best gains found, even below the requirement, and references.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Check what the model reads, trim and margins at each flight point; writes nothing without --accept."""
+    from rig.aircraft import folder
+    from rig.cli import show_aircraft as show
+    from rig.design.check import check
+    from rig.plant import airframe
+
+    home = folder(name)
+    with working("trim", not as_json):
+        found = check(airframe.read(home / "aircraft.toml"))
+    result = {**found.as_dict(), "accepted": accept}
+    if not as_json:
+        show.check(found, name)
+    if found.gains is None:
+        emit(as_json, result, lambda: None)
+        raise typer.Exit(1)
+    if accept:
+        result |= _measured(name, found.gains, quiet=as_json)
+    emit(as_json, result, lambda: show.accepted(home) if accept else None)
+    if found.below and not accept:
+        raise typer.Exit(1)
+
+
 @aircraft_app.command("design")
 def aircraft_design(
-    name: AircraftName,
+    name: Home,
     out: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Where to write the gains.", show_default="<aircraft>/gains.toml"),
+        Path | None, typer.Option(help="Where to write the gains.", show_default="<aircraft>/gains.toml")
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -61,23 +179,36 @@ def aircraft_design(
 
     Writes gains.toml with the margins, and beside it references.toml with the measured errors.
     """
+    if out is not None and not out.parent.is_dir():
+        raise BadInput(f"--out {out}: no such folder")
+    summary = _measured(name, _gains(name, accept=False, quiet=as_json), out, quiet=as_json)
+    emit(as_json, summary, lambda: None)
+
+
+def _gains(name: str, *, accept: bool, quiet: bool) -> Gains:
+    """The gains of an aircraft; RigError with numbers when they keep less than is required."""
     from rig.aircraft import folder
-    from rig.cli import show
-    from rig.computer.control.gains import write
-    from rig.design import references as reference_design
     from rig.design.gains import design
     from rig.plant import airframe
 
     home = folder(name)
-    if out is not None and not out.parent.is_dir():
-        raise BadInput(f"--out {out}: no such folder")
-    target = out or home / "gains.toml"
-    beside = target.with_name("references.toml")
-    with working("designing the gains", not as_json):
-        gains = design(airframe.read(home / "aircraft.toml"))
-        write(gains, target)
-        references = reference_design.design(name, gains)
+    with working("gains and margins", not quiet):
+        return design(airframe.read(home / "aircraft.toml"), accept=accept)
+
+
+def _measured(name: str, gains: Gains, out: Path | None = None, *, quiet: bool) -> dict[str, object]:
+    """Write the gains, fly them to measure the references, write these; what was written as plain data."""
+    from rig.aircraft import folder
+    from rig.cli import show
+    from rig.computer.control.gains import write
+    from rig.design import references as reference_design
+
+    target = out or folder(name) / "gains.toml"
+    write(gains, target)
+    with working("references, over 72 healthy flights a flight point", not quiet):
+        references, beside = reference_design.design(name, gains), target.with_name("references.toml")
     reference_design.write(references, beside)
+    if not quiet:
+        show.design(references, target, beside)
     written = {"file": str(target), "references_file": str(beside)}
-    summary = {**written, **gains.model_dump(), "references": references.model_dump()}
-    emit(as_json, summary, lambda: show.design(references, target, beside))
+    return {**written, **gains.model_dump(), "references": references.model_dump()}

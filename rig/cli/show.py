@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Final
 
 from rich.progress import Progress, ProgressColumn
 
-from rig.aircraft import tables
 from rig.cli.common import emit
 from rig.console import Screen, console, styled
 from rig.frame import DISCRETES, SIGNALS
@@ -117,6 +116,8 @@ def flight(flown: Flight) -> None:
     screen.print(styled("result   ", verdict, reason))
     failed = (f"{name} channel {', '.join(map(str, numbers))}" for name, numbers in flown.failed.items())
     screen.print(f"failed   {'; '.join(failed) or 'no channel'}")
+    if below := scenario.gains.below:
+        screen.print(f"gains    below the requirement, accepted: {'; '.join(below)}", style="yellow")
     if flown.not_executed:
         screen.print(f"faults   not executed: {'; '.join(flown.not_executed)}", style="yellow")
     screen.print(f"peaks    {_peaks(flown)}")
@@ -163,17 +164,6 @@ def _peaks(flown: Flight) -> str:
         f"load factor {p.load_factor_min:.2f} to {p.load_factor_max:.2f} g, "
         f"altitude off by {p.altitude_deviation_m:.1f} m, heading by {degrees(p.heading_deviation_rad):.2f} deg"
     )
-
-
-def flight_points(name: str) -> list[str]:
-    """The names of an aircraft's flight points, the default first."""
-    return [point["name"] for point in tables(name)["airframe"]["flight_points"]]
-
-
-def aircraft(found: dict[str, list[str]]) -> None:
-    """Aircraft and flight points."""
-    heads = ("aircraft", "flight points (the first is the default)")
-    console().table(heads, ((name, ", ".join(points)) for name, points in found.items()))
 
 
 def scenarios(rows: Sequence[tuple[str, str, str]]) -> None:

@@ -1,12 +1,15 @@
 """The design: from an aircraft's linear models to its gains.toml.
 
 The wanted crossover of each plane starts at a share of the actuator's bandwidth; the attitude loop is
-put a factor below it, and both come down until every margin holds (requirements.py).  What gains follow
-from the crossovers is in point_gains.py.
+put a factor below it, and both come down until every margin holds (requirements.py).  Where none does, the
+integral of the rate loops is made stronger: light aircraft damp faster than their actuators let a loop cross, and
+of a lightly damped short period too little is left of a slow rate loop.  What gains follow from the crossovers is
+in point_gains.py.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import product
 from typing import Final
 
@@ -14,37 +17,64 @@ from rig.computer.control.gains import Gains, Point
 from rig.design import backup
 from rig.design.backup import Sensor
 from rig.design.linear import linearise
-from rig.design.loops import ACTUATORS
+from rig.design.loops import ACTUATORS, Plane
 from rig.design.point_gains import Shares, backup_gains, gains_at
-from rig.design.requirements import LAWS, Case, Requirements, met, whole, with_margins
+from rig.design.requirements import LAWS, Case, Requirements, met, missed, nearness, whole, with_margins
 from rig.errors import RigError
 from rig.plant.airframe import Airframe
 from rig.progress import tell
 
+MOST_SAID: Final = 3  # loops below the requirement that an error names
 _RATE_SHARES: Final = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)  # of the highest crossover
 _QUICK: Final = 3  # so many of them count as quick
 _ALPHA_SHARES: Final = (1.0, 0.7, 0.4)  # of the regulator's gain on alpha, in the longitudinal plane
 _ALTITUDE_SHARES: Final = (0.5, 0.35)  # altitude loop's crossover over the attitude loop's
 _ATTITUDE_SHARES: Final = (0.26, 0.22, 0.18, 0.15)  # attitude loop's crossover over the rate loop's
+# Tried after all others, so that no design that succeeds without them depends on them.
+_DAMPED_RATES: Final = (1.0, 0.7, 0.5, 0.4)
+_DAMPED_ATTITUDES: Final = (0.26, 0.18, 0.12)
+_DAMPED_ALTITUDES: Final = (0.5, 0.35, 0.25)
+_INTEGRALS: Final = (0.6, 0.3, 1.0)  # crossover of the integral alone over the rate loop's
+_AIRSPEEDS: Final = (1.0, 0.6)
+_EVERY: Final = 12  # of the candidates, when none keeps the margins: neighbours differ little
 _NEARNESS: Final = (1.0, 0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.6, 0.5, 0.4, 0.2)
 
 
-def design(airframe: Airframe, wanted: Requirements | None = None) -> Gains:
+def design(airframe: Airframe, wanted: Requirements | None = None, *, accept: bool = False) -> Gains:
     """Gains for every flight point of ``airframe``; RigError when the margins cannot be had.
 
+    accept : take the gains that come nearest where none keeps the margins; ``Gains.below`` says which
     Pure: the same aircraft and requirements give the same numbers.
     """
+    designed = design_points(airframe, wanted)
+    below = [f"{one.point.name}: {line}" for one in designed for line in one.below]
+    if below and not accept:
+        raise RigError(f"{airframe.base_model} {'; '.join(below[:MOST_SAID])}; rig aircraft check has all numbers")
+    return whole(airframe, wanted or Requirements(), [one.point for one in designed], below)
+
+
+@dataclass(frozen=True)
+class Designed:
+    """One flight point: the gains, and what they miss, a line for each loop that keeps less than is required."""
+
+    case: Case
+    point: Point
+    below: list[str]
+
+
+def design_points(airframe: Airframe, wanted: Requirements | None = None) -> list[Designed]:
+    """The best gains of every flight point, in the order of dynamic pressure, whether they keep the margins or not."""
     wanted = wanted or Requirements()
     cases = [Case(airframe, point, linearise(airframe, point), wanted) for point in airframe.flight_points]
     cases.sort(key=lambda case: case.linear.trim.dynamic_pressure_pa)
-    points: list[Point] = []
+    designed: list[Designed] = []
     for case in cases:
-        tell(f"designing the gains of {case.point.name}", len(points), len(cases))
-        points.append(_design_point(case))
-    return whole(airframe, wanted, points)
+        tell(f"designing the gains of {case.point.name}", len(designed), len(cases))
+        designed.append(_design_point(case))
+    return designed
 
 
-def _design_point(case: Case) -> Point:
+def _design_point(case: Case) -> Designed:
     """For each plane the first candidate whose margins hold; the planes do not depend on each other."""
     first = _candidates()[0]
     chosen = dict.fromkeys(ACTUATORS, first)
@@ -54,11 +84,19 @@ def _design_point(case: Case) -> Point:
             if met(case, gains_at(case, chosen), plane):
                 break
         else:
-            raise RigError(f"{case.airframe.base_model} {case.point.name}: no {plane} gains keep the margins")
+            chosen[plane] = _nearest(case, chosen, plane)
     point = gains_at(case, chosen)
     for sensor in backup.SENSORS:
         point = _backed_up(case, point, sensor)
-    return with_margins(case, point)
+    point = with_margins(case, point)
+    return Designed(case, point, missed(case, point))
+
+
+def _nearest(case: Case, chosen: dict[Plane, Shares], plane: Plane) -> Shares:
+    """Of every few candidates of one plane the one that keeps the largest share of the margins."""
+    return max(
+        _candidates()[::_EVERY], key=lambda tried: nearness(case, gains_at(case, {**chosen, plane: tried}), plane)
+    )
 
 
 def _candidates() -> list[Shares]:
@@ -66,7 +104,10 @@ def _candidates() -> list[Shares]:
     quick, slow = _RATE_SHARES[:_QUICK], _RATE_SHARES[_QUICK:]
     tried = [Shares(*x) for x in product(quick, _ATTITUDE_SHARES, _ALPHA_SHARES, _ALTITUDE_SHARES)]
     tried.sort(key=lambda x: (-x.altitude, -x.attitude, -x.alpha, -x.rate))
-    return tried + [Shares(rate, _ATTITUDE_SHARES[-1], 1.0, _ALTITUDE_SHARES[-1]) for rate in slow]
+    tried += [Shares(rate, _ATTITUDE_SHARES[-1], 1.0, _ALTITUDE_SHARES[-1]) for rate in slow]
+    return tried + [
+        Shares(*x) for x in product(_DAMPED_RATES, _DAMPED_ATTITUDES, (1.0,), _DAMPED_ALTITUDES, _INTEGRALS, _AIRSPEEDS)
+    ]
 
 
 def _backed_up(case: Case, point: Point, sensor: Sensor) -> Point:

@@ -11,6 +11,7 @@ JSBSim's has wrong force rows when an actuator lags.  A linear aircraft brings i
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import cos, sin
 from typing import Final
 
 import numpy as np
@@ -20,8 +21,8 @@ from rig.atmosphere import GAS_CONSTANT, pressure, speed_of_sound, temperature
 from rig.errors import BadInput
 from rig.frame import SURFACES
 from rig.plant.airframe import OUTPUTS, Airframe, Config, FlightPoint, LinearConfig
-from rig.plant.jsbsim import jsbsim, load
 from rig.plant.linear_plant import matrices
+from rig.plant.loading import jsbsim, load, turns_propellers
 
 Matrix = NDArray[np.float64]
 
@@ -32,6 +33,7 @@ LATERAL: Final = ("Beta", "P", "R", "Phi")
 _LONGITUDINAL_SCALE: Final = np.array([METRES_PER_FOOT, 1.0, 1.0, 1.0])
 _STEP_RAD: Final = 1e-3  # of a surface, for central differences
 _STEP_THROTTLE: Final = 5e-3
+_STATE_STEPS: Final = (1.0, *[1e-3] * 7)  # of the states: ft/s, rad, rad/s
 _ANY_STEP_S: Final = 0.01  # JSBSim's step; no part of a linearisation
 
 
@@ -72,7 +74,8 @@ def linearise(airframe: Airframe, flight_point: FlightPoint) -> Linear:
     """The small motions of ``airframe`` about trim at ``flight_point``; BadInput when it does not trim."""
     if isinstance(airframe, LinearConfig):
         return _given(airframe, flight_point)
-    longitudinal_a, lateral_a = _system(load(airframe, flight_point, _ANY_STEP_S))
+    fdm = load(airframe, flight_point, _ANY_STEP_S)
+    longitudinal_a, lateral_a = _differenced(fdm) if turns_propellers(fdm) else _system(fdm)
     fdm = load(airframe, flight_point, _ANY_STEP_S)
     trim = _trim(fdm, airframe)
     _hold_still(fdm)
@@ -88,6 +91,11 @@ def linearise(airframe: Airframe, flight_point: FlightPoint) -> Linear:
         lateral_a=lateral_a,
         lateral_b=np.array(lateral).T,
     )
+
+
+def trimmed(airframe: Config, flight_point: FlightPoint) -> Trim:
+    """Level flight at ``flight_point``, nothing linearised; BadInput when it does not trim."""
+    return _trim(load(airframe, flight_point, _ANY_STEP_S), airframe)
 
 
 def _given(airframe: LinearConfig, point: FlightPoint) -> Linear:
@@ -129,6 +137,45 @@ def _system(fdm: jsbsim.FGFDMExec) -> tuple[Matrix, Matrix]:
     return a[np.ix_(longitudinal, longitudinal)] * scale[:, None] / scale, a[np.ix_(lateral, lateral)]
 
 
+def _differenced(fdm: jsbsim.FGFDMExec) -> tuple[Matrix, Matrix]:
+    """The same by central differences, revolutions settled: JSBSim's may search a minute for those of a propeller."""
+    rest = _states(fdm)
+    columns: list[Matrix] = []
+    for i, step in enumerate(_STATE_STEPS):
+        rates = []
+        for sign in (1.0, -1.0):
+            _set_states(fdm, rest + sign * step * np.eye(len(rest))[i])
+            rates.append(_rates(fdm))
+        columns.append((rates[0] - rates[1]) / (2.0 * step))
+    system = np.array(columns).T
+    scale = np.ones(len(rest))
+    scale[0] = 1.0 / METRES_PER_FOOT  # rates are SI already, the first column is by ft/s
+    system = system * scale
+    return system[:4, :4], system[4:, 4:]
+
+
+def _states(fdm: jsbsim.FGFDMExec) -> Matrix:
+    """(8,) true airspeed [ft/s], alpha, q, theta, beta, p, r, phi."""
+    names = ("velocities/vt-fps", "aero/alpha-rad", "velocities/q-rad_sec", "attitude/theta-rad")
+    names += ("aero/beta-rad", "velocities/p-rad_sec", "velocities/r-rad_sec", "attitude/phi-rad")
+    return np.array([fdm[name] for name in names])
+
+
+def _set_states(fdm: jsbsim.FGFDMExec, states: Matrix) -> None:
+    """Evaluate the forces in these states: attitude first, which keeps the velocity in body axes."""
+    speed, alpha, q, theta, beta, p, r, phi = (float(x) for x in states)
+    fdm["ic/theta-rad"], fdm["ic/phi-rad"] = theta, phi
+    fdm["ic/u-fps"] = speed * cos(alpha) * cos(beta)
+    fdm["ic/v-fps"] = speed * sin(beta)
+    fdm["ic/w-fps"] = speed * sin(alpha) * cos(beta)
+    fdm["ic/p-rad_sec"], fdm["ic/q-rad_sec"], fdm["ic/r-rad_sec"] = p, q, r
+    fdm.set_trim_status(True)
+    fdm.run_ic()
+    fdm.get_propulsion().get_steady_state()
+    fdm.run_ic()
+    fdm.set_trim_status(False)
+
+
 def _trim(fdm: jsbsim.FGFDMExec, airframe: Config) -> Trim:
     return Trim(
         airspeed_m_s=fdm["velocities/vt-fps"] * METRES_PER_FOOT,
@@ -159,6 +206,9 @@ def _difference(fdm: jsbsim.FGFDMExec, airframe: Config, command: str, step: flo
         fdm[name] = rest + sign * step
         fdm.set_trim_status(True)  # actuators and engines follow at once
         fdm.run_ic()
+        if command == "throttle" and turns_propellers(fdm):
+            fdm.get_propulsion().get_steady_state()  # revolutions are a state of their own, they follow now
+            fdm.run_ic()
         fdm.set_trim_status(False)
         rates.append(_rates(fdm))
         positions.append(fdm[position])

@@ -23,12 +23,18 @@ from rig.design.requirements import Case
 
 @dataclass(frozen=True)
 class Shares:
-    """How fast one plane is to be: shares of the highest crossover, the rate loop's, the alpha gain, the attitude's."""
+    """How fast one plane is to be: shares of the highest crossover, the rate loop's, the alpha gain, the attitude's.
+
+    integral : crossover of the integral alone over the rate loop's; 0 where ``integral_share`` is enough
+    airspeed : of the airspeed loop's crossover
+    """
 
     rate: float
     attitude: float
     alpha: float
     altitude: float
+    integral: float = 0.0
+    airspeed: float = 1.0
 
 
 def gains_at(case: Case, chosen: dict[Plane, Shares]) -> Point:
@@ -37,10 +43,12 @@ def gains_at(case: Case, chosen: dict[Plane, Shares]) -> Point:
     lags_s = {plane: getattr(case.airframe, actuators[0]).lag_s for plane, actuators in ACTUATORS.items()}
     crossover = {plane: chosen[plane].rate * (case.wanted.actuator_share / lags_s[plane]) for plane in ACTUATORS}
     wanted, linear, trim = case.wanted, case.linear, case.linear.trim
-    elevator = longitudinal_gain(linear, crossover["longitudinal"], wanted.integral_share)[0]
+    share = max(wanted.integral_share, pitch_integral_share(linear, crossover["longitudinal"], chosen["longitudinal"]))
+    elevator = longitudinal_gain(linear, crossover["longitudinal"], share)[0]
     pitch = chosen["longitudinal"].attitude * crossover["longitudinal"]
     path = path_gain(linear, pitch, chosen["longitudinal"].altitude * pitch)[0]
-    throttle = wanted.airspeed_crossover_rad_s / linear.longitudinal_b[0, 1]
+    airspeed = chosen["longitudinal"].airspeed * wanted.airspeed_crossover_rad_s
+    throttle = airspeed / linear.longitudinal_b[0, 1]
     # What the observers know of the aircraft; the back-up law's compensators are designed when the rest is.
     model: dict[str, Any] = {**_short_period(case), **backup.roll_and_yaw(linear.lateral_a, linear.lateral_b)}
     model |= backup.NONE
@@ -56,26 +64,27 @@ def gains_at(case: Case, chosen: dict[Plane, Shares]) -> Point:
         elevator_pitch_rate_s=elevator[1],
         elevator_pitch_rate_integral=elevator[2],
         throttle_airspeed_s_m=throttle,
-        throttle_airspeed_integral_1_m=throttle * wanted.airspeed_crossover_rad_s / 5.0,
+        throttle_airspeed_integral_1_m=throttle * airspeed / 5.0,
         pitch_angle_1_s=pitch,
         path_pitch=path[0],
         path_climb_angle=path[1],
         path_altitude_1_s=path[2],
         path_altitude_integral_1_s2=path[3],
-        **_lateral(case, crossover["lateral"], chosen["lateral"].attitude * crossover["lateral"]),
+        **_lateral(case, crossover["lateral"], chosen["lateral"]),
         **model,
     )
 
 
-def _lateral(case: Case, crossover: float, roll: float) -> dict[str, float]:
-    """The gains on aileron and rudder, zero where these move nothing; ``roll`` the attitude loop's crossover."""
+def _lateral(case: Case, crossover: float, chosen: Shares) -> dict[str, float]:
+    """The gains on aileron and rudder, zero where these move nothing."""
     wanted, linear = case.wanted, case.linear
     aileron, rudder, command, attitude = np.zeros(2), np.zeros(3), 0.0, 0.0
     if linear.rolls:
-        aileron = roll_gain(linear, crossover, wanted.integral_share)[0]
+        share = max(wanted.integral_share, chosen.integral * -linear.lateral_a[1, 1] / crossover)
+        aileron = roll_gain(linear, crossover, share)[0]
         rudder = yaw_gain(linear, wanted.rudder_share * crossover, wanted.sideslip_share)[0]
         command = -linear.lateral_a[2, 0] / linear.lateral_b[2, 1]
-        attitude = roll
+        attitude = chosen.attitude * crossover
     turn = wanted.heading_share * attitude
     return {
         "aileron_roll_rate_s": aileron[0],
@@ -117,6 +126,17 @@ def _max_sideslip(case: Case) -> float:
     full = min(case.airframe.rudder.max_rad, -case.airframe.rudder.min_rad)
     reach = 0.3 * full * abs(b[2, 1] / a[2, 0]) if case.linear.rolls else math.inf
     return min(reach, 0.5 * case.wanted.envelope_share * case.airframe.limits.sideslip_max_rad)
+
+
+def pitch_integral_share(linear: Linear, crossover: float, chosen: Shares) -> float:
+    """The integral's share with which the integral alone crosses at ``chosen.integral`` of ``crossover`` [rad/s].
+
+    Where the airframe damps faster than the loop crosses, a regulator leaves pitch rate to the airframe, and only
+    the integral makes it follow.  Its gain is share crossover^2 / M_elevator, the airframe's is q / elevator at rest.
+    """
+    a, b = linear.longitudinal_a[1:3, 1:3], linear.longitudinal_b[1:3, 0]
+    rest = np.linalg.solve(-a, b)[1]
+    return float(chosen.integral * abs(b[1] / rest) / crossover)
 
 
 def longitudinal_gain(linear: Linear, crossover: float, integral_share: float) -> Matrix:

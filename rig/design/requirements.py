@@ -77,7 +77,7 @@ class Case:
         return holds(loop, actuator, share * self.wanted.gain_margin_db, share * self.wanted.phase_margin_deg)
 
 
-def whole(airframe: Airframe, wanted: Requirements, points: list[Point]) -> Gains:
+def whole(airframe: Airframe, wanted: Requirements, points: list[Point], below: Sequence[str] = ()) -> Gains:
     """The gains of an aircraft from those of its flight points."""
     share, limits = wanted.envelope_share, airframe.limits
     return Gains(
@@ -89,6 +89,7 @@ def whole(airframe: Airframe, wanted: Requirements, points: list[Point]) -> Gain
         elevator_lag_s=airframe.elevator.lag_s,
         aileron_lag_s=airframe.aileron.lag_s,
         rudder_lag_s=airframe.rudder.lag_s,
+        below=list(below),
         points=points,
     )
 
@@ -100,6 +101,42 @@ def met(case: Case, point: Point, plane: Plane) -> bool:
         if not all(case.keeps(loop, i) for i, _ in _closed(law, plane)):
             return False
     return True
+
+
+_NEARNESS: Final = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 1.0)
+
+
+def nearness(case: Case, point: Point, plane: Plane) -> float:
+    """The share of the wanted margins that every loop of one plane keeps; 0 when one is unstable as it stands."""
+    closed: list[tuple[Loop, Law]] = [(case.loop(point, law, plane), law) for law in LAWS]
+    best = 0.0
+    for share in _NEARNESS:
+        if not all(case.keeps(loop, i, share) for loop, law in closed for i, _ in _closed(law, plane)):
+            break
+        best = share
+    return best
+
+
+def missed(case: Case, point: Point) -> list[str]:
+    """What the margins of ``point`` miss, in words with numbers; empty when all loops keep what is wanted."""
+    lines = []
+    for law, margins_of in (("stick", point.stick_margins), ("autopilot", point.autopilot_margins)):
+        for actuator, margin in margins_of.items():
+            lines += [f"{law} {actuator} {text}" for text in short_of(margin, case.wanted)]
+    return lines
+
+
+def short_of(margin: Margin, wanted: Requirements) -> list[str]:
+    """Which of one loop's margins are less than ``wanted``."""
+    if not margin.phase_deg:
+        return ["loop unstable"]
+    gain, phase = wanted.gain_margin_db, wanted.phase_margin_deg
+    found = (
+        ("gain up", margin.gain_increase_db, gain, "dB"),
+        ("gain down", margin.gain_decrease_db, gain, "dB"),
+        ("phase", margin.phase_deg, phase, "deg"),
+    )
+    return [f"{name} {value:.1f} of {least:g} {unit}" for name, value, least, unit in found if value < least - 1e-3]
 
 
 def with_margins(case: Case, point: Point) -> Point:

@@ -26,7 +26,7 @@ from rig.errors import BadInput, RigError
 from rig.files import is_file
 from rig.kernels import cache_root
 from rig.plant.airframe import Config, Surface
-from rig.text import quoted
+from rig.text import choices, quoted
 
 THROTTLE_POSITION = "rig/throttle-position"  # 0 to 1, after the actuator
 
@@ -43,10 +43,8 @@ def folder(airframe: Config, root: Path) -> Path:
     root : the installed JSBSim's data (aircraft, engine, systems)
     Raises BadInput: no such base model, or one that our actuators do not fit.
     """
-    source = root / "aircraft" / airframe.base_model
-    model = source / f"{airframe.base_model}.xml"
-    if not is_file(model):
-        raise BadInput(f"airframe.base_model: JSBSim has no aircraft {quoted(airframe.base_model)}")
+    model = model_file(airframe.base_model, root)
+    source = model.parent
     key = hashlib.sha256(_sources(source) + airframe.model_dump_json(include=_SHAPING).encode())
     target = cache_root() / "airframes" / key.hexdigest()[:24]
     if not (target / _READS_FILE).is_file():
@@ -55,6 +53,28 @@ def folder(airframe: Config, root: Path) -> Path:
         _check_positions(airframe, reads)
         _publish(tree, reads, source, target)
     return target
+
+
+def base_models(root: Path) -> list[str]:
+    """The aircraft of the installed JSBSim, in alphabetical order."""
+    folders = sorted((root / "aircraft").iterdir())
+    return [path.name for path in folders if is_file(path / f"{path.name}.xml")]
+
+
+def model_file(base_model: str, root: Path) -> Path:
+    """The file of an aircraft of the installed JSBSim; BadInput with the nearest names when there is none."""
+    model = root / "aircraft" / base_model / f"{base_model}.xml"
+    if not is_file(model):
+        known = choices(base_model, base_models(root))
+        raise BadInput(f"airframe.base_model: JSBSim has no aircraft {quoted(base_model)}; {known}")
+    return model
+
+
+def read_by_equations(tree: ET.Element, root: Path, source: Path) -> list[str]:
+    """The properties that a model's equations and engines read, without its own flight control."""
+    for child in [child for child in tree if child.tag in _DROPPED]:
+        tree.remove(child)
+    return sorted(_reads(tree, root, source))
 
 
 def reads(folder: Path) -> list[str]:
@@ -158,13 +178,15 @@ def _check_positions(airframe: Config, reads: list[str]) -> None:
     for name in ("elevator", "aileron", "rudder"):
         position = getattr(airframe, name).position
         if position not in reads:
-            raise BadInput(f"airframe.{name}.position: {airframe.base_model} does not read {quoted(position)}")
+            known = choices(position, (read for read in reads if read.startswith("fcs/")))
+            model = airframe.base_model
+            raise BadInput(f"airframe.{name}.position: {model} does not read {quoted(position)}; {known}")
 
 
 def _reads(tree: ET.Element, root: Path, source: Path) -> set[str]:
     engines = len(tree.findall("propulsion/engine"))
     names: set[str] = set()
-    for part in (*(child for child in tree if child.tag != "flight_control"), *_files(tree, root, source)):
+    for part in (*(child for child in tree if child.tag != "flight_control"), *part_files(tree, root, source)):
         for element in part.iter():
             if element.tag in _READERS and element.text and element.text.strip():
                 name = element.text.strip().lstrip("-")
@@ -172,7 +194,7 @@ def _reads(tree: ET.Element, root: Path, source: Path) -> set[str]:
     return names
 
 
-def _files(tree: ET.Element, root: Path, source: Path) -> Iterator[ET.Element]:
+def part_files(tree: ET.Element, root: Path, source: Path) -> Iterator[ET.Element]:
     """Engines and thrusters, and any other part that the model keeps in a file of its own."""
     places = (source, source / "Engines", source / "Engine", root / "engine")
     for name in {element.get("file") for element in tree.iter() if element.get("file")}:

@@ -116,8 +116,9 @@ class Config(Shared):
     aileron: Surface
     rudder: Surface
     properties: dict[str, float] = Field(default_factory=dict)  # read by the aerodynamics, held constant
+    held: dict[str, float] = Field(default_factory=dict)  # JSBSim's own, set before the trim: mixture, propeller, flaps
 
-    @field_validator("properties")
+    @field_validator("properties", "held")
     @classmethod
     def _nameable(cls, properties: dict[str, float]) -> dict[str, float]:
         for name in properties:

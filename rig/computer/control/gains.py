@@ -115,6 +115,7 @@ class Gains(Settings):
     elevator_lag_s: float = Field(gt=0.0)
     aileron_lag_s: float = Field(gt=0.0)
     rudder_lag_s: float = Field(gt=0.0)
+    below: list[str] = []  # loops that keep less than was required, accepted nevertheless
     points: list[Point] = Field(min_length=1)
 
     @model_validator(mode="after")
@@ -140,9 +141,12 @@ def write(gains: Gains, path: Path) -> None:
 def render(gains: Gains) -> str:
     """The text of gains.toml."""
     data = gains.model_dump()
-    points = data.pop("points")
+    points, below = data.pop("points"), data.pop("below")
     lines = ["# Written by the design from aircraft.toml; do not edit.", "# Margins: dB, degrees, rad/s.", ""]
     lines += [f"{key} = {_number(value)}" for key, value in data.items()]
+    if below:
+        lines += ["# Below the requirement, accepted with rig aircraft check --accept:"]
+        lines += ["below = [", *(f'    "{text}",' for text in below), "]"]
     for point in points:
         lines += ["", "[[points]]"]
         lines += [f"{key} = {_value(value)}" for key, value in point.items()]

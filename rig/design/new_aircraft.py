@@ -1,0 +1,222 @@
+"""Write a new aircraft's folder: aircraft.toml with the source of every figure, as ``rig aircraft new`` does."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import degrees
+from pathlib import Path
+from typing import Any, Final
+
+import tomli_w
+
+from rig.aircraft import names, sensor_classes
+from rig.design.assumed import FIGURES
+from rig.design.linear import trimmed
+from rig.design.propose import Found, airframe_table, flight_points, given_point
+from rig.errors import BadInput
+from rig.files import reported, write_text
+from rig.frame import CHANNELS, SIGNALS
+from rig.plant.airframe import Config, FlightPoint
+from rig.plant.base_model import SURFACES, BaseModel, Kind, read
+from rig.sensors.classes import kind as kind_of_signal
+from rig.settings import build
+from rig.text import choices, quoted
+
+_NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,60}")
+WIDTH: Final = 118  # of a comment line
+ASSUMED: Final = "assumed"
+SCENARIO: Final = "hardover.toml"
+_SCENARIO: Final = """\
+title = "{name} pitch-rate hardover"
+aircraft = "../{name}"  # from this file's folder
+flight_point = "{first}"  # of {points}
+duration_s = 60.0
+seed = 1
+
+# The autopilot holds altitude, heading and airspeed; one gyro runs to its stop.
+[[faults]]
+kind = "hardover"
+signal = "pitch_rate"
+channels = [3]
+start_s = 20.0
+"""
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What no model of JSBSim knows; None: the assumed figure of the aircraft's kind."""
+
+    lag_s: float | None = None  # of every surface's actuator
+    rate_limit_rad_s: float | None = None
+    sensor_class: str | None = None  # for the signals that it measures
+    channels: int = CHANNELS  # of every signal
+
+
+@dataclass(frozen=True)
+class NewAircraft:
+    """An aircraft that is proposed: nothing is written yet."""
+
+    name: str
+    base: BaseModel
+    kind: Kind
+    table: dict[str, Any]  # [airframe], flight points included
+    found: list[Found]
+    answers: Answers
+
+    @property
+    def airframe(self) -> Config:
+        """The checked ``[airframe]`` table."""
+        return build(Config, self.table, f"aircraft {self.name}")
+
+
+def target(name: str, out: Path) -> Path:
+    """The folder to make; BadInput: no folder's name, a bundled aircraft's, or there already."""
+    if not _NAME.fullmatch(name):
+        raise BadInput(f"aircraft new {quoted(name)}: a name has letters, digits, _ . - and begins with none of . -")
+    if name in names():
+        raise BadInput(f"aircraft new {name}: a bundled aircraft has this name; give another")
+    if not out.is_dir():
+        raise BadInput(f"--out {out}: no such folder")
+    folder = out / name
+    if folder.exists() or folder.is_symlink():
+        raise BadInput(f"{folder}: exists already; give another name, or another folder with --out")
+    return folder
+
+
+def propose(name: str, base_model: str, answers: Answers, points: list[tuple[float, float]], most: int) -> NewAircraft:
+    """Everything of a new aircraft; BadInput when the model cannot be flown, or trims nowhere.
+
+    points : altitude [m] and Mach number of flight points of the user's own; empty: ``most`` are proposed
+    """
+    _check_class(answers.sensor_class)
+    base = read(base_model)
+    table, kind = airframe_table(base)
+    for surface in SURFACES:
+        own = {"lag_s": answers.lag_s, "rate_limit_rad_s": answers.rate_limit_rad_s}
+        table[surface] |= {key: value for key, value in own.items() if value is not None}
+    found = _own_points(table, base, points) if points else flight_points(table, base, most)
+    table["flight_points"] = [one.point.model_dump() for one in found]
+    made = NewAircraft(name, base, kind, table, found, answers)
+    _ = made.airframe
+    return made
+
+
+def _check_class(name: str | None) -> None:
+    known = sensor_classes()
+    if name is not None and name not in known:
+        raise BadInput(f"--sensor-class: unknown class {quoted(name)}, {choices(name, known, 'docs/sensors.md')}")
+
+
+def _own_points(table: dict[str, Any], base: BaseModel, points: list[tuple[float, float]]) -> list[Found]:
+    made = []
+    for altitude_m, mach in points:
+        data = {"name": "any", "altitude_m": altitude_m, "mach": mach}
+        build(FlightPoint, data, f"--point {altitude_m:g}:{mach:g}")
+        made.append(given_point(altitude_m, mach))
+    dumped = [point.model_dump() for point in made]
+    airframe = build(Config, {**table, "flight_points": dumped}, f"base model {base.name}")
+    return [Found(point, trimmed(airframe, point), 0.0) for point in made]
+
+
+def write(new: NewAircraft, folder: Path) -> None:
+    """Make the folder with aircraft.toml and a first scenario; BadInput or RigError when it cannot be written."""
+    with reported(folder, BadInput):
+        folder.mkdir()
+    write_text(folder / "aircraft.toml", render(new))
+    write_text(folder / SCENARIO, scenario(new))
+
+
+def scenario(new: NewAircraft) -> str:
+    """The text of a first scenario: the gyro fault of the default scenario, on this aircraft."""
+    points = ", ".join(one.point.name for one in new.found)
+    return _SCENARIO.format(name=new.name, first=new.found[0].point.name, points=points)
+
+
+def render(new: NewAircraft) -> str:
+    """The text of aircraft.toml: every assumed figure says so, with its source."""
+    blocks = [_head(new), *(_surface(new, surface) for surface in SURFACES), *_rest(new), *_sensors(new)]
+    return "\n".join(blocks)
+
+
+def _head(new: NewAircraft) -> str:
+    points = []
+    for one in new.found:
+        trim, point = one.trim, one.point
+        points.append(
+            f"    # trim: {trim.airspeed_m_s:.0f} m/s, {trim.dynamic_pressure_pa / 1e3:.1f} kPa, angle of attack "
+            f"{degrees(trim.alpha_rad):.1f} deg, elevator {trim.elevator_rad:+.3f}, throttle {trim.throttle:.2f}\n"
+            f'    {{ name = "{point.name}", altitude_m = {point.altitude_m!r}, mach = {point.mach!r} }},'
+        )
+    intro = (
+        f"{new.name}: made by rig aircraft new from JSBSim's {new.base.name}, which is read from the installed "
+        f"package at run time; {new.base.engines} {new.base.engine} engine{'s' if new.base.engines > 1 else ''}. "
+        f"Figures marked '{ASSUMED}' are of no data of this aircraft: replace them by what you know."
+    )
+    list_text = "\n".join(points)
+    return (
+        f"{_comment(intro)}\n[airframe]\n"
+        f'base_model = "{new.base.name}"\n\n# Proposed where it trims with a reserve of throttle and elevator.\n'
+        f"flight_points = [\n{list_text}\n]\n"
+    )
+
+
+def _surface(new: NewAircraft, surface: str) -> str:
+    figures, own, base = FIGURES[new.kind], new.answers, new.base
+    given = own.lag_s is not None and own.rate_limit_rad_s is not None
+    said = "Lag and rate limit as given." if given else f"Lag and rate limit {ASSUMED}: {figures.actuator_source}."
+    stops = "Stops: of the base model." if surface in base.stops else f"Stops {ASSUMED}: the model gives none."
+    unit = " The position is normalised: 1 for rad throughout." if base.positions[surface].endswith("-norm") else ""
+    return f"{_comment(f'{said} {stops}{unit}')}\n{_table(f'airframe.{surface}', new.table[surface])}"
+
+
+def _rest(new: NewAircraft) -> Iterator[str]:
+    figures = FIGURES[new.kind]
+    said = f"{ASSUMED}. Of the servo alone; the engine adds its own lag."
+    yield f"{_comment(said)}\n{_table('airframe.throttle', new.table['throttle'])}"
+    said = f"{ASSUMED}: close to the centre of gravity."
+    yield f"{_comment(said)}\n{_table('airframe.accelerometer', new.table['accelerometer'])}"
+    said = f"{ASSUMED}, beyond these it counts as lost. Loads: {figures.limits_source}; angles beyond stall."
+    yield f"{_comment(said)}\n{_table('airframe.limits', new.table['limits'])}"
+    if "held" in new.table:
+        said = (
+            f"{ASSUMED}: mixture for best power near 1500 m; a constant-speed propeller is held at one blade angle, "
+            "for JSBSim's governor has no steady state that a trim could find."
+        )
+        yield f"{_comment(said)}\n{_table('airframe.held', new.table['held'])}"
+    if "properties" in new.table:
+        said = "Read by the equations and moved by the flight control that is replaced: they stay where they are."
+        yield f"{_comment(said)}\n{_table('airframe.properties', new.table['properties'])}"
+
+
+def _sensors(new: NewAircraft) -> Iterator[str]:
+    """The sensors that differ from aircraft/defaults.toml."""
+    tables: dict[str, dict[str, Any]] = {}
+    chosen = new.answers.sensor_class
+    kinds = sensor_classes()[chosen].kinds if chosen else []
+    for signal in SIGNALS:
+        table: dict[str, Any] = {}
+        if kind_of_signal(signal.name) in kinds:
+            table["class"] = chosen
+        if new.answers.channels != CHANNELS:
+            table["channels"] = new.answers.channels
+        if table:
+            tables[signal.name] = table
+    if not tables:
+        yield _comment(
+            f"Sensors {ASSUMED}: the quadruplex set of aircraft/defaults.toml, whose figures are cited there."
+        )
+    else:
+        yield _comment("Sensors as given; all else as aircraft/defaults.toml, whose figures are cited there.")
+        yield tomli_w.dumps({"sensors": tables})
+
+
+def _table(name: str, data: dict[str, Any]) -> str:
+    return f"[{name}]\n{tomli_w.dumps(data)}"
+
+
+def _comment(text: str) -> str:
+    """``text`` as comment lines."""
+    return textwrap.fill(text, WIDTH, initial_indent="# ", subsequent_indent="# ", break_on_hyphens=False)

@@ -1,0 +1,140 @@
+"""Propose an aircraft from a model of JSBSim: its ``[airframe]`` table and flight points that trim."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any, Final
+
+from rig.atmosphere import GAS_CONSTANT, GRAVITY, pressure, speed_of_sound, temperature
+from rig.design.assumed import FIGURES, STOP_RAD, held, limits
+from rig.design.linear import Trim, trimmed
+from rig.errors import BadInput
+from rig.plant.airframe import Config, FlightPoint
+from rig.plant.base_model import SURFACES, BaseModel, Kind
+from rig.plant.loading import mass_kg, undeclared
+from rig.settings import build
+
+FOOT_M: Final = 0.3048
+ALTITUDES_FT: Final[dict[str, tuple[int, ...]]] = {"propeller": (5000, 8000), "jet": (10000, 20000, 30000)}
+LIFT_COEFFICIENTS: Final = (0.2, 0.25, 0.3, 0.35, 0.42, 0.5, 0.6, 0.75)  # slow to fast the other way round
+_CRUISE_LIFT: Final = 0.42  # nearest to it is the first flight point
+_SLOWER: Final = 0.72  # dynamic pressure of the second over that of the first
+_LEAST_APART: Final = 0.9  # nearer points have no schedule between them
+_FASTEST: Final = 0.85  # Mach number tried
+
+
+@dataclass(frozen=True)
+class Found:
+    """A flight point that trims, with a reserve to fly on."""
+
+    point: FlightPoint
+    trim: Trim
+    lift: float  # lift coefficient that it was sought at
+
+
+def airframe_table(base: BaseModel) -> tuple[dict[str, Any], Kind]:
+    """The ``[airframe]`` table without flight points, and which kind's figures it has."""
+    table = _table(base, "transport")
+    probe = build(Config, {**table, "flight_points": [_ANYWHERE]}, f"base model {base.name}")
+    properties = dict.fromkeys(undeclared(probe), 0.0)
+    kind = base.kind(mass_kg(probe.model_copy(update={"properties": properties}), FlightPoint(**_ANYWHERE)))
+    return {**_table(base, kind), **({"properties": properties} if properties else {})}, kind
+
+
+_ANYWHERE: Final[dict[str, Any]] = {"name": "any", "altitude_m": 1500.0, "mach": 0.3}
+
+
+def _table(base: BaseModel, kind: Kind) -> dict[str, Any]:
+    figures = FIGURES[kind]
+    table: dict[str, Any] = {"base_model": base.name}
+    for surface in SURFACES:
+        low, high = base.stops.get(surface, (-STOP_RAD, STOP_RAD))
+        table[surface] = {
+            "lag_s": figures.lag_s,
+            "rate_limit_rad_s": figures.rate_limit_rad_s,
+            "min_rad": round(low, 4),
+            "max_rad": round(high, 4),
+            "position": base.positions[surface],
+        }
+    table["throttle"] = {"lag_s": figures.throttle_lag_s, "rate_limit_1_s": figures.throttle_rate_1_s}
+    if base.augmented:
+        table["throttle"]["full_position"] = 2.0
+    table["accelerometer"] = {"x_m": 0.5, "y_m": 0.0, "z_m": 0.0}
+    table["limits"] = limits(kind)
+    levers = held(base.engines, base.engine, base.blade_angles_deg)
+    return {**table, **({"held": levers} if levers else {})}
+
+
+def flight_points(table: dict[str, Any], base: BaseModel, most: int = 2) -> list[Found]:
+    """Up to ``most`` flight points that trim, cruise first; BadInput when none does.
+
+    At each altitude speeds are tried by their lift coefficient; a point counts when throttle, elevator and angle of
+    attack keep a reserve.  The second is the one whose dynamic pressure is nearest to 0.72 of the first's.
+    """
+    airframe = build(Config, {**table, "flight_points": [_ANYWHERE]}, f"base model {base.name}")
+    weight = mass_kg(airframe, FlightPoint(**_ANYWHERE)) * GRAVITY
+    tried: list[FlightPoint] = []
+    found: list[Found] = []
+    for altitude_ft in ALTITUDES_FT["propeller" if base.propeller else "jet"]:
+        for lift in LIFT_COEFFICIENTS:
+            point = _point(altitude_ft, sqrt(2.0 * weight / (base.wing_area_m2 * lift)))
+            if point.mach > _FASTEST or point in tried:
+                continue
+            tried.append(point)
+            found += _flyable(airframe, point, lift)
+    if not found:
+        machs = [point.mach for point in tried] or [0.0]
+        where = f"{len(tried)} points up to {max(point.altitude_m for point in tried):.0f} m" if tried else "no point"
+        tail = f"at Mach {min(machs):g} to {max(machs):g}; try one of your own with --point ALTITUDE_M:MACH"
+        raise BadInput(f"{base.name}: no level trim with a reserve of throttle and elevator at {where} {tail}")
+    return _spread(found, most)
+
+
+def _point(altitude_ft: int, root_speed: float) -> FlightPoint:
+    """The flight point at which this much sqrt(2 W / (S CL)) is flown, Mach to two digits."""
+    altitude = altitude_ft * FOOT_M
+    density = pressure(altitude) / (GAS_CONSTANT * temperature(altitude))
+    mach = round(root_speed / sqrt(density) / speed_of_sound(altitude), 2)
+    return given_point(altitude, max(mach, 0.01))
+
+
+def given_point(altitude_m: float, mach: float) -> FlightPoint:
+    """A flight point named as the bundled ones: 20000ft_m06."""
+    name = f"{round(altitude_m / FOOT_M)}ft_m{f'{mach:g}'.replace('.', '')}"
+    return FlightPoint(name=name, altitude_m=round(altitude_m, 1), mach=mach)
+
+
+def _flyable(airframe: Config, point: FlightPoint, lift: float) -> list[Found]:
+    try:
+        trim = trimmed(airframe, point)
+    except BadInput:
+        return []
+    limit, surface = airframe.limits, airframe.elevator
+    spare = min(trim.elevator_rad - surface.min_rad, surface.max_rad - trim.elevator_rad)
+    kept = (
+        0.1 <= trim.throttle <= 0.88,
+        0.5 * limit.angle_of_attack_min_rad < trim.alpha_rad < 0.5 * limit.angle_of_attack_max_rad,
+        spare > 0.1 * (surface.max_rad - surface.min_rad),
+    )
+    return [Found(point, trim, lift)] if all(kept) else []
+
+
+def _spread(found: list[Found], most: int) -> list[Found]:
+    """The cruise point, and slower ones well apart in dynamic pressure, of other altitudes first."""
+    chosen = [min(found, key=lambda one: (abs(one.lift - _CRUISE_LIFT), -one.point.altitude_m))]
+    while len(chosen) < most:
+        pressures = [one.trim.dynamic_pressure_pa for one in chosen]
+        altitudes = [one.point.altitude_m for one in chosen]
+        apart = [one for one in found if all(_apart(one.trim.dynamic_pressure_pa, other) for other in pressures)]
+        if not apart:
+            break
+        wanted = _SLOWER * pressures[-1]
+        chosen.append(
+            min(apart, key=lambda x: (x.point.altitude_m in altitudes, abs(x.trim.dynamic_pressure_pa - wanted)))
+        )
+    return chosen
+
+
+def _apart(one: float, other: float) -> bool:
+    return min(one, other) / max(one, other) < _LEAST_APART

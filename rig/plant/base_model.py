@@ -1,0 +1,153 @@
+"""What a model of the installed JSBSim tells of itself: surfaces, their stops, engines, what its equations read.
+
+Read from the wheel at run time, for ``rig aircraft new`` and ``rig aircraft check``; nothing of it is kept here.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal
+
+from rig.errors import BadInput
+from rig.plant import actuated
+from rig.plant.loading import jsbsim
+
+Kind = Literal["light", "fighter", "transport"]
+LIGHTEST_TRANSPORT_KG: Final = 8618.0  # 19 000 lb
+SURFACES: Final = ("elevator", "aileron", "rudder")
+_ALSO: Final = {"elevator": ("elevon", "stabilator", "stab"), "aileron": ("elevon", "flaperon"), "rudder": ()}
+_ENGINES: Final = ("piston", "turbine", "turboprop", "electric", "brushless_dc_motor", "rocket")
+
+
+@dataclass(frozen=True)
+class BaseModel:
+    """One aircraft of JSBSim; positions and stops by the name of the surface."""
+
+    name: str
+    reads: list[str]  # properties of fcs/ that the equations read
+    positions: dict[str, str]
+    stops: dict[str, tuple[float, float]]  # rad (or 1 for a normalised position), only where the model gives them
+    engines: int
+    engine: str  # piston, turbine, turboprop, electric, rocket
+    augmented: bool
+    blade_angles_deg: tuple[float, float] | None  # of a propeller, the same twice when it is fixed
+    wing_area_m2: float
+
+    @property
+    def propeller(self) -> bool:
+        """Whether propellers pull it."""
+        return self.blade_angles_deg is not None
+
+    def kind(self, mass_kg: float) -> Kind:
+        """Which assumed figures fit it: light (propellers, up to 8618 kg: 19 000 lb, 14 CFR 23), fighter, transport."""
+        if self.propeller and mass_kg <= LIGHTEST_TRANSPORT_KG:
+            return "light"
+        return "fighter" if self.augmented else "transport"
+
+
+def names() -> list[str]:
+    """The aircraft of the installed JSBSim."""
+    return actuated.base_models(_root())
+
+
+def read(name: str) -> BaseModel:
+    """The model of that name; BadInput: there is none, it has no engine, or a surface is not to be found."""
+    root = _root()
+    model = actuated.model_file(name, root)
+    tree = ET.parse(model).getroot()
+    control = [child for child in tree if child.tag in ("flight_control", "autopilot", "system")]
+    reads = [read for read in actuated.read_by_equations(tree, root, model.parent) if read.startswith("fcs/")]
+    engines = len(tree.findall("propulsion/engine"))
+    if not engines:
+        raise BadInput(f"airframe.base_model: {name} has no engine; the rig flies aircraft with engines")
+    positions = {surface: position(name, surface, reads) for surface in SURFACES}
+    stops = {surface: found for surface in SURFACES if (found := _stops(control, surface, positions[surface]))}
+    parts = list(actuated.part_files(tree, root, model.parent))
+    engine = next((kind for part in parts for kind in _ENGINES if part.tag.startswith(kind)), "turbine")
+    augmented = any(_number(part, "augmented") == 1.0 for part in parts)
+    area = _wing_area(tree, name)
+    return BaseModel(name, reads, positions, stops, engines, engine, augmented, _blade_angles(parts), area)
+
+
+def position(model: str, surface: str, reads: list[str]) -> str:
+    """The property of ``reads`` that is a surface's position, in rad before any other; BadInput when there is none."""
+    found = [
+        (rank, words, not read.endswith("-rad"), "left" not in read, read)
+        for words, word in enumerate((surface, *_ALSO[surface]))
+        for read in reads
+        if word in read and "mag-" not in read and (rank := _rank(read)) is not None
+    ]
+    if not found:
+        known = ", ".join(reads) or "none"
+        raise BadInput(f"airframe.{surface}: {model} reads no {surface} position; of fcs/ it reads: {known}")
+    return min(found)[-1]
+
+
+def _rank(read: str) -> int | None:
+    """How good a property is as a position: rad, of no said unit, normalised; None when it is none."""
+    if "pos" not in read or read.endswith("-deg"):
+        return None
+    return 0 if read.endswith("-rad") else 2 if read.endswith("-norm") else 1
+
+
+def _stops(control: Iterable[ET.Element], surface: str, position: str) -> tuple[float, float] | None:
+    """Low and high of the component that moves ``position``, else of one side of that surface, made symmetric."""
+    components = [part for group in control for part in group.iter() if part.find("output") is not None]
+    for part in components:
+        if position in _texts(part, "output") and (found := _range(part)) is not None:
+            return found
+    for part in components:
+        if any(f"left-{surface}-pos-rad" in text for text in _texts(part, "output")) and (found := _range(part)):
+            reach = 0.5 * (found[1] - found[0])
+            return -reach, reach
+    return None
+
+
+def _range(part: ET.Element) -> tuple[float, float] | None:
+    """What a scaling or an actuator can put out, within JSBSim's trim of -1 to 1; None when it does not say."""
+    limits = part.find("range") if part.find("range") is not None else part.find("clipto")
+    if limits is None:
+        return None
+    low, high = _number(limits, "min"), _number(limits, "max")
+    if low is None or high is None:
+        return None
+    gain = (_number(part, "gain") or 1.0) if limits.tag == "range" else 1.0
+    low, high = max(low * gain, -1.0), min(high * gain, 1.0)
+    return (low, high) if low < 0.0 < high else None
+
+
+def _wing_area(tree: ET.Element, name: str) -> float:
+    element = tree.find("metrics/wingarea")
+    area = None if element is None else _number(tree, "metrics/wingarea")
+    if element is None or area is None or area <= 0.0:
+        raise BadInput(f"airframe.base_model: {name} gives no wing area")
+    return area * (1.0 if element.get("unit", "FT2") == "M2" else 0.3048**2)
+
+
+def _blade_angles(parts: Iterable[ET.Element]) -> tuple[float, float] | None:
+    for part in parts:
+        if part.tag == "propeller":
+            low = _number(part, "minpitch") or 0.0
+            return low, _number(part, "maxpitch") or low
+    return None
+
+
+def _texts(part: ET.Element, tag: str) -> Iterator[str]:
+    for child in part.findall(tag):
+        yield (child.text or "").strip()
+
+
+def _number(part: ET.Element, tag: str) -> float | None:
+    """The number in a child, None when there is none or it is a property's name."""
+    text = (part.findtext(tag) or "").strip()
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _root() -> Path:
+    return Path(jsbsim.get_default_root_dir())

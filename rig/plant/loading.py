@@ -1,0 +1,205 @@
+"""Load one aircraft in JSBSim and trim it in level flight."""
+
+from __future__ import annotations
+
+import logging
+from functools import cache
+from math import atan2, degrees, hypot
+from pathlib import Path
+from typing import Final
+
+import jsbsim
+
+from rig.errors import BadInput, RigError
+from rig.plant import actuated, wind
+from rig.plant.airframe import Airframe, Config, FlightPoint
+from rig.text import choices, quoted
+
+FEET_PER_METRE: Final = 1.0 / 0.3048
+KILOGRAMS_PER_SLUG: Final = 14.593903
+
+log = logging.getLogger("rig.jsbsim")
+log.addHandler(logging.NullHandler())  # else warnings would go to stderr when nobody listens
+_LEVELS = {
+    jsbsim.LogLevel.WARN: logging.WARNING,
+    jsbsim.LogLevel.ERROR: logging.ERROR,
+    jsbsim.LogLevel.FATAL: logging.CRITICAL,
+}
+
+
+class _Logger(jsbsim.FGLogger):
+    """JSBSim's messages into Python's logging: our output stays ours."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._level = logging.DEBUG
+        self._text: list[str] = []
+
+    def set_level(self, level: jsbsim.LogLevel) -> None:
+        self._level = _LEVELS.get(level, logging.DEBUG)
+        self._text = []
+
+    def file_location(self, filename: str, line: int) -> None:
+        self._text.append(f"{filename}:{line}: ")
+
+    def message(self, message: str) -> None:
+        self._text.append(message)
+
+    def format(self, format: jsbsim.LogFormat) -> None:
+        """Colours mean nothing in a log."""
+
+    def flush(self) -> None:
+        text = " ".join("".join(self._text).split())
+        if text:
+            log.log(self._level, "%s", text)
+        self._text = []
+
+
+_logger = cache(_Logger)
+
+
+def _executive() -> jsbsim.FGFDMExec:
+    # The logger belongs to the thread, so every executive sets it again.
+    jsbsim.set_logger(_logger())
+    fdm = jsbsim.FGFDMExec(None)
+    fdm.set_debug_level(0)
+    return fdm
+
+
+def jsbsim_airframe(airframe: Airframe) -> Config:
+    """The aircraft itself when JSBSim flies it; BadInput for a linear one."""
+    if not isinstance(airframe, Config):
+        raise BadInput(f'airframe.plant: {airframe.base_model} is "linear", JSBSim does not fly it')
+    return airframe
+
+
+def load(
+    airframe: Airframe,
+    flight_point: FlightPoint,
+    dt_s: float,
+    wind_m_s: wind.Velocity = wind.CALM,
+) -> jsbsim.FGFDMExec:
+    """A fresh JSBSim trimmed in level flight at ``flight_point``, heading north.
+
+    dt_s     : JSBSim's own step
+    wind_m_s : steady wind, towards north and east; the trim holds in it (down is left out)
+    The trim stays in ``fcs/elevator-cmd-norm``, ``aileron-``, ``rudder-`` (rad) and
+    ``throttle-cmd-norm`` (0 to 1); the trim commands are zero.  Writes nothing but the cache.
+    Raises BadInput: a linear aircraft, unknown base model, undeclared property, or no trim at this point.
+    """
+    airframe = jsbsim_airframe(airframe)
+    fdm, folder = _loaded(airframe, dt_s)
+    _check_properties(fdm, airframe, actuated.reads(folder))
+    _check_held(fdm, airframe)
+    _begin(fdm, airframe, flight_point, wind_m_s)
+    _trim(fdm, airframe, flight_point)
+    return fdm
+
+
+def mass_kg(airframe: Config, point: FlightPoint) -> float:
+    """The mass with the fuel that the model begins with; nothing is trimmed."""
+    fdm, folder = _loaded(airframe, 0.01)
+    _check_properties(fdm, airframe, actuated.reads(folder))
+    _begin(fdm, airframe, point, wind.CALM)
+    return fdm["inertia/mass-slugs"] * KILOGRAMS_PER_SLUG
+
+
+def undeclared(airframe: Config) -> list[str]:
+    """The properties that the model's equations read and nobody provides; the airframe's ``properties`` must."""
+    fdm, folder = _loaded(airframe, 0.01)
+    return _provide(fdm, actuated.reads(folder))
+
+
+def _loaded(airframe: Config, dt_s: float) -> tuple[jsbsim.FGFDMExec, Path]:
+    """JSBSim with the model and our actuators, and the folder that it was loaded from."""
+    fdm = _executive()
+    for name in airframe.properties:
+        if fdm.get_property_manager().hasNode(name):
+            raise BadInput(f"airframe.properties: {name!r} is JSBSim's own and cannot be declared")
+    root = Path(jsbsim.get_default_root_dir())
+    folder = actuated.folder(airframe, root)
+    # Before loading: filters freeze the step that they are loaded with.
+    fdm.set_dt(dt_s)
+    paths = (str(folder), str(root / "engine"), str(root / "systems"))
+    try:
+        loaded = fdm.load_model_with_paths(airframe.base_model, *paths, True)
+    except RuntimeError as error:
+        raise BadInput(f"airframe: JSBSim does not take these settings: {error}") from None
+    if not loaded:
+        raise RigError(f"airframe.base_model: JSBSim could not load {airframe.base_model!r} from {folder}")
+    return fdm, folder
+
+
+def _provide(fdm: jsbsim.FGFDMExec, reads: list[str]) -> list[str]:
+    """What is read and not there; it is made, else JSBSim would abort the process even when it is discarded."""
+    has = fdm.get_property_manager().hasNode
+    missing = [name for name in reads if not has(name)]
+    for name in missing:
+        fdm[name] = 0.0
+    return missing
+
+
+def _check_properties(fdm: jsbsim.FGFDMExec, airframe: Config, reads: list[str]) -> None:
+    """Refuse an aircraft whose equations read what nobody provides, before anything evaluates them."""
+    missing = _provide(fdm, reads)
+    if missing:
+        raise BadInput(
+            f"airframe.properties: {airframe.base_model} reads {missing[0]!r}, which is missing; "
+            "declare it with a constant value"
+        )
+
+
+def _check_held(fdm: jsbsim.FGFDMExec, airframe: Config) -> None:
+    """Refuse what is held and not there: a write of a missing property would create it, and do nothing."""
+    has = fdm.get_property_manager().hasNode
+    for name in airframe.held:
+        if not has(name):
+            known = [line.split(" ")[0] for line in fdm.query_property_catalog("/").split("\n")]
+            wrong = f"{airframe.base_model} has no property {quoted(name)}"
+            raise BadInput(f"airframe.held: {wrong}; {choices(name, known)}")
+
+
+def _begin(fdm: jsbsim.FGFDMExec, airframe: Config, point: FlightPoint, wind_m_s: wind.Velocity) -> None:
+    fdm["ic/h-sl-ft"] = point.altitude_m * FEET_PER_METRE
+    fdm["ic/mach"] = point.mach
+    fdm["ic/gamma-deg"] = 0.0
+    _set_wind(fdm, wind_m_s[0] * FEET_PER_METRE, wind_m_s[1] * FEET_PER_METRE)
+    fdm["gear/gear-cmd-norm"] = 0.0
+    fdm["gear/gear-pos-norm"] = 0.0
+    fdm["propulsion/fuel_freeze"] = float(airframe.freeze_fuel)
+    fdm["propulsion/set-running"] = -1
+    fdm.run_ic()
+    fdm["propulsion/set-running"] = -1
+    for name, value in airframe.held.items():  # after the start, which opens every lever
+        fdm[name] = value
+
+
+def _set_wind(fdm: jsbsim.FGFDMExec, north_fps: float, east_fps: float) -> None:
+    """Wind that leaves the airspeed as it is: JSBSim holds the ground speed while wind is set.
+
+    The order matters: without a magnitude JSBSim forgets the direction, which is where the air goes to.
+    """
+    if north_fps == 0.0 and east_fps == 0.0:
+        return
+    fdm["ic/vn-fps"] = fdm["ic/vt-fps"] + north_fps
+    fdm["ic/ve-fps"] = east_fps
+    fdm["ic/vw-mag-fps"] = hypot(north_fps, east_fps)
+    fdm["ic/vw-dir-deg"] = degrees(atan2(east_fps, north_fps))
+
+
+def _trim(fdm: jsbsim.FGFDMExec, airframe: Config, point: FlightPoint) -> None:
+    try:
+        fdm.do_trim(int(jsbsim.TrimMode.FULL))
+    except jsbsim.TrimFailureError:
+        raise BadInput(
+            f"flight_point: {airframe.base_model} has no level trim at {point.name!r} "
+            f"({point.altitude_m:g} m, Mach {point.mach:g})"
+        ) from None
+    for command, trim in (("elevator", "pitch"), ("aileron", "roll"), ("rudder", "yaw")):
+        fdm[f"fcs/{command}-cmd-norm"] += fdm[f"fcs/{trim}-trim-cmd-norm"]
+        fdm[f"fcs/{trim}-trim-cmd-norm"] = 0.0
+
+
+def turns_propellers(fdm: jsbsim.FGFDMExec) -> bool:
+    """Whether the first engine drives a propeller."""
+    return bool(fdm.get_property_manager().hasNode("propulsion/engine/propeller-rpm"))

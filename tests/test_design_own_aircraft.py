@@ -1,0 +1,226 @@
+"""An aircraft of one's own: flight points, the written file, what a check says, and c172x from command to flight."""
+
+from __future__ import annotations
+
+import sys
+import tomllib
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_plant_base_model import POINT, light
+
+import rig
+from rig import aircraft
+from rig.cli import aircraft as aircraft_commands
+from rig.cli import main as cli
+from rig.cli import show_aircraft
+from rig.computer.control import gains as gains_file
+from rig.computer.control.gains import Margin
+from rig.design import backup, linear, new_aircraft, propose, references, requirements
+from rig.design import gains as design_gains
+from rig.design.check import check
+from rig.design.requirements import Requirements, short_of
+from rig.errors import BadInput, RigError
+from rig.plant import airframe, base_model
+from rig.plant.loading import load
+
+BUNDLED = Path(__file__).parents[1] / "aircraft"
+
+
+@pytest.fixture(scope="module")
+def proposed() -> new_aircraft.NewAircraft:
+    return new_aircraft.propose("mine", "c172x", new_aircraft.Answers(), [], 2)
+
+
+def command(*words: str) -> int:
+    """Exit code of a command, run in this process."""
+    old, sys.argv = sys.argv, ["rig", *words]
+    try:
+        with pytest.raises(SystemExit) as done:
+            cli.main()
+    finally:
+        sys.argv = old
+    return int(done.value.code or 0)
+
+
+def test_the_proposed_points_trim_with_a_reserve_and_lie_apart(proposed: new_aircraft.NewAircraft):
+    cruise, slow = proposed.found
+    assert slow.trim.dynamic_pressure_pa < 0.9 * cruise.trim.dynamic_pressure_pa
+    for one in proposed.found:
+        assert 0.1 < one.trim.throttle < 0.9
+        fdm = load(proposed.airframe, one.point, 0.01)
+        assert abs(fdm["accelerations/udot-ft_sec2"]) < 0.01
+        assert abs(fdm["accelerations/qdot-rad_sec2"]) < 0.001
+
+
+def test_a_name_has_altitude_and_mach_as_the_bundled_ones():
+    assert propose.given_point(6096.0, 0.6).name == "20000ft_m06"
+    assert propose.given_point(3048.0, 0.42).name == "10000ft_m042"
+
+
+def test_what_the_replaced_flight_control_moved_is_declared():
+    table, kind = propose.airframe_table(base_model.read("f16"))
+    assert table["properties"] == {"fcs/flaperon-mix-rad": 0.0, "fcs/lef-pos-rad": 0.0}
+    assert (kind, table["throttle"]["full_position"]) == ("fighter", 2.0)
+
+
+def test_a_constant_speed_propeller_is_held_at_one_blade_angle():
+    table, _ = propose.airframe_table(base_model.read("c310"))
+    assert table["held"]["propulsion/engine[1]/blade-angle"] == pytest.approx(11 + 0.375 * (27 - 11))
+    assert table["held"]["propulsion/engine[1]/constant-speed-mode"] == 0.0
+
+
+def test_a_model_that_trims_nowhere_says_where_it_was_tried():
+    with pytest.raises(BadInput, match=r"X15: no level trim .* at \d+ points up to 9144 m at Mach .* --point"):
+        new_aircraft.propose("mine", "X15", new_aircraft.Answers(), [], 2)
+
+
+def test_the_written_file_reads_back_as_what_was_proposed(proposed: new_aircraft.NewAircraft, tmp_path: Path):
+    new_aircraft.write(proposed, tmp_path / "mine")
+    assert airframe.read(tmp_path / "mine" / "aircraft.toml") == proposed.airframe
+
+
+def test_every_figure_that_the_model_does_not_give_is_marked_assumed(proposed: new_aircraft.NewAircraft):
+    blocks = new_aircraft.render(proposed).split("\n[airframe.")
+    marked = {block.split("]")[0]: "assumed" in before for before, block in pairwise(blocks)}
+    assert {name for name, yes in marked.items() if yes} >= {"elevator", "aileron", "rudder", "limits", "held"}
+
+
+def test_a_given_figure_replaces_the_assumed_one():
+    answers = new_aircraft.Answers(lag_s=0.05, rate_limit_rad_s=2.0, sensor_class="tactical-grade MEMS", channels=3)
+    made = new_aircraft.propose("mine", "c172x", answers, [(1500.0, 0.16)], 2)
+    data = tomllib.loads(new_aircraft.render(made))
+    assert (data["airframe"]["elevator"]["lag_s"], data["airframe"]["rudder"]["rate_limit_rad_s"]) == (0.05, 2.0)
+    assert data["sensors"]["pitch_rate"] == {"class": "tactical-grade MEMS", "channels": 3}
+    assert data["sensors"]["heading"] == {"channels": 3}
+    assert [point["mach"] for point in data["airframe"]["flight_points"]] == [0.16]
+
+
+def test_the_throttle_of_a_propeller_is_differenced_with_its_revolutions_settled():
+    """Against trims at two speeds, which settle them in JSBSim's own way."""
+    plane = light({"fcs/mixture-cmd-norm[0]": 0.7})
+    model = linear.linearise(plane, POINT)
+    faster = linear.trimmed(plane, POINT.model_copy(update={"mach": 0.165}))
+    change = np.array([faster.airspeed_m_s - model.trim.airspeed_m_s, faster.alpha_rad - model.trim.alpha_rad])
+    drag = model.longitudinal_a[0, :2] @ change + model.longitudinal_a[0, 3] * change[1]
+    drag += model.longitudinal_b[0, 0] * (faster.elevator_rad - model.trim.elevator_rad)
+    assert model.longitudinal_b[0, 1] * (faster.throttle - model.trim.throttle) == pytest.approx(-drag, rel=0.1)
+
+
+def test_differences_agree_with_jsbsims_own_linearisation():
+    plane = airframe.read(BUNDLED / "b737" / "aircraft.toml")
+    fdm = load(plane, plane.point(), 0.01)
+    own = linear._system(fdm)
+    for ours, theirs in zip(linear._differenced(load(plane, plane.point(), 0.01)), own, strict=True):
+        assert ours == pytest.approx(theirs, rel=1e-2, abs=2e-3)
+
+
+def test_a_missed_margin_is_told_with_its_number():
+    margin = Margin(gain_increase_db=20.0, gain_decrease_db=6.0, phase_deg=29.0, crossover_rad_s=1.0)
+    assert short_of(margin, Requirements()) == ["gain down 6.0 of 6.5 dB", "phase 29.0 of 46 deg"]
+    none = Margin(gain_increase_db=0.0, gain_decrease_db=0.0, phase_deg=0.0, crossover_rad_s=0.0)
+    assert short_of(none, Requirements()) == ["loop unstable"]
+
+
+def test_a_design_below_the_requirement_fails_with_numbers_or_is_accepted_and_says_so(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    monkeypatch.setattr(requirements, "LOSSES", {"longitudinal": (), "lateral": ()})
+    few, slow = design_gains._candidates()[:2], backup.candidates()[:1]
+    monkeypatch.setattr(design_gains, "_candidates", lambda: few)
+    monkeypatch.setattr(design_gains.backup, "candidates", lambda: slow)
+    plane, hard = airframe.read(BUNDLED / "b707" / "aircraft.toml"), Requirements(phase_margin_deg=100.0)
+    with pytest.raises(RigError, match=r"autopilot elevator phase \d+\.\d of 100 deg.*rig aircraft check"):
+        design_gains.design(plane, hard)
+    found = check(plane, hard)
+    assert found.below and all("of 100 deg" in line for line in found.below)
+    assert {loop.law for loop in found.loops if loop.missed} == {"stick", "autopilot"}
+    assert found.gains is not None
+    gains_file.write(found.gains, tmp_path / "gains.toml")
+    assert gains_file.read(tmp_path / "gains.toml").below == found.below
+
+
+def test_a_check_names_what_the_model_does_not_read():
+    found = check(light(aileron="fcs/left-aileron-pos-rad"))
+    wrong = [one for one in found.properties if not one.read]
+    assert [one.key for one in wrong] == ["airframe.aileron.position"]
+    assert "fcs/effective-aileron-pos" in wrong[0].nearest
+    assert found.gains is None
+
+
+def test_a_check_tells_which_point_does_not_trim():
+    plane = light().model_copy(update={"flight_points": [POINT.model_copy(update={"mach": 0.5})]})
+    found = check(plane)
+    assert found.gains is None
+    assert "no level trim at 'any' (1500 m, Mach 0.5)" in found.trims[0].error
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("mine", "--base", "c172y"), "nearest: c172x"),
+        (("mine", "--base", "SGS"), "no engine"),
+        (("mine", "--base", "Submarine_Scout"), "no elevator"),
+        (("there", "--base", "c172x"), "there: exists already"),
+        (("f16", "--base", "c172x"), "a bundled aircraft has this name"),
+        (("a/b", "--base", "c172x"), "a name has letters"),
+        (("mine", "--base", "c172x", "--point", "1500"), "must be ALTITUDE_M:MACH"),
+        (("mine", "--base", "c172x", "--point", "1500:0.6"), "no level trim"),
+        (("mine", "--base", "c172x", "--sensor-class", "x"), "unknown class 'x'"),
+        (("mine", "--base", "c172x", "--out", "nowhere"), "nowhere: no such folder"),
+    ],
+)
+def test_bad_input_is_one_line_and_writes_nothing(
+    words: tuple[str, ...],
+    says: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    (tmp_path / "there").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert command("aircraft", "new", *words) == 2
+    shown = capsys.readouterr()
+    assert says in shown.err and shown.err.count("\n") == 1 and shown.out == ""
+    assert [path.name for path in tmp_path.rglob("*")] == ["there"]
+
+
+def test_c172x_is_made_accepted_and_flown_from_the_users_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The commands of a user, made short: fewer candidates, no margins of losses, references of one flight, not 72."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(requirements, "LOSSES", {"longitudinal": (), "lateral": ()})
+    slow, later = backup.candidates()[:1], design_gains._candidates()[77:]
+    monkeypatch.setattr(design_gains, "_candidates", lambda: later)
+    monkeypatch.setattr(design_gains.backup, "candidates", lambda: slow)
+    monkeypatch.setattr(references, "cases", lambda: [("pitch", "none", 1)])
+    assert command("aircraft", "new", "mine", "--base", "c172x", "--points", "1", "--no-design") == 0
+    assert command("aircraft", "check", "mine", "--accept") == 0
+    assert aircraft.own_names() == ["mine"]
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    flight = rig.fly(tmp_path / "mine" / "hardover.toml", overrides=["duration_s=25"], out=tmp_path / "logs")
+    assert flight.survived and flight.failed == {"pitch_rate": [3]}
+    assert "gains_below_requirement" not in flight.summary()
+
+
+def test_enter_takes_the_assumed_figures_and_a_rate_is_asked_for_in_degrees(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(aircraft_commands.typer, "prompt", lambda text, default, type=str: default)
+    assert aircraft_commands._ask(new_aircraft.Answers(), "light") == new_aircraft.Answers()
+    typed = {"s": 0.05, "deg/s": 90.0, "(docs/sensors.md)": "AHRS MEMS"}
+    monkeypatch.setattr(aircraft_commands.typer, "prompt", lambda text, **_: typed[text.split()[-1]])
+    own = aircraft_commands._ask(new_aircraft.Answers(), "light")
+    assert own == new_aircraft.Answers(0.05, np.pi / 2, "AHRS MEMS", 4)
+
+
+def test_a_folder_of_the_user_that_cannot_be_used_does_not_hide_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "broken").mkdir()
+    (tmp_path / "broken" / "aircraft.toml").write_text("[airframe]\n")
+    assert aircraft.own_names() == ["broken"]
+    assert "cannot be used: aircraft broken: airframe." in show_aircraft.listed("broken")[0]
+    with pytest.raises(BadInput):
+        show_aircraft.flight_points("broken")

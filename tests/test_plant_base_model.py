@@ -1,0 +1,98 @@
+"""What a model of the installed JSBSim tells of itself, against its file read by hand."""
+
+from __future__ import annotations
+
+import pytest
+
+from rig.errors import BadInput
+from rig.plant import airframe, base_model, loading
+from rig.plant.airframe import Config, FlightPoint
+
+POINT = FlightPoint(name="any", altitude_m=1500.0, mach=0.16)
+
+
+def light(held: dict[str, float] | None = None, aileron: str = "fcs/effective-aileron-pos") -> Config:
+    """The c172x as it would be written by hand."""
+    positions = {"elevator": "fcs/elevator-pos-rad", "aileron": aileron, "rudder": "fcs/rudder-pos-rad"}
+    actuator = {"lag_s": 0.1, "rate_limit_rad_s": 1.0, "min_rad": -0.3, "max_rad": 0.3}
+    table = {
+        "base_model": "c172x",
+        "flight_points": [POINT.model_dump()],
+        **{name: {**actuator, "position": position} for name, position in positions.items()},
+        "throttle": {"lag_s": 0.2, "rate_limit_1_s": 0.5},
+        "accelerometer": {"x_m": 0.5, "y_m": 0.0, "z_m": 0.0},
+        "limits": {
+            "angle_of_attack_min_rad": -0.3,
+            "angle_of_attack_max_rad": 0.35,
+            "sideslip_max_rad": 0.35,
+            "load_factor_min": -2.0,
+            "load_factor_max": 5.0,
+            "body_rate_max_rad_s": 1.5,
+        },
+        "held": held or {},
+    }
+    made = airframe.parse(table, "test")
+    assert isinstance(made, Config)
+    return made
+
+
+def test_the_effective_aileron_is_found_with_the_reach_of_its_sides():
+    """c172x: the equations read no left aileron; its sides reach -0.350 to 0.260 rad."""
+    found = base_model.read("c172x")
+    assert found.positions["aileron"] == "fcs/effective-aileron-pos"
+    assert found.stops["aileron"] == pytest.approx((-0.305, 0.305))
+    assert (found.engine, found.engines, found.blade_angles_deg) == ("piston", 1, (22.0, 22.0))
+
+
+def test_stops_are_range_times_gain():
+    """A320: -25 to 35 by 0.018 for the elevator, -20 to 15 by 0.02 for the left aileron."""
+    found = base_model.read("A320")
+    assert found.stops["elevator"] == pytest.approx((-0.45, 0.63))
+    assert found.stops["aileron"] == pytest.approx((-0.40, 0.30))
+    assert (found.engine, found.engines, found.blade_angles_deg) == ("turbine", 2, None)
+    assert found.wing_area_m2 == pytest.approx(1317 * 0.3048**2)
+
+
+def test_a_normalised_position_is_taken_where_no_other_is_read():
+    assert base_model.read("T38").positions["elevator"] == "fcs/elevator-pos-norm"
+
+
+def test_rad_comes_before_other_units_and_left_before_right():
+    reads = ["fcs/aileron-pos-norm", "fcs/right-aileron-pos-rad", "fcs/left-aileron-pos-rad", "fcs/mag-aileron-pos-rad"]
+    assert base_model.position("x", "aileron", reads) == "fcs/left-aileron-pos-rad"
+
+
+def test_propellers_up_to_the_commuter_limit_are_light():
+    assert base_model.read("c310").kind(8618.0) == "light"
+    assert base_model.read("c310").kind(8619.0) == "transport"
+    assert base_model.read("f16").kind(9000.0) == "fighter"
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("c172y", "JSBSim has no aircraft 'c172y'; nearest: c172x"),
+        ("SGS", "SGS has no engine"),
+        ("Submarine_Scout", "reads no elevator position; of fcs/ it reads: fcs/elevator-pos-deg"),
+    ],
+)
+def test_a_model_that_the_rig_cannot_fly_is_refused(name: str, says: str):
+    with pytest.raises(BadInput, match=says.replace("(", "\\(")):
+        base_model.read(name)
+
+
+def test_a_position_that_is_not_read_names_those_that_are():
+    with pytest.raises(BadInput, match=r"does not read 'fcs/left-aileron-pos-rad'; .*fcs/effective-aileron-pos"):
+        loading.load(light(aileron="fcs/left-aileron-pos-rad"), POINT, 0.01)
+
+
+def test_what_is_held_stays_through_the_trim():
+    fdm = loading.load(light({"fcs/mixture-cmd-norm[0]": 0.7}), POINT, 0.01)
+    assert fdm["fcs/mixture-pos-norm"] == pytest.approx(0.7)
+
+
+def test_a_held_property_that_is_not_there_is_refused_with_the_nearest():
+    with pytest.raises(
+        BadInput, match=r"airframe.held: c172x has no property 'fcs/mixture-cmd-nrm'; .*mixture-cmd-norm"
+    ):
+        loading.load(light({"fcs/mixture-cmd-nrm": 0.7}), POINT, 0.01)
