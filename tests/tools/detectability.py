@@ -2,7 +2,7 @@
 
     rig campaign run detectability --out DIR && python tests/tools/detectability.py DIR [DIR ...]
 
-Smallest: of the faults from there on, at least 99 of the next 100 in size are failed, and rightly.  A column each DIR.
+Smallest: of the faults from there on at least 99 % are failed, and rightly.  A column each DIR.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import polars as pl
 
 from rig.frame import SIGNALS
 
-WINDOW: Final = 100
+LEAST: Final = 30  # faults, to say a share of
 SHARE: Final = 0.99
 
 
@@ -24,12 +24,9 @@ def smallest(faults: pl.DataFrame) -> float:
     """Of the sizes of ``faults``, unit of the signal; NaN when even the largest are missed."""
     found = faults.sort("magnitude").with_columns(ok=pl.col("isolation") == "right")
     sizes, right = found["magnitude"].to_numpy(), found["ok"].to_numpy().astype(float)
-    if len(sizes) < WINDOW:
-        return float("nan")
-    share = np.convolve(right, np.ones(WINDOW), "valid") / WINDOW
-    below = np.flatnonzero(share < SHARE)
-    first = 0 if not len(below) else int(below[-1]) + 1
-    return float(sizes[first]) if first < len(share) else float("nan")
+    share = np.cumsum(right[::-1])[::-1] / np.arange(len(right), 0, -1)  # of the faults from each on
+    good = np.flatnonzero(share[: len(share) - LEAST + 1] >= SHARE)
+    return float(sizes[good[0]]) if len(good) else float("nan")
 
 
 def column(folder: Path) -> dict[tuple[str, str], tuple[float, int]]:
