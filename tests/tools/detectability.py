@@ -2,7 +2,7 @@
 
     rig campaign run detectability --out DIR && python tests/tools/detectability.py DIR [DIR ...]
 
-Smallest: of the faults from there on at least 99 % are failed, and rightly.  A column each DIR.
+Smallest: of the faults from there on at least 99 % are failed, and rightly; - where too few are.  A column each DIR.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def main(folders: list[Path]) -> int:
         for signal in SIGNALS:
             cells = [one[plane, signal.name] for one in found if (plane, signal.name) in one]
             if cells:
-                sizes = " | ".join(f"{size:.3g}" for size, _ in cells)
+                sizes = " | ".join(f"{size:.3g}" if size == size else "-" for size, _ in cells)
                 print(f"| {signal.name} | {cells[0][1]} | {sizes} |")
     return 0
 
