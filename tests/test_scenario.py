@@ -249,3 +249,25 @@ def test_a_star_elsewhere_is_refused_with_where_it_may_stand(key: str):
 def test_a_star_in_an_empty_list_is_refused():
     with pytest.raises(BadInput, match="faults: \\* stands for every item"):
         load(None, ["faults=[]", "faults.*.start_s=1"])
+
+
+@pytest.mark.parametrize(
+    ("sets", "kept"),
+    [
+        ([], True),
+        (["sensors.pitch_rate.noise_std=0.001"], False),
+        (["sensors.pitch_rate.channels=3"], True),  # fewer channels with the same errors
+        (["sensors.roll_rate.noise_std=0.001"], True),  # another signal
+        (["rate_hz=50"], False),
+        (["rate_hz=200"], True),
+        (["rate_hz=50", "redundancy.signals.pitch_rate.outlier_threshold=0.02"], True),
+    ],
+)
+def test_outlier_thresholds_go_with_the_sensors_that_they_were_designed_for(sets: list[str], kept: bool):
+    found = load(None, sets).redundancy.signals.pitch_rate
+    assert (found.outlier_threshold is not None) == kept and found.threshold == 0.05
+
+
+def test_a_log_keeps_the_outlier_thresholds_that_it_flew_with():
+    flown = load(None, ["sensors.pitch_rate.noise_std=0.001", "redundancy.signals.pitch_rate.outlier_threshold=0.02"])
+    assert from_resolved(flown.resolved(), "").redundancy.signals.pitch_rate.outlier_threshold == 0.02

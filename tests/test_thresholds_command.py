@@ -13,6 +13,8 @@ import pytest
 import tomli_w
 
 from rig.cli import main as cli
+from rig.errors import BadInput
+from rig.offline.alignment import AlignOptions
 from rig.offline.vote_settings import read_config
 from rig.settings import read_toml
 from rig.thresholds.blocks import recordings
@@ -163,7 +165,12 @@ BAD: dict[str, tuple[Any, dict[str, Any], list[str], str]] = {
     "no frames": (None, {}, ["--persistence", "8,0"], "--persistence: whole numbers from 1 to 10000"),
     "a level of one": (None, {}, ["--levels", "4,1"], "--levels: whole numbers from 2 to 4"),
     "a filter of words": (None, {}, ["--filter", "long"], "--filter: seconds from 0 to 1000"),
-    "a stretch without align": (None, {}, ["--align-to", "3"], "--align-from and --align-to need --align"),
+    "a stretch without align": (
+        None,
+        {},
+        ["--align-to", "3"],
+        "--align-to and --align-matrix need --align",
+    ),
     "channels that are one": (_same_channels, {}, [], "gyro: its channels do not differ in 0.0167 h"),
     "a fault everywhere": (_all_faulty, {}, [], "gyro: a channel stands out in every flight"),
     "flights too short": (lambda: record("data", 2, 0.5), {}, [], "gyro: too few events in 0.000278 h of 2 flights"),
@@ -225,6 +232,62 @@ def test_the_tables_of_a_scenario_fly(tmp_path: Path):
     assert flown.reference_threshold == given["pitch_rate"].threshold
 
 
+@pytest.mark.parametrize(
+    ("limit", "written"),
+    [
+        (9.0, {"outlier_threshold": 2.0, "outlier_threshold_triplex": 3.0}),
+        (2.5, {"outlier_threshold": 2.0, "outlier_threshold_triplex": 3.0, "threshold_triplex": 3.0}),
+        (1.5, {"outlier_threshold": 2.0, "outlier_threshold_triplex": 3.0, "threshold": 2.0, "threshold_triplex": 3.0}),
+    ],
+)
+def test_outlier_thresholds_stand_beside_those_that_there_are(limit: float, written: dict[str, float]):
+    """A threshold that is below its design is replaced, as outliers cannot be allowed more than it."""
+    config(default={"threshold": limit})
+    using, raw = start(Path("c.toml"))
+    text = recorded_toml(raw, {"a": DESIGN}, using.signals(["a"], ""), 100.0, {"a"}, [], outlier=True)
+    Path("o.toml").write_text(text)
+    table = read_toml(Path("o.toml"))["signal"]["a"]
+    assert {key: value for key, value in table.items() if "threshold" in key} == written
+    read_config(Path("o.toml")).signals(["a"], "o.toml")  # is accepted
+
+
+def test_outlier_thresholds_need_one_to_stand_beside():
+    config(default={"fade_s": 0.1})
+    using, raw = start(Path("c.toml"))
+    with pytest.raises(BadInput, match=r"signal\.a: --outlier needs the threshold"):
+        recorded_toml(raw, {"a": DESIGN}, using.signals(["a"], ""), 100.0, (), [], outlier=True)
+
+
+def test_a_design_in_place_of_outlier_thresholds_asks_no_more_of_them():
+    from rig.scenario import load
+
+    given = {"pitch_rate": load(None).redundancy.signals.pitch_rate}
+    assert given["pitch_rate"].outlier_threshold is not None
+    Path("o.toml").write_text(scenario_toml({"pitch_rate": DESIGN}, given, []))
+    table = read_toml(Path("o.toml"))["redundancy"]["signals"]["pitch_rate"]
+    assert (table["outlier_threshold"], table["outlier_threshold_triplex"]) == (2.0, 3.0)
+
+
+def test_the_matrix_of_a_triad_is_taken_off_before_the_design():
+    from rig.thresholds.data import load
+
+    rng, n, axes = np.random.default_rng(1), 3000, ("x", "y", "z")
+    motion = np.array([20.0 * np.sin(np.arange(n) / (40.0 + 25.0 * k)) for k in range(3)])
+    turned = motion + 0.02 * np.array([motion[1], -motion[0], 0.0 * motion[2]])
+    columns: dict[str, Any] = {"time_s": np.arange(n) / 100.0}
+    for k, axis in enumerate(axes):
+        columns |= {f"{axis}.{c}": (turned if c == 2 else motion)[k] + rng.normal(0.0, 0.01, n) for c in range(1, 5)}
+    pl.DataFrame(columns).write_parquet("one.parquet")
+    config(default={"threshold": 1.0}, triads={"gyro": list(axes)})
+    using = read_config(Path("c.toml"))
+    apart = []
+    for matrix in (False, True):
+        data = load([Path("one.parquet")], using, "c.toml", aligned=AlignOptions(matrix=matrix))
+        (flight,) = data.signals["x"]
+        apart.append(float(np.nanstd(flight.samples[1] - flight.samples[0])))
+    assert apart[1] < apart[0] / 3
+
+
 def test_a_folder_is_one_recording_or_holds_some():
     for k in (1, 2, 10):
         Path(f"data/path_{k}").mkdir(parents=True)
@@ -251,7 +314,7 @@ def test_alignment_without_an_end_is_found_in_the_stretch_of_rig_vote():
     recording = read(path, using, False)
     settings = using.signals(recording.signals, "")
     first, whole = (align(recording, settings, 0.0, end)[0].signals["gyro"].channels for end in (6.0, None))
-    (found,) = load([path], using, "c.toml", stretch=(None, None)).signals["gyro"]
+    (found,) = load([path], using, "c.toml", aligned=AlignOptions()).signals["gyro"]
     assert np.array_equal(found.samples, np.array(first)) and not np.array_equal(found.samples, np.array(whole))
 
 

@@ -45,6 +45,9 @@ def thresholds(
         float | None, typer.Option(help="Begin of the stretch to find them in, s.", show_default="first row")
     ] = None,
     align_to: Annotated[float | None, typer.Option(help="Its end, s.", show_default="6 s after its begin")] = None,
+    align_matrix: Annotated[
+        bool, typer.Option("--align-matrix", help="Take misalignments off the triads of CONFIG too.")
+    ] = False,
     repair_time: Annotated[bool, typer.Option("--repair-time", help="Drop rows whose time repeats.")] = False,
     keep: Annotated[
         bool, typer.Option("--keep", help="Design with flights too in which a channel stands out.")
@@ -63,12 +66,13 @@ def thresholds(
     """Design thresholds from a budget of false isolations, by healthy data."""
     from rig.cli.show_thresholds import show
     from rig.console import console
+    from rig.offline.alignment import AlignOptions
     from rig.thresholds.design import Grid
 
     if not (isfinite(budget) and budget > 0):
         raise BadInput(f"--budget: false isolations an hour, above 0, got {budget}")
-    if not align and (align_from, align_to) != (None, None):
-        raise BadInput("--align-from and --align-to need --align")
+    if not align and (align_from, align_to, align_matrix) != (None, None, False):
+        raise BadInput("--align-from, --align-to and --align-matrix need --align")
     grid = Grid(
         budget,
         _numbers("--persistence", persistence, 1, MOST_FRAMES),
@@ -76,7 +80,7 @@ def thresholds(
         _seconds("--filter", filters),
         seed,
     )
-    stretch = (align_from, align_to) if align else None
+    stretch = AlignOptions(align_from, align_to, align_matrix) if align else None
     with working("reading", not as_json):
         found = _design(inputs, config, (out, plot), grid, (repair_time, stretch), (keep, outlier), monitored or [])
     emit(as_json, found, lambda: show(console(), found))

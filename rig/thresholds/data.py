@@ -14,9 +14,7 @@ import numpy as np
 from rig.computer.redundancy.config import SignalConfig
 from rig.errors import BadInput, BadLog
 from rig.log.scan import About, iter_parts
-from rig.offline.align import align
-from rig.offline.alignment import AlignOptions
-from rig.offline.alignment import stretch as stretch_of
+from rig.offline.alignment import AlignOptions, run_alignment
 from rig.offline.read_recording import read
 from rig.offline.recording import Recording, Samples
 from rig.offline.vote_settings import RecordedSignal, VoteConfig
@@ -25,7 +23,6 @@ from rig.thresholds.design import Flight
 
 MANAGER: Final = "cross-channel"
 SAME_RATE: Final = 0.02  # by which rates may differ
-Stretch = tuple[float | None, float | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,11 +40,11 @@ class Data:
 
 
 def load(
-    inputs: Iterable[Path], config: VoteConfig, source: str, repair: bool = False, stretch: Stretch | None = None
+    inputs: Iterable[Path], config: VoteConfig, source: str, repair: bool = False, aligned: AlignOptions | None = None
 ) -> Data:
     """Read everything. BadInput in one line: nothing to read, a fault in a flight, unlike recordings.
 
-    stretch : from and to, s, for the alignment of each recording, what is None as in ``rig vote``; None: as they are
+    aligned : how each recording is, as in ``rig vote``; None: as they are
     """
     paths = recordings(inputs, config)
     data: Data | None = None
@@ -58,8 +55,8 @@ def load(
         notes = [
             f"{one.source}: {one.dropped} rows dropped, where time repeats or steps back" for one in recording.repairs
         ]
-        if stretch is not None:
-            recording, _ = align(recording, settings, *stretch_of(recording, AlignOptions(*stretch)))
+        if aligned is not None:
+            recording, _ = run_alignment(recording, settings, aligned, config.triads)
         if data is None:
             used = {name for name in settings if recording.signals[name].reference is not None}
             data = Data([], recording.rate_hz, 0.0, {name: [] for name in settings}, settings, used)

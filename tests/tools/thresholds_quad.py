@@ -22,6 +22,7 @@ from quad_isolations import AXES, TRIADS, config
 from quad_selection import CONFIG as SELECTION
 from scipy.stats import poisson
 
+from rig.offline.alignment import AlignOptions
 from rig.offline.recording import Recording, Samples
 from rig.offline.vote import vote
 from rig.offline.vote_settings import RecordedSignal
@@ -170,7 +171,7 @@ def designed(signals: Signals, grid: Grid, seed: int) -> None:
 def main() -> None:
     """Print the folds of every budget, and the same runs of fixed settings."""
     folder, seed = Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 0
-    data = load([folder], config(1.0, 8), "", repair=True, stretch=(None, 6.0))
+    data = load([folder], config(1.0, 8), "", repair=True, aligned=AlignOptions(to_s=6.0))
     signals = {name: data.signals[name] for name in AXES}
     print(f"{len(data.names)} flights, {data.hours:.3f} h; right/wrong/missed/prior")
     for budget in BUDGETS:
