@@ -22,6 +22,7 @@ from rig.text import choices, quoted
 
 DESIGNED_AT_HZ: Final = 100.0  # outlier thresholds: a sample is taken up to a part of a frame early
 SAME_ERRORS: Final = {"channels", "monitor"}  # keys of a sensor that leave the errors of its channels as they are
+BESIDE: Final = {"threshold", "threshold_triplex"}  # what outlier thresholds are designed beside
 OUTLIERS: Final = ("outlier_threshold", "outlier_threshold_triplex")
 
 
@@ -78,28 +79,38 @@ def sensor_classes() -> dict[str, SensorClass]:
 def lay_over(below: dict[str, Any], above: dict[str, Any], source: str) -> dict[str, Any]:
     """``merge``, with the sensor classes that ``above`` names put under its own keys; BadInput names ``source``.
 
-    Outlier thresholds are designed for the sensors that they stand beside: where ``above`` has others, they go.
+    Outlier thresholds go where ``above`` has other sensors or thresholds than they were designed beside.
     """
-    below = merge(below, {"redundancy": without_outliers(below.get("redundancy", {}), redesigned(above))})
+    below = without_outliers(below, above)
     wanted, present = above.get("sensors"), below.get("sensors")
     if not isinstance(wanted, dict) or not isinstance(present, dict):
         return merge(below, above)
     return merge({**below, "sensors": under(present, wanted, sensor_classes(), source)}, above)
 
 
-def redesigned(above: dict[str, Any]) -> Collection[str]:
-    """The signals whose channels differ by other errors with ``above`` than without; at a lower rate, all of them."""
-    rate_hz, wanted = above.get("rate_hz"), above.get("sensors")
+def without_outliers(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    """``below`` without the outlier thresholds of signals whose sensors or thresholds ``above`` changes."""
+    signals = _tables(below.get("redundancy"), "signals")
+    gone = {name: {**signals[name], **dict.fromkeys(OUTLIERS)} for name in _redesigned(above) if name in signals}
+    return merge(below, {"redundancy": {"signals": gone}}) if gone else below
+
+
+def _redesigned(above: dict[str, Any]) -> Collection[str]:
+    """The signals that ``above`` gives other errors or thresholds; at a lower rate, all of them."""
+    rate_hz = above.get("rate_hz")
     if isinstance(rate_hz, int | float) and rate_hz < DESIGNED_AT_HZ:
         return INDEX
-    tables = wanted.items() if isinstance(wanted, dict) else ()
-    return {name for name, table in tables if isinstance(table, dict) and table.keys() - SAME_ERRORS}
+    sensors, monitors = _tables(above, "sensors"), _tables(above.get("redundancy"), "signals")
+    return {
+        *(name for name, table in sensors.items() if table.keys() - SAME_ERRORS),
+        *(name for name, table in monitors.items() if table.keys() & BESIDE),
+    }
 
 
-def without_outliers(redundancy: dict[str, Any], signals: Collection[str]) -> dict[str, Any]:
-    """The tables of ``signals`` in ``[redundancy.signals]`` with outlier thresholds that are not there."""
-    tables = redundancy.get("signals", {})
-    return {"signals": {name: {**tables[name], **dict.fromkeys(OUTLIERS)} for name in signals if name in tables}}
+def _tables(data: Any, key: str) -> dict[str, dict[str, Any]]:
+    """The tables in the table ``key`` of ``data``; none where anything else is there."""
+    found = data.get(key) if isinstance(data, dict) else None
+    return {name: table for name, table in found.items() if isinstance(table, dict)} if isinstance(found, dict) else {}
 
 
 def merge(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:

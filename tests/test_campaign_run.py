@@ -428,4 +428,4 @@ def test_the_commands_say_one_json_object_and_refuse_in_one_line(whole: Result, 
         [*rig, "run", "nowhere", "--out", str(tmp_path / "out")], capture_output=True, text=True, check=False
     )
     assert bad.returncode == 2 and bad.stderr.count("\n") == 1
-    assert "nowhere: no such file; nearest bundled: " in bad.stderr
+    assert "nowhere: no such file; bundled: " in bad.stderr

@@ -33,7 +33,10 @@ def flight(
     faults: list[dict[str, Any]], frames: int = 100, *overrides: str, exact: bool = False
 ) -> tuple[Scenario, Block]:
     """Rows of ``frames`` frames at a constant truth, through every stage but the aircraft."""
-    which = scenario.load(None, [f"duration_s={frames / 100}", "faults=[]", *(EXACT if exact else ()), *overrides])
+    plain = "redundancy.signals.pitch_rate.threshold=0.05"  # and no outlier threshold
+    which = scenario.load(
+        None, [f"duration_s={frames / 100}", "faults=[]", plain, *(EXACT if exact else ()), *overrides]
+    )
     which = scenario.from_resolved({**which.resolved(), "faults": faults}, "test")
     rig, rows = Rig(which), new_block(frames)
     truth = np.zeros(len(SIGNALS))
@@ -84,6 +87,17 @@ def test_an_error_below_the_threshold_is_undetectable():
 def test_an_error_at_the_threshold_has_not_exceeded_it():
     assert outcomes(scored([offset([2], 0.2, 0.05)], exact=True)) == [("undetectable", 20, None, None)]
     assert outcomes(scored([offset([2], 0.2, 0.0500001)], exact=True)) == [("detected", 20, 20, 27)]
+
+
+def test_an_error_above_the_outlier_threshold_is_found_and_the_vote_measured_by_the_threshold():
+    outlier = "redundancy.signals.pitch_rate.outlier_threshold=0.02"
+    found = scored([offset([2], 0.2, 0.0200001)], 100, outlier, exact=True)
+    assert outcomes(found) == [("detected", 20, 20, 27)]
+    assert outcomes(scored([offset([2], 0.2, 0.02)], 100, outlier, exact=True)) == [("undetectable", 20, None, None)]
+    mean = scored([offset([2], 0.2, 0.16)], 100, outlier, "redundancy.manager=mean", exact=True)
+    assert outcomes(mean) == [("missed", 20, 20, None)] and mean.vote_error["pitch_rate"].above_threshold_s == 0.0
+    few = scored([offset([2], 0.2, 0.03)], 100, outlier, "redundancy.manager=mean", exact=True)
+    assert outcomes(few) == [("undetectable", 20, None, None)]  # managers that do not ask for it are not measured by it
 
 
 def test_faults_on_one_channel_after_each_other_are_judged_each_for_itself():

@@ -20,7 +20,7 @@ from pydantic import AfterValidator, Field, model_validator
 from rig.errors import BadInput
 from rig.files import bundled, is_file
 from rig.settings import Settings, build, read_toml
-from rig.text import choices, quoted
+from rig.text import quoted
 
 Sampling = Literal["grid", "stratified", "random", "latin-hypercube", "sobol"]
 MOST_RUNS: Final = 1_000_000
@@ -198,7 +198,7 @@ def find(name: str | Path) -> Path:
     for candidate in (wanted, home / wanted.name, home / f"{wanted.name}.toml"):
         if is_file(candidate):
             return candidate
-    raise BadInput(f"{wanted}: no such file; bundled: {choices(wanted.stem, names(), 'docs/campaign.md')}")
+    raise BadInput(f"{wanted}: no such file; bundled: {', '.join(names())}")
 
 
 def names() -> list[str]:

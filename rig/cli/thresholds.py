@@ -15,6 +15,7 @@ from rig.cli.working import working
 from rig.errors import BadInput
 
 if TYPE_CHECKING:
+    from rig.offline.alignment import AlignOptions
     from rig.thresholds.design import Grid
 
 MOST_FRAMES = 10_000
@@ -71,19 +72,19 @@ def thresholds(
 
     if not (isfinite(budget) and budget > 0):
         raise BadInput(f"--budget: false isolations an hour, above 0, got {budget}")
-    if not align and (align_from, align_to, align_matrix) != (None, None, False):
-        raise BadInput("--align-from, --align-to and --align-matrix need --align")
-    grid = Grid(
-        budget,
-        _numbers("--persistence", persistence, 1, MOST_FRAMES),
-        _numbers("--levels", levels, 2, 4),
-        _seconds("--filter", filters),
-        seed,
-    )
-    stretch = AlignOptions(align_from, align_to, align_matrix) if align else None
+    frames, counts = _numbers("--persistence", persistence, 1, MOST_FRAMES), _numbers("--levels", levels, 2, 4)
+    grid = Grid(budget, frames, counts, _seconds("--filter", filters), seed)
+    reading = repair_time, _aligned(align, AlignOptions(align_from, align_to, align_matrix))
     with working("reading", not as_json):
-        found = _design(inputs, config, (out, plot), grid, (repair_time, stretch), (keep, outlier), monitored or [])
+        found = _design(inputs, config, (out, plot), grid, reading, (keep, outlier), monitored or [])
     emit(as_json, found, lambda: show(console(), found))
+
+
+def _aligned(align: bool, options: AlignOptions) -> AlignOptions | None:  # as the option is given
+    """What --align asks for."""
+    if not align and any((options.from_s is not None, options.to_s is not None, options.matrix)):
+        raise BadInput("--align-from, --align-to and --align-matrix need --align")
+    return options if align else None
 
 
 def _numbers(option: str, text: str, least: int, most: int) -> list[int]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from rig.aircraft import merge
+from rig.aircraft import merge, without_outliers
 from rig.errors import BadInput
 from rig.files import draft, numbered, publish, replaced
 from rig.flight_records import Findings
@@ -44,7 +44,7 @@ def changed(recording: Recorded, file: Path | None, sets: Sequence[str]) -> Scen
 
     The file has a [redundancy] table, or the keys of one at its top.  BadInput: any other key.
     """
-    data, trust = recording.scenario.resolved(), recording.scenario.trust
+    data, trust, given = recording.scenario.resolved(), recording.scenario.trust, dict[str, Any]()
     if file is not None:
         found = read_toml(file)
         if KEY in found and len(found) > 1:
@@ -53,11 +53,15 @@ def changed(recording: Recorded, file: Path | None, sets: Sequence[str]) -> Scen
         table = found.get(KEY, found)
         if not isinstance(table, dict):
             raise BadInput(f"{file}: {KEY}: must be a table, got {quoted(table)}")
-        data[KEY] = merge(data[KEY], table)
+        given = {KEY: table}
         trust = replace(trust, source=str(file)) if "manager" in table else trust
+    above = given
     for text in sets:
         if not text.startswith(f"{KEY}."):
             raise BadInput(f"--set {text}: only redundancy.* can be changed without flying")
+        above = override(above, text)
+    data = merge(without_outliers(data, above), given)
+    for text in sets:
         data = override(data, text)
     source = " with ".join(["redundancy", *([str(file)] if file else []), *(f"--set {text}" for text in sets)])
     return from_resolved(data, source, replace(trust, named=named_manager(map(parse_set, sets))))
