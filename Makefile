@@ -16,7 +16,7 @@ test-all: setup  ## install Chromium, a Vulkan driver and Foxglove's packages, r
 	$(BIN)/python tests/tools/outside.py $(options)
 
 wheel: setup  ## sdist and wheel into dist/, and the wheel tried in an environment of its own, outside the checkout
-	$(BIN)/python tests/tools/wheel_smoke.py
+	$(BIN)/python tests/tools/wheel_smoke.py $(options)
 
 check: lint types imports test  ## everything that must hold before a change goes in
 
