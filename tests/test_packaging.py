@@ -59,6 +59,12 @@ def test_no_module_imports_at_load_what_only_posix_has(tmp_path: Path):
     }
 
 
+def test_a_folder_is_locked_for_one_at_a_time_and_free_afterwards(tmp_path: Path):
+    for _ in range(2):
+        with lock.locked(tmp_path), pytest.raises(BadInput, match="is flying into it"), lock.locked(tmp_path):
+            pass
+
+
 def test_without_flock_the_first_byte_of_the_lock_is_locked_and_released(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
