@@ -4,13 +4,19 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.stamp
 
-.PHONY: fly test check lint types imports coverage bench measured requirements golden designs replay setup clean
+.PHONY: fly test test-all wheel check lint types imports coverage bench measured requirements golden designs replay setup clean
 
 fly: setup  ## fly the default scenario: a hardover on one pitch-rate channel of the F-16
 	$(BIN)/rig fly
 
 test: setup  ## all tests, on all cores
 	$(BIN)/pytest -n auto
+
+test-all: setup  ## install Chromium, a Vulkan driver and Foxglove's packages, run the tests that need them; options=--every: all others too
+	$(BIN)/python tests/tools/outside.py $(options)
+
+wheel: setup  ## sdist and wheel into dist/, and the wheel tried in an environment of its own, outside the checkout
+	$(BIN)/python tests/tools/wheel_smoke.py $(options)
 
 check: lint types imports test  ## everything that must hold before a change goes in
 
@@ -59,4 +65,4 @@ $(STAMP): pyproject.toml constraints.txt
 	touch $(STAMP)
 
 clean:
-	rm -rf $(VENV) .pytest_cache .ruff_cache .import_linter_cache build dist
+	rm -rf $(VENV) .pytest_cache .ruff_cache .import_linter_cache build dist tests/foxglove/node_modules

@@ -2,11 +2,11 @@
 
 import json
 import re
-import shutil
 import subprocess
 from pathlib import Path
 from typing import Any
 
+import outside
 import pytest
 
 from rig.campaign.compare import compare
@@ -212,14 +212,14 @@ def test_nothing_flown_is_nothing_to_report(tmp_path: Path):
     assert not (tmp_path / "report.html").exists()
 
 
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="Chromium is not installed")
+@outside.needs("chromium")
 def test_the_report_opens_in_a_browser_without_a_network_and_its_console_is_silent(folder: Folder, tmp_path: Path):
     out = tmp_path / "report.html"
     report(folder, out)
     flags = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
     flags += " --disable-component-update --disable-sync --enable-logging=stderr --virtual-time-budget=10000 --dump-dom"
     flags += " --proxy-server=127.0.0.1:9"  # whatever is asked of a network fails
-    command = ["chromium", *flags.split(), f"--user-data-dir={tmp_path / 'profile'}", out.as_uri()]
+    command = [str(outside.chromium()), *flags.split(), f"--user-data-dir={tmp_path / 'profile'}", out.as_uri()]
     ran = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     said = [
         line

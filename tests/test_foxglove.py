@@ -1,16 +1,11 @@
-"""Foxglove's own packages read a log and find the numbers that our reader finds.
-
-npm install @mcap/core @mcap/support @mcap/nodejs      # in a folder outside the repository
-RIG_NODE_MODULES=<that folder>/node_modules pytest tests/test_foxglove.py
-"""
+"""Foxglove's own packages read a log and find the numbers that our reader finds (installed by ``make test-all``)."""
 
 import json
 import math
-import os
-import shutil
 import subprocess
 from pathlib import Path
 
+import outside
 import pytest
 
 from rig.flight import fly
@@ -20,11 +15,6 @@ from rig.log.columns import COLUMNS
 from rig.log.schema import BOOL, MESSAGES, TOPICS
 
 SCRIPT = Path(__file__).parent / "foxglove" / "read.mjs"
-MODULES = os.environ.get("RIG_NODE_MODULES", "")
-pytestmark = pytest.mark.skipif(
-    shutil.which("node") is None or not (Path(MODULES) / "@mcap" / "core").is_dir() or not MODULES,
-    reason="needs node, and RIG_NODE_MODULES with @mcap/core, @mcap/support and @mcap/nodejs",
-)
 FRAMES = (0, 99, 107, 108, 299)
 FLAGS = {field.name for field in MESSAGES["rig.Signal"].fields if field.kind == BOOL}
 
@@ -42,12 +32,14 @@ def found(flown):
     return json.loads(out.stdout)
 
 
+@outside.needs("foxglove")
 def test_every_message_of_every_topic_is_there_with_its_checksums(flown, found):
     log = read_log(flown)
     counts = {topic.name: len(log.rows) for topic in TOPICS} | {"/events": len(log.events)}
     assert found["counts"] == counts and found["start"] == 0
 
 
+@outside.needs("foxglove")
 def test_every_number_is_the_one_that_our_reader_finds(flown, found):
     rows = read_log(flown).rows
     topics = {topic.name.rsplit("/", 1)[1]: topic.name for topic in TOPICS}
@@ -64,6 +56,7 @@ def test_every_number_is_the_one_that_our_reader_finds(flown, found):
                 assert theirs == (bool(ours) if column.name in FLAGS else ours), column.path
 
 
+@outside.needs("foxglove")
 def test_names_events_and_metadata_read_as_we_wrote_them(flown, found):
     log = read_log(flown)
     said = [event["message"] for at in found["messages"]["/events"].values() for event in at]

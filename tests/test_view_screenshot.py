@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import outside
 import pytest
 from PIL import Image
 
@@ -22,13 +21,6 @@ from rig.view.screenshot import headless, screenshot, wait_until_loaded
 from rig.view.style import CHANNEL_COLORS, STATE_LOOKS, TRUTH, VOTED
 
 RATE_HZ = 100.0
-DRIVERS = [Path(folder) / "vulkan/icd.d" for folder in ("/usr/share", "/usr/local/share", "/etc")]
-HAVE_VULKAN = bool(os.environ.get("VK_DRIVER_FILES") or os.environ.get("VK_ICD_FILENAMES")) or any(
-    folder.glob("*.json") for folder in DRIVERS if folder.is_dir()
-)
-needs_vulkan = pytest.mark.skipif(
-    sys.platform != "linux" or not HAVE_VULKAN, reason="no Vulkan driver (Debian: mesa-vulkan-drivers)"
-)
 
 
 def hardover(seconds: int = 20) -> Block:
@@ -68,7 +60,7 @@ def flights(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return folder / "faulted.mcap", folder / "healthy.mcap"
 
 
-@needs_vulkan
+@outside.needs("vulkan")
 def test_the_overview_of_a_log_shows_channels_vote_and_truth_apart(flights: tuple[Path, Path], tmp_path: Path) -> None:
     png = tmp_path / "overview.png"
     shot = screenshot(read([flights[0]]), png, 12.0)
@@ -84,7 +76,7 @@ def test_the_overview_of_a_log_shows_channels_vote_and_truth_apart(flights: tupl
     assert _pixels_of(picture[700:1050, 1210:], VOTED, tolerance=60) > 100  # the wings of the figure
 
 
-@needs_vulkan
+@outside.needs("vulkan")
 @pytest.mark.parametrize("logs", [1, 2])
 def test_every_view_of_the_layout_holds_data_of_every_flight(flights: tuple[Path, Path], logs: int) -> None:
     opened = read(flights[:logs])
@@ -120,7 +112,7 @@ def test_every_view_of_the_layout_holds_data_of_every_flight(flights: tuple[Path
             assert {path[:3] for path in shown} == {"/A/", "/B/"}, name
 
 
-@needs_vulkan
+@outside.needs("vulkan")
 def test_a_window_is_a_viewer_with_the_flights_that_ends_with_us(flights: tuple[Path, Path]) -> None:
     with window(read([flights[0]]), "--headless", "--hide-welcome-screen") as process:
         assert process.poll() is None

@@ -40,7 +40,7 @@ def fly_alone(runs: Sequence[Run], orders: Orders) -> Rows:
 
 def _died(code: int, orders: Orders) -> tuple[str, str]:
     """Outcome and reason of a run that ended its process."""
-    if code == -signal.SIGALRM:
+    if code < 0 and code == -getattr(signal, "SIGALRM", 0):
         return "timed out", f"longer than {orders.timeout_s:g} s"
     if code < 0:
         return "crashed", f"killed by signal {-code} ({signal.Signals(-code).name})"
@@ -77,7 +77,8 @@ def _messages(pipe: IO[bytes]) -> Iterator[Any]:
 def main() -> None:
     """The child: runs and orders from standard input, rows to standard output."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's, and so is the terminal that is closed
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    if hasattr(signal, "SIGHUP"):
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever a flight prints is no row
     runs, orders = pickle.load(sys.stdin.buffer)  # our own parent

@@ -6,9 +6,11 @@ tables of an aircraft and compiled kernels is kept from one flight to the next.
 
 from __future__ import annotations
 
+import faulthandler
 import gc
 import json
 import math
+import os
 import signal
 import threading
 import time
@@ -195,8 +197,17 @@ def warm() -> None:
 def _limit(timeout_s: float) -> Iterator[None]:
     """Let the system end this process when the block takes longer, even inside compiled code.
 
-    Who supervises it sees a worker die and flies the suspects alone.
+    Who supervises it sees a worker die and flies the suspects alone.  Without such a timer (Windows) a thread of the
+    interpreter's own ends the process with exit code 1, and the run counts as crashed.
     """
+    if not hasattr(signal, "setitimer"):
+        with open(os.devnull, "w") as nowhere:  # noqa: PTH123 # a device, not a path
+            faulthandler.dump_traceback_later(timeout_s, exit=True, file=nowhere)
+            try:
+                yield
+            finally:
+                faulthandler.cancel_dump_traceback_later()
+        return
     signal.setitimer(signal.ITIMER_REAL, timeout_s)
     try:
         yield

@@ -9,8 +9,6 @@ A part is written beside and renamed, the one in ``runs`` last: a run is done wh
 
 from __future__ import annotations
 
-import errno
-import fcntl
 import io
 import json
 import os
@@ -25,6 +23,7 @@ import polars as pl
 from rig.campaign import parts, table
 from rig.campaign.config import from_what
 from rig.campaign.identity import rig_identity
+from rig.campaign.lock import locked
 from rig.campaign.plan import Plan
 from rig.campaign.rows import TABLES, Rows
 from rig.computer.external.settings import Unit
@@ -85,7 +84,7 @@ class Folder:
     @contextmanager
     def held(self) -> Iterator[None]:
         """Make the folder when there is none, and hold it alone; before and after, what was half written is removed."""
-        with _locked(self.path):
+        with locked(self.path):
             self._sweep()
             if not is_file(self.path / _ABOUT):
                 self._write(self.path / _ABOUT, json.dumps(self.about(), indent=1).encode())
@@ -175,27 +174,6 @@ def _read(path: Path) -> dict[str, Any]:
     if not isinstance(found.get("campaign"), dict):
         raise BadInput(f"{path}: is damaged: it has no table 'campaign'; {_REMEDY}")
     return found
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Make the folder and hold its ``lock``, which is not written to, and not followed when it is a link."""
-    path = folder / "lock"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
-    except OSError as error:
-        if error.errno == errno.ELOOP:
-            raise BadInput(f"{path}: is a link, and is not followed: remove it") from None
-        raise BadInput(f"--out {folder}: cannot be written: {error.strerror}") from None
-    try:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise BadInput(f"--out {folder}: another rig campaign run is flying into it") from None
-        yield
-    finally:
-        os.close(lock)
 
 
 def difference(was: dict[str, Any], now: dict[str, Any]) -> list[str]:

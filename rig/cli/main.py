@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 import sys
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -63,9 +64,18 @@ Realtime = Annotated[
 Watch = Annotated[bool, typer.Option("--watch", help="Show the redundancy page while it flies.")]
 
 
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"jsbsim-rig {version('jsbsim-rig')}")
+        raise typer.Exit
+
+
 @app.callback()
 def _common(
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Show JSBSim's and our log messages.")] = False,
+    _: Annotated[
+        bool, typer.Option("--version", help="Print the version and end.", callback=_version, is_eager=True)
+    ] = False,
 ) -> None:
     logging.basicConfig(level=logging.DEBUG if verbose else logging.ERROR, format="%(name)s: %(message)s")
     if not verbose:  # what matters in JSBSim's messages becomes our one line
