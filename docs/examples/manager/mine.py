@@ -1,4 +1,4 @@
-"""Two managers, a class and a compiled function: copy this file beside your scenario and fly ``--set redundancy.manager=mine:Smoothed``."""
+"""Two managers: copy this file beside your scenario and fly ``--set redundancy.manager=mine:Smoothed``."""
 
 import numba
 import numpy as np
