@@ -13,16 +13,17 @@ import rerun as rr
 from rerun.chunk import Chunk, McapReader, RrdReader
 
 from rig.errors import BadInput, BadLog
-from rig.frame import FLAT, INDEX, TIMING, TWO_PI, Block, Ilm, Pattern, Resolver, State, new_block
+from rig.frame import COMMANDS, FLAT, INDEX, SURFACES, TIMING, TWO_PI, Block, Ilm, Pattern, Resolver, State, new_block
 from rig.frame.fields import FIELD, places
 from rig.log import LogWriter
 from rig.log.schema import TOPICS_OF_ROWS, Topic
 from rig.record.events import Event
-from rig.view import derived, lanes
+from rig.view import derived, lanes, matrix
 from rig.view.columns import Columns, struct
 from rig.view.facts import Facts, FaultFact
 from rig.view.opened import read, save
 from rig.view.scene import POINTS, TIMELINE, Scene, east_north_up, position
+from rig.view.style import FAULT_LANE, STATE_LOOKS
 
 RATE_HZ = 100.0
 EVENTS = [Event(3, "info", "fault on", "one"), Event(5, "warning", "level", "two"), Event(7, "error", "end", "three")]
@@ -89,7 +90,7 @@ def test_every_field_of_the_frame_is_shown_once() -> None:
 def test_the_importer_makes_the_same_components_of_our_log(files: tuple[Path, Path]) -> None:
     ours, theirs = components(RrdReader(files[1]).stream()), components(imported(files[0]))
     assert {name for _, name in ours if name.startswith("rig.Signal")} == {"rig.Signal:message"}
-    alone = {f"{derived.BAND}:message", f"{derived.DEVIATION}:values"}  # the viewer's
+    alone = {f"{derived.VALUES}:values", f"{derived.DEGREES}:values"}  # the viewer's
     compared = [key for key in ours if key[0] in {path for path, _ in theirs} and key[1] not in alone]
     assert {key[0] for key in theirs} - {key[0] for key in compared} == {"/timing"}
     for key in compared:
@@ -185,10 +186,48 @@ def test_a_lane_has_one_entry_for_each_change_and_a_fault_ends() -> None:
     rows["state"][2:4, 0, 1] = State.SUSPECT
     rows["acting"][1:3, 0] = 0b10
     found = {c.path: (c.rows.tolist(), c.states) for c in lanes.changes(rows, None, ["first", "second"])}
-    assert found["/lane/pitch_rate/ch_2"] == ([0, 2, 4], ["OK", "SUSPECT", "OK"])
-    assert found["/lane/pitch_rate/ch_1"] == ([0], ["OK"])
-    assert found["/fault/2"] == ([1, 3], ["ACTING", None])
-    assert "/fault/1" not in found
+    told = ["channel 2: OK", "channel 2: SUSPECT", "channel 2: OK"]
+    assert found["/pitch_rate/channel_2"] == ([0, 2, 4], told)
+    assert found["/pitch_rate/channel_1"] == ([0], ["channel 1: OK"])
+    assert found["/pitch_rate"] == ([0, 2, 4], ["0000", "0100", "0000"])
+    assert found["/fault_2"] == ([1, 3], ["ACTING", ""])
+    assert "/fault_1" not in found
+
+
+@pytest.mark.parametrize(
+    ("states", "words", "color"),
+    [
+        ([0, 0, 0, 0], "ok", STATE_LOOKS["OK"][1]),
+        ([0, 1, 0, 0], "channel 2 suspect", STATE_LOOKS["SUSPECT"][1]),
+        ([1, 0, 2, 2], "channel 3, 4 failed; channel 1 suspect", STATE_LOOKS["FAILED"][1]),
+        ([2, 2, 2, 3], "all channels failed", FAULT_LANE),
+    ],
+)
+def test_the_lane_of_a_signal_says_which_channels_are_not_ok(states: list[int], words: str, color: Any) -> None:
+    rows = new_block(1)
+    rows["state"][0, INDEX["heading"]] = states
+    lane = lanes.STATUS[INDEX["heading"]]
+    [told] = [c.states for c in lanes.changes(rows, None, []) if c.path == lane.path == "/heading"]
+    assert [lane.looks[state] for state in told] == [(words, color)]
+
+
+def test_the_matrix_has_a_cell_for_each_channel_and_changes_with_any_state() -> None:
+    rows = new_block(4)
+    rows["state"][2:, 15, 3] = State.FAILED
+    assert matrix.changed(rows, None).tolist() == [0, 2]
+    assert matrix.changed(rows[1:], rows[:1]).tolist() == [1]
+    shades = matrix.colors(rows["state"])
+    assert shades.shape == (4, len(matrix.cells()), 3) == (4, 64, 3)
+    assert [tuple(c) for c in shades[:, 63]] == [STATE_LOOKS["OK"][1]] * 2 + [STATE_LOOKS["FAILED"][1]] * 2
+    assert (shades[:, :63] == STATE_LOOKS["OK"][1]).all()
+
+
+def derive(rows: Block, name: str, facts: Facts, *names: str) -> np.ndarray:
+    """(n, names) of what is derived of one signal."""
+    return derived.Derived(facts).values(rows)[INDEX[name]][:, [derived.NAMES.index(n) for n in names]]
+
+
+CH = ("ch_1", "ch_2", "ch_3", "ch_4")
 
 
 def test_deviation_leaves_out_what_is_not_trusted_and_goes_the_short_way_round() -> None:
@@ -199,24 +238,72 @@ def test_deviation_leaves_out_what_is_not_trusted_and_goes_the_short_way_round()
     rows["state"][:, heading] = [State.OK, State.SUSPECT, State.FAILED, State.OK]
     rows["channels"][:, heading, 3] = 0.3
     for threshold, fourth in ((0.2, np.nan), (0.5, 0.2), (np.nan, 0.2)):  # 0.4 from the vote
-        [found] = derived.deviation(rows, heading, threshold)
-        np.testing.assert_allclose(found, [-0.2, -0.3, np.nan, np.nan, fourth], atol=1e-12)
+        facts = Facts(thresholds={"heading": threshold})
+        [found] = derive(rows, "heading", facts, "off_voted", *(f"off_{ch}" for ch in CH))
+        np.testing.assert_allclose(np.radians(found), [-0.2, -0.3, np.nan, np.nan, fourth], atol=1e-6)
+
+
+def test_the_difference_is_in_thresholds_and_a_hardover_stays_at_the_edge() -> None:
+    rows = new_block(1)
+    rows["voted"][:, 0], rows["truth"][:, 0] = 0.02, 0.01
+    rows["channels"][:, 0] = [0.03, 0.02, 1.5, -1.5]
+    [found] = derive(
+        rows, "pitch_rate", Facts(thresholds={"pitch_rate": 0.04}), *(f"apart_{n}" for n in ("truth", *CH))
+    )
+    np.testing.assert_allclose(found, [-0.25, 0.25, 0.0, 1.5, -1.5], atol=1e-6)
+    [bounds] = derive(rows, "pitch_rate", Facts(), "apart_low", "apart_high")
+    assert bounds.tolist() == [-1.0, 1.0]
+
+
+def test_a_heading_through_north_is_drawn_in_degrees_without_a_jump_in_blocks_of_any_size() -> None:
+    rows, degrees = new_block(300), np.linspace(300.0, 660.0 + 90.0, 300)  # more than once around
+    heading = INDEX["heading"]
+    rows["truth"][:, heading] = np.radians(degrees % 360.0)
+    rows["voted"][:, heading] = np.radians((degrees + 1.0) % 360.0)
+    rows["channels"][:, heading] = np.radians((degrees[:, None] - 2.0) % 360.0)
+    for size in (1, 7, 300):
+        drawing = derived.Derived(Facts())
+        blocks = [drawing.values(rows[k : k + size])[heading] for k in range(0, 300, size)]
+        values = dict(zip(derived.NAMES, np.concatenate(blocks).T, strict=True))
+        np.testing.assert_allclose(values["truth"], degrees, atol=1e-3)
+        np.testing.assert_allclose(values["voted"], degrees + 1.0, atol=1e-3)
+        np.testing.assert_allclose(values["ch_4"], degrees - 2.0, atol=1e-3)
+
+
+def test_an_angle_that_is_not_a_number_for_a_while_goes_on_where_it_was() -> None:
+    rows = new_block(3)
+    rows["truth"][:, INDEX["heading"]] = [TWO_PI - 0.1, np.nan, 0.1]
+    for blocks in ([rows], [rows[:2], rows[2:]]):
+        drawing = derived.Derived(Facts())
+        truth = np.concatenate(
+            [drawing.values(block)[INDEX["heading"]][:, derived.NAMES.index("truth")] for block in blocks]
+        )
+        np.testing.assert_allclose(np.radians(truth[[0, 2]]), [TWO_PI - 0.1, TWO_PI + 0.1], atol=1e-5)
+        assert np.isnan(truth[1])
 
 
 def test_the_band_is_the_vote_with_the_threshold_either_side_and_marks_the_fault() -> None:
     rows = new_block(3)
-    rows["voted"][:, 0] = [1.0, 2.0, 3.0]
+    rows["voted"][:, 0] = np.radians([1.0, 2.0, 3.0])
     rows["acting"][1, 0] = 0b100  # fault 3 alone, which sits on pitch rate
-    facts = Facts(
-        faults=tuple(FaultFact(f"{i}", place) for i, place in enumerate(("heading", "elsewhere", "pitch_rate")))
-    )
-    acts = derived.fault_acts(rows, facts)
-    assert acts.keys() == {"heading", "pitch_rate"}
-    assert not acts["heading"].any()
-    shown = derived.band(rows, 0, 0.5, acts["pitch_rate"])
-    np.testing.assert_array_equal(shown.field("low"), [0.5, 1.5, 2.5])
-    np.testing.assert_array_equal(shown.field("high"), [1.5, 2.5, 3.5])
-    np.testing.assert_array_equal(shown.field("fault"), [np.nan, 2.0, np.nan])
+    places = ("heading", "elsewhere", "pitch_rate+roll_rate")
+    facts = Facts(thresholds={"pitch_rate": np.radians(0.5)}, faults=tuple(FaultFact("", place) for place in places))
+    names = ("low", "high", "fault", "apart_fault")
+    expected = [[0.5, 1.5, np.nan, np.nan], [1.5, 2.5, 2.0, 0.0], [2.5, 3.5, np.nan, np.nan]]
+    np.testing.assert_allclose(derive(rows, "pitch_rate", facts, *names), expected, rtol=1e-6)
+    assert np.isfinite(derive(rows, "roll_rate", facts, "fault")).tolist() == [[False], [True], [False]]
+    assert not np.isfinite(derive(rows, "heading", facts, "fault")).any()
+
+
+def test_angles_of_control_are_in_degrees_and_a_heading_is_around_north() -> None:
+    rows = new_block(1)
+    rows["command"][:, COMMANDS.index("heading_rad")] = np.radians(359.0)
+    rows["actuator"][:, SURFACES.index("rudder_rad")] = np.radians(-4.0)
+    [found] = derived.degrees(rows)
+    at = dict(zip(derived.DEGREE_NAMES, found, strict=True))
+    assert at["command_heading_rad"] == pytest.approx(-1.0)
+    assert at["actuator_rudder_rad"] == pytest.approx(-4.0)
+    assert at["surface_rudder_rad"] == 0.0
 
 
 def test_the_path_stays_short_and_keeps_beginning_and_shape() -> None:

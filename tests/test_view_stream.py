@@ -19,8 +19,8 @@ from rerun.chunk import RrdReader
 from rig.errors import BadInput
 from rig.frame import FLAT, SIGNALS, Block, new_block
 from rig.view import viewer
-from rig.view.blueprint import blueprint
-from rig.view.facts import Facts, Layout, Shown
+from rig.view.blueprint import blueprint, decisive_s, main_signal, status_shown
+from rig.view.facts import Facts, FaultFact, Layout, Seen, Shown, together
 from rig.view.lanes import of_signal
 from rig.view.plots import state_lanes
 from rig.view.stream import Stream, open_stream
@@ -172,7 +172,7 @@ def test_a_saved_recording_lies_beside_the_log_with_all_entities_and_the_layout(
     for chunk in reader.stream():
         frames[chunk.entity_path] = frames.get(chunk.entity_path, 0) + chunk.num_rows
     assert {frames[signal.topic] for signal in SIGNALS} == {3 * BLOCK}
-    assert {"/lane/pitch_rate/pattern", "/path", "/track", "/about"} <= frames.keys()
+    assert {"/pitch_rate/pattern", "/path", "/track", "/about"} <= frames.keys()
     assert {"/discrete/gear_down", "/control", "/demand", "/flight", "/pose", "/position"} <= frames.keys()
     [recording], [layout] = reader.recordings(), reader.blueprints()
     assert layout.application_id == recording.application_id
@@ -230,10 +230,30 @@ def test_a_lane_keeps_its_own_look_where_another_of_the_view_shows_the_same_stat
     view = state_lanes("lanes", lanes, [Shown()])
     looks = {state: look for lane in lanes[:-1] for state, look in lane.looks.items()}
     differing = [lane.path for lane in lanes if any(looks.get(s, look) != look for s, look in lane.looks.items())]
-    assert list(view.visualizer_overrides) == differing == ["/lane/pitch_rate/source"]
+    assert list(view.visualizer_overrides) == differing == ["/pitch_rate/source"]
     assert view.contents == [lane.path for lane in lanes]
     [shared] = view.defaults
-    assert shared.values.as_arrow_array().to_pylist()[:3] == ["OK", "SUSPECT", "FAILED"]
+    states = shared.values.as_arrow_array().to_pylist()
+    assert {"channel 2: OK", "channel 2: SUSPECT", "channel 2: FAILED", "OVER", "GROUND_CONTACT"} <= set(states)
+    assert len(set(states)) == len(states)
+
+
+def test_the_lanes_of_the_overview_are_all_signals_or_of_several_flights_those_with_something_to_tell() -> None:
+    one = Facts(seen=Seen(noted=("heading",)))
+    assert len(status_shown([Shown(facts=one)])) == len(SIGNALS)
+    other = Facts(seen=Seen(noted=("pitch_rate",)))
+    assert [lane.path for lane in status_shown(together([one, other]))] == ["/pitch_rate", "/heading"]
+
+
+def test_the_main_signal_and_the_zoom_are_those_of_the_decisive_fault_or_of_the_first_one_to_come() -> None:
+    fault = FaultFact("offset", "pitch_rate", (1,), 12.0)
+    live = Facts(faults=(fault,))
+    over = Facts(faults=(fault,), seen=Seen(main="heading", zoom_s=(3.5, 5.0)))
+    healthy = Facts(seen=Seen())
+    assert (main_signal([Shown(facts=live)]).name, decisive_s([Shown(facts=live)])) == ("pitch_rate", (11.5, 14.0))
+    assert (main_signal([Shown(facts=over)]).name, decisive_s([Shown(facts=over)])) == ("heading", (3.5, 5.0))
+    assert decisive_s([Shown(facts=healthy)]) is None
+    assert decisive_s(together([over, healthy])) == (3.5, 5.0)
 
 
 def test_a_layout_for_a_tab_that_does_not_exist_is_refused() -> None:

@@ -3,30 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 from typing import Any, Final
 
 import rerun.blueprint as rrb
 
 from rig.errors import BadInput
-from rig.frame import COMMANDS, DEMANDS, DISCRETES, INDEX, SIGNALS, SURFACES, Discrete, Signal
-from rig.view import derived, lanes, times
+from rig.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Discrete, Signal
+from rig.view import charts, derived, lanes, times
 from rig.view.facts import Layout, Shown
-from rig.view.plots import (
-    Line,
+from rig.view.panels import (
     about,
     attitude,
     events,
-    fields,
     histogram,
+    legend,
     map_view,
+    margin,
+    numbers,
     path,
-    plot,
-    plot_list,
-    state_lanes,
+    status_now,
     track,
 )
+from rig.view.plots import Axes, Line, chart, list_series, over_time, plot, state_lanes, status_lanes
 from rig.view.scene import TIMELINE
-from rig.view.style import CHANNEL_COLORS, FAULT, PALETTE, REFERENCE, THRESHOLD, TRUTH, VOTED
+from rig.view.story import zoom
+from rig.view.style import CHANNEL_COLORS, FAULT, PALETTE, REFERENCE, THRESHOLD, TRUTH, VOTED, plain
 
 OVERVIEW: Final = "overview"  # the first tab
 MAIN: Final = "pitch_rate"  # what it shows of a flight without faults
@@ -34,6 +36,7 @@ GROUPS: Final = tuple(dict.fromkeys(signal.group for signal in SIGNALS))
 UNIT: Final = "unit"  # the last tab, of flights with a unit under test alone
 TABS: Final = (OVERVIEW, *GROUPS, "discretes", "surfaces", "control", "flight", UNIT)
 LAYOUT: Final = Layout()
+_MARGIN: Final = 0.033  # of a column, left of its lanes
 
 
 def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
@@ -48,10 +51,10 @@ def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
     if tab == UNIT and not tested:
         raise BadInput(f"no tab {tab!r}: no unit under test was flown")
     tabs = {
-        OVERVIEW: _overview(_main(shown), shown),
+        OVERVIEW: _overview(main_signal(shown), shown),
         **{group: _group_tab(group, [s for s in SIGNALS if s.group == group], shown) for group in GROUPS},
         "discretes": _discretes_tab(shown),
-        "surfaces": rrb.Grid(*(_surface_plot(name, shown) for name in SURFACES), grid_columns=2, name="surfaces"),
+        "surfaces": _surfaces_tab(shown),
         "control": _control_tab(shown),
         "flight": _flight_tab(shown, map_tiles),
         **({UNIT: _unit_tab(tested)} if tested else {}),
@@ -72,23 +75,63 @@ def require_tab(tab: str) -> None:
         raise BadInput(f"no tab {tab!r}; there are: {', '.join(TABS)}")
 
 
-def _main(shown: Sequence[Shown]) -> Signal:
-    """The signal of the overview."""
+def main_signal(shown: Sequence[Shown]) -> Signal:
+    """The signal of the overview: that of the decisive fault, else of the first one; of the flight on top first."""
+    seen = [one.facts.seen.main for one in reversed(shown) if one.facts.seen is not None]
     faulted = [one.facts.first_faulted for one in reversed(shown)]
-    return SIGNALS[INDEX[next(filter(None, faulted), MAIN)]]
+    return SIGNALS[INDEX[next(filter(None, (*seen, *faulted)), MAIN)]]
 
 
 def _overview(signal: Signal, shown: Sequence[Shown]) -> rrb.Container:
-    left = rrb.Vertical(
-        _signal_plot(signal, shown),
-        _deviation_plot(signal, shown),
-        _signal_lanes(signal, shown, faults=""),
-        row_shares=[4, 3, 5] if len(shown) == 1 else [5, 3, 5],
+    """The whole flight on the left, its decisive seconds beside it, the state at the cursor on the right."""
+    top, span = shown[-1], decisive_s(shown)
+    whole = rrb.Vertical(
+        _difference_plot(signal, shown),
+        *([] if span is not None else [_signal_plot(signal, shown)]),
+        rrb.Horizontal(margin(), status_lanes(status_shown(shown), shown), column_shares=[_MARGIN, 1.0 - _MARGIN]),
+        row_shares=[2, 8] if span is not None else [2, 2, 5],
     )
-    right = rrb.Vertical(
-        about(shown), _surface_plot(SURFACES[0], shown), events(shown), attitude(shown), row_shares=[1, 2, 2, 3]
+    parts: list[rrb.Container] = [whole]
+    shares = [9]
+    if span is not None:
+        parts.append(_decisive(signal, shown, span))
+        shares.append(9)
+    else:
+        parts.append(rrb.Vertical(*(chart(one, shown) for one in charts.SURFACE)))
+        shares.append(6)
+    now = rrb.Vertical(status_now(top), numbers(top), events(shown), row_shares=[10, 3, 4])
+    below = rrb.Horizontal(*parts, now, column_shares=[*shares, 6])
+    return rrb.Vertical(about(shown), below, row_shares=[1.35 + 0.9 * (len(shown) - 1), 10], name=OVERVIEW)
+
+
+def _decisive(signal: Signal, shown: Sequence[Shown], span: tuple[float, float]) -> rrb.Container:
+    top = shown[-1:]
+    name = f"zoom {span[0]:.1f} to {span[1]:.1f} s: {lanes.title(signal)}"
+    states = state_lanes(name, lanes.of_signal(signal), top, faults=signal.name, span_s=span)
+    return rrb.Vertical(
+        _difference_plot(signal, shown, span),
+        _signal_plot(signal, shown, span),
+        rrb.Horizontal(margin(), states, column_shares=[_MARGIN, 1.0 - _MARGIN]),
+        row_shares=[2, 2, 3],
     )
-    return rrb.Horizontal(left, right, column_shares=[5, 3], name=OVERVIEW)
+
+
+def decisive_s(shown: Sequence[Shown]) -> tuple[float, float] | None:
+    """The decisive seconds of the flight on top that has any; of one under way, those after its first fault begins."""
+    for one in reversed(shown):
+        if one.facts.seen is not None:
+            if one.facts.seen.zoom_s is not None:
+                return one.facts.seen.zoom_s
+        elif (start := one.facts.first_start_s) is not None:
+            return zoom(start, None, inf)
+    return None
+
+
+def status_shown(shown: Sequence[Shown]) -> list[lanes.Lane]:
+    """The lanes of the overview: of all signals; of several flights, of those where something was not ok."""
+    noted = {name for one in shown if one.facts.seen is not None for name in one.facts.seen.noted}
+    some = [lane for lane in lanes.STATUS if lane.path[1:] in noted][: len(SIGNALS) // len(shown)]
+    return list(lanes.STATUS) if len(shown) == 1 or not some else some
 
 
 def _group_tab(group: str, signals: Sequence[Signal], shown: Sequence[Shown]) -> rrb.Container:
@@ -101,39 +144,64 @@ def _group_tab(group: str, signals: Sequence[Signal], shown: Sequence[Shown]) ->
         )
         for s in signals
     ]
-    return rrb.Vertical(*rows, name=group)
+    return rrb.Vertical(legend(), *rows, row_shares=[0.15, *[1.0] * len(rows)], name=group)
 
 
-def _signal_plot(signal: Signal, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
-    band = signal.topic
-    lines = [
-        Line(band, derived.BAND, "fault", "fault acts", FAULT, 16.0, fault_on=signal.name),
-        Line(band, derived.BAND, "low", "vote ± threshold", THRESHOLD, below=False),
-        Line(band, derived.BAND, "high", "vote ± threshold", THRESHOLD, below=False),
-        *_redundant(signal.topic, "rig.Signal", signal.channels),
-        Line(signal.topic, "rig.Signal", "reference", "reference", REFERENCE, below=False),
-        Line(signal.topic, "rig.Signal", "truth", "truth", TRUTH),
-    ]
-    return plot(f"{signal.name}, {signal.unit}", lines, shown)
+def _signal_plot(signal: Signal, shown: Sequence[Shown], span: tuple[float, float] | None = None) -> Any:
+    """The signal in the unit that people read; in its decisive seconds, on a scale of their own."""
+    lines = _lines(signal, "", ("low", "high", "voted", *_CHANNELS, "reference", "truth"))
+    key = signal.name if span is None else "zoom"
+    ranges = [seen.ranges[key] for one in shown if (seen := one.facts.seen) is not None and key in seen.ranges]
+    values = (min(low for low, _ in ranges), max(high for _, high in ranges)) if ranges else None
+    name = f"{plain(signal.name)}, {derived.unit(signal.unit)}"
+    return over_time(_zoomed(name, span), list_series(derived.NAMES, lines, shown), shown, Axes(span, values))
+
+
+def _difference_plot(signal: Signal, shown: Sequence[Shown], span: tuple[float, float] | None = None) -> Any:
+    """Channels and truth less the vote, in thresholds; without a threshold, less truth."""
+    if not any(signal.name in one.facts.thresholds for one in shown):
+        return _deviation_plot(signal, shown)
+    lines = _lines(signal, "apart_", ("fault", "low", "high", "truth", *_CHANNELS))
+    name = f"{plain(signal.name)} less the vote, in monitor thresholds; beyond {derived.LIMIT:g}: at the edge"
+    axes = Axes(span, (-derived.LIMIT - 0.1, derived.LIMIT + 0.1))
+    return over_time(_zoomed(name, span), list_series(derived.NAMES, lines, shown), shown, axes)
+
+
+def _zoomed(name: str, span: tuple[float, float] | None) -> str:
+    return name if span is None else f"zoom: {name}"
 
 
 def _deviation_plot(signal: Signal, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
-    lines = _redundant(signal.topic, derived.DEVIATION, signal.channels)
-    name = f"{signal.name} less truth, {signal.unit}; trusted channels"
-    return plot_list(name, signal.topic, derived.DEVIATION, lines, shown)  # the legend is beside it
+    lines = _lines(signal, "off_", ("voted", *_CHANNELS))
+    name = f"{plain(signal.name)} less truth, {derived.unit(signal.unit)}; channels in use"
+    return over_time(name, list_series(derived.NAMES, lines, shown), shown)
 
 
-def _redundant(path: str, archetype: str, channels: int) -> list[Line]:
-    """The vote, thick and below the others, and its channels."""
-    numbered = [
-        Line(path, archetype, f"ch_{i + 1}", f"ch {i + 1}", CHANNEL_COLORS[i], below=False) for i in range(channels)
-    ]
-    return [Line(path, archetype, "voted", "voted", VOTED, 3.5), *numbered]
+_CHANNELS: Final = tuple(f"ch_{c + 1}" for c in range(CHANNELS))
+_LOOKS: Final = {  # of a line: colour, width, whether flights below another show it
+    "fault": (FAULT, 16.0, True),
+    "low": (THRESHOLD, 1.0, False),
+    "high": (THRESHOLD, 1.0, False),
+    "voted": (VOTED, 3.5, True),
+    "reference": (REFERENCE, 1.0, False),
+    "truth": (TRUTH, 1.0, True),
+    **{name: (CHANNEL_COLORS[c], 1.5, False) for c, name in enumerate(_CHANNELS)},
+}
+
+
+def _lines(signal: Signal, prefix: str, names: Sequence[str]) -> list[Line]:
+    """Lines of the derived list of ``signal``, by their names without ``prefix``."""
+    lines = []
+    for name in names:
+        color, width, below = _LOOKS[name]
+        label = f"{plain(signal.name)}, channel {name[3:]}" if name in _CHANNELS else f"{plain(signal.name)}, {name}"
+        on = signal.name if name == "fault" else ""
+        lines.append(Line(signal.topic, derived.VALUES, prefix + name, label, color, width, below, on))
+    return lines
 
 
 def _signal_lanes(signal: Signal, shown: Sequence[Shown], faults: str) -> Any:
-    name = f"{signal.name}: faults, channels, pattern, resolver, source"
-    return state_lanes(name, lanes.of_signal(signal), shown, faults)
+    return state_lanes(lanes.title(signal), lanes.of_signal(signal), shown, faults)
 
 
 def _discretes_tab(shown: Sequence[Shown]) -> rrb.Container:
@@ -146,50 +214,33 @@ def _discretes_tab(shown: Sequence[Shown]) -> rrb.Container:
 
 
 def _discrete_plot(discrete: Discrete, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
+    channels = [
+        Line(discrete.topic, "rig.Discrete", name, f"channel {name[3:]}", CHANNEL_COLORS[c], below=False)
+        for c, name in enumerate(_CHANNELS[: discrete.channels])
+    ]
     lines = [
-        *_redundant(discrete.topic, "rig.Discrete", discrete.channels),
+        Line(discrete.topic, "rig.Discrete", "voted", "voted", VOTED, 3.5),
+        *channels,
         Line(discrete.topic, "rig.Discrete", "truth", "truth", TRUTH),
     ]
-    return plot(discrete.name, lines, shown)
+    return plot(plain(discrete.name), lines, shown, Axes(values=(-0.1, 1.1)))
 
 
-def _surface_plot(name: str, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
+def _surfaces_tab(shown: Sequence[Shown]) -> rrb.Container:
     """What control asks, what reaches the actuator (another only while a fault is between), where it truly is."""
-    lines = [
-        Line("/control", "rig.Control", f"surface_{name}", "asked", VOTED, 3.5),
-        Line("/control", "rig.Control", f"actuator_{name}", "to the actuator", PALETTE[0], 1.5),
-        Line("/flight", "rig.Flight", name, "true position", TRUTH),
-    ]
-    plain, _, unit = name.rpartition("_")
-    return plot(f"{plain}, {unit}" if plain else f"{name}, 1", lines, shown)
+    return rrb.Grid(*(chart(one, shown) for one in charts.SURFACE), grid_columns=2, name="surfaces")
 
 
 def _control_tab(shown: Sequence[Shown]) -> rrb.Container:
-    def commands(name: str, *units: str) -> rrb.TimeSeriesView:
-        names = [f"command_{field}" for field in COMMANDS if field.endswith(units)]
-        return fields(name, "/control", "rig.Control", names, shown, "command_")
-
-    def demands(name: str, *units: str) -> rrb.TimeSeriesView:
-        names = [field for field in DEMANDS if field.endswith(units)]
-        return fields(name, "/demand", "rig.Demand", names, shown)
-
-    return rrb.Vertical(
-        rrb.Horizontal(commands("commands, rad and rad/s", "_rad", "_rad_s"), demands("demands, rad", "_rad")),
-        rrb.Horizontal(commands("commands, m and m/s", "_m", "_m_s"), demands("demands, m and m/s", "_m", "_m_s")),
-        state_lanes("faults, control law", [lanes.LAW], shown, faults=""),
-        row_shares=[3, 3, 1 + len(shown)],
-        name="control",
-    )
+    states = state_lanes("faults, control law", [lanes.LAW], shown, faults="")
+    return rrb.Grid(*(chart(one, shown) for one in charts.CONTROL), states, grid_columns=3, name="control")
 
 
 def _flight_tab(shown: Sequence[Shown], map_tiles: bool) -> rrb.Container:
-    def flight(name: str, *names: str) -> rrb.TimeSeriesView:
-        return fields(name, "/flight", "rig.Flight", names, shown)
-
-    above = rrb.Horizontal(path(shown), track(shown), *([map_view(shown)] if map_tiles else []), attitude(shown))
+    figures = rrb.Vertical(attitude(shown), *map(numbers, shown), row_shares=[5, *[2] * len(shown)])
+    above = rrb.Horizontal(path(shown), track(shown), *([map_view(shown)] if map_tiles else []), figures)
     below = rrb.Horizontal(
-        flight("height, m", "altitude_m", "height_m"),
-        flight("speed and wind, m/s", "true_airspeed_m_s", "wind_north_m_s", "wind_east_m_s", "wind_down_m_s"),
+        *(chart(one, shown) for one in charts.FLOWN),
         events(shown),
     )
     return rrb.Vertical(above, below, row_shares=[3, 2], name="flight")
@@ -198,12 +249,13 @@ def _flight_tab(shown: Sequence[Shown], map_tiles: bool) -> rrb.Container:
 def _unit_tab(shown: Sequence[Shown]) -> rrb.Container:
     """How long the unit took, how old the answers are that were flown; histograms up to the cursor."""
     clock = Line(times.PATH, times.ARCHETYPE, "reply_us", "reply time", VOTED)
+    age = Line("/control", "rig.Control", "unit_age", "age", PALETTE[0], 3.0)
     late = Line(times.PATH, times.ARCHETYPE, "late_us", "lateness", PALETTE[0])
     paced = [one for one in shown if one.facts.paced]
     bars = [histogram(times.REPLIES, shown), *([histogram(times.LATENESS, paced)] if paced else [])]
     return rrb.Vertical(
         plot("reply time and lateness, µs" if paced else "reply time, µs", [clock, *([late] if paced else [])], shown),
-        fields("age of the answer that was flown, frames", "/control", "rig.Control", ["unit_age"], shown),
+        plot("age of the answer that was flown, frames", [age], shown),
         rrb.Horizontal(*bars),
         name=UNIT,
     )

@@ -7,15 +7,16 @@ the stream and the opened log:
     /control, /demand, /flight         rig.Control:message, ...
     /pose, /position, /events          Transform3D, GeoPoints, TextLog
 
-and, for the viewer alone, what derived.py, lanes.py and scene.py make of the rows.  What derived.py makes of a
-signal goes with it, as more components of its entity: each entity costs the viewer a clock and a name of every row.
+and, for the viewer alone, what derived.py, lanes.py, matrix.py and scene.py make of the rows.  What derived.py makes
+of a signal goes with it, as one more component of its entity: each entity costs the viewer a clock and a name of
+every row.
 
 Each field of FRAME has one place in one struct, so a signal or a command added there appears by itself.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from enum import IntEnum
 from functools import cache, lru_cache
 from typing import Any, Final
@@ -25,14 +26,14 @@ import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
-from rig.frame import SIGNALS, Block
+from rig.frame import Block, End
 from rig.frame.fields import FIELD, places
 from rig.log.schema import TOPICS_OF_ROWS, Topic
 from rig.record.event import Event
-from rig.view import derived, lanes
+from rig.view import derived, lanes, matrix
 from rig.view.facts import UNKNOWN, Facts
 from rig.view.scene import Scene, time_column
-from rig.view.style import VOTED, Color
+from rig.view.style import OVER, VOTED, Color
 from rig.view.times import Times
 
 _LEVELS: Final = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
@@ -59,6 +60,7 @@ class Columns:
         self._facts = facts
         self._root = root
         self._before: Block | None = None
+        self._derived = derived.Derived(facts)
         self._scene = Scene(recording, root, color)
         self._times = Times(self._columns) if facts.unit else None
 
@@ -71,28 +73,42 @@ class Columns:
             return
         nanoseconds = np.rint(rows["frame"] * (1e9 / self._rate_hz))
         time = [time_column(nanoseconds)]
-        acts = derived.fault_acts(rows, self._facts)
+        values = self._derived.values(rows)
         for topic in TOPICS_OF_ROWS:
             components = [_message(topic.message, struct(rows, topic))]
             if topic.message == "rig.Signal" and topic.item is not None:
-                components += self._derived(rows, topic.item, acts)
+                components.append(_values(derived.VALUES, values[topic.item]))
+            if topic.message == "rig.Control":
+                components.append(_values(derived.DEGREES, derived.degrees(rows)))
             self._columns(topic.name, time, [column for one in components for column in one])
         for change in lanes.changes(rows, self._before, self._facts.faults):
             states = rr.StateChange.columns(state=change.states)
             self._columns(change.path, [time_column(nanoseconds[change.rows])], states)
+        self._matrix(rows, nanoseconds)
         self._scene.send(rows, nanoseconds)
         if self._times is not None and timing is not None:
             self._times.send(timing, nanoseconds)
         self._events(events)
         self._before = rows[-1:].copy()
+        if rows["end"][-1] != End.FLYING:
+            self._ends(End(rows["end"][-1]).name, rows["frame"][-1:])
 
-    def _derived(self, rows: Block, index: int, acts: Mapping[str, NDArray[np.bool_]]) -> list[rr.ComponentColumnList]:
-        """Band and deviation of signal ``index``; ``acts`` as derived.fault_acts gives it."""
-        threshold = self._facts.threshold(index)
-        return [
-            _message(derived.BAND, derived.band(rows, index, threshold, acts.get(SIGNALS[index].name))),
-            _values(derived.DEVIATION, derived.deviation(rows, index, threshold)),
-        ]
+    def _matrix(self, rows: Block, nanoseconds: NDArray[np.float64]) -> None:
+        if self._before is None:
+            rr.log(self._root + matrix.NAMES, matrix.names(), static=True, recording=self._recording)
+        at = matrix.changed(rows, self._before)
+        if len(at):
+            self._columns(matrix.PATH, [time_column(nanoseconds[at])], matrix.columns(rows, at))
+
+    def end(self) -> None:
+        """End the lanes of a flight that is over, while another goes on."""
+        if self._before is not None and self._before["end"][0] == End.FLYING:
+            self._ends(OVER, self._before["frame"])
+
+    def _ends(self, how: str, frame: NDArray[Any]) -> None:
+        time = [time_column(np.rint(frame * (1e9 / self._rate_hz)))]
+        for path, state in lanes.ends(how, self._facts.faults):
+            self._columns(path, time, rr.StateChange.columns(state=[state]))
 
     def _events(self, events: Sequence[Event]) -> None:
         if not events:
@@ -114,9 +130,10 @@ def _message(archetype: str, structs: pa.StructArray) -> rr.ComponentColumnList:
     return rr.DynamicArchetype.columns(archetype=archetype, components={"message": structs})
 
 
-def _values(archetype: str, values: NDArray[np.float64]) -> rr.ComponentColumnList:
+def _values(archetype: str, values: NDArray[Any]) -> rr.ComponentColumnList:
     """One list a row, from ``values`` (n, m), as the component <archetype>:values."""
-    columns = rr.DynamicArchetype.columns(archetype=archetype, components={"values": pa.array(values.ravel())})
+    flat = pa.array(np.ascontiguousarray(values).ravel())
+    columns = rr.DynamicArchetype.columns(archetype=archetype, components={"values": flat})
     return columns.partition(np.full(len(values), values.shape[1]))
 
 

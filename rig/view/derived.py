@@ -1,11 +1,18 @@
-"""What is worked out for the viewer from the rows, and is not in the log: deviations and threshold bands.
+"""What is worked out for the viewer from the rows, and is not in the log: lists of numbers, one a frame.
 
-    rig.Band       low, high: vote -+ threshold; fault: the vote while a fault on the signal acts
-    rig.Deviation  the vote and channels 1 .. 4, all less truth, as a list: the viewer draws it as one
+Of each signal, VALUES; a view picks its lines of them by their names in NAMES:
 
-On the scale of the signal itself four good channels lie on one another, and one hardover squeezes the rest flat;
-as deviations they can be told apart.  There, what the monitor suspects or has failed is left out, and what is
-further from the vote than the threshold, and the plot's scale fits the channels in good standing.
+    fault, low, high, voted, ch_1 .. ch_4, reference, truth
+                    in the unit that people read, deg for rad, and without the jump of an angle on the circle;
+                    low and high: the vote -+ its threshold; fault: the vote while a fault acts on the signal
+    off_*           voted and channels less truth, in the same unit; NaN where a channel is not trusted
+    apart_*         truth and channels less the vote, in thresholds of the monitor, within +-LIMIT;
+                    apart_fault: 0 while a fault acts; apart_low, apart_high: -1 and 1
+
+Of control, DEGREES: commands, demands and surfaces that are angles or rates.
+
+On the scale of the signal four good channels lie on one another, and one hardover squeezes the rest flat.  Less truth
+they can be told apart; less the vote, one channel off the scale leaves the scale to the others.
 """
 
 from __future__ import annotations
@@ -13,46 +20,146 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
 
-from rig.frame import SIGNALS, TWO_PI, Block, Signal, State
+from rig.frame import CHANNELS, COMMANDS, DEMANDS, FLIGHT_INDEX, SIGNALS, SURFACES, TWO_PI, Block, S, State
 from rig.view.facts import Facts
 from rig.view.lanes import acting
 
-BAND: Final = "rig.Band"
-DEVIATION: Final = "rig.Deviation"
+VALUES: Final = "rig.Derived"
+DEGREES: Final = "rig.Degrees"
+LIMIT: Final = 1.5  # thresholds: a difference beyond it is drawn there
+_CH: Final = tuple(f"ch_{c + 1}" for c in range(CHANNELS))
+NAMES: Final = (
+    *("fault", "low", "high", "voted", *_CH, "reference", "truth"),
+    *(f"off_{name}" for name in ("voted", *_CH)),
+    *(f"apart_{name}" for name in ("fault", "low", "high", "truth", *_CH)),
+)
+_AT: Final = {name: i for i, name in enumerate(NAMES)}
+_DEG: Final = 180.0 / np.pi
+_WRAPS: Final = np.array([signal.wraps for signal in SIGNALS])
+_PEOPLE: Final = {"rad": ("deg", _DEG), "rad/s": ("deg/s", _DEG)}
+_SCALE: Final = np.array([_PEOPLE.get(signal.unit, ("", 1.0))[1] for signal in SIGNALS])
+
+_Floats = NDArray[np.float64]
+_Singles = NDArray[np.float32]
 
 
-def fault_acts(rows: Block, facts: Facts) -> dict[str, NDArray[np.bool_]]:
-    """For each signal with faults on it, whether one acts: (n,) by the signal's name."""
-    acts = acting(rows, len(facts.faults))
-    on = {signal.name: facts.faults_on(signal.name) for signal in SIGNALS}
-    return {name: np.asarray(acts[:, numbers].any(axis=1)) for name, numbers in on.items() if numbers}
+def unit(si: str) -> str:
+    """The unit that people read a number in ``si`` in."""
+    return _PEOPLE.get(si, (si, 1.0))[0]
 
 
-def band(rows: Block, index: int, threshold: float, acts: NDArray[np.bool_] | None) -> pa.StructArray:
-    """Fields low, high and fault of signal ``index`` in every row; NaN where there is none."""
-    voted = np.ascontiguousarray(rows["voted"][:, index])
-    fault = np.full(len(rows), np.nan) if acts is None else np.where(acts, voted, np.nan)
-    columns = [pa.array(column) for column in (voted - threshold, voted + threshold, fault)]
-    return pa.StructArray.from_arrays(columns, names=["low", "high", "fault"])
+def scale(index: int) -> float:
+    """What a number of signal ``index`` is multiplied by to be in that unit."""
+    return float(_SCALE[index])
 
 
-def deviation(rows: Block, index: int, threshold: float) -> NDArray[np.float64]:
-    """Vote and channels of signal ``index``, less truth: (n, 1 + channels); NaN where a channel is not trusted."""
-    signal = SIGNALS[index]
-    truth, voted = rows["truth"][:, index, None], rows["voted"][:, index, None]
-    shown = _apart(signal, np.column_stack([voted, rows["channels"][:, index, : signal.channels]]), truth)
-    with np.errstate(invalid="ignore"):  # a flight that ends not finite
-        far = np.abs(_apart(signal, shown[:, 1:], shown[:, :1])) > threshold
-    trusted = (rows["state"][:, index, : signal.channels] == State.OK) & ~far
-    shown[:, 1:] = np.where(trusted, shown[:, 1:], np.nan)
-    return shown
+class Derived:
+    """The lists of a flight, block after block; it keeps how often an angle has gone round."""
+
+    def __init__(self, facts: Facts) -> None:
+        self._facts = facts
+        self._threshold = np.array([facts.threshold(i) for i in range(S)])
+        self._on = [facts.faults_on(signal.name) for signal in SIGNALS]
+        self._last: tuple[_Floats, _Floats] | None = None  # of angles that wrap: truth as it was, without jumps
+
+    def values(self, rows: Block) -> NDArray[np.float32]:
+        """The numbers of NAMES of all signals: (S, n, m), in single precision, for they are drawn."""
+        found = np.empty((S, len(rows), len(NAMES)), np.float32)
+        by_row = found.swapaxes(0, 1)
+        with np.errstate(invalid="ignore", over="ignore"):  # a flight that ends not finite
+            voted, truth, acts = rows["voted"], rows["truth"], self._acts(rows)
+            every = np.concatenate([voted[..., None], rows["channels"], rows["reference"][..., None]], axis=2)
+            off = _short(every - truth[..., None])  # from the truth
+            apart = _short(rows["channels"] - voted[..., None])  # from the vote
+            self._shown(by_row[..., : _AT["off_voted"]], self._turned(truth), off, acts)
+            self._deviation(by_row[..., _AT["off_voted"] : _AT["apart_fault"]], rows, off, apart)
+            self._difference(by_row[..., _AT["apart_fault"] :], apart, off[..., 0], acts)
+        return found
+
+    def _acts(self, rows: Block) -> NDArray[np.bool_]:
+        """Whether a fault on each signal acts: (n, S)."""
+        acts, found = acting(rows, len(self._facts.faults)), np.zeros((len(rows), S), bool)
+        for i, numbers in enumerate(self._on):
+            if numbers:
+                found[:, i] = acts[:, numbers].any(axis=1)
+        return found
+
+    def _turned(self, truth: _Floats) -> _Floats:
+        """``truth`` (n, S) without the jumps of angles on the circle, through all blocks."""
+        angles = truth[:, _WRAPS]
+        last, turned = self._last if self._last is not None else (np.nan_to_num(angles[0]), np.nan_to_num(angles[0]))
+        known = _carried(np.concatenate([last[None], angles]))
+        steps = np.diff(known, axis=0)
+        whole = turned + np.cumsum(np.nan_to_num(steps - TWO_PI * np.rint(steps / TWO_PI)), axis=0)
+        self._last = known[-1], whole[-1]
+        found = truth.copy()
+        found[:, _WRAPS] = np.where(np.isfinite(angles), whole, np.nan)
+        return found
+
+    def _shown(self, to: _Singles, truth: _Floats, off: _Floats, acts: NDArray[np.bool_]) -> None:
+        """Write fault .. truth; ``off`` (n, S, 6) are vote, channels and reference less truth."""
+        around = (truth[..., None] + off) * _SCALE[:, None]
+        voted, half = around[..., 0], self._threshold * _SCALE
+        to[..., 0] = np.where(acts, voted, np.nan)
+        to[..., 1] = voted - half
+        to[..., 2] = voted + half
+        to[..., 3:-1] = around
+        to[..., -1] = truth * _SCALE
+
+    def _deviation(self, to: _Singles, rows: Block, off: _Floats, apart: _Floats) -> None:
+        trusted = (rows["state"] == State.OK) & ~(np.abs(apart) > self._threshold[:, None])
+        to[..., 0] = off[..., 0] * _SCALE
+        to[..., 1:] = np.where(trusted, off[..., 1 : 1 + CHANNELS] * _SCALE[:, None], np.nan)
+
+    def _difference(self, to: _Singles, apart: _Floats, voted: _Floats, acts: NDArray[np.bool_]) -> None:
+        """Write apart_*; ``voted`` (n, S) is the vote less truth."""
+        to[..., 0] = np.where(acts, 0.0, np.nan)
+        to[..., 1:3] = (-1.0, 1.0)
+        to[..., 3] = np.clip(-voted / self._threshold, -LIMIT, LIMIT)
+        to[..., 4:] = np.clip(apart / self._threshold[:, None], -LIMIT, LIMIT)
 
 
-def _apart(signal: Signal, values: NDArray[np.float64], base: NDArray[np.float64]) -> NDArray[np.float64]:
-    """``values`` (n, m) less ``base`` (n, 1), the short way round where the signal wraps."""
+def _carried(values: _Floats) -> _Floats:
+    """``values`` (n, m) with what is not finite replaced by the last that was, in its column."""
+    finite = np.isfinite(values)
+    if finite.all():
+        return values
+    rows = np.maximum.accumulate(np.where(finite, np.arange(len(values))[:, None], 0), axis=0)
+    return np.take_along_axis(values, rows, axis=0)
+
+
+def _short(apart: _Floats) -> _Floats:
+    """Differences (n, S, m), the short way round where the signal wraps."""
+    around = apart[:, _WRAPS]
+    apart[:, _WRAPS] = around - TWO_PI * np.rint(around / TWO_PI)
+    return apart
+
+
+# Of control: what is an angle or a rate, in the order of its list.
+_COMMANDS: Final = [i for i, name in enumerate(COMMANDS) if name.endswith(("_rad", "_rad_s"))]
+_DEMANDS: Final = [i for i, name in enumerate(DEMANDS) if name.endswith("_rad")]
+_SURFACES: Final = [i for i, name in enumerate(SURFACES) if name.endswith("_rad")]
+_POSITIONS: Final = [FLIGHT_INDEX[SURFACES[i]] for i in _SURFACES]
+DEGREE_NAMES: Final = (
+    *(f"command_{COMMANDS[i]}" for i in _COMMANDS),
+    *(f"demand_{DEMANDS[i]}" for i in _DEMANDS),
+    *(f"{what}_{SURFACES[i]}" for what in ("surface", "actuator", "position") for i in _SURFACES),
+)
+_ROUND: Final = [DEGREE_NAMES.index("command_heading_rad")]
+
+
+def degrees(rows: Block) -> _Floats:
+    """The numbers of DEGREE_NAMES in deg or deg/s: (n, m); the commanded heading within 180 deg of north."""
+    parts = [
+        rows["command"][:, _COMMANDS],
+        rows["demand"][:, _DEMANDS],
+        rows["surface"][:, _SURFACES],
+        rows["actuator"][:, _SURFACES],
+        rows["flight"][:, _POSITIONS],
+    ]
+    found = np.concatenate(parts, axis=1) * _DEG
     with np.errstate(invalid="ignore"):
-        apart = values - base
-        return apart - TWO_PI * np.rint(apart / TWO_PI) if signal.wraps else apart
+        found[:, _ROUND] -= 360.0 * np.rint(found[:, _ROUND] / 360.0)
+    return found

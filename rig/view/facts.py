@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import nan
+from math import isfinite, nan
 from typing import Any, Final, NamedTuple
 
 from rig import fault_names
@@ -18,10 +18,42 @@ from rig.frame import INDEX, MOST_FAULTS, SIGNALS
 
 @dataclass(frozen=True, slots=True)
 class FaultFact:
-    """A fault of the scenario: its name, and the signal that it sits on (another place: what the scenario says)."""
+    """A fault of the scenario.
+
+    place    : the signals that it acts on, joined by "+", or another place as the scenario names it
+    channels : numbered from 1; none when it acts on no channel or on all of them
+    start_s  : when it begins; NaN when that depends on the flight
+    """
 
     label: str
     place: str
+    channels: tuple[int, ...] = ()
+    start_s: float = nan
+
+    def acts_on(self, signal: str, channel: int) -> bool:
+        """Whether it acts on ``channel``, numbered from 1, of ``signal``."""
+        return signal in self.place.split("+") and (not self.channels or channel in self.channels)
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What a whole flight has shown, which the layout is made for; a stream has none of it.
+
+    survived   : None when the flight was not ended
+    isolated_s : when the decisive fault was isolated; None: it was not
+    zoom_s     : from half a second before the decisive fault to one second after the isolation; None: no fault acted
+    main       : the signal of that fault; empty: none
+    noted      : signals with a fault or a channel that was not ok, by their names
+    ranges     : lowest and highest value of what is drawn, by its name, in the unit in which it is drawn
+    """
+
+    survived: bool | None = None
+    end_s: float = 0.0
+    isolated_s: float | None = None
+    zoom_s: tuple[float, float] | None = None
+    main: str = ""
+    noted: tuple[str, ...] = ()
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +65,7 @@ class Facts:
     faults: tuple[FaultFact, ...] = ()
     unit: str = ""  # under test, by its name; empty: our own manager
     paced: bool = False  # by the clock
+    seen: Seen | None = None  # of a flight that is over
 
     def threshold(self, index: int) -> float:
         """Of signal ``index``; NaN when it is not known."""
@@ -40,12 +73,18 @@ class Facts:
 
     def faults_on(self, signal: str) -> list[int]:
         """The faults that sit on ``signal``, as numbers from 0."""
-        return [i for i, fault in enumerate(self.faults) if fault.place == signal]
+        return [i for i, fault in enumerate(self.faults) if signal in fault.place.split("+")]
 
     @property
     def first_faulted(self) -> str | None:
         """The signal that the first fault on any signal sits on."""
-        return next((fault.place for fault in self.faults if fault.place in INDEX), None)
+        places = [place for fault in self.faults for place in fault.place.split("+")]
+        return next((place for place in places if place in INDEX), None)
+
+    @property
+    def first_start_s(self) -> float | None:
+        """When the first fault begins whose time the scenario says."""
+        return min((fault.start_s for fault in self.faults if isfinite(fault.start_s)), default=None)
 
 
 # Of a log without a scenario that can be read: its faults have numbers for names.
@@ -93,7 +132,17 @@ def of_resolved(scenario: Mapping[str, Any]) -> Facts:
     return Facts(
         scenario.get("title") or scenario["aircraft"],
         {signal.name: signals[signal.name].get(key) or signals[signal.name]["threshold"] for signal in SIGNALS},
-        tuple(FaultFact(fault_names.label(fault), fault_names.place(fault)) for fault in scenario["faults"]),
+        tuple(map(_fault, scenario["faults"])),
+    )
+
+
+def _fault(fault: Mapping[str, Any]) -> FaultFact:
+    start = fault.get("start_s")
+    return FaultFact(
+        fault_names.label(fault),
+        fault_names.place(fault),
+        tuple(fault.get("channels") or ()),
+        float(start) if isinstance(start, (int, float)) else nan,
     )
 
 

@@ -1,72 +1,126 @@
 """States as lanes against time: one entity a lane, one entry a change.
 
-    /lane/<signal>/ch_1 .. ch_4, pattern, resolver, source
-    /lane/<discrete>/ch_1 .. ch_4
-    /lane/control/law
-    /fault/<number>                       while fault <number> of the scenario acts
+    /pitch_rate                           the channels of a signal together
+    /pitch_rate/channel_1 .. channel_4    each of them; and pattern, resolver, source
+    /gear_down/channel_1 .. channel_4     of a discrete
+    /control_law
+    /fault_1 ..                           while a fault of the scenario acts
 
-The viewer writes a lane's entity above it, so these paths are read by people.
+The viewer writes a lane's entity above it, so these paths are read by people; it would write a space as "\\ ".
+A flight that ends before the picture does says so in its lanes: why it was lost, or that it is over.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cache
+from itertools import product
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import DISCRETES, SIGNALS, Block, Discrete, Law, Pattern, Resolver, Signal, Source
+from rig.frame import CHANNELS, DISCRETES, SIGNALS, Block, Discrete, End, Law, Pattern, Resolver, Signal, Source, State
 from rig.frame.fields import FIELD
-from rig.view.style import ACTING, STATE_LOOKS, Looks, attention
+from rig.view.style import ACTING, ENDED, FAULT_LANE, OVER, STATE_LOOKS, Looks, attention, plain
 
 
 class Lane(NamedTuple):
-    """One lane: where the viewer finds it, what it shows of FRAME, how its states look."""
+    """One lane: where the viewer finds it, what it shows of FRAME, its states by their codes, how they look."""
 
     path: str
     field: str
     at: tuple[int, ...]
+    states: dict[int, str]
     looks: Looks
 
 
 class Changes(NamedTuple):
-    """States that a lane takes: (n,) rows of the block, and their names; None: the lane ends there."""
+    """States that a lane takes: (n,) rows of the block, and their names; empty: the lane is blank from there on."""
 
     path: str
     rows: NDArray[np.intp]
-    states: list[Any]  # str or None
+    states: list[str]
+
+
+def _lane(path: str, field: str, at: tuple[int, ...], looks: Looks, before: str = "") -> Lane:
+    """A lane of ``field``; ``before`` every label, and in the names of the states, which a view shares."""
+    known = {int(member): f"{before}{member.name}" for member in FIELD[field].enum or ()}
+    named = {f"{before}{name}": (f"{before}{label}", color) for name, (label, color) in looks.items()}
+    return Lane(path, field, at, known, named)
+
+
+def _channels(home: str, field: str, index: int, channels: int) -> list[Lane]:
+    return [
+        _lane(f"{home}/channel_{c + 1}", field, (index, c), STATE_LOOKS, f"channel {c + 1}: ") for c in range(channels)
+    ]
 
 
 def of_signal(signal: Signal) -> list[Lane]:
     """The lanes of one signal: its channels, its pattern, who resolved it, where control takes it from."""
-    s, home = SIGNALS.index(signal), f"/lane/{signal.name}"
+    s, home = SIGNALS.index(signal), f"/{signal.name}"
     return [
-        *(Lane(f"{home}/ch_{c + 1}", "state", (s, c), STATE_LOOKS) for c in range(signal.channels)),
-        Lane(f"{home}/pattern", "pattern", (s,), attention(Pattern, Pattern.NORMAL)),
-        Lane(f"{home}/resolver", "resolver", (s,), attention(Resolver, Resolver.NONE)),
-        Lane(f"{home}/source", "source", (s,), attention(Source, Source.VOTED)),
+        *_channels(home, "state", s, signal.channels),
+        _lane(f"{home}/pattern", "pattern", (s,), attention(Pattern, Pattern.NORMAL)),
+        _lane(f"{home}/resolver", "resolver", (s,), attention(Resolver, Resolver.NONE)),
+        _lane(f"{home}/source", "source", (s,), attention(Source, Source.VOTED)),
     ]
 
 
 def of_discrete(discrete: Discrete) -> list[Lane]:
     """The lanes of one discrete: its channels."""
-    d = DISCRETES.index(discrete)
-    return [
-        Lane(f"/lane/{discrete.name}/ch_{c + 1}", "discrete_state", (d, c), STATE_LOOKS)
-        for c in range(discrete.channels)
-    ]
+    return _channels(f"/{discrete.name}", "discrete_state", DISCRETES.index(discrete), discrete.channels)
 
 
-LAW: Final = Lane("/lane/control/law", "law", (), attention(Law, Law.AUTOPILOT))
+def status(signal: Signal) -> Lane:
+    """The lane of all channels of one signal together."""
+    s = SIGNALS.index(signal)
+    return Lane(f"/{signal.name}", "state", (s,), dict(enumerate(_together())), _together())
+
+
+@cache
+def _together() -> Looks:
+    """Four states as one: what is said of them, in the order of their code in base four, and how it looks."""
+    looks: Looks = {}
+    for states in product(State, repeat=CHANNELS):
+        looks["".join(str(int(state)) for state in states)] = _said(states)
+    return looks
+
+
+def _said(states: Sequence[State]) -> tuple[str, tuple[int, int, int]]:
+    """Channels that are not ok, by their numbers; the colour of the worst of them."""
+    fitted = [state for state in states if state != State.ABSENT]
+    said = []
+    for state in (State.FAILED, State.SUSPECT):
+        which = [str(c + 1) for c, one in enumerate(states) if one == state]
+        if which:
+            all_of = len(which) == len(fitted)
+            said.append(f"{'all channels' if all_of else 'channel ' + ', '.join(which)} {state.name.lower()}")
+    worst = max(fitted, default=State.OK)
+    color = FAULT_LANE if fitted and min(fitted) == State.FAILED else STATE_LOOKS[worst.name][1]
+    return "; ".join(said) or "ok", color
+
+
+LAW: Final = _lane("/control_law", "law", (), attention(Law, Law.AUTOPILOT))
 LANES: Final = tuple(
     lane for lanes in (*map(of_signal, SIGNALS), *map(of_discrete, DISCRETES), [LAW]) for lane in lanes
 )
+STATUS: Final = tuple(map(status, SIGNALS))
+_BY_FIELD: Final = {field: [lane for lane in LANES if lane.field == field] for field in {la.field: 0 for la in LANES}}
+ENDS: Final[Looks] = {
+    **{end.name: (f"lost: {end.label}", ENDED) for end in End if end != End.FLYING},
+    OVER: ("flight over", ENDED),
+}
+
+
+def title(signal: Signal) -> str:
+    """What the lanes of a signal are called."""
+    return f"{plain(signal.name)}: faults, channels, pattern, resolver, source"
 
 
 def fault_path(number: int) -> str:
     """The lane of fault ``number`` of a scenario, which counts from 0 as everywhere but on the screen."""
-    return f"/fault/{number + 1}"
+    return f"/fault_{number + 1}"
 
 
 def acting(rows: Block, faults: int) -> NDArray[np.uint8]:
@@ -74,20 +128,45 @@ def acting(rows: Block, faults: int) -> NDArray[np.uint8]:
     return np.unpackbits(rows["acting"], axis=1, count=faults, bitorder="little")
 
 
+def codes(states: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Four states each as one number: (n, S, 4) to (n, S)."""
+    a, b, c, d = np.moveaxis(states, 2, 0)
+    return a << 6 | b << 4 | c << 2 | d
+
+
 def changes(rows: Block, before: Block | None, faults: Sequence[Any]) -> Iterator[Changes]:
     """What changes in ``rows`` on any lane, after the row ``before`` (1,); None: all lanes begin here."""
-    for lane in LANES:
-        values = rows[lane.field][(slice(None), *lane.at)]
-        last = None if before is None else before[lane.field][(slice(None), *lane.at)]
-        where = _where(values, last)
-        if len(where):
-            known = {int(member): member.name for member in FIELD[lane.field].enum or ()}
-            yield Changes(lane.path, where, [known.get(int(v)) for v in values[where]])
+    for field, lanes in _BY_FIELD.items():
+        values, last = rows[field], None if before is None else before[field]
+        if last is not None and (values == last).all():
+            continue  # nearly always, and at once for all its lanes
+        for lane in lanes:
+            at = (slice(None), *lane.at)
+            yield from _changes(lane.path, lane.states, values[at], None if last is None else last[at])
+        if field == "state":
+            yield from _together_changes(codes(values), None if last is None else codes(last))
     acts, last_acts = acting(rows, len(faults)), None if before is None else acting(before, len(faults))
     for i in range(len(faults)):
-        where = _where(acts[:, i], np.zeros(1, np.uint8) if last_acts is None else last_acts[:, i])
-        if len(where):
-            yield Changes(fault_path(i), where, [ACTING if value else None for value in acts[where, i]])
+        last = np.zeros(1, np.uint8) if last_acts is None else last_acts[:, i]
+        yield from _changes(fault_path(i), {0: "", 1: ACTING}, acts[:, i], last)
+
+
+def _together_changes(values: NDArray[np.uint8], last: NDArray[np.uint8] | None) -> Iterator[Changes]:
+    """Of the lanes of all channels of each signal: ``values`` (n, S) of codes."""
+    for s, lane in enumerate(STATUS):
+        yield from _changes(lane.path, lane.states, values[:, s], None if last is None else last[:, s])
+
+
+def _changes(path: str, states: dict[int, str], values: NDArray[Any], last: NDArray[Any] | None) -> Iterator[Changes]:
+    where = _where(values, last)
+    if len(where):
+        yield Changes(path, where, [states.get(int(value), "?") for value in values[where]])
+
+
+def ends(how: str, faults: Sequence[Any]) -> Iterator[tuple[str, str]]:
+    """The last state of every lane of a flight that ends before the picture does; ``how`` of ENDS."""
+    yield from ((lane.path, how) for lane in (*LANES, *STATUS))
+    yield from ((fault_path(i), "") for i in range(len(faults)))
 
 
 def _where(values: NDArray[Any], last: NDArray[Any] | None) -> NDArray[np.intp]:

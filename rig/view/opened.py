@@ -18,7 +18,8 @@ from rig.errors import BadInput, BadLog, RigError
 from rig.files import replaced
 from rig.log import Log, read_log
 from rig.view import viewer
-from rig.view.facts import TAGS, Layout, of_log, together
+from rig.view.facts import TAGS, Facts, Layout, of_log, together
+from rig.view.seen import look
 from rig.view.sink import SERVER_MEMORY, About, Sink, open_sink
 
 BATCH: Final = 6000  # frames that are sent at once
@@ -39,8 +40,10 @@ class Opened:
 
     @property
     def moment_s(self) -> float:
-        """A time worth looking at: the last event of the last log, else its end."""
-        log = self.logs[-1]
+        """A time worth looking at: the isolation of the decisive fault, else the last event, else the end."""
+        log, seen = self.logs[-1], self.about.layout.shown[-1].facts.seen
+        if seen is not None and seen.isolated_s is not None:
+            return seen.isolated_s
         frame = log.events[-1].frame if log.events else int(log.rows["frame"][-1])
         return frame / log.rate_hz
 
@@ -56,11 +59,21 @@ def read(paths: Sequence[Path], tab: str = "overview", map_tiles: bool = False) 
     for path, log in zip(paths, logs, strict=True):
         if not len(log.rows):
             raise BadLog(f"{path}: has no frames")
-    shown = together([replace(of_log(log.metadata), paced=bool(log.timing["late_us"].any())) for log in logs])
-    names = _names(paths)
-    lines = [_words(one.prefix + name, log) for one, name, log in zip(shown, names, logs, strict=True)]
+    looked = [_looked(log) for log in logs]
+    shown, names = together([facts for facts, _ in looked]), _names(paths)
+    mark = "#" if len(logs) == 1 else "##"
+    lines = [
+        f"{mark} {one.prefix}{headline}\n\n{_words(one.prefix + name, log)}"
+        for one, (_, headline), name, log in zip(shown, looked, names, logs, strict=True)
+    ]
     title = ", ".join(one.prefix + name for one, name in zip(shown, names, strict=True))
     return Opened(logs, About(title, "\n\n".join(lines), Layout(shown, tab, map_tiles)))
+
+
+def _looked(log: Log) -> tuple[Facts, str]:
+    """What the viewer must know of a log, and its headline."""
+    facts = replace(of_log(log.metadata), paced=bool(log.timing["late_us"].any()))
+    return look(facts, log.rows, log.events, log.rate_hz, log.result is not None)
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
@@ -75,13 +88,12 @@ def _names(paths: Sequence[Path]) -> list[str]:
 def _words(name: str, log: Log) -> str:
     """Which flight a log holds, in Markdown."""
     result = log.result or {}
-    outcome = {"True": "survived", "False": "lost"}.get(result.get("survived", ""), "not finished")
     scenario = json.loads(log.metadata.get("scenario", "{}"))
     said = [
         scenario.get("title") or scenario.get("aircraft", ""),
         f"seed {log.metadata['seed']}" if "seed" in log.metadata else "",
         f"{len(log.rows) / log.rate_hz:g} s at {log.rate_hz:g} Hz",
-        f"{outcome}, {result['end_reason']}" if "end_reason" in result else outcome,
+        result.get("end_reason", "not finished"),
     ]
     return f"**{name}** " + "; ".join(filter(None, said))
 
@@ -89,10 +101,13 @@ def _words(name: str, log: Log) -> str:
 def send(opened: Opened, sink: Sink) -> None:
     """Send all frames and events, and wait until they are written or handed on."""
     sink.begin()
+    longest_s = max(len(log.rows) / log.rate_hz for log in opened.logs)
     for flight, log in enumerate(opened.logs):
         for first in range(0, len(log.rows), BATCH):
             part, events = slice(first, first + BATCH), log.events if first == 0 else ()
             sink.send(log.rows[part], log.rate_hz, events, log.timing[part], flight)
+        if len(log.rows) / log.rate_hz < longest_s:
+            sink.end(flight)
     sink.flush(FLUSH_S)
 
 

@@ -1,4 +1,4 @@
-"""The kinds of views that the layout is made of: lines against time, lanes of states, the scene.
+"""The kinds of views that the layout is made of: lines against time and lanes of states.
 
 A log, a stream and a saved .rrd hold one struct a frame and entity; a component mapping picks the fields.
 Mappings are not a stable API of Rerun: they are used here alone.
@@ -7,17 +7,18 @@ Mappings are not a stable API of Rerun: they are used here alone.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import rerun as rr
 import rerun.blueprint as rrb
+from rerun.blueprint.components import LinkAxis
 from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
-from rig.view.facts import UNKNOWN, Shown
-from rig.view.lanes import Lane, fault_path
-from rig.view.scene import ABOUT, HORIZON, TIMELINE, WORLD
-from rig.view.style import ACTING, FAULT_LANE, PALETTE, Color, Looks, shade
-from rig.view.times import Bars
+from rig.view.charts import Chart
+from rig.view.derived import DEGREE_NAMES, DEGREES
+from rig.view.facts import Shown
+from rig.view.lanes import ENDS, Lane, fault_path
+from rig.view.style import ACTING, COLOR_NAMES, FAULT_LANE, PALETTE, QUIET, Color, Looks, plain, shade
 
 
 class Line(NamedTuple):
@@ -37,13 +38,29 @@ class Line(NamedTuple):
     fault_on: str = ""
 
 
-def plot(name: str, lines: Iterable[Line], shown: Sequence[Shown]) -> rrb.TimeSeriesView:
-    """Lines against time, of every flight; the first of one entity below its others."""
-    series: dict[Any, list[Any]] = {}
+class Axes(NamedTuple):
+    """What a plot shows: seconds of its flight, None: those of all; lowest and highest, None: what there is."""
+
+    time_s: tuple[float, float] | None = None
+    values: tuple[float, float] | None = None
+
+
+FITTED: Final = Axes()
+_Series = dict[Any, list[Any]]
+
+
+def plot(name: str, lines: Iterable[Line], shown: Sequence[Shown], axes: Axes = FITTED) -> rrb.TimeSeriesView:
+    """Fields of structs against time, of every flight; the first of one entity below its others."""
+    return over_time(name, line_series(lines, shown), shown, axes)
+
+
+def line_series(lines: Iterable[Line], shown: Sequence[Shown]) -> _Series:
+    """Lines that are fields of structs, by their entities."""
+    series: _Series = {}
     lines = list(lines)
     for one in shown:
         for line in lines:
-            if (one.below and not line.below) or (line.fault_on and not one.facts.faults_on(line.fault_on)):
+            if not _has(one, line):
                 continue
             look = rr.SeriesLines(
                 names=one.prefix + line.label, colors=[shade(line.color, one.below)], widths=[line.width]
@@ -52,61 +69,133 @@ def plot(name: str, lines: Iterable[Line], shown: Sequence[Shown]) -> rrb.TimeSe
             picked = VisualizerComponentMapping(
                 "Scalars:scalars", source, source_component=component, selector=f".{line.field}"
             )
-            drawn = look.visualizer(mappings=[picked])
-            series.setdefault(one.root + line.path, []).append(drawn)
-    return _over_time(name, series, rrb.PlotLegend(corner=rrb.Corner2D.LeftTop))
+            series.setdefault(one.root + line.path, []).append(look.visualizer(mappings=[picked]))
+    return series
 
 
-def plot_list(
-    name: str, path: str, archetype: str, lines: Sequence[Line], shown: Sequence[Shown]
-) -> rrb.TimeSeriesView:
-    """Lines against time without a legend, of the numbers of one list a frame, in its order.
+def list_series(names: Sequence[str], lines: Sequence[Line], shown: Sequence[Shown]) -> _Series:
+    """Lines that are numbers of one list a frame, by their entity; ``names`` are those of all numbers of the list.
 
-    All lines of a flight are one part of the layout, where ``plot`` has one a line: the viewer opens it sooner.
+    All lines of a flight are one part of the layout, where ``line_series`` has one a line: the viewer opens it sooner.
     """
-    series = {}
+    by_name, series = {line.field: line for line in lines}, {}
     for one in shown:
+        drawn = [by_name.get(name) for name in names]
         look = rr.SeriesLines(
-            names=[one.prefix + line.label for line in lines],
-            colors=[shade(line.color, one.below) for line in lines],
-            widths=[line.width for line in lines],
-            visible_series=[line.below or not one.below for line in lines],
+            names=[one.prefix + (line.label if line else name) for line, name in zip(drawn, names, strict=True)],
+            colors=[shade(line.color if line else QUIET, one.below) for line in drawn],
+            widths=[line.width if line else 1.0 for line in drawn],
+            visible_series=[line is not None and _has(one, line) for line in drawn],
         )
+        component = f"{lines[0].archetype}:values"
         values = VisualizerComponentMapping(
-            "Scalars:scalars", ComponentSourceKind.SourceComponent, source_component=f"{archetype}:values"
+            "Scalars:scalars", ComponentSourceKind.SourceComponent, source_component=component
         )
-        series[one.root + path] = [look.visualizer(mappings=[values])]
-    return _over_time(name, series, rrb.PlotLegend(visible=False))
+        series[one.root + lines[0].path] = [look.visualizer(mappings=[values])]
+    return series
 
 
-def _over_time(name: str, series: dict[Any, Any], legend: rrb.PlotLegend) -> rrb.TimeSeriesView:
-    return rrb.TimeSeriesView(name=name, origin="/", contents=list(series), overrides=series, plot_legend=legend)
+def _has(one: Shown, line: Line) -> bool:
+    return (line.below or not one.below) and not (line.fault_on and not one.facts.faults_on(line.fault_on))
 
 
-def fields(
-    name: str, path: str, archetype: str, names: Sequence[str], shown: Sequence[Shown], prefix: str = ""
-) -> rrb.TimeSeriesView:
-    """Fields of one struct, each in the next colour of the palette, without their ``prefix``; the first is thick."""
+def over_time(name: str, series: _Series, shown: Sequence[Shown], axes: Axes = FITTED) -> rrb.TimeSeriesView:
+    """A plot without a legend, which would lie on the lines: colours are named in the title or beside the plots."""
+    return rrb.TimeSeriesView(
+        name=name,
+        origin="/",
+        contents=list(series),
+        overrides=series,
+        axis_x=time_axis(shown, axes.time_s),
+        axis_y=None if axes.values is None else rrb.ScalarAxis(range=axes.values),
+        plot_legend=rrb.PlotLegend(visible=False),
+    )
+
+
+def time_axis(shown: Sequence[Shown], span_s: tuple[float, float] | None = None) -> rrb.TimeAxis:
+    """The part ``span_s`` of a flight; None: the whole of the longest flight, or of one under way what is latest.
+
+    The axis that Rerun's views share by themselves would show a minute around the cursor, no more.
+    """
+    seen = [one.facts.seen for one in shown]
+    if span_s is None and None in seen:
+        return rrb.TimeAxis(link=LinkAxis.LinkToGlobal)
+    whole = 0.0, max((each.end_s for each in seen if each is not None), default=0.0)
+    first, last = (rr.TimeRangeBoundary.absolute(seconds=s) for s in span_s or whole)
+    return rrb.TimeAxis(link=LinkAxis.Independent, view_range=rr.TimeRange(first, last))
+
+
+def chart(one: Chart, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
+    """Numbers of one unit; the colours are named in the title."""
     lines = [
-        Line(path, archetype, field, field.removeprefix(prefix), PALETTE[i % len(PALETTE)], 1.5 if i else 3.0)
-        for i, field in enumerate(names)
+        Line(*_place(name), _label(name, one), PALETTE[i % len(PALETTE)], 1.5 if i else 3.0)
+        for i, name in enumerate(one.names)
     ]
-    return plot(name, lines, shown)
+    listed = [line for line in lines if line.archetype == DEGREES]
+    series = list_series(DEGREE_NAMES, listed, shown) if listed else {}
+    for path, drawn in line_series([line for line in lines if line.archetype != DEGREES], shown).items():
+        series[path] = [*series.get(path, []), *drawn]
+    said = ", ".join(f"{line.label} {COLOR_NAMES[i % len(PALETTE)]}" for i, line in enumerate(lines))
+    ranges = [seen.ranges[one.name] for each in shown if (seen := each.facts.seen) is not None]
+    return over_time(f"{one.title}: {said}", series, shown, Axes(values=_around(ranges)))
 
 
-def state_lanes(name: str, lanes: Sequence[Lane], shown: Sequence[Shown], faults: str | None = None) -> Any:
+def _around(ranges: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
+    """The range that holds all of these; None when there are none."""
+    return (min(low for low, _ in ranges), max(high for _, high in ranges)) if ranges else None
+
+
+def _place(name: str) -> tuple[str, str, str]:
+    """Entity, archetype and field of a name of a chart."""
+    if name in DEGREE_NAMES:
+        return "/control", DEGREES, name
+    where, _, field = name.partition("_")
+    found = {"flight": ("/flight", "rig.Flight", field), "demand": ("/demand", "rig.Demand", field)}
+    return found.get(where, ("/control", "rig.Control", name))
+
+
+def _label(name: str, one: Chart) -> str:
+    """A name of a chart in words, without its unit; what stands in the chart's name goes without saying."""
+    where, _, field = name.partition("_")
+    if where in ("surface", "actuator", "position") or one.name == "throttle":
+        return {"surface": "command", "actuator": "actuator input"}.get(where, "position")
+    for unit in ("_rad_s", "_m_s", "_rad", "_m"):
+        field = field.removesuffix(unit)
+    return plain(field)
+
+
+def status_lanes(lanes: Sequence[Lane], shown: Sequence[Shown]) -> rrb.StateTimelineView:
+    """A lane for each signal, of all its channels together; of several flights, those of a signal together."""
+    looks = {**ENDS, **lanes[0].looks}
+    return rrb.StateTimelineView(
+        name="channels of each signal: blue ok, yellow suspect, orange failed, dark red all failed",
+        origin="/",
+        contents=[one.root + lane.path for lane in lanes for one in shown],
+        defaults=[_configuration(looks)],
+        time_view=time_axis(shown),
+    )
+
+
+def state_lanes(
+    name: str,
+    lanes: Sequence[Lane],
+    shown: Sequence[Shown],
+    faults: str | None = None,
+    span_s: tuple[float, float] | None = None,
+) -> Any:
     """Lanes of states, a view for each flight, side by side.
 
     faults : those on this signal have lanes above the others; "" for all faults, None for none
+    span_s : the part of the flight that is shown, see time_axis
     """
     views = []
     for one in shown:
         own: dict[Any, Any] = {
             one.root + fault_path(i): _configuration({ACTING: (fault.label, FAULT_LANE)})
             for i, fault in enumerate(one.facts.faults)
-            if faults is not None and one.facts is not UNKNOWN and faults in ("", fault.place)
+            if faults is not None and one.facts.thresholds and (not faults or faults in fault.place.split("+"))
         }
-        common, contents = dict[str, Any](), list(own)
+        common, contents = dict[str, Any](ENDS), list(own)
         for lane in lanes:
             contents.append(one.root + lane.path)
             if any(common.setdefault(state, look) != look for state, look in lane.looks.items()):
@@ -118,6 +207,7 @@ def state_lanes(name: str, lanes: Sequence[Lane], shown: Sequence[Shown], faults
                 contents=contents,
                 overrides=own,
                 defaults=[_configuration(common)],
+                time_view=time_axis(shown, span_s),
             )
         )
     return views[0] if len(views) == 1 else rrb.Horizontal(*views)
@@ -129,64 +219,3 @@ def _configuration(looks: Looks) -> rr.StateConfiguration:
         labels=[label for label, _ in looks.values()],
         colors=[color for _, color in looks.values()],
     )
-
-
-def histogram(bars: Bars, shown: Sequence[Shown]) -> rrb.BarChartView:
-    """A histogram of every flight."""
-    return rrb.BarChartView(name=bars.name, origin="/", contents=[one.root + bars.path for one in shown])
-
-
-def about(shown: Sequence[Shown]) -> rrb.TextDocumentView:
-    """Which flights these are."""
-    return rrb.TextDocumentView(name="flights" if len(shown) > 1 else "flight", origin=ABOUT, contents=[ABOUT])
-
-
-def events(shown: Sequence[Shown]) -> rrb.TextLogView:
-    """What happened, in words."""
-    return rrb.TextLogView(
-        name="events",
-        origin="/",
-        contents=[f"{one.root}/events" for one in shown],
-        columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"], timeline_columns=[TIMELINE]),
-    )
-
-
-def attitude(shown: Sequence[Shown]) -> rrb.Spatial3DView:
-    """The figures of all flights over one compass, seen from behind, above and the left of one that flies north."""
-    eye = rrb.EyeControls3D(kind=rrb.Eye3DKind.Orbital, position=(-9.0, -22.0, 11.0), look_target=(0.0, 0.0, 0.0))
-    contents = [one.root + part for one in shown for part in ("/attitude", "/aircraft", "/horizon")]
-    return _space("attitude", HORIZON, contents, eye, 10.0)
-
-
-def path(shown: Sequence[Shown]) -> rrb.Spatial3DView:
-    """The whole way flown, from afar."""
-    contents = [one.root + part for one in shown for part in ("/pose", "/here", "/path")]
-    return _space("path; the grid is 1 km wide", WORLD, contents, grid_m=1000.0)
-
-
-def _space(
-    name: str, frame: str, contents: list[str], eye: rrb.EyeControls3D | None = None, grid_m: float = 1.0
-) -> rrb.Spatial3DView:
-    return rrb.Spatial3DView(
-        name=name,
-        origin="/",
-        contents=contents,
-        spatial_information=rrb.SpatialInformation(target_frame=frame),
-        eye_controls=eye,
-        line_grid=rrb.LineGrid3D(spacing=grid_m),
-    )
-
-
-def track(shown: Sequence[Shown]) -> rrb.Spatial2DView:
-    """The way flown from above, north up, with the position in words: a map that needs no internet."""
-    return rrb.Spatial2DView(
-        name="track from above, north up, in m",
-        origin="/",
-        contents=[one.root + part for one in shown for part in ("/track", "/track/here")],
-    )
-
-
-def map_view(shown: Sequence[Shown]) -> rrb.MapView:
-    """The way flown on a map, whose tiles the viewer fetches from OpenStreetMap."""
-    contents = [one.root + part for one in shown for part in ("/position", "/map")]
-    return rrb.MapView(name="map (tiles from OpenStreetMap)", origin="/", contents=contents)

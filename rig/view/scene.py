@@ -2,6 +2,7 @@
 
 /pose, /position   Transform3D, GeoPoints, every frame, as in the log
 /attitude          the rotation of /pose alone, which carries /aircraft, a figure, over a compass at /horizon
+/numbers           attitude, height, speed, load factor and angle of attack in figures
 /here              a mark carried by /pose
 /path              the way flown so far, thinned
 /track             the same from above: x to the east, y to the south, as pictures have it
@@ -16,15 +17,19 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from rig.frame import FLIGHT_INDEX, Block
+from rig.frame import FLIGHT_INDEX, INDEX, Block
+from rig.view import matrix
 from rig.view.style import Color
 
 TIMELINE: Final = "message_log_time"  # the importer's name for the log time of a message
 WORLD: Final = "world"
 HORIZON: Final = "horizon"
 ABOUT: Final = "/about"  # which flights are shown, in words
+MARGIN: Final = "/margin"  # an empty text
 POINTS: Final = 256  # of a path, at most: every other one goes when there are more
 MARKS_HZ: Final = 10.0  # how often the mark of the track is moved
+NUMBERS: Final = "/numbers"
+NUMBERS_HZ: Final = 5.0
 _LINE: Final[Any] = rr.Radius.ui_points(1.5)
 _MARK: Final[Any] = rr.Radius.ui_points(6.0)
 
@@ -34,10 +39,20 @@ def time_column(nanoseconds: NDArray[Any]) -> rr.TimeColumn:
     return rr.TimeColumn(TIMELINE, duration=nanoseconds.astype("timedelta64[ns]"))
 
 
-def send_about(recording: rr.RecordingStream, text: str) -> None:
-    """Say in words, Markdown, which flights are shown."""
+def send_about(recording: rr.RecordingStream, text: str, time_s: float = 0.0, *, static: bool = False) -> None:
+    """Say in words, Markdown, which flights are shown and how they went; from ``time_s`` on unless ``static``."""
     document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
-    rr.log(ABOUT, document, static=True, recording=recording)
+    if static:
+        rr.log(ABOUT, document, static=True, recording=recording)
+        return
+    columns = rr.TextDocument.columns(text=[text], media_type=[rr.MediaType.MARKDOWN])
+    rr.send_columns(ABOUT, [time_column(np.array([time_s * 1e9]))], columns, recording=recording)
+
+
+def send_frame(recording: rr.RecordingStream) -> None:
+    """Send what stands around the plots: the legend, and the empty text left of lanes."""
+    rr.log(matrix.LEGEND, matrix.legend(), static=True, recording=recording)
+    rr.log(MARGIN, rr.TextDocument(" "), static=True, recording=recording)
 
 
 class Scene:
@@ -110,6 +125,10 @@ class Scene:
             labels=[position(latitude, longitude) for latitude, longitude in here[:, 3:]],
         )
         self._log("/track/here", nanoseconds[marks], columns)
+        marks = np.flatnonzero(np.diff(nanoseconds // (1e9 / NUMBERS_HZ), prepend=-1.0))
+        texts = numbers(rows[marks])
+        kinds = [rr.MediaType.MARKDOWN] * len(texts)
+        self._log(NUMBERS, nanoseconds[marks], rr.TextDocument.columns(text=texts, media_type=kinds))
 
     def _grow(self, places: NDArray[np.float64], nanoseconds: NDArray[np.float64]) -> None:
         """Lengthen the path by these places; thin it, and what is to come, when it has too many points."""
@@ -157,6 +176,21 @@ def _compass() -> tuple[rr.LineStrips3D, ...]:
 def position(latitude: float, longitude: float) -> str:
     """Degrees as people read them: 36.1234° N 115.0000° W."""
     return f"{abs(latitude):.4f}° {'S' if latitude < 0 else 'N'} {abs(longitude):.4f}° {'W' if longitude < 0 else 'E'}"
+
+
+def numbers(rows: Block) -> list[str]:
+    """The true flight condition in figures, a Markdown text for each row."""
+    names = ("pitch_angle", "roll_angle", "heading", "angle_of_attack", "angle_of_sideslip")
+    angles = np.degrees(rows["truth"][:, [INDEX[name] for name in names]])
+    angles[:, 2] %= 360.0
+    flown = rows["flight"][:, [FLIGHT_INDEX[name] for name in ("altitude_m", "true_airspeed_m_s", "mach")]]
+    load = rows["truth"][:, INDEX["normal_load_factor"]]
+    return [
+        f"**pitch** {pitch:.1f}°, **roll** {roll:.1f}°, **heading** {heading:.1f}°\n\n"
+        f"**altitude** {altitude:.0f} m, **airspeed** {speed:.0f} m/s, **Mach** {mach:.2f}\n\n"
+        f"**load factor** {n_z:.2f} g, **angle of attack** {alpha:.1f}°, **sideslip** {beta:.1f}°"
+        for (pitch, roll, heading, alpha, beta), (altitude, speed, mach), n_z in zip(angles, flown, load, strict=True)
+    ]
 
 
 def east_north_up(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:

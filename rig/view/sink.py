@@ -13,7 +13,8 @@ from rig.errors import BadInput, RigError
 from rig.frame import Block
 from rig.record.event import Event
 from rig.view import viewer
-from rig.view.facts import Layout
+from rig.view.facts import Facts, Layout
+from rig.view.story import Story
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -72,15 +73,20 @@ class Sink:
         self._connect = connect
         self._also = also
         self._columns: list[Columns | None] = [None] * len(about.layout.shown)
+        [*_, top] = about.layout.shown
+        self._live = top.facts if top.facts.seen is None else None  # of a flight that is under way
+        self._story: Story | None = None
 
     def begin(self) -> None:
         """Connect and send what does not change; may block for ever, as send and flush may."""
-        from rig.view.scene import send_about
+        from rig.view.scene import send_about, send_frame
 
         if self._connect is not None:
             self._connect()
         self._recording.send_recording_name(self._about.title)
-        send_about(self._recording, self._about.text)
+        text = self._about.text if self._live is None else f"# IN FLIGHT\n\n{self._about.text}"
+        send_about(self._recording, text, static=self._live is None)
+        send_frame(self._recording)
 
     def send(
         self,
@@ -100,6 +106,24 @@ class Sink:
             columns = Columns(self._recording, rate_hz, shown.facts, shown.root, FLIGHT_COLORS[shown.below])
             self._columns[flight] = columns
         columns.send(rows, events, timing)
+        if self._live is not None and len(rows):
+            self._tell(self._live, rows, rate_hz, events)
+
+    def _tell(self, facts: Facts, rows: Block, rate_hz: float, events: Sequence[Event]) -> None:
+        """The headline of a flight that is under way, when it has changed."""
+        from rig.view.scene import send_about
+
+        if self._story is None:
+            self._story = Story(facts, rate_hz)
+        if self._story.add(rows, events):
+            text = f"# {self._story.headline('IN FLIGHT')}\n\n{self._about.text}"
+            send_about(self._recording, text, int(rows["frame"][-1]) / rate_hz)
+
+    def end(self, flight: int) -> None:
+        """Say in the lanes of ``flight`` that it is over, where another goes on."""
+        columns = self._columns[flight]
+        if columns is not None:
+            columns.end()
 
     def flush(self, timeout_s: float) -> None:
         """Wait until all is written or handed on; RuntimeError or ValueError when it is not in time."""

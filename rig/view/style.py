@@ -19,6 +19,7 @@ THRESHOLD: Final[Color] = (150, 142, 52)  # the vote's colour, dimmed
 FAULT: Final[Color] = (128, 40, 26)  # the ground under the vote while a fault acts
 FAULT_LANE: Final[Color] = (168, 50, 30)
 PALETTE: Final[tuple[Color, ...]] = (*CHANNEL_COLORS, VOTED, REFERENCE, (0, 114, 178), (170, 170, 170))
+COLOR_NAMES: Final = ("sky blue", "orange", "green", "pink", "yellow", "vermilion", "blue", "grey")  # of PALETTE
 QUIET: Final[Color] = (70, 76, 82)  # a state that needs no attention
 STATE_LOOKS: Final[Looks] = {
     "OK": ("ok", (0, 114, 178)),
@@ -26,9 +27,16 @@ STATE_LOOKS: Final[Looks] = {
     "FAILED": ("failed", REFERENCE),
 }
 ACTING: Final = "ACTING"
+ENDED: Final[Color] = (36, 36, 40)  # the rest of a lane whose flight has ended
+OVER: Final = "OVER"  # a flight that ended before another did
 # Of flights that lie over each other, from the top down: of figure and path, and how bright all lines are.
 FLIGHT_COLORS: Final[tuple[Color, ...]] = (VOTED, CHANNEL_COLORS[0], REFERENCE, CHANNEL_COLORS[3])
 _SHADES: Final = (1.0, 0.55, 0.4, 0.3)
+
+
+def plain(name: str) -> str:
+    """A name of a table as words: pitch_rate as pitch rate."""
+    return name.replace("_", " ")
 
 
 def shade(color: Color, below: int) -> Color:
@@ -42,7 +50,7 @@ def attention(enum: type[IntEnum], quiet: IntEnum) -> Looks:
     return {
         member.name: (
             getattr(member, "label", member.name.lower()),
-            QUIET if member == quiet else PALETTE[member.value % len(PALETTE)],
+            QUIET if member == quiet else FAULT_LANE if member.name == "LOST" else PALETTE[member.value % len(PALETTE)],
         )
         for member in enum
     }
