@@ -16,7 +16,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from numpy.typing import NDArray
 
@@ -28,7 +28,7 @@ from rig.flight_records import Records
 from rig.frame import Block
 from rig.interrupt import Stop, interruptible
 from rig.live import Keys
-from rig.log import Log, SignalArrays, read_log
+from rig.log import Log, SignalArrays, read_log, shown
 from rig.log.of_flight import new_log
 from rig.record.events import Event
 from rig.record.flight_summary import Peaks
@@ -41,6 +41,10 @@ from rig.trust import Trust
 from rig.view.facts import of_resolved
 from rig.view.sink import check_where
 from rig.view.stream import Stream, StreamReport, open_stream
+
+if TYPE_CHECKING:
+    import polars as pl
+    from matplotlib.figure import Figure
 
 Progress = Callable[[int, int], None]  # frames flown, frames in all
 Watch = Callable[[Block, float, Sequence[Event]], None]  # a block, its rate in Hz, its events
@@ -56,7 +60,7 @@ class Viewer(Protocol):
         """The last frame has been handed over; the stream closes when this returns."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Flight:
     """What a flight came to; its frames are read from the log when asked for."""
 
@@ -97,6 +101,25 @@ class Flight:
     def signal(self, name: str) -> SignalArrays:
         """The arrays of one signal; KeyError when there is no such signal."""
         return self.recorded.signal(name)
+
+    def to_polars(self, *owners: str) -> pl.DataFrame:
+        """One row a frame, the columns named as in ``rig export``; of ``owners`` alone if there are any (Log)."""
+        return self.recorded.to_polars(*owners)
+
+    def plot(self, name: str) -> Figure:
+        """Channels, vote and truth of one signal over the flight; KeyError when there is no such signal."""
+        return self.recorded.plot(name)
+
+    def __repr__(self) -> str:
+        """One line: what was flown, and how it ended."""
+        named = f"{self.scenario.title or self.scenario.aircraft} seed {self.scenario.seed}"
+        verdict = f"{'survived' if self.survived else 'lost'} ({self.end_reason}, {self.duration_s:g} s)"
+        failed = "; ".join(f"{name} {', '.join(map(str, channels))}" for name, channels in self.failed.items())
+        return f"<Flight {named}: {verdict}, failed {failed or 'no channel'}, log {self.log}>"
+
+    def _repr_html_(self) -> str:
+        """A small table for a notebook: scenario, verdict, failed channels, conclusion, digest, log."""
+        return shown.html(self.recorded, self.overrides, self.log)
 
     def summary(self) -> dict[str, Any]:
         """The flight as plain data, as ``rig fly --json`` prints it."""
