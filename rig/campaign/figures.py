@@ -37,7 +37,7 @@ def _heat_map(signal: str, kind: str, rows: Rows) -> go.Figure:
         figure.add_heatmap(**never, **bounds, colorscale=[[0.0, _NEUTRAL], [1.0, _NEUTRAL]], showscale=False)
     figure.update_layout(**LAYOUT, title_text=f"{kind} of {signal}", height=150 + 34 * len(places))
     unit = magnitude_unit(signal, kind)
-    order = {"type": "category", "categoryorder": "array"}
+    order: dict[str, Any] = {"type": "category", "categoryorder": "array"}
     figure.update_xaxes(title=f"magnitude, {unit}" if unit else "magnitude", categoryarray=sizes, **order)
     figure.update_yaxes(categoryarray=places, **order)
     return figure

@@ -68,4 +68,4 @@ def _acting(log: Log, name: str) -> NDArray[np.bool_]:
     """(n,) whether a fault that sits on the signal acts."""
     faults = _resolved(log).get("faults", [])
     on = [i for i, fault in enumerate(faults) if name in fault_names.place(fault).split("+")]
-    return np.unpackbits(log.rows["acting"], axis=1, bitorder="little")[:, on].any(axis=1)
+    return np.asarray(np.unpackbits(log.rows["acting"], axis=1, bitorder="little")[:, on].any(axis=1))

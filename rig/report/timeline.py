@@ -92,7 +92,9 @@ def _levels(rows: Block, rate_hz: float, name: str) -> list[Span]:
     begins = np.flatnonzero(np.diff(levels, prepend=255 - levels[:1]))
     words = {0: "no channel", 1: "1 channel"}
     return [
-        Span(f"{name} level", begin / rate_hz, end / rate_hz, words.get(int(levels[begin]), f"{levels[begin]} channels"))
+        Span(
+            f"{name} level", begin / rate_hz, end / rate_hz, words.get(int(levels[begin]), f"{levels[begin]} channels")
+        )
         for begin, end in zip(begins, [*begins[1:], len(levels)], strict=True)
     ]
 
