@@ -11,12 +11,13 @@ import pytest
 
 from rig.campaign.compare import compare
 from rig.campaign.config import from_what
+from rig.campaign.figures import delay_curves
 from rig.campaign.folder import Folder, open_folder
 from rig.campaign.magnitudes import magnitude_shown, magnitude_unit
 from rig.campaign.plan import Plan
 from rig.campaign.report import report
 from rig.campaign.rows import Rows
-from rig.campaign.summary import summary
+from rig.campaign.summary import acted, summary
 from rig.campaign.table import COLUMNS
 from rig.errors import BadInput
 from rig.files import bundled
@@ -198,6 +199,16 @@ def test_a_report_holds_everything_and_asks_for_nothing(folder: Folder, tmp_path
     assert (detected["x"], detected["z"], detected["text"]) == (["5.73"], [[0.8]], [["24/30"]])  # 0.1 rad/s
     assert (never["x"], never["text"], never["showscale"]) == (["0.573"], [["(10)"]], False)
     assert figures["map-0"]["layout"]["xaxis"]["title"]["text"] == "magnitude, deg/s"
+
+
+def test_a_delay_below_zero_and_equal_delays_are_in_the_picture(tmp_path: Path):
+    faults = [fault(0, 0.1, "detected", delay_from_exceeded_s=-0.05), fault(1, 0.1, "detected")]
+    rows: Rows = {"runs": [flown(0), flown(1)], "faults": faults, "alarms": [], "episodes": []}
+    from_threshold, from_onset = delay_curves(acted(made(tmp_path / "c", rows).tables))
+    assert list(from_threshold.layout.xaxis.range) == pytest.approx([-0.055, 0.077])
+    assert list(from_threshold.data[0].x) == pytest.approx([-0.055, -0.05, 0.07, 0.077])
+    assert list(from_threshold.data[0].y) == [0.0, 0.5, 1.0, 1.0]
+    assert list(from_onset.layout.xaxis.range) == pytest.approx([0.0, 0.088])  # both 0.08 s
 
 
 def test_a_report_names_the_manager_and_what_was_set_and_varied(tmp_path: Path):

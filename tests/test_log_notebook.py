@@ -11,7 +11,7 @@ import polars as pl
 import pytest
 
 import rig
-from rig.frame import INDEX, new_block
+from rig.frame import INDEX, State, new_block
 from rig.log import Log
 from rig.log.series import limits, series
 from rig.offline.export import export
@@ -40,7 +40,7 @@ def test_a_plot_follows_the_vote_and_not_the_hardover(flight: rig.Flight):
     labels = [line.get_label() for line in axes.get_lines()]
     assert labels == ["channel 1", "channel 2", "channel 3", "channel 4", "vote", "truth"]
     assert axes.get_ylabel() == "pitch_rate, deg/s" and axes.get_ylim()[1] < 10.0
-    assert max(axes.get_lines()[2].get_ydata()) == pytest.approx(np.degrees(1.5))
+    assert np.max(np.asarray(axes.get_lines()[2].get_ydata())) == pytest.approx(np.degrees(1.5))
     with pytest.raises(KeyError, match="unknown signal"):
         flight.plot("pich_rate")
 
@@ -49,11 +49,20 @@ def test_heading_through_north_is_drawn_without_a_jump():
     rows, s = new_block(3), INDEX["heading"]
     rows["truth"][:, s] = np.radians([359.0, 1.0, 3.0])
     rows["voted"][:, s] = np.radians([0.5, 359.5, 3.0])
-    rows["channels"][:, s] = np.radians([[358.0, 0.0, 1.0, 180.5]] * 3)
+    rows["channels"][:, s] = np.radians([[358.0, 0.0, 1.0, 178.5]] * 3)
     shown = series(rows, 100.0, "heading")
     assert shown.truth == pytest.approx([359.0, 361.0, 363.0]) and shown.voted == pytest.approx([360.5, 359.5, 363.0])
-    assert shown.channels[1] == pytest.approx([358.0, 360.0, 361.0, 180.5 + 360.0])
+    assert shown.channels[1] == pytest.approx([358.0, 360.0, 361.0, 178.5 + 360.0])
     assert limits(shown, np.radians(2.0)) == pytest.approx((353.0, 369.0))
+
+
+def test_a_channel_in_use_is_in_the_picture_unless_it_is_far_off():
+    rows, s = new_block(2), INDEX["pitch_rate"]
+    rows["channels"][:, s] = np.radians([0.0, 0.5, 8.0, 80.0])
+    shown = series(rows, 100.0, "pitch_rate")
+    assert limits(shown, np.radians(1.0)) == pytest.approx((-3.0, 9.0))
+    rows["state"][:, s, 2] = State.FAILED
+    assert limits(series(rows, 100.0, "pitch_rate"), np.radians(1.0)) == pytest.approx((-3.0, 3.0))
 
 
 def test_a_representation_is_a_line_and_a_table_without_frames(flight: rig.Flight):

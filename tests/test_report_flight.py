@@ -58,7 +58,7 @@ def test_the_decision_is_shown_from_half_a_second_before_to_a_second_after(page:
     (one,) = found["moments"]
     assert one == {"signal": "pitch_rate", "first": 300, "isolated": 305, "begin": 250, "end": 406}
     drawn = figures(text)["moment-pitch_rate"]
-    truth = next(trace for trace in drawn["data"] if trace["name"] == "truth")
+    truth = next(trace for trace in drawn["data"] if trace.get("name") == "truth")
     assert numbers(truth["x"])[[0, -1]] == pytest.approx([2.5, 4.05])
 
 
@@ -67,7 +67,7 @@ def test_a_hardover_does_not_flatten_the_others(page: tuple[dict[str, Any], str]
     drawn = figures(text)["signal-pitch_rate"]
     low, high = drawn["layout"]["yaxis"]["range"]
     assert -10.0 < low < 0.0 < high < 10.0  # deg/s; the hardover is at 85.9
-    assert any(trace["name"] == "channel 3 (to +85.9 deg/s)" for trace in drawn["data"])
+    assert any(trace.get("name") == "channel 3 (to +85.9 deg/s)" for trace in drawn["data"])
     assert drawn["layout"]["yaxis"]["title"]["text"] == "pitch_rate, deg/s"
 
 
@@ -105,7 +105,7 @@ def test_a_quiet_flight_has_no_decision_and_its_title_cannot_end_the_page(tmp_pa
     flown = fly("f16_pitch_rate_hardover", overrides=overrides, out=tmp_path)
     found = report(flown.log, tmp_path / "quiet.html")
     text = (tmp_path / "quiet.html").read_text()
-    assert found["signals"] == [] and found["moments"] == []
+    assert found["shown"] == [] and found["moments"] == []
     assert "</script><b>x" not in text and "No fault acted" in text
     assert {"votes", "surfaces"} == set(figures(text))
 

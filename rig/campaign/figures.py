@@ -87,7 +87,8 @@ def delay_curves(faults: pl.DataFrame) -> list[go.Figure]:
 
 def _curves(detected: pl.DataFrame, column: str, title: str) -> go.Figure:
     figure = go.Figure()
-    longest = float(detected[column].drop_nulls().max() or 0.0)  # pyright: ignore[reportArgumentType]  # of floats
+    known = [0.0, *detected[column].drop_nulls().to_list()]
+    begin, end = 1.1 * min(known), 1.1 * max(known)  # a channel can be failed before its error leaves the threshold
     groups = detected.sort("signal", "kind").group_by(["signal", "kind"], maintain_order=True)
     for i, ((signal, kind), part) in enumerate(groups):
         counts = part[column].drop_nulls().value_counts().sort(column)
@@ -96,7 +97,7 @@ def _curves(detected: pl.DataFrame, column: str, title: str) -> go.Figure:
         share = (counts["count"].cum_sum() / counts["count"].sum()).to_list()
         delays = counts[column].to_list()
         figure.add_scatter(
-            x=[0.0, *delays, 1.1 * longest],
+            x=[begin, *delays, end],
             y=[0.0, *share, share[-1]],
             mode="lines",
             line={"shape": "hv", "color": COLOURS[i % len(COLOURS)], "width": 2},
@@ -105,7 +106,7 @@ def _curves(detected: pl.DataFrame, column: str, title: str) -> go.Figure:
         )
     legend = {"orientation": "h", "yanchor": "top", "y": -0.25}
     figure.update_layout(**LAYOUT, title_text=f"Delay {title}", height=340, showlegend=True, legend=legend)
-    figure.update_xaxes(title="delay, s", range=[0.0, 1.1 * longest or 1.0])  # room behind the last step
+    figure.update_xaxes(title="delay, s", range=[begin, end or 1.0])  # room behind the last step
     figure.update_yaxes(title="share of detections", range=[0, 1.02])
     return figure
 

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.config import MANAGERS
-from rig.frame import INDEX, SIGNALS, TWO_PI, Block
+from rig.frame import INDEX, SIGNALS, TWO_PI, Block, State
 from rig.quantities import scale_shown, unit_shown
 
 ROOM: Final = 3.0  # thresholds above and below vote and truth
+NEAR: Final = 15.0  # thresholds: a channel in use that is not further from the vote is in the picture
 Array = NDArray[np.float64]
 
 
@@ -24,6 +25,7 @@ class Series(NamedTuple):
     scale: float  # shown units in one of the signal's SI unit
     time_s: Array  # (n,)
     channels: Array  # (n, channels)
+    used: NDArray[np.bool_]  # (n, channels) not failed
     voted: Array  # (n,)
     truth: Array  # (n,)
 
@@ -38,7 +40,7 @@ def series(rows: Block, rate_hz: float, name: str) -> Series:
         truth = unwrapped(truth)
         voted, channels = near(voted, truth), near(channels, truth[:, None])
     scale = scale_shown(signal.unit)
-    values = (channels * scale, voted * scale, truth * scale)
+    values = (channels * scale, rows["state"][:, s, : signal.channels] != State.FAILED, voted * scale, truth * scale)
     return Series(name, unit_shown(signal.unit), scale, rows["frame"] / rate_hz, *values)
 
 
@@ -56,13 +58,17 @@ def near(angle: Array, base: Array) -> Array:
 
 
 def limits(shown: Series, threshold: float) -> tuple[float, float]:
-    """Return the lowest and highest value to draw: those of vote and truth, and ROOM thresholds (SI) beside them."""
-    both = np.concatenate([shown.voted, shown.truth])
-    both = both[np.isfinite(both)]
-    if not len(both):
-        return -1.0, 1.0
-    room = ROOM * threshold * shown.scale
-    return float(both.min() - room), float(both.max() + room)
+    """Return the lowest and highest value to draw: vote and truth with ROOM thresholds (SI), channels in use and NEAR.
+
+    So a hardover leaves the picture, and does not flatten the others.
+    """
+    unit = threshold * shown.scale
+    with np.errstate(invalid="ignore"):
+        close = shown.used & (np.abs(shown.channels - shown.voted[:, None]) <= NEAR * unit)
+    drawn = [shown.voted - ROOM * unit, shown.voted + ROOM * unit, shown.truth - ROOM * unit, shown.truth + ROOM * unit]
+    known = np.concatenate([*drawn, shown.channels[close] - unit, shown.channels[close] + unit])
+    known = known[np.isfinite(known)]
+    return (float(known.min()), float(known.max())) if len(known) else (-1.0, 1.0)
 
 
 def threshold(resolved: Mapping[str, Any], name: str) -> float:

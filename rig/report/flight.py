@@ -48,7 +48,7 @@ def report(path: Path, out: Path) -> dict[str, Any]:
     drawn = _figures(log, scored, names, moments)
     about = _about(log, scored, names, moments)
     write_text(out, render("report/flight.html", drawn, {}, drawn=list(drawn), **about))
-    told = {"signals": names, "moments": [one._asdict() for one in moments], "overrides": about["sets"]}
+    told = {"shown": names, "moments": [one._asdict() for one in moments], "overrides": about["sets"]}
     return {"report": str(out), **told, **scored.as_dict()}
 
 

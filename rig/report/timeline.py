@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from html import escape
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -66,7 +67,7 @@ def _named(path: str, faults: Sequence[str]) -> str:
     """As people read it: ``pitch_rate channel 3``."""
     parts = path.split("/")
     if parts[1] == "fault":
-        return f"fault {faults[int(parts[2]) - 1]}"
+        return escape(f"fault {faults[int(parts[2]) - 1]}")  # plotly reads tags
     return f"{parts[2]} {_NAMES.get(parts[3], parts[3].replace('ch_', 'channel '))}"
 
 
