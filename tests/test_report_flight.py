@@ -13,7 +13,7 @@ import pytest
 
 from rig.flight import Flight, fly
 from rig.frame import INDEX, State, new_block
-from rig.report.figures import MOST_POINTS, errors, spanned, thinned
+from rig.report.figures import MOST_POINTS, errors, of_flight, spanned, surfaces, thinned, vote_errors
 from rig.report.flight import report
 from rig.report.timeline import spans
 
@@ -136,6 +136,26 @@ def test_a_thinned_line_keeps_its_extremes():
 def test_small_motion_is_not_blown_up():
     assert spanned([np.array([0.10, 0.12])], 2.0) == pytest.approx([-0.89, 1.11])
     assert spanned([np.array([-10.0, 10.0]), np.array([np.nan])], 2.0) == pytest.approx([-11.0, 11.0])
+
+
+def test_what_reaches_an_actuator_is_drawn_where_a_fault_changed_it():
+    rows = new_block(3)
+    rows["frame"], rows["actuator"][:, 1] = np.arange(3), np.radians(4.0)  # of the aileron
+    drawn = surfaces(rows, 100.0).to_dict()
+    named = [(trace["name"], trace["yaxis"]) for trace in drawn["data"] if trace["showlegend"]]
+    assert named == [("command", "y"), ("position", "y"), ("at the actuator", "y2")]
+    assert drawn["layout"]["yaxis"]["range"] == [-1.0, 1.0]
+    assert drawn["layout"]["yaxis2"]["range"] == pytest.approx([-0.2, 4.2])
+
+
+def test_a_flight_that_ends_not_finite_can_be_drawn():
+    rows, s = new_block(4), INDEX["roll_angle"]
+    rows["frame"], rows["truth"][:, s] = np.arange(4), [0.0, 1.0, np.inf, np.nan]
+    rows["voted"][:, s], rows["actuator"][:, 0] = [0.0, 1e300, np.nan, 0.0], [0.0, 1e300, np.inf, np.nan]
+    acts = np.ones(4, bool)
+    drawn = [of_flight(rows, 100.0, "roll_angle", 0.1, acts), vote_errors(rows, 100.0, {"roll_angle": 0.1})]
+    for figure in (*drawn, surfaces(rows, 100.0)):
+        assert "NaN" not in json.dumps(json.loads(figure.to_json() or ""))
 
 
 def test_the_error_of_a_vote_of_an_angle_is_the_short_way_round():

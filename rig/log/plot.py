@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig import fault_names
 from rig.log.series import Series, limits, series, threshold
+from rig.log.shown import resolved
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,17 +55,13 @@ def _lines(axes: Axes, shown: Series, allowed: float) -> None:
 def _threshold(log: Log, name: str) -> float:
     """What the monitor of a signal allows, SI; 0 where the log does not say."""
     try:
-        return threshold(_resolved(log), name)
+        return threshold(resolved(log), name)
     except (KeyError, TypeError):
         return 0.0
 
 
-def _resolved(log: Log) -> dict[str, Any]:
-    return json.loads(log.metadata.get("scenario", "{}"))
-
-
 def _acting(log: Log, name: str) -> NDArray[np.bool_]:
     """(n,) whether a fault that sits on the signal acts."""
-    faults = _resolved(log).get("faults", [])
+    faults = resolved(log).get("faults", [])
     on = [i for i, fault in enumerate(faults) if name in fault_names.place(fault).split("+")]
     return np.asarray(np.unpackbits(log.rows["acting"], axis=1, bitorder="little")[:, on].any(axis=1))

@@ -26,7 +26,7 @@ def conclude_with(function: Conclude) -> None:
 
 def line(log: Log) -> str:
     """Return a log in one line."""
-    said = _resolved(log)
+    said = resolved(log)
     named = said.get("title") or said.get("aircraft") or "recording"
     seed = f" seed {said['seed']}" if "seed" in said else ""
     return f"<Log {named}{seed}: {_verdict(log)}, failed {_failed(log)}>"
@@ -34,7 +34,7 @@ def line(log: Log) -> str:
 
 def html(log: Log, overrides: Sequence[str] = (), path: Path | None = None) -> str:
     """Return a table: what was flown, verdict, failed channels, conclusion, digest; no frames."""
-    said = _resolved(log)
+    said = resolved(log)
     manager = said.get("redundancy", {}).get("manager", "")
     about = (f"seed {said.get('seed', '')}", f"manager {manager}" if manager else "", *overrides)
     cells = [
@@ -50,8 +50,13 @@ def html(log: Log, overrides: Sequence[str] = (), path: Path | None = None) -> s
     return f"<table>{rows}</table>"
 
 
-def _resolved(log: Log) -> dict[str, Any]:
-    return json.loads(log.metadata.get("scenario", "{}"))
+def resolved(log: Log) -> dict[str, Any]:
+    """Return the scenario of a log as plain data; empty where there is none that can be read."""
+    try:
+        said = json.loads(log.metadata.get("scenario", "{}"))
+    except (ValueError, RecursionError):
+        return {}
+    return said if isinstance(said, dict) else {}
 
 
 def _verdict(log: Log) -> str:

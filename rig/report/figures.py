@@ -97,7 +97,8 @@ def _line(
 
 def _points(time_s: Array, values: Array) -> dict[str, Any]:
     chosen = thinned(values)
-    return {"x": np.round(time_s[chosen], 6), "y": values[chosen].astype(np.float32)}
+    with np.errstate(over="ignore"):  # a flight that ends not finite
+        return {"x": np.round(time_s[chosen], 6), "y": values[chosen].astype(np.float32)}
 
 
 def thinned(values: Array) -> NDArray[np.intp]:
@@ -153,9 +154,10 @@ def surfaces(rows: Block, rate_hz: float) -> go.Figure:
     time_s = rows["frame"] / rate_hz
     for i, (name, field) in enumerate(zip(names, SURFACES, strict=True)):
         scale, unit = (degrees(1.0), "deg") if field.endswith("_rad") else (1.0, "")
+        changed = not np.array_equal(rows["surface"][:, i], rows["actuator"][:, i], equal_nan=True)  # by a fault
         lines = {
             "command": (rows["surface"][:, i] * scale, COLOURS[0], "solid"),
-            "at the actuator": (rows["actuator"][:, i] * scale, COLOURS[4], "dot"),
+            **({"at the actuator": (rows["actuator"][:, i] * scale, COLOURS[4], "dot")} if changed else {}),
             "position": (rows["flight"][:, FLIGHT_INDEX[field]] * scale, TRUTH, "dash"),
         }
         for what, (values, colour, dash) in lines.items():
@@ -163,7 +165,8 @@ def surfaces(rows: Block, rate_hz: float) -> go.Figure:
         drawn = [values for values, _, _ in lines.values()]
         title = f"{name}, {unit}".rstrip(", ")
         figure.update_yaxes(title=title, range=spanned(drawn, _LEAST_SPANS.get(name, _LEAST_DEG)), row=i + 1, col=1)
-    figure.for_each_trace(lambda trace: trace.update(showlegend=trace.yaxis == "y", legendgroup=trace.name))
+    first = {trace.name: trace.yaxis for trace in reversed(list(figure.select_traces()))}
+    figure.for_each_trace(lambda trace: trace.update(showlegend=trace.yaxis == first[trace.name]))
     legend = {**_LEGEND["legend"], "y": -0.08}
     figure.update_layout(**LAYOUT, title_text="surfaces and throttle", height=640, legend=legend)
     figure.update_xaxes(title="time, s", row=len(names), col=1)
