@@ -165,7 +165,8 @@ def surfaces(rows: Block, rate_hz: float) -> go.Figure:
         drawn = [values for values, _, _ in lines.values()]
         title = f"{name}, {unit}".rstrip(", ")
         figure.update_yaxes(title=title, range=spanned(drawn, _LEAST_SPANS.get(name, _LEAST_DEG)), row=i + 1, col=1)
-    first = {trace.name: trace.yaxis for trace in reversed(list(figure.select_traces()))}
+    traces: list[Any] = list(figure.select_traces())
+    first = {trace.name: trace.yaxis for trace in reversed(traces)}
     figure.for_each_trace(lambda trace: trace.update(showlegend=trace.yaxis == first[trace.name]))
     legend = {**_LEGEND["legend"], "y": -0.08}
     figure.update_layout(**LAYOUT, title_text="surfaces and throttle", height=640, legend=legend)
