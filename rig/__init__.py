@@ -23,6 +23,8 @@ _HOME = {
     "load": "rig.scenario",
 }
 
+_SHOWN = ("Flight", "fly", "Log", "read_log")  # give what a notebook shows as a table
+
 
 def __getattr__(name: str) -> Any:
     """Import on first use: ``rig --help`` must not load numba and JSBSim."""
@@ -30,7 +32,18 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'rig' has no attribute {name!r}")
     from importlib import import_module
 
+    if name in _SHOWN:
+        from rig.log.shown import conclude_with
+
+        conclude_with(_conclude)
     return getattr(import_module(_HOME[name]), name)
+
+
+def _conclude(log: Log) -> list[str]:
+    """The conclusion in the table that a notebook shows of a log or flight; scored when it is shown."""
+    from rig.score.of_log import conclude_read
+
+    return conclude_read(log)
 
 
 def __dir__() -> list[str]:

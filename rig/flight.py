@@ -13,8 +13,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -25,14 +24,13 @@ from rig.computer.external.settings import Unit, read_unit
 from rig.computer.external.unit import UnitUnderTest, running
 from rig.errors import ManagerFailed, RigError
 from rig.flight_records import Records
+from rig.flight_result import Flight
 from rig.frame import Block
 from rig.interrupt import Stop, interruptible
 from rig.live import Keys
-from rig.log import Log, SignalArrays, read_log
 from rig.log.of_flight import new_log
 from rig.record.events import Event
-from rig.record.flight_summary import Peaks
-from rig.record.pace import Jitter, Pace
+from rig.record.pace import Pace
 from rig.record.realtime import beside as off_the_core
 from rig.record.realtime import realtime as asked_realtime
 from rig.record.recorder import Recorder
@@ -54,80 +52,6 @@ class Viewer(Protocol):
 
     def flown(self, stream: Stream, stop: Stop) -> None:
         """The last frame has been handed over; the stream closes when this returns."""
-
-
-@dataclass(frozen=True)
-class Flight:
-    """What a flight came to; its frames are read from the log when asked for."""
-
-    log: Path
-    scenario: Scenario
-    frames: int
-    digest: str
-    survived: bool
-    end_reason: str
-    failed: dict[str, list[int]]
-    not_executed: list[str]  # faults that did nothing: never triggered, or their channels were out already
-    peaks: Peaks
-    events: list[Event]
-    wall_s: float
-    us_per_frame: float
-    jitter: Jitter | None  # paced flights only
-    stream: StreamReport | None
-    unit: dict[str, Any] | None  # what became of the exchanges with a unit under test
-    printed: str  # by the unit's process, its end
-    realtime: dict[str, str]  # what was asked of the system and got; empty when nothing was
-    overrides: tuple[str, ...] = ()  # ``key=value``, laid over the scenario's file
-
-    @property
-    def duration_s(self) -> float:
-        """Simulated time flown."""
-        return self.frames / self.scenario.rate_hz
-
-    @cached_property
-    def recorded(self) -> Log:
-        """The log, read when it is first asked for."""
-        return read_log(self.log)
-
-    @property
-    def rows(self) -> Block:
-        """All frames as one block, read from the log."""
-        return self.recorded.rows
-
-    def signal(self, name: str) -> SignalArrays:
-        """The arrays of one signal; KeyError when there is no such signal."""
-        return self.recorded.signal(name)
-
-    def summary(self) -> dict[str, Any]:
-        """The flight as plain data, as ``rig fly --json`` prints it."""
-        dt_s = 1.0 / self.scenario.rate_hz
-        timing: dict[str, Any] = {
-            "us_per_frame": self.us_per_frame,
-            "realtime_factor": self.duration_s / self.wall_s,
-        }
-        if self.jitter is not None:
-            timing["jitter"] = asdict(self.jitter)
-        if self.realtime:
-            timing["realtime"] = self.realtime
-        return {
-            "log": str(self.log),
-            "frames": self.frames,
-            "duration_s": self.duration_s,
-            "seed": self.scenario.seed,
-            "manager": self.scenario.redundancy.manager,
-            "overrides": list(self.overrides),
-            "digest": self.digest,
-            "survived": self.survived,
-            "end_reason": self.end_reason,
-            "failed": self.failed,
-            "not_executed": self.not_executed,
-            "peaks": asdict(self.peaks),
-            "events": [{"time_s": event.frame * dt_s, **asdict(event)} for event in self.events],
-            "timing": timing,
-            "stream": None if self.stream is None else asdict(self.stream),
-            **({"gains_below_requirement": below} if (below := self.scenario.gains.below) else {}),
-            **({} if self.unit is None else {"unit": self.unit}),
-        }
 
 
 def fly(

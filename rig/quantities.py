@@ -18,11 +18,16 @@ def unit_shown(unit: str) -> str:
     return _PLAIN.get(unit, unit)
 
 
+def scale_shown(unit: str) -> float:
+    """Return what a quantity of the SI ``unit`` is multiplied by to be in ``unit_shown(unit)``."""
+    return degrees(1.0) if unit.startswith("rad") else 1.0
+
+
 def number(value: float | None, unit: str = "", signed: bool = False) -> str:
     """Return ``value``, in the SI ``unit``, as a number in ``unit_shown(unit)``: three digits; "" for None."""
     if value is None:
         return ""
-    told = degrees(value) if unit.startswith("rad") else value
+    told = value * scale_shown(unit)
     if not isfinite(told):
         return f"{told}"
     size = abs(told)

@@ -11,11 +11,13 @@ import pytest
 
 from rig.campaign.compare import compare
 from rig.campaign.config import from_what
+from rig.campaign.figures import delay_curves
 from rig.campaign.folder import Folder, open_folder
+from rig.campaign.magnitudes import magnitude_shown, magnitude_unit
 from rig.campaign.plan import Plan
 from rig.campaign.report import report
 from rig.campaign.rows import Rows
-from rig.campaign.summary import summary
+from rig.campaign.summary import acted, summary
 from rig.campaign.table import COLUMNS
 from rig.errors import BadInput
 from rig.files import bundled
@@ -193,7 +195,44 @@ def test_a_report_holds_everything_and_asks_for_nothing(folder: Folder, tmp_path
     assert "constructed" in text and "killed by signal 6 (SIGABRT)" in text
     figures = json.loads(re.search(r'id="figures">(.*?)</script>', text, re.DOTALL).group(1))  # type: ignore[union-attr]
     assert set(figures) == {"map-0", "delay-0", "delay-1"}
-    assert figures["map-0"]["data"][0]["z"] == [[0.0, 0.8]]
+    detected, never = figures["map-0"]["data"]
+    assert (detected["x"], detected["z"], detected["text"]) == (["5.73"], [[0.8]], [["24/30"]])  # 0.1 rad/s
+    assert (never["x"], never["text"], never["showscale"]) == (["0.573"], [["(10)"]], False)
+    assert figures["map-0"]["layout"]["xaxis"]["title"]["text"] == "magnitude, deg/s"
+
+
+def test_a_delay_below_zero_and_equal_delays_are_in_the_picture(tmp_path: Path):
+    faults = [fault(0, 0.1, "detected", delay_from_exceeded_s=-0.05), fault(1, 0.1, "detected")]
+    rows: Rows = {"runs": [flown(0), flown(1)], "faults": faults, "alarms": [], "episodes": []}
+    from_threshold, from_onset = delay_curves(acted(made(tmp_path / "c", rows).tables))
+    assert list(from_threshold.layout.xaxis.range) == pytest.approx([-0.055, 0.077])
+    (line,) = from_threshold.to_dict()["data"]
+    assert list(line["x"]) == pytest.approx([-0.055, -0.05, 0.07, 0.077]) and list(line["y"]) == [0.0, 0.5, 1.0, 1.0]
+    assert list(from_onset.layout.xaxis.range) == pytest.approx([0.0, 0.088])  # both 0.08 s
+
+
+def test_a_report_names_the_manager_and_what_was_set_and_varied(tmp_path: Path):
+    rows: Rows = {"runs": [flown(0, manager="mean")], "faults": [], "alarms": [], "episodes": []}
+    out = tmp_path / "report.html"
+    found = report(made(tmp_path / "c", rows, set={"redundancy.manager": "mean", "duration_s": 36.0}), out)
+    assert (found["managers"], found["varied"]) == (["mean"], ["turbulence"])
+    assert "Manager mean." in out.read_text()
+    assert "<code>redundancy.manager=mean</code>, <code>duration_s=36.0</code>" in out.read_text()
+
+
+@pytest.mark.parametrize(
+    ("signal", "kind", "shown"),
+    [
+        ("pitch_rate", "offset", ("11.5", "deg/s")),
+        ("pitch_rate", "drift", ("11.5", "deg/s/s")),
+        ("pitch_rate", "intermittent", ("0.2", "s")),
+        ("pitch_rate", "scale", ("0.2", "")),
+        ("normal_load_factor", "offset", ("0.2", "g")),
+        ("stick_pitch", "drift", ("0.2", "1/s")),
+    ],
+)
+def test_a_magnitude_is_shown_with_the_unit_of_its_setting(signal: str, kind: str, shown: tuple[str, str]):
+    assert (magnitude_shown(0.2, signal, kind), magnitude_unit(signal, kind)) == shown
 
 
 def test_a_title_cannot_end_the_page(tmp_path: Path):

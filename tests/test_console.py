@@ -84,6 +84,7 @@ def test_a_title_and_a_folder_are_text_in_every_command_that_shows_them(
         ["scenario", "check", "s.toml"],
         ["watch", log],
         ["diff", log, log],
+        ["report", log],
         ["replay", log],
         ["export", log, "--to", "csv"],
     ):

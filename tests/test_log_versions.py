@@ -97,6 +97,7 @@ def test_the_commands_work_on_it(run: Any, tmp_path: Path):
     assert code in (0, 1) and "8 different" in out  # references that version did not have
     code, out, _ = run("score", log)
     assert code == 0 and "detected" in out
+    assert run("report", log)[0] == 0 and "schema 2 (this rig writes 4)" in log.with_suffix(".html").read_text()
     assert run("export", log, "--to", "npz")[0] == 0
     assert run("view", log, "--save", tmp_path / "a.rrd")[0] == 0 and (tmp_path / "a.rrd").stat().st_size > 10_000
     assert run("replay", log, "--set", "redundancy.signals.pitch_rate.persistence=4")[0] in (0, 1)

@@ -152,6 +152,7 @@ LOOKS = (
     ["diff", "LOG", "LOG"],
     ["recover", "LOG"],
     ["score", "LOG", "--no-twin"],
+    ["report", "LOG"],
     ["view", "LOG", "--save", "flight.rrd"],
     ["faults", "list"],
 )

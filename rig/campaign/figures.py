@@ -7,62 +7,72 @@ from typing import Any, Final
 import plotly.graph_objects as go
 import polars as pl
 
+from rig.campaign.magnitudes import magnitude_shown, magnitude_unit
+from rig.report.page import COLOURS, LAYOUT
+
 MOST_MAPS: Final = 12  # heat maps of one report
 _SCALE: Final = [[0.0, "#b2182b"], [0.5, "#fddbc7"], [0.75, "#d1e5f0"], [1.0, "#2166ac"]]  # ends apart for any eye
-_COLOURS: Final = ("#2166ac", "#b2182b", "#4d9221", "#8073ac", "#e08214", "#35978f", "#c51b7d", "#666666")
-_LAYOUT: Final[dict[str, Any]] = {
-    "template": "plotly_white",
-    "font": {"family": "system-ui, sans-serif", "size": 13},
-    "title": {"font": {"size": 15}},
-    "margin": {"l": 10, "r": 10, "t": 40, "b": 10},
-    "xaxis": {"automargin": True},
-    "yaxis": {"automargin": True},
-}
-_AXES: Final = {
-    "drift": "unit of the signal per second",
-    "scale": "what is lost or gained, relative",
-    "intermittent": "gap, s",
-    "delay": "s",
-    "frame_skew": "s",
-    "cross_talk": "gain",
-}
+_NEUTRAL: Final = "#d8dde2"  # where no fault could be detected
+Rows = list[dict[str, Any]]
 
 
-def heat_maps(rows: list[dict[str, Any]]) -> list[go.Figure]:
+def heat_maps(rows: Rows) -> list[go.Figure]:
     """Detection over magnitude and flight point, a map a signal and kind; ``rows`` as summary's ``by_place``."""
-    groups: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    groups: dict[tuple[str, str], Rows] = {}
     for row in rows:
         groups.setdefault((row["signal"], row["kind"]), []).append(row)
     return [_heat_map(*key, part) for key, part in list(groups.items())[:MOST_MAPS]]
 
 
-def _heat_map(signal: str, kind: str, rows: list[dict[str, Any]]) -> go.Figure:
-    sizes = sorted({row["size"] for row in rows})
+def _heat_map(signal: str, kind: str, rows: Rows) -> go.Figure:
+    """Coloured by the share of the detectable faults; grey where the error of none left the threshold."""
     places = sorted({row["place"] or "" for row in rows}, reverse=True)
-    cells = {(row["place"] or "", row["size"]): row["detection_of_all"] for row in rows}
-    at = [[cells.get((place, size)) for size in sizes] for place in places]
-    figure = go.Figure(
-        go.Heatmap(
-            x=[f"{size:.4g}" for size in sizes],
-            y=places,
-            z=[[None if cell is None else cell["value"] for cell in line] for line in at],
-            text=[["" if cell is None else f"{cell['count']}/{cell['of']:.0f}" for cell in line] for line in at],
-            customdata=[[[0, 0] if c is None else [c["low"], c["high"]] for c in line] for line in at],
-            texttemplate="%{text}",
-            hovertemplate="%{y}<br>magnitude %{x}<br>detected %{text}, 95 % %{customdata[0]:.3f} to "
-            "%{customdata[1]:.3f}<extra></extra>",
-            colorscale=_SCALE,
-            zmin=0.0,
-            zmax=1.0,
-            xgap=2,
-            ygap=2,
-            colorbar={"title": "detected", "thickness": 12},
-        )
-    )
-    figure.update_layout(**_LAYOUT, title_text=f"{kind} of {signal}", height=150 + 34 * len(places))
-    figure.update_xaxes(title=f"magnitude, {_AXES.get(kind, 'unit of the signal')}", type="category")
-    figure.update_yaxes(type="category")
+    possible = [row for row in rows if row["detection"]["of"]]
+    sizes = [magnitude_shown(size, signal, kind) for size in sorted({row["size"] for row in rows})]
+    colorbar = {"title": "detected", "thickness": 12, "tickformat": ".0%"}
+    bounds = {"zmin": 0.0, "zmax": 1.0, "xgap": 2, "ygap": 2, "texttemplate": "%{text}"}
+    figure = go.Figure(go.Heatmap(**_cells(possible, signal, kind), **bounds, colorscale=_SCALE, colorbar=colorbar))
+    if len(possible) < len(rows):
+        never = _cells([row for row in rows if not row["detection"]["of"]], signal, kind)
+        figure.add_heatmap(**never, **bounds, colorscale=[[0.0, _NEUTRAL], [1.0, _NEUTRAL]], showscale=False)
+    figure.update_layout(**LAYOUT, title_text=f"{kind} of {signal}", height=150 + 34 * len(places))
+    unit = magnitude_unit(signal, kind)
+    order: dict[str, Any] = {"type": "category", "categoryorder": "array"}
+    figure.update_xaxes(title=f"magnitude, {unit}" if unit else "magnitude", categoryarray=sizes, **order)
+    figure.update_yaxes(categoryarray=places, **order)
     return figure
+
+
+def _cells(rows: Rows, signal: str, kind: str) -> dict[str, Any]:
+    """Places, colours and texts of the cells of a map."""
+    sizes, places = sorted({row["size"] for row in rows}), sorted({row["place"] or "" for row in rows}, reverse=True)
+    cells = {(row["place"] or "", row["size"]): row for row in rows}
+    grid = [[cells.get((place, size)) for size in sizes] for place in places]
+    drawn = [[None if cell is None else cell["detection"]["value"] or 0.0 for cell in line] for line in grid]
+    return {
+        "x": [magnitude_shown(size, signal, kind) for size in sizes],
+        "y": places,
+        "z": drawn,
+        "text": [["" if cell is None else _counted(cell) for cell in line] for line in grid],
+        "customdata": [["" if cell is None else _told(cell) for cell in line] for line in grid],
+        "hovertemplate": f"%{{y}}<br>magnitude %{{x}} {magnitude_unit(signal, kind)}<br>%{{customdata}}<extra></extra>",
+    }
+
+
+def _counted(cell: dict[str, Any]) -> str:
+    found = cell["detection"]
+    return f"{found['count']}/{found['of']:.0f}" if found["of"] else f"({cell['acted']})"
+
+
+def _told(cell: dict[str, Any]) -> str:
+    """What a cell says when it is pointed at."""
+    found = cell["detection"]
+    never = cell["acted"] - int(found["of"])
+    below = f"{never} undetectable: error below the threshold" if never else ""
+    if not found["of"]:
+        return below
+    told = f"detected {_counted(cell)}, 95 % {found['low']:.3f} to {found['high']:.3f}"
+    return f"{told}<br>{below}" if below else told
 
 
 def delay_curves(faults: pl.DataFrame) -> list[go.Figure]:
@@ -77,6 +87,8 @@ def delay_curves(faults: pl.DataFrame) -> list[go.Figure]:
 
 def _curves(detected: pl.DataFrame, column: str, title: str) -> go.Figure:
     figure = go.Figure()
+    known = [0.0, *detected[column].drop_nulls().to_list()]
+    begin, end = 1.1 * min(known), 1.1 * max(known)  # a channel can be failed before its error leaves the threshold
     groups = detected.sort("signal", "kind").group_by(["signal", "kind"], maintain_order=True)
     for i, ((signal, kind), part) in enumerate(groups):
         counts = part[column].drop_nulls().value_counts().sort(column)
@@ -85,16 +97,16 @@ def _curves(detected: pl.DataFrame, column: str, title: str) -> go.Figure:
         share = (counts["count"].cum_sum() / counts["count"].sum()).to_list()
         delays = counts[column].to_list()
         figure.add_scatter(
-            x=[delays[0], *delays],
-            y=[0.0, *share],
+            x=[begin, *delays, end],
+            y=[0.0, *share, share[-1]],
             mode="lines",
-            line={"shape": "hv", "color": _COLOURS[i % len(_COLOURS)], "width": 2},
+            line={"shape": "hv", "color": COLOURS[i % len(COLOURS)], "width": 2},
             name=f"{kind} of {signal} ({len(part)})",
             hovertemplate="%{x:.2f} s: %{y:.3f}<extra>%{fullData.name}</extra>",
         )
     legend = {"orientation": "h", "yanchor": "top", "y": -0.25}
-    figure.update_layout(**_LAYOUT, title_text=f"Delay {title}", height=340, showlegend=True, legend=legend)
-    figure.update_xaxes(title="delay, s", rangemode="tozero")
+    figure.update_layout(**LAYOUT, title_text=f"Delay {title}", height=340, showlegend=True, legend=legend)
+    figure.update_xaxes(title="delay, s", range=[begin, end or 1.0])  # room behind the last step
     figure.update_yaxes(title="share of detections", range=[0, 1.02])
     return figure
 
@@ -107,11 +119,11 @@ def reply_times(found: dict[str, Any]) -> go.Figure:
             x=found["bins_us"],
             y=share,
             customdata=found["counts"],
-            marker={"color": _COLOURS[0]},
+            marker={"color": COLOURS[0]},
             hovertemplate="%{x} µs: %{customdata} frames, %{y:.3g} %<extra></extra>",
         )
     )
-    figure.update_layout(**_LAYOUT, title_text="Reply time", height=340)
+    figure.update_layout(**LAYOUT, title_text="Reply time", height=340)
     figure.update_xaxes(title="reply time, µs", type="category")
     figure.update_yaxes(title="% of frames, logarithmic", type="log")
     return figure

@@ -31,6 +31,9 @@ def summary(folder: Folder) -> dict[str, Any]:
         "title": plan.campaign.title or str(folder.path),
         "folder": str(folder.path),
         "runs": len(plan),
+        "managers": sorted(tables["runs"]["manager"].drop_nulls().unique().to_list()),
+        "set": [f"{key}={value}" for key, value in plan.campaign.set.items()],
+        "varied": varied(plan),
         "headline": headline(tables),
         "by_kind": rates(faults, ["signal", "kind"]),
         "by_magnitude": rates(faults.filter(pl.col("size").is_not_null()), ["signal", "kind", "size"]),
@@ -160,10 +163,15 @@ def by_resolver(tables: Tables) -> list[dict[str, Any]]:
     ]
 
 
+def varied(plan: Plan) -> list[str]:
+    """The keys that vary between the runs."""
+    return list(dict.fromkeys(key for choice in plan.choices for key in choice))
+
+
 def by_varied(tables: Tables, plan: Plan) -> list[dict[str, Any]]:
     """Survival and false alarms at every level of what varies by name or by few numbers."""
     runs, found = flown(tables), []
-    for column in dict.fromkeys(key for choice in plan.choices for key in choice):
+    for column in varied(plan):
         levels = runs[column].drop_nulls().unique().sort() if column in runs.columns else []
         if not 2 <= len(levels) <= MOST_LEVELS:
             continue

@@ -19,6 +19,7 @@ from rig.cli.common import GROUP, AllowCode, Json, Logs, ScenarioName, Sets, Uni
 from rig.cli.faults import faults_app
 from rig.cli.reliability import reliability_app
 from rig.cli.replay import diff, export, info, replay
+from rig.cli.report import report
 from rig.cli.scenario import scenario_app
 from rig.cli.score import score
 from rig.cli.studies import study
@@ -186,7 +187,7 @@ def signals(
 
 
 _PANELS: Final = {
-    LOOK: (view, watch, info),
+    LOOK: (view, report, watch, info),
     SCORE: (score, replay, diff),
     RECORDED: (vote, thresholds, export, recover),
     REFERENCE: (signals, bench),

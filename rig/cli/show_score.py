@@ -9,15 +9,13 @@ from rich.table import Table
 
 from rig.cli.show import conclusion
 from rig.console import Screen, console, styled
-from rig.frame import INDEX, SIGNALS
-from rig.quantities import duration, moment, number, unit_shown
-from rig.score.context import error_unit
+from rig.quantities import moment
+from rig.score import cells
 from rig.score.misses import Miss
 from rig.score.of_log import Scored
 from rig.score.record import Deviation, FlightScore, Isolation, Score, Transients
 
 MOST = 40  # lines of one kind on the terminal; all are in --json
-_ROUNDING = 1e-12  # of angles, which are voted near another angle
 _STYLES = {"detected": "green", "missed": "red", "undetectable": "", "not executed": "yellow"}
 
 
@@ -61,21 +59,13 @@ def _counted(value: object) -> bool:
 
 
 def _faults(screen: Screen, scored: Scored) -> None:
-    faults, rate_hz = scored.score.faults, scored.scenario.rate_hz
+    faults = scored.score.faults
     if not faults:
         screen.print("faults            none in the scenario")
         return
-    heads = ("fault", "on", "onset", "left threshold", "failed", "delay", "from threshold", "by", "peak error", "unit")
-    table = Table(*heads, "outcome", box=None)
+    table = Table(*cells.FAULTS, box=None)
     for fault in faults[:MOST]:
-        place = fault.signal if fault.channel is None else f"{fault.signal}.{fault.channel}"
-        outcome = f"{fault.outcome}, shorter than the persistence" if fault.tolerated else fault.outcome
-        frames = (moment(frame, rate_hz) for frame in (fault.onset_frame, fault.exceeded_frame, fault.failed_frame))
-        delays = (fault.delay_from_onset_frames, fault.delay_from_exceeded_frames)
-        unit = error_unit(fault, scored.scenario)
-        cells = (*frames, *(duration(delay, rate_hz) for delay in delays), fault.resolver or "")
-        peak = (number(fault.peak_error, unit), unit_shown(unit))
-        table.add_row(fault.id, place, *cells, *peak, outcome, style=_STYLES[fault.outcome])
+        table.add_row(*cells.fault_row(fault, scored.scenario), style=_STYLES[fault.outcome])
     screen.print(table)
     _more(screen, len(faults), "faults")
 
@@ -97,13 +87,7 @@ def _more(screen: Screen, count: int, what: str) -> None:
 def _resolvers(screen: Screen, score: Score) -> None:
     if not score.episodes:
         return
-    rows = [
-        (pattern, name, *map(str, (r.asked, r.answered, r.right, r.wrong, r.open)))
-        for pattern, resolvers in score.resolvers_by_pattern.items()
-        for name, r in resolvers.items()
-        if r.asked
-    ]
-    screen.table(("pattern", "resolver", "asked", "answered", "correct", "wrong", "open"), rows)
+    screen.table(cells.RESOLVERS, cells.resolver_rows(score))
     screen.print(
         f"{len(score.episodes)} patterns without a majority, {score.unresolved} unresolved; "
         "answered = correct + wrong + open, open: the pattern went by before a channel was failed"
@@ -112,16 +96,9 @@ def _resolvers(screen: Screen, score: Score) -> None:
 
 def _votes(screen: Screen, scored: Scored) -> None:
     """Signals whose vote was above the threshold or not that of healthy channels; one line for the others."""
-    score, rows = scored.score, []
-    for name, e in score.vote_error.items():
-        if e.above_threshold_s > 0 or e.clean_peak > _ROUNDING:
-            unit = SIGNALS[INDEX[name]].unit
-            seconds = (f"{e.above_threshold_s:g} s", f"{e.above_threshold_after_onset_s:g} s")
-            peak = (number(e.peak, unit), moment(e.peak_frame, scored.scenario.rate_hz), number(e.rms, unit))
-            rows.append((name, unit_shown(unit), *peak, *seconds, number(e.clean_peak, unit)))
+    score, rows = scored.score, cells.vote_rows(scored.score, scored.scenario.rate_hz)
     if rows:
-        heads = ("vote error", "unit", "peak", "at", "RMS", "above threshold", "after onset", "due to faults, peak")
-        screen.table(heads, rows)
+        screen.table(cells.VOTES, rows)
     for name, seconds in score.wrong_votes_s.items():
         if seconds > 0:
             screen.print(f"{'vote':17} {name} voted wrong for {seconds:g} s")
@@ -133,12 +110,7 @@ def _flight(screen: Screen, flight: FlightScore, rate_hz: float) -> None:
     verdict = ("survived", "green") if flight.survived else ("lost", "red")
     reason = f": {flight.end_reason} ({flight.frames} frames, {flight.duration_s:g} s)"
     screen.print(styled("flight            ", verdict, reason))
-    pitch = f"{degrees(flight.pitch_angle_min_rad):.1f} to {degrees(flight.pitch_angle_max_rad):.1f} deg"
-    screen.print(
-        f"peaks             load factor {flight.load_factor_min:.2f} to {flight.load_factor_max:.2f} g, "
-        f"pitch rate {degrees(flight.pitch_rate_max_rad_s):.2f} deg/s, pitch angle {pitch}, "
-        f"roll angle {degrees(flight.roll_angle_max_rad):.1f} deg"
-    )
+    screen.print(f"peaks             {cells.peaks(flight)}")
     if flight.transients is not None:
         _transients(screen, flight.transients, rate_hz)
 

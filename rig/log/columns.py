@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from rig.frame import FLAT, INDEX, SIGNALS, Block
+from rig.frame import FLAT, INDEX, SIGNALS, Block, Pattern
 from rig.frame.fields import FIELD
 from rig.log.schema import MESSAGES, TOPICS_OF_ROWS, Field, Topic
 
@@ -59,3 +59,11 @@ def unit_of(path: str) -> str:
     if owner in INDEX:
         return SIGNALS[INDEX[owner]].unit if name in _OF_SIGNALS else ""
     return next((unit for end, unit in _UNITS.items() if name.endswith(end)), "")
+
+
+def label(column: Column, value: int) -> str:
+    """A decision's value as a reader would say it."""
+    if column.enum is None:
+        return str(value)
+    found = column.enum(value)
+    return found.label if isinstance(found, Pattern) else found.name.lower()

@@ -5,19 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig.frame import FLAT, TIMING, Block
-from rig.log import arrays
+from rig.log import arrays, shown
 from rig.log.arrays import DiscreteArrays, SignalArrays
 from rig.log.scan import About, iter_parts
 from rig.record.event import Event
 
+if TYPE_CHECKING:
+    import polars as pl
+    from matplotlib.figure import Figure
 
-@dataclass(slots=True)
+
+@dataclass(slots=True, repr=False)
 class Log:
     """A whole flight: ``rows`` (n,) of FLAT, ``timing`` (n,) of TIMING, and all that is known of it."""
 
@@ -47,6 +51,29 @@ class Log:
     def discrete(self, name: str) -> DiscreteArrays:
         """The arrays of one discrete; KeyError when there is no such discrete."""
         return arrays.of_discrete(self.rows, self.rate_hz, name)
+
+    def to_polars(self, *owners: str) -> pl.DataFrame:
+        """One row a frame, the columns named as in ``rig export``; SI units, enums as words.
+
+        owners : signals, discretes, topics (control, flight, ...); all if none.  KeyError: one that is not known.
+        """
+        from rig.log.dataframe import dataframe
+
+        return dataframe(self.rows, self.time_s, owners)
+
+    def plot(self, name: str) -> Figure:
+        """Channels, vote and truth of one signal over the flight; KeyError when there is no such signal."""
+        from rig.log.plot import plot
+
+        return plot(self, name)
+
+    def __repr__(self) -> str:
+        """One line: what was flown, and how it ended."""
+        return shown.line(self)
+
+    def _repr_html_(self) -> str:
+        """A small table for a notebook: scenario, verdict, failed channels, conclusion, digest."""
+        return shown.html(self)
 
 
 def read_log(path: Path | str) -> Log:

@@ -12,8 +12,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import Block, Pattern, State
-from rig.log.columns import COLUMNS, Column
+from rig.frame import Block, State
+from rig.log.columns import COLUMNS, Column, label
 from rig.offline.compare import compare
 
 FIELDS: Final = (
@@ -68,14 +68,6 @@ class Decisions:
     def as_dict(self) -> dict[str, Any]:
         """Plain data."""
         return asdict(self)
-
-
-def label(column: Column, value: int) -> str:
-    """A decision's value as a reader would say it."""
-    if column.enum is None:
-        return str(value)
-    found = column.enum(value)
-    return found.label if isinstance(found, Pattern) else found.name.lower()
 
 
 def decided(fields: tuple[str, ...]) -> list[Column]:

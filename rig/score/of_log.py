@@ -58,7 +58,18 @@ def score_log(
     unit : under test, that flew it and flies the twin
     BadInput, one line, when it is no log of a flight, has no verdict, or was flown with other sensors.
     """
-    log = read_log(path)
+    return score_read(read_log(path), path, yardstick, twin, allow_code, unit)
+
+
+def score_read(
+    log: Log,
+    path: Path,
+    yardstick: Yardstick,
+    twin: bool = True,
+    allow_code: bool = False,
+    unit: UnitUnderTest | None = None,
+) -> Scored:
+    """Score a log that has been read from ``path``, which messages name; else as ``score_log``."""
     scenario = _scenario(path, log, allow_code)
     if log.result is None:
         raise BadInput(f"{path}: the flight has no verdict (cut off, recovered or still being flown): not scored")
@@ -89,6 +100,16 @@ def conclude(log: Path, frames: int) -> list[str]:
         return [f"{frames} frames are not scored here: rig score {log}"]
     try:
         return score_log(log, Yardstick(), twin=False).conclusion
+    except BadInput as error:
+        return [f"not scored: {error}"]
+
+
+def conclude_read(log: Log) -> list[str]:
+    """Return the conclusion of a log that has been read, as ``conclude``."""
+    if len(log.rows) > MOST_FRAMES:
+        return [f"{len(log.rows)} frames are not scored here: rig score LOG"]
+    try:
+        return score_read(log, Path("log"), Yardstick(), twin=False).conclusion
     except BadInput as error:
         return [f"not scored: {error}"]
 

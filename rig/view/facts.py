@@ -12,8 +12,8 @@ from math import isfinite, nan
 from typing import Any, Final, NamedTuple
 
 from rig import fault_names
-from rig.computer.redundancy.config import MANAGERS
 from rig.frame import INDEX, MOST_FAULTS, SIGNALS
+from rig.log.series import threshold
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,11 +127,9 @@ class Layout(NamedTuple):
 
 def of_resolved(scenario: Mapping[str, Any]) -> Facts:
     """The facts of a scenario as plain data, with its defaults written out; KeyError when something is missing."""
-    signals, by_channels = scenario["redundancy"]["signals"], scenario["redundancy"]["manager"] == MANAGERS[0]
-    key = "outlier_threshold" if by_channels else "threshold"
     return Facts(
         scenario.get("title") or scenario["aircraft"],
-        {signal.name: signals[signal.name].get(key) or signals[signal.name]["threshold"] for signal in SIGNALS},
+        {signal.name: threshold(scenario, signal.name) for signal in SIGNALS},
         tuple(map(_fault, scenario["faults"])),
     )
 

@@ -92,6 +92,7 @@ def trust(draw: Draw, store: Store) -> Case:
         ("replay", "log.mcap", "--redundancy", "r.toml"),
         ("score", "l.mcap"),
         ("score", "l.mcap", "--no-twin"),
+        ("report", "l.mcap"),
         ("info", "l.mcap"),
         ("export", "l.mcap", "--to", "csv"),
         ("view", "l.mcap", "--save", "v.rrd"),

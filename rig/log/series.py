@@ -1,0 +1,79 @@
+"""A signal over a flight as pictures draw it: degrees, angles without jumps, limits that a hardover does not set."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.computer.redundancy.config import MANAGERS
+from rig.frame import INDEX, SIGNALS, TWO_PI, Block, State
+from rig.quantities import scale_shown, unit_shown
+
+ROOM: Final = 3.0  # thresholds above and below vote and truth
+NEAR: Final = 15.0  # thresholds: a channel in use that is not further from the vote is in the picture
+Array = NDArray[np.float64]
+
+
+class Series(NamedTuple):
+    """One signal in the unit that people read, angles unwrapped along the truth; NaN where there is no number."""
+
+    name: str
+    unit: str  # that is shown
+    scale: float  # shown units in one of the signal's SI unit
+    time_s: Array  # (n,)
+    channels: Array  # (n, channels)
+    used: NDArray[np.bool_]  # (n, channels) not failed
+    voted: Array  # (n,)
+    truth: Array  # (n,)
+
+
+def series(rows: Block, rate_hz: float, name: str) -> Series:
+    """Return the signal ``name`` of ``rows`` (n,); KeyError when there is none."""
+    if name not in INDEX:
+        raise KeyError(f"unknown signal {name!r}, allowed: {', '.join(INDEX)}")
+    signal, s = SIGNALS[INDEX[name]], INDEX[name]
+    truth, voted, channels = rows["truth"][:, s], rows["voted"][:, s], rows["channels"][:, s, : signal.channels]
+    if signal.wraps:
+        truth = unwrapped(truth)
+        voted, channels = near(voted, truth), near(channels, truth[:, None])
+    scale = scale_shown(signal.unit)
+    values = (channels * scale, rows["state"][:, s, : signal.channels] != State.FAILED, voted * scale, truth * scale)
+    return Series(name, unit_shown(signal.unit), scale, rows["frame"] / rate_hz, *values)
+
+
+def unwrapped(angle: Array) -> Array:
+    """Return angles (n,), rad, without jumps of a turn; the first stays, and what is no number."""
+    out, known = angle.copy(), np.isfinite(angle)
+    out[known] = np.unwrap(angle[known])
+    return out
+
+
+def near(angle: Array, base: Array) -> Array:
+    """Return angles, rad, moved by whole turns to within half a turn of ``base``."""
+    with np.errstate(invalid="ignore"):
+        return base + (angle - base + np.pi) % TWO_PI - np.pi
+
+
+def limits(shown: Series, threshold: float) -> tuple[float, float]:
+    """Return the lowest and highest value to draw: vote and truth with ROOM thresholds (SI), channels in use and NEAR.
+
+    So a hardover leaves the picture, and does not flatten the others.
+    """
+    unit = threshold * shown.scale
+    with np.errstate(invalid="ignore"):
+        close = shown.used & (np.abs(shown.channels - shown.voted[:, None]) <= NEAR * unit)
+    drawn = [shown.voted - ROOM * unit, shown.voted + ROOM * unit, shown.truth - ROOM * unit, shown.truth + ROOM * unit]
+    known = np.concatenate([*drawn, shown.channels[close] - unit, shown.channels[close] + unit])
+    known = known[np.isfinite(known)]
+    return (float(known.min()), float(known.max())) if len(known) else (-1.0, 1.0)
+
+
+def threshold(resolved: Mapping[str, Any], name: str) -> float:
+    """Return how far a channel of a signal may be from the vote, SI, by a scenario as plain data; KeyError: none."""
+    redundancy = resolved["redundancy"]
+    signal = redundancy["signals"][name]
+    by_channels = redundancy["manager"] == MANAGERS[0]  # the others have no threshold of a single channel
+    return float((signal.get("outlier_threshold") if by_channels else None) or signal["threshold"])

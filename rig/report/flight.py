@@ -1,0 +1,149 @@
+"""The report of one flight: one HTML file with everything in it, for a browser without a network."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+
+from rig.errors import BadInput
+from rig.files import write_text
+from rig.frame import INDEX, SIGNALS
+from rig.log import Log, read_log
+from rig.log.schema import SCHEMA_VERSION
+from rig.log.series import threshold
+from rig.offline.overrides import FILE, overrides
+from rig.quantities import duration, seconds
+from rig.report import figures as draw
+from rig.report.moments import Moment, affected, moment, signals_of
+from rig.report.page import render
+from rig.report.timeline import spans, timeline
+from rig.score import cells
+from rig.score.of_log import MOST_FRAMES, Scored, score_read
+from rig.score.outcomes import acts
+from rig.score.record import Yardstick
+
+MOST_SIGNALS: Final = 8  # that are drawn
+MOST_MOMENTS: Final = 4
+MOST_ROWS: Final = 300  # of a table
+QUIETEST: Final = 4  # signals whose vote's error is drawn where nothing happened to any
+
+
+def report(path: Path, out: Path) -> dict[str, Any]:
+    """Write the report of the log at ``path`` to ``out``; what it says as plain data.
+
+    BadInput or BadLog, one line: no log of ``rig fly``, no verdict, too long.
+    """
+    log = read_log(path)
+    if len(log.rows) > MOST_FRAMES:
+        raise BadInput(f"{path}: {len(log.rows)} frames: a report is of at most {MOST_FRAMES}")
+    scored = score_read(log, path, Yardstick(), twin=False)
+    names = affected(scored, log.rows)
+    moments = [found for name in names if (found := moment(scored, log.rows, name)) is not None][:MOST_MOMENTS]
+    drawn = _figures(log, scored, names, moments)
+    about = _about(log, scored, names, moments)
+    write_text(out, render("report/flight.html", drawn, {}, drawn=list(drawn), **about))
+    told = {"shown": names, "moments": [one._asdict() for one in moments], "overrides": about["sets"]}
+    return {"report": str(out), **told, **scored.as_dict()}
+
+
+def _figures(log: Log, scored: Scored, names: Sequence[str], moments: Sequence[Moment]) -> dict[str, go.Figure]:
+    """The pictures by the id of their element, in the order of the page."""
+    rows, rate_hz, resolved = log.rows, log.rate_hz, scored.scenario.resolved()
+    labels = [fault.label for fault in scored.scenario.faults]
+    shown, acting = names[:MOST_SIGNALS], _acting(log, scored)
+    found = {"timeline": timeline(lanes)} if (lanes := spans(rows, rate_hz, shown, labels)) else {}
+    for one in moments:
+        limit = threshold(resolved, one.signal)
+        found[f"moment-{one.signal}"] = draw.of_moment(rows, rate_hz, one, limit, acting[one.signal])
+    for name in shown:
+        found[f"signal-{name}"] = draw.of_flight(rows, rate_hz, name, threshold(resolved, name), acting[name])
+    found["votes"] = draw.vote_errors(rows, rate_hz, _thresholds(scored, shown))
+    found["surfaces"] = draw.surfaces(rows, rate_hz)
+    return found
+
+
+def _acting(log: Log, scored: Scored) -> dict[str, NDArray[np.bool_]]:
+    """(n,) whether a fault on a signal, or on its reference, acts; by the signal."""
+    acted = acts(log.rows, len(scored.scenario.faults))
+    on: dict[str, list[int]] = {signal.name: [] for signal in SIGNALS}
+    for fault in scored.score.faults:
+        for name in signals_of(fault, scored.scenario):
+            on[name].append(fault.index)
+    return {name: np.asarray(acted[:, numbers].any(axis=1)) for name, numbers in on.items()}
+
+
+def _thresholds(scored: Scored, names: Sequence[str]) -> dict[str, float]:
+    """What the votes of ``names`` may be off; of none, of the signals that are nearest to theirs."""
+    signals = scored.scenario.resolved()["redundancy"]["signals"]
+    limits = {name: float(signals[name]["threshold"]) for name in INDEX}
+    found = scored.score.vote_error
+    ranked = sorted(INDEX, key=lambda name: -found[name].peak / limits[name])
+    return {name: limits[name] for name in names or ranked[:QUIETEST]}
+
+
+def _about(log: Log, scored: Scored, names: Sequence[str], moments: Sequence[Moment]) -> dict[str, Any]:
+    """What the page says beside its pictures."""
+    scenario, score, rate_hz = scored.scenario, scored.score, log.rate_hz
+    text = log.attachments.get(FILE, b"").decode(errors="replace")
+    return {
+        "title": scenario.title or scenario.aircraft,
+        "scored": scored,
+        "score": score,
+        "point": scenario.airframe.point(scenario.flight_point).name,
+        "sets": overrides(text, json.loads(log.metadata["scenario"])),
+        "unit": json.loads(log.metadata["unit"])["name"] if "unit" in log.metadata else None,
+        "ended": seconds(score.flight.frames, rate_hz),
+        "cards": _cards(scored, rate_hz),
+        "moments": [(one, _said(one, rate_hz)) for one in moments],
+        "signals": names[:MOST_SIGNALS],
+        "left_out": names[MOST_SIGNALS:],
+        "tables": _tables(scored, rate_hz),
+        "peaks": cells.peaks(score.flight),
+        "events": [(seconds(one.frame, rate_hz), one.level, one.name, one.text) for one in log.events],
+        "most": MOST_ROWS,
+        "flown_by": {key: text for key, text in log.metadata.items() if key.startswith(("version ", "git", "machine"))},
+        "schema": f"{log.metadata['schema_version']} (this rig writes {SCHEMA_VERSION})",
+    }
+
+
+def _said(one: Moment, rate_hz: float) -> str:
+    first = f"first out at {seconds(one.first, rate_hz)}"
+    if one.isolated is None:
+        return f"{first}; no channel was failed for it"
+    return f"{first}, failed at {seconds(one.isolated, rate_hz)}, {duration(one.isolated - one.first, rate_hz)} later"
+
+
+def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:
+    """Big figures, what they are, and whether they are bad."""
+    score = scored.score
+    detected = [fault for fault in score.faults if fault.outcome == "detected"]
+    missed = sum(fault.outcome == "missed" for fault in score.faults)
+    wrong = len(score.false_alarms) + len(score.wrong_isolations)
+    delays = [fault.delay_from_exceeded_frames for fault in detected if fault.delay_from_exceeded_frames is not None]
+    off = sum(error.above_threshold_s > 0 for error in score.vote_error.values())
+    lost = sum(signal.level_at_end == 0 for signal in score.signals.values())
+    return [
+        (f"{len(detected)} of {len(detected) + missed}", "detectable faults detected", missed > 0),
+        (duration(max(delays), rate_hz) if delays else "–", "longest delay from the threshold", False),  # noqa: RUF001
+        (str(wrong), "healthy channels failed", wrong > 0),
+        (str(off), "signals whose vote was off by more than its threshold", off > 0),
+        (str(lost), "signals without a channel at the end", lost > 0),
+    ]
+
+
+def _tables(scored: Scored, rate_hz: float) -> list[tuple[str, Sequence[str], list[cells.Row]]]:
+    """Title, heads and rows of the tables of the score; those without rows are left out."""
+    score = scored.score
+    found = [
+        ("Faults", cells.FAULTS, [cells.fault_row(fault, scored.scenario) for fault in score.faults]),
+        ("Healthy channels that were failed", cells.ISOLATIONS, cells.isolation_rows(score, rate_hz)),
+        ("Patterns without a majority", cells.RESOLVERS, cells.resolver_rows(score)),
+        ("Votes", cells.VOTES, cells.vote_rows(score, rate_hz)),
+    ]
+    return [(title, heads, rows) for title, heads, rows in found if rows]

@@ -1,0 +1,81 @@
+"""What a report of one flight shows: the signals that something happened to, and when it was decided."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.frame import INDEX, SIGNALS, Block, Pattern, Source, State
+from rig.scenario import Scenario
+from rig.score.of_log import Scored
+from rig.score.places import references_of
+from rig.score.record import FaultScore
+
+BEFORE_S: Final = 0.5  # shown before the first frame that matters
+AFTER_S: Final = 1.0  # and after the isolation
+WITHOUT_S: Final = 2.0  # and after the first frame where nothing was isolated
+LATEST_S: Final = 30.0  # an isolation later than this is not that of the first frame
+TOGETHER_S: Final = 2.0  # a fault that begins so shortly before a pattern is shown with it
+
+
+class Moment(NamedTuple):
+    """The frames of a signal in which it was decided; frames from 0."""
+
+    signal: str
+    first: int  # in which the error left the threshold, the fault began, or the pattern was met
+    isolated: int | None  # in which the first channel, or the reference, was failed for it
+    begin: int  # of what is shown
+    end: int  # the first that is not shown
+
+
+def affected(scored: Scored, rows: Block) -> list[str]:
+    """Return the signals with a fault, a failed channel, a pattern or another source than the vote, the first first."""
+    first: dict[str, int] = {}
+    for fault in scored.score.faults:
+        for name in signals_of(fault, scored.scenario):
+            if fault.onset_frame is not None:
+                first[name] = min(first.get(name, len(rows)), fault.onset_frame)
+    for s, signal in enumerate(SIGNALS):
+        failed = (rows["state"][:, s] == State.FAILED).any(axis=1)
+        odd = failed | (rows["pattern"][:, s] != Pattern.NORMAL) | (rows["source"][:, s] != Source.VOTED)
+        if odd.any():
+            first[signal.name] = min(first.get(signal.name, len(rows)), int(np.argmax(odd)))
+    return sorted(first, key=lambda name: (first[name], INDEX[name]))
+
+
+def signals_of(fault: FaultScore, scenario: Scenario) -> list[str]:
+    """Return the signals that a scored fault acts on, or whose reference it does."""
+    if fault.signal in INDEX:
+        return [fault.signal]
+    return [SIGNALS[s].name for s in references_of(scenario.faults[fault.index], scenario.redundancy)]
+
+
+def moment(scored: Scored, rows: Block, name: str) -> Moment | None:
+    """Return the moment of a signal: of its first pattern without a majority, else of its first fault; None: neither.
+
+    rows : (n,) of the flight
+    """
+    rate_hz = scored.scenario.rate_hz
+    faults = [fault for fault in scored.score.faults if name in signals_of(fault, scored.scenario)]
+    begins = [fault.onset_frame if fault.exceeded_frame is None else fault.exceeded_frame for fault in faults]
+    known = [frame for frame in begins if frame is not None]
+    patterns = [episode.first_frame for episode in scored.score.episodes if episode.signal == name]
+    failures = _failures(rows["state"][:, INDEX[name]])
+    if patterns:
+        known = [frame for frame in known if 0 <= patterns[0] - frame <= TOGETHER_S * rate_hz] + patterns[:1]
+    if not known and not failures:
+        return None
+    first = min(known or failures)
+    ends = [*failures, *(fault.failed_frame for fault in faults if fault.failed_frame is not None)]
+    isolated = min((frame for frame in ends if first <= frame <= first + LATEST_S * rate_hz), default=None)
+    last = first + WITHOUT_S * rate_hz if isolated is None else isolated + AFTER_S * rate_hz
+    return Moment(name, first, isolated, max(0, first - round(BEFORE_S * rate_hz)), min(len(rows), round(last) + 1))
+
+
+def _failures(states: NDArray[np.uint8]) -> list[int]:
+    """The frames in which a channel of ``states`` (n, 4) becomes failed."""
+    failed = states == State.FAILED
+    new = failed & ~np.vstack([np.zeros((1, failed.shape[1]), bool), failed[:-1]])
+    return np.flatnonzero(new.any(axis=1)).tolist()

@@ -1,0 +1,135 @@
+"""The lanes of a flight: which state each channel, pattern, level and fault had when."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from html import escape
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import plotly.graph_objects as go
+
+from rig.frame import INDEX, Block
+from rig.report.page import LAYOUT
+from rig.view.lanes import LANES, Changes, Lane, changes
+
+MOST_SPANS: Final = 6000  # that are drawn; of more, the shortest are left out
+_NAMES: Final = {"resolver": "decided by"}
+_QUIET: Final = ("ok", "normal", "none", "voted", "autopilot", "4 channels")
+_COLOURS: Final = {
+    **dict.fromkeys(_QUIET, "#dfe6ec"),
+    "suspect": "#f4c542",
+    "failed": "#b2182b",
+    "acting": "#e08214",
+    "isolated": "#92c5de",
+    "lost": "#1d2630",
+    "unresolved": "#1d2630",
+    "3 channels": "#92c5de",
+    "2 channels": "#4393c3",
+    "1 channel": "#2166ac",
+    "no channel": "#1d2630",
+}
+_OTHER: Final = "#8073ac"
+
+
+class Span(NamedTuple):
+    """One state of one lane."""
+
+    lane: str
+    begin_s: float
+    end_s: float
+    label: str
+
+
+def spans(rows: Block, rate_hz: float, signals: Sequence[str], faults: Sequence[str]) -> list[Span]:
+    """Return the states of ``rows`` (n,) lane by lane: faults, then the signals, discretes and law with an event.
+
+    faults : their labels, in the order of the scenario
+    """
+    lanes = {lane.path: lane for lane in LANES}
+    found: dict[str, list[Span]] = {}
+    for change in changes(rows, None, faults):
+        lane = lanes.get(change.path)
+        name = _named(change.path, faults)
+        found[change.path] = list(_spans(name, change, lane, len(rows), rate_hz))
+    fault_lanes = [path for path in found if path.startswith("/fault")]
+    kept = [span for path in fault_lanes for span in found[path] if span.label]
+    for name in signals:
+        of = [path for path in found if path.startswith(f"/lane/{name}/")]
+        kept += [span for path in of if "/ch_" in path or _eventful(found[path]) for span in found[path]]
+        kept += _levels(rows, rate_hz, name)
+    others = [lane.path for lane in LANES if lane.path.split("/")[2] not in INDEX]
+    kept += [span for path in others if _eventful(found[path]) for span in found[path] if span.label != "absent"]
+    return _most([span for span in kept if span.label])
+
+
+def _named(path: str, faults: Sequence[str]) -> str:
+    """As people read it: ``pitch_rate channel 3``."""
+    parts = path.split("/")
+    if parts[1] == "fault":
+        return escape(f"fault {faults[int(parts[2]) - 1]}")  # plotly reads tags
+    return f"{parts[2]} {_NAMES.get(parts[3], parts[3].replace('ch_', 'channel '))}"
+
+
+def _spans(name: str, change: Changes, lane: Lane | None, frames: int, rate_hz: float) -> Iterator[Span]:
+    ends = [*change.rows[1:], frames]
+    for row, end, state in zip(change.rows, ends, change.states, strict=True):
+        yield Span(name, row / rate_hz, end / rate_hz, _label(state, lane))
+
+
+def _label(state: str | None, lane: Lane | None) -> str:
+    """A state in words; "" for what is not drawn: a fault that does not act, a channel that is not fitted."""
+    if state is None or state == "ABSENT":
+        return ""
+    return state.lower() if lane is None or state not in lane.looks else lane.looks[state][0]
+
+
+def _eventful(of: Sequence[Span]) -> bool:
+    return any(span.label and span.label not in _QUIET for span in of)
+
+
+def _levels(rows: Block, rate_hz: float, name: str) -> list[Span]:
+    levels = rows["level"][:, INDEX[name]]
+    begins = np.flatnonzero(np.diff(levels, prepend=255 - levels[:1]))
+    words = {0: "no channel", 1: "1 channel"}
+    return [
+        Span(
+            f"{name} level", begin / rate_hz, end / rate_hz, words.get(int(levels[begin]), f"{levels[begin]} channels")
+        )
+        for begin, end in zip(begins, [*begins[1:], len(levels)], strict=True)
+    ]
+
+
+def _most(found: list[Span]) -> list[Span]:
+    if len(found) <= MOST_SPANS:
+        return found
+    shortest = sorted(span.end_s - span.begin_s for span in found)[len(found) - MOST_SPANS]
+    return [span for span in found if span.end_s - span.begin_s >= shortest][:MOST_SPANS]
+
+
+def timeline(found: Sequence[Span]) -> go.Figure:
+    """Draw spans, a lane a row, the first at the top."""
+    lanes, labels = list(dict.fromkeys(span.lane for span in found)), dict.fromkeys(span.label for span in found)
+    figure = go.Figure()
+    for label in labels:
+        figure.add_bar(**_bars([span for span in found if span.label == label], label))
+    layout: dict[str, Any] = {"barmode": "overlay", "bargap": 0.25, "height": 110 + 24 * len(lanes)}
+    legend = {"orientation": "h", "yanchor": "top", "y": -50 / (24 * len(lanes) + 20), "traceorder": "normal"}
+    figure.update_layout(**LAYOUT, **layout, legend=legend, showlegend=True)
+    figure.update_xaxes(title="time, s")
+    figure.update_yaxes(type="category", categoryorder="array", categoryarray=lanes, autorange="reversed")
+    return figure
+
+
+def _bars(found: Sequence[Span], label: str) -> dict[str, Any]:
+    colour, quiet = _COLOURS.get(label, _OTHER), label in _QUIET
+    return {
+        "x": [span.end_s - span.begin_s for span in found],
+        "base": [span.begin_s for span in found],
+        "y": [span.lane for span in found],
+        "orientation": "h",
+        "name": label,
+        "marker": {"color": colour, "line": {"color": colour, "width": 0 if quiet else 1}},  # never thinner than that
+        "customdata": [f"{span.begin_s:.2f} to {span.end_s:.2f} s" for span in found],
+        "hovertemplate": f"%{{y}}: {label}<br>%{{customdata}}<extra></extra>",
+    }

@@ -1,0 +1,166 @@
+"""``rig report``: the page of one flight, what it shows and when, and what it refuses."""
+
+import base64
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rig.flight import Flight, fly
+from rig.frame import INDEX, State, new_block
+from rig.report.figures import MOST_POINTS, errors, of_flight, spanned, surfaces, thinned, vote_errors
+from rig.report.flight import report
+from rig.report.timeline import spans
+
+OLD = Path(__file__).parent / "logs"
+SHORT = ["duration_s=6", "faults.0.start_s=3", "redundancy.signals.pitch_rate.persistence=6"]
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
+    return fly("f16_pitch_rate_hardover", overrides=SHORT, out=tmp_path_factory.mktemp("logs"))
+
+
+@pytest.fixture(scope="module")
+def page(flight: Flight, tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], str]:
+    out = tmp_path_factory.mktemp("report") / "report.html"
+    return report(flight.log, out), out.read_text()
+
+
+def figures(text: str) -> dict[str, Any]:
+    return json.loads(re.search(r'id="figures">(.*?)</script>', text, re.DOTALL).group(1))  # type: ignore[union-attr]
+
+
+def numbers(data: dict[str, Any]) -> np.ndarray:
+    """An array as plotly writes it."""
+    return np.frombuffer(base64.b64decode(data["bdata"]), data["dtype"])
+
+
+def test_the_page_says_what_happened_and_what_was_flown(page: tuple[dict[str, Any], str], flight: Flight):
+    found, text = page
+    head = re.sub(r"<[^>]+>|\s+", " ", text[text.index("<h1>") : text.index("<h2>Timeline")])
+    assert "Survived : F-16 pitch-rate hardover" in head and "manager cross-channel" in head
+    for override in SHORT:
+        assert override.replace("=6", "=6.0") in head or override.replace("=3", "=3.0") in head or override in head
+    assert "1 of 1" in head and "50 ms" in head  # 6 frames of miscompare
+    for sentence in found["conclusion"]:
+        assert sentence in text
+    assert flight.digest in text and "jsbsim-rig" in text and "seed 1" in head
+
+
+def test_the_decision_is_shown_from_half_a_second_before_to_a_second_after(page: tuple[dict[str, Any], str]):
+    found, text = page
+    (one,) = found["moments"]
+    assert one == {"signal": "pitch_rate", "first": 300, "isolated": 305, "begin": 250, "end": 406}
+    drawn = figures(text)["moment-pitch_rate"]
+    truth = next(trace for trace in drawn["data"] if trace.get("name") == "truth")
+    assert numbers(truth["x"])[[0, -1]] == pytest.approx([2.5, 4.05])
+
+
+def test_a_hardover_does_not_flatten_the_others(page: tuple[dict[str, Any], str]):
+    _, text = page
+    drawn = figures(text)["signal-pitch_rate"]
+    low, high = drawn["layout"]["yaxis"]["range"]
+    assert -10.0 < low < 0.0 < high < 10.0  # deg/s; the hardover is at 85.9
+    assert any(trace.get("name") == "channel 3 (to +85.9 deg/s)" for trace in drawn["data"])
+    assert drawn["layout"]["yaxis"]["title"]["text"] == "pitch_rate, deg/s"
+
+
+def test_the_lanes_change_when_the_fault_begins_and_when_the_channel_is_failed(flight: Flight):
+    found = spans(flight.rows, 100.0, ["pitch_rate"], ["hardover pitch_rate.3"])
+    by = {(span.lane, span.label): (span.begin_s, span.end_s) for span in found}
+    assert by["fault hardover pitch_rate.3", "acting"] == (3.0, 6.0)
+    assert by["pitch_rate channel 3", "failed"] == (3.05, 6.0)
+    assert by["pitch_rate level", "4 channels"] == (0.0, 3.05) and by["pitch_rate level", "3 channels"] == (3.05, 6.0)
+    assert {lane for lane, _ in by if lane.startswith("roll_rate")} == set()
+
+
+def test_the_page_asks_nothing_of_a_network(page: tuple[dict[str, Any], str]):
+    _, text = page
+    assert not re.search(r"<(script|link|img|iframe)[^>]*\s(src|href)=[\"']?(https?:|//)", text)
+    assert text.count("plotly.js v") == 1 and "@media print" in text
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="Chromium is not installed")
+def test_the_page_opens_in_a_browser_and_its_console_is_silent(page: tuple[dict[str, Any], str], tmp_path: Path):
+    out = tmp_path / "report.html"
+    out.write_text(page[1])
+    flags = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
+    flags += " --disable-component-update --disable-sync --enable-logging=stderr --virtual-time-budget=10000 --dump-dom"
+    flags += " --proxy-server=127.0.0.1:9"  # whatever is asked of a network fails
+    command = ["chromium", *flags.split(), f"--user-data-dir={tmp_path / 'profile'}", out.as_uri()]
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    said = [line for line in ran.stderr.splitlines() if ":CONSOLE" in line and "chrome://" not in line]
+    assert said == []
+    assert ran.stdout.count('class="main-svg"') >= len(figures(page[1]))
+
+
+def test_a_quiet_flight_has_no_decision_and_its_title_cannot_end_the_page(tmp_path: Path):
+    overrides = ["duration_s=1", "faults=[]", "title='</script><b>x'"]
+    flown = fly("f16_pitch_rate_hardover", overrides=overrides, out=tmp_path)
+    found = report(flown.log, tmp_path / "quiet.html")
+    text = (tmp_path / "quiet.html").read_text()
+    assert found["shown"] == [] and found["moments"] == []
+    assert "</script><b>x" not in text and "No fault acted" in text
+    assert {"votes", "surfaces"} == set(figures(text))
+
+
+def test_the_command_writes_beside_the_log_and_prints_one_object(rig_command: Any, flight: Flight):
+    code, out, _ = rig_command("report", str(flight.log), "--json")
+    found = json.loads(out)
+    assert code == 0 and found["report"] == str(flight.log.with_suffix(".html"))
+    assert Path(found["report"]).stat().st_size > 1e6 and found["faults"][0]["outcome"] == "detected"
+
+
+@pytest.mark.parametrize(("name", "why"), [("vote_schema_2.mcap", ""), ("missing.mcap", "cannot be read")])
+def test_what_is_no_log_of_a_flight_is_refused_in_one_line(rig_command: Any, tmp_path: Path, name: str, why: str):
+    code, out, err = rig_command("report", str(OLD / name), "--out", str(tmp_path / "report.html"))
+    assert (code, out) == (2, "") and err.count("\n") == 1 and name in err and why in err
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_a_thinned_line_keeps_its_extremes():
+    values = np.zeros(50_000)
+    values[[17, 33_333]] = -7.0, 9.0
+    values[100:200] = np.nan
+    chosen = thinned(values)
+    assert len(chosen) <= MOST_POINTS and {17, 33_333} <= set(chosen.tolist())
+    assert np.array_equal(thinned(values[:MOST_POINTS]), np.arange(MOST_POINTS))
+
+
+def test_small_motion_is_not_blown_up():
+    assert spanned([np.array([0.10, 0.12])], 2.0) == pytest.approx([-0.89, 1.11])
+    assert spanned([np.array([-10.0, 10.0]), np.array([np.nan])], 2.0) == pytest.approx([-11.0, 11.0])
+
+
+def test_what_reaches_an_actuator_is_drawn_where_a_fault_changed_it():
+    rows = new_block(3)
+    rows["frame"], rows["actuator"][:, 1] = np.arange(3), np.radians(4.0)  # of the aileron
+    drawn = surfaces(rows, 100.0).to_dict()
+    named = [(trace["name"], trace["yaxis"]) for trace in drawn["data"] if trace["showlegend"]]
+    assert named == [("command", "y"), ("position", "y"), ("at the actuator", "y2")]
+    assert drawn["layout"]["yaxis"]["range"] == [-1.0, 1.0]
+    assert drawn["layout"]["yaxis2"]["range"] == pytest.approx([-0.2, 4.2])
+
+
+def test_a_flight_that_ends_not_finite_can_be_drawn():
+    rows, s = new_block(4), INDEX["roll_angle"]
+    rows["frame"], rows["truth"][:, s] = np.arange(4), [0.0, 1.0, np.inf, np.nan]
+    rows["voted"][:, s], rows["actuator"][:, 0] = [0.0, 1e300, np.nan, 0.0], [0.0, 1e300, np.inf, np.nan]
+    acts = np.ones(4, bool)
+    drawn = [of_flight(rows, 100.0, "roll_angle", 0.1, acts), vote_errors(rows, 100.0, {"roll_angle": 0.1})]
+    for figure in (*drawn, surfaces(rows, 100.0)):
+        assert "NaN" not in json.dumps(json.loads(figure.to_json() or ""))
+
+
+def test_the_error_of_a_vote_of_an_angle_is_the_short_way_round():
+    rows, s = new_block(2), INDEX["heading"]
+    rows["voted"][:, s], rows["truth"][:, s] = [0.01, 6.28], [6.28, 0.01]
+    off = 0.01 - 6.28 + 2.0 * np.pi
+    assert errors(rows, "heading") == pytest.approx([off, -off])
+    assert (rows["state"] == State.OK).all()
