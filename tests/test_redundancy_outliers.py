@@ -1,5 +1,7 @@
 """One channel of four or three that agree, further from the majority than the outlier threshold: by hand."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from conftest import constant, vote_samples
@@ -7,7 +9,7 @@ from conftest import constant, vote_samples
 from rig.frame import Pattern, State
 
 NAN = np.nan
-LIMITS = {"threshold": 5.0, "outlier_threshold": 1.0, "outlier_threshold_triplex": 2.0}
+LIMITS: dict[str, Any] = {"threshold": 5.0, "outlier_threshold": 1.0, "outlier_threshold_triplex": 2.0}
 
 
 @pytest.mark.requirement("redundancy", "an outlier of channels that agree")

@@ -75,7 +75,7 @@ def main() -> int:
     over = 0
     for name in SIGNAL_NAMES:
         by_design = [[one for one in found if one[:2] == (name, design)] for design in ("two alike", "one of two")]
-        worst = [max(one[k] for one in mine) for mine in by_design for k in (2, 3)]
+        worst = [max(moves) for mine in by_design for moves in ([one[2] for one in mine], [one[3] for one in mine])]
         g, rate = max(worst[::2]), max(worst[1::2])
         over += g > LIMIT_G or rate > LIMIT_DEG_S
         binds = "load factor" if g / LIMIT_G > rate / LIMIT_DEG_S else "rate"
