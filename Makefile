@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.stamp
 
-.PHONY: fly test check lint types imports coverage bench measured requirements golden designs replay setup clean
+.PHONY: fly test check lint types imports coverage bench measured requirements golden designs replay docs setup clean
 
 fly: setup  ## fly the default scenario: a hardover on one pitch-rate channel of the F-16
 	$(BIN)/rig fly
@@ -50,6 +50,11 @@ designs: setup  ## design every bundled aircraft twice: the same bytes both time
 replay: setup  ## fly every bundled scenario to its end, replay it and fly it again: all must be identical
 	$(BIN)/python tests/tools/replay_all.py
 
+docs: setup  ## build the docs site into site/: strict, nothing loaded from other hosts
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo 'site/index.html'
+
 setup: $(STAMP)
 
 $(STAMP): pyproject.toml constraints.txt
@@ -59,4 +64,4 @@ $(STAMP): pyproject.toml constraints.txt
 	touch $(STAMP)
 
 clean:
-	rm -rf $(VENV) .pytest_cache .ruff_cache .import_linter_cache build dist
+	rm -rf $(VENV) .pytest_cache .ruff_cache .import_linter_cache build dist site

@@ -25,7 +25,7 @@ LAG_S: Final = 0.5
 
 
 def truth() -> dict[str, NDArray[np.float64]]:
-    """Pitch rate: a first-order response to a 3-2-1-1 of 0.1 rad/s from 2 s; load factor: 1 g and its path's curvature."""
+    """Pitch rate: a first-order response to a 3-2-1-1 of 0.1 rad/s from 2 s, and the load factor of the path."""
     time_s = np.arange(ROWS) / RATE_HZ
     wanted = np.select(
         [(a <= time_s) & (time_s < b) for a, b in ((2, 5), (5, 7), (7, 8), (8, 9))], [0.1, -0.1, 0.1, -0.1]
