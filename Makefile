@@ -53,7 +53,7 @@ replay: setup  ## fly every bundled scenario to its end, replay it and fly it ag
 docs: setup  ## build the docs site into site/: strict, nothing loaded from other hosts
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
-	@echo 'site/index.html'
+	@echo 'site/index.html; with search: python3 -m http.server -b 127.0.0.1 -d site'
 
 setup: $(STAMP)
 

@@ -1,7 +1,7 @@
 """Every command of README and the tutorials works as written, in order, in a copy of what a clone has.
 
-What a tutorial shows as printed is printed, line by line. Commands that are too long or wait for a person are run in a shorter
-form, or only parsed.
+What a tutorial shows as printed is printed, line by line. Commands that are too long or wait for
+a person are only parsed, with their reason in PARSED.
 """
 
 import re
@@ -33,7 +33,6 @@ PARSED = {
     "rig fly --watch": "draws on a terminal, tests/test_view_watch.py",
     "rig reliability run": "needs the campaign `reliability`, tests/test_reliability_run.py",
     "rig reliability trials": "needs hours, tests/test_reliability_trials.py",
-    "rig report": "tested by itself",
     "rig study": "minutes, tests/test_studies_*.py",
     "rig view": "a window or a picture, tests/test_view_*.py",
     "rig watch": "plays on a terminal, tests/test_view_watch.py",
@@ -60,7 +59,7 @@ def commands(text: str) -> list[Shown]:
     for kind, block in re.findall(r"^```(console|sh)\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
         for line in block.splitlines():
             if kind == "sh" or line.startswith("$ "):
-                found.append(Shown(line.removeprefix("$ ").partition("  #")[0].strip()))
+                found.append(Shown(re.split(r"(?:^|\s)# ", line.removeprefix("$ "))[0].strip()))
             else:
                 found[-1] = Shown(found[-1].command, (*found[-1].printed, line))
     return [one for one in found if one.command]
@@ -145,7 +144,7 @@ def test_every_exception_is_of_a_command_that_a_page_shows():
 
 
 def test_commands_and_their_output_are_read_from_a_page():
-    page = "```console\n$ rig fly  # a flight\n  20.00 s\n```\n```toml\n$ no\n```\n```sh\nmake fly\n```\n"
+    page = "```console\n$ rig fly # a flight\n  20.00 s\n```\n```toml\n$ no\n```\n```sh\nmake fly\n```\n"
     assert commands(page) == [Shown("rig fly", ("  20.00 s",)), Shown("make fly")]
 
 
