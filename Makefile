@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.stamp
 
-.PHONY: fly test test-all wheel check lint types imports coverage bench measured requirements golden designs replay setup clean
+.PHONY: fly test test-all wheel check lint types imports coverage bench measured requirements golden designs replay docs setup clean
 
 fly: setup  ## fly the default scenario: a hardover on one pitch-rate channel of the F-16
 	$(BIN)/rig fly
@@ -56,6 +56,11 @@ designs: setup  ## design every bundled aircraft twice: the same bytes both time
 replay: setup  ## fly every bundled scenario to its end, replay it and fly it again: all must be identical
 	$(BIN)/python tests/tools/replay_all.py
 
+docs: setup  ## build the docs site into site/: strict, nothing loaded from other hosts
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo 'site/index.html; with search: python3 -m http.server -b 127.0.0.1 -d site'
+
 setup: $(STAMP)
 
 $(STAMP): pyproject.toml constraints.txt
@@ -65,4 +70,4 @@ $(STAMP): pyproject.toml constraints.txt
 	touch $(STAMP)
 
 clean:
-	rm -rf $(VENV) .pytest_cache .ruff_cache .import_linter_cache build dist tests/foxglove/node_modules
+	rm -rf $(VENV) .pytest_cache .ruff_cache .import_linter_cache build dist site tests/foxglove/node_modules
