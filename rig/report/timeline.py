@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 
 from rig.frame import INDEX, Block
 from rig.report.page import LAYOUT
-from rig.view.lanes import LANES, Changes, Lane, changes
+from rig.view.lanes import LANES, Changes, Lane, changes, fault_path
 
 MOST_SPANS: Final = 6000  # that are drawn; of more, the shortest are left out
 _NAMES: Final = {"resolver": "decided by"}
@@ -48,27 +48,27 @@ def spans(rows: Block, rate_hz: float, signals: Sequence[str], faults: Sequence[
     """
     lanes = {lane.path: lane for lane in LANES}
     found: dict[str, list[Span]] = {}
+    named = {fault_path(i): f"fault {escape(label)}" for i, label in enumerate(faults)}  # plotly reads tags
+    named |= {path: _named(path) for path in lanes}
     for change in changes(rows, None, faults):
-        lane = lanes.get(change.path)
-        name = _named(change.path, faults)
-        found[change.path] = list(_spans(name, change, lane, len(rows), rate_hz))
-    fault_lanes = [path for path in found if path.startswith("/fault")]
-    kept = [span for path in fault_lanes for span in found[path] if span.label]
+        if change.path in named:  # and not the channels of a signal together
+            found[change.path] = list(_spans(named[change.path], change, lanes.get(change.path), len(rows), rate_hz))
+    kept = [span for i in range(len(faults)) for span in found.get(fault_path(i), []) if span.label]
     for name in signals:
-        of = [path for path in found if path.startswith(f"/lane/{name}/")]
-        kept += [span for path in of if "/ch_" in path or _eventful(found[path]) for span in found[path]]
+        of = [path for path in found if path.startswith(f"/{name}/")]
+        kept += [span for path in of if "/channel_" in path or _eventful(found[path]) for span in found[path]]
         kept += _levels(rows, rate_hz, name)
-    others = [lane.path for lane in LANES if lane.path.split("/")[2] not in INDEX]
+    others = [lane.path for lane in LANES if lane.path.split("/")[1] not in INDEX]
     kept += [span for path in others if _eventful(found[path]) for span in found[path] if span.label != "absent"]
     return _most([span for span in kept if span.label])
 
 
-def _named(path: str, faults: Sequence[str]) -> str:
+def _named(path: str) -> str:
     """As people read it: ``pitch_rate channel 3``."""
-    parts = path.split("/")
-    if parts[1] == "fault":
-        return escape(f"fault {faults[int(parts[2]) - 1]}")  # plotly reads tags
-    return f"{parts[2]} {_NAMES.get(parts[3], parts[3].replace('ch_', 'channel '))}"
+    _, of, *lane = path.split("/")
+    return (
+        " ".join([of, *(_NAMES.get(part, part.replace("_", " ")) for part in lane)]) if lane else of.replace("_", " ")
+    )
 
 
 def _spans(name: str, change: Changes, lane: Lane | None, frames: int, rate_hz: float) -> Iterator[Span]:
@@ -79,9 +79,10 @@ def _spans(name: str, change: Changes, lane: Lane | None, frames: int, rate_hz: 
 
 def _label(state: str | None, lane: Lane | None) -> str:
     """A state in words; "" for what is not drawn: a fault that does not act, a channel that is not fitted."""
-    if state is None or state == "ABSENT":
+    if state is None or state.endswith("ABSENT"):
         return ""
-    return state.lower() if lane is None or state not in lane.looks else lane.looks[state][0]
+    label = state.lower() if lane is None or state not in lane.looks else lane.looks[state][0]
+    return label.rpartition(": ")[2] if state.startswith("channel ") else label  # the lane has its number already
 
 
 def _eventful(of: Sequence[Span]) -> bool:

@@ -33,7 +33,10 @@ class Context(NamedTuple):
 
     def threshold(self, fault: FaultScore) -> float | None:
         """What the monitor of the fault's signal allows with all channels in use, its unit; None where no signal is."""
-        return float(self.params[INDEX[fault.signal]]["threshold"]) if fault.signal in INDEX else None
+        if fault.signal not in INDEX:
+            return None
+        p = self.params[INDEX[fault.signal]]
+        return float(p["outlier_threshold"] or p["threshold"])
 
 
 def error_unit(fault: FaultScore, scenario: Scenario) -> str:

@@ -43,12 +43,13 @@ def in_use(rows: Block, s: int, first: int, end: int, p: NDArray[np.void]) -> Bo
 def nearness(rows: Block, s: int, c: int, first: int, end: int, p: NDArray[np.void]) -> Nearness:
     """Compare channel ``c`` (from 0) of signal ``s`` with the others in the frames ``first`` to ``end`` (excluded)."""
     samples, compared = rows["channels"][first:end, s], in_use(rows, s, first, end, p)
-    off = np.abs(difference(samples, samples[:, c : c + 1], SIGNALS[s].wraps))
-    off = np.where(compared & compared[:, c : c + 1], off, np.inf)
+    from_c = difference(samples, samples[:, c : c + 1], SIGNALS[s].wraps)
+    off = np.where(compared & compared[:, c : c + 1], np.abs(from_c), np.inf)
     off[:, c] = np.inf
     nearest = off.argmin(axis=1)
     distance = off[np.arange(len(off)), nearest]
     alone = ~compared[:, c] | ~(distance <= allowed(compared.sum(axis=1), p))
+    alone |= outlier(np.where(compared, from_c, np.nan), distance, p)
     return Nearness(alone, np.where(np.isfinite(distance), nearest, -1), distance)
 
 
@@ -56,6 +57,18 @@ def allowed(compared: NDArray[np.intp], p: NDArray[np.void]) -> NDArray[np.float
     """(m,) threshold while so many samples are ``compared``, unit of the signal; p : the signal's config.PARAMS."""
     by_number = np.array([p["threshold_duplex"]] * 3 + [p["threshold_triplex"], p["threshold"]])
     return by_number[compared]
+
+
+def outlier(samples: NDArray[np.float64], distance: NDArray[np.float64], p: NDArray[np.void]) -> Bools:
+    """(m,) where all agree, but one is ``distance`` from its nearest, beyond the outlier threshold, and two within it.
+
+    samples : (m, 4), NaN where not compared; p : the signal's config.PARAMS
+    """
+    count = np.isfinite(samples).sum(axis=1)
+    limit = np.array([0.0] * 3 + [p["outlier_threshold_triplex"], p["outlier_threshold"]])[count]
+    gaps = np.diff(np.sort(samples, axis=1), axis=1)  # NaN come last
+    together = ~(gaps > allowed(count, p)[:, None]).any(axis=1)
+    return (limit > 0.0) & together & (distance > limit) & (gaps <= limit[:, None]).any(axis=1)
 
 
 def last_run(flags: Bools) -> int:
