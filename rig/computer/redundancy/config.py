@@ -65,11 +65,6 @@ class SignalConfig(Settings):
                 raise ValueError(f"outlier_threshold{level}: at most threshold{level}, {most:g}, got {limit:g}")
         return self
 
-    @property
-    def smallest(self) -> float:
-        """The error above which a single channel of four is found, unit of the signal."""
-        return self.outlier_threshold or self.threshold
-
     @field_validator("resolvers")
     @classmethod
     def _once_each(cls, resolvers: list[ResolverName]) -> list[ResolverName]:
