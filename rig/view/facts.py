@@ -151,7 +151,7 @@ def of_log(metadata: Mapping[str, str]) -> Facts:
     """
     try:
         return replace(of_resolved(json.loads(metadata["scenario"])), unit=_unit(metadata))
-    except (KeyError, TypeError, ValueError, RecursionError):
+    except (AttributeError, KeyError, TypeError, ValueError, RecursionError):
         return UNKNOWN
 
 
