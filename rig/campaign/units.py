@@ -20,7 +20,7 @@ def flown_with(unit: Unit | None) -> Iterator[UnitUnderTest | None]:
         return
     key = unit.model_dump_json()
     if key not in _running:
-        _running[key] = UnitUnderTest(unit)
+        _running[key] = UnitUnderTest(unit, crowded=True)
     tested, fit = _running[key], False
     try:
         yield tested

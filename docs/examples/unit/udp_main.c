@@ -10,6 +10,7 @@
 #include <arpa/inet.h>
 #include <errno.h>
 #include <netinet/in.h>
+#include <sched.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -32,6 +33,7 @@ union message {
 };
 
 static int fd;
+static int looks; /* for a message before it sleeps: to be woken takes longer than a frame of the rig */
 static bool connected;         /* to one rig, by --rig */
 static struct sockaddr_in rig; /* whom to answer */
 static uint64_t session;       /* 0: none */
@@ -138,6 +140,22 @@ static void handle(const union message *m, const struct sockaddr_in *from)
     }
 }
 
+/* The next message, its size, -1 with errno. */
+static ssize_t receive(union message *m, struct sockaddr_in *from)
+{
+    for (int looked = 0;; looked++) {
+        socklen_t length = sizeof *from;
+        const int flags = looked < looks ? MSG_DONTWAIT : 0;
+        const ssize_t size = recvfrom(fd, m, sizeof *m, flags, (struct sockaddr *)from, &length);
+        if (size >= 0 || flags == 0 || (errno != EAGAIN && errno != EWOULDBLOCK)) {
+            return size;
+        }
+        if (looked % 8 == 7) {
+            sched_yield();
+        }
+    }
+}
+
 /* Serve until the rig is gone; with --listen for ever.  Returns the exit code. */
 static int serve(void)
 {
@@ -145,8 +163,7 @@ static int serve(void)
     bool heard = false;
     while (!gone) {
         struct sockaddr_in from;
-        socklen_t length = sizeof from;
-        const ssize_t size = recvfrom(fd, &m, sizeof m, 0, (struct sockaddr *)&from, &length);
+        const ssize_t size = receive(&m, &from);
         if (size >= (ssize_t)sizeof m.head && sound(&m, (size_t)size)) {
             heard = true;
             handle(&m, &from);
@@ -181,6 +198,9 @@ int main(int argc, char **argv)
     if (argc != 3 || (!connected && strcmp(argv[1], "--listen") != 0) || !parse(argv[2], &rig)) {
         fprintf(stderr, "usage: %s --rig ADDRESS:PORT | --listen [ADDRESS:]PORT\n", argv[0]);
         return 2;
+    }
+    if (getenv("RIG_UNIT_LOOKS") != NULL) { /* the rig says it, if it knows that a core is free for it */
+        looks = atoi(getenv("RIG_UNIT_LOOKS"));
     }
     fd = socket(AF_INET, SOCK_DGRAM, 0);
     if (fd < 0 || (connected ? connect : bind)(fd, (const struct sockaddr *)&rig, sizeof rig) != 0) {

@@ -13,10 +13,11 @@ from typing import Final
 import llvmlite.binding as llvm
 
 # answer: the bytes of the first message that is no FRAME of the session (0: the rig is gone, < 0: no message), or
-# that of a step that failed, its code in state[1].  state[0] counts the steps.
+# that of a step that failed, its code in state[1].  state[0] counts the steps.  It looks for a message ``looks`` times
+# before it sleeps.
 _TEXT: Final = """
 define i64 @answer(i32 %fd, ptr %message, i64 %room, i64 %size, ptr %usual, ptr %output, ptr %blank, i64 %bytes,
-                   ptr %state, ptr %step, ptr %receive, ptr %send) {
+                   ptr %state, ptr %step, ptr %receive, ptr %send, ptr %give_way, i32 %at_once, i64 %looks) {
 begin:
   %usual_b = getelementptr i8, ptr %usual, i64 8
   %usual_c = getelementptr i8, ptr %usual, i64 16
@@ -27,7 +28,24 @@ begin:
   %code_at = getelementptr i8, ptr %state, i64 8
   br label %next
 next:
-  %count = call i64 %receive(i32 %fd, ptr %message, i64 %room, i32 0)
+  br label %look
+look:
+  %looked = phi i64 [0, %next], [%again, %give]
+  %got = call i64 %receive(i32 %fd, ptr %message, i64 %room, i32 %at_once)
+  %nothing = icmp slt i64 %got, 0
+  br i1 %nothing, label %none, label %came
+none:
+  %again = add i64 %looked, 1
+  %patient = icmp slt i64 %again, %looks
+  br i1 %patient, label %give, label %sleep
+give:
+  %gave = call i32 %give_way()
+  br label %look
+sleep:
+  %woken = call i64 %receive(i32 %fd, ptr %message, i64 %room, i32 0)
+  br label %came
+came:
+  %count = phi i64 [%got, %look], [%woken, %sleep]
   %whole = icmp eq i64 %count, %size
   br i1 %whole, label %compare, label %other
 compare:
@@ -77,5 +95,6 @@ def compiled() -> Callable[..., int]:
     engine.finalize_object()
     _held.append(engine)
     pointer, long = ctypes.c_void_p, ctypes.c_int64
-    kind = ctypes.CFUNCTYPE(long, ctypes.c_int, pointer, long, long, *(pointer,) * 3, long, *(pointer,) * 4)
+    records, functions = (pointer, long, long, *(pointer,) * 3, long, pointer), (pointer,) * 4
+    kind = ctypes.CFUNCTYPE(long, ctypes.c_int, *records, *functions, ctypes.c_int, long)
     return kind(engine.get_function_address("answer"))

@@ -28,9 +28,9 @@ _DAMAGED: Final = (zipfile.BadZipFile, OSError, RuntimeError, ValueError, EOFErr
 class FmuLink(SocketLink):
     """The child in which an FMU is stepped, and the folder that the FMU was unpacked into."""
 
-    def __init__(self, unit: Unit, folder: TemporaryDirectory[str]) -> None:
+    def __init__(self, unit: Unit, folder: TemporaryDirectory[str], looks: int) -> None:
         """Start the child.  BadInput."""
-        super().__init__(*links.hosted("fmu", Path(folder.name), unit.file.parent))
+        super().__init__(*links.hosted("fmu", Path(folder.name), unit.file.parent, looks))
         self._folder = folder
 
     def close(self) -> None:
@@ -39,15 +39,15 @@ class FmuLink(SocketLink):
         self._folder.cleanup()
 
 
-def child(unit: Unit) -> FmuLink:
-    """An FMU in a child process; BadInput when it is none that can be flown."""
+def child(unit: Unit, looks: int) -> FmuLink:
+    """An FMU in a child process; BadInput when it is none that can be flown.  looks : as of processes.Started"""
     if find_spec("fmpy") is None:
         raise BadInput(f"{unit.source}: carrier fmu needs FMPy: pip install 'jsbsim-rig[fmi]'")
     folder = TemporaryDirectory(prefix="rig-fmu-")
     try:
         plan = _plan(_unpacked(unit, Path(folder.name)), f"{unit.source}: {unit.path}")
         Path(folder.name, PLAN).write_text(json.dumps(plan))
-        return FmuLink(unit, folder)
+        return FmuLink(unit, folder, looks)
     except BaseException:
         folder.cleanup()
         raise

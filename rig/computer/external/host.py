@@ -24,7 +24,14 @@ HEAD = struct.Struct("<IHHQQqd")  # magic, version, kind, layout, session, frame
 USUAL_BYTES = 24  # magic to session: the same in all frames of a session
 HELLO, CONFIG, FRAME, END, READY, REFUSED = range(1, 7)
 _PR_SET_PDEATHSIG = 1
+AT_ONCE = getattr(socket, "MSG_DONTWAIT", 0)
+LOOKS_PER_LOOK = 4  # what one of Python takes is as long as so many of compiled code
 FUNCTIONS = ("rig_unit_open", "rig_unit_step", "rig_unit_close")
+
+
+def looks() -> int:
+    """How many times to look for a message before to sleep: to be woken takes longer, but others may need the core."""
+    return int(os.environ.get("RIG_UNIT_LOOKS", "0"))
 
 
 class Refused(Exception):
@@ -104,10 +111,19 @@ class Host:
 
     def _answer(self, message: memoryview) -> int:
         """Answer the frames of the session; the bytes of a message that is none, 0 when the other side is gone."""
-        receive, size = self._voice.talk.recv_into, self._voice.sizes["input"]
-        while (count := receive(message)) == size and message[:USUAL_BYTES] == self._usual:
+        size = self._voice.sizes["input"]
+        while (count := self._receive(message)) == size and message[:USUAL_BYTES] == self._usual:
             self._step(message)
         return count
+
+    def _receive(self, message: memoryview) -> int:
+        """The bytes of the next message: look for it some times, and only then sleep."""
+        receive = self._voice.talk.recv_into
+        for _ in range(looks() // LOOKS_PER_LOOK):
+            with suppress(BlockingIOError):
+                return receive(message, 0, AT_ONCE)
+            os.sched_yield()
+        return receive(message)
 
     def _handle(self, message: memoryview) -> None:
         kind = message[6] | message[7] << 8
@@ -160,11 +176,13 @@ class LibraryHost(Host):
         from rig.computer.external.answering import compiled  # not by who imports this file for its records
 
         self._blank, system = bytearray(voice.blank), ctypes.CDLL(None)
-        functions = [ctypes.cast(one, ctypes.c_void_p) for one in (library.step, system.recv, system.send)]
+        called = (library.step, system.recv, system.send, system.sched_yield)
+        functions = [ctypes.cast(one, ctypes.c_void_p) for one in called]
         sizes, state = voice.sizes, ctypes.addressof(self._state)
+        looking = AT_ONCE, looks()
         records = (self._from, sizes["message"], sizes["input"], _address(self._usual))
         reply = (self._to, _address(self._blank), len(self._blank), state)
-        self._compiled = partial(compiled(), voice.talk.fileno(), *records, *reply, *functions)
+        self._compiled = partial(compiled(), voice.talk.fileno(), *records, *reply, *functions, *looking)
 
     def _answer(self, message: memoryview) -> int:
         """As it says, for a step that fails too; what Python alone can tell of a broken socket is left to it."""

@@ -117,12 +117,12 @@ class SocketLink:
             self.process.stop()
 
 
-def child(unit: Unit) -> SocketLink:
-    """A library in a child process; BadInput when it cannot be started."""
-    return SocketLink(*hosted("library", unit.file, unit.file.parent))
+def child(unit: Unit, looks: int) -> SocketLink:
+    """A library in a child process; BadInput when it cannot be started.  looks : as of processes.Started"""
+    return SocketLink(*hosted("library", unit.file, unit.file.parent, looks))
 
 
-def hosted(kind: str, path: Path, folder: Path) -> tuple[socket.socket, Started]:
+def hosted(kind: str, path: Path, folder: Path, looks: int) -> tuple[socket.socket, Started]:
     """The host of ``kind`` with what is at ``path``, in ``folder``, and a socket to it.  BadInput."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     sizes = {
@@ -136,12 +136,12 @@ def hosted(kind: str, path: Path, folder: Path) -> tuple[socket.socket, Started]
     template = blank(OUTPUT, FROM_UNIT, Kind.REPLY).tobytes().hex()
     with theirs:
         fd = theirs.fileno()
-        process = Started(kind, [str(fd), str(path), template, *arguments], (fd,), folder)
+        process = Started(kind, [str(fd), str(path), template, *arguments], (fd,), folder, looks)
     return ours, process
 
 
-def udp(unit: Unit) -> SocketLink:
-    """A unit that speaks UDP: started by the rig and heard from, or at its address.  BadInput."""
+def udp(unit: Unit, looks: int) -> SocketLink:
+    """A unit that speaks UDP: started by the rig and heard from, or at its address.  BadInput.  looks : as ``child``"""
     talk = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     if unit.command is None:
         try:
@@ -155,7 +155,7 @@ def udp(unit: Unit) -> SocketLink:
     program, *rest = unit.command
     named = [str(unit.file) if unit.file.is_file() else program, *rest]
     command = [part.replace("{address}", f"{host}:{port}") for part in named]
-    process = Started("exec", command, folder=unit.folder)
+    process = Started("exec", command, folder=unit.folder, looks=looks)
     link = SocketLink(talk, process)
     try:
         _await_first(talk, process, unit)

@@ -16,6 +16,7 @@ from rig.errors import BadInput
 from rig.text import one_line
 
 MOST_OUTPUT: Final = 4096  # bytes of what it printed that are shown
+LOOKS: Final = "RIG_UNIT_LOOKS"  # in its environment; as in host.py
 END_S: Final = 1.0  # to end by itself when it is told that the session is over
 _HOSTS: Final = {"library": "host.py", "exec": "host.py", "fmu": "fmu_host.py"}
 
@@ -24,11 +25,16 @@ class Started:
     """A process of the unit: the host of a library, or a command."""
 
     def __init__(
-        self, kind: str, arguments: Iterable[str], fds: tuple[int, ...] = (), folder: Path | None = None
+        self,
+        kind: str,
+        arguments: Iterable[str],
+        fds: tuple[int, ...] = (),
+        folder: Path | None = None,
+        looks: int = 0,
     ) -> None:
         """Start the host of ``kind`` with ``arguments``; BadInput when the system cannot.
 
-        fds : that it inherits; folder : in which it runs
+        fds : that it inherits; folder : in which it runs; looks : for a message before it sleeps, told by LOOKS
         """
         self._command = kind == "exec"
         self._output = tempfile.TemporaryFile()  # noqa: SIM115 # lives as long as the process
@@ -42,6 +48,7 @@ class Started:
                 stderr=subprocess.STDOUT,
                 pass_fds=fds,
                 cwd=folder,
+                env={**os.environ, LOOKS: str(looks)},
                 start_new_session=True,  # a Ctrl-C is the rig's
             )
         except OSError as error:

@@ -20,7 +20,7 @@ from rig.computer.external.port import RECEIVED, Port, new_port
 from rig.computer.external.session import Dead, end_session, open_session
 from rig.computer.external.settings import Unit, read_unit
 from rig.computer.external.watch import Counts, Watch
-from rig.computer.external.way import FOREVER_NS, Way, ask, clear, new_way, to_library, to_socket
+from rig.computer.external.way import FOREVER_NS, Way, ask, clear, new_way, patience, to_library, to_socket
 from rig.errors import BadInput, RigError, UnitDead, UnitRefused
 from rig.frame import Unit as Answer
 from rig.interrupt import Stop
@@ -40,13 +40,16 @@ class UnitUnderTest:
     way: Way  # compiled code's, to the unit
     watch: Watch
 
-    def __init__(self, unit: Unit) -> None:
-        """Start the unit, or find it.  BadInput: one line says what is wrong with it."""
-        self.unit, self.form = unit, _FORMS[unit.form]
+    def __init__(self, unit: Unit, crowded: bool = False) -> None:
+        """Start the unit, or find it.  BadInput: one line says what is wrong with it.
+
+        crowded : other flights want the cores, on which nobody should then wait for a message
+        """
+        self.unit, self.form, self._patience = unit, _FORMS[unit.form], patience(crowded)
         self.said, self.printed = "", ""  # of itself; on its standard output, known when it is closed
         self._took_ns = memoryview(bytearray(8)).cast("q")  # of the last frame
         self.dead = False
-        self._link: Link | Called = _reach(unit)
+        self._link: Link | Called = _reach(unit, self._patience.looks)
         self._message = np.zeros(MOST_BYTES, np.uint8)
         self._into = self._message.data
 
@@ -79,7 +82,7 @@ class UnitUnderTest:
             to_library(self.way, self._link.step)
             self._ask = bind(ask, self.port, self.way, 0)
             return
-        to_socket(self.way, self._link.fd)
+        to_socket(self.way, self._link.fd, self._patience.spin_ns)
         self.said = open_session(self._link, self._config, self.unit.start_s, lambda: self._stop.requested)
 
     def end(self) -> None:
@@ -202,7 +205,7 @@ class UnitUnderTest:
         """A new process, CONFIG, and the present frame once more: the unit has lost its latches."""
         self.close()
         self.watch.counts.restarts += 1
-        self._link = _reach(self.unit)
+        self._link = _reach(self.unit, self._patience.looks)
         self.watch.begin_again()
         self._open()
         status = self._step(frame)
@@ -238,11 +241,11 @@ def running(unit: Unit | Path | str | None) -> Iterator[UnitUnderTest | None]:
             tested.close()
 
 
-def _reach(unit: Unit) -> Link | Called:
+def _reach(unit: Unit, looks: int) -> Link | Called:
     if unit.carrier == "library":
-        return links.child(unit) if unit.isolate else Called(unit)
+        return links.child(unit, looks) if unit.isolate else Called(unit)
     if unit.carrier == "udp":
-        return links.udp(unit)
+        return links.udp(unit, looks)
     if unit.carrier == "fmu":
-        return fmu.child(unit)
+        return fmu.child(unit, looks)
     raise BadInput(f"{unit.source}: carrier {unit.carrier} cannot be flown here")

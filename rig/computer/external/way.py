@@ -1,6 +1,6 @@
 """A frame over to the unit and its answer back, in compiled code: what a frame nearly always is.
 
-A library of this process is called; to a socket the record is sent, and the answer awaited for SPIN_NS at most.
+A library of this process is called; to a socket the record is sent, and the answer awaited for some microseconds.
 Whatever is not the usual answer in that time is left to Python: ``ask`` returns PENDING, and says how far it came.
 """
 
@@ -23,8 +23,6 @@ from rig.kernels import kernel
 
 PENDING: Final = -1  # no status of frame.Unit: Python goes on with this frame
 FOREVER_NS: Final = np.iinfo(np.int64).max
-# To sleep and be woken costs more than to look a few times.  Only where another core can run the unit meanwhile.
-SPIN_NS: Final = 50_000
 _CLOCK: Final = getattr(time, "CLOCK_UPTIME_RAW", getattr(time, "CLOCK_MONOTONIC", 0))  # of perf_counter
 _AT_ONCE: Final = int(getattr(socket, "MSG_DONTWAIT", 0))
 _SENT_BYTES: Final = INPUT.itemsize
@@ -43,6 +41,18 @@ _NAMES: Final = (
     *("frame", "stepped", "took_ns"),  # of the last answer through a socket; of the last frame
 )
 WAY: Final = np.dtype([(name, "i8") for name in _NAMES])
+
+
+class Patience(NamedTuple):
+    """How long both sides look for a message before they sleep: to be woken takes longer than most waits."""
+
+    spin_ns: int  # of the rig, for an answer
+    looks: int  # of the unit's process, for the next frame: about 0.2 ms, more than a frame of the loop and its log
+
+
+def patience(crowded: bool) -> Patience:
+    """None where the other side has no core to run on meanwhile; ``crowded``: other flights want the cores too."""
+    return Patience(0, 0) if crowded or cores() < 2 else Patience(50_000, 400)
 
 
 class Way(NamedTuple):
@@ -70,10 +80,10 @@ def to_library(way: Way, step: Any) -> None:
     way.at["step"] = address(step)
 
 
-def to_socket(way: Way, fd: int) -> None:
+def to_socket(way: Way, fd: int, spin_ns: int) -> None:
     """Over through the socket ``fd``, from the first frame on or after the unit was started again."""
     way.at["step"], way.at["fd"], way.at["frame"], way.at["stepped"] = 0, fd, -1, 0
-    way.at["spin_ns"] = SPIN_NS if cores() > 1 else 0
+    way.at["spin_ns"] = spin_ns
     clear(way)
 
 
@@ -132,8 +142,11 @@ def send(at):
 def await_answer(port, way, at, until_ns):
     """Look for a message until then; whether it is the usual answer to the frame, which is then copied."""
     count = long_of_four(at["receive"], at["fd"], at["into_at"], at["into_bytes"], _AT_ONCE)
+    looked = 0  # times; now and then somebody else may have the core
     while count < 0 and now(at) < until_ns:
-        int_of_two(at["give_way"], 0, 0)
+        looked += 1
+        if looked % 8 == 0:
+            int_of_two(at["give_way"], 0, 0)
         count = long_of_four(at["receive"], at["fd"], at["into_at"], at["into_bytes"], _AT_ONCE)
     if count != _BYTES or not is_usual(way.into, port.out.sent_bytes, way.template):
         at["count"] = max(count, 0)
