@@ -9,7 +9,7 @@ from scipy.stats import beta as beta_distribution
 
 from rig.reliability.cells import Cells
 from rig.reliability.chain import transitions
-from rig.reliability.model import Given, after_flights, perfect, rates
+from rig.reliability.model import Given, after_flights, one_flight, perfect, rates
 from rig.reliability.outcomes import OUTCOMES, outcomes
 from rig.reliability.rates import Layer, SignalRates
 from rig.reliability.result import cases, in_series, results, settle_s
@@ -26,7 +26,7 @@ def certain(bad: dict[tuple[str, int], float]) -> Given:
 
 
 def lost(given: Given, n: int = 4, beta: float = 0.0, hours: float = 1.0) -> float:
-    return float(after_flights(rates(n, LAMBDA, beta, given), n, hours, 1).sum())
+    return float(after_flights(one_flight(rates(n, LAMBDA, beta, given), n, hours), hours, 1).sum())
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_a_false_isolation_costs_a_channel():
 def test_what_nobody_was_told_of_is_still_there_in_the_next_flight():
     """Two channels; the first fault is tolerated without a word, until a check every ten flights."""
     given, flights = certain({("single", 1): 1.0}), 10
-    average = float(after_flights(rates(2, LAMBDA, 0.0, given), 2, 1.0, flights).sum())
+    average = float(after_flights(one_flight(rates(2, LAMBDA, 0.0, given), 2, 1.0), 1.0, flights).sum())
     q = 1.0 - np.exp(-LAMBDA)
     state, by_hand = np.array([1.0, 0.0]), 0.0  # of no and of one faulty channel
     for _ in range(flights):
@@ -94,7 +94,9 @@ def test_what_nobody_was_told_of_is_still_there_in_the_next_flight():
         state = np.array([state[0] * (1 - q) ** 2 + end, state[0] * 2 * q * (1 - q) + state[1] * (1 - q)])
     assert average == pytest.approx(by_hand / flights, rel=1e-6)
     told = Given(given.outcomes, {("single", 2): 1.0}, given.false_isolation, TAU_H)
-    assert float(after_flights(rates(2, LAMBDA, 0.0, told), 2, 1.0, flights).sum()) == pytest.approx(q * q, rel=1e-3)
+    assert float(after_flights(one_flight(rates(2, LAMBDA, 0.0, told), 2, 1.0), 1.0, flights).sum()) == pytest.approx(
+        q * q, rel=1e-3
+    )
 
 
 KINDS = {"hardover": 0.5, "drift": 0.5}

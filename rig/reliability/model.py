@@ -105,23 +105,33 @@ def _after(
     row[:, len(place) :] += rate * losses
 
 
-def after_flights(chain: Floats, n: int, hours: float, flights: int) -> Floats:
-    """Probability (draws, 4) of each loss per flight hour, on the average of ``flights`` between two full checks.
+def one_flight(chain: Floats, n: int, hours: float) -> tuple[Floats, Floats]:
+    """What a flight leads to from each state that nobody knows of: such a state (draws, k, k), each loss (draws, k, 4).
 
-    What was announced is repaired after the flight; what was tolerated without a word is found by the check alone.
+    What was announced or lost is repaired after the flight, so that the next one begins without a fault.
     """
     place = states(n)
     step = transitions(chain, hours)
-    now = np.zeros((len(chain), 1, chain.shape[-1]))
-    now[:, 0, 0] = 1.0
-    lost = np.zeros((len(chain), len(LOSSES)))
+    latent = [i for (_, told), i in place.items() if not told]
+    repaired = [i for (_, told), i in place.items() if told] + list(range(len(place), chain.shape[-1]))
+    begins = step[:, latent][:, :, latent]
+    begins[:, :, 0] += step[:, latent][:, :, repaired].sum(axis=-1)
+    return begins, step[:, latent, len(place) :]
+
+
+def after_flights(flight: tuple[Floats, Floats], hours: float, flights: int) -> Floats:
+    """Probability (draws, 4) of each loss per flight hour, on the average of ``flights`` between two full checks.
+
+    flight : of ``one_flight``; what was tolerated without a word is found by the check alone
+    """
+    begins, lost = flight
+    now = np.zeros(begins.shape[:2])
+    now[:, 0] = 1.0
+    in_all = np.zeros_like(now)
     for _ in range(flights):
-        now = now @ step
-        lost += now[:, 0, len(place) :]
-        repaired = [i for (_, told), i in place.items() if told] + list(range(len(place), now.shape[-1]))
-        now[:, :, 0] += now[:, :, repaired].sum(axis=-1)
-        now[:, :, repaired] = 0.0
-    return lost / (flights * hours)
+        in_all += now
+        now = np.einsum("di,dij->dj", now, begins)
+    return np.einsum("di,dij->dj", in_all, lost) / (flights * hours)
 
 
 def perfect(n: int, per_hour: float, hours: float) -> float:

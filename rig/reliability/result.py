@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
-from itertools import product
+from itertools import groupby, product
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -12,8 +12,8 @@ import polars as pl
 
 from rig.reliability.cells import Cells
 from rig.reliability.chain import Floats
-from rig.reliability.model import Given, after_flights, perfect, rates
-from rig.reliability.outcomes import BAD_LOST, KEPT, Outcomes, outcomes
+from rig.reliability.model import Given, after_flights, one_flight, perfect, rates
+from rig.reliability.outcomes import BAD_LOST, KEPT, Cell, Outcomes, outcomes
 from rig.reliability.rates import Layer, SignalRates
 
 DRAWS: Final = 4000
@@ -85,7 +85,12 @@ def results(
     if given.false_isolations_per_channel_hour is not None:
         phi = dict.fromkeys(phi, np.full(DRAWS, given.false_isolations_per_channel_hour))
     base = Given(drawn.draws, drawn.announced, phi, settle_s(counts) / 3600.0)
-    return [_result(found.manager, signal, base, drawn, case, layers) for case in cases]
+    made: list[Result] = []
+    for _, alike in groupby(cases, lambda case: case._replace(flights_between_checks=0)):
+        same = list(alike)
+        several = zip(same, losses(base, same), _contributions(_mean(base), drawn, same), strict=True)
+        made += [_result(found.manager, signal, drawn, *one, layers) for one in several]
+    return made
 
 
 def cases(given: SignalRates, channels: Iterable[int], hours: float, checks: int) -> list[Case]:
@@ -112,9 +117,15 @@ def settle_s(counts: pl.DataFrame) -> float:
     return float(np.average(known["settle_s_mean"].to_numpy(), weights=known["trials"].to_numpy()))
 
 
-def _result(manager: str, signal: str, base: Given, drawn: Outcomes, case: Case, layers: Sequence[Layer]) -> Result:
-    lost = losses(base, case)
-    contributions = _contributions(_mean(base), drawn, case)
+def _result(
+    manager: str,
+    signal: str,
+    drawn: Outcomes,
+    case: Case,
+    lost: Floats,
+    contributions: tuple[Contribution, ...],
+    layers: Sequence[Layer],
+) -> Result:
     unseen = sum(one.share for one in contributions if one.trials and not one.seen)
     more = sum(in_series(layer, case.hours) for layer in layers)
     estimates = {
@@ -130,10 +141,11 @@ def _result(manager: str, signal: str, base: Given, drawn: Outcomes, case: Case,
     return Result(manager, signal, case, estimates, ideal, requirement, contributions, names, unreached)
 
 
-def losses(given: Given, case: Case) -> Floats:
-    """Probability (draws, 4) per flight hour of each of model.LOSSES."""
-    chain = rates(case.channels, case.per_hour, case.beta, given)
-    return after_flights(chain, case.channels, case.hours, case.flights_between_checks)
+def losses(given: Given, cases: Sequence[Case]) -> list[Floats]:
+    """Probability (draws, 4) per flight hour of model.LOSSES; ``cases`` differ in flights between checks only."""
+    n, per_hour, beta, hours, _ = cases[0]
+    flight = one_flight(rates(n, per_hour, beta, given), n, hours)
+    return [after_flights(flight, hours, case.flights_between_checks) for case in cases]
 
 
 def _mean(given: Given) -> Given:
@@ -150,27 +162,36 @@ def _estimate(values: Floats, unseen: float) -> Estimate:
     return Estimate(float(median), None if unseen > UNSEEN else float(low), float(high))
 
 
-def _contributions(mean: Given, drawn: Outcomes, case: Case) -> tuple[Contribution, ...]:
-    """Set each cell's losses to nothing in turn, at the means."""
-    whole = float(losses(mean, case).sum())
+def _contributions(mean: Given, drawn: Outcomes, cases: Sequence[Case]) -> list[tuple[Contribution, ...]]:
+    """Of each case: set each cell's losses to nothing in turn, at the means.  ``cases`` as of ``losses``."""
+    flown = sorted(cell for cell in mean.outcomes if cell[1] <= cases[0].channels)
+    return [_ranked(lost.sum(axis=1), flown, drawn) for lost in losses(_without_each(mean, flown), cases)]
 
-    def share(without: Given) -> float:
-        return (whole - float(losses(without, case).sum())) / whole if whole > 0.0 else 0.0
 
-    found = []
-    for cell in sorted(cell for cell in mean.outcomes if cell[1] <= case.channels):
-        without = replace(mean, outcomes={**mean.outcomes, cell: _all_kept()})
-        trials = drawn.trials[cell]
-        found.append(Contribution(f"{cell[0]}, {cell[1]} good", share(without), trials, drawn.seen[cell], 3 * trials))
-    none = {level: np.zeros_like(phi) for level, phi in mean.false_isolation.items()}
-    found.append(Contribution("false isolations", share(replace(mean, false_isolation=none)), 0, 0, 0))
+def _without_each(mean: Given, flown: Sequence[Cell]) -> Given:
+    """As many draws: all as it is, without the losses of each cell, without false isolations."""
+    draws = len(flown) + 2
+    outcomes = {cell: np.repeat(u, draws, axis=0) for cell, u in mean.outcomes.items()}
+    for i, cell in enumerate(flown, 1):
+        outcomes[cell][i] = np.arange(BAD_LOST + 1) == KEPT
+    false_isolation = {level: np.repeat(phi, draws) for level, phi in mean.false_isolation.items()}
+    for phi in false_isolation.values():
+        phi[-1] = 0.0
+    return replace(mean, outcomes=outcomes, false_isolation=false_isolation)
+
+
+def _ranked(lost: Floats, flown: Sequence[Cell], drawn: Outcomes) -> tuple[Contribution, ...]:
+    """What each draw of ``_without_each`` lacks of the first one, the largest first."""
+    whole = lost[0]
+    missing = (whole - lost[1:]) / whole if whole > 0.0 else np.zeros(len(lost) - 1)
+    found = [
+        Contribution(
+            f"{cell[0]}, {cell[1]} good", float(share), drawn.trials[cell], drawn.seen[cell], 3 * drawn.trials[cell]
+        )
+        for cell, share in zip(flown, missing[:-1], strict=True)
+    ]
+    found.append(Contribution("false isolations", float(missing[-1]), 0, 0, 0))
     return tuple(sorted(found, key=lambda one: (-one.share, one.cell)))
-
-
-def _all_kept() -> Floats:
-    kept = np.zeros((1, BAD_LOST + 1))
-    kept[:, KEPT] = 1.0
-    return kept
 
 
 def in_series(layer: Layer, hours: float) -> float:
@@ -179,4 +200,5 @@ def in_series(layer: Layer, hours: float) -> float:
         ("single", layer.channels - k): np.array([[1.0 - u, 0.0, 0.0, 0.0, u]]) for k, u in enumerate(layer.not_covered)
     }
     none = {level: np.zeros(1) for level in range(1, layer.channels + 1)}
-    return float(losses(Given(uncovered, {}, none, 0.0), Case(layer.channels, layer.per_hour, 0.0, hours, 1)).sum())
+    alone = Case(layer.channels, layer.per_hour, 0.0, hours, 1)
+    return float(losses(Given(uncovered, {}, none, 0.0), [alone])[0].sum())
