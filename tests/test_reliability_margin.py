@@ -6,12 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from isolation_exact import isolations
-from reliability_cases import HELD_ONCE, ISOLATIONS, Isolation
+from numpy.typing import NDArray
+from reliability_cases import HELD_ONCE, ISOLATIONS, NOISE, Isolation
 
 from rig.errors import BadInput
+from rig.frame import CHANNELS
 from rig.reliability.channel_errors import Ends, corners, drawn_errors
 from rig.reliability.margin import LEAST_SETS, Effort, bound, estimate, margin
 from rig.reliability.margin_target import shown, threshold_for
+from rig.reliability.splitting import Windows, run_windows
 
 SMALL = Effort(flights=500, excursions=3000, most_repetitions=8)
 GAUSSIAN = ISOLATIONS[0]
@@ -114,3 +117,30 @@ def test_the_command_says_what_the_bundled_threshold_gives(rig_command):
 def test_bad_input_is_one_line(rig_command, more: list[str], said: str):
     code, out, err = rig_command("reliability", "margin", *more)
     assert (code, out) == (2, "") and said in err and len(err.splitlines()) == 1
+
+
+def failed_in(case: Isolation, flights: int, frames: int) -> NDArray[np.int64]:
+    """Channels failed in each of so many flights, frame by frame: no splitting, no error drawn towards an end."""
+    bench, rng = case.bench(), np.random.default_rng(11)
+    held = bench.held(rng.uniform(-1.0, 1.0, (3, flights, CHANNELS)))
+    windows = Windows(np.zeros(flights, np.int64), frames, 0, *np.zeros((2, flights), np.int64))
+    work, out, j = bench.particles(1), bench.particles(1), 0
+    noise = np.empty((max(frames, 8192), 1, CHANNELS), np.float32)
+    while j < flights:
+        rng.standard_normal(out=noise, dtype=np.float32)
+        j, _ = run_windows(held, work, j, windows, noise, out, 0)
+    return windows.at_start
+
+
+@pytest.mark.parametrize(
+    ("threshold", "biased", "frames"), [(0.8 * NOISE, False, 8000), (0.0046, True, 1000)], ids=["noise", "biases"]
+)
+def test_splitting_gives_the_rate_of_brute_force(threshold: float, biased: bool, frames: int):
+    case = Isolation("brute force", threshold, 0.0, biased, waits=True)
+    failed = failed_in(case, 2_000_000 // frames, frames)
+    per_hour = 360_000.0 / (frames * CHANNELS)  # of a channel, of one a flight
+    seen, error = per_hour * failed.mean(), per_hour * failed.std() / len(failed) ** 0.5
+    found = case.obtain(effort=SMALL._replace(flights=2000))
+    assert failed.sum() >= 30 and found.few is None and found.per_hour is not None
+    assert abs(found.per_hour - seen) <= 2.0 * ((found.high - found.per_hour) ** 2 + (2.0 * error) ** 2) ** 0.5
+    assert found.per_hour == pytest.approx(seen, rel=0.5)

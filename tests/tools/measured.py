@@ -33,8 +33,33 @@ class Figures(NamedTuple):
     commands: Sequence[str]
 
 
+UNITS_BUILT: Final = "make -s -C docs/examples/unit all build/monitor.fmu RIG=../../../.venv/bin/rig"
 UNITS: Final = ("monitor", "monitor_in_process", "monitor_udp", "monitor_fmu")
+FLOWN: Final = "logs/f16_pitch_rate_hardover_seed1.mcap"
+EXAMPLES: Final = "docs/examples"
 MEASURED: Final = {
+    "first-minutes": Figures(
+        "The first ten minutes of a new user: the README's commands, what they print, how long they take",
+        [
+            "make fly",
+            "rig fly",
+            "rig fly --set redundancy.manager=mean",
+            "rig fly f16_singular_2_2_level",
+            f"rig score {FLOWN}",
+            f"rig report {FLOWN}",
+            f"rig view {FLOWN} --save {{folder}}/flight.rrd",
+            f"rig replay {FLOWN}",
+            f"rig replay {FLOWN} --set redundancy.manager=median",
+            f"rig fly {EXAMPLES}/mine.toml --seed 7",
+            f"rig vote {EXAMPLES}/channels.csv --config {EXAMPLES}/vote.toml --out {{folder}}/voted.csv",
+            "make -s -C docs/examples/unit build/libfirst_valid.so",
+            f"rig fly --unit {EXAMPLES}/unit/first_valid.toml",
+            f"rig campaign plan {EXAMPLES}/campaign.toml",
+            f"rig campaign run {EXAMPLES}/campaign.toml --out {{folder}}/campaign",
+            "rig campaign report {folder}/campaign",
+            f"rig reliability chain {EXAMPLES}/chain.toml",
+        ],
+    ),
     "bench": Figures("What a frame costs", ["rig bench"] * 8),
     "evidence": Figures("What the monitor gets wrong", [f"{TOOLS}/evidence.py"]),
     "resolvers": Figures(
@@ -57,16 +82,18 @@ MEASURED: Final = {
         ["rig campaign run false-alarm --set redundancy.common_mode=fail --out {folder}/healthy"],
     ),
     "unit": Figures(
-        "A unit under test: the bits of our manager, what it costs, paced flights",
+        "A unit under test: the bits of our manager, how it fails, paced flights",
         [
-            "make -s -C docs/examples/unit all build/monitor.fmu RIG=../../../.venv/bin/rig",
+            UNITS_BUILT,
             "rig unit check docs/examples/unit/monitor.toml",
-            f"{TOOLS}/unit_bench.py docs/examples/unit/build",
             f"{TOOLS}/unit_identity.py " + " ".join(f"docs/examples/unit/{name}.toml" for name in UNITS),
             f"{TOOLS}/unit_crashes.py",
             f"{TOOLS}/unit_stopped.py docs/examples/unit/build",
             f"{TOOLS}/unit_paced.py docs/examples/unit/build/libmonitor.so",
         ],
+    ),
+    "unit-cost": Figures(
+        "What a unit under test costs", [UNITS_BUILT, *[f"{TOOLS}/unit_bench.py docs/examples/unit/build"] * 5]
     ),
     "thresholds": Figures(
         "Thresholds from a budget: real flights that did not design them, noise of known kinds, a million rows",
@@ -108,11 +135,17 @@ def printed(command: str, folder: str) -> str:
     return done.stdout.replace(folder, "FOLDER").replace(f"{ROOT}/", "").rstrip()
 
 
+def timed(command: str, folder: str) -> tuple[str, float]:
+    """What a command prints, and the seconds it takes."""
+    began = perf_counter()
+    return printed(command, folder), perf_counter() - began
+
+
 def page(name: str, figures: Figures) -> str:
     """The page of one set of figures."""
     with TemporaryDirectory(prefix="rig") as folder:
-        began, outputs = perf_counter(), [(command, printed(command, folder)) for command in figures.commands]
-        minutes = (perf_counter() - began) / 60.0
+        outputs = [(command, *timed(command, folder)) for command in figures.commands]
+        minutes = sum(seconds for *_, seconds in outputs) / 60.0
     known = versions()
     packages = ", ".join(f"{key.removeprefix('version ')} {value}" for key, value in known.items() if "version" in key)
     head = [
@@ -122,7 +155,10 @@ def page(name: str, figures: Figures) -> str:
         f"- versions: {packages}",
         f"- machine: {machine()}; {minutes:.1f} minutes",
     ]
-    blocks = [f"```\n$ {command.format(folder='FOLDER')}\n{output}\n```" for command, output in outputs]
+    blocks = [
+        f"{seconds:.1f} s:\n\n```\n$ {command.format(folder='FOLDER')}\n{output}\n```"
+        for command, output, seconds in outputs
+    ]
     return "\n\n".join([head[0], head[1], "\n".join(head[2:]), *blocks]) + "\n"
 
 
