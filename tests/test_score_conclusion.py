@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from test_score_parts import Q, flight, offset
 
-from rig.frame import INDEX, Ilm
+from rig.frame import INDEX, Ilm, State, Unit
 from rig.score import score
 from rig.score.conclusion import conclusion, next_commands
 from rig.score.context import channels
@@ -62,6 +62,27 @@ def test_two_alike_that_are_not_found_name_each_other():
     """Two channels of four agree on a wrong value, nobody answers: each has the other as its partner."""
     told = said([offset([3, 4], 0.2, 0.2)], 'redundancy.signals.pitch_rate.resolvers=["trend"]', frames=28)
     assert "and stayed within 0 deg/s of channel 4" in told[0] and "of channel 3" in told[1]
+
+
+@pytest.mark.parametrize(
+    ("state", "expected"),
+    [
+        (State.ABSENT, "the unit under test says nothing of channels"),
+        (State.OK, "the unit under test did not fail the channel"),
+    ],
+)
+def test_what_a_unit_does_not_fail_is_not_explained_by_our_comparison(state: State, expected: str):
+    which, rows = flight([offset([2], 0.2, 0.2)], 100, exact=True)
+    rows["unit"], rows["state"] = Unit.ANSWERED, state
+    fault = conclusion(which, rows, monitor(which), score(which, rows))[0]
+    assert f"above the threshold of 2.86 deg/s for 800 ms at most, and {expected};" in fault
+
+
+def test_a_channel_that_a_unit_fails_is_told_without_a_count():
+    which, rows = flight([offset([2], 0.2, 0.2)], 100, exact=True)
+    rows["unit"] = Unit.ANSWERED
+    fault = conclusion(which, rows, monitor(which), score(which, rows))[0]
+    assert "; it was failed 70 ms later;" in fault and "miscompared" not in fault
 
 
 def test_channels_that_fare_alike_share_a_sentence():

@@ -61,20 +61,25 @@ def _table(folder: Path, name: str, part: str, plan: Plan) -> pl.DataFrame:
     if not is_file(path):
         raise _again(folder, path, part, "is no file" if path.exists() else "is missing")
     try:
-        frame = pl.read_parquet(path.read_bytes(), hive_partitioning=False)
+        frame = pl.read_parquet(path.read_bytes(), hive_partitioning=False, parallel="none")  # small: threads cost more
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         said = " ".join(str(error).split())[:120]
         raise _again(folder, path, part, f"cannot be read ({said})") from None
     expected = table.schema(plan, name)
     lacking = [column for column in table.ADDED if column in expected and column not in frame.columns]
-    frame = frame.with_columns(pl.lit(None, expected[column]).alias(column) for column in lacking)
+    if lacking:
+        frame = frame.with_columns(pl.lit(None, expected[column]).alias(column) for column in lacking)
     for column in {**expected, **frame.schema}:
         if frame.schema.get(column) != expected.get(column):
             raise _again(folder, path, part, f"column {column[:60]!r} is not as in this campaign's tables")
-    floats = frame.select(pl.selectors.float())
-    if not all(column.drop_nulls().is_finite().all() for column in floats):
+    if not all(map(_is_finite, frame)):
         raise _again(folder, path, part, "a number is not finite")
-    return frame.select(list(expected))
+    return frame if frame.columns == list(expected) else frame.select(list(expected))
+
+
+def _is_finite(column: pl.Series) -> bool:
+    """Whether all numbers of a column are; those that are not there do not count."""
+    return not column.dtype.is_float() or int((~np.isfinite(column.to_numpy())).sum()) == column.null_count()
 
 
 def _check_runs(folder: Path, part: str, runs: pl.DataFrame, plan: Plan, seen: dict[int, str]) -> None:

@@ -10,11 +10,10 @@ Source: docs/reliability.md, 'The chain'; scaling and squaring as in Moler and V
 from __future__ import annotations
 
 from math import ceil, log2
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 Floats = NDArray[np.float64]
 LEFT: Final = 1.0 / 16.0  # of a state in one step, at most
@@ -54,7 +53,7 @@ def _series(jumps: Floats, leaving: Floats) -> Floats:
     identity = np.eye(jumps.shape[-1])
     staying = leaving.max(axis=-1, keepdims=True) - leaving
     positive = jumps + staying[..., None] * identity
-    factor = csr_array(positive) if positive.ndim == 2 and len(positive) >= SPARSE else positive
+    factor = _sparse(positive) if positive.ndim == 2 and len(positive) >= SPARSE else positive
     found = term = np.broadcast_to(identity, jumps.shape)
     for k in range(1, TERMS + 1):
         term = factor @ term / k
@@ -62,6 +61,12 @@ def _series(jumps: Floats, leaving: Floats) -> Floats:
         if (term <= np.finfo(float).eps / 16.0 * found).all():
             break
     return _distributions(found)
+
+
+def _sparse(matrix: Floats) -> Any:
+    from scipy.sparse import csr_array  # a third of a second, for large chains alone
+
+    return csr_array(matrix)
 
 
 def _distributions(matrix: Floats) -> Floats:

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.computer.redundancy.config import MANAGERS
 from rig.faults.places import SURFACE_NAMES, number, site
-from rig.frame import INDEX, SIGNALS, Block
+from rig.frame import INDEX, SIGNALS, Block, State, Unit
 from rig.scenario import Scenario
 from rig.score.places import references_of
 from rig.score.record import FaultScore, Score
@@ -26,6 +27,23 @@ class Context(NamedTuple):
     def rate_hz(self) -> float:
         """Frames a second."""
         return self.scenario.rate_hz
+
+    @property
+    def decided_by(self) -> str:
+        """Who failed channels, or did not."""
+        if (self.rows["unit"] != Unit.NONE).any():
+            return "the unit under test"
+        return f"the manager {self.scenario.redundancy.manager}"
+
+    def compares(self, fault: FaultScore) -> bool:
+        """Whether it was the comparison of cross-channel, which can be done again."""
+        return fault.signal in INDEX and self.decided_by == f"the manager {MANAGERS[0]}"
+
+    def silent(self, fault: FaultScore) -> bool:
+        """Whether nothing was ever said of the state of its channel, as by a unit that answers surfaces alone."""
+        if fault.signal not in INDEX or fault.channel is None:
+            return False
+        return bool((self.rows["state"][:, INDEX[fault.signal], fault.channel - 1] == State.ABSENT).all())
 
     def unit(self, fault: FaultScore) -> str:
         """The SI unit of a fault's errors; "" where they have none, as those of a discrete."""

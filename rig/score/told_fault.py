@@ -7,7 +7,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from rig.computer.redundancy.config import MANAGERS
 from rig.frame import INDEX
 from rig.quantities import duration, quantity, seconds
 from rig.score.context import Context, channels
@@ -39,7 +38,6 @@ _RESOLVERS: Final = {
     "box": "with its whole box",
     "common": "with all channels: two references agreed against them",
 }
-_COMPARING: Final = MANAGERS[0]  # whose comparison nearness.py computes
 _AFTER_S: Final = 2.0  # in which the aircraft is looked at when there is no fault-free run
 _N_Z: Final = INDEX["normal_load_factor"]
 
@@ -100,7 +98,7 @@ def _detected(fault: FaultScore, about: Context) -> str:
         return f"was found {after} later: the manager declared the reference unusable"
     if fault.resolver != COMPARISON:
         return f"was failed {after} later {_RESOLVERS.get(fault.resolver or '', f'by the {fault.resolver}')}"
-    if fault.signal not in INDEX or about.scenario.redundancy.manager != _COMPARING:
+    if not about.compares(fault):
         return f"was failed {after} later"
     onset, failed = fault.onset_frame or 0, fault.failed_frame or 0
     near = nearness(about.rows, INDEX[fault.signal], fault.channel - 1, onset, failed + 1, _params(fault, about))
@@ -140,8 +138,10 @@ def _missed(fault: FaultScore, about: Context) -> str:
     said = f"was not found: its error was above the threshold{_of(fault, about)} for {longest} at most"
     if fault.tolerated:
         return f"{said}, shorter than the persistence"
-    if fault.signal not in INDEX or about.scenario.redundancy.manager != _COMPARING:
-        return f"{said}, and the manager {about.scenario.redundancy.manager} did not fail the channel"
+    if about.silent(fault):
+        return f"{said}, and {about.decided_by} says nothing of channels"
+    if not about.compares(fault):
+        return f"{said}, and {about.decided_by} did not fail the channel"
     end = fault.exceeded_frame + fault.exceeded_run_frames
     return f"{said}, and {_near(fault, about, fault.exceeded_frame, end)}"
 

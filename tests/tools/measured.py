@@ -35,6 +35,9 @@ class Figures(NamedTuple):
 
 UNITS_BUILT: Final = "make -s -C docs/examples/unit all build/monitor.fmu RIG=../../../.venv/bin/rig"
 UNITS: Final = ("monitor", "monitor_in_process", "monitor_udp", "monitor_fmu")
+MANAGER: Final = "redundancy.manager"
+MANAGERS: Final = ("cross-channel", "cross-voter", "median", "mean", "selection")
+TRIALS: Final = {"cross-channel": 4_000_000, "cross-voter": 1_000_000, "median": 1_000_000}
 FLOWN: Final = "logs/f16_pitch_rate_hardover_seed1.mcap"
 EXAMPLES: Final = "docs/examples"
 MEASURED: Final = {
@@ -108,6 +111,21 @@ MEASURED: Final = {
         [
             f"{TOOLS}/quad_isolations.py ../shared/data/quad_imu_horizontal",
             f"{TOOLS}/quad_selection.py ../shared/data/quad_imu_horizontal",
+        ],
+    ),
+    "reliability": Figures(
+        "Five managers, one to four channels: per flight hour, and what decides",
+        [
+            *[f"rig campaign run reliability --out {{folder}}/{m} --set {MANAGER}={m}" for m in MANAGERS],
+            *[
+                f"rig reliability trials reliability --out {{folder}}/trials-{m} --runs {runs} --set {MANAGER}={m}"
+                for m, runs in TRIALS.items()
+            ],
+            *[
+                f"rig reliability run {{folder}}/{' {folder}/'.join([*MANAGERS, *(f'trials-{m}' for m in TRIALS)])} "
+                f"--rates faults/rates/zhang2023.toml --checks 1 --signal {signal}"
+                for signal in ("pitch_rate", "normal_load_factor", "static_pressure")
+            ],
         ],
     ),
     "throughput": Figures("Flights a second of a campaign", [f"{TOOLS}/campaign_throughput.py"]),
