@@ -82,7 +82,10 @@ MEASURED: Final = {
     ),
     "false-alarm": Figures(
         "Healthy flights: channels and signals failed without a fault",
-        ["rig campaign run false-alarm --set redundancy.common_mode=fail --out {folder}/healthy"],
+        [
+            "rig campaign run false-alarm --set redundancy.common_mode=fail --out {folder}/healthy",
+            "rig campaign report {folder}/healthy",
+        ],
     ),
     "unit": Figures(
         "A unit under test: the bits of our manager, how it fails, paced flights",
