@@ -74,8 +74,10 @@ def test_two_alike_that_are_not_found_name_each_other():
 def test_what_a_unit_does_not_fail_is_not_explained_by_our_comparison(state: State, expected: str):
     which, rows = flight([offset([2], 0.2, 0.2)], 100, exact=True)
     rows["unit"], rows["state"] = Unit.ANSWERED, state
-    fault = conclusion(which, rows, monitor(which), score(which, rows))[0]
+    rows["level"] = 0 if state == State.ABSENT else rows["level"]
+    fault, end = conclusion(which, rows, monitor(which), score(which, rows))
     assert f"above the threshold of 2.86 deg/s for 800 ms at most, and {expected};" in fault
+    assert "lost" not in fault and "no channel left" not in end
 
 
 def test_a_channel_that_a_unit_fails_is_told_without_a_count():

@@ -15,6 +15,7 @@ from rig.frame import CHANNELS, FLAT, INDEX, SIGNALS, Block, End, Pattern, Resol
 from rig.loop import Rig
 from rig.scenario import Scenario
 from rig.score import Score, score
+from rig.score.cells import vote_rows
 from rig.score.clean import middle
 from rig.score.coverage import POSSIBLE
 from rig.score.outcomes import longest_run
@@ -232,6 +233,14 @@ def test_vote_errors_are_those_of_their_definition():
     assert error.rms == pytest.approx(np.sqrt((5 * 0.06**2 + 10 * 0.1**2) / 79))
     assert (error.above_threshold_s, error.above_threshold_after_onset_s) == (0.16, 0.11)
     assert error.clean_peak == pytest.approx(0.1)  # truth and clean vote are the same without sensor errors
+
+
+def test_a_signal_without_a_vote_has_no_peak():
+    which, rows = flight([], 50, exact=True)
+    rows["voted"][:, Q] = np.nan
+    found = score(which, rows)
+    assert found.vote_error["pitch_rate"].peak_frame is None
+    assert vote_rows(found, which.rate_hz) == [("pitch_rate", "deg/s", "no vote", "", "", "0.5 s", "0 s", "")]
 
 
 def test_an_angle_is_off_the_short_way_round():

@@ -51,7 +51,9 @@ def vote_rows(score: Score, rate_hz: float) -> list[Row]:
             unit = SIGNALS[INDEX[name]].unit
             seconds = (f"{e.above_threshold_s:g} s", f"{e.above_threshold_after_onset_s:g} s")
             peak = (number(e.peak, unit), moment(e.peak_frame, rate_hz), number(e.rms, unit))
-            rows.append((name, unit_shown(unit), *peak, *seconds, number(e.clean_peak, unit)))
+            off = (*peak, *seconds, number(e.clean_peak, unit))
+            none = ("no vote", "", "", *seconds, "")
+            rows.append((name, unit_shown(unit), *(none if e.peak_frame is None else off)))
     return rows
 
 

@@ -60,7 +60,7 @@ def _flight(about: Context) -> str:
         head = f"the aircraft was lost at {ended}: {flight.end_reason}"
     else:
         head = f"the aircraft survived ({flight.end_reason}, {ended})"
-    lost = [name for name, one in score.signals.items() if one.level_at_end == 0]
+    lost = [name for name, one in score.signals.items() if one.level_at_end == 0 and not about.silent(name)]
     if lost:
         head += f"; no channel left of {', '.join(lost)}"
     return f"{head}; {_counted(about)}"

@@ -39,11 +39,9 @@ class Context(NamedTuple):
         """Whether it was the comparison of cross-channel, which can be done again."""
         return fault.signal in INDEX and self.decided_by == f"the manager {MANAGERS[0]}"
 
-    def silent(self, fault: FaultScore) -> bool:
-        """Whether nothing was ever said of the state of its channel, as by a unit that answers surfaces alone."""
-        if fault.signal not in INDEX or fault.channel is None:
-            return False
-        return bool((self.rows["state"][:, INDEX[fault.signal], fault.channel - 1] == State.ABSENT).all())
+    def silent(self, signal: str) -> bool:
+        """Whether nothing was ever said of a signal's channels, as by a unit that answers surfaces alone."""
+        return signal in INDEX and bool((self.rows["state"][:, INDEX[signal]] == State.ABSENT).all())
 
     def unit(self, fault: FaultScore) -> str:
         """The SI unit of a fault's errors; "" where they have none, as those of a discrete."""

@@ -96,7 +96,7 @@ class VoteError:
     """The vote against the truth, and against the vote that healthy channels would have given; unit of the signal."""
 
     peak: float
-    peak_frame: int | None
+    peak_frame: int | None  # None: no vote was a number
     rms: float
     above_threshold_s: float
     above_threshold_after_onset_s: float  # counted from the first onset of any fault

@@ -138,7 +138,7 @@ def _missed(fault: FaultScore, about: Context) -> str:
     said = f"was not found: its error was above the threshold{_of(fault, about)} for {longest} at most"
     if fault.tolerated:
         return f"{said}, shorter than the persistence"
-    if about.silent(fault):
+    if about.silent(fault.signal):
         return f"{said}, and {about.decided_by} says nothing of channels"
     if not about.compares(fault):
         return f"{said}, and {about.decided_by} did not fail the channel"
@@ -172,7 +172,7 @@ def _moved(fault: FaultScore, about: Context) -> str:
 
 def _vote(fault: FaultScore, about: Context) -> str:
     window = fault.window
-    if window is None:
+    if window is None or about.silent(fault.signal):
         return ""
     if window.lost_s > 0:
         return f"{fault.signal} was lost: no channel left"

@@ -35,7 +35,7 @@ def vote_errors(
     return {
         signal.name: VoteError(
             peak=float(from_truth["peak"]),
-            peak_frame=int(from_truth["at"]),
+            peak_frame=int(from_truth["at"]) if from_truth["finite"] else None,
             rms=float(rms[s, 0]),
             above_threshold_s=float(from_truth["above"] / rate_hz),
             above_threshold_after_onset_s=float(from_truth["above_after"] / rate_hz),
