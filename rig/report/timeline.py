@@ -114,8 +114,8 @@ def timeline(found: Sequence[Span]) -> go.Figure:
     figure = go.Figure()
     for label in labels:
         figure.add_bar(**_bars([span for span in found if span.label == label], label))
-    layout: dict[str, Any] = {"barmode": "overlay", "bargap": 0.25, "height": 110 + 24 * len(lanes)}
-    legend = {"orientation": "h", "yanchor": "top", "y": -50 / (24 * len(lanes) + 20), "traceorder": "normal"}
+    layout: dict[str, Any] = {"barmode": "overlay", "bargap": 0.25, "height": 140 + 24 * len(lanes)}
+    legend = {"orientation": "h", "yanchor": "top", "y": -62 / (24 * len(lanes) + 20), "traceorder": "normal"}
     figure.update_layout(**LAYOUT, **layout, legend=legend, showlegend=True)
     figure.update_xaxes(title="time, s")
     figure.update_yaxes(type="category", categoryorder="array", categoryarray=lanes, autorange="reversed")

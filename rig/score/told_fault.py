@@ -46,7 +46,8 @@ def fault_sentences(about: Context) -> list[str]:
     """Return what a person would say of each fault: one sentence for all its channels that fared alike."""
     alike: dict[tuple[int, str, str], list[FaultScore]] = {}
     for fault in about.score.faults:
-        alike.setdefault((fault.index, _sample(fault, about), _result(fault, about)), []).append(fault)
+        value = _sample(fault, about) if "{value}" in _DID.get(fault.kind, "") else ""
+        alike.setdefault((fault.index, value, _result(fault, about)), []).append(fault)
     return [_sentence(faults, about, result) for (_, _, result), faults in alike.items()]
 
 
