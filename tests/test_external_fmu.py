@@ -6,9 +6,11 @@ import os
 import re
 import shutil
 import sys
+import tempfile
 import zipfile
 from functools import cache
 from importlib.util import find_spec
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, get_args
 
@@ -19,6 +21,7 @@ from unit_library import SOURCES
 from unit_library import build as make
 
 import rig
+from rig.campaign.units import flown_with
 from rig.computer.external import fmu_description
 from rig.computer.external.fmu_description import TOKEN, Version, variables
 from rig.computer.external.layout import CONFIG, HELLO, INPUT, LAYOUT, OUTPUT
@@ -339,3 +342,15 @@ def test_the_command_says_it_with_exit_code_2(tmp_path: Path, rig_command):
     unit_of(tmp_path, _nothing(tmp_path))
     code, _, err = rig_command("fly", "--unit", "unit.toml")
     assert code == 2 and err == f"error: unit.toml: u: {tmp_path}/text.fmu is no FMU: File is not a zip file\n"
+
+
+def held_by_a_worker(tested: Unit) -> None:
+    with flown_with(tested):
+        assert list(Path(tempfile.gettempdir()).glob("rig-fmu-*"))
+
+
+def test_a_worker_that_ends_leaves_no_folder(tmp_path: Path):
+    worker = get_context("fork").Process(target=held_by_a_worker, args=(unit_of(tmp_path, fmu("2")),))
+    worker.start()
+    worker.join(120.0)
+    assert worker.exitcode == 0 and list(tmp_path.glob("rig-fmu-*")) == []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from multiprocessing.util import Finalize
 
 from rig.computer.external.settings import Unit
 from rig.computer.external.unit import UnitUnderTest
@@ -19,6 +20,8 @@ def flown_with(unit: Unit | None) -> Iterator[UnitUnderTest | None]:
         yield None
         return
     key = unit.model_dump_json()
+    if not _running:
+        Finalize(None, _end_all, exitpriority=1)  # a worker runs no atexit
     if key not in _running:
         _running[key] = UnitUnderTest(unit, crowded=True)
     tested, fit = _running[key], False
@@ -29,6 +32,12 @@ def flown_with(unit: Unit | None) -> Iterator[UnitUnderTest | None]:
         if not fit:
             del _running[key]
             tested.close()
+
+
+def _end_all() -> None:
+    """End the units of this process, with their folders."""
+    while _running:
+        _running.popitem()[1].close()
 
 
 def check(unit: Unit | None, sha256: str) -> None:
