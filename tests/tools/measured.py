@@ -109,6 +109,14 @@ MEASURED: Final = {
             f"{TOOLS}/thresholds_speed.py",
         ],
     ),
+    "detectability": Figures(
+        "Thresholds of the bundled aircraft: the smallest offset that is found, and what one that is not found does",
+        [
+            "rig campaign run detectability --out {folder}/detectability",
+            f"{TOOLS}/detectability.py {{folder}}/detectability",
+            f"{TOOLS}/undetected.py",
+        ],
+    ),
     "recorders": Figures(
         "Healthy channels failed on four recorders of one quadrotor, and the manager selection on them",
         [
