@@ -12,7 +12,7 @@ fly: setup  ## fly the default scenario: a hardover on one pitch-rate channel of
 test: setup  ## all tests, on all cores
 	$(BIN)/pytest -n auto
 
-test-all: setup  ## install Chromium, a Vulkan driver and Foxglove's packages, run the tests that need them; options=--every: all others too
+test-all: setup  ## install Chromium, a Vulkan driver, GNAT and Foxglove's packages, run the tests that need them; options=--every: all others too
 	$(BIN)/python tests/tools/outside.py $(options)
 
 wheel: setup  ## sdist and wheel into dist/, and the wheel tried in an environment of its own, outside the checkout

@@ -5,7 +5,7 @@ python tests/tools/outside.py [--every] [--if-possible]
 --every        run all other tests too
 --if-possible  what cannot be installed is said in one line and is no failure; without it the exit code is 1
 
-Chromium and a software Vulkan driver are installed from Debian's packages, which takes root, and Foxglove's packages
+Chromium, a software Vulkan driver and GNAT are installed from Debian's packages, which takes root, Foxglove's packages
 by npm into tests/foxglove/node_modules.  A test says what it needs by ``@outside.needs("chromium")``.
 """
 
@@ -100,6 +100,7 @@ def _foxglove() -> str:
 PROGRAMS: Final = {
     "chromium": Program("Chromium", chromium, lambda: _debian("chromium")),
     "vulkan": Program("a Vulkan driver", vulkan, lambda: _debian("mesa-vulkan-drivers", "libvulkan1")),
+    "ada": Program("an Ada compiler", lambda: shutil.which("gnat") is not None, lambda: _debian("gnat")),
     "foxglove": Program("Node with Foxglove's packages", foxglove, _foxglove),
 }
 
