@@ -65,12 +65,13 @@ def _table(folder: Path, name: str, part: str, plan: Plan) -> pl.DataFrame:
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         said = " ".join(str(error).split())[:120]
         raise _again(folder, path, part, f"cannot be read ({said})") from None
-    expected = table.schema(plan, name)
-    lacking = [column for column in table.ADDED if column in expected and column not in frame.columns]
+    expected, columns = table.schema(plan, name), frame.columns
+    lacking = [column for column in table.ADDED if column in expected and column not in columns]
     if lacking:
         frame = frame.with_columns(pl.lit(None, expected[column]).alias(column) for column in lacking)
-    for column in {**expected, **frame.schema}:
-        if frame.schema.get(column) != expected.get(column):
+    found = frame.schema
+    for column in {**expected, **found}:
+        if found.get(column) != expected.get(column):
             raise _again(folder, path, part, f"column {column[:60]!r} is not as in this campaign's tables")
     if not all(map(_is_finite, frame)):
         raise _again(folder, path, part, "a number is not finite")

@@ -9,6 +9,7 @@ Source: docs/reliability.md, 'The chain'; scaling and squaring as in Moler and V
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import ceil, log2
 from typing import Any, Final
 
@@ -27,25 +28,32 @@ def probabilities(rates: Floats, start: int, hours: float) -> Floats:
     rates : (..., n, n) per hour from the row's to the column's state, none negative, diagonal zero
     Relative error of each about 1e-14, down to the smallest number that a double holds.
     """
-    return transitions(rates, hours)[..., start, :]
+    return transitions(rates, hours, [start])[..., 0, :]
 
 
-def transitions(rates: Floats, hours: float) -> Floats:
-    """Probability (..., n, n) of every column's state ``hours`` after that of the row; ``rates`` as above."""
+def transitions(rates: Floats, hours: float, rows: Sequence[int] | None = None) -> Floats:
+    """Probability (..., k, n) of every state ``hours`` after each of ``rows``, after each of all when not given.
+
+    rates : as above
+    """
     leaving = rates.sum(axis=-1)
     fastest = float(leaving.max(initial=0.0)) * hours
+    wanted = np.arange(rates.shape[-1]) if rows is None else np.array(rows)
     if not fastest > 0.0:
-        return np.broadcast_to(np.eye(rates.shape[-1]), rates.shape).copy()
+        shape = (*rates.shape[:-2], len(wanted), rates.shape[-1])
+        return np.broadcast_to(np.eye(rates.shape[-1])[wanted], shape).copy()
     halvings = max(0, ceil(log2(fastest / LEFT)))
     step = hours / 2.0**halvings
-    found = _series(rates * step, leaving * step)
+    if halvings == 0:
+        return _series(rates * step, leaving * step, wanted)
+    found = _series(rates * step, leaving * step, np.arange(rates.shape[-1]))
     for _ in range(halvings):
         found = _distributions(found @ found)
-    return found
+    return found[..., wanted, :]
 
 
-def _series(jumps: Floats, leaving: Floats) -> Floats:
-    """The transition matrices (..., n, n) of a step in which a state is left LEFT times on the average at most.
+def _series(jumps: Floats, leaving: Floats, rows: NDArray[np.int64]) -> Floats:
+    """The transitions (..., k, n) from ``rows`` in a step in which a state is left LEFT times on the average at most.
 
     exp(Q h) = exp(-L) exp(Q h + L I), with L the largest of ``leaving`` (..., n): the first factor is the same for all
     of a row, whose sum is one.
@@ -54,9 +62,9 @@ def _series(jumps: Floats, leaving: Floats) -> Floats:
     staying = leaving.max(axis=-1, keepdims=True) - leaving
     positive = jumps + staying[..., None] * identity
     factor = _sparse(positive) if positive.ndim == 2 and len(positive) >= SPARSE else positive
-    found = term = np.broadcast_to(identity, jumps.shape)
+    found = term = np.broadcast_to(identity[rows], (*jumps.shape[:-2], len(rows), jumps.shape[-1]))
     for k in range(1, TERMS + 1):
-        term = factor @ term / k
+        term = term @ factor / k
         found = found + term
         if (term <= np.finfo(float).eps / 16.0 * found).all():
             break

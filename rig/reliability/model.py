@@ -111,12 +111,12 @@ def one_flight(chain: Floats, n: int, hours: float) -> tuple[Floats, Floats]:
     What was announced or lost is repaired after the flight, so that the next one begins without a fault.
     """
     place = states(n)
-    step = transitions(chain, hours)
     latent = [i for (_, told), i in place.items() if not told]
     repaired = [i for (_, told), i in place.items() if told] + list(range(len(place), chain.shape[-1]))
-    begins = step[:, latent][:, :, latent]
-    begins[:, :, 0] += step[:, latent][:, :, repaired].sum(axis=-1)
-    return begins, step[:, latent, len(place) :]
+    after = transitions(chain, hours, latent)
+    begins = after[:, :, latent]
+    begins[:, :, 0] += after[:, :, repaired].sum(axis=-1)
+    return begins, after[:, :, len(place) :]
 
 
 def after_flights(flight: tuple[Floats, Floats], hours: float, flights: int) -> Floats:

@@ -44,7 +44,7 @@ MEASURED: Final = {
     "first-minutes": Figures(
         "The first ten minutes of a new user: the README's commands, what they print, how long they take",
         [
-            "make fly",
+            "make --no-print-directory fly",
             "rig fly",
             "rig fly --set redundancy.manager=mean",
             "rig fly f16_singular_2_2_level",
