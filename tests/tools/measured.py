@@ -140,7 +140,7 @@ MEASURED: Final = {
         ],
     ),
     "throughput": Figures("Flights a second of a campaign", [f"{TOOLS}/campaign_throughput.py"]),
-    "hostile": Figures("Bad input", [f"{TOOLS}/hostile.py"]),
+    "hostile": Figures("Bad input", [f"{TOOLS}/hostile.py --cases 1000"]),
 }
 
 
