@@ -11,6 +11,7 @@ from rig.computer.external.unit import UnitUnderTest
 from rig.errors import BadInput, RigError
 
 _running: dict[str, UnitUnderTest] = {}  # of this process
+_ends: list[Finalize] = []  # what ends them with it
 
 
 @contextmanager
@@ -20,8 +21,8 @@ def flown_with(unit: Unit | None) -> Iterator[UnitUnderTest | None]:
         yield None
         return
     key = unit.model_dump_json()
-    if not _running:
-        Finalize(None, _end_all, exitpriority=1)  # a worker runs no atexit
+    if not any(one.still_active() for one in _ends):  # one of the parent's is not
+        _ends[:] = [Finalize(None, _end_all, exitpriority=1)]  # a worker runs no atexit
     if key not in _running:
         _running[key] = UnitUnderTest(unit, crowded=True)
     tested, fit = _running[key], False
