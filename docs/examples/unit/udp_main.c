@@ -33,7 +33,7 @@ union message {
 };
 
 static int fd;
-static int looks; /* for a message before it sleeps: to be woken takes longer than a frame of the rig */
+static int looks;              /* for a message before it sleeps: to be woken takes longer than a frame of the rig */
 static bool connected;         /* to one rig, by --rig */
 static struct sockaddr_in rig; /* whom to answer */
 static uint64_t session;       /* 0: none */

@@ -25,13 +25,14 @@ USUAL_BYTES = 24  # magic to session: the same in all frames of a session
 HELLO, CONFIG, FRAME, END, READY, REFUSED = range(1, 7)
 _PR_SET_PDEATHSIG = 1
 AT_ONCE = getattr(socket, "MSG_DONTWAIT", 0)
+LOOKS = "RIG_UNIT_LOOKS"  # in the environment of what the rig starts
 LOOKS_PER_LOOK = 4  # what one of Python takes is as long as so many of compiled code
 FUNCTIONS = ("rig_unit_open", "rig_unit_step", "rig_unit_close")
 
 
 def looks() -> int:
     """How many times to look for a message before to sleep: to be woken takes longer, but others may need the core."""
-    return int(os.environ.get("RIG_UNIT_LOOKS", "0"))
+    return int(os.environ.get(LOOKS, "0"))
 
 
 class Refused(Exception):

@@ -12,11 +12,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from rig.computer.external.host import LOOKS
 from rig.errors import BadInput
 from rig.text import one_line
 
 MOST_OUTPUT: Final = 4096  # bytes of what it printed that are shown
-LOOKS: Final = "RIG_UNIT_LOOKS"  # in its environment; as in host.py
 END_S: Final = 1.0  # to end by itself when it is told that the session is over
 _HOSTS: Final = {"library": "host.py", "exec": "host.py", "fmu": "fmu_host.py"}
 
@@ -34,7 +34,7 @@ class Started:
     ) -> None:
         """Start the host of ``kind`` with ``arguments``; BadInput when the system cannot.
 
-        fds : that it inherits; folder : in which it runs; looks : for a message before it sleeps, told by LOOKS
+        fds : that it inherits; folder : in which it runs; looks : for a message, before it sleeps
         """
         self._command = kind == "exec"
         self._output = tempfile.TemporaryFile()  # noqa: SIM115 # lives as long as the process
