@@ -129,6 +129,16 @@ def test_a_damaged_part_of_runs_is_named(out: Path, damage: str):
     assert f"rm {'-r ' if path.is_dir() else ''}{path} &&" in str(error.value)
 
 
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_a_number_that_is_not_finite_is_named_and_one_that_is_absent_is_not(out: Path, value: float):
+    part = out / "alarms" / f"{FIRST}.parquet"
+    rewrite(part, lambda frame: frame.with_columns(time_s=pl.lit(None, pl.Float64)))
+    assert open_folder(out).done() == set(range(6))
+    rewrite(part, lambda frame: frame.with_columns(time_s=pl.lit(value)))
+    with pytest.raises(BadInput, match="a number is not finite"):
+        open_folder(out).done()
+
+
 def test_a_part_of_a_version_without_reply_times_has_none(out: Path):
     path = out / "runs" / f"{FIRST}.parquet"
     pl.read_parquet(path).drop("replies").write_parquet(path)
