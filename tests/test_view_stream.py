@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from urllib.request import ProxyHandler, build_opener
@@ -16,9 +17,9 @@ import psutil
 import pytest
 from rerun.chunk import RrdReader
 
-from rig.errors import BadInput
+from rig.errors import BadInput, RigError
 from rig.frame import FLAT, SIGNALS, Block, new_block
-from rig.view import viewer
+from rig.view import sink, viewer
 from rig.view.blueprint import blueprint, decisive_s, main_signal, status_shown
 from rig.view.facts import Facts, FaultFact, Layout, Seen, Shown, together
 from rig.view.lanes import of_signal
@@ -212,6 +213,47 @@ def test_servers_listen_on_this_machine_alone_and_report_no_usage(
     assert (report.sent_frames, report.error) == (2 * BLOCK, "")
     assert _listeners() - before == set()
     assert not (tmp_path / "home").exists()  # where the viewer would keep its usage statistics
+
+
+def test_servers_take_other_ports_when_theirs_are_taken_after_they_were_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    free_port = viewer.free_port
+    with _another_process_on_two_ports() as (data, page):
+        monkeypatch.setattr(sink, "WEB_PORT", page)
+        monkeypatch.setattr(viewer, "free_port", lambda preferred=0: data if preferred else free_port())
+        before = _listeners()
+        stream = open_stream("serve", "t", 100.0, tmp_path / "log.mcap")
+        assert stream is not None
+        opened = {port for _, port in _listeners() - before}
+        report = stream.close(5.0)
+    assert opened == {int(url.split(":")[2].split("/")[0]) for url in (report.where, stream.browser)}
+    assert len(opened - {data, page}) == 2
+
+
+@contextmanager
+def _another_process_on_two_ports() -> Iterator[tuple[int, int]]:
+    program = (
+        "import socket, sys; held = [socket.create_server(('127.0.0.1', 0)) for _ in 'ab'];"
+        "print(*(one.getsockname()[1] for one in held), flush=True); sys.stdin.read()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdin is not None and process.stdout is not None
+        data, page = process.stdout.readline().split()
+        yield int(data), int(page)
+        process.stdin.close()
+
+
+def test_servers_that_do_not_come_up_are_refused_and_leave_nothing_open(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = _listeners()
+    monkeypatch.setattr(viewer, "opened", lambda port: False)
+    with pytest.raises(RigError, match="data cannot be served: another process took every port"):
+        open_stream("serve", "t", 100.0, tmp_path / "log.mcap")
+    assert _listeners() == before
 
 
 def _listeners() -> set[tuple[str, int]]:

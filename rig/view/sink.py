@@ -169,21 +169,34 @@ def _save(recording: rr.RecordingStream, layout: rrb.Blueprint, path: Path, abou
 
 
 def _serve(recording: rr.RecordingStream, layout: rrb.Blueprint, about: About, server_memory: str) -> Sink:
-    import rerun as rr
-
     from rig.view.web import WebViewer
 
-    web_port = viewer.free_port(WEB_PORT)
-    server = rr.GrpcServerSink(
-        viewer.LOOPBACK,
-        viewer.free_port(GRPC_PORT),
-        server_memory_limit=server_memory,
-        cors_allow_origin=[f"http://{viewer.LOOPBACK}:{web_port}"],
-    )
     try:
-        recording.set_sinks(server, default_blueprint=layout)
-        web = WebViewer(web_port, server.uri)
-    except (OSError, RuntimeError) as error:
-        recording.disconnect()
+        web = WebViewer(WEB_PORT)
+    except OSError as error:
         raise RigError(f"the viewer's page cannot be served: {error}") from None
-    return Sink(recording, server.uri, about, web.url, also=web.close)
+    try:
+        url = _listen(recording, layout, server_memory, web.port)
+    except (OSError, RuntimeError, RigError) as error:
+        web.close()
+        recording.disconnect()
+        raise RigError(f"the viewer's data cannot be served: {error}") from None
+    web.serve(url)
+    return Sink(recording, url, about, web.url, also=web.close)
+
+
+def _listen(recording: rr.RecordingStream, layout: rrb.Blueprint, server_memory: str, web_port: int) -> str:
+    """Serve ``recording`` to viewers on a port of this process, for the page on ``web_port``: its address.
+
+    rerun-sdk 0.41 logs a port that another process took since it was asked for, and goes on without a server.
+    """
+    import rerun as rr
+
+    for preferred in (GRPC_PORT, 0, 0):
+        port = viewer.free_port(preferred)
+        page = [f"http://{viewer.LOOPBACK}:{web_port}"]
+        server = rr.GrpcServerSink(viewer.LOOPBACK, port, server_memory_limit=server_memory, cors_allow_origin=page)
+        recording.set_sinks(server, default_blueprint=layout)
+        if viewer.opened(port):
+            return server.uri
+    raise RigError("another process took every port that was free")

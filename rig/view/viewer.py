@@ -71,11 +71,26 @@ def connected(port: int) -> bool:
     rerun-sdk 0.41 does not tell when a viewer connects to its server, so the system is asked.  An operating system
     that does not say it counts as connected: nobody may wait for ever.
     """
+    return _has(port, psutil.CONN_ESTABLISHED)
+
+
+def opened(port: int, timeout_s: float = 5.0) -> bool:
+    """Whether this process, which was told to, listens on ``port`` within the time."""
+    deadline = time.monotonic() + timeout_s
+    while not _has(port, psutil.CONN_LISTEN):
+        if time.monotonic() > deadline or (listening(port) and not _has(port, psutil.CONN_LISTEN)):
+            return False
+        time.sleep(0.01)
+    return True
+
+
+def _has(port: int, status: str) -> bool:
+    """Whether this process has a connection of ``status`` on ``port``; True where the system does not say."""
     try:
         sockets = psutil.Process().net_connections(kind="tcp")
     except psutil.AccessDenied:
         return True
-    return any(one.status == psutil.CONN_ESTABLISHED and one.laddr.port == port for one in sockets)
+    return any(one.status == status and one.laddr.port == port for one in sockets)
 
 
 def require_display(asked: str) -> None:

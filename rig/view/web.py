@@ -21,18 +21,30 @@ _KEPT_HEADERS: Final = ("Content-Type", "rerun-final-length")  # the second feed
 
 
 class WebViewer:
-    """Serves the viewer's page until closed."""
+    """The viewer's page on ``port``: held from the beginning, served from ``serve`` on until closed."""
 
-    def __init__(self, port: int, grpc_url: str) -> None:
+    def __init__(self, preferred: int) -> None:
+        """``preferred``: the port, when nobody has it; else any free one."""
+        self.url = ""
         self.files = _fetch()
-        self.url = f"http://{viewer.LOOPBACK}:{port}/?url={quote(grpc_url, safe='')}&theme=dark"
-        self._server = ThreadingHTTPServer((viewer.LOOPBACK, port), _handler(self.files))
+        try:
+            self._server = ThreadingHTTPServer((viewer.LOOPBACK, preferred), _handler(self.files))
+        except OSError:
+            self._server = ThreadingHTTPServer((viewer.LOOPBACK, 0), _handler(self.files))
         self._server.daemon_threads = True
+        self._served = False
+        self.port = self._server.server_port
+
+    def serve(self, grpc_url: str) -> None:
+        """Serve the page, whose address shows what the server at ``grpc_url`` sends."""
+        self.url = f"http://{viewer.LOOPBACK}:{self.port}/?url={quote(grpc_url, safe='')}&theme=dark"
         threading.Thread(target=self._server.serve_forever, name="web viewer", daemon=True).start()
+        self._served = True
 
     def close(self) -> None:
         """Stop serving; a page that is open stays open."""
-        self._server.shutdown()
+        if self._served:
+            self._server.shutdown()
         self._server.server_close()
 
 
