@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from unit_files import library, needs_a_compiler, udp, unit, written
 
 import rig
 from rig.computer.external import session
+from rig.computer.external.links import SocketLink
 from rig.computer.external.settings import Unit
 from rig.errors import BadInput, RigError
 from rig.frame import Law, State
@@ -288,6 +290,26 @@ def test_paced_misses_are_held_and_told_apart(tmp_path: Path):
     scored = score_log(flight.log, Yardstick(), twin=False)
     assert [miss.first_frame for miss in scored.misses if miss.last_frame < 100] == [50, 80]
     assert scored.times["lateness"] and scored.times["replies"]
+
+
+def test_an_answer_that_the_rig_itself_reads_too_late_is_not_flown(tmp_path: Path, monkeypatch):
+    """It came after 10 ms of 16, but the machine gave the rig no time until the frame was over."""
+    wait, due = SocketLink.receive, []
+
+    def slow(link: SocketLink, into: memoryview, until_s: float) -> int:
+        count = wait(link, into, until_s)
+        if 0.0 < until_s - time.perf_counter() < 0.01 and not due:  # of the delayed answer
+            due.append(until_s)
+            time.sleep(until_s - time.perf_counter() + 0.001)
+        return count
+
+    tested = udp(tmp_path, [["delay", 30, 30, 0.01]])
+    monkeypatch.setattr(SocketLink, "receive", slow)
+    flight = fly(tmp_path, tested, "rate_hz=50", realtime_factor=1.0)
+    assert flight.unit is not None and due
+    assert flight.rows["unit"][30] == Answer.HELD
+    assert flight.unit["late"] == flight.unit["missed"] >= 1
+    assert flight.unit["replies_lost"] == flight.unit["requests_lost"] == flight.unit["discarded"] == 0
 
 
 def test_a_unit_may_not_miss_more_in_a_row_than_it_is_allowed(tmp_path: Path):

@@ -29,6 +29,7 @@ from rig.kernels import bind
 _MOST_RESTARTS: Final = 10
 _ANSWERED, _DEAD = Answer.ANSWERED.value, Answer.DEAD.value  # looked up in every frame
 _FORMS: Final = {"redundancy": Form.REDUNDANCY, "flight-computer": Form.FLIGHT_COMPUTER}
+_NO_FRAME: Final = -(2**63) - 1  # beyond what a message can hold: none answers it
 _FOREVER: Final = float("inf")
 Deadline = Callable[[int, float], float]  # the time of ``clock`` at which a share of a frame is over
 
@@ -154,6 +155,8 @@ class UnitUnderTest:
         until, into = self._until(frame), self._into
         while True:
             count = count or link.receive(into, until)
+            if count and self._has_deadline and clock() >= until:  # the machine was late, or the unit: none can tell
+                return self._missed(frame, into[:count])
             if count and self.watch.is_answer(into[:count], frame):
                 self._received[:] = into[:count]
                 return _ANSWERED
@@ -173,16 +176,24 @@ class UnitUnderTest:
             raise Dead(f"failed: rig_unit_step returned {code}")
         return _ANSWERED
 
+    @property
+    def _has_deadline(self) -> bool:
+        """Not the first frame of a flight, nor any in lockstep."""
+        return self._deadline is not None and self.watch.last_frame >= 0
+
     def _until(self, frame: int) -> float:
         """When the wait is over.  The first answer has as long as in lockstep: there is none before it to be held."""
-        if self._deadline is not None and self.watch.last_frame >= 0:
+        if self._deadline is not None and self._has_deadline:
             return self._deadline(frame, self.unit.deadline)
         return clock() + (self.unit.timeout_s or _FOREVER)
 
-    def _missed(self, frame: int) -> int:
-        if self._deadline is None or self.watch.last_frame < 0:
+    def _missed(self, frame: int, too_late: memoryview | None = None) -> int:
+        """No answer by the deadline of ``frame``; ``too_late``: the message that came after it."""
+        if not self._has_deadline:
             raise Dead(f"has not answered within timeout_s = {self.unit.timeout_s:g} s")
         self.watch.missed(frame)
+        if too_late is not None:
+            self.watch.is_answer(too_late, _NO_FRAME)
         if self.unit.on_miss == "end":
             raise Dead(f"missed its deadline, {self.unit.deadline:g} of the frame")
         return Answer.HELD.value

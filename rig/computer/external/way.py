@@ -101,14 +101,14 @@ def cores() -> int:
 def ask(port, way, until_ns):
     """Hand port.out over; ANSWERED once the answer is in its place in port.back, else PENDING.
 
-    until_ns : of the clock, when a wait ends
+    until_ns : of the clock, when a wait ends; what is read later is left to Python, too
     """
     at = way.at[0]
     began = now(at)
     if at["step"] != 0:
         answered = call_step(port, way, at)
     else:
-        answered = send(at) and await_answer(port, way, at, min(began + at["spin_ns"], until_ns))
+        answered = send(at) and await_answer(port, way, at, began + at["spin_ns"], until_ns)
     at["took_ns"] = now(at) - began
     return Unit.ANSWERED.value if answered else PENDING
 
@@ -139,16 +139,18 @@ def send(at):
 
 
 @kernel
-def await_answer(port, way, at, until_ns):
-    """Look for a message until then; whether it is the usual answer to the frame, which is then copied."""
+def await_answer(port, way, at, patient_ns, until_ns):
+    """Look for a message as long as that; whether it is in time and the usual answer to the frame: then copied."""
+    end_ns = min(patient_ns, until_ns)
     count = long_of_four(at["receive"], at["fd"], at["into_at"], at["into_bytes"], _AT_ONCE)
     looked = 0  # times; now and then somebody else may have the core
-    while count < 0 and now(at) < until_ns:
+    while count < 0 and now(at) < end_ns:
         looked += 1
         if looked % 8 == 0:
             int_of_two(at["give_way"], 0, 0)
         count = long_of_four(at["receive"], at["fd"], at["into_at"], at["into_bytes"], _AT_ONCE)
-    if count != _BYTES or not is_usual(way.into, port.out.sent_bytes, way.template):
+    in_time = until_ns == FOREVER_NS or now(at) < until_ns
+    if count != _BYTES or not in_time or not is_usual(way.into, port.out.sent_bytes, way.template):
         at["count"] = max(count, 0)
         return False
     copy_bytes(port.back.bytes[RECEIVED], 0, way.into, 0, _BYTES)
