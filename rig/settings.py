@@ -31,7 +31,14 @@ _TIME: Final = re.compile(r"(?:^|.*_)(?!rad_s|m_s|pa_s|per_s|1_s|sqrt_s|integral
 class Settings(BaseModel):
     """Base of every settings model: strict, frozen, no unknown keys, finite numbers only."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, validate_default=True)
+    model_config = ConfigDict(
+        extra="forbid",
+        strict=True,
+        frozen=True,
+        allow_inf_nan=False,
+        validate_default=True,
+        defer_build=True,  # no command needs all models
+    )
     keys_are_in: ClassVar[str] = ""  # where all keys are listed, for who mistypes one
     _limits: ClassVar[dict[str, float]] = {}  # of fields that name no upper limit themselves
 

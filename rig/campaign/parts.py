@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import shlex
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from rig.files import is_file
 from rig.frame import SIGNALS
 from rig.record.time_bins import BINS
 
+_FILE = " file"  # no key of a campaign has a blank before it
 # Columns of ``runs`` that together say how many rows of another table a run has.
 _COUNTS = {
     "faults": tuple(OUTCOMES.values()),
@@ -46,13 +48,29 @@ def read(folder: Path, plan: Plan) -> dict[str, pl.DataFrame]:
     BadInput names the file that is damaged, missing, another campaign's or a copy, and the remedy.
     """
     parts = names(folder)
-    found = {name: [_table(folder, name, part, plan) for part in parts] for name in TABLES}
+    found = {name: _tables(folder, name, parts, plan) for name in TABLES}
     seen: dict[int, str] = {}
     for i, part in enumerate(parts):
         _check_runs(folder, part, found["runs"][i], plan, seen)
         for name in TABLES[1:]:
             _check_rows(folder, name, part, found["runs"][i], found[name][i])
     return {name: table.joined(name, frames) for name, frames in found.items()}
+
+
+def _tables(folder: Path, name: str, parts: list[str], plan: Plan) -> list[pl.DataFrame]:
+    """The files of one table, their columns checked: read at once where nothing is wrong, a quarter of the time."""
+    paths = [folder / name / f"{part}.parquet" for part in parts]
+    expected = table.schema(plan, name)
+    if parts and all(map(is_file, paths)):
+        with suppress(OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException):
+            whole = pl.read_parquet(
+                paths, hive_partitioning=False, glob=False, parallel="none", include_file_paths=_FILE
+            )
+            rows = whole.drop(_FILE)
+            if rows.schema == expected and all(map(_is_finite, rows)):
+                found = whole.partition_by(_FILE, maintain_order=True, include_key=False, as_dict=True)
+                return [found.get((str(path),), rows.clear()) for path in paths]
+    return [_table(folder, name, part, plan) for part in parts]  # names the file that is not as it must be
 
 
 def _table(folder: Path, name: str, part: str, plan: Plan) -> pl.DataFrame:

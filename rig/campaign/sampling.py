@@ -95,7 +95,7 @@ def _sampled(campaign: Campaign) -> list[Choice]:
     points = _points(campaign)
     valuers = {id(vary): valuer(vary) for _, vary in campaign.varied()}
     if campaign.cases or not campaign.vary:
-        return [_at(campaign, point, valuers) for point in points.tolist()]
+        return _of_cases(campaign, points, valuers)
     columns = zip(campaign.vary.values(), points.T.tolist(), strict=True)
     values = [map(valuers[id(vary)], shares) for vary, shares in columns]
     return [dict(zip(campaign.vary, row, strict=True)) for row in zip(*values, strict=True)]
@@ -110,7 +110,7 @@ def _stratified(campaign: Campaign) -> list[Choice]:
     for column, names in enumerate(turns):
         count //= len(names)
         points[:, column] = (np.arange(len(points)) // count % len(names) + 0.5) / len(names)
-    return [_at(campaign, point, valuers) for point in _in_order(campaign, points).tolist()]
+    return _of_cases(campaign, _in_order(campaign, points), valuers)
 
 
 def _in_order(campaign: Campaign, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -123,13 +123,18 @@ def _in_order(campaign: Campaign, points: NDArray[np.float64]) -> NDArray[np.flo
     return points[:, [*order, *range(rest, points.shape[1])]]
 
 
-def _at(campaign: Campaign, point: list[float], valuers: dict[int, Valuer]) -> Choice:
-    """What a point of the unit cube means, where there are cases."""
+def _of_cases(campaign: Campaign, points: NDArray[np.float64], valuers: dict[int, Valuer]) -> list[Choice]:
+    """What points of the unit cube mean, where there are cases."""
+    depths = [_depth(cases) for cases in campaign.cases.values()]
+    return [_at(campaign, point, depths, valuers) for point in points.tolist()]
+
+
+def _at(campaign: Campaign, point: list[float], depths: list[int], valuers: dict[int, Valuer]) -> Choice:
     rest = iter(point)
     chosen: Choice = {}
-    for name, cases in campaign.cases.items():
+    for (name, cases), depth in zip(campaign.cases.items(), depths, strict=True):
         case = cases[int(next(rest) * len(cases))]
-        shares = [next(rest) for _ in range(_depth(cases))]
+        shares = [next(rest) for _ in range(depth)]
         chosen[name] = case.name
         inside = zip(case.vary.items(), shares, strict=False)  # a case may vary fewer keys than its group's most
         chosen |= {key: valuers[id(vary)](share) for (key, vary), share in inside}
