@@ -75,18 +75,28 @@ def test_a_trial_isolates_the_channels_of_its_flight_in_the_same_frames(manager:
     made = plan(redundancy__manager=manager)
     forms = {"single 4": ("offset up", "noise"), "single 3": ("drift down", "stuck"), "near 4": ("oscillation",)}
     runs = [of_form(made, f, design, 1) for design, all_of in forms.items() for f in all_of]
-    runs += [of_form(made, "intermittent high", "alike 4"), of_form(made, "dropout", "near 3")]
+    runs += [of_form(made, "intermittent high", "alike 4"), of_form(made, "dropout", "near 4")]
     isolated = 0
     for number in runs:
         found = beside(made[number].scenario())
         np.testing.assert_array_equal(found.trial, found.flight, err_msg=str(made.choices[number]))
+        assert found.trial_kept == found.flight_kept
         isolated += int((found.flight >= 0).sum())
     assert isolated >= len(runs)
 
 
+def test_what_follows_a_vote_that_is_not_kept_does_not_count(bundled: Plan):
+    """Two alike, stuck on static pressure in a climb: the aircraft follows them, and all four channels are failed."""
+    number = 2057
+    assert bundled.choices[number]["design"] == "alike 4, channel 4" and bundled.choices[number]["form"] == "stuck"
+    found = beside(bundled[number].scenario())
+    assert not found.trial_kept and not found.flight_kept
+    assert (found.flight >= 0).sum() > (found.trial >= 0).sum()
+
+
 def test_units_share_out_all_trials_over_every_combination(bundled: Plan):
     units = shared_out(bundled, 200_000, 5)
-    assert {unit.number for unit in units} == {n for n in combinations(bundled) if planned(bundled, n)[0] >= 3}
+    assert {unit.number for unit in units} == {n for n in combinations(bundled) if planned(bundled, n) in SHARES}
     of_place: dict[tuple[int, str], int] = {}
     for unit in units:
         place = planned(bundled, unit.number)
@@ -97,7 +107,7 @@ def test_units_share_out_all_trials_over_every_combination(bundled: Plan):
 
 
 def test_neither_order_nor_company_decides_what_a_unit_draws(bundled: Plan):
-    numbers = [of_form(bundled, form, design) for form in ("noise", "hardover") for design in ("single 4", "alike 3")]
+    numbers = [of_form(bundled, form, design) for form in ("noise", "hardover") for design in ("single 4", "alike 4")]
     units = [Unit(number, chunk, 40, 3) for number in numbers for chunk in (0, 1)]
     one = added_up([*map(Flight(bundled), units)], "m")
     other = Flight(plan())
@@ -127,6 +137,14 @@ def test_a_mean_is_bad_after_a_hardover():
 def test_levels_two_and_one_are_refused_with_the_reason(bundled: Plan, good: list[int]):
     with pytest.raises(BadInput, match=r"--good-before [12]: .* the aircraft moves with the vote .*: fly the campaign"):
         shared_out(bundled, 100, 1, good)
+
+
+def test_two_faults_among_three_good_channels_are_left_to_flights(bundled: Plan, tmp_path: Path):
+    """One good channel of three is outvoted, and the aircraft follows the others."""
+    assert {planned(bundled, unit.number) for unit in shared_out(bundled, 1000, 1, [3])} == {(3, "single")}
+    (tmp_path / "c.toml").write_text(SMALL.replace("single 4, channel 2", "near 3, channel 2"))
+    with pytest.raises(BadInput, match="no case of it has 4 or 3 good channels and leaves two of them good"):
+        shared_out(Plan(read(tmp_path / "c.toml"), "c.toml"), 100, 1)
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ def trials(
     set_: Annotated[list[str] | None, typer.Option("--set", help="Lay KEY=VALUE over every run.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Count what the next fault does with 4 and 3 good channels, in open-loop trials on a recorded truth."""
+    """Count what the next fault does where it leaves two good channels, in open-loop trials on a recorded truth."""
     from rig.campaign.config import find, read
     from rig.campaign.plan import Plan
     from rig.errors import BadInput

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import INDEX, Block, State, new_block
+from rig.frame import INDEX, SIGNALS, Block, State, new_block
 from rig.loop import fly_rows
 from rig.reliability.cells import SECOND, TESTED
 from rig.reliability.drawn import Cell
@@ -17,15 +17,21 @@ from rig.reliability.recorded import Recording, of_rows
 from rig.reliability.trials import fly_trials, off_votes
 from rig.scenario import Scenario
 from rig.score.monitored import lingers
+from rig.score.votes import difference
+from rig.score.windows import allowed_frames
 from rig.sensors import Sensors
 
 
 class Beside(NamedTuple):
-    """First frame in which each channel of the signal was failed, or NEVER: (4,) in flight, and in the trial."""
+    """First frame in which each channel of the signal was failed, or NEVER: (4,) in flight, and in the trial.
+
+    Where the vote is not kept, what comes after does not count, and may differ.
+    """
 
     flight: NDArray[np.int64]
     trial: NDArray[np.int64]
-    outcome: str  # of the trial: kept, known loss or bad vote
+    flight_kept: bool  # whether the vote was, and no signal lost
+    trial_kept: bool
 
 
 def beside(scenario: Scenario) -> Beside:
@@ -36,9 +42,19 @@ def beside(scenario: Scenario) -> Beside:
     second = labels.index(SECOND) if SECOND in labels else None
     made = Cell(scenario, one_signal(scenario, name), faults_of(scenario, name), {}, tested, second, [])
     healthy = fly_rows(scenario.model_copy(update={"faults": []}).trusted(scenario.trust))
-    results, _, _ = fly_trials(made, _as_flown(made, of_rows(healthy)), lambda: None)
-    outcome = "known loss" if results["lost"][0] else "bad vote" if off_votes(made, results)[0] else "kept"
-    return Beside(_failed_at(fly_rows(scenario), INDEX[name]), results["failed_at"][0], outcome)
+    trials = _as_flown(made, of_rows(healthy))
+    results, _, _ = fly_trials(made, trials, lambda: None)
+    rows, s = fly_rows(scenario), INDEX[name]
+    kept = not (results["lost"][0] or off_votes(made, results)[0])
+    return Beside(_failed_at(rows, s), results["failed_at"][0], _kept(rows, s, trials), kept)
+
+
+def _kept(rows: Block, s: int, trials: Trials) -> bool:
+    """Whether a flight kept its vote on signal ``s``, by what counts in a trial."""
+    rows = rows[int(trials.counted_from[0]) :]
+    error = difference(rows["voted"][:, s], rows["truth"][:, s], SIGNALS[s].wraps)
+    off = ~(np.abs(error) <= trials.threshold)
+    return not (off[-1] or off.sum() > trials.allowed or (rows["level"][:, s] == 0).any())
 
 
 def _as_flown(made: Cell, recording: Recording) -> Trials:
@@ -59,6 +75,7 @@ def _as_flown(made: Cell, recording: Recording) -> Trials:
         early=0,
         linger=int(lingers(made.one.manager.params)[0]),
         threshold=made.one.threshold,
+        allowed=allowed_frames(made.one.manager.params[0]),
         truth=np.ascontiguousarray(recording.truth[:, s]),
         reference=np.ascontiguousarray(recording.reference[:, s]),
         second=np.ascontiguousarray(recording.second_reference[:, s]),

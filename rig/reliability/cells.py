@@ -24,6 +24,7 @@ from rig.frame import CHANNELS
 
 TESTED, SECOND = "tested", "second"  # ids of the fault that is counted, and of a near one after it
 DESIGNS: Final = ("single", "near", "alike")
+AT_ONCE: Final = {"single": 1, "near": 2, "alike": 2}  # channels that fail
 CELL: Final = ("signal", "good_before", "design", "kind", "condition")
 COUNTS: Final[dict[str, Any]] = {
     **dict.fromkeys(CELL, pl.String),

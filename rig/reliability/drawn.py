@@ -29,6 +29,7 @@ from rig.reliability.open_loop import Trials
 from rig.reliability.recorded import Recording
 from rig.scenario import Scenario
 from rig.score.monitored import lingers
+from rig.score.windows import allowed_frames
 from rig.sensors.params import calibrate
 
 RUN_IN: Final = 10  # frames of healthy sensors before the first fault
@@ -124,6 +125,7 @@ def draw(made: Cell, trials: int, recording: Recording, rng: Generator) -> Trial
         early=int(made.one.latches),
         linger=int(lingers(made.one.manager.params)[0]),
         threshold=made.one.threshold,
+        allowed=allowed_frames(made.one.manager.params[0]),
         truth=np.ascontiguousarray(recording.truth[:, s]),
         reference=np.ascontiguousarray(recording.reference[:, s]),
         second=np.ascontiguousarray(recording.second_reference[:, s]),

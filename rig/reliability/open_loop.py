@@ -1,7 +1,8 @@
 """Open-loop trials: sensors, faults and manager of one signal, frame by frame over a recorded truth.
 
-Nothing flies: the truth does not answer to the vote.  While enough good channels outvote the faulty one it has nothing
-to answer to, which holds with 4 and 3 good channels and not with fewer.
+Nothing flies: the truth does not answer to the vote.  While two good channels remain and the vote is kept it has next
+to nothing to answer to; with fewer the aircraft follows the faulty ones.  What comes after a vote that is not kept
+does not count.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ RESULT: Final = np.dtype(
     [
         ("above", "i8"),  # frames from the last onset on in which the vote was off by more than its threshold
         ("off", "u1"),  # whether it was in the last frame
-        ("lost", "u1"),  # whether the signal was at level 0 from the last onset on
+        ("lost", "u1"),  # whether the signal was at level 0 from the last onset on, its vote kept until then
         ("frames", "i8"),
         ("good_before", "i8"),  # channels without a fault and not failed, in the frame before the tested onset
         ("in_use", "i8"),  # of the tested channels, those not failed then
@@ -52,6 +53,7 @@ class Trials(NamedTuple):
     early: int  # 1: ends when all faulty channels have been out for ``linger`` frames
     linger: int  # frames for which a fault that has ceased still counts
     threshold: float
+    allowed: int  # frames for which a kept vote may be off
     truth: NDArray[np.float64]  # (N,) of the signal
     reference: NDArray[np.float64]  # (N,), as the healthy flight computed it
     second: NDArray[np.float64]  # (N,)
@@ -152,7 +154,7 @@ def run_trial(trials, j, at, scratch, result, healthy, failed):
         )
         if frame >= trials.counted_from[j]:
             result["above"] += off
-            result["lost"] |= level == 0
+            result["lost"] |= level == 0 and result["above"] <= trials.allowed
         result["off"], result["frames"] = off, k + 1
         if trials.early != 0 and frame >= trials.counted_from[j] and not off and 0 <= settled <= frame - trials.linger:
             return

@@ -1,4 +1,4 @@
-"""Open-loop trials of a campaign's cells with 4 and 3 good channels: shared out, run on several processes, added up.
+"""Open-loop trials of a campaign's cells that leave two good channels: shared out, run on several processes, added up.
 
 A unit is one combination of the campaign's cases, in chunks of at most CHUNK trials.  Each chunk draws from a seed of
 its own, given by the number of its run and its place, so neither workers nor their order decide anything.
@@ -22,7 +22,7 @@ from rig.computer.redundancy.manager import new_state
 from rig.errors import BadInput
 from rig.faults.record import KEPT, FaultData
 from rig.frame import CHANNELS, D
-from rig.reliability.cells import CELL, COUNTS, DESIGNS, FALSE_ISOLATIONS, Cells
+from rig.reliability.cells import AT_ONCE, CELL, COUNTS, DESIGNS, FALSE_ISOLATIONS, Cells
 from rig.reliability.drawn import Cell, cell, draw, refill
 from rig.reliability.one_signal import ROW
 from rig.reliability.open_loop import LEVELS, NEVER, RESULT, Scratch, Trials, run_trials
@@ -32,11 +32,7 @@ from rig.score.windows import allowed_frames
 CHUNK: Final = 500
 GOOD: Final = (4, 3)
 # Of all trials, by good channels and design: what a chain multiplies with the first power of the rate needs the most.
-SHARES: Final = {
-    (4, "single"): 0.6,
-    (3, "single"): 0.2,
-    **{(good, design): 0.05 for good in GOOD for design in ("near", "alike")},
-}
+SHARES: Final = {(4, "single"): 0.6, (3, "single"): 0.2, (4, "near"): 0.05, (4, "alike"): 0.15}
 _RECORDING, _TRIALS = 0, 1  # spawn keys of the seed
 
 
@@ -109,6 +105,11 @@ def planned(plan: Plan, number: int) -> tuple[int, str]:
     return int(good), design
 
 
+def leaves_two_good(good: int, design: str) -> bool:
+    """Whether so many stay good that the faulty ones cannot have the vote, and the aircraft, to themselves."""
+    return good - AT_ONCE[design] >= 2
+
+
 def recording_seed(seed: int, condition: str) -> int:
     """The seed of the healthy flight of a condition."""
     state = SeedSequence(seed, spawn_key=(_RECORDING, *condition.encode())).generate_state(1, np.uint64)
@@ -116,7 +117,7 @@ def recording_seed(seed: int, condition: str) -> int:
 
 
 def shared_out(plan: Plan, runs: int, seed: int, good: Sequence[int] = GOOD) -> list[Unit]:
-    """``runs`` trials shared out over the combinations with ``good`` channels, by SHARES.  BadInput: 2 or 1 of them."""
+    """``runs`` trials shared out over the combinations with ``good`` channels, by SHARES.  BadInput: none is left."""
     flown = sorted(set(good) - set(GOOD))
     if flown:
         raise BadInput(
@@ -126,10 +127,11 @@ def shared_out(plan: Plan, runs: int, seed: int, good: Sequence[int] = GOOD) -> 
     groups: dict[tuple[int, str], list[int]] = {}
     for number in combinations(plan):
         place = planned(plan, number)
-        if place[0] in good:
+        if place[0] in good and leaves_two_good(*place):
             groups.setdefault(place, []).append(number)
     if not groups:
-        raise BadInput(f"{plan.source}: no case of it has {' or '.join(map(str, good))} good channels")
+        named = " or ".join(map(str, good))
+        raise BadInput(f"{plan.source}: no case of it has {named} good channels and leaves two of them good")
     whole = sum(SHARES[place] for place in groups)
     units: list[Unit] = []
     for place, numbers in groups.items():
@@ -210,6 +212,8 @@ def added_up(tallies: Sequence[Tally], manager: str) -> Cells:
     for tally in tallies:
         signal, _, design, kind, condition = tally.cell
         for good in range(1, LEVELS):
+            if not leaves_two_good(good, design):  # healthy channels were failed before
+                continue
             place = signal, good, design, kind, condition
             rows[place] = rows.get(place, 0) + tally.counts[good]
         hours[signal] = hours.get(signal, 0) + np.stack([tally.healthy, tally.failed])
