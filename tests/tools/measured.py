@@ -170,12 +170,11 @@ def timed(command: str, folder: str) -> tuple[str, float]:
     return printed(command, folder), perf_counter() - began
 
 
-def page(name: str, figures: Figures) -> str:
-    """The page of one set of figures."""
+def page(name: str, figures: Figures, known: dict[str, str]) -> str:
+    """The page of one set of figures; ``known``: versions before any page was written."""
     with TemporaryDirectory(prefix="rig") as folder:
         outputs = [(command, *timed(command, folder)) for command in figures.commands]
         minutes = sum(seconds for *_, seconds in outputs) / 60.0
-    known = versions()
     packages = ", ".join(f"{key.removeprefix('version ')} {value}" for key, value in known.items() if "version" in key)
     head = [
         f"# {figures.title}",
@@ -200,8 +199,9 @@ def main() -> int:
     if unknown:
         parser.error(f"{unknown[0]}: allowed: {', '.join(MEASURED)}")
     PAGES.mkdir(parents=True, exist_ok=True)
+    known = versions()
     for name in names:
-        (PAGES / f"{name}.md").write_text(page(name, MEASURED[name]), encoding="utf-8")
+        (PAGES / f"{name}.md").write_text(page(name, MEASURED[name], known), encoding="utf-8")
         print(f"docs/measured/{name}.md", flush=True)
     return 0
 
