@@ -70,4 +70,4 @@ $(STAMP): pyproject.toml constraints.txt
 	touch $(STAMP)
 
 clean:
-	rm -rf $(VENV) .pytest_cache .ruff_cache .import_linter_cache build dist site tests/foxglove/node_modules
+	rm -rf $(VENV) .pytest_cache .ruff_cache .import_linter_cache build dist site

@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import subprocess
 from pathlib import Path
 
@@ -27,7 +28,8 @@ def flown(tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def found(flown):
     command = ["node", str(SCRIPT), str(flown), *map(str, FRAMES)]
-    out = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    environment = {**os.environ, "RIG_NODE_MODULES": str(outside.node_modules())}
+    out = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
     assert (out.returncode, out.stderr) == (0, "")
     return json.loads(out.stdout)
 

@@ -3,13 +3,12 @@
 //
 //     node read.mjs LOG FRAME [FRAME ...]      packages: @mcap/core, @mcap/support, @mcap/nodejs
 //
-// RIG_NODE_MODULES names the folder of the packages when they are not beside this file.
+// RIG_NODE_MODULES names the folder of the packages.
 import { open } from "node:fs/promises";
 import { createRequire } from "node:module";
 import { join, resolve } from "node:path";
 
-const home = process.env.RIG_NODE_MODULES;
-const need = createRequire(home ? join(resolve(home), "..", "index.js") : import.meta.url);
+const need = createRequire(join(resolve(process.env.RIG_NODE_MODULES), "..", "index.js"));
 const { McapIndexedReader } = need("@mcap/core");
 const { loadDecompressHandlers, protobufFromBinaryDescriptor } = need("@mcap/support");
 const { FileHandleReadable } = need("@mcap/nodejs");

@@ -6,7 +6,8 @@ python tests/tools/outside.py [--every] [--if-possible]
 --if-possible  what cannot be installed is said in one line and is no failure; without it the exit code is 1
 
 Chromium, a software Vulkan driver and GNAT are installed from Debian's packages, which takes root, Foxglove's packages
-by npm into tests/foxglove/node_modules.  A test says what it needs by ``@outside.needs("chromium")``.
+by npm into the environment, .venv: nobody else's files lie among ours.  A test says what it needs by
+``@outside.needs("chromium")``.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from typing import Any, Final
 import pytest
 
 TESTS: Final = Path(__file__).parents[1]
-FOXGLOVE: Final = TESTS / "foxglove"
+FOXGLOVE: Final = TESTS.parent / ".venv/foxglove"
 INSTALLING_S: Final = 600.0  # for one command; one that takes longer is given up
 _APT: Final = ("apt-get", "-q", "-o", "Acquire::Retries=1", "-o", "Acquire::http::Timeout=20")
 _NPM: Final = (
@@ -54,12 +55,15 @@ def node() -> bool:
     return shutil.which("node") is not None and shutil.which("npm") is not None
 
 
+def node_modules() -> Path:
+    """Where Foxglove's packages are: in the folder RIG_NODE_MODULES, or else in the environment."""
+    return Path(os.environ.get("RIG_NODE_MODULES") or FOXGLOVE / "node_modules")
+
+
 def foxglove() -> bool:
-    """Whether Node finds Foxglove's packages: in the folder RIG_NODE_MODULES, or else in tests/foxglove."""
-    modules = Path(os.environ.get("RIG_NODE_MODULES") or FOXGLOVE / "node_modules")
-    return shutil.which("node") is not None and all(
-        (modules / "@mcap" / n).is_dir() for n in ("core", "support", "nodejs")
-    )
+    """Whether Node and Foxglove's packages are there."""
+    packages = (node_modules() / "@mcap" / name for name in ("core", "support", "nodejs"))
+    return shutil.which("node") is not None and all(package.is_dir() for package in packages)
 
 
 @dataclass(frozen=True)
@@ -94,6 +98,8 @@ def _debian(*packages: str) -> str:
 
 def _foxglove() -> str:
     """Install Foxglove's packages, and Node where there is none."""
+    FOXGLOVE.mkdir(parents=True, exist_ok=True)
+    shutil.copy(TESTS / "foxglove/package.json", FOXGLOVE)
     return ("" if node() else _debian("nodejs", "npm")) or _ran(("npm", "install", "--prefix", str(FOXGLOVE), *_NPM))
 
 
