@@ -1,10 +1,17 @@
 """How long rig and unit look for a message before they sleep: nobody where cores are wanted by others."""
 
+import socket
+
+import numpy as np
 import pytest
 
 from rig.computer.external import way
 from rig.computer.external.host import LOOKS
+from rig.computer.external.layout import FROM_UNIT, OUTPUT, Form, Kind, blank
+from rig.computer.external.links import MOST_BYTES
+from rig.computer.external.port import new_port
 from rig.computer.external.processes import Started
+from rig.frame import Unit
 
 
 def test_nobody_looks_in_a_campaign_or_without_a_second_core(monkeypatch: pytest.MonkeyPatch):
@@ -23,3 +30,17 @@ def test_what_the_rig_starts_is_told_how_often_to_look(looks: int):
     assert f"{LOOKS}={looks}" in process.printed().splitlines()
     process.stop()
     process.forget()
+
+
+@pytest.mark.parametrize(
+    ("until_ns", "status", "left"), [(way.FOREVER_NS, Unit.ANSWERED, 0), (1, way.PENDING, OUTPUT.itemsize)]
+)
+def test_an_answer_that_is_there_after_the_deadline_is_left_to_be_counted(until_ns: int, status: int, left: int):
+    rig, unit = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with rig, unit:
+        port = new_port(Form.REDUNDANCY, 7, 0, np.zeros(4), 100.0)
+        there = way.new_way(port, 7, np.zeros(MOST_BYTES, np.uint8))
+        way.to_socket(there, rig.fileno(), 10**9)
+        unit.send(blank(OUTPUT, FROM_UNIT, Kind.REPLY, 7).tobytes())  # to frame 0
+        assert way.ask(port, there, until_ns) == status
+        assert there.at["count"][0] == left

@@ -19,9 +19,11 @@ from rig.errors import BadInput
 from rig.faults.settings import Act
 from rig.reliability.beside import beside
 from rig.reliability.cells import cells
-from rig.reliability.drawn import Drawn, cell, records
+from rig.reliability.drawn import Drawn, cell, draw, records, refill
 from rig.reliability.one_signal import faults_of
-from rig.reliability.trials import SHARES, Flight, Unit, added_up, combinations, planned, shared_out
+from rig.reliability.recorded import recording
+from rig.reliability.trials import SHARES, Flight, Tally, Unit, added_up, combinations, planned, shared_out
+from rig.reliability.trials import fly_trials as run_trials
 from rig.reliability.trials_folder import fly_trials
 
 RELIABILITY = "faults/campaigns/reliability.toml"
@@ -92,6 +94,29 @@ def test_what_follows_a_vote_that_is_not_kept_does_not_count(bundled: Plan):
     found = beside(bundled[number].scenario())
     assert not found.trial_kept and not found.flight_kept
     assert (found.flight >= 0).sum() > (found.trial >= 0).sum()
+
+
+def test_a_signal_that_is_lost_after_its_vote_was_not_kept_is_no_known_loss():
+    made_of = plan(redundancy__manager="cross-voter")
+    made = cell(made_of, of_form(made_of, "hardover", "alike 4"))
+    drawn = draw(made, 20, recording(made.scenario, 1), np.random.default_rng(2))
+
+    def lost(allowed: int) -> int:
+        noise, normal = np.random.default_rng(3), np.random.default_rng(4)
+        results, _, _ = run_trials(made, drawn._replace(allowed=allowed), lambda: refill(drawn, noise, normal))
+        return int((results["lost"] != 0).sum())
+
+    assert lost(drawn.allowed) > 0
+    assert lost(-1) == 0, "as if the vote had been off too long from the first frame on"
+
+
+@pytest.mark.parametrize(("design", "counted"), [("single", [3, 4]), ("near", [4]), ("alike", [4])])
+def test_trials_before_which_healthy_channels_were_failed_count_only_where_two_good_ones_remain(
+    design: str, counted: list[int]
+):
+    counts, nothing = np.ones((5, 5), np.int64), np.zeros(5, np.int64)
+    tally = Tally(("pitch_rate", 4, design, "hardover", "level"), counts, nothing, nothing, 100.0)
+    assert added_up([tally], "m").counts["good_before"].to_list() == counted
 
 
 def test_units_share_out_all_trials_over_every_combination(bundled: Plan):
