@@ -17,12 +17,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.atmosphere import GAS_CONSTANT, pressure, speed_of_sound, temperature
 from rig.errors import BadInput
 from rig.frame import SURFACES
 from rig.plant.airframe import OUTPUTS, Airframe, Config, FlightPoint, LinearConfig
 from rig.plant.linear_plant import matrices
 from rig.plant.loading import jsbsim, load, turns_propellers
+from rig.units.atmosphere import GAS_CONSTANT, pressure, speed_of_sound, temperature
 
 Matrix = NDArray[np.float64]
 

@@ -17,13 +17,13 @@ from rig.design.assumed import FIGURES
 from rig.design.linear import trimmed
 from rig.design.propose import Found, airframe_table, flight_points, given_point
 from rig.errors import BadInput
-from rig.files import reported, write_text
 from rig.frame import CHANNELS, SIGNALS
 from rig.plant.airframe import Config, FlightPoint
 from rig.plant.base_model import SURFACES, BaseModel, Kind, read
 from rig.sensors.classes import kind as kind_of_signal
 from rig.settings import build
 from rig.text import choices, quoted
+from rig.util.files import reported, write_text
 
 _NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,60}")
 WIDTH: Final = 118  # of a comment line

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Any, Final
 
-from rig.atmosphere import GAS_CONSTANT, GRAVITY, pressure, speed_of_sound, temperature
 from rig.design.assumed import FIGURES, STOP_RAD, held, limits
 from rig.design.linear import Trim, trimmed
 from rig.errors import BadInput
@@ -14,6 +13,7 @@ from rig.plant.airframe import Config, FlightPoint
 from rig.plant.base_model import SURFACES, BaseModel, Kind
 from rig.plant.loading import mass_kg, undeclared
 from rig.settings import build
+from rig.units.atmosphere import GAS_CONSTANT, GRAVITY, pressure, speed_of_sound, temperature
 
 FOOT_M: Final = 0.3048
 ALTITUDES_FT: Final[dict[str, tuple[int, ...]]] = {"propeller": (5000, 8000), "jet": (10000, 20000, 30000)}

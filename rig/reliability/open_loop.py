@@ -12,7 +12,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.angles import difference
 from rig.computer.redundancy import vote_signals
 from rig.computer.redundancy.manager import ManagerData
 from rig.faults import FaultData, corrupt
@@ -20,6 +19,7 @@ from rig.faults.record import FOREVER, Trigger
 from rig.frame import CHANNELS, State
 from rig.kernels import kernel
 from rig.sensors import SensorData, measure
+from rig.units.angles import difference
 
 LEVELS: Final = CHANNELS + 1
 NEVER: Final = -1
