@@ -81,7 +81,9 @@ class Rig:
         self.data = self._gather()
         self.compute = computer(self.data, self.redundancy.own)
         self.unit: UnitUnderTest | None = None  # see flight/unit_loop.py
-        self.asked: Callable[[Nested, int], None] | None = None  # what keys ask for before a row, see flight/operator_keys.py
+        self.asked: Callable[[Nested, int], None] | None = (
+            None  # what keys ask for before a row, see flight/operator_keys.py
+        )
 
     def prepare(self, block: Block) -> None:
         """What is drawn or planned a block at a time: stick, demands and commands, noise, chance."""
