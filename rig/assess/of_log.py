@@ -12,10 +12,10 @@ from rig.assess.flown import fly_twin
 from rig.assess.missed_frames import Miss, misses
 from rig.assess.record import Score, Yardstick
 from rig.assess.scoring import monitor, score
-from rig.assess.times import times
 from rig.errors import BadInput
 from rig.flight.operator_keys import pressed
 from rig.log import Log, read_log
+from rig.record.histogram import of_timing
 from rig.scenario import Scenario, from_resolved
 from rig.unit.unit import UnitUnderTest
 from rig.util.progress import tell
@@ -88,7 +88,7 @@ def score_read(
     on_miss = json.loads(log.metadata.get("unit", "{}")).get("on_miss")
     found = misses(log.rows) if on_miss == "fault" else []
     said = conclusion(scenario, log.rows, monitor(scenario), scored)
-    return Scored(path, scenario, log.result.get("digest", ""), scored, exchanges, times(log.timing), found, said)
+    return Scored(path, scenario, log.result.get("digest", ""), scored, exchanges, of_timing(log.timing), found, said)
 
 
 def conclude(log: Path, frames: int) -> list[str]:

@@ -15,7 +15,7 @@ from rig.assess.record import Outcome
 from rig.faults import Fault
 from rig.faults.magnitude import in_thresholds
 from rig.frame import CHANNELS, INDEX, SIGNALS, Block, Pattern
-from rig.record.time_bins import binned
+from rig.record.histogram import binned
 from rig.scenario import Scenario
 
 if TYPE_CHECKING:

@@ -49,7 +49,7 @@ RUNS: Final[dict[str, Any]] = {
     "out_of_limits_s": pl.Float64,  # against the twin, where it was flown
     "coverage": pl.String,  # JSON
     "wall_s": pl.Float64,
-    "replies": pl.List(pl.Int64),  # reply times of a unit under test in each bin of record.time_bins; empty without one
+    "replies": pl.List(pl.Int64),  # reply times of a unit under test in each bin of record.histogram; empty without one
 }
 FAULTS: Final[dict[str, Any]] = {
     "run": pl.Int64,

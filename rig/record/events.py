@@ -18,7 +18,6 @@ from rig.frame import (
     Law,
     Lie,
     Pattern,
-    Resolver,
     Source,
     State,
     Trust,
@@ -28,6 +27,7 @@ from rig.frame import (
 )
 from rig.kernels import kernel
 from rig.record.event import Event, Severity
+from rig.record.failures import COMPARISON, decided_by
 
 MISSED: Final = "unit missed"  # an event's name
 
@@ -139,16 +139,15 @@ def _changes(old: Block, new: Block) -> Iterator[Event]:
 
 
 def _state(frame: int, old: int, new: int, s: int, c: int, row: Any) -> Event | None:
-    resolver = Resolver(row["resolver"][s]) if new == State.FAILED else Resolver.NONE
-    by = "comparison" if resolver in (Resolver.NONE, Resolver.UNRESOLVED) else resolver.name.lower()
-    return _standing(frame, old, new, f"{SIGNALS[s].name}.{c + 1}", by)
+    resolver = decided_by(row, s, c) if new == State.FAILED else ""
+    return _channel_state(frame, old, new, f"{SIGNALS[s].name}.{c + 1}", resolver)
 
 
 def _discrete_state(frame: int, old: int, new: int, d: int, c: int, row: Any) -> Event | None:
-    return _standing(frame, old, new, f"{DISCRETES[d].name}.{c + 1}", "comparison")
+    return _channel_state(frame, old, new, f"{DISCRETES[d].name}.{c + 1}", COMPARISON)
 
 
-def _standing(frame: int, old: int, new: int, channel: str, by: str) -> Event | None:
+def _channel_state(frame: int, old: int, new: int, channel: str, by: str) -> Event | None:
     """A channel that is failed ``by`` someone, or readmitted."""
     if new == State.FAILED:
         return Event(frame, "warning", "channel failed", f"{channel} failed by {by}")

@@ -16,7 +16,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from rig.frame import TIMING
-from rig.record.time_bins import BINS, EDGES_US, binned
+from rig.record.histogram import BINS, EDGES_US, binned
 from rig.view.scene import time_column
 from rig.view.style import PALETTE
 
