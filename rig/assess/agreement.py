@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.assess.monitored import Bools
-from rig.assess.votes import difference
 from rig.frame import SIGNALS, Block, State
+from rig.units.angles import differences
 
 
 class Nearness(NamedTuple):
@@ -43,7 +43,7 @@ def in_use(rows: Block, s: int, first: int, end: int, p: NDArray[np.void]) -> Bo
 def nearness(rows: Block, s: int, c: int, first: int, end: int, p: NDArray[np.void]) -> Nearness:
     """Compare channel ``c`` (from 0) of signal ``s`` with the others in the frames ``first`` to ``end`` (excluded)."""
     samples, compared = rows["channels"][first:end, s], in_use(rows, s, first, end, p)
-    from_c = difference(samples, samples[:, c : c + 1], SIGNALS[s].wraps)
+    from_c = differences(samples, samples[:, c : c + 1], SIGNALS[s].wraps)
     off = np.where(compared & compared[:, c : c + 1], np.abs(from_c), np.inf)
     off[:, c] = np.inf
     nearest = off.argmin(axis=1)

@@ -12,13 +12,13 @@ from rig.assess.isolations import COMPARISON
 from rig.assess.monitored import Bools, Monitored
 from rig.assess.places import Place, channels_of, on_channels, references_of
 from rig.assess.record import FaultScore, Outcome
-from rig.assess.votes import difference
 from rig.computer.redundancy.reference_threshold import reference_threshold
 from rig.faults import Fault
 from rig.faults.places import number as place_number
 from rig.faults.places import site
 from rig.frame import SIGNALS, Block, State
 from rig.scenario import Scenario
+from rig.units.angles import differences
 
 
 def acts(rows: Block, faults: int) -> Bools:
@@ -73,7 +73,7 @@ def _elsewhere(
         errors = np.abs(rows["actuator"] - rows["surface"])[frames, place_number(fault.signal)]
     failed: list[int] = []
     for s in read:
-        off = np.abs(difference(rows["reference"][frames, s], rows["truth"][frames, s], SIGNALS[s].wraps))
+        off = np.abs(differences(rows["reference"][frames, s], rows["truth"][frames, s], SIGNALS[s].wraps))
         allowed = [reference_threshold(reference, params[s]) for reference in rows["reference"][frames, s]]
         errors, above = off if s == read[0] else errors, above | ~(off <= np.array(allowed))
         usable = rows["reference_usable"][:, s] != 0

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from rig.assess.agreement import in_use
 from rig.assess.context import Context, channels
 from rig.assess.record import Episode
-from rig.assess.votes import difference
 from rig.computer.redundancy.reference_threshold import reference_threshold
 from rig.frame import INDEX, SIGNALS, Ilm, Pattern
+from rig.units.angles import differences
 from rig.units.quantities import duration, quantity, seconds
 
 _APART_S: Final = 1.0  # episodes of one signal that follow each other sooner are told as one
@@ -98,7 +98,7 @@ def _reference(row: Any, s: int, used: NDArray[np.intp], p: NDArray[np.void]) ->
     if row["reference_usable"][s] == 0:
         return "not usable"
     limit = float(reference_threshold(value, p))
-    off = difference(row["channels"][s][used], np.full(len(used), value), SIGNALS[s].wraps)
+    off = differences(row["channels"][s][used], np.full(len(used), value), SIGNALS[s].wraps)
     behind = ", compared behind a low-pass" if p["filter_gain"] > 0 else ""
     unit = SIGNALS[s].unit
     return f"{quantity(value, unit)}, {_lies(row, s, used, off, limit, quantity(limit, unit))}{behind}"

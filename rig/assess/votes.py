@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.assess.record import VoteError
-from rig.frame import SIGNALS, TWO_PI, Block
+from rig.frame import SIGNALS, Block
 from rig.kernels import kernel
-from rig.units.angles import difference as short_way
+from rig.units.angles import difference, differences
 
 WRAPS: Final = np.array([signal.wraps for signal in SIGNALS])
 
@@ -57,8 +57,8 @@ def add_up(rows, clean, params, onset, off):
         truth, voted = rows[k]["truth"], rows[k]["voted"]
         for s in range(len(params)):
             known, p = math.isfinite(truth[s]), params[s]
-            add(off[s, 0], k, abs(short_way(voted[s], truth[s], p["wraps"])), known, p["threshold"], onset)
-            add(off[s, 1], k, abs(short_way(voted[s], clean[k, s], p["wraps"])), known, p["threshold"], onset)
+            add(off[s, 0], k, abs(difference(voted[s], truth[s], p["wraps"])), known, p["threshold"], onset)
+            add(off[s, 1], k, abs(difference(voted[s], clean[k, s], p["wraps"])), known, p["threshold"], onset)
 
 
 @kernel
@@ -76,12 +76,4 @@ def add(total, k, off, known, threshold, onset):
 
 def deviation(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n, S) size of ``a - b``, angles the short way round; NaN where either is no number."""
-    return np.abs(difference(a, b, WRAPS))
-
-
-def difference(a: NDArray[np.float64], b: NDArray[np.float64], wraps: NDArray[np.bool_] | bool) -> NDArray[np.float64]:
-    """``a - b``, the short way round where the signal (last axis) ``wraps``; angles.difference for arrays."""
-    with np.errstate(invalid="ignore"):
-        off = a - b
-        off[..., wraps] = (off[..., wraps] + np.pi) % TWO_PI - np.pi
-    return off
+    return np.abs(differences(a, b, WRAPS))

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from rig.assess.monitored import Monitored
 from rig.assess.record import FaultScore, Window
-from rig.assess.votes import difference
 from rig.frame import INDEX, SIGNALS, Block, State
+from rig.units.angles import differences
 
 MARGIN: Final = 10  # frames: counts that wait after a pattern without a majority, lags of the sensors
 
@@ -53,7 +53,7 @@ def _window(
         return None
     s, end = INDEX[fault.signal], last_frame(fault, faults, len(rows))
     p = params[s]
-    off = np.abs(difference(rows["voted"][onset:end, s], rows["truth"][onset:end, s], SIGNALS[s].wraps))
+    off = np.abs(differences(rows["voted"][onset:end, s], rows["truth"][onset:end, s], SIGNALS[s].wraps))
     above = np.isfinite(rows["truth"][onset:end, s]) & ~(off <= p["threshold"])
     finite = off[np.isfinite(off)]
     fitted = int(p["fitted"])

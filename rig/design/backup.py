@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_are
 
 from rig.computer.control.gains import BACKUP
-from rig.units.atmosphere import GRAVITY
+from rig.units.constants import GRAVITY
 
 Matrix = NDArray[np.float64]
 Sensor = Literal["load", "alpha"]

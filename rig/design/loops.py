@@ -19,7 +19,8 @@ from rig.design.linear import Linear, Trim
 from rig.design.margins import Loop, Matrix, sampled_loop
 from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, SURFACES, Block, S, new_block
 from rig.plant.airframe import Airframe, FlightPoint
-from rig.units.atmosphere import GAS_CONSTANT, GRAVITY, LAPSE_RATE, TROPOPAUSE_ALTITUDE, temperature
+from rig.units.atmosphere import temperature
+from rig.units.constants import GAS_CONSTANT, GRAVITY, LAPSE_RATE, TROPOPAUSE_ALTITUDE
 
 Law = Literal["stick", "autopilot"]
 Plane = Literal["longitudinal", "lateral"]

@@ -22,17 +22,17 @@ from rig.computer.analytic.designed import FILTERS, Designed, Error, Point
 from rig.computer.analytic.references import References, refer, remember
 from rig.computer.analytic.sources import PARTNERS, REMEMBERED, Config, source
 from rig.computer.control.gains import Gains
-from rig.computer.redundancy.reference_threshold import SEA_LEVEL_DENSITY
 from rig.design.healthy_flights import FLIGHTS, Case, cases, label
 from rig.design.linear import Linear, linearise
 from rig.errors import RigError
-from rig.frame import INDEX, SIGNALS, TWO_PI, Block
+from rig.frame import INDEX, SIGNALS, Block
 from rig.kernels import kernel
 from rig.loop import fly_rows
 from rig.plant.airframe import Airframe, FlightPoint, parse
 from rig.scenario import Scenario
 from rig.settings import build
-from rig.units.atmosphere import GRAVITY
+from rig.units.angles import differences
+from rig.units.constants import DENSITY_PRINTED, GRAVITY
 from rig.util.files import write_text
 from rig.util.progress import tell
 
@@ -192,11 +192,10 @@ def errors(rows: Block, config: Config, designed: Designed) -> Errors:
         s = INDEX[key[0]]
         if source(config, key[0]) == key[1]:
             known = settled["channels" if key[0] in REMEMBERED.get(key, ()) else "voted"][:, s]
-            off = settled["reference"][:, s, None] - known.reshape(len(settled), -1)
-            off = (off + np.pi) % TWO_PI - np.pi if SIGNALS[s].wraps else off
+            off = differences(settled["reference"][:, s, None], known.reshape(len(settled), -1), SIGNALS[s].wraps)
             found[key] = off[np.arange(len(off)), np.abs(off).argmax(axis=1)].astype(np.float32)
             if key in AS_AIRSPEED:
-                scale = np.sqrt(2.0 * SEA_LEVEL_DENSITY * settled["reference"][:, s])
+                scale = np.sqrt(2.0 * DENSITY_PRINTED * settled["reference"][:, s])
                 found[key[0], AS_AIRSPEED[key]] = (found[key] / scale).astype(np.float32)
     return found
 

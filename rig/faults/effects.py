@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Final
 
 import numpy as np
 
 from rig.faults.settings import Act, Flag
-from rig.frame import TWO_PI, Ilm
+from rig.frame import Ilm
 from rig.kernels import kernel
 from rig.units.angles import difference, limit
-
-_TURN: Final = TWO_PI
+from rig.units.constants import TWO_PI
 
 
 @kernel
@@ -59,7 +57,7 @@ def changed(act, x, other, drawn, target, kept, memory, frame, t, dt_s):
     if act == Act.NOISE:
         return x + value * drawn
     if act in (Act.OSCILLATE, Act.SWING):
-        swing = value * math.sin(_TURN * target["second"] * t)
+        swing = value * math.sin(TWO_PI * target["second"] * t)
         return swing + (x if act == Act.OSCILLATE else kept["held"])
     if act == Act.DELAY:
         return earlier(frame, target, memory)

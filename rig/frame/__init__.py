@@ -37,7 +37,6 @@ from rig.frame.signals import (
     INERTIAL,
     SIGNALS,
     SURFACES,
-    TWO_PI,
     D,
     Discrete,
     S,

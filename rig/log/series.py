@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.config import MANAGERS
-from rig.frame import INDEX, SIGNALS, TWO_PI, Block, State
+from rig.frame import INDEX, SIGNALS, Block, State
+from rig.units.angles import near, unwrapped
 from rig.units.quantities import scale_shown, unit_shown
 
 ROOM: Final = 3.0  # thresholds above and below vote and truth
@@ -42,19 +43,6 @@ def series(rows: Block, rate_hz: float, name: str) -> Series:
     scale = scale_shown(signal.unit)
     values = (channels * scale, rows["state"][:, s, : signal.channels] != State.FAILED, voted * scale, truth * scale)
     return Series(name, unit_shown(signal.unit), scale, rows["frame"] / rate_hz, *values)
-
-
-def unwrapped(angle: Array) -> Array:
-    """Return angles (n,), rad, without jumps of a turn; the first stays, and what is no number."""
-    out, known = angle.copy(), np.isfinite(angle)
-    out[known] = np.unwrap(angle[known])
-    return out
-
-
-def near(angle: Array, base: Array) -> Array:
-    """Return angles, rad, moved by whole turns to within half a turn of ``base``."""
-    with np.errstate(invalid="ignore"):
-        return base + (angle - base + np.pi) % TWO_PI - np.pi
 
 
 def limits(shown: Series, threshold: float) -> tuple[float, float]:

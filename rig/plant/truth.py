@@ -13,10 +13,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import DISCRETE_INDEX, FLIGHT_INDEX, TWO_PI, Block, End, sig
+from rig.frame import DISCRETE_INDEX, FLIGHT_INDEX, Block, End, sig
 from rig.kernels import kernel
 from rig.plant.airframe import Airframe, Limits, Position
-from rig.units.atmosphere import GRAVITY
+from rig.units.constants import GRAVITY, TWO_PI
 
 FOOT: Final = 0.3048  # m
 POUND_PER_SQUARE_FOOT: Final = 47.88025898033584  # Pa

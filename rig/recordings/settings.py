@@ -27,9 +27,10 @@ from rig.computer.redundancy.config import MANAGERS, SignalConfig, bits
 from rig.computer.redundancy.config import Reset as FlightReset
 from rig.computer.redundancy.discrete_config import DiscreteConfig
 from rig.errors import BadInput
-from rig.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS, TWO_PI
+from rig.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS
 from rig.settings import Settings, build, read_toml
 from rig.text import choices, nearest, quoted, shorten
+from rig.units.constants import TWO_PI
 
 ANY_NUMBER: Final = (-sys.float_info.max, sys.float_info.max)  # finite: infinity is never a sample
 TURN_SLACK: Final = 1e-3  # so that a turn may be written as 6.283

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.frame import CHANNELS
-from rig.units.angles import TURN
+from rig.units.angles import near
 
 Floats = NDArray[np.float64]
 DUPLEX: Final = 2
@@ -65,7 +65,7 @@ def exceeded_each(samples: Floats, frames: Sequence[tuple[int, int]], wraps: boo
 
 
 def _exceeded(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool) -> Iterator[Floats]:
-    chosen = near(samples) if wraps else samples
+    chosen = near_first(samples) if wraps else samples
     if len(chosen) == DUPLEX:
         apart = _apart(chosen)
         yield from (sliding_minimum(apart, singular) for _, singular in frames)
@@ -81,12 +81,12 @@ def _exceeded(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool) -
         yield found
 
 
-def near(samples: Floats) -> Floats:
+def near_first(samples: Floats) -> Floats:
     """Angles (C, n), rad, within half a turn of the first channel of their frame that has a sample."""
     base = samples[0].copy()
     for column in samples[1:]:
         np.copyto(base, column, where=np.isnan(base))
-    return base + (samples - base + TURN / 2) % TURN - TURN / 2
+    return near(samples, base)
 
 
 def nearest(samples: Floats) -> list[Floats]:

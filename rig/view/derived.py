@@ -22,7 +22,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import CHANNELS, COMMANDS, DEMANDS, FLIGHT_INDEX, SIGNALS, SURFACES, TWO_PI, Block, S, State
+from rig.frame import CHANNELS, COMMANDS, DEMANDS, FLIGHT_INDEX, SIGNALS, SURFACES, Block, S, State
+from rig.units.angles import differences, short_way
 from rig.view.facts import Facts
 from rig.view.lanes import acting
 
@@ -71,8 +72,8 @@ class Derived:
         with np.errstate(invalid="ignore", over="ignore"):  # a flight that ends not finite
             voted, truth, acts = rows["voted"], rows["truth"], self._acts(rows)
             every = np.concatenate([voted[..., None], rows["channels"], rows["reference"][..., None]], axis=2)
-            off = _short(every - truth[..., None])  # from the truth
-            apart = _short(rows["channels"] - voted[..., None])  # from the vote
+            off = differences(every.swapaxes(1, 2), truth[:, None], _WRAPS).swapaxes(1, 2)  # from the truth
+            apart = differences(rows["channels"].swapaxes(1, 2), voted[:, None], _WRAPS).swapaxes(1, 2)  # from the vote
             self._shown(by_row[..., : _AT["off_voted"]], self._turned(truth), off, acts)
             self._deviation(by_row[..., _AT["off_voted"] : _AT["apart_fault"]], rows, off, apart)
             self._difference(by_row[..., _AT["apart_fault"] :], apart, off[..., 0], acts)
@@ -92,7 +93,7 @@ class Derived:
         last, turned = self._last if self._last is not None else (np.nan_to_num(angles[0]), np.nan_to_num(angles[0]))
         known = _carried(np.concatenate([last[None], angles]))
         steps = np.diff(known, axis=0)
-        whole = turned + np.cumsum(np.nan_to_num(steps - TWO_PI * np.rint(steps / TWO_PI)), axis=0)
+        whole = turned + np.cumsum(np.nan_to_num(short_way(steps)), axis=0)
         self._last = known[-1], whole[-1]
         found = truth.copy()
         found[:, _WRAPS] = np.where(np.isfinite(angles), whole, np.nan)
@@ -130,13 +131,6 @@ def _carried(values: _Floats) -> _Floats:
     return np.take_along_axis(values, rows, axis=0)
 
 
-def _short(apart: _Floats) -> _Floats:
-    """Differences (n, S, m), the short way round where the signal wraps."""
-    around = apart[:, _WRAPS]
-    apart[:, _WRAPS] = around - TWO_PI * np.rint(around / TWO_PI)
-    return apart
-
-
 # Of control: what is an angle or a rate, in the order of its list.
 _COMMANDS: Final = [i for i, name in enumerate(COMMANDS) if name.endswith(("_rad", "_rad_s"))]
 _DEMANDS: Final = [i for i, name in enumerate(DEMANDS) if name.endswith("_rad")]
@@ -160,6 +154,5 @@ def degrees(rows: Block) -> _Floats:
         rows["flight"][:, _POSITIONS],
     ]
     found = np.concatenate(parts, axis=1) * _DEG
-    with np.errstate(invalid="ignore"):
-        found[:, _ROUND] -= 360.0 * np.rint(found[:, _ROUND] / 360.0)
+    found[:, _ROUND] = short_way(found[:, _ROUND], 180.0)
     return found

@@ -7,10 +7,10 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rig.frame import CHANNELS, INDEX, SIGNALS, TWO_PI, Block, End, State
+from rig.frame import CHANNELS, INDEX, SIGNALS, Block, End, State
 from rig.record.event import Event
+from rig.units.angles import differences, unwrapped
 from rig.view import charts, derived
 from rig.view.facts import Facts, Seen
 from rig.view.story import Story, zoom
@@ -44,30 +44,18 @@ def signal_range(facts: Facts, rows: Block, index: int, part: slice = slice(None
     """
     signal, factor, threshold = SIGNALS[index], derived.scale(index), facts.threshold(index)
     truth = rows["truth"][:, index]
-    base = _whole(truth)[part] if signal.wraps else truth[part]
+    base = unwrapped(truth)[part] if signal.wraps else truth[part]
     truth = truth[part]
     drawn = [rows["voted"][part, index]]
     if not np.isfinite(threshold):
         drawn += list(rows["channels"][part, index].T)
-    around = [base, *(base + _short(one - truth, signal.wraps) for one in drawn)]
+    around = [base, *(base + differences(one, truth, signal.wraps) for one in drawn)]
     room = _ROOM * threshold * factor if np.isfinite(threshold) else 0.0
     values = np.concatenate(around) * factor
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
     room = max(room, 0.05 * (high - low)) or 1e-3
     return low - room, high + room
-
-
-def _whole(angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Without its jumps; a number that is not finite takes no step."""
-    with np.errstate(invalid="ignore"):
-        steps = np.nan_to_num(_short(np.diff(angle), True))
-    return angle[0] + np.concatenate([[0.0], np.cumsum(steps)])
-
-
-def _short(apart: NDArray[np.float64], wraps: bool) -> NDArray[np.float64]:
-    with np.errstate(invalid="ignore"):
-        return apart - TWO_PI * np.rint(apart / TWO_PI) if wraps else apart
 
 
 def _noted(facts: Facts, rows: Block) -> tuple[str, ...]:

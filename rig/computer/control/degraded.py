@@ -30,7 +30,7 @@ from rig.computer.control.source import carry, put
 from rig.frame import COMMANDS, Source, sig
 from rig.kernels import kernel
 from rig.units.angles import wrap
-from rig.units.atmosphere import GRAVITY
+from rig.units.constants import GRAVITY
 
 _C_P, _C_BETA, _C_PSI, _C_GAMMA = (
     COMMANDS.index(name) for name in ("roll_rate_rad_s", "sideslip_rad", "heading_rad", "flight_path_angle_rad")

@@ -11,7 +11,6 @@ from rig.computer.control.airdata import (
     equivalent_airspeed,
     flight_path_angle,
     mach_number,
-    pressure_altitude,
     true_airspeed,
 )
 from rig.computer.control.laws import clamp, move
@@ -19,10 +18,11 @@ from rig.computer.control.source import select
 from rig.computer.control.state import PATH, STICK
 from rig.computer.fdi.monitor import monitor_pitch_angle
 from rig.computer.gain_schedule import look_up
-from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, SURFACES, TWO_PI, Law, S, Source, sig
+from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, SURFACES, Law, S, Source, sig
 from rig.kernels import kernel
 from rig.units.angles import wrap
-from rig.units.atmosphere import GRAVITY, temperature
+from rig.units.atmosphere import GRAVITY, pressure_altitude, temperature
+from rig.units.constants import TWO_PI
 
 _ENGAGED: Final = DISCRETE_INDEX["autopilot_engaged"]
 _WHEELS, _GEAR = DISCRETE_INDEX["weight_on_wheels"], DISCRETE_INDEX["gear_down"]

@@ -12,17 +12,15 @@ Source: docs/references.md, 'Measured errors'.
 from __future__ import annotations
 
 import math
-from typing import Final
 
 from rig.kernels import kernel
-
-SEA_LEVEL_DENSITY: Final = 1.225  # kg/m3; International Standard Atmosphere, ISO 2533
+from rig.units.constants import DENSITY_PRINTED
 
 
 @kernel
 def reference_threshold(reference, p):
     """Threshold of a reference [unit of the signal]; p : one config.PARAMS record.  NaN has the constant."""
     if p["reference_airspeed_m_s"] > 0.0 and reference > 0.0:
-        of_wind = p["reference_airspeed_m_s"] * math.sqrt(2.0 * SEA_LEVEL_DENSITY * reference)
+        of_wind = p["reference_airspeed_m_s"] * math.sqrt(2.0 * DENSITY_PRINTED * reference)
         return min(of_wind, p["reference_threshold"])
     return p["reference_threshold"]
