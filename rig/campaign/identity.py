@@ -6,7 +6,6 @@ import hashlib
 from functools import cache
 from pathlib import Path
 
-import rig
 from rig.util.versions import versions
 
 # What looks at flights, or hands them out, decides nothing in them.
@@ -18,7 +17,7 @@ FLIES = ("campaign/flying.py", "campaign/rows.py")
 @cache
 def rig_identity() -> str:
     """Versions and a hash of the sources, as one line."""
-    home = Path(rig.__file__).parent
+    home = Path(__file__).parents[1]
     digest = hashlib.sha256()
     for path in sorted(home.rglob("*.py")):
         name = path.relative_to(home).as_posix()

@@ -52,7 +52,7 @@ def summary(folder: Folder) -> dict[str, Any]:
 
 
 def replies(runs: pl.DataFrame) -> dict[str, Any] | None:
-    """The reply times of a unit under test, all frames of all runs in the bins of record/histogram.py; None without one."""
+    """The reply times of a unit under test, all frames of all runs in the bins of histogram.py; None without one."""
     counted = runs["replies"].drop_nulls()
     if counted.is_empty():
         return None

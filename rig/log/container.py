@@ -14,10 +14,12 @@ import os
 import struct
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from itertools import chain
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+import numpy as np
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
@@ -34,9 +36,8 @@ from mcap.records import (
     Statistics,
     SummaryOffset,
 )
+from numpy.typing import NDArray
 from zlib_ng.zlib_ng import crc32
-
-from rig.log.index import MOST_RUNS, Packed, Run, index_size, message_indexes
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 LIBRARY: Final = "jsbsim-rig"
@@ -46,6 +47,66 @@ _CHUNK_HEAD: Final = struct.Struct("<BQQQQII4sQ")
 _FOOTER_HEAD: Final = struct.Struct("<BQQQ")
 _INDEX_HEAD: Final = struct.Struct("<BQQQQQI")  # of a chunk index, up to its message index offsets
 _INDEX_TAIL: Final = struct.Struct("<QI4sQQ")
+
+
+class Run(NamedTuple):
+    """Messages of neighbouring channels in a chunk, as many of each and at the same times."""
+
+    first: int  # id of the first channel
+    times: NDArray[np.uint64]  # (n,), ns
+    offsets: NDArray[np.int64]  # (channels, n) of each message's record in the chunk
+
+
+class Packed(NamedTuple):
+    """One chunk, compressed, and what its indexes say of it."""
+
+    data: bytes
+    crc: int  # of the bytes before compression
+    size: int  # their number
+    runs: Sequence[Run]  # at most MOST_RUNS
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """Time of the first and of the last message, ns."""
+        return min(int(run.times.min()) for run in self.runs), max(int(run.times.max()) for run in self.runs)
+
+
+MOST_RUNS: Final = 2
+_ENTRY: Final = np.dtype([("time", "<u8"), ("offset", "<u8")])
+
+
+def _index_dtype(entries: int) -> np.dtype[Any]:
+    return np.dtype(
+        [
+            ("opcode", "u1"),
+            ("length", "<u8"),
+            ("channel", "<u2"),
+            ("bytes", "<u4"),
+            ("entries", _ENTRY, (entries,)),
+        ]
+    )
+
+
+@lru_cache(maxsize=4)  # all chunks of a flight are of one length but the last
+def _blank(first: int, channels: int, entries: int) -> NDArray[Any]:
+    made = np.zeros(channels, _index_dtype(entries))
+    made["opcode"] = Opcode.MESSAGE_INDEX
+    made["length"] = 6 + 16 * entries
+    made["channel"] = np.arange(first, first + channels)
+    made["bytes"] = 16 * entries
+    return made
+
+
+def index_size(entries: int) -> int:
+    """Bytes of a message index record."""
+    return _index_dtype(entries).itemsize
+
+
+def message_indexes(run: Run) -> NDArray[np.uint8]:
+    """The bytes of the records that follow a chunk: for each channel of a run, time and offset of each message."""
+    made = _blank(run.first, *run.offsets.shape).copy()  # flights in other threads share the original
+    made["entries"]["time"], made["entries"]["offset"] = run.times, run.offsets
+    return made.view(np.uint8)
 
 
 class _Kept(NamedTuple):

@@ -25,9 +25,8 @@ from zlib_ng.zlib_ng import crc32
 from rig.errors import BadLog
 from rig.frame import Block
 from rig.log.container import COMPRESSION
-from rig.log.layout import Layout
-from rig.log.record import HEAD, MESSAGE_OPCODE
-from rig.log.tables import EVENT_CHANNEL, LEVELS
+from rig.log.layout import HEAD, MESSAGE_OPCODE, Layout
+from rig.log.schema import EVENT_CHANNEL, LEVELS
 from rig.record.event import Event, Severity
 
 CHUNK_LIMIT: Final = 1 << 28  # bytes that a chunk may claim; ours have 1 MiB

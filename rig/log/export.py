@@ -1,4 +1,4 @@
-"""A log as a file: CSV, Parquet or NumPy's npz, with the columns of rig/log/dataframe.py.
+"""A log as a file: CSV, Parquet or NumPy's npz, with the columns of rig/log/columns.py.
 
 Enums are words in CSV and Parquet and numbers in npz.
 """
@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from rig.errors import BadInput, RigError
 from rig.frame import SIGNALS, Block
 from rig.log import Log
-from rig.log.columns import Column
-from rig.log.dataframe import OWNERS, TIME, chosen, name, of_columns
+from rig.log.columns import OWNERS, TIME, Column, chosen, name, of_columns
 from rig.text import choices, quoted
 from rig.util.files import replaced
 

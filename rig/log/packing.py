@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from rig.errors import RigError
 from rig.frame import FLAT, FLIGHT_INDEX, Block
 from rig.kernels import kernel
-from rig.log.layout import MOVES, TEMPLATE
-from rig.log.record import DERIVED, WIRE, place
+from rig.log.layout import DERIVED, MOVES, TEMPLATE, WIRE, place
 from rig.log.schema import MESSAGES
 
 _1, _2, _3, _4, _5, _6, _7 = (np.uint64(i) for i in range(1, 8))

@@ -1,4 +1,4 @@
-"""Goes through a log from end to end and checks every byte of it.
+"""Goes through a log from end to end and checks every byte of it; mends one that was cut.
 
 Each byte of the file is under one of three checksums (chunk, data section, footer): what comes out of a
 log without BadLog is what was written.
@@ -6,11 +6,13 @@ log without BadLog is what was written.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple, TypeVar
+from typing import Any, BinaryIO, Final, NamedTuple, TypeVar
 
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.data_stream import ReadDataStream
@@ -19,13 +21,25 @@ from mcap.records import Attachment, Channel, DataEnd, Footer, Metadata, Schema
 from zlib_ng.zlib_ng import crc32
 
 from rig.errors import BadLog
-from rig.log.container import MAGIC, RECORD_HEAD
+from rig.log.container import MAGIC, RECORD_HEAD, Container, Packed
 from rig.log.decode import Damaged, Decoder, Part, damage, same_crc
-from rig.log.layout import LAYOUT, Layout
-from rig.log.schema import MESSAGES, OLDEST, SCHEMA_VERSION, TOPICS, Field, descriptors, older
-from rig.log.tables import RESULT, RIG, channels
-from rig.util.files import reported
+from rig.log.layout import LAYOUT, Layout, log_times, runs_of
+from rig.log.schema import (
+    MESSAGES,
+    OLDEST,
+    RESULT,
+    RIG,
+    SCHEMA_VERSION,
+    TOPICS,
+    Field,
+    channels,
+    descriptors,
+    older,
+    opening,
+)
+from rig.util.files import replaced, reported
 
+RECOVERED: Final = "recovered"  # name of the metadata record of a log that was mended
 R = TypeVar("R", Attachment, Channel, DataEnd, Footer, Metadata, Schema)
 
 
@@ -42,6 +56,34 @@ class About:
     def rate_hz(self) -> float:
         """Frames a second."""
         return float(self.metadata["rate_hz"])
+
+
+@dataclass(slots=True)
+class Contents(About):
+    """A log that was gone through: its frames and events counted, and where it is damaged."""
+
+    frames: int = 0
+    last_frame: int = 0
+    events: Counter[str] = field(default_factory=Counter)  # by their names
+    damaged: Damaged | None = None
+
+    @property
+    def damage(self) -> str:
+        """One line; empty when every byte is as it was written."""
+        return "" if self.damaged is None else self.damaged.what
+
+
+def contents(path: Path) -> Contents:
+    """Go through the log at ``path``, up to its damage where it has any; BadLog when it is no log of ours."""
+    counted = Contents()
+    try:
+        for part in iter_parts(path, counted):
+            counted.frames += len(part.rows)
+            counted.last_frame = int(part.rows["frame"][-1]) if len(part.rows) else counted.last_frame
+            counted.events.update(event.name for event in part.events)
+    except Damaged as error:
+        counted.damaged = error
+    return counted
 
 
 def iter_parts(path: Path, about: About) -> Iterator[Part]:
@@ -197,3 +239,58 @@ class _Descriptions:
         if schema.name != name or fields is None:
             raise BadLog(f"{self._path}: the fields of {schema.name} are not those of this rig")
         return fields
+
+
+@dataclass(frozen=True, slots=True)
+class Recovered:
+    """What was saved; ``complete`` when there was nothing to mend, and then nothing was written."""
+
+    frames: int
+    last_time_s: float  # of the last frame; 0 when there is none
+    complete: bool
+    lost_bytes: int  # of the file, after its last whole record
+    damage: str  # one line; empty when complete
+
+
+def recover(path: Path | str, out: Path | str) -> Recovered:
+    """Write every whole chunk before the cut or the damage in ``path`` to ``out``, with a new summary.
+
+    ``out`` appears only when it is whole, and may be ``path``.  BadLog when ``path`` is no log of ours or
+    was cut before its metadata; RigError when ``out`` cannot be written.
+    """
+    path, out = Path(path), Path(out)
+    log, lost = contents(path), 0
+    if log.damaged is not None:
+        _check_mendable(path, log)
+        with replaced(out) as draft, reported(out), closing(Container(draft, opening())) as file:
+            _copy(path, file, log)
+        lost = path.stat().st_size - log.damaged.at
+    last_s = log.last_frame / log.rate_hz
+    return Recovered(log.frames, last_s, complete=not log.damage, lost_bytes=lost, damage=log.damage)
+
+
+def _check_mendable(path: Path, log: Contents) -> None:
+    if not log.metadata:
+        raise BadLog(f"{path}: {log.damage}, before its metadata: nothing can be recovered")
+    version = log.metadata["schema_version"]
+    if int(version) != SCHEMA_VERSION:
+        raise BadLog(f"{path}: schema version {version}; only logs of version {SCHEMA_VERSION} are mended")
+
+
+def _copy(path: Path, file: Container, log: Contents) -> None:
+    file.metadata(RIG, log.metadata)
+    for name, data in log.attachments.items():
+        file.attachment(name, data)
+    with suppress(Damaged):  # the damage that brought us here
+        for part in iter_parts(path, About()):
+            file.chunk(_packed(part, log.rate_hz))
+    file.metadata(RECOVERED, {"damage": log.damage})
+    if log.result is not None:
+        file.metadata(RESULT, log.result)
+    file.finish()
+
+
+def _packed(part: Part, rate_hz: float) -> Packed:
+    chunk = part.chunk
+    times = log_times(part.rows["frame"], rate_hz)
+    return Packed(chunk.data, chunk.uncompressed_crc, chunk.uncompressed_size, runs_of(times, part.event_entries))

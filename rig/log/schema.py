@@ -23,9 +23,13 @@ from google.protobuf.descriptor_pb2 import (
     FileDescriptorProto,
     FileDescriptorSet,
 )
+from mcap.records import Channel, Schema
+from mcap.well_known import MessageEncoding, SchemaEncoding
 
 from rig.frame import DISCRETES, SIGNALS, TIMING
 from rig.frame.fields import FIELD, Kind, Place, places
+from rig.log.container import Opening
+from rig.record.event import Severity
 
 SCHEMA_VERSION: Final = 4  # history in docs/log.md
 OLDEST: Final = 2  # that is still read
@@ -104,6 +108,14 @@ TOPICS_OF_ROWS: Final = tuple(topic for topic in FRAME_TOPICS if topic.message i
 EVENTS: Final = Topic("/events", "foxglove.Log")
 TOPICS: Final = (*FRAME_TOPICS, EVENTS)
 SCHEMA_NAMES: Final = tuple(dict.fromkeys(topic.message for topic in TOPICS))
+RIG: Final = "rig"  # names of the metadata records
+RESULT: Final = "result"
+EVENT_CHANNEL: Final = TOPICS.index(EVENTS) + 1
+LEVELS: Final[dict[Severity, Any]] = {
+    "info": FoxgloveLog.INFO,
+    "warning": FoxgloveLog.WARNING,
+    "error": FoxgloveLog.ERROR,
+}
 
 
 @cache
@@ -165,3 +177,32 @@ def _enum(enum: type[IntEnum]) -> DescriptorProto:
     """A scope of its own for each enum, so that names need no prefix: a viewer shows OK, SUSPECT, FAILED."""
     values = [EnumValueDescriptorProto(name=member.name, number=member.value) for member in enum]
     return DescriptorProto(name=enum.__name__, enum_type=[EnumDescriptorProto(name="Value", value=values)])
+
+
+@cache
+def opening() -> Opening:
+    """Return the schema and the channel records, the same in every file."""
+    schemas = [
+        Schema(i, descriptors(name).SerializeToString(), SchemaEncoding.Protobuf, name)
+        for i, name in enumerate(SCHEMA_NAMES, 1)
+    ]
+    return Opening.of(schemas, channels())
+
+
+def channels() -> list[Channel]:
+    """Return the channel records, ids from 1; a signal's has its unit, symbol and range."""
+    metadata = {
+        signal.topic: {
+            "unit": signal.unit,
+            "symbol": signal.symbol,
+            "group": signal.group,
+            "low": repr(signal.low),
+            "high": repr(signal.high),
+        }
+        for signal in SIGNALS
+    }
+    schema_ids = {name: i for i, name in enumerate(SCHEMA_NAMES, 1)}
+    return [
+        Channel(i, topic.name, MessageEncoding.Protobuf, metadata.get(topic.name, {}), schema_ids[topic.message])
+        for i, topic in enumerate(TOPICS, 1)
+    ]

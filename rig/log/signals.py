@@ -19,9 +19,8 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from numpy.typing import NDArray
 from zlib_ng.zlib_ng import crc32
 
-from rig.log.container import Container, Opening
-from rig.log.index import Packed, Run
-from rig.log.record import HEAD, MESSAGE_OPCODE, WIRE, tag
+from rig.log.container import Container, Opening, Packed, Run
+from rig.log.layout import HEAD, MESSAGE_OPCODE, WIRE, tag
 from rig.log.schema import DOUBLE, FIXED32, MESSAGES, SCHEMA_VERSION, Field, descriptors
 from rig.log.writer import CHUNK_BYTES
 

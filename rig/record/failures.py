@@ -30,14 +30,14 @@ def became_failed(state: NDArray[np.uint8], before: NDArray[np.uint8] | None = N
 
     before : (items, 4) states in the row before the first; None: no channel was failed then
     """
-    rows, _, channels = state.shape
-    failed = np.ascontiguousarray(state).reshape(rows, -1) == State.FAILED
+    rows, items, channels = state.shape
+    width = items * channels
+    failed = np.ascontiguousarray(state).reshape(rows, width) == State.FAILED
     new = failed.copy()
     new[1:] &= ~failed[:-1]
     if before is not None and rows:
         new[0] &= before.reshape(-1) != State.FAILED
     places = np.flatnonzero(new.ravel())  # of one axis: much faster than of two
-    width = failed.shape[1]
     return np.column_stack([places // width, places % width // channels, places % channels])
 
 

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from rig.frame import FLIGHT_INDEX, INDEX, SIGNALS, SURFACES, Block
-from rig.log.series import Series, limits, near, series
 from rig.report.moments import Moment
 from rig.report.page import COLOURS, LAYOUT
+from rig.view.series import Series, limits, near, series
 
 Array = NDArray[np.float64]
 MOST_POINTS: Final = 2000  # of one line; of more, the smallest and largest of each stretch are drawn

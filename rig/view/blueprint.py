@@ -10,6 +10,8 @@ import rerun.blueprint as rrb
 
 from rig.errors import BadInput
 from rig.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Discrete, Signal
+from rig.record.failures import decisive_s
+from rig.units.quantities import unit_shown
 from rig.view import charts, derived, lanes, times
 from rig.view.facts import Layout, Shown
 from rig.view.panels import (
@@ -27,7 +29,6 @@ from rig.view.panels import (
 )
 from rig.view.plots import Axes, Line, chart, list_series, over_time, plot, state_lanes, status_lanes
 from rig.view.scene import TIMELINE
-from rig.view.story import zoom
 from rig.view.style import CHANNEL_COLORS, FAULT, PALETTE, REFERENCE, THRESHOLD, TRUTH, VOTED, plain
 
 OVERVIEW: Final = "overview"  # the first tab
@@ -84,7 +85,7 @@ def main_signal(shown: Sequence[Shown]) -> Signal:
 
 def _overview(signal: Signal, shown: Sequence[Shown]) -> rrb.Container:
     """The whole flight on the left, its decisive seconds beside it, the state at the cursor on the right."""
-    top, span = shown[-1], decisive_s(shown)
+    top, span = shown[-1], decisive_span(shown)
     whole = rrb.Vertical(
         _difference_plot(signal, shown),
         *([] if span is not None else [_signal_plot(signal, shown)]),
@@ -116,14 +117,14 @@ def _decisive(signal: Signal, shown: Sequence[Shown], span: tuple[float, float])
     )
 
 
-def decisive_s(shown: Sequence[Shown]) -> tuple[float, float] | None:
+def decisive_span(shown: Sequence[Shown]) -> tuple[float, float] | None:
     """The decisive seconds of the flight on top that has any; of one under way, those after its first fault begins."""
     for one in reversed(shown):
         if one.facts.seen is not None:
             if one.facts.seen.zoom_s is not None:
                 return one.facts.seen.zoom_s
         elif (start := one.facts.first_start_s) is not None:
-            return zoom(start, None, inf)
+            return decisive_s(start, None, inf)
     return None
 
 
@@ -153,7 +154,7 @@ def _signal_plot(signal: Signal, shown: Sequence[Shown], span: tuple[float, floa
     key = signal.name if span is None else "zoom"
     ranges = [seen.ranges[key] for one in shown if (seen := one.facts.seen) is not None and key in seen.ranges]
     values = (min(low for low, _ in ranges), max(high for _, high in ranges)) if ranges else None
-    name = f"{plain(signal.name)}, {derived.unit(signal.unit)}"
+    name = ", ".join(filter(None, (plain(signal.name), unit_shown(signal.unit))))
     return over_time(_zoomed(name, span), list_series(derived.NAMES, lines, shown), shown, Axes(span, values))
 
 
@@ -173,8 +174,8 @@ def _zoomed(name: str, span: tuple[float, float] | None) -> str:
 
 def _deviation_plot(signal: Signal, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
     lines = _lines(signal, "off_", ("voted", *_CHANNELS))
-    name = f"{plain(signal.name)} less truth, {derived.unit(signal.unit)}; channels in use"
-    return over_time(name, list_series(derived.NAMES, lines, shown), shown)
+    name = ", ".join(filter(None, (f"{plain(signal.name)} less truth", unit_shown(signal.unit))))
+    return over_time(f"{name}; channels in use", list_series(derived.NAMES, lines, shown), shown)
 
 
 _CHANNELS: Final = tuple(f"ch_{c + 1}" for c in range(CHANNELS))

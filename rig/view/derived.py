@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from rig.frame import CHANNELS, COMMANDS, DEMANDS, FLIGHT_INDEX, SIGNALS, SURFACES, Block, S, State
 from rig.units.angles import differences, short_way
+from rig.units.quantities import scale_shown
 from rig.view.facts import Facts
 from rig.view.lanes import acting
 
@@ -37,23 +38,11 @@ NAMES: Final = (
     *(f"apart_{name}" for name in ("fault", "low", "high", "truth", *_CH)),
 )
 _AT: Final = {name: i for i, name in enumerate(NAMES)}
-_DEG: Final = 180.0 / np.pi
 _WRAPS: Final = np.array([signal.wraps for signal in SIGNALS])
-_PEOPLE: Final = {"rad": ("deg", _DEG), "rad/s": ("deg/s", _DEG)}
-_SCALE: Final = np.array([_PEOPLE.get(signal.unit, ("", 1.0))[1] for signal in SIGNALS])
+_SCALE: Final = np.array([scale_shown(signal.unit) for signal in SIGNALS])
 
 _Floats = NDArray[np.float64]
 _Singles = NDArray[np.float32]
-
-
-def unit(si: str) -> str:
-    """The unit that people read a number in ``si`` in."""
-    return _PEOPLE.get(si, (si, 1.0))[0]
-
-
-def scale(index: int) -> float:
-    """What a number of signal ``index`` is multiplied by to be in that unit."""
-    return float(_SCALE[index])
 
 
 class Derived:
@@ -153,6 +142,6 @@ def degrees(rows: Block) -> _Floats:
         rows["actuator"][:, _SURFACES],
         rows["flight"][:, _POSITIONS],
     ]
-    found = np.concatenate(parts, axis=1) * _DEG
+    found = np.concatenate(parts, axis=1) * scale_shown("rad")
     found[:, _ROUND] = short_way(found[:, _ROUND], 180.0)
     return found

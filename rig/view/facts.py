@@ -11,9 +11,11 @@ from dataclasses import dataclass, field, replace
 from math import isfinite, nan
 from typing import Any, Final, NamedTuple
 
+from rig.errors import BadLog
 from rig.frame import INDEX, MOST_FAULTS, SIGNALS
-from rig.log.series import threshold
+from rig.log import scenario_of
 from rig.util import fault_names
+from rig.view.series import threshold
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,9 +32,14 @@ class FaultFact:
     channels: tuple[int, ...] = ()
     start_s: float = nan
 
+    @property
+    def places(self) -> list[str]:
+        """The places one by one."""
+        return self.place.split("+")
+
     def acts_on(self, signal: str, channel: int) -> bool:
         """Whether it acts on ``channel``, numbered from 1, of ``signal``."""
-        return signal in self.place.split("+") and (not self.channels or channel in self.channels)
+        return signal in self.places and (not self.channels or channel in self.channels)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,12 +80,12 @@ class Facts:
 
     def faults_on(self, signal: str) -> list[int]:
         """The faults that sit on ``signal``, as numbers from 0."""
-        return [i for i, fault in enumerate(self.faults) if signal in fault.place.split("+")]
+        return [i for i, fault in enumerate(self.faults) if signal in fault.places]
 
     @property
     def first_faulted(self) -> str | None:
         """The signal that the first fault on any signal sits on."""
-        places = [place for fault in self.faults for place in fault.place.split("+")]
+        places = (place for fault in self.faults for place in fault.places)
         return next((place for place in places if place in INDEX), None)
 
     @property
@@ -150,8 +157,8 @@ def of_log(metadata: Mapping[str, str]) -> Facts:
     As plain data: a scenario's checks take half a second to be imported, and it has passed them when it was flown.
     """
     try:
-        return replace(of_resolved(json.loads(metadata["scenario"])), unit=_unit(metadata))
-    except (AttributeError, KeyError, TypeError, ValueError, RecursionError):
+        return replace(of_resolved(scenario_of(metadata, "log")), unit=_unit(metadata))
+    except (AttributeError, BadLog, KeyError, TypeError, ValueError, RecursionError):
         return UNKNOWN
 
 

@@ -5,7 +5,6 @@ Rerun opens our .mcap by itself too, but without a layout, and dates the flight 
 
 from __future__ import annotations
 
-import json
 import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -15,12 +14,12 @@ from pathlib import Path
 from typing import Final
 
 from rig.errors import BadInput, BadLog, RigError
-from rig.log import Log, read_log
+from rig.log import Log, read_log, scenario_of
 from rig.util.files import replaced
 from rig.view import viewer
 from rig.view.facts import TAGS, Facts, Layout, of_log, together
-from rig.view.seen import look
 from rig.view.sink import SERVER_MEMORY, About, Sink, open_sink
+from rig.view.story import look
 
 BATCH: Final = 6000  # frames that are sent at once
 FLUSH_S: Final = 60.0
@@ -73,7 +72,7 @@ def read(paths: Sequence[Path], tab: str = "overview", map_tiles: bool = False) 
 def _looked(log: Log) -> tuple[Facts, str]:
     """What the viewer must know of a log, and its headline."""
     facts = replace(of_log(log.metadata), paced=bool(log.timing["late_us"].any()))
-    return look(facts, log.rows, log.events, log.rate_hz, log.result is not None)
+    return look(facts, log.rows, log.rate_hz, log.result is not None)
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
@@ -88,7 +87,7 @@ def _names(paths: Sequence[Path]) -> list[str]:
 def _words(name: str, log: Log) -> str:
     """Which flight a log holds, in Markdown."""
     result = log.result or {}
-    scenario = json.loads(log.metadata.get("scenario", "{}"))
+    scenario = scenario_of(log.metadata, name)
     said = [
         scenario.get("title") or scenario.get("aircraft", ""),
         f"seed {log.metadata['seed']}" if "seed" in log.metadata else "",

@@ -193,7 +193,7 @@ def state_lanes(
         own: dict[Any, Any] = {
             one.root + fault_path(i): _configuration({ACTING: (fault.label, FAULT_LANE)})
             for i, fault in enumerate(one.facts.faults)
-            if faults is not None and one.facts.thresholds and (not faults or faults in fault.place.split("+"))
+            if faults is not None and one.facts.thresholds and (not faults or faults in fault.places)
         }
         common, contents = dict[str, Any](ENDS), list(own)
         for lane in lanes:

@@ -107,15 +107,15 @@ class Sink:
             self._columns[flight] = columns
         columns.send(rows, events, timing)
         if self._live is not None and len(rows):
-            self._tell(self._live, rows, rate_hz, events)
+            self._tell(self._live, rows, rate_hz)
 
-    def _tell(self, facts: Facts, rows: Block, rate_hz: float, events: Sequence[Event]) -> None:
-        """The headline of a flight that is under way, when it has changed."""
+    def _tell(self, facts: Facts, rows: Block, rate_hz: float) -> None:
+        """Send the headline of a flight that is under way, when it has changed."""
         from rig.view.scene import send_about
 
         if self._story is None:
             self._story = Story(facts, rate_hz)
-        if self._story.add(rows, events):
+        if self._story.add(rows):
             text = f"# {self._story.headline('IN FLIGHT')}\n\n{self._about.text}"
             send_about(self._recording, text, int(rows["frame"][-1]) / rate_hz)
 
