@@ -18,13 +18,13 @@ from scipy.linalg import solve_discrete_lyapunov
 from rig import atmosphere
 from rig.bench import bench
 from rig.computer.control import airdata
-from rig.design.linear import linearise
 from rig.errors import BadInput
 from rig.flight import fly as fly_logged
 from rig.frame import FLIGHT_INDEX, INDEX, Block, End, new_block
 from rig.log import read_log
 from rig.plant import airframe, dryden, wind
 from rig.plant.linear_plant import LinearPlant
+from rig.plant.linearise import linearise
 from rig.scenario import from_resolved, load
 from rig.settings import read_toml
 from rig.studies import ding2015
