@@ -23,12 +23,13 @@ from rig.errors import BadInput
 from rig.files import is_file
 from rig.frame import SIGNALS
 from rig.record.time_bins import BINS
+from rig.score.record import ISOLATIONS
 
 _FILE = " file"  # no key of a campaign has a blank before it
 # Columns of ``runs`` that together say how many rows of another table a run has.
 _COUNTS = {
     "faults": tuple(OUTCOMES.values()),
-    "alarms": ("false_alarms", "wrong_isolations"),
+    "alarms": tuple(ISOLATIONS.values()),
 }
 
 

@@ -22,7 +22,7 @@ from rig.atmosphere import GAS_CONSTANT, pressure, speed_of_sound, temperature
 from rig.errors import BadInput
 from rig.frame import SURFACES
 from rig.plant.airframe import OUTPUTS, Airframe, Config, FlightPoint, LinearConfig
-from rig.plant.imperial import METRES_PER_FOOT, PASCALS_PER_PSF
+from rig.plant.imperial import METRES_PER_FOOT, PASCALS_PER_PSF_OF_GAINS
 from rig.plant.linear_plant import matrices
 from rig.plant.loading import load, turns_propellers
 
@@ -179,7 +179,7 @@ def _set_states(fdm: jsbsim.FGFDMExec, states: Matrix) -> None:
 def _trim(fdm: jsbsim.FGFDMExec, airframe: Config) -> Trim:
     return Trim(
         airspeed_m_s=fdm["velocities/vt-fps"] * METRES_PER_FOOT,
-        dynamic_pressure_pa=fdm["aero/qbar-psf"] * PASCALS_PER_PSF,
+        dynamic_pressure_pa=fdm["aero/qbar-psf"] * PASCALS_PER_PSF_OF_GAINS,
         alpha_rad=fdm["aero/alpha-rad"],
         theta_rad=fdm["attitude/theta-rad"],
         elevator_rad=fdm[airframe.elevator.position],

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rig.frame import SIGNALS, Block, Pattern, Resolver
 from rig.score.isolations import Failure
-from rig.score.record import Episode, ResolverScore
+from rig.score.record import BY_DESIGN, Episode, ResolverScore
 
 RESOLVERS: Final = ("ilm", "trend", "reference", "extremes", "middle", "box")
 PATTERNS: Final = tuple(pattern for pattern in Pattern if pattern.is_singular)
@@ -47,7 +47,7 @@ def _episode(rows: Block, p: NDArray[np.void], failures: Sequence[Failure], s: i
     by_resolver = [f for f in failures if first <= f.frame <= last and f.resolver in RESOLVERS]
     verdict: Literal["right", "wrong", "open"] = "open"
     if by_resolver:
-        verdict = "right" if all(f.own for f in by_resolver) else "wrong"
+        verdict = "right" if all(f.own or f.kind in BY_DESIGN for f in by_resolver) else "wrong"
     return Episode(
         signal=SIGNALS[s].name,
         pattern=pattern.label,
