@@ -9,14 +9,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rig.flight import Flight, fly
+    from rig.flight.assembly import Flight, fly
     from rig.log import Log, read_log
     from rig.scenario import Scenario, load
 
 __all__ = ["Flight", "Log", "Scenario", "fly", "load", "read_log"]
 _HOME = {
-    "Flight": "rig.flight",
-    "fly": "rig.flight",
+    "Flight": "rig.flight.assembly",
+    "fly": "rig.flight.assembly",
     "Log": "rig.log",
     "read_log": "rig.log",
     "Scenario": "rig.scenario",
@@ -41,7 +41,7 @@ def __getattr__(name: str) -> Any:
 
 def _conclude(log: Log) -> list[str]:
     """The conclusion in the table that a notebook shows of a log or flight; scored when it is shown."""
-    from rig.score.of_log import conclude_read
+    from rig.assess.of_log import conclude_read
 
     return conclude_read(log)
 

@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from rig.errors import BadInput
-from rig.files import bundled, is_file
 from rig.frame import INDEX
 from rig.sensors.classes import SensorClass, under
 from rig.settings import build, read_toml
 from rig.text import choices, quoted
+from rig.util.files import bundled, is_file
 
 DESIGNED_AT_HZ: Final = 100.0  # outlier thresholds: a sample is taken up to a part of a frame early
 SAME_ERRORS: Final = {"channels", "monitor"}  # keys of a sensor that leave the errors of its channels as they are

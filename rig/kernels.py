@@ -1,13 +1,10 @@
-"""How kernels are compiled: ``@kernel`` is numba's njit with a cache that notices every edit.
+"""How kernels are compiled: ``@kernel`` is numba's njit with a cache that notices every edit (kernel_cache.py).
 
-numba's disk cache looks at the file of the kernel alone, not at kernels that it calls from other
-files, so the cache folder is named after a hash of all our sources.  With ``NUMBA_DISABLE_JIT=1``
-kernels are plain Python.
+With ``NUMBA_DISABLE_JIT=1`` kernels are plain Python.
 """
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -15,8 +12,9 @@ from typing import Any, TypeVar
 
 import numba
 import numpy as np
-from numba.core import config as numba_config
 from numba.core.types import BaseTuple, NamedTuple
+
+from rig.kernel_cache import KernelCache, folder
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -27,17 +25,6 @@ def cache_root() -> Path:
     if named:
         return Path(named)
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jsbsim-rig"
-
-
-def _source_hash() -> str:
-    digest = hashlib.sha256(f"{numba.__version__}".encode())
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-if not os.environ.get("NUMBA_CACHE_DIR"):
-    setattr(numba_config, "CACHE_DIR", str(cache_root() / "numba" / _source_hash()))  # noqa: B010 # a module's variable
 
 
 def kernel(function: F) -> F:
@@ -54,8 +41,11 @@ def long_kernel(function: F) -> F:
 
 
 def _compiled(function: F, *, nogil: bool) -> F:
-    options: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False, "nogil": nogil}
-    return numba.njit(**options)(function)  # pyright: ignore[reportReturnType]  # same signature
+    options: dict[str, Any] = {"error_model": "numpy", "_nrt": False, "nogil": nogil}
+    made: Any = numba.njit(**options)(function)
+    if hasattr(made, "py_func"):
+        made._cache = KernelCache(function, folder(cache_root()), repr(options))
+    return made
 
 
 def bind(function: F, *arguments: object) -> F:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from itertools import cycle
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,21 +23,20 @@ from rig import sensors
 from rig.computer.control.autopilot import Control
 from rig.computer.control.law import fly
 from rig.computer.control.state import ControlData
-from rig.computer.external.unit import UnitUnderTest
 from rig.computer.redundancy import Redundancy, RedundancyData, conclude, refer, vote_signals
 from rig.computer.redundancy.config import command
 from rig.computer.redundancy.own import OwnManager
 from rig.errors import ManagerFailed
 from rig.faults import Coils, FaultData, Faults, actuate, corrupt, corrupt_reference
 from rig.frame import FLAT, SIGNALS, TIMING, Block, Nested, nested, new_block
-from rig.interrupt import Stop
 from rig.kernels import bind, kernel
 from rig.plant.flown import plant
 from rig.plant.pilot import Pilot
-from rig.record.pace import Pace
 from rig.scenario import Scenario
 from rig.sensors import SensorData, Sensors, inertial, measure
 from rig.sensors.inertial import Inertial, InertialData, sense
+from rig.unit.unit import UnitUnderTest
+from rig.util.interrupt import Stop
 
 # A killed flight loses no more than a second: the block being filled and, paced, the one being recorded.
 BLOCK_S = 1.0
@@ -81,8 +80,10 @@ class Rig:
         self.control.reset(self.plant.trim)
         self.data = self._gather()
         self.compute = computer(self.data, self.redundancy.own)
-        self.unit: UnitUnderTest | None = None  # see under_test.py
-        self.asked: Callable[[Nested, int], None] | None = None  # what keys ask for before a row, see live.py
+        self.unit: UnitUnderTest | None = None  # see flight/unit_loop.py
+        self.asked: Callable[[Nested, int], None] | None = (
+            None  # what keys ask for before a row, see flight/operator_keys.py
+        )
 
     def prepare(self, block: Block) -> None:
         """What is drawn or planned a block at a time: stick, demands and commands, noise, chance."""
@@ -204,19 +205,29 @@ def hand_over(surface, actuator):
 Flown = tuple[Block, NDArray[np.void]]  # rows and their TIMING
 
 
+class Pacing(Protocol):
+    """Real time (flight/pace.py): ``period_s`` of a frame, None when frames are flown as fast as can be."""
+
+    period_s: float | None
+
+    def wait(self, frame: int) -> float:
+        """Sleep until ``frame`` is due; return how late it begins, s."""
+        ...
+
+
 def frames(
-    rig: Rig, scenario: Scenario, pace: Pace | None = None, stop: Stop | None = None, memory: Flown | None = None
+    rig: Rig, scenario: Scenario, pace: Pacing | None = None, stop: Stop | None = None, memory: Flown | None = None
 ) -> Iterator[Flown]:
     """Fly; yields rows and their TIMING, a block at a time.
 
     memory : (scenario.frames,) of both, to fly into; without it two blocks take turns, and what is yielded
     stays as it is until the block after the next is begun.
     """
-    pace, stop = pace or Pace(scenario.rate_hz, None), stop or Stop()
-    for block, timing in _blocks(scenario, pace.period_s is not None, memory):
+    stop, paced = stop or Stop(), pace is not None and pace.period_s is not None
+    for block, timing in _blocks(scenario, paced, memory):
         rig.prepare(block)
         try:
-            flown, over = _fly_block(rig, block, timing, pace, stop)
+            flown, over = _fly_block(rig, block, timing, pace if paced else None, stop)
         except ManagerFailed as error:
             if error.row:
                 yield block[: error.row], timing[: error.row]  # the frames before it are whole
@@ -257,14 +268,14 @@ def _blocks(scenario: Scenario, paced: bool, memory: Flown | None) -> Iterator[F
         yield _renew(rows, first, count), timing[:count]
 
 
-def _fly_block(rig: Rig, block: Block, timing: NDArray[np.void], pace: Pace, stop: Stop) -> tuple[int, bool]:
+def _fly_block(rig: Rig, block: Block, timing: NDArray[np.void], pace: Pacing | None, stop: Stop) -> tuple[int, bool]:
     """Fly the rows of a block; how many were flown, and whether the flight is over."""
     frame_us, late_us, reply_us, unit = timing["frame_us"], timing["late_us"], timing["reply_us"], rig.unit
-    clock, paced, first = time.perf_counter, pace.period_s is not None, int(block["frame"][0])
+    clock, first = time.perf_counter, int(block["frame"][0])
     see, think, act, data, rows = rig.plant.read, rig.compute, rig.plant.step, rig.data, nested(block)
     asked = rig.asked
     for k in range(len(block)):
-        if paced:
+        if pace is not None:
             late_us[k] = pace.wait(first + k) * 1e6
         if asked is not None:
             asked(rows, k)

@@ -24,7 +24,6 @@ from rig.computer.redundancy import Config as Redundancy
 from rig.errors import BadInput
 from rig.faults import Fault, check
 from rig.faults.live import LiveFault, distinct_keys
-from rig.files import bundled, is_file
 from rig.frame import DISCRETES, MOST_FAULTS, SIGNALS
 from rig.plant.airframe import AirframeField
 from rig.plant.pilot import Config as Pilot
@@ -35,7 +34,8 @@ from rig.sensors.inertial import Config as Inertial
 from rig.sensors.recorded import pin
 from rig.settings import DEEPEST, NotToml, Settings, build, parse_toml, read_toml
 from rig.text import nearest, quoted, shorten
-from rig.trust import Trust
+from rig.util.files import bundled, is_file
+from rig.util.trust import Trust
 
 DEFAULT: Final = "f16_pitch_rate_hardover.toml"
 EVERY: Final = "*"  # in a key of --set: all items of a list, all signals of a table of signals

@@ -10,11 +10,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from rig.atmosphere import pressure
 from rig.computer.analytic import inertial_unit as unit
 from rig.computer.analytic import strapdown
 from rig.computer.analytic.memory import ASTRAY_S, LONG_S, frames_of, level_gain, slope_gain
 from rig.frame import INDEX, INERTIAL, S
+from rig.units.atmosphere import pressure
 
 G, RATE = 9.80665, 25.0
 DT = 1.0 / RATE

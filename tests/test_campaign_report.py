@@ -20,9 +20,9 @@ from rig.campaign.rows import Rows
 from rig.campaign.summary import acted, summary
 from rig.campaign.table import COLUMNS
 from rig.errors import BadInput
-from rig.files import bundled
 from rig.frame import SIGNALS
 from rig.record.time_bins import BINS
+from rig.util.files import bundled
 
 QUIET = {"patterns": ["normal"], "levels": [4], "pattern_transitions": [], "level_transitions": []}
 POSSIBLE = {"patterns_possible": 7, "levels_possible": 5, "pattern_transitions_possible": 42}

@@ -27,7 +27,7 @@ from rig.errors import BadInput, RigError
 from rig.log import read_log
 from rig.log.layout import ROW
 from rig.log.writer import CHUNK_BYTES
-from rig.trust import Trust
+from rig.util.trust import Trust
 
 CAMPAIGN = """
 base = "f16_pitch_rate_hardover"

@@ -13,9 +13,9 @@ from rig.campaign.config import read
 from rig.campaign.folder import open_folder
 from rig.campaign.plan import Plan
 from rig.campaign.run import Result, again, run
-from rig.computer.external.settings import Unit
 from rig.errors import BadInput
-from rig.trust import Trust
+from rig.unit.settings import Unit
+from rig.util.trust import Trust
 
 pytestmark = needs_a_compiler
 CAMPAIGN = """

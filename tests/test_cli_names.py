@@ -13,10 +13,10 @@ from rig import scenario
 from rig.cli import complete
 from rig.cli.schema import of_file
 from rig.errors import BadInput
-from rig.files import bundled
 from rig.log.of_flight import LONGEST_TAG, tag
-from rig.offline.overrides import overrides
+from rig.log.overrides import overrides
 from rig.scenario import find, load
+from rig.util.files import bundled
 
 
 @pytest.mark.parametrize(

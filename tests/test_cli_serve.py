@@ -12,7 +12,7 @@ from urllib.parse import parse_qs, urlsplit
 import pytest
 
 from rig.cli.show import Watching
-from rig.interrupt import Stop
+from rig.util.interrupt import Stop
 from rig.view import viewer
 
 

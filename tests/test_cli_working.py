@@ -9,8 +9,8 @@ from rich.progress import Progress, Task
 
 from rig.cli import working as module
 from rig.cli.working import COMPILING, working
-from rig.console import Screen
-from rig.progress import listening, tell
+from rig.util.console import Screen
+from rig.util.progress import listening, tell
 
 
 def compiled(name: str) -> None:

@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from rig import atmosphere
 from rig.computer.control import airdata
+from rig.units import atmosphere
 
 # ISO 2533: geopotential altitude [m], pressure [Pa], temperature [K]
 ATMOSPHERE = [

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from test_control_autopilot import ENGAGED, fly, level_flight
 
-from rig.atmosphere import GRAVITY
 from rig.computer.control.autopilot import Config
 from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, INDEX, Block
+from rig.units.atmosphere import GRAVITY
 
 WHEELS, GEAR = DISCRETE_INDEX["weight_on_wheels"], DISCRETE_INDEX["gear_down"]
 INTEGRALS = [f"{name}_integral" for name in ("elevator", "aileron", "rudder", "throttle", "altitude")]

@@ -9,9 +9,9 @@ import requirements
 
 from rig import aircraft, scenario
 from rig.cli import show
-from rig.files import bundled
 from rig.frame import INDEX, Block, State
 from rig.loop import Rig, frames
+from rig.util.files import bundled
 
 ROOT = Path(__file__).parent.parent
 EXAMPLE = ROOT / "docs" / "examples" / "manager" / "mine.py"

@@ -27,7 +27,7 @@ PARSED = {
     "rig aircraft new": "minutes of design, tests/test_design_own_aircraft.py",
     "rig aircraft check": "needs what `rig aircraft new` made, or linearises for 20 s; tests/test_design_margins.py",
     "rig fly my_c172/": "needs what `rig aircraft new` made",
-    "rig bench": "takes a minute, tests/test_bench.py",
+    "rig bench": "takes a minute, tests/test_flight_frame_cost.py",
     "rig campaign run reliability": "2640 flights, tests/test_reliability_run.py",
     "rig fly --rerun": "serves until Ctrl-C, tests/test_cli_serve.py",
     "rig fly --watch": "draws on a terminal, tests/test_view_watch.py",

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from rig import fault_names
-from rig.files import bundled
 from rig.log.of_flight import metadata
 from rig.scenario import load
+from rig.util import fault_names
+from rig.util.files import bundled
 from rig.view.facts import UNKNOWN, of_log, of_resolved
 
 SCENARIOS = sorted(path.stem for path in bundled("faults").glob("*.toml"))

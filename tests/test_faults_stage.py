@@ -10,7 +10,7 @@ from interpreted import printed
 
 import rig
 from rig import scenario
-from rig.flight import fly
+from rig.flight.assembly import fly
 from rig.frame import FLIGHT_INDEX, INDEX, MOST_FAULTS, State, new_block
 from rig.loop import Rig, frames
 

@@ -11,7 +11,7 @@ from interpreted import printed
 
 from rig import scenario
 from rig.errors import BadInput
-from rig.flight_records import event_finder
+from rig.flight.recorder import event_finder
 from rig.frame import FLIGHT_INDEX, INDEX, Block, Lie, Trust
 from rig.loop import Rig, frames
 from rig.record.events import EventFinder

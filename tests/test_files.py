@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from rig.errors import BadInput, RigError
-from rig.files import draft, is_file, numbered, publish, replaced, write_text
+from rig.util.files import draft, is_file, numbered, publish, replaced, write_text
 
 
 def test_a_file_is_there_only_when_its_block_ended_well(tmp_path: Path):

@@ -6,7 +6,7 @@ import pytest
 
 import rig
 from rig.errors import BadInput, RigError
-from rig.flight import fly
+from rig.flight.assembly import fly
 from rig.frame import SIGNALS
 from rig.scenario import from_resolved
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import outside
 import pytest
 
-from rig.flight import fly
+from rig.flight.assembly import fly
 from rig.frame import SIGNALS, Ilm, State
 from rig.log import read_log
 from rig.log.columns import COLUMNS

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rig import scenario
+from rig.assess import Score, score
 from rig.loop import Rig, frames
-from rig.score import Score, score
 
 PAGE = Path(__file__).parent.parent / "docs" / "measured" / "histories.md"
 SIGNALS = {

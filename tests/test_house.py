@@ -11,7 +11,7 @@ import rig
 ROOT = Path(__file__).parents[1]
 SOURCES = sorted((ROOT / "rig").rglob("*.py"))
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
-LONGEST_FILE, LONGEST_FUNCTION = 300, 50
+LONGEST_FILE, LONGEST_FUNCTION = 350, 50
 # Words for which the field has others (CONTRIBUTING.md, 'Words'), as identifiers and in prose.
 WORDS = (
     *("inclination", "pressure_table", "spoil", "spoils", "spoiled", "obey", "obeys", "witness", "witnesses"),

@@ -13,8 +13,8 @@ import pytest
 import rig
 from rig.frame import INDEX, State, new_block
 from rig.log import Log
+from rig.log.export import export
 from rig.log.series import limits, series
-from rig.offline.export import export
 
 PAGE = Path(__file__).parents[1] / "docs" / "examples" / "first_flight.ipynb"
 

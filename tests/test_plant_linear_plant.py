@@ -15,11 +15,10 @@ from interpreted import printed
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_discrete_lyapunov
 
-from rig import atmosphere
-from rig.bench import bench
 from rig.computer.control import airdata
 from rig.errors import BadInput
-from rig.flight import fly as fly_logged
+from rig.flight.assembly import fly as fly_logged
+from rig.flight.frame_cost import bench
 from rig.frame import FLIGHT_INDEX, INDEX, Block, End, new_block
 from rig.log import read_log
 from rig.plant import airframe, dryden, wind
@@ -28,6 +27,7 @@ from rig.plant.linearise import linearise
 from rig.scenario import from_resolved, load
 from rig.settings import read_toml
 from rig.studies import ding2015
+from rig.units import atmosphere
 
 ROOT = Path(__file__).parents[1]
 TABLE = read_toml(ROOT / "aircraft" / "b707" / "aircraft.toml")["airframe"]

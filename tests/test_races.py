@@ -16,12 +16,12 @@ import json, os, signal
 from pathlib import Path
 
 from rig.campaign.flying import fly as fly_in_memory, write_log
-from rig.files import write_text
-from rig.flight import fly
+from rig.util.files import write_text
+from rig.flight.assembly import fly
 from rig.log import read_log, recover
-from rig.offline.replay import recorded
-from rig.offline.export import export
-from rig.offline.what_if import what_if
+from rig.replay.vote_again import recorded
+from rig.log.export import export
+from rig.replay.what_if import what_if
 from rig.scenario import load
 
 SHORT = ["duration_s=0.5"]

@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 
 from rig import scenario
-from rig.files import bundled
-from rig.flight_records import event_finder
+from rig.flight.recorder import event_finder
 from rig.frame import DISCRETE_INDEX, INDEX, End, Law, Pattern, Resolver, Source, State, new_block
 from rig.loop import Rig, frames
 from rig.record.events import EventFinder
 from rig.record.flight_summary import Verdict
+from rig.util.files import bundled
 
 Q = INDEX["pitch_rate"]
 

@@ -13,7 +13,7 @@ from rig.computer.redundancy.own import load_manager
 from rig.errors import BadInput, ManagerFailed
 from rig.frame import INDEX, Block, nested, new_block
 from rig.loop import Rig, fly_rows, frames
-from rig.trust import Trust
+from rig.util.trust import Trust
 
 OWN = """
 import numpy as np

@@ -16,8 +16,8 @@ from rig.computer.redundancy import Redundancy
 from rig.computer.redundancy.config import MANAGERS, Config, SignalConfigs
 from rig.faults import Faults
 from rig.frame import DISCRETE_INDEX, INDEX, SIGNALS, Block, Ilm, S, State
-from rig.offline.replay import ReplayData, replay
-from rig.trust import Trust
+from rig.replay.vote_again import ReplayData, replay
+from rig.util.trust import Trust
 
 RATE = 100.0
 NO_FAULTS = Faults([], PLACES, RATE, SeedSequence(0)).data

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig.flight import Flight, fly
+from rig.flight.assembly import Flight, fly
 from rig.frame import INDEX, State, new_block
 from rig.report.figures import MOST_POINTS, errors, of_flight, spanned, surfaces, thinned, vote_errors
 from rig.report.flight import report

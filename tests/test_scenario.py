@@ -8,11 +8,11 @@ import pytest
 from rig import aircraft, scenario
 from rig.errors import BadInput
 from rig.faults import Hardover
-from rig.files import bundled
 from rig.frame import SIGNALS
 from rig.loop import Rig, frames
 from rig.scenario import find, from_resolved, load
 from rig.settings import read_toml
+from rig.util.files import bundled
 
 FAULTS = sorted(bundled("faults").glob("*.toml"))
 

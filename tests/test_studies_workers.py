@@ -11,7 +11,7 @@ from rig.studies.workers import each
 SLOW = """
 import sys, time
 from pathlib import Path
-from rig.interrupt import end_cleanly
+from rig.util.interrupt import end_cleanly
 from rig.studies.workers import each
 
 def fly(case):

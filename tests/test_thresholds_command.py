@@ -14,8 +14,8 @@ import tomli_w
 
 from rig.cli import main as cli
 from rig.errors import BadInput
-from rig.offline.alignment import AlignOptions
-from rig.offline.vote_settings import read_config
+from rig.recordings.alignment import AlignOptions
+from rig.recordings.settings import read_config
 from rig.settings import read_toml
 from rig.thresholds.blocks import recordings
 from rig.thresholds.config import recorded_toml, scenario_toml, start
@@ -301,8 +301,8 @@ def test_a_folder_is_one_recording_or_holds_some():
 
 
 def test_alignment_without_an_end_is_found_in_the_stretch_of_rig_vote():
-    from rig.offline.align import align
-    from rig.offline.read_recording import read
+    from rig.recordings.align import align
+    from rig.recordings.read import read
     from rig.thresholds.data import load
 
     record("data", 1)
@@ -319,7 +319,7 @@ def test_alignment_without_an_end_is_found_in_the_stretch_of_rig_vote():
 
 
 def test_logs_of_ours_need_no_configuration(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
-    from rig.flight import fly
+    from rig.flight.assembly import fly
 
     healthy = fly(None, overrides=["faults=[]", "duration_s=40.0"], out=Path("logs"))
     faulty = fly(None, overrides=["duration_s=1.0"], out=Path("faulty"))
@@ -337,9 +337,9 @@ def test_logs_of_ours_need_no_configuration(capsys: pytest.CaptureFixture[str], 
 @pytest.mark.skipif(not QUAD.is_dir(), reason="the recordings are not here")
 def test_a_design_on_real_flights_is_met_by_others(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
     """Nine flights design, five others fly; a setting that docs/vote.md warns of fails channels in the same five."""
-    from rig.offline.align import align
-    from rig.offline.read_recording import read
-    from rig.offline.vote import vote
+    from rig.bench.vote import vote
+    from rig.recordings.align import align
+    from rig.recordings.read import read
 
     mapping = {f"gyro_{a}.{c}": f"IMU_{c}.csv:Gyr_{a.upper()}" for a in "xyz" for c in range(1, 5)}
     config(default={}, mapping=mapping, time_column="time")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rig.offline.vote_settings import RecordedSignal
+from rig.recordings.settings import RecordedSignal
 from rig.thresholds import faults
 from rig.thresholds.data import Data
 from rig.thresholds.design import Design, Flight, Grid, Threshold, designs, rounded_up

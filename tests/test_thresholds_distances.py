@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig.offline.recording import Recording, Samples
-from rig.offline.vote import vote
-from rig.offline.vote_settings import RecordedSignal
+from rig.bench.vote import vote
+from rig.recordings.recording import Recording, Samples
+from rig.recordings.settings import RecordedSignal
 from rig.thresholds import distances
 from rig.thresholds.distances import (
     Monitored,

@@ -18,7 +18,7 @@ from rig.computer.redundancy.own import load_manager
 from rig.errors import BadInput
 from rig.loop import Rig
 from rig.scenario import from_resolved, named_manager
-from rig.trust import Trust
+from rig.util.trust import Trust
 
 OWN = """
 import numpy as np

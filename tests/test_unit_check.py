@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from unit_files import build, needs_a_compiler, udp, unit, written
 
-from rig.computer.external.settings import Unit
-from rig.offline.unit_check import Checked, check
+from rig.unit.check import Checked, check
+from rig.unit.settings import Unit
 
 pytestmark = needs_a_compiler
 # A unit that looks right and is not: a line of its step is another.

@@ -10,9 +10,9 @@ from unit_library import COMPILER, Library, build, config, differing, inputs
 from unit_rows import HUGE, random_discretes, random_params, random_rows, vote
 
 from rig import scenario
-from rig.computer.external.layout import Form, Said
 from rig.frame import INDEX, Block, Ilm, Law, Pattern, Resolver, State
 from rig.loop import fly_rows, redundancy
+from rig.unit.layout import Form, Said
 
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler is installed")
 

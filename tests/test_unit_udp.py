@@ -12,7 +12,7 @@ import pytest
 from test_unit_monitor import quiet, random_flight
 from unit_library import COMPILER, build, differing, inputs
 
-from rig.computer.external.layout import (
+from rig.unit.layout import (
     CONFIG,
     FROM_UNIT,
     HELLO,

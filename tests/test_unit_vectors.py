@@ -15,13 +15,13 @@ from unit_defects import DEFECTS, Defect
 from unit_files import build, needs_a_compiler
 from unit_library import SOURCES as EXAMPLES
 
-from rig.computer.external.layout import CONFIG, INPUT, OUTPUT
-from rig.computer.external.vectors import Case, differences, load
 from rig.computer.redundancy.config import PARAMS
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
 from rig.computer.redundancy.managers import Manager
 from rig.frame import FLAT, Pattern, Resolver, State, new_block
+from rig.unit.layout import CONFIG, INPUT, OUTPUT
+from rig.unit.vectors import Case, differences, load
 
 SOURCES = ("monitor.c", "compare.c", "resolvers.c", "discretes.c")
 FILES = [*(EXAMPLES / name for name in SOURCES), EXAMPLES / "monitor.h"]

@@ -14,10 +14,10 @@ import pytest
 from unit_library import COMPILER
 from unit_library import build as make
 
-from rig.computer.external.header import header
-from rig.computer.external.layout import CONFIG, INPUT, LAYOUT, OUTPUT, PART, READY
-from rig.computer.external.settings import Unit, read_unit
 from rig.kernels import cache_root
+from rig.unit.header import header
+from rig.unit.layout import CONFIG, INPUT, LAYOUT, OUTPUT, PART, READY
+from rig.unit.settings import Unit, read_unit
 
 ROOT = Path(__file__).parents[1]
 HERE = ROOT / "tests/units"

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.external.layout import ANSWERS, CONFIG, INPUT, LAYOUT, OUTPUT, Said
 from rig.frame import FLAT, Block
+from rig.unit.layout import ANSWERS, CONFIG, INPUT, LAYOUT, OUTPUT, Said
 
 SOURCES = Path(__file__).parents[1] / "docs" / "examples" / "unit"
 COMPILER = shutil.which("gcc") or shutil.which("cc")

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from oracle import Frame
 from vector_flights import FRAMES, Flown, FlownDiscrete
 
-from rig.computer.external.layout import FROM_UNIT, INPUT, OUTPUT, TO_UNIT, Form, Kind, Said, blank
-from rig.computer.external.session import configuration
-from rig.computer.external.vectors import Case
 from rig.computer.redundancy.box import BOXES
 from rig.computer.redundancy.config import PARAMS
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
 from rig.frame import CHANNELS, SURFACES, D, Ilm, Pattern, Resolver, S, State
+from rig.unit.layout import FROM_UNIT, INPUT, OUTPUT, TO_UNIT, Form, Kind, Said, blank
+from rig.unit.session import configuration
+from rig.unit.vectors import Case
 
 RATE_HZ = 100.0
 MISSING = ("nan", "infinity", "-infinity", "above", "below", "flag")  # how a sample cannot be compared

@@ -18,9 +18,9 @@ import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from rig.errors import BadInput
-from rig.files import bundled, is_file
 from rig.settings import Settings, build, read_toml
 from rig.text import quoted
+from rig.util.files import bundled, is_file
 
 Sampling = Literal["grid", "stratified", "random", "latin-hypercube", "sobol"]
 MOST_RUNS: Final = 1_000_000

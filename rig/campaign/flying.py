@@ -26,25 +26,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig import aircraft, loop
+from rig.assess import Score, fly_twin, score
 from rig.campaign.identity import rig_identity
 from rig.campaign.plan import Run
 from rig.campaign.rows import TABLES, Rows, alarm_rows, episode_rows, fault_rows, run_row, signal_rows
 from rig.campaign.units import check as check_unit
 from rig.campaign.units import flown_with
-from rig.computer.external.settings import Unit
-from rig.computer.external.unit import UnitUnderTest
 from rig.errors import RigError, UnitDead, UnitRefused
-from rig.files import replaced
-from rig.flight_records import Findings, end_reason
+from rig.flight.recorder import Findings, end_reason
+from rig.flight.unit_loop import put
 from rig.frame import FLAT, TIMING, Block, new_block
-from rig.interrupt import Stop
 from rig.log import LogWriter
 from rig.log.of_flight import metadata
 from rig.record.events import Event
 from rig.record.flight_summary import Verdict
 from rig.scenario import Scenario, load
-from rig.score import Score, fly_twin, score
-from rig.under_test import put
+from rig.unit.settings import Unit
+from rig.unit.unit import UnitUnderTest
+from rig.util.files import replaced
+from rig.util.interrupt import Stop
 
 Timing = NDArray[Any]
 _tables = cache(aircraft.tables)  # of an aircraft, read once by each worker

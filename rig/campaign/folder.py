@@ -26,10 +26,10 @@ from rig.campaign.identity import rig_identity
 from rig.campaign.lock import locked
 from rig.campaign.plan import Plan
 from rig.campaign.rows import TABLES, Rows
-from rig.computer.external.settings import Unit
 from rig.errors import BadInput, RigError
-from rig.files import DRAFT, is_file, replaced, reported
-from rig.trust import Trust
+from rig.unit.settings import Unit
+from rig.util.files import DRAFT, is_file, replaced, reported
+from rig.util.trust import Trust
 
 _ABOUT: Final = "campaign.json"
 _FORMAT: Final = 1

@@ -7,11 +7,11 @@ from functools import cache
 from pathlib import Path
 
 import rig
-from rig.versions import versions
+from rig.util.versions import versions
 
 # What looks at flights, or hands them out, decides nothing in them.
-ROOMS = ("campaign", "cli", "design", "offline", "reliability", "studies", "view")
-BESIDE = (*ROOMS, "bench.py", "__main__.py", "faults/catalogue.py")
+ROOMS = ("bench", "campaign", "cli", "design", "recordings", "reliability", "replay", "studies", "view")
+BESIDE = (*ROOMS, "flight/frame_cost.py", "__main__.py", "faults/catalogue.py")
 FLIES = ("campaign/flying.py", "campaign/rows.py")
 
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 from rig.campaign.rows import SIZES
 from rig.faults.fault import KINDS
 from rig.frame import INDEX, SIGNALS
-from rig.quantities import number, unit_shown
+from rig.units.quantities import number, unit_shown
 
 _RATE: Final = "signal/s"  # units of settings, as the catalogue has them
 _SIGNAL: Final = ("signal", _RATE)

@@ -16,14 +16,14 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from rig.assess.record import ISOLATIONS
 from rig.campaign import table
 from rig.campaign.plan import Plan
 from rig.campaign.rows import OUTCOMES, TABLES
 from rig.errors import BadInput
-from rig.files import is_file
 from rig.frame import SIGNALS
 from rig.record.time_bins import BINS
-from rig.score.record import ISOLATIONS
+from rig.util.files import is_file
 
 _FILE = " file"  # no key of a campaign has a blank before it
 # Columns of ``runs`` that together say how many rows of another table a run has.

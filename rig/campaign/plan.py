@@ -14,7 +14,7 @@ from rig.campaign.sampling import Choice, choices, seed_of
 from rig.errors import BadInput
 from rig.scenario import Scenario, set_key
 from rig.settings import build
-from rig.trust import Trust
+from rig.util.trust import Trust
 
 CHECKED: Final = 5_000  # runs whose scenario is built before the first flight; beyond, one of each combination
 

@@ -10,8 +10,8 @@ from rig.campaign.folder import Folder
 from rig.campaign.magnitudes import magnitude_shown, magnitude_unit
 from rig.campaign.summary import acted, summary
 from rig.errors import BadInput
-from rig.files import write_text
 from rig.report.page import DASH, render
+from rig.util.files import write_text
 
 
 def report(folder: Folder, out: Path) -> dict[str, Any]:

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any, Final, get_args
 
 import numpy as np
 
+from rig.assess import FaultScore, Score
+from rig.assess.record import ISOLATIONS, Outcome
 from rig.faults import Fault
 from rig.faults.magnitude import in_thresholds
 from rig.frame import CHANNELS, INDEX, SIGNALS, Block, Pattern
 from rig.record.time_bins import binned
 from rig.scenario import Scenario
-from rig.score import FaultScore, Score
-from rig.score.record import ISOLATIONS, Outcome
 
 if TYPE_CHECKING:
     from rig.campaign.flying import Flown

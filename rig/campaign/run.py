@@ -25,10 +25,10 @@ from rig.campaign.plan import Plan, Run
 from rig.campaign.pool import Cluster, Local, Pool
 from rig.campaign.rows import Rows
 from rig.campaign.units import fits
-from rig.computer.external.settings import Unit
 from rig.errors import BadInput, RigError
-from rig.flight import Flight, fly
-from rig.interrupt import Stop, interruptible
+from rig.flight.assembly import Flight, fly
+from rig.unit.settings import Unit
+from rig.util.interrupt import Stop, interruptible
 
 AHEAD: Final = 2  # batches handed out for each worker: one it flies, one that waits
 NOT_FLOWN: Final = ("crashed", "timed out", "failed", "unit dead", "unit refused")

@@ -11,12 +11,12 @@ from typing import Any, Final
 import numpy as np
 import polars as pl
 
+from rig.assess.record import BY_DESIGN
 from rig.campaign.folder import Folder
 from rig.campaign.plan import Plan
 from rig.campaign.statistics import detectable, poisson, proportion
 from rig.campaign.table import COUNTED
 from rig.record.time_bins import names
-from rig.score.record import BY_DESIGN
 
 Tables = dict[str, pl.DataFrame]
 MOST_LEVELS: Final = 12  # of a magnitude that are shown one by one; more are put into BINS bins

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing.util import Finalize
 
-from rig.computer.external.settings import Unit
-from rig.computer.external.unit import UnitUnderTest
 from rig.errors import BadInput, RigError
+from rig.unit.settings import Unit
+from rig.unit.unit import UnitUnderTest
 
 _running: dict[str, UnitUnderTest] = {}  # of this process
 _ends: list[Finalize] = []  # what ends them with it

@@ -10,7 +10,7 @@ import typer
 
 from rig.cli import complete
 from rig.cli.common import GROUP, AllowCode, Json, Logs, UnitFile, emit
-from rig.interrupt import CODE
+from rig.util.interrupt import CODE
 
 app = typer.Typer(help="Fly many flights of one plan, and say what they show.", **GROUP)
 
@@ -40,14 +40,14 @@ def _plan(file: str, sets: list[str] | None, allow_code: bool) -> Any:
     from rig.campaign.config import find, read
     from rig.campaign.plan import Plan
     from rig.scenario import named_manager, parse_set
-    from rig.trust import Trust
+    from rig.util.trust import Trust
 
     given, source = dict(map(parse_set, sets or ())), str(find(file))
     return Plan(read(file, given), source, Trust(source, allow_code, named_manager(given.items())))
 
 
 def _unit(path: Path | None) -> Any:
-    from rig.computer.external.settings import read_unit
+    from rig.unit.settings import read_unit
 
     return None if path is None else read_unit(path)
 
@@ -128,10 +128,10 @@ def fly(
     as_json: Json = False,
 ) -> None:
     """Fly one run of a campaign again, with its full log, and compare its digest with the table's."""
+    from rig.assess.of_log import conclude
     from rig.campaign.folder import open_folder
     from rig.campaign.run import again
     from rig.cli import show_campaign as show
-    from rig.score.of_log import conclude
 
     flight, digest = again(open_folder(folder, allow_code), run, out, _unit(unit))
     same = None if digest is None else digest == flight.digest

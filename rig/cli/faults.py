@@ -12,8 +12,8 @@ from rig.cli import complete
 from rig.cli.common import GROUP, Json, emit
 
 if TYPE_CHECKING:
-    from rig.console import Screen
     from rig.faults.catalogue import Entry, Parameter
+    from rig.util.console import Screen
 
 faults_app = typer.Typer(help="Look at the kinds of faults.", **GROUP)
 
@@ -29,7 +29,7 @@ def list_kinds(as_json: Json = False) -> None:
 
 
 def _kinds(found: list[Entry]) -> None:
-    from rig.console import console
+    from rig.util.console import console
 
     rows = []
     for entry in found:
@@ -53,7 +53,7 @@ def show_kind(
 
 
 def _kind(found: Entry, shared: list[Parameter]) -> None:
-    from rig.console import console, styled
+    from rig.util.console import console, styled
 
     screen = console()
     screen.print(styled((found.kind, "bold"), f"  on: {', '.join(found.sites)}"))

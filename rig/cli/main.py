@@ -29,9 +29,9 @@ from rig.cli.view import view, watch
 from rig.cli.vote import vote
 from rig.cli.working import working
 from rig.errors import BadInput, RigError
-from rig.interrupt import end_cleanly
-from rig.progress import tell
 from rig.text import plain, shorten
+from rig.util.interrupt import end_cleanly
+from rig.util.progress import tell
 
 EXAMPLE: Final = "Example: rig fly f16_singular_2_2_level, then: rig score LOG, rig view LOG. Names: rig scenario list."
 FLY, LOOK, SCORE, RECORDED, MANY, REFERENCE = "Fly", "Look", "Score", "Recorded data", "Many flights", "Reference"
@@ -101,9 +101,9 @@ def fly(
     as_json: Json = False,
 ) -> None:
     """Fly one scenario, log every frame, print what happened."""
+    from rig.assess.of_log import conclude
     from rig.cli import show
-    from rig.flight import fly as fly_scenario
-    from rig.score.of_log import conclude
+    from rig.flight.assembly import fly as fly_scenario
     from rig.view.watch.keyboard import keyboard
     from rig.view.watch.live import watching
 
@@ -162,8 +162,8 @@ def bench(
     as_json: Json = False,
 ) -> None:
     """Measure a frame, logging included, as a ratio to bare JSBSim in the same process."""
-    from rig.bench import bench as measure
     from rig.cli import show
+    from rig.flight.frame_cost import bench as measure
     from rig.scenario import load
 
     with working("measuring", not as_json):

@@ -9,7 +9,7 @@ import typer
 
 from rig.cli.common import Json, emit
 from rig.cli.working import working
-from rig.progress import tell
+from rig.util.progress import tell
 
 Workers = Annotated[int, typer.Option(metavar="N", help="Processes.", min=1, max=1024)]
 

@@ -13,7 +13,7 @@ from rig.cli.working import working
 from rig.text import plain
 
 if TYPE_CHECKING:
-    from rig.offline.replay import Recorded
+    from rig.replay.vote_again import Recorded
 
 LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A log of a flight.", show_default=False)]
 
@@ -46,7 +46,7 @@ def replay(
     Exit code 0 when all is identical to the bit, 1 when not.  A what if compares decisions, and ends with 0.
     """
     from rig.errors import BadInput
-    from rig.offline.replay import recorded
+    from rig.replay.vote_again import recorded
 
     asked = redundancy is not None or bool(sets)
     if fly and asked:
@@ -66,8 +66,8 @@ def replay(
 def _again(recording: Recorded, fly: bool, unit: Path | None, as_json: bool) -> None:
     """Replay or fly again; exit code 1 when anything differs."""
     from rig.cli import show_replay as show
-    from rig.computer.external.unit import running
-    from rig.offline.verify import verify
+    from rig.replay.verify import verify
+    from rig.unit.unit import running
 
     with working("flying again" if fly else "replaying", not as_json), running(unit) as tested:
         found = verify(recording, fly, tested)
@@ -78,7 +78,7 @@ def _again(recording: Recorded, fly: bool, unit: Path | None, as_json: bool) -> 
 
 def _what_if(recording: Recorded, file: Path | None, sets: list[str], out: Path | None, as_json: bool) -> None:
     from rig.cli import show_replay as show
-    from rig.offline.what_if import changed, what_if
+    from rig.replay.what_if import changed, what_if
 
     changes = [*([str(file)] if file else []), *sets]
     with working("replaying", not as_json):
@@ -98,8 +98,8 @@ def diff(
 ) -> None:
     """Compare two logs field by field; exit code 0 when nothing differs by more than its tolerance, else 1."""
     from rig.cli import show_replay as show
-    from rig.offline.sides import diff as compare
-    from rig.offline.sides import side
+    from rig.replay.before_after import diff as compare
+    from rig.replay.before_after import side
 
     with working("comparing", not as_json):
         left, right = side(a), side(b)
@@ -114,7 +114,7 @@ def info(log: LogFile, as_json: Json = False) -> None:
     """What a log says of its flight, and whether the file is whole; exit code 2 when it is not."""
     from rig.cli import show_replay as show
     from rig.errors import BadLog
-    from rig.offline.log_info import info as tell
+    from rig.log.info import info as tell
 
     found = tell(log)
     emit(as_json, found, lambda: show.info(found))
@@ -137,7 +137,7 @@ def export(
 ) -> None:
     """Write a log as a table, its columns named as rig vote names them."""
     from rig.log import read_log
-    from rig.offline.export import export as write
+    from rig.log.export import export as write
 
     owners = [part.strip() for part in (signals or "").split(",") if part.strip()]
     target = out or Path(f"{log.with_suffix('')}.{to}")

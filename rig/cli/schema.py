@@ -42,6 +42,6 @@ def _campaign() -> dict[str, Any]:
 
 
 def _unit() -> dict[str, Any]:
-    from rig.computer.external.settings import Unit
+    from rig.unit.settings import Unit
 
     return Unit.model_json_schema()

@@ -31,11 +31,11 @@ def score(
     as_json: Json = False,
 ) -> None:
     """Score a flight against the truth: what was detected, missed and wrong, and how it flew."""
+    from rig.assess.of_log import score_log
+    from rig.assess.record import Yardstick
     from rig.cli.show_score import show
-    from rig.computer.external.unit import running
-    from rig.score.of_log import score_log
-    from rig.score.record import Yardstick
     from rig.settings import build
+    from rig.unit.unit import running
 
     limits = {
         "load_factor": transient_load_factor,

@@ -13,16 +13,16 @@ from typing import TYPE_CHECKING, Final
 from rich.progress import Progress, ProgressColumn
 
 from rig.cli.common import emit
-from rig.console import Screen, console, styled
 from rig.frame import DISCRETES, SIGNALS
-from rig.progress import tell
-from rig.quantities import moment
+from rig.units.quantities import moment
+from rig.util.console import Screen, console, styled
+from rig.util.progress import tell
 
 if TYPE_CHECKING:
-    from rig.bench import Bench
     from rig.computer.analytic.designed import Designed
-    from rig.flight import Flight
-    from rig.interrupt import Stop
+    from rig.flight.assembly import Flight
+    from rig.flight.frame_cost import Bench
+    from rig.util.interrupt import Stop
     from rig.view.stream import Stream
 
 LOOK_S: Final = 0.1  # between two looks for a viewer, or for Ctrl-C
@@ -69,7 +69,7 @@ class Watching:
 
 def emit_flight(as_json: bool, flown: Flight, said: list[str]) -> None:
     """The summary of one flight with what its conclusion ``said`` and the next commands, for people or as JSON."""
-    from rig.score.conclusion import next_commands
+    from rig.assess.conclusion import next_commands
 
     follow = next_commands(flown.log)
     emit(as_json, lambda: {**flown.summary(), "conclusion": said, "next": follow}, lambda: _concluded(flown, said))
@@ -95,7 +95,7 @@ _NEXT: Final = ("against the truth", "in Rerun", "run the manager over the log a
 
 def next_steps(log: Path) -> None:
     """The commands that show more of a log."""
-    from rig.score.conclusion import next_commands
+    from rig.assess.conclusion import next_commands
 
     for i, (command, what) in enumerate(zip(next_commands(log), _NEXT, strict=True)):
         console().print(f"{'next' if i == 0 else '':9}{command}   # {what}", soft_wrap=True)

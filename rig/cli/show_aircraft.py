@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rig.aircraft import folder, own_tables
-from rig.console import console, styled
 from rig.design.new_aircraft import SCENARIO
 from rig.errors import BadInput
-from rig.files import is_file
 from rig.plant.airframe import parse
 from rig.settings import read_toml
+from rig.util.console import console, styled
+from rig.util.files import is_file
 
 if TYPE_CHECKING:
     from rig.design.check import Check

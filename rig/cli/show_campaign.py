@@ -15,8 +15,8 @@ from rig.campaign.plan import Plan
 from rig.campaign.run import Progress, Report, Result
 from rig.cli.show import bar, conclusion, next_steps
 from rig.cli.show import flight as show_flight
-from rig.console import console, styled
-from rig.flight import Flight
+from rig.flight.assembly import Flight
+from rig.util.console import console, styled
 
 MOST_ROWS: Final = 60  # of a plan on a terminal; --json has all
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from typing import Any
 
-from rig.console import Screen, console, styled
 from rig.log.columns import unit_of
-from rig.offline.compare import Comparison
-from rig.offline.decisions import Decisions
-from rig.offline.replay import Recorded
-from rig.offline.verify import Verified
-from rig.offline.what_if import WhatIf
-from rig.quantities import duration, moment, number, unit_shown
+from rig.replay.compare import Comparison
+from rig.replay.decisions import Decisions
+from rig.replay.verify import Verified
+from rig.replay.vote_again import Recorded
+from rig.replay.what_if import WhatIf
+from rig.units.quantities import duration, moment, number, unit_shown
+from rig.util.console import Screen, console, styled
 
 MOST_LINES = 40  # of a table on the terminal; --json has all
 MOST_OVERRIDES = 8  # of a log

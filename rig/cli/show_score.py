@@ -7,13 +7,13 @@ from math import degrees
 
 from rich.table import Table
 
+from rig.assess import cells
+from rig.assess.missed_frames import Miss
+from rig.assess.of_log import Scored
+from rig.assess.record import Deviation, FlightScore, Isolation, Score, Transients
 from rig.cli.show import conclusion
-from rig.console import Screen, console, styled
-from rig.quantities import moment
-from rig.score import cells
-from rig.score.misses import Miss
-from rig.score.of_log import Scored
-from rig.score.record import Deviation, FlightScore, Isolation, Score, Transients
+from rig.units.quantities import moment
+from rig.util.console import Screen, console, styled
 
 MOST = 40  # lines of one kind on the terminal; all are in --json
 _STYLES = {"detected": "green", "missed": "red", "undetectable": "", "not executed": "yellow"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rig.console import Screen
+from rig.util.console import Screen
 
 
 def show(screen: Screen, found: dict[str, Any]) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from rig.console import console, styled
-from rig.offline.unit_check import Checked
+from rig.unit.check import Checked
+from rig.util.console import console, styled
 
 
 def checked(found: Checked) -> None:

@@ -28,9 +28,9 @@ def ding2015(
 ) -> None:
     """The B707 with a lying pitch-angle sensor: printed numbers against ours, and the honest experiment."""
     from rig.errors import BadInput
-    from rig.files import reported
     from rig.studies import figures
     from rig.studies.ding2015 import study as compute
+    from rig.util.files import reported
 
     with reported(f"--out {out}", BadInput, "figures cannot be kept there"):
         out.mkdir(parents=True, exist_ok=True)
@@ -65,8 +65,8 @@ def rate_bias(
     as_json: Json = False,
 ) -> None:
     """Biased rates and halved attitudes, by the plain and the fault-tolerant law: 1881 flights for each seed."""
-    from rig.console import console
     from rig.studies import rate_bias, rate_bias_table
+    from rig.util.console import console
 
     numbers = range(1, seeds + 1)
     random = [flight for seed in numbers for flight in rate_bias.drawn(drawn, seed)]
@@ -77,7 +77,7 @@ def rate_bias(
 
 
 def _show_laws(found: Sequence[Summary], flights: int) -> None:
-    from rig.console import console
+    from rig.util.console import console
 
     heads = (
         "hold",
@@ -101,7 +101,7 @@ def _show_laws(found: Sequence[Summary], flights: int) -> None:
 
 
 def _show(found: Study, files: list[str]) -> None:
-    from rig.console import console
+    from rig.util.console import console
 
     d, screen, (nominal, fastest, slowest) = found.as_dict(), console(), found.settling_s
     rows = [

@@ -15,7 +15,7 @@ from rig.cli.working import working
 from rig.errors import BadInput
 
 if TYPE_CHECKING:
-    from rig.offline.alignment import AlignOptions
+    from rig.recordings.alignment import AlignOptions
     from rig.thresholds.design import Grid
 
 MOST_FRAMES = 10_000
@@ -66,9 +66,9 @@ def thresholds(
 ) -> None:
     """Design thresholds from a budget of false isolations, by healthy data."""
     from rig.cli.show_thresholds import show
-    from rig.console import console
-    from rig.offline.alignment import AlignOptions
+    from rig.recordings.alignment import AlignOptions
     from rig.thresholds.design import Grid
+    from rig.util.console import console
 
     if not (isfinite(budget) and budget > 0):
         raise BadInput(f"--budget: false isolations an hour, above 0, got {budget}")
@@ -115,8 +115,7 @@ def _design(
     monitored: list[Path],
 ) -> dict[str, Any]:
     """Read, design, write; the summary, and the seconds of each step."""
-    from rig.files import replaced, write_text
-    from rig.offline.vote_settings import VoteConfig
+    from rig.recordings.settings import VoteConfig
     from rig.thresholds import plot
     from rig.thresholds.blocks import recordings
     from rig.thresholds.config import recorded_toml, scenario_toml, start
@@ -124,6 +123,7 @@ def _design(
     from rig.thresholds.motion import beyond, envelope
     from rig.thresholds.report import remarks, summary
     from rig.thresholds.run import design
+    from rig.util.files import replaced, write_text
 
     (out, page), (keep, outlier) = outputs, choices
     with replaced(out) as part, replaced(page) if page else nullcontext() as page_part:

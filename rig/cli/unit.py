@@ -23,8 +23,8 @@ def header(
     ] = None,
 ) -> None:
     """Print the records as a C header, or in another form."""
-    from rig.computer.external import ada as in_ada
-    from rig.computer.external import description, fmu_description, header
+    from rig.unit import ada as in_ada
+    from rig.unit import description, fmu_description, header
 
     if ada + markdown + (fmu is not None) > 1:
         raise BadInput("--ada, --markdown, --fmu: one of them")
@@ -51,7 +51,7 @@ def check(
 ) -> None:
     """Test whether a unit keeps to the records and the requirement; exit code 1 when it fails one of them."""
     from rig.cli import show_unit as show
-    from rig.offline.unit_check import check as test
+    from rig.unit.check import check as test
 
     with working("testing the unit", not as_json):
         found = test(file, seam_only=seam)

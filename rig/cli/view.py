@@ -116,7 +116,7 @@ def _require_display() -> None:
 
 def _serve(flights: Any, said: dict[str, Any], as_json: bool) -> None:
     """Serve until Ctrl-C or a request to end."""
-    from rig.interrupt import TERMINATIONS
+    from rig.util.interrupt import TERMINATIONS
     from rig.view.opened import serve
 
     began, over = perf_counter(), threading.Event()
@@ -144,9 +144,9 @@ def watch(
     from_s: Annotated[float, typer.Option("--from", metavar="X", help="Where to begin, s.", min=0.0)] = 0.0,
 ) -> None:
     """Play the redundancy page of a log on the terminal; Ctrl-C ends."""
-    from rig.console import console
     from rig.errors import BadLog
     from rig.log import read_log
+    from rig.util.console import console
     from rig.view.watch.played import play
 
     found = read_log(log)

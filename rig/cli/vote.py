@@ -39,11 +39,11 @@ def vote(
     as_json: Json = False,
 ) -> None:
     """Vote on recorded channels with the redundancy manager of the flight."""
-    from rig.console import console
+    from rig.bench.vote_run import Options, run
+    from rig.bench.vote_summary import show
     from rig.errors import BadInput
-    from rig.offline.alignment import AlignOptions
-    from rig.offline.vote_run import Options, run
-    from rig.offline.vote_summary import show
+    from rig.recordings.alignment import AlignOptions
+    from rig.util.console import console
 
     if not align and (align_from, align_to, align_matrix) != (None, None, False):
         raise BadInput("--align-from, --align-to and --align-matrix need --align")

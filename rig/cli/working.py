@@ -11,8 +11,8 @@ from typing import Any, Final
 
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from rig.console import Screen
-from rig.progress import listening
+from rig.util.console import Screen
+from rig.util.progress import listening
 
 COMPILING: Final = "compiling the kernels once, about 40 s"
 _EVENT: Final = "numba:compile"  # of each kernel that is not in the cache

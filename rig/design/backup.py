@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_are
 
-from rig.atmosphere import GRAVITY
 from rig.computer.control.gains import BACKUP
+from rig.units.atmosphere import GRAVITY
 
 Matrix = NDArray[np.float64]
 Sensor = Literal["load", "alpha"]

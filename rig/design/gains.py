@@ -22,7 +22,7 @@ from rig.design.requirements import LAWS, Case, Requirements, met, missed, nearn
 from rig.errors import RigError
 from rig.plant.airframe import Airframe
 from rig.plant.linearise import linearise
-from rig.progress import tell
+from rig.util.progress import tell
 
 MOST_SAID: Final = 3  # loops below the requirement that an error names
 _RATE_SHARES: Final = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)  # of the highest crossover

@@ -16,7 +16,6 @@ from rig.aircraft import names, sensor_classes
 from rig.design.assumed import FIGURES
 from rig.design.propose import Found, airframe_table, flight_points
 from rig.errors import BadInput
-from rig.files import reported, write_text
 from rig.frame import CHANNELS, SIGNALS
 from rig.plant.airframe import Config, FlightPoint, flight_point_at
 from rig.plant.base_model import SURFACES, BaseModel, Kind, read
@@ -24,6 +23,7 @@ from rig.plant.linearise import trimmed
 from rig.sensors.classes import kind as kind_of_signal
 from rig.settings import build
 from rig.text import choices, quoted
+from rig.util.files import reported, write_text
 
 _NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,60}")
 WIDTH: Final = 118  # of a comment line

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Any, Final
 
-from rig.atmosphere import GAS_CONSTANT, GRAVITY, pressure, speed_of_sound, temperature
 from rig.design.assumed import FIGURES, STOP_RAD, held, limits
 from rig.errors import BadInput
 from rig.plant.airframe import Config, FlightPoint, flight_point_at
@@ -14,6 +13,7 @@ from rig.plant.base_model import SURFACES, BaseModel, Kind
 from rig.plant.linearise import Trim, trimmed
 from rig.plant.loading import mass_kg, undeclared
 from rig.settings import build
+from rig.units.atmosphere import GAS_CONSTANT, GRAVITY, pressure, speed_of_sound, temperature
 
 ALTITUDES_M: Final[dict[str, tuple[float, ...]]] = {"propeller": (1524.0, 2438.4), "jet": (3048.0, 6096.0, 9144.0)}
 LIFT_COEFFICIENTS: Final = (0.2, 0.25, 0.3, 0.35, 0.42, 0.5, 0.6, 0.75)  # slow to fast the other way round

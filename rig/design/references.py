@@ -18,7 +18,6 @@ import tomli_w
 from numpy.typing import NDArray
 
 from rig import aircraft
-from rig.atmosphere import GRAVITY
 from rig.computer.analytic.designed import FILTERS, Designed, Error, Point
 from rig.computer.analytic.references import References, refer, remember
 from rig.computer.analytic.sources import PARTNERS, REMEMBERED, Config, source
@@ -26,15 +25,16 @@ from rig.computer.control.gains import Gains
 from rig.computer.redundancy.reference_threshold import SEA_LEVEL_DENSITY
 from rig.design.healthy_flights import FLIGHTS, Case, cases, label
 from rig.errors import RigError
-from rig.files import write_text
 from rig.frame import INDEX, SIGNALS, TWO_PI, Block
 from rig.kernels import kernel
 from rig.loop import fly_rows
 from rig.plant.airframe import Airframe, FlightPoint, parse
 from rig.plant.linearise import Linear, linearise
-from rig.progress import tell
 from rig.scenario import Scenario
 from rig.settings import build
+from rig.units.atmosphere import GRAVITY
+from rig.util.files import write_text
+from rig.util.progress import tell
 
 RATE_HZ: Final = 100.0
 RESERVE: Final = 1.2  # threshold over the worst measured error

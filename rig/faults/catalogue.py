@@ -13,9 +13,9 @@ from pydantic.fields import FieldInfo
 from rig.errors import BadInput
 from rig.faults import KINDS
 from rig.faults.settings import Placed, Triggered
-from rig.files import bundled
 from rig.settings import Settings, read_toml
 from rig.text import choices, shorten
+from rig.util.files import bundled
 
 # The bundled scenario that shows each kind.
 EXAMPLES: Final = {

@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from rig.angles import difference, limit
 from rig.faults.settings import Act, Flag
 from rig.frame import TWO_PI, Ilm
 from rig.kernels import kernel
+from rig.units.angles import difference, limit
 
 _TURN: Final = TWO_PI
 

@@ -9,12 +9,12 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
-from rig import fault_names
 from rig.faults.expression import parse
 from rig.faults.places import CHANNELLED, WITH_THRESHOLD, Point, Site, refuse_unknown, site
 from rig.faults.transition import Transition
 from rig.frame import CHANNELS
 from rig.settings import Settings
+from rig.util import fault_names
 
 
 def quantity(unit: str, meaning: str, default: Any = ..., **bounds: Any) -> Any:

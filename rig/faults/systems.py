@@ -6,9 +6,9 @@ from typing import ClassVar, Literal
 
 from pydantic import field_validator
 
-from rig import fault_names
 from rig.faults.places import Point, Site
 from rig.faults.settings import Act, Channels, Effect, Flag, Placed, Triggered, quantity
+from rig.util import fault_names
 
 _ILM = {"good": Flag.GOOD, "blind": Flag.GOOD, "bad": Flag.BAD, "false alarm": Flag.BAD}
 

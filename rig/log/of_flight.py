@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Final
 
 from rig.errors import BadInput, RigError
-from rig.files import numbered, reported
 from rig.log.writer import LogWriter
 from rig.scenario import Scenario
-from rig.versions import versions
+from rig.util.files import numbered, reported
+from rig.util.versions import versions
 
 LONGEST_TAG: Final = 40  # characters of the overrides in a log's name
 _HASH: Final = 6

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig import fault_names
 from rig.log.series import Series, limits, series, threshold
 from rig.log.shown import resolved
+from rig.util import fault_names
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Final
 
 from rig.errors import BadLog
-from rig.files import replaced, reported
 from rig.log.container import Container
 from rig.log.decode import Damaged, Part
 from rig.log.index import Packed
@@ -16,6 +15,7 @@ from rig.log.layout import log_times
 from rig.log.scan import About, iter_parts
 from rig.log.schema import SCHEMA_VERSION
 from rig.log.tables import RESULT, RIG, opening, runs_of
+from rig.util.files import replaced, reported
 
 RECOVERED: Final = "recovered"  # name of the metadata record that says so
 

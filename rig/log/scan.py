@@ -19,12 +19,12 @@ from mcap.records import Attachment, Channel, DataEnd, Footer, Metadata, Schema
 from zlib_ng.zlib_ng import crc32
 
 from rig.errors import BadLog
-from rig.files import reported
 from rig.log.container import MAGIC, RECORD_HEAD
 from rig.log.decode import Damaged, Decoder, Part, damage, same_crc
 from rig.log.layout import LAYOUT, Layout
 from rig.log.schema import MESSAGES, OLDEST, SCHEMA_VERSION, TOPICS, Field, descriptors, older
 from rig.log.tables import RESULT, RIG, channels
+from rig.util.files import reported
 
 R = TypeVar("R", Attachment, Channel, DataEnd, Footer, Metadata, Schema)
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rig.computer.redundancy.config import MANAGERS
 from rig.frame import INDEX, SIGNALS, TWO_PI, Block, State
-from rig.quantities import scale_shown, unit_shown
+from rig.units.quantities import scale_shown, unit_shown
 
 ROOM: Final = 3.0  # thresholds above and below vote and truth
 NEAR: Final = 15.0  # thresholds: a channel in use that is not further from the vote is in the picture

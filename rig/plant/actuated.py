@@ -23,11 +23,11 @@ from functools import cache
 from pathlib import Path
 
 from rig.errors import BadInput, RigError
-from rig.files import is_file
 from rig.kernels import cache_root
 from rig.plant.airframe import Config, Surface
 from rig.plant.imperial import METRES_PER_FOOT, METRES_PER_INCH
 from rig.text import choices, quoted
+from rig.util.files import is_file
 
 THROTTLE_POSITION = "rig/throttle-position"  # 0 to 1, after the actuator
 

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from rig.atmosphere import speed_of_sound
 from rig.frame import SURFACES, Block, new_block
 from rig.kernels import bind
 from rig.plant import dryden, small_motion, truth, wind
 from rig.plant.airframe import OUTPUTS, FlightPoint, LinearConfig
 from rig.plant.small_motion import ALTITUDE, PARAM
+from rig.units.atmosphere import speed_of_sound
 
 Matrix = NDArray[np.float64]
 _DRAWN: Final = 1000  # frames of noise at a time

@@ -18,13 +18,13 @@ import jsbsim
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.atmosphere import GAS_CONSTANT, pressure, speed_of_sound, temperature
 from rig.errors import BadInput
 from rig.frame import SURFACES
 from rig.plant.airframe import OUTPUTS, Airframe, Config, FlightPoint, LinearConfig
 from rig.plant.imperial import METRES_PER_FOOT, PASCALS_PER_PSF_OF_GAINS
 from rig.plant.linear_plant import matrices
 from rig.plant.loading import load, turns_propellers
+from rig.units.atmosphere import GAS_CONSTANT, pressure, speed_of_sound, temperature
 
 Matrix = NDArray[np.float64]
 

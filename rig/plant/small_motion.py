@@ -14,11 +14,11 @@ from typing import Final
 
 import numpy as np
 
-from rig.atmosphere import GAS_CONSTANT, GRAVITY, pressure, speed_of_sound, temperature
 from rig.frame import SURFACES
 from rig.kernels import kernel
 from rig.plant.airframe import OUTPUTS
 from rig.plant.imperial import METRES_PER_FOOT, PASCALS_PER_PSF
+from rig.units.atmosphere import GAS_CONSTANT, GRAVITY, pressure, speed_of_sound, temperature
 
 _SURFACES: Final = len(SURFACES)
 _OUTPUTS: Final = len(OUTPUTS)

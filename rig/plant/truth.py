@@ -13,11 +13,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.atmosphere import GRAVITY
 from rig.frame import DISCRETE_INDEX, FLIGHT_INDEX, TWO_PI, Block, End, sig
 from rig.kernels import kernel
 from rig.plant.airframe import Airframe, Limits, Position
 from rig.plant.imperial import METRES_PER_FOOT, PASCALS_PER_PSF
+from rig.units.atmosphere import GRAVITY
 
 # What is read of JSBSim each frame: our name and its property, in this order.  The four surface
 # positions follow; their properties depend on the aircraft.

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.angles import wrap
 from rig.frame import DISCRETES, FLIGHT_INDEX, INDEX, SIGNALS, Block, End, State, new_block, sig
 from rig.kernels import kernel
 from rig.record.events import Event
+from rig.units.angles import wrap
 
 MOST_EVENTS = 10_000  # kept for the summary; all of them are in the log
 _HEADING, _ALTITUDE = INDEX["heading"], FLIGHT_INDEX["altitude_m"]

@@ -7,6 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.assess.monitored import lingers
+from rig.assess.votes import difference
+from rig.assess.windows import allowed_frames
 from rig.frame import INDEX, SIGNALS, Block, State, new_block
 from rig.loop import fly_rows
 from rig.reliability.cells import SECOND, TESTED
@@ -16,9 +19,6 @@ from rig.reliability.open_loop import NEVER, Trials
 from rig.reliability.recorded import Recording, of_rows
 from rig.reliability.trials import fly_trials, off_votes
 from rig.scenario import Scenario
-from rig.score.monitored import lingers
-from rig.score.votes import difference
-from rig.score.windows import allowed_frames
 from rig.sensors import Sensors
 
 

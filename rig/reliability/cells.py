@@ -19,8 +19,8 @@ import polars as pl
 from rig.campaign.folder import open_folder
 from rig.campaign.rows import by_level
 from rig.errors import BadInput
-from rig.files import is_file
 from rig.frame import CHANNELS
+from rig.util.files import is_file
 
 TESTED, SECOND = "tested", "second"  # ids of the fault that is counted, and of a near one after it
 DESIGNS: Final = ("single", "near", "alike")

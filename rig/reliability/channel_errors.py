@@ -16,9 +16,9 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from rig.angles import TURN
 from rig.frame import CHANNELS
 from rig.sensors import Sensor
+from rig.units.angles import TURN
 
 Floats = NDArray[np.float64]
 NOMINAL: Final = 0.1  # of all flights

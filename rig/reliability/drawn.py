@@ -14,6 +14,8 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from rig import aircraft
+from rig.assess.monitored import lingers
+from rig.assess.windows import allowed_frames
 from rig.campaign.config import Distribution, Levels, Vary
 from rig.campaign.plan import Plan
 from rig.campaign.sampling import valuer
@@ -28,8 +30,6 @@ from rig.reliability.one_signal import OneSignal, faults_of, one_signal
 from rig.reliability.open_loop import Trials
 from rig.reliability.recorded import Recording
 from rig.scenario import Scenario
-from rig.score.monitored import lingers
-from rig.score.windows import allowed_frames
 from rig.sensors.params import calibrate
 
 RUN_IN: Final = 10  # frames of healthy sensors before the first fault

@@ -9,7 +9,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from rig.angles import TURN
 from rig.computer.redundancy.manager import new_state
 from rig.errors import BadInput
 from rig.frame import INDEX, SIGNALS, D
@@ -20,6 +19,7 @@ from rig.reliability.splitting import Held, Particles, Windows
 from rig.scenario import Scenario
 from rig.sensors.kernel import MEMORY
 from rig.sensors.params import calibrate
+from rig.units.angles import TURN
 
 RUN_IN: Final = 12  # frames
 COUNTED: Final = 48

@@ -12,7 +12,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.angles import difference
 from rig.computer.redundancy import vote_signals
 from rig.computer.redundancy.manager import ManagerData
 from rig.faults import FaultData, corrupt
@@ -20,6 +19,7 @@ from rig.faults.record import FOREVER, Trigger
 from rig.frame import CHANNELS, State
 from rig.kernels import kernel
 from rig.sensors import SensorData, measure
+from rig.units.angles import difference
 
 LEVELS: Final = CHANNELS + 1
 NEVER: Final = -1
@@ -195,7 +195,7 @@ def count_healthy(states, out, level, fitted, faulty, healthy, failed):
     """Add the healthy channels in use, and those of them that are failed, by ``level``, of the frame before.
 
     On one signal no box is failed, and a common mode in such a frame answers no fault: it is a false isolation, as in
-    score/standing.py.
+    assess/signal_totals.py.
     """
     for c in range(fitted):
         if faulty[c] == 0 and (out >> c) & 1 == 0:

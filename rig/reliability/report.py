@@ -7,11 +7,11 @@ from pathlib import Path
 
 import plotly.graph_objects as go
 
-from rig.files import write_text
 from rig.reliability.plot import TITLES, picture
 from rig.reliability.result import TARGETS, WHAT, Result
 from rig.reliability.words import decided_by, interval
 from rig.report.page import render
+from rig.util.files import write_text
 
 
 def write_report(found: Sequence[Result], assumptions: Sequence[str], path: Path) -> None:

@@ -17,6 +17,7 @@ import polars as pl
 from numpy.random import SFC64, Generator, SeedSequence
 from numpy.typing import NDArray
 
+from rig.assess.windows import allowed_frames
 from rig.campaign.plan import Plan
 from rig.computer.redundancy.manager import new_state
 from rig.errors import BadInput
@@ -27,7 +28,6 @@ from rig.reliability.drawn import Cell, cell, draw, refill
 from rig.reliability.one_signal import ROW
 from rig.reliability.open_loop import LEVELS, NEVER, RESULT, Scratch, Trials, run_trials
 from rig.reliability.recorded import Recording, recording
-from rig.score.windows import allowed_frames
 
 CHUNK: Final = 500
 GOOD: Final = (4, 3)

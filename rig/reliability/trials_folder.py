@@ -22,9 +22,9 @@ from rig.campaign.config import from_what
 from rig.campaign.identity import rig_identity
 from rig.campaign.plan import Plan
 from rig.errors import BadInput, RigError
-from rig.files import is_file, replaced
 from rig.reliability.cells import ABOUT, COUNTS, FALSE_ISOLATIONS, Cells
 from rig.reliability.trials import Flight, Tally, Unit, added_up, shared_out
+from rig.util.files import is_file, replaced
 
 _FORMAT: Final = 1
 _TABLES: Final = {"cells": COUNTS, "false_isolations": FALSE_ISOLATIONS}

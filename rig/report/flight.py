@@ -11,22 +11,22 @@ import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
+from rig.assess import cells
+from rig.assess.of_log import MOST_FRAMES, Scored, score_read
+from rig.assess.outcomes import acts
+from rig.assess.record import Yardstick
 from rig.errors import BadInput
-from rig.files import write_text
 from rig.frame import INDEX, SIGNALS
 from rig.log import Log, read_log
+from rig.log.overrides import FILE, overrides
 from rig.log.schema import SCHEMA_VERSION
 from rig.log.series import threshold
-from rig.offline.overrides import FILE, overrides
-from rig.quantities import duration, seconds
 from rig.report import figures as draw
 from rig.report.moments import Moment, affected, moment, signals_of
 from rig.report.page import render
 from rig.report.timeline import spans, timeline
-from rig.score import cells
-from rig.score.of_log import MOST_FRAMES, Scored, score_read
-from rig.score.outcomes import acts
-from rig.score.record import Yardstick
+from rig.units.quantities import duration, seconds
+from rig.util.files import write_text
 
 MOST_SIGNALS: Final = 8  # that are drawn
 MOST_MOMENTS: Final = 4

@@ -7,11 +7,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.assess.of_log import Scored
+from rig.assess.places import references_of
+from rig.assess.record import FaultScore
 from rig.frame import INDEX, SIGNALS, Block, Pattern, Source, State
 from rig.scenario import Scenario
-from rig.score.of_log import Scored
-from rig.score.places import references_of
-from rig.score.record import FaultScore
 
 BEFORE_S: Final = 0.5  # shown before the first frame that matters
 AFTER_S: Final = 1.0  # and after the isolation

@@ -15,10 +15,10 @@ from numpy.random import Generator, SeedSequence
 from numpy.typing import NDArray
 from pydantic import Field
 
-from rig.angles import limit
 from rig.frame import FLIGHT_INDEX, INERTIAL, Block, nested, sig
 from rig.kernels import kernel
 from rig.settings import Settings
+from rig.units.angles import limit
 
 QUANTITIES: Final = len(INERTIAL)
 RATES: Final = 3  # the first three of INERTIAL, then three of the velocity, then three of the specific force

@@ -7,9 +7,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.angles import difference, limit
 from rig.frame import CHANNELS, Ilm
 from rig.kernels import kernel
+from rig.units.angles import difference, limit
 
 # What the sensors of one signal remember from frame to frame.
 MEMORY: Final = np.dtype(

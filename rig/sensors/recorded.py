@@ -20,10 +20,10 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from rig.errors import BadInput
-from rig.files import is_file
 from rig.frame import CHANNELS
 from rig.sensors.settings import Sensor
 from rig.text import shorten
+from rig.util.files import is_file
 
 
 class Recorded:

@@ -8,8 +8,8 @@ from itertools import product
 from typing import Any
 
 from rig.campaign.statistics import proportion
-from rig.console import Screen
 from rig.studies.rate_bias import POINTS, Flown
+from rig.util.console import Screen
 
 
 def summarise(flown: Sequence[Flown]) -> list[dict[str, Any]]:

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Final
 
 from rig.errors import BadInput
-from rig.offline.read_recording import ENDINGS
-from rig.offline.vote_settings import VoteConfig
+from rig.recordings.read import ENDINGS
+from rig.recordings.settings import VoteConfig
 
 CAMPAIGN: Final = "campaign.json"
 LOGS: Final = "logs"

@@ -13,7 +13,7 @@ import tomli_w
 
 from rig.computer.redundancy.durations import in_frames
 from rig.errors import BadInput
-from rig.offline.vote_settings import RecordedSignal, VoteConfig, read_config
+from rig.recordings.settings import RecordedSignal, VoteConfig, read_config
 from rig.settings import read_toml
 from rig.text import plain
 from rig.thresholds.design import FIELDS, Design

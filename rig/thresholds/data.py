@@ -14,10 +14,10 @@ import numpy as np
 from rig.computer.redundancy.config import SignalConfig
 from rig.errors import BadInput, BadLog
 from rig.log.scan import About, iter_parts
-from rig.offline.alignment import AlignOptions, run_alignment
-from rig.offline.read_recording import read
-from rig.offline.recording import Recording, Samples
-from rig.offline.vote_settings import RecordedSignal, VoteConfig
+from rig.recordings.alignment import AlignOptions, run_alignment
+from rig.recordings.read import read
+from rig.recordings.recording import Recording, Samples
+from rig.recordings.settings import RecordedSignal, VoteConfig
 from rig.thresholds.blocks import recordings
 from rig.thresholds.design import Flight
 

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.offline.vote_settings import RecordedSignal
+from rig.recordings.settings import RecordedSignal
 from rig.thresholds.bootstrap import draws, point, upper
 from rig.thresholds.distances import exceeded_each, in_use
 from rig.thresholds.monitored import low_passed

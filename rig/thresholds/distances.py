@@ -23,8 +23,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.angles import TURN
 from rig.frame import CHANNELS
+from rig.units.angles import TURN
 
 Floats = NDArray[np.float64]
 DUPLEX: Final = 2

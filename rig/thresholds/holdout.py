@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from scipy.stats import poisson
 
-from rig.offline.vote_settings import RecordedSignal
+from rig.recordings.settings import RecordedSignal
 from rig.thresholds.design import FIELDS, Design, Flight, Grid, designs, rounded_up
 from rig.thresholds.distances import in_use
 from rig.thresholds.monitored import isolations

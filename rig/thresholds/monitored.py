@@ -15,7 +15,7 @@ from rig.computer.redundancy.lowpass import follow
 from rig.computer.redundancy.manager import manage_signal, new_state
 from rig.frame import CHANNELS, Ilm
 from rig.kernels import long_kernel
-from rig.offline.vote_settings import RecordedSignal
+from rig.recordings.settings import RecordedSignal
 
 Floats = NDArray[np.float64]
 Frames = NDArray[np.int64]

@@ -12,10 +12,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.angles import TURN
 from rig.frame import CHANNELS
 from rig.thresholds.design import Flight
 from rig.thresholds.distances import near
+from rig.units.angles import TURN
 
 Floats = NDArray[np.float64]
 SHARE: Final = 0.95

@@ -8,7 +8,7 @@ from typing import Any
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from rig.files import write_text
+from rig.util.files import write_text
 
 _COLOURS = ("#2166ac", "#b2182b", "#4d9221", "#8073ac")
 

@@ -12,8 +12,7 @@ from typing import Final
 import numpy as np
 
 from rig.errors import BadInput
-from rig.offline.vote_settings import RecordedSignal
-from rig.progress import tell
+from rig.recordings.settings import RecordedSignal
 from rig.thresholds.data import Data
 from rig.thresholds.design import Design, Flight, Grid, designs
 from rig.thresholds.healthy import Suspect, suspects
@@ -21,6 +20,7 @@ from rig.thresholds.holdout import Count, holdout
 from rig.thresholds.motion import Envelope, envelope
 from rig.thresholds.tail import CLUSTERS
 from rig.thresholds.tradeoff import Tradeoff, best, pieces, tradeoff
+from rig.util.progress import tell
 
 RULE: Final = "most of the injected faults found rightly at this budget; of equals the shorter persistence, then filter"
 MARKED: Final = 100.0  # extrapolation from which a design is marked

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.offline.vote_settings import RecordedSignal
+from rig.recordings.settings import RecordedSignal
 from rig.thresholds import faults
 from rig.thresholds.design import Design, Flight
 from rig.thresholds.faults import Fault

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field, replace
 from math import isfinite, nan
 from typing import Any, Final, NamedTuple
 
-from rig import fault_names
 from rig.frame import INDEX, MOST_FAULTS, SIGNALS
 from rig.log.series import threshold
+from rig.util import fault_names
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Final
 
 from rig.errors import BadInput, BadLog, RigError
-from rig.files import replaced
 from rig.log import Log, read_log
+from rig.util.files import replaced
 from rig.view import viewer
 from rig.view.facts import TAGS, Facts, Layout, of_log, together
 from rig.view.seen import look

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from rig.errors import BadInput, RigError
-from rig.files import replaced
+from rig.util.files import replaced
 from rig.view import viewer
 from rig.view.opened import Opened, as_file
 from rig.view.scene import TIMELINE

@@ -21,10 +21,23 @@ from hostile_cases.checks import MEMORY, Outcome, failures
 
 LIMIT_S: Final = 20.0
 # Imported only: polars and Arrow start their threads when they are first used, which is in a case's own process.
-_RECORDED: Final = ("rig.offline.align", "rig.offline.vote_summary", "rig.offline.vote", "rig.offline.write_votes")
+_RECORDED: Final = ("rig.recordings.align", "rig.bench.vote_summary", "rig.bench.vote", "rig.bench.write_votes")
 _CAMPAIGN: Final = ("rig.campaign.report", "rig.campaign.run", "rig.campaign.compare", "rig.campaign.estimate")
-_OTHERS: Final = ("rig.offline.verify", "rig.offline.what_if", "rig.score.of_log", "rig.view.watch.played", "rig.bench")
-_IMPORTED: Final = (*_RECORDED, *_CAMPAIGN, *_OTHERS, "rig.cli.show_campaign", "rig.view.opened")
+_OTHERS: Final = (
+    "rig.replay.verify",
+    "rig.replay.what_if",
+    "rig.assess.of_log",
+    "rig.view.watch.played",
+    "rig.flight.frame_cost",
+)
+_IMPORTED: Final = (
+    *_RECORDED,
+    *_CAMPAIGN,
+    *_OTHERS,
+    "rig.flight.frame_cost",
+    "rig.cli.show_campaign",
+    "rig.view.opened",
+)
 _PAGE: Final = os.sysconf("SC_PAGE_SIZE")
 
 

@@ -30,7 +30,7 @@ from rig.campaign.flying import Orders, fly_batch, fly_run
 from rig.campaign.identity import rig_identity
 from rig.campaign.plan import Plan, Run
 from rig.campaign.pool import Local
-from rig.flight import fly
+from rig.flight.assembly import fly
 
 FRAMES = 2000
 LINE = "{:8.2f} {:8.2f} {:15.2f} {:6.2f} {:14.0%} {:14.0%} {:13.0%} {:11.2f}   {}"

@@ -22,9 +22,9 @@ import numpy as np
 
 from rig import scenario
 from rig.aircraft import tables
+from rig.assess import score
 from rig.campaign.flying import Flown, fly
 from rig.frame import SIGNALS, State
-from rig.score import score
 
 AIRCRAFT: Final = ("f16", "b747", "b737")
 ALL: Final = (*AIRCRAFT, "b707")

@@ -15,7 +15,7 @@ import tomli_w
 
 from rig import scenario
 from rig.loop import Rig, frames
-from rig.offline.decisions import history
+from rig.replay.decisions import history
 
 FOLDER = Path(__file__).parents[1] / "golden"
 SEEDS = 3

@@ -12,11 +12,11 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from rig.offline.alignment import AlignOptions, run_alignment
-from rig.offline.read_recording import read
-from rig.offline.recording import Recording
-from rig.offline.vote import vote
-from rig.offline.vote_settings import VoteConfig
+from rig.bench.vote import vote
+from rig.recordings.alignment import AlignOptions, run_alignment
+from rig.recordings.read import read
+from rig.recordings.recording import Recording
+from rig.recordings.settings import VoteConfig
 
 THRESHOLDS = (2.0, 3.0, 4.0, 5.0, 7.5, 10.0, 15.0, 20.0, 30.0)  # deg/s
 AXES = {"gyro_x": "Gyr_X", "gyro_y": "Gyr_Y", "gyro_z": "Gyr_Z"}

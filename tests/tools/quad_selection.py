@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 from quad_isolations import AXES, MAPPING, TRIADS
 
-from rig.offline.align import align
-from rig.offline.inject import inject
-from rig.offline.injection_score import score
-from rig.offline.read_recording import read
-from rig.offline.recording import Recording
-from rig.offline.vote import vote
-from rig.offline.vote_settings import VoteConfig
-from rig.offline.write_votes import Result
+from rig.bench.inject import inject
+from rig.bench.injection_score import score
+from rig.bench.vote import vote
+from rig.bench.write_votes import Result
+from rig.recordings.align import align
+from rig.recordings.read import read
+from rig.recordings.recording import Recording
+from rig.recordings.settings import VoteConfig
 
 CONFIG = VoteConfig(
     default={

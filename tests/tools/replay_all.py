@@ -4,10 +4,10 @@ import sys
 import tempfile
 from time import perf_counter
 
-from rig.files import bundled
-from rig.flight import fly
-from rig.offline.replay import recorded
-from rig.offline.verify import verify
+from rig.flight.assembly import fly
+from rig.replay.verify import verify
+from rig.replay.vote_again import recorded
+from rig.util.files import bundled
 
 
 def main() -> int:

@@ -22,10 +22,10 @@ from quad_isolations import AXES, TRIADS, config
 from quad_selection import CONFIG as SELECTION
 from scipy.stats import poisson
 
-from rig.offline.alignment import AlignOptions
-from rig.offline.recording import Recording, Samples
-from rig.offline.vote import vote
-from rig.offline.vote_settings import RecordedSignal
+from rig.bench.vote import vote
+from rig.recordings.alignment import AlignOptions
+from rig.recordings.recording import Recording, Samples
+from rig.recordings.settings import RecordedSignal
 from rig.thresholds import faults
 from rig.thresholds.data import load
 from rig.thresholds.design import Design, Flight, Grid, designs

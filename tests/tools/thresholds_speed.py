@@ -10,7 +10,7 @@ from time import perf_counter, process_time
 
 import numpy as np
 
-from rig.offline.vote_settings import RecordedSignal
+from rig.recordings.settings import RecordedSignal
 from rig.thresholds.data import Data
 from rig.thresholds.design import Flight, Grid
 from rig.thresholds.run import design

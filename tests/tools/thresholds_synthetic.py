@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 from scipy.signal import lfilter
 
-from rig.offline.vote_settings import RecordedSignal
+from rig.recordings.settings import RecordedSignal
 from rig.thresholds.design import Flight, Grid, designs
 from rig.thresholds.holdout import count
 from rig.thresholds.run import STRETCHES

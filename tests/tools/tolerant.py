@@ -22,12 +22,12 @@ from tolerant_flights import ROWS, Try
 from tolerant_table import counts, fault_free, same_frame
 
 from rig import scenario
-from rig.angles import wrap
 from rig.computer.analytic.unit_bank import bank_by
 from rig.computer.fdi.state import BOTH
 from rig.frame import ESTIMATES, INDEX, Block, Lie, Trust
 from rig.loop import Rig, frames
 from rig.studies.workers import each
+from rig.units.angles import wrap
 
 THETA, PHI = INDEX["pitch_angle"], INDEX["roll_angle"]
 ANGLE, INNOVATION, SIGMA = (ESTIMATES.index(f"{x}_rad") for x in ("pitch_angle", "innovation", "innovation_sigma"))

@@ -18,9 +18,9 @@ from statistics import median, quantiles
 from typing import Any
 
 from rig import loop
-from rig.computer.external.unit import UnitUnderTest, running
+from rig.flight.unit_loop import put
 from rig.scenario import Scenario, load
-from rig.under_test import put
+from rig.unit.unit import UnitUnderTest, running
 
 FORMS: dict[str, dict[str, Any]] = {
     "in process": {"path": "libmonitor.so", "isolate": False},

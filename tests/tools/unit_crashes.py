@@ -20,10 +20,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import psutil
 from unit_files import library, udp, unit, written
 
-from rig.computer.external.settings import Unit
 from rig.errors import BadLog
 from rig.log import read_log
-from rig.offline.log_info import info
+from rig.log.info import info
+from rig.unit.settings import Unit
 
 RIG = [sys.executable, "-m", "rig", "fly", "--set", "duration_s=2", "--set", "faults.0.start_s=0.5"]
 BY_LIBRARY = {

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from rig.computer.external.unit import UnitUnderTest, running
+from rig.flight.unit_loop import fly_rows as fly_unit
 from rig.frame import Block
 from rig.loop import fly_rows
-from rig.offline.replay import OUTPUTS, vote_again
+from rig.replay.vote_again import OUTPUTS, vote_again
 from rig.scenario import load, names
-from rig.under_test import fly_rows as fly_unit
+from rig.unit.unit import UnitUnderTest, running
 
 
 def differing(a: Block, b: Block, fields: Any) -> int:

@@ -21,8 +21,8 @@ import numpy as np
 from unit_files import udp
 
 import rig
-from rig.computer.external.settings import Unit
 from rig.frame import Unit as Answer
+from rig.unit.settings import Unit
 
 
 def planned(frames: int, period_s: float, seed: int = 1) -> list[Any]:

@@ -26,7 +26,7 @@ import psutil
 from unit_files import written
 
 import rig
-from rig.computer.external.settings import Unit
+from rig.unit.settings import Unit
 
 STOPPED_AT = 1000  # frames
 Stop = Callable[[psutil.Process, float], None]

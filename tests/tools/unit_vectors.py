@@ -1,6 +1,6 @@
 """Write the conformance vectors of a unit under test: what a monitor must say, by the independent reading.
 
-    python tests/tools/unit_vectors.py [FILE]      rig/computer/external/vectors.npz when not given
+    python tests/tools/unit_vectors.py [FILE]      rig/unit/vectors.npz when not given
 
 Each case is named by what it tests and holds sixteen independent signals that reach it, drawn with fixed seeds; the
 answers are those of tests/oracle.py, oracle_resets.py and oracle_boxes.py.  What no oracle knows is switched off: the
@@ -44,8 +44,8 @@ from vector_flights import (
 )
 from vector_records import MISSING, Session
 
-from rig.computer.external.vectors import FILE, Case, save
 from rig.frame import DISCRETES, D, S
+from rig.unit.vectors import FILE, Case, save
 
 Wanted = Callable[[Flown], bool]
 POOL = 1200  # random signals that the cases choose from

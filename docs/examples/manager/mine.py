@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 
-from rig.angles import into_range, unwrap
+from rig.units.angles import into_range, unwrap
 
 
 class Smoothed:

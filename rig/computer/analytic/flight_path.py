@@ -20,9 +20,9 @@ from typing import Final
 
 import numpy as np
 
-from rig.atmosphere import GRAVITY
 from rig.frame import sig
 from rig.kernels import kernel
+from rig.units.atmosphere import GRAVITY
 
 SLOWEST: Final = 30.0  # m/s; divisions by airspeed take at least this
 CROSSOVER_RAD_S: Final = 0.4  # of the climb rate: below it barometric, above it inertial

@@ -13,8 +13,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rig.angles import wrap
-from rig.atmosphere import GRAVITY
 from rig.computer.analytic.designed import COLUMNS
 from rig.computer.analytic.flight_path import (
     climb,
@@ -27,6 +25,8 @@ from rig.computer.analytic.flight_path import (
 from rig.computer.analytic.pitch_filter import begin, follow_path, learn_yaw_drift, predict
 from rig.frame import INERTIAL, sig
 from rig.kernels import kernel
+from rig.units.angles import wrap
+from rig.units.atmosphere import GRAVITY
 
 _FIRST_PITCH_RAD: Final = 0.05  # sigma of level flight as a first guess
 _DRAWN_S: Final = 10.0  # longer than a slip, shorter than the gyros need to drift off

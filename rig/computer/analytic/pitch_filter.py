@@ -17,12 +17,12 @@ from typing import Any, Final
 import numpy as np
 from pydantic import Field
 
-from rig.angles import wrap
 from rig.computer.analytic.flight_path import PATH_SIGNALS, VERTICAL, pitching
 from rig.computer.analytic.pitch_mean import carry, move
 from rig.frame import sig
 from rig.kernels import kernel
 from rig.settings import Settings
+from rig.units.angles import wrap
 
 
 class Noise(Settings):

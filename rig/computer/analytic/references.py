@@ -17,7 +17,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.angles import difference
 from rig.computer.analytic import inertial_unit, kinematics, pitch_filter, strapdown
 from rig.computer.analytic.designed import COLUMNS, FILTERS, Designed
 from rig.computer.analytic.flight_path import SLOWEST, air_density
@@ -25,6 +24,7 @@ from rig.computer.analytic.sources import PARTNERS, Config, second, source
 from rig.computer.gain_schedule import look_up
 from rig.frame import INDEX, INERTIAL, SIGNALS, Pattern, Resolver, S, sig
 from rig.kernels import kernel
+from rig.units.angles import difference
 
 PARAM: Final = np.dtype(
     [

@@ -21,10 +21,10 @@ from typing import Final
 
 import numpy as np
 
-from rig.angles import wrap
 from rig.computer.analytic.memory import ASTRAY_S, LONG_S, frames_of, level_gain, slope_gain
 from rig.frame import INERTIAL, TWO_PI, sig
 from rig.kernels import kernel
+from rig.units.angles import wrap
 
 STATE: Final = np.dtype(
     [

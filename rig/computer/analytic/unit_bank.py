@@ -19,11 +19,11 @@ from typing import Final
 
 import numpy as np
 
-from rig.angles import wrap
-from rig.atmosphere import GRAVITY
 from rig.computer.analytic.flight_path import SLOWEST
 from rig.frame import INERTIAL, sig
 from rig.kernels import kernel
+from rig.units.angles import wrap
+from rig.units.atmosphere import GRAVITY
 
 UNIT: Final = np.dtype(
     [

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rig.atmosphere import (
+from rig.kernels import kernel
+from rig.units.atmosphere import (
     GAS_CONSTANT,
     GRAVITY,
     LAPSE_RATE,
@@ -18,7 +19,6 @@ from rig.atmosphere import (
     SEA_LEVEL_TEMPERATURE,
     TROPOPAUSE_ALTITUDE,
 )
-from rig.kernels import kernel
 
 TROPOPAUSE_TEMPERATURE: Final = SEA_LEVEL_TEMPERATURE - LAPSE_RATE * TROPOPAUSE_ALTITUDE
 EXPONENT: Final = GAS_CONSTANT * LAPSE_RATE / GRAVITY  # of pressure to temperature, 0.190263

@@ -17,7 +17,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rig.atmosphere import GRAVITY
 from rig.computer.analytic.flight_path import SLOWEST
 from rig.computer.control import laws
 from rig.computer.control.degraded import lift_angle
@@ -26,6 +25,7 @@ from rig.computer.control.source import carry
 from rig.computer.control.state import ANGLE, PATH
 from rig.frame import COMMANDS, Law, Source, sig
 from rig.kernels import kernel
+from rig.units.atmosphere import GRAVITY
 
 NOT_NEEDED, LOAD, ALPHA, BLIND = 0, 1, 2, 3  # what the back-up law flies on
 _C_Q: Final = COMMANDS.index("pitch_rate_rad_s")

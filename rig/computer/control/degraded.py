@@ -21,8 +21,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rig.angles import wrap
-from rig.atmosphere import GRAVITY
 from rig.computer.analytic.flight_path import SLOWEST, pitch_rate_of, pitching, roll_rate_of, yaw_rate_of
 from rig.computer.control import laws
 from rig.computer.control.airdata import flight_path_angle
@@ -31,6 +29,8 @@ from rig.computer.control.rates import estimate
 from rig.computer.control.source import carry, put
 from rig.frame import COMMANDS, Source, sig
 from rig.kernels import kernel
+from rig.units.angles import wrap
+from rig.units.atmosphere import GRAVITY
 
 _C_P, _C_BETA, _C_PSI, _C_GAMMA = (
     COMMANDS.index(name) for name in ("roll_rate_rad_s", "sideslip_rad", "heading_rad", "flight_path_angle_rad")

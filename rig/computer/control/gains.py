@@ -12,8 +12,8 @@ from pydantic import Field, model_validator
 
 from rig.computer import gain_schedule
 from rig.errors import RigError
-from rig.files import write_text
 from rig.settings import Settings, build, read_toml
+from rig.util.files import write_text
 
 # Of each of the back-up law's compensators: feedback of the estimates, then correction of the estimates.
 BACKUP: Final = ("feedback_alpha", "feedback_pitch_rate_s", "integral_1_s", "observe_alpha", "observe_pitch_rate")

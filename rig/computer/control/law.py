@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rig.angles import wrap
-from rig.atmosphere import GRAVITY, temperature
 from rig.computer.analytic.flight_path import SLOWEST
 from rig.computer.control import backup, degraded, laws
 from rig.computer.control.airdata import (
@@ -23,6 +21,8 @@ from rig.computer.fdi.monitor import monitor_pitch_angle
 from rig.computer.gain_schedule import look_up
 from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, SURFACES, TWO_PI, Law, S, Source, sig
 from rig.kernels import kernel
+from rig.units.angles import wrap
+from rig.units.atmosphere import GRAVITY, temperature
 
 _ENGAGED: Final = DISCRETE_INDEX["autopilot_engaged"]
 _WHEELS, _GEAR = DISCRETE_INDEX["weight_on_wheels"], DISCRETE_INDEX["gear_down"]

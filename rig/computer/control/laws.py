@@ -12,10 +12,10 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rig.angles import wrap
-from rig.atmosphere import GRAVITY
 from rig.computer.control.gains import COLUMNS
 from rig.kernels import kernel
+from rig.units.angles import wrap
+from rig.units.atmosphere import GRAVITY
 
 (
     TRIM_ALPHA,

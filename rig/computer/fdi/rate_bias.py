@@ -17,7 +17,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rig.angles import wrap
 from rig.computer.analytic.flight_path import pitching
 from rig.computer.analytic.pitch_filter import path_innovation, predict_by
 from rig.computer.analytic.pitch_mean import carry, move
@@ -34,6 +33,7 @@ from rig.computer.analytic.unit_bank import (
 from rig.computer.fdi.state import BOTH, GYROS_ALONE, KEPT, UNIT_ALONE
 from rig.frame import Trust, sig
 from rig.kernels import kernel
+from rig.units.angles import wrap
 
 _AGREES: Final = 0.5  # ratio of the two residuals from which on they show the same fault
 _DIFFERS: Final = 0.25  # the ratio below which they do not; between the two more must be seen

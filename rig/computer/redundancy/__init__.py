@@ -18,7 +18,7 @@ from rig.computer.redundancy.managers import Manager, vote_signals
 from rig.computer.redundancy.own import OwnManager, load_manager
 from rig.frame import CHANNELS, SIGNALS, D
 from rig.kernels import kernel
-from rig.trust import Trust
+from rig.util.trust import Trust
 
 
 class RedundancyData(NamedTuple):

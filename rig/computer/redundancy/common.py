@@ -6,10 +6,10 @@ Source: docs/redundancy.md, 'Two references against all channels' (Zhang 2023, s
 
 from __future__ import annotations
 
-from rig.angles import difference
 from rig.computer.redundancy.last_channel import REFERENCE_MARGIN
 from rig.frame import Pattern, Resolver
 from rig.kernels import kernel
+from rig.units.angles import difference
 
 
 @kernel

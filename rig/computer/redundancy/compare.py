@@ -5,9 +5,9 @@ Source: Zhang 2023, sections 2 and 3; redundancy.md, sections 1 and 2.
 
 from __future__ import annotations
 
-from rig.angles import difference
 from rig.frame import CHANNELS, Pattern
 from rig.kernels import kernel
+from rig.units.angles import difference
 
 
 @kernel

@@ -9,9 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from rig.angles import difference
 from rig.frame import Ilm, Resolver
 from rig.kernels import kernel
+from rig.units.angles import difference
 
 # With 1.0 reference thresholds healthy last channels were failed in 11 of 384 flights, with 1.5 in none.
 REFERENCE_MARGIN: Final = 1.5

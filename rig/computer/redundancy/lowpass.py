@@ -11,9 +11,9 @@ from math import expm1
 
 import numpy as np
 
-from rig.angles import difference
 from rig.computer.redundancy.compare import comparable, sort
 from rig.kernels import kernel
+from rig.units.angles import difference
 
 
 def gain(filter_s: float, rate_hz: float) -> float:

@@ -12,7 +12,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.angles import difference, limit
 from rig.computer.redundancy import trend, vote
 from rig.computer.redundancy.box import accused, fail_boxes
 from rig.computer.redundancy.common import watch_common
@@ -25,6 +24,7 @@ from rig.computer.redundancy.reference_threshold import reference_threshold
 from rig.computer.redundancy.resolve import settle
 from rig.frame import CHANNELS, Pattern, Resolver, State
 from rig.kernels import kernel
+from rig.units.angles import difference, limit
 
 STATE: Final = np.dtype(
     [

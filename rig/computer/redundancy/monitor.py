@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from rig.angles import difference
 from rig.computer.redundancy.compare import is_singular
 from rig.kernels import kernel
+from rig.units.angles import difference
 
 
 @kernel

@@ -12,10 +12,10 @@ from typing import Final
 
 import numpy as np
 
-from rig.angles import difference
 from rig.computer.redundancy import trend
 from rig.frame import Ilm
 from rig.kernels import kernel
+from rig.units.angles import difference
 
 NO_ANSWER: Final = -1
 LOW_SIDE: Final = 1

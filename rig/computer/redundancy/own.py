@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from rig.errors import BadInput, ManagerFailed
 from rig.frame import Block, nested, new_block
 from rig.kernels import bind
-from rig.trust import Trust
+from rig.util.trust import Trust
 
 Step = Callable[[Any, Any, int], object]
 _PLAIN_STATE: Final = np.dtype([("value", "f8")])

@@ -7,8 +7,8 @@ Source: Zhang 2023, section 6 and Table 1.
 
 from __future__ import annotations
 
-from rig.angles import difference
 from rig.kernels import kernel
+from rig.units.angles import difference
 
 
 @kernel

@@ -14,9 +14,9 @@ from typing import IO, Protocol
 from rich.console import Console
 from rich.live import Live
 
-from rig.console import Screen
 from rig.frame import Block
 from rig.record.event import Event
+from rig.util.console import Screen
 from rig.view.watch.page import Page, event_line
 
 

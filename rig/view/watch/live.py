@@ -14,9 +14,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Final
 
-from rig.console import Screen
 from rig.frame import Block
 from rig.record.event import Event
+from rig.util.console import Screen
 from rig.view.watch.draw import Drawer, InPipe, InProcess
 
 UPDATE_S: Final = 0.1

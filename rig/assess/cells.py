@@ -1,0 +1,75 @@
+"""The tables of a score as rows of text with units, times in seconds: for the terminal and for a report."""
+
+from __future__ import annotations
+
+from math import degrees
+from typing import Final
+
+from rig.assess.context import channel, error_unit
+from rig.assess.record import FaultScore, FlightScore, Score
+from rig.frame import INDEX, SIGNALS
+from rig.scenario import Scenario
+from rig.units.quantities import duration, moment, number, unit_shown
+
+Row = tuple[str, ...]
+FAULTS: Final = (
+    *("fault", "on", "onset", "left threshold", "failed", "delay", "from threshold", "by", "peak error", "unit"),
+    "outcome",
+)
+RESOLVERS: Final = ("pattern", "resolver", "asked", "answered", "correct", "wrong", "open")
+VOTES: Final = ("vote error", "unit", "peak", "at", "RMS", "above threshold", "after onset", "due to faults, peak")
+ISOLATIONS: Final = ("what", "channel", "at", "by")
+ROUNDING: Final = 1e-12  # of angles, which are voted near another angle
+
+
+def fault_row(fault: FaultScore, scenario: Scenario) -> Row:
+    """Return one fault under the heads FAULTS."""
+    rate_hz, unit = scenario.rate_hz, error_unit(fault, scenario)
+    place = fault.signal if fault.channel is None else f"{fault.signal}.{fault.channel}"
+    outcome = f"{fault.outcome}, shorter than the persistence" if fault.tolerated else fault.outcome
+    frames = (moment(frame, rate_hz) for frame in (fault.onset_frame, fault.exceeded_frame, fault.failed_frame))
+    delays = (fault.delay_from_onset_frames, fault.delay_from_exceeded_frames)
+    cells = (*frames, *(duration(delay, rate_hz) for delay in delays), fault.resolver or "")
+    return (fault.id, place, *cells, number(fault.peak_error, unit), unit_shown(unit), outcome)
+
+
+def resolver_rows(score: Score) -> list[Row]:
+    """Return the resolvers that were asked, by pattern, under the heads RESOLVERS."""
+    return [
+        (pattern, name, *map(str, (r.asked, r.answered, r.right, r.wrong, r.open)))
+        for pattern, resolvers in score.resolvers_by_pattern.items()
+        for name, r in resolvers.items()
+        if r.asked
+    ]
+
+
+def vote_rows(score: Score, rate_hz: float) -> list[Row]:
+    """Return the signals whose vote was above the threshold or not that of healthy channels, under the heads VOTES."""
+    rows = []
+    for name, e in score.vote_error.items():
+        if e.above_threshold_s > 0 or e.clean_peak > ROUNDING:
+            unit = SIGNALS[INDEX[name]].unit
+            seconds = (f"{e.above_threshold_s:g} s", f"{e.above_threshold_after_onset_s:g} s")
+            peak = (number(e.peak, unit), moment(e.peak_frame, rate_hz), number(e.rms, unit))
+            off = (*peak, *seconds, number(e.clean_peak, unit))
+            none = ("no vote", "", "", *seconds, "")
+            rows.append((name, unit_shown(unit), *(none if e.peak_frame is None else off)))
+    return rows
+
+
+def isolation_rows(score: Score, rate_hz: float) -> list[Row]:
+    """Return the healthy channels that were failed, under the heads ISOLATIONS."""
+    return [
+        (kind, channel(each.signal, each.channel), moment(each.frame, rate_hz), each.resolver)
+        for kind, each in score.isolations
+    ]
+
+
+def peaks(flight: FlightScore) -> str:
+    """Return the extremes of the truth over the flight as a sentence."""
+    pitch = f"{degrees(flight.pitch_angle_min_rad):.1f} to {degrees(flight.pitch_angle_max_rad):.1f} deg"
+    return (
+        f"load factor {flight.load_factor_min:.2f} to {flight.load_factor_max:.2f} g, "
+        f"pitch rate {degrees(flight.pitch_rate_max_rad_s):.2f} deg/s, pitch angle {pitch}, "
+        f"roll angle {degrees(flight.roll_angle_max_rad):.1f} deg"
+    )

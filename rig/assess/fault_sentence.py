@@ -1,0 +1,189 @@
+"""One fault in a sentence: what it did, when and why it was failed or was not, what that did to vote and aircraft."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from rig.assess.agreement import last_run, nearness
+from rig.assess.context import Context, channels
+from rig.assess.isolations import COMPARISON
+from rig.assess.record import FaultScore
+from rig.frame import INDEX
+from rig.units.quantities import duration, quantity, seconds
+
+# What a fault does, by kind; {value}: the sample in the frame of the decision, {error}: the largest injected error.
+_DID: Final = {
+    "offset": "{where} had an offset of {error} from {at} on",
+    "drift": "{where} drifted from {at} on, by up to {error}",
+    "hardover": "{where} ran to {value} at {at}",
+    "scale": "{where} had a wrong scale from {at} on, an error of up to {error}",
+    "sign_reversal": "{where} had the wrong sign from {at} on, an error of up to {error}",
+    "stuck": "{where} stuck at {value} at {at}",
+    "noise": "{where} had noise of up to {error} from {at} on",
+    "oscillation": "{where} oscillated from {at} on, by up to {error}",
+    "spikes": "{where} had spikes of up to {error} from {at} on",
+    "dropout": "{where} gave no valid sample from {at} on",
+    "vane_icing": "{where} froze at {value} at {at}",
+    "ilm": "{where} had a wrong in-line monitor from {at} on",
+}
+_OTHER: Final = "{where} had a fault ({kind}) from {at} on, an error of up to {error}"
+_NO_ERROR: Final = "{where} had a fault ({kind}) from {at} on"
+_RESOLVERS: Final = {
+    "ilm": "by the in-line monitors",
+    "extremes": "as one of the extremes",
+    "middle": "for not being the middle one",
+    "box": "with its whole box",
+    "common": "with all channels: two references agreed against them",
+}
+
+
+def fault_sentences(about: Context) -> list[str]:
+    """Return what a person would say of each fault: one sentence for all its channels that fared alike."""
+    alike: dict[tuple[int, str, str], list[FaultScore]] = {}
+    for fault in about.score.faults:
+        value = _sample(fault, about) if "{value}" in _DID.get(fault.kind, "") else ""
+        alike.setdefault((fault.index, value, _result(fault, about)), []).append(fault)
+    return [_sentence(faults, about, result) for (_, _, result), faults in alike.items()]
+
+
+def _sentence(faults: Sequence[FaultScore], about: Context, result: str) -> str:
+    first, numbers = faults[0], [fault.channel for fault in faults if fault.channel is not None]
+    where = f"{first.signal} {channels(numbers)}" if numbers else first.signal
+    if first.outcome == "not executed":
+        return f"{first.id} on {where} was not executed: {result}"
+    return f"{_did(faults, where, about)}; {'it' if len(faults) == 1 else 'each'} {result}"
+
+
+def _result(fault: FaultScore, about: Context) -> str:
+    """How the monitor took it, what that did to aircraft and vote."""
+    if fault.outcome == "not executed":
+        return "its trigger never fired" if fault.onset_frame is None else "the channel had been failed before"
+    decided = {"detected": _detected, "missed": _missed, "undetectable": _undetectable}[fault.outcome]
+    parts = (decided(fault, about), _moved(fault), _vote(fault, about))
+    return "; ".join(part for part in parts if part)
+
+
+def _did(faults: Sequence[FaultScore], where: str, about: Context) -> str:
+    fault, errors = faults[0], [fault.peak_error for fault in faults if fault.peak_error is not None]
+    at, value, unit = seconds(fault.onset_frame or 0, about.rate_hz), _sample(fault, about), about.unit(fault)
+    known = {"{value}": bool(value), "{error}": bool(errors and unit)}
+    told = next(
+        (text for text in (_DID.get(fault.kind, _OTHER), _OTHER) if all(known[part] for part in known if part in text)),
+        _NO_ERROR,
+    )
+    error = quantity(max(errors, default=0.0), unit)
+    return told.format(where=where, kind=fault.kind, at=at, value=value, error=error)
+
+
+def _sample(fault: FaultScore, about: Context) -> str:
+    """The sample of the channel when it was failed, else at the onset; as the scenario gives it too where it is rad."""
+    if fault.channel is None or fault.signal not in INDEX:
+        return ""
+    frame = fault.onset_frame if fault.failed_frame is None else fault.failed_frame
+    value = float(about.rows["channels"][frame or 0, INDEX[fault.signal], fault.channel - 1])
+    if not np.isfinite(value):
+        return ""
+    unit = about.unit(fault)
+    in_si = f" ({value:+#.3g} {unit})" if unit.startswith("rad") else ""
+    return quantity(value, unit, signed=True) + in_si
+
+
+def _detected(fault: FaultScore, about: Context) -> str:
+    after = duration(fault.delay_from_onset_frames, about.rate_hz)
+    if fault.channel is None:
+        return f"was found {after} later: the manager declared the reference unusable"
+    if fault.resolver != COMPARISON:
+        return f"was failed {after} later {_RESOLVERS.get(fault.resolver or '', f'by the {fault.resolver}')}"
+    if not about.compares(fault):
+        return f"was failed {after} later"
+    onset, failed = fault.onset_frame or 0, fault.failed_frame or 0
+    near = nearness(about.rows, INDEX[fault.signal], fault.channel - 1, onset, failed + 1, _params(fault, about))
+    counted = last_run(near.alone)
+    late = "" if fault.exceeded_frame is None else _late(fault, about, failed + 1 - counted)
+    miscompared = f"miscompared for {counted} frames and was failed " if counted else "was failed "
+    return late + miscompared + (f"at {seconds(failed, about.rate_hz)}" if late else f"{after} later")
+
+
+def _late(fault: FaultScore, about: Context, from_frame: int) -> str:
+    """Why a channel miscompared, from ``from_frame`` on, only well after its error had left the threshold."""
+    exceeded = fault.exceeded_frame or 0
+    if from_frame - exceeded <= int(_params(fault, about)["persistence"]):
+        return ""
+    return (
+        f"left its threshold of {_threshold(fault, about)} at {seconds(exceeded, about.rate_hz)}, but "
+        f"{_near(fault, about, exceeded, from_frame)} until {seconds(from_frame, about.rate_hz)}, then "
+    )
+
+
+def _near(fault: FaultScore, about: Context, first: int, end: int) -> str:
+    """Which channel the faulty one agreed with in most of the frames ``first`` to ``end`` (excluded)."""
+    s = INDEX[fault.signal]
+    near = nearness(about.rows, s, (fault.channel or 1) - 1, first, max(end, first + 1), _params(fault, about))
+    agreed = ~near.alone
+    if not agreed.any():
+        return "the monitor's counts stood still or began again"
+    partner = int(np.bincount(near.nearest[agreed]).argmax())
+    distance = near.distance[agreed & (near.nearest == partner)].max()
+    return f"stayed within {quantity(distance, about.unit(fault))} of channel {partner + 1}"
+
+
+def _missed(fault: FaultScore, about: Context) -> str:
+    if fault.channel is None or fault.exceeded_frame is None:
+        return "was not found: its reference was used on"
+    longest = duration(fault.exceeded_run_frames, about.rate_hz)
+    said = f"was not found: its error was above the threshold{_of(fault, about)} for {longest} at most"
+    if fault.tolerated:
+        return f"{said}, shorter than the persistence"
+    if about.silent(fault.signal):
+        return f"{said}, and {about.decided_by} says nothing of channels"
+    if not about.compares(fault):
+        return f"{said}, and {about.decided_by} did not fail the channel"
+    end = fault.exceeded_frame + fault.exceeded_run_frames
+    return f"{said}, and {_near(fault, about, fault.exceeded_frame, end)}"
+
+
+def _undetectable(fault: FaultScore, about: Context) -> str:
+    if fault.kind == "ilm":
+        return "changed no sample, so there was nothing to fail"
+    if fault.signal.startswith("surface."):
+        return "could not be found: no monitor watches surfaces"
+    return f"could not be found: its error stayed below the threshold{_of(fault, about)}"
+
+
+def _moved(fault: FaultScore) -> str:
+    """What the aircraft did after the onset, for as long as was looked at."""
+    change, looked_at_s = fault.load_factor_change, fault.load_factor_change_s
+    if change is None or not looked_at_s:
+        return ""
+    return f"the load factor moved by {quantity(change, 'g')} in the next {looked_at_s:g} s"
+
+
+def _vote(fault: FaultScore, about: Context) -> str:
+    window = fault.window
+    if window is None or about.silent(fault.signal):
+        return ""
+    if window.lost_s > 0:
+        return f"{fault.signal} was lost: no channel left"
+    off = quantity(window.error_max, about.unit(fault))
+    ends = window.end_frame < len(about.rows)
+    until = f" until the next fault at {seconds(window.end_frame, about.rate_hz)}" if ends else ""
+    if window.above_threshold_s == 0:
+        return f"the vote stayed within {off} of the truth{until}"
+    return f"the vote was wrong by up to {off}, above the threshold for {window.above_threshold_s:g} s{until}"
+
+
+def _of(fault: FaultScore, about: Context) -> str:
+    threshold = _threshold(fault, about)
+    return f" of {threshold}" if threshold else ""
+
+
+def _threshold(fault: FaultScore, about: Context) -> str:
+    value = about.threshold(fault)
+    return "" if value is None else quantity(value, about.unit(fault))
+
+
+def _params(fault: FaultScore, about: Context) -> Any:
+    return about.params[INDEX[fault.signal]]

@@ -1,0 +1,125 @@
+"""The score of a log: read, check that it is a whole flight of a scenario, fly its twin, score."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from rig.assess.conclusion import conclusion
+from rig.assess.flown import fly_twin
+from rig.assess.missed_frames import Miss, misses
+from rig.assess.record import Score, Yardstick
+from rig.assess.scoring import monitor, score
+from rig.assess.times import times
+from rig.errors import BadInput
+from rig.flight.operator_keys import pressed
+from rig.log import Log, read_log
+from rig.scenario import Scenario, from_resolved
+from rig.unit.unit import UnitUnderTest
+from rig.util.progress import tell
+from rig.util.trust import Trust
+
+MOST_FRAMES: Final = 100_000  # 200 MB of rows
+
+
+class Scored(NamedTuple):
+    """A scored log; ``digest`` is that of the flight."""
+
+    log: Path
+    scenario: Scenario
+    digest: str
+    score: Score
+    unit: dict[str, Any] | None  # what became of the exchanges with a unit under test
+    times: dict[str, dict[str, int]]  # histograms of the wall clock
+    misses: list[Miss]  # of a unit whose file calls them faults
+    conclusion: list[str]  # sentences
+
+    def as_dict(self) -> dict[str, Any]:
+        """As ``rig score --json`` prints it."""
+        about = {"log": str(self.log), "seed": self.scenario.seed, "digest": self.digest}
+        return {**about, **self.score.as_dict(), "unit": self.unit, "times": self.times} | {
+            "unit_faults": [asdict(miss) for miss in self.misses],
+            "conclusion": self.conclusion,
+        }
+
+
+def score_log(
+    path: Path,
+    yardstick: Yardstick,
+    twin: bool = True,
+    allow_code: bool = False,
+    unit: UnitUnderTest | None = None,
+) -> Scored:
+    """Score the flight at ``path``; ``twin`` flies it again without its faults to compare with.
+
+    allow_code : a manager class that the log names may be run, in the flight of the twin
+    unit : under test, that flew it and flies the twin
+    BadInput, one line, when it is no log of a flight, has no verdict, or was flown with other sensors.
+    """
+    return score_read(read_log(path), path, yardstick, twin, allow_code, unit)
+
+
+def score_read(
+    log: Log,
+    path: Path,
+    yardstick: Yardstick,
+    twin: bool = True,
+    allow_code: bool = False,
+    unit: UnitUnderTest | None = None,
+) -> Scored:
+    """Score a log that has been read from ``path``, which messages name; else as ``score_log``."""
+    scenario = _scenario(path, log, allow_code)
+    if log.result is None:
+        raise BadInput(f"{path}: the flight has no verdict (cut off, recovered or still being flown): not scored")
+    if twin:
+        scenario.trust.require(scenario.redundancy.manager)
+        if "unit" in log.metadata and unit is None:
+            raise BadInput(f"{path}: a unit under test flew it: its twin needs --unit FILE, or --no-twin")
+    try:
+        tell("flying the fault-free run")
+        other = fly_twin(scenario, len(log.rows), unit) if twin else None
+        tell("scoring")
+        scored = score(scenario, log.rows, other, yardstick)
+    except BadInput as error:
+        raise BadInput(f"{path}: {error}") from None
+    exchanges = json.loads(log.result["unit"]) if "unit" in log.result else None
+    on_miss = json.loads(log.metadata.get("unit", "{}")).get("on_miss")
+    found = misses(log.rows) if on_miss == "fault" else []
+    said = conclusion(scenario, log.rows, monitor(scenario), scored)
+    return Scored(path, scenario, log.result.get("digest", ""), scored, exchanges, times(log.timing), found, said)
+
+
+def conclude(log: Path, frames: int) -> list[str]:
+    """Return the conclusion of the log that a flight has just written, without a fault-free run; never raises.
+
+    frames : of the flight; one that is too long for memory is left to ``rig score``
+    """
+    if frames > MOST_FRAMES:
+        return [f"{frames} frames are not scored here: rig score {log}"]
+    try:
+        return score_log(log, Yardstick(), twin=False).conclusion
+    except BadInput as error:
+        return [f"not scored: {error}"]
+
+
+def conclude_read(log: Log) -> list[str]:
+    """Return the conclusion of a log that has been read, as ``conclude``."""
+    if len(log.rows) > MOST_FRAMES:
+        return [f"{len(log.rows)} frames are not scored here: rig score LOG"]
+    try:
+        return score_read(log, Path("log"), Yardstick(), twin=False).conclusion
+    except BadInput as error:
+        return [f"not scored: {error}"]
+
+
+def _scenario(path: Path, log: Log, allow_code: bool) -> Scenario:
+    if "scenario" not in log.metadata:
+        raise BadInput(f"{path}: holds no scenario, so there is no truth to score against; only logs of rig fly do")
+    try:
+        resolved = json.loads(log.metadata["scenario"])
+    except (ValueError, RecursionError):
+        raise BadInput(f"{path}: its scenario cannot be read") from None
+    scenario = from_resolved(resolved, f"{path}: scenario", Trust(str(path), allow_code))
+    return pressed(scenario, log.result, str(path))

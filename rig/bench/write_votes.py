@@ -1,0 +1,140 @@
+"""OUTPUT of ``rig vote``: one table, or an MCAP file with the messages of a flight's log.
+
+Written beside and renamed: OUTPUT is there only when it is whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from enum import IntEnum
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+
+from rig.bench.discrete_vote import VotedDiscrete
+from rig.bench.vote import FIELDS, Voted
+from rig.errors import BadInput, RigError
+from rig.frame import CHANNELS, Ilm, Pattern, Resolver, State
+from rig.log.export import TABLE_WRITERS
+from rig.log.signals import write_topics
+from rig.recordings.clock import TIME
+from rig.recordings.recording import Bytes, Recording
+from rig.recordings.table import TABLES
+from rig.util.files import replaced
+
+ENDINGS: Final = (*TABLES, ".mcap")
+STATES: Final = ("ok", "suspect", "failed")
+PATTERNS: Final = tuple(pattern.label for pattern in Pattern)
+RESOLVERS: Final = tuple(resolver.name.lower() for resolver in Resolver)
+
+
+@contextmanager
+def output(path: Path, recorded: Path | None = None) -> Iterator[Path]:
+    """A file beside ``path`` to write to, which becomes ``path`` at the end, or nothing when that is not reached.
+
+    BadInput before anything is done: an unknown ending, a folder that is not there or not writable, the input itself.
+    RigError when it cannot be renamed.
+    """
+    if path.suffix not in ENDINGS:
+        raise BadInput(f"{path}: unknown ending; allowed: {', '.join(ENDINGS)}")
+    with replaced(path) as part:
+        if recorded is not None and path.exists() and recorded.exists() and path.samefile(recorded):
+            raise BadInput(f"{path}: is the input")
+        yield part
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What was voted, signals and discretes by name."""
+
+    signals: dict[str, Voted]
+    discretes: dict[str, VotedDiscrete] = field(default_factory=dict)
+
+
+def write(part: Path, path: Path, recording: Recording, voted: Result) -> None:
+    """Write ``voted`` to ``part``, the draft of ``path``, as its ending says. RigError: the disk."""
+    try:
+        if path.suffix == ".mcap":
+            _mcap(part, recording, voted)
+        else:
+            TABLE_WRITERS[path.suffix](table(recording, voted), part)
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise RigError(f"{path}: cannot be written: {' '.join(str(error).split())[:200]}") from None
+
+
+def table(recording: Recording, voted: Result) -> pl.DataFrame:
+    """The columns of OUTPUT, ``time_s`` first."""
+    columns: dict[str, Any] = {TIME: recording.time_s}
+    for name, signal in voted.signals.items():
+        columns[f"{name}.voted"] = signal.voted
+        columns[f"{name}.level"] = signal.level
+        columns[f"{name}.pattern"] = _named(signal.pattern, PATTERNS)
+        columns[f"{name}.resolver"] = _named(signal.resolver, RESOLVERS)
+        for c, state in enumerate(signal.state, 1):
+            columns[f"{name}.state.{c}"] = _named(state, STATES)
+        columns[f"{name}.trend.high"] = signal.trend_high
+        columns[f"{name}.trend.low"] = signal.trend_low
+    for name, discrete in voted.discretes.items():
+        columns[f"{name}.voted"] = discrete.voted
+        columns[f"{name}.level"] = discrete.level
+        for c, state in enumerate(discrete.state, 1):
+            columns[f"{name}.state.{c}"] = _named(state, STATES)
+    return pl.DataFrame(columns)
+
+
+def _named(codes: Bytes, names: tuple[str, ...]) -> pl.Series:
+    return pl.Series(codes).cat.to(pl.Enum(names))
+
+
+def _mcap(path: Path, recording: Recording, voted: Result) -> None:
+    if recording.time_s[0] < 0:
+        raise BadInput(f"time begins at {recording.time_s[0]:g} s: an MCAP file has no time before 0")
+    times = np.rint(recording.time_s * 1e9).astype(np.uint64)
+    same = np.flatnonzero(times[1:] == times[:-1])
+    if len(same):
+        rows = f"rows {recording.row(same[0])} and {recording.row(same[0] + 1)}"
+        raise BadInput(f"{rows}: the same nanosecond, the unit of time in an MCAP file")
+    signals = {name: _fields(recording, name, signal) for name, signal in voted.signals.items()}
+    discretes = {name: _discrete_fields(recording, name, discrete) for name, discrete in voted.discretes.items()}
+    topics = {
+        **{f"/signal/{name}": ("rig.Signal", columns) for name, columns in signals.items()},
+        **{f"/discrete/{name}": ("rig.Discrete", columns) for name, columns in discretes.items()},
+    }
+    write_topics(path, times, topics, {"rate_hz": repr(recording.rate_hz)})
+
+
+def _fields(recording: Recording, name: str, signal: Voted) -> dict[str, Any]:
+    """Fields of the frame, for the log; what only a flight has is left out."""
+    samples = recording.signals[name]
+    fields: dict[str, Any] = {
+        "channels": samples.channels,
+        "valid": samples.valid or [np.isfinite(column).astype(np.uint8) for column in samples.channels],
+        "ilm": _filled(recording, samples.ilm or [], Ilm.ABSENT),
+        "state": _filled(recording, signal.state, State.ABSENT),
+        **{name: getattr(signal, name) for name in FIELDS},
+    }
+    return fields if samples.reference is None else {**fields, "reference": samples.reference}
+
+
+def _discrete_fields(recording: Recording, name: str, discrete: VotedDiscrete) -> dict[str, Any]:
+    """Fields of the frame, for the log; an empty sample is an invalid 0."""
+    samples = recording.discretes[name]
+    usable = [np.isfinite(column) for column in samples.channels]
+    if samples.valid:
+        usable = [finite & (flag != 0) for finite, flag in zip(usable, samples.valid, strict=True)]
+    return {
+        "discrete_channels": [(column == 1).astype(np.uint8) for column in samples.channels],
+        "discrete_valid": [flag.astype(np.uint8) for flag in usable],
+        "discrete_ilm": _filled(recording, samples.ilm or [], Ilm.ABSENT),
+        "discrete_state": _filled(recording, discrete.state, State.ABSENT),
+        "discrete_voted": discrete.voted,
+        "discrete_level": discrete.level,
+    }
+
+
+def _filled(recording: Recording, columns: list[Bytes], code: IntEnum) -> list[Bytes]:
+    return columns + [np.full(len(recording.time_s), code, np.uint8)] * (CHANNELS - len(columns))

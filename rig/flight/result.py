@@ -1,0 +1,113 @@
+"""The result of a flight, for a program, a notebook and ``rig fly``."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rig.flight.pace import Jitter
+from rig.frame import Block
+from rig.log import Log, SignalArrays, read_log, shown
+from rig.record.event import Event
+from rig.record.flight_summary import Peaks
+from rig.scenario import Scenario
+from rig.view.stream import StreamReport
+
+if TYPE_CHECKING:
+    import polars as pl
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, repr=False)
+class Flight:
+    """What a flight came to; its frames are read from the log when asked for."""
+
+    log: Path
+    scenario: Scenario
+    frames: int
+    digest: str
+    survived: bool
+    end_reason: str
+    failed: dict[str, list[int]]
+    not_executed: list[str]  # faults that did nothing: never triggered, or their channels were out already
+    peaks: Peaks
+    events: list[Event]
+    wall_s: float
+    us_per_frame: float
+    jitter: Jitter | None  # paced flights only
+    stream: StreamReport | None
+    unit: dict[str, Any] | None  # what became of the exchanges with a unit under test
+    printed: str  # by the unit's process, its end
+    realtime: dict[str, str]  # what was asked of the system and got; empty when nothing was
+    overrides: tuple[str, ...] = ()  # ``key=value``, laid over the scenario's file
+
+    @property
+    def duration_s(self) -> float:
+        """Simulated time flown."""
+        return self.frames / self.scenario.rate_hz
+
+    @cached_property
+    def recorded(self) -> Log:
+        """The log, read when it is first asked for."""
+        return read_log(self.log)
+
+    @property
+    def rows(self) -> Block:
+        """All frames as one block, read from the log."""
+        return self.recorded.rows
+
+    def signal(self, name: str) -> SignalArrays:
+        """The arrays of one signal; KeyError when there is no such signal."""
+        return self.recorded.signal(name)
+
+    def to_polars(self, *owners: str) -> pl.DataFrame:
+        """One row a frame, the columns named as in ``rig export``; of ``owners`` alone if there are any (Log)."""
+        return self.recorded.to_polars(*owners)
+
+    def plot(self, name: str) -> Figure:
+        """Channels, vote and truth of one signal over the flight; KeyError when there is no such signal."""
+        return self.recorded.plot(name)
+
+    def __repr__(self) -> str:
+        """One line: what was flown, and how it ended."""
+        named = f"{self.scenario.title or self.scenario.aircraft} seed {self.scenario.seed}"
+        verdict = f"{'survived' if self.survived else 'lost'} ({self.end_reason}, {self.duration_s:g} s)"
+        failed = "; ".join(f"{name} {', '.join(map(str, channels))}" for name, channels in self.failed.items())
+        return f"<Flight {named}: {verdict}, failed {failed or 'no channel'}, log {self.log}>"
+
+    def _repr_html_(self) -> str:
+        """A small table for a notebook: scenario, verdict, failed channels, conclusion, digest, log."""
+        return shown.html(self.recorded, self.overrides, self.log)
+
+    def summary(self) -> dict[str, Any]:
+        """The flight as plain data, as ``rig fly --json`` prints it."""
+        dt_s = 1.0 / self.scenario.rate_hz
+        timing: dict[str, Any] = {
+            "us_per_frame": self.us_per_frame,
+            "realtime_factor": self.duration_s / self.wall_s,
+        }
+        if self.jitter is not None:
+            timing["jitter"] = asdict(self.jitter)
+        if self.realtime:
+            timing["realtime"] = self.realtime
+        return {
+            "log": str(self.log),
+            "frames": self.frames,
+            "duration_s": self.duration_s,
+            "seed": self.scenario.seed,
+            "manager": self.scenario.redundancy.manager,
+            "overrides": list(self.overrides),
+            "digest": self.digest,
+            "survived": self.survived,
+            "end_reason": self.end_reason,
+            "failed": self.failed,
+            "not_executed": self.not_executed,
+            "peaks": asdict(self.peaks),
+            "events": [{"time_s": event.frame * dt_s, **asdict(event)} for event in self.events],
+            "timing": timing,
+            "stream": None if self.stream is None else asdict(self.stream),
+            **({"gains_below_requirement": below} if (below := self.scenario.gains.below) else {}),
+            **({} if self.unit is None else {"unit": self.unit}),
+        }

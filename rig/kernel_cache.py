@@ -1,0 +1,168 @@
+"""Compiled kernels on disk, each under a key of all that it reaches.
+
+numba's own cache looks at the file of a kernel alone, not at kernels that it calls from other files.  Here the key of
+a kernel is a hash of its bytecode and constants and, recursively, of all that its names lead to: other kernels,
+constants, record types, enums.  An edit compiles again what it reaches and nothing else; checkouts share what is
+equal.  One file holds one kernel with one signature and replaces the old one whole, so that processes which compile
+the same kernel do not disturb each other (numba keeps one index file for all signatures, which they overwrite).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import sys
+import uuid
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import is_dataclass
+from enum import Enum
+from functools import cache
+from pathlib import Path
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
+from typing import Any, Final
+
+import numba
+import numpy as np
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.serialize import dumps
+
+# Modules of which no edit is expected: their version, or that of Python, stands for them.
+_FOREIGN: Final = frozenset({"numpy", "numba", "scipy", "llvmlite", *sys.stdlib_module_names})
+_PLAIN: Final = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), range, slice)
+_BY_REPR: Final = ("numba.", "llvmlite.")
+
+
+class KernelCache(FunctionCache):
+    """The cache of one kernel, for the place of a dispatcher's ``_cache``."""
+
+    def __init__(self, py_func: Callable[..., object], folder: Path, options: str) -> None:
+        # Not numba's own: that looks for a folder to write beside the source, once for each kernel.
+        self._name, self._py_func, self._cache_path = repr(py_func), py_func, str(folder)
+        self._impl = CompileResultCacheImpl.__new__(CompileResultCacheImpl)
+        self._folder, self._options = folder, options
+        self.enable()
+
+    def _load_overload(self, sig: Any, target_context: Any) -> Any:
+        if not self._enabled:
+            return None
+        try:
+            data = pickle.loads(self._path(sig, target_context.codegen()).read_bytes())
+        except (OSError, EOFError, pickle.UnpicklingError):
+            return None  # not compiled yet, or damaged: it is compiled now
+        return self._impl.rebuild(target_context, data)
+
+    def _save_overload(self, sig: Any, data: Any) -> None:
+        if not self._enabled or data.library.has_dynamic_globals or not all(lifted.can_cache for lifted in data.lifted):
+            return  # an address is of this process alone
+        path = self._path(sig, data.codegen)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draft = path.with_name(f"{path.name}.{uuid.uuid4().hex[:16]}")
+        try:
+            draft.write_bytes(dumps(self._impl.reduce(data)))
+            draft.replace(path)
+        finally:
+            draft.unlink(missing_ok=True)
+
+    def _path(self, sig: Any, codegen: Any) -> Path:
+        """The file of the kernel for a signature on this kind of processor."""
+        parts = (reach(self._py_func), str(sig), str(codegen.magic_tuple()), self._options)
+        key = hashlib.sha256("\0".join(parts).encode()).hexdigest()
+        return self._folder / key[:2] / f"{self._py_func.__name__}-{key[2:34]}"
+
+
+@cache
+def reach(function: Callable[..., object]) -> str:
+    """A hash of a function and of all that it reaches, of the same bits in every process."""
+    digest = hashlib.sha256(f"{numba.__version__} {np.__version__} {sys.version_info[:2]}".encode())
+    for line in _reached(function):
+        digest.update(line.encode() + b"\0")
+    return digest.hexdigest()
+
+
+def _reached(function: Any) -> Iterator[str]:
+    """Every function that ``function`` reaches, once, in the order in which it is met."""
+    queue, met = [function], {function}
+    while queue:
+        some = queue.pop(0)
+        lines, others = _own_parts(some)
+        yield from lines
+        fresh = [other for other in dict.fromkeys(others) if other not in met]
+        met.update(fresh)
+        queue.extend(fresh)
+
+
+@cache
+def _own_parts(function: Any) -> tuple[tuple[str, ...], tuple[Any, ...]]:
+    """What a function is made of without the functions that it calls, and those."""
+    described: list[str] = [function.__qualname__, repr(function.__defaults__)]
+    called: list[Any] = []
+    codes = [function.__code__]
+    for code in codes:
+        consts = code.co_consts
+        if code is function.__code__ and consts and function.__doc__ is not None and consts[0] == function.__doc__:
+            consts = consts[1:]  # text is not compiled
+        codes.extend(const for const in consts if isinstance(const, CodeType))
+        described.append(_code(code, consts))
+        for name in code.co_names:
+            if name in function.__globals__:
+                _describe(name, function.__globals__[name], code.co_names, described, called)
+    for cell in function.__closure__ or ():
+        _describe("", cell.cell_contents, (), described, called)
+    return tuple(described), tuple(called)
+
+
+def _code(code: CodeType, consts: Iterable[object]) -> str:
+    plain = [_words(const) for const in consts if not isinstance(const, CodeType)]
+    return f"{code.co_code.hex()} {plain} {code.co_names} {code.co_varnames} {code.co_freevars}"
+
+
+def _describe(name: str, value: Any, names: tuple[str, ...], described: list[str], called: list[Any]) -> None:
+    """Add what a name leads to: to ``called`` if it is a function, else in words to ``described``."""
+    value = getattr(value, "py_func", value)  # of a compiled kernel
+    value = getattr(value, "_defn", value)  # of numba's intrinsics
+    described.append(f"{name} = {_words(value)}")
+    if isinstance(value, FunctionType):
+        called.append(value)
+    elif isinstance(value, ModuleType) and value.__name__.partition(".")[0] not in _FOREIGN:
+        for part in names:  # module.part: more than is used, if an attribute of something else has the same name
+            if hasattr(value, part):
+                _describe(f"{name}.{part}", getattr(value, part), names, described, called)
+
+
+def _words(value: Any) -> str:
+    """A value as text that is the same in every process."""
+    if isinstance(value, _PLAIN):
+        return f"{type(value).__qualname__} {value!r}"
+    if isinstance(value, FunctionType | BuiltinFunctionType | ModuleType | np.ufunc):
+        return getattr(value, "__qualname__", "") or value.__name__
+    if isinstance(value, type) and issubclass(value, Enum):
+        return f"{value.__qualname__} {[(member.name, member.value) for member in value]}"
+    if isinstance(value, type):
+        return f"{value.__module__}.{value.__qualname__} {getattr(value, '_fields', '')}"
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype.str} {value.shape} {value.tobytes().hex()}"
+    if isinstance(value, tuple | list):
+        return f"{type(value).__qualname__} ({', '.join(map(_words, value))})"
+    if isinstance(value, frozenset):
+        return f"frozenset {sorted(map(_words, value))}"
+    if isinstance(value, dict):
+        return f"dict {[(_words(key), _words(held)) for key, held in value.items()]}"
+    if isinstance(value, np.dtype | np.generic) or is_dataclass(value) or type(value).__module__.startswith(_BY_REPR):
+        return repr(value)
+    return f"{type(value).__qualname__} {_all_sources()}"  # unknown to us: as careful as can be
+
+
+@cache
+def _all_sources() -> str:
+    """A hash of all our sources."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def folder(root: Path) -> Path:
+    """The folder of compiled kernels below ``root``; NUMBA_CACHE_DIR overrides it."""
+    named = os.environ.get("NUMBA_CACHE_DIR")
+    return Path(named) if named else root / "kernels"

@@ -1,0 +1,73 @@
+"""A log as a file: CSV, Parquet or NumPy's npz, with the columns of rig/log/dataframe.py.
+
+Enums are words in CSV and Parquet and numbers in npz.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from rig.errors import BadInput, RigError
+from rig.frame import SIGNALS, Block
+from rig.log import Log
+from rig.log.columns import Column
+from rig.log.dataframe import OWNERS, TIME, chosen, name, of_columns
+from rig.text import choices, quoted
+from rig.util.files import replaced
+
+_FOR_VOTE: Final = ("channels", "ilm", "reference")
+ENDINGS: Final = ("csv", "parquet", "npz")
+TABLE_WRITERS: Final[dict[str, Callable[[pl.DataFrame, Path], None]]] = {
+    ".csv": pl.DataFrame.write_csv,
+    ".parquet": pl.DataFrame.write_parquet,
+}
+
+
+def export(log: Log, to: str, out: Path, owners: Sequence[str] = (), for_vote: bool = False) -> list[str]:
+    """Write the columns of ``owners`` (signals, discretes, topics; all when empty) to ``out``; their names.
+
+    for_vote : only what ``rig vote`` reads, samples that the sensor flags left empty
+    BadInput: an unknown owner or ending, a folder that is not there; RigError when the disk does not take it.
+    """
+    if to not in ENDINGS:
+        raise BadInput(f"--to {to}: allowed: {', '.join(ENDINGS)}")
+    wanted = _chosen(log.rows, owners, for_vote)
+    columns = {TIME: log.time_s}
+    for column in wanted:
+        columns[name(column)] = _values(log.rows, column, for_vote)
+    with replaced(out) as part:
+        try:
+            _write(part, to, columns, {name(column): column for column in wanted})
+        except (OSError, pl.exceptions.PolarsError) as error:
+            raise RigError(f"{out}: cannot be written: {' '.join(str(error).split())[:200]}") from None
+    return list(columns)
+
+
+def _chosen(rows: Block, owners: Sequence[str], for_vote: bool) -> list[Column]:
+    """The columns of the owners, without channels that are not fitted."""
+    known = [signal.name for signal in SIGNALS] if for_vote else OWNERS
+    for owner in owners:
+        if owner not in known:
+            raise BadInput(f"--signals: unknown {quoted(owner)}, {choices(owner, known, 'rig signals')}")
+    return chosen(rows, owners or known, _FOR_VOTE if for_vote else ())
+
+
+def _values(rows: Block, column: Column, for_vote: bool) -> NDArray[Any]:
+    values = np.ascontiguousarray(column.of(rows))
+    if for_vote and column.field == "channels":
+        return np.where(rows["valid"][(slice(None), *column.index)] != 0, values, np.nan)
+    return values
+
+
+def _write(path: Path, to: str, columns: dict[str, NDArray[Any]], known: dict[str, Column]) -> None:
+    if to == "npz":
+        with path.open("wb") as file:
+            np.savez_compressed(file, **columns)  # pyright: ignore[reportArgumentType]  # names are ours
+    else:
+        TABLE_WRITERS[f".{to}"](of_columns(columns, known), path)

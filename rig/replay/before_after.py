@@ -1,0 +1,110 @@
+"""The two sides of ``rig diff``: logs of flights, or MCAP files that ``rig vote`` wrote."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.errors import BadLog
+from rig.frame import INDEX, SIGNALS
+from rig.log import foreign, read_log
+from rig.log.columns import COLUMNS
+from rig.log.schema import MESSAGES
+from rig.replay.compare import Comparison, Field, of_column, tolerances
+from rig.util.files import is_pipe
+
+_SAMPLES: Final = ("truth", "voted", "reference", "channels")
+_ANGLES: Final = tuple(field.name for field in MESSAGES["rig.Signal"].fields if field.source in _SAMPLES)
+_SAID: Final = ("seed", "scenario", "machine", "git commit")  # and all "version ..."
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """One file: columns (n,) by name, with whether each is an angle on the circle."""
+
+    path: Path
+    rate_hz: float | None
+    frames: NDArray[np.int64]
+    columns: dict[str, tuple[NDArray[Any], bool]]
+    metadata: dict[str, str]
+
+
+def side(path: Path | str) -> Side:
+    """The file at ``path``; BadLog in one line when it is none of ours."""
+    path = Path(path)
+    if _is_voted(path):
+        return _voted(path)
+    log = read_log(path)
+    columns = {column.path: (column.of(log.rows), column.wraps) for column in COLUMNS}
+    return Side(path, log.rate_hz, log.rows["frame"], columns, log.metadata)
+
+
+def _is_voted(path: Path) -> bool:
+    """Whether the file has signals but no flight; what cannot be told here is for read_log to say."""
+    if is_pipe(path):
+        return False
+    try:
+        topics = foreign.topics(path)
+    except BadLog:
+        return False
+    return "/flight" not in topics and "rig.Signal" in topics.values()
+
+
+def _voted(path: Path) -> Side:
+    fields = {field.name for field in MESSAGES["rig.Signal"].fields}
+    topics = [topic for topic, schema in foreign.topics(path).items() if schema == "rig.Signal"]
+    columns: dict[str, tuple[NDArray[Any], bool]] = {}
+    rows = 0
+    for topic, source in foreign.read(path, dict.fromkeys(topics, fields)).items():
+        name, rows = topic.rsplit("/", 1)[1], len(source.time_s)
+        wraps = name in INDEX and SIGNALS[INDEX[name]].wraps
+        for field, values in source.fields.items():
+            columns[f"{name}.{field}"] = (
+                values,
+                wraps and field in _ANGLES,
+            )
+    return Side(path, None, np.arange(rows), columns, {})
+
+
+def diff(a: Side, b: Side, tolerance: Sequence[str] = ()) -> Comparison:
+    """All fields of two files, frame by frame, by number and not by time.  BadInput: a tolerance."""
+    names = list(dict.fromkeys([*a.columns, *b.columns]))
+    allowed = tolerances(tolerance, names)
+    n = min(len(a.frames), len(b.frames))
+    fields: list[Field] = []
+    for name in names:
+        if name not in a.columns or name not in b.columns:
+            fields.append(Field(name, "missing in A" if name not in a.columns else "missing in B"))
+            continue
+        (left, wraps), (right, _) = a.columns[name], b.columns[name]
+        fields.append(of_column(name, left[:n], right[:n], a.frames[:n], allowed.of(name), wraps))
+    return Comparison(n, fields, _remarks(a, b), _notes(a.metadata, b.metadata))
+
+
+def _remarks(a: Side, b: Side) -> list[str]:
+    found: list[str] = []
+    if len(a.frames) != len(b.frames):
+        found.append(f"lengths differ: {len(a.frames)} and {len(b.frames)} frames; the common ones are compared")
+    if a.rate_hz and b.rate_hz and a.rate_hz != b.rate_hz:
+        found.append(f"rates differ: {a.rate_hz:g} and {b.rate_hz:g} Hz; frames are compared by number, not by time")
+    left, right = (one.metadata.get("aircraft") for one in (a, b))
+    if left and right and left != right:
+        found.append(f"aircraft differ: {left} and {right}")
+    return found
+
+
+def _notes(a: dict[str, str], b: dict[str, str]) -> list[str]:
+    """What both logs say of how they came to be, and not alike."""
+    told = [key for key in a if key in b and (key in _SAID or key.startswith("version "))]
+    differ = [key for key in told if a[key] != b[key]]
+    return ["the scenarios differ" if key == "scenario" else f"{key}: {a[key]} and {b[key]}" for key in differ]
+
+
+def of_replay(old: dict[str, str], new: dict[str, str]) -> list[str]:
+    """The versions that replay a log, where they are not those that flew it."""
+    return _notes(old, new)

@@ -1,0 +1,158 @@
+"""Decisions: who is suspected, failed, voted by, taken from; and which of them moved between two flights.
+
+A decision is a number that the redundancy stage or the control law chooses from a few.  Two flights of the same
+frames are compared decision by decision; frames in a row with the same old and the same new value are one entry.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.frame import Block, State
+from rig.log.columns import COLUMNS, Column, label
+from rig.replay.compare import compare
+
+FIELDS: Final = (
+    *("state", "level", "pattern", "resolver", "reference_usable", "source"),
+    *("discrete_state", "discrete_level", "discrete_voted"),
+)
+ALL: Final = (*FIELDS, "law", "end")  # with those that follow from the flight: commands, and how it ended
+_FLIGHT: Final = {"law": "control law", "end": "end"}
+
+
+@dataclass(frozen=True, slots=True)
+class Moved:
+    """One decision over frames in a row (the last included) in which it is ``new`` and was ``old``."""
+
+    decision: str  # state, level, pattern, resolver, reference_usable, source, voted
+    signal: str  # or a discrete
+    channel: int | None  # counted from 1
+    first_frame: int
+    last_frame: int
+    old: str
+    new: str
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """A channel whose failure moved: the first frame in which each flight reports it failed, if it does."""
+
+    signal: str
+    channel: int
+    old_frame: int | None
+    new_frame: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class VoteMoved:
+    """The largest difference of a signal's votes, unit of the signal; None when one of them is not a number."""
+
+    signal: str
+    frames: int  # that are not equal
+    first_frame: int
+    largest: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Decisions:
+    """What moved from an old flight to a new one over the same channels."""
+
+    moved: list[Moved]
+    failures: list[Failed]
+    votes: list[VoteMoved]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data."""
+        return asdict(self)
+
+
+def decided(fields: tuple[str, ...]) -> list[Column]:
+    """The columns that hold decisions."""
+    return [column for column in COLUMNS if column.field in fields]
+
+
+def moved(old: Block, new: Block, fields: tuple[str, ...] = FIELDS) -> list[Moved]:
+    """Every decision that is not the same in both, in the order of time; rows that only one has do not count."""
+    n = min(len(old), len(new))
+    frames = old["frame"][:n]
+    found = [entry for column in decided(fields) for entry in _moved(column, old[:n], new[:n], frames)]
+    return sorted(found, key=lambda entry: entry.first_frame)
+
+
+def _moved(column: Column, old: Block, new: Block, frames: NDArray[np.int64]) -> list[Moved]:
+    before, after = column.of(old), column.of(new)
+    at = np.flatnonzero(before != after)
+    if not len(at):
+        return []
+    pair = before[at].astype(np.int64) * 256 + after[at]
+    breaks = np.flatnonzero((np.diff(at) > 1) | (np.diff(pair) != 0)) + 1
+    firsts, lasts = at[np.concatenate([[0], breaks])], at[np.concatenate([breaks - 1, [len(at) - 1]])]
+    return [
+        Moved(
+            decision=_decision(column),
+            signal=column.owner,
+            channel=column.channel,
+            first_frame=int(frames[first]),
+            last_frame=int(frames[last]),
+            old=label(column, int(before[first])),
+            new=label(column, int(after[first])),
+        )
+        for first, last in zip(firsts, lasts, strict=True)
+    ]
+
+
+def _decision(column: Column) -> str:
+    return _FLIGHT.get(column.field, column.field.removeprefix("discrete_"))
+
+
+def decisions(old: Block, new: Block) -> Decisions:
+    """What moved from ``old`` to ``new``: decisions, failures, and how far the votes are apart."""
+    return Decisions(moved(old, new), _failures(old, new), _votes(old, new))
+
+
+def _failures(old: Block, new: Block) -> list[Failed]:
+    found: list[Failed] = []
+    for column in decided(("state", "discrete_state")):
+        before, after = (_first(column.of(rows) == State.FAILED, rows["frame"]) for rows in (old, new))
+        if before != after:
+            found.append(Failed(column.owner, column.channel or 0, before, after))
+    return found
+
+
+def _first(there: NDArray[np.bool_], frames: NDArray[np.int64]) -> int | None:
+    return int(frames[there.argmax()]) if there.any() else None
+
+
+def _votes(old: Block, new: Block) -> list[VoteMoved]:
+    votes = [column for column in COLUMNS if column.field == "voted"]
+    owners = {column.path: column.owner for column in votes}
+    return [
+        VoteMoved(owners[field.name], field.frames, field.first_frame or 0, field.largest)
+        for field in compare(old, new, votes)
+        if field.verdict != "equal"
+    ]
+
+
+def history(rows: Block, fields: tuple[str, ...] = ALL) -> list[str]:
+    """Every decision of a flight as lines of text, in the order of time: frame, whose, what, old, new.
+
+    What stands in the first frame is told only when it is not the ordinary: OK, all channels, no resolver.
+    """
+    found: list[tuple[int, str]] = []
+    for column in decided(fields):
+        values, name = column.of(rows), _name(column)
+        for k in np.flatnonzero(values[1:] != values[:-1]) + 1:
+            text = f"{name}: {label(column, int(values[k - 1]))} -> {label(column, int(values[k]))}"
+            found.append((int(rows["frame"][k]), text))
+    return [f"{frame} {text}" for frame, text in sorted(found, key=lambda entry: entry[0])]
+
+
+def _name(column: Column) -> str:
+    if column.field in _FLIGHT:
+        return _FLIGHT[column.field]
+    channel = "" if column.channel is None else f".{column.channel}"
+    return f"{column.owner}{channel} {_decision(column)}"

@@ -1,0 +1,114 @@
+"""What if: another threshold, resolver order or manager over the channels that were recorded.
+
+Open loop: the flight stays that of the recording, truth and commands with it.  What the new votes would have
+done to the aircraft only a flight can say.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from rig.aircraft import merge, without_outliers
+from rig.errors import BadInput
+from rig.flight.recorder import Findings
+from rig.frame import Block
+from rig.log import LogWriter
+from rig.replay.decisions import Decisions, decisions
+from rig.replay.vote_again import Recorded, vote_again
+from rig.scenario import Scenario, from_resolved, named_manager, override, parse_set
+from rig.settings import read_toml
+from rig.text import quoted
+from rig.util.files import draft, numbered, publish, replaced
+from rig.util.versions import versions
+
+KEY: Final = "redundancy"
+
+
+@dataclass(frozen=True, slots=True)
+class WhatIf:
+    """The answer: the rows and their log, and which decisions moved."""
+
+    path: Path
+    scenario: Scenario
+    rows: Block
+    moved: Decisions
+    events: int
+
+
+def changed(recording: Recorded, file: Path | None, sets: Sequence[str]) -> Scenario:
+    """The recorded scenario with another [redundancy]: of a TOML file, then of ``redundancy.key=value``.
+
+    The file has a [redundancy] table, or the keys of one at its top.  BadInput: any other key.
+    """
+    data, trust, given = recording.scenario.resolved(), recording.scenario.trust, dict[str, Any]()
+    if file is not None:
+        found = read_toml(file)
+        if KEY in found and len(found) > 1:
+            other = next(key for key in found if key != KEY)
+            raise BadInput(f"{file}: {other}: only [redundancy] can be changed without flying")
+        table = found.get(KEY, found)
+        if not isinstance(table, dict):
+            raise BadInput(f"{file}: {KEY}: must be a table, got {quoted(table)}")
+        given = {KEY: table}
+        trust = replace(trust, source=str(file)) if "manager" in table else trust
+    above = given
+    for text in sets:
+        if not text.startswith(f"{KEY}."):
+            raise BadInput(f"--set {text}: only redundancy.* can be changed without flying")
+        above = override(above, text)
+    data = merge(without_outliers(data, above), given)
+    for text in sets:
+        data = override(data, text)
+    source = " with ".join(["redundancy", *([str(file)] if file else []), *(f"--set {text}" for text in sets)])
+    return from_resolved(data, source, replace(trust, named=named_manager(map(parse_set, sets))))
+
+
+def what_if(recording: Recorded, scenario: Scenario, out: Path | None = None, changes: Sequence[str] = ()) -> WhatIf:
+    """Vote the recorded channels by ``scenario``; write the result to ``out``, or beside the recording, numbered.
+
+    ``changes`` says in the new log what is not as it was.  BadInput when ``out`` is the recording or cannot be made.
+    """
+    stem = f"{recording.path.stem}.what-if"
+    path = out or recording.path.with_name(f"{stem}.mcap")
+    if path.exists() and path.samefile(recording.path):
+        raise BadInput(f"{path}: is the recording")
+    with draft(path) if out is None else replaced(path) as part:
+        rows = vote_again(recording.log.rows, scenario)
+        metadata, attached = _metadata(recording, scenario, changes), recording.log.attachments.items()
+        with LogWriter(part, recording.log.rate_hz, metadata, attached, draft_of=path) as writer:
+            events = _write(writer, recording, scenario, rows)
+        if out is None:
+            path = publish(part, numbered(path.parent, stem, ".mcap"))
+    return WhatIf(path, scenario, rows, decisions(recording.log.rows, rows), events)
+
+
+def _write(writer: LogWriter, recording: Recorded, scenario: Scenario, rows: Block) -> int:
+    """Write the whole log; how many events it has."""
+    log, findings, count = recording.log, Findings(scenario), 0
+    for rows_s, timing in _seconds(rows, log.timing, int(log.rate_hz)):
+        events = findings.add(rows_s)
+        count += len(events)
+        writer.write(rows_s, timing, events)
+    last = findings.end()
+    writer.write(rows[:0], log.timing[:0], last)
+    writer.close({**(log.result or {}), "digest": findings.verdict.digest})
+    return count + len(last)
+
+
+def _metadata(recording: Recorded, scenario: Scenario, changes: Sequence[str]) -> dict[str, str]:
+    own = {
+        "scenario": json.dumps(scenario.resolved()),
+        "what if": ", ".join(changes),
+        "what if of": recording.path.name,
+        "what if of digest": (recording.log.result or {}).get("digest", ""),
+    }
+    return {**recording.log.metadata, **versions(), **own}
+
+
+def _seconds(rows: Block, timing: Any, size: int) -> Iterator[tuple[Block, Any]]:
+    for start in range(0, len(rows), max(1, size)):
+        yield rows[start : start + size], timing[start : start + size]

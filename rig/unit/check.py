@@ -1,0 +1,257 @@
+"""The conformance test of a unit under test: does it keep to the records, and to the requirement?
+
+Two grades: *decisions* (states, levels, patterns ... equal, votes within a millionth of the range) against vectors of
+an independent reading, and *bits* (every byte of every answer) against our own manager over the same inputs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from time import sleep
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.computer.redundancy.config import PARAMS
+from rig.computer.redundancy.discrete import DiscreteVoter, vote_discretes
+from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
+from rig.computer.redundancy.managers import Manager, vote_signals
+from rig.errors import BadInput
+from rig.frame import S, nested, new_block
+from rig.frame.fields import FIELDS
+from rig.kernels import kernel
+from rig.unit.layout import ANSWERS, INPUT, OUTPUT, REFERENCES, Form, Said
+from rig.unit.port import RECEIVED, may_be
+from rig.unit.settings import Unit, read_unit
+from rig.unit.unit import UnitUnderTest, running
+from rig.unit.vectors import Case, answers, ask, differences, load
+
+PAUSE_S: Final = 1.0
+HOSTILE_FRAMES: Final = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Requirement:
+    """One line of the test."""
+
+    name: str
+    part: str  # seam, decisions or bits
+    passed: bool
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """What a unit came to."""
+
+    unit: str
+    requirements: list[Requirement]
+
+    @property
+    def passed(self) -> bool:
+        """Whether it keeps to the seam and to every decision; bits are a grade, not a requirement."""
+        return all(one.passed for one in self.requirements if one.part != "bits")
+
+    @property
+    def grade(self) -> str:
+        """What can be said of it."""
+        if not self.passed:
+            return "failed"
+        parts = {one.part for one in self.requirements if one.passed}
+        return next(part for part in ("bits", "decisions", "seam") if part in parts)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data."""
+        return {"unit": self.unit, "passed": self.passed, "grade": self.grade} | {
+            "requirements": [asdict(one) for one in self.requirements]
+        }
+
+
+def check(file: Path | str, *, seam_only: bool = False) -> Checked:
+    """Test the unit of a file.  BadInput: the file, or a unit that cannot be begun at all.
+
+    seam_only : do not ask what it decides; so it is for a flight computer, whose votes are its own
+    """
+    unit, cases = read_unit(file), load()
+    if unit.carrier == "python":
+        raise BadInput(f"{unit.source}: carrier python: a class has no records to keep to")
+    found = list(_seam(unit, cases))
+    if not seam_only and unit.form == "redundancy":
+        with running(unit) as tested:
+            found += _decisions(tested, cases)
+            found += _bits(tested, cases)
+    return Checked(unit.name, found)
+
+
+# The seam ----------------------------------------------------------------------------------------------------
+
+
+def _seam(unit: Unit, cases: list[Case]) -> Iterator[Requirement]:
+    """How it answers, whatever it decides."""
+    longest = max(cases, key=lambda case: len(case.inputs))
+    config, inputs = longest.config.copy(), longest.inputs
+    config["form"] = Form[unit.form.replace("-", "_").upper()]
+    with running(unit) as tested:
+        first = answers(tested, config, inputs)
+        yield _line("answers every frame", "seam", _unanswered(first))
+        again = answers(tested, config, inputs)
+        yield _line("a session after another begins as if it were the first", "seam", _same(first, again))
+        yield _line("fills what its form needs, with values of the enums", "seam", _allowed(tested, config, inputs))
+        paused = _with_pause(tested, config, inputs)
+        yield _line("a pause between two frames changes nothing", "seam", _same(first, paused))
+        yield _line("a frame of another session is not stepped", "seam", _foreign(tested, config, inputs))
+        yield _times(tested, config, inputs)
+    with running(unit) as tested:
+        yield _line("from new twice, the same bytes", "seam", _same(first, answers(tested, config, inputs)))
+    with running(unit) as tested:
+        name = "answers NaN, infinities, denormals, all invalid, every monitor value"
+        yield _line(name, "seam", _hostile(tested, config))
+
+
+def _line(name: str, part: str, wrong: str) -> Requirement:
+    return Requirement(name, part, not wrong, wrong)
+
+
+def _unanswered(said: NDArray[Any]) -> str:
+    missing = np.flatnonzero(said["frame"] < 0)
+    return f"no answer to frame {missing[0]}" if len(missing) else ""
+
+
+def _same(one: NDArray[Any], other: NDArray[Any]) -> str:
+    """Where the bodies of two runs differ, in bytes."""
+    names = ("frame", "said", *ANSWERS)
+    for name in names:
+        a, b = (run[name].tobytes() for run in (one, other))
+        if a != b:
+            size = len(a) // len(one)
+            k = next(i for i in range(len(one)) if a[i * size : (i + 1) * size] != b[i * size : (i + 1) * size])
+            return f"frame {k}: {name} is not the same"
+    return ""
+
+
+def _allowed(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -> str:
+    tested.begin(config.copy())
+    for k, asked in enumerate(inputs[:50]):
+        if not ask(tested, asked, k):
+            return f"frame {k}: no answer"
+        if not may_be(tested.port.back):
+            return f"frame {k}: a group is missing, or a state, level or pattern is none"
+    tested.end()
+    return ""
+
+
+def _with_pause(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -> NDArray[Any]:
+    tested.begin(config.copy())
+    found = np.zeros(len(inputs), OUTPUT)
+    for k, asked in enumerate(inputs):
+        if k == len(inputs) // 2:
+            sleep(PAUSE_S)
+        if ask(tested, asked, k):
+            found[k] = tested.port.back.records[RECEIVED]
+    tested.end()
+    return found
+
+
+def _foreign(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -> str:
+    """A FRAME of a session that never began goes before frame 1; the answers must be those without it."""
+    expected = answers(tested, config, inputs[:3])
+    tested.begin(config.copy())
+    found = np.zeros(3, OUTPUT)
+    for k in range(3):
+        if k == 1:
+            tested.send_foreign()
+        if ask(tested, inputs[k], k):
+            found[k] = tested.port.back.records[RECEIVED]
+    tested.end()
+    return _same(expected, found)
+
+
+def _times(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -> Requirement:
+    """How long an exchange takes here: told, not required."""
+    tested.begin(config.copy())
+    took = []
+    for k in range(1000):
+        ask(tested, inputs[k % len(inputs)], k)
+        took.append(tested.reply_us)
+    tested.end()
+    median, most = np.percentile(took, [50, 99])
+    return Requirement("time of an exchange", "seam", True, f"median {median:.1f} us, 99 % {most:.1f} us")
+
+
+def _hostile(tested: UnitUnderTest, config: NDArray[Any]) -> str:
+    """Numbers that no sensor says: the unit must go on, and stay within its enums."""
+    draw = np.random.default_rng(0)
+    numbers = np.array([np.nan, np.inf, -np.inf, 5e-324, -5e-324, 1.7e308, -1.7e308, 0.0, -0.0, 1.0])
+    tested.begin(config.copy())
+    for k in range(HOSTILE_FRAMES):
+        asked = np.zeros((), INPUT)
+        for name in (*REFERENCES, "channels", "inertial", "demand"):
+            asked[name] = draw.choice(numbers, asked[name].shape)
+        for name in ("valid", "ilm", "discrete_valid", "discrete_ilm", "discrete_channels", "reset", "discrete_reset"):
+            asked[name] = draw.integers(0, 3 if "ilm" in name else 2, asked[name].shape)
+        if k % 10 == 0:
+            asked["valid"] = 0
+        if not ask(tested, asked, k):
+            return f"frame {k}: no answer"
+        if not may_be(tested.port.back):
+            return f"frame {k}: a state, level or pattern is none"
+    tested.end()
+    return ""
+
+
+# What it decides ---------------------------------------------------------------------------------------------
+
+
+def _decisions(tested: UnitUnderTest, cases: list[Case]) -> list[Requirement]:
+    """One line a requirement; its cases count together."""
+    found: dict[str, tuple[int, int, str]] = {}
+    for case in cases:
+        said, wrong = answers(tested, case.config, case.inputs), ""
+        wrong = next(differences(case, said), "")
+        right, of, first = found.get(case.requirement, (0, 0, ""))
+        found[case.requirement] = (right + (not wrong), of + 1, first or wrong)
+    return [
+        Requirement(name, "decisions", right == of, first and f"{of - right} of {of} cases; {first}")
+        for name, (right, of, first) in found.items()
+    ]
+
+
+def _bits(tested: UnitUnderTest, cases: list[Case]) -> list[Requirement]:
+    """Every byte against our own manager."""
+    frames = 0
+    for case in cases:
+        ours, said = _ours(case), answers(tested, case.config, case.inputs)
+        frames += len(ours)
+        for name, group in ANSWERS.items():
+            if group == Said.SURFACE:
+                continue
+            differ = [k for k in range(len(ours)) if ours[name][k].tobytes() != said[name][k].tobytes()]
+            if differ:
+                detail = f"{case.requirement}, frame {differ[0]}: {name}"
+                return [Requirement("every byte as our own manager", "bits", False, detail)]
+    return [Requirement("every byte as our own manager", "bits", True, f"{frames} frames")]
+
+
+def _ours(case: Case) -> NDArray[Any]:
+    """What our own manager says to a case: (n,) rows of the frame."""
+    config, rows = case.config[0], new_block(len(case.inputs))
+    for name in (*REFERENCES, *(field.name for field in FIELDS if field.part == "bus")):
+        rows[name] = case.inputs[name]
+    params, discretes = np.zeros(S, PARAMS), np.zeros(len(config["discrete"]), DISCRETE_PARAMS)
+    for records, field in ((params, "signal"), (discretes, "discrete")):
+        for name in records.dtype.names or ():
+            records[name] = config[field][name]
+    boxes = {"box_signals": int(config["box_signals"]), "box_persistence": int(config["box_persistence"])}
+    vote_rows(nested(rows), Manager("cross-channel", params, **boxes).data, DiscreteVoter(discretes).data)
+    return rows
+
+
+@kernel
+def vote_rows(rows, manager, discretes):
+    """Vote all rows: signals and discretes."""
+    for k in range(len(rows)):
+        vote_signals(rows[k]["bus"], rows[k]["fcc"], manager)
+        vote_discretes(rows[k]["bus"], rows[k]["fcc"], discretes)

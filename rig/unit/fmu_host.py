@@ -1,0 +1,288 @@
+"""The child process in which an FMU is stepped: messages of a socket to the functions of FMI and back.
+
+    python -I fmu_host.py fmu PARENT FD FOLDER BLANK NAME=SIZE ...   (processes.py starts it)
+
+FOLDER has the FMU unpacked and the plan that fmu.py has written.  Arrays of value references and of values are made
+once a session and kept, and FMPy's raw functions are called with them: several times as fast as its methods with lists.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+import fmpy
+import numpy as np
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import FMU2Slave, fmi2Terminated
+from fmpy.fmi3 import FMU3Slave
+
+if __name__ == "__main__":
+    sys.path.append(str(Path(__file__).parents[2]))  # python -I looks for the rig only where it is installed
+from rig.unit.host import REFUSED, Host, Refused, Voice, end_with_the_rig, serve
+
+DISCARD, FATAL = 2, 4
+STATUS: Final = ("ok", "warning", "discard", "error", "fatal", "pending")
+CONFIG, INPUT, OUTPUT = range(3)  # records of a run
+_TYPES: Final = {"BYTE": ctypes.c_uint8, "SIGNED": ctypes.c_int64, "UNSIGNED": ctypes.c_uint64, "REAL": ctypes.c_double}
+_NAMES: Final = {"BYTE": "UInt8", "SIGNED": "Int64", "UNSIGNED": "UInt64", "REAL": "Float64"}
+_INT: Final = np.iinfo(np.intc)
+_NO_BYTE: Final = 255  # in no enum: what an integer becomes that no byte can hold
+Call = Callable[[], Any]
+
+
+class Fmu(ABC):
+    """An FMU with what the host calls of a library: ``open``, ``step``, ``close``."""
+
+    kind: str  # what it says of itself
+    machine: str  # how its standard calls the folder of this machine's libraries
+
+    def __init__(self, folder: Path, plan: dict[str, Any]) -> None:
+        """Refused: no library for this machine, or one that lacks functions."""
+        self._plan, self._runs, self._fatal = plan, False, False
+        path = folder / "binaries" / self.machine / (plan["identifier"] + fmpy.sharedLibraryExtension)
+        if not path.is_file():
+            raise Refused(f"the FMU has no library for this machine: {path.relative_to(folder)}")
+        try:
+            ctypes.CDLL(str(path))
+            self.fmu = self._loaded(folder)
+        except (OSError, AttributeError) as error:
+            raise Refused(f"the FMU's library cannot be loaded: {str(error).replace(str(folder), '')}") from None
+
+    def _arguments(self, folder: Path) -> dict[str, Any]:
+        return {
+            "guid": self._plan["token"],
+            "modelIdentifier": self._plan["identifier"],
+            "unzipDirectory": str(folder),
+        }
+
+    @abstractmethod
+    def _loaded(self, folder: Path) -> Any:
+        """FMPy's object of the FMU."""
+
+    def _initialize(self, put: list[Call]) -> None:
+        """Set the parameters of a new instance and bring it to its first step."""
+        self._set_up()
+        for call in put:
+            call()
+        self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()
+
+    def _set_up(self) -> None:  # noqa: B027 # nothing, where the standard asks for nothing
+        """What a new instance is told before its parameters."""
+
+    @abstractmethod
+    def _call(self, run: dict[str, Any], address: int, verb: str) -> Call:
+        """What sets or gets the variables of ``run`` in the record at ``address``."""
+
+    @abstractmethod
+    def _do_step(self, time_s: float) -> None:
+        """One step from ``time_s`` on."""
+
+    def _wants_to_end(self) -> bool:
+        """Whether a step was discarded because the unit wants to end."""
+        return False
+
+    def bind(self, source: int, target: int) -> None:
+        """Where the input and output records of all frames are."""
+        self._input, self._output = source, target
+        self._time = ctypes.c_double.from_address(source + self._plan["time_s"])
+        self._said = ctypes.c_uint8.from_address(target + self._plan["said"])
+
+    def open(self, config: int) -> None:
+        """Begin afresh with the record at the address ``config``; Refused when the unit will not.
+
+        A new instance each time: not every FMU that says so can be reset.
+        """
+        self.close()
+        if self._fatal:
+            raise Refused("the FMU has had a fatal error")
+        self._step_s = 1.0 / ctypes.c_double.from_address(config + self._plan["rate_hz"]).value
+        try:
+            self.fmu.instantiate(loggingOn=True)
+        except Exception as error:  # noqa: BLE001 # FMPy's own
+            raise Refused(f"the FMU was not instantiated, is its library of this layout? {error}") from None
+        try:
+            self._initialize(self._calls(CONFIG, config, "Set"))
+        except FMICallException as error:
+            raise Refused(self._failed(error)) from None
+        self._puts, self._gets = self._calls(INPUT, self._input, "Set"), self._calls(OUTPUT, self._output, "Get")
+        self._runs = True
+
+    def close(self) -> None:
+        """End the instance; the library stays."""
+        instance, self.fmu.component = self.fmu.component, None
+        if instance is None or self._fatal:
+            return
+        if self._runs:
+            with suppress(FMICallException):
+                self._end(instance)
+        self._runs = False
+        self._free(instance)
+
+    @abstractmethod
+    def _end(self, instance: Any) -> None:
+        """Terminate the instance."""
+
+    @abstractmethod
+    def _free(self, instance: Any) -> None:
+        """Let go of its memory."""
+
+    def step(self, source: int, target: int) -> int:
+        """One frame; a step that is discarded leaves an answer that says nothing.  Refused: the unit has failed."""
+        try:
+            for put in self._puts:
+                put()
+            self._do_step(self._time.value)
+            for get in self._gets:
+                get()
+        except FMICallException as error:
+            if error.status != DISCARD or self._wants_to_end():
+                raise Refused(self._failed(error)) from None
+            self._said.value = 0
+        return 0
+
+    def _failed(self, error: FMICallException) -> str:
+        self._runs, self._fatal = False, error.status == FATAL
+        if error.status == DISCARD and self._wants_to_end():
+            return f"{error.function}: the FMU asks for the end of the simulation"
+        return f"{error.function} returned {STATUS[error.status] if error.status < len(STATUS) else error.status}"
+
+    def _calls(self, record: int, address: int, verb: str) -> list[Call]:
+        return [self._call(run, address, verb) for run in self._plan["runs"] if run["record"] == record]
+
+    def _text(self, run: dict[str, Any], address: int) -> Any:
+        """The texts of a run, which all have the same room."""
+        count = len(run["references"])
+        room = (run["end"] - run["first"]) // count
+        return (ctypes.c_char_p * count)(*(ctypes.string_at(address + run["first"] + i * room) for i in range(count)))
+
+
+class Fmi2(Fmu):
+    """By FMI 2.0: scalars, and one type of integers."""
+
+    kind, machine = "FMI 2.0", fmpy.platform
+
+    def _loaded(self, folder: Path) -> Any:
+        return FMU2Slave(**self._arguments(folder))
+
+    def _set_up(self) -> None:
+        self.fmu.setupExperiment(startTime=0.0)
+
+    def _call(self, run: dict[str, Any], address: int, verb: str) -> Call:
+        count, kind = len(run["references"]), run["kind"]
+        references, at = (ctypes.c_uint * count)(*run["references"]), address + run["first"]
+        name = {"REAL": "Real", "text": "String"}.get(kind, "Integer")
+        call = partial(getattr(self.fmu, f"fmi2{verb}{name}"), self.fmu.component, references, count)
+        if kind == "text":
+            return partial(call, self._text(run, address))
+        values = (_TYPES[kind] * count).from_address(at)
+        if kind == "REAL":
+            return partial(call, values)
+        return self._integers(call, np.ctypeslib.as_array(values), verb)
+
+    @staticmethod
+    def _integers(call: Callable[..., Any], field: Any, verb: str) -> Call:
+        """As ``call``, by way of integers of FMI 2.0, which have 32 bits."""
+        held = (ctypes.c_int * len(field))()
+        wide = np.ctypeslib.as_array(held)
+
+        def put() -> None:
+            if field.dtype == np.uint8:
+                wide[:] = field
+            else:
+                np.clip(field, _INT.min, _INT.max, out=wide, casting="unsafe")
+            call(held)
+
+        def get() -> None:
+            call(held)
+            if field.dtype == np.uint8:
+                np.minimum(wide.view(np.uintc), _NO_BYTE, out=field, casting="unsafe")
+            else:
+                field[:] = wide
+
+        return put if verb == "Set" else get
+
+    def _do_step(self, time_s: float) -> None:
+        self.fmu.fmi2DoStep(self.fmu.component, time_s, self._step_s, 1)
+
+    def _wants_to_end(self) -> bool:
+        try:
+            return self.fmu.getBooleanStatus(fmi2Terminated)
+        except FMICallException:  # it need not know
+            return False
+
+    def _end(self, instance: Any) -> None:
+        self.fmu.fmi2Terminate(instance)
+
+    def _free(self, instance: Any) -> None:
+        self.fmu.fmi2FreeInstance(instance)
+
+
+class Fmi3(Fmu):
+    """By FMI 3.0: arrays, set and got where they are in the records."""
+
+    kind, machine = "FMI 3.0", fmpy.platform_tuple
+
+    def _loaded(self, folder: Path) -> Any:
+        self._flags = [ctypes.c_bool() for _ in ("event", "end", "early return")]
+        self._reached = ctypes.c_double()
+        return FMU3Slave(**self._arguments(folder))
+
+    def _call(self, run: dict[str, Any], address: int, verb: str) -> Call:
+        count, kind = len(run["references"]), run["kind"]
+        references = (ctypes.c_uint * count)(*run["references"])
+        if kind == "text":
+            values = self._text(run, address)
+        else:
+            width = ctypes.sizeof(_TYPES[kind])
+            values = (_TYPES[kind] * ((run["end"] - run["first"]) // width)).from_address(address + run["first"])
+        function = getattr(self.fmu, f"fmi3{verb}{_NAMES.get(kind, 'String')}")
+        return partial(function, self.fmu.component, references, count, values, len(values))
+
+    def _do_step(self, time_s: float) -> None:
+        event, end, early = self._flags
+        where = event, end, early, self._reached
+        self.fmu.fmi3DoStep(self.fmu.component, time_s, self._step_s, True, *map(ctypes.byref, where))
+        if end.value:
+            raise Refused("fmi3DoStep: the FMU asks for the end of the simulation")
+
+    def _end(self, instance: Any) -> None:
+        self.fmu.fmi3Terminate(instance)
+
+    def _free(self, instance: Any) -> None:
+        self.fmu.fmi3FreeInstance(instance)
+
+
+class FmuHost(Host):
+    """Answers the messages of the rig with what an FMU says."""
+
+    def __init__(self, voice: Voice, library: Any) -> None:
+        """Tell the FMU where the records are."""
+        super().__init__(voice, library)
+        library.bind(self._from, self._to)
+
+    def _step(self, message: memoryview) -> None:
+        try:
+            super()._step(message)
+        except Refused as reason:
+            self._voice.say(REFUSED, message, str(reason))
+
+
+def load(folder: str, layout: int) -> Any:
+    """The FMU that was unpacked into ``folder``; Refused.  Its token has been compared with ``layout`` before."""
+    plan = json.loads(Path(folder, "rig-unit.json").read_text())
+    return (Fmi2 if plan["version"] == "2" else Fmi3)(Path(folder), plan)
+
+
+if __name__ == "__main__":
+    sys.stdout.reconfigure(line_buffering=True)  # type: ignore[union-attr] # the FMU's log is there when it dies
+    end_with_the_rig(int(sys.argv[2]))
+    serve(sys.argv[3:], load, FmuHost)

@@ -1,0 +1,244 @@
+"""The child process in which a library runs: messages of a socket to its three functions and back.
+
+    python -I host.py library PARENT FD PATH BLANK NAME=SIZE ...   (processes.py starts it)
+    python -I host.py exec PARENT COMMAND ...
+
+The second replaces itself by a command that ends with the rig, whatever ends the rig.  Nothing heavy is imported: a
+child must answer within a fifth of a second.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import socket
+import struct
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+
+HEAD = struct.Struct("<IHHQQqd")  # magic, version, kind, layout, session, frame, time_s
+USUAL_BYTES = 24  # magic to session: the same in all frames of a session
+HELLO, CONFIG, FRAME, END, READY, REFUSED = range(1, 7)
+_PR_SET_PDEATHSIG = 1
+AT_ONCE = getattr(socket, "MSG_DONTWAIT", 0)
+LOOKS = "RIG_UNIT_LOOKS"  # in the environment of what the rig starts
+LOOKS_PER_LOOK = 4  # what one of Python takes is as long as so many of compiled code
+FUNCTIONS = ("rig_unit_open", "rig_unit_step", "rig_unit_close")
+
+
+def looks() -> int:
+    """How many times to look for a message before to sleep: to be woken takes longer, but others may need the core."""
+    return int(os.environ.get(LOOKS, "0"))
+
+
+class Refused(Exception):
+    """Why a library cannot be flown."""
+
+
+class Library:
+    """The three functions of a shared library, and the frames stepped since it was opened."""
+
+    kind = "library"  # what it says of itself
+
+    def __init__(self, path: str, layout: int) -> None:
+        """Refused: no library, without its functions, or built for other records."""
+        try:
+            self._library = ctypes.CDLL(str(Path(path).resolve()))
+        except OSError as error:
+            raise Refused(f"{path} is no library that can be loaded: {error}") from None
+        missing = [name for name in FUNCTIONS if not hasattr(self._library, name)]
+        if missing:
+            raise Refused(f"{path} has no function {missing[0]}; a unit has {', '.join(FUNCTIONS)}")
+        with suppress(ValueError):  # not every language writes it
+            built = ctypes.c_uint64.in_dll(self._library, "rig_unit_layout").value
+            if built != layout:
+                again = "write the header again ('rig unit header') and rebuild"
+                raise Refused(f"{path} was built for layout {built:016x}, this rig has {layout:016x}: {again}")
+        self._open, self.step, self._close = (getattr(self._library, name) for name in FUNCTIONS)
+        self._open.argtypes, self.step.argtypes = (ctypes.c_void_p,), (ctypes.c_void_p, ctypes.c_void_p)
+        self._close.restype = None
+        self._opened = False
+
+    def open(self, config: int) -> None:
+        """Begin afresh with the record at the address ``config``; Refused when the unit will not."""
+        self.close()
+        if code := self._open(config):
+            raise Refused(f"rig_unit_open returned {code}")
+        self._opened = True
+
+    def close(self) -> None:
+        """End what ``open`` began."""
+        if self._opened:
+            self._opened = False
+            self._close()
+
+
+class Voice:
+    """What the child says, in records of the sizes that the rig has given it."""
+
+    def __init__(self, talk: socket.socket, blank: bytes, sizes: dict[str, int]) -> None:
+        """``blank``: an answer with nothing in it but its head and length."""
+        self.talk, self.blank, self.sizes = talk, blank, sizes
+
+    def say(self, kind: int, asked: bytes | memoryview, text: str) -> None:
+        """READY or REFUSED to the message ``asked``."""
+        magic, layout = struct.unpack_from("<I4xQ", self.blank)
+        _, version, _, _, session, frame, time_s = HEAD.unpack_from(asked)
+        head = HEAD.pack(magic, version, kind, layout, session, frame, time_s)
+        said = text.encode()[: self.sizes["text"] - 1].ljust(self.sizes["text"], b"\0")
+        self.talk.send(head + said + struct.pack("<II", len(head) + len(said), 0))
+
+
+class Host:
+    """Answers the messages of the rig with what a library says."""
+
+    def __init__(self, voice: Voice, library: Library) -> None:
+        self._voice, self._library = voice, library
+        self._config = bytearray(voice.sizes["config"])
+        self._message, self._output = bytearray(voice.sizes["message"]), bytearray(voice.blank)
+        self._usual = bytearray(USUAL_BYTES)  # how a FRAME of the session begins
+        self._from, self._to, self._with = map(_address, (self._message, self._output, self._config))
+        self._state = (ctypes.c_int64 * 2)()  # frames stepped since CONFIG, code of the last step
+
+    def serve(self) -> None:
+        """Until the other side is gone."""
+        message = memoryview(self._message)
+        while self._answer(message):
+            self._handle(message)
+
+    def _answer(self, message: memoryview) -> int:
+        """Answer the frames of the session; the bytes of a message that is none, 0 when the other side is gone."""
+        size = self._voice.sizes["input"]
+        while (count := self._receive(message)) == size and message[:USUAL_BYTES] == self._usual:
+            self._step(message)
+        return count
+
+    def _receive(self, message: memoryview) -> int:
+        """The bytes of the next message: look for it some times, and only then sleep."""
+        receive = self._voice.talk.recv_into
+        for _ in range(looks() // LOOKS_PER_LOOK):
+            with suppress(BlockingIOError):
+                return receive(message, 0, AT_ONCE)
+            os.sched_yield()
+        return receive(message)
+
+    def _handle(self, message: memoryview) -> None:
+        kind = message[6] | message[7] << 8
+        if kind == HELLO:
+            self._usual[:] = bytes(message[:6]) + FRAME.to_bytes(2, "little") + bytes(message[8:USUAL_BYTES])
+            self._voice.say(READY, message, self._library.kind)
+        elif kind == CONFIG:
+            self._configure(message)
+        elif kind == END:
+            self._library.close()
+
+    def _step(self, message: memoryview) -> None:
+        output = self._output
+        output[16:40] = message[16:40]  # session, frame, time_s
+        code = self._library.step(self._from, self._to)
+        if code:
+            self._refuse(message, code)
+            return
+        self._state[0] += 1
+        output[40:48] = self._state[0].to_bytes(8, "little")
+        self._voice.talk.send(output)
+        output[:] = self._voice.blank  # for the next one, while the rig works on this
+
+    def _refuse(self, message: memoryview, code: int) -> None:
+        self._output[:] = self._voice.blank
+        self._voice.say(REFUSED, message, f"rig_unit_step returned {code}")
+
+    def _configure(self, message: memoryview) -> None:
+        """Keep a part of the configuration; the last one opens the library."""
+        part, parts = struct.unpack_from("<II", message, HEAD.size)
+        first, begin = part * self._voice.sizes["part"], HEAD.size + 8
+        count = min(self._voice.sizes["part"], len(self._config) - first)
+        self._config[first : first + count] = message[begin : begin + count]
+        if part + 1 < parts:
+            return
+        self._output[:] = self._voice.blank
+        try:
+            self._library.open(self._with)
+            self._state[0] = 0
+            self._voice.say(READY, message, self._library.kind)
+        except Refused as reason:
+            self._voice.say(REFUSED, message, str(reason))
+
+
+class LibraryHost(Host):
+    """Steps a library in compiled code."""
+
+    def __init__(self, voice: Voice, library: Library) -> None:
+        super().__init__(voice, library)
+        from rig.unit.exchange_llvm import compiled  # not by who imports this file for its records
+
+        self._blank, system = bytearray(voice.blank), ctypes.CDLL(None)
+        called = (library.step, system.recv, system.send, system.sched_yield)
+        functions = [ctypes.cast(one, ctypes.c_void_p) for one in called]
+        sizes, state = voice.sizes, ctypes.addressof(self._state)
+        looking = AT_ONCE, looks()
+        records = (self._from, sizes["message"], sizes["input"], _address(self._usual))
+        reply = (self._to, _address(self._blank), len(self._blank), state)
+        self._compiled = partial(compiled(), voice.talk.fileno(), *records, *reply, *functions, *looking)
+
+    def _answer(self, message: memoryview) -> int:
+        """As it says, for a step that fails too; what Python alone can tell of a broken socket is left to it."""
+        while (count := self._compiled()) < 0 or self._state[1]:
+            if count < 0:
+                return super()._answer(message)
+            self._refuse(message, self._state[1])
+            self._state[1] = 0
+        return count
+
+
+def _address(buffer: bytearray) -> int:
+    """Where the bytes are; they stay there, as ctypes keeps the buffer from being resized."""
+    held = (ctypes.c_char * len(buffer)).from_buffer(buffer)
+    _held.append(held)
+    return ctypes.addressof(held)
+
+
+_held: list[object] = []
+
+
+def end_with_the_rig(parent: int) -> None:
+    """Have the kernel end this process when the one that started it is gone."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        raise SystemExit(1)
+
+
+def main(arguments: list[str]) -> None:
+    """Serve a library, or become a command; see the head of this file."""
+    kind, parent, *rest = arguments
+    end_with_the_rig(int(parent))
+    if kind == "exec":
+        try:
+            os.execvp(rest[0], rest)
+        except OSError as error:
+            sys.exit(f"{rest[0]}: {error.strerror}")
+    serve(rest, Library, LibraryHost)
+
+
+def serve(arguments: list[str], load: Callable[[str, int], Library], host: type[Host] = Host) -> None:
+    """Answer for what ``load`` finds at the path of ``arguments``, until the other side is gone.  fmu_host.py too."""
+    fd, path, blank, *sizes = arguments
+    named = {name: int(size) for name, _, size in (text.partition("=") for text in sizes)}
+    voice = Voice(socket.socket(fileno=int(fd)), bytes.fromhex(blank), named)
+    try:
+        library = load(path, HEAD.unpack_from(voice.blank)[3])
+    except Refused as reason:
+        voice.say(REFUSED, voice.blank, str(reason))
+        voice.talk.recv(1)  # it is heard before the socket closes
+        return
+    voice.say(READY, voice.blank, library.kind)
+    host(voice, library).serve()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,185 @@
+"""A row of the frame into the record that a unit reads, and its answer into the row.
+
+What a frame means does not depend on the carrier: all of them move the bytes that are written and read here.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.frame import FLAT, SURFACES, State, Unit
+from rig.frame.fields import FIELD, FIELDS
+from rig.kernels import kernel
+from rig.unit.c_calls import copy_bytes
+from rig.unit.layout import (
+    ANSWERS,
+    FROM_UNIT,
+    INPUT,
+    OUTPUT,
+    REFERENCES,
+    TO_UNIT,
+    Form,
+    Kind,
+    Said,
+    blank,
+    place,
+)
+
+ON_DISCRETES, ON_SURFACES = int(Said.DISCRETES), int(Said.SURFACE)
+_OWN_CONTROL: Final = ("surface", "law")  # the rig's in the redundancy form, whatever a unit says of them
+Moves = NDArray[np.int64]  # (m, 4): group of Said or 0, first byte there, first byte here, bytes
+
+
+# Places in the records of an answer.
+RECEIVED, BLANK, FLOWN = 0, 1, 2  # just now; what stands for groups that are not said; the oldest that was accepted
+
+
+class Outbound(NamedTuple):
+    """What goes to the unit."""
+
+    sent: NDArray[Any]  # (1,) INPUT
+    sent_bytes: NDArray[np.uint8]  # the same
+    rate_hz: float
+
+
+class Inbound(NamedTuple):
+    """What comes back, and what of it waits to be flown."""
+
+    records: NDArray[Any]  # (3 + latency_frames,) OUTPUT: RECEIVED, BLANK, FLOWN and those that will be
+    bytes: NDArray[np.uint8]  # the same, (records, bytes)
+    counts: NDArray[np.int64]  # (2,): answers accepted, surfaces that were no finite number
+    form: int  # of Form
+    needed: int  # groups that an answer must fill
+
+
+class Port(NamedTuple):
+    """What goes over in a frame."""
+
+    out: Outbound
+    back: Inbound
+
+
+def new_port(form: Form, session: int, latency_frames: int, trim: NDArray[np.float64], rate_hz: float) -> Port:
+    """The port of one flight; trim : (4,) surfaces that are flown until the unit has said others."""
+    sent = blank(INPUT, TO_UNIT, Kind.FRAME, session)
+    records = np.repeat(blank(OUTPUT, FROM_UNIT, Kind.REPLY, session), 3 + latency_frames)
+    records["voted"], records["state"], records["surface"], records["frame"] = np.nan, State.ABSENT, trim, -1
+    needed = Said.SURFACE if form is Form.FLIGHT_COMPUTER else Said.VOTED
+    counts = np.zeros(2, np.int64)
+    return Port(
+        Outbound(sent, sent.view(np.uint8), rate_hz),
+        Inbound(records, records.view(np.uint8).reshape(len(records), -1), counts, int(form), int(needed)),
+    )
+
+
+def _moves(groups: dict[str, Any], source: np.dtype[Any], target: np.dtype[Any]) -> Moves:
+    """How fields get from a record to another; those of a group that follow each other in both are one move."""
+    found: list[list[int]] = []
+    for name in sorted(groups, key=lambda name: place(source, name)[1]):
+        dtype, first = place(source, name)
+        group, to = int(groups[name]), place(target, name)[1]
+        last = found[-1] if found else None
+        if last and last[0] == group and last[1] + last[3] == first and last[2] + last[3] == to:
+            last[3] += dtype.itemsize
+        else:
+            found.append([group, first, to, dtype.itemsize])
+    return np.array(found, np.int64)
+
+
+def _limits() -> NDArray[np.int64]:
+    """The largest value that each field of one byte may have."""
+    found = []
+    for name, group in ANSWERS.items():
+        field, (dtype, first) = FIELD[name], place(OUTPUT, name)
+        if field.kind not in ("number", "byte"):
+            enum: type[IntEnum] | None = field.enum
+            most = max(enum) if enum is not None else 1 if field.kind == "flag" or name == "discrete_voted" else 4
+            found.append([int(group), first, dtype.itemsize, int(most)])
+    return np.array(found, np.int64)
+
+
+_READ: Final = (*REFERENCES, *(field.name for field in FIELDS if field.part == "bus"))
+# Constants of the kernels.
+_OUT: Final = _moves(dict.fromkeys(_READ, 0), FLAT, INPUT)
+_GROUPS: Final = _moves({**ANSWERS, "said": 0}, OUTPUT, OUTPUT)
+_VOTES: Final = _moves({name: 0 for name in ANSWERS if name not in _OWN_CONTROL}, OUTPUT, FLAT)
+_CONTROL: Final = _moves(dict.fromkeys(_OWN_CONTROL, 0), OUTPUT, FLAT)
+_LIMITS: Final = _limits()
+_WITH_SURFACES: Final = int(Form.FLIGHT_COMPUTER)
+_SURFACES: Final = len(SURFACES)
+
+
+@kernel
+def move(source, target, moves):
+    """Copy the bytes of ``moves`` (m, 4)."""
+    for m in range(moves.shape[0]):
+        copy_bytes(target, moves[m, 2], source, moves[m, 1], moves[m, 3])
+
+
+@kernel
+def fill(raw, k, frame, port):
+    """Write row k of a block, raw (n, bytes), into the record that is sent; port : Outbound."""
+    port.sent[0]["frame"], port.sent[0]["time_s"] = frame, frame / port.rate_hz
+    move(raw[k], port.sent_bytes, _OUT)
+
+
+@kernel
+def take(raw, k, port, status):
+    """Write what is flown in frame k into its row: the answer just received if ``status`` says so and it may be one.
+
+    Returns the status that the frame comes to: REFUSED in place of ANSWERED for an answer that no unit may give.
+    port : Inbound
+    """
+    answers = status == Unit.ANSWERED or status == Unit.RESTARTED
+    if answers and not may_be(port):
+        status = Unit.REFUSED.value
+    elif answers:
+        accept(port)
+    move(port.bytes[FLOWN], raw[k], _VOTES)
+    if port.form == _WITH_SURFACES:
+        move(port.bytes[FLOWN], raw[k], _CONTROL)
+    return status
+
+
+@kernel
+def may_be(port):
+    """Whether the answer fills what its form needs, and every state, level and pattern of it is one."""
+    said, received = port.records[RECEIVED]["said"], port.bytes[RECEIVED]
+    allowed = said & port.needed == port.needed
+    for n in range(_LIMITS.shape[0]):
+        if said & _LIMITS[n, 0]:
+            for i in range(_LIMITS[n, 2]):
+                allowed = allowed and received[_LIMITS[n, 1] + i] <= _LIMITS[n, 3]
+    return allowed
+
+
+@kernel
+def copy(records, source, target):
+    """One of the records (n, bytes) over another."""
+    copy_bytes(records[target], 0, records[source], 0, records.shape[1])
+
+
+@kernel
+def accept(port):
+    """Take the answer in behind those that still wait to be flown; the first one of a flight fills all places."""
+    received, last = port.records[RECEIVED], port.records.shape[0] - 1
+    for j in range(FLOWN, last):
+        copy(port.bytes, j + 1, j)
+    newest = port.records[last]
+    for s in range(_SURFACES):
+        if not np.isfinite(received["surface"][s]):  # that surface stays where it was
+            port.counts[1] += (received["said"] & ON_SURFACES) != 0
+            received["surface"][s] = newest["surface"][s]
+    for m in range(_GROUPS.shape[0]):
+        group, at = _GROUPS[m, 0], _GROUPS[m, 1]
+        source = port.bytes[RECEIVED] if group == 0 or received["said"] & group != 0 else port.bytes[BLANK]
+        copy_bytes(port.bytes[last], at, source, at, _GROUPS[m, 3])
+    newest["frame"] = received["frame"]
+    if port.counts[0] == 0:
+        for j in range(FLOWN, last):
+            copy(port.bytes, last, j)
+    port.counts[0] += 1

@@ -1,0 +1,116 @@
+"""A unit file: which flight software is under test, how it is reached, and what counts when it does not answer."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from pathlib import Path
+from typing import Any, ClassVar, Final, Literal
+
+from pydantic import Field, PrivateAttr, field_validator, model_validator
+
+from rig.errors import BadInput
+from rig.settings import Settings, build, read_toml
+from rig.util.files import is_file
+
+LOOPBACK: Final = re.compile(r"127\.\d+\.\d+\.\d+|localhost")
+_ADDRESS: Final = re.compile(r"([\w.-]+):(\d{1,5})")
+_NEEDS: Final = {"library": "path", "fmu": "path", "python": "manager"}
+
+
+class Unit(Settings):
+    """The settings of one unit under test; times in s, counts in frames."""
+
+    keys_are_in: ClassVar[str] = "docs/unit.md"
+
+    name: str = Field(min_length=1, max_length=60)
+    form: Literal["redundancy", "flight-computer"] = "redundancy"
+    carrier: Literal["library", "udp", "fmu", "python"] = "library"
+    path: str | None = None  # of a library or an FMU, from the folder of the unit file
+    manager: str | None = None  # module:name, of the carrier python
+    command: list[str] | None = Field(default=None, min_length=1)  # udp: started by the rig; {address} is the rig's own
+    address: str | None = None  # udp: of a unit that runs already
+    remote: bool = False  # an address that is not of this machine may be used
+    isolate: bool = True  # a library runs in a child process
+    latency_frames: int = Field(default=0, ge=0, le=16)  # the answer to frame k is flown in k + latency_frames
+    start_s: float = Field(default=5.0, gt=0, le=600)  # until it has said READY
+    timeout_s: float = Field(default=2.0, ge=0, le=3600)  # lockstep: then it is dead; 0 waits for ever
+    deadline: float = Field(default=0.8, gt=0, le=1)  # paced: share of the frame by which the answer must be here
+    on_miss: Literal["hold", "fault", "end"] = "hold"
+    max_missed: int = Field(default=10, ge=1)  # frames in a row; then it is dead
+    on_dead: Literal["end", "hold", "backup", "restart"] = "end"
+    reuse: bool = True  # a campaign flies one session after the other with the same process
+    _folder: Path = PrivateAttr(default=Path())  # of the unit file
+    _source: str = PrivateAttr(default="the unit")
+
+    @field_validator("address")
+    @classmethod
+    def _host_and_port(cls, address: str | None) -> str | None:
+        found = None if address is None else _ADDRESS.fullmatch(address)
+        if address is not None and (found is None or not 0 < int(found[2]) < 65536):
+            raise ValueError(f"must be host:port, got {address!r}")
+        return address
+
+    @model_validator(mode="after")
+    def _fits_its_carrier(self) -> Unit:
+        needed = _NEEDS.get(self.carrier)
+        if needed is not None and getattr(self, needed) is None:
+            raise ValueError(f"{needed}: the carrier {self.carrier} needs it")
+        if self.carrier == "udp" and (self.command is None) == (self.address is None):
+            raise ValueError(
+                "carrier udp: give either command, which the rig starts, or the address of what runs already"
+            )
+        if self.address is not None and not self.remote and not LOOPBACK.fullmatch(self.host_and_port[0]):
+            raise ValueError(f"address: {self.address} is not of this machine; remote = true permits it")
+        if self.on_dead == "restart" and (self.address is not None or self.carrier == "python" or not self.isolate):
+            raise ValueError("on_dead: the rig can restart only what it has started itself")
+        return self
+
+    @property
+    def host_and_port(self) -> tuple[str, int]:
+        """The parts of ``address``."""
+        host, _, port = (self.address or "127.0.0.1:0").rpartition(":")
+        return host, int(port)
+
+    @property
+    def source(self) -> str:
+        """What a message names: the unit file and the unit."""
+        return f"{self._source}: {self.name}"
+
+    @property
+    def folder(self) -> Path:
+        """Of the unit file."""
+        return self._folder
+
+    @property
+    def file(self) -> Path:
+        """The library, the FMU or the started program; an empty path for a box and a class."""
+        if self.path is not None:
+            return self._folder / self.path
+        if self.command is None:
+            return Path()
+        program = self._folder / self.command[0]
+        return program if is_file(program) else Path(self.command[0])
+
+    def sha256(self) -> str:
+        """Of the library, FMU or program, in hexadecimal; empty where there is none.  BadInput: unreadable."""
+        if not self.file.name or not is_file(self.file):
+            return ""
+        try:
+            return hashlib.sha256(self.file.read_bytes()).hexdigest()
+        except OSError as error:
+            raise BadInput(f"{self.source}: {self.file} cannot be read: {error.strerror}") from None
+
+    def about(self) -> dict[str, Any]:
+        """What a log keeps of it."""
+        return {**self.model_dump(exclude_none=True), "sha256": self.sha256()}
+
+
+def read_unit(path: Path | str) -> Unit:
+    """The unit of a file; BadInput says what is wrong with it."""
+    path = Path(path)
+    unit = build(Unit, read_toml(path), str(path))
+    unit._folder, unit._source = path.resolve().parent, str(path)
+    if unit.path is not None and not is_file(unit.file):
+        raise BadInput(f"{path}: path: {unit.path}: no such file")
+    return unit

@@ -1,0 +1,120 @@
+"""Vectors: what a monitor must say to known inputs, each case with the requirement that it tests.
+
+They are made by an independent reading of docs/redundancy.md (tests/tools/unit_vectors.py), not by our manager.
+A file of numpy arrays; a case is a session of its own:
+
+    layout       LAYOUT of the records
+    requirement  (cases,) text
+    config       (cases,) CONFIG
+    case         (frames,) to which case a frame belongs, in order
+    input        (frames,) INPUT
+    expected     (frames,) OUTPUT, of which ``said`` names the groups that count
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.errors import ManagerFailed, RigError
+from rig.frame import SIGNALS
+from rig.frame import Unit as Answer
+from rig.unit.layout import ANSWERS, CONFIG, HELLO, INPUT, LAYOUT, OUTPUT, Said
+from rig.unit.port import RECEIVED
+from rig.unit.unit import UnitUnderTest
+
+FILE: Final = Path(__file__).with_name("vectors.npz")
+BODY: Final = tuple(
+    name for name in INPUT.names or () if name not in (HELLO.names or ()) and not name.startswith("pad_")
+)
+VOTES_WITHIN: Final = 1e-6  # of a signal's range
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One session: what goes in, and what must come out."""
+
+    requirement: str
+    config: NDArray[Any]  # (1,) CONFIG
+    inputs: NDArray[Any]  # (n,) INPUT
+    expected: NDArray[Any]  # (n,) OUTPUT
+
+
+def load(path: Path = FILE) -> list[Case]:
+    """The cases of a file.  RigError: of other records than ours."""
+    with np.load(path) as held:
+        if int(held["layout"]) != LAYOUT:
+            raise RigError(f"{path}: vectors of another layout: write them again with tests/tools/unit_vectors.py")
+        requirement, config, case = held["requirement"], held["config"], held["case"]
+        inputs, expected = held["input"], held["expected"]
+    return [
+        Case(str(requirement[i]), config[i : i + 1].copy(), inputs[case == i], expected[case == i])
+        for i in range(len(config))
+    ]
+
+
+def save(cases: list[Case], path: Path = FILE) -> None:
+    """Write the cases to a file."""
+    np.savez_compressed(
+        path,
+        layout=np.uint64(LAYOUT),
+        requirement=np.array([case.requirement for case in cases]),
+        config=np.concatenate([case.config for case in cases]).astype(CONFIG),
+        case=np.repeat(np.arange(len(cases)), [len(case.inputs) for case in cases]),
+        input=np.concatenate([case.inputs for case in cases]).astype(INPUT),
+        expected=np.concatenate([case.expected for case in cases]).astype(OUTPUT),
+    )
+
+
+def answers(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -> NDArray[Any]:
+    """What a unit says to ``inputs`` (n,) in a session of its own: (n,) OUTPUT.  BadInput: it will not begin.
+
+    Frames without an answer stay zero, their ``frame`` -1.
+    """
+    tested.begin(config.copy())
+    found = np.zeros(len(inputs), OUTPUT)
+    found["frame"] = -1
+    for k, asked in enumerate(inputs):
+        if ask(tested, asked, k):
+            found[k] = tested.port.back.records[RECEIVED]
+    tested.end()
+    return found
+
+
+def ask(tested: UnitUnderTest, asked: Any, k: int) -> bool:
+    """Put the body of an INPUT record to a unit as frame k of the session that has begun; whether it was answered."""
+    port = tested.port.out
+    for name in BODY:
+        port.sent[name] = asked[name]
+    port.sent["frame"], port.sent["time_s"] = k, k / port.rate_hz
+    try:
+        status = tested.exchange(k, k)
+    except ManagerFailed:
+        return False
+    tested.taken(status)
+    return status == Answer.ANSWERED
+
+
+def differences(case: Case, said: NDArray[Any]) -> Iterator[str]:
+    """Where the answers (n,) OUTPUT are not those of the case; votes may be off by VOTES_WITHIN of the range."""
+    ranges = case.config["signal"][0]
+    allowed = VOTES_WITHIN * (ranges["high"] - ranges["low"])
+    unanswered = said["frame"] < 0
+    for k in np.flatnonzero(unanswered)[:1]:
+        yield f"frame {k}: no answer"
+    for name, group in ANSWERS.items():
+        expected, found = case.expected[name], said[name]
+        counts = (case.expected["said"] & group != 0) & ~unanswered
+        counts = counts.reshape(len(counts), *[1] * (expected.ndim - 1))
+        unsaid = (said["said"] & group == 0).reshape(counts.shape) & counts
+        off = ~(np.abs(expected - found) <= allowed) if group == Said.VOTED else expected != found
+        for place in np.argwhere((off | unsaid) & counts)[:1]:
+            where: tuple[int, ...] = tuple(place.tolist())
+            of_signals = expected.shape[1:2] == (len(SIGNALS),)
+            named = f" {SIGNALS[where[1]].name}" if of_signals else ""
+            yield f"frame {where[0]}: {name}{named} is {found[where]}, must be {expected[where]}"

@@ -1,0 +1,1 @@
+"""Physical units: angles, the atmosphere, quantities with the units that people read."""

@@ -1,0 +1,1 @@
+"""What every room may use: text, files, console, progress, interrupts, versions, permission to run a user's code."""

@@ -1,0 +1,124 @@
+"""Bundled files, and output files: whole or not there, and never two writers in one.
+
+A file that the user names is written beside and renamed: of two commands with one output the later wins, and the
+file is whole.  A file that is named here takes the next free number.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import stat
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from itertools import count
+from pathlib import Path
+
+from rig.errors import BadInput, RigError
+
+_KEPT = 40  # characters of a file's name that its draft has too; a name may not have more than 255 bytes
+DRAFT = ".part"
+
+
+def bundled(kind: str) -> Path:
+    """Return the bundled ``aircraft`` or ``faults`` folder: inside the installed package, else in the checkout."""
+    package = Path(__file__).parents[1]
+    installed = package / "bundled" / kind
+    return installed if installed.is_dir() else package.parent / kind
+
+
+def is_file(path: Path) -> bool:
+    """Whether a regular file is there; no for a name that no file can have."""
+    return os.path.isfile(path)  # noqa: PTH113 # Path.is_file raises for a name that is too long
+
+
+def is_pipe(path: Path) -> bool:
+    """Whether opening ``path`` would wait for a writer; no for a name that no file can have."""
+    try:
+        return path.is_fifo()
+    except OSError:
+        return False
+
+
+@contextmanager
+def reported(where: Path | str, kind: type[RigError] = RigError, what: str = "cannot be written") -> Iterator[None]:
+    """Say in one line, as ``kind``, what the system refuses in the block: ``where``, ``what`` and the reason."""
+    try:
+        yield
+    except OSError as error:
+        raise kind(f"{where}: {what}: {error.strerror}") from None
+
+
+@contextmanager
+def draft(path: Path) -> Iterator[Path]:
+    """A new empty file beside ``path``, under a name that nobody else has; it is removed at the end.
+
+    BadInput: ``path`` is a folder or a device, cannot be a file's name, or its folder is not there or not writable.
+    """
+    _check(path)
+    made = path.with_name(f".{path.name[:_KEPT]}.{secrets.token_hex(4)}{DRAFT}")
+    with reported(path, BadInput):
+        made.touch(exist_ok=False)
+    try:
+        yield made
+    finally:
+        made.unlink(missing_ok=True)
+
+
+@contextmanager
+def replaced(path: Path) -> Iterator[Path]:
+    """A draft to write to, which becomes ``path`` when the block ends well; after an error ``path`` is as before.
+
+    A link at ``path`` is replaced, not followed.  BadInput as of ``draft``; RigError when it cannot be renamed.
+    """
+    with draft(path) as made:
+        yield made
+        with reported(path):
+            made.replace(path)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write UTF-8 with Unix line ends, all of it or nothing. BadInput as of ``draft``, RigError: the disk."""
+    with replaced(path) as made, reported(path):
+        made.write_text(text, encoding="utf-8", newline="\n")
+
+
+def numbered(folder: Path, stem: str, ending: str) -> Iterator[Path]:
+    """The free names of stem.ending, stem_2.ending, stem_3.ending and so on; somebody may be faster to take one."""
+    for number in count(1):
+        path = folder / (f"{stem}{ending}" if number == 1 else f"{stem}_{number}{ending}")
+        if not os.path.lexists(path):  # a link to nowhere is taken too
+            yield path
+
+
+def publish(made: Path, paths: Iterable[Path]) -> Path:
+    """Rename a draft to the first of ``paths`` that is free, and say which. RigError when it cannot be renamed."""
+    for path in paths:
+        with reported(path):
+            try:
+                path.touch(exist_ok=False)  # ours from here on, whoever else looks for a name
+            except FileExistsError:
+                continue
+            try:
+                return made.replace(path)
+            except OSError:
+                path.unlink(missing_ok=True)
+                raise
+    raise RigError(f"{made.parent}: no free name")
+
+
+def _check(path: Path) -> None:
+    """BadInput unless a regular file is at ``path``, or none."""
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        if not path.parent.is_dir():
+            raise BadInput(f"{path}: no such folder: {path.parent}") from None
+        return
+    except (OSError, ValueError) as error:
+        said = error.strerror if isinstance(error, OSError) else error
+        raise BadInput(f"{path}: cannot be written: {said}") from None
+    if stat.S_ISDIR(mode):
+        raise BadInput(f"{path}: is a folder")
+    if not stat.S_ISREG(mode):
+        raise BadInput(f"{path}: is no regular file")

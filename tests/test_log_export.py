@@ -1,0 +1,177 @@
+"""A log as a table, and what a log says of itself."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+import rig
+from rig.cli import main as cli
+from rig.errors import BadInput
+from rig.flight.assembly import fly
+from rig.frame import INDEX, Pattern, State
+from rig.log.columns import COLUMNS
+from rig.log.export import export
+from rig.log.info import info
+
+Q = INDEX["pitch_rate"]
+# A channel flagged invalid for a while, then a hardover: what rig vote has to see in the table too.
+FAULTS = (
+    "faults=[{kind='dropout', signal='pitch_rate', channels=[2], start_s=0.5, end_s=0.52},"
+    "{kind='hardover', signal='pitch_rate', channels=[3], start_s=1.0, seen_by_ilm=true},"
+    "{kind='offset', signal='heading', channels=[1], start_s=1.2, offset=0.5}]"
+)
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory) -> Path:
+    return fly(overrides=["duration_s=3", FAULTS], out=tmp_path_factory.mktemp("logs")).log
+
+
+def run(capsys, monkeypatch, *arguments: object) -> tuple[int, str, str]:
+    """The ``rig`` command in this process: exit code, stdout, stderr."""
+    monkeypatch.setattr(sys, "argv", ["rig", *map(str, arguments)])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    return int(ended.value.code or 0), *capsys.readouterr()
+
+
+@pytest.mark.parametrize("to", ["csv", "parquet", "npz"])
+def test_numbers_come_back_bit_for_bit(flown, tmp_path, to):
+    log, out = rig.read_log(flown), tmp_path / f"a.{to}"
+    names = export(log, to, out)
+    read = {"csv": pl.read_csv, "parquet": pl.read_parquet, "npz": np.load}[to]
+    table = read(out)
+    assert len(names) == len(set(names)) == len(COLUMNS) + 1
+    for name, values in {
+        "time_s": log.time_s,
+        "pitch_rate.3": log.rows["channels"][:, Q, 2],
+        "pitch_rate.voted": log.rows["voted"][:, Q],
+        "heading.ref": log.rows["reference"][:, INDEX["heading"]],
+        "flight.altitude_m": log.rows["flight"][:, 0],
+        "pitch_rate.level": log.rows["level"][:, Q],
+    }.items():
+        assert np.array_equal(np.asarray(table[name], values.dtype), values, equal_nan=values.dtype.kind == "f")
+
+
+def test_enums_are_words_in_a_table_and_numbers_in_npz(flown, tmp_path):
+    log = rig.read_log(flown)
+    for to in ("parquet", "npz"):
+        export(log, to, tmp_path / f"a.{to}", ["pitch_rate"])
+    states, patterns = (
+        pl.read_parquet(tmp_path / "a.parquet")[f"pitch_rate.{n}"].to_list() for n in ("state.3", "pattern")
+    )
+    assert states == [State(v).name.lower() for v in log.rows["state"][:, Q, 2]] and "failed" in states
+    assert patterns == [Pattern(v).label for v in log.rows["pattern"][:, Q]] and "isolated" in patterns
+    assert np.load(tmp_path / "a.npz")["pitch_rate.state.3"].tolist() == log.rows["state"][:, Q, 2].tolist()
+
+
+@pytest.mark.parametrize("to", ["csv", "parquet"])
+def test_an_export_for_vote_is_voted_as_it_was_in_flight(flown, tmp_path, to, capsys, monkeypatch):
+    """Every vote, state, level, pattern and resolver of the flight, from the table alone."""
+    recording, table, out = rig.read_log(flown), tmp_path / f"a.{to}", tmp_path / "voted.parquet"
+    code, _, err = run(capsys, monkeypatch, "export", flown, "--to", to, "--for-vote", "--out", table)
+    assert (code, err) == (0, "")
+    (tmp_path / "vote.toml").write_text(config(recording))
+    assert run(capsys, monkeypatch, "vote", table, "--config", tmp_path / "vote.toml", "--out", out)[0] == 0
+    voted = pl.read_parquet(out)
+    for name in INDEX:
+        signal = recording.signal(name)
+        assert voted[f"{name}.voted"].to_numpy().tobytes() == np.ascontiguousarray(signal.voted).tobytes(), name
+        assert voted[f"{name}.level"].to_list() == signal.level.tolist()
+        assert voted[f"{name}.pattern"].to_list() == [Pattern(v).label for v in signal.pattern]
+        for c in range(4):
+            assert voted[f"{name}.state.{c + 1}"].to_list() == [State(v).name.lower() for v in signal.state[:, c]]
+
+
+def config(recording) -> str:
+    """The flight's own settings as a CONFIG of rig vote, measured reference thresholds included."""
+    import tomli_w
+
+    from rig import loop
+    from rig.scenario import from_resolved
+
+    which = from_resolved(json.loads(recording.metadata["scenario"]), "log")
+    params = loop.redundancy(which).manager.params
+    tables = which.redundancy.signals.model_dump(exclude_none=True)
+    for name, s in INDEX.items():
+        tables[name]["reference_threshold"] = float(params[s]["reference_threshold"])
+    return tomli_w.dumps({"signal": tables})
+
+
+def test_an_export_for_vote_leaves_flagged_samples_empty(flown, tmp_path):
+    log = rig.read_log(flown)
+    names = export(log, "csv", tmp_path / "a.csv", ["pitch_rate"], for_vote=True)
+    assert names == [
+        "time_s",
+        *(f"pitch_rate.{c}" for c in range(1, 5)),
+        "pitch_rate.ref",
+        *(f"pitch_rate.ilm.{c}" for c in range(1, 5)),
+    ]
+    second = pl.read_csv(tmp_path / "a.csv")["pitch_rate.2"].to_numpy()
+    assert np.flatnonzero(np.isnan(second)).tolist() == [50, 51]
+    export(log, "csv", tmp_path / "a.csv", ["pitch_rate"])
+    assert pl.read_csv(tmp_path / "a.csv")["pitch_rate.valid.2"].to_numpy().tolist().count(0) == 2
+
+
+def test_only_what_is_asked_for_is_written(flown, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, out, _ = run(
+        capsys, monkeypatch, "export", flown, "--to", "npz", "--signals", "heading, flight", "--out", "a.npz", "--json"
+    )
+    found = json.loads(out)
+    assert code == 0 and found["rows"] == 300
+    assert {name.split(".")[0] for name in found["columns"]} == {"time_s", "heading", "flight"}
+    assert set(np.load("a.npz")) == set(found["columns"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--to", "xls"], "--to xls: allowed: csv, parquet, npz"),
+        (["--to", "csv", "--signals", "haeding"], "unknown 'haeding', nearest: heading"),
+        (["--to", "csv", "--signals", "flight", "--for-vote"], "unknown 'flight', nearest: "),
+        (["--to", "csv", "--out", "nowhere/a.csv"], "no such folder"),
+    ],
+)
+def test_a_wrong_export_is_one_line_exit_code_2_and_nothing_written(
+    flown, tmp_path, capsys, monkeypatch, arguments, says
+):
+    monkeypatch.chdir(tmp_path)
+    before = sorted(flown.parent.iterdir())
+    code, out, err = run(capsys, monkeypatch, "export", flown, *arguments)
+    assert (code, out, err.count("\n")) == (2, "", 1) and says in err
+    assert list(tmp_path.iterdir()) == [] and sorted(flown.parent.iterdir()) == before
+
+
+def test_a_log_tells_what_was_flown_and_that_it_is_whole(flown, capsys, monkeypatch):
+    found, log = info(flown), rig.read_log(flown)
+    assert (found["title"], found["aircraft"], found["seed"]) == ("F-16 pitch-rate hardover", "f16", 1)
+    assert (found["frames"], found["duration_s"], found["rate_hz"], found["faults"]) == (300, 3.0, 100.0, 3)
+    assert found["result"] == log.result and found["result"]["survived"] == "True"
+    assert found["topics"]["/signal/heading"] == 300 and found["topics"]["/events"] == len(log.events)
+    assert found["events"]["fault on"] == 3 and found["events"]["channel failed"] == 2
+    assert found["health"] == "whole, every checksum matches" and found["damage"] is None
+    assert found["versions"]["jsbsim"] == log.metadata["version jsbsim"]
+    code, text, _ = run(capsys, monkeypatch, "info", flown)
+    assert code == 0 and log.result and log.result["digest"] in text and "survived" in text
+    code, text, _ = run(capsys, monkeypatch, "info", flown, "--json")
+    assert code == 0 and json.loads(text) == json.loads(json.dumps(found))
+
+
+def test_a_cut_log_tells_what_is_left_of_it(flown, tmp_path, capsys, monkeypatch):
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(flown.read_bytes()[: flown.stat().st_size // 2])
+    code, text, err = run(capsys, monkeypatch, "info", cut, "--json")
+    found = json.loads(text)
+    assert code == 2 and err.count("\n") == 1 and "truncated at byte" in err
+    assert found["frames"] == 100 and found["damage"].startswith("truncated at byte") and found["result"] is None
+
+
+def test_unknown_owners_are_refused_before_anything_is_written(flown, tmp_path):
+    with pytest.raises(BadInput, match="unknown 'mach'"):
+        export(rig.read_log(flown), "csv", tmp_path / "a.csv", ["mach"])
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,356 @@
+"""A unit as an FMU: its description, a flight of the same bits as the library's, whatever goes wrong with it."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import sys
+import tempfile
+import zipfile
+from functools import cache
+from importlib.util import find_spec
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+import pytest
+from unit_files import HERE, build, needs_a_compiler, unit, written
+from unit_library import SOURCES
+from unit_library import build as make
+
+import rig
+from rig.campaign.units import flown_with
+from rig.errors import BadInput, RigError
+from rig.frame import Unit as Answer
+from rig.kernels import cache_root
+from rig.unit import fmu_description
+from rig.unit.check import check
+from rig.unit.fmu_description import TOKEN, Version, variables
+from rig.unit.layout import CONFIG, HELLO, INPUT, LAYOUT, OUTPUT
+from rig.unit.settings import Unit
+
+needs_fmpy = pytest.mark.skipif(find_spec("fmpy") is None, reason="no FMPy: pip install 'jsbsim-rig[fmi]'")
+VERSIONS = get_args(Version)
+FOLDERS = {"2": "linux64", "3": f"{os.uname().machine}-linux"}
+SHORT = ("duration_s=2", "faults.0.start_s=0.5")
+
+
+@pytest.fixture(autouse=True)
+def _nothing_is_left_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """No folder into which an FMU was unpacked."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    yield
+    assert list(tmp_path.glob("rig-fmu-*")) == []
+
+
+def _folder() -> Path:
+    return cache_root() / "test-units" / f"{LAYOUT:016x}-{os.getpid()}"
+
+
+@cache
+def fmu(version: Version, name: str = "monitor") -> Path:
+    """An example as the Makefile packs it."""
+    target = f"{name}.fmu" if version == "2" else f"{name}_fmi3.fmu"
+    return make(_folder(), target, RIG=str(Path(sys.executable).with_name("rig")), PYTHON=sys.executable)
+
+
+@cache
+def packed(version: Version, *sources: Path) -> Path:
+    """Other C files as an FMU."""
+    named = _folder() / f"{'_'.join(path.stem for path in sources)}_fmi{version}"
+    files = [*sources, SOURCES / "fmu.c"]
+    library = build(files, named.with_suffix(".so"), f"-DFMI={version}", f"-I{SOURCES}")
+    with zipfile.ZipFile(named.with_suffix(".fmu"), "w") as archive:
+        archive.writestr("modelDescription.xml", fmu_description.description(version))
+        archive.write(library, f"binaries/{FOLDERS[version]}/rig_unit.so")
+    return named.with_suffix(".fmu")
+
+
+def faulty(version: Version) -> Path:
+    return packed(version, HERE / "fmi_faulty.c", SOURCES / "first_valid.c")
+
+
+def unit_of(folder: Path, path: Path, **keys: Any) -> Unit:
+    return written(folder, {"name": "u", "carrier": "fmu", "path": str(path), **keys})
+
+
+def fly(out: Path, tested: Unit, **more: Any) -> rig.Flight:
+    return rig.fly(overrides=SHORT, out=out, unit=tested, **more)
+
+
+def changed(whole: Path, folder: Path, pattern: str, text: str) -> Path:
+    """An FMU with another description."""
+    target = folder / "changed.fmu"
+    with zipfile.ZipFile(whole) as source, zipfile.ZipFile(target, "w") as archive:
+        for name in source.namelist():
+            data = source.read(name)
+            if name == "modelDescription.xml":
+                data = re.sub(pattern, text, data.decode(), flags=re.DOTALL).encode()
+            archive.writestr(name, data)
+    return target
+
+
+# The description ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_the_description_has_every_field_of_the_records_and_nothing_else(version: Version):
+    found = {re.split(r"[\[.]", variable.name)[0] for variable in variables(version)}
+    heads = set(HELLO.names or ())
+    assert found == {
+        name
+        for dtype in (CONFIG, INPUT, OUTPUT)
+        for name in set(dtype.names or ()) - heads
+        if not name.startswith("pad_")
+    }
+    for record, dtype in enumerate((CONFIG, INPUT, OUTPUT)):
+        known = [variable for variable in variables(version) if variable.record == record]
+        covered = np.zeros(dtype.itemsize, int)
+        for variable in known:
+            covered[variable.first : variable.first + variable.count * variable.width] += 1
+        assert set(covered) == {0, 1}, "no byte twice"
+        assert len({variable.reference for variable in known}) == len(known)
+    assert max(variable.first for variable in variables(version)) < 1 << 14, "a value reference has room for it"
+
+
+@needs_fmpy
+@pytest.mark.parametrize("version", VERSIONS)
+def test_fmpy_finds_no_fault_with_the_description(tmp_path: Path, version: Version):
+    from fmpy import read_model_description
+
+    path = tmp_path / "modelDescription.xml"
+    path.write_text(fmu_description.description(version))
+    strict = {"validate": True, "validate_variable_names": True, "validate_model_structure": True}
+    found = read_model_description(str(path), **strict)
+    named = {variable.name: variable for variable in found.modelVariables}
+    assert found.guid == TOKEN and found.coSimulation is not None
+    assert len(named) == len(variables(version)) + (version == "3")
+    channel = "channels[1,3]" if version == "2" else "channels"
+    assert named[channel].causality == "input" and named["said"].causality == "output"
+    assert named["aircraft"].type == "String" and named["rate_hz"].variability == "fixed"
+
+
+def test_rig_unit_header_prints_the_description(rig_command):
+    for version in VERSIONS:
+        code, out, _ = rig_command("unit", "header", "--fmu", version)
+        assert code == 0 and out == fmu_description.description(version)
+    code, _, err = rig_command("unit", "header", "--fmu", "1")
+    assert code == 2 and "'1' is not one of '2', '3'" in err
+
+
+# In flight ---------------------------------------------------------------------------------------------------
+
+
+@needs_fmpy
+@needs_a_compiler
+def test_the_monitor_as_an_fmu_flies_the_bits_of_the_library(tmp_path: Path):
+    flights = [fly(tmp_path, unit(tmp_path, "monitor"))]
+    flights += [fly(tmp_path, unit_of(tmp_path, fmu(version))) for version in VERSIONS]
+    assert len({flight.digest for flight in flights}) == 1
+    for flight, said in zip(flights, ("library", "FMI 2.0", "FMI 3.0"), strict=True):
+        assert (flight.rows["unit"] == Answer.ANSWERED).all() and flight.failed == {"pitch_rate": [3]}
+        assert flight.unit is not None and flight.unit["said"] == said and flight.unit["reproducible"]
+
+
+@needs_fmpy
+@needs_a_compiler
+@pytest.mark.parametrize("version", VERSIONS)
+def test_it_meets_every_requirement_of_the_conformance_test_to_the_bit(tmp_path: Path, version: Version):
+    """A session after another begins as the first, among others."""
+    unit_of(tmp_path, fmu(version))
+    found = check(tmp_path / "unit.toml")
+    assert [one for one in found.requirements if not one.passed] == []
+    assert found.grade == "bits"
+
+
+@needs_fmpy
+@needs_a_compiler
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_discarded_step_is_refused_and_the_last_answer_flown(tmp_path: Path, monkeypatch, version: Version):
+    monkeypatch.setenv("FAULT", "discard")
+    flight = fly(tmp_path, unit_of(tmp_path, faulty(version), timeout_s=60))
+    rows = flight.rows
+    assert np.flatnonzero(rows["unit"] != Answer.ANSWERED).tolist() == [50]
+    assert rows["unit"][50] == Answer.REFUSED and rows["unit_age"][50] == 1
+    assert np.array_equal(rows["voted"][50], rows["voted"][49])
+    assert flight.unit is not None and flight.unit["refused"] == 1
+
+
+STEP = {"2": "fmi2DoStep", "3": "fmi3DoStep"}
+DEATHS = {
+    "error": "failed: {} returned error",
+    "fatal": "failed: {} returned fatal",
+    "end": "failed: {}: the FMU asks for the end of the simulation",
+}
+
+
+@needs_fmpy
+@needs_a_compiler
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("fault", DEATHS)
+def test_an_fmu_that_fails_ends_the_flight_in_one_line(tmp_path: Path, monkeypatch, fault: str, version: Version):
+    monkeypatch.setenv("FAULT", fault)
+    with pytest.raises(RigError) as said:
+        fly(tmp_path, unit_of(tmp_path, faulty(version)))
+    text, _, log = str(said.value).partition("; the log is complete up to there: ")
+    assert text == f"{tmp_path}/unit.toml: u, frame 50: {DEATHS[fault].format(STEP[version])}"
+    assert len(rig.read_log(log).rows) == 50
+
+
+LOGGED = {
+    "open": r"refuses the flight: fmi2ExitInit.* returned error; it printed: \[ERROR\] rig_unit_open returned 7",
+    "error": r"frame 50: failed: fmi2DoStep returned error; it printed: \[ERROR\] rig_unit_step returned 5",
+    "segv": r"frame 50: killed by signal 11 \(SIGSEGV\)",
+}
+
+
+@needs_fmpy
+@needs_a_compiler
+@pytest.mark.parametrize("fault", LOGGED)
+def test_what_an_fmu_has_logged_is_in_the_line(tmp_path: Path, monkeypatch, fault: str):
+    monkeypatch.setenv("FAULT", fault)
+    with pytest.raises(RigError, match=LOGGED[fault]):
+        fly(tmp_path, unit_of(tmp_path, packed("2", SOURCES / "fmi2.c", HERE / "faulty.c")))
+
+
+@needs_fmpy
+@needs_a_compiler
+def test_an_fmu_that_dies_is_started_again(tmp_path: Path, monkeypatch):
+    monkeypatch.setenv("FAULT", "segv once")
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(packed("2", SOURCES / "fmi2.c", HERE / "faulty.c"), tmp_path / "unit.fmu")
+    flight = fly(tmp_path, unit_of(tmp_path, Path("unit.fmu"), on_dead="restart"))
+    assert np.flatnonzero(flight.rows["unit"] == Answer.RESTARTED).tolist() == [50]
+    assert flight.unit is not None and flight.unit["restarts"] == 1 and flight.survived
+
+
+# What cannot be flown ----------------------------------------------------------------------------------------
+
+
+def _nothing(folder: Path) -> Path:
+    path = folder / "text.fmu"
+    path.write_text("not an archive")
+    return path
+
+
+def _empty(folder: Path) -> Path:
+    path = folder / "empty.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("readme.txt", "nothing here")
+    return path
+
+
+def _cut(folder: Path) -> Path:
+    path = folder / "cut.fmu"
+    data = bytearray(fmu("2").read_bytes())
+    data[2000:3000] = bytes(1000)
+    path.write_bytes(data)
+    return path
+
+
+def _elsewhere(folder: Path) -> Path:
+    path = folder / "elsewhere.fmu"
+    with zipfile.ZipFile(fmu("2")) as source, zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("modelDescription.xml", source.read("modelDescription.xml"))
+        archive.writestr("binaries/win64/rig_unit.dll", b"")
+    return path
+
+
+def _library(folder: Path, library: Path) -> Path:
+    path = folder / "library.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("modelDescription.xml", fmu_description.description("2"))
+        archive.write(library, "binaries/linux64/rig_unit.so")
+    return path
+
+
+OTHER = "rig-unit-0000000000000001"
+REFUSED = {
+    "no archive": (_nothing, "text.fmu is no FMU: File is not a zip file"),
+    "no description": (_empty, "empty.fmu is no FMU: it has no modelDescription.xml"),
+    "damaged": (_cut, "cut.fmu is no FMU: "),
+    "no xml": (lambda folder: changed(fmu("2"), folder, ".*", "<fmi"), "its modelDescription.xml cannot be read: "),
+    "another version": (
+        lambda folder: changed(fmu("2"), folder, 'fmiVersion="2.0"', 'fmiVersion="1.0"'),
+        "is of FMI version 1.0; 2.0 and 3.0 can be flown",
+    ),
+    "no co-simulation": (
+        lambda folder: changed(fmu("2"), folder, "<CoSimulation", "<ModelExchange"),
+        "has no co-simulation",
+    ),
+    "another layout": (
+        lambda folder: changed(fmu("2"), folder, TOKEN, OTHER),
+        f"was built for layout '{OTHER}', this rig has '{TOKEN}': write its modelDescription.xml again"
+        " ('rig unit header --fmu 2') and rebuild",
+    ),
+    "another layout, FMI 3.0": (lambda folder: changed(fmu("3"), folder, TOKEN, OTHER), "'rig unit header --fmu 3'"),
+    "a variable less": (
+        lambda folder: changed(fmu("2"), folder, r'name="voted\[3\]"', 'name="vote"'),
+        "has no variable voted[3] of type Real",
+    ),
+    "no library": (_elsewhere, "the FMU has no library for this machine: binaries/linux64/rig_unit.so"),
+    "no library at all": (
+        lambda folder: _library(folder, HERE / "faulty.c"),
+        "the FMU's library cannot be loaded: /binaries/linux64/rig_unit.so: ",
+    ),
+    "no function": (
+        lambda folder: _library(folder, next(Path("/lib").rglob("libm.so.6"))),
+        "undefined symbol: fmi2",
+    ),
+}
+
+
+@needs_fmpy
+@needs_a_compiler
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_flown_is_refused_in_one_line(tmp_path: Path, case: str):
+    made, said = REFUSED[case]
+    with pytest.raises(BadInput) as error:
+        fly(tmp_path, unit_of(tmp_path, made(tmp_path)))
+    text = str(error.value)
+    assert text.startswith(f"{tmp_path}/unit.toml: u") and said in text and "\n" not in text
+    assert list(tmp_path.glob("*.mcap")) == []
+
+
+@needs_fmpy
+@needs_a_compiler
+def test_a_library_of_another_layout_than_its_description_is_refused(tmp_path: Path):
+    """The description is ours, the library was built with an older header."""
+    text = (SOURCES / "rig_unit.h").read_text()
+    for name in ("fmi2.c", "fmu.c", "fmu.h", "first_valid.c"):
+        shutil.copy(SOURCES / name, tmp_path)
+    (tmp_path / "old").mkdir()
+    (tmp_path / "rig_unit.h").write_text(re.sub(r"LAYOUT UINT64_C\(0x\w+\)", "LAYOUT UINT64_C(0x1)", text))
+    sources = [tmp_path / name for name in ("fmi2.c", "fmu.c", "first_valid.c")]
+    old = build(sources, tmp_path / "old" / "old.so")
+    with pytest.raises(BadInput, match=r"u refuses the flight: the FMU was not instantiated, is its library of this"):
+        fly(tmp_path, unit_of(tmp_path, _library(tmp_path, old)))
+
+
+def test_without_fmpy_one_line_says_what_to_install(tmp_path: Path, rig_command, monkeypatch):
+    monkeypatch.setattr("rig.unit.fmu.find_spec", lambda name: None)
+    unit_of(tmp_path, _nothing(tmp_path))
+    code, _, err = rig_command("fly", "--unit", "unit.toml")
+    assert code == 2
+    assert err == "error: unit.toml: u: carrier fmu needs FMPy: pip install 'jsbsim-rig[fmi]'\n"
+
+
+@needs_fmpy
+def test_the_command_says_it_with_exit_code_2(tmp_path: Path, rig_command):
+    unit_of(tmp_path, _nothing(tmp_path))
+    code, _, err = rig_command("fly", "--unit", "unit.toml")
+    assert code == 2 and err == f"error: unit.toml: u: {tmp_path}/text.fmu is no FMU: File is not a zip file\n"
+
+
+def held_by_a_worker(tested: Unit) -> None:
+    with flown_with(tested):
+        assert list(Path(tempfile.gettempdir()).glob("rig-fmu-*"))
+
+
+def test_a_worker_that_ends_leaves_no_folder(tmp_path: Path):
+    worker = get_context("fork").Process(target=held_by_a_worker, args=(unit_of(tmp_path, fmu("2")),))
+    worker.start()
+    worker.join(120.0)
+    assert worker.exitcode == 0 and list(tmp_path.glob("rig-fmu-*")) == []
