@@ -9,7 +9,7 @@ from pathlib import Path
 from rig.util.versions import versions
 
 # What looks at flights, or hands them out, decides nothing in them.
-ROOMS = ("bench", "campaign", "cli", "design", "recordings", "reliability", "replay", "studies", "view")
+ROOMS = ("bench", "campaign", "cli", "design", "public", "recordings", "reliability", "replay", "studies", "view")
 BESIDE = (*ROOMS, "flight/frame_cost.py", "__main__.py", "faults/catalogue.py")
 FLIES = ("campaign/flying.py", "campaign/rows.py")
 
