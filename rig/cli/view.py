@@ -147,7 +147,7 @@ def watch(
     from rig.errors import BadLog
     from rig.log import read_log
     from rig.util.console import console
-    from rig.view.watch.played import play
+    from rig.view.watch.live import play
 
     found = read_log(log)
     if not len(found.rows):

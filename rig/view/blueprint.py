@@ -12,22 +12,29 @@ from rig.errors import BadInput
 from rig.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Discrete, Signal
 from rig.record.failures import decisive_s
 from rig.units.quantities import unit_shown
-from rig.view import charts, derived, lanes, times
+from rig.view import charts, columns, derived, lanes
 from rig.view.facts import Layout, Shown
-from rig.view.panels import (
+from rig.view.plots import (
+    Axes,
+    Line,
     about,
     attitude,
+    chart,
     events,
     histogram,
     legend,
+    list_series,
     map_view,
     margin,
     numbers,
+    over_time,
     path,
+    plot,
+    state_lanes,
+    status_lanes,
     status_now,
     track,
 )
-from rig.view.plots import Axes, Line, chart, list_series, over_time, plot, state_lanes, status_lanes
 from rig.view.scene import TIMELINE
 from rig.view.style import CHANNEL_COLORS, FAULT, PALETTE, REFERENCE, THRESHOLD, TRUTH, VOTED, plain
 
@@ -249,11 +256,11 @@ def _flight_tab(shown: Sequence[Shown], map_tiles: bool) -> rrb.Container:
 
 def _unit_tab(shown: Sequence[Shown]) -> rrb.Container:
     """How long the unit took, how old the answers are that were flown; histograms up to the cursor."""
-    clock = Line(times.PATH, times.ARCHETYPE, "reply_us", "reply time", VOTED)
+    clock = Line(columns.CLOCK, columns.CLOCK_TYPE, "reply_us", "reply time", VOTED)
     age = Line("/control", "rig.Control", "unit_age", "age", PALETTE[0], 3.0)
-    late = Line(times.PATH, times.ARCHETYPE, "late_us", "lateness", PALETTE[0])
+    late = Line(columns.CLOCK, columns.CLOCK_TYPE, "late_us", "lateness", PALETTE[0])
     paced = [one for one in shown if one.facts.paced]
-    bars = [histogram(times.REPLIES, shown), *([histogram(times.LATENESS, paced)] if paced else [])]
+    bars = [histogram(columns.REPLIES, shown), *([histogram(columns.LATENESS, paced)] if paced else [])]
     return rrb.Vertical(
         plot("reply time and lateness, µs" if paced else "reply time, µs", [clock, *([late] if paced else [])], shown),
         plot("age of the answer that was flown, frames", [age], shown),

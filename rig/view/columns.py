@@ -7,7 +7,13 @@ the stream and the opened log:
     /control, /demand, /flight         rig.Control:message, ...
     /pose, /position, /events          Transform3D, GeoPoints, TextLog
 
-and, for the viewer alone, what derived.py, lanes.py, matrix.py and scene.py make of the rows.  What derived.py makes
+and, for the viewer alone, of the wall clock of a flight with a unit under test
+
+    /timing                            rig.Timing:message, one struct a frame
+    /timing/replies                    how many reply times lie in each bin, from the begin of the flight to the cursor
+    /timing/lateness                   the same of the lateness; of paced flights alone
+
+and what derived.py, lanes.py, matrix.py and scene.py make of the rows.  What derived.py makes
 of a signal goes with it, as one more component of its entity: each entity costs the viewer a clock and a name of
 every row.
 
@@ -16,27 +22,67 @@ Each field of FRAME has one place in one struct, so a signal or a command added 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import IntEnum
 from functools import cache, lru_cache
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
-from rig.frame import Block, End
+from rig.frame import TIMING, Block, End
 from rig.frame.fields import FIELD, places
 from rig.log.schema import TOPICS_OF_ROWS, Topic
 from rig.record.event import Event
+from rig.record.histogram import BINS, EDGES_US, binned
 from rig.view import derived, lanes, matrix
 from rig.view.facts import UNKNOWN, Facts
 from rig.view.scene import Scene, time_column
-from rig.view.style import OVER, VOTED, Color
-from rig.view.times import Times
+from rig.view.style import OVER, PALETTE, VOTED, Color
 
+CLOCK: Final = "/timing"
+CLOCK_TYPE: Final = "rig.Timing"
 _LEVELS: Final = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
+
+
+class Bars(NamedTuple):
+    """A histogram."""
+
+    path: str
+    field: str  # of TIMING
+    name: str
+
+
+REPLIES: Final = Bars(f"{CLOCK}/replies", "reply_us", "reply times: frames over log10 of µs")
+LATENESS: Final = Bars(f"{CLOCK}/lateness", "late_us", "lateness: frames over log10 of µs")
+# Where the bars stand: the middle of each bin, and half a decade beyond the last edge.
+_ABSCISSA: Final = np.array(
+    [np.log10(high) - 0.15 for high in EDGES_US] + [np.log10(EDGES_US[-1]) + 0.15], dtype=np.float64
+)
+
+
+class Times:
+    """Sends the timing of one flight, block after block."""
+
+    def __init__(self, send: Callable[[str, Any, Any], None]) -> None:
+        """``send``: path, time columns, columns."""
+        self._send = send
+        self._counts = {bars: np.zeros(BINS, np.int64) for bars in (REPLIES, LATENESS)}
+
+    def send(self, timing: NDArray[Any], nanoseconds: NDArray[np.float64]) -> None:
+        """Send ``timing`` (n,) of TIMING at these times of the flight, and histograms so far at the last of them."""
+        arrays = {name: pa.array(np.ascontiguousarray(timing[name])) for name in TIMING.names or ()}
+        fields = [pa.field(name, pa.float64(), nullable=False) for name in arrays]
+        structs = pa.StructArray.from_arrays(list(arrays.values()), fields=fields)
+        columns = rr.DynamicArchetype.columns(archetype=CLOCK_TYPE, components={"message": structs})
+        self._send(CLOCK, [time_column(nanoseconds)], columns)
+        for bars, counts in self._counts.items():
+            counts += binned(timing[bars.field])
+            if timing[bars.field].any():
+                drawn = rr.BarChart.columns(values=[counts], abscissa=[_ABSCISSA], color=[PALETTE[0]])
+                self._send(bars.path, [time_column(nanoseconds[-1:])], drawn)
 
 
 class Columns:

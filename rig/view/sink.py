@@ -169,10 +169,8 @@ def _save(recording: rr.RecordingStream, layout: rrb.Blueprint, path: Path, abou
 
 
 def _serve(recording: rr.RecordingStream, layout: rrb.Blueprint, about: About, server_memory: str) -> Sink:
-    from rig.view.web import WebViewer
-
     try:
-        web = WebViewer(WEB_PORT)
+        web = viewer.WebViewer(WEB_PORT)
     except OSError as error:
         raise RigError(f"the viewer's page cannot be served: {error}") from None
     try:

@@ -1,7 +1,9 @@
 """The viewer program that comes with rerun-sdk, as a process of ours: loopback only, no usage analytics.
 
 rerun-sdk's own rr.spawn looks for `rerun` on the PATH, listens on every interface and waits 11 s when there is
-no display; so the program is started here.
+no display; so the program is started here.  Its rr.serve_web_viewer listens on every interface too, and the page
+reports usage to its makers: so the page's files are taken once from the viewer program and served here, on the
+loopback address, with a policy that lets the browser connect to this machine alone.
 """
 
 from __future__ import annotations
@@ -10,11 +12,15 @@ import os
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Mapping, Sequence
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
+from urllib.parse import quote, urlsplit
+from urllib.request import ProxyHandler, build_opener
 
 import psutil
 
@@ -24,6 +30,9 @@ if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
 
 LOOPBACK: Final = "127.0.0.1"
+POLICY: Final = "connect-src 'self' http://127.0.0.1:* http://localhost:* blob: data:"
+_FILES: Final = ("/", "/re_js", "/re_viewer_bg.wasm", "/sw.js", "/favicon.ico")
+_KEPT_HEADERS: Final = ("Content-Type", "rerun-final-length")  # the second feeds the page's progress bar
 
 
 def program() -> Path:
@@ -160,3 +169,73 @@ def stop(process: subprocess.Popen[bytes], timeout_s: float = 5.0) -> None:
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
+
+
+class WebViewer:
+    """The viewer's page on ``port``: held from the beginning, served from ``serve`` on until closed."""
+
+    def __init__(self, preferred: int) -> None:
+        """``preferred``: the port, when nobody has it; else any free one."""
+        self.url = ""
+        self.files = _fetch()
+        try:
+            self._server = ThreadingHTTPServer((LOOPBACK, preferred), _handler(self.files))
+        except OSError:
+            self._server = ThreadingHTTPServer((LOOPBACK, 0), _handler(self.files))
+        self._server.daemon_threads = True
+        self._served = False
+        self.port = self._server.server_port
+
+    def serve(self, grpc_url: str) -> None:
+        """Serve the page, whose address shows what the server at ``grpc_url`` sends."""
+        self.url = f"http://{LOOPBACK}:{self.port}/?url={quote(grpc_url, safe='')}&theme=dark"
+        threading.Thread(target=self._server.serve_forever, name="web viewer", daemon=True).start()
+        self._served = True
+
+    def close(self) -> None:
+        """Stop serving; a page that is open stays open."""
+        if self._served:
+            self._server.shutdown()
+        self._server.server_close()
+
+
+File = tuple[dict[str, str], bytes]  # headers, contents
+
+
+def _fetch() -> dict[str, File]:
+    """The page's files, about 45 MB, from the viewer program; it runs for a moment only."""
+    port = free_port()
+    nobody = address(free_port())
+    process = start(["--serve-web", "--web-viewer-port", str(port), nobody], port)
+    opener = build_opener(ProxyHandler({}))  # a proxy of the user's is not for loopback addresses
+    try:
+        files: dict[str, File] = {}
+        for path in _FILES:
+            with opener.open(f"http://{LOOPBACK}:{port}{path}", timeout=10) as reply:
+                headers = {name: reply.headers[name] for name in _KEPT_HEADERS if name in reply.headers}
+                files[path] = headers, reply.read()
+        return files
+    finally:
+        stop(process)
+
+
+def _handler(files: dict[str, File]) -> type[BaseHTTPRequestHandler]:
+    class Handler(BaseHTTPRequestHandler):
+        protocol_version = "HTTP/1.1"
+        timeout = 30
+
+        def do_GET(self) -> None:  # the name that http.server asks for
+            found = files.get(urlsplit(self.path).path)
+            headers, contents = found or ({"Content-Type": "text/plain"}, b"not found\n")
+            self.send_response(200 if found else 404)
+            for name, value in headers.items():
+                self.send_header(name, value)
+            self.send_header("Content-Length", str(len(contents)))
+            self.send_header("Content-Security-Policy", POLICY)
+            self.end_headers()
+            self.wfile.write(contents)
+
+        def log_message(self, format: str, *args: Any) -> None:
+            """Nothing: the terminal belongs to the flight."""
+
+    return Handler

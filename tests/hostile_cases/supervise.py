@@ -27,7 +27,7 @@ _OTHERS: Final = (
     "rig.replay.verify",
     "rig.replay.what_if",
     "rig.assess.of_log",
-    "rig.view.watch.played",
+    "rig.view.watch.live",
     "rig.flight.frame_cost",
 )
 _IMPORTED: Final = (
