@@ -65,7 +65,7 @@ def test_feet_pounds_and_slugs_stay_in_the_plant_each_with_one_value():
 
 
 def test_no_room_has_a_circle_inside():
-    """Nor has the house: no module imports, however indirectly, one that imports it; type checking and late ones too."""
+    """Nor has the house: no module imports, however indirectly, one that imports it, for types or late."""
     graph = grimp.build_graph("rig", cache_dir=None)
     circles = {
         module: graph.find_shortest_chain(imported, module)

@@ -52,7 +52,7 @@ class Column:
         return self.index[1] + 1 if len(self.index) == 2 else None
 
     def of(self, rows: Block) -> NDArray[Any]:
-        """The column of ``rows`` (n,), a view."""
+        """Return the column of ``rows`` (n,), a view."""
         return rows[self.field][(slice(None), *self.index)]
 
 
@@ -71,7 +71,7 @@ _OF_SIGNALS: Final = {
 
 
 def unit_of(path: str) -> str:
-    """The SI unit of the number that the log names ``path``, like ``pitch_rate.ch_1``; "" where it has none."""
+    """Return the SI unit of the number that the log names ``path``, like ``pitch_rate.ch_1``; "" where it has none."""
     owner, _, name = path.partition(".")
     if owner in INDEX:
         return SIGNALS[INDEX[owner]].unit if name in _OF_SIGNALS else ""
@@ -79,7 +79,7 @@ def unit_of(path: str) -> str:
 
 
 def label(column: Column, value: int) -> str:
-    """A decision's value as a reader would say it."""
+    """Return a decision's value in words."""
     if column.enum is None:
         return str(value)
     found = column.enum(value)
@@ -111,7 +111,7 @@ def chosen(rows: Block, owners: Sequence[str], fields: Sequence[str] = ()) -> li
 
 
 def _fitted(rows: Block, column: Column) -> bool:
-    """Whether the channel is there; what is of no channel always is."""
+    """Return True if the channel is fitted; what is of no channel always is."""
     if column.channel is None or not len(rows):
         return True
     field = "discrete_state" if column.field.startswith("discrete_") else "state"

@@ -98,12 +98,12 @@ def _blank(first: int, channels: int, entries: int) -> NDArray[Any]:
 
 
 def index_size(entries: int) -> int:
-    """Bytes of a message index record."""
+    """Return bytes of a message index record."""
     return _index_dtype(entries).itemsize
 
 
 def message_indexes(run: Run) -> NDArray[np.uint8]:
-    """The bytes of the records that follow a chunk: for each channel of a run, time and offset of each message."""
+    """Return the records that follow a chunk: for each channel of a run, time and offset of each message."""
     made = _blank(run.first, *run.offsets.shape).copy()  # flights in other threads share the original
     made["entries"]["time"], made["entries"]["offset"] = run.times, run.offsets
     return made.view(np.uint8)
@@ -122,20 +122,20 @@ class _Kept(NamedTuple):
     second_run: int
 
     def runs(self) -> Iterator[tuple[range, int]]:
-        """The channels of each run, and the messages of each of them."""
+        """Yield the channels of each run, and the messages of each of them."""
         for run in (self.run, self.second_run):
             first, channels = run & 0xFFFF, run >> 16 & 0xFFFF
             yield range(first, first + channels), run >> 32
 
 
 def _kept_run(run: Run) -> int:
-    """First channel, channels and messages of each, in 16, 16 and 32 bits."""
+    """Return first channel, channels and messages of each, in 16, 16 and 32 bits."""
     channels, messages = run.offsets.shape
     return run.first | channels << 16 | messages << 32
 
 
 def encode(record: McapRecord) -> bytes:
-    """The bytes of a record, opcode and length included."""
+    """Return the bytes of a record, opcode and length included."""
     builder = RecordBuilder()
     record.write(builder)
     return builder.end()
@@ -160,7 +160,7 @@ class Container:
     """Writes one MCAP file; every method raises OSError when the disk does not take it."""
 
     def __init__(self, path: Path, opening: Opening, *, new: bool = False) -> None:
-        """``new``: FileExistsError when there is a file already, also one that came this moment."""
+        """Open ``path``; ``new``: FileExistsError when there is a file already, also one that came this moment."""
         self._path = path
         mode = "xb" if new else "wb"
         self._file = path.open(mode, buffering=0)  # unbuffered: a killed process loses nothing it has written
@@ -224,7 +224,7 @@ class Container:
         self._whole = (self._offset, self._crc)
 
     def rewind(self) -> None:
-        """After a write that failed: cut the file back to its last whole record."""
+        """Cut the file back to its last whole record, after a write that failed."""
         self._offset, self._crc = self._whole
         self._file.seek(self._offset)
         self._file.truncate()
@@ -251,7 +251,7 @@ class Container:
         self._file.close()
 
     def gone(self) -> bool:
-        """Whether the file is no longer where it was made: deleted, moved, or another one in its place."""
+        """Return True if the file is no longer where it was made: deleted, moved, or replaced."""
         own = os.fstat(self._file.fileno())
         try:
             there = self._path.stat()
@@ -301,7 +301,7 @@ class Container:
         )
 
     def _chunk_indexes(self) -> Iterator[bytes]:
-        """A record a chunk, packed here: the library takes its time over twenty offsets each."""
+        """Yield a record a chunk, packed here: the library is slow with twenty offsets each."""
         for kept in self._kept():
             indexes: dict[int, int] = {}
             length = 0

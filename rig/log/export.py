@@ -49,7 +49,7 @@ def export(log: Log, to: str, out: Path, owners: Sequence[str] = (), for_vote: b
 
 
 def _chosen(rows: Block, owners: Sequence[str], for_vote: bool) -> list[Column]:
-    """The columns of the owners, without channels that are not fitted."""
+    """Return the columns of the owners, without channels that are not fitted."""
     known = [signal.name for signal in SIGNALS] if for_vote else OWNERS
     for owner in owners:
         if owner not in known:

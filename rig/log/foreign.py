@@ -36,13 +36,13 @@ class Source(NamedTuple):
 
 
 def topics(path: Path) -> dict[str, str]:
-    """The topics of an MCAP file in their order, with the names of their schemas; BadLog when it is cut or damaged."""
+    """Return the topics of an MCAP file in their order, with the names of their schemas; BadLog: cut or damaged."""
     with _opened(path) as file:
         return _topics(summary(file))
 
 
 def fields(path: Path) -> dict[str, set[str]]:
-    """The fields of FRAME that each topic of a flight's vote holds; no topic of another file.  BadLog as ``topics``."""
+    """Return the fields of FRAME in each topic of a flight's vote; none of another file.  BadLog as ``topics``."""
     with _opened(path) as file:
         channels = summary(file).channels.values()
     return {
@@ -57,7 +57,7 @@ def _topics(known: Summary) -> dict[str, str]:
 
 
 def read(path: Path, wanted: Mapping[str, set[str]]) -> dict[str, Source]:
-    """Fields of messages by topic, ``angular_velocity.x`` for nested ones, ``data.0`` for an element.
+    """Read fields of messages by topic, ``angular_velocity.x`` for nested ones, ``data.0`` for an element.
 
     Time is the log time of each message, by which they are ordered.  BadInput: no such topic or field, an encoding
     that is neither protobuf nor JSON; BadLog: a file that is cut or damaged, or expands beyond its limits.
@@ -112,7 +112,7 @@ class _Collector:
         return 8 + 8 * len(self._values)
 
     def source(self) -> Source:
-        """What was collected, in the order of time; messages of one time in that of the file."""
+        """Return the collected numbers in the order of time; messages of one time in that of the file."""
         times = np.frombuffer(self._times, np.uint64)
         columns = [np.frombuffer(values, np.float64) for values in self._values]
         if (times[1:] < times[:-1]).any():

@@ -91,7 +91,7 @@ def overrides(text: str, resolved: dict[str, Any]) -> list[str] | None:
 
 
 def _leaves(node: dict[str, Any], within: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted keys and values of nested tables; a list is one value unless it is of tables."""
+    """Yield dotted keys and values of nested tables; a list is one value unless it is of tables."""
     for key, value in node.items():
         name = f"{within}{key}"
         if isinstance(value, list) and value and all(isinstance(item, dict) for item in value):

@@ -71,19 +71,19 @@ def _size(pieces: Pieces) -> int:
 
 
 def tag(number: int, wire: int) -> bytes:
-    """The tag of a protobuf field: its number and its wire type."""
+    """Return the tag of a protobuf field: its number and its wire type."""
     key = number << 3 | wire
     return bytes([key]) if key < 128 else bytes([key & 127 | 128, key >> 7])
 
 
 def place(dtype: np.dtype[Any], name: str) -> tuple[np.dtype[Any], int]:
-    """The dtype and the offset of a field of a structured dtype."""
+    """Return the dtype and the offset of a field of a structured dtype."""
     fields: Any = dtype.fields
     return fields[name][:2]
 
 
 def _of(source: str, dtype: np.dtype[Any], name: str, index: int = 0, room: int | None = None) -> Value:
-    """Element ``index`` (counted through all its axes) of a field of a structured dtype."""
+    """Return element ``index`` (counted through all its axes) of a field of a structured dtype."""
     column, offset = place(dtype, name)
     width = column.base.itemsize
     return Value(source, offset + index * width, width, room or width)
@@ -113,12 +113,12 @@ def _element(topic: Topic, field: Field) -> Value:
 
 
 def _doubles(name: str) -> list[Marked]:
-    """The elements of a field of DERIVED, for the numbers 1, 2, 3, ... in a message."""
+    """Return the elements of a field of DERIVED, for the numbers 1, 2, 3, ... in a message."""
     return [(struct.pack("<d", i + 1.0), [_derived(name, i)]) for i in range(DERIVED[name].shape[0])]
 
 
 def _cut(message: Message, marks: Sequence[Marked]) -> Pieces:
-    """A message as protobuf writes it, with values in the places of its marks, which stand in this order."""
+    """Return a message as protobuf writes it, with values in the places of its marks, which stand in this order."""
     pieces: Pieces = []
     rest = message.SerializeToString()
     for mark, values in marks:
@@ -142,13 +142,13 @@ def _pose() -> Pieces:
 
 
 def _position() -> Pieces:
-    """In two parts, the time first as in all logs: protobuf would put it last, and reads any order."""
+    """Return two parts, the time first as in all logs: protobuf would put it last, and reads any order."""
     when = _cut(LocationFix(timestamp=_STAMP, frame_id=AIRCRAFT), _STAMPED)
     return [*when, *_cut(LocationFix(latitude=1, longitude=2, altitude=3), _doubles("position"))]
 
 
 def frame_record(topic: Topic, fields: Sequence[Field]) -> Pieces:
-    """The message record that a topic has in every frame; ``fields`` of its message, none of foxglove's."""
+    """Return the message record that a topic has in every frame; ``fields`` of its message, none of foxglove's."""
     payload = _payload(topic, fields)
     length = HEAD.size - 9 + _size(payload)
     opening = struct.pack("<BQH", MESSAGE_OPCODE, length, TOPICS.index(topic) + 1)
@@ -203,7 +203,7 @@ class Layout:
         self._of_frame[: len(_SEQUENCE)] = _SEQUENCE
 
     def _origins(self, source: str, dtype: np.dtype[Any]) -> NDArray[np.intp]:
-        """For every byte of a record of ``dtype`` its place in a packed row; what has none comes from a zero."""
+        """Return for every byte of a record of ``dtype`` its place in a packed row; what has none comes from a zero."""
         origins = np.full(dtype.itemsize, _ZERO, np.intp)
         words, octets = self.moves[source]
         for i in range(8):
@@ -212,7 +212,7 @@ class Layout:
         return origins
 
     def unpack(self, packed: NDArray[np.uint8]) -> tuple[Block, NDArray[np.void]]:
-        """The FLAT rows and their TIMING of ``packed`` (n, row), bit for bit what ``packing.pack`` was given."""
+        """Return the FLAT rows and their TIMING of ``packed`` (n, row), bit for bit what ``packing.pack`` was given."""
         rows = _gathered(packed, self._of_frame, FLAT)
         if self.absent:
             self._fill(rows)
@@ -229,7 +229,7 @@ class Layout:
             rows["discrete_valid"] = rows["discrete_state"] != State.ABSENT
 
     def rows_in(self, data: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """The run of rows at the beginning of a chunk's bytes, as (n, row)."""
+        """Return the run of rows at the beginning of a chunk's bytes, as (n, row)."""
         size = len(self.template)
         whole = len(data) // size
         candidates = data[: whole * size].reshape(whole, size)
@@ -255,7 +255,7 @@ ROW: Final = len(TEMPLATE)  # bytes of one frame before compression
 
 
 def log_times(frames: NDArray[np.int64], rate_hz: float) -> NDArray[np.uint64]:
-    """Simulation time of frames in ns, rounded to the nearest."""
+    """Return simulation time of frames in ns, rounded to the nearest."""
     return np.rint(frames * 1e9 / rate_hz).astype(np.uint64)
 
 

@@ -134,7 +134,7 @@ def scenario_of(metadata: Mapping[str, str], where: object) -> dict[str, Any]:
 
 
 def _joined(parts: list[NDArray[Any]], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """np.concatenate of the bytes: of structured arrays it goes field by field and promises no padding."""
+    """Concatenate the bytes: np.concatenate of structured arrays goes field by field and promises no padding."""
     joined = np.empty(sum(map(len, parts)), dtype)
     if parts:
         np.concatenate([part.view(np.uint8) for part in parts], out=joined.view(np.uint8))
@@ -142,7 +142,7 @@ def _joined(parts: list[NDArray[Any]], dtype: np.dtype[Any]) -> NDArray[Any]:
 
 
 def iter_chunks(path: Path | str) -> Iterator[tuple[Block, NDArray[Any], list[Event]]]:
-    """A log a second at a time, in bounded memory: rows, timing, events of each chunk.
+    """Yield rows, timing and events of each chunk, about a second: bounded memory.
 
     Damage is reported when it is reached, after the chunks before it have been given.
     """

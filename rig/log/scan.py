@@ -123,7 +123,7 @@ class _Record(NamedTuple):
 
 
 def _records(file: BinaryIO, path: Path) -> Iterator[_Record]:
-    """Every record up to the footer; Damaged where the file ends before it."""
+    """Yield every record up to the footer; Damaged where the file ends before it."""
     size = file.seek(0, 2)
     file.seek(size - len(MAGIC))
     ended = size >= 2 * len(MAGIC) and file.read() == MAGIC
@@ -179,7 +179,7 @@ def _note(record: _Record, path: Path, about: About, described: _Descriptions) -
 
 
 def _check_version(path: Path, metadata: dict[str, str]) -> None:
-    """BadLog when the log is of a version that is not read: which, and who wrote it."""
+    """Raise BadLog, which says who wrote it, for a log of a version that is not read."""
     version = metadata["schema_version"]
     if not OLDEST <= int(version) <= SCHEMA_VERSION:
         by = metadata.get("version jsbsim-rig", "of another version")
@@ -206,7 +206,7 @@ class _Descriptions:
             self._channels[channel.id] = channel
 
     def check(self, about: About) -> Layout:
-        """The layout of the chunks; BadLog when the messages are not ours."""
+        """Return the layout of the chunks; BadLog when the messages are not ours."""
         if self._layout is None:
             if not about.metadata:
                 raise BadLog(f"{self._path}: not a log of this rig (no metadata record {RIG!r})")
@@ -220,7 +220,7 @@ class _Descriptions:
         return self._layout
 
     def _schema(self, ours: Channel) -> Schema:
-        """The schema of one of our channels in this log."""
+        """Return the schema of one of our channels in this log."""
         found = self._channels.get(ours.id)
         if found is None or found.topic != ours.topic:
             named = "is missing" if found is None else f"is {found.topic}"
@@ -228,7 +228,7 @@ class _Descriptions:
         return self._schemas[found.schema_id]
 
     def _fields(self, schema: Schema, name: str, newest: bool) -> tuple[Field, ...]:
-        """The fields of a message of ours in this log, in the order of their numbers; none of foxglove's.
+        """Return the fields of a message of ours in this log, in the order of their numbers; none of foxglove's.
 
         Those may be of another release: we write the fields that we know.
         """

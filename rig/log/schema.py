@@ -80,7 +80,7 @@ class Topic:
 
 
 def _field(place: Place) -> Field:
-    """The message field of one number of the frame."""
+    """Return the message field of one number of the frame."""
     field = FIELD[place.field]
     return Field(place.name, _WRITTEN[field.kind], field.name, place.index, field.enum)
 
@@ -120,7 +120,7 @@ LEVELS: Final[dict[Severity, Any]] = {
 
 @cache
 def descriptors(name: str) -> FileDescriptorSet:
-    """The descriptor of a message with all that it depends on, as the log embeds it."""
+    """Return the descriptor of a message with all that it depends on, as the log embeds it."""
     if name in MESSAGES:
         return FileDescriptorSet(file=[_file(MESSAGES[name])])
     found: dict[str, FileDescriptorProto] = {}
@@ -137,7 +137,7 @@ def descriptors(name: str) -> FileDescriptorSet:
 
 
 def older(described: FileDescriptorSet) -> tuple[Field, ...] | None:
-    """The fields of a message of an earlier version, by their numbers; None unless all of them are still ours.
+    """Return the fields of a message of an earlier version, by their numbers; None unless all of them are still ours.
 
     An enum of then may have fewer members, but none of another number.
     """
@@ -174,7 +174,7 @@ def _file(message: Message) -> FileDescriptorProto:
 
 
 def _enum(enum: type[IntEnum]) -> DescriptorProto:
-    """A scope of its own for each enum, so that names need no prefix: a viewer shows OK, SUSPECT, FAILED."""
+    """Return an enum in its own scope, so that names need no prefix: a viewer shows OK, SUSPECT, FAILED."""
     values = [EnumValueDescriptorProto(name=member.name, number=member.value) for member in enum]
     return DescriptorProto(name=enum.__name__, enum_type=[EnumDescriptorProto(name="Value", value=values)])
 

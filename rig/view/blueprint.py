@@ -48,7 +48,7 @@ _MARGIN: Final = 0.033  # of a column, left of its lanes
 
 
 def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
-    """The layout for the flights ``layout.shown``, open at ``layout.tab``; BadInput: no such tab.
+    """Build the layout for the flights ``layout.shown``, open at ``layout.tab``; BadInput: no such tab.
 
     The overview has the first signal that a fault sits on, else pitch rate.  With ``map_tiles`` there is a map
     beside the track, for which the viewer fetches tiles from the internet.
@@ -78,20 +78,20 @@ def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
 
 
 def require_tab(tab: str) -> None:
-    """BadInput when there is no such tab."""
+    """Raise BadInput when there is no such tab."""
     if tab not in TABS:
         raise BadInput(f"no tab {tab!r}; there are: {', '.join(TABS)}")
 
 
 def main_signal(shown: Sequence[Shown]) -> Signal:
-    """The signal of the overview: that of the decisive fault, else of the first one; of the flight on top first."""
+    """Return the signal of the overview: of the decisive fault, else of the first one; of the flight on top first."""
     seen = [one.facts.seen.main for one in reversed(shown) if one.facts.seen is not None]
     faulted = [one.facts.first_faulted for one in reversed(shown)]
     return SIGNALS[INDEX[next(filter(None, (*seen, *faulted)), MAIN)]]
 
 
 def _overview(signal: Signal, shown: Sequence[Shown]) -> rrb.Container:
-    """The whole flight on the left, its decisive seconds beside it, the state at the cursor on the right."""
+    """Build the overview: whole flight, beside it its decisive seconds, the state at the cursor on the right."""
     top, span = shown[-1], decisive_span(shown)
     whole = rrb.Vertical(
         _difference_plot(signal, shown),
@@ -125,7 +125,7 @@ def _decisive(signal: Signal, shown: Sequence[Shown], span: tuple[float, float])
 
 
 def decisive_span(shown: Sequence[Shown]) -> tuple[float, float] | None:
-    """The decisive seconds of the flight on top that has any; of one under way, those after its first fault begins."""
+    """Return the decisive seconds of the topmost flight that has any; under way, those after its first fault begins."""
     for one in reversed(shown):
         if one.facts.seen is not None:
             if one.facts.seen.zoom_s is not None:
@@ -136,7 +136,7 @@ def decisive_span(shown: Sequence[Shown]) -> tuple[float, float] | None:
 
 
 def status_shown(shown: Sequence[Shown]) -> list[lanes.Lane]:
-    """The lanes of the overview: of all signals; of several flights, of those where something was not ok."""
+    """Return the lanes of the overview: of all signals; of several flights, of those where something was not ok."""
     noted = {name for one in shown if one.facts.seen is not None for name in one.facts.seen.noted}
     some = [lane for lane in lanes.STATUS if lane.path[1:] in noted][: len(SIGNALS) // len(shown)]
     return list(lanes.STATUS) if len(shown) == 1 or not some else some
@@ -156,7 +156,7 @@ def _group_tab(group: str, signals: Sequence[Signal], shown: Sequence[Shown]) ->
 
 
 def _signal_plot(signal: Signal, shown: Sequence[Shown], span: tuple[float, float] | None = None) -> Any:
-    """The signal in the unit that people read; in its decisive seconds, on a scale of their own."""
+    """Draw the signal in the unit that people read; in its decisive seconds, on a scale of their own."""
     lines = _lines(signal, "", ("low", "high", "voted", *_CHANNELS, "reference", "truth"))
     key = signal.name if span is None else "zoom"
     ranges = [seen.ranges[key] for one in shown if (seen := one.facts.seen) is not None and key in seen.ranges]
@@ -166,7 +166,7 @@ def _signal_plot(signal: Signal, shown: Sequence[Shown], span: tuple[float, floa
 
 
 def _difference_plot(signal: Signal, shown: Sequence[Shown], span: tuple[float, float] | None = None) -> Any:
-    """Channels and truth less the vote, in thresholds; without a threshold, less truth."""
+    """Draw channels and truth less the vote, in thresholds; without a threshold, less truth."""
     if not any(signal.name in one.facts.thresholds for one in shown):
         return _deviation_plot(signal, shown)
     lines = _lines(signal, "apart_", ("fault", "low", "high", "truth", *_CHANNELS))
@@ -198,7 +198,7 @@ _LOOKS: Final = {  # of a line: colour, width, whether flights below another sho
 
 
 def _lines(signal: Signal, prefix: str, names: Sequence[str]) -> list[Line]:
-    """Lines of the derived list of ``signal``, by their names without ``prefix``."""
+    """Return lines of the derived list of ``signal``, by their names without ``prefix``."""
     lines = []
     for name in names:
         color, width, below = _LOOKS[name]
@@ -235,7 +235,7 @@ def _discrete_plot(discrete: Discrete, shown: Sequence[Shown]) -> rrb.TimeSeries
 
 
 def _surfaces_tab(shown: Sequence[Shown]) -> rrb.Container:
-    """What control asks, what reaches the actuator (another only while a fault is between), where it truly is."""
+    """Draw command, actuator input (another only while a fault is between) and true position of each surface."""
     return rrb.Grid(*(chart(one, shown) for one in charts.SURFACE), grid_columns=2, name="surfaces")
 
 
@@ -255,7 +255,7 @@ def _flight_tab(shown: Sequence[Shown], map_tiles: bool) -> rrb.Container:
 
 
 def _unit_tab(shown: Sequence[Shown]) -> rrb.Container:
-    """How long the unit took, how old the answers are that were flown; histograms up to the cursor."""
+    """Draw the unit's reply times and the age of the answers that were flown; histograms up to the cursor."""
     clock = Line(columns.CLOCK, columns.CLOCK_TYPE, "reply_us", "reply time", VOTED)
     age = Line("/control", "rig.Control", "unit_age", "age", PALETTE[0], 3.0)
     late = Line(columns.CLOCK, columns.CLOCK_TYPE, "late_us", "lateness", PALETTE[0])

@@ -67,7 +67,7 @@ class Times:
     """Sends the timing of one flight, block after block."""
 
     def __init__(self, send: Callable[[str, Any, Any], None]) -> None:
-        """``send``: path, time columns, columns."""
+        """Begin to count; ``send``: path, time columns, columns."""
         self._send = send
         self._counts = {bars: np.zeros(BINS, np.int64) for bars in (REPLIES, LATENESS)}
 
@@ -172,24 +172,24 @@ class Columns:
 
 
 def _message(archetype: str, structs: pa.StructArray) -> rr.ComponentColumnList:
-    """One struct a row as the component <archetype>:message."""
+    """Return one struct a row as the component <archetype>:message."""
     return rr.DynamicArchetype.columns(archetype=archetype, components={"message": structs})
 
 
 def _values(archetype: str, values: NDArray[Any]) -> rr.ComponentColumnList:
-    """One list a row, from ``values`` (n, m), as the component <archetype>:values."""
+    """Return one list a row, from ``values`` (n, m), as the component <archetype>:values."""
     flat = pa.array(np.ascontiguousarray(values).ravel())
     columns = rr.DynamicArchetype.columns(archetype=archetype, components={"values": flat})
     return columns.partition(np.full(len(values), values.shape[1]))
 
 
 def words(event: Event) -> str:
-    """An event in words; that of a fault says only which."""
+    """Return an event in words; that of a fault says only which."""
     return f"{event.name}: {event.text}" if event.name.startswith("fault") else event.text
 
 
 def struct(rows: Block, topic: Topic) -> pa.StructArray:
-    """The fields of a topic's message in every row, one struct each."""
+    """Return the fields of a topic's message in every row, one struct each."""
     item = () if topic.item is None else (topic.item,)
     shown = places(topic.message)
     arrays = [_array(place.field, rows[place.field][(slice(None), *item, *place.index)]) for place in shown]
@@ -220,7 +220,7 @@ def _unchanging(enum: type[IntEnum], value: int, rows: int) -> pa.StructArray:
 
 @cache
 def _enum_table(enum: type[IntEnum]) -> pa.StructArray:
-    """What the importer makes of each of the 256 values that a u1 can hold; no name where the enum has none."""
+    """Return the importer's struct of each of the 256 values of a u1; no name where the enum has none."""
     names = {member.value: member.name for member in enum}
     return pa.StructArray.from_arrays(
         [pa.array([names.get(i) for i in range(256)]), pa.array(range(256), pa.int32())], names=["name", "value"]

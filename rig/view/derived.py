@@ -55,7 +55,7 @@ class Derived:
         self._last: tuple[_Floats, _Floats] | None = None  # of angles that wrap: truth as it was, without jumps
 
     def values(self, rows: Block) -> NDArray[np.float32]:
-        """The numbers of NAMES of all signals: (S, n, m), in single precision, for they are drawn."""
+        """Return the numbers of NAMES of all signals: (S, n, m), in single precision, for they are drawn."""
         found = np.empty((S, len(rows), len(NAMES)), np.float32)
         by_row = found.swapaxes(0, 1)
         with np.errstate(invalid="ignore", over="ignore"):  # a flight that ends not finite
@@ -69,7 +69,7 @@ class Derived:
         return found
 
     def _acts(self, rows: Block) -> NDArray[np.bool_]:
-        """Whether a fault on each signal acts: (n, S)."""
+        """Return (n, S) whether a fault on each signal acts."""
         acts, found = acting(rows, len(self._facts.faults)), np.zeros((len(rows), S), bool)
         for i, numbers in enumerate(self._on):
             if numbers:
@@ -77,7 +77,7 @@ class Derived:
         return found
 
     def _turned(self, truth: _Floats) -> _Floats:
-        """``truth`` (n, S) without the jumps of angles on the circle, through all blocks."""
+        """Return ``truth`` (n, S) without the jumps of angles on the circle, through all blocks."""
         angles = truth[:, _WRAPS]
         last, turned = self._last if self._last is not None else (np.nan_to_num(angles[0]), np.nan_to_num(angles[0]))
         known = _carried(np.concatenate([last[None], angles]))
@@ -112,7 +112,7 @@ class Derived:
 
 
 def _carried(values: _Floats) -> _Floats:
-    """``values`` (n, m) with what is not finite replaced by the last that was, in its column."""
+    """Return ``values`` (n, m) with what is not finite replaced by the last that was, in its column."""
     finite = np.isfinite(values)
     if finite.all():
         return values
@@ -134,7 +134,7 @@ _ROUND: Final = [DEGREE_NAMES.index("command_heading_rad")]
 
 
 def degrees(rows: Block) -> _Floats:
-    """The numbers of DEGREE_NAMES in deg or deg/s: (n, m); the commanded heading within 180 deg of north."""
+    """Return the numbers of DEGREE_NAMES in deg or deg/s: (n, m); the commanded heading within 180 deg of north."""
     parts = [
         rows["command"][:, _COMMANDS],
         rows["demand"][:, _DEMANDS],

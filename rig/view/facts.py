@@ -38,7 +38,7 @@ class FaultFact:
         return self.place.split("+")
 
     def acts_on(self, signal: str, channel: int) -> bool:
-        """Whether it acts on ``channel``, numbered from 1, of ``signal``."""
+        """Return True if it acts on ``channel``, numbered from 1, of ``signal``."""
         return signal in self.places and (not self.channels or channel in self.channels)
 
 
@@ -75,11 +75,11 @@ class Facts:
     seen: Seen | None = None  # of a flight that is over
 
     def threshold(self, index: int) -> float:
-        """Of signal ``index``; NaN when it is not known."""
+        """Return the threshold of signal ``index``; NaN when the scenario has none."""
         return self.thresholds.get(SIGNALS[index].name, nan)
 
     def faults_on(self, signal: str) -> list[int]:
-        """The faults that sit on ``signal``, as numbers from 0."""
+        """Return the faults that sit on ``signal``, as numbers from 0."""
         return [i for i, fault in enumerate(self.faults) if signal in fault.places]
 
     @property
@@ -118,7 +118,7 @@ class Shown(NamedTuple):
 
 
 def together(facts: Sequence[Facts]) -> list[Shown]:
-    """Flights that lie over each other, as A, B, .., the last on top; one alone needs no letter."""
+    """Return flights that lie over each other, as A, B, .., the last on top; one alone needs no letter."""
     if len(facts) == 1:
         return [Shown(facts=facts[0])]
     return [Shown(len(facts) - 1 - i, f"/{TAGS[i]}", TAGS[i], one) for i, one in enumerate(facts)]
@@ -133,7 +133,7 @@ class Layout(NamedTuple):
 
 
 def of_resolved(scenario: Mapping[str, Any]) -> Facts:
-    """The facts of a scenario as plain data, with its defaults written out; KeyError when something is missing."""
+    """Return the facts of a scenario as plain data, with its defaults written out; KeyError: one is missing."""
     return Facts(
         scenario.get("title") or scenario["aircraft"],
         {signal.name: threshold(scenario, signal.name) for signal in SIGNALS},
@@ -152,7 +152,7 @@ def _fault(fault: Mapping[str, Any]) -> FaultFact:
 
 
 def of_log(metadata: Mapping[str, str]) -> Facts:
-    """The facts of the scenario in a log's metadata; UNKNOWN when there is none that can be read.
+    """Return the facts of the scenario in a log's metadata; UNKNOWN when there is none that can be read.
 
     As plain data: a scenario's checks take half a second to be imported, and it has passed them when it was flown.
     """
@@ -163,5 +163,5 @@ def of_log(metadata: Mapping[str, str]) -> Facts:
 
 
 def _unit(metadata: Mapping[str, str]) -> str:
-    """The name of the unit under test that a log was flown with."""
+    """Return the name of the unit under test that a log was flown with."""
     return str(json.loads(metadata["unit"])["name"]) if "unit" in metadata else ""

@@ -48,7 +48,7 @@ class Opened:
 
 
 def read(paths: Sequence[Path], tab: str = "overview", map_tiles: bool = False) -> Opened:
-    """The logs at ``paths``, the last of which is on top where they lie over each other.
+    """Read the logs at ``paths``, the last of which is on top where they lie over each other.
 
     BadInput: too many; BadLog, in one line: one that is missing, foreign, cut, damaged or empty.
     """
@@ -70,13 +70,13 @@ def read(paths: Sequence[Path], tab: str = "overview", map_tiles: bool = False) 
 
 
 def _looked(log: Log) -> tuple[Facts, str]:
-    """What the viewer must know of a log, and its headline."""
+    """Return the facts of a log, and its headline."""
     facts = replace(of_log(log.metadata), paced=bool(log.timing["late_us"].any()))
     return look(facts, log.rows, log.rate_hz, log.result is not None)
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
-    """The files' names, with as many of their folders as it takes to tell them apart."""
+    """Return the files' names, with as many of their folders as it takes to tell them apart."""
     depth = 1
     whole = [path.resolve().parts for path in paths]
     while depth < max(map(len, whole)) and len({parts[-depth:] for parts in whole}) < len(set(whole)):
@@ -85,7 +85,7 @@ def _names(paths: Sequence[Path]) -> list[str]:
 
 
 def _words(name: str, log: Log) -> str:
-    """Which flight a log holds, in Markdown."""
+    """Return a line of Markdown that says which flight a log holds."""
     result = log.result or {}
     scenario = scenario_of(log.metadata, name)
     said = [
@@ -132,7 +132,7 @@ def serve(opened: Opened) -> Sink:
 
 @contextmanager
 def as_file(opened: Opened) -> Iterator[Path]:
-    """An .rrd of the flights that is there for a while: a viewer loads it much faster than what it is sent."""
+    """Write a temporary .rrd of the flights: a viewer loads it much faster than what it is sent."""
     with tempfile.TemporaryDirectory(prefix="rig-view-") as folder:
         rrd = Path(folder) / "flights.rrd"
         save(opened, rrd)
@@ -141,7 +141,7 @@ def as_file(opened: Opened) -> Iterator[Path]:
 
 @contextmanager
 def window(opened: Opened, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
-    """A viewer's window with the flights; it is closed at the end.  ``arguments`` are for the viewer program.
+    """Open a viewer's window with the flights, closed at the end.  ``arguments`` are for the viewer program.
 
     It is started first, to get itself ready while the file is written.  RigError: it did not take the file.
     """

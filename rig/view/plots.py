@@ -53,12 +53,12 @@ _Series = dict[Any, list[Any]]
 
 
 def plot(name: str, lines: Iterable[Line], shown: Sequence[Shown], axes: Axes = FITTED) -> rrb.TimeSeriesView:
-    """Fields of structs against time, of every flight; the first of one entity below its others."""
+    """Draw fields of structs against time, of every flight; the first of one entity below its others."""
     return over_time(name, line_series(lines, shown), shown, axes)
 
 
 def line_series(lines: Iterable[Line], shown: Sequence[Shown]) -> _Series:
-    """Lines that are fields of structs, by their entities."""
+    """Return lines that are fields of structs, by their entities."""
     series: _Series = {}
     lines = list(lines)
     for one in shown:
@@ -77,7 +77,7 @@ def line_series(lines: Iterable[Line], shown: Sequence[Shown]) -> _Series:
 
 
 def list_series(names: Sequence[str], lines: Sequence[Line], shown: Sequence[Shown]) -> _Series:
-    """Lines that are numbers of one list a frame, by their entity; ``names`` are those of all numbers of the list.
+    """Return lines that are numbers of one list a frame, by their entity; ``names``: of all numbers of the list.
 
     All lines of a flight are one part of the layout, where ``line_series`` has one a line: the viewer opens it sooner.
     """
@@ -103,7 +103,7 @@ def _has(one: Shown, line: Line) -> bool:
 
 
 def over_time(name: str, series: _Series, shown: Sequence[Shown], axes: Axes = FITTED) -> rrb.TimeSeriesView:
-    """A plot without a legend, which would lie on the lines: colours are named in the title or beside the plots."""
+    """Build a plot without a legend, which would lie on the lines: title or legend panel name the colours."""
     return rrb.TimeSeriesView(
         name=name,
         origin="/",
@@ -116,7 +116,7 @@ def over_time(name: str, series: _Series, shown: Sequence[Shown], axes: Axes = F
 
 
 def time_axis(shown: Sequence[Shown], span_s: tuple[float, float] | None = None) -> rrb.TimeAxis:
-    """The part ``span_s`` of a flight; None: the whole of the longest flight, or of one under way what is latest.
+    """Return the axis of the part ``span_s``; None: the whole of the longest flight, or the latest of one under way.
 
     The axis that Rerun's views share by themselves would show a minute around the cursor, no more.
     """
@@ -129,7 +129,7 @@ def time_axis(shown: Sequence[Shown], span_s: tuple[float, float] | None = None)
 
 
 def chart(one: Chart, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
-    """Numbers of one unit; the colours are named in the title."""
+    """Draw numbers of one unit; the colours are named in the title."""
     lines = [
         Line(*_place(name), _label(name, one), PALETTE[i % len(PALETTE)], 1.5 if i else 3.0)
         for i, name in enumerate(one.names)
@@ -144,12 +144,12 @@ def chart(one: Chart, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
 
 
 def _around(ranges: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
-    """The range that holds all of these; None when there are none."""
+    """Return the range that holds all of these; None when there are none."""
     return (min(low for low, _ in ranges), max(high for _, high in ranges)) if ranges else None
 
 
 def _place(name: str) -> tuple[str, str, str]:
-    """Entity, archetype and field of a name of a chart."""
+    """Return entity, archetype and field of a name of a chart."""
     if name in DEGREE_NAMES:
         return "/control", DEGREES, name
     where, _, field = name.partition("_")
@@ -158,7 +158,7 @@ def _place(name: str) -> tuple[str, str, str]:
 
 
 def _label(name: str, one: Chart) -> str:
-    """A name of a chart in words, without its unit; what stands in the chart's name goes without saying."""
+    """Return a name of a chart in words, without its unit and what the chart's name says."""
     where, _, field = name.partition("_")
     if where in ("surface", "actuator", "position") or one.name == "throttle":
         return {"surface": "command", "actuator": "actuator input"}.get(where, "position")
@@ -168,7 +168,7 @@ def _label(name: str, one: Chart) -> str:
 
 
 def status_lanes(lanes: Sequence[Lane], shown: Sequence[Shown]) -> rrb.StateTimelineView:
-    """A lane for each signal, of all its channels together; of several flights, those of a signal together."""
+    """Build a lane for each signal, of all its channels; of several flights, those of a signal together."""
     looks = {**ENDS, **lanes[0].looks}
     return rrb.StateTimelineView(
         name="channels of each signal: blue ok, yellow suspect, orange failed, dark red all failed",
@@ -186,7 +186,7 @@ def state_lanes(
     faults: str | None = None,
     span_s: tuple[float, float] | None = None,
 ) -> Any:
-    """Lanes of states, a view for each flight, side by side.
+    """Build lanes of states, a view for each flight, side by side.
 
     faults : those on this signal have lanes above the others; "" for all faults, None for none
     span_s : the part of the flight that is shown, see time_axis
@@ -225,24 +225,24 @@ def _configuration(looks: Looks) -> rr.StateConfiguration:
 
 
 def histogram(bars: Bars, shown: Sequence[Shown]) -> rrb.BarChartView:
-    """A histogram of every flight."""
+    """Build a histogram of every flight."""
     return rrb.BarChartView(name=bars.name, origin="/", contents=[one.root + bars.path for one in shown])
 
 
 def about(shown: Sequence[Shown]) -> rrb.TextDocumentView:
-    """Which flights these are, and how they went."""
+    """Build the text of which flights these are, and how they went."""
     return rrb.TextDocumentView(
         name="flights" if len(shown) > 1 else "flight", origin=ABOUT, contents=[ABOUT], titlebar=False
     )
 
 
 def margin() -> rrb.TextDocumentView:
-    """Nothing, as wide as the axis of a plot: what stands right of it begins where plots do."""
+    """Build an empty text as wide as the axis of a plot: what stands right of it begins where plots do."""
     return rrb.TextDocumentView(name="margin", origin=MARGIN, contents=[MARGIN], titlebar=False)
 
 
 def status_now(one: Shown) -> rrb.Spatial2DView:
-    """The channels of all signals at the cursor, and the legend."""
+    """Build the matrix of all channels at the cursor, and its legend."""
     return rrb.Spatial2DView(
         name=f"{one.prefix}channels at the cursor",
         origin="/",
@@ -252,7 +252,7 @@ def status_now(one: Shown) -> rrb.Spatial2DView:
 
 
 def legend() -> rrb.Spatial2DView:
-    """What the colours of lines mean, in a strip."""
+    """Build the legend of the colours of lines, in a strip."""
     return rrb.Spatial2DView(
         name="legend",
         origin="/",
@@ -263,13 +263,13 @@ def legend() -> rrb.Spatial2DView:
 
 
 def numbers(one: Shown) -> rrb.TextDocumentView:
-    """The true flight condition at the cursor, in figures."""
+    """Build the text of the true flight condition at the cursor."""
     path = one.root + NUMBERS
     return rrb.TextDocumentView(name=f"{one.prefix}true flight condition at the cursor", origin=path, contents=[path])
 
 
 def events(shown: Sequence[Shown]) -> rrb.TextLogView:
-    """What happened, in words."""
+    """Build the list of events."""
     return rrb.TextLogView(
         name="events",
         origin="/",
@@ -279,14 +279,14 @@ def events(shown: Sequence[Shown]) -> rrb.TextLogView:
 
 
 def attitude(shown: Sequence[Shown]) -> rrb.Spatial3DView:
-    """The figures of all flights over one compass, seen from behind, above and the left of one that flies north."""
+    """Build the figures of all flights over one compass, seen from behind, above and left of one that flies north."""
     eye = rrb.EyeControls3D(kind=rrb.Eye3DKind.Orbital, position=(-9.0, -22.0, 11.0), look_target=(0.0, 0.0, 0.0))
     contents = [one.root + part for one in shown for part in ("/attitude", "/aircraft", "/horizon")]
     return _space("attitude", HORIZON, contents, eye, 10.0)
 
 
 def path(shown: Sequence[Shown]) -> rrb.Spatial3DView:
-    """The whole way flown, from afar."""
+    """Build the whole path, seen from afar."""
     contents = [one.root + part for one in shown for part in ("/pose", "/here", "/path")]
     return _space("path; the grid is 1 km wide", WORLD, contents, grid_m=1000.0)
 
@@ -305,7 +305,7 @@ def _space(
 
 
 def track(shown: Sequence[Shown]) -> rrb.Spatial2DView:
-    """The way flown from above, north up, with the position in words: a map that needs no internet."""
+    """Build the path from above, north up, with the position in words: a map that needs no internet."""
     return rrb.Spatial2DView(
         name="track from above, north up, in m",
         origin="/",
@@ -314,6 +314,6 @@ def track(shown: Sequence[Shown]) -> rrb.Spatial2DView:
 
 
 def map_view(shown: Sequence[Shown]) -> rrb.MapView:
-    """The way flown on a map, whose tiles the viewer fetches from OpenStreetMap."""
+    """Build the path on a map, whose tiles the viewer fetches from OpenStreetMap."""
     contents = [one.root + part for one in shown for part in ("/position", "/map")]
     return rrb.MapView(name="map (tiles from OpenStreetMap)", origin="/", contents=contents)

@@ -131,7 +131,7 @@ class Story:
 
 
 def _named(group: Sequence[Isolation]) -> str:
-    """Return: pitch rate, channel 3; or how many channels of which signals, when there are many."""
+    """Return ``pitch rate, channel 3,``; or how many channels of how many signals, when there are many."""
     by_place = groupby((isolation.failure for isolation in group), lambda failure: failure.place)
     places = {place: [failure.channel for failure in of_place] for place, of_place in by_place}
     if len(places) > _MOST_GROUPS:

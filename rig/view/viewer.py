@@ -36,7 +36,7 @@ _KEPT_HEADERS: Final = ("Content-Type", "rerun-final-length")  # the second feed
 
 
 def program() -> Path:
-    """The viewer's executable inside the installed rerun-sdk; RigError when it is not there."""
+    """Return the viewer's executable inside the installed rerun-sdk; RigError when it is not there."""
     spec = find_spec("rerun_cli")
     folder = Path(spec.origin).parent if spec and spec.origin else Path()
     for name in ("rerun", "rerun.exe", "Rerun.app/Contents/MacOS/Rerun"):
@@ -46,7 +46,7 @@ def program() -> Path:
 
 
 def environment(given: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Variables for the viewer's process: ``given`` (ours) with its usage analytics switched off.
+    """Return variables for the viewer's process: ``given`` (ours) with its usage analytics switched off.
 
     Rerun collects none where it believes to run on a build server, and then leaves the user's own
     setting (`rerun analytics`) alone: it neither reads nor writes it.
@@ -56,7 +56,7 @@ def environment(given: Mapping[str, str] | None = None) -> dict[str, str]:
 
 
 def free_port(preferred: int = 0) -> int:
-    """``preferred`` when nobody listens there, else any free port of this machine."""
+    """Return ``preferred`` when nothing listens there, else any free port of this machine."""
     with socket.socket() as probe:
         try:
             probe.bind((LOOPBACK, preferred))
@@ -66,7 +66,7 @@ def free_port(preferred: int = 0) -> int:
 
 
 def listening(port: int, timeout_s: float = 0.5) -> bool:
-    """Whether somebody accepts connections on ``port`` of this machine."""
+    """Return True if a program accepts connections on ``port`` of this machine."""
     try:
         socket.create_connection((LOOPBACK, port), timeout_s).close()
     except OSError:
@@ -75,7 +75,7 @@ def listening(port: int, timeout_s: float = 0.5) -> bool:
 
 
 def connected(port: int) -> bool:
-    """Whether somebody holds a connection to ``port``, on which this process listens.
+    """Return True if a program is connected to ``port``, on which this process listens.
 
     rerun-sdk 0.41 does not tell when a viewer connects to its server, so the system is asked.  An operating system
     that does not say it counts as connected: nobody may wait for ever.
@@ -84,7 +84,7 @@ def connected(port: int) -> bool:
 
 
 def opened(port: int, timeout_s: float = 5.0) -> bool:
-    """Whether this process, which was told to, listens on ``port`` within the time."""
+    """Return True if this process listens on ``port`` within the time."""
     deadline = time.monotonic() + timeout_s
     while not _has(port, psutil.CONN_LISTEN):
         if time.monotonic() > deadline or (listening(port) and not _has(port, psutil.CONN_LISTEN)):
@@ -94,7 +94,7 @@ def opened(port: int, timeout_s: float = 5.0) -> bool:
 
 
 def _has(port: int, status: str) -> bool:
-    """Whether this process has a connection of ``status`` on ``port``; True where the system does not say."""
+    """Return True if this process has a connection of ``status`` on ``port``; True where the system does not say."""
     try:
         sockets = psutil.Process().net_connections(kind="tcp")
     except psutil.AccessDenied:
@@ -103,7 +103,7 @@ def _has(port: int, status: str) -> bool:
 
 
 def require_display(asked: str) -> None:
-    """BadInput, naming what was ``asked``, when a window cannot be opened; only Linux and its kin can tell."""
+    """Raise BadInput, which names ``asked``, when there is no display; not checked on Windows and macOS."""
     if sys.platform in ("win32", "darwin"):
         return
     if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
@@ -147,12 +147,12 @@ def await_port(process: subprocess.Popen[bytes], port: int, timeout_s: float = 1
 
 
 def address(port: int) -> str:
-    """Where a viewer that listens on ``port`` is reached."""
+    """Return the address of a viewer that listens on ``port``."""
     return f"rerun+http://{LOOPBACK}:{port}/proxy"
 
 
 def connect(port: int) -> ViewerClient:
-    """The viewer that listens on ``port``, to be driven; RuntimeError when it does not answer.
+    """Connect to the viewer that listens on ``port``; RuntimeError when it does not answer.
 
     It is driven through rerun.experimental, which may change with any release: by what is got from here alone.
     """
@@ -175,7 +175,7 @@ class WebViewer:
     """The viewer's page on ``port``: held from the beginning, served from ``serve`` on until closed."""
 
     def __init__(self, preferred: int) -> None:
-        """``preferred``: the port, when nobody has it; else any free one."""
+        """Hold the port ``preferred`` when it is free, else any free one."""
         self.url = ""
         self.files = _fetch()
         try:
@@ -203,7 +203,7 @@ File = tuple[dict[str, str], bytes]  # headers, contents
 
 
 def _fetch() -> dict[str, File]:
-    """The page's files, about 45 MB, from the viewer program; it runs for a moment only."""
+    """Fetch the page's files, about 45 MB, from the viewer program; it runs for a moment only."""
     port = free_port()
     nobody = address(free_port())
     process = start(["--serve-web", "--web-viewer-port", str(port), nobody], port)
@@ -236,6 +236,6 @@ def _handler(files: dict[str, File]) -> type[BaseHTTPRequestHandler]:
             self.wfile.write(contents)
 
         def log_message(self, format: str, *args: Any) -> None:
-            """Nothing: the terminal belongs to the flight."""
+            """Print nothing: the terminal belongs to the flight."""
 
     return Handler

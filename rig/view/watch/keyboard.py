@@ -17,11 +17,11 @@ class Pressable(Protocol):
     """What the keys go to."""
 
     def press(self, key: str) -> None:
-        """One key."""
+        """Take one key."""
 
 
 def keyboard(enabled: bool) -> Callable[[Pressable], AbstractContextManager[None]] | None:
-    """What flight.fly is to be given as ``live``; None when not enabled or nobody sits at a terminal."""
+    """Return the argument ``live`` of a flight; None when not enabled or standard input is no terminal."""
     return pressing if enabled and sys.stdin.isatty() else None
 
 

@@ -30,7 +30,7 @@ UPDATE_S: Final = 0.1
 
 @contextmanager
 def watching(enabled: bool, realtime_factor: float | None) -> Iterator[Watch | None]:
-    """What flight.fly is to be given as ``watch``; None when not enabled.
+    """Yield the argument ``watch`` of a flight; None when not enabled.
 
     On a terminal the page, which stays when the flight is over; else a line an event, and the page of the last
     frame.  On standard error, for standard output has the verdict.
@@ -102,7 +102,7 @@ class Watch:
         self.drawn += 1
 
     def _take(self) -> list[tuple[Block, float, Sequence[Event]]] | None:
-        """All blocks that wait, as soon as there is one; None when there will be no more."""
+        """Wait for blocks and take all of them; None when there will be no more."""
         with self._changed:
             self._changed.wait_for(lambda: self._queue or self._closing)
             taken = list(self._queue)
