@@ -82,8 +82,8 @@ def label(column: Column, value: int) -> str:
     """Return a decision's value in words."""
     if column.enum is None:
         return str(value)
-    found = column.enum(value)
-    return found.label if isinstance(found, Pattern) else found.name.lower()
+    member = column.enum(value)
+    return member.label if isinstance(member, Pattern) else member.name.lower()
 
 
 TIME: Final = "time_s"
@@ -130,11 +130,11 @@ def dataframe(rows: Block, time_s: NDArray[np.float64], owners: Sequence[str] = 
     return of_columns({TIME: time_s, **{name(c): c.of(rows) for c in columns}}, {name(c): c for c in columns})
 
 
-def of_columns(values: dict[str, NDArray[Any]], known: dict[str, Column]) -> pl.DataFrame:
-    """Return arrays (n,) by name as a table; ``known`` says which are columns of a frame."""
+def of_columns(values: dict[str, NDArray[Any]], columns: dict[str, Column]) -> pl.DataFrame:
+    """Return arrays (n,) by name as a table; ``columns``: those that are columns of a frame."""
     import polars as pl  # a log is read without it
 
-    return pl.DataFrame({key: _series(np.ascontiguousarray(one), known.get(key)) for key, one in values.items()})
+    return pl.DataFrame({key: _series(np.ascontiguousarray(array), columns.get(key)) for key, array in values.items()})
 
 
 def _series(values: NDArray[Any], column: Column | None) -> pl.Series:

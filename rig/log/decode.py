@@ -100,9 +100,9 @@ class Decoder:
             raise
 
 
-def same_crc(what: str, crc: int, found: int) -> None:
+def same_crc(what: str, crc: int, expected: int) -> None:
     """Raise ValueError unless two checksums are equal."""
-    if crc != found:
+    if crc != expected:
         raise ValueError(f"the checksum of the {what} does not match")
 
 

@@ -50,9 +50,9 @@ def fields(path: Path) -> dict[str, set[str]]:
     }
 
 
-def _topics(known: Summary) -> dict[str, str]:
-    channels = [channel for _, channel in sorted(known.channels.items())]
-    named = {channel.topic: known.schemas.get(channel.schema_id) for channel in channels}
+def _topics(contents: Summary) -> dict[str, str]:
+    channels = [channel for _, channel in sorted(contents.channels.items())]
+    named = {channel.topic: contents.schemas.get(channel.schema_id) for channel in channels}
     return {topic: schema.name if schema else "" for topic, schema in named.items()}
 
 
@@ -63,17 +63,17 @@ def read(path: Path, wanted: Mapping[str, set[str]]) -> dict[str, Source]:
     that is neither protobuf nor JSON; BadLog: a file that is cut or damaged, or expands beyond its limits.
     """
     with _opened(path) as file:
-        known = summary(file)
-        there = _topics(known)
+        contents = summary(file)
+        present = _topics(contents)
         for topic in wanted:
-            if topic not in there:
-                raise BadInput(f"{path}: no topic {topic!r}; there are: {', '.join(there)}")
+            if topic not in present:
+                raise BadInput(f"{path}: no topic {topic!r}; there are: {', '.join(present)}")
         collected = {topic: _Collector(path, topic, sorted(fields)) for topic, fields in wanted.items()}
-        takers = {c: collected[channel.topic] for c, channel in known.channels.items() if channel.topic in wanted}
+        takers = {c: collected[channel.topic] for c, channel in contents.channels.items() if channel.topic in wanted}
         budget = Budget(file)
-        for message in messages(file, known, takers, budget):
-            channel = known.channels[message.channel]
-            schema = known.schemas[channel.schema_id] if channel.schema_id else None
+        for message in messages(file, contents, takers, budget):
+            channel = contents.channels[message.channel]
+            schema = contents.schemas[channel.schema_id] if channel.schema_id else None
             budget.spend(takers[channel.id].add(schema, channel, message.time_ns, message.data))
     return {topic: collector.source() for topic, collector in collected.items()}
 
@@ -124,10 +124,10 @@ class _Collector:
     def _decoder(self, schema: Schema | None, channel: Channel) -> Callable[[bytes], Any]:
         if channel.message_encoding == "json":
             return json.loads
-        found = DecoderFactory().decoder_for(channel.message_encoding, schema)
-        if found is None:
+        decode = DecoderFactory().decoder_for(channel.message_encoding, schema)
+        if decode is None:
             raise BadInput(f"{self._where}: encoding {channel.message_encoding!r}; allowed: protobuf, json")
-        return found
+        return decode
 
     def _number(self, message: Any, field: str, steps: list[str]) -> float:
         value = message

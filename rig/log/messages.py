@@ -94,23 +94,23 @@ def summary(file: LimitedFile) -> Summary:
     if footer.summary_start == 0:
         raise BadLog(f"{file.path}: truncated or without a summary")
     file.seek(footer.summary_start)
-    found = Summary()
+    contents = Summary()
     for record in _records(file):
         if isinstance(record, Channel):
-            found.channels[record.id] = record
+            contents.channels[record.id] = record
         elif isinstance(record, Schema):
-            found.schemas[record.id] = record
+            contents.schemas[record.id] = record
         elif isinstance(record, ChunkIndex):
-            found.chunks.append(record)
-    return found
+            contents.chunks.append(record)
+    return contents
 
 
-def messages(file: LimitedFile, known: Summary, wanted: Container[int], budget: Budget) -> Iterator[Raw]:
+def messages(file: LimitedFile, summary: Summary, wanted: Container[int], budget: Budget) -> Iterator[Raw]:
     """Yield the messages of the channels ``wanted``, in the order of the file.
 
     BadLog: a chunk or a message beyond the limits; ValueError, McapError and their like: a damaged one.
     """
-    for record in _indexed(file, known, wanted) if known.chunks else _whole(file):
+    for record in _indexed(file, summary, wanted) if summary.chunks else _whole(file):
         if isinstance(record, Chunk):
             data = _content(file.path, record, budget)
             yield from _in_chunk(data, wanted, file.path)
@@ -129,9 +129,9 @@ def _whole(file: LimitedFile) -> Iterator[McapRecord]:
     return StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=file.size).records
 
 
-def _indexed(file: LimitedFile, known: Summary, wanted: Container[int]) -> Iterator[McapRecord]:
+def _indexed(file: LimitedFile, summary: Summary, wanted: Container[int]) -> Iterator[McapRecord]:
     """Yield the chunks that may have messages of the channels ``wanted``: all, where an index has no entries."""
-    for index in sorted(known.chunks, key=lambda index: index.chunk_start_offset):
+    for index in sorted(summary.chunks, key=lambda index: index.chunk_start_offset):
         inside = index.message_index_offsets
         if inside and not any(channel in wanted for channel in inside):
             continue
@@ -164,9 +164,9 @@ def _expanded(chunk: Chunk) -> bytes:
     if chunk.compression == "lz4":
         return lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
     if chunk.compression == "zstd":
-        told = zstandard.frame_content_size(chunk.data)  # -1 when it does not tell
-        if told not in (-1, size):
-            raise ValueError(f"a chunk claims {size} bytes and its contents {told}")
+        content_size = zstandard.frame_content_size(chunk.data)  # -1 when it does not tell
+        if content_size not in (-1, size):
+            raise ValueError(f"a chunk claims {size} bytes and its contents {content_size}")
         return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size) if size else b""
     raise ValueError(f"a chunk of unknown compression {chunk.compression[:20]!r}; known: zstd, lz4 and none")
 

@@ -33,12 +33,12 @@ def new_log(
     """
     with reported(out, BadInput, "logs cannot be kept there"):
         out.mkdir(parents=True, exist_ok=True)
-    made = tag(overrides)
-    for path in numbered(out, f"{word_of(name)}_seed{scenario.seed}{f'_{made}' if made else ''}", ".mcap"):
+    suffix = tag(overrides)
+    for path in numbered(out, f"{word_of(name)}_seed{scenario.seed}{f'_{suffix}' if suffix else ''}", ".mcap"):
         with suppress(FileExistsError):  # another flight was faster
             attached = [("scenario.toml", text.encode())]
-            told = {**metadata(scenario), **(about or {})}
-            return LogWriter(path, scenario.rate_hz, told, attached, new=True)
+            described = {**metadata(scenario), **(about or {})}
+            return LogWriter(path, scenario.rate_hz, described, attached, new=True)
     raise RigError(f"{out}: no free name for a log")
 
 

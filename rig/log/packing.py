@@ -64,11 +64,11 @@ _MUST_BE_ZERO: Final = _sign_bits()[_PLACES]
 @kernel
 def any_set(words: NDArray[np.uint64], places: NDArray[np.int64], bits: NDArray[np.uint64]) -> bool:
     """Return True if a row of ``words`` (n, m) has one of ``bits`` (p,) set in its words at ``places`` (p,)."""
-    found = np.uint64(0)
+    bits_set = np.uint64(0)
     for k in range(words.shape[0]):
         for i in range(places.shape[0]):
-            found |= words[k, places[i]] & bits[i]
-    return found != 0
+            bits_set |= words[k, places[i]] & bits[i]
+    return bits_set != 0
 
 
 def _refuse_large(rows: Block) -> None:

@@ -156,14 +156,14 @@ def _as(kind: type[R], record: _Record) -> R:
 def _note(record: _Record, path: Path, about: About, described: _Descriptions) -> None:
     """Note what ``record``, no chunk, says."""
     if record.opcode == Opcode.METADATA:
-        said = _as(Metadata, record)
-        if said.name == RIG:
-            _check_version(path, said.metadata)
-            about.metadata = said.metadata
-        elif said.name == RESULT:
-            about.result = said.metadata
+        entry = _as(Metadata, record)
+        if entry.name == RIG:
+            _check_version(path, entry.metadata)
+            about.metadata = entry.metadata
+        elif entry.name == RESULT:
+            about.result = entry.metadata
         else:
-            about.others[said.name] = said.metadata
+            about.others[entry.name] = entry.metadata
     elif record.opcode == Opcode.ATTACHMENT:
         same_crc("attachment", int.from_bytes(record.content[-4:], "little"), crc32(record.content[:-4]))
         attached = _as(Attachment, record)
@@ -211,21 +211,21 @@ class _Descriptions:
             if not about.metadata:
                 raise BadLog(f"{self._path}: not a log of this rig (no metadata record {RIG!r})")
             newest = int(about.metadata["schema_version"]) == SCHEMA_VERSION
-            found: dict[str, tuple[Field, ...]] = {}
+            fields_by_message: dict[str, tuple[Field, ...]] = {}
             for ours in channels():
                 name = TOPICS[ours.id - 1].message
                 fields = self._fields(self._schema(ours), name, newest)
-                found.setdefault(name, fields)
-            self._layout = LAYOUT if newest else Layout(found)
+                fields_by_message.setdefault(name, fields)
+            self._layout = LAYOUT if newest else Layout(fields_by_message)
         return self._layout
 
     def _schema(self, ours: Channel) -> Schema:
         """Return the schema of one of our channels in this log."""
-        found = self._channels.get(ours.id)
-        if found is None or found.topic != ours.topic:
-            named = "is missing" if found is None else f"is {found.topic}"
+        channel = self._channels.get(ours.id)
+        if channel is None or channel.topic != ours.topic:
+            named = "is missing" if channel is None else f"is {channel.topic}"
             raise BadLog(f"{self._path}: its signals are not those of this rig: {ours.topic} {named}")
-        return self._schemas[found.schema_id]
+        return self._schemas[channel.schema_id]
 
     def _fields(self, schema: Schema, name: str, newest: bool) -> tuple[Field, ...]:
         """Return the fields of a message of ours in this log, in the order of their numbers; none of foxglove's.

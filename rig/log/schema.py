@@ -123,17 +123,17 @@ def descriptors(name: str) -> FileDescriptorSet:
     """Return the descriptor of a message with all that it depends on, as the log embeds it."""
     if name in MESSAGES:
         return FileDescriptorSet(file=[_file(MESSAGES[name])])
-    found: dict[str, FileDescriptorProto] = {}
+    files: dict[str, FileDescriptorProto] = {}
 
     def collect(file: Any) -> None:
         for dependency in file.dependencies:
             collect(dependency)
         proto = FileDescriptorProto()
         file.CopyToProto(proto)
-        found.setdefault(file.name, proto)
+        files.setdefault(file.name, proto)
 
     collect(FOXGLOVE[name].DESCRIPTOR.file)
-    return FileDescriptorSet(file=list(found.values()))
+    return FileDescriptorSet(file=list(files.values()))
 
 
 def older(described: FileDescriptorSet) -> tuple[Field, ...] | None:
@@ -144,15 +144,15 @@ def older(described: FileDescriptorSet) -> tuple[Field, ...] | None:
     (message,) = described.file[0].message_type
     ours = {field.name: field for field in MESSAGES[f"{described.file[0].package}.{message.name}"].fields}
     enums = {e.name: {(v.name, v.number) for v in e.enum_type[0].value} for e in message.nested_type}
-    found: list[Field] = []
+    fields: list[Field] = []
     for number, theirs in enumerate(message.field, 1):
         field = ours.get(theirs.name)
         if field is None or (theirs.number, theirs.type) != (number, field.kind):
             return None
         if field.enum and not enums[field.enum.__name__] <= {(m.name, m.value) for m in field.enum}:
             return None
-        found.append(field)
-    return tuple(found)
+        fields.append(field)
+    return tuple(fields)
 
 
 def _file(message: Message) -> FileDescriptorProto:

@@ -51,14 +51,14 @@ class EventFinder:
         before, news = _before_the_first(rows) if self._last is None else self._last, np.zeros(len(rows), bool)
         mark_news(_words(rows), _words(before)[0], _PLACES, _CHANGED, _SET, news)
         self._last = rows[-1:].copy()
-        at = np.flatnonzero(news)
-        if not len(at):
+        places = np.flatnonzero(news)
+        if not len(places):
             return []
-        old, new = rows[at - 1], rows[at]
-        if at[0] == 0:
+        old, new = rows[places - 1], rows[places]
+        if places[0] == 0:
             old[0] = before[0]
-        found = [*self._fault_events(old, new), *_changes(old, new), *_refusals(old, new)]
-        return list(self._first_miss_only(sorted(found, key=lambda event: event.frame)))
+        events = [*self._fault_events(old, new), *_changes(old, new), *_refusals(old, new)]
+        return list(self._first_miss_only(sorted(events, key=lambda event: event.frame)))
 
     def _first_miss_only(self, events: list[Event]) -> Iterator[Event]:
         for event in events:
@@ -120,20 +120,20 @@ def mark_news(words, before, places, changed, present, news):
     changed, present : (p,) bits of them that are news when they differ from the row before, when they are set
     """
     for k in range(words.shape[0]):
-        seen = np.uint64(0)
+        bits = np.uint64(0)
         for i in range(places.shape[0]):
             word = words[k, places[i]]
             last = words[k - 1, places[i]] if k > 0 else before[places[i]]
-            seen |= ((word ^ last) & changed[i]) | (word & present[i])
-        news[k] = seen != 0
+            bits |= ((word ^ last) & changed[i]) | (word & present[i])
+        news[k] = bits != 0
 
 
 def _changes(old: Block, new: Block) -> Iterator[Event]:
     """Yield events of the rows ``new``, each beside the one before it in ``old``."""
     for field, describe in _DESCRIBE.items():
         for k, *place in np.argwhere(new[field] != old[field]):
-            at = (k, *place)
-            event = describe(int(new["frame"][k]), int(old[field][at]), int(new[field][at]), *map(int, place), new[k])
+            before, now = int(old[field][(k, *place)]), int(new[field][(k, *place)])
+            event = describe(int(new["frame"][k]), before, now, *map(int, place), new[k])
             if event is not None:
                 yield event
 
@@ -230,13 +230,13 @@ def _lie(frame: int, old: int, new: int, row: Any) -> Event | None:
 
 def _unit(frame: int, old: int, new: int, row: Any) -> Event | None:
     """Return the event of a unit's missing reply; that it missed a frame is kept once a flight."""
-    said: dict[int, tuple[Severity, str, str]] = {
+    events: dict[int, tuple[Severity, str, str]] = {
         Unit.HELD: ("warning", MISSED, "no answer by the deadline: the last one is flown"),
         Unit.REFUSED: ("warning", "unit refused", "its answer is none that a unit may give: the last one is flown"),
         Unit.RESTARTED: ("warning", "unit restarted", "it was dead and has begun again, without its latches"),
         Unit.DEAD: ("error", "unit dead", "no more answers"),
     }
-    return Event(frame, *said[new]) if new in said else None
+    return Event(frame, *events[new]) if new in events else None
 
 
 def _end(frame: int, old: int, new: int, row: Any) -> Event:

@@ -55,7 +55,7 @@ def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
     """
     shown, tab, map_tiles = layout
     require_tab(tab)
-    tested = [one for one in shown if one.facts.unit]
+    tested = [flight for flight in shown if flight.facts.unit]
     if tab == UNIT and not tested:
         raise BadInput(f"no tab {tab!r}: no unit under test was flown")
     tabs = {
@@ -85,8 +85,8 @@ def require_tab(tab: str) -> None:
 
 def main_signal(shown: Sequence[Shown]) -> Signal:
     """Return the signal of the overview: of the decisive fault, else of the first one; of the flight on top first."""
-    seen = [one.facts.seen.main for one in reversed(shown) if one.facts.seen is not None]
-    faulted = [one.facts.first_faulted for one in reversed(shown)]
+    seen = [flight.facts.seen.main for flight in reversed(shown) if flight.facts.seen is not None]
+    faulted = [flight.facts.first_faulted for flight in reversed(shown)]
     return SIGNALS[INDEX[next(filter(None, (*seen, *faulted)), MAIN)]]
 
 
@@ -105,7 +105,7 @@ def _overview(signal: Signal, shown: Sequence[Shown]) -> rrb.Container:
         parts.append(_decisive(signal, shown, span))
         shares.append(9)
     else:
-        parts.append(rrb.Vertical(*(chart(one, shown) for one in charts.SURFACE)))
+        parts.append(rrb.Vertical(*(chart(content, shown) for content in charts.SURFACE)))
         shares.append(6)
     now = rrb.Vertical(status_now(top), numbers(top), events(shown), row_shares=[10, 3, 4])
     below = rrb.Horizontal(*parts, now, column_shares=[*shares, 6])
@@ -126,18 +126,18 @@ def _decisive(signal: Signal, shown: Sequence[Shown], span: tuple[float, float])
 
 def decisive_span(shown: Sequence[Shown]) -> tuple[float, float] | None:
     """Return the decisive seconds of the topmost flight that has any; under way, those after its first fault begins."""
-    for one in reversed(shown):
-        if one.facts.seen is not None:
-            if one.facts.seen.zoom_s is not None:
-                return one.facts.seen.zoom_s
-        elif (start := one.facts.first_start_s) is not None:
+    for flight in reversed(shown):
+        if flight.facts.seen is not None:
+            if flight.facts.seen.zoom_s is not None:
+                return flight.facts.seen.zoom_s
+        elif (start := flight.facts.first_start_s) is not None:
             return decisive_s(start, None, inf)
     return None
 
 
 def status_shown(shown: Sequence[Shown]) -> list[lanes.Lane]:
     """Return the lanes of the overview: of all signals; of several flights, of those where something was not ok."""
-    noted = {name for one in shown if one.facts.seen is not None for name in one.facts.seen.noted}
+    noted = {name for flight in shown if flight.facts.seen is not None for name in flight.facts.seen.noted}
     some = [lane for lane in lanes.STATUS if lane.path[1:] in noted][: len(SIGNALS) // len(shown)]
     return list(lanes.STATUS) if len(shown) == 1 or not some else some
 
@@ -159,7 +159,7 @@ def _signal_plot(signal: Signal, shown: Sequence[Shown], span: tuple[float, floa
     """Draw the signal in the unit that people read; in its decisive seconds, on a scale of their own."""
     lines = _lines(signal, "", ("low", "high", "voted", *_CHANNELS, "reference", "truth"))
     key = signal.name if span is None else "zoom"
-    ranges = [seen.ranges[key] for one in shown if (seen := one.facts.seen) is not None and key in seen.ranges]
+    ranges = [seen.ranges[key] for flight in shown if (seen := flight.facts.seen) is not None and key in seen.ranges]
     values = (min(low for low, _ in ranges), max(high for _, high in ranges)) if ranges else None
     name = ", ".join(filter(None, (plain(signal.name), unit_shown(signal.unit))))
     return over_time(_zoomed(name, span), list_series(derived.NAMES, lines, shown), shown, Axes(span, values))
@@ -167,7 +167,7 @@ def _signal_plot(signal: Signal, shown: Sequence[Shown], span: tuple[float, floa
 
 def _difference_plot(signal: Signal, shown: Sequence[Shown], span: tuple[float, float] | None = None) -> Any:
     """Draw channels and truth less the vote, in thresholds; without a threshold, less truth."""
-    if not any(signal.name in one.facts.thresholds for one in shown):
+    if not any(signal.name in flight.facts.thresholds for flight in shown):
         return _deviation_plot(signal, shown)
     lines = _lines(signal, "apart_", ("fault", "low", "high", "truth", *_CHANNELS))
     name = f"{plain(signal.name)} less the vote, in monitor thresholds; beyond {derived.LIMIT:g}: at the edge"
@@ -236,19 +236,19 @@ def _discrete_plot(discrete: Discrete, shown: Sequence[Shown]) -> rrb.TimeSeries
 
 def _surfaces_tab(shown: Sequence[Shown]) -> rrb.Container:
     """Draw command, actuator input (another only while a fault is between) and true position of each surface."""
-    return rrb.Grid(*(chart(one, shown) for one in charts.SURFACE), grid_columns=2, name="surfaces")
+    return rrb.Grid(*(chart(content, shown) for content in charts.SURFACE), grid_columns=2, name="surfaces")
 
 
 def _control_tab(shown: Sequence[Shown]) -> rrb.Container:
     states = state_lanes("faults, control law", [lanes.LAW], shown, faults="")
-    return rrb.Grid(*(chart(one, shown) for one in charts.CONTROL), states, grid_columns=3, name="control")
+    return rrb.Grid(*(chart(content, shown) for content in charts.CONTROL), states, grid_columns=3, name="control")
 
 
 def _flight_tab(shown: Sequence[Shown], map_tiles: bool) -> rrb.Container:
     figures = rrb.Vertical(attitude(shown), *map(numbers, shown), row_shares=[5, *[2] * len(shown)])
     above = rrb.Horizontal(path(shown), track(shown), *([map_view(shown)] if map_tiles else []), figures)
     below = rrb.Horizontal(
-        *(chart(one, shown) for one in charts.FLOWN),
+        *(chart(content, shown) for content in charts.FLOWN),
         events(shown),
     )
     return rrb.Vertical(above, below, row_shares=[3, 2], name="flight")
@@ -259,7 +259,7 @@ def _unit_tab(shown: Sequence[Shown]) -> rrb.Container:
     clock = Line(columns.CLOCK, columns.CLOCK_TYPE, "reply_us", "reply time", VOTED)
     age = Line("/control", "rig.Control", "unit_age", "age", PALETTE[0], 3.0)
     late = Line(columns.CLOCK, columns.CLOCK_TYPE, "late_us", "lateness", PALETTE[0])
-    paced = [one for one in shown if one.facts.paced]
+    paced = [flight for flight in shown if flight.facts.paced]
     bars = [histogram(columns.REPLIES, shown), *([histogram(columns.LATENESS, paced)] if paced else [])]
     return rrb.Vertical(
         plot("reply time and lateness, µs" if paced else "reply time, µs", [clock, *([late] if paced else [])], shown),

@@ -71,11 +71,11 @@ _TABLES: Final = {"command": COMMANDS, "surface": SURFACES, "actuator": SURFACES
 def ranges(rows: Block) -> dict[str, tuple[float, float]]:
     """Return the axis range of each chart for ``rows``, by its name."""
     turned = degrees(rows)
-    found = {}
+    ranges_by_name = {}
     for chart in CHARTS:
         columns = [turned[:, DEGREE_NAMES.index(n)] if n in DEGREE_NAMES else _column(rows, n) for n in chart.names]
-        found[chart.name] = spanned(np.concatenate(columns), chart.span)
-    return found
+        ranges_by_name[chart.name] = spanned(np.concatenate(columns), chart.span)
+    return ranges_by_name
 
 
 def spanned(values: NDArray[np.float64], span: float) -> tuple[float, float]:

@@ -126,7 +126,7 @@ class Columns:
                 components.append(_values(derived.VALUES, values[topic.item]))
             if topic.message == "rig.Control":
                 components.append(_values(derived.DEGREES, derived.degrees(rows)))
-            self._columns(topic.name, time, [column for one in components for column in one])
+            self._columns(topic.name, time, [column for component in components for column in component])
         for change in lanes.changes(rows, self._before, self._facts.faults):
             states = rr.StateChange.columns(state=change.states)
             self._columns(change.path, [time_column(nanoseconds[change.rows])], states)

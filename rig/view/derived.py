@@ -56,8 +56,8 @@ class Derived:
 
     def values(self, rows: Block) -> NDArray[np.float32]:
         """Return the numbers of NAMES of all signals: (S, n, m), in single precision, for they are drawn."""
-        found = np.empty((S, len(rows), len(NAMES)), np.float32)
-        by_row = found.swapaxes(0, 1)
+        values = np.empty((S, len(rows), len(NAMES)), np.float32)
+        by_row = values.swapaxes(0, 1)
         with np.errstate(invalid="ignore", over="ignore"):  # a flight that ends not finite
             voted, truth, acts = rows["voted"], rows["truth"], self._acts(rows)
             every = np.concatenate([voted[..., None], rows["channels"], rows["reference"][..., None]], axis=2)
@@ -66,27 +66,27 @@ class Derived:
             self._shown(by_row[..., : _AT["off_voted"]], self._turned(truth), off, acts)
             self._deviation(by_row[..., _AT["off_voted"] : _AT["apart_fault"]], rows, off, apart)
             self._difference(by_row[..., _AT["apart_fault"] :], apart, off[..., 0], acts)
-        return found
+        return values
 
     def _acts(self, rows: Block) -> NDArray[np.bool_]:
         """Return (n, S) whether a fault on each signal acts."""
-        acts, found = acting(rows, len(self._facts.faults)), np.zeros((len(rows), S), bool)
+        acts, on_signal = acting(rows, len(self._facts.faults)), np.zeros((len(rows), S), bool)
         for i, numbers in enumerate(self._on):
             if numbers:
-                found[:, i] = acts[:, numbers].any(axis=1)
-        return found
+                on_signal[:, i] = acts[:, numbers].any(axis=1)
+        return on_signal
 
     def _turned(self, truth: _Floats) -> _Floats:
         """Return ``truth`` (n, S) without the jumps of angles on the circle, through all blocks."""
         angles = truth[:, _WRAPS]
         last, turned = self._last if self._last is not None else (np.nan_to_num(angles[0]), np.nan_to_num(angles[0]))
-        known = _carried(np.concatenate([last[None], angles]))
-        steps = np.diff(known, axis=0)
+        finite = _carried(np.concatenate([last[None], angles]))
+        steps = np.diff(finite, axis=0)
         whole = turned + np.cumsum(np.nan_to_num(short_way(steps)), axis=0)
-        self._last = known[-1], whole[-1]
-        found = truth.copy()
-        found[:, _WRAPS] = np.where(np.isfinite(angles), whole, np.nan)
-        return found
+        self._last = finite[-1], whole[-1]
+        out = truth.copy()
+        out[:, _WRAPS] = np.where(np.isfinite(angles), whole, np.nan)
+        return out
 
     def _shown(self, to: _Singles, truth: _Floats, off: _Floats, acts: NDArray[np.bool_]) -> None:
         """Write fault .. truth; ``off`` (n, S, 6) are vote, channels and reference less truth."""
@@ -142,6 +142,6 @@ def degrees(rows: Block) -> _Floats:
         rows["actuator"][:, _SURFACES],
         rows["flight"][:, _POSITIONS],
     ]
-    found = np.concatenate(parts, axis=1) * scale_shown("rad")
-    found[:, _ROUND] = short_way(found[:, _ROUND], 180.0)
-    return found
+    numbers = np.concatenate(parts, axis=1) * scale_shown("rad")
+    numbers[:, _ROUND] = short_way(numbers[:, _ROUND], 180.0)
+    return numbers

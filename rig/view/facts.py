@@ -121,7 +121,7 @@ def together(facts: Sequence[Facts]) -> list[Shown]:
     """Return flights that lie over each other, as A, B, .., the last on top; one alone needs no letter."""
     if len(facts) == 1:
         return [Shown(facts=facts[0])]
-    return [Shown(len(facts) - 1 - i, f"/{TAGS[i]}", TAGS[i], one) for i, one in enumerate(facts)]
+    return [Shown(len(facts) - 1 - i, f"/{TAGS[i]}", TAGS[i], each) for i, each in enumerate(facts)]
 
 
 class Layout(NamedTuple):

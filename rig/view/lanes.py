@@ -45,9 +45,9 @@ class Changes(NamedTuple):
 
 def _lane(path: str, field: str, at: tuple[int, ...], looks: Looks, before: str = "") -> Lane:
     """Return a lane of ``field``; ``before`` every label, and in the names of the states, which a view shares."""
-    known = {int(member): f"{before}{member.name}" for member in FIELD[field].enum or ()}
+    states = {int(member): f"{before}{member.name}" for member in FIELD[field].enum or ()}
     named = {f"{before}{name}": (f"{before}{label}", color) for name, (label, color) in looks.items()}
-    return Lane(path, field, at, known, named)
+    return Lane(path, field, at, states, named)
 
 
 def _channels(home: str, field: str, index: int, channels: int) -> list[Lane]:
@@ -83,22 +83,22 @@ def _together() -> Looks:
     """Return label and colour of four states together, in the order of their code in base four."""
     looks: Looks = {}
     for states in product(State, repeat=CHANNELS):
-        looks["".join(str(int(state)) for state in states)] = _said(states)
+        looks["".join(str(int(state)) for state in states)] = _label_of(states)
     return looks
 
 
-def _said(states: Sequence[State]) -> tuple[str, tuple[int, int, int]]:
+def _label_of(states: Sequence[State]) -> tuple[str, tuple[int, int, int]]:
     """Return channels that are not ok, by their numbers; the colour of the worst of them."""
     fitted = [state for state in states if state != State.ABSENT]
-    said = []
+    texts = []
     for state in (State.FAILED, State.SUSPECT):
-        which = [str(c + 1) for c, one in enumerate(states) if one == state]
+        which = [str(c + 1) for c, each in enumerate(states) if each == state]
         if which:
             all_of = len(which) == len(fitted)
-            said.append(f"{'all channels' if all_of else 'channel ' + ', '.join(which)} {state.name.lower()}")
+            texts.append(f"{'all channels' if all_of else 'channel ' + ', '.join(which)} {state.name.lower()}")
     worst = max(fitted, default=State.OK)
     color = FAULT_LANE if fitted and min(fitted) == State.FAILED else STATE_LOOKS[worst.name][1]
-    return "; ".join(said) or "ok", color
+    return "; ".join(texts) or "ok", color
 
 
 LAW: Final = _lane("/control_law", "law", (), attention(Law, Law.AUTOPILOT))

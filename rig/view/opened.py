@@ -58,14 +58,14 @@ def read(paths: Sequence[Path], tab: str = "overview", map_tiles: bool = False) 
     for path, log in zip(paths, logs, strict=True):
         if not len(log.rows):
             raise BadLog(f"{path}: has no frames")
-    looked = [_looked(log) for log in logs]
-    shown, names = together([facts for facts, _ in looked]), _names(paths)
+    facts_and_headlines = [_looked(log) for log in logs]
+    shown, names = together([facts for facts, _ in facts_and_headlines]), _names(paths)
     mark = "#" if len(logs) == 1 else "##"
     lines = [
-        f"{mark} {one.prefix}{headline}\n\n{_words(one.prefix + name, log)}"
-        for one, (_, headline), name, log in zip(shown, looked, names, logs, strict=True)
+        f"{mark} {flight.prefix}{headline}\n\n{_words(flight.prefix + name, log)}"
+        for flight, (_, headline), name, log in zip(shown, facts_and_headlines, names, logs, strict=True)
     ]
-    title = ", ".join(one.prefix + name for one, name in zip(shown, names, strict=True))
+    title = ", ".join(flight.prefix + name for flight, name in zip(shown, names, strict=True))
     return Opened(logs, About(title, "\n\n".join(lines), Layout(shown, tab, map_tiles)))
 
 
@@ -88,13 +88,13 @@ def _words(name: str, log: Log) -> str:
     """Return a line of Markdown that says which flight a log holds."""
     result = log.result or {}
     scenario = scenario_of(log.metadata, name)
-    said = [
+    parts = [
         scenario.get("title") or scenario.get("aircraft", ""),
         f"seed {log.metadata['seed']}" if "seed" in log.metadata else "",
         f"{len(log.rows) / log.rate_hz:g} s at {log.rate_hz:g} Hz",
         result.get("end_reason", "not finished"),
     ]
-    return f"**{name}** " + "; ".join(filter(None, said))
+    return f"**{name}** " + "; ".join(filter(None, parts))
 
 
 def send(opened: Opened, sink: Sink) -> None:

@@ -61,18 +61,18 @@ def line_series(lines: Iterable[Line], shown: Sequence[Shown]) -> _Series:
     """Return lines that are fields of structs, by their entities."""
     series: _Series = {}
     lines = list(lines)
-    for one in shown:
+    for flight in shown:
         for line in lines:
-            if not _has(one, line):
+            if not _has(flight, line):
                 continue
             look = rr.SeriesLines(
-                names=one.prefix + line.label, colors=[shade(line.color, one.below)], widths=[line.width]
+                names=flight.prefix + line.label, colors=[shade(line.color, flight.below)], widths=[line.width]
             )
             component, source = f"{line.archetype}:message", ComponentSourceKind.SourceComponent
             picked = VisualizerComponentMapping(
                 "Scalars:scalars", source, source_component=component, selector=f".{line.field}"
             )
-            series.setdefault(one.root + line.path, []).append(look.visualizer(mappings=[picked]))
+            series.setdefault(flight.root + line.path, []).append(look.visualizer(mappings=[picked]))
     return series
 
 
@@ -82,24 +82,24 @@ def list_series(names: Sequence[str], lines: Sequence[Line], shown: Sequence[Sho
     All lines of a flight are one part of the layout, where ``line_series`` has one a line: the viewer opens it sooner.
     """
     by_name, series = {line.field: line for line in lines}, {}
-    for one in shown:
+    for flight in shown:
         drawn = [by_name.get(name) for name in names]
         look = rr.SeriesLines(
-            names=[one.prefix + (line.label if line else name) for line, name in zip(drawn, names, strict=True)],
-            colors=[shade(line.color if line else QUIET, one.below) for line in drawn],
+            names=[flight.prefix + (line.label if line else name) for line, name in zip(drawn, names, strict=True)],
+            colors=[shade(line.color if line else QUIET, flight.below) for line in drawn],
             widths=[line.width if line else 1.0 for line in drawn],
-            visible_series=[line is not None and _has(one, line) for line in drawn],
+            visible_series=[line is not None and _has(flight, line) for line in drawn],
         )
         component = f"{lines[0].archetype}:values"
         values = VisualizerComponentMapping(
             "Scalars:scalars", ComponentSourceKind.SourceComponent, source_component=component
         )
-        series[one.root + lines[0].path] = [look.visualizer(mappings=[values])]
+        series[flight.root + lines[0].path] = [look.visualizer(mappings=[values])]
     return series
 
 
-def _has(one: Shown, line: Line) -> bool:
-    return (line.below or not one.below) and not (line.fault_on and not one.facts.faults_on(line.fault_on))
+def _has(flight: Shown, line: Line) -> bool:
+    return (line.below or not flight.below) and not (line.fault_on and not flight.facts.faults_on(line.fault_on))
 
 
 def over_time(name: str, series: _Series, shown: Sequence[Shown], axes: Axes = FITTED) -> rrb.TimeSeriesView:
@@ -120,7 +120,7 @@ def time_axis(shown: Sequence[Shown], span_s: tuple[float, float] | None = None)
 
     The axis that Rerun's views share by themselves would show a minute around the cursor, no more.
     """
-    seen = [one.facts.seen for one in shown]
+    seen = [flight.facts.seen for flight in shown]
     if span_s is None and None in seen:
         return rrb.TimeAxis(link=LinkAxis.LinkToGlobal)
     whole = 0.0, max((each.end_s for each in seen if each is not None), default=0.0)
@@ -128,19 +128,19 @@ def time_axis(shown: Sequence[Shown], span_s: tuple[float, float] | None = None)
     return rrb.TimeAxis(link=LinkAxis.Independent, view_range=rr.TimeRange(first, last))
 
 
-def chart(one: Chart, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
+def chart(content: Chart, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
     """Draw numbers of one unit; the colours are named in the title."""
     lines = [
-        Line(*_place(name), _label(name, one), PALETTE[i % len(PALETTE)], 1.5 if i else 3.0)
-        for i, name in enumerate(one.names)
+        Line(*_place(name), _label(name, content), PALETTE[i % len(PALETTE)], 1.5 if i else 3.0)
+        for i, name in enumerate(content.names)
     ]
     listed = [line for line in lines if line.archetype == DEGREES]
     series = list_series(DEGREE_NAMES, listed, shown) if listed else {}
     for path, drawn in line_series([line for line in lines if line.archetype != DEGREES], shown).items():
         series[path] = [*series.get(path, []), *drawn]
-    said = ", ".join(f"{line.label} {COLOR_NAMES[i % len(PALETTE)]}" for i, line in enumerate(lines))
-    ranges = [seen.ranges[one.name] for each in shown if (seen := each.facts.seen) is not None]
-    return over_time(f"{one.title}: {said}", series, shown, Axes(values=_around(ranges)))
+    colours = ", ".join(f"{line.label} {COLOR_NAMES[i % len(PALETTE)]}" for i, line in enumerate(lines))
+    ranges = [seen.ranges[content.name] for flight in shown if (seen := flight.facts.seen) is not None]
+    return over_time(f"{content.title}: {colours}", series, shown, Axes(values=_around(ranges)))
 
 
 def _around(ranges: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
@@ -153,14 +153,14 @@ def _place(name: str) -> tuple[str, str, str]:
     if name in DEGREE_NAMES:
         return "/control", DEGREES, name
     where, _, field = name.partition("_")
-    found = {"flight": ("/flight", "rig.Flight", field), "demand": ("/demand", "rig.Demand", field)}
-    return found.get(where, ("/control", "rig.Control", name))
+    topics = {"flight": ("/flight", "rig.Flight", field), "demand": ("/demand", "rig.Demand", field)}
+    return topics.get(where, ("/control", "rig.Control", name))
 
 
-def _label(name: str, one: Chart) -> str:
+def _label(name: str, content: Chart) -> str:
     """Return a name of a chart in words, without its unit and what the chart's name says."""
     where, _, field = name.partition("_")
-    if where in ("surface", "actuator", "position") or one.name == "throttle":
+    if where in ("surface", "actuator", "position") or content.name == "throttle":
         return {"surface": "command", "actuator": "actuator input"}.get(where, "position")
     for unit in ("_rad_s", "_m_s", "_rad", "_m"):
         field = field.removesuffix(unit)
@@ -173,7 +173,7 @@ def status_lanes(lanes: Sequence[Lane], shown: Sequence[Shown]) -> rrb.StateTime
     return rrb.StateTimelineView(
         name="channels of each signal: blue ok, yellow suspect, orange failed, dark red all failed",
         origin="/",
-        contents=[one.root + lane.path for lane in lanes for one in shown],
+        contents=[flight.root + lane.path for lane in lanes for flight in shown],
         defaults=[_configuration(looks)],
         time_view=time_axis(shown),
     )
@@ -192,20 +192,20 @@ def state_lanes(
     span_s : the part of the flight that is shown, see time_axis
     """
     views = []
-    for one in shown:
+    for flight in shown:
         own: dict[Any, Any] = {
-            one.root + fault_path(i): _configuration({ACTING: (fault.label, FAULT_LANE)})
-            for i, fault in enumerate(one.facts.faults)
-            if faults is not None and one.facts.thresholds and (not faults or faults in fault.places)
+            flight.root + fault_path(i): _configuration({ACTING: (fault.label, FAULT_LANE)})
+            for i, fault in enumerate(flight.facts.faults)
+            if faults is not None and flight.facts.thresholds and (not faults or faults in fault.places)
         }
         common, contents = dict[str, Any](ENDS), list(own)
         for lane in lanes:
-            contents.append(one.root + lane.path)
+            contents.append(flight.root + lane.path)
             if any(common.setdefault(state, look) != look for state, look in lane.looks.items()):
-                own[one.root + lane.path] = _configuration(lane.looks)
+                own[flight.root + lane.path] = _configuration(lane.looks)
         views.append(
             rrb.StateTimelineView(
-                name=one.prefix + name,
+                name=flight.prefix + name,
                 origin="/",
                 contents=contents,
                 overrides=own,
@@ -226,7 +226,7 @@ def _configuration(looks: Looks) -> rr.StateConfiguration:
 
 def histogram(bars: Bars, shown: Sequence[Shown]) -> rrb.BarChartView:
     """Build a histogram of every flight."""
-    return rrb.BarChartView(name=bars.name, origin="/", contents=[one.root + bars.path for one in shown])
+    return rrb.BarChartView(name=bars.name, origin="/", contents=[flight.root + bars.path for flight in shown])
 
 
 def about(shown: Sequence[Shown]) -> rrb.TextDocumentView:
@@ -241,12 +241,12 @@ def margin() -> rrb.TextDocumentView:
     return rrb.TextDocumentView(name="margin", origin=MARGIN, contents=[MARGIN], titlebar=False)
 
 
-def status_now(one: Shown) -> rrb.Spatial2DView:
+def status_now(flight: Shown) -> rrb.Spatial2DView:
     """Build the matrix of all channels at the cursor, and its legend."""
     return rrb.Spatial2DView(
-        name=f"{one.prefix}channels at the cursor",
+        name=f"{flight.prefix}channels at the cursor",
         origin="/",
-        contents=[one.root + matrix.PATH, one.root + matrix.NAMES],
+        contents=[flight.root + matrix.PATH, flight.root + matrix.NAMES],
         visual_bounds=rrb.VisualBounds2D(x_range=(0.0, matrix.WIDTH), y_range=(matrix.TOP, matrix.BOTTOM)),
     )
 
@@ -262,10 +262,10 @@ def legend() -> rrb.Spatial2DView:
     )
 
 
-def numbers(one: Shown) -> rrb.TextDocumentView:
+def numbers(flight: Shown) -> rrb.TextDocumentView:
     """Build the text of the true flight condition at the cursor."""
-    path = one.root + NUMBERS
-    return rrb.TextDocumentView(name=f"{one.prefix}true flight condition at the cursor", origin=path, contents=[path])
+    path, name = flight.root + NUMBERS, f"{flight.prefix}true flight condition at the cursor"
+    return rrb.TextDocumentView(name=name, origin=path, contents=[path])
 
 
 def events(shown: Sequence[Shown]) -> rrb.TextLogView:
@@ -273,7 +273,7 @@ def events(shown: Sequence[Shown]) -> rrb.TextLogView:
     return rrb.TextLogView(
         name="events",
         origin="/",
-        contents=[f"{one.root}/events" for one in shown],
+        contents=[f"{flight.root}/events" for flight in shown],
         columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"], timeline_columns=[TIMELINE]),
     )
 
@@ -281,13 +281,13 @@ def events(shown: Sequence[Shown]) -> rrb.TextLogView:
 def attitude(shown: Sequence[Shown]) -> rrb.Spatial3DView:
     """Build the figures of all flights over one compass, seen from behind, above and left of one that flies north."""
     eye = rrb.EyeControls3D(kind=rrb.Eye3DKind.Orbital, position=(-9.0, -22.0, 11.0), look_target=(0.0, 0.0, 0.0))
-    contents = [one.root + part for one in shown for part in ("/attitude", "/aircraft", "/horizon")]
+    contents = [flight.root + part for flight in shown for part in ("/attitude", "/aircraft", "/horizon")]
     return _space("attitude", HORIZON, contents, eye, 10.0)
 
 
 def path(shown: Sequence[Shown]) -> rrb.Spatial3DView:
     """Build the whole path, seen from afar."""
-    contents = [one.root + part for one in shown for part in ("/pose", "/here", "/path")]
+    contents = [flight.root + part for flight in shown for part in ("/pose", "/here", "/path")]
     return _space("path; the grid is 1 km wide", WORLD, contents, grid_m=1000.0)
 
 
@@ -309,11 +309,11 @@ def track(shown: Sequence[Shown]) -> rrb.Spatial2DView:
     return rrb.Spatial2DView(
         name="track from above, north up, in m",
         origin="/",
-        contents=[one.root + part for one in shown for part in ("/track", "/track/here")],
+        contents=[flight.root + part for flight in shown for part in ("/track", "/track/here")],
     )
 
 
 def map_view(shown: Sequence[Shown]) -> rrb.MapView:
     """Build the path on a map, whose tiles the viewer fetches from OpenStreetMap."""
-    contents = [one.root + part for one in shown for part in ("/position", "/map")]
+    contents = [flight.root + part for flight in shown for part in ("/position", "/map")]
     return rrb.MapView(name="map (tiles from OpenStreetMap)", origin="/", contents=contents)

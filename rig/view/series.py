@@ -54,9 +54,9 @@ def limits(shown: Series, threshold: float) -> tuple[float, float]:
     with np.errstate(invalid="ignore"):
         close = shown.used & (np.abs(shown.channels - shown.voted[:, None]) <= NEAR * unit)
     drawn = [shown.voted - ROOM * unit, shown.voted + ROOM * unit, shown.truth - ROOM * unit, shown.truth + ROOM * unit]
-    known = np.concatenate([*drawn, shown.channels[close] - unit, shown.channels[close] + unit])
-    known = known[np.isfinite(known)]
-    return (float(known.min()), float(known.max())) if len(known) else (-1.0, 1.0)
+    values = np.concatenate([*drawn, shown.channels[close] - unit, shown.channels[close] + unit])
+    values = values[np.isfinite(values)]
+    return (float(values.min()), float(values.max())) if len(values) else (-1.0, 1.0)
 
 
 def threshold(resolved: Mapping[str, Any], name: str) -> float:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 LOOPBACK: Final = "127.0.0.1"
 POLICY: Final = "connect-src 'self' http://127.0.0.1:* http://localhost:* blob: data:"
-_FILES: Final = ("/", "/re_js", "/re_viewer_bg.wasm", "/sw.js", "/favicon.ico")
+_FILES: Final = ("/", "/re_viewer.js", "/re_viewer_bg.wasm", "/sw.js", "/favicon.ico")
 _KEPT_HEADERS: Final = ("Content-Type", "rerun-final-length")  # the second feeds the page's progress bar
 
 
@@ -99,7 +99,7 @@ def _has(port: int, status: str) -> bool:
         sockets = psutil.Process().net_connections(kind="tcp")
     except psutil.AccessDenied:
         return True
-    return any(one.status == status and one.laddr.port == port for one in sockets)
+    return any(each.status == status and each.laddr.port == port for each in sockets)
 
 
 def require_display(asked: str) -> None:
@@ -225,9 +225,9 @@ def _handler(files: dict[str, File]) -> type[BaseHTTPRequestHandler]:
         timeout = 30
 
         def do_GET(self) -> None:  # the name that http.server asks for
-            found = files.get(urlsplit(self.path).path)
-            headers, contents = found or ({"Content-Type": "text/plain"}, b"not found\n")
-            self.send_response(200 if found else 404)
+            file = files.get(urlsplit(self.path).path)
+            headers, contents = file or ({"Content-Type": "text/plain"}, b"not found\n")
+            self.send_response(200 if file else 404)
             for name, value in headers.items():
                 self.send_header(name, value)
             self.send_header("Content-Length", str(len(contents)))
