@@ -11,6 +11,7 @@ from rig.flight.pace import Jitter
 from rig.frame import Block
 from rig.log import Log, SignalArrays, read_log
 from rig.record.event import Event
+from rig.record.failures import failed_text
 from rig.record.flight_summary import Peaks
 from rig.scenario import Scenario
 from rig.view.stream import StreamReport
@@ -69,8 +70,7 @@ class Flight:
         """One line: what was flown, and how it ended."""
         named = f"{self.scenario.title or self.scenario.aircraft} seed {self.scenario.seed}"
         verdict = f"{'survived' if self.survived else 'lost'} ({self.end_reason}, {self.duration_s:g} s)"
-        failed = "; ".join(f"{name} {', '.join(map(str, channels))}" for name, channels in self.failed.items())
-        return f"<Flight {named}: {verdict}, failed {failed or 'no channel'}, log {self.log}>"
+        return f"<Flight {named}: {verdict}, failed {failed_text(self.failed)}, log {self.log}>"
 
     def summary(self) -> dict[str, Any]:
         """The flight as plain data, as ``rig fly --json`` prints it."""

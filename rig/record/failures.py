@@ -5,6 +5,7 @@ Events, headline of the viewer, score, report and votes of recordings all read t
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -64,6 +65,19 @@ def failures(rows: Block, before: Block | None = None) -> list[Failure]:
     listed = [Failure(int(frames[k]), SIGNALS[s].name, int(c) + 1, decided_by(rows[k], s, c)) for k, s, c in signals]
     listed += [Failure(int(frames[k]), DISCRETES[d].name, int(c) + 1, COMPARISON) for k, d, c in discretes]
     return sorted(listed, key=lambda failure: failure.frame)
+
+
+def failed_channels(row: Any) -> dict[str, list[int]]:
+    """Return the channels that are failed in ``row``, numbered from 1, by signal or discrete."""
+    items = [*zip(SIGNALS, row["state"], strict=True), *zip(DISCRETES, row["discrete_state"], strict=True)]
+    lists = {item.name: (np.flatnonzero(state == State.FAILED) + 1).tolist() for item, state in items}
+    return {name: channels for name, channels in lists.items() if channels}
+
+
+def failed_text(failed: Mapping[str, Sequence[int]]) -> str:
+    """Return failed channels as people read them: ``pitch_rate 3; heading 1, 2``."""
+    texts = (f"{name} {', '.join(map(str, channels))}" for name, channels in failed.items())
+    return "; ".join(texts) or "no channel"
 
 
 def decisive_s(first_s: float, isolated_s: float | None, end_s: float) -> tuple[float, float]:

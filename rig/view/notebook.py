@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import BadLog
-from rig.frame import DISCRETES, SIGNALS, State
 from rig.log import Log, scenario_of
+from rig.record.failures import failed_channels, failed_text
 from rig.util import fault_names
+from rig.view.lanes import acting
 from rig.view.series import Series, limits, series, threshold
 
 if TYPE_CHECKING:
@@ -68,13 +69,7 @@ def _verdict(log: Log) -> str:
 
 def _failed(log: Log) -> str:
     """Return the channels that are failed in the last frame."""
-    texts = []
-    for field, items in (("state", SIGNALS), ("discrete_state", DISCRETES)):
-        last = log.rows[field][-1:] == State.FAILED
-        for place in np.flatnonzero(last.any(axis=(0, 2))):
-            channels = ", ".join(str(c + 1) for c in np.flatnonzero(last[0, place]))
-            texts.append(f"{items[place].name} {channels}")
-    return "; ".join(texts) or "no channel"
+    return failed_text(failed_channels(log.rows[-1]) if len(log.rows) else {})
 
 
 def plot(log: Log, name: str) -> Figure:
@@ -120,4 +115,4 @@ def _acting(log: Log, name: str) -> NDArray[np.bool_]:
     """Return (n,) whether a fault that sits on the signal acts."""
     faults = _scenario(log).get("faults", [])
     on = [i for i, fault in enumerate(faults) if name in fault_names.place(fault).split("+")]
-    return np.asarray(np.unpackbits(log.rows["acting"], axis=1, bitorder="little")[:, on].any(axis=1))
+    return np.asarray(acting(log.rows, len(faults))[:, on].any(axis=1))

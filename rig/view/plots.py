@@ -231,14 +231,21 @@ def histogram(bars: Bars, shown: Sequence[Shown]) -> rrb.BarChartView:
 
 def about(shown: Sequence[Shown]) -> rrb.TextDocumentView:
     """Build the text of which flights these are, and how they went."""
-    return rrb.TextDocumentView(
-        name="flights" if len(shown) > 1 else "flight", origin=ABOUT, contents=[ABOUT], titlebar=False
-    )
+    return _text("flights" if len(shown) > 1 else "flight", ABOUT, titlebar=False)
 
 
 def margin() -> rrb.TextDocumentView:
     """Build an empty text as wide as the axis of a plot: what stands right of it begins where plots do."""
-    return rrb.TextDocumentView(name="margin", origin=MARGIN, contents=[MARGIN], titlebar=False)
+    return _text("margin", MARGIN, titlebar=False)
+
+
+def numbers(flight: Shown) -> rrb.TextDocumentView:
+    """Build the text of the true flight condition at the cursor."""
+    return _text(f"{flight.prefix}true flight condition at the cursor", flight.root + NUMBERS)
+
+
+def _text(name: str, path: str, *, titlebar: bool = True) -> rrb.TextDocumentView:
+    return rrb.TextDocumentView(name=name, origin=path, contents=[path], titlebar=None if titlebar else False)
 
 
 def status_now(flight: Shown) -> rrb.Spatial2DView:
@@ -260,12 +267,6 @@ def legend() -> rrb.Spatial2DView:
         visual_bounds=rrb.VisualBounds2D(x_range=(0.0, matrix.STRIP), y_range=(-1.0, 1.0)),
         titlebar=False,
     )
-
-
-def numbers(flight: Shown) -> rrb.TextDocumentView:
-    """Build the text of the true flight condition at the cursor."""
-    path, name = flight.root + NUMBERS, f"{flight.prefix}true flight condition at the cursor"
-    return rrb.TextDocumentView(name=name, origin=path, contents=[path])
 
 
 def events(shown: Sequence[Shown]) -> rrb.TextLogView:

@@ -16,7 +16,7 @@ import numpy as np
 from rig.frame import CHANNELS, INDEX, SIGNALS, Block, End, State
 from rig.record.failures import Failure, decisive_s, failures
 from rig.units.angles import near, unwrapped
-from rig.units.quantities import scale_shown
+from rig.units.quantities import duration, scale_shown, seconds
 from rig.view import charts
 from rig.view.facts import Facts, Seen
 from rig.view.lanes import acting
@@ -81,7 +81,7 @@ class Story:
         SURVIVED: pitch rate, channel 3, failed at 20.07 s, 70 ms after the onset, by comparison
         """
         if self.end != End.FLYING:
-            outcome = f"LOST at {self._seconds(self.last)}, {self.end.label}"
+            outcome = f"LOST at {seconds(self.last, self._rate_hz)}, {self.end.label}"
         return f"{outcome}: {self._failed() if self.isolations else self._acted()}"
 
     def _failed(self) -> str:
@@ -99,23 +99,16 @@ class Story:
             return "no channel failed"
         pairs = zip(self._facts.faults, self._onsets, strict=True)
         labels = ", ".join(fault.label for fault, onset in pairs if onset is not None)
-        return f"no channel failed; {labels} from {self._seconds(min(onsets))}"
+        return f"no channel failed; {labels} from {seconds(min(onsets), self._rate_hz)}"
 
     def _group(self, group: Sequence[Isolation]) -> str:
         """Return a text of channels that were failed in one frame by the same."""
         frame, by = group[0].failure.frame, group[0].failure.resolver
         onsets = {isolation.onset for isolation in group}
         [onset] = onsets if len(onsets) == 1 else [None]
-        after = f", {self._delay(frame - onset)} after the onset" if onset is not None else ""
+        after = f", {duration(frame - onset, self._rate_hz)} after the onset" if onset is not None else ""
         free = " with no fault on it" if onsets == {None} and self._facts.thresholds else ""
-        return f"{_named(group)} failed at {self._seconds(frame)}{after}, by {by}{free}"
-
-    def _seconds(self, frame: int) -> str:
-        return f"{frame / self._rate_hz:.2f} s"
-
-    def _delay(self, frames: int) -> str:
-        seconds = frames / self._rate_hz
-        return f"{seconds * 1000:.0f} ms" if seconds < 1 else f"{seconds:.2f} s"
+        return f"{_named(group)} failed at {seconds(frame, self._rate_hz)}{after}, by {by}{free}"
 
     @property
     def decisive(self) -> Decisive | None:
