@@ -2,7 +2,8 @@
 
 Unknown keys, wrong types, NaN and infinity are refused; a whole number is accepted where a
 real one is asked for.  Times and counts have an upper limit even where a field names none, so that
-they fit into frames.  Each stage owns its own ``Config`` derived from ``Settings``.
+they fit into frames.  Each stage owns its own ``Config`` derived from ``Settings``; ``record`` makes of it what the
+stage's kernels read.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from datetime import date, time
 from pathlib import Path
 from typing import Any, ClassVar, Final, TypeVar, get_args
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from rig.errors import BadInput
@@ -211,3 +214,34 @@ def _keys(location: tuple[int | str, ...], data: Any, missing: bool) -> list[str
         else:
             node = node[part] if isinstance(node, list) and isinstance(part, int) and part < len(node) else None
     return keys
+
+
+def record(dtype: np.dtype[Any], *models: BaseModel, **derived: Any) -> NDArray[Any]:
+    """Return settings as the record of a kernel, (1,): each field from ``derived``, else from a model by its name.
+
+    TypeError: a field that nothing fills, or a derived value that has no field.
+    """
+    made = np.zeros(1, dtype)
+    fill(made[0], *models, **derived)
+    return made
+
+
+def fill(row: Any, *models: BaseModel, **derived: Any) -> None:
+    """Write settings into one record as ``record`` does."""
+    if strange := derived.keys() - set(row.dtype.names):
+        raise TypeError(f"no field of the record: {', '.join(sorted(strange))}")
+    for name in row.dtype.names:
+        value = derived[name] if name in derived else _value(models, name)
+        if value is None:
+            raise TypeError(f"nothing fills the record's field {name}")
+        row[name] = value
+
+
+def _value(models: tuple[BaseModel, ...], name: str) -> Any:
+    """Return the first model's setting of this name; None where there is none."""
+    return next((getattr(model, name) for model in models if name in type(model).model_fields), None)
+
+
+def share_in_frame(time_constant_s: float, rate_hz: float) -> float:
+    """Return the share of a new sample that passes a first-order lag in one frame; all of it without a lag."""
+    return 1.0 - math.exp(-1.0 / (rate_hz * time_constant_s)) if time_constant_s > 0.0 else 1.0

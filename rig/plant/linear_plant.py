@@ -17,6 +17,7 @@ from rig.kernels import bind
 from rig.plant import dryden, small_motion, truth, wind
 from rig.plant.airframe import OUTPUTS, FlightPoint, LinearConfig
 from rig.plant.small_motion import ALTITUDE, PARAM
+from rig.settings import record
 from rig.units.atmosphere import speed_of_sound
 
 Matrix = NDArray[np.float64]
@@ -85,14 +86,20 @@ class LinearPlant:
         return np.array([frame.elevator.lag_s, frame.aileron.lag_s, frame.rudder.lag_s, frame.throttle.lag_s])
 
     def _parameters(self, dt_s: float) -> NDArray[Any]:
-        frame, param = self._airframe, np.zeros(1, PARAM)
-        row = param[0]
-        row["dt"], row["airspeed"], row["pitch_angle"] = dt_s, self._speed, frame.trim.pitch_angle_rad
-        row["surface"], (row["low"], row["high"]) = self.trim, np.array(frame.surface_limits).T
+        frame = self._airframe
+        low, high = np.array(frame.surface_limits).T
         surfaces = (frame.elevator, frame.aileron, frame.rudder)
         rates = [*(surface.rate_limit_rad_s for surface in surfaces), frame.throttle.rate_limit_1_s]
-        row["reach"] = np.array(rates) * self._lags()
-        return param
+        return record(
+            PARAM,
+            dt=dt_s,
+            airspeed=self._speed,
+            pitch_angle=frame.trim.pitch_angle_rad,
+            surface=self.trim,
+            low=low,
+            high=high,
+            reach=np.array(rates) * self._lags(),
+        )
 
     def reset(self) -> None:
         """Back to the first frame: the same flight again, bit for bit."""

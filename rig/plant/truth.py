@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rig.frame import DISCRETE_INDEX, FLIGHT_INDEX, Block, End, sig
 from rig.kernels import kernel
 from rig.plant.airframe import Airframe, Limits, Position
+from rig.settings import record
 from rig.units.constants import GRAVITY, TWO_PI
 
 FOOT: Final = 0.3048  # m
@@ -81,19 +82,18 @@ def fixed(airframe: Airframe, latitude_rad: float, longitude_rad: float) -> NDAr
 
     North and east are counted along the WGS 84 ellipsoid's radii at the start, as on a flat map.
     """
-    values = {f"accelerometer_{key}": value for key, value in airframe.accelerometer}
-    values |= {key: inf if value is None else value for key, value in airframe.limits}
     flattening = 1.0 / 298.257223563
     eccentricity2 = flattening * (2.0 - flattening)
     w2 = 1.0 - eccentricity2 * sin(latitude_rad) ** 2
-    values["start_latitude_rad"] = latitude_rad
-    values["start_longitude_rad"] = longitude_rad
-    values["north_m_per_rad"] = 6_378_137.0 * (1.0 - eccentricity2) / w2**1.5
-    values["east_m_per_rad"] = 6_378_137.0 / w2**0.5 * cos(latitude_rad)
-    record = np.zeros(1, FIXED)
-    for name in FIXED.names or ():
-        record[name] = values[name]
-    return record
+    return record(
+        FIXED,
+        **{f"accelerometer_{axis}": value for axis, value in airframe.accelerometer},
+        **{name: inf if limit is None else limit for name, limit in airframe.limits},
+        start_latitude_rad=latitude_rad,
+        start_longitude_rad=longitude_rad,
+        north_m_per_rad=6_378_137.0 * (1.0 - eccentricity2) / w2**1.5,
+        east_m_per_rad=6_378_137.0 / w2**0.5 * cos(latitude_rad),
+    )
 
 
 @kernel

@@ -7,7 +7,6 @@ velocity is over ground.
 
 from __future__ import annotations
 
-from math import exp
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from pydantic import Field
 
 from rig.frame import FLIGHT_INDEX, INERTIAL, Block, nested, sig
 from rig.kernels import kernel
-from rig.settings import Settings
+from rig.settings import Settings, record, share_in_frame
 from rig.units.angles import limit
 
 QUANTITIES: Final = len(INERTIAL)
@@ -108,21 +107,22 @@ class Inertial:
 
 def _params(config: Config, rate_hz: float, rng: Generator, force_rng: Generator) -> NDArray[np.void]:
     """The (1,) PARAMS record; all errors are drawn, whatever their tolerance."""
-    params = np.zeros(1, PARAMS)
-    row = params[0]
     draw = rng.uniform(-1.0, 1.0, FORCES + 3)  # of rates and velocity, and three of the mounting
-    forces = force_rng.uniform(-1.0, 1.0, (2, QUANTITIES - FORCES))  # bias, scale
-    rates = np.arange(FORCES) < RATES
-    tolerance = np.where(rates, config.rate_bias_tolerance_rad_s, config.velocity_bias_tolerance_m_s)
-    row["bias"] = np.concatenate([tolerance * draw[:FORCES], config.force_bias_tolerance_m_s2 * forces[0]])
-    row["gain"] = np.concatenate([np.ones(FORCES), 1.0 + config.force_scale_tolerance * forces[1]])
-    row["noise_std"][:FORCES] = np.where(rates, config.rate_noise_std_rad_s, config.velocity_noise_std_m_s)
-    row["noise_std"][FORCES:] = config.force_noise_std_m_s2
-    row["low"], row["high"] = ranges().T
-    row["turn"] = config.misalignment_tolerance_rad * draw[FORCES:]
-    row["quantum"] = config.force_quantum_m_s2
-    row["blend"] = 1.0 if config.lag_s == 0 else 1.0 - exp(-1.0 / (rate_hz * config.lag_s))
-    return params
+    bias, scale = force_rng.uniform(-1.0, 1.0, (2, QUANTITIES - FORCES))
+    tolerances = np.repeat([config.rate_bias_tolerance_rad_s, config.velocity_bias_tolerance_m_s], RATES)
+    noise_std = [config.rate_noise_std_rad_s, config.velocity_noise_std_m_s, config.force_noise_std_m_s2]
+    low, high = ranges().T
+    return record(
+        PARAMS,
+        bias=np.concatenate([tolerances * draw[:FORCES], config.force_bias_tolerance_m_s2 * bias]),
+        gain=np.concatenate([np.ones(FORCES), 1.0 + config.force_scale_tolerance * scale]),
+        noise_std=np.repeat(noise_std, RATES),
+        low=low,
+        high=high,
+        turn=config.misalignment_tolerance_rad * draw[FORCES:],
+        quantum=config.force_quantum_m_s2,
+        blend=share_in_frame(config.lag_s, rate_hz),
+    )
 
 
 @kernel

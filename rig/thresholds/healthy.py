@@ -72,7 +72,7 @@ def _distances(flights: Sequence[Flight], wraps: bool) -> tuple[Floats, Floats, 
     held, at, usual = [], [], []
     for flight in flights:
         hold = round(HOLD_S * flight.rate_hz)
-        every = nearest(near(flight.samples) if wraps else flight.samples)
+        every = nearest(near_first(flight.samples) if wraps else flight.samples)
         least = [sliding_minimum(np.where(np.isfinite(distance), distance, 0.0), hold) for distance in every]
         held.append([one.max() for one in least])
         at.append([max(int(one.argmax()) - hold + 1, 0) / flight.rate_hz for one in least])

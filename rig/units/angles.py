@@ -88,7 +88,7 @@ def unwrap(samples: Floats, vote: Floats, wraps: NDArray[np.uint8]) -> Floats:
     return np.where(wraps[:, None] != 0, near(samples, base), samples)
 
 
-def into_range(values: Floats, low: Floats, high: Floats, wraps: NDArray[Any] | bool) -> Floats:
+def into_range(values: Floats, low: Floats | float, high: Floats | float, wraps: NDArray[Any] | bool) -> Floats:
     """Return ``values`` within the sensors' ranges: angles by whole turns, all others saturated."""
     with np.errstate(invalid="ignore"):
         return np.where(wraps, (values - low) % TWO_PI + low, np.clip(values, low, high))

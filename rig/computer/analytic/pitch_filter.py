@@ -1,7 +1,7 @@
 """The Kalman filter on the pitch angle, the drift b and scale error s of the pitch gyros, and the path's offset d.
 
     theta' = ((1 + s) q - b) cos phi - (r - b_r) sin phi + noise     b' = noise     d' = noise     s' = 0
-    path   = theta + d + gust     climb rate, airspeed, angles of attack and sideslip (path.py)
+    path   = theta + d + gust     climb rate, airspeed, angles of attack and sideslip (flight_path.py)
     sensor = theta + noise        only where the sensor is trusted, and never for its own reference
 
 A gust lasts as long as its length takes to fly through, 533 m / V, so one sample of the path counts with
@@ -15,13 +15,14 @@ import math
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from rig.computer.analytic.flight_path import PATH_SIGNALS, VERTICAL, pitching
 from rig.computer.analytic.pitch_mean import carry, move
 from rig.frame import sig
 from rig.kernels import kernel
-from rig.settings import Settings
+from rig.settings import Settings, record
 from rig.units.angles import wrap
 
 
@@ -81,12 +82,17 @@ _FIRST_PATH_RAD: Final = 0.008
 _STEEP_BANK_RAD: Final = 1.0  # beyond it the heading says little of the yaw rate
 
 
-def fill(row: Any, noise: Noise, rate_hz: float) -> None:
-    """Write ``noise`` into a PARAM record."""
-    row["dt"] = 1.0 / rate_hz
-    row["rate_density"], row["drift_density"] = noise.rate_noise_rad_sqrt_s**2, noise.drift_walk_rad_s_sqrt_s**2
-    row["path_density"] = noise.path_walk_rad_sqrt_s**2
-    row["drift_variance"], row["scale_variance"] = noise.drift_sigma_rad_s**2, noise.scale_sigma**2
+def parameters(noise: Noise, rate_hz: float) -> NDArray[Any]:
+    """Return the PARAM record of a ``noise``."""
+    return record(
+        PARAM,
+        dt=1.0 / rate_hz,
+        rate_density=noise.rate_noise_rad_sqrt_s**2,
+        drift_density=noise.drift_walk_rad_s_sqrt_s**2,
+        path_density=noise.path_walk_rad_sqrt_s**2,
+        drift_variance=noise.drift_sigma_rad_s**2,
+        scale_variance=noise.scale_sigma**2,
+    )
 
 
 @kernel

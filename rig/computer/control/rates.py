@@ -37,8 +37,8 @@ def estimate(i, said, source, param, state, gain):
         deflection[i] = surface[i]
         bias[i] = -model - gain[k + 2] * deflection[i]
     model += gain[k + 2] * deflection[i] + bias[i]
-    deflection[i] += min(c["dt"] / c["lag"][i], 1.0) * (surface[i] - deflection[i])
-    w = c["rate_bandwidth"]
+    deflection[i] += min(c["dt"] / c["lag_s"][i], 1.0) * (surface[i] - deflection[i])
+    w = c["rate_bandwidth_rad_s"]
     if math.isfinite(said):
         bias[i] += c["dt"] * w * w * (said - x)
         model += 2.0 * w * (said - x)

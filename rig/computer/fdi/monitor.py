@@ -68,7 +68,7 @@ def voted(source):
 def answer(c, w, said):
     """The pitch angle that the law flies on: what the sensor ``said``, or the estimate within the bound."""
     if w["trust"] == Trust.CORRECTED or (w["over"] > 0 and rate_bias.confirmed(w)):
-        return said + min(max(w["filter"]["theta"] - said, -c["most"]), c["most"])
+        return said + min(max(w["filter"]["theta"] - said, -c["max_correction_rad"]), c["max_correction_rad"])
     if w["fade_left"] > 0:
         w["fade_left"] -= 1
         return said + w["fade"] * w["fade_left"] / c["fade_frames"]

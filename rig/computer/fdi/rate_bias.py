@@ -68,7 +68,7 @@ def turn(c, w, known, headed, inertial, x, gyros):
     if valid and known:
         compare(c, w, rate - other)
     tilt = pitching(u["pitch_rate"], u["yaw_rate"], bank) - other
-    w["tilt"] += dt * (tilt - w["tilt"] / max(c["lag"], dt))
+    w["tilt"] += dt * (tilt - w["tilt"] / max(c["lag_s"], dt))
     last = m["rate"] if e["frames"] > 0 else other
     carry(dt, m, other, last, dt * math.cos(phi), dt * math.cos(phi) * u["pitch_rate"])
     m["rate"] = other

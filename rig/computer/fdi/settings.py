@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from rig.computer.analytic.pitch_filter import Noise, fill
+from rig.computer.analytic import pitch_filter
+from rig.computer.analytic.pitch_filter import Noise
 from rig.computer.fdi.state import PARAM
-from rig.settings import Settings
+from rig.settings import Settings, record
 
 
 class Config(Settings):
@@ -32,17 +32,14 @@ class Config(Settings):
 
 
 def parameters(config: Config, on: bool, rate_hz: float) -> NDArray[Any]:
-    """The PARAM record; ``on`` when the fault-tolerant law flies."""
-    param = np.zeros(1, PARAM)
-    row, dt = param[0], 1.0 / rate_hz
-    row["on"], row["lag"] = on, config.lag_s
-    fill(row["filter"], config.noise, rate_hz)
-    # The steady gain sqrt(rate_density dt / R) a frame is dt / lag for this R.
-    row["sensor_variance"] = (config.noise.rate_noise_rad_sqrt_s * config.lag_s) ** 2 / dt
-    row["floor"], row["timing"], row["turn_error"] = config.innovation_floor_rad, config.timing_s, config.turn_error
-    row["jump_sigma"], row["persistence"] = config.jump_sigma, config.persistence
-    row["ramp_sigma"], row["ramp_s"] = config.ramp_sigma, config.ramp_s
-    row["most"], row["near"] = config.max_correction_rad, config.return_rad
-    row["return_frames"] = max(1, round(config.return_s * rate_hz))
-    row["fade_frames"] = round(config.return_fade_s * rate_hz)
-    return param
+    """Return the PARAM record; ``on`` when the fault-tolerant law flies."""
+    return record(
+        PARAM,
+        config,
+        on=on,
+        filter=pitch_filter.parameters(config.noise, rate_hz)[0],
+        # The steady gain sqrt(rate_density dt / R) a frame is dt / lag for this R.
+        sensor_variance=(config.noise.rate_noise_rad_sqrt_s * config.lag_s) ** 2 / (1.0 / rate_hz),
+        return_frames=max(1, round(config.return_s * rate_hz)),
+        fade_frames=round(config.return_fade_s * rate_hz),
+    )

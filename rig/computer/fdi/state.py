@@ -16,16 +16,16 @@ PARAM: Final = np.dtype(
     [
         ("filter", pitch_filter.PARAM),
         ("on", "i8"),  # whether the fault-tolerant law flies
-        ("lag", "f8"),  # s, of the estimate behind a trusted sensor
+        ("lag_s", "f8"),  # of the estimate behind a trusted sensor
         ("sensor_variance", "f8"),  # rad^2 of one sample that gives this lag
-        ("floor", "f8"),  # rad
-        ("timing", "f8"),  # s
+        ("innovation_floor_rad", "f8"),
+        ("timing_s", "f8"),
         ("turn_error", "f8"),
         ("jump_sigma", "f8"),
         ("ramp_sigma", "f8"),
         ("ramp_s", "f8"),
-        ("most", "f8"),  # rad
-        ("near", "f8"),  # rad
+        ("max_correction_rad", "f8"),
+        ("return_rad", "f8"),
         ("persistence", "i8"),
         ("return_frames", "i8"),
         ("fade_frames", "i8"),
