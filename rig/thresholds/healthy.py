@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.thresholds.design import Flight
-from rig.thresholds.distances import invalid_runs, near, nearest, sliding_minimum
+from rig.thresholds.distances import invalid_runs, near_first, nearest, sliding_minimum
 
 Floats = NDArray[np.float64]
 HOLD_S: Final = 1.0
