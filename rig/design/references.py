@@ -23,12 +23,12 @@ from rig.computer.analytic.references import References, refer, remember
 from rig.computer.analytic.sources import PARTNERS, REMEMBERED, Config, source
 from rig.computer.control.gains import Gains
 from rig.design.healthy_flights import FLIGHTS, Case, cases, label
-from rig.design.linear import Linear, linearise
 from rig.errors import RigError
 from rig.frame import INDEX, SIGNALS, Block
 from rig.kernels import kernel
 from rig.loop import fly_rows
 from rig.plant.airframe import Airframe, FlightPoint, parse
+from rig.plant.linearise import Linear, linearise
 from rig.scenario import Scenario
 from rig.settings import build
 from rig.units.angles import differences

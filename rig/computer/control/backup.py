@@ -25,7 +25,7 @@ from rig.computer.control.source import carry
 from rig.computer.control.state import ANGLE, PATH
 from rig.frame import COMMANDS, Law, Source, sig
 from rig.kernels import kernel
-from rig.units.atmosphere import GRAVITY
+from rig.units.constants import GRAVITY
 
 NOT_NEEDED, LOAD, ALPHA, BLIND = 0, 1, 2, 3  # what the back-up law flies on
 _C_Q: Final = COMMANDS.index("pitch_rate_rad_s")

@@ -21,8 +21,8 @@ from rig.computer.gain_schedule import look_up
 from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, SURFACES, Law, S, Source, sig
 from rig.kernels import kernel
 from rig.units.angles import wrap
-from rig.units.atmosphere import GRAVITY, pressure_altitude, temperature
-from rig.units.constants import TWO_PI
+from rig.units.atmosphere import pressure_altitude, temperature
+from rig.units.constants import GRAVITY, TWO_PI
 
 _ENGAGED: Final = DISCRETE_INDEX["autopilot_engaged"]
 _WHEELS, _GEAR = DISCRETE_INDEX["weight_on_wheels"], DISCRETE_INDEX["gear_down"]
