@@ -12,6 +12,7 @@ from rig.assess.places import references_of
 from rig.assess.record import FaultScore
 from rig.frame import INDEX, SIGNALS, Block, Pattern, Source, State
 from rig.scenario import Scenario
+from rig.util.runs import begins
 
 BEFORE_S: Final = 0.5  # shown before the first frame that matters
 AFTER_S: Final = 1.0  # and after the isolation
@@ -76,6 +77,4 @@ def moment(scored: Scored, rows: Block, name: str) -> Moment | None:
 
 def _failures(states: NDArray[np.uint8]) -> list[int]:
     """The frames in which a channel of ``states`` (n, 4) becomes failed."""
-    failed = states == State.FAILED
-    new = failed & ~np.vstack([np.zeros((1, failed.shape[1]), bool), failed[:-1]])
-    return np.flatnonzero(new.any(axis=1)).tolist()
+    return np.flatnonzero(begins(states == State.FAILED).any(axis=1)).tolist()

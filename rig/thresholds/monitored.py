@@ -16,6 +16,7 @@ from rig.computer.redundancy.manager import manage_signal, new_state
 from rig.frame import CHANNELS, Ilm
 from rig.kernels import long_kernel
 from rig.recordings.settings import RecordedSignal
+from rig.util.runs import cluster_starts
 
 Floats = NDArray[np.float64]
 Frames = NDArray[np.int64]
@@ -45,7 +46,7 @@ def isolations(samples: Floats, settings: RecordedSignal, rate_hz: float, gap: i
     found = np.zeros(len(samples), np.uint8)
     _restarted(_four(samples), _VALID, _ABSENT, params, new_state(params), new_state(params), found)
     at = np.flatnonzero(found)
-    return at[np.diff(at, prepend=-gap - 1) > gap]
+    return at[cluster_starts(at, gap)]
 
 
 def low_passed(samples: Floats, settings: RecordedSignal, rate_hz: float) -> Floats:
