@@ -22,6 +22,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from rig.errors import BadInput
 from rig.text import LONGEST_LIST, choices, nearest, quoted, shorten
+from rig.util.files import read_bytes
 
 M = TypeVar("M", bound="Settings")
 LONGEST_S: Final = 1e6  # eleven days
@@ -84,21 +85,11 @@ class NotToml(BadInput):
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The TOML document at ``path``; BadInput when it is missing or does not parse."""
+    raw = read_bytes(path, LARGEST_TOML)
     try:
-        if path.is_fifo():  # opening one waits for a writer
-            raise BadInput(f"{path}: is a pipe, no file")
-        with path.open("rb") as file:
-            raw = file.read(LARGEST_TOML + 1)  # a device may never end
-        if len(raw) > LARGEST_TOML:
-            raise BadInput(f"{path}: larger than {LARGEST_TOML >> 20} MiB")
-        text = raw.decode("utf-8")
-    except FileNotFoundError:
-        raise BadInput(f"{path}: no such file") from None
+        return parse_toml(raw.decode("utf-8"), str(path))
     except UnicodeDecodeError as error:
         raise BadInput(f"{path}: not valid TOML: {error}") from None
-    except (OSError, ValueError) as error:
-        raise BadInput(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    return parse_toml(text, str(path))
 
 
 def parse_toml(text: str, source: str) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from rig.errors import BadInput
 from rig.frame import CHANNELS
 from rig.sensors.settings import Sensor
 from rig.text import shorten
-from rig.util.files import is_file
+from rig.util.files import is_file, reported
 
 
 class Recorded:
@@ -75,11 +75,8 @@ def pin(sensors: Any, folder: Path) -> Any:
 
 
 def _bytes(path: Path, where: str) -> bytes:
-    try:
+    with reported(f"{where}: {path}", BadInput, "cannot be read"):
         return path.read_bytes()
-    except (OSError, ValueError) as error:
-        said = getattr(error, "strerror", None) or error
-        raise BadInput(f"{where}: {path}: cannot be read: {said}") from None
 
 
 def _parse(data: bytes, path: Path, where: str) -> NDArray[np.float64]:

@@ -42,11 +42,26 @@ def is_pipe(path: Path) -> bool:
 
 @contextmanager
 def reported(where: Path | str, kind: type[RigError] = RigError, what: str = "cannot be written") -> Iterator[None]:
-    """Say in one line, as ``kind``, what the system refuses in the block: ``where``, ``what`` and the reason."""
+    """Raise what the system refuses in the block as one line of ``kind``: ``where``, ``what`` and the reason."""
     try:
         yield
-    except OSError as error:
-        raise kind(f"{where}: {what}: {error.strerror}") from None
+    except (OSError, ValueError) as error:  # a name that no file can have is a ValueError
+        raise kind(f"{where}: {what}: {getattr(error, 'strerror', None) or error}") from None
+
+
+def read_bytes(path: Path, most: int) -> bytes:
+    """Return a file's bytes; BadInput: missing, a pipe, unreadable, or more than ``most`` bytes."""
+    with reported(path, BadInput, "cannot be read"):
+        try:
+            if path.is_fifo():  # opening one waits for a writer
+                raise BadInput(f"{path}: is a pipe, no file")
+            with path.open("rb") as file:
+                data = file.read(most + 1)  # a device may never end
+        except FileNotFoundError:
+            raise BadInput(f"{path}: no such file") from None
+    if len(data) > most:
+        raise BadInput(f"{path}: larger than {most >> 20} MiB")
+    return data
 
 
 @contextmanager
@@ -109,15 +124,13 @@ def publish(made: Path, paths: Iterable[Path]) -> Path:
 
 def _check(path: Path) -> None:
     """BadInput unless a regular file is at ``path``, or none."""
-    try:
-        mode = path.stat().st_mode
-    except FileNotFoundError:
-        if not path.parent.is_dir():
-            raise BadInput(f"{path}: no such folder: {path.parent}") from None
-        return
-    except (OSError, ValueError) as error:
-        said = error.strerror if isinstance(error, OSError) else error
-        raise BadInput(f"{path}: cannot be written: {said}") from None
+    with reported(path, BadInput):
+        try:
+            mode = path.stat().st_mode
+        except FileNotFoundError:
+            if not path.parent.is_dir():
+                raise BadInput(f"{path}: no such folder: {path.parent}") from None
+            return
     if stat.S_ISDIR(mode):
         raise BadInput(f"{path}: is a folder")
     if not stat.S_ISREG(mode):
