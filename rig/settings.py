@@ -62,7 +62,7 @@ class Settings(BaseModel):
 
 
 def _limits(model: type[BaseModel]) -> Iterator[tuple[str, float]]:
-    """Upper limits of the times (``..._s``) and whole numbers of a model whose fields name none."""
+    """Yield upper limits of the times (``..._s``) and whole numbers of a model whose fields name none."""
     for name, field in model.model_fields.items():
         if any(hasattr(bound, "le") or hasattr(bound, "lt") for bound in field.metadata):
             continue
@@ -74,7 +74,7 @@ def _limits(model: type[BaseModel]) -> Iterator[tuple[str, float]]:
 
 
 def _leaves(annotation: Any) -> set[Any]:
-    """The plain types that an annotation is made of."""
+    """Return the plain types that an annotation is made of."""
     inside = get_args(annotation)
     return {leaf for part in inside for leaf in _leaves(part)} if inside else {annotation}
 
@@ -84,7 +84,7 @@ class NotToml(BadInput):
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The TOML document at ``path``; BadInput when it is missing or does not parse."""
+    """Return the TOML document at ``path``; BadInput when it is missing or does not parse."""
     raw = read_bytes(path, LARGEST_TOML)
     try:
         return parse_toml(raw.decode("utf-8"), str(path))
@@ -93,7 +93,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def parse_toml(text: str, source: str) -> dict[str, Any]:
-    """The tables of a TOML text; BadInput, naming ``source``, when it does not parse or is nested too deep."""
+    """Return the tables of a TOML text; BadInput names ``source``: it does not parse, or is nested too deep."""
     try:
         found = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -131,7 +131,7 @@ def refuse_what_is_no_setting(data: Any, source: str, key: str = "") -> None:
 
 
 def build(model: type[M], data: dict[str, Any], source: str) -> M:
-    """``data`` as a ``model``; BadInput names ``source`` and the first offending key."""
+    """Return ``data`` as a ``model``; BadInput names ``source`` and the first offending key."""
     try:
         return model.model_validate(data)
     except ValidationError as error:
@@ -156,7 +156,7 @@ def _first_line(model: type[Settings], error: ValidationError, data: dict[str, A
 
 
 def _instead(model: type[Settings], location: tuple[int | str, ...]) -> str:
-    """The key that was meant; all that are allowed, or of many the nearest; and where all of them are."""
+    """Name the key that was meant: all that are allowed, or of many the nearest; and where all of them are."""
     known = _fields(model, location[:-1])
     where = f"; all keys: {model.keys_are_in}" if model.keys_are_in else ""
     if not known:
@@ -168,7 +168,7 @@ def _instead(model: type[Settings], location: tuple[int | str, ...]) -> str:
 
 
 def _fields(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
-    """The keys that a table at ``location`` of a model may have."""
+    """Return the keys that a table at ``location`` of a model may have."""
     here = [model]
     for part in location:
         fields = [one.model_fields[str(part)] for one in here if part in one.model_fields]
@@ -179,14 +179,14 @@ def _fields(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str
 
 
 def _models(annotation: Any) -> list[type[BaseModel]]:
-    """The settings models that an annotation may be."""
+    """Return the settings models that an annotation may be."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     return [model for part in get_args(annotation) for model in _models(part)]
 
 
 def _tag(model: type[BaseModel]) -> str | None:
-    """The ``kind`` (or ``plant``) by which a model is chosen among others."""
+    """Return the ``kind`` (or ``plant``) by which a model is chosen among others."""
     for name in ("kind", "plant"):
         if name in model.model_fields:
             return next(iter(get_args(model.model_fields[name].annotation)), None)
@@ -194,7 +194,7 @@ def _tag(model: type[BaseModel]) -> str | None:
 
 
 def _keys(location: tuple[int | str, ...], data: Any, missing: bool) -> list[str]:
-    """The keys of ``data`` in an error's location: without the names of the models that a union chose from."""
+    """Return the keys of ``data`` in an error's location, without the models that a union chose from."""
     keys, node = [], data
     for i, part in enumerate(location):
         if isinstance(node, dict) and part not in node and not (missing and i == len(location) - 1):

@@ -57,11 +57,11 @@ class Check:
 
     @property
     def below(self) -> list[str]:
-        """What the best design misses, a line for each loop."""
+        """The margins that the best design misses, a line for each loop."""
         return [] if self.gains is None else self.gains.below
 
     def as_dict(self) -> dict[str, Any]:
-        """The same as plain data."""
+        """Return the same as plain data."""
         return {
             "properties": [asdict(one) for one in self.properties],
             "reads": self.reads,
@@ -90,7 +90,7 @@ def check(airframe: Airframe, wanted: Requirements | None = None) -> Check:
 
 
 def _properties(airframe: Airframe) -> tuple[list[Property], list[str]]:
-    """What the surfaces are said to move, against what the model reads; nothing of a linear aircraft."""
+    """Return the positions that the surfaces name, compared with the model's; none of a linear aircraft."""
     if not isinstance(airframe, Config):
         return [], []
     reads = read(airframe.base_model).reads

@@ -73,7 +73,7 @@ class NewAircraft:
 
 
 def target(name: str, out: Path) -> Path:
-    """The folder to make; BadInput: no folder's name, a bundled aircraft's, or there already."""
+    """Return the folder to make; BadInput: no folder's name, a bundled aircraft's, or one that exists."""
     if not _NAME.fullmatch(name):
         raise BadInput(f"aircraft new {quoted(name)}: a name has letters, digits, _ . - and begins with none of . -")
     if name in names():
@@ -87,7 +87,7 @@ def target(name: str, out: Path) -> Path:
 
 
 def propose(name: str, base_model: str, answers: Answers, points: list[tuple[float, float]], most: int) -> NewAircraft:
-    """Everything of a new aircraft; BadInput when the model cannot be flown, or trims nowhere.
+    """Propose a whole new aircraft; BadInput when the model cannot be flown, or trims nowhere.
 
     points : altitude [m] and Mach number of flight points of the user's own; empty: ``most`` are proposed
     """
@@ -130,13 +130,13 @@ def write(new: NewAircraft, folder: Path) -> None:
 
 
 def scenario(new: NewAircraft) -> str:
-    """The text of a first scenario: the gyro fault of the default scenario, on this aircraft."""
+    """Return the text of a first scenario: the gyro fault of the default scenario, on this aircraft."""
     points = ", ".join(one.point.name for one in new.found)
     return _SCENARIO.format(name=new.name, first=new.found[0].point.name, points=points)
 
 
 def render(new: NewAircraft) -> str:
-    """The text of aircraft.toml: every assumed figure says so, with its source."""
+    """Return the text of aircraft.toml: every assumed figure says so, with its source."""
     blocks = [_head(new), *(_surface(new, surface) for surface in SURFACES), *_rest(new), *_sensors(new)]
     return "\n".join(blocks)
 
@@ -192,7 +192,7 @@ def _rest(new: NewAircraft) -> Iterator[str]:
 
 
 def _sensors(new: NewAircraft) -> Iterator[str]:
-    """The sensors that differ from aircraft/defaults.toml."""
+    """Return the sensors that differ from aircraft/defaults.toml."""
     tables: dict[str, dict[str, Any]] = {}
     chosen = new.answers.sensor_class
     kinds = sensor_classes()[chosen].kinds if chosen else []
@@ -218,5 +218,5 @@ def _table(name: str, data: dict[str, Any]) -> str:
 
 
 def _comment(text: str) -> str:
-    """``text`` as comment lines."""
+    """Return ``text`` as comment lines."""
     return textwrap.fill(text, WIDTH, initial_indent="# ", subsequent_indent="# ", break_on_hyphens=False)

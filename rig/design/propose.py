@@ -34,7 +34,7 @@ class Found:
 
 
 def airframe_table(base: BaseModel) -> tuple[dict[str, Any], Kind]:
-    """The ``[airframe]`` table without flight points, and which kind's figures it has."""
+    """Return the ``[airframe]`` table without flight points, and the kind whose figures it has."""
     table = _table(base, "transport")
     probe = build(Config, {**table, "flight_points": [_ANYWHERE]}, f"base model {base.name}")
     properties = dict.fromkeys(undeclared(probe), 0.0)
@@ -67,7 +67,7 @@ def _table(base: BaseModel, kind: Kind) -> dict[str, Any]:
 
 
 def flight_points(table: dict[str, Any], base: BaseModel, most: int = 2) -> list[Found]:
-    """Up to ``most`` flight points that trim, cruise first; BadInput when none does.
+    """Return up to ``most`` flight points that trim, cruise first; BadInput when none does.
 
     At each altitude speeds are tried by their lift coefficient; a point counts when throttle, elevator and angle of
     attack keep a reserve.  The second is the one whose dynamic pressure is nearest to 0.72 of the first's.
@@ -113,7 +113,7 @@ def _flyable(airframe: Config, point: FlightPoint, lift: float) -> list[Found]:
 
 
 def _spread(found: list[Found], most: int) -> list[Found]:
-    """The cruise point, and slower ones well apart in dynamic pressure, of other altitudes first."""
+    """Return the cruise point and slower ones well apart in dynamic pressure, other altitudes first."""
     chosen = [min(found, key=lambda one: (abs(one.lift - _CRUISE_LIFT), -one.point.altitude_m))]
     while len(chosen) < most:
         pressures = [one.trim.dynamic_pressure_pa for one in chosen]

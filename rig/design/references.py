@@ -81,18 +81,18 @@ Summary = dict[str, dict[str, Error]]  # by signal and source
 
 
 def cases() -> list[Case]:
-    """Every flight of a flight point, in order."""
+    """Return every flight of a flight point, in order."""
     return [(flight, turbulence, seed) for flight in FLIGHTS for turbulence in TURBULENCE for seed in SEEDS]
 
 
 def label(flight_point: str, case: Case) -> str:
-    """A measured flight as references.toml names it."""
+    """Return a measured flight as references.toml names it."""
     flight, turbulence, seed = case
     return f"{flight_point}, {flight}, turbulence {turbulence}, seed {seed}"
 
 
 def rounds(keys: Collection[Key] = PARTNERS) -> list[Config]:
-    """Settings of the references that together have each of these sources once."""
+    """Return the settings of the references that together have each of these sources once."""
     known: dict[str, list[str]] = {signal: [] for signal, _ in PARTNERS}
     for signal, chosen in keys:
         known[signal].append(chosen)
@@ -126,7 +126,7 @@ class Measured:
 
 
 def design(name: str, gains: Gains) -> Designed:
-    """The references of an aircraft; BadInput or RigError when it cannot be flown.
+    """Return the references of an aircraft; BadInput or RigError when it cannot be flown.
 
     Pure: the same aircraft and gains give the same numbers.  Some seconds for each flight point.
     """
@@ -141,7 +141,7 @@ def design(name: str, gains: Gains) -> Designed:
 
 
 def split(errors: Summary) -> tuple[Summary, Summary]:
-    """Errors in the signals' units, and those as equivalent airspeeds under the names of their sources."""
+    """Return errors in the signals' units, and those as equivalent airspeeds under the names of their sources."""
     airspeeds: Summary = {}
     for (signal, chosen), name in AS_AIRSPEED.items():
         airspeeds.setdefault(signal, {})[chosen] = errors[signal][name]
@@ -155,7 +155,7 @@ def _designed(airframe: Airframe, points: list[Point], errors: Summary, airspeed
 
 
 def coefficients(linear: Linear) -> dict[str, float]:
-    """The coefficients of a Point, six digits of each, from the small motions about its trim.
+    """Return the coefficients of a Point, six digits of each, from the small motions about its trim.
 
     alpha_dot = Z_alpha alpha + Z_q q + Z_elevator elevator, and the same for beta_dot: the surfaces are replaced
     by what the moment equations say of them, elevator = (q_dot - M_alpha alpha - M_q q) / M_elevator.
@@ -203,7 +203,7 @@ def measure(tables: dict[str, Any], airframe: Airframe, flight_point: FlightPoin
 
 
 def fly(tables: dict[str, Any], flight_point: FlightPoint, designed: Designed, case: Case) -> Block:
-    """All rows of one flight; RigError when the healthy aircraft is lost."""
+    """Return all rows of one flight; RigError when the healthy aircraft is lost."""
     flight, turbulence, seed = case
     own = {"turbulence": turbulence, "seed": seed, "rate_hz": RATE_HZ, **FLIGHTS[flight]}
     own |= {"flight_point": flight_point.name, "references": designed.model_dump()}
@@ -216,7 +216,7 @@ def fly(tables: dict[str, Any], flight_point: FlightPoint, designed: Designed, c
 
 
 def all_errors(rows: Block, designed: Designed, keys: Collection[Key] = PARTNERS) -> Errors:
-    """``errors`` of these sources."""
+    """Return ``errors`` of these sources."""
     found: Errors = {}
     for config in rounds(keys):
         found |= errors(rows, config, designed)
@@ -224,7 +224,7 @@ def all_errors(rows: Block, designed: Designed, keys: Collection[Key] = PARTNERS
 
 
 def errors(rows: Block, config: Config, designed: Designed) -> Errors:
-    """Reference less vote of every settled frame of ``rows``, by signal and source; overwrites ``reference``.
+    """Return reference less vote of every settled frame, by signal and source; overwrite ``reference``.
 
     One that remembers its own signal is measured against the channel that is farthest off: the vote it has learned,
     but a channel is what it may be compared with.
@@ -246,14 +246,14 @@ def errors(rows: Block, config: Config, designed: Designed) -> Errors:
 
 @kernel
 def run(rows, data):
-    """The references over rows that are voted already, as in flight."""
+    """Run the references over rows that are voted already, as in flight."""
     for k in range(len(rows)):
         refer(rows[k], rows[k], data)
         remember(rows[k], rows[k], data)
 
 
 def _choose(tried: list[list[Errors]], monitors: dict[str, Any]) -> dict[str, int]:
-    """For each filter the place of the candidate that leaves the least worst error, or nearly.
+    """Choose for each filter the place of the candidate that leaves the least worst error, or nearly.
 
     tried : for each candidate, quickest first, the errors of every flight
     """
@@ -286,18 +286,18 @@ def _summary(measured: list[Measured]) -> Summary:
 
 
 def _digits(value: float, digits: int) -> float:
-    """``value`` to so many digits, so that the last bits of a machine's arithmetic do not show."""
+    """Round ``value`` to so many digits, so that the last bits of a machine's arithmetic do not show."""
     if not np.isfinite(value):
         raise RigError("design of references: a number is not finite")
     return float(f"{value:.{digits}g}") + 0.0  # which makes a minus zero plain
 
 
 def write(designed: Designed, path: Path) -> None:
-    """references.toml; same design, same bytes."""
+    """Write references.toml; same design, same bytes."""
     write_text(path, render(designed))
 
 
 def render(designed: Designed) -> str:
-    """The text of references.toml."""
+    """Return the text of references.toml."""
     head = "# Written by the design from aircraft.toml and gains.toml; do not edit.\n\n"
     return head + tomli_w.dumps(designed.model_dump())

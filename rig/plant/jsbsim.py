@@ -60,7 +60,7 @@ class Plant:
         self.reset()
 
     def reset(self) -> None:
-        """Back to the first frame, on a fresh JSBSim: the same flight again, bit for bit."""
+        """Go back to the first frame, on a fresh JSBSim: the same flight again, bit for bit."""
         airframe = self._airframe
         fdm = load(airframe, self._flight_point, self._dt_s, self._wind.steady)
         _set_turbulence(fdm, self._severity, self._seed)
@@ -86,7 +86,7 @@ class Plant:
         self._write_row = bind(truth.write_row, new_block(1), 0, self._raw, self._fixed)
 
     def _stands_still(self) -> bool:
-        """Whether mass and wind are those of the first frame throughout the flight."""
+        """Return True if mass and wind are those of the first frame throughout the flight."""
         air = self._wind
         changes = air.steps or air.gusts or air.down_m_s or self._severity.exceedance_index
         return self._airframe.freeze_fuel and not changes

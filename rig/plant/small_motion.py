@@ -39,7 +39,7 @@ PARAM: Final = np.dtype(
 
 @kernel
 def move(x, new, command, place, f, g, param, raw):
-    """One step: ``x`` (n + 4,) under ``command`` (4,), absolute; ``new`` (n + 4,) is workspace.
+    """Move ``x`` (n + 4,) one step under ``command`` (4,), absolute; ``new`` (n + 4,) is workspace.
 
     ``place`` (4,) goes half a step at the velocity of ``raw``; the other half is ``advance``, after ``evaluate``.
     """
@@ -77,7 +77,7 @@ def advance(place, dt, raw):
 
 @kernel
 def blow(x, mean, gust, wind, place, jump):
-    """The wind becomes ``mean`` and ``gust``: the flow changes with it at once, the flight path does not.
+    """Set the wind to ``mean`` and ``gust``: the flow changes with it at once, the flight path does not.
 
     mean, wind : (3,) north, east, down [m/s], wind in place; gust : (3,) along, across, down
     jump : (n, 3), what the model's states change by for each m/s along, across and down
@@ -94,7 +94,7 @@ def blow(x, mean, gust, wind, place, jump):
 
 @kernel
 def evaluate(x, place, wind, outputs, rates, y, dy, param, raw):
-    """``raw`` (1,) truth.RAW of the state; y, dy (8,) are workspace, wind (3,) is north, east, down [m/s]."""
+    """Write ``raw`` (1,) truth.RAW of the state; y, dy (8,) are workspace, wind (3,) is north, east, down [m/s]."""
     p, now = param[0], raw[0]
     for i in range(_OUTPUTS):
         y[i], dy[i] = 0.0, 0.0
@@ -117,7 +117,7 @@ def evaluate(x, place, wind, outputs, rates, y, dy, param, raw):
 
 @kernel
 def dynamics(speed, speed_rate, alpha_rate, beta_rate, wind, raw):
-    """Velocity over ground, and the force for each unit of mass that makes this motion.
+    """Write velocity over ground, and the force for each unit of mass that makes this motion.
 
         f = dv/dt + w x v - gravity,  v = V (cos a cos b, sin b, sin a cos b) in body axes
 
@@ -154,7 +154,7 @@ def dynamics(speed, speed_rate, alpha_rate, beta_rate, wind, raw):
 
 @kernel
 def air(speed, altitude, raw):
-    """Air data at ``speed`` [m/s] and ``altitude`` [m] in the standard atmosphere."""
+    """Write air data at ``speed`` [m/s] and ``altitude`` [m] in the standard atmosphere."""
     now, static = raw[0], pressure(altitude)
     now["static_pressure_psf"] = static / PASCALS_PER_PSF
     now["dynamic_pressure_psf"] = 0.5 * density(altitude) * speed * speed / PASCALS_PER_PSF

@@ -63,13 +63,13 @@ class SensorClass(Settings):
 
 
 def kind(signal: str) -> str:
-    """Which figures of a class are those of ``signal``."""
+    """Return the kind of figures of a class that ``signal`` has."""
     group = next(s.group for s in SIGNALS if s.name == signal)
     return _KIND.get(signal, group.replace(" ", "_"))
 
 
 def under(below: dict[str, Any], above: dict[str, Any], known: dict[str, SensorClass], source: str) -> dict[str, Any]:
-    """The ``[sensors]`` table ``below`` as it must be for ``above`` to be laid over it.
+    """Return the ``[sensors]`` table ``below`` as it must be for ``above`` to be laid over it.
 
     Where ``above`` names a class, that class's figures are put in; where it names a noise file, the drawn noise is
     taken out.  BadInput: no such class, or none for that signal.

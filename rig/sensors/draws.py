@@ -36,7 +36,7 @@ class Drift:
     """The drifting part of every signal; ``seeds`` has a sequence for each of PROCESSES."""
 
     def __init__(self, suite: Settings, rate_hz: float, seeds: dict[str, SeedSequence]) -> None:
-        """BadInput when a noise file cannot be used."""
+        """Raise BadInput when a noise file cannot be used."""
         self._processes: list[tuple[int, Process]] = []
         for s, signal in enumerate(SIGNALS):
             sensor, own = getattr(suite, signal.name), _Streams(seeds, s)
@@ -65,7 +65,7 @@ class _Streams:
 
 
 def _processes(sensor: Sensor, name: str, rate_hz: float, rngs: _Streams) -> list[Process]:
-    """What one signal's sensor has of them."""
+    """Return the processes that one signal's sensor has."""
     found: list[Process] = []
     if sensor.bias_instability_std > 0:
         found.append(_bias_instability(sensor, rate_hz, rngs["bias_instability"]))
@@ -93,7 +93,7 @@ def _first_order(keep: float, drive: float, state: Floats, rng: Generator) -> Pr
 
 
 def _mode(sensor: Sensor, rate_hz: float, rng: Generator) -> Process:
-    """In x / rms and x' / (omega rms) both have unit variance, so the noise of a frame is what the transition loses."""
+    """Scale x by rms and x' by omega rms to unit variance: the noise of a frame is what the transition loses."""
     omega = 2.0 * pi * sensor.mode_frequency_hz
     step = transition(omega, sensor.mode_damping, 1.0 / rate_hz) * np.array([[1.0, omega], [1.0 / omega, 1.0]])
     lost = [1.0 - step[0, 0] ** 2 - step[0, 1] ** 2, 1.0 - step[1, 0] ** 2 - step[1, 1] ** 2]
@@ -147,7 +147,7 @@ class Alarms:
         self._dirty = False
 
     def prepare(self, frames: int) -> None:
-        """The next ``frames`` rows; what is drawn does not depend on the length of the blocks."""
+        """Draw the next ``frames`` rows; what is drawn does not depend on the length of the blocks."""
         if len(self.rows) < frames and self._channels:
             self.rows, self._dirty = np.zeros((frames, S, CHANNELS), np.uint8), False
         if self._dirty:

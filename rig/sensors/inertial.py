@@ -68,7 +68,7 @@ class InertialData(NamedTuple):
 
 
 def ranges() -> NDArray[np.float64]:
-    """(len(INERTIAL), 2) lowest and highest value of each quantity."""
+    """Return (len(INERTIAL), 2) lowest and highest value of each quantity."""
     full = [next(limit for unit, limit in _LIMITS.items() if name.endswith(unit)) for name in INERTIAL]
     return np.array([(-value, value) for value in full])
 
@@ -87,7 +87,7 @@ class Inertial:
 
     @property
     def data(self) -> InertialData:
-        """What ``sense`` needs besides the row; the same arrays until the next ``prepare``."""
+        """The data of ``sense`` besides the row; the same arrays until the next ``prepare``."""
         return InertialData(self.params, self._noise, self._force_noise, self.state)
 
     def prepare(self, block: Block) -> None:
@@ -106,7 +106,7 @@ class Inertial:
 
 
 def _params(config: Config, rate_hz: float, rng: Generator, force_rng: Generator) -> NDArray[np.void]:
-    """The (1,) PARAMS record; all errors are drawn, whatever their tolerance."""
+    """Return the (1,) PARAMS record; all errors are drawn, whatever their tolerance."""
     draw = rng.uniform(-1.0, 1.0, FORCES + 3)  # of rates and velocity, and three of the mounting
     bias, scale = force_rng.uniform(-1.0, 1.0, (2, QUANTITIES - FORCES))
     tolerances = np.repeat([config.rate_bias_tolerance_rad_s, config.velocity_bias_tolerance_m_s], RATES)
@@ -127,7 +127,7 @@ def _params(config: Config, rate_hz: float, rng: Generator, force_rng: Generator
 
 @kernel
 def sense(truth, bus, k, data):
-    """The inertial unit in row k of a block.
+    """Measure the inertial unit in row k of a block.
 
         x = (w - turn x w, v, f - turn x f);  y += blend (x - y);  sample = gain y + bias + noise, within its range
 
@@ -156,7 +156,7 @@ def sense(truth, bus, k, data):
 
 @kernel
 def misalign(x, y, z, turn, out, first):
-    """A vector of the aircraft's axes in those of the box, to ``out`` from ``first`` on: v - turn x v."""
+    """Write a vector of the aircraft's axes in those of the box to ``out`` from ``first`` on: v - turn x v."""
     out[first] = x - (turn[1] * z - turn[2] * y)
     out[first + 1] = y - (turn[2] * x - turn[0] * z)
     out[first + 2] = z - (turn[0] * y - turn[1] * x)

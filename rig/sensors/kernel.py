@@ -48,7 +48,7 @@ class Sensors:
     """Truth to channels.  ``seeds`` gives every purpose a stream of its own, so none shifts another."""
 
     def __init__(self, suite: Settings, rate_hz: float, seeds: SeedSequence) -> None:
-        """BadInput when a noise file cannot be used."""
+        """Raise BadInput when a noise file cannot be used."""
         streams: dict[str, SeedSequence] = dict(zip(STREAMS, seeds.spawn(len(STREAMS)), strict=True))
         self.params = fixed(suite, rate_hz, streams)
         self._drift = Drift(suite, rate_hz, streams)
@@ -61,7 +61,7 @@ class Sensors:
 
     @property
     def data(self) -> SensorData:
-        """What ``measure`` needs besides the row; the same arrays until the next ``prepare``."""
+        """The data of ``measure`` besides the row; the same arrays until the next ``prepare``."""
         draws = self._noise, self._drift.rows
         return SensorData(self.params, *draws, self._memory, self._line, self._discretes, self._alarms.rows)
 
@@ -81,7 +81,7 @@ class Sensors:
 
 @kernel
 def measure(truth, bus, k, data):
-    """All channels of row k of a block from the truth of this frame and the last.
+    """Measure all channels of row k of a block from the truth of this frame and the last.
 
     x = truth - skew (truth - last truth), truth with the cross-axis error;  y += blend (x - y)
     y -> low pass -> latency;  sample = round(gain y + bias + noise + drift), within its range
@@ -128,7 +128,7 @@ def measure(truth, bus, k, data):
 
 @kernel
 def switch(truth, bus, fitted):
-    """All channels of the discretes: each switch is where the truth is, valid, its monitor good.
+    """Write all channels of the discretes: each switch is where the truth is, valid, its monitor good.
 
     truth : (D,); fitted : (D,) channels of each; one that is not fitted is 0, not valid, without a monitor
     """
@@ -143,7 +143,7 @@ def switch(truth, bus, fitted):
 
 @kernel
 def cross_axis_error(p, m, truth, c):
-    """Cross-axis error of channel c: position error, misalignment, g-sensitivity.
+    """Return the cross-axis error of channel c: position error, misalignment, g-sensitivity.
 
     sum over the sources of share x truth, at the channel's moment of sampling; p PARAMS, m MEMORY, in place
     """
@@ -158,7 +158,7 @@ def cross_axis_error(p, m, truth, c):
 
 @kernel
 def filter_through(x, p, m, line, c):
-    """Low pass and latency of channel c; m MEMORY and ``line`` (frames,), the ring, in place.
+    """Pass channel c through low pass and latency; m MEMORY and ``line`` (frames,), the ring, in place.
 
     With the input held at x over the frame, e = y - x follows the free system: (e, y') <- transition (e, y').
     The latency lies between two frames of the ring, on the straight line between them.

@@ -43,7 +43,7 @@ PARAMS: Final = np.dtype(
 
 
 def fixed(suite: Settings, rate_hz: float, seeds: dict[str, SeedSequence]) -> NDArray[np.void]:
-    """The (S,) PARAMS records; every channel's errors are drawn whether it is fitted or not."""
+    """Return the (S,) PARAMS records; every channel's errors are drawn whether it is fitted or not."""
     rng = np.random.default_rng(seeds["calibration"])
     params = np.zeros(S, PARAMS)
     for signal, row in zip(SIGNALS, params, strict=True):
@@ -71,7 +71,7 @@ def calibrate(rows: Any, sensor: Sensor, draw: NDArray[np.float64]) -> None:
 
 
 def _dynamics(row: Any, sensor: Sensor, rate_hz: float) -> None:
-    """Low pass and latency."""
+    """Write low pass and latency."""
     row["filtered"] = sensor.bandwidth_hz > 0 or sensor.latency_s > 0
     row["low_pass"] = sensor.bandwidth_hz > 0
     if sensor.bandwidth_hz > 0:
@@ -82,7 +82,7 @@ def _dynamics(row: Any, sensor: Sensor, rate_hz: float) -> None:
 
 
 def _couple(params: NDArray[np.void], suite: Settings, turn: Generator, push: Generator) -> None:
-    """Which other truths each channel feels, and how much of them."""
+    """Draw each channel's cross-axis sensitivities."""
     turns, pushes = turn.uniform(-1.0, 1.0, (S, 2, CHANNELS)), push.uniform(-1.0, 1.0, (S, 3, CHANNELS))
     for s, signal in enumerate(SIGNALS):
         sensor = getattr(suite, signal.name)

@@ -30,7 +30,7 @@ class Recorded:
     """The rows of a noise file at the rate of the flight."""
 
     def __init__(self, sensor: Sensor, name: str, rate_hz: float, rng: Generator) -> None:
-        """BadInput when the file cannot be used, or is not the one that the scenario was loaded with."""
+        """Raise BadInput when the file cannot be used, or is not the one that the scenario was loaded with."""
         where = f"sensors.{name}.noise_file"
         path = Path(str(sensor.noise_file))
         data = _bytes(path, where)
@@ -53,7 +53,7 @@ class Recorded:
 
 
 def pin(sensors: Any, folder: Path) -> Any:
-    """The ``[sensors]`` table with the place and SHA-256 of every noise file written in.
+    """Return the ``[sensors]`` table with the place and SHA-256 of every noise file written in.
 
     A file is looked for beside the scenario (``folder``), then from the present folder.  A SHA-256 that stands there
     already is kept.  BadInput when there is no such file.
@@ -80,7 +80,7 @@ def _bytes(path: Path, where: str) -> bytes:
 
 
 def _parse(data: bytes, path: Path, where: str) -> NDArray[np.float64]:
-    """(rows, 4); a first line that is no number names the columns."""
+    """Return (rows, 4); a first line that is not numbers names the columns."""
     text = data.decode("utf-8", errors="replace")
     first = text.partition("\n")[0]
     if not text.strip():

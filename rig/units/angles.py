@@ -20,19 +20,19 @@ Flags = NDArray[np.bool_] | bool
 
 @kernel
 def wrap(angle):
-    """``angle`` (rad) the short way round, in [-pi, pi); NaN stays NaN."""
+    """Return ``angle`` (rad) the short way round, in [-pi, pi); NaN stays NaN."""
     return (angle + pi) % TWO_PI - pi
 
 
 @kernel
 def difference(a, b, wraps):
-    """``a - b``; the short way round when the signal ``wraps`` (rad)."""
+    """Return ``a - b``; the short way round when the signal ``wraps`` (rad)."""
     return wrap(a - b) if wraps != 0 else a - b
 
 
 @kernel
 def limit(x, low, high, wraps):
-    """``x`` within [low, high]: an angle goes round the circle, anything else saturates; NaN stays NaN."""
+    """Return ``x`` within [low, high]: an angle goes round the circle, anything else saturates; NaN stays NaN."""
     if wraps != 0:
         return (x - low) % TWO_PI + low
     if x < low:

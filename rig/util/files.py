@@ -28,12 +28,12 @@ def bundled(kind: str) -> Path:
 
 
 def is_file(path: Path) -> bool:
-    """Whether a regular file is there; no for a name that no file can have."""
+    """Return True if a regular file is there; False for a name that no file can have."""
     return os.path.isfile(path)  # noqa: PTH113 # Path.is_file raises for a name that is too long
 
 
 def is_pipe(path: Path) -> bool:
-    """Whether opening ``path`` would wait for a writer; no for a name that no file can have."""
+    """Return True if opening ``path`` would wait for a writer; False for a name that no file can have."""
     try:
         return path.is_fifo()
     except OSError:
@@ -66,7 +66,7 @@ def read_bytes(path: Path, most: int) -> bytes:
 
 @contextmanager
 def draft(path: Path) -> Iterator[Path]:
-    """A new empty file beside ``path``, under a name that nobody else has; it is removed at the end.
+    """Yield a new empty file beside ``path``, under a name of its own; it is removed at the end.
 
     BadInput: ``path`` is a folder or a device, cannot be a file's name, or its folder is not there or not writable.
     """
@@ -82,7 +82,7 @@ def draft(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def replaced(path: Path) -> Iterator[Path]:
-    """A draft to write to, which becomes ``path`` when the block ends well; after an error ``path`` is as before.
+    """Yield a draft, which becomes ``path`` when the block ends well; after an error ``path`` is as before.
 
     A link at ``path`` is replaced, not followed.  BadInput as of ``draft``; RigError when it cannot be renamed.
     """
@@ -99,7 +99,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def numbered(folder: Path, stem: str, ending: str) -> Iterator[Path]:
-    """The free names of stem.ending, stem_2.ending, stem_3.ending and so on; somebody may be faster to take one."""
+    """Yield the free names of stem.ending, stem_2.ending, stem_3.ending; another process may take one first."""
     for number in count(1):
         path = folder / (f"{stem}{ending}" if number == 1 else f"{stem}_{number}{ending}")
         if not os.path.lexists(path):  # a link to nowhere is taken too
@@ -123,7 +123,7 @@ def publish(made: Path, paths: Iterable[Path]) -> Path:
 
 
 def _check(path: Path) -> None:
-    """BadInput unless a regular file is at ``path``, or none."""
+    """Raise BadInput unless a regular file is at ``path``, or none."""
     with reported(path, BadInput):
         try:
             mode = path.stat().st_mode

@@ -13,7 +13,7 @@ PACKAGES = ("jsbsim-rig", "jsbsim", "numpy", "numba", "mcap", "rerun-sdk")
 
 @cache
 def versions() -> dict[str, str]:
-    """Package versions, Python, machine type and, in a checkout, the git commit."""
+    """Return package versions, Python, machine type and, in a checkout, the git commit."""
     found = {f"version {name}": _version(name) for name in PACKAGES}
     found["version python"] = platform.python_version()
     found["machine"] = platform.machine()
@@ -29,7 +29,7 @@ def _version(name: str) -> str:
 
 
 def _commit() -> str:
-    """The checkout's commit, with ``+`` when files differ from it; empty when this is no checkout."""
+    """Return the checkout's commit, with ``+`` when files differ from it; empty outside a checkout."""
     root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return ""
