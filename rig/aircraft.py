@@ -109,8 +109,8 @@ def _redesigned(above: dict[str, Any]) -> Collection[str]:
 
 def _tables(data: Any, key: str) -> dict[str, dict[str, Any]]:
     """Return the tables in the table ``key`` of ``data``; none where anything else is there."""
-    found = data.get(key) if isinstance(data, dict) else None
-    return {name: table for name, table in found.items() if isinstance(table, dict)} if isinstance(found, dict) else {}
+    inner = data.get(key) if isinstance(data, dict) else None
+    return {name: table for name, table in inner.items() if isinstance(table, dict)} if isinstance(inner, dict) else {}
 
 
 def merge(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:

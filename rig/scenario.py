@@ -150,9 +150,9 @@ def find(name: str | Path | None = None) -> Path:
     for candidate in (wanted, faults / inside, faults / f"{inside}.toml"):
         if is_file(candidate):
             return candidate
-    known = names()
-    near = ", ".join(nearest(wanted.stem, known))
-    raise BadInput(f"{wanted}: no such file; nearest bundled: {near}; all {len(known)}: rig scenario list")
+    bundled_names = names()
+    near = ", ".join(nearest(wanted.stem, bundled_names))
+    raise BadInput(f"{wanted}: no such file; nearest bundled: {near}; all {len(bundled_names)}: rig scenario list")
 
 
 def names() -> list[str]:

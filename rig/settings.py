@@ -95,15 +95,15 @@ def read_toml(path: Path) -> dict[str, Any]:
 def parse_toml(text: str, source: str) -> dict[str, Any]:
     """Return the tables of a TOML text; BadInput names ``source``: it does not parse, or is nested too deep."""
     try:
-        found = tomllib.loads(text)
+        tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise NotToml(f"{source}: not valid TOML: {error}") from None
     except RecursionError:
         raise BadInput(f"{source}: nested more than {DEEPEST} deep") from None
     except ValueError:
         raise BadInput(f"{source}: not valid TOML: a number has too many digits") from None
-    _refuse_deep(found, source)
-    return found
+    _refuse_deep(tables, source)
+    return tables
 
 
 def _refuse_deep(data: dict[str, Any], source: str) -> None:
@@ -144,9 +144,9 @@ def _first_line(model: type[Settings], error: ValidationError, data: dict[str, A
     if detail["type"] == "extra_forbidden":
         return f"{key}: unknown key{_instead(model, detail['loc'])}"
     if detail["type"] == "union_tag_invalid":
-        said = detail.get("ctx", {})
-        tag, name = str(said["tag"]), said["discriminator"].strip("'")
-        allowed = re.findall(r"'([^']*)'", said["expected_tags"])
+        context = detail.get("ctx", {})
+        tag, name = str(context["tag"]), context["discriminator"].strip("'")
+        allowed = re.findall(r"'([^']*)'", context["expected_tags"])
         return f"{key}.{name}: unknown {name} {quoted(tag)}, {choices(tag, allowed, model.keys_are_in)}"
     message = detail["msg"].removeprefix("Value error, ").replace("\n", " ")
     given = detail.get("input")
@@ -157,13 +157,13 @@ def _first_line(model: type[Settings], error: ValidationError, data: dict[str, A
 
 def _instead(model: type[Settings], location: tuple[int | str, ...]) -> str:
     """Name the key that was meant: all that are allowed, or of many the nearest; and where all of them are."""
-    known = _fields(model, location[:-1])
+    allowed = _fields(model, location[:-1])
     where = f"; all keys: {model.keys_are_in}" if model.keys_are_in else ""
-    if not known:
+    if not allowed:
         return where
-    near = nearest(str(location[-1]), known)
-    if len(", ".join(known)) <= LONGEST_LIST:
-        return f"; nearest: {near[0]}; allowed: {', '.join(known)}{where}"
+    near = nearest(str(location[-1]), allowed)
+    if len(", ".join(allowed)) <= LONGEST_LIST:
+        return f"; nearest: {near[0]}; allowed: {', '.join(allowed)}{where}"
     return f"; nearest: {', '.join(near)}{where}"
 
 
@@ -171,11 +171,11 @@ def _fields(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str
     """Return the keys that a table at ``location`` of a model may have."""
     here = [model]
     for part in location:
-        fields = [one.model_fields[str(part)] for one in here if part in one.model_fields]
+        fields = [table.model_fields[str(part)] for table in here if part in table.model_fields]
         inside = [model for field in fields for model in _models(field.annotation)]
-        tagged = [one for one in here if _tag(one) == part]
+        tagged = [table for table in here if _tag(table) == part]
         here = inside or tagged or here
-    return list(dict.fromkeys(field.alias or name for one in here for name, field in one.model_fields.items()))
+    return list(dict.fromkeys(field.alias or name for table in here for name, field in table.model_fields.items()))
 
 
 def _models(annotation: Any) -> list[type[BaseModel]]:

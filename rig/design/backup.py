@@ -84,8 +84,8 @@ def roll_and_yaw(a: Matrix, b: Matrix) -> dict[str, float]:
     }
 
 
-def compensator(a: Matrix, b: Matrix, known: dict[str, float], sensor: Sensor, chosen: Bandwidth) -> dict[str, float]:
-    """Return the five gains of one sensor; ``known`` from ``short_period``.
+def compensator(a: Matrix, b: Matrix, period: dict[str, float], sensor: Sensor, chosen: Bandwidth) -> dict[str, float]:
+    """Return the five gains of one sensor; ``period`` from ``short_period``.
 
     Weights: q 1, integral of alpha (share w^2)^2, elevator (M_elevator / w)^2, w the regulator's bandwidth;
     the observer's disturbance enters at the elevator, its noise is such that it follows at its bandwidth.
@@ -97,7 +97,7 @@ def compensator(a: Matrix, b: Matrix, known: dict[str, float], sensor: Sensor, c
     k = regulator(a3, b3, weights, np.array([[(b[1] / w) ** 2]]))[0]
     c = np.array([[1.0, 0.0]])
     if sensor == "load":
-        c = np.array([[known["load_by_alpha_1_rad"], known["load_by_pitch_rate_s"]]])
+        c = np.array([[period["load_by_alpha_1_rad"], period["load_by_pitch_rate_s"]]])
     noise = np.array([[(c[0, 0] * b[1] / v**2) ** 2]])
     observe = regulator(a.T, c.T, np.outer(b, b) + 1e-9 * np.eye(2), noise)[0]
     return {f"backup_{sensor}_{name}": float(x) for name, x in zip(BACKUP, (*k, *observe), strict=True)}

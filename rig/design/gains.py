@@ -47,10 +47,10 @@ def design(airframe: Airframe, wanted: Requirements | None = None, *, accept: bo
     Pure: the same aircraft and requirements give the same numbers.
     """
     designed = design_points(airframe, wanted)
-    below = [f"{one.point.name}: {line}" for one in designed for line in one.below]
+    below = [f"{item.point.name}: {line}" for item in designed for line in item.below]
     if below and not accept:
         raise RigError(f"{airframe.base_model} {'; '.join(below[:MOST_SAID])}; rig aircraft check has all numbers")
-    return whole(airframe, wanted or Requirements(), [one.point for one in designed], below)
+    return whole(airframe, wanted or Requirements(), [item.point for item in designed], below)
 
 
 @dataclass(frozen=True)

@@ -75,20 +75,20 @@ def flight_points(table: dict[str, Any], base: BaseModel, most: int = 2) -> list
     airframe = build(Config, {**table, "flight_points": [_ANYWHERE]}, f"base model {base.name}")
     weight = mass_kg(airframe, FlightPoint(**_ANYWHERE)) * GRAVITY
     tried: list[FlightPoint] = []
-    found: list[Found] = []
+    flyable: list[Found] = []
     for altitude_m in ALTITUDES_M["propeller" if base.propeller else "jet"]:
         for lift in LIFT_COEFFICIENTS:
             point = _point(altitude_m, sqrt(2.0 * weight / (base.wing_area_m2 * lift)))
             if point.mach > _FASTEST or point in tried:
                 continue
             tried.append(point)
-            found += _flyable(airframe, point, lift)
-    if not found:
+            flyable += _flyable(airframe, point, lift)
+    if not flyable:
         machs = [point.mach for point in tried] or [0.0]
         where = f"{len(tried)} points up to {max(point.altitude_m for point in tried):.0f} m" if tried else "no point"
         tail = f"at Mach {min(machs):g} to {max(machs):g}; try one of your own with --point ALTITUDE_M:MACH"
         raise BadInput(f"{base.name}: no level trim with a reserve of throttle and elevator at {where} {tail}")
-    return _spread(found, most)
+    return _spread(flyable, most)
 
 
 def _point(altitude_m: float, root_speed: float) -> FlightPoint:
@@ -112,13 +112,13 @@ def _flyable(airframe: Config, point: FlightPoint, lift: float) -> list[Found]:
     return [Found(point, trim, lift)] if all(kept) else []
 
 
-def _spread(found: list[Found], most: int) -> list[Found]:
+def _spread(flyable: list[Found], most: int) -> list[Found]:
     """Return the cruise point and slower ones well apart in dynamic pressure, other altitudes first."""
-    chosen = [min(found, key=lambda one: (abs(one.lift - _CRUISE_LIFT), -one.point.altitude_m))]
+    chosen = [min(flyable, key=lambda item: (abs(item.lift - _CRUISE_LIFT), -item.point.altitude_m))]
     while len(chosen) < most:
-        pressures = [one.trim.dynamic_pressure_pa for one in chosen]
-        altitudes = [one.point.altitude_m for one in chosen]
-        apart = [one for one in found if all(_apart(one.trim.dynamic_pressure_pa, other) for other in pressures)]
+        pressures = [item.trim.dynamic_pressure_pa for item in chosen]
+        altitudes = [item.point.altitude_m for item in chosen]
+        apart = [item for item in flyable if all(_apart(item.trim.dynamic_pressure_pa, other) for other in pressures)]
         if not apart:
             break
         wanted = _SLOWER * pressures[-1]
@@ -128,5 +128,5 @@ def _spread(found: list[Found], most: int) -> list[Found]:
     return chosen
 
 
-def _apart(one: float, other: float) -> bool:
-    return min(one, other) / max(one, other) < _LEAST_APART
+def _apart(pressure: float, other: float) -> bool:
+    return min(pressure, other) / max(pressure, other) < _LEAST_APART

@@ -93,11 +93,11 @@ def label(flight_point: str, case: Case) -> str:
 
 def rounds(keys: Collection[Key] = PARTNERS) -> list[Config]:
     """Return the settings of the references that together have each of these sources once."""
-    known: dict[str, list[str]] = {signal: [] for signal, _ in PARTNERS}
+    sources: dict[str, list[str]] = {signal: [] for signal, _ in PARTNERS}
     for signal, chosen in keys:
-        known[signal].append(chosen)
-    most = max(map(len, known.values()))
-    return [build(Config, {s: (of[i:] or ["none"])[0] for s, of in known.items()}, "references") for i in range(most)]
+        sources[signal].append(chosen)
+    most = max(map(len, sources.values()))
+    return [build(Config, {s: (of[i:] or ["none"])[0] for s, of in sources.items()}, "references") for i in range(most)]
 
 
 # The references that each filter serves: it is chosen for the least of their worst errors in thresholds.
@@ -136,8 +136,8 @@ def design(name: str, gains: Gains) -> Designed:
     for point in airframe.flight_points:
         tell(f"measuring the references of {point.name}", len(measured), len(airframe.flight_points))
         measured.append(measure(tables, airframe, point))
-    measured.sort(key=lambda one: one.point.dynamic_pressure_pa)
-    return _designed(airframe, [one.point for one in measured], *split(_summary(measured)))
+    measured.sort(key=lambda item: item.point.dynamic_pressure_pa)
+    return _designed(airframe, [item.point for item in measured], *split(_summary(measured)))
 
 
 def split(errors: Summary) -> tuple[Summary, Summary]:
@@ -170,7 +170,7 @@ def coefficients(linear: Linear) -> dict[str, float]:
     if linear.rolls:
         fins = np.linalg.solve(b_lateral[1:3].T, b_lateral[0])  # of aileron and rudder together, s
         side = a_lateral[0, 0] - fins @ a_lateral[1:3, 0]
-    found = {
+    values = {
         "dynamic_pressure_pa": pressure,
         "lift_slope_1_pa": lift_slope,
         "zero_lift_alpha_rad": trim.alpha_rad - 1.0 / (pressure * lift_slope),
@@ -180,24 +180,24 @@ def coefficients(linear: Linear) -> dict[str, float]:
         "roll_arm_m": fins[0] * trim.airspeed_m_s,
         "yaw_arm_m": fins[1] * trim.airspeed_m_s,
     }
-    return {key: _digits(float(value), 6) for key, value in found.items()}
+    return {key: _digits(float(value), 6) for key, value in values.items()}
 
 
 def measure(tables: dict[str, Any], airframe: Airframe, flight_point: FlightPoint) -> Measured:
     """Fly one flight point, try every filter, keep the best."""
-    known = coefficients(linearise(airframe, flight_point))
-    tried = [Point(name=flight_point.name, **known, **dict.fromkeys(FILTERS, filter_s)) for filter_s in FILTERS_S]
+    fixed = coefficients(linearise(airframe, flight_point))
+    tried = [Point(name=flight_point.name, **fixed, **dict.fromkeys(FILTERS, filter_s)) for filter_s in FILTERS_S]
     designs = [_designed(airframe, [point], {}) for point in tried]
-    found: list[list[Errors]] = [[] for _ in tried]
+    by_filter: list[list[Errors]] = [[] for _ in tried]
     served = [key for keys in _SERVES.values() for key in keys]
     for case in cases():
         rows = fly(tables, flight_point, designs[0], case)
-        for of_filter, one in zip(found, designs, strict=True):
-            of_filter.append(all_errors(rows, one, PARTNERS if one is designs[0] else served))
-    best = _choose(found, tables["redundancy"]["signals"])
+        for of_filter, item in zip(by_filter, designs, strict=True):
+            of_filter.append(all_errors(rows, item, PARTNERS if item is designs[0] else served))
+    best = _choose(by_filter, tables["redundancy"]["signals"])
     of = {key: best[filter_name] for filter_name, keys in _SERVES.items() for key in keys}
     # what no filter serves is the same with all of them
-    chosen = [{key: found[of.get(key, 0)][i][key] for key in one} for i, one in enumerate(found[0])]
+    chosen = [{key: by_filter[of.get(key, 0)][i][key] for key in item} for i, item in enumerate(by_filter[0])]
     filters = {filter_name: FILTERS_S[i] for filter_name, i in best.items()}
     return Measured(tried[0].model_copy(update=filters), chosen)
 
@@ -217,10 +217,10 @@ def fly(tables: dict[str, Any], flight_point: FlightPoint, designed: Designed, c
 
 def all_errors(rows: Block, designed: Designed, keys: Collection[Key] = PARTNERS) -> Errors:
     """Return ``errors`` of these sources."""
-    found: Errors = {}
+    collected: Errors = {}
     for config in rounds(keys):
-        found |= errors(rows, config, designed)
-    return found
+        collected |= errors(rows, config, designed)
+    return collected
 
 
 def errors(rows: Block, config: Config, designed: Designed) -> Errors:
@@ -231,17 +231,17 @@ def errors(rows: Block, config: Config, designed: Designed) -> Errors:
     """
     run(rows, References(config, designed, RATE_HZ).data)
     settled = rows[round(SETTLED_S * RATE_HZ) :]
-    found: Errors = {}
+    collected: Errors = {}
     for key in PARTNERS:
         s = INDEX[key[0]]
         if source(config, key[0]) == key[1]:
-            known = settled["channels" if key[0] in REMEMBERED.get(key, ()) else "voted"][:, s]
-            off = differences(settled["reference"][:, s, None], known.reshape(len(settled), -1), SIGNALS[s].wraps)
-            found[key] = off[np.arange(len(off)), np.abs(off).argmax(axis=1)].astype(np.float32)
+            measured = settled["channels" if key[0] in REMEMBERED.get(key, ()) else "voted"][:, s]
+            off = differences(settled["reference"][:, s, None], measured.reshape(len(settled), -1), SIGNALS[s].wraps)
+            collected[key] = off[np.arange(len(off)), np.abs(off).argmax(axis=1)].astype(np.float32)
             if key in AS_AIRSPEED:
                 scale = np.sqrt(2.0 * DENSITY_PRINTED * settled["reference"][:, s])
-                found[key[0], AS_AIRSPEED[key]] = (found[key] / scale).astype(np.float32)
-    return found
+                collected[key[0], AS_AIRSPEED[key]] = (collected[key] / scale).astype(np.float32)
+    return collected
 
 
 @kernel
@@ -260,15 +260,15 @@ def _choose(tried: list[list[Errors]], monitors: dict[str, Any]) -> dict[str, in
     best: dict[str, int] = {}
     for filter_name, keys in _SERVES.items():
         worst = [
-            max(float(np.abs(one[key]).max()) / monitors[key[0]]["threshold"] for one in found for key in keys)
-            for found in tried
+            max(float(np.abs(flight[key]).max()) / monitors[key[0]]["threshold"] for flight in flights for key in keys)
+            for flights in tried
         ]
         best[filter_name] = int(np.argmax(np.array(worst) <= _NEARLY.get(filter_name, 1.0) * min(worst)))
     return best
 
 
 def _summary(measured: list[Measured]) -> Summary:
-    flown = [(label(one.point.name, case), e) for one in measured for case, e in zip(cases(), one.errors, strict=True)]
+    flown = [(label(m.point.name, case), e) for m in measured for case, e in zip(cases(), m.errors, strict=True)]
     summary: Summary = {}
     for key in flown[0][1]:
         signal, chosen = key

@@ -131,27 +131,27 @@ def short_of(margin: Margin, wanted: Requirements) -> list[str]:
     if not margin.phase_deg:
         return ["loop unstable"]
     gain, phase = wanted.gain_margin_db, wanted.phase_margin_deg
-    found = (
+    checks = (
         ("gain up", margin.gain_increase_db, gain, "dB"),
         ("gain down", margin.gain_decrease_db, gain, "dB"),
         ("phase", margin.phase_deg, phase, "deg"),
     )
-    return [f"{name} {value:.1f} of {least:g} {unit}" for name, value, least, unit in found if value < least - 1e-3]
+    return [f"{name} {value:.1f} of {least:g} {unit}" for name, value, least, unit in checks if value < least - 1e-3]
 
 
 def with_margins(case: Case, point: Point) -> Point:
     """Return ``point`` with the margins that it leaves, those of the autopilot with signals lost included."""
-    found: dict[Law, dict[str, Margin]] = {law: {} for law in LAWS}
+    by_law: dict[Law, dict[str, Margin]] = {law: {} for law in LAWS}
     lost_margins: dict[str, dict[str, Margin]] = {}
     for plane in case.planes:
         for law in LAWS:
             loop = case.loop(point, law, plane)
-            found[law] |= {actuator: margins(loop, i) for i, actuator in _closed(law, plane)}
+            by_law[law] |= {actuator: margins(loop, i) for i, actuator in _closed(law, plane)}
         for lost in LOSSES[plane]:
             loop = case.loop(point, "autopilot", plane, lost)
             numbers = (0,) if plane == "longitudinal" else (0, 1)  # elevator, aileron and rudder
             lost_margins["_and_".join(lost)] = {ACTUATORS[plane][i]: margins(loop, i) for i in numbers}
-    kept = {"stick_margins": found["stick"], "autopilot_margins": found["autopilot"], "lost_margins": lost_margins}
+    kept = {"stick_margins": by_law["stick"], "autopilot_margins": by_law["autopilot"], "lost_margins": lost_margins}
     return point.model_copy(update=kept)
 
 

@@ -66,8 +66,8 @@ def model_file(base_model: str, root: Path) -> Path:
     """Return the file of an aircraft of the installed JSBSim; BadInput names the nearest when there is none."""
     model = root / "aircraft" / base_model / f"{base_model}.xml"
     if not is_file(model):
-        known = choices(base_model, base_models(root))
-        raise BadInput(f"airframe.base_model: JSBSim has no aircraft {quoted(base_model)}; {known}")
+        allowed = choices(base_model, base_models(root))
+        raise BadInput(f"airframe.base_model: JSBSim has no aircraft {quoted(base_model)}; {allowed}")
     return model
 
 
@@ -179,9 +179,9 @@ def _check_positions(airframe: Config, reads: list[str]) -> None:
     for name in ("elevator", "aileron", "rudder"):
         position = getattr(airframe, name).position
         if position not in reads:
-            known = choices(position, (read for read in reads if read.startswith("fcs/")))
+            allowed = choices(position, (read for read in reads if read.startswith("fcs/")))
             model = airframe.base_model
-            raise BadInput(f"airframe.{name}.position: {model} does not read {quoted(position)}; {known}")
+            raise BadInput(f"airframe.{name}.position: {model} does not read {quoted(position)}; {allowed}")
 
 
 def _reads(tree: ET.Element, root: Path, source: Path) -> set[str]:

@@ -103,8 +103,8 @@ class Shared(Settings):
         for point in self.flight_points:
             if name is None or point.name == name:
                 return point
-        known = choices(str(name), (point.name for point in self.flight_points), "rig aircraft list")
-        raise BadInput(f"flight_point: {self.base_model} has no {quoted(name)}; {known}")
+        allowed = choices(str(name), (point.name for point in self.flight_points), "rig aircraft list")
+        raise BadInput(f"flight_point: {self.base_model} has no {quoted(name)}; {allowed}")
 
     @property
     def surface_limits(self) -> list[tuple[float, float]]:
@@ -211,8 +211,8 @@ class LinearConfig(Shared):
 
 def _plant(data: Any) -> str:
     """Return the kind of aircraft that a table, or a model made of one, is."""
-    found = data.get("plant", "jsbsim") if isinstance(data, dict) else getattr(data, "plant", "")
-    return found if isinstance(found, str) else ""
+    plant = data.get("plant", "jsbsim") if isinstance(data, dict) else getattr(data, "plant", "")
+    return plant if isinstance(plant, str) else ""
 
 
 Airframe = Config | LinearConfig

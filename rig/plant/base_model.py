@@ -66,7 +66,7 @@ def read(name: str) -> BaseModel:
     if not engines:
         raise BadInput(f"airframe.base_model: {name} has no engine; the rig flies aircraft with engines")
     positions = {surface: position(name, surface, reads) for surface in SURFACES}
-    stops = {surface: found for surface in SURFACES if (found := _stops(control, surface, positions[surface]))}
+    stops = {surface: limits for surface in SURFACES if (limits := _stops(control, surface, positions[surface]))}
     parts = list(actuated.part_files(tree, root, model.parent))
     engine = next((kind for part in parts for kind in _ENGINES if part.tag.startswith(kind)), "turbine")
     augmented = any(_number(part, "augmented") == 1.0 for part in parts)
@@ -76,16 +76,16 @@ def read(name: str) -> BaseModel:
 
 def position(model: str, surface: str, reads: list[str]) -> str:
     """Return the property of ``reads`` that is a surface's position, in rad first; BadInput: none."""
-    found = [
+    ranked = [
         (rank, words, not read.endswith("-rad"), "left" not in read, read)
         for words, word in enumerate((surface, *_ALSO[surface]))
         for read in reads
         if word in read and "mag-" not in read and (rank := _rank(read)) is not None
     ]
-    if not found:
-        known = ", ".join(reads) or "none"
-        raise BadInput(f"airframe.{surface}: {model} reads no {surface} position; of fcs/ it reads: {known}")
-    return min(found)[-1]
+    if not ranked:
+        listed = ", ".join(reads) or "none"
+        raise BadInput(f"airframe.{surface}: {model} reads no {surface} position; of fcs/ it reads: {listed}")
+    return min(ranked)[-1]
 
 
 def _rank(read: str) -> int | None:
@@ -99,11 +99,11 @@ def _stops(control: Iterable[ET.Element], surface: str, position: str) -> tuple[
     """Return the range of the component that moves ``position``, else of one side of the surface, symmetric."""
     components = [part for group in control for part in group.iter() if part.find("output") is not None]
     for part in components:
-        if position in _texts(part, "output") and (found := _range(part)) is not None:
-            return found
+        if position in _texts(part, "output") and (limits := _range(part)) is not None:
+            return limits
     for part in components:
-        if any(f"left-{surface}-pos-rad" in text for text in _texts(part, "output")) and (found := _range(part)):
-            reach = 0.5 * (found[1] - found[0])
+        if any(f"left-{surface}-pos-rad" in text for text in _texts(part, "output")) and (limits := _range(part)):
+            reach = 0.5 * (limits[1] - limits[0])
             return -reach, reach
     return None
 

@@ -151,9 +151,9 @@ def _check_held(fdm: jsbsim.FGFDMExec, airframe: Config) -> None:
     has = fdm.get_property_manager().hasNode
     for name in airframe.held:
         if not has(name):
-            known = [line.split(" ")[0] for line in fdm.query_property_catalog("/").split("\n")]
+            names = [line.split(" ")[0] for line in fdm.query_property_catalog("/").split("\n")]
             wrong = f"{airframe.base_model} has no property {quoted(name)}"
-            raise BadInput(f"airframe.held: {wrong}; {choices(name, known)}")
+            raise BadInput(f"airframe.held: {wrong}; {choices(name, names)}")
 
 
 def _begin(fdm: jsbsim.FGFDMExec, airframe: Config, point: FlightPoint, wind_m_s: wind.Velocity) -> None:

@@ -66,17 +66,17 @@ class _Streams:
 
 def _processes(sensor: Sensor, name: str, rate_hz: float, rngs: _Streams) -> list[Process]:
     """Return the processes that one signal's sensor has."""
-    found: list[Process] = []
+    processes: list[Process] = []
     if sensor.bias_instability_std > 0:
-        found.append(_bias_instability(sensor, rate_hz, rngs["bias_instability"]))
+        processes.append(_bias_instability(sensor, rate_hz, rngs["bias_instability"]))
     if sensor.rate_random_walk > 0:
         drive = sensor.rate_random_walk / sqrt(rate_hz)
-        found.append(_first_order(1.0, drive, np.zeros(CHANNELS), rngs["random_walk"]))
+        processes.append(_first_order(1.0, drive, np.zeros(CHANNELS), rngs["random_walk"]))
     if sensor.mode_rms > 0:
-        found.append(_mode(sensor, rate_hz, rngs["mode"]))
+        processes.append(_mode(sensor, rate_hz, rngs["mode"]))
     if sensor.noise_file is not None:
-        found.append(Recorded(sensor, name, rate_hz, rngs["recorded"]).add)
-    return found
+        processes.append(Recorded(sensor, name, rate_hz, rngs["recorded"]).add)
+    return processes
 
 
 def _bias_instability(sensor: Sensor, rate_hz: float, rng: Generator) -> Process:
@@ -98,9 +98,9 @@ def _mode(sensor: Sensor, rate_hz: float, rng: Generator) -> Process:
     step = transition(omega, sensor.mode_damping, 1.0 / rate_hz) * np.array([[1.0, omega], [1.0 / omega, 1.0]])
     lost = [1.0 - step[0, 0] ** 2 - step[0, 1] ** 2, 1.0 - step[1, 0] ** 2 - step[1, 1] ** 2]
     both = -(step[0, 0] * step[1, 0] + step[0, 1] * step[1, 1])
-    one = sqrt(max(lost[0], 0.0))
-    two = both / one if one > 0 else 0.0
-    push = np.array([[one, 0.0], [two, sqrt(max(lost[1] - two**2, 0.0))]])
+    first = sqrt(max(lost[0], 0.0))
+    second = both / first if first > 0 else 0.0
+    push = np.array([[first, 0.0], [second, sqrt(max(lost[1] - second**2, 0.0))]])
     state = rng.standard_normal(2)
 
     def add(out: Any) -> None:

@@ -34,9 +34,10 @@ class Recorded:
         where = f"sensors.{name}.noise_file"
         path = Path(str(sensor.noise_file))
         data = _bytes(path, where)
-        found = hashlib.sha256(data).hexdigest()
-        if sensor.noise_sha256 not in (None, found):
-            raise BadInput(f"{where}: {path} is not the file it was: SHA-256 is {found}, must be {sensor.noise_sha256}")
+        sha256 = hashlib.sha256(data).hexdigest()
+        if sensor.noise_sha256 not in (None, sha256):
+            changed = f"SHA-256 is {sha256}, must be {sensor.noise_sha256}"
+            raise BadInput(f"{where}: {path} is not the file it was: {changed}")
         self._rows = _parse(data, path, where)
         self._step = float(sensor.noise_rate_hz or rate_hz) / rate_hz  # rows a frame
         self._start = int(rng.integers(len(self._rows)))
@@ -69,8 +70,8 @@ def pin(sensors: Any, folder: Path) -> Any:
             if path is None:
                 raise BadInput(f"{where}: {shorten(file)}: no such file")
             path = path.resolve()
-            known = {"noise_sha256": hashlib.sha256(_bytes(path, where)).hexdigest()}
-            pinned[name] = {**known, **table, "noise_file": str(path)}
+            pinned_hash = {"noise_sha256": hashlib.sha256(_bytes(path, where)).hexdigest()}
+            pinned[name] = {**pinned_hash, **table, "noise_file": str(path)}
     return pinned
 
 
