@@ -15,7 +15,7 @@ from rig.campaign.compare import compare
 from rig.campaign.config import read
 from rig.campaign.folder import Folder, open_folder
 from rig.campaign.plan import Plan
-from rig.campaign.report import report
+from rig.campaign.campaign_page import report
 from rig.campaign.rows import Rows
 from rig.errors import BadInput
 from rig.frame import SIGNALS

@@ -151,8 +151,8 @@ def report(
     as_json: Json = False,
 ) -> None:
     """Write the report: one HTML file that opens offline; with --json its figures."""
+    from rig.campaign.campaign_page import report as write
     from rig.campaign.folder import open_folder
-    from rig.campaign.report import report as write
     from rig.cli import show_campaign as show
 
     target = out or folder / "report.html"

@@ -67,7 +67,7 @@ def run(
         found = reckon(folders, read, name, _numbers(channels), hours, checks)
     lines = assumptions(read, name, found)
     if report is not None:
-        from rig.reliability.report import write_report
+        from rig.reliability.reliability_page import write_report
 
         write_report(found, lines, report)
     emit(as_json, lambda: _as_dict(found, lines), lambda: show.run(found, given, lines))

@@ -116,7 +116,7 @@ def _design(
 ) -> dict[str, Any]:
     """Read, design, write; the summary, and the seconds of each step."""
     from rig.recordings.settings import VoteConfig
-    from rig.thresholds import plot
+    from rig.thresholds import thresholds_page
     from rig.thresholds.blocks import recordings
     from rig.thresholds.config import recorded_toml, scenario_toml, start
     from rig.thresholds.data import load, of_scenario
@@ -147,6 +147,6 @@ def _design(
         else:
             text = recorded_toml(raw, chosen, data.settings, data.rate_hz, data.referenced, head, outlier)
         if page_part is not None:
-            plot.write(page_part, found)
+            thresholds_page.write(page_part, found)
         write_text(part, text)
     return {"out": str(out), **found, "seconds": {"read": read_s, "design": perf_counter() - clock}}
