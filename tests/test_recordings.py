@@ -23,8 +23,8 @@ from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 from mcap_protobuf.writer import Writer as ProtobufWriter
 
-from rig.bench.vote import vote
-from rig.bench.write_votes import Result, output, write
+from rig.bench.vote import Result, vote
+from rig.bench.write_votes import output, write
 from rig.errors import BadInput
 from rig.frame import State
 from rig.log import messages as limits

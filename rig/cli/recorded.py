@@ -33,8 +33,11 @@ def vote(
     recorded: Annotated[
         Path, Argument(metavar="INPUT", help="CSV, Parquet or MCAP, or a folder of tables.", show_default=False)
     ],
-    config: Annotated[Path, Option(metavar="FILE", help="Settings of the signals, TOML.", show_default=False)],
     out: Annotated[Path, Option(metavar="FILE", help="What to write: .csv, .parquet or .mcap.", show_default=False)],
+    config: Annotated[
+        Path | None,
+        Option(metavar="FILE", help="Settings of the signals, TOML.", show_default="those of the flight's log"),
+    ] = None,
     align: AlignFlag = False,
     align_from: AlignFrom = None,
     align_to: AlignTo = None,

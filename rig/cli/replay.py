@@ -18,9 +18,9 @@ from rig.text import plain
 from rig.units.quantities import duration, moment, number, unit_shown
 
 if TYPE_CHECKING:
+    from rig.recordings.flown import Recorded
     from rig.replay.compare import Comparison
     from rig.replay.decisions import Decisions
-    from rig.replay.vote_again import Recorded
 
 MOST_OVERRIDES: Final = 8  # of a log
 LogFile = Annotated[Path, Argument(metavar="LOG", help="A log of a flight.", show_default=False)]
@@ -53,7 +53,7 @@ def replay(
 
     Exit code 0 when all is identical to the bit, 1 when not.  A what if compares decisions, and ends with 0.
     """
-    from rig.replay.vote_again import recorded
+    from rig.recordings.flown import recorded
 
     asks = redundancy is not None or bool(sets)
     if fly and asks:

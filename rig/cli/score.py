@@ -95,6 +95,8 @@ def _show(scored: Scored) -> None:
     )
     _isolations("false alarms", score.false_alarms, scenario.rate_hz)
     _isolations("wrong isolations", score.wrong_isolations, scenario.rate_hz)
+    _isolations("failed with box", score.failed_with_box, scenario.rate_hz, by_design=True)
+    _isolations("failed by rule", score.failed_by_rule, scenario.rate_hz, by_design=True)
     if score.episodes:
         table(cells.resolver_rows(score), columns(*cells.RESOLVERS))
         line(
@@ -107,12 +109,13 @@ def _show(scored: Scored) -> None:
     _times(scored)
 
 
-def _isolations(title: str, isolations: Sequence[Isolation], rate_hz: float) -> None:
-    if not isolations:
+def _isolations(title: str, isolations: Sequence[Isolation], rate_hz: float, *, by_design: bool = False) -> None:
+    """Print a line for each; that there is none too, but not of those failed ``by_design``, which few flights have."""
+    if not isolations and not by_design:
         field(title, "none", width=WIDTH)
     for isolation in isolations[:MOST_LINES]:
         text = f"{isolation.signal}.{isolation.channel} at {moment(isolation.frame, rate_hz)} by {isolation.resolver}"
-        field(title, text, style="red", width=WIDTH)
+        field(title, text, style="" if by_design else "red", width=WIDTH)
     rest(len(isolations), MOST_LINES)
 
 

@@ -117,6 +117,9 @@ def report(summary: dict[str, Any], target: Path) -> None:
         interval = f"{alarms['low']:.3g} to {alarms['high']:.3g}"
         text = f"{alarms['value']:.3g} a channel hour ({interval}), {alarms['count']} in {alarms['of']:.4g} h"
         field("false alarms", text, width=_WIDTH)
+    for column in ("failed_with_box", "failed_by_rule"):
+        if head.get(column):
+            field(column.replace("_", " "), f"{head[column]}: healthy channels, for a fault elsewhere", width=_WIDTH)
     table(summary["resolvers"], _RESOLVERS)
     field("report", str(target), width=_WIDTH)
 

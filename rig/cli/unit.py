@@ -14,7 +14,7 @@ from rig.cli.working import working
 from rig.errors import BadInput
 
 if TYPE_CHECKING:
-    from rig.unit.check import Checked
+    from rig.bench.unit_check import Checked
 
 unit_app = Typer(help="Flight software under test: its records, its conformance.", **GROUP)
 
@@ -51,7 +51,7 @@ def check(
     as_json: Json = False,
 ) -> None:
     """Test whether a unit keeps to the records and the requirement; exit code 1 when it fails one of them."""
-    from rig.unit.check import check as test
+    from rig.bench.unit_check import check as test
 
     with working("testing the unit", not as_json):
         result = test(file, seam_only=seam)
