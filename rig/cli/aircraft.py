@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 from math import degrees, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,7 +18,7 @@ from rig.text import plain, quoted
 
 if TYPE_CHECKING:
     from rig.computer.control.gains import Gains
-    from rig.design.new_aircraft import Answers, NewAircraft
+    from rig.design.new_aircraft import Answers
 
 aircraft_app = Typer(help="Look at aircraft, make your own, design their control laws.", **GROUP)
 
@@ -57,22 +56,6 @@ def aircraft_show(name: Home, as_json: Json = False) -> None:
     emit(as_json, settings, lambda: echo(plain(tomli_w.dumps(settings), keep="\n"), nl=False))
 
 
-@dataclass(frozen=True)
-class NewOptions:
-    """The options of ``rig aircraft new``, but for what a user may be asked."""
-
-    name: str
-    base: str
-    points: list[tuple[float, float]]
-    count: int
-
-    def propose(self, answers: Answers) -> NewAircraft:
-        """Return the aircraft as proposed with ``answers``."""
-        from rig.design.new_aircraft import propose
-
-        return propose(self.name, self.base, answers, self.points, self.count)
-
-
 @aircraft_app.command("new")
 def aircraft_new(
     name: Annotated[str, Argument(help="Its name, and that of its folder.")],
@@ -101,14 +84,14 @@ def aircraft_new(
     What the model does not tell (actuators, sensors) is asked for on a terminal, else assumed; the file says which.
     """
     from rig.cli import show_aircraft as show
-    from rig.design.new_aircraft import Answers, target, write
+    from rig.design.new_aircraft import Answers, propose, target, write
 
     folder = target(name, out)
-    options = NewOptions(name, base, [_point(text) for text in point or ()], points)
+    given = [_point(text) for text in point or ()]
     answers = Answers(lag_s, rate_limit_rad_s, sensor_class, channels)
-    made = options.propose(answers)
+    made = propose(name, base, answers, given, points)
     if sys.stdin.isatty() and not as_json:
-        made = options.propose(_ask(answers, made.kind))
+        made = propose(name, base, _ask(answers, made.kind), given, points)
     write(made, folder)
     written = {"folder": str(folder), "airframe": made.airframe.model_dump(exclude_none=True), "kind": made.kind}
     if not as_json:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
-from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import Annotated, Any, Final
 
 from typer import Argument, Option
 
@@ -15,10 +12,6 @@ from rig.cli.common import Align, AllowCode, Json, comma_list, emit, whole_numbe
 from rig.cli.table import Column, line, table
 from rig.cli.working import working
 from rig.errors import BadInput
-
-if TYPE_CHECKING:
-    from rig.recordings.alignment import AlignOptions
-    from rig.thresholds.design import Grid
 
 MOST_FRAMES: Final = 10_000
 MOST_S: Final = 1e3  # of a filter
@@ -63,22 +56,6 @@ def vote(
     emit(as_json, summary, lambda: show(console(), summary))
 
 
-@dataclass(frozen=True)
-class ThresholdOptions:
-    """The options of ``rig thresholds``."""
-
-    inputs: list[Path]
-    config: Path | None
-    out: Path
-    page: Path | None
-    grid: Grid
-    repair_time: bool
-    align: AlignOptions | None
-    keep: bool
-    outlier: bool
-    monitored: list[Path]
-
-
 def thresholds(
     inputs: Annotated[
         list[Path],
@@ -116,6 +93,7 @@ def thresholds(
 ) -> None:
     """Design thresholds from a budget of false isolations, by healthy data."""
     from rig.thresholds.design import Grid
+    from rig.thresholds.design_run import Options, run
 
     if not (isfinite(budget) and budget > 0):
         raise BadInput(f"--budget: false isolations an hour, above 0, got {budget}")
@@ -123,55 +101,15 @@ def thresholds(
     counts = whole_numbers("--levels", levels, 2, 4)
     grid = Grid(budget, frames, counts, _seconds("--filter", filters), seed)
     stretch = Align(align, align_from, align_to, align_matrix).options()
-    options = ThresholdOptions(inputs, config, out, plot, grid, repair_time, stretch, keep, outlier, monitored or [])
+    options = Options(inputs, config, out, plot, grid, repair_time, stretch, keep, outlier, monitored or [])
     with working("reading", not as_json):
-        summary = _design(options)
+        summary = run(options)
     emit(as_json, summary, lambda: _show(summary))
 
 
 def _seconds(option: str, text: str) -> list[float]:
     seconds = comma_list(option, text, f"seconds from 0 to {MOST_S:.0f}", float, lambda value: 0.0 <= value <= MOST_S)
     return sorted(set(seconds))
-
-
-def _design(options: ThresholdOptions) -> dict[str, Any]:
-    """Read, design, write; return the summary, and the seconds of each step."""
-    from rig.recordings.settings import VoteConfig
-    from rig.thresholds import thresholds_page
-    from rig.thresholds.blocks import recordings
-    from rig.thresholds.config import recorded_toml, scenario_toml, start
-    from rig.thresholds.data import load, of_scenario
-    from rig.thresholds.motion import beyond, envelope
-    from rig.thresholds.report import remarks, summary
-    from rig.thresholds.run import design
-    from rig.util.files import replaced, write_text
-
-    grid, page = options.grid, options.page
-    with replaced(options.out) as part, replaced(page) if page else nullcontext() as page_part:
-        began = perf_counter()
-        if options.config is None:
-            using, raw = of_scenario(recordings(options.inputs, VoteConfig())), None
-        else:
-            using, raw = start(options.config)
-        reading = (using, str(options.config or options.inputs[0]), options.repair_time, options.align)
-        data = load(options.inputs, *reading)
-        read = perf_counter()
-        signals = design(data, grid, options.keep)
-        if options.monitored:
-            other = load(options.monitored, *reading)
-            of = {name: envelope(flights, other.settings[name].wraps) for name, flights in other.signals.items()}
-            data.notes.extend(beyond({name: signal.motion for name, signal in signals.items()}, of))
-        result = summary(data, grid, signals)
-        chosen = {name: made for name, signal in signals.items() if (made := signal.design) is not None}
-        head = remarks(data, grid, signals)
-        if raw is None:
-            text = scenario_toml(chosen, data.settings, head, options.outlier)
-        else:
-            text = recorded_toml(raw, chosen, data.settings, data.rate_hz, data.referenced, head, options.outlier)
-        if page_part is not None:
-            thresholds_page.write(page_part, result)
-        write_text(part, text)
-    return {"out": str(options.out), **result, "seconds": {"read": read - began, "design": perf_counter() - read}}
 
 
 def _show(summary: dict[str, Any]) -> None:
