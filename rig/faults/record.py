@@ -40,8 +40,8 @@ SCHEDULE: Final = np.dtype(
     [
         ("turn", "i8"),  # the fault whose trigger is looked at in this place: one that others come after goes first
         ("trigger", "u1"),
-        ("flag", "u1"),  # settings.Flag
-        ("duty_cycle", "u1"),  # settings.DutyCycle
+        ("flag", "u1"),  # effects.Flag
+        ("duty_cycle", "u1"),  # trigger.DutyCycle
         ("again", "u1"),  # triggers again when it is over
         ("first", "i8"),  # the trigger is armed
         ("last", "i8"),
@@ -82,7 +82,7 @@ STATE: Final = np.dtype(
 TARGET: Final = np.dtype(
     [
         ("fault", "i8"),
-        ("act", "u1"),  # settings.Act
+        ("act", "u1"),  # effects.Act
         ("remembers", "u1"),  # it needs the value while the fault does not act
         ("invalid", "u1"),
         ("wraps", "u1"),
@@ -94,7 +94,9 @@ TARGET: Final = np.dtype(
         ("source_low", "f8"),
         ("source_high", "f8"),
         ("value", "f8"),
-        ("second", "f8"),
+        ("time_constant_s", "f8"),
+        ("frequency_hz", "f8"),
+        ("static_rate_pa_s", "f8"),
         ("ramp", "f8"),  # frames
         ("memory", "i8"),  # its ring begins here
         ("length", "i8"),
