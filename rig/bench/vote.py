@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.baselines import select_unit
-from rig.computer.redundancy.config import MANAGERS, PARAMS, fill
-from rig.computer.redundancy.managers import Manager, vote_signals
+from rig.computer.redundancy.config import PARAMS, fill
+from rig.computer.redundancy.managers import MANAGERS, Manager, manager_kind, vote_signals
 from rig.computer.redundancy.own import load_manager
 from rig.frame import Block, Ilm, Resolver, State, nested, new_block
 from rig.kernels import kernel
@@ -25,7 +25,6 @@ from rig.units.angles import difference
 from rig.util.trust import Trust
 
 ROWS: Final = 256  # of a block: half a megabyte, which stays in the cache
-UNIT_MANAGER: Final = "selection"  # the manager that knows units of several axes
 FIELDS: Final = ("voted", "level", "pattern", "resolver", "trend_high", "trend_low", "reference_usable")
 _NO_CODE: Final = Trust("the configuration")
 
@@ -66,11 +65,15 @@ def vote(
 ) -> dict[str, Voted]:
     """Vote the signals that have settings; BadInput: a manager class that ``trust`` does not permit.
 
-    triads : by name, signals that are the axes of one unit: the manager "selection" chooses one channel for all three
+    triads : by name, signals that are the axes of one unit: such a manager chooses one channel for all three
     """
     for chosen in settings.values():
         trust.require(chosen.manager)
-    units = [tuple(axes) for axes in (triads or {}).values() if all(settings[a].manager == UNIT_MANAGER for a in axes)]
+    units = [
+        tuple(axes)
+        for axes in (triads or {}).values()
+        if all(manager_kind(settings[a].manager).chooses_units for a in axes)
+    ]
     alone = [(name,) for name in settings if not any(name in axes for axes in units)]
     found: dict[str, Voted] = {}
     for names in (*units, *alone):

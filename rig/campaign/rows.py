@@ -12,6 +12,7 @@ import numpy as np
 
 from rig.assess import FaultScore, Score
 from rig.assess.record import Outcome
+from rig.computer.redundancy.managers import manager_kind
 from rig.faults import Fault
 from rig.frame import CHANNELS, INDEX, SIGNALS, Block, Pattern
 from rig.record.time_bins import binned
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 Row = dict[str, Any]
 Rows = dict[str, list[Row]]  # by table
 TABLES: Final[tuple[str, ...]] = ("runs", "faults", "alarms", "episodes", "signals")  # columns: table.py
-TAKES_BACK: Final = ("selection",)  # managers that fail a channel only for as long as they distrust it
 OUTCOMES: Final = {outcome: outcome.replace(" ", "_") for outcome in get_args(Outcome)}  # and their columns in ``runs``
 
 
@@ -106,7 +106,7 @@ def _isolation(fault: FaultScore, scored: Score, manager: str) -> str:
     window, onset = fault.window, fault.onset_frame
     if window is None or onset is None:
         wrong = any(alarm.signal == fault.signal for alarm in scored.wrong_isolations)
-    elif manager in TAKES_BACK:
+    elif manager_kind(manager).takes_back:
         wrong = not window.kept
     else:
         frames = [alarm.frame for alarm in scored.wrong_isolations if alarm.signal == fault.signal]

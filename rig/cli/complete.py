@@ -50,7 +50,7 @@ def tabs(incomplete: str) -> list[str]:
 def sets(incomplete: str) -> list[str]:
     """Keys of ``--set`` that are changed the most, and the values of those that have names."""
     from rig.aircraft import names
-    from rig.computer.redundancy.config import MANAGERS
+    from rig.computer.redundancy.managers import MANAGERS
 
     values = {"aircraft=": names(), "redundancy.manager=": MANAGERS}
     for key, known in values.items():

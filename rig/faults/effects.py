@@ -67,9 +67,7 @@ class Effect:
     time_constant_s: float = 0.0  # SETTLE
     frequency_hz: float = 0.0  # OSCILLATE, SWING
     whole_frames: bool = False  # DELAY: rounded up
-    static_rate_pa_s: float = (
-        0.0  # PITOT_STATIC_ICE; it or the pitot line's ``value`` NaN: that line is open
-    )
+    static_rate_pa_s: float = 0.0  # PITOT_STATIC_ICE; it or the pitot line's ``value`` NaN: that line is open
     source_place: str | None = None  # CROSS_TALK: the place that it comes from; PITOT_STATIC_ICE: the second pressure
     invalid: bool = False  # the sensor flags the sample
 

@@ -19,6 +19,7 @@ from rig.assess.windows import allowed_frames
 from rig.campaign.config import Distribution, Levels, Vary
 from rig.campaign.plan import Plan
 from rig.campaign.sampling import valuer
+from rig.computer.redundancy.managers import manager_kind
 from rig.errors import BadInput
 from rig.faults import KINDS, Faults
 from rig.faults.effects import Act
@@ -106,7 +107,7 @@ def draw(made: Cell, trials: int, recording: Recording, rng: Generator) -> Trial
     drawn = Drawn(values, rng.random((trials, len(made.faults.schedule))) < 0.5)
     schedule, targets = records(made, drawn)
     onset = schedule["first"][:, made.tested]
-    if made.scenario.redundancy.manager != "selection":  # which integrates what it distrusts
+    if not manager_kind(made.scenario.redundancy.manager).takes_back:  # what is integrated has a long memory
         schedule["first"][:, made.earlier] = onset[:, None] - SETTLING
     begins = np.where(schedule["trigger"] == Trigger.TIME, schedule["first"], onset[:, None])
     first = np.maximum(begins.min(axis=1) - RUN_IN, 0)

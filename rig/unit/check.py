@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rig.computer.redundancy.config import PARAMS
 from rig.computer.redundancy.discrete import DiscreteVoter, vote_discretes
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
-from rig.computer.redundancy.managers import Manager, vote_signals
+from rig.computer.redundancy.managers import DEFAULT, Manager, vote_signals
 from rig.errors import BadInput
 from rig.frame import S, nested, new_block
 from rig.frame.fields import FIELDS
@@ -245,7 +245,7 @@ def _ours(case: Case) -> NDArray[Any]:
         for name in records.dtype.names or ():
             records[name] = config[field][name]
     boxes = {"box_signals": int(config["box_signals"]), "box_persistence": int(config["box_persistence"])}
-    vote_rows(nested(rows), Manager("cross-channel", params, **boxes).data, DiscreteVoter(discretes).data)
+    vote_rows(nested(rows), Manager(DEFAULT, params, **boxes).data, DiscreteVoter(discretes).data)
     return rows
 
 

@@ -14,11 +14,11 @@ from rig.computer.analytic.references import Config as References
 from rig.computer.redundancy.discrete_config import PERSISTENCE, DiscreteConfigs
 from rig.computer.redundancy.durations import in_frames, refuse_both
 from rig.computer.redundancy.lowpass import gain
+from rig.computer.redundancy.managers import DEFAULT, MANAGERS
 from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, SIGNALS, Block, Resolver, S, to_frame
 from rig.settings import Settings
 from rig.text import choices
 
-MANAGERS: Final = ("cross-channel", "mean", "median", "cross-voter", "selection")
 ResolverName = Literal["ilm", "reference", "trend", "extremes", "middle"]
 
 
@@ -105,7 +105,7 @@ class Reset(Settings):
 class Config(Settings):
     """The ``[redundancy]`` table of an aircraft or scenario."""
 
-    manager: str = "cross-channel"  # one of MANAGERS, or module:name of one's own
+    manager: str = DEFAULT  # one of MANAGERS, or module:name of one's own
     box_signals: int = Field(default=4, ge=0)  # that accuse a channel at once until it is failed on all; 0: never
     box_persistence: int = Field(default=8, ge=1)  # frames for which they do
     discrete_persistence: int = Field(default=PERSISTENCE, ge=1)  # frames, of a discrete that has none of its own

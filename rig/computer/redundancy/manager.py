@@ -76,7 +76,7 @@ STATE: Final = np.dtype(
 class ManagerData(NamedTuple):
     """What a manager needs besides the row: one record a signal where nothing else is said."""
 
-    choice: int  # place in config.MANAGERS
+    choice: int  # place in managers.KINDS
     params: NDArray[Any]  # (S,) config.PARAMS
     state: NDArray[Any]  # (S,) STATE, in place
     boxes: NDArray[Any]  # (1,) box.BOXES, in place
