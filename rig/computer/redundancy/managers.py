@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.baselines import average, cross_voter, plain_median, select
+from rig.computer.redundancy.baselines import average, cross_voter, plain_median, select, select_unit
 from rig.computer.redundancy.box import BOXES
 from rig.computer.redundancy.manager import ManagerData, manage, new_state
 from rig.frame import Block, nested
@@ -38,6 +38,7 @@ KINDS: Final = (
 MANAGERS: Final = tuple(kind.name for kind in KINDS)
 DEFAULT: Final = MANAGERS[0]
 _CROSS_CHANNEL, _MEAN, _MEDIAN, _CROSS_VOTER, _SELECTION = range(len(KINDS))
+_UNIT: Final = len(KINDS)  # "selection", with all signals the axes of one unit
 
 
 def manager_kind(name: str) -> ManagerKind:
@@ -50,6 +51,7 @@ class Manager:
 
     name : of KINDS; params : (S,) config.PARAMS
     box_signals, box_persistence : as in config.Config; 0 signals: no channel is failed as a box
+    as_unit : the signals are the axes of one unit, of which "selection" selects one channel
     """
 
     def __init__(
@@ -59,8 +61,9 @@ class Manager:
         *,
         box_signals: int = 0,
         box_persistence: int = 1,
+        as_unit: bool = False,
     ) -> None:
-        self.choice = MANAGERS.index(name)
+        self.choice = _UNIT if as_unit else MANAGERS.index(name)
         self.params = params
         self.state = new_state(params)
         self.boxes = np.zeros(1, BOXES)
@@ -95,3 +98,5 @@ def vote_signals(bus, fcc, data):
         cross_voter(bus, fcc, data)
     elif choice == _SELECTION:
         select(bus, fcc, data)
+    elif choice == _UNIT:
+        select_unit(bus, fcc, 0, len(data.params), data)
