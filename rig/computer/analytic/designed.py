@@ -64,7 +64,7 @@ class Designed(Settings):
     accelerometer_z_m: float
     points: list[Point] = Field(min_length=1)
     errors: dict[str, dict[str, Error]] = Field(default_factory=dict)  # by signal and source
-    # The same as equivalent airspeed [m/s], for sources whose threshold grows with it (reference_threshold.py).
+    # The same as equivalent airspeed [m/s], for sources whose threshold grows with it (reference_monitor.py).
     airspeed_errors: dict[str, dict[str, Error]] = Field(default_factory=dict)
 
     @model_validator(mode="after")

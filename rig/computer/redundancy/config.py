@@ -133,7 +133,7 @@ PARAMS: Final = np.dtype(
         ("outlier_threshold_triplex", "f8"),
         ("filter_gain", "f8"),  # share of a new sample in the low-pass of the comparison (lowpass.py); 0: none
         ("reference_threshold", "f8"),
-        ("reference_airspeed_m_s", "f8"),  # of a wind, equivalent; 0 where none (reference_threshold.py)
+        ("reference_airspeed_m_s", "f8"),  # of a wind, equivalent; 0 where none (reference_monitor.py)
         ("second_threshold", "f8"),
         ("common_persistence", "i8"),
         ("common_fails", "u1"),
