@@ -48,8 +48,8 @@ class KernelCache(FunctionCache):
             return None
         try:
             data = pickle.loads(self._path(sig, target_context.codegen()).read_bytes())
-        except (OSError, EOFError, pickle.UnpicklingError):
-            return None  # not compiled yet, or damaged: it is compiled now
+        except (OSError, EOFError, pickle.UnpicklingError, ImportError):
+            return None  # not compiled yet, damaged, or of a module that has moved since: it is compiled now
         return self._impl.rebuild(target_context, data)
 
     def _save_overload(self, sig: Any, data: Any) -> None:

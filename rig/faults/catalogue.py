@@ -55,12 +55,12 @@ class Entry:
 
 
 def entries() -> list[Entry]:
-    """The whole catalogue."""
+    """Return the whole catalogue."""
     return [entry(kind) for kind in KINDS]
 
 
 def entry(kind: str) -> Entry:
-    """The entry of a kind; BadInput when there is none."""
+    """Return the entry of a kind; BadInput when there is none."""
     if kind not in KINDS:
         raise BadInput(f"{shorten(kind)}: no such kind of fault, {choices(kind, KINDS, 'rig faults list')}")
     model = KINDS[kind]
@@ -73,7 +73,7 @@ def entry(kind: str) -> Entry:
 
 
 def common() -> list[Parameter]:
-    """The keys of every kind: name, trigger, duration, repetition."""
+    """Return the keys of every kind: name, trigger, duration, repetition."""
     return [_parameter(name, info) for name, info in Triggered.model_fields.items()]
 
 
@@ -87,7 +87,7 @@ def _parameter(name: str, info: FieldInfo) -> Parameter:
 
 
 def _allowed(info: FieldInfo) -> str:
-    """The choices or the bounds of a setting, in words."""
+    """Return the choices or the bounds of a setting, in words."""
     choices = _choices(info.annotation)
     bounds = [f"{sign} {getattr(m, key):g}" for m in info.metadata for key, sign in _ALLOWED.items() if hasattr(m, key)]
     return ", ".join(choices or bounds)

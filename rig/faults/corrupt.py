@@ -125,7 +125,7 @@ def actuate(row, data):
 
 @kernel
 def save(bus, clean):
-    """Keep what the sensors said."""
+    """Keep the samples of the sensors."""
     channels, valid, clean_channels, clean_valid = bus["channels"], bus["valid"], clean["channels"], clean["valid"]
     for s in range(channels.shape[0]):
         for c in range(channels.shape[1]):

@@ -126,7 +126,7 @@ class CrossTalk(Ramped):
         return self.sized(self.act, source_place=self.source)
 
     def check_fitted(self, fitted: Mapping[str, int]) -> None:
-        """ValueError, too, unless it comes from another place of the same sort and, on channels, from a fitted one."""
+        """Raise ValueError, too, unless it comes from another place of the same sort, on channels a fitted one."""
         super().check_fitted(fitted)
         if self.source not in PLACES or site(self.source) != site(self.signal) or self.source == self.signal:
             raise ValueError(f"source: {self.source!r} must be another place of the sort of {self.signal}")

@@ -36,7 +36,7 @@ _TRIGGERS: Final = ("start_s", "when", "on", "after", "rate_per_hour", "end_s")
 
 
 def check(faults: Sequence[Fault], fitted: Mapping[str, int]) -> None:
-    """ValueError, one line, where faults do not fit the aircraft or each other.
+    """Raise ValueError, one line, where faults do not fit the aircraft or each other.
 
     fitted : number of channels of each signal and discrete
     """
@@ -58,7 +58,7 @@ def _check_labels(faults: Sequence[Fault]) -> None:
 
 
 def order(faults: Sequence[Fault]) -> list[int]:
-    """Indices of the faults, each behind the one that it comes after; ValueError: unknown, or a circle."""
+    """Return indices of the faults, each behind the one that it comes after; ValueError: unknown, or a circle."""
     parents = [parent(faults, i) for i in range(len(faults))]
     sorter = TopologicalSorter({i: [] if after is None else [after] for i, after in enumerate(parents)})
     try:
@@ -69,7 +69,7 @@ def order(faults: Sequence[Fault]) -> list[int]:
 
 
 def parent(faults: Sequence[Fault], i: int) -> int | None:
-    """The index of the fault that fault ``i`` comes after; ValueError when there is none of that name."""
+    """Return the index of the fault that fault ``i`` comes after; ValueError when there is none of that name."""
     after = faults[i].after
     if after is None:
         return None
@@ -109,7 +109,7 @@ class LiveFault(Settings):
 
 
 def distinct_keys(live: Sequence[LiveFault]) -> None:
-    """ValueError when a key stands twice."""
+    """Raise ValueError when a key stands twice."""
     keys = [entry.key for entry in live]
     twice = next((key for key in keys if keys.count(key) > 1), None)
     if twice is not None:

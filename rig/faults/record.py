@@ -132,7 +132,7 @@ _SIZES: Final = [prod(FCC[field].shape) for field in WATCHED]
 
 
 def code(field: str, *index: int) -> int:
-    """The place in SEEN of an element of a watched field."""
+    """Return the place in SEEN of an element of a watched field."""
     first = sum(_SIZES[: WATCHED.index(field)])
     return first + int(np.ravel_multi_index(index, FCC[field].shape))
 
@@ -148,7 +148,7 @@ SEEN: Final = np.dtype(
     ],
     align=True,
 )
-# What the sensors said before any fault, as the fields of BUS; kept for who scores a flight in memory.
+# Samples of the sensors before any fault, as the fields of BUS; kept for who scores a flight in memory.
 CLEAN: Final = np.dtype([("channels", "f8", (S, CHANNELS)), ("valid", "u1", (S, CHANNELS))], align=True)
 
 

@@ -126,18 +126,18 @@ class Faults:
         actuate(nested(block)[k], self.data)
 
     def _frames(self, seconds: float | None, otherwise: int) -> int:
-        """A time in frames, at least one."""
+        """Return a time in frames, at least one."""
         return otherwise if seconds is None else max(1, to_frame(seconds, self._rate_hz))
 
     def _frame(self, time_s: float | None) -> int:
         return to_frame(time_s or 0.0, self._rate_hz)
 
     def _chance(self, mean_s: float) -> float:
-        """Of what comes at random, ``mean_s`` apart on average, in one frame."""
+        """Return the chance in one frame of what comes at random, ``mean_s`` apart on average."""
         return 1.0 - exp(-1.0 / (mean_s * self._rate_hz))
 
     def _generator(self, i: int, purpose: str) -> Generator:
-        """A generator that the fault's name gives, so that no other fault shifts what it draws."""
+        """Return a generator that the fault's name gives, so that no other fault shifts what it draws."""
         labels = [fault.label for fault in self._faults]
         name = f"{labels[i]}\0{labels[:i].count(labels[i])}\0{purpose}"  # faults of one name differ by their place
         words = np.frombuffer(hashlib.sha256(name.encode()).digest()[:16], "<u4")
@@ -211,7 +211,7 @@ class Faults:
             row["pulse_draw"] = self._uniform_column(i, "pulses")
 
     def _targets(self) -> NDArray[np.void]:
-        """A TARGET record for every value that a fault acts on, sorted by sort, then as in the scenario."""
+        """Return a TARGET record for every value that a fault acts on, sorted by sort, then as in the scenario."""
         targets: list[NDArray[np.void]] = []
         self._ends = []
         for sites in _SORTS:
@@ -275,7 +275,7 @@ class Faults:
         return param
 
     def _grow(self, rows: int) -> None:
-        """Room for the draws of so many rows."""
+        """Make room for the draws of so many rows."""
         if len(self._uniform) < rows or self._uniform.shape[1] < len(self._uniform_from):
             self._uniform = np.zeros((rows, max(1, len(self._uniform_from))))
         if len(self._normal) < rows or self._normal.shape[1] < len(self._normal_from):

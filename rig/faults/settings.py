@@ -22,17 +22,17 @@ from rig.util import fault_names
 
 
 def quantity(unit: str, meaning: str, default: Any = ..., **bounds: Any) -> Any:
-    """A setting with its unit, ``signal`` for that of the signal, and what it means, for the catalogue."""
+    """Return a setting with its unit, ``signal`` for that of the signal, and what it means, for the catalogue."""
     return Field(default, description=meaning, json_schema_extra={"unit": unit}, **bounds)
 
 
 def in_thresholds(key: str) -> str:
-    """The key that gives the magnitude ``key`` in thresholds."""
+    """Return the key that gives the magnitude ``key`` in thresholds."""
     return f"{key.removesuffix('_per_s')}_thresholds_per_s" if key.endswith("_per_s") else f"{key}_thresholds"
 
 
 def threshold_quantity(key: str, **bounds: Any) -> Any:
-    """The setting of the magnitude ``key`` in thresholds."""
+    """Return the setting of the magnitude ``key`` in thresholds."""
     unit = "thresholds/s" if key.endswith("_per_s") else "thresholds"
     return quantity(unit, f"or instead of `{key}`: in thresholds of the signal's monitor", None, **bounds)
 
@@ -177,7 +177,7 @@ class Triggered(Settings):
         return Pulses()
 
     def check_fitted(self, fitted: Mapping[str, int]) -> None:
-        """ValueError where it names channels that are not ``fitted``: number by signal and discrete."""
+        """Raise ValueError where it names channels that are not ``fitted``: number by signal and discrete."""
         for place, channel in self.points:
             if channel is not None and channel > fitted[place]:
                 raise ValueError(f"channels: {place} has {fitted[place]} channels, got [{channel}]")
@@ -243,13 +243,13 @@ class Ramped(Corrupted):
 
 
 def require_one(fault: Placed, *keys: str) -> None:
-    """ValueError unless exactly one of ``keys`` is given."""
+    """Raise ValueError unless exactly one of ``keys`` is given."""
     if sum(getattr(fault, key) is not None for key in keys) != 1:
         raise ValueError(f"either {' or '.join(keys)}")
 
 
 def one_form(key: str) -> Any:
-    """A validator of a kind: the magnitude ``key`` is given in one of its two forms."""
+    """Return a validator of a kind: the magnitude ``key`` is given in one of its two forms."""
 
     def check(fault: Placed) -> Placed:
         require_one(fault, key, in_thresholds(key))

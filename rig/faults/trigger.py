@@ -108,7 +108,7 @@ _KEYS: Final = "level or pattern or resolver or source = ..., or channel = ..., 
 
 
 def _number(key: str, value: Any) -> int:
-    """A value as it stands in the frame."""
+    """Return a value as it stands in the frame."""
     if key == "pattern":
         return int(_LABELS[value])
     enums = {"resolver": Resolver, "source": Source, "state": State}
@@ -137,7 +137,7 @@ def advance(row, k, data):
 
 @kernel
 def onset(row, k, i, data):
-    """The frame in which the trigger of fault i fires, FOREVER while it does not."""
+    """Return the frame in which the trigger of fault i fires, FOREVER while it does not."""
     p, state, seen = data.schedule[i], data.state, data.seen
     fires = False
     trigger, frame = p["trigger"], row["frame"]
@@ -158,7 +158,7 @@ def onset(row, k, i, data):
 
 @kernel
 def lasts(frame, p, st):
-    """Whether the fault is within its time: 1 or 0; sets ``elapsed``, and re-arms a random trigger."""
+    """Return 1 if the fault is within its time, else 0; set ``elapsed``, and re-arm a random trigger."""
     if st["onset"] > frame or frame >= p["last"]:
         return 0
     elapsed = frame - st["onset"]
@@ -175,7 +175,7 @@ def lasts(frame, p, st):
 
 @kernel
 def beats(k, p, st, times, uniform):
-    """Whether a fault that acts in pulses acts now: 1 or 0."""
+    """Return 1 if a fault that acts in pulses acts now, else 0."""
     elapsed, duty_cycle = st["elapsed"], p["duty_cycle"]
     if duty_cycle == DutyCycle.CYCLE:
         return 1 if elapsed % p["cycle"] < p["on"] else 0
@@ -232,7 +232,7 @@ def keep(values, codes, at):
 
 @kernel
 def keep_states(states, codes, at):
-    """The same of ``states`` (n, 4)."""
+    """Copy ``states`` (n, 4) likewise."""
     for i in range(len(states)):
         for c in range(CHANNELS):
             codes[at + i * CHANNELS + c] = states[i, c]

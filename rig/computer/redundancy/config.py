@@ -165,14 +165,14 @@ def command(rows: Block, resets: Sequence[Reset], rate_hz: float) -> None:
 
 
 def bits(channels: Iterable[int]) -> int:
-    """The byte of commanded channels, which count from 1."""
+    """Return the byte of commanded channels, which count from 1."""
     return sum(1 << (channel - 1) for channel in set(channels))
 
 
 def parameters(
     configs: Any, ranges: NDArray[np.float64], channels: NDArray[np.int64], rate_hz: float
 ) -> NDArray[np.void]:
-    """The (S,) PARAMS records of a ``SignalConfigs``; ``ranges`` (S, 2) and ``channels`` (S,) of the sensors."""
+    """Return the (S,) PARAMS records of a ``SignalConfigs``; ``ranges`` (S, 2) and ``channels`` (S,) of the sensors."""
     params = np.zeros(S, PARAMS)
     for i, signal in enumerate(SIGNALS):
         config: SignalConfig = getattr(configs, signal.name)

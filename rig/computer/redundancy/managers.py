@@ -80,7 +80,7 @@ class Manager:
         self.vote(rows["bus"], rows["fcc"], k)
 
     def vote(self, bus: Any, fcc: Any, k: int) -> None:
-        """The same of row k of a block's parts."""
+        """Vote row k of a block's parts."""
         vote_signals(bus[k], fcc[k], self.data)
 
 
