@@ -50,7 +50,7 @@ def outcome_of(one: Try) -> Table:
 
 
 def second(w: Any, row: Any) -> list[float]:
-    """Voted bank angle less the unit's, `bank_effect`, `rate_difference` less its usual value; if both rates are good."""
+    """Voted bank angle less the unit's, `bank_effect`, `rate_difference` less its usual value; both rates good."""
     bank = wrap(row["voted"][PHI] - bank_by(w["unit"]))
     return [
         abs(float(x))
