@@ -50,9 +50,12 @@ def outcome_of(one: Try) -> Table:
 
 
 def second(w: Any, row: Any) -> list[float]:
-    """Voted bank angle less that by the unit, `tilt`, `apart` less its usual value; whether both rates are in order."""
+    """Voted bank angle less the unit's, `bank_effect`, `rate_difference` less its usual value; both rates good."""
     bank = wrap(row["voted"][PHI] - bank_by(w["unit"]))
-    return [abs(float(x)) for x in (bank, w["tilt"], w["apart"] - w["usual"], w["rates"] == BOTH)]
+    return [
+        abs(float(x))
+        for x in (bank, w["bank_effect"], w["rate_difference"] - w["usual_rate_difference"], w["rates"] == BOTH)
+    ]
 
 
 def declared(flight: Block, onset: int, rate_hz: float) -> Table:
