@@ -14,8 +14,7 @@ import numpy as np
 from figures import table
 from rig.bench.inject import inject
 from rig.bench.injection_score import score
-from rig.bench.vote import vote
-from rig.bench.write_votes import Result
+from rig.bench.vote import Result, vote
 from rig.recordings.align import align
 from rig.recordings.alignment import AlignOptions, run_alignment
 from rig.recordings.read import read
