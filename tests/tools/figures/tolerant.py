@@ -141,17 +141,9 @@ def outcome_of(flight: Try) -> Table:
     onset = round(flight.case.onset_s * rate_hz) if flight.fault else 0
     hours = len(flown) / rate_hz / 3600.0
     return {
-        **{
-            "row": flight.row,
-            "fault": flight.fault.kind if flight.fault else "none",
-            "hours": hours,
-        },
+        **{"row": flight.row, "fault": flight.fault.kind if flight.fault else "none", "hours": hours},
         **{"where": "turn" if "heading" in flight.case.manoeuvres else "straight", "case": flight.case},
-        **{
-            **declared(flown, onset, rate_hz),
-            **errors(flown, onset),
-            "seconds": [] if flight.fault else seconds,
-        },
+        **{**declared(flown, onset, rate_hz), **errors(flown, onset), "seconds": [] if flight.fault else seconds},
     }
 
 
