@@ -76,5 +76,5 @@ def moment(scored: Scored, rows: Block, name: str) -> Moment | None:
 
 
 def _failures(states: NDArray[np.uint8]) -> list[int]:
-    """The frames in which a channel of ``states`` (n, 4) becomes failed."""
+    """Return the frames in which a channel of ``states`` (n, 4) becomes failed."""
     return np.flatnonzero(begins(states == State.FAILED).any(axis=1)).tolist()

@@ -30,13 +30,13 @@ PARAM: Final = np.dtype(
         ("gear_max_bank_rad", "f8"),  # with the gear down
         ("gear_max_load_factor", "f8"),
         ("gear_min_load_factor", "f8"),
-        ("attitude_filter_s", "f8"),  # s, on attitudes that become rates
+        ("attitude_filter_s", "f8"),  # on attitudes that become rates
         ("attitude_erection_s", "f8"),  # how fast an estimated attitude returns to what the path says
         ("learning_share", "f8"),  # of what a substitute is wrong by, learned in one frame while it is not needed
         ("backup_load_factor_change", "f8"),
-        ("backup_path_rad_s", "f8"),  # rad/s
-        ("lag_s", "f8", (3,)),  # s, of elevator, aileron and rudder
-        ("rate_bandwidth_rad_s", "f8"),  # rad/s, of the estimate of a rate that is not measured
+        ("backup_path_rad_s", "f8"),
+        ("lag_s", "f8", (3,)),  # of elevator, aileron and rudder
+        ("rate_bandwidth_rad_s", "f8"),  # of the estimate of a rate that is not measured
         ("fade_frames", "i8"),
         ("rates_from_attitude", "i8"),  # whether rates may be taken from attitudes
         ("low", "f8", (len(SURFACES),)),
