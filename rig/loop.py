@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from rig import sensors
 from rig.computer.control.autopilot import Control
-from rig.computer.control.law import fly
+from rig.computer.control.law import control_law
 from rig.computer.control.state import ControlData
 from rig.computer.redundancy import Redundancy, RedundancyData, conclude, refer, vote_signals
 from rig.computer.redundancy.config import command
@@ -30,7 +30,7 @@ from rig.errors import ManagerFailed
 from rig.faults import Coils, FaultData, Faults, actuate, corrupt, corrupt_reference
 from rig.frame import FLAT, SIGNALS, TIMING, Block, Nested, nested, new_block
 from rig.kernels import bind, kernel
-from rig.plant.flown import plant
+from rig.plant.jsbsim import plant
 from rig.plant.pilot import Pilot
 from rig.scenario import Scenario
 from rig.sensors import SensorData, Sensors, inertial, measure
@@ -190,7 +190,7 @@ def after(block, k, data):
     row = block[k]
     bus, fcc = row["bus"], row["fcc"]
     conclude(bus, fcc, data.redundancy)
-    fly(bus, fcc, data.control)
+    control_law(bus, fcc, data.control)
     hand_over(fcc["surface"], row["actuation"]["actuator"])
     actuate(row, data.faults)
 

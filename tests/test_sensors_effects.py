@@ -13,7 +13,7 @@ from sensing import WIDE, sense, suite, truths
 
 from rig.frame import INDEX, new_block
 from rig.sensors import Sensors
-from rig.sensors.second_order import natural_frequency, transition
+from rig.sensors.params import natural_frequency, transition
 
 Q, P, R, PSI = (INDEX[name] for name in ("pitch_rate", "roll_rate", "yaw_rate", "heading"))
 NX, NY, NZ = (INDEX[f"{name}_load_factor"] for name in ("longitudinal", "lateral", "normal"))

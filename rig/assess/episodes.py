@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Final, Literal
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rig.assess.isolations import Failure
 from rig.assess.record import BY_DESIGN, Episode, ResolverScore
 from rig.frame import SIGNALS, Block, Pattern, Resolver
+from rig.util.runs import runs
 
 RESOLVERS: Final = ("ilm", "trend", "reference", "extremes", "middle", "box")
 PATTERNS: Final = tuple(pattern for pattern in Pattern if pattern.is_singular)
@@ -23,21 +24,12 @@ def episodes(rows: Block, params: NDArray[np.void], failures: Sequence[Failure])
     patterns = np.ascontiguousarray(rows["pattern"])
     singular = (patterns >= Pattern.P2_2) & (patterns <= Pattern.P1_1)
     found = [
-        _episode(rows, params[s], [f for f in failures if f.signal == s], int(s), first, last)
+        _episode(rows, params[s], [f for f in failures if f.signal == s], int(s), int(first), int(end) - 1)
         for s in np.flatnonzero(singular.any(axis=0))
-        for first, last in runs(patterns[:, s], singular[:, s])
+        for first, end in runs(patterns[:, s])
+        if singular[first, s]
     ]
     return sorted(found, key=lambda episode: episode.first_frame)
-
-
-def runs(values: NDArray[np.uint8], wanted: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
-    """First and last row of every run of one value, where ``wanted``."""
-    edges = np.flatnonzero(values[1:] != values[:-1]) + 1
-    firsts = np.concatenate([[0], edges])
-    lasts = np.concatenate([edges - 1, [len(values) - 1]])
-    for first, last in zip(firsts, lasts, strict=True):
-        if wanted[first]:
-            yield int(first), int(last)
 
 
 def _episode(rows: Block, p: NDArray[np.void], failures: Sequence[Failure], s: int, first: int, last: int) -> Episode:

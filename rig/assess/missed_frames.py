@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from rig.frame import Block, Unit
+from rig.util.runs import runs_where
 
 _UNANSWERED: Final = (Unit.HELD, Unit.LATE, Unit.DEAD, Unit.REFUSED)
 
@@ -24,9 +25,8 @@ class Miss:
 def misses(rows: Block) -> list[Miss]:
     """All misses of a flight, in the order of time."""
     missed = np.isin(rows["unit"], _UNANSWERED)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], missed.astype(np.int8), [0]])))
     frames, status = rows["frame"], rows["unit"]
     return [
         Miss(int(frames[first]), int(frames[end - 1]), Unit(status[first]).name.lower())
-        for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+        for first, end in runs_where(missed).tolist()
     ]

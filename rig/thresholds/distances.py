@@ -22,6 +22,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
 
 from rig.frame import CHANNELS
 from rig.units.angles import near
@@ -119,16 +120,8 @@ def middle_gap(samples: Floats) -> Floats:
 
 
 def sliding_minimum(series: Floats, frames: int) -> Floats:
-    """(n,) the least of the last ``frames`` values, 0 before so many have been; windows are doubled until they fit."""
-    if frames > len(series):
-        return np.zeros(len(series))
-    least, width = series, 1
-    while 2 * width <= frames:
-        least = np.minimum(least[width:], least[:-width])
-        width *= 2
-    if (rest := frames - width) > 0:
-        least = np.minimum(least[rest:], least[:-rest])
-    return np.concatenate([np.zeros(frames - 1), least])
+    """Return (n,) the least of the last ``frames`` values, none of them negative; 0 before so many have been."""
+    return minimum_filter1d(series, frames, mode="constant", cval=0.0, origin=(frames - 1) // 2)
 
 
 def invalid_runs(samples: Floats, frames: int) -> Sequence[int]:

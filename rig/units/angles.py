@@ -20,19 +20,19 @@ Flags = NDArray[np.bool_] | bool
 
 @kernel
 def wrap(angle):
-    """``angle`` (rad) the short way round, in [-pi, pi); NaN stays NaN."""
+    """Return ``angle`` (rad) the short way round, in [-pi, pi); NaN stays NaN."""
     return (angle + pi) % TWO_PI - pi
 
 
 @kernel
 def difference(a, b, wraps):
-    """``a - b``; the short way round when the signal ``wraps`` (rad)."""
+    """Return ``a - b``; the short way round when the signal ``wraps`` (rad)."""
     return wrap(a - b) if wraps != 0 else a - b
 
 
 @kernel
 def limit(x, low, high, wraps):
-    """``x`` within [low, high]: an angle goes round the circle, anything else saturates; NaN stays NaN."""
+    """Return ``x`` within [low, high]: an angle goes round the circle, anything else saturates; NaN stays NaN."""
     if wraps != 0:
         return (x - low) % TWO_PI + low
     if x < low:
@@ -88,7 +88,7 @@ def unwrap(samples: Floats, vote: Floats, wraps: NDArray[np.uint8]) -> Floats:
     return np.where(wraps[:, None] != 0, near(samples, base), samples)
 
 
-def into_range(values: Floats, low: Floats, high: Floats, wraps: NDArray[Any] | bool) -> Floats:
+def into_range(values: Floats, low: Floats | float, high: Floats | float, wraps: NDArray[Any] | bool) -> Floats:
     """Return ``values`` within the sensors' ranges: angles by whole turns, all others saturated."""
     with np.errstate(invalid="ignore"):
         return np.where(wraps, (values - low) % TWO_PI + low, np.clip(values, low, high))

@@ -32,13 +32,13 @@ _HIGHEST: Final = 20_000.0  # m; above it the air is taken as here
 
 @kernel
 def temperature(altitude: float) -> float:
-    """Air temperature [K] at ``altitude`` [m, geopotential]."""
+    """Return the air temperature [K] at ``altitude`` [m, geopotential]."""
     return SEA_LEVEL_TEMPERATURE - LAPSE_RATE * min(altitude, TROPOPAUSE_ALTITUDE)
 
 
 @kernel
 def pressure(altitude: float) -> float:
-    """Static pressure [Pa] at ``altitude`` [m, geopotential]."""
+    """Return the static pressure [Pa] at ``altitude`` [m, geopotential]."""
     air = temperature(altitude)
     p = SEA_LEVEL_PRESSURE * math.pow(air / SEA_LEVEL_TEMPERATURE, _PRESSURE_EXPONENT)
     above = min(altitude, _HIGHEST) - TROPOPAUSE_ALTITUDE
@@ -47,19 +47,19 @@ def pressure(altitude: float) -> float:
 
 @kernel
 def density(altitude: float) -> float:
-    """Air density [kg/m3] at ``altitude`` [m, geopotential]."""
+    """Return the air density [kg/m3] at ``altitude`` [m, geopotential]."""
     return pressure(altitude) / (GAS_CONSTANT * temperature(altitude))
 
 
 @kernel
 def speed_of_sound(altitude: float) -> float:
-    """Speed of sound [m/s] at ``altitude`` [m, geopotential]: sqrt(1.4 R T)."""
+    """Return the speed of sound [m/s] at ``altitude`` [m, geopotential]: sqrt(1.4 R T)."""
     return math.sqrt(HEAT_RATIO * GAS_CONSTANT * temperature(altitude))
 
 
 @kernel
 def pressure_altitude(static_pressure: float) -> float:
-    """Altitude [m, geopotential] at which the standard atmosphere has ``static_pressure`` [Pa]."""
+    """Return the altitude [m, geopotential] at which the standard atmosphere has ``static_pressure`` [Pa]."""
     p = max(static_pressure, LOWEST_PRESSURE)
     if p >= TROPOPAUSE_PRESSURE:
         ratio = math.pow(p / SEA_LEVEL_PRESSURE, EXPONENT)
@@ -69,7 +69,7 @@ def pressure_altitude(static_pressure: float) -> float:
 
 @kernel
 def air_density(static_pressure):
-    """Density [kg/m3] where the standard atmosphere has ``static_pressure`` [Pa].
+    """Return the density [kg/m3] where the standard atmosphere has ``static_pressure`` [Pa].
 
     T = 288.15 (p / 101325)^0.190263, not below 216.65 K;  rho = p / (287.05287 T)
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from rig.errors import BadLog
 from rig.log import Log, scenario_of
 from rig.record.failures import failed_channels, failed_text
 from rig.util import fault_names
+from rig.util.palette import CHANNELS, LINE, PALE_RED, VOTE
 from rig.view.lanes import acting
 from rig.view.series import Series, limits, series, threshold
 
@@ -21,8 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-CHANNELS: Final = ("#2166ac", "#e08214", "#4d9221", "#8073ac")
-TRUTH, VOTE, FAULT, BAND = "#000000", "#b2182b", "#fddbc7", "#d8dde2"
+TRUTH, FAULT, BAND = "#000000", PALE_RED, LINE
 
 
 def line(log: Log) -> str:

@@ -21,8 +21,8 @@ from rig.computer.gain_schedule import look_up
 from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, SURFACES, Law, S, Source, sig
 from rig.kernels import kernel
 from rig.units.angles import wrap
-from rig.units.atmosphere import GRAVITY, pressure_altitude, temperature
-from rig.units.constants import TWO_PI
+from rig.units.atmosphere import pressure_altitude, temperature
+from rig.units.constants import GRAVITY, TWO_PI
 
 _ENGAGED: Final = DISCRETE_INDEX["autopilot_engaged"]
 _WHEELS, _GEAR = DISCRETE_INDEX["weight_on_wheels"], DISCRETE_INDEX["gear_down"]
@@ -35,8 +35,8 @@ _ALPHA_APPROACH_1_S: Final = 2.0  # pitch rate allowed per angle left to the alp
 
 
 @kernel
-def fly(bus, fcc, data):
-    """One frame of the control law.
+def control_law(bus, fcc, data):
+    """Fly one frame: signals to surfaces.
 
     bus, fcc : the row's BUS and FCC records; reads demand, inertial, voted, level, reference, reference_usable,
                discrete_voted; writes source, command, surface, law, estimate, trust, lie
@@ -99,7 +99,7 @@ def keep_demand(demand, state):
 
 @kernel
 def complete(measured):
-    """Whether every signal has a value."""
+    """Return True if every signal has a value."""
     missing = 0
     for i in range(S):
         missing += 0 if math.isfinite(measured[i]) else 1
@@ -108,7 +108,7 @@ def complete(measured):
 
 @kernel
 def air_data(measured, command):
-    """Pressure altitude, equivalent and true airspeed, flight-path angle into ``command``."""
+    """Write pressure altitude, equivalent and true airspeed, flight-path angle to ``command``."""
     altitude = pressure_altitude(measured[sig.P_S])
     mach = mach_number(measured[sig.P_S], measured[sig.Q_BAR])
     command[_C_PRESSURE_ALTITUDE] = altitude
@@ -121,10 +121,10 @@ def air_data(measured, command):
 
 @kernel
 def filter_slow(param, state, measured, command, first):
-    """Filters on dynamic pressure, airspeed and vertical motion; at the start they take the sample itself."""
+    """Filter dynamic pressure, airspeed and vertical motion; at the start take the sample itself."""
     s, c = state[0], param[0]
     speed, pressure, altitude = command[_C_SPEED], measured[sig.Q_BAR], command[_C_PRESSURE_ALTITUDE]
-    laws.vertical_motion(altitude, vertical_acceleration(measured), c["climb_crossover"], c["dt"], state)
+    laws.vertical_motion(altitude, vertical_acceleration(measured), c["climb_crossover_rad_s"], c["dt"], state)
     if first:
         s["airspeed"], s["schedule_pressure"] = speed, pressure
         s["altitude_estimate"], s["acceleration_error"] = altitude, 0.0
@@ -136,7 +136,7 @@ def filter_slow(param, state, measured, command, first):
 
 @kernel
 def vertical_acceleration(measured):
-    """Upward acceleration [m/s2] from the load factors and the attitude."""
+    """Return the upward acceleration [m/s2] from the load factors and the attitude."""
     theta, phi = measured[sig.THETA], measured[sig.PHI]
     load = measured[sig.N_X] * math.sin(theta) - measured[sig.N_Y] * math.sin(phi) * math.cos(theta)
     load += measured[sig.N_Z] * math.cos(phi) * math.cos(theta)
@@ -164,7 +164,7 @@ def begin_path(state, gain, measured):
 
 @kernel
 def outer(param, state, gain, measured, command, law):
-    """Demands or sticks to pitch rate, roll rate and sideslip commands.
+    """Turn demands or sticks into pitch rate, roll rate and sideslip commands.
 
     On the ground the autopilot's pitch and roll attitude commands stay as they are.
     """
@@ -186,7 +186,7 @@ def outer(param, state, gain, measured, command, law):
         command[_C_ALTITUDE] += demand[2]
         command[_C_PSI] = (command[_C_PSI] + demand[3]) % TWO_PI
         command[_C_SPEED] += demand[4]
-        bank = c["max_bank"] if s["approach"] == 0 else c["gear_max_bank"]
+        bank = c["max_bank_rad"] if s["approach"] == 0 else c["gear_max_bank_rad"]
         if lateral == PATH:
             error = command[_C_PSI] - measured[sig.PSI]
             command[_C_PHI] = laws.bank_for_heading(error, gain[laws.HEADING], speed, bank)
@@ -195,8 +195,8 @@ def outer(param, state, gain, measured, command, law):
         if holds:
             command[_C_THETA], command[_C_PHI] = held_pitch, held_roll
         elif vertical == PATH:
-            steepest = c["max_climb_angle"]
-            acceleration = _BRAKING * c["max_load_change"] * GRAVITY
+            steepest = c["max_climb_angle_rad"]
+            acceleration = _BRAKING * c["max_load_factor_change"] * GRAVITY
             capture_gain = 0.5 * gain[laws.PATH_ALTITUDE] / gain[laws.PATH_CLIMB]
             highest = speed * math.sin(steepest)
             laws.approach(command[_C_ALTITUDE], capture_gain, highest, acceleration, c["dt"], state)
@@ -209,7 +209,7 @@ def outer(param, state, gain, measured, command, law):
 
 @kernel
 def pitch_rate(param, state, gain, measured, command, vertical, speed):
-    """Pitch rate command from the stick or the pitch attitude error, within load factor and alpha."""
+    """Command a pitch rate from the stick or the pitch attitude error, within load factor and alpha."""
     c = param[0]
     per_load = GRAVITY / speed
     most, least = c["max_load_factor"] - 1.0, c["min_load_factor"] - 1.0
@@ -220,16 +220,16 @@ def pitch_rate(param, state, gain, measured, command, vertical, speed):
         rate = per_load * (stick * most if stick > 0.0 else -stick * least)
     else:
         error = command[_C_THETA] - measured[sig.THETA]
-        limit = per_load * c["max_load_change"]
+        limit = per_load * c["max_load_factor_change"]
         rate = clamp(gain[laws.PITCH_ANGLE] * error, -limit, limit)
     rate += laws.turn_pitch_rate(measured[sig.PHI], measured[sig.THETA], speed)
-    allowed = _ALPHA_APPROACH_1_S * (c["max_alpha"] - measured[sig.ALPHA])
+    allowed = _ALPHA_APPROACH_1_S * (c["max_alpha_rad"] - measured[sig.ALPHA])
     command[_C_Q] = min(clamp(rate, per_load * least, per_load * most), allowed)
 
 
 @kernel
 def roll_rate(gain, measured, command, lateral):
-    """Roll rate command from the stick or, the short way round, from the roll attitude error."""
+    """Command a roll rate from the stick or, the short way round, from the roll attitude error."""
     most = gain[laws.MAX_ROLL_RATE]
     if lateral == STICK:
         command[_C_P] = measured[sig.D_R] * most
@@ -240,7 +240,7 @@ def roll_rate(gain, measured, command, lateral):
 
 @kernel
 def inner(param, state, gain, measured, command, source, law, fresh):
-    """Rate, sideslip and airspeed errors to surfaces; ``fresh`` starts the integrators without a jump.
+    """Turn rate, sideslip and airspeed errors into surfaces; ``fresh`` starts the integrators without a jump.
 
     On the ground the integrators stand still.
     """
@@ -251,7 +251,7 @@ def inner(param, state, gain, measured, command, source, law, fresh):
     yaw = laws.turn_yaw_rate(measured[sig.PHI], measured[sig.THETA], speed) + command[_C_P] * math.tan(alpha)
     if law == Law.AUTOPILOT and c["lateral"] == PATH:
         turn = g[laws.HEADING_YAW] * wrap(command[_C_PSI] - measured[sig.PSI])
-        yaw += clamp(turn, -c["max_yaw"], c["max_yaw"])
+        yaw += clamp(turn, -c["max_yaw_correction_rad_s"], c["max_yaw_correction_rad_s"])
     p = measured[sig.P] - command[_C_P]
     r = measured[sig.R] - yaw
     beta = measured[sig.BETA] - command[_C_BETA]

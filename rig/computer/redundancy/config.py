@@ -10,15 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, create_model, field_validator, model_validator
 
+from rig import settings
 from rig.computer.analytic.references import Config as References
 from rig.computer.redundancy.discrete_config import PERSISTENCE, DiscreteConfigs
 from rig.computer.redundancy.durations import in_frames, refuse_both
 from rig.computer.redundancy.lowpass import gain
+from rig.computer.redundancy.managers import DEFAULT, MANAGERS
 from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, SIGNALS, Block, Resolver, S, to_frame
 from rig.settings import Settings
 from rig.text import choices
 
-MANAGERS: Final = ("cross-channel", "mean", "median", "cross-voter", "selection")
 ResolverName = Literal["ilm", "reference", "trend", "extremes", "middle"]
 
 
@@ -105,7 +106,7 @@ class Reset(Settings):
 class Config(Settings):
     """The ``[redundancy]`` table of an aircraft or scenario."""
 
-    manager: str = "cross-channel"  # one of MANAGERS, or module:name of one's own
+    manager: str = DEFAULT  # one of MANAGERS, or module:name of one's own
     box_signals: int = Field(default=4, ge=0)  # that accuse a channel at once until it is failed on all; 0: never
     box_persistence: int = Field(default=8, ge=1)  # frames for which they do
     discrete_persistence: int = Field(default=PERSISTENCE, ge=1)  # frames, of a discrete that has none of its own
@@ -133,7 +134,7 @@ PARAMS: Final = np.dtype(
         ("outlier_threshold_triplex", "f8"),
         ("filter_gain", "f8"),  # share of a new sample in the low-pass of the comparison (lowpass.py); 0: none
         ("reference_threshold", "f8"),
-        ("reference_airspeed_m_s", "f8"),  # of a wind, equivalent; 0 where none (reference_threshold.py)
+        ("reference_airspeed_m_s", "f8"),  # of a wind, equivalent; 0 where none (reference_monitor.py)
         ("second_threshold", "f8"),
         ("common_persistence", "i8"),
         ("common_fails", "u1"),
@@ -165,14 +166,14 @@ def command(rows: Block, resets: Sequence[Reset], rate_hz: float) -> None:
 
 
 def bits(channels: Iterable[int]) -> int:
-    """The byte of commanded channels, which count from 1."""
+    """Return the byte of commanded channels, which count from 1."""
     return sum(1 << (channel - 1) for channel in set(channels))
 
 
 def parameters(
     configs: Any, ranges: NDArray[np.float64], channels: NDArray[np.int64], rate_hz: float
 ) -> NDArray[np.void]:
-    """The (S,) PARAMS records of a ``SignalConfigs``; ``ranges`` (S, 2) and ``channels`` (S,) of the sensors."""
+    """Return the (S,) PARAMS records of a ``SignalConfigs``; ``ranges`` (S, 2) and ``channels`` (S,) of the sensors."""
     params = np.zeros(S, PARAMS)
     for i, signal in enumerate(SIGNALS):
         config: SignalConfig = getattr(configs, signal.name)
@@ -183,23 +184,31 @@ def parameters(
 def fill(
     row: Any, config: SignalConfig, limits: tuple[float, float], channels: int, wraps: bool, rate_hz: float
 ) -> None:
-    """Write one signal's settings into its PARAMS record."""
-    row["threshold"] = config.threshold
-    row["threshold_triplex"] = config.threshold_triplex or config.threshold
-    row["threshold_duplex"] = config.threshold_duplex or config.threshold
-    for name in ("outlier_threshold", "outlier_threshold_triplex"):
-        row[name] = getattr(config, name) or 0.0
-    row["filter_gain"] = gain(config.filter_s, rate_hz)
-    row["reference_threshold"] = config.reference_threshold or config.threshold
-    row["second_threshold"], row["common_persistence"] = config.threshold, 1
-    row["low"], row["high"] = limits
-    row["persistence"] = in_frames(config.persistence, config.persistence_s, rate_hz)
-    row["singular_persistence"] = in_frames(config.singular_persistence, config.singular_persistence_s, rate_hz)
-    row["trend_frames"], row["readmit_frames"] = config.trend_frames, config.readmit_frames
-    row["fade_frames"] = round(config.fade_s * rate_hz)
-    row["deviation"] = config.selection_deviation or 2.5 * config.threshold
-    row["deviation_frames"] = (config.selection_integral_s or 5.0 * config.threshold) * rate_hz
-    row["fitted"], row["wraps"] = channels, wraps
-    row["weighted"] = config.mean == "trend-weighted"
-    for place, name in enumerate(config.resolvers):
-        row["resolvers"][place] = Resolver[name.upper()]
+    """Write one signal's settings into its PARAMS record, without what its references and common mode add."""
+    threshold = config.threshold
+    resolvers = [Resolver[name.upper()] for name in config.resolvers]
+    settings.fill(
+        row,
+        config,
+        threshold_triplex=config.threshold_triplex or threshold,
+        threshold_duplex=config.threshold_duplex or threshold,
+        outlier_threshold=config.outlier_threshold or 0.0,
+        outlier_threshold_triplex=config.outlier_threshold_triplex or 0.0,
+        filter_gain=gain(config.filter_s, rate_hz),
+        reference_threshold=config.reference_threshold or threshold,
+        reference_airspeed_m_s=0.0,
+        second_threshold=threshold,
+        common_persistence=1,
+        common_fails=0,
+        low=limits[0],
+        high=limits[1],
+        persistence=in_frames(config.persistence, config.persistence_s, rate_hz),
+        singular_persistence=in_frames(config.singular_persistence, config.singular_persistence_s, rate_hz),
+        fade_frames=round(config.fade_s * rate_hz),
+        deviation=config.selection_deviation or 2.5 * threshold,
+        deviation_frames=(config.selection_integral_s or 5.0 * threshold) * rate_hz,
+        fitted=channels,
+        resolvers=resolvers + [0] * (len(row["resolvers"]) - len(resolvers)),
+        wraps=wraps,
+        weighted=config.mean == "trend-weighted",
+    )
