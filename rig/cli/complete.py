@@ -32,7 +32,7 @@ tabs = _completion("rig.view.blueprint", lambda module: module.TABS)
 def sets(incomplete: str) -> list[str]:
     """Return keys of ``--set`` that are changed the most, and the values of those that have names."""
     from rig.aircraft import names
-    from rig.computer.redundancy.config import MANAGERS
+    from rig.computer.redundancy.managers import MANAGERS
 
     values = {"aircraft=": names(), "redundancy.manager=": MANAGERS}
     for key, allowed in values.items():
