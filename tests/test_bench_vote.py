@@ -13,9 +13,9 @@ import pytest
 import tomli_w
 from conftest import constant, vote_samples
 
-from rig.bench.vote import FIELDS, vote
+from rig.bench.sources import FIELDS
+from rig.bench.vote import vote
 from rig.cli import main as cli
-from rig.cli.vote import vote as mounted
 from rig.computer.redundancy.config import MANAGERS
 from rig.errors import BadInput
 from rig.frame import INDEX, SIGNALS, Pattern, Resolver, State
@@ -23,8 +23,6 @@ from rig.recordings.read import read
 from rig.recordings.recording import Recording, Samples
 from rig.recordings.settings import RecordedSignal, VoteConfig, read_config
 
-if not any(command.callback is mounted for command in cli.app.registered_commands):
-    cli.app.command()(mounted)
 K = np.arange(30.0)
 RISING = np.stack([0.1 * K, 0.1 * K + 0.1, 0.1 * K + 5, 0.1 * K + 5.1], axis=1)
 SETTINGS = {"threshold": 1.0, "persistence": 8, "singular_persistence": 10}

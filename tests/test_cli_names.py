@@ -11,7 +11,7 @@ import pytest
 
 from rig import scenario
 from rig.cli import complete
-from rig.cli.schema import of_file
+from rig.cli.catalogue import of_file
 from rig.errors import BadInput
 from rig.log.of_flight import LONGEST_TAG, tag
 from rig.log.overrides import overrides
