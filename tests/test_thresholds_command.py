@@ -343,15 +343,7 @@ def test_a_design_on_real_flights_is_met_by_others(capsys: pytest.CaptureFixture
     config(default={}, mapping=mapping, time_column="time")
     paths = sorted(QUAD.glob("path_*"))
     using = [
-        "--config",
-        "c.toml",
-        "--align",
-        "--align-to",
-        "6",
-        "--repair-time",
-        "--persistence",
-        "24",
-        "--filter",
+        *("--config", "c.toml", "--align", "--align-to", "6", "--repair-time", "--persistence", "24", "--filter"),
         "0",
     ]
     options = [

@@ -16,9 +16,7 @@ from typing import Any, get_args
 
 import numpy as np
 import pytest
-from unit_files import HERE, build, needs_a_compiler, unit, written
-from unit_library import SOURCES
-from unit_library import build as make
+from unit_files import HERE, SOURCES, build, compiled, needs_a_compiler, unit, written
 
 import rig
 from rig.bench.unit_check import check
@@ -53,7 +51,7 @@ def _folder() -> Path:
 def fmu(version: Version, name: str = "monitor") -> Path:
     """An example as the Makefile packs it."""
     target = f"{name}.fmu" if version == "2" else f"{name}_fmi3.fmu"
-    return make(_folder(), target, RIG=str(Path(sys.executable).with_name("rig")), PYTHON=sys.executable)
+    return build(_folder(), target, RIG=str(Path(sys.executable).with_name("rig")), PYTHON=sys.executable)
 
 
 @cache
@@ -61,7 +59,7 @@ def packed(version: Version, *sources: Path) -> Path:
     """Other C files as an FMU."""
     named = _folder() / f"{'_'.join(path.stem for path in sources)}_fmi{version}"
     files = [*sources, SOURCES / "fmu.c"]
-    library = build(files, named.with_suffix(".so"), f"-DFMI={version}", f"-I{SOURCES}")
+    library = compiled(files, named.with_suffix(".so"), f"-DFMI={version}", f"-I{SOURCES}")
     with zipfile.ZipFile(named.with_suffix(".fmu"), "w") as archive:
         archive.writestr("modelDescription.xml", fmu_description.description(version))
         archive.write(library, f"binaries/{FOLDERS[version]}/rig_unit.so")
@@ -321,7 +319,7 @@ def test_a_library_of_another_layout_than_its_description_is_refused(tmp_path: P
     (tmp_path / "old").mkdir()
     (tmp_path / "rig_unit.h").write_text(re.sub(r"LAYOUT UINT64_C\(0x\w+\)", "LAYOUT UINT64_C(0x1)", text))
     sources = [tmp_path / name for name in ("fmi2.c", "fmu.c", "first_valid.c")]
-    old = build(sources, tmp_path / "old" / "old.so")
+    old = compiled(sources, tmp_path / "old" / "old.so")
     with pytest.raises(BadInput, match=r"u refuses the flight: the FMU was not instantiated, is its library of this"):
         fly(tmp_path, unit_of(tmp_path, _library(tmp_path, old)))
 

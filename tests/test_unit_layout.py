@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from unit_files import ROOT, needs_a_compiler
-from unit_library import COMPILER
-from unit_library import SOURCES as EXAMPLES
+from unit_files import COMPILER, ROOT, needs_a_compiler
+from unit_files import SOURCES as EXAMPLES
 
 from rig.frame.fields import BASES, FIELD, FIELDS
 from rig.unit import ada, description, header
