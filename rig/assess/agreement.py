@@ -1,22 +1,23 @@
 """Which frames a channel miscompared in, and which other channel it was near to: why a monitor failed it or did not.
 
-Computed from the samples of the log with the thresholds of the flight, as the cross-channel comparison sees them when
-no low-pass is set before it.
+Computed from the samples of a flight with its thresholds, as the cross-channel comparison sees them when no low-pass is
+set before it.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.assess.monitored import Bools
-from rig.assess.votes import difference
-from rig.frame import SIGNALS, Block, State
+from rig.assess.transients import difference
+from rig.frame import State
+
+Bools = NDArray[np.bool_]
 
 
-class Nearness(NamedTuple):
+class Agreement(NamedTuple):
     """One channel over m frames: ``alone``: near no other channel in use; the ``nearest`` one, its ``distance``.
 
     nearest : (m,) channel from 0, -1 where none can be compared; distance : (m,) unit of the signal, infinite there
@@ -27,40 +28,41 @@ class Nearness(NamedTuple):
     distance: NDArray[np.float64]
 
 
-def in_use(rows: Block, s: int, first: int, end: int, p: NDArray[np.void]) -> Bools:
-    """(m, 4) whether each channel of signal ``s`` could be compared in the frames ``first`` to ``end`` (excluded).
+def comparable(samples: NDArray[np.float64], valid: Bools, out: Bools, p: NDArray[np.void]) -> Bools:
+    """Return whether each of ``samples`` can be compared; out : channels that were out in the row before.
 
     p : the signal's config.PARAMS
     """
-    part = slice(first, end)
-    samples, valid = rows["channels"][part, s], rows["valid"][part, s] != 0
-    before = rows["state"][np.maximum(np.arange(first, end) - 1, 0), s]  # failed in this frame: compared in it
-    out = (before == State.FAILED) | (before == State.ABSENT)
     with np.errstate(invalid="ignore"):
         return valid & ~out & (samples >= p["low"]) & (samples <= p["high"])
 
 
-def nearness(rows: Block, s: int, c: int, first: int, end: int, p: NDArray[np.void]) -> Nearness:
-    """Compare channel ``c`` (from 0) of signal ``s`` with the others in the frames ``first`` to ``end`` (excluded)."""
-    samples, compared = rows["channels"][first:end, s], in_use(rows, s, first, end, p)
-    from_c = difference(samples, samples[:, c : c + 1], SIGNALS[s].wraps)
+def agreement(columns: NDArray[Any], c: int, first: int, end: int, p: NDArray[np.void]) -> Agreement:
+    """Compare channel ``c`` (from 0) of a signal with the others in the frames ``first`` to ``end`` (excluded).
+
+    columns : (n,) flight_outcome.COLUMNS of the signal; p : its config.PARAMS
+    """
+    samples, valid = columns["channels"][first:end], columns["valid"][first:end] != 0
+    before = columns["state"][np.maximum(np.arange(first, end) - 1, 0)]  # failed in this frame: compared in it
+    compared = comparable(samples, valid, (before == State.FAILED) | (before == State.ABSENT), p)
+    from_c = difference(samples, samples[:, c : c + 1], bool(p["wraps"]))
     off = np.where(compared & compared[:, c : c + 1], np.abs(from_c), np.inf)
     off[:, c] = np.inf
     nearest = off.argmin(axis=1)
     distance = off[np.arange(len(off)), nearest]
     alone = ~compared[:, c] | ~(distance <= allowed(compared.sum(axis=1), p))
     alone |= outlier(np.where(compared, from_c, np.nan), distance, p)
-    return Nearness(alone, np.where(np.isfinite(distance), nearest, -1), distance)
+    return Agreement(alone, np.where(np.isfinite(distance), nearest, -1), distance)
 
 
 def allowed(compared: NDArray[np.intp], p: NDArray[np.void]) -> NDArray[np.float64]:
-    """(m,) threshold while so many samples are ``compared``, unit of the signal; p : the signal's config.PARAMS."""
+    """Return (m,) thresholds while so many samples are ``compared``, unit of the signal; p : its config.PARAMS."""
     by_number = np.array([p["threshold_duplex"]] * 3 + [p["threshold_triplex"], p["threshold"]])
     return by_number[compared]
 
 
 def outlier(samples: NDArray[np.float64], distance: NDArray[np.float64], p: NDArray[np.void]) -> Bools:
-    """(m,) where all agree, but one is ``distance`` from its nearest, beyond the outlier threshold, and two within it.
+    """Return (m,) where all agree, but one is ``distance`` from its nearest, beyond its threshold, and two within it.
 
     samples : (m, 4), NaN where not compared; p : the signal's config.PARAMS
     """
@@ -72,6 +74,6 @@ def outlier(samples: NDArray[np.float64], distance: NDArray[np.float64], p: NDAr
 
 
 def last_run(flags: Bools) -> int:
-    """How many of the last ``flags`` in a row are set."""
+    """Return how many of the last ``flags`` in a row are set."""
     unset = np.flatnonzero(~flags)
     return len(flags) - (int(unset[-1]) + 1 if len(unset) else 0)

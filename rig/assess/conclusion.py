@@ -1,7 +1,7 @@
 """The conclusion of a flight as a person would say it: a sentence for each fault, each pattern, each wrong isolation,
 and one for the flight.
 
-Made from the log and its score alone, so that every command that shows a flight prints the same sentences.
+Made from the score alone, so that every command that shows a flight prints the same sentences.
 """
 
 from __future__ import annotations
@@ -11,26 +11,20 @@ from pathlib import Path
 from shlex import quote
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rig.assess.context import Context, channel
 from rig.assess.fault_sentence import fault_sentences
 from rig.assess.pattern_sentence import pattern_sentences
-from rig.assess.record import BY_DESIGN, Isolation, Score
-from rig.frame import Block
+from rig.assess.record import Isolation, Score
+from rig.assess.words import BY_DESIGN
 from rig.scenario import Scenario
 from rig.units.quantities import seconds
 
 NEXT: Final = ("score", "view", "replay")  # commands that take a log
 
 
-def conclusion(scenario: Scenario, rows: Block, params: NDArray[np.void], score: Score) -> list[str]:
-    """Return the sentences: faults, patterns without a majority, healthy channels that were failed, the flight.
-
-    rows : (n,) of the log; params : (S,) config.PARAMS of its manager (scoring.monitor)
-    """
-    about = Context(scenario, rows, params, score)
+def conclusion(scenario: Scenario, score: Score) -> list[str]:
+    """Return the sentences: faults, patterns without a majority, healthy channels that were failed, the flight."""
+    about = Context(scenario, score)
     return [
         *fault_sentences(about),
         *pattern_sentences(about),

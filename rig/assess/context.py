@@ -7,21 +7,24 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.assess.places import references_of
+from rig.assess.monitored import references_of
 from rig.assess.record import FaultScore, Score
 from rig.computer.redundancy.config import MANAGERS
 from rig.faults.places import SURFACE_NAMES, number, site
-from rig.frame import INDEX, SIGNALS, Block, State, Unit
+from rig.frame import INDEX, SIGNALS
 from rig.scenario import Scenario
 
 
 class Context(NamedTuple):
-    """A scored flight; ``params`` (S,) config.PARAMS of its manager."""
+    """A scored flight."""
 
     scenario: Scenario
-    rows: Block
-    params: NDArray[np.void]
     score: Score
+
+    @property
+    def params(self) -> NDArray[np.void]:
+        """(S,) config.PARAMS of its manager."""
+        return self.score.evidence.params
 
     @property
     def rate_hz(self) -> float:
@@ -30,25 +33,25 @@ class Context(NamedTuple):
 
     @property
     def decided_by(self) -> str:
-        """Who failed channels, or did not."""
-        if (self.rows["unit"] != Unit.NONE).any():
+        """Name who failed channels, or did not."""
+        if self.score.evidence.by_unit:
             return "the unit under test"
         return f"the manager {self.scenario.redundancy.manager}"
 
     def compares(self, fault: FaultScore) -> bool:
-        """Whether it was the comparison of cross-channel, which can be done again."""
+        """Return True if it was the comparison of cross-channel, which can be done again."""
         return fault.signal in INDEX and self.decided_by == f"the manager {MANAGERS[0]}"
 
     def silent(self, signal: str) -> bool:
-        """Whether nothing was ever said of a signal's channels, as by a unit that answers surfaces alone."""
-        return signal in INDEX and bool((self.rows["state"][:, INDEX[signal]] == State.ABSENT).all())
+        """Return True if no channel of a signal ever had a state, as from a unit that answers surfaces alone."""
+        return signal in self.score.evidence.silent
 
     def unit(self, fault: FaultScore) -> str:
-        """The SI unit of a fault's errors; "" where they have none, as those of a discrete."""
+        """Return the SI unit of a fault's errors; "" where they have none, as those of a discrete."""
         return error_unit(fault, self.scenario)
 
     def threshold(self, fault: FaultScore) -> float | None:
-        """What the monitor of the fault's signal allows with all channels in use, its unit; None where no signal is."""
+        """Return what the monitor of the fault's signal allows with all channels in use; None where no signal is."""
         if fault.signal not in INDEX:
             return None
         p = self.params[INDEX[fault.signal]]
@@ -56,7 +59,7 @@ class Context(NamedTuple):
 
 
 def error_unit(fault: FaultScore, scenario: Scenario) -> str:
-    """The SI unit of a fault's errors; "" where they have none, as those of a discrete."""
+    """Return the SI unit of a fault's errors; "" where they have none, as those of a discrete."""
     if fault.signal in INDEX:
         return SIGNALS[INDEX[fault.signal]].unit
     where = site(fault.signal)
@@ -67,12 +70,12 @@ def error_unit(fault: FaultScore, scenario: Scenario) -> str:
 
 
 def channel(name: str, number_from_1: int | None) -> str:
-    """A channel as it is said: ``pitch_rate channel 3``."""
+    """Return a channel as it is written: ``pitch_rate channel 3``."""
     return name if number_from_1 is None else f"{name} channel {number_from_1}"
 
 
 def channels(numbers_from_1: list[int]) -> str:
-    """Several: ``channels 1 and 2``; ``no channel`` of none."""
+    """Return several: ``channels 1 and 2``; ``no channel`` of none."""
     if not numbers_from_1:
         return "no channel"
     *most, last = map(str, numbers_from_1)

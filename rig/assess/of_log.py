@@ -11,7 +11,7 @@ from rig.assess.conclusion import conclusion
 from rig.assess.flown import fly_twin
 from rig.assess.missed_frames import Miss, misses
 from rig.assess.record import Score, Yardstick
-from rig.assess.scoring import monitor, score
+from rig.assess.scoring import score
 from rig.assess.times import times
 from rig.errors import BadInput
 from rig.flight.operator_keys import pressed
@@ -87,7 +87,7 @@ def score_read(
     exchanges = json.loads(log.result["unit"]) if "unit" in log.result else None
     on_miss = json.loads(log.metadata.get("unit", "{}")).get("on_miss")
     found = misses(log.rows) if on_miss == "fault" else []
-    said = conclusion(scenario, log.rows, monitor(scenario), scored)
+    said = conclusion(scenario, scored)
     return Scored(path, scenario, log.result.get("digest", ""), scored, exchanges, times(log.timing), found, said)
 
 

@@ -8,12 +8,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.assess.agreement import in_use
+from rig.assess.agreement import comparable
 from rig.assess.context import Context, channels
 from rig.assess.record import Episode
-from rig.assess.votes import difference
+from rig.assess.transients import difference
 from rig.computer.redundancy.reference_threshold import reference_threshold
-from rig.frame import INDEX, SIGNALS, Ilm, Pattern
+from rig.frame import CHANNELS, INDEX, SIGNALS, Ilm, Pattern
 from rig.units.quantities import duration, quantity, seconds
 
 _APART_S: Final = 1.0  # episodes of one signal that follow each other sooner are told as one
@@ -64,26 +64,27 @@ def _settled(episode: Episode) -> str:
 
 def _answers(episode: Episode, about: Context) -> Iterator[str]:
     """Each resolver that was asked, with what it had to go by in the last frame of the episode."""
-    k, s = _end(episode) - 1, INDEX[episode.signal]
-    used = np.flatnonzero(in_use(about.rows, s, k, k + 1, about.params[s])[0])
-    row = about.rows[k]
-    told = {"ilm": _ilm, "trend": _trend, "reference": _reference}
+    row, p = episode.last, about.params[INDEX[episode.signal]]
+    fitted = np.arange(CHANNELS) < p["fitted"]
+    out = (row["failed"] >> np.arange(CHANNELS) & 1).astype(bool) | ~fitted
+    used = np.flatnonzero(comparable(row["channels"], row["valid"] != 0, out, p))
+    sentences = {"ilm": _ilm, "trend": _trend, "reference": _reference}
     for name in episode.asked:
         answered = "answered" if name == episode.resolver else "no answer"
-        why = told[name](row, s, used, about.params[s]) if name in told else ""
+        why = sentences[name](row, used, p) if name in sentences else ""
         yield f"{_NAMES.get(name, name)}: {answered}{f' ({why})' if why else ''}"
 
 
-def _ilm(row: Any, s: int, used: NDArray[np.intp], p: NDArray[np.void]) -> str:
-    said = row["ilm"][s][used]
+def _ilm(row: Any, used: NDArray[np.intp], p: NDArray[np.void]) -> str:
+    said = row["ilm"][used]
     if (said == Ilm.ABSENT).all():
         return "none fitted"
     bad, good = ((used[said == flag] + 1).tolist() for flag in (Ilm.BAD, Ilm.GOOD))
     return f"{channels(bad)} bad, {channels(good)} good"
 
 
-def _trend(row: Any, s: int, used: NDArray[np.intp], p: NDArray[np.void]) -> str:
-    high, low, frames = int(row["trend_high"][s]), int(row["trend_low"][s]), int(p["trend_frames"])
+def _trend(row: Any, used: NDArray[np.intp], p: NDArray[np.void]) -> str:
+    high, low, frames = int(row["trend_high"]), int(row["trend_low"]), int(p["trend_frames"])
     if high == low == (1 << frames) - 1:
         return f"both halves rose for {frames} frames, so the lower one is wrong"
     if high == low == 0:
@@ -91,22 +92,22 @@ def _trend(row: Any, s: int, used: NDArray[np.intp], p: NDArray[np.void]) -> str
     return f"the halves did not move alike for {frames} frames"
 
 
-def _reference(row: Any, s: int, used: NDArray[np.intp], p: NDArray[np.void]) -> str:
-    value = float(row["reference"][s])
+def _reference(row: Any, used: NDArray[np.intp], p: NDArray[np.void]) -> str:
+    value = float(row["reference"])
     if not np.isfinite(value):
         return "there is none"
-    if row["reference_usable"][s] == 0:
+    if row["reference_usable"] == 0:
         return "not usable"
     limit = float(reference_threshold(value, p))
-    off = difference(row["channels"][s][used], np.full(len(used), value), SIGNALS[s].wraps)
+    off = difference(row["channels"][used], np.full(len(used), value), bool(p["wraps"]))
     behind = ", compared behind a low-pass" if p["filter_gain"] > 0 else ""
-    unit = SIGNALS[s].unit
-    return f"{quantity(value, unit)}, {_lies(row, s, used, off, limit, quantity(limit, unit))}{behind}"
+    unit = SIGNALS[row["signal"]].unit
+    return f"{quantity(value, unit)}, {_lies(row, used, off, limit, quantity(limit, unit))}{behind}"
 
 
-def _lies(row: Any, s: int, used: NDArray[np.intp], off: NDArray[np.float64], limit: float, shown: str) -> str:
+def _lies(row: Any, used: NDArray[np.intp], off: NDArray[np.float64], limit: float, shown: str) -> str:
     """Where the reference lies among the samples, which are ``off`` it by so much: what its answer follows from."""
-    halves, half = row["pattern"][s] in (Pattern.P2_2, Pattern.P1_1), len(used) // 2
+    halves, half = row["pattern"] in (Pattern.P2_2, Pattern.P1_1), len(used) // 2
     order = np.argsort(off)
     low, high = (sorted((used[part] + 1).tolist()) for part in (order[:half], order[half:]))
     if halves and off[order[half]] <= 0:

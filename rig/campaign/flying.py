@@ -135,7 +135,7 @@ def fly_run(run: Run, orders: Orders) -> Rows:
 def _rows(number: int, flown: Flown, scored: Score) -> Rows:
     return {
         "runs": [run_row(number, flown, scored)],
-        "faults": fault_rows(number, flown.scenario, flown.rows, scored),
+        "faults": fault_rows(number, flown.scenario, scored),
         "alarms": alarm_rows(number, flown.scenario, scored),
         "episodes": episode_rows(number, flown.scenario, scored),
         "signals": signal_rows(number, scored),
