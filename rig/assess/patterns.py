@@ -71,7 +71,7 @@ def _asked(pattern: Pattern, reported: Sequence[Resolver], p: NDArray[np.void]) 
 
 
 def _order(pattern: Pattern, configured: Sequence[Resolver]) -> list[Resolver]:
-    """Return who is asked of a pattern: monitors and reference as configured, trend of halves, then the rule of rank."""
+    """Return who is asked of a pattern: monitors and reference as configured, trend of halves, the rank last."""
     halves = pattern not in _LAST_RESORT
     rules = _LAST_RESORT.values()
     asked = [r for r in configured if r not in rules and (halves or r is not Resolver.TREND)]
