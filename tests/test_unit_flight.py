@@ -15,7 +15,7 @@ import rig
 from rig.assess.of_log import score_log
 from rig.assess.record import Yardstick
 from rig.errors import BadInput, RigError
-from rig.flight.realtime import realtime
+from rig.flight.pace import realtime
 from rig.frame import Law, State
 from rig.frame import Unit as Answer
 from rig.log.info import info

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import secrets
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -227,8 +228,12 @@ class UnitUnderTest:
         said = "" if self._link.process is None else self._link.process.last_line()
         return f"{reason}; it printed: {said}" if said else reason
 
+    def metadata(self) -> dict[str, str]:
+        """Return what the log of a flight has of its unit."""
+        return {"unit": json.dumps({**self.unit.about(), "said": self.said})}
+
     def result(self) -> dict[str, Any]:
-        """What the flight says of its unit."""
+        """Return what became of the exchanges of a flight."""
         counts = self.watch.counts
         counts.answered, counts.not_finite = map(int, self.port.back.counts)
         return {"said": self.said, **asdict(counts), "reproducible": counts.reproducible}
