@@ -101,7 +101,7 @@ def ended_unit(tested: UnitUnderTest | None) -> dict[str, str]:
         return {}
     tested.end()
     if tested.dead:
-        raise UnitDead(f"{tested.unit.source}: dead from frame {tested.watch.counts.dead_frame} on")
+        raise UnitDead(f"{tested.unit.source}: dead from frame {tested.replies.counts.dead_frame} on")
     return tested.metadata()
 
 

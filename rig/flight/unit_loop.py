@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rig import loop
 from rig.computer.analytic.references import ReferenceData, remember
 from rig.computer.control.law import fly as control_law
 from rig.computer.control.state import ControlData
@@ -25,7 +26,6 @@ from rig.faults import FaultData, actuate
 from rig.flight.pace import Pace
 from rig.frame import FLIGHT_INDEX, SURFACES, Block, Nested, Unit, nested, new_block
 from rig.kernels import bind, kernel
-from rig import loop
 from rig.loop import ComputerStep, Rig, StageData, before, command_actuators, compute
 from rig.scenario import Scenario
 from rig.sensors import SensorData
@@ -41,7 +41,7 @@ from rig.util.interrupt import Stop
 def unit_computer(
     unit: UnitUnderTest, pace: Pace | None = None, stop: Stop | None = None
 ) -> Callable[[Rig], ComputerStep]:
-    """Return the computer of a flight of ``unit``, for Rig: its session begins with the flight.  BadInput, UnitRefused."""
+    """Return a binder for Rig: the computer is ``unit``, whose session begins with the flight.  UnitRefused."""
     deadline = None if pace is None or pace.period_s is None else pace.due
 
     def begin(rig: Rig) -> ComputerStep:

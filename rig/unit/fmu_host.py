@@ -26,7 +26,7 @@ from fmpy.fmi3 import FMU3Slave
 
 if __name__ == "__main__":
     sys.path.append(str(Path(__file__).parents[2]))  # python -I looks for the rig only where it is installed
-from rig.unit.host import REFUSED, Host, Refused, Voice, end_with_the_rig, serve
+from rig.unit.host import REFUSED, Host, Refused, ReplyChannel, end_with_the_rig, serve
 
 DISCARD, FATAL = 2, 4
 STATUS: Final = ("ok", "warning", "discard", "error", "fatal", "pending")
@@ -41,7 +41,7 @@ Call = Callable[[], Any]
 class Fmu(ABC):
     """An FMU with what the host calls of a library: ``open``, ``step``, ``close``."""
 
-    kind: str  # what it says of itself
+    kind: str  # its text about itself
     machine: str  # how its standard calls the folder of this machine's libraries
 
     def __init__(self, folder: Path, plan: dict[str, Any]) -> None:
@@ -262,18 +262,18 @@ class Fmi3(Fmu):
 
 
 class FmuHost(Host):
-    """Answers the messages of the rig with what an FMU says."""
+    """Answers the messages of the rig by calls of an FMU."""
 
-    def __init__(self, voice: Voice, library: Any) -> None:
+    def __init__(self, channel: ReplyChannel, library: Any) -> None:
         """Tell the FMU where the records are."""
-        super().__init__(voice, library)
+        super().__init__(channel, library)
         library.bind(self._from, self._to)
 
     def _step(self, message: memoryview) -> None:
         try:
             super()._step(message)
         except Refused as reason:
-            self._voice.say(REFUSED, message, str(reason))
+            self._channel.reply(REFUSED, message, str(reason))
 
 
 def load(folder: str, layout: int) -> Any:

@@ -1,4 +1,4 @@
-"""The records of layout.py as text, of one walk over their fields: ``rig unit header`` in C, ``--ada``, ``--markdown``."""
+"""The records of layout.py as text, by one walk over their fields: C, ``--ada``, ``--markdown`` (``rig unit header``)."""
 
 from __future__ import annotations
 
@@ -118,8 +118,8 @@ def _constants() -> str:
     return "".join(f"#define {name} {value}\n" for name, value in values.items())
 
 
-def _enum(name: str, suffix: str, members: Iterable[tuple[str, int]]) -> str:
-    lines = "".join(f"    RIG_{name.upper()}_{text.upper()} = {value},\n" for text, value in members)
+def _enum(name: str, suffix: str, members: Iterable[tuple[str | None, int]]) -> str:
+    lines = "".join(f"    RIG_{name.upper()}_{str(text).upper()} = {value},\n" for text, value in members)
     return f"enum rig_{name.lower()}{suffix} {{\n{lines}}};\n"
 
 
@@ -154,7 +154,7 @@ def ada() -> str:
     arrays = sorted({_ada_element(field) for dtype in RECORDS.values() for field in walk(dtype)})
     arrays = [(element, shape) for element, shape in arrays if shape]
     enums = [
-        [*(f"   {enum.__name__}_{m.name.capitalize()} : constant Unsigned_8 := {m.value};" for m in enum), ""]
+        [*(f"   {enum.__name__}_{str(m.name).capitalize()} : constant Unsigned_8 := {m.value};" for m in enum), ""]
         for enum in ENUMS
     ]
     lines = [

@@ -97,7 +97,7 @@ def _widest_first(entries: list[_Entry]) -> list[_Entry]:
 
 
 def _packed(entries: list[_Entry]) -> np.dtype[Any]:
-    """Lay ``entries`` out in their order, gaps filled by fields ``pad_1``, ...; the size is a multiple of eight bytes."""
+    """Lay ``entries`` out in their order, gaps filled by ``pad_1``, ...; the size is a multiple of eight bytes."""
     packed: list[_Entry] = []
     end, pads = 0, 0
     for name, kind, shape in [*entries, ("", "<u8", ())]:  # the last one only closes the record
