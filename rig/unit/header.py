@@ -1,4 +1,4 @@
-"""The records of layout.py as text, by one walk over their fields: C, ``--ada``, ``--markdown`` (``rig unit header``)."""
+"""The records of layout.py as text, by one walk over their fields: C, Ada and tables (``rig unit header``)."""
 
 from __future__ import annotations
 
