@@ -8,8 +8,8 @@ Between two looks at the plant a frame has three stretches, each written once:
     decide   the manager: votes, states and levels of the continuous signals
     after    what it keeps of the votes, discretes, control law, surfaces to the actuators, faults on the way
 
-A class of the user's own takes the place of ``decide``; a unit under test (flight/unit_loop.py) that of ``decide`` or of
-decision and control law.
+A class of the user's own takes the place of ``decide``; a unit under test (flight/unit_loop.py) that of ``decide``, or
+of ``decide`` and control law.
 """
 
 from __future__ import annotations

@@ -11,9 +11,11 @@ from typing import Any, Final
 import numpy as np
 import polars as pl
 
+from rig.assess.record import BY_DESIGN
 from rig.campaign.folder import Folder
 from rig.campaign.plan import Plan
 from rig.campaign.statistics import detectable, poisson, proportion
+from rig.campaign.table import COUNTED
 from rig.record.time_bins import names
 
 Tables = dict[str, pl.DataFrame]
@@ -108,6 +110,7 @@ def headline(tables: Tables) -> dict[str, Any]:
         "wrong_isolation": _share(exceeded["isolation"] == "wrong"),
         "false_alarms": _alarm_rate(runs),
         "false_alarm_runs": int((runs["false_alarms"] > 0).sum()),
+        **{column: int(runs[column].sum()) for column in COUNTED},
     }
 
 
@@ -148,9 +151,10 @@ def rates(faults: pl.DataFrame, by: list[str]) -> list[dict[str, Any]]:
 
 
 def by_resolver(tables: Tables) -> list[dict[str, Any]]:
-    """Channels that were failed, by who decided: how many of them were the faulty ones."""
+    """Channels that were failed, by who decided: how many of them were the faulty ones; none that a rule failed."""
     right = tables["faults"].filter(pl.col("outcome") == "detected")["resolver"].to_list()
-    wrong = tables["alarms"]["resolver"].to_list()
+    by_design = pl.col("kind").is_in(BY_DESIGN).fill_null(value=False)
+    wrong = tables["alarms"].filter(~by_design)["resolver"].to_list()
     names = sorted({*right, *wrong} - {None})
     return [
         {
