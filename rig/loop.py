@@ -47,7 +47,7 @@ MEMORY_BLOCK_S = 5.0  # nothing to lose; what is worked on still fits into a cor
 
 
 class StageData(NamedTuple):
-    """What the stages need besides the row."""
+    """Data that the stages need besides the row."""
 
     sensors: SensorData
     inertial: InertialData

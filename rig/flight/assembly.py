@@ -43,10 +43,10 @@ class Viewer(Protocol):
     """Told of the stream when it opens and when the flight is over, before it closes."""
 
     def opened(self, stream: Stream, stop: Stop) -> None:
-        """The stream is open, its addresses are known; the flight begins when this returns."""
+        """Show the stream, which is open at known addresses; the flight begins when this returns."""
 
     def flown(self, stream: Stream, stop: Stop) -> None:
-        """The last frame has been handed over; the stream closes when this returns."""
+        """Note that the last frame has been handed over; the stream closes when this returns."""
 
 
 def fly(
@@ -99,7 +99,7 @@ def fly(
 
 @dataclass(frozen=True, slots=True)
 class _Destination:
-    """Where a flight is recorded, and who is told of it."""
+    """Places that a flight is recorded to, and who is told of it."""
 
     name: str  # of the log
     text: str  # of the scenario's file

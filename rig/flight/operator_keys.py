@@ -29,7 +29,7 @@ _LOOK_S: Final = 0.02  # between two looks at the keys of a flight that is pause
 
 @dataclass
 class Pressed:
-    """What the keys did, by frame: the faults' first and last (excluded), and resets of all channels."""
+    """Effects of the keys, by frame: the faults' first and last (excluded), and resets of all channels."""
 
     faults: dict[str, list[int]] = field(default_factory=dict)  # by their labels
     resets: list[int] = field(default_factory=list)

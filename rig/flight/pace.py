@@ -55,7 +55,7 @@ class Pace:
 
 @dataclass(frozen=True, slots=True)
 class Jitter:
-    """How late frames began: microseconds; an overrun is a frame that ended after the next was due."""
+    """Lateness of the frames' begins, microseconds; an overrun is a frame that ended after the next was due."""
 
     median_us: float
     p99_us: float

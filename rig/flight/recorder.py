@@ -37,7 +37,7 @@ Watcher = Callable[[Block, Sequence[Event], NDArray[Any]], None]  # given each b
 
 
 class Findings:
-    """What is found in the rows of a flight, block after block: events, its summary, faults that did nothing."""
+    """Findings in the rows of a flight, block after block: events, its summary, faults that did nothing."""
 
     def __init__(self, scenario: Scenario) -> None:
         self.verdict, self.events = Verdict(), list[Event]()

@@ -102,7 +102,7 @@ class _Redundancy(NamedTuple):
 
 
 class _AroundUnit(NamedTuple):
-    """What the stages around a unit need besides the row: each array costs the call some nanoseconds."""
+    """Data of the stages around a unit: each array costs the call some nanoseconds."""
 
     sensors: SensorData
     inertial: InertialData

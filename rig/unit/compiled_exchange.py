@@ -49,7 +49,7 @@ STATE: Final = np.dtype([(name, "i8") for name in _NAMES])
 
 
 class Patience(NamedTuple):
-    """How long both sides look for a message before they sleep: to be woken takes longer than most waits."""
+    """The time for which both sides look for a message before they sleep: to be woken takes longer than most waits."""
 
     spin_ns: int  # of the rig, for an answer
     looks: int  # of the unit's process, for the next frame: about 0.2 ms, more than a frame of the loop and its log
@@ -61,7 +61,7 @@ def patience(crowded: bool) -> Patience:
 
 
 class CompiledExchange(NamedTuple):
-    """How compiled code reaches the unit."""
+    """All that compiled code needs to reach the unit."""
 
     state: NDArray[Any]  # (1,) STATE
     into: NDArray[np.uint8]  # where the next message goes

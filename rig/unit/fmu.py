@@ -51,7 +51,7 @@ class Place(IntEnum):
 
 
 class Base(IntEnum):
-    """What an element is; a text is an array of BYTE."""
+    """The type of an element; a text is an array of BYTE."""
 
     BYTE = 0
     SIGNED = 1

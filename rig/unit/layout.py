@@ -25,7 +25,7 @@ NAME_BYTES, TEXT_BYTES = 64, 192
 
 
 class Kind(IntEnum):
-    """What a message is."""
+    """Kinds of messages."""
 
     HELLO = 1  # a session begins
     CONFIG = 2
@@ -48,7 +48,7 @@ class Said(IntFlag):
 
 
 class Form(IntEnum):
-    """How much of the flight computer a unit is."""
+    """Parts of the flight computer that a unit may be."""
 
     REDUNDANCY = 0  # channels in, votes and states out
     FLIGHT_COMPUTER = 1  # surfaces out

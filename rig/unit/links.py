@@ -1,4 +1,4 @@
-"""How messages get to a unit and back: a socket to a child or a box, or calls into a library of this process.
+"""Messages to a unit and back: a socket to a child or a box, or calls into a library of this process.
 
 Also the process that the rig starts for a unit, what it printed and how it ended; nothing is left behind.
 """
@@ -18,7 +18,7 @@ import time
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 
@@ -128,32 +128,12 @@ class UnitProcess:
         return one_line(lines[-1]) if lines else ""
 
 
-class Link(Protocol):
-    """A way to a unit."""
-
-    process: UnitProcess | None
-    fd: int  # of its socket
-    reliable: bool  # no message is lost
-
-    def send(self, message: memoryview) -> None:
-        """Hand a message over."""
-        ...
-
-    def receive(self, into: memoryview, until_s: float) -> int:
-        """Return the bytes of the next message; 0: none until the time ``until_s`` of ``clock``.  Disconnected."""
-        ...
-
-    def close(self) -> None:
-        """End it; a process that the rig has started is gone when this returns."""
-        ...
-
-
 class SocketLink:
     """Messages through a socket: to the host of a library, to a command that the rig has started, to a box."""
 
     def __init__(self, talk: socket.socket, process: UnitProcess | None) -> None:
         self._talk, self.process = talk, process
-        self.fd, self.reliable = talk.fileno(), talk.type != socket.SOCK_DGRAM
+        self.fd, self.reliable = talk.fileno(), talk.type != socket.SOCK_DGRAM  # reliable: no message is lost
         self._limit_wait(LOOK_S)
 
     def _limit_wait(self, seconds: float) -> None:
@@ -167,7 +147,7 @@ class SocketLink:
             self._talk.send(message)
 
     def receive(self, into: memoryview, until_s: float) -> int:
-        """Wait no longer than LOOK_S at a time, and no longer than ``until_s``."""
+        """Return the bytes of the next message; 0: none for LOOK_S or until ``until_s`` of ``clock``.  Disconnected."""
         if until_s - clock() < LOOK_S and not self._ready(until_s):
             return 0
         try:
@@ -300,7 +280,7 @@ class LibraryLink:
 
 
 class Environment:
-    """How this process rounds and what it traps: a library that changes it would change our own results."""
+    """Rounding and traps of this process: a library that changes it would change our own results."""
 
     _SIZE: Final = 64  # at least fenv_t
 

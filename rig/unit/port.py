@@ -42,7 +42,7 @@ RECEIVED, BLANK, FLOWN = 0, 1, 2  # just now; what stands for groups that are no
 
 
 class Outbound(NamedTuple):
-    """What goes to the unit."""
+    """The record to the unit."""
 
     sent: NDArray[Any]  # (1,) INPUT
     sent_bytes: NDArray[np.uint8]  # the same
@@ -50,7 +50,7 @@ class Outbound(NamedTuple):
 
 
 class Inbound(NamedTuple):
-    """What comes back, and what of it waits to be flown."""
+    """Records from the unit, and those that wait to be flown."""
 
     records: NDArray[Any]  # (3 + latency_frames,) OUTPUT: RECEIVED, BLANK, FLOWN and those that will be
     bytes: NDArray[np.uint8]  # the same, (records, bytes)
@@ -60,7 +60,7 @@ class Inbound(NamedTuple):
 
 
 class Port(NamedTuple):
-    """What goes over in a frame."""
+    """Both directions of a frame."""
 
     out: Outbound
     back: Inbound
@@ -203,9 +203,9 @@ def accept(port):
             port.counts[1] += (received["said"] & ON_SURFACES) != 0
             received["surface"][s] = newest["surface"][s]
     for m in range(_GROUPS.shape[0]):
-        group, at = _GROUPS[m, 0], _GROUPS[m, 1]
+        group, first = _GROUPS[m, 0], _GROUPS[m, 1]
         source = port.bytes[RECEIVED] if group == 0 or received["said"] & group != 0 else port.bytes[BLANK]
-        copy_bytes(port.bytes[last], at, source, at, _GROUPS[m, 3])
+        copy_bytes(port.bytes[last], first, source, first, _GROUPS[m, 3])
     newest["frame"] = received["frame"]
     if port.counts[0] == 0:
         for j in range(FLOWN, last):

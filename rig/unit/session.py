@@ -28,7 +28,7 @@ from rig.unit.layout import (
     blank,
     place,
 )
-from rig.unit.links import MOST_BYTES, Link, clock
+from rig.unit.links import MOST_BYTES, SocketLink, clock
 
 _AGAIN_S: Final = 0.5  # after which an unanswered HELLO or CONFIG is repeated: a box may have lost it
 REBUILD: Final = "write the header again ('rig unit header') and rebuild"
@@ -44,7 +44,7 @@ class UnitStopped(Exception):
     """The unit will not answer, and why."""
 
 
-def open_session(link: Link, config: NDArray[Any], start_s: float, stopped: Callable[[], bool]) -> str:
+def open_session(link: SocketLink, config: NDArray[Any], start_s: float, stopped: Callable[[], bool]) -> str:
     """Send HELLO and CONFIG, each until it is answered; return the unit's own text.  UnitStopped, Disconnected.
 
     config : (1,) CONFIG with its session; start_s : for each of both
@@ -56,7 +56,7 @@ def open_session(link: Link, config: NDArray[Any], start_s: float, stopped: Call
 
 
 def _send_until_ready(
-    link: Link, messages: list[memoryview], session: int, start_s: float, stopped: Callable[[], bool]
+    link: SocketLink, messages: list[memoryview], session: int, start_s: float, stopped: Callable[[], bool]
 ) -> str:
     """Send until READY to the last one of ``messages``.
 
@@ -83,19 +83,19 @@ def read_ready(message: memoryview, session: int) -> tuple[int, str]:
 
     A unit that cannot be flown at all sends REFUSED before it has a session.
     """
-    magic, version, kind, layout, of, *_ = HEAD.unpack_from(message)
+    magic, version, kind, layout, of_session, *_ = HEAD.unpack_from(message)
     if magic != FROM_UNIT or kind not in (Kind.READY, Kind.REFUSED):
         return 0, ""
     if version != VERSION or layout != LAYOUT:
         built = f"layout {layout:016x}, version {version}"
         raise UnitStopped(f"was built for {built}, this rig has {LAYOUT:016x}, version {VERSION}: {REBUILD}")
-    if of != session and not (of == 0 and kind == Kind.REFUSED):
+    if of_session != session and not (of_session == 0 and kind == Kind.REFUSED):
         return 0, ""
     first = place(READY, "text")[1]
     return kind, bytes(message[first : READY.itemsize - 8]).split(b"\0")[0].decode(errors="replace")
 
 
-def end_session(link: Link, session: int) -> None:
+def end_session(link: SocketLink, session: int) -> None:
     """Tell the unit that the flight is over."""
     link.send(blank(HELLO, TO_UNIT, Kind.END, session).view(np.uint8).data)
 
@@ -145,7 +145,7 @@ def configuration(
 
 @dataclass(slots=True)
 class Counts:
-    """What became of the frames of a flight; all but ``answered`` are counts of what went wrong."""
+    """Counts of the frames of a flight; all but ``answered`` are of what went wrong."""
 
     answered: int = 0  # counted by the port
     missed: int = 0  # frames without an answer by their deadline
@@ -161,7 +161,7 @@ class Counts:
 
     @property
     def reproducible(self) -> bool:
-        """Whether nothing depended on the wall clock: every frame flew its own answer."""
+        """True if nothing depended on the wall clock: every frame flew its own answer."""
         return self.missed == self.late == self.restarts == 0
 
 
@@ -191,17 +191,17 @@ class ReplyCheck:
 
     def _is_unusual_answer(self, message: memoryview, frame: int) -> bool:
         if len(message) >= HEAD.size:
-            magic, version, kind, layout, session, of, _ = HEAD.unpack_from(message)
+            magic, version, kind, layout, session, of_frame, _ = HEAD.unpack_from(message)
             ours = (magic, version, layout, session) == (FROM_UNIT, VERSION, LAYOUT, self.session)
             if ours and kind == Kind.REPLY and _whole(message):
-                if of == frame:
+                if of_frame == frame:
                     self._note_answer(message, frame)
                     return True
-                if of in self._open:
-                    self._open.discard(of)
+                if of_frame in self._open:
+                    self._open.discard(of_frame)
                     self.counts.late += 1
                     return False
-            if ours and kind == Kind.REFUSED and of == frame:
+            if ours and kind == Kind.REFUSED and of_frame == frame:
                 raise UnitStopped(f"failed: {read_ready(message, self.session)[1]}")
         self.counts.discarded += 1
         return False

@@ -74,7 +74,7 @@ class Unit(Settings):
 
     @property
     def source(self) -> str:
-        """What a message names: the unit file and the unit."""
+        """The unit file and the unit, as messages name them."""
         return f"{self._source}: {self.name}"
 
     @property

@@ -29,7 +29,7 @@ from rig.unit.compiled_exchange import (
 )
 from rig.unit.host import Refused
 from rig.unit.layout import Form
-from rig.unit.links import MOST_BYTES, Disconnected, LibraryLink, Link, clock
+from rig.unit.links import MOST_BYTES, Disconnected, LibraryLink, SocketLink, clock
 from rig.unit.port import RECEIVED, Port, new_port
 from rig.unit.session import Counts, ReplyCheck, UnitStopped, end_session, open_session
 from rig.unit.settings import Unit, read_unit
@@ -59,7 +59,7 @@ class UnitUnderTest:
         self.said, self.printed = "", ""  # its text about itself; its standard output, known when it is closed
         self._took_ns = memoryview(bytearray(8)).cast("q")  # of the last frame
         self.dead = False
-        self._link: Link | LibraryLink = _reach(unit, self._patience.looks)
+        self._link: SocketLink | LibraryLink = _reach(unit, self._patience.looks)
         self._message = np.zeros(MOST_BYTES, np.uint8)
         self._into = self._message.data
 
@@ -119,7 +119,7 @@ class UnitUnderTest:
 
     @property
     def reply_us(self) -> float:
-        """How long the last frame's answer took: from its sending, or of the call of the library alone."""
+        """Time of the last frame's answer: from its sending, or of the call of the library alone."""
         return self._took_ns[0] * 1e-3
 
     def until_ns(self, frame: int) -> int:
@@ -266,7 +266,7 @@ def running(unit: Unit | Path | str | None) -> Iterator[UnitUnderTest | None]:
             tested.close()
 
 
-def _reach(unit: Unit, looks: int) -> Link | LibraryLink:
+def _reach(unit: Unit, looks: int) -> SocketLink | LibraryLink:
     if unit.carrier == "library":
         return links.child(unit, looks) if unit.isolate else LibraryLink(unit)
     if unit.carrier == "udp":
