@@ -45,7 +45,7 @@ def flight(
     rig.prepare(rows)
     rows["truth"] = truth
     for k in range(frames):
-        rig.compute(nested(rows), k, rig.data)
+        rig.computer_step(nested(rows), k, rig.data)
     return which, rows
 
 

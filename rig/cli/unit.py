@@ -23,15 +23,15 @@ def header(
     ] = None,
 ) -> None:
     """Print the records as a C header, or in another form."""
-    from rig.unit import ada as in_ada
-    from rig.unit import description, fmu_description, header
+    from rig.unit import fmu as in_fmi
+    from rig.unit import header
 
     if ada + markdown + (fmu is not None) > 1:
         raise BadInput("--ada, --markdown, --fmu: one of them")
     if fmu is not None:
-        typer.echo(fmu_description.description(fmu), nl=False)
+        typer.echo(in_fmi.description(fmu), nl=False)
         return
-    text = in_ada.specification if ada else description.markdown if markdown else header.header
+    text = header.ada if ada else header.markdown if markdown else header.header
     typer.echo(text(), nl=False)
 
 

@@ -18,7 +18,7 @@ from statistics import median, quantiles
 from typing import Any
 
 from rig import loop
-from rig.flight.unit_loop import put
+from rig.flight.unit_loop import unit_computer
 from rig.scenario import Scenario, load
 from rig.unit.unit import UnitUnderTest, running
 
@@ -35,9 +35,7 @@ def frame_us(scenario: Scenario, unit: UnitUnderTest | None) -> tuple[float, flo
 
     Other load on the machine takes few frames and makes them long: the mean has it, the median has not.
     """
-    rig = loop.Rig(scenario)
-    if unit is not None:
-        put(unit, rig, scenario)
+    rig = loop.Rig(scenario, None if unit is None else unit_computer(unit))
     frames: list[float] = []
     began = time.perf_counter()
     for _, timing in loop.frames(rig, scenario):
