@@ -65,11 +65,12 @@ class Rig:
     """The stages of one flight, wired up and at their first frame."""
 
     def __init__(
-        self, scenario: Scenario, computer: Callable[[Rig], ComputerStep] | None = None, *, keep_clean: bool = False
+        self, scenario: Scenario, computer: Callable[[Rig], ComputerStep] | None = None, *, keep_clean: int = 0
     ) -> None:
         """BadInput when the aircraft cannot be loaded or trimmed, or the computer will not fly.
 
-        computer : binds a flight computer to the stages; the rig's own without it; keep_clean : fill ``faults.clean``
+        computer : binds a flight computer to the stages; the rig's own without it
+        keep_clean : frames of ``faults.clean``
         """
         seeds = scenario.streams()
         rate_hz, suite, frame = scenario.rate_hz, scenario.sensors, scenario.airframe
@@ -86,7 +87,7 @@ class Rig:
         )
         self.sensors = Sensors(suite, rate_hz, seeds["sensors"])
         self.inertial = Inertial(scenario.inertial, rate_hz, seeds["inertial"])
-        self.faults = faults(scenario, scenario.frames if keep_clean else 0)
+        self.faults = faults(scenario, keep_clean)
         self.redundancy = redundancy(scenario)
         self.control = Control(scenario.control, scenario.gains, rate_hz, frame.surface_limits)
         self.control.reset(self.plant.trim)

@@ -7,8 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from rig.assess.agreement import Agreement, agreement, last_run
-from rig.assess.context import Context, channels
+from rig.assess.context import Agreement, Context, agreement, channels, last_run
 from rig.assess.record import FaultScore
 from rig.frame import INDEX
 from rig.units.quantities import duration, quantity, seconds

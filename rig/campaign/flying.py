@@ -87,7 +87,7 @@ def fly(scenario: Scenario, tested: UnitUnderTest | None = None) -> Flown:
 
     UnitDead, UnitRefused: the unit under test.
     """
-    rig = loop.Rig(scenario, None if tested is None else unit_computer(tested), keep_clean=True)
+    rig = loop.Rig(scenario, None if tested is None else unit_computer(tested), keep_clean=scenario.frames)
     findings, (rows, timing) = Findings(scenario), loop.new_memory(scenario)
     loop.fly(rig, [findings], memory=(rows, timing))
     flown = slice(findings.verdict.frames)

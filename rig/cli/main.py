@@ -101,7 +101,7 @@ def fly(
     as_json: Json = False,
 ) -> None:
     """Fly one scenario, log every frame, print what happened."""
-    from rig.assess.of_log import conclude
+    from rig.assess.of_log import FlightConclusion
     from rig.cli import show
     from rig.flight.assembly import fly as fly_scenario
     from rig.view.watch.keyboard import keyboard
@@ -110,6 +110,7 @@ def fly(
     flying = lambda done, total: tell("flying", done, total)  # noqa: E731 # for the progress display
     if watch and as_json:
         raise BadInput("--watch: not with --json, which prints one object and nothing else")
+    outcome = FlightConclusion()
     with watching(watch, realtime_factor) as page, working("starting", not (as_json or watch)):
         flight = fly_scenario(
             scenario,
@@ -125,9 +126,9 @@ def fly(
             unit=unit,
             realtime=realtime,
             live=keyboard(watch and (realtime or realtime_factor is not None)),
+            outcome=outcome,
         )
-        tell("scoring")
-        said = conclude(flight.log, flight.frames)
+        said = outcome.sentences(flight.log, flight.frames)
     show.emit_flight(as_json, flight, said)
 
 

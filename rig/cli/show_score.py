@@ -8,8 +8,7 @@ from math import degrees
 from rich.table import Table
 
 from rig.assess import cells
-from rig.assess.missed_frames import Miss
-from rig.assess.of_log import Scored
+from rig.assess.of_log import Miss, Scored
 from rig.assess.record import Deviation, FlightScore, Isolation, Score, Transients
 from rig.cli.show import conclusion
 from rig.units.quantities import moment

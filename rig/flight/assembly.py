@@ -13,7 +13,9 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
+
+from numpy.typing import NDArray
 
 from rig import loop
 from rig.errors import ManagerFailed, RigError
@@ -49,6 +51,16 @@ class Viewer(Protocol):
         """Note that the last frame has been handed over; the stream closes when this returns."""
 
 
+class Outcome(Protocol):
+    """Judges a flight while it is flown."""
+
+    def begin(self, scenario: Scenario) -> None:
+        """Take the scenario as it is flown; the first frame comes next."""
+
+    def add(self, rows: Block, clean: NDArray[Any]) -> None:
+        """Take the next rows, and their (n,) CLEAN."""
+
+
 def fly(
     scenario: Scenario | str | Path | None = None,
     *,
@@ -64,6 +76,7 @@ def fly(
     unit: Unit | str | Path | None = None,
     realtime: bool = False,
     live: Callable[[Keys], AbstractContextManager[object]] | None = None,
+    outcome: Outcome | None = None,
 ) -> Flight:
     """Fly a scenario (a file, a bundled name, or one loaded already) and log every frame.
 
@@ -74,6 +87,7 @@ def fly(
     allow_code : a manager class that the scenario names may be run; one that an override names may be in any case
     realtime : ask the system for frames on time (flight/pace.py); at the pace of the clock when no factor is given
     live : a context, given the Keys of the flight, in which they may be pressed; the faults of [[live]] wait for theirs
+    outcome : given every block with the clean channels, to judge the flight by
     unit : flight software under test, or its unit file (docs/unit.md), in the place of our manager
     Raises BadInput before anything is written, RigError when the log cannot be written on or the user's own manager
     raises: the log is then finished.
@@ -88,7 +102,7 @@ def fly(
     tested = read_unit(unit) if isinstance(unit, str | Path) else unit
     if tested is not None and tested.carrier == "python":
         scenario, tested = managed(scenario, tested), None
-    destination = _Destination(name, text, Path(out), rerun, progress, viewer, watch, tuple(overrides))
+    destination = _Destination(name, text, Path(out), rerun, progress, viewer, watch, tuple(overrides), outcome)
     with interruptible() as stop, running(tested) as under_test, real_time(realtime) as granted:
         keys = None if live is None else Keys(scenario, pace, stop)
         with nullcontext() if live is None or keys is None else live(keys):
@@ -109,6 +123,7 @@ class _Destination:
     viewer: Viewer | None
     watch: Watch | None
     overrides: tuple[str, ...] = ()  # of the scenario's file
+    outcome: Outcome | None = None
 
 
 def managed(scenario: Scenario, unit: Unit) -> Scenario:
@@ -122,7 +137,12 @@ def _fly_and_record(
 ) -> Flight:
     """Fly into summary, log and stream; the log is finished whatever happens."""
     check_where(to.rerun)
-    rig = loop.Rig(scenario, None if unit is None else unit_computer(unit, pace, stop))
+    kept = (
+        0
+        if to.outcome is None
+        else 2 * loop.block_frames(scenario, loop.BLOCK_S if pace.period_s is None else loop.PACED_BLOCK_S)
+    )
+    rig = loop.Rig(scenario, None if unit is None else unit_computer(unit, pace, stop), keep_clean=kept)
     named, about = to.name or scenario.title or scenario.aircraft, {} if unit is None else unit.metadata()
     with new_log(to.out, named, scenario, to.text, about, to.overrides) as writer:
         path, viewer = writer.path, to.viewer
@@ -131,7 +151,7 @@ def _fly_and_record(
         stream = open_stream(to.rerun, scenario.title or path.stem, scenario.rate_hz, path, facts)
         if stream is not None and viewer is not None:
             viewer.opened(stream, stop)
-        records = FlightRecords(scenario, writer, pace, unit, keys, _watchers(to, scenario, stream))
+        records = FlightRecords(scenario, writer, pace, unit, keys, _watchers(to, rig, stream))
         began = time.perf_counter()
         try:
             failure = _fly(rig, records, pace, stop, keys)
@@ -146,9 +166,13 @@ def _fly_and_record(
     return _result(records, path, reason, wall_s, report)
 
 
-def _watchers(to: _Destination, scenario: Scenario, stream: Stream | None) -> list[Watcher]:
+def _watchers(to: _Destination, rig: loop.Rig, stream: Stream | None) -> list[Watcher]:
     """Return who is given every block with its events when the log has it."""
     watchers: list[Watcher] = []
+    scenario = rig.scenario
+    if (outcome := to.outcome) is not None:
+        outcome.begin(scenario)
+        watchers.append(lambda rows, events, timing: outcome.add(rows, rig.faults.clean_of(rows)))
     if stream is not None:
         watchers.append(lambda rows, events, timing: stream.put(rows.copy(), events, timing.copy()))
     if (watch := to.watch) is not None:
