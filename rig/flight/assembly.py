@@ -143,6 +143,10 @@ def _fly_and_record(
         else 2 * loop.block_frames(scenario, loop.BLOCK_S if pace.period_s is None else loop.PACED_BLOCK_S)
     )
     rig = loop.Rig(scenario, None if unit is None else unit_computer(unit, pace, stop), keep_clean=kept)
+    judge = None
+    if (outcome := to.outcome) is not None:
+        outcome.begin(scenario)
+        judge = lambda rows: outcome.add(rows, rig.faults.clean_of(rows))  # noqa: E731 # every block
     named, about = to.name or scenario.title or scenario.aircraft, {} if unit is None else unit.metadata()
     with new_log(to.out, named, scenario, to.text, about, to.overrides) as writer:
         path, viewer = writer.path, to.viewer
@@ -151,7 +155,7 @@ def _fly_and_record(
         stream = open_stream(to.rerun, scenario.title or path.stem, scenario.rate_hz, path, facts)
         if stream is not None and viewer is not None:
             viewer.opened(stream, stop)
-        records = FlightRecords(scenario, writer, pace, unit, keys, _watchers(to, rig, stream))
+        records = FlightRecords(scenario, writer, pace, unit, keys, _watchers(to, scenario, stream), judge)
         began = time.perf_counter()
         try:
             failure = _fly(rig, records, pace, stop, keys)
@@ -166,13 +170,9 @@ def _fly_and_record(
     return _result(records, path, reason, wall_s, report)
 
 
-def _watchers(to: _Destination, rig: loop.Rig, stream: Stream | None) -> list[Watcher]:
+def _watchers(to: _Destination, scenario: Scenario, stream: Stream | None) -> list[Watcher]:
     """Return who is given every block with its events when the log has it."""
     watchers: list[Watcher] = []
-    scenario = rig.scenario
-    if (outcome := to.outcome) is not None:
-        outcome.begin(scenario)
-        watchers.append(lambda rows, events, timing: outcome.add(rows, rig.faults.clean_of(rows)))
     if stream is not None:
         watchers.append(lambda rows, events, timing: stream.put(rows.copy(), events, timing.copy()))
     if (watch := to.watch) is not None:

@@ -70,9 +70,11 @@ class FlightRecords(Findings):
         unit: UnitUnderTest | None = None,
         keys: Keys | None = None,
         watchers: Sequence[Watcher] = (),
+        judge: Callable[[Block], None] | None = None,
     ) -> None:
         super().__init__(scenario)
         self.scenario, self._writer, self._unit, self._keys, self._watchers = scenario, writer, unit, keys, watchers
+        self._judge = judge
         self.jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
         self._replies, self._pool = Histogram(), ThreadPoolExecutor(1, "verdict", off_the_core)
 
@@ -81,16 +83,22 @@ class FlightRecords(Findings):
         events = self._finder.find(rows)
         if self._keys is not None:
             events = sorted([*self._keys.events_until(int(rows["frame"][-1])), *events], key=lambda event: event.frame)
-        hashed = self._pool.submit(self.verdict.add, rows, events)  # both leave the interpreter to each other
+        summed_up = self._pool.submit(self._sum_up, rows, events)  # both leave the interpreter to each other
         self._writer.write(rows, timing, events)
         self.execution.add(rows)
-        hashed.result()
+        summed_up.result()
         if self.jitter is not None:
             self.jitter.add(timing["frame_us"], timing["late_us"])
         if self._unit is not None:
             self._replies.add(timing["reply_us"])
         for watcher in self._watchers:
             watcher(rows, events, timing)
+
+    def _sum_up(self, rows: Block, events: Sequence[Event]) -> None:
+        """Take the next rows into the summary and the outcome, while the log is written."""
+        self.verdict.add(rows, events)
+        if self._judge is not None:
+            self._judge(rows)
 
     def unit_result(self) -> dict[str, Any] | None:
         """Return what became of the exchanges with a unit under test, and how long they took."""
