@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from rig import sensors
 from rig.computer.control.autopilot import Control
-from rig.computer.control.law import fly as control_law
+from rig.computer.control.law import control_law
 from rig.computer.control.state import ControlData
 from rig.computer.redundancy import Redundancy, RedundancyData, conclude, refer, vote_signals
 from rig.computer.redundancy.config import command

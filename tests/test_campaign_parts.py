@@ -11,11 +11,11 @@ import polars as pl
 import pytest
 
 from rig.campaign import identity, parts
+from rig.campaign.campaign_page import report
 from rig.campaign.compare import compare
 from rig.campaign.config import read
 from rig.campaign.folder import Folder, open_folder
 from rig.campaign.plan import Plan
-from rig.campaign.report import report
 from rig.campaign.rows import TABLES, Rows
 from rig.campaign.summary import by_resolver, headline
 from rig.campaign.table import ADDED

@@ -19,7 +19,7 @@ from rig.assess.fault_sentence import fault_sentences
 from rig.assess.record import Episode, Isolation, Score
 from rig.assess.transients import difference
 from rig.assess.words import BY_DESIGN
-from rig.computer.redundancy.reference_threshold import reference_threshold
+from rig.computer.redundancy.reference_monitor import reference_threshold
 from rig.frame import CHANNELS, INDEX, SIGNALS, Ilm, Pattern
 from rig.scenario import Scenario
 from rig.units.quantities import duration, quantity, seconds

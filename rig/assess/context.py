@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rig.assess.monitored import references_of
 from rig.assess.record import FaultScore, Score
 from rig.assess.transients import difference
-from rig.computer.redundancy.config import MANAGERS
+from rig.computer.redundancy.managers import manager_kind
 from rig.faults.places import SURFACE_NAMES, number, site
 from rig.frame import INDEX, SIGNALS, State
 from rig.scenario import Scenario
@@ -47,8 +47,9 @@ class Context(NamedTuple):
         return f"the manager {self.scenario.redundancy.manager}"
 
     def compares(self, fault: FaultScore) -> bool:
-        """Return True if it was the comparison of cross-channel, which can be done again."""
-        return fault.signal in INDEX and self.decided_by == f"the manager {MANAGERS[0]}"
+        """Return True if channels were compared with each other, which can be done again."""
+        own = not self.score.evidence.by_unit
+        return fault.signal in INDEX and own and manager_kind(self.scenario.redundancy.manager).compares
 
     def silent(self, signal: str) -> bool:
         """Return True if no channel of a signal ever had a state, as from a unit that answers surfaces alone."""

@@ -13,15 +13,14 @@ from rig.assess.outcome import LONG_AGO, NEVER, SIGNAL
 from rig.assess.outcome_records import FAULT
 from rig.computer.analytic.sources import FROM_UNIT, second, source
 from rig.computer.redundancy import Config, measured_thresholds
-from rig.computer.redundancy.config import MANAGERS, parameters
+from rig.computer.redundancy.config import parameters
 from rig.computer.redundancy.discrete_config import discrete_parameters
+from rig.computer.redundancy.managers import manager_kind
 from rig.faults import Fault
 from rig.faults.places import number, site
 from rig.frame import INDEX, INERTIAL
 from rig.scenario import Scenario
 
-# They change what a channel says of itself, never its sample; a discrete that says bad of itself is not voted.
-MONITOR_KINDS: Final = ("ilm",)
 MARGIN: Final = 10  # frames: counts that wait after a pattern without a majority, lags of the sensors
 _HALF: Final = 0.5  # an error of a discrete is 0 or 1
 
@@ -31,7 +30,8 @@ def monitor(scenario: Scenario) -> NDArray[np.void]:
     suite, config = scenario.sensors, scenario.redundancy
     params = parameters(config.signals, sensors.ranges(suite), sensors.channels(suite), scenario.rate_hz)
     measured_thresholds(params, config, scenario.references)
-    if config.manager in MANAGERS[1:]:
+    kind = manager_kind(config.manager)
+    if kind.kernel is not None and not kind.compares:
         params["outlier_threshold"] = params["outlier_threshold_triplex"] = 0.0  # they do not ask for it
     return params
 
@@ -87,7 +87,7 @@ def fault_records(scenario: Scenario, signals: NDArray[Any], discretes: NDArray[
         if name:
             discrete = site(name) == "discrete"
             record["signal"], record["channel"], record["discrete"] = number(name), channel - 1, discrete
-            record["changes"] = discrete or fault.kind not in MONITOR_KINDS
+            record["changes"] = discrete or fault.changes_samples  # a discrete that says bad of itself is not voted
             record["threshold"] = (discretes if discrete else signals)[number(name)]["threshold"]
             continue
         read = references_of(fault, scenario.redundancy)

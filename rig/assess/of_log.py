@@ -15,7 +15,7 @@ from rig.assess.flight_outcome import FlightOutcome
 from rig.assess.record import Score, Yardstick
 from rig.assess.scoring import score, score_of
 from rig.assess.transients import fly_twin
-from rig.computer.redundancy.config import MANAGERS
+from rig.computer.redundancy.managers import manager_kind
 from rig.errors import BadInput
 from rig.flight.operator_keys import pressed
 from rig.frame import Block, Unit
@@ -119,7 +119,7 @@ class FlightConclusion:
 
     def begin(self, scenario: Scenario) -> None:
         """Take the scenario as it is flown."""
-        compares = scenario.redundancy.manager == MANAGERS[0]
+        compares = manager_kind(scenario.redundancy.manager).compares
         self._outcome = FlightOutcome(scenario, Yardstick().window_s, keep=compares)
 
     def add(self, rows: Block, clean: NDArray[Any]) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from rig.assess.outcome import NEVER, in_use
 from rig.assess.outcome_records import COMPARISON
-from rig.computer.redundancy.reference_threshold import reference_threshold
+from rig.computer.redundancy.reference_monitor import reference_threshold
 from rig.frame import Pattern, S, sig
 from rig.kernels import kernel
 from rig.units.angles import difference

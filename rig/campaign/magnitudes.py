@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
-from rig.campaign.rows import SIZES
 from rig.faults.fault import KINDS
 from rig.frame import INDEX, SIGNALS
 from rig.units.quantities import number, unit_shown
@@ -33,6 +32,6 @@ def _of_signal(signal: str) -> str:
 
 def _setting(kind: str) -> str:
     """The unit of the setting that says how large a fault of the kind is."""
-    models: dict[str, Any] = dict(KINDS)
-    extra = models[kind].model_fields[SIZES[kind][0]].json_schema_extra if kind in SIZES else None
+    model = KINDS.get(kind)
+    extra = model.model_fields[model.sizes[0]].json_schema_extra if model is not None and model.sizes else None
     return str(extra.get("unit", "")) if isinstance(extra, dict) else ""

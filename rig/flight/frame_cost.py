@@ -15,7 +15,7 @@ from statistics import median
 from typing import Any, Final
 
 from rig import loop
-from rig.computer.control.law import fly as control_law
+from rig.computer.control.law import control_law
 from rig.computer.redundancy import conclude, refer, vote_signals
 from rig.errors import BadInput, RigError
 from rig.faults import actuate, corrupt, corrupt_reference

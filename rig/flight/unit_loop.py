@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from rig import loop
 from rig.computer.analytic.references import ReferenceData, remember
-from rig.computer.control.law import fly as control_law
+from rig.computer.control.law import control_law
 from rig.computer.control.state import ControlData
 from rig.computer.redundancy import Redundancy
 from rig.computer.redundancy.discrete import DiscreteData, vote_discretes
