@@ -59,7 +59,7 @@ class Fmu(ABC):
         except (OSError, AttributeError) as error:
             raise Refused(f"the FMU's library cannot be loaded: {str(error).replace(str(folder), '')}") from None
 
-    def _function(self, name: str) -> Call:
+    def _function(self, name: str) -> Callable[..., Any]:
         return getattr(self.fmu, self.prefix + name)
 
     @abstractmethod
