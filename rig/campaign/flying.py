@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import faulthandler
 import gc
-import json
 import math
 import os
 import signal
@@ -34,8 +33,8 @@ from rig.campaign.units import check as check_unit
 from rig.campaign.units import flown_with
 from rig.errors import RigError, UnitDead, UnitRefused
 from rig.flight.recorder import Findings, end_reason
-from rig.flight.unit_loop import put
-from rig.frame import FLAT, TIMING, Block, new_block
+from rig.flight.unit_loop import unit_computer
+from rig.frame import TIMING, Block, new_block
 from rig.log import LogWriter
 from rig.log.of_flight import metadata
 from rig.record.events import Event
@@ -88,16 +87,12 @@ def fly(scenario: Scenario, tested: UnitUnderTest | None = None) -> Flown:
 
     UnitDead, UnitRefused: the unit under test.
     """
-    rig, findings = loop.Rig(scenario, keep_clean=True), Findings(scenario)
-    if tested is not None:
-        put(tested, rig, scenario)
-    kept, timing = np.empty(scenario.frames, FLAT), np.zeros(scenario.frames, TIMING)
-    found: list[Event] = []
-    for rows, _ in loop.frames(rig, scenario, memory=(kept, timing)):
-        found += findings.add(rows)
+    rig = loop.Rig(scenario, None if tested is None else unit_computer(tested), keep_clean=scenario.frames)
+    findings, (rows, timing) = Findings(scenario), loop.new_memory(scenario)
+    loop.fly(rig, [findings], memory=(rows, timing))
     flown = slice(findings.verdict.frames)
     about = findings.verdict, findings.end(), ended_unit(tested)
-    return Flown(scenario, kept[flown], timing[flown], found, rig.faults.clean[flown], *about)
+    return Flown(scenario, rows[flown], timing[flown], findings.events, rig.faults.clean[flown], *about)
 
 
 def ended_unit(tested: UnitUnderTest | None) -> dict[str, str]:
@@ -106,8 +101,8 @@ def ended_unit(tested: UnitUnderTest | None) -> dict[str, str]:
         return {}
     tested.end()
     if tested.dead:
-        raise UnitDead(f"{tested.unit.source}: dead from frame {tested.watch.counts.dead_frame} on")
-    return {"unit": json.dumps({**tested.unit.about(), "said": tested.said})}
+        raise UnitDead(f"{tested.unit.source}: dead from frame {tested.replies.counts.dead_frame} on")
+    return tested.metadata()
 
 
 def fly_run(run: Run, orders: Orders) -> Rows:
@@ -135,7 +130,7 @@ def fly_run(run: Run, orders: Orders) -> Rows:
 def _rows(number: int, flown: Flown, scored: Score) -> Rows:
     return {
         "runs": [run_row(number, flown, scored)],
-        "faults": fault_rows(number, flown.scenario, flown.rows, scored),
+        "faults": fault_rows(number, flown.scenario, scored),
         "alarms": alarm_rows(number, flown.scenario, scored),
         "episodes": episode_rows(number, flown.scenario, scored),
         "signals": signal_rows(number, scored),
