@@ -1,4 +1,4 @@
-"""References as witnesses: their threshold, their own monitor, the last channel, two of them against all channels.
+"""References: their threshold, their own monitor, the last channel, two of them against all channels.
 
 Source: Zhang 2023, section 7 (a reference is no channel, and is compared to know whether it is usable).
 Ours: the threshold by airspeed, 'The last channel' and 'Two references against all channels' of docs/redundancy.md.
@@ -50,7 +50,7 @@ def monitor_reference(vote, reference, n, p, st):
 
 @kernel
 def check_last(ilm, reference, p, st):
-    """Judge the last channel by its own monitor and its reference, as nobody is left to compare it with (ours).
+    """Check the last channel by its own monitor and its reference, as nobody is left to compare it with (ours).
 
     While either speaks against it the reference votes if it is usable, else the last vote holds.  Returns resolver and
     vote.
