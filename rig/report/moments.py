@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rig.assess.monitored import references_of
 from rig.assess.of_log import Scored
@@ -62,7 +61,7 @@ def moment(scored: Scored, rows: Block, name: str) -> Moment | None:
     begins = [fault.onset_frame if fault.exceeded_frame is None else fault.exceeded_frame for fault in faults]
     known = [frame for frame in begins if frame is not None]
     patterns = [episode.first_frame for episode in scored.score.episodes if episode.signal == name]
-    failures = _failures(rows["state"][:, INDEX[name]])
+    failures = [frame for signal, frame in _failures(scored) if signal == INDEX[name]]
     if patterns:
         known = [frame for frame in known if 0 <= patterns[0] - frame <= TOGETHER_S * rate_hz] + patterns[:1]
     if not known and not failures:
@@ -74,8 +73,7 @@ def moment(scored: Scored, rows: Block, name: str) -> Moment | None:
     return Moment(name, first, isolated, max(0, first - round(BEFORE_S * rate_hz)), min(len(rows), round(last) + 1))
 
 
-def _failures(states: NDArray[np.uint8]) -> list[int]:
-    """Return the frames in which a channel of ``states`` (n, 4) becomes failed."""
-    failed = states == State.FAILED
-    new = failed & ~np.vstack([np.zeros((1, failed.shape[1]), bool), failed[:-1]])
-    return np.flatnonzero(new.any(axis=1)).tolist()
+def _failures(scored: Scored) -> list[tuple[int, int]]:
+    """Return the signals with a channel that was failed, and the frames, in order of time."""
+    listed = scored.score.evidence.failures
+    return [(int(each["signal"]), int(each["frame"])) for each in listed[listed["discrete"] == 0]]
