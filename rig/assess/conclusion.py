@@ -57,7 +57,7 @@ def _healthy(found: Sequence[Isolation], although: str, about: Context) -> list[
 
 
 def _by_design(score: Score, about: Context) -> Iterator[str]:
-    """Yield the healthy channels that a rule failed for faults elsewhere: one sentence for each channel number and frame."""
+    """Yield a sentence for each channel number and frame in which a rule failed it for faults elsewhere."""
     whys = {"failed with its box": "with its box, which was faulty on others", "failed by rule": "by rule: common mode"}
     groups: dict[tuple[str, int, int], list[str]] = {}
     for kind, each in score.isolations:
