@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from rig.assess.context import Context, channel, channels, comparable
 from rig.assess.fault_sentence import fault_sentences
 from rig.assess.record import Episode, Isolation, Score
-from rig.assess.transients import difference
 from rig.assess.words import BY_DESIGN
 from rig.computer.redundancy.reference_monitor import reference_threshold
 from rig.frame import CHANNELS, INDEX, SIGNALS, Ilm, Pattern
 from rig.scenario import Scenario
+from rig.units.angles import differences
 from rig.units.quantities import duration, quantity, seconds
 
 _APART_S: Final = 1.0  # episodes of one signal that follow each other sooner are told as one
@@ -174,7 +174,7 @@ def _reference(row: Any, used: NDArray[np.intp], p: NDArray[np.void]) -> str:
     if row["reference_usable"] == 0:
         return "not usable"
     limit = float(reference_threshold(value, p))
-    off = difference(row["channels"][used], np.full(len(used), value), bool(p["wraps"]))
+    off = differences(row["channels"][used], np.full(len(used), value), bool(p["wraps"]))
     behind = ", compared behind a low-pass" if p["filter_gain"] > 0 else ""
     unit = SIGNALS[row["signal"]].unit
     return f"{quantity(value, unit)}, {_lies(row, used, off, limit, quantity(limit, unit))}{behind}"

@@ -204,7 +204,6 @@ class Evidence(NamedTuple):
     params: NDArray[np.void]  # (S,) config.PARAMS of its manager
     by_unit: bool  # a unit under test flew it
     silent: frozenset[str]  # signals of whose channels nothing was ever said
-    failures: NDArray[Any]  # (n,) FAILURE: every channel that was failed, in order of time
     columns: Callable[[int], NDArray[Any]]  # (n,) flight_outcome.COLUMNS of a signal with a fault
 
 

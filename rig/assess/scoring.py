@@ -90,9 +90,7 @@ def score_of(
         wrong_votes_s=dict(
             zip(_DISCRETE_NAMES, (records.flight["wrong_votes"][0] / scenario.rate_hz).tolist(), strict=True)
         ),
-        evidence=Evidence(
-            outcome.params, bool(records.flight["unit"][0]), frozenset(names), outcome.failures, kept or outcome.columns
-        ),
+        evidence=Evidence(outcome.params, bool(records.flight["unit"][0]), frozenset(names), kept or outcome.columns),
     )
 
 

@@ -12,8 +12,9 @@ from rig.assess.outcome import NEVER
 from rig.assess.outcome_records import EXTREMES
 from rig.assess.record import Deviation, FaultScore, FlightScore, Transient, Transients, Yardstick
 from rig.errors import BadInput
-from rig.frame import INDEX, SIGNALS, TWO_PI, Block, End
+from rig.frame import INDEX, SIGNALS, Block, End
 from rig.scenario import Scenario
+from rig.units.angles import differences
 
 if TYPE_CHECKING:
     from rig.unit.unit import UnitUnderTest
@@ -80,7 +81,7 @@ def transients(
             f"the fault-free twin leaves the flight in frame {differs[0]}, before any fault can have moved the "
             "aircraft: other versions flew it; without the twin (--no-twin) it can be scored"
         )
-    off = np.abs(difference(truth, other, WRAPS))[:, _COMPARED]
+    off = np.abs(differences(truth, other, WRAPS))[:, _COMPARED]
     limits = np.array([yardstick.load_factor, yardstick.pitch_rate_rad_s])
     beyond = np.any(~(off[:, :2] <= limits), axis=1)
     window = round(yardstick.window_s * rate_hz)
@@ -114,11 +115,3 @@ def _peaks(off: NDArray[np.float64]) -> Deviation:
     """Return largest finite differences; 0 when there are none."""
     finite = np.where(np.isfinite(off), off, 0.0)
     return Deviation(*(finite.max(axis=0) if len(finite) else np.zeros(len(_COMPARED))).tolist())
-
-
-def difference(a: NDArray[np.float64], b: NDArray[np.float64], wraps: NDArray[np.bool_] | bool) -> NDArray[np.float64]:
-    """Return ``a - b``, the short way round where the signal (last axis) ``wraps``; angles.difference for arrays."""
-    with np.errstate(invalid="ignore"):
-        off = a - b
-        off[..., wraps] = (off[..., wraps] + np.pi) % TWO_PI - np.pi
-    return off

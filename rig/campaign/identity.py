@@ -6,11 +6,10 @@ import hashlib
 from functools import cache
 from pathlib import Path
 
-import rig
 from rig.util.versions import versions
 
 # What looks at flights, or hands them out, decides nothing in them.
-ROOMS = ("bench", "campaign", "cli", "design", "recordings", "reliability", "replay", "studies", "view")
+ROOMS = ("bench", "campaign", "cli", "design", "public", "recordings", "reliability", "replay", "studies", "view")
 BESIDE = (*ROOMS, "flight/frame_cost.py", "__main__.py", "faults/catalogue.py")
 FLIES = ("campaign/flying.py", "campaign/rows.py")
 
@@ -18,7 +17,7 @@ FLIES = ("campaign/flying.py", "campaign/rows.py")
 @cache
 def rig_identity() -> str:
     """Versions and a hash of the sources, as one line."""
-    home = Path(rig.__file__).parent
+    home = Path(__file__).parents[1]
     digest = hashlib.sha256()
     for path in sorted(home.rglob("*.py")):
         name = path.relative_to(home).as_posix()

@@ -14,7 +14,7 @@ from rig.assess.words import PUBLIC, fault_word
 from rig.computer.redundancy.managers import manager_kind
 from rig.faults import Fault
 from rig.frame import CHANNELS, INDEX, SIGNALS
-from rig.record.time_bins import binned
+from rig.record.histogram import binned
 from rig.scenario import Scenario
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from rig.campaign.folder import Folder
 from rig.campaign.plan import Plan
 from rig.campaign.statistics import detectable, poisson, proportion
 from rig.campaign.table import COUNTED
-from rig.record.time_bins import names
+from rig.record.histogram import names
 
 Tables = dict[str, pl.DataFrame]
 MOST_LEVELS: Final = 12  # of a magnitude that are shown one by one; more are put into BINS bins
@@ -54,7 +54,7 @@ def summary(folder: Folder) -> dict[str, Any]:
 
 
 def replies(runs: pl.DataFrame) -> dict[str, Any] | None:
-    """The reply times of a unit under test, all frames of all runs in the bins of time_bins; None without one."""
+    """The reply times of a unit under test, all frames of all runs in the bins of histogram.py; None without one."""
     counted = runs["replies"].drop_nulls()
     if counted.is_empty():
         return None

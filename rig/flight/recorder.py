@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 from rig.errors import ManagerFailed
 from rig.faults import Execution
 from rig.flight.operator_keys import Keys
-from rig.flight.pace import Histogram, JitterCounter, Pace, off_the_core
+from rig.flight.pace import JitterCounter, Pace, off_the_core
 from rig.frame import TIMING, Block, new_block
 from rig.log import LogWriter
 from rig.loop import Recorder
 from rig.record.events import Event, EventFinder, not_executed
 from rig.record.flight_summary import Verdict
+from rig.record.histogram import Histogram
 from rig.scenario import Scenario
 from rig.unit.unit import UnitUnderTest
 from rig.util.interrupt import Stop

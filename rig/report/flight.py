@@ -16,15 +16,15 @@ from rig.assess.of_log import MOST_FRAMES, Scored, score_read
 from rig.assess.record import Yardstick
 from rig.errors import BadInput
 from rig.frame import INDEX, SIGNALS
-from rig.log import Log, read_log
-from rig.log.overrides import FILE, overrides
+from rig.log import Log, read_log, scenario_of
+from rig.log.info import FILE, overrides
 from rig.log.schema import SCHEMA_VERSION
-from rig.log.series import threshold
 from rig.report import figures as draw
 from rig.report.moments import Moment, affected, moment, signals_of
 from rig.report.page import DASH, write_page
 from rig.report.timeline import spans, timeline
 from rig.units.quantities import duration, seconds
+from rig.view.series import threshold
 
 MOST_SIGNALS: Final = 8  # that are drawn
 MOST_MOMENTS: Final = 4
@@ -94,7 +94,7 @@ def _about(log: Log, scored: Scored, names: Sequence[str], moments: Sequence[Mom
         "scored": scored,
         "score": score,
         "point": scenario.airframe.point(scenario.flight_point).name,
-        "sets": overrides(text, json.loads(log.metadata["scenario"])),
+        "sets": overrides(text, scenario_of(log.metadata, scored.log)),
         "unit": json.loads(log.metadata["unit"])["name"] if "unit" in log.metadata else None,
         "ended": seconds(score.flight.frames, rate_hz),
         "cards": _cards(scored, rate_hz),

@@ -10,11 +10,9 @@ from rig.assess.monitored import references_of
 from rig.assess.of_log import Scored
 from rig.assess.record import FaultScore
 from rig.frame import INDEX, SIGNALS, Block, Pattern, Source, State
+from rig.record.failures import became_failed, decisive_s
 from rig.scenario import Scenario
 
-BEFORE_S: Final = 0.5  # shown before the first frame that matters
-AFTER_S: Final = 1.0  # and after the isolation
-WITHOUT_S: Final = 2.0  # and after the first frame where nothing was isolated
 LATEST_S: Final = 30.0  # an isolation later than this is not that of the first frame
 TOGETHER_S: Final = 2.0  # a fault that begins so shortly before a pattern is shown with it
 
@@ -61,7 +59,7 @@ def moment(scored: Scored, rows: Block, name: str) -> Moment | None:
     begins = [fault.onset_frame if fault.exceeded_frame is None else fault.exceeded_frame for fault in faults]
     known = [frame for frame in begins if frame is not None]
     patterns = [episode.first_frame for episode in scored.score.episodes if episode.signal == name]
-    failures = [frame for signal, frame in _failures(scored) if signal == INDEX[name]]
+    failures = became_failed(rows["state"][:, [INDEX[name]]])[:, 0].tolist()
     if patterns:
         known = [frame for frame in known if 0 <= patterns[0] - frame <= TOGETHER_S * rate_hz] + patterns[:1]
     if not known and not failures:
@@ -69,11 +67,6 @@ def moment(scored: Scored, rows: Block, name: str) -> Moment | None:
     first = min(known or failures)
     ends = [*failures, *(fault.failed_frame for fault in faults if fault.failed_frame is not None)]
     isolated = min((frame for frame in ends if first <= frame <= first + LATEST_S * rate_hz), default=None)
-    last = first + WITHOUT_S * rate_hz if isolated is None else isolated + AFTER_S * rate_hz
-    return Moment(name, first, isolated, max(0, first - round(BEFORE_S * rate_hz)), min(len(rows), round(last) + 1))
-
-
-def _failures(scored: Scored) -> list[tuple[int, int]]:
-    """Return the signals with a channel that was failed, and the frames, in order of time."""
-    listed = scored.score.evidence.failures
-    return [(int(each["signal"]), int(each["frame"])) for each in listed[listed["discrete"] == 0]]
+    isolated_s = None if isolated is None else isolated / rate_hz
+    begin_s, end_s = decisive_s(first / rate_hz, isolated_s, (len(rows) - 1) / rate_hz)
+    return Moment(name, first, isolated, round(begin_s * rate_hz), round(end_s * rate_hz) + 1)

@@ -22,9 +22,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
 
 from rig.frame import CHANNELS
-from rig.units.angles import TURN
+from rig.units.angles import near
 
 Floats = NDArray[np.float64]
 DUPLEX: Final = 2
@@ -65,7 +66,7 @@ def exceeded_each(samples: Floats, frames: Sequence[tuple[int, int]], wraps: boo
 
 
 def _exceeded(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool) -> Iterator[Floats]:
-    chosen = near(samples) if wraps else samples
+    chosen = near_first(samples) if wraps else samples
     if len(chosen) == DUPLEX:
         apart = _apart(chosen)
         yield from (sliding_minimum(apart, singular) for _, singular in frames)
@@ -81,12 +82,12 @@ def _exceeded(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool) -
         yield found
 
 
-def near(samples: Floats) -> Floats:
+def near_first(samples: Floats) -> Floats:
     """Angles (C, n), rad, within half a turn of the first channel of their frame that has a sample."""
     base = samples[0].copy()
     for column in samples[1:]:
         np.copyto(base, column, where=np.isnan(base))
-    return base + (samples - base + TURN / 2) % TURN - TURN / 2
+    return near(samples, base)
 
 
 def nearest(samples: Floats) -> list[Floats]:
@@ -119,16 +120,8 @@ def middle_gap(samples: Floats) -> Floats:
 
 
 def sliding_minimum(series: Floats, frames: int) -> Floats:
-    """(n,) the least of the last ``frames`` values, 0 before so many have been; windows are doubled until they fit."""
-    if frames > len(series):
-        return np.zeros(len(series))
-    least, width = series, 1
-    while 2 * width <= frames:
-        least = np.minimum(least[width:], least[:-width])
-        width *= 2
-    if (rest := frames - width) > 0:
-        least = np.minimum(least[rest:], least[:-rest])
-    return np.concatenate([np.zeros(frames - 1), least])
+    """Return (n,) the least of the last ``frames`` values, none of them negative; 0 before so many have been."""
+    return minimum_filter1d(series, frames, mode="constant", cval=0.0, origin=(frames - 1) // 2)
 
 
 def invalid_runs(samples: Floats, frames: int) -> Sequence[int]:

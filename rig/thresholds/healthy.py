@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.thresholds.design import Flight
-from rig.thresholds.distances import invalid_runs, near, nearest, sliding_minimum
+from rig.thresholds.distances import invalid_runs, near_first, nearest, sliding_minimum
+from rig.util.runs import runs
 
 Floats = NDArray[np.float64]
 HOLD_S: Final = 1.0
@@ -63,8 +64,9 @@ def _alone(flight: Flight, longest: int) -> Iterator[tuple[int, str]]:
 
 def _repeats(column: Floats, hold: int) -> int | None:
     """The frame from which one value is repeated ``hold`` times, if there is one."""
-    runs = np.flatnonzero(sliding_minimum((np.diff(column) == 0).astype(np.float64), hold))
-    return int(runs[0]) - hold + 1 if len(runs) else None
+    spans = runs(column)
+    long = spans[spans[:, 1] - spans[:, 0] > hold]
+    return int(long[0, 0]) if len(long) else None
 
 
 def _distances(flights: Sequence[Flight], wraps: bool) -> tuple[Floats, Floats, float]:
@@ -72,7 +74,7 @@ def _distances(flights: Sequence[Flight], wraps: bool) -> tuple[Floats, Floats, 
     held, at, usual = [], [], []
     for flight in flights:
         hold = round(HOLD_S * flight.rate_hz)
-        every = nearest(near(flight.samples) if wraps else flight.samples)
+        every = nearest(near_first(flight.samples) if wraps else flight.samples)
         least = [sliding_minimum(np.where(np.isfinite(distance), distance, 0.0), hold) for distance in every]
         held.append([one.max() for one in least])
         at.append([max(int(one.argmax()) - hold + 1, 0) / flight.rate_hz for one in least])

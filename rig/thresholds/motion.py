@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from rig.frame import CHANNELS
 from rig.thresholds.design import Flight
-from rig.thresholds.distances import near
-from rig.units.angles import TURN
+from rig.thresholds.distances import near_first
 
 Floats = NDArray[np.float64]
 SHARE: Final = 0.95
@@ -45,11 +44,11 @@ def envelope(flights: Sequence[Flight], wraps: bool) -> Envelope:
 
 
 def _of(flight: Flight, wraps: bool) -> tuple[Floats, Floats, Floats]:
-    samples = near(flight.samples) if wraps else flight.samples
+    samples = near_first(flight.samples) if wraps else flight.samples
     centre = middle(samples)
     centre = centre[np.isfinite(centre)]
     if wraps:
-        centre = np.unwrap(centre, period=TURN)
+        centre = np.unwrap(centre)
     step = max(round(SMOOTH_S * flight.rate_hz), 1)
     sums = np.cumsum(np.concatenate([[0.0], centre]))
     smooth = (sums[step:] - sums[:-step]) / step
