@@ -57,7 +57,7 @@ def _healthy(found: Sequence[Isolation], although: str, about: Context) -> list[
 
 
 def _by_design(score: Score, about: Context) -> Iterator[str]:
-    """Healthy channels that a rule failed for faults elsewhere: one sentence for each channel number and frame."""
+    """Yield a sentence for each channel number and frame in which a rule failed it for faults elsewhere."""
     whys = {"failed with its box": "with its box, which was faulty on others", "failed by rule": "by rule: common mode"}
     groups: dict[tuple[str, int, int], list[str]] = {}
     for kind, each in score.isolations:
@@ -81,7 +81,7 @@ def _flight(about: Context) -> str:
 
 
 def _counted(about: Context) -> str:
-    """How many of the detectable faults, counted by channel, were detected, and what was failed wrongly."""
+    """Return how many of the detectable faults, counted by channel, were detected, and what was failed wrongly."""
     outcomes = [fault.outcome for fault in about.score.faults]
     if not outcomes:
         found = "no fault was in the scenario"
@@ -102,7 +102,7 @@ def pattern_sentences(about: Context) -> list[str]:
 
 
 def _groups(episodes: Sequence[Episode], rate_hz: float) -> Iterator[list[Episode]]:
-    """Episodes of one signal and one pattern that follow each other within _APART_S, in order of the first."""
+    """Group episodes of one signal and one pattern that follow each other within _APART_S, in order of the first."""
     open_groups: dict[tuple[str, str], list[Episode]] = {}
     groups: list[list[Episode]] = []
     for episode in episodes:
@@ -138,7 +138,7 @@ def _settled(episode: Episode) -> str:
 
 
 def _answers(episode: Episode, about: Context) -> Iterator[str]:
-    """Each resolver that was asked, with what it had to go by in the last frame of the episode."""
+    """Yield each resolver that was asked, with what it had to go by in the last frame of the episode."""
     row, p = episode.last, about.params[INDEX[episode.signal]]
     fitted = np.arange(CHANNELS) < p["fitted"]
     out = (row["failed"] >> np.arange(CHANNELS) & 1).astype(bool) | ~fitted
@@ -181,7 +181,7 @@ def _reference(row: Any, used: NDArray[np.intp], p: NDArray[np.void]) -> str:
 
 
 def _lies(row: Any, used: NDArray[np.intp], off: NDArray[np.float64], limit: float, shown: str) -> str:
-    """Where the reference lies among the samples, which are ``off`` it by so much: what its answer follows from."""
+    """Return where the reference lies among the samples, which are ``off`` it by so much."""
     halves, half = row["pattern"] in (Pattern.P2_2, Pattern.P1_1), len(used) // 2
     order = np.argsort(off)
     low, high = (sorted((used[part] + 1).tolist()) for part in (order[:half], order[half:]))

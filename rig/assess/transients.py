@@ -24,7 +24,7 @@ _COMPARED: Final = [INDEX[name] for name in ("normal_load_factor", "pitch_rate",
 
 
 def fly_twin(scenario: Scenario, frames: int | None = None, unit: UnitUnderTest | None = None) -> Block:
-    """The same scenario and seed without its faults: its rows, no more than ``frames``.
+    """Return the same scenario and seed without its faults: its rows, no more than ``frames``.
 
     unit : under test, that flew the scenario too
     """
@@ -103,7 +103,7 @@ def transients(
 
 
 def _onsets(faults: Sequence[FaultScore]) -> dict[int, tuple[str, ...]]:
-    """The executed faults by the frame of their onset, in order of time."""
+    """Return the executed faults by the frame of their onset, in order of time."""
     found: dict[int, list[str]] = {}
     for fault in faults:
         if fault.onset_frame is not None and fault.outcome != "not executed":
@@ -112,6 +112,6 @@ def _onsets(faults: Sequence[FaultScore]) -> dict[int, tuple[str, ...]]:
 
 
 def _peaks(off: NDArray[np.float64]) -> Deviation:
-    """Largest finite differences; 0 when there are none."""
+    """Return largest finite differences; 0 when there are none."""
     finite = np.where(np.isfinite(off), off, 0.0)
     return Deviation(*(finite.max(axis=0) if len(finite) else np.zeros(len(_COMPARED))).tolist())

@@ -67,7 +67,7 @@ def _figures(log: Log, scored: Scored, names: Sequence[str], moments: Sequence[M
 
 
 def _acting(log: Log, scored: Scored) -> dict[str, NDArray[np.bool_]]:
-    """(n,) whether a fault on a signal, or on its reference, acts; by the signal."""
+    """Return (n,) whether a fault on a signal, or on its reference, acts; by the signal."""
     acted = np.unpackbits(log.rows["acting"], axis=1, bitorder="little") != 0
     on: dict[str, list[int]] = {signal.name: [] for signal in SIGNALS}
     for fault in scored.score.faults:
@@ -118,7 +118,7 @@ def _said(one: Moment, rate_hz: float) -> str:
 
 
 def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:
-    """Big figures, what they are, and whether they are bad."""
+    """Return big figures, what they are, and whether they are bad."""
     score = scored.score
     detected = [fault for fault in score.faults if fault.outcome == "detected"]
     missed = sum(fault.outcome == "missed" for fault in score.faults)
@@ -136,7 +136,7 @@ def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:
 
 
 def _tables(scored: Scored, rate_hz: float) -> list[tuple[str, Sequence[str], list[cells.Row]]]:
-    """Title, heads and rows of the tables of the score; those without rows are left out."""
+    """Return title, heads and rows of the tables of the score; those without rows are left out."""
     score = scored.score
     found = [
         ("Faults", cells.FAULTS, [cells.fault_row(fault, scored.scenario) for fault in score.faults]),
