@@ -9,15 +9,12 @@ from typing import Any
 import outside
 import pytest
 
-from rig.campaign.compare import compare
 from rig.campaign.config import from_what
-from rig.campaign.figures import delay_curves
 from rig.campaign.folder import Folder, open_folder
-from rig.campaign.magnitudes import magnitude_shown, magnitude_unit
 from rig.campaign.plan import Plan
-from rig.campaign.report import report
+from rig.campaign.report import delay_curves, magnitude_shown, magnitude_unit, report
 from rig.campaign.rows import Rows
-from rig.campaign.summary import acted, summary
+from rig.campaign.summary import acted, compare, summary
 from rig.campaign.table import COLUMNS
 from rig.errors import BadInput
 from rig.frame import SIGNALS

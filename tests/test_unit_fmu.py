@@ -21,7 +21,7 @@ from unit_library import SOURCES
 from unit_library import build as make
 
 import rig
-from rig.campaign.units import flown_with
+from rig.campaign.worker import flown_with
 from rig.errors import BadInput, RigError
 from rig.frame import Unit as Answer
 from rig.kernels import cache_root

@@ -33,17 +33,17 @@ _COUNTS = {
 
 
 def names(folder: Path) -> list[str]:
-    """The names of the parts in ``runs``, sorted."""
+    """Return the names of the parts in ``runs``, sorted."""
     return sorted(path.stem for path in (folder / "runs").glob("*.parquet"))
 
 
 def name_of(numbers: list[int]) -> str:
-    """The name of the part that holds the runs of ``numbers``."""
+    """Return the name of the part that holds the runs of ``numbers``."""
     return f"{min(numbers):06d}-{max(numbers):06d}"
 
 
 def read(folder: Path, plan: Plan) -> dict[str, pl.DataFrame]:
-    """All tables of a folder, in the order of the runs.
+    """Read all tables of a folder, in the order of the runs.
 
     BadInput names the file that is damaged, missing, another campaign's or a copy, and the remedy.
     """
@@ -58,7 +58,7 @@ def read(folder: Path, plan: Plan) -> dict[str, pl.DataFrame]:
 
 
 def _tables(folder: Path, name: str, parts: list[str], plan: Plan) -> list[pl.DataFrame]:
-    """The files of one table, their columns checked: read at once where nothing is wrong, a quarter of the time."""
+    """Read the files of one table and check their columns: at once where nothing is wrong, a quarter of the time."""
     paths = [folder / name / f"{part}.parquet" for part in parts]
     expected = table.schema(plan, name)
     if parts and all(map(is_file, paths)):
@@ -74,7 +74,7 @@ def _tables(folder: Path, name: str, parts: list[str], plan: Plan) -> list[pl.Da
 
 
 def _table(folder: Path, name: str, part: str, plan: Plan) -> pl.DataFrame:
-    """One file, its columns checked."""
+    """Read one file and check its columns."""
     path = folder / name / f"{part}.parquet"
     if not is_file(path):
         raise _again(folder, path, part, "is no file" if path.exists() else "is missing")
@@ -97,12 +97,12 @@ def _table(folder: Path, name: str, part: str, plan: Plan) -> pl.DataFrame:
 
 
 def _is_finite(column: pl.Series) -> bool:
-    """Whether all numbers of a column are; those that are not there do not count."""
+    """Return True if all numbers of a column are finite; those that are not there do not count."""
     return not column.dtype.is_float() or int((~np.isfinite(column.to_numpy())).sum()) == column.null_count()
 
 
 def _check_runs(folder: Path, part: str, runs: pl.DataFrame, plan: Plan, seen: dict[int, str]) -> None:
-    """BadInput unless the runs of a part are those of its name, of the plan, and in no part before it."""
+    """Raise BadInput unless the runs of a part are those of its name, of the plan, and in no part before it."""
     path, numbers = folder / "runs" / f"{part}.parquet", runs["run"].to_list()
     if not numbers or None in numbers or part != name_of(numbers):
         raise BadInput(f"{path}: its name is not that of the runs in it: a copy? It is removed by: {_remove(path)}")
@@ -119,7 +119,7 @@ def _check_runs(folder: Path, part: str, runs: pl.DataFrame, plan: Plan, seen: d
 
 
 def _is_coverage(text: str) -> bool:
-    """Whether a text is what a run writes into its column ``coverage``: voter states by signal, counted."""
+    """Return True if a text is the ``coverage`` of a run: voter states by signal, counted."""
     try:
         found = json.loads(text)
     except (ValueError, RecursionError):
@@ -129,7 +129,7 @@ def _is_coverage(text: str) -> bool:
 
 
 def _check_rows(folder: Path, name: str, part: str, runs: pl.DataFrame, rows: pl.DataFrame) -> None:
-    """BadInput unless a table has as many rows of every run as ``runs`` says."""
+    """Raise BadInput unless a table has as many rows of every run as ``runs`` says."""
     numbers: NDArray[Any] = np.sort(rows["run"].to_numpy())
     if name in _COUNTS:
         counted = runs.select("run", count=pl.sum_horizontal(_COUNTS[name])).sort("run")
@@ -148,7 +148,7 @@ def _check_rows(folder: Path, name: str, part: str, runs: pl.DataFrame, rows: pl
 
 
 def _again(folder: Path, path: Path, part: str, what: str) -> BadInput:
-    """The refusal of a part whose runs are to be flown again."""
+    """Return the refusal of a part whose runs are to be flown again."""
     runs = folder / "runs" / f"{part}.parquet"
     remove = _remove(runs, *([path] if path.is_dir() and path != runs else []))
     out = shlex.quote(str(folder))
@@ -156,6 +156,6 @@ def _again(folder: Path, path: Path, part: str, what: str) -> BadInput:
 
 
 def _remove(*paths: Path) -> str:
-    """The command that removes files, or folders that have their place."""
+    """Return the command that removes files, or folders that have their place."""
     option = "-r " if any(path.is_dir() for path in paths) else ""
     return f"rm {option}{shlex.join(map(str, paths))}"

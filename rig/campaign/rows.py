@@ -19,7 +19,7 @@ from rig.record.time_bins import binned
 from rig.scenario import Scenario
 
 if TYPE_CHECKING:
-    from rig.campaign.flying import Flown
+    from rig.campaign.flying import CampaignFlight
 
 Row = dict[str, Any]
 Rows = dict[str, list[Row]]  # by table
@@ -43,7 +43,7 @@ SIZES: Final = {
 }
 
 
-def run_row(number: int, flown: Flown, scored: Score) -> Row:
+def run_row(number: int, flown: CampaignFlight, scored: Score) -> Row:
     """The row of table ``runs``."""
     scenario, verdict = flown.scenario, flown.verdict
     outcomes, transients = [fault.outcome for fault in scored.faults], scored.flight.transients

@@ -50,7 +50,7 @@ def beside(scenario: Scenario) -> Beside:
 
 
 def _kept(rows: Block, s: int, trials: Trials) -> bool:
-    """Whether a flight kept its vote on signal ``s``, by what counts in a trial."""
+    """Return True if a flight kept its vote on signal ``s``, by what counts in a trial."""
     rows = rows[int(trials.counted_from[0]) :]
     error = difference(rows["voted"][:, s], rows["truth"][:, s], SIGNALS[s].wraps)
     off = ~(np.abs(error) <= trials.threshold)
@@ -58,7 +58,7 @@ def _kept(rows: Block, s: int, trials: Trials) -> bool:
 
 
 def _as_flown(made: Cell, recording: Recording) -> Trials:
-    """The one trial with the draws of the flight."""
+    """Return the one trial with the draws of the flight."""
     scenario, s, frames = made.scenario, made.one.signal, len(recording.truth)
     block = new_block(frames)
     sensors = Sensors(scenario.sensors, scenario.rate_hz, scenario.streams()["sensors"])

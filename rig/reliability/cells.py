@@ -77,7 +77,7 @@ def of_tables(tables: dict[str, pl.DataFrame], source: str) -> Cells:
 
 
 def _trials(runs: pl.DataFrame, faults: pl.DataFrame, source: str) -> pl.DataFrame:
-    """A row for each run whose tested fault began on a channel in use."""
+    """Return a row for each run whose tested fault began on a channel in use."""
     runs = runs.select("run", "condition", "survived", design=pl.col("design").str.split(" ").list.first())
     unknown = sorted(set(runs["design"].unique().to_list()) - set(DESIGNS))
     if unknown:
@@ -105,7 +105,7 @@ def _trials(runs: pl.DataFrame, faults: pl.DataFrame, source: str) -> pl.DataFra
 
 
 def _with_planned(counts: pl.DataFrame, runs: pl.DataFrame, faults: pl.DataFrame) -> pl.DataFrame:
-    """The counts, and rows of no trial for what was planned and never came to be: earlier faults had ended it."""
+    """Add rows of no trial for what was planned and never came to be: earlier faults had ended it."""
     tested = faults.filter(pl.col("id") == TESTED).select("run", "signal", "kind").unique()
     design = pl.col("design").str
     good = design.extract(r"^\w+ (\d)").cast(pl.Int64)
@@ -117,13 +117,13 @@ def _with_planned(counts: pl.DataFrame, runs: pl.DataFrame, faults: pl.DataFrame
 
 
 def _settled() -> pl.Expr:
-    """From the onset to the failure of the last of a fault's channels; null when one was not failed."""
+    """Return the time from the onset to the failure of the last of a fault's channels; null when one was not failed."""
     delay = pl.col("delay_from_onset_s")
     return pl.when(delay.is_null().any()).then(None).otherwise(delay.max())
 
 
 def counted(trials: pl.DataFrame) -> pl.DataFrame:
-    """COUNTS of trials: CELL, ``lost`` and ``off`` (bool), ``survived`` (bool or null), ``settle`` (s or null)."""
+    """Count trials: CELL, ``lost`` and ``off`` (bool), ``survived`` (bool or null), ``settle`` (s or null)."""
     lost, bad = pl.col("lost"), ~pl.col("lost") & pl.col("off")
     crashed = ~pl.col("survived")
     flown = pl.col("survived").is_not_null().any()
@@ -141,7 +141,7 @@ def counted(trials: pl.DataFrame) -> pl.DataFrame:
 
 
 def _false_isolations(signals: pl.DataFrame) -> pl.DataFrame:
-    """FALSE_ISOLATIONS of a campaign's table ``signals``; sums in the order of the runs."""
+    """Build FALSE_ISOLATIONS of a campaign's table ``signals``; sums in the order of the runs."""
     levels = range(CHANNELS, 0, -1)
     hours, events = (list(by_level(name, levels)) for name in ("channel_hours", "false_isolations"))
     parts = [

@@ -23,7 +23,7 @@ SPARSE: Final = 64  # states from which a chain is taken to have few transitions
 
 
 def probabilities(rates: Floats, start: int, hours: float) -> Floats:
-    """Probability (..., n) of every state ``hours`` after the chain was in state ``start``.
+    """Return the probability (..., n) of every state ``hours`` after the chain was in state ``start``.
 
     rates : (..., n, n) per hour from the row's to the column's state, none negative, diagonal zero
     Relative error of each about 1e-14, down to the smallest number that a double holds.
@@ -32,7 +32,7 @@ def probabilities(rates: Floats, start: int, hours: float) -> Floats:
 
 
 def transitions(rates: Floats, hours: float, rows: Sequence[int] | None = None) -> Floats:
-    """Probability (..., k, n) of every state ``hours`` after each of ``rows``, after each of all when not given.
+    """Return the probability (..., k, n) of every state ``hours`` after each of ``rows``, or after each of all.
 
     rates : as above
     """
@@ -53,7 +53,7 @@ def transitions(rates: Floats, hours: float, rows: Sequence[int] | None = None) 
 
 
 def _series(jumps: Floats, leaving: Floats, rows: NDArray[np.int64]) -> Floats:
-    """The transitions (..., k, n) from ``rows`` in a step in which a state is left LEFT times on the average at most.
+    """Return the transitions (..., k, n) from ``rows`` in a step in which a state is left LEFT times or less.
 
     exp(Q h) = exp(-L) exp(Q h + L I), with L the largest of ``leaving`` (..., n): the first factor is the same for all
     of a row, whose sum is one.
@@ -78,5 +78,5 @@ def _sparse(matrix: Floats) -> Any:
 
 
 def _distributions(matrix: Floats) -> Floats:
-    """Rows divided by their sums."""
+    """Divide rows by their sums."""
     return matrix / matrix.sum(axis=-1, keepdims=True)

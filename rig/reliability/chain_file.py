@@ -68,7 +68,7 @@ class ChainResult(NamedTuple):
 
     @property
     def of_death(self) -> float:
-        """Probability of all death states together."""
+        """Return the probability of all death states together."""
         return float(sum(sorted(self.probability[name] for name in self.death)))
 
 
@@ -77,7 +77,7 @@ def _names(transitions: list[Transition]) -> list[str]:
 
 
 def solve_file(path: Path) -> ChainResult:
-    """The probabilities of the chain in ``path``; BadInput names the file and the key that is wrong."""
+    """Return the probabilities of the chain in ``path``; BadInput names the file and the key that is wrong."""
     given = build(ChainFile, read_toml(path), str(path))
     names = _names(given.transitions)
     found = probabilities(_rates(given, names), names.index(given.start), given.hours)
@@ -87,7 +87,7 @@ def solve_file(path: Path) -> ChainResult:
 
 
 def _rates(given: ChainFile, names: list[str]) -> Floats:
-    """The transitions as a matrix (n, n), per hour."""
+    """Return the transitions as a matrix (n, n), per hour."""
     place = {name: i for i, name in enumerate(names)}
     rates = np.zeros((len(names), len(names)))
     for one in given.transitions:

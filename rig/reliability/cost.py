@@ -23,7 +23,7 @@ class Cost(NamedTuple):
     flight_s: float
 
     def of(self, trials: int, open_loop: bool) -> float:
-        """Seconds of so many trials of one kind."""
+        """Return the seconds of so many trials of one kind."""
         return trials * (self.trial_s if open_loop else self.flight_s)
 
 

@@ -67,7 +67,7 @@ class Margin:
 
     @property
     def few(self) -> str | None:
-        """Why this is no estimate, if it is none."""
+        """Return why this is no estimate, if it is none."""
         short = [(level, count) for level, count in enumerate(self.sets, 1) if count < LEAST_SETS]
         if short:
             level, count = short[0]
@@ -88,7 +88,7 @@ class Repetition(NamedTuple):
 
 
 def margin(bench: Bench, seed: int = 0, effort: Effort | None = None) -> Margin:
-    """False isolations of one channel an hour.  BadInput: too few sets of errors carry the estimate."""
+    """Estimate false isolations of one channel an hour.  BadInput: too few sets of errors carry the estimate."""
     found = estimate(bench, seed, effort)
     if found.few is not None:
         raise BadInput(f"{bench.signal}: threshold {bench.threshold:g}: {found.few}: no estimate; raise --flights")
@@ -96,7 +96,7 @@ def margin(bench: Bench, seed: int = 0, effort: Effort | None = None) -> Margin:
 
 
 def estimate(bench: Bench, seed: int = 0, effort: Effort | None = None) -> Margin:
-    """What ``margin`` gives, degenerate or not."""
+    """Estimate as ``margin`` does, degenerate or not."""
     highest, spent = bound(bench, seed), effort or Effort()
     if highest < FLOOR:
         return Margin(bench.threshold, None, None, highest, 0.0, [], 0.0, 0, 0)
@@ -126,13 +126,13 @@ def _mean(found: Sequence[Repetition]) -> float:
 
 
 def _half_width(found: Sequence[Repetition]) -> float:
-    """Of the 95 % interval: t over independent repetitions."""
+    """Return half the width of the 95 % interval: t over independent repetitions."""
     spread = float(np.std([one.per_hour for one in found], ddof=1))
     return float(stdtrit(len(found) - 1, 0.975)) * spread / sqrt(len(found))
 
 
 def repetition(bench: Bench, seeds: SeedSequence, effort: Effort) -> Repetition:
-    """One estimate from seeds of its own."""
+    """Make one estimate from seeds of its own."""
     errors_from, flux_from, levels_from = (Generator(SFC64(child)) for child in seeds.spawn(3))
     given = bench.arrangements()
     errors, weights = drawn_errors(given, effort.flights, errors_from, effort.kappas)
@@ -153,17 +153,17 @@ def repetition(bench: Bench, seeds: SeedSequence, effort: Effort) -> Repetition:
 
 
 def _different(flights: NDArray[np.int64], errors: bool) -> int:
-    """How many flights have reached a level; where no errors last a flight, how many times it was reached."""
+    """Count flights that have reached a level; where no errors last a flight, how many times it was reached."""
     return len(np.unique(flights)) if errors else len(flights)
 
 
 def effective(parts: Floats) -> float:
-    """How many parts of a sum there are, if each had the same share of it (Kish's effective size)."""
+    """Return the number of equal parts with the same spread (Kish's effective size)."""
     return float(parts.sum() ** 2 / (parts**2).sum()) if parts.any() else 0.0
 
 
 def excursions_begun(bench: Bench, held: Held, windows: Windows, rng: Generator) -> tuple[Particles, int]:
-    """The states in which excursions begin, of as many windows as they have places for; their number."""
+    """Return the states in which excursions begin, of as many windows as they have places for; their number."""
     work, out, n, j = bench.particles(1), bench.particles(_PLACES), 0, 0
     noise = np.empty((_ROWS, 1, CHANNELS), np.float32)
     while j < len(windows.first) and n + COUNTED <= _PLACES:
@@ -175,7 +175,7 @@ def excursions_begun(bench: Bench, held: Held, windows: Windows, rng: Generator)
 def next_level(
     held: Held, begun: Particles, carried: Floats, goal: int, count: int, rng: Generator
 ) -> tuple[Particles, Floats, int]:
-    """The states in which ``goal`` is reached, what each carries, and how many excursions were cut off."""
+    """Return the states in which ``goal`` is reached, what each carries, and how many excursions were cut off."""
     if len(carried) == 0:
         return begun, carried, 0
     drawn = rng.integers(0, len(carried), count)
@@ -190,7 +190,7 @@ def next_level(
 
 
 def bound(bench: Bench, seed: int) -> float:
-    """False isolations of a channel an hour, at most, by flights whose errors are all at an end of their tolerances.
+    """Bound false isolations of a channel an hour by flights whose errors are all at an end of their tolerances.
 
     With p the chance that somebody disagrees in a frame, at the worst ends and place of the recording, a failure takes
     ``persistence`` such frames in a row, of ``singular_persistence`` in a pattern without a majority.  p is the upper

@@ -24,7 +24,7 @@ def run(
     seed: int,
     effort: Effort,
 ) -> tuple[list[Margin], Margin | None]:
-    """The margins at ``thresholds``, the scenario's own when not given, and the one that meets ``target``.
+    """Return the margins at ``thresholds``, the scenario's own when not given, and the one that meets ``target``.
 
     The truth is that of the healthy flight of the scenario as it is, with the overrides ``sets``.
     BadInput: signal, scenario, a setting, a degenerate estimate, a target that nothing meets.

@@ -22,12 +22,12 @@ Benches = Callable[[float], Bench]  # by threshold
 
 
 def shown(found: Margin) -> float:
-    """What is shown of a flight hour of a channel: the upper end of the rate, and failures in the first frames."""
+    """Return what is shown of a channel's flight hour: the upper end of the rate, and failures in the first frames."""
     return found.high + found.at_start
 
 
 def threshold_for(benches: Benches, begin: float, target: float, seed: int, effort: Effort) -> Margin:
-    """The margin at the lowest threshold that was found to meet ``target``, per hour of one channel.
+    """Return the margin at the lowest threshold that was found to meet ``target``, per hour of one channel.
 
     A degenerate estimate tells where to look, and shows nothing.
     begin : threshold with which to begin
@@ -47,7 +47,7 @@ def threshold_for(benches: Benches, begin: float, target: float, seed: int, effo
 def _bracket(
     benches: Benches, begin: float, target: float, seed: int, effort: Effort
 ) -> tuple[Margin, Margin, list[Margin]]:
-    """A threshold that meets the target, the next lower one that does not, and all that were tried."""
+    """Return a threshold that meets the target, the next lower one that does not, and all that were tried."""
     tried = [estimate(benches(begin), seed, effort)]
     up = shown(tried[0]) > target or tried[0].few is not None
     for _ in range(MOST_STEPS):
@@ -63,7 +63,7 @@ def _bracket(
 
 
 def _between(missed: Margin, met: Margin, target: float) -> float:
-    """A threshold between, by the logarithms of what they show, not too close to either."""
+    """Return a threshold between, by the logarithms of what they show, not too close to either."""
     high, low = (log(max(shown(one), _LEAST)) for one in (missed, met))
     share = (high - log(AIM * target)) / (high - low) if high > low else 0.5
     share = min(max(share, 0.1), 0.9)

@@ -34,7 +34,7 @@ class Given:
     settle_h: float
 
     def of(self, design: str, good: int) -> Floats:
-        """A cell's draws; of two faults that were not flown all are bad votes, shared out as others are."""
+        """Return a cell's draws; of two faults that were not flown all are bad votes, shared out as others are."""
         if (design, good) in self.outcomes:
             return self.outcomes[design, good]
         single = self.outcomes["single", good]
@@ -44,19 +44,19 @@ class Given:
 
 
 def split(outcome: Floats, loss: int) -> Floats:
-    """Shares (draws, 2) of a loss, KNOWN or BAD, that the aircraft survives and that it does not."""
+    """Return the shares (draws, 2) of a loss, KNOWN or BAD, that the aircraft survives and that it does not."""
     both = outcome[:, loss] + outcome[:, loss + 1]
     lost = np.divide(outcome[:, loss + 1], both, out=np.ones_like(both), where=both > 0.0)
     return np.stack([1.0 - lost, lost], axis=-1)
 
 
 def states(n: int) -> dict[tuple[int, bool], int]:
-    """The places of the states (faulty channels, announced); the four losses come behind them."""
+    """Return the places of the states (faulty channels, announced); the four losses come behind them."""
     return {pair: i for i, pair in enumerate((k, told) for k in range(n) for told in (False, True) if k or not told)}
 
 
 def rates(n: int, per_hour: float, beta: float, given: Given) -> Floats:
-    """Rates (draws, m, m) per hour of a signal with ``n`` channels, each failing ``per_hour`` times an hour."""
+    """Build the rates (draws, m, m) per hour of a signal with ``n`` channels, each failing ``per_hour``."""
     place = states(n)
     size = len(place) + len(LOSSES)
     found = np.zeros((len(given.outcomes["single", 1]), size, size))
@@ -74,7 +74,7 @@ def rates(n: int, per_hour: float, beta: float, given: Given) -> Floats:
 
 
 def next_fault(given: Given, good: int, per_hour: float) -> Floats:
-    """Outcomes (draws, OUTCOMES) of the next fault, settled or overtaken by another one within the settling time."""
+    """Return outcomes (draws, OUTCOMES) of the next fault, settled or overtaken by another one before that."""
     single = given.of("single", good)
     second = (good - 1) * per_hour * given.settle_h
     overtaken = second / (1.0 + second)
@@ -106,7 +106,7 @@ def _after(
 
 
 def one_flight(chain: Floats, n: int, hours: float) -> tuple[Floats, Floats]:
-    """What a flight leads to from each state that nobody knows of: such a state (draws, k, k), each loss (draws, k, 4).
+    """Return the outcome of a flight from each latent state: a latent state (draws, k, k), each loss (draws, k, 4).
 
     What was announced or lost is repaired after the flight, so that the next one begins without a fault.
     """
@@ -120,7 +120,7 @@ def one_flight(chain: Floats, n: int, hours: float) -> tuple[Floats, Floats]:
 
 
 def after_flights(flight: tuple[Floats, Floats], hours: float, flights: int) -> Floats:
-    """Probability (draws, 4) of each loss per flight hour, on the average of ``flights`` between two full checks.
+    """Return the probability (draws, 4) of each loss per flight hour, the mean of ``flights`` between two full checks.
 
     flight : of ``one_flight``; what was tolerated without a word is found by the check alone
     """
@@ -135,5 +135,5 @@ def after_flights(flight: tuple[Floats, Floats], hours: float, flights: int) -> 
 
 
 def perfect(n: int, per_hour: float, hours: float) -> float:
-    """Probability per flight hour when every fault but the last is kept: all channels fail in one flight."""
+    """Return the probability per flight hour when every fault but the last is kept: all channels fail in one flight."""
     return float((-np.expm1(-per_hour * hours)) ** n / hours)

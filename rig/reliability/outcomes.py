@@ -38,7 +38,7 @@ class Outcomes:
 
 
 def outcomes(counts: pl.DataFrame, kinds: Mapping[str, float], source: str, rng: Generator, draws: int) -> Outcomes:
-    """Draws of every cell in ``counts``, a table of cells of one signal (docs/reliability.md).
+    """Draw the outcomes of every cell in ``counts``, a table of cells of one signal (docs/reliability.md).
 
     kinds : share of each kind of fault; a cell of single faults must have them all, else BadInput names it
     """
@@ -60,7 +60,7 @@ def outcomes(counts: pl.DataFrame, kinds: Mapping[str, float], source: str, rng:
 
 
 def _shares(cell: pl.DataFrame, kinds: Mapping[str, float], place: Cell, source: str) -> dict[str, float]:
-    """The shares of the kinds of a cell; pairs of faults are flown of some kinds only."""
+    """Return the shares of the kinds of a cell; pairs of faults are flown of some kinds only."""
     flown = set(cell["kind"])  # or planned: what never came to be is a bad vote
     absent = sorted(set(kinds) - flown)
     if place[0] == "single" and absent:
@@ -77,7 +77,7 @@ def _shares(cell: pl.DataFrame, kinds: Mapping[str, float], place: Cell, source:
 def _cell(
     cell: pl.DataFrame, shares: Mapping[str, float], lost: tuple[Floats, Floats], rng: Generator, draws: int
 ) -> Floats:
-    """Draws (draws, OUTCOMES) of one cell, its conditions taken together."""
+    """Draw (draws, OUTCOMES) of one cell, its conditions taken together."""
     prior = 0.25 / len(shares)
     found = np.zeros((draws, OUTCOMES))
     for kind, share in shares.items():
@@ -95,7 +95,7 @@ def _cell(
 
 
 def _lost_share(counts: pl.DataFrame, rng: Generator, draws: int) -> tuple[Floats, Floats]:
-    """Draws (draws,) of the share of known losses, and of bad votes, in which the aircraft was lost, of all cells."""
+    """Draw the share (draws,) of known losses, and of bad votes, in which the aircraft was lost, of all cells."""
     shares = []
     for column, outcome in zip(WHERE_FLOWN, ("known_loss", "bad_vote"), strict=True):
         flown = counts.filter(pl.col(column).is_not_null())

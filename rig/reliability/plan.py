@@ -23,7 +23,7 @@ class Needed(NamedTuple):
 
 
 def needed(target_per_hour: float, per_hour: float, channels: int = 4, hours: float = 1.0) -> list[Needed]:
-    """The cells of a chain of ``channels``, the first fault first.
+    """Return the cells of a chain of ``channels``, the first fault first.
 
     In a flight of T hours k + 1 of n channels fail with a chance of C(n, k + 1) (lambda T)^(k + 1); the last of them
     takes the signal with it when it is not kept.

@@ -14,7 +14,7 @@ COLOURS: Final = ("#2166ac", "#b2182b", "#4d9221", "#8073ac", "#e08214", "#35978
 
 
 def picture(found: Sequence[Result], what: str, per_hour: float, beta: float) -> go.Figure:
-    """One figure: a line a manager at one rate, perfect isolation dashed, the requirements across."""
+    """Draw one figure: a line a manager at one rate, perfect isolation dashed, the requirements across."""
     chosen = [one for one in found if (one.case.per_hour, one.case.beta) == (per_hour, beta)]
     chosen = [one for one in chosen if one.case.flights_between_checks == 1 and what in one.estimates]
     figure = go.Figure()
@@ -35,7 +35,7 @@ def picture(found: Sequence[Result], what: str, per_hour: float, beta: float) ->
 
 
 def _line(figure: go.Figure, points: Sequence[Result], what: str, name: str, colour: str) -> None:
-    """A manager's medians with their intervals; a point without a lower end is an open triangle."""
+    """Return a manager's medians with their intervals; a point without a lower end is an open triangle."""
     points = sorted(points, key=lambda one: one.case.channels)
     values = [one.estimates[what] for one in points]
     below = [value.median - (value.low if value.low is not None else value.median * 1e-3) for value in values]

@@ -106,7 +106,7 @@ class Rates(Settings):
         return signals
 
     def of(self, signal: str | None, source: str) -> tuple[str, SignalRates]:
-        """A signal of the file, its only one when none is named; BadInput names the file."""
+        """Return a signal of the file, its only one when none is named; BadInput names the file."""
         if signal is None and len(self.signals) == 1:
             return next(iter(self.signals.items()))
         if signal not in self.signals:
@@ -116,7 +116,7 @@ class Rates(Settings):
 
 
 def read_rates(path: Path) -> Rates:
-    """The rates in a TOML file; BadInput names the file and the key that is wrong."""
+    """Return the rates in a TOML file; BadInput names the file and the key that is wrong."""
     data: dict[str, Any] = dict(read_toml(path))
     layers = data.pop("layers", [])
     if not data:

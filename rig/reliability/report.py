@@ -32,7 +32,7 @@ def write_report(found: Sequence[Result], assumptions: Sequence[str], path: Path
 
 
 def _pictures(found: Sequence[Result]) -> dict[str, go.Figure]:
-    """Every picture: an outcome at one rate and share of common mode."""
+    """Draw every picture: an outcome at one rate and share of common mode."""
     sweep = dict.fromkeys((one.case.per_hour, one.case.beta) for one in found)
     shown = [what for what in WHAT if any(what in one.estimates for one in found)]
     figures = (picture(found, what, *pair) for pair in sweep for what in shown)

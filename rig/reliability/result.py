@@ -70,14 +70,14 @@ class Result:
     unreached: tuple[str, ...]  # cells in which a kind of fault never came to be, and counts as a bad vote
 
     def as_dict(self) -> dict[str, Any]:
-        """As plain data."""
+        """Return plain data."""
         return {**asdict(self), "case": self.case._asdict()}
 
 
 def results(
     found: Cells, signal: str, given: SignalRates, cases: Iterable[Case], layers: Sequence[Layer] = ()
 ) -> list[Result]:
-    """One manager in all ``cases``.  BadInput names a kind of fault that was not flown."""
+    """Compute one manager in all ``cases``.  BadInput names a kind of fault that was not flown."""
     counts = found.counts.filter(pl.col("signal") == signal).sort("design", "good_before", "kind", "condition")
     rng = np.random.default_rng(SEED)
     drawn = outcomes(counts, given.kinds, found.manager, rng, DRAWS)
@@ -94,13 +94,13 @@ def results(
 
 
 def cases(given: SignalRates, channels: Iterable[int], hours: float, checks: int) -> list[Case]:
-    """All numbers of channels, rates and shares of common mode, checked after each flight and after ``checks``."""
+    """Return all channels, rates and shares of common mode, checked after each flight and after ``checks``."""
     sweep = product(channels, given.per_hour, given.beta, sorted({1, checks}))
     return [Case(n, rate, beta, hours, flights) for n, rate, beta, flights in sweep]
 
 
 def false_isolations(table: pl.DataFrame, rng: np.random.Generator) -> dict[int, Floats]:
-    """Draws (DRAWS,) of false isolations per channel hour, by level: Gamma(events + 1/2, hours); none without hours."""
+    """Draw (DRAWS,) false isolations per channel hour, by level: Gamma(events + 1/2, hours); none without hours."""
     found: dict[int, Floats] = {}
     for level in (4, 3, 2, 1):
         here = table.filter(pl.col("level") == level)
@@ -110,7 +110,7 @@ def false_isolations(table: pl.DataFrame, rng: np.random.Generator) -> dict[int,
 
 
 def settle_s(counts: pl.DataFrame) -> float:
-    """Mean time from onset to settled, of all cells by their trials."""
+    """Return the mean time from onset to settled, of all cells by their trials."""
     known = counts.filter(pl.col("settle_s_mean").is_not_null() & (pl.col("design") == "single"))
     if known.is_empty():
         return SETTLE_S
@@ -142,14 +142,14 @@ def _result(
 
 
 def losses(given: Given, cases: Sequence[Case]) -> list[Floats]:
-    """Probability (draws, 4) per flight hour of model.LOSSES; ``cases`` differ in flights between checks only."""
+    """Return the probability (draws, 4) per flight hour of model.LOSSES; ``cases`` differ in checks only."""
     n, per_hour, beta, hours, _ = cases[0]
     flight = one_flight(rates(n, per_hour, beta, given), n, hours)
     return [after_flights(flight, hours, case.flights_between_checks) for case in cases]
 
 
 def _mean(given: Given) -> Given:
-    """The same with one draw, the mean of all."""
+    """Return the same with one draw, the mean of all."""
     return replace(
         given,
         outcomes={cell: u.mean(axis=0, keepdims=True) for cell, u in given.outcomes.items()},
@@ -163,13 +163,13 @@ def _estimate(values: Floats, unseen: float) -> Estimate:
 
 
 def _contributions(mean: Given, drawn: Outcomes, cases: Sequence[Case]) -> list[tuple[Contribution, ...]]:
-    """Of each case: set each cell's losses to nothing in turn, at the means.  ``cases`` as of ``losses``."""
+    """Return each cell's share of the losses of each case, at the means.  ``cases`` as of ``losses``."""
     flown = sorted(cell for cell in mean.outcomes if cell[1] <= cases[0].channels)
     return [_ranked(lost.sum(axis=1), flown, drawn) for lost in losses(_without_each(mean, flown), cases)]
 
 
 def _without_each(mean: Given, flown: Sequence[Cell]) -> Given:
-    """As many draws: all as it is, without the losses of each cell, without false isolations."""
+    """Return as many draws: all as it is, without the losses of each cell, without false isolations."""
     draws = len(flown) + 2
     outcomes = {cell: np.repeat(u, draws, axis=0) for cell, u in mean.outcomes.items()}
     for i, cell in enumerate(flown, 1):
@@ -181,7 +181,7 @@ def _without_each(mean: Given, flown: Sequence[Cell]) -> Given:
 
 
 def _ranked(lost: Floats, flown: Sequence[Cell], drawn: Outcomes) -> tuple[Contribution, ...]:
-    """What each draw of ``_without_each`` lacks of the first one, the largest first."""
+    """Return what each draw of ``_without_each`` lacks of the first one, the largest first."""
     whole = lost[0]
     missing = (whole - lost[1:]) / whole if whole > 0.0 else np.zeros(len(lost) - 1)
     found = [
@@ -195,7 +195,7 @@ def _ranked(lost: Floats, flown: Sequence[Cell], drawn: Outcomes) -> tuple[Contr
 
 
 def in_series(layer: Layer, hours: float) -> float:
-    """Probability per flight hour that a layer is lost: a fault not covered, or all of its channels."""
+    """Return the probability per flight hour that a layer is lost: a fault not covered, or all of its channels."""
     uncovered = {
         ("single", layer.channels - k): np.array([[1.0 - u, 0.0, 0.0, 0.0, u]]) for k, u in enumerate(layer.not_covered)
     }

@@ -16,7 +16,7 @@ from rig.reliability.result import Result, cases, results
 def run(
     folders: Sequence[Path], rates: Rates, name: str, channels: Sequence[int], hours: float, checks: int
 ) -> list[Result]:
-    """The results of every manager in ``folders``, campaigns or trials, for the signal ``name``.
+    """Return the results of every manager in ``folders``, campaigns or trials, for the signal ``name``.
 
     Folders of the same manager are added up.  BadInput names the folder, the signal or the cell that is missing.
     """
@@ -31,7 +31,7 @@ def run(
 
 
 def by_manager(folders: Sequence[Path]) -> dict[str, list[Cells]]:
-    """The counts of all folders, by manager in the order in which they were given."""
+    """Return the counts of all folders, by manager in the order in which they were given."""
     found: dict[str, list[Cells]] = {}
     for folder in folders:
         one = cells(folder)
@@ -40,7 +40,7 @@ def by_manager(folders: Sequence[Path]) -> dict[str, list[Cells]]:
 
 
 def together(manager: str, parts: Sequence[Cells]) -> Cells:
-    """The counts of several folders of one manager, one below the other."""
+    """Return the counts of several folders of one manager, one below the other."""
     counts = pl.concat([one.counts for one in parts], how="diagonal_relaxed")
     return Cells(manager, counts, pl.concat([one.false_isolations for one in parts], how="diagonal_relaxed"))
 
@@ -63,7 +63,7 @@ def require(found: Cells, signal: str, channels: int, given: SignalRates, source
 
 
 def assumptions(rates: Rates, name: str, found: Sequence[Result]) -> list[str]:
-    """For what the numbers hold, one line each."""
+    """Return the conditions under which the numbers hold, one line each."""
     given = rates.signals[name]
     rate = " or ".join(f"{rate:g}" for rate in given.per_hour)
     beta = " or ".join(f"{100 * beta:g} %" for beta in given.beta)

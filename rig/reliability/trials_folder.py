@@ -54,7 +54,7 @@ def fly_trials(
 
 
 def _tallies(plan: Plan, units: Sequence[Unit], workers: int) -> Iterator[Tally]:
-    """The units' tallies in their order, by ``workers`` processes or, for one, by this; Ctrl-C leaves the rest."""
+    """Yield the units' tallies in their order, by ``workers`` processes or, for one, by this; Ctrl-C ends it."""
     if workers == 1:
         yield from map(Flight(plan), units)
         return
@@ -88,13 +88,13 @@ def _identity(plan: Plan, seed: int) -> dict[str, Any]:
 
 
 def _new(out: Path) -> None:
-    """BadInput unless a folder can be made at ``out``: nothing there, or an empty folder."""
+    """Raise BadInput unless a folder can be made at ``out``: nothing there, or an empty folder."""
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise BadInput(f"--out {out}: is there already, and not empty")
 
 
 def _write(out: Path, found: Cells, about: dict[str, Any]) -> None:
-    """Tables first, ``trials.json`` last."""
+    """Write tables first, ``trials.json`` last."""
     try:
         out.mkdir(parents=True, exist_ok=True)
         for name, table in zip(_TABLES, (found.counts, found.false_isolations), strict=True):
@@ -109,7 +109,7 @@ def _write(out: Path, found: Cells, about: dict[str, Any]) -> None:
 
 
 def read_trials(folder: Path) -> Cells:
-    """The cells of a folder of trials.  BadInput names the file that is damaged or missing."""
+    """Return the cells of a folder of trials.  BadInput names the file that is damaged or missing."""
     try:
         about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:

@@ -16,14 +16,14 @@ MOST = 3  # parts of what decides one
 
 
 def interval(found: Estimate) -> str:
-    """A probability with its interval, or its upper end where the data give no lower one."""
+    """Return a probability with its interval, or its upper end where the data give no lower one."""
     if found.low is None:
         return f"< {found.high:.2e}"
     return f"{found.median:.2e} ({found.low:.2e} to {found.high:.2e})"
 
 
 def decided_by(one: Result) -> str:
-    """What makes a result, the largest first, and what would make its interval narrower."""
+    """Return what makes a result, the largest first, and what would make its interval narrower."""
     parts = [_part(share) for share in one.contributions if share.share >= WORTH_SAYING]
     return "; ".join(parts[:MOST]) if parts else "all channels failing"
 

@@ -105,7 +105,7 @@ class Study:
     with_truth_pitch: float
 
     def as_dict(self) -> dict[str, float | bool | list[float]]:
-        """The comparison as plain data, as ``rig study ding2015 --json`` prints it."""
+        """Return the comparison as plain data, as ``rig study ding2015 --json`` prints it."""
         d = self.design
         return {
             "k2_max_error": _worst(d.k2, K2),
@@ -127,19 +127,19 @@ def _worst(ours: Matrix, printed: Matrix) -> float:
 
 
 def stacked(effectiveness: float, a: Matrix = A, c: Matrix = C) -> Matrix:
-    """Atilde(F), (8, 8)."""
+    """Return Atilde(F), (8, 8)."""
     f, hc = effectiveness, H @ c
     return np.block([[a - (1.0 - f) * hc, f * hc], [(1.0 - f) * hc, a - f * hc]])
 
 
 def regulator(a: Matrix, b: Matrix) -> Matrix:
-    """K = R^-1 B' P of the Riccati equation; scipy's LinAlgError when it has no stabilising solution."""
+    """Return K = R^-1 B' P of the Riccati equation; scipy's LinAlgError when it has no stabilising solution."""
     p = solve_continuous_are(a, b, Q * np.eye(len(a)), R * np.eye(b.shape[1]))
     return b.T @ p / R
 
 
 def design() -> Design:
-    """The gains by our own code, and why the others cannot be had."""
+    """Compute the gains by our own code, and why the others cannot be had."""
     bbar = np.vstack([B, np.zeros_like(B)])
     return Design(
         stacked=stacked(EFFECTIVENESS),
@@ -152,26 +152,26 @@ def design() -> Design:
 
 
 def _stabilisable(a: Matrix, b: Matrix) -> bool:
-    """Hautus' test: [a - s, b] has full rank at every eigenvalue s of ``a`` that does not decay."""
+    """Apply Hautus' test: [a - s, b] has full rank at every eigenvalue s of ``a`` that does not decay."""
     scaled, unit = b / np.linalg.norm(b, axis=0), np.eye(len(a))
     lasting = [s for s in np.linalg.eigvals(a) if s.real > -1e-6]
     return all(np.linalg.matrix_rank(np.hstack([a - s * unit, scaled]), tol=1e-6) == len(a) for s in lasting)
 
 
 def _observes_speed() -> bool:
-    """Whether the speed, the first state, shows in the pitch angle or in any of its derivatives."""
+    """Return True if the speed, the first state, shows in the pitch angle or in any of its derivatives."""
     rows = [C @ np.linalg.matrix_power(A, i) for i in range(_N)]
     return bool(np.vstack(rows)[:, 0].any())
 
 
 def reference() -> tuple[Matrix, Matrix]:
-    """(x_r, u_r) at rest with theta = 1 and v = 0: A x_r + B u_r = 0, as the paper's tracking error requires."""
+    """Return (x_r, u_r) at rest with theta = 1 and v = 0: A x_r + B u_r = 0, as the paper's tracking error requires."""
     solved = np.linalg.solve(np.column_stack([A[:3, 1], B[:3]]), -A[:3, 3])
     return np.array([0.0, solved[0], 0.0, 1.0]), solved[1:]
 
 
 def _march(before: Matrix, after: Matrix, start: Matrix, duration_s: float) -> tuple[Matrix, Matrix]:
-    """Times (n,) and states (n, m) of z' = before z until the fault, z' = after z from it on; exact."""
+    """Return times (n,) and states (n, m) of z' = before z until the fault, z' = after z from it on; exact."""
     time = np.arange(round(duration_s / STEP_S) + 1, dtype=np.float64) * STEP_S
     states, steps = np.tile(start, (len(time), 1)), (expm(before * STEP_S), expm(after * STEP_S))
     for k in range(len(time) - 1):
@@ -180,7 +180,7 @@ def _march(before: Matrix, after: Matrix, start: Matrix, duration_s: float) -> t
 
 
 def error_system(design: Design, a: float = 1.0, b: float = 1.0, c: float = 1.0) -> Run:
-    """The paper's simulation: (e, x2)' = (Atilde - Bbar K)(e, x2) from e = (0, 0, 0, -1), x2 = 0; K1, then K2.
+    """Run the paper's simulation: (e, x2)' = (Atilde - Bbar K)(e, x2) from e = (0, 0, 0, -1), x2 = 0; K1, then K2.
 
     a, b, c : factors on A, B and C.  While x2 = 0 the right half of K1 does nothing, so zeros stand there.
     """
@@ -193,7 +193,7 @@ def error_system(design: Design, a: float = 1.0, b: float = 1.0, c: float = 1.0)
 
 
 def honest(design: Design, feedback: Feedback, duration_s: float) -> Run:
-    """Aircraft, sensor and observer in full, nothing dropped.
+    """Simulate aircraft, sensor and observer in full, nothing dropped.
 
     "estimate": u = u_r - K_left (x^ - x_r), all that a computer on board can know.
     "truth":    u = u_r - K (x^ - x_r, x - x^), the printed law, which needs the true state.
@@ -218,7 +218,7 @@ def honest(design: Design, feedback: Feedback, duration_s: float) -> Run:
 
 
 def settling(time_s: Matrix, response: Matrix) -> float:
-    """Time [s] from which a response stays within 2 % of the step; RigError when it does not."""
+    """Return the time [s] from which a response stays within 2 % of the step; RigError when it does not."""
     outside = np.flatnonzero(np.abs(response - 1.0) > BAND)
     if not len(outside):
         return float(time_s[0])

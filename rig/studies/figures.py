@@ -33,7 +33,7 @@ class _Line:
 
 
 def _panels(study: Study) -> list[list[_Line]]:
-    """The lines of the three figures, from below to above."""
+    """Return the lines of the three figures, from below to above."""
     paper, honest, truth = study.error_system, study.honest, study.with_truth
     t, one = paper.time_s, np.ones_like(paper.time_s)
     off = "the paper's error system, A, B, C off by 10 %"
@@ -61,7 +61,7 @@ def _panels(study: Study) -> list[list[_Line]]:
 
 
 def write(study: Study, folder: Path) -> list[Path]:
-    """ding2015.html (needs no network) and ding2015.png in ``folder``, which exists; RigError when that fails."""
+    """Write ding2015.html (needs no network) and ding2015.png in ``folder``, which exists; RigError when that fails."""
     page, picture = folder / "ding2015.html", folder / "ding2015.png"
     refused = reported(folder, what="the figures cannot be written")
     with replaced(page) as of_page, replaced(picture) as of_picture, refused:

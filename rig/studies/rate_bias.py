@@ -93,7 +93,7 @@ class Flown:
 
 
 def biases(kind: str, sizes: Sequence[float], channels: str, more: str = "") -> list[Fault]:
-    """Offsets of the pitch rate with both signs."""
+    """Return offsets of the pitch rate with both signs."""
     keys = f'kind="offset",signal="pitch_rate",channels={channels}{more}'
     return [Fault(kind, sign * size, f"{keys},offset={sign * size}") for size, sign in product(sizes, (1.0, -1.0))]
 
@@ -110,12 +110,12 @@ OTHERS: Final = [
 
 
 def cases(seeds: Sequence[int]) -> list[Case]:
-    """Every aircraft, turbulence and onset, with each seed."""
+    """Return every aircraft, turbulence and onset, with each seed."""
     return [of_grid(*which) for which in product(POINTS, TURBULENCE, ONSETS_S, seeds)]
 
 
 def of_grid(aircraft: str, turbulence: str, onset_s: float, seed: int) -> Case:
-    """A case in which a turn and a climb come after the onset."""
+    """Return a case in which a turn and a climb come after the onset."""
     turn = f'{{kind="hold",axis="heading",start_s={onset_s + 15.0},duration_s=20.0,amplitude=0.3}}'
     climb = f'{{kind="step",axis="altitude",start_s={onset_s + 35.0},amplitude=60.0}}'
     return Case(aircraft, POINTS[aircraft], turbulence, onset_s, seed, f"{turn},{climb}")
@@ -127,7 +127,7 @@ def faults_of(case: Case) -> list[Fault]:
 
 
 def grid(seeds: Sequence[int]) -> list[Flight]:
-    """Every case with its faults."""
+    """Return every case with its faults."""
     return [(case, faults_of(case)) for case in cases(seeds)]
 
 
@@ -147,7 +147,7 @@ def _draw(rng: Generator, number: int) -> Flight:
 
 
 def _manoeuvre(rng: Generator, onset: float) -> str:
-    """A change of heading, altitude or airspeed before or after the onset, for good or for a while."""
+    """Return a change of heading, altitude or airspeed before or after the onset, for good or for a while."""
     axis = str(rng.choice(list(AXES)))
     keys = f'axis="{axis}",start_s={rng.uniform(1.0, onset + 40.0):.2f},amplitude={AXES[axis] * rng.uniform(-1, 1):.3f}'
     return (
@@ -183,7 +183,7 @@ def fly_case(flight: Flight) -> list[Flown]:
 
 
 def fly_faults(case: Case, faults: Sequence[Fault]) -> Iterator[Flown]:
-    """These faults, each by both laws."""
+    """Fly these faults, each by both laws."""
     healthy = fly(settings(case, None, LAWS[0]), case.seed)
     for fault in faults:
         plain, tolerant = (fly(settings(case, fault, law), case.seed) for law in LAWS)
@@ -191,7 +191,7 @@ def fly_faults(case: Case, faults: Sequence[Fault]) -> Iterator[Flown]:
 
 
 def settings(case: Case, fault: Fault | None, law: str) -> list[str]:
-    """The overrides of the default scenario."""
+    """Return the overrides of the default scenario."""
     faults = "" if fault is None else f"{{{fault.keys},start_s={case.onset_s}}}"
     return [
         *(f"aircraft={case.aircraft}", f"flight_point={case.flight_point}", f"turbulence={case.turbulence}"),
@@ -201,12 +201,12 @@ def settings(case: Case, fault: Fault | None, law: str) -> list[str]:
 
 
 def fly(sets: Sequence[str], seed: int) -> Block:
-    """All rows of one flight."""
+    """Fly and return all rows of one flight."""
     return fly_rows(scenario.load(None, sets, seed))
 
 
 def measure(case: Case, fault: Fault, plain: Block, tolerant: Block, healthy: Block) -> Flown:
-    """The two laws side by side."""
+    """Compare the two laws."""
     rate_hz = len(healthy) / (case.onset_s + AFTER_S)
     onset = round(case.onset_s * rate_hz)
     errors = [error(rows, healthy, onset) for rows in (plain, tolerant)]
@@ -231,11 +231,11 @@ def measure(case: Case, fault: Fault, plain: Block, tolerant: Block, healthy: Bl
 
 
 def error(rows: Block, healthy: Block, onset: int) -> float:
-    """Largest difference of the true altitude [m] from the flight without the fault, as far as both went."""
+    """Return the largest difference of the true altitude [m] from the flight without the fault, as far as both went."""
     both = min(len(rows), len(healthy))
     return float(np.abs(rows["flight"][onset:both, _ALTITUDE] - healthy["flight"][onset:both, _ALTITUDE]).max())
 
 
 def bound(plain_m: float) -> float:
-    """What the altitude error [m] may be where the plain law's is ``plain_m``."""
+    """Return what the altitude error [m] may be where the plain law's is ``plain_m``."""
     return max(FACTOR * plain_m, plain_m + MORE_M)

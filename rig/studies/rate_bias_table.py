@@ -13,7 +13,7 @@ from rig.util.console import Screen
 
 
 def summarise(flown: Sequence[Flown]) -> list[dict[str, Any]]:
-    """By kind of fault and aircraft, and all of them last: counts, shares with exact 95 % intervals."""
+    """Summarise by kind of fault and aircraft, and all of them last: counts, shares with exact 95 % intervals."""
     kinds = list(dict.fromkeys(x.fault.kind for x in flown))
     groups = [
         (kind, name, [x for x in flown if (x.fault.kind, x.case.aircraft) == (kind, name)])
@@ -46,12 +46,12 @@ def worst(flown: Sequence[Flown], most: int = 5) -> list[Flown]:
 
 
 def as_dict(flown: Sequence[Flown]) -> dict[str, Any]:
-    """As ``rig study rate-bias --json`` prints it."""
+    """Return the plain data of ``rig study rate-bias --json``."""
     return {"table": summarise(flown), "worst": [asdict(x) for x in worst(flown)], "rows": [asdict(x) for x in flown]}
 
 
 def show(flown: Sequence[Flown], screen: Screen) -> None:
-    """The table, and the worst flights with the commands that fly them again."""
+    """Print the table, and the worst flights with the commands that fly them again."""
     heads = (
         *("fault", "aircraft", "within bounds", "sensor blamed", "rate biased, early", "identical"),
         *("lost: plain, tolerant", "above plain, m"),

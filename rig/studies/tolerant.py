@@ -94,7 +94,7 @@ class Summary:
 
 
 def cases(seeds: Sequence[int]) -> list[Case]:
-    """Every aircraft, hold, turbulence and centre of gravity, with each seed."""
+    """Return every aircraft, hold, turbulence and centre of gravity, with each seed."""
     return [
         Case(name, hold, turbulence, shift, seed)
         for name in POINTS
@@ -109,7 +109,7 @@ def study(seeds: Sequence[int] = (1,), workers: int = 2) -> tuple[list[Flown], i
 
 
 def fly_case(case: Case) -> list[Flown]:
-    """All faults and laws of one case."""
+    """Fly all faults and laws of one case."""
     flown: list[Flown] = []
     for law in LAWS:
         healthy = fly(case, law, None)
@@ -118,7 +118,7 @@ def fly_case(case: Case) -> list[Flown]:
 
 
 def fly(case: Case, law: str, fault: str | None) -> Block:
-    """All rows of one flight."""
+    """Fly and return all rows of one flight."""
     told = "" if fault is None else f'{{signal="pitch_angle",channels=[1,2,3,4],start_s={ONSET_S},{FAULTS[fault]}}}'
     sets = [
         *(f"aircraft={case.aircraft}", f"flight_point={POINTS[case.aircraft]}", f"duration_s={DURATION_S}"),
@@ -133,7 +133,7 @@ def fly(case: Case, law: str, fault: str | None) -> Block:
 
 
 def measure(case: Case, fault: str, law: str, rows: Block, healthy: Block) -> Flown:
-    """What the fault did to the true flight."""
+    """Measure the effect of the fault on the true flight."""
     rate_hz = len(healthy) / DURATION_S
     onset, last = round(ONSET_S * rate_hz), round(LAST_S * rate_hz)
     both = min(len(rows), len(healthy))
@@ -154,7 +154,7 @@ def measure(case: Case, fault: str, law: str, rows: Block, healthy: Block) -> Fl
 
 
 def summarise(flown: Sequence[Flown]) -> list[Summary]:
-    """By fault, hold and law."""
+    """Summarise by fault, hold and law."""
     return [
         _summary(fault, hold, law, [x for x in flown if (x.fault, x.case.hold, x.law) == (fault, hold, law)])
         for hold, fault, law in product(STEPS, FAULTS, LAWS)
@@ -183,5 +183,5 @@ def _summary(fault: str, hold: str, law: str, flown: list[Flown]) -> Summary:
 
 
 def as_dict(flown: Sequence[Flown], flights: int) -> dict[str, Any]:
-    """As ``rig study fault-tolerant --json`` prints it."""
+    """Return the plain data of ``rig study fault-tolerant --json``."""
     return {"flights": flights, "table": [asdict(x) for x in summarise(flown)], "rows": [asdict(x) for x in flown]}

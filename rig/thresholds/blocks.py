@@ -22,7 +22,7 @@ LOGS: Final = "logs"
 
 
 def recordings(inputs: Iterable[Path], config: VoteConfig) -> list[Path]:
-    """The recordings of all inputs, each once. BadInput: nothing there, or none in a folder."""
+    """Return the recordings of all inputs, each once. BadInput: nothing there, or none in a folder."""
     found = [path for given in inputs for path in _of(given, config)]
     return list(dict.fromkeys(found))
 
@@ -52,7 +52,7 @@ def _inside(folder: Path, config: VoteConfig) -> Iterator[Path]:
 
 
 def _holds_sources(folder: Path, config: VoteConfig) -> bool:
-    """Whether the first source of the mapping is a file of the folder."""
+    """Return True if the first source of the mapping is a file of the folder."""
     return bool(config.mapping) and (folder / _first(config)).is_file()
 
 
@@ -61,6 +61,6 @@ def _first(config: VoteConfig) -> str:
 
 
 def _by_number(path: Path) -> tuple[list[int | str], str]:
-    """path_2 before path_10."""
+    """Sort path_2 before path_10."""
     parts = re.split(r"([0-9]+)", path.name)
     return [int(part) if part.isdecimal() and part.isascii() else part for part in parts], path.name

@@ -19,14 +19,14 @@ CONFIDENCE: Final = 0.95
 
 
 def point(found: Peaks, budget_per_h: float) -> tuple[float, float]:
-    """The threshold for the budget as the data have it, and the shape of their tail."""
+    """Return the threshold for the budget as the data have it, and the shape of their tail."""
     scale, shape = pareto(found.excess)
     rate = np.array([found.clusters / float(found.hours.sum())])
     return float(level(found.u, scale, shape, rate, budget_per_h)[0]), float(shape[0])
 
 
 def draws(found: Peaks, budget_per_h: float, rng: np.random.Generator) -> Floats:
-    """(DRAWS,) thresholds for the budget from as many draws of blocks."""
+    """Return (DRAWS,) thresholds for the budget from as many draws of blocks."""
     count = len(found.hours)
     times = rng.multinomial(count, np.full(count, 1.0 / count), DRAWS).astype(np.float64)
     weights = times[:, found.block]
@@ -36,5 +36,5 @@ def draws(found: Peaks, budget_per_h: float, rng: np.random.Generator) -> Floats
 
 
 def upper(thresholds: Floats) -> float:
-    """The value that CONFIDENCE of the draws do not exceed."""
+    """Return the value that CONFIDENCE of the draws do not exceed."""
     return float(np.quantile(thresholds, CONFIDENCE))

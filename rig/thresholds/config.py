@@ -22,7 +22,7 @@ PLACEHOLDER: Final = 1.0  # threshold of a CONFIG that names none: what is asked
 
 
 def start(path: Path) -> tuple[VoteConfig, dict[str, Any]]:
-    """CONFIG with a threshold for every signal, and its tables as they are. BadInput as of ``rig vote``."""
+    """Read CONFIG with a threshold for every signal, and its tables as they are. BadInput as of ``rig vote``."""
     config, raw = read_config(path), read_toml(path)
     if config.default is None and not config.signal:
         raise BadInput(f"{path}: no signal to design: add [default] or [signal.<name>]")
@@ -40,7 +40,7 @@ def recorded_toml(
     remarks: Iterable[str],
     outlier: bool = False,
 ) -> str:
-    """OUT for ``rig vote``: ``raw`` with the designs ``chosen`` in the tables of their signals.
+    """Write OUT for ``rig vote``: ``raw`` with the designs ``chosen`` in the tables of their signals.
 
     Signals in ``referenced`` keep the threshold of their reference, which by default is that of the channels.
     """
@@ -68,7 +68,7 @@ def scenario_toml(
     remarks: Iterable[str],
     outlier: bool = False,
 ) -> str:
-    """OUT for a scenario: ``[redundancy.signals.<name>]``."""
+    """Write OUT for a scenario: ``[redundancy.signals.<name>]``."""
     signals: dict[str, Any] = {}
     for name, design in chosen.items():
         given = settings[name]
@@ -79,7 +79,7 @@ def scenario_toml(
 
 
 def _new(design: Design, given: RecordedSignal, outlier: bool) -> dict[str, Any]:
-    """The keys of a design; a singular persistence that CONFIG gives stays where it is."""
+    """Return the keys of a design; a singular persistence that CONFIG gives stays where it is."""
     keys = dict(design.keys())
     if "singular_persistence" in given.model_fields_set or given.singular_persistence_s is not None:
         keys.pop("singular_persistence")
@@ -87,7 +87,7 @@ def _new(design: Design, given: RecordedSignal, outlier: bool) -> dict[str, Any]
 
 
 def _in_place(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
-    """The designed thresholds in place of those of ``given``, whose outlier thresholds then ask nothing more."""
+    """Return the designed thresholds in place of those of ``given``, whose outlier thresholds then ask nothing more."""
     for level in ("", "_triplex"):
         if getattr(given, f"outlier_threshold{level}") is not None:
             keys[f"outlier_threshold{level}"] = keys.get(f"threshold{level}", keys["threshold"])
@@ -95,7 +95,7 @@ def _in_place(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
 
 
 def _beside(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
-    """The designed thresholds as those of outliers; those of ``given`` stay unless they are smaller than the design."""
+    """Return the designed thresholds as those of outliers; those of ``given`` stay unless they are smaller."""
     found = {key: value for key, value in keys.items() if key not in FIELDS.values()}
     for name in sorted(FIELDS.values() & keys.keys()):
         if keys[name] > (getattr(given, name) or given.threshold):
@@ -106,7 +106,7 @@ def _beside(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
 
 
 def _in_frames(default: Mapping[str, Any], rate_hz: float) -> dict[str, Any]:
-    """[default] with its persistence in rows: a signal's own, in rows, may not meet one in seconds."""
+    """Convert [default] with its persistence in rows: a signal's own, in rows, may not meet one in seconds."""
     found = dict(default)
     if (seconds := found.pop("persistence_s", None)) is not None:
         found["persistence"] = in_frames(1, seconds, rate_hz)

@@ -69,7 +69,7 @@ def load(
 
 
 def _monitored(settings: dict[str, RecordedSignal], source: str) -> dict[str, RecordedSignal]:
-    """The signals that are monitored by comparison with each other. BadInput: there is none."""
+    """Return the signals that are monitored by comparison with each other. BadInput: there is none."""
     kept = {name: chosen for name, chosen in settings.items() if chosen.manager == MANAGER}
     if not kept:
         raise BadInput(f'{source}: no signal with the manager "{MANAGER}": others have no threshold to design')
@@ -77,7 +77,7 @@ def _monitored(settings: dict[str, RecordedSignal], source: str) -> dict[str, Re
 
 
 def _add(data: Data, path: Path, recording: Recording) -> None:
-    """One more flight of every signal. BadInput: another rate, other channels."""
+    """Add one more flight of every signal. BadInput: another rate, other channels."""
     rate = recording.rate_hz
     if abs(rate - data.rate_hz) > SAME_RATE * data.rate_hz:
         raise BadInput(
@@ -95,7 +95,7 @@ def _add(data: Data, path: Path, recording: Recording) -> None:
 
 
 def columns(samples: Samples, settings: RecordedSignal) -> Any:
-    """(C, n) the channels, NaN where the manager would not compare a sample."""
+    """Return (C, n) the channels, NaN where the manager would not compare a sample."""
     low, high = settings.limits
     found = np.array(samples.channels)
     good = (found >= low) & (found <= high)
@@ -107,7 +107,7 @@ def columns(samples: Samples, settings: RecordedSignal) -> Any:
 
 
 def _without_faults(path: Path) -> bool:
-    """Whether it is the log of a flight of ours; BadInput when its scenario has faults."""
+    """Return True if it is the log of a flight of ours; BadInput when its scenario has faults."""
     scenario = _scenario(path)
     if scenario.get("faults"):
         count = len(scenario["faults"])
@@ -116,7 +116,7 @@ def _without_faults(path: Path) -> bool:
 
 
 def _scenario(path: Path) -> dict[str, Any]:
-    """The scenario of a flight's log; empty for any other file."""
+    """Return the scenario of a flight's log; empty for any other file."""
     about = About()
     if path.suffix == ".mcap":
         with suppress(BadLog, OSError, StopIteration):
@@ -128,7 +128,7 @@ def _scenario(path: Path) -> dict[str, Any]:
 
 
 def of_scenario(paths: Sequence[Path]) -> VoteConfig:
-    """The settings that the first log's scenario flew with, for INPUT that is logs of ours alone.
+    """Return the settings that the first log's scenario flew with, for INPUT that is logs of ours alone.
 
     BadInput: something else is among them, or another manager flew.
     """

@@ -45,16 +45,16 @@ class Design:
 
     @property
     def threshold(self) -> Threshold:
-        """With all channels in use."""
+        """Return the threshold with all channels in use."""
         return self.thresholds[max(self.thresholds)]
 
     def settings(self, given: RecordedSignal) -> RecordedSignal:
-        """The settings of a signal with this design in them."""
+        """Return the settings of a signal with this design in them."""
         none = ("persistence_s", "singular_persistence_s", "outlier_threshold", "outlier_threshold_triplex")
         return given.model_copy(update={**self.keys(), **dict.fromkeys(none)})
 
     def keys(self) -> dict[str, float | int]:
-        """What a table of CONFIG says of it; a level that was not designed has the threshold of the one above."""
+        """Return its keys of a table of CONFIG; a level that was not designed has the threshold of the one above."""
         largest = max(self.thresholds)
         of_level = {FIELDS[level]: rounded_up(found.upper) for level, found in self.thresholds.items()}
         of_level["threshold"] = rounded_up(self.thresholds[largest].upper)
@@ -87,12 +87,12 @@ class Flight:
 
     @property
     def hours(self) -> float:
-        """How long it is."""
+        """Return its duration."""
         return self.samples.shape[1] / self.rate_hz / 3600.0
 
 
 def designs(flights: Sequence[Flight], given: RecordedSignal, grid: Grid, number: int = 0) -> list[Design]:
-    """Every filter and persistence of the grid that the data can say something of.
+    """Yield the designs of every filter and persistence of the grid that the data can say something of.
 
     number : of the signal, for its random stream
     """
@@ -114,7 +114,7 @@ def _designs(flights: Sequence[Flight], given: RecordedSignal, grid: Grid, numbe
 
 
 def _singular(given: RecordedSignal, frames: int, rate_hz: float) -> int:
-    """``singular_persistence``: as CONFIG says, else as the persistence."""
+    """Return ``singular_persistence``: as CONFIG says, else as the persistence."""
     if given.singular_persistence_s is not None:
         return max(1, int(np.ceil(given.singular_persistence_s * rate_hz - 1e-9)))
     return given.singular_persistence if "singular_persistence" in given.model_fields_set else frames
@@ -128,7 +128,7 @@ def _at_level(
     level: int,
     asked: tuple[Grid, int, int],
 ) -> list[Threshold | None]:
-    """The threshold at a level for each of ``frames``; None where too few clusters are left to say anything."""
+    """Return the threshold at a level for each of ``frames``; None where too few clusters are left to say anything."""
     grid, *place = asked
     rates = [flight.rate_hz for flight in flights]
     largest: list[Threshold | None] = [None] * len(frames)
@@ -154,7 +154,7 @@ def _threshold(tail: Peaks, budget_per_h: float, level: int, rng: np.random.Gene
 
 
 def rounded_up(value: float, digits: int = 4) -> float:
-    """The least number of so many digits that is not below ``value``."""
+    """Return the least number of so many digits that is not below ``value``."""
     if not value > 0:
         return value
     step = 10.0 ** (int(np.floor(np.log10(value))) - digits + 1)

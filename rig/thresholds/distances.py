@@ -40,12 +40,12 @@ class Monitored(NamedTuple):
 
 
 def in_use(fitted: int, level: int) -> list[tuple[int, ...]]:
-    """The channels that may be in use at ``level``: each choice of so many of the ``fitted``."""
+    """Return the channels that may be in use at ``level``: each choice of so many of the ``fitted``."""
     return list(combinations(range(fitted), level))
 
 
 def exceeded(samples: Floats, monitored: Monitored, wraps: bool = False) -> Floats:
-    """(n,) the threshold that frame k would exceed: a channel is failed at every smaller one.
+    """Return (n,) the threshold that frame k would exceed: a channel is failed at every smaller one.
 
     samples : (C, n), unit of the signal, NaN where a sample is not comparable; angles that ``wraps`` in rad
     """
@@ -54,7 +54,7 @@ def exceeded(samples: Floats, monitored: Monitored, wraps: bool = False) -> Floa
 
 
 def exceeded_each(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool = False) -> list[Floats]:
-    """The same for all of the channels (C, n) and several persistences: (persistence, singular) each."""
+    """Return the same for all of the channels (C, n) and several persistences: (persistence, singular) each."""
     n, lead = samples.shape[1], max(max(pair) for pair in frames) - 1
     found = [np.empty(n) for _ in frames]
     for start in range(0, n, CHUNK):
@@ -82,7 +82,7 @@ def _exceeded(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool) -
 
 
 def near(samples: Floats) -> Floats:
-    """Angles (C, n), rad, within half a turn of the first channel of their frame that has a sample."""
+    """Unwrap angles (C, n), rad, to within half a turn of the first channel of their frame that has a sample."""
     base = samples[0].copy()
     for column in samples[1:]:
         np.copyto(base, column, where=np.isnan(base))
@@ -90,7 +90,7 @@ def near(samples: Floats) -> Floats:
 
 
 def nearest(samples: Floats) -> list[Floats]:
-    """D_c of each channel, (n,) each: infinite for a sample that is not comparable, 0 for one without a partner."""
+    """Return D_c of each channel, (n,) each: infinite where a sample is not comparable, 0 without a partner."""
     count, present = len(samples), ~np.isnan(samples)
     apart = {pair: np.abs(samples[pair[0]] - samples[pair[1]]) for pair in combinations(range(count), 2)}
     found: list[Floats] = []
@@ -106,12 +106,12 @@ def nearest(samples: Floats) -> list[Floats]:
 
 
 def _apart(pair: Floats) -> Floats:
-    """Distance of two channels: 0 where one of them is not comparable, as it is failed without a pattern."""
+    """Return the distance of two channels: 0 where one of them is not comparable, as it is failed without a pattern."""
     return np.nan_to_num(np.abs(pair[0] - pair[1]), nan=0.0, posinf=np.inf)
 
 
 def middle_gap(samples: Floats) -> Floats:
-    """Third less second of four ranked samples (4, n); 0 where one is not comparable."""
+    """Return third less second of four ranked samples (4, n); 0 where one is not comparable."""
     a, b, c, d = samples
     second = np.maximum(np.minimum(a, b), np.minimum(c, d))
     third = np.minimum(np.maximum(a, b), np.maximum(c, d))
@@ -119,7 +119,7 @@ def middle_gap(samples: Floats) -> Floats:
 
 
 def sliding_minimum(series: Floats, frames: int) -> Floats:
-    """(n,) the least of the last ``frames`` values, 0 before so many have been; windows are doubled until they fit."""
+    """Return (n,) the least of the last ``frames`` values, 0 before so many have been; windows are doubled until they fit."""
     if frames > len(series):
         return np.zeros(len(series))
     least, width = series, 1
@@ -132,6 +132,6 @@ def sliding_minimum(series: Floats, frames: int) -> Floats:
 
 
 def invalid_runs(samples: Floats, frames: int) -> Sequence[int]:
-    """The channels, from 0, with so many samples in a row that are not comparable: no threshold keeps them."""
+    """Return the channels, from 0, with so many samples in a row that are not comparable: no threshold keeps them."""
     lost = np.isnan(samples).astype(np.float64)
     return [c for c, flags in enumerate(lost) if sliding_minimum(flags, frames).any()]

@@ -35,7 +35,7 @@ class Suspect(NamedTuple):
 
 
 def suspects(flights: Sequence[Flight], wraps: bool, longest: int) -> list[Suspect]:
-    """The channels of a signal that stand out; ``longest`` persistence, frames."""
+    """Return the channels of a signal that stand out; ``longest`` persistence, frames."""
     found = [Suspect(f, c + 1, why) for f, flight in enumerate(flights) for c, why in _alone(flight, longest)]
     apart, at, usual = _distances(flights, wraps)
     everywhere = float(np.median(apart))
@@ -62,13 +62,13 @@ def _alone(flight: Flight, longest: int) -> Iterator[tuple[int, str]]:
 
 
 def _repeats(column: Floats, hold: int) -> int | None:
-    """The frame from which one value is repeated ``hold`` times, if there is one."""
+    """Return the frame from which one value is repeated ``hold`` times, if there is one."""
     runs = np.flatnonzero(sliding_minimum((np.diff(column) == 0).astype(np.float64), hold))
     return int(runs[0]) - hold + 1 if len(runs) else None
 
 
 def _distances(flights: Sequence[Flight], wraps: bool) -> tuple[Floats, Floats, float]:
-    """The largest distance held for HOLD_S and since when, s, by flight and channel; the usual distance."""
+    """Return the largest distance held for HOLD_S and since when, s, by flight and channel; the usual distance."""
     held, at, usual = [], [], []
     for flight in flights:
         hold = round(HOLD_S * flight.rate_hz)

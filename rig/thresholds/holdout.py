@@ -32,17 +32,17 @@ class Count:
 
     @property
     def expected(self) -> float:
-        """What the budget allows."""
+        """Return the number that the budget allows."""
         return self.budget_per_h * self.hours
 
     @property
     def over(self) -> bool:
-        """Whether there are more than chance makes of the budget."""
+        """Return True if there are more than chance makes of the budget."""
         return self.counted > 0 and bool(poisson.sf(self.counted - 1, self.expected) < OVER)
 
 
 def holdout(flights: Sequence[Flight], given: RecordedSignal, grid: Grid, chosen: Design) -> dict[int, Count] | None:
-    """Counts by level of both halves, every second flight each; None where a half cannot be designed."""
+    """Return counts by level of both halves, every second flight each; None where a half cannot be designed."""
     halves = (flights[0::2], flights[1::2])
     frames = sum(flight.samples.shape[1] for flight in flights)
     levels = grid.levels if frames <= MOST else ()  # () : only all channels in use
@@ -63,7 +63,7 @@ def _both(a: Count, b: Count) -> Count:
 
 
 def count(flights: Sequence[Flight], given: RecordedSignal, design: Design, budget_per_h: float) -> dict[int, Count]:
-    """The false isolations of ``design`` in flights, by level: each choice of channels that may be in use flies."""
+    """Count the false isolations of ``design`` in flights, by level, for each choice of channels in use."""
     settings = design.settings(given)
     found: dict[int, Count] = {}
     for level, threshold in design.thresholds.items():
@@ -81,7 +81,7 @@ def count(flights: Sequence[Flight], given: RecordedSignal, design: Design, budg
 
 
 def total(counts: Mapping[str, Mapping[int, Count]]) -> Count | None:
-    """Of all signals with all channels in use."""
+    """Add up all signals with all channels in use."""
     first = [of[max(of)] for of in counts.values() if of]
     if not first:
         return None

@@ -34,12 +34,12 @@ class Envelope(NamedTuple):
 
     @property
     def still(self) -> bool:
-        """Whether the signal does not move: channels differ by as much as it does."""
+        """Return True if the signal does not move: channels differ by as much as it does."""
         return not self.value > STILL * self.noise
 
 
 def envelope(flights: Sequence[Flight], wraps: bool) -> Envelope:
-    """The envelope of a signal over all flights, those of more frames counting more."""
+    """Return the envelope of a signal over all flights, those of more frames counting more."""
     values, rates, noises = zip(*(_of(flight, wraps) for flight in flights), strict=True)
     return Envelope(*(_within(np.concatenate(parts)) for parts in (values, rates, noises)))
 
@@ -60,7 +60,7 @@ def _of(flight: Flight, wraps: bool) -> tuple[Floats, Floats, Floats]:
 
 
 def middle(samples: Floats) -> Floats:
-    """(n,) the median of the channels (C, n); NaN where one has no sample."""
+    """Return (n,) the median of the channels (C, n); NaN where one has no sample."""
     if len(samples) == CHANNELS:
         a, b, c, d = samples
         second = np.maximum(np.minimum(a, b), np.minimum(c, d))
@@ -77,7 +77,7 @@ def _within(values: Floats) -> float:
 
 
 def beyond(design: Mapping[str, Envelope], monitored: Mapping[str, Envelope]) -> list[str]:
-    """A line for each signal that moves by more than BEYOND times the design data."""
+    """Return a line for each signal that moves by more than BEYOND times the design data."""
     lines: list[str] = []
     for name, known in design.items():
         if name not in monitored:

@@ -14,7 +14,7 @@ _COLOURS = ("#2166ac", "#b2182b", "#4d9221", "#8073ac")
 
 
 def write(path: Path, found: dict[str, Any]) -> None:
-    """Threshold, smallest offset and share found over the persistence, a row of panels a signal."""
+    """Draw threshold, smallest offset and share found over the persistence, a row of panels a signal."""
     signals = {name: signal for name, signal in found["signals"].items() if signal["designs"]}
     titles = [f"{name}: {what}" for name in signals for what in ("threshold, smallest offset", "found rightly")]
     figure = make_subplots(rows=max(len(signals), 1), cols=2, subplot_titles=titles)

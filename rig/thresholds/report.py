@@ -14,7 +14,7 @@ from rig.thresholds.tradeoff import Tradeoff
 
 
 def summary(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> dict[str, Any]:
-    """Everything that was found, as plain data."""
+    """Return every result, as plain data."""
     counts = {name: signal.held_out for name, signal in signals.items() if signal.held_out}
     overall = total(counts)
     return {
@@ -30,7 +30,7 @@ def summary(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> dict[str, 
 
 
 def notes(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> list[str]:
-    """All remarks, a line each; one that several signals share stands once."""
+    """List all remarks, a line each; one that several signals share stands once."""
     lines = list(data.notes)
     factor = extrapolation(grid.budget_per_h, data.hours)
     if factor > MARKED:
@@ -97,7 +97,7 @@ def _count(one: Count) -> dict[str, Any]:
 
 
 def remarks(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> list[str]:
-    """The head of OUT: how it was made, and the motion that it holds for."""
+    """Return the head of OUT: how it was made, and the motion that it holds for."""
     lines = [
         f"Thresholds by rig thresholds: {grid.budget_per_h:g} false isolations an hour and signal, "
         f"from {data.hours:.4g} h in {len(data.names)} recordings (docs/thresholds.md).",

@@ -46,12 +46,12 @@ class Signal:
 
     @property
     def design(self) -> Design | None:
-        """The chosen one."""
+        """Return the chosen one."""
         return None if self.chosen is None else self.designs[self.chosen]
 
 
 def design(data: Data, grid: Grid, keep: bool = False) -> dict[str, Signal]:
-    """Every signal designed. BadInput: nothing can be said of any of them.
+    """Design every signal. BadInput: nothing can be said of any of them.
 
     keep : flights that hold a fault are not left out
     """
@@ -98,7 +98,7 @@ def _signal(name: str, data: Data, grid: Grid, keep: bool) -> Signal:
 
 
 def _blocks(name: str, flights: list[Flight], notes: list[str]) -> Sequence[Flight]:
-    """The flights; a single one is cut into stretches, which differ less than flights do."""
+    """Return the flights; a single one is cut into stretches, which differ less than flights do."""
     if len(flights) >= FEW:
         return flights
     if len(flights) > 1:
@@ -128,7 +128,7 @@ def _nothing(name: str, flights: Sequence[Flight], hours: float, motion: Envelop
 
 
 def _remarks(name: str, made: Sequence[Design], motion: Envelope, budget_per_h: float, hours: float) -> list[str]:
-    """Lines on what a design of this signal rests on."""
+    """List what a design of this signal rests on."""
     lines: list[str] = []
     few = min(one.clusters for each in made for one in each.thresholds.values())
     if few < CLUSTERS:
@@ -141,5 +141,5 @@ def _remarks(name: str, made: Sequence[Design], motion: Envelope, budget_per_h: 
 
 
 def extrapolation(budget_per_h: float, hours: float) -> float:
-    """How many times longer the data would have to be for one event at the budget."""
+    """Return how many times longer the data would have to be for one event at the budget."""
     return 1.0 / (budget_per_h * hours) if hours > 0 else float("inf")

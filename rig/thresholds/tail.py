@@ -40,12 +40,12 @@ class Peaks:
 
     @property
     def clusters(self) -> int:
-        """How many there are."""
+        """Return their number."""
         return len(self.excess)
 
 
 def peaks(series: list[Floats], rates_hz: list[float], budget_per_h: float) -> Peaks:
-    """The peaks of one series a block, over the largest u that leaves clusters enough.
+    """Return the peaks of one series a block, over the largest u that leaves clusters enough.
 
     When none does, those of the u that leaves most.
     """
@@ -67,7 +67,7 @@ def peaks(series: list[Floats], rates_hz: list[float], budget_per_h: float) -> P
 
 
 def _levels(values: Floats) -> Floats:
-    """Candidates for u, the largest first: quantiles of every so many values."""
+    """Return candidates for u, the largest first: quantiles of every so many values."""
     some = values[:: max(len(values) // _SAMPLE, 1)]
     some = np.sort(some[np.isfinite(some)])
     at = np.unique(((len(some) - 1) * (1.0 - _SHARES)).astype(np.int64))
@@ -77,7 +77,7 @@ def _levels(values: Floats) -> Floats:
 def _clusters(
     values: Floats, at: NDArray[np.int64], block: NDArray[np.int64], gap: int, u: float, hours: Floats
 ) -> Peaks:
-    """Peaks of values above ``u`` in the frames ``at``; a new cluster begins after more than ``gap`` frames."""
+    """Find the peaks of values above ``u`` in frames ``at``; a new cluster begins after more than ``gap`` frames."""
     if len(values) == 0:
         return Peaks(float(u), values, block, hours)
     starts = np.concatenate([[0], np.flatnonzero(np.diff(at) > gap) + 1])
@@ -87,7 +87,7 @@ def _clusters(
 
 
 def pareto(excess: Floats, weights: Floats | None = None) -> tuple[Floats, Floats]:
-    """Scale and shape of the generalised Pareto law of ascending ``excess`` (m,), for each row of ``weights`` (R, m).
+    """Fit scale and shape of the generalised Pareto law to ascending ``excess`` (m,), by row of ``weights`` (R, m).
 
     weights : how often each excess occurs, whole numbers; once each when not given
     """
@@ -104,7 +104,7 @@ def pareto(excess: Floats, weights: Floats | None = None) -> tuple[Floats, Float
 
 
 def level(u: float, scale: Floats, shape: Floats, rate_per_h: Floats, budget_per_h: float) -> Floats:
-    """The level exceeded by ``budget_per_h`` clusters an hour; ``u`` itself when that is not exceeded as often."""
+    """Return the level exceeded by ``budget_per_h`` clusters an hour; ``u`` itself where it is exceeded less often."""
     ratio = np.maximum(rate_per_h / budget_per_h, 1.0)
     small = shape < 1e-6
     power = (ratio**shape - 1.0) / np.where(small, 1.0, shape)

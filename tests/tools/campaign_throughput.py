@@ -26,10 +26,9 @@ from statistics import fmean, median, quantiles
 from typing import Any
 
 from rig.campaign.config import read
-from rig.campaign.flying import Orders, fly_batch, fly_run
-from rig.campaign.identity import rig_identity
-from rig.campaign.plan import Plan, Run
+from rig.campaign.plan import Plan, Run, rig_identity
 from rig.campaign.pool import Local
+from rig.campaign.worker import Orders, fly_batch, fly_run
 from rig.flight.assembly import fly
 
 FRAMES = 2000

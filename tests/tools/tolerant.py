@@ -26,7 +26,7 @@ from rig.computer.analytic.unit_bank import bank_by
 from rig.computer.fdi.state import BOTH
 from rig.frame import ESTIMATES, INDEX, Block, Lie, Trust
 from rig.loop import Rig, frames
-from rig.studies.workers import each
+from rig.campaign.pool import each
 from rig.units.angles import wrap
 
 THETA, PHI = INDEX["pitch_angle"], INDEX["roll_angle"]
