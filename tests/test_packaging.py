@@ -79,7 +79,8 @@ def test_without_flock_the_first_byte_of_the_lock_is_locked_and_released(
 
     monkeypatch.setattr(folder.sys, "platform", "win32")
     monkeypatch.setitem(sys.modules, "msvcrt", types.SimpleNamespace(locking=locking, LK_NBLCK=2, LK_UNLCK=0))
-    with folder.locked(tmp_path / "a"), pytest.raises(BadInput, match="is flying into it"), folder.locked(tmp_path / "a"):
+    locked = folder.locked(tmp_path / "a")
+    with locked, pytest.raises(BadInput, match="is flying into it"), folder.locked(tmp_path / "a"):
         pass
     assert calls == [(2, 1, 0), (2, 1, 0), (0, 1, 0)] and held == set()
 

@@ -171,8 +171,8 @@ def schema() -> None:
 @app.command()
 def compare(first: Dir, second: Dir, as_json: Json = False) -> None:
     """Two campaigns on the same seeds, run by run: exact paired tests (McNemar)."""
-    from rig.campaign.summary import compare as pair
     from rig.campaign.folder import open_folder
+    from rig.campaign.summary import compare as pair
     from rig.cli import show_campaign as show
 
     found = pair(open_folder(first), open_folder(second))

@@ -30,7 +30,7 @@ def chain(
 ) -> None:
     """Print the probability of every state of a chain that is given as rates."""
     from rig.cli import show_reliability as show
-    from rig.reliability.chain_file import solve_file
+    from rig.reliability.chain import solve_file
 
     found = solve_file(file)
     emit(as_json, lambda: {**found._asdict(), "death_probability": found.of_death}, lambda: show.chain(found))
@@ -106,7 +106,7 @@ def plan(
     found = needed(target, max(given.per_hour), hours=hours)
     seconds: list[float | None] = [None] * len(found)
     if cost:
-        from rig.reliability.cost import measure
+        from rig.reliability.plan import measure
 
         taken = measure()
         seconds = [taken.of(one.trials, one.open_loop) for one in found]

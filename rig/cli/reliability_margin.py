@@ -39,7 +39,7 @@ def margin(
     """Count how often healthy channels are failed, down to 1e-12 an hour, by splitting."""
     from rig.cli import show_reliability as show
     from rig.reliability.margin import FLOOR, Effort
-    from rig.reliability.margin_run import run
+    from rig.reliability.margin_target import run
 
     if target is not None and not FLOOR <= target <= 1.0:
         raise BadInput(f"--target: false isolations an hour of a channel, from {FLOOR:g} to 1, got {target:g}")

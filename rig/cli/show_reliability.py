@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from rig.reliability.chain_file import ChainResult
+from rig.reliability.chain import ChainResult
 from rig.reliability.plan import Needed
 from rig.reliability.rates import SignalRates
-from rig.reliability.result import TARGETS, Result
-from rig.reliability.words import TITLES, decided_by, interval
+from rig.reliability.result import TARGETS, TITLES, Result, decided_by, interval
 from rig.util.console import console
 
 if TYPE_CHECKING:

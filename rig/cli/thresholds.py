@@ -116,12 +116,10 @@ def _design(
 ) -> dict[str, Any]:
     """Read, design, write; the summary, and the seconds of each step."""
     from rig.recordings.settings import VoteConfig
-    from rig.thresholds import plot
-    from rig.thresholds.blocks import recordings
     from rig.thresholds.config import recorded_toml, scenario_toml, start
-    from rig.thresholds.data import load, of_scenario
-    from rig.thresholds.motion import beyond, envelope
-    from rig.thresholds.report import remarks, summary
+    from rig.thresholds.data import load, of_scenario, recordings
+    from rig.thresholds.healthy import beyond, envelope
+    from rig.thresholds.report import remarks, summary, write_picture
     from rig.thresholds.run import design
     from rig.util.files import replaced, write_text
 
@@ -147,6 +145,6 @@ def _design(
         else:
             text = recorded_toml(raw, chosen, data.settings, data.rate_hz, data.referenced, head, outlier)
         if page_part is not None:
-            plot.write(page_part, found)
+            write_picture(page_part, found)
         write_text(part, text)
     return {"out": str(out), **found, "seconds": {"read": read_s, "design": perf_counter() - clock}}

@@ -25,10 +25,10 @@ from rig.faults.magnitude import in_thresholds
 from rig.faults.record import Trigger
 from rig.faults.settings import Act, DutyCycle
 from rig.frame import CHANNELS
-from rig.reliability.cells import SECOND, TESTED
 from rig.reliability.one_signal import OneSignal, faults_of, one_signal
 from rig.reliability.open_loop import Trials
 from rig.reliability.recorded import Recording
+from rig.reliability.tally import SECOND, TESTED
 from rig.scenario import Scenario
 from rig.sensors.params import calibrate
 

@@ -1,4 +1,4 @@
-"""Flown campaigns and a rates file in, results and what they assume out."""
+"""Compute results from flown campaigns and a rates file, and list what they assume."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from pathlib import Path
 import polars as pl
 
 from rig.errors import BadInput
-from rig.reliability.cells import Cells, cells
+from rig.reliability.cells import cells
 from rig.reliability.rates import Rates, SignalRates
 from rig.reliability.result import Result, cases, results
+from rig.reliability.tally import Cells, together
 
 
 def run(
@@ -22,35 +23,29 @@ def run(
     """
     given = rates.signals[name]
     chosen = cases(given, channels, hours, checks)
-    found: list[Result] = []
+    source = ", ".join(map(str, folders))
+    of_all: list[Result] = []
     for manager, parts in by_manager(folders).items():
         whole = together(manager, parts)
-        require(whole, name, max(channels), given, ", ".join(str(folder) for folder in folders))
-        found += results(whole, name, given, chosen, rates.layers)
-    return found
+        require(whole, name, max(channels), given, source)
+        of_all += results(whole, name, given, chosen, rates.layers)
+    return of_all
 
 
 def by_manager(folders: Sequence[Path]) -> dict[str, list[Cells]]:
-    """Return the counts of all folders, by manager in the order in which they were given."""
-    found: dict[str, list[Cells]] = {}
-    for folder in folders:
-        one = cells(folder)
-        found.setdefault(one.manager, []).append(one)
-    return found
+    """Read the counts of all folders, by manager in the order in which they were given."""
+    counts: dict[str, list[Cells]] = {}
+    for of_folder in map(cells, folders):
+        counts.setdefault(of_folder.manager, []).append(of_folder)
+    return counts
 
 
-def together(manager: str, parts: Sequence[Cells]) -> Cells:
-    """Return the counts of several folders of one manager, one below the other."""
-    counts = pl.concat([one.counts for one in parts], how="diagonal_relaxed")
-    return Cells(manager, counts, pl.concat([one.false_isolations for one in parts], how="diagonal_relaxed"))
-
-
-def require(found: Cells, signal: str, channels: int, given: SignalRates, source: str) -> None:
+def require(whole: Cells, signal: str, channels: int, given: SignalRates, source: str) -> None:
     """Refuse counts that lack a cell which the chain needs."""
-    here = found.counts.filter(pl.col("signal") == signal)
+    here = whole.counts.filter(pl.col("signal") == signal)
     if here.is_empty():
-        known = ", ".join(sorted(set(found.counts["signal"])))
-        raise BadInput(f"{source}: {found.manager}: no trial of {signal}, flown were: {known}")
+        signals = ", ".join(sorted(set(whole.counts["signal"])))
+        raise BadInput(f"{source}: {whole.manager}: no trial of {signal}, flown were: {signals}")
     flown = {(str(design), int(good)) for design, good in here.select("design", "good_before").iter_rows()}
     needed = [("single", good) for good in range(channels, 0, -1)]
     if any(beta > 0.0 for beta in given.beta):
@@ -58,7 +53,7 @@ def require(found: Cells, signal: str, channels: int, given: SignalRates, source
     for design, good in needed:
         if (design, good) not in flown:
             raise BadInput(
-                f"{source}: {found.manager}: no {design} fault of {signal} with {good} good channels was flown"
+                f"{source}: {whole.manager}: no {design} fault of {signal} with {good} good channels was flown"
             )
 
 

@@ -50,13 +50,12 @@ def recorded_toml(
     signals = {name: dict(table) for name, table in raw.get("signal", {}).items()}
     for name, design in chosen.items():
         own = {key: value for key, value in signals.get(name, {}).items() if key != "persistence_s"}
-        given = settings[name]
-        known = {**tables.get("default", {}), **own}
-        if outlier and "threshold" not in known:
+        before = {**tables.get("default", {}), **own}
+        if outlier and "threshold" not in before:
             raise BadInput(f"signal.{name}: --outlier needs the threshold beside which it is written")
-        new = _new(design, given, outlier)
-        if not outlier and name in referenced and "reference_threshold" not in known and "threshold" in known:
-            new["reference_threshold"] = known["threshold"]
+        new = _new(design, settings[name], outlier)
+        if not outlier and name in referenced and "reference_threshold" not in before and "threshold" in before:
+            new["reference_threshold"] = before["threshold"]
         signals[name] = {**own, **new}
     tables["signal"] = signals
     return _text(tables, remarks)
@@ -96,21 +95,21 @@ def _in_place(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
 
 def _beside(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
     """Return the designed thresholds as those of outliers; those of ``given`` stay unless they are smaller."""
-    found = {key: value for key, value in keys.items() if key not in FIELDS.values()}
+    table = {key: value for key, value in keys.items() if key not in FIELDS.values()}
     for name in sorted(FIELDS.values() & keys.keys()):
         if keys[name] > (getattr(given, name) or given.threshold):
-            found[name] = keys[name]
+            table[name] = keys[name]
         if name != FIELDS[2]:
-            found[f"outlier_{name}"] = keys[name]
-    return found
+            table[f"outlier_{name}"] = keys[name]
+    return table
 
 
 def _in_frames(default: Mapping[str, Any], rate_hz: float) -> dict[str, Any]:
     """Convert [default] with its persistence in rows: a signal's own, in rows, may not meet one in seconds."""
-    found = dict(default)
-    if (seconds := found.pop("persistence_s", None)) is not None:
-        found["persistence"] = in_frames(1, seconds, rate_hz)
-    return found
+    table = dict(default)
+    if (seconds := table.pop("persistence_s", None)) is not None:
+        table["persistence"] = in_frames(1, seconds, rate_hz)
+    return table
 
 
 def _text(tables: Mapping[str, Any], remarks: Iterable[str]) -> str:

@@ -1,9 +1,18 @@
-"""All recordings of INPUT as flights of each signal, with the settings that the design starts from."""
+"""All recordings of INPUT as flights of each signal, with the settings that the design starts from.
+
+Each recording is one block: one flight.  INPUT of ``rig thresholds`` may be
+
+a file                                a table, or an MCAP file: a flight's log, or any with a [mapping]
+a folder with the sources of [mapping]  one recording of several recorders
+a folder of a campaign                its logs
+any other folder                      each file and each folder of sources in it, by name
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,14 +24,15 @@ from rig.computer.redundancy.config import SignalConfig
 from rig.errors import BadInput, BadLog
 from rig.log.scan import About, iter_parts
 from rig.recordings.alignment import AlignOptions, run_alignment
-from rig.recordings.read import read
+from rig.recordings.read import ENDINGS, read
 from rig.recordings.recording import Recording, Samples
 from rig.recordings.settings import RecordedSignal, VoteConfig
-from rig.thresholds.blocks import recordings
 from rig.thresholds.design import Flight
 
 MANAGER: Final = "cross-channel"
 SAME_RATE: Final = 0.02  # by which rates may differ
+CAMPAIGN: Final = "campaign.json"
+LOGS: Final = "logs"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +63,8 @@ def load(
         recording = read(path, config, repair)
         settings = _monitored(config.signals(recording.signals, source), source)
         notes = [
-            f"{one.source}: {one.dropped} rows dropped, where time repeats or steps back" for one in recording.repairs
+            f"{repair.source}: {repair.dropped} rows dropped, where time repeats or steps back"
+            for repair in recording.repairs
         ]
         if aligned is not None:
             recording, _ = run_alignment(recording, settings, aligned, config.triads)
@@ -97,13 +108,12 @@ def _add(data: Data, path: Path, recording: Recording) -> None:
 def columns(samples: Samples, settings: RecordedSignal) -> Any:
     """Return (C, n) the channels, NaN where the manager would not compare a sample."""
     low, high = settings.limits
-    found = np.array(samples.channels)
-    good = (found >= low) & (found <= high)
+    values = np.array(samples.channels)
+    good = (values >= low) & (values <= high)
     if samples.valid is not None:
         good &= np.array(samples.valid) != 0
-    if not good.all():
-        found[~good] = np.nan
-    return found
+    values[~good] = np.nan
+    return values
 
 
 def _without_faults(path: Path) -> bool:
@@ -122,8 +132,8 @@ def _scenario(path: Path) -> dict[str, Any]:
         with suppress(BadLog, OSError, StopIteration):
             next(iter(iter_parts(path, about)))
     with suppress(ValueError, RecursionError):
-        found = json.loads(about.metadata.get("scenario") or "{}")
-        return found if isinstance(found, dict) else {}
+        scenario = json.loads(about.metadata.get("scenario") or "{}")
+        return scenario if isinstance(scenario, dict) else {}
     return {}
 
 
@@ -141,7 +151,50 @@ def of_scenario(paths: Sequence[Path]) -> VoteConfig:
             raise BadInput(f"{path}: flown with the manager {redundancy['manager']}, which has no threshold to design")
     signals: dict[str, Any] = {}
     for name, table in _scenario(paths[0])["redundancy"]["signals"].items():
-        known = {key: value for key, value in table.items() if key in SignalConfig.model_fields and value is not None}
-        known.pop("singular_persistence", None)  # resolved: always there, whoever asked for it
-        signals[name] = known
+        signals[name] = {
+            key: value for key, value in table.items() if key in SignalConfig.model_fields and value is not None
+        }
+        signals[name].pop("singular_persistence", None)  # resolved: always there, whoever asked for it
     return VoteConfig(signal=signals)
+
+
+def recordings(inputs: Iterable[Path], config: VoteConfig) -> list[Path]:
+    """List the recordings of all inputs, each once. BadInput: nothing there, or none in a folder."""
+    return list(dict.fromkeys(path for given in inputs for path in _of(given, config)))
+
+
+def _of(given: Path, config: VoteConfig) -> list[Path]:
+    try:
+        if not given.is_dir() or _holds_sources(given, config):
+            return [given]
+        campaign = (given / CAMPAIGN).is_file()
+        inside = sorted(_inside(given / LOGS if campaign else given, config), key=_by_number)
+    except (OSError, ValueError) as error:
+        raise BadInput(f"{given}: cannot be read: {getattr(error, 'strerror', error)}") from None
+    if not inside and campaign:
+        raise BadInput(f'{given}: the campaign kept no logs: fly it with logs = "all"')
+    if not inside:
+        wanted = f" nor a folder with {_first(config)}" if config.mapping else ""
+        raise BadInput(f"{given}: no recording in it: neither a file of {', '.join(ENDINGS)}{wanted}")
+    return inside
+
+
+def _inside(folder: Path, config: VoteConfig) -> Iterator[Path]:
+    for path in folder.iterdir() if folder.is_dir() else ():
+        if _holds_sources(path, config) if path.is_dir() else path.suffix in ENDINGS:
+            yield path
+
+
+def _holds_sources(folder: Path, config: VoteConfig) -> bool:
+    """Return True if the first source of the mapping is a file of the folder."""
+    return bool(config.mapping) and (folder / _first(config)).is_file()
+
+
+def _first(config: VoteConfig) -> str:
+    return next(iter(config.mapping.values())).rpartition(":")[0] or "the mapped table"
+
+
+def _by_number(path: Path) -> tuple[list[int | str], str]:
+    """Return a key that sorts path_2 before path_10."""
+    parts = re.split(r"([0-9]+)", path.name)
+    return [int(part) if part.isdecimal() and part.isascii() else part for part in parts], path.name

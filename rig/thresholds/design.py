@@ -1,7 +1,7 @@
 """Thresholds of one signal for a budget of false isolations: for each filter, persistence and level.
 
 At a level each choice of channels that may be in use gets a threshold for the whole budget, and the largest counts:
-it is not known which channels will be left.  Written is the upper value of the bootstrap (bootstrap.py).
+it is not known which channels will be left.  Written is the upper value of the bootstrap (tail.py).
 """
 
 from __future__ import annotations
@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.recordings.settings import RecordedSignal
-from rig.thresholds.bootstrap import draws, point, upper
 from rig.thresholds.distances import exceeded_each, in_use
 from rig.thresholds.monitored import low_passed
-from rig.thresholds.tail import LEAST, Peaks, peaks
+from rig.thresholds.tail import LEAST, Peaks, draws, peaks, point, upper
 
 Floats = NDArray[np.float64]
 FIELDS: Final = {4: "threshold", 3: "threshold_triplex", 2: "threshold_duplex"}  # by channels in use
@@ -56,7 +55,7 @@ class Design:
     def keys(self) -> dict[str, float | int]:
         """Return its keys of a table of CONFIG; a level that was not designed has the threshold of the one above."""
         largest = max(self.thresholds)
-        of_level = {FIELDS[level]: rounded_up(found.upper) for level, found in self.thresholds.items()}
+        of_level = {FIELDS[level]: rounded_up(threshold.upper) for level, threshold in self.thresholds.items()}
         of_level["threshold"] = rounded_up(self.thresholds[largest].upper)
         return {
             **of_level,
@@ -108,9 +107,9 @@ def _designs(flights: Sequence[Flight], given: RecordedSignal, grid: Grid, numbe
         seen = [low_passed(flight.samples, filtered, flight.rate_hz) for flight in flights]
         at = {level: _at_level(flights, seen, given, frames, level, (grid, number, f)) for level in levels}
         for i, (persistence, singular) in enumerate(frames):
-            found = {level: one for level in levels if (one := at[level][i]) is not None}
-            if fitted in found:
-                yield Design(filter_s, persistence, singular, found)
+            thresholds = {level: threshold for level in levels if (threshold := at[level][i]) is not None}
+            if fitted in thresholds:
+                yield Design(filter_s, persistence, singular, thresholds)
 
 
 def _singular(given: RecordedSignal, frames: int, rate_hz: float) -> int:
@@ -136,15 +135,14 @@ def _at_level(
     for choice, channels in enumerate(in_use(len(seen[0]), level)):
         series = [exceeded_each(samples[list(channels)], frames, given.wraps) for samples in seen]
         for i, (persistence, _) in enumerate(frames):
-            tail = peaks([one[i] for one in series], rates, grid.budget_per_h)
+            tail = peaks([of_flight[i] for of_flight in series], rates, grid.budget_per_h)
             few[i] |= tail.clusters < LEAST
             if few[i]:
                 continue
             stream = np.random.SeedSequence(grid.seed, spawn_key=(*place, persistence, level, choice))
-            found = _threshold(tail, grid.budget_per_h, level, np.random.default_rng(stream))
-            known = largest[i]
-            largest[i] = found if known is None or found.upper > known.upper else known
-    return [None if lost else one for one, lost in zip(largest, few, strict=True)]
+            threshold, before = _threshold(tail, grid.budget_per_h, level, np.random.default_rng(stream)), largest[i]
+            largest[i] = threshold if before is None or threshold.upper > before.upper else before
+    return [None if lost else threshold for threshold, lost in zip(largest, few, strict=True)]
 
 
 def _threshold(tail: Peaks, budget_per_h: float, level: int, rng: np.random.Generator) -> Threshold:

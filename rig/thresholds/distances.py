@@ -22,6 +22,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
 
 from rig.frame import CHANNELS
 from rig.units.angles import TURN
@@ -56,12 +57,12 @@ def exceeded(samples: Floats, monitored: Monitored, wraps: bool = False) -> Floa
 def exceeded_each(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool = False) -> list[Floats]:
     """Return the same for all of the channels (C, n) and several persistences: (persistence, singular) each."""
     n, lead = samples.shape[1], max(max(pair) for pair in frames) - 1
-    found = [np.empty(n) for _ in frames]
+    series = [np.empty(n) for _ in frames]
     for start in range(0, n, CHUNK):
         first, end = max(start - lead, 0), min(start + CHUNK, n)
-        for out, part in zip(found, _exceeded(samples[:, first:end], frames, wraps), strict=True):
+        for out, part in zip(series, _exceeded(samples[:, first:end], frames, wraps), strict=True):
             out[start:end] = part[start - first :]
-    return found
+    return series
 
 
 def _exceeded(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool) -> Iterator[Floats]:
@@ -73,12 +74,12 @@ def _exceeded(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool) -
     of_each = nearest(chosen)
     gap = middle_gap(chosen) if len(chosen) == CHANNELS else np.min(of_each, axis=0)
     for persistence, singular in frames:
-        found = sliding_minimum(of_each[0], persistence)
+        largest = sliding_minimum(of_each[0], persistence)
         for distance in of_each[1:]:
-            np.maximum(found, sliding_minimum(distance, persistence), out=found)
+            np.maximum(largest, sliding_minimum(distance, persistence), out=largest)
         if len(chosen) == CHANNELS or singular < persistence:
-            np.maximum(found, sliding_minimum(gap, singular), out=found)
-        yield found
+            np.maximum(largest, sliding_minimum(gap, singular), out=largest)
+        yield largest
 
 
 def near(samples: Floats) -> Floats:
@@ -93,7 +94,7 @@ def nearest(samples: Floats) -> list[Floats]:
     """Return D_c of each channel, (n,) each: infinite where a sample is not comparable, 0 without a partner."""
     count, present = len(samples), ~np.isnan(samples)
     apart = {pair: np.abs(samples[pair[0]] - samples[pair[1]]) for pair in combinations(range(count), 2)}
-    found: list[Floats] = []
+    distances: list[Floats] = []
     for c in range(count):
         distance = apart[min(c, c - 1), max(c, c - 1)] if c else apart[0, 1]
         for other in range(count):
@@ -101,8 +102,8 @@ def nearest(samples: Floats) -> list[Floats]:
                 distance = np.fmin(distance, apart[min(c, other), max(c, other)])
         if not present.all():
             distance = np.where(present[c], np.nan_to_num(distance, nan=0.0, posinf=np.inf), np.inf)
-        found.append(distance)
-    return found
+        distances.append(distance)
+    return distances
 
 
 def _apart(pair: Floats) -> Floats:
@@ -110,25 +111,25 @@ def _apart(pair: Floats) -> Floats:
     return np.nan_to_num(np.abs(pair[0] - pair[1]), nan=0.0, posinf=np.inf)
 
 
+def middle_two(samples: Floats) -> tuple[Floats, Floats]:
+    """Return the second and the third of four ranked samples (4, n)."""
+    a, b, c, d = samples
+    return np.maximum(np.minimum(a, b), np.minimum(c, d)), np.minimum(np.maximum(a, b), np.maximum(c, d))
+
+
 def middle_gap(samples: Floats) -> Floats:
     """Return third less second of four ranked samples (4, n); 0 where one is not comparable."""
-    a, b, c, d = samples
-    second = np.maximum(np.minimum(a, b), np.minimum(c, d))
-    third = np.minimum(np.maximum(a, b), np.maximum(c, d))
+    second, third = middle_two(samples)
     return np.nan_to_num(np.abs(third - second), nan=0.0, posinf=np.inf)
 
 
 def sliding_minimum(series: Floats, frames: int) -> Floats:
-    """Return (n,) the least of the last ``frames`` values, 0 before so many have been; windows are doubled until they fit."""
+    """Return (n,) the least of the last ``frames`` values, 0 before so many have been."""
     if frames > len(series):
         return np.zeros(len(series))
-    least, width = series, 1
-    while 2 * width <= frames:
-        least = np.minimum(least[width:], least[:-width])
-        width *= 2
-    if (rest := frames - width) > 0:
-        least = np.minimum(least[rest:], least[:-rest])
-    return np.concatenate([np.zeros(frames - 1), least])
+    least = minimum_filter1d(series, frames, origin=(frames - 1) // 2)  # of the window that ends with the frame
+    least[: frames - 1] = 0.0
+    return least
 
 
 def invalid_runs(samples: Floats, frames: int) -> Sequence[int]:

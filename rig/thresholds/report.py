@@ -1,16 +1,22 @@
-"""What a design says: one JSON object, and the remarks at the head of OUT."""
+"""The report of a design: one JSON object, the remarks at the head of OUT, the trade-off as one HTML file."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from rig.report.page import COLOURS
 from rig.thresholds.data import Data
 from rig.thresholds.design import Design, Grid, rounded_up
+from rig.thresholds.healthy import SHARE
 from rig.thresholds.holdout import Count, total
-from rig.thresholds.motion import SHARE
 from rig.thresholds.run import MARKED, RULE, Signal, extrapolation
 from rig.thresholds.tradeoff import Tradeoff
+from rig.util.files import write_text
 
 
 def summary(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> dict[str, Any]:
@@ -47,53 +53,47 @@ def notes(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> list[str]:
 
 
 def _signal(signal: Signal, budget_per_h: float) -> dict[str, Any]:
-    made = signal.design
-    rows = [
-        {**_design(one, budget_per_h, signal.hours), "tradeoff": _tradeoff(signal.found[i]) if signal.found else None}
-        for i, one in enumerate(signal.designs)
-    ]
+    tradeoffs = [_tradeoff(tradeoff) for tradeoff in signal.found] or [None] * len(signal.designs)
     return {
         "flights": signal.flights,
         "hours": signal.hours,
-        "left_out": [one._asdict() for one in signal.left_out],
+        "left_out": [suspect._asdict() for suspect in signal.left_out],
         "motion": {**signal.motion._asdict(), "still": signal.motion.still},
-        "chosen": None if made is None else made.keys(),
-        "designs": rows,
-        "hold_out": {str(level): _count(one) for level, one in (signal.held_out or {}).items()},
+        "chosen": None if signal.design is None else signal.design.keys(),
+        "designs": [
+            {**_design(design, budget_per_h, signal.hours), "tradeoff": tradeoff}
+            for design, tradeoff in zip(signal.designs, tradeoffs, strict=True)
+        ],
+        "hold_out": {str(level): _count(count) for level, count in (signal.held_out or {}).items()},
     }
 
 
-def _design(one: Design, budget_per_h: float, hours: float) -> dict[str, Any]:
+def _design(design: Design, budget_per_h: float, hours: float) -> dict[str, Any]:
+    fields = ("upper", "point", "clusters", "shape")
     levels = {
-        str(level): {
-            "threshold": rounded_up(found.upper),
-            "upper": found.upper,
-            "point": found.point,
-            "clusters": found.clusters,
-            "shape": found.shape,
-        }
-        for level, found in one.thresholds.items()
+        str(level): {"threshold": rounded_up(of.upper), **{name: getattr(of, name) for name in fields}}
+        for level, of in design.thresholds.items()
     }
     return {
-        "filter_s": one.filter_s,
-        "persistence": one.persistence,
-        "singular_persistence": one.singular,
+        "filter_s": design.filter_s,
+        "persistence": design.persistence,
+        "singular_persistence": design.singular,
         "extrapolation": extrapolation(budget_per_h, hours),
         "levels": levels,
     }
 
 
-def _tradeoff(found: Tradeoff) -> dict[str, Any]:
+def _tradeoff(tradeoff: Tradeoff) -> dict[str, Any]:
     return {
-        "smallest_offset": found.smallest_offset,
-        "at_twice_the_threshold": found.at_twice._asdict(),
-        "faults": {name: one._asdict() for name, one in found.kinds.items()},
-        "found_rightly": found.share,
+        "smallest_offset": tradeoff.smallest_offset,
+        "at_twice_the_threshold": tradeoff.at_twice._asdict(),
+        "faults": {name: of_kind._asdict() for name, of_kind in tradeoff.kinds.items()},
+        "found_rightly": tradeoff.share,
     }
 
 
-def _count(one: Count) -> dict[str, Any]:
-    return {"counted": one.counted, "expected": one.expected, "hours": one.hours, "significantly_over": one.over}
+def _count(of: Count) -> dict[str, Any]:
+    return {"counted": of.counted, "expected": of.expected, "hours": of.hours, "significantly_over": of.over}
 
 
 def remarks(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> list[str]:
@@ -109,3 +109,32 @@ def remarks(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> list[str]:
         if signal.design is not None:
             lines.append(f"motion {name}: {motion.value:.4g} from its median, {motion.rate_per_s:.4g} a second")
     return lines + [f"note {line}" for line in notes(data, grid, signals)]
+
+
+def write_picture(path: Path, summary: dict[str, Any]) -> None:
+    """Draw threshold, smallest offset and share found over the persistence, a row of panels a signal."""
+    signals = {name: signal for name, signal in summary["signals"].items() if signal["designs"]}
+    titles = [f"{name}: {what}" for name in signals for what in ("threshold, smallest offset", "found rightly")]
+    figure = make_subplots(rows=max(len(signals), 1), cols=2, subplot_titles=titles)
+    for row, signal in enumerate(signals.values(), 1):
+        filters = dict.fromkeys(design["filter_s"] for design in signal["designs"])
+        for colour, filter_s in zip(COLOURS * len(filters), filters, strict=False):
+            _lines(figure, row, [design for design in signal["designs"] if design["filter_s"] == filter_s], colour)
+    title = f"{summary['budget_per_h']:g} false isolations an hour and signal, {summary['hours']:.3g} h of data"
+    figure.update_layout(template="plotly_white", title=title, height=320 * max(len(signals), 1) + 120)
+    figure.update_xaxes(title_text="persistence, frames")
+    write_text(path, figure.to_html(include_plotlyjs=True, full_html=True, div_id="thresholds"))
+
+
+def _lines(figure: go.Figure, row: int, designs: list[dict[str, Any]], colour: str) -> None:
+    label = f"filter {designs[0]['filter_s']:g} s"
+    tradeoffs = [design["tradeoff"] or {} for design in designs]
+    drawn = (
+        (1, [next(iter(design["levels"].values()))["upper"] for design in designs], f"threshold, {label}", "solid"),
+        (1, [tradeoff.get("smallest_offset") for tradeoff in tradeoffs], f"smallest offset, {label}", "dash"),
+        (2, [tradeoff.get("found_rightly") for tradeoff in tradeoffs], f"share, {label}", "solid"),
+    )
+    frames = [design["persistence"] for design in designs]
+    for column, values, name, dash in drawn:
+        style = {"mode": "lines+markers", "line": {"color": colour, "dash": dash}, "showlegend": row == 1}
+        figure.add_trace(go.Scatter(x=frames, y=values, name=name, **style), row=row, col=column)

@@ -22,11 +22,11 @@ from tolerant_flights import ROWS, Try
 from tolerant_table import counts, fault_free, same_frame
 
 from rig import scenario
+from rig.campaign.pool import each
 from rig.computer.analytic.unit_bank import bank_by
 from rig.computer.fdi.state import BOTH
 from rig.frame import ESTIMATES, INDEX, Block, Lie, Trust
 from rig.loop import Rig, frames
-from rig.campaign.pool import each
 from rig.units.angles import wrap
 
 THETA, PHI = INDEX["pitch_angle"], INDEX["roll_angle"]

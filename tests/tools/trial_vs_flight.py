@@ -1,4 +1,4 @@
-"""An open-loop trial beside the flight that it stands for: same faults, same draws, the truth of the healthy flight."""
+"""An open-loop trial against the flight that it stands for: same faults and draws, the truth of the healthy flight."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from rig.assess.votes import difference
 from rig.assess.windows import allowed_frames
 from rig.frame import INDEX, SIGNALS, Block, State, new_block
 from rig.loop import fly_rows
-from rig.reliability.cells import SECOND, TESTED
 from rig.reliability.drawn import Cell
 from rig.reliability.one_signal import faults_of, one_signal
 from rig.reliability.open_loop import NEVER, Trials
 from rig.reliability.recorded import Recording, of_rows
+from rig.reliability.tally import SECOND, TESTED
 from rig.reliability.trials import fly_trials, off_votes
 from rig.scenario import Scenario
 from rig.sensors import Sensors
 
 
-class Beside(NamedTuple):
+class TrialVsFlight(NamedTuple):
     """First frame in which each channel of the signal was failed, or NEVER: (4,) in flight, and in the trial.
 
     Where the vote is not kept, what comes after does not count, and may differ.
@@ -34,7 +34,7 @@ class Beside(NamedTuple):
     trial_kept: bool
 
 
-def beside(scenario: Scenario) -> Beside:
+def trial_vs_flight(scenario: Scenario) -> TrialVsFlight:
     """Fly a scenario whose faults sit on one signal, fly it healthy, and run the trial."""
     labels = [fault.label for fault in scenario.faults]
     tested = labels.index(TESTED)
@@ -46,7 +46,7 @@ def beside(scenario: Scenario) -> Beside:
     results, _, _ = fly_trials(made, trials, lambda: None)
     rows, s = fly_rows(scenario), INDEX[name]
     kept = not (results["lost"][0] or off_votes(made, results)[0])
-    return Beside(_failed_at(rows, s), results["failed_at"][0], _kept(rows, s, trials), kept)
+    return TrialVsFlight(_failed_at(rows, s), results["failed_at"][0], _kept(rows, s, trials), kept)
 
 
 def _kept(rows: Block, s: int, trials: Trials) -> bool:
