@@ -12,7 +12,7 @@ import polars as pl
 import pytest
 import tomli_w
 
-from rig.bench.discrete_vote import VotedDiscrete, vote_all
+from rig.bench.vote import VotedDiscrete, vote_discretes
 from rig.cli import main as cli
 from rig.cli.vote import vote as mounted
 from rig.computer.redundancy.discrete import DiscreteVoter
@@ -45,7 +45,7 @@ def voted(
     flags = None if ilm is None else [np.array(column, np.uint8) for column in ilm]
     recording = Recording(np.arange(len(channels[0])) / 10, {}, discretes={"door": Samples(channels, flags)})
     settings = RecordedDiscrete(fail_safe=fail_safe, persistence=persistence, readmit_frames=readmit_frames)
-    return vote_all(recording, {"door": settings}, list(resets))["door"]
+    return vote_discretes(recording, {"door": settings}, list(resets))["door"]
 
 
 def test_the_majority_is_voted_and_a_channel_off_it_is_failed_for_good():
@@ -140,7 +140,7 @@ def test_the_discretes_of_a_log_vote_as_in_flight(tmp_path: Path):
         writer.write(block, np.zeros(600, TIMING))
     config = VoteConfig(discrete={discrete.name: RecordedDiscrete() for discrete in DISCRETES})
     recording = read(tmp_path / "log.mcap", config)
-    found = vote_all(recording, config.discretes(recording.discretes, ""), [])
+    found = vote_discretes(recording, config.discretes(recording.discretes, ""), [])
     assert (block["discrete_state"] == FAILED).any()
     for d, discrete in enumerate(DISCRETES):
         assert found[discrete.name].settings.fail_safe == discrete.fail_safe

@@ -9,8 +9,7 @@ import pytest
 
 from rig.bench.inject import inject
 from rig.bench.injection_score import Scored, score
-from rig.bench.vote import vote
-from rig.bench.write_votes import Result
+from rig.bench.vote import Result, vote
 from rig.recordings.align import Correction
 from rig.recordings.recording import Recording, Samples
 from rig.recordings.settings import VoteConfig

@@ -16,8 +16,9 @@ from rig.campaign.config import read
 from rig.campaign.folder import Folder, open_folder
 from rig.campaign.plan import Plan
 from rig.campaign.report import report
-from rig.campaign.rows import Rows
-from rig.campaign.summary import compare
+from rig.campaign.rows import TABLES, Rows
+from rig.campaign.summary import by_resolver, compare, headline
+from rig.campaign.table import ADDED
 from rig.errors import BadInput
 from rig.frame import SIGNALS
 
@@ -140,10 +141,25 @@ def test_a_number_that_is_not_finite_is_named_and_one_that_is_absent_is_not(out:
         open_folder(out).done()
 
 
-def test_a_part_of_a_version_without_reply_times_has_none(out: Path):
-    path = out / "runs" / f"{FIRST}.parquet"
-    pl.read_parquet(path).drop("replies").write_parquet(path)
-    assert open_folder(out).tables["runs"]["replies"].null_count() == 6
+def test_a_part_of_a_version_without_these_columns_has_none_and_the_same_hash(out: Path):
+    path, table_sha256 = out / "runs" / f"{FIRST}.parquet", open_folder(out).status()["table_sha256"]
+    pl.read_parquet(path).drop(ADDED).write_parquet(path)
+    assert all(open_folder(out).tables["runs"][name].null_count() == 6 for name in ADDED)
+    assert open_folder(out).status()["table_sha256"] == table_sha256
+    assert headline(open_folder(out).tables)["failed_with_box"] == 0
+
+
+def test_channels_that_a_rule_failed_are_counted_with_the_alarms_and_blame_no_resolver(out: Path):
+    box = rows(range(3))
+    box["runs"][0] |= {"failed_with_box": 2}
+    alarm = {"run": 0, "kind": "failed with its box", "channel": 2, "time_s": 0.5, "resolver": "box"}
+    box["alarms"] += [{**alarm, "signal": name} for name in ("heading", "pitch_rate")]
+    for name in TABLES:
+        (out / name / f"{FIRST}.parquet").unlink()
+    open_folder(out).write(box)
+    tables = open_folder(out).tables
+    assert headline(tables)["failed_with_box"] == 2 and headline(tables)["false_alarms"]["count"] == 2
+    assert not any(row["resolver"] == "box" for row in by_resolver(tables))
 
 
 def test_reply_times_that_are_not_in_these_bins_are_named(out: Path):

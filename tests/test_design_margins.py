@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from rig.computer.control import gains
 from rig.computer.control.gains import Gains, Point
 from rig.design import loops
-from rig.design.linear import Linear, linearise
 from rig.design.loops import ACTUATORS, Law, Plane
 from rig.design.margins import Loop, crossover, margins, response, sampled_loop
 from rig.plant import airframe
+from rig.plant.linearise import Linear, linearise
 
 AIRCRAFT = Path(__file__).parent.parent / "aircraft"
 NAMES = ("f16", "b747", "b737")

@@ -18,12 +18,13 @@ from rig.cli import main as cli
 from rig.cli import show_aircraft
 from rig.computer.control import gains as gains_file
 from rig.computer.control.gains import Margin
-from rig.design import backup, linear, new_aircraft, propose, references, requirements
+from rig.design import backup, new_aircraft, propose, references, requirements
 from rig.design import gains as design_gains
 from rig.design.check import check
 from rig.design.requirements import Requirements, short_of
 from rig.errors import BadInput, RigError
-from rig.plant import airframe, base_model
+from rig.plant import airframe, base_model, linearise
+from rig.plant.airframe import flight_point_at
 from rig.plant.loading import load
 
 BUNDLED = Path(__file__).parents[1] / "aircraft"
@@ -56,8 +57,8 @@ def test_the_proposed_points_trim_with_a_reserve_and_lie_apart(proposed: new_air
 
 
 def test_a_name_has_altitude_and_mach_as_the_bundled_ones():
-    assert propose.given_point(6096.0, 0.6).name == "20000ft_m06"
-    assert propose.given_point(3048.0, 0.42).name == "10000ft_m042"
+    assert flight_point_at(6096.0, 0.6).name == "20000ft_m06"
+    assert flight_point_at(3048.0, 0.42).name == "10000ft_m042"
 
 
 def test_what_the_replaced_flight_control_moved_is_declared():
@@ -101,8 +102,8 @@ def test_a_given_figure_replaces_the_assumed_one():
 def test_the_throttle_of_a_propeller_is_differenced_with_its_revolutions_settled():
     """Against trims at two speeds, which settle them in JSBSim's own way."""
     plane = light({"fcs/mixture-cmd-norm[0]": 0.7})
-    model = linear.linearise(plane, POINT)
-    faster = linear.trimmed(plane, POINT.model_copy(update={"mach": 0.165}))
+    model = linearise.linearise(plane, POINT)
+    faster = linearise.trimmed(plane, POINT.model_copy(update={"mach": 0.165}))
     change = np.array([faster.airspeed_m_s - model.trim.airspeed_m_s, faster.alpha_rad - model.trim.alpha_rad])
     drag = model.longitudinal_a[0, :2] @ change + model.longitudinal_a[0, 3] * change[1]
     drag += model.longitudinal_b[0, 0] * (faster.elevator_rad - model.trim.elevator_rad)
@@ -112,8 +113,8 @@ def test_the_throttle_of_a_propeller_is_differenced_with_its_revolutions_settled
 def test_differences_agree_with_jsbsims_own_linearisation():
     plane = airframe.read(BUNDLED / "b737" / "aircraft.toml")
     fdm = load(plane, plane.point(), 0.01)
-    own = linear._system(fdm)
-    for ours, theirs in zip(linear._differenced(load(plane, plane.point(), 0.01)), own, strict=True):
+    own = linearise._system(fdm)
+    for ours, theirs in zip(linearise._differenced(load(plane, plane.point(), 0.01)), own, strict=True):
         assert ours == pytest.approx(theirs, rel=1e-2, abs=2e-3)
 
 

@@ -14,10 +14,10 @@ from rig.computer.analytic.sources import PARTNERS
 from rig.computer.control import gains as control_gains
 from rig.design import healthy_flights
 from rig.design import references as reference_design
-from rig.design.linear import Linear, Trim, linearise
 from rig.errors import BadInput, RigError
 from rig.frame import INDEX, INERTIAL, SIGNALS, new_block
 from rig.plant.airframe import read as read_airframe
+from rig.plant.linearise import Linear, Trim, linearise
 from rig.settings import build, read_toml
 
 G = 9.80665

@@ -22,7 +22,7 @@ from rig.errors import BadInput
 from rig.flight.operator_keys import Keys, pressed
 from rig.frame import INDEX, State
 from rig.loop import fly_rows
-from rig.replay.vote_again import recorded
+from rig.recordings.flown import recorded
 from rig.scenario import load
 from rig.view.watch.keyboard import pressing
 

@@ -3,6 +3,7 @@
 import ast
 import re
 import tomllib
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import rig
@@ -48,6 +49,30 @@ def test_the_words_are_those_of_the_field():
 def test_the_import_contract_has_no_exception():
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
     assert settings["contracts"] and not any("ignore_imports" in one for one in settings["contracts"])
+
+
+def test_feet_pounds_and_slugs_stay_in_the_plant_each_with_one_value():
+    """A contract on imports does not see JSBSim when another module hands it on."""
+    imperial = re.compile(
+        r"\b0\.3048|47\.88|14\.59|[-_](fps|psf|ft_sec2)\b|jsbsim\.FG|per_foot|per_slug", re.IGNORECASE
+    )
+    found = {path.relative_to(ROOT / "rig"): imperial.findall(path.read_text()) for path in SOURCES}
+    assert {str(path) for path, words in found.items() if words and path.parts[0] != "plant"} == set()
+    values = re.compile(r"\b0\.3048|47\.88|14\.59")
+    assert [path.name for path in SOURCES if values.search(path.read_text())] == ["imperial.py"]
+
+
+def test_every_package_that_is_needed_at_run_time_is_imported():
+    needed = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
+    imported: set[str] = set()
+    for node in (node for path in SOURCES for node in ast.walk(ast.parse(path.read_text()))):
+        if isinstance(node, ast.Import):
+            imported |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            imported.add(node.module.partition(".")[0])
+    providers = packages_distributions()
+    used = {name.lower().replace("_", "-") for module in imported for name in providers.get(module, [])}
+    assert {re.split("[>=<~!]", name)[0] for name in needed} - used == set()
 
 
 def test_the_package_shows_its_public_names():

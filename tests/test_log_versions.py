@@ -19,8 +19,9 @@ from rig.errors import BadLog
 from rig.frame import DISCRETES, INDEX, SIGNALS, Ilm, State, Trust, Unit
 from rig.log import read_log, recover, schema
 from rig.log.columns import COLUMNS
+from rig.recordings.flown import recorded
 from rig.recordings.own_logs import read_ours
-from rig.replay.vote_again import recorded, vote_again
+from rig.replay.vote_again import vote_again
 
 LOGS = Path(__file__).parent / "logs"
 FLOWN, VOTED = LOGS / "flight_schema_2.mcap", LOGS / "vote_schema_2.mcap"

@@ -16,7 +16,6 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import solve_discrete_lyapunov
 
 from rig.computer.control import airdata
-from rig.design.linear import linearise
 from rig.errors import BadInput
 from rig.flight.assembly import fly as fly_logged
 from rig.flight.frame_cost import bench
@@ -24,6 +23,7 @@ from rig.frame import FLIGHT_INDEX, INDEX, Block, End, new_block
 from rig.log import read_log
 from rig.plant import airframe, dryden, wind
 from rig.plant.linear_plant import LinearPlant
+from rig.plant.linearise import linearise
 from rig.scenario import from_resolved, load
 from rig.settings import read_toml
 from rig.studies import ding2015

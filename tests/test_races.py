@@ -19,7 +19,7 @@ from rig.campaign.flying import fly as fly_in_memory, write_log
 from rig.util.files import write_text
 from rig.flight.assembly import fly
 from rig.log import read_log, recover
-from rig.replay.vote_again import recorded
+from rig.recordings.flown import recorded
 from rig.log.export import export
 from rig.replay.what_if import what_if
 from rig.scenario import load

@@ -23,8 +23,8 @@ from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 from mcap_protobuf.writer import Writer as ProtobufWriter
 
-from rig.bench.vote import vote
-from rig.bench.write_votes import Result, output, write
+from rig.bench.vote import Result, vote
+from rig.bench.write_votes import output, write
 from rig.cli import main as cli
 from rig.cli.vote import vote as mounted
 from rig.errors import BadInput

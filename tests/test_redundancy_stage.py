@@ -10,13 +10,15 @@ from faulted import PLACES
 from numpy.random import SeedSequence
 from test_analytic_references import PRESSURE, designed, level_flight
 
+from rig.bench.run import Stages
+from rig.bench.run import run as run_bench
+from rig.bench.vote import by_class
 from rig.computer.analytic.designed import Designed, Error, Point
 from rig.computer.analytic.references import Config as References
 from rig.computer.redundancy import Redundancy
 from rig.computer.redundancy.config import MANAGERS, Config, SignalConfigs
 from rig.faults import Faults
-from rig.frame import DISCRETE_INDEX, INDEX, SIGNALS, Block, Ilm, S, State
-from rig.replay.vote_again import ReplayData, replay
+from rig.frame import DISCRETE_INDEX, INDEX, SIGNALS, Block, Ilm, S, State, nested
 from rig.util.trust import Trust
 
 RATE = 100.0
@@ -60,7 +62,9 @@ def rows(n: int = 2) -> Block:
 
 def run(which: Redundancy, block: Block) -> Block:
     """The frames of a replay: references, manager, discretes."""
-    replay(block, block, ReplayData(NO_FAULTS, which.data), which.own)
+    data, own = which.data, which.own
+    stages = Stages(faults=NO_FAULTS, references=data.references, manager=data.manager, discretes=data.discretes)
+    run_bench(nested(block), stages, decide=None if own is None else by_class(own, block, nested(block)))
     return block
 
 

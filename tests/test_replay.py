@@ -16,9 +16,10 @@ from rig.log import LogWriter, read_log
 from rig.log.columns import COLUMNS
 from rig.log.of_flight import metadata
 from rig.record.flight_summary import Verdict
+from rig.recordings.flown import recorded
 from rig.replay.decisions import Moved, decisions
 from rig.replay.verify import verify
-from rig.replay.vote_again import recorded, vote_again
+from rig.replay.vote_again import vote_again
 from rig.replay.what_if import changed, what_if
 from rig.util.files import bundled
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from unit_files import build, needs_a_compiler, udp, unit, written
 
-from rig.unit.check import Checked, check
+from rig.bench.unit_check import Checked, check
 from rig.unit.settings import Unit
 
 pytestmark = needs_a_compiler

@@ -21,12 +21,12 @@ from unit_library import SOURCES
 from unit_library import build as make
 
 import rig
+from rig.bench.unit_check import check
 from rig.campaign.worker import flown_with
 from rig.errors import BadInput, RigError
 from rig.frame import Unit as Answer
 from rig.kernels import cache_root
 from rig.unit import fmu_description
-from rig.unit.check import check
 from rig.unit.fmu_description import TOKEN, Version, variables
 from rig.unit.layout import CONFIG, HELLO, INPUT, LAYOUT, OUTPUT
 from rig.unit.settings import Unit

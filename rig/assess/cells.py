@@ -59,11 +59,9 @@ def vote_rows(score: Score, rate_hz: float) -> list[Row]:
 
 def isolation_rows(score: Score, rate_hz: float) -> list[Row]:
     """Return the healthy channels that were failed, under the heads ISOLATIONS."""
-    found = (("false alarm", score.false_alarms), ("wrong isolation", score.wrong_isolations))
     return [
-        (what, channel(one.signal, one.channel), moment(one.frame, rate_hz), one.resolver)
-        for what, all_of in found
-        for one in all_of
+        (kind, channel(each.signal, each.channel), moment(each.frame, rate_hz), each.resolver)
+        for kind, each in score.isolations
     ]
 
 

@@ -6,7 +6,7 @@ Made from the log and its score alone, so that every command that shows a flight
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from shlex import quote
 from typing import Final
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rig.assess.context import Context, channel
 from rig.assess.fault_sentence import fault_sentences
 from rig.assess.pattern_sentence import pattern_sentences
-from rig.assess.record import Isolation, Score
+from rig.assess.record import BY_DESIGN, Isolation, Score
 from rig.frame import Block
 from rig.scenario import Scenario
 from rig.units.quantities import seconds
@@ -36,6 +36,7 @@ def conclusion(scenario: Scenario, rows: Block, params: NDArray[np.void], score:
         *pattern_sentences(about),
         *_healthy(score.false_alarms, "although no channel of it was faulty", about),
         *_healthy(score.wrong_isolations, "although another channel was the faulty one", about),
+        *_by_design(score, about),
         _flight(about),
     ]
 
@@ -51,6 +52,17 @@ def _healthy(found: Sequence[Isolation], although: str, about: Context) -> list[
         f"by {one.resolver}, {although}"
         for one in found
     ]
+
+
+def _by_design(score: Score, about: Context) -> Iterator[str]:
+    """Healthy channels that a rule failed for faults elsewhere: one sentence for each channel number and frame."""
+    whys = {"failed with its box": "with its box, which was faulty on others", "failed by rule": "by rule: common mode"}
+    groups: dict[tuple[str, int, int], list[str]] = {}
+    for kind, each in score.isolations:
+        if kind in BY_DESIGN:
+            groups.setdefault((whys[kind], each.channel, each.frame), []).append(each.signal)
+    for (why, number, frame), signals in groups.items():
+        yield f"channel {number} was failed {why}, at {seconds(frame, about.rate_hz)} on {', '.join(signals)}"
 
 
 def _flight(about: Context) -> str:
@@ -76,4 +88,7 @@ def _counted(about: Context) -> str:
         possible = detected + outcomes.count("missed")
         found = f"{detected} of {possible} detectable faults detected" if possible else "no fault could be detected"
     wrong = len(about.score.false_alarms) + len(about.score.wrong_isolations)
-    return f"{found}, {wrong or 'no'} healthy channel{'s' if wrong > 1 else ''} failed"
+    by_design = "".join(
+        f", {count} {kind}" for kind in BY_DESIGN if (count := [k for k, _ in about.score.isolations].count(kind))
+    )
+    return f"{found}, {wrong or 'no'} healthy channel{'s' if wrong > 1 else ''} failed{by_design}"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.assess.isolations import Failure
-from rig.assess.record import Episode, ResolverScore
+from rig.assess.record import BY_DESIGN, Episode, ResolverScore
 from rig.frame import SIGNALS, Block, Pattern, Resolver
 
 RESOLVERS: Final = ("ilm", "trend", "reference", "extremes", "middle", "box")
@@ -47,7 +47,7 @@ def _episode(rows: Block, p: NDArray[np.void], failures: Sequence[Failure], s: i
     by_resolver = [f for f in failures if first <= f.frame <= last and f.resolver in RESOLVERS]
     verdict: Literal["right", "wrong", "open"] = "open"
     if by_resolver:
-        verdict = "right" if all(f.own for f in by_resolver) else "wrong"
+        verdict = "right" if all(f.own or f.kind in BY_DESIGN for f in by_resolver) else "wrong"
     return Episode(
         signal=SIGNALS[s].name,
         pattern=pattern.label,

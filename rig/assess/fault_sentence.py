@@ -38,8 +38,6 @@ _RESOLVERS: Final = {
     "box": "with its whole box",
     "common": "with all channels: two references agreed against them",
 }
-_AFTER_S: Final = 2.0  # in which the aircraft is looked at when there is no fault-free run
-_N_Z: Final = INDEX["normal_load_factor"]
 
 
 def fault_sentences(about: Context) -> list[str]:
@@ -64,7 +62,7 @@ def _result(fault: FaultScore, about: Context) -> str:
     if fault.outcome == "not executed":
         return "its trigger never fired" if fault.onset_frame is None else "the channel had been failed before"
     decided = {"detected": _detected, "missed": _missed, "undetectable": _undetectable}[fault.outcome]
-    parts = (decided(fault, about), _moved(fault, about), _vote(fault, about))
+    parts = (decided(fault, about), _moved(fault), _vote(fault, about))
     return "; ".join(part for part in parts if part)
 
 
@@ -155,20 +153,12 @@ def _undetectable(fault: FaultScore, about: Context) -> str:
     return f"could not be found: its error stayed below the threshold{_of(fault, about)}"
 
 
-def _moved(fault: FaultScore, about: Context) -> str:
-    """What the aircraft did: against the fault-free run where it was flown, else in the seconds after the onset."""
-    transients, onset = about.score.flight.transients, fault.onset_frame or 0
-    if transients is not None:
-        peaks = next((w.peaks for w in transients.windows if w.onset_frame == onset), None)
-        if peaks is None:
-            return ""
-        rate = quantity(peaks.pitch_rate_rad_s, "rad/s")
-        return f"the aircraft moved by {quantity(peaks.load_factor, 'g')} and {rate}"
-    truth = about.rows["truth"][max(onset - 1, 0) : onset + round(_AFTER_S * about.rate_hz), _N_Z]
-    off = np.abs(truth - truth[0])
-    if not np.isfinite(off).any():
+def _moved(fault: FaultScore) -> str:
+    """What the aircraft did after the onset, for as long as was looked at."""
+    change, looked_at_s = fault.load_factor_change, fault.load_factor_change_s
+    if change is None or not looked_at_s:
         return ""
-    return f"the load factor moved by {quantity(np.nanmax(off), 'g')} in the next {_AFTER_S:g} s"
+    return f"the load factor moved by {quantity(change, 'g')} in the next {looked_at_s:g} s"
 
 
 def _vote(fault: FaultScore, about: Context) -> str:

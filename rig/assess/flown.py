@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -62,6 +63,27 @@ def flight_score(
     )
 
 
+def with_load_factor(faults: Sequence[FaultScore], rows: Block, window_s: float, rate_hz: float) -> list[FaultScore]:
+    """``faults`` with what the load factor did after each onset, for ``window_s`` or until the flight ended."""
+    load_factor = rows["truth"][:, INDEX["normal_load_factor"]]
+    out = []
+    for fault in faults:
+        if fault.onset_frame is None:
+            out.append(fault)
+            continue
+        part = _window(fault.onset_frame, round(window_s * rate_hz), len(rows))
+        off = np.abs(load_factor[part] - load_factor[max(fault.onset_frame - 1, 0)])
+        change = float(np.nanmax(off)) if np.isfinite(off).any() else None
+        looked_at_s = (part.stop - 1 - part.start) / rate_hz
+        out.append(replace(fault, load_factor_change=change, load_factor_change_s=looked_at_s))
+    return out
+
+
+def _window(onset: int, frames: int, flown: int) -> slice:
+    """The frames in which a transient is looked for: from the onset to ``frames`` after it, of those ``flown``."""
+    return slice(onset, min(onset + frames + 1, flown))
+
+
 def _reason(end: End, frames: int, scenario: Scenario) -> str:
     if end != End.FLYING:
         return end.label
@@ -101,7 +123,7 @@ def _transients(
     lost = rows["end"][-1] != End.FLYING
     windows = []
     for onset, ids in _onsets(faults).items():
-        part = slice(onset, min(onset + window + 1, n))
+        part = _window(onset, window, n)
         ended = lost and len(rows) <= onset + window + 1
         within = not np.any(beyond[part]) and not ended
         windows.append(Transient(ids, onset, max(part.stop - onset, 0), _peaks(off[part]), bool(within)))

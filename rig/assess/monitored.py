@@ -8,12 +8,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.assess.isolations import COMPARISON, Failures, decided_by
-from rig.assess.places import on_channels
+from rig.assess.isolations import COMPARISON, Bools, Failures, Rules, decided_by
+from rig.assess.places import on_channels, references_of
+from rig.computer.redundancy import Config
 from rig.faults import Fault
 from rig.frame import CHANNELS, DISCRETES, SIGNALS, Block, Ilm, State
 
-Bools = NDArray[np.bool_]
 _HALF: Final = 0.5  # an error of a discrete is 0 or 1
 
 
@@ -30,14 +30,20 @@ class Monitored(NamedTuple):
 
 
 def of_signals(
-    rows: Block, error: NDArray[np.float64], acting: Bools, faults: Sequence[Fault], params: NDArray[np.void]
+    rows: Block,
+    error: NDArray[np.float64],
+    acting: Bools,
+    faults: Sequence[Fault],
+    params: NDArray[np.void],
+    config: Config,
 ) -> Monitored:
-    """The continuous signals; ``params`` (S,) config.PARAMS."""
+    """The continuous signals; ``params`` (S,) config.PARAMS; config : of the flight's redundancy."""
     linger = lingers(params)
     names, acted = [signal.name for signal in SIGNALS], corrupting(acting, faults, len(SIGNALS), discrete=False)
     outlier = params["outlier_threshold"]  # of a single channel of four; a vote is off by more than the threshold
     smallest = np.where(outlier > 0.0, outlier, params["threshold"])
-    failures = Failures(names, rows["state"], error, acted, linger, lambda k, s, c: decided_by(rows, k, s, c))
+    rules = Rules(config.box_signals, on_references(acting, faults, config))
+    failures = Failures(names, rows["state"], error, acted, linger, lambda k, s, c: decided_by(rows, k, s, c), rules)
     return Monitored(names, rows["state"], error, acted, smallest, params["persistence"], failures)
 
 
@@ -69,6 +75,14 @@ def corrupting(acting: Bools, faults: Sequence[Fault], signals: int, discrete: b
     for place in on_channels(faults):
         if place.changes and place.discrete == discrete:
             out[:, place.signal, place.channel] |= acting[:, place.number]
+    return out
+
+
+def on_references(acting: Bools, faults: Sequence[Fault], config: Config) -> Bools:
+    """(n, S) whether a fault acted on one of the two references of each signal; acting : (n, faults)."""
+    out = np.zeros((len(acting), len(SIGNALS)), bool)
+    for number, fault in enumerate(faults):
+        out[:, references_of(fault, config, second_too=True)] |= acting[:, number, None]
     return out
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
-from rig.computer.analytic.sources import FROM_UNIT, source
+from rig.computer.analytic.sources import FROM_UNIT, second, source
 from rig.computer.redundancy import Config
 from rig.faults import Fault
 from rig.faults.places import number, site
@@ -42,8 +42,11 @@ def channels_of(fault: Fault) -> list[tuple[str, int]]:
     return [(point.place, point.channel) for point in fault.points if point.channel is not None]
 
 
-def references_of(fault: Fault, config: Config) -> list[int]:
-    """The signals whose reference a fault can change: it sits on the reference, or on the unit that it is read from."""
+def references_of(fault: Fault, config: Config, *, second_too: bool = False) -> list[int]:
+    """The signals whose reference a fault can change: it sits on the reference, or on the unit that it is read from.
+
+    second_too : their second reference counts as well
+    """
     where = site(fault.signal)
     if where == "reference":
         return [number(fault.signal)]
@@ -51,4 +54,5 @@ def references_of(fault: Fault, config: Config) -> list[int]:
         return []
     quantity = INERTIAL[number(fault.signal)]
     fed = [name for name, read in FROM_UNIT.items() if quantity in read]
-    return [INDEX[name] for name in fed if source(config.references, name) == "inertial"]
+    sources = (source, second) if second_too else (source,)
+    return [INDEX[name] for name in fed if any(of(config.references, name) == "inertial" for of in sources)]

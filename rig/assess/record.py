@@ -4,13 +4,22 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from math import radians
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from pydantic import Field
 
 from rig.settings import Settings
 
 Outcome = Literal["detected", "missed", "undetectable", "not executed"]
+IsolationKind = Literal["false alarm", "wrong isolation", "failed with its box", "failed by rule"]
+BY_DESIGN: Final = ("failed with its box", "failed by rule")  # of a healthy channel, by a rule for a fault elsewhere
+# The field of Score that lists the healthy channels of each kind.
+ISOLATIONS: Final[dict[IsolationKind, str]] = {
+    "false alarm": "false_alarms",
+    "wrong isolation": "wrong_isolations",
+    "failed with its box": "failed_with_box",
+    "failed by rule": "failed_by_rule",
+}
 
 
 class Yardstick(Settings):
@@ -54,6 +63,8 @@ class FaultScore:
     tolerated: bool  # missed, and above the threshold for fewer frames in a row than the persistence
     index: int  # of the fault in the scenario
     window: Window | None = None  # None where it never began, or sits on no channel of a signal
+    load_factor_change: float | None = None  # largest, of the truth since the frame before the onset; None: no number
+    load_factor_change_s: float | None = None  # how long after the onset was looked at; None where it never began
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +88,7 @@ class Episode:
     asked: tuple[str, ...]  # the resolvers that were asked in any of its frames
     resolver: str  # whose answer stood in its last frame; unresolved when nobody's
     failed: tuple[int, ...]  # channels that the resolver failed
-    verdict: Literal["right", "wrong", "open"]  # right: only faulty channels were failed; open: nobody was
+    verdict: Literal["right", "wrong", "open"]  # right: no healthy one was failed wrongly; open: nobody was
 
 
 @dataclass(slots=True)
@@ -189,6 +200,8 @@ class Score:
     faults: list[FaultScore]
     false_alarms: list[Isolation]
     wrong_isolations: list[Isolation]
+    failed_with_box: list[Isolation]
+    failed_by_rule: list[Isolation]
     episodes: list[Episode]
     resolvers: dict[str, ResolverScore]
     resolvers_by_pattern: dict[str, dict[str, ResolverScore]]
@@ -198,6 +211,11 @@ class Score:
     flight: FlightScore
     coverage: dict[str, Coverage]  # by signal, and "overall"
     wrong_votes_s: dict[str, float]  # of each discrete, time in which its vote was not the truth
+
+    @property
+    def isolations(self) -> list[tuple[IsolationKind, Isolation]]:
+        """Every healthy channel that was failed, with the kind of its failure."""
+        return [(kind, each) for kind, field in ISOLATIONS.items() for each in getattr(self, field)]
 
     def as_dict(self) -> dict[str, Any]:
         """The score as plain data, as ``rig score --json`` prints it."""

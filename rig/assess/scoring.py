@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from rig import sensors
 from rig.assess.coverage import coverage
 from rig.assess.episodes import by_pattern, episodes, tally
-from rig.assess.flown import flight_score
+from rig.assess.flown import flight_score, with_load_factor
 from rig.assess.monitored import of_discretes, of_signals, wrong_votes_s
 from rig.assess.outcomes import acts, outcomes
-from rig.assess.record import Score, Yardstick
+from rig.assess.record import ISOLATIONS, Score, Yardstick
 from rig.assess.signal_totals import signal_scores
 from rig.assess.unfaulted import checked, of_flight, recompute
 from rig.assess.votes import vote_errors
@@ -42,17 +42,21 @@ def score(
     params = monitor(scenario)
     error, vote = recompute(scenario, rows, params) if clean is None else of_flight(rows, clean, params)
     acting = acts(rows, len(scenario.faults))
-    signals = of_signals(rows, error, acting, scenario.faults, params)
+    signals = of_signals(rows, error, acting, scenario.faults, params, scenario.redundancy)
     discretes = of_discretes(rows, acting, scenario.faults, discrete_monitor(scenario))
     faults = outcomes(scenario, rows, acting, params, signals, discretes)
     faults = with_windows(faults, rows, signals, params, scenario.rate_hz)
+    faults = with_load_factor(faults, rows, yardstick.window_s, scenario.rate_hz)
     found = episodes(rows, params, signals.failures.all)
+    healthy = {kind: signals.failures.of_kind(kind) + discretes.failures.of_kind(kind) for kind in ISOLATIONS}
     any_acted = np.flatnonzero(acting.any(axis=1))
     onset = int(any_acted[0]) if len(any_acted) else None
     return Score(
         faults=faults,
-        false_alarms=signals.failures.false_alarms + discretes.failures.false_alarms,
-        wrong_isolations=signals.failures.wrong_isolations + discretes.failures.wrong_isolations,
+        false_alarms=healthy["false alarm"],
+        wrong_isolations=healthy["wrong isolation"],
+        failed_with_box=healthy["failed with its box"],
+        failed_by_rule=healthy["failed by rule"],
         episodes=found,
         resolvers=tally(found),
         resolvers_by_pattern=by_pattern(found),

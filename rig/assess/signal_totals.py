@@ -1,7 +1,8 @@
 """How each signal stood: its level at the end, time lost and unresolved, hours of healthy channels by level.
 
 Healthy channels count while they are in use and nothing disturbs the signal: no channel in use differs from its clean
-one, nor has within the linger before.  What is failed in such a frame was failed for nothing.
+one, nor has within the linger before.  What is failed in such a frame was failed for nothing, unless a rule
+answered a fault elsewhere: with its box, or for references that a fault had changed.
 """
 
 from __future__ import annotations
@@ -41,7 +42,8 @@ def signal_scores(
     touched = np.zeros(len(SIGNALS), bool)  # nothing else can make a channel wrong
     touched[[INDEX[fault.signal] for fault in faults if fault.signal in INDEX]] = True
     touched[[failure.signal for failure in signals.failures.all]] = True
-    stand(rows, signals.error, signals.acted, lingers(params), params["fitted"], touched, found)
+    failed = signals.failures.not_by_design()
+    stand(rows, signals.error, signals.acted, failed, lingers(params), params["fitted"], touched, found)
     hours = found["healthy"][:, :0:-1] / (rate_hz * 3600.0)
     columns = (
         rows["level"][-1],
@@ -58,9 +60,10 @@ def signal_scores(
 
 
 @kernel
-def stand(rows, error, acted, linger, fitted, touched, found):
+def stand(rows, error, acted, failed, linger, fitted, touched, found):
     """Add up ``rows`` (n,) FLAT; error, acted : (n, S, 4), see Monitored; found : (S,) STANDING, in place.
 
+    failed : (n, S, 4) whether each channel was failed in the frame, but by design
     touched : (S,) whether any channel was ever wrong or failed; all the others have nothing to look for
     """
     for k in range(len(rows)):
@@ -72,20 +75,20 @@ def stand(rows, error, acted, linger, fitted, touched, found):
             one["lost"] += now[s] == 0
             one["unresolved"] += resolver[s] == Resolver.UNRESOLVED
             if touched[s]:
-                undisturbed(
-                    k, (row["state"][s], last["state"][s]), error[k, s], acted[k, s], level, linger[s], fitted[s], one
-                )
+                failures = failed[k, s], last["state"][s]
+                undisturbed(k, failures, error[k, s], acted[k, s], level, linger[s], fitted[s], one)
             elif level < LEVELS:
                 one["healthy"][level] += fitted[s]
 
 
 @kernel
-def undisturbed(k, states, error, acted, level, linger, fitted, one):
+def undisturbed(k, failures, error, acted, level, linger, fitted, one):
     """One signal in row k: who is faulty, and what that leaves of the healthy channels in use.
 
-    states : (4,) of this frame and of the last; level : of the last; one : STANDING, in place
+    failures : (4,) whether each channel was failed in this frame, but by design, and (4,) states of the last
+    level : of the last; one : STANDING, in place
     """
-    state, before = states
+    failed, before = failures
     for c in range(fitted):
         if acted[c] or error[c] != 0.0:  # NaN is not 0
             one["faulty"][c] = 1
@@ -96,4 +99,4 @@ def undisturbed(k, states, error, acted, level, linger, fitted, one):
     for c in range(fitted):
         if one["faulty"][c] == 0 and (k == 0 or before[c] != State.FAILED):
             one["healthy"][level] += 1
-            one["failed"][level] += state[c] == State.FAILED
+            one["failed"][level] += failed[c]

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
-from rig.bench.corrupt_rows import corrupt_rows
+from rig.bench.run import ROWS, Stages, run
 from rig.bench.signal_slots import Slots, slots, translated
 from rig.errors import BadInput
 from rig.faults import Fault, Faults
@@ -24,8 +24,6 @@ from rig.recordings.clock import Floats
 from rig.recordings.injection_file import Fitted, Injected, Table, number
 from rig.recordings.recording import Bytes, Recording, Samples
 from rig.recordings.settings import RecordedDiscrete, RecordedSignal
-
-ROWS: Final = 256  # of a block
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,9 +66,9 @@ def inject(
         signals=at.descriptors(signals),
     )
     _schedule(stage, flown, faults, recording.time_s)
-    run = _Run(recording, at, signals)
-    acted = run.through(stage, len(flown))
-    return Injection(run.result(flown), _injected(flown, at, acted))
+    through = _Run(recording, at, signals)
+    acted = through.through(stage, len(flown))
+    return Injection(through.result(flown), _injected(flown, at, acted))
 
 
 def _fitted(
@@ -115,7 +113,7 @@ class _Run:
             rows = block[: part.stop - start]
             self._put(rows, part)
             stage.prepare(rows)
-            corrupt_rows(nested(rows), stage.data)
+            run(nested(rows), Stages(faults=stage.data))
             self._take(rows, part)
             acted = [_seen(rows, i, start, was) for i, was in enumerate(acted)]
         return acted
@@ -179,7 +177,7 @@ class _Run:
                 flags[c] = own
             if ilm:
                 ilm[c] = self.ilm[name][c]
-        return Samples(columns, ilm or before.ilm, before.reference, flags or before.valid)
+        return replace(before, channels=columns, ilm=ilm or before.ilm, valid=flags or before.valid)
 
     def _column(self, name: str, c: int, column: Floats) -> tuple[Floats, Bytes]:
         """A channel and its validity flags; what was not usable stays as it was where the fault leaves it so."""

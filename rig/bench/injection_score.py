@@ -18,9 +18,7 @@ from dataclasses import asdict, dataclass
 from math import floor
 from typing import Any, Final
 
-from rig.bench.discrete_vote import VotedDiscrete
-from rig.bench.vote import Failure, Voted
-from rig.bench.write_votes import Result
+from rig.bench.vote import Failure, Result, Voted, VotedDiscrete
 from rig.recordings.align import Corrections
 from rig.recordings.injection_file import Injected
 from rig.recordings.recording import Recording

@@ -1,32 +1,39 @@
-"""The flight's manager over the rows of a recording, one signal after the other.
+"""The flight's manager and voter of discretes over the rows of a recording.
 
-The rows are frames of the flight (rig.frame.FLAT) with one signal in them, so the very kernels of flight run.
+Signals with the same manager go through it together, as in flight, so that rules which look across signals (a box that
+dies) hold here too.  A log of a flight can be voted by the settings of its own scenario (``of_flight``): then the
+decisions are those of the flight, to the bit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.baselines import select_unit
+from rig import loop
+from rig.bench.run import ROWS, Decide, Stages, run, write_sources
 from rig.computer.redundancy.config import MANAGERS, PARAMS, fill
-from rig.computer.redundancy.managers import Manager, vote_signals
-from rig.computer.redundancy.own import load_manager
-from rig.frame import Block, Ilm, Resolver, State, nested, new_block
+from rig.computer.redundancy.discrete import DiscreteVoter
+from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS, PERSISTENCE, fill_discrete
+from rig.computer.redundancy.managers import Manager
+from rig.computer.redundancy.own import OwnManager, load_manager
+from rig.frame import DISCRETES, SIGNALS, Block, D, Ilm, Resolver, Rows, S, State, rows, to_frame
 from rig.kernels import kernel
 from rig.recordings.clock import Floats
 from rig.recordings.recording import Bytes, Recording, Samples
-from rig.recordings.settings import RecordedSignal, Reset, commands
+from rig.recordings.settings import RecordedDiscrete, RecordedSignal, Reset, commands
+from rig.scenario import Scenario
 from rig.units.angles import difference
 from rig.util.trust import Trust
 
-ROWS: Final = 256  # of a block: half a megabyte, which stays in the cache
 UNIT_MANAGER: Final = "selection"  # the manager that knows units of several axes
 FIELDS: Final = ("voted", "level", "pattern", "resolver", "trend_high", "trend_low", "reference_usable")
+# What a flight's log has besides, and a vote by its scenario gives again.
+FLIGHT_FIELDS: Final = ("common_mode", "source", "reset")
 _NO_CODE: Final = Trust("the configuration")
 
 
@@ -41,7 +48,7 @@ class Failure(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Voted:
-    """What the manager said of one signal; every array (n,), ``state`` one for each channel."""
+    """The manager's answers for one signal; every array (n,), ``state`` one for each channel."""
 
     settings: RecordedSignal
     voted: Floats
@@ -55,6 +62,38 @@ class Voted:
     spread: Floats  # largest less smallest of the samples in use, NaN where there are none
     invalid: list[int]  # samples of each channel that were no number, flagged, or out of range
     failures: list[Failure]
+    of_flight: dict[str, Bytes] = field(default_factory=dict)  # FLIGHT_FIELDS, by the scenario of a flight
+
+
+@dataclass(frozen=True, slots=True)
+class VotedDiscrete:
+    """The voter's answers for one discrete; every array (n,), ``state`` one for each channel."""
+
+    settings: RecordedDiscrete
+    voted: Bytes  # 0 or 1
+    level: Bytes
+    state: list[Bytes]
+    invalid: list[int]  # samples of each channel that were empty or flagged
+    failures: list[Failure]
+    reset: Bytes | None = None  # commands, of a flight voted by its scenario
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """Votes of signals and discretes by name."""
+
+    signals: dict[str, Voted]
+    discretes: dict[str, VotedDiscrete] = field(default_factory=dict)
+    of_flight: bool = False  # voted by the settings of the flight that was recorded
+
+
+class _Group(NamedTuple):
+    """Signals that one manager votes together."""
+
+    names: tuple[str, ...]
+    manager: Manager | OwnManager
+    params: NDArray[np.void]
+    of_flight: bool = False  # with the second reference, and more of it written
 
 
 def vote(
@@ -63,127 +102,205 @@ def vote(
     resets: list[Reset],
     trust: Trust = _NO_CODE,
     triads: Mapping[str, Sequence[str]] | None = None,
+    boxes: tuple[int, int] = (0, 1),
 ) -> dict[str, Voted]:
     """Vote the signals that have settings; BadInput: a manager class that ``trust`` does not permit.
 
     triads : by name, signals that are the axes of one unit: the manager "selection" chooses one channel for all three
+    boxes : signals and frames as ``box_signals`` and ``box_persistence`` of a flight; 0 signals: never
     """
     for chosen in settings.values():
         trust.require(chosen.manager)
-    units = [tuple(axes) for axes in (triads or {}).values() if all(settings[a].manager == UNIT_MANAGER for a in axes)]
-    alone = [(name,) for name in settings if not any(name in axes for axes in units)]
-    found: dict[str, Voted] = {}
-    for names in (*units, *alone):
-        found |= _vote_unit(recording, names, settings, resets, trust)
-    return {name: found[name] for name in settings}
+    grouped = _groups(recording, settings, trust, triads or {}, boxes)
+    voted: dict[str, Voted] = {}
+    for group in grouped:
+        voted |= _vote_group(recording, group, settings, resets)
+    return {name: voted[name] for name in settings}
 
 
-def _vote_unit(
+def vote_discretes(
+    recording: Recording, settings: dict[str, RecordedDiscrete], resets: list[Reset]
+) -> dict[str, VotedDiscrete]:
+    """Vote the discretes that have settings, whose fail-safe values are known."""
+    params = np.zeros(len(settings), DISCRETE_PARAMS)
+    for row, (name, chosen) in zip(params, settings.items(), strict=True):
+        assert chosen.fail_safe is not None  # VoteConfig.discretes sees to it
+        fitted = len(recording.discretes[name].channels)
+        fill_discrete(row, chosen, chosen.fail_safe, fitted, PERSISTENCE, recording.rate_hz)
+    return _vote_discretes(recording, settings, resets, DiscreteVoter(params))
+
+
+def of_flight(recording: Recording, scenario: Scenario) -> Result:
+    """Vote a log of a flight by its own scenario: the decisions of the flight.  BadInput: the user's manager."""
+    stage = loop.redundancy(scenario)
+    signals, discretes = settings_of(scenario)
+    resets = _at_rows(scenario, recording)
+    group = _Group(tuple(signals), stage.own or stage.manager, stage.manager.params, of_flight=True)
+    voted = _vote_group(recording, group, signals, resets)
+    return Result(voted, _vote_discretes(recording, discretes, resets, stage.discretes, True), of_flight=True)
+
+
+def settings_of(scenario: Scenario) -> tuple[dict[str, RecordedSignal], dict[str, RecordedDiscrete]]:
+    """Return the settings of a flight's signals and discretes as those of a recording."""
+    redundancy, suite = scenario.redundancy, scenario.sensors
+    limits = loop.sensors.ranges(suite)
+    signals = {
+        signal.name: RecordedSignal(
+            **getattr(redundancy.signals, signal.name).model_dump(),
+            range=[float(limits[i, 0]), float(limits[i, 1])],
+            wraps=signal.wraps,
+            manager=redundancy.manager,
+        )
+        for i, signal in enumerate(SIGNALS)
+    }
+    given = {one.name: getattr(redundancy.discretes, one.name).model_dump(exclude_none=True) for one in DISCRETES}
+    discretes = {one.name: RecordedDiscrete(**{"fail_safe": one.fail_safe, **given[one.name]}) for one in DISCRETES}
+    return signals, discretes
+
+
+def _at_rows(scenario: Scenario, recording: Recording) -> list[Reset]:
+    """Return the scenario's commands at the times of the rows in which the flight gave them."""
+    frames = np.array([recording.row(k) - 1 for k in range(len(recording.time_s))])
+    given: list[Reset] = []
+    for reset in scenario.redundancy.resets:
+        row = int(np.searchsorted(frames, to_frame(reset.at_s, scenario.rate_hz)))
+        if row < len(frames):
+            at_s = float(recording.time_s[row])
+            given.append(Reset(at_s=at_s, signal=reset.signal, channels=reset.channels))
+    return given
+
+
+def _groups(
+    recording: Recording,
+    settings: Mapping[str, RecordedSignal],
+    trust: Trust,
+    triads: Mapping[str, Sequence[str]],
+    boxes: tuple[int, int],
+) -> list[_Group]:
+    """Return who votes together: all signals of a manager, the axes of a unit; a user's manager votes each alone."""
+    units = [tuple(axes) for axes in triads.values() if all(settings[a].manager == UNIT_MANAGER for a in axes)]
+    others = [name for name in settings if not any(name in axes for axes in units)]
+    groups = [_group(recording, axes, settings, trust, boxes, as_unit=True) for axes in units]
+    for manager in dict.fromkeys(settings[name].manager for name in others):
+        names = tuple(name for name in others if settings[name].manager == manager)
+        for some in [names] if manager in MANAGERS else [(name,) for name in names]:
+            groups.append(_group(recording, some, settings, trust, boxes))
+    return groups
+
+
+def _group(
     recording: Recording,
     names: tuple[str, ...],
-    settings: dict[str, RecordedSignal],
-    resets: list[Reset],
+    settings: Mapping[str, RecordedSignal],
     trust: Trust,
+    boxes: tuple[int, int],
+    as_unit: bool = False,
+) -> _Group:
+    params = np.zeros(len(names), PARAMS)
+    for row, name in zip(params, names, strict=True):
+        chosen, fitted = settings[name], len(recording.signals[name].channels)
+        fill(row, chosen, chosen.limits, fitted, chosen.wraps, recording.rate_hz)
+    manager = settings[names[0]].manager
+    if manager not in MANAGERS:
+        return _Group(names, load_manager(manager, params, trust), params)
+    made = Manager(manager, params, box_signals=boxes[0], box_persistence=boxes[1], as_unit=as_unit)
+    return _Group(names, made, params)
+
+
+def _vote_group(
+    recording: Recording, group: _Group, settings: Mapping[str, RecordedSignal], resets: list[Reset]
 ) -> dict[str, Voted]:
-    """The signals ``names``, one or the axes of a unit, through their manager."""
-    n, params = len(recording.time_s), np.zeros(len(names), PARAMS)
+    """Run the signals of a group through their manager."""
+    n, names = len(recording.time_s), group.names
     samples = [recording.signals[name] for name in names]
     commanded = [commands(resets, name, recording.time_s) for name in names]
-    for i, name in enumerate(names):
-        chosen, fitted = settings[name], len(samples[i].channels)
-        fill(params[i], chosen, chosen.limits, fitted, chosen.wraps, recording.rate_hz)
-    run = _manager(settings[names[0]].manager, params, trust)
-    outs = [_Columns.of(n, len(one.channels)) for one in samples]
-    block = _first_block()
-    for start in range(0, n, ROWS):
-        part = slice(start, min(start + ROWS, n))
-        rows = block[: part.stop - start]
+    columns = [_Columns.of(n, len(one.channels), group.of_flight) for one in samples]
+    # A user's manager is compiled for the rows of a flight.
+    kind = rows(len(names)) if isinstance(group.manager, Manager) else rows(S, D)
+    for part, block in _blocks(kind, n):
         for i, one in enumerate(samples):
-            _put(rows, i, one, part)
-            rows["reset"][:, i] = commanded[i][part]
-        run(rows)
-        for i, out in enumerate(outs):
-            spreads(rows, i, params[i], out.spread[part])
-            out.take(rows, i, part)
-    return {name: _voted(recording, samples[i], settings[name], outs[i]) for i, name in enumerate(names)}
+            _put(block, i, one, part, group.of_flight)
+            block["reset"][:, i] = commanded[i][part]
+        _decide(kind, block, group)
+        for i, out in enumerate(columns):
+            spreads(block, i, group.params[i], out.spread[part])
+            out.take(block, i, part)
+    return {name: _voted(recording, samples[i], settings[name], columns[i]) for i, name in enumerate(names)}
+
+
+def _decide(kind: Rows, block: Block, group: _Group) -> None:
+    nested = kind.nested(block)
+    if isinstance(group.manager, Manager):
+        run(nested, Stages(manager=group.manager.data))
+    else:
+        run(nested, Stages(), decide=by_class(group.manager, block, nested))
+    if group.of_flight:
+        write_sources(nested)
+
+
+def by_class(own: OwnManager, block: Block, nested: NDArray[Any]) -> Decide:
+    """Return a user's manager as what decides the rows of ``block``."""
+    bus, fcc = nested["bus"], nested["fcc"]
+    return lambda _, k: own.step(block, bus, fcc, k)
+
+
+def _blocks(kind: Rows, n: int) -> Any:
+    """Yield parts of n rows, and blank rows for each; the same memory again and again."""
+    size = max(1, ROWS * S // max(kind.signals, S))
+    memory = kind.block(size)
+    for start in range(0, n, size):
+        part = slice(start, min(start + size, n))
+        block = memory[: part.stop - start]
+        block["frame"] = np.arange(part.start, part.stop)
+        block["channels"] = block["reference"] = block["second_reference"] = np.nan
+        block["valid"] = 1
+        block["ilm"] = block["discrete_ilm"] = Ilm.ABSENT
+        yield part, block
 
 
 class _Columns(NamedTuple):
-    """What comes out of the rows for one signal, (n,) each."""
+    """The results of one signal, (n,) each."""
 
     fields: dict[str, Any]
     states: list[Bytes]
     spread: Floats
 
     @classmethod
-    def of(cls, n: int, fitted: int) -> _Columns:
-        fields: dict[str, Any] = {name: np.empty(n, np.float64 if name == "voted" else np.uint8) for name in FIELDS}
+    def of(cls, n: int, fitted: int, flown: bool) -> _Columns:
+        names = (*FIELDS, *(FLIGHT_FIELDS if flown else ()))
+        fields: dict[str, Any] = {name: np.empty(n, np.float64 if name == "voted" else np.uint8) for name in names}
         return cls(fields, [np.empty(n, np.uint8) for _ in range(fitted)], np.empty(n))
 
-    def take(self, rows: NDArray[Any], i: int, part: slice) -> None:
+    def take(self, block: Block, i: int, part: slice) -> None:
         for name, column in self.fields.items():
-            column[part] = rows[name][:, i]
+            column[part] = block[name][:, i]
         for c, column in enumerate(self.states):
-            column[part] = rows["state"][:, i, c]
+            column[part] = block["state"][:, i, c]
+
+
+def _put(block: Block, i: int, samples: Samples, part: slice, second: bool) -> None:
+    """Write the samples of ``part`` as signal i of the block."""
+    for c, column in enumerate(samples.channels):
+        block["channels"][:, i, c] = column[part]
+    for c, flags in enumerate(samples.ilm or ()):
+        block["ilm"][:, i, c] = flags[part]
+    for c, flags in enumerate(samples.valid or ()):
+        block["valid"][:, i, c] = flags[part]
+    if samples.reference is not None:
+        block["reference"][:, i] = samples.reference[part]
+    if second and samples.second_reference is not None:
+        block["second_reference"][:, i] = samples.second_reference[part]
 
 
 def _voted(recording: Recording, samples: Samples, settings: RecordedSignal, out: _Columns) -> Voted:
     wrong = [~_usable(samples, settings, c) for c in range(len(samples.channels))]
-    failures = _failures(recording, out.fields, out.states, wrong)
+    failures = _failures(recording, out.states, out.fields["resolver"], wrong)
+    fields = {name: out.fields[name] for name in FIELDS}
+    extra = {name: column for name, column in out.fields.items() if name not in fields}
     invalid = [int(w.sum()) for w in wrong]
-    return Voted(settings, **out.fields, state=out.states, spread=out.spread, invalid=invalid, failures=failures)
-
-
-def _first_block() -> NDArray[Any]:
-    block = new_block(ROWS)
-    block["channels"] = block["reference"] = block["second_reference"] = np.nan
-    block["valid"] = 1
-    block["ilm"] = Ilm.ABSENT
-    return block
-
-
-def _put(rows: NDArray[Any], i: int, samples: Samples, part: slice) -> None:
-    """The samples of ``part`` as signal i of frames."""
-    rows["frame"] = np.arange(part.start, part.stop)
-    for c, column in enumerate(samples.channels):
-        rows["channels"][:, i, c] = column[part]
-    for c, flags in enumerate(samples.ilm or ()):
-        rows["ilm"][:, i, c] = flags[part]
-    for c, flags in enumerate(samples.valid or ()):
-        rows["valid"][:, i, c] = flags[part]
-    if samples.reference is not None:
-        rows["reference"][:, i] = samples.reference[part]
-
-
-def _manager(name: str, params: NDArray[np.void], trust: Trust) -> Callable[[Block], None]:
-    """What votes all rows of a block: a manager of the house, or the user's own ``module:name``."""
-    if name in MANAGERS:
-        data = Manager(name, params).data
-        if len(params) > 1:  # the axes of one unit
-            return lambda rows: select_rows(nested(rows), data)
-        return lambda rows: vote_rows(nested(rows), data)
-    own = load_manager(name, params, trust)
-
-    def step_by_step(rows: Block) -> None:
-        bus, fcc = (nested(rows)[part] for part in ("bus", "fcc"))
-        for k in range(len(rows)):
-            own.step(rows, bus, fcc, k)
-
-    return step_by_step
-
-
-@kernel
-def vote_rows(rows, data):
-    """All rows through the chosen manager; see managers.vote_signals."""
-    for k in range(len(rows)):
-        vote_signals(rows[k]["bus"], rows[k]["fcc"], data)
-
-
-@kernel
-def select_rows(rows, data):
-    """All rows of one unit; see baselines.select_unit."""
-    for k in range(len(rows)):
-        select_unit(rows[k]["bus"], rows[k]["fcc"], 0, len(data.params), data)
+    return Voted(
+        settings, **fields, state=out.states, spread=out.spread, invalid=invalid, failures=failures, of_flight=extra
+    )
 
 
 @kernel
@@ -211,16 +328,78 @@ def _usable(samples: Samples, settings: RecordedSignal, c: int) -> NDArray[np.bo
     return usable if samples.valid is None else usable & (samples.valid[c] != 0)
 
 
+# Discretes ---------------------------------------------------------------------------------------------------------
+
+
+def _vote_discretes(
+    recording: Recording,
+    settings: Mapping[str, RecordedDiscrete],
+    resets: list[Reset],
+    voter: DiscreteVoter,
+    flown: bool = False,
+) -> dict[str, VotedDiscrete]:
+    n, kind = len(recording.time_s), rows(1, len(settings))
+    commanded = {name: commands(resets, name, recording.time_s) for name in settings}
+    out = {name: _DiscreteColumns(n, recording.discretes[name], reset) for name, reset in commanded.items()}
+    for part, block in _blocks(kind, n):
+        for d, columns in enumerate(out.values()):
+            columns.put(block, d, part)
+        run(kind.nested(block), Stages(discretes=voter.data))
+        for d, columns in enumerate(out.values()):
+            columns.take(block, d, part)
+    return {name: out[name].voted_discrete(recording, chosen, flown) for name, chosen in settings.items()}
+
+
+class _DiscreteColumns:
+    """Samples and results of one discrete."""
+
+    def __init__(self, n: int, samples: Samples, reset: Bytes) -> None:
+        self.samples, self.reset = samples, reset
+        self.voted, self.level = np.empty(n, np.uint8), np.empty(n, np.uint8)
+        self.state = [np.empty(n, np.uint8) for _ in samples.channels]
+        self.invalid = [0] * len(samples.channels)
+
+    def put(self, block: Block, d: int, part: slice) -> None:
+        """Write the samples of ``part`` as discrete d; an empty one is invalid."""
+        valid = block["discrete_valid"]
+        for c, column in enumerate(self.samples.channels):
+            block["discrete_channels"][:, d, c], valid[:, d, c] = column[part] == 1, ~np.isnan(column[part])
+        for c, flags in enumerate(self.samples.valid or ()):
+            valid[:, d, c] &= flags[part] != 0
+        for c, flags in enumerate(self.samples.ilm or ()):
+            block["discrete_ilm"][:, d, c] = flags[part]
+        block["discrete_reset"][:, d] = self.reset[part]
+
+    def take(self, block: Block, d: int, part: slice) -> None:
+        """Keep the answers of ``part``."""
+        self.voted[part], self.level[part] = block["discrete_voted"][:, d], block["discrete_level"][:, d]
+        for c, column in enumerate(self.state):
+            column[part] = block["discrete_state"][:, d, c]
+            self.invalid[c] += int((block["discrete_valid"][:, d, c] == 0).sum())
+
+    def voted_discrete(self, recording: Recording, settings: RecordedDiscrete, flown: bool) -> VotedDiscrete:
+        """Return the answers to all rows."""
+        failures = _failures(recording, self.state)
+        reset = self.reset if flown else None
+        return VotedDiscrete(settings, self.voted, self.level, self.state, self.invalid, failures, reset)
+
+
 def _failures(
-    recording: Recording, out: dict[str, Any], states: list[Bytes], invalid: list[NDArray[np.bool_]]
+    recording: Recording,
+    states: Sequence[Bytes],
+    resolvers: Bytes | None = None,
+    invalid: Sequence[NDArray[np.bool_]] = (),
 ) -> list[Failure]:
-    """Every change to failed: by the resolver of its row if the sample is valid and one decided, else by comparison."""
-    found: list[Failure] = []
+    """Return every change to failed: by the resolver of its row if the sample is valid and one decided, else by
+    comparison.
+    """
+    failures: list[Failure] = []
     for c, state in enumerate(states):
         failed = state == State.FAILED
         for k in np.flatnonzero(failed & ~np.concatenate([[False], failed[:-1]])):
-            resolver = Resolver(out["resolver"][k])
-            resolved = resolver not in (Resolver.NONE, Resolver.UNRESOLVED) and not invalid[c][k]
-            why = resolver.name.lower() if resolved else "comparison"
-            found.append(Failure(c + 1, recording.row(int(k)), float(recording.time_s[k]), why))
-    return sorted(found, key=lambda failure: (failure.frame, failure.channel))
+            why = "comparison"
+            if resolvers is not None and not invalid[c][k]:
+                resolver = Resolver(resolvers[k])
+                why = why if resolver in (Resolver.NONE, Resolver.UNRESOLVED) else resolver.name.lower()
+            failures.append(Failure(c + 1, recording.row(int(k)), float(recording.time_s[k]), why))
+    return sorted(failures, key=lambda failure: (failure.frame, failure.channel))

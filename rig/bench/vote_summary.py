@@ -7,9 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rig.bench.discrete_vote import VotedDiscrete
-from rig.bench.vote import Voted
-from rig.bench.write_votes import Result
+from rig.bench.vote import Result, Voted, VotedDiscrete
 from rig.frame import Pattern, State
 from rig.recordings.alignment import Alignment
 from rig.recordings.clock import Floats

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from enum import IntEnum
 from pathlib import Path
 from typing import Any, Final
@@ -15,8 +14,7 @@ from typing import Any, Final
 import numpy as np
 import polars as pl
 
-from rig.bench.discrete_vote import VotedDiscrete
-from rig.bench.vote import FIELDS, Voted
+from rig.bench.vote import FIELDS, Result, Voted, VotedDiscrete
 from rig.errors import BadInput, RigError
 from rig.frame import CHANNELS, Ilm, Pattern, Resolver, State
 from rig.log.export import TABLE_WRITERS
@@ -45,14 +43,6 @@ def output(path: Path, recorded: Path | None = None) -> Iterator[Path]:
         if recorded is not None and path.exists() and recorded.exists() and path.samefile(recorded):
             raise BadInput(f"{path}: is the input")
         yield part
-
-
-@dataclass(frozen=True, slots=True)
-class Result:
-    """What was voted, signals and discretes by name."""
-
-    signals: dict[str, Voted]
-    discretes: dict[str, VotedDiscrete] = field(default_factory=dict)
 
 
 def write(part: Path, path: Path, recording: Recording, voted: Result) -> None:
@@ -104,7 +94,8 @@ def _mcap(path: Path, recording: Recording, voted: Result) -> None:
         **{f"/signal/{name}": ("rig.Signal", columns) for name, columns in signals.items()},
         **{f"/discrete/{name}": ("rig.Discrete", columns) for name, columns in discretes.items()},
     }
-    write_topics(path, times, topics, {"rate_hz": repr(recording.rate_hz)})
+    # Of a flight's log: the fields that are not named are not the flight's, and not compared with it.
+    write_topics(path, times, topics, {"rate_hz": repr(recording.rate_hz)}, name_fields=voted.of_flight)
 
 
 def _fields(recording: Recording, name: str, signal: Voted) -> dict[str, Any]:
@@ -117,6 +108,9 @@ def _fields(recording: Recording, name: str, signal: Voted) -> dict[str, Any]:
         "state": _filled(recording, signal.state, State.ABSENT),
         **{name: getattr(signal, name) for name in FIELDS},
     }
+    fields |= signal.of_flight
+    if signal.of_flight and samples.second_reference is not None:
+        fields["second_reference"] = samples.second_reference
     return fields if samples.reference is None else {**fields, "reference": samples.reference}
 
 
@@ -133,6 +127,7 @@ def _discrete_fields(recording: Recording, name: str, discrete: VotedDiscrete) -
         "discrete_state": _filled(recording, discrete.state, State.ABSENT),
         "discrete_voted": discrete.voted,
         "discrete_level": discrete.level,
+        **({} if discrete.reset is None else {"discrete_reset": discrete.reset}),
     }
 
 

@@ -16,6 +16,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from rig.assess.record import ISOLATIONS
 from rig.campaign import table
 from rig.campaign.plan import Plan
 from rig.campaign.rows import OUTCOMES, TABLES
@@ -28,7 +29,7 @@ _FILE = " file"  # no key of a campaign has a blank before it
 # Columns of ``runs`` that together say how many rows of another table a run has.
 _COUNTS = {
     "faults": tuple(OUTCOMES.values()),
-    "alarms": ("false_alarms", "wrong_isolations"),
+    "alarms": tuple(ISOLATIONS.values()),
 }
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, get_args
 import numpy as np
 
 from rig.assess import FaultScore, Score
-from rig.assess.record import Outcome
+from rig.assess.record import ISOLATIONS, Outcome
 from rig.faults import Fault
 from rig.faults.magnitude import in_thresholds
 from rig.frame import CHANNELS, INDEX, SIGNALS, Block, Pattern
@@ -61,8 +61,7 @@ def run_row(number: int, flown: CampaignFlight, scored: Score) -> Row:
         "end_reason": flown.end_reason,
         **{name: value if math.isfinite(value) else None for name, value in asdict(verdict.peaks).items()},
         **{column: outcomes.count(outcome) for outcome, column in OUTCOMES.items()},
-        "false_alarms": len(scored.false_alarms),
-        "wrong_isolations": len(scored.wrong_isolations),
+        **{column: len(getattr(scored, column)) for column in ISOLATIONS.values()},
         "channel_hours": channel_hours(scenario, verdict.frames, scored),
         "vote_above_threshold_s": sum(error.above_threshold_s for error in scored.vote_error.values()),
         "unresolved": scored.unresolved,
@@ -180,11 +179,9 @@ def _pattern(rows: Block, fault: FaultScore) -> str | None:
 def alarm_rows(number: int, scenario: Scenario, scored: Score) -> list[Row]:
     """The rows of table ``alarms``: healthy channels that were failed."""
     period_s = 1.0 / scenario.rate_hz
-    kinds = (("false alarm", scored.false_alarms), ("wrong isolation", scored.wrong_isolations))
     return [
         {"run": number, "kind": kind, "time_s": alarm.frame * period_s, **_of(alarm, "signal", "channel", "resolver")}
-        for kind, alarms in kinds
-        for alarm in alarms
+        for kind, alarm in scored.isolations
     ]
 
 

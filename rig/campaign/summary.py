@@ -11,9 +11,11 @@ from typing import Any, Final
 import numpy as np
 import polars as pl
 
+from rig.assess.record import BY_DESIGN
 from rig.campaign.folder import Folder, difference
 from rig.campaign.plan import Plan
 from rig.campaign.statistics import detectable, mcnemar, poisson, proportion
+from rig.campaign.table import COUNTED
 from rig.errors import BadInput
 from rig.record.time_bins import names
 
@@ -122,6 +124,7 @@ def headline(tables: Tables) -> dict[str, Any]:
         "wrong_isolation": _share(exceeded["isolation"] == "wrong"),
         "false_alarms": _alarm_rate(runs),
         "false_alarm_runs": int((runs["false_alarms"] > 0).sum()),
+        **{column: int(runs[column].sum()) for column in COUNTED},
     }
 
 
@@ -165,9 +168,10 @@ def _rates(faults: pl.DataFrame) -> dict[str, Any]:
 
 
 def by_resolver(tables: Tables) -> list[dict[str, Any]]:
-    """Count channels that were failed, by resolver: how many of them were the faulty ones."""
+    """Count channels that were failed, by resolver: how many were the faulty ones; none that a rule failed."""
     right = tables["faults"].filter(pl.col("outcome") == "detected")["resolver"].to_list()
-    wrong = tables["alarms"]["resolver"].to_list()
+    by_design = pl.col("kind").is_in(BY_DESIGN).fill_null(value=False)
+    wrong = tables["alarms"].filter(~by_design)["resolver"].to_list()
     names = sorted({*right, *wrong} - {None})
     return [
         {

@@ -24,7 +24,8 @@ from rig.frame import CHANNELS
 from rig.record.flight_summary import Peaks
 
 WALL_CLOCK: Final = ("wall_s", "replies")  # no part of what must be the same in every run of a campaign
-ADDED: Final = ("replies",)  # columns that parts of older versions lack; they are then empty
+COUNTED: Final = ("failed_with_box", "failed_by_rule")  # in ``alarms`` too, which are hashed
+ADDED: Final = ("replies", *COUNTED)  # columns that parts of older versions lack; they are then empty
 
 RUNS: Final[dict[str, Any]] = {
     "run": pl.Int64,
@@ -50,6 +51,7 @@ RUNS: Final[dict[str, Any]] = {
     "coverage": pl.String,  # JSON
     "wall_s": pl.Float64,
     "replies": pl.List(pl.Int64),  # reply times of a unit under test in each bin of record.time_bins; empty without one
+    **dict.fromkeys(COUNTED, pl.Int64),  # healthy channels, for a fault elsewhere
 }
 FAULTS: Final[dict[str, Any]] = {
     "run": pl.Int64,
@@ -77,7 +79,7 @@ FAULTS: Final[dict[str, Any]] = {
 }
 ALARMS: Final[dict[str, Any]] = {
     "run": pl.Int64,
-    "kind": pl.String,  # false alarm, wrong isolation
+    "kind": pl.String,  # false alarm, wrong isolation, failed with its box, failed by rule
     "signal": pl.String,
     "channel": pl.Int64,
     "time_s": pl.Float64,
@@ -162,10 +164,10 @@ def joined(table: str, frames: Sequence[pl.DataFrame]) -> pl.DataFrame:
 
 
 def sha256(tables: dict[str, pl.DataFrame]) -> str:
-    """Compute one hash of all tables: sorted rows, every number written out exactly, no wall-clock column."""
+    """Compute one hash of all tables: sorted rows, every number exactly, no wall-clock column, none of COUNTED."""
     digest = hashlib.sha256()
     for name in TABLES:
-        plain = tables[name].drop(WALL_CLOCK, strict=False)
+        plain = tables[name].drop(*WALL_CLOCK, *COUNTED, strict=False)
         digest.update(json.dumps([name, plain.columns, [str(t) for t in plain.dtypes]]).encode())
         for row in plain.iter_rows():
             digest.update(json.dumps(row, allow_nan=False).encode())

@@ -13,7 +13,7 @@ from rig.cli.working import working
 from rig.text import plain
 
 if TYPE_CHECKING:
-    from rig.replay.vote_again import Recorded
+    from rig.recordings.flown import Recorded
 
 LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A log of a flight.", show_default=False)]
 
@@ -46,7 +46,7 @@ def replay(
     Exit code 0 when all is identical to the bit, 1 when not.  A what if compares decisions, and ends with 0.
     """
     from rig.errors import BadInput
-    from rig.replay.vote_again import recorded
+    from rig.recordings.flown import recorded
 
     asked = redundancy is not None or bool(sets)
     if fly and asked:

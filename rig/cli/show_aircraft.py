@@ -16,8 +16,8 @@ from rig.util.files import is_file
 
 if TYPE_CHECKING:
     from rig.design.check import Check
-    from rig.design.linear import Trim
     from rig.design.new_aircraft import NewAircraft
+    from rig.plant.linearise import Trim
 
 _TRIM_HEADS = ("flight point", "altitude, m", "Mach", "speed, m/s", "alpha, deg", "elevator, rad", "throttle")
 

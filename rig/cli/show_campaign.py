@@ -122,6 +122,9 @@ def report(found: dict[str, Any], target: Path) -> None:
         interval = f"{alarms['low']:.3g} to {alarms['high']:.3g}"
         counted = f"{alarms['count']} in {alarms['of']:.4g} h"
         screen.print(f"{'false alarms':18} {alarms['value']:.3g} a channel hour ({interval}), {counted}")
+    for column in ("failed_with_box", "failed_by_rule"):
+        if head.get(column):
+            screen.print(f"{column.replace('_', ' '):18} {head[column]}: healthy channels, for a fault elsewhere")
     if found["resolvers"]:
         names = ("resolver", "pattern", "asked", "answered", "right", "wrong", "open")
         rows = ([*(str(row[name]) for name in names), _share(row["right_share"])] for row in found["resolvers"])

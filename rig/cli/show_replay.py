@@ -6,10 +6,10 @@ from collections import Counter
 from typing import Any
 
 from rig.log.columns import unit_of
+from rig.recordings.flown import Recorded
 from rig.replay.compare import Comparison
 from rig.replay.decisions import Decisions
 from rig.replay.verify import Verified
-from rig.replay.vote_again import Recorded
 from rig.replay.what_if import WhatIf
 from rig.units.quantities import duration, moment, number, unit_shown
 from rig.util.console import Screen, console, styled

@@ -28,6 +28,8 @@ def show(scored: Scored) -> None:
     _faults(screen, scored)
     _isolations(screen, "false alarms", score.false_alarms, scored.scenario.rate_hz)
     _isolations(screen, "wrong isolations", score.wrong_isolations, scored.scenario.rate_hz)
+    _isolations(screen, "failed with box", score.failed_with_box, scored.scenario.rate_hz, by_design=True)
+    _isolations(screen, "failed by rule", score.failed_by_rule, scored.scenario.rate_hz, by_design=True)
     _resolvers(screen, score)
     _votes(screen, scored)
     _flight(screen, score.flight, scored.scenario.rate_hz)
@@ -70,12 +72,15 @@ def _faults(screen: Screen, scored: Scored) -> None:
     _more(screen, len(faults), "faults")
 
 
-def _isolations(screen: Screen, title: str, found: Sequence[Isolation], rate_hz: float) -> None:
-    if not found:
+def _isolations(
+    screen: Screen, title: str, found: Sequence[Isolation], rate_hz: float, *, by_design: bool = False
+) -> None:
+    """Print a line for each; that there is none too, but not of those failed ``by_design``, which few flights have."""
+    if not found and not by_design:
         screen.print(f"{title:17} none")
     for each in found[:MOST]:
         text = f"{each.signal}.{each.channel} at {moment(each.frame, rate_hz)} by {each.resolver}"
-        screen.print(f"{title:17} {text}", style="red")
+        screen.print(f"{title:17} {text}", style="" if by_design else "red")
     _more(screen, len(found), title)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rig.unit.check import Checked
+from rig.bench.unit_check import Checked
 from rig.util.console import console, styled
 
 

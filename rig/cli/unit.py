@@ -50,8 +50,8 @@ def check(
     as_json: Json = False,
 ) -> None:
     """Test whether a unit keeps to the records and the requirement; exit code 1 when it fails one of them."""
+    from rig.bench.unit_check import check as test
     from rig.cli import show_unit as show
-    from rig.unit.check import check as test
 
     with working("testing the unit", not as_json):
         found = test(file, seam_only=seam)

@@ -16,10 +16,13 @@ def vote(
     recorded: Annotated[
         Path, typer.Argument(metavar="INPUT", help="CSV, Parquet or MCAP, or a folder of tables.", show_default=False)
     ],
-    config: Annotated[Path, typer.Option(metavar="FILE", help="Settings of the signals, TOML.", show_default=False)],
     out: Annotated[
         Path, typer.Option(metavar="FILE", help="What to write: .csv, .parquet or .mcap.", show_default=False)
     ],
+    config: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Settings of the signals, TOML.", show_default="those of the flight's log"),
+    ] = None,
     align: Annotated[bool, typer.Option("--align", help="Take constant delays and offsets off the channels.")] = False,
     align_from: Annotated[
         float | None, typer.Option(help="Begin of the stretch to find them in, s.", show_default="first row")

@@ -1,6 +1,5 @@
 """What is designed before a flight: gains with their margins, references with their thresholds; not imported in flight.
 
-linear.py        the small motions about trim
 gains.py         the gain schedule of an aircraft (requirements, loops, margins, point_gains, backup)
 references.py    coefficients and thresholds of the references, from healthy flights
 """

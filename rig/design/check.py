@@ -7,11 +7,11 @@ from typing import Any
 
 from rig.computer.control.gains import Gains, Margin
 from rig.design.gains import Designed, design_points
-from rig.design.linear import Trim, trimmed
 from rig.design.requirements import Requirements, short_of, whole
 from rig.errors import BadInput
 from rig.plant.airframe import Airframe, Config, FlightPoint
 from rig.plant.base_model import SURFACES, read
+from rig.plant.linearise import Trim, trimmed
 from rig.text import nearest
 
 

@@ -16,12 +16,12 @@ from typing import Final
 from rig.computer.control.gains import Gains, Point
 from rig.design import backup
 from rig.design.backup import Sensor
-from rig.design.linear import linearise
 from rig.design.loops import ACTUATORS, Plane
 from rig.design.point_gains import Shares, backup_gains, gains_at
 from rig.design.requirements import LAWS, Case, Requirements, met, missed, nearness, whole, with_margins
 from rig.errors import RigError
 from rig.plant.airframe import Airframe
+from rig.plant.linearise import linearise
 from rig.util.progress import tell
 
 MOST_SAID: Final = 3  # loops below the requirement that an error names

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from rig.computer.control.autopilot import Config, Control
 from rig.computer.control.gains import Gains
 from rig.computer.control.state import DYNAMIC
-from rig.design.linear import Linear, Trim
 from rig.design.margins import Loop, Matrix, sampled_loop
 from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, SURFACES, Block, S, new_block
 from rig.plant.airframe import Airframe, FlightPoint
+from rig.plant.linearise import Linear, Trim
 from rig.units.atmosphere import GAS_CONSTANT, GRAVITY, LAPSE_RATE, TROPOPAUSE_ALTITUDE, temperature
 
 Law = Literal["stick", "autopilot"]

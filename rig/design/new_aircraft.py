@@ -14,12 +14,12 @@ import tomli_w
 
 from rig.aircraft import names, sensor_classes
 from rig.design.assumed import FIGURES
-from rig.design.linear import trimmed
-from rig.design.propose import Found, airframe_table, flight_points, given_point
+from rig.design.propose import Found, airframe_table, flight_points
 from rig.errors import BadInput
 from rig.frame import CHANNELS, SIGNALS
-from rig.plant.airframe import Config, FlightPoint
+from rig.plant.airframe import Config, FlightPoint, flight_point_at
 from rig.plant.base_model import SURFACES, BaseModel, Kind, read
+from rig.plant.linearise import trimmed
 from rig.sensors.classes import kind as kind_of_signal
 from rig.settings import build
 from rig.text import choices, quoted
@@ -115,7 +115,7 @@ def _own_points(table: dict[str, Any], base: BaseModel, points: list[tuple[float
     for altitude_m, mach in points:
         data = {"name": "any", "altitude_m": altitude_m, "mach": mach}
         build(FlightPoint, data, f"--point {altitude_m:g}:{mach:g}")
-        made.append(given_point(altitude_m, mach))
+        made.append(flight_point_at(altitude_m, mach))
     dumped = [point.model_dump() for point in made]
     airframe = build(Config, {**table, "flight_points": dumped}, f"base model {base.name}")
     return [Found(point, trimmed(airframe, point), 0.0) for point in made]

@@ -15,10 +15,10 @@ import numpy as np
 from rig.computer.control.gains import Point
 from rig.design import backup
 from rig.design.backup import Bandwidth, Sensor, regulator
-from rig.design.linear import Linear
 from rig.design.loops import ACTUATORS, Plane
 from rig.design.margins import Matrix
 from rig.design.requirements import Case
+from rig.plant.linearise import Linear
 
 
 @dataclass(frozen=True)

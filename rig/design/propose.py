@@ -7,16 +7,15 @@ from math import sqrt
 from typing import Any, Final
 
 from rig.design.assumed import FIGURES, STOP_RAD, held, limits
-from rig.design.linear import Trim, trimmed
 from rig.errors import BadInput
-from rig.plant.airframe import Config, FlightPoint
+from rig.plant.airframe import Config, FlightPoint, flight_point_at
 from rig.plant.base_model import SURFACES, BaseModel, Kind
+from rig.plant.linearise import Trim, trimmed
 from rig.plant.loading import mass_kg, undeclared
 from rig.settings import build
 from rig.units.atmosphere import GAS_CONSTANT, GRAVITY, pressure, speed_of_sound, temperature
 
-FOOT_M: Final = 0.3048
-ALTITUDES_FT: Final[dict[str, tuple[int, ...]]] = {"propeller": (5000, 8000), "jet": (10000, 20000, 30000)}
+ALTITUDES_M: Final[dict[str, tuple[float, ...]]] = {"propeller": (1524.0, 2438.4), "jet": (3048.0, 6096.0, 9144.0)}
 LIFT_COEFFICIENTS: Final = (0.2, 0.25, 0.3, 0.35, 0.42, 0.5, 0.6, 0.75)  # slow to fast the other way round
 _CRUISE_LIFT: Final = 0.42  # nearest to it is the first flight point
 _SLOWER: Final = 0.72  # dynamic pressure of the second over that of the first
@@ -76,9 +75,9 @@ def flight_points(table: dict[str, Any], base: BaseModel, most: int = 2) -> list
     weight = mass_kg(airframe, FlightPoint(**_ANYWHERE)) * GRAVITY
     tried: list[FlightPoint] = []
     found: list[Found] = []
-    for altitude_ft in ALTITUDES_FT["propeller" if base.propeller else "jet"]:
+    for altitude_m in ALTITUDES_M["propeller" if base.propeller else "jet"]:
         for lift in LIFT_COEFFICIENTS:
-            point = _point(altitude_ft, sqrt(2.0 * weight / (base.wing_area_m2 * lift)))
+            point = _point(altitude_m, sqrt(2.0 * weight / (base.wing_area_m2 * lift)))
             if point.mach > _FASTEST or point in tried:
                 continue
             tried.append(point)
@@ -91,18 +90,11 @@ def flight_points(table: dict[str, Any], base: BaseModel, most: int = 2) -> list
     return _spread(found, most)
 
 
-def _point(altitude_ft: int, root_speed: float) -> FlightPoint:
-    """The flight point at which this much sqrt(2 W / (S CL)) is flown, Mach to two digits."""
-    altitude = altitude_ft * FOOT_M
-    density = pressure(altitude) / (GAS_CONSTANT * temperature(altitude))
-    mach = round(root_speed / sqrt(density) / speed_of_sound(altitude), 2)
-    return given_point(altitude, max(mach, 0.01))
-
-
-def given_point(altitude_m: float, mach: float) -> FlightPoint:
-    """A flight point named as the bundled ones: 20000ft_m06."""
-    name = f"{round(altitude_m / FOOT_M)}ft_m{f'{mach:g}'.replace('.', '')}"
-    return FlightPoint(name=name, altitude_m=round(altitude_m, 1), mach=mach)
+def _point(altitude_m: float, root_speed: float) -> FlightPoint:
+    """Return the flight point at which this much sqrt(2 W / (S CL)) is flown, Mach to two digits."""
+    density = pressure(altitude_m) / (GAS_CONSTANT * temperature(altitude_m))
+    mach = round(root_speed / sqrt(density) / speed_of_sound(altitude_m), 2)
+    return flight_point_at(altitude_m, max(mach, 0.01))
 
 
 def _flyable(airframe: Config, point: FlightPoint, lift: float) -> list[Found]:

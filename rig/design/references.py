@@ -24,12 +24,12 @@ from rig.computer.analytic.sources import PARTNERS, REMEMBERED, Config, source
 from rig.computer.control.gains import Gains
 from rig.computer.redundancy.reference_threshold import SEA_LEVEL_DENSITY
 from rig.design.healthy_flights import FLIGHTS, Case, cases, label
-from rig.design.linear import Linear, linearise
 from rig.errors import RigError
 from rig.frame import INDEX, SIGNALS, TWO_PI, Block
 from rig.kernels import kernel
 from rig.loop import fly_rows
 from rig.plant.airframe import Airframe, FlightPoint, parse
+from rig.plant.linearise import Linear, linearise
 from rig.scenario import Scenario
 from rig.settings import build
 from rig.units.atmosphere import GRAVITY

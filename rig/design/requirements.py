@@ -13,10 +13,10 @@ from pydantic import Field
 
 from rig.computer.control.gains import Gains, Margin, Point
 from rig.design import backup, loops
-from rig.design.linear import Linear
 from rig.design.loops import ACTUATORS, Law, Plane
 from rig.design.margins import Loop, holds, margins
 from rig.plant.airframe import Airframe, FlightPoint
+from rig.plant.linearise import Linear
 from rig.settings import Settings
 
 LAWS: Final[tuple[Law, Law]] = ("stick", "autopilot")

@@ -4,8 +4,8 @@ before_unit   channels and references, and all that the unit reads into its reco
 ask           the unit, wherever it is
 after_unit    its answer into the row; what it has not said is the rig's: discretes, control law
 
-One compiled call has all three; where the answer is not a usual one (unit/compiled_exchange.py) it ends early, and Python goes on with
-``exchange`` and ``after_unit``.
+One compiled call has all three; where the answer is not a usual one (unit/compiled_exchange.py) it ends early, and
+Python goes on with ``exchange`` and ``after_unit``.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ signals.py  which signals, discretes and other numbers there are
 enums.py    states, patterns, resolvers and what else has one byte
 fields.py   the one table of fields: part, shape, meaning, place in the log
 sig.py      the places of the signals by their symbols, for kernels
-row.py      FRAME, one row, nested by part; FLAT, the same by field; a block of them
+row.py      the row type of some signals; FRAME, that of a flight, nested by part; FLAT, the same by field; blocks
 """
 
 from rig.frame.enums import End, Ilm, Law, Lie, Pattern, Resolver, Source, State, Trust, Unit
@@ -19,9 +19,11 @@ from rig.frame.row import (
     TRUTH,
     Block,
     Nested,
+    Rows,
     nested,
     new_block,
     offset,
+    rows,
     to_frame,
 )
 from rig.frame.signals import (

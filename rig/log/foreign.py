@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rig.errors import BadInput, BadLog
 from rig.log.decode import MALFORMED
 from rig.log.messages import Budget, LimitedFile, Summary, messages, summary
+from rig.log.signals import FIELDS
 
 _MALFORMED: Final = (
     *MALFORMED,
@@ -38,6 +39,15 @@ def topics(path: Path) -> dict[str, str]:
     """The topics of an MCAP file in their order, with the names of their schemas; BadLog when it is cut or damaged."""
     with _opened(path) as file:
         return _topics(summary(file))
+
+
+def fields(path: Path) -> dict[str, set[str]]:
+    """The fields of FRAME that each topic of a flight's vote holds; no topic of another file.  BadLog as ``topics``."""
+    with _opened(path) as file:
+        channels = summary(file).channels.values()
+    return {
+        channel.topic: set(channel.metadata[FIELDS].split(",")) for channel in channels if FIELDS in channel.metadata
+    }
 
 
 def _topics(known: Summary) -> dict[str, str]:

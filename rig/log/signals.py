@@ -26,6 +26,7 @@ from rig.log.schema import DOUBLE, FIXED32, MESSAGES, SCHEMA_VERSION, Field, des
 from rig.log.writer import CHUNK_BYTES
 
 ABOUT: Final = "rig.vote"  # name of the metadata record
+FIELDS: Final = "fields"  # key of a channel's metadata
 _NUMPY: Final = {DOUBLE: "<f8", FIXED32: "<u4"}  # all other kinds are varints of one byte
 
 # For each topic, fields of FRAME by name: an array (n,), or one (n,) for each channel.  What is left out is
@@ -34,8 +35,12 @@ Columns = Mapping[str, NDArray[Any] | Sequence[NDArray[Any]]]
 Topics = Mapping[str, tuple[str, Columns]]  # topic: message, columns
 
 
-def write_topics(path: Path, times_ns: NDArray[np.uint64], topics: Topics, about: Mapping[str, str]) -> None:
+def write_topics(
+    path: Path, times_ns: NDArray[np.uint64], topics: Topics, about: Mapping[str, str], name_fields: bool = False
+) -> None:
     """Write an MCAP file with one message a row and topic; ``about`` becomes its metadata.
+
+    name_fields : each channel's metadata names the fields that ``topics`` has, FIELDS
 
     ``times_ns`` (n,), not falling.  OSError when the disk does not take it.
     """
@@ -44,7 +49,7 @@ def write_topics(path: Path, times_ns: NDArray[np.uint64], topics: Topics, about
     first = 1
     for group in groups:
         group.first, first = first, first + len(group.columns)
-    file, compressor = Container(path, _opening(groups)), zstandard.ZstdCompressor(level=1)
+    file, compressor = Container(path, _opening(groups, name_fields)), zstandard.ZstdCompressor(level=1)
     with closing(file):
         file.metadata(ABOUT, {**about, "schema_version": str(SCHEMA_VERSION)})
         room = max(1, CHUNK_BYTES // max(group.row_bytes for group in groups))
@@ -56,6 +61,10 @@ def write_topics(path: Path, times_ns: NDArray[np.uint64], topics: Topics, about
                 group.fill(some[: len(times)], start, times, part)
                 file.chunk(group.packed(some[: len(times)], times, compressor))
         file.finish()
+
+
+def _named(columns: Columns) -> dict[str, str]:
+    return {FIELDS: ",".join(sorted(columns))}
 
 
 def _tag(field: Field, number: int) -> bytes:
@@ -126,14 +135,14 @@ class _Group:
                     rows[field.name][:, s] = given[field.index[0]][part]
 
 
-def _opening(groups: Sequence[_Group]) -> Opening:
+def _opening(groups: Sequence[_Group], name_fields: bool) -> Opening:
     schemas = [
         Schema(group.schema, descriptors(group.message).SerializeToString(), SchemaEncoding.Protobuf, group.message)
         for group in groups
     ]
     channels = [
-        Channel(int(i), topic, MessageEncoding.Protobuf, {}, group.schema)
+        Channel(int(i), topic, MessageEncoding.Protobuf, _named(columns) if name_fields else {}, group.schema)
         for group in groups
-        for i, topic in zip(group.ids, group.columns, strict=True)
+        for i, (topic, columns) in zip(group.ids, group.columns.items(), strict=True)
     ]
     return Opening.of(schemas, channels)

@@ -4,7 +4,10 @@ airframe.py  what an aircraft is: the ``[airframe]`` table of its ``aircraft.tom
 actuated.py  the base model with its own flight control replaced by our actuators
 wind.py      steady wind, steps, gusts and turbulence of a flight
 truth.py     JSBSim's numbers as the true row of a frame, in SI units
-jsbsim.py    load, trim and fly; the only importer of JSBSim
+loading.py   load an aircraft in JSBSim and trim it
+jsbsim.py    fly it
+linearise.py the small motions about trim
+imperial.py  feet, pounds and slugs in SI, here and nowhere else
 flown.py     the plant that an aircraft's settings ask for
 Without JSBSim:
 linear_plant.py   fly the matrices of the small motions

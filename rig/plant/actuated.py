@@ -25,6 +25,7 @@ from pathlib import Path
 from rig.errors import BadInput, RigError
 from rig.kernels import cache_root
 from rig.plant.airframe import Config, Surface
+from rig.plant.imperial import METRES_PER_FOOT, METRES_PER_INCH
 from rig.text import choices, quoted
 from rig.util.files import is_file
 
@@ -32,7 +33,7 @@ THROTTLE_POSITION = "rig/throttle-position"  # 0 to 1, after the actuator
 
 _DROPPED = ("flight_control", "autopilot", "system", "external_reactions", "input", "output")
 _SHAPING = {"base_model", "cg_x_shift_m", "elevator", "aileron", "rudder", "throttle", "properties"}
-_METRES = {"M": 1.0, "FT": 0.3048, "IN": 0.0254}
+_METRES = {"M": 1.0, "FT": METRES_PER_FOOT, "IN": METRES_PER_INCH}
 _READERS = ("property", "p", "independentVar")
 _READS_FILE = "reads.txt"
 

@@ -15,6 +15,7 @@ from typing import Annotated, Any, Final, Literal, Self, get_args
 from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
 from rig.errors import BadInput
+from rig.plant.imperial import METRES_PER_FOOT
 from rig.settings import Settings, build, read_toml
 from rig.text import choices, quoted
 
@@ -29,6 +30,12 @@ class FlightPoint(Settings):
     name: str = Field(min_length=1)
     altitude_m: float = Field(ge=0.0, le=25_000.0)
     mach: float = Field(gt=0.0, le=3.0)
+
+
+def flight_point_at(altitude_m: float, mach: float) -> FlightPoint:
+    """Return a flight point named as the bundled ones, by its altitude in feet: 20000ft_m06."""
+    name = f"{round(altitude_m / METRES_PER_FOOT)}ft_m{f'{mach:g}'.replace('.', '')}"
+    return FlightPoint(name=name, altitude_m=round(altitude_m, 1), mach=mach)
 
 
 class Actuator(Settings):

@@ -11,9 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
+import jsbsim
+
 from rig.errors import BadInput
 from rig.plant import actuated
-from rig.plant.loading import jsbsim
+from rig.plant.imperial import METRES_PER_FOOT
 
 Kind = Literal["light", "fighter", "transport"]
 LIGHTEST_TRANSPORT_KG: Final = 8618.0  # 19 000 lb
@@ -124,7 +126,7 @@ def _wing_area(tree: ET.Element, name: str) -> float:
     area = None if element is None else _number(tree, "metrics/wingarea")
     if element is None or area is None or area <= 0.0:
         raise BadInput(f"airframe.base_model: {name} gives no wing area")
-    return area * (1.0 if element.get("unit", "FT2") == "M2" else 0.3048**2)
+    return area * (1.0 if element.get("unit", "FT2") == "M2" else METRES_PER_FOOT**2)
 
 
 def _blade_angles(parts: Iterable[ET.Element]) -> tuple[float, float] | None:

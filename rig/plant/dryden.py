@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag, expm
 
 from rig.kernels import kernel
+from rig.plant.imperial import METRES_PER_FOOT
 from rig.plant.wind import Turbulence
 
 Matrix = NDArray[np.float64]
-LENGTH_M: Final = 1750.0 * 0.3048
+LENGTH_M: Final = 1750.0 * METRES_PER_FOOT
 STATES: Final = 5  # one along, two across, two down
 _ALTITUDE_M: Final = (1000.0, 3000.0, 6000.0, 9000.0, 10_700.0)
 _SIGMA_M_S: Final[dict[Turbulence, tuple[float, ...]]] = {

@@ -14,7 +14,8 @@ from rig.frame import SURFACES, Block, new_block
 from rig.kernels import bind
 from rig.plant import actuated, truth, wind
 from rig.plant.airframe import Airframe, FlightPoint
-from rig.plant.loading import FEET_PER_METRE, jsbsim_airframe, load, log
+from rig.plant.imperial import FEET_PER_METRE
+from rig.plant.loading import jsbsim_airframe, load, log
 
 _FPS_PER_KNOT: Final = 1852.0 / 3600.0 * FEET_PER_METRE
 _TUSTIN: Final = 4  # JSBSim's number of its Dryden turbulence in Tustin form

@@ -6,17 +6,14 @@ import logging
 from functools import cache
 from math import atan2, degrees, hypot
 from pathlib import Path
-from typing import Final
 
 import jsbsim
 
 from rig.errors import BadInput, RigError
 from rig.plant import actuated, wind
 from rig.plant.airframe import Airframe, Config, FlightPoint
+from rig.plant.imperial import FEET_PER_METRE, KILOGRAMS_PER_SLUG
 from rig.text import choices, quoted
-
-FEET_PER_METRE: Final = 1.0 / 0.3048
-KILOGRAMS_PER_SLUG: Final = 14.593903
 
 log = logging.getLogger("rig.jsbsim")
 log.addHandler(logging.NullHandler())  # else warnings would go to stderr when nobody listens

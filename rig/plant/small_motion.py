@@ -17,7 +17,7 @@ import numpy as np
 from rig.frame import SURFACES
 from rig.kernels import kernel
 from rig.plant.airframe import OUTPUTS
-from rig.plant.truth import FOOT, POUND_PER_SQUARE_FOOT
+from rig.plant.imperial import METRES_PER_FOOT, PASCALS_PER_PSF
 from rig.units.atmosphere import GAS_CONSTANT, GRAVITY, pressure, speed_of_sound, temperature
 
 _SURFACES: Final = len(SURFACES)
@@ -68,9 +68,9 @@ def advance(place, dt, raw):
     """Move ``place`` on for ``dt`` at the velocity and the body rates of ``raw``."""
     now = raw[0]
     turn = now["q_rad_s"] * sin(now["phi_rad"]) + now["r_rad_s"] * cos(now["phi_rad"])
-    place[NORTH] += dt * FOOT * now["velocity_north_fps"]
-    place[EAST] += dt * FOOT * now["velocity_east_fps"]
-    place[ALTITUDE] -= dt * FOOT * now["velocity_down_fps"]
+    place[NORTH] += dt * METRES_PER_FOOT * now["velocity_north_fps"]
+    place[EAST] += dt * METRES_PER_FOOT * now["velocity_east_fps"]
+    place[ALTITUDE] -= dt * METRES_PER_FOOT * now["velocity_down_fps"]
     place[HEADING] += dt * turn / max(cos(now["theta_rad"]), 1e-3)
 
 
@@ -111,7 +111,7 @@ def evaluate(x, place, wind, outputs, rates, y, dy, param, raw):
     now["throttle"] = p["surface"][3] + x[surfaces + 3]
     dynamics(p["airspeed"] + y[0], dy[0], dy[1], dy[4], wind, raw)
     air(p["airspeed"] + y[0], place[ALTITUDE], raw)
-    now["altitude_ft"] = now["height_ft"] = place[ALTITUDE] / FOOT
+    now["altitude_ft"] = now["height_ft"] = place[ALTITUDE] / METRES_PER_FOOT
 
 
 @kernel
@@ -135,16 +135,20 @@ def dynamics(speed, speed_rate, alpha_rate, beta_rate, wind, raw):
     v_rate = speed_rate * sb + speed * cb * beta_rate
     w_rate = speed_rate * sa * cb + speed * (ca * cb * alpha_rate - sa * sb * beta_rate)
     now["mass_slug"] = 1.0  # so that force is acceleration, in ft/s2
-    now["force_x_lbf"] = (u_rate + q * w - r * v + GRAVITY * st) / FOOT
-    now["force_y_lbf"] = (v_rate + r * u - p * w - GRAVITY * ct * sp) / FOOT
-    now["force_z_lbf"] = (w_rate + p * v - q * u - GRAVITY * ct * cp) / FOOT
+    now["force_x_lbf"] = (u_rate + q * w - r * v + GRAVITY * st) / METRES_PER_FOOT
+    now["force_y_lbf"] = (v_rate + r * u - p * w - GRAVITY * ct * sp) / METRES_PER_FOOT
+    now["force_z_lbf"] = (w_rate + p * v - q * u - GRAVITY * ct * cp) / METRES_PER_FOOT
     north = ct * cy * u + (sp * st * cy - cp * sy) * v + (cp * st * cy + sp * sy) * w
     east = ct * sy * u + (sp * st * sy + cp * cy) * v + (cp * st * sy - sp * cy) * w
     down = -st * u + sp * ct * v + cp * ct * w
-    now["velocity_north_fps"] = (north + wind[0]) / FOOT
-    now["velocity_east_fps"] = (east + wind[1]) / FOOT
-    now["velocity_down_fps"] = (down + wind[2]) / FOOT
-    now["wind_north_fps"], now["wind_east_fps"], now["wind_down_fps"] = wind[0] / FOOT, wind[1] / FOOT, wind[2] / FOOT
+    now["velocity_north_fps"] = (north + wind[0]) / METRES_PER_FOOT
+    now["velocity_east_fps"] = (east + wind[1]) / METRES_PER_FOOT
+    now["velocity_down_fps"] = (down + wind[2]) / METRES_PER_FOOT
+    now["wind_north_fps"], now["wind_east_fps"], now["wind_down_fps"] = (
+        wind[0] / METRES_PER_FOOT,
+        wind[1] / METRES_PER_FOOT,
+        wind[2] / METRES_PER_FOOT,
+    )
 
 
 @kernel
@@ -152,7 +156,7 @@ def air(speed, altitude, raw):
     """Air data at ``speed`` [m/s] and ``altitude`` [m] in the standard atmosphere."""
     now, static = raw[0], pressure(altitude)
     density = static / (GAS_CONSTANT * temperature(altitude))
-    now["static_pressure_psf"] = static / POUND_PER_SQUARE_FOOT
-    now["dynamic_pressure_psf"] = 0.5 * density * speed * speed / POUND_PER_SQUARE_FOOT
-    now["true_airspeed_fps"] = speed / FOOT
+    now["static_pressure_psf"] = static / PASCALS_PER_PSF
+    now["dynamic_pressure_psf"] = 0.5 * density * speed * speed / PASCALS_PER_PSF
+    now["true_airspeed_fps"] = speed / METRES_PER_FOOT
     now["mach"] = speed / speed_of_sound(altitude)

@@ -16,10 +16,8 @@ from numpy.typing import NDArray
 from rig.frame import DISCRETE_INDEX, FLIGHT_INDEX, TWO_PI, Block, End, sig
 from rig.kernels import kernel
 from rig.plant.airframe import Airframe, Limits, Position
+from rig.plant.imperial import METRES_PER_FOOT, PASCALS_PER_PSF
 from rig.units.atmosphere import GRAVITY
-
-FOOT: Final = 0.3048  # m
-POUND_PER_SQUARE_FOOT: Final = 47.88025898033584  # Pa
 
 # What is read of JSBSim each frame: our name and its property, in this order.  The four surface
 # positions follow; their properties depend on the aircraft.
@@ -132,7 +130,7 @@ def _motion(truth: NDArray[np.float64], flight: NDArray[np.float64], now: Any, f
     p, q, r = now["p_rad_s"], now["q_rad_s"], now["r_rad_s"]
     p_dot, q_dot, r_dot = now["p_dot_rad_s2"], now["q_dot_rad_s2"], now["r_dot_rad_s2"]
     x, y, z = fixed["accelerometer_x_m"], fixed["accelerometer_y_m"], fixed["accelerometer_z_m"]
-    scale = FOOT / now["mass_slug"]
+    scale = METRES_PER_FOOT / now["mass_slug"]
     along = p * x + q * y + r * z  # w x (w x r) = w (w . r) - r (w . w)
     square = p * p + q * q + r * r
     forward, right, down = now["force_x_lbf"] * scale, now["force_y_lbf"] * scale, now["force_z_lbf"] * scale
@@ -150,8 +148,8 @@ def _air_data(truth: NDArray[np.float64], now: Any) -> None:
     """Angles of the true flow, wind and turbulence included; dynamic pressure is 0.5 rho V^2."""
     truth[sig.ALPHA] = now["alpha_rad"]
     truth[sig.BETA] = now["beta_rad"]
-    truth[sig.P_S] = now["static_pressure_psf"] * POUND_PER_SQUARE_FOOT
-    truth[sig.Q_BAR] = now["dynamic_pressure_psf"] * POUND_PER_SQUARE_FOOT
+    truth[sig.P_S] = now["static_pressure_psf"] * PASCALS_PER_PSF
+    truth[sig.Q_BAR] = now["dynamic_pressure_psf"] * PASCALS_PER_PSF
 
 
 @kernel
@@ -181,21 +179,21 @@ def _attitude(truth: NDArray[np.float64], flight: NDArray[np.float64], now: Any)
 @kernel
 def _condition(flight: NDArray[np.float64], now: Any, fixed: Any) -> None:
     """Where the aircraft is, how fast it goes, the wind around it and where its surfaces stand."""
-    flight[_ALTITUDE] = now["altitude_ft"] * FOOT
-    flight[_ALTITUDE + 1] = now["height_ft"] * FOOT
+    flight[_ALTITUDE] = now["altitude_ft"] * METRES_PER_FOOT
+    flight[_ALTITUDE + 1] = now["height_ft"] * METRES_PER_FOOT
     latitude, longitude = now["latitude_rad"], now["longitude_rad"]
     flight[_NORTH] = (latitude - fixed["start_latitude_rad"]) * fixed["north_m_per_rad"]
     flight[_NORTH + 1] = (longitude - fixed["start_longitude_rad"]) * fixed["east_m_per_rad"]
     flight[_LATITUDE] = latitude
     flight[_LATITUDE + 1] = longitude
-    flight[_AIRSPEED] = now["true_airspeed_fps"] * FOOT
+    flight[_AIRSPEED] = now["true_airspeed_fps"] * METRES_PER_FOOT
     flight[_AIRSPEED + 1] = now["mach"]
-    flight[_VELOCITY] = now["velocity_north_fps"] * FOOT
-    flight[_VELOCITY + 1] = now["velocity_east_fps"] * FOOT
-    flight[_VELOCITY + 2] = now["velocity_down_fps"] * FOOT
-    flight[_WIND] = now["wind_north_fps"] * FOOT
-    flight[_WIND + 1] = now["wind_east_fps"] * FOOT
-    flight[_WIND + 2] = now["wind_down_fps"] * FOOT
+    flight[_VELOCITY] = now["velocity_north_fps"] * METRES_PER_FOOT
+    flight[_VELOCITY + 1] = now["velocity_east_fps"] * METRES_PER_FOOT
+    flight[_VELOCITY + 2] = now["velocity_down_fps"] * METRES_PER_FOOT
+    flight[_WIND] = now["wind_north_fps"] * METRES_PER_FOOT
+    flight[_WIND + 1] = now["wind_east_fps"] * METRES_PER_FOOT
+    flight[_WIND + 2] = now["wind_down_fps"] * METRES_PER_FOOT
     flight[_SURFACE] = now["elevator_rad"]
     flight[_SURFACE + 1] = now["aileron_rad"]
     flight[_SURFACE + 2] = now["rudder_rad"]

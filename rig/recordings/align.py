@@ -124,5 +124,5 @@ def _taken_off(
     ilm = samples.ilm
     if ilm is not None:
         ilm = [flags[np.rint(at + c.delay_frames).astype(np.int64)] for flags, c in zip(ilm, corrections, strict=True)]
-    reference = None if samples.reference is None else samples.reference[at]
-    return Samples(columns, ilm, reference)
+    reference, second = (None if of is None else of[at] for of in (samples.reference, samples.second_reference))
+    return Samples(columns, ilm, reference, second_reference=second)

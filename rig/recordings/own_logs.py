@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rig.errors import BadInput, BadLog
 from rig.frame import CHANNELS, DISCRETES, SIGNALS, Block, Ilm, State
-from rig.log import foreign, read_log
+from rig.log import Log, foreign, read_log
 from rig.log.foreign import Source
 from rig.log.schema import MESSAGES
 from rig.recordings.clock import clock
@@ -27,11 +27,7 @@ _FIELDS: Final = {
 
 def read_ours(path: Path, repair: bool = False) -> Recording:
     """A log of a flight, or the output of an earlier vote; BadInput in one line when it is neither."""
-    try:
-        topics = foreign.topics(path)
-    except BadLog:
-        read_log(path)  # says more, if it is a log of a flight that was cut
-        raise
+    topics = _topics(path)
     if "/flight" in topics:
         return _flown(path, repair)
     ours = {topic: schema for topic, schema in topics.items() if schema in _FIELDS}
@@ -40,8 +36,25 @@ def read_ours(path: Path, repair: bool = False) -> Recording:
     return _voted(path, ours, repair)
 
 
+def is_flight(path: Path) -> bool:
+    """Return True if an MCAP file is the log of a flight.  BadInput in one line when it cannot be read."""
+    return "/flight" in _topics(path)
+
+
+def _topics(path: Path) -> dict[str, str]:
+    try:
+        return foreign.topics(path)
+    except BadLog:
+        read_log(path)  # says more, if it is a log of a flight that was cut
+        raise
+
+
 def _flown(path: Path, repair: bool) -> Recording:
-    log = read_log(path)
+    return of_log(read_log(path), path, repair)
+
+
+def of_log(log: Log, path: Path, repair: bool = False) -> Recording:
+    """Return the log of a flight, read from ``path``, as a recording."""
     rows = log.rows
     accepted = clock(str(path), rows["frame"] / log.rate_hz, repair)
     signals = {signal.name: _recorded(rows, "", i) for i, signal in enumerate(SIGNALS)}
@@ -53,7 +66,9 @@ def _recorded(rows: Block, kind: str, i: int) -> Samples:
     fitted = range(int((rows[f"{kind}state"][0, i] != State.ABSENT).sum()))
     ilm, valid = ([rows[f"{kind}{name}"][:, i, c].copy() for c in fitted] for name in ("ilm", "valid"))
     channels = [rows[f"{kind}channels"][:, i, c].astype(np.float64) for c in fitted]
-    return Samples(channels, ilm, None if kind else rows["reference"][:, i].copy(), valid)
+    references = () if kind else (rows["reference"], rows["second_reference"])
+    first, second = (columns[:, i].copy() for columns in references) if references else (None, None)
+    return Samples(channels, ilm, first, valid, second)
 
 
 def _voted(path: Path, topics: Mapping[str, str], repair: bool) -> Recording:

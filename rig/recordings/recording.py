@@ -26,6 +26,7 @@ class Samples:
     ilm: list[Bytes] | None = None  # Ilm codes; None when no channel has a monitor
     reference: Floats | None = None
     valid: list[Bytes] | None = None  # 0 where the sensor itself flags a sample that is a number
+    second_reference: Floats | None = None  # of a flight
 
     def of(self, rows: slice | NDArray[np.int64]) -> Samples:
         """The samples of these rows."""
@@ -33,8 +34,9 @@ class Samples:
         def those(columns: list[Bytes] | None) -> list[Bytes] | None:
             return None if columns is None else [column[rows] for column in columns]
 
-        reference = None if self.reference is None else self.reference[rows]
-        return Samples([column[rows] for column in self.channels], those(self.ilm), reference, those(self.valid))
+        reference, second = (None if of is None else of[rows] for of in (self.reference, self.second_reference))
+        channels = [column[rows] for column in self.channels]
+        return Samples(channels, those(self.ilm), reference, those(self.valid), second)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,8 @@
     [triads]           # three signals that are the axes of one vector: gyro = ["gyro_x", "gyro_y", "gyro_z"]
     [mapping]          # columns of a foreign recording: "gyro.1" = "/imu1:angular_velocity.x"
     [[resets]]         # commands to readmit, as in a scenario
+    box_signals        # signals that accuse a channel at once until it is failed on all; 0 when not given: never
+    box_persistence    # frames for which they do
     time_column        # of mapped tables, "time_s" when not given
 
 Everything is checked before a row is voted; errors name the file and the key.
@@ -91,6 +93,8 @@ class VoteConfig(Settings):
     mapping: dict[str, str] = {}
     time_column: str = "time_s"
     resets: list[Reset] = []
+    box_signals: int = Field(default=0, ge=0)
+    box_persistence: int = Field(default=8, ge=1)
 
     def signals(self, present: Collection[str], source: str) -> dict[str, RecordedSignal]:
         """Settings of the signals to be voted, those of ``present`` that a table or the default names."""

@@ -192,7 +192,11 @@ def note(data, out, result, frame):
 
 @kernel
 def count_healthy(states, out, level, fitted, faulty, healthy, failed):
-    """Add the healthy channels in use, and those of them that are failed, by ``level``, of the frame before."""
+    """Add the healthy channels in use, and those of them that are failed, by ``level``, of the frame before.
+
+    On one signal no box is failed, and a common mode in such a frame answers no fault: it is a false isolation, as in
+    assess/signal_totals.py.
+    """
     for c in range(fitted):
         if faulty[c] == 0 and (out >> c) & 1 == 0:
             healthy[level] += 1

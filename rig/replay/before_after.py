@@ -32,6 +32,7 @@ class Side:
     frames: NDArray[np.int64]
     columns: dict[str, tuple[NDArray[Any], bool]]
     metadata: dict[str, str]
+    partial: bool = False  # a vote of a flight: the rest of the flight is not missing in it
 
 
 def side(path: Path | str) -> Side:
@@ -56,24 +57,28 @@ def _is_voted(path: Path) -> bool:
 
 
 def _voted(path: Path) -> Side:
-    fields = {field.name for field in MESSAGES["rig.Signal"].fields}
-    topics = [topic for topic, schema in foreign.topics(path).items() if schema == "rig.Signal"]
+    """A vote: of a flight's log by its own scenario only what the flight has too, else all fields of all signals."""
+    of_flight = foreign.fields(path)
+    wanted = {
+        topic: {field.name for field in MESSAGES[schema].fields if not of_flight or field.source in of_flight[topic]}
+        for topic, schema in foreign.topics(path).items()
+        if schema == "rig.Signal" or topic in of_flight
+    }
     columns: dict[str, tuple[NDArray[Any], bool]] = {}
     rows = 0
-    for topic, source in foreign.read(path, dict.fromkeys(topics, fields)).items():
+    for topic, source in foreign.read(path, wanted).items():
         name, rows = topic.rsplit("/", 1)[1], len(source.time_s)
         wraps = name in INDEX and SIGNALS[INDEX[name]].wraps
         for field, values in source.fields.items():
-            columns[f"{name}.{field}"] = (
-                values,
-                wraps and field in _ANGLES,
-            )
-    return Side(path, None, np.arange(rows), columns, {})
+            columns[f"{name}.{field}"] = (values, wraps and field in _ANGLES)
+    return Side(path, None, np.arange(rows), columns, {}, partial=bool(of_flight))
 
 
 def diff(a: Side, b: Side, tolerance: Sequence[str] = ()) -> Comparison:
     """All fields of two files, frame by frame, by number and not by time.  BadInput: a tolerance."""
     names = list(dict.fromkeys([*a.columns, *b.columns]))
+    if a.partial or b.partial:
+        names = [name for name in names if all(name in one.columns for one in (a, b) if one.partial)]
     allowed = tolerances(tolerance, names)
     n = min(len(a.frames), len(b.frames))
     fields: list[Field] = []
@@ -83,7 +88,11 @@ def diff(a: Side, b: Side, tolerance: Sequence[str] = ()) -> Comparison:
             continue
         (left, wraps), (right, _) = a.columns[name], b.columns[name]
         fields.append(of_column(name, left[:n], right[:n], a.frames[:n], allowed.of(name), wraps))
-    return Comparison(n, fields, _remarks(a, b), _notes(a.metadata, b.metadata))
+    notes = _notes(a.metadata, b.metadata)
+    for name, part, whole in (("A", a, b), ("B", b, a)):
+        if part.partial and not whole.partial:
+            notes.append(f"{name} is a vote: {len(whole.columns) - len(names)} fields of the flight are not part of it")
+    return Comparison(n, fields, _remarks(a, b), notes)
 
 
 def _remarks(a: Side, b: Side) -> list[str]:

@@ -8,10 +8,11 @@ from typing import Any
 from rig.errors import BadInput
 from rig.flight.unit_loop import fly_rows
 from rig.log.columns import COLUMNS
+from rig.recordings.flown import Recorded
 from rig.replay.before_after import of_replay
 from rig.replay.compare import Comparison, compare
 from rig.replay.decisions import Decisions, decisions
-from rig.replay.vote_again import Recorded, outputs, vote_again
+from rig.replay.vote_again import outputs, vote_again
 from rig.unit.unit import UnitUnderTest
 from rig.util.versions import versions
 

@@ -17,8 +17,9 @@ from rig.errors import BadInput
 from rig.flight.recorder import Findings
 from rig.frame import Block
 from rig.log import LogWriter
+from rig.recordings.flown import Recorded
 from rig.replay.decisions import Decisions, decisions
-from rig.replay.vote_again import Recorded, vote_again
+from rig.replay.vote_again import vote_again
 from rig.scenario import Scenario, from_resolved, named_manager, override, parse_set
 from rig.settings import read_toml
 from rig.text import quoted

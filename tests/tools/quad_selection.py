@@ -16,8 +16,7 @@ from quad_isolations import AXES, MAPPING, TRIADS
 
 from rig.bench.inject import inject
 from rig.bench.injection_score import score
-from rig.bench.vote import vote
-from rig.bench.write_votes import Result
+from rig.bench.vote import Result, vote
 from rig.recordings.align import align
 from rig.recordings.read import read
 from rig.recordings.recording import Recording

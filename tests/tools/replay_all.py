@@ -5,8 +5,8 @@ import tempfile
 from time import perf_counter
 
 from rig.flight.assembly import fly
+from rig.recordings.flown import recorded
 from rig.replay.verify import verify
-from rig.replay.vote_again import recorded
 from rig.util.files import bundled
 
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.baselines import average, cross_voter, plain_median, select
+from rig.computer.redundancy.baselines import average, cross_voter, plain_median, select, select_unit
 from rig.computer.redundancy.box import BOXES
 from rig.computer.redundancy.config import MANAGERS
 from rig.computer.redundancy.manager import ManagerData, manage, new_state
@@ -18,6 +18,7 @@ _MEAN: Final = MANAGERS.index("mean")
 _MEDIAN: Final = MANAGERS.index("median")
 _CROSS_VOTER: Final = MANAGERS.index("cross-voter")
 _SELECTION: Final = MANAGERS.index("selection")
+_UNIT: Final = len(MANAGERS)  # "selection", with all signals the axes of one unit
 
 
 class Manager:
@@ -25,6 +26,7 @@ class Manager:
 
     name : one of MANAGERS; params : (S,) config.PARAMS
     box_signals, box_persistence : as in config.Config; 0 signals: no channel is failed as a box
+    as_unit : the signals are the axes of one unit, of which "selection" selects one channel
     """
 
     def __init__(
@@ -34,8 +36,9 @@ class Manager:
         *,
         box_signals: int = 0,
         box_persistence: int = 1,
+        as_unit: bool = False,
     ) -> None:
-        self.choice = MANAGERS.index(name)
+        self.choice = _UNIT if as_unit else MANAGERS.index(name)
         self.params = params
         self.state = new_state(params)
         self.boxes = np.zeros(1, BOXES)
@@ -68,5 +71,7 @@ def vote_signals(bus, fcc, data):
         cross_voter(bus, fcc, data)
     elif choice == _SELECTION:
         select(bus, fcc, data)
+    elif choice == _UNIT:
+        select_unit(bus, fcc, 0, len(data.params), data)
     else:
         manage(bus, fcc, data)

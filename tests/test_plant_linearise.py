@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from rig.design.linear import Linear, linearise
 from rig.frame import FLIGHT_INDEX, INDEX, new_block
 from rig.plant import airframe, wind
 from rig.plant.jsbsim import Plant
+from rig.plant.linearise import Linear, linearise
 
 AIRCRAFT = Path(__file__).parent.parent / "aircraft"
 RATE_HZ = 100.0

@@ -15,14 +15,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.config import PARAMS
-from rig.computer.redundancy.discrete import DiscreteVoter, vote_discretes
+from rig.bench.run import Stages, run
+from rig.computer.redundancy.config import MANAGERS, PARAMS
+from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
-from rig.computer.redundancy.managers import Manager, vote_signals
+from rig.computer.redundancy.managers import Manager
 from rig.errors import BadInput
 from rig.frame import S, nested, new_block
 from rig.frame.fields import FIELDS
-from rig.kernels import kernel
 from rig.unit.layout import ANSWERS, INPUT, OUTPUT, REFERENCES, Form, Said
 from rig.unit.port import RECEIVED, may_be
 from rig.unit.settings import Unit, read_unit
@@ -244,14 +244,8 @@ def _ours(case: Case) -> NDArray[Any]:
     for records, field in ((params, "signal"), (discretes, "discrete")):
         for name in records.dtype.names or ():
             records[name] = config[field][name]
-    boxes = {"box_signals": int(config["box_signals"]), "box_persistence": int(config["box_persistence"])}
-    vote_rows(nested(rows), Manager("cross-channel", params, **boxes).data, DiscreteVoter(discretes).data)
+    signals, frames = int(config["box_signals"]), int(config["box_persistence"])
+    manager = Manager(MANAGERS[0], params, box_signals=signals, box_persistence=frames)
+    voter = DiscreteVoter(discretes)
+    run(nested(rows), Stages(manager=manager.data, discretes=voter.data))
     return rows
-
-
-@kernel
-def vote_rows(rows, manager, discretes):
-    """Vote all rows: signals and discretes."""
-    for k in range(len(rows)):
-        vote_signals(rows[k]["bus"], rows[k]["fcc"], manager)
-        vote_discretes(rows[k]["bus"], rows[k]["fcc"], discretes)

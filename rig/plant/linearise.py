@@ -14,20 +14,20 @@ from dataclasses import dataclass
 from math import cos, sin
 from typing import Final
 
+import jsbsim
 import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import BadInput
 from rig.frame import SURFACES
 from rig.plant.airframe import OUTPUTS, Airframe, Config, FlightPoint, LinearConfig
+from rig.plant.imperial import METRES_PER_FOOT, PASCALS_PER_PSF_OF_GAINS
 from rig.plant.linear_plant import matrices
-from rig.plant.loading import jsbsim, load, turns_propellers
+from rig.plant.loading import load, turns_propellers
 from rig.units.atmosphere import GAS_CONSTANT, pressure, speed_of_sound, temperature
 
 Matrix = NDArray[np.float64]
 
-METRES_PER_FOOT: Final = 0.3048
-PASCAL_PER_PSF: Final = 47.880258980336
 LONGITUDINAL: Final = ("Vt", "Alpha", "Q", "Theta")  # as JSBSim names them
 LATERAL: Final = ("Beta", "P", "R", "Phi")
 _LONGITUDINAL_SCALE: Final = np.array([METRES_PER_FOOT, 1.0, 1.0, 1.0])
@@ -179,7 +179,7 @@ def _set_states(fdm: jsbsim.FGFDMExec, states: Matrix) -> None:
 def _trim(fdm: jsbsim.FGFDMExec, airframe: Config) -> Trim:
     return Trim(
         airspeed_m_s=fdm["velocities/vt-fps"] * METRES_PER_FOOT,
-        dynamic_pressure_pa=fdm["aero/qbar-psf"] * PASCAL_PER_PSF,
+        dynamic_pressure_pa=fdm["aero/qbar-psf"] * PASCALS_PER_PSF_OF_GAINS,
         alpha_rad=fdm["aero/alpha-rad"],
         theta_rad=fdm["attitude/theta-rad"],
         elevator_rad=fdm[airframe.elevator.position],

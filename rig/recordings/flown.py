@@ -1,0 +1,57 @@
+"""A log of a flight with the scenario that flew it: what is needed to ask it again."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rig.errors import BadInput, BadLog
+from rig.flight.operator_keys import pressed
+from rig.log import Log, read_log
+from rig.scenario import Scenario, from_resolved
+from rig.util.trust import Trust
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """A log and the scenario in it."""
+
+    path: Path
+    log: Log
+    scenario: Scenario
+
+    @property
+    def what_if(self) -> str | None:
+        """What was changed, when these frames were never flown but are the answer to a what if."""
+        return self.log.metadata.get("what if")
+
+    @property
+    def unit(self) -> dict[str, Any]:
+        """The unit under test that flew it, as ``settings.Unit.about`` said; empty when our own manager did."""
+        return json.loads(self.log.metadata.get("unit", "{}"))
+
+
+def recorded(path: Path | str, allow_code: bool = False) -> Recorded:
+    """Read the log at ``path`` from its first frame on; BadInput or BadLog in one line when it cannot be replayed.
+
+    allow_code : a manager class that the log names may be run
+    """
+    path = Path(path)
+    log = read_log(path)
+    if not log.metadata.get("scenario"):
+        raise BadLog(f"{path}: no scenario in its metadata")
+    try:
+        data = json.loads(log.metadata["scenario"])
+    except (ValueError, RecursionError):
+        raise BadLog(f"{path}: the scenario in its metadata is damaged") from None
+    scenario = from_resolved(data, f"{path}: its scenario", Trust(str(path), allow_code))
+    scenario = pressed(scenario, log.result, str(path))
+    if len(log.rows) == 0:
+        raise BadInput(f"{path}: no frames")
+    if (log.rows["frame"] != np.arange(len(log.rows))).any():
+        raise BadInput(f"{path}: frames are missing; a replay needs all of them from the first on")
+    return Recorded(path, log, scenario)

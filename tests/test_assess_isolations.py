@@ -1,0 +1,122 @@
+"""Healthy channels that are failed: with a box that died, by the rule of common mode, or wrongly."""
+
+from typing import Any
+
+import pytest
+from test_assess_parts import Q, flight, offset
+
+from rig.assess import Score, score
+from rig.assess.cells import isolation_rows
+from rig.assess.conclusion import conclusion
+from rig.assess.record import ISOLATIONS
+from rig.assess.scoring import monitor
+from rig.campaign.rows import alarm_rows, fault_rows, signal_rows
+from rig.campaign.table import COUNTED
+from rig.frame import INDEX, SIGNALS, Block, Resolver, State
+from rig.scenario import Scenario
+
+SICK = ("pitch_rate", "roll_rate", "yaw_rate", "normal_load_factor")
+OTHERS = [signal.name for signal in SIGNALS if signal.name not in SICK]
+REFERENCES = [{**offset([], 0.1, 0.2), "signal": "reference.pitch_rate"}]
+for fault in REFERENCES:
+    del fault["channels"]
+
+
+def dead_box(channel: int = 3, signals: tuple[str, ...] = SICK) -> list[dict[str, Any]]:
+    """At 0.2 s all the named signals of a channel go to their range's end."""
+    fault = {"kind": "hardover", "channels": [channel], "start_s": 0.2, "direction": "high"}
+    return [{**fault, "signal": signal} for signal in signals]
+
+
+def lists(found: Score) -> dict[str, int]:
+    return {field: len(getattr(found, field)) for field in ISOLATIONS.values()}
+
+
+def told(which: Scenario, rows: Block) -> list[str]:
+    return conclusion(which, rows, monitor(which), score(which, rows))
+
+
+def reported(rows: Block, resolver: Resolver, signals: list[str], channels: list[int], frame: int = 60) -> None:
+    """Write that ``channels``, from 0, of the signals were failed in ``frame``, and who says so."""
+    for name in signals:
+        rows["state"][frame:, INDEX[name], channels] = State.FAILED
+        rows["resolver"][frame, INDEX[name]] = resolver
+
+
+def test_healthy_signals_of_a_dead_box_are_failed_with_it_and_are_no_false_alarm():
+    which, rows = flight(dead_box(), exact=True)
+    found = score(which, rows)
+    assert lists(found) == {"false_alarms": 0, "wrong_isolations": 0, "failed_with_box": 12, "failed_by_rule": 0}
+    assert {(each.signal, each.channel, each.frame, each.resolver) for each in found.failed_with_box} == {
+        (name, 3, 27, "box") for name in OTHERS
+    }
+    assert [fault.outcome for fault in found.faults] == ["detected"] * 4
+    assert all(signal.false_isolations == (0, 0, 0, 0) for signal in found.signals.values())
+    assert {kind for kind, *_ in isolation_rows(found, 100.0)} == {"failed with its box"}
+
+
+def test_the_conclusion_tells_the_box_in_one_sentence_and_calls_nothing_wrong():
+    sentences = told(*flight(dead_box(), exact=True))
+    assert (
+        f"channel 3 was failed with its box, which was faulty on others, at 0.27 s on {', '.join(OTHERS)}" in sentences
+    )
+    assert not any("was healthy" in sentence for sentence in sentences)
+    assert sentences[-1].endswith("no healthy channel failed, 12 failed with its box")
+
+
+def test_a_campaign_keeps_them_apart_and_no_fault_is_wrongly_isolated_for_them():
+    which, rows = flight([*dead_box(), {**offset([1], 0.2, 0.01), "signal": "heading"}], exact=True)
+    found = score(which, rows)
+    assert {row["kind"] for row in alarm_rows(0, which, found)} == {"failed with its box"}
+    assert [row["isolation"] for row in fault_rows(0, which, rows, found)] == ["right"] * 4 + ["none"]
+    assert not any(row[f"false_isolations_level_{level}"] for row in signal_rows(0, found) for level in (4, 3, 2, 1))
+    assert set(COUNTED) == {field for kind, field in ISOLATIONS.items() if kind.startswith("failed")}
+
+
+@pytest.mark.parametrize("signals", [(), SICK[:3]])
+def test_a_box_that_was_not_faulty_on_enough_signals_was_failed_for_nothing(signals: tuple[str, ...]):
+    which, rows = flight(dead_box(signals=signals), exact=True)
+    reported(rows, Resolver.BOX, OTHERS, [2])
+    found = score(which, rows)
+    assert lists(found) == {"false_alarms": 12, "wrong_isolations": 0, "failed_with_box": 0, "failed_by_rule": 0}
+    assert found.signals["heading"].false_isolations == (1, 0, 0, 0)
+
+
+def test_the_box_of_another_channel_excuses_nothing_nor_does_a_comparison():
+    which, rows = flight(dead_box(), exact=True)
+    reported(rows, Resolver.BOX, ["heading"], [0])
+    reported(rows, Resolver.NONE, ["pitch_angle"], [1])
+    found = score(which, rows)
+    assert [(each.signal, each.channel) for each in found.false_alarms] == [("pitch_angle", 2), ("heading", 1)]
+
+
+@pytest.mark.parametrize(
+    ("faults", "kind"),
+    [
+        ([], "false_alarms"),
+        (REFERENCES, "failed_by_rule"),
+        ([{**REFERENCES[0], "end_s": 0.4}], "false_alarms"),  # more than the longer persistence ago
+        ([{**REFERENCES[0], "signal": "inertial.pitch_rate_rad_s"}], "failed_by_rule"),  # the second reference
+        ([{**REFERENCES[0], "signal": "reference.roll_rate"}], "false_alarms"),
+    ],
+)
+def test_a_common_mode_is_by_rule_only_when_a_fault_set_references_and_channels_apart(faults: list[Any], kind: str):
+    which, rows = flight(faults, 100, exact=True)
+    rows["state"][:, Q], rows["resolver"][:, Q] = State.OK, Resolver.NONE
+    reported(rows, Resolver.COMMON, ["pitch_rate"], [0, 1, 2, 3])
+    found = score(which, rows)
+    assert lists(found) == {**dict.fromkeys(ISOLATIONS.values(), 0), kind: 4}
+    assert found.signals["pitch_rate"].false_isolations == ((4 if kind == "false_alarms" else 0), 0, 0, 0)
+    if kind == "failed_by_rule":
+        assert "channel 1 was failed by rule: common mode, at 0.60 s on pitch_rate" in told(which, rows)
+
+
+def test_a_healthy_channel_that_common_mode_fails_with_faulty_ones_in_use_is_failed_by_rule():
+    """A channel that was failed before has no part in the vote: its fault is no cause."""
+    which, rows = flight([offset([1, 2, 3], 0.2, 0.03)], 100, exact=True)
+    reported(rows, Resolver.COMMON, ["pitch_rate"], [0, 1, 2, 3])
+    assert lists(score(which, rows))["failed_by_rule"] == 1
+    which, rows = flight([offset([1], 0.2, 0.3)], 100, exact=True)
+    reported(rows, Resolver.COMMON, ["pitch_rate"], [1, 2, 3])
+    found = score(which, rows)
+    assert lists(found)["failed_by_rule"] == 0 and len(found.wrong_isolations) == 3
