@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 
 from rig.reliability.chain import Floats, transitions
-from rig.reliability.outcomes import BAD, BAD_LOST, KEPT, KNOWN, KNOWN_LOST, Cell
+from rig.reliability.outcomes import BAD, BAD_LOST, KEPT, KNOWN, KNOWN_LOST, CellKey
 
 LOSSES: Final = (KNOWN, KNOWN_LOST, BAD, BAD_LOST)
 
@@ -28,8 +28,8 @@ LOSSES: Final = (KNOWN, KNOWN_LOST, BAD, BAD_LOST)
 class Given:
     """What a chain is made of; arrays have a first axis of draws."""
 
-    outcomes: Mapping[Cell, Floats]  # (draws, OUTCOMES)
-    announced: Mapping[Cell, float]
+    outcomes: Mapping[CellKey, Floats]  # (draws, OUTCOMES)
+    announced: Mapping[CellKey, float]
     false_isolation: Mapping[int, Floats]  # (draws,) per channel hour, by channels in use
     settle_h: float
 

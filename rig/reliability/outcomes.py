@@ -21,7 +21,7 @@ from rig.reliability.chain import Floats
 
 KEPT, KNOWN, KNOWN_LOST, BAD, BAD_LOST = range(5)  # outcomes; ..._LOST: with the aircraft
 OUTCOMES: Final = 5
-Cell = tuple[str, int]  # design, good channels before
+CellKey = tuple[str, int]  # design, good channels before
 WHERE_FLOWN: Final = "lost_aircraft_known", "lost_aircraft_bad"
 
 
@@ -29,11 +29,11 @@ WHERE_FLOWN: Final = "lost_aircraft_known", "lost_aircraft_bad"
 class Outcomes:
     """Of the cells of one manager and signal."""
 
-    draws: dict[Cell, Floats]  # (draws, OUTCOMES), rows add up to one
-    trials: dict[Cell, int]
-    seen: dict[Cell, int]  # of them not kept
-    announced: dict[Cell, float]  # share of the kept ones whose faulty channel was failed
-    unreached: list[Cell]  # with a kind of which no trial came to be
+    draws: dict[CellKey, Floats]  # (draws, OUTCOMES), rows add up to one
+    trials: dict[CellKey, int]
+    seen: dict[CellKey, int]  # of them not kept
+    announced: dict[CellKey, float]  # share of the kept ones whose faulty channel was failed
+    unreached: list[CellKey]  # with a kind of which no trial came to be
     flown: bool  # whether any told what became of the aircraft
 
 
@@ -59,7 +59,7 @@ def outcomes(counts: pl.DataFrame, kinds: Mapping[str, float], source: str, rng:
     return found
 
 
-def _shares(cell: pl.DataFrame, kinds: Mapping[str, float], place: Cell, source: str) -> dict[str, float]:
+def _shares(cell: pl.DataFrame, kinds: Mapping[str, float], place: CellKey, source: str) -> dict[str, float]:
     """Return the shares of the kinds of a cell; pairs of faults are flown of some kinds only."""
     flown = set(cell["kind"])  # or planned: what never came to be is a bad vote
     absent = sorted(set(kinds) - flown)

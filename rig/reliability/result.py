@@ -12,7 +12,7 @@ import polars as pl
 
 from rig.reliability.chain import Floats
 from rig.reliability.model import Given, after_flights, one_flight, perfect, rates
-from rig.reliability.outcomes import BAD_LOST, KEPT, Cell, Outcomes, outcomes
+from rig.reliability.outcomes import BAD_LOST, KEPT, CellKey, Outcomes, outcomes
 from rig.reliability.rates import Layer, SignalRates
 from rig.reliability.tally import Cells
 
@@ -175,7 +175,7 @@ def _contributions(mean: Given, drawn: Outcomes, cases: Sequence[Case]) -> list[
     return [_ranked(lost.sum(axis=1), flown, drawn) for lost in losses(_without_each(mean, flown), cases)]
 
 
-def _without_each(mean: Given, flown: Sequence[Cell]) -> Given:
+def _without_each(mean: Given, flown: Sequence[CellKey]) -> Given:
     """Return as many draws: all as it is, without the losses of each cell, without false isolations."""
     draws = len(flown) + 2
     outcomes = {cell: np.repeat(u, draws, axis=0) for cell, u in mean.outcomes.items()}
@@ -187,7 +187,7 @@ def _without_each(mean: Given, flown: Sequence[Cell]) -> Given:
     return replace(mean, outcomes=outcomes, false_isolation=false_isolation)
 
 
-def _ranked(lost: Floats, flown: Sequence[Cell], drawn: Outcomes) -> tuple[Contribution, ...]:
+def _ranked(lost: Floats, flown: Sequence[CellKey], drawn: Outcomes) -> tuple[Contribution, ...]:
     """Return what each draw of ``_without_each`` lacks of the first one, the largest first."""
     whole = lost[0]
     missing = (whole - lost[1:]) / whole if whole > 0.0 else np.zeros(len(lost) - 1)

@@ -233,17 +233,17 @@ def _spread(times: list[float]) -> tuple[float, float, float]:
 
 def study() -> Study:
     """Design, simulate, compare: some seconds."""
-    found = design()
-    nominal = error_system(found)
-    runs = [error_system(found, *factors) for factors in product(PERTURBED, repeat=3) if factors != (1.0, 1.0, 1.0)]
+    gains = design()
+    nominal = error_system(gains)
+    runs = [error_system(gains, *factors) for factors in product(PERTURBED, repeat=3) if factors != (1.0, 1.0, 1.0)]
     return Study(
-        design=found,
+        design=gains,
         error_system=nominal,
         perturbed=runs,
         settling_s=_spread([settling(run.time_s, run.followed) for run in (nominal, *runs)]),
         settling_with_x2_s=_spread([settling(run.time_s, run.pitch) for run in (nominal, *runs)]),
-        honest=honest(found, "estimate", SHOWN_S),
-        with_truth=honest(found, "truth", SHOWN_S),
-        honest_pitch=float(honest(found, "estimate", LONG_S).pitch[-1]),
-        with_truth_pitch=float(honest(found, "truth", LONG_S).pitch[-1]),
+        honest=honest(gains, "estimate", SHOWN_S),
+        with_truth=honest(gains, "truth", SHOWN_S),
+        honest_pitch=float(honest(gains, "estimate", LONG_S).pitch[-1]),
+        with_truth_pitch=float(honest(gains, "truth", LONG_S).pitch[-1]),
     )
