@@ -269,13 +269,14 @@ def _answers(episodes: pl.DataFrame, name: str, asked: int) -> dict[str, Any]:
 def coverage(runs: pl.DataFrame) -> list[dict[str, Any]]:
     """Return the voter states that the campaign's flights met together, by signal, of how many a voter has."""
     seen: dict[str, dict[str, set[Any]]] = {}
-    possible: dict[str, dict[str, int]] = {}
+    possible: dict[str, dict[str, int]] = {}  # of the flights whose voter has most
     for text in runs["coverage"].drop_nulls().unique():
         for signal, covered in json.loads(text).items():
             sets = seen.setdefault(signal, {name: set() for name in _SEEN})
+            most = possible.setdefault(signal, dict.fromkeys(_SEEN, 0))
             for name in _SEEN:
                 sets[name] |= set(covered[name])
-            possible[signal] = {name: covered[f"{name}_possible"] for name in _SEEN}
+                most[name] = max(most[name], covered[f"{name}_possible"])
     return [
         {
             "signal": signal,
