@@ -48,8 +48,8 @@ class KernelCache(FunctionCache):
             return None
         try:
             data = pickle.loads(self._path(sig, target_context.codegen()).read_bytes())
-        except (OSError, EOFError, pickle.UnpicklingError):
-            return None  # not compiled yet, or damaged: it is compiled now
+        except (OSError, EOFError, pickle.UnpicklingError, ImportError, AttributeError):
+            return None  # not compiled yet, damaged, or of a type that has moved: it is compiled now
         return self._impl.rebuild(target_context, data)
 
     def _save_overload(self, sig: Any, data: Any) -> None:
@@ -95,7 +95,7 @@ def _reached(function: Any) -> Iterator[str]:
 @cache
 def _own_parts(function: Any) -> tuple[tuple[str, ...], tuple[Any, ...]]:
     """What a function is made of without the functions that it calls, and those."""
-    described: list[str] = [function.__qualname__, repr(function.__defaults__)]
+    described: list[str] = [function.__module__, function.__qualname__, repr(function.__defaults__)]
     called: list[Any] = []
     codes = [function.__code__]
     for code in codes:

@@ -13,7 +13,8 @@ import pytest
 import tomli_w
 from conftest import constant, vote_samples
 
-from rig.bench.vote import FIELDS, vote
+from rig.bench.sources import FIELDS
+from rig.bench.vote import vote
 from rig.cli import main as cli
 from rig.cli.vote import vote as mounted
 from rig.computer.redundancy.config import MANAGERS

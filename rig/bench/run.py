@@ -2,9 +2,9 @@
 
 The stages of a frame in the order of ``rig/loop.py``, with the plant replaced by rows that are there already:
 
-    sensors     the channels anew, from the truth
-    faults      on channels; on references, if these are made anew
-    references  anew, from the channels
+    sensors     the channels, made again from the truth
+    faults      on channels; on references, if these are made again
+    references  made again from the channels
     manager     votes, states and levels of the continuous signals: ours, a user's class, or a unit under test
     discretes   votes, states and levels of the discretes
 

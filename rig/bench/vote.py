@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig import loop
-from rig.bench.run import ROWS, Decide, Stages, run, write_sources
+from rig.bench.run import Decide, Stages, run, write_sources
+from rig.bench.sources import FIELDS, Columns, DiscreteColumns, blocks, put
 from rig.computer.redundancy.config import MANAGERS, PARAMS, fill
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS, PERSISTENCE, fill_discrete
 from rig.computer.redundancy.managers import Manager
 from rig.computer.redundancy.own import OwnManager, load_manager
-from rig.frame import DISCRETES, SIGNALS, Block, D, Ilm, Resolver, Rows, S, State, rows, to_frame
+from rig.frame import DISCRETES, SIGNALS, Block, D, Resolver, Rows, S, State, rows, to_frame
 from rig.kernels import kernel
 from rig.recordings.clock import Floats
 from rig.recordings.recording import Bytes, Recording, Samples
@@ -31,9 +32,6 @@ from rig.units.angles import difference
 from rig.util.trust import Trust
 
 UNIT_MANAGER: Final = "selection"  # the manager that knows units of several axes
-FIELDS: Final = ("voted", "level", "pattern", "resolver", "trend_high", "trend_low", "reference_usable")
-# What a flight's log has besides, and a vote by its scenario gives again.
-FLIGHT_FIELDS: Final = ("common_mode", "source", "reset")
 _NO_CODE: Final = Trust("the configuration")
 
 
@@ -214,12 +212,12 @@ def _vote_group(
     n, names = len(recording.time_s), group.names
     samples = [recording.signals[name] for name in names]
     commanded = [commands(resets, name, recording.time_s) for name in names]
-    columns = [_Columns.of(n, len(one.channels), group.of_flight) for one in samples]
+    columns = [Columns.of(n, len(one.channels), group.of_flight) for one in samples]
     # A user's manager is compiled for the rows of a flight.
     kind = rows(len(names)) if isinstance(group.manager, Manager) else rows(S, D)
-    for part, block in _blocks(kind, n):
+    for part, block in blocks(kind, n):
         for i, one in enumerate(samples):
-            _put(block, i, one, part, group.of_flight)
+            put(block, i, one, part, group.of_flight)
             block["reset"][:, i] = commanded[i][part]
         _decide(kind, block, group)
         for i, out in enumerate(columns):
@@ -244,55 +242,7 @@ def by_class(own: OwnManager, block: Block, nested: NDArray[Any]) -> Decide:
     return lambda _, k: own.step(block, bus, fcc, k)
 
 
-def _blocks(kind: Rows, n: int) -> Any:
-    """Yield parts of n rows, and blank rows for each; the same memory again and again."""
-    size = max(1, ROWS * S // max(kind.signals, S))
-    memory = kind.block(size)
-    for start in range(0, n, size):
-        part = slice(start, min(start + size, n))
-        block = memory[: part.stop - start]
-        block["frame"] = np.arange(part.start, part.stop)
-        block["channels"] = block["reference"] = block["second_reference"] = np.nan
-        block["valid"] = 1
-        block["ilm"] = block["discrete_ilm"] = Ilm.ABSENT
-        yield part, block
-
-
-class _Columns(NamedTuple):
-    """The results of one signal, (n,) each."""
-
-    fields: dict[str, Any]
-    states: list[Bytes]
-    spread: Floats
-
-    @classmethod
-    def of(cls, n: int, fitted: int, flown: bool) -> _Columns:
-        names = (*FIELDS, *(FLIGHT_FIELDS if flown else ()))
-        fields: dict[str, Any] = {name: np.empty(n, np.float64 if name == "voted" else np.uint8) for name in names}
-        return cls(fields, [np.empty(n, np.uint8) for _ in range(fitted)], np.empty(n))
-
-    def take(self, block: Block, i: int, part: slice) -> None:
-        for name, column in self.fields.items():
-            column[part] = block[name][:, i]
-        for c, column in enumerate(self.states):
-            column[part] = block["state"][:, i, c]
-
-
-def _put(block: Block, i: int, samples: Samples, part: slice, second: bool) -> None:
-    """Write the samples of ``part`` as signal i of the block."""
-    for c, column in enumerate(samples.channels):
-        block["channels"][:, i, c] = column[part]
-    for c, flags in enumerate(samples.ilm or ()):
-        block["ilm"][:, i, c] = flags[part]
-    for c, flags in enumerate(samples.valid or ()):
-        block["valid"][:, i, c] = flags[part]
-    if samples.reference is not None:
-        block["reference"][:, i] = samples.reference[part]
-    if second and samples.second_reference is not None:
-        block["second_reference"][:, i] = samples.second_reference[part]
-
-
-def _voted(recording: Recording, samples: Samples, settings: RecordedSignal, out: _Columns) -> Voted:
+def _voted(recording: Recording, samples: Samples, settings: RecordedSignal, out: Columns) -> Voted:
     wrong = [~_usable(samples, settings, c) for c in range(len(samples.channels))]
     failures = _failures(recording, out.states, out.fields["resolver"], wrong)
     fields = {name: out.fields[name] for name in FIELDS}
@@ -328,9 +278,6 @@ def _usable(samples: Samples, settings: RecordedSignal, c: int) -> NDArray[np.bo
     return usable if samples.valid is None else usable & (samples.valid[c] != 0)
 
 
-# Discretes ---------------------------------------------------------------------------------------------------------
-
-
 def _vote_discretes(
     recording: Recording,
     settings: Mapping[str, RecordedDiscrete],
@@ -340,48 +287,25 @@ def _vote_discretes(
 ) -> dict[str, VotedDiscrete]:
     n, kind = len(recording.time_s), rows(1, len(settings))
     commanded = {name: commands(resets, name, recording.time_s) for name in settings}
-    out = {name: _DiscreteColumns(n, recording.discretes[name], reset) for name, reset in commanded.items()}
-    for part, block in _blocks(kind, n):
+    out = {name: DiscreteColumns(n, recording.discretes[name], reset) for name, reset in commanded.items()}
+    for part, block in blocks(kind, n):
         for d, columns in enumerate(out.values()):
             columns.put(block, d, part)
         run(kind.nested(block), Stages(discretes=voter.data))
         for d, columns in enumerate(out.values()):
             columns.take(block, d, part)
-    return {name: out[name].voted_discrete(recording, chosen, flown) for name, chosen in settings.items()}
-
-
-class _DiscreteColumns:
-    """Samples and results of one discrete."""
-
-    def __init__(self, n: int, samples: Samples, reset: Bytes) -> None:
-        self.samples, self.reset = samples, reset
-        self.voted, self.level = np.empty(n, np.uint8), np.empty(n, np.uint8)
-        self.state = [np.empty(n, np.uint8) for _ in samples.channels]
-        self.invalid = [0] * len(samples.channels)
-
-    def put(self, block: Block, d: int, part: slice) -> None:
-        """Write the samples of ``part`` as discrete d; an empty one is invalid."""
-        valid = block["discrete_valid"]
-        for c, column in enumerate(self.samples.channels):
-            block["discrete_channels"][:, d, c], valid[:, d, c] = column[part] == 1, ~np.isnan(column[part])
-        for c, flags in enumerate(self.samples.valid or ()):
-            valid[:, d, c] &= flags[part] != 0
-        for c, flags in enumerate(self.samples.ilm or ()):
-            block["discrete_ilm"][:, d, c] = flags[part]
-        block["discrete_reset"][:, d] = self.reset[part]
-
-    def take(self, block: Block, d: int, part: slice) -> None:
-        """Keep the answers of ``part``."""
-        self.voted[part], self.level[part] = block["discrete_voted"][:, d], block["discrete_level"][:, d]
-        for c, column in enumerate(self.state):
-            column[part] = block["discrete_state"][:, d, c]
-            self.invalid[c] += int((block["discrete_valid"][:, d, c] == 0).sum())
-
-    def voted_discrete(self, recording: Recording, settings: RecordedDiscrete, flown: bool) -> VotedDiscrete:
-        """Return the answers to all rows."""
-        failures = _failures(recording, self.state)
-        reset = self.reset if flown else None
-        return VotedDiscrete(settings, self.voted, self.level, self.state, self.invalid, failures, reset)
+    return {
+        name: VotedDiscrete(
+            settings[name],
+            answers.voted,
+            answers.level,
+            answers.state,
+            answers.invalid,
+            _failures(recording, answers.state),
+            answers.reset if flown else None,
+        )
+        for name, answers in out.items()
+    }
 
 
 def _failures(

@@ -14,7 +14,8 @@ from typing import Any, Final
 import numpy as np
 import polars as pl
 
-from rig.bench.vote import FIELDS, Result, Voted, VotedDiscrete
+from rig.bench.sources import FIELDS
+from rig.bench.vote import Result, Voted, VotedDiscrete
 from rig.errors import BadInput, RigError
 from rig.frame import CHANNELS, Ilm, Pattern, Resolver, State
 from rig.log.export import TABLE_WRITERS

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rig import aircraft
 from rig.assess.monitored import lingers
 from rig.assess.windows import allowed_frames
+from rig.bench.trials import Trials
 from rig.campaign.config import Distribution, Levels, Vary
 from rig.campaign.plan import Plan
 from rig.campaign.sampling import valuer
@@ -26,7 +27,6 @@ from rig.faults.record import Trigger
 from rig.faults.settings import Act, DutyCycle
 from rig.frame import CHANNELS
 from rig.reliability.one_signal import OneSignal, faults_of, one_signal
-from rig.reliability.open_loop import Trials
 from rig.reliability.recorded import Recording
 from rig.reliability.tally import SECOND, TESTED
 from rig.scenario import Scenario

@@ -22,11 +22,11 @@ from numpy.random import SFC64, Generator, SeedSequence
 from numpy.typing import NDArray
 from scipy.special import gammaincinv, stdtrit
 
+from rig.bench.splitting import CUT, REACHED, Held, Particles, Windows, run_excursions, run_windows
 from rig.errors import BadInput
 from rig.frame import CHANNELS
 from rig.reliability.channel_errors import KAPPAS, corners, drawn_errors
 from rig.reliability.margin_bench import COUNTED, Bench
-from rig.reliability.splitting import CUT, REACHED, Held, Particles, Windows, run_excursions, run_windows
 
 Floats = NDArray[np.float64]
 FLOOR: Final = 1e-12  # per channel hour, below which nothing is resolved

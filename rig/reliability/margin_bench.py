@@ -9,13 +9,13 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from rig.bench.splitting import Held, Particles, Windows
 from rig.computer.redundancy.manager import new_state
 from rig.errors import BadInput
 from rig.frame import INDEX, SIGNALS, D
 from rig.reliability.channel_errors import COUNTS_FROM, Ends, ends
 from rig.reliability.one_signal import ROW, one_signal
 from rig.reliability.recorded import Recording
-from rig.reliability.splitting import Held, Particles, Windows
 from rig.scenario import Scenario
 from rig.sensors.kernel import MEMORY
 from rig.sensors.params import calibrate

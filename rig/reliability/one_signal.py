@@ -16,23 +16,11 @@ from rig.computer.redundancy import MANAGERS
 from rig.computer.redundancy.managers import Manager
 from rig.errors import BadInput
 from rig.faults import Faults
-from rig.frame import INDEX, S
-from rig.frame.fields import BASES, FIELDS, PARTS, Part
+from rig.frame import INDEX, rows
 from rig.scenario import Scenario
 from rig.sensors.kernel import MEMORY
 
-
-def _part(part: Part) -> np.dtype[np.void]:
-    """The fields of a part, those of every signal for one alone; the truth stays as it is, for the triggers."""
-    fields = [
-        (f.name, BASES[f.kind], (1, *f.shape[1:]) if part != "truth" and f.shape[:1] == (S,) else f.shape)
-        for f in FIELDS
-        if f.part == part
-    ]
-    return np.dtype(fields, align=True)
-
-
-ROW: Final = np.dtype([("frame", "i8"), *((part, _part(part)) for part in PARTS)], align=True)
+ROW: Final = rows(1).frame
 
 
 class OneSignal(NamedTuple):

@@ -18,6 +18,7 @@ from numpy.random import SFC64, Generator, SeedSequence
 from numpy.typing import NDArray
 
 from rig.assess.windows import allowed_frames
+from rig.bench.trials import LEVELS, NEVER, RESULT, Scratch, Trials, run_trials
 from rig.campaign.plan import Plan
 from rig.computer.redundancy.manager import new_state
 from rig.errors import BadInput
@@ -25,7 +26,6 @@ from rig.faults.record import KEPT, FaultData
 from rig.frame import CHANNELS, D
 from rig.reliability.drawn import Cell, cell, draw, refill
 from rig.reliability.one_signal import ROW
-from rig.reliability.open_loop import LEVELS, NEVER, RESULT, Scratch, Trials, run_trials
 from rig.reliability.recorded import Recording, recording
 from rig.reliability.tally import AT_ONCE, CELL, COUNTS, DESIGNS, FALSE_ISOLATIONS, Cells
 

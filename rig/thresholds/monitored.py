@@ -1,6 +1,6 @@
 """The flight's manager over many short pieces of one signal: in which frame each channel is failed.
 
-The very kernel of flight and of ``rig vote`` (redundancy/manager.py) on samples alone, without frames of the log.
+The rows of ``rig vote`` (bench/run.py), with one signal and without what is not voted.
 """
 
 from __future__ import annotations
@@ -10,18 +10,19 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.config import PARAMS, fill
+from rig.bench.run import step
+from rig.computer.redundancy.config import MANAGERS, PARAMS, fill
 from rig.computer.redundancy.lowpass import follow
-from rig.computer.redundancy.manager import manage_signal, new_state
-from rig.frame import CHANNELS, Ilm
+from rig.computer.redundancy.manager import new_state
+from rig.computer.redundancy.managers import Manager
+from rig.frame import CHANNELS, Ilm, rows
 from rig.kernels import long_kernel
 from rig.recordings.settings import RecordedSignal
 
 Floats = NDArray[np.float64]
 Frames = NDArray[np.int64]
 NEVER: Final = -1
-_VALID: Final = np.ones(CHANNELS, np.uint8)
-_ABSENT: Final = np.full(CHANNELS, Ilm.ABSENT, np.uint8)
+_ROWS: Final = rows(1)
 
 
 def failures(samples: Floats, settings: RecordedSignal, rate_hz: float) -> Frames:
@@ -31,8 +32,8 @@ def failures(samples: Floats, settings: RecordedSignal, rate_hz: float) -> Frame
     """
     pieces, _, count = samples.shape
     params = _params(settings, count, rate_hz)
-    first = np.full((pieces, CHANNELS), NEVER)
-    _run(_four(samples), _VALID, _ABSENT, params, np.repeat(new_state(params), pieces), first)
+    first, manager = np.full((pieces, CHANNELS), NEVER), Manager(MANAGERS[0], params)
+    _run(_four(samples), _blank_row(), manager.data, new_state(params), first)
     return first[:, :count]
 
 
@@ -43,7 +44,7 @@ def isolations(samples: Floats, settings: RecordedSignal, rate_hz: float, gap: i
     """
     params = _params(settings, samples.shape[1], rate_hz)
     found = np.zeros(len(samples), np.uint8)
-    _restarted(_four(samples), _VALID, _ABSENT, params, new_state(params), new_state(params), found)
+    _restarted(_four(samples), _blank_row(), Manager(MANAGERS[0], params).data, new_state(params), found)
     at = np.flatnonzero(found)
     return at[np.diff(at, prepend=-gap - 1) > gap]
 
@@ -84,26 +85,39 @@ def _follow(samples, params, out):
             out[c, k] = last
 
 
+def _blank_row() -> NDArray[Any]:
+    """One row of one signal, whose channels alone change."""
+    block = _ROWS.block(1)
+    block["reference"] = block["second_reference"] = np.nan
+    block["valid"], block["ilm"] = 1, Ilm.ABSENT
+    return _ROWS.nested(block)
+
+
 @long_kernel
-def _run(samples, valid, ilm, params, states, first):
-    """Every piece through the manager; writes ``first`` (R, 4)."""
-    p = params[0]
+def _run(samples, rows, manager, fresh, first):
+    """Every piece through the manager, which begins again with each; writes ``first`` (R, 4)."""
+    p, row = manager.params[0], rows[0]
+    channels = row["bus"]["channels"]
     for r in range(len(samples)):
-        st = states[r]
+        manager.state[0] = fresh[0]
         for k in range(samples.shape[1]):
-            manage_signal(samples[r, k], valid, ilm, np.nan, np.nan, p, st)
+            for c in range(CHANNELS):
+                channels[0, c] = samples[r, k, c]
+            step(row, row, k, None, None, None, manager, None)
             for c in range(p["fitted"]):
-                if st["failed"][c] and first[r, c] < 0:
+                if manager.state[0]["failed"][c] and first[r, c] < 0:
                     first[r, c] = k
 
 
 @long_kernel
-def _restarted(samples, valid, ilm, params, fresh, state, found):
+def _restarted(samples, rows, manager, fresh, found):
     """One flight through the manager, which begins again after each failure; marks the frames of failures."""
-    p = params[0]
+    p, row = manager.params[0], rows[0]
+    channels = row["bus"]["channels"]
     for k in range(len(samples)):
-        st = state[0]
-        manage_signal(samples[k], valid, ilm, np.nan, np.nan, p, st)
-        if st["level"] < p["fitted"]:
+        for c in range(CHANNELS):
+            channels[0, c] = samples[k, c]
+        step(row, row, k, None, None, None, manager, None)
+        if manager.state[0]["level"] < p["fitted"]:
             found[k] = 1
-            state[0] = fresh[0]
+            manager.state[0] = fresh[0]

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from rig.assess.monitored import lingers
 from rig.assess.votes import difference
 from rig.assess.windows import allowed_frames
+from rig.bench.trials import NEVER, Trials
 from rig.frame import INDEX, SIGNALS, Block, State, new_block
 from rig.loop import fly_rows
 from rig.reliability.drawn import Cell
 from rig.reliability.one_signal import faults_of, one_signal
-from rig.reliability.open_loop import NEVER, Trials
 from rig.reliability.recorded import Recording, of_rows
 from rig.reliability.tally import SECOND, TESTED
 from rig.reliability.trials import fly_trials, off_votes

@@ -12,13 +12,13 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy import vote_signals
+from rig.bench.run import step
 from rig.computer.redundancy.manager import ManagerData
-from rig.faults import FaultData, corrupt
+from rig.faults import FaultData
 from rig.faults.record import FOREVER, Trigger
 from rig.frame import CHANNELS, State
 from rig.kernels import kernel
-from rig.sensors import SensorData, measure
+from rig.sensors import SensorData
 from rig.units.angles import difference
 
 LEVELS: Final = CHANNELS + 1
@@ -67,7 +67,7 @@ class Trials(NamedTuple):
 class Scratch(NamedTuple):
     """Records that every trial begins with, and the ones that it works on."""
 
-    row: NDArray[Any]  # (1,) ROW
+    row: NDArray[Any]  # (1,) of one signal, nested
     blank_memory: NDArray[Any]  # (1,)
     memory: NDArray[Any]  # (1,)
     line: NDArray[np.float64]
@@ -132,14 +132,12 @@ def run_trial(trials, j, at, scratch, result, healthy, failed):
     for k in range(trials.last[j] - trials.first[j]):
         frame = trials.first[j] + k
         row = scratch.row[0]
-        truth, bus, fcc = row["truth"], row["bus"], row["fcc"]
+        truth, fcc = row["truth"], row["fcc"]
         row["frame"] = frame
         truth["truth"][0] = trials.truth[frame]
         out = failed_bits(fcc["state"][0]) if k > 0 else 0
-        measure(truth, bus, k, own)
-        corrupt(row, k, data)
         fcc["reference"][0], fcc["second_reference"][0] = trials.reference[frame], trials.second[frame]
-        vote_signals(bus, fcc, scratch.manager)
+        step(row, row, k, own, data, None, scratch.manager, None)
         if frame == trials.onset[j]:
             stand_before(data, out, trials.tested, scratch.manager.params[0]["fitted"], result)
         note(data, out, result, frame)

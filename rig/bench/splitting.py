@@ -12,12 +12,12 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy import vote_signals
+from rig.bench.run import step as bench_step
 from rig.computer.redundancy.compare import is_singular
 from rig.computer.redundancy.manager import ManagerData
 from rig.frame import CHANNELS, Pattern
 from rig.kernels import kernel
-from rig.sensors import SensorData, measure
+from rig.sensors import SensorData
 
 LONGEST: Final = 1000  # frames of an excursion that are followed
 RUNS, REACHED, ENDED, CUT = range(4)  # outcomes of a particle
@@ -31,7 +31,7 @@ class Held(NamedTuple):
     second: NDArray[np.float64]  # (N,)
     sensors: NDArray[Any]  # (E, 1) sensors.params.PARAMS
     manager: ManagerData  # its state is not used
-    row: NDArray[Any]  # (1,) one_signal.ROW
+    row: NDArray[Any]  # (1,) of one signal, nested
     blank_manager: NDArray[Any]  # (1,) manager.STATE
     blank_memory: NDArray[Any]  # (1,) sensors.kernel.MEMORY
     no_drift: NDArray[np.float64]  # (0, 0, 0)
@@ -69,7 +69,7 @@ class Windows(NamedTuple):
 def step(held, p, j, k, noise):
     """Move particle j by a frame; its noise is row k of ``noise`` (R, 1, 4)."""
     row, m = held.row[0], held.manager
-    truth, bus, fcc = row["truth"], row["bus"], row["fcc"]
+    truth, fcc = row["truth"], row["fcc"]
     frame = min(p.frame[j], len(held.truth) - 1)
     row["frame"] = frame
     truth["truth"][0] = held.truth[frame]
@@ -77,9 +77,8 @@ def step(held, p, j, k, noise):
         held.sensors[p.flight[j]], noise[k:], held.no_drift, p.memory[j : j + 1], p.line[j],
         held.no_discretes, held.no_alarms,
     )  # fmt: skip
-    measure(truth, bus, 0, sensors)
     fcc["reference"][0], fcc["second_reference"][0] = held.reference[frame], held.second[frame]
-    vote_signals(bus, fcc, ManagerData(m.choice, m.params, p.manager[j : j + 1], m.boxes))
+    bench_step(row, row, 0, sensors, None, None, ManagerData(m.choice, m.params, p.manager[j : j + 1], m.boxes), None)
     p.frame[j] += 1
     params = m.params[0]
     p.failed[j] = failures(p.manager[j], params["fitted"])
