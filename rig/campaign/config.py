@@ -96,10 +96,10 @@ class Distribution(Settings):
     def _family(self) -> Any:
         import scipy.stats  # half a second, which no worker needs
 
-        known = getattr(scipy.stats, self.distribution, None)
-        if known is None or not isinstance(known, scipy.stats.rv_continuous):
+        family = getattr(scipy.stats, self.distribution, None)
+        if family is None or not isinstance(family, scipy.stats.rv_continuous):
             raise ValueError(f"distribution: scipy.stats has no continuous distribution {quoted(self.distribution)}")
-        return known
+        return family
 
 
 Vary = Levels | Range | Distribution

@@ -49,13 +49,13 @@ def read(folder: Path, plan: Plan) -> dict[str, pl.DataFrame]:
     BadInput names the file that is damaged, missing, another campaign's or a copy, and the remedy.
     """
     parts = names(folder)
-    found = {name: _tables(folder, name, parts, plan) for name in TABLES}
+    files = {name: _tables(folder, name, parts, plan) for name in TABLES}
     seen: dict[int, str] = {}
     for i, part in enumerate(parts):
-        _check_runs(folder, part, found["runs"][i], plan, seen)
+        _check_runs(folder, part, files["runs"][i], plan, seen)
         for name in TABLES[1:]:
-            _check_rows(folder, name, part, found["runs"][i], found[name][i])
-    return {name: table.joined(name, frames) for name, frames in found.items()}
+            _check_rows(folder, name, part, files["runs"][i], files[name][i])
+    return {name: table.joined(name, frames) for name, frames in files.items()}
 
 
 def _tables(folder: Path, name: str, parts: list[str], plan: Plan) -> list[pl.DataFrame]:
@@ -69,8 +69,8 @@ def _tables(folder: Path, name: str, parts: list[str], plan: Plan) -> list[pl.Da
             )
             rows = whole.drop(_FILE)
             if rows.schema == expected and all(map(_is_finite, rows)):
-                found = whole.partition_by(_FILE, maintain_order=True, include_key=False, as_dict=True)
-                return [found.get((str(path),), rows.clear()) for path in paths]
+                by_file = whole.partition_by(_FILE, maintain_order=True, include_key=False, as_dict=True)
+                return [by_file.get((str(path),), rows.clear()) for path in paths]
     return [_table(folder, name, part, plan) for part in parts]  # names the file that is not as it must be
 
 
@@ -82,15 +82,15 @@ def _table(folder: Path, name: str, part: str, plan: Plan) -> pl.DataFrame:
     try:
         frame = pl.read_parquet(path.read_bytes(), hive_partitioning=False, parallel="none")  # small: threads cost more
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
-        said = " ".join(str(error).split())[:120]
-        raise _again(folder, path, part, f"cannot be read ({said})") from None
+        reason = " ".join(str(error).split())[:120]
+        raise _again(folder, path, part, f"cannot be read ({reason})") from None
     expected, columns = table.schema(plan, name), frame.columns
     lacking = [column for column in table.ADDED if column in expected and column not in columns]
     if lacking:
         frame = frame.with_columns(pl.lit(None, expected[column]).alias(column) for column in lacking)
-    found = frame.schema
-    for column in {**expected, **found}:
-        if found.get(column) != expected.get(column):
+    schema = frame.schema
+    for column in {**expected, **schema}:
+        if schema.get(column) != expected.get(column):
             raise _again(folder, path, part, f"column {column[:60]!r} is not as in this campaign's tables")
     if not all(map(_is_finite, frame)):
         raise _again(folder, path, part, "a number is not finite")
@@ -109,7 +109,7 @@ def _check_runs(folder: Path, part: str, runs: pl.DataFrame, plan: Plan, seen: d
         raise BadInput(f"{path}: its name is not that of the runs in it: a copy? It is removed by: {_remove(path)}")
     if not all(map(_is_coverage, runs["coverage"].drop_nulls().unique())):
         raise _again(folder, path, part, "a coverage is not that of a flight")
-    if not all(len(one) == BINS and min(one) >= 0 for one in map(list, runs["replies"].drop_nulls())):
+    if not all(len(bins) == BINS and min(bins) >= 0 for bins in map(list, runs["replies"].drop_nulls())):
         raise _again(folder, path, part, "reply times are not counted in the bins of this version")
     if len(set(numbers)) < len(numbers) or not 0 <= min(numbers) <= max(numbers) < len(plan):
         raise _again(folder, path, part, f"a run twice, or none of the campaign's {len(plan)}")
@@ -122,10 +122,10 @@ def _check_runs(folder: Path, part: str, runs: pl.DataFrame, plan: Plan, seen: d
 def _is_coverage(text: str) -> bool:
     """Return True if a text is the ``coverage`` of a run: voter states by signal, counted."""
     try:
-        found = json.loads(text)
+        covered = json.loads(text)
     except (ValueError, RecursionError):
         return False
-    signals = found.values() if isinstance(found, dict) else [None]
+    signals = covered.values() if isinstance(covered, dict) else [None]
     return all(isinstance(s, dict) and all(isinstance(v, list | int) for v in s.values()) for s in signals)
 
 

@@ -93,9 +93,9 @@ def detectable(
         return None
     fit = _Logistic(x, n, k)
     separated = float(x[k > 0].min()) >= float(x[k < n].max())
-    found = [_magnitude(fit, p, separated, confidence) for p in probabilities]
+    estimates = [_magnitude(fit, p, separated, confidence) for p in probabilities]
     slope = None if separated else exp(fit.best[1])
-    return Detectable(int(n.sum()), int(k.sum()), slope, separated, found)
+    return Detectable(int(n.sum()), int(k.sum()), slope, separated, estimates)
 
 
 def _grouped(magnitudes: NDArray[np.float64], detected: NDArray[np.bool_]) -> tuple[NDArray[np.float64], ...]:
@@ -130,8 +130,8 @@ class _Logistic:
 
     def _climb(self) -> tuple[float, float]:
         """Return (ln m50, ln slope) of the largest likelihood."""
-        found = _least(lambda m: self.profile(m, 0.0), np.linspace(self.x[0], self.x[-1], 41), xatol=1e-9)
-        return float(found.x), float(self._slope(float(found.x), 0.0).x)
+        best = _least(lambda m: self.profile(m, 0.0), np.linspace(self.x[0], self.x[-1], 41), xatol=1e-9)
+        return float(best.x), float(self._slope(float(best.x), 0.0).x)
 
     @property
     def least(self) -> float:

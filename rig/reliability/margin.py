@@ -89,10 +89,10 @@ class Repetition(NamedTuple):
 
 def margin(bench: Bench, seed: int = 0, effort: Effort | None = None) -> Margin:
     """Estimate false isolations of one channel an hour.  BadInput: too few sets of errors carry the estimate."""
-    found = estimate(bench, seed, effort)
-    if found.few is not None:
-        raise BadInput(f"{bench.signal}: threshold {bench.threshold:g}: {found.few}: no estimate; raise --flights")
-    return found
+    estimated = estimate(bench, seed, effort)
+    if estimated.few is not None:
+        raise BadInput(f"{bench.signal}: threshold {bench.threshold:g}: {estimated.few}: no estimate; raise --flights")
+    return estimated
 
 
 def estimate(bench: Bench, seed: int = 0, effort: Effort | None = None) -> Margin:
@@ -100,35 +100,35 @@ def estimate(bench: Bench, seed: int = 0, effort: Effort | None = None) -> Margi
     highest, spent = bound(bench, seed), effort or Effort()
     if highest < FLOOR:
         return Margin(bench.threshold, None, None, highest, 0.0, [], 0.0, 0, 0)
-    found: list[Repetition] = []
+    repetitions: list[Repetition] = []
     wanted = min(REPETITIONS, spent.most_repetitions)
-    while len(found) < wanted:
-        found.append(repetition(bench, SeedSequence(seed, spawn_key=(len(found),)), spent))
-        wide = len(found) == wanted and _half_width(found) > HALF_WIDTH * _mean(found)
-        if wide and min(map(min, (one.sets for one in found))) >= LEAST_SETS:
+    while len(repetitions) < wanted:
+        repetitions.append(repetition(bench, SeedSequence(seed, spawn_key=(len(repetitions),)), spent))
+        wide = len(repetitions) == wanted and _half_width(repetitions) > HALF_WIDTH * _mean(repetitions)
+        if wide and min(map(min, (each.sets for each in repetitions))) >= LEAST_SETS:
             wanted = min(wanted + REPETITIONS // 2, spent.most_repetitions)
-    mean, half = _mean(found), _half_width(found)
+    mean, half = _mean(repetitions), _half_width(repetitions)
     return Margin(
         threshold=bench.threshold,
         per_hour=mean,
         low=max(mean - half, 0.0),
         high=mean + half,
-        at_start=float(np.mean([one.at_start for one in found])),
-        sets=[min(of) for of in zip(*(one.sets for one in found), strict=True)],
-        carrying=effective(np.concatenate([one.parts for one in found])),
-        repetitions=len(found),
-        cut=sum(one.cut for one in found),
+        at_start=float(np.mean([each.at_start for each in repetitions])),
+        sets=[min(of) for of in zip(*(each.sets for each in repetitions), strict=True)],
+        carrying=effective(np.concatenate([each.parts for each in repetitions])),
+        repetitions=len(repetitions),
+        cut=sum(each.cut for each in repetitions),
     )
 
 
-def _mean(found: Sequence[Repetition]) -> float:
-    return float(np.mean([one.per_hour for one in found]))
+def _mean(repetitions: Sequence[Repetition]) -> float:
+    return float(np.mean([each.per_hour for each in repetitions]))
 
 
-def _half_width(found: Sequence[Repetition]) -> float:
+def _half_width(repetitions: Sequence[Repetition]) -> float:
     """Return half the width of the 95 % interval: t over independent repetitions."""
-    spread = float(np.std([one.per_hour for one in found], ddof=1))
-    return float(stdtrit(len(found) - 1, 0.975)) * spread / sqrt(len(found))
+    spread = float(np.std([each.per_hour for each in repetitions], ddof=1))
+    return float(stdtrit(len(repetitions) - 1, 0.975)) * spread / sqrt(len(repetitions))
 
 
 def repetition(bench: Bench, seeds: SeedSequence, effort: Effort) -> Repetition:

@@ -38,9 +38,9 @@ class Given:
         if (design, good) in self.outcomes:
             return self.outcomes[design, good]
         single = self.outcomes["single", good]
-        found = np.zeros_like(single)
-        found[:, BAD : BAD_LOST + 1] = split(single, BAD)
-        return found
+        outcomes = np.zeros_like(single)
+        outcomes[:, BAD : BAD_LOST + 1] = split(single, BAD)
+        return outcomes
 
 
 def split(outcome: Floats, loss: int) -> Floats:
@@ -52,25 +52,26 @@ def split(outcome: Floats, loss: int) -> Floats:
 
 def states(n: int) -> dict[tuple[int, bool], int]:
     """Return the places of the states (faulty channels, announced); the four losses come behind them."""
-    return {pair: i for i, pair in enumerate((k, told) for k in range(n) for told in (False, True) if k or not told)}
+    pairs = ((k, announced) for k in range(n) for announced in (False, True) if k or not announced)
+    return {pair: i for i, pair in enumerate(pairs)}
 
 
 def rates(n: int, per_hour: float, beta: float, given: Given) -> Floats:
     """Build the rates (draws, m, m) per hour of a signal with ``n`` channels, each failing ``per_hour``."""
     place = states(n)
     size = len(place) + len(LOSSES)
-    found = np.zeros((len(given.outcomes["single", 1]), size, size))
-    for (k, told), here in place.items():
-        row, good = found[:, here], n - k
-        _after(row, place, k, 1, told, good * (1.0 - beta) * per_hour, next_fault(given, good, per_hour), given)
+    matrix = np.zeros((len(given.outcomes["single", 1]), size, size))
+    for (k, announced), here in place.items():
+        row, good = matrix[:, here], n - k
+        _after(row, place, k, 1, announced, good * (1.0 - beta) * per_hour, next_fault(given, good, per_hour), given)
         if good >= 2 and beta > 0.0:
-            _after(row, place, k, 2, told, beta * per_hour, given.of("alike", good), given)
+            _after(row, place, k, 2, announced, beta * per_hour, given.of("alike", good), given)
         phi = good * given.false_isolation[good]
         if good >= 2:
             row[:, place[k + 1, True]] += phi
         else:  # nobody is left
             row[:, len(place) : len(place) + 2] += phi[:, None] * split(given.of("single", 1), KNOWN)
-    return found
+    return matrix
 
 
 def next_fault(given: Given, good: int, per_hour: float) -> Floats:
@@ -86,7 +87,7 @@ def _after(
     place: Mapping[tuple[int, bool], int],
     k: int,
     more: int,
-    told: bool,
+    announced: bool,
     rate: float,
     outcome: Floats,
     given: Given,
@@ -95,7 +96,7 @@ def _after(
     n = 1 + max(faulty for faulty, _ in place)
     losses = outcome[:, list(LOSSES)].copy()
     if k + more < n:
-        share = 1.0 if told else given.announced.get(("single" if more == 1 else "alike", n - k), 0.0)
+        share = 1.0 if announced else given.announced.get(("single" if more == 1 else "alike", n - k), 0.0)
         row[:, place[k + more, True]] += rate * outcome[:, KEPT] * share
         row[:, place[k + more, False]] += rate * outcome[:, KEPT] * (1.0 - share)
     elif more == 1:
@@ -111,8 +112,8 @@ def one_flight(chain: Floats, n: int, hours: float) -> tuple[Floats, Floats]:
     What was announced or lost is repaired after the flight, so that the next one begins without a fault.
     """
     place = states(n)
-    latent = [i for (_, told), i in place.items() if not told]
-    repaired = [i for (_, told), i in place.items() if told] + list(range(len(place), chain.shape[-1]))
+    latent = [i for (_, announced), i in place.items() if not announced]
+    repaired = [i for (_, announced), i in place.items() if announced] + list(range(len(place), chain.shape[-1]))
     after = transitions(chain, hours, latent)
     begins = after[:, :, latent]
     begins[:, :, 0] += after[:, :, repaired].sum(axis=-1)

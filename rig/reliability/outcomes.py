@@ -43,20 +43,20 @@ def outcomes(counts: pl.DataFrame, kinds: Mapping[str, float], source: str, rng:
     kinds : share of each kind of fault; a cell of single faults must have them all, else BadInput names it
     """
     flown = counts.select(pl.col(WHERE_FLOWN).is_null().all()).row(0) != (True, True)
-    found = Outcomes({}, {}, {}, {}, [], flown)
+    result = Outcomes({}, {}, {}, {}, [], flown)
     lost = _lost_share(counts, rng, draws)
     for (design, good), cell in sorted(counts.group_by("design", "good_before"), key=lambda item: item[0]):
         place = str(design), int(good)  # pyright: ignore[reportArgumentType]  # columns of text and whole numbers
         shares = _shares(cell, kinds, place, source)
-        found.draws[place] = _cell(cell, shares, lost, rng, draws)
-        found.trials[place] = int(cell["trials"].sum())
-        found.seen[place] = int((cell["trials"] - cell["kept"]).sum())
+        result.draws[place] = _cell(cell, shares, lost, rng, draws)
+        result.trials[place] = int(cell["trials"].sum())
+        result.seen[place] = int((cell["trials"] - cell["kept"]).sum())
         if bool((cell.group_by("kind").agg(pl.col("trials").sum())["trials"] == 0).any()):
-            found.unreached.append(place)
+            result.unreached.append(place)
         kept = int(cell["kept"].sum())
         announced = int(cell["announced"].sum())
-        found.announced[place] = announced / kept if kept else 0.0
-    return found
+        result.announced[place] = announced / kept if kept else 0.0
+    return result
 
 
 def _shares(cell: pl.DataFrame, kinds: Mapping[str, float], place: CellKey, source: str) -> dict[str, float]:
@@ -79,7 +79,7 @@ def _cell(
 ) -> Floats:
     """Draw (draws, OUTCOMES) of one cell, its conditions taken together."""
     prior = 0.25 / len(shares)
-    found = np.zeros((draws, OUTCOMES))
+    outcomes = np.zeros((draws, OUTCOMES))
     for kind, share in shares.items():
         of_kind = cell.filter(pl.col("kind") == kind)
         kept, known, bad = (float(of_kind[name].sum()) for name in ("kept", "known_loss", "bad_vote"))
@@ -87,11 +87,11 @@ def _cell(
             chance = np.tile((0.0, 0.0, 1.0), (draws, 1))  # earlier faults had cost the signal or the aircraft
         else:
             chance = rng.dirichlet((kept + 0.5, known + prior, bad + prior), draws)
-        found[:, KEPT] += share * chance[:, 0]
+        outcomes[:, KEPT] += share * chance[:, 0]
         for outcome, column, with_aircraft in ((KNOWN, 1, lost[0]), (BAD, 2, lost[1])):
-            found[:, outcome] += share * chance[:, column] * (1.0 - with_aircraft)
-            found[:, outcome + 1] += share * chance[:, column] * with_aircraft
-    return found
+            outcomes[:, outcome] += share * chance[:, column] * (1.0 - with_aircraft)
+            outcomes[:, outcome + 1] += share * chance[:, column] * with_aircraft
+    return outcomes
 
 
 def _lost_share(counts: pl.DataFrame, rng: Generator, draws: int) -> tuple[Floats, Floats]:

@@ -124,5 +124,5 @@ def read_rates(path: Path) -> Rates:
     for name, table in data.items():
         if not isinstance(table, dict):
             raise BadInput(f"{path}: {name}: must be a table of rates such as [pitch_rate]")
-    found = {name: build(SignalRates, table, f"{path}: {name}") for name, table in data.items()}
-    return build(Rates, {"signals": found, "layers": layers}, str(path))
+    signals = {name: build(SignalRates, table, f"{path}: {name}") for name, table in data.items()}
+    return build(Rates, {"signals": signals, "layers": layers}, str(path))

@@ -96,7 +96,7 @@ def results(
     for _, alike in groupby(cases, lambda case: case._replace(flights_between_checks=0)):
         same = list(alike)
         several = zip(same, losses(base, same), _contributions(_mean(base), drawn, same), strict=True)
-        made += [_result(flown.manager, signal, drawn, *one, layers) for one in several]
+        made += [_result(flown.manager, signal, drawn, *parts, layers) for parts in several]
     return made
 
 
@@ -133,7 +133,7 @@ def _result(
     contributions: tuple[Contribution, ...],
     layers: Sequence[Layer],
 ) -> Result:
-    unseen = sum(one.share for one in contributions if one.trials and not one.seen)
+    unseen = sum(part.share for part in contributions if part.trials and not part.seen)
     more = sum(in_series(layer, case.hours) for layer in layers)
     estimates = {
         name: _estimate(lost[:, list(_SUMS[name])].sum(axis=1) + (more if name != "known_loss" else 0.0), unseen)
@@ -144,7 +144,7 @@ def _result(
     requirement = {name: function < target for name, target in TARGETS.items()}
     ideal = perfect(case.channels, case.per_hour, case.hours)
     unreached = tuple(f"{design}, {good} good" for design, good in drawn.unreached if good <= case.channels)
-    names = tuple(one.name for one in layers)
+    names = tuple(layer.name for layer in layers)
     return Result(manager, signal, case, estimates, ideal, requirement, contributions, names, unreached)
 
 

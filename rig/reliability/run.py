@@ -57,7 +57,7 @@ def require(whole: Cells, signal: str, channels: int, given: SignalRates, source
             )
 
 
-def assumptions(rates: Rates, name: str, found: Sequence[Result]) -> list[str]:
+def assumptions(rates: Rates, name: str, results: Sequence[Result]) -> list[str]:
     """Return the conditions under which the numbers hold, one line each."""
     given = rates.signals[name]
     rate = " or ".join(f"{rate:g}" for rate in given.per_hour)
@@ -73,14 +73,15 @@ def assumptions(rates: Rates, name: str, found: Sequence[Result]) -> list[str]:
         "what was announced is repaired before the next flight, what was not stays until a check",
     ]
     lines += [f"layer {layer.name}: coverages given, not measured ({layer.source})" for layer in rates.layers]
-    for manager in dict.fromkeys(one.manager for one in found):
-        cells_ = list(dict.fromkeys(cell for one in found if one.manager == manager for cell in one.unreached))
-        if cells_:
+    for manager in dict.fromkeys(result.manager for result in results):
+        of_manager = (result for result in results if result.manager == manager)
+        unreached = list(dict.fromkeys(cell for result in of_manager for cell in result.unreached))
+        if unreached:
             lines.append(
-                f"{manager}: some faults of {'; '.join(cells_)} never came to be, as earlier ones had cost the signal "
-                "or the aircraft: they count as bad votes"
+                f"{manager}: some faults of {'; '.join(unreached)} never came to be, as earlier ones had cost the "
+                "signal or the aircraft: they count as bad votes"
             )
-    if any("lost_aircraft" not in one.estimates for one in found):
+    if any("lost_aircraft" not in result.estimates for result in results):
         lines.append("nothing is said of the aircraft: the trials were open loop")
     return lines
 
