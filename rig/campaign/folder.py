@@ -214,13 +214,13 @@ def locked(folder: Path) -> Iterator[None]:
     file = _opened(folder, folder / "lock")
     try:
         try:
-            _take(file)
+            _lock(file, hold=True)
         except OSError:
             raise BadInput(f"--out {folder}: another rig campaign run is flying into it") from None
         try:
             yield
         finally:
-            _release(file)
+            _lock(file, hold=False)
     finally:
         os.close(file)
 
@@ -236,21 +236,16 @@ def _opened(folder: Path, path: Path) -> int:
     raise BadInput(f"{path}: is a link, and is not followed: remove it")
 
 
-def _take(file: int) -> None:
-    """Lock the file for this descriptor, at once or not at all. OSError: somebody holds it."""
+def _lock(file: int, hold: bool) -> None:
+    """Lock the file for this descriptor, at once or not at all, or unlock it. OSError: somebody holds it.
+
+    Closing the descriptor unlocks it too, but on Windows only some time later.
+    """
     if sys.platform == "win32":
         import msvcrt
 
-        msvcrt.locking(file, msvcrt.LK_NBLCK, 1)  # the first byte, which need not be there
+        msvcrt.locking(file, msvcrt.LK_NBLCK if hold else msvcrt.LK_UNLCK, 1)  # the first byte, which need not be there
     else:
         import fcntl
 
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-
-
-def _release(file: int) -> None:
-    """Unlock; closing the descriptor does it too, but on Windows only some time later."""
-    if sys.platform == "win32":
-        import msvcrt
-
-        msvcrt.locking(file, msvcrt.LK_UNLCK, 1)
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB if hold else fcntl.LOCK_UN)
