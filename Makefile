@@ -41,7 +41,7 @@ coverage: setup  ## statements and branches of the monitor, its kernels interpre
 bench: setup  ## what a frame costs, against bare JSBSim in the same process
 	$(BIN)/rig bench
 
-measured: setup  ## write docs/measured/: figures of this commit on this machine; only="bench evidence" for some of them
+measured: setup  ## write docs/measured/: figures of this commit on this machine; only="cost evidence" for some of them
 	$(BIN)/python tests/tools/measured.py $(only)
 
 requirements: setup  ## write docs/requirements.md from the markers in the tests

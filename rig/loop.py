@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from rig import sensors
 from rig.computer.control.autopilot import Control
-from rig.computer.control.law import fly
+from rig.computer.control.law import control_law
 from rig.computer.control.state import ControlData
 from rig.computer.redundancy import Redundancy, RedundancyData, conclude, refer, vote_signals
 from rig.computer.redundancy.config import command
@@ -190,7 +190,7 @@ def after(block, k, data):
     row = block[k]
     bus, fcc = row["bus"], row["fcc"]
     conclude(bus, fcc, data.redundancy)
-    fly(bus, fcc, data.control)
+    control_law(bus, fcc, data.control)
     hand_over(fcc["surface"], row["actuation"]["actuator"])
     actuate(row, data.faults)
 

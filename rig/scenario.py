@@ -23,7 +23,7 @@ from rig.computer.control.gains import Gains
 from rig.computer.redundancy import Config as Redundancy
 from rig.errors import BadInput
 from rig.faults import Fault, check
-from rig.faults.live import LiveFault, distinct_keys
+from rig.faults.fault import LiveFault, distinct_keys
 from rig.frame import DISCRETES, MOST_FAULTS, SIGNALS
 from rig.plant.airframe import AirframeField
 from rig.plant.pilot import Config as Pilot

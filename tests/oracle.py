@@ -55,11 +55,7 @@ class Oracle:
     rules: set[str] = field(default_factory=set)
 
     def step(
-        self,
-        samples: list[float | None],
-        ilm: Sequence[str],
-        reference: float | None,
-        second: float | None = None,
+        self, samples: list[float | None], ilm: Sequence[str], reference: float | None, second: float | None = None
     ) -> Frame:
         self.rules = set()
         view = self.view(samples, ilm, reference)

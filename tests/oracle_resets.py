@@ -27,11 +27,7 @@ class ResettableOracle(Oracle):
                 self.counts[c] = self.agreed[c] = 0
 
     def step(
-        self,
-        samples: list[float | None],
-        ilm: Sequence[str],
-        reference: float | None,
-        second: float | None = None,
+        self, samples: list[float | None], ilm: Sequence[str], reference: float | None, second: float | None = None
     ) -> Frame:
         out = set(self.failed)
         frame = super().step(samples, ilm, reference, second)

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from rig.computer.analytic import inertial_unit as unit
 from rig.computer.analytic import strapdown
-from rig.computer.analytic.memory import ASTRAY_S, LONG_S, frames_of, level_gain, slope_gain
+from rig.computer.analytic.strapdown import ASTRAY_S, LONG_S, frames_of, level_gain, slope_gain
 from rig.frame import INDEX, INERTIAL, S
 from rig.units.atmosphere import pressure
 

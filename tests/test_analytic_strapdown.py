@@ -13,9 +13,8 @@ from test_analytic_references import level_flight, ref, run
 
 from rig.computer.analytic import inertial_unit as unit
 from rig.computer.analytic import strapdown
-from rig.computer.analytic.memory import LONG_S, level_gain, slope_gain
 from rig.computer.analytic.sources import Config
-from rig.computer.analytic.strapdown import LEVEL_S
+from rig.computer.analytic.strapdown import LEVEL_S, LONG_S, level_gain, slope_gain
 from rig.frame import INDEX, TWO_PI, S
 
 G, RATE = 9.80665, 100.0

@@ -13,8 +13,6 @@ import pytest
 import tomli_w
 
 from rig.bench.vote import VotedDiscrete, vote_discretes
-from rig.cli import main as cli
-from rig.cli.vote import vote as mounted
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DiscreteConfigs, discrete_parameters
 from rig.errors import BadInput
@@ -26,8 +24,6 @@ from rig.recordings.read import read
 from rig.recordings.recording import Recording, Samples
 from rig.recordings.settings import RecordedDiscrete, Reset, VoteConfig, read_config
 
-if not any(command.callback is mounted for command in cli.app.registered_commands):
-    cli.app.command()(mounted)
 OK, SUSPECT, FAILED = int(State.OK), int(State.SUSPECT), int(State.FAILED)
 DOOR = {"door": {"fail_safe": 1, "persistence": 3}}
 

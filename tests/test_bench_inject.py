@@ -15,14 +15,11 @@ from faulted import x as lively
 
 from rig.bench.inject import Injection, inject
 from rig.cli import main as cli
-from rig.cli.vote import vote as mounted
 from rig.errors import BadInput
 from rig.frame import INDEX
 from rig.recordings.recording import Recording, Samples
 from rig.recordings.settings import VoteConfig
 
-if not any(command.callback is mounted for command in cli.app.registered_commands):
-    cli.app.command()(mounted)
 N = 600
 RNG = np.random.default_rng(3)
 NOISE = [RNG.normal(0.0, 0.1, N) for _ in range(4)]

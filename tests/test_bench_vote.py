@@ -16,7 +16,6 @@ from conftest import constant, vote_samples
 from rig.bench.sources import FIELDS
 from rig.bench.vote import vote
 from rig.cli import main as cli
-from rig.cli.vote import vote as mounted
 from rig.computer.redundancy.config import MANAGERS
 from rig.errors import BadInput
 from rig.frame import INDEX, SIGNALS, Pattern, Resolver, State
@@ -24,8 +23,6 @@ from rig.recordings.read import read
 from rig.recordings.recording import Recording, Samples
 from rig.recordings.settings import RecordedSignal, VoteConfig, read_config
 
-if not any(command.callback is mounted for command in cli.app.registered_commands):
-    cli.app.command()(mounted)
 K = np.arange(30.0)
 RISING = np.stack([0.1 * K, 0.1 * K + 0.1, 0.1 * K + 5, 0.1 * K + 5.1], axis=1)
 SETTINGS = {"threshold": 1.0, "persistence": 8, "singular_persistence": 10}
@@ -258,10 +255,7 @@ def test_names_of_patterns_and_resolvers_are_those_of_the_table():
     [
         ("[default]\nthreshold = 1.0\nfade_s = 1e17", "fade_s: must be at most 1e"),
         ("[default]\nthreshold = 1.0\npersistence = 9223372036854775808", "persistence: must be at most 1e"),
-        (
-            "[default]\nthreshold = 1.0\nthreshhold = 2.0",
-            "default.threshhold: unknown key; nearest: threshold",
-        ),
+        ("[default]\nthreshold = 1.0\nthreshhold = 2.0", "default.threshhold: unknown key; nearest: threshold"),
         ("a = " + "[" * 2000 + "]" * 2000, "nested more than 100 deep"),
         ("[[resets]]\nsignal = 'x'\nat_s = 1e12\n[default]\nthreshold = 1.0", "at_s: input should be less than"),
     ],

@@ -12,10 +12,10 @@ import pytest
 
 from rig.campaign import parts
 from rig.campaign import plan as plan_module
+from rig.campaign.campaign_page import report
 from rig.campaign.config import read
 from rig.campaign.folder import Folder, open_folder
 from rig.campaign.plan import Plan
-from rig.campaign.report import report
 from rig.campaign.rows import TABLES, Rows
 from rig.campaign.summary import by_resolver, compare, headline
 from rig.campaign.table import ADDED

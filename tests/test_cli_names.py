@@ -11,7 +11,7 @@ import pytest
 
 from rig import scenario
 from rig.cli import complete
-from rig.cli.schema import of_file
+from rig.cli.catalogue import of_file
 from rig.errors import BadInput
 from rig.log.of_flight import LONGEST_TAG, tag
 from rig.log.overrides import overrides
@@ -45,11 +45,7 @@ def test_overrides_are_told_from_the_file_and_what_was_flown():
     text = find().read_text()
     flown = load(None, ["redundancy.manager=mean", "faults.0.start_s=3.0", "duration_s=5"], seed=9).resolved()
     assert overrides(text, load(None).resolved()) == []
-    assert sorted(overrides(text, flown) or []) == [
-        "duration_s=5.0",
-        "faults.0.start_s=3.0",
-        "redundancy.manager=mean",
-    ]
+    assert sorted(overrides(text, flown) or []) == ["duration_s=5.0", "faults.0.start_s=3.0", "redundancy.manager=mean"]
     assert overrides("no toml [", flown) is None
 
 

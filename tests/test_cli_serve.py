@@ -11,7 +11,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
-from rig.cli.show import Watching
+from rig.cli.fly import Watching
 from rig.util.interrupt import Stop
 from rig.view import viewer
 

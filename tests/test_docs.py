@@ -8,7 +8,7 @@ import pytest
 import requirements
 
 from rig import aircraft, scenario
-from rig.cli import show
+from rig.cli.catalogue import signal_rows
 from rig.frame import INDEX, Block, State
 from rig.loop import Rig, frames
 from rig.util.files import bundled
@@ -20,7 +20,7 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").g
 
 def test_the_table_of_signals_is_that_of_the_frame():
     page = (ROOT / "docs" / "signals.md").read_text()
-    for row in show.signal_rows():
+    for row in signal_rows():
         assert f"| {' | '.join(row)} |" in page
 
 

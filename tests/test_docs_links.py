@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import measured
 import pytest
 
 ROOT = Path(__file__).parent.parent
@@ -43,8 +44,15 @@ def test_a_link_to_no_file_and_one_to_no_heading_are_found(tmp_path: Path):
     assert broken(page) == ["gone.md", "there.md#gone"]
 
 
-def test_the_site_shows_every_page_once():
+def test_the_site_shows_every_page_but_the_measured_ones_once():
     nav = (ROOT / "mkdocs.yml").read_text().partition("nav:")[2]
     shown = re.findall(r": ([\w/.-]+\.md)", nav)
     pages = {path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")}
+    pages -= {page for page in pages if page.startswith("measured/")}
     assert sorted(shown) == sorted(pages | {"index.md", "contributing.md"})
+
+
+def test_measured_pages_are_few_and_short():
+    lines = {path.name: len(path.read_text().splitlines()) for path in (ROOT / "docs" / "measured").glob("*.md")}
+    assert len(lines) <= 10 and max(lines.values()) <= 80
+    assert {name.removesuffix(".md") for name in lines} == set(measured.PAGES)

@@ -6,7 +6,7 @@ import pytest
 from faulted import PARSE, acts, faulted, healthy
 from pydantic import ValidationError
 
-from rig.faults.transition import Transition
+from rig.faults.trigger import Transition
 from rig.frame import INDEX, Pattern, Resolver, Source, State
 
 P, Q = INDEX["roll_rate"], INDEX["pitch_rate"]

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from rig.computer.fdi import decision
-from rig.computer.fdi.settings import Config, parameters
-from rig.computer.fdi.state import BOTH, GYROS_ALONE, KEPT, STATE, UNIT_ALONE
+from rig.computer.fdi.state import BOTH, GYROS_ALONE, KEPT, STATE, UNIT_ALONE, Config, parameters
 from rig.frame import INDEX, S, Trust
 
 pytestmark = pytest.mark.requirement("fault-tolerant", "the two tests, the way back and the arbiter")
@@ -64,9 +63,9 @@ def test_only_innovations_beyond_the_jump_running_are_counted():
     w = state()
     for sigmas, over in ((-6.1, 1), (5.9, 0), (6.1, 1)):
         decide(w, sigmas)
-        assert w["over"] == over and w["trust"] == Trust.TRUSTED
+        assert w["jump_frames"] == over and w["trust"] == Trust.TRUSTED
     decide(w, -6.1)
-    assert w["trust"] == Trust.CORRECTED and (w["over"], w["cusum"], w["agreed"]) == (0, 0.0, 0)
+    assert w["trust"] == Trust.CORRECTED and (w["jump_frames"], w["cusum"], w["agreed"]) == (0, 0.0, 0)
 
 
 def test_a_trip_that_the_second_mean_leaves_open_is_decided_when_it_has_said():
@@ -75,9 +74,9 @@ def test_a_trip_that_the_second_mean_leaves_open_is_decided_when_it_has_said():
         w = state(rates=BOTH)
         for over in (1, 2, 3, 4):
             decide(w, 10.0, second=0.4)
-            assert (w["over"], w["trust"], w["rates"]) == (over, Trust.TRUSTED, BOTH)
+            assert (w["jump_frames"], w["trust"], w["rates"]) == (over, Trust.TRUSTED, BOTH)
         decide(w, 10.0, second=share)
-        assert (w["over"], w["trust"], w["rates"]) == (0, trust, rates)
+        assert (w["jump_frames"], w["trust"], w["rates"]) == (0, trust, rates)
 
 
 def test_a_ramp_is_summed_beyond_its_sigma_an_innovation_as_six_at_most():
@@ -93,10 +92,10 @@ def test_a_ramp_is_summed_beyond_its_sigma_an_innovation_as_six_at_most():
 
 
 def test_a_sensor_that_nothing_can_test_is_followed():
-    w = state(over=1, cusum=0.5)
+    w = state(jump_frames=1, cusum=0.5)
     w["filter"]["theta"] = 0.1
     decide(w, 50.0, known=False)
-    assert w["trust"] == Trust.TRUSTED and (w["over"], w["cusum"]) == (0, 0.0)
+    assert w["trust"] == Trust.TRUSTED and (w["jump_frames"], w["cusum"]) == (0, 0.0)
     assert w["filter"]["theta"] == pytest.approx(0.15)
     assert w["filter"]["p"][0, 0] == pytest.approx(CONFIG.innovation_floor_rad**2)
 
@@ -128,14 +127,14 @@ def test_drift_and_path_go_back_for_a_ramp_and_stay_for_a_jump(
     before: float, drift: float, path: float, variance: float, sign: float
 ):
     """2 mrad, of which half or more is new in a jump."""
-    w = state(innovation=sign * 0.002, agreed=3, over=2, cusum=1.0, sensor_off_path=1.0, theta_off_path=1.0)
+    w = state(innovation=sign * 0.002, agreed=3, jump_frames=2, cusum=1.0, sensor_off_path=1.0, theta_off_path=1.0)
     w["filter"]["drift"], w["filter"]["path"], w["filter"]["p"][0, 0] = 0.1, 0.2, 1e-6
     w["kept"][KEPT - 1] = 0.5, 0.6
     decision.declare(w, sign * before)
     told = w["filter"]["drift"], w["filter"]["path"], w["filter"]["p"][0, 0]
     assert told == pytest.approx((drift, path, variance), rel=1e-9)
     assert w["trust"] == Trust.CORRECTED and (w["recent"], w["worst"]) == (sign * 0.002, 0.002)
-    for name in ("agreed", "over", "cusum", "sensor_off_path", "theta_off_path"):
+    for name in ("agreed", "jump_frames", "cusum", "sensor_off_path", "theta_off_path"):
         assert w[name] == 0, name
 
 

@@ -18,8 +18,7 @@ from scipy.linalg import expm, solve_continuous_are
 from rig import scenario
 from rig.computer.analytic.pitch_filter import Noise
 from rig.computer.fdi.monitor import monitor_pitch_angle
-from rig.computer.fdi.settings import Config, parameters
-from rig.computer.fdi.state import STATE
+from rig.computer.fdi.state import STATE, Config, parameters
 from rig.frame import INDEX, S, Source, Trust, new_block
 from rig.plant.airframe import LinearConfig
 

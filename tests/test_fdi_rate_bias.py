@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from rig.computer.fdi.monitor import monitor_pitch_angle
-from rig.computer.fdi.settings import Config, parameters
-from rig.computer.fdi.state import BOTH, GYROS_ALONE, STATE, UNIT_ALONE
+from rig.computer.fdi.state import BOTH, GYROS_ALONE, STATE, UNIT_ALONE, Config, parameters
 from rig.frame import INDEX, INERTIAL, Lie, S, Source, Trust, new_block
 from rig.units.atmosphere import GRAVITY
 

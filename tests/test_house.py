@@ -46,6 +46,13 @@ def test_the_words_are_those_of_the_field():
     assert found == set()
 
 
+def test_contributing_describes_every_room():
+    rooms = {path.parent.name for path in (ROOT / "rig").glob("*/__init__.py")}
+    table = (ROOT / "CONTRIBUTING.md").read_text().partition("| room | holds |")[2].partition("\n\n")[0]
+    described = set(re.findall(r"`(\w+)/`", "\n".join(line.split("|")[1] for line in table.splitlines()[2:])))
+    assert described == rooms
+
+
 def test_the_import_contract_has_no_exception():
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
     assert settings["contracts"] and not any("ignore_imports" in one for one in settings["contracts"])

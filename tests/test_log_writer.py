@@ -206,11 +206,7 @@ def test_pose_and_position_say_where_the_aircraft_is_and_points(tmp_path):
     with LogWriter(path, RATE, {}) as log:
         log.write(block, np.zeros(1, TIMING))
     (pose,) = decoded(path, "/pose")
-    forward = [
-        math.sin(yaw) * math.cos(pitch),
-        math.cos(yaw) * math.cos(pitch),
-        math.sin(pitch),
-    ]  # east, north, up
+    forward = [math.sin(yaw) * math.cos(pitch), math.cos(yaw) * math.cos(pitch), math.sin(pitch)]  # east, north, up
     np.testing.assert_allclose(rotated(pose.rotation, [1, 0, 0]), forward, atol=1e-12)
     # Left wing: up when rolling right, by sin(roll) cos(pitch).
     np.testing.assert_allclose(rotated(pose.rotation, [0, 1, 0])[2], math.sin(roll) * math.cos(pitch), atol=1e-12)

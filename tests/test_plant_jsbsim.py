@@ -194,9 +194,7 @@ def test_a_command_that_is_no_number_ends_the_flight(surface: int) -> None:
     assert block["end"][-1] == End.NOT_FINITE
 
 
-def test_a_simulation_that_fails_ends_the_flight_without_an_exception(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_simulation_that_fails_ends_the_flight_without_an_exception(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail() -> None:
         raise jsbsim.jsbsim.BaseError("broken")
 

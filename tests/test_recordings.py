@@ -25,8 +25,6 @@ from mcap_protobuf.writer import Writer as ProtobufWriter
 
 from rig.bench.vote import Result, vote
 from rig.bench.write_votes import output, write
-from rig.cli import main as cli
-from rig.cli.vote import vote as mounted
 from rig.errors import BadInput
 from rig.frame import State
 from rig.log import messages as limits
@@ -34,8 +32,6 @@ from rig.recordings.read import nearest_rows, read
 from rig.recordings.recording import Recording, Samples
 from rig.recordings.settings import VoteConfig
 
-if not any(command.callback is mounted for command in cli.app.registered_commands):
-    cli.app.command()(mounted)
 ONE: dict[str, Any] = {"default": {"threshold": 1.0}}
 HEAD = "time_s,x.1,x.2,x.3\n"
 

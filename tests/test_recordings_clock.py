@@ -14,15 +14,12 @@ import pytest
 
 from rig.bench.vote import vote
 from rig.cli import main as cli
-from rig.cli.vote import vote as mounted
 from rig.errors import BadInput
 from rig.recordings.align import align
 from rig.recordings.clock import clock, late_rows
 from rig.recordings.read import read
 from rig.recordings.settings import VoteConfig
 
-if not any(command.callback is mounted for command in cli.app.registered_commands):
-    cli.app.command()(mounted)
 QUAD = Path(__file__).parents[2] / "shared" / "data" / "quad_imu_horizontal"
 STEPS = [0.0, 0.1, 0.1, 0.2, 0.15, 0.2, 0.3, 0.4, 0.5]  # a repeat in row 3; rows 5 and 6 do not exceed 0.2
 KEPT = [0, 1, 3, 6, 7, 8]

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from rig.computer.redundancy import opinions, trend, vote
+from rig.computer.redundancy import opinions, vote
 from rig.computer.redundancy.config import (
     MANAGERS,
     PARAMS,
@@ -152,7 +152,7 @@ def test_a_trend_byte_starts_anew_when_the_number_of_valid_samples_changes():
     [(7, 7, 3, 1), (0, 0, 3, 0), (7, 0, 3, -1), (0, 7, 3, -1), (5, 5, 3, -1), (7, 7, 2, -1), (0, 0, 2, -1)],
 )
 def test_a_verdict_needs_both_bytes_whole_and_alike(high, low, seen, says):
-    assert trend.verdict(high, low, seen, 3) == says
+    assert opinions.trend_verdict(high, low, seen, 3) == says
 
 
 @given(st.floats(-1e3, 1e3), st.floats(0, 1e3), st.floats(0, 1))

@@ -6,7 +6,7 @@ from conftest import Voted, constant, vote_samples
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.config import PARAMS
-from rig.computer.redundancy.reference_threshold import reference_threshold
+from rig.computer.redundancy.reference_monitor import reference_threshold
 from rig.frame import State
 
 WIND_M_S = 6.0

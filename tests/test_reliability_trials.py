@@ -17,7 +17,7 @@ from rig.campaign.config import read
 from rig.campaign.plan import Plan
 from rig.cli.main import app
 from rig.errors import BadInput
-from rig.faults.settings import Act
+from rig.faults.effects import Act
 from rig.reliability.cells import cells
 from rig.reliability.drawn import Drawn, cell, draw, records, refill
 from rig.reliability.one_signal import faults_of

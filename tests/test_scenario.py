@@ -7,7 +7,7 @@ import pytest
 
 from rig import aircraft, scenario
 from rig.errors import BadInput
-from rig.faults import Hardover
+from rig.faults.kinds import Hardover
 from rig.frame import SIGNALS
 from rig.loop import Rig, frames
 from rig.scenario import find, from_resolved, load

@@ -164,12 +164,7 @@ BAD: dict[str, tuple[Any, dict[str, Any], list[str], str]] = {
     "no frames": (None, {}, ["--persistence", "8,0"], "--persistence: whole numbers from 1 to 10000"),
     "a level of one": (None, {}, ["--levels", "4,1"], "--levels: whole numbers from 2 to 4"),
     "a filter of words": (None, {}, ["--filter", "long"], "--filter: seconds from 0 to 1000"),
-    "a stretch without align": (
-        None,
-        {},
-        ["--align-to", "3"],
-        "--align-to and --align-matrix need --align",
-    ),
+    "a stretch without align": (None, {}, ["--align-to", "3"], "--align-to and --align-matrix need --align"),
     "channels that are one": (_same_channels, {}, [], "gyro: its channels do not differ in 0.0167 h"),
     "a fault everywhere": (_all_faulty, {}, [], "gyro: a channel stands out in every flight"),
     "flights too short": (lambda: record("data", 2, 0.5), {}, [], "gyro: too few events in 0.000278 h of 2 flights"),

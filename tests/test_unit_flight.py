@@ -53,11 +53,7 @@ def _nothing_is_left_behind():
 
 def test_the_monitor_in_c_flies_the_bits_of_ours_by_every_carrier(tmp_path: Path):
     ours = fly(tmp_path, None).rows
-    carriers = [
-        unit(tmp_path, "monitor"),
-        unit(tmp_path, "monitor", isolate=False),
-        udp(tmp_path, [], "monitor"),
-    ]
+    carriers = [unit(tmp_path, "monitor"), unit(tmp_path, "monitor", isolate=False), udp(tmp_path, [], "monitor")]
     flights = [fly(tmp_path, tested) for tested in carriers]
     assert len({flight.digest for flight in flights}) == 1
     rows = flights[0].rows
@@ -217,11 +213,7 @@ def test_a_library_that_changes_how_this_process_rounds_is_refused(tmp_path: Pat
 REFUSED = {
     "open": ({"FAULT": "open"}, "faulty", "refuses the flight: rig_unit_open returned 7"),
     "no library": ({}, "faulty.c", "is no library that can be loaded"),
-    "no function": (
-        {},
-        "libm",
-        "has no function rig_unit_open; a unit has rig_unit_open, rig_unit_step, rig",
-    ),
+    "no function": ({}, "libm", "has no function rig_unit_open; a unit has rig_unit_open, rig_unit_step, rig"),
 }
 
 

@@ -295,10 +295,7 @@ REFUSED = {
         lambda folder: _library(folder, HERE / "faulty.c"),
         "the FMU's library cannot be loaded: /binaries/linux64/rig_unit.so: ",
     ),
-    "no function": (
-        lambda folder: _library(folder, next(Path("/lib").rglob("libm.so.6"))),
-        "undefined symbol: fmi2",
-    ),
+    "no function": (lambda folder: _library(folder, next(Path("/lib").rglob("libm.so.6"))), "undefined symbol: fmi2"),
 }
 
 

@@ -78,9 +78,7 @@ RESOLVERS = [
         "blame_all_but(f->by[0], f->by[f->n - 1], f);",
     ),
     Defect(
-        "the middle and what is beside it kept",
-        "blame_all_but(low, high, f);",
-        "blame_all_but(f->by[1], f->by[2], f);",
+        "the middle and what is beside it kept", "blame_all_but(low, high, f);", "blame_all_but(f->by[1], f->by[2], f);"
     ),
     Defect(
         "extremes and middle without being configured",

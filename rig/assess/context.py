@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rig.assess.places import references_of
 from rig.assess.record import FaultScore, Score
-from rig.computer.redundancy.config import MANAGERS
+from rig.computer.redundancy.managers import manager_kind
 from rig.faults.places import SURFACE_NAMES, number, site
 from rig.frame import INDEX, SIGNALS, Block, State, Unit
 from rig.scenario import Scenario
@@ -36,8 +36,9 @@ class Context(NamedTuple):
         return f"the manager {self.scenario.redundancy.manager}"
 
     def compares(self, fault: FaultScore) -> bool:
-        """Whether it was the comparison of cross-channel, which can be done again."""
-        return fault.signal in INDEX and self.decided_by == f"the manager {MANAGERS[0]}"
+        """Return True if channels were compared with each other, which can be done again."""
+        own = not (self.rows["unit"] != Unit.NONE).any()
+        return fault.signal in INDEX and own and manager_kind(self.scenario.redundancy.manager).compares
 
     def silent(self, signal: str) -> bool:
         """Whether nothing was ever said of a signal's channels, as by a unit that answers surfaces alone."""

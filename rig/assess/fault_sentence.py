@@ -11,25 +11,12 @@ from rig.assess.agreement import last_run, nearness
 from rig.assess.context import Context, channels
 from rig.assess.isolations import COMPARISON
 from rig.assess.record import FaultScore
+from rig.faults import KINDS
+from rig.faults.settings import Triggered
 from rig.frame import INDEX
 from rig.units.quantities import duration, quantity, seconds
 
-# What a fault does, by kind; {value}: the sample in the frame of the decision, {error}: the largest injected error.
-_DID: Final = {
-    "offset": "{where} had an offset of {error} from {at} on",
-    "drift": "{where} drifted from {at} on, by up to {error}",
-    "hardover": "{where} ran to {value} at {at}",
-    "scale": "{where} had a wrong scale from {at} on, an error of up to {error}",
-    "sign_reversal": "{where} had the wrong sign from {at} on, an error of up to {error}",
-    "stuck": "{where} stuck at {value} at {at}",
-    "noise": "{where} had noise of up to {error} from {at} on",
-    "oscillation": "{where} oscillated from {at} on, by up to {error}",
-    "spikes": "{where} had spikes of up to {error} from {at} on",
-    "dropout": "{where} gave no valid sample from {at} on",
-    "vane_icing": "{where} froze at {value} at {at}",
-    "ilm": "{where} had a wrong in-line monitor from {at} on",
-}
-_OTHER: Final = "{where} had a fault ({kind}) from {at} on, an error of up to {error}"
+_OTHER: Final = Triggered.sentence  # of a kind that says nothing of its own
 _NO_ERROR: Final = "{where} had a fault ({kind}) from {at} on"
 _RESOLVERS: Final = {
     "ilm": "by the in-line monitors",
@@ -44,7 +31,7 @@ def fault_sentences(about: Context) -> list[str]:
     """Return what a person would say of each fault: one sentence for all its channels that fared alike."""
     alike: dict[tuple[int, str, str], list[FaultScore]] = {}
     for fault in about.score.faults:
-        value = _sample(fault, about) if "{value}" in _DID.get(fault.kind, "") else ""
+        value = _sample(fault, about) if "{value}" in KINDS[fault.kind].sentence else ""
         alike.setdefault((fault.index, value, _result(fault, about)), []).append(fault)
     return [_sentence(faults, about, result) for (_, _, result), faults in alike.items()]
 
@@ -71,7 +58,7 @@ def _did(faults: Sequence[FaultScore], where: str, about: Context) -> str:
     at, value, unit = seconds(fault.onset_frame or 0, about.rate_hz), _sample(fault, about), about.unit(fault)
     known = {"{value}": bool(value), "{error}": bool(errors and unit)}
     told = next(
-        (text for text in (_DID.get(fault.kind, _OTHER), _OTHER) if all(known[part] for part in known if part in text)),
+        (text for text in (KINDS[fault.kind].sentence, _OTHER) if all(known[part] for part in known if part in text)),
         _NO_ERROR,
     )
     error = quantity(max(errors, default=0.0), unit)
@@ -146,7 +133,7 @@ def _missed(fault: FaultScore, about: Context) -> str:
 
 
 def _undetectable(fault: FaultScore, about: Context) -> str:
-    if fault.kind == "ilm":
+    if not KINDS[fault.kind].changes_samples:
         return "changed no sample, so there was nothing to fail"
     if fault.signal.startswith("surface."):
         return "could not be found: no monitor watches surfaces"

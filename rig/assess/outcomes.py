@@ -13,7 +13,7 @@ from rig.assess.monitored import Bools, Monitored
 from rig.assess.places import Place, channels_of, on_channels, references_of
 from rig.assess.record import FaultScore, Outcome
 from rig.assess.votes import difference
-from rig.computer.redundancy.reference_threshold import reference_threshold
+from rig.computer.redundancy.reference_monitor import reference_threshold
 from rig.faults import Fault
 from rig.faults.places import number as place_number
 from rig.faults.places import site

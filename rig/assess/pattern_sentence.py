@@ -12,7 +12,7 @@ from rig.assess.agreement import in_use
 from rig.assess.context import Context, channels
 from rig.assess.record import Episode
 from rig.assess.votes import difference
-from rig.computer.redundancy.reference_threshold import reference_threshold
+from rig.computer.redundancy.reference_monitor import reference_threshold
 from rig.frame import INDEX, SIGNALS, Ilm, Pattern
 from rig.units.quantities import duration, quantity, seconds
 

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from rig.computer.analytic.sources import FROM_UNIT, second, source
 from rig.computer.redundancy import Config
 from rig.faults import Fault
 from rig.faults.places import number, site
 from rig.frame import INDEX, INERTIAL
-
-# They change what a channel says of itself, never its sample; a discrete that says bad of itself is not voted.
-MONITOR_KINDS: Final = ("ilm",)
 
 
 class Place(NamedTuple):
@@ -34,7 +31,8 @@ def on_channels(faults: Sequence[Fault]) -> Iterator[Place]:
     for i, fault in enumerate(faults):
         for name, channel in channels_of(fault):
             discrete = site(name) == "discrete"
-            yield Place(i, fault, number(name), channel - 1, discrete, discrete or fault.kind not in MONITOR_KINDS)
+            changes = discrete or fault.changes_samples  # a discrete that says bad of itself is not voted
+            yield Place(i, fault, number(name), channel - 1, discrete, changes)
 
 
 def channels_of(fault: Fault) -> list[tuple[str, int]]:

@@ -17,8 +17,9 @@ from rig.assess.unfaulted import checked, of_flight, recompute
 from rig.assess.votes import vote_errors
 from rig.assess.windows import with_windows
 from rig.computer.redundancy import measured_thresholds
-from rig.computer.redundancy.config import MANAGERS, parameters
+from rig.computer.redundancy.config import parameters
 from rig.computer.redundancy.discrete_config import discrete_parameters
+from rig.computer.redundancy.managers import manager_kind
 from rig.frame import Block
 from rig.scenario import Scenario
 
@@ -74,7 +75,8 @@ def monitor(scenario: Scenario) -> NDArray[np.void]:
     suite, config = scenario.sensors, scenario.redundancy
     params = parameters(config.signals, sensors.ranges(suite), sensors.channels(suite), scenario.rate_hz)
     measured_thresholds(params, config, scenario.references)
-    if config.manager in MANAGERS[1:]:
+    kind = manager_kind(config.manager)
+    if kind.kernel is not None and not kind.compares:
         params["outlier_threshold"] = params["outlier_threshold_triplex"] = 0.0  # they do not ask for it
     return params
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from rig.errors import BadInput
 from rig.faults import Fault, check
+from rig.faults.effects import Act
 from rig.faults.places import PLACES
-from rig.faults.settings import Act
 from rig.frame import DISCRETE_INDEX, INDEX, SIGNALS, S, Signal
 from rig.recordings.injection_file import Fitted, Table, number
 from rig.recordings.recording import Recording
@@ -116,7 +116,7 @@ def _moved(fault: Table, places: Mapping[str, str], first_s: float) -> dict[str,
 
 def _check_range(i: int, fault: Fault, at: Slots, settings: Mapping[str, RecordedSignal], source: str) -> None:
     for point in fault.points:
-        if fault.effect.act == Act.END and point.place in INDEX:
+        if fault.effect.act == Act.RANGE_END and point.place in INDEX:
             name = at.recorded(point.place)
             if settings[name].limits == ANY_NUMBER:
                 raise BadInput(f"{source}: faults.{i}: {name} has no range in CONFIG whose end it could be at")

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.bench.run import Stages, run
-from rig.computer.redundancy.config import MANAGERS, PARAMS
+from rig.computer.redundancy.config import PARAMS
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
-from rig.computer.redundancy.managers import Manager
+from rig.computer.redundancy.managers import DEFAULT, Manager
 from rig.errors import BadInput
 from rig.frame import S, nested, new_block
 from rig.frame.fields import FIELDS
@@ -245,7 +245,7 @@ def _ours(case: Case) -> NDArray[Any]:
         for name in records.dtype.names or ():
             records[name] = config[field][name]
     signals, frames = int(config["box_signals"]), int(config["box_persistence"])
-    manager = Manager(MANAGERS[0], params, box_signals=signals, box_persistence=frames)
+    manager = Manager(DEFAULT, params, box_signals=signals, box_persistence=frames)
     voter = DiscreteVoter(discretes)
     run(nested(rows), Stages(manager=manager.data, discretes=voter.data))
     return rows

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from rig import loop
 from rig.bench.run import Decide, Stages, run, write_sources
 from rig.bench.sources import FIELDS, Columns, DiscreteColumns, blocks, put
-from rig.computer.redundancy.config import MANAGERS, PARAMS, fill
+from rig.computer.redundancy.config import PARAMS, fill
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS, PERSISTENCE, fill_discrete
-from rig.computer.redundancy.managers import Manager
+from rig.computer.redundancy.managers import MANAGERS, Manager, manager_kind
 from rig.computer.redundancy.own import OwnManager, load_manager
 from rig.frame import DISCRETES, SIGNALS, Block, D, Resolver, Rows, S, State, rows, to_frame
 from rig.kernels import kernel
@@ -31,7 +31,6 @@ from rig.scenario import Scenario
 from rig.units.angles import difference
 from rig.util.trust import Trust
 
-UNIT_MANAGER: Final = "selection"  # the manager that knows units of several axes
 _NO_CODE: Final = Trust("the configuration")
 
 
@@ -104,7 +103,7 @@ def vote(
 ) -> dict[str, Voted]:
     """Vote the signals that have settings; BadInput: a manager class that ``trust`` does not permit.
 
-    triads : by name, signals that are the axes of one unit: the manager "selection" chooses one channel for all three
+    triads : by name, signals that are the axes of one unit: "selection" chooses one channel for all three
     boxes : signals and frames as ``box_signals`` and ``box_persistence`` of a flight; 0 signals: never
     """
     for chosen in settings.values():
@@ -176,7 +175,9 @@ def _groups(
     boxes: tuple[int, int],
 ) -> list[_Group]:
     """Return who votes together: all signals of a manager, the axes of a unit; a user's manager votes each alone."""
-    units = [tuple(axes) for axes in triads.values() if all(settings[a].manager == UNIT_MANAGER for a in axes)]
+    units = [
+        tuple(axes) for axes in triads.values() if all(manager_kind(settings[a].manager).chooses_units for a in axes)
+    ]
     others = [name for name in settings if not any(name in axes for axes in units)]
     groups = [_group(recording, axes, settings, trust, boxes, as_unit=True) for axes in units]
     for manager in dict.fromkeys(settings[name].manager for name in others):

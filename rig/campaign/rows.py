@@ -12,8 +12,8 @@ import numpy as np
 
 from rig.assess import FaultScore, Score
 from rig.assess.record import ISOLATIONS, Outcome
+from rig.computer.redundancy.managers import manager_kind
 from rig.faults import Fault
-from rig.faults.magnitude import in_thresholds
 from rig.frame import CHANNELS, INDEX, SIGNALS, Block, Pattern
 from rig.record.time_bins import binned
 from rig.scenario import Scenario
@@ -24,23 +24,7 @@ if TYPE_CHECKING:
 Row = dict[str, Any]
 Rows = dict[str, list[Row]]  # by table
 TABLES: Final[tuple[str, ...]] = ("runs", "faults", "alarms", "episodes", "signals")  # columns: table.py
-TAKES_BACK: Final = ("selection",)  # managers that fail a channel only for as long as they distrust it
 OUTCOMES: Final = {outcome: outcome.replace(" ", "_") for outcome in get_args(Outcome)}  # and their columns in ``runs``
-# The setting that says how large a fault is, by kind; kinds without one have no magnitude.
-SIZES: Final = {
-    "offset": ("offset",),
-    "drift": ("rate_per_s", "settles_at"),
-    "scale": ("factor",),
-    "noise": ("std",),
-    "oscillation": ("amplitude",),
-    "spikes": ("amplitude",),
-    "intermittent": ("gap_s",),
-    "delay": ("latency_s",),
-    "frame_skew": ("skew_s",),
-    "quantisation": ("step",),
-    "cross_talk": ("gain",),
-    "rate_loss": ("max_rate_per_s",),
-}
 
 
 def run_row(number: int, flown: CampaignFlight, scored: Score) -> Row:
@@ -121,7 +105,7 @@ def _isolation(fault: FaultScore, scored: Score, manager: str) -> str:
     window, onset = fault.window, fault.onset_frame
     if window is None or onset is None:
         wrong = any(alarm.signal == fault.signal for alarm in scored.wrong_isolations)
-    elif manager in TAKES_BACK:
+    elif manager_kind(manager).takes_back:
         wrong = not window.kept
     else:
         frames = [alarm.frame for alarm in scored.wrong_isolations if alarm.signal == fault.signal]
@@ -148,18 +132,14 @@ def _of(scored: Any, *names: str) -> Row:
 
 
 def magnitude(fault: Fault, scenario: Scenario) -> float | None:
-    """How large a fault is, without its sign: its setting in SIZES, of a scale its distance from 1.
+    """Return how large a fault is, without its sign: by its setting, of a scale its distance from 1.
 
     A size in thresholds is told in the unit of the signal, as any other.
     """
-    for name in SIZES.get(fault.kind, ()):
-        value, multiple = getattr(fault, name), getattr(fault, in_thresholds(name), None)
-        if value is not None:
-            return abs(1.0 - value) if name == "factor" else abs(float(value))
-        if multiple is not None:
-            monitored = fault.signal.removeprefix("reference.")
-            return abs(float(multiple)) * getattr(scenario.redundancy.signals, monitored).threshold
-    return None
+    size = fault.magnitude
+    if size is None or not size.thresholds:
+        return None if size is None else size.value
+    return size.value * getattr(scenario.redundancy.signals, fault.signal.removeprefix("reference.")).threshold
 
 
 def _pattern(rows: Block, fault: FaultScore) -> str | None:

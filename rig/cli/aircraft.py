@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Exit, Option, Typer, echo
 
 from rig.cli import complete
 from rig.cli.common import GROUP, Json, emit
@@ -19,31 +20,27 @@ if TYPE_CHECKING:
     from rig.computer.control.gains import Gains
     from rig.design.new_aircraft import Answers
 
-aircraft_app = typer.Typer(help="Look at aircraft, make your own, design their control laws.", **GROUP)
+aircraft_app = Typer(help="Look at aircraft, make your own, design their control laws.", **GROUP)
 
 Home = Annotated[
     str,
-    typer.Argument(
-        help="A bundled aircraft or the path of a folder.", metavar="NAME|DIR", autocompletion=complete.aircraft
-    ),
+    Argument(help="A bundled aircraft or the path of a folder.", metavar="NAME|DIR", autocompletion=complete.aircraft),
 ]
 
 
 @aircraft_app.command("list")
 def aircraft_list(
-    folders: Annotated[
-        list[Path] | None, typer.Argument(help="Folders of your own to list too.", show_default=False)
-    ] = None,
+    folders: Annotated[list[Path] | None, Argument(help="Folders of your own to list too.", show_default=False)] = None,
     as_json: Json = False,
 ) -> None:
     """List the bundled aircraft, those in the present folder, and their flight points."""
     from rig.aircraft import names, own_names
     from rig.cli import show_aircraft as show
 
-    found = {name: show.flight_points(name) for name in (*names(), *map(str, folders or ()))}
-    found |= {name: show.listed(name) for name in own_names() if name not in found}
-    below = {name: lines for name in found if (lines := show.below(name))}
-    emit(as_json, found, lambda: show.aircraft(found, below))
+    points = {name: show.flight_points(name) for name in (*names(), *map(str, folders or ()))}
+    points |= {name: show.listed(name) for name in own_names() if name not in points}
+    below = show.below(points)
+    emit(as_json, points, lambda: show.aircraft(points, below))
 
 
 @aircraft_app.command("show")
@@ -54,32 +51,32 @@ def aircraft_show(name: Home, as_json: Json = False) -> None:
     from rig.aircraft import tables
     from rig.settings import refuse_what_is_no_setting
 
-    found = tables(name)
-    refuse_what_is_no_setting(found, f"aircraft {name}")
-    emit(as_json, found, lambda: typer.echo(plain(tomli_w.dumps(found), keep="\n"), nl=False))
+    settings = tables(name)
+    refuse_what_is_no_setting(settings, f"aircraft {name}")
+    emit(as_json, settings, lambda: echo(plain(tomli_w.dumps(settings), keep="\n"), nl=False))
 
 
 @aircraft_app.command("new")
 def aircraft_new(
-    name: Annotated[str, typer.Argument(help="Its name, and that of its folder.")],
-    base: Annotated[str, typer.Option(help="An aircraft of the installed JSBSim, e.g. c172x.", show_default=False)],
-    out: Annotated[Path, typer.Option(help="Where its folder is made.")] = Path(),
+    name: Annotated[str, Argument(help="Its name, and that of its folder.")],
+    base: Annotated[str, Option(help="An aircraft of the installed JSBSim, e.g. c172x.", show_default=False)],
+    out: Annotated[Path, Option(help="Where its folder is made.")] = Path(),
     point: Annotated[
         list[str] | None,
-        typer.Option(metavar="ALTITUDE_M:MACH", help="A flight point; repeatable. Else two that trim are proposed."),
+        Option(metavar="ALTITUDE_M:MACH", help="A flight point; repeatable. Else two that trim are proposed."),
     ] = None,
-    points: Annotated[int, typer.Option(help="How many flight points to propose.", min=1, max=3)] = 2,
+    points: Annotated[int, Option(help="How many flight points to propose.", min=1, max=3)] = 2,
     lag_s: Annotated[
-        float | None, typer.Option(help="Lag of the surfaces' actuators, s.", min=1e-4, max=1.0, show_default=False)
+        float | None, Option(help="Lag of the surfaces' actuators, s.", min=1e-4, max=1.0, show_default=False)
     ] = None,
     rate_limit_rad_s: Annotated[
-        float | None, typer.Option(help="Their rate limit, rad/s.", min=0.01, max=20.0, show_default=False)
+        float | None, Option(help="Their rate limit, rad/s.", min=0.01, max=20.0, show_default=False)
     ] = None,
     sensor_class: Annotated[
-        str | None, typer.Option(help="Data-sheet class of the sensors that it measures.", show_default=False)
+        str | None, Option(help="Data-sheet class of the sensors that it measures.", show_default=False)
     ] = None,
-    channels: Annotated[int, typer.Option(help="Channels of every signal.", min=2, max=4)] = 4,
-    design: Annotated[bool, typer.Option(help="Design it too, some minutes; else: rig aircraft check.")] = True,
+    channels: Annotated[int, Option(help="Channels of every signal.", min=2, max=4)] = 4,
+    design: Annotated[bool, Option(help="Design it too, some minutes; else: rig aircraft check.")] = True,
     as_json: Json = False,
 ) -> None:
     """Make an aircraft of your own from one of JSBSim's: surfaces, limits and engines found, flight points proposed.
@@ -94,8 +91,7 @@ def aircraft_new(
     answers = Answers(lag_s, rate_limit_rad_s, sensor_class, channels)
     made = propose(name, base, answers, given, points)
     if sys.stdin.isatty() and not as_json:
-        answers = _ask(answers, made.kind)
-        made = propose(name, base, answers, given, points)
+        made = propose(name, base, _ask(answers, made.kind), given, points)
     write(made, folder)
     written = {"folder": str(folder), "airframe": made.airframe.model_dump(exclude_none=True), "kind": made.kind}
     if not as_json:
@@ -106,7 +102,7 @@ def aircraft_new(
 
 
 def _point(text: str) -> tuple[float, float]:
-    """Altitude [m] and Mach number of ``--point``."""
+    """Return altitude [m] and Mach number of ``--point``."""
     altitude, _, mach = text.partition(":")
     try:
         return float(altitude), float(mach)
@@ -115,33 +111,36 @@ def _point(text: str) -> tuple[float, float]:
 
 
 def _ask(answers: Answers, kind: str) -> Answers:
-    """What the model does not know, asked for on a terminal; Enter takes the assumed figure."""
+    """Ask on a terminal for what the model does not tell; Enter takes the assumed figure."""
     from dataclasses import replace
 
     from rig.design.assumed import FIGURES
 
     figures = FIGURES[kind]  # pyright: ignore[reportArgumentType]  # one of its keys
-    typer.echo(f"Enter takes the assumed figure of a {kind} aircraft: {figures.actuator_source}")
-    lag_s, rate = answers.lag_s, answers.rate_limit_rad_s
+    echo(f"Enter takes the assumed figure of a {kind} aircraft: {figures.actuator_source}")
+    lag_s, rate, sensors = answers.lag_s, answers.rate_limit_rad_s, answers.sensor_class
     if lag_s is None:
-        asked = typer.prompt("lag of the surfaces' actuators, s", default=figures.lag_s, type=float)
-        lag_s = None if asked == figures.lag_s else asked
+        lag_s = _prompt("lag of the surfaces' actuators, s", figures.lag_s)
     if rate is None:
-        assumed = round(degrees(figures.rate_limit_rad_s))
-        asked = typer.prompt("their rate limit, deg/s", default=assumed, type=float)
-        rate = None if asked == assumed else radians(asked)
-    sensors = answers.sensor_class
+        rate_deg_s = _prompt("their rate limit, deg/s", round(degrees(figures.rate_limit_rad_s)))
+        rate = None if rate_deg_s is None else radians(rate_deg_s)
     if sensors is None:
-        asked = typer.prompt("data-sheet class of the sensors (docs/sensors.md)", default="defaults")
-        sensors = None if asked == "defaults" else asked
+        entered = typer.prompt("data-sheet class of the sensors (docs/sensors.md)", default="defaults")
+        sensors = None if entered == "defaults" else entered
     return replace(answers, lag_s=lag_s, rate_limit_rad_s=rate, sensor_class=sensors)
+
+
+def _prompt(text: str, assumed: float) -> float | None:
+    """Return the number that a user enters; None for the ``assumed`` one."""
+    entered = typer.prompt(text, default=assumed, type=float)
+    return None if entered == assumed else entered
 
 
 @aircraft_app.command("check")
 def aircraft_check(
     name: Home,
     accept: Annotated[
-        bool, typer.Option("--accept", help="Write the best gains found, even below the requirement, and references.")
+        bool, Option("--accept", help="Write the best gains found, even below the requirement, and references.")
     ] = False,
     as_json: Json = False,
 ) -> None:
@@ -153,26 +152,24 @@ def aircraft_check(
 
     home = folder(name)
     with working("trim", not as_json):
-        found = check(airframe.read(home / "aircraft.toml"))
-    result = {**found.as_dict(), "accepted": accept}
+        checked = check(airframe.read(home / "aircraft.toml"))
+    result = {**checked.as_dict(), "accepted": accept}
     if not as_json:
-        show.check(found, name)
-    if found.gains is None:
+        show.check(checked, name)
+    if checked.gains is None:
         emit(as_json, result, lambda: None)
-        raise typer.Exit(1)
+        raise Exit(1)
     if accept:
-        result |= _measured(name, found.gains, quiet=as_json)
+        result |= _measured(name, checked.gains, quiet=as_json)
     emit(as_json, result, lambda: show.accepted(home) if accept else None)
-    if found.below and not accept:
-        raise typer.Exit(1)
+    if checked.below and not accept:
+        raise Exit(1)
 
 
 @aircraft_app.command("design")
 def aircraft_design(
     name: Home,
-    out: Annotated[
-        Path | None, typer.Option(help="Where to write the gains.", show_default="<aircraft>/gains.toml")
-    ] = None,
+    out: Annotated[Path | None, Option(help="Where to write the gains.", show_default="<aircraft>/gains.toml")] = None,
     as_json: Json = False,
 ) -> None:
     """Design the control law at every flight point, then fly it to measure the references.
@@ -186,7 +183,7 @@ def aircraft_design(
 
 
 def _gains(name: str, *, accept: bool, quiet: bool) -> Gains:
-    """The gains of an aircraft; RigError with numbers when they keep less than is required."""
+    """Design the gains of an aircraft; RigError with numbers when they keep less than is required."""
     from rig.aircraft import folder
     from rig.design.gains import design
     from rig.plant import airframe
@@ -197,9 +194,9 @@ def _gains(name: str, *, accept: bool, quiet: bool) -> Gains:
 
 
 def _measured(name: str, gains: Gains, out: Path | None = None, *, quiet: bool) -> dict[str, object]:
-    """Write the gains, fly them to measure the references, write these; what was written as plain data."""
+    """Write the gains, fly them to measure the references, write these; return both as plain data."""
     from rig.aircraft import folder
-    from rig.cli import show
+    from rig.cli import show_aircraft as show
     from rig.computer.control.gains import write
     from rig.design import references as reference_design
 

@@ -1,4 +1,4 @@
-"""``rig campaign``: parse, call, print."""
+"""``rig campaign``: fly many flights of one plan, and report them."""
 
 from __future__ import annotations
 
@@ -6,34 +6,37 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
+from typer import Argument, Exit, Option, Typer, echo
 
 from rig.cli import complete
+from rig.cli import show_campaign as show
+from rig.cli.catalogue import of_file
 from rig.cli.common import GROUP, AllowCode, Json, Logs, UnitFile, emit
+from rig.cli.fly import show_flight
 from rig.util.interrupt import CODE
 
-app = typer.Typer(help="Fly many flights of one plan, and say what they show.", **GROUP)
+app = Typer(help="Fly many flights of one plan, and say what they show.", **GROUP)
 
 File = Annotated[
     str,
-    typer.Argument(
+    Argument(
         metavar="FILE|NAME",
         help="A campaign file or the name of a bundled one.",
         show_default=False,
         autocompletion=complete.campaigns,
     ),
 ]
-Dir = Annotated[Path, typer.Argument(metavar="DIR", help="A campaign's output folder.", show_default=False)]
+Dir = Annotated[Path, Argument(metavar="DIR", help="A campaign's output folder.", show_default=False)]
 Sets = Annotated[
     list[str] | None,
-    typer.Option(
+    Option(
         "--set",
         metavar="KEY=VALUE",
         help="A key of the scenario, the same in every run; repeatable.",
         autocompletion=complete.sets,
     ),
 ]
-Runs = Annotated[int | None, typer.Option(metavar="N", help="The first N runs only.", show_default="all")]
+Runs = Annotated[int | None, Option(metavar="N", help="The first N runs only.", show_default="all")]
 
 
 def _plan(file: str, sets: list[str] | None, allow_code: bool) -> Any:
@@ -58,7 +61,6 @@ def plan(
 ) -> None:
     """List the runs before flying them, with an estimate of time and disk."""
     from rig.campaign.estimate import estimate
-    from rig.cli import show_campaign as show
 
     planned = _plan(file, sets, allow_code)
     planned.check()
@@ -70,18 +72,16 @@ def plan(
 @app.command()
 def run(
     file: File,
-    out: Annotated[
-        Path, typer.Option(metavar="DIR", help="Output folder; a begun one is continued.", show_default=False)
-    ],
+    out: Annotated[Path, Option(metavar="DIR", help="Output folder; a begun one is continued.", show_default=False)],
     workers: Annotated[
-        int | None, typer.Option(metavar="N", help="Processes.", min=1, max=1024, show_default="the file's")
+        int | None, Option(metavar="N", help="Processes.", min=1, max=1024, show_default="the file's")
     ] = None,
     runs: Runs = None,
     scheduler: Annotated[
-        str | None, typer.Option(help="A Dask scheduler, tcp://HOST:PORT, in place of processes.", show_default=False)
+        str | None, Option(help="A Dask scheduler, tcp://HOST:PORT, in place of processes.", show_default=False)
     ] = None,
     logs: Annotated[
-        str | None, typer.Option(help="Logs to keep: all, failures, none, sample:N.", show_default="the file's")
+        str | None, Option(help="Logs to keep: all, failures, none, sample:N.", show_default="the file's")
     ] = None,
     sets: Sets = None,
     unit: UnitFile = None,
@@ -94,7 +94,6 @@ def run(
     if scheduler is None:
         get_ready()  # beside what follows, which takes a second to be imported and read
     from rig.campaign.run import run as fly
-    from rig.cli import show_campaign as show
 
     planned, tested = _plan(file, sets, allow_code), _unit(unit)
     how: dict[str, Any] = {"runs": runs, "workers": workers, "scheduler": scheduler, "logs": logs, "unit": tested}
@@ -102,26 +101,23 @@ def run(
         result = fly(planned, out, report=report, **how)
     emit(as_json, result.as_dict, lambda: show.result(result))
     if result.interrupted:
-        typer.echo(f"stopped: {result.done} of {result.runs} runs done; the same command goes on", err=True)
-        raise typer.Exit(CODE + result.signal)
+        echo(f"stopped: {result.done} of {result.runs} runs done; the same command goes on", err=True)
+        raise Exit(CODE + result.signal)
 
 
 @app.command()
 def status(folder: Dir, as_json: Json = False) -> None:
-    """How far a campaign is, and the results of its runs."""
+    """Print how far a campaign is, and the results of its runs."""
     from rig.campaign.folder import open_folder
-    from rig.cli import show_campaign as show
 
-    found = open_folder(folder).status()
-    emit(as_json, found, lambda: show.status(found))
+    state = open_folder(folder).status()
+    emit(as_json, state, lambda: show.status(state))
 
 
 @app.command()
 def fly(
     folder: Dir,
-    run: Annotated[
-        int, typer.Option(metavar="N", help="The run's number in the table, from 0.", min=0, show_default=False)
-    ],
+    run: Annotated[int, Option(metavar="N", help="The run's number in the table, from 0.", min=0, show_default=False)],
     out: Logs = Path("logs"),
     unit: UnitFile = None,
     allow_code: AllowCode = False,
@@ -131,49 +127,45 @@ def fly(
     from rig.assess.of_log import conclude
     from rig.campaign.folder import open_folder
     from rig.campaign.run import again
-    from rig.cli import show_campaign as show
 
     flight, digest = again(open_folder(folder, allow_code), run, out, _unit(unit))
     same = None if digest is None else digest == flight.digest
-    found = conclude(flight.log, flight.frames)
-    said = {**flight.summary(), "run": run, "table_digest": digest, "same": same, "conclusion": found}
-    emit(as_json, said, lambda: show.again(flight, run, same, found))
+    sentences = conclude(flight.log, flight.frames)
+    data = {**flight.summary(), "run": run, "table_digest": digest, "same": same, "conclusion": sentences}
+    notes = {None: "not in the table yet", True: "the same digest as in the table", False: "NOT the table's digest"}
+    emit(as_json, data, lambda: show_flight(flight, sentences, f"{run}: {notes[same]}"))
     if same is False:
-        raise typer.Exit(1)
+        raise Exit(1)
 
 
 @app.command()
 def report(
     folder: Dir,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="The file to write.", show_default="DIR/report.html")
+        Path | None, Option(metavar="FILE", help="The file to write.", show_default="DIR/report.html")
     ] = None,
     as_json: Json = False,
 ) -> None:
     """Write the report: one HTML file that opens offline; with --json its figures."""
+    from rig.campaign.campaign_page import report as write
     from rig.campaign.folder import open_folder
-    from rig.campaign.report import report as write
-    from rig.cli import show_campaign as show
 
     target = out or folder / "report.html"
-    found = write(open_folder(folder), target)
-    emit(as_json, {"report": str(target), **found}, lambda: show.report(found, target))
+    summary = write(open_folder(folder), target)
+    emit(as_json, {"report": str(target), **summary}, lambda: show.report(summary, target))
 
 
 @app.command()
 def schema() -> None:
     """Print the JSON schema of campaign files, for editors."""
-    from rig.cli.schema import of_file
-
-    typer.echo(of_file("campaign"))
+    echo(of_file("campaign"))
 
 
 @app.command()
 def compare(first: Dir, second: Dir, as_json: Json = False) -> None:
-    """Two campaigns on the same seeds, run by run: exact paired tests (McNemar)."""
+    """Compare two campaigns on the same seeds, run by run: exact paired tests (McNemar)."""
     from rig.campaign.folder import open_folder
     from rig.campaign.summary import compare as pair
-    from rig.cli import show_campaign as show
 
-    found = pair(open_folder(first), open_folder(second))
-    emit(as_json, found, lambda: show.compare(found))
+    pairs = pair(open_folder(first), open_folder(second))
+    emit(as_json, pairs, lambda: show.compare(pairs))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Final
+from collections.abc import Callable, Iterable
+from importlib import import_module
+from typing import Any, Final
 
 _SETS: Final = ("aircraft=", "duration_s=", "redundancy.manager=", "turbulence=", "faults=[]", "seed=")
 
@@ -12,48 +13,29 @@ def _begin(names: Iterable[str], incomplete: str) -> list[str]:
     return [name for name in names if name.startswith(incomplete)]
 
 
-def scenarios(incomplete: str) -> list[str]:
-    """Bundled scenarios."""
-    from rig.scenario import names
+def _completion(module: str, names: Callable[[Any], Iterable[str]]) -> Callable[[str], list[str]]:
+    """Return what completes by ``names`` of a ``module``, which is imported when a shell asks."""
 
-    return _begin(names(), incomplete)
+    def complete(incomplete: str) -> list[str]:
+        return _begin(names(import_module(module)), incomplete)
 
-
-def aircraft(incomplete: str) -> list[str]:
-    """Bundled aircraft."""
-    from rig.aircraft import names
-
-    return _begin(names(), incomplete)
+    return complete
 
 
-def kinds(incomplete: str) -> list[str]:
-    """Kinds of faults."""
-    from rig.faults.catalogue import entries
-
-    return _begin((entry.kind for entry in entries()), incomplete)
-
-
-def campaigns(incomplete: str) -> list[str]:
-    """Bundled campaigns."""
-    from rig.campaign.config import names
-
-    return _begin(names(), incomplete)
-
-
-def tabs(incomplete: str) -> list[str]:
-    """Tabs of ``rig view``."""
-    from rig.view.blueprint import TABS
-
-    return _begin(TABS, incomplete)
+scenarios = _completion("rig.scenario", lambda module: module.names())
+aircraft = _completion("rig.aircraft", lambda module: module.names())
+campaigns = _completion("rig.campaign.config", lambda module: module.names())
+kinds = _completion("rig.faults.catalogue", lambda module: (entry.kind for entry in module.entries()))
+tabs = _completion("rig.view.blueprint", lambda module: module.TABS)
 
 
 def sets(incomplete: str) -> list[str]:
-    """Keys of ``--set`` that are changed the most, and the values of those that have names."""
+    """Return keys of ``--set`` that are changed the most, and the values of those that have names."""
     from rig.aircraft import names
-    from rig.computer.redundancy.config import MANAGERS
+    from rig.computer.redundancy.managers import MANAGERS
 
     values = {"aircraft=": names(), "redundancy.manager=": MANAGERS}
-    for key, known in values.items():
+    for key, allowed in values.items():
         if incomplete.startswith(key):
-            return _begin((f"{key}{value}" for value in known), incomplete)
+            return _begin((f"{key}{value}" for value in allowed), incomplete)
     return _begin(_SETS, incomplete)

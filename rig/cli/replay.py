@@ -1,33 +1,41 @@
-"""``rig replay``, ``rig diff``, ``rig info``, ``rig export``: parse, call, print."""
+"""``rig replay``, ``diff``, ``info``, ``export``, ``recover``: a log once more, and how it is printed."""
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
-import typer
+from typer import Argument, Exit, Option, echo
 
 from rig.cli import complete
 from rig.cli.common import AllowCode, Json, UnitFile, emit
+from rig.cli.table import MOST_LINES, Column, field, line, table
 from rig.cli.working import working
+from rig.errors import BadInput, BadLog
 from rig.text import plain
+from rig.units.quantities import duration, moment, number, unit_shown
 
 if TYPE_CHECKING:
     from rig.recordings.flown import Recorded
+    from rig.replay.compare import Comparison
+    from rig.replay.decisions import Decisions
 
-LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A log of a flight.", show_default=False)]
+MOST_OVERRIDES: Final = 8  # of a log
+LogFile = Annotated[Path, Argument(metavar="LOG", help="A log of a flight.", show_default=False)]
 
 
 def replay(
     log: LogFile,
-    fly: Annotated[bool, typer.Option("--fly", help="Fly the whole recorded scenario again.")] = False,
+    fly: Annotated[bool, Option("--fly", help="Fly the whole recorded scenario again.")] = False,
     redundancy: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="What if: a TOML file with another redundancy table.", show_default=False),
+        Option(metavar="FILE", help="What if: a TOML file with another redundancy table.", show_default=False),
     ] = None,
     sets: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             "--set",
             metavar="KEY=VALUE",
             help="What if: redundancy.manager=mean; repeatable.",
@@ -35,7 +43,7 @@ def replay(
         ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Log of the what if.", show_default="<log>.what-if.mcap")
+        Path | None, Option(metavar="FILE", help="Log of the what if.", show_default="<log>.what-if.mcap")
     ] = None,
     unit: UnitFile = None,
     allow_code: AllowCode = False,
@@ -45,19 +53,18 @@ def replay(
 
     Exit code 0 when all is identical to the bit, 1 when not.  A what if compares decisions, and ends with 0.
     """
-    from rig.errors import BadInput
     from rig.recordings.flown import recorded
 
-    asked = redundancy is not None or bool(sets)
-    if fly and asked:
-        raise BadInput("--fly flies what was recorded: it cannot be joined with --redundancy or --set")
-    if out is not None and not asked:
+    asks = redundancy is not None or bool(sets)
+    if fly and asks:
+        raise BadInput("--fly repeats the recorded scenario and cannot be combined with --redundancy or --set")
+    if out is not None and not asks:
         raise BadInput("--out is where a what if is written: it needs --redundancy or --set")
-    if asked and unit is not None:
+    if asks and unit is not None:
         raise BadInput("--unit replays what was recorded: it cannot be joined with --redundancy or --set")
     with working("reading the log", not as_json):
         recording = recorded(log, allow_code)
-    if asked:
+    if asks:
         _what_if(recording, redundancy, sets or [], out, as_json)
     else:
         _again(recording, fly, unit, as_json)
@@ -65,74 +72,156 @@ def replay(
 
 def _again(recording: Recorded, fly: bool, unit: Path | None, as_json: bool) -> None:
     """Replay or fly again; exit code 1 when anything differs."""
-    from rig.cli import show_replay as show
     from rig.replay.verify import verify
     from rig.unit.unit import running
 
     with working("flying again" if fly else "replaying", not as_json), running(unit) as tested:
-        found = verify(recording, fly, tested)
-    emit(as_json, {"log": str(recording.path), **found.as_dict()}, lambda: show.verified(recording, found))
-    if not found.comparison.identical:
-        raise typer.Exit(1)
+        result = verify(recording, fly, tested)
+
+    def text() -> None:
+        _comparison(result.comparison, recording.log.rate_hz)
+        if not result.comparison.identical:
+            _decisions(result.decisions, recording.log.rate_hz)
+
+    emit(as_json, {"log": str(recording.path), **result.as_dict()}, text)
+    if not result.comparison.identical:
+        raise Exit(1)
 
 
 def _what_if(recording: Recorded, file: Path | None, sets: list[str], out: Path | None, as_json: bool) -> None:
-    from rig.cli import show_replay as show
     from rig.replay.what_if import changed, what_if
 
     changes = [*([str(file)] if file else []), *sets]
     with working("replaying", not as_json):
         answer = what_if(recording, changed(recording, file, sets), out, changes)
+
+    def text() -> None:
+        _decisions(answer.moved, recording.log.rate_hz)
+        line("open loop: truth and commands are those of the recording, whatever the new votes say")
+        field("written", str(answer.path))
+
     about = {"log": str(recording.path), "what_if": str(answer.path), "changes": changes, "events": answer.events}
-    emit(as_json, {**about, "open_loop": True, **answer.moved.as_dict()}, lambda: show.what_if(recording, answer))
+    emit(as_json, {**about, "open_loop": True, **answer.moved.as_dict()}, text)
 
 
 def diff(
-    a: Annotated[Path, typer.Argument(metavar="LOG_A", help="A log.", show_default=False)],
-    b: Annotated[Path, typer.Argument(metavar="LOG_B", help="Another.", show_default=False)],
+    a: Annotated[Path, Argument(metavar="LOG_A", help="A log.", show_default=False)],
+    b: Annotated[Path, Argument(metavar="LOG_B", help="Another.", show_default=False)],
     tolerance: Annotated[
         list[str] | None,
-        typer.Option(metavar="X", help="1e-6 for all fields, 'pitch_rate.*=0.01' for some; repeatable."),
+        Option(metavar="X", help="1e-6 for all fields, 'pitch_rate.*=0.01' for some; repeatable."),
     ] = None,
     as_json: Json = False,
 ) -> None:
     """Compare two logs field by field; exit code 0 when nothing differs by more than its tolerance, else 1."""
-    from rig.cli import show_replay as show
     from rig.replay.before_after import diff as compare
     from rig.replay.before_after import side
 
     with working("comparing", not as_json):
         left, right = side(a), side(b)
-        found = compare(left, right, tolerance or ())
+        result = compare(left, right, tolerance or ())
     rate_hz = left.rate_hz if left.rate_hz == right.rate_hz else None
-    emit(as_json, {"a": str(a), "b": str(b), **found.as_dict()}, lambda: show.comparison(found, rate_hz))
-    if not found.same:
-        raise typer.Exit(1)
+    emit(as_json, {"a": str(a), "b": str(b), **result.as_dict()}, lambda: _comparison(result, rate_hz))
+    if not result.same:
+        raise Exit(1)
+
+
+def _comparison(result: Comparison, rate_hz: float | None) -> None:
+    """Print the fields that are not equal, and the verdict; without a rate the frames alone."""
+    for remark in result.remarks:
+        line(f"  {remark}", style="yellow")
+    for note in result.notes:
+        line(f"  {note}")
+    missing = Counter((f.name.split(".")[0], f.verdict) for f in result.fields if f.verdict.startswith("missing"))
+    for (owner, verdict), count in missing.items():
+        line(f"  {owner}: {count} fields {verdict}", style="yellow")
+    unequal = [field for field in result.fields if field.verdict in ("within", "different")]
+    first = Column("first", lambda f: moment(f.first_frame, rate_hz) if rate_hz else _frame(f.first_frame))
+    shown = (Column("field", "name"), Column("result", "verdict"), Column("frames", "frames"), first)
+    order = sorted(unequal, key=lambda f: (f.verdict != "different", f.first_frame or 0))
+    table(order, (*shown, *_difference(lambda f: f.name)), MOST_LINES)
+    counted = ", ".join(f"{count} {name}" for name, count in result.counts().items() if count)
+    word = "identical" if result.identical else "same" if result.same else "different"
+    line((word, "bold"), f": {result.frames} frames, fields: {counted}")
+
+
+def _frame(frame: int | None) -> str:
+    return "" if frame is None else f"frame {frame}"
+
+
+def _difference(name: Callable[[Any], str]) -> tuple[Column, Column]:
+    """Return the columns of the largest difference of the log's column ``name`` of a row, and of its unit."""
+    from rig.log.columns import unit_of
+
+    return (
+        Column("largest difference", lambda row: number(row.largest, unit_of(name(row)))),
+        Column("unit", lambda row: unit_shown(unit_of(name(row)))),
+    )
+
+
+def _decisions(moves: Decisions, rate_hz: float) -> None:
+    """Print the decisions and votes that are not those of the recording."""
+    failures = (
+        Column("channel", lambda f: f"{f.signal}.{f.channel}"),
+        Column("failed", lambda f: moment(f.old_frame, rate_hz) or "never"),
+        Column("now", lambda f: moment(f.new_frame, rate_hz) or "never"),
+    )
+    decisions = (
+        Column("decision", lambda d: f"{d.signal}{'' if d.channel is None else f'.{d.channel}'} {d.decision}"),
+        Column("from", lambda d: moment(d.first_frame, rate_hz)),
+        Column("for", lambda d: duration(d.last_frame - d.first_frame + 1, rate_hz)),
+        *(Column("old", "old"), Column("new", "new")),
+    )
+    first = Column("first", lambda v: moment(v.first_frame, rate_hz))
+    votes = (Column("vote", "signal"), Column("frames", "frames"), first, *_difference(lambda v: f"{v.signal}.voted"))
+    table(moves.failures, failures)
+    table(moves.moved, decisions, MOST_LINES)
+    table(moves.votes, votes)
+    if not moves.moved and not moves.votes:
+        line("no decision and no vote moved")
 
 
 def info(log: LogFile, as_json: Json = False) -> None:
-    """What a log says of its flight, and whether the file is whole; exit code 2 when it is not."""
-    from rig.cli import show_replay as show
-    from rig.errors import BadLog
-    from rig.log.info import info as tell
+    """Print what a log says of its flight, and whether the file is whole; exit code 2 when it is not."""
+    from rig.log.info import info as read_info
 
-    found = tell(log)
-    emit(as_json, found, lambda: show.info(found))
-    if found["damage"] is not None:
-        raise BadLog(f"{log}: {found['health']}")
+    facts = read_info(log)
+    emit(as_json, facts, lambda: _info(facts))
+    if facts["damage"] is not None:
+        raise BadLog(f"{log}: {facts['health']}")
+
+
+def _info(facts: dict[str, Any]) -> None:
+    result, sets = facts["result"] or {}, facts["overrides"]
+    line((facts["title"] or facts["log"], "bold"), f"  {facts['aircraft']}, seed {facts['seed']}")
+    field("manager", facts["manager"] or "not said")
+    if sets:
+        left = len(sets) - MOST_OVERRIDES
+        field("set", ", ".join(sets[:MOST_OVERRIDES]) + (f" and {left} more, with --json" if left > 0 else ""))
+    if facts["what_if"] is not None:
+        field("what if", f"{facts['what_if']}, over the channels of {facts['what_if_of']}; never flown")
+    planned = "" if facts["planned_s"] is None else f" of {facts['planned_s']:g} s"
+    field("flown", f"{facts['frames']} frames, {facts['duration_s']:g} s{planned}, at {facts['rate_hz']:g} Hz")
+    outcome = f"{'survived' if result.get('survived') == 'True' else 'lost'}: {result.get('end_reason', '')}"
+    field("result", outcome if result else "none: the flight was not ended by the loop")
+    field("events", ", ".join(f"{count} {name}" for name, count in facts["events"].items()) or "none")
+    field("topics", f"{len(facts['topics'])}, {sum(facts['topics'].values())} messages, {facts['bytes']} bytes")
+    versions = ", ".join(f"{name} {version}" for name, version in facts["versions"].items())
+    field("versions", f"schema {facts['schema_version']}, {versions}")
+    field("commit", f"{facts['commit'] or 'not said'}, on {facts['machine'] or 'a machine that is not said'}")
+    field("digest", result.get("digest", "not said"))
+    field("health", facts["health"])
 
 
 def export(
     log: LogFile,
-    to: Annotated[str, typer.Option(metavar="FORMAT", help="csv, parquet or npz.", show_default=False)],
+    to: Annotated[str, Option(metavar="FORMAT", help="csv, parquet or npz.", show_default=False)],
     signals: Annotated[
         str | None,
-        typer.Option(metavar="A,B", help="Signals, discretes, control, flight, inertial, demand.", show_default="all"),
+        Option(metavar="A,B", help="Signals, discretes, control, flight, inertial, demand.", show_default="all"),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="The file to write.", show_default="<log>.<to>")
-    ] = None,
-    for_vote: Annotated[bool, typer.Option("--for-vote", help="Only what rig vote reads.")] = False,
+    out: Annotated[Path | None, Option(metavar="FILE", help="The file to write.", show_default="<log>.<to>")] = None,
+    for_vote: Annotated[bool, Option("--for-vote", help="Only what rig vote reads.")] = False,
     as_json: Json = False,
 ) -> None:
     """Write a log as a table, its columns named as rig vote names them."""
@@ -143,7 +232,30 @@ def export(
     target = out or Path(f"{log.with_suffix('')}.{to}")
     with working("writing", not as_json):
         recording = read_log(log)
-        columns = write(recording, to, target, owners, for_vote)
-    about = {"log": str(log), "out": str(target), "rows": len(recording.rows), "columns": columns}
-    text = f"{target}: {len(recording.rows)} rows, {len(columns)} columns"
-    emit(as_json, about, lambda: typer.echo(plain(text)))
+        names = write(recording, to, target, owners, for_vote)
+    about = {"log": str(log), "out": str(target), "rows": len(recording.rows), "columns": names}
+    text = f"{target}: {len(recording.rows)} rows, {len(names)} columns"
+    emit(as_json, about, lambda: echo(plain(text)))
+
+
+def recover(
+    log: Annotated[Path, Argument(metavar="LOG", help="A log that was cut off.", show_default=False)],
+    out: Annotated[
+        Path | None,
+        Option(metavar="FILE", help="Where to write the mended log.", show_default="<log>.recovered.mcap"),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Mend a log that was cut off: keep every whole chunk, write a new summary."""
+    from dataclasses import asdict
+
+    from rig.log import recover as mend
+
+    target = out or log.with_suffix(".recovered.mcap")
+    mended = mend(log, target)
+    content = f"{mended.frames} frames, the last at {mended.last_time_s:g} s"
+    if mended.complete:
+        text, kept = f"{log}: whole, nothing to mend: {content}", log
+    else:
+        text, kept = f"{target}: {content}; {mended.damage}, {mended.lost_bytes} bytes lost", target
+    emit(as_json, {"log": str(kept), **asdict(mended)}, lambda: echo(plain(text)))

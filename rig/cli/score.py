@@ -1,30 +1,45 @@
-"""``rig score``: parse, call, print."""
+"""``rig score`` and ``rig report``: what became of one flight, as tables and as a page."""
 
 from __future__ import annotations
 
-from math import radians
+from collections.abc import Sequence
+from math import degrees, radians
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
-import typer
+from typer import Argument, Option, echo
 
 from rig.cli.common import AllowCode, Json, UnitFile, emit
+from rig.cli.fly import conclusion
+from rig.cli.table import MOST_LINES, Column, columns, counts, field, line, rest, table
 from rig.cli.working import working
+from rig.text import plain
+from rig.units.quantities import moment
+from rig.util.console import styled
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+    from rig.assess.of_log import Scored
+    from rig.assess.record import Deviation, FlightScore, Isolation, Score, Transients
+
+WIDTH: Final = 18  # of the labels
+_STYLES: Final = {"detected": "green", "missed": "red", "undetectable": "", "not executed": "yellow"}
 
 
 def score(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="The log of a flight.", show_default=False)],
+    log: Annotated[Path, Argument(metavar="LOG", help="The log of a flight.", show_default=False)],
     no_twin: Annotated[
-        bool, typer.Option("--no-twin", help="Do not fly the fault-free reference run: no transients.")
+        bool, Option("--no-twin", help="Do not fly the fault-free reference run: no transients.")
     ] = False,
     transient_load_factor: Annotated[
-        float, typer.Option(metavar="X", help="Allowed of a failure transient, g.", min=1e-9)
+        float, Option(metavar="X", help="Allowed of a failure transient, g.", min=1e-9)
     ] = 0.5,
     transient_pitch_rate_rad_s: Annotated[
-        float, typer.Option(help="The same of body rates, rad/s.", min=1e-9, show_default="10 deg/s")
+        float, Option(help="The same of body rates, rad/s.", min=1e-9, show_default="10 deg/s")
     ] = radians(10.0),
     transient_window_s: Annotated[
-        float, typer.Option(metavar="X", help="Time after each onset that is scored.", min=1e-9)
+        float, Option(metavar="X", help="Time after each onset that is scored.", min=1e-9)
     ] = 2.0,
     unit: UnitFile = None,
     allow_code: AllowCode = False,
@@ -33,7 +48,6 @@ def score(
     """Score a flight against the truth: what was detected, missed and wrong, and how it flew."""
     from rig.assess.of_log import score_log
     from rig.assess.record import Yardstick
-    from rig.cli.show_score import show
     from rig.settings import build
     from rig.unit.unit import running
 
@@ -44,4 +58,129 @@ def score(
     }
     with working("reading the log", not as_json), running(unit) as tested:
         scored = score_log(log, build(Yardstick, limits, "--transient"), not no_twin, allow_code, tested)
-    emit(as_json, scored.as_dict, lambda: show(scored))
+    emit(as_json, scored.as_dict, lambda: _show(scored))
+
+
+def report(
+    log: Annotated[Path, Argument(metavar="LOG", help="The log of a flight.", show_default=False)],
+    out: Annotated[Path | None, Option(metavar="FILE", help="The file to write.", show_default="<log>.html")] = None,
+    as_json: Json = False,
+) -> None:
+    """Write one HTML file of one flight, which opens offline and prints: what happened, when and why."""
+    from rig.report.flight import report as write
+
+    target = out or log.with_suffix(".html")
+    with working("reading the log", not as_json):
+        facts = write(log, target)
+
+    def text() -> None:
+        conclusion(facts["conclusion"])
+        echo(plain(f"report   {target}"))
+
+    emit(as_json, facts, text)
+
+
+def _show(scored: Scored) -> None:
+    """Print all parts of a score."""
+    from rig.assess import cells
+
+    score, scenario = scored.score, scored.scenario
+    line((scenario.title or scenario.aircraft, "bold"), f"  seed {scenario.seed}  {scored.log}")
+    conclusion(scored.conclusion)
+    if not score.faults:
+        field("faults", "none in the scenario", width=WIDTH)
+    faults = [(fault.outcome, *cells.fault_row(fault, scenario)) for fault in score.faults]
+    table(
+        faults, [Column(title, i + 1) for i, title in enumerate(cells.FAULTS)], MOST_LINES, lambda row: _STYLES[row[0]]
+    )
+    _isolations("false alarms", score.false_alarms, scenario.rate_hz)
+    _isolations("wrong isolations", score.wrong_isolations, scenario.rate_hz)
+    _isolations("failed with box", score.failed_with_box, scenario.rate_hz, by_design=True)
+    _isolations("failed by rule", score.failed_by_rule, scenario.rate_hz, by_design=True)
+    if score.episodes:
+        table(cells.resolver_rows(score), columns(*cells.RESOLVERS))
+        line(
+            f"{len(score.episodes)} patterns without a majority, {score.unresolved} unresolved; "
+            "answered = correct + wrong + open, open: the pattern went by before a channel was failed"
+        )
+    _votes(scored)
+    _flight(score.flight, scenario.rate_hz)
+    _coverage(score)
+    _times(scored)
+
+
+def _isolations(title: str, isolations: Sequence[Isolation], rate_hz: float, *, by_design: bool = False) -> None:
+    """Print a line for each; that there is none too, but not of those failed ``by_design``, which few flights have."""
+    if not isolations and not by_design:
+        field(title, "none", width=WIDTH)
+    for isolation in isolations[:MOST_LINES]:
+        text = f"{isolation.signal}.{isolation.channel} at {moment(isolation.frame, rate_hz)} by {isolation.resolver}"
+        field(title, text, style="" if by_design else "red", width=WIDTH)
+    rest(len(isolations), MOST_LINES)
+
+
+def _votes(scored: Scored) -> None:
+    """Print the votes above the threshold or not those of healthy channels; one line for the others."""
+    from rig.assess import cells
+
+    score, rows = scored.score, cells.vote_rows(scored.score, scored.scenario.rate_hz)
+    table(rows, columns(*cells.VOTES))
+    for name, seconds in score.wrong_votes_s.items():
+        if seconds > 0:
+            field("vote", f"{name} voted wrong for {seconds:g} s", width=WIDTH)
+    quiet = len(score.vote_error) - len(rows)
+    line(f"{quiet} signals voted as healthy channels would have, within their threshold of the truth")
+
+
+def _flight(flight: FlightScore, rate_hz: float) -> None:
+    from rig.assess import cells
+
+    verdict = ("survived", "green") if flight.survived else ("lost", "red")
+    field("flight", verdict, f": {flight.end_reason} ({flight.frames} frames, {flight.duration_s:g} s)", width=WIDTH)
+    field("peaks", cells.peaks(flight), width=WIDTH)
+    if flight.transients is not None:
+        _transients(flight.transients, rate_hz)
+
+
+def _transients(transients: Transients, rate_hz: float) -> None:
+    """Print the transient after each onset, the whole flight last."""
+    y = transients.limits
+    limits = f"{y['load_factor']:g} g and {degrees(y['pitch_rate_rad_s']):g} deg/s within {y['window_s']:g} s"
+    rows: list[tuple[str, Deviation, str | Text]] = []
+    for window in transients.windows[:MOST_LINES]:
+        verdict = styled(("within", "green") if window.within_limits else ("beyond", "red"))
+        rows.append((f"{', '.join(window.faults)} at {moment(window.onset_frame, rate_hz)}", window.peaks, verdict))
+    rows.append(("whole flight", transients.overall, f"{transients.out_of_limits_s:g} s beyond"))
+    peaks = (
+        Column("load factor", lambda row: f"{row[1].load_factor:.3f} g"),
+        Column("pitch rate", lambda row: f"{degrees(row[1].pitch_rate_rad_s):.2f} deg/s"),
+        Column("pitch", lambda row: f"{degrees(row[1].pitch_angle_rad):.2f} deg"),
+        Column("roll", lambda row: f"{degrees(row[1].roll_angle_rad):.2f} deg"),
+    )
+    table(rows, (Column("against the fault-free run", 0), *peaks, Column(f"limits: {limits}", 2)))
+    rest(len(transients.windows), MOST_LINES)
+
+
+def _coverage(score: Score) -> None:
+    c = score.coverage["overall"]
+    field(
+        "coverage",
+        f"{len(c.patterns)} of {c.patterns_possible} patterns ({', '.join(c.patterns)}), "
+        f"{len(c.levels)} of {c.levels_possible} levels, "
+        f"{len(c.pattern_transitions)} of {c.pattern_transitions_possible} pattern transitions, "
+        f"{len(c.level_transitions)} of {c.level_transitions_possible} level transitions",
+        width=WIDTH,
+    )
+
+
+def _times(scored: Scored) -> None:
+    """Print what became of the exchanges with a unit under test, and the wall clock of a paced flight."""
+    rate_hz = scored.scenario.rate_hz
+    if scored.unit is not None:
+        field("unit", f"{scored.unit['name']}: {', '.join(counts(scored.unit))}", width=WIDTH)
+    for miss in scored.misses[:MOST_LINES]:
+        span = f"from {moment(miss.first_frame, rate_hz)} to {moment(miss.last_frame, rate_hz)}"
+        field("unit fault", f"{miss.status} {span}", style="red", width=WIDTH)
+    rest(len(scored.misses), MOST_LINES)
+    for name, bins in scored.times.items():
+        field(name, ", ".join(counts(bins)), width=WIDTH)

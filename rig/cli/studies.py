@@ -1,13 +1,14 @@
-"""``rig study``: parse, call, print."""
+"""``rig study``: published results computed again."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Option, Typer
 
-from rig.cli.common import GROUP, Json, emit
+from rig.cli.common import GROUP, Json, Workers, emit
+from rig.cli.table import Column, columns, line, table
 from rig.cli.working import working
 
 if TYPE_CHECKING:
@@ -16,17 +17,16 @@ if TYPE_CHECKING:
     from rig.studies.ding2015 import Study
     from rig.studies.tolerant import Summary
 
-study = typer.Typer(help="Published results, computed again.", **GROUP)
-Seeds = Annotated[int, typer.Option(metavar="N", help="Seeds of every case.", min=1, max=1000)]
-Workers = Annotated[int, typer.Option(metavar="N", help="Processes.", min=1, max=1024)]
+study = Typer(help="Published results, computed again.", **GROUP)
+Seeds = Annotated[int, Option(metavar="N", help="Seeds of every case.", min=1, max=1000)]
 
 
 @study.command()
 def ding2015(
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the figures, made when missing.")] = Path("logs"),
+    out: Annotated[Path, Option(metavar="DIR", help="Folder of the figures, made when missing.")] = Path("logs"),
     as_json: Json = False,
 ) -> None:
-    """The B707 with a lying pitch-angle sensor: printed numbers against ours, and the honest experiment."""
+    """Compute the B707 with a lying pitch-angle sensor: printed numbers against ours, and the honest experiment."""
     from rig.errors import BadInput
     from rig.studies import figures
     from rig.studies.ding2015 import study as compute
@@ -35,36 +35,29 @@ def ding2015(
     with reported(f"--out {out}", BadInput, "figures cannot be kept there"):
         out.mkdir(parents=True, exist_ok=True)
     with working("computing the study", not as_json):
-        found = compute()
-        files = [str(path) for path in figures.write(found, out)]
-    emit(as_json, {**found.as_dict(), "figures": files}, lambda: _show(found, files))
+        result = compute()
+        files = [str(path) for path in figures.write(result, out)]
+    emit(as_json, {**result.as_dict(), "figures": files}, lambda: _ding2015(result, files))
 
 
 @study.command("fault-tolerant")
-def fault_tolerant(
-    seeds: Seeds = 1,
-    workers: Workers = 2,
-    as_json: Json = False,
-) -> None:
-    """Lying pitch-angle sensors by case and law, flown by JSBSim: 648 flights for each seed, some ten minutes."""
+def fault_tolerant(seeds: Seeds = 1, workers: Workers = 2, as_json: Json = False) -> None:
+    """Fly lying pitch-angle sensors by case and law, in JSBSim: 648 flights for each seed, some ten minutes."""
     from rig.studies import tolerant
 
     with working(f"flying {648 * seeds} flights", not as_json):
         flown, flights = tolerant.study(range(1, seeds + 1), workers)
-    laws = lambda: _show_laws(tolerant.summarise(flown), flights)  # noqa: E731 # shown once
-    emit(as_json, lambda: tolerant.as_dict(flown, flights), laws)
+    emit(as_json, lambda: tolerant.as_dict(flown, flights), lambda: _laws(tolerant.summarise(flown), flights))
 
 
 @study.command("rate-bias")
 def rate_bias(
     seeds: Seeds = 1,
-    drawn: Annotated[
-        int, typer.Option(metavar="N", help="Draw so many faults instead of the grid.", min=0, max=10**6)
-    ] = 0,
+    drawn: Annotated[int, Option(metavar="N", help="Draw so many faults instead of the grid.", min=0, max=10**6)] = 0,
     workers: Workers = 2,
     as_json: Json = False,
 ) -> None:
-    """Biased rates and halved attitudes, by the plain and the fault-tolerant law: 1881 flights for each seed."""
+    """Fly biased rates and halved attitudes, by the plain and the fault-tolerant law: 1881 flights for each seed."""
     from rig.studies import rate_bias
     from rig.util.console import console
 
@@ -76,52 +69,45 @@ def rate_bias(
     emit(as_json, lambda: rate_bias.as_dict(flown), lambda: rate_bias.show(flown, console()))
 
 
-def _show_laws(found: Sequence[Summary], flights: int) -> None:
-    from rig.util.console import console
-
-    heads = (
-        "hold",
-        "fault",
-        "law",
-        "peak, mrad",
-        "steady, mrad",
-        "altitude lost, m",
-        "load factor",
-        "found",
-        "survived",
+def _laws(cases: Sequence[Summary], flights: int) -> None:
+    shown = (
+        *(Column("hold", "hold"), Column("fault", "fault"), Column("law", "law")),
+        Column("peak", lambda case: 1e3 * case.pitch_peak_rad, ".1f", "mrad"),
+        Column("steady", lambda case: 1e3 * case.pitch_steady_rad, ".1f", "mrad"),
+        *(Column("altitude lost", "altitude_loss_m", ".1f", "m"), Column("load factor", "load_factor_max", ".2f")),
+        Column("found", _detected),
+        Column("survived", _survived),
     )
-    rows, screen = [], console()
-    for x in found:
-        late = "never" if x.detected_after_s is None else f"{x.detected} in {x.detected_after_s:.2f} s"
-        errors = (f"{1e3 * x.pitch_peak_rad:.1f}", f"{1e3 * x.pitch_steady_rad:.1f}", f"{x.altitude_loss_m:.1f}")
-        share = f"{x.survived} of {x.flights} ({x.survived_low:.2f} to {x.survived_high:.2f})"
-        rows.append((x.hold, x.fault, x.law, *errors, f"{x.load_factor_max:.2f}", late, share))
-    screen.table(heads, rows)
-    screen.print(f"{flights} flights; the worst of each case; intervals: exact, 95 %")
+    table(cases, shown)
+    line(f"{flights} flights; the worst of each case; intervals: exact, 95 %")
 
 
-def _show(found: Study, files: list[str]) -> None:
-    from rig.util.console import console
+def _detected(case: Summary) -> str:
+    return "never" if case.detected_after_s is None else f"{case.detected} in {case.detected_after_s:.2f} s"
 
-    d, screen, (nominal, fastest, slowest) = found.as_dict(), console(), found.settling_s
+
+def _survived(case: Summary) -> str:
+    return f"{case.survived} of {case.flights} ({case.survived_low:.2f} to {case.survived_high:.2f})"
+
+
+def _ding2015(result: Study, files: list[str]) -> None:
+    d, (nominal, fastest, slowest) = result.as_dict(), result.settling_s
+    settled = f"{nominal:.2f} s; +-10 %: {fastest:.2f} to {slowest:.2f} s"
+    pitch = f"true {result.honest_pitch:.3f}, measured {d['honest_measured_pitch']:.3f}"
     rows = [
         ("stacked matrix at F = 0.5", "64 entries", f"largest difference {d['stacked_max_error']:.2g}"),
         ("K2", "2 x 8, LQR on the stacked matrix", f"largest difference {d['k2_max_error']:.2g}"),
         ("K1, columns 1 to 4", "2 x 4, LQR on A, B alone", f"largest difference {d['k1_left_max_error']:.2g}"),
         ("K1, columns 5 to 8", "2 x 4", "no such regulator exists: see below"),
-        ("error system settles (2 %)", "a figure", f"{nominal:.2f} s; +-10 %: {fastest:.2f} to {slowest:.2f} s"),
-        (
-            "pitch angle after the fault",
-            "1",
-            f"true {found.honest_pitch:.3f}, measured {d['honest_measured_pitch']:.3f}",
-        ),
+        ("error system settles (2 %)", "a figure", settled),
+        ("pitch angle after the fault", "1", pitch),
     ]
-    screen.table(("what", "printed", "ours"), rows)
-    for line in REMARKS:
-        screen.print(line, soft_wrap=True)
-    screen.print(f"the printed law, given the true state: pitch angle {found.with_truth_pitch:.3f}")
+    table(rows, columns("what", "printed", "ours"))
+    for remark in REMARKS:
+        line(remark)
+    line(f"the printed law, given the true state: pitch angle {result.with_truth_pitch:.3f}")
     for path in files:
-        screen.print(f"written  {path}", soft_wrap=True)
+        line(f"written  {path}")
 
 
 REMARKS = (

@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
+from typer import Argument, Exit, Option, Typer, echo
 
+from rig.cli.catalogue import of_file
 from rig.cli.common import GROUP, Json, emit
+from rig.cli.table import Column, line, table
 from rig.cli.working import working
 from rig.errors import BadInput
 
-unit_app = typer.Typer(help="Flight software under test: its records, its conformance.", **GROUP)
+if TYPE_CHECKING:
+    from rig.bench.unit_check import Checked
+
+unit_app = Typer(help="Flight software under test: its records, its conformance.", **GROUP)
 
 
 @unit_app.command()
 def header(
-    ada: Annotated[bool, typer.Option("--ada", help="Ada record clauses.")] = False,
-    markdown: Annotated[bool, typer.Option("--markdown", help="The tables of docs/unit-records.md.")] = False,
-    fmu: Annotated[
-        Literal["2", "3"] | None, typer.Option(help="modelDescription.xml of an FMU by FMI 2.0 or 3.0.")
-    ] = None,
+    ada: Annotated[bool, Option("--ada", help="Ada record clauses.")] = False,
+    markdown: Annotated[bool, Option("--markdown", help="The tables of docs/unit-records.md.")] = False,
+    fmu: Annotated[Literal["2", "3"] | None, Option(help="modelDescription.xml of an FMU by FMI 2.0 or 3.0.")] = None,
 ) -> None:
     """Print the records as a C header, or in another form."""
     from rig.unit import ada as in_ada
@@ -29,32 +32,38 @@ def header(
     if ada + markdown + (fmu is not None) > 1:
         raise BadInput("--ada, --markdown, --fmu: one of them")
     if fmu is not None:
-        typer.echo(fmu_description.description(fmu), nl=False)
+        echo(fmu_description.description(fmu), nl=False)
         return
     text = in_ada.specification if ada else description.markdown if markdown else header.header
-    typer.echo(text(), nl=False)
+    echo(text(), nl=False)
 
 
 @unit_app.command()
 def schema() -> None:
     """Print the JSON schema of unit files, for editors."""
-    from rig.cli.schema import of_file
-
-    typer.echo(of_file("unit"))
+    echo(of_file("unit"))
 
 
 @unit_app.command()
 def check(
-    file: Annotated[Path, typer.Argument(metavar="UNIT", help="A unit file.", show_default=False)],
-    seam: Annotated[bool, typer.Option("--seam", help="How it answers, not what it decides.")] = False,
+    file: Annotated[Path, Argument(metavar="UNIT", help="A unit file.", show_default=False)],
+    seam: Annotated[bool, Option("--seam", help="How it answers, not what it decides.")] = False,
     as_json: Json = False,
 ) -> None:
     """Test whether a unit keeps to the records and the requirement; exit code 1 when it fails one of them."""
     from rig.bench.unit_check import check as test
-    from rig.cli import show_unit as show
 
     with working("testing the unit", not as_json):
-        found = test(file, seam_only=seam)
-    emit(as_json, found.as_dict, lambda: show.checked(found))
-    if not found.passed:
-        raise typer.Exit(1)
+        result = test(file, seam_only=seam)
+    emit(as_json, result.as_dict, lambda: _checked(result))
+    if not result.passed:
+        raise Exit(1)
+
+
+def _checked(result: Checked) -> None:
+    """Print one line a requirement, and the grade."""
+    verdict = Column("", lambda requirement: "passed" if requirement.passed else "FAILED")
+    table(result.requirements, (Column("part", "part"), verdict, Column("requirement", "name"), Column("", "detail")))
+    missed = sum(not requirement.passed for requirement in result.requirements)
+    style = "red" if result.grade == "failed" else "green"
+    line(f"{result.unit}: ", (result.grade, style), f", {len(result.requirements)} requirements, {missed} not met")

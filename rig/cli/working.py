@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from rig.util.console import Screen
 from rig.util.progress import listening
@@ -25,34 +25,43 @@ def working(what: str, enabled: bool = True) -> Iterator[None]:
     On a terminal a spinner with what is told (progress.tell) and the time.  Else one plain line, when kernels have
     to be compiled.
     """
-    screen = Screen(stderr=True)
     if not enabled:
         yield
         return
-    if not screen.is_terminal:
-        with _compilation(lambda count: print_once(screen, count)):
+    with bar(enabled, SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()) as shown:
+        if shown is None:
+            with _compilation(_print_once):
+                yield
+            return
+        display = _Display(shown, what)
+        with listening(display.step), _compilation(display.compiled):
             yield
+
+
+@contextmanager
+def bar(enabled: bool, *columns: ProgressColumn) -> Iterator[Progress | None]:
+    """Show a progress bar on standard error while it is a terminal; None in a pipe or when not enabled."""
+    screen = Screen(stderr=True)
+    if not enabled or not screen.is_terminal:
+        yield None
         return
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=screen, transient=True) as shown:
-        shown_by = _Shown(shown, what)
-        with listening(shown_by.told), _compilation(shown_by.compiled):
-            yield
+        yield shown
 
 
-def print_once(screen: Screen, count: int) -> None:
-    """Say that kernels are compiled, when the first one is."""
+def _print_once(count: int) -> None:
+    """Print that kernels are compiled, when the first one is."""
     if count == 1:
-        screen.print(COMPILING, soft_wrap=True)
+        Screen(stderr=True).print(COMPILING, soft_wrap=True)
 
 
-class _Shown:
+class _Display:
     """One task of a progress display."""
 
     def __init__(self, shown: Progress, what: str) -> None:
         self._shown, self._task = shown, shown.add_task(what, total=None)
 
-    def told(self, what: str, done: int, total: int) -> None:
+    def step(self, what: str, done: int, total: int) -> None:
         """Show the step; its share where it is known."""
         self._show(what, done, total or None)
 
@@ -78,7 +87,7 @@ def _compilation(begun: Any) -> Iterator[None]:
             begun(self.count)
 
         def on_end(self, event: Any) -> None:
-            """Nothing: the next step or kernel says the next thing."""
+            """Do nothing: the next step or kernel is shown in its turn."""
 
     with event.install_listener(_EVENT, Listener()):
         yield

@@ -23,20 +23,20 @@ class Point(Protocol):
 
 
 def check_rising(points: Sequence[Point]) -> None:
-    """ValueError unless every point is at a higher dynamic pressure than the one before it."""
+    """Raise ValueError unless every point is at a higher dynamic pressure than the one before it."""
     if any(b.dynamic_pressure_pa <= a.dynamic_pressure_pa for a, b in pairwise(points)):
         raise ValueError("points must be in the order of rising dynamic pressure")
 
 
 def table(points: Sequence[Point], columns: Sequence[str]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Dynamic pressures (P,) [Pa] and the numbers there (P, len(columns))."""
+    """Return dynamic pressures (P,) [Pa] and the numbers there (P, len(columns))."""
     rows = [[getattr(point, name) for name in columns] for point in points]
     return np.array([point.dynamic_pressure_pa for point in points]), np.array(rows)
 
 
 @kernel
 def look_up(pressures, table, dynamic_pressure, out):
-    """Numbers at ``dynamic_pressure`` [Pa]: linear between the points, constant beyond the ends.
+    """Write the numbers at ``dynamic_pressure`` [Pa] to ``out``: linear between the points, constant beyond the ends.
 
     pressures : (P,) rising; table : (P, C); out : (C,)
     """

@@ -22,7 +22,7 @@ from rig.computer.analytic.designed import FILTERS, Designed, Error, Point
 from rig.computer.analytic.references import References, refer, remember
 from rig.computer.analytic.sources import PARTNERS, REMEMBERED, Config, source
 from rig.computer.control.gains import Gains
-from rig.computer.redundancy.reference_threshold import SEA_LEVEL_DENSITY
+from rig.computer.redundancy.reference_monitor import SEA_LEVEL_DENSITY
 from rig.design.healthy_flights import FLIGHTS, Case, cases, label
 from rig.errors import RigError
 from rig.frame import INDEX, SIGNALS, TWO_PI, Block

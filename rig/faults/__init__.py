@@ -2,29 +2,12 @@
 
 A fault sits on channels of a signal or a discrete, on the inertial unit, a reference or a surface, or on several
 sensors at once (ice).  A trigger begins it.  Several faults on one value act in the order of the scenario.
+A kind is a class that declares all of itself (settings.Triggered); fault.KINDS has them all.
 """
 
 from rig.faults.corrupt import actuate, corrupt, corrupt_reference
-from rig.faults.discretes import Inverted, Toggling
 from rig.faults.executed import Execution
 from rig.faults.fault import KINDS, Fault, check
-from rig.faults.kinds import (
-    CrossTalk,
-    Delay,
-    Drift,
-    Dropout,
-    FrameSkew,
-    Hardover,
-    Noise,
-    Offset,
-    Oscillation,
-    Quantisation,
-    Scale,
-    SignReversal,
-    Stuck,
-)
-from rig.faults.moments import DuplicateFrame, Intermittent, Spikes
 from rig.faults.places import PLACES, Point
 from rig.faults.record import CLEAN, FaultData
 from rig.faults.schedule import Coils, Faults
-from rig.faults.systems import IlmFault, PitotIcing, RateLoss, VaneIcing

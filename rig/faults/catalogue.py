@@ -11,37 +11,13 @@ import tomli_w
 from pydantic.fields import FieldInfo
 
 from rig.errors import BadInput
-from rig.faults import KINDS
+from rig.faults.fault import KINDS
 from rig.faults.settings import Placed, Triggered
-from rig.settings import Settings, read_toml
+from rig.settings import read_toml
 from rig.text import choices, shorten
 from rig.util.files import bundled
 
-# The bundled scenario that shows each kind.
-EXAMPLES: Final = {
-    "offset": "f16_pull_up_load_factor_offset",
-    "drift": "b747_static_pressure_drift",
-    "hardover": "f16_pitch_rate_hardover",
-    "scale": "b737_roll_rate_scale",
-    "sign_reversal": "f16_lateral_load_factor_sign_reversal",
-    "stuck": "b747_angle_of_attack_stuck",
-    "noise": "b737_yaw_rate_noise",
-    "oscillation": "f16_normal_load_factor_oscillation",
-    "spikes": "f16_angle_of_attack_spikes",
-    "intermittent": "b747_heading_intermittent",
-    "dropout": "f16_lost_sticks",
-    "delay": "b737_static_pressure_delay",
-    "frame_skew": "f16_pitch_rate_frame_skew",
-    "quantisation": "b747_dynamic_pressure_quantisation",
-    "cross_talk": "f16_stick_roll_cross_talk",
-    "duplicate_frame": "b737_roll_angle_duplicate_frame",
-    "inverted": "b737_gear_down_inverted",
-    "toggling": "b747_engagement_toggling",
-    "ilm": "f16_singular_2_2_lying_ilm",
-    "rate_loss": "b747_elevator_rate_loss",
-    "pitot_icing": "b737_pitot_icing",
-    "vane_icing": "b747_vane_icing",
-}
+EXAMPLES: Final = {kind: model.example for kind, model in KINDS.items()}  # the bundled scenario that shows each kind
 _UNITS: Final = {
     "signal": "unit of the signal",
     "signal/s": "unit of the signal per s",
@@ -79,15 +55,15 @@ class Entry:
 
 
 def entries() -> list[Entry]:
-    """The whole catalogue."""
+    """Return the whole catalogue."""
     return [entry(kind) for kind in KINDS]
 
 
 def entry(kind: str) -> Entry:
-    """The entry of a kind; BadInput when there is none."""
+    """Return the entry of a kind; BadInput when there is none."""
     if kind not in KINDS:
         raise BadInput(f"{shorten(kind)}: no such kind of fault, {choices(kind, KINDS, 'rig faults list')}")
-    model: type[Settings] = KINDS[kind]
+    model = KINDS[kind]
     own = {name: info for name, info in model.model_fields.items() if name not in (*Triggered.model_fields, "kind")}
     sites: list[str] = [*model.sites] if issubclass(model, Placed) else ["channel"]
     parameters = [_parameter(name, info) for name, info in own.items()]
@@ -97,7 +73,7 @@ def entry(kind: str) -> Entry:
 
 
 def common() -> list[Parameter]:
-    """The keys of every kind: name, trigger, duration, repetition."""
+    """Return the keys of every kind: name, trigger, duration, repetition."""
     return [_parameter(name, info) for name, info in Triggered.model_fields.items()]
 
 
@@ -111,7 +87,7 @@ def _parameter(name: str, info: FieldInfo) -> Parameter:
 
 
 def _allowed(info: FieldInfo) -> str:
-    """The choices or the bounds of a setting, in words."""
+    """Return the choices or the bounds of a setting, in words."""
     choices = _choices(info.annotation)
     bounds = [f"{sign} {getattr(m, key):g}" for m in info.metadata for key, sign in _ALLOWED.items() if hasattr(m, key)]
     return ", ".join(choices or bounds)

@@ -10,8 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from rig.faults.effects import corrupted, flagged, freeze, keep, measured
-from rig.faults.settings import Act
+from rig.faults.effects import Act, Acting, corrupted, flagged, freeze, keep, measured
 from rig.faults.trigger import advance, watch
 from rig.frame import FLIGHT_INDEX
 from rig.kernels import kernel
@@ -41,14 +40,15 @@ def corrupt(row, k, data):
         if st["acts"] == 0 and target["remembers"] == 0:
             continue
         s, c = target["row"], target["column"]
-        drawn = data.normal[k, target["draw"]] if target["act"] == Act.NOISE else 0.0
+        normal = data.normal[k, target["draw"]] if target["act"] == Act.NOISE else 0.0
+        fault = Acting(target, st, kept[t], memory, p["dt_s"])
         if s < 0:
-            follow(row, inertial, c, target["source"], drawn, target, st, kept[t], memory, p["dt_s"])
-        elif target["act"] == Act.ICE:
+            corrupt_value(row, inertial, c, normal, fault)
+        elif target["act"] == Act.PITOT_STATIC_ICE:
             freeze(channels, c, target, kept[t], st["fresh"], st["elapsed"] * p["dt_s"] if st["acts"] != 0 else -1.0)
         else:
             other, before = channels[target["source"], c], channels[s, c]
-            channels[s, c] = step(row, before, other, drawn, target, st, kept[t], memory, p["dt_s"])
+            channels[s, c] = step(row["frame"], before, other, normal, fault)
             if target["frames"] != 0:
                 ilm[s, c] = measured(ilm[s, c], channels[s, c] - before, target, st, kept[t])
         if st["acts"] != 0:
@@ -56,7 +56,7 @@ def corrupt(row, k, data):
         if st["acts"] != 0 and s >= 0:
             flag = schedule[target["fault"]]["flag"]
             ilm[s, c] = flagged(ilm[s, c], flag)
-            if target["act"] == Act.ICE:
+            if target["act"] == Act.PITOT_STATIC_ICE:
                 ilm[target["source"], c] = flagged(ilm[target["source"], c], flag)
             if target["invalid"] != 0:
                 valid[s, c] = 0
@@ -64,18 +64,19 @@ def corrupt(row, k, data):
         target = targets[t]
         st = state[target["fault"]]
         if st["acts"] != 0 or target["remembers"] != 0:
-            corrupt_discrete(row, target, st, kept[t], memory, p["dt_s"], schedule[target["fault"]]["flag"])
+            corrupt_discrete(row, Acting(target, st, kept[t], memory, p["dt_s"]), schedule[target["fault"]]["flag"])
 
 
 @kernel
-def corrupt_discrete(row, target, st, kept, memory, dt_s, flag):
-    """Apply one fault to one channel of a discrete: its sample, its validity, its in-line monitor."""
+def corrupt_discrete(row, fault, flag):
+    """Apply one fault, an Acting, to one channel of a discrete: its sample, its validity, its in-line monitor."""
+    target = fault.target
     d, c = target["row"], target["column"]
     bus = row["bus"]
     samples, valid, ilm = bus["discrete_channels"], bus["discrete_valid"], bus["discrete_ilm"]
     x = float(samples[d, c])
-    samples[d, c] = 1 if step(row, x, x, 0.0, target, st, kept, memory, dt_s) > _HALF else 0
-    if st["acts"] != 0:
+    samples[d, c] = 1 if step(row["frame"], x, x, 0.0, fault) > _HALF else 0
+    if fault.state["acts"] != 0:
         mark(row, target["fault"])
         ilm[d, c] = flagged(ilm[d, c], flag)
         if target["invalid"] != 0:
@@ -94,8 +95,8 @@ def corrupt_reference(row, k, data):
         target = targets[t]
         st, c = state[target["fault"]], target["column"]
         there = reference[c] == reference[c]
-        drawn = data.normal[k, target["draw"]] if target["act"] == Act.NOISE else 0.0
-        follow(row, reference, c, target["source"], drawn, target, st, kept[t], memory, p["dt_s"])
+        normal = data.normal[k, target["draw"]] if target["act"] == Act.NOISE else 0.0
+        corrupt_value(row, reference, c, normal, Acting(target, st, kept[t], memory, p["dt_s"]))
         if not there:
             reference[c] = np.nan
         elif st["acts"] != 0:
@@ -115,7 +116,7 @@ def actuate(row, data):
         st, c = state[target["fault"]], target["column"]
         if st["fresh"] != 0:
             kept[t]["last"], kept[t]["started"] = flight[_FIRST_SURFACE + c], 1
-        follow(row, actuator, c, c, 0.0, target, st, kept[t], memory, p["dt_s"])
+        corrupt_value(row, actuator, c, 0.0, Acting(target, st, kept[t], memory, p["dt_s"]))
         if st["acts"] != 0:
             mark(row, target["fault"])
     if p["watches"] != 0:
@@ -124,7 +125,7 @@ def actuate(row, data):
 
 @kernel
 def save(bus, clean):
-    """Keep what the sensors said."""
+    """Keep the samples of the sensors."""
     channels, valid, clean_channels, clean_valid = bus["channels"], bus["valid"], clean["channels"], clean["valid"]
     for s in range(channels.shape[0]):
         for c in range(channels.shape[1]):
@@ -132,21 +133,21 @@ def save(bus, clean):
 
 
 @kernel
-def follow(row, values, i, source, drawn, target, st, kept, memory, dt_s):
-    """One fault on value i of a row of values."""
-    values[i] = step(row, values[i], values[source], drawn, target, st, kept, memory, dt_s)
+def corrupt_value(row, values, i, normal, fault):
+    """Apply one fault, an Acting, to value i of ``values``; normal : standard normal draw."""
+    values[i] = step(row["frame"], values[i], values[fault.target["source"]], normal, fault)
 
 
 @kernel
-def step(row, x, other, drawn, target, st, kept, memory, dt_s):
-    """What a fault leaves of x in this frame, whether it acts or only remembers."""
-    frame, y = row["frame"], x
+def step(frame, x, other, normal, fault):
+    """Return what a fault leaves of x in this frame, whether it acts or only remembers; fault : Acting."""
+    target, st, kept, y = fault.target, fault.state, fault.kept, x
     if target["remembers"] != 0:
-        keep(x, target, kept, memory, frame)
+        keep(x, frame, fault)
         if st["fresh"] != 0:
             kept["held"] = kept["last"]
     if st["acts"] != 0:
-        y = corrupted(x, other, drawn, target, kept, memory, frame, st["elapsed"], dt_s)
+        y = corrupted(x, other, normal, frame, fault)
     if target["remembers"] != 0:
         kept["last"] = x
     return y

@@ -1,38 +1,106 @@
-"""What a fault makes of one value."""
+"""What a fault does to a value: the acts, what a kind says of its own as an Effect, and the kernels."""
 
 from __future__ import annotations
 
 import math
-from typing import Final
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from rig.faults.settings import Act, Flag
 from rig.frame import TWO_PI, Ilm
 from rig.kernels import kernel
 from rig.units.angles import difference, limit
 
-_TURN: Final = TWO_PI
+
+class Act(IntEnum):
+    """What a kernel does to a value."""
+
+    VALID_ONLY = 0  # nothing to the value; its validity or its in-line monitor are another matter
+    ADD = 1
+    DRIFT = 2
+    SETTLE = 3
+    SET = 4
+    HOLD = 5
+    SCALE = 6
+    NOISE = 7
+    OSCILLATE = 8
+    SWING = 9
+    DELAY = 10
+    QUANTISE = 11
+    CROSS_TALK = 12
+    REPEAT = 13
+    NO_NUMBER = 14
+    LIMIT_RATE = 15
+    PITOT_STATIC_ICE = 16
+    RANGE_END = 17  # an end of the range, which the schedule makes SET or, for an angle on the circle, ADD_ANGLE
+    INVERT = 18  # of a discrete
+    ADD_ANGLE = 19  # half a turn
+
+
+# What needs the value while the fault does not act.
+REMEMBERING: Final = (Act.HOLD, Act.SWING, Act.DELAY, Act.REPEAT, Act.LIMIT_RATE, Act.PITOT_STATIC_ICE)
+# What an electrical fault of one coil does to a position: an open or shorted turn, a drifting joint, a coupled wire.
+# A jam, a swapped pair, a wrong excitation and all that is digital leave the sum of the coils as it is.
+OF_A_COIL: Final = (
+    *(Act.ADD, Act.DRIFT, Act.SETTLE, Act.RANGE_END, Act.NOISE, Act.OSCILLATE, Act.SWING, Act.CROSS_TALK),
+)
+
+
+class Flag(IntEnum):
+    """What a fault does to the in-line monitors of its channels."""
+
+    LEAVE = 0
+    BAD = 1
+    GOOD = 2
+    INVERT = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """What a fault does to each of its values, as numbers for the kernel: the fields of record.TARGET that it gives."""
+
+    act: Act
+    value: float = 0.0
+    thresholds: bool = False  # ``value`` is in thresholds of the signal's monitor
+    time_constant_s: float = 0.0  # SETTLE
+    frequency_hz: float = 0.0  # OSCILLATE, SWING
+    whole_frames: bool = False  # DELAY: rounded up
+    static_rate_pa_s: float = 0.0  # PITOT_STATIC_ICE; it or the pitot line's ``value`` NaN: that line is open
+    source_place: str | None = None  # CROSS_TALK: the place that it comes from; PITOT_STATIC_ICE: the second pressure
+    invalid: bool = False  # the sensor flags the sample
+
+
+class Acting(NamedTuple):
+    """One fault on one value in one frame."""
+
+    target: Any  # TARGET record
+    state: Any  # STATE record
+    kept: Any  # KEPT record, in place
+    memory: Any  # rings of what delays read, in place
+    dt_s: float
 
 
 @kernel
-def corrupted(x, other, drawn, target, kept, memory, frame, elapsed, dt_s):
-    """The value x under a fault that has acted for ``elapsed`` frames.
+def corrupted(x, other, normal, frame, fault):
+    """Apply a fault that acts in ``frame`` to the value x.
 
-    other : the value that cross-talk comes from; drawn : standard normal; target, kept : TARGET and KEPT record
-    memory : rings of what delays read; the equations stand with the kinds
+    other : the value that cross-talk comes from; normal : standard normal draw; fault : Acting
+    The equations stand with the kinds.
     """
+    target, elapsed = fault.target, fault.state["elapsed"]
     act = target["act"]
-    if act == Act.NOTHING:
+    if act == Act.VALID_ONLY:
         return x
     if act == Act.NO_NUMBER:
         return math.nan
     if act == Act.INVERT:
         return 1.0 - x
-    if act == Act.TURN:
+    if act == Act.ADD_ANGLE:
         part = min(1.0, elapsed / target["ramp"]) if target["ramp"] > 0.0 else 1.0
         return limit(x + part * target["value"], target["low"], target["high"], 1)
-    y = changed(act, x, other, drawn, target, kept, memory, frame, elapsed * dt_s, dt_s)
+    y = changed(x, other, normal, frame, elapsed * fault.dt_s, fault)
     if elapsed < target["ramp"]:
         y = x + elapsed / target["ramp"] * difference(y, x, target["wraps"])
     elif act == Act.SET:
@@ -41,15 +109,16 @@ def corrupted(x, other, drawn, target, kept, memory, frame, elapsed, dt_s):
 
 
 @kernel
-def changed(act, x, other, drawn, target, kept, memory, frame, t, dt_s):
-    """The same without ramp and range; ``t`` [s] since the onset."""
-    value = target["value"]
+def changed(x, other, normal, frame, t, fault):
+    """Apply the same without ramp and range; ``t`` [s] since the onset."""
+    target, kept = fault.target, fault.kept
+    act, value = target["act"], target["value"]
     if act == Act.ADD:
         return x + value
     if act == Act.DRIFT:
         return x + value * t
     if act == Act.SETTLE:
-        return x + value * (1.0 - math.exp(-t / target["second"]))
+        return x + value * (1.0 - math.exp(-t / target["time_constant_s"]))
     if act == Act.SET:
         return value
     if act == Act.HOLD:
@@ -57,26 +126,26 @@ def changed(act, x, other, drawn, target, kept, memory, frame, t, dt_s):
     if act == Act.SCALE:
         return x * value
     if act == Act.NOISE:
-        return x + value * drawn
+        return x + value * normal
     if act in (Act.OSCILLATE, Act.SWING):
-        swing = value * math.sin(_TURN * target["second"] * t)
+        swing = value * math.sin(TWO_PI * target["frequency_hz"] * t)
         return swing + (x if act == Act.OSCILLATE else kept["held"])
     if act == Act.DELAY:
-        return earlier(frame, target, memory)
+        return earlier(frame, target, fault.memory)
     if act == Act.QUANTISE:
         return np.floor(x / value + 0.5) * value
     if act == Act.CROSS_TALK:
         return x + value * other
     if act == Act.REPEAT:
         return kept["last"]
-    most = value * dt_s  # LIMIT_RATE
+    most = value * fault.dt_s  # LIMIT_RATE
     kept["held"] += min(max(x - kept["held"], -most), most)
     return kept["held"]
 
 
 @kernel
 def earlier(frame, target, memory):
-    """The value ``value`` frames ago, between two frames in proportion."""
+    """Return the value ``value`` frames ago, between two frames in proportion."""
     length, start = target["length"], target["memory"]
     whole = int(target["value"])
     part = target["value"] - whole
@@ -88,8 +157,9 @@ def earlier(frame, target, memory):
 
 
 @kernel
-def keep(x, target, kept, memory, frame):
+def keep(x, frame, fault):
     """Remember x, the value before this fault, for what delays read."""
+    target, kept, memory = fault.target, fault.kept, fault.memory
     if target["length"] > 0:
         start, length = target["memory"], target["length"]
         if kept["started"] == 0:
@@ -103,7 +173,10 @@ def keep(x, target, kept, memory, frame):
 
 @kernel
 def freeze(channels, c, target, kept, fresh, t):
-    """Static and dynamic pressure of channel c behind lines that ice has closed; see systems.PitotIcing."""
+    """Put static and dynamic pressure of channel c behind lines that ice has closed; see systems.PitotIcing.
+
+    t : [s] since the onset, below zero while the fault does not act
+    """
     s, q = target["row"], target["source"]
     static = channels[s, c]
     total = static + channels[q, c]
@@ -116,32 +189,32 @@ def freeze(channels, c, target, kept, fresh, t):
         return
     if target["value"] == target["value"]:
         total = kept["total"] + target["value"] * t
-    if target["second"] == target["second"]:
-        static = kept["held"] + target["second"] * t
+    if target["static_rate_pa_s"] == target["static_rate_pa_s"]:
+        static = kept["held"] + target["static_rate_pa_s"] * t
         channels[s, c] = limit(static, target["low"], target["high"], 0)
     channels[q, c] = limit(total - static, target["source_low"], target["source_high"], 0)
 
 
 @kernel
-def measured(says, off, target, st, kept):
-    """The answer of a monitor that measures: bad once one coil, and the sum with it, has been ``off`` for long enough.
+def measured(ilm, off, target, st, kept):
+    """Return the answer of a monitor that measures: bad once one coil, and the sum with it, has been ``off`` for long.
 
-    says : its answer so far; off : what the fault adds to the sample; a sample that is no number it does not see
+    ilm : its answer so far; off : what the fault adds to the sample; a sample that is no number it does not see
     """
     if st["fresh"] != 0:
         kept["beyond"] = 0
     beyond = st["acts"] != 0 and abs(off) > target["tolerance"]
     kept["beyond"] = kept["beyond"] + 1 if beyond else 0
-    return Ilm.BAD.value if kept["beyond"] >= target["frames"] else says
+    return Ilm.BAD.value if kept["beyond"] >= target["frames"] else ilm
 
 
 @kernel
-def flagged(says, flag):
-    """The in-line monitor's answer under a fault; one that is not fitted stays absent."""
-    if flag == Flag.LEAVE or (says != Ilm.BAD and says != Ilm.GOOD):
-        return says
+def flagged(ilm, flag):
+    """Return the in-line monitor's answer under a fault; one that is not fitted stays absent."""
+    if flag == Flag.LEAVE or (ilm != Ilm.BAD and ilm != Ilm.GOOD):
+        return ilm
     if flag == Flag.BAD:
         return Ilm.BAD.value
     if flag == Flag.GOOD:
         return Ilm.GOOD.value
-    return Ilm.BAD.value if says == Ilm.GOOD else Ilm.GOOD.value
+    return Ilm.BAD.value if ilm == Ilm.GOOD else Ilm.GOOD.value

@@ -39,7 +39,7 @@ class Execution:
         self._last = rows[-1:].copy()
 
     def _did(self, rows: Block, i: int) -> bool:
-        """Whether fault i acts in one of ``rows`` on something that is in use."""
+        """Return True if fault i acts in one of ``rows`` on something that is in use."""
         fault = self._faults[i]
         acts = rows["acting"][:, i >> 3] >> np.uint8(i & 7) & 1 == 1
         for place, channel in fault.points:

@@ -81,7 +81,7 @@ _COMPARE: Final[dict[type[ast.cmpop], Op]] = {
 
 
 def parse(text: str) -> NDArray[np.void]:
-    """The (n,) STEP records of a condition; ValueError, one line, says what in it is not allowed."""
+    """Return the (n,) STEP records of a condition; ValueError, one line, says what in it is not allowed."""
     if len(text) > LONGEST:
         raise ValueError(f"a condition has at most {LONGEST} characters, got {len(text)}")
     try:
@@ -97,7 +97,7 @@ def parse(text: str) -> NDArray[np.void]:
 
 
 def _condition(node: ast.expr) -> Steps:
-    """Steps that leave 1 or 0."""
+    """Return steps that leave 1 or 0."""
     if isinstance(node, ast.BoolOp):
         join = Op.AND if isinstance(node.op, ast.And) else Op.OR
         first, *others = (_condition(value) for value in node.values)
@@ -113,7 +113,7 @@ def _condition(node: ast.expr) -> Steps:
 
 
 def _comparison(node: ast.Compare) -> Steps:
-    """``a < b < c`` is ``a < b and b < c``: what stands in the middle has no side effects."""
+    """Return steps for a comparison: ``a < b < c`` is ``a < b and b < c``, as nothing has side effects."""
     sides = [_number(side) for side in (node.left, *node.comparators)]
     steps: Steps = []
     for i, compare in enumerate(node.ops):
@@ -125,7 +125,7 @@ def _comparison(node: ast.Compare) -> Steps:
 
 
 def _number(node: ast.expr) -> Steps:
-    """Steps that leave a number."""
+    """Return steps that leave a number."""
     if isinstance(node, ast.Constant):
         return [(Op.NUMBER, 0, _finite(node))]
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
@@ -151,7 +151,7 @@ def _finite(node: ast.Constant) -> float:
 
 
 def _name(node: ast.expr) -> str | None:
-    """``roll_rate`` or ``true.roll_rate``; None when it is neither of that form."""
+    """Return ``roll_rate`` or ``true.roll_rate``; None when it is neither of that form."""
     if isinstance(node, ast.Name):
         return node.id
     if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
@@ -170,7 +170,7 @@ def _quantity(name: str) -> Steps:
 
 
 def _depth(steps: Steps) -> int:
-    """The most values that are on the stack at once."""
+    """Return the most values that are on the stack at once."""
     height = most = 0
     for op, *_ in steps:
         height += 1 if op < Op.NEGATE else 0 if op <= Op.NOT else -1
@@ -179,13 +179,13 @@ def _depth(steps: Steps) -> int:
 
 
 def reads_votes(program: NDArray[np.void]) -> bool:
-    """Whether a program reads what was voted: it cannot hold before the first vote."""
+    """Return True if a program reads what was voted: it cannot hold before the first vote."""
     return bool(np.isin(program["op"], (Op.VOTED, Op.VOTED_DISCRETE)).any())
 
 
 @kernel
 def holds(program, start, stop, truth, seen, stack):
-    """Whether steps ``start`` to ``stop`` of ``program`` leave true: 1 or 0.
+    """Run steps ``start`` to ``stop`` of ``program``: 1 if they leave true, else 0.
 
     truth : the row's TRUTH record; seen : trigger.SEEN record, the last votes; stack : (DEEPEST,) f8, workspace
     A comparison with what is no number is false (``!=`` too); a division by zero is no number.
@@ -198,16 +198,16 @@ def holds(program, start, stop, truth, seen, stack):
             top += 1
             stack[top] = load(op, step["place"], step["value"], truth, seen)
         elif op <= Op.NOT:
-            stack[top] = one(op, float(stack[top]))
+            stack[top] = of_one(op, float(stack[top]))
         else:
             top -= 1
-            stack[top] = two(op, float(stack[top]), float(stack[top + 1]))
+            stack[top] = of_two(op, float(stack[top]), float(stack[top + 1]))
     return 1 if stack[0] != 0.0 else 0
 
 
 @kernel
 def load(op, place, value, truth, seen):
-    """The number or quantity that a step pushes."""
+    """Return the number or quantity that a step pushes."""
     if op == Op.VOTED:
         return seen["voted"][place]
     if op == Op.VOTED_DISCRETE:
@@ -222,8 +222,8 @@ def load(op, place, value, truth, seen):
 
 
 @kernel
-def one(op, a):
-    """What a step makes of the uppermost value."""
+def of_one(op, a):
+    """Return what a step makes of the uppermost value."""
     if op == Op.NEGATE:
         return -a
     if op == Op.ABS:
@@ -232,8 +232,8 @@ def one(op, a):
 
 
 @kernel
-def two(op, a, b):
-    """What a step makes of the two uppermost values."""
+def of_two(op, a, b):
+    """Return what a step makes of the two uppermost values."""
     if op <= Op.DIVIDE:
         return arithmetic(op, a, b)
     if a != a or b != b:
@@ -260,7 +260,7 @@ def two(op, a, b):
 
 @kernel
 def arithmetic(op, a, b):
-    """Sum, difference, product or quotient."""
+    """Return sum, difference, product or quotient."""
     if op == Op.ADD:
         return a + b
     if op == Op.SUBTRACT:

@@ -1,61 +1,51 @@
-"""Any fault of a scenario, and what must hold of all of them together."""
+"""Any fault of a scenario, those that a key begins and ends, and what must hold of all of them together."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from graphlib import CycleError, TopologicalSorter
-from typing import Annotated, Final, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Final, Union, get_args
 
-from pydantic import Field
+from pydantic import Field, field_validator, model_validator
 
-from rig.faults import discretes, kinds, moments, systems
-from rig.faults.places import PLACES, site
+from rig.faults import data_path, kinds, systems
+from rig.faults.settings import Triggered
+from rig.settings import LONGEST_S, Settings
 from rig.text import choices, quoted
 
-Fault = Annotated[
-    kinds.Offset
-    | kinds.Drift
-    | kinds.Hardover
-    | kinds.Scale
-    | kinds.SignReversal
-    | kinds.Stuck
-    | kinds.Noise
-    | kinds.Oscillation
-    | moments.Spikes
-    | moments.Intermittent
-    | kinds.Dropout
-    | kinds.Delay
-    | kinds.FrameSkew
-    | kinds.Quantisation
-    | kinds.CrossTalk
-    | moments.DuplicateFrame
-    | discretes.Inverted
-    | discretes.Toggling
-    | systems.IlmFault
-    | systems.RateLoss
-    | systems.PitotIcing
-    | systems.VaneIcing,
-    Field(discriminator="kind"),
-]
-# Every kind by its name, in the order of the catalogue.
-KINDS: Final = {get_args(kind.model_fields["kind"].annotation)[0]: kind for kind in get_args(get_args(Fault)[0])}
+# Every kind by its name, in the order of the catalogue: as the classes stand in their modules.
+KINDS: Final[dict[str, type[Triggered]]] = {
+    get_args(model.model_fields["kind"].annotation)[0]: model
+    for module in (kinds, data_path, systems)
+    for model in vars(module).values()
+    if isinstance(model, type) and model.__module__ == module.__name__
+    if issubclass(model, Triggered) and "kind" in model.model_fields
+}
+if TYPE_CHECKING:
+
+    class Fault(Triggered):
+        """What a fault of any kind has."""
+
+        kind: str
+        signal: str
+        channels: list[int]
+else:
+    Fault = Annotated[Union[tuple(KINDS.values())], Field(discriminator="kind")]  # noqa: UP007 # of a tuple
+RESET, PAUSE, END = "r", "p", "q"  # keys with a meaning of their own
+_TRIGGERS: Final = ("start_s", "when", "on", "after", "rate_per_hour", "end_s")
 
 
 def check(faults: Sequence[Fault], fitted: Mapping[str, int]) -> None:
-    """ValueError, one line, where faults do not fit the aircraft or each other.
+    """Raise ValueError, one line, where faults do not fit the aircraft or each other.
 
     fitted : number of channels of each signal and discrete
     """
     _check_labels(faults)
     for i, fault in enumerate(faults):
-        for place, channel in fault.points:
-            if channel is not None and channel > fitted[place]:
-                raise ValueError(f"faults.{i}.channels: {place} has {fitted[place]} channels, got [{channel}]")
-        on = fault.on
-        if on is not None and on.signal is not None and on.channel is not None and on.channel > fitted[on.signal]:
-            raise ValueError(f"faults.{i}.on.channel: {on.signal} has {fitted[on.signal]} channels, got {on.channel}")
-        if isinstance(fault, kinds.CrossTalk):
-            _check_source(i, fault, fitted)
+        try:
+            fault.check_fitted(fitted)
+        except ValueError as error:
+            raise ValueError(f"faults.{i}.{error}") from None
     order(faults)
 
 
@@ -67,17 +57,8 @@ def _check_labels(faults: Sequence[Fault]) -> None:
         labels.add(fault.label)
 
 
-def _check_source(i: int, fault: kinds.CrossTalk, fitted: Mapping[str, int]) -> None:
-    """Cross-talk comes from another place of the same sort and, on channels, from one that is fitted."""
-    if fault.source not in PLACES or site(fault.source) != site(fault.signal) or fault.source == fault.signal:
-        raise ValueError(f"faults.{i}.source: {fault.source!r} must be another place of the sort of {fault.signal}")
-    beyond = [channel for channel in fault.channels if channel > fitted[fault.source]]
-    if beyond:
-        raise ValueError(f"faults.{i}.source: {fault.source} has {fitted[fault.source]} channels, got {beyond}")
-
-
 def order(faults: Sequence[Fault]) -> list[int]:
-    """Indices of the faults, each behind the one that it comes after; ValueError: unknown, or a circle."""
+    """Return indices of the faults, each behind the one that it comes after; ValueError: unknown, or a circle."""
     parents = [parent(faults, i) for i in range(len(faults))]
     sorter = TopologicalSorter({i: [] if after is None else [after] for i, after in enumerate(parents)})
     try:
@@ -88,7 +69,7 @@ def order(faults: Sequence[Fault]) -> list[int]:
 
 
 def parent(faults: Sequence[Fault], i: int) -> int | None:
-    """The index of the fault that fault ``i`` comes after; ValueError when there is none of that name."""
+    """Return the index of the fault that fault ``i`` comes after; ValueError when there is none of that name."""
     after = faults[i].after
     if after is None:
         return None
@@ -100,3 +81,36 @@ def parent(faults: Sequence[Fault], i: int) -> int | None:
     if labels.count(after) > 1:
         raise ValueError(f"faults.{i}.after: {after!r} is the name of several faults; give the one an id")
     return labels.index(after)
+
+
+class LiveFault(Settings):
+    """A fault that waits for its key; pressed again, it ends."""
+
+    key: str
+    fault: Fault
+
+    @model_validator(mode="before")
+    @classmethod
+    def _begun_by_its_key(cls, data: Any) -> Any:
+        fault = data.get("fault") if isinstance(data, dict) else None
+        if not isinstance(fault, Mapping):
+            return data
+        given = [name for name in _TRIGGERS if name in fault and fault[name] != LONGEST_S]
+        if given:
+            raise ValueError(f"fault.{given[0]}: the key begins and ends it")
+        return {**data, "fault": {**fault, "start_s": LONGEST_S}}  # never by itself
+
+    @field_validator("key")
+    @classmethod
+    def _one_key(cls, key: str) -> str:
+        if len(key) != 1 or not key.isalnum() or key in (RESET, PAUSE, END):
+            raise ValueError(f"a letter or digit, but not {RESET}, {PAUSE} or {END}, got {key!r}")
+        return key
+
+
+def distinct_keys(live: Sequence[LiveFault]) -> None:
+    """Raise ValueError when a key stands twice."""
+    keys = [entry.key for entry in live]
+    twice = next((key for key in keys if keys.count(key) > 1), None)
+    if twice is not None:
+        raise ValueError(f"live: the key {twice!r} stands twice")

@@ -6,37 +6,40 @@ What a fault makes of a value stays within the range of its sensor or the stops 
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Final, Literal
 
 from pydantic import model_validator
 
-from rig.faults.magnitude import one_form, require_one, sized, threshold_quantity
-from rig.faults.places import site
-from rig.faults.settings import Act, Corrupted, Effect, Ramped, quantity
+from rig.faults.effects import Act, Effect
+from rig.faults.places import Site, site
+from rig.faults.settings import Corrupted, Ramped, Size, one_form, quantity, require_one, threshold_quantity
+from rig.faults.trigger import DutyCycle, Pulses
 
-_WITH_SURFACE = ("channel", "inertial", "reference", "surface")
+WITH_SURFACE: Final[tuple[Site, ...]] = ("channel", "inertial", "reference", "surface")
+_MOST_TIMES: Final = 64
 
 
 class Offset(Ramped):
     """y = x + offset. A shifted zero: a bent vane, a bad calibration, a misrigged control rod."""
 
-    sites = _WITH_SURFACE
+    sites, act, sizes, trials_draw = WITH_SURFACE, Act.ADD, ("offset",), True
+    sentence = "{where} had an offset of {error} from {at} on"
+    example = "f16_pull_up_load_factor_offset"
+
     kind: Literal["offset"]
     offset: float | None = quantity("signal", "added to the value", None)
     offset_thresholds: float | None = threshold_quantity("offset")
 
     _one_form = one_form("offset")
 
-    @property
-    def effect(self) -> Effect:
-        """For the kernel."""
-        return sized(self, Act.ADD, "offset")
-
 
 class Drift(Corrupted):
     """y = x + rate t, or x + settles_at (1 - exp(-t / time_constant)). A gyro warming up, a leaking pressure line."""
 
-    sites = _WITH_SURFACE
+    sites, act, sizes, trials_draw = WITH_SURFACE, Act.DRIFT, ("rate_per_s", "settles_at"), True
+    sentence = "{where} drifted from {at} on, by up to {error}"
+    example = "b747_static_pressure_drift"
+
     kind: Literal["drift"]
     rate_per_s: float | None = quantity("signal/s", "steady: how fast the error grows", None)
     rate_thresholds_per_s: float | None = threshold_quantity("rate_per_s")
@@ -54,10 +57,10 @@ class Drift(Corrupted):
 
     @property
     def effect(self) -> Effect:
-        """For the kernel."""
-        if self.time_constant_s is not None:
-            return sized(self, Act.SETTLE, "settles_at", self.time_constant_s)
-        return sized(self, Act.DRIFT, "rate_per_s")
+        """Steady, or towards a bound."""
+        if self.time_constant_s is None:
+            return self.sized(Act.DRIFT)
+        return self.sized(Act.SETTLE, time_constant_s=self.time_constant_s)
 
 
 class Hardover(Ramped):
@@ -67,41 +70,57 @@ class Hardover(Ramped):
     that of the ramp.
     """
 
-    sites = _WITH_SURFACE
+    sites, act = WITH_SURFACE, Act.RANGE_END
+    sentence = "{where} ran to {value} at {at}"
+    example = "f16_pitch_rate_hardover"
+
     kind: Literal["hardover"]
     direction: Literal["high", "low", "either"] = quantity("", "either: one of both, drawn from the seed", "high")
 
     @property
     def effect(self) -> Effect:
-        """For the kernel; +1, -1, or 0 for what is still to be drawn."""
-        return Effect(Act.END, {"high": 1.0, "low": -1.0, "either": 0.0}[self.direction])
+        """The direction as +1, -1, or 0 for what is still to be drawn."""
+        return Effect(self.act, {"high": 1.0, "low": -1.0, "either": 0.0}[self.direction])
 
 
 class Scale(Ramped):
     """y = factor x. A wrong excitation, a cracked bellows; on a surface, a part of it lost (loss of effectiveness)."""
 
-    sites = _WITH_SURFACE
+    sites, act, sizes, trials_draw = WITH_SURFACE, Act.SCALE, ("factor",), True
+    sentence = "{where} had a wrong scale from {at} on, an error of up to {error}"
+    example = "b737_roll_rate_scale"
+
     kind: Literal["scale"]
     factor: float = quantity("1", "what is left of the value: 1 nothing lost, 0 all")
 
     @property
-    def effect(self) -> Effect:
-        """For the kernel."""
-        return Effect(Act.SCALE, self.factor)
+    def magnitude(self) -> Size:
+        """How far the factor is from 1."""
+        return Size(abs(1.0 - self.factor), False)
 
 
 class SignReversal(Corrupted):
     """y = -x. Wires or pneumatic lines swapped in maintenance, crossed control cables."""
 
-    sites = _WITH_SURFACE
+    sites, act = WITH_SURFACE, Act.SCALE
+    sentence = "{where} had the wrong sign from {at} on, an error of up to {error}"
+    example = "f16_lateral_load_factor_sign_reversal"
+
     kind: Literal["sign_reversal"]
-    effect: ClassVar[Effect] = Effect(Act.SCALE, -1.0)
+
+    @property
+    def effect(self) -> Effect:
+        """A scale of -1."""
+        return Effect(self.act, -1.0)
 
 
 class Stuck(Ramped):
     """y = the last value before the onset, or a given one. A frozen vane, a hung processor, a jammed actuator."""
 
-    sites = (*_WITH_SURFACE, "discrete")
+    sites, act = (*WITH_SURFACE, "discrete"), Act.HOLD
+    sentence = "{where} stuck at {value} at {at}"
+    example = "b747_angle_of_attack_stuck"
+
     kind: Literal["stuck"]
     value: float | None = quantity(
         "signal", "where it sticks (a discrete: 0 or 1); not given: where it is (a surface: its true position)", None
@@ -115,12 +134,16 @@ class Stuck(Ramped):
 
     @property
     def effect(self) -> Effect:
-        """For the kernel."""
+        """Where it is, or at a given value."""
         return Effect(Act.HOLD) if self.value is None else Effect(Act.SET, self.value)
 
 
 class Noise(Ramped):
     """y = x + std n, n white and normal, of its own on every channel. A worn bearing, a failing supply."""
+
+    act, sizes, trials_draw = Act.NOISE, ("std",), True
+    sentence = "{where} had noise of up to {error} from {at} on"
+    example = "b737_yaw_rate_noise"
 
     kind: Literal["noise"]
     std: float | None = quantity("signal", "standard deviation of what is added to each sample", None, gt=0)
@@ -128,16 +151,14 @@ class Noise(Ramped):
 
     _one_form = one_form("std")
 
-    @property
-    def effect(self) -> Effect:
-        """For the kernel."""
-        return sized(self, Act.NOISE, "std")
-
 
 class Oscillation(Ramped):
     """y = x + A sin(2 pi f t), or the last value instead of x. An unstable servo loop, a loose connection that hums."""
 
-    sites = _WITH_SURFACE
+    sites, act, sizes, trials_draw = WITH_SURFACE, Act.OSCILLATE, ("amplitude",), True
+    sentence = "{where} oscillated from {at} on, by up to {error}"
+    example = "f16_normal_load_factor_oscillation"
+
     kind: Literal["oscillation"]
     amplitude: float | None = quantity("signal", "A", None, gt=0)
     amplitude_thresholds: float | None = threshold_quantity("amplitude", gt=0)
@@ -150,81 +171,43 @@ class Oscillation(Ramped):
 
     @property
     def effect(self) -> Effect:
-        """For the kernel."""
-        return sized(self, Act.SWING if self.replacing else Act.OSCILLATE, "amplitude", self.frequency_hz)
+        """About the value, or about the last one."""
+        return self.sized(Act.SWING if self.replacing else Act.OSCILLATE, frequency_hz=self.frequency_hz)
 
 
-class Dropout(Corrupted):
-    """No value. A broken link: the sensor flags it invalid or, not flagged, says what is no number.
+class Spikes(Corrupted):
+    """y = x + amplitude, or a given value, for moments. Corrupted data words, lightning, a wiper off its track."""
 
-    The inertial unit and the references have no flag: there it is no number either way.
-    """
+    act, sizes, trials_draw = Act.ADD, ("amplitude",), True
+    sentence = "{where} had spikes of up to {error} from {at} on"
+    example = "f16_angle_of_attack_spikes"
 
-    sites = ("channel", "inertial", "reference", "discrete")
-    kind: Literal["dropout"]
-    flagged: bool = quantity("", "marked invalid, the value stays; else no number", True)
+    kind: Literal["spikes"]
+    amplitude: float | None = quantity("signal", "added to the value; either this or `value`", None)
+    amplitude_thresholds: float | None = threshold_quantity("amplitude")
+    value: float | None = quantity("signal", "takes the place of the value", None)
+    times_s: list[float] | None = quantity("s", f"when, from the onset; at most {_MOST_TIMES}", None, min_length=1)
+    rate_per_s: float | None = quantity("1/s", "or at random, so often a second on average", None, gt=0)
+    width_s: float | None = quantity("s", "how long each lasts; not given: one frame", None, gt=0)
 
     @model_validator(mode="after")
-    def _of_a_discrete(self) -> Dropout:
-        if site(self.signal) == "discrete" and not self.flagged:
-            raise ValueError(f"flagged: {self.signal} is a discrete, which is always 0 or 1; must be true")
+    def _chosen(self) -> Spikes:
+        require_one(self, "amplitude", "amplitude_thresholds", "value")
+        if (self.times_s is None) == (self.rate_per_s is None):
+            raise ValueError("either times_s or rate_per_s")
+        if any(time < 0.0 for time in self.times_s or ()) or len(self.times_s or ()) > _MOST_TIMES:
+            raise ValueError(f"times_s: at most {_MOST_TIMES} times, none below zero")
         return self
 
     @property
     def effect(self) -> Effect:
-        """For the kernel."""
-        return Effect(Act.NOTHING, invalid=True) if self.flagged else Effect(Act.NO_NUMBER)
-
-
-class Delay(Corrupted):
-    """y = x of so long ago. A congested bus, a computer that falls behind, a blocked pneumatic line."""
-
-    sites = _WITH_SURFACE
-    kind: Literal["delay"]
-    latency_s: float = quantity("s", "in whole frames, rounded up", gt=0, le=10)
+        """Added, or in the place of the value."""
+        return self.sized(Act.ADD) if self.value is None else Effect(Act.SET, self.value)
 
     @property
-    def effect(self) -> Effect:
-        """For the kernel; the schedule makes frames of the time."""
-        return Effect(Act.DELAY, self.latency_s, 1.0)
-
-
-class FrameSkew(Corrupted):
-    """y = x between two frames, so much earlier. Channels that are not synchronised sample at different moments."""
-
-    sites = ("channel", "inertial")
-    kind: Literal["frame_skew"]
-    skew_s: float = quantity("s", "how much earlier than the others; a part of a frame or several", gt=0, le=1)
-
-    @property
-    def effect(self) -> Effect:
-        """For the kernel; the schedule makes frames of the time."""
-        return Effect(Act.DELAY, self.skew_s, 0.0)
-
-
-class Quantisation(Corrupted):
-    """y = step round(x / step). Lost bits of a converter or of a data word."""
-
-    kind: Literal["quantisation"]
-    step: float | None = quantity("signal", "the coarse step", None, gt=0)
-    step_thresholds: float | None = threshold_quantity("step", gt=0)
-
-    _one_form = one_form("step")
-
-    @property
-    def effect(self) -> Effect:
-        """For the kernel."""
-        return sized(self, Act.QUANTISE, "step")
-
-
-class CrossTalk(Ramped):
-    """y = x + gain s, s another signal on the same channel. Coupling between wires, a damaged shield."""
-
-    kind: Literal["cross_talk"]
-    source: str = quantity("", "the place of s, of the same sort as the fault's own")
-    gain: float = quantity("signal/source", "how much of it comes over")
-
-    @property
-    def effect(self) -> Effect:
-        """For the kernel."""
-        return Effect(Act.CROSS_TALK, self.gain, source=self.source)
+    def pulses(self) -> Pulses:
+        """At given times, or after pauses that are exponentially distributed."""
+        width = self.width_s or 0.0
+        if self.rate_per_s is None:
+            return Pulses(DutyCycle.TIMES, on_s=width, times_s=sorted(self.times_s or ()))
+        return Pulses(DutyCycle.RANDOM, on_s=width, off_s=1.0 / self.rate_per_s)

@@ -32,7 +32,7 @@ class Point(NamedTuple):
 
 
 def site(place: str) -> Site:
-    """What kind of place it is."""
+    """Return what kind of place it is."""
     if place in DISCRETE_INDEX:
         return "discrete"
     head = place.partition(".")[0]
@@ -40,12 +40,12 @@ def site(place: str) -> Site:
 
 
 def number(place: str) -> int:
-    """The index of a place among those of its kind."""
+    """Return the index of a place among those of its kind."""
     return PLACES[place] - PLACES[_NAMES[site(place)][0]]
 
 
 def refuse_unknown(name: str) -> str:
-    """``name`` if it is a place; ValueError says what is allowed there."""
+    """Return ``name`` if it is a place; ValueError says what is allowed there."""
     if name in PLACES:
         return name
     of = site(name)

@@ -40,8 +40,8 @@ SCHEDULE: Final = np.dtype(
     [
         ("turn", "i8"),  # the fault whose trigger is looked at in this place: one that others come after goes first
         ("trigger", "u1"),
-        ("flag", "u1"),  # settings.Flag
-        ("duty_cycle", "u1"),  # settings.DutyCycle
+        ("flag", "u1"),  # effects.Flag
+        ("duty_cycle", "u1"),  # trigger.DutyCycle
         ("again", "u1"),  # triggers again when it is over
         ("first", "i8"),  # the trigger is armed
         ("last", "i8"),
@@ -82,7 +82,7 @@ STATE: Final = np.dtype(
 TARGET: Final = np.dtype(
     [
         ("fault", "i8"),
-        ("act", "u1"),  # settings.Act
+        ("act", "u1"),  # effects.Act
         ("remembers", "u1"),  # it needs the value while the fault does not act
         ("invalid", "u1"),
         ("wraps", "u1"),
@@ -94,7 +94,9 @@ TARGET: Final = np.dtype(
         ("source_low", "f8"),
         ("source_high", "f8"),
         ("value", "f8"),
-        ("second", "f8"),
+        ("time_constant_s", "f8"),
+        ("frequency_hz", "f8"),
+        ("static_rate_pa_s", "f8"),
         ("ramp", "f8"),  # frames
         ("memory", "i8"),  # its ring begins here
         ("length", "i8"),
@@ -130,7 +132,7 @@ _SIZES: Final = [prod(FCC[field].shape) for field in WATCHED]
 
 
 def code(field: str, *index: int) -> int:
-    """The place in SEEN of an element of a watched field."""
+    """Return the place in SEEN of an element of a watched field."""
     first = sum(_SIZES[: WATCHED.index(field)])
     return first + int(np.ravel_multi_index(index, FCC[field].shape))
 
@@ -146,7 +148,7 @@ SEEN: Final = np.dtype(
     ],
     align=True,
 )
-# What the sensors said before any fault, as the fields of BUS; kept for who scores a flight in memory.
+# Samples of the sensors before any fault, as the fields of BUS; kept for who scores a flight in memory.
 CLEAN: Final = np.dtype([("channels", "f8", (S, CHANNELS)), ("valid", "u1", (S, CHANNELS))], align=True)
 
 

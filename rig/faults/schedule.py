@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from math import exp, floor, pi
 from typing import Any, Final, NamedTuple
 
@@ -13,17 +14,15 @@ from numpy.typing import NDArray
 
 from rig.faults import fault as together
 from rig.faults.corrupt import actuate, corrupt, corrupt_reference
+from rig.faults.effects import OF_A_COIL, REMEMBERING, Act, Effect
 from rig.faults.expression import DEEPEST, STEP, parse, reads_votes
 from rig.faults.fault import Fault
 from rig.faults.places import CHANNELLED, PLACES, Point, number, site
 from rig.faults.record import CLEAN, FOREVER, KEPT, PARAM, SCHEDULE, SEEN, STATE, TARGET, FaultData, Trigger
-from rig.faults.settings import Act, DutyCycle
+from rig.faults.trigger import DutyCycle
 from rig.frame import SIGNALS, Block, D, S, Signal, nested, to_frame
 
-_REMEMBERING: Final = (Act.HOLD, Act.SWING, Act.DELAY, Act.REPEAT, Act.LIMIT_RATE, Act.ICE)
-# What an electrical fault of one coil does to a position: an open or shorted turn, a drifting joint, a coupled wire.
-# A jam, a swapped pair, a wrong excitation and all that is digital leave the sum of the coils as it is.
-_OF_A_COIL: Final = (*(Act.ADD, Act.DRIFT, Act.SETTLE, Act.END, Act.NOISE, Act.OSCILLATE, Act.SWING, Act.CROSS_TALK),)
+_COPIED: Final = tuple(field.name for field in fields(Effect) if field.name in (TARGET.names or ()))
 _SORTS: Final = (("channel", "inertial"), ("discrete",), ("reference",), ("surface",))
 
 
@@ -127,18 +126,18 @@ class Faults:
         actuate(nested(block)[k], self.data)
 
     def _frames(self, seconds: float | None, otherwise: int) -> int:
-        """A time in frames, at least one."""
+        """Return a time in frames, at least one."""
         return otherwise if seconds is None else max(1, to_frame(seconds, self._rate_hz))
 
     def _frame(self, time_s: float | None) -> int:
         return to_frame(time_s or 0.0, self._rate_hz)
 
     def _chance(self, mean_s: float) -> float:
-        """Of what comes at random, ``mean_s`` apart on average, in one frame."""
+        """Return the chance in one frame of what comes at random, ``mean_s`` apart on average."""
         return 1.0 - exp(-1.0 / (mean_s * self._rate_hz))
 
     def _generator(self, i: int, purpose: str) -> Generator:
-        """A generator that the fault's name gives, so that no other fault shifts what it draws."""
+        """Return a generator that the fault's name gives, so that no other fault shifts what it draws."""
         labels = [fault.label for fault in self._faults]
         name = f"{labels[i]}\0{labels[:i].count(labels[i])}\0{purpose}"  # faults of one name differ by their place
         words = np.frombuffer(hashlib.sha256(name.encode()).digest()[:16], "<u4")
@@ -212,42 +211,40 @@ class Faults:
             row["pulse_draw"] = self._uniform_column(i, "pulses")
 
     def _targets(self) -> NDArray[np.void]:
-        """A TARGET record for every value that a fault acts on, sorted by sort, then as in the scenario."""
-        found: list[NDArray[np.void]] = []
+        """Return a TARGET record for every value that a fault acts on, sorted by sort, then as in the scenario."""
+        targets: list[NDArray[np.void]] = []
         self._ends = []
         for sites in _SORTS:
             for i, fault in enumerate(self._faults):
-                points = fault.points
-                if fault.effect.act == Act.ICE:  # one record does both pressures of a channel
-                    points = [Point("static_pressure", channel) for channel in fault.channels]
-                found += [self._target(i, point) for point in points if site(point.place) in sites]
-            self._ends.append(len(found))
-        return np.array(found, TARGET) if found else np.zeros(0, TARGET)
+                targets += [self._target(i, point) for point in fault.targets if site(point.place) in sites]
+            self._ends.append(len(targets))
+        return np.array(targets, TARGET) if targets else np.zeros(0, TARGET)
 
     def _target(self, i: int, point: Point) -> NDArray[np.void]:
         row = np.zeros((), TARGET)
         effect, where, at = self._faults[i].effect, site(point.place), number(point.place)
-        source = "dynamic_pressure" if effect.act == Act.ICE else effect.source or point.place
-        row["fault"], row["act"], row["invalid"] = i, effect.act, effect.invalid
-        row["remembers"] = effect.act in _REMEMBERING
+        source = effect.source_place or point.place
+        for name in _COPIED:
+            row[name] = getattr(effect, name)
+        row["fault"], row["remembers"] = i, effect.act in REMEMBERING
         row["wraps"] = where in ("channel", "reference") and self._signals[at].wraps
         row["row"], row["column"] = (at, (point.channel or 1) - 1) if where in CHANNELLED else (-1, at)
         row["source"] = number(source)
         row["low"], row["high"] = low, high = self._ranges[PLACES[point.place]]
         row["source_low"], row["source_high"] = self._ranges[PLACES[source]]
-        row["value"] = effect.value * self._thresholds[at] if effect.thresholds else effect.value
-        row["second"] = effect.second
+        if effect.thresholds:
+            row["value"] = effect.value * self._thresholds[at]
         row["ramp"] = getattr(self._faults[i], "ramp_s", 0.0) * self._rate_hz
         self._measure(row, i, point)
-        if effect.act == Act.END:
+        if effect.act == Act.RANGE_END:
             either = self._generator(i, "direction").random() < 0.5
             up = effect.value > (-0.5 if either else 0.5)
             row["act"], row["value"] = Act.SET, high if up else low
             if row["wraps"]:
-                row["act"], row["value"] = Act.TURN, pi if up else -pi
+                row["act"], row["value"] = Act.ADD_ANGLE, pi if up else -pi
         elif effect.act == Act.SET:
             row["value"] = np.clip(effect.value, low, high)
-        elif effect.act == Act.NOTHING and where not in CHANNELLED:
+        elif effect.act == Act.VALID_ONLY and where not in CHANNELLED:
             row["act"] = Act.NO_NUMBER  # there is no flag to set
         elif effect.act == Act.NOISE:
             place = self._signals[at].name if where == "channel" else point.place
@@ -255,7 +252,7 @@ class Faults:
             row["draw"] = len(self._normal_from) - 1
         elif effect.act == Act.DELAY:
             frames = effect.value * self._rate_hz
-            row["value"] = self._frames(effect.value, 1) if effect.second == 1.0 else frames
+            row["value"] = self._frames(effect.value, 1) if effect.whole_frames else frames
             row["memory"], row["length"] = self._memory, floor(row["value"]) + 2
             self._memory += int(row["length"])
         return row
@@ -263,7 +260,7 @@ class Faults:
     def _measure(self, row: Any, i: int, point: Point) -> None:
         """Let the monitor of a stick's coils see a fault of a coil, if the draw puts it ahead of the sum."""
         coils, fault = self._coils.get(point.place), self._faults[i]
-        if coils is None or fault.effect.act not in _OF_A_COIL or getattr(fault, "seen_by_ilm", False) is not None:
+        if coils is None or fault.effect.act not in OF_A_COIL or getattr(fault, "seen_by_ilm", False) is not None:
             return
         if self._generator(i, "coil").random() < coils.coverage:
             row["tolerance"], row["frames"] = coils.tolerance, coils.frames
@@ -278,7 +275,7 @@ class Faults:
         return param
 
     def _grow(self, rows: int) -> None:
-        """Room for the draws of so many rows."""
+        """Make room for the draws of so many rows."""
         if len(self._uniform) < rows or self._uniform.shape[1] < len(self._uniform_from):
             self._uniform = np.zeros((rows, max(1, len(self._uniform_from))))
         if len(self._normal) < rows or self._normal.shape[1] < len(self._normal_from):

@@ -1,25 +1,40 @@
-"""What every entry of ``[[faults]]`` has: a name, a trigger, how long and how often it acts, where it sits."""
+"""What every entry of ``[[faults]]`` has, and what every kind declares of itself.
+
+An entry has a name, a trigger, how long and how often it acts, where it sits.  A kind is a class with a ``kind`` in
+kinds.py, data_path.py or systems.py; all that anybody asks of a kind is declared there, see ``Triggered``.
+A magnitude is given in the unit of the signal or in thresholds of its monitor, in one of the two forms.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from enum import IntEnum
-from typing import Annotated, Any, ClassVar
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Final, NamedTuple
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
+from rig.faults.effects import Act, Effect, Flag
 from rig.faults.expression import parse
 from rig.faults.places import CHANNELLED, WITH_THRESHOLD, Point, Site, refuse_unknown, site
-from rig.faults.transition import Transition
+from rig.faults.trigger import Pulses, Transition
 from rig.frame import CHANNELS
 from rig.settings import Settings
 from rig.util import fault_names
 
 
 def quantity(unit: str, meaning: str, default: Any = ..., **bounds: Any) -> Any:
-    """A setting with its unit, ``signal`` for that of the signal, and what it means, for the catalogue."""
+    """Return a setting with its unit, ``signal`` for that of the signal, and what it means, for the catalogue."""
     return Field(default, description=meaning, json_schema_extra={"unit": unit}, **bounds)
+
+
+def in_thresholds(key: str) -> str:
+    """Return the key that gives the magnitude ``key`` in thresholds."""
+    return f"{key.removesuffix('_per_s')}_thresholds_per_s" if key.endswith("_per_s") else f"{key}_thresholds"
+
+
+def threshold_quantity(key: str, **bounds: Any) -> Any:
+    """Return the setting of the magnitude ``key`` in thresholds."""
+    unit = "thresholds/s" if key.endswith("_per_s") else "thresholds"
+    return quantity(unit, f"or instead of `{key}`: in thresholds of the signal's monitor", None, **bounds)
 
 
 def _distinct(channels: list[int]) -> list[int]:
@@ -31,80 +46,30 @@ def _distinct(channels: list[int]) -> list[int]:
 Channels = Annotated[list[int], AfterValidator(_distinct)]  # different numbers from 1 on
 
 
-class Act(IntEnum):
-    """What a kernel does to a value."""
-
-    NOTHING = 0  # to the value; its validity or its in-line monitor are another matter
-    ADD = 1
-    DRIFT = 2
-    SETTLE = 3
-    SET = 4
-    HOLD = 5
-    SCALE = 6
-    NOISE = 7
-    OSCILLATE = 8
-    SWING = 9
-    DELAY = 10
-    QUANTISE = 11
-    CROSS_TALK = 12
-    REPEAT = 13
-    NO_NUMBER = 14
-    LIMIT_RATE = 15
-    ICE = 16
-    END = 17  # an end of the range, which the schedule makes SET or, for an angle on the circle, TURN
-    INVERT = 18  # of a discrete
-    TURN = 19  # half a turn away
+_TRIGGERS: Final = ("when", "on", "after", "rate_per_hour")
 
 
-class DutyCycle(IntEnum):
-    """When a fault acts within its time: always, or in pulses."""
+class Size(NamedTuple):
+    """How large a fault is, as its settings say it."""
 
-    STEADY = 0
-    TIMES = 1  # at given times
-    RANDOM = 2  # at random times
-    CYCLE = 3  # on and off, regularly
-    TELEGRAPH = 4  # on and off, at random
-
-
-class Flag(IntEnum):
-    """What a fault does to the in-line monitors of its channels."""
-
-    LEAVE = 0
-    BAD = 1
-    GOOD = 2
-    INVERT = 3
-
-
-@dataclass(frozen=True, slots=True)
-class Effect:
-    """What a fault does to each of its values, as numbers for the kernel."""
-
-    act: Act
-    value: float = 0.0
-    second: float = 0.0
-    source: str | None = None  # the place that cross-talk comes from
-    invalid: bool = False  # the sensor flags the sample
-    thresholds: bool = False  # ``value`` is in thresholds of the signal's monitor
-
-
-@dataclass(frozen=True, slots=True)
-class Pulses:
-    """When within its time a fault acts; times in seconds, means of random ones."""
-
-    duty_cycle: DutyCycle = DutyCycle.STEADY
-    on_s: float = 0.0  # 0: one frame
-    off_s: float = 0.0
-    times_s: Sequence[float] = ()
-
-
-STEADY = Pulses()
-
-
-_TRIGGERS = ("when", "on", "after", "rate_per_hour")
+    value: float
+    thresholds: bool  # in thresholds of the signal's monitor, else in the unit of its setting
 
 
 class Triggered(Settings):
-    """A name, one trigger, and how long and how often the fault acts after it."""
+    """A name, one trigger, and how long and how often the fault acts after it.
+
+    A kind declares: what it does (``act``, or ``effect`` where that depends on settings; ``pulses``; ``flag``), which
+    settings are its size, how a report says that it acted, and the bundled scenario that shows it.
+    """
+
+    act: ClassVar[Act]
+    sizes: ClassVar[tuple[str, ...]] = ()  # settings that say how large it is: the one that is given does
+    trials_draw: ClassVar[bool] = False  # whether open-loop trials may draw the size: it is the kernel's ``value``
+    # {where}, {at}; {value}: the sample in the frame of the decision; {error}: the largest injected error
+    sentence: ClassVar[str] = "{where} had a fault ({kind}) from {at} on, an error of up to {error}"
+    changes_samples: ClassVar[bool] = True  # else there is nothing to fail a channel for
+    example: ClassVar[str]
 
     id: str | None = quantity("", "its name in events, tables and `after`", None, pattern=r"^[^\x00-\x1f]+$")
     start_s: float | None = quantity(
@@ -167,21 +132,62 @@ class Triggered(Settings):
         return fault_names.label(dict(self))
 
     @property
+    def points(self) -> list[Point]:
+        """The values that it acts on."""
+        raise NotImplementedError(type(self).__name__)
+
+    @property
+    def targets(self) -> list[Point]:
+        """The values that get a record of their own for the kernel."""
+        return self.points
+
+    @property
+    def size(self) -> Size | None:
+        """How large it is; None for a kind without a size."""
+        for key in self.sizes:
+            for name, thresholds in ((key, False), (in_thresholds(key), True)):
+                value = getattr(self, name, None)
+                if value is not None:
+                    return Size(float(value), thresholds)
+        return None
+
+    @property
+    def magnitude(self) -> Size | None:
+        """How large it is for tables: without its sign."""
+        return None if self.size is None else self.size._replace(value=abs(self.size.value))
+
+    @property
+    def effect(self) -> Effect:
+        """What the kernel does: ``act``, by the size."""
+        return self.sized(self.act)
+
+    def sized(self, act: Act, **more: Any) -> Effect:
+        """Return the effect of the size that is given, with what else ``act`` needs."""
+        size = self.size
+        return Effect(act, **more) if size is None else Effect(act, *size, **more)
+
+    @property
     def flag(self) -> Flag:
         """What happens to the in-line monitors of its channels."""
         return Flag.BAD if getattr(self, "seen_by_ilm", False) else Flag.LEAVE
 
     @property
     def pulses(self) -> Pulses:
-        """When within its time it acts."""
-        return STEADY
+        """When within its time it acts: always."""
+        return Pulses()
+
+    def check_fitted(self, fitted: Mapping[str, int]) -> None:
+        """Raise ValueError where it names channels that are not ``fitted``: number by signal and discrete."""
+        for place, channel in self.points:
+            if channel is not None and channel > fitted[place]:
+                raise ValueError(f"channels: {place} has {fitted[place]} channels, got [{channel}]")
+        on = self.on
+        if on is not None and on.signal is not None and on.channel is not None and on.channel > fitted[on.signal]:
+            raise ValueError(f"on.channel: {on.signal} has {fitted[on.signal]} channels, got {on.channel}")
 
 
 class Placed(Triggered):
-    """A fault on channels of one signal or discrete, or on one value of the inertial unit, a reference or a surface.
-
-    Every kind says what it does as ``effect`` and, when it acts in pulses, ``pulses``.
-    """
+    """A fault on channels of one signal or discrete, or on one value of the inertial unit, a reference or a surface."""
 
     sites: ClassVar[tuple[Site, ...]] = ("channel", "inertial", "reference")
 
@@ -234,3 +240,19 @@ class Ramped(Corrupted):
     """A fault that may come on gradually."""
 
     ramp_s: float = quantity("s", "its effect grows linearly from nothing over this time", 0.0, ge=0)
+
+
+def require_one(fault: Placed, *keys: str) -> None:
+    """Raise ValueError unless exactly one of ``keys`` is given."""
+    if sum(getattr(fault, key) is not None for key in keys) != 1:
+        raise ValueError(f"either {' or '.join(keys)}")
+
+
+def one_form(key: str) -> Any:
+    """Return a validator of a kind: the magnitude ``key`` is given in one of its two forms."""
+
+    def check(fault: Placed) -> Placed:
+        require_one(fault, key, in_thresholds(key))
+        return fault
+
+    return model_validator(mode="after")(check)

@@ -1,16 +1,47 @@
-"""Kinds of faults of more than a value: in-line monitors, actuators, and ice on several sensors at once."""
+"""Kinds of faults of more than a value: discretes, in-line monitors, actuators, and ice on several sensors at once.
+
+``stuck``, ``dropout``, ``intermittent`` suit a discrete too.
+"""
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+import math
+from typing import Literal
 
 from pydantic import field_validator
 
-from rig.faults.places import Point, Site
-from rig.faults.settings import Act, Channels, Effect, Flag, Placed, Triggered, quantity
+from rig.faults.effects import Act, Effect, Flag
+from rig.faults.places import Point
+from rig.faults.settings import Channels, Corrupted, Placed, Triggered, quantity
+from rig.faults.trigger import DutyCycle, Pulses
 from rig.util import fault_names
 
 _ILM = {"good": Flag.GOOD, "blind": Flag.GOOD, "bad": Flag.BAD, "false alarm": Flag.BAD}
+
+
+class Inverted(Corrupted):
+    """y = 1 - x. A switch wired to the wrong one of its two contacts, a swapped polarity."""
+
+    sites, act = ("discrete",), Act.INVERT
+    example = "b737_gear_down_inverted"
+
+    kind: Literal["inverted"]
+
+
+class Toggling(Corrupted):
+    """y = 1 - x and x in turn. A chattering relay, a bouncing microswitch, a proximity sensor at its limit."""
+
+    sites, act = ("discrete",), Act.INVERT
+    example = "b747_engagement_toggling"
+
+    kind: Literal["toggling"]
+    period_s: float = quantity("s", "from one wrong value to the next: half of it wrong, half right", gt=0)
+    random: bool = quantity("", "both halves are means of exponentially distributed times", False)
+
+    @property
+    def pulses(self) -> Pulses:
+        """Wrong and right in turn; at least a frame each."""
+        return Pulses(DutyCycle.TELEGRAPH if self.random else DutyCycle.CYCLE, self.period_s / 2, self.period_s / 2)
 
 
 class IlmFault(Placed):
@@ -20,11 +51,12 @@ class IlmFault(Placed):
     good channels and on the two bad ones at once it makes a lying pair.
     """
 
-    sites: ClassVar[tuple[Site, ...]] = ("channel", "discrete")
+    sites, act, changes_samples = ("channel", "discrete"), Act.VALID_ONLY, False
+    sentence = "{where} had a wrong in-line monitor from {at} on"
+    example = "f16_singular_2_2_lying_ilm"
+
     kind: Literal["ilm"]
     says: Literal["good", "bad", "inverted", "blind", "false alarm", "lying"] = quantity("", "the answer")
-
-    effect: ClassVar[Effect] = Effect(Act.NOTHING)
 
     @property
     def flag(self) -> Flag:
@@ -35,14 +67,11 @@ class IlmFault(Placed):
 class RateLoss(Placed):
     """The surface follows its command, but no faster than a given rate. Low hydraulic pressure, a sticking valve."""
 
-    sites: ClassVar[tuple[Site, ...]] = ("surface",)
+    sites, act, sizes = ("surface",), Act.LIMIT_RATE, ("max_rate_per_s",)
+    example = "b747_elevator_rate_loss"
+
     kind: Literal["rate_loss"]
     max_rate_per_s: float = quantity("signal/s", "rad/s, for the throttle 1/s", gt=0)
-
-    @property
-    def effect(self) -> Effect:
-        """For the kernel."""
-        return Effect(Act.LIMIT_RATE, self.max_rate_per_s)
 
 
 class _Weather(Triggered):
@@ -65,6 +94,9 @@ class PitotIcing(_Weather):
     frame before the onset.  With the pitot line closed, the airspeed rises and falls with the altitude.
     """
 
+    act = Act.PITOT_STATIC_ICE
+    example = "b737_pitot_icing"
+
     kind: Literal["pitot_icing"]
     blocked: Literal["pitot", "static", "both"] = quantity("", "the line that is closed", "both")
     pitot_rate_pa_s: float = quantity("Pa/s", "how fast the trapped total pressure changes; a leak lowers it", 0.0)
@@ -77,22 +109,30 @@ class PitotIcing(_Weather):
         return [Point(name, channel) for name in names for channel in self.channels]
 
     @property
+    def targets(self) -> list[Point]:
+        """One record does both pressures of a channel."""
+        return [Point("static_pressure", channel) for channel in self.channels]
+
+    @property
     def effect(self) -> Effect:
-        """For the kernel; which lines are closed is told by finite rates."""
-        pitot = float("nan") if self.blocked == "static" else self.pitot_rate_pa_s
-        static = float("nan") if self.blocked == "pitot" else self.static_rate_pa_s
-        return Effect(Act.ICE, pitot, static)
+        """Finite rates for the lines that are closed."""
+        pitot = math.nan if self.blocked == "static" else self.pitot_rate_pa_s
+        static = math.nan if self.blocked == "pitot" else self.static_rate_pa_s
+        return Effect(self.act, pitot, static_rate_pa_s=static, source_place="dynamic_pressure")
 
 
 class VaneIcing(_Weather):
     """Vanes freeze together where they stand: two frozen alike outvote a third. Water that turns to ice."""
+
+    act = Act.HOLD
+    sentence = "{where} froze at {value} at {at}"
+    example = "b747_vane_icing"
 
     kind: Literal["vane_icing"]
     vanes: list[Literal["angle_of_attack", "angle_of_sideslip"]] = quantity(
         "", "which", ["angle_of_attack"], min_length=1
     )
     channels: Channels = quantity("", "counted from 1", [1, 2], min_length=1)
-    effect: ClassVar[Effect] = Effect(Act.HOLD)
 
     @field_validator("vanes")
     @classmethod

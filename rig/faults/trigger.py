@@ -6,11 +6,113 @@ A transition is seen in the frame after the one that voted it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, Final, Literal, NamedTuple
+
+from pydantic import Field, model_validator
+
 from rig.faults.expression import holds
-from rig.faults.record import FOREVER, Trigger
-from rig.faults.settings import DutyCycle
-from rig.frame import CHANNELS, D, S
+from rig.faults.record import FOREVER, Trigger, code
+from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, D, Pattern, Resolver, S, Source, State
 from rig.kernels import kernel
+from rig.settings import Settings
+from rig.text import choices, quoted
+
+
+class DutyCycle(IntEnum):
+    """When a fault acts within its time: always, or in pulses."""
+
+    STEADY = 0
+    TIMES = 1  # at given times
+    RANDOM = 2  # at random times
+    CYCLE = 3  # on and off, regularly
+    TELEGRAPH = 4  # on and off, at random
+
+
+@dataclass(frozen=True, slots=True)
+class Pulses:
+    """When within its time a fault acts; times in seconds, means of random ones."""
+
+    duty_cycle: DutyCycle = DutyCycle.STEADY
+    on_s: float = 0.0  # 0: one frame
+    off_s: float = 0.0
+    times_s: Sequence[float] = ()
+
+
+_OF_SIGNAL: Final = ("level", "pattern", "resolver", "source", "state")  # keys, and fields of FRAME
+_OF_DISCRETE: Final = ("level", "state")
+_LABELS: Final = {pattern.label: pattern for pattern in Pattern}
+
+
+class Watched(NamedTuple):
+    """A number of the frame, by its place among those that are watched, and the value that it must change to."""
+
+    place: int
+    value: int
+
+
+class Transition(Settings):
+    """A change that triggers a fault: ``{ autopilot = ... }``, or ``{ signal = ... }`` with one of the other keys.
+
+    ``state`` is that of ``channel``; a discrete has levels and states only.
+    """
+
+    autopilot: Literal["engaged", "disengaged"] | None = None
+    signal: str | None = None
+    level: int | None = Field(default=None, ge=0, le=CHANNELS)
+    pattern: Literal["normal", "isolated", "2:2", "1:1:1:1", "1:1:1", "1:1", "lost"] | None = None
+    resolver: (
+        Literal["none", "ilm", "trend", "reference", "extremes", "middle", "unresolved", "box", "common"] | None
+    ) = None
+    source: Literal["voted", "reference", "degraded"] | None = None
+    channel: int | None = Field(default=None, ge=1, le=CHANNELS)
+    state: Literal["ok", "suspect", "failed"] | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Transition:
+        given = [key for key in _OF_SIGNAL if getattr(self, key) is not None]
+        if self.signal is None:
+            if self.autopilot is None or given or self.channel is not None:
+                raise ValueError(f"must be {{ autopilot = 'engaged' or 'disengaged' }} or {{ signal = ..., {_KEYS} }}")
+            return self
+        if self.autopilot is not None:
+            raise ValueError("autopilot: does not go with signal")
+        if self.signal not in INDEX and self.signal not in DISCRETE_INDEX:
+            known = choices(self.signal, (*INDEX, *DISCRETE_INDEX), "rig signals")
+            raise ValueError(f"signal: unknown signal {quoted(self.signal)}, {known}")
+        if len(given) != 1:
+            raise ValueError(f"must be {{ signal = ..., {_KEYS} }}")
+        if self.signal in DISCRETE_INDEX and given[0] not in _OF_DISCRETE:
+            raise ValueError(f"{given[0]}: {self.signal} is a discrete, allowed: {', '.join(_OF_DISCRETE)}")
+        if (self.channel is None) != (self.state is None):
+            raise ValueError("channel and state: go together")
+        return self
+
+    @property
+    def watched(self) -> Watched:
+        """What must change to what."""
+        if self.signal is None:
+            return Watched(
+                code("discrete_voted", DISCRETE_INDEX["autopilot_engaged"]), int(self.autopilot == "engaged")
+            )
+        key, value = next((key, getattr(self, key)) for key in _OF_SIGNAL if getattr(self, key) is not None)
+        discrete = self.signal in DISCRETE_INDEX
+        row = DISCRETE_INDEX[self.signal] if discrete else INDEX[self.signal]
+        channel = () if self.channel is None else (self.channel - 1,)
+        return Watched(code(f"discrete_{key}" if discrete else key, row, *channel), _number(key, value))
+
+
+_KEYS: Final = "level or pattern or resolver or source = ..., or channel = ..., state = ..."
+
+
+def _number(key: str, value: Any) -> int:
+    """Return a value as it stands in the frame."""
+    if key == "pattern":
+        return int(_LABELS[value])
+    enums = {"resolver": Resolver, "source": Source, "state": State}
+    return int(enums[key][value.upper()]) if key in enums else int(value)
 
 
 @kernel
@@ -35,7 +137,7 @@ def advance(row, k, data):
 
 @kernel
 def onset(row, k, i, data):
-    """The frame in which the trigger of fault i fires, FOREVER while it does not."""
+    """Return the frame in which the trigger of fault i fires, FOREVER while it does not."""
     p, state, seen = data.schedule[i], data.state, data.seen
     fires = False
     trigger, frame = p["trigger"], row["frame"]
@@ -56,7 +158,7 @@ def onset(row, k, i, data):
 
 @kernel
 def lasts(frame, p, st):
-    """Whether the fault is within its time: 1 or 0; sets ``elapsed``, and re-arms a random trigger."""
+    """Return 1 if the fault is within its time, else 0; set ``elapsed``, and re-arm a random trigger."""
     if st["onset"] > frame or frame >= p["last"]:
         return 0
     elapsed = frame - st["onset"]
@@ -73,7 +175,7 @@ def lasts(frame, p, st):
 
 @kernel
 def beats(k, p, st, times, uniform):
-    """Whether a fault that acts in pulses acts now: 1 or 0."""
+    """Return 1 if a fault that acts in pulses acts now, else 0."""
     elapsed, duty_cycle = st["elapsed"], p["duty_cycle"]
     if duty_cycle == DutyCycle.CYCLE:
         return 1 if elapsed % p["cycle"] < p["on"] else 0
@@ -130,7 +232,7 @@ def keep(values, codes, at):
 
 @kernel
 def keep_states(states, codes, at):
-    """The same of ``states`` (n, 4)."""
+    """Copy ``states`` (n, 4) likewise."""
     for i in range(len(states)):
         for c in range(CHANNELS):
             codes[at + i * CHANNELS + c] = states[i, c]

@@ -17,7 +17,7 @@ from typing import Any, Final
 import numpy as np
 
 from rig import loop
-from rig.computer.control.law import fly as fly_row
+from rig.computer.control.law import control_law
 from rig.computer.redundancy import conclude, refer, vote_signals
 from rig.errors import BadInput, RigError
 from rig.faults import actuate, corrupt, corrupt_reference
@@ -77,7 +77,7 @@ def redundancy_of(rows, k, data):
 @kernel
 def control_of(rows, k, data):
     """Row k of the control law."""
-    fly_row(rows[k]["bus"], rows[k]["fcc"], data)
+    control_law(rows[k]["bus"], rows[k]["fcc"], data)
 
 
 @kernel

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from rig.computer.redundancy.config import Reset
 from rig.errors import BadInput
-from rig.faults.live import END, PAUSE, RESET
+from rig.faults.fault import END, PAUSE, RESET
 from rig.flight.pace import Pace
 from rig.frame import CHANNELS, DISCRETES, SIGNALS, Nested
 from rig.loop import Rig

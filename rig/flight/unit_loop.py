@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.analytic.references import ReferenceData, remember
-from rig.computer.control.law import fly
+from rig.computer.control.law import control_law
 from rig.computer.control.state import ControlData
 from rig.computer.redundancy import Redundancy
 from rig.computer.redundancy.discrete import DiscreteData, vote_discretes
@@ -172,7 +172,7 @@ def after_unit(block, raw, k, data, port, status):
     bus, fcc = row["bus"], row["fcc"]
     conclude_unit(bus, fcc, answer["said"], data.redundancy)
     if port.form == _REDUNDANCY:
-        fly(bus, fcc, data.control)
+        control_law(bus, fcc, data.control)
     hand_over(fcc["surface"], row["actuation"]["actuator"])
     row["actuation"]["unit"], row["actuation"]["unit_age"] = status, row["frame"] - answer["frame"]
     actuate(row, data.faults)

@@ -15,7 +15,7 @@ class State(IntEnum):
 
 
 class Pattern(IntEnum):
-    """How the channels in use agree (redundancy.md, section 2)."""
+    """How the channels in use agree (Zhang 2023, sections 2 and 3)."""
 
     NORMAL = 0
     ISOLATED = 1

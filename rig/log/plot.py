@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rig.log.series import Series, limits, series, threshold
 from rig.log.shown import resolved
 from rig.util import fault_names
+from rig.util.palette import CHANNELS, LINE, PALE_RED, VOTE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,8 +18,7 @@ if TYPE_CHECKING:
 
     from rig.log.reader import Log
 
-CHANNELS: Final = ("#2166ac", "#e08214", "#4d9221", "#8073ac")
-TRUTH, VOTE, FAULT, BAND = "#000000", "#b2182b", "#fddbc7", "#d8dde2"
+TRUTH, FAULT, BAND = "#000000", PALE_RED, LINE
 
 
 def plot(log: Log, name: str) -> Figure:

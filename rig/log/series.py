@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.config import MANAGERS
+from rig.computer.redundancy.managers import manager_kind
 from rig.frame import INDEX, SIGNALS, TWO_PI, Block, State
 from rig.units.quantities import scale_shown, unit_shown
 
@@ -75,5 +75,5 @@ def threshold(resolved: Mapping[str, Any], name: str) -> float:
     """Return how far a channel of a signal may be from the vote, SI, by a scenario as plain data; KeyError: none."""
     redundancy = resolved["redundancy"]
     signal = redundancy["signals"][name]
-    by_channels = redundancy["manager"] == MANAGERS[0]  # the others have no threshold of a single channel
+    by_channels = manager_kind(redundancy["manager"]).compares  # the others have no threshold of a single channel
     return float((signal.get("outlier_threshold") if by_channels else None) or signal["threshold"])

@@ -25,9 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from rig.computer.redundancy.config import MANAGERS, SignalConfig, bits
 from rig.computer.redundancy.config import Reset as FlightReset
+from rig.computer.redundancy.config import SignalConfig, bits
 from rig.computer.redundancy.discrete_config import DiscreteConfig
+from rig.computer.redundancy.managers import DEFAULT, MANAGERS, manager_kind
 from rig.errors import BadInput
 from rig.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS, TWO_PI
 from rig.settings import Settings, build, read_toml
@@ -46,7 +47,7 @@ class RecordedSignal(SignalConfig):
 
     range: list[float] | None = Field(default=None, min_length=2, max_length=2)  # a sample outside is invalid
     wraps: bool = False  # an angle in rad
-    manager: str = "cross-channel"  # one of rig.computer.redundancy.MANAGERS, or module:name
+    manager: str = DEFAULT  # one of rig.computer.redundancy.MANAGERS, or module:name
 
     @field_validator("manager")
     @classmethod
@@ -153,8 +154,11 @@ def _check_triad(where: str, axes: list[str], settings: dict[str, RecordedSignal
         if settings[axis].wraps:
             raise BadInput(f"{where}: {axis} is an angle that wraps, no axis of a vector")
     managers = {settings[axis].manager for axis in axes}
-    if len(managers) > 1 and "selection" in managers:
-        raise BadInput(f"{where}: manager: selection chooses a channel for all axes; give it to all of them or to none")
+    of_units = next((name for name in managers if manager_kind(name).chooses_units), None)
+    if len(managers) > 1 and of_units is not None:
+        raise BadInput(
+            f"{where}: manager: {of_units} chooses a channel for all axes; give it to all of them or to none"
+        )
 
 
 def read_config(path: Path) -> VoteConfig:

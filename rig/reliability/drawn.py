@@ -20,11 +20,13 @@ from rig.bench.trials import Trials
 from rig.campaign.config import Distribution, Levels, Vary
 from rig.campaign.plan import Plan
 from rig.campaign.sampling import valuer
+from rig.computer.redundancy.managers import manager_kind
 from rig.errors import BadInput
-from rig.faults import Faults
-from rig.faults.magnitude import in_thresholds
+from rig.faults import KINDS, Faults
+from rig.faults.effects import Act
 from rig.faults.record import Trigger
-from rig.faults.settings import Act, DutyCycle
+from rig.faults.settings import in_thresholds
+from rig.faults.trigger import DutyCycle
 from rig.frame import CHANNELS
 from rig.reliability.one_signal import OneSignal, faults_of, one_signal
 from rig.reliability.recorded import Recording
@@ -36,8 +38,8 @@ RUN_IN: Final = 10  # frames of healthy sensors before the first fault
 SETTLING: Final = 30  # frames from an earlier fault to the tested one, where the manager has no longer memory
 ROWS: Final = 8192  # of the streams, at least: what the core's cache holds
 AFTER: Final = 300  # frames from the last onset on, at most
-_SIZES: Final = ("offset", "rate_per_s", "settles_at", "amplitude", "std", "step", "factor")
-_SECONDS: Final = ("frequency_hz", "time_constant_s")
+_SIZES: Final = tuple(dict.fromkeys(key for model in KINDS.values() if model.trials_draw for key in model.sizes))
+_CONSTANTS: Final = ("frequency_hz", "time_constant_s")
 Values = NDArray[np.float64]
 
 
@@ -105,7 +107,7 @@ def draw(made: Cell, trials: int, recording: Recording, rng: Generator) -> Trial
     drawn = Drawn(values, rng.random((trials, len(made.faults.schedule))) < 0.5)
     schedule, targets = records(made, drawn)
     onset = schedule["first"][:, made.tested]
-    if made.scenario.redundancy.manager != "selection":  # which integrates what it distrusts
+    if not manager_kind(made.scenario.redundancy.manager).takes_back:  # what is integrated has a long memory
         schedule["first"][:, made.earlier] = onset[:, None] - SETTLING
     begins = np.where(schedule["trigger"] == Trigger.TIME, schedule["first"], onset[:, None])
     first = np.maximum(begins.min(axis=1) - RUN_IN, 0)
@@ -152,9 +154,9 @@ def records(made: Cell, drawn: Drawn) -> tuple[NDArray[Any], NDArray[Any]]:
         mine = made.faults.targets["fault"] == i
         KEYS[key](_Patch(made, i, key, values, drawn.values, schedule[:, i], targets, mine))
     for i, fault in enumerate(made.scenario.faults):
-        if fault.effect.act == Act.END and fault.effect.value == 0.0:
+        if fault.effect.act == Act.RANGE_END and fault.effect.value == 0.0:
             mine, up = made.faults.targets["fault"] == i, drawn.up[:, i, None]
-            ends = (np.pi, -np.pi) if targets[0, mine]["act"][0] == Act.TURN else _ends(targets[0, mine])
+            ends = (np.pi, -np.pi) if targets[0, mine]["act"][0] == Act.ADD_ANGLE else _ends(targets[0, mine])
             targets["value"][:, mine] = np.where(up, *ends)
     return schedule, targets
 
@@ -198,8 +200,8 @@ def _size(patch: _Patch) -> None:
     patch.targets["value"][:, patch.mine] = (patch.values * scale)[:, None]
 
 
-def _second(patch: _Patch) -> None:
-    patch.targets["second"][:, patch.mine] = patch.values[:, None]
+def _constant(patch: _Patch) -> None:
+    patch.targets[patch.key][:, patch.mine] = patch.values[:, None]
 
 
 def _pulses(patch: _Patch) -> None:
@@ -212,6 +214,6 @@ KEYS: Final[dict[str, Callable[[_Patch], None]]] = {
     "start_s": _start,
     "delay_s": _delay,
     **dict.fromkeys((*_SIZES, *map(in_thresholds, _SIZES)), _size),
-    **dict.fromkeys(_SECONDS, _second),
+    **dict.fromkeys(_CONSTANTS, _constant),
     **dict.fromkeys(("gap_s", "contact_s"), _pulses),
 }

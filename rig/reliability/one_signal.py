@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig import loop, sensors
-from rig.computer.redundancy import MANAGERS
-from rig.computer.redundancy.managers import Manager
+from rig.computer.redundancy.managers import MANAGERS, Manager, manager_kind
 from rig.errors import BadInput
 from rig.faults import Faults
 from rig.frame import INDEX, rows
@@ -52,7 +51,7 @@ def one_signal(scenario: Scenario, name: str) -> OneSignal:
         line=np.zeros((1, 4, int(params["delay"].max()) + 2)),
         manager=Manager(chosen, p),
         threshold=float(p["threshold"][0]),
-        latches=chosen in ("cross-channel", "cross-voter"),
+        latches=manager_kind(chosen).latches,
     )
 
 

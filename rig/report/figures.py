@@ -15,20 +15,18 @@ from plotly.subplots import make_subplots
 from rig.frame import FLIGHT_INDEX, INDEX, SIGNALS, SURFACES, Block
 from rig.log.series import Series, limits, near, series
 from rig.report.moments import Moment
-from rig.report.page import COLOURS, LAYOUT
+from rig.report.page import lay_out
+from rig.util.palette import CHANNELS, ORANGE, SERIES, SOFT, TRUTH, VOTE, faint, series_colour
 
 Array = NDArray[np.float64]
+Look = tuple[str, float, str]  # colour, width, dash
 MOST_POINTS: Final = 2000  # of one line; of more, the smallest and largest of each stretch are drawn
-CHANNELS: Final = ("#2166ac", "#e08214", "#4d9221", "#8073ac")
-VOTE, TRUTH, BAND = "#b2182b", "#1d2630", "rgba(178, 24, 43, 0.12)"
-_ACTING: Final = "rgba(224, 130, 20, 0.16)"
+_BAND, _ACTING = faint(VOTE, 0.12), faint(ORANGE, 0.16)
+_DOTTED: Final = {"color": SOFT, "width": 1, "dash": "dot"}
 _LEAST_SPANS: Final = {"throttle": 0.1}  # of an axis: smaller motion is not blown up
 _LEAST_DEG: Final = 2.0
 _MOST_THRESHOLDS: Final = 20.0  # drawn of a vote's error
-_LEGEND: Final[dict[str, Any]] = {
-    "showlegend": True,
-    "legend": {"orientation": "h", "yanchor": "top", "y": -0.2, "traceorder": "normal"},
-}
+_LEGEND_Y: Final = -0.2
 
 
 def of_moment(rows: Block, rate_hz: float, moment: Moment, threshold: float, acts: NDArray[np.bool_]) -> go.Figure:
@@ -60,39 +58,30 @@ def _signal(shown: Series, threshold: float, title: str, *, band: bool) -> go.Fi
         off = threshold * shown.scale
         hidden: dict[str, Any] = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip"}
         figure.add_scatter(**_points(shown.time_s, shown.voted - off), **hidden, showlegend=False)
-        filled = {"fill": "tonexty", "fillcolor": BAND, "name": "vote ± threshold"}
+        filled = {"fill": "tonexty", "fillcolor": _BAND, "name": "vote ± threshold"}
         figure.add_scatter(**_points(shown.time_s, shown.voted + off), **hidden, **filled)
     for c, values in enumerate(shown.channels.T):
         if np.isfinite(values).any():
             name = f"channel {c + 1}{_off_scale(values, low, high, shown.unit)}"
-            _line(figure, shown.time_s, values, name, CHANNELS[c], 1.2)
-    _line(figure, shown.time_s, shown.voted, "vote", VOTE, 2.2)
-    _line(figure, shown.time_s, shown.truth, "truth", TRUTH, 1.6, "dash")
-    figure.update_layout(**LAYOUT, title_text=title, height=380, **_LEGEND)
+            _line(figure, shown.time_s, values, name, (CHANNELS[c], 1.2, "solid"))
+    _line(figure, shown.time_s, shown.voted, "vote", (VOTE, 2.2, "solid"))
+    _line(figure, shown.time_s, shown.truth, "truth", (TRUTH, 1.6, "dash"))
+    lay_out(figure, title, 380, _LEGEND_Y)
     figure.update_xaxes(title="time, s")
     figure.update_yaxes(title=f"{shown.name}, {shown.unit}".rstrip(", "), range=[low, high])
     return figure
 
 
 def _off_scale(values: Array, low: float, high: float, unit: str) -> str:
-    """What a legend says of a line that leaves the picture."""
-    known = values[np.isfinite(values)]
-    beyond = known[np.argmax(np.maximum(known - high, low - known))]
+    """Return the remark of a legend on a line that leaves the picture."""
+    finite = values[np.isfinite(values)]
+    beyond = finite[np.argmax(np.maximum(finite - high, low - finite))]
     return f" (to {beyond:+.3g} {unit})".replace(" )", ")") if not low <= beyond <= high else ""
 
 
-def _line(
-    figure: go.Figure,
-    time_s: Array,
-    values: Array,
-    name: str,
-    colour: str,
-    width: float,
-    dash: str = "solid",
-    **at: Any,
-) -> None:
-    line = {"color": colour, "width": width, "dash": dash}
-    figure.add_trace(go.Scatter(**_points(time_s, values), mode="lines", name=name, line=line), **at)
+def _line(figure: go.Figure, time_s: Array, values: Array, name: str, look: Look, **panel: Any) -> None:
+    line = dict(zip(("color", "width", "dash"), look, strict=True))
+    figure.add_scatter(**_points(time_s, values), mode="lines", name=name, line=line, **panel)
 
 
 def _points(time_s: Array, values: Array) -> dict[str, Any]:
@@ -120,8 +109,7 @@ def _shade(figure: go.Figure, time_s: Array, acts: NDArray[np.bool_], most: int 
 
 
 def _mark(figure: go.Figure, at_s: float, text: str, side: str) -> None:
-    line = {"color": "#5b6773", "width": 1, "dash": "dot"}
-    figure.add_vline(x=at_s, line=line, annotation_text=f"{text} {at_s:.2f} s", annotation_position=f"top {side}")
+    figure.add_vline(x=at_s, line=_DOTTED, annotation_text=f"{text} {at_s:.2f} s", annotation_position=f"top {side}")
 
 
 def vote_errors(rows: Block, rate_hz: float, thresholds: Mapping[str, float]) -> go.Figure:
@@ -130,11 +118,11 @@ def vote_errors(rows: Block, rate_hz: float, thresholds: Mapping[str, float]) ->
     for i, (name, threshold) in enumerate(thresholds.items()):
         error = errors(rows, name) / threshold
         peak = max(peak, float(np.nanmax(np.abs(error), initial=0.0)))
-        _line(figure, time_s, error, name, COLOURS[i % len(COLOURS)], 1.2)
+        _line(figure, time_s, error, name, (series_colour(i), 1.2, "solid"))
     for level in (-1.0, 1.0):
-        figure.add_hline(y=level, line={"color": "#5b6773", "width": 1, "dash": "dot"})
+        figure.add_hline(y=level, line=_DOTTED)
     end = 1.15 * min(peak, _MOST_THRESHOLDS)
-    figure.update_layout(**LAYOUT, title_text="vote less truth", height=340, **_LEGEND)
+    lay_out(figure, "vote less truth", 340, _LEGEND_Y)
     figure.update_xaxes(title="time, s")
     figure.update_yaxes(title="thresholds", range=[-end, end])
     return figure
@@ -149,35 +137,32 @@ def errors(rows: Block, name: str) -> Array:
 
 def surfaces(rows: Block, rate_hz: float) -> go.Figure:
     """Draw commands and positions of the surfaces, degrees, and of the throttle; no axis blows up small motion."""
-    names = [name.removesuffix("_rad") for name in SURFACES]
-    figure = make_subplots(rows=len(names), cols=1, shared_xaxes=True, vertical_spacing=0.05)
+    figure = make_subplots(rows=len(SURFACES), cols=1, shared_xaxes=True, vertical_spacing=0.05)
     time_s = rows["frame"] / rate_hz
-    for i, (name, field) in enumerate(zip(names, SURFACES, strict=True)):
-        scale, unit = (degrees(1.0), "deg") if field.endswith("_rad") else (1.0, "")
-        changed = not np.array_equal(rows["surface"][:, i], rows["actuator"][:, i], equal_nan=True)  # by a fault
-        lines = {
-            "command": (rows["surface"][:, i] * scale, COLOURS[0], "solid"),
-            **({"at the actuator": (rows["actuator"][:, i] * scale, COLOURS[4], "dot")} if changed else {}),
-            "position": (rows["flight"][:, FLIGHT_INDEX[field]] * scale, TRUTH, "dash"),
-        }
-        for what, (values, colour, dash) in lines.items():
-            _line(figure, time_s, values, what, colour, 1.2, dash, row=i + 1, col=1)
-        drawn = [values for values, _, _ in lines.values()]
+    for i, field in enumerate(SURFACES):
+        name, unit = field.removesuffix("_rad"), "deg" if field.endswith("_rad") else ""
+        command, actuated = rows["surface"][:, i], rows["actuator"][:, i]
+        position = rows["flight"][:, FLIGHT_INDEX[field]]
+        lines = [("command", command, SERIES[0], "solid"), ("position", position, TRUTH, "dash")]
+        if not np.array_equal(command, actuated, equal_nan=True):  # a fault changed it
+            lines.insert(1, ("at the actuator", actuated, ORANGE, "dot"))
+        drawn = [values * (degrees(1.0) if unit else 1.0) for _, values, _, _ in lines]
+        for values, (what, _, colour, dash) in zip(drawn, lines, strict=True):
+            _line(figure, time_s, values, what, (colour, 1.2, dash), row=i + 1, col=1)
         title = f"{name}, {unit}".rstrip(", ")
         figure.update_yaxes(title=title, range=spanned(drawn, _LEAST_SPANS.get(name, _LEAST_DEG)), row=i + 1, col=1)
     traces: list[Any] = list(figure.select_traces())
     first = {trace.name: trace.yaxis for trace in reversed(traces)}
     figure.for_each_trace(lambda trace: trace.update(showlegend=trace.yaxis == first[trace.name]))
-    legend = {**_LEGEND["legend"], "y": -0.08}
-    figure.update_layout(**LAYOUT, title_text="surfaces and throttle", height=640, legend=legend)
-    figure.update_xaxes(title="time, s", row=len(names), col=1)
+    lay_out(figure, "surfaces and throttle", 640, legend_y=-0.08)
+    figure.update_xaxes(title="time, s", row=len(SURFACES), col=1)
     return figure
 
 
 def spanned(lines: Sequence[Array], least: float) -> list[float]:
     """Return the ends of an axis for lines (n,): their extremes with room, ``least`` apart at least."""
-    known = np.concatenate(lines)
-    known = known[np.isfinite(known)]
-    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
+    values = np.concatenate(lines)
+    values = values[np.isfinite(values)]
+    low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 0.0)
     middle, half = (low + high) / 2.0, max((high - low) * 0.55, least / 2.0)
     return [middle - half, middle + half]

@@ -23,10 +23,9 @@ from rig.log.schema import SCHEMA_VERSION
 from rig.log.series import threshold
 from rig.report import figures as draw
 from rig.report.moments import Moment, affected, moment, signals_of
-from rig.report.page import render
+from rig.report.page import DASH, write_page
 from rig.report.timeline import spans, timeline
 from rig.units.quantities import duration, seconds
-from rig.util.files import write_text
 
 MOST_SIGNALS: Final = 8  # that are drawn
 MOST_MOMENTS: Final = 4
@@ -47,13 +46,13 @@ def report(path: Path, out: Path) -> dict[str, Any]:
     moments = [found for name in names if (found := moment(scored, log.rows, name)) is not None][:MOST_MOMENTS]
     drawn = _figures(log, scored, names, moments)
     about = _about(log, scored, names, moments)
-    write_text(out, render("report/flight.html", drawn, {}, drawn=list(drawn), **about))
+    write_page(out, "flight.html", drawn, {}, drawn=list(drawn), **about)
     told = {"shown": names, "moments": [one._asdict() for one in moments], "overrides": about["sets"]}
     return {"report": str(out), **told, **scored.as_dict()}
 
 
 def _figures(log: Log, scored: Scored, names: Sequence[str], moments: Sequence[Moment]) -> dict[str, go.Figure]:
-    """The pictures by the id of their element, in the order of the page."""
+    """Draw the pictures, by the id of their element, in the order of the page."""
     rows, rate_hz, resolved = log.rows, log.rate_hz, scored.scenario.resolved()
     labels = [fault.label for fault in scored.scenario.faults]
     shown, acting = names[:MOST_SIGNALS], _acting(log, scored)
@@ -79,7 +78,7 @@ def _acting(log: Log, scored: Scored) -> dict[str, NDArray[np.bool_]]:
 
 
 def _thresholds(scored: Scored, names: Sequence[str]) -> dict[str, float]:
-    """What the votes of ``names`` may be off; of none, of the signals that are nearest to theirs."""
+    """Return the thresholds of ``names``; of none, of the signals whose vote came nearest to theirs."""
     signals = scored.scenario.resolved()["redundancy"]["signals"]
     limits = {name: float(signals[name]["threshold"]) for name in INDEX}
     found = scored.score.vote_error
@@ -88,7 +87,7 @@ def _thresholds(scored: Scored, names: Sequence[str]) -> dict[str, float]:
 
 
 def _about(log: Log, scored: Scored, names: Sequence[str], moments: Sequence[Moment]) -> dict[str, Any]:
-    """What the page says beside its pictures."""
+    """Return what the page says beside its pictures."""
     scenario, score, rate_hz = scored.scenario, scored.score, log.rate_hz
     text = log.attachments.get(FILE, b"").decode(errors="replace")
     return {
@@ -130,7 +129,7 @@ def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:
     lost = sum(signal.level_at_end == 0 for signal in score.signals.values())
     return [
         (f"{len(detected)} of {len(detected) + missed}", "detectable faults detected", missed > 0),
-        (duration(max(delays), rate_hz) if delays else "–", "longest delay from the threshold", False),  # noqa: RUF001
+        (duration(max(delays), rate_hz) if delays else DASH, "longest delay from the threshold", False),
         (str(wrong), "healthy channels failed", wrong > 0),
         (str(off), "signals whose vote was off by more than its threshold", off > 0),
         (str(lost), "signals without a channel at the end", lost > 0),

@@ -75,7 +75,7 @@ def moment(scored: Scored, rows: Block, name: str) -> Moment | None:
 
 
 def _failures(states: NDArray[np.uint8]) -> list[int]:
-    """The frames in which a channel of ``states`` (n, 4) becomes failed."""
+    """Return the frames in which a channel of ``states`` (n, 4) becomes failed."""
     failed = states == State.FAILED
     new = failed & ~np.vstack([np.zeros((1, failed.shape[1]), bool), failed[:-1]])
     return np.flatnonzero(new.any(axis=1)).tolist()

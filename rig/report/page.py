@@ -1,18 +1,20 @@
-"""What every report shares: the page's frame, plotly's library inlined once, figures as data, numbers as text."""
+"""What every report shares: the page's frame, plotly's library inlined once, the look of figures, numbers as text."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, Final
 
 import jinja2
 import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 
+from rig.util.files import write_text
+from rig.util.palette import CSS
 from rig.util.versions import versions
 
-COLOURS: Final = ("#2166ac", "#b2182b", "#4d9221", "#8073ac", "#e08214", "#35978f", "#c51b7d", "#666666")
 LAYOUT: Final[dict[str, Any]] = {
     "template": "plotly_white",
     "font": {"family": "system-ui, sans-serif", "size": 13},
@@ -24,16 +26,27 @@ LAYOUT: Final[dict[str, Any]] = {
 DASH: Final = "–"  # noqa: RUF001 # in a table, where there is nothing
 
 
-def render(
-    template: str, figures: Mapping[str, go.Figure], filters: Mapping[str, Callable[..., str]], **data: Any
-) -> str:
-    """Return the page of ``template``, like ``campaign/report.html``, a file of a room that extends report/base.html.
+def lay_out(figure: go.Figure, title: str, height: int, legend_y: float | None = None, **layout: Any) -> None:
+    """Give a figure the look of all reports; its legend below it, where ``legend_y`` says."""
+    if legend_y is not None:
+        below = {"orientation": "h", "yanchor": "top", "y": legend_y, "traceorder": "normal"}
+        layout |= {"legend": below, "showlegend": True}
+    figure.update_layout(**LAYOUT)
+    figure.update_layout(height=height, **({"title_text": title} if title else {}), **layout)
+
+
+def write_page(
+    out: Path, template: str, figures: Mapping[str, go.Figure], filters: Mapping[str, Callable[..., str]], **data: Any
+) -> None:
+    """Write the page of ``template``, like ``campaign.html``, which extends base.html of this folder.
 
     figures : drawn into the elements with their names as id
     data : names in the template; one that it uses and is not given is an error
+
+    Raise BadInput or RigError where the file cannot be written.
     """
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("rig", "."),
+        loader=jinja2.PackageLoader("rig", "report"),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
@@ -42,8 +55,8 @@ def render(
     environment.filters |= {"number": number, "percent": percent, "rate": rate, **filters}
     drawn = {name: json.loads(figure.to_json() or "null") for name, figure in figures.items()}
     text = json.dumps(drawn, allow_nan=False).replace("<", "\\u003c")  # nothing in it can end the script element
-    about = {"plotly": get_plotlyjs(), "versions": versions()}
-    return environment.get_template(template).render(figures=text, **about, **data)
+    about = {"plotly": get_plotlyjs(), "versions": versions(), "palette": CSS}
+    write_text(out, environment.get_template(template).render(figures=text, **about, **data))
 
 
 def percent(value: float | None) -> str:
@@ -51,11 +64,11 @@ def percent(value: float | None) -> str:
     return DASH if value is None else f"{100 * value:.3g} %"
 
 
-def rate(found: Mapping[str, Any]) -> str:
-    """Return a share with its interval; ``found`` has value, low and high."""
-    if found["value"] is None:
+def rate(share: Mapping[str, Any]) -> str:
+    """Return a share with its interval; ``share`` has value, low and high."""
+    if share["value"] is None:
         return DASH
-    return f"{percent(found['value'])} ({percent(found['low'])} to {percent(found['high'])})"
+    return f"{percent(share['value'])} ({percent(share['low'])} to {percent(share['high'])})"
 
 
 def number(value: float | None, digits: int = 3) -> str:

@@ -10,26 +10,19 @@ import numpy as np
 import plotly.graph_objects as go
 
 from rig.frame import INDEX, Block
-from rig.report.page import LAYOUT
+from rig.report.page import lay_out
+from rig.util.palette import BLUE, INK, LIGHT_BLUE, MID_BLUE, ORANGE, QUIET, RED, VIOLET, YELLOW
 from rig.view.lanes import LANES, Changes, Lane, changes, fault_path
 
 MOST_SPANS: Final = 6000  # that are drawn; of more, the shortest are left out
 _NAMES: Final = {"resolver": "decided by"}
 _QUIET: Final = ("ok", "normal", "none", "voted", "autopilot", "4 channels")
 _COLOURS: Final = {
-    **dict.fromkeys(_QUIET, "#dfe6ec"),
-    "suspect": "#f4c542",
-    "failed": "#b2182b",
-    "acting": "#e08214",
-    "isolated": "#92c5de",
-    "lost": "#1d2630",
-    "unresolved": "#1d2630",
-    "3 channels": "#92c5de",
-    "2 channels": "#4393c3",
-    "1 channel": "#2166ac",
-    "no channel": "#1d2630",
+    **dict.fromkeys(_QUIET, QUIET),
+    **dict.fromkeys(("lost", "unresolved", "no channel"), INK),
+    **{"suspect": YELLOW, "failed": RED, "acting": ORANGE, "isolated": LIGHT_BLUE},
+    **{"3 channels": LIGHT_BLUE, "2 channels": MID_BLUE, "1 channel": BLUE},
 }
-_OTHER: Final = "#8073ac"
 
 
 class Span(NamedTuple):
@@ -64,7 +57,7 @@ def spans(rows: Block, rate_hz: float, signals: Sequence[str], faults: Sequence[
 
 
 def _named(path: str) -> str:
-    """As people read it: ``pitch_rate channel 3``."""
+    """Return a lane as people read it: ``pitch_rate channel 3``."""
     _, of, *lane = path.split("/")
     return (
         " ".join([of, *(_NAMES.get(part, part.replace("_", " ")) for part in lane)]) if lane else of.replace("_", " ")
@@ -78,7 +71,7 @@ def _spans(name: str, change: Changes, lane: Lane | None, frames: int, rate_hz: 
 
 
 def _label(state: str | None, lane: Lane | None) -> str:
-    """A state in words; "" for what is not drawn: a fault that does not act, a channel that is not fitted."""
+    """Return a state in words; "" for what is not drawn: a fault that does not act, a channel that is not fitted."""
     if state is None or state.endswith("ABSENT"):
         return ""
     label = state.lower() if lane is None or state not in lane.looks else lane.looks[state][0]
@@ -114,16 +107,15 @@ def timeline(found: Sequence[Span]) -> go.Figure:
     figure = go.Figure()
     for label in labels:
         figure.add_bar(**_bars([span for span in found if span.label == label], label))
-    layout: dict[str, Any] = {"barmode": "overlay", "bargap": 0.25, "height": 140 + 24 * len(lanes)}
-    legend = {"orientation": "h", "yanchor": "top", "y": -62 / (24 * len(lanes) + 20), "traceorder": "normal"}
-    figure.update_layout(**LAYOUT, **layout, legend=legend, showlegend=True)
+    lanes_px = 24 * len(lanes)
+    lay_out(figure, "", 140 + lanes_px, legend_y=-62 / (lanes_px + 20), barmode="overlay", bargap=0.25)
     figure.update_xaxes(title="time, s")
     figure.update_yaxes(type="category", categoryorder="array", categoryarray=lanes, autorange="reversed")
     return figure
 
 
 def _bars(found: Sequence[Span], label: str) -> dict[str, Any]:
-    colour, quiet = _COLOURS.get(label, _OTHER), label in _QUIET
+    colour, quiet = _COLOURS.get(label, VIOLET), label in _QUIET
     return {
         "x": [span.end_s - span.begin_s for span in found],
         "base": [span.begin_s for span in found],

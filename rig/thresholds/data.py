@@ -21,6 +21,7 @@ from typing import Any, Final
 import numpy as np
 
 from rig.computer.redundancy.config import SignalConfig
+from rig.computer.redundancy.managers import KINDS
 from rig.errors import BadInput, BadLog
 from rig.log.scan import About, iter_parts
 from rig.recordings.alignment import AlignOptions, run_alignment
@@ -29,7 +30,7 @@ from rig.recordings.recording import Recording, Samples
 from rig.recordings.settings import RecordedSignal, VoteConfig
 from rig.thresholds.design import Flight
 
-MANAGER: Final = "cross-channel"
+MANAGER: Final = next(kind.name for kind in KINDS if kind.compares)
 SAME_RATE: Final = 0.02  # by which rates may differ
 CAMPAIGN: Final = "campaign.json"
 LOGS: Final = "logs"

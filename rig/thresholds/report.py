@@ -1,22 +1,16 @@
-"""The report of a design: one JSON object, the remarks at the head of OUT, the trade-off as one HTML file."""
+"""The report of a design: one JSON object, and the remarks at the head of OUT."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
-import plotly.graph_objects as go
-from plotly.subplots import make_subplots
-
-from rig.report.page import COLOURS
 from rig.thresholds.data import Data
 from rig.thresholds.design import Design, Grid, rounded_up
 from rig.thresholds.healthy import SHARE
 from rig.thresholds.holdout import Count, total
 from rig.thresholds.run import MARKED, RULE, Signal, extrapolation
 from rig.thresholds.tradeoff import Tradeoff
-from rig.util.files import write_text
 
 
 def summary(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> dict[str, Any]:
@@ -109,32 +103,3 @@ def remarks(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> list[str]:
         if signal.design is not None:
             lines.append(f"motion {name}: {motion.value:.4g} from its median, {motion.rate_per_s:.4g} a second")
     return lines + [f"note {line}" for line in notes(data, grid, signals)]
-
-
-def write_picture(path: Path, summary: dict[str, Any]) -> None:
-    """Draw threshold, smallest offset and share found over the persistence, a row of panels a signal."""
-    signals = {name: signal for name, signal in summary["signals"].items() if signal["designs"]}
-    titles = [f"{name}: {what}" for name in signals for what in ("threshold, smallest offset", "found rightly")]
-    figure = make_subplots(rows=max(len(signals), 1), cols=2, subplot_titles=titles)
-    for row, signal in enumerate(signals.values(), 1):
-        filters = dict.fromkeys(design["filter_s"] for design in signal["designs"])
-        for colour, filter_s in zip(COLOURS * len(filters), filters, strict=False):
-            _lines(figure, row, [design for design in signal["designs"] if design["filter_s"] == filter_s], colour)
-    title = f"{summary['budget_per_h']:g} false isolations an hour and signal, {summary['hours']:.3g} h of data"
-    figure.update_layout(template="plotly_white", title=title, height=320 * max(len(signals), 1) + 120)
-    figure.update_xaxes(title_text="persistence, frames")
-    write_text(path, figure.to_html(include_plotlyjs=True, full_html=True, div_id="thresholds"))
-
-
-def _lines(figure: go.Figure, row: int, designs: list[dict[str, Any]], colour: str) -> None:
-    label = f"filter {designs[0]['filter_s']:g} s"
-    tradeoffs = [design["tradeoff"] or {} for design in designs]
-    drawn = (
-        (1, [next(iter(design["levels"].values()))["upper"] for design in designs], f"threshold, {label}", "solid"),
-        (1, [tradeoff.get("smallest_offset") for tradeoff in tradeoffs], f"smallest offset, {label}", "dash"),
-        (2, [tradeoff.get("found_rightly") for tradeoff in tradeoffs], f"share, {label}", "solid"),
-    )
-    frames = [design["persistence"] for design in designs]
-    for column, values, name, dash in drawn:
-        style = {"mode": "lines+markers", "line": {"color": colour, "dash": dash}, "showlegend": row == 1}
-        figure.add_trace(go.Scatter(x=frames, y=values, name=name, **style), row=row, col=column)

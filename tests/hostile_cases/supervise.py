@@ -22,7 +22,7 @@ from hostile_cases.checks import MEMORY, Outcome, failures
 LIMIT_S: Final = 20.0
 # Imported only: polars and Arrow start their threads when they are first used, which is in a case's own process.
 _RECORDED: Final = ("rig.recordings.align", "rig.bench.vote_summary", "rig.bench.vote", "rig.bench.write_votes")
-_CAMPAIGN: Final = ("rig.campaign.report", "rig.campaign.run", "rig.campaign.estimate")
+_CAMPAIGN: Final = ("rig.campaign.campaign_page", "rig.campaign.run", "rig.campaign.estimate")
 _OTHERS: Final = (
     "rig.replay.verify",
     "rig.replay.what_if",

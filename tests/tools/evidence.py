@@ -212,6 +212,22 @@ def counts(found: list[Table]) -> str:
     return "\n".join(lines)
 
 
+def not_right(found: list[Table]) -> str:
+    """Return a line for each row: its flights that are not right, aircraft that are wrong alike together."""
+    rows: dict[str, dict[str, list[str]]] = {}
+    for flown in found:
+        if flown["wrong"] or flown["missed"] or not flown["survived"]:
+            name, _, about = flown["about"].partition(" ")
+            wrong = f" fails {', '.join(flown['wrong'])}" if flown["wrong"] else ""
+            missed = f" leaves {len(flown['missed'])}" if flown["missed"] else ""
+            lost = "" if flown["survived"] else " loses the aircraft"
+            rows.setdefault(flown["row"], {}).setdefault(f"{about}:{wrong}{missed}{lost}", []).append(name)
+    return "\n".join(
+        f"- {row}: " + "; ".join(f"{', '.join(names)} {about}" for about, names in flights.items())
+        for row, flights in rows.items()
+    )
+
+
 def main() -> int:
     """Fly the rows that are asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -223,11 +239,8 @@ def main() -> int:
     began = perf_counter()
     with ProcessPoolExecutor(asked.workers, mp_context=get_context("forkserver")) as pool:
         found = list(pool.map(outcome_of, tries, chunksize=4))
-    for one in found:
-        if one["wrong"] or one["missed"] or not one["survived"]:
-            print(one["row"], one["about"], "survived" if one["survived"] else "lost", one["wrong"], one["missed"])
-    print(counts(found))
-    print(f"{len(found)} flights in {perf_counter() - began:.0f} s")
+    print(counts(found), not_right(found), sep="\n\n")
+    print(f"\n{len(found)} flights in {perf_counter() - began:.0f} s")
     if asked.json:
         Path(asked.json).write_text(json.dumps(found, indent=0), encoding="utf-8")
     return 0

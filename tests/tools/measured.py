@@ -1,210 +1,292 @@
-"""Figures of this commit on this machine: run what measures them, and keep what it prints in docs/measured/.
+"""Figures of a commit on a machine, measured at a release: what measures them is run, what it prints is kept.
 
-    python tests/tools/measured.py [bench resolvers ...]     without names: all of them, three hours on two cores
+    python tests/tools/measured.py [PAGE ...]     docs/measured/; without names: all pages, three hours on two cores
+    python tests/tools/measured.py --show FIGURE [ARGUMENT ...]     one figure alone, printed
 
-Each page has the commands, the commit, the versions, the machine and the output: who doubts a figure runs it again.
+Each page has commands, commit, machine, seconds and what was printed: who doubts a figure runs it again.
 """
 
 from __future__ import annotations
 
-import argparse
 import os
 import platform
 import re
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
 from typing import Final, NamedTuple
 
-from rig.util.versions import versions
-
 ROOT: Final = Path(__file__).parents[2]
-PAGES: Final = ROOT / "docs" / "measured"
-TOOLS: Final = "python tests/tools"
-
-
-class Figures(NamedTuple):
-    """One page: what it shows, and the commands that print it, run in the checkout; ``{folder}`` is a scratch one."""
-
-    title: str
-    commands: Sequence[str]
-
-
-UNITS_BUILT: Final = "make -s -C docs/examples/unit all build/monitor.fmu RIG=../../../.venv/bin/rig"
-UNITS: Final = ("monitor", "monitor_in_process", "monitor_udp", "monitor_fmu")
-MANAGER: Final = "redundancy.manager"
+FOLDER: Final = ROOT / "docs" / "measured"
+SHOW: Final = "python tests/tools/measured.py --show"
+EXAMPLES: Final = "docs/examples"
+FLOWN: Final = "logs/f16_pitch_rate_hardover_seed1.mcap"
+QUADROTOR: Final = "../shared/data/quad_imu_horizontal"
+UNITS: Final = f"{EXAMPLES}/unit"
+UNIT_FILES: Final = " ".join(f"{UNITS}/monitor{form}.toml" for form in ("", "_in_process", "_udp", "_fmu"))
+UNITS_BUILT: Final = f"make -s -C {UNITS} all build/monitor.fmu RIG=../../../.venv/bin/rig"
 MANAGERS: Final = ("cross-channel", "cross-voter", "median", "mean", "selection")
 TRIALS: Final = {"cross-channel": 4_000_000, "cross-voter": 1_000_000, "median": 1_000_000}
-FLOWN: Final = "logs/f16_pitch_rate_hardover_seed1.mcap"
-EXAMPLES: Final = "docs/examples"
-MEASURED: Final = {
-    "first-minutes": Figures(
-        "The first ten minutes of a new user: the README's commands, what they print, how long they take",
-        [
-            "make --no-print-directory fly",
-            "rig fly",
-            "rig fly --set redundancy.manager=mean",
-            "rig fly f16_singular_2_2_level",
-            f"rig score {FLOWN}",
-            f"rig report {FLOWN}",
-            f"rig view {FLOWN} --save {{folder}}/flight.rrd",
-            f"rig replay {FLOWN}",
-            f"rig replay {FLOWN} --set redundancy.manager=median",
-            f"rig fly {EXAMPLES}/mine.toml --seed 7",
-            f"rig vote {EXAMPLES}/channels.csv --config {EXAMPLES}/vote.toml --out {{folder}}/voted.csv",
-            "make -s -C docs/examples/unit build/libfirst_valid.so",
-            f"rig fly --unit {EXAMPLES}/unit/first_valid.toml",
-            f"rig campaign plan {EXAMPLES}/campaign.toml",
-            f"rig campaign run {EXAMPLES}/campaign.toml --out {{folder}}/campaign",
-            "rig campaign report {folder}/campaign",
-            f"rig reliability chain {EXAMPLES}/chain.toml",
-        ],
-    ),
-    "bench": Figures("What a frame costs", ["rig bench"] * 8),
-    "evidence": Figures("What the monitor gets wrong", [f"{TOOLS}/evidence.py"]),
-    "resolvers": Figures(
-        "Who settles a pattern without a majority",
-        ["rig campaign run resolvers --out {folder}/resolvers", f"{TOOLS}/resolver_table.py {{folder}}/resolvers"],
-    ),
-    "references": Figures("Measured errors of the references", [f"{TOOLS}/references_table.py"]),
-    "singular": Figures("Patterns without a majority, flown", ["python tests/test_singular_flights.py"]),
-    "histories": Figures("What happened to aircraft, flown again", ["python tests/test_histories.py"]),
-    "tolerant": Figures("What the fault-tolerant law finds, and its false trips", [f"{TOOLS}/tolerant.py"]),
-    "rate-bias": Figures(
-        "A common bias of rates and attitudes, by both laws",
-        ["rig study rate-bias", "rig study rate-bias --seeds 2 --drawn 300"],
-    ),
-    "fault-tolerant": Figures(
-        "All four pitch-angle sensors fail together: each law, worst of twelve flights", ["rig study fault-tolerant"]
-    ),
-    "false-alarm": Figures(
-        "Healthy flights: channels and signals failed without a fault",
-        [
-            "rig campaign run false-alarm --set redundancy.common_mode=fail --out {folder}/healthy",
-            "rig campaign report {folder}/healthy",
-        ],
-    ),
-    "unit": Figures(
-        "A unit under test: the bits of our manager, how it fails, paced flights",
-        [
-            UNITS_BUILT,
-            "rig unit check docs/examples/unit/monitor.toml",
-            f"{TOOLS}/unit_identity.py " + " ".join(f"docs/examples/unit/{name}.toml" for name in UNITS),
-            f"{TOOLS}/unit_crashes.py",
-            f"{TOOLS}/unit_stopped.py docs/examples/unit/build",
-            f"{TOOLS}/unit_paced.py docs/examples/unit/build/libmonitor.so",
-        ],
-    ),
-    "unit-cost": Figures(
-        "What a unit under test costs", [UNITS_BUILT, *[f"{TOOLS}/unit_bench.py docs/examples/unit/build"] * 5]
-    ),
-    "thresholds": Figures(
-        "Thresholds from a budget: real flights that did not design them, noise of known kinds, a million rows",
-        [
-            f"{TOOLS}/thresholds_quad.py ../shared/data/quad_imu_horizontal",
-            f"{TOOLS}/thresholds_synthetic.py",
-            f"{TOOLS}/thresholds_speed.py",
-        ],
-    ),
-    "detectability": Figures(
-        "Thresholds of the bundled aircraft: the smallest offset that is found, and what one that is not found does",
-        [
-            "rig campaign run detectability --out {folder}/detectability",
-            f"{TOOLS}/detectability.py {{folder}}/detectability",
-            f"{TOOLS}/undetected.py",
-        ],
-    ),
-    "recorders": Figures(
-        "Healthy channels failed on four recorders of one quadrotor, and the manager selection on them",
-        [
-            f"{TOOLS}/quad_isolations.py ../shared/data/quad_imu_horizontal",
-            f"{TOOLS}/quad_selection.py ../shared/data/quad_imu_horizontal",
-        ],
-    ),
-    "reliability": Figures(
-        "Five managers, one to four channels: per flight hour, and what decides",
-        [
-            *[f"rig campaign run reliability --out {{folder}}/{m} --set {MANAGER}={m}" for m in MANAGERS],
-            *[
-                f"rig reliability trials reliability --out {{folder}}/trials-{m} --runs {runs} --set {MANAGER}={m}"
-                for m, runs in TRIALS.items()
-            ],
-            *[
-                f"rig reliability run {{folder}}/{' {folder}/'.join([*MANAGERS, *(f'trials-{m}' for m in TRIALS)])} "
-                f"--rates faults/rates/zhang2023.toml --checks 1 --signal {signal}"
-                for signal in ("pitch_rate", "normal_load_factor", "static_pressure")
-            ],
-        ],
-    ),
-    "throughput": Figures("Flights a second of a campaign", [f"{TOOLS}/campaign_throughput.py"]),
-    "hostile": Figures("Bad input", [f"{TOOLS}/hostile.py --cases 1000"]),
+CELLS: Final = " ".join(f"{{folder}}/{name}" for name in (*MANAGERS, *(f"trials-{manager}" for manager in TRIALS)))
+COST_ROWS: Final = "|".join(
+    (
+        *(
+            r"^ manager +channels +per",
+            r"^ cross-channel +4 ",
+            r"^ cross-\S+ +3 +0\.001 +0",
+            r"^ cross-voter +4 +0\.001",
+        ),
+        *(r"^ \S+ +4 +0\.001 +0 %", r"^ \S+ +4 .*good [89]\d %", r"^\w+: prob"),
+    )
+)
+LAWS: Final = r"^ hold|^ pitch +(F 0\.2|offset \+|.* over).* (plain|fault-tolerant)  |^ altitude .* over .* fault-t"
+FIGURES: Final = {  # name: its module
+    **dict.fromkeys(("detectability", "undetected"), "offsets"),
+    **dict.fromkeys(("quad_isolations", "quad_selection"), "quadrotor"),
+    **dict.fromkeys(("thresholds_quad", "thresholds_synthetic", "thresholds_speed"), "thresholds"),
+    **dict.fromkeys(("unit_identity", "unit_cost", "unit_stopped", "unit_paced"), "unit"),
+    **{name: name for name in ("references", "resolvers", "throughput", "tolerant", "unit_failures")},
 }
 
 
+class Section(NamedTuple):
+    """Commands, run in the checkout; of what they print, the lines that match ``keep``; {folder}: a scratch one."""
+
+    title: str
+    commands: Sequence[str]
+    keep: str = ""
+
+
+class Page(NamedTuple):
+    """A page of docs/measured/."""
+
+    title: str
+    sections: Sequence[Section]
+
+
+def reliability() -> list[Section]:
+    """Return the campaigns and trials, then what they come to for each signal."""
+    sets = "--set redundancy.manager="
+    flown = [f"rig campaign run reliability --out {{folder}}/{name} {sets}{name}" for name in MANAGERS]
+    drawn = [
+        f"rig reliability trials reliability --out {{folder}}/trials-{name} --runs {runs} {sets}{name}"
+        for name, runs in TRIALS.items()
+    ]
+    command = f"rig reliability run {CELLS} --rates faults/rates/zhang2023.toml --checks 1 --signal"
+    signals = [f"{command} {name}" for name in ("pitch_rate", "normal_load_factor", "static_pressure")]
+    return [Section("Flights and trials", [*flown, *drawn], "^table|trials:"), Section("Results", signals, COST_ROWS)]
+
+
+PAGES: Final = {
+    "first-minutes": Page(
+        "The first ten minutes of a new user, and bad input",
+        [
+            Section(
+                "The README's commands",
+                [
+                    *("make --no-print-directory fly", "rig fly", "rig fly --set redundancy.manager=mean"),
+                    *("rig fly f16_singular_2_2_level", f"rig score {FLOWN}", f"rig report {FLOWN}"),
+                    *(f"rig view {FLOWN} --save {{folder}}/flight.rrd", f"rig replay {FLOWN}"),
+                    *(f"rig replay {FLOWN} --set redundancy.manager=median", f"rig fly {EXAMPLES}/mine.toml --seed 7"),
+                    f"rig vote {EXAMPLES}/channels.csv --config {EXAMPLES}/vote.toml --out {{folder}}/voted.csv",
+                    f"make -s -C {UNITS} build/libfirst_valid.so",
+                    *(f"rig fly --unit {UNITS}/first_valid.toml", f"rig campaign plan {EXAMPLES}/campaign.toml"),
+                    f"rig campaign run {EXAMPLES}/campaign.toml --out {{folder}}/campaign",
+                    *("rig campaign report {folder}/campaign", f"rig reliability chain {EXAMPLES}/chain.toml"),
+                ],
+                r"^(result|flight   |report   logs|written|runs |identical|death|\d+ runs|\d+ frames in|detection)",
+            ),
+            Section("Bad input", ["python tests/tools/hostile.py --cases 1000"]),
+        ],
+    ),
+    "cost": Page(
+        "What a frame, a campaign and a unit cost",
+        [
+            Section("A frame", ["rig bench"]),
+            Section("Again", ["rig bench"] * 7, "^ratio"),
+            Section("A campaign", [f"{SHOW} throughput"]),
+            Section("A unit under test", [UNITS_BUILT, f"{SHOW} unit_cost {UNITS}/build"]),
+        ],
+    ),
+    "evidence": Page(
+        "What the monitor gets wrong, and what it cannot see",
+        [
+            Section("Counts", ["python tests/tools/evidence.py"], r"^\||^- |^$"),
+            Section(
+                "Healthy flights",
+                [
+                    "rig campaign run false-alarm --set redundancy.common_mode=fail --out {folder}/healthy",
+                    "rig campaign report {folder}/healthy",
+                ],
+                "^table|^false alarms",
+            ),
+            Section(
+                "The smallest offset that is found, and what one of 0.9 thresholds does",
+                [
+                    "rig campaign run detectability --out {folder}/offsets",
+                    *(f"{SHOW} detectability {{folder}}/offsets", f"{SHOW} undetected"),
+                ],
+                r"^table|^\|",
+            ),
+        ],
+    ),
+    "patterns": Page(
+        "Patterns without a majority",
+        [
+            Section(
+                "Who settles them",
+                ["rig campaign run resolvers --out {folder}/resolvers", f"{SHOW} resolvers {{folder}}/resolvers"],
+                r"^table|^\||^Default|^$",
+            ),
+            Section("Flown", ["python tests/test_singular_flights.py"]),
+        ],
+    ),
+    "references": Page("Measured errors of the references", [Section("All aircraft", [f"{SHOW} references"])]),
+    "histories": Page(
+        "What happened to aircraft, flown again", [Section("Flights", ["python tests/test_histories.py"])]
+    ),
+    "thresholds": Page(
+        "Thresholds from a budget, and four recorders of one quadrotor",
+        [
+            Section("Real flights that did not design them", [f"{SHOW} thresholds_quad {QUADROTOR}"]),
+            Section("Noise of known kinds", [f"{SHOW} thresholds_synthetic"]),
+            Section("A million rows", [f"{SHOW} thresholds_speed"]),
+            Section("Healthy channels failed", [f"{SHOW} quad_isolations {QUADROTOR}"]),
+            Section("The manager `selection`", [f"{SHOW} quad_selection {QUADROTOR}"]),
+        ],
+    ),
+    "reliability": Page("Five managers, per flight hour, and what decides", reliability()),
+    "tolerant": Page(
+        "The fault-tolerant law",
+        [
+            Section(
+                "What it finds, and its false trips",
+                [f"{SHOW} tolerant"],
+                r"^(?!\| unit lost \| (offset|F |ramp, [25]))",
+            ),
+            Section("All four pitch-angle sensors fail, worst of twelve flights", ["rig study fault-tolerant"], LAWS),
+            Section(
+                "A common bias of rates, by both laws",
+                ["rig study rate-bias", "rig study rate-bias --seeds 2 --drawn 300"],
+                r"^ fault|^ all four pitch|^ all  ",
+            ),
+        ],
+    ),
+    "unit": Page(
+        "A unit under test: the bits of our manager, how it fails, paced flights",
+        [
+            Section("Conformance", [UNITS_BUILT, f"rig unit check {UNITS}/monitor.toml"], "requirements, "),
+            Section("Bits", [f"{SHOW} unit_identity {UNIT_FILES}"]),
+            Section("Failures", [f"{SHOW} unit_failures"]),
+            Section("Stopped", [f"{SHOW} unit_stopped {UNITS}/build"]),
+            Section("Paced", [f"{SHOW} unit_paced {UNITS}/build/libmonitor.so"]),
+        ],
+    ),
+}
+
+
+class Run(NamedTuple):
+    """One command that was run."""
+
+    command: str
+    seconds: float
+    printed: str
+
+
 def machine() -> str:
-    """Processor, cores and system."""
+    """Return processor, cores and system."""
     cpu = Path("/proc/cpuinfo")
-    named = re.search(r"model name\s*: (.+)", cpu.read_text(encoding="utf-8")) if cpu.is_file() else None
-    processor = named[1] if named else platform.processor() or platform.machine()
+    model = re.search(r"model name\s*: (.+)", cpu.read_text(encoding="utf-8")) if cpu.is_file() else None
+    processor = model[1] if model else platform.processor() or platform.machine()
     return f"{processor}, {os.cpu_count()} cores, {platform.system()} {platform.machine()}"
 
 
-def printed(command: str, folder: str) -> str:
-    """What a command prints, without its progress; SystemExit when it fails."""
+def run(command: str, folder: str) -> Run:
+    """Run a command; SystemExit when it fails."""
     name, *rest = command.format(folder=folder).split()
     own = Path(sys.executable).with_name(name)
     program = [sys.executable] if name == "python" else [str(own) if own.is_file() else name]
-    environment = {**os.environ, "COLUMNS": "140", "NO_COLOR": "1"}
-    done = subprocess.run([*program, *rest], cwd=ROOT, capture_output=True, text=True, env=environment, check=False)
-    if done.returncode:
-        sys.exit(f"{command}: exit code {done.returncode}: {done.stderr.strip()[-500:]}")
-    return done.stdout.replace(folder, "FOLDER").replace(f"{ROOT}/", "").rstrip()
-
-
-def timed(command: str, folder: str) -> tuple[str, float]:
-    """What a command prints, and the seconds it takes."""
+    environment = {**os.environ, "COLUMNS": "250", "NO_COLOR": "1"}
     began = perf_counter()
-    return printed(command, folder), perf_counter() - began
+    ended = subprocess.run([*program, *rest], cwd=ROOT, capture_output=True, text=True, env=environment, check=False)
+    if ended.returncode:
+        sys.exit(f"{command}: exit code {ended.returncode}: {ended.stderr.strip()[-500:]}")
+    printed = ended.stdout.replace(folder, "FOLDER").replace(f"{ROOT}/", "").rstrip()
+    return Run(command.format(folder="FOLDER"), perf_counter() - began, printed)
 
 
-def page(name: str, figures: Figures, known: dict[str, str]) -> str:
-    """The page of one set of figures; ``known``: versions before any page was written."""
+def written(section: Section, runs: Sequence[Run], measured: str) -> str:
+    """Return a section: its commands, a single line beside its command, then Markdown as it is and the rest as text."""
+    text = [f"## {section.title}", ""] + ([measured, ""] if measured else [])
+    tables: list[str] = []
+    lines: list[str] = []
+    for each in runs:
+        matching = [line.rstrip() for line in each.printed.splitlines() if re.search(section.keep, line)]
+        kept = "\n".join(matching).strip("\n").splitlines()
+        text.append(
+            f"- `{each.command}` ({each.seconds:.1f} s)" + (f": {' '.join(kept[0].split())}" if len(kept) == 1 else "")
+        )
+        if len(kept) > 1:
+            block = tables if any(line.startswith("|") for line in kept) else lines
+            block += ["", *kept] if block else kept
+    text += ["", *tables] if tables else []
+    text += ["", "```", *lines, "```"] if lines else []
+    return "\n".join(text)
+
+
+def page(name: str) -> str:
+    """Run the commands of a page; return it."""
+    from rig.util.versions import versions
+
+    numbers = versions()
+    packages = ", ".join(
+        f"{key.removeprefix('version ')} {number}" for key, number in numbers.items() if "version" in key
+    )
+    measured = f"Commit `{numbers.get('git commit', 'unknown')[:7]}`, {machine()}; {packages}."
     with TemporaryDirectory(prefix="rig") as folder:
-        outputs = [(command, *timed(command, folder)) for command in figures.commands]
-        minutes = sum(seconds for *_, seconds in outputs) / 60.0
-    packages = ", ".join(f"{key.removeprefix('version ')} {value}" for key, value in known.items() if "version" in key)
-    head = [
-        f"# {figures.title}",
-        f"Written by `make measured only={name}`; do not edit.",
-        f"- commit: {known.get('git commit', 'unknown')}",
-        f"- versions: {packages}",
-        f"- machine: {machine()}; {minutes:.1f} minutes",
-    ]
-    blocks = [
-        f"{seconds:.1f} s:\n\n```\n$ {command.format(folder='FOLDER')}\n{output}\n```"
-        for command, output, seconds in outputs
-    ]
-    return "\n\n".join([head[0], head[1], "\n".join(head[2:]), *blocks]) + "\n"
+        sections = [
+            written(
+                section, [run(command, folder) for command in section.commands], measured if i == 0 else "As above."
+            )
+            for i, section in enumerate(PAGES[name].sections)
+        ]
+    return "\n\n".join([f"# {PAGES[name].title}", head(name), *sections]) + "\n"
 
 
-def main() -> int:
-    """Measure what is asked for."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(MEASURED))
-    names = parser.parse_args().names or list(MEASURED)
-    unknown = [name for name in names if name not in MEASURED]
-    if unknown:
-        parser.error(f"{unknown[0]}: allowed: {', '.join(MEASURED)}")
-    PAGES.mkdir(parents=True, exist_ok=True)
-    known = versions()
+def head(name: str) -> str:
+    """Return the first line of a page."""
+    return f"Written by `make measured only={name}` at a release; do not edit."
+
+
+def show(name: str, *arguments: str) -> None:
+    """Print a figure."""
+    sys.path.insert(0, str(ROOT / "tests"))
+    figure: Callable[..., None] = getattr(import_module(f"figures.{FIGURES[name]}"), name)
+    figure(*arguments)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Print a figure, or write pages."""
+    names, allowed = (arguments[1:2], FIGURES) if arguments[:1] == ["--show"] else (arguments or list(PAGES), PAGES)
+    unknown = [name for name in names if name not in allowed]
+    if unknown or not names:
+        print(
+            f"{(__doc__ or '').strip()}\n\nnot {', '.join(unknown) or 'without a name'}: allowed: {', '.join(allowed)}"
+        )
+        return 2
+    if allowed is FIGURES:
+        show(*arguments[1:])
+        return 0
+    FOLDER.mkdir(parents=True, exist_ok=True)
     for name in names:
-        (PAGES / f"{name}.md").write_text(page(name, MEASURED[name], known), encoding="utf-8")
+        (FOLDER / f"{name}.md").write_text(page(name), encoding="utf-8")
         print(f"docs/measured/{name}.md", flush=True)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

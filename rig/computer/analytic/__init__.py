@@ -4,7 +4,6 @@ references.py     the references of a frame, and what they keep of the votes
 sources.py        which source a signal has, and what that reads
 kinematics.py     equations of motion that tie a signal to its partners
 inertial_unit.py, strapdown.py  what the inertial unit says in a signal's place
-memory.py         the straight line through the agreed past
 designed.py       the designed numbers of an aircraft's references
-pitch_filter.py, pitch_mean.py, flight_path.py, unit_bank.py  the pitch angle without its sensor
+pitch_filter.py, flight_path.py, unit_bank.py  the pitch angle without its sensor
 """

@@ -64,7 +64,7 @@ class Designed(Settings):
     accelerometer_z_m: float
     points: list[Point] = Field(min_length=1)
     errors: dict[str, dict[str, Error]] = Field(default_factory=dict)  # by signal and source
-    # The same as equivalent airspeed [m/s], for sources whose threshold grows with it (reference_threshold.py).
+    # The same as equivalent airspeed [m/s], for sources whose threshold grows with it (reference_monitor.py).
     airspeed_errors: dict[str, dict[str, Error]] = Field(default_factory=dict)
 
     @model_validator(mode="after")
@@ -73,13 +73,13 @@ class Designed(Settings):
         return self
 
     def table(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Dynamic pressures (P,) [Pa] and the coefficients there (P, len(COLUMNS))."""
+        """Return dynamic pressures (P,) [Pa] and the coefficients there (P, len(COLUMNS))."""
         return gain_schedule.table(self.points, COLUMNS)
 
     def error(self, signal: str, source: str) -> Error | None:
-        """The measured error of a reference, None when it was not measured."""
+        """Return the measured error of a reference, None when it was not measured."""
         return self.errors.get(signal, {}).get(source)
 
     def airspeed_error(self, signal: str, source: str) -> Error | None:
-        """The same as an equivalent airspeed, None for a source whose threshold is a constant."""
+        """Return the same as an equivalent airspeed, None for a source whose threshold is a constant."""
         return self.airspeed_errors.get(signal, {}).get(source)

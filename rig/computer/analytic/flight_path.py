@@ -47,7 +47,7 @@ PATH_SIGNALS: Final = (
 
 @kernel
 def air_density(static_pressure):
-    """Density [kg/m3] of the International Standard Atmosphere where it has ``static_pressure`` [Pa].
+    """Return the density [kg/m3] of the International Standard Atmosphere where it has ``static_pressure`` [Pa].
 
     T = 288.15 (p / 101325)^0.190263, not below 216.65 K;  rho = p / (287.05287 T)    (ISO 2533, up to 20 km)
     """
@@ -58,31 +58,31 @@ def air_density(static_pressure):
 
 @kernel
 def pitching(pitch_rate, yaw_rate, roll_angle):
-    """Rate of the pitch angle [rad/s] from body rates and bank."""
+    """Return the rate of the pitch angle [rad/s] from body rates and bank."""
     return pitch_rate * math.cos(roll_angle) - yaw_rate * math.sin(roll_angle)
 
 
 @kernel
 def pitch_rate_of(pitching, turning, theta, phi):
-    """Pitch rate [rad/s] from the rates of pitch angle and heading."""
+    """Return the pitch rate [rad/s] from the rates of pitch angle and heading."""
     return pitching * math.cos(phi) + turning * math.cos(theta) * math.sin(phi)
 
 
 @kernel
 def roll_rate_of(rolling, turning, theta):
-    """Roll rate [rad/s] from the rates of roll angle and heading."""
+    """Return the roll rate [rad/s] from the rates of roll angle and heading."""
     return rolling - turning * math.sin(theta)
 
 
 @kernel
 def yaw_rate_of(pitching, turning, theta, phi):
-    """Yaw rate [rad/s] from the rates of pitch angle and heading."""
+    """Return the yaw rate [rad/s] from the rates of pitch angle and heading."""
     return turning * math.cos(theta) * math.cos(phi) - pitching * math.sin(phi)
 
 
 @kernel
 def pitch_on_path(sine, alpha, beta, roll_angle):
-    """Pitch angle [rad] at which the path climbs with ``sine``; the inverse of airdata.flight_path_angle."""
+    """Return the pitch angle [rad] at which the path climbs with ``sine``; the inverse of airdata.flight_path_angle."""
     a = math.cos(alpha) * math.cos(beta)
     b = math.sin(beta) * math.sin(roll_angle) + math.sin(alpha) * math.cos(beta) * math.cos(roll_angle)
     size = max(math.sqrt(a * a + b * b), 0.1)
@@ -91,7 +91,7 @@ def pitch_on_path(sine, alpha, beta, roll_angle):
 
 @kernel
 def climb(x, theta, dt, v):
-    """One frame of the climb rate: a complementary filter of third order, all poles at ``CROSSOVER_RAD_S``.
+    """Move the climb rate by a frame: a complementary filter of third order, all poles at ``CROSSOVER_RAD_S``.
 
     Pressure altitude (p' = -rho g h') counts below it, the load factors above it; a constant accelerometer error
     is estimated and taken off.  x : (S,) signals; theta : pitch angle [rad], for the direction of the load factors;
@@ -118,6 +118,6 @@ def climb(x, theta, dt, v):
 
 @kernel
 def path_pitch_angle(x, v):
-    """Pitch angle [rad] from climb rate, airspeed and the angles of the air flow; x, v as for ``climb``."""
+    """Return the pitch angle [rad] from climb rate, airspeed and the angles of the air flow; x, v as for ``climb``."""
     sine = min(max(v["climb"] / v["speed"], -1.0), 1.0)
     return pitch_on_path(sine, x[sig.ALPHA], x[sig.BETA], x[sig.PHI])

@@ -1,6 +1,6 @@
-"""What the inertial unit says in a signal's place: body rates, load factors, static pressure, attitude.
+"""The inertial unit in a signal's place: body rates, load factors, static pressure, attitude.
 
-It is one box, no channel of any signal, and needs no vote but what is kept of the agreed past (memory.py).
+It is one box, no channel of any signal, and needs no vote but what is kept of the agreed past (strapdown.py).
 Source: Zhang 2023, section 7, for the rates; Etkin, Dynamics of Atmospheric Flight, for the load factors.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from rig.computer.analytic import strapdown
 from rig.computer.analytic.flight_path import air_density
-from rig.computer.analytic.memory import ASTRAY_S, LONG_S, frames_of, level_gain, slope_gain
+from rig.computer.analytic.strapdown import ASTRAY_S, LONG_S, frames_of, level_gain, slope_gain
 from rig.frame import INERTIAL, sig
 from rig.kernels import kernel
 from rig.units.atmosphere import GRAVITY
@@ -50,13 +50,13 @@ _F: Final = INERTIAL.index("specific_force_forward_m_s2")
 
 @kernel
 def rate(i, unit, lead_frames, u):
-    """Rate i of INERTIAL [rad/s], led by so many frames to make up for the unit's lag."""
+    """Return rate i of INERTIAL [rad/s], led by so many frames to make up for the unit's lag."""
     return unit[i] + lead_frames * (unit[i] - u["last"][i])
 
 
 @kernel
 def follow(unit, share, rate_hz, u):
-    """First-order filter on the unit's rates, and their slopes; it begins again after what was no number."""
+    """Filter the unit's rates to first order, and find their slopes; begin again after what was no number."""
     smooth, slope = u["smooth"], u["slope"]
     for i in range(3):
         move = share * (unit[i] - smooth[i])
@@ -68,7 +68,7 @@ def follow(unit, share, rate_hz, u):
 
 @kernel
 def load_factor(axis, unit, lead_frames, place, u):
-    """Load factor at the accelerometers, g: axis 0 forward, 1 right, 2 down (its sign is the normal load factor's not).
+    """Return the load factor at the accelerometers, g: axis 0 forward, 1 right, 2 down (minus the normal one).
 
     f + w_dot x r + w x (w x r), f of the unit at the centre of gravity, led as its rates; place : r (3,), m
     """
@@ -87,7 +87,7 @@ def load_factor(axis, unit, lead_frames, place, u):
 
 @kernel
 def flow_angles(unit, angles, out):
-    """Direction of the unit's velocity in body axes [rad] into ``out`` (2,): angle of attack and sideslip.
+    """Write the direction of the unit's velocity in body axes [rad] into ``out`` (2,): angle of attack and sideslip.
 
     Wind is its error.  angles : roll, pitch, heading of the unit
     """
@@ -109,9 +109,9 @@ def flow_angles(unit, angles, out):
 
 @kernel
 def static_pressure(unit, votes, agreed, rate_hz, u):
-    """Static pressure [Pa]: p' = rho g (v_down - drift), from the last agreed vote on.
+    """Return the static pressure [Pa]: p' = rho g (v_down - drift), from the last agreed vote on.
 
-    While the vote is agreed, value and drift follow it with the memory of memory.py; else they run free.
+    While the vote is agreed, value and drift follow it with the memory of strapdown.py; else they run free.
     rho is that of the standard atmosphere at p.  votes : (S,) of the last frame; NaN while nothing is known
     """
     e, down, last, vote = u["pressure"], unit[_DOWN], u["last"][_DOWN], votes[sig.P_S]

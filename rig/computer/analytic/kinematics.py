@@ -5,7 +5,8 @@ coefficients of the flight point (``c``, in the order of designed.COLUMNS) and, 
 counts, the PARAM record ``p``.  Angles in rad, rates in rad/s, load factors in g, pressures in Pa.
 
 n_w is the load factor across the flight path.
-Source: Zhang 2023, section 7, for the pitch rate; the others as in Etkin, Dynamics of Atmospheric Flight.
+Source: Zhang 2023, section 7, for the pitch rate from the angle of attack; the others, ours, as in Etkin, Dynamics of
+Atmospheric Flight.
 """
 
 from __future__ import annotations
@@ -41,20 +42,20 @@ _ROLL_ARM, _YAW_ARM = COLUMNS.index("roll_arm_m"), COLUMNS.index("yaw_arm_m")
 
 @kernel
 def lift(c, st, alpha):
-    """n_w that the wing gives at ``alpha``: q_bar lift_slope (alpha - zero_lift_alpha)."""
+    """Return n_w that the wing gives at ``alpha``: q_bar lift_slope (alpha - zero_lift_alpha)."""
     return st["voted"][sig.Q_BAR] * c[_LIFT_SLOPE] * (alpha - c[_ZERO_LIFT])
 
 
 @kernel
 def turning_lift(c, st, speed):
-    """n_w that pitching adds, and the tail with it: V / g (1 - gain) q - elevator_arm / g q_dot."""
+    """Return n_w that pitching adds, and the tail with it: V / g (1 - gain) q - elevator_arm / g q_dot."""
     gain, arm = c[_GAIN], c[_ELEVATOR_ARM]
     return (speed * (1.0 - gain) * st["voted"][sig.Q] - arm * st["slope"][sig.Q]) / GRAVITY
 
 
 @kernel
 def pitch_rate(c, st, speed):
-    """Pitch rate from the angle of attack (Zhang, section 7): (s + Y) / k on alpha, with a second pole.
+    """Return the pitch rate from the angle of attack (Zhang 2023, section 7): (s + Y) / k on alpha, with a second pole.
 
         q = (alpha_dot + (p cos alpha + r sin alpha) tan beta + g / (V cos beta) (n_w - n_g)) / k
         n_g = cos alpha cos theta cos phi + sin alpha sin theta
@@ -73,27 +74,27 @@ def pitch_rate(c, st, speed):
 
 @kernel
 def pitch_rate_of_attitude(st):
-    """Pitch rate from attitude: a gust does not move it."""
+    """Return the pitch rate from attitude: a gust does not move it."""
     theta, phi = st["smooth"][sig.THETA], st["smooth"][sig.PHI]
     return pitch_rate_of(st["slope"][sig.THETA], st["slope"][sig.PSI], theta, phi)
 
 
 @kernel
 def roll_rate(st):
-    """Roll rate from attitude."""
+    """Return the roll rate from attitude."""
     return roll_rate_of(st["slope"][sig.PHI], st["slope"][sig.PSI], st["smooth"][sig.THETA])
 
 
 @kernel
 def yaw_rate(st):
-    """Yaw rate from attitude."""
+    """Return the yaw rate from attitude."""
     theta, phi = st["smooth"][sig.THETA], st["smooth"][sig.PHI]
     return yaw_rate_of(st["slope"][sig.THETA], st["slope"][sig.PSI], theta, phi)
 
 
 @kernel
 def normal_load_factor(c, p, st, speed):
-    """Load factor at the accelerometers from the angle of attack.
+    """Return the load factor at the accelerometers from the angle of attack.
 
     n_z = (n_w + n_x sin alpha) / cos alpha + what turning adds at the accelerometers' place
     """
@@ -105,7 +106,7 @@ def normal_load_factor(c, p, st, speed):
 
 @kernel
 def angle_of_attack(c, p, st, speed):
-    """Angle of attack from the load factor: n_w = n_z cos alpha - n_x sin alpha, solved for alpha.
+    """Return the angle of attack from the load factor: n_w = n_z cos alpha - n_x sin alpha, solved for alpha.
 
     The sine and the cosine are those of the last answer, kept within a quarter turn.
     """
@@ -120,7 +121,7 @@ def angle_of_attack(c, p, st, speed):
 
 @kernel
 def angle_of_sideslip(c, p, st):
-    """Sideslip from the lateral load factor: n_y at the centre of gravity over q_bar side_slope."""
+    """Return the sideslip from the lateral load factor: n_y at the centre of gravity over q_bar side_slope."""
     voted, slope = st["voted"], st["slope"]
     centre = voted[sig.N_Y] - lateral_by_turning(p, st)
     surfaces = (c[_ROLL_ARM] * slope[sig.P] + c[_YAW_ARM] * slope[sig.R]) / GRAVITY
@@ -129,7 +130,7 @@ def angle_of_sideslip(c, p, st):
 
 @kernel
 def lateral_load_factor(c, p, st):
-    """Load factor at the accelerometers from the sideslip: the inverse of ``angle_of_sideslip``."""
+    """Return the load factor at the accelerometers from the sideslip: the inverse of ``angle_of_sideslip``."""
     voted, slope = st["voted"], st["slope"]
     surfaces = (c[_ROLL_ARM] * slope[sig.P] + c[_YAW_ARM] * slope[sig.R]) / GRAVITY
     side = max(voted[sig.Q_BAR], _THINNEST) * c[_SIDE_SLOPE] * voted[sig.BETA]
@@ -138,7 +139,7 @@ def lateral_load_factor(c, p, st):
 
 @kernel
 def normal_by_turning(p, st):
-    """What turning adds to n_z at the accelerometers, a = w_dot x place + w x (w x place), upwards in g."""
+    """Return what turning adds to n_z at the accelerometers, a = w_dot x place + w x (w x place), upwards in g."""
     place, voted, slope = p["accelerometer"], st["voted"], st["slope"]
     x, y, z = place[0], place[1], place[2]
     roll, pitch, yaw = voted[sig.P], voted[sig.Q], voted[sig.R]
@@ -148,7 +149,7 @@ def normal_by_turning(p, st):
 
 @kernel
 def lateral_by_turning(p, st):
-    """What turning adds to n_y at the accelerometers, to the right in g."""
+    """Return what turning adds to n_y at the accelerometers, to the right in g."""
     place, voted, slope = p["accelerometer"], st["voted"], st["slope"]
     x, y, z = place[0], place[1], place[2]
     roll, pitch, yaw = voted[sig.P], voted[sig.Q], voted[sig.R]
@@ -157,13 +158,13 @@ def lateral_by_turning(p, st):
 
 
 @kernel
-def pitch_angle(p, st, known):
-    """Pitch angle by pitch_filter.py, which never asks its sensor; NaN while a partner is lost.
+def pitch_angle(p, st, partners_known):
+    """Return the pitch angle by pitch_filter.py, which never reads its sensor; NaN while a partner is lost.
 
     It begins again after a loss, at the angle of level flight, and keeps what it has learned of the gyros.
     """
     c, e, x = p["pitch_filter"], st["pitch_filter"], st["voted"]
-    if not known:
+    if not partners_known:
         e["frames"], e["vertical"]["started"] = 0, 0
         return math.nan
     if e["frames"] == 0:
@@ -176,12 +177,12 @@ def pitch_angle(p, st, known):
 
 
 @kernel
-def roll_angle(p, st, speed, known):
-    """Roll angle by the voted gyros, drawn to that of the turn within ``_DRAWN_S``; NaN while a partner is lost.
+def roll_angle(p, st, speed, partners_known):
+    """Return the roll angle by the voted gyros, drawn to that of the turn within ``_DRAWN_S``; NaN: a partner is lost.
 
     phi_dot = p + (q sin phi + r cos phi) tan theta
     """
-    if not known:
+    if not partners_known:
         st["rolling"] = 0
         return math.nan
     turned = roll_angle_of_turn(st, speed)
@@ -196,7 +197,7 @@ def roll_angle(p, st, speed, known):
 
 @kernel
 def roll_angle_of_turn(st, speed):
-    """Roll angle at which gravity turns the aircraft as it does.
+    """Return the roll angle at which gravity turns the aircraft as it does.
 
     g sin phi cos theta = V (r cos alpha - p sin alpha) - g n_y
 
@@ -210,6 +211,6 @@ def roll_angle_of_turn(st, speed):
 
 @kernel
 def dynamic_pressure(inertial, density):
-    """Dynamic pressure from the speed over ground: rho v^2 / 2.  Wind is its error."""
+    """Return the dynamic pressure from the speed over ground: rho v^2 / 2.  Wind is its error."""
     north, east, down = inertial[_NORTH], inertial[_NORTH + 1], inertial[_NORTH + 2]
     return 0.5 * density * (north * north + east * east + down * down)

@@ -1,7 +1,7 @@
 """The Kalman filter on the pitch angle, the drift b and scale error s of the pitch gyros, and the path's offset d.
 
     theta' = ((1 + s) q - b) cos phi - (r - b_r) sin phi + noise     b' = noise     d' = noise     s' = 0
-    path   = theta + d + gust     climb rate, airspeed, angles of attack and sideslip (path.py)
+    path   = theta + d + gust     climb rate, airspeed, angles of attack and sideslip (flight_path.py)
     sensor = theta + noise        only where the sensor is trusted, and never for its own reference
 
 A gust lasts as long as its length takes to fly through, 533 m / V, so one sample of the path counts with
@@ -18,7 +18,6 @@ import numpy as np
 from pydantic import Field
 
 from rig.computer.analytic.flight_path import PATH_SIGNALS, VERTICAL, pitching
-from rig.computer.analytic.pitch_mean import carry, move
 from rig.frame import sig
 from rig.kernels import kernel
 from rig.settings import Settings
@@ -67,6 +66,8 @@ STATE: Final = np.dtype(
     ],
     align=True,
 )
+# The mean apart from its covariance, so that a second one can go along with the same gains.
+MEAN: Final = np.dtype([(name, "f8") for name in ("theta", "drift", "path", "scale", "rate")], align=True)
 # All that the estimate is made of.
 PARTNERS: Final = ("pitch_rate", "yaw_rate", "heading", *PATH_SIGNALS)
 _LENGTH_M: Final = 533.4  # scale of vertical turbulence above 2000 ft (MIL-F-8785C)
@@ -91,7 +92,7 @@ def fill(row: Any, noise: Noise, rate_hz: float) -> None:
 
 @kernel
 def begin(c, e, theta, sigma):
-    """Nothing is known but a first pitch angle and its ``sigma`` [rad]; c, e : a PARAM and a STATE record."""
+    """Begin with a first pitch angle and its ``sigma`` [rad]; c, e : a PARAM and a STATE record."""
     e["theta"], e["heading"] = theta, math.nan
     e["gust_variance"] = _FIRST_GUST_RAD * _FIRST_GUST_RAD
     forget(c, e, sigma)
@@ -99,7 +100,7 @@ def begin(c, e, theta, sigma):
 
 @kernel
 def forget(c, e, sigma):
-    """The covariance of the start, the pitch angle's with ``sigma`` [rad]."""
+    """Set the covariance of the start, the pitch angle's with ``sigma`` [rad]."""
     p = e["p"]
     for i in range(STATES):
         for j in range(STATES):
@@ -110,7 +111,7 @@ def forget(c, e, sigma):
 
 @kernel
 def predict(c, e, x, gyros):
-    """Theta by the voted body rates, and P = Phi P Phi' + Q.
+    """Propagate theta by the voted body rates, and P = Phi P Phi' + Q.
 
     c, e : a PARAM and a STATE record; x : (S,) signals; gyros : which are in the vote, any number that changes with it
     """
@@ -120,7 +121,7 @@ def predict(c, e, x, gyros):
 
 @kernel
 def predict_by(c, e, rate, pitch_rate, roll_angle, gyros):
-    """The same by any ``rate`` of the pitch angle [rad/s], at this pitch rate [rad/s] and roll angle [rad]."""
+    """Propagate by any ``rate`` of the pitch angle [rad/s], at this pitch rate [rad/s] and roll angle [rad]."""
     dt, p = c["dt"], e["p"]
     if gyros != e["gyros"] and e["frames"] > 0:  # another set has another drift
         p[1, 1] += c["drift_variance"]
@@ -139,14 +140,14 @@ def predict_by(c, e, rate, pitch_rate, roll_angle, gyros):
 
 
 @kernel
-def learn_yaw_drift(known, c, e, x):
-    """r - (psi' cos theta - (q - b) sin phi) / cos phi, averaged; ``known``: rates, bank and heading are."""
-    if known and abs(x[sig.PHI]) < _STEEP_BANK_RAD:
+def learn_yaw_drift(voted, c, e, x):
+    """Average r - (psi' cos theta - (q - b) sin phi) / cos phi while rates, bank and heading are ``voted``."""
+    if voted and abs(x[sig.PHI]) < _STEEP_BANK_RAD:
         if math.isfinite(e["heading"]):
             turn = wrap(x[sig.PSI] - e["heading"]) / c["dt"]
-            said = (turn * math.cos(e["theta"]) - (x[sig.Q] - e["drift"]) * math.sin(x[sig.PHI])) / math.cos(x[sig.PHI])
+            rate = (turn * math.cos(e["theta"]) - (x[sig.Q] - e["drift"]) * math.sin(x[sig.PHI])) / math.cos(x[sig.PHI])
             e["yaw_seconds"] = min(e["yaw_seconds"] + c["dt"], _YAW_S)
-            e["yaw_drift"] += c["dt"] / (e["yaw_seconds"] + _YAW_START_S) * (x[sig.R] - said - e["yaw_drift"])
+            e["yaw_drift"] += c["dt"] / (e["yaw_seconds"] + _YAW_START_S) * (x[sig.R] - rate - e["yaw_drift"])
         e["heading"] = x[sig.PSI]
     else:
         e["heading"] = math.nan
@@ -154,7 +155,7 @@ def learn_yaw_drift(known, c, e, x):
 
 @kernel
 def follow_path(c, e, path):
-    """Correct by what the path says of theta [rad], and learn how gusty it is."""
+    """Correct theta by the ``path``'s [rad], and learn how gusty it is."""
     innovation = path_innovation(e, e, path)
     e["path_seconds"] = min(e["path_seconds"] + c["dt"], _GUST_S)
     share = c["dt"] / (e["path_seconds"] + _GUST_START_S)
@@ -166,7 +167,7 @@ def follow_path(c, e, path):
 
 @kernel
 def correct(e, innovation, of_path, variance):
-    """Kalman's update by a measurement of theta + ``of_path`` d with ``innovation`` [rad] and ``variance``.
+    """Update by a measurement of theta + ``of_path`` d with ``innovation`` [rad] and ``variance``.
 
     Leaves the gain in ``g`` for ``move``.
     """
@@ -184,6 +185,21 @@ def correct(e, innovation, of_path, variance):
 
 @kernel
 def path_innovation(e, mean, path):
-    """What the path says of theta [rad] less what ``mean`` does, no more than gusts explain; e : a STATE record."""
+    """Return theta [rad] by the path less that by ``mean``, no more than gusts explain; e : a STATE record."""
     most = _CLIP * math.sqrt(e["gust_variance"])
     return min(max(path - mean["theta"] - mean["path"], -most), most)
+
+
+@kernel
+def carry(dt, mean, rate, last, share, moved):
+    """Propagate theta of ``mean``, a STATE or a MEAN record: by ``rate``, the ``last`` one, drift and scale error."""
+    mean["theta"] += 0.5 * dt * (rate + last) - share * mean["drift"] + moved * mean["scale"]
+
+
+@kernel
+def move(g, mean, innovation):
+    """Move ``mean``, a STATE or a MEAN record, by the gain ``g`` (4,) times its ``innovation`` [rad]."""
+    mean["theta"] += g[0] * innovation
+    mean["drift"] += g[1] * innovation
+    mean["path"] += g[2] * innovation
+    mean["scale"] += g[3] * innovation

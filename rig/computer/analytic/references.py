@@ -67,7 +67,7 @@ _NO_SOURCE, _PARTNERS, _INERTIAL, _TURNED = 0, 1, 2, 3
 _SOURCES: Final = {"none": _NO_SOURCE, "inertial": _INERTIAL, "attitude": _TURNED}  # all others are partners
 _STEEPEST: Final = 1.3  # rad of pitch; beyond it roll and heading say little
 _ALPHA_FILTER, _ATTITUDE_FILTER, _RATE_FILTER, _UNIT_FILTER = (COLUMNS.index(name) for name in FILTERS)
-_RATE, _LOAD, _ANGLE, _FLOW, _AIR = range(5)  # what the inertial unit says of a signal, and of which axis
+_RATE, _LOAD, _ANGLE, _FLOW, _AIR = range(5)  # what the inertial unit gives of a signal, and of which axis
 _OF_UNIT: Final = {
     **{INDEX[name.removesuffix("_rad_s")]: (_RATE, i) for i, name in enumerate(INERTIAL[:3])},
     **{s: (_LOAD, i) for i, s in enumerate((sig.N_X, sig.N_Y, sig.N_Z))},  # in the order of the specific force
@@ -123,7 +123,7 @@ def _parameters(config: Config, designed: Designed, rate_hz: float) -> NDArray[A
 
 
 def _coded(signal: str, chosen: str) -> tuple[int, int]:
-    """A source as its code and the bits of its partners."""
+    """Return a source as its code and the bits of its partners."""
     if chosen == "none":
         return _NO_SOURCE, 0
     return _SOURCES.get(chosen, _PARTNERS), sum(1 << INDEX[name] for name in PARTNERS[signal, chosen])
@@ -179,7 +179,7 @@ def look_back(fcc, st):
 
 @kernel
 def answer(inertial, fcc, data):
-    """All references of a row, from what is kept of the votes and the row's inertial unit."""
+    """Write all references of a row, from what is kept of the votes and the row's inertial unit."""
     p, st = data.param[0], data.state[0]
     voted, u = st["voted"], st["unit"]
     look_up(data.pressures, data.table, voted[sig.Q_BAR], st["coefficient"])
@@ -191,35 +191,34 @@ def answer(inertial, fcc, data):
         inertial_unit.flow_angles(inertial, u["angles"], u["flow"])
     density = air_density(voted[sig.P_S])
     speed = max(math.sqrt(2.0 * max(voted[sig.Q_BAR], 0.0) / density), SLOWEST)
-    unknown = st["lost"] | st["singular"]
+    air = density, speed
     for s in range(S):
-        fcc["reference"][s] = opinion(s, p["source"][s], p["partners"][s], unknown, inertial, p, st, density, speed)
-        fcc["second_reference"][s] = opinion(
-            s, p["second"][s], p["second_partners"][s], unknown, inertial, p, st, density, speed
-        )
+        fcc["reference"][s] = opinion(s, p["source"][s], p["partners"][s], inertial, p, st, air)
+        fcc["second_reference"][s] = opinion(s, p["second"][s], p["second_partners"][s], inertial, p, st, air)
     inertial_unit.keep(inertial, u)
 
 
 @kernel
-def opinion(s, source, partners, unknown, inertial, p, st, density, speed):
-    """What a source says of signal s; NaN when there is none, or a partner is lost or has no majority.
+def opinion(s, source, partners, inertial, p, st, air):
+    """Return signal s by a source; NaN when there is none, or a partner is lost or has no majority.
 
-    Some sources remember: each is asked once a frame.  partners, unknown : a bit for each signal
+    Some sources remember: each runs once a frame.  partners : a bit for each signal; air : density and speed
     """
+    density, speed = air
     if source == _NO_SOURCE:
         return math.nan
     if source == _INERTIAL:
-        said = of_unit(s, inertial, p, st, density)
+        value = of_unit(s, inertial, p, st, density)
     elif source == _TURNED:
-        said = of_attitude(s, st) if abs(st["voted"][sig.THETA]) <= _STEEPEST else math.nan
+        value = of_attitude(s, st) if abs(st["voted"][sig.THETA]) <= _STEEPEST else math.nan
     else:
-        said = of_partners(s, partners, p, st, speed)
-    return said if partners & unknown == 0 else math.nan
+        value = of_partners(s, partners, p, st, speed)
+    return value if partners & (st["lost"] | st["singular"]) == 0 else math.nan
 
 
 @kernel
 def of_attitude(s, st):
-    """Body rates from the change of the attitude."""
+    """Return a body rate from the change of the attitude."""
     if s == sig.Q:
         return kinematics.pitch_rate_of_attitude(st)
     return kinematics.roll_rate(st) if s == sig.P else kinematics.yaw_rate(st)
@@ -227,7 +226,7 @@ def of_attitude(s, st):
 
 @kernel
 def of_partners(s, partners, p, st, speed):
-    """Signal s from the air, the load factors or the turn."""
+    """Return signal s from the air, the load factors or the turn."""
     c = st["coefficient"]
     if s == sig.Q:
         return kinematics.pitch_rate(c, st, speed)
@@ -246,7 +245,7 @@ def of_partners(s, partners, p, st, speed):
 
 @kernel
 def of_unit(s, inertial, p, st, density):
-    """What the inertial unit says of signal s (inertial_unit.py, strapdown.py)."""
+    """Return signal s by the inertial unit (inertial_unit.py, strapdown.py)."""
     u, rate_hz, lead = st["unit"], p["rate_hz"], p["lead_frames"]
     kind, i = _KIND[s], _AXIS[s]
     if kind == _RATE:
@@ -254,8 +253,8 @@ def of_unit(s, inertial, p, st, density):
     if kind == _ANGLE:
         return u["angles"][i]
     if kind == _LOAD:
-        said = inertial_unit.load_factor(i, inertial, lead, p["accelerometer"], u)
-        return -said if i == 2 else said
+        load = inertial_unit.load_factor(i, inertial, lead, p["accelerometer"], u)
+        return -load if i == 2 else load
     if kind == _FLOW:
         return u["flow"][i]
     if s == sig.P_S:
@@ -276,7 +275,7 @@ def follow_all(p, st):
 
 @kernel
 def follow(st, s, share, rate_hz, wraps):
-    """First-order filter on the vote of signal s, and its slope; it begins again after a loss.
+    """Filter the vote of signal s to first order, and find its slope; begin again after a loss.
 
     y += share (x - y);  slope = change of y a second
     """

@@ -65,7 +65,7 @@ PARTNERS: Final[dict[tuple[str, str], tuple[str, ...]]] = {
     ("roll_angle", "inertial"): (),
     ("heading", "inertial"): (),
 }
-# The signals that a source remembers from when their channels agreed (memory.py, strapdown.py): no partners, it goes on
+# The signals that a source remembers from when their channels agreed (strapdown.py): no partners, it goes on
 # without them.
 REMEMBERED: Final[dict[tuple[str, str], tuple[str, ...]]] = {
     ("static_pressure", "inertial"): ("static_pressure",),
@@ -108,10 +108,10 @@ FROM_UNIT: Final[dict[str, tuple[str, ...]]] = {
 
 
 def source(config: Config, signal: str) -> str:
-    """Where the reference of ``signal`` comes from, ``none`` when it has none."""
+    """Return where the reference of ``signal`` comes from, ``none`` when it has none."""
     return getattr(config, signal, "none")
 
 
 def second(config: Config, signal: str) -> str:
-    """Where the second reference of ``signal`` comes from, ``none`` when it has none."""
+    """Return where the second reference of ``signal`` comes from, ``none`` when it has none."""
     return SECOND.get((signal, source(config, signal)), "none")

@@ -5,13 +5,21 @@
     e  = R f x s / max(f f, g g)           the small rotation that turns the measured one into it
 
 In a coordinated turn s is the direction of the turn's bank, and elsewhere it is exact as well: no side force, no
-acceleration disturbs it.  The level components of e correct attitude and gyro drift with the memory of memory.py, of
+acceleration disturbs it.  The level components of e correct attitude and gyro drift with the memory of
 ``LEVEL_S``.  Around the vertical the heading's agreed votes do it, with ``LONG_S``; while they are not agreed, nothing
 does: what the gyros drift by has been learned to some 1e-5 rad/s within seconds, and the ground track differs from the
 heading by another angle after every turn in wind.  The level never corrects the yaw gyro's drift: in a bank it would
 blame it for errors of the accelerometers.  Roll and pitch angle read no vote of theirs but the first.
 
-Source: Mahony et al. 2008, Nonlinear complementary filters on SO(3), with the acceleration taken from the velocity.
+The memory is a straight line through the agreed past, of growing and then of fading memory:
+
+    x += g off;   drift -= h off / dt     g = 2 (2 n + 1) / ((n + 1)(n + 2)),   h = 6 / ((n + 1)(n + 2))
+
+``off`` is the agreed value less x.  With n the frames seen this is the least-squares line through all of them; n stops
+at a bound, and what is older fades.
+
+Source: Mahony et al. 2008, Nonlinear complementary filters on SO(3), with the acceleration taken from the velocity;
+Brookner, Tracking and Kalman Filtering Made Easy, section 1.2.10, for the memory.
 """
 
 from __future__ import annotations
@@ -21,7 +29,6 @@ from typing import Final
 
 import numpy as np
 
-from rig.computer.analytic.memory import ASTRAY_S, LONG_S, frames_of, level_gain, slope_gain
 from rig.frame import INERTIAL, TWO_PI, sig
 from rig.kernels import kernel
 from rig.units.angles import wrap
@@ -37,6 +44,8 @@ STATE: Final = np.dtype(
     ],
     align=True,
 )
+LONG_S: Final = 300.0  # memory of what is learned of the signal itself: a fault is settled long before
+ASTRAY_S: Final = 30.0  # off an agreed vote for so long, a memory begins again
 LEVEL_S: Final = 60.0  # memory of what level is
 # The memory begins as if so much had been seen: of level, where one frame's change of velocity is mostly noise, and of
 # the heading, where a vote says more.
@@ -51,8 +60,26 @@ _F: Final = INERTIAL.index("specific_force_forward_m_s2")
 
 
 @kernel
+def level_gain(frames):
+    """Return g, the share of ``off`` that the value takes."""
+    return 2.0 * (2.0 * frames + 1.0) / ((frames + 1.0) * (frames + 2.0))
+
+
+@kernel
+def slope_gain(frames):
+    """Return h, the share of ``off`` that the slope takes in a frame."""
+    return 6.0 / ((frames + 1.0) * (frames + 2.0))
+
+
+@kernel
+def frames_of(seconds, rate_hz):
+    """Return ``seconds`` in frames, at least one."""
+    return max(1, int(seconds * rate_hz + 0.5))
+
+
+@kernel
 def attitude(unit, last, votes, agreed, rate_hz, lead_s, e, out):
-    """Roll, pitch and heading [rad] of this frame into ``out`` (3,); NaN while the unit says what is no number.
+    """Write roll, pitch and heading [rad] of this frame into ``out`` (3,); NaN while the unit says what is no number.
 
     The heading is NaN, too, until its vote has been agreed once since then.
 
@@ -96,7 +123,7 @@ def begin(unit, votes, agreed, rate_hz, e):
 
 @kernel
 def heading_off(votes, agreed, e):
-    """By how much the heading of the last frame is off the agreed vote [rad]; 0 without one, or far from it."""
+    """Return how far the heading of the last frame is off the agreed vote [rad]; 0 without one, or far from it."""
     if (agreed >> sig.PSI) & 1 == 0:
         return 0.0
     off = wrap(votes[sig.PSI] - e["angles"][2])
@@ -105,7 +132,7 @@ def heading_off(votes, agreed, e):
 
 @kernel
 def turn(unit, last, rate_hz, e):
-    """q by the mean rates of the two frames, and its length back to one."""
+    """Turn q by the mean rates of the two frames, and bring its length back to one."""
     q, drift, half = e["q"], e["drift"], 0.5 / rate_hz
     x = half * (0.5 * (unit[0] + last[0]) - drift[0])
     y = half * (0.5 * (unit[1] + last[1]) - drift[1])
@@ -120,7 +147,7 @@ def turn(unit, last, rate_hz, e):
 
 @kernel
 def correct(unit, last, around, rate_hz, e):
-    """Attitude and drift by the direction of the specific force, and by ``around`` [rad] about the vertical."""
+    """Correct attitude and drift by the direction of the specific force, and by ``around`` [rad] about the vertical."""
     q, drift = e["q"], e["drift"]
     a, b, c, d = q[0], q[1], q[2], q[3]
     r11, r12, r13 = 1.0 - 2.0 * (c * c + d * d), 2.0 * (b * c - a * d), 2.0 * (b * d + a * c)
@@ -149,7 +176,7 @@ def correct(unit, last, around, rate_hz, e):
 
 @kernel
 def lost_its_way(votes, agreed, rate_hz, e):
-    """Whether an agreed vote has been far off for so long that the memory must begin again."""
+    """Return True if an agreed vote has been far off for so long that the memory must begin again."""
     off = False
     for i in range(3):
         s = _ANGLES[i]
@@ -161,7 +188,7 @@ def lost_its_way(votes, agreed, rate_hz, e):
 
 @kernel
 def angles(unit, lead_s, e, out):
-    """The angles of q, kept, and led by ``lead_s`` at the present rates into ``out``."""
+    """Write the angles of q: kept, and led by ``lead_s`` at the present rates into ``out``."""
     q, kept, drift = e["q"], e["angles"], e["drift"]
     a, b, c, d = q[0], q[1], q[2], q[3]
     r31, r32, r33 = 2.0 * (b * d - a * c), 2.0 * (c * d + a * b), 1.0 - 2.0 * (b * b + c * c)

@@ -59,7 +59,7 @@ SAME_RAD_S: Final = 0.001  # as usual; a bias below this is as good as none
 
 @kernel
 def finite(inertial):
-    """Whether the unit's rates and velocity over ground are numbers."""
+    """Return True if the unit's rates and velocity over ground are numbers."""
     rates = inertial[_P] + inertial[_Q] + inertial[_R]
     return math.isfinite(rates + inertial[_NORTH] + inertial[_EAST])
 
@@ -74,7 +74,7 @@ def learned(error, seconds, dt):
 
 @kernel
 def follow_unit(inertial, x, theta, learn, dt, u):
-    """One frame of the unit's rates and bank angle.
+    """Move the unit's rates and bank angle by a frame.
 
     inertial : quantities of frame.INERTIAL, finite; x : (S,) signals, of which load factors and heading are read
     theta : pitch angle [rad]; learn : whether heading and gyros are trusted; u : a UNIT record, in place
@@ -121,5 +121,5 @@ def learn_bank(u, apart, learn, dt):
 
 @kernel
 def bank_by(u):
-    """Bank angle [rad] by the unit, with its usual difference from the voted one; u : a UNIT record."""
+    """Return the bank angle [rad] by the unit, with its usual difference from the voted one; u : a UNIT record."""
     return u["roll_angle"] + u["settled"] * u["usual_bank"]

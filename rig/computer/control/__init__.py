@@ -4,7 +4,6 @@
     law           that kernel: signals, outer loops, inner loops, surfaces
     source        each signal from its vote, its reference or its degraded mode
     degraded      what replaces a lost signal
-    rates         a body rate that is not measured
     backup        the elevator without a pitch rate
     laws          the single laws
     airdata       altitude, Mach number and airspeeds from two pressures

@@ -29,7 +29,7 @@ LOWEST_PRESSURE: Final = 1_000.0  # Pa; below it (31 km) the static pressure is 
 
 @kernel
 def pressure_altitude(static_pressure: float) -> float:
-    """Altitude [m, geopotential] at which the standard atmosphere has ``static_pressure`` [Pa]."""
+    """Return the altitude [m, geopotential] at which the standard atmosphere has ``static_pressure`` [Pa]."""
     p = max(static_pressure, LOWEST_PRESSURE)
     if p >= TROPOPAUSE_PRESSURE:
         ratio = math.pow(p / SEA_LEVEL_PRESSURE, EXPONENT)
@@ -39,25 +39,25 @@ def pressure_altitude(static_pressure: float) -> float:
 
 @kernel
 def mach_number(static_pressure: float, dynamic_pressure: float) -> float:
-    """Mach number from q = 0.7 p M^2, both pressures in Pa; a negative dynamic pressure counts as zero."""
+    """Return the Mach number from q = 0.7 p M^2, both pressures in Pa; a negative dynamic pressure counts as zero."""
     return math.sqrt(max(dynamic_pressure, 0.0) / (0.7 * max(static_pressure, LOWEST_PRESSURE)))
 
 
 @kernel
 def true_airspeed(mach: float, air_temperature: float) -> float:
-    """True airspeed [m/s] at ``mach`` in air of ``air_temperature`` [K]: V = M sqrt(1.4 R T)."""
+    """Return the true airspeed [m/s] at ``mach`` in air of ``air_temperature`` [K]: V = M sqrt(1.4 R T)."""
     return mach * math.sqrt(1.4 * GAS_CONSTANT * air_temperature)
 
 
 @kernel
 def equivalent_airspeed(dynamic_pressure: float) -> float:
-    """Equivalent airspeed [m/s]: V_e = sqrt(2 q / rho_0), ``dynamic_pressure`` in Pa."""
+    """Return the equivalent airspeed [m/s]: V_e = sqrt(2 q / rho_0), ``dynamic_pressure`` in Pa."""
     return math.sqrt(2.0 * max(dynamic_pressure, 0.0) / SEA_LEVEL_DENSITY)
 
 
 @kernel
 def flight_path_angle(theta: float, phi: float, alpha: float, beta: float) -> float:
-    """Angle [rad] of the path through the air above the horizon, from attitude and air-flow angles [rad].
+    """Return the angle [rad] of the path through the air above the horizon, from attitude and air-flow angles [rad].
 
     sin(gamma) = cos a cos b sin theta - sin b sin phi cos theta - sin a cos b cos phi cos theta
     """

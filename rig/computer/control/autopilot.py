@@ -19,11 +19,11 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from rig.computer.control.gains import COLUMNS, Gains
-from rig.computer.control.law import fly
+from rig.computer.control.law import control_law
 from rig.computer.control.state import ANGLE, PARAM, PATH, STATE, STICK, ControlData
-from rig.computer.fdi.settings import Config as Tolerant
-from rig.computer.fdi.settings import parameters as fdi_parameters
 from rig.computer.fdi.state import STATE as FDI_STATE
+from rig.computer.fdi.state import Config as Tolerant
+from rig.computer.fdi.state import parameters as fdi_parameters
 from rig.frame import SURFACES, Block, nested
 from rig.settings import Settings
 
@@ -89,14 +89,14 @@ class Control:
 
     @property
     def data(self) -> ControlData:
-        """What ``flying.fly`` needs besides the row."""
+        """What ``control_law`` needs besides the row."""
         fdi = (self.fdi_param, self.fdi)
         return ControlData(self.pressures, self.table, self.param, self.state, self.gain, *fdi)
 
     def step(self, block: Block, k: int) -> None:
-        """Write what ``flying.fly`` writes of row ``k`` from its voted signals and demands."""
+        """Write what ``control_law`` writes of row ``k`` from its voted signals and demands."""
         row = nested(block)[k]
-        fly(row["bus"], row["fcc"], self.data)
+        control_law(row["bus"], row["fcc"], self.data)
 
 
 def _parameters(

@@ -35,7 +35,7 @@ _RELEASE_S: Final = 0.5  # how fast a blind law lets the elevator go to its inte
 
 @kernel
 def needed(source, param):
-    """What the back-up law must fly on; NOT_NEEDED while the pitch rate can be had."""
+    """Return what the back-up law must fly on; NOT_NEEDED while the pitch rate can be had."""
     if source[sig.Q] != Source.DEGRADED:
         return NOT_NEEDED
     if param[0]["attitude_rates"] != 0 and source[sig.THETA] != Source.DEGRADED and source[sig.PHI] != Source.DEGRADED:
@@ -47,7 +47,7 @@ def needed(source, param):
 
 @kernel
 def elevator(sensor, law, param, state, gain, measured, command):
-    """One frame of the back-up law: writes the elevator, its integral and the observer in ``state``.
+    """Fly one frame by the back-up law: write the elevator, its integral and the observer in ``state``.
 
     sensor : LOAD, ALPHA or BLIND; gain (G,) : scheduled gains; command (C,) : reads the pitch rate
     """
@@ -86,7 +86,7 @@ def elevator(sensor, law, param, state, gain, measured, command):
 
 @kernel
 def wanted_load(law, param, state, measured, command):
-    """Load factor [g] to fly, and that which keeps the attitude: n = cos(theta) cos(phi) + V q / g.
+    """Return the load factor [g] to fly, and that which keeps the attitude: n = cos(theta) cos(phi) + V q / g.
 
     By stick what the pitch rate command asks; engaged what brings climb rate and altitude to their references,
     n = n_turn + (2 D w (climb_r - climb) + w^2 (altitude_r - altitude)) / g, the altitude only if it is held.

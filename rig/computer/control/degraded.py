@@ -1,6 +1,6 @@
 """Degraded modes: what replaces a signal that is lost and has no usable reference.
 
-    pitch, roll and yaw rate    from the rates of the attitude angles, smoothed (rates.py); attitude lost too:
+    pitch, roll and yaw rate    from the rates of the attitude angles, smoothed (``estimate``); attitude lost too:
                                 roll and yaw rate are the model's alone, and the back-up law needs no pitch rate
     angle_of_attack             from the load factor and the designed lift slope; lost too: that of 1 g flight
     normal_load_factor          from the angle of attack as well; lost too: that of level flight
@@ -25,7 +25,6 @@ from rig.computer.analytic.flight_path import SLOWEST, pitch_rate_of, pitching, 
 from rig.computer.control import laws
 from rig.computer.control.airdata import flight_path_angle
 from rig.computer.control.laws import clamp
-from rig.computer.control.rates import estimate
 from rig.computer.control.source import carry, put
 from rig.frame import COMMANDS, Source, sig
 from rig.kernels import kernel
@@ -37,6 +36,8 @@ _C_P, _C_BETA, _C_PSI, _C_GAMMA = (
 )
 _FLATTEST: Final = 0.5  # cosine; divisions by the cosine of an attitude take at least this
 _HASTE: Final = 0.3  # of the time in which an estimated bank is erected, when the roll rate is the model's alone
+# Pitch, roll and yaw rate are signals 0, 1 and 2, and so are the surfaces that move them.
+_MODEL: Final = (laws.Q_ALPHA, laws.P_BETA, laws.R_BETA)  # the first of three gains of each axis
 _LEAST_SLOPE: Final = 1.0  # g per rad; divisions by the lift slope take at least this
 
 
@@ -80,7 +81,7 @@ def substitute(fcc, param, state, gain):
 
 @kernel
 def body_rates(fcc, param, state, gain):
-    """Estimates of lost body rates from their references, else from the rates of the attitude angles.
+    """Estimate lost body rates from their references, else from the rates of the attitude angles.
 
     Without a heading the turn counts as coordinated; without an attitude nothing is said of the rates.
     """
@@ -98,16 +99,46 @@ def body_rates(fcc, param, state, gain):
         rate_of_pitch = math.nan
     pitch, yaw = pitch_rate_of(rate_of_pitch, turning, theta, phi), yaw_rate_of(rate_of_pitch, turning, theta, phi)
     roll = roll_rate_of(rolling, turning, theta) + 0.0 * rate_of_pitch
-    for i, said in ((sig.Q, pitch), (sig.P, roll), (sig.R, yaw)):
+    for i, rate in ((sig.Q, pitch), (sig.P, roll), (sig.R, yaw)):
         if source[i] == Source.REFERENCE:
             estimate(i, reference[i], Source.REFERENCE, param, state, gain)
-        elif source[i] == Source.DEGRADED and (i != sig.Q or math.isfinite(said)):
-            estimate(i, said, Source.DEGRADED, param, state, gain)
+        elif source[i] == Source.DEGRADED and (i != sig.Q or math.isfinite(rate)):
+            estimate(i, rate, Source.DEGRADED, param, state, gain)
+
+
+@kernel
+def estimate(i, other, source, param, state, gain):
+    """Estimate signal ``i``, a body rate, by its ``other`` source: attitude or reference (NaN: nothing).
+
+    A rate from attitudes or from a reference is noisy, and a filter that is slow enough for the surfaces costs the loop
+    its phase.  The designed model of the axis bridges it: an observer with an unknown constant,
+
+        x' = K_i incidence + K_x x + K_s surface + b + 2 w (other - x)      b' = w^2 (other - x)
+
+    incidence is the angle of attack or of sideslip, surface the commanded one behind its actuator's lag.  The estimate
+    goes on from the last measurement; without another source the model alone goes on.
+    """
+    s, c = state[0], param[0]
+    measured, surface, bias, deflection = s["measured"], s["surface"], s["rate_bias"], s["deflection"]
+    x, k = measured[i], _MODEL[i]
+    if not math.isfinite(x):
+        x = other if math.isfinite(other) else 0.0
+    model = gain[k] * measured[sig.ALPHA if i == 0 else sig.BETA] + gain[k + 1] * x
+    if s["source"][i] == Source.VOTED or s["started"] == 0:
+        deflection[i] = surface[i]
+        bias[i] = -model - gain[k + 2] * deflection[i]
+    model += gain[k + 2] * deflection[i] + bias[i]
+    deflection[i] += min(c["dt"] / c["lag"][i], 1.0) * (surface[i] - deflection[i])
+    w = c["rate_bandwidth"]
+    if math.isfinite(other):
+        bias[i] += c["dt"] * w * w * (other - x)
+        model += 2.0 * w * (other - x)
+    carry(i, x + c["dt"] * model, source, state)
 
 
 @kernel
 def pitch_angle(source, param, state):
-    """Pitch angle [rad] without its sensor: the rates' integral, drawn to angle of attack plus climb angle."""
+    """Return the pitch angle [rad] by the rates' integral, drawn to angle of attack plus climb angle."""
     s, c = state[0], param[0]
     measured = s["measured"]
     phi = measured[sig.PHI]
@@ -124,7 +155,7 @@ def pitch_angle(source, param, state):
 
 @kernel
 def roll_angle(source, param, state):
-    """Roll angle [rad] without its sensor: the rates' integral, drawn to the bank of the present turn.
+    """Return the roll angle [rad] without its sensor: the rates' integral, drawn to the bank of the present turn.
 
     sin(bank) = V (r - p tan(alpha)) / g in coordinated flight; without a yaw rate it is drawn to wings level.
     """
@@ -145,7 +176,7 @@ def roll_angle(source, param, state):
 
 @kernel
 def turn_sine(state):
-    """Sine of the bank at which the present yaw rate is that of a coordinated turn."""
+    """Return the sine of the bank at which the present yaw rate is that of a coordinated turn."""
     s = state[0]
     measured = s["measured"]
     turn = measured[sig.R] - measured[sig.P] * math.tan(measured[sig.ALPHA])
@@ -154,13 +185,13 @@ def turn_sine(state):
 
 @kernel
 def lift_angle(load, gain):
-    """Angle of attack [rad] at which the wing carries ``load`` [g]."""
+    """Return the angle of attack [rad] at which the wing carries ``load`` [g]."""
     return gain[laws.TRIM_ALPHA] + (load - 1.0) / max(gain[laws.LIFT_SLOPE], _LEAST_SLOPE)
 
 
 @kernel
 def angle_of_attack(source, gain, state):
-    """Angle of attack [rad] from the load factor, of 1 g flight when that is lost too."""
+    """Return the angle of attack [rad] from the load factor, of 1 g flight when that is lost too."""
     s = state[0]
     load = s["measured"][sig.N_Z] if source[sig.N_Z] != Source.DEGRADED else 1.0
     return lift_angle(load, gain) + s["lift_error"]
@@ -168,7 +199,7 @@ def angle_of_attack(source, gain, state):
 
 @kernel
 def load_factor(source, gain, state):
-    """Normal load factor [g] from the angle of attack; of level flight when that is lost too."""
+    """Return the normal load factor [g] from the angle of attack; of level flight when that is lost too."""
     s = state[0]
     measured = s["measured"]
     if source[sig.ALPHA] == Source.DEGRADED:
@@ -178,7 +209,7 @@ def load_factor(source, gain, state):
 
 @kernel
 def static_pressure(param, state):
-    """Static pressure [Pa] reckoned on from the climb: p' = -rho g V sin(gamma), rho = 2 q_bar / V^2."""
+    """Return the static pressure [Pa] reckoned on from the climb: p' = -rho g V sin(gamma), rho = 2 q_bar / V^2."""
     s = state[0]
     measured, speed = s["measured"], max(s["airspeed"], SLOWEST)
     gamma = (
@@ -191,7 +222,7 @@ def static_pressure(param, state):
 
 @kernel
 def follow(param, state):
-    """Filters on the attitude, whose rates may be needed in the next frame."""
+    """Filter the attitude, whose rates may be needed in the next frame."""
     s, c = state[0], param[0]
     measured, share = s["measured"], c["dt"] / (c["attitude_filter"] + c["dt"])
     first = s["started"] == 0
@@ -206,7 +237,7 @@ def follow(param, state):
 
 @kernel
 def learn(param, state, gain, command):
-    """What the substitutes are wrong by, while all signals are known."""
+    """Learn what the substitutes are wrong by, while all signals are known."""
     s, share = state[0], param[0]["learning_share"]
     measured = s["measured"]
     lift = measured[sig.ALPHA] - lift_angle(measured[sig.N_Z], gain)

@@ -124,22 +124,22 @@ class Gains(Settings):
         return self
 
     def table(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Dynamic pressures (P,) [Pa] and the gains there (P, len(COLUMNS))."""
+        """Return dynamic pressures (P,) [Pa] and the gains there (P, len(COLUMNS))."""
         return gain_schedule.table(self.points, COLUMNS)
 
 
 def read(path: Path) -> Gains:
-    """The gains.toml at ``path``; BadInput when it is missing or cannot be used."""
+    """Read the gains.toml at ``path``; BadInput when it is missing or cannot be used."""
     return build(Gains, read_toml(path), str(path))
 
 
 def write(gains: Gains, path: Path) -> None:
-    """gains.toml: every number with the digits that give it back exactly; same design, same bytes."""
+    """Write gains.toml: every number with the digits that give it back exactly; same design, same bytes."""
     write_text(path, render(gains))
 
 
 def render(gains: Gains) -> str:
-    """The text of gains.toml."""
+    """Return the text of gains.toml."""
     data = gains.model_dump()
     points, below = data.pop("points"), data.pop("below")
     lines = ["# Written by the design from aircraft.toml; do not edit.", "# Margins: dB, degrees, rad/s.", ""]

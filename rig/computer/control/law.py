@@ -35,8 +35,8 @@ _ALPHA_APPROACH_1_S: Final = 2.0  # pitch rate allowed per angle left to the alp
 
 
 @kernel
-def fly(bus, fcc, data):
-    """One frame of the control law.
+def control_law(bus, fcc, data):
+    """Fly one frame: signals to surfaces.
 
     bus, fcc : the row's BUS and FCC records; reads demand, inertial, voted, level, reference, reference_usable,
                discrete_voted; writes source, command, surface, law, estimate, trust, lie
@@ -99,7 +99,7 @@ def keep_demand(demand, state):
 
 @kernel
 def complete(measured):
-    """Whether every signal has a value."""
+    """Return True if every signal has a value."""
     missing = 0
     for i in range(S):
         missing += 0 if math.isfinite(measured[i]) else 1
@@ -108,7 +108,7 @@ def complete(measured):
 
 @kernel
 def air_data(measured, command):
-    """Pressure altitude, equivalent and true airspeed, flight-path angle into ``command``."""
+    """Write pressure altitude, equivalent and true airspeed, flight-path angle to ``command``."""
     altitude = pressure_altitude(measured[sig.P_S])
     mach = mach_number(measured[sig.P_S], measured[sig.Q_BAR])
     command[_C_PRESSURE_ALTITUDE] = altitude
@@ -121,7 +121,7 @@ def air_data(measured, command):
 
 @kernel
 def filter_slow(param, state, measured, command, first):
-    """Filters on dynamic pressure, airspeed and vertical motion; at the start they take the sample itself."""
+    """Filter dynamic pressure, airspeed and vertical motion; at the start take the sample itself."""
     s, c = state[0], param[0]
     speed, pressure, altitude = command[_C_SPEED], measured[sig.Q_BAR], command[_C_PRESSURE_ALTITUDE]
     laws.vertical_motion(altitude, vertical_acceleration(measured), c["climb_crossover"], c["dt"], state)
@@ -136,7 +136,7 @@ def filter_slow(param, state, measured, command, first):
 
 @kernel
 def vertical_acceleration(measured):
-    """Upward acceleration [m/s2] from the load factors and the attitude."""
+    """Return the upward acceleration [m/s2] from the load factors and the attitude."""
     theta, phi = measured[sig.THETA], measured[sig.PHI]
     load = measured[sig.N_X] * math.sin(theta) - measured[sig.N_Y] * math.sin(phi) * math.cos(theta)
     load += measured[sig.N_Z] * math.cos(phi) * math.cos(theta)
@@ -164,7 +164,7 @@ def begin_path(state, gain, measured):
 
 @kernel
 def outer(param, state, gain, measured, command, law):
-    """Demands or sticks to pitch rate, roll rate and sideslip commands.
+    """Turn demands or sticks into pitch rate, roll rate and sideslip commands.
 
     On the ground the autopilot's pitch and roll attitude commands stay as they are.
     """
@@ -209,7 +209,7 @@ def outer(param, state, gain, measured, command, law):
 
 @kernel
 def pitch_rate(param, state, gain, measured, command, vertical, speed):
-    """Pitch rate command from the stick or the pitch attitude error, within load factor and alpha."""
+    """Command a pitch rate from the stick or the pitch attitude error, within load factor and alpha."""
     c = param[0]
     per_load = GRAVITY / speed
     most, least = c["max_load_factor"] - 1.0, c["min_load_factor"] - 1.0
@@ -229,7 +229,7 @@ def pitch_rate(param, state, gain, measured, command, vertical, speed):
 
 @kernel
 def roll_rate(gain, measured, command, lateral):
-    """Roll rate command from the stick or, the short way round, from the roll attitude error."""
+    """Command a roll rate from the stick or, the short way round, from the roll attitude error."""
     most = gain[laws.MAX_ROLL_RATE]
     if lateral == STICK:
         command[_C_P] = measured[sig.D_R] * most
@@ -240,7 +240,7 @@ def roll_rate(gain, measured, command, lateral):
 
 @kernel
 def inner(param, state, gain, measured, command, source, law, fresh):
-    """Rate, sideslip and airspeed errors to surfaces; ``fresh`` starts the integrators without a jump.
+    """Turn rate, sideslip and airspeed errors into surfaces; ``fresh`` starts the integrators without a jump.
 
     On the ground the integrators stand still.
     """

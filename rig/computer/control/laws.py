@@ -65,7 +65,7 @@ _STEEP: Final = 0.5  # cosine of the bank up to which a level turn is made up fo
 
 @kernel
 def clamp(x, low, high):
-    """``x`` within [low, high]."""
+    """Return ``x`` within [low, high]."""
     if x < low:
         return low
     if x > high:
@@ -75,7 +75,7 @@ def clamp(x, low, high):
 
 @kernel
 def turn_pitch_rate(phi, theta, airspeed):
-    """Pitch rate of a level turn at bank ``phi``: q = (g / V) cos(theta) sin(phi)^2 / cos(phi).
+    """Return the pitch rate of a level turn at bank ``phi``: q = (g / V) cos(theta) sin(phi)^2 / cos(phi).
 
     Beyond 60 degrees of bank no level turn is assumed: the value fades to zero at 90 degrees.
     """
@@ -90,25 +90,25 @@ def turn_pitch_rate(phi, theta, airspeed):
 
 @kernel
 def turn_roll_rate(phi, theta, airspeed):
-    """Roll rate of a level turn about body axes that point up: p = -(g / V) tan(phi) sin(theta)."""
+    """Return the roll rate of a level turn about body axes that point up: p = -(g / V) tan(phi) sin(theta)."""
     return -GRAVITY / airspeed * math.sin(phi) / max(math.cos(phi), _STEEP) * math.sin(theta)
 
 
 @kernel
 def turn_yaw_rate(phi, theta, airspeed):
-    """Yaw rate of a coordinated turn: r = (g / V) sin(phi) cos(theta)."""
+    """Return the yaw rate of a coordinated turn: r = (g / V) sin(phi) cos(theta)."""
     return GRAVITY / airspeed * math.sin(phi) * math.cos(theta)
 
 
 @kernel
 def bank_for_heading(error, gain, airspeed, max_bank):
-    """Bank that turns the short way towards the heading ``error`` [rad] away: turn rate = gain * error."""
+    """Return the bank that turns the short way towards the heading ``error`` [rad] away: turn rate = gain * error."""
     return clamp(gain * wrap(error) * airspeed / GRAVITY, -max_bank, max_bank)
 
 
 @kernel
 def vertical_motion(altitude, acceleration, crossover, dt, state):
-    """Climb rate from pressure altitude [m] and vertical acceleration [m/s2], each where it is good.
+    """Estimate the climb rate from pressure altitude [m] and vertical acceleration [m/s2], each where it is good.
 
     A complementary filter of third order, all poles at ``crossover`` [rad/s]: below it the altitude
     counts, above it the acceleration; a constant error of the acceleration is estimated and taken off.
@@ -143,7 +143,7 @@ def approach(target, gain, highest, acceleration, dt, state):
 
 @kernel
 def path_pitch(theta, airspeed, steepest, gain, dt, state):
-    """Pitch attitude that keeps the aircraft on its altitude reference, by state feedback.
+    """Return the pitch attitude that keeps the aircraft on its altitude reference, by state feedback.
 
         theta_c = w + g - K_pitch (theta - g) - K_climb (climb - g) + K_altitude (reference - altitude) / V
 
@@ -163,7 +163,7 @@ def path_pitch(theta, airspeed, steepest, gain, dt, state):
 
 @kernel
 def integrate(integral, change, proportional, low, high):
-    """The integrator after one frame; it never pushes the surface past a stop, nor further past it."""
+    """Return the integrator after one frame; it never pushes the surface past a stop, nor further past it."""
     moved = integral + change
     position = moved - proportional
     if position > high and change > 0.0:
@@ -175,7 +175,7 @@ def integrate(integral, change, proportional, low, high):
 
 @kernel
 def move(integral, change, proportional, i, limits, surface, fresh):
-    """New integrator of surface ``i``; sets ``surface[i]`` = integral - proportional, within its stops.
+    """Return the integrator of surface ``i``; set ``surface[i]`` = integral - proportional, within its stops.
 
     When ``fresh`` the surface stays and the integrator becomes what keeps it there.
     """

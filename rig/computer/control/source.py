@@ -22,14 +22,14 @@ _WRAPS: Final = np.array([1 if signal.wraps else 0 for signal in SIGNALS])
 
 @kernel
 def select(fcc, param, state):
-    """Take every signal that is known, and say in ``fcc["source"]`` where from.  Returns how many are lost.
+    """Take every signal that is known, and write to ``fcc["source"]`` where from.  Return how many are lost.
 
     fcc : an FCC record, reads voted, level, reference, reference_usable; writes source
     param, state : one record of PARAM and of STATE; writes measured of what is Source.VOTED or Source.REFERENCE, except
-                   body rates by reference: those are estimated, see rates.py
+                   body rates by reference: those are estimated, see degraded.estimate
     A value that is not finite is not taken: the last one stays.
     """
-    voted, level, told = fcc["voted"], fcc["level"], fcc["source"]
+    voted, level, sources = fcc["voted"], fcc["level"], fcc["source"]
     reference, usable = fcc["reference"], fcc["reference_usable"]
     lost = 0
     for i in range(S):
@@ -37,7 +37,7 @@ def select(fcc, param, state):
         if level[i] == 0:
             lost += 1
             value = reference[i]
-        told[i] = source
+        sources[i] = source
         if source == Source.VOTED or (source == Source.REFERENCE and i > sig.R):  # after the body rates
             put(i, value, source, param, state)
     return lost
@@ -45,7 +45,7 @@ def select(fcc, param, state):
 
 @kernel
 def source_of(level, usable, reference):
-    """Where a signal with ``level`` channels comes from."""
+    """Return where a signal with ``level`` channels comes from."""
     if level != 0:
         return Source.VOTED
     return Source.REFERENCE if usable != 0 and math.isfinite(reference) else Source.DEGRADED

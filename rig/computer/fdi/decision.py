@@ -1,4 +1,4 @@
-"""Whether the sensor is trusted: two tests of its innovation, the way back, and the path as arbiter.
+"""The trust in the sensor: two tests of its innovation, the way back, and the path as arbiter.
 
     jump   |e| > n sigma in ``persistence`` frames running
     ramp   the CUSUM of |e| / sigma, at most n, beyond ``ramp_sigma`` exceeds ``ramp_s`` [sigma seconds]: needs no jump
@@ -32,8 +32,8 @@ _STRAY: Final = 3.0  # of ``near``, that one sample may be off while the sensor 
 
 
 @kernel
-def innovate(c, w, said, x):
-    """Innovations [rad] of what the sensor ``said`` and their sigma.
+def innovate(c, w, measured, x):
+    """Compute the innovations [rad] of the pitch angle ``measured`` and their sigma.
 
     c, w : a PARAM and a STATE record; x : (S,) signals
     """
@@ -41,37 +41,37 @@ def innovate(c, w, said, x):
     w["turning"] += min(dt / c["lag"], 1.0) * (abs(x[sig.Q]) + abs(x[sig.R]) - w["turning"])
     turn_error = c["turn_error"] + rate_bias.bank_error(w, x)
     timing, turning = e["rate"] * c["timing"], w["turning"] * turn_error * c["lag"]
-    w["innovation"], w["second_innovation"] = said - e["theta"], said - w["second"]["theta"]
+    w["innovation"], w["second_innovation"] = measured - e["theta"], measured - w["second"]["theta"]
     w["sigma"] = math.sqrt(e["p"][0, 0] + c["floor"] * c["floor"] + timing * timing + turning * turning)
 
 
 @kernel
-def decide(known, heard, c, w, said, path):
+def decide(rates_voted, path_voted, c, w, measured, path):
     """Move ``trust``.
 
-    known : rates and bank are voted; heard : all of the path is; said, path : what sensor and path say of theta [rad]
+    rates_voted : rates and bank are; path_voted : all of the path is; measured, path : theta [rad] by sensor and path
     """
     e, dt = w["filter"], c["filter"]["dt"]
     size = abs(w["innovation"]) / w["sigma"]
-    share = dt / (_ARBITER_S + dt) if heard else 0.0
-    w["sensor_off_path"] += share * (path - e["path"] - said - w["sensor_off_path"])
+    share = dt / (_ARBITER_S + dt) if path_voted else 0.0
+    w["sensor_off_path"] += share * (path - e["path"] - measured - w["sensor_off_path"])
     w["theta_off_path"] += share * (path - e["path"] - e["theta"] - w["theta_off_path"])
     before = w["recent"]
     w["recent"] += dt / (_RECENT_S + dt) * (w["innovation"] - w["recent"])
     if w["trust"] == Trust.CORRECTED:
-        clear_or_withdraw(c, w, said)
+        clear_or_withdraw(c, w, measured)
     elif w["trust"] == Trust.WITHDRAWN:
         w["agreed"] = w["agreed"] + 1 if size < c["jump_sigma"] else 0
         if w["agreed"] >= c["return_frames"]:
             w["trust"] = Trust.TRUSTED
-    elif not known:  # nothing can test it: follow the sensor
-        w["over"], w["cusum"], e["theta"] = 0, 0.0, said
+    elif not rates_voted:  # nothing can test it: follow the sensor
+        w["jump_frames"], w["cusum"], e["theta"] = 0, 0.0, measured
         forget(c["filter"], e, c["floor"])
     else:
-        w["over"] = w["over"] + 1 if size > c["jump_sigma"] else 0
+        w["jump_frames"] = w["jump_frames"] + 1 if size > c["jump_sigma"] else 0
         w["cusum"] = max(0.0, w["cusum"] + (min(size, c["jump_sigma"]) - c["ramp_sigma"]) * dt)
         keep(c, w)
-        if w["over"] >= c["persistence"] or w["cusum"] > c["ramp_s"]:
+        if w["jump_frames"] >= c["persistence"] or w["cusum"] > c["ramp_s"]:
             if rate_bias.confirmed(w):
                 declare(w, before)
             elif rate_bias.refuted(w):
@@ -95,20 +95,20 @@ def keep(c, w):
 
 @kernel
 def declare(w, before):
-    """Declare a sensor fault; ``before`` : its smoothed innovation before this frame, by which a jump is known."""
+    """Declare a sensor fault; ``before`` : its smoothed innovation before this frame, by which a jump is told."""
     new = abs(w["innovation"] - before)
     if new < rate_bias.SUDDEN * abs(w["innovation"]):
         e = w["filter"]
         e["drift"], e["path"] = w["kept"][KEPT - 1, 0], w["kept"][KEPT - 1, 1]
         e["p"][0, 0] += w["innovation"] * w["innovation"]
-    w["trust"], w["agreed"], w["over"], w["cusum"] = Trust.CORRECTED, 0, 0, 0.0
+    w["trust"], w["agreed"], w["jump_frames"], w["cusum"] = Trust.CORRECTED, 0, 0, 0.0
     w["sensor_off_path"] = w["theta_off_path"] = 0.0
     w["recent"], w["worst"] = w["innovation"], abs(w["innovation"])
     fault_estimate.suspect(w)
 
 
 @kernel
-def clear_or_withdraw(c, w, said):
+def clear_or_withdraw(c, w, measured):
     """Revert to the sensor when it has come back, or when the path agrees with it."""
     e = w["filter"]
     margin = max(_ARBITER_LEAST_RAD, _ARBITER_SIGMA * math.sqrt(e["gust_variance"]))
@@ -117,16 +117,16 @@ def clear_or_withdraw(c, w, said):
     back = abs(w["recent"]) < near and abs(w["innovation"]) < _STRAY * c["near"]
     w["agreed"] = w["agreed"] + 1 if back else 0
     if abs(w["theta_off_path"]) > abs(w["sensor_off_path"]) + margin:
-        revert(c, w, said, Trust.WITHDRAWN)
-        e["theta"], e["drift"] = said, 0.0
+        revert(c, w, measured, Trust.WITHDRAWN)
+        e["theta"], e["drift"] = measured, 0.0
         forget(c["filter"], e, c["floor"])
     elif w["agreed"] >= c["return_frames"]:
-        revert(c, w, said, Trust.TRUSTED)
+        revert(c, w, measured, Trust.TRUSTED)
 
 
 @kernel
-def revert(c, w, said, trust):
-    """The law flies on the sensor again, faded from the estimate."""
-    w["fade"], w["fade_left"] = w["filter"]["theta"] - said, c["fade_frames"]
-    w["trust"], w["agreed"], w["over"], w["cusum"] = trust, 0, 0, 0.0
+def revert(c, w, measured, trust):
+    """Let the law fly on the sensor again, faded from the estimate."""
+    w["fade"], w["fade_left"] = w["filter"]["theta"] - measured, c["fade_frames"]
+    w["trust"], w["agreed"], w["jump_frames"], w["cusum"] = trust, 0, 0, 0.0
     fault_estimate.clear(w)

@@ -1,4 +1,4 @@
-"""What a lying sensor says of the true angle: sensor = F theta + o.
+"""The error of a faulty sensor: sensor = F theta + o.
 
 Recursive least squares on effectiveness F and offset o, with the estimate as theta.  At one angle the two
 cannot be told apart; a flight that pitches tells.  While the fault still grows nothing is learned for good.
@@ -23,15 +23,15 @@ _SURE: Final = 3.0  # sigma
 
 @kernel
 def suspect(w):
-    """A fault of unknown kind; w : a STATE record."""
+    """Begin with a fault of unknown kind; w : a STATE record."""
     w["effectiveness"], w["offset"], w["misfit"] = 1.0, 0.0, 0.0
     reopen(w)
 
 
 @kernel
 def reopen(w):
-    """Any effectiveness and any offset again."""
-    p = w["lie"]
+    """Allow any effectiveness and any offset again."""
+    p = w["fault_covariance"]
     p[0] = max(p[0], _FIRST_EFFECTIVENESS * _FIRST_EFFECTIVENESS)
     p[1] = max(p[1], _FIRST_OFFSET_RAD * _FIRST_OFFSET_RAD)
     p[2] = 0.0
@@ -39,17 +39,17 @@ def reopen(w):
 
 @kernel
 def clear(w):
-    """The sensor is good."""
-    p = w["lie"]
+    """Forget the fault: the sensor is good."""
+    p = w["fault_covariance"]
     w["effectiveness"], w["offset"] = 1.0, 0.0
     p[0] = p[1] = p[2] = 0.0
 
 
 @kernel
-def learn(c, w, said):
-    """One frame of the least squares on what the sensor ``said`` [rad]; an old misfit opens them again."""
-    p, dt, theta = w["lie"], c["filter"]["dt"], w["filter"]["theta"]
-    off = said - w["effectiveness"] * theta - w["offset"]
+def learn(c, w, measured):
+    """Move the least squares by a frame with the angle ``measured`` [rad]; an old misfit opens them again."""
+    p, dt, theta = w["fault_covariance"], c["filter"]["dt"], w["filter"]["theta"]
+    off = measured - w["effectiveness"] * theta - w["offset"]
     w["misfit"] += dt / (_MISFIT_S + dt) * (off - w["misfit"])
     if abs(w["misfit"]) > _SURE * c["floor"]:
         reopen(w)
@@ -66,8 +66,8 @@ def learn(c, w, said):
 
 @kernel
 def name(w):
-    """A ``frame.Lie``: which of the two is off for certain."""
-    p = w["lie"]
+    """Return a ``frame.Lie``: which of the two is off for certain."""
+    p = w["fault_covariance"]
     if p[0] <= 0.0 or p[1] <= 0.0:
         return Lie.NONE
     scaled = abs(w["effectiveness"] - 1.0) > _SURE * math.sqrt(p[0])

@@ -18,8 +18,7 @@ import math
 from typing import Final
 
 from rig.computer.analytic.flight_path import pitching
-from rig.computer.analytic.pitch_filter import path_innovation, predict_by
-from rig.computer.analytic.pitch_mean import carry, move
+from rig.computer.analytic.pitch_filter import carry, move, path_innovation, predict_by
 from rig.computer.analytic.unit_bank import (
     SAME_RAD_S,
     SMOOTH_S,
@@ -44,10 +43,10 @@ _BANK_ERROR: Final = 0.05  # rad, of the unit's bank angle: of the rate of turn 
 
 
 @kernel
-def turn(c, w, known, headed, inertial, x, gyros):
+def turn(c, w, rates_voted, heading_voted, inertial, x, gyros):
     """Propagate both means by their rates; c, w : a PARAM and a STATE record.
 
-    known, headed : rates and bank are voted, and so is the heading
+    rates_voted, heading_voted : rates and bank are voted, and so is the heading
     inertial : quantities of frame.INERTIAL; x : (S,) signals
     gyros : which are in the vote, any number that changes with it
     """
@@ -56,19 +55,19 @@ def turn(c, w, known, headed, inertial, x, gyros):
     if w["rates"] == GYROS_ALONE or e["frames"] == 0:
         u["roll_angle"], u["settled"] = x[sig.PHI], 0.0
     if valid:
-        follow_unit(inertial, x, e["theta"], headed and w["rates"] == BOTH, dt, u)
+        follow_unit(inertial, x, e["theta"], heading_voted and w["rates"] == BOTH, dt, u)
     else:
         lose_unit(w)
-    if valid and known:
+    if valid and rates_voted:
         compare_banks(w, x[sig.PHI], dt)
     bank = bank_by(u)
     phi = x[sig.PHI] if w["rates"] != UNIT_ALONE and bank_agrees(w, x) else bank
     rate = pitching(x[sig.Q], x[sig.R] - e["yaw_drift"], x[sig.PHI])
     other = pitching(u["pitch_rate"], u["yaw_rate"], phi)
-    if valid and known:
+    if valid and rates_voted:
         compare(c, w, rate - other)
-    tilt = pitching(u["pitch_rate"], u["yaw_rate"], bank) - other
-    w["tilt"] += dt * (tilt - w["tilt"] / max(c["lag"], dt))
+    bank_effect = pitching(u["pitch_rate"], u["yaw_rate"], bank) - other
+    w["bank_effect"] += dt * (bank_effect - w["bank_effect"] / max(c["lag"], dt))
     last = m["rate"] if e["frames"] > 0 else other
     carry(dt, m, other, last, dt * math.cos(phi), dt * math.cos(phi) * u["pitch_rate"])
     m["rate"] = other
@@ -80,15 +79,15 @@ def turn(c, w, known, headed, inertial, x, gyros):
 
 @kernel
 def lose_unit(w):
-    """The unit gives no number: the filter integrates the gyros."""
+    """Integrate the gyros, as the unit gives no number."""
     if w["rates"] == UNIT_ALONE:
-        drive(w, w["apart"], w["usual"])
-    w["rates"], w["similar"], w["unit"]["started"] = GYROS_ALONE, 0, 0
+        drive(w, w["rate_difference"], w["usual_rate_difference"])
+    w["rates"], w["usual_frames"], w["unit"]["started"] = GYROS_ALONE, 0, 0
 
 
 @kernel
 def bank_agrees(w, x):
-    """Whether the voted bank angle is near that of the unit."""
+    """Return True if the voted bank angle is near that of the unit."""
     return abs(wrap(x[sig.PHI] - bank_by(w["unit"]))) < _BANK_RAD
 
 
@@ -104,13 +103,13 @@ def compare_banks(w, voted, dt):
     """Smooth the difference of the ``voted`` bank angle [rad] from that by the unit, and learn the usual one."""
     u = w["unit"]
     learn_bank(u, wrap(voted - u["roll_angle"]), w["rates"] == BOTH and w["trust"] == Trust.TRUSTED, dt)
-    w["bank_apart"] += dt / (SMOOTH_S + dt) * (wrap(voted - bank_by(u)) - w["bank_apart"])
+    w["bank_difference"] += dt / (SMOOTH_S + dt) * (wrap(voted - bank_by(u)) - w["bank_difference"])
 
 
 @kernel
 def returning(w):
-    """Whether rates that are as usual show that they are in order: in straight flight, or when a bank angle agrees."""
-    agrees = w["bank_suspected"] != 0 and abs(w["bank_apart"]) < _SAME_BANK_RAD
+    """Return True if rates as usual prove that they are in order: in straight flight, or when a bank angle agrees."""
+    agrees = w["bank_suspected"] != 0 and abs(w["bank_difference"]) < _SAME_BANK_RAD
     return w["rates"] != UNIT_ALONE or agrees or abs(w["unit"]["roll_angle"]) < STRAIGHT_RAD
 
 
@@ -118,15 +117,15 @@ def returning(w):
 def compare(c, w, difference):
     """Smooth the ``difference`` of the two rates [rad/s], learn the usual one, count the frames that are as usual."""
     dt = c["filter"]["dt"]
-    w["apart"] += dt / (SMOOTH_S + dt) * (difference - w["apart"])
-    off = w["apart"] - w["usual"]
+    w["rate_difference"] += dt / (SMOOTH_S + dt) * (difference - w["rate_difference"])
+    off = w["rate_difference"] - w["usual_rate_difference"]
     if abs(off) >= SAME_RAD_S:
-        w["similar"], w["differ"] = 0, 1
+        w["usual_frames"], w["unusual"] = 0, 1
     else:
-        w["similar"] = w["similar"] + 1 if returning(w) else 0
+        w["usual_frames"] = w["usual_frames"] + 1 if returning(w) else 0
     if w["rates"] == BOTH:
-        w["usual_seconds"] += dt
-        w["usual"] += learned(off, w["usual_seconds"], dt)
+        w["usual_rate_seconds"] += dt
+        w["usual_rate_difference"] += learned(off, w["usual_rate_seconds"], dt)
 
 
 @kernel
@@ -138,19 +137,19 @@ def second_opinion(w):
     first, second = w["innovation"], w["second_innovation"]
     if abs(first - w["recent"]) >= SUDDEN * abs(first):
         return second
-    return min(second, second - w["tilt"]) if first > 0.0 else max(second, second - w["tilt"])
+    return min(second, second - w["bank_effect"]) if first > 0.0 else max(second, second - w["bank_effect"])
 
 
 @kernel
 def confirmed(w):
-    """Whether the second residual confirms a sensor fault that the first one shows, or cannot be asked."""
+    """Return True if the second residual confirms a sensor fault that the first one shows, or cannot be asked."""
     first = w["innovation"]
     return w["rates"] != BOTH or first * second_opinion(w) >= _AGREES * first * first
 
 
 @kernel
 def refuted(w):
-    """Whether the second residual shows too little of what the first one does."""
+    """Return True if the second residual shows too little of what the first one does."""
     first = w["innovation"]
     return first * second_opinion(w) < _DIFFERS * first * first
 
@@ -162,22 +161,22 @@ def follow(e, w, path):
 
 
 @kernel
-def settle(c, w, known):
+def settle(c, w, rates_voted):
     """End a frame: isolate the unit, return to BOTH, and align the second mean while it is not asked."""
     size = abs(w["second_innovation"])
-    if w["rates"] == BOTH and w["trust"] == Trust.TRUSTED and known:
+    if w["rates"] == BOTH and w["trust"] == Trust.TRUSTED and rates_voted:
         alone = w["innovation"] * w["second_innovation"] < _AGREES * size * size
-        w["second_over"] = w["second_over"] + 1 if alone and size > c["jump_sigma"] * w["sigma"] else 0
-        if w["second_over"] >= c["persistence"]:
-            w["rates"], w["similar"] = GYROS_ALONE, 0
-    elif w["rates"] != BOTH and w["similar"] >= c["return_frames"]:
+        w["second_jump_frames"] = w["second_jump_frames"] + 1 if alone and size > c["jump_sigma"] * w["sigma"] else 0
+        if w["second_jump_frames"] >= c["persistence"]:
+            w["rates"], w["usual_frames"] = GYROS_ALONE, 0
+    elif w["rates"] != BOTH and w["usual_frames"] >= c["return_frames"]:
         if w["rates"] == UNIT_ALONE:
-            drive(w, w["apart"], w["usual"])
+            drive(w, w["rate_difference"], w["usual_rate_difference"])
             w["filter"]["p"][0, 0] += w["innovation"] * w["innovation"]  # the unit's bank angle was less accurate
-        w["rates"], w["second_over"], w["tilt"] = BOTH, 0, 0.0
-        align(w, w["apart"])
-    if w["rates"] != BOTH or w["trust"] != Trust.TRUSTED or not known:
-        align(w, w["usual"] if w["rates"] == BOTH else 0.0)
+        w["rates"], w["second_jump_frames"], w["bank_effect"] = BOTH, 0, 0.0
+        align(w, w["rate_difference"])
+    if w["rates"] != BOTH or w["trust"] != Trust.TRUSTED or not rates_voted:
+        align(w, w["usual_rate_difference"] if w["rates"] == BOTH else 0.0)
 
 
 @kernel
@@ -187,16 +186,16 @@ def reject_gyros(w):
     e["theta"], e["path"], e["scale"], e["rate"] = m["theta"], m["path"], m["scale"], m["rate"]
     w["bank_suspected"] = 1 if first * w["second_innovation"] >= _DIFFERS * first * first else 0
     if w["bank_suspected"] != 0:
-        e["theta"] += w["tilt"]
-    drive(w, m["drift"] - e["drift"], -w["usual"])
-    w["differ"] = 0 if abs(w["apart"] - w["usual"]) < SAME_RAD_S else 1
-    w["rates"], w["similar"], w["over"], w["cusum"], w["recent"] = UNIT_ALONE, 0, 0, 0.0, 0.0
+        e["theta"] += w["bank_effect"]
+    drive(w, m["drift"] - e["drift"], -w["usual_rate_difference"])
+    w["unusual"] = 0 if abs(w["rate_difference"] - w["usual_rate_difference"]) < SAME_RAD_S else 1
+    w["rates"], w["usual_frames"], w["jump_frames"], w["cusum"], w["recent"] = UNIT_ALONE, 0, 0, 0.0, 0.0
 
 
 @kernel
 def biased(w):
-    """Whether a voted rate is biased: rejected for a trusted sensor, and further from the unit's than usual."""
-    return w["rates"] == UNIT_ALONE and w["trust"] == Trust.TRUSTED and w["differ"] != 0
+    """Return True if a voted rate is biased: rejected for a trusted sensor, and further from the unit's than usual."""
+    return w["rates"] == UNIT_ALONE and w["trust"] == Trust.TRUSTED and w["unusual"] != 0
 
 
 @kernel
@@ -208,7 +207,7 @@ def drive(w, change, usual):
 
 
 @kernel
-def align(w, apart):
-    """Set the second mean to the filter's, its drift less by what the two rates are ``apart`` [rad/s]."""
+def align(w, difference):
+    """Set the second mean to the filter's, its drift less by the ``difference`` of the two rates [rad/s]."""
     e, m = w["filter"], w["second"]
-    m["theta"], m["path"], m["scale"], m["drift"] = e["theta"], e["path"], e["scale"], e["drift"] - apart
+    m["theta"], m["path"], m["scale"], m["drift"] = e["theta"], e["path"], e["scale"], e["drift"] - difference

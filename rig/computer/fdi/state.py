@@ -1,14 +1,36 @@
-"""What the decision keeps: its fixed parameters and its state, one record each."""
+"""The test of the pitch-angle sensor: its settings, ``[control.tolerant]``, its parameters and its state."""
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
 
 from rig.computer.analytic import pitch_filter
-from rig.computer.analytic.pitch_mean import MEAN
+from rig.computer.analytic.pitch_filter import MEAN, Noise, fill
 from rig.computer.analytic.unit_bank import UNIT
+from rig.settings import Settings
+
+
+class Config(Settings):
+    """Tests of the pitch-angle sensor, and the noise that the estimate counts with."""
+
+    jump_sigma: float = Field(default=6.0, gt=0.0)  # innovation over its sigma
+    persistence: int = Field(default=2, ge=1)  # frames running
+    ramp_sigma: float = Field(default=1.5, gt=0.0)  # what a CUSUM takes off every innovation
+    ramp_s: float = Field(default=1.0, gt=0.0)  # sigma seconds beyond it
+    lag_s: float = Field(default=5.0, gt=0.0)  # how slowly the estimate follows a sensor that is trusted
+    max_correction_rad: float = Field(default=0.35, gt=0.0, le=1.57)
+    return_rad: float = Field(default=0.003, gt=0.0)  # the sensor is trusted again when it has stayed so near
+    return_s: float = Field(default=5.0, gt=0.0)  # for so long
+    return_fade_s: float = Field(default=1.0, ge=0.0)
+    innovation_floor_rad: float = Field(default=0.0005, gt=0.0)  # noise, quantum and scale of the vote
+    timing_s: float = Field(default=0.005, ge=0.0)  # half a frame: channels do not sample at once
+    turn_error: float = Field(default=0.001, ge=0.0)  # of the rate of turn: gyro scale, bank angle
+    noise: Noise = Noise()
+
 
 KEPT: Final = 4
 BOTH, UNIT_ALONE, GYROS_ALONE = range(3)  # whose rates are in order
@@ -47,26 +69,43 @@ STATE: Final = np.dtype(
         ("kept_s", "f8"),
         ("effectiveness", "f8"),
         ("offset", "f8"),
-        ("lie", "f8", (3,)),  # covariance of the two: variances, then between them
+        ("fault_covariance", "f8", (3,)),  # covariance of the two: variances, then between them
         ("misfit", "f8"),  # of the sensor to the two, smoothed
         ("fade", "f8"),  # rad, taken out after the reversion
         ("fade_left", "i8"),  # frames
-        ("over", "i8"),  # frames running with too large an innovation
+        ("jump_frames", "i8"),  # frames running with too large an innovation
         ("agreed", "i8"),
         ("trust", "i8"),  # frame.Trust
         ("unit", UNIT),
         ("second", MEAN),  # of the filter, were it driven by the inertial unit
         ("second_innovation", "f8"),
-        ("tilt", "f8"),  # rad, what the unit's bank angle instead of the voted one would add to the second mean
-        ("bank_apart", "f8"),  # rad, voted bank angle less that by the unit, smoothed
+        ("bank_effect", "f8"),  # rad, what the unit's bank angle instead of the voted one would add to the second mean
+        ("bank_difference", "f8"),  # rad, voted bank angle less that by the unit, smoothed
         ("bank_suspected", "i8"),  # whether the gyros were rejected for the bank angle alone
-        ("second_over", "i8"),  # frames running in which it alone is too large
-        ("apart", "f8"),  # rad/s, rate of the pitch angle by the gyros less that by the unit, smoothed
-        ("usual", "f8"),  # what it is while both are in order
-        ("usual_seconds", "f8"),  # for which it has been learned
-        ("similar", "i8"),  # frames running in which apart is as usual
-        ("differ", "i8"),  # whether apart has been unusual since the gyros were rejected
+        ("second_jump_frames", "i8"),  # frames running in which it alone is too large
+        ("rate_difference", "f8"),  # rad/s, rate of the pitch angle by the gyros less that by the unit, smoothed
+        ("usual_rate_difference", "f8"),  # what it is while both are in order
+        ("usual_rate_seconds", "f8"),  # for which it has been learned
+        ("usual_frames", "i8"),  # frames running in which apart is as usual
+        ("unusual", "i8"),  # whether apart has been unusual since the gyros were rejected
         ("rates", "i8"),  # which rates are in order: BOTH, UNIT_ALONE or GYROS_ALONE
     ],
     align=True,
 )
+
+
+def parameters(config: Config, on: bool, rate_hz: float) -> NDArray[Any]:
+    """Return the PARAM record; ``on`` when the fault-tolerant law flies."""
+    param = np.zeros(1, PARAM)
+    row, dt = param[0], 1.0 / rate_hz
+    row["on"], row["lag"] = on, config.lag_s
+    fill(row["filter"], config.noise, rate_hz)
+    # The steady gain sqrt(rate_density dt / R) a frame is dt / lag for this R.
+    row["sensor_variance"] = (config.noise.rate_noise_rad_sqrt_s * config.lag_s) ** 2 / dt
+    row["floor"], row["timing"], row["turn_error"] = config.innovation_floor_rad, config.timing_s, config.turn_error
+    row["jump_sigma"], row["persistence"] = config.jump_sigma, config.persistence
+    row["ramp_sigma"], row["ramp_s"] = config.ramp_sigma, config.ramp_s
+    row["most"], row["near"] = config.max_correction_rad, config.return_rad
+    row["return_frames"] = max(1, round(config.return_s * rate_hz))
+    row["fade_frames"] = round(config.return_fade_s * rate_hz)
+    return param

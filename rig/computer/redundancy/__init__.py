@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from rig.computer.analytic.designed import Designed
 from rig.computer.analytic.references import ReferenceData, References, refer, remember
 from rig.computer.analytic.sources import second, source
-from rig.computer.redundancy.config import MANAGERS, Config, SignalConfig, parameters
+from rig.computer.redundancy.config import Config, SignalConfig, parameters
 from rig.computer.redundancy.discrete import DiscreteData, DiscreteVoter, vote_discretes
 from rig.computer.redundancy.discrete_config import discrete_parameters
 from rig.computer.redundancy.manager import ManagerData
-from rig.computer.redundancy.managers import Manager, vote_signals
+from rig.computer.redundancy.managers import DEFAULT, MANAGERS, Manager, manager_kind, vote_signals
 from rig.computer.redundancy.own import OwnManager, load_manager
 from rig.frame import CHANNELS, SIGNALS, D
 from rig.kernels import kernel
@@ -50,10 +50,11 @@ class Redundancy:
         params = parameters(config.signals, ranges, channels, rate_hz)
         measured_thresholds(params, config, designed)
         params["common_persistence"], params["common_fails"] = config.common_persistence, config.common_mode == "fail"
-        self.references = References(config.references, designed, rate_hz, config.manager == MANAGERS[0])
-        own = config.manager not in MANAGERS
+        kind = manager_kind(config.manager)
+        self.references = References(config.references, designed, rate_hz, kind.compares)
+        own = kind.kernel is None
         self.own: OwnManager | None = load_manager(config.manager, params, trust or Trust()) if own else None
-        name = MANAGERS[0] if own else config.manager
+        name = DEFAULT if own else config.manager
         self.manager = Manager(
             name,
             params,

@@ -14,8 +14,7 @@ from typing import Final
 
 from rig.computer.redundancy.compare import rank, threshold
 from rig.computer.redundancy.manager import anchor, publish, report
-from rig.computer.redundancy.monitor import readmit, watch_failed
-from rig.computer.redundancy.persistence import latch
+from rig.computer.redundancy.persistence import latch, readmit, watch_failed
 from rig.computer.redundancy.vote import median
 from rig.frame import CHANNELS, Pattern
 from rig.kernels import kernel
@@ -26,7 +25,7 @@ _LARGEST: Final = 1e150  # of a deviation: its square is finite
 
 @kernel
 def average(bus, fcc, data):
-    """A row: the arithmetic mean of all comparable samples of each signal; nobody is ever failed."""
+    """Vote the arithmetic mean of all comparable samples of each signal of a row; nobody is ever failed (section 1)."""
     params, state = data.params, data.state
     for s in range(len(params)):
         p, st = params[s], state[s]
@@ -36,7 +35,7 @@ def average(bus, fcc, data):
 
 @kernel
 def mean_of(st, n):
-    """The mean of the ``n`` ranked samples, within their range even if the sum overflows; the last vote for none."""
+    """Return the mean of the ``n`` ranked samples, within their range; the last vote for none."""
     if n == 0:
         return st["vote"]
     x, order, total = st["x"], st["order"], 0.0
@@ -47,25 +46,25 @@ def mean_of(st, n):
 
 @kernel
 def plain_median(bus, fcc, data):
-    """A row: the median of all comparable samples of each signal; nobody is ever failed."""
+    """Vote the median of all comparable samples of each signal of a row; nobody is ever failed."""
     params, state = data.params, data.state
     for s in range(len(params)):
         p, st = params[s], state[s]
         n = ranked(bus, s, p, st)
-        voted = median(st["x"], st["order"], n, st["alone"], 0.5) if n else st["vote"]
+        voted = median(st["x"], st["order"], n, st["miscomparing"], 0.5) if n else st["vote"]
         finish(bus, fcc, s, voted, n, p, st)
 
 
 @kernel
 def select(bus, fcc, data):
-    """A row: of each signal one channel is the vote; every signal is a unit of one axis."""
+    """Vote one channel of each signal of a row; every signal is a unit of one axis."""
     for s in range(len(data.params)):
         select_unit(bus, fcc, s, s + 1, data)
 
 
 @kernel
 def select_unit(bus, fcc, first, end, data):
-    """A row of one unit, whose axes are the signals from ``first`` to ``end`` - 1: one channel is the vote of them all.
+    """Vote one channel of all axes of a unit, the signals from ``first`` to ``end`` - 1 of a row.
 
     d += (1 - KEPT) (x - mean of all - d) on each axis, excess += max(|d| - deviation, -excess), |d| over the axes.  The
     channel with the largest excess is distrusted (reported failed) while that is above ``deviation_frames``.  The vote
@@ -101,7 +100,7 @@ def select_unit(bus, fcc, first, end, data):
 
 @kernel
 def speaking(bus, s, p, st):
-    """Rank all samples of signal s; the channels with a comparable one, a bit each."""
+    """Rank all samples of signal s; return the channels with a comparable one, a bit each."""
     for c in range(CHANNELS):
         st["failed"][c] = False
     n, bits = ranked(bus, s, p, st), 0
@@ -154,31 +153,31 @@ def choose(here, p, st):
 
 @kernel
 def cross_voter(bus, fcc, data):
-    """A row: the median of the channels in use; each is then compared with it instead of with each other."""
+    """Vote the median of a row's channels in use, and compare each with it instead of with each other (section 1)."""
     params, state, reset = data.params, data.state, bus["reset"]
     for s in range(len(params)):
         p, st = params[s], state[s]
         readmit(reset[s], p, st)
         n = ranked(bus, s, p, st)
-        x, order, alone, count = st["x"], st["order"], st["alone"], st["count"]
-        voted = median(x, order, n, alone, 0.5) if n else st["vote"]
+        x, order, miscomparing, count = st["x"], st["order"], st["miscomparing"], st["count"]
+        voted = median(x, order, n, miscomparing, 0.5) if n else st["vote"]
         for c in range(p["fitted"]):
-            alone[c] = not st["failed"][c]
+            miscomparing[c] = not st["failed"][c]
         for i in range(n):
-            alone[order[i]] = not abs(x[order[i]] - voted) <= threshold(n, p)
+            miscomparing[order[i]] = not abs(x[order[i]] - voted) <= threshold(n, p)
         for c in range(p["fitted"]):
-            count[c] = count[c] + 1 if alone[c] else 0
+            count[c] = count[c] + 1 if miscomparing[c] else 0
         finish(bus, fcc, s, voted, n, p, st)
 
 
 @kernel
 def ranked(bus, s, p, st):
-    """Rank the samples of signal s into its state; nobody is alone yet.  Returns their number."""
-    samples, valid, failed = bus["channels"][s], bus["valid"][s], st["failed"]
+    """Rank the samples of signal s into its state; nobody miscompares yet.  Returns their number."""
+    samples, valid = bus["channels"][s], bus["valid"][s]
     for c in range(CHANNELS):
-        st["alone"][c] = False
+        st["miscomparing"][c] = False
     base = anchor(samples, valid, p, st)
-    return rank(samples, valid, failed, p["fitted"], p["low"], p["high"], p["wraps"], base, st["x"], st["order"])
+    return rank(samples, valid, base, p, st)
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 One frame's evidence against a channel on one signal: it miscompares, its sample is not comparable, or an in-line
 monitor or the reference blames it for a pattern without a majority.  Trend, extremes and middle are no evidence.
-Source: Zhang 2023, sections 2 and 6 (channel fault logic); docs/redundancy.md, 'A box that dies'.
+Ours: docs/redundancy.md, 'A box that dies'; Zhang 2023, sections 2 and 6, name a computer's channel fault logic only.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ BOXES: Final = np.dtype(
 
 @kernel
 def accused(resolver, ranked, p, st):
-    """The channels against which this frame's evidence of one signal speaks, a bit each.
+    """Return the channels against which this frame's evidence of one signal speaks, a bit each.
 
     ranked : bits of the channels with a comparable sample
     """
@@ -38,7 +38,7 @@ def accused(resolver, ranked, p, st):
         if st["failed"][c]:
             continue
         here = (ranked >> c) & 1 == 1
-        if not here or (settled_by_evidence and st["blamed"][c] if singular else st["alone"][c]):
+        if not here or (settled_by_evidence and st["blamed"][c] if singular else st["miscomparing"][c]):
             bits |= 1 << c
     return bits
 

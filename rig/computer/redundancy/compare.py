@@ -1,6 +1,7 @@
 """Cross-channel comparison: which samples count, how they are ranked, which pattern they make.
 
-Source: Zhang 2023, sections 2 and 3; redundancy.md, sections 1 and 2.
+Source: Zhang 2023, section 2 (what a miscompare is) and section 3 with figures 2 and 3 (patterns without a majority).
+Ours: thresholds by the number of samples, the outlier threshold, what is not comparable.
 """
 
 from __future__ import annotations
@@ -11,17 +12,17 @@ from rig.units.angles import difference
 
 
 @kernel
-def rank(samples, valid, failed, fitted, low, high, wraps, base, x, order):
+def rank(samples, valid, base, p, st):
     """Put the samples that may be compared into ascending order; return their number.
 
     samples : (4,) this frame's channels; valid : (4,) 0 when the sensor flags the sample
-    failed  : (4,) latched failures; fitted : number of channels of the signal
-    low, high : range of the sensor, a sample outside is not compared; nor is NaN
-    wraps, base : an angle is taken within half a turn of ``base``
-    x : (4,) out, comparable values by channel; order : (4,) out, channels by ascending value
+    base : an angle is taken within half a turn of it; p, st : a PARAMS and a STATE record
+    Reads ``failed``; writes ``x`` (4,), comparable values by channel, ``order`` (4,), channels by ascending value.
     """
+    failed, x, order = st["failed"], st["x"], st["order"]
+    low, high, wraps = p["low"], p["high"], p["wraps"]
     n = 0
-    for c in range(fitted):
+    for c in range(p["fitted"]):
         sample = samples[c]
         if failed[c] or not comparable(sample, valid[c], low, high):
             continue
@@ -34,13 +35,13 @@ def rank(samples, valid, failed, fitted, low, high, wraps, base, x, order):
 
 @kernel
 def comparable(sample, valid, low, high):
-    """Whether a sample may be compared and voted: flagged valid, a number, within the sensor's range."""
+    """Return True if a sample may be compared and voted: flagged valid, a number, within the sensor's range."""
     return valid != 0 and low <= sample <= high
 
 
 @kernel
 def threshold(n, p):
-    """Within what two of ``n`` comparable samples agree, unit of the signal."""
+    """Return within what two of ``n`` comparable samples agree, unit of the signal (section 2; by level: ours)."""
     if n == CHANNELS:
         return p["threshold"]
     return p["threshold_triplex"] if n == 3 else p["threshold_duplex"]
@@ -48,7 +49,7 @@ def threshold(n, p):
 
 @kernel
 def outlier_threshold(n, p):
-    """Within what ``n`` samples that all agree must be, unit of the signal; 0: nothing more is asked of them."""
+    """Return within what ``n`` samples that all agree must be, unit of the signal; 0: nothing more (ours)."""
     if n == CHANNELS:
         return p["outlier_threshold"]
     return p["outlier_threshold_triplex"] if n == 3 else 0.0
@@ -82,32 +83,32 @@ def exchange(x, order, i, j):
 
 
 @kernel
-def pattern_of(x, order, n, within, p, alone):
-    """The pattern of ``n`` ranked samples; ``alone`` as of ``classify``.
+def pattern_of(x, order, n, within, p, miscomparing):
+    """Return the pattern of ``n`` ranked samples, outliers included; ``miscomparing`` as of ``classify``.
 
     Where all agree ``within`` they are compared once more by the outlier threshold, which a single channel must keep
-    to while the others show a majority: without one at that scale nobody is blamed (docs/redundancy.md, 'Outliers').
+    to while the others show a majority: without one at that scale nobody is blamed (ours: 'Outliers' in docs).
     """
-    pattern = classify(x, order, n, within, alone)
+    pattern = classify(x, order, n, within, miscomparing)
     limit = outlier_threshold(n, p)
     if pattern != Pattern.NORMAL or limit <= 0.0:
         return pattern
-    if classify(x, order, n, limit, alone) == Pattern.ISOLATED:
+    if classify(x, order, n, limit, miscomparing) == Pattern.ISOLATED:
         return Pattern.ISOLATED
     for c in range(CHANNELS):
-        alone[c] = False
+        miscomparing[c] = False
     return Pattern.NORMAL
 
 
 @kernel
-def classify(x, order, n, threshold, alone):
-    """The pattern of ``n`` ranked samples; ``alone[c]`` is 1 where a sample agrees with no other.
+def classify(x, order, n, threshold, miscomparing):
+    """Return the pattern of ``n`` ranked samples (section 3); set ``miscomparing`` where one agrees with no other.
 
     Neighbours in rank decide: when two neighbours disagree, so do all pairs across the gap.
     One agreeing partner is enough, so chains a~b~c are normal.
     """
     for c in range(CHANNELS):
-        alone[c] = False
+        miscomparing[c] = False
     if n == 0:
         return Pattern.LOST
     gaps, apart = 0, 0  # gaps: bit i is set when rank i and rank i + 1 disagree
@@ -120,13 +121,13 @@ def classify(x, order, n, threshold, alone):
     for i in range(n):
         below = i == 0 or (gaps >> (i - 1)) & 1 == 1
         above = i == n - 1 or (gaps >> i) & 1 == 1
-        alone[order[i]] = below and above
+        miscomparing[order[i]] = below and above
     return singular(n, gaps, apart)
 
 
 @kernel
 def singular(n, gaps, apart):
-    """The pattern without a majority that the gaps make, or Pattern.ISOLATED (Zhang, section 3)."""
+    """Return the pattern without a majority that the gaps make, or Pattern.ISOLATED (section 3, figures 2 and 3)."""
     if n == 4 and gaps == 0b010:
         return Pattern.P2_2
     if apart < n - 1:
@@ -138,5 +139,5 @@ def singular(n, gaps, apart):
 
 @kernel
 def is_singular(pattern):
-    """Whether no majority exists."""
+    """Return True if no majority exists."""
     return Pattern.P2_2 <= pattern <= Pattern.P1_1

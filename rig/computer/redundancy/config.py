@@ -14,11 +14,11 @@ from rig.computer.analytic.references import Config as References
 from rig.computer.redundancy.discrete_config import PERSISTENCE, DiscreteConfigs
 from rig.computer.redundancy.durations import in_frames, refuse_both
 from rig.computer.redundancy.lowpass import gain
+from rig.computer.redundancy.managers import DEFAULT, MANAGERS
 from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, SIGNALS, Block, Resolver, S, to_frame
 from rig.settings import Settings
 from rig.text import choices
 
-MANAGERS: Final = ("cross-channel", "mean", "median", "cross-voter", "selection")
 ResolverName = Literal["ilm", "reference", "trend", "extremes", "middle"]
 
 
@@ -105,7 +105,7 @@ class Reset(Settings):
 class Config(Settings):
     """The ``[redundancy]`` table of an aircraft or scenario."""
 
-    manager: str = "cross-channel"  # one of MANAGERS, or module:name of one's own
+    manager: str = DEFAULT  # one of MANAGERS, or module:name of one's own
     box_signals: int = Field(default=4, ge=0)  # that accuse a channel at once until it is failed on all; 0: never
     box_persistence: int = Field(default=8, ge=1)  # frames for which they do
     discrete_persistence: int = Field(default=PERSISTENCE, ge=1)  # frames, of a discrete that has none of its own
@@ -133,7 +133,7 @@ PARAMS: Final = np.dtype(
         ("outlier_threshold_triplex", "f8"),
         ("filter_gain", "f8"),  # share of a new sample in the low-pass of the comparison (lowpass.py); 0: none
         ("reference_threshold", "f8"),
-        ("reference_airspeed_m_s", "f8"),  # of a wind, equivalent; 0 where none (reference_threshold.py)
+        ("reference_airspeed_m_s", "f8"),  # of a wind, equivalent; 0 where none (reference_monitor.py)
         ("second_threshold", "f8"),
         ("common_persistence", "i8"),
         ("common_fails", "u1"),
@@ -165,14 +165,14 @@ def command(rows: Block, resets: Sequence[Reset], rate_hz: float) -> None:
 
 
 def bits(channels: Iterable[int]) -> int:
-    """The byte of commanded channels, which count from 1."""
+    """Return the byte of commanded channels, which count from 1."""
     return sum(1 << (channel - 1) for channel in set(channels))
 
 
 def parameters(
     configs: Any, ranges: NDArray[np.float64], channels: NDArray[np.int64], rate_hz: float
 ) -> NDArray[np.void]:
-    """The (S,) PARAMS records of a ``SignalConfigs``; ``ranges`` (S, 2) and ``channels`` (S,) of the sensors."""
+    """Return the (S,) PARAMS records of a ``SignalConfigs``; ``ranges`` (S, 2) and ``channels`` (S,) of the sensors."""
     params = np.zeros(S, PARAMS)
     for i, signal in enumerate(SIGNALS):
         config: SignalConfig = getattr(configs, signal.name)

@@ -1,6 +1,7 @@
 """Discrete signals: majority, the fail-safe value when there is none, isolation by persistence.
 
-Source: Zhang 2023, section 4, item 1; the rule of a frame stands in docs/redundancy.md.
+Source: Zhang 2023, section 4, item 1 (majority, the fail-safe value without one, who differs from the vote fails).
+Ours: the persistence before that, what is not comparable.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.monitor import readmit
+from rig.computer.redundancy.persistence import readmit
 from rig.frame import CHANNELS, Block, Ilm, State, nested
 from rig.kernels import kernel
 
@@ -69,7 +70,7 @@ def vote_discretes(bus, fcc, data):
 
 @kernel
 def majority(samples, valid, ilm, p, st):
-    """The value of most channels that are not failed and can be compared; a tie, or none, gives the fail-safe value."""
+    """Return the value of most channels in use that can be compared; a tie, or none, gives the fail-safe value."""
     balance = 0
     for c in range(p["fitted"]):
         if st["failed"][c] == 0 and valid[c] != 0 and ilm[c] != Ilm.BAD:

@@ -47,7 +47,7 @@ DISCRETE_PARAMS: Final = np.dtype(
 def discrete_parameters(
     configs: Any, channels: NDArray[np.int64], persistence: int, rate_hz: float
 ) -> NDArray[np.void]:
-    """The (D,) DISCRETE_PARAMS records of a ``DiscreteConfigs``.
+    """Return the (D,) DISCRETE_PARAMS records of a ``DiscreteConfigs``.
 
     channels : (D,) of the sensors; persistence : frames, of a discrete that has none of its own
     """

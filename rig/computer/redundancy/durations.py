@@ -7,7 +7,7 @@ from rig.settings import Settings
 
 
 def refuse_both(settings: Settings, *names: str) -> None:
-    """ValueError when a setting is given in frames, ``<name>``, and in seconds, ``<name>_s``."""
+    """Raise ValueError when a setting is given in frames, ``<name>``, and in seconds, ``<name>_s``."""
     for name in names:
         if getattr(settings, f"{name}_s") is not None and name in settings.model_fields_set:
             raise ValueError(f"{name} and {name}_s are the same setting, give one of them")

@@ -2,7 +2,7 @@
 
 Vibration that the channels do not share makes samples of one frame differ more than the faults that are to be found.
 y(k) = y(k-1) + gain (x(k) - y(k-1)), with the first comparable sample as first value, and again after one that is not.
-Source: docs/redundancy.md, 'A filter before the comparison'.
+Ours: docs/redundancy.md, 'A filter before the comparison'.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from rig.units.angles import difference
 
 
 def gain(filter_s: float, rate_hz: float) -> float:
-    """Share of a new sample for a time constant: exact for a signal held between the frames; 0 without a filter."""
+    """Return the share of a new sample for a time constant, exact for a signal held between frames; 0: no filter."""
     return -expm1(-1.0 / (rate_hz * filter_s)) if filter_s > 0.0 else 0.0
 
 
 @kernel
 def follow(last, x, base, p):
-    """The next value of the low-pass, an angle within half a turn of ``base``; starts with ``x`` after NaN."""
+    """Return the next value of the low-pass, an angle within half a turn of ``base``; starts with ``x`` after NaN."""
     if np.isnan(last):
         return x
     y = last + p["filter_gain"] * difference(x, last, p["wraps"])

@@ -2,7 +2,7 @@
 
 One pass per signal and frame: rank the samples, name the pattern, vote, count, latch.  Only the channels
 and the references of the row are read, never the truth.
-Source: Zhang 2023; the section numbers below are those of the paper.
+Source: Zhang 2023, whose sections are named at each rule; rules beyond it are marked as ours.
 """
 
 from __future__ import annotations
@@ -12,16 +12,14 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy import trend, vote
+from rig.computer.redundancy import vote
 from rig.computer.redundancy.box import accused, fail_boxes
-from rig.computer.redundancy.common import watch_common
 from rig.computer.redundancy.compare import comparable, is_singular, pattern_of, rank, threshold
-from rig.computer.redundancy.last_channel import check_last
 from rig.computer.redundancy.lowpass import follow, smooth_channels
-from rig.computer.redundancy.monitor import monitor_reference, readmit, watch_failed
-from rig.computer.redundancy.persistence import count_miscompares, latch
-from rig.computer.redundancy.reference_threshold import reference_threshold
-from rig.computer.redundancy.resolve import settle
+from rig.computer.redundancy.opinions import update_trend
+from rig.computer.redundancy.persistence import count_miscompares, latch, readmit, watch_failed
+from rig.computer.redundancy.reference_monitor import check_last, monitor_reference, reference_threshold, watch_common
+from rig.computer.redundancy.resolve import Compared, resolve
 from rig.frame import CHANNELS, Pattern, Resolver, State
 from rig.kernels import kernel
 from rig.units.angles import difference, limit
@@ -66,7 +64,7 @@ STATE: Final = np.dtype(
         ("common_mode", "u1"),
         ("started", "u1"),
         ("failed", "u1", (CHANNELS,)),
-        ("alone", "u1", (CHANNELS,)),
+        ("miscomparing", "u1", (CHANNELS,)),
         ("blamed", "u1", (CHANNELS,)),  # by the provisional answer
     ],
     align=True,
@@ -76,7 +74,7 @@ STATE: Final = np.dtype(
 class ManagerData(NamedTuple):
     """What a manager needs besides the row: one record a signal where nothing else is said."""
 
-    choice: int  # place in config.MANAGERS
+    choice: int  # place in managers.KINDS
     params: NDArray[Any]  # (S,) config.PARAMS
     state: NDArray[Any]  # (S,) STATE, in place
     boxes: NDArray[Any]  # (1,) box.BOXES, in place
@@ -124,44 +122,46 @@ def manage(bus, fcc, data):
 
 @kernel
 def manage_signal(samples, valid, ilm, reference, second, p, st):
-    """One signal, one frame; returns the resolver that decided (Zhang, sections 2 to 8)."""
-    x, order, alone = st["x"], st["order"], st["alone"]
+    """Monitor and vote one signal in one frame; return the resolver that decided (Zhang 2023, sections 2 to 8)."""
+    x, order = st["x"], st["order"]
     base = anchor(samples, valid, p, st)
-    n = rank(samples, valid, st["failed"], p["fitted"], p["low"], p["high"], p["wraps"], base, x, order)
-    reference = seen_from(reference, base, p["wraps"])
+    n = rank(samples, valid, base, p, st)
+    reference = unwrapped(reference, base, p["wraps"])
     st["reference_threshold"] = reference_threshold(reference, p)
     st["threshold"] = threshold(n, p)
-    seen = x, order, reference
+    compared = Compared(x, order, reference)
     if p["filter_gain"] > 0.0:
         smooth_channels(samples, valid, base, n, p, st)
         st["smooth_reference"] = follow(st["smooth_reference"], reference, base, p)
-        seen = st["smooth"], st["smooth_order"], st["smooth_reference"]
-    pattern = pattern_of(seen[0], seen[1], n, st["threshold"], p, alone)
+        compared = Compared(st["smooth"], st["smooth_order"], st["smooth_reference"])
+    pattern = pattern_of(compared.values, compared.order, n, st["threshold"], p, st["miscomparing"])
     st["pattern_frames"] = st["pattern_frames"] + 1 if pattern == st["pattern"] else 1
     st["pattern"] = pattern
     # Without a sample the ranks are leftovers, and nobody reads what comes of them.
-    trend.update(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p["trend_frames"], p["wraps"])
-    resolver, raw = decide(ilm, reference, seen, n, p, st)
-    monitor_reference(raw, reference, n, p, st)
-    resolver = watch_common(resolver, n, raw, reference, seen_from(second, base, p["wraps"]), p, st)
+    update_trend(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p["trend_frames"], p["wraps"])
+    resolver, vote_before_fade = decide(ilm, reference, compared, n, p, st)
+    monitor_reference(vote_before_fade, reference, n, p, st)
+    second = unwrapped(second, base, p["wraps"])
+    resolver = watch_common(resolver, n, vote_before_fade, reference, second, p, st)
     if p["filter_gain"] > 0.0:
-        st["smooth_vote"] = follow(st["smooth_vote"], raw if np.isfinite(raw) else st["vote"], base, p)
+        followed = vote_before_fade if np.isfinite(vote_before_fade) else st["vote"]
+        st["smooth_vote"] = follow(st["smooth_vote"], followed, base, p)
         watch_failed(st["smooth"], valid, st["smooth_vote"], p, st)
     else:
-        watch_failed(samples, valid, raw, p, st)
+        watch_failed(samples, valid, vote_before_fade, p, st)
     ranked = 0
     for i in range(n):
         ranked |= 1 << order[i]
     st["accused"] = accused(resolver, ranked, p, st)
     count_miscompares(n, ranked, p, st)
     latch(p, st)
-    publish(raw, p, st)
+    publish(vote_before_fade, p, st)
     return resolver
 
 
 @kernel
 def anchor(samples, valid, p, st):
-    """The value that an angle is taken near to: the last vote; in the first frame, the first comparable sample."""
+    """Return the value that an angle is taken near to: the last vote; at first the first comparable sample."""
     if st["started"]:
         return st["vote"]
     for c in range(p["fitted"]):
@@ -171,19 +171,18 @@ def anchor(samples, valid, p, st):
 
 
 @kernel
-def seen_from(reference, base, wraps):
-    """A reference within half a turn of ``base`` if it ``wraps``; NaN when it is not finite."""
+def unwrapped(reference, base, wraps):
+    """Return a reference within half a turn of ``base`` if it ``wraps``; NaN when it is not finite."""
     if not np.isfinite(reference):
         return np.nan
     return base + difference(reference, base, wraps) if wraps else reference
 
 
 @kernel
-def decide(ilm, reference, seen, n, p, st):
-    """The resolver that answered, and this frame's vote before the fade (Zhang, sections 5 to 8).
+def decide(ilm, reference, compared, n, p, st):
+    """Return the resolver that answered, and this frame's vote before the fade (Zhang 2023, sections 4 to 8).
 
-    Writes ``blamed``: the channels that the answer would fail.
-    seen : what is compared: values by channel (4,), channels by ascending value (4,), reference
+    Writes ``blamed``: the channels that the answer would fail.  compared : Compared
     """
     x, order, blamed, pattern = st["x"], st["order"], st["blamed"], st["pattern"]
     for c in range(CHANNELS):
@@ -191,25 +190,25 @@ def decide(ilm, reference, seen, n, p, st):
     if pattern == Pattern.LOST:
         return Resolver.NONE.value, st["vote"]
     if is_singular(pattern):
-        return settle(ilm, reference, seen, n, p, st)
+        return resolve(ilm, reference, compared, n, p, st)
     if n == 1:
         return check_last(ilm, reference, p, st)
     weight = 0.5
     if p["weighted"]:
         weight = vote.trend_weight(st["rise_high"], st["rise_low"], st["rise_vote"])
-    return Resolver.NONE.value, vote.median(x, order, n, st["alone"], weight)
+    return Resolver.NONE.value, vote.median(x, order, n, st["miscomparing"], weight)
 
 
 @kernel
-def publish(raw, p, st):
-    """Store the vote and its faded output; the fade starts in the frame after a change of level.
+def publish(vote_before_fade, p, st):
+    """Store the vote and its faded output; the fade, ours, starts in the frame after a change of level.
 
     Differences of samples near the largest number overflow: then the last vote holds, and nothing is faded.
     """
-    if not np.isfinite(raw):
-        raw = st["vote"]
-    st["rise_vote"] = difference(raw, st["vote"], p["wraps"]) if st["started"] else 0.0
-    st["vote"] = limit(raw, p["low"], p["high"], p["wraps"])
+    if not np.isfinite(vote_before_fade):
+        vote_before_fade = st["vote"]
+    st["rise_vote"] = difference(vote_before_fade, st["vote"], p["wraps"]) if st["started"] else 0.0
+    st["vote"] = limit(vote_before_fade, p["low"], p["high"], p["wraps"])
     frames, left = p["fade_frames"], st["fade_left"]
     if left == frames:  # the first vote after the change
         st["fade"] = difference(st["output"], st["vote"], p["wraps"])
@@ -229,7 +228,7 @@ def report(p, st, states):
             states[c] = State.ABSENT
         elif st["failed"][c]:
             states[c] = State.FAILED
-        elif st["alone"][c] or st["blamed"][c] or st["count"][c]:
+        elif st["miscomparing"][c] or st["blamed"][c] or st["count"][c]:
             states[c] = State.SUSPECT
         else:
             states[c] = State.OK

@@ -48,8 +48,8 @@ class OwnManager:
             raise
         except BaseException as error:
             frame = int(rows["frame"][k])
-            said = f"redundancy.manager: {self.name!r} raised in frame {frame}: {_said(error)}"
-            raise ManagerFailed(said, k, frame) from error
+            message = f"redundancy.manager: {self.name!r} raised in frame {frame}: {_in_words(error)}"
+            raise ManagerFailed(message, k, frame) from error
 
 
 def load_manager(name: str, params: NDArray[np.void], trust: Trust) -> OwnManager:
@@ -63,18 +63,22 @@ def load_manager(name: str, params: NDArray[np.void], trust: Trust) -> OwnManage
         sys.path.insert(0, "")  # the folder in which the command was given
     try:
         module = import_module(module_name)
-        found = getattr(module, attribute)
-        step = _of_class(name, found, params) if inspect.isclass(found) else _of_function(name, found, module, params)
+        manager = getattr(module, attribute)
+        step = (
+            _of_class(name, manager, params)
+            if inspect.isclass(manager)
+            else _of_function(name, manager, module, params)
+        )
     except (KeyboardInterrupt, BadInput):
         raise
     except BaseException as error:  # noqa: BLE001 # whatever the user's module raises, SystemExit too
-        raise BadInput(f"redundancy.manager: {name!r} cannot be made: {_said(error)}") from None
+        raise BadInput(f"redundancy.manager: {name!r} cannot be made: {_in_words(error)}") from None
     return OwnManager(name, step)
 
 
-def _of_class(name: str, found: Any, params: NDArray[np.void]) -> Step:
-    """The ``step`` of an instance."""
-    step = getattr(found(params), "step", None)
+def _of_class(name: str, manager: Any, params: NDArray[np.void]) -> Step:
+    """Return the ``step`` of an instance."""
+    step = getattr(manager(params), "step", None)
     if not callable(step):
         raise BadInput(f"redundancy.manager: {name!r} has no step(bus, fcc, k)")
     taken = list(inspect.signature(step).parameters)
@@ -83,15 +87,15 @@ def _of_class(name: str, found: Any, params: NDArray[np.void]) -> Step:
     return step
 
 
-def _of_function(name: str, found: Any, module: ModuleType, params: NDArray[np.void]) -> Step:
-    """A function with its own state; one that numba has compiled is bound to its arguments' types."""
-    if not callable(found) or len(inspect.signature(getattr(found, "py_func", found)).parameters) != len(_VOTE):
+def _of_function(name: str, manager: Any, module: ModuleType, params: NDArray[np.void]) -> Step:
+    """Return a function with its own state; one that numba has compiled is bound to its arguments' types."""
+    if not callable(manager) or len(inspect.signature(getattr(manager, "py_func", manager)).parameters) != len(_VOTE):
         raise BadInput(f"redundancy.manager: {name!r} is neither a class nor a function of {', '.join(_VOTE)}")
     state = np.zeros(len(params), getattr(module, "STATE", _PLAIN_STATE))
     rows = nested(new_block(2))  # one row alone would count as contiguous, which the parts of a block are not
-    vote = bind(found, rows["bus"], rows["fcc"], 0, params, state)
+    vote = bind(manager, rows["bus"], rows["fcc"], 0, params, state)
     return lambda bus, fcc, k: vote(bus, fcc, k, params, state)
 
 
-def _said(error: BaseException) -> str:
+def _in_words(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())

@@ -1,17 +1,19 @@
-"""What persists: counts of miscompares, and the failures that they latch.
+"""What persists: counts of miscompares, the failures that they latch, readmission by command.
 
-Source: Zhang 2023, sections 1 and 2; docs/redundancy.md.
+Source: Zhang 2023, section 2 (a failure is a miscompare that outlasts the time threshold).
+Ours: how long counts stand still for patterns without a majority, readmission.
 """
 
 from __future__ import annotations
 
 from rig.computer.redundancy.compare import is_singular
 from rig.kernels import kernel
+from rig.units.angles import difference
 
 
 @kernel
 def count_miscompares(n, ranked, p, st):
-    """Frames in a row that each channel disagreed with all others (section 2).
+    """Count the frames in a row that each channel disagreed with all others (section 2).
 
     A sample that is not comparable counts always; during a singular pattern and for a while after it the counts
     of the others stand still, so that the ordinary rule does not fail everybody first.
@@ -25,12 +27,12 @@ def count_miscompares(n, ranked, p, st):
         if (ranked >> c) & 1 == 0:
             count[c] += 1
         elif not frozen:
-            count[c] = count[c] + 1 if st["alone"][c] else 0
+            count[c] = count[c] + 1 if st["miscomparing"][c] else 0
 
 
 @kernel
 def counts_stand_still(n, p, st):
-    """Whether the counts of comparable samples wait in this frame.
+    """Return True if the counts of comparable samples wait in this frame (ours).
 
     They do during a singular run and, after it, for as long as it was, ``singular_persistence`` at most: noise that
     splits the good pair of a 2:2 must not let the comparison fail it.  What disputes a last channel needs no majority.
@@ -49,7 +51,7 @@ def counts_stand_still(n, p, st):
 
 @kernel
 def latch(p, st):
-    """Fail what has persisted: single miscompares, and whom the answer to a singular pattern blames."""
+    """Fail what has persisted: single miscompares (section 2), and whom the answer to a singular pattern blames."""
     settled = st["pattern_frames"] >= p["singular_persistence"]
     level = 0
     for c in range(p["fitted"]):
@@ -59,3 +61,23 @@ def latch(p, st):
     if level != st["level"]:
         st["fade_left"] = p["fade_frames"] + 1
         st["level"] = level
+
+
+@kernel
+def watch_failed(samples, valid, vote, p, st):
+    """Count how long each failed channel has agreed with the vote again, for a readmission by command (ours)."""
+    if st["level"] == p["fitted"]:
+        return
+    for c in range(p["fitted"]):
+        near = valid[c] and abs(difference(samples[c], vote, p["wraps"])) <= p["threshold"]
+        st["agreed"][c] = st["agreed"][c] + 1 if st["failed"][c] and near else 0
+
+
+@kernel
+def readmit(commanded, p, st):
+    """Clear failures of ``commanded`` channels, bits, that agreed with the vote for ``readmit_frames`` (ours)."""
+    if commanded == 0:
+        return
+    for c in range(p["fitted"]):
+        if (commanded >> c) & 1 == 1 and st["failed"][c] and st["agreed"][c] >= p["readmit_frames"]:
+            st["failed"][c] = st["count"][c] = st["agreed"][c] = 0

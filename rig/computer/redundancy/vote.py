@@ -1,6 +1,6 @@
 """The median vote, never with a suspect in it.
 
-Source: Zhang 2023, sections 4 and 5; redundancy.md, section 3.
+Source: Zhang 2023, section 4, item 2 (means and weights, no suspect in them), section 5 (why the median).
 """
 
 from __future__ import annotations
@@ -9,12 +9,12 @@ from rig.kernels import kernel
 
 
 @kernel
-def median(x, order, n, alone, weight_high):
-    """Mid-value of ``n`` ranked samples (n >= 1) when a majority exists.
+def median(x, order, n, miscomparing, weight_high):
+    """Return the mid-value of ``n`` ranked samples (n >= 1) when a majority exists.
 
     four: mean of the two middle ranks, or one of them when the other agrees with nobody
     three: the middle one; two: the mean; one: itself
-    x : (4,) values by channel; order : (4,) channels by ascending value; alone : (4,) 1 for a suspect
+    x : (4,) values by channel; order : (4,) channels by ascending value; miscomparing : (4,) 1 for a suspect
     weight_high : share of the larger of the two values in a mean, 0.5 when plain
     """
     if n == 1:
@@ -22,29 +22,29 @@ def median(x, order, n, alone, weight_high):
     if n == 3:
         return x[order[1]]
     low, high = order[n // 2 - 1], order[n // 2]
-    if alone[high]:
+    if miscomparing[high]:
         return x[low]
-    if alone[low]:
+    if miscomparing[low]:
         return x[high]
     return mean(x[low], x[high], weight_high)
 
 
 @kernel
 def mean(low, high, weight_high):
-    """Weighted mean that stays within [low, high] whatever the rounding."""
+    """Return the weighted mean, which stays within [low, high] whatever the rounding."""
     value = low + weight_high * (high - low)
     return min(max(value, low), high)
 
 
 @kernel
 def halfway(a, b):
-    """The plain mean of two values, never outside them; their ranks say a <= b but behind a filter."""
+    """Return the plain mean of two values, never outside them; their ranks say a <= b but behind a filter."""
     return mean(b, a, 0.5) if a > b else mean(a, b, 0.5)
 
 
 @kernel
 def trend_weight(rise_high, rise_low, rise_vote):
-    """Share of the larger value in a trend-weighted mean, 0 to 1 (Zhang, section 4).
+    """Return the share of the larger value in a trend-weighted mean, 0 to 1 (section 4, item 2).
 
     The value whose last change is nearer to the vote's last change weighs more; when the two did not move
     the same way, both weigh the same.

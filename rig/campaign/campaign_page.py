@@ -1,0 +1,168 @@
+"""The report of a campaign: one HTML file with everything in it, for a browser without a network.
+
+Magnitudes are shown in the unit of their signal, angles in degrees.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import plotly.graph_objects as go
+import polars as pl
+
+from rig.campaign.folder import Folder
+from rig.campaign.summary import acted, summary
+from rig.errors import BadInput
+from rig.faults.fault import KINDS
+from rig.frame import INDEX, SIGNALS
+from rig.report.page import DASH, lay_out, write_page
+from rig.units.quantities import number, unit_shown
+from rig.util.palette import LINE, SERIES, SHARE_SCALE, series_colour
+
+MOST_MAPS: Final = 12  # heat maps of one report
+_RATE: Final = "signal/s"  # units of settings, as the catalogue has them
+_SIGNAL: Final = ("signal", _RATE)
+Rows = list[dict[str, Any]]
+
+
+def report(folder: Folder, out: Path) -> dict[str, Any]:
+    """Write the report of a campaign to ``out``; return its figures as plain data. BadInput: nothing was flown yet."""
+    if folder.tables["runs"].is_empty():
+        raise BadInput(f"{folder.path}: no run is done yet, there is nothing to report")
+    found = summary(folder)
+    maps = {f"map-{i}": figure for i, figure in enumerate(heat_maps(found["by_place"]))}
+    delays = {f"delay-{i}": figure for i, figure in enumerate(delay_curves(acted(folder.tables)))}
+    replies = {} if found["replies"] is None else {"replies-0": reply_times(found["replies"])}
+    filters = {"magnitude": lambda *of: magnitude_shown(*of) or DASH, "magnitude_unit": magnitude_unit}
+    figures = {**maps, **delays, **replies}
+    write_page(out, "campaign.html", figures, filters, found=found, maps=list(maps), delays=list(delays))
+    return found
+
+
+def heat_maps(rows: Rows) -> list[go.Figure]:
+    """Draw detection over magnitude and flight point, a map a signal and kind; ``rows`` as summary's ``by_place``."""
+    groups: dict[tuple[str, str], Rows] = {}
+    for row in rows:
+        groups.setdefault((row["signal"], row["kind"]), []).append(row)
+    return [_heat_map(*key, part) for key, part in list(groups.items())[:MOST_MAPS]]
+
+
+def _heat_map(signal: str, kind: str, rows: Rows) -> go.Figure:
+    """Draw the share of the detectable faults as a colour; grey where the error of none left the threshold."""
+    places = sorted({row["place"] or "" for row in rows}, reverse=True)
+    possible = [row for row in rows if row["detection"]["of"]]
+    sizes = [magnitude_shown(size, signal, kind) for size in sorted({row["size"] for row in rows})]
+    scale = {"colorscale": SHARE_SCALE, "colorbar": {"title": "detected", "thickness": 12, "tickformat": ".0%"}}
+    bounds = {"zmin": 0.0, "zmax": 1.0, "xgap": 2, "ygap": 2, "texttemplate": "%{text}"}
+    figure = go.Figure(go.Heatmap(**_cells(possible, signal, kind), **bounds, **scale))
+    if len(possible) < len(rows):
+        never = _cells([row for row in rows if not row["detection"]["of"]], signal, kind)
+        figure.add_heatmap(**never, **bounds, colorscale=[[0.0, LINE], [1.0, LINE]], showscale=False)
+    lay_out(figure, f"{kind} of {signal}", 150 + 34 * len(places))
+    unit = magnitude_unit(signal, kind)
+    order: dict[str, Any] = {"type": "category", "categoryorder": "array"}
+    figure.update_xaxes(title=f"magnitude, {unit}" if unit else "magnitude", categoryarray=sizes, **order)
+    figure.update_yaxes(categoryarray=places, **order)
+    return figure
+
+
+def _cells(rows: Rows, signal: str, kind: str) -> dict[str, Any]:
+    """Return places, colours and texts of the cells of a map."""
+    sizes, places = sorted({row["size"] for row in rows}), sorted({row["place"] or "" for row in rows}, reverse=True)
+    cells = {(row["place"] or "", row["size"]): row for row in rows}
+    grid = [[cells.get((place, size)) for size in sizes] for place in places]
+    drawn = [[None if cell is None else cell["detection"]["value"] or 0.0 for cell in line] for line in grid]
+    return {
+        "x": [magnitude_shown(size, signal, kind) for size in sizes],
+        "y": places,
+        "z": drawn,
+        "text": [["" if cell is None else _counted(cell) for cell in line] for line in grid],
+        "customdata": [["" if cell is None else _hover_text(cell) for cell in line] for line in grid],
+        "hovertemplate": f"%{{y}}<br>magnitude %{{x}} {magnitude_unit(signal, kind)}<br>%{{customdata}}<extra></extra>",
+    }
+
+
+def _counted(cell: dict[str, Any]) -> str:
+    share = cell["detection"]
+    return f"{share['count']}/{share['of']:.0f}" if share["of"] else f"({cell['acted']})"
+
+
+def _hover_text(cell: dict[str, Any]) -> str:
+    """Return the hover text of a cell of a heat map."""
+    share = cell["detection"]
+    never = cell["acted"] - int(share["of"])
+    below = f"{never} undetectable: error below the threshold" if never else ""
+    if not share["of"]:
+        return below
+    detected = f"detected {_counted(cell)}, 95 % {share['low']:.3f} to {share['high']:.3f}"
+    return f"{detected}<br>{below}" if below else detected
+
+
+def delay_curves(faults: pl.DataFrame) -> list[go.Figure]:
+    """Draw the share of detections that took no longer, by signal and kind, from either beginning."""
+    detected = faults.filter(pl.col("outcome") == "detected")
+    columns = {"delay_from_exceeded_s": "from leaving the threshold", "delay_from_onset_s": "from the onset"}
+    return [_curves(detected, column, title) for column, title in columns.items() if len(detected)]
+
+
+def _curves(detected: pl.DataFrame, column: str, title: str) -> go.Figure:
+    figure = go.Figure()
+    all_delays = [0.0, *detected[column].drop_nulls().to_list()]
+    begin, end = 1.1 * min(all_delays), 1.1 * max(all_delays)  # below 0: failed before it left the threshold
+    groups = detected.sort("signal", "kind").group_by(["signal", "kind"], maintain_order=True)
+    for i, ((signal, kind), part) in enumerate(groups):
+        counts = part[column].drop_nulls().value_counts().sort(column)
+        if counts.is_empty():
+            continue
+        share = (counts["count"].cum_sum() / counts["count"].sum()).to_list()
+        delays = counts[column].to_list()
+        figure.add_scatter(
+            x=[begin, *delays, end],
+            y=[0.0, *share, share[-1]],
+            mode="lines",
+            line={"shape": "hv", "color": series_colour(i), "width": 2},
+            name=f"{kind} of {signal} ({len(part)})",
+            hovertemplate="%{x:.2f} s: %{y:.3f}<extra>%{fullData.name}</extra>",
+        )
+    lay_out(figure, f"Delay {title}", 340, legend_y=-0.25)
+    figure.update_xaxes(title="delay, s", range=[begin, end or 1.0])  # room behind the last step
+    figure.update_yaxes(title="share of detections", range=[0, 1.02])
+    return figure
+
+
+def reply_times(replies: dict[str, Any]) -> go.Figure:
+    """Draw how many frames a unit under test answered in which time; ``replies`` as of the summary."""
+    share = [100.0 * count / max(replies["frames"], 1) for count in replies["counts"]]
+    hover = "%{x} µs: %{customdata} frames, %{y:.3g} %<extra></extra>"
+    bars = {"x": replies["bins_us"], "y": share, "customdata": replies["counts"], "hovertemplate": hover}
+    figure = go.Figure(go.Bar(**bars, marker={"color": SERIES[0]}))
+    lay_out(figure, "Reply time", 340)
+    figure.update_xaxes(title="reply time, µs", type="category")
+    figure.update_yaxes(title="% of frames, logarithmic", type="log")
+    return figure
+
+
+def magnitude_unit(signal: str, kind: str) -> str:
+    """Return the unit that magnitudes of a kind on a signal are shown in: ``deg/s``; "" where they have none."""
+    unit = _setting(kind)
+    if unit not in _SIGNAL:
+        return unit_shown(unit)
+    shown = unit_shown(_of_signal(signal))
+    return f"{shown or '1'}/s" if unit == _RATE else shown
+
+
+def magnitude_shown(value: float | None, signal: str, kind: str) -> str:
+    """Return a magnitude, SI, in ``magnitude_unit``; "" for None."""
+    return number(value, _of_signal(signal) if _setting(kind) in _SIGNAL else "")
+
+
+def _of_signal(signal: str) -> str:
+    return SIGNALS[INDEX[signal]].unit if signal in INDEX else ""
+
+
+def _setting(kind: str) -> str:
+    """Return the unit of the setting that says how large a fault of the kind is."""
+    model = KINDS.get(kind)
+    extra = model.model_fields[model.sizes[0]].json_schema_extra if model is not None and model.sizes else None
+    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""

@@ -1,0 +1,197 @@
+"""``rig scenario``, ``rig faults``, ``rig signals``: what there is to fly, and what its files may hold."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+
+from typer import Argument, Option, Typer, echo
+
+from rig.cli import complete
+from rig.cli.common import GROUP, Json, ScenarioName, Sets, emit
+from rig.cli.table import Column, columns, line, table
+from rig.text import plain
+
+if TYPE_CHECKING:
+    from rig.faults.catalogue import Entry, Parameter
+
+scenario_app = Typer(help="Look at scenario files.", **GROUP)
+faults_app = Typer(help="Look at the kinds of faults.", **GROUP)
+_CHOSEN_BY: Final = "kind"  # entries of a list that are complete in themselves: faults, manoeuvres
+
+
+@scenario_app.command("show")
+def scenario_show(scenario: ScenarioName = None, sets: Sets = None, as_json: Json = False) -> None:
+    """Print a scenario with every default written out, as TOML that can be flown."""
+    from rig.scenario import load
+
+    loaded = load(scenario, sets or ())
+    emit(as_json, loaded.resolved, lambda: echo(plain(loaded.to_toml(), keep="\n"), nl=False))
+
+
+@scenario_app.command("list")
+def scenario_list(as_json: Json = False) -> None:
+    """List the bundled scenarios: name, aircraft, title."""
+    from rig.scenario import find, names
+    from rig.settings import read_toml
+
+    files = {name: read_toml(find(name)) for name in names()}
+    titles = {name: str(file.get("title", "")) for name, file in files.items()}
+    shown = (
+        Column("scenario", 0),
+        Column("aircraft", lambda item: str(item[1].get("aircraft", "f16"))),
+        Column("title", lambda item: titles[item[0]]),
+    )
+    emit(as_json, titles, lambda: table(files.items(), shown))
+
+
+@scenario_app.command("schema")
+def scenario_schema() -> None:
+    """Print the JSON schema of scenario files, for editors."""
+    echo(of_file("scenario"))
+
+
+@scenario_app.command("check")
+def scenario_check(scenario: ScenarioName = None, sets: Sets = None) -> None:
+    """Check a scenario without flying it."""
+    from rig.scenario import find, load
+
+    loaded = load(scenario, sets or ())
+    manager = loaded.redundancy.manager
+    code = f"; the class {manager} votes: not imported here, rig fly needs --allow-code" if ":" in manager else ""
+    counts = f"{loaded.frames} frames of {loaded.aircraft}, {len(loaded.faults)} faults"
+    echo(plain(f"{find(scenario)}: good, {counts}{code}"))
+
+
+@faults_app.command("list")
+def list_kinds(as_json: Json = False) -> None:
+    """List every kind of fault: what it does and why, where it can sit, its own keys."""
+    from rig.faults.catalogue import common, entries
+
+    kinds = entries()
+    everything = {"kinds": [entry.as_dict() for entry in kinds], "common": list(map(asdict, common()))}
+    emit(as_json, everything, lambda: _kinds(kinds))
+
+
+def _kinds(entries: list[Entry]) -> None:
+    shown = (
+        Column("kind", "kind"),
+        Column("what and why", lambda entry: entry.what.splitlines()[0]),
+        Column("on", lambda entry: ", ".join(entry.sites)),
+        Column(
+            "keys of its own",
+            lambda entry: ", ".join(p.name for p in entry.parameters if p.name not in ("signal", "channels")),
+        ),
+    )
+    table(entries, shown)
+    line("rig faults show KIND has the keys with their units and an example")
+
+
+@faults_app.command("show")
+def show_kind(
+    kind: Annotated[str, Argument(metavar="KIND", show_default=False, autocompletion=complete.kinds)],
+    as_json: Json = False,
+) -> None:
+    """Show one kind: cause, keys with units, an example as TOML and the scenario that flies it."""
+    from rig.faults.catalogue import common, entry
+
+    shown, shared = entry(kind), common()
+    emit(as_json, {**shown.as_dict(), "common": list(map(asdict, shared))}, lambda: _kind(shown, shared))
+
+
+def _kind(entry: Entry, shared: list[Parameter]) -> None:
+    line((entry.kind, "bold"), f"  on: {', '.join(entry.sites)}")
+    for text in entry.what.splitlines():
+        line(text)
+    _parameters("its keys", entry.parameters)
+    _parameters("keys of every kind", shared)
+    echo(f"\nexample, flown by  rig fly {entry.scenario}\n")
+    echo(entry.example, nl=False)
+
+
+def _parameters(title: str, parameters: Sequence[Parameter]) -> None:
+    line()
+    own = (
+        Column("unit", "unit"),
+        Column("default", _default),
+        Column("allowed", "allowed"),
+        Column("meaning", "meaning"),
+    )
+    table(parameters, (Column(title, "name"), *own))
+
+
+def _default(parameter: Parameter) -> str:
+    return "required" if parameter.required else "" if parameter.default is None else json.dumps(parameter.default)
+
+
+def signals(
+    markdown: Annotated[bool, Option("--markdown", help="As the table in docs/signals.md.")] = False,
+    as_json: Json = False,
+) -> None:
+    """List every signal and discrete with symbol, unit, range and redundancy."""
+    from rig.frame import DISCRETES, SIGNALS
+
+    data = {"signals": list(map(asdict, SIGNALS)), "discretes": list(map(asdict, DISCRETES))}
+    emit(as_json, data, _markdown if markdown else lambda: table(signal_rows(), SIGNAL_COLUMNS))
+
+
+SIGNAL_COLUMNS: Final = columns("signal", "symbol", "unit", "range", "channels", "group", "topic")
+
+
+def signal_rows() -> list[tuple[str, ...]]:
+    """Return the table of the frame, a row a signal, discretes last."""
+    from rig.frame import DISCRETES, SIGNALS
+
+    rows = []
+    for s in SIGNALS:
+        span = f"{s.low:.6g} to {s.high:.6g}" + (", wraps" if s.wraps else "")
+        rows.append((s.name, s.symbol, s.unit, span, str(s.channels), s.group, s.topic))
+    for d in DISCRETES:
+        rows.append((d.name, "", "0 or 1", f"fail-safe {d.fail_safe}", str(d.channels), "discretes", d.topic))
+    return rows
+
+
+def _markdown() -> None:
+    for row in ([column.title for column in SIGNAL_COLUMNS], ["---"] * len(SIGNAL_COLUMNS), *signal_rows()):
+        echo(f"| {' | '.join(row)} |")
+
+
+def of_file(kind: Literal["scenario", "campaign", "unit"]) -> str:
+    """Return the JSON schema of the files of a kind, for editors: names, types, ranges, choices.
+
+    An aircraft gives what a scenario leaves out, so nothing is required there; the models check the rest when a file
+    is read.
+    """
+    schema = {"scenario": _scenario, "campaign": _campaign, "unit": _unit}[kind]()
+    return json.dumps({"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}, indent=1)
+
+
+def _scenario() -> dict[str, Any]:
+    from rig.scenario import Scenario
+
+    schema = Scenario.model_json_schema()
+    for model in (schema, *schema["$defs"].values()):
+        if _CHOSEN_BY not in model.get("properties", {}):
+            model.pop("required", None)
+    return schema
+
+
+def _campaign() -> dict[str, Any]:
+    """Return the schema of what is written: a base's name; what varies may be a list, or tables for a dotted key."""
+    from rig.campaign.config import Campaign
+
+    schema = Campaign.model_json_schema()
+    schema["properties"]["base"] = {"title": "Base", "type": "string"}
+    for model in (schema, *schema["$defs"].values()):
+        if "vary" in model.get("properties", {}):
+            written = {"anyOf": [{"type": "array"}, {"type": "object"}]}
+            model["properties"]["vary"] = {"title": "Vary", "type": "object", "additionalProperties": written}
+    return schema
+
+
+def _unit() -> dict[str, Any]:
+    from rig.unit.settings import Unit
+
+    return Unit.model_json_schema()

@@ -1,0 +1,228 @@
+"""``rig fly`` and ``rig bench``, and how one flight is printed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from math import degrees
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from typer import Option, echo
+
+from rig.cli.common import AllowCode, Json, Logs, ScenarioName, Sets, UnitFile, emit
+from rig.cli.table import MOST_LINES, Column, counts, field, line, rest, table
+from rig.cli.working import working
+from rig.errors import BadInput
+from rig.units.quantities import moment
+from rig.util.progress import tell
+
+if TYPE_CHECKING:
+    from rig.flight.assembly import Flight
+    from rig.flight.frame_cost import Bench
+    from rig.util.interrupt import Stop
+    from rig.view.stream import Stream
+
+LOOK_S: Final = 0.1  # between two looks for a viewer, or for Ctrl-C
+Seed = Annotated[int | None, Option(metavar="N", help="Seed of all random draws.", min=0, show_default=False)]
+Rerun = Annotated[str, Option(metavar="WHERE", help="off, save, serve, spawn, or rerun+http://127.0.0.1:PORT/proxy.")]
+Wait = Annotated[
+    bool,
+    Option(
+        "--wait/--no-wait", help="With serve: begin when a viewer is connected. It serves until Ctrl-C in any case."
+    ),
+]
+Factor = Annotated[
+    float | None,
+    Option(metavar="X", help="Pace frames by the wall clock: 1 is real time.", min=0.001, show_default=False),
+]
+Realtime = Annotated[
+    bool, Option("--realtime", help="Real time, and ask the system for a scheduling class, memory, a core.")
+]
+Watch = Annotated[bool, Option("--watch", help="Show the redundancy page while it flies.")]
+
+
+def fly(
+    scenario: ScenarioName = None,
+    sets: Sets = None,
+    seed: Seed = None,
+    out: Logs = Path("logs"),
+    rerun: Rerun = "off",
+    wait: Wait = True,
+    realtime_factor: Factor = None,
+    realtime: Realtime = False,
+    watch: Watch = False,
+    unit: UnitFile = None,
+    allow_code: AllowCode = False,
+    as_json: Json = False,
+) -> None:
+    """Fly one scenario, log every frame, print what happened."""
+    from rig.assess.conclusion import next_commands
+    from rig.assess.of_log import conclude
+    from rig.flight.assembly import fly as fly_scenario
+    from rig.view.watch.keyboard import keyboard
+    from rig.view.watch.live import watching
+
+    if watch and as_json:
+        raise BadInput("--watch: not with --json, which prints one object and nothing else")
+    with watching(watch, realtime_factor) as page, working("starting", not (as_json or watch)):
+        flight = fly_scenario(
+            scenario,
+            seed=seed,
+            overrides=sets or (),
+            out=out,
+            rerun=rerun,
+            realtime_factor=realtime_factor,
+            progress=None if watch else lambda done, total: tell("flying", done, total),
+            viewer=Watching(wait),
+            watch=page,
+            allow_code=allow_code,
+            unit=unit,
+            realtime=realtime,
+            live=keyboard(watch and (realtime or realtime_factor is not None)),
+        )
+        tell("scoring")
+        sentences = conclude(flight.log, flight.frames)
+    data = lambda: {**flight.summary(), "conclusion": sentences, "next": next_commands(flight.log)}  # noqa: E731
+    emit(as_json, data, lambda: show_flight(flight, sentences))
+
+
+class Watching:
+    """Print where a stream can be watched; a served one waits for a viewer, and stays open until Ctrl-C."""
+
+    def __init__(self, wait: bool = True) -> None:
+        self._wait = wait
+
+    def opened(self, stream: Stream, stop: Stop) -> None:
+        """Print the address to open, and wait until a viewer is connected; Ctrl-C gives the flight up."""
+        if not stream.browser:
+            return
+        waiting = "; the flight begins when a viewer is connected (--no-wait: at once)" if self._wait else ""
+        echo(f"watch at {stream.browser}{waiting}", err=True)
+        tell("waiting for a viewer")
+        while self._wait and not stop.requested and not stream.watched:
+            time.sleep(LOOK_S)
+
+    def flown(self, stream: Stream, stop: Stop) -> None:
+        """Hold the server until Ctrl-C, which may have come in flight."""
+        if not stream.browser or stop.requested:
+            return
+        stream.drain()
+        echo("flight over, still serving; Ctrl-C ends", err=True)
+        tell("serving")
+        while not stop.requested:
+            time.sleep(LOOK_S)
+
+
+def show_flight(flight: Flight, sentences: Sequence[str], run: str = "") -> None:
+    """Print the verdict of a flight, the ``sentences`` of its conclusion, and the next commands.
+
+    run : of a campaign, how it compares with the table
+    """
+    from rig.assess.conclusion import next_commands
+
+    _verdict(flight)
+    conclusion(sentences)
+    if run:
+        field("run", run)
+    notes = ("against the truth", "in Rerun", "run the manager over the log again")
+    for i, (command, note) in enumerate(zip(next_commands(flight.log), notes, strict=True)):
+        field("next" if i == 0 else "", f"{command}   # {note}")
+
+
+def conclusion(sentences: Sequence[str]) -> None:
+    """Print the sentences of a conclusion, the first MOST_LINES and the last."""
+    line(("conclusion", "bold"))
+    left = len(sentences) - MOST_LINES
+    shown = sentences if left <= 0 else [*sentences[: MOST_LINES - 1], f"and {left} more, with --json", sentences[-1]]
+    for sentence in shown:
+        line(f"  {sentence}")
+
+
+def _verdict(flight: Flight) -> None:
+    scenario = flight.scenario
+    about = [f"seed {scenario.seed}", f"manager {scenario.redundancy.manager}", *flight.overrides]
+    line((scenario.title or scenario.aircraft, "bold"), f"  {', '.join(about)}")
+    for event in flight.events[:MOST_LINES]:
+        style = {"info": "", "warning": "yellow", "error": "red"}[event.level]
+        line(f"  {event.frame / scenario.rate_hz:9.2f} s  {event.name:17} {event.text}", style=style)
+    rest(len(flight.events), MOST_LINES, "  and {} more events, in the log")
+    verdict = ("survived", "green") if flight.survived else ("lost", "red")
+    field("result", verdict, f": {flight.end_reason} ({flight.frames} frames, {flight.duration_s:g} s)")
+    failed = (f"{name} channel {', '.join(map(str, numbers))}" for name, numbers in flight.failed.items())
+    field("failed", "; ".join(failed) or "no channel")
+    if below := scenario.gains.below:
+        field("gains", f"below the requirement, accepted: {'; '.join(below)}", style="yellow")
+    if flight.not_executed:
+        field("faults", f"not executed: {'; '.join(flight.not_executed)}", style="yellow")
+    field("peaks", _peaks(flight))
+    _timing(flight)
+    if flight.unit is not None:
+        _unit(flight)
+    if flight.stream is not None:
+        s = flight.stream
+        trouble = f", {s.error}" if s.error else ""
+        field("stream", f"{s.where}: {s.sent_frames} frames sent, {s.dropped_frames} dropped{trouble}")
+    field("digest", flight.digest)
+    field("log", str(flight.log))
+
+
+def _timing(flight: Flight) -> None:
+    field("run time", f"{flight.us_per_frame:.1f} us per frame, {flight.duration_s / flight.wall_s:.0f} x real time")
+    if flight.jitter is not None:
+        j = flight.jitter
+        field("jitter", f"{_reply(j.median_us, j.p99_us, j.worst_us)}, {j.overruns} overruns")
+    if flight.realtime:
+        field("realtime", "; ".join(f"{name}: {granted}" for name, granted in flight.realtime.items()))
+
+
+def _reply(median_us: float, p99_us: float, worst_us: float) -> str:
+    return f"median {median_us:.0f} us, 99 % {p99_us:.0f} us, worst {worst_us:.0f} us"
+
+
+def _unit(flight: Flight) -> None:
+    """Print what became of the exchanges with the unit under test, and what it printed."""
+    unit = flight.unit or {}
+    names = ("missed", "late", "requests_lost", "replies_lost", "discarded", "refused", "not_finite", "restarts")
+    wrong = counts(unit, names)
+    if unit["dead_frame"] is not None:
+        wrong.append(f"dead from {moment(unit['dead_frame'], flight.scenario.rate_hz)} on")
+    text = ", ".join([f"{unit['answered']} frames answered", *wrong])
+    field("unit", f"{unit['name']}: {text}", style="yellow" if wrong else "")
+    reply = unit["reply"]
+    field("replies", _reply(reply["median_us"], reply["p99_us"], reply["worst_us"]))
+    for text in flight.printed.splitlines()[-MOST_LINES:]:
+        field("printed", text)
+
+
+def _peaks(flight: Flight) -> str:
+    p = flight.peaks
+    return (
+        f"angle of attack {degrees(p.angle_of_attack_min_rad):.1f} to {degrees(p.angle_of_attack_max_rad):.1f} deg, "
+        f"load factor {p.load_factor_min:.2f} to {p.load_factor_max:.2f} g, "
+        f"altitude off by {p.altitude_deviation_m:.1f} m, heading by {degrees(p.heading_deviation_rad):.2f} deg"
+    )
+
+
+def bench(
+    scenario: ScenarioName = None,
+    sets: Sets = None,
+    repeats: Annotated[int, Option(metavar="N", help="Flights; the medians count.", min=1)] = 7,
+    allow_code: AllowCode = False,
+    as_json: Json = False,
+) -> None:
+    """Measure a frame, logging included, as a ratio to bare JSBSim in the same process."""
+    from rig.flight.frame_cost import bench as measure
+    from rig.scenario import load
+
+    with working("measuring", not as_json):
+        result = measure(load(scenario, sets or (), allow_code=allow_code), repeats)
+    emit(as_json, result.as_dict, lambda: _costs(result))
+
+
+def _costs(result: Bench) -> None:
+    table(result.stages_us.items(), (Column("stage", 0), Column("us a frame", 1, ".2f")))
+    field("whole frame, log included", f"{result.frame_us:.2f} us", width=27)
+    field("bare JSBSim run()", f"{result.bare_us:.2f} us", width=27)
+    field("ratio", f"{result.ratio:.2f}  (median of {result.repeats} pairs)", width=27)
+    field("log", f"{result.log_bytes_per_frame:.0f} bytes a frame", width=27)

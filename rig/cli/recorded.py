@@ -1,0 +1,203 @@
+"""``rig vote`` and ``rig thresholds``: recorded channels voted, thresholds designed from them."""
+
+from __future__ import annotations
+
+from math import isfinite
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+from typer import Argument, Option
+
+from rig.cli.common import Align, AllowCode, Json, comma_list, emit, whole_numbers
+from rig.cli.table import Column, line, table
+from rig.cli.working import working
+from rig.errors import BadInput
+
+MOST_FRAMES: Final = 10_000
+MOST_S: Final = 1e3  # of a filter
+_MARKED: Final = 100.0  # extrapolations beyond this are marked
+AlignFlag = Annotated[bool, Option("--align", help="Take constant delays and offsets off the channels.")]
+AlignFrom = Annotated[float | None, Option(help="Begin of the stretch to find them in, s.", show_default="first row")]
+AlignTo = Annotated[float | None, Option(help="Its end, s.", show_default="6 s after its begin")]
+AlignMatrix = Annotated[bool, Option("--align-matrix", help="Take misalignments off the triads of CONFIG too.")]
+
+
+def vote(
+    recorded: Annotated[
+        Path, Argument(metavar="INPUT", help="CSV, Parquet or MCAP, or a folder of tables.", show_default=False)
+    ],
+    out: Annotated[Path, Option(metavar="FILE", help="What to write: .csv, .parquet or .mcap.", show_default=False)],
+    config: Annotated[
+        Path | None,
+        Option(metavar="FILE", help="Settings of the signals, TOML.", show_default="those of the flight's log"),
+    ] = None,
+    align: AlignFlag = False,
+    align_from: AlignFrom = None,
+    align_to: AlignTo = None,
+    align_matrix: AlignMatrix = False,
+    inject: Annotated[
+        str | None,
+        Option(metavar="FILE", help="Put the faults of FILE into the channels and score who is failed."),
+    ] = None,
+    repair_time: Annotated[
+        bool, Option("--repair-time", help="Drop rows whose time repeats or steps back, and say how many.")
+    ] = False,
+    allow_code: AllowCode = False,
+    as_json: Json = False,
+) -> None:
+    """Vote on recorded channels with the redundancy manager of the flight."""
+    from rig.bench.vote_run import Options, run
+    from rig.bench.vote_summary import show
+    from rig.util.console import console
+
+    options = Options(Align(align, align_from, align_to, align_matrix).options(), inject, repair_time, allow_code)
+    with working("reading", not as_json):
+        summary = run(recorded, config, out, options)
+    emit(as_json, summary, lambda: show(console(), summary))
+
+
+def thresholds(
+    inputs: Annotated[
+        list[Path],
+        Argument(metavar="INPUT...", help="Recordings, folders of them, logs, a campaign.", show_default=False),
+    ],
+    budget: Annotated[float, Option(metavar="X", help="False isolations an hour and signal.", show_default=False)],
+    out: Annotated[
+        Path, Option(metavar="FILE", help="What to write: CONFIG with the thresholds, TOML.", show_default=False)
+    ],
+    config: Annotated[
+        Path | None,
+        Option(metavar="FILE", help="Settings of rig vote; logs of ours may do without.", show_default=False),
+    ] = None,
+    persistence: Annotated[str, Option(help="Frames to try.")] = "8,12,24,48",
+    levels: Annotated[str, Option(help="Channels in use to design for.")] = "4,3,2",
+    filters: Annotated[str, Option("--filter", help="Low-pass of the comparison to try, s.")] = "0,0.1",
+    align: AlignFlag = False,
+    align_from: AlignFrom = None,
+    align_to: AlignTo = None,
+    align_matrix: AlignMatrix = False,
+    repair_time: Annotated[bool, Option("--repair-time", help="Drop rows whose time repeats.")] = False,
+    keep: Annotated[bool, Option("--keep", help="Design with flights too in which a channel stands out.")] = False,
+    outlier: Annotated[
+        bool, Option("--outlier", help="Write them as outlier thresholds, beside the thresholds that there are.")
+    ] = False,
+    monitored: Annotated[
+        list[Path] | None,
+        Option(metavar="FILE", help="Data to be monitored: does it move more? Repeatable.", show_default=False),
+    ] = None,
+    plot: Annotated[
+        Path | None, Option(metavar="FILE", help="The trade-off as a page: .html.", show_default=False)
+    ] = None,
+    seed: Annotated[int, Option(metavar="N", help="Of the bootstrap.", min=0)] = 0,
+    as_json: Json = False,
+) -> None:
+    """Design thresholds from a budget of false isolations, by healthy data."""
+    from rig.thresholds.design import Grid
+    from rig.thresholds.design_run import Options, run
+
+    if not (isfinite(budget) and budget > 0):
+        raise BadInput(f"--budget: false isolations an hour, above 0, got {budget}")
+    frames = whole_numbers("--persistence", persistence, 1, MOST_FRAMES)
+    counts = whole_numbers("--levels", levels, 2, 4)
+    grid = Grid(budget, frames, counts, _seconds("--filter", filters), seed)
+    stretch = Align(align, align_from, align_to, align_matrix).options()
+    options = Options(inputs, config, out, plot, grid, repair_time, stretch, keep, outlier, monitored or [])
+    with working("reading", not as_json):
+        summary = run(options)
+    emit(as_json, summary, lambda: _show(summary))
+
+
+def _seconds(option: str, text: str) -> list[float]:
+    seconds = comma_list(option, text, f"seconds from 0 to {MOST_S:.0f}", float, lambda value: 0.0 <= value <= MOST_S)
+    return sorted(set(seconds))
+
+
+def _show(summary: dict[str, Any]) -> None:
+    """Print the thresholds of each signal, what they isolate, the hold-out check and the remarks."""
+    signals = summary["signals"]
+    hours, flights = f"{summary['hours']:.4g} h", f"{summary['flights']} recordings"
+    line(f"{summary['budget_per_h']:g} false isolations an hour and signal, from {hours} in {flights}")
+    for name, signal in signals.items():
+        if signal["designs"]:
+            line()
+            line(f"{name}: threshold (95 % upper) and point estimate, unit of the signal")
+            table(_level_rows(signal), _LEVELS)
+    _tradeoffs(signals)
+    line(f"chosen (>): {summary['rule']}")
+    held_out = [(name, level, count) for name, signal in signals.items() for level, count in signal["hold_out"].items()]
+    if held_out:
+        line()
+        line("hold-out: half of the data design, false isolations in the other half, both ways")
+        table(held_out, _HOLD_OUT)
+    line()
+    line("motion of the data, 95 %: thresholds hold for data that move no more")
+    table(({"signal": name, **signal["motion"]} for name, signal in signals.items()), _MOTION)
+    for note in summary["notes"]:
+        line(f"note: {note}")
+    line(", ".join(f"{stage} {taken:.2f} s" for stage, taken in summary["seconds"].items()))
+    line(f"written  {summary['out']}")
+
+
+def _chosen(signal: dict[str, Any], design: dict[str, Any]) -> str:
+    chosen = signal["chosen"]
+    same = chosen and all(chosen[key] == design[key] for key in ("persistence", "filter_s"))
+    return ">" if same else ""
+
+
+def _level_rows(signal: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return a row for each design and level; what a design has once is in its first row."""
+    rows = []
+    for design in signal["designs"]:
+        mark = "*" if design["extrapolation"] > _MARKED else ""
+        for i, (level, at) in enumerate(design["levels"].items()):
+            once = {**design, "chosen": _chosen(signal, design), "beyond": f"{design['extrapolation']:.3g}{mark}"}
+            rows.append({**at, "level": level, "threshold": f"{at['upper']:.4g}{mark}", "design": {} if i else once})
+    return rows
+
+
+def _of_design(title: str, key: str, format: str = "", unit: str = "") -> Column:
+    """Return a column of what a design has once."""
+    return Column(title, lambda row: row["design"].get(key), format, unit)
+
+
+_LEVELS: Final = (
+    *(_of_design("", "chosen"), _of_design("filter", "filter_s", "g", "s"), _of_design("frames", "persistence")),
+    *(Column("in use", "level"), Column("threshold", "threshold"), Column("point", "point", ".4g")),
+    *(Column("clusters", "clusters"), Column("shape", "shape", ".2f"), _of_design("extrapolation", "beyond")),
+)
+_HOLD_OUT: Final = (
+    *(Column("signal", 0), Column("in use", 1), Column("counted", lambda row: row[2]["counted"])),
+    Column("budget allows", lambda row: row[2]["expected"], ".3g"),
+    Column("", lambda row: "over" if row[2]["significantly_over"] else ""),
+)
+_MOTION: Final = (
+    *(Column("signal", "signal"), Column("from its median", "value", ".4g"), Column("a second", "rate_per_s", ".4g")),
+    *(Column("between channels", "noise", ".4g"), Column("", lambda row: "at rest" if row["still"] else "")),
+)
+
+
+def _tradeoffs(signals: dict[str, Any]) -> None:
+    """Print what each design isolates of faults injected into the same data."""
+    rows = [
+        {"chosen": _chosen(signal, design), "signal": name, **design, **design["tradeoff"]}
+        for name, signal in signals.items()
+        for design in signal["designs"]
+        if design["tradeoff"] is not None
+    ]
+    if not rows:
+        return
+    faults = (Column(kind, lambda row, kind=kind: _right(row["faults"][kind])) for kind in rows[-1]["faults"])
+    shown = (
+        *(Column("", "chosen"), Column("signal", "signal"), Column("filter", "filter_s", "g", "s")),
+        *(Column("frames", "persistence"), Column("smallest offset", "smallest_offset", ".3g", empty="none")),
+        Column("delay at 2 T", "at_twice_the_threshold.delay_s", ".3g", "s", "none"),
+        *(*faults, Column("share", "found_rightly", ".3f")),
+    )
+    line()
+    line("faults injected into the same data: found rightly (offsets in parts of the motion)")
+    table(rows, shown)
+
+
+def _right(fault: dict[str, Any]) -> str:
+    of = fault["right"] + fault["wrong"] + fault["missed"]
+    return f"{fault['right']}/{of}" + (f" -{fault['wrong']}" if fault["wrong"] else "")

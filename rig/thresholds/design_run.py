@@ -1,0 +1,74 @@
+"""One design from its options: recordings read, thresholds designed, OUT and the page written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from rig.recordings.alignment import AlignOptions
+from rig.recordings.settings import VoteConfig
+from rig.thresholds import thresholds_page
+from rig.thresholds.config import recorded_toml, scenario_toml, start
+from rig.thresholds.data import Data, load, of_scenario, recordings
+from rig.thresholds.design import Grid
+from rig.thresholds.healthy import beyond, envelope
+from rig.thresholds.report import remarks, summary
+from rig.thresholds.run import Signal, design
+from rig.util.files import replaced, write_text
+
+
+@dataclass(frozen=True)
+class Options:
+    """The options of ``rig thresholds``."""
+
+    inputs: list[Path]
+    config: Path | None
+    out: Path
+    page: Path | None
+    grid: Grid
+    repair_time: bool
+    align: AlignOptions | None
+    keep: bool
+    outlier: bool
+    monitored: list[Path]
+
+
+def run(options: Options) -> dict[str, Any]:
+    """Read, design, write; return the summary, and the seconds of each step."""
+    page = options.page
+    with replaced(options.out) as part, replaced(page) if page else nullcontext() as page_part:
+        began = perf_counter()
+        if options.config is None:
+            settings, raw = of_scenario(recordings(options.inputs, VoteConfig())), None
+        else:
+            settings, raw = start(options.config)
+        reading = (settings, str(options.config or options.inputs[0]), options.repair_time, options.align)
+        data = load(options.inputs, *reading)
+        read = perf_counter()
+        signals = design(data, options.grid, options.keep)
+        if options.monitored:
+            _note_motion(data, signals, load(options.monitored, *reading))
+        result = summary(data, options.grid, signals)
+        if page_part is not None:
+            thresholds_page.write(page_part, result)
+        write_text(part, _toml(options, raw, data, signals))
+    return {"out": str(options.out), **result, "seconds": {"read": read - began, "design": perf_counter() - read}}
+
+
+def _note_motion(data: Data, signals: Mapping[str, Signal], monitored: Data) -> None:
+    """Note in ``data`` which signals move more in the data to be ``monitored``."""
+    motion = {name: envelope(flights, monitored.settings[name].wraps) for name, flights in monitored.signals.items()}
+    data.notes.extend(beyond({name: signal.motion for name, signal in signals.items()}, motion))
+
+
+def _toml(options: Options, raw: dict[str, Any] | None, data: Data, signals: Mapping[str, Signal]) -> str:
+    """Return OUT: CONFIG with the thresholds, or the tables of a scenario where there is no CONFIG."""
+    chosen = {name: made for name, signal in signals.items() if (made := signal.design) is not None}
+    head = remarks(data, options.grid, signals)
+    if raw is None:
+        return scenario_toml(chosen, data.settings, head, options.outlier)
+    return recorded_toml(raw, chosen, data.settings, data.rate_hz, data.referenced, head, options.outlier)
