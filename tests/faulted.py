@@ -1,15 +1,15 @@
-"""A block of given values through the faults alone, for the tests of faults."""
+"""A block of given values through the faults alone, for the tests of faults; which faults did something."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.random import SeedSequence
 from pydantic import TypeAdapter
 
-from rig.faults import Fault, Faults, actuate, corrupt, corrupt_reference
+from rig.faults import Execution, Fault, Faults, actuate, corrupt, corrupt_reference
 from rig.faults.places import number, site
 from rig.frame import SIGNALS, Block, Ilm, nested, new_block
 from rig.kernels import bind, kernel
@@ -83,3 +83,10 @@ def column(rows: Block, place: str) -> np.ndarray:
     ]
     values = rows[field][:, number(place)]
     return values[:, 1] if site(place) == "channel" else values
+
+
+def executed(faults: Sequence[Fault], rows: Block) -> list[bool]:
+    """For each fault, whether it did something."""
+    found = Execution(faults)
+    found.add(rows)
+    return found.executed

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from ports import refer, remember
+from one_stage import refer, remember
 from test_analytic_references import RATE, designed, level_flight, ref, run
 
 from rig.computer.analytic import kinematics

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ports import refer, remember
+from one_stage import refer, remember
 from test_analytic_references import LEVEL_ALPHA, RATE, designed, level_flight, ref, run
 
 from rig.computer.analytic.pitch_filter import PARTNERS, Noise

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from interpreted import printed
-from ports import refer, remember
+from one_stage import refer, remember
 
 from rig import scenario
 from rig.computer.analytic.designed import Designed, Error, Point

@@ -9,19 +9,21 @@ import pytest
 from test_assess_parts import Q, flight, offset
 
 from rig.assess import score
-from rig.assess.agreement import last_run, nearness
 from rig.assess.conclusion import conclusion, next_commands
-from rig.assess.context import channels
+from rig.assess.context import agreement, channels, last_run
+from rig.assess.flight_outcome import columns
 from rig.assess.of_log import MOST_FRAMES, conclude
+from rig.assess.outcome_records import EPISODE
 from rig.assess.record import Yardstick
 from rig.assess.scoring import monitor
+from rig.faults import CLEAN
 from rig.frame import INDEX, Ilm, State, Unit
 from rig.units.quantities import quantity
 
 
 def said(faults: list[dict[str, Any]], *overrides: str, frames: int = 100) -> list[str]:
     which, rows = flight(faults, frames, *overrides, exact=True)
-    return conclusion(which, rows, monitor(which), score(which, rows))
+    return conclusion(which, score(which, rows))
 
 
 def test_a_detected_fault_is_told_with_value_time_count_delay_and_vote():
@@ -36,7 +38,9 @@ def test_a_detected_fault_is_told_with_value_time_count_delay_and_vote():
 
 
 def test_what_the_aircraft_did_is_looked_for_as_long_as_the_yardstick_says_or_the_flight_lasts():
-    (which, rows), (_, clean) = (flight(faults, 100, exact=True) for faults in ([offset([2], 0.2, 0.03)], []))
+    (which, rows), (_, unfaulted) = (flight(faults, 100, exact=True) for faults in ([offset([2], 0.2, 0.03)], []))
+    clean = np.zeros(100, CLEAN)
+    clean["channels"], clean["valid"] = unfaulted["channels"], unfaulted["valid"]
     rows["truth"][:, INDEX["normal_load_factor"]] = (
         np.maximum(0.0, np.arange(100) - 19) / 100
     )  # rises from the onset on
@@ -44,10 +48,10 @@ def test_what_the_aircraft_did_is_looked_for_as_long_as_the_yardstick_says_or_th
         scored = score(which, rows, yardstick=Yardstick(window_s=window_s), clean=clean)
         (fault,) = scored.faults
         assert (fault.load_factor_change, fault.load_factor_change_s) == pytest.approx((change, looked_at_s))
-        told = conclusion(which, rows, monitor(which), scored)[0]
+        told = conclusion(which, scored)[0]
         assert f"the load factor moved by {quantity(change, 'g')} in the next {looked_at_s} s" in told
     rows["truth"][20:, INDEX["normal_load_factor"]] = np.nan
-    assert "load factor" not in conclusion(which, rows, monitor(which), score(which, rows, clean=clean))[0]
+    assert "load factor" not in conclusion(which, score(which, rows, clean=clean))[0]
 
 
 def test_a_fault_in_the_last_frame_has_nothing_behind_it_to_look_at():
@@ -96,7 +100,7 @@ def test_what_a_unit_does_not_fail_is_not_explained_by_our_comparison(state: Sta
     which, rows = flight([offset([2], 0.2, 0.2)], 100, exact=True)
     rows["unit"], rows["state"] = Unit.ANSWERED, state
     rows["level"] = 0 if state == State.ABSENT else rows["level"]
-    fault, end = conclusion(which, rows, monitor(which), score(which, rows))
+    fault, end = conclusion(which, score(which, rows))
     assert f"above the threshold of 2.86 deg/s for 800 ms at most, and {expected};" in fault
     assert "lost" not in fault and "no channel left" not in end
 
@@ -104,7 +108,7 @@ def test_what_a_unit_does_not_fail_is_not_explained_by_our_comparison(state: Sta
 def test_a_channel_that_a_unit_fails_is_told_without_a_count():
     which, rows = flight([offset([2], 0.2, 0.2)], 100, exact=True)
     rows["unit"] = Unit.ANSWERED
-    fault = conclusion(which, rows, monitor(which), score(which, rows))[0]
+    fault = conclusion(which, score(which, rows))[0]
     assert "; it was failed 70 ms later;" in fault and "miscompared" not in fault
 
 
@@ -143,32 +147,32 @@ def test_in_line_monitors_that_answer_are_told_by_channel_and_a_wrong_answer_is_
 
 
 def test_where_the_reference_lies_follows_from_the_samples():
-    from rig.assess.pattern_sentence import _reference
+    from rig.assess.conclusion import _reference
 
     which, rows = flight([offset([3, 4], 0.2, 0.2)], 30, exact=True)
     p, used = monitor(which)[Q], np.arange(4)
-    row = rows[25]
-    row["reference_usable"][Q] = 1
+    row = score(which, rows).episodes[0].last
+    row["channels"], row["reference_usable"] = rows["channels"][25, Q], 1
     for value, says in (
         (-0.1, "side of channels 1 and 2, below channels 3 and 4"),
         (0.3, "side of channels 3 and 4, "),
     ):
-        row["reference"][Q] = value
-        assert says in _reference(row, Q, used, p)
-    row["reference"][Q] = 0.03
+        row["reference"] = value
+        assert says in _reference(row, used, p)
+    row["reference"] = 0.03
     limit = p["reference_threshold"]
     near = "channels 1 and 2" if limit < 0.17 else "channels 1, 2, 3 and 4"
-    assert _reference(row, Q, used, p).endswith(f"of {near}") and "between the halves" in _reference(row, Q, used, p)
-    row["reference_usable"][Q] = 0
-    assert _reference(row, Q, used, p) == "not usable"
+    assert _reference(row, used, p).endswith(f"of {near}") and "between the halves" in _reference(row, used, p)
+    row["reference_usable"] = 0
+    assert _reference(row, used, p) == "not usable"
 
 
 def test_in_line_monitors_that_are_not_fitted_are_said_to_be():
-    from rig.assess.pattern_sentence import _ilm
+    from rig.assess.conclusion import _ilm
 
-    which, rows = flight([], 10)
-    rows["ilm"][5, INDEX["heading"]] = Ilm.ABSENT
-    assert _ilm(rows[5], INDEX["heading"], np.arange(4), monitor(which)[0]) == "none fitted"
+    episode = np.zeros(1, EPISODE)
+    episode["ilm"] = Ilm.ABSENT
+    assert _ilm(episode[0], np.arange(4), monitor(flight([], 1)[0])[0]) == "none fitted"
 
 
 def test_a_fault_that_never_acts_says_why():
@@ -178,17 +182,17 @@ def test_a_fault_that_never_acts_says_why():
     assert said(again)[1].endswith("was not executed: the channel had been failed before")
 
 
-def test_nearness_names_the_closest_channel_in_use_over_the_turn():
+def test_the_agreement_names_the_closest_channel_in_use_over_the_turn():
     which, rows = flight([], 5, exact=True)
     s = INDEX["heading"]
     p = monitor(which)[s]
     rows["channels"][:, s] = [6.27, 0.01, 0.5, 3.0]
-    found = nearness(rows, s, 0, 0, 5, p)
+    found = agreement(columns(rows, s), 0, 0, 5, p)
     assert (found.nearest == 1).all() and found.distance == pytest.approx(0.01 + 2 * np.pi - 6.27)
-    assert nearness(rows, s, 3, 0, 5, p).alone.all()
+    assert agreement(columns(rows, s), 3, 0, 5, p).alone.all()
     rows["valid"][:, s, 1] = 0
-    assert (nearness(rows, s, 0, 0, 5, p).nearest == 2).all()
-    assert nearness(rows, s, 1, 0, 5, p).alone.all()  # an invalid sample always miscompares
+    assert (agreement(columns(rows, s), 0, 0, 5, p).nearest == 2).all()
+    assert agreement(columns(rows, s), 1, 0, 5, p).alone.all()  # an invalid sample always miscompares
 
 
 @pytest.mark.parametrize(
@@ -208,7 +212,7 @@ def test_an_outlier_is_alone_where_all_agree_and_two_are_close(samples: tuple[fl
     limits += ["redundancy.signals.pitch_rate.outlier_threshold_triplex=0.03"]
     which, rows = flight([], 3, *limits, exact=True)
     rows["channels"][:, Q] = samples
-    assert nearness(rows, Q, 2, 0, 3, monitor(which)[Q]).alone.tolist() == [alone] * 3
+    assert agreement(columns(rows, Q), 2, 0, 3, monitor(which)[Q]).alone.tolist() == [alone] * 3
 
 
 def test_the_run_that_ends_the_flags_is_counted():

@@ -9,7 +9,6 @@ from rig.assess import Score, score
 from rig.assess.cells import isolation_rows
 from rig.assess.conclusion import conclusion
 from rig.assess.record import ISOLATIONS
-from rig.assess.scoring import monitor
 from rig.campaign.rows import alarm_rows, fault_rows, signal_rows
 from rig.campaign.table import COUNTED
 from rig.frame import INDEX, SIGNALS, Block, Resolver, State
@@ -33,7 +32,7 @@ def lists(found: Score) -> dict[str, int]:
 
 
 def told(which: Scenario, rows: Block) -> list[str]:
-    return conclusion(which, rows, monitor(which), score(which, rows))
+    return conclusion(which, score(which, rows))
 
 
 def reported(rows: Block, resolver: Resolver, signals: list[str], channels: list[int], frame: int = 60) -> None:
@@ -68,7 +67,7 @@ def test_a_campaign_keeps_them_apart_and_no_fault_is_wrongly_isolated_for_them()
     which, rows = flight([*dead_box(), {**offset([1], 0.2, 0.01), "signal": "heading"}], exact=True)
     found = score(which, rows)
     assert {row["kind"] for row in alarm_rows(0, which, found)} == {"failed with its box"}
-    assert [row["isolation"] for row in fault_rows(0, which, rows, found)] == ["right"] * 4 + ["none"]
+    assert [row["isolation"] for row in fault_rows(0, which, found)] == ["right"] * 4 + ["none"]
     assert not any(row[f"false_isolations_level_{level}"] for row in signal_rows(0, found) for level in (4, 3, 2, 1))
     assert set(COUNTED) == {field for kind, field in ISOLATIONS.items() if kind.startswith("failed")}
 

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from rig import scenario
 from rig.assess import Score, score
 from rig.assess.cells import vote_rows
-from rig.assess.coverage import POSSIBLE
-from rig.assess.outcomes import longest_run
+from rig.assess.patterns import POSSIBLE
 from rig.assess.unfaulted import middle
 from rig.computer.redundancy.config import PARAMS
 from rig.errors import BadInput
@@ -46,7 +45,7 @@ def flight(
     rig.prepare(rows)
     rows["truth"] = truth
     for k in range(frames):
-        rig.compute(nested(rows), k, rig.data)
+        rig.computer_step(nested(rows), k, rig.data)
     return which, rows
 
 
@@ -60,10 +59,10 @@ def outcomes(found: Score) -> list[tuple[str, int | None, int | None, int | None
 
 def test_the_clean_channels_are_the_recorded_ones_bit_for_bit_where_no_fault_acts():
     which, rows = flight([offset([3], 0.5, 0.2)])
-    from rig.assess.scoring import monitor
-    from rig.assess.unfaulted import recompute
+    from rig.assess.unfaulted import measured_again
 
-    error = recompute(which, rows, monitor(which)).error
+    clean = np.concatenate([kept["channels"].copy() for _, kept in measured_again(which, rows)])
+    error = rows["channels"] - clean
     corrupted = np.zeros_like(error, bool)
     corrupted[50:, Q, 2] = True
     assert not error[~corrupted].any()
@@ -284,10 +283,6 @@ def test_possible_patterns_are_those_that_the_classification_can_give():
             for gaps in np.ndindex(*([3] * max(n - 1, 0)))
         }
         assert given_ == set(possible)
-
-
-def test_the_longest_run_of_frames():
-    assert [longest_run(np.array(f)) for f in ([], [4], [4, 6], [1, 2, 3, 7, 8], [1, 5, 6, 7])] == [0, 1, 1, 3, 3]
 
 
 @settings(max_examples=max(2, 12 // FEWER), deadline=None)

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from rig.assess.missed_frames import Miss, misses
-from rig.assess.times import histogram, times
+from rig.assess.of_log import Miss, histogram, missed_frames, times
 from rig.frame import TIMING, new_block
 
 
@@ -29,6 +28,6 @@ def test_a_flight_without_clock_or_unit_has_no_times():
 def test_misses_are_told_by_their_frames_and_first_status():
     rows = new_block(10, 5)
     rows["unit"] = [1, 2, 2, 1, 6, 4, 5, 1, 1, 2]
-    assert misses(rows) == [Miss(6, 7, "held"), Miss(9, 10, "refused"), Miss(14, 14, "held")]
+    assert missed_frames(rows) == [Miss(6, 7, "held"), Miss(9, 10, "refused"), Miss(14, 14, "held")]
     rows["unit"] = 0
-    assert misses(rows) == []
+    assert missed_frames(rows) == []

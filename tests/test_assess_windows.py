@@ -104,13 +104,13 @@ def test_a_healthy_channel_failed_while_a_fault_is_fresh_is_that_faults():
 def test_a_wrong_isolation_is_booked_on_the_fault_in_whose_window_it_is():
     which, rows = flight([offset([2], 0.1, 0.2), offset([3], 0.6, 0.2)])
     rows["state"][30:, Q, 0] = State.FAILED
-    assert [row["isolation"] for row in fault_rows(0, which, rows, score(which, rows))] == ["wrong", "right"]
+    assert [row["isolation"] for row in fault_rows(0, which, score(which, rows))] == ["wrong", "right"]
 
 
 def test_a_manager_that_takes_its_failures_back_counts_by_its_vote():
     which, rows = flight([HARD], 300, "redundancy.manager=selection", exact=True)
     rows["state"][60:90, Q, 0] = State.FAILED  # a healthy channel, distrusted for a while
     found = score(which, rows)
-    (row,) = fault_rows(0, which, rows, found)
+    (row,) = fault_rows(0, which, found)
     assert found.wrong_isolations
     assert (row["isolation"], row["vote_kept"]) == ("right", True)

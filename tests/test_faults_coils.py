@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 from faulted import PARSE, faulted, healthy
+from one_stage import sense, suite, truths
 from pydantic import ValidationError
-from sensing import sense, suite, truths
 
 from rig import scenario
 from rig.errors import BadInput

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from faulted import PARSE, acts, faulted, healthy
-from faults_executed import executed
+from faulted import PARSE, acts, executed, faulted, healthy
 from pydantic import ValidationError
 
 from rig import scenario

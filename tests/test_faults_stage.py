@@ -4,8 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from faulted import PARSE, acts, faulted, healthy, x
-from faults_executed import executed
+from faulted import PARSE, acts, executed, faulted, healthy, x
 from interpreted import printed
 
 import rig

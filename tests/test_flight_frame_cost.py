@@ -8,7 +8,7 @@ from rig.computer.redundancy.own import OwnManager
 from rig.flight.frame_cost import pieces
 from rig.frame import Block, nested, new_block
 from rig.kernels import bind
-from rig.loop import Rig, after, before, computer, decide
+from rig.loop import Rig, after, before, bind_computer, decide
 
 FRAMES = 300
 ALL_PLACES = [  # each of the three kernels of faults has something to do
@@ -33,7 +33,7 @@ def flown(step, *sets: str) -> Block:
 
 
 def at_once(rig: Rig):
-    return lambda rows, k: rig.compute(rows, k, rig.data)
+    return lambda rows, k: rig.computer_step(rows, k, rig.data)
 
 
 def in_pieces(rig: Rig):
@@ -57,7 +57,7 @@ def in_stretches(rig: Rig):
 
 def around_ours(rig: Rig):
     """Our own manager in the place of a user's."""
-    think = computer(rig.data, OwnManager("ours", rig.redundancy.manager.vote))
+    think = bind_computer(rig.data, OwnManager("ours", rig.redundancy.manager.vote))
     return lambda rows, k: think(rows, k, rig.data)
 
 

@@ -56,19 +56,14 @@ class Plan:
 
     @contextmanager
     def __call__(self, keys: Keys) -> Iterator[None]:
-        waiting, of_flight = {frame: list(said) for frame, said in self.plan.items()}, keys.of_flight
+        waiting, before_row = {frame: list(said) for frame, said in self.plan.items()}, keys.before_row
 
-        def with_plan(*arguments: Any) -> Any:
-            look = of_flight(*arguments)
+        def with_plan(flown: Any, block: Any, k: int) -> None:
+            for key in waiting.pop(int(block["frame"][k]), []):
+                keys.press(key)
+            before_row(flown, block, k)
 
-            def before(block: Any, k: int) -> None:
-                for key in waiting.pop(int(block["frame"][k]), []):
-                    keys.press(key)
-                look(block, k)
-
-            return before
-
-        keys.of_flight = with_plan  # type: ignore[method-assign]
+        keys.before_row = with_plan  # type: ignore[method-assign]
         yield
 
 

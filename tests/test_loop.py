@@ -111,3 +111,41 @@ def test_a_stop_ends_the_flight_after_its_frame():
         seen += len(rows)
         stop.requested = True
     assert seen == int(loop.BLOCK_S * 100) + 1
+
+
+class Frames:
+    """A recorder of their numbers."""
+
+    def __init__(self) -> None:
+        self.numbers: list[int] = []
+
+    def record(self, rows: np.ndarray, timing: np.ndarray) -> None:
+        assert len(rows) == len(timing)
+        self.numbers += rows["frame"].tolist()
+
+
+def test_each_recorder_takes_every_row_and_the_hook_acts_before_it():
+    which, recorders, before = load(seconds=2.5), [Frames(), Frames()], list[int]()
+    loop.fly(Rig(which), recorders, before_row=lambda rig, rows, k: before.append(int(rows["frame"][k])))
+    assert recorders[0].numbers == recorders[1].numbers == before == list(range(which.frames))
+
+
+def test_a_computer_takes_the_place_of_the_rigs_own_and_its_answer_is_timed():
+    which = load(seconds=2.0)
+
+    def computer(rig: Rig) -> loop.ComputerStep:
+        ours = loop.bind_computer(rig.data, None)
+
+        def step(rows: np.ndarray, k: int, data: loop.StageData) -> float:
+            ours(rows, k, data)
+            return 7.0
+
+        return step
+
+    assert same(loop.fly_rows(which), loop.fly_rows(which, computer=computer))
+    assert {us for _, timing in frames(Rig(which, computer), which) for us in timing["reply_us"]} == {7.0}
+
+
+def test_a_flight_in_memory_may_end_after_its_first_frames():
+    which = load()
+    assert same(loop.fly_rows(which, 130), loop.fly_rows(which)[:130])

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flown_alone import fly, hold
 from interpreted import printed
+from one_stage import fly, hold
 
 from rig.frame import DISCRETE_INDEX, FLIGHT_INDEX, INDEX, SURFACES, Block, End, new_block
 from rig.plant import airframe, jsbsim, wind

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flown_alone import fly, hold
 from interpreted import printed
+from one_stage import fly, hold
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_discrete_lyapunov
 

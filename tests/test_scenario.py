@@ -54,12 +54,8 @@ def test_an_override_reaches_tables_lists_and_the_aircraft():
     out = load(
         None,
         [
-            "faults.0.channels=[2]",
-            'faults.0.direction="low"',
-            "turbulence=light",
-            "sensors.heading.channels=3",
-            "redundancy.signals.pitch_rate.threshold=0.2",
-            "airframe.limits.load_factor_max=5",
+            *("faults.0.channels=[2]", 'faults.0.direction="low"', "turbulence=light", "sensors.heading.channels=3"),
+            *("redundancy.signals.pitch_rate.threshold=0.2", "airframe.limits.load_factor_max=5"),
         ],
         seed=9,
     )

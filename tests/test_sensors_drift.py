@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from one_stage import WIDE, sense, suite, truths
 from scipy.signal import welch
-from sensing import WIDE, sense, suite, truths
 
 from rig import aircraft
 from rig.frame import INDEX

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from interpreted import printed
 from numpy.random import SeedSequence
+from one_stage import WIDE, sense, suite, truths
 from pydantic import ValidationError
-from sensing import WIDE, sense, suite, truths
 
 from rig.frame import INDEX, new_block
 from rig.sensors import Sensors

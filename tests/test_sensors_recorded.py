@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sensing import sense, suite, truths
+from one_stage import sense, suite, truths
 
 from rig import scenario
 from rig.errors import BadInput

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from unit_files import build, needs_a_compiler, udp, unit, written
+from unit_files import compiled, needs_a_compiler, udp, unit, written
 
 from rig.bench.unit_check import Checked, check
 from rig.unit.settings import Unit
@@ -48,7 +48,7 @@ WRONG = {
 def strange(folder: Path, opening: str, step: str) -> Unit:
     source = folder / "strange.c"
     source.write_text(STRANGE.format(opening=opening, step=step))
-    build([source], folder / "libstrange.so", "-Wno-unused-result", "-Wno-unused-but-set-variable")
+    compiled([source], folder / "libstrange.so", "-Wno-unused-result", "-Wno-unused-but-set-variable")
     return written(folder, {"name": "strange", "path": "libstrange.so"})
 
 

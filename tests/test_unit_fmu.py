@@ -16,9 +16,7 @@ from typing import Any, get_args
 
 import numpy as np
 import pytest
-from unit_files import HERE, build, needs_a_compiler, unit, written
-from unit_library import SOURCES
-from unit_library import build as make
+from unit_files import HERE, SOURCES, build, compiled, needs_a_compiler, unit, written
 
 import rig
 from rig.bench.unit_check import check
@@ -26,8 +24,8 @@ from rig.campaign.worker import flown_with
 from rig.errors import BadInput, RigError
 from rig.frame import Unit as Answer
 from rig.kernels import cache_root
-from rig.unit import fmu_description
-from rig.unit.fmu_description import TOKEN, Version, variables
+from rig.unit import fmu as fmu_carrier
+from rig.unit.fmu import TOKEN, Version, variables
 from rig.unit.layout import CONFIG, HELLO, INPUT, LAYOUT, OUTPUT
 from rig.unit.settings import Unit
 
@@ -53,7 +51,7 @@ def _folder() -> Path:
 def fmu(version: Version, name: str = "monitor") -> Path:
     """An example as the Makefile packs it."""
     target = f"{name}.fmu" if version == "2" else f"{name}_fmi3.fmu"
-    return make(_folder(), target, RIG=str(Path(sys.executable).with_name("rig")), PYTHON=sys.executable)
+    return build(_folder(), target, RIG=str(Path(sys.executable).with_name("rig")), PYTHON=sys.executable)
 
 
 @cache
@@ -61,9 +59,9 @@ def packed(version: Version, *sources: Path) -> Path:
     """Other C files as an FMU."""
     named = _folder() / f"{'_'.join(path.stem for path in sources)}_fmi{version}"
     files = [*sources, SOURCES / "fmu.c"]
-    library = build(files, named.with_suffix(".so"), f"-DFMI={version}", f"-I{SOURCES}")
+    library = compiled(files, named.with_suffix(".so"), f"-DFMI={version}", f"-I{SOURCES}")
     with zipfile.ZipFile(named.with_suffix(".fmu"), "w") as archive:
-        archive.writestr("modelDescription.xml", fmu_description.description(version))
+        archive.writestr("modelDescription.xml", fmu_carrier.description(version))
         archive.write(library, f"binaries/{FOLDERS[version]}/rig_unit.so")
     return named.with_suffix(".fmu")
 
@@ -121,7 +119,7 @@ def test_fmpy_finds_no_fault_with_the_description(tmp_path: Path, version: Versi
     from fmpy import read_model_description
 
     path = tmp_path / "modelDescription.xml"
-    path.write_text(fmu_description.description(version))
+    path.write_text(fmu_carrier.description(version))
     strict = {"validate": True, "validate_variable_names": True, "validate_model_structure": True}
     found = read_model_description(str(path), **strict)
     named = {variable.name: variable for variable in found.modelVariables}
@@ -135,7 +133,7 @@ def test_fmpy_finds_no_fault_with_the_description(tmp_path: Path, version: Versi
 def test_rig_unit_header_prints_the_description(rig_command):
     for version in VERSIONS:
         code, out, _ = rig_command("unit", "header", "--fmu", version)
-        assert code == 0 and out == fmu_description.description(version)
+        assert code == 0 and out == fmu_carrier.description(version)
     code, _, err = rig_command("unit", "header", "--fmu", "1")
     assert code == 2 and "'1' is not one of '2', '3'" in err
 
@@ -261,7 +259,7 @@ def _elsewhere(folder: Path) -> Path:
 def _library(folder: Path, library: Path) -> Path:
     path = folder / "library.fmu"
     with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("modelDescription.xml", fmu_description.description("2"))
+        archive.writestr("modelDescription.xml", fmu_carrier.description("2"))
         archive.write(library, "binaries/linux64/rig_unit.so")
     return path
 
@@ -321,7 +319,7 @@ def test_a_library_of_another_layout_than_its_description_is_refused(tmp_path: P
     (tmp_path / "old").mkdir()
     (tmp_path / "rig_unit.h").write_text(re.sub(r"LAYOUT UINT64_C\(0x\w+\)", "LAYOUT UINT64_C(0x1)", text))
     sources = [tmp_path / name for name in ("fmi2.c", "fmu.c", "first_valid.c")]
-    old = build(sources, tmp_path / "old" / "old.so")
+    old = compiled(sources, tmp_path / "old" / "old.so")
     with pytest.raises(BadInput, match=r"u refuses the flight: the FMU was not instantiated, is its library of this"):
         fly(tmp_path, unit_of(tmp_path, _library(tmp_path, old)))
 

@@ -8,12 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from unit_files import ROOT, needs_a_compiler
-from unit_library import COMPILER
-from unit_library import SOURCES as EXAMPLES
+from unit_files import COMPILER, ROOT, needs_a_compiler
+from unit_files import SOURCES as EXAMPLES
 
 from rig.frame.fields import BASES, FIELD, FIELDS
-from rig.unit import ada, description, header
+from rig.unit import header
 from rig.unit.host import HEAD
 from rig.unit.layout import ANSWERS, ENUMS, HELLO, INPUT, OUTPUT, RECORDS, described, place
 
@@ -40,7 +39,7 @@ def test_the_committed_header_and_tables_are_those_of_the_frame():
     """To renew them: ``rig unit header > docs/examples/unit/rig_unit.h``, and --markdown for the tables."""
     assert (EXAMPLES / "rig_unit.h").read_text() == header.header()
     page = (ROOT / "docs/unit-records.md").read_text()
-    assert description.markdown() in page
+    assert header.markdown() in page
 
 
 def test_records_follow_the_table_of_fields():
@@ -85,7 +84,7 @@ def test_the_layout_tells_any_change_of_a_record(monkeypatch, change: str):
 
 
 def test_ada_has_every_field_at_its_bit():
-    text = ada.specification()
+    text = header.ada()
     for dtype in RECORDS.values():
         for name in dtype.names or ():
             of, at = place(dtype, name)
@@ -96,6 +95,6 @@ def test_ada_has_every_field_at_its_bit():
 def test_rig_unit_header_prints_them(rig_command):
     code, out, _ = rig_command("unit", "header")
     assert code == 0 and out == header.header()
-    assert rig_command("unit", "header", "--ada")[1] == ada.specification()
+    assert rig_command("unit", "header", "--ada")[1] == header.ada()
     code, _, err = rig_command("unit", "header", "--ada", "--markdown")
     assert code == 2 and err == "error: --ada, --markdown, --fmu: one of them\n"

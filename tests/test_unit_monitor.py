@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from unit_library import COMPILER, Library, build, config, differing, inputs
+from unit_files import COMPILER, Library, build, config, differing, inputs
 from unit_rows import HUGE, random_discretes, random_params, random_rows, vote
 
 from rig import scenario

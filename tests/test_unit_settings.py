@@ -58,5 +58,5 @@ def test_an_address_may_be_in_use_by_nobody(tmp_path: Path, rig_command):
     """Nobody answers there: refused within the time that the file allows, nothing written."""
     (tmp_path / "unit.toml").write_text(UDP + 'address = "127.0.0.1:9"\nstart_s = 0.2\n')
     code, out, err = rig_command("fly", "--unit", "unit.toml", "--set", "duration_s=1")
-    assert (code, out) == (2, "") and err == "error: unit.toml: u has not said READY within start_s = 0.2 s\n"
+    assert (code, out) == (2, "") and err == "error: unit.toml: u did not send READY within start_s = 0.2 s\n"
     assert not (tmp_path / "logs").exists() or not list((tmp_path / "logs").iterdir())

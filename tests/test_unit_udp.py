@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from test_unit_monitor import quiet, random_flight
-from unit_library import COMPILER, build, differing, inputs
+from unit_files import COMPILER, build, differing, inputs
 
 from rig.unit.layout import (
     CONFIG,

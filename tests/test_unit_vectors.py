@@ -12,8 +12,8 @@ import pytest
 import unit_vectors
 from numpy.typing import NDArray
 from unit_defects import DEFECTS, Defect
-from unit_files import build, needs_a_compiler
-from unit_library import SOURCES as EXAMPLES
+from unit_files import SOURCES as EXAMPLES
+from unit_files import compiled, needs_a_compiler
 
 from rig.computer.redundancy.config import PARAMS
 from rig.computer.redundancy.discrete import DiscreteVoter
@@ -84,7 +84,7 @@ class Library:
 def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """The monitor's files, each compiled."""
     folder = tmp_path_factory.mktemp("objects")
-    return {name: build([EXAMPLES / name], folder / f"{name}.o", "-O0", OWN, "-c") for name in SOURCES}
+    return {name: compiled([EXAMPLES / name], folder / f"{name}.o", "-O0", OWN, "-c") for name in SOURCES}
 
 
 def with_defect(defect: Defect, objects: dict[str, Path], folder: Path) -> Library:
@@ -97,7 +97,7 @@ def with_defect(defect: Defect, objects: dict[str, Path], folder: Path) -> Libra
     changed.write_text(changed.read_text().replace(defect.old, defect.new))
     again = SOURCES if changed.suffix == ".h" else (changed.name,)
     sources = [folder / name if name in again else objects[name] for name in SOURCES]
-    return Library(build(sources, folder / "libdefect.so", "-O0"))
+    return Library(compiled(sources, folder / "libdefect.so", "-O0"))
 
 
 def test_the_vectors_are_those_of_the_independent_reading():
@@ -124,7 +124,7 @@ def test_our_own_manager_says_what_the_requirement_says(case: Case):
 
 @needs_a_compiler
 def test_so_does_the_monitor_in_c(objects: dict[str, Path], tmp_path: Path):
-    monitor = Library(build([*objects.values()], tmp_path / "libmonitor.so"))
+    monitor = Library(compiled([*objects.values()], tmp_path / "libmonitor.so"))
     assert [line for case in CASES for line in found(case, monitor.said(case))] == []
 
 

@@ -118,18 +118,10 @@ def test_a_sink_that_fails_is_reported_in_one_line_and_its_frames_as_dropped() -
 @pytest.mark.parametrize(
     "where",
     [
-        "on",
-        "",
-        "SAVE",
-        "rerun+http://10.0.0.5:9876/proxy",
-        "rerun+http://0.0.0.0:9876/proxy",
-        "rerun+http://127.0.0.1.example.org:9876/proxy",
-        "rerun+http://127.0.0.1:9876/proxy\n",
-        "rerun+http://user@example.org:9876/proxy",
-        "rerun+https://127.0.0.1:9876/proxy",
-        "rerun+http://127.0.0.1:99999/proxy",
-        "rerun+http://127.0.0.1/proxy",
-        "http://127.0.0.1:9876",
+        *("on", "", "SAVE", "rerun+http://10.0.0.5:9876/proxy", "rerun+http://0.0.0.0:9876/proxy"),
+        *("rerun+http://127.0.0.1.example.org:9876/proxy", "rerun+http://127.0.0.1:9876/proxy\n"),
+        *("rerun+http://user@example.org:9876/proxy", "rerun+https://127.0.0.1:9876/proxy"),
+        *("rerun+http://127.0.0.1:99999/proxy", "rerun+http://127.0.0.1/proxy", "http://127.0.0.1:9876"),
     ],
 )
 def test_other_machines_and_unknown_words_are_refused(where: str, tmp_path: Path) -> None:

@@ -68,30 +68,11 @@ def test_a_page_says_what_each_channel_and_signal_is() -> None:
     assert lines[0].split() == ["a", "flight", "1.50", "s", "law", "autopilot", "2", "faults", "acting"]
     [pitch] = [line for line in lines if line.startswith("pitch_rate")]
     assert pitch.split() == [
-        "pitch_rate,",
-        "rad/s",
-        "0.1000",
-        "0.9000x",
-        "0.3000?",
-        "-0.1250",
-        "0.2000",
-        "2",
-        "2:2",
-        "reference",
+        *("pitch_rate,", "rad/s", "0.1000", "0.9000x", "0.3000?", "-0.1250", "0.2000", "2", "2:2", "reference"),
     ]
     [heading] = [line for line in lines if line.startswith("heading")]
     assert heading.split() == [
-        "heading,",
-        "rad",
-        "nan",
-        "nan",
-        "nan",
-        "nan",
-        "0.0000",
-        "0",
-        "lost",
-        "control:",
-        "reference",
+        *("heading,", "rad", "nan", "nan", "nan", "nan", "0.0000", "0", "lost", "control:", "reference"),
     ]
     names = [line.split(",")[0] for line in lines]
     assert [name for name in names if name in {signal.name for signal in SIGNALS}] == [s.name for s in SIGNALS]

@@ -1,23 +1,106 @@
-"""Units for the tests: the C files of docs and tests, built once, and unit files that name them."""
+"""Units for the tests: the C files of docs and tests, built once, unit files that name them, a library called here."""
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
+import shutil
 import subprocess
 import sys
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-from unit_library import COMPILER
-from unit_library import build as make
+from numpy.typing import NDArray
 
+from rig.frame import FLAT, Block
 from rig.kernels import cache_root
 from rig.unit.header import header
-from rig.unit.layout import CONFIG, INPUT, LAYOUT, OUTPUT, PART, READY
+from rig.unit.layout import ANSWERS, CONFIG, INPUT, LAYOUT, OUTPUT, PART, READY, Said
 from rig.unit.settings import Unit, read_unit
+
+SOURCES = Path(__file__).parents[1] / "docs" / "examples" / "unit"
+COMPILER = shutil.which("gcc") or shutil.which("cc")
+OF_FRAME = [name for name in INPUT.names or () if name in (FLAT.names or ()) and name != "frame"]
+
+
+def build(folder: Path, target: str, flags: str = "", **variables: str) -> Path:
+    """Make one target of the examples' Makefile in ``folder``; variables : others of its own."""
+    made = folder / target
+    command = ["make", "-C", str(SOURCES), f"BUILD={folder}", f"CC={COMPILER}", f"CFLAGS={flags}", str(made)]
+    command += [f"{name}={value}" for name, value in variables.items()]
+    subprocess.run(command, check=True, capture_output=True, text=True)
+    return made
+
+
+def config(params: NDArray[Any], discretes: NDArray[Any], boxes: NDArray[Any]) -> NDArray[Any]:
+    """The CONFIG record, one element, of the records that the rig's own manager and voter are made from."""
+    record = np.zeros(1, CONFIG)
+    for field, given in (("signal", params), ("discrete", discretes)):
+        for name in given.dtype.names or ():
+            record[field][0][name] = given[name]
+    record["box_signals"], record["box_persistence"] = boxes["signals"], boxes["persistence"]
+    record["layout"] = LAYOUT
+    return record
+
+
+def inputs(rows: Block) -> NDArray[Any]:
+    """The INPUT records of rows of a flight."""
+    records = np.zeros(len(rows), INPUT)
+    for name in ("frame", *OF_FRAME):
+        records[name] = rows[name]
+    return records
+
+
+class Library:
+    """The three functions of a unit."""
+
+    def __init__(self, path: Path) -> None:
+        self._functions = ctypes.CDLL(str(path))
+
+    def open(self, record: NDArray[Any]) -> int:
+        return self._functions.rig_unit_open(record.ctypes.data_as(ctypes.c_void_p))
+
+    def close(self) -> None:
+        self._functions.rig_unit_close()
+
+    def run(self, records: NDArray[Any]) -> NDArray[Any]:
+        """Step through INPUT records in order; the OUTPUT records."""
+        outputs = np.zeros(len(records), OUTPUT)
+        step, source, target = self._functions.rig_unit_step, records.ctypes.data, outputs.ctypes.data
+        for k in range(len(records)):
+            read = ctypes.c_void_p(source + k * INPUT.itemsize)
+            assert step(read, ctypes.c_void_p(target + k * OUTPUT.itemsize)) == 0
+        return outputs
+
+    def fly(self, record: NDArray[Any], rows: Block) -> NDArray[Any]:
+        """A whole flight from open to close."""
+        assert self.open(record) == 0
+        outputs = self.run(inputs(rows))
+        self.close()
+        return outputs
+
+
+def differing(outputs: NDArray[Any], rows: Block) -> dict[str, int]:
+    """How many numbers of each answer have other bits than the rows have; empty when none has."""
+    found: dict[str, int] = {}
+    for name, group in ANSWERS.items():
+        if group == Said.SURFACE:
+            continue
+        ours, theirs = (np.ascontiguousarray(records[name]) for records in (rows, outputs))
+        bits = "u8" if ours.dtype == np.float64 else "u1"
+        if count := int((ours.view(bits) != theirs.view(bits)).sum()):
+            found[name] = count
+    return found
+
+
+def compared(rows: Block) -> int:
+    """How many numbers ``differing`` looks at."""
+    return sum(rows[name].size for name, group in ANSWERS.items() if group != Said.SURFACE)
+
 
 ROOT = Path(__file__).parents[1]
 HERE = ROOT / "tests/units"
@@ -25,7 +108,7 @@ FLAGS = ("-std=gnu99", "-O2", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off"
 needs_a_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc)")
 
 
-def build(sources: list[Path], target: Path, *flags: str) -> Path:
+def compiled(sources: list[Path], target: Path, *flags: str) -> Path:
     """A shared library of C files; the header is the one that the rig writes now."""
     assert COMPILER is not None
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -42,8 +125,8 @@ def library(name: str) -> Path:
     """A library of docs/examples/unit or tests/units by the name of its C file."""
     target = cache_root() / "test-units" / f"{LAYOUT:016x}-{os.getpid()}" / f"lib{name}.so"
     if (HERE / f"{name}.c").exists():
-        return build([HERE / f"{name}.c"], target)
-    return make(target.parent, target.name)
+        return compiled([HERE / f"{name}.c"], target)
+    return build(target.parent, target.name)
 
 
 def unit(folder: Path, name: str = "first_valid", **keys: Any) -> Unit:

@@ -14,8 +14,8 @@ from typing import Any
 
 from oracle import DiscreteOracle, DiscreteSettings, Frame
 from oracle_answers import Settings
+from oracle_boxes import ResettableOracle
 from oracle_flights import SLOPES, Flight, build, by_level, filtered, with_outliers
-from oracle_resets import ResettableOracle
 
 FRAMES = 30  # of a case
 RANGE = 250.0  # thresholds, either way, of a signal that is no angle

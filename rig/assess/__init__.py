@@ -10,10 +10,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rig.assess.flown import fly_twin
     from rig.assess.of_log import Scored, score_log
     from rig.assess.record import FaultScore, Score, Yardstick
     from rig.assess.scoring import score
+    from rig.assess.transients import fly_twin
     from rig.loop import fly_rows
 
 __all__ = ["FaultScore", "Score", "Scored", "Yardstick", "fly_rows", "fly_twin", "score", "score_log"]
@@ -22,7 +22,7 @@ _HOME = {
     "Score": "rig.assess.record",
     "Yardstick": "rig.assess.record",
     "fly_rows": "rig.loop",
-    "fly_twin": "rig.assess.flown",
+    "fly_twin": "rig.assess.transients",
     "score": "rig.assess.scoring",
     "Scored": "rig.assess.of_log",
     "score_log": "rig.assess.of_log",

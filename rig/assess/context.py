@@ -1,27 +1,38 @@
-"""What the sentences about a flight are made from: its scenario, rows, settings of the monitor and score."""
+"""What the sentences about a flight are made from: its scenario and score, and how near its channels were.
+
+``agreement`` says which frames a channel miscompared in, and which other channel it was near to: why a monitor failed
+it or did not.  It is computed from the samples with the thresholds of the flight, as the cross-channel comparison sees
+them when no low-pass is set before it.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.assess.places import references_of
+from rig.assess.monitored import references_of
 from rig.assess.record import FaultScore, Score
+from rig.assess.transients import difference
 from rig.computer.redundancy.managers import manager_kind
 from rig.faults.places import SURFACE_NAMES, number, site
-from rig.frame import INDEX, SIGNALS, Block, State, Unit
+from rig.frame import INDEX, SIGNALS, State
 from rig.scenario import Scenario
+
+Bools = NDArray[np.bool_]
 
 
 class Context(NamedTuple):
-    """A scored flight; ``params`` (S,) config.PARAMS of its manager."""
+    """A scored flight."""
 
     scenario: Scenario
-    rows: Block
-    params: NDArray[np.void]
     score: Score
+
+    @property
+    def params(self) -> NDArray[np.void]:
+        """(S,) config.PARAMS of its manager."""
+        return self.score.evidence.params
 
     @property
     def rate_hz(self) -> float:
@@ -30,26 +41,26 @@ class Context(NamedTuple):
 
     @property
     def decided_by(self) -> str:
-        """Who failed channels, or did not."""
-        if (self.rows["unit"] != Unit.NONE).any():
+        """Name who failed channels, or did not."""
+        if self.score.evidence.by_unit:
             return "the unit under test"
         return f"the manager {self.scenario.redundancy.manager}"
 
     def compares(self, fault: FaultScore) -> bool:
         """Return True if channels were compared with each other, which can be done again."""
-        own = not (self.rows["unit"] != Unit.NONE).any()
+        own = not self.score.evidence.by_unit
         return fault.signal in INDEX and own and manager_kind(self.scenario.redundancy.manager).compares
 
     def silent(self, signal: str) -> bool:
-        """Whether nothing was ever said of a signal's channels, as by a unit that answers surfaces alone."""
-        return signal in INDEX and bool((self.rows["state"][:, INDEX[signal]] == State.ABSENT).all())
+        """Return True if no channel of a signal ever had a state, as from a unit that answers surfaces alone."""
+        return signal in self.score.evidence.silent
 
     def unit(self, fault: FaultScore) -> str:
-        """The SI unit of a fault's errors; "" where they have none, as those of a discrete."""
+        """Return the SI unit of a fault's errors; "" where they have none, as those of a discrete."""
         return error_unit(fault, self.scenario)
 
     def threshold(self, fault: FaultScore) -> float | None:
-        """What the monitor of the fault's signal allows with all channels in use, its unit; None where no signal is."""
+        """Return what the monitor of the fault's signal allows with all channels in use; None where no signal is."""
         if fault.signal not in INDEX:
             return None
         p = self.params[INDEX[fault.signal]]
@@ -57,7 +68,7 @@ class Context(NamedTuple):
 
 
 def error_unit(fault: FaultScore, scenario: Scenario) -> str:
-    """The SI unit of a fault's errors; "" where they have none, as those of a discrete."""
+    """Return the SI unit of a fault's errors; "" where they have none, as those of a discrete."""
     if fault.signal in INDEX:
         return SIGNALS[INDEX[fault.signal]].unit
     where = site(fault.signal)
@@ -68,13 +79,75 @@ def error_unit(fault: FaultScore, scenario: Scenario) -> str:
 
 
 def channel(name: str, number_from_1: int | None) -> str:
-    """A channel as it is said: ``pitch_rate channel 3``."""
+    """Return a channel as it is written: ``pitch_rate channel 3``."""
     return name if number_from_1 is None else f"{name} channel {number_from_1}"
 
 
 def channels(numbers_from_1: list[int]) -> str:
-    """Several: ``channels 1 and 2``; ``no channel`` of none."""
+    """Return several: ``channels 1 and 2``; ``no channel`` of none."""
     if not numbers_from_1:
         return "no channel"
     *most, last = map(str, numbers_from_1)
     return f"channels {', '.join(most)} and {last}" if most else f"channel {last}"
+
+
+class Agreement(NamedTuple):
+    """One channel over m frames: ``alone``: near no other channel in use; the ``nearest`` one, its ``distance``.
+
+    nearest : (m,) channel from 0, -1 where none can be compared; distance : (m,) unit of the signal, infinite there
+    """
+
+    alone: Bools
+    nearest: NDArray[np.intp]
+    distance: NDArray[np.float64]
+
+
+def comparable(samples: NDArray[np.float64], valid: Bools, out: Bools, p: NDArray[np.void]) -> Bools:
+    """Return whether each of ``samples`` can be compared; out : channels that were out in the row before.
+
+    p : the signal's config.PARAMS
+    """
+    with np.errstate(invalid="ignore"):
+        return valid & ~out & (samples >= p["low"]) & (samples <= p["high"])
+
+
+def agreement(columns: NDArray[Any], c: int, first: int, end: int, p: NDArray[np.void]) -> Agreement:
+    """Compare channel ``c`` (from 0) of a signal with the others in the frames ``first`` to ``end`` (excluded).
+
+    columns : (n,) flight_outcome.COLUMNS of the signal; p : its config.PARAMS
+    """
+    samples, valid = columns["channels"][first:end], columns["valid"][first:end] != 0
+    before = columns["state"][np.maximum(np.arange(first, end) - 1, 0)]  # failed in this frame: compared in it
+    compared = comparable(samples, valid, (before == State.FAILED) | (before == State.ABSENT), p)
+    from_c = difference(samples, samples[:, c : c + 1], bool(p["wraps"]))
+    off = np.where(compared & compared[:, c : c + 1], np.abs(from_c), np.inf)
+    off[:, c] = np.inf
+    nearest = off.argmin(axis=1)
+    distance = off[np.arange(len(off)), nearest]
+    alone = ~compared[:, c] | ~(distance <= allowed(compared.sum(axis=1), p))
+    alone |= outlier(np.where(compared, from_c, np.nan), distance, p)
+    return Agreement(alone, np.where(np.isfinite(distance), nearest, -1), distance)
+
+
+def allowed(compared: NDArray[np.intp], p: NDArray[np.void]) -> NDArray[np.float64]:
+    """Return (m,) thresholds while so many samples are ``compared``, unit of the signal; p : its config.PARAMS."""
+    by_number = np.array([p["threshold_duplex"]] * 3 + [p["threshold_triplex"], p["threshold"]])
+    return by_number[compared]
+
+
+def outlier(samples: NDArray[np.float64], distance: NDArray[np.float64], p: NDArray[np.void]) -> Bools:
+    """Return (m,) where all agree, but one is ``distance`` from its nearest, beyond its threshold, and two within it.
+
+    samples : (m, 4), NaN where not compared; p : the signal's config.PARAMS
+    """
+    count = np.isfinite(samples).sum(axis=1)
+    limit = np.array([0.0] * 3 + [p["outlier_threshold_triplex"], p["outlier_threshold"]])[count]
+    gaps = np.diff(np.sort(samples, axis=1), axis=1)  # NaN come last
+    together = ~(gaps > allowed(count, p)[:, None]).any(axis=1)
+    return (limit > 0.0) & together & (distance > limit) & (gaps <= limit[:, None]).any(axis=1)
+
+
+def last_run(flags: Bools) -> int:
+    """Return how many of the last ``flags`` in a row are set."""
+    unset = np.flatnonzero(~flags)
+    return len(flags) - (int(unset[-1]) + 1 if len(unset) else 0)

@@ -7,15 +7,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from rig.assess.agreement import last_run, nearness
-from rig.assess.context import Context, channels
-from rig.assess.isolations import COMPARISON
+from rig.assess.context import Agreement, Context, agreement, channels, last_run
 from rig.assess.record import FaultScore
 from rig.faults import KINDS
 from rig.faults.settings import Triggered
 from rig.frame import INDEX
 from rig.units.quantities import duration, quantity, seconds
 
+COMPARISON: Final = "comparison"
 _OTHER: Final = Triggered.sentence  # of a kind that says nothing of its own
 _NO_ERROR: Final = "{where} had a fault ({kind}) from {at} on"
 _RESOLVERS: Final = {
@@ -67,15 +66,11 @@ def _did(faults: Sequence[FaultScore], where: str, about: Context) -> str:
 
 def _sample(fault: FaultScore, about: Context) -> str:
     """The sample of the channel when it was failed, else at the onset; as the scenario gives it too where it is rad."""
-    if fault.channel is None or fault.signal not in INDEX:
-        return ""
-    frame = fault.onset_frame if fault.failed_frame is None else fault.failed_frame
-    value = float(about.rows["channels"][frame or 0, INDEX[fault.signal], fault.channel - 1])
-    if not np.isfinite(value):
+    if fault.sample is None or not np.isfinite(fault.sample):
         return ""
     unit = about.unit(fault)
-    in_si = f" ({value:+#.3g} {unit})" if unit.startswith("rad") else ""
-    return quantity(value, unit, signed=True) + in_si
+    in_si = f" ({fault.sample:+#.3g} {unit})" if unit.startswith("rad") else ""
+    return quantity(fault.sample, unit, signed=True) + in_si
 
 
 def _detected(fault: FaultScore, about: Context) -> str:
@@ -87,8 +82,7 @@ def _detected(fault: FaultScore, about: Context) -> str:
     if not about.compares(fault):
         return f"was failed {after} later"
     onset, failed = fault.onset_frame or 0, fault.failed_frame or 0
-    near = nearness(about.rows, INDEX[fault.signal], fault.channel - 1, onset, failed + 1, _params(fault, about))
-    counted = last_run(near.alone)
+    counted = last_run(_agreement(fault, about, onset, failed + 1).alone)
     late = "" if fault.exceeded_frame is None else _late(fault, about, failed + 1 - counted)
     miscompared = f"miscompared for {counted} frames and was failed " if counted else "was failed "
     return late + miscompared + (f"at {seconds(failed, about.rate_hz)}" if late else f"{after} later")
@@ -107,8 +101,7 @@ def _late(fault: FaultScore, about: Context, from_frame: int) -> str:
 
 def _near(fault: FaultScore, about: Context, first: int, end: int) -> str:
     """Which channel the faulty one agreed with in most of the frames ``first`` to ``end`` (excluded)."""
-    s = INDEX[fault.signal]
-    near = nearness(about.rows, s, (fault.channel or 1) - 1, first, max(end, first + 1), _params(fault, about))
+    near = _agreement(fault, about, first, max(end, first + 1))
     agreed = ~near.alone
     if not agreed.any():
         return "the monitor's counts stood still or began again"
@@ -155,7 +148,7 @@ def _vote(fault: FaultScore, about: Context) -> str:
     if window.lost_s > 0:
         return f"{fault.signal} was lost: no channel left"
     off = quantity(window.error_max, about.unit(fault))
-    ends = window.end_frame < len(about.rows)
+    ends = window.end_frame < about.score.flight.frames
     until = f" until the next fault at {seconds(window.end_frame, about.rate_hz)}" if ends else ""
     if window.above_threshold_s == 0:
         return f"the vote stayed within {off} of the truth{until}"
@@ -174,3 +167,8 @@ def _threshold(fault: FaultScore, about: Context) -> str:
 
 def _params(fault: FaultScore, about: Context) -> Any:
     return about.params[INDEX[fault.signal]]
+
+
+def _agreement(fault: FaultScore, about: Context, first: int, end: int) -> Agreement:
+    columns = about.score.evidence.columns(INDEX[fault.signal])
+    return agreement(columns, (fault.channel or 1) - 1, first, end, _params(fault, about))

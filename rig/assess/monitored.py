@@ -1,92 +1,121 @@
-"""The monitored channels of a flight against the truth: those of the signals, those of the discretes."""
+"""What is monitored in a flight: the places that faults sit on, and the settings of those who watch them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.assess.isolations import COMPARISON, Bools, Failures, Rules, decided_by
-from rig.assess.places import on_channels, references_of
-from rig.computer.redundancy import Config
+from rig import sensors
+from rig.assess.outcome import LONG_AGO, NEVER, SIGNAL
+from rig.assess.outcome_records import FAULT
+from rig.computer.analytic.sources import FROM_UNIT, second, source
+from rig.computer.redundancy import Config, measured_thresholds
+from rig.computer.redundancy.config import parameters
+from rig.computer.redundancy.discrete_config import discrete_parameters
+from rig.computer.redundancy.managers import manager_kind
 from rig.faults import Fault
-from rig.frame import CHANNELS, DISCRETES, SIGNALS, Block, Ilm, State
+from rig.faults.places import number, site
+from rig.frame import INDEX, INERTIAL
+from rig.scenario import Scenario
 
+MARGIN: Final = 10  # frames: counts that wait after a pattern without a majority, lags of the sensors
 _HALF: Final = 0.5  # an error of a discrete is 0 or 1
 
 
-class Monitored(NamedTuple):
-    """Channels of m signals: (n, m, 4) states, injected errors (NaN: a lost sample), acting faults; (m,) settings."""
-
-    names: Sequence[str]
-    state: NDArray[np.uint8]
-    error: NDArray[np.float64]
-    acted: Bools
-    threshold: NDArray[np.float64]
-    persistence: NDArray[np.int64]
-    failures: Failures
-
-
-def of_signals(
-    rows: Block,
-    error: NDArray[np.float64],
-    acting: Bools,
-    faults: Sequence[Fault],
-    params: NDArray[np.void],
-    config: Config,
-) -> Monitored:
-    """The continuous signals; ``params`` (S,) config.PARAMS; config : of the flight's redundancy."""
-    linger = lingers(params)
-    names, acted = [signal.name for signal in SIGNALS], corrupting(acting, faults, len(SIGNALS), discrete=False)
-    outlier = params["outlier_threshold"]  # of a single channel of four; a vote is off by more than the threshold
-    smallest = np.where(outlier > 0.0, outlier, params["threshold"])
-    rules = Rules(config.box_signals, on_references(acting, faults, config))
-    failures = Failures(names, rows["state"], error, acted, linger, lambda k, s, c: decided_by(rows, k, s, c), rules)
-    return Monitored(names, rows["state"], error, acted, smallest, params["persistence"], failures)
+def monitor(scenario: Scenario) -> NDArray[np.void]:
+    """Return the (S,) config.PARAMS records of the flight's manager."""
+    suite, config = scenario.sensors, scenario.redundancy
+    params = parameters(config.signals, sensors.ranges(suite), sensors.channels(suite), scenario.rate_hz)
+    measured_thresholds(params, config, scenario.references)
+    kind = manager_kind(config.manager)
+    if kind.kernel is not None and not kind.compares:
+        params["outlier_threshold"] = params["outlier_threshold_triplex"] = 0.0  # they do not ask for it
+    return params
 
 
 def lingers(params: NDArray[np.void]) -> NDArray[np.int64]:
-    """(S,) frames for which a fault that has ceased can be the cause of a failure: the longer of the persistences."""
+    """Return (S,) frames for which a fault that has ceased can be the cause of a failure: the longer persistence."""
     return np.maximum(params["persistence"], params["singular_persistence"])
 
 
-def of_discretes(rows: Block, acting: Bools, faults: Sequence[Fault], params: NDArray[np.void]) -> Monitored:
-    """The discretes; ``params`` (D,) discrete_config.DISCRETE_PARAMS.
+def allowed_frames(p: NDArray[np.void]) -> int:
+    """Return for how many frames after a fault a kept vote may be off; p : PARAMS of the signal."""
+    return int(p["persistence"]) + int(p["singular_persistence"]) + MARGIN
 
-    A switch without a fault is where the truth is.  A sample is lost when it is flagged, or its own monitor says bad.
+
+def signal_records(params: NDArray[np.void]) -> NDArray[Any]:
+    """Return (S,) SIGNAL, blank; a single channel of four is measured by the outlier threshold where there is one."""
+    outlier = params["outlier_threshold"]
+    return _blank(np.where(outlier > 0.0, outlier, params["threshold"]), params["fitted"], lingers(params))
+
+
+def discrete_records(scenario: Scenario) -> NDArray[Any]:
+    """Return (D,) SIGNAL of the flight's discretes, blank."""
+    fitted, config = sensors.discrete_channels(scenario.sensors), scenario.redundancy
+    params = discrete_parameters(config.discretes, fitted, config.discrete_persistence, scenario.rate_hz)
+    return _blank(np.full(len(params), _HALF), fitted, params["persistence"])
+
+
+def _blank(threshold: NDArray[Any], fitted: Any, linger: NDArray[Any]) -> NDArray[Any]:
+    records = np.zeros(len(threshold), SIGNAL)
+    records["threshold"], records["fitted"], records["level"], records["linger"] = threshold, fitted, fitted, linger
+    records["failed_at"] = NEVER
+    for field in ("wrong_at", "error_at", "disturbed", "reference_at"):
+        records[field] = LONG_AGO
+    return records
+
+
+def fault_records(scenario: Scenario, signals: NDArray[Any], discretes: NDArray[Any]) -> NDArray[Any]:
+    """Return (F,) FAULT, blank: each fault at each of its channels, or once where it sits on none."""
+    places = [
+        (i, name, channel)
+        for i, fault in enumerate(scenario.faults)
+        for name, channel in channels_of(fault) or [("", 0)]
+    ]
+    records = np.zeros(len(places), FAULT)
+    for field in ("signal", "channel", "surface", "reference", "onset", "exceeded_at", "failed_at"):
+        records[field] = NEVER
+    records["acted_at"] = records["beyond_at"] = LONG_AGO
+    records["peak"] = records["sample"] = records["load_factor_change"] = np.nan
+    for record, (i, name, channel) in zip(records, places, strict=True):
+        fault = scenario.faults[i]
+        record["number"] = i
+        record["either"] = _bits(references_of(fault, scenario.redundancy, second_too=True))
+        if name:
+            discrete = site(name) == "discrete"
+            record["signal"], record["channel"], record["discrete"] = number(name), channel - 1, discrete
+            record["changes"] = discrete or fault.changes_samples  # a discrete that says bad of itself is not voted
+            record["threshold"] = (discretes if discrete else signals)[number(name)]["threshold"]
+            continue
+        read = references_of(fault, scenario.redundancy)
+        record["references"], record["reference"] = _bits(read), read[0] if read else NEVER
+        record["surface"] = number(fault.signal) if site(fault.signal) == "surface" else NEVER
+    return records
+
+
+def _bits(numbers: Sequence[int]) -> int:
+    return sum(1 << number for number in set(numbers))
+
+
+def channels_of(fault: Fault) -> list[tuple[str, int]]:
+    """Return (signal, channel from 1) of all that a fault changes; empty for one that sits on no channel."""
+    return [(point.place, point.channel) for point in fault.points if point.channel is not None]
+
+
+def references_of(fault: Fault, config: Config, *, second_too: bool = False) -> list[int]:
+    """Return the signals whose reference a fault can change: it sits there, or on the unit that it is read from.
+
+    second_too : their second reference counts as well
     """
-    state, truth = rows["discrete_state"], rows["discrete_truth"][:, :, None]
-    error = (rows["discrete_channels"] != truth).astype(np.float64)
-    error[(rows["discrete_valid"] == 0) | (rows["discrete_ilm"] == Ilm.BAD)] = np.nan
-    error[state == State.ABSENT] = 0.0
-    names, acted = [discrete.name for discrete in DISCRETES], corrupting(acting, faults, len(DISCRETES), discrete=True)
-    failures = Failures(names, state, error, acted, params["persistence"], lambda k, s, c: COMPARISON)
-    return Monitored(names, state, error, acted, np.full(len(names), _HALF), params["persistence"], failures)
-
-
-def corrupting(acting: Bools, faults: Sequence[Fault], signals: int, discrete: bool) -> Bools:
-    """(n, signals, 4) whether a fault that changes samples acted on each channel of the signals or the discretes.
-
-    acting : (n, faults) whether each fault acted
-    """
-    out = np.zeros((len(acting), signals, CHANNELS), bool)
-    for place in on_channels(faults):
-        if place.changes and place.discrete == discrete:
-            out[:, place.signal, place.channel] |= acting[:, place.number]
-    return out
-
-
-def on_references(acting: Bools, faults: Sequence[Fault], config: Config) -> Bools:
-    """(n, S) whether a fault acted on one of the two references of each signal; acting : (n, faults)."""
-    out = np.zeros((len(acting), len(SIGNALS)), bool)
-    for number, fault in enumerate(faults):
-        out[:, references_of(fault, config, second_too=True)] |= acting[:, number, None]
-    return out
-
-
-def wrong_votes_s(rows: Block, rate_hz: float) -> dict[str, float]:
-    """Time in which the vote of each discrete was not the truth."""
-    wrong = (rows["discrete_voted"] != rows["discrete_truth"]).sum(axis=0)
-    return {discrete.name: int(count) / rate_hz for discrete, count in zip(DISCRETES, wrong, strict=True)}
+    where = site(fault.signal)
+    if where == "reference":
+        return [number(fault.signal)]
+    if where != "inertial":
+        return []
+    quantity = INERTIAL[number(fault.signal)]
+    fed = [name for name, read in FROM_UNIT.items() if quantity in read]
+    sources = (source, second) if second_too else (source,)
+    return [INDEX[name] for name in fed if any(of(config.references, name) == "inertial" for of in sources)]

@@ -3,25 +3,40 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rig.assess.conclusion import conclusion
-from rig.assess.flown import fly_twin
-from rig.assess.missed_frames import Miss, misses
+from rig.assess.flight_outcome import FlightOutcome
 from rig.assess.record import Score, Yardstick
-from rig.assess.scoring import monitor, score
-from rig.assess.times import times
+from rig.assess.scoring import score, score_of
+from rig.assess.transients import fly_twin
+from rig.computer.redundancy.managers import manager_kind
 from rig.errors import BadInput
 from rig.flight.operator_keys import pressed
+from rig.frame import Block, Unit
 from rig.log import Log, read_log
+from rig.record.time_bins import EDGES_US, binned
 from rig.scenario import Scenario, from_resolved
 from rig.unit.unit import UnitUnderTest
 from rig.util.progress import tell
 from rig.util.trust import Trust
 
 MOST_FRAMES: Final = 100_000  # 200 MB of rows
+_UNANSWERED: Final = (Unit.HELD, Unit.LATE, Unit.DEAD, Unit.REFUSED)
+
+
+@dataclass(frozen=True, slots=True)
+class Miss:
+    """Frames in a row, the last included, that were flown on an older answer."""
+
+    first_frame: int
+    last_frame: int
+    status: str  # of the first of them: held, dead, refused
 
 
 class Scored(NamedTuple):
@@ -86,9 +101,48 @@ def score_read(
         raise BadInput(f"{path}: {error}") from None
     exchanges = json.loads(log.result["unit"]) if "unit" in log.result else None
     on_miss = json.loads(log.metadata.get("unit", "{}")).get("on_miss")
-    found = misses(log.rows) if on_miss == "fault" else []
-    said = conclusion(scenario, log.rows, monitor(scenario), scored)
-    return Scored(path, scenario, log.result.get("digest", ""), scored, exchanges, times(log.timing), found, said)
+    missed = missed_frames(log.rows) if on_miss == "fault" else []
+    sentences = conclusion(scenario, scored)
+    digest = log.result.get("digest", "")
+    return Scored(path, scenario, digest, scored, exchanges, times(log.timing), missed, sentences)
+
+
+class FlightConclusion:
+    """The conclusion of a flight, gathered while it is flown: ``outcome`` of ``rig.flight.assembly.fly``.
+
+    It never raises; a flight that is too long for memory is left to ``rig score``.
+    """
+
+    def __init__(self) -> None:
+        self._outcome: FlightOutcome | None = None
+        self._refused = "a flight is scored from its frame 0 on"
+
+    def begin(self, scenario: Scenario) -> None:
+        """Take the scenario as it is flown."""
+        compares = manager_kind(scenario.redundancy.manager).compares
+        self._outcome = FlightOutcome(scenario, Yardstick().window_s, keep=compares)
+
+    def add(self, rows: Block, clean: NDArray[Any]) -> None:
+        """Take the next rows; clean : (n,) CLEAN."""
+        if self._outcome is None or self._outcome.frames + len(rows) > MOST_FRAMES:
+            self._outcome = None
+            return
+        try:
+            self._outcome.add(rows, clean)
+        except BadInput as error:
+            self._outcome, self._refused = None, str(error)
+
+    def sentences(self, log: Path, frames: int) -> list[str]:
+        """Return the sentences; log, frames : of the flight."""
+        if frames > MOST_FRAMES:
+            return [_too_long(frames, log)]
+        if self._outcome is None or not frames:
+            return [f"not scored: {log}: {self._refused}"]
+        return conclusion(self._outcome.scenario, score_of(self._outcome))
+
+
+def _too_long(frames: int, log: Path | str) -> str:
+    return f"{frames} frames are not scored here: rig score {log}"
 
 
 def conclude(log: Path, frames: int) -> list[str]:
@@ -97,7 +151,7 @@ def conclude(log: Path, frames: int) -> list[str]:
     frames : of the flight; one that is too long for memory is left to ``rig score``
     """
     if frames > MOST_FRAMES:
-        return [f"{frames} frames are not scored here: rig score {log}"]
+        return [_too_long(frames, log)]
     try:
         return score_log(log, Yardstick(), twin=False).conclusion
     except BadInput as error:
@@ -107,7 +161,7 @@ def conclude(log: Path, frames: int) -> list[str]:
 def conclude_read(log: Log) -> list[str]:
     """Return the conclusion of a log that has been read, as ``conclude``."""
     if len(log.rows) > MOST_FRAMES:
-        return [f"{len(log.rows)} frames are not scored here: rig score LOG"]
+        return [_too_long(len(log.rows), "LOG")]
     try:
         return score_read(log, Path("log"), Yardstick(), twin=False).conclusion
     except BadInput as error:
@@ -123,3 +177,26 @@ def _scenario(path: Path, log: Log, allow_code: bool) -> Scenario:
         raise BadInput(f"{path}: its scenario cannot be read") from None
     scenario = from_resolved(resolved, f"{path}: scenario", Trust(str(path), allow_code))
     return pressed(scenario, log.result, str(path))
+
+
+def histogram(times_us: NDArray[np.float64]) -> dict[str, int]:
+    """Count the times that lie below each of EDGES_US and not below the one before; ``more`` are all others."""
+    named = *(f"below_{edge}_us" for edge in EDGES_US), "more"
+    return dict(zip(named, binned(times_us).tolist(), strict=True))
+
+
+def times(timing: NDArray[Any]) -> dict[str, dict[str, int]]:
+    """Return histograms of lateness and of reply times, each when the flight has any; timing (n,) of TIMING."""
+    fields = {"lateness": "late_us", "replies": "reply_us"}
+    return {name: histogram(timing[field]) for name, field in fields.items() if timing[field].any()}
+
+
+def missed_frames(rows: Block) -> list[Miss]:
+    """Return all misses of a flight, in the order of time."""
+    missed = np.isin(rows["unit"], _UNANSWERED)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], missed.astype(np.int8), [0]])))
+    frames, status = rows["frame"], rows["unit"]
+    return [
+        Miss(int(frames[first]), int(frames[end - 1]), Unit(status[first]).name.lower())
+        for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+    ]

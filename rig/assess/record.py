@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
 from math import radians
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
+from rig.assess.words import IsolationKind
 from rig.settings import Settings
 
 Outcome = Literal["detected", "missed", "undetectable", "not executed"]
-IsolationKind = Literal["false alarm", "wrong isolation", "failed with its box", "failed by rule"]
-BY_DESIGN: Final = ("failed with its box", "failed by rule")  # of a healthy channel, by a rule for a fault elsewhere
 # The field of Score that lists the healthy channels of each kind.
 ISOLATIONS: Final[dict[IsolationKind, str]] = {
     "false alarm": "false_alarms",
@@ -32,7 +34,7 @@ class Yardstick(Settings):
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """What followed the onset of a fault on a channel, up to the next onset on the signal (windows.py)."""
+    """What followed the onset of a fault on a channel, up to the next onset on the signal."""
 
     end_frame: int  # the first that is no part of it
     good_before: int  # channels of the signal without a fault, not failed, in the frame before the onset
@@ -65,6 +67,8 @@ class FaultScore:
     window: Window | None = None  # None where it never began, or sits on no channel of a signal
     load_factor_change: float | None = None  # largest, of the truth since the frame before the onset; None: no number
     load_factor_change_s: float | None = None  # how long after the onset was looked at; None where it never began
+    sample: float | None = None  # of the channel when it was failed, else at the onset; not in JSON, as the next
+    pattern: str | None = None  # how the channels stood before it was failed, else the worst
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +93,7 @@ class Episode:
     resolver: str  # whose answer stood in its last frame; unresolved when nobody's
     failed: tuple[int, ...]  # channels that the resolver failed
     verdict: Literal["right", "wrong", "open"]  # right: no healthy one was failed wrongly; open: nobody was
+    last: Any = field(default=None, compare=False, repr=False)  # EPISODE, with its last frame; not in JSON
 
 
 @dataclass(slots=True)
@@ -118,7 +123,7 @@ class VoteError:
 
 @dataclass(frozen=True, slots=True)
 class SignalScore:
-    """How a signal stood (standing.py); by level: 4, 3, 2, 1 channels in use."""
+    """Totals of a signal; by level: 4, 3, 2, 1 channels in use."""
 
     level_at_end: int
     lost_s: float  # at level 0
@@ -193,6 +198,15 @@ class Coverage:
     level_transitions_possible: int
 
 
+class Evidence(NamedTuple):
+    """What sentences need of a flight besides its score."""
+
+    params: NDArray[np.void]  # (S,) config.PARAMS of its manager
+    by_unit: bool  # a unit under test flew it
+    silent: frozenset[str]  # signals of whose channels nothing was ever said
+    columns: Callable[[int], NDArray[Any]]  # (n,) flight_outcome.COLUMNS of a signal with a fault
+
+
 @dataclass(frozen=True)
 class Score:
     """A flight against the truth."""
@@ -211,12 +225,19 @@ class Score:
     flight: FlightScore
     coverage: dict[str, Coverage]  # by signal, and "overall"
     wrong_votes_s: dict[str, float]  # of each discrete, time in which its vote was not the truth
+    evidence: Evidence = field(compare=False, repr=False)
 
     @property
     def isolations(self) -> list[tuple[IsolationKind, Isolation]]:
-        """Every healthy channel that was failed, with the kind of its failure."""
-        return [(kind, each) for kind, field in ISOLATIONS.items() for each in getattr(self, field)]
+        """Return every healthy channel that was failed, with the kind of its failure."""
+        return [(kind, each) for kind, name in ISOLATIONS.items() for each in getattr(self, name)]
 
     def as_dict(self) -> dict[str, Any]:
-        """The score as plain data, as ``rig score --json`` prints it."""
-        return asdict(self)
+        """Return the score as plain data, as ``rig score --json`` prints it."""
+        plain = asdict(replace(self, evidence=None))  # pyright: ignore[reportArgumentType]  # left out
+        del plain["evidence"]
+        for fault in plain["faults"]:
+            del fault["sample"], fault["pattern"]
+        for episode in plain["episodes"]:
+            del episode["last"]
+        return plain

@@ -1,29 +1,42 @@
-"""The score of one flight: every part of it, from the rows that were flown."""
+"""The score of one flight: tables over the records that its outcome added up."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig import sensors
-from rig.assess.coverage import coverage
-from rig.assess.episodes import by_pattern, episodes, tally
-from rig.assess.flown import flight_score, with_load_factor
-from rig.assess.monitored import of_discretes, of_signals, wrong_votes_s
-from rig.assess.outcomes import acts, outcomes
-from rig.assess.record import ISOLATIONS, Score, Yardstick
-from rig.assess.signal_totals import signal_scores
-from rig.assess.unfaulted import checked, of_flight, recompute
-from rig.assess.votes import vote_errors
-from rig.assess.windows import with_windows
-from rig.computer.redundancy import measured_thresholds
-from rig.computer.redundancy.config import parameters
-from rig.computer.redundancy.discrete_config import discrete_parameters
-from rig.computer.redundancy.managers import manager_kind
-from rig.frame import Block
+from rig.assess.flight_outcome import Columns, FlightOutcome, columns
+from rig.assess.monitored import allowed_frames, channels_of, monitor
+from rig.assess.outcome import NEVER
+from rig.assess.outcome_records import COMPARISON
+from rig.assess.patterns import by_pattern, coverage, episodes, tally
+from rig.assess.record import (
+    ISOLATIONS,
+    Evidence,
+    FaultScore,
+    Isolation,
+    Outcome,
+    Score,
+    SignalScore,
+    VoteError,
+    Window,
+    Yardstick,
+)
+from rig.assess.transients import flight_score, transients
+from rig.assess.unfaulted import checked, measured_again
+from rig.assess.words import PUBLIC, Cause, FaultWord, fault_word
+from rig.frame import DISCRETES, INDEX, SIGNALS, Block, Pattern, Resolver
 from rig.scenario import Scenario
 
+__all__ = ["monitor", "score", "score_of"]
 _YARDSTICK = Yardstick()
+_DISCRETE_NAMES = [discrete.name for discrete in DISCRETES]
+_SIGNAL_NAMES = [signal.name for signal in SIGNALS]
+_FRAMES = ("onset", "exceeded_at", "failed_at")
+OUTCOMES: Final[Mapping[FaultWord, Outcome]] = PUBLIC["score"]  # pyright: ignore[reportAssignmentType]
 
 
 def score(
@@ -40,48 +53,191 @@ def score(
     BadInput when these sensors cannot have given the rows, or the twin is that of another flight.
     """
     rows = checked(rows)
-    params = monitor(scenario)
-    error, vote = recompute(scenario, rows, params) if clean is None else of_flight(rows, clean, params)
-    acting = acts(rows, len(scenario.faults))
-    signals = of_signals(rows, error, acting, scenario.faults, params, scenario.redundancy)
-    discretes = of_discretes(rows, acting, scenario.faults, discrete_monitor(scenario))
-    faults = outcomes(scenario, rows, acting, params, signals, discretes)
-    faults = with_windows(faults, rows, signals, params, scenario.rate_hz)
-    faults = with_load_factor(faults, rows, yardstick.window_s, scenario.rate_hz)
-    found = episodes(rows, params, signals.failures.all)
-    healthy = {kind: signals.failures.of_kind(kind) + discretes.failures.of_kind(kind) for kind in ISOLATIONS}
-    any_acted = np.flatnonzero(acting.any(axis=1))
-    onset = int(any_acted[0]) if len(any_acted) else None
+    outcome = FlightOutcome(scenario, yardstick.window_s)
+    for part, kept in [(rows, clean)] if clean is not None else measured_again(scenario, rows):
+        outcome.add(part, kept)
+    return score_of(outcome, lambda s: columns(rows, s), (rows, twin, yardstick) if twin is not None else None)
+
+
+def score_of(
+    outcome: FlightOutcome, kept: Columns | None = None, against: tuple[Block, Block, Yardstick] | None = None
+) -> Score:
+    """Return the score of the flight that was added up.
+
+    kept : gives the channels of a signal, those that the outcome kept if not given
+    against : rows of the flight, of its twin, and what the transients are measured by
+    """
+    scenario, records = outcome.scenario, outcome.records
+    names = [name for name, signal in zip(_SIGNAL_NAMES, records.signals, strict=True) if not signal["reported"]]
+    faults, listed = _faults(outcome), episodes(outcome)
+    isolations = {field: _isolations(outcome, kind) for kind, field in ISOLATIONS.items()}
+    measured = (
+        None
+        if against is None
+        else transients(*against, faults, int(records.flight["acted_from"][0]), scenario.rate_hz)
+    )
     return Score(
         faults=faults,
-        false_alarms=healthy["false alarm"],
-        wrong_isolations=healthy["wrong isolation"],
-        failed_with_box=healthy["failed with its box"],
-        failed_by_rule=healthy["failed by rule"],
-        episodes=found,
-        resolvers=tally(found),
-        resolvers_by_pattern=by_pattern(found),
-        unresolved=sum(episode.resolver == "unresolved" for episode in found),
-        vote_error=vote_errors(rows, vote, params, onset, scenario.rate_hz),
-        signals=signal_scores(rows, signals, faults, params, scenario.rate_hz),
-        flight=flight_score(scenario, rows, twin, faults, onset, yardstick),
-        coverage=coverage(rows, params["fitted"]),
-        wrong_votes_s=wrong_votes_s(rows, scenario.rate_hz),
+        **isolations,
+        episodes=listed,
+        resolvers=tally(listed),
+        resolvers_by_pattern=by_pattern(listed),
+        unresolved=sum(episode.resolver == "unresolved" for episode in listed),
+        vote_error=_vote_errors(outcome),
+        signals=_signals(outcome),
+        flight=flight_score(scenario, records.flight[0], measured),
+        coverage=coverage(records.patterns, records.levels, records.params["fitted"]),
+        wrong_votes_s=dict(
+            zip(_DISCRETE_NAMES, (records.flight["wrong_votes"][0] / scenario.rate_hz).tolist(), strict=True)
+        ),
+        evidence=Evidence(outcome.params, bool(records.flight["unit"][0]), frozenset(names), kept or outcome.columns),
     )
 
 
-def monitor(scenario: Scenario) -> NDArray[np.void]:
-    """The (S,) config.PARAMS records of the flight's manager."""
-    suite, config = scenario.sensors, scenario.redundancy
-    params = parameters(config.signals, sensors.ranges(suite), sensors.channels(suite), scenario.rate_hz)
-    measured_thresholds(params, config, scenario.references)
-    kind = manager_kind(config.manager)
-    if kind.kernel is not None and not kind.compares:
-        params["outlier_threshold"] = params["outlier_threshold_triplex"] = 0.0  # they do not ask for it
-    return params
+def _faults(outcome: FlightOutcome) -> list[FaultScore]:
+    """Return one entry for each fault and channel, or for the fault where it sits on none, in order of the scenario."""
+    scored = []
+    places = [(i, *at) for i, fault in enumerate(outcome.scenario.faults) for at in channels_of(fault) or [("", None)]]
+    for record, (number, place, channel) in zip(outcome.records.faults, places, strict=True):
+        fault, numbers = outcome.scenario.faults[number], {name: _frame(record[name]) for name in _FRAMES}
+        onset, exceeded, failed = numbers.values()
+        executed = bool(record["executed"])
+        word = fault_word(executed, failed is not None, exceeded is not None)
+        run = int(record["longest_run"])
+        scored.append(
+            FaultScore(
+                id=fault.label,
+                signal=place or fault.signal,
+                channel=channel,
+                kind=fault.kind,
+                onset_frame=onset,
+                exceeded_frame=exceeded,
+                failed_frame=failed,
+                outcome=OUTCOMES[word],
+                delay_from_onset_frames=None if failed is None or onset is None else failed - onset,
+                delay_from_exceeded_frames=None if failed is None or exceeded is None else failed - exceeded,
+                resolver=None if failed is None else resolver_name(record["resolver"]),
+                peak_error=_number(record["peak"]),
+                exceeded_run_frames=run,
+                tolerated=word == "missed" and run < _persistence(outcome, record),
+                index=number,
+                window=_window(outcome, record),
+                load_factor_change=_number(record["load_factor_change"]),
+                load_factor_change_s=_looked_at_s(outcome, onset),
+                sample=_number(record["sample"]),
+                pattern=_pattern(record),
+            )
+        )
+    return scored
 
 
-def discrete_monitor(scenario: Scenario) -> NDArray[np.void]:
-    """The (D,) discrete_config.DISCRETE_PARAMS records of the flight's voter of the discretes."""
-    fitted, config = sensors.discrete_channels(scenario.sensors), scenario.redundancy
-    return discrete_parameters(config.discretes, fitted, config.discrete_persistence, scenario.rate_hz)
+def _frame(value: int) -> int | None:
+    return None if value == NEVER else int(value)
+
+
+def _number(value: float) -> float | None:
+    return None if np.isnan(value) else float(value)
+
+
+def resolver_name(code: int) -> str:
+    """Return who failed a channel, as the kernel writes it."""
+    return "comparison" if code == COMPARISON else Resolver(code).name.lower()
+
+
+def _persistence(outcome: FlightOutcome, record: np.void) -> int:
+    """Return for how many frames an error must last to be found; of several references the longest."""
+    persistence = outcome.params["persistence"]
+    if record["discrete"]:
+        return int(outcome.records.discretes["linger"][record["signal"]])
+    if record["signal"] != NEVER:
+        return int(persistence[record["signal"]])
+    return max((int(n) for s, n in enumerate(persistence) if int(record["references"]) >> s & 1), default=1)
+
+
+def _looked_at_s(outcome: FlightOutcome, onset: int | None) -> float | None:
+    """Return for how long after an onset the load factor was looked at."""
+    if onset is None:
+        return None
+    last = min(onset + int(outcome.records.flight["window"][0]), outcome.frames - 1)
+    return (last - onset) / outcome.scenario.rate_hz
+
+
+def _pattern(record: np.void) -> str | None:
+    """Return how the channels were in the frame before a failure, else the first pattern without a majority."""
+    if record["onset"] == NEVER or record["signal"] == NEVER or record["discrete"]:
+        return None
+    if record["failed_at"] != NEVER:
+        return Pattern(record["pattern"]).label
+    return Pattern(record["singular"] or record["worst"]).label
+
+
+def _window(outcome: FlightOutcome, record: np.void) -> Window | None:
+    """Return what followed a fault on a channel of a signal, up to the next onset on it: the spans up to there."""
+    if record["onset"] == NEVER or record["signal"] == NEVER or record["discrete"]:
+        return None
+    records, onset, rate_hz = outcome.records, int(record["onset"]), outcome.scenario.rate_hz
+    on_signal = records.faults[(records.faults["signal"] == record["signal"]) & (records.faults["discrete"] == 0)]
+    end = min((int(other) for other in on_signal["onset"] if other > onset), default=outcome.frames)
+    spans = records.spans[: records.flight["spans"][0]]
+    within = (spans["signal"] == record["signal"]) & (spans["begin"] >= onset) & (spans["begin"] < end)
+    spans = spans[within & (np.arange(len(spans)) >= len(SIGNALS))]
+    above, last = int(spans["above"].sum()), spans[-1]
+    return Window(
+        end_frame=end,
+        good_before=int(spans[0]["good"]),
+        latent_before=int(spans[0]["latent"]),
+        above_threshold_s=float(above / rate_hz),
+        error_max=float(spans["error_max"].max()),
+        kept=not last["off"] and above <= allowed_frames(outcome.params[record["signal"]]),
+        lost_s=float(spans["lost"].sum() / rate_hz),
+    )
+
+
+def _isolations(outcome: FlightOutcome, kind: str) -> list[Isolation]:
+    """Return the healthy channels that were failed so: those of signals, then of discretes, each in order of time."""
+    failures = sorted(outcome.failures, key=lambda failure: int(failure["discrete"]))
+    return [
+        Isolation(
+            (_DISCRETE_NAMES if each["discrete"] else _SIGNAL_NAMES)[each["signal"]],
+            int(each["channel"]) + 1,
+            int(each["frame"]),
+            resolver_name(each["resolver"]),
+        )
+        for each in failures
+        if Cause(each["cause"]).kind == kind
+    ]
+
+
+def _vote_errors(outcome: FlightOutcome) -> dict[str, VoteError]:
+    """Return of every signal how far the vote was from the truth, and from the vote of healthy channels.
+
+    A vote that is no number is above any threshold, and no part of peak and RMS; nor is a truth that is none.
+    """
+    votes, rate_hz = outcome.records.votes, outcome.scenario.rate_hz
+    rms = np.sqrt(votes["squares"] / np.maximum(votes["finite"], 1))
+    return {
+        name: VoteError(
+            peak=float(from_truth["peak"]),
+            peak_frame=int(from_truth["at"]) if from_truth["finite"] else None,
+            rms=float(of_both[0]),
+            above_threshold_s=float(from_truth["above"] / rate_hz),
+            above_threshold_after_onset_s=float(from_truth["above_after"] / rate_hz),
+            clean_peak=float(from_clean["peak"]),
+            clean_rms=float(of_both[1]),
+            clean_above_threshold_s=float(from_clean["above"] / rate_hz),
+        )
+        for name, (from_truth, from_clean), of_both in zip(_SIGNAL_NAMES, votes, rms, strict=True)
+    }
+
+
+def _signals(outcome: FlightOutcome) -> dict[str, SignalScore]:
+    """Return the totals of every signal."""
+    signals, rate_hz = outcome.records.signals, outcome.scenario.rate_hz
+    hours = signals["healthy_frames"][:, :0:-1] / (rate_hz * 3600.0)
+    isolations = signals["false_isolations"][:, :0:-1]
+    lost_s, unresolved_s = signals["lost"] / rate_hz, signals["unresolved"] / rate_hz
+    columns = (signals["level"], lost_s, unresolved_s, hours, isolations)
+    return {
+        name: SignalScore(level, lost, unresolved, tuple(healthy), tuple(failed))
+        for name, level, lost, unresolved, healthy, failed in zip(INDEX, *(c.tolist() for c in columns), strict=True)
+    }

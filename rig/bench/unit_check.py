@@ -24,7 +24,7 @@ from rig.errors import BadInput
 from rig.frame import S, nested, new_block
 from rig.frame.fields import FIELDS
 from rig.unit.layout import ANSWERS, INPUT, OUTPUT, REFERENCES, Form, Said
-from rig.unit.port import RECEIVED, may_be
+from rig.unit.port import RECEIVED, is_allowed
 from rig.unit.settings import Unit, read_unit
 from rig.unit.unit import UnitUnderTest, running
 from rig.unit.vectors import Case, answers, ask, differences, load
@@ -137,7 +137,7 @@ def _allowed(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) 
     for k, asked in enumerate(inputs[:50]):
         if not ask(tested, asked, k):
             return f"frame {k}: no answer"
-        if not may_be(tested.port.back):
+        if not is_allowed(tested.port.back):
             return f"frame {k}: a group is missing, or a state, level or pattern is none"
     tested.end()
     return ""
@@ -196,7 +196,7 @@ def _hostile(tested: UnitUnderTest, config: NDArray[Any]) -> str:
             asked["valid"] = 0
         if not ask(tested, asked, k):
             return f"frame {k}: no answer"
-        if not may_be(tested.port.back):
+        if not is_allowed(tested.port.back):
             return f"frame {k}: a state, level or pattern is none"
     tested.end()
     return ""

@@ -30,14 +30,14 @@ def report(folder: Folder, out: Path) -> dict[str, Any]:
     """Write the report of a campaign to ``out``; return its figures as plain data. BadInput: nothing was flown yet."""
     if folder.tables["runs"].is_empty():
         raise BadInput(f"{folder.path}: no run is done yet, there is nothing to report")
-    found = summary(folder)
-    maps = {f"map-{i}": figure for i, figure in enumerate(heat_maps(found["by_place"]))}
+    results = summary(folder)
+    maps = {f"map-{i}": figure for i, figure in enumerate(heat_maps(results["by_place"]))}
     delays = {f"delay-{i}": figure for i, figure in enumerate(delay_curves(acted(folder.tables)))}
-    replies = {} if found["replies"] is None else {"replies-0": reply_times(found["replies"])}
+    replies = {} if results["replies"] is None else {"replies-0": reply_times(results["replies"])}
     filters = {"magnitude": lambda *of: magnitude_shown(*of) or DASH, "magnitude_unit": magnitude_unit}
     figures = {**maps, **delays, **replies}
-    write_page(out, "campaign.html", figures, filters, found=found, maps=list(maps), delays=list(delays))
-    return found
+    write_page(out, "campaign.html", figures, filters, results=results, maps=list(maps), delays=list(delays))
+    return results
 
 
 def heat_maps(rows: Rows) -> list[go.Figure]:

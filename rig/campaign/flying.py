@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from bisect import bisect_left
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,8 +13,8 @@ from numpy.typing import NDArray
 from rig import loop
 from rig.errors import UnitDead
 from rig.flight.recorder import Findings, end_reason
-from rig.flight.unit_loop import put
-from rig.frame import FLAT, TIMING, Block, new_block
+from rig.flight.unit_loop import unit_computer
+from rig.frame import TIMING, Block, new_block
 from rig.log import LogWriter
 from rig.log.of_flight import metadata
 from rig.record.events import Event
@@ -50,16 +49,12 @@ def fly(scenario: Scenario, tested: UnitUnderTest | None = None) -> CampaignFlig
 
     UnitDead, UnitRefused: the unit under test.
     """
-    rig, findings = loop.Rig(scenario, keep_clean=True), Findings(scenario)
-    if tested is not None:
-        put(tested, rig, scenario)
-    kept, timing = np.empty(scenario.frames, FLAT), np.zeros(scenario.frames, TIMING)
-    events: list[Event] = []
-    for rows, _ in loop.frames(rig, scenario, memory=(kept, timing)):
-        events += findings.add(rows)
+    rig = loop.Rig(scenario, None if tested is None else unit_computer(tested), keep_clean=scenario.frames)
+    findings, (rows, timing) = Findings(scenario), loop.new_memory(scenario)
+    loop.fly(rig, [findings], memory=(rows, timing))
     flown = slice(findings.verdict.frames)
     end = findings.verdict, findings.end(), ended_unit(tested)
-    return CampaignFlight(scenario, kept[flown], timing[flown], events, rig.faults.clean[flown], *end)
+    return CampaignFlight(scenario, rows[flown], timing[flown], findings.events, rig.faults.clean[flown], *end)
 
 
 def ended_unit(tested: UnitUnderTest | None) -> dict[str, str]:
@@ -68,8 +63,8 @@ def ended_unit(tested: UnitUnderTest | None) -> dict[str, str]:
         return {}
     tested.end()
     if tested.dead:
-        raise UnitDead(f"{tested.unit.source}: dead from frame {tested.watch.counts.dead_frame} on")
-    return {"unit": json.dumps({**tested.unit.about(), "said": tested.said})}
+        raise UnitDead(f"{tested.unit.source}: dead from frame {tested.replies.counts.dead_frame} on")
+    return tested.metadata()
 
 
 def write_log(flight: CampaignFlight, path: Path) -> None:

@@ -9,7 +9,6 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Final
 
-import rig
 from rig import aircraft
 from rig.campaign.config import Campaign, Levels
 from rig.campaign.sampling import Choice, choices, seed_of
@@ -21,7 +20,7 @@ from rig.util.versions import versions
 
 CHECKED: Final = 5_000  # runs whose scenario is built before the first flight; beyond, one of each combination
 # What looks at flights, or hands them out, decides nothing in them.
-ROOMS = ("bench", "campaign", "cli", "design", "recordings", "reliability", "replay", "studies", "view")
+ROOMS = ("bench", "campaign", "cli", "design", "public", "recordings", "reliability", "replay", "studies", "view")
 BESIDE = (*ROOMS, "flight/frame_cost.py", "__main__.py", "faults/catalogue.py")
 FLIES = ("campaign/flying.py", "campaign/rows.py", "campaign/worker.py")
 
@@ -138,7 +137,7 @@ class Plan:
 @cache
 def rig_identity() -> str:
     """Return versions and a hash of the sources that decide a row, as one line."""
-    home = Path(rig.__file__).parent
+    home = Path(__file__).parents[1]
     digest = hashlib.sha256()
     for path in sorted(home.rglob("*.py")):
         name = path.relative_to(home).as_posix()

@@ -8,13 +8,12 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final, get_args
 
-import numpy as np
-
 from rig.assess import FaultScore, Score
 from rig.assess.record import ISOLATIONS, Outcome
+from rig.assess.words import PUBLIC, fault_word
 from rig.computer.redundancy.managers import manager_kind
 from rig.faults import Fault
-from rig.frame import CHANNELS, INDEX, SIGNALS, Block, Pattern
+from rig.frame import CHANNELS, INDEX, SIGNALS
 from rig.record.time_bins import binned
 from rig.scenario import Scenario
 
@@ -73,12 +72,12 @@ def channel_hours(scenario: Scenario, frames: int, scored: Score) -> float:
     return (channels * frames - faulty) / scenario.rate_hz / 3600.0
 
 
-def fault_rows(number: int, scenario: Scenario, rows: Block, scored: Score) -> list[Row]:
+def fault_rows(number: int, scenario: Scenario, scored: Score) -> list[Row]:
     """The rows of table ``faults``: one a fault and channel."""
-    return [_fault_row(number, scenario, rows, fault, scored) for fault in scored.faults]
+    return [_fault_row(number, scenario, fault, scored) for fault in scored.faults]
 
 
-def _fault_row(number: int, scenario: Scenario, rows: Block, fault: FaultScore, scored: Score) -> Row:
+def _fault_row(number: int, scenario: Scenario, fault: FaultScore, scored: Score) -> Row:
     period_s = 1.0 / scenario.rate_hz
     time_s = lambda frame: None if frame is None else frame * period_s  # noqa: E731 # a frame's time, where there is one
     return {
@@ -92,7 +91,7 @@ def _fault_row(number: int, scenario: Scenario, rows: Block, fault: FaultScore, 
         "delay_from_onset_s": time_s(fault.delay_from_onset_frames),
         "delay_from_exceeded_s": time_s(fault.delay_from_exceeded_frames),
         "isolation": _isolation(fault, scored, scenario.redundancy.manager),
-        "pattern": _pattern(rows, fault),
+        "pattern": fault.pattern,
         **_followed(fault),
     }
 
@@ -110,7 +109,10 @@ def _isolation(fault: FaultScore, scored: Score, manager: str) -> str:
     else:
         frames = [alarm.frame for alarm in scored.wrong_isolations if alarm.signal == fault.signal]
         wrong = any(onset <= frame < window.end_frame for frame in frames)
-    return "wrong" if wrong else "right" if fault.outcome == "detected" else "none"
+    word = fault_word(
+        fault.outcome != "not executed", fault.failed_frame is not None, fault.exceeded_frame is not None, wrong
+    )
+    return PUBLIC["campaign"][word]
 
 
 def _followed(fault: FaultScore) -> Row:
@@ -140,20 +142,6 @@ def magnitude(fault: Fault, scenario: Scenario) -> float | None:
     if size is None or not size.thresholds:
         return None if size is None else size.value
     return size.value * getattr(scenario.redundancy.signals, fault.signal.removeprefix("reference.")).threshold
-
-
-def _pattern(rows: Block, fault: FaultScore) -> str | None:
-    """How the channels stood when the fault was decided upon: in the frame before its failure, else the worst."""
-    if fault.signal not in INDEX or fault.onset_frame is None:
-        return None
-    begin = fault.onset_frame - int(rows["frame"][0])
-    seen = rows["pattern"][begin:, INDEX[fault.signal]]
-    if not len(seen):
-        return None
-    if fault.failed_frame is not None:
-        return Pattern(int(seen[max(0, fault.failed_frame - fault.onset_frame - 1)])).label
-    singular = seen[(seen >= Pattern.P2_2) & (seen <= Pattern.P1_1)]
-    return Pattern(int(singular[0] if len(singular) else np.max(seen))).label
 
 
 def alarm_rows(number: int, scenario: Scenario, scored: Score) -> list[Row]:

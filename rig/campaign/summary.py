@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 import polars as pl
 
-from rig.assess.record import BY_DESIGN
+from rig.assess.words import BY_DESIGN
 from rig.campaign.folder import Folder, difference
 from rig.campaign.plan import Plan
 from rig.campaign.statistics import detectable, mcnemar, poisson, proportion

@@ -58,13 +58,14 @@ def fly(
 ) -> None:
     """Fly one scenario, log every frame, print what happened."""
     from rig.assess.conclusion import next_commands
-    from rig.assess.of_log import conclude
+    from rig.assess.of_log import FlightConclusion
     from rig.flight.assembly import fly as fly_scenario
     from rig.view.watch.keyboard import keyboard
     from rig.view.watch.live import watching
 
     if watch and as_json:
         raise BadInput("--watch: not with --json, which prints one object and nothing else")
+    outcome = FlightConclusion()
     with watching(watch, realtime_factor) as page, working("starting", not (as_json or watch)):
         flight = fly_scenario(
             scenario,
@@ -80,9 +81,9 @@ def fly(
             unit=unit,
             realtime=realtime,
             live=keyboard(watch and (realtime or realtime_factor is not None)),
+            outcome=outcome,
         )
-        tell("scoring")
-        sentences = conclude(flight.log, flight.frames)
+        sentences = outcome.sentences(flight.log, flight.frames)
     data = lambda: {**flight.summary(), "conclusion": sentences, "next": next_commands(flight.log)}  # noqa: E731
     emit(as_json, data, lambda: show_flight(flight, sentences))
 

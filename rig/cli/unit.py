@@ -26,15 +26,15 @@ def header(
     fmu: Annotated[Literal["2", "3"] | None, Option(help="modelDescription.xml of an FMU by FMI 2.0 or 3.0.")] = None,
 ) -> None:
     """Print the records as a C header, or in another form."""
-    from rig.unit import ada as in_ada
-    from rig.unit import description, fmu_description, header
+    from rig.unit import fmu as in_fmi
+    from rig.unit import header
 
     if ada + markdown + (fmu is not None) > 1:
         raise BadInput("--ada, --markdown, --fmu: one of them")
     if fmu is not None:
-        echo(fmu_description.description(fmu), nl=False)
+        echo(in_fmi.description(fmu), nl=False)
         return
-    text = in_ada.specification if ada else description.markdown if markdown else header.header
+    text = header.ada if ada else header.markdown if markdown else header.header
     echo(text(), nl=False)
 
 

@@ -41,7 +41,7 @@ class Faults:
     seeds  : of this stage; every fault draws from generators of its own, which its name gives
     thresholds : (S,) of the signals' monitors, for magnitudes that are given in them
     coils  : the in-line monitors that measure, by signal
-    clean  : (keep_clean,) CLEAN, what the sensors said before any fault in so many frames from the first
+    clean  : (keep_clean,) CLEAN, what the sensors gave before any fault in the last so many frames (``clean_of``)
     signals : (S,) those whose samples the frame holds; a recording has others in the places of the flight's
     All state is plain arrays and can be copied.
     """
@@ -106,12 +106,16 @@ class Faults:
     def prepare(self, block: Block) -> None:
         """Draw for the rows of ``block``; no stream depends on the block's length, nor on other faults."""
         self._grow(len(block))
-        if len(self.clean):
-            self._of_block = self.clean[int(block["frame"][0]) :][: len(block)]
+        self._of_block = self.clean_of(block)
         for column, rng in enumerate(self._uniform_from):
             self._uniform[: len(block), column] = rng.random(len(block))
         for column, rng in enumerate(self._normal_from):
             self._normal[: len(block), column] = rng.standard_normal(len(block))
+
+    def clean_of(self, rows: Block) -> NDArray[Any]:
+        """Return what is kept of ``rows``, a whole block or its first rows; no rows where nothing is kept."""
+        first = int(rows["frame"][0]) % len(self.clean) if len(self.clean) else 0
+        return self.clean[first:][: len(rows)]
 
     def step(self, block: Block, k: int) -> None:
         """Decide who acts in row k; corrupt its channels and its inertial unit."""

@@ -1,4 +1,4 @@
-"""A flight with its records: the frames of loop.py into log, stream and verdict.
+"""A flight with its records: the frames of loop.py into log, stream and summary.
 
 import rig
 flight = rig.fly("faults/f16_pitch_rate_hardover.toml", seed=2)
@@ -8,10 +8,8 @@ flight.signal("pitch_rate").voted         # (frames,) array, rad/s
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,14 +19,12 @@ from numpy.typing import NDArray
 
 from rig import loop
 from rig.errors import ManagerFailed, RigError
-from rig.flight import unit_loop
 from rig.flight.operator_keys import Keys
 from rig.flight.pace import Pace
-from rig.flight.realtime import beside as off_the_core
-from rig.flight.realtime import realtime as asked_realtime
-from rig.flight.recorder import Records
-from rig.flight.recording_thread import Recorder
+from rig.flight.pace import realtime as real_time
+from rig.flight.recorder import FlightRecords, RecordingThread, Watcher
 from rig.flight.result import Flight
+from rig.flight.unit_loop import unit_computer
 from rig.frame import Block
 from rig.log.of_flight import new_log
 from rig.record.events import Event
@@ -49,10 +45,20 @@ class Viewer(Protocol):
     """Told of the stream when it opens and when the flight is over, before it closes."""
 
     def opened(self, stream: Stream, stop: Stop) -> None:
-        """The stream is open, its addresses are known; the flight begins when this returns."""
+        """Show the stream, which is open at known addresses; the flight begins when this returns."""
 
     def flown(self, stream: Stream, stop: Stop) -> None:
-        """The last frame has been handed over; the stream closes when this returns."""
+        """Note that the last frame has been handed over; the stream closes when this returns."""
+
+
+class Outcome(Protocol):
+    """Judges a flight while it is flown."""
+
+    def begin(self, scenario: Scenario) -> None:
+        """Take the scenario as it is flown; the first frame comes next."""
+
+    def add(self, rows: Block, clean: NDArray[Any]) -> None:
+        """Take the next rows, and their (n,) CLEAN."""
 
 
 def fly(
@@ -70,6 +76,7 @@ def fly(
     unit: Unit | str | Path | None = None,
     realtime: bool = False,
     live: Callable[[Keys], AbstractContextManager[object]] | None = None,
+    outcome: Outcome | None = None,
 ) -> Flight:
     """Fly a scenario (a file, a bundled name, or one loaded already) and log every frame.
 
@@ -78,8 +85,9 @@ def fly(
     realtime_factor : 1.0 paces frames by the wall clock; None flies as fast as it can
     watch : given every block while it is recorded; it must be quick, and copy the rows that it keeps
     allow_code : a manager class that the scenario names may be run; one that an override names may be in any case
-    realtime : ask the system for frames on time (record/realtime.py); at the pace of the clock when no factor is given
+    realtime : ask the system for frames on time (flight/pace.py); at the pace of the clock when no factor is given
     live : a context, given the Keys of the flight, in which they may be pressed; the faults of [[live]] wait for theirs
+    outcome : given every block with the clean channels, to judge the flight by
     unit : flight software under test, or its unit file (docs/unit.md), in the place of our manager
     Raises BadInput before anything is written, RigError when the log cannot be written on or the user's own manager
     raises: the log is then finished.
@@ -91,20 +99,21 @@ def fly(
     scenario = scenario.trusted(scenario.trust.allowing(allow_code))
     pace = Pace(scenario.rate_hz, 1.0 if realtime and realtime_factor is None else realtime_factor)
     scenario = scenario if live is None else scenario.armed()
-    keys = None if live is None else Keys(scenario)
-    pressed = nullcontext() if live is None or keys is None else live(keys)
     tested = read_unit(unit) if isinstance(unit, str | Path) else unit
     if tested is not None and tested.carrier == "python":
         scenario, tested = managed(scenario, tested), None
-    asked = _Asked(name, text, Path(out), rerun, progress, viewer, watch, tuple(overrides))
-    with interruptible() as stop, running(tested) as under, asked_realtime(realtime) as got, pressed:
-        flown = _record(scenario, asked, pace, stop, under, keys)
-    return replace(flown, overrides=asked.overrides, realtime=got, printed="" if under is None else under.printed)
+    destination = _Destination(name, text, Path(out), rerun, progress, viewer, watch, tuple(overrides), outcome)
+    with interruptible() as stop, running(tested) as under_test, real_time(realtime) as granted:
+        keys = None if live is None else Keys(scenario, pace, stop)
+        with nullcontext() if live is None or keys is None else live(keys):
+            flight = _fly_and_record(scenario, destination, pace, stop, under_test, keys)
+    printed = "" if under_test is None else under_test.printed
+    return replace(flight, overrides=tuple(overrides), realtime=granted, printed=printed)
 
 
 @dataclass(frozen=True, slots=True)
-class _Asked:
-    """Where a flight is recorded, and who is told of it."""
+class _Destination:
+    """Places that a flight is recorded to, and who is told of it."""
 
     name: str  # of the log
     text: str  # of the scenario's file
@@ -114,91 +123,78 @@ class _Asked:
     viewer: Viewer | None
     watch: Watch | None
     overrides: tuple[str, ...] = ()  # of the scenario's file
+    outcome: Outcome | None = None
 
 
 def managed(scenario: Scenario, unit: Unit) -> Scenario:
-    """The scenario with the manager class that a unit file names, which is permission to run it."""
+    """Return the scenario with the manager class that a unit file names, which is permission to run it."""
     named = scenario.redundancy.model_copy(update={"manager": unit.manager})
     return scenario.model_copy(update={"redundancy": named}).trusted(Trust(unit.source, named=unit.manager))
 
 
-def _record(
-    scenario: Scenario, asked: _Asked, pace: Pace, stop: Stop, unit: UnitUnderTest | None, keys: Keys | None
+def _fly_and_record(
+    scenario: Scenario, to: _Destination, pace: Pace, stop: Stop, unit: UnitUnderTest | None, keys: Keys | None
 ) -> Flight:
-    """Run the frames through verdict, log and stream; the log is finished whatever happens."""
-    check_where(asked.rerun)
-    rig, viewer = loop.Rig(scenario), asked.viewer
-    about = {}
-    if unit is not None:
-        unit_loop.put(unit, rig, scenario, pace, stop)
-        about["unit"] = json.dumps({**unit.unit.about(), "said": unit.said})
-    records = Records(scenario, pace, unit, keys)
-    if keys is not None:
-        rig.asked = keys.of_flight(rig, pace, stop)
-    named = asked.name or scenario.title or scenario.aircraft
-    with new_log(asked.out, named, scenario, asked.text, about, asked.overrides) as writer:
-        path, shown = writer.path, scenario.title or writer.path.stem
-        facts = replace(of_resolved(scenario.resolved()), **_clocked(unit, pace))
-        stream = open_stream(asked.rerun, shown, scenario.rate_hz, path, facts)
+    """Fly into summary, log and stream; the log is finished whatever happens."""
+    check_where(to.rerun)
+    kept = (
+        0
+        if to.outcome is None
+        else 2 * loop.block_frames(scenario, loop.BLOCK_S if pace.period_s is None else loop.PACED_BLOCK_S)
+    )
+    rig = loop.Rig(scenario, None if unit is None else unit_computer(unit, pace, stop), keep_clean=kept)
+    judge = None
+    if (outcome := to.outcome) is not None:
+        outcome.begin(scenario)
+        judge = lambda rows: outcome.add(rows, rig.faults.clean_of(rows))  # noqa: E731 # every block
+    named, about = to.name or scenario.title or scenario.aircraft, {} if unit is None else unit.metadata()
+    with new_log(to.out, named, scenario, to.text, about, to.overrides) as writer:
+        path, viewer = writer.path, to.viewer
+        clocked = {"unit": "" if unit is None else unit.unit.name, "paced": pace.period_s is not None}
+        facts = replace(of_resolved(scenario.resolved()), **clocked)
+        stream = open_stream(to.rerun, scenario.title or path.stem, scenario.rate_hz, path, facts)
         if stream is not None and viewer is not None:
             viewer.opened(stream, stop)
-        told = _told(asked, scenario, stream, records)
-
-        def record(rows: Block, timing: NDArray[Any]) -> None:
-            events = records.record(rows, timing, writer, beside)
-            for tell in told:
-                tell(rows, events, timing)
-
+        records = FlightRecords(scenario, writer, pace, unit, keys, _watchers(to, scenario, stream), judge)
         began = time.perf_counter()
         try:
-            with (
-                ThreadPoolExecutor(1, "verdict", off_the_core) as beside,
-                Recorder(record, threaded=pace.period_s is not None) as recorder,
-            ):
-                failure = _fly(rig, scenario, pace, stop, recorder)
+            failure = _fly(rig, records, pace, stop, keys)
             wall_s = time.perf_counter() - began
-            reason = records.close(writer, stop, failure)
+            reason = records.close(stop, failure)
             if failure is not None:
                 raise RigError(f"{failure}; the log is complete up to there: {path}")
             if stream is not None and viewer is not None and not stop.terminated:
                 viewer.flown(stream, stop)
         finally:
             report = None if stream is None else stream.close(10.0)
-    return _came_to(records, path, reason, wall_s, report)
+    return _result(records, path, reason, wall_s, report)
 
 
-Tell = Callable[[Block, Sequence[Event], NDArray[Any]], None]
-
-
-def _clocked(unit: UnitUnderTest | None, pace: Pace) -> dict[str, Any]:
-    """What the viewer must know to show the wall clock."""
-    return {"unit": "" if unit is None else unit.unit.name, "paced": pace.period_s is not None}
-
-
-def _told(asked: _Asked, scenario: Scenario, stream: Stream | None, records: Records) -> list[Tell]:
-    """Who is given every block with its events when the log has it."""
-    told: list[Tell] = []
+def _watchers(to: _Destination, scenario: Scenario, stream: Stream | None) -> list[Watcher]:
+    """Return who is given every block with its events when the log has it."""
+    watchers: list[Watcher] = []
     if stream is not None:
-        told.append(lambda rows, events, timing: stream.put(rows.copy(), events, timing.copy()))
-    if (watch := asked.watch) is not None:
-        told.append(lambda rows, events, timing: watch(rows, scenario.rate_hz, events))
-    if (progress := asked.progress) is not None:
-        told.append(lambda rows, events, timing: progress(records.verdict.frames, scenario.frames))
-    return told
+        watchers.append(lambda rows, events, timing: stream.put(rows.copy(), events, timing.copy()))
+    if (watch := to.watch) is not None:
+        watchers.append(lambda rows, events, timing: watch(rows, scenario.rate_hz, events))
+    if (progress := to.progress) is not None:
+        watchers.append(lambda rows, events, timing: progress(int(rows["frame"][-1]) + 1, scenario.frames))
+    return watchers
 
 
-def _fly(rig: loop.Rig, scenario: Scenario, pace: Pace, stop: Stop, recorder: Recorder) -> ManagerFailed | None:
-    """Fly to the end of the flight, or until the user's own manager raises, which is returned."""
-    try:
-        for rows, timing in loop.frames(rig, scenario, pace, stop):
-            recorder.put(rows, timing)
-    except ManagerFailed as failure:
-        return failure
+def _fly(rig: loop.Rig, records: FlightRecords, pace: Pace, stop: Stop, keys: Keys | None) -> ManagerFailed | None:
+    """Fly to the end of the flight, or until the user's own manager raises or the unit stops, which is returned."""
+    before_row = None if keys is None else keys.before_row
+    with records, nullcontext(records) if pace.period_s is None else RecordingThread(records) as recorder:
+        try:
+            loop.fly(rig, [recorder], pace=pace, stop=stop, before_row=before_row)
+        except ManagerFailed as failure:
+            return failure
     return None
 
 
-def _came_to(records: Records, path: Path, reason: str, wall_s: float, report: StreamReport | None) -> Flight:
-    """What the records of a finished flight come to."""
+def _result(records: FlightRecords, path: Path, reason: str, wall_s: float, report: StreamReport | None) -> Flight:
+    """Return what the records of a finished flight come to."""
     verdict = records.verdict
     return Flight(
         log=path,
@@ -215,7 +211,7 @@ def _came_to(records: Records, path: Path, reason: str, wall_s: float, report: S
         us_per_frame=wall_s / max(verdict.frames, 1) * 1e6,
         jitter=None if records.jitter is None else records.jitter.result(),
         stream=report,
-        unit=records.of_unit(),
+        unit=records.unit_result(),
         printed="",
         realtime={},
     )

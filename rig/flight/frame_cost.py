@@ -14,8 +14,6 @@ from pathlib import Path
 from statistics import median
 from typing import Any, Final
 
-import numpy as np
-
 from rig import loop
 from rig.computer.control.law import control_law
 from rig.computer.redundancy import conclude, refer, vote_signals
@@ -23,7 +21,7 @@ from rig.errors import BadInput, RigError
 from rig.faults import actuate, corrupt, corrupt_reference
 from rig.flight.assembly import fly
 from rig.flight.recorder import INTERRUPTED, event_finder
-from rig.frame import TIMING, nested, new_block
+from rig.frame import nested, new_block
 from rig.kernels import bind, kernel
 from rig.log import LogWriter
 from rig.log.of_flight import metadata
@@ -39,51 +37,51 @@ BARE_S = 4.0  # hands off, an unstable airframe is reloaded before it leaves its
 
 @kernel
 def sensors_of(rows, k, data):
-    """Row k of the sensors.  All pieces take FRAME records and k: one record by itself is slow to hand over."""
+    """Compute row k of the sensors.  All pieces take FRAME records and k: one record by itself is slow to hand over."""
     measure(rows[k]["truth"], rows[k]["bus"], k, data)
 
 
 @kernel
 def inertial_of(rows, k, data):
-    """Row k of the inertial unit."""
+    """Compute row k of the inertial unit."""
     sense(rows[k]["truth"], rows[k]["bus"], k, data)
 
 
 @kernel
 def faults_of(rows, k, data):
-    """Row k of the faults on channels and inertial unit."""
+    """Compute row k of the faults on channels and inertial unit."""
     corrupt(rows[k], k, data)
 
 
 @kernel
 def references_of(rows, k, data):
-    """Row k of the references."""
+    """Compute row k of the references."""
     refer(rows[k]["bus"], rows[k]["fcc"], data)
 
 
 @kernel
 def reference_faults_of(rows, k, data):
-    """Row k of the faults on references."""
+    """Compute row k of the faults on references."""
     corrupt_reference(rows[k], k, data)
 
 
 @kernel
 def redundancy_of(rows, k, data):
-    """Row k of the manager, and what follows from its votes before the control law."""
+    """Compute row k of the manager, and what follows from its votes before the control law."""
     vote_signals(rows[k]["bus"], rows[k]["fcc"], data.manager)
     conclude(rows[k]["bus"], rows[k]["fcc"], data)
 
 
 @kernel
 def control_of(rows, k, data):
-    """Row k of the control law."""
+    """Compute row k of the control law."""
     control_law(rows[k]["bus"], rows[k]["fcc"], data)
 
 
 @kernel
 def surface_faults_of(rows, k, data):
-    """Row k of the surfaces on their way to the actuators."""
-    loop.hand_over(rows[k]["fcc"]["surface"], rows[k]["actuation"]["actuator"])
+    """Compute row k of the surfaces on their way to the actuators."""
+    loop.command_actuators(rows[k]["fcc"]["surface"], rows[k]["actuation"]["actuator"])
     actuate(rows[k], data)
 
 
@@ -115,12 +113,12 @@ class Bench:
     log_bytes_per_frame: float
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain data, as ``rig bench --json`` prints it."""
+        """Return plain data, as ``rig bench --json`` prints it."""
         return asdict(self)
 
 
 def bench(scenario: Scenario, repeats: int = 7) -> Bench:
-    """Fly ``scenario`` and run its bare airframe in turn; the medians of both.
+    """Fly ``scenario`` and run its bare airframe in turn; return the medians of both.
 
     BadInput for a linear aircraft: there is no bare JSBSim to measure against.
     """
@@ -144,7 +142,7 @@ def bench(scenario: Scenario, repeats: int = 7) -> Bench:
 
 
 def _bare_us(scenario: Scenario) -> float:
-    """Microseconds of JSBSim's own run() for one frame, over as many frames as a flight has."""
+    """Return microseconds of JSBSim's own run() for one frame, over as many frames as a flight has."""
     steps, total_s, run = scenario.frames, 0.0, 0
     airframe, dt_s = scenario.airframe, 1.0 / (scenario.rate_hz * scenario.steps_per_frame)
     while run < steps:
@@ -158,7 +156,7 @@ def _bare_us(scenario: Scenario) -> float:
     return total_s / run * 1e6
 
 
-class _Watch:
+class _Clock:
     """Adds up the time of named calls."""
 
     def __init__(self) -> None:
@@ -173,31 +171,28 @@ class _Watch:
 
 
 def _stages_us(scenario: Scenario, out: Path) -> dict[str, float]:
-    """The same flight once more with a clock around every stage."""
-    rig, watch, verdict = loop.Rig(scenario), _Watch(), Verdict()
-    finder, size, flown = event_finder(scenario), round(scenario.rate_hz), 0
+    """Fly once more with a clock around every stage."""
+    rig, clock, verdict = loop.Rig(scenario), _Clock(), Verdict()
+    finder = event_finder(scenario)
     with LogWriter(out / "stages.mcap", scenario.rate_hz, metadata(scenario), []) as writer:
-        for first in range(0, scenario.frames, size):
-            block = new_block(min(size, scenario.frames - first), first)
-            block["reference"] = block["second_reference"] = np.nan
-            watch.time("prepare", rig.prepare, block)
+        for block, timing in loop.blank_blocks(scenario):
+            clock.time("prepare", rig.prepare, block)
             rows, bound = nested(block), pieces(rig.data)
             for k in range(len(block)):
-                watch.time("plant.read", rig.plant.read, block, k)
+                clock.time("plant.read", rig.plant.read, block, k)
                 for name, entry, data in bound:
-                    watch.time(name, entry, rows, k, data)
-                watch.time("plant.step", rig.plant.step, block, k)
-            flown += len(block)
-            events = watch.time("events", finder.find, block)
-            watch.time("verdict", verdict.add, block, events)
-            watch.time("log", writer.write, block, np.zeros(len(block), TIMING), events)
-    return {name: total / flown * 1e6 for name, total in watch.total_s.items()}
+                    clock.time(name, entry, rows, k, data)
+                clock.time("plant.step", rig.plant.step, block, k)
+            events = clock.time("events", finder.find, block)
+            clock.time("verdict", verdict.add, block, events)
+            clock.time("log", writer.write, block, timing, events)
+    return {name: total / scenario.frames * 1e6 for name, total in clock.total_s.items()}
 
 
 def pieces(data: loop.StageData) -> list[tuple[str, Callable[..., Any], Any]]:
-    """PIECES bound to the types of their arguments: name, entry point, its data."""
-    rows, found = nested(new_block(2)), []
+    """Bind PIECES to the types of their arguments; return name, entry point, its data."""
+    rows, bound = nested(new_block(2)), []
     for name, (piece, whose) in PIECES.items():
-        own = attrgetter(whose)(data)
-        found.append((name, bind(piece, rows, 0, own), own))
-    return found
+        stage_data = attrgetter(whose)(data)
+        bound.append((name, bind(piece, rows, 0, stage_data), stage_data))
+    return bound

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -29,53 +29,47 @@ _LOOK_S: Final = 0.02  # between two looks at the keys of a flight that is pause
 
 @dataclass
 class Pressed:
-    """What the keys did, by frame: the faults' first and last (excluded), and resets of all channels."""
+    """Effects of the keys, by frame: the faults' first and last (excluded), and resets of all channels."""
 
     faults: dict[str, list[int]] = field(default_factory=dict)  # by their labels
     resets: list[int] = field(default_factory=list)
 
     def to_json(self) -> str:
-        """For the log's result."""
+        """Return it as the log's result holds it."""
         return json.dumps({"faults": self.faults, "resets": self.resets})
 
 
 class Keys:
-    """The keys of one flight: ``press`` from any thread, ``act`` between two frames."""
+    """The keys of one flight: ``press`` from any thread, ``before_row`` between two frames."""
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, pace: Pace, stop: Stop) -> None:
+        self._pace, self._stop = pace, stop
         self._by_key = {entry.key: entry.fault.label for entry in scenario.live}
         self._places = {fault.label: i for i, fault in enumerate(scenario.faults)}
         self.waiting: deque[str] = deque()
         self.pressed, self.events = Pressed(), deque[Event]()
 
     def press(self, key: str) -> None:
-        """A key that acts in the next frame; one without a meaning does nothing."""
+        """Have a key act in the next frame; one without a meaning does nothing."""
         if key in self._by_key or key in (RESET, PAUSE, END):
             self.waiting.append(key)
 
-    def of_flight(self, rig: Rig, pace: Pace, stop: Stop) -> Callable[[Nested, int], None]:
-        """What the loop calls before each row."""
-
-        def asked(block: Nested, k: int) -> None:
-            if self.waiting:
-                self.act(rig, block, k, pace, stop)
-
-        return asked
-
-    def act(self, rig: Rig, block: Nested, k: int, pace: Pace, stop: Stop) -> None:
-        """Do what was asked for before row k."""
+    def before_row(self, rig: Rig, block: Nested, k: int) -> None:
+        """Act on the keys that were pressed before row k; the loop calls it."""
+        if not self.waiting:
+            return
         frame = int(block["frame"][k])
         while self.waiting:
             key = self.waiting.popleft()
             if key == PAUSE:
-                pace.move(self._pause(frame, stop))
+                self._pace.move(self._pause(frame))
             elif key == END:
-                self._tell(frame, key, "the flight ends")
-                stop.requested = True
+                self._add_event(frame, key, "the flight ends")
+                self._stop.requested = True
             elif key == RESET:
                 block["bus"]["reset"][k] = block["bus"]["discrete_reset"][k] = _ALL
                 self.pressed.resets.append(frame)
-                self._tell(frame, key, "all channels are commanded to be readmitted")
+                self._add_event(frame, key, "all channels are commanded to be readmitted")
             else:
                 self._fault(rig, key, frame)
 
@@ -84,29 +78,29 @@ class Keys:
         label = self._by_key[key]
         moments = self.pressed.faults.setdefault(label, [])
         if len(moments) == 2 or (moments and moments[0] == frame):
-            self._tell(frame, key, f"{label} is over" if len(moments) == 2 else f"{label} has just begun")
+            self._add_event(frame, key, f"{label} is over" if len(moments) == 2 else f"{label} has just begun")
             return
         moments.append(frame)
         begin_or_end = rig.faults.begin if len(moments) == 1 else rig.faults.end
         begin_or_end(self._places[label], frame)
-        self._tell(frame, key, f"{label} {'begins' if len(moments) == 1 else 'ends'}")
+        self._add_event(frame, key, f"{label} {'begins' if len(moments) == 1 else 'ends'}")
 
-    def _pause(self, frame: int, stop: Stop) -> float:
-        """Wait for the same key, or for the end, by a key or Ctrl-C; how long it took, s."""
-        self._tell(frame, PAUSE, "paused")
+    def _pause(self, frame: int) -> float:
+        """Wait for the same key, or for the end, by a key or Ctrl-C; return how long it took, s."""
+        self._add_event(frame, PAUSE, "paused")
         began = time.perf_counter()
-        while not stop.requested and not {PAUSE, END} & set(self.waiting):
+        while not self._stop.requested and not {PAUSE, END} & set(self.waiting):
             time.sleep(_LOOK_S)
         if PAUSE in self.waiting:
             self.waiting.remove(PAUSE)
-        self._tell(frame, PAUSE, "goes on")
+        self._add_event(frame, PAUSE, "goes on")
         return time.perf_counter() - began
 
-    def _tell(self, frame: int, key: str, text: str) -> None:
+    def _add_event(self, frame: int, key: str, text: str) -> None:
         self.events.append(Event(frame, "info", "key", f"{key}: {text}"))
 
-    def told(self, frame: int) -> list[Event]:
-        """The events up to ``frame``, which have not been told yet; the frames may add others meanwhile."""
+    def events_until(self, frame: int) -> list[Event]:
+        """Take the events up to ``frame``; the frames may add others meanwhile."""
         due = list[Event]()
         while self.events and self.events[0].frame <= frame:
             due.append(self.events.popleft())
@@ -114,13 +108,13 @@ class Keys:
 
 
 def pressed(scenario: Scenario, result: Mapping[str, str] | None, source: str) -> Scenario:
-    """The scenario as the keys of its flight made it; ``result`` of its log.  BadInput, naming ``source``: damaged."""
+    """Return the scenario as the keys of its flight made it; ``result`` of its log.  BadInput naming ``source``."""
     if result is None or "keys" not in result:
         return scenario
     try:
-        said = json.loads(result["keys"])
-        faults = [_moved(fault, said["faults"].get(fault.label), scenario.rate_hz) for fault in scenario.faults]
-        resets = [reset for frame in said["resets"] for reset in _resets(frame / scenario.rate_hz)]
+        keys = json.loads(result["keys"])
+        faults = [_moved(fault, keys["faults"].get(fault.label), scenario.rate_hz) for fault in scenario.faults]
+        resets = [reset for frame in keys["resets"] for reset in _resets(frame / scenario.rate_hz)]
     except (ValueError, KeyError, TypeError, AttributeError, IndexError):
         raise BadInput(f"{source}: what its keys did is damaged") from None
     redundancy = scenario.redundancy.model_copy(update={"resets": [*scenario.redundancy.resets, *resets]})
@@ -136,4 +130,4 @@ def _moved(fault: Any, moments: list[int] | None, rate_hz: float) -> Any:
 
 
 def _resets(at_s: float) -> list[Reset]:
-    return [Reset(at_s=at_s, signal=one.name) for one in (*SIGNALS, *DISCRETES)]
+    return [Reset(at_s=at_s, signal=signal.name) for signal in (*SIGNALS, *DISCRETES)]

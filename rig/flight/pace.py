@@ -1,17 +1,26 @@
-"""Pacing: frames on absolute deadlines of the wall clock, as a rig with hardware would fly them.
+"""Real time: frames on absolute deadlines of the wall clock, as a rig with hardware would fly them.
 
-Without a factor the flight runs as fast as it can; what it computes is the same either way.
+Without a factor the flight runs as fast as it can; what it computes is the same either way.  Frames on time are asked
+of the operating system, which may refuse: a scheduling class, memory that stays, a core of its own.
 """
 
 from __future__ import annotations
 
+import ctypes
+import os
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-SPIN_S = 0.0003  # the end of a wait is spent polling: a sleep wakes up late
+SPIN_S: Final = 0.0003  # the end of a wait is spent polling: a sleep wakes up late
+PRIORITY: Final = 50  # of SCHED_FIFO: above all that is no driver's thread
+# MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT: what is in use stays, and what libraries have reserved is not made memory.
+_LOCK_NOW_AND_LATER: Final = 1 | 2 | 4
 
 
 class Pace:
@@ -22,7 +31,7 @@ class Pace:
         self._start_s = 0.0
 
     def wait(self, frame: int) -> float:
-        """Sleep until frame ``frame`` is due; how late it begins, s (0 when not paced)."""
+        """Sleep until frame ``frame`` is due; return how late it begins, s (0 when not paced)."""
         if self.period_s is None:
             return 0.0
         now = time.perf_counter()
@@ -40,13 +49,13 @@ class Pace:
         self._start_s += seconds
 
     def due(self, frame: int, share: float = 0.0) -> float:
-        """The time of ``perf_counter`` at which ``share`` of frame ``frame`` is over, in a paced flight."""
+        """Return the time of ``perf_counter`` at which ``share`` of frame ``frame`` is over, in a paced flight."""
         return self._start_s + (frame + share) * (self.period_s or 0.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Jitter:
-    """How late frames began: microseconds; an overrun is a frame that ended after the next was due."""
+    """Lateness of the frames' begins, microseconds; an overrun is a frame that ended after the next was due."""
 
     median_us: float
     p99_us: float
@@ -68,14 +77,14 @@ class Histogram:
         self.worst_us = max(self.worst_us, float(times_us.max(initial=0.0)))
 
     def at(self, share: float) -> float:
-        """The time, us, below which ``share`` of them are."""
+        """Return the time, us, below which ``share`` of them are."""
         reached = np.cumsum(self.counts)
         return float(np.searchsorted(reached, share * reached[-1]))
 
     def as_dict(self) -> dict[str, float]:
-        """Median, 99 %, 99.9 % and worst."""
-        at = {"median_us": 0.5, "p99_us": 0.99, "p999_us": 0.999}
-        return {**{name: self.at(share) for name, share in at.items()}, "worst_us": self.worst_us}
+        """Return median, 99 %, 99.9 % and worst."""
+        shares = {"median_us": 0.5, "p99_us": 0.99, "p999_us": 0.999}
+        return {**{name: self.at(share) for name, share in shares.items()}, "worst_us": self.worst_us}
 
 
 class JitterCounter:
@@ -92,5 +101,62 @@ class JitterCounter:
         self._overruns += int(np.count_nonzero(late_us + frame_us > self._period_us))
 
     def result(self) -> Jitter:
-        """Median, 99 % and worst of all frames so far."""
+        """Return median, 99 % and worst of all frames so far."""
         return Jitter(self._late.at(0.5), self._late.at(0.99), self._late.worst_us, self._overruns)
+
+
+@contextmanager
+def realtime(wanted: bool) -> Iterator[dict[str, str]]:
+    """Ask the system for all three while the context lasts; yields what it gave by name, empty unless ``wanted``."""
+    if not wanted:
+        yield {}
+        return
+    before = os.sched_getscheduler(0), os.sched_getparam(0), os.sched_getaffinity(0)
+    try:
+        yield {name: _granted(request) for name, request in _REQUESTS.items()}
+    finally:
+        _other_cores.clear()
+        with suppress(OSError):
+            os.sched_setscheduler(0, *before[:2])
+        os.sched_setaffinity(0, before[2])
+        ctypes.CDLL(None).munlockall()
+
+
+def _granted(request: Callable[[], str]) -> str:
+    try:
+        return request()
+    except OSError as error:
+        return f"refused: {error.strerror}"
+
+
+def off_the_core() -> None:
+    """Keep a thread that begins now, a recorder's, off the core of the frames."""
+    if _other_cores:
+        os.sched_setaffinity(0, _other_cores)
+
+
+def _fifo() -> str:
+    """Raise this thread alone: what it starts is ordinary."""
+    os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY))
+    return f"SCHED_FIFO, priority {PRIORITY}"
+
+
+def _lock() -> str:
+    system: Any = ctypes.CDLL(None, use_errno=True)
+    if system.mlockall(_LOCK_NOW_AND_LATER):
+        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
+    return "locked"
+
+
+def _core() -> str:
+    """Take the last core that this process may use; one alone is nobody's own."""
+    allowed = sorted(os.sched_getaffinity(0))
+    if len(allowed) < 2:
+        return "none: there is only one"
+    os.sched_setaffinity(0, {allowed[-1]})
+    _other_cores.update(allowed[:-1])
+    return f"core {allowed[-1]}"
+
+
+_other_cores: set[int] = set()  # cores for all that is not the frames
+_REQUESTS: Final[dict[str, Callable[[], str]]] = {"scheduling": _fifo, "memory": _lock, "core": _core}

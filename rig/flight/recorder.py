@@ -1,10 +1,17 @@
-"""What is found in the rows of a flight and kept of them: events, verdict, the log, times."""
+"""Recorders of a flight: what is found in its rows and kept of them, in the frame loop or on a thread beside it.
+
+Findings         events, summary, faults that did nothing: enough for a flight in memory
+FlightRecords    the same with the log, times, and all who watch: ``rig fly``
+RecordingThread  another recorder, while the next block is flown
+"""
 
 from __future__ import annotations
 
 import json
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Final
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +19,10 @@ from numpy.typing import NDArray
 from rig.errors import ManagerFailed
 from rig.faults import Execution
 from rig.flight.operator_keys import Keys
-from rig.flight.pace import Histogram, JitterCounter, Pace
+from rig.flight.pace import Histogram, JitterCounter, Pace, off_the_core
 from rig.frame import TIMING, Block, new_block
 from rig.log import LogWriter
+from rig.loop import Recorder
 from rig.record.events import Event, EventFinder, not_executed
 from rig.record.flight_summary import Verdict
 from rig.scenario import Scenario
@@ -22,80 +30,151 @@ from rig.unit.unit import UnitUnderTest
 from rig.util.interrupt import Stop
 
 INTERRUPTED: Final = "interrupted"  # an end reason
+# A recording spends most of its time outside the interpreter's lock (hash, checksum, compression,
+# write); it must get the lock back quickly in between, or the frames would wait for it in the end.
+SWITCH_S: Final = 2e-4
+Watcher = Callable[[Block, Sequence[Event], NDArray[Any]], None]  # given each block with its events and TIMING
 
 
 class Findings:
-    """What is found in the rows of a flight, block after block: events, its summary, faults that did nothing."""
+    """Findings in the rows of a flight, block after block: events, its summary, faults that did nothing."""
 
     def __init__(self, scenario: Scenario) -> None:
-        self.verdict = Verdict()
+        self.verdict, self.events = Verdict(), list[Event]()
         self._finder, self.execution = event_finder(scenario), Execution(scenario.faults)
 
+    def record(self, rows: Block, timing: NDArray[Any]) -> None:
+        """Take the next rows in and keep all of their events."""
+        self.events += self.add(rows)
+
     def add(self, rows: Block) -> list[Event]:
-        """The events of the next rows."""
+        """Take the next rows in; return their events."""
         events = self._finder.find(rows)
         self.verdict.add(rows, events)
         self.execution.add(rows)
         return events
 
     def end(self) -> list[Event]:
-        """What only the end can tell: the faults that did nothing."""
+        """Return what only the end can tell: the faults that did nothing."""
         return not_executed(self.verdict.frames - 1, self.execution.missing) if self.verdict.frames else []
 
 
-class Records(Findings):
-    """What is kept of every block, and what the flight comes to."""
+class FlightRecords(Findings):
+    """Every block into summary and log, and to those who watch; a context, which it records in."""
 
-    def __init__(self, scenario: Scenario, pace: Pace, unit: UnitUnderTest | None, keys: Keys | None = None) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        writer: LogWriter,
+        pace: Pace,
+        unit: UnitUnderTest | None = None,
+        keys: Keys | None = None,
+        watchers: Sequence[Watcher] = (),
+        judge: Callable[[Block], None] | None = None,
+    ) -> None:
         super().__init__(scenario)
-        self.scenario, self._unit, self._replies, self._keys = scenario, unit, Histogram(), keys
+        self.scenario, self._writer, self._unit, self._keys, self._watchers = scenario, writer, unit, keys, watchers
+        self._judge = judge
         self.jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
+        self._replies, self._pool = Histogram(), ThreadPoolExecutor(1, "verdict", off_the_core)
 
-    def record(self, rows: Block, timing: NDArray[Any], writer: LogWriter, beside: ThreadPoolExecutor) -> list[Event]:
-        """Into summary and log; the events of the block."""
+    def record(self, rows: Block, timing: NDArray[Any]) -> None:
+        """Record the next rows; watchers are given them when the log has them."""
         events = self._finder.find(rows)
-        if self._keys is not None and len(rows):
-            events = sorted([*self._keys.told(int(rows["frame"][-1])), *events], key=lambda event: event.frame)
-        hashed = beside.submit(self.verdict.add, rows, events)  # both leave the interpreter to each other
-        writer.write(rows, timing, events)
+        if self._keys is not None:
+            events = sorted([*self._keys.events_until(int(rows["frame"][-1])), *events], key=lambda event: event.frame)
+        summed_up = self._pool.submit(self._sum_up, rows, events)  # both leave the interpreter to each other
+        self._writer.write(rows, timing, events)
         self.execution.add(rows)
-        hashed.result()
+        summed_up.result()
         if self.jitter is not None:
             self.jitter.add(timing["frame_us"], timing["late_us"])
         if self._unit is not None:
             self._replies.add(timing["reply_us"])
-        return events
+        for watcher in self._watchers:
+            watcher(rows, events, timing)
 
-    def of_unit(self) -> dict[str, Any] | None:
-        """What became of the exchanges, and how long they took."""
+    def _sum_up(self, rows: Block, events: Sequence[Event]) -> None:
+        """Take the next rows into the summary and the outcome, while the log is written."""
+        self.verdict.add(rows, events)
+        if self._judge is not None:
+            self._judge(rows)
+
+    def unit_result(self) -> dict[str, Any] | None:
+        """Return what became of the exchanges with a unit under test, and how long they took."""
         if self._unit is None:
             return None
         return {"name": self._unit.unit.name, **self._unit.result(), "reply": self._replies.as_dict()}
 
-    def close(self, writer: LogWriter, stop: Stop, failure: ManagerFailed | None) -> str:
-        """Write what only the end can tell; why the flight ended."""
+    def close(self, stop: Stop, failure: ManagerFailed | None) -> str:
+        """End the unit's session and write what only the end can tell; return why the flight ended."""
         if self._unit is not None:
             self._unit.end()
         verdict, last = self.verdict, self.end()
         verdict.events += last
-        writer.write(new_block(0), np.zeros(0, TIMING), last)
+        self._writer.write(new_block(0), np.zeros(0, TIMING), last)
         failed = "the manager class raised" if self._unit is None else "the unit under test is dead"
         reason = end_reason(verdict, stop, self.scenario) if failure is None else failed
-        unit = self.of_unit()
-        about = {} if unit is None else {"unit": json.dumps(unit)}
-        if self._keys is not None:
-            about["keys"] = self._keys.pressed.to_json()
-        writer.close({"digest": verdict.digest, "end_reason": reason, "survived": str(verdict.survived), **about})
+        unit = self.unit_result()
+        result = {"digest": verdict.digest, "end_reason": reason, "survived": str(verdict.survived)}
+        result |= {} if unit is None else {"unit": json.dumps(unit)}
+        result |= {} if self._keys is None else {"keys": self._keys.pressed.to_json()}
+        self._writer.close(result)
         return reason
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._pool.shutdown()
+
+
+class RecordingThread:
+    """Hands blocks to a recorder on a thread, in order, and at most one is under way.
+
+    For a paced flight: neither the disk nor the compressor holds a frame up.  One that flies as fast as it can has
+    nothing to gain from that, as both would share the interpreter.  What the recorder raises is raised by the next
+    ``record`` or at the end.
+    """
+
+    def __init__(self, recorder: Recorder) -> None:
+        self._recorder, self._pool = recorder, ThreadPoolExecutor(1, "recorder", off_the_core)
+        self._pending: Future[None] | None = None
+        self._switch_s = sys.getswitchinterval()
+
+    def record(self, rows: Block, timing: NDArray[Any]) -> None:
+        """Begin to record ``rows`` as soon as the block before them is done.
+
+        The arrays must stay as they are until the next call has returned.
+        """
+        self._wait()
+        self._pending = self._pool.submit(self._recorder.record, rows, timing)
+
+    def _wait(self) -> None:
+        pending, self._pending = self._pending, None
+        if pending is not None:
+            pending.result()
+
+    def __enter__(self) -> Self:
+        sys.setswitchinterval(SWITCH_S)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        sys.setswitchinterval(self._switch_s)
+        try:
+            if kind is None:
+                self._wait()
+        finally:
+            self._pool.shutdown()
 
 
 def event_finder(scenario: Scenario) -> EventFinder:
-    """What finds the events of a flight of this scenario."""
+    """Return what finds the events of a flight of this scenario."""
     return EventFinder([fault.label for fault in scenario.faults])
 
 
 def end_reason(verdict: Verdict, stop: Stop, scenario: Scenario) -> str:
-    """Why the flight ended, as a reader would say it."""
+    """Return why the flight ended, as a reader would say it."""
     if not verdict.survived:
         return verdict.end.label
     return INTERRUPTED if stop.requested and verdict.frames < scenario.frames else "duration flown"

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Flight:
-    """What a flight came to; its frames are read from the log when asked for."""
+    """The result of a flight; its frames are read from the log when asked for."""
 
     log: Path
     scenario: Scenario
@@ -59,7 +59,7 @@ class Flight:
         return self.recorded.rows
 
     def signal(self, name: str) -> SignalArrays:
-        """The arrays of one signal; KeyError when there is no such signal."""
+        """Return the arrays of one signal; KeyError when there is no such signal."""
         return self.recorded.signal(name)
 
     def to_polars(self, *owners: str) -> pl.DataFrame:
@@ -78,11 +78,11 @@ class Flight:
         return f"<Flight {named}: {verdict}, failed {failed or 'no channel'}, log {self.log}>"
 
     def _repr_html_(self) -> str:
-        """A small table for a notebook: scenario, verdict, failed channels, conclusion, digest, log."""
+        """Return a small table for a notebook: scenario, verdict, failed channels, conclusion, digest, log."""
         return shown.html(self.recorded, self.overrides, self.log)
 
     def summary(self) -> dict[str, Any]:
-        """The flight as plain data, as ``rig fly --json`` prints it."""
+        """Return the flight as plain data, as ``rig fly --json`` prints it."""
         dt_s = 1.0 / self.scenario.rate_hz
         timing: dict[str, Any] = {
             "us_per_frame": self.us_per_frame,

@@ -1,8 +1,8 @@
 """A unit under test in the loop: in the place of the manager, or of manager and control law.
 
-before_unit   channels and references, and all that the unit reads into its record
-ask           the unit, wherever it is
-after_unit    its answer into the row; what it has not said is the rig's: discretes, control law
+before_unit      channels and references, and all that the unit reads into its record
+try_exchange     the unit, wherever it is
+after_unit       its answer into the row; what it has not filled is the rig's: discretes, control law
 
 One compiled call has all three; where the answer is not a usual one (unit/compiled_exchange.py) it ends early, and
 Python goes on with ``exchange`` and ``after_unit``.
@@ -10,11 +10,13 @@ Python goes on with ``exchange`` and ``after_unit``.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rig import loop
 from rig.computer.analytic.references import ReferenceData, remember
 from rig.computer.control.law import control_law
 from rig.computer.control.state import ControlData
@@ -24,12 +26,11 @@ from rig.faults import FaultData, actuate
 from rig.flight.pace import Pace
 from rig.frame import FLIGHT_INDEX, SURFACES, Block, Nested, Unit, nested, new_block
 from rig.kernels import bind, kernel
-from rig.loop import Rig, StageData, Step, before, compute, hand_over
-from rig.loop import fly_rows as loop_rows
+from rig.loop import ComputerStep, Rig, StageData, before, command_actuators, compute
 from rig.scenario import Scenario
 from rig.sensors import SensorData
 from rig.sensors.inertial import InertialData
-from rig.unit.compiled_exchange import FOREVER_NS, PENDING, ask
+from rig.unit.compiled_exchange import FOREVER_NS, PENDING, try_exchange
 from rig.unit.layout import Form
 from rig.unit.port import FLOWN, ON_DISCRETES, fill, take
 from rig.unit.session import configuration
@@ -37,26 +38,30 @@ from rig.unit.unit import UnitUnderTest
 from rig.util.interrupt import Stop
 
 
-def put(unit: UnitUnderTest, rig: Rig, scenario: Scenario, pace: Pace | None = None, stop: Stop | None = None) -> None:
-    """Begin a flight of ``unit`` in ``rig``, which is at its first frame.  BadInput: it will not fly it."""
+def unit_computer(
+    unit: UnitUnderTest, pace: Pace | None = None, stop: Stop | None = None
+) -> Callable[[Rig], ComputerStep]:
+    """Return a binder for Rig: the computer is ``unit``, whose session begins with the flight.  UnitRefused."""
     deadline = None if pace is None or pace.period_s is None else pace.due
-    unit.begin(config_of(scenario, rig.redundancy, rig.plant.trim, unit.form), deadline, stop)
-    rig.unit, rig.compute = unit, _around(unit, rig.data)
+
+    def begin(rig: Rig) -> ComputerStep:
+        unit.begin(config_of(rig.scenario, rig.redundancy, rig.plant.trim, unit.form), deadline, stop)
+        return _around_unit(unit, rig.data)
+
+    return begin
 
 
 def fly_rows(scenario: Scenario, frames_at_most: int | None = None, unit: UnitUnderTest | None = None) -> Block:
-    """All rows of a flight in memory, no more than ``frames_at_most``, of a unit or of our own computer."""
-    rig = Rig(scenario)
-    if unit is not None:
-        put(unit, rig, scenario)
-    rows = loop_rows(scenario, frames_at_most, rig)
-    if unit is not None:
-        unit.end()
+    """Return all rows of a flight in memory, no more than ``frames_at_most``, of a unit or of our own computer."""
+    if unit is None:
+        return loop.fly_rows(scenario, frames_at_most)
+    rows = loop.fly_rows(scenario, frames_at_most, unit_computer(unit))
+    unit.end()
     return rows
 
 
 def config_of(scenario: Scenario, redundancy: Redundancy, trim: NDArray[np.float64], form: Form) -> NDArray[Any]:
-    """The (1,) CONFIG of a scenario; trim : (4,) surfaces of its first frame."""
+    """Return the (1,) CONFIG of a scenario; trim : (4,) surfaces of its first frame."""
     frame = scenario.airframe
     return configuration(
         scenario.rate_hz,
@@ -77,15 +82,15 @@ class UnitVoter:
         """Begin a session; rows : from the first frame on.  BadInput: the unit will not."""
         trim = rows["flight"][0, [FLIGHT_INDEX[name] for name in SURFACES]]
         unit.begin(config_of(scenario, redundancy, trim, unit.form))
-        self._unit, self._seen, self._raw = unit, rows, _bytes(rows)
+        self._unit, self._rows, self._raw = unit, rows, _bytes(rows)
 
     def step(self, rows: Block, k: int) -> int:
-        """Write what the unit answers to row k of ``rows`` into it; the groups that it said, of layout.Said."""
-        if rows is not self._seen:
-            self._seen, self._raw = rows, _bytes(rows)
+        """Write the unit's answer to row k of ``rows`` into it; return the groups that it filled, of layout.Said."""
+        if rows is not self._rows:
+            self._rows, self._raw = rows, _bytes(rows)
         port, frame = self._unit.port, int(rows["frame"][k])
         fill(self._raw, k, frame, port.out)
-        self._unit.taken(take(self._raw, k, port.back, self._unit.exchange(frame, k)))
+        self._unit.count_status(take(self._raw, k, port.back, self._unit.exchange(frame, k)))
         return int(port.back.records[FLOWN]["said"])
 
 
@@ -96,8 +101,8 @@ class _Redundancy(NamedTuple):
     discretes: DiscreteData
 
 
-class _Around(NamedTuple):
-    """What the stages around a unit need besides the row: each array costs the call some nanoseconds."""
+class _AroundUnit(NamedTuple):
+    """Data of the stages around a unit: each array costs the call some nanoseconds."""
 
     sensors: SensorData
     inertial: InertialData
@@ -106,38 +111,38 @@ class _Around(NamedTuple):
     control: ControlData
 
 
-def _without_manager(data: StageData) -> _Around:
+def _without_manager(data: StageData) -> _AroundUnit:
     redundancy = _Redundancy(data.redundancy.references, data.redundancy.discretes)
-    return _Around(data.sensors, data.inertial, data.faults, redundancy, data.control)
+    return _AroundUnit(data.sensors, data.inertial, data.faults, redundancy, data.control)
 
 
-def _around(unit: UnitUnderTest, data: StageData) -> Step:
-    """What ``loop.compute`` does, with the unit in the place of our own; ours once it is to take over."""
-    port, way, paced = unit.port, unit.way, unit.paced
-    rows, known, around = nested(new_block(2)), data, _without_manager(data)
-    raw = _bytes(rows)
-    whole = bind(with_unit, rows, raw, 0, around, port, way, 0)
-    last = bind(after_unit, rows, raw, 0, around, port.back, 0)
-    ours = bind(compute, rows, 0, data) if unit.unit.on_dead == "backup" else None
-    seen, start, exchange, watch, answered = rows, 0, unit.exchange, unit.watch, int(Unit.ANSWERED)
+def _around_unit(unit: UnitUnderTest, data: StageData) -> ComputerStep:
+    """Do what ``loop.compute`` does, with the unit in the place of our own; ours once it is to take over."""
+    port, compiled, paced = unit.port, unit.compiled, unit.paced
+    bound, around, raw, start = nested(new_block(2)), _without_manager(data), _bytes(new_block(2)), 0
+    whole = bind(with_unit, bound, raw, 0, around, port, compiled, 0)
+    last = bind(after_unit, bound, raw, 0, around, port.back, 0)
+    ours = bind(compute, bound, 0, data) if unit.unit.on_dead == "backup" else None
+    bound_data, exchange, replies, answered = data, unit.exchange, unit.replies, int(Unit.ANSWERED)
 
-    def step(block: Nested, k: int, data: StageData) -> None:
-        nonlocal seen, raw, start, known, around
-        if block is not seen:  # a view is slow to make
-            seen, raw, start = block, _bytes(block), int(block["frame"][0])
-        if data is not known:
-            known, around = data, _without_manager(data)
+    def step(block: Nested, k: int, data: StageData) -> float:
+        nonlocal bound, raw, start, bound_data, around
+        if block is not bound:  # a view is slow to make
+            bound, raw, start = block, _bytes(block), int(block["frame"][0])
+        if data is not bound_data:
+            bound_data, around = data, _without_manager(data)
         if ours is not None and unit.dead:
             ours(block, k, data)
             block["actuation"]["unit"][k] = Unit.DEAD
-            return
-        usual = not (watch.run or unit.dead)
+            return unit.reply_us
+        usual = not (replies.run or unit.dead)
         until_ns = (unit.until_ns(start + k) if paced else FOREVER_NS) if usual else 0
-        status = whole(block, raw, k, around, port, way, until_ns)
+        status = whole(block, raw, k, around, port, compiled, until_ns)
         if status == PENDING:
             status = last(block, raw, k, around, port.back, exchange(start + k, k))
-        if status != answered or watch.run:
-            unit.taken(status)
+        if status != answered or replies.run:
+            unit.count_status(status)
+        return unit.reply_us
 
     return step
 
@@ -148,32 +153,32 @@ def _bytes(rows: Block) -> NDArray[np.uint8]:
 
 @kernel
 def before_unit(block, raw, k, data, port):
-    """All that a unit reads of row k, and its record filled from it; raw : (n, bytes) the same rows."""
+    """Fill all that a unit reads of row k, and its record from it; raw : (n, bytes) the same rows."""
     before(block, k, data)
     fill(raw, k, block[k]["frame"], port)
 
 
 @kernel
-def with_unit(block, raw, k, data, port, way, until_ns):
-    """Row k with a unit; PENDING when the answer, and so what follows from it, is left to Python.
+def with_unit(block, raw, k, data, port, compiled, until_ns):
+    """Compute row k with a unit; PENDING when the answer, and so what follows from it, is left to Python.
 
-    until_ns : of way.ask; 0 when the frame before had no answer, and Python is to look at this one from its begin
+    until_ns : of try_exchange; 0 when the frame before had no answer, and Python is to look at this one from its begin
     """
     before_unit(block, raw, k, data, port.out)
-    status = ask(port, way, until_ns) if until_ns != 0 else PENDING
+    status = try_exchange(port, compiled, until_ns) if until_ns != 0 else PENDING
     return after_unit(block, raw, k, data, port.back, status) if status != PENDING else PENDING
 
 
 @kernel
 def after_unit(block, raw, k, data, port, status):
-    """All that follows from a unit's answer to row k; returns what the frame came to, of frame.Unit."""
+    """Fill all that follows from a unit's answer to row k; return what the frame came to, of frame.Unit."""
     status = take(raw, k, port, status)
     row, answer = block[k], port.records[FLOWN]
     bus, fcc = row["bus"], row["fcc"]
     conclude_unit(bus, fcc, answer["said"], data.redundancy)
     if port.form == _REDUNDANCY:
         control_law(bus, fcc, data.control)
-    hand_over(fcc["surface"], row["actuation"]["actuator"])
+    command_actuators(fcc["surface"], row["actuation"]["actuator"])
     row["actuation"]["unit"], row["actuation"]["unit_age"] = status, row["frame"] - answer["frame"]
     actuate(row, data.faults)
     return status
@@ -181,7 +186,7 @@ def after_unit(block, raw, k, data, port, status):
 
 @kernel
 def conclude_unit(bus, fcc, said, data):
-    """After a unit: keep its votes for the next references, and vote the discretes unless it has."""
+    """Keep the unit's votes for the next references, and vote the discretes unless it has."""
     remember(bus, fcc, data.references)
     if said & ON_DISCRETES == 0:
         vote_discretes(bus, fcc, data.discretes)

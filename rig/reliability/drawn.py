@@ -14,8 +14,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from rig import aircraft
-from rig.assess.monitored import lingers
-from rig.assess.windows import allowed_frames
+from rig.assess.monitored import allowed_frames, lingers
 from rig.bench.trials import Trials
 from rig.campaign.config import Distribution, Levels, Vary
 from rig.campaign.plan import Plan

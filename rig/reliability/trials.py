@@ -17,7 +17,7 @@ import polars as pl
 from numpy.random import SFC64, Generator, SeedSequence
 from numpy.typing import NDArray
 
-from rig.assess.windows import allowed_frames
+from rig.assess.monitored import allowed_frames
 from rig.bench.trials import LEVELS, NEVER, RESULT, Scratch, Trials, run_trials
 from rig.campaign.plan import Plan
 from rig.computer.redundancy.manager import new_state

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from rig.assess import cells
 from rig.assess.of_log import MOST_FRAMES, Scored, score_read
-from rig.assess.outcomes import acts
 from rig.assess.record import Yardstick
 from rig.errors import BadInput
 from rig.frame import INDEX, SIGNALS
@@ -69,7 +68,7 @@ def _figures(log: Log, scored: Scored, names: Sequence[str], moments: Sequence[M
 
 def _acting(log: Log, scored: Scored) -> dict[str, NDArray[np.bool_]]:
     """(n,) whether a fault on a signal, or on its reference, acts; by the signal."""
-    acted = acts(log.rows, len(scored.scenario.faults))
+    acted = np.unpackbits(log.rows["acting"], axis=1, bitorder="little") != 0
     on: dict[str, list[int]] = {signal.name: [] for signal in SIGNALS}
     for fault in scored.score.faults:
         for name in signals_of(fault, scored.scenario):

@@ -7,8 +7,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.assess.monitored import references_of
 from rig.assess.of_log import Scored
-from rig.assess.places import references_of
 from rig.assess.record import FaultScore
 from rig.frame import INDEX, SIGNALS, Block, Pattern, Source, State
 from rig.scenario import Scenario

@@ -1,7 +1,9 @@
 """A frame over to the unit and its answer back, in compiled code: what a frame nearly always is.
 
 A library of this process is called; to a socket the record is sent, and the answer awaited for some microseconds.
-Whatever is not the usual answer in that time is left to Python: ``ask`` returns PENDING, and says how far it came.
+Whatever is not the usual answer in that time is left to Python: ``try_exchange`` returns PENDING, and keeps how far it
+came.  C functions are called by their addresses: one compiled kernel serves every library, as an address is a number
+among its data, not a part of its code.
 """
 
 from __future__ import annotations
@@ -13,13 +15,15 @@ import time
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from rig.frame import Unit
 from rig.kernels import kernel
-from rig.unit.c_calls import address, copy_bytes, int_of_two, long_of_four
 from rig.unit.layout import FROM_UNIT, INPUT, OUTPUT, Kind, blank, place
-from rig.unit.port import RECEIVED, Port
+from rig.unit.port import PLAIN, RECEIVED, Port, copy_bytes
 
 PENDING: Final = -1  # no status of frame.Unit: Python goes on with this frame
 FOREVER_NS: Final = np.iinfo(np.int64).max
@@ -27,6 +31,7 @@ _CLOCK: Final = getattr(time, "CLOCK_UPTIME_RAW", getattr(time, "CLOCK_MONOTONIC
 _AT_ONCE: Final = int(getattr(socket, "MSG_DONTWAIT", 0))
 _SENT_BYTES: Final = INPUT.itemsize
 _BYTES: Final = OUTPUT.itemsize
+_WORD: Final = ir.IntType(64)
 _HEAD: Final = place(OUTPUT, "frame")[1]  # what a session keeps of it, then the frame and its time
 _FRAME_END: Final = place(OUTPUT, "time_s")[1]
 _TIME_END: Final = _FRAME_END + 8
@@ -40,128 +45,172 @@ _NAMES: Final = (
     *("sent", "code", "count"),  # of a PENDING frame: handed over, what step returned, bytes in ``into``
     *("frame", "stepped", "took_ns"),  # of the last answer through a socket; of the last frame
 )
-WAY: Final = np.dtype([(name, "i8") for name in _NAMES])
+STATE: Final = np.dtype([(name, "i8") for name in _NAMES])
 
 
 class Patience(NamedTuple):
-    """How long both sides look for a message before they sleep: to be woken takes longer than most waits."""
+    """The time for which both sides look for a message before they sleep: to be woken takes longer than most waits."""
 
     spin_ns: int  # of the rig, for an answer
     looks: int  # of the unit's process, for the next frame: about 0.2 ms, more than a frame of the loop and its log
 
 
 def patience(crowded: bool) -> Patience:
-    """None where the other side has no core to run on meanwhile; ``crowded``: other flights want the cores too."""
+    """Return none where the other side has no core to run on meanwhile; ``crowded``: other flights want the cores."""
     return Patience(0, 0) if crowded or cores() < 2 else Patience(50_000, 400)
 
 
-class Way(NamedTuple):
-    """How compiled code reaches the unit."""
+class CompiledExchange(NamedTuple):
+    """All that compiled code needs to reach the unit."""
 
-    at: NDArray[Any]  # (1,) WAY
+    state: NDArray[Any]  # (1,) STATE
     into: NDArray[np.uint8]  # where the next message goes
     template: NDArray[np.uint8]  # an answer with nothing in it but its head and length
 
 
-def new_way(port: Port, session: int, into: NDArray[np.uint8]) -> Way:
-    """The way of one flight, for ``to_library`` or ``to_socket`` to complete."""
-    at, library = np.zeros(1, WAY), ctypes.CDLL(None)
+def new_exchange(port: Port, session: int, into: NDArray[np.uint8]) -> CompiledExchange:
+    """Return the exchange of one flight, for ``to_library`` or ``to_socket`` to complete."""
+    state, library = np.zeros(1, STATE), ctypes.CDLL(None)
     functions = {"send": "send", "receive": "recv", "give_way": "sched_yield", "clock": "clock_gettime"}
     for name, called in functions.items():
-        at[name] = address(getattr(library, called))
-    at["sent_at"], at["into_at"], at["into_bytes"] = port.out.sent.ctypes.data, into.ctypes.data, len(into)
-    at["received_at"] = port.back.bytes[RECEIVED].ctypes.data
-    at["now_at"], at["frame"] = at.ctypes.data + place(WAY, "now_s")[1], -1
-    return Way(at, into, blank(OUTPUT, FROM_UNIT, Kind.REPLY, session).view(np.uint8))
+        state[name] = _address(getattr(library, called))
+    state["sent_at"], state["into_at"], state["into_bytes"] = port.out.sent.ctypes.data, into.ctypes.data, len(into)
+    state["received_at"] = port.back.bytes[RECEIVED].ctypes.data
+    state["now_at"], state["frame"] = state.ctypes.data + place(STATE, "now_s")[1], -1
+    return CompiledExchange(state, into, blank(OUTPUT, FROM_UNIT, Kind.REPLY, session).view(np.uint8))
 
 
-def to_library(way: Way, step: Any) -> None:
-    """Over by a call of ``step``."""
-    way.at["step"] = address(step)
+def to_library(exchange: CompiledExchange, step: Any) -> None:
+    """Hand frames over by a call of ``step``."""
+    exchange.state["step"] = _address(step)
 
 
-def to_socket(way: Way, fd: int, spin_ns: int) -> None:
-    """Over through the socket ``fd``, from the first frame on or after the unit was started again."""
-    way.at["step"], way.at["fd"], way.at["frame"], way.at["stepped"] = 0, fd, -1, 0
-    way.at["spin_ns"] = spin_ns
-    clear(way)
+def to_socket(exchange: CompiledExchange, fd: int, spin_ns: int) -> None:
+    """Hand frames over through the socket ``fd``, from the first on or after the unit was started again."""
+    state = exchange.state
+    state["step"], state["fd"], state["frame"], state["stepped"], state["spin_ns"] = 0, fd, -1, 0, spin_ns
+    clear(exchange)
 
 
-def clear(way: Way) -> None:
-    """Nothing is pending."""
-    way.at["sent"] = way.at["code"] = way.at["count"] = 0
+def clear(exchange: CompiledExchange) -> None:
+    """Have nothing pending."""
+    exchange.state["sent"] = exchange.state["code"] = exchange.state["count"] = 0
 
 
 def cores() -> int:
-    """How many this process may use."""
+    """Return how many this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def _by_address(builder: Any, arguments: Any, returns: ir.IntType) -> Any:
+    """Emit the call itself: the first of ``arguments`` is the address, the others are words or pointers as words."""
+    address, *passed = arguments
+    kind = ir.FunctionType(returns, [_WORD] * len(passed))
+    return builder.call(builder.inttoptr(address, kind.as_pointer()), passed)
+
+
+@intrinsic
+def _int_of_two(typing: Any, address: Any, first: Any, second: Any) -> Any:
+    """``int f(a, b)``."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return _by_address(builder, arguments, ir.IntType(32))
+
+    return types.int32(types.int64, types.int64, types.int64), code
+
+
+@intrinsic
+def _long_of_four(typing: Any, address: Any, first: Any, second: Any, third: Any, fourth: Any) -> Any:
+    """``ssize_t f(a, b, c, d)``."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return _by_address(builder, arguments, _WORD)
+
+    return types.int64(*(types.int64,) * 5), code
+
+
+def _int_of_two_plainly(address: int, first: int, second: int) -> int:
+    return ctypes.CFUNCTYPE(ctypes.c_int, *(ctypes.c_void_p,) * 2)(int(address))(int(first), int(second))
+
+
+def _long_of_four_plainly(address: int, *passed: int) -> int:
+    return ctypes.CFUNCTYPE(ctypes.c_ssize_t, *(ctypes.c_void_p,) * 4)(int(address))(*map(int, passed))
+
+
+# Words stand for int, size_t and pointers: all go through the same registers on 64-bit machines.
+int_of_two: Any = _int_of_two_plainly if PLAIN else _int_of_two
+long_of_four: Any = _long_of_four_plainly if PLAIN else _long_of_four
+
+
+def _address(function: Any) -> int:
+    return ctypes.cast(function, ctypes.c_void_p).value or 0
+
+
 @kernel
-def ask(port, way, until_ns):
-    """Hand port.out over; ANSWERED once the answer is in its place in port.back, else PENDING.
+def try_exchange(port, exchange, until_ns):
+    """Hand port.out over; return ANSWERED once the answer is in its place in port.back, else PENDING.
 
     until_ns : of the clock, when a wait ends; what is read later is left to Python, too
     """
-    at = way.at[0]
-    began = now(at)
-    if at["step"] != 0:
-        answered = call_step(port, way, at)
+    state = exchange.state[0]
+    began = now(state)
+    if state["step"] != 0:
+        answered = call_step(port, exchange, state)
     else:
-        answered = send(at) and await_answer(port, way, at, began + at["spin_ns"], until_ns)
-    at["took_ns"] = now(at) - began
+        answered = send(state) and await_answer(port, exchange, state, began + state["spin_ns"], until_ns)
+    state["took_ns"] = now(state) - began
     return Unit.ANSWERED.value if answered else PENDING
 
 
 @kernel
-def now(at):
-    """Nanoseconds."""
-    int_of_two(at["clock"], _CLOCK, at["now_at"])
-    return at["now_s"] * 1_000_000_000 + at["now_ns"]
+def now(state):
+    """Return the time of the clock, ns."""
+    int_of_two(state["clock"], _CLOCK, state["now_at"])
+    return state["now_s"] * 1_000_000_000 + state["now_ns"]
 
 
 @kernel
-def call_step(port, way, at):
+def call_step(port, exchange, state):
     """Call the library between the two records."""
     received = port.back.bytes[RECEIVED]
-    copy_bytes(received, 0, way.template, 0, _BYTES)
+    copy_bytes(received, 0, exchange.template, 0, _BYTES)
     copy_bytes(received, _HEAD, port.out.sent_bytes, _HEAD, _TIME_END - _HEAD)
-    at["code"] = int_of_two(at["step"], at["sent_at"], at["received_at"])
-    at["sent"] = at["code"] != 0
-    return at["code"] == 0
+    state["code"] = int_of_two(state["step"], state["sent_at"], state["received_at"])
+    state["sent"] = state["code"] != 0
+    return state["code"] == 0
 
 
 @kernel
-def send(at):
-    """Whether the socket took the record."""
-    at["sent"] = long_of_four(at["send"], at["fd"], at["sent_at"], _SENT_BYTES, _AT_ONCE) == _SENT_BYTES
-    return at["sent"] != 0
+def send(state):
+    """Return True if the socket took the record."""
+    state["sent"] = long_of_four(state["send"], state["fd"], state["sent_at"], _SENT_BYTES, _AT_ONCE) == _SENT_BYTES
+    return state["sent"] != 0
 
 
 @kernel
-def await_answer(port, way, at, patient_ns, until_ns):
-    """Look for a message as long as that; whether it is in time and the usual answer to the frame: then copied."""
+def await_answer(port, exchange, state, patient_ns, until_ns):
+    """Look for a message until then; return True if it is in time and the usual answer to the frame: then copied."""
     end_ns = min(patient_ns, until_ns)
-    count = long_of_four(at["receive"], at["fd"], at["into_at"], at["into_bytes"], _AT_ONCE)
+    count = long_of_four(state["receive"], state["fd"], state["into_at"], state["into_bytes"], _AT_ONCE)
     looked = 0  # times; now and then somebody else may have the core
-    while count < 0 and now(at) < end_ns:
+    while count < 0 and now(state) < end_ns:
         looked += 1
         if looked % 8 == 0:
-            int_of_two(at["give_way"], 0, 0)
-        count = long_of_four(at["receive"], at["fd"], at["into_at"], at["into_bytes"], _AT_ONCE)
-    in_time = until_ns == FOREVER_NS or now(at) < until_ns
-    if count != _BYTES or not in_time or not is_usual(way.into, port.out.sent_bytes, way.template):
-        at["count"] = max(count, 0)
+            int_of_two(state["give_way"], 0, 0)
+        count = long_of_four(state["receive"], state["fd"], state["into_at"], state["into_bytes"], _AT_ONCE)
+    in_time = until_ns == FOREVER_NS or now(state) < until_ns
+    if count != _BYTES or not in_time or not is_usual(exchange.into, port.out.sent_bytes, exchange.template):
+        state["count"] = max(count, 0)
         return False
-    copy_bytes(port.back.bytes[RECEIVED], 0, way.into, 0, _BYTES)
+    copy_bytes(port.back.bytes[RECEIVED], 0, exchange.into, 0, _BYTES)
     record = port.back.records[RECEIVED]
-    at["frame"], at["stepped"], at["sent"] = record["frame"], record["stepped"], 0
+    state["frame"], state["stepped"], state["sent"] = record["frame"], record["stepped"], 0
     return True
 
 
 @kernel
 def is_usual(message, sent, template):
-    """Whether it has the head and the tail of all answers of the session, and the frame that was sent."""
+    """Return True if it has head and tail of all answers of the session, and the frame that was sent."""
     usual = True
     for i in range(_HEAD):
         usual = usual and message[i] == template[i]

@@ -87,7 +87,7 @@ _held: list[object] = []  # compiled code lives as long as its engine
 
 
 def compiled() -> Callable[..., int]:
-    """``answer`` of the text above; the process is not interrupted by Python within it."""
+    """Compile ``answer`` of the text above; Python does not interrupt the process within it."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     target = llvm.Target.from_default_triple().create_target_machine(opt=2)

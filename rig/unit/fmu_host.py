@@ -26,7 +26,7 @@ from fmpy.fmi3 import FMU3Slave
 
 if __name__ == "__main__":
     sys.path.append(str(Path(__file__).parents[2]))  # python -I looks for the rig only where it is installed
-from rig.unit.host import REFUSED, Host, Refused, Voice, end_with_the_rig, serve
+from rig.unit.host import REFUSED, Host, Refused, ReplyChannel, end_with_the_rig, serve
 
 DISCARD, FATAL = 2, 4
 STATUS: Final = ("ok", "warning", "discard", "error", "fatal", "pending")
@@ -41,8 +41,10 @@ Call = Callable[[], Any]
 class Fmu(ABC):
     """An FMU with what the host calls of a library: ``open``, ``step``, ``close``."""
 
-    kind: str  # what it says of itself
+    kind: str  # its text about itself
     machine: str  # how its standard calls the folder of this machine's libraries
+    prefix: str  # of its functions
+    slave: Any  # FMPy's class
 
     def __init__(self, folder: Path, plan: dict[str, Any]) -> None:
         """Refused: no library for this machine, or one that lacks functions."""
@@ -52,46 +54,28 @@ class Fmu(ABC):
             raise Refused(f"the FMU has no library for this machine: {path.relative_to(folder)}")
         try:
             ctypes.CDLL(str(path))
-            self.fmu = self._loaded(folder)
+            names = {"guid": plan["token"], "modelIdentifier": plan["identifier"]}
+            self.fmu = self.slave(**names, unzipDirectory=str(folder))
         except (OSError, AttributeError) as error:
             raise Refused(f"the FMU's library cannot be loaded: {str(error).replace(str(folder), '')}") from None
 
-    def _arguments(self, folder: Path) -> dict[str, Any]:
-        return {
-            "guid": self._plan["token"],
-            "modelIdentifier": self._plan["identifier"],
-            "unzipDirectory": str(folder),
-        }
-
-    @abstractmethod
-    def _loaded(self, folder: Path) -> Any:
-        """FMPy's object of the FMU."""
-
-    def _initialize(self, put: list[Call]) -> None:
-        """Set the parameters of a new instance and bring it to its first step."""
-        self._set_up()
-        for call in put:
-            call()
-        self.fmu.enterInitializationMode()
-        self.fmu.exitInitializationMode()
-
-    def _set_up(self) -> None:  # noqa: B027 # nothing, where the standard asks for nothing
-        """What a new instance is told before its parameters."""
+    def _function(self, name: str) -> Callable[..., Any]:
+        return getattr(self.fmu, self.prefix + name)
 
     @abstractmethod
     def _call(self, run: dict[str, Any], address: int, verb: str) -> Call:
-        """What sets or gets the variables of ``run`` in the record at ``address``."""
+        """Return what sets or gets the variables of ``run`` in the record at ``address``."""
 
     @abstractmethod
     def _do_step(self, time_s: float) -> None:
-        """One step from ``time_s`` on."""
+        """Make one step from ``time_s`` on."""
 
     def _wants_to_end(self) -> bool:
-        """Whether a step was discarded because the unit wants to end."""
+        """Return True if a step was discarded because the unit wants to end."""
         return False
 
     def bind(self, source: int, target: int) -> None:
-        """Where the input and output records of all frames are."""
+        """Keep where the input and output records of all frames are."""
         self._input, self._output = source, target
         self._time = ctypes.c_double.from_address(source + self._plan["time_s"])
         self._said = ctypes.c_uint8.from_address(target + self._plan["said"])
@@ -99,7 +83,7 @@ class Fmu(ABC):
     def open(self, config: int) -> None:
         """Begin afresh with the record at the address ``config``; Refused when the unit will not.
 
-        A new instance each time: not every FMU that says so can be reset.
+        A new instance each time: not every FMU that claims it can be reset.
         """
         self.close()
         if self._fatal:
@@ -116,6 +100,13 @@ class Fmu(ABC):
         self._puts, self._gets = self._calls(INPUT, self._input, "Set"), self._calls(OUTPUT, self._output, "Get")
         self._runs = True
 
+    def _initialize(self, parameters: list[Call]) -> None:
+        """Set the parameters of a new instance and bring it to its first step."""
+        for set_parameters in parameters:
+            set_parameters()
+        self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()
+
     def close(self) -> None:
         """End the instance; the library stays."""
         instance, self.fmu.component = self.fmu.component, None
@@ -123,20 +114,12 @@ class Fmu(ABC):
             return
         if self._runs:
             with suppress(FMICallException):
-                self._end(instance)
+                self._function("Terminate")(instance)
         self._runs = False
-        self._free(instance)
-
-    @abstractmethod
-    def _end(self, instance: Any) -> None:
-        """Terminate the instance."""
-
-    @abstractmethod
-    def _free(self, instance: Any) -> None:
-        """Let go of its memory."""
+        self._function("FreeInstance")(instance)
 
     def step(self, source: int, target: int) -> int:
-        """One frame; a step that is discarded leaves an answer that says nothing.  Refused: the unit has failed."""
+        """Fly one frame; a step that is discarded leaves an answer without any group.  Refused: the unit has failed."""
         try:
             for put in self._puts:
                 put()
@@ -159,7 +142,7 @@ class Fmu(ABC):
         return [self._call(run, address, verb) for run in self._plan["runs"] if run["record"] == record]
 
     def _text(self, run: dict[str, Any], address: int) -> Any:
-        """The texts of a run, which all have the same room."""
+        """Return the texts of a run, which all have the same room."""
         count = len(run["references"])
         room = (run["end"] - run["first"]) // count
         return (ctypes.c_char_p * count)(*(ctypes.string_at(address + run["first"] + i * room) for i in range(count)))
@@ -168,29 +151,27 @@ class Fmu(ABC):
 class Fmi2(Fmu):
     """By FMI 2.0: scalars, and one type of integers."""
 
-    kind, machine = "FMI 2.0", fmpy.platform
+    kind, machine, prefix, slave = "FMI 2.0", fmpy.platform, "fmi2", FMU2Slave
 
-    def _loaded(self, folder: Path) -> Any:
-        return FMU2Slave(**self._arguments(folder))
-
-    def _set_up(self) -> None:
+    def _initialize(self, parameters: list[Call]) -> None:
         self.fmu.setupExperiment(startTime=0.0)
+        super()._initialize(parameters)
 
     def _call(self, run: dict[str, Any], address: int, verb: str) -> Call:
         count, kind = len(run["references"]), run["kind"]
-        references, at = (ctypes.c_uint * count)(*run["references"]), address + run["first"]
+        references = (ctypes.c_uint * count)(*run["references"])
         name = {"REAL": "Real", "text": "String"}.get(kind, "Integer")
-        call = partial(getattr(self.fmu, f"fmi2{verb}{name}"), self.fmu.component, references, count)
+        call = partial(self._function(verb + name), self.fmu.component, references, count)
         if kind == "text":
             return partial(call, self._text(run, address))
-        values = (_TYPES[kind] * count).from_address(at)
+        values = (_TYPES[kind] * count).from_address(address + run["first"])
         if kind == "REAL":
             return partial(call, values)
         return self._integers(call, np.ctypeslib.as_array(values), verb)
 
     @staticmethod
     def _integers(call: Callable[..., Any], field: Any, verb: str) -> Call:
-        """As ``call``, by way of integers of FMI 2.0, which have 32 bits."""
+        """Return ``call`` by way of integers of FMI 2.0, which have 32 bits."""
         held = (ctypes.c_int * len(field))()
         wide = np.ctypeslib.as_array(held)
 
@@ -216,25 +197,19 @@ class Fmi2(Fmu):
     def _wants_to_end(self) -> bool:
         try:
             return self.fmu.getBooleanStatus(fmi2Terminated)
-        except FMICallException:  # it need not know
+        except FMICallException:  # it need not have this status
             return False
-
-    def _end(self, instance: Any) -> None:
-        self.fmu.fmi2Terminate(instance)
-
-    def _free(self, instance: Any) -> None:
-        self.fmu.fmi2FreeInstance(instance)
 
 
 class Fmi3(Fmu):
     """By FMI 3.0: arrays, set and got where they are in the records."""
 
-    kind, machine = "FMI 3.0", fmpy.platform_tuple
+    kind, machine, prefix, slave = "FMI 3.0", fmpy.platform_tuple, "fmi3", FMU3Slave
 
-    def _loaded(self, folder: Path) -> Any:
+    def __init__(self, folder: Path, plan: dict[str, Any]) -> None:
+        super().__init__(folder, plan)
         self._flags = [ctypes.c_bool() for _ in ("event", "end", "early return")]
         self._reached = ctypes.c_double()
-        return FMU3Slave(**self._arguments(folder))
 
     def _call(self, run: dict[str, Any], address: int, verb: str) -> Call:
         count, kind = len(run["references"]), run["kind"]
@@ -244,7 +219,7 @@ class Fmi3(Fmu):
         else:
             width = ctypes.sizeof(_TYPES[kind])
             values = (_TYPES[kind] * ((run["end"] - run["first"]) // width)).from_address(address + run["first"])
-        function = getattr(self.fmu, f"fmi3{verb}{_NAMES.get(kind, 'String')}")
+        function = self._function(verb + _NAMES.get(kind, "String"))
         return partial(function, self.fmu.component, references, count, values, len(values))
 
     def _do_step(self, time_s: float) -> None:
@@ -254,30 +229,23 @@ class Fmi3(Fmu):
         if end.value:
             raise Refused("fmi3DoStep: the FMU asks for the end of the simulation")
 
-    def _end(self, instance: Any) -> None:
-        self.fmu.fmi3Terminate(instance)
-
-    def _free(self, instance: Any) -> None:
-        self.fmu.fmi3FreeInstance(instance)
-
 
 class FmuHost(Host):
-    """Answers the messages of the rig with what an FMU says."""
+    """Answers the messages of the rig by calls of an FMU."""
 
-    def __init__(self, voice: Voice, library: Any) -> None:
-        """Tell the FMU where the records are."""
-        super().__init__(voice, library)
+    def __init__(self, channel: ReplyChannel, library: Any) -> None:
+        super().__init__(channel, library)
         library.bind(self._from, self._to)
 
     def _step(self, message: memoryview) -> None:
         try:
             super()._step(message)
         except Refused as reason:
-            self._voice.say(REFUSED, message, str(reason))
+            self._channel.reply(REFUSED, message, str(reason))
 
 
 def load(folder: str, layout: int) -> Any:
-    """The FMU that was unpacked into ``folder``; Refused.  Its token has been compared with ``layout`` before."""
+    """Load the FMU that was unpacked into ``folder``; Refused.  Its token has been compared with ``layout`` before."""
     plan = json.loads(Path(folder, "rig-unit.json").read_text())
     return (Fmi2 if plan["version"] == "2" else Fmi3)(Path(folder), plan)
 

@@ -1,23 +1,23 @@
-"""The records of layout.py as a C header: ``rig unit header``."""
+"""The records of layout.py as text, by one walk over their fields: C, Ada and tables (``rig unit header``)."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, Final
 
-import numpy as np
-
 from rig.frame import CHANNELS, DEMANDS, DISCRETES, INERTIAL, SIGNALS, SURFACES, D, S
-from rig.unit.layout import ENUMS, FROM_UNIT, LAYOUT, RECORDS, TO_UNIT, VERSION, place
+from rig.frame.fields import FIELD
+from rig.unit.layout import ANSWERS, ENUMS, FROM_UNIT, LAYOUT, RECORDS, TO_UNIT, VERSION, Entry, walk
 
-_C: Final = {
-    "<f8": "double",
-    "<i8": "int64_t",
-    "<u8": "uint64_t",
-    "<u4": "uint32_t",
-    "<u2": "uint16_t",
-    "|u1": "uint8_t",
+_TYPES: Final = {  # in C and in Ada
+    "<f8": ("double", "IEEE_Float_64"),
+    "<i8": ("int64_t", "Integer_64"),
+    "<u8": ("uint64_t", "Unsigned_64"),
+    "<u4": ("uint32_t", "Unsigned_32"),
+    "<u2": ("uint16_t", "Unsigned_16"),
+    "|u1": ("uint8_t", "Unsigned_8"),
 }
-COMMENTS: Final = {
+_COMMENTS: Final = {
     "hello": "HELLO and END",
     "ready": "READY and REFUSED, with what the unit says of itself or the reason",
     "signal_config": "how one signal is monitored and voted; counts in frames",
@@ -26,6 +26,22 @@ COMMENTS: Final = {
     "config_part": "a part of config where one message must fit into an Ethernet frame",
     "input": "one frame to the unit: SI units, angles in rad, load factors in g, sticks -1 to 1",
     "output": "one frame from the unit",
+}
+_MEANINGS: Final = {
+    "magic": "RIGI to the unit, RIGO from it",
+    "version": "of the records' form",
+    "kind": "what the message is, of Kind",
+    "layout": "hash of all names, types, places and enums",
+    "session": "drawn by the rig for each flight, echoed",
+    "frame": "counts from 0, echoed: which frame is answered",
+    "time_s": "frame / rate: the unit has no other clock",
+    "stepped": "frames that the unit has stepped, from which lost requests are told; 0: it does not count",
+    "said": "groups that are filled, of Said",
+    "length": "bytes before this field",
+    "crc": "CRC-32 of them, or 0",
+    "reference": "of each signal, from the last votes; NaN where there is none",
+    "second_reference": "of other physics; NaN where there is none",
+    "law": "that flew the frame; EXTERNAL",
 }
 _OPENING: Final = """\
 /* The records between the rig and a unit under test.
@@ -73,67 +89,155 @@ void rig_unit_close(void);
 """
 
 
+# C -----------------------------------------------------------------------------------------------------------
+
+
 def header() -> str:
-    """The text of ``rig_unit.h``."""
-    parts = [_OPENING, _constants(), *map(_enum, ENUMS), _places()]
-    for name in RECORDS:
-        parts += [_struct(name), _asserts(name)]
-    return "\n".join([*parts, _CLOSING])
+    """Return the text of ``rig_unit.h``."""
+    lists = {"SIGNAL": _names(SIGNALS), "DISCRETE": _names(DISCRETES)}
+    lists |= {"DEMAND": list(DEMANDS), "SURFACE": list(SURFACES), "INERTIAL": list(INERTIAL)}
+    enums = [_enum(enum.__name__, "", ((member.name, member.value) for member in enum)) for enum in ENUMS]
+    enums += [_enum(name, "_index", ((text, i) for i, text in enumerate(names))) for name, names in lists.items()]
+    return "\n".join([_OPENING, _constants(), *enums, *map(_struct, RECORDS), _CLOSING])
+
+
+def _names(declared: Iterable[Any]) -> list[str]:
+    return [item.name for item in declared]
 
 
 def _constants() -> str:
     values = {
-        "RIG_UNIT_VERSION": str(VERSION),
+        "RIG_UNIT_VERSION": VERSION,
         "RIG_UNIT_LAYOUT": f"UINT64_C(0x{LAYOUT:016x})",
         "RIG_MAGIC_INPUT": f"UINT32_C(0x{TO_UNIT:08x})",
         "RIG_MAGIC_OUTPUT": f"UINT32_C(0x{FROM_UNIT:08x})",
-        "RIG_CHANNELS": str(CHANNELS),
-        "RIG_SIGNALS": str(S),
-        "RIG_DISCRETES": str(D),
+        "RIG_CHANNELS": CHANNELS,
+        "RIG_SIGNALS": S,
+        "RIG_DISCRETES": D,
     }
     return "".join(f"#define {name} {value}\n" for name, value in values.items())
 
 
-def _enum(enum: Any) -> str:
-    members = "".join(f"    RIG_{enum.__name__.upper()}_{one.name} = {one.value},\n" for one in enum)
-    return f"enum rig_{enum.__name__.lower()} {{\n{members}}};\n"
-
-
-def _places() -> str:
-    """Where each signal, discrete, demand, surface and number of the inertial unit is in its array."""
-    lists = {
-        "SIGNAL": [signal.name for signal in SIGNALS],
-        "DISCRETE": [discrete.name for discrete in DISCRETES],
-        "DEMAND": list(DEMANDS),
-        "SURFACE": list(SURFACES),
-        "INERTIAL": list(INERTIAL),
-    }
-    texts = []
-    for prefix, names in lists.items():
-        members = "".join(f"    RIG_{prefix}_{name.upper()} = {i},\n" for i, name in enumerate(names))
-        texts.append(f"enum rig_{prefix.lower()}_index {{\n{members}}};\n")
-    return "\n".join(texts)
+def _enum(name: str, suffix: str, members: Iterable[tuple[str | None, int]]) -> str:
+    lines = "".join(f"    RIG_{name.upper()}_{str(text).upper()} = {value},\n" for text, value in members)
+    return f"enum rig_{name.lower()}{suffix} {{\n{lines}}};\n"
 
 
 def _struct(name: str) -> str:
-    dtype = RECORDS[name]
-    members = "".join(f"    {_member(field, *place(dtype, field))}\n" for field in dtype.names or ())
-    return f"/* {COMMENTS[name]} */\nstruct rig_{name} {{\n{members}}};\n"
+    """Return the declaration of a record, and what a compiler must find of it."""
+    fields = list(walk(RECORDS[name]))
+    members = "".join(f"    {_member(field)}\n" for field in fields)
+    offsets = "".join(f"RIG_ASSERT(offsetof(struct rig_{name}, {field.name}) == {field.offset});\n" for field in fields)
+    size = f"RIG_ASSERT(sizeof(struct rig_{name}) == {RECORDS[name].itemsize});\n"
+    return f"/* {_COMMENTS[name]} */\nstruct rig_{name} {{\n{members}}};\n\n{size}{offsets}"
 
 
-def _member(name: str, dtype: np.dtype[Any], at: int) -> str:
-    base, shape = dtype.base, dtype.shape
-    if base.kind == "S":
-        return f"char {name}[{base.itemsize}];"
-    record = next((f"struct rig_{known}" for known, of in RECORDS.items() if of == base), None)
-    extent = "".join(f"[{n}]" for n in shape)
-    return f"{record or _C[base.str]} {name}{extent};"
+def _member(field: Entry) -> str:
+    if field.base.kind == "S":
+        return f"char {field.name}[{field.base.itemsize}];"
+    kind = f"struct rig_{field.record}" if field.record else _TYPES[field.base.str][0]
+    return f"{kind} {field.name}{_extent(field)};"
 
 
-def _asserts(name: str) -> str:
-    dtype = RECORDS[name]
-    lines = [f"RIG_ASSERT(sizeof(struct rig_{name}) == {dtype.itemsize});"]
-    lines += [
-        f"RIG_ASSERT(offsetof(struct rig_{name}, {field}) == {place(dtype, field)[1]});" for field in dtype.names or ()
+def _extent(field: Entry) -> str:
+    return "".join(f"[{count}]" for count in field.shape)
+
+
+# Ada ---------------------------------------------------------------------------------------------------------
+
+
+def ada() -> str:
+    """Return the text of ``rig_unit.ads``.
+
+    Enums are numbers rather than Ada enumerations: a byte that is none of them must not raise an exception.
+    """
+    arrays = sorted({_ada_element(field) for dtype in RECORDS.values() for field in walk(dtype)})
+    arrays = [(element, shape) for element, shape in arrays if shape]
+    enums = [
+        [*(f"   {enum.__name__}_{str(m.name).capitalize()} : constant Unsigned_8 := {m.value};" for m in enum), ""]
+        for enum in ENUMS
+    ]
+    lines = [
+        "--  The records between the rig and a unit under test, written by 'rig unit header --ada': do not edit.",
+        "--  Little-endian; docs/unit.md explains them.",
+        "with Interfaces; use Interfaces;",
+        "with System;",
+        "",
+        "package Rig_Unit is",
+        f"   Version      : constant := {VERSION};",
+        f"   Layout       : constant Unsigned_64 := 16#{LAYOUT:016X}#;",
+        f"   Magic_Input  : constant Unsigned_32 := 16#{TO_UNIT:08X}#;",
+        f"   Magic_Output : constant Unsigned_32 := 16#{FROM_UNIT:08X}#;",
+        "",
+        *(line for enum in enums for line in enum),
+        *(_ada_array(*array) for array in arrays if not array[0].startswith("Rig_")),  # others follow their element
+        "",
+        *(line for name in RECORDS for line in _ada_record(name, arrays)),
+        "end Rig_Unit;",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _ada_record(name: str, arrays: list[tuple[str, tuple[int, ...]]]) -> list[str]:
+    fields, title = list(walk(RECORDS[name])), _ada_name(f"rig_{name}")
+    return [
+        f"   --  {_COMMENTS[name]}",
+        f"   type {title} is record",
+        *(f"      {_ada_name(field.name)} : {_ada_type(*_ada_element(field))};" for field in fields),
+        "   end record;",
+        f"   for {title}'Bit_Order use System.Low_Order_First;",
+        f"   for {title} use record",
+        *(f"      {_ada_name(field.name)} at {field.offset} range 0 .. {field.size * 8 - 1};" for field in fields),
+        "   end record;",
+        f"   for {title}'Size use {RECORDS[name].itemsize * 8};",
+        *(_ada_array(*array) for array in arrays if array[0] == title),
+        "",
+    ]
+
+
+def _ada_array(element: str, shape: tuple[int, ...]) -> str:
+    spans = ", ".join(f"0 .. {count - 1}" for count in shape)
+    return f"   type {_ada_type(element, shape)} is array ({spans}) of {element} with Pack;"
+
+
+def _ada_element(field: Entry) -> tuple[str, tuple[int, ...]]:
+    """Return the type of an element and the extents of the array."""
+    if field.base.kind == "S":
+        return "Character", (field.base.itemsize,)
+    return _ada_name(f"rig_{field.record}") if field.record else _TYPES[field.base.str][1], field.shape
+
+
+def _ada_type(element: str, shape: tuple[int, ...]) -> str:
+    return "_".join([element, *map(str, shape)])
+
+
+def _ada_name(name: str) -> str:
+    return "_".join(part.capitalize() for part in name.split("_"))
+
+
+# Tables for docs/unit-records.md -----------------------------------------------------------------------------
+
+
+def markdown() -> str:
+    """Return tables of all records and enums."""
+    lines = [f"Version {VERSION}, layout `{LAYOUT:016x}`.", ""]
+    for name, dtype in RECORDS.items():
+        lines += [f"`struct rig_{name}`, {dtype.itemsize} bytes: {_COMMENTS[name]}.", ""]
+        lines += ["| at | field | type | what |", "|---|---|---|---|", *map(_table_row, walk(dtype)), ""]
+    lines += ["| enum | values |", "|---|---|"]
+    lines += [f"| {enum.__name__} | {', '.join(f'{m.name} {m.value}' for m in enum)} |" for enum in ENUMS]
+    return "\n".join(lines) + "\n"
+
+
+def _table_row(field: Entry) -> str:
+    kind = f"rig_{field.record}" if field.record else field.base.str[1:]
+    return f"| {field.offset} | {field.name} | {kind}{_extent(field)} | {_meaning(field.name)} |"
+
+
+def _meaning(name: str) -> str:
+    if name in _MEANINGS:
+        return _MEANINGS[name]
+    field = FIELD.get(name)
+    group = f"group {ANSWERS[name].name}" if name in ANSWERS else ""
+    enum = f"of {field.enum.__name__}" if field is not None and field.enum is not None else ""
+    return ", ".join(filter(None, (group, enum)))

@@ -31,7 +31,7 @@ FUNCTIONS = ("rig_unit_open", "rig_unit_step", "rig_unit_close")
 
 
 def looks() -> int:
-    """How many times to look for a message before to sleep: to be woken takes longer, but others may need the core."""
+    """Return how often to look for a message before sleeping: waking takes longer, but others may need the core."""
     return int(os.environ.get(LOOKS, "0"))
 
 
@@ -42,7 +42,7 @@ class Refused(Exception):
 class Library:
     """The three functions of a shared library, and the frames stepped since it was opened."""
 
-    kind = "library"  # what it says of itself
+    kind = "library"  # its text about itself
 
     def __init__(self, path: str, layout: int) -> None:
         """Refused: no library, without its functions, or built for other records."""
@@ -77,49 +77,49 @@ class Library:
             self._close()
 
 
-class Voice:
-    """What the child says, in records of the sizes that the rig has given it."""
+class ReplyChannel:
+    """Sends what the child replies, in records of the sizes that the rig has given it."""
 
-    def __init__(self, talk: socket.socket, blank: bytes, sizes: dict[str, int]) -> None:
+    def __init__(self, connection: socket.socket, blank: bytes, sizes: dict[str, int]) -> None:
         """``blank``: an answer with nothing in it but its head and length."""
-        self.talk, self.blank, self.sizes = talk, blank, sizes
+        self.socket, self.blank, self.sizes = connection, blank, sizes
 
-    def say(self, kind: int, asked: bytes | memoryview, text: str) -> None:
-        """READY or REFUSED to the message ``asked``."""
+    def reply(self, kind: int, request: bytes | memoryview, text: str) -> None:
+        """Send READY or REFUSED to ``request``."""
         magic, layout = struct.unpack_from("<I4xQ", self.blank)
-        _, version, _, _, session, frame, time_s = HEAD.unpack_from(asked)
+        _, version, _, _, session, frame, time_s = HEAD.unpack_from(request)
         head = HEAD.pack(magic, version, kind, layout, session, frame, time_s)
-        said = text.encode()[: self.sizes["text"] - 1].ljust(self.sizes["text"], b"\0")
-        self.talk.send(head + said + struct.pack("<II", len(head) + len(said), 0))
+        body = text.encode()[: self.sizes["text"] - 1].ljust(self.sizes["text"], b"\0")
+        self.socket.send(head + body + struct.pack("<II", len(head) + len(body), 0))
 
 
 class Host:
-    """Answers the messages of the rig with what a library says."""
+    """Answers the messages of the rig by calls of a library."""
 
-    def __init__(self, voice: Voice, library: Library) -> None:
-        self._voice, self._library = voice, library
-        self._config = bytearray(voice.sizes["config"])
-        self._message, self._output = bytearray(voice.sizes["message"]), bytearray(voice.blank)
+    def __init__(self, channel: ReplyChannel, library: Library) -> None:
+        self._channel, self._library = channel, library
+        self._config = bytearray(channel.sizes["config"])
+        self._message, self._output = bytearray(channel.sizes["message"]), bytearray(channel.blank)
         self._usual = bytearray(USUAL_BYTES)  # how a FRAME of the session begins
         self._from, self._to, self._with = map(_address, (self._message, self._output, self._config))
         self._state = (ctypes.c_int64 * 2)()  # frames stepped since CONFIG, code of the last step
 
     def serve(self) -> None:
-        """Until the other side is gone."""
+        """Answer until the other side is gone."""
         message = memoryview(self._message)
         while self._answer(message):
             self._handle(message)
 
     def _answer(self, message: memoryview) -> int:
-        """Answer the frames of the session; the bytes of a message that is none, 0 when the other side is gone."""
-        size = self._voice.sizes["input"]
+        """Answer the frames of the session; return the bytes of another message, 0 when the other side is gone."""
+        size = self._channel.sizes["input"]
         while (count := self._receive(message)) == size and message[:USUAL_BYTES] == self._usual:
             self._step(message)
         return count
 
     def _receive(self, message: memoryview) -> int:
-        """The bytes of the next message: look for it some times, and only then sleep."""
-        receive = self._voice.talk.recv_into
+        """Return the bytes of the next message: look for it some times, and only then sleep."""
+        receive = self._channel.socket.recv_into
         for _ in range(looks() // LOOKS_PER_LOOK):
             with suppress(BlockingIOError):
                 return receive(message, 0, AT_ONCE)
@@ -130,7 +130,7 @@ class Host:
         kind = message[6] | message[7] << 8
         if kind == HELLO:
             self._usual[:] = bytes(message[:6]) + FRAME.to_bytes(2, "little") + bytes(message[8:USUAL_BYTES])
-            self._voice.say(READY, message, self._library.kind)
+            self._channel.reply(READY, message, self._library.kind)
         elif kind == CONFIG:
             self._configure(message)
         elif kind == END:
@@ -145,48 +145,48 @@ class Host:
             return
         self._state[0] += 1
         output[40:48] = self._state[0].to_bytes(8, "little")
-        self._voice.talk.send(output)
-        output[:] = self._voice.blank  # for the next one, while the rig works on this
+        self._channel.socket.send(output)
+        output[:] = self._channel.blank  # for the next one, while the rig works on this
 
     def _refuse(self, message: memoryview, code: int) -> None:
-        self._output[:] = self._voice.blank
-        self._voice.say(REFUSED, message, f"rig_unit_step returned {code}")
+        self._output[:] = self._channel.blank
+        self._channel.reply(REFUSED, message, f"rig_unit_step returned {code}")
 
     def _configure(self, message: memoryview) -> None:
         """Keep a part of the configuration; the last one opens the library."""
         part, parts = struct.unpack_from("<II", message, HEAD.size)
-        first, begin = part * self._voice.sizes["part"], HEAD.size + 8
-        count = min(self._voice.sizes["part"], len(self._config) - first)
+        first, begin = part * self._channel.sizes["part"], HEAD.size + 8
+        count = min(self._channel.sizes["part"], len(self._config) - first)
         self._config[first : first + count] = message[begin : begin + count]
         if part + 1 < parts:
             return
-        self._output[:] = self._voice.blank
+        self._output[:] = self._channel.blank
         try:
             self._library.open(self._with)
             self._state[0] = 0
-            self._voice.say(READY, message, self._library.kind)
+            self._channel.reply(READY, message, self._library.kind)
         except Refused as reason:
-            self._voice.say(REFUSED, message, str(reason))
+            self._channel.reply(REFUSED, message, str(reason))
 
 
 class LibraryHost(Host):
     """Steps a library in compiled code."""
 
-    def __init__(self, voice: Voice, library: Library) -> None:
-        super().__init__(voice, library)
+    def __init__(self, channel: ReplyChannel, library: Library) -> None:
+        super().__init__(channel, library)
         from rig.unit.exchange_llvm import compiled  # not by who imports this file for its records
 
-        self._blank, system = bytearray(voice.blank), ctypes.CDLL(None)
+        self._blank, system = bytearray(channel.blank), ctypes.CDLL(None)
         called = (library.step, system.recv, system.send, system.sched_yield)
-        functions = [ctypes.cast(one, ctypes.c_void_p) for one in called]
-        sizes, state = voice.sizes, ctypes.addressof(self._state)
+        functions = [ctypes.cast(function, ctypes.c_void_p) for function in called]
+        sizes, state = channel.sizes, ctypes.addressof(self._state)
         looking = AT_ONCE, looks()
         records = (self._from, sizes["message"], sizes["input"], _address(self._usual))
         reply = (self._to, _address(self._blank), len(self._blank), state)
-        self._compiled = partial(compiled(), voice.talk.fileno(), *records, *reply, *functions, *looking)
+        self._compiled = partial(compiled(), channel.socket.fileno(), *records, *reply, *functions, *looking)
 
     def _answer(self, message: memoryview) -> int:
-        """As it says, for a step that fails too; what Python alone can tell of a broken socket is left to it."""
+        """Answer the frames, and a step that fails; a broken socket is left to Python."""
         while (count := self._compiled()) < 0 or self._state[1]:
             if count < 0:
                 return super()._answer(message)
@@ -196,7 +196,7 @@ class LibraryHost(Host):
 
 
 def _address(buffer: bytearray) -> int:
-    """Where the bytes are; they stay there, as ctypes keeps the buffer from being resized."""
+    """Return where the bytes are; they stay there, as ctypes keeps the buffer from being resized."""
     held = (ctypes.c_char * len(buffer)).from_buffer(buffer)
     _held.append(held)
     return ctypes.addressof(held)
@@ -229,15 +229,15 @@ def serve(arguments: list[str], load: Callable[[str, int], Library], host: type[
     """Answer for what ``load`` finds at the path of ``arguments``, until the other side is gone.  fmu_host.py too."""
     fd, path, blank, *sizes = arguments
     named = {name: int(size) for name, _, size in (text.partition("=") for text in sizes)}
-    voice = Voice(socket.socket(fileno=int(fd)), bytes.fromhex(blank), named)
+    channel = ReplyChannel(socket.socket(fileno=int(fd)), bytes.fromhex(blank), named)
     try:
-        library = load(path, HEAD.unpack_from(voice.blank)[3])
+        library = load(path, HEAD.unpack_from(channel.blank)[3])
     except Refused as reason:
-        voice.say(REFUSED, voice.blank, str(reason))
-        voice.talk.recv(1)  # it is heard before the socket closes
+        channel.reply(REFUSED, channel.blank, str(reason))
+        channel.socket.recv(1)  # wait until it has been read
         return
-    voice.say(READY, voice.blank, library.kind)
-    host(voice, library).serve()
+    channel.reply(READY, channel.blank, library.kind)
+    host(channel, library).serve()
 
 
 if __name__ == "__main__":

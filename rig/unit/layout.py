@@ -7,8 +7,9 @@ All carriers move the same bytes; docs/unit-records.md has the tables.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
 from enum import IntEnum, IntFlag
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -24,7 +25,7 @@ NAME_BYTES, TEXT_BYTES = 64, 192
 
 
 class Kind(IntEnum):
-    """What a message is."""
+    """Kinds of messages."""
 
     HELLO = 1  # a session begins
     CONFIG = 2
@@ -47,7 +48,7 @@ class Said(IntFlag):
 
 
 class Form(IntEnum):
-    """How much of the flight computer a unit is."""
+    """Parts of the flight computer that a unit may be."""
 
     REDUNDANCY = 0  # channels in, votes and states out
     FLIGHT_COMPUTER = 1  # surfaces out
@@ -87,27 +88,28 @@ _TAIL: Final[list[_Entry]] = [("length", "<u4", ()), ("crc", "<u4", ())]
 
 
 def _of_frame(names: list[str]) -> list[_Entry]:
-    """Fields of the frame, the widest first."""
-    fields = [FIELD[name] for name in names]
-    entries: list[_Entry] = [(field.name, f"<{BASES[field.kind]}", field.shape) for field in fields]
+    """Return fields of the frame, the widest first."""
+    return _widest_first([(name, f"<{BASES[FIELD[name].kind]}", FIELD[name].shape) for name in names])
+
+
+def _widest_first(entries: list[_Entry]) -> list[_Entry]:
     return sorted(entries, key=lambda entry: -np.dtype(entry[1]).itemsize)
 
 
 def _packed(entries: list[_Entry]) -> np.dtype[Any]:
-    """``entries`` in their order, gaps filled by fields ``pad_1``, ...; the size is a multiple of eight bytes."""
-    found: list[_Entry] = []
-    at, pads = 0, 0
+    """Lay ``entries`` out in their order, gaps filled by ``pad_1``, ...; the size is a multiple of eight bytes."""
+    packed: list[_Entry] = []
+    end, pads = 0, 0
     for name, kind, shape in [*entries, ("", "<u8", ())]:  # the last one only closes the record
         dtype = np.dtype(kind)
-        wide = 8 if name == "length" else _alignment(dtype)
-        if gap := -at % wide:
+        if gap := -end % (8 if name == "length" else _alignment(dtype)):
             pads += 1
-            found.append((f"pad_{pads}", "u1", (gap,)))
-            at += gap
+            packed.append((f"pad_{pads}", "u1", (gap,)))
+            end += gap
         if name:
-            found.append((name, dtype, shape))
-            at += dtype.itemsize * int(np.prod(shape, dtype=int))
-    return np.dtype(found)
+            packed.append((name, dtype, shape))
+            end += dtype.itemsize * int(np.prod(shape, dtype=int))
+    return np.dtype(packed)
 
 
 def _alignment(dtype: np.dtype[Any]) -> int:
@@ -117,13 +119,15 @@ def _alignment(dtype: np.dtype[Any]) -> int:
 
 
 def _little(dtype: np.dtype[Any]) -> np.dtype[Any]:
-    """A record of our own settings as one of the seam: the widest fields first."""
+    """Return a record of our own settings as one of the seam: the widest fields first."""
+    kinds = {name: place(dtype, name)[0] for name in dtype.names or ()}
+    return _packed(_widest_first([(name, kind.base.newbyteorder("<"), kind.shape) for name, kind in kinds.items()]))
+
+
+def place(dtype: np.dtype[Any], name: str) -> tuple[np.dtype[Any], int]:
+    """Return a field's own dtype and its offset."""
     fields: Any = dtype.fields
-    entries: list[_Entry] = []
-    for name in dtype.names or ():
-        base, shape = fields[name][0].base, fields[name][0].shape
-        entries.append((name, base.newbyteorder("<"), shape))
-    return _packed(sorted(entries, key=lambda entry: -np.dtype(entry[1]).itemsize))
+    return fields[name][0], fields[name][1]
 
 
 SIGNAL_CONFIG: Final = _little(PARAMS)
@@ -166,14 +170,27 @@ RECORDS: Final[dict[str, np.dtype[Any]]] = {
 }
 
 
-def place(dtype: np.dtype[Any], name: str) -> tuple[np.dtype[Any], int]:
-    """A field's own dtype and its offset."""
-    fields: Any = dtype.fields
-    return fields[name][0], fields[name][1]
+class Entry(NamedTuple):
+    """A field of a record, as C, Ada, FMI and tables name it."""
+
+    name: str
+    base: np.dtype[Any]  # of an element
+    record: str  # name of the record that an element is, or empty
+    shape: tuple[int, ...]
+    offset: int
+    size: int  # bytes of all elements
+
+
+def walk(dtype: np.dtype[Any]) -> Iterator[Entry]:
+    """Yield the fields of a record in the order of their bytes."""
+    for name in dtype.names or ():
+        kind, offset = place(dtype, name)
+        record = next((known for known, held in RECORDS.items() if held == kind.base), "")
+        yield Entry(name, kind.base, record, kind.shape, offset, kind.itemsize)
 
 
 def blank(dtype: np.dtype[Any], magic: int, kind: Kind, session: int = 0) -> np.ndarray[Any, Any]:
-    """A record (1,) of a session with nothing in it but its head and length."""
+    """Return a record (1,) of a session with nothing in it but its head and length."""
     record = np.zeros(1, dtype)
     record["magic"], record["version"], record["kind"] = magic, VERSION, kind
     record["layout"], record["session"], record["length"] = LAYOUT, session, place(dtype, "length")[1]
@@ -181,15 +198,12 @@ def blank(dtype: np.dtype[Any], magic: int, kind: Kind, session: int = 0) -> np.
 
 
 def described() -> str:
-    """Every name, type, shape and offset that both sides must agree on: the text that LAYOUT is the hash of."""
-    lines = [f"version {VERSION}", *(signal.name for signal in SIGNALS), *(one.name for one in DISCRETES)]
+    """Return every name, type, shape and offset that both sides must agree on: LAYOUT is the hash of this text."""
+    lines = [f"version {VERSION}", *(signal.name for signal in (*SIGNALS, *DISCRETES))]
     for record, dtype in RECORDS.items():
         lines.append(f"{record} {dtype.itemsize}")
-        for name in dtype.names or ():
-            of, at = place(dtype, name)
-            base = next((n for n, d in RECORDS.items() if d == of.base), of.base.str)
-            lines.append(f"  {at} {name} {base} {of.shape}")
-    lines += [f"{enum.__name__}.{one.name} {one.value}" for enum in ENUMS for one in enum]
+        lines += [f"  {e.offset} {e.name} {e.record or e.base.str} {e.shape}" for e in walk(dtype)]
+    lines += [f"{enum.__name__}.{member.name} {member.value}" for enum in ENUMS for member in enum]
     return "\n".join(lines)
 
 

@@ -9,12 +9,15 @@ from enum import IntEnum
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numba.core import cgutils, types
+from numba.core import config as numba_config
+from numba.core.errors import TypingError
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from rig.frame import FLAT, SURFACES, State, Unit
 from rig.frame.fields import FIELD, FIELDS
 from rig.kernels import kernel
-from rig.unit.c_calls import copy_bytes
 from rig.unit.layout import (
     ANSWERS,
     FROM_UNIT,
@@ -27,19 +30,19 @@ from rig.unit.layout import (
     Said,
     blank,
     place,
+    walk,
 )
 
 ON_DISCRETES, ON_SURFACES = int(Said.DISCRETES), int(Said.SURFACE)
 _OWN_CONTROL: Final = ("surface", "law")  # the rig's in the redundancy form, whatever a unit says of them
 Moves = NDArray[np.int64]  # (m, 4): group of Said or 0, first byte there, first byte here, bytes
-
-
+PLAIN: Final[bool] = bool(numba_config.DISABLE_JIT)  # pyright: ignore[reportAttributeAccessIssue]
 # Places in the records of an answer.
-RECEIVED, BLANK, FLOWN = 0, 1, 2  # just now; what stands for groups that are not said; the oldest that was accepted
+RECEIVED, BLANK, FLOWN = 0, 1, 2  # just now; what stands for groups that are not filled; the oldest that was accepted
 
 
 class Outbound(NamedTuple):
-    """What goes to the unit."""
+    """The record to the unit."""
 
     sent: NDArray[Any]  # (1,) INPUT
     sent_bytes: NDArray[np.uint8]  # the same
@@ -47,7 +50,7 @@ class Outbound(NamedTuple):
 
 
 class Inbound(NamedTuple):
-    """What comes back, and what of it waits to be flown."""
+    """Records from the unit, and those that wait to be flown."""
 
     records: NDArray[Any]  # (3 + latency_frames,) OUTPUT: RECEIVED, BLANK, FLOWN and those that will be
     bytes: NDArray[np.uint8]  # the same, (records, bytes)
@@ -57,14 +60,14 @@ class Inbound(NamedTuple):
 
 
 class Port(NamedTuple):
-    """What goes over in a frame."""
+    """Both directions of a frame."""
 
     out: Outbound
     back: Inbound
 
 
 def new_port(form: Form, session: int, latency_frames: int, trim: NDArray[np.float64], rate_hz: float) -> Port:
-    """The port of one flight; trim : (4,) surfaces that are flown until the unit has said others."""
+    """Return the port of one flight; trim : (4,) surfaces that are flown until the unit has filled others."""
     sent = blank(INPUT, TO_UNIT, Kind.FRAME, session)
     records = np.repeat(blank(OUTPUT, FROM_UNIT, Kind.REPLY, session), 3 + latency_frames)
     records["voted"], records["state"], records["surface"], records["frame"] = np.nan, State.ABSENT, trim, -1
@@ -77,29 +80,30 @@ def new_port(form: Form, session: int, latency_frames: int, trim: NDArray[np.flo
 
 
 def _moves(groups: dict[str, Any], source: np.dtype[Any], target: np.dtype[Any]) -> Moves:
-    """How fields get from a record to another; those of a group that follow each other in both are one move."""
-    found: list[list[int]] = []
-    for name in sorted(groups, key=lambda name: place(source, name)[1]):
-        dtype, first = place(source, name)
-        group, to = int(groups[name]), place(target, name)[1]
-        last = found[-1] if found else None
-        if last and last[0] == group and last[1] + last[3] == first and last[2] + last[3] == to:
-            last[3] += dtype.itemsize
+    """Return how fields get from a record to another; those of a group that follow each other in both are one move."""
+    moves: list[list[int]] = []
+    for field in walk(source):
+        if field.name not in groups:
+            continue
+        group, to = int(groups[field.name]), place(target, field.name)[1]
+        last = moves[-1] if moves else None
+        if last and last[0] == group and last[1] + last[3] == field.offset and last[2] + last[3] == to:
+            last[3] += field.size
         else:
-            found.append([group, first, to, dtype.itemsize])
-    return np.array(found, np.int64)
+            moves.append([group, field.offset, to, field.size])
+    return np.array(moves, np.int64)
 
 
 def _limits() -> NDArray[np.int64]:
-    """The largest value that each field of one byte may have."""
-    found = []
+    """Return the largest value that each field of one byte may have: group, first byte, bytes, value."""
+    limits = []
     for name, group in ANSWERS.items():
         field, (dtype, first) = FIELD[name], place(OUTPUT, name)
         if field.kind not in ("number", "byte"):
             enum: type[IntEnum] | None = field.enum
             most = max(enum) if enum is not None else 1 if field.kind == "flag" or name == "discrete_voted" else 4
-            found.append([int(group), first, dtype.itemsize, int(most)])
-    return np.array(found, np.int64)
+            limits.append([int(group), first, dtype.itemsize, int(most)])
+    return np.array(limits, np.int64)
 
 
 _READ: Final = (*REFERENCES, *(field.name for field in FIELDS if field.part == "bus"))
@@ -111,6 +115,30 @@ _CONTROL: Final = _moves(dict.fromkeys(_OWN_CONTROL, 0), OUTPUT, FLAT)
 _LIMITS: Final = _limits()
 _WITH_SURFACES: Final = int(Form.FLIGHT_COMPUTER)
 _SURFACES: Final = len(SURFACES)
+
+
+@intrinsic
+def _copy_bytes(typing: Any, target: Any, to: Any, source: Any, first: Any, count: Any) -> Any:
+    """Copy between (n,) arrays of bytes without gaps, which do not overlap: a loop does not become memcpy."""
+    if any(a.dtype != types.uint8 or a.ndim != 1 or a.layout != "C" for a in (target, source)):
+        raise TypingError("bytes without gaps are copied")
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        def pointer(array: int, index: int) -> Any:
+            data = context.make_array(signature.args[array])(context, builder, arguments[array]).data
+            return builder.gep(data, [arguments[index]])
+
+        cgutils.raw_memcpy(builder, pointer(0, 1), pointer(2, 3), arguments[4], 1)
+        return context.get_dummy_value()
+
+    return types.void(target, types.int64, source, types.int64, types.int64), code
+
+
+def _copy_bytes_plainly(target: Any, to: int, source: Any, first: int, count: int) -> None:
+    target[to : to + count] = source[first : first + count]
+
+
+copy_bytes: Any = _copy_bytes_plainly if PLAIN else _copy_bytes
 
 
 @kernel
@@ -129,13 +157,13 @@ def fill(raw, k, frame, port):
 
 @kernel
 def take(raw, k, port, status):
-    """Write what is flown in frame k into its row: the answer just received if ``status`` says so and it may be one.
+    """Write what is flown in frame k into its row: the answer just received if ``status`` says so and it is allowed.
 
-    Returns the status that the frame comes to: REFUSED in place of ANSWERED for an answer that no unit may give.
+    Return the status that the frame comes to: REFUSED in place of ANSWERED for an answer that no unit may give.
     port : Inbound
     """
     answers = status == Unit.ANSWERED or status == Unit.RESTARTED
-    if answers and not may_be(port):
+    if answers and not is_allowed(port):
         status = Unit.REFUSED.value
     elif answers:
         accept(port)
@@ -146,8 +174,8 @@ def take(raw, k, port, status):
 
 
 @kernel
-def may_be(port):
-    """Whether the answer fills what its form needs, and every state, level and pattern of it is one."""
+def is_allowed(port):
+    """Return True if the answer fills what its form needs, and every state, level and pattern of it is one."""
     said, received = port.records[RECEIVED]["said"], port.bytes[RECEIVED]
     allowed = said & port.needed == port.needed
     for n in range(_LIMITS.shape[0]):
@@ -159,7 +187,7 @@ def may_be(port):
 
 @kernel
 def copy(records, source, target):
-    """One of the records (n, bytes) over another."""
+    """Copy one of the records (n, bytes) over another."""
     copy_bytes(records[target], 0, records[source], 0, records.shape[1])
 
 
@@ -175,9 +203,9 @@ def accept(port):
             port.counts[1] += (received["said"] & ON_SURFACES) != 0
             received["surface"][s] = newest["surface"][s]
     for m in range(_GROUPS.shape[0]):
-        group, at = _GROUPS[m, 0], _GROUPS[m, 1]
+        group, first = _GROUPS[m, 0], _GROUPS[m, 1]
         source = port.bytes[RECEIVED] if group == 0 or received["said"] & group != 0 else port.bytes[BLANK]
-        copy_bytes(port.bytes[last], at, source, at, _GROUPS[m, 3])
+        copy_bytes(port.bytes[last], first, source, first, _GROUPS[m, 3])
     newest["frame"] = received["frame"]
     if port.counts[0] == 0:
         for j in range(FLOWN, last):

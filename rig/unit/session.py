@@ -1,8 +1,11 @@
-"""How a session with a unit begins: HELLO, what the flight is flown with, READY."""
+"""A session with a unit: HELLO, what the flight is flown with, READY; then which message is the answer to a frame."""
 
 from __future__ import annotations
 
+import struct
+import zlib
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
@@ -14,6 +17,7 @@ from rig.unit.layout import (
     FROM_UNIT,
     HELLO,
     LAYOUT,
+    OUTPUT,
     PART,
     PART_BYTES,
     READY,
@@ -24,27 +28,36 @@ from rig.unit.layout import (
     blank,
     place,
 )
-from rig.unit.links import MOST_BYTES, Link, clock
+from rig.unit.links import MOST_BYTES, SocketLink, clock
 
 _AGAIN_S: Final = 0.5  # after which an unanswered HELLO or CONFIG is repeated: a box may have lost it
+REBUILD: Final = "write the header again ('rig unit header') and rebuild"
+_TAIL: Final = struct.Struct("<II")
+_BODY: Final = OUTPUT.itemsize - _TAIL.size
+_USUAL_TAIL: Final = _TAIL.pack(_BODY, 0)
+_BEGIN: Final = struct.Struct("<24sq")  # all of the head that a session keeps, and the frame
+_STEPPED: Final = struct.Struct("<Q")
+_STEPPED_AT: Final = place(OUTPUT, "stepped")[1]
 
 
-class Dead(Exception):
+class UnitStopped(Exception):
     """The unit will not answer, and why."""
 
 
-def open_session(link: Link, config: NDArray[Any], start_s: float, stopped: Callable[[], bool]) -> str:
-    """HELLO and CONFIG, each until it is answered; what the unit says of itself.  Dead, Gone.
+def open_session(link: SocketLink, config: NDArray[Any], start_s: float, stopped: Callable[[], bool]) -> str:
+    """Send HELLO and CONFIG, each until it is answered; return the unit's own text.  UnitStopped, Disconnected.
 
     config : (1,) CONFIG with its session; start_s : for each of both
     """
     session = int(config["session"][0])
     hello = blank(HELLO, TO_UNIT, Kind.HELLO, session)
-    _ask(link, [hello.view(np.uint8).data], session, start_s, stopped)
-    return _ask(link, _parts(config, session), session, start_s, stopped)
+    _send_until_ready(link, [hello.view(np.uint8).data], session, start_s, stopped)
+    return _send_until_ready(link, _parts(config, session), session, start_s, stopped)
 
 
-def _ask(link: Link, messages: list[memoryview], session: int, start_s: float, stopped: Callable[[], bool]) -> str:
+def _send_until_ready(
+    link: SocketLink, messages: list[memoryview], session: int, start_s: float, stopped: Callable[[], bool]
+) -> str:
     """Send until READY to the last one of ``messages``.
 
     What cannot be lost is sent once: the READY to a second HELLO would be taken for that to CONFIG.
@@ -57,51 +70,48 @@ def _ask(link: Link, messages: list[memoryview], session: int, start_s: float, s
         while clock() < again and not stopped():
             if link.receive(into, again) != READY.itemsize:
                 continue
-            kind, text = answer(into, session)
+            kind, text = read_ready(into, session)
             if kind == Kind.REFUSED:
-                raise Dead(f"refuses the flight: {text}")
+                raise UnitStopped(f"refuses the flight: {text}")
             if kind == Kind.READY:
                 return text
-    raise Dead(f"has not said READY within start_s = {start_s:g} s")
+    raise UnitStopped(f"did not send READY within start_s = {start_s:g} s")
 
 
-def answer(message: memoryview, session: int) -> tuple[int, str]:
-    """Kind and text of a READY or REFUSED of this session; 0 for any other.  Dead: of other records than ours.
+def read_ready(message: memoryview, session: int) -> tuple[int, str]:
+    """Return kind and text of a READY or REFUSED of this session; 0 for any other.  UnitStopped: of other records.
 
-    A unit that cannot be flown at all says REFUSED before it has heard of a session.
+    A unit that cannot be flown at all sends REFUSED before it has a session.
     """
-    magic, version, kind, layout, of, *_ = HEAD.unpack_from(message)
+    magic, version, kind, layout, of_session, *_ = HEAD.unpack_from(message)
     if magic != FROM_UNIT or kind not in (Kind.READY, Kind.REFUSED):
         return 0, ""
     if version != VERSION or layout != LAYOUT:
         built = f"layout {layout:016x}, version {version}"
-        raise Dead(f"was built for {built}, this rig has {LAYOUT:016x}, version {VERSION}: {REBUILD}")
-    if of != session and not (of == 0 and kind == Kind.REFUSED):
+        raise UnitStopped(f"was built for {built}, this rig has {LAYOUT:016x}, version {VERSION}: {REBUILD}")
+    if of_session != session and not (of_session == 0 and kind == Kind.REFUSED):
         return 0, ""
     first = place(READY, "text")[1]
     return kind, bytes(message[first : READY.itemsize - 8]).split(b"\0")[0].decode(errors="replace")
 
 
-REBUILD: Final = "write the header again ('rig unit header') and rebuild"
-
-
-def end_session(link: Link, session: int) -> None:
+def end_session(link: SocketLink, session: int) -> None:
     """Tell the unit that the flight is over."""
     link.send(blank(HELLO, TO_UNIT, Kind.END, session).view(np.uint8).data)
 
 
 def _parts(config: NDArray[Any], session: int) -> list[memoryview]:
-    """CONFIG in messages that fit into an Ethernet frame."""
+    """Return CONFIG in messages that fit into an Ethernet frame."""
     whole = config.view(np.uint8)
     count = -(-len(whole) // PART_BYTES)
-    found = []
+    messages = []
     for i in range(count):
         part = blank(PART, TO_UNIT, Kind.CONFIG, session)
         data = whole[i * PART_BYTES : (i + 1) * PART_BYTES]
         part["part"], part["parts"] = i, count
         part["bytes"][0, : len(data)] = data
-        found.append(part.view(np.uint8).data)
-    return found
+        messages.append(part.view(np.uint8).data)
+    return messages
 
 
 def configuration(
@@ -114,17 +124,127 @@ def configuration(
     limits: NDArray[np.float64],
     names: tuple[str, str],
 ) -> NDArray[Any]:
-    """The (1,) CONFIG of a flight.
+    """Return the (1,) CONFIG of a flight.
 
     params (S,) PARAMS, discretes (D,) DISCRETE_PARAMS, boxes (1,) BOXES : what our own manager is made with
     trim (4,), limits (4, 2) : of the surfaces; names : of aircraft and flight point
     """
     config = blank(CONFIG, TO_UNIT, Kind.CONFIG)
-    for field, records in (("signal", params), ("discrete", discretes)):
+    for part, records in (("signal", params), ("discrete", discretes)):
         for name in records.dtype.names or ():
-            config[0][field][name] = records[name]
+            config[0][part][name] = records[name]
     config["rate_hz"], config["form"] = rate_hz, form
     config["box_signals"], config["box_persistence"] = boxes["signals"][0], boxes["persistence"][0]
     config["trim_surface"], config["surface_low"], config["surface_high"] = trim, limits[:, 0], limits[:, 1]
     config["aircraft"], config["flight_point"] = (name.encode()[:63] for name in names)
     return config
+
+
+# Frames -------------------------------------------------------------------------------------------------------
+
+
+@dataclass(slots=True)
+class Counts:
+    """Counts of the frames of a flight; all but ``answered`` are of what went wrong."""
+
+    answered: int = 0  # counted by the port
+    missed: int = 0  # frames without an answer by their deadline
+    late: int = 0  # answers that came after it, and were not flown
+    discarded: int = 0  # messages that were none: doubled, of another session, of another form
+    refused: int = 0  # answers with a state out of its enum, or without what the form needs
+    not_finite: int = 0  # surfaces, which stayed where they were
+    requests_lost: int = 0  # of the missed frames: the unit has never stepped them
+    replies_lost: int = 0  # of the missed frames: it has, and no answer ever came
+    longest_run: int = 0  # of frames in a row without an answer that was flown
+    restarts: int = 0
+    dead_frame: int | None = None
+
+    @property
+    def reproducible(self) -> bool:
+        """True if nothing depended on the wall clock: every frame flew its own answer."""
+        return self.missed == self.late == self.restarts == 0
+
+
+@dataclass(slots=True)
+class ReplyCheck:
+    """Tells the answers of one session from other messages, and counts both."""
+
+    session: int
+    counts: Counts
+    run: int = 0  # frames in a row without an answer that was flown
+    last_frame: int = -1  # that was answered
+    _reply: bytes = b""  # how an answer begins
+    _stepped: int = 0  # by the unit, as its last answer said
+    _open: set[int] = field(default_factory=set)  # missed frames whose answer may still come
+
+    def __post_init__(self) -> None:
+        """Work out how an answer of this session begins."""
+        self._reply = HEAD.pack(FROM_UNIT, VERSION, Kind.REPLY, LAYOUT, self.session, 0, 0.0)[:24]
+
+    def is_answer(self, message: memoryview, frame: int) -> bool:
+        """Return True if ``message`` answers ``frame``; count any other.  UnitStopped: the unit reports a failure."""
+        usual = len(message) == OUTPUT.itemsize and message[_BODY:] == _USUAL_TAIL
+        if usual and _BEGIN.unpack_from(message) == (self._reply, frame):
+            self._note_answer(message, frame)
+            return True
+        return self._is_unusual_answer(message, frame)
+
+    def _is_unusual_answer(self, message: memoryview, frame: int) -> bool:
+        if len(message) >= HEAD.size:
+            magic, version, kind, layout, session, of_frame, _ = HEAD.unpack_from(message)
+            ours = (magic, version, layout, session) == (FROM_UNIT, VERSION, LAYOUT, self.session)
+            if ours and kind == Kind.REPLY and _whole(message):
+                if of_frame == frame:
+                    self._note_answer(message, frame)
+                    return True
+                if of_frame in self._open:
+                    self._open.discard(of_frame)
+                    self.counts.late += 1
+                    return False
+            if ours and kind == Kind.REFUSED and of_frame == frame:
+                raise UnitStopped(f"failed: {read_ready(message, self.session)[1]}")
+        self.counts.discarded += 1
+        return False
+
+    def _note_answer(self, message: memoryview, frame: int) -> None:
+        """Count lost requests and replies before this answer, by the steps that the unit has counted, if it does."""
+        stepped = _STEPPED.unpack_from(message, _STEPPED_AT)[0]
+        if self._open and stepped:
+            unanswered, requested = len(self._open), frame - self.last_frame
+            lost = min(unanswered, max(0, requested - (stepped - self._stepped)))
+            self.counts.requests_lost += lost
+            self.counts.replies_lost += unanswered - lost
+        self._open.clear()
+        self._stepped, self.last_frame = stepped, frame
+
+    def catch_up(self, frame: int, stepped: int) -> None:
+        """Note that compiled code had answers to all frames up to ``frame``."""
+        if frame > self.last_frame:
+            self.last_frame, self._stepped = frame, stepped
+
+    def missed(self, frame: int) -> None:
+        """Count a frame without an answer by its deadline."""
+        self.counts.missed += 1
+        self._open.add(frame)
+
+    def flown(self, answered: bool, refused: bool) -> None:
+        """Count what the frame came to."""
+        if answered:
+            self.run = 0
+            return
+        self.run += 1
+        self.counts.longest_run = max(self.counts.longest_run, self.run)
+        self.counts.refused += refused
+
+    def begin_again(self) -> None:
+        """Begin with a unit that has been started again."""
+        self.run, self.last_frame, self._stepped = 0, -1, 0
+        self._open.clear()
+
+
+def _whole(message: memoryview) -> bool:
+    """Return True if an answer has its length, states it, and has the right checksum if it has one."""
+    if len(message) != OUTPUT.itemsize:
+        return False
+    length, crc = _TAIL.unpack_from(message, _BODY)
+    return length == _BODY and crc in (0, zlib.crc32(message[:length]) if crc else 0)

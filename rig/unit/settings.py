@@ -33,7 +33,7 @@ class Unit(Settings):
     remote: bool = False  # an address that is not of this machine may be used
     isolate: bool = True  # a library runs in a child process
     latency_frames: int = Field(default=0, ge=0, le=16)  # the answer to frame k is flown in k + latency_frames
-    start_s: float = Field(default=5.0, gt=0, le=600)  # until it has said READY
+    start_s: float = Field(default=5.0, gt=0, le=600)  # until it has sent READY
     timeout_s: float = Field(default=2.0, ge=0, le=3600)  # lockstep: then it is dead; 0 waits for ever
     deadline: float = Field(default=0.8, gt=0, le=1)  # paced: share of the frame by which the answer must be here
     on_miss: Literal["hold", "fault", "end"] = "hold"
@@ -46,8 +46,8 @@ class Unit(Settings):
     @field_validator("address")
     @classmethod
     def _host_and_port(cls, address: str | None) -> str | None:
-        found = None if address is None else _ADDRESS.fullmatch(address)
-        if address is not None and (found is None or not 0 < int(found[2]) < 65536):
+        parts = None if address is None else _ADDRESS.fullmatch(address)
+        if address is not None and (parts is None or not 0 < int(parts[2]) < 65536):
             raise ValueError(f"must be host:port, got {address!r}")
         return address
 
@@ -74,7 +74,7 @@ class Unit(Settings):
 
     @property
     def source(self) -> str:
-        """What a message names: the unit file and the unit."""
+        """The unit file and the unit, as messages name them."""
         return f"{self._source}: {self.name}"
 
     @property
@@ -93,7 +93,7 @@ class Unit(Settings):
         return program if is_file(program) else Path(self.command[0])
 
     def sha256(self) -> str:
-        """Of the library, FMU or program, in hexadecimal; empty where there is none.  BadInput: unreadable."""
+        """Return the hash of library, FMU or program, in hexadecimal; empty where there is none.  BadInput."""
         if not self.file.name or not is_file(self.file):
             return ""
         try:
@@ -102,12 +102,12 @@ class Unit(Settings):
             raise BadInput(f"{self.source}: {self.file} cannot be read: {error.strerror}") from None
 
     def about(self) -> dict[str, Any]:
-        """What a log keeps of it."""
+        """Return what a log keeps of it."""
         return {**self.model_dump(exclude_none=True), "sha256": self.sha256()}
 
 
 def read_unit(path: Path | str) -> Unit:
-    """The unit of a file; BadInput says what is wrong with it."""
+    """Read the settings of a unit file; BadInput says what is wrong with them."""
     path = Path(path)
     unit = build(Unit, read_toml(path), str(path))
     unit._folder, unit._source = path.resolve().parent, str(path)

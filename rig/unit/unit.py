@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import secrets
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -16,18 +17,26 @@ from rig.errors import BadInput, RigError, UnitDead, UnitRefused
 from rig.frame import Unit as Answer
 from rig.kernels import bind
 from rig.unit import fmu, links
-from rig.unit.compiled_exchange import FOREVER_NS, Way, ask, clear, new_way, patience, to_library, to_socket
+from rig.unit.compiled_exchange import (
+    FOREVER_NS,
+    CompiledExchange,
+    clear,
+    new_exchange,
+    patience,
+    to_library,
+    to_socket,
+    try_exchange,
+)
 from rig.unit.host import Refused
 from rig.unit.layout import Form
-from rig.unit.links import MOST_BYTES, Called, Gone, Link, clock
+from rig.unit.links import MOST_BYTES, Disconnected, LibraryLink, SocketLink, clock
 from rig.unit.port import RECEIVED, Port, new_port
-from rig.unit.reply_check import Counts, Watch
-from rig.unit.session import Dead, end_session, open_session
+from rig.unit.session import Counts, ReplyCheck, UnitStopped, end_session, open_session
 from rig.unit.settings import Unit, read_unit
 from rig.util.interrupt import Stop
 
 _MOST_RESTARTS: Final = 10
-_ANSWERED, _DEAD = Answer.ANSWERED.value, Answer.DEAD.value  # looked up in every frame
+_ANSWERED, _HELD, _DEAD = Answer.ANSWERED.value, Answer.HELD.value, Answer.DEAD.value  # used in every frame
 _FORMS: Final = {"redundancy": Form.REDUNDANCY, "flight-computer": Form.FLIGHT_COMPUTER}
 _NO_FRAME: Final = -(2**63) - 1  # beyond what a message can hold: none answers it
 _FOREVER: Final = float("inf")
@@ -38,39 +47,39 @@ class UnitUnderTest:
     """``begin`` a flight, ``exchange`` every frame of it, ``end`` it; ``close`` at last."""
 
     port: Port  # of the flight that has begun
-    way: Way  # compiled code's, to the unit
-    watch: Watch
+    compiled: CompiledExchange
+    replies: ReplyCheck
 
     def __init__(self, unit: Unit, crowded: bool = False) -> None:
-        """Start the unit, or find it.  BadInput: one line says what is wrong with it.
+        """Start the unit, or connect to it.  BadInput.
 
-        crowded : other flights want the cores, on which nobody should then wait for a message
+        crowded : other flights want the cores, on which neither side should then poll for a message
         """
         self.unit, self.form, self._patience = unit, _FORMS[unit.form], patience(crowded)
-        self.said, self.printed = "", ""  # of itself; on its standard output, known when it is closed
+        self.said, self.printed = "", ""  # its text about itself; its standard output, known when it is closed
         self._took_ns = memoryview(bytearray(8)).cast("q")  # of the last frame
         self.dead = False
-        self._link: Link | Called = _reach(unit, self._patience.looks)
+        self._link: SocketLink | LibraryLink = _reach(unit, self._patience.looks)
         self._message = np.zeros(MOST_BYTES, np.uint8)
         self._into = self._message.data
 
     def begin(self, config: NDArray[Any], deadline: Deadline | None = None, stop: Stop | None = None) -> None:
-        """Bring it to its first frame, whatever it did before.  UnitRefused: it will not.
+        """Bring it to its first frame, whatever it did before.  UnitRefused.
 
-        config : (1,) CONFIG; deadline : of a paced flight, None in lockstep; stop : asks for the end of the flight
+        config : (1,) CONFIG; deadline : of a paced flight, None in lockstep; stop : requests the end of the flight
         """
         self.dead, self._deadline, self._stop, self._config = False, deadline, stop or Stop(), config
         config["session"] = secrets.randbits(63) + 1
         trim, rate_hz = config["trim_surface"][0], float(config["rate_hz"][0])
         self.port = new_port(self.form, self._session, self.unit.latency_frames, trim, rate_hz)
-        self.watch = Watch(self._session, Counts())
-        self.way = new_way(self.port, self._session, self._message)
-        self._took_ns = self.way.at["took_ns"].data
+        self.replies = ReplyCheck(self._session, Counts())
+        self.compiled = new_exchange(self.port, self._session, self._message)
+        self._took_ns = self.compiled.state["took_ns"].data
         out, back = self.port
         self._sent, self._received = out.sent_bytes.data, back.bytes[RECEIVED].data
         try:
             self._open()
-        except (Gone, Dead, Refused) as reason:
+        except (Disconnected, UnitStopped, Refused) as reason:
             raise UnitRefused(f"{self.unit.source} {self._explained(str(reason))}") from None
 
     @property
@@ -78,21 +87,21 @@ class UnitUnderTest:
         return int(self._config["session"][0])
 
     def _open(self) -> None:
-        if isinstance(self._link, Called):
+        if isinstance(self._link, LibraryLink):
             self._link.open(self._config)
-            to_library(self.way, self._link.step)
-            self._ask = bind(ask, self.port, self.way, 0)
+            to_library(self.compiled, self._link.step)
+            self._try = bind(try_exchange, self.port, self.compiled, 0)
             return
-        to_socket(self.way, self._link.fd, self._patience.spin_ns)
+        to_socket(self.compiled, self._link.fd, self._patience.spin_ns)
         self.said = open_session(self._link, self._config, self.unit.start_s, lambda: self._stop.requested)
 
     def end(self) -> None:
-        """The flight is over.  RigError: a library in this process has changed how it calculates."""
-        if not isinstance(self._link, Called):
+        """End the session.  RigError: a library in this process has changed how it calculates."""
+        if not isinstance(self._link, LibraryLink):
             end_session(self._link, self._session)
             return
         self._link.close()
-        if self._link.environment.moved():
+        if self._link.environment.restored():
             raise RigError(f"{self.unit.source} changed the rounding of this process: its flight does not count")
 
     def close(self) -> None:
@@ -105,131 +114,136 @@ class UnitUnderTest:
 
     @property
     def paced(self) -> bool:
-        """Whether answers have a deadline."""
+        """True if answers have a deadline."""
         return self._deadline is not None
 
     @property
     def reply_us(self) -> float:
-        """How long the last frame's answer took: from its sending, or of the call of the library alone."""
+        """Time of the last frame's answer: from its sending, or of the call of the library alone."""
         return self._took_ns[0] * 1e-3
 
     def until_ns(self, frame: int) -> int:
-        """When the wait for the answer to ``frame`` is over, of ``clock``; not for the first of a flight."""
+        """Return when the wait for the answer to ``frame`` is over, of ``clock``; not for the first of a flight."""
         return FOREVER_NS if self._deadline is None else int(self._deadline(frame, self.unit.deadline) * 1e9)
 
     def exchange(self, frame: int, row: int) -> int:
-        """Hand ``port.out`` over and wait for the answer, or go on where ``way.ask`` left it; the frame's Unit so far.
+        """Hand ``port.out`` over and wait for the answer, or go on where ``try_exchange`` left it; return the status.
 
         UnitDead when the unit file says that the flight ends with this; ``row`` of its block.
         """
-        began, spent = clock(), self._took_ns[0] if self.way.at["sent"][0] else 0
+        began, spent = clock(), self._took_ns[0] if self.compiled.state["sent"][0] else 0
         try:
             return _DEAD if self.dead else self._step(frame)
-        except (Gone, Dead) as reason:
-            return self._died(str(reason), frame, row)
+        except (Disconnected, UnitStopped) as reason:
+            return self._after_stop(str(reason), frame, row)
         finally:
             self._took_ns[0] = spent + int((clock() - began) * 1e9)
 
     def send_foreign(self) -> None:
         """Send the last frame as one of another session, which no unit may step; of a library here, nothing."""
-        if not isinstance(self._link, Called):
+        if not isinstance(self._link, LibraryLink):
             sent = self.port.out.sent.copy()
             sent["session"] ^= 1
             self._link.send(sent.view("u1").data)
 
-    def taken(self, status: int) -> None:
-        """What the frame came to when its answer had been looked into, unless it and the one before were answered."""
-        self.watch.flown(status in (Answer.ANSWERED, Answer.RESTARTED), status == Answer.REFUSED)
+    def count_status(self, status: int) -> None:
+        """Count what a frame came to; not needed when it and the one before were answered."""
+        self.replies.flown(status in (Answer.ANSWERED, Answer.RESTARTED), status == Answer.REFUSED)
 
     def _step(self, frame: int) -> int:
-        if self.watch.run >= self.unit.max_missed:
-            raise Dead(f"gave no answer that can be flown for max_missed = {self.unit.max_missed} frames in a row")
-        link, (at,) = self._link, self.way.at
-        if isinstance(link, Called):
-            return self._call(at)
-        sent, count, last = at["sent"], int(at["count"]), (int(at["frame"]), int(at["stepped"]))
-        clear(self.way)
-        self.watch.catch_up(*last)
+        if self.replies.run >= self.unit.max_missed:
+            raise UnitStopped(
+                f"gave no answer that can be flown for max_missed = {self.unit.max_missed} frames in a row"
+            )
+        link, (state,) = self._link, self.compiled.state
+        if isinstance(link, LibraryLink):
+            return self._call(state)
+        sent, count, last = state["sent"], int(state["count"]), (int(state["frame"]), int(state["stepped"]))
+        clear(self.compiled)
+        self.replies.catch_up(*last)
         if not sent:
             link.send(self._sent)
         until, into = self._until(frame), self._into
         while True:
             count = count or link.receive(into, until)
-            if count and self._has_deadline and clock() >= until:  # the machine was late, or the unit: none can tell
+            if count and self._has_deadline and clock() >= until:  # the machine was late, or the unit
                 return self._missed(frame, into[:count])
-            if count and self.watch.is_answer(into[:count], frame):
+            if count and self.replies.is_answer(into[:count], frame):
                 self._received[:] = into[:count]
                 return _ANSWERED
             if self._stop.requested:
-                return Answer.HELD.value
+                return _HELD
             if not count and clock() >= until:
                 return self._missed(frame)
             count = 0
 
-    def _call(self, at: Any) -> int:
-        """Step a library of this process, unless ``way.ask`` has; ``at`` : record of WAY."""
-        if not at["sent"]:
-            self._ask(self.port, self.way, 0)
-        code = int(at["code"])
-        clear(self.way)
+    def _call(self, state: Any) -> int:
+        """Step a library of this process, unless ``try_exchange`` has; state : of the compiled exchange."""
+        if not state["sent"]:
+            self._try(self.port, self.compiled, 0)
+        code = int(state["code"])
+        clear(self.compiled)
         if code:
-            raise Dead(f"failed: rig_unit_step returned {code}")
+            raise UnitStopped(f"failed: rig_unit_step returned {code}")
         return _ANSWERED
 
     @property
     def _has_deadline(self) -> bool:
         """Not the first frame of a flight, nor any in lockstep."""
-        return self._deadline is not None and self.watch.last_frame >= 0
+        return self._deadline is not None and self.replies.last_frame >= 0
 
     def _until(self, frame: int) -> float:
-        """When the wait is over.  The first answer has as long as in lockstep: there is none before it to be held."""
+        """Return when the wait is over; for the first answer as in lockstep: there is none before it to be held."""
         if self._deadline is not None and self._has_deadline:
             return self._deadline(frame, self.unit.deadline)
         return clock() + (self.unit.timeout_s or _FOREVER)
 
     def _missed(self, frame: int, too_late: memoryview | None = None) -> int:
-        """No answer by the deadline of ``frame``; ``too_late``: the message that came after it."""
+        """Count a missed deadline of ``frame``; return the status.  too_late : the message that came after it"""
         if not self._has_deadline:
-            raise Dead(f"has not answered within timeout_s = {self.unit.timeout_s:g} s")
-        self.watch.missed(frame)
+            raise UnitStopped(f"has not answered within timeout_s = {self.unit.timeout_s:g} s")
+        self.replies.missed(frame)
         if too_late is not None:
-            self.watch.is_answer(too_late, _NO_FRAME)
+            self.replies.is_answer(too_late, _NO_FRAME)
         if self.unit.on_miss == "end":
-            raise Dead(f"missed its deadline, {self.unit.deadline:g} of the frame")
-        return Answer.HELD.value
+            raise UnitStopped(f"missed its deadline, {self.unit.deadline:g} of the frame")
+        return _HELD
 
-    def _died(self, reason: str, frame: int, row: int) -> int:
-        """What the unit file says of a dead unit."""
-        then, counts = self.unit.on_dead, self.watch.counts
-        said = self._explained(reason)
-        if then == "restart" and counts.restarts < _MOST_RESTARTS:
+    def _after_stop(self, reason: str, frame: int, row: int) -> int:
+        """Do what the unit file wants of a unit that stopped; return the frame's status.  UnitDead."""
+        action, counts, text = self.unit.on_dead, self.replies.counts, self._explained(reason)
+        if action == "restart" and counts.restarts < _MOST_RESTARTS:
             try:
                 return self._restart(frame)
-            except (Gone, Dead, BadInput) as again:
-                said += f"; started again it {again}"
+            except (Disconnected, UnitStopped, BadInput) as failure:
+                text += f"; started again it {failure}"
         counts.dead_frame, self.dead = frame, True
-        if then in ("end", "restart"):
-            raise UnitDead(f"{self.unit.source}, frame {frame}: {said}", row, frame)
-        return Answer.DEAD.value
+        if action in ("end", "restart"):
+            raise UnitDead(f"{self.unit.source}, frame {frame}: {text}", row, frame)
+        return _DEAD
 
     def _restart(self, frame: int) -> int:
-        """A new process, CONFIG, and the present frame once more: the unit has lost its latches."""
+        """Start a new process with CONFIG and the present frame once more: the unit has lost its latches."""
         self.close()
-        self.watch.counts.restarts += 1
+        self.replies.counts.restarts += 1
         self._link = _reach(self.unit, self._patience.looks)
-        self.watch.begin_again()
+        self.replies.begin_again()
         self._open()
         status = self._step(frame)
         return Answer.RESTARTED.value if status == Answer.ANSWERED else status
 
     def _explained(self, reason: str) -> str:
-        """``reason``, with the last line that its process printed."""
-        said = "" if self._link.process is None else self._link.process.last_line()
-        return f"{reason}; it printed: {said}" if said else reason
+        """Return ``reason`` with the last line that its process printed."""
+        line = "" if self._link.process is None else self._link.process.last_line()
+        return f"{reason}; it printed: {line}" if line else reason
+
+    def metadata(self) -> dict[str, str]:
+        """Return what the log of a flight has of its unit."""
+        return {"unit": json.dumps({**self.unit.about(), "said": self.said})}
 
     def result(self) -> dict[str, Any]:
-        """What the flight says of its unit."""
-        counts = self.watch.counts
+        """Return what became of the exchanges of a flight."""
+        counts = self.replies.counts
         counts.answered, counts.not_finite = map(int, self.port.back.counts)
         return {"said": self.said, **asdict(counts), "reproducible": counts.reproducible}
 
@@ -242,9 +256,9 @@ def running(unit: None) -> AbstractContextManager[None]: ...
 def running(unit: Unit | Path | str | None) -> AbstractContextManager[UnitUnderTest | None]: ...
 @contextmanager
 def running(unit: Unit | Path | str | None) -> Iterator[UnitUnderTest | None]:
-    """The unit of a file, started or found; ended with the context.  BadInput."""
-    found = read_unit(unit) if isinstance(unit, str | Path) else unit
-    tested = None if found is None else UnitUnderTest(found)
+    """Start the unit of a file, or connect to it; it is ended with the context.  BadInput."""
+    settings = read_unit(unit) if isinstance(unit, str | Path) else unit
+    tested = None if settings is None else UnitUnderTest(settings)
     try:
         yield tested
     finally:
@@ -252,9 +266,9 @@ def running(unit: Unit | Path | str | None) -> Iterator[UnitUnderTest | None]:
             tested.close()
 
 
-def _reach(unit: Unit, looks: int) -> Link | Called:
+def _reach(unit: Unit, looks: int) -> SocketLink | LibraryLink:
     if unit.carrier == "library":
-        return links.child(unit, looks) if unit.isolate else Called(unit)
+        return links.child(unit, looks) if unit.isolate else LibraryLink(unit)
     if unit.carrier == "udp":
         return links.udp(unit, looks)
     if unit.carrier == "fmu":

@@ -1,4 +1,4 @@
-"""Vectors: what a monitor must say to known inputs, each case with the requirement that it tests.
+"""Vectors: what a monitor must answer to known inputs, each case with the requirement that it tests.
 
 They are made by an independent reading of docs/redundancy.md (tests/tools/unit_vectors.py), not by our manager.
 A file of numpy arrays; a case is a session of its own:
@@ -46,7 +46,7 @@ class Case:
 
 
 def load(path: Path = FILE) -> list[Case]:
-    """The cases of a file.  RigError: of other records than ours."""
+    """Read the cases of a file.  RigError: of other records than ours."""
     with np.load(path) as held:
         if int(held["layout"]) != LAYOUT:
             raise RigError(f"{path}: vectors of another layout: write them again with tests/tools/unit_vectors.py")
@@ -72,49 +72,49 @@ def save(cases: list[Case], path: Path = FILE) -> None:
 
 
 def answers(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -> NDArray[Any]:
-    """What a unit says to ``inputs`` (n,) in a session of its own: (n,) OUTPUT.  BadInput: it will not begin.
+    """Return the answers of a unit to ``inputs`` (n,) in a session of its own: (n,) OUTPUT.  UnitRefused.
 
     Frames without an answer stay zero, their ``frame`` -1.
     """
     tested.begin(config.copy())
-    found = np.zeros(len(inputs), OUTPUT)
-    found["frame"] = -1
-    for k, asked in enumerate(inputs):
-        if ask(tested, asked, k):
-            found[k] = tested.port.back.records[RECEIVED]
+    outputs = np.zeros(len(inputs), OUTPUT)
+    outputs["frame"] = -1
+    for k, record in enumerate(inputs):
+        if ask(tested, record, k):
+            outputs[k] = tested.port.back.records[RECEIVED]
     tested.end()
-    return found
+    return outputs
 
 
-def ask(tested: UnitUnderTest, asked: Any, k: int) -> bool:
-    """Put the body of an INPUT record to a unit as frame k of the session that has begun; whether it was answered."""
+def ask(tested: UnitUnderTest, record: Any, k: int) -> bool:
+    """Send the body of an INPUT record to a unit as frame k of its session; return True if it was answered."""
     port = tested.port.out
     for name in BODY:
-        port.sent[name] = asked[name]
+        port.sent[name] = record[name]
     port.sent["frame"], port.sent["time_s"] = k, k / port.rate_hz
     try:
         status = tested.exchange(k, k)
     except ManagerFailed:
         return False
-    tested.taken(status)
+    tested.count_status(status)
     return status == Answer.ANSWERED
 
 
-def differences(case: Case, said: NDArray[Any]) -> Iterator[str]:
-    """Where the answers (n,) OUTPUT are not those of the case; votes may be off by VOTES_WITHIN of the range."""
+def differences(case: Case, outputs: NDArray[Any]) -> Iterator[str]:
+    """Yield where ``outputs`` (n,) are not those of the case; votes may be off by VOTES_WITHIN of the range."""
     ranges = case.config["signal"][0]
     allowed = VOTES_WITHIN * (ranges["high"] - ranges["low"])
-    unanswered = said["frame"] < 0
+    unanswered = outputs["frame"] < 0
     for k in np.flatnonzero(unanswered)[:1]:
         yield f"frame {k}: no answer"
     for name, group in ANSWERS.items():
-        expected, found = case.expected[name], said[name]
+        expected, answered = case.expected[name], outputs[name]
         counts = (case.expected["said"] & group != 0) & ~unanswered
         counts = counts.reshape(len(counts), *[1] * (expected.ndim - 1))
-        unsaid = (said["said"] & group == 0).reshape(counts.shape) & counts
-        off = ~(np.abs(expected - found) <= allowed) if group == Said.VOTED else expected != found
-        for place in np.argwhere((off | unsaid) & counts)[:1]:
+        unfilled = (outputs["said"] & group == 0).reshape(counts.shape) & counts
+        off = ~(np.abs(expected - answered) <= allowed) if group == Said.VOTED else expected != answered
+        for place in np.argwhere((off | unfilled) & counts)[:1]:
             where: tuple[int, ...] = tuple(place.tolist())
             of_signals = expected.shape[1:2] == (len(SIGNALS),)
             named = f" {SIGNALS[where[1]].name}" if of_signals else ""
-            yield f"frame {where[0]}: {name}{named} is {found[where]}, must be {expected[where]}"
+            yield f"frame {where[0]}: {name}{named} is {answered[where]}, must be {expected[where]}"

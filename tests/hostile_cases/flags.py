@@ -35,13 +35,8 @@ _NEEDED: Final = {
 }
 # A legal number would take minutes there, a legal path would write into the checkout: only what is refused at once.
 _REFUSE: Final = {
-    "bench --repeats",
-    "study fault-tolerant --seeds",
-    "study fault-tolerant --workers",
-    "study rate-bias --seeds",
-    "study rate-bias --drawn",
-    "study rate-bias --workers",
-    "fly --realtime-factor",
+    *("bench --repeats", "study fault-tolerant --seeds", "study fault-tolerant --workers", "study rate-bias --seeds"),
+    *("study rate-bias --drawn", "study rate-bias --workers", "fly --realtime-factor"),
 }
 _STUDIES: Final = ("ding2015", "fault-tolerant", "rate-bias")
 _SKIPPED: Final = {"view --serve", "aircraft design --json", *(f"study {name} --json" for name in _STUDIES)}
@@ -75,11 +70,7 @@ def _commands(command: Any, above: tuple[str, ...]) -> Iterator[tuple[str, Any]]
 
 # A folder that is there would be written into after minutes.
 _NO_FOLDER: Final = [
-    "nowhere/g.toml",
-    "everything.toml/g.toml",
-    "/proc/nowhere/g.toml",
-    "\x1b[2J/g.toml",
-    "[/red]/g.toml",
+    *("nowhere/g.toml", "everything.toml/g.toml", "/proc/nowhere/g.toml", "\x1b[2J/g.toml", "[/red]/g.toml"),
 ]
 
 

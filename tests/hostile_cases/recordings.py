@@ -92,15 +92,8 @@ def _parquet(path: Path, source: Path, rng: Random) -> None:
     table = pl.read_parquet(source / "in.parquet")
     name, n = rng.choice(table.columns), table.height
     columns: list[Any] = [
-        ["x"] * n,
-        [None] * n,
-        [[1.0]] * n,
-        [{"a": 1}] * n,
-        [True] * n,
-        [2**63 - 1] * n,
-        [b"\xff"] * n,
-        [float("inf")] * n,
-        [float("nan")] * n,
+        *(["x"] * n, [None] * n, [[1.0]] * n, [{"a": 1}] * n, [True] * n, [2**63 - 1] * n, [b"\xff"] * n),
+        *([float("inf")] * n, [float("nan")] * n),
     ]
     table = table.with_columns(pl.Series(name, rng.choice(columns), strict=False))
     if rng.random() < 0.3:

@@ -60,13 +60,8 @@ VOTE: Final[dict[str, Any]] = {
 }
 MAPPING: Final = {f"gyro.{c}": f"/imu{c}:data.x" for c in (1, 2, 3)}
 _BASES: Final = (
-    "f16_data_sheet_gyros",
-    "f16_lost_pitch_axis",
-    "f16_pitch_sensor_recovers",
-    "b707_pitch_sensor_half",
-    "b737_turn_through_north",
-    "b747_civil_air_data",
-    "f16_altitude_step_turbulence",
+    *("f16_data_sheet_gyros", "f16_lost_pitch_axis", "f16_pitch_sensor_recovers", "b707_pitch_sensor_half"),
+    *("b737_turn_through_north", "b747_civil_air_data", "f16_altitude_step_turbulence"),
 )
 
 

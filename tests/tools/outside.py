@@ -29,11 +29,7 @@ FOXGLOVE: Final = TESTS.parent / ".venv/foxglove"
 INSTALLING_S: Final = 600.0  # for one command; one that takes longer is given up
 _APT: Final = ("apt-get", "-q", "-o", "Acquire::Retries=1", "-o", "Acquire::http::Timeout=20")
 _NPM: Final = (
-    "--no-package-lock",
-    "--no-audit",
-    "--no-fund",
-    "--ignore-scripts",
-    "--fetch-retries=1",
+    *("--no-package-lock", "--no-audit", "--no-fund", "--ignore-scripts", "--fetch-retries=1"),
     "--fetch-timeout=20000",
 )
 

@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.assess.monitored import lingers
-from rig.assess.votes import difference
-from rig.assess.windows import allowed_frames
+from rig.assess.monitored import allowed_frames, lingers
+from rig.assess.transients import difference
 from rig.bench.trials import NEVER, Trials
 from rig.frame import INDEX, SIGNALS, Block, State, new_block
 from rig.loop import fly_rows

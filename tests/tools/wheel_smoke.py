@@ -28,10 +28,7 @@ ROOT: Final = Path(__file__).parents[2]
 STEP_S: Final = 1200.0  # a first flight compiles
 # With {rig} and {python} of the new environment; each must end with exit code 0.
 COMMANDS: Final = (
-    "{rig} --version",
-    "{rig} fly --set duration_s=2",
-    "{rig} score {log}",
-    "{rig} aircraft list",
+    *("{rig} --version", "{rig} fly --set duration_s=2", "{rig} score {log}", "{rig} aircraft list"),
     "{rig} campaign plan smoke",
 )
 WHERE: Final = (

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rig.computer.redundancy import vote
 from rig.computer.redundancy.box import accused, fail_boxes
-from rig.computer.redundancy.compare import comparable, is_singular, pattern_of, rank, threshold
+from rig.computer.redundancy.compare import comparable, is_singular, outlier_threshold, pattern_of, rank, threshold
 from rig.computer.redundancy.lowpass import follow, smooth_channels
 from rig.computer.redundancy.opinions import update_trend
 from rig.computer.redundancy.persistence import count_miscompares, latch, readmit, watch_failed
@@ -126,6 +126,8 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     x, order = st["x"], st["order"]
     base = anchor(samples, valid, p, st)
     n = rank(samples, valid, base, p, st)
+    if is_quiet(n, p, st):
+        return vote_quiet(reference, second, base, n, p, st)
     reference = unwrapped(reference, base, p["wraps"])
     st["reference_threshold"] = reference_threshold(reference, p)
     st["threshold"] = threshold(n, p)
@@ -156,6 +158,46 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     count_miscompares(n, ranked, p, st)
     latch(p, st)
     publish(vote_before_fade, p, st)
+    return resolver
+
+
+@kernel
+def is_quiet(n, p, st):
+    """Return True if all channels of the signal agree, and nothing of earlier frames is pending.
+
+    Then nobody is suspected, counted, blamed or faded, which is nearly every frame of a flight.  The gaps between
+    neighbours in rank are no larger than the spread: rounding keeps that order.
+    """
+    if n < 2 or n != p["fitted"] or n != st["level"] or st["pattern"] != Pattern.NORMAL or not st["started"]:
+        return False
+    if p["filter_gain"] > 0.0 or st["singular_run"] != 0 or st["freeze"] != 0 or st["fade_left"] != 0:
+        return False
+    x, order, outlier = st["x"], st["order"], outlier_threshold(n, p)
+    spread, within = x[order[n - 1]] - x[order[0]], threshold(n, p)
+    if not spread <= within or (outlier > 0.0 and not spread <= outlier):
+        return False
+    pending = False
+    for c in range(CHANNELS):
+        pending |= st["count"][c] != 0 or st["miscomparing"][c] != 0 or st["blamed"][c] != 0
+    return not pending
+
+
+@kernel
+def vote_quiet(reference, second, base, n, p, st):
+    """Vote a quiet signal, the rest of ``manage_signal`` without what nobody gave a reason for; same bits."""
+    x, order, wraps = st["x"], st["order"], p["wraps"]
+    reference, second = unwrapped(reference, base, wraps), unwrapped(second, base, wraps)
+    st["reference_threshold"], st["threshold"] = reference_threshold(reference, p), threshold(n, p)
+    st["pattern_frames"] += 1
+    update_trend(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p["trend_frames"], wraps)
+    weight = vote.trend_weight(st["rise_high"], st["rise_low"], st["rise_vote"]) if p["weighted"] else 0.5
+    voted = vote.median(x, order, n, st["miscomparing"], weight)
+    monitor_reference(voted, reference, n, p, st)
+    resolver = watch_common(Resolver.NONE.value, n, voted, reference, second, p, st)
+    st["accused"] = 0
+    if resolver != Resolver.NONE:
+        latch(p, st)
+    publish(voted, p, st)
     return resolver
 
 

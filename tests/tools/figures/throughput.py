@@ -15,14 +15,7 @@ from figures import table
 
 FRAMES: Final = 2000
 HEADS: Final = (
-    "frame us",
-    "bare us",
-    "flights/s: one",
-    "two",
-    "one of allowed",
-    "a core of two",
-    "two to one",
-    "tables",
+    *("frame us", "bare us", "flights/s: one", "two", "one of allowed", "a core of two", "two to one", "tables"),
 )
 FORMATS: Final = (".2f", ".2f", ".2f", ".2f", ".0%", ".0%", ".2f")
 CAMPAIGN: Final = """

@@ -243,10 +243,7 @@ def unit_paced(library: str, seconds: str = "60") -> None:
     Misses beyond the plan are the machine's: the share of a frame that an answer may take is 0.8.
     """
     heads = (
-        "flight",
-        "late: median, 99 %, worst, us",
-        "reply: median, 99 %, 99.9 %, worst, us",
-        "missed",
+        *("flight", "late: median, 99 %, worst, us", "reply: median, 99 %, 99.9 %, worst, us", "missed"),
         "of the plan",
     )
     table(heads, _paced(Path(library).resolve(), float(seconds)))

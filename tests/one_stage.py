@@ -1,4 +1,4 @@
-"""Sensors over truths of the test's own: what the tests of the sensors share."""
+"""One stage by itself, on values of the test's own: sensors, references, a plant."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
-from rig.frame import CHANNELS, INDEX, SIGNALS, S, nested, new_block
+from rig.computer.analytic import references
+from rig.frame import CHANNELS, INDEX, SIGNALS, Block, S, nested, new_block
 from rig.kernels import kernel
+from rig.plant.jsbsim import Plant
+from rig.plant.linear_plant import LinearPlant
 from rig.sensors import Sensors, Suite, measure
 
 ERRORS = ("noise_std", "bias_tolerance", "scale_tolerance", "lag_s", "quantum", "skew_frames")
@@ -57,3 +60,34 @@ def sense(
         measure_all(nested(block), data)
         out[first : first + len(block)] = block[field]
     return out
+
+
+def ports(block: Block, k: int) -> tuple[Any, Any]:
+    """BUS and FCC records of row k: the row's own memory."""
+    row = nested(block)[k]
+    return row["bus"], row["fcc"]
+
+
+def refer(block: Block, k: int, data: references.ReferenceData) -> None:
+    """Write the references of row k."""
+    references.refer(*ports(block, k), data)
+
+
+def remember(block: Block, k: int, data: references.ReferenceData) -> None:
+    """Keep the votes of row k."""
+    references.remember(*ports(block, k), data)
+
+
+def fly(flying: Plant | LinearPlant, commands: np.ndarray) -> Block:
+    """Every row read and stepped; commands (n, 4), absolute."""
+    block = new_block(len(commands))
+    block["actuator"] = commands
+    for k in range(len(block)):
+        flying.read(block, k)
+        flying.step(block, k)
+    return block
+
+
+def hold(flying: Plant | LinearPlant, frames: int) -> np.ndarray:
+    """(frames, 4) commands that leave the surfaces where the trim has them."""
+    return np.tile(flying.trim, (frames, 1))

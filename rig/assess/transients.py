@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.assess.outcome import NEVER
+from rig.assess.outcome_records import EXTREMES
 from rig.assess.record import Deviation, FaultScore, FlightScore, Transient, Transients, Yardstick
-from rig.assess.votes import deviation
 from rig.errors import BadInput
-from rig.frame import INDEX, Block, End
+from rig.frame import INDEX, SIGNALS, TWO_PI, Block, End
 from rig.scenario import Scenario
 
 if TYPE_CHECKING:
     from rig.unit.unit import UnitUnderTest
 
+WRAPS: Final = np.array([signal.wraps for signal in SIGNALS])
 _COMPARED: Final = [INDEX[name] for name in ("normal_load_factor", "pitch_rate", "pitch_angle", "roll_angle")]
 
 
@@ -31,57 +32,26 @@ def fly_twin(scenario: Scenario, frames: int | None = None, unit: UnitUnderTest 
     return fly_rows(scenario.model_copy(update={"faults": []}), frames, unit)
 
 
-def flight_score(
-    scenario: Scenario,
-    rows: Block,
-    twin: Block | None,
-    faults: Sequence[FaultScore],
-    first_acted: int | None,
-    yardstick: Yardstick,
-) -> FlightScore:
-    """The flight, its peaks, and its transients when there is a twin; BadInput when that is none of this flight.
-
-    first_acted : first frame in which any fault acted, None when none did
-    """
-    end = End(int(rows["end"][-1]))
-    names = ("normal_load_factor", "pitch_rate", "pitch_angle", "roll_angle", "angle_of_attack")
-    low, high = (dict(zip(names, bound, strict=True)) for bound in _bounds(rows, [INDEX[name] for name in names]))
+def flight_score(scenario: Scenario, flight: np.void, measured: Transients | None) -> FlightScore:
+    """Return the flight and its peaks; flight : FLIGHT; an extreme is 0 where there was no number."""
+    end, frames = End(flight["end"]), int(flight["frames"])
+    low, high = (np.where(np.isfinite(flight[bound]), flight[bound], 0.0).tolist() for bound in ("low", "high"))
+    load_factor, pitch_rate, pitch_angle, roll_angle, angle_of_attack = range(len(EXTREMES))
     return FlightScore(
         survived=end == End.FLYING,
-        end_reason=_reason(end, len(rows), scenario),
-        frames=len(rows),
-        duration_s=len(rows) / scenario.rate_hz,
-        load_factor_min=low["normal_load_factor"],
-        load_factor_max=high["normal_load_factor"],
-        pitch_rate_max_rad_s=max(-low["pitch_rate"], high["pitch_rate"]),
-        pitch_angle_min_rad=low["pitch_angle"],
-        pitch_angle_max_rad=high["pitch_angle"],
-        roll_angle_max_rad=max(-low["roll_angle"], high["roll_angle"]),
-        angle_of_attack_min_rad=low["angle_of_attack"],
-        angle_of_attack_max_rad=high["angle_of_attack"],
-        transients=None if twin is None else _transients(rows, twin, faults, first_acted, yardstick, scenario.rate_hz),
+        end_reason=_reason(end, frames, scenario),
+        frames=frames,
+        duration_s=frames / scenario.rate_hz,
+        load_factor_min=low[load_factor],
+        load_factor_max=high[load_factor],
+        pitch_rate_max_rad_s=max(-low[pitch_rate], high[pitch_rate]),
+        pitch_angle_min_rad=low[pitch_angle],
+        pitch_angle_max_rad=high[pitch_angle],
+        roll_angle_max_rad=max(-low[roll_angle], high[roll_angle]),
+        angle_of_attack_min_rad=low[angle_of_attack],
+        angle_of_attack_max_rad=high[angle_of_attack],
+        transients=measured,
     )
-
-
-def with_load_factor(faults: Sequence[FaultScore], rows: Block, window_s: float, rate_hz: float) -> list[FaultScore]:
-    """``faults`` with what the load factor did after each onset, for ``window_s`` or until the flight ended."""
-    load_factor = rows["truth"][:, INDEX["normal_load_factor"]]
-    out = []
-    for fault in faults:
-        if fault.onset_frame is None:
-            out.append(fault)
-            continue
-        part = _window(fault.onset_frame, round(window_s * rate_hz), len(rows))
-        off = np.abs(load_factor[part] - load_factor[max(fault.onset_frame - 1, 0)])
-        change = float(np.nanmax(off)) if np.isfinite(off).any() else None
-        looked_at_s = (part.stop - 1 - part.start) / rate_hz
-        out.append(replace(fault, load_factor_change=change, load_factor_change_s=looked_at_s))
-    return out
-
-
-def _window(onset: int, frames: int, flown: int) -> slice:
-    """The frames in which a transient is looked for: from the onset to ``frames`` after it, of those ``flown``."""
-    return slice(onset, min(onset + frames + 1, flown))
 
 
 def _reason(end: End, frames: int, scenario: Scenario) -> str:
@@ -90,40 +60,34 @@ def _reason(end: End, frames: int, scenario: Scenario) -> str:
     return "duration flown" if frames >= scenario.frames else "interrupted"
 
 
-def _bounds(rows: Block, columns: list[int]) -> tuple[list[float], list[float]]:
-    """Lowest and highest finite truth of each column; 0 when there is none."""
-    truth = rows["truth"][:, columns]
-    finite = np.isfinite(truth)
-    low = np.where(finite, truth, np.inf).min(axis=0)
-    high = np.where(finite, truth, -np.inf).max(axis=0)
-    some = finite.any(axis=0)
-    return np.where(some, low, 0.0).tolist(), np.where(some, high, 0.0).tolist()
-
-
-def _transients(
+def transients(
     rows: Block,
     twin: Block,
-    faults: Sequence[FaultScore],
-    first_acted: int | None,
     yardstick: Yardstick,
+    faults: Sequence[FaultScore],
+    acted_from: int,
     rate_hz: float,
 ) -> Transients:
+    """Compare a flight with its twin; BadInput when that is none of this flight.
+
+    acted_from : first frame in which any fault acted, or NEVER
+    """
     n = min(len(rows), len(twin))
     truth, other = np.ascontiguousarray(rows["truth"][:n]), np.ascontiguousarray(twin["truth"][:n])
     differs = np.flatnonzero((truth != other).any(axis=1))
-    if len(differs) and (first_acted is None or differs[0] <= first_acted):
+    if len(differs) and (acted_from == NEVER or differs[0] <= acted_from):
         raise BadInput(
             f"the fault-free twin leaves the flight in frame {differs[0]}, before any fault can have moved the "
             "aircraft: other versions flew it; without the twin (--no-twin) it can be scored"
         )
-    off = deviation(truth, other)[:, _COMPARED]
+    off = np.abs(difference(truth, other, WRAPS))[:, _COMPARED]
     limits = np.array([yardstick.load_factor, yardstick.pitch_rate_rad_s])
     beyond = np.any(~(off[:, :2] <= limits), axis=1)
     window = round(yardstick.window_s * rate_hz)
     lost = rows["end"][-1] != End.FLYING
     windows = []
     for onset, ids in _onsets(faults).items():
-        part = _window(onset, window, n)
+        part = slice(onset, min(onset + window + 1, n))
         ended = lost and len(rows) <= onset + window + 1
         within = not np.any(beyond[part]) and not ended
         windows.append(Transient(ids, onset, max(part.stop - onset, 0), _peaks(off[part]), bool(within)))
@@ -150,3 +114,11 @@ def _peaks(off: NDArray[np.float64]) -> Deviation:
     """Largest finite differences; 0 when there are none."""
     finite = np.where(np.isfinite(off), off, 0.0)
     return Deviation(*(finite.max(axis=0) if len(finite) else np.zeros(len(_COMPARED))).tolist())
+
+
+def difference(a: NDArray[np.float64], b: NDArray[np.float64], wraps: NDArray[np.bool_] | bool) -> NDArray[np.float64]:
+    """``a - b``, the short way round where the signal (last axis) ``wraps``; angles.difference for arrays."""
+    with np.errstate(invalid="ignore"):
+        off = a - b
+        off[..., wraps] = (off[..., wraps] + np.pi) % TWO_PI - np.pi
+    return off

@@ -1,0 +1,91 @@
+"""The words for what became of a fault, of a channel that was failed, and of a vote; and the public names they have.
+
+    fault     isolated         its channel, or its reference, was failed for it
+              wrong channel    a healthy channel was failed for it
+              missed           its error was above the threshold, and nothing was failed
+              no effect        its error was never above the threshold
+              not executed     it never acted on a channel in use
+    channel   own fault        failed for a fault of its own
+              false alarm, wrong isolation, failed with its box, failed by rule: see docs/score.md
+    vote      kept             within its threshold at the end, and before but for a monitor's time
+              lost and announced   level 0
+              bad and silent   neither
+
+Commands and files that are older than these words keep their own: PUBLIC.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Final, Literal
+
+FaultWord = Literal["isolated", "wrong channel", "missed", "no effect", "not executed"]
+VoteWord = Literal["kept", "lost and announced", "bad and silent"]
+IsolationKind = Literal["false alarm", "wrong isolation", "failed with its box", "failed by rule"]
+
+# The public names of the words, by who prints them.  Words that are not listed are not printed there.
+PUBLIC: Final[dict[str, dict[str, str]]] = {
+    "score": {
+        "isolated": "detected",
+        "missed": "missed",
+        "no effect": "undetectable",
+        "not executed": "not executed",
+    },
+    "campaign": {
+        "isolated": "right",
+        "wrong channel": "wrong",
+        "missed": "none",
+        "no effect": "none",
+        "not executed": "none",
+    },
+    "injection": {"isolated": "right", "wrong channel": "wrong", "missed": "missed", "not executed": "none"},
+    "reliability": {"kept": "kept", "lost and announced": "known loss", "bad and silent": "bad vote"},
+}
+PRIOR: Final = "prior"  # of an injected fault: its signal had failed a channel before it began
+
+
+class Cause(IntEnum):
+    """Why a channel was failed, as the kernel writes it."""
+
+    OWN_FAULT = 0
+    FALSE_ALARM = 1
+    WRONG_ISOLATION = 2
+    WITH_ITS_BOX = 3
+    BY_RULE = 4
+
+    @property
+    def kind(self) -> IsolationKind | None:
+        """Return the words for a healthy channel that was failed; None for one that was failed for its own fault."""
+        return _KINDS.get(self)
+
+    @property
+    def by_design(self) -> bool:
+        """Return True if a rule failed a healthy channel for a fault elsewhere."""
+        return self in (Cause.WITH_ITS_BOX, Cause.BY_RULE)
+
+
+_KINDS: Final[dict[Cause, IsolationKind]] = {
+    Cause.FALSE_ALARM: "false alarm",
+    Cause.WRONG_ISOLATION: "wrong isolation",
+    Cause.WITH_ITS_BOX: "failed with its box",
+    Cause.BY_RULE: "failed by rule",
+}
+BY_DESIGN: Final = tuple(kind for cause, kind in _KINDS.items() if cause.by_design)
+
+
+def fault_word(executed: bool, failed: bool, exceeded: bool, healthy_failed: bool = False) -> FaultWord:
+    """Return what became of a fault.
+
+    failed : its channel was failed for it; exceeded : its error was above the threshold
+    healthy_failed : a healthy channel was failed for it
+    """
+    if healthy_failed:
+        return "wrong channel"
+    if not executed:
+        return "not executed"
+    return "isolated" if failed else "missed" if exceeded else "no effect"
+
+
+def vote_word(kept: bool, lost: bool) -> VoteWord:
+    """Return what became of a vote; lost : the signal was at level 0, its vote kept until then."""
+    return "kept" if kept and not lost else "lost and announced" if lost else "bad and silent"

@@ -1,0 +1,117 @@
+"""One kernel decides what became of a fault: block by block as at once, and the same to everybody who asks."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_assess_parts import flight, offset
+
+from rig import scenario
+from rig.assess import fly_rows, score
+from rig.assess.conclusion import conclusion
+from rig.assess.flight_outcome import FlightOutcome
+from rig.assess.of_log import FlightConclusion
+from rig.assess.outcome import LEVELS, NEVER, SIGNAL, all_out, count_healthy, mark_failed, mark_wrong
+from rig.assess.scoring import score_of
+from rig.assess.unfaulted import measured_again
+from rig.assess.words import PUBLIC, Cause, fault_word, vote_word
+from rig.campaign.flying import fly as fly_in_memory
+from rig.campaign.rows import OUTCOMES, fault_rows
+from rig.flight.assembly import fly
+from rig.frame import CHANNELS, State
+
+RIG = Path(__file__).parent.parent / "rig"
+CASES = ["f16_singular_2_2_lying_ilm", "f16_weight_on_wheels_split", "b747_vane_icing", "f16_reference_drift"]
+
+
+def test_one_kernel_decides_what_became_of_a_fault():
+    """Nobody but its room compares rows with faults; who else asks reads the words."""
+    written = re.compile(r'\["(failed_at|exceeded_at|executed|cause)"\]\s*(\[[a-z]\])?\s*=[^=]|, \w+\["failed_at"\] = ')
+    writers = {path.relative_to(RIG).as_posix() for path in RIG.rglob("*.py") if written.search(path.read_text())}
+    trials = {path for path in writers if path.startswith("bench/")}
+    assert writers - trials <= {
+        f"assess/{name}.py" for name in ("outcome", "outcome_faults", "outcome_rows", "monitored")
+    }
+    words = re.compile(r'"(detected|undetectable|right|known loss)" if ')
+    assert [path.name for path in RIG.rglob("*.py") if words.search(path.read_text())] == ["patterns.py"]  # a resolver
+
+
+def test_every_word_has_its_public_names():
+    words = {fault_word(*flags) for flags in np.ndindex(2, 2, 2, 2)}
+    assert words == set(PUBLIC["campaign"]) and words - {"wrong channel"} == set(PUBLIC["score"])
+    assert set(PUBLIC["score"].values()) == set(OUTCOMES)
+    assert {vote_word(*flags) for flags in np.ndindex(2, 2)} == set(PUBLIC["reliability"])
+    assert {cause.kind for cause in Cause if cause.by_design} == {"failed with its box", "failed by rule"}
+
+
+@pytest.mark.parametrize("size", [1, 7, 100])
+def test_rows_added_in_parts_give_the_score_of_all_at_once(size: int):
+    which, rows = flight([offset([2], 0.2, 0.3), offset([3, 4], 0.4, 0.2, 0.7), offset([2], 0.6, 0.1)], 100)
+    (whole, clean), *_ = measured_again(which, rows)
+    outcome = FlightOutcome(which, 2.0, keep=True)
+    for first in range(0, len(rows), size):
+        outcome.add(whole[first : first + size], clean[first : first + size])
+    in_parts, at_once = score_of(outcome), score(which, rows)
+    assert in_parts == at_once and in_parts.as_dict() == at_once.as_dict()
+    assert conclusion(which, in_parts) == conclusion(which, at_once)
+
+
+def test_more_failures_than_the_list_has_room_for_are_all_listed():
+    which, rows = flight([], 400)
+    rows["state"][1::2, :, :2] = State.FAILED
+    assert len(score(which, rows).false_alarms) == 200 * rows["state"].shape[1] * 2
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_flight_score_campaign_and_log_say_the_same_of_each_fault(name: str, tmp_path: Path):
+    which = scenario.load(name)
+    gathered = FlightConclusion()
+    flown = fly(which, out=tmp_path, outcome=gathered)
+    scored = score(which, flown.rows)
+    assert gathered.sentences(flown.log, flown.frames) == conclusion(which, scored)
+    in_memory = fly_in_memory(which)
+    kept = score(which, in_memory.rows, clean=in_memory.clean)
+    assert kept.faults == scored.faults and kept.as_dict() == scored.as_dict()
+    rows = fault_rows(0, which, kept)
+    assert [row["outcome"] for row in rows] == [fault.outcome for fault in scored.faults]
+    for row, fault in zip(rows, scored.faults, strict=True):
+        assert row["isolation"] in {"wrong", PUBLIC["campaign"][_word(fault.outcome)]}
+
+
+def _word(public: str) -> str:
+    return next(word for word, name in PUBLIC["score"].items() if name == public)
+
+
+def test_a_flight_with_a_manager_that_fails_and_takes_back_is_gathered_as_it_is_scored():
+    which = scenario.load(None, ["duration_s=3", "redundancy.manager=selection"])
+    rows = fly_rows(which)
+    outcome = FlightOutcome(which, 2.0, keep=True)
+    for part, clean in measured_again(which, rows):
+        outcome.add(part, clean)
+    assert score_of(outcome) == score(which, rows)
+
+
+def blank() -> np.ndarray:
+    signal = np.zeros(1, SIGNAL)
+    signal["fitted"], signal["level"], signal["linger"], signal["failed_at"] = CHANNELS, CHANNELS, 10, NEVER
+    signal["disturbed"] = -1000
+    return signal
+
+
+def test_one_signal_alone_is_done_when_its_faulty_channels_have_been_out_for_the_linger():
+    signal = blank()[0]
+    mark_wrong(0b0101, 20, signal)
+    assert mark_failed(0b0001, 25, signal) == 0b0001 and not all_out(40, signal)
+    assert mark_failed(0b0101, 30, signal) == 0b0100
+    assert not all_out(39, signal) and all_out(40, signal)
+    assert signal["disturbed"] == 20 and signal["failed_at"].tolist() == [25, NEVER, 30, NEVER]
+
+
+def test_healthy_channels_of_one_signal_are_counted_by_the_level_before():
+    signal, healthy, isolations = blank()[0], np.zeros(LEVELS, np.int64), np.zeros(LEVELS, np.int64)
+    mark_wrong(0b1000, 20, signal)
+    before = int(signal["failed"])
+    became = mark_failed(0b0001, 40, signal)
+    count_healthy(became, before, 4, signal, healthy, isolations)
+    assert healthy.tolist() == [0, 0, 0, 0, 3] and isolations.tolist() == [0, 0, 0, 0, 1]

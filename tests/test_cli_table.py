@@ -1,0 +1,75 @@
+"""Tables, lines and numbers as every command prints them; lists with commas as every command reads them."""
+
+from typing import NamedTuple
+
+import pytest
+
+from rig.cli.common import Align, comma_list, whole_numbers
+from rig.cli.table import Column, columns, counts, field, line, rest, rough_duration, share, table
+from rig.errors import BadInput
+
+
+class Point(NamedTuple):
+    name: str
+    speed: dict[str, float | None]
+
+
+POINTS = [Point("low", {"mach": 0.65432}), Point("[bold]high", {"mach": None})]
+SHOWN = (
+    Column("point", "name"),
+    Column("speed", "speed.mach", ".2f", "Mach", "none"),
+    Column("letters", lambda point: len(point.name)),
+)
+
+
+def printed(capsys: pytest.CaptureFixture[str]) -> list[str]:
+    return [" ".join(text.split()) for text in capsys.readouterr().out.splitlines()]
+
+
+def test_a_column_looks_up_formats_and_names_its_unit(capsys: pytest.CaptureFixture[str]):
+    table(POINTS, SHOWN)
+    assert printed(capsys) == ["point speed, Mach letters", "low 0.65 3", "[bold]high none 10"]
+
+
+def test_rows_beyond_the_most_are_counted_and_no_rows_print_nothing(capsys: pytest.CaptureFixture[str]):
+    table([("a", "b"), ("c", "d")], columns("one", "two"), most=1)
+    table([], SHOWN)
+    rest(3, 3)
+    assert printed(capsys) == ["one two", "a b", "and 1 more, with --json"]
+
+
+def test_lines_are_text_with_their_label_before_them(capsys: pytest.CaptureFixture[str]):
+    field("result", ("survived", "green"), ": [red]x\x1b")
+    line()
+    line("y" * 300)
+    assert capsys.readouterr().out == f"result   survived: [red]x\\u001b\n\n{'y' * 300}\n"
+
+
+def test_numbers_are_written_for_a_reader():
+    rate = {"count": 3, "of": 4, "value": 0.75, "low": 0.19412, "high": 0.99369}
+    assert share(rate) == "3 of 4: 0.7500 (0.1941 to 0.9937)" and share({**rate, "value": None}) == "none"
+    assert [rough_duration(seconds) for seconds in (119.0, 120.0, 7200.0)] == ["119 s", "2 min", "2.0 h"]
+    assert counts({"late": 2, "not_finite": 0, "dead": True, "name": "x", "replies_lost": 1}) == [
+        "2 late",
+        "1 replies lost",
+    ]
+
+
+def test_a_list_with_commas_is_read_once_and_in_order():
+    assert whole_numbers("--levels", "4, 2,4", 2, 4) == [2, 4]
+    assert comma_list("--threshold", "0.2,0.1", "numbers", float, lambda value: value > 0.0) == [0.2, 0.1]
+
+
+@pytest.mark.parametrize("text", ["", "5", "2,", "2,x", "²", "2" * 5000, "-2", "1_0"])
+def test_a_list_with_anything_else_is_refused_in_one_line(text: str):
+    with pytest.raises(BadInput, match=r"--levels: whole numbers from 2 to 4 with commas between, got .") as refused:
+        whole_numbers("--levels", text, 2, 4)
+    assert len(str(refused.value)) < 600
+
+
+def test_a_stretch_to_align_by_needs_align_and_is_finite():
+    with pytest.raises(BadInput, match="need --align"):
+        Align(False, None, None, True).options()
+    with pytest.raises(BadInput, match="--align-to: input should be a finite number, got inf"):
+        Align(True, None, float("inf"), False).options()
+    assert Align(False, None, None, False).options() is None
