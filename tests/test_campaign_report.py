@@ -9,14 +9,12 @@ from typing import Any
 import outside
 import pytest
 
-from rig.campaign.campaign_page import delay_curves, report
-from rig.campaign.compare import compare
+from rig.campaign.campaign_page import delay_curves, magnitude_shown, magnitude_unit, report
 from rig.campaign.config import from_what
 from rig.campaign.folder import Folder, open_folder
-from rig.campaign.magnitudes import magnitude_shown, magnitude_unit
 from rig.campaign.plan import Plan
 from rig.campaign.rows import Rows
-from rig.campaign.summary import acted, summary
+from rig.campaign.summary import acted, compare, summary
 from rig.campaign.table import COLUMNS
 from rig.errors import BadInput
 from rig.frame import SIGNALS

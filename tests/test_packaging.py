@@ -12,7 +12,7 @@ from pathlib import Path
 import outside
 import pytest
 
-from rig.campaign import lock
+from rig.campaign import folder
 from rig.cli import main as cli
 from rig.errors import BadInput
 
@@ -22,7 +22,7 @@ POSIX_ONLY = {"fcntl", "grp", "posix", "pty", "pwd", "resource", "syslog", "term
 NEVER_ENDS = """
 import signal
 del signal.setitimer, signal.SIGALRM
-from rig.campaign.flying import _limit
+from rig.campaign.worker import _limit
 with _limit(30.0):
     pass
 print("in time", flush=True)
@@ -61,7 +61,7 @@ def test_no_module_imports_at_load_what_only_posix_has(tmp_path: Path):
 
 def test_a_folder_is_locked_for_one_at_a_time_and_free_afterwards(tmp_path: Path):
     for _ in range(2):
-        with lock.locked(tmp_path), pytest.raises(BadInput, match="is flying into it"), lock.locked(tmp_path):
+        with folder.locked(tmp_path), pytest.raises(BadInput, match="is flying into it"), folder.locked(tmp_path):
             pass
 
 
@@ -77,17 +77,18 @@ def test_without_flock_the_first_byte_of_the_lock_is_locked_and_released(
             raise OSError(36, "Resource deadlock avoided")
         (held.add if mode == 2 else held.remove)(inode)
 
-    monkeypatch.setattr(lock.sys, "platform", "win32")
+    monkeypatch.setattr(folder.sys, "platform", "win32")
     monkeypatch.setitem(sys.modules, "msvcrt", types.SimpleNamespace(locking=locking, LK_NBLCK=2, LK_UNLCK=0))
-    with lock.locked(tmp_path / "a"), pytest.raises(BadInput, match="is flying into it"), lock.locked(tmp_path / "a"):
+    locked = folder.locked(tmp_path / "a")
+    with locked, pytest.raises(BadInput, match="is flying into it"), folder.locked(tmp_path / "a"):
         pass
     assert calls == [(2, 1, 0), (2, 1, 0), (0, 1, 0)] and held == set()
 
 
 def test_without_o_nofollow_a_lock_that_is_a_link_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(lock, "_FLAGS", os.O_RDWR | os.O_CREAT)
+    monkeypatch.setattr(folder, "_FLAGS", os.O_RDWR | os.O_CREAT)
     (tmp_path / "lock").symlink_to(tmp_path / "precious")
-    with pytest.raises(BadInput, match="lock: is a link"), lock.locked(tmp_path):
+    with pytest.raises(BadInput, match="lock: is a link"), folder.locked(tmp_path):
         pass
     assert not (tmp_path / "precious").exists()
 

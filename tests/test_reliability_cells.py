@@ -8,7 +8,8 @@ import polars as pl
 import pytest
 
 from rig.errors import BadInput
-from rig.reliability.cells import CELL, Cells, cells, of_tables
+from rig.reliability.cells import cells, of_tables
+from rig.reliability.tally import CELL, Cells
 
 Row = dict[str, Any]
 RUN = {"outcome": "flown", "manager": "median", "survived": True, "condition": "level"}

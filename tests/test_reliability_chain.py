@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from reliability_cases import CHAINS, Case, binomial, chain_of, channels_fail, k_of_n
 
-from rig.reliability.chain import probabilities
-from rig.reliability.chain_file import solve_file
+from rig.reliability.chain import probabilities, solve_file
 
 
 @pytest.mark.parametrize("case", CHAINS, ids=lambda case: case.name)

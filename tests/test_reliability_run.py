@@ -10,8 +10,8 @@ from test_reliability_result import NO_ALARMS, table
 
 from rig.errors import BadInput
 from rig.reliability import run as module
-from rig.reliability.cells import Cells
 from rig.reliability.rates import read_rates
+from rig.reliability.tally import Cells
 
 BUNDLED = Path(__file__).parent.parent / "faults" / "rates" / "zhang2023.toml"
 RATES = """

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from trial_vs_flight import trial_vs_flight
 from typer.testing import CliRunner
 
 from rig.campaign.config import read
@@ -17,7 +18,6 @@ from rig.campaign.plan import Plan
 from rig.cli.main import app
 from rig.errors import BadInput
 from rig.faults.effects import Act
-from rig.reliability.beside import beside
 from rig.reliability.cells import cells
 from rig.reliability.drawn import Drawn, cell, draw, records, refill
 from rig.reliability.one_signal import faults_of
@@ -80,7 +80,7 @@ def test_a_trial_isolates_the_channels_of_its_flight_in_the_same_frames(manager:
     runs += [of_form(made, "intermittent high", "alike 4"), of_form(made, "dropout", "near 4")]
     isolated = 0
     for number in runs:
-        found = beside(made[number].scenario())
+        found = trial_vs_flight(made[number].scenario())
         np.testing.assert_array_equal(found.trial, found.flight, err_msg=str(made.choices[number]))
         assert found.trial_kept == found.flight_kept
         isolated += int((found.flight >= 0).sum())
@@ -91,7 +91,7 @@ def test_what_follows_a_vote_that_is_not_kept_does_not_count(bundled: Plan):
     """Two alike, stuck on static pressure in a climb: the aircraft follows them, and all four channels are failed."""
     number = 2057
     assert bundled.choices[number]["design"] == "alike 4, channel 4" and bundled.choices[number]["form"] == "stuck"
-    found = beside(bundled[number].scenario())
+    found = trial_vs_flight(bundled[number].scenario())
     assert not found.trial_kept and not found.flight_kept
     assert (found.flight >= 0).sum() > (found.trial >= 0).sum()
 

@@ -18,6 +18,7 @@ from rig.studies.rate_bias import (
     POINTS,
     TURBULENCE,
     Case,
+    as_dict,
     bound,
     cases,
     drawn,
@@ -26,8 +27,9 @@ from rig.studies.rate_bias import (
     measure,
     of_grid,
     settings,
+    summarise,
+    worst,
 )
-from rig.studies.rate_bias_table import as_dict, summarise, worst
 
 CASE, FAULT = of_grid("f16", "none", 20.0, 1), ALL_FOUR[0]
 ALTITUDE = FLIGHT_INDEX["altitude_m"]

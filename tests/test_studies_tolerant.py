@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rig.frame import FLIGHT_INDEX, INDEX, End, Trust, new_block
-from rig.studies.tolerant import FAULTS, LAWS, Case, Flown, cases, fly, measure, summarise
+from rig.studies.tolerant import FAULTS, LAWS, Case, FaultFlight, cases, fly, measure, summarise
 
 CASE = Case("f16", "pitch", "none", 0.0, 1)
 
@@ -45,10 +45,10 @@ def test_a_flight_that_is_lost_counts_as_far_as_it_went():
 
 
 def test_the_summary_takes_the_worst_and_an_exact_interval():
-    def one(peak: float, survived: bool) -> Flown:
-        return Flown(CASE, "F 0.5", "plain", peak, 0.0, 0.0, 1.0, None, survived)
+    def one(peak: float, survived: bool) -> FaultFlight:
+        return FaultFlight(CASE, "F 0.5", "plain", peak, 0.0, 0.0, 1.0, None, survived)
 
-    flown = [Flown(CASE, fault, law, 0.0, 0.0, 0.0, 1.0, 0.5, True) for fault in FAULTS for law in LAWS]
+    flown = [FaultFlight(CASE, fault, law, 0.0, 0.0, 0.0, 1.0, 0.5, True) for fault in FAULTS for law in LAWS]
     altitude = [replace(x, case=Case("f16", "altitude", "none", 0.0, 1)) for x in flown]
     table = summarise([*flown, *altitude, one(0.3, False)])
     (found,) = [x for x in table if (x.hold, x.fault, x.law) == ("pitch", "F 0.5", "plain")]

@@ -18,9 +18,8 @@ from rig.errors import BadInput
 from rig.recordings.alignment import AlignOptions
 from rig.recordings.settings import read_config
 from rig.settings import read_toml
-from rig.thresholds.blocks import recordings
 from rig.thresholds.config import recorded_toml, scenario_toml, start
-from rig.thresholds.data import of_scenario
+from rig.thresholds.data import of_scenario, recordings
 from rig.thresholds.design import Design, Threshold
 
 QUAD = Path(__file__).parents[2] / "shared" / "data" / "quad_imu_horizontal"

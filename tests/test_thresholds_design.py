@@ -11,9 +11,8 @@ from rig.recordings.settings import RecordedSignal
 from rig.thresholds import faults
 from rig.thresholds.data import Data
 from rig.thresholds.design import Design, Flight, Grid, Threshold, designs, rounded_up
-from rig.thresholds.healthy import suspects
+from rig.thresholds.healthy import BEYOND, Envelope, beyond, envelope, suspects
 from rig.thresholds.holdout import Count, count, holdout
-from rig.thresholds.motion import BEYOND, Envelope, beyond, envelope
 from rig.thresholds.run import design
 from rig.thresholds.tradeoff import Found, Tradeoff, best, inject, pieces, tradeoff
 

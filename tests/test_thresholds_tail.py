@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rig.thresholds.bootstrap import DRAWS, draws, point, upper
-from rig.thresholds.tail import CLUSTERS, Peaks, level, pareto, peaks
+from rig.thresholds.tail import CLUSTERS, DRAWS, Peaks, draws, level, pareto, peaks, point, upper
 
 
 def generalised_pareto(shape: float, scale: float, count: int):

@@ -20,7 +20,7 @@ from unit_files import HERE, SOURCES, build, compiled, needs_a_compiler, unit, w
 
 import rig
 from rig.bench.unit_check import check
-from rig.campaign.units import flown_with
+from rig.campaign.worker import flown_with
 from rig.errors import BadInput, RigError
 from rig.frame import Unit as Answer
 from rig.kernels import cache_root

@@ -1,4 +1,7 @@
-"""The report of a campaign: one HTML file with everything in it, for a browser without a network."""
+"""The report of a campaign: one HTML file with everything in it, for a browser without a network.
+
+Magnitudes are shown in the unit of their signal, angles in degrees.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +12,17 @@ import plotly.graph_objects as go
 import polars as pl
 
 from rig.campaign.folder import Folder
-from rig.campaign.magnitudes import magnitude_shown, magnitude_unit
 from rig.campaign.summary import acted, summary
 from rig.errors import BadInput
+from rig.faults.fault import KINDS
+from rig.frame import INDEX, SIGNALS
 from rig.report.page import DASH, lay_out, write_page
+from rig.units.quantities import number, unit_shown
 from rig.util.palette import LINE, SERIES, SHARE_SCALE, series_colour
 
 MOST_MAPS: Final = 12  # heat maps of one report
+_RATE: Final = "signal/s"  # units of settings, as the catalogue has them
+_SIGNAL: Final = ("signal", _RATE)
 Rows = list[dict[str, Any]]
 
 
@@ -134,3 +141,28 @@ def reply_times(replies: dict[str, Any]) -> go.Figure:
     figure.update_xaxes(title="reply time, µs", type="category")
     figure.update_yaxes(title="% of frames, logarithmic", type="log")
     return figure
+
+
+def magnitude_unit(signal: str, kind: str) -> str:
+    """Return the unit that magnitudes of a kind on a signal are shown in: ``deg/s``; "" where they have none."""
+    unit = _setting(kind)
+    if unit not in _SIGNAL:
+        return unit_shown(unit)
+    shown = unit_shown(_of_signal(signal))
+    return f"{shown or '1'}/s" if unit == _RATE else shown
+
+
+def magnitude_shown(value: float | None, signal: str, kind: str) -> str:
+    """Return a magnitude, SI, in ``magnitude_unit``; "" for None."""
+    return number(value, _of_signal(signal) if _setting(kind) in _SIGNAL else "")
+
+
+def _of_signal(signal: str) -> str:
+    return SIGNALS[INDEX[signal]].unit if signal in INDEX else ""
+
+
+def _setting(kind: str) -> str:
+    """Return the unit of the setting that says how large a fault of the kind is."""
+    model = KINDS.get(kind)
+    extra = model.model_fields[model.sizes[0]].json_schema_extra if model is not None and model.sizes else None
+    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""

@@ -82,7 +82,7 @@ class Distribution(Settings):
         return self
 
     def shares(self) -> tuple[float, float]:
-        """What the distribution has below ``low`` and below ``high``."""
+        """Return the probability below ``low`` and below ``high``."""
         try:
             with np.errstate(all="ignore"):  # what comes of extreme parameters is refused by its value
                 return tuple(map(float, self.frozen().cdf([self.low, self.high])))  # type: ignore[return-value]
@@ -90,16 +90,16 @@ class Distribution(Settings):
             raise ValueError(f"parameters: {error}") from None
 
     def frozen(self) -> Any:
-        """The distribution with its parameters."""
+        """Return the distribution with its parameters."""
         return self._family()(**self.parameters)
 
     def _family(self) -> Any:
         import scipy.stats  # half a second, which no worker needs
 
-        known = getattr(scipy.stats, self.distribution, None)
-        if known is None or not isinstance(known, scipy.stats.rv_continuous):
+        family = getattr(scipy.stats, self.distribution, None)
+        if family is None or not isinstance(family, scipy.stats.rv_continuous):
             raise ValueError(f"distribution: scipy.stats has no continuous distribution {quoted(self.distribution)}")
-        return known
+        return family
 
 
 Vary = Levels | Range | Distribution
@@ -175,25 +175,25 @@ class Campaign(Settings):
             raise ValueError(f"vary: the grid has more than {MOST_RUNS} points: fewer levels, or another sampling")
 
     def all_cases(self) -> list[Case]:
-        """The cases of all groups."""
+        """Return the cases of all groups."""
         return list(chain(*self.cases.values()))
 
     def varied(self) -> Iterator[tuple[str, Vary]]:
-        """Everything that varies on its own, the cases' own included."""
+        """Yield everything that varies on its own, the cases' own included."""
         return chain(self.vary.items(), *(case.vary.items() for case in self.all_cases()))
 
     def what(self) -> dict[str, Any]:
-        """All that decides the table, as plain data; ``from_what`` reads it back."""
+        """Return all that decides the table, as plain data; ``from_what`` reads it back."""
         return self.model_dump(mode="json", exclude={"run"}, exclude_none=True)
 
 
 def _points(vary: dict[str, Vary]) -> int:
-    """How many points a grid of these keys has."""
+    """Return the number of points of a grid of these keys."""
     return math.prod(len(v.values) if isinstance(v, Levels) else v.levels or 1 for v in vary.values())
 
 
 def find(name: str | Path) -> Path:
-    """A campaign's file: the path given, or that name in the bundled ``faults/campaigns``."""
+    """Find a campaign's file: the path given, or that name in the bundled ``faults/campaigns``."""
     wanted, home = Path(name), bundled("faults") / "campaigns"
     for candidate in (wanted, home / wanted.name, home / f"{wanted.name}.toml"):
         if is_file(candidate):
@@ -202,12 +202,12 @@ def find(name: str | Path) -> Path:
 
 
 def names() -> list[str]:
-    """The names of the bundled campaigns, in alphabetical order."""
+    """Return the names of the bundled campaigns, in alphabetical order."""
     return sorted(path.stem for path in (bundled("faults") / "campaigns").glob("*.toml"))
 
 
 def read(name: str | Path, sets: dict[str, Any] | None = None) -> Campaign:
-    """The campaign of a file, ``sets`` (dotted keys) laid over its ``[set]``; BadInput says what is wrong."""
+    """Read the campaign of a file, ``sets`` (dotted keys) laid over its ``[set]``; BadInput says what is wrong."""
     path = find(name)
     data = read_toml(path)
     source = str(path)
@@ -221,7 +221,7 @@ def read(name: str | Path, sets: dict[str, Any] | None = None) -> Campaign:
 
 
 def _base(name: str, path: Path) -> dict[str, Any]:
-    """The base scenario's own table: beside the campaign's file, where the command is given, or bundled."""
+    """Read the base scenario's own table: beside the campaign's file, where the command is given, or bundled."""
     from rig.scenario import find as find_scenario
 
     if not name.isprintable() or max(map(len, map(os.fsencode, Path(name).parts)), default=0) > NAME_BYTES:
@@ -234,7 +234,7 @@ def _base(name: str, path: Path) -> dict[str, Any]:
 
 
 def from_what(data: dict[str, Any], source: str) -> Campaign:
-    """A campaign from plain data: a file's, or what ``Campaign.what`` gave."""
+    """Build a campaign from plain data: a file's, or what ``Campaign.what`` gave."""
     data = dict(data)
     data["vary"] = _varied(data.get("vary", {}), f"{source}: vary")
     cases = data.get("cases", {})
@@ -251,7 +251,7 @@ def _case(data: Any, source: str) -> Any:
 
 
 def _varied(data: Any, source: str) -> dict[str, Vary]:
-    """What varies, by dotted key; a key may be written in quotes or as nested tables."""
+    """Return what varies, by dotted key; a key may be written in quotes or as nested tables."""
     if not isinstance(data, dict):
         raise BadInput(f"{source}: must be a table of keys")
     return dict(_leaves(data, "", source))

@@ -8,10 +8,8 @@ from itertools import chain
 from pathlib import Path
 from typing import Final
 
-from rig.campaign.alone import fly_alone
-from rig.campaign.flying import Orders, keeps, log_path
-from rig.campaign.identity import rig_identity
-from rig.campaign.plan import Plan
+from rig.campaign.plan import Plan, rig_identity
+from rig.campaign.worker import Orders, fly_alone, keeps, log_path
 from rig.errors import RigError
 
 ROW_BYTES: Final = 1_500  # of all tables together, a run
@@ -54,7 +52,7 @@ def estimate(plan: Plan, runs: int | None = None) -> Estimate:
 
 
 def _durations(plan: Plan, count: int) -> list[float]:
-    """Seconds of every run, built one by one only where they may differ."""
+    """Return seconds of every run, built one by one only where they may differ."""
     sets = (case.set for case in plan.campaign.all_cases())
     differ = "duration_s" in (*(key for key, _ in plan.campaign.varied()), *chain(*sets))
     return [_duration(plan, number) for number in range(count)] if differ else [_duration(plan, 0)] * count
@@ -66,7 +64,7 @@ def _duration(plan: Plan, number: int) -> float:
 
 
 def _probe(plan: Plan, number: int) -> tuple[float, int]:
-    """Seconds of one flight, and the size of its log."""
+    """Return seconds of one flight, and the size of its log."""
     how = plan.campaign.run
     with tempfile.TemporaryDirectory() as folder:
         logs = "none" if how.logs == "none" else "all"

@@ -5,6 +5,7 @@
     logs/run_000012.mcap        the logs that are kept
 
 A part is written beside and renamed, the one in ``runs`` last: a run is done when its row is there.
+One command flies into a folder at a time, on every system: it holds the file ``lock``.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cached_property
@@ -22,9 +24,7 @@ import polars as pl
 
 from rig.campaign import parts, table
 from rig.campaign.config import from_what
-from rig.campaign.identity import rig_identity
-from rig.campaign.lock import locked
-from rig.campaign.plan import Plan
+from rig.campaign.plan import Plan, rig_identity
 from rig.campaign.rows import TABLES, Rows
 from rig.errors import BadInput, RigError
 from rig.unit.settings import Unit
@@ -34,25 +34,26 @@ from rig.util.trust import Trust
 _ABOUT: Final = "campaign.json"
 _FORMAT: Final = 1
 _REMEDY: Final = "take it from a copy, or fly into another folder"
+_FLAGS: Final = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)  # no child process inherits what os.open gives
 
 
 class Folder:
     """One campaign's output; ``open_folder`` for one that is there, ``Folder.of`` to fly into."""
 
     def __init__(self, path: Path, plan: Plan, unit: Unit | None = None) -> None:
-        """``unit``: under test, in the place of our manager."""
+        """Hold path and plan; ``unit``: under test, in the place of our manager."""
         self.path = path
         self.plan = plan
         self.unit = unit
 
     @property
     def logs(self) -> Path:
-        """Where logs are kept."""
+        """Return the folder of logs."""
         return self.path / "logs"
 
     @classmethod
     def of(cls, path: Path, plan: Plan, unit: Unit | None = None) -> Folder:
-        """The folder to fly ``plan`` into: a new one, or one in which the same campaign was begun. Writes nothing.
+        """Return the folder to fly ``plan`` into: a new one, or one of the same campaign. Writes nothing.
 
         BadInput: the folder is another campaign's, or something else's; the difference is named.
         """
@@ -68,12 +69,12 @@ class Folder:
         return folder
 
     def about(self) -> dict[str, Any]:
-        """What ``campaign.json`` says."""
+        """Return the content of ``campaign.json``."""
         unit = {} if self.unit is None else {"unit": self.unit.about()}
         return {"format": _FORMAT, "rig": rig_identity(), **self.plan.identity(), **unit}
 
     def require(self, unit: Unit | None) -> None:
-        """BadInput when the campaign was flown with another unit under test than ``unit``, or another build of it."""
+        """Raise BadInput when the campaign was flown with another unit than ``unit``, or another build of it."""
         was = _read(self.path / _ABOUT).get("unit")
         if was is None and unit is not None:
             raise BadInput(f"{self.path}: was flown without a unit under test")
@@ -105,11 +106,11 @@ class Folder:
                     path.unlink()
 
     def done(self) -> set[int]:
-        """The runs that are whole in all tables. BadInput names a part that is not, and the remedy."""
+        """Return the runs that are whole in all tables. BadInput names a part that is not, and the remedy."""
         return set(parts.read(self.path, self.plan)["runs"]["run"].to_list())
 
     def write(self, rows: Rows) -> None:
-        """One part: all tables, ``runs`` last. RigError when the disk does not take it."""
+        """Write one part: all tables, ``runs`` last. RigError when the disk does not take it."""
         name = f"{parts.name_of([row['run'] for row in rows['runs']])}.parquet"
         for kind in sorted(TABLES, key=lambda kind: kind == "runs"):
             memory = io.BytesIO()
@@ -117,7 +118,7 @@ class Folder:
             self._write(self.path / kind / name, memory.getvalue())
 
     def _write(self, path: Path, data: bytes) -> None:
-        """Beside, on the disk, renamed: after any interruption all of it is there or nothing."""
+        """Write beside, onto the disk, and rename: after any interruption all of it is there or nothing."""
         try:
             with reported(path):
                 path.parent.mkdir(exist_ok=True)
@@ -130,11 +131,11 @@ class Folder:
 
     @cached_property
     def tables(self) -> dict[str, pl.DataFrame]:
-        """All tables, sorted by run; a part whose ``runs`` is not there yet does not count. BadInput as ``done``."""
+        """Read all tables, sorted by run; a part whose ``runs`` is missing does not count. BadInput as ``done``."""
         return parts.read(self.path, self.plan)
 
     def status(self) -> dict[str, Any]:
-        """How far the campaign is: runs, what is done, the result, the hash of the tables so far."""
+        """Return how far the campaign is: runs, what is done, the result, the hash of the tables so far."""
         runs = self.tables["runs"]
         return {
             "folder": str(self.path),
@@ -162,22 +163,22 @@ def open_folder(path: Path, allow_code: bool = False) -> Folder:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """What ``campaign.json`` says; BadInput when that is nothing of ours."""
+    """Read ``campaign.json``; BadInput when it is nothing of ours."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        about = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise BadInput(f"{path}: cannot be read: {error}; {_REMEDY}") from None
-    if not isinstance(found, dict) or "format" not in found:
+    if not isinstance(about, dict) or "format" not in about:
         raise BadInput(f"{path}: is damaged: it has no 'format'; {_REMEDY}")
-    if found["format"] != _FORMAT:
+    if about["format"] != _FORMAT:
         raise BadInput(f"{path}: not of this version of the rig")
-    if not isinstance(found.get("campaign"), dict):
+    if not isinstance(about.get("campaign"), dict):
         raise BadInput(f"{path}: is damaged: it has no table 'campaign'; {_REMEDY}")
-    return found
+    return about
 
 
 def difference(was: dict[str, Any], now: dict[str, Any]) -> list[str]:
-    """What two identities differ in, a line each."""
+    """Return what two identities differ in, a line each."""
     before, after = dict(_flat(was)), dict(_flat(now))
     return [
         f"{key} was {_shown(before, key)}, is {_shown(after, key)}"
@@ -194,10 +195,57 @@ def _shown(flat: dict[str, Any], key: str) -> str:
 
 
 def _flat(data: Any, above: str = "") -> Iterator[tuple[str, Any]]:
-    """Every leaf of plain data with its dotted key."""
+    """Yield every leaf of plain data with its dotted key."""
     if isinstance(data, dict | list):
         items = data.items() if isinstance(data, dict) else enumerate(data)
         for key, value in items:
             yield from _flat(value, f"{above}.{key}" if above else str(key))
     else:
         yield above, data
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Make the folder and hold its file ``lock``, which is not written to, and not followed when it is a link.
+
+    The system releases the lock of a process that ends, whatever ends it.
+    BadInput: another process holds the lock, it is a link, or the folder is not writable.
+    """
+    file = _opened(folder, folder / "lock")
+    try:
+        try:
+            _lock(file, hold=True)
+        except OSError:
+            raise BadInput(f"--out {folder}: another rig campaign run is flying into it") from None
+        try:
+            yield
+        finally:
+            _lock(file, hold=False)
+    finally:
+        os.close(file)
+
+
+def _opened(folder: Path, path: Path) -> int:
+    """Return a descriptor of the lock file; BadInput as ``locked``."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not path.is_symlink():  # made a link since: O_NOFOLLOW, where the system has it
+            return os.open(path, _FLAGS, 0o666)
+    except OSError as error:
+        raise BadInput(f"--out {folder}: cannot be written: {error.strerror}") from None
+    raise BadInput(f"{path}: is a link, and is not followed: remove it")
+
+
+def _lock(file: int, hold: bool) -> None:
+    """Lock the file for this descriptor, at once or not at all, or unlock it. OSError: somebody holds it.
+
+    Closing the descriptor unlocks it too, but on Windows only some time later.
+    """
+    if sys.platform == "win32":
+        import msvcrt
+
+        msvcrt.locking(file, msvcrt.LK_NBLCK if hold else msvcrt.LK_UNLCK, 1)  # the first byte, which need not be there
+    else:
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB if hold else fcntl.LOCK_UN)

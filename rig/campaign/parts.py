@@ -34,32 +34,32 @@ _COUNTS = {
 
 
 def names(folder: Path) -> list[str]:
-    """The names of the parts in ``runs``, sorted."""
+    """Return the names of the parts in ``runs``, sorted."""
     return sorted(path.stem for path in (folder / "runs").glob("*.parquet"))
 
 
 def name_of(numbers: list[int]) -> str:
-    """The name of the part that holds the runs of ``numbers``."""
+    """Return the name of the part that holds the runs of ``numbers``."""
     return f"{min(numbers):06d}-{max(numbers):06d}"
 
 
 def read(folder: Path, plan: Plan) -> dict[str, pl.DataFrame]:
-    """All tables of a folder, in the order of the runs.
+    """Read all tables of a folder, in the order of the runs.
 
     BadInput names the file that is damaged, missing, another campaign's or a copy, and the remedy.
     """
     parts = names(folder)
-    found = {name: _tables(folder, name, parts, plan) for name in TABLES}
+    files = {name: _tables(folder, name, parts, plan) for name in TABLES}
     seen: dict[int, str] = {}
     for i, part in enumerate(parts):
-        _check_runs(folder, part, found["runs"][i], plan, seen)
+        _check_runs(folder, part, files["runs"][i], plan, seen)
         for name in TABLES[1:]:
-            _check_rows(folder, name, part, found["runs"][i], found[name][i])
-    return {name: table.joined(name, frames) for name, frames in found.items()}
+            _check_rows(folder, name, part, files["runs"][i], files[name][i])
+    return {name: table.joined(name, frames) for name, frames in files.items()}
 
 
 def _tables(folder: Path, name: str, parts: list[str], plan: Plan) -> list[pl.DataFrame]:
-    """The files of one table, their columns checked: read at once where nothing is wrong, a quarter of the time."""
+    """Read the files of one table and check their columns: at once where nothing is wrong, a quarter of the time."""
     paths = [folder / name / f"{part}.parquet" for part in parts]
     expected = table.schema(plan, name)
     if parts and all(map(is_file, paths)):
@@ -69,28 +69,28 @@ def _tables(folder: Path, name: str, parts: list[str], plan: Plan) -> list[pl.Da
             )
             rows = whole.drop(_FILE)
             if rows.schema == expected and all(map(_is_finite, rows)):
-                found = whole.partition_by(_FILE, maintain_order=True, include_key=False, as_dict=True)
-                return [found.get((str(path),), rows.clear()) for path in paths]
+                by_file = whole.partition_by(_FILE, maintain_order=True, include_key=False, as_dict=True)
+                return [by_file.get((str(path),), rows.clear()) for path in paths]
     return [_table(folder, name, part, plan) for part in parts]  # names the file that is not as it must be
 
 
 def _table(folder: Path, name: str, part: str, plan: Plan) -> pl.DataFrame:
-    """One file, its columns checked."""
+    """Read one file and check its columns."""
     path = folder / name / f"{part}.parquet"
     if not is_file(path):
         raise _again(folder, path, part, "is no file" if path.exists() else "is missing")
     try:
         frame = pl.read_parquet(path.read_bytes(), hive_partitioning=False, parallel="none")  # small: threads cost more
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
-        said = " ".join(str(error).split())[:120]
-        raise _again(folder, path, part, f"cannot be read ({said})") from None
+        reason = " ".join(str(error).split())[:120]
+        raise _again(folder, path, part, f"cannot be read ({reason})") from None
     expected, columns = table.schema(plan, name), frame.columns
     lacking = [column for column in table.ADDED if column in expected and column not in columns]
     if lacking:
         frame = frame.with_columns(pl.lit(None, expected[column]).alias(column) for column in lacking)
-    found = frame.schema
-    for column in {**expected, **found}:
-        if found.get(column) != expected.get(column):
+    schema = frame.schema
+    for column in {**expected, **schema}:
+        if schema.get(column) != expected.get(column):
             raise _again(folder, path, part, f"column {column[:60]!r} is not as in this campaign's tables")
     if not all(map(_is_finite, frame)):
         raise _again(folder, path, part, "a number is not finite")
@@ -98,18 +98,18 @@ def _table(folder: Path, name: str, part: str, plan: Plan) -> pl.DataFrame:
 
 
 def _is_finite(column: pl.Series) -> bool:
-    """Whether all numbers of a column are; those that are not there do not count."""
+    """Return True if all numbers of a column are finite; those that are not there do not count."""
     return not column.dtype.is_float() or int((~np.isfinite(column.to_numpy())).sum()) == column.null_count()
 
 
 def _check_runs(folder: Path, part: str, runs: pl.DataFrame, plan: Plan, seen: dict[int, str]) -> None:
-    """BadInput unless the runs of a part are those of its name, of the plan, and in no part before it."""
+    """Raise BadInput unless the runs of a part are those of its name, of the plan, and in no part before it."""
     path, numbers = folder / "runs" / f"{part}.parquet", runs["run"].to_list()
     if not numbers or None in numbers or part != name_of(numbers):
         raise BadInput(f"{path}: its name is not that of the runs in it: a copy? It is removed by: {_remove(path)}")
     if not all(map(_is_coverage, runs["coverage"].drop_nulls().unique())):
         raise _again(folder, path, part, "a coverage is not that of a flight")
-    if not all(len(one) == BINS and min(one) >= 0 for one in map(list, runs["replies"].drop_nulls())):
+    if not all(len(bins) == BINS and min(bins) >= 0 for bins in map(list, runs["replies"].drop_nulls())):
         raise _again(folder, path, part, "reply times are not counted in the bins of this version")
     if len(set(numbers)) < len(numbers) or not 0 <= min(numbers) <= max(numbers) < len(plan):
         raise _again(folder, path, part, f"a run twice, or none of the campaign's {len(plan)}")
@@ -120,17 +120,17 @@ def _check_runs(folder: Path, part: str, runs: pl.DataFrame, plan: Plan, seen: d
 
 
 def _is_coverage(text: str) -> bool:
-    """Whether a text is what a run writes into its column ``coverage``: voter states by signal, counted."""
+    """Return True if a text is the ``coverage`` of a run: voter states by signal, counted."""
     try:
-        found = json.loads(text)
+        covered = json.loads(text)
     except (ValueError, RecursionError):
         return False
-    signals = found.values() if isinstance(found, dict) else [None]
+    signals = covered.values() if isinstance(covered, dict) else [None]
     return all(isinstance(s, dict) and all(isinstance(v, list | int) for v in s.values()) for s in signals)
 
 
 def _check_rows(folder: Path, name: str, part: str, runs: pl.DataFrame, rows: pl.DataFrame) -> None:
-    """BadInput unless a table has as many rows of every run as ``runs`` says."""
+    """Raise BadInput unless a table has as many rows of every run as ``runs`` says."""
     numbers: NDArray[Any] = np.sort(rows["run"].to_numpy())
     if name in _COUNTS:
         counted = runs.select("run", count=pl.sum_horizontal(_COUNTS[name])).sort("run")
@@ -149,7 +149,7 @@ def _check_rows(folder: Path, name: str, part: str, runs: pl.DataFrame, rows: pl
 
 
 def _again(folder: Path, path: Path, part: str, what: str) -> BadInput:
-    """The refusal of a part whose runs are to be flown again."""
+    """Return the refusal of a part whose runs are to be flown again."""
     runs = folder / "runs" / f"{part}.parquet"
     remove = _remove(runs, *([path] if path.is_dir() and path != runs else []))
     out = shlex.quote(str(folder))
@@ -157,6 +157,6 @@ def _again(folder: Path, path: Path, part: str, what: str) -> BadInput:
 
 
 def _remove(*paths: Path) -> str:
-    """The command that removes files, or folders that have their place."""
+    """Return the command that removes files, or folders that have their place."""
     option = "-r " if any(path.is_dir() for path in paths) else ""
     return f"rm {option}{shlex.join(map(str, paths))}"

@@ -1,4 +1,4 @@
-"""The runs of a campaign: for each a number, a seed, what varies, and the scenario that is flown."""
+"""The runs of a campaign: for each a number, a seed, what varies, and the scenario that is flown; and by which rig."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import hashlib
 import json
 from dataclasses import dataclass
 from functools import cache, cached_property
+from pathlib import Path
 from typing import Any, Final
 
 from rig import aircraft
@@ -15,8 +16,13 @@ from rig.errors import BadInput
 from rig.scenario import Scenario, set_key
 from rig.settings import build
 from rig.util.trust import Trust
+from rig.util.versions import versions
 
 CHECKED: Final = 5_000  # runs whose scenario is built before the first flight; beyond, one of each combination
+# What looks at flights, or hands them out, decides nothing in them.
+ROOMS = ("bench", "campaign", "cli", "design", "public", "recordings", "reliability", "replay", "studies", "view")
+BESIDE = (*ROOMS, "flight/frame_cost.py", "__main__.py", "faults/catalogue.py")
+FLIES = ("campaign/flying.py", "campaign/rows.py", "campaign/worker.py")
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,14 +36,14 @@ class Run:
 
     @property
     def aircraft(self) -> str:
-        """The aircraft's name. BadInput when it is none."""
+        """Return the aircraft's name. BadInput when it is none."""
         name = self.data.get("aircraft", "f16")
         if not isinstance(name, str):
             raise BadInput(f"run {self.number}: aircraft: must be a name, got {name!r}")
         return name
 
     def scenario(self, tables: dict[str, Any] | None = None) -> Scenario:
-        """The scenario that is flown; ``tables``: the aircraft's, when they have been read already."""
+        """Build the scenario that is flown; ``tables``: the aircraft's, when they have been read already."""
         below = aircraft.tables(self.aircraft) if tables is None else tables
         return build(Scenario, aircraft.merge(below, self.data), f"run {self.number}").trusted(self.trust)
 
@@ -46,7 +52,7 @@ class Plan:
     """A campaign's runs, each made when asked for."""
 
     def __init__(self, campaign: Campaign, source: str, trust: Trust | None = None) -> None:
-        """BadInput, naming ``source``: a ``[set]`` key that cannot be laid over the base.
+        """Raise BadInput, naming ``source``: a ``[set]`` key that cannot be laid over the base.
 
         trust : which manager classes may be run; none when not given
         """
@@ -67,7 +73,7 @@ class Plan:
         return len(self.choices)
 
     def count(self, runs: int | None) -> int:
-        """How many runs ``--runs`` asks for; BadInput when the plan has not so many."""
+        """Return how many runs ``--runs`` asks for; BadInput when the plan has not so many."""
         count = len(self) if runs is None else runs
         if not 1 <= count <= len(self):
             raise BadInput(f"--runs {count}: must be from 1 to the campaign's {len(self)}")
@@ -75,7 +81,7 @@ class Plan:
 
     @cached_property
     def choices(self) -> list[Choice]:
-        """What each run varies."""
+        """Return what each run varies."""
         return choices(self.campaign)
 
     def __getitem__(self, number: int) -> Run:
@@ -83,7 +89,7 @@ class Plan:
         return Run(number, self.choices[number], data, self.trust)
 
     def data(self, number: int) -> dict[str, Any]:
-        """The table of a run's scenario, without its seed."""
+        """Return the table of a run's scenario, without its seed."""
         choice = self.choices[number]
         data = self._base
         for group in self.campaign.cases:
@@ -105,12 +111,12 @@ class Plan:
             scenario = run.scenario(self._tables(run.aircraft))
             scenario.airframe.point(scenario.flight_point)
         except BadInput as error:
-            said = str(error).removeprefix(f"run {run.number}: ")
-            raise BadInput(f"{self.source}: run {run.number}: {said}") from None
+            reason = str(error).removeprefix(f"run {run.number}: ")
+            raise BadInput(f"{self.source}: run {run.number}: {reason}") from None
         self.trust.require(scenario.redundancy.manager)
 
     def identity(self) -> dict[str, Any]:
-        """All that decides the table: the campaign, and the tables of every aircraft in it."""
+        """Return all that decides the table: the campaign, and the tables of every aircraft in it."""
         names = sorted({self[number].aircraft for number in self._combinations})
         texts = {name: json.dumps(self._tables(name), sort_keys=True) for name in names}
         hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in texts.items()}
@@ -118,11 +124,26 @@ class Plan:
 
     @cached_property
     def _combinations(self) -> list[int]:
-        """The first run of every combination of what varies by name."""
+        """Return the first run of every combination of what varies by name."""
         listed = {key for key, vary in self.campaign.varied() if isinstance(vary, Levels)} | {*self.campaign.cases}
         firsts: dict[Any, int] = {}
         for number, choice in enumerate(self.choices):
             names = tuple(value for key, value in choice.items() if key in listed and not isinstance(value, float))
-            known = names if all(type(name) is str for name in names) else json.dumps(names, default=str)
-            firsts.setdefault(known, number)
+            key = names if all(type(name) is str for name in names) else json.dumps(names, default=str)
+            firsts.setdefault(key, number)
         return list(firsts.values())
+
+
+@cache
+def rig_identity() -> str:
+    """Return versions and a hash of the sources that decide a row, as one line."""
+    home = Path(__file__).parents[1]
+    digest = hashlib.sha256()
+    for path in sorted(home.rglob("*.py")):
+        name = path.relative_to(home).as_posix()
+        if name in FLIES or not (name in BESIDE or name.partition("/")[0] in BESIDE):
+            digest.update(f"{name}\0".encode() + path.read_bytes())
+    packages = ", ".join(
+        f"{name} {versions()[f'version {name}']}" for name in ("jsbsim-rig", "jsbsim", "numpy", "numba")
+    )
+    return f"{packages}, sources {digest.hexdigest()[:16]}"

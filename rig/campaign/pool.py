@@ -6,18 +6,19 @@ died raises one of ``lost``; the campaign then flies its runs alone.
 
 from __future__ import annotations
 
+import logging
 import multiprocessing
 import os
 import signal
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import wait
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from rig.errors import BadInput, RigError
 
@@ -31,6 +32,8 @@ _SETTINGS: Final = {
     "MALLOC_TRIM_THRESHOLD_": str(1 << 30),
     "PYTHONSAFEPATH": "1",  # no module of the present folder
 }
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 
 def get_ready() -> None:
@@ -80,7 +83,7 @@ class Local:
             return lost
 
     def renew(self) -> None:
-        """As good as new, after a worker died."""
+        """Replace the executor after a worker died."""
         self._executor.shutdown(wait=True, cancel_futures=True)
         self._executor = self._new()
 
@@ -98,7 +101,7 @@ class Cluster:
     breaks = False
 
     def __init__(self, address: str) -> None:
-        """BadInput when the scheduler does not answer, or has no worker."""
+        """Raise BadInput when the scheduler does not answer, or has no worker."""
         try:
             from distributed import Client
             from distributed.scheduler import KilledWorker
@@ -122,7 +125,7 @@ class Cluster:
         return self._executor.submit(function, *arguments)
 
     def renew(self) -> None:
-        """Nothing: the cluster replaces its workers itself."""
+        """Do nothing: the cluster replaces its workers itself."""
 
     def close(self, kill: bool = False) -> None:
         """Leave the cluster as it was."""
@@ -134,11 +137,30 @@ class Cluster:
 Pool = Local | Cluster
 
 
-def _begin() -> None:
-    """A worker's first act: Ctrl-C and SIGHUP are the parent's, and without the parent there is nothing to do."""
+def each(
+    function: Callable[[Item], Result], items: Sequence[Item], workers: int, chunk: int = 1, **begin: Any
+) -> Iterator[Result]:
+    """Yield ``function`` of every item, in their order, from several processes; an interruption begins no more of them.
+
+    begin : ``initializer`` and ``initargs`` of a worker, as of ProcessPoolExecutor
+    """
+    with ProcessPoolExecutor(workers, **begin) as executor:
+        try:
+            yield from executor.map(function, items, chunksize=chunk)
+        finally:
+            executor.shutdown(cancel_futures=True)
+
+
+def leave_interrupts_to_parent() -> None:
+    """Ignore Ctrl-C and the signal of a terminal that is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "SIGHUP"):
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
+
+
+def _begin() -> None:
+    """Begin a worker, which ends with its parent: without it there is nothing to do."""
+    leave_interrupts_to_parent()
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     parent = multiprocessing.parent_process()
     if parent is not None:
@@ -152,7 +174,7 @@ def _end_with(sentinel: int) -> None:
 
 @contextmanager
 def _environment(values: dict[str, str]) -> Iterator[None]:
-    """Environment variables for the processes that are started within; those that are set already stay."""
+    """Set environment variables for the processes that are started within; those that are set already stay."""
     new = {name: value for name, value in values.items() if name not in os.environ}
     os.environ.update(new)
     try:
@@ -164,9 +186,7 @@ def _environment(values: dict[str, str]) -> Iterator[None]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Dask logs what it tries; our one line reports the result."""
-    import logging
-
+    """Silence Dask, which logs what it tries; our one line reports the result."""
     logger = logging.getLogger("distributed")
     level = logger.level
     logger.setLevel(logging.CRITICAL)

@@ -18,7 +18,7 @@ from rig.record.histogram import binned
 from rig.scenario import Scenario
 
 if TYPE_CHECKING:
-    from rig.campaign.flying import Flown
+    from rig.campaign.flying import CampaignFlight
 
 Row = dict[str, Any]
 Rows = dict[str, list[Row]]  # by table
@@ -26,8 +26,8 @@ TABLES: Final[tuple[str, ...]] = ("runs", "faults", "alarms", "episodes", "signa
 OUTCOMES: Final = {outcome: outcome.replace(" ", "_") for outcome in get_args(Outcome)}  # and their columns in ``runs``
 
 
-def run_row(number: int, flown: Flown, scored: Score) -> Row:
-    """Return the row of table ``runs``."""
+def run_row(number: int, flown: CampaignFlight, scored: Score) -> Row:
+    """The row of table ``runs``."""
     scenario, verdict = flown.scenario, flown.verdict
     outcomes, transients = [fault.outcome for fault in scored.faults], scored.flight.transients
     return {

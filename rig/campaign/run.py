@@ -1,6 +1,6 @@
-"""Flying a campaign: hand out the runs that are missing, write each batch when it comes back.
+"""Fly a campaign: hand out the runs that are missing, write each batch when it comes back.
 
-A worker's death costs only time: what was in flight is flown again, alone (alone.py).  Ctrl-C, SIGTERM and SIGHUP
+A worker's death costs only time: what was in flight is flown again, alone (worker.py).  Ctrl-C, SIGTERM and SIGHUP
 let the batches under way come in; a second Ctrl-C leaves them.
 """
 
@@ -17,14 +17,11 @@ from typing import Any, Final
 import polars as pl
 
 from rig.campaign import table
-from rig.campaign.alone import fly_alone
-from rig.campaign.flying import Orders, fly_batch
 from rig.campaign.folder import Folder
-from rig.campaign.identity import rig_identity
-from rig.campaign.plan import Plan, Run
+from rig.campaign.plan import Plan, Run, rig_identity
 from rig.campaign.pool import Cluster, Local, Pool
 from rig.campaign.rows import Rows
-from rig.campaign.units import fits
+from rig.campaign.worker import Orders, fly_alone, fly_batch
 from rig.errors import BadInput, RigError
 from rig.flight.assembly import Flight, fly
 from rig.unit.settings import Unit
@@ -33,7 +30,6 @@ from rig.util.interrupt import Stop, interruptible
 AHEAD: Final = 2  # batches handed out for each worker: one it flies, one that waits
 NOT_FLOWN: Final = ("crashed", "timed out", "failed", "unit dead", "unit refused")
 PATIENCE: Final = 10  # workers that may die in a row without a single batch coming in
-
 
 Task = tuple[Callable[[Sequence[Run], Orders], Rows], list[int]]
 
@@ -50,7 +46,7 @@ class Progress:
 
     @property
     def flights_per_s(self) -> float:
-        """Rate of this call."""
+        """Return the rate of this call."""
         return self.flown / max(time.perf_counter() - self.began, 1e-9)
 
     def add(self, rows: Rows) -> None:
@@ -66,7 +62,7 @@ Report = Callable[[Progress], None]
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What a call of ``run`` came to."""
+    """The outcome of a call of ``run``."""
 
     out: Path
     runs: int
@@ -80,18 +76,14 @@ class Result:
     signal: int = 0  # that interrupted it
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain data, as ``rig campaign run --json`` prints it."""
-        counts = {name.replace(" ", "_"): self.outcomes.get(name, 0) for name in NOT_FLOWN}
+        """Return plain data, as ``rig campaign run --json`` prints it."""
         return {
             "out": str(self.out),
-            "runs": self.runs,
-            "done": self.done,
-            **counts,
+            **{name: getattr(self, name) for name in ("runs", "done")},
+            **{name.replace(" ", "_"): self.outcomes.get(name, 0) for name in NOT_FLOWN},
             "table_sha256": self.table_sha256,
             "flown_now": self.flown,
-            "flights_per_s": self.flights_per_s,
-            "wall_s": self.wall_s,
-            "interrupted": self.interrupted,
+            **{name: getattr(self, name) for name in ("flights_per_s", "wall_s", "interrupted")},
         }
 
 
@@ -114,8 +106,9 @@ def run(
     """
     how = plan.campaign.run
     count = plan.count(runs)
-    most = fits(unit, workers) or how.workers
-    pool = Local(most) if scheduler is None else Cluster(scheduler)  # first: workers get ready during the checks
+    pool = (
+        Local(_workers(unit, workers) or how.workers) if scheduler is None else Cluster(scheduler)
+    )  # first: workers get ready during the checks
     kill = True
     try:
         plan.check()
@@ -144,8 +137,24 @@ def run(
         pool.close(kill)
 
 
+def _workers(unit: Unit | None, workers: int | None) -> int | None:
+    """Return how many workers may fly: a box at an address is one.
+
+    BadInput: more are asked for; a class is no unit in a campaign.
+    """
+    if unit is None:
+        return workers
+    if unit.carrier == "python":
+        raise BadInput(f"{unit.source}: in a campaign a class is named by --set redundancy.manager={unit.manager}")
+    if unit.address is None:
+        return workers
+    if workers is not None and workers > 1:
+        raise BadInput(f"--workers {workers}: the unit at {unit.address} is one, and flies one flight at a time")
+    return 1
+
+
 def again(folder: Folder, number: int, out: Path, unit: Unit | None = None) -> tuple[Flight, str | None]:
-    """Fly a run once more, alone, with its full log in ``out``; and the digest that the table has of it, if any."""
+    """Fly a run once more, alone, with its full log in ``out``; return the digest that the table has of it, if any."""
     if number >= len(folder.plan):
         raise BadInput(f"--run {number}: must be from 0 to {len(folder.plan) - 1}")
     folder.require(unit)
@@ -193,7 +202,7 @@ class _Flying:
             self.out[self.pool.submit(function, runs, self.orders)] = numbers
 
     def _take_in(self) -> list[list[int]]:
-        """Write the batches that have come in; the runs of those that are lost with their worker."""
+        """Write the batches that have come in; return the runs of those that are lost with their worker."""
         came = wait(self.out, timeout=0.5, return_when=FIRST_COMPLETED).done
         if self.pool.breaks and any(isinstance(future.exception(), self.pool.lost) for future in came):
             came = wait(self.out).done  # none of the others will be flown either
@@ -207,8 +216,8 @@ class _Flying:
             except RigError:
                 raise
             except Exception as error:
-                said = " ".join(str(error).split())
-                raise RigError(f"a worker failed: {type(error).__name__}: {said}") from error
+                text = " ".join(str(error).split())
+                raise RigError(f"a worker failed: {type(error).__name__}: {text}") from error
             else:
                 self.folder.write(rows)
                 self.progress.add(rows)
@@ -217,22 +226,22 @@ class _Flying:
 
 
 def _result(folder: Folder, count: int, progress: Progress, before: set[int], stop: Stop) -> Result:
-    """What the call came to, from the tables as they are on the disk. RigError when a run is not in them any more."""
+    """Return the outcome of the call, from the tables on the disk. RigError when a run is not in them any more."""
     try:
         tables = folder.tables
     except BadInput as error:
         raise RigError(str(error)) from None
-    lost = len(before) + progress.flown - len(tables["runs"])
+    flown = len(before) + progress.flown
+    lost = flown - len(tables["runs"])
     if lost:
-        said = f"{lost} of {len(before) + progress.flown} runs that were flown are no longer in the tables"
-        raise RigError(f"{folder.path}: {said}; the same command flies them again")
-    outcomes = tables["runs"]["outcome"].to_list()
+        text = f"{lost} of {flown} runs that were flown are no longer in the tables"
+        raise RigError(f"{folder.path}: {text}; the same command flies them again")
     return Result(
         out=folder.path,
         runs=count,
         done=progress.done,
         flown=progress.flown,
-        outcomes=dict(Counter(outcomes)),
+        outcomes=dict(Counter(tables["runs"]["outcome"].to_list())),
         table_sha256=table.sha256(tables),
         flights_per_s=progress.flights_per_s,
         wall_s=time.perf_counter() - progress.began,

@@ -24,13 +24,13 @@ Valuer = Callable[[float], Any]
 
 
 def seed_of(campaign: Campaign, run: int) -> int:
-    """The seed of one run's flight: from the campaign's seed and the run's number alone."""
+    """Return the seed of one run's flight: from the campaign's seed and the run's number alone."""
     state = SeedSequence(campaign.seed, spawn_key=(_RUNS, run)).generate_state(1, np.uint64)
     return int(state[0]) >> 1
 
 
 def choices(campaign: Campaign) -> list[Choice]:
-    """What each run varies, in the order of the runs."""
+    """Return what each run varies, in the order of the runs."""
     if campaign.sampling == "stratified":
         return _stratified(campaign)
     if campaign.sampling != "grid":
@@ -48,7 +48,7 @@ def _axes(campaign: Campaign) -> Iterator[list[Choice]]:
 
 
 def _inside(case: Case) -> list[Choice]:
-    """The points of the grid within a case."""
+    """Return the points of the grid within a case."""
     axes = ([{key: value} for value in levels(vary)] for key, vary in case.vary.items())
     return [_joined(parts) for parts in product(*axes)]
 
@@ -58,7 +58,7 @@ def _joined(parts: tuple[Choice, ...]) -> Choice:
 
 
 def levels(vary: Vary) -> list[Any]:
-    """The values of a grid's axis."""
+    """Return the values of a grid's axis."""
     if isinstance(vary, Levels):
         return vary.values
     count = vary.levels or 1
@@ -72,7 +72,7 @@ def levels(vary: Vary) -> list[Any]:
 
 
 def valuer(vary: Vary) -> Valuer:
-    """The value below which a share (0 to 1, excluded) of what varies lies."""
+    """Return the value below which a share (0 to 1, excluded) of what varies lies."""
     if isinstance(vary, Levels):
         values, count = vary.values, len(vary.values)
         return lambda share: values[int(share * count)]
@@ -91,7 +91,7 @@ def valuer(vary: Vary) -> Valuer:
 
 
 def _sampled(campaign: Campaign) -> list[Choice]:
-    """What the points of the unit cube mean."""
+    """Map the points of the unit cube to choices."""
     points = _points(campaign)
     valuers = {id(vary): valuer(vary) for _, vary in campaign.varied()}
     if campaign.cases or not campaign.vary:
@@ -102,7 +102,7 @@ def _sampled(campaign: Campaign) -> list[Choice]:
 
 
 def _stratified(campaign: Campaign) -> list[Choice]:
-    """Every combination of the cases in turn, the last group fastest; what varies is drawn for each run."""
+    """Choose every combination of the cases in turn, the last group fastest; what varies is drawn for each run."""
     turns = [[case.name for case in cases] for cases in campaign.cases.values()]
     count = math.prod(map(len, turns))
     valuers = {id(vary): valuer(vary) for _, vary in campaign.varied()}
@@ -114,7 +114,7 @@ def _stratified(campaign: Campaign) -> list[Choice]:
 
 
 def _in_order(campaign: Campaign, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """``points``, whose first columns are those of the cases, with every group's before those of its own keys."""
+    """Move the columns of the cases, the first of ``points``, each before the columns of its group's own keys."""
     order, rest = [], len(campaign.cases)
     for column, cases in enumerate(campaign.cases.values()):
         depth = _depth(cases)
@@ -124,7 +124,7 @@ def _in_order(campaign: Campaign, points: NDArray[np.float64]) -> NDArray[np.flo
 
 
 def _of_cases(campaign: Campaign, points: NDArray[np.float64], valuers: dict[int, Valuer]) -> list[Choice]:
-    """What points of the unit cube mean, where there are cases."""
+    """Map points of the unit cube to choices, where there are cases."""
     depths = [_depth(cases) for cases in campaign.cases.values()]
     return [_at(campaign, point, depths, valuers) for point in points.tolist()]
 
@@ -146,7 +146,7 @@ def _depth(cases: list[Case]) -> int:
 
 
 def _points(campaign: Campaign) -> NDArray[np.float64]:
-    """(runs, dimensions) points of the unit cube."""
+    """Draw (runs, dimensions) points of the unit cube."""
     runs = campaign.runs or 1
     dimensions = len(campaign.vary) + sum(1 + _depth(cases) for cases in campaign.cases.values())
     rng = np.random.default_rng(SeedSequence(campaign.seed, spawn_key=(_POINTS,)))

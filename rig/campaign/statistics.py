@@ -36,7 +36,7 @@ class Rate:
 
 
 def proportion(count: int, trials: int, confidence: float = CONFIDENCE) -> Rate:
-    """A probability with its Clopper-Pearson interval."""
+    """Return a probability with its Clopper-Pearson interval."""
     if trials == 0:
         return Rate(0, 0, None, None, None)
     interval = binomtest(count, trials).proportion_ci(confidence_level=confidence, method="exact")
@@ -44,7 +44,7 @@ def proportion(count: int, trials: int, confidence: float = CONFIDENCE) -> Rate:
 
 
 def poisson(count: int, hours: float, confidence: float = CONFIDENCE) -> Rate:
-    """A rate an hour with its exact Poisson interval."""
+    """Return a rate an hour with its exact Poisson interval."""
     if hours <= 0:
         return Rate(count, 0.0, None, None, None)
     tail = (1.0 - confidence) / 2.0
@@ -80,7 +80,7 @@ def detectable(
     probabilities: tuple[float, ...] = (0.5, 0.99),
     confidence: float = CONFIDENCE,
 ) -> Detectable | None:
-    """The smallest detectable magnitude, from trials (n,) of magnitudes above 0 and whether each was detected.
+    """Fit the smallest detectable magnitude to trials (n,) of magnitudes above 0 and whether each was detected.
 
         logit P(detected) = slope (ln magnitude - ln m50)
 
@@ -93,13 +93,13 @@ def detectable(
         return None
     fit = _Logistic(x, n, k)
     separated = float(x[k > 0].min()) >= float(x[k < n].max())
-    found = [_magnitude(fit, p, separated, confidence) for p in probabilities]
+    estimates = [_magnitude(fit, p, separated, confidence) for p in probabilities]
     slope = None if separated else exp(fit.best[1])
-    return Detectable(int(n.sum()), int(k.sum()), slope, separated, found)
+    return Detectable(int(n.sum()), int(k.sum()), slope, separated, estimates)
 
 
 def _grouped(magnitudes: NDArray[np.float64], detected: NDArray[np.bool_]) -> tuple[NDArray[np.float64], ...]:
-    """ln of each different magnitude, trials and detections there."""
+    """Return ln of each different magnitude, trials and detections there."""
     usable = np.isfinite(magnitudes) & (magnitudes > 0)
     x, index = np.unique(np.log(magnitudes[usable]), return_inverse=True)
     n, k = np.zeros(len(x)), np.zeros(len(x))
@@ -117,30 +117,30 @@ class _Logistic:
         self.best = self._climb()
 
     def loss(self, at: float, steepness: float, shift: float) -> float:
-        """Minus the log likelihood; ``shift`` is the logit of the probability that is reached at ``at``."""
+        """Return minus the log likelihood; ``shift`` is the logit of the probability that is reached at ``at``."""
         z = exp(steepness) * (self.x - at) + shift
         return float(-(self.k * log_expit(z) + (self.n - self.k) * log_expit(-z)).sum())
 
     def profile(self, at: float, shift: float) -> float:
-        """The least loss over all slopes."""
+        """Return the least loss over all slopes."""
         return float(self._slope(at, shift).fun)
 
     def _slope(self, at: float, shift: float) -> Any:
         return _least(lambda s: self.loss(at, s, shift), np.linspace(_FLATTEST, _STEEPEST, 25))
 
     def _climb(self) -> tuple[float, float]:
-        """(ln m50, ln slope) of the largest likelihood."""
-        found = _least(lambda m: self.profile(m, 0.0), np.linspace(self.x[0], self.x[-1], 41), xatol=1e-9)
-        return float(found.x), float(self._slope(float(found.x), 0.0).x)
+        """Return (ln m50, ln slope) of the largest likelihood."""
+        best = _least(lambda m: self.profile(m, 0.0), np.linspace(self.x[0], self.x[-1], 41), xatol=1e-9)
+        return float(best.x), float(self._slope(float(best.x), 0.0).x)
 
     @property
     def least(self) -> float:
-        """The loss of the best fit."""
+        """Return the loss of the best fit."""
         return self.loss(*self.best, 0.0)
 
 
 def _least(function: Callable[[float], float], grid: NDArray[np.float64], **options: float) -> Any:
-    """The minimum of a function that may have several: a coarse look over ``grid`` first."""
+    """Find the minimum of a function that may have several: a coarse look over ``grid`` first."""
     near = int(np.argmin([function(at) for at in grid]))
     bounds = (grid[max(near - 1, 0)], grid[min(near + 1, len(grid) - 1)])
     return minimize_scalar(function, bounds=bounds, method="bounded", options=options)
@@ -161,7 +161,7 @@ def _magnitude(fit: _Logistic, probability: float, separated: bool, confidence: 
 
 
 def _crossing(above: Callable[[float], float], inside: float, outside: float) -> float | None:
-    """Where the profile leaves the interval between ``inside`` and ``outside``; None when it does not."""
+    """Return where the profile leaves the interval between ``inside`` and ``outside``; None when it does not."""
     step, last = (outside - inside) / 200.0, inside
     for i in range(1, 201):
         at = inside + i * step
@@ -185,7 +185,7 @@ class McNemar:
 
 
 def mcnemar(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> McNemar:
-    """Exact paired comparison of two outcomes (n,) of the same trials."""
+    """Make an exact paired comparison of two outcomes (n,) of the same trials."""
     b, c = int((first & ~second).sum()), int((~first & second).sum())
     p = 1.0 if b + c == 0 else float(binomtest(b, b + c, 0.5).pvalue)
     both, neither = int((first & second).sum()), int((~first & ~second).sum())

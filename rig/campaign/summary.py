@@ -1,4 +1,4 @@
-"""What the tables of a campaign say: every figure of the report, as plain data."""
+"""Figures from the tables of one campaign, every one of its report, and from two on the same seeds; plain data."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ import numpy as np
 import polars as pl
 
 from rig.assess.words import BY_DESIGN
-from rig.campaign.folder import Folder
+from rig.campaign.folder import Folder, difference
 from rig.campaign.plan import Plan
-from rig.campaign.statistics import detectable, poisson, proportion
+from rig.campaign.statistics import detectable, mcnemar, poisson, proportion
 from rig.campaign.table import COUNTED
+from rig.errors import BadInput
 from rig.record.histogram import names
 
 Tables = dict[str, pl.DataFrame]
@@ -23,12 +24,25 @@ MOST_LEVELS: Final = 12  # of a magnitude that are shown one by one; more are pu
 BINS: Final = 8
 WORST: Final = 10
 _QUANTILES: Final = {"min": 0.0, "median": 0.5, "p95": 0.95, "max": 1.0}
+_SEEN: Final = ("patterns", "levels", "pattern_transitions", "level_transitions")
+# What is compared of two campaigns, by run and by fault.
+_BY_RUN: Final = {
+    "survived": pl.col("survived"),
+    "no false alarm": pl.col("false_alarms") == 0,
+    "no wrong isolation": pl.col("wrong_isolations") == 0,
+    "no fault missed": pl.col("missed") == 0,
+}
+_BY_FAULT: Final = {
+    "fault detected": pl.col("outcome") == "detected",
+    "fault rightly isolated": pl.col("isolation") == "right",
+}
 
 
 def summary(folder: Folder) -> dict[str, Any]:
-    """All figures of a campaign's folder."""
+    """Return all figures of a campaign's folder."""
     tables, plan = folder.tables, folder.plan
     faults = acted(tables)
+    with_size = faults.filter(pl.col("size").is_not_null())
     return {
         "title": plan.campaign.title or str(folder.path),
         "folder": str(folder.path),
@@ -38,11 +52,11 @@ def summary(folder: Folder) -> dict[str, Any]:
         "varied": varied(plan),
         "headline": headline(tables),
         "by_kind": rates(faults, ["signal", "kind"]),
-        "by_magnitude": rates(faults.filter(pl.col("size").is_not_null()), ["signal", "kind", "size"]),
+        "by_magnitude": rates(with_size, ["signal", "kind", "size"]),
         "by_pattern": rates(faults, ["pattern"]),
         "by_resolver": by_resolver(tables),
         "by_varied": by_varied(tables, plan),
-        "by_place": rates(faults.filter(pl.col("size").is_not_null()), ["signal", "kind", "place", "size"]),
+        "by_place": rates(with_size, ["signal", "kind", "place", "size"]),
         "false_alarms_by_signal": false_alarms(tables),
         "delays": delays(faults),
         "detectable": smallest(faults),
@@ -54,39 +68,39 @@ def summary(folder: Folder) -> dict[str, Any]:
 
 
 def replies(runs: pl.DataFrame) -> dict[str, Any] | None:
-    """The reply times of a unit under test, all frames of all runs in the bins of histogram.py; None without one."""
+    """Add up the reply times of a unit under test over all frames of all runs, by histogram.py; None without one."""
     counted = runs["replies"].drop_nulls()
     if counted.is_empty():
         return None
-    counts = np.sum([one.to_numpy() for one in counted], axis=0)
+    counts = np.sum([bins.to_numpy() for bins in counted], axis=0)
     return {"runs": len(counted), "frames": int(counts.sum()), "bins_us": names(), "counts": counts.tolist()}
 
 
 def flown(tables: Tables) -> pl.DataFrame:
-    """The runs that were flown to an end of their own."""
+    """Return the runs that were flown to an end of their own."""
     return tables["runs"].filter(pl.col("outcome") == "flown")
 
 
 def acted(tables: Tables) -> pl.DataFrame:
-    """The faults that acted on a channel in use, each with the place it was flown at and the size it is shown under."""
+    """Return the faults that acted on a channel in use, each with its place and the size it is shown under."""
     place = pl.format("{} {}", "aircraft", "flight_point").alias("place")
     faults = tables["faults"].join(tables["runs"].select("run", place), on="run", how="left")
     return sized(faults.filter((pl.col("outcome") != "not executed") & pl.col("channel").is_not_null()))
 
 
 def sized(faults: pl.DataFrame) -> pl.DataFrame:
-    """``faults`` with ``size``: the magnitude, or the middle of its bin where there are too many to show."""
+    """Add ``size`` to faults: the magnitude, or the middle of its bin where there are too many to show."""
     parts = []
     for _, part in faults.group_by(["signal", "kind"], maintain_order=True):
-        known = part["magnitude"].drop_nulls()
-        values = np.unique(known.to_numpy()) if len(known) else np.array([])
+        magnitudes = part["magnitude"].drop_nulls()
+        values = np.unique(magnitudes.to_numpy()) if len(magnitudes) else np.array([])
         size = part["magnitude"] if len(values) <= MOST_LEVELS else _binned(part["magnitude"], values)
         parts.append(part.with_columns(size.alias("size")))
     return pl.concat(parts) if parts else faults.with_columns(pl.lit(None, pl.Float64).alias("size"))
 
 
 def _binned(magnitude: pl.Series, values: Any) -> pl.Series:
-    """Each magnitude as the middle of one of BINS bins of about the same number of values."""
+    """Replace each magnitude by the middle of one of BINS bins of about the same number of values."""
     edges = np.quantile(values, np.linspace(0.0, 1.0, BINS + 1))
     middles = np.array([(a + b) / 2.0 for a, b in pairwise(edges)])
     which = np.clip(np.searchsorted(edges, magnitude.to_numpy(), side="right") - 1, 0, BINS - 1)
@@ -94,7 +108,7 @@ def _binned(magnitude: pl.Series, values: Any) -> pl.Series:
 
 
 def headline(tables: Tables) -> dict[str, Any]:
-    """The campaign in a few figures."""
+    """Return the campaign in a few figures."""
     runs, faults = flown(tables), acted(tables)
     exceeded = faults.filter(pl.col("outcome") != "undetectable")
     return {
@@ -114,9 +128,14 @@ def headline(tables: Tables) -> dict[str, Any]:
     }
 
 
-def _share(of: pl.Series) -> dict[str, Any]:
-    """How many of the values are true, with the interval; what is null is not."""
-    return asdict(proportion(int(of.sum()), len(of)))
+def _counted(count: int, trials: int) -> dict[str, Any]:
+    """Return so many of the trials, with the interval."""
+    return asdict(proportion(count, trials))
+
+
+def _share(values: pl.Series) -> dict[str, Any]:
+    """Return how many of the values are true, with the interval; what is null is not."""
+    return _counted(int(values.sum()), len(values))
 
 
 def _alarm_rate(runs: pl.DataFrame) -> dict[str, Any]:
@@ -124,34 +143,32 @@ def _alarm_rate(runs: pl.DataFrame) -> dict[str, Any]:
 
 
 def _groups(rows: pl.DataFrame, by: Sequence[str]) -> Iterator[tuple[dict[str, Any], pl.DataFrame]]:
-    """The keys and the rows of every group, sorted by the keys."""
+    """Yield the keys and the rows of every group, sorted by the keys."""
     for key, part in rows.sort(by, nulls_last=True).group_by(by, maintain_order=True):
         yield dict(zip(by, key, strict=True)), part
 
 
 def rates(faults: pl.DataFrame, by: list[str]) -> list[dict[str, Any]]:
-    """Detection and isolation of every group of faults, with intervals.
+    """Return detection and isolation of every group of faults, with intervals.
 
     detection is of the faults whose error left the threshold, detection_of_all of every one that acted.
     """
-    found = []
-    for key, part in _groups(faults, by):
-        exceeded = part.filter(pl.col("outcome") != "undetectable")
-        found.append(
-            {
-                **key,
-                "acted": len(part),
-                "detection": _share(exceeded["outcome"] == "detected"),
-                "detection_of_all": _share(part["outcome"] == "detected"),
-                "right_isolation": _share(exceeded["isolation"] == "right"),
-                "wrong_isolation": _share(exceeded["isolation"] == "wrong"),
-            }
-        )
-    return found
+    return [{**key, **_rates(part)} for key, part in _groups(faults, by)]
+
+
+def _rates(faults: pl.DataFrame) -> dict[str, Any]:
+    exceeded = faults.filter(pl.col("outcome") != "undetectable")
+    return {
+        "acted": len(faults),
+        "detection": _share(exceeded["outcome"] == "detected"),
+        "detection_of_all": _share(faults["outcome"] == "detected"),
+        "right_isolation": _share(exceeded["isolation"] == "right"),
+        "wrong_isolation": _share(exceeded["isolation"] == "wrong"),
+    }
 
 
 def by_resolver(tables: Tables) -> list[dict[str, Any]]:
-    """Channels that were failed, by who decided: how many of them were the faulty ones; none that a rule failed."""
+    """Count channels that were failed, by resolver: how many were the faulty ones; none that a rule failed."""
     right = tables["faults"].filter(pl.col("outcome") == "detected")["resolver"].to_list()
     by_design = pl.col("kind").is_in(BY_DESIGN).fill_null(value=False)
     wrong = tables["alarms"].filter(~by_design)["resolver"].to_list()
@@ -161,33 +178,34 @@ def by_resolver(tables: Tables) -> list[dict[str, Any]]:
             "resolver": name,
             "faulty": right.count(name),
             "healthy": wrong.count(name),
-            "right": asdict(proportion(right.count(name), right.count(name) + wrong.count(name))),
+            "right": _counted(right.count(name), right.count(name) + wrong.count(name)),
         }
         for name in names
     ]
 
 
 def varied(plan: Plan) -> list[str]:
-    """The keys that vary between the runs."""
+    """Return the keys that vary between the runs."""
     return list(dict.fromkeys(key for choice in plan.choices for key in choice))
 
 
 def by_varied(tables: Tables, plan: Plan) -> list[dict[str, Any]]:
-    """Survival and false alarms at every level of what varies by name or by few numbers."""
-    runs, found = flown(tables), []
+    """Return survival and false alarms at every level of what varies by name or by few numbers."""
+    runs = flown(tables)
+    rows = []
     for column in varied(plan):
         levels = runs[column].drop_nulls().unique().sort() if column in runs.columns else []
         if not 2 <= len(levels) <= MOST_LEVELS:
             continue
         for level in levels:
             part = runs.filter(pl.col(column) == level)
-            row = {"key": column, "level": level, "runs": len(part)}
-            found.append({**row, "survival": _share(part["survived"]), "false_alarms": _alarm_rate(part)})
-    return found
+            rates = {"survival": _share(part["survived"]), "false_alarms": _alarm_rate(part)}
+            rows.append({"key": column, "level": level, "runs": len(part), **rates})
+    return rows
 
 
 def false_alarms(tables: Tables) -> list[dict[str, Any]]:
-    """Healthy channels that were failed, by signal."""
+    """Count healthy channels that were failed, by signal."""
     alarms = tables["alarms"]
     if alarms.is_empty():
         return []
@@ -195,44 +213,45 @@ def false_alarms(tables: Tables) -> list[dict[str, Any]]:
 
 
 def delays(faults: pl.DataFrame) -> list[dict[str, Any]]:
-    """Delays of detection by signal and kind: from the onset, and from where the error left the threshold."""
-    detected, found = faults.filter(pl.col("outcome") == "detected"), []
-    for key, part in _groups(detected, ["signal", "kind"]):
-        row = {**key, "detected": len(part)}
-        for name in ("delay_from_onset_s", "delay_from_exceeded_s"):
-            values = part[name].drop_nulls()
-            row[name] = {q: values.quantile(share, "nearest") for q, share in _QUANTILES.items()}
-        found.append(row)
-    return found
+    """Return delays of detection by signal and kind: from the onset, and from where the error left the threshold."""
+    detected = faults.filter(pl.col("outcome") == "detected")
+    names = ("delay_from_onset_s", "delay_from_exceeded_s")
+    return [
+        {**key, "detected": len(part), **{name: _quantiles(part[name].drop_nulls()) for name in names}}
+        for key, part in _groups(detected, ["signal", "kind"])
+    ]
+
+
+def _quantiles(values: pl.Series) -> dict[str, float | None]:
+    return {name: values.quantile(share, "nearest") for name, share in _QUANTILES.items()}
 
 
 def smallest(faults: pl.DataFrame) -> list[dict[str, Any]]:
-    """The smallest detectable magnitude by signal and kind, of all faults that acted."""
-    found = []
-    for key, part in _groups(faults.filter(pl.col("magnitude").is_not_null()), ["signal", "kind"]):
-        detected = (part["outcome"] == "detected").to_numpy()
-        fit = detectable(part["magnitude"].to_numpy(), detected)
-        row = {**key, "acted": len(part), "detected": int(detected.sum())}
-        found.append({**row, "fit": None if fit is None else asdict(fit)})
-    return found
+    """Return the smallest detectable magnitude by signal and kind, of all faults that acted."""
+    return [
+        {**key, **_smallest(part["magnitude"].to_numpy(), (part["outcome"] == "detected").to_numpy())}
+        for key, part in _groups(faults.filter(pl.col("magnitude").is_not_null()), ["signal", "kind"])
+    ]
+
+
+def _smallest(magnitudes: Any, detected: Any) -> dict[str, Any]:
+    fit = detectable(magnitudes, detected)
+    return {"acted": len(detected), "detected": int(detected.sum()), "fit": None if fit is None else asdict(fit)}
 
 
 def resolvers(episodes: pl.DataFrame) -> list[dict[str, Any]]:
-    """The truth table of the resolvers, over all patterns and for each.
+    """Return the truth table of the resolvers, over all patterns and for each.
 
     asked: episodes in which it was asked; answered: in whose last frame its answer stood; right: it failed only
     faulty channels; wrong: it failed a healthy one; open: nobody was failed before the pattern went away.
     """
-    found = []
-    patterns = ["all", *sorted(episodes["pattern"].unique())]
-    names = sorted({name for asked in episodes["asked"] for name in asked})
-    for pattern in patterns:
+    rows = []
+    for pattern in ["all", *sorted(episodes["pattern"].unique())]:
         part = episodes if pattern == "all" else episodes.filter(pl.col("pattern") == pattern)
-        for name in names:
+        for name in sorted({name for asked in part["asked"] for name in asked}):
             asked = int(part["asked"].list.contains(name).sum())
-            if asked:
-                found.append({"resolver": name, "pattern": pattern, **_answers(part, name, asked)})
-    return found
+            rows.append({"resolver": name, "pattern": pattern, **_answers(part, name, asked)})
+    return rows
 
 
 def _answers(episodes: pl.DataFrame, name: str, asked: int) -> dict[str, Any]:
@@ -242,24 +261,22 @@ def _answers(episodes: pl.DataFrame, name: str, asked: int) -> dict[str, Any]:
         "asked": asked,
         "answered": len(answered),
         **counts,
-        "answered_share": asdict(proportion(len(answered), asked)),
-        "right_share": asdict(proportion(counts["right"], counts["right"] + counts["wrong"])),
+        "answered_share": _counted(len(answered), asked),
+        "right_share": _counted(counts["right"], counts["right"] + counts["wrong"]),
     }
 
 
-_SEEN: Final = ("patterns", "levels", "pattern_transitions", "level_transitions")
-
-
 def coverage(runs: pl.DataFrame) -> list[dict[str, Any]]:
-    """Voter states that the campaign's flights met together, by signal, of how many a voter has."""
+    """Return the voter states that the campaign's flights met together, by signal, of how many a voter has."""
     seen: dict[str, dict[str, set[Any]]] = {}
-    possible: dict[str, dict[str, int]] = {}
+    possible: dict[str, dict[str, int]] = {}  # of the flights whose voter has most
     for text in runs["coverage"].drop_nulls().unique():
         for signal, covered in json.loads(text).items():
             sets = seen.setdefault(signal, {name: set() for name in _SEEN})
+            most = possible.setdefault(signal, dict.fromkeys(_SEEN, 0))
             for name in _SEEN:
                 sets[name] |= set(covered[name])
-            possible[signal] = {name: covered[f"{name}_possible"] for name in _SEEN}
+                most[name] = max(most[name], covered[f"{name}_possible"])
     return [
         {
             "signal": signal,
@@ -271,7 +288,7 @@ def coverage(runs: pl.DataFrame) -> list[dict[str, Any]]:
 
 
 def worst(folder: Folder) -> list[dict[str, Any]]:
-    """The flights to look at first: not flown, lost, wrong, alarmed, missed, then by the time of a bad vote."""
+    """Return the flights to look at first: not flown, lost, wrong, alarmed, missed, then by the time of a bad vote."""
     runs = folder.tables["runs"]
     order = [
         pl.col("outcome") != "flown",
@@ -280,13 +297,51 @@ def worst(folder: Folder) -> list[dict[str, Any]]:
         pl.col("vote_above_threshold_s").fill_null(0.0),
     ]
     ranked = runs.sort([*order, pl.col("run")], descending=[True] * len(order) + [False])
-    return [_flight(folder, row) for row in ranked.drop("coverage", "digest").head(WORST).to_dicts()]
+    return [_worst_flight(folder, row) for row in ranked.drop("coverage", "digest").head(WORST).to_dicts()]
 
 
-def _flight(folder: Folder, row: dict[str, Any]) -> dict[str, Any]:
+def _worst_flight(folder: Folder, row: dict[str, Any]) -> dict[str, Any]:
     log = folder.logs / f"run_{row['run']:06d}.mcap"
+    fly = f"rig campaign fly {folder.path} --run {row['run']}"
+    return {**row, "fly": fly, "log": str(log) if log.is_file() else None}
+
+
+def compare(first: Folder, second: Folder) -> dict[str, Any]:
+    """Pair the outcomes of the runs that both have flown. BadInput when their seeds are not the same."""
+    (runs, faults), (other_runs, other_faults) = _compared(first), _compared(second)
+    runs = runs.join(other_runs, on=["run"], suffix="_second")
+    if runs.is_empty():
+        raise BadInput(f"{first.path} and {second.path} have no flown run in common")
+    if (runs["seed"] != runs["seed_second"]).any():
+        raise BadInput(f"{first.path} and {second.path} were not flown on the same seeds; nothing can be paired")
+    faults = faults.join(other_faults, on=["run", "fault", "channel"], suffix="_second")
+    faults = faults.filter((pl.col("outcome") != "not executed") & (pl.col("outcome_second") != "not executed"))
     return {
-        **row,
-        "fly": f"rig campaign fly {folder.path} --run {row['run']}",
-        "log": str(log) if log.is_file() else None,
+        "first": str(first.path),
+        "second": str(second.path),
+        "differs": difference(first.plan.identity(), second.plan.identity()),
+        "runs": len(runs),
+        "faults": len(faults),
+        "outcomes": [
+            *(_paired(runs, name, "run") for name in _BY_RUN),
+            *(_paired(faults, name, "fault") for name in _BY_FAULT),
+        ],
+    }
+
+
+def _compared(folder: Folder) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """Return the runs that were flown and the faults on channels, with the outcomes that are compared."""
+    runs = flown(folder.tables)
+    faults = folder.tables["faults"].filter(pl.col("channel").is_not_null())
+    return runs.with_columns(**_BY_RUN), faults.with_columns(**_BY_FAULT)
+
+
+def _paired(pairs: pl.DataFrame, name: str, unit: str) -> dict[str, Any]:
+    a, b = pairs[name].to_numpy().astype(bool), pairs[f"{name}_second"].to_numpy().astype(bool)
+    return {
+        "outcome": name,
+        "unit": unit,
+        "first": _counted(int(a.sum()), len(a)),
+        "second": _counted(int(b.sum()), len(b)),
+        "pairs": asdict(mcnemar(a, b)),
     }

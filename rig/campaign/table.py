@@ -119,7 +119,7 @@ _ORDER: Final = {
 
 
 def varied_columns(plan: Plan) -> dict[str, Any]:
-    """The columns of what varies: a key of the scenario or a group of cases each, typed by all their values."""
+    """Return the columns of what varies: a key of the scenario or a group of cases each, typed by all their values."""
     values: dict[str, set[type]] = {}
     for choice in plan.choices:
         for key, value in choice.items():
@@ -135,7 +135,7 @@ def _type(types: set[type]) -> Any:
 
 @lru_cache(maxsize=16)
 def schema(plan: Plan, table: str) -> dict[str, Any]:
-    """Column names and types of one table; ``runs`` has what varies behind its number and seed."""
+    """Return column names and types of one table; ``runs`` has what varies behind its number and seed."""
     if table != "runs":
         return COLUMNS[table]
     first = {"run": RUNS["run"], "seed": RUNS["seed"]}
@@ -143,7 +143,7 @@ def schema(plan: Plan, table: str) -> dict[str, Any]:
 
 
 def frame(plan: Plan, table: str, rows: Sequence[Row]) -> pl.DataFrame:
-    """Rows as a typed table, what varies written beside them."""
+    """Build a typed table of rows, what varies written beside them."""
     columns = schema(plan, table)
     if table == "runs":
         rows = [{**plan.choices[row["run"]], **row} for row in rows]
@@ -151,20 +151,20 @@ def frame(plan: Plan, table: str, rows: Sequence[Row]) -> pl.DataFrame:
 
 
 def _cell(value: Any, kind: Any) -> Any:
-    """A value of a column; one that varies may be of several kinds, and is then written as JSON."""
+    """Convert a value of a column; one that varies may be of several kinds, and is then written as JSON."""
     as_it_is = value is None or isinstance(value, str) or kind != pl.String
     return value if as_it_is else json.dumps(value, sort_keys=True)
 
 
 def joined(table: str, frames: Sequence[pl.DataFrame]) -> pl.DataFrame:
-    """The parts of one table, in the order of the runs."""
+    """Join the parts of one table, in the order of the runs."""
     if not frames:
         return pl.DataFrame(schema=COLUMNS[table])
     return pl.concat(frames).sort(_ORDER[table], maintain_order=True)
 
 
 def sha256(tables: dict[str, pl.DataFrame]) -> str:
-    """One hash of all tables: sorted rows, every number written out exactly, no wall-clock column, none of COUNTED."""
+    """Compute one hash of all tables: sorted rows, every number exactly, no wall-clock column, none of COUNTED."""
     digest = hashlib.sha256()
     for name in TABLES:
         plain = tables[name].drop(*WALL_CLOCK, *COUNTED, strict=False)

@@ -1,9 +1,12 @@
-"""What a worker is forked from: everything imported, kernels compiled. For pool.py to import, there alone."""
+"""Import everything and compile the kernels, for the process that workers are forked from: pool.py preloads this file.
+
+The import is all that it does, so nothing else imports it.
+"""
 
 from contextlib import suppress
 
-from rig.campaign.flying import warm
+from rig.campaign.worker import warm
 from rig.errors import RigError
 
-with suppress(RigError):  # a worker comes upon it again, and says it
+with suppress(RigError):  # a worker meets it again, and reports it
     warm()

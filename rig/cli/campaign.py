@@ -164,8 +164,8 @@ def schema() -> None:
 @app.command()
 def compare(first: Dir, second: Dir, as_json: Json = False) -> None:
     """Compare two campaigns on the same seeds, run by run: exact paired tests (McNemar)."""
-    from rig.campaign.compare import compare as pair
     from rig.campaign.folder import open_folder
+    from rig.campaign.summary import compare as pair
 
     pairs = pair(open_folder(first), open_folder(second))
     emit(as_json, pairs, lambda: show.compare(pairs))

@@ -17,7 +17,7 @@ from rig.errors import BadInput
 from rig.util.progress import tell
 
 if TYPE_CHECKING:
-    from rig.reliability.chain_file import ChainResult
+    from rig.reliability.chain import ChainResult
     from rig.reliability.margin import Margin
     from rig.reliability.rates import SignalRates
     from rig.reliability.result import Result
@@ -44,7 +44,7 @@ def chain(
     as_json: Json = False,
 ) -> None:
     """Print the probability of every state of a chain that is given as rates."""
-    from rig.reliability.chain_file import solve_file
+    from rig.reliability.chain import solve_file
 
     solved = solve_file(file)
     emit(as_json, lambda: {**solved._asdict(), "death_probability": solved.of_death}, lambda: _show_chain(solved))
@@ -108,7 +108,7 @@ def plan(
     trials = needed(target, max(given.per_hour), hours=hours)
     seconds: list[float | None] = [None] * len(trials)
     if cost:
-        from rig.reliability.cost import measure
+        from rig.reliability.plan import measure
 
         measured = measure()
         seconds = [measured.of(each.trials, each.open_loop) for each in trials]
@@ -164,7 +164,7 @@ def margin(
 ) -> None:
     """Count how often healthy channels are failed, down to 1e-12 an hour, by splitting."""
     from rig.reliability.margin import FLOOR, Effort
-    from rig.reliability.margin_run import run
+    from rig.reliability.margin_target import run
 
     if target is not None and not FLOOR <= target <= 1.0:
         raise BadInput(f"--target: false isolations an hour of a channel, from {FLOOR:g} to 1, got {target:g}")
@@ -194,7 +194,7 @@ def _show_chain(solved: ChainResult) -> None:
 
 def _show_run(results: Sequence[Result], given: SignalRates, assumptions: Sequence[str]) -> None:
     """Print assumptions first, then the numbers, then what decides them."""
-    from rig.reliability.words import TITLES, decided_by
+    from rig.reliability.result import TITLES, decided_by
 
     line("This holds if:")
     for assumption in assumptions:
@@ -212,8 +212,7 @@ def _show_run(results: Sequence[Result], given: SignalRates, assumptions: Sequen
 
 def _numbers(shown: Sequence[str]) -> list[Column]:
     """Return the columns of a result: its case, the estimates ``shown``, perfect isolation, the targets."""
-    from rig.reliability.result import TARGETS
-    from rig.reliability.words import TITLES, interval
+    from rig.reliability.result import TARGETS, TITLES, interval
 
     def estimate(what: str) -> Column:
         return Column(TITLES[what], lambda result: interval(result.estimates[what]) if what in result.estimates else "")

@@ -58,7 +58,7 @@ def rate_bias(
     as_json: Json = False,
 ) -> None:
     """Fly biased rates and halved attitudes, by the plain and the fault-tolerant law: 1881 flights for each seed."""
-    from rig.studies import rate_bias, rate_bias_table
+    from rig.studies import rate_bias
     from rig.util.console import console
 
     numbers = range(1, seeds + 1)
@@ -66,7 +66,7 @@ def rate_bias(
     flights = random or rate_bias.grid(numbers)
     with working(f"flying {len(flights)} flights", not as_json):
         flown = rate_bias.study(flights, workers)
-    emit(as_json, lambda: rate_bias_table.as_dict(flown), lambda: rate_bias_table.show(flown, console()))
+    emit(as_json, lambda: rate_bias.as_dict(flown), lambda: rate_bias.show(flown, console()))
 
 
 def _laws(cases: Sequence[Summary], flights: int) -> None:

@@ -1,16 +1,15 @@
-"""What the next fault of a signal did, counted by cell: from a flown campaign `reliability`, or from open-loop trials.
+"""Cells from a folder: of a flown campaign `reliability`, counted here, or of open-loop trials.
 
-A cell is a signal, how many of its channels are good before the fault, a design (single, near, alike), a kind and a
-condition.  Every trial of a cell is one of three, by what follows the onset of its last fault to the end of the run:
+A folder of trials holds what they were drawn from, and what they came to:
 
-    known loss  the signal was declared lost: level 0 at any time
-    bad vote    it was not, and the vote was not kept (score/windows.py)
-    kept        neither
+trials.json               campaign, seed, number, manager, versions; written last: without it there is nothing
+cells.parquet             tally.COUNTS
+false_isolations.parquet  tally.FALSE_ISOLATIONS
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,45 +19,17 @@ from rig.campaign.folder import open_folder
 from rig.campaign.rows import by_level
 from rig.errors import BadInput
 from rig.frame import CHANNELS
+from rig.reliability.tally import CELL, COUNTS, DESIGNS, FALSE_ISOLATIONS, SECOND, TESTED, Cells, counted
 from rig.util.files import is_file
 
-TESTED, SECOND = "tested", "second"  # ids of the fault that is counted, and of a near one after it
-DESIGNS: Final = ("single", "near", "alike")
-AT_ONCE: Final = {"single": 1, "near": 2, "alike": 2}  # channels that fail
-CELL: Final = ("signal", "good_before", "design", "kind", "condition")
-COUNTS: Final[dict[str, Any]] = {
-    **dict.fromkeys(CELL, pl.String),
-    "good_before": pl.Int64,
-    **dict.fromkeys(("trials", "kept", "known_loss", "bad_vote"), pl.Int64),
-    **dict.fromkeys(("lost_aircraft_known", "lost_aircraft_bad"), pl.Int64),  # null where not flown
-    "announced": pl.Int64,  # kept, and every faulty channel of it failed
-    "settle_s_mean": pl.Float64,  # from the onset to the failure of all faulty channels; null where none was
-}
-FALSE_ISOLATIONS: Final[dict[str, Any]] = {
-    "signal": pl.String,
-    "level": pl.Int64,
-    "channel_hours": pl.Float64,
-    "events": pl.Int64,
-}
 ABOUT: Final = "trials.json"  # in a folder of trials
-
-
-@dataclass(frozen=True)
-class Cells:
-    """Counts of one manager: ``counts`` has the columns COUNTS, ``false_isolations`` FALSE_ISOLATIONS."""
-
-    manager: str
-    counts: pl.DataFrame
-    false_isolations: pl.DataFrame
+FORMAT: Final = 1
+TABLES: Final = {"cells": COUNTS, "false_isolations": FALSE_ISOLATIONS}
 
 
 def cells(folder: Path) -> Cells:
     """Count a flown campaign `reliability`, or read a folder of trials; BadInput says in one line why it is neither."""
-    if is_file(folder / ABOUT):
-        from rig.reliability.trials_folder import read_trials
-
-        return read_trials(folder)
-    return of_tables(open_folder(folder).tables, str(folder))
+    return read_trials(folder) if is_file(folder / ABOUT) else of_tables(open_folder(folder).tables, str(folder))
 
 
 def of_tables(tables: dict[str, pl.DataFrame], source: str) -> Cells:
@@ -77,17 +48,17 @@ def of_tables(tables: dict[str, pl.DataFrame], source: str) -> Cells:
 
 
 def _trials(runs: pl.DataFrame, faults: pl.DataFrame, source: str) -> pl.DataFrame:
-    """A row for each run whose tested fault began on a channel in use."""
+    """Return a row for each run whose tested fault began on a channel in use."""
     runs = runs.select("run", "condition", "survived", design=pl.col("design").str.split(" ").list.first())
     unknown = sorted(set(runs["design"].unique().to_list()) - set(DESIGNS))
     if unknown:
         raise BadInput(f"{source}: design {unknown[0]!r}: must begin with {', '.join(DESIGNS)}")
-    window = [pl.col(name).first() for name in ("vote_kept", "lost_s")]
+    first = [pl.col(name).first() for name in ("signal", "kind", "good_before", "vote_kept", "lost_s")]
     tested, second = (
         faults.filter(pl.col("id") == name)
         .sort("run", "channel")
         .group_by("run", maintain_order=True)
-        .agg(*(pl.col(key).first() for key in ("signal", "kind", "good_before")), *window, settle=_settled())
+        .agg(*first, settle=_settled())
         for name in (TESTED, SECOND)
     )
     second = second.select("run", kept2="vote_kept", lost2="lost_s", settle2="settle")
@@ -104,8 +75,14 @@ def _trials(runs: pl.DataFrame, faults: pl.DataFrame, source: str) -> pl.DataFra
     ).filter(pl.col("good_before").is_between(1, CHANNELS))
 
 
+def _settled() -> pl.Expr:
+    """Return the time from the onset to the failure of the last of a fault's channels; null when one was not failed."""
+    delay = pl.col("delay_from_onset_s")
+    return pl.when(delay.is_null().any()).then(None).otherwise(delay.max())
+
+
 def _with_planned(counts: pl.DataFrame, runs: pl.DataFrame, faults: pl.DataFrame) -> pl.DataFrame:
-    """The counts, and rows of no trial for what was planned and never came to be: earlier faults had ended it."""
+    """Add rows of no trial for what was planned and never came to be: earlier faults had ended it."""
     tested = faults.filter(pl.col("id") == TESTED).select("run", "signal", "kind").unique()
     design = pl.col("design").str
     good = design.extract(r"^\w+ (\d)").cast(pl.Int64)
@@ -116,32 +93,8 @@ def _with_planned(counts: pl.DataFrame, runs: pl.DataFrame, faults: pl.DataFrame
     return pl.concat([counts, absent.with_columns(zeros)], how="diagonal").select(*COUNTS).sort(CELL)
 
 
-def _settled() -> pl.Expr:
-    """From the onset to the failure of the last of a fault's channels; null when one was not failed."""
-    delay = pl.col("delay_from_onset_s")
-    return pl.when(delay.is_null().any()).then(None).otherwise(delay.max())
-
-
-def counted(trials: pl.DataFrame) -> pl.DataFrame:
-    """COUNTS of trials: CELL, ``lost`` and ``off`` (bool), ``survived`` (bool or null), ``settle`` (s or null)."""
-    lost, bad = pl.col("lost"), ~pl.col("lost") & pl.col("off")
-    crashed = ~pl.col("survived")
-    flown = pl.col("survived").is_not_null().any()
-    grouped = trials.group_by(CELL).agg(
-        trials=pl.len().cast(pl.Int64),
-        kept=(~lost & ~pl.col("off")).sum().cast(pl.Int64),
-        known_loss=lost.sum().cast(pl.Int64),
-        bad_vote=bad.sum().cast(pl.Int64),
-        lost_aircraft_known=pl.when(flown).then((crashed & lost).sum()).cast(pl.Int64),
-        lost_aircraft_bad=pl.when(flown).then((crashed & bad).sum()).cast(pl.Int64),
-        announced=(~lost & ~pl.col("off") & pl.col("settle").is_not_null()).sum().cast(pl.Int64),
-        settle_s_mean=pl.col("settle").filter(~lost & ~pl.col("off")).sort().mean(),
-    )
-    return grouped.select(*COUNTS).sort(CELL)
-
-
 def _false_isolations(signals: pl.DataFrame) -> pl.DataFrame:
-    """FALSE_ISOLATIONS of a campaign's table ``signals``; sums in the order of the runs."""
+    """Build FALSE_ISOLATIONS of a campaign's table ``signals``; sums in the order of the runs."""
     levels = range(CHANNELS, 0, -1)
     hours, events = (list(by_level(name, levels)) for name in ("channel_hours", "false_isolations"))
     parts = [
@@ -152,3 +105,26 @@ def _false_isolations(signals: pl.DataFrame) -> pl.DataFrame:
         for level, hour, event in zip(levels, hours, events, strict=True)
     ]
     return pl.concat(parts).select(*FALSE_ISOLATIONS).sort("signal", "level", descending=[False, True])
+
+
+def read_trials(folder: Path) -> Cells:
+    """Read the cells of a folder of trials.  BadInput names the file that is damaged or missing."""
+    try:
+        about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise BadInput(f"{folder / ABOUT}: cannot be read: {' '.join(str(error).split())}") from None
+    if not isinstance(about, dict) or about.get("format") != FORMAT or not isinstance(about.get("manager"), str):
+        raise BadInput(f"{folder / ABOUT}: is damaged, or not of this version of the rig")
+    return Cells(about["manager"], *(_table(folder / f"{name}.parquet", columns) for name, columns in TABLES.items()))
+
+
+def _table(path: Path, columns: dict[str, Any]) -> pl.DataFrame:
+    if not is_file(path):
+        raise BadInput(f"{path}: is missing; the trials are run again into another folder")
+    try:
+        table = pl.read_parquet(path.read_bytes(), hive_partitioning=False)
+    except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+        raise BadInput(f"{path}: cannot be read ({' '.join(str(error).split())[:120]})") from None
+    if dict(table.schema) != {name: kind() if isinstance(kind, type) else kind for name, kind in columns.items()}:
+        raise BadInput(f"{path}: its columns are not those of trials")
+    return table

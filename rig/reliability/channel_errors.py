@@ -34,12 +34,12 @@ class Ends(NamedTuple):
 
     @property
     def any(self) -> bool:
-        """Whether the sensor has errors that last a flight."""
+        """Return True if the sensor has errors that last a flight."""
         return bool(self.signs.any())
 
 
 def ends(sensor: Sensor, truth: Floats, wraps: bool, least: float = COUNTS_FROM) -> Ends:
-    """The arrangements for a sensor on a recorded truth (N,); a single one, of 0, for a sensor without such errors.
+    """Return the arrangements of a sensor on a recorded truth (N,); a single one, of 0, without such errors.
 
     least : share of what all kinds of errors can do together from which a kind is drawn near its ends
     """
@@ -65,7 +65,7 @@ def ends(sensor: Sensor, truth: Floats, wraps: bool, least: float = COUNTS_FROM)
 def drawn_errors(
     given: Ends, flights: int, rng: Generator, kappas: tuple[float, ...] = KAPPAS
 ) -> tuple[Floats, Floats]:
-    """(3, E, 4) errors within -1 to 1 of their tolerances, and the weight (E,) of each flight."""
+    """Draw (3, E, 4) errors within -1 to 1 of their tolerances, and the weight (E,) of each flight."""
     errors = rng.uniform(-1.0, 1.0, (flights, KINDS, CHANNELS))
     signs = given.signs[rng.integers(0, len(given.signs), flights)]
     kappa = rng.choice(kappas, flights)[:, None, None]
@@ -77,7 +77,7 @@ def drawn_errors(
 
 
 def _density(given: Ends, errors: Floats, kappas: tuple[float, ...]) -> Floats:
-    """How much more often errors (E, 3, 4) are drawn than they are in truth: (E,)."""
+    """Return how much more often errors (E, 3, 4) are drawn than they are in truth: (E,)."""
     tiny = np.finfo(float).tiny
     flat, signs = errors.reshape(len(errors), -1), given.signs.reshape(len(given.signs), -1)
     high, low = np.log(np.maximum((1.0 + flat) / 2.0, tiny)), np.log(np.maximum((1.0 - flat) / 2.0, tiny))
@@ -88,6 +88,6 @@ def _density(given: Ends, errors: Floats, kappas: tuple[float, ...]) -> Floats:
 
 
 def corners(given: Ends, each: int, rng: Generator) -> Floats:
-    """(3, A x each, 4) errors at the very ends, every arrangement ``each`` times in a row."""
+    """Draw (3, A x each, 4) errors at the very ends, every arrangement ``each`` times in a row."""
     signs = np.repeat(given.signs, each, axis=0)
     return np.where(signs != 0.0, signs, rng.uniform(-1.0, 1.0, signs.shape)).transpose(1, 0, 2)

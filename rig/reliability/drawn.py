@@ -27,9 +27,9 @@ from rig.faults.record import Trigger
 from rig.faults.settings import in_thresholds
 from rig.faults.trigger import DutyCycle
 from rig.frame import CHANNELS
-from rig.reliability.cells import SECOND, TESTED
 from rig.reliability.one_signal import OneSignal, faults_of, one_signal
 from rig.reliability.recorded import Recording
+from rig.reliability.tally import SECOND, TESTED
 from rig.scenario import Scenario
 from rig.sensors.params import calibrate
 

@@ -67,7 +67,7 @@ class Margin:
 
     @property
     def few(self) -> str | None:
-        """Why this is no estimate, if it is none."""
+        """Return why this is no estimate, if it is none."""
         short = [(level, count) for level, count in enumerate(self.sets, 1) if count < LEAST_SETS]
         if short:
             level, count = short[0]
@@ -88,51 +88,51 @@ class Repetition(NamedTuple):
 
 
 def margin(bench: Bench, seed: int = 0, effort: Effort | None = None) -> Margin:
-    """False isolations of one channel an hour.  BadInput: too few sets of errors carry the estimate."""
-    found = estimate(bench, seed, effort)
-    if found.few is not None:
-        raise BadInput(f"{bench.signal}: threshold {bench.threshold:g}: {found.few}: no estimate; raise --flights")
-    return found
+    """Estimate false isolations of one channel an hour.  BadInput: too few sets of errors carry the estimate."""
+    estimated = estimate(bench, seed, effort)
+    if estimated.few is not None:
+        raise BadInput(f"{bench.signal}: threshold {bench.threshold:g}: {estimated.few}: no estimate; raise --flights")
+    return estimated
 
 
 def estimate(bench: Bench, seed: int = 0, effort: Effort | None = None) -> Margin:
-    """What ``margin`` gives, degenerate or not."""
+    """Estimate as ``margin`` does, degenerate or not."""
     highest, spent = bound(bench, seed), effort or Effort()
     if highest < FLOOR:
         return Margin(bench.threshold, None, None, highest, 0.0, [], 0.0, 0, 0)
-    found: list[Repetition] = []
+    repetitions: list[Repetition] = []
     wanted = min(REPETITIONS, spent.most_repetitions)
-    while len(found) < wanted:
-        found.append(repetition(bench, SeedSequence(seed, spawn_key=(len(found),)), spent))
-        wide = len(found) == wanted and _half_width(found) > HALF_WIDTH * _mean(found)
-        if wide and min(map(min, (one.sets for one in found))) >= LEAST_SETS:
+    while len(repetitions) < wanted:
+        repetitions.append(repetition(bench, SeedSequence(seed, spawn_key=(len(repetitions),)), spent))
+        wide = len(repetitions) == wanted and _half_width(repetitions) > HALF_WIDTH * _mean(repetitions)
+        if wide and min(map(min, (each.sets for each in repetitions))) >= LEAST_SETS:
             wanted = min(wanted + REPETITIONS // 2, spent.most_repetitions)
-    mean, half = _mean(found), _half_width(found)
+    mean, half = _mean(repetitions), _half_width(repetitions)
     return Margin(
         threshold=bench.threshold,
         per_hour=mean,
         low=max(mean - half, 0.0),
         high=mean + half,
-        at_start=float(np.mean([one.at_start for one in found])),
-        sets=[min(of) for of in zip(*(one.sets for one in found), strict=True)],
-        carrying=effective(np.concatenate([one.parts for one in found])),
-        repetitions=len(found),
-        cut=sum(one.cut for one in found),
+        at_start=float(np.mean([each.at_start for each in repetitions])),
+        sets=[min(of) for of in zip(*(each.sets for each in repetitions), strict=True)],
+        carrying=effective(np.concatenate([each.parts for each in repetitions])),
+        repetitions=len(repetitions),
+        cut=sum(each.cut for each in repetitions),
     )
 
 
-def _mean(found: Sequence[Repetition]) -> float:
-    return float(np.mean([one.per_hour for one in found]))
+def _mean(repetitions: Sequence[Repetition]) -> float:
+    return float(np.mean([each.per_hour for each in repetitions]))
 
 
-def _half_width(found: Sequence[Repetition]) -> float:
-    """Of the 95 % interval: t over independent repetitions."""
-    spread = float(np.std([one.per_hour for one in found], ddof=1))
-    return float(stdtrit(len(found) - 1, 0.975)) * spread / sqrt(len(found))
+def _half_width(repetitions: Sequence[Repetition]) -> float:
+    """Return half the width of the 95 % interval: t over independent repetitions."""
+    spread = float(np.std([each.per_hour for each in repetitions], ddof=1))
+    return float(stdtrit(len(repetitions) - 1, 0.975)) * spread / sqrt(len(repetitions))
 
 
 def repetition(bench: Bench, seeds: SeedSequence, effort: Effort) -> Repetition:
-    """One estimate from seeds of its own."""
+    """Make one estimate from seeds of its own."""
     errors_from, flux_from, levels_from = (Generator(SFC64(child)) for child in seeds.spawn(3))
     given = bench.arrangements()
     errors, weights = drawn_errors(given, effort.flights, errors_from, effort.kappas)
@@ -153,17 +153,17 @@ def repetition(bench: Bench, seeds: SeedSequence, effort: Effort) -> Repetition:
 
 
 def _different(flights: NDArray[np.int64], errors: bool) -> int:
-    """How many flights have reached a level; where no errors last a flight, how many times it was reached."""
+    """Count flights that have reached a level; where no errors last a flight, how many times it was reached."""
     return len(np.unique(flights)) if errors else len(flights)
 
 
 def effective(parts: Floats) -> float:
-    """How many parts of a sum there are, if each had the same share of it (Kish's effective size)."""
+    """Return the number of equal parts with the same spread (Kish's effective size)."""
     return float(parts.sum() ** 2 / (parts**2).sum()) if parts.any() else 0.0
 
 
 def excursions_begun(bench: Bench, held: Held, windows: Windows, rng: Generator) -> tuple[Particles, int]:
-    """The states in which excursions begin, of as many windows as they have places for; their number."""
+    """Return the states in which excursions begin, of as many windows as they have places for; their number."""
     work, out, n, j = bench.particles(1), bench.particles(_PLACES), 0, 0
     noise = np.empty((_ROWS, 1, CHANNELS), np.float32)
     while j < len(windows.first) and n + COUNTED <= _PLACES:
@@ -175,7 +175,7 @@ def excursions_begun(bench: Bench, held: Held, windows: Windows, rng: Generator)
 def next_level(
     held: Held, begun: Particles, carried: Floats, goal: int, count: int, rng: Generator
 ) -> tuple[Particles, Floats, int]:
-    """The states in which ``goal`` is reached, what each carries, and how many excursions were cut off."""
+    """Return the states in which ``goal`` is reached, what each carries, and how many excursions were cut off."""
     if len(carried) == 0:
         return begun, carried, 0
     drawn = rng.integers(0, len(carried), count)
@@ -190,7 +190,7 @@ def next_level(
 
 
 def bound(bench: Bench, seed: int) -> float:
-    """False isolations of a channel an hour, at most, by flights whose errors are all at an end of their tolerances.
+    """Bound false isolations of a channel an hour by flights whose errors are all at an end of their tolerances.
 
     With p the chance that somebody disagrees in a frame, at the worst ends and place of the recording, a failure takes
     ``persistence`` such frames in a row, of ``singular_persistence`` in a pattern without a majority.  p is the upper

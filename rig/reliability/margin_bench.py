@@ -55,12 +55,12 @@ class Bench:
 
     @property
     def threshold(self) -> float:
-        """Of the comparison, with the channels that are fitted: of an outlier, where the signal has one."""
+        """Return the threshold of the comparison with the fitted channels: of an outlier, where the signal has one."""
         outlier = OUTLIERS.get(self.channels)
         return float((outlier and self.params[outlier]) or self.params[THRESHOLDS[self.channels]])
 
     def sets(self, threshold: float) -> list[str]:
-        """Overrides of the scenario that give the comparison another threshold."""
+        """Return overrides of the scenario that give the comparison another threshold."""
         within, outlier = THRESHOLDS[self.channels], OUTLIERS.get(self.channels)
         key = f"redundancy.signals.{self.signal}"
         if not outlier or not self.params[outlier]:
@@ -70,15 +70,15 @@ class Bench:
 
     @property
     def channels(self) -> int:
-        """Fitted."""
+        """Return the number of fitted channels."""
         return int(self.params["fitted"])
 
     def arrangements(self, least: float = COUNTS_FROM) -> Ends:
-        """Ends of the errors; see channel_errors.ends."""
+        """Return ends of the errors; see channel_errors.ends."""
         return ends(self._sensor, self._series[0], self._wraps, least)
 
     def held(self, errors: NDArray[np.float64]) -> Held:
-        """All that particles have in common, with errors (3, E, 4) of E flights."""
+        """Build all that particles have in common, with errors (3, E, 4) of E flights."""
         sensors = np.repeat(self._one.params, errors.shape[1])
         calibrate(sensors, self._sensor, errors)
         return Held(
@@ -94,11 +94,11 @@ class Bench:
         )
 
     def windows(self, first: NDArray[np.int64]) -> Windows:
-        """Windows that begin at frames ``first`` of the recording."""
+        """Build windows that begin at frames ``first`` of the recording."""
         return Windows(first, self._run_in, COUNTED, *np.zeros((2, len(first)), np.int64))
 
     def starts(self, count: int, rng: Generator) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Frames in which windows begin, and the weight of each: half of them where gain and skew do the most."""
+        """Draw frames in which windows begin, with their weights: half of them where gain and skew do the most."""
         does = self._doing()
         drawn = np.exp((does - does.max()) / max(float(self._one.params["noise_std"][0]), _LEAST * does.max(), _TINY))
         chances = 0.5 / len(does) + 0.5 * drawn / drawn.sum()
@@ -106,7 +106,7 @@ class Bench:
         return first, 1.0 / (len(does) * chances[first])
 
     def _doing(self) -> NDArray[np.float64]:
-        """By the frame in which a window begins: how far gain and skew set channels apart, long enough to fail one."""
+        """Return how far gain and skew set channels apart, long enough to fail one, by the first frame of a window."""
         truth, frames = self._series[0], min(int(self.params["persistence"]), COUNTED)
         moved = step_sizes(truth, self._wraps)
         apart = 2.0 * self._sensor.scale_tolerance * np.abs(truth[1:]) + self._sensor.skew_frames * moved
@@ -115,11 +115,11 @@ class Bench:
         return windows[self._run_in - 1 :] + self._sensor.bias_tolerance
 
     def stretches(self) -> NDArray[np.int64]:
-        """Beginnings of windows whose counted frames cover the recording."""
+        """Return the first frames of windows whose counted frames cover the recording."""
         return np.arange(0, len(self._series[0]) - self._run_in - COUNTED + 1, COUNTED)
 
     def particles(self, count: int) -> Particles:
-        """Places for so many states."""
+        """Build places for so many states."""
         whole = [np.zeros(count, np.int64) for _ in range(4)]
         line = np.zeros((count, *self._one.line.shape))
         return Particles(np.zeros(count, MEMORY), line, np.zeros(count, self._one.manager.state.dtype), *whole)

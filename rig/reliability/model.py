@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 
 from rig.reliability.chain import Floats, transitions
-from rig.reliability.outcomes import BAD, BAD_LOST, KEPT, KNOWN, KNOWN_LOST, Cell
+from rig.reliability.outcomes import BAD, BAD_LOST, KEPT, KNOWN, KNOWN_LOST, CellKey
 
 LOSSES: Final = (KNOWN, KNOWN_LOST, BAD, BAD_LOST)
 
@@ -28,53 +28,54 @@ LOSSES: Final = (KNOWN, KNOWN_LOST, BAD, BAD_LOST)
 class Given:
     """What a chain is made of; arrays have a first axis of draws."""
 
-    outcomes: Mapping[Cell, Floats]  # (draws, OUTCOMES)
-    announced: Mapping[Cell, float]
+    outcomes: Mapping[CellKey, Floats]  # (draws, OUTCOMES)
+    announced: Mapping[CellKey, float]
     false_isolation: Mapping[int, Floats]  # (draws,) per channel hour, by channels in use
     settle_h: float
 
     def of(self, design: str, good: int) -> Floats:
-        """A cell's draws; of two faults that were not flown all are bad votes, shared out as others are."""
+        """Return a cell's draws; of two faults that were not flown all are bad votes, shared out as others are."""
         if (design, good) in self.outcomes:
             return self.outcomes[design, good]
         single = self.outcomes["single", good]
-        found = np.zeros_like(single)
-        found[:, BAD : BAD_LOST + 1] = split(single, BAD)
-        return found
+        outcomes = np.zeros_like(single)
+        outcomes[:, BAD : BAD_LOST + 1] = split(single, BAD)
+        return outcomes
 
 
 def split(outcome: Floats, loss: int) -> Floats:
-    """Shares (draws, 2) of a loss, KNOWN or BAD, that the aircraft survives and that it does not."""
+    """Return the shares (draws, 2) of a loss, KNOWN or BAD, that the aircraft survives and that it does not."""
     both = outcome[:, loss] + outcome[:, loss + 1]
     lost = np.divide(outcome[:, loss + 1], both, out=np.ones_like(both), where=both > 0.0)
     return np.stack([1.0 - lost, lost], axis=-1)
 
 
 def states(n: int) -> dict[tuple[int, bool], int]:
-    """The places of the states (faulty channels, announced); the four losses come behind them."""
-    return {pair: i for i, pair in enumerate((k, told) for k in range(n) for told in (False, True) if k or not told)}
+    """Return the places of the states (faulty channels, announced); the four losses come behind them."""
+    pairs = ((k, announced) for k in range(n) for announced in (False, True) if k or not announced)
+    return {pair: i for i, pair in enumerate(pairs)}
 
 
 def rates(n: int, per_hour: float, beta: float, given: Given) -> Floats:
-    """Rates (draws, m, m) per hour of a signal with ``n`` channels, each failing ``per_hour`` times an hour."""
+    """Build the rates (draws, m, m) per hour of a signal with ``n`` channels, each failing ``per_hour``."""
     place = states(n)
     size = len(place) + len(LOSSES)
-    found = np.zeros((len(given.outcomes["single", 1]), size, size))
-    for (k, told), here in place.items():
-        row, good = found[:, here], n - k
-        _after(row, place, k, 1, told, good * (1.0 - beta) * per_hour, next_fault(given, good, per_hour), given)
+    matrix = np.zeros((len(given.outcomes["single", 1]), size, size))
+    for (k, announced), here in place.items():
+        row, good = matrix[:, here], n - k
+        _after(row, place, k, 1, announced, good * (1.0 - beta) * per_hour, next_fault(given, good, per_hour), given)
         if good >= 2 and beta > 0.0:
-            _after(row, place, k, 2, told, beta * per_hour, given.of("alike", good), given)
+            _after(row, place, k, 2, announced, beta * per_hour, given.of("alike", good), given)
         phi = good * given.false_isolation[good]
         if good >= 2:
             row[:, place[k + 1, True]] += phi
         else:  # nobody is left
             row[:, len(place) : len(place) + 2] += phi[:, None] * split(given.of("single", 1), KNOWN)
-    return found
+    return matrix
 
 
 def next_fault(given: Given, good: int, per_hour: float) -> Floats:
-    """Outcomes (draws, OUTCOMES) of the next fault, settled or overtaken by another one within the settling time."""
+    """Return outcomes (draws, OUTCOMES) of the next fault, settled or overtaken by another one before that."""
     single = given.of("single", good)
     second = (good - 1) * per_hour * given.settle_h
     overtaken = second / (1.0 + second)
@@ -86,7 +87,7 @@ def _after(
     place: Mapping[tuple[int, bool], int],
     k: int,
     more: int,
-    told: bool,
+    announced: bool,
     rate: float,
     outcome: Floats,
     given: Given,
@@ -95,7 +96,7 @@ def _after(
     n = 1 + max(faulty for faulty, _ in place)
     losses = outcome[:, list(LOSSES)].copy()
     if k + more < n:
-        share = 1.0 if told else given.announced.get(("single" if more == 1 else "alike", n - k), 0.0)
+        share = 1.0 if announced else given.announced.get(("single" if more == 1 else "alike", n - k), 0.0)
         row[:, place[k + more, True]] += rate * outcome[:, KEPT] * share
         row[:, place[k + more, False]] += rate * outcome[:, KEPT] * (1.0 - share)
     elif more == 1:
@@ -106,13 +107,13 @@ def _after(
 
 
 def one_flight(chain: Floats, n: int, hours: float) -> tuple[Floats, Floats]:
-    """What a flight leads to from each state that nobody knows of: such a state (draws, k, k), each loss (draws, k, 4).
+    """Return the outcome of a flight from each latent state: a latent state (draws, k, k), each loss (draws, k, 4).
 
     What was announced or lost is repaired after the flight, so that the next one begins without a fault.
     """
     place = states(n)
-    latent = [i for (_, told), i in place.items() if not told]
-    repaired = [i for (_, told), i in place.items() if told] + list(range(len(place), chain.shape[-1]))
+    latent = [i for (_, announced), i in place.items() if not announced]
+    repaired = [i for (_, announced), i in place.items() if announced] + list(range(len(place), chain.shape[-1]))
     after = transitions(chain, hours, latent)
     begins = after[:, :, latent]
     begins[:, :, 0] += after[:, :, repaired].sum(axis=-1)
@@ -120,7 +121,7 @@ def one_flight(chain: Floats, n: int, hours: float) -> tuple[Floats, Floats]:
 
 
 def after_flights(flight: tuple[Floats, Floats], hours: float, flights: int) -> Floats:
-    """Probability (draws, 4) of each loss per flight hour, on the average of ``flights`` between two full checks.
+    """Return the probability (draws, 4) of each loss per flight hour, the mean of ``flights`` between two full checks.
 
     flight : of ``one_flight``; what was tolerated without a word is found by the check alone
     """
@@ -135,5 +136,5 @@ def after_flights(flight: tuple[Floats, Floats], hours: float, flights: int) -> 
 
 
 def perfect(n: int, per_hour: float, hours: float) -> float:
-    """Probability per flight hour when every fault but the last is kept: all channels fail in one flight."""
+    """Return the probability per flight hour when every fault but the last is kept: all channels fail in one flight."""
     return float((-np.expm1(-per_hour * hours)) ** n / hours)

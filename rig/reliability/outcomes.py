@@ -21,7 +21,7 @@ from rig.reliability.chain import Floats
 
 KEPT, KNOWN, KNOWN_LOST, BAD, BAD_LOST = range(5)  # outcomes; ..._LOST: with the aircraft
 OUTCOMES: Final = 5
-Cell = tuple[str, int]  # design, good channels before
+CellKey = tuple[str, int]  # design, good channels before
 WHERE_FLOWN: Final = "lost_aircraft_known", "lost_aircraft_bad"
 
 
@@ -29,38 +29,38 @@ WHERE_FLOWN: Final = "lost_aircraft_known", "lost_aircraft_bad"
 class Outcomes:
     """Of the cells of one manager and signal."""
 
-    draws: dict[Cell, Floats]  # (draws, OUTCOMES), rows add up to one
-    trials: dict[Cell, int]
-    seen: dict[Cell, int]  # of them not kept
-    announced: dict[Cell, float]  # share of the kept ones whose faulty channel was failed
-    unreached: list[Cell]  # with a kind of which no trial came to be
+    draws: dict[CellKey, Floats]  # (draws, OUTCOMES), rows add up to one
+    trials: dict[CellKey, int]
+    seen: dict[CellKey, int]  # of them not kept
+    announced: dict[CellKey, float]  # share of the kept ones whose faulty channel was failed
+    unreached: list[CellKey]  # with a kind of which no trial came to be
     flown: bool  # whether any told what became of the aircraft
 
 
 def outcomes(counts: pl.DataFrame, kinds: Mapping[str, float], source: str, rng: Generator, draws: int) -> Outcomes:
-    """Draws of every cell in ``counts``, a table of cells of one signal (docs/reliability.md).
+    """Draw the outcomes of every cell in ``counts``, a table of cells of one signal (docs/reliability.md).
 
     kinds : share of each kind of fault; a cell of single faults must have them all, else BadInput names it
     """
     flown = counts.select(pl.col(WHERE_FLOWN).is_null().all()).row(0) != (True, True)
-    found = Outcomes({}, {}, {}, {}, [], flown)
+    result = Outcomes({}, {}, {}, {}, [], flown)
     lost = _lost_share(counts, rng, draws)
     for (design, good), cell in sorted(counts.group_by("design", "good_before"), key=lambda item: item[0]):
         place = str(design), int(good)  # pyright: ignore[reportArgumentType]  # columns of text and whole numbers
         shares = _shares(cell, kinds, place, source)
-        found.draws[place] = _cell(cell, shares, lost, rng, draws)
-        found.trials[place] = int(cell["trials"].sum())
-        found.seen[place] = int((cell["trials"] - cell["kept"]).sum())
+        result.draws[place] = _cell(cell, shares, lost, rng, draws)
+        result.trials[place] = int(cell["trials"].sum())
+        result.seen[place] = int((cell["trials"] - cell["kept"]).sum())
         if bool((cell.group_by("kind").agg(pl.col("trials").sum())["trials"] == 0).any()):
-            found.unreached.append(place)
+            result.unreached.append(place)
         kept = int(cell["kept"].sum())
         announced = int(cell["announced"].sum())
-        found.announced[place] = announced / kept if kept else 0.0
-    return found
+        result.announced[place] = announced / kept if kept else 0.0
+    return result
 
 
-def _shares(cell: pl.DataFrame, kinds: Mapping[str, float], place: Cell, source: str) -> dict[str, float]:
-    """The shares of the kinds of a cell; pairs of faults are flown of some kinds only."""
+def _shares(cell: pl.DataFrame, kinds: Mapping[str, float], place: CellKey, source: str) -> dict[str, float]:
+    """Return the shares of the kinds of a cell; pairs of faults are flown of some kinds only."""
     flown = set(cell["kind"])  # or planned: what never came to be is a bad vote
     absent = sorted(set(kinds) - flown)
     if place[0] == "single" and absent:
@@ -77,9 +77,9 @@ def _shares(cell: pl.DataFrame, kinds: Mapping[str, float], place: Cell, source:
 def _cell(
     cell: pl.DataFrame, shares: Mapping[str, float], lost: tuple[Floats, Floats], rng: Generator, draws: int
 ) -> Floats:
-    """Draws (draws, OUTCOMES) of one cell, its conditions taken together."""
+    """Draw (draws, OUTCOMES) of one cell, its conditions taken together."""
     prior = 0.25 / len(shares)
-    found = np.zeros((draws, OUTCOMES))
+    outcomes = np.zeros((draws, OUTCOMES))
     for kind, share in shares.items():
         of_kind = cell.filter(pl.col("kind") == kind)
         kept, known, bad = (float(of_kind[name].sum()) for name in ("kept", "known_loss", "bad_vote"))
@@ -87,15 +87,15 @@ def _cell(
             chance = np.tile((0.0, 0.0, 1.0), (draws, 1))  # earlier faults had cost the signal or the aircraft
         else:
             chance = rng.dirichlet((kept + 0.5, known + prior, bad + prior), draws)
-        found[:, KEPT] += share * chance[:, 0]
+        outcomes[:, KEPT] += share * chance[:, 0]
         for outcome, column, with_aircraft in ((KNOWN, 1, lost[0]), (BAD, 2, lost[1])):
-            found[:, outcome] += share * chance[:, column] * (1.0 - with_aircraft)
-            found[:, outcome + 1] += share * chance[:, column] * with_aircraft
-    return found
+            outcomes[:, outcome] += share * chance[:, column] * (1.0 - with_aircraft)
+            outcomes[:, outcome + 1] += share * chance[:, column] * with_aircraft
+    return outcomes
 
 
 def _lost_share(counts: pl.DataFrame, rng: Generator, draws: int) -> tuple[Floats, Floats]:
-    """Draws (draws,) of the share of known losses, and of bad votes, in which the aircraft was lost, of all cells."""
+    """Draw the share (draws,) of known losses, and of bad votes, in which the aircraft was lost, of all cells."""
     shares = []
     for column, outcome in zip(WHERE_FLOWN, ("known_loss", "bad_vote"), strict=True):
         flown = counts.filter(pl.col(column).is_not_null())

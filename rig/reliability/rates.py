@@ -106,7 +106,7 @@ class Rates(Settings):
         return signals
 
     def of(self, signal: str | None, source: str) -> tuple[str, SignalRates]:
-        """A signal of the file, its only one when none is named; BadInput names the file."""
+        """Return a signal of the file, its only one when none is named; BadInput names the file."""
         if signal is None and len(self.signals) == 1:
             return next(iter(self.signals.items()))
         if signal not in self.signals:
@@ -116,7 +116,7 @@ class Rates(Settings):
 
 
 def read_rates(path: Path) -> Rates:
-    """The rates in a TOML file; BadInput names the file and the key that is wrong."""
+    """Return the rates in a TOML file; BadInput names the file and the key that is wrong."""
     data: dict[str, Any] = dict(read_toml(path))
     layers = data.pop("layers", [])
     if not data:
@@ -124,5 +124,5 @@ def read_rates(path: Path) -> Rates:
     for name, table in data.items():
         if not isinstance(table, dict):
             raise BadInput(f"{path}: {name}: must be a table of rates such as [pitch_rate]")
-    found = {name: build(SignalRates, table, f"{path}: {name}") for name, table in data.items()}
-    return build(Rates, {"signals": found, "layers": layers}, str(path))
+    signals = {name: build(SignalRates, table, f"{path}: {name}") for name, table in data.items()}
+    return build(Rates, {"signals": signals, "layers": layers}, str(path))

@@ -32,5 +32,5 @@ def recording(scenario: Scenario, seed: int) -> Recording:
 
 
 def of_rows(rows: Block) -> Recording:
-    """The recording of a flight's rows."""
+    """Return the recording of a flight's rows."""
     return Recording(*(np.ascontiguousarray(rows[name]) for name in Recording._fields))

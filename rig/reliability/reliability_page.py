@@ -7,8 +7,7 @@ from pathlib import Path
 
 import plotly.graph_objects as go
 
-from rig.reliability.result import TARGETS, WHAT, Result
-from rig.reliability.words import TITLES, decided_by, interval
+from rig.reliability.result import TARGETS, TITLES, WHAT, Result, decided_by, interval
 from rig.report.page import lay_out, write_page
 from rig.util.palette import SERIES, SOFT
 

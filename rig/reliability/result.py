@@ -10,17 +10,24 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import polars as pl
 
-from rig.reliability.cells import Cells
 from rig.reliability.chain import Floats
 from rig.reliability.model import Given, after_flights, one_flight, perfect, rates
-from rig.reliability.outcomes import BAD_LOST, KEPT, Cell, Outcomes, outcomes
+from rig.reliability.outcomes import BAD_LOST, KEPT, CellKey, Outcomes, outcomes
 from rig.reliability.rates import Layer, SignalRates
+from rig.reliability.tally import Cells
 
 DRAWS: Final = 4000
 SEED: Final = 1
 SETTLE_S: Final = 0.1  # where no fault was settled: the mean of hard faults (docs/reliability.md)
 TARGETS: Final = {"military": 1e-7, "civil": 1e-9}  # per flight hour; Zhang 2023, introduction
 WHAT: Final = ("bad_vote", "known_loss", "lost_aircraft")
+TITLES: Final = {
+    "bad_vote": "bad vote, not declared",
+    "known_loss": "known loss of the signal",
+    "lost_aircraft": "lost aircraft",
+}
+WORTH_SAYING: Final = 0.01  # of a result
+MOST: Final = 3  # parts of what decides one
 _SUMS: Final = {"bad_vote": (2, 3), "known_loss": (0, 1), "lost_aircraft": (1, 3)}  # of model.LOSSES
 UNSEEN: Final = 0.5  # of a result from cells in which nothing was seen: above it the lower end is the prior's
 
@@ -70,18 +77,18 @@ class Result:
     unreached: tuple[str, ...]  # cells in which a kind of fault never came to be, and counts as a bad vote
 
     def as_dict(self) -> dict[str, Any]:
-        """As plain data."""
+        """Return plain data."""
         return {**asdict(self), "case": self.case._asdict()}
 
 
 def results(
-    found: Cells, signal: str, given: SignalRates, cases: Iterable[Case], layers: Sequence[Layer] = ()
+    flown: Cells, signal: str, given: SignalRates, cases: Iterable[Case], layers: Sequence[Layer] = ()
 ) -> list[Result]:
-    """One manager in all ``cases``.  BadInput names a kind of fault that was not flown."""
-    counts = found.counts.filter(pl.col("signal") == signal).sort("design", "good_before", "kind", "condition")
+    """Compute one manager in all ``cases``.  BadInput names a kind of fault that was not flown."""
+    counts = flown.counts.filter(pl.col("signal") == signal).sort("design", "good_before", "kind", "condition")
     rng = np.random.default_rng(SEED)
-    drawn = outcomes(counts, given.kinds, found.manager, rng, DRAWS)
-    phi = false_isolations(found.false_isolations.filter(pl.col("signal") == signal), rng)
+    drawn = outcomes(counts, given.kinds, flown.manager, rng, DRAWS)
+    phi = false_isolations(flown.false_isolations.filter(pl.col("signal") == signal), rng)
     if given.false_isolations_per_channel_hour is not None:
         phi = dict.fromkeys(phi, np.full(DRAWS, given.false_isolations_per_channel_hour))
     base = Given(drawn.draws, drawn.announced, phi, settle_s(counts) / 3600.0)
@@ -89,32 +96,32 @@ def results(
     for _, alike in groupby(cases, lambda case: case._replace(flights_between_checks=0)):
         same = list(alike)
         several = zip(same, losses(base, same), _contributions(_mean(base), drawn, same), strict=True)
-        made += [_result(found.manager, signal, drawn, *one, layers) for one in several]
+        made += [_result(flown.manager, signal, drawn, *parts, layers) for parts in several]
     return made
 
 
 def cases(given: SignalRates, channels: Iterable[int], hours: float, checks: int) -> list[Case]:
-    """All numbers of channels, rates and shares of common mode, checked after each flight and after ``checks``."""
+    """Return all channels, rates and shares of common mode, checked after each flight and after ``checks``."""
     sweep = product(channels, given.per_hour, given.beta, sorted({1, checks}))
     return [Case(n, rate, beta, hours, flights) for n, rate, beta, flights in sweep]
 
 
 def false_isolations(table: pl.DataFrame, rng: np.random.Generator) -> dict[int, Floats]:
-    """Draws (DRAWS,) of false isolations per channel hour, by level: Gamma(events + 1/2, hours); none without hours."""
-    found: dict[int, Floats] = {}
+    """Draw (DRAWS,) false isolations per channel hour, by level: Gamma(events + 1/2, hours); none without hours."""
+    draws: dict[int, Floats] = {}
     for level in (4, 3, 2, 1):
         here = table.filter(pl.col("level") == level)
         events, hours = float(here["events"].sum()), float(here["channel_hours"].sum())
-        found[level] = rng.gamma(events + 0.5, 1.0 / hours, DRAWS) if hours > 0.0 else np.zeros(DRAWS)
-    return found
+        draws[level] = rng.gamma(events + 0.5, 1.0 / hours, DRAWS) if hours > 0.0 else np.zeros(DRAWS)
+    return draws
 
 
 def settle_s(counts: pl.DataFrame) -> float:
-    """Mean time from onset to settled, of all cells by their trials."""
-    known = counts.filter(pl.col("settle_s_mean").is_not_null() & (pl.col("design") == "single"))
-    if known.is_empty():
+    """Return the mean time from onset to settled, of all cells by their trials."""
+    settled = counts.filter(pl.col("settle_s_mean").is_not_null() & (pl.col("design") == "single"))
+    if settled.is_empty():
         return SETTLE_S
-    return float(np.average(known["settle_s_mean"].to_numpy(), weights=known["trials"].to_numpy()))
+    return float(np.average(settled["settle_s_mean"].to_numpy(), weights=settled["trials"].to_numpy()))
 
 
 def _result(
@@ -126,7 +133,7 @@ def _result(
     contributions: tuple[Contribution, ...],
     layers: Sequence[Layer],
 ) -> Result:
-    unseen = sum(one.share for one in contributions if one.trials and not one.seen)
+    unseen = sum(part.share for part in contributions if part.trials and not part.seen)
     more = sum(in_series(layer, case.hours) for layer in layers)
     estimates = {
         name: _estimate(lost[:, list(_SUMS[name])].sum(axis=1) + (more if name != "known_loss" else 0.0), unseen)
@@ -137,19 +144,19 @@ def _result(
     requirement = {name: function < target for name, target in TARGETS.items()}
     ideal = perfect(case.channels, case.per_hour, case.hours)
     unreached = tuple(f"{design}, {good} good" for design, good in drawn.unreached if good <= case.channels)
-    names = tuple(one.name for one in layers)
+    names = tuple(layer.name for layer in layers)
     return Result(manager, signal, case, estimates, ideal, requirement, contributions, names, unreached)
 
 
 def losses(given: Given, cases: Sequence[Case]) -> list[Floats]:
-    """Probability (draws, 4) per flight hour of model.LOSSES; ``cases`` differ in flights between checks only."""
+    """Return the probability (draws, 4) per flight hour of model.LOSSES; ``cases`` differ in checks only."""
     n, per_hour, beta, hours, _ = cases[0]
     flight = one_flight(rates(n, per_hour, beta, given), n, hours)
     return [after_flights(flight, hours, case.flights_between_checks) for case in cases]
 
 
 def _mean(given: Given) -> Given:
-    """The same with one draw, the mean of all."""
+    """Return the same with one draw, the mean of all."""
     return replace(
         given,
         outcomes={cell: u.mean(axis=0, keepdims=True) for cell, u in given.outcomes.items()},
@@ -163,13 +170,13 @@ def _estimate(values: Floats, unseen: float) -> Estimate:
 
 
 def _contributions(mean: Given, drawn: Outcomes, cases: Sequence[Case]) -> list[tuple[Contribution, ...]]:
-    """Of each case: set each cell's losses to nothing in turn, at the means.  ``cases`` as of ``losses``."""
+    """Return each cell's share of the losses of each case, at the means.  ``cases`` as of ``losses``."""
     flown = sorted(cell for cell in mean.outcomes if cell[1] <= cases[0].channels)
     return [_ranked(lost.sum(axis=1), flown, drawn) for lost in losses(_without_each(mean, flown), cases)]
 
 
-def _without_each(mean: Given, flown: Sequence[Cell]) -> Given:
-    """As many draws: all as it is, without the losses of each cell, without false isolations."""
+def _without_each(mean: Given, flown: Sequence[CellKey]) -> Given:
+    """Return as many draws: all as it is, without the losses of each cell, without false isolations."""
     draws = len(flown) + 2
     outcomes = {cell: np.repeat(u, draws, axis=0) for cell, u in mean.outcomes.items()}
     for i, cell in enumerate(flown, 1):
@@ -180,25 +187,42 @@ def _without_each(mean: Given, flown: Sequence[Cell]) -> Given:
     return replace(mean, outcomes=outcomes, false_isolation=false_isolation)
 
 
-def _ranked(lost: Floats, flown: Sequence[Cell], drawn: Outcomes) -> tuple[Contribution, ...]:
-    """What each draw of ``_without_each`` lacks of the first one, the largest first."""
+def _ranked(lost: Floats, flown: Sequence[CellKey], drawn: Outcomes) -> tuple[Contribution, ...]:
+    """Return what each draw of ``_without_each`` lacks of the first one, the largest first."""
     whole = lost[0]
     missing = (whole - lost[1:]) / whole if whole > 0.0 else np.zeros(len(lost) - 1)
-    found = [
-        Contribution(
-            f"{cell[0]}, {cell[1]} good", float(share), drawn.trials[cell], drawn.seen[cell], 3 * drawn.trials[cell]
-        )
-        for cell, share in zip(flown, missing[:-1], strict=True)
-    ]
-    found.append(Contribution("false isolations", float(missing[-1]), 0, 0, 0))
-    return tuple(sorted(found, key=lambda one: (-one.share, one.cell)))
+    of_cells = (
+        Contribution(f"{design}, {good} good", float(share), trials, drawn.seen[design, good], 3 * trials)
+        for (design, good), share in zip(flown, missing[:-1], strict=True)
+        for trials in [drawn.trials[design, good]]
+    )
+    of_healthy = Contribution("false isolations", float(missing[-1]), 0, 0, 0)
+    return tuple(sorted((*of_cells, of_healthy), key=lambda part: (-part.share, part.cell)))
 
 
 def in_series(layer: Layer, hours: float) -> float:
-    """Probability per flight hour that a layer is lost: a fault not covered, or all of its channels."""
+    """Return the probability per flight hour that a layer is lost: a fault not covered, or all of its channels."""
     uncovered = {
         ("single", layer.channels - k): np.array([[1.0 - u, 0.0, 0.0, 0.0, u]]) for k, u in enumerate(layer.not_covered)
     }
     none = {level: np.zeros(1) for level in range(1, layer.channels + 1)}
     alone = Case(layer.channels, layer.per_hour, 0.0, hours, 1)
     return float(losses(Given(uncovered, {}, none, 0.0), [alone])[0].sum())
+
+
+def interval(estimate: Estimate) -> str:
+    """Return a probability with its interval, or its upper end where the data give no lower one."""
+    if estimate.low is None:
+        return f"< {estimate.high:.2e}"
+    return f"{estimate.median:.2e} ({estimate.low:.2e} to {estimate.high:.2e})"
+
+
+def decided_by(result: Result) -> str:
+    """Return what makes a result, the largest first, and what would make its interval narrower."""
+    parts = [_part(contribution) for contribution in result.contributions if contribution.share >= WORTH_SAYING]
+    return "; ".join(parts[:MOST]) if parts else "all channels failing"
+
+
+def _part(of: Contribution) -> str:
+    more = f", {of.seen} of {of.trials} not kept, {of.trials_to_halve} more halve the interval" if of.trials else ""
+    return f"{of.cell} {100 * of.share:.0f} %{more}"

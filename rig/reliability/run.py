@@ -1,4 +1,4 @@
-"""Flown campaigns and a rates file in, results and what they assume out."""
+"""Compute results from flown campaigns and a rates file, and list what they assume."""
 
 from __future__ import annotations
 
@@ -8,49 +8,44 @@ from pathlib import Path
 import polars as pl
 
 from rig.errors import BadInput
-from rig.reliability.cells import Cells, cells
+from rig.reliability.cells import cells
 from rig.reliability.rates import Rates, SignalRates
 from rig.reliability.result import Result, cases, results
+from rig.reliability.tally import Cells, together
 
 
 def run(
     folders: Sequence[Path], rates: Rates, name: str, channels: Sequence[int], hours: float, checks: int
 ) -> list[Result]:
-    """The results of every manager in ``folders``, campaigns or trials, for the signal ``name``.
+    """Return the results of every manager in ``folders``, campaigns or trials, for the signal ``name``.
 
     Folders of the same manager are added up.  BadInput names the folder, the signal or the cell that is missing.
     """
     given = rates.signals[name]
     chosen = cases(given, channels, hours, checks)
-    found: list[Result] = []
+    source = ", ".join(map(str, folders))
+    of_all: list[Result] = []
     for manager, parts in by_manager(folders).items():
         whole = together(manager, parts)
-        require(whole, name, max(channels), given, ", ".join(str(folder) for folder in folders))
-        found += results(whole, name, given, chosen, rates.layers)
-    return found
+        require(whole, name, max(channels), given, source)
+        of_all += results(whole, name, given, chosen, rates.layers)
+    return of_all
 
 
 def by_manager(folders: Sequence[Path]) -> dict[str, list[Cells]]:
-    """The counts of all folders, by manager in the order in which they were given."""
-    found: dict[str, list[Cells]] = {}
-    for folder in folders:
-        one = cells(folder)
-        found.setdefault(one.manager, []).append(one)
-    return found
+    """Read the counts of all folders, by manager in the order in which they were given."""
+    counts: dict[str, list[Cells]] = {}
+    for of_folder in map(cells, folders):
+        counts.setdefault(of_folder.manager, []).append(of_folder)
+    return counts
 
 
-def together(manager: str, parts: Sequence[Cells]) -> Cells:
-    """The counts of several folders of one manager, one below the other."""
-    counts = pl.concat([one.counts for one in parts], how="diagonal_relaxed")
-    return Cells(manager, counts, pl.concat([one.false_isolations for one in parts], how="diagonal_relaxed"))
-
-
-def require(found: Cells, signal: str, channels: int, given: SignalRates, source: str) -> None:
+def require(whole: Cells, signal: str, channels: int, given: SignalRates, source: str) -> None:
     """Refuse counts that lack a cell which the chain needs."""
-    here = found.counts.filter(pl.col("signal") == signal)
+    here = whole.counts.filter(pl.col("signal") == signal)
     if here.is_empty():
-        known = ", ".join(sorted(set(found.counts["signal"])))
-        raise BadInput(f"{source}: {found.manager}: no trial of {signal}, flown were: {known}")
+        signals = ", ".join(sorted(set(whole.counts["signal"])))
+        raise BadInput(f"{source}: {whole.manager}: no trial of {signal}, flown were: {signals}")
     flown = {(str(design), int(good)) for design, good in here.select("design", "good_before").iter_rows()}
     needed = [("single", good) for good in range(channels, 0, -1)]
     if any(beta > 0.0 for beta in given.beta):
@@ -58,12 +53,12 @@ def require(found: Cells, signal: str, channels: int, given: SignalRates, source
     for design, good in needed:
         if (design, good) not in flown:
             raise BadInput(
-                f"{source}: {found.manager}: no {design} fault of {signal} with {good} good channels was flown"
+                f"{source}: {whole.manager}: no {design} fault of {signal} with {good} good channels was flown"
             )
 
 
-def assumptions(rates: Rates, name: str, found: Sequence[Result]) -> list[str]:
-    """For what the numbers hold, one line each."""
+def assumptions(rates: Rates, name: str, results: Sequence[Result]) -> list[str]:
+    """Return the conditions under which the numbers hold, one line each."""
     given = rates.signals[name]
     rate = " or ".join(f"{rate:g}" for rate in given.per_hour)
     beta = " or ".join(f"{100 * beta:g} %" for beta in given.beta)
@@ -78,14 +73,15 @@ def assumptions(rates: Rates, name: str, found: Sequence[Result]) -> list[str]:
         "what was announced is repaired before the next flight, what was not stays until a check",
     ]
     lines += [f"layer {layer.name}: coverages given, not measured ({layer.source})" for layer in rates.layers]
-    for manager in dict.fromkeys(one.manager for one in found):
-        cells_ = list(dict.fromkeys(cell for one in found if one.manager == manager for cell in one.unreached))
-        if cells_:
+    for manager in dict.fromkeys(result.manager for result in results):
+        of_manager = (result for result in results if result.manager == manager)
+        unreached = list(dict.fromkeys(cell for result in of_manager for cell in result.unreached))
+        if unreached:
             lines.append(
-                f"{manager}: some faults of {'; '.join(cells_)} never came to be, as earlier ones had cost the signal "
-                "or the aircraft: they count as bad votes"
+                f"{manager}: some faults of {'; '.join(unreached)} never came to be, as earlier ones had cost the "
+                "signal or the aircraft: they count as bad votes"
             )
-    if any("lost_aircraft" not in one.estimates for one in found):
+    if any("lost_aircraft" not in result.estimates for result in results):
         lines.append("nothing is said of the aircraft: the trials were open loop")
     return lines
 

@@ -24,10 +24,10 @@ from rig.computer.redundancy.manager import new_state
 from rig.errors import BadInput
 from rig.faults.record import KEPT, FaultData
 from rig.frame import CHANNELS, D
-from rig.reliability.cells import AT_ONCE, CELL, COUNTS, DESIGNS, FALSE_ISOLATIONS, Cells
 from rig.reliability.drawn import Cell, cell, draw, refill
 from rig.reliability.one_signal import ROW
 from rig.reliability.recorded import Recording, recording
+from rig.reliability.tally import AT_ONCE, CELL, COUNTS, DESIGNS, FALSE_ISOLATIONS, Cells
 
 CHUNK: Final = 500
 GOOD: Final = (4, 3)

@@ -1,9 +1,4 @@
-"""A folder of open-loop trials: what they were drawn from, and what they came to.
-
-trials.json               campaign, seed, number, manager, versions; written last: without it there is nothing
-cells.parquet             cells.COUNTS
-false_isolations.parquet  cells.FALSE_ISOLATIONS
-"""
+"""Run open-loop trials on several processes and write their folder, which cells.py describes and reads."""
 
 from __future__ import annotations
 
@@ -12,29 +7,25 @@ import io
 import json
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
-from typing import Any, Final
-
-import polars as pl
+from typing import Any
 
 from rig.campaign.config import from_what
-from rig.campaign.identity import rig_identity
-from rig.campaign.plan import Plan
+from rig.campaign.plan import Plan, rig_identity
+from rig.campaign.pool import each
 from rig.errors import BadInput, RigError
-from rig.reliability.cells import ABOUT, COUNTS, FALSE_ISOLATIONS, Cells
+from rig.reliability.cells import ABOUT, FORMAT, TABLES
+from rig.reliability.tally import Cells
 from rig.reliability.trials import Flight, Tally, Unit, added_up, shared_out
-from rig.util.files import is_file, replaced
+from rig.util.files import replaced
 
-_FORMAT: Final = 1
-_TABLES: Final = {"cells": COUNTS, "false_isolations": FALSE_ISOLATIONS}
 Report = Callable[[int, int], None]  # trials done, of how many
 
 
 def fly_trials(
     plan: Plan, out: Path, runs: int, seed: int, workers: int, good: list[int], report: Report | None = None
 ) -> dict[str, Any]:
-    """Run trials and write their folder, whole or not at all; what ``trials.json`` says of them.
+    """Run trials and write their folder, whole or not at all; return the content of ``trials.json``.
 
     BadInput before the first trial; RigError: the disk.
     """
@@ -47,27 +38,20 @@ def fly_trials(
         done += unit.trials
         if report is not None:
             report(done, count)
-    found = added_up(tallies, manager)
-    about = {"format": _FORMAT, **_identity(plan, seed), "manager": manager, "trials": count, "good_before": good}
-    _write(out, found, about)
+    about = {"format": FORMAT, **_identity(plan, seed), "manager": manager, "trials": count, "good_before": good}
+    _write(out, added_up(tallies, manager), about)
     return about
 
 
 def _tallies(plan: Plan, units: Sequence[Unit], workers: int) -> Iterator[Tally]:
-    """The units' tallies in their order, by ``workers`` processes or, for one, by this; Ctrl-C leaves the rest."""
+    """Return the units' tallies in their order, by ``workers`` processes or, for one, by this; Ctrl-C ends it."""
     if workers == 1:
-        yield from map(Flight(plan), units)
-        return
-    given = plan.campaign.what(), plan.source
-    with ProcessPoolExecutor(workers, initializer=_begin, initargs=given) as pool:
-        try:
-            yield from pool.map(_fly, units, chunksize=4)
-        finally:
-            pool.shutdown(cancel_futures=True)
+        return map(Flight(plan), units)
+    return each(_fly, units, workers, 4, initializer=_begin, initargs=(plan.campaign.what(), plan.source))
 
 
 def _begin(what: dict[str, Any], source: str) -> None:
-    """Begin a worker; of Ctrl-C its parent is told."""
+    """Begin a worker; Ctrl-C is its parent's."""
     global _flight
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _flight = Flight(Plan(from_what(what, source), source))
@@ -83,21 +67,21 @@ def _fly(unit: Unit) -> Tally:
 
 def _identity(plan: Plan, seed: int) -> dict[str, Any]:
     what = json.dumps(plan.identity(), sort_keys=True).encode()
-    return {"campaign": plan.campaign.title, "campaign_sha256": hashlib.sha256(what).hexdigest(), "seed": seed,
-            "rig": rig_identity()}  # fmt: skip
+    sha256 = hashlib.sha256(what).hexdigest()
+    return {"campaign": plan.campaign.title, "campaign_sha256": sha256, "seed": seed, "rig": rig_identity()}
 
 
 def _new(out: Path) -> None:
-    """BadInput unless a folder can be made at ``out``: nothing there, or an empty folder."""
+    """Raise BadInput unless a folder can be made at ``out``: nothing there, or an empty folder."""
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise BadInput(f"--out {out}: is there already, and not empty")
 
 
-def _write(out: Path, found: Cells, about: dict[str, Any]) -> None:
-    """Tables first, ``trials.json`` last."""
+def _write(out: Path, cells: Cells, about: dict[str, Any]) -> None:
+    """Write tables first, ``trials.json`` last."""
     try:
         out.mkdir(parents=True, exist_ok=True)
-        for name, table in zip(_TABLES, (found.counts, found.false_isolations), strict=True):
+        for name, table in zip(TABLES, (cells.counts, cells.false_isolations), strict=True):
             memory = io.BytesIO()
             table.write_parquet(memory)
             with replaced(out / f"{name}.parquet") as draft:
@@ -106,26 +90,3 @@ def _write(out: Path, found: Cells, about: dict[str, Any]) -> None:
             draft.write_text(json.dumps(about, indent=1), encoding="utf-8")
     except OSError as error:
         raise RigError(f"--out {out}: cannot be written: {error.strerror}") from None
-
-
-def read_trials(folder: Path) -> Cells:
-    """The cells of a folder of trials.  BadInput names the file that is damaged or missing."""
-    try:
-        about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise BadInput(f"{folder / ABOUT}: cannot be read: {' '.join(str(error).split())}") from None
-    if not isinstance(about, dict) or about.get("format") != _FORMAT or not isinstance(about.get("manager"), str):
-        raise BadInput(f"{folder / ABOUT}: is damaged, or not of this version of the rig")
-    return Cells(about["manager"], *(_table(folder / f"{name}.parquet", columns) for name, columns in _TABLES.items()))
-
-
-def _table(path: Path, columns: dict[str, Any]) -> pl.DataFrame:
-    if not is_file(path):
-        raise BadInput(f"{path}: is missing; the trials are run again into another folder")
-    try:
-        table = pl.read_parquet(path.read_bytes(), hive_partitioning=False)
-    except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
-        raise BadInput(f"{path}: cannot be read ({' '.join(str(error).split())[:120]})") from None
-    if dict(table.schema) != {name: kind() if isinstance(kind, type) else kind for name, kind in columns.items()}:
-        raise BadInput(f"{path}: its columns are not those of trials")
-    return table

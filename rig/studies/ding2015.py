@@ -139,7 +139,7 @@ def regulator(a: Matrix, b: Matrix) -> Matrix:
 
 
 def design() -> Design:
-    """Return the gains by our own code, and why the others cannot be had."""
+    """Compute the gains by our own code, and why the others cannot be had."""
     bbar = np.vstack([B, np.zeros_like(B)])
     return Design(
         stacked=stacked(EFFECTIVENESS),
@@ -159,7 +159,7 @@ def _stabilisable(a: Matrix, b: Matrix) -> bool:
 
 
 def _observes_speed() -> bool:
-    """Return whether the speed, the first state, shows in the pitch angle or in any of its derivatives."""
+    """Return True if the speed, the first state, shows in the pitch angle or in any of its derivatives."""
     rows = [C @ np.linalg.matrix_power(A, i) for i in range(_N)]
     return bool(np.vstack(rows)[:, 0].any())
 
@@ -171,7 +171,7 @@ def reference() -> tuple[Matrix, Matrix]:
 
 
 def _march(before: Matrix, after: Matrix, start: Matrix, duration_s: float) -> tuple[Matrix, Matrix]:
-    """Return the times (n,) and states (n, m) of z' = before z until the fault, z' = after z from it on; exact."""
+    """Return times (n,) and states (n, m) of z' = before z until the fault, z' = after z from it on; exact."""
     time = np.arange(round(duration_s / STEP_S) + 1, dtype=np.float64) * STEP_S
     states, steps = np.tile(start, (len(time), 1)), (expm(before * STEP_S), expm(after * STEP_S))
     for k in range(len(time) - 1):
@@ -193,7 +193,7 @@ def error_system(design: Design, a: float = 1.0, b: float = 1.0, c: float = 1.0)
 
 
 def honest(design: Design, feedback: Feedback, duration_s: float) -> Run:
-    """Run aircraft, sensor and observer in full, nothing dropped.
+    """Simulate aircraft, sensor and observer in full, nothing dropped.
 
     "estimate": u = u_r - K_left (x^ - x_r), all that a computer on board can know.
     "truth":    u = u_r - K (x^ - x_r, x - x^), the printed law, which needs the true state.
@@ -232,18 +232,18 @@ def _spread(times: list[float]) -> tuple[float, float, float]:
 
 
 def study() -> Study:
-    """Design, simulate and compare: some seconds."""
-    found = design()
-    nominal = error_system(found)
-    runs = [error_system(found, *factors) for factors in product(PERTURBED, repeat=3) if factors != (1.0, 1.0, 1.0)]
+    """Design, simulate, compare: some seconds."""
+    gains = design()
+    nominal = error_system(gains)
+    runs = [error_system(gains, *factors) for factors in product(PERTURBED, repeat=3) if factors != (1.0, 1.0, 1.0)]
     return Study(
-        design=found,
+        design=gains,
         error_system=nominal,
         perturbed=runs,
         settling_s=_spread([settling(run.time_s, run.followed) for run in (nominal, *runs)]),
         settling_with_x2_s=_spread([settling(run.time_s, run.pitch) for run in (nominal, *runs)]),
-        honest=honest(found, "estimate", SHOWN_S),
-        with_truth=honest(found, "truth", SHOWN_S),
-        honest_pitch=float(honest(found, "estimate", LONG_S).pitch[-1]),
-        with_truth_pitch=float(honest(found, "truth", LONG_S).pitch[-1]),
+        honest=honest(gains, "estimate", SHOWN_S),
+        with_truth=honest(gains, "truth", SHOWN_S),
+        honest_pitch=float(honest(gains, "estimate", LONG_S).pitch[-1]),
+        with_truth_pitch=float(honest(gains, "truth", LONG_S).pitch[-1]),
     )

@@ -10,19 +10,21 @@ to the grid.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import product
 from shlex import quote
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
 from rig import scenario
 from rig.aircraft import tables
+from rig.campaign.pool import each
+from rig.campaign.statistics import proportion
 from rig.frame import FLIGHT_INDEX, Block, End, Lie, Trust
 from rig.loop import fly_rows
-from rig.studies.workers import each
+from rig.util.console import Screen
 
 AFTER_S: Final = 60.0  # flown after the onset
 POINTS: Final = {"f16": "20000ft_m06", "b747": "35000ft_m084", "b737": "30000ft_m074"}
@@ -71,11 +73,11 @@ class Fault:
     keys: str
 
 
-Flight = tuple[Case, list[Fault]]
+CaseFaults = tuple[Case, list[Fault]]
 
 
 @dataclass(frozen=True, slots=True)
-class Flown:
+class LawComparison:
     """One fault flown by both laws."""
 
     case: Case
@@ -126,17 +128,17 @@ def faults_of(case: Case) -> list[Fault]:
     return [*ALL_FOUR, *(OTHERS if case.onset_s in SOME_ONSETS_S else ())]
 
 
-def grid(seeds: Sequence[int]) -> list[Flight]:
+def grid(seeds: Sequence[int]) -> list[CaseFaults]:
     """Return every case with its faults."""
     return [(case, faults_of(case)) for case in cases(seeds)]
 
 
-def drawn(number: int, seed: int) -> list[Flight]:
+def drawn(number: int, seed: int) -> list[CaseFaults]:
     """Draw ``number`` flights with one fault each; each depends on ``seed`` and its own number only."""
     return [_draw(np.random.default_rng(SeedSequence(seed, spawn_key=(i,))), i) for i in range(number)]
 
 
-def _draw(rng: Generator, number: int) -> Flight:
+def _draw(rng: Generator, number: int) -> CaseFaults:
     aircraft = str(rng.choice(list(POINTS)))
     points = [point["name"] for point in tables(aircraft)["airframe"]["flight_points"]]
     onset = round(rng.uniform(ONSETS_S[0], ONSETS_S[-1]), 2)
@@ -172,17 +174,17 @@ def _fault(rng: Generator, kind: str) -> Fault:
     return Fault(kind, size, f"{keys},channels={ALL_CHANNELS}{ramp}")
 
 
-def study(flights: Sequence[Flight], workers: int = 2) -> list[Flown]:
+def study(flights: Sequence[CaseFaults], workers: int = 2) -> list[LawComparison]:
     """Fly every case with its faults, by both laws."""
     return [flown for part in each(fly_case, flights, workers) for flown in part]
 
 
-def fly_case(flight: Flight) -> list[Flown]:
+def fly_case(flight: CaseFaults) -> list[LawComparison]:
     """Fly all faults of one case."""
     return list(fly_faults(*flight))
 
 
-def fly_faults(case: Case, faults: Sequence[Fault]) -> Iterator[Flown]:
+def fly_faults(case: Case, faults: Sequence[Fault]) -> Iterator[LawComparison]:
     """Fly these faults, each by both laws."""
     healthy = fly(settings(case, None, LAWS[0]), case.seed)
     for fault in faults:
@@ -201,11 +203,11 @@ def settings(case: Case, fault: Fault | None, law: str) -> list[str]:
 
 
 def fly(sets: Sequence[str], seed: int) -> Block:
-    """Fly one flight; return all of its rows."""
+    """Fly and return all rows of one flight."""
     return fly_rows(scenario.load(None, sets, seed))
 
 
-def measure(case: Case, fault: Fault, plain: Block, tolerant: Block, healthy: Block) -> Flown:
+def measure(case: Case, fault: Fault, plain: Block, tolerant: Block, healthy: Block) -> LawComparison:
     """Compare the two laws."""
     rate_hz = len(healthy) / (case.onset_s + AFTER_S)
     onset = round(case.onset_s * rate_hz)
@@ -214,7 +216,7 @@ def measure(case: Case, fault: Fault, plain: Block, tolerant: Block, healthy: Bl
     answered = np.flatnonzero(tolerant["lie"][onset:] == Lie.RATE_BIAS)
     blamed = (tolerant["trust"] == Trust.CORRECTED) | np.isin(tolerant["lie"], _LIES)
     flags = [f"--set {quote(key)}" for key in settings(case, fault, LAWS[1])]
-    return Flown(
+    return LawComparison(
         case=case,
         fault=fault,
         plain_m=errors[0],
@@ -239,3 +241,64 @@ def error(rows: Block, healthy: Block, onset: int) -> float:
 def bound(plain_m: float) -> float:
     """Return what the altitude error [m] may be where the plain law's is ``plain_m``."""
     return max(FACTOR * plain_m, plain_m + MORE_M)
+
+
+def summarise(flown: Sequence[LawComparison]) -> list[dict[str, Any]]:
+    """Summarise by kind of fault and aircraft, and all of them last: counts, shares with exact 95 % intervals."""
+    groups: dict[tuple[str, str], list[LawComparison]] = {}
+    for kind, aircraft in product(dict.fromkeys(pair.fault.kind for pair in flown), POINTS):
+        group = [pair for pair in flown if (pair.fault.kind, pair.case.aircraft) == (kind, aircraft)]
+        groups |= {(kind, aircraft): group} if group else {}
+    groups["all", "all"] = list(flown)
+    return [{"kind": kind, "aircraft": aircraft, **_counts(group)} for (kind, aircraft), group in groups.items()]
+
+
+def _counts(flown: Sequence[LawComparison]) -> dict[str, Any]:
+    return {
+        "flights": len(flown),
+        **{name: asdict(proportion(_count(flown, name), len(flown))) for name in ("within", "blamed")},
+        "answered": sum(pair.answered_after_s is not None for pair in flown),
+        **{name: _count(flown, name) for name in ("early", "identical")},
+        **{f"lost_{law}": len(flown) - _count(flown, f"{law}_survived") for law in ("plain", "tolerant")},
+        "most_above_plain_m": max(pair.tolerant_m - pair.plain_m for pair in flown),
+    }
+
+
+def _count(flown: Sequence[LawComparison], name: str) -> int:
+    return sum(getattr(pair, name) for pair in flown)
+
+
+def worst(flown: Sequence[LawComparison], most: int = 5) -> list[LawComparison]:
+    """Sort by: out of bounds, sensor blamed, error above the plain law's, error."""
+    rank = lambda pair: (pair.within, not pair.blamed, pair.plain_m - pair.tolerant_m, -pair.tolerant_m)  # noqa: E731
+    return sorted(flown, key=rank)[:most]
+
+
+def as_dict(flown: Sequence[LawComparison]) -> dict[str, Any]:
+    """Return the plain data of ``rig study rate-bias --json``."""
+    return {"table": summarise(flown), "worst": list(map(asdict, worst(flown))), "rows": list(map(asdict, flown))}
+
+
+def show(flown: Sequence[LawComparison], screen: Screen) -> None:
+    """Print the table, and the worst flights with the commands that fly them again."""
+    heads = (
+        *("fault", "aircraft", "within bounds", "sensor blamed", "rate biased, early", "identical"),
+        *("lost: plain, tolerant", "above plain, m"),
+    )
+    screen.table(heads, [_line(group) for group in summarise(flown)])
+    screen.print("intervals: exact, 95 %; identical: both laws gave the same surface commands, bit for bit")
+    for pair in worst(flown):
+        where = "within bounds" if pair.within else "out of bounds"
+        errors = f"plain {pair.plain_m:.1f} m, fault-tolerant {pair.tolerant_m:.1f} m"
+        screen.print(f"{where}: {errors}: {pair.command}", soft_wrap=True)
+
+
+def _line(group: dict[str, Any]) -> tuple[str, ...]:
+    counts = (f"{group['answered']}, {group['early']}", str(group["identical"]))
+    lost = f"{group['lost_plain']}, {group['lost_tolerant']}"
+    above = f"{group['most_above_plain_m']:.1f}"
+    return group["kind"], group["aircraft"], _share(group["within"]), _share(group["blamed"]), *counts, lost, above
+
+
+def _share(rate: dict[str, Any]) -> str:
+    return f"{rate['count']} of {rate['of']} ({rate['low']:.3f} to {rate['high']:.3f})"

@@ -13,12 +13,12 @@ from itertools import product
 from typing import Any, Final
 
 import numpy as np
-from scipy.stats import binomtest
 
 from rig import scenario
+from rig.campaign.pool import each
+from rig.campaign.statistics import proportion
 from rig.frame import FLIGHT_INDEX, INDEX, Block, End, Trust
 from rig.loop import fly_rows
-from rig.studies.workers import each
 
 ONSET_S: Final = 20.0
 LAST_S: Final = 10.0  # over which the steady deviation is taken
@@ -45,6 +45,7 @@ LAWS: Final = {
     "plain, voter": ("control.law=autopilot",),
     "fault-tolerant": ("control.law=fault-tolerant",),
 }
+_WORST: Final = ("pitch_peak_rad", "pitch_steady_rad", "altitude_loss_m", "load_factor_max")
 _THETA, _N_Z, _ALTITUDE = INDEX["pitch_angle"], INDEX["normal_load_factor"], FLIGHT_INDEX["altitude_m"]
 
 
@@ -60,7 +61,7 @@ class Case:
 
 
 @dataclass(frozen=True, slots=True)
-class Flown:
+class FaultFlight:
     """One flight with a fault; deviations of the true values from the flight without it, from the onset on."""
 
     case: Case
@@ -102,15 +103,15 @@ def cases(seeds: Sequence[int]) -> list[Case]:
     ]
 
 
-def study(seeds: Sequence[int] = (1,), workers: int = 2) -> tuple[list[Flown], int]:
-    """Fly everything; the flights with a fault, and how many there were in all."""
-    flown = [one for part in each(fly_case, cases(seeds), workers) for one in part]
+def study(seeds: Sequence[int] = (1,), workers: int = 2) -> tuple[list[FaultFlight], int]:
+    """Fly everything; return the flights with a fault, and the number of all."""
+    flown = [flight for part in each(fly_case, cases(seeds), workers) for flight in part]
     return flown, len(flown) + len(LAWS) * len(cases(seeds))
 
 
-def fly_case(case: Case) -> list[Flown]:
+def fly_case(case: Case) -> list[FaultFlight]:
     """Fly all faults and laws of one case."""
-    flown: list[Flown] = []
+    flown: list[FaultFlight] = []
     for law in LAWS:
         healthy = fly(case, law, None)
         flown += [measure(case, fault, law, fly(case, law, fault), healthy) for fault in FAULTS]
@@ -118,11 +119,11 @@ def fly_case(case: Case) -> list[Flown]:
 
 
 def fly(case: Case, law: str, fault: str | None) -> Block:
-    """Fly one flight; return all of its rows."""
-    told = "" if fault is None else f'{{signal="pitch_angle",channels=[1,2,3,4],start_s={ONSET_S},{FAULTS[fault]}}}'
+    """Fly and return all rows of one flight."""
+    faults = "" if fault is None else f'{{signal="pitch_angle",channels=[1,2,3,4],start_s={ONSET_S},{FAULTS[fault]}}}'
     sets = [
         *(f"aircraft={case.aircraft}", f"flight_point={POINTS[case.aircraft]}", f"duration_s={DURATION_S}"),
-        *(f"turbulence={case.turbulence}", f"control.vertical={case.hold}", f"faults=[{told}]"),
+        *(f"turbulence={case.turbulence}", f"control.vertical={case.hold}", f"faults=[{faults}]"),
         *(f"pilot={{manoeuvres=[{STEPS[case.hold]}]}}", *LAWS[law]),
     ]
     chosen = scenario.load(None, sets, case.seed)
@@ -132,15 +133,15 @@ def fly(case: Case, law: str, fault: str | None) -> Block:
     return fly_rows(chosen)
 
 
-def measure(case: Case, fault: str, law: str, rows: Block, healthy: Block) -> Flown:
-    """Measure what the fault did to the true flight."""
+def measure(case: Case, fault: str, law: str, rows: Block, healthy: Block) -> FaultFlight:
+    """Measure the effect of the fault on the true flight."""
     rate_hz = len(healthy) / DURATION_S
     onset, last = round(ONSET_S * rate_hz), round(LAST_S * rate_hz)
     both = min(len(rows), len(healthy))
     off = (rows["truth"][:both, _THETA] - healthy["truth"][:both, _THETA])[onset:]
     lost = (healthy["flight"][:both, _ALTITUDE] - rows["flight"][:both, _ALTITUDE])[onset:]
-    found = np.flatnonzero(rows["trust"][onset:] == Trust.CORRECTED)
-    return Flown(
+    corrected = np.flatnonzero(rows["trust"][onset:] == Trust.CORRECTED)
+    return FaultFlight(
         case=case,
         fault=fault,
         law=law,
@@ -148,40 +149,36 @@ def measure(case: Case, fault: str, law: str, rows: Block, healthy: Block) -> Fl
         pitch_steady_rad=float(abs(off[-last:].mean())),
         altitude_loss_m=float(max(lost.max(), 0.0)),
         load_factor_max=float(rows["truth"][onset:, _N_Z].max()),
-        detected_after_s=float(found[0]) / rate_hz if len(found) else None,
+        detected_after_s=float(corrected[0]) / rate_hz if len(corrected) else None,
         survived=bool(rows["end"][-1] == End.FLYING),
     )
 
 
-def summarise(flown: Sequence[Flown]) -> list[Summary]:
-    """Sum up by fault, hold and law."""
-    return [
-        _summary(fault, hold, law, [x for x in flown if (x.fault, x.case.hold, x.law) == (fault, hold, law)])
-        for hold, fault, law in product(STEPS, FAULTS, LAWS)
-    ]
+def summarise(flown: Sequence[FaultFlight]) -> list[Summary]:
+    """Summarise by fault, hold and law."""
+    groups: dict[tuple[str, str, str], list[FaultFlight]] = {key: [] for key in product(STEPS, FAULTS, LAWS)}
+    for flight in flown:
+        groups[flight.case.hold, flight.fault, flight.law].append(flight)
+    return [_summary(fault, hold, law, group) for (hold, fault, law), group in groups.items()]
 
 
-def _summary(fault: str, hold: str, law: str, flown: list[Flown]) -> Summary:
-    survived = sum(x.survived for x in flown)
-    interval = binomtest(survived, len(flown)).proportion_ci(0.95, "exact")
-    delays = [x.detected_after_s for x in flown if x.detected_after_s is not None]
+def _summary(fault: str, hold: str, law: str, flown: list[FaultFlight]) -> Summary:
+    survived = proportion(sum(flight.survived for flight in flown), len(flown))
+    delays = [flight.detected_after_s for flight in flown if flight.detected_after_s is not None]
     return Summary(
         fault=fault,
         hold=hold,
         law=law,
         flights=len(flown),
-        pitch_peak_rad=max(x.pitch_peak_rad for x in flown),
-        pitch_steady_rad=max(x.pitch_steady_rad for x in flown),
-        altitude_loss_m=max(x.altitude_loss_m for x in flown),
-        load_factor_max=max(x.load_factor_max for x in flown),
+        **{name: max(getattr(flight, name) for flight in flown) for name in _WORST},
         detected=len(delays),
         detected_after_s=max(delays, default=None),
-        survived=survived,
-        survived_low=float(interval.low),
-        survived_high=float(interval.high),
+        survived=survived.count,
+        survived_low=survived.low or 0.0,
+        survived_high=survived.high or 0.0,
     )
 
 
-def as_dict(flown: Sequence[Flown], flights: int) -> dict[str, Any]:
-    """Return the study as ``rig study fault-tolerant --json`` prints it."""
-    return {"flights": flights, "table": [asdict(x) for x in summarise(flown)], "rows": [asdict(x) for x in flown]}
+def as_dict(flown: Sequence[FaultFlight], flights: int) -> dict[str, Any]:
+    """Return the plain data of ``rig study fault-tolerant --json``."""
+    return {"flights": flights, "table": list(map(asdict, summarise(flown))), "rows": list(map(asdict, flown))}

@@ -22,7 +22,7 @@ PLACEHOLDER: Final = 1.0  # threshold of a CONFIG that names none: what is asked
 
 
 def start(path: Path) -> tuple[VoteConfig, dict[str, Any]]:
-    """CONFIG with a threshold for every signal, and its tables as they are. BadInput as of ``rig vote``."""
+    """Read CONFIG with a threshold for every signal, and its tables as they are. BadInput as of ``rig vote``."""
     config, raw = read_config(path), read_toml(path)
     if config.default is None and not config.signal:
         raise BadInput(f"{path}: no signal to design: add [default] or [signal.<name>]")
@@ -40,7 +40,7 @@ def recorded_toml(
     remarks: Iterable[str],
     outlier: bool = False,
 ) -> str:
-    """OUT for ``rig vote``: ``raw`` with the designs ``chosen`` in the tables of their signals.
+    """Write OUT for ``rig vote``: ``raw`` with the designs ``chosen`` in the tables of their signals.
 
     Signals in ``referenced`` keep the threshold of their reference, which by default is that of the channels.
     """
@@ -50,13 +50,12 @@ def recorded_toml(
     signals = {name: dict(table) for name, table in raw.get("signal", {}).items()}
     for name, design in chosen.items():
         own = {key: value for key, value in signals.get(name, {}).items() if key != "persistence_s"}
-        given = settings[name]
-        known = {**tables.get("default", {}), **own}
-        if outlier and "threshold" not in known:
+        before = {**tables.get("default", {}), **own}
+        if outlier and "threshold" not in before:
             raise BadInput(f"signal.{name}: --outlier needs the threshold beside which it is written")
-        new = _new(design, given, outlier)
-        if not outlier and name in referenced and "reference_threshold" not in known and "threshold" in known:
-            new["reference_threshold"] = known["threshold"]
+        new = _new(design, settings[name], outlier)
+        if not outlier and name in referenced and "reference_threshold" not in before and "threshold" in before:
+            new["reference_threshold"] = before["threshold"]
         signals[name] = {**own, **new}
     tables["signal"] = signals
     return _text(tables, remarks)
@@ -68,7 +67,7 @@ def scenario_toml(
     remarks: Iterable[str],
     outlier: bool = False,
 ) -> str:
-    """OUT for a scenario: ``[redundancy.signals.<name>]``."""
+    """Write OUT for a scenario: ``[redundancy.signals.<name>]``."""
     signals: dict[str, Any] = {}
     for name, design in chosen.items():
         given = settings[name]
@@ -79,7 +78,7 @@ def scenario_toml(
 
 
 def _new(design: Design, given: RecordedSignal, outlier: bool) -> dict[str, Any]:
-    """The keys of a design; a singular persistence that CONFIG gives stays where it is."""
+    """Return the keys of a design; a singular persistence that CONFIG gives stays where it is."""
     keys = dict(design.keys())
     if "singular_persistence" in given.model_fields_set or given.singular_persistence_s is not None:
         keys.pop("singular_persistence")
@@ -87,7 +86,7 @@ def _new(design: Design, given: RecordedSignal, outlier: bool) -> dict[str, Any]
 
 
 def _in_place(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
-    """The designed thresholds in place of those of ``given``, whose outlier thresholds then ask nothing more."""
+    """Return the designed thresholds in place of those of ``given``, whose outlier thresholds then ask nothing more."""
     for level in ("", "_triplex"):
         if getattr(given, f"outlier_threshold{level}") is not None:
             keys[f"outlier_threshold{level}"] = keys.get(f"threshold{level}", keys["threshold"])
@@ -95,22 +94,22 @@ def _in_place(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
 
 
 def _beside(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
-    """The designed thresholds as those of outliers; those of ``given`` stay unless they are smaller than the design."""
-    found = {key: value for key, value in keys.items() if key not in FIELDS.values()}
+    """Return the designed thresholds as those of outliers; those of ``given`` stay unless they are smaller."""
+    table = {key: value for key, value in keys.items() if key not in FIELDS.values()}
     for name in sorted(FIELDS.values() & keys.keys()):
         if keys[name] > (getattr(given, name) or given.threshold):
-            found[name] = keys[name]
+            table[name] = keys[name]
         if name != FIELDS[2]:
-            found[f"outlier_{name}"] = keys[name]
-    return found
+            table[f"outlier_{name}"] = keys[name]
+    return table
 
 
 def _in_frames(default: Mapping[str, Any], rate_hz: float) -> dict[str, Any]:
-    """[default] with its persistence in rows: a signal's own, in rows, may not meet one in seconds."""
-    found = dict(default)
-    if (seconds := found.pop("persistence_s", None)) is not None:
-        found["persistence"] = in_frames(1, seconds, rate_hz)
-    return found
+    """Convert [default] with its persistence in rows: a signal's own, in rows, may not meet one in seconds."""
+    table = dict(default)
+    if (seconds := table.pop("persistence_s", None)) is not None:
+        table["persistence"] = in_frames(1, seconds, rate_hz)
+    return table
 
 
 def _text(tables: Mapping[str, Any], remarks: Iterable[str]) -> str:

@@ -1,9 +1,18 @@
-"""All recordings of INPUT as flights of each signal, with the settings that the design starts from."""
+"""All recordings of INPUT as flights of each signal, with the settings that the design starts from.
+
+Each recording is one block: one flight.  INPUT of ``rig thresholds`` may be
+
+a file                                a table, or an MCAP file: a flight's log, or any with a [mapping]
+a folder with the sources of [mapping]  one recording of several recorders
+a folder of a campaign                its logs
+any other folder                      each file and each folder of sources in it, by name
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,14 +25,15 @@ from rig.computer.redundancy.managers import KINDS
 from rig.errors import BadInput, BadLog
 from rig.log.scan import About, iter_parts
 from rig.recordings.alignment import AlignOptions, run_alignment
-from rig.recordings.read import read
+from rig.recordings.read import ENDINGS, read
 from rig.recordings.recording import Recording, Samples
 from rig.recordings.settings import RecordedSignal, VoteConfig
-from rig.thresholds.blocks import recordings
 from rig.thresholds.design import Flight
 
 MANAGER: Final = next(kind.name for kind in KINDS if kind.compares)
 SAME_RATE: Final = 0.02  # by which rates may differ
+CAMPAIGN: Final = "campaign.json"
+LOGS: Final = "logs"
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +64,8 @@ def load(
         recording = read(path, config, repair)
         settings = _monitored(config.signals(recording.signals, source), source)
         notes = [
-            f"{one.source}: {one.dropped} rows dropped, where time repeats or steps back" for one in recording.repairs
+            f"{repair.source}: {repair.dropped} rows dropped, where time repeats or steps back"
+            for repair in recording.repairs
         ]
         if aligned is not None:
             recording, _ = run_alignment(recording, settings, aligned, config.triads)
@@ -70,7 +81,7 @@ def load(
 
 
 def _monitored(settings: dict[str, RecordedSignal], source: str) -> dict[str, RecordedSignal]:
-    """The signals that are monitored by comparison with each other. BadInput: there is none."""
+    """Return the signals that are monitored by comparison with each other. BadInput: there is none."""
     kept = {name: chosen for name, chosen in settings.items() if chosen.manager == MANAGER}
     if not kept:
         raise BadInput(f'{source}: no signal with the manager "{MANAGER}": others have no threshold to design')
@@ -78,7 +89,7 @@ def _monitored(settings: dict[str, RecordedSignal], source: str) -> dict[str, Re
 
 
 def _add(data: Data, path: Path, recording: Recording) -> None:
-    """One more flight of every signal. BadInput: another rate, other channels."""
+    """Add one more flight of every signal. BadInput: another rate, other channels."""
     rate = recording.rate_hz
     if abs(rate - data.rate_hz) > SAME_RATE * data.rate_hz:
         raise BadInput(
@@ -96,19 +107,18 @@ def _add(data: Data, path: Path, recording: Recording) -> None:
 
 
 def columns(samples: Samples, settings: RecordedSignal) -> Any:
-    """(C, n) the channels, NaN where the manager would not compare a sample."""
+    """Return (C, n) the channels, NaN where the manager would not compare a sample."""
     low, high = settings.limits
-    found = np.array(samples.channels)
-    good = (found >= low) & (found <= high)
+    values = np.array(samples.channels)
+    good = (values >= low) & (values <= high)
     if samples.valid is not None:
         good &= np.array(samples.valid) != 0
-    if not good.all():
-        found[~good] = np.nan
-    return found
+    values[~good] = np.nan
+    return values
 
 
 def _without_faults(path: Path) -> bool:
-    """Whether it is the log of a flight of ours; BadInput when its scenario has faults."""
+    """Return True if it is the log of a flight of ours; BadInput when its scenario has faults."""
     scenario = _scenario(path)
     if scenario.get("faults"):
         count = len(scenario["faults"])
@@ -117,19 +127,19 @@ def _without_faults(path: Path) -> bool:
 
 
 def _scenario(path: Path) -> dict[str, Any]:
-    """The scenario of a flight's log; empty for any other file."""
+    """Return the scenario of a flight's log; empty for any other file."""
     about = About()
     if path.suffix == ".mcap":
         with suppress(BadLog, OSError, StopIteration):
             next(iter(iter_parts(path, about)))
     with suppress(ValueError, RecursionError):
-        found = json.loads(about.metadata.get("scenario") or "{}")
-        return found if isinstance(found, dict) else {}
+        scenario = json.loads(about.metadata.get("scenario") or "{}")
+        return scenario if isinstance(scenario, dict) else {}
     return {}
 
 
 def of_scenario(paths: Sequence[Path]) -> VoteConfig:
-    """The settings that the first log's scenario flew with, for INPUT that is logs of ours alone.
+    """Return the settings that the first log's scenario flew with, for INPUT that is logs of ours alone.
 
     BadInput: something else is among them, or another manager flew.
     """
@@ -142,7 +152,50 @@ def of_scenario(paths: Sequence[Path]) -> VoteConfig:
             raise BadInput(f"{path}: flown with the manager {redundancy['manager']}, which has no threshold to design")
     signals: dict[str, Any] = {}
     for name, table in _scenario(paths[0])["redundancy"]["signals"].items():
-        known = {key: value for key, value in table.items() if key in SignalConfig.model_fields and value is not None}
-        known.pop("singular_persistence", None)  # resolved: always there, whoever asked for it
-        signals[name] = known
+        signals[name] = {
+            key: value for key, value in table.items() if key in SignalConfig.model_fields and value is not None
+        }
+        signals[name].pop("singular_persistence", None)  # resolved: always there, whoever asked for it
     return VoteConfig(signal=signals)
+
+
+def recordings(inputs: Iterable[Path], config: VoteConfig) -> list[Path]:
+    """List the recordings of all inputs, each once. BadInput: nothing there, or none in a folder."""
+    return list(dict.fromkeys(path for given in inputs for path in _of(given, config)))
+
+
+def _of(given: Path, config: VoteConfig) -> list[Path]:
+    try:
+        if not given.is_dir() or _holds_sources(given, config):
+            return [given]
+        campaign = (given / CAMPAIGN).is_file()
+        inside = sorted(_inside(given / LOGS if campaign else given, config), key=_by_number)
+    except (OSError, ValueError) as error:
+        raise BadInput(f"{given}: cannot be read: {getattr(error, 'strerror', error)}") from None
+    if not inside and campaign:
+        raise BadInput(f'{given}: the campaign kept no logs: fly it with logs = "all"')
+    if not inside:
+        wanted = f" nor a folder with {_first(config)}" if config.mapping else ""
+        raise BadInput(f"{given}: no recording in it: neither a file of {', '.join(ENDINGS)}{wanted}")
+    return inside
+
+
+def _inside(folder: Path, config: VoteConfig) -> Iterator[Path]:
+    for path in folder.iterdir() if folder.is_dir() else ():
+        if _holds_sources(path, config) if path.is_dir() else path.suffix in ENDINGS:
+            yield path
+
+
+def _holds_sources(folder: Path, config: VoteConfig) -> bool:
+    """Return True if the first source of the mapping is a file of the folder."""
+    return bool(config.mapping) and (folder / _first(config)).is_file()
+
+
+def _first(config: VoteConfig) -> str:
+    return next(iter(config.mapping.values())).rpartition(":")[0] or "the mapped table"
+
+
+def _by_number(path: Path) -> tuple[list[int | str], str]:
+    """Return a key that sorts path_2 before path_10."""
+    parts = re.split(r"([0-9]+)", path.name)
+    return [int(part) if part.isdecimal() and part.isascii() else part for part in parts], path.name

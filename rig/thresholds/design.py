@@ -1,7 +1,7 @@
 """Thresholds of one signal for a budget of false isolations: for each filter, persistence and level.
 
 At a level each choice of channels that may be in use gets a threshold for the whole budget, and the largest counts:
-it is not known which channels will be left.  Written is the upper value of the bootstrap (bootstrap.py).
+it is not known which channels will be left.  Written is the upper value of the bootstrap (tail.py).
 """
 
 from __future__ import annotations
@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.recordings.settings import RecordedSignal
-from rig.thresholds.bootstrap import draws, point, upper
 from rig.thresholds.distances import exceeded_each, in_use
 from rig.thresholds.monitored import low_passed
-from rig.thresholds.tail import LEAST, Peaks, peaks
+from rig.thresholds.tail import LEAST, Peaks, draws, peaks, point, upper
 
 Floats = NDArray[np.float64]
 FIELDS: Final = {4: "threshold", 3: "threshold_triplex", 2: "threshold_duplex"}  # by channels in use
@@ -45,18 +44,18 @@ class Design:
 
     @property
     def threshold(self) -> Threshold:
-        """With all channels in use."""
+        """Return the threshold with all channels in use."""
         return self.thresholds[max(self.thresholds)]
 
     def settings(self, given: RecordedSignal) -> RecordedSignal:
-        """The settings of a signal with this design in them."""
+        """Return the settings of a signal with this design in them."""
         none = ("persistence_s", "singular_persistence_s", "outlier_threshold", "outlier_threshold_triplex")
         return given.model_copy(update={**self.keys(), **dict.fromkeys(none)})
 
     def keys(self) -> dict[str, float | int]:
-        """What a table of CONFIG says of it; a level that was not designed has the threshold of the one above."""
+        """Return its keys of a table of CONFIG; a level that was not designed has the threshold of the one above."""
         largest = max(self.thresholds)
-        of_level = {FIELDS[level]: rounded_up(found.upper) for level, found in self.thresholds.items()}
+        of_level = {FIELDS[level]: rounded_up(threshold.upper) for level, threshold in self.thresholds.items()}
         of_level["threshold"] = rounded_up(self.thresholds[largest].upper)
         return {
             **of_level,
@@ -87,12 +86,12 @@ class Flight:
 
     @property
     def hours(self) -> float:
-        """How long it is."""
+        """Return its duration."""
         return self.samples.shape[1] / self.rate_hz / 3600.0
 
 
 def designs(flights: Sequence[Flight], given: RecordedSignal, grid: Grid, number: int = 0) -> list[Design]:
-    """Every filter and persistence of the grid that the data can say something of.
+    """Yield the designs of every filter and persistence of the grid that the data can say something of.
 
     number : of the signal, for its random stream
     """
@@ -108,13 +107,13 @@ def _designs(flights: Sequence[Flight], given: RecordedSignal, grid: Grid, numbe
         seen = [low_passed(flight.samples, filtered, flight.rate_hz) for flight in flights]
         at = {level: _at_level(flights, seen, given, frames, level, (grid, number, f)) for level in levels}
         for i, (persistence, singular) in enumerate(frames):
-            found = {level: one for level in levels if (one := at[level][i]) is not None}
-            if fitted in found:
-                yield Design(filter_s, persistence, singular, found)
+            thresholds = {level: threshold for level in levels if (threshold := at[level][i]) is not None}
+            if fitted in thresholds:
+                yield Design(filter_s, persistence, singular, thresholds)
 
 
 def _singular(given: RecordedSignal, frames: int, rate_hz: float) -> int:
-    """``singular_persistence``: as CONFIG says, else as the persistence."""
+    """Return ``singular_persistence``: as CONFIG says, else as the persistence."""
     if given.singular_persistence_s is not None:
         return max(1, int(np.ceil(given.singular_persistence_s * rate_hz - 1e-9)))
     return given.singular_persistence if "singular_persistence" in given.model_fields_set else frames
@@ -128,7 +127,7 @@ def _at_level(
     level: int,
     asked: tuple[Grid, int, int],
 ) -> list[Threshold | None]:
-    """The threshold at a level for each of ``frames``; None where too few clusters are left to say anything."""
+    """Return the threshold at a level for each of ``frames``; None where too few clusters are left to say anything."""
     grid, *place = asked
     rates = [flight.rate_hz for flight in flights]
     largest: list[Threshold | None] = [None] * len(frames)
@@ -136,15 +135,14 @@ def _at_level(
     for choice, channels in enumerate(in_use(len(seen[0]), level)):
         series = [exceeded_each(samples[list(channels)], frames, given.wraps) for samples in seen]
         for i, (persistence, _) in enumerate(frames):
-            tail = peaks([one[i] for one in series], rates, grid.budget_per_h)
+            tail = peaks([of_flight[i] for of_flight in series], rates, grid.budget_per_h)
             few[i] |= tail.clusters < LEAST
             if few[i]:
                 continue
             stream = np.random.SeedSequence(grid.seed, spawn_key=(*place, persistence, level, choice))
-            found = _threshold(tail, grid.budget_per_h, level, np.random.default_rng(stream))
-            known = largest[i]
-            largest[i] = found if known is None or found.upper > known.upper else known
-    return [None if lost else one for one, lost in zip(largest, few, strict=True)]
+            threshold, before = _threshold(tail, grid.budget_per_h, level, np.random.default_rng(stream)), largest[i]
+            largest[i] = threshold if before is None or threshold.upper > before.upper else before
+    return [None if lost else threshold for threshold, lost in zip(largest, few, strict=True)]
 
 
 def _threshold(tail: Peaks, budget_per_h: float, level: int, rng: np.random.Generator) -> Threshold:
@@ -154,7 +152,7 @@ def _threshold(tail: Peaks, budget_per_h: float, level: int, rng: np.random.Gene
 
 
 def rounded_up(value: float, digits: int = 4) -> float:
-    """The least number of so many digits that is not below ``value``."""
+    """Return the least number of so many digits that is not below ``value``."""
     if not value > 0:
         return value
     step = 10.0 ** (int(np.floor(np.log10(value))) - digits + 1)

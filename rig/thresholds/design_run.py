@@ -12,11 +12,10 @@ from typing import Any
 from rig.recordings.alignment import AlignOptions
 from rig.recordings.settings import VoteConfig
 from rig.thresholds import thresholds_page
-from rig.thresholds.blocks import recordings
 from rig.thresholds.config import recorded_toml, scenario_toml, start
-from rig.thresholds.data import Data, load, of_scenario
+from rig.thresholds.data import Data, load, of_scenario, recordings
 from rig.thresholds.design import Grid
-from rig.thresholds.motion import beyond, envelope
+from rig.thresholds.healthy import beyond, envelope
 from rig.thresholds.report import remarks, summary
 from rig.thresholds.run import Signal, design
 from rig.util.files import replaced, write_text

@@ -41,12 +41,12 @@ class Monitored(NamedTuple):
 
 
 def in_use(fitted: int, level: int) -> list[tuple[int, ...]]:
-    """The channels that may be in use at ``level``: each choice of so many of the ``fitted``."""
+    """Return the channels that may be in use at ``level``: each choice of so many of the ``fitted``."""
     return list(combinations(range(fitted), level))
 
 
 def exceeded(samples: Floats, monitored: Monitored, wraps: bool = False) -> Floats:
-    """(n,) the threshold that frame k would exceed: a channel is failed at every smaller one.
+    """Return (n,) the threshold that frame k would exceed: a channel is failed at every smaller one.
 
     samples : (C, n), unit of the signal, NaN where a sample is not comparable; angles that ``wraps`` in rad
     """
@@ -55,14 +55,14 @@ def exceeded(samples: Floats, monitored: Monitored, wraps: bool = False) -> Floa
 
 
 def exceeded_each(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool = False) -> list[Floats]:
-    """The same for all of the channels (C, n) and several persistences: (persistence, singular) each."""
+    """Return the same for all of the channels (C, n) and several persistences: (persistence, singular) each."""
     n, lead = samples.shape[1], max(max(pair) for pair in frames) - 1
-    found = [np.empty(n) for _ in frames]
+    series = [np.empty(n) for _ in frames]
     for start in range(0, n, CHUNK):
         first, end = max(start - lead, 0), min(start + CHUNK, n)
-        for out, part in zip(found, _exceeded(samples[:, first:end], frames, wraps), strict=True):
+        for out, part in zip(series, _exceeded(samples[:, first:end], frames, wraps), strict=True):
             out[start:end] = part[start - first :]
-    return found
+    return series
 
 
 def _exceeded(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool) -> Iterator[Floats]:
@@ -74,16 +74,16 @@ def _exceeded(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool) -
     of_each = nearest(chosen)
     gap = middle_gap(chosen) if len(chosen) == CHANNELS else np.min(of_each, axis=0)
     for persistence, singular in frames:
-        found = sliding_minimum(of_each[0], persistence)
+        largest = sliding_minimum(of_each[0], persistence)
         for distance in of_each[1:]:
-            np.maximum(found, sliding_minimum(distance, persistence), out=found)
+            np.maximum(largest, sliding_minimum(distance, persistence), out=largest)
         if len(chosen) == CHANNELS or singular < persistence:
-            np.maximum(found, sliding_minimum(gap, singular), out=found)
-        yield found
+            np.maximum(largest, sliding_minimum(gap, singular), out=largest)
+        yield largest
 
 
 def near_first(samples: Floats) -> Floats:
-    """Angles (C, n), rad, within half a turn of the first channel of their frame that has a sample."""
+    """Unwrap angles (C, n), rad, to within half a turn of the first channel of their frame that has a sample."""
     base = samples[0].copy()
     for column in samples[1:]:
         np.copyto(base, column, where=np.isnan(base))
@@ -91,10 +91,10 @@ def near_first(samples: Floats) -> Floats:
 
 
 def nearest(samples: Floats) -> list[Floats]:
-    """D_c of each channel, (n,) each: infinite for a sample that is not comparable, 0 for one without a partner."""
+    """Return D_c of each channel, (n,) each: infinite where a sample is not comparable, 0 without a partner."""
     count, present = len(samples), ~np.isnan(samples)
     apart = {pair: np.abs(samples[pair[0]] - samples[pair[1]]) for pair in combinations(range(count), 2)}
-    found: list[Floats] = []
+    distances: list[Floats] = []
     for c in range(count):
         distance = apart[min(c, c - 1), max(c, c - 1)] if c else apart[0, 1]
         for other in range(count):
@@ -102,20 +102,24 @@ def nearest(samples: Floats) -> list[Floats]:
                 distance = np.fmin(distance, apart[min(c, other), max(c, other)])
         if not present.all():
             distance = np.where(present[c], np.nan_to_num(distance, nan=0.0, posinf=np.inf), np.inf)
-        found.append(distance)
-    return found
+        distances.append(distance)
+    return distances
 
 
 def _apart(pair: Floats) -> Floats:
-    """Distance of two channels: 0 where one of them is not comparable, as it is failed without a pattern."""
+    """Return the distance of two channels: 0 where one of them is not comparable, as it is failed without a pattern."""
     return np.nan_to_num(np.abs(pair[0] - pair[1]), nan=0.0, posinf=np.inf)
 
 
-def middle_gap(samples: Floats) -> Floats:
-    """Third less second of four ranked samples (4, n); 0 where one is not comparable."""
+def middle_two(samples: Floats) -> tuple[Floats, Floats]:
+    """Return the second and the third of four ranked samples (4, n)."""
     a, b, c, d = samples
-    second = np.maximum(np.minimum(a, b), np.minimum(c, d))
-    third = np.minimum(np.maximum(a, b), np.maximum(c, d))
+    return np.maximum(np.minimum(a, b), np.minimum(c, d)), np.minimum(np.maximum(a, b), np.maximum(c, d))
+
+
+def middle_gap(samples: Floats) -> Floats:
+    """Return third less second of four ranked samples (4, n); 0 where one is not comparable."""
+    second, third = middle_two(samples)
     return np.nan_to_num(np.abs(third - second), nan=0.0, posinf=np.inf)
 
 
@@ -125,6 +129,6 @@ def sliding_minimum(series: Floats, frames: int) -> Floats:
 
 
 def invalid_runs(samples: Floats, frames: int) -> Sequence[int]:
-    """The channels, from 0, with so many samples in a row that are not comparable: no threshold keeps them."""
+    """Return the channels, from 0, with so many samples in a row that are not comparable: no threshold keeps them."""
     lost = np.isnan(samples).astype(np.float64)
     return [c for c, flags in enumerate(lost) if sliding_minimum(flags, frames).any()]

@@ -32,57 +32,52 @@ class Count:
 
     @property
     def expected(self) -> float:
-        """What the budget allows."""
+        """Return the number that the budget allows."""
         return self.budget_per_h * self.hours
 
     @property
     def over(self) -> bool:
-        """Whether there are more than chance makes of the budget."""
+        """Return True if there are more than chance makes of the budget."""
         return self.counted > 0 and bool(poisson.sf(self.counted - 1, self.expected) < OVER)
 
 
 def holdout(flights: Sequence[Flight], given: RecordedSignal, grid: Grid, chosen: Design) -> dict[int, Count] | None:
-    """Counts by level of both halves, every second flight each; None where a half cannot be designed."""
+    """Return counts by level of both halves, every second flight each; None where a half cannot be designed."""
     halves = (flights[0::2], flights[1::2])
     frames = sum(flight.samples.shape[1] for flight in flights)
     levels = grid.levels if frames <= MOST else ()  # () : only all channels in use
     own = replace(grid, persistence=(chosen.persistence,), filters_s=(chosen.filter_s,), levels=levels)
-    found: list[dict[int, Count]] = []
-    for of, test in (halves, halves[::-1]):
-        if not of or not test:
-            return None
-        made = designs(of, given, own)
+    counts: list[dict[int, Count]] = []
+    for design_on, test_on in (halves, halves[::-1]):
+        made = designs(design_on, given, own) if design_on and test_on else []
         if not made:
             return None
-        found.append(count(test, given, made[0], grid.budget_per_h))
-    return {level: _both(one, found[1][level]) for level, one in found[0].items() if level in found[1]}
+        counts.append(count(test_on, given, made[0], grid.budget_per_h))
+    return {level: _sum([of_level, counts[1][level]]) for level, of_level in counts[0].items() if level in counts[1]}
 
 
-def _both(a: Count, b: Count) -> Count:
-    return Count(a.counted + b.counted, a.hours + b.hours, a.budget_per_h)
+def _sum(counts: Sequence[Count]) -> Count:
+    hours = float(np.sum([of.hours for of in counts]))
+    return Count(sum(of.counted for of in counts), hours, counts[0].budget_per_h)
 
 
 def count(flights: Sequence[Flight], given: RecordedSignal, design: Design, budget_per_h: float) -> dict[int, Count]:
-    """The false isolations of ``design`` in flights, by level: each choice of channels that may be in use flies."""
+    """Count the false isolations of ``design`` in flights, by level, for each choice of channels in use."""
     settings = design.settings(given)
-    found: dict[int, Count] = {}
+    counts: dict[int, Count] = {}
     for level, threshold in design.thresholds.items():
-        choices = in_use(len(flights[0].samples), level)
-        at_level = settings.model_copy(
-            update={"threshold": rounded_up(threshold.upper), FIELDS[level]: rounded_up(threshold.upper)}
-        )
+        choices, within = in_use(len(flights[0].samples), level), rounded_up(threshold.upper)
+        at_level = settings.model_copy(update={"threshold": within, FIELDS[level]: within})
         number = sum(
             len(isolations(flight.samples[list(channels)].T, at_level, flight.rate_hz, round(GAP_S * flight.rate_hz)))
             for flight in flights
             for channels in choices
         )
-        found[level] = Count(number, len(choices) * sum(flight.hours for flight in flights), budget_per_h)
-    return found
+        counts[level] = Count(number, len(choices) * sum(flight.hours for flight in flights), budget_per_h)
+    return counts
 
 
 def total(counts: Mapping[str, Mapping[int, Count]]) -> Count | None:
-    """Of all signals with all channels in use."""
+    """Add up all signals with all channels in use."""
     first = [of[max(of)] for of in counts.values() if of]
-    if not first:
-        return None
-    return Count(sum(c.counted for c in first), float(np.sum([c.hours for c in first])), first[0].budget_per_h)
+    return _sum(first) if first else None

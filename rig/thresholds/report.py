@@ -1,4 +1,4 @@
-"""What a design says: one JSON object, and the remarks at the head of OUT."""
+"""The report of a design: one JSON object, and the remarks at the head of OUT."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import Any
 
 from rig.thresholds.data import Data
 from rig.thresholds.design import Design, Grid, rounded_up
+from rig.thresholds.healthy import SHARE
 from rig.thresholds.holdout import Count, total
-from rig.thresholds.motion import SHARE
 from rig.thresholds.run import MARKED, RULE, Signal, extrapolation
 from rig.thresholds.tradeoff import Tradeoff
 
 
 def summary(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> dict[str, Any]:
-    """Everything that was found, as plain data."""
+    """Return every result, as plain data."""
     counts = {name: signal.held_out for name, signal in signals.items() if signal.held_out}
     overall = total(counts)
     return {
@@ -30,7 +30,7 @@ def summary(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> dict[str, 
 
 
 def notes(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> list[str]:
-    """All remarks, a line each; one that several signals share stands once."""
+    """List all remarks, a line each; one that several signals share stands once."""
     lines = list(data.notes)
     factor = extrapolation(grid.budget_per_h, data.hours)
     if factor > MARKED:
@@ -47,57 +47,51 @@ def notes(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> list[str]:
 
 
 def _signal(signal: Signal, budget_per_h: float) -> dict[str, Any]:
-    made = signal.design
-    rows = [
-        {**_design(one, budget_per_h, signal.hours), "tradeoff": _tradeoff(signal.found[i]) if signal.found else None}
-        for i, one in enumerate(signal.designs)
-    ]
+    tradeoffs = [_tradeoff(tradeoff) for tradeoff in signal.found] or [None] * len(signal.designs)
     return {
         "flights": signal.flights,
         "hours": signal.hours,
-        "left_out": [one._asdict() for one in signal.left_out],
+        "left_out": [suspect._asdict() for suspect in signal.left_out],
         "motion": {**signal.motion._asdict(), "still": signal.motion.still},
-        "chosen": None if made is None else made.keys(),
-        "designs": rows,
-        "hold_out": {str(level): _count(one) for level, one in (signal.held_out or {}).items()},
+        "chosen": None if signal.design is None else signal.design.keys(),
+        "designs": [
+            {**_design(design, budget_per_h, signal.hours), "tradeoff": tradeoff}
+            for design, tradeoff in zip(signal.designs, tradeoffs, strict=True)
+        ],
+        "hold_out": {str(level): _count(count) for level, count in (signal.held_out or {}).items()},
     }
 
 
-def _design(one: Design, budget_per_h: float, hours: float) -> dict[str, Any]:
+def _design(design: Design, budget_per_h: float, hours: float) -> dict[str, Any]:
+    fields = ("upper", "point", "clusters", "shape")
     levels = {
-        str(level): {
-            "threshold": rounded_up(found.upper),
-            "upper": found.upper,
-            "point": found.point,
-            "clusters": found.clusters,
-            "shape": found.shape,
-        }
-        for level, found in one.thresholds.items()
+        str(level): {"threshold": rounded_up(of.upper), **{name: getattr(of, name) for name in fields}}
+        for level, of in design.thresholds.items()
     }
     return {
-        "filter_s": one.filter_s,
-        "persistence": one.persistence,
-        "singular_persistence": one.singular,
+        "filter_s": design.filter_s,
+        "persistence": design.persistence,
+        "singular_persistence": design.singular,
         "extrapolation": extrapolation(budget_per_h, hours),
         "levels": levels,
     }
 
 
-def _tradeoff(found: Tradeoff) -> dict[str, Any]:
+def _tradeoff(tradeoff: Tradeoff) -> dict[str, Any]:
     return {
-        "smallest_offset": found.smallest_offset,
-        "at_twice_the_threshold": found.at_twice._asdict(),
-        "faults": {name: one._asdict() for name, one in found.kinds.items()},
-        "found_rightly": found.share,
+        "smallest_offset": tradeoff.smallest_offset,
+        "at_twice_the_threshold": tradeoff.at_twice._asdict(),
+        "faults": {name: of_kind._asdict() for name, of_kind in tradeoff.kinds.items()},
+        "found_rightly": tradeoff.share,
     }
 
 
-def _count(one: Count) -> dict[str, Any]:
-    return {"counted": one.counted, "expected": one.expected, "hours": one.hours, "significantly_over": one.over}
+def _count(of: Count) -> dict[str, Any]:
+    return {"counted": of.counted, "expected": of.expected, "hours": of.hours, "significantly_over": of.over}
 
 
 def remarks(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> list[str]:
-    """The head of OUT: how it was made, and the motion that it holds for."""
+    """Return the head of OUT: how it was made, and the motion that it holds for."""
     lines = [
         f"Thresholds by rig thresholds: {grid.budget_per_h:g} false isolations an hour and signal, "
         f"from {data.hours:.4g} h in {len(data.names)} recordings (docs/thresholds.md).",

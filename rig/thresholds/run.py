@@ -15,9 +15,8 @@ from rig.errors import BadInput
 from rig.recordings.settings import RecordedSignal
 from rig.thresholds.data import Data
 from rig.thresholds.design import Design, Flight, Grid, designs
-from rig.thresholds.healthy import Suspect, suspects
+from rig.thresholds.healthy import Envelope, Suspect, envelope, suspects
 from rig.thresholds.holdout import Count, holdout
-from rig.thresholds.motion import Envelope, envelope
 from rig.thresholds.tail import CLUSTERS
 from rig.thresholds.tradeoff import Tradeoff, best, pieces, tradeoff
 from rig.util.progress import tell
@@ -46,12 +45,12 @@ class Signal:
 
     @property
     def design(self) -> Design | None:
-        """The chosen one."""
+        """Return the chosen one."""
         return None if self.chosen is None else self.designs[self.chosen]
 
 
 def design(data: Data, grid: Grid, keep: bool = False) -> dict[str, Signal]:
-    """Every signal designed. BadInput: nothing can be said of any of them.
+    """Design every signal. BadInput: nothing can be said of any of them.
 
     keep : flights that hold a fault are not left out
     """
@@ -68,37 +67,37 @@ def design(data: Data, grid: Grid, keep: bool = False) -> dict[str, Signal]:
 
 def _signal(name: str, data: Data, grid: Grid, keep: bool) -> Signal:
     flights, given = data.signals[name], data.settings[name]
-    told = [
-        one
-        for one in suspects(flights, given.wraps, max(grid.persistence))
-        if flights[one.flight].name not in data.healthy
+    suspected = [
+        suspect
+        for suspect in suspects(flights, given.wraps, max(grid.persistence))
+        if flights[suspect.flight].name not in data.healthy
     ]
-    left_out = {suspect.flight for suspect in told} if not keep else set()
+    left_out = {suspect.flight for suspect in suspected} if not keep else set()
     used = [flight for f, flight in enumerate(flights) if f not in left_out]
-    notes = [_stands_out(name, flights[one.flight].name, one, keep) for one in told]
+    notes = [_stands_out(name, flights[suspect.flight].name, suspect, keep) for suspect in suspected]
     motion, hours = envelope(used or flights, given.wraps), sum(flight.hours for flight in used)
     if not used:
         notes.append(f"{name}: a channel stands out in every flight: correct it (--align), or leave out the signal")
-        return Signal(given, 0, 0.0, told, motion, notes=notes)
+        return Signal(given, 0, 0.0, suspected, motion, notes=notes)
     blocks = _blocks(name, used, notes)
     made = designs(blocks, given, grid, zlib.crc32(name.encode()))
     if not made:
         notes.append(_nothing(name, used, hours, motion))
-        return Signal(given, len(used), hours, told, motion, notes=notes)
+        return Signal(given, len(used), hours, suspected, motion, notes=notes)
     notes += _remarks(name, made, motion, grid.budget_per_h, hours)
     cut = pieces(used)
     if cut is None:
         notes.append(f"{name}: flights are too short for the trade-off: the shortest persistence is taken")
-        return Signal(given, len(used), hours, told, motion, made, [], 0, None, notes)
+        return Signal(given, len(used), hours, suspected, motion, made, [], 0, None, notes)
     size = max(motion.value, motion.noise)
-    found = [tradeoff(cut, one, given, size) for one in made]
-    chosen = best(made, found)
+    tradeoffs = [tradeoff(cut, design, given, size) for design in made]
+    chosen = best(made, tradeoffs)
     held_out = holdout(blocks, given, grid, made[chosen])
-    return Signal(given, len(used), hours, told, motion, made, found, chosen, held_out, notes)
+    return Signal(given, len(used), hours, suspected, motion, made, tradeoffs, chosen, held_out, notes)
 
 
 def _blocks(name: str, flights: list[Flight], notes: list[str]) -> Sequence[Flight]:
-    """The flights; a single one is cut into stretches, which differ less than flights do."""
+    """Return the flights; a single one is cut into stretches, which differ less than flights do."""
     if len(flights) >= FEW:
         return flights
     if len(flights) > 1:
@@ -106,19 +105,19 @@ def _blocks(name: str, flights: list[Flight], notes: list[str]) -> Sequence[Flig
             f"{name}: {len(flights)} flights: with fewer than {FEW} budgets were exceeded by 2 to 4; record more"
         )
         return flights
-    one = flights[0]
-    count = min(STRETCHES, int(one.hours * 3600.0 / _SHORTEST_S))
+    flight = flights[0]
+    count = min(STRETCHES, int(flight.hours * 3600.0 / _SHORTEST_S))
     notes.append(
         f"{name}: one flight: its {max(count, 1)} stretches stand for flights, which differ more: record {FEW} or more"
     )
     if count < 2:
         return flights
-    return [Flight(one.name, part, one.rate_hz) for part in np.array_split(one.samples, count, axis=1)]
+    return [Flight(flight.name, part, flight.rate_hz) for part in np.array_split(flight.samples, count, axis=1)]
 
 
-def _stands_out(name: str, flight: str, one: Suspect, keep: bool) -> str:
+def _stands_out(name: str, flight: str, suspect: Suspect, keep: bool) -> str:
     what = "kept, as asked: thresholds grow with the fault" if keep else "this flight is left out for the signal"
-    return f"{flight}: {name}.{one.channel} stands out: {one.why}; {what}"
+    return f"{flight}: {name}.{suspect.channel} stands out: {suspect.why}; {what}"
 
 
 def _nothing(name: str, flights: Sequence[Flight], hours: float, motion: Envelope) -> str:
@@ -128,18 +127,19 @@ def _nothing(name: str, flights: Sequence[Flight], hours: float, motion: Envelop
 
 
 def _remarks(name: str, made: Sequence[Design], motion: Envelope, budget_per_h: float, hours: float) -> list[str]:
-    """Lines on what a design of this signal rests on."""
+    """List what a design of this signal rests on."""
     lines: list[str] = []
-    few = min(one.clusters for each in made for one in each.thresholds.values())
+    clusters = [threshold.clusters for design in made for threshold in design.thresholds.values()]
+    few = min(clusters)
     if few < CLUSTERS:
         lines.append(f"{name}: only {few} events where {CLUSTERS} are wanted: the thresholds are rough, record more")
     if motion.still:
         lines.append(f"{name}: does not move: the thresholds hold at rest, and for nothing else")
-    if any(one.clusters <= budget_per_h * hours for each in made for one in each.thresholds.values()):
+    if few <= budget_per_h * hours:
         lines.append(f"{name}: {budget_per_h:g} an hour is more than the events that the data hold: ask for less")
     return lines
 
 
 def extrapolation(budget_per_h: float, hours: float) -> float:
-    """How many times longer the data would have to be for one event at the budget."""
+    """Return how many times longer the data would have to be for one event at the budget."""
     return 1.0 / (budget_per_h * hours) if hours > 0 else float("inf")

@@ -8,6 +8,10 @@ The level that is exceeded by b clusters an hour is then, with rate = clusters a
     u + scale / shape * ((rate / b) ** shape - 1)        shape 0: u + scale * ln(rate / b)
 
 Coles, An Introduction to Statistical Modeling of Extreme Values (2001), sections 4.2 and 5.3.
+
+How far it would move with other flights is the bootstrap's: blocks are drawn with replacement, not clusters.  Clusters
+of one flight have its manoeuvres, its temperature, its mounting in common; other flights have others.
+Efron and Tibshirani, An Introduction to the Bootstrap (1993), percentile interval.
 """
 
 from __future__ import annotations
@@ -26,6 +30,8 @@ CLUSTERS: Final = 40  # that u leaves at least
 LEAST: Final = 10  # clusters from which anything can be said
 MARGIN: Final = 2.0  # u is exceeded at least so many times as often as the budget
 SHAPES: Final = (0.0, 0.5)
+DRAWS: Final = 1000  # of the bootstrap
+CONFIDENCE: Final = 0.95
 _PLACE: Final = 0.35  # of the plotting position
 _SAMPLE: Final = 50_000  # values that the quantiles are taken from
 _SHARES: Final = 2.0 ** (np.arange(-48.0, -1.0) / 4.0)  # of frames above u, 2.4e-4 to 0.6
@@ -42,34 +48,34 @@ class Peaks:
 
     @property
     def clusters(self) -> int:
-        """How many there are."""
+        """Return their number."""
         return len(self.excess)
 
 
 def peaks(series: list[Floats], rates_hz: list[float], budget_per_h: float) -> Peaks:
-    """The peaks of one series a block, over the largest u that leaves clusters enough.
+    """Return the peaks of one series a block, over the largest u that leaves clusters enough.
 
     When none does, those of the u that leaves most.
     """
-    hours = np.array([len(one) / rate / 3600.0 for one, rate in zip(series, rates_hz, strict=True)])
+    hours = np.array([len(block) / rate / 3600.0 for block, rate in zip(series, rates_hz, strict=True)])
     needed = max(CLUSTERS, MARGIN * budget_per_h * float(hours.sum()))
     gap = max(round(GAP_S * max(rates_hz)), 1)
     values = np.concatenate(series)
-    ends = np.cumsum([len(one) for one in series])
+    ends = np.cumsum([len(block) for block in series])
     best: Peaks | None = None
     for u in _levels(values):
         above = np.flatnonzero(values > u)
         block = np.searchsorted(ends, above, side="right")
-        found = _clusters(values[above], above + block * (gap + 1), block, gap, u, hours)
-        if found.clusters >= needed:
-            return found
-        if best is None or found.clusters > best.clusters:
-            best = found
+        over = _clusters(values[above], above + block * (gap + 1), block, gap, u, hours)
+        if over.clusters >= needed:
+            return over
+        if best is None or over.clusters > best.clusters:
+            best = over
     return best or Peaks(0.0, np.zeros(0), np.zeros(0, np.int64), hours)
 
 
 def _levels(values: Floats) -> Floats:
-    """Candidates for u, the largest first: quantiles of every so many values."""
+    """Return candidates for u, the largest first: quantiles of every so many values."""
     some = values[:: max(len(values) // _SAMPLE, 1)]
     some = np.sort(some[np.isfinite(some)])
     at = np.unique(((len(some) - 1) * (1.0 - _SHARES)).astype(np.int64))
@@ -79,7 +85,7 @@ def _levels(values: Floats) -> Floats:
 def _clusters(
     values: Floats, at: NDArray[np.int64], block: NDArray[np.int64], gap: int, u: float, hours: Floats
 ) -> Peaks:
-    """Peaks of values above ``u`` in the frames ``at``; a new cluster begins after more than ``gap`` frames."""
+    """Find the peaks of values above ``u`` in frames ``at``; a new cluster begins after more than ``gap`` frames."""
     if len(values) == 0:
         return Peaks(float(u), values, block, hours)
     starts = cluster_starts(at, gap)
@@ -89,7 +95,7 @@ def _clusters(
 
 
 def pareto(excess: Floats, weights: Floats | None = None) -> tuple[Floats, Floats]:
-    """Scale and shape of the generalised Pareto law of ascending ``excess`` (m,), for each row of ``weights`` (R, m).
+    """Fit scale and shape of the generalised Pareto law to ascending ``excess`` (m,), by row of ``weights`` (R, m).
 
     weights : how often each excess occurs, whole numbers; once each when not given
     """
@@ -106,8 +112,30 @@ def pareto(excess: Floats, weights: Floats | None = None) -> tuple[Floats, Float
 
 
 def level(u: float, scale: Floats, shape: Floats, rate_per_h: Floats, budget_per_h: float) -> Floats:
-    """The level exceeded by ``budget_per_h`` clusters an hour; ``u`` itself when that is not exceeded as often."""
+    """Return the level exceeded by ``budget_per_h`` clusters an hour; ``u`` itself where it is exceeded less often."""
     ratio = np.maximum(rate_per_h / budget_per_h, 1.0)
     small = shape < 1e-6
     power = (ratio**shape - 1.0) / np.where(small, 1.0, shape)
     return u + scale * np.where(small, np.log(ratio), power)
+
+
+def point(over: Peaks, budget_per_h: float) -> tuple[float, float]:
+    """Return the threshold for the budget as the data have it, and the shape of their tail."""
+    scale, shape = pareto(over.excess)
+    rate = np.array([over.clusters / float(over.hours.sum())])
+    return float(level(over.u, scale, shape, rate, budget_per_h)[0]), float(shape[0])
+
+
+def draws(over: Peaks, budget_per_h: float, rng: np.random.Generator) -> Floats:
+    """Return (DRAWS,) thresholds for the budget from as many draws of blocks."""
+    count = len(over.hours)
+    times = rng.multinomial(count, np.full(count, 1.0 / count), DRAWS).astype(np.float64)
+    weights = times[:, over.block]
+    scale, shape = pareto(over.excess, weights)
+    rate = weights.sum(axis=1) / (times @ over.hours)
+    return level(over.u, scale, shape, rate, budget_per_h)
+
+
+def upper(thresholds: Floats) -> float:
+    """Return the value that CONFIDENCE of the draws do not exceed."""
+    return float(np.quantile(thresholds, CONFIDENCE))

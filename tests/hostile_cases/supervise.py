@@ -22,7 +22,7 @@ from hostile_cases.checks import MEMORY, Outcome, failures
 LIMIT_S: Final = 20.0
 # Imported only: polars and Arrow start their threads when they are first used, which is in a case's own process.
 _RECORDED: Final = ("rig.recordings.align", "rig.bench.vote_summary", "rig.bench.vote", "rig.bench.write_votes")
-_CAMPAIGN: Final = ("rig.campaign.campaign_page", "rig.campaign.run", "rig.campaign.compare", "rig.campaign.estimate")
+_CAMPAIGN: Final = ("rig.campaign.campaign_page", "rig.campaign.run", "rig.campaign.estimate")
 _OTHERS: Final = (
     *("rig.replay.verify", "rig.replay.what_if", "rig.assess.of_log", "rig.view.watch.live"),
     "rig.flight.frame_cost",
@@ -40,7 +40,7 @@ _PAGE: Final = os.sysconf("SC_PAGE_SIZE")
 
 def warm() -> None:
     """Import what commands need and compile the kernels, without starting a thread pool that a fork would break."""
-    from rig.campaign.flying import warm as compile_all
+    from rig.campaign.worker import warm as compile_all
 
     compile_all()
     for module in _IMPORTED:

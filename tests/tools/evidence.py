@@ -23,7 +23,7 @@ import numpy as np
 from rig import scenario
 from rig.aircraft import tables
 from rig.assess import score
-from rig.campaign.flying import Flown, fly
+from rig.campaign.flying import CampaignFlight, fly
 from rig.frame import SIGNALS, State
 
 AIRCRAFT: Final = ("f16", "b747", "b737")
@@ -192,7 +192,7 @@ def outcome_of(one: Try) -> Table:
     }
 
 
-def left(flown: Flown) -> int:
+def left(flown: CampaignFlight) -> int:
     """Channels in use at the end, of all signals."""
     states = flown.rows["state"][-1]
     return int(np.count_nonzero((states != State.FAILED) & (states != State.ABSENT)))

@@ -7,14 +7,14 @@ Earlier faults count too.  What follows a vote that is not kept does not count i
 import sys
 
 import numpy as np
+from trial_vs_flight import TrialVsFlight, trial_vs_flight
 
 from rig.campaign.config import read
 from rig.campaign.plan import Plan
-from rig.reliability.beside import Beside, beside
 from rig.reliability.trials import leaves_two_good, planned
 
 
-def told(found: list[Beside]) -> str:
+def told(found: list[TrialVsFlight]) -> str:
     """How many isolate the same channels, and in the same frames."""
     channels = sum(bool(((one.flight >= 0) == (one.trial >= 0)).all()) for one in found)
     frames = sum(bool((one.flight == one.trial).all()) for one in found)
@@ -26,7 +26,7 @@ def main(most: int, manager: str) -> None:
     plan = Plan(read("reliability", {"redundancy.manager": manager}), "reliability.toml")
     numbers = [n for n in range(len(plan)) if leaves_two_good(*planned(plan, n))]
     chosen = np.random.default_rng(0).permutation(numbers)[:most].tolist()
-    found = [beside(plan[number].scenario()) for number in chosen]
+    found = [trial_vs_flight(plan[number].scenario()) for number in chosen]
     for number, one in zip(chosen, found, strict=True):
         if (one.flight != one.trial).any() or one.flight_kept != one.trial_kept:
             print(number, plan.choices[number], one, flush=True)

@@ -18,8 +18,7 @@ import numpy as np
 from isolation_exact import isolations
 
 from rig.frame import S
-from rig.reliability.chain import probabilities
-from rig.reliability.chain_file import solve_file
+from rig.reliability.chain import probabilities, solve_file
 from rig.reliability.margin import Effort, Margin, estimate
 from rig.reliability.margin_bench import Bench
 from rig.reliability.recorded import Recording

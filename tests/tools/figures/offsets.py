@@ -14,8 +14,8 @@ from evidence import AIRCRAFT, SIGNAL_NAMES, Table, flight, manoeuvre, offset, t
 from figures import table
 from rig import scenario
 from rig.campaign.flying import fly
+from rig.campaign.pool import each
 from rig.frame import INDEX
-from rig.studies.workers import each
 
 LEAST_FAULTS: Final = 30  # to say a share of
 DETECTED_SHARE: Final = 0.99

@@ -26,9 +26,9 @@ from rig.recordings.settings import RecordedSignal
 from rig.thresholds import faults
 from rig.thresholds.data import Data, load
 from rig.thresholds.design import Design, Flight, Grid, designs
+from rig.thresholds.healthy import envelope
 from rig.thresholds.holdout import OVER, Count, count
 from rig.thresholds.monitored import NEVER, failures
-from rig.thresholds.motion import envelope
 from rig.thresholds.run import STRETCHES, design
 from rig.thresholds.tradeoff import best, pieces, tradeoff
 

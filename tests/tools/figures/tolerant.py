@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from figures import table
 from rig import scenario
 from rig.aircraft import tables
+from rig.campaign.pool import each
 from rig.campaign.statistics import poisson
 from rig.computer.analytic.unit_bank import bank_by
 from rig.computer.fdi.state import BOTH
 from rig.frame import ESTIMATES, INDEX, Block, Lie, Trust
 from rig.loop import Rig, frames
 from rig.studies.rate_bias import AFTER_S, ALL_CHANNELS, POINTS, TURBULENCE, Case, Fault, settings
-from rig.studies.workers import each
 from rig.units.angles import wrap
 
 THETA, PHI = INDEX["pitch_angle"], INDEX["roll_angle"]

@@ -6,13 +6,13 @@ import subprocess
 import sys
 import time
 
-from rig.studies.workers import each
+from rig.campaign.pool import each
 
 SLOW = """
 import sys, time
 from pathlib import Path
 from rig.util.interrupt import end_cleanly
-from rig.studies.workers import each
+from rig.campaign.pool import each
 
 def fly(case):
     Path("begun").touch()

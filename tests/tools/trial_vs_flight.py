@@ -1,4 +1,4 @@
-"""An open-loop trial beside the flight that it stands for: same faults, same draws, the truth of the healthy flight."""
+"""An open-loop trial against the flight that it stands for: same faults and draws, the truth of the healthy flight."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from rig.assess.monitored import allowed_frames, lingers
 from rig.bench.trials import NEVER, Trials
 from rig.frame import INDEX, SIGNALS, Block, State, new_block
 from rig.loop import fly_rows
-from rig.reliability.cells import SECOND, TESTED
 from rig.reliability.drawn import Cell
 from rig.reliability.one_signal import faults_of, one_signal
 from rig.reliability.recorded import Recording, of_rows
+from rig.reliability.tally import SECOND, TESTED
 from rig.reliability.trials import fly_trials, off_votes
 from rig.scenario import Scenario
 from rig.sensors import Sensors
 from rig.units.angles import differences
 
 
-class Beside(NamedTuple):
+class TrialVsFlight(NamedTuple):
     """First frame in which each channel of the signal was failed, or NEVER: (4,) in flight, and in the trial.
 
     Where the vote is not kept, what comes after does not count, and may differ.
@@ -33,7 +33,7 @@ class Beside(NamedTuple):
     trial_kept: bool
 
 
-def beside(scenario: Scenario) -> Beside:
+def trial_vs_flight(scenario: Scenario) -> TrialVsFlight:
     """Fly a scenario whose faults sit on one signal, fly it healthy, and run the trial."""
     labels = [fault.label for fault in scenario.faults]
     tested = labels.index(TESTED)
@@ -45,11 +45,11 @@ def beside(scenario: Scenario) -> Beside:
     results, _, _ = fly_trials(made, trials, lambda: None)
     rows, s = fly_rows(scenario), INDEX[name]
     kept = not (results["lost"][0] or off_votes(made, results)[0])
-    return Beside(_failed_at(rows, s), results["failed_at"][0], _kept(rows, s, trials), kept)
+    return TrialVsFlight(_failed_at(rows, s), results["failed_at"][0], _kept(rows, s, trials), kept)
 
 
 def _kept(rows: Block, s: int, trials: Trials) -> bool:
-    """Whether a flight kept its vote on signal ``s``, by what counts in a trial."""
+    """Return True if a flight kept its vote on signal ``s``, by what counts in a trial."""
     rows = rows[int(trials.counted_from[0]) :]
     error = differences(rows["voted"][:, s], rows["truth"][:, s], SIGNALS[s].wraps)
     off = ~(np.abs(error) <= trials.threshold)
@@ -57,7 +57,7 @@ def _kept(rows: Block, s: int, trials: Trials) -> bool:
 
 
 def _as_flown(made: Cell, recording: Recording) -> Trials:
-    """The one trial with the draws of the flight."""
+    """Return the one trial with the draws of the flight."""
     scenario, s, frames = made.scenario, made.one.signal, len(recording.truth)
     block = new_block(frames)
     sensors = Sensors(scenario.sensors, scenario.rate_hz, scenario.streams()["sensors"])
