@@ -71,11 +71,11 @@ class FlightRecords(Findings):
         unit: UnitUnderTest | None = None,
         keys: Keys | None = None,
         watchers: Sequence[Watcher] = (),
-        add_outcome: Callable[[Block], None] | None = None,
+        assess_rows: Callable[[Block], None] | None = None,
     ) -> None:
         super().__init__(scenario)
         self.scenario, self._writer, self._unit, self._keys, self._watchers = scenario, writer, unit, keys, watchers
-        self._add_outcome = add_outcome
+        self._assess_rows = assess_rows
         self.jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
         self._replies, self._pool = Histogram(), ThreadPoolExecutor(1, "verdict", off_the_core)
 
@@ -98,8 +98,8 @@ class FlightRecords(Findings):
     def _sum_up(self, rows: Block, events: Sequence[Event]) -> None:
         """Take the next rows into the summary and the outcome, while the log is written."""
         self.verdict.add(rows, events)
-        if self._add_outcome is not None:
-            self._add_outcome(rows)
+        if self._assess_rows is not None:
+            self._assess_rows(rows)
 
     def unit_result(self) -> dict[str, Any] | None:
         """Return what became of the exchanges with a unit under test, and how long they took."""

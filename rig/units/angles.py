@@ -1,4 +1,4 @@
-"""Angles on the circle and the ends of a sensor's range: what sensors, faults, voter and scores share.
+"""Angles on the circle and the ends of a sensor's range: what sensors, faults, voter and assessments share.
 
 The short way round has one formula, once for kernels (``wrap``) and once for arrays (``short_way``), to the same bits.
 """

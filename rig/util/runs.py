@@ -1,4 +1,4 @@
-"""Runs of equal values, beginnings of what lasts, and clusters of frames: the arithmetic of every score and table."""
+"""Runs of equal values, beginnings of what lasts, clusters of frames: arithmetic that assessments and tables share."""
 
 from __future__ import annotations
 
