@@ -100,7 +100,7 @@ def test_an_error_above_the_outlier_threshold_is_found_and_the_vote_measured_by_
     assert outcomes(few) == [("undetectable", 20, None, None)]  # managers that do not ask for it are not measured by it
 
 
-def test_faults_on_one_channel_after_each_other_are_judged_each_for_itself():
+def test_faults_on_one_channel_after_each_other_are_scored_each_for_itself():
     found = scored([offset([2], 0.1, 0.3, 0.15), offset([2], 0.4, 0.2)], 80)
     assert outcomes(found) == [("missed", 10, 10, None), ("detected", 40, 40, 47)]
     assert [fault.tolerated for fault in found.faults] == [True, False]

@@ -97,17 +97,18 @@ def score_of(
 def _faults(outcome: FlightOutcome) -> list[FaultScore]:
     """Return one entry for each fault and channel, or for the fault where it sits on none, in order of the scenario."""
     scored = []
-    places = [(i, *at) for i, fault in enumerate(outcome.scenario.faults) for at in channels_of(fault) or [("", None)]]
-    for record, (number, place, channel) in zip(outcome.records.faults, places, strict=True):
-        fault, numbers = outcome.scenario.faults[number], {name: _frame(record[name]) for name in _FRAMES}
-        onset, exceeded, failed = numbers.values()
+    faults = outcome.scenario.faults
+    places = [place for fault in faults for place in channels_of(fault) or [(fault.signal, None)]]
+    for record, (place, channel) in zip(outcome.records.faults, places, strict=True):
+        number = int(record["number"])
+        fault, (onset, exceeded, failed) = faults[number], (_frame(record[name]) for name in _FRAMES)
         executed = bool(record["executed"])
         word = fault_word(executed, failed is not None, exceeded is not None)
         run = int(record["longest_run"])
         scored.append(
             FaultScore(
                 id=fault.label,
-                signal=place or fault.signal,
+                signal=place,
                 channel=channel,
                 kind=fault.kind,
                 onset_frame=onset,

@@ -52,7 +52,7 @@ class Viewer(Protocol):
 
 
 class Outcome(Protocol):
-    """Judges a flight while it is flown."""
+    """Assesses a flight while it is flown."""
 
     def begin(self, scenario: Scenario) -> None:
         """Take the scenario as it is flown; the first frame comes next."""
