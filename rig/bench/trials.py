@@ -12,17 +12,26 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.assess.outcome import (
+    LONG_AGO,
+    NEVER,
+    SIGNAL,
+    all_out,
+    channel_bits,
+    count_healthy,
+    in_use,
+    mark_failed,
+    mark_wrong,
+)
 from rig.bench.run import step
 from rig.computer.redundancy.manager import ManagerData
 from rig.faults import FaultData
 from rig.faults.record import FOREVER, Trigger
-from rig.frame import CHANNELS, State
+from rig.frame import CHANNELS
 from rig.kernels import kernel
 from rig.sensors import SensorData
 from rig.units.angles import difference
 
-LEVELS: Final = CHANNELS + 1
-NEVER: Final = -1
 RESULT: Final = np.dtype(
     [
         ("above", "i8"),  # frames from the last onset on in which the vote was off by more than its threshold
@@ -32,8 +41,6 @@ RESULT: Final = np.dtype(
         ("good_before", "i8"),  # channels without a fault and not failed, in the frame before the tested onset
         ("in_use", "i8"),  # of the tested channels, those not failed then
         ("failed_at", "i8", (CHANNELS,)),  # first frame in which each channel was failed, or NEVER
-        ("faulty", "u1", (CHANNELS,)),  # whether a fault has acted on it
-        ("disturbed", "i8"),  # last frame in which a channel in use was faulty
     ],
     align=True,
 )
@@ -78,6 +85,16 @@ class Scratch(NamedTuple):
     blank_kept: NDArray[Any]  # (1,)
     manager: ManagerData
     blank_manager: NDArray[Any]  # (1,)
+    signal: NDArray[Any]  # (1,) assess.outcome.SIGNAL
+    blank_signal: NDArray[Any]  # (1,)
+
+
+def blank_signal(fitted: int, linger: int) -> NDArray[Any]:
+    """Return the (1,) SIGNAL of a signal before its first frame."""
+    signal = np.zeros(1, SIGNAL)
+    signal["fitted"], signal["linger"] = fitted, linger
+    signal["failed_at"], signal["disturbed"] = NEVER, LONG_AGO
+    return signal
 
 
 @kernel
@@ -110,10 +127,7 @@ def begin(trials, j, scratch, result):
         scratch.faults.kept[t] = scratch.blank_kept[0]
     result["above"], result["off"], result["lost"], result["frames"] = 0, 0, 0, 0
     result["good_before"], result["in_use"] = 0, 0
-    result["disturbed"] = -(FOREVER // 2)
-    for c in range(CHANNELS):
-        result["failed_at"][c] = NEVER
-        result["faulty"][c] = 0
+    scratch.signal[0] = scratch.blank_signal[0]
 
 
 @kernel
@@ -128,87 +142,51 @@ def run_trial(trials, j, at, scratch, result, healthy, failed):
         trials.sensors[j], trials.noise[at:], scratch.no_drift, scratch.memory, scratch.line,
         scratch.no_discretes, scratch.no_alarms,
     )  # fmt: skip
-    level = np.int64(scratch.manager.params[0]["fitted"])
+    signal, wraps = scratch.signal[0], scratch.manager.params[0]["wraps"]
+    level = np.int64(signal["fitted"])
     for k in range(trials.last[j] - trials.first[j]):
         frame = trials.first[j] + k
         row = scratch.row[0]
         truth, fcc = row["truth"], row["fcc"]
         row["frame"] = frame
         truth["truth"][0] = trials.truth[frame]
-        out = failed_bits(fcc["state"][0]) if k > 0 else 0
+        before = np.int64(signal["failed"])
         fcc["reference"][0], fcc["second_reference"][0] = trials.reference[frame], trials.second[frame]
         step(row, row, k, own, data, None, scratch.manager, None)
         if frame == trials.onset[j]:
-            stand_before(data, out, trials.tested, scratch.manager.params[0]["fitted"], result)
-        note(data, out, result, frame)
-        fitted = scratch.manager.params[0]["fitted"]
-        if frame - result["disturbed"] > trials.linger:
-            count_healthy(fcc["state"][0], out, level, fitted, result["faulty"], healthy, failed)
-        settled = note_failures(fcc["state"][0], frame, result)
+            stand_before(data, before, trials.tested, signal, result)
+        mark_wrong(acting(data), frame, signal)
+        became = mark_failed(channel_bits(fcc["state"][0]), frame, signal)
+        # On one signal no box is failed, and a common mode answers no fault in such a row: none is by design.
+        if frame - signal["disturbed"] > signal["linger"]:
+            count_healthy(became, before, level, signal, healthy, failed)
         level = np.int64(fcc["level"][0])
-        off = (
-            not abs(difference(fcc["voted"][0], trials.truth[frame], scratch.manager.params[0]["wraps"]))
-            <= trials.threshold
-        )
+        off = not abs(difference(fcc["voted"][0], trials.truth[frame], wraps)) <= trials.threshold
         if frame >= trials.counted_from[j]:
             result["above"] += off
             result["lost"] |= level == 0 and result["above"] <= trials.allowed
         result["off"], result["frames"] = off, k + 1
-        if trials.early != 0 and frame >= trials.counted_from[j] and not off and 0 <= settled <= frame - trials.linger:
-            return
-
-
-@kernel
-def failed_bits(states):
-    """A bit for each failed channel of ``states`` (4,)."""
-    bits = 0
+        if trials.early != 0 and frame >= trials.counted_from[j] and not off and all_out(frame, signal):
+            break
     for c in range(CHANNELS):
-        bits |= (states[c] == State.FAILED) << c
-    return bits
+        result["failed_at"][c] = signal["failed_at"][c]
 
 
 @kernel
-def stand_before(data, out, tested, fitted, result):
-    """Note how the signal stands before the tested fault; out : failed channels, bits."""
-    for c in range(fitted):
-        result["good_before"] += result["faulty"][c] == 0 and (out >> c) & 1 == 0
+def stand_before(data, before, tested, signal, result):
+    """Note how the signal stands before the tested fault; before : failed channels, bits."""
+    healthy, of_fault = ~np.int64(signal["faulty"]), 0
     for t in range(len(data.targets)):
         if data.targets[t]["fault"] == tested:
-            result["in_use"] += (out >> data.targets[t]["column"]) & 1 == 0
+            of_fault |= 1 << data.targets[t]["column"]
+    result["good_before"], result["in_use"] = in_use(signal, before, healthy), in_use(signal, before, of_fault)
 
 
 @kernel
-def note(data, out, result, frame):
-    """Mark the channels on which a fault acts; ``disturbed``: one was not among ``out``, those failed before, bits."""
+def acting(data):
+    """Return the channels on which a fault acts, as bits."""
+    bits = 0
     for t in range(len(data.targets)):
-        c = data.targets[t]["column"]
         if data.state[data.targets[t]["fault"]]["acts"] != 0:
-            result["faulty"][c] = 1
-            if (out >> c) & 1 == 0:
-                result["disturbed"] = frame
-
-
-@kernel
-def count_healthy(states, out, level, fitted, faulty, healthy, failed):
-    """Add the healthy channels in use, and those of them that are failed, by ``level``, of the frame before.
-
-    On one signal no box is failed, and a common mode in such a frame answers no fault: it is a false isolation, as in
-    assess/signal_totals.py.
-    """
-    for c in range(fitted):
-        if faulty[c] == 0 and (out >> c) & 1 == 0:
-            healthy[level] += 1
-            failed[level] += states[c] == State.FAILED
-
-
-@kernel
-def note_failures(states, frame, result):
-    """Note who is failed; the frame in which the last of the faulty channels was, or NEVER while one is in use."""
-    settled, wait = NEVER, False
-    for c in range(CHANNELS):
-        if states[c] == State.FAILED and result["failed_at"][c] == NEVER:
-            result["failed_at"][c] = frame
-        if result["faulty"][c] != 0:
-            settled = max(settled, result["failed_at"][c])
-            wait = wait or result["failed_at"][c] == NEVER
-    return NEVER if wait else settled
+            bits |= 1 << data.targets[t]["column"]
+    return bits

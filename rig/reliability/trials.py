@@ -18,7 +18,8 @@ from numpy.random import SFC64, Generator, SeedSequence
 from numpy.typing import NDArray
 
 from rig.assess.monitored import allowed_frames
-from rig.bench.trials import LEVELS, NEVER, RESULT, Scratch, Trials, run_trials
+from rig.assess.outcome import LEVELS, NEVER
+from rig.bench.trials import RESULT, Scratch, Trials, blank_signal, run_trials
 from rig.campaign.plan import Plan
 from rig.computer.redundancy.manager import new_state
 from rig.errors import BadInput
@@ -169,6 +170,7 @@ def _scratch(made: Cell, trials: Trials) -> Scratch:
     data: FaultData = faults.data
     targets = trials.targets.shape[1]
     blank = FaultData(**{**data._asdict(), "kept": np.zeros(targets, KEPT), "clean": faults.clean[:0]})
+    signal = blank_signal(int(one.manager.params[0]["fitted"]), trials.linger)
     return Scratch(
         row=np.zeros(1, ROW),
         blank_memory=np.zeros_like(one.memory),
@@ -181,6 +183,8 @@ def _scratch(made: Cell, trials: Trials) -> Scratch:
         blank_kept=np.zeros(1, KEPT),
         manager=one.manager.data,
         blank_manager=new_state(one.manager.params),
+        signal=signal.copy(),
+        blank_signal=signal,
     )
 
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.assess.monitored import allowed_frames, lingers
-from rig.bench.trials import NEVER, Trials
+from rig.assess.outcome import NEVER
+from rig.bench.trials import Trials
 from rig.frame import INDEX, SIGNALS, Block, State, new_block
 from rig.loop import fly_rows
 from rig.reliability.drawn import Cell
