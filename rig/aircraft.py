@@ -27,17 +27,17 @@ OUTLIERS: Final = ("outlier_threshold", "outlier_threshold_triplex")
 
 
 def names() -> list[str]:
-    """The bundled aircraft, in alphabetical order."""
+    """Return the bundled aircraft, in alphabetical order."""
     return sorted(path.parent.name for path in bundled("aircraft").glob("*/aircraft.toml"))
 
 
 def own_names() -> list[str]:
-    """The aircraft in the present folder: its folders with an aircraft.toml, in alphabetical order."""
+    """Return the aircraft in the present folder: its folders with an aircraft.toml, in alphabetical order."""
     return sorted(str(path.parent) for path in Path().glob("*/aircraft.toml"))
 
 
 def folder(name: str) -> Path:
-    """The folder of a bundled aircraft, or of one of the user's own given by its path."""
+    """Return the folder of a bundled aircraft, or of one of the user's own given by its path."""
     for candidate in (bundled("aircraft") / name, Path(name)):
         if is_file(candidate / "aircraft.toml"):
             return candidate
@@ -45,7 +45,7 @@ def folder(name: str) -> Path:
 
 
 def located(name: str, beside: Path) -> str:
-    """``name``, or its path from the folder ``beside`` when an aircraft's folder is there and none by that name."""
+    """Return ``name``, or its path from ``beside`` when an aircraft's folder is there and none by that name."""
     if not any(is_file(home / name / "aircraft.toml") for home in (bundled("aircraft"), Path())):
         path = os.path.normpath(beside / name)
         if is_file(Path(path) / "aircraft.toml"):
@@ -54,7 +54,7 @@ def located(name: str, beside: Path) -> str:
 
 
 def tables(name: str) -> dict[str, Any]:
-    """Everything that is known of an aircraft: defaults, its own tables, its designed gains and references."""
+    """Return all tables of an aircraft: defaults, its own, its designed gains and references."""
     merged = own_tables(name)
     for kind in ("gains", "references"):
         path = folder(name) / f"{kind}.toml"
@@ -65,19 +65,19 @@ def tables(name: str) -> dict[str, Any]:
 
 
 def own_tables(name: str) -> dict[str, Any]:
-    """What an aircraft is before anything is designed: the defaults and its own tables."""
+    """Return an aircraft's tables before anything is designed: the defaults and its own."""
     path = folder(name) / "aircraft.toml"
     return lay_over(read_toml(bundled("aircraft") / "defaults.toml"), read_toml(path), str(path))
 
 
 def sensor_classes() -> dict[str, SensorClass]:
-    """The data-sheet classes of sensors, by name."""
+    """Return the data-sheet classes of sensors, by name."""
     path = bundled("aircraft") / "sensor_classes.toml"
     return {name: build(SensorClass, table, f"{path}: {name}") for name, table in read_toml(path).items()}
 
 
 def lay_over(below: dict[str, Any], above: dict[str, Any], source: str) -> dict[str, Any]:
-    """``merge``, with the sensor classes that ``above`` names put under its own keys; BadInput names ``source``.
+    """Merge, with the sensor classes that ``above`` names put under its own keys; BadInput names ``source``.
 
     Outlier thresholds go where ``above`` has other sensors or thresholds than they were designed beside.
     """
@@ -89,14 +89,14 @@ def lay_over(below: dict[str, Any], above: dict[str, Any], source: str) -> dict[
 
 
 def without_outliers(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    """``below`` without the outlier thresholds of signals whose sensors or thresholds ``above`` changes."""
+    """Return ``below`` without outlier thresholds of signals whose sensors or thresholds ``above`` changes."""
     signals = _tables(below.get("redundancy"), "signals")
     gone = {name: {**signals[name], **dict.fromkeys(OUTLIERS)} for name in _redesigned(above) if name in signals}
     return merge(below, {"redundancy": {"signals": gone}}) if gone else below
 
 
 def _redesigned(above: dict[str, Any]) -> Collection[str]:
-    """The signals that ``above`` gives other errors or thresholds; at a lower rate, all of them."""
+    """Return the signals that ``above`` gives other errors or thresholds; at a lower rate, all of them."""
     rate_hz = above.get("rate_hz")
     if isinstance(rate_hz, int | float) and rate_hz < DESIGNED_AT_HZ:
         return INDEX
@@ -108,13 +108,13 @@ def _redesigned(above: dict[str, Any]) -> Collection[str]:
 
 
 def _tables(data: Any, key: str) -> dict[str, dict[str, Any]]:
-    """The tables in the table ``key`` of ``data``; none where anything else is there."""
-    found = data.get(key) if isinstance(data, dict) else None
-    return {name: table for name, table in found.items() if isinstance(table, dict)} if isinstance(found, dict) else {}
+    """Return the tables in the table ``key`` of ``data``; none where anything else is there."""
+    inner = data.get(key) if isinstance(data, dict) else None
+    return {name: table for name, table in inner.items() if isinstance(table, dict)} if isinstance(inner, dict) else {}
 
 
 def merge(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    """``below`` with ``above`` laid over it: tables key by key, everything else replaced."""
+    """Return ``below`` with ``above`` laid over it: tables key by key, everything else replaced."""
     merged = dict(below)
     for key, value in above.items():
         lower = merged.get(key)

@@ -33,7 +33,7 @@ from rig.errors import ManagerFailed
 from rig.faults import Coils, FaultData, Faults, actuate, corrupt, corrupt_reference
 from rig.frame import FLAT, SIGNALS, TIMING, Block, Nested, nested, new_block
 from rig.kernels import bind, kernel
-from rig.plant.flown import plant
+from rig.plant.jsbsim import plant
 from rig.plant.pilot import Pilot
 from rig.scenario import Scenario
 from rig.sensors import SensorData, Sensors, inertial, measure

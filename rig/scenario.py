@@ -110,17 +110,17 @@ class Scenario(Settings):
         return round((self.simulation_rate_hz or self.rate_hz) / self.rate_hz)
 
     def armed(self) -> Scenario:
-        """With the faults of ``live`` among its faults: they begin when their keys are pressed."""
+        """Return it with the faults of ``live`` among its faults: they begin when their keys are pressed."""
         waiting = [entry.fault for entry in self.live]
         return self.model_copy(update={"faults": [*self.faults, *waiting]}).trusted(self.trust)
 
     def streams(self) -> dict[str, SeedSequence]:
-        """One independent seed a stage; adding a stage does not shift the others."""
+        """Return one independent seed a stage; adding a stage does not shift the others."""
         return {name: SeedSequence(self.seed, spawn_key=(i,)) for i, name in enumerate(STREAMS)}
 
     @property
     def trust(self) -> Trust:
-        """Whether a manager class that it names may be run, and which file it is from."""
+        """The trust: if a manager class that it names may be run, and which file it is from."""
         return self._trust
 
     def trusted(self, trust: Trust) -> Scenario:
@@ -130,11 +130,11 @@ class Scenario(Settings):
         return made
 
     def resolved(self) -> dict[str, Any]:
-        """All settings as plain data, defaults written out, without what is not set."""
+        """Return all settings as plain data, defaults written out, without what is not set."""
         return self.model_dump(exclude_none=True)
 
     def to_toml(self) -> str:
-        """The resolved scenario as TOML; loading it gives the same flight."""
+        """Return the resolved scenario as TOML; loading it gives the same flight."""
         return tomli_w.dumps(self.resolved())
 
 
@@ -143,16 +143,16 @@ def _whole(number: float) -> bool:
 
 
 def find(name: str | Path | None = None) -> Path:
-    """A scenario's file: the path given, or that name in the bundled ``faults`` folder; else the default."""
+    """Return a scenario's file: the path given, or that name in the bundled ``faults`` folder; else the default."""
     wanted = Path(DEFAULT if name is None else name)
     faults = bundled("faults")
     inside = wanted.relative_to("faults") if wanted.parts[:1] == ("faults",) else wanted
     for candidate in (wanted, faults / inside, faults / f"{inside}.toml"):
         if is_file(candidate):
             return candidate
-    known = names()
-    near = ", ".join(nearest(wanted.stem, known))
-    raise BadInput(f"{wanted}: no such file; nearest bundled: {near}; all {len(known)}: rig scenario list")
+    bundled_names = names()
+    near = ", ".join(nearest(wanted.stem, bundled_names))
+    raise BadInput(f"{wanted}: no such file; nearest bundled: {near}; all {len(bundled_names)}: rig scenario list")
 
 
 def names() -> list[str]:
@@ -216,13 +216,13 @@ def named_manager(sets: Iterable[tuple[str, Any]]) -> str | None:
 
 
 def override(data: dict[str, Any], text: str) -> dict[str, Any]:
-    """``data`` with one ``dotted.key=value`` set; a number in the key counts into a list from 0."""
+    """Return ``data`` with one ``dotted.key=value`` set; a number in the key counts into a list from 0."""
     key, value = parse_set(text)
     return set_key(data, key, value, f"--set {shorten(text)}")
 
 
 def parse_set(text: str) -> tuple[str, Any]:
-    """Key and value of ``dotted.key=value``."""
+    """Return key and value of ``dotted.key=value``."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise BadInput(f"--set {shorten(text)}: must be key=value")
@@ -230,7 +230,7 @@ def parse_set(text: str) -> tuple[str, Any]:
 
 
 def set_key(data: dict[str, Any], key: str, value: Any, source: str) -> dict[str, Any]:
-    """``data`` with one dotted key set; BadInput names ``source``.
+    """Return ``data`` with one dotted key set; BadInput names ``source``.
 
     A number in the key counts into a list from 0; ``*`` is every item of a list, or every signal of a table of signals.
     """
@@ -267,7 +267,7 @@ def _set_every(node: Any, rest: list[str], value: Any, source: str, within: str)
 
 
 def _parse(value: str, source: str) -> Any:
-    """A TOML value; anything that is none is taken as a bare string."""
+    """Return a TOML value; anything else is taken as a bare string."""
     try:
         return parse_toml(f"value = {value}", source)["value"]
     except NotToml:

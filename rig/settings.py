@@ -2,7 +2,8 @@
 
 Unknown keys, wrong types, NaN and infinity are refused; a whole number is accepted where a
 real one is asked for.  Times and counts have an upper limit even where a field names none, so that
-they fit into frames.  Each stage owns its own ``Config`` derived from ``Settings``.
+they fit into frames.  Each stage owns its own ``Config`` derived from ``Settings``; ``record`` makes of it what the
+stage's kernels read.
 """
 
 from __future__ import annotations
@@ -15,10 +16,13 @@ from datetime import date, time
 from pathlib import Path
 from typing import Any, ClassVar, Final, TypeVar, get_args
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from rig.errors import BadInput
 from rig.text import LONGEST_LIST, choices, nearest, quoted, shorten
+from rig.util.files import read_bytes
 
 M = TypeVar("M", bound="Settings")
 LONGEST_S: Final = 1e6  # eleven days
@@ -58,7 +62,7 @@ class Settings(BaseModel):
 
 
 def _limits(model: type[BaseModel]) -> Iterator[tuple[str, float]]:
-    """Upper limits of the times (``..._s``) and whole numbers of a model whose fields name none."""
+    """Yield upper limits of the times (``..._s``) and whole numbers of a model whose fields name none."""
     for name, field in model.model_fields.items():
         if any(hasattr(bound, "le") or hasattr(bound, "lt") for bound in field.metadata):
             continue
@@ -70,7 +74,7 @@ def _limits(model: type[BaseModel]) -> Iterator[tuple[str, float]]:
 
 
 def _leaves(annotation: Any) -> set[Any]:
-    """The plain types that an annotation is made of."""
+    """Return the plain types that an annotation is made of."""
     inside = get_args(annotation)
     return {leaf for part in inside for leaf in _leaves(part)} if inside else {annotation}
 
@@ -80,36 +84,26 @@ class NotToml(BadInput):
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The TOML document at ``path``; BadInput when it is missing or does not parse."""
+    """Return the TOML document at ``path``; BadInput when it is missing or does not parse."""
+    raw = read_bytes(path, LARGEST_TOML)
     try:
-        if path.is_fifo():  # opening one waits for a writer
-            raise BadInput(f"{path}: is a pipe, no file")
-        with path.open("rb") as file:
-            raw = file.read(LARGEST_TOML + 1)  # a device may never end
-        if len(raw) > LARGEST_TOML:
-            raise BadInput(f"{path}: larger than {LARGEST_TOML >> 20} MiB")
-        text = raw.decode("utf-8")
-    except FileNotFoundError:
-        raise BadInput(f"{path}: no such file") from None
+        return parse_toml(raw.decode("utf-8"), str(path))
     except UnicodeDecodeError as error:
         raise BadInput(f"{path}: not valid TOML: {error}") from None
-    except (OSError, ValueError) as error:
-        raise BadInput(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    return parse_toml(text, str(path))
 
 
 def parse_toml(text: str, source: str) -> dict[str, Any]:
-    """The tables of a TOML text; BadInput, naming ``source``, when it does not parse or is nested too deep."""
+    """Return the tables of a TOML text; BadInput names ``source``: it does not parse, or is nested too deep."""
     try:
-        found = tomllib.loads(text)
+        tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise NotToml(f"{source}: not valid TOML: {error}") from None
     except RecursionError:
         raise BadInput(f"{source}: nested more than {DEEPEST} deep") from None
     except ValueError:
         raise BadInput(f"{source}: not valid TOML: a number has too many digits") from None
-    _refuse_deep(found, source)
-    return found
+    _refuse_deep(tables, source)
+    return tables
 
 
 def _refuse_deep(data: dict[str, Any], source: str) -> None:
@@ -137,7 +131,7 @@ def refuse_what_is_no_setting(data: Any, source: str, key: str = "") -> None:
 
 
 def build(model: type[M], data: dict[str, Any], source: str) -> M:
-    """``data`` as a ``model``; BadInput names ``source`` and the first offending key."""
+    """Return ``data`` as a ``model``; BadInput names ``source`` and the first offending key."""
     try:
         return model.model_validate(data)
     except ValidationError as error:
@@ -150,9 +144,9 @@ def _first_line(model: type[Settings], error: ValidationError, data: dict[str, A
     if detail["type"] == "extra_forbidden":
         return f"{key}: unknown key{_instead(model, detail['loc'])}"
     if detail["type"] == "union_tag_invalid":
-        said = detail.get("ctx", {})
-        tag, name = str(said["tag"]), said["discriminator"].strip("'")
-        allowed = re.findall(r"'([^']*)'", said["expected_tags"])
+        context = detail.get("ctx", {})
+        tag, name = str(context["tag"]), context["discriminator"].strip("'")
+        allowed = re.findall(r"'([^']*)'", context["expected_tags"])
         return f"{key}.{name}: unknown {name} {quoted(tag)}, {choices(tag, allowed, model.keys_are_in)}"
     message = detail["msg"].removeprefix("Value error, ").replace("\n", " ")
     given = detail.get("input")
@@ -162,37 +156,37 @@ def _first_line(model: type[Settings], error: ValidationError, data: dict[str, A
 
 
 def _instead(model: type[Settings], location: tuple[int | str, ...]) -> str:
-    """The key that was meant; all that are allowed, or of many the nearest; and where all of them are."""
-    known = _fields(model, location[:-1])
+    """Name the key that was meant: all that are allowed, or of many the nearest; and where all of them are."""
+    allowed = _fields(model, location[:-1])
     where = f"; all keys: {model.keys_are_in}" if model.keys_are_in else ""
-    if not known:
+    if not allowed:
         return where
-    near = nearest(str(location[-1]), known)
-    if len(", ".join(known)) <= LONGEST_LIST:
-        return f"; nearest: {near[0]}; allowed: {', '.join(known)}{where}"
+    near = nearest(str(location[-1]), allowed)
+    if len(", ".join(allowed)) <= LONGEST_LIST:
+        return f"; nearest: {near[0]}; allowed: {', '.join(allowed)}{where}"
     return f"; nearest: {', '.join(near)}{where}"
 
 
 def _fields(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
-    """The keys that a table at ``location`` of a model may have."""
+    """Return the keys that a table at ``location`` of a model may have."""
     here = [model]
     for part in location:
-        fields = [one.model_fields[str(part)] for one in here if part in one.model_fields]
+        fields = [table.model_fields[str(part)] for table in here if part in table.model_fields]
         inside = [model for field in fields for model in _models(field.annotation)]
-        tagged = [one for one in here if _tag(one) == part]
+        tagged = [table for table in here if _tag(table) == part]
         here = inside or tagged or here
-    return list(dict.fromkeys(field.alias or name for one in here for name, field in one.model_fields.items()))
+    return list(dict.fromkeys(field.alias or name for table in here for name, field in table.model_fields.items()))
 
 
 def _models(annotation: Any) -> list[type[BaseModel]]:
-    """The settings models that an annotation may be."""
+    """Return the settings models that an annotation may be."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     return [model for part in get_args(annotation) for model in _models(part)]
 
 
 def _tag(model: type[BaseModel]) -> str | None:
-    """The ``kind`` (or ``plant``) by which a model is chosen among others."""
+    """Return the ``kind`` (or ``plant``) by which a model is chosen among others."""
     for name in ("kind", "plant"):
         if name in model.model_fields:
             return next(iter(get_args(model.model_fields[name].annotation)), None)
@@ -200,7 +194,7 @@ def _tag(model: type[BaseModel]) -> str | None:
 
 
 def _keys(location: tuple[int | str, ...], data: Any, missing: bool) -> list[str]:
-    """The keys of ``data`` in an error's location: without the names of the models that a union chose from."""
+    """Return the keys of ``data`` in an error's location, without the models that a union chose from."""
     keys, node = [], data
     for i, part in enumerate(location):
         if isinstance(node, dict) and part not in node and not (missing and i == len(location) - 1):
@@ -211,3 +205,34 @@ def _keys(location: tuple[int | str, ...], data: Any, missing: bool) -> list[str
         else:
             node = node[part] if isinstance(node, list) and isinstance(part, int) and part < len(node) else None
     return keys
+
+
+def record(dtype: np.dtype[Any], *models: BaseModel, **derived: Any) -> NDArray[Any]:
+    """Return settings as the record of a kernel, (1,): each field from ``derived``, else from a model by its name.
+
+    TypeError: a field that nothing fills, or a derived value that has no field.
+    """
+    made = np.zeros(1, dtype)
+    fill(made[0], *models, **derived)
+    return made
+
+
+def fill(row: Any, *models: BaseModel, **derived: Any) -> None:
+    """Write settings into one record as ``record`` does."""
+    if strange := derived.keys() - set(row.dtype.names):
+        raise TypeError(f"no field of the record: {', '.join(sorted(strange))}")
+    for name in row.dtype.names:
+        value = derived[name] if name in derived else _value(models, name)
+        if value is None:
+            raise TypeError(f"nothing fills the record's field {name}")
+        row[name] = value
+
+
+def _value(models: tuple[BaseModel, ...], name: str) -> Any:
+    """Return the first model's setting of this name; None where there is none."""
+    return next((getattr(model, name) for model in models if name in type(model).model_fields), None)
+
+
+def share_in_frame(time_constant_s: float, rate_hz: float) -> float:
+    """Return the share of a new sample that passes a first-order lag in one frame; all of it without a lag."""
+    return 1.0 - math.exp(-1.0 / (rate_hz * time_constant_s)) if time_constant_s > 0.0 else 1.0

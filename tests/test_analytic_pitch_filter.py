@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from rig import scenario
 from rig.computer.analytic.flight_path import VERTICAL, climb, path_pitch_angle, pitch_on_path, pitching
-from rig.computer.analytic.pitch_filter import PARAM, STATE, Noise, begin, correct, fill, follow_path, predict
+from rig.computer.analytic.pitch_filter import PARAM, STATE, Noise, begin, correct, follow_path, parameters, predict
 from rig.computer.control.airdata import flight_path_angle
 from rig.frame import INDEX, Resolver, S, State
 from rig.loop import Rig, frames
@@ -64,7 +64,7 @@ def test_in_a_steady_climb_it_is_the_climb_angle_more():
 
 def filter_of() -> tuple[np.ndarray, np.ndarray]:
     c, e = np.zeros(1, PARAM), np.zeros(1, STATE)
-    fill(c[0], Noise(), 100.0)
+    c[:] = parameters(Noise(), 100.0)
     begin(c[0], e[0], 0.05, 0.001)
     return c, e
 

@@ -15,7 +15,8 @@ from rig.computer.analytic import inertial_unit as unit
 from rig.computer.analytic import strapdown
 from rig.computer.analytic.sources import Config
 from rig.computer.analytic.strapdown import LEVEL_S, LONG_S, level_gain, slope_gain
-from rig.frame import INDEX, TWO_PI, S
+from rig.frame import INDEX, S
+from rig.units.constants import TWO_PI
 
 G, RATE = 9.80665, 100.0
 SEEDS = range(5)

@@ -9,7 +9,7 @@ import pytest
 
 from rig.computer.analytic.unit_bank import UNIT, bank_by, finite, follow_unit, learn_bank, learned
 from rig.frame import INDEX, INERTIAL, S
-from rig.units.atmosphere import GRAVITY
+from rig.units.constants import GRAVITY
 
 pytestmark = pytest.mark.requirement("fault-tolerant", "the unit's bank angle, its usual difference and yaw drift")
 

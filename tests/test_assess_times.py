@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from rig.assess.of_log import Miss, histogram, missed_frames, times
+from rig.assess.of_log import Miss, missed_frames
 from rig.frame import TIMING, new_block
+from rig.record.histogram import keyed, of_timing
 
 
 def test_a_time_on_an_edge_is_not_below_it():
-    found = histogram(np.array([0.0, 9.99, 10.0, 19.0, 2e5, 100_000.0, 99_999.0]))
+    found = keyed(np.array([0.0, 9.99, 10.0, 19.0, 2e5, 100_000.0, 99_999.0]))
     assert {name: count for name, count in found.items() if count} == {
         "below_1_us": 1,
         "below_10_us": 1,
@@ -20,9 +21,9 @@ def test_a_time_on_an_edge_is_not_below_it():
 
 def test_a_flight_without_clock_or_unit_has_no_times():
     timing = np.zeros(3, TIMING)
-    assert times(timing) == {}
+    assert of_timing(timing) == {}
     timing["reply_us"] = 12.0
-    assert times(timing) == {"replies": {**histogram(np.zeros(0)), "below_20_us": 3}}
+    assert of_timing(timing) == {"replies": {**keyed(np.zeros(0)), "below_20_us": 3}}
 
 
 def test_misses_are_told_by_their_frames_and_first_status():

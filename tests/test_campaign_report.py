@@ -18,7 +18,7 @@ from rig.campaign.summary import acted, compare, summary
 from rig.campaign.table import COLUMNS
 from rig.errors import BadInput
 from rig.frame import SIGNALS
-from rig.record.time_bins import BINS
+from rig.record.histogram import BINS
 from rig.util.files import bundled
 
 QUIET = {"patterns": ["normal"], "levels": [4], "pattern_transitions": [], "level_transitions": []}

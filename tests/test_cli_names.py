@@ -13,8 +13,8 @@ from rig import scenario
 from rig.cli import complete
 from rig.cli.catalogue import of_file
 from rig.errors import BadInput
+from rig.log.info import overrides
 from rig.log.of_flight import LONGEST_TAG, tag
-from rig.log.overrides import overrides
 from rig.scenario import find, load
 from rig.util.files import bundled
 

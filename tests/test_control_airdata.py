@@ -23,13 +23,13 @@ ATMOSPHERE = [
 
 @pytest.mark.parametrize(("altitude", "pressure", "temperature"), ATMOSPHERE)
 def test_the_standard_atmosphere_is_found_back(altitude: float, pressure: float, temperature: float) -> None:
-    assert airdata.pressure_altitude(pressure) == pytest.approx(altitude, abs=0.6)
+    assert atmosphere.pressure_altitude(pressure) == pytest.approx(altitude, abs=0.6)
     assert atmosphere.temperature(altitude) == pytest.approx(temperature, abs=1e-9)
 
 
 def test_pressure_altitude_is_continuous_at_the_tropopause() -> None:
-    below = airdata.pressure_altitude(airdata.TROPOPAUSE_PRESSURE * (1 + 1e-12))
-    above = airdata.pressure_altitude(airdata.TROPOPAUSE_PRESSURE * (1 - 1e-12))
+    below = atmosphere.pressure_altitude(atmosphere.TROPOPAUSE_PRESSURE * (1 + 1e-12))
+    above = atmosphere.pressure_altitude(atmosphere.TROPOPAUSE_PRESSURE * (1 - 1e-12))
     assert above == pytest.approx(below, abs=1e-6)
 
 
@@ -47,7 +47,7 @@ def test_mach_and_airspeeds_agree_with_the_definition_of_dynamic_pressure(mach: 
 def test_impossible_pressures_give_numbers() -> None:
     for static in (-1.0, 0.0, 1e9):
         for dynamic in (-1.0, 0.0, 1e9):
-            altitude = airdata.pressure_altitude(static)
+            altitude = atmosphere.pressure_altitude(static)
             speed = airdata.true_airspeed(airdata.mach_number(static, dynamic), 220.0)
             assert math.isfinite(altitude) and math.isfinite(speed)
 

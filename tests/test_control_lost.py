@@ -228,7 +228,7 @@ def test_any_losses_at_any_time_give_finite_surfaces_within_their_stops(seed: in
 
 def test_what_the_back_up_law_flies_on() -> None:
     param = np.zeros(1, PARAM)
-    param["attitude_rates"] = 1
+    param["rates_from_attitude"] = 1
     source = np.zeros(S, np.uint8)
     found = []
     for name in ("heading", "pitch_rate", "pitch_angle", "normal_load_factor", "angle_of_attack"):

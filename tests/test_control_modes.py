@@ -10,7 +10,7 @@ from test_control_autopilot import ENGAGED, fly, level_flight
 
 from rig.computer.control.autopilot import Config
 from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, INDEX, Block
-from rig.units.atmosphere import GRAVITY
+from rig.units.constants import GRAVITY
 
 WHEELS, GEAR = DISCRETE_INDEX["weight_on_wheels"], DISCRETE_INDEX["gear_down"]
 INTEGRALS = [f"{name}_integral" for name in ("elevator", "aileron", "rudder", "throttle", "altitude")]

@@ -13,7 +13,6 @@ from rig.computer.analytic import sources as reference_sources
 from rig.computer.analytic.designed import Designed, Error
 from rig.computer.analytic.sources import PARTNERS
 from rig.computer.control import gains as control_gains
-from rig.design import healthy_flights
 from rig.design import references as reference_design
 from rig.errors import BadInput, RigError
 from rig.frame import INDEX, INERTIAL, SIGNALS, new_block
@@ -100,8 +99,8 @@ def test_the_errors_in_the_file_are_those_of_the_flights(name: str):
     flown = 0
     for point in known.points:
         alone = known.model_copy(update={"points": [point], "errors": {}, "airspeed_errors": {}})
-        for case in healthy_flights.cases():
-            where = healthy_flights.label(point.name, case)
+        for case in reference_design.cases():
+            where = reference_design.label(point.name, case)
             if where not in wanted:
                 continue
             flown += 1
@@ -150,8 +149,8 @@ def test_a_reference_that_remembers_its_signal_is_measured_against_the_farthest_
 
 
 def test_the_worst_error_is_that_of_the_flight_that_left_it(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(healthy_flights, "SEEDS", (1, 2))
-    monkeypatch.setattr(healthy_flights, "TURBULENCE", ("none",))
+    monkeypatch.setattr(reference_design, "SEEDS", (1, 2))
+    monkeypatch.setattr(reference_design, "TURBULENCE", ("none",))
     key, point = ("pitch_rate", "inertial"), DESIGNED["f16"].points[0]
     flown = [{key: np.full(4, worst, np.float32)} for worst in (0.1, 0.2, -0.4, 0.3, 0.2, 0.1)]
     (found,) = reference_design._summary([reference_design.Measured(point, flown)])["pitch_rate"].values()
@@ -161,8 +160,8 @@ def test_the_worst_error_is_that_of_the_flight_that_left_it(monkeypatch: pytest.
 
 def test_an_aircraft_of_the_users_own_is_measured_in_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """One flight point, one seed: twice the same, and filters that were tried."""
-    monkeypatch.setattr(healthy_flights, "SEEDS", (1,))
-    monkeypatch.setattr(healthy_flights, "TURBULENCE", ("light",))
+    monkeypatch.setattr(reference_design, "SEEDS", (1,))
+    monkeypatch.setattr(reference_design, "TURBULENCE", ("light",))
     own = tmp_path / "mine"
     own.mkdir()
     text = (aircraft.folder("b747") / "aircraft.toml").read_text()

@@ -6,7 +6,8 @@ from faulted import PARSE, RATE, THRESHOLDS, faulted, healthy
 from pydantic import ValidationError
 
 from rig import loop, scenario
-from rig.frame import INDEX, SIGNALS, TWO_PI
+from rig.frame import INDEX, SIGNALS
+from rig.units.constants import TWO_PI
 
 Q, PSI, PHI = INDEX["pitch_rate"], INDEX["heading"], INDEX["roll_angle"]
 ON = 20

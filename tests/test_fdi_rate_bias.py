@@ -10,7 +10,7 @@ import pytest
 from rig.computer.fdi.monitor import monitor_pitch_angle
 from rig.computer.fdi.state import BOTH, GYROS_ALONE, STATE, UNIT_ALONE, Config, parameters
 from rig.frame import INDEX, INERTIAL, Lie, S, Source, Trust, new_block
-from rig.units.atmosphere import GRAVITY
+from rig.units.constants import GRAVITY
 
 pytestmark = pytest.mark.requirement("fault-tolerant", "the three hypotheses, isolation and return")
 

@@ -6,6 +6,8 @@ import tomllib
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
+import grimp
+
 import rig
 
 ROOT = Path(__file__).parents[1]
@@ -67,6 +69,19 @@ def test_feet_pounds_and_slugs_stay_in_the_plant_each_with_one_value():
     assert {str(path) for path, words in found.items() if words and path.parts[0] != "plant"} == set()
     values = re.compile(r"\b0\.3048|47\.88|14\.59")
     assert [path.name for path in SOURCES if values.search(path.read_text())] == ["imperial.py"]
+
+
+def test_no_room_has_a_circle_inside():
+    """Nor has the house: no module imports, however indirectly, one that imports it, for types or late."""
+    graph = grimp.build_graph("rig", cache_dir=None)
+    circles = {
+        module: graph.find_shortest_chain(imported, module)
+        for module in graph.modules
+        for imported in graph.find_modules_directly_imported_by(module)
+        if graph.chain_exists(imported, module)
+    }
+    assert len(graph.modules) > 200
+    assert circles == {}
 
 
 def test_every_package_that_is_needed_at_run_time_is_imported():

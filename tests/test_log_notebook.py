@@ -12,9 +12,8 @@ import pytest
 
 import rig
 from rig.frame import INDEX, State, new_block
-from rig.log import Log
 from rig.log.export import export
-from rig.log.series import limits, series
+from rig.view.series import limits, series
 
 PAGE = Path(__file__).parents[1] / "docs" / "examples" / "first_flight.ipynb"
 
@@ -78,7 +77,7 @@ def test_a_representation_is_a_line_and_a_table_without_frames(flight: rig.Fligh
 def test_a_title_cannot_break_the_table(flight: rig.Flight):
     log = flight.recorded
     metadata = {**log.metadata, "scenario": json.dumps({"title": "<script>"})}
-    html = Log(log.rate_hz, log.rows[:1], log.timing[:1], [], metadata, None, {})._repr_html_()
+    html = rig.Log(log.rate_hz, log.rows[:1], log.timing[:1], [], metadata, None, {})._repr_html_()
     assert "<script>" not in html and "&lt;script&gt;" in html and "not finished" in html
 
 

@@ -15,6 +15,7 @@ Q = INDEX["pitch_rate"]
 def blank(frames: int = 30):
     block = new_block(frames)
     block["level"] = 4
+    block["valid"] = 1
     block["reference_usable"] = 1
     return block
 

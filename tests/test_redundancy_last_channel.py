@@ -7,7 +7,8 @@ import pytest
 from conftest import rows, vote_samples
 from numpy.typing import NDArray
 
-from rig.frame import TWO_PI, Ilm, Pattern, Resolver, State
+from rig.frame import Ilm, Pattern, Resolver, State
+from rig.units.constants import TWO_PI
 
 NAN = np.nan
 GOOD, BAD, ABSENT = Ilm.GOOD, Ilm.BAD, Ilm.ABSENT

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from rig.computer.redundancy.config import MANAGERS
-from rig.frame import TWO_PI, Pattern, Resolver, State
+from rig.frame import Pattern, Resolver, State
 from rig.units.angles import difference
+from rig.units.constants import TWO_PI
 
 # Multiples of 1/8 make sums and shifts exact, so that equality can be demanded.
 EIGHTHS = st.integers(-80, 80).map(lambda n: n / 8)

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from rig.frame import INDEX, new_block
 from rig.sensors import Sensors
-from rig.sensors.second_order import natural_frequency, transition
+from rig.sensors.params import natural_frequency, transition
 
 Q, P, R, PSI = (INDEX[name] for name in ("pitch_rate", "roll_rate", "yaw_rate", "heading"))
 NX, NY, NZ = (INDEX[f"{name}_load_factor"] for name in ("longitudinal", "lateral", "normal"))
@@ -181,7 +181,7 @@ def test_recorded_truth_gives_the_same_channels_again():
 def test_compiled_and_interpreted_sensors_give_the_same_bits():
     program = (
         "import hashlib\n"
-        "from sensing import sense, suite\nfrom test_sensors_effects import EVERYTHING, MOVING\n"
+        "from one_stage import sense, suite\nfrom test_sensors_effects import EVERYTHING, MOVING\n"
         "turning = {'latency_s': 0.013, 'bandwidth_hz': 8.0, 'skew_frames': 0.5}\n"
         "air = {'position_error_per_rad': 0.1, 'position_error_per_pa': 0.1}\n"
         "config = suite(pitch_rate=EVERYTHING, heading=turning, angle_of_attack=air)\n"

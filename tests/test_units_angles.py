@@ -1,10 +1,11 @@
 from math import inf, isnan, nan, pi
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.units.angles import difference, limit, wrap
+from rig.units.angles import difference, differences, limit, near, short_way, step_sizes, unwrapped, wrap
 
 ANGLES = st.floats(-100, 100)
 
@@ -28,3 +29,33 @@ def test_limits_saturate_or_go_round():
     assert limit(7.0, 0.0, 2 * pi, 1) == pytest.approx(7.0 - 2 * pi)
     assert limit(inf, -1.0, 2.0, 0) == 2.0
     assert isnan(limit(nan, -1.0, 2.0, 0)) and isnan(wrap(nan))
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=20))
+def test_arrays_go_the_short_way_to_the_bits_of_the_kernel(angles):
+    assert short_way(np.array(angles)).tolist() == [wrap(angle) for angle in angles]
+
+
+def test_a_difference_of_arrays_wraps_the_columns_that_are_angles():
+    a, b = np.array([[3.0, 3.0], [nan, inf]]), np.array([[-3.0, -3.0], [0.0, inf]])
+    off = differences(a, b, np.array([True, False]))
+    assert off[0].tolist() == [difference(3.0, -3.0, 1), 6.0] and np.isnan(off[1]).all()
+    assert differences(a[0], b[0], True).tolist() == [difference(3.0, -3.0, 1)] * 2
+    assert differences(a[0], b[0], False).tolist() == [6.0, 6.0]
+
+
+def test_angles_near_a_base_are_the_same_directions_within_half_a_turn():
+    base = np.array([10.0, -7.0])
+    moved = near(np.array([0.1, 0.2]), base)
+    assert (np.abs(moved - base) <= pi).all()
+    assert np.sin(moved) == pytest.approx(np.sin([0.1, 0.2]))
+
+
+def test_unwrapped_angles_keep_what_is_no_number():
+    out = unwrapped(np.array([3.0, nan, -3.0, inf]))
+    assert out[0] == 3.0 and out[2] == pytest.approx(2 * pi - 3.0) and isnan(out[1]) and out[3] == inf
+
+
+def test_the_size_of_a_step_of_an_angle_is_at_most_half_a_turn():
+    assert step_sizes(np.array([0.1, 2 * pi - 0.1]), True) == pytest.approx([0.2])
+    assert step_sizes(np.array([0.1, 2 * pi - 0.1]), False) == pytest.approx([2 * pi - 0.2])

@@ -13,11 +13,12 @@ import rerun as rr
 from rerun.chunk import Chunk, McapReader, RrdReader
 
 from rig.errors import BadInput, BadLog
-from rig.frame import COMMANDS, FLAT, INDEX, SURFACES, TIMING, TWO_PI, Block, Ilm, Pattern, Resolver, State, new_block
+from rig.frame import COMMANDS, FLAT, INDEX, SURFACES, TIMING, Block, Ilm, Pattern, Resolver, State, new_block
 from rig.frame.fields import FIELD, places
 from rig.log import LogWriter
 from rig.log.schema import TOPICS_OF_ROWS, Topic
 from rig.record.events import Event
+from rig.units.constants import TWO_PI
 from rig.view import derived, lanes, matrix
 from rig.view.columns import Columns, struct
 from rig.view.facts import Facts, FaultFact

@@ -14,8 +14,8 @@ from rig.errors import BadInput
 from rig.frame import DISCRETES, SIGNALS, TIMING, Block, Pattern, State, new_block
 from rig.log import LogWriter
 from rig.record.events import Event
+from rig.units.quantities import unit_shown
 from rig.view import viewer
-from rig.view.derived import unit
 from rig.view.opened import as_file, read, window
 from rig.view.scene import TIMELINE
 from rig.view.screenshot import headless, screenshot, wait_until_loaded
@@ -93,7 +93,8 @@ def test_every_view_of_the_layout_holds_data_of_every_flight(flights: tuple[Path
         }
         layout: Any = client.get_blueprint().blueprint
     assert (timeline.name, timeline.end) == (TIMELINE, 19_990_000_000)
-    wanted = {f"{plain(s.name)}, {unit(s.unit)}" for s in SIGNALS} | {plain(discrete.name) for discrete in DISCRETES}
+    wanted = {f"{plain(s.name)}, {unit_shown(s.unit)}".removesuffix(", ") for s in SIGNALS}
+    wanted |= {plain(discrete.name) for discrete in DISCRETES}
     wanted |= {"events", "attitude", "track from above, north up, in m"}
     assert wanted <= set(views.values())
     assert {"elevator, deg", "throttle, 1"} <= {name.partition(":")[0] for name in views.values()}

@@ -1,4 +1,4 @@
-"""The headline, the decisive seconds and the ranges of plots: found from events and rows."""
+"""The headline, the decisive seconds and the ranges of plots: found from the rows."""
 
 from __future__ import annotations
 
@@ -8,61 +8,63 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from rig.frame import DEMANDS, SURFACES, TIMING, Block, End, State, new_block
+from rig.frame import DEMANDS, INDEX, SURFACES, TIMING, Block, End, Resolver, State, new_block
 from rig.log import LogWriter
-from rig.record.event import Event
+from rig.record.failures import decisive_s
 from rig.view import charts
 from rig.view.facts import Facts, FaultFact
 from rig.view.opened import read, save
-from rig.view.seen import look, signal_range
-from rig.view.story import Story, zoom
+from rig.view.story import Story, look, signal_range
 
 HZ = 100.0
 THRESHOLDS = {"pitch_rate": 0.05, "heading": 0.1}
 HARDOVER = Facts("a flight", THRESHOLDS, (FaultFact("hardover pitch_rate.3", "pitch_rate", (3,), 20.0),))
 
 
-def failed(frame: int, channel: str, by: str = "comparison") -> Event:
-    return Event(frame, "warning", "channel failed", f"{channel} failed by {by}")
-
-
-def flown(frames: int = 6000, onset: int = 2000) -> Block:
+def flown(frames: int = 6000, onset: int = 2000, **failed: int) -> Block:
+    """Rows with a fault from ``onset`` on; ``failed``: the frames in which channels fail, like ``pitch_rate_3``."""
     rows = new_block(frames)
+    rows["valid"] = 1
     rows["acting"][onset:, 0] = 1
+    for place, frame in failed.items():
+        signal, _, channel = place.rpartition("_")
+        rows["state"][frame:, INDEX[signal], int(channel) - 1] = State.FAILED
     return rows
 
 
-def headline(facts: Facts, rows: Block, events: list[Event]) -> str:
-    return look(facts, rows, events, HZ, ended=True)[1]
+def headline(facts: Facts, rows: Block) -> str:
+    return look(facts, rows, HZ, ended=True)[1]
 
 
 def test_the_headline_says_what_failed_when_how_long_after_the_onset_and_by_what() -> None:
-    told = headline(HARDOVER, flown(), [failed(2007, "pitch_rate.3")])
+    told = headline(HARDOVER, flown(pitch_rate_3=2007))
     assert told == "SURVIVED: pitch rate, channel 3, failed at 20.07 s, 70 ms after the onset, by comparison"
 
 
 def test_channels_that_fail_together_are_told_together_and_a_long_delay_in_seconds() -> None:
     facts = Facts("", THRESHOLDS, (FaultFact("", "pitch_rate", (3, 4)),))
-    told = headline(facts, flown(), [failed(2986, f"pitch_rate.{c}", "reference") for c in (3, 4)])
+    rows = flown(pitch_rate_3=2986, pitch_rate_4=2986)
+    rows["resolver"][2986, INDEX["pitch_rate"]] = Resolver.REFERENCE
+    told = headline(facts, rows)
     assert told == "SURVIVED: pitch rate, channels 3, 4, failed at 29.86 s, 9.86 s after the onset, by reference"
 
 
 def test_an_aircraft_that_is_lost_is_told_first() -> None:
-    rows = flown(2554)
+    rows = flown(2554, pitch_rate_3=2007)
     rows["end"][-1] = End.DEPARTURE_ANGLE_OF_ATTACK
-    told = headline(HARDOVER, rows, [failed(2007, "pitch_rate.3")])
+    told = headline(HARDOVER, rows)
     assert told.startswith("LOST at 25.53 s, departure angle of attack: pitch rate, channel 3, failed")
 
 
 def test_a_channel_that_fails_without_a_fault_on_it_is_told_so() -> None:
-    told = headline(HARDOVER, flown(), [failed(1000, "pitch_rate.3"), failed(2007, "pitch_rate.1")])
+    told = headline(HARDOVER, flown(pitch_rate_3=1000, pitch_rate_1=2007))
     assert told.count("with no fault on it") == 2  # one before its fault, one beside it
     assert "after the onset" not in told
 
 
 def test_a_fault_that_nobody_isolated_and_a_flight_without_any() -> None:
-    assert headline(HARDOVER, flown(), []) == "SURVIVED: no channel failed; hardover pitch_rate.3 from 20.00 s"
-    assert headline(HARDOVER, new_block(100), []) == "SURVIVED: no channel failed"
+    assert headline(HARDOVER, flown()) == "SURVIVED: no channel failed; hardover pitch_rate.3 from 20.00 s"
+    assert headline(HARDOVER, new_block(100)) == "SURVIVED: no channel failed"
 
 
 @pytest.mark.parametrize(
@@ -77,26 +79,26 @@ def test_a_fault_that_nobody_isolated_and_a_flight_without_any() -> None:
 def test_the_zoom_is_from_half_a_second_before_the_fault_to_one_after_the_isolation(
     onset: float, isolated: float | None, end: float, expected: tuple[float, float]
 ) -> None:
-    assert zoom(onset, isolated, end) == pytest.approx(expected)
+    assert decisive_s(onset, isolated, end) == pytest.approx(expected)
 
 
 def test_what_is_seen_of_a_flight_is_of_its_decisive_fault() -> None:
-    rows = flown()
+    rows = flown(roll_rate_1=1500, pitch_rate_3=2007)
     rows["state"][2500:, 15, 0] = State.SUSPECT
-    facts, _ = look(HARDOVER, rows, [failed(1500, "roll_rate.1"), failed(2007, "pitch_rate.3")], HZ, ended=True)
+    facts, _ = look(HARDOVER, rows, HZ, ended=True)
     seen = facts.seen
     assert seen is not None
     assert (seen.main, seen.isolated_s, seen.survived) == ("pitch_rate", 20.07, True)
     assert seen.zoom_s == pytest.approx((19.5, 21.07))
-    assert seen.noted == ("pitch_rate", "heading")
+    assert seen.noted == ("pitch_rate", "roll_rate", "heading")
 
 
 def test_blocks_of_any_size_tell_the_same_story() -> None:
-    rows, events = flown(), [failed(2007, "pitch_rate.3")]
+    rows = flown(pitch_rate_3=2007)
     for size in (100, 6000):
         story = Story(HARDOVER, HZ)
         for k in range(0, 6000, size):
-            changed = story.add(rows[k : k + size], [e for e in events if k <= e.frame < k + size])
+            changed = story.add(rows[k : k + size])
             assert changed == (k <= 2007 < k + size)
         assert story.headline("IN FLIGHT").endswith("failed at 20.07 s, 70 ms after the onset, by comparison")
 

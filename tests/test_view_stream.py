@@ -20,7 +20,7 @@ from rerun.chunk import RrdReader
 from rig.errors import BadInput, RigError
 from rig.frame import FLAT, SIGNALS, Block, new_block
 from rig.view import sink, viewer
-from rig.view.blueprint import blueprint, decisive_s, main_signal, status_shown
+from rig.view.blueprint import blueprint, decisive_span, main_signal, status_shown
 from rig.view.facts import Facts, FaultFact, Layout, Seen, Shown, together
 from rig.view.lanes import of_signal
 from rig.view.plots import state_lanes
@@ -284,10 +284,10 @@ def test_the_main_signal_and_the_zoom_are_those_of_the_decisive_fault_or_of_the_
     live = Facts(faults=(fault,))
     over = Facts(faults=(fault,), seen=Seen(main="heading", zoom_s=(3.5, 5.0)))
     healthy = Facts(seen=Seen())
-    assert (main_signal([Shown(facts=live)]).name, decisive_s([Shown(facts=live)])) == ("pitch_rate", (11.5, 14.0))
-    assert (main_signal([Shown(facts=over)]).name, decisive_s([Shown(facts=over)])) == ("heading", (3.5, 5.0))
-    assert decisive_s([Shown(facts=healthy)]) is None
-    assert decisive_s(together([over, healthy])) == (3.5, 5.0)
+    assert (main_signal([Shown(facts=live)]).name, decisive_span([Shown(facts=live)])) == ("pitch_rate", (11.5, 14.0))
+    assert (main_signal([Shown(facts=over)]).name, decisive_span([Shown(facts=over)])) == ("heading", (3.5, 5.0))
+    assert decisive_span([Shown(facts=healthy)]) is None
+    assert decisive_span(together([over, healthy])) == (3.5, 5.0)
 
 
 def test_a_layout_for_a_tab_that_does_not_exist_is_refused() -> None:

@@ -9,7 +9,7 @@ from rerun.chunk import RrdReader
 
 from rig.frame import TIMING, new_block
 from rig.log.of_flight import metadata
-from rig.record.time_bins import EDGES_US, binned
+from rig.record.histogram import EDGES_US, binned
 from rig.scenario import load
 from rig.view.facts import Facts, of_log
 from rig.view.stream import open_stream

@@ -23,9 +23,8 @@ from rig.frame import SIGNALS, TIMING, Block, End, Pattern, Resolver, Source, St
 from rig.log import LogWriter, read_log
 from rig.record.events import Event
 from rig.view.watch.draw import InPipe, InProcess, OnTerminal
-from rig.view.watch.live import Watch, watching
+from rig.view.watch.live import Watch, play, watching
 from rig.view.watch.page import EVENTS, Page
-from rig.view.watch.played import play
 
 RATE_HZ = 100.0
 TOLD = [Event(100, "info", "fault on", "offset pitch_rate.2"), Event(110, "warning", "channel failed", "it failed")]

@@ -15,7 +15,8 @@ from rig.computer.redundancy.config import PARAMS
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
 from rig.computer.redundancy.managers import Manager
-from rig.frame import CHANNELS, TWO_PI, Block, D, Ilm, S, new_block
+from rig.frame import CHANNELS, Block, D, Ilm, S, new_block
+from rig.units.constants import TWO_PI
 
 # In thresholds: how far a channel is from the truth.  Most often it is healthy, or where another one is too.
 OFFSETS = np.array([0.0] * 12 + [3.0] * 5 + [-3.0, 6.0, -9.0, 0.8, 1e4])

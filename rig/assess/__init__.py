@@ -1,6 +1,11 @@
-"""The score of a flight against the truth: what was detected, missed and wrong, and how the flight went.
+"""What became of each fault, of the vote and of the flight, measured by the truth.
 
-    clean -> outcomes, isolations -> episodes; votes; flown (against the twin); coverage  ->  scoring.score
+outcome.py         kernels over one signal's fields: who is healthy, who was failed and when, how far the vote is off
+outcome_rows.py    the one kernel over rows: with outcome_faults.py it fills the records of outcome_records.py
+flight_outcome.py  adds blocks of a flight, while it is flown or afterwards; its clean channels: unfaulted.py
+words.py           the vocabulary, and the public names of each word
+scoring.py         the score (record.py): tables over the records; patterns.py, transients.py against the twin
+of_log.py          the score of a log, and the conclusion of a flight; its sentences: conclusion.py, fault_sentence.py
 
 docs/score.md defines every number.
 """

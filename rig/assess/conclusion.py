@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from rig.assess.context import Context, channel, channels, comparable
 from rig.assess.fault_sentence import fault_sentences
 from rig.assess.record import Episode, Isolation, Score
-from rig.assess.transients import difference
 from rig.assess.words import BY_DESIGN
 from rig.computer.redundancy.reference_monitor import reference_threshold
 from rig.frame import CHANNELS, INDEX, SIGNALS, Ilm, Pattern
 from rig.scenario import Scenario
+from rig.units.angles import differences
 from rig.units.quantities import duration, quantity, seconds
 
 _APART_S: Final = 1.0  # episodes of one signal that follow each other sooner are told as one
@@ -57,7 +57,7 @@ def _healthy(found: Sequence[Isolation], although: str, about: Context) -> list[
 
 
 def _by_design(score: Score, about: Context) -> Iterator[str]:
-    """Healthy channels that a rule failed for faults elsewhere: one sentence for each channel number and frame."""
+    """Yield a sentence for each channel number and frame in which a rule failed it for faults elsewhere."""
     whys = {"failed with its box": "with its box, which was faulty on others", "failed by rule": "by rule: common mode"}
     groups: dict[tuple[str, int, int], list[str]] = {}
     for kind, each in score.isolations:
@@ -81,7 +81,7 @@ def _flight(about: Context) -> str:
 
 
 def _counted(about: Context) -> str:
-    """How many of the detectable faults, counted by channel, were detected, and what was failed wrongly."""
+    """Return how many of the detectable faults, counted by channel, were detected, and what was failed wrongly."""
     outcomes = [fault.outcome for fault in about.score.faults]
     if not outcomes:
         found = "no fault was in the scenario"
@@ -102,7 +102,7 @@ def pattern_sentences(about: Context) -> list[str]:
 
 
 def _groups(episodes: Sequence[Episode], rate_hz: float) -> Iterator[list[Episode]]:
-    """Episodes of one signal and one pattern that follow each other within _APART_S, in order of the first."""
+    """Group episodes of one signal and one pattern that follow each other within _APART_S, in order of the first."""
     open_groups: dict[tuple[str, str], list[Episode]] = {}
     groups: list[list[Episode]] = []
     for episode in episodes:
@@ -138,7 +138,7 @@ def _settled(episode: Episode) -> str:
 
 
 def _answers(episode: Episode, about: Context) -> Iterator[str]:
-    """Each resolver that was asked, with what it had to go by in the last frame of the episode."""
+    """Yield each resolver that was asked, with what it had to go by in the last frame of the episode."""
     row, p = episode.last, about.params[INDEX[episode.signal]]
     fitted = np.arange(CHANNELS) < p["fitted"]
     out = (row["failed"] >> np.arange(CHANNELS) & 1).astype(bool) | ~fitted
@@ -174,14 +174,14 @@ def _reference(row: Any, used: NDArray[np.intp], p: NDArray[np.void]) -> str:
     if row["reference_usable"] == 0:
         return "not usable"
     limit = float(reference_threshold(value, p))
-    off = difference(row["channels"][used], np.full(len(used), value), bool(p["wraps"]))
+    off = differences(row["channels"][used], np.full(len(used), value), bool(p["wraps"]))
     behind = ", compared behind a low-pass" if p["filter_gain"] > 0 else ""
     unit = SIGNALS[row["signal"]].unit
     return f"{quantity(value, unit)}, {_lies(row, used, off, limit, quantity(limit, unit))}{behind}"
 
 
 def _lies(row: Any, used: NDArray[np.intp], off: NDArray[np.float64], limit: float, shown: str) -> str:
-    """Where the reference lies among the samples, which are ``off`` it by so much: what its answer follows from."""
+    """Return where the reference lies among the samples, which are ``off`` it by so much."""
     halves, half = row["pattern"] in (Pattern.P2_2, Pattern.P1_1), len(used) // 2
     order = np.argsort(off)
     low, high = (sorted((used[part] + 1).tolist()) for part in (order[:half], order[half:]))

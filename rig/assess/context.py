@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from rig.assess.monitored import references_of
 from rig.assess.record import FaultScore, Score
-from rig.assess.transients import difference
 from rig.computer.redundancy.managers import manager_kind
 from rig.faults.places import SURFACE_NAMES, number, site
 from rig.frame import INDEX, SIGNALS, State
 from rig.scenario import Scenario
+from rig.units.angles import differences
 
 Bools = NDArray[np.bool_]
 
@@ -119,7 +119,7 @@ def agreement(columns: NDArray[Any], c: int, first: int, end: int, p: NDArray[np
     samples, valid = columns["channels"][first:end], columns["valid"][first:end] != 0
     before = columns["state"][np.maximum(np.arange(first, end) - 1, 0)]  # failed in this frame: compared in it
     compared = comparable(samples, valid, (before == State.FAILED) | (before == State.ABSENT), p)
-    from_c = difference(samples, samples[:, c : c + 1], bool(p["wraps"]))
+    from_c = differences(samples, samples[:, c : c + 1], bool(p["wraps"]))
     off = np.where(compared & compared[:, c : c + 1], np.abs(from_c), np.inf)
     off[:, c] = np.inf
     nearest = off.argmin(axis=1)

@@ -44,7 +44,7 @@ def _sentence(faults: Sequence[FaultScore], about: Context, result: str) -> str:
 
 
 def _result(fault: FaultScore, about: Context) -> str:
-    """How the monitor took it, what that did to aircraft and vote."""
+    """Return how the monitor took it, what that did to aircraft and vote."""
     if fault.outcome == "not executed":
         return "its trigger never fired" if fault.onset_frame is None else "the channel had been failed before"
     decided = {"detected": _detected, "missed": _missed, "undetectable": _undetectable}[fault.outcome]
@@ -65,7 +65,7 @@ def _did(faults: Sequence[FaultScore], where: str, about: Context) -> str:
 
 
 def _sample(fault: FaultScore, about: Context) -> str:
-    """The sample of the channel when it was failed, else at the onset; as the scenario gives it too where it is rad."""
+    """Return the sample of the channel when it was failed, else at the onset; in rad too."""
     if fault.sample is None or not np.isfinite(fault.sample):
         return ""
     unit = about.unit(fault)
@@ -89,7 +89,7 @@ def _detected(fault: FaultScore, about: Context) -> str:
 
 
 def _late(fault: FaultScore, about: Context, from_frame: int) -> str:
-    """Why a channel miscompared, from ``from_frame`` on, only well after its error had left the threshold."""
+    """Return why a channel miscompared, from ``from_frame`` on, only well after its error had left the threshold."""
     exceeded = fault.exceeded_frame or 0
     if from_frame - exceeded <= int(_params(fault, about)["persistence"]):
         return ""
@@ -100,7 +100,7 @@ def _late(fault: FaultScore, about: Context, from_frame: int) -> str:
 
 
 def _near(fault: FaultScore, about: Context, first: int, end: int) -> str:
-    """Which channel the faulty one agreed with in most of the frames ``first`` to ``end`` (excluded)."""
+    """Return which channel the faulty one agreed with in most of the frames ``first`` to ``end`` (excluded)."""
     near = _agreement(fault, about, first, max(end, first + 1))
     agreed = ~near.alone
     if not agreed.any():
@@ -134,7 +134,7 @@ def _undetectable(fault: FaultScore, about: Context) -> str:
 
 
 def _moved(fault: FaultScore) -> str:
-    """What the aircraft did after the onset, for as long as was looked at."""
+    """Return what the aircraft did after the onset, for as long as was looked at."""
     change, looked_at_s = fault.load_factor_change, fault.load_factor_change_s
     if change is None or not looked_at_s:
         return ""

@@ -19,11 +19,12 @@ from rig.computer.redundancy.managers import manager_kind
 from rig.errors import BadInput
 from rig.flight.operator_keys import pressed
 from rig.frame import Block, Unit
-from rig.log import Log, read_log
-from rig.record.time_bins import EDGES_US, binned
+from rig.log import Log, read_log, scenario_of
+from rig.record.histogram import of_timing
 from rig.scenario import Scenario, from_resolved
 from rig.unit.unit import UnitUnderTest
 from rig.util.progress import tell
+from rig.util.runs import runs_where
 from rig.util.trust import Trust
 
 MOST_FRAMES: Final = 100_000  # 200 MB of rows
@@ -104,7 +105,7 @@ def score_read(
     missed = missed_frames(log.rows) if on_miss == "fault" else []
     sentences = conclusion(scenario, scored)
     digest = log.result.get("digest", "")
-    return Scored(path, scenario, digest, scored, exchanges, times(log.timing), missed, sentences)
+    return Scored(path, scenario, digest, scored, exchanges, of_timing(log.timing), missed, sentences)
 
 
 class FlightConclusion:
@@ -169,34 +170,18 @@ def conclude_read(log: Log) -> list[str]:
 
 
 def _scenario(path: Path, log: Log, allow_code: bool) -> Scenario:
-    if "scenario" not in log.metadata:
+    resolved = scenario_of(log.metadata, path)
+    if not resolved:
         raise BadInput(f"{path}: holds no scenario, so there is no truth to score against; only logs of rig fly do")
-    try:
-        resolved = json.loads(log.metadata["scenario"])
-    except (ValueError, RecursionError):
-        raise BadInput(f"{path}: its scenario cannot be read") from None
     scenario = from_resolved(resolved, f"{path}: scenario", Trust(str(path), allow_code))
     return pressed(scenario, log.result, str(path))
-
-
-def histogram(times_us: NDArray[np.float64]) -> dict[str, int]:
-    """Count the times that lie below each of EDGES_US and not below the one before; ``more`` are all others."""
-    named = *(f"below_{edge}_us" for edge in EDGES_US), "more"
-    return dict(zip(named, binned(times_us).tolist(), strict=True))
-
-
-def times(timing: NDArray[Any]) -> dict[str, dict[str, int]]:
-    """Return histograms of lateness and of reply times, each when the flight has any; timing (n,) of TIMING."""
-    fields = {"lateness": "late_us", "replies": "reply_us"}
-    return {name: histogram(timing[field]) for name, field in fields.items() if timing[field].any()}
 
 
 def missed_frames(rows: Block) -> list[Miss]:
     """Return all misses of a flight, in the order of time."""
     missed = np.isin(rows["unit"], _UNANSWERED)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], missed.astype(np.int8), [0]])))
     frames, status = rows["frame"], rows["unit"]
     return [
         Miss(int(frames[first]), int(frames[end - 1]), Unit(status[first]).name.lower())
-        for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+        for first, end in runs_where(missed).tolist()
     ]

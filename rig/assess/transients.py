@@ -12,8 +12,9 @@ from rig.assess.outcome import NEVER
 from rig.assess.outcome_records import EXTREMES
 from rig.assess.record import Deviation, FaultScore, FlightScore, Transient, Transients, Yardstick
 from rig.errors import BadInput
-from rig.frame import INDEX, SIGNALS, TWO_PI, Block, End
+from rig.frame import INDEX, SIGNALS, Block, End
 from rig.scenario import Scenario
+from rig.units.angles import differences
 
 if TYPE_CHECKING:
     from rig.unit.unit import UnitUnderTest
@@ -23,7 +24,7 @@ _COMPARED: Final = [INDEX[name] for name in ("normal_load_factor", "pitch_rate",
 
 
 def fly_twin(scenario: Scenario, frames: int | None = None, unit: UnitUnderTest | None = None) -> Block:
-    """The same scenario and seed without its faults: its rows, no more than ``frames``.
+    """Return the same scenario and seed without its faults: its rows, no more than ``frames``.
 
     unit : under test, that flew the scenario too
     """
@@ -80,7 +81,7 @@ def transients(
             f"the fault-free twin leaves the flight in frame {differs[0]}, before any fault can have moved the "
             "aircraft: other versions flew it; without the twin (--no-twin) it can be scored"
         )
-    off = np.abs(difference(truth, other, WRAPS))[:, _COMPARED]
+    off = np.abs(differences(truth, other, WRAPS))[:, _COMPARED]
     limits = np.array([yardstick.load_factor, yardstick.pitch_rate_rad_s])
     beyond = np.any(~(off[:, :2] <= limits), axis=1)
     window = round(yardstick.window_s * rate_hz)
@@ -102,7 +103,7 @@ def transients(
 
 
 def _onsets(faults: Sequence[FaultScore]) -> dict[int, tuple[str, ...]]:
-    """The executed faults by the frame of their onset, in order of time."""
+    """Return the executed faults by the frame of their onset, in order of time."""
     found: dict[int, list[str]] = {}
     for fault in faults:
         if fault.onset_frame is not None and fault.outcome != "not executed":
@@ -111,14 +112,6 @@ def _onsets(faults: Sequence[FaultScore]) -> dict[int, tuple[str, ...]]:
 
 
 def _peaks(off: NDArray[np.float64]) -> Deviation:
-    """Largest finite differences; 0 when there are none."""
+    """Return largest finite differences; 0 when there are none."""
     finite = np.where(np.isfinite(off), off, 0.0)
     return Deviation(*(finite.max(axis=0) if len(finite) else np.zeros(len(_COMPARED))).tolist())
-
-
-def difference(a: NDArray[np.float64], b: NDArray[np.float64], wraps: NDArray[np.bool_] | bool) -> NDArray[np.float64]:
-    """``a - b``, the short way round where the signal (last axis) ``wraps``; angles.difference for arrays."""
-    with np.errstate(invalid="ignore"):
-        off = a - b
-        off[..., wraps] = (off[..., wraps] + np.pi) % TWO_PI - np.pi
-    return off

@@ -18,12 +18,13 @@ from dataclasses import asdict, dataclass
 from math import floor
 from typing import Any, Final
 
-from rig.bench.vote import Failure, Result, Voted, VotedDiscrete
+from rig.assess.words import PRIOR, PUBLIC, fault_word
+from rig.bench.vote import Result, Voted, VotedDiscrete
 from rig.recordings.align import Corrections
 from rig.recordings.injection_file import Injected
 from rig.recordings.recording import Recording
 
-OUTCOMES: Final = ("right", "wrong", "missed", "prior", "none")
+OUTCOMES: Final = ("right", "wrong", "missed", PRIOR, "none")
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,58 +46,53 @@ class Scored:
 def score(
     injected: Sequence[Injected], recording: Recording, voted: Result, corrections: Corrections | None = None
 ) -> list[Scored]:
-    """The outcome of each fault on each of its channels; ``recording`` is the one voted upon, perhaps aligned."""
-    onsets = [_onset_s(one, recording, corrections) for one in injected]
+    """Return the outcome of each fault on each of its channels; ``recording`` as voted upon, perhaps aligned."""
+    onsets = [_onset_s(fault, recording, corrections) for fault in injected]
     return [_score(i, injected, onsets, {**voted.signals, **voted.discretes}) for i in range(len(injected))]
 
 
 def summary(scored: Sequence[Scored], file: str, seed: int) -> dict[str, Any]:
-    """The same for ``--json``: the file, the seed, how many of each outcome, each fault."""
-    counts = Counter(one.outcome for one in scored)
+    """Return the same for ``--json``: the file, the seed, how many of each outcome, each fault."""
+    counts = Counter(row.outcome for row in scored)
     outcomes = {outcome: counts[outcome] for outcome in OUTCOMES}
-    return {"file": file, "seed": seed, "outcomes": outcomes, "faults": [asdict(one) for one in scored]}
+    return {"file": file, "seed": seed, "outcomes": outcomes, "faults": [asdict(row) for row in scored]}
 
 
-def _onset_s(one: Injected, recording: Recording, corrections: Corrections | None) -> float | None:
-    """When a fault reaches the rows voted upon: a delay d that was taken off shows row r in row r - d."""
-    if one.first is None:
+def _onset_s(fault: Injected, recording: Recording, corrections: Corrections | None) -> float | None:
+    """Return when a fault reaches the rows voted upon: a delay d that was taken off shows row r in row r - d."""
+    if fault.first is None:
         return None
-    found = (corrections or {}).get(one.signal)
-    delay = found[one.channel - 1].delay_frames if found else 0.0
-    row = floor(one.first - delay) - recording.first_row
+    by_channel = (corrections or {}).get(fault.signal)
+    delay = by_channel[fault.channel - 1].delay_frames if by_channel else 0.0
+    row = floor(fault.first - delay) - recording.first_row
     return float(recording.time_s[min(max(row, 0), len(recording.time_s) - 1)])
 
 
 def _score(
     i: int, injected: Sequence[Injected], onsets: Sequence[float | None], voted: dict[str, Voted | VotedDiscrete]
 ) -> Scored:
-    one, onset = injected[i], onsets[i]
-    about = (one.label, one.kind, one.signal, one.channel, onset)
-    if onset is None:
-        return Scored(*about, "none", None, None, None, None)
-    begun = _begun(one.signal, injected, onsets)
-    failures = voted[one.signal].failures
+    fault, onset = injected[i], onsets[i]
+    injection = (fault.label, fault.kind, fault.signal, fault.channel, onset)
+    begun = _begun(fault.signal, injected, onsets)
+    failures = voted[fault.signal].failures if onset is not None else []
     false = [failure for failure in failures if failure.time_s < begun.get(failure.channel, float("inf"))]
-    mine = [failure for failure in failures if failure.channel == one.channel and failure not in false]
-    if any(f.time_s < onset for f in (*false, *mine)):
-        return Scored(*about, "prior", None, None, None, None)
-    right, wrong = mine[0] if mine else None, false[0] if false else None
-    if right is None and wrong is None:
-        return Scored(*about, "missed", None, None, None, None)
-    if right is not None and (wrong is None or right.time_s < wrong.time_s):
-        return Scored(*about, "right", *_told(right, onset))
-    assert wrong is not None  # one of the two is there
-    return Scored(*about, "wrong", *_told(wrong, onset))
+    own = [failure for failure in failures if failure.channel == fault.channel and failure not in false]
+    if onset is None or any(f.time_s < onset for f in (*false, *own)):
+        word = PUBLIC["injection"]["not executed"] if onset is None else PRIOR
+        return Scored(*injection, word, None, None, None, None)
+    healthy_failed = bool(false) and not (own and own[0].time_s < false[0].time_s)
+    word = fault_word(True, bool(own), exceeded=True, healthy_failed=healthy_failed)
+    decisive = false[0] if healthy_failed else own[0] if own else None
+    if decisive is None:
+        return Scored(*injection, PUBLIC["injection"][word], None, None, None, None)
+    failed = (decisive.channel, decisive.time_s, decisive.time_s - onset, decisive.why)
+    return Scored(*injection, PUBLIC["injection"][word], *failed)
 
 
 def _begun(signal: str, injected: Sequence[Injected], onsets: Sequence[float | None]) -> dict[int, float]:
-    """When the first fault of each channel of a signal begins."""
-    found: dict[int, float] = {}
-    for other, at in zip(injected, onsets, strict=True):
-        if other.signal == signal and at is not None:
-            found[other.channel] = min(at, found.get(other.channel, at))
-    return found
-
-
-def _told(failure: Failure, onset_s: float) -> tuple[int, float, float, str]:
-    return failure.channel, failure.time_s, failure.time_s - onset_s, failure.why
+    """Return when the first fault of each channel of a signal begins."""
+    begun: dict[int, float] = {}
+    for fault, onset in zip(injected, onsets, strict=True):
+        if fault.signal == signal and onset is not None:
+            begun[fault.channel] = min(onset, begun.get(fault.channel, onset))
+    return begun

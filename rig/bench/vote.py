@@ -29,6 +29,7 @@ from rig.recordings.recording import Bytes, Recording, Samples
 from rig.recordings.settings import RecordedDiscrete, RecordedSignal, Reset, commands
 from rig.scenario import Scenario
 from rig.units.angles import difference
+from rig.util.runs import begins
 from rig.util.trust import Trust
 
 _NO_CODE: Final = Trust("the configuration")
@@ -320,8 +321,7 @@ def _failures(
     """
     failures: list[Failure] = []
     for c, state in enumerate(states):
-        failed = state == State.FAILED
-        for k in np.flatnonzero(failed & ~np.concatenate([[False], failed[:-1]])):
+        for k in np.flatnonzero(begins(state == State.FAILED)):
             why = "comparison"
             if resolvers is not None and not invalid[c][k]:
                 resolver = Resolver(resolvers[k])

@@ -22,7 +22,7 @@ from rig.campaign.plan import Plan
 from rig.campaign.rows import OUTCOMES, TABLES
 from rig.errors import BadInput
 from rig.frame import SIGNALS
-from rig.record.time_bins import BINS
+from rig.record.histogram import BINS
 from rig.util.files import is_file
 
 _FILE = " file"  # no key of a campaign has a blank before it

@@ -14,7 +14,7 @@ from rig.assess.words import PUBLIC, fault_word
 from rig.computer.redundancy.managers import manager_kind
 from rig.faults import Fault
 from rig.frame import CHANNELS, INDEX, SIGNALS
-from rig.record.time_bins import binned
+from rig.record.histogram import binned
 from rig.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ OUTCOMES: Final = {outcome: outcome.replace(" ", "_") for outcome in get_args(Ou
 
 
 def run_row(number: int, flown: CampaignFlight, scored: Score) -> Row:
-    """The row of table ``runs``."""
+    """Return the row of table ``runs``."""
     scenario, verdict = flown.scenario, flown.verdict
     outcomes, transients = [fault.outcome for fault in scored.faults], scored.flight.transients
     return {
@@ -55,13 +55,13 @@ def run_row(number: int, flown: CampaignFlight, scored: Score) -> Row:
 
 
 def _coverage(scored: Score) -> str:
-    """As JSON, without the signals of which nothing but normal was seen."""
+    """Return as JSON, without the signals of which nothing but normal was seen."""
     seen = {name: asdict(c) for name, c in scored.coverage.items() if len(c.patterns) > 1 or len(c.levels) > 1}
     return json.dumps({**seen, "overall": asdict(scored.coverage["overall"])}, sort_keys=True)
 
 
 def channel_hours(scenario: Scenario, frames: int, scored: Score) -> float:
-    """Hours of fitted channels of signals without a fault: each counts until the first fault acts on it."""
+    """Return the hours of fitted channels of signals without a fault: each counts until the first fault acts on it."""
     onsets: dict[tuple[str, int], int] = {}
     for fault in scored.faults:
         if fault.signal in INDEX and fault.channel is not None and fault.onset_frame is not None:
@@ -73,7 +73,7 @@ def channel_hours(scenario: Scenario, frames: int, scored: Score) -> float:
 
 
 def fault_rows(number: int, scenario: Scenario, scored: Score) -> list[Row]:
-    """The rows of table ``faults``: one a fault and channel."""
+    """Return the rows of table ``faults``: one a fault and channel."""
     return [_fault_row(number, scenario, fault, scored) for fault in scored.faults]
 
 
@@ -97,7 +97,7 @@ def _fault_row(number: int, scenario: Scenario, fault: FaultScore, scored: Score
 
 
 def _isolation(fault: FaultScore, scored: Score, manager: str) -> str:
-    """Whether a healthy channel was failed for this fault: between its onset and the next one's on the signal.
+    """Return whether a healthy channel was failed for this fault: between its onset and the next one's on the signal.
 
     Of a manager that takes its failures back the vote decides.
     """
@@ -116,7 +116,7 @@ def _isolation(fault: FaultScore, scored: Score, manager: str) -> str:
 
 
 def _followed(fault: FaultScore) -> Row:
-    """The columns of what followed a fault on a channel of a signal; all empty for another."""
+    """Return the columns of what followed a fault on a channel of a signal; all empty for another."""
     window = fault.window
     if window is None:
         return {}
@@ -129,7 +129,7 @@ def _followed(fault: FaultScore) -> Row:
 
 
 def _of(scored: Any, *names: str) -> Row:
-    """The columns that are called as in the score."""
+    """Return the columns that are called as in the score."""
     return {name: getattr(scored, name) for name in names}
 
 
@@ -145,7 +145,7 @@ def magnitude(fault: Fault, scenario: Scenario) -> float | None:
 
 
 def alarm_rows(number: int, scenario: Scenario, scored: Score) -> list[Row]:
-    """The rows of table ``alarms``: healthy channels that were failed."""
+    """Return the rows of table ``alarms``: healthy channels that were failed."""
     period_s = 1.0 / scenario.rate_hz
     return [
         {"run": number, "kind": kind, "time_s": alarm.frame * period_s, **_of(alarm, "signal", "channel", "resolver")}
@@ -154,7 +154,7 @@ def alarm_rows(number: int, scenario: Scenario, scored: Score) -> list[Row]:
 
 
 def episode_rows(number: int, scenario: Scenario, scored: Score) -> list[Row]:
-    """The rows of table ``episodes``: stretches without a majority, who was asked and the result."""
+    """Return the rows of table ``episodes``: stretches without a majority, who was asked and the result."""
     return [
         {
             "run": number,
@@ -168,7 +168,7 @@ def episode_rows(number: int, scenario: Scenario, scored: Score) -> list[Row]:
 
 
 def signal_rows(number: int, scored: Score) -> list[Row]:
-    """The rows of table ``signals``: one a signal, how it stood over the run."""
+    """Return the rows of table ``signals``: one a signal, how it stood over the run."""
     return [
         {
             "run": number,
@@ -184,5 +184,5 @@ def signal_rows(number: int, scored: Score) -> list[Row]:
 
 
 def by_level(name: str, values: Sequence[Any]) -> Row:
-    """Columns ``name_level_4`` to ``name_level_1``."""
+    """Return columns ``name_level_4`` to ``name_level_1``."""
     return {f"{name}_level_{CHANNELS - i}": value for i, value in enumerate(values)}

@@ -17,7 +17,7 @@ from rig.campaign.plan import Plan
 from rig.campaign.statistics import detectable, mcnemar, poisson, proportion
 from rig.campaign.table import COUNTED
 from rig.errors import BadInput
-from rig.record.time_bins import names
+from rig.record.histogram import names
 
 Tables = dict[str, pl.DataFrame]
 MOST_LEVELS: Final = 12  # of a magnitude that are shown one by one; more are put into BINS bins
@@ -68,7 +68,7 @@ def summary(folder: Folder) -> dict[str, Any]:
 
 
 def replies(runs: pl.DataFrame) -> dict[str, Any] | None:
-    """Add up the reply times of a unit under test over all frames of all runs, by time_bins; None without one."""
+    """Add up the reply times of a unit under test over all frames of all runs, by histogram.py; None without one."""
     counted = runs["replies"].drop_nulls()
     if counted.is_empty():
         return None

@@ -50,7 +50,7 @@ RUNS: Final[dict[str, Any]] = {
     "out_of_limits_s": pl.Float64,  # against the twin, where it was flown
     "coverage": pl.String,  # JSON
     "wall_s": pl.Float64,
-    "replies": pl.List(pl.Int64),  # reply times of a unit under test in each bin of record.time_bins; empty without one
+    "replies": pl.List(pl.Int64),  # reply times of a unit under test in each bin of record.histogram; empty without one
     **dict.fromkeys(COUNTED, pl.Int64),  # healthy channels, for a fault elsewhere
 }
 FAULTS: Final[dict[str, Any]] = {

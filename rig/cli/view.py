@@ -147,7 +147,7 @@ def watch(
     """Play the redundancy page of a log on the terminal; Ctrl-C ends."""
     from rig.log import read_log
     from rig.util.console import console
-    from rig.view.watch.played import play
+    from rig.view.watch.live import play
 
     flight = read_log(log)
     if not len(flight.rows):

@@ -93,7 +93,7 @@ BLADE_SHARE: Final = 0.375  # of the way from fine to coarse pitch
 
 
 def held(engines: int, engine: str, blade_angles_deg: tuple[float, float] | None) -> dict[str, float]:
-    """What is held of engines that more than a throttle moves: the mixture, the pitch of the blades."""
+    """Return what is held of engines that more than a throttle moves: mixture and pitch of the blades."""
     made: dict[str, float] = {}
     for i in range(engines):
         if engine == "piston":
@@ -106,5 +106,5 @@ def held(engines: int, engine: str, blade_angles_deg: tuple[float, float] | None
 
 
 def limits(kind: Kind) -> dict[str, Any]:
-    """The ``[airframe.limits]`` of one kind."""
+    """Return the ``[airframe.limits]`` of one kind."""
     return dict(FIGURES[kind].limits)

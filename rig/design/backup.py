@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_are
 
 from rig.computer.control.gains import BACKUP
-from rig.units.atmosphere import GRAVITY
+from rig.units.constants import GRAVITY
 
 Matrix = NDArray[np.float64]
 Sensor = Literal["load", "alpha"]
@@ -41,17 +41,17 @@ class Bandwidth:
 
 
 def candidates() -> list[Bandwidth]:
-    """Slow observers, which pass little noise, first, and slow regulators, which ask little, first of these."""
+    """Return slow observers, which pass little noise, first, and of these slow regulators, which ask little."""
     return [Bandwidth(*x) for x in product(_OBSERVERS_RAD_S, _REGULATORS_RAD_S, _INTEGRALS)]
 
 
 def regulator(a: Matrix, b: Matrix, q: Matrix, r: Matrix) -> Matrix:
-    """Gain K of u = -K x that minimises the integral of x'Qx + u'Ru (Kalman 1960)."""
+    """Return the gain K of u = -K x that minimises the integral of x'Qx + u'Ru (Kalman 1960)."""
     return np.linalg.solve(r, b.T @ solve_continuous_are(a, b, q, r))
 
 
 def short_period(a: Matrix, b: Matrix, airspeed: float, lever: float) -> dict[str, float]:
-    """What the substitutes and the observers know of the aircraft.
+    """Return the short period's coefficients for the substitutes and the observers.
 
     a (2, 2), b (2,) : rates of (alpha, q) by (alpha, q) and by the elevator; airspeed [m/s]
     lever : the accelerometer's place ahead of the centre of gravity [m]
@@ -73,7 +73,7 @@ def short_period(a: Matrix, b: Matrix, airspeed: float, lever: float) -> dict[st
 
 
 def roll_and_yaw(a: Matrix, b: Matrix) -> dict[str, float]:
-    """The models of roll and yaw rate; a (4, 4), b (4, 2) of (beta, p, r, phi) and (aileron, rudder)."""
+    """Return the models of roll and yaw rate; a (4, 4), b (4, 2) of (beta, p, r, phi) and (aileron, rudder)."""
     return {
         "roll_acceleration_by_sideslip_1_s2": a[1, 0],
         "roll_acceleration_by_roll_rate_1_s": a[1, 1],
@@ -84,8 +84,8 @@ def roll_and_yaw(a: Matrix, b: Matrix) -> dict[str, float]:
     }
 
 
-def compensator(a: Matrix, b: Matrix, known: dict[str, float], sensor: Sensor, chosen: Bandwidth) -> dict[str, float]:
-    """The five gains of one sensor; ``known`` from ``short_period``.
+def compensator(a: Matrix, b: Matrix, period: dict[str, float], sensor: Sensor, chosen: Bandwidth) -> dict[str, float]:
+    """Return the five gains of one sensor; ``period`` from ``short_period``.
 
     Weights: q 1, integral of alpha (share w^2)^2, elevator (M_elevator / w)^2, w the regulator's bandwidth;
     the observer's disturbance enters at the elevator, its noise is such that it follows at its bandwidth.
@@ -97,7 +97,7 @@ def compensator(a: Matrix, b: Matrix, known: dict[str, float], sensor: Sensor, c
     k = regulator(a3, b3, weights, np.array([[(b[1] / w) ** 2]]))[0]
     c = np.array([[1.0, 0.0]])
     if sensor == "load":
-        c = np.array([[known["load_by_alpha_1_rad"], known["load_by_pitch_rate_s"]]])
+        c = np.array([[period["load_by_alpha_1_rad"], period["load_by_pitch_rate_s"]]])
     noise = np.array([[(c[0, 0] * b[1] / v**2) ** 2]])
     observe = regulator(a.T, c.T, np.outer(b, b) + 1e-9 * np.eye(2), noise)[0]
     return {f"backup_{sensor}_{name}": float(x) for name, x in zip(BACKUP, (*k, *observe), strict=True)}

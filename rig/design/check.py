@@ -57,19 +57,19 @@ class Check:
 
     @property
     def below(self) -> list[str]:
-        """What the best design misses, a line for each loop."""
+        """The margins that the best design misses, a line for each loop."""
         return [] if self.gains is None else self.gains.below
 
     def as_dict(self) -> dict[str, Any]:
-        """The same as plain data."""
+        """Return the same as plain data."""
         return {
-            "properties": [asdict(one) for one in self.properties],
+            "properties": [asdict(item) for item in self.properties],
             "reads": self.reads,
             "trims": [
-                {**one.point.model_dump(), "trim": one.trim and asdict(one.trim), "error": one.error or None}
-                for one in self.trims
+                {**item.point.model_dump(), "trim": item.trim and asdict(item.trim), "error": item.error or None}
+                for item in self.trims
             ],
-            "loops": [{**asdict(one), "margin": one.margin.model_dump()} for one in self.loops],
+            "loops": [{**asdict(item), "margin": item.margin.model_dump()} for item in self.loops],
             "below": self.below,
         }
 
@@ -78,25 +78,25 @@ def check(airframe: Airframe, wanted: Requirements | None = None) -> Check:
     """Look at everything that a design of ``airframe`` needs, then design it.  Some seconds a flight point."""
     wanted = wanted or Requirements()
     properties, reads = _properties(airframe)
-    if not all(one.read for one in properties):
+    if not all(item.read for item in properties):
         return Check(properties, reads, [], [], None)
     trims = [_trim(airframe, point) for point in airframe.flight_points]
-    if any(one.error for one in trims):
+    if any(item.error for item in trims):
         return Check(properties, reads, trims, [], None)
     designed = design_points(airframe, wanted)
-    below = [f"{one.point.name}: {line}" for one in designed for line in one.below]
-    gains = whole(airframe, wanted, [one.point for one in designed], below)
-    return Check(properties, reads, trims, [loop for one in designed for loop in _loops(one, wanted)], gains)
+    below = [f"{item.point.name}: {line}" for item in designed for line in item.below]
+    gains = whole(airframe, wanted, [item.point for item in designed], below)
+    return Check(properties, reads, trims, [loop for item in designed for loop in _loops(item, wanted)], gains)
 
 
 def _properties(airframe: Airframe) -> tuple[list[Property], list[str]]:
-    """What the surfaces are said to move, against what the model reads; nothing of a linear aircraft."""
+    """Return the positions that the surfaces name, compared with the model's; none of a linear aircraft."""
     if not isinstance(airframe, Config):
         return [], []
     reads = read(airframe.base_model).reads
     named = [(f"airframe.{name}.position", getattr(airframe, name).position) for name in SURFACES]
-    found = [Property(key, name, name in reads, nearest(name, reads)) for key, name in named]
-    return found, reads
+    properties = [Property(key, name, name in reads, nearest(name, reads)) for key, name in named]
+    return properties, reads
 
 
 def _trim(airframe: Airframe, point: FlightPoint) -> Trimmed:

@@ -41,16 +41,16 @@ _NEARNESS: Final = (1.0, 0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.6, 0.5, 0.4, 0.2)
 
 
 def design(airframe: Airframe, wanted: Requirements | None = None, *, accept: bool = False) -> Gains:
-    """Gains for every flight point of ``airframe``; RigError when the margins cannot be had.
+    """Return gains for every flight point of ``airframe``; RigError when the margins cannot be had.
 
     accept : take the gains that come nearest where none keeps the margins; ``Gains.below`` says which
     Pure: the same aircraft and requirements give the same numbers.
     """
     designed = design_points(airframe, wanted)
-    below = [f"{one.point.name}: {line}" for one in designed for line in one.below]
+    below = [f"{item.point.name}: {line}" for item in designed for line in item.below]
     if below and not accept:
         raise RigError(f"{airframe.base_model} {'; '.join(below[:MOST_SAID])}; rig aircraft check has all numbers")
-    return whole(airframe, wanted or Requirements(), [one.point for one in designed], below)
+    return whole(airframe, wanted or Requirements(), [item.point for item in designed], below)
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Designed:
 
 
 def design_points(airframe: Airframe, wanted: Requirements | None = None) -> list[Designed]:
-    """The best gains of every flight point, in the order of dynamic pressure, whether they keep the margins or not."""
+    """Return the best gains of every flight point, in the order of dynamic pressure, margins kept or not."""
     wanted = wanted or Requirements()
     cases = [Case(airframe, point, linearise(airframe, point), wanted) for point in airframe.flight_points]
     cases.sort(key=lambda case: case.linear.trim.dynamic_pressure_pa)
@@ -75,7 +75,7 @@ def design_points(airframe: Airframe, wanted: Requirements | None = None) -> lis
 
 
 def _design_point(case: Case) -> Designed:
-    """For each plane the first candidate whose margins hold; the planes do not depend on each other."""
+    """Take for each plane the first candidate whose margins hold; the planes do not depend on each other."""
     first = _candidates()[0]
     chosen = dict.fromkeys(ACTUATORS, first)
     for plane in case.planes:
@@ -93,14 +93,14 @@ def _design_point(case: Case) -> Designed:
 
 
 def _nearest(case: Case, chosen: dict[Plane, Shares], plane: Plane) -> Shares:
-    """Of every few candidates of one plane the one that keeps the largest share of the margins."""
+    """Return of every few candidates of one plane the one that keeps the largest share of the margins."""
     return max(
         _candidates()[::_EVERY], key=lambda tried: nearness(case, gains_at(case, {**chosen, plane: tried}), plane)
     )
 
 
 def _candidates() -> list[Shares]:
-    """Fast first: the attitude loop gives way before the rate loop loses more than a quarter."""
+    """Return candidates, fast first: the attitude loop gives way before the rate loop loses over a quarter."""
     quick, slow = _RATE_SHARES[:_QUICK], _RATE_SHARES[_QUICK:]
     tried = [Shares(*x) for x in product(quick, _ATTITUDE_SHARES, _ALPHA_SHARES, _ALTITUDE_SHARES)]
     tried.sort(key=lambda x: (-x.altitude, -x.attitude, -x.alpha, -x.rate))
@@ -111,7 +111,7 @@ def _candidates() -> list[Shares]:
 
 
 def _backed_up(case: Case, point: Point, sensor: Sensor) -> Point:
-    """``point`` with the first compensator of ``sensor`` that keeps the margins, else the one that comes nearest."""
+    """Return ``point`` with the first compensator of ``sensor`` that keeps the margins, else the nearest."""
     best, nearest = 0.0, point
     for candidate in backup.candidates():
         tried = point.model_copy(update=backup_gains(case, sensor, candidate))

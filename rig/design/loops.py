@@ -19,7 +19,8 @@ from rig.design.margins import Loop, Matrix, sampled_loop
 from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, SURFACES, Block, S, new_block
 from rig.plant.airframe import Airframe, FlightPoint
 from rig.plant.linearise import Linear, Trim
-from rig.units.atmosphere import GAS_CONSTANT, GRAVITY, LAPSE_RATE, TROPOPAUSE_ALTITUDE, temperature
+from rig.units.atmosphere import temperature
+from rig.units.constants import GAS_CONSTANT, GRAVITY, LAPSE_RATE, TROPOPAUSE_ALTITUDE
 
 Law = Literal["stick", "autopilot"]
 Plane = Literal["longitudinal", "lateral"]
@@ -72,7 +73,7 @@ def build(
     plane: Plane,
     lost: Sequence[str] = (),
 ) -> Loop:
-    """The sampled loop of one plane; commands of the actuators in the order of ``ACTUATORS[plane]``.
+    """Return the sampled loop of one plane; actuators' commands in the order of ``ACTUATORS[plane]``.
 
     ``lost`` signals have no channel and no reference left, and all fades are over.
     """
@@ -94,7 +95,7 @@ def build(
 def _airframe(
     airframe: Airframe, linear: Linear, point: FlightPoint, plane: Plane
 ) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-    """(A, B, C, D) with altitude or heading as a fifth state."""
+    """Return (A, B, C, D) with altitude or heading as a fifth state."""
     trim = linear.trim
     a, b = np.zeros((5, 5)), np.zeros((5, 2))
     c, d = np.zeros((len(OUTPUTS[plane]), 5)), np.zeros((len(OUTPUTS[plane]), 2))
@@ -124,7 +125,7 @@ def _airframe(
 def _law(
     gains: Gains, trim: Trim, point: FlightPoint, law: Law, plane: Plane, lost: Sequence[str]
 ) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-    """(A, B, C, D) of the law, x+ = A x + B y, u = C x + D y, by central differences of the kernel."""
+    """Return (A, B, C, D) of the law, x+ = A x + B y, u = C x + D y, by central differences of the kernel."""
     control, block = trimmed(gains, trim, point, law, lost)
     rest = control.state.copy()
     memory = MEMORY[law, plane]
@@ -157,7 +158,7 @@ def _law(
 
 
 def _slot(control: Control, name: str) -> NDArray[np.float64]:
-    """(1,) view of a field of the state, or of an element of one."""
+    """Return (1,) view of a field of the state, or of an element of one."""
     field, _, element = name.partition(".")
     return control.state[field][:, int(element)] if element else control.state[field]
 
@@ -169,7 +170,7 @@ def _step(name: str) -> float:
 
 
 def trimmed(gains: Gains, trim: Trim, point: FlightPoint, law: Law, lost: Sequence[str] = ()) -> tuple[Control, Block]:
-    """A control stage in trimmed flight, and its block of 2 rows: all signals known, and the ``lost`` ones gone."""
+    """Return a control stage in trimmed flight and its block of 2 rows, the ``lost`` signals gone in the second."""
     wide = [(-2.0, 2.0)] * len(SURFACES)
     control = Control(Config(source_fade_s=0.0), gains, gains.rate_hz, wide)
     control.reset([trim.elevator_rad, trim.aileron_rad, trim.rudder_rad, trim.throttle])

@@ -42,21 +42,21 @@ class Loop:
     growth_1_s: float = 0.0  # a slower growth than this still counts as stable
 
     def closed(self, factors: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """System matrix of the closed loop when command j is multiplied by ``factors[j]``."""
+        """Return the system matrix of the closed loop when command j is multiplied by ``factors[j]``."""
         return np.asarray(self.f - (self.g * factors) @ self.k, np.complex128)
 
     def radius(self, actuator: int = 0, factor: complex = 1.0) -> float:
-        """Spectral radius of the closed loop with ``factor`` in one actuator's command; below 1 is stable."""
+        """Return the closed loop's spectral radius with ``factor`` in one actuator's command; below 1 is stable."""
         factors = np.ones(self.g.shape[1], np.complex128)
         factors[actuator] = factor
         return float(np.max(np.abs(np.linalg.eigvals(self.closed(factors)))))
 
     def stable(self, actuator: int = 0, factor: complex = 1.0) -> bool:
-        """Whether no eigenvalue grows faster than ``growth_1_s`` with ``factor`` in one actuator's command."""
+        """Return True if no eigenvalue grows faster than ``growth_1_s`` with ``factor`` in one actuator's command."""
         return self.radius(actuator, factor) < math.exp(self.growth_1_s * self.period_s)
 
     def poles(self) -> NDArray[np.complex128]:
-        """Closed-loop eigenvalues in the s-plane [rad/s], those of a pure delay left out."""
+        """Return the closed-loop eigenvalues in the s-plane [rad/s], those of a pure delay left out."""
         z = np.linalg.eigvals(self.closed(np.ones(self.g.shape[1], np.complex128)))
         return (np.log(z[np.abs(z) > 1e-6]) / self.period_s).astype(np.complex128)
 
@@ -64,7 +64,7 @@ class Loop:
 def sampled_loop(
     a: Matrix, b: Matrix, c: Matrix, d: Matrix, lags_s: list[float], sensor_lag_s: float, period_s: float
 ) -> tuple[Matrix, Matrix, Matrix]:
-    """The chain of the module's docstring as (F, G, H): x+ = F x + G u, sampled y = H x.
+    """Return the chain of the module's docstring as (F, G, H): x+ = F x + G u, sampled y = H x.
 
     a, b, c, d   airframe, its inputs the surface positions, its outputs what the law uses
     lags_s       first-order lag of each actuator [s]
@@ -90,7 +90,7 @@ def sampled_loop(
 
 
 def holds(loop: Loop, actuator: int, gain_db: float, phase_deg: float) -> bool:
-    """Whether the loop is stable within +-``gain_db`` and up to ``phase_deg`` at this actuator."""
+    """Return True if the loop is stable within +-``gain_db`` and up to ``phase_deg`` at this actuator."""
     decibels = np.linspace(-gain_db, gain_db, 9)
     factors = [complex(10.0 ** (x / 20.0)) for x in decibels]
     factors += [complex(np.exp(-1j * math.radians(x))) for x in np.linspace(phase_deg, 0.0, 4)[:-1]]
@@ -98,7 +98,7 @@ def holds(loop: Loop, actuator: int, gain_db: float, phase_deg: float) -> bool:
 
 
 def margins(loop: Loop, actuator: int) -> Margin:
-    """The margins at ``actuator`` (a column of G); all zero when the loop is unstable as it stands."""
+    """Return the margins at ``actuator`` (a column of G); all zero when the loop is unstable as it stands."""
     if not loop.stable():
         return Margin(gain_increase_db=0.0, gain_decrease_db=0.0, phase_deg=0.0, crossover_rad_s=0.0)
 
@@ -117,7 +117,7 @@ def margins(loop: Loop, actuator: int) -> Margin:
 
 
 def _first_failure(stable: Callable[[float], bool], farthest: float, step: float) -> float:
-    """Smallest x up to ``farthest`` where ``stable`` fails: a scan in steps, then bisection to 1e-3."""
+    """Return the smallest x up to ``farthest`` where ``stable`` fails: a scan in steps, then bisection to 1e-3."""
     high = step
     while stable(high):
         if high >= farthest:
@@ -131,7 +131,7 @@ def _first_failure(stable: Callable[[float], bool], farthest: float, step: float
 
 
 def response(loop: Loop, actuator: int, omega: Matrix) -> NDArray[np.complex128]:
-    """Loop gain L(exp(i w T)), broken at ``actuator``, at the frequencies ``omega`` [rad/s]."""
+    """Return the loop gain L(exp(i w T)), broken at ``actuator``, at the frequencies ``omega`` [rad/s]."""
     others = np.ones(loop.g.shape[1], np.complex128)
     others[actuator] = 0.0
     system = loop.closed(others)
@@ -141,7 +141,7 @@ def response(loop: Loop, actuator: int, omega: Matrix) -> NDArray[np.complex128]
 
 
 def crossover(loop: Loop, actuator: int) -> float:
-    """Highest frequency [rad/s] at which the loop gain is one; 0 when it never is."""
+    """Return the highest frequency [rad/s] at which the loop gain is one; 0 when it never is."""
     omega = np.geomspace(0.01, 0.9 * math.pi / loop.period_s, 400)
     above = np.nonzero(np.abs(response(loop, actuator, omega)) >= 1.0)[0]
     if above.size == 0 or above[-1] == omega.size - 1:

@@ -73,7 +73,7 @@ class NewAircraft:
 
 
 def target(name: str, out: Path) -> Path:
-    """The folder to make; BadInput: no folder's name, a bundled aircraft's, or there already."""
+    """Return the folder to make; BadInput: no folder's name, a bundled aircraft's, or one that exists."""
     if not _NAME.fullmatch(name):
         raise BadInput(f"aircraft new {quoted(name)}: a name has letters, digits, _ . - and begins with none of . -")
     if name in names():
@@ -87,7 +87,7 @@ def target(name: str, out: Path) -> Path:
 
 
 def propose(name: str, base_model: str, answers: Answers, points: list[tuple[float, float]], most: int) -> NewAircraft:
-    """Everything of a new aircraft; BadInput when the model cannot be flown, or trims nowhere.
+    """Propose a whole new aircraft; BadInput when the model cannot be flown, or trims nowhere.
 
     points : altitude [m] and Mach number of flight points of the user's own; empty: ``most`` are proposed
     """
@@ -97,17 +97,17 @@ def propose(name: str, base_model: str, answers: Answers, points: list[tuple[flo
     for surface in SURFACES:
         own = {"lag_s": answers.lag_s, "rate_limit_rad_s": answers.rate_limit_rad_s}
         table[surface] |= {key: value for key, value in own.items() if value is not None}
-    found = _own_points(table, base, points) if points else flight_points(table, base, most)
-    table["flight_points"] = [one.point.model_dump() for one in found]
-    made = NewAircraft(name, base, kind, table, found, answers)
+    trimmed_points = _own_points(table, base, points) if points else flight_points(table, base, most)
+    table["flight_points"] = [item.point.model_dump() for item in trimmed_points]
+    made = NewAircraft(name, base, kind, table, trimmed_points, answers)
     _ = made.airframe
     return made
 
 
 def _check_class(name: str | None) -> None:
-    known = sensor_classes()
-    if name is not None and name not in known:
-        raise BadInput(f"--sensor-class: unknown class {quoted(name)}, {choices(name, known, 'docs/sensors.md')}")
+    classes = sensor_classes()
+    if name is not None and name not in classes:
+        raise BadInput(f"--sensor-class: unknown class {quoted(name)}, {choices(name, classes, 'docs/sensors.md')}")
 
 
 def _own_points(table: dict[str, Any], base: BaseModel, points: list[tuple[float, float]]) -> list[Found]:
@@ -130,21 +130,21 @@ def write(new: NewAircraft, folder: Path) -> None:
 
 
 def scenario(new: NewAircraft) -> str:
-    """The text of a first scenario: the gyro fault of the default scenario, on this aircraft."""
-    points = ", ".join(one.point.name for one in new.found)
+    """Return the text of a first scenario: the gyro fault of the default scenario, on this aircraft."""
+    points = ", ".join(found.point.name for found in new.found)
     return _SCENARIO.format(name=new.name, first=new.found[0].point.name, points=points)
 
 
 def render(new: NewAircraft) -> str:
-    """The text of aircraft.toml: every assumed figure says so, with its source."""
+    """Return the text of aircraft.toml: every assumed figure says so, with its source."""
     blocks = [_head(new), *(_surface(new, surface) for surface in SURFACES), *_rest(new), *_sensors(new)]
     return "\n".join(blocks)
 
 
 def _head(new: NewAircraft) -> str:
     points = []
-    for one in new.found:
-        trim, point = one.trim, one.point
+    for found in new.found:
+        trim, point = found.trim, found.point
         points.append(
             f"    # trim: {trim.airspeed_m_s:.0f} m/s, {trim.dynamic_pressure_pa / 1e3:.1f} kPa, angle of attack "
             f"{degrees(trim.alpha_rad):.1f} deg, elevator {trim.elevator_rad:+.3f}, throttle {trim.throttle:.2f}\n"
@@ -166,33 +166,33 @@ def _head(new: NewAircraft) -> str:
 def _surface(new: NewAircraft, surface: str) -> str:
     figures, own, base = FIGURES[new.kind], new.answers, new.base
     given = own.lag_s is not None and own.rate_limit_rad_s is not None
-    said = "Lag and rate limit as given." if given else f"Lag and rate limit {ASSUMED}: {figures.actuator_source}."
+    source = "Lag and rate limit as given." if given else f"Lag and rate limit {ASSUMED}: {figures.actuator_source}."
     stops = "Stops: of the base model." if surface in base.stops else f"Stops {ASSUMED}: the model gives none."
     unit = " The position is normalised: 1 for rad throughout." if base.positions[surface].endswith("-norm") else ""
-    return f"{_comment(f'{said} {stops}{unit}')}\n{_table(f'airframe.{surface}', new.table[surface])}"
+    return f"{_comment(f'{source} {stops}{unit}')}\n{_table(f'airframe.{surface}', new.table[surface])}"
 
 
 def _rest(new: NewAircraft) -> Iterator[str]:
     figures = FIGURES[new.kind]
-    said = f"{ASSUMED}. Of the servo alone; the engine adds its own lag."
-    yield f"{_comment(said)}\n{_table('airframe.throttle', new.table['throttle'])}"
-    said = f"{ASSUMED}: close to the centre of gravity."
-    yield f"{_comment(said)}\n{_table('airframe.accelerometer', new.table['accelerometer'])}"
-    said = f"{ASSUMED}, beyond these it counts as lost. Loads: {figures.limits_source}; angles beyond stall."
-    yield f"{_comment(said)}\n{_table('airframe.limits', new.table['limits'])}"
+    source = f"{ASSUMED}. Of the servo alone; the engine adds its own lag."
+    yield f"{_comment(source)}\n{_table('airframe.throttle', new.table['throttle'])}"
+    source = f"{ASSUMED}: close to the centre of gravity."
+    yield f"{_comment(source)}\n{_table('airframe.accelerometer', new.table['accelerometer'])}"
+    source = f"{ASSUMED}, beyond these it counts as lost. Loads: {figures.limits_source}; angles beyond stall."
+    yield f"{_comment(source)}\n{_table('airframe.limits', new.table['limits'])}"
     if "held" in new.table:
-        said = (
+        source = (
             f"{ASSUMED}: mixture for best power near 1500 m; a constant-speed propeller is held at one blade angle, "
             "for JSBSim's governor has no steady state that a trim could find."
         )
-        yield f"{_comment(said)}\n{_table('airframe.held', new.table['held'])}"
+        yield f"{_comment(source)}\n{_table('airframe.held', new.table['held'])}"
     if "properties" in new.table:
-        said = "Read by the equations and moved by the flight control that is replaced: they stay where they are."
-        yield f"{_comment(said)}\n{_table('airframe.properties', new.table['properties'])}"
+        source = "Read by the equations and moved by the flight control that is replaced: they stay where they are."
+        yield f"{_comment(source)}\n{_table('airframe.properties', new.table['properties'])}"
 
 
 def _sensors(new: NewAircraft) -> Iterator[str]:
-    """The sensors that differ from aircraft/defaults.toml."""
+    """Return the sensors that differ from aircraft/defaults.toml."""
     tables: dict[str, dict[str, Any]] = {}
     chosen = new.answers.sensor_class
     kinds = sensor_classes()[chosen].kinds if chosen else []
@@ -218,5 +218,5 @@ def _table(name: str, data: dict[str, Any]) -> str:
 
 
 def _comment(text: str) -> str:
-    """``text`` as comment lines."""
+    """Return ``text`` as comment lines."""
     return textwrap.fill(text, WIDTH, initial_indent="# ", subsequent_indent="# ", break_on_hyphens=False)

@@ -38,7 +38,7 @@ class Shares:
 
 
 def gains_at(case: Case, chosen: dict[Plane, Shares]) -> Point:
-    """All gains of one flight point."""
+    """Return all gains of one flight point."""
     # The highest rate-loop crossover that is tried [rad/s] is a share of the actuator's bandwidth.
     lags_s = {plane: getattr(case.airframe, actuators[0]).lag_s for plane, actuators in ACTUATORS.items()}
     crossover = {plane: chosen[plane].rate * (case.wanted.actuator_share / lags_s[plane]) for plane in ACTUATORS}
@@ -76,7 +76,7 @@ def gains_at(case: Case, chosen: dict[Plane, Shares]) -> Point:
 
 
 def _lateral(case: Case, crossover: float, chosen: Shares) -> dict[str, float]:
-    """The gains on aileron and rudder, zero where these move nothing."""
+    """Return the gains on aileron and rudder, zero where these move nothing."""
     wanted, linear = case.wanted, case.linear
     aileron, rudder, command, attitude = np.zeros(2), np.zeros(3), 0.0, 0.0
     if linear.rolls:
@@ -102,7 +102,7 @@ def _lateral(case: Case, crossover: float, chosen: Shares) -> dict[str, float]:
 
 
 def backup_gains(case: Case, sensor: Sensor, chosen: Bandwidth) -> dict[str, float]:
-    """The back-up law's gains on one sensor."""
+    """Return the back-up law's gains on one sensor."""
     a, b = case.linear.longitudinal_a[1:3, 1:3], case.linear.longitudinal_b[1:3, 0]
     return backup.compensator(a, b, _short_period(case), sensor, chosen)
 
@@ -113,7 +113,7 @@ def _short_period(case: Case) -> dict[str, float]:
 
 
 def _max_roll_rate(case: Case) -> float:
-    """Six tenths of the steady roll rate at full aileron, within the envelope's share."""
+    """Return six tenths of the steady roll rate at full aileron, within the envelope's share."""
     a, b = case.linear.lateral_a, case.linear.lateral_b
     full = min(case.airframe.aileron.max_rad, -case.airframe.aileron.min_rad)
     reach = 0.6 * full * abs(b[1, 0] / a[1, 1]) if case.linear.rolls else math.inf
@@ -121,7 +121,7 @@ def _max_roll_rate(case: Case) -> float:
 
 
 def _max_sideslip(case: Case) -> float:
-    """Three tenths of the steady sideslip at full rudder, within half of the envelope's share."""
+    """Return three tenths of the steady sideslip at full rudder, within half of the envelope's share."""
     a, b = case.linear.lateral_a, case.linear.lateral_b
     full = min(case.airframe.rudder.max_rad, -case.airframe.rudder.min_rad)
     reach = 0.3 * full * abs(b[2, 1] / a[2, 0]) if case.linear.rolls else math.inf
@@ -129,7 +129,7 @@ def _max_sideslip(case: Case) -> float:
 
 
 def pitch_integral_share(linear: Linear, crossover: float, chosen: Shares) -> float:
-    """The integral's share with which the integral alone crosses at ``chosen.integral`` of ``crossover`` [rad/s].
+    """Return the share at which the integral alone crosses at ``chosen.integral`` of ``crossover`` [rad/s].
 
     Where the airframe damps faster than the loop crosses, a regulator leaves pitch rate to the airframe, and only
     the integral makes it follow.  Its gain is share crossover^2 / M_elevator, the airframe's is q / elevator at rest.
@@ -140,7 +140,7 @@ def pitch_integral_share(linear: Linear, crossover: float, chosen: Shares) -> fl
 
 
 def longitudinal_gain(linear: Linear, crossover: float, integral_share: float) -> Matrix:
-    """(1, 3) elevator gain on alpha, q and the integral of the q error.
+    """Return (1, 3) elevator gain on alpha, q and the integral of the q error.
 
     Weights: q 1, its integral (share * crossover)^2, elevator (M_elevator / crossover)^2; with these
     the ideal loop crosses near ``crossover`` [rad/s].
@@ -154,7 +154,7 @@ def longitudinal_gain(linear: Linear, crossover: float, integral_share: float) -
 
 
 def path_gain(linear: Linear, pitch: float, crossover: float) -> Matrix:
-    """(1, 4) gains of the pitch attitude command on theta, climb angle, altitude / V and its integral.
+    """Return (1, 4) gains of the pitch attitude command on theta, climb angle, altitude / V and its integral.
 
     The attitude loop counts as a lag of 1 / ``pitch``, the path follows the nose at -Z_alpha.
     Weights: altitude / V 1, its integral (crossover / 8)^2, attitude command 1 / crossover^2.
@@ -169,7 +169,7 @@ def path_gain(linear: Linear, pitch: float, crossover: float) -> Matrix:
 
 
 def roll_gain(linear: Linear, crossover: float, integral_share: float) -> Matrix:
-    """(1, 2) aileron gain on p and the integral of the p error, for the roll mode alone.
+    """Return (1, 2) aileron gain on p and the integral of the p error, for the roll mode alone.
 
     Weights: p 1, its integral (share * crossover)^2, aileron (L_aileron / crossover)^2.
     """
@@ -180,7 +180,7 @@ def roll_gain(linear: Linear, crossover: float, integral_share: float) -> Matrix
 
 
 def yaw_gain(linear: Linear, crossover: float, sideslip_share: float) -> Matrix:
-    """(1, 3) rudder gain on beta, r and the integral of the beta error, for the Dutch roll alone.
+    """Return (1, 3) rudder gain on beta, r and the integral of the beta error, for the Dutch roll alone.
 
     Weights: r 1, integral of beta (share * crossover^2)^2, rudder (N_rudder / crossover)^2.  One
     regulator for both surfaces would cross-feed roll into the rudder: with the large and changing

@@ -13,7 +13,8 @@ from rig.plant.base_model import SURFACES, BaseModel, Kind
 from rig.plant.linearise import Trim, trimmed
 from rig.plant.loading import mass_kg, undeclared
 from rig.settings import build
-from rig.units.atmosphere import GAS_CONSTANT, GRAVITY, pressure, speed_of_sound, temperature
+from rig.units.atmosphere import density, speed_of_sound
+from rig.units.constants import GRAVITY
 
 ALTITUDES_M: Final[dict[str, tuple[float, ...]]] = {"propeller": (1524.0, 2438.4), "jet": (3048.0, 6096.0, 9144.0)}
 LIFT_COEFFICIENTS: Final = (0.2, 0.25, 0.3, 0.35, 0.42, 0.5, 0.6, 0.75)  # slow to fast the other way round
@@ -33,7 +34,7 @@ class Found:
 
 
 def airframe_table(base: BaseModel) -> tuple[dict[str, Any], Kind]:
-    """The ``[airframe]`` table without flight points, and which kind's figures it has."""
+    """Return the ``[airframe]`` table without flight points, and the kind whose figures it has."""
     table = _table(base, "transport")
     probe = build(Config, {**table, "flight_points": [_ANYWHERE]}, f"base model {base.name}")
     properties = dict.fromkeys(undeclared(probe), 0.0)
@@ -66,7 +67,7 @@ def _table(base: BaseModel, kind: Kind) -> dict[str, Any]:
 
 
 def flight_points(table: dict[str, Any], base: BaseModel, most: int = 2) -> list[Found]:
-    """Up to ``most`` flight points that trim, cruise first; BadInput when none does.
+    """Return up to ``most`` flight points that trim, cruise first; BadInput when none does.
 
     At each altitude speeds are tried by their lift coefficient; a point counts when throttle, elevator and angle of
     attack keep a reserve.  The second is the one whose dynamic pressure is nearest to 0.72 of the first's.
@@ -74,26 +75,25 @@ def flight_points(table: dict[str, Any], base: BaseModel, most: int = 2) -> list
     airframe = build(Config, {**table, "flight_points": [_ANYWHERE]}, f"base model {base.name}")
     weight = mass_kg(airframe, FlightPoint(**_ANYWHERE)) * GRAVITY
     tried: list[FlightPoint] = []
-    found: list[Found] = []
+    flyable: list[Found] = []
     for altitude_m in ALTITUDES_M["propeller" if base.propeller else "jet"]:
         for lift in LIFT_COEFFICIENTS:
             point = _point(altitude_m, sqrt(2.0 * weight / (base.wing_area_m2 * lift)))
             if point.mach > _FASTEST or point in tried:
                 continue
             tried.append(point)
-            found += _flyable(airframe, point, lift)
-    if not found:
+            flyable += _flyable(airframe, point, lift)
+    if not flyable:
         machs = [point.mach for point in tried] or [0.0]
         where = f"{len(tried)} points up to {max(point.altitude_m for point in tried):.0f} m" if tried else "no point"
         tail = f"at Mach {min(machs):g} to {max(machs):g}; try one of your own with --point ALTITUDE_M:MACH"
         raise BadInput(f"{base.name}: no level trim with a reserve of throttle and elevator at {where} {tail}")
-    return _spread(found, most)
+    return _spread(flyable, most)
 
 
 def _point(altitude_m: float, root_speed: float) -> FlightPoint:
     """Return the flight point at which this much sqrt(2 W / (S CL)) is flown, Mach to two digits."""
-    density = pressure(altitude_m) / (GAS_CONSTANT * temperature(altitude_m))
-    mach = round(root_speed / sqrt(density) / speed_of_sound(altitude_m), 2)
+    mach = round(root_speed / sqrt(density(altitude_m)) / speed_of_sound(altitude_m), 2)
     return flight_point_at(altitude_m, max(mach, 0.01))
 
 
@@ -112,13 +112,13 @@ def _flyable(airframe: Config, point: FlightPoint, lift: float) -> list[Found]:
     return [Found(point, trim, lift)] if all(kept) else []
 
 
-def _spread(found: list[Found], most: int) -> list[Found]:
-    """The cruise point, and slower ones well apart in dynamic pressure, of other altitudes first."""
-    chosen = [min(found, key=lambda one: (abs(one.lift - _CRUISE_LIFT), -one.point.altitude_m))]
+def _spread(flyable: list[Found], most: int) -> list[Found]:
+    """Return the cruise point and slower ones well apart in dynamic pressure, other altitudes first."""
+    chosen = [min(flyable, key=lambda item: (abs(item.lift - _CRUISE_LIFT), -item.point.altitude_m))]
     while len(chosen) < most:
-        pressures = [one.trim.dynamic_pressure_pa for one in chosen]
-        altitudes = [one.point.altitude_m for one in chosen]
-        apart = [one for one in found if all(_apart(one.trim.dynamic_pressure_pa, other) for other in pressures)]
+        pressures = [item.trim.dynamic_pressure_pa for item in chosen]
+        altitudes = [item.point.altitude_m for item in chosen]
+        apart = [item for item in flyable if all(_apart(item.trim.dynamic_pressure_pa, other) for other in pressures)]
         if not apart:
             break
         wanted = _SLOWER * pressures[-1]
@@ -128,5 +128,5 @@ def _spread(found: list[Found], most: int) -> list[Found]:
     return chosen
 
 
-def _apart(one: float, other: float) -> bool:
-    return min(one, other) / max(one, other) < _LEAST_APART
+def _apart(pressure: float, other: float) -> bool:
+    return min(pressure, other) / max(pressure, other) < _LEAST_APART

@@ -22,20 +22,53 @@ from rig.computer.analytic.designed import FILTERS, Designed, Error, Point
 from rig.computer.analytic.references import References, refer, remember
 from rig.computer.analytic.sources import PARTNERS, REMEMBERED, Config, source
 from rig.computer.control.gains import Gains
-from rig.computer.redundancy.reference_monitor import SEA_LEVEL_DENSITY
-from rig.design.healthy_flights import FLIGHTS, Case, cases, label
 from rig.errors import RigError
-from rig.frame import INDEX, SIGNALS, TWO_PI, Block
+from rig.frame import INDEX, SIGNALS, Block
 from rig.kernels import kernel
 from rig.loop import fly_rows
 from rig.plant.airframe import Airframe, FlightPoint, parse
 from rig.plant.linearise import Linear, linearise
 from rig.scenario import Scenario
 from rig.settings import build
-from rig.units.atmosphere import GRAVITY
+from rig.units.angles import differences
+from rig.units.constants import DENSITY_PRINTED, GRAVITY
 from rig.util.files import write_text
 from rig.util.progress import tell
 
+# The healthy flights: manoeuvres, turbulence and seeds.
+SEEDS: Final = (1, 2, 3, 4, 5, 6, 7, 8)  # of calibration, noise and turbulence, for every flight
+TURBULENCE: Final = ("none", "light", "moderate")
+Case = tuple[str, str, int]  # flight, turbulence, seed
+
+
+def _manoeuvre(kind: str, axis: str, start_s: float, amplitude: float, **more: float) -> dict[str, Any]:
+    return {"kind": kind, "axis": axis, "start_s": start_s, "amplitude": amplitude, **more}
+
+
+def _on_the_sticks(*manoeuvres: dict[str, Any]) -> dict[str, Any]:
+    return {"duration_s": 20.0, "pilot": {"autopilot_engaged": False, "manoeuvres": list(manoeuvres)}}
+
+
+# Brisk but ordinary: about a third of the load factor and half of the roll rate that the stick can ask.
+FLIGHTS: Final[dict[str, dict[str, Any]]] = {
+    "pitch": _on_the_sticks(
+        _manoeuvre("3-2-1-1", "stick_pitch", 2.0, 0.3, duration_s=3.5),
+        _manoeuvre("doublet", "stick_pitch", 10.0, 0.4, duration_s=3.0),
+    ),
+    "roll and yaw": _on_the_sticks(
+        _manoeuvre("doublet", "stick_roll", 2.0, 0.5, duration_s=2.0),
+        _manoeuvre("doublet", "pedal", 10.0, 0.5, duration_s=3.0),
+    ),
+    "climb and turn": {
+        "duration_s": 60.0,
+        "pilot": {
+            "manoeuvres": [
+                _manoeuvre("step", "altitude", 5.0, 60.0),
+                _manoeuvre("step", "heading", 30.0, 0.35),
+            ],
+        },
+    },
+}
 RATE_HZ: Final = 100.0
 RESERVE: Final = 1.2  # threshold over the worst measured error
 SETTLED_S: Final = 0.5  # the start of each flight is not measured
@@ -47,13 +80,24 @@ Errors = dict[Key, NDArray[np.float32]]
 Summary = dict[str, dict[str, Error]]  # by signal and source
 
 
+def cases() -> list[Case]:
+    """Return every flight of a flight point, in order."""
+    return [(flight, turbulence, seed) for flight in FLIGHTS for turbulence in TURBULENCE for seed in SEEDS]
+
+
+def label(flight_point: str, case: Case) -> str:
+    """Return a measured flight as references.toml names it."""
+    flight, turbulence, seed = case
+    return f"{flight_point}, {flight}, turbulence {turbulence}, seed {seed}"
+
+
 def rounds(keys: Collection[Key] = PARTNERS) -> list[Config]:
-    """Settings of the references that together have each of these sources once."""
-    known: dict[str, list[str]] = {signal: [] for signal, _ in PARTNERS}
+    """Return the settings of the references that together have each of these sources once."""
+    sources: dict[str, list[str]] = {signal: [] for signal, _ in PARTNERS}
     for signal, chosen in keys:
-        known[signal].append(chosen)
-    most = max(map(len, known.values()))
-    return [build(Config, {s: (of[i:] or ["none"])[0] for s, of in known.items()}, "references") for i in range(most)]
+        sources[signal].append(chosen)
+    most = max(map(len, sources.values()))
+    return [build(Config, {s: (of[i:] or ["none"])[0] for s, of in sources.items()}, "references") for i in range(most)]
 
 
 # The references that each filter serves: it is chosen for the least of their worst errors in thresholds.
@@ -82,7 +126,7 @@ class Measured:
 
 
 def design(name: str, gains: Gains) -> Designed:
-    """The references of an aircraft; BadInput or RigError when it cannot be flown.
+    """Return the references of an aircraft; BadInput or RigError when it cannot be flown.
 
     Pure: the same aircraft and gains give the same numbers.  Some seconds for each flight point.
     """
@@ -92,12 +136,12 @@ def design(name: str, gains: Gains) -> Designed:
     for point in airframe.flight_points:
         tell(f"measuring the references of {point.name}", len(measured), len(airframe.flight_points))
         measured.append(measure(tables, airframe, point))
-    measured.sort(key=lambda one: one.point.dynamic_pressure_pa)
-    return _designed(airframe, [one.point for one in measured], *split(_summary(measured)))
+    measured.sort(key=lambda item: item.point.dynamic_pressure_pa)
+    return _designed(airframe, [item.point for item in measured], *split(_summary(measured)))
 
 
 def split(errors: Summary) -> tuple[Summary, Summary]:
-    """Errors in the signals' units, and those as equivalent airspeeds under the names of their sources."""
+    """Return errors in the signals' units, and those as equivalent airspeeds under the names of their sources."""
     airspeeds: Summary = {}
     for (signal, chosen), name in AS_AIRSPEED.items():
         airspeeds.setdefault(signal, {})[chosen] = errors[signal][name]
@@ -111,7 +155,7 @@ def _designed(airframe: Airframe, points: list[Point], errors: Summary, airspeed
 
 
 def coefficients(linear: Linear) -> dict[str, float]:
-    """The coefficients of a Point, six digits of each, from the small motions about its trim.
+    """Return the coefficients of a Point, six digits of each, from the small motions about its trim.
 
     alpha_dot = Z_alpha alpha + Z_q q + Z_elevator elevator, and the same for beta_dot: the surfaces are replaced
     by what the moment equations say of them, elevator = (q_dot - M_alpha alpha - M_q q) / M_elevator.
@@ -126,7 +170,7 @@ def coefficients(linear: Linear) -> dict[str, float]:
     if linear.rolls:
         fins = np.linalg.solve(b_lateral[1:3].T, b_lateral[0])  # of aileron and rudder together, s
         side = a_lateral[0, 0] - fins @ a_lateral[1:3, 0]
-    found = {
+    values = {
         "dynamic_pressure_pa": pressure,
         "lift_slope_1_pa": lift_slope,
         "zero_lift_alpha_rad": trim.alpha_rad - 1.0 / (pressure * lift_slope),
@@ -136,30 +180,30 @@ def coefficients(linear: Linear) -> dict[str, float]:
         "roll_arm_m": fins[0] * trim.airspeed_m_s,
         "yaw_arm_m": fins[1] * trim.airspeed_m_s,
     }
-    return {key: _digits(float(value), 6) for key, value in found.items()}
+    return {key: _digits(float(value), 6) for key, value in values.items()}
 
 
 def measure(tables: dict[str, Any], airframe: Airframe, flight_point: FlightPoint) -> Measured:
     """Fly one flight point, try every filter, keep the best."""
-    known = coefficients(linearise(airframe, flight_point))
-    tried = [Point(name=flight_point.name, **known, **dict.fromkeys(FILTERS, filter_s)) for filter_s in FILTERS_S]
+    fixed = coefficients(linearise(airframe, flight_point))
+    tried = [Point(name=flight_point.name, **fixed, **dict.fromkeys(FILTERS, filter_s)) for filter_s in FILTERS_S]
     designs = [_designed(airframe, [point], {}) for point in tried]
-    found: list[list[Errors]] = [[] for _ in tried]
+    by_filter: list[list[Errors]] = [[] for _ in tried]
     served = [key for keys in _SERVES.values() for key in keys]
     for case in cases():
         rows = fly(tables, flight_point, designs[0], case)
-        for of_filter, one in zip(found, designs, strict=True):
-            of_filter.append(all_errors(rows, one, PARTNERS if one is designs[0] else served))
-    best = _choose(found, tables["redundancy"]["signals"])
+        for of_filter, item in zip(by_filter, designs, strict=True):
+            of_filter.append(all_errors(rows, item, PARTNERS if item is designs[0] else served))
+    best = _choose(by_filter, tables["redundancy"]["signals"])
     of = {key: best[filter_name] for filter_name, keys in _SERVES.items() for key in keys}
     # what no filter serves is the same with all of them
-    chosen = [{key: found[of.get(key, 0)][i][key] for key in one} for i, one in enumerate(found[0])]
+    chosen = [{key: by_filter[of.get(key, 0)][i][key] for key in item} for i, item in enumerate(by_filter[0])]
     filters = {filter_name: FILTERS_S[i] for filter_name, i in best.items()}
     return Measured(tried[0].model_copy(update=filters), chosen)
 
 
 def fly(tables: dict[str, Any], flight_point: FlightPoint, designed: Designed, case: Case) -> Block:
-    """All rows of one flight; RigError when the healthy aircraft is lost."""
+    """Return all rows of one flight; RigError when the healthy aircraft is lost."""
     flight, turbulence, seed = case
     own = {"turbulence": turbulence, "seed": seed, "rate_hz": RATE_HZ, **FLIGHTS[flight]}
     own |= {"flight_point": flight_point.name, "references": designed.model_dump()}
@@ -172,60 +216,59 @@ def fly(tables: dict[str, Any], flight_point: FlightPoint, designed: Designed, c
 
 
 def all_errors(rows: Block, designed: Designed, keys: Collection[Key] = PARTNERS) -> Errors:
-    """``errors`` of these sources."""
-    found: Errors = {}
+    """Return ``errors`` of these sources."""
+    collected: Errors = {}
     for config in rounds(keys):
-        found |= errors(rows, config, designed)
-    return found
+        collected |= errors(rows, config, designed)
+    return collected
 
 
 def errors(rows: Block, config: Config, designed: Designed) -> Errors:
-    """Reference less vote of every settled frame of ``rows``, by signal and source; overwrites ``reference``.
+    """Return reference less vote of every settled frame, by signal and source; overwrite ``reference``.
 
     One that remembers its own signal is measured against the channel that is farthest off: the vote it has learned,
     but a channel is what it may be compared with.
     """
     run(rows, References(config, designed, RATE_HZ).data)
     settled = rows[round(SETTLED_S * RATE_HZ) :]
-    found: Errors = {}
+    collected: Errors = {}
     for key in PARTNERS:
         s = INDEX[key[0]]
         if source(config, key[0]) == key[1]:
-            known = settled["channels" if key[0] in REMEMBERED.get(key, ()) else "voted"][:, s]
-            off = settled["reference"][:, s, None] - known.reshape(len(settled), -1)
-            off = (off + np.pi) % TWO_PI - np.pi if SIGNALS[s].wraps else off
-            found[key] = off[np.arange(len(off)), np.abs(off).argmax(axis=1)].astype(np.float32)
+            measured = settled["channels" if key[0] in REMEMBERED.get(key, ()) else "voted"][:, s]
+            off = differences(settled["reference"][:, s, None], measured.reshape(len(settled), -1), SIGNALS[s].wraps)
+            collected[key] = off[np.arange(len(off)), np.abs(off).argmax(axis=1)].astype(np.float32)
             if key in AS_AIRSPEED:
-                scale = np.sqrt(2.0 * SEA_LEVEL_DENSITY * settled["reference"][:, s])
-                found[key[0], AS_AIRSPEED[key]] = (found[key] / scale).astype(np.float32)
-    return found
+                scale = np.sqrt(2.0 * DENSITY_PRINTED * settled["reference"][:, s])
+                collected[key[0], AS_AIRSPEED[key]] = (collected[key] / scale).astype(np.float32)
+    return collected
 
 
 @kernel
 def run(rows, data):
-    """The references over rows that are voted already, as in flight."""
+    """Run the references over rows that are voted already, as in flight."""
     for k in range(len(rows)):
         refer(rows[k], rows[k], data)
         remember(rows[k], rows[k], data)
 
 
 def _choose(tried: list[list[Errors]], monitors: dict[str, Any]) -> dict[str, int]:
-    """For each filter the place of the candidate that leaves the least worst error, or nearly.
+    """Choose for each filter the place of the candidate that leaves the least worst error, or nearly.
 
     tried : for each candidate, quickest first, the errors of every flight
     """
     best: dict[str, int] = {}
     for filter_name, keys in _SERVES.items():
         worst = [
-            max(float(np.abs(one[key]).max()) / monitors[key[0]]["threshold"] for one in found for key in keys)
-            for found in tried
+            max(float(np.abs(flight[key]).max()) / monitors[key[0]]["threshold"] for flight in flights for key in keys)
+            for flights in tried
         ]
         best[filter_name] = int(np.argmax(np.array(worst) <= _NEARLY.get(filter_name, 1.0) * min(worst)))
     return best
 
 
 def _summary(measured: list[Measured]) -> Summary:
-    flown = [(label(one.point.name, case), e) for one in measured for case, e in zip(cases(), one.errors, strict=True)]
+    flown = [(label(m.point.name, case), e) for m in measured for case, e in zip(cases(), m.errors, strict=True)]
     summary: Summary = {}
     for key in flown[0][1]:
         signal, chosen = key
@@ -243,18 +286,18 @@ def _summary(measured: list[Measured]) -> Summary:
 
 
 def _digits(value: float, digits: int) -> float:
-    """``value`` to so many digits, so that the last bits of a machine's arithmetic do not show."""
+    """Round ``value`` to so many digits, so that the last bits of a machine's arithmetic do not show."""
     if not np.isfinite(value):
         raise RigError("design of references: a number is not finite")
     return float(f"{value:.{digits}g}") + 0.0  # which makes a minus zero plain
 
 
 def write(designed: Designed, path: Path) -> None:
-    """references.toml; same design, same bytes."""
+    """Write references.toml; same design, same bytes."""
     write_text(path, render(designed))
 
 
 def render(designed: Designed) -> str:
-    """The text of references.toml."""
+    """Return the text of references.toml."""
     head = "# Written by the design from aircraft.toml and gains.toml; do not edit.\n\n"
     return head + tomli_w.dumps(designed.model_dump())

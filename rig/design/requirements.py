@@ -64,21 +64,21 @@ class Case:
 
     @property
     def planes(self) -> list[Plane]:
-        """What is designed: an aircraft that only moves up and down has no lateral law."""
+        """The planes to design: an aircraft that only moves up and down has no lateral law."""
         return list(ACTUATORS) if self.linear.rolls else ["longitudinal"]
 
     def loop(self, point: Point, law: Law, plane: Plane, lost: Sequence[str] = ()) -> Loop:
-        """The whole loop of one plane with the gains of ``point``, the ``lost`` signals gone."""
+        """Return the whole loop of one plane with the gains of ``point``, the ``lost`` signals gone."""
         gains = whole(self.airframe, self.wanted, [point])
         return loops.build(self.airframe, self.point, self.linear, gains, law, plane, lost)
 
     def keeps(self, loop: Loop, actuator: int, share: float = 1.0) -> bool:
-        """Whether the margins at one actuator are at least a ``share`` of what is wanted."""
+        """Return True if the margins at one actuator are at least a ``share`` of what is wanted."""
         return holds(loop, actuator, share * self.wanted.gain_margin_db, share * self.wanted.phase_margin_deg)
 
 
 def whole(airframe: Airframe, wanted: Requirements, points: list[Point], below: Sequence[str] = ()) -> Gains:
-    """The gains of an aircraft from those of its flight points."""
+    """Return the gains of an aircraft from those of its flight points."""
     share, limits = wanted.envelope_share, airframe.limits
     return Gains(
         rate_hz=wanted.rate_hz,
@@ -95,7 +95,7 @@ def whole(airframe: Airframe, wanted: Requirements, points: list[Point], below: 
 
 
 def met(case: Case, point: Point, plane: Plane) -> bool:
-    """Whether every loop of one plane keeps its margins, under the stick and under the autopilot."""
+    """Return True if every loop of one plane keeps its margins, under the stick and under the autopilot."""
     for law in LAWS:
         loop = case.loop(point, law, plane)
         if not all(case.keeps(loop, i) for i, _ in _closed(law, plane)):
@@ -107,7 +107,7 @@ _NEARNESS: Final = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.
 
 
 def nearness(case: Case, point: Point, plane: Plane) -> float:
-    """The share of the wanted margins that every loop of one plane keeps; 0 when one is unstable as it stands."""
+    """Return the share of the wanted margins that every loop of one plane keeps; 0 when one is unstable."""
     closed: list[tuple[Loop, Law]] = [(case.loop(point, law, plane), law) for law in LAWS]
     best = 0.0
     for share in _NEARNESS:
@@ -118,7 +118,7 @@ def nearness(case: Case, point: Point, plane: Plane) -> float:
 
 
 def missed(case: Case, point: Point) -> list[str]:
-    """What the margins of ``point`` miss, in words with numbers; empty when all loops keep what is wanted."""
+    """Return the margins that ``point`` misses, in words with numbers; empty when all loops keep theirs."""
     lines = []
     for law, margins_of in (("stick", point.stick_margins), ("autopilot", point.autopilot_margins)):
         for actuator, margin in margins_of.items():
@@ -127,36 +127,36 @@ def missed(case: Case, point: Point) -> list[str]:
 
 
 def short_of(margin: Margin, wanted: Requirements) -> list[str]:
-    """Which of one loop's margins are less than ``wanted``."""
+    """Return those of one loop's margins that are less than ``wanted``."""
     if not margin.phase_deg:
         return ["loop unstable"]
     gain, phase = wanted.gain_margin_db, wanted.phase_margin_deg
-    found = (
+    checks = (
         ("gain up", margin.gain_increase_db, gain, "dB"),
         ("gain down", margin.gain_decrease_db, gain, "dB"),
         ("phase", margin.phase_deg, phase, "deg"),
     )
-    return [f"{name} {value:.1f} of {least:g} {unit}" for name, value, least, unit in found if value < least - 1e-3]
+    return [f"{name} {value:.1f} of {least:g} {unit}" for name, value, least, unit in checks if value < least - 1e-3]
 
 
 def with_margins(case: Case, point: Point) -> Point:
-    """``point`` with the margins that it leaves, and those of the autopilot while some signals are lost for good."""
-    found: dict[Law, dict[str, Margin]] = {law: {} for law in LAWS}
+    """Return ``point`` with the margins that it leaves, those of the autopilot with signals lost included."""
+    by_law: dict[Law, dict[str, Margin]] = {law: {} for law in LAWS}
     lost_margins: dict[str, dict[str, Margin]] = {}
     for plane in case.planes:
         for law in LAWS:
             loop = case.loop(point, law, plane)
-            found[law] |= {actuator: margins(loop, i) for i, actuator in _closed(law, plane)}
+            by_law[law] |= {actuator: margins(loop, i) for i, actuator in _closed(law, plane)}
         for lost in LOSSES[plane]:
             loop = case.loop(point, "autopilot", plane, lost)
             numbers = (0,) if plane == "longitudinal" else (0, 1)  # elevator, aileron and rudder
             lost_margins["_and_".join(lost)] = {ACTUATORS[plane][i]: margins(loop, i) for i in numbers}
-    kept = {"stick_margins": found["stick"], "autopilot_margins": found["autopilot"], "lost_margins": lost_margins}
+    kept = {"stick_margins": by_law["stick"], "autopilot_margins": by_law["autopilot"], "lost_margins": lost_margins}
     return point.model_copy(update=kept)
 
 
 def _closed(law: Law, plane: Plane) -> Iterator[tuple[int, str]]:
-    """The actuators that the law moves by feedback, by number: with the sticks the throttle is the pilot's."""
+    """Yield the actuators that the law moves by feedback: with the sticks the throttle is the pilot's."""
     for i, actuator in enumerate(ACTUATORS[plane]):
         if not (law == "stick" and actuator == "throttle"):
             yield i, actuator

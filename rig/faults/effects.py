@@ -9,9 +9,10 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from rig.frame import TWO_PI, Ilm
+from rig.frame import Ilm
 from rig.kernels import kernel
 from rig.units.angles import difference, limit
+from rig.units.constants import TWO_PI
 
 
 class Act(IntEnum):

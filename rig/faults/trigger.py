@@ -232,7 +232,7 @@ def keep(values, codes, at):
 
 @kernel
 def keep_states(states, codes, at):
-    """Copy ``states`` (n, 4) likewise."""
+    """Copy ``states`` (n, 4) in the same way."""
     for i in range(len(states)):
         for c in range(CHANNELS):
             codes[at + i * CHANNELS + c] = states[i, c]

@@ -87,7 +87,7 @@ def fly(
     allow_code : a manager class that the scenario names may be run; one that an override names may be in any case
     realtime : ask the system for frames on time (flight/pace.py); at the pace of the clock when no factor is given
     live : a context, given the Keys of the flight, in which they may be pressed; the faults of [[live]] wait for theirs
-    outcome : given every block with the clean channels, to judge the flight by
+    outcome : given every block with the clean channels, by which the flight is assessed
     unit : flight software under test, or its unit file (docs/unit.md), in the place of our manager
     Raises BadInput before anything is written, RigError when the log cannot be written on or the user's own manager
     raises: the log is then finished.
@@ -143,10 +143,10 @@ def _fly_and_record(
         else 2 * loop.block_frames(scenario, loop.BLOCK_S if pace.period_s is None else loop.PACED_BLOCK_S)
     )
     rig = loop.Rig(scenario, None if unit is None else unit_computer(unit, pace, stop), keep_clean=kept)
-    judge = None
+    assess_rows = None
     if (outcome := to.outcome) is not None:
         outcome.begin(scenario)
-        judge = lambda rows: outcome.add(rows, rig.faults.clean_of(rows))  # noqa: E731 # every block
+        assess_rows = lambda rows: outcome.add(rows, rig.faults.clean_of(rows))  # noqa: E731 # every block
     named, about = to.name or scenario.title or scenario.aircraft, {} if unit is None else unit.metadata()
     with new_log(to.out, named, scenario, to.text, about, to.overrides) as writer:
         path, viewer = writer.path, to.viewer
@@ -155,7 +155,7 @@ def _fly_and_record(
         stream = open_stream(to.rerun, scenario.title or path.stem, scenario.rate_hz, path, facts)
         if stream is not None and viewer is not None:
             viewer.opened(stream, stop)
-        records = FlightRecords(scenario, writer, pace, unit, keys, _watchers(to, scenario, stream), judge)
+        records = FlightRecords(scenario, writer, pace, unit, keys, _watchers(to, scenario, stream), assess_rows)
         began = time.perf_counter()
         try:
             failure = _fly(rig, records, pace, stop, keys)

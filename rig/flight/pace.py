@@ -17,6 +17,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.record.histogram import Histogram
+
 SPIN_S: Final = 0.0003  # the end of a wait is spent polling: a sleep wakes up late
 PRIORITY: Final = 50  # of SCHED_FIFO: above all that is no driver's thread
 # MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT: what is in use stays, and what libraries have reserved is not made memory.
@@ -61,30 +63,6 @@ class Jitter:
     p99_us: float
     worst_us: float
     overruns: int
-
-
-class Histogram:
-    """Times in bounded memory: whole microseconds up to 0.1 s, and the longest."""
-
-    def __init__(self) -> None:
-        self.counts = np.zeros(100_001, np.int64)
-        self.worst_us = 0.0
-
-    def add(self, times_us: NDArray[np.float64]) -> None:
-        """Count the times of one block."""
-        whole = np.clip(times_us.astype(np.int64), 0, len(self.counts) - 1)
-        self.counts += np.bincount(whole, minlength=len(self.counts))
-        self.worst_us = max(self.worst_us, float(times_us.max(initial=0.0)))
-
-    def at(self, share: float) -> float:
-        """Return the time, us, below which ``share`` of them are."""
-        reached = np.cumsum(self.counts)
-        return float(np.searchsorted(reached, share * reached[-1]))
-
-    def as_dict(self) -> dict[str, float]:
-        """Return median, 99 %, 99.9 % and worst."""
-        shares = {"median_us": 0.5, "p99_us": 0.99, "p999_us": 0.999}
-        return {**{name: self.at(share) for name, share in shares.items()}, "worst_us": self.worst_us}
 
 
 class JitterCounter:

@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 from rig.errors import ManagerFailed
 from rig.faults import Execution
 from rig.flight.operator_keys import Keys
-from rig.flight.pace import Histogram, JitterCounter, Pace, off_the_core
+from rig.flight.pace import JitterCounter, Pace, off_the_core
 from rig.frame import TIMING, Block, new_block
 from rig.log import LogWriter
 from rig.loop import Recorder
 from rig.record.events import Event, EventFinder, not_executed
 from rig.record.flight_summary import Verdict
+from rig.record.histogram import Histogram
 from rig.scenario import Scenario
 from rig.unit.unit import UnitUnderTest
 from rig.util.interrupt import Stop
@@ -70,11 +71,11 @@ class FlightRecords(Findings):
         unit: UnitUnderTest | None = None,
         keys: Keys | None = None,
         watchers: Sequence[Watcher] = (),
-        judge: Callable[[Block], None] | None = None,
+        assess_rows: Callable[[Block], None] | None = None,
     ) -> None:
         super().__init__(scenario)
         self.scenario, self._writer, self._unit, self._keys, self._watchers = scenario, writer, unit, keys, watchers
-        self._judge = judge
+        self._assess_rows = assess_rows
         self.jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
         self._replies, self._pool = Histogram(), ThreadPoolExecutor(1, "verdict", off_the_core)
 
@@ -97,8 +98,8 @@ class FlightRecords(Findings):
     def _sum_up(self, rows: Block, events: Sequence[Event]) -> None:
         """Take the next rows into the summary and the outcome, while the log is written."""
         self.verdict.add(rows, events)
-        if self._judge is not None:
-            self._judge(rows)
+        if self._assess_rows is not None:
+            self._assess_rows(rows)
 
     def unit_result(self) -> dict[str, Any] | None:
         """Return what became of the exchanges with a unit under test, and how long they took."""

@@ -1,4 +1,4 @@
-"""The result of a flight, for a program, a notebook and ``rig fly``."""
+"""The result of a flight, for a program and ``rig fly``; a notebook has more of it (rig/public/flight.py)."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 from rig.flight.pace import Jitter
 from rig.frame import Block
-from rig.log import Log, SignalArrays, read_log, shown
+from rig.log import Log, SignalArrays, read_log
 from rig.record.event import Event
+from rig.record.failures import failed_text
 from rig.record.flight_summary import Peaks
 from rig.scenario import Scenario
 from rig.view.stream import StreamReport
 
 if TYPE_CHECKING:
     import polars as pl
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, repr=False)
@@ -66,20 +66,11 @@ class Flight:
         """One row a frame, the columns named as in ``rig export``; of ``owners`` alone if there are any (Log)."""
         return self.recorded.to_polars(*owners)
 
-    def plot(self, name: str) -> Figure:
-        """Channels, vote and truth of one signal over the flight; KeyError when there is no such signal."""
-        return self.recorded.plot(name)
-
     def __repr__(self) -> str:
         """One line: what was flown, and how it ended."""
         named = f"{self.scenario.title or self.scenario.aircraft} seed {self.scenario.seed}"
         verdict = f"{'survived' if self.survived else 'lost'} ({self.end_reason}, {self.duration_s:g} s)"
-        failed = "; ".join(f"{name} {', '.join(map(str, channels))}" for name, channels in self.failed.items())
-        return f"<Flight {named}: {verdict}, failed {failed or 'no channel'}, log {self.log}>"
-
-    def _repr_html_(self) -> str:
-        """Return a small table for a notebook: scenario, verdict, failed channels, conclusion, digest, log."""
-        return shown.html(self.recorded, self.overrides, self.log)
+        return f"<Flight {named}: {verdict}, failed {failed_text(self.failed)}, log {self.log}>"
 
     def summary(self) -> dict[str, Any]:
         """Return the flight as plain data, as ``rig fly --json`` prints it."""

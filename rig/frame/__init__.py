@@ -39,7 +39,6 @@ from rig.frame.signals import (
     INERTIAL,
     SIGNALS,
     SURFACES,
-    TWO_PI,
     D,
     Discrete,
     S,

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from math import pi
 from typing import Final
 
+from rig.units.constants import TWO_PI
+
 CHANNELS: Final = 4  # columns of every channel array; a signal may use fewer
-TWO_PI: Final = 2.0 * pi
 
 
 @dataclass(frozen=True, slots=True)

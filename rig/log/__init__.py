@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from rig.log.arrays import DiscreteArrays, SignalArrays
-from rig.log.reader import Log, iter_chunks, read_log
-from rig.log.recover import Recovered, recover
+from rig.log.reader import DiscreteArrays, Log, SignalArrays, iter_chunks, read_log, scenario_of
+from rig.log.scan import Recovered, recover
 from rig.log.schema import SCHEMA_VERSION
 from rig.record.event import Event
 
@@ -15,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    """The writer on first use: it has kernels, and who reads a log need not wait for them."""
+    """Import the writer on first use: it has kernels, and a reader of logs need not wait for them."""
     if name != "LogWriter":
         raise AttributeError(f"module 'rig.log' has no attribute {name!r}")
     from rig.log.writer import LogWriter

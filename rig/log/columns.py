@@ -1,16 +1,33 @@
-"""Every number of a frame under the name that the log gives it, like ``pitch_rate.ch_1``."""
+"""Every number of a frame under the name that the log gives it, like ``pitch_rate.ch_1``; and as one table.
+
+The table has a row a frame, its columns named as ``rig vote`` names its own:
+
+    time_s
+    <signal>.1 ..  .ilm.1 ..  .ref                    what rig vote reads: an ilm is 0, 1 or empty where there is none
+    <signal>.voted .level .pattern .resolver .state.1 ..  .trend.high .trend.low      what rig vote writes
+    <signal>.truth .valid.1 ..  .reference_usable .source                             what only a flight has
+    <discrete>.1 ..  .truth .voted .state.1 ..  .level .valid.1 ..  .ilm.1 ..
+    control.*, inertial.*, flight.*, demand.*         the fields of these topics
+
+Enums are words.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import FLAT, INDEX, SIGNALS, Block, Pattern
+from rig.frame import FLAT, INDEX, SIGNALS, Block, Ilm, Pattern, State
 from rig.frame.fields import FIELD
 from rig.log.schema import MESSAGES, TOPICS_OF_ROWS, Field, Topic
+
+if TYPE_CHECKING:
+    import polars as pl
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +52,7 @@ class Column:
         return self.index[1] + 1 if len(self.index) == 2 else None
 
     def of(self, rows: Block) -> NDArray[Any]:
-        """The column of ``rows`` (n,), a view."""
+        """Return the column of ``rows`` (n,), a view."""
         return rows[self.field][(slice(None), *self.index)]
 
 
@@ -54,7 +71,7 @@ _OF_SIGNALS: Final = {
 
 
 def unit_of(path: str) -> str:
-    """The SI unit of the number that the log names ``path``, like ``pitch_rate.ch_1``; "" where it has none."""
+    """Return the SI unit of the number that the log names ``path``, like ``pitch_rate.ch_1``; "" where it has none."""
     owner, _, name = path.partition(".")
     if owner in INDEX:
         return SIGNALS[INDEX[owner]].unit if name in _OF_SIGNALS else ""
@@ -62,8 +79,70 @@ def unit_of(path: str) -> str:
 
 
 def label(column: Column, value: int) -> str:
-    """A decision's value as a reader would say it."""
+    """Return a decision's value in words."""
     if column.enum is None:
         return str(value)
-    found = column.enum(value)
-    return found.label if isinstance(found, Pattern) else found.name.lower()
+    member = column.enum(value)
+    return member.label if isinstance(member, Pattern) else member.name.lower()
+
+
+TIME: Final = "time_s"
+OWNERS: Final = tuple(dict.fromkeys(column.owner for column in COLUMNS))
+_OWN: Final = {"trend_high": "trend.high", "trend_low": "trend.low", "reference": "ref"}
+_NUMBERED: Final = {"channels": "", "discrete_channels": "", "state": ".state", "discrete_state": ".state"}
+
+
+def name(column: Column) -> str:
+    """Return the column's name in a table."""
+    if column.field in _NUMBERED:
+        return f"{column.owner}{_NUMBERED[column.field]}.{column.channel}"
+    if column.field.removeprefix("discrete_") in ("ilm", "valid"):
+        return f"{column.owner}.{column.field}.{column.channel}"
+    return f"{column.owner}.{_OWN.get(column.name, column.name)}"
+
+
+def chosen(rows: Block, owners: Sequence[str], fields: Sequence[str] = ()) -> list[Column]:
+    """Return the columns of ``owners`` (signals, discretes, topics; all if none), without channels not fitted.
+
+    fields : of FLAT; all if none
+    """
+    wanted, of = owners or OWNERS, fields or tuple(rows.dtype.names or ())
+    return [column for column in COLUMNS if column.owner in wanted and column.field in of and _fitted(rows, column)]
+
+
+def _fitted(rows: Block, column: Column) -> bool:
+    """Return True if the channel is fitted; what is of no channel always is."""
+    if column.channel is None or not len(rows):
+        return True
+    field = "discrete_state" if column.field.startswith("discrete_") else "state"
+    return bool(rows[field][0][column.index] != State.ABSENT)
+
+
+def dataframe(rows: Block, time_s: NDArray[np.float64], owners: Sequence[str] = ()) -> pl.DataFrame:
+    """Return the table of ``rows`` (n,) at ``time_s`` (n,), s; SI units, enums as words.
+
+    KeyError: an owner that is no signal, discrete or topic.
+    """
+    for owner in owners:
+        if owner not in OWNERS:
+            raise KeyError(f"unknown {owner!r}, allowed: {', '.join(OWNERS)}")
+    columns = chosen(rows, owners)
+    return of_columns({TIME: time_s, **{name(c): c.of(rows) for c in columns}}, {name(c): c for c in columns})
+
+
+def of_columns(values: dict[str, NDArray[Any]], columns: dict[str, Column]) -> pl.DataFrame:
+    """Return arrays (n,) by name as a table; ``columns``: those that are columns of a frame."""
+    import polars as pl  # a log is read without it
+
+    return pl.DataFrame({key: _series(np.ascontiguousarray(array), columns.get(key)) for key, array in values.items()})
+
+
+def _series(values: NDArray[Any], column: Column | None) -> pl.Series:
+    import polars as pl
+
+    series = pl.Series(values)
+    if column is None or column.enum is None:
+        return series
+    if column.enum is Ilm:
+        return pl.select(pl.when(series < int(Ilm.ABSENT)).then(series)).to_series()
+    return series.cast(pl.UInt8).cat.to(pl.Enum([label(column, int(member)) for member in column.enum]))

@@ -14,10 +14,12 @@ import os
 import struct
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from itertools import chain
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+import numpy as np
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
@@ -34,9 +36,8 @@ from mcap.records import (
     Statistics,
     SummaryOffset,
 )
+from numpy.typing import NDArray
 from zlib_ng.zlib_ng import crc32
-
-from rig.log.index import MOST_RUNS, Packed, Run, index_size, message_indexes
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 LIBRARY: Final = "jsbsim-rig"
@@ -46,6 +47,66 @@ _CHUNK_HEAD: Final = struct.Struct("<BQQQQII4sQ")
 _FOOTER_HEAD: Final = struct.Struct("<BQQQ")
 _INDEX_HEAD: Final = struct.Struct("<BQQQQQI")  # of a chunk index, up to its message index offsets
 _INDEX_TAIL: Final = struct.Struct("<QI4sQQ")
+
+
+class Run(NamedTuple):
+    """Messages of neighbouring channels in a chunk, as many of each and at the same times."""
+
+    first: int  # id of the first channel
+    times: NDArray[np.uint64]  # (n,), ns
+    offsets: NDArray[np.int64]  # (channels, n) of each message's record in the chunk
+
+
+class Packed(NamedTuple):
+    """One chunk, compressed, and what its indexes say of it."""
+
+    data: bytes
+    crc: int  # of the bytes before compression
+    size: int  # their number
+    runs: Sequence[Run]  # at most MOST_RUNS
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """Time of the first and of the last message, ns."""
+        return min(int(run.times.min()) for run in self.runs), max(int(run.times.max()) for run in self.runs)
+
+
+MOST_RUNS: Final = 2
+_ENTRY: Final = np.dtype([("time", "<u8"), ("offset", "<u8")])
+
+
+def _index_dtype(entries: int) -> np.dtype[Any]:
+    return np.dtype(
+        [
+            ("opcode", "u1"),
+            ("length", "<u8"),
+            ("channel", "<u2"),
+            ("bytes", "<u4"),
+            ("entries", _ENTRY, (entries,)),
+        ]
+    )
+
+
+@lru_cache(maxsize=4)  # all chunks of a flight are of one length but the last
+def _blank(first: int, channels: int, entries: int) -> NDArray[Any]:
+    made = np.zeros(channels, _index_dtype(entries))
+    made["opcode"] = Opcode.MESSAGE_INDEX
+    made["length"] = 6 + 16 * entries
+    made["channel"] = np.arange(first, first + channels)
+    made["bytes"] = 16 * entries
+    return made
+
+
+def index_size(entries: int) -> int:
+    """Return bytes of a message index record."""
+    return _index_dtype(entries).itemsize
+
+
+def message_indexes(run: Run) -> NDArray[np.uint8]:
+    """Return the records that follow a chunk: for each channel of a run, time and offset of each message."""
+    made = _blank(run.first, *run.offsets.shape).copy()  # flights in other threads share the original
+    made["entries"]["time"], made["entries"]["offset"] = run.times, run.offsets
+    return made.view(np.uint8)
 
 
 class _Kept(NamedTuple):
@@ -61,20 +122,20 @@ class _Kept(NamedTuple):
     second_run: int
 
     def runs(self) -> Iterator[tuple[range, int]]:
-        """The channels of each run, and the messages of each of them."""
+        """Yield the channels of each run, and the messages of each of them."""
         for run in (self.run, self.second_run):
             first, channels = run & 0xFFFF, run >> 16 & 0xFFFF
             yield range(first, first + channels), run >> 32
 
 
 def _kept_run(run: Run) -> int:
-    """First channel, channels and messages of each, in 16, 16 and 32 bits."""
+    """Return first channel, channels and messages of each, in 16, 16 and 32 bits."""
     channels, messages = run.offsets.shape
     return run.first | channels << 16 | messages << 32
 
 
 def encode(record: McapRecord) -> bytes:
-    """The bytes of a record, opcode and length included."""
+    """Return the bytes of a record, opcode and length included."""
     builder = RecordBuilder()
     record.write(builder)
     return builder.end()
@@ -99,7 +160,7 @@ class Container:
     """Writes one MCAP file; every method raises OSError when the disk does not take it."""
 
     def __init__(self, path: Path, opening: Opening, *, new: bool = False) -> None:
-        """``new``: FileExistsError when there is a file already, also one that came this moment."""
+        """Open ``path``; ``new``: FileExistsError when there is a file already, also one that came this moment."""
         self._path = path
         mode = "xb" if new else "wb"
         self._file = path.open(mode, buffering=0)  # unbuffered: a killed process loses nothing it has written
@@ -163,7 +224,7 @@ class Container:
         self._whole = (self._offset, self._crc)
 
     def rewind(self) -> None:
-        """After a write that failed: cut the file back to its last whole record."""
+        """Cut the file back to its last whole record, after a write that failed."""
         self._offset, self._crc = self._whole
         self._file.seek(self._offset)
         self._file.truncate()
@@ -190,7 +251,7 @@ class Container:
         self._file.close()
 
     def gone(self) -> bool:
-        """Whether the file is no longer where it was made: deleted, moved, or another one in its place."""
+        """Return True if the file is no longer where it was made: deleted, moved, or replaced."""
         own = os.fstat(self._file.fileno())
         try:
             there = self._path.stat()
@@ -240,7 +301,7 @@ class Container:
         )
 
     def _chunk_indexes(self) -> Iterator[bytes]:
-        """A record a chunk, packed here: the library takes its time over twenty offsets each."""
+        """Yield a record a chunk, packed here: the library is slow with twenty offsets each."""
         for kept in self._kept():
             indexes: dict[int, int] = {}
             length = 0

@@ -25,9 +25,8 @@ from zlib_ng.zlib_ng import crc32
 from rig.errors import BadLog
 from rig.frame import Block
 from rig.log.container import COMPRESSION
-from rig.log.layout import Layout
-from rig.log.record import HEAD, MESSAGE_OPCODE
-from rig.log.tables import EVENT_CHANNEL, LEVELS
+from rig.log.layout import HEAD, MESSAGE_OPCODE, Layout
+from rig.log.schema import EVENT_CHANNEL, LEVELS
 from rig.record.event import Event, Severity
 
 CHUNK_LIMIT: Final = 1 << 28  # bytes that a chunk may claim; ours have 1 MiB
@@ -48,7 +47,7 @@ class Damaged(BadLog):
 
 @contextmanager
 def damage(path: Path, at: int) -> Iterator[None]:
-    """Whatever comes of bytes that make no sense, as Damaged at byte ``at``."""
+    """Raise every error of malformed bytes as Damaged at byte ``at``."""
     try:
         yield
     except MALFORMED as error:
@@ -86,12 +85,12 @@ class Decoder:
             yield self._next()
 
     def rest(self) -> Iterator[Part]:
-        """All parts that are still under way."""
+        """Yield all parts that are still being decoded."""
         while self._ahead:
             yield self._next()
 
     def _next(self) -> Part:
-        """The oldest part; after Damaged there is no other."""
+        """Return the oldest part; after Damaged there is no other."""
         at, part = self._ahead.popleft()
         try:
             with damage(self._path, at):
@@ -101,14 +100,14 @@ class Decoder:
             raise
 
 
-def same_crc(what: str, crc: int, found: int) -> None:
-    """ValueError unless two checksums are equal."""
-    if crc != found:
+def same_crc(what: str, crc: int, expected: int) -> None:
+    """Raise ValueError unless two checksums are equal."""
+    if crc != expected:
         raise ValueError(f"the checksum of the {what} does not match")
 
 
 def decode(content: bytes, layout: Layout) -> Part:
-    """The frames and events of a chunk record; ValueError and its like when it is damaged."""
+    """Return the frames and events of a chunk record; ValueError and its like when it is damaged."""
     chunk = Chunk.read(ReadDataStream(BytesIO(content)))
     if chunk.compression != COMPRESSION or chunk.uncompressed_size > CHUNK_LIMIT:
         raise ValueError("not a chunk that the rig writes")

@@ -1,4 +1,4 @@
-"""A log as a file: CSV, Parquet or NumPy's npz, with the columns of rig/log/dataframe.py.
+"""A log as a file: CSV, Parquet or NumPy's npz, with the columns of rig/log/columns.py.
 
 Enums are words in CSV and Parquet and numbers in npz.
 """
@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from rig.errors import BadInput, RigError
 from rig.frame import SIGNALS, Block
 from rig.log import Log
-from rig.log.columns import Column
-from rig.log.dataframe import OWNERS, TIME, chosen, name, of_columns
+from rig.log.columns import OWNERS, TIME, Column, chosen, name, of_columns
 from rig.text import choices, quoted
 from rig.util.files import replaced
 
@@ -50,12 +49,12 @@ def export(log: Log, to: str, out: Path, owners: Sequence[str] = (), for_vote: b
 
 
 def _chosen(rows: Block, owners: Sequence[str], for_vote: bool) -> list[Column]:
-    """The columns of the owners, without channels that are not fitted."""
-    known = [signal.name for signal in SIGNALS] if for_vote else OWNERS
+    """Return the columns of the owners, without channels that are not fitted."""
+    accepted = [signal.name for signal in SIGNALS] if for_vote else OWNERS
     for owner in owners:
-        if owner not in known:
-            raise BadInput(f"--signals: unknown {quoted(owner)}, {choices(owner, known, 'rig signals')}")
-    return chosen(rows, owners or known, _FOR_VOTE if for_vote else ())
+        if owner not in accepted:
+            raise BadInput(f"--signals: unknown {quoted(owner)}, {choices(owner, accepted, 'rig signals')}")
+    return chosen(rows, owners or accepted, _FOR_VOTE if for_vote else ())
 
 
 def _values(rows: Block, column: Column, for_vote: bool) -> NDArray[Any]:
@@ -65,9 +64,9 @@ def _values(rows: Block, column: Column, for_vote: bool) -> NDArray[Any]:
     return values
 
 
-def _write(path: Path, to: str, columns: dict[str, NDArray[Any]], known: dict[str, Column]) -> None:
+def _write(path: Path, to: str, columns: dict[str, NDArray[Any]], described: dict[str, Column]) -> None:
     if to == "npz":
         with path.open("wb") as file:
             np.savez_compressed(file, **columns)  # pyright: ignore[reportArgumentType]  # names are ours
     else:
-        TABLE_WRITERS[f".{to}"](of_columns(columns, known), path)
+        TABLE_WRITERS[f".{to}"](of_columns(columns, described), path)

@@ -36,13 +36,13 @@ class Source(NamedTuple):
 
 
 def topics(path: Path) -> dict[str, str]:
-    """The topics of an MCAP file in their order, with the names of their schemas; BadLog when it is cut or damaged."""
+    """Return the topics of an MCAP file in their order, with the names of their schemas; BadLog: cut or damaged."""
     with _opened(path) as file:
         return _topics(summary(file))
 
 
 def fields(path: Path) -> dict[str, set[str]]:
-    """The fields of FRAME that each topic of a flight's vote holds; no topic of another file.  BadLog as ``topics``."""
+    """Return the fields of FRAME in each topic of a flight's vote; none of another file.  BadLog as ``topics``."""
     with _opened(path) as file:
         channels = summary(file).channels.values()
     return {
@@ -50,30 +50,30 @@ def fields(path: Path) -> dict[str, set[str]]:
     }
 
 
-def _topics(known: Summary) -> dict[str, str]:
-    channels = [channel for _, channel in sorted(known.channels.items())]
-    named = {channel.topic: known.schemas.get(channel.schema_id) for channel in channels}
+def _topics(contents: Summary) -> dict[str, str]:
+    channels = [channel for _, channel in sorted(contents.channels.items())]
+    named = {channel.topic: contents.schemas.get(channel.schema_id) for channel in channels}
     return {topic: schema.name if schema else "" for topic, schema in named.items()}
 
 
 def read(path: Path, wanted: Mapping[str, set[str]]) -> dict[str, Source]:
-    """Fields of messages by topic, ``angular_velocity.x`` for nested ones, ``data.0`` for an element.
+    """Read fields of messages by topic, ``angular_velocity.x`` for nested ones, ``data.0`` for an element.
 
     Time is the log time of each message, by which they are ordered.  BadInput: no such topic or field, an encoding
     that is neither protobuf nor JSON; BadLog: a file that is cut or damaged, or expands beyond its limits.
     """
     with _opened(path) as file:
-        known = summary(file)
-        there = _topics(known)
+        contents = summary(file)
+        present = _topics(contents)
         for topic in wanted:
-            if topic not in there:
-                raise BadInput(f"{path}: no topic {topic!r}; there are: {', '.join(there)}")
+            if topic not in present:
+                raise BadInput(f"{path}: no topic {topic!r}; there are: {', '.join(present)}")
         collected = {topic: _Collector(path, topic, sorted(fields)) for topic, fields in wanted.items()}
-        takers = {c: collected[channel.topic] for c, channel in known.channels.items() if channel.topic in wanted}
+        takers = {c: collected[channel.topic] for c, channel in contents.channels.items() if channel.topic in wanted}
         budget = Budget(file)
-        for message in messages(file, known, takers, budget):
-            channel = known.channels[message.channel]
-            schema = known.schemas[channel.schema_id] if channel.schema_id else None
+        for message in messages(file, contents, takers, budget):
+            channel = contents.channels[message.channel]
+            schema = contents.schemas[channel.schema_id] if channel.schema_id else None
             budget.spend(takers[channel.id].add(schema, channel, message.time_ns, message.data))
     return {topic: collector.source() for topic, collector in collected.items()}
 
@@ -112,7 +112,7 @@ class _Collector:
         return 8 + 8 * len(self._values)
 
     def source(self) -> Source:
-        """What was collected, in the order of time; messages of one time in that of the file."""
+        """Return the collected numbers in the order of time; messages of one time in that of the file."""
         times = np.frombuffer(self._times, np.uint64)
         columns = [np.frombuffer(values, np.float64) for values in self._values]
         if (times[1:] < times[:-1]).any():
@@ -124,10 +124,10 @@ class _Collector:
     def _decoder(self, schema: Schema | None, channel: Channel) -> Callable[[bytes], Any]:
         if channel.message_encoding == "json":
             return json.loads
-        found = DecoderFactory().decoder_for(channel.message_encoding, schema)
-        if found is None:
+        decode = DecoderFactory().decoder_for(channel.message_encoding, schema)
+        if decode is None:
             raise BadInput(f"{self._where}: encoding {channel.message_encoding!r}; allowed: protobuf, json")
-        return found
+        return decode
 
     def _number(self, message: Any, field: str, steps: list[str]) -> float:
         value = message

@@ -1,83 +1,102 @@
-"""What a log says of itself, and whether the file is whole."""
+"""What a log says of itself, whether the file is whole, and what was laid over the scenario's file for the flight."""
 
 from __future__ import annotations
 
-import json
-from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-from rig.errors import BadLog
-from rig.log.decode import Damaged
-from rig.log.overrides import FILE, overrides
-from rig.log.recover import RECOVERED
-from rig.log.scan import About, iter_parts
+from rig import aircraft
+from rig.errors import BadInput
+from rig.log.reader import scenario_of
+from rig.log.scan import RECOVERED, Contents, contents
 from rig.log.schema import EVENTS, FRAME_TOPICS
+from rig.scenario import Scenario
+from rig.settings import build, parse_toml
+
+FILE: Final = "scenario.toml"  # the attachment
 
 
 def info(path: Path | str) -> dict[str, Any]:
-    """The log at ``path`` as plain data; ``damage`` is one line where it is cut or damaged, else None.
+    """Return the log at ``path`` as plain data; ``damage`` is one line where it is cut or damaged, else None.
 
     BadLog when it is missing, foreign or of another schema version.
     """
-    path, about = Path(path), About()
-    frames, last, damage, events = 0, 0, None, Counter[str]()
-    try:
-        for part in iter_parts(path, about):
-            frames += len(part.rows)
-            last = int(part.rows["frame"][-1]) if len(part.rows) else last
-            events.update(event.name for event in part.events)
-    except Damaged as error:
-        if not about.metadata:
-            raise
-        damage = error.what
+    path = Path(path)
+    log = contents(path)
+    if log.damaged is not None and not log.metadata:
+        raise log.damaged
     return {
         "log": str(path),
         "bytes": path.stat().st_size,
-        **_flown(about, path),
-        "frames": frames,
-        "duration_s": frames / about.rate_hz,
-        "last_frame": last if frames else None,
-        "events": dict(events.most_common()),
-        "topics": {topic.name: frames for topic in FRAME_TOPICS} | {EVENTS.name: events.total()},
-        "result": about.result,
-        "attachments": {name: len(data) for name, data in about.attachments.items()},
-        "health": _health(about, damage),
-        "damage": damage,
+        **_flown(log, path),
+        "frames": log.frames,
+        "duration_s": log.frames / log.rate_hz,
+        "last_frame": log.last_frame if log.frames else None,
+        "events": dict(log.events.most_common()),
+        "topics": {topic.name: log.frames for topic in FRAME_TOPICS} | {EVENTS.name: log.events.total()},
+        "result": log.result,
+        "attachments": {name: len(data) for name, data in log.attachments.items()},
+        "health": _health(log),
+        "damage": log.damage or None,
     }
 
 
-def _flown(about: About, path: Path) -> dict[str, Any]:
-    """What flew: scenario, seed, versions."""
-    said = about.metadata
-    try:
-        scenario = json.loads(said.get("scenario") or "{}")
-    except (ValueError, RecursionError):
-        raise BadLog(f"{path}: the scenario in its metadata is damaged") from None
-    versions = {key.removeprefix("version "): said[key] for key in said if key.startswith("version ")}
+def _flown(log: Contents, path: Path) -> dict[str, Any]:
+    """Return what flew: scenario, seed, versions."""
+    metadata, scenario = log.metadata, scenario_of(log.metadata, path)
+    versions = {key.removeprefix("version "): text for key, text in metadata.items() if key.startswith("version ")}
     return {
         "title": scenario.get("title", ""),
-        "aircraft": said.get("aircraft", ""),
+        "aircraft": metadata.get("aircraft", ""),
         "manager": scenario.get("redundancy", {}).get("manager"),
-        "overrides": overrides(about.attachments.get(FILE, b"").decode(errors="replace"), scenario),
+        "overrides": overrides(log.attachments.get(FILE, b"").decode(errors="replace"), scenario),
         "seed": scenario.get("seed"),
-        "rate_hz": about.rate_hz,
+        "rate_hz": log.rate_hz,
         "planned_s": scenario.get("duration_s"),
         "faults": len(scenario.get("faults", ())),
-        "schema_version": int(said["schema_version"]),
+        "schema_version": int(metadata["schema_version"]),
         "versions": versions,
-        "commit": said.get("git commit"),
-        "machine": said.get("machine"),
-        "what_if": said.get("what if"),
-        "what_if_of": said.get("what if of"),
+        "commit": metadata.get("git commit"),
+        "machine": metadata.get("machine"),
+        "what_if": metadata.get("what if"),
+        "what_if_of": metadata.get("what if of"),
     }
 
 
-def _health(about: About, damage: str | None) -> str:
-    if damage is not None:
-        return f"{damage}; rig recover saves what is before"
-    mended = about.others.get(RECOVERED)
+def _health(log: Contents) -> str:
+    if log.damage:
+        return f"{log.damage}; rig recover saves what is before"
+    mended = log.others.get(RECOVERED)
     whole = "whole, every checksum matches"
     if mended is not None:
         return f"{whole}; recovered from a log that was {mended.get('damage', 'damaged')}"
-    return whole if about.result is not None else f"{whole}; not ended by the loop"
+    return whole if log.result is not None else f"{whole}; not ended by the loop"
+
+
+def overrides(text: str, resolved: dict[str, Any]) -> list[str] | None:
+    """Return ``key=value`` of all that ``resolved``, which was flown, has otherwise than the file ``text``; no seed.
+
+    None when that cannot be told: no file, or one that this version does not read.
+    """
+    try:
+        data = parse_toml(text, FILE)
+        tables = aircraft.tables(str(data.get("aircraft", "f16")))
+        filed = build(Scenario, aircraft.lay_over(tables, data, FILE), FILE).resolved()
+    except BadInput:
+        return None
+    before, flown = dict(_leaves(filed)), dict(_leaves(resolved))
+    changed = [key for key in {**before, **flown} if before.get(key) != flown.get(key) and key != "seed"]
+    return [f"{key}={flown[key]}" if key in flown else f"{key} not set" for key in changed]
+
+
+def _leaves(node: dict[str, Any], within: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield dotted keys and values of nested tables; a list is one value unless it is of tables."""
+    for key, value in node.items():
+        name = f"{within}{key}"
+        if isinstance(value, list) and value and all(isinstance(item, dict) for item in value):
+            value = {str(i): item for i, item in enumerate(value)}
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{name}.")
+        else:
+            yield name, value

@@ -32,7 +32,7 @@ _MESSAGE: Final = struct.Struct("<HIQQ")  # channel id, sequence, log time, publ
 
 
 def most_bytes(size: int) -> int:
-    """Bytes of memory that the contents of a compressed file of ``size`` bytes may take."""
+    """Return bytes of memory that the contents of a compressed file of ``size`` bytes may take."""
     return CHUNK_LIMIT + EXPANSION * size
 
 
@@ -47,7 +47,7 @@ class LimitedFile(io.BufferedReader):
         self.seek(0)
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """Up to ``size`` bytes, all that are left when negative."""
+        """Read up to ``size`` bytes, all that are left when negative."""
         left = max(self.size - self.tell(), 0)
         return super().read(left if size is None or size < 0 else min(size, left))
 
@@ -84,7 +84,7 @@ class Raw(NamedTuple):
 
 
 def summary(file: LimitedFile) -> Summary:
-    """The summary of ``file``; BadLog when it has none; McapError, EOFError and their like for a damaged one."""
+    """Return the summary of ``file``; BadLog when it has none; McapError, EOFError and their like for a damaged one."""
     if file.read(len(MAGIC)) != MAGIC:
         raise McapError("it does not begin as one")
     file.seek(-(FOOTER_SIZE + len(MAGIC)), io.SEEK_END)
@@ -94,23 +94,23 @@ def summary(file: LimitedFile) -> Summary:
     if footer.summary_start == 0:
         raise BadLog(f"{file.path}: truncated or without a summary")
     file.seek(footer.summary_start)
-    found = Summary()
+    contents = Summary()
     for record in _records(file):
         if isinstance(record, Channel):
-            found.channels[record.id] = record
+            contents.channels[record.id] = record
         elif isinstance(record, Schema):
-            found.schemas[record.id] = record
+            contents.schemas[record.id] = record
         elif isinstance(record, ChunkIndex):
-            found.chunks.append(record)
-    return found
+            contents.chunks.append(record)
+    return contents
 
 
-def messages(file: LimitedFile, known: Summary, wanted: Container[int], budget: Budget) -> Iterator[Raw]:
-    """The messages of the channels ``wanted``, in the order of the file.
+def messages(file: LimitedFile, summary: Summary, wanted: Container[int], budget: Budget) -> Iterator[Raw]:
+    """Yield the messages of the channels ``wanted``, in the order of the file.
 
     BadLog: a chunk or a message beyond the limits; ValueError, McapError and their like: a damaged one.
     """
-    for record in _indexed(file, known, wanted) if known.chunks else _whole(file):
+    for record in _indexed(file, summary, wanted) if summary.chunks else _whole(file):
         if isinstance(record, Chunk):
             data = _content(file.path, record, budget)
             yield from _in_chunk(data, wanted, file.path)
@@ -120,7 +120,7 @@ def messages(file: LimitedFile, known: Summary, wanted: Container[int], budget: 
 
 
 def _records(file: LimitedFile) -> Iterator[McapRecord]:
-    """Records from where ``file`` is, chunks as they are."""
+    """Yield records from where ``file`` is, chunks as they are."""
     return StreamReader(file, skip_magic=True, emit_chunks=True, record_size_limit=file.size).records
 
 
@@ -129,9 +129,9 @@ def _whole(file: LimitedFile) -> Iterator[McapRecord]:
     return StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=file.size).records
 
 
-def _indexed(file: LimitedFile, known: Summary, wanted: Container[int]) -> Iterator[McapRecord]:
-    """The chunks that may have messages of the channels ``wanted``; an index without entries does not tell."""
-    for index in sorted(known.chunks, key=lambda index: index.chunk_start_offset):
+def _indexed(file: LimitedFile, summary: Summary, wanted: Container[int]) -> Iterator[McapRecord]:
+    """Yield the chunks that may have messages of the channels ``wanted``: all, where an index has no entries."""
+    for index in sorted(summary.chunks, key=lambda index: index.chunk_start_offset):
         inside = index.message_index_offsets
         if inside and not any(channel in wanted for channel in inside):
             continue
@@ -143,7 +143,7 @@ def _indexed(file: LimitedFile, known: Summary, wanted: Container[int]) -> Itera
 
 
 def _content(path: Path, chunk: Chunk, budget: Budget) -> bytes:
-    """The records of a chunk, expanded; never more bytes than it claims, which are checked first."""
+    """Return the records of a chunk, expanded; never more bytes than it claims, which are checked first."""
     size = chunk.uncompressed_size
     if size > CHUNK_LIMIT:
         raise BadLog(f"{path}: a chunk claims {size} bytes; at most {CHUNK_LIMIT} are read")
@@ -157,16 +157,16 @@ def _content(path: Path, chunk: Chunk, budget: Budget) -> bytes:
 
 
 def _expanded(chunk: Chunk) -> bytes:
-    """At most one byte more than the chunk claims."""
+    """Return at most one byte more than the chunk claims."""
     size = chunk.uncompressed_size
     if chunk.compression == "":
         return chunk.data
     if chunk.compression == "lz4":
         return lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
     if chunk.compression == "zstd":
-        told = zstandard.frame_content_size(chunk.data)  # -1 when it does not tell
-        if told not in (-1, size):
-            raise ValueError(f"a chunk claims {size} bytes and its contents {told}")
+        content_size = zstandard.frame_content_size(chunk.data)  # -1 when it does not tell
+        if content_size not in (-1, size):
+            raise ValueError(f"a chunk claims {size} bytes and its contents {content_size}")
         return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size) if size else b""
     raise ValueError(f"a chunk of unknown compression {chunk.compression[:20]!r}; known: zstd, lz4 and none")
 

@@ -27,29 +27,29 @@ def new_log(
     about: Mapping[str, str] | None = None,
     overrides: Sequence[str] = (),
 ) -> LogWriter:
-    """A log of its own, whoever else begins to fly: <name>_seed<seed>[_<tag>][_n].mcap in ``out``, which is made.
+    """Open a log under a free name, <name>_seed<seed>[_<tag>][_n].mcap, in the folder ``out``, which is made.
 
     about : more metadata; overrides : of the file, ``key=value``, from which the tag is made
     """
     with reported(out, BadInput, "logs cannot be kept there"):
         out.mkdir(parents=True, exist_ok=True)
-    made = tag(overrides)
-    for path in numbered(out, f"{word_of(name)}_seed{scenario.seed}{f'_{made}' if made else ''}", ".mcap"):
+    suffix = tag(overrides)
+    for path in numbered(out, f"{word_of(name)}_seed{scenario.seed}{f'_{suffix}' if suffix else ''}", ".mcap"):
         with suppress(FileExistsError):  # another flight was faster
             attached = [("scenario.toml", text.encode())]
-            told = {**metadata(scenario), **(about or {})}
-            return LogWriter(path, scenario.rate_hz, told, attached, new=True)
+            described = {**metadata(scenario), **(about or {})}
+            return LogWriter(path, scenario.rate_hz, described, attached, new=True)
     raise RigError(f"{out}: no free name for a log")
 
 
 def word_of(name: str) -> str:
-    """``name`` as part of a file's name, which has 255 bytes at most."""
+    """Return ``name`` as part of a file's name, which has 255 bytes at most."""
     letters = "".join(c if c.isalnum() else "_" for c in name)
     return letters.encode()[:NAME_BYTES].decode(errors="ignore")
 
 
 def tag(overrides: Sequence[str]) -> str:
-    """Overrides as part of a file's name, at most LONGEST_TAG characters: ``manager-mean``; longer ones end in a hash.
+    """Return overrides for a file's name, at most LONGEST_TAG characters: ``manager-mean``; longer ones end in a hash.
 
     The last part of a key names it, of a long key the last two; the seed has a place of its own.
     """
@@ -71,7 +71,7 @@ def _part(text: str) -> str:
 
 
 def metadata(scenario: Scenario) -> dict[str, str]:
-    """What a log needs to be flown again: the resolved scenario, the seed, the versions that flew it."""
+    """Return what is needed to fly the log again: the resolved scenario, the seed, the versions that flew it."""
     return {
         "scenario": scenario.model_dump_json(exclude_none=True),
         "aircraft": scenario.aircraft,

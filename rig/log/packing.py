@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from rig.errors import RigError
 from rig.frame import FLAT, FLIGHT_INDEX, Block
 from rig.kernels import kernel
-from rig.log.layout import MOVES, TEMPLATE
-from rig.log.record import DERIVED, WIRE, place
+from rig.log.layout import DERIVED, MOVES, TEMPLATE, WIRE, place
 from rig.log.schema import MESSAGES
 
 _1, _2, _3, _4, _5, _6, _7 = (np.uint64(i) for i in range(1, 8))
@@ -50,7 +49,7 @@ _SMALL: Final = sorted({f.source for m in MESSAGES.values() for f in m.fields if
 
 
 def _sign_bits() -> NDArray[np.uint64]:
-    """The words of a row of FLAT, with the bit set that must be zero in every field of one byte."""
+    """Return the words of a row of FLAT, with the bit set that must be zero in every field of one byte."""
     bits = np.zeros(FLAT.itemsize, np.uint8)
     for source in _SMALL:
         dtype, offset = place(FLAT, source)
@@ -64,16 +63,16 @@ _MUST_BE_ZERO: Final = _sign_bits()[_PLACES]
 
 @kernel
 def any_set(words: NDArray[np.uint64], places: NDArray[np.int64], bits: NDArray[np.uint64]) -> bool:
-    """Whether a row of ``words`` (n, m) has one of ``bits`` (p,) set in its words at ``places`` (p,)."""
-    found = np.uint64(0)
+    """Return True if a row of ``words`` (n, m) has one of ``bits`` (p,) set in its words at ``places`` (p,)."""
+    bits_set = np.uint64(0)
     for k in range(words.shape[0]):
         for i in range(places.shape[0]):
-            found |= words[k, places[i]] & bits[i]
-    return found != 0
+            bits_set |= words[k, places[i]] & bits[i]
+    return bits_set != 0
 
 
 def _refuse_large(rows: Block) -> None:
-    """RigError when a flag, level or enum has no place in the one byte that it is given."""
+    """Raise RigError when a flag, level or enum does not fit in its one byte."""
     words = np.ascontiguousarray(rows).view(np.uint64).reshape(len(rows), FLAT.itemsize // 8)
     if any_set(words, _PLACES, _MUST_BE_ZERO):
         named = ", ".join(name for name in _SMALL if (rows[name] > 127).any())
@@ -81,7 +80,7 @@ def _refuse_large(rows: Block) -> None:
 
 
 def empty_rows(frames: int) -> NDArray[np.uint8]:
-    """A buffer for ``pack``: (frames, ROW), every row the template."""
+    """Return a buffer for ``pack``: (frames, ROW), every row the template."""
     return np.tile(TEMPLATE, (frames, 1))
 
 
@@ -134,7 +133,7 @@ def derive(rows: Block, times: NDArray[np.uint64], derived: NDArray[Any]) -> Non
 
 @kernel
 def varint(value: np.uint64, out: NDArray[np.uint8]) -> None:
-    """A number below 2^35 as a varint padded to five bytes."""
+    """Write a number below 2^35 as a varint padded to five bytes."""
     for i in range(5):
         out[i] = np.uint8(value & np.uint64(127)) | (np.uint8(128) if i < 4 else np.uint8(0))
         value >>= np.uint64(7)

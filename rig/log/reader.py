@@ -1,29 +1,61 @@
-"""Reads a log back into the very rows that were flown."""
+"""Reads a log back into the very rows that were flown; of a whole one, the columns by signal as arrays."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import FLAT, TIMING, Block
-from rig.log import arrays, shown
-from rig.log.arrays import DiscreteArrays, SignalArrays
+from rig.errors import BadLog
+from rig.frame import DISCRETE_INDEX, FLAT, INDEX, TIMING, Block
 from rig.log.scan import About, iter_parts
 from rig.record.event import Event
 
 if TYPE_CHECKING:
     import polars as pl
-    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, slots=True)
+class SignalArrays:
+    """One signal over a flight, unit as in frame.SIGNALS; views of the rows, not copies."""
+
+    time_s: NDArray[np.float64]  # (frames,)
+    channels: NDArray[np.float64]  # (frames, 4), NaN where a channel is not fitted
+    voted: NDArray[np.float64]  # (frames,)
+    truth: NDArray[np.float64]  # (frames,)
+    reference: NDArray[np.float64]  # (frames,), NaN where there is none
+    valid: NDArray[np.uint8]  # (frames, 4), 0: the sensor flags the sample
+    ilm: NDArray[np.uint8]  # (frames, 4), frame.Ilm
+    state: NDArray[np.uint8]  # (frames, 4), frame.State
+    level: NDArray[np.uint8]  # (frames,) channels in use
+    pattern: NDArray[np.uint8]  # (frames,), frame.Pattern
+    resolver: NDArray[np.uint8]  # (frames,), frame.Resolver
+    reference_usable: NDArray[np.uint8]  # (frames,)
+    source: NDArray[np.uint8]  # (frames,), frame.Source
+
+
+@dataclass(frozen=True, slots=True)
+class DiscreteArrays:
+    """One discrete over a flight; views of the rows, not copies."""
+
+    time_s: NDArray[np.float64]  # (frames,)
+    channels: NDArray[np.uint8]  # (frames, 4), 0 where a channel is not fitted
+    voted: NDArray[np.uint8]  # (frames,)
+    truth: NDArray[np.uint8]  # (frames,)
+    valid: NDArray[np.uint8]  # (frames, 4), 0: the sensor flags the sample
+    ilm: NDArray[np.uint8]  # (frames, 4), frame.Ilm
+    state: NDArray[np.uint8]  # (frames, 4), frame.State
+    level: NDArray[np.uint8]  # (frames,)
 
 
 @dataclass(slots=True, repr=False)
 class Log:
-    """A whole flight: ``rows`` (n,) of FLAT, ``timing`` (n,) of TIMING, and all that is known of it."""
+    """A whole flight: ``rows`` (n,) of FLAT, ``timing`` (n,) of TIMING, and what its file says beside them."""
 
     rate_hz: float
     rows: Block
@@ -32,6 +64,15 @@ class Log:
     metadata: dict[str, str]
     result: dict[str, str] | None  # None when the flight was not ended by the loop
     attachments: dict[str, bytes]
+
+    @classmethod
+    def read(cls, path: Path | str) -> Self:
+        """Read the flight at ``path``; see read_log."""
+        about = About()
+        parts = [(part.rows, part.timing, part.events) for part in iter_parts(Path(path), about)]
+        rows, timing = _joined([part[0] for part in parts], FLAT), _joined([part[1] for part in parts], TIMING)
+        events = [event for part in parts for event in part[2]]
+        return cls(about.rate_hz, rows, timing, events, about.metadata, about.result, about.attachments)
 
     @property
     def scenario_text(self) -> str | None:
@@ -45,56 +86,55 @@ class Log:
         return self.rows["frame"] / self.rate_hz
 
     def signal(self, name: str) -> SignalArrays:
-        """The arrays of one signal; KeyError when there is no such signal."""
-        return arrays.of_signal(self.rows, self.rate_hz, name)
+        """Return the arrays of one signal; KeyError when there is no such signal."""
+        return SignalArrays(self.time_s, *self._columns(SignalArrays, "", _place(INDEX, name, "signal")))
 
     def discrete(self, name: str) -> DiscreteArrays:
-        """The arrays of one discrete; KeyError when there is no such discrete."""
-        return arrays.of_discrete(self.rows, self.rate_hz, name)
+        """Return the arrays of one discrete; KeyError when there is no such discrete."""
+        place = _place(DISCRETE_INDEX, name, "discrete")
+        return DiscreteArrays(self.time_s, *self._columns(DiscreteArrays, "discrete_", place))
+
+    def _columns(self, arrays: Any, prefix: str, place: int) -> list[NDArray[Any]]:
+        """Return the fields of FRAME of the same names, in their order; time is not one of them."""
+        return [self.rows[prefix + field.name][:, place] for field in fields(arrays)[1:]]
 
     def to_polars(self, *owners: str) -> pl.DataFrame:
-        """One row a frame, the columns named as in ``rig export``; SI units, enums as words.
+        """Return one row a frame, the columns named as in ``rig export``; SI units, enums as words.
 
-        owners : signals, discretes, topics (control, flight, ...); all if none.  KeyError: one that is not known.
+        owners : signals, discretes, topics (control, flight, ...); all if none.  KeyError: one that does not exist.
         """
-        from rig.log.dataframe import dataframe
+        from rig.log.columns import dataframe
 
         return dataframe(self.rows, self.time_s, owners)
 
-    def plot(self, name: str) -> Figure:
-        """Channels, vote and truth of one signal over the flight; KeyError when there is no such signal."""
-        from rig.log.plot import plot
 
-        return plot(self, name)
-
-    def __repr__(self) -> str:
-        """One line: what was flown, and how it ended."""
-        return shown.line(self)
-
-    def _repr_html_(self) -> str:
-        """A small table for a notebook: scenario, verdict, failed channels, conclusion, digest."""
-        return shown.html(self)
+def _place(index: dict[str, int], name: str, kind: str) -> int:
+    if name not in index:
+        raise KeyError(f"unknown {kind} {name!r}, allowed: {', '.join(index)}")
+    return index[name]
 
 
 def read_log(path: Path | str) -> Log:
-    """The flight at ``path``; BadLog in one line when it is missing, foreign, cut or damaged.
+    """Read the flight at ``path``; BadLog in one line when it is missing, foreign, cut or damaged.
 
     Two kilobytes of memory a frame, twice that while reading; ``iter_chunks`` reads long logs.
     """
-    about = About()
-    blocks: list[Block] = []
-    timings: list[NDArray[Any]] = []
-    events: list[Event] = []
-    for part in iter_parts(Path(path), about):
-        blocks.append(part.rows)
-        timings.append(part.timing)
-        events += part.events
-    rows, timing = _joined(blocks, FLAT), _joined(timings, TIMING)
-    return Log(about.rate_hz, rows, timing, events, about.metadata, about.result, about.attachments)
+    return Log.read(path)
+
+
+def scenario_of(metadata: Mapping[str, str], where: object) -> dict[str, Any]:
+    """Return the scenario in a log's metadata as plain data, {} when there is none; BadLog, of ``where``: damaged."""
+    try:
+        scenario = json.loads(metadata.get("scenario") or "{}")
+    except (ValueError, RecursionError):
+        scenario = None
+    if not isinstance(scenario, dict):
+        raise BadLog(f"{where}: the scenario in its metadata is damaged")
+    return scenario
 
 
 def _joined(parts: list[NDArray[Any]], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """np.concatenate of the bytes: of structured arrays it goes field by field and promises no padding."""
+    """Concatenate the bytes: np.concatenate of structured arrays goes field by field and promises no padding."""
     joined = np.empty(sum(map(len, parts)), dtype)
     if parts:
         np.concatenate([part.view(np.uint8) for part in parts], out=joined.view(np.uint8))
@@ -102,7 +142,7 @@ def _joined(parts: list[NDArray[Any]], dtype: np.dtype[Any]) -> NDArray[Any]:
 
 
 def iter_chunks(path: Path | str) -> Iterator[tuple[Block, NDArray[Any], list[Event]]]:
-    """A log a second at a time, in bounded memory: rows, timing, events of each chunk.
+    """Yield rows, timing and events of each chunk, about a second: bounded memory.
 
     Damage is reported when it is reached, after the chunks before it have been given.
     """

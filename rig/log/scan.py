@@ -1,4 +1,4 @@
-"""Goes through a log from end to end and checks every byte of it.
+"""Goes through a log from end to end and checks every byte of it; mends one that was cut.
 
 Each byte of the file is under one of three checksums (chunk, data section, footer): what comes out of a
 log without BadLog is what was written.
@@ -6,11 +6,13 @@ log without BadLog is what was written.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple, TypeVar
+from typing import Any, BinaryIO, Final, NamedTuple, TypeVar
 
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.data_stream import ReadDataStream
@@ -19,13 +21,25 @@ from mcap.records import Attachment, Channel, DataEnd, Footer, Metadata, Schema
 from zlib_ng.zlib_ng import crc32
 
 from rig.errors import BadLog
-from rig.log.container import MAGIC, RECORD_HEAD
+from rig.log.container import MAGIC, RECORD_HEAD, Container, Packed
 from rig.log.decode import Damaged, Decoder, Part, damage, same_crc
-from rig.log.layout import LAYOUT, Layout
-from rig.log.schema import MESSAGES, OLDEST, SCHEMA_VERSION, TOPICS, Field, descriptors, older
-from rig.log.tables import RESULT, RIG, channels
-from rig.util.files import reported
+from rig.log.layout import LAYOUT, Layout, log_times, runs_of
+from rig.log.schema import (
+    MESSAGES,
+    OLDEST,
+    RESULT,
+    RIG,
+    SCHEMA_VERSION,
+    TOPICS,
+    Field,
+    channels,
+    descriptors,
+    older,
+    opening,
+)
+from rig.util.files import replaced, reported
 
+RECOVERED: Final = "recovered"  # name of the metadata record of a log that was mended
 R = TypeVar("R", Attachment, Channel, DataEnd, Footer, Metadata, Schema)
 
 
@@ -42,6 +56,34 @@ class About:
     def rate_hz(self) -> float:
         """Frames a second."""
         return float(self.metadata["rate_hz"])
+
+
+@dataclass(slots=True)
+class Contents(About):
+    """A log that was gone through: its frames and events counted, and where it is damaged."""
+
+    frames: int = 0
+    last_frame: int = 0
+    events: Counter[str] = field(default_factory=Counter)  # by their names
+    damaged: Damaged | None = None
+
+    @property
+    def damage(self) -> str:
+        """One line; empty when every byte is as it was written."""
+        return "" if self.damaged is None else self.damaged.what
+
+
+def contents(path: Path) -> Contents:
+    """Go through the log at ``path``, up to its damage where it has any; BadLog when it is no log of ours."""
+    counted = Contents()
+    try:
+        for part in iter_parts(path, counted):
+            counted.frames += len(part.rows)
+            counted.last_frame = int(part.rows["frame"][-1]) if len(part.rows) else counted.last_frame
+            counted.events.update(event.name for event in part.events)
+    except Damaged as error:
+        counted.damaged = error
+    return counted
 
 
 def iter_parts(path: Path, about: About) -> Iterator[Part]:
@@ -81,7 +123,7 @@ class _Record(NamedTuple):
 
 
 def _records(file: BinaryIO, path: Path) -> Iterator[_Record]:
-    """Every record up to the footer; Damaged where the file ends before it."""
+    """Yield every record up to the footer; Damaged where the file ends before it."""
     size = file.seek(0, 2)
     file.seek(size - len(MAGIC))
     ended = size >= 2 * len(MAGIC) and file.read() == MAGIC
@@ -114,14 +156,14 @@ def _as(kind: type[R], record: _Record) -> R:
 def _note(record: _Record, path: Path, about: About, described: _Descriptions) -> None:
     """Note what ``record``, no chunk, says."""
     if record.opcode == Opcode.METADATA:
-        said = _as(Metadata, record)
-        if said.name == RIG:
-            _check_version(path, said.metadata)
-            about.metadata = said.metadata
-        elif said.name == RESULT:
-            about.result = said.metadata
+        entry = _as(Metadata, record)
+        if entry.name == RIG:
+            _check_version(path, entry.metadata)
+            about.metadata = entry.metadata
+        elif entry.name == RESULT:
+            about.result = entry.metadata
         else:
-            about.others[said.name] = said.metadata
+            about.others[entry.name] = entry.metadata
     elif record.opcode == Opcode.ATTACHMENT:
         same_crc("attachment", int.from_bytes(record.content[-4:], "little"), crc32(record.content[:-4]))
         attached = _as(Attachment, record)
@@ -137,7 +179,7 @@ def _note(record: _Record, path: Path, about: About, described: _Descriptions) -
 
 
 def _check_version(path: Path, metadata: dict[str, str]) -> None:
-    """BadLog when the log is of a version that is not read: which, and who wrote it."""
+    """Raise BadLog, which says who wrote it, for a log of a version that is not read."""
     version = metadata["schema_version"]
     if not OLDEST <= int(version) <= SCHEMA_VERSION:
         by = metadata.get("version jsbsim-rig", "of another version")
@@ -164,29 +206,29 @@ class _Descriptions:
             self._channels[channel.id] = channel
 
     def check(self, about: About) -> Layout:
-        """The layout of the chunks; BadLog when the messages are not ours."""
+        """Return the layout of the chunks; BadLog when the messages are not ours."""
         if self._layout is None:
             if not about.metadata:
                 raise BadLog(f"{self._path}: not a log of this rig (no metadata record {RIG!r})")
             newest = int(about.metadata["schema_version"]) == SCHEMA_VERSION
-            found: dict[str, tuple[Field, ...]] = {}
+            fields_by_message: dict[str, tuple[Field, ...]] = {}
             for ours in channels():
                 name = TOPICS[ours.id - 1].message
                 fields = self._fields(self._schema(ours), name, newest)
-                found.setdefault(name, fields)
-            self._layout = LAYOUT if newest else Layout(found)
+                fields_by_message.setdefault(name, fields)
+            self._layout = LAYOUT if newest else Layout(fields_by_message)
         return self._layout
 
     def _schema(self, ours: Channel) -> Schema:
-        """The schema of one of our channels in this log."""
-        found = self._channels.get(ours.id)
-        if found is None or found.topic != ours.topic:
-            named = "is missing" if found is None else f"is {found.topic}"
+        """Return the schema of one of our channels in this log."""
+        channel = self._channels.get(ours.id)
+        if channel is None or channel.topic != ours.topic:
+            named = "is missing" if channel is None else f"is {channel.topic}"
             raise BadLog(f"{self._path}: its signals are not those of this rig: {ours.topic} {named}")
-        return self._schemas[found.schema_id]
+        return self._schemas[channel.schema_id]
 
     def _fields(self, schema: Schema, name: str, newest: bool) -> tuple[Field, ...]:
-        """The fields of a message of ours in this log, in the order of their numbers; none of foxglove's.
+        """Return the fields of a message of ours in this log, in the order of their numbers; none of foxglove's.
 
         Those may be of another release: we write the fields that we know.
         """
@@ -197,3 +239,58 @@ class _Descriptions:
         if schema.name != name or fields is None:
             raise BadLog(f"{self._path}: the fields of {schema.name} are not those of this rig")
         return fields
+
+
+@dataclass(frozen=True, slots=True)
+class Recovered:
+    """What was saved; ``complete`` when there was nothing to mend, and then nothing was written."""
+
+    frames: int
+    last_time_s: float  # of the last frame; 0 when there is none
+    complete: bool
+    lost_bytes: int  # of the file, after its last whole record
+    damage: str  # one line; empty when complete
+
+
+def recover(path: Path | str, out: Path | str) -> Recovered:
+    """Write every whole chunk before the cut or the damage in ``path`` to ``out``, with a new summary.
+
+    ``out`` appears only when it is whole, and may be ``path``.  BadLog when ``path`` is no log of ours or
+    was cut before its metadata; RigError when ``out`` cannot be written.
+    """
+    path, out = Path(path), Path(out)
+    log, lost = contents(path), 0
+    if log.damaged is not None:
+        _check_mendable(path, log)
+        with replaced(out) as draft, reported(out), closing(Container(draft, opening())) as file:
+            _copy(path, file, log)
+        lost = path.stat().st_size - log.damaged.at
+    last_s = log.last_frame / log.rate_hz
+    return Recovered(log.frames, last_s, complete=not log.damage, lost_bytes=lost, damage=log.damage)
+
+
+def _check_mendable(path: Path, log: Contents) -> None:
+    if not log.metadata:
+        raise BadLog(f"{path}: {log.damage}, before its metadata: nothing can be recovered")
+    version = log.metadata["schema_version"]
+    if int(version) != SCHEMA_VERSION:
+        raise BadLog(f"{path}: schema version {version}; only logs of version {SCHEMA_VERSION} are mended")
+
+
+def _copy(path: Path, file: Container, log: Contents) -> None:
+    file.metadata(RIG, log.metadata)
+    for name, data in log.attachments.items():
+        file.attachment(name, data)
+    with suppress(Damaged):  # the damage that brought us here
+        for part in iter_parts(path, About()):
+            file.chunk(_packed(part, log.rate_hz))
+    file.metadata(RECOVERED, {"damage": log.damage})
+    if log.result is not None:
+        file.metadata(RESULT, log.result)
+    file.finish()
+
+
+def _packed(part: Part, rate_hz: float) -> Packed:
+    chunk = part.chunk
+    times = log_times(part.rows["frame"], rate_hz)
+    return Packed(chunk.data, chunk.uncompressed_crc, chunk.uncompressed_size, runs_of(times, part.event_entries))

@@ -23,9 +23,13 @@ from google.protobuf.descriptor_pb2 import (
     FileDescriptorProto,
     FileDescriptorSet,
 )
+from mcap.records import Channel, Schema
+from mcap.well_known import MessageEncoding, SchemaEncoding
 
 from rig.frame import DISCRETES, SIGNALS, TIMING
 from rig.frame.fields import FIELD, Kind, Place, places
+from rig.log.container import Opening
+from rig.record.event import Severity
 
 SCHEMA_VERSION: Final = 4  # history in docs/log.md
 OLDEST: Final = 2  # that is still read
@@ -76,7 +80,7 @@ class Topic:
 
 
 def _field(place: Place) -> Field:
-    """The message field of one number of the frame."""
+    """Return the message field of one number of the frame."""
     field = FIELD[place.field]
     return Field(place.name, _WRITTEN[field.kind], field.name, place.index, field.enum)
 
@@ -104,43 +108,51 @@ TOPICS_OF_ROWS: Final = tuple(topic for topic in FRAME_TOPICS if topic.message i
 EVENTS: Final = Topic("/events", "foxglove.Log")
 TOPICS: Final = (*FRAME_TOPICS, EVENTS)
 SCHEMA_NAMES: Final = tuple(dict.fromkeys(topic.message for topic in TOPICS))
+RIG: Final = "rig"  # names of the metadata records
+RESULT: Final = "result"
+EVENT_CHANNEL: Final = TOPICS.index(EVENTS) + 1
+LEVELS: Final[dict[Severity, Any]] = {
+    "info": FoxgloveLog.INFO,
+    "warning": FoxgloveLog.WARNING,
+    "error": FoxgloveLog.ERROR,
+}
 
 
 @cache
 def descriptors(name: str) -> FileDescriptorSet:
-    """The descriptor of a message with all that it depends on, as the log embeds it."""
+    """Return the descriptor of a message with all that it depends on, as the log embeds it."""
     if name in MESSAGES:
         return FileDescriptorSet(file=[_file(MESSAGES[name])])
-    found: dict[str, FileDescriptorProto] = {}
+    files: dict[str, FileDescriptorProto] = {}
 
     def collect(file: Any) -> None:
         for dependency in file.dependencies:
             collect(dependency)
         proto = FileDescriptorProto()
         file.CopyToProto(proto)
-        found.setdefault(file.name, proto)
+        files.setdefault(file.name, proto)
 
     collect(FOXGLOVE[name].DESCRIPTOR.file)
-    return FileDescriptorSet(file=list(found.values()))
+    return FileDescriptorSet(file=list(files.values()))
 
 
 def older(described: FileDescriptorSet) -> tuple[Field, ...] | None:
-    """The fields of a message of an earlier version, by their numbers; None unless all of them are still ours.
+    """Return the fields of a message of an earlier version, by their numbers; None unless all of them are still ours.
 
     An enum of then may have fewer members, but none of another number.
     """
     (message,) = described.file[0].message_type
     ours = {field.name: field for field in MESSAGES[f"{described.file[0].package}.{message.name}"].fields}
     enums = {e.name: {(v.name, v.number) for v in e.enum_type[0].value} for e in message.nested_type}
-    found: list[Field] = []
+    fields: list[Field] = []
     for number, theirs in enumerate(message.field, 1):
         field = ours.get(theirs.name)
         if field is None or (theirs.number, theirs.type) != (number, field.kind):
             return None
         if field.enum and not enums[field.enum.__name__] <= {(m.name, m.value) for m in field.enum}:
             return None
-        found.append(field)
-    return tuple(found)
+        fields.append(field)
+    return tuple(fields)
 
 
 def _file(message: Message) -> FileDescriptorProto:
@@ -162,6 +174,35 @@ def _file(message: Message) -> FileDescriptorProto:
 
 
 def _enum(enum: type[IntEnum]) -> DescriptorProto:
-    """A scope of its own for each enum, so that names need no prefix: a viewer shows OK, SUSPECT, FAILED."""
+    """Return an enum in its own scope, so that names need no prefix: a viewer shows OK, SUSPECT, FAILED."""
     values = [EnumValueDescriptorProto(name=member.name, number=member.value) for member in enum]
     return DescriptorProto(name=enum.__name__, enum_type=[EnumDescriptorProto(name="Value", value=values)])
+
+
+@cache
+def opening() -> Opening:
+    """Return the schema and the channel records, the same in every file."""
+    schemas = [
+        Schema(i, descriptors(name).SerializeToString(), SchemaEncoding.Protobuf, name)
+        for i, name in enumerate(SCHEMA_NAMES, 1)
+    ]
+    return Opening.of(schemas, channels())
+
+
+def channels() -> list[Channel]:
+    """Return the channel records, ids from 1; a signal's has its unit, symbol and range."""
+    metadata = {
+        signal.topic: {
+            "unit": signal.unit,
+            "symbol": signal.symbol,
+            "group": signal.group,
+            "low": repr(signal.low),
+            "high": repr(signal.high),
+        }
+        for signal in SIGNALS
+    }
+    schema_ids = {name: i for i, name in enumerate(SCHEMA_NAMES, 1)}
+    return [
+        Channel(i, topic.name, MessageEncoding.Protobuf, metadata.get(topic.name, {}), schema_ids[topic.message])
+        for i, topic in enumerate(TOPICS, 1)
+    ]

@@ -19,9 +19,8 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from numpy.typing import NDArray
 from zlib_ng.zlib_ng import crc32
 
-from rig.log.container import Container, Opening
-from rig.log.index import Packed, Run
-from rig.log.record import HEAD, MESSAGE_OPCODE, WIRE, tag
+from rig.log.container import Container, Opening, Packed, Run
+from rig.log.layout import HEAD, MESSAGE_OPCODE, WIRE, tag
 from rig.log.schema import DOUBLE, FIXED32, MESSAGES, SCHEMA_VERSION, Field, descriptors
 from rig.log.writer import CHUNK_BYTES
 
@@ -72,7 +71,7 @@ def _tag(field: Field, number: int) -> bytes:
 
 
 def _record(message: str) -> np.dtype[Any]:
-    """One message record: head, then each field's tag and value."""
+    """Return the dtype of one message record: head, then each field's tag and value."""
     parts: list[tuple[str, str]] = [
         ("opcode", "u1"),
         ("length", "<u8"),
@@ -102,7 +101,7 @@ class _Group:
         return np.arange(self.first, self.first + len(self.columns))
 
     def template(self, rows: int) -> NDArray[Any]:
-        """Rows (rows, topics) of ``record`` with all that is constant."""
+        """Return rows (rows, topics) of ``record`` with all that is constant."""
         made = np.zeros((rows, len(self.columns)), self.record)
         made["opcode"] = MESSAGE_OPCODE
         made["length"] = self.record.itemsize - (HEAD.size - struct.calcsize("<HIQQ"))
@@ -114,14 +113,14 @@ class _Group:
         return made
 
     def packed(self, rows: NDArray[Any], times: NDArray[np.uint64], compressor: zstandard.ZstdCompressor) -> Packed:
-        """Rows of this kind as a chunk."""
+        """Return rows of this kind as a chunk."""
         raw: Any = rows.view(np.uint8).reshape(-1)
         starts = np.arange(len(self.columns)) * self.record.itemsize
         offsets = np.add.outer(starts, np.arange(len(rows)) * self.row_bytes)
         return Packed(compressor.compress(raw), crc32(raw), len(raw), [Run(self.first, times, offsets)])
 
     def fill(self, rows: NDArray[Any], first: int, times: NDArray[np.uint64], part: slice) -> None:
-        """Put the columns' rows ``part`` into ``rows``."""
+        """Fill ``rows`` with the columns' rows ``part``."""
         rows["sequence"] = np.arange(first, first + len(rows))[:, None]
         rows["log_time"] = rows["publish_time"] = times[:, None]
         for s, columns in enumerate(self.columns.values()):

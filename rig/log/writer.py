@@ -15,13 +15,10 @@ from zlib_ng.zlib_ng import crc32
 
 from rig.errors import BadInput, RigError
 from rig.frame import TIMING, Block, new_block
-from rig.log.container import Container
-from rig.log.index import Packed
-from rig.log.layout import ROW, log_times
+from rig.log.container import Container, Packed
+from rig.log.layout import HEAD, MESSAGE_OPCODE, ROW, log_times, runs_of
 from rig.log.packing import empty_rows, pack
-from rig.log.record import HEAD, MESSAGE_OPCODE
-from rig.log.schema import SCHEMA_VERSION
-from rig.log.tables import EVENT_CHANNEL, LEVELS, RESULT, RIG, opening, runs_of
+from rig.log.schema import EVENT_CHANNEL, LEVELS, RESULT, RIG, SCHEMA_VERSION, opening
 from rig.record.event import Event
 
 # Nearly all that repeats is in the row before, so a small table finds it: smaller files than those of
@@ -166,7 +163,7 @@ class LogWriter:
 
 
 def _event(event: Event, time: int) -> bytes:
-    """The message record of an event."""
+    """Return the message record of an event."""
     message = FoxgloveLog(level=LEVELS[event.level], message=event.text, name=event.name)
     message.timestamp.FromNanoseconds(time)
     data = message.SerializeToString()

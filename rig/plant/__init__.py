@@ -5,10 +5,9 @@ actuated.py  the base model with its own flight control replaced by our actuator
 wind.py      steady wind, steps, gusts and turbulence of a flight
 truth.py     JSBSim's numbers as the true row of a frame, in SI units
 loading.py   load an aircraft in JSBSim and trim it
-jsbsim.py    fly it
+jsbsim.py    fly it, or the linear plant: as the aircraft's settings ask
 linearise.py the small motions about trim
 imperial.py  feet, pounds and slugs in SI, here and nowhere else
-flown.py     the plant that an aircraft's settings ask for
 Without JSBSim:
 linear_plant.py   fly the matrices of the small motions
 small_motion.py   its kernels

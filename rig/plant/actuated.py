@@ -39,7 +39,7 @@ _READS_FILE = "reads.txt"
 
 
 def folder(airframe: Config, root: Path) -> Path:
-    """The aircraft folder to give to JSBSim, made when the cache has none.
+    """Return the aircraft folder to give to JSBSim; make it when the cache has none.
 
     root : the installed JSBSim's data (aircraft, engine, systems)
     Raises BadInput: no such base model, or one that our actuators do not fit.
@@ -57,35 +57,35 @@ def folder(airframe: Config, root: Path) -> Path:
 
 
 def base_models(root: Path) -> list[str]:
-    """The aircraft of the installed JSBSim, in alphabetical order."""
+    """Return the aircraft of the installed JSBSim, in alphabetical order."""
     folders = sorted((root / "aircraft").iterdir())
     return [path.name for path in folders if is_file(path / f"{path.name}.xml")]
 
 
 def model_file(base_model: str, root: Path) -> Path:
-    """The file of an aircraft of the installed JSBSim; BadInput with the nearest names when there is none."""
+    """Return the file of an aircraft of the installed JSBSim; BadInput names the nearest when there is none."""
     model = root / "aircraft" / base_model / f"{base_model}.xml"
     if not is_file(model):
-        known = choices(base_model, base_models(root))
-        raise BadInput(f"airframe.base_model: JSBSim has no aircraft {quoted(base_model)}; {known}")
+        allowed = choices(base_model, base_models(root))
+        raise BadInput(f"airframe.base_model: JSBSim has no aircraft {quoted(base_model)}; {allowed}")
     return model
 
 
 def read_by_equations(tree: ET.Element, root: Path, source: Path) -> list[str]:
-    """The properties that a model's equations and engines read, without its own flight control."""
+    """Return the properties that a model's equations and engines read, without its own flight control."""
     for child in [child for child in tree if child.tag in _DROPPED]:
         tree.remove(child)
     return sorted(_reads(tree, root, source))
 
 
 def reads(folder: Path) -> list[str]:
-    """The properties that the equations of this folder's aircraft and engines read."""
+    """Return the properties that the equations of this folder's aircraft and engines read."""
     return (folder / _READS_FILE).read_text(encoding="utf-8").split()
 
 
 @cache
 def _sources(source: Path) -> bytes:
-    """What the copy is made by and from; neither changes while a process runs."""
+    """Return what the copy is made by and from; neither changes while a process runs."""
     digest = hashlib.sha256(Path(__file__).read_bytes())
     for path in sorted(source.rglob("*")):
         if path.is_file():
@@ -179,9 +179,9 @@ def _check_positions(airframe: Config, reads: list[str]) -> None:
     for name in ("elevator", "aileron", "rudder"):
         position = getattr(airframe, name).position
         if position not in reads:
-            known = choices(position, (read for read in reads if read.startswith("fcs/")))
+            allowed = choices(position, (read for read in reads if read.startswith("fcs/")))
             model = airframe.base_model
-            raise BadInput(f"airframe.{name}.position: {model} does not read {quoted(position)}; {known}")
+            raise BadInput(f"airframe.{name}.position: {model} does not read {quoted(position)}; {allowed}")
 
 
 def _reads(tree: ET.Element, root: Path, source: Path) -> set[str]:
@@ -196,7 +196,7 @@ def _reads(tree: ET.Element, root: Path, source: Path) -> set[str]:
 
 
 def part_files(tree: ET.Element, root: Path, source: Path) -> Iterator[ET.Element]:
-    """Engines and thrusters, and any other part that the model keeps in a file of its own."""
+    """Yield engines and thrusters, and any other part that the model keeps in a file of its own."""
     places = (source, source / "Engines", source / "Engine", root / "engine")
     for name in {element.get("file") for element in tree.iter() if element.get("file")}:
         for path in (place / f"{name}.xml" for place in places):

@@ -99,12 +99,12 @@ class Shared(Settings):
         return self
 
     def point(self, name: str | None = None) -> FlightPoint:
-        """The flight point of that name, the first when None; BadInput when there is none."""
+        """Return the flight point of that name, the first when None; BadInput when there is none."""
         for point in self.flight_points:
             if name is None or point.name == name:
                 return point
-        known = choices(str(name), (point.name for point in self.flight_points), "rig aircraft list")
-        raise BadInput(f"flight_point: {self.base_model} has no {quoted(name)}; {known}")
+        allowed = choices(str(name), (point.name for point in self.flight_points), "rig aircraft list")
+        raise BadInput(f"flight_point: {self.base_model} has no {quoted(name)}; {allowed}")
 
     @property
     def surface_limits(self) -> list[tuple[float, float]]:
@@ -210,9 +210,9 @@ class LinearConfig(Shared):
 
 
 def _plant(data: Any) -> str:
-    """Which kind of aircraft a table, or a model made of one, is."""
-    found = data.get("plant", "jsbsim") if isinstance(data, dict) else getattr(data, "plant", "")
-    return found if isinstance(found, str) else ""
+    """Return the kind of aircraft that a table, or a model made of one, is."""
+    plant = data.get("plant", "jsbsim") if isinstance(data, dict) else getattr(data, "plant", "")
+    return plant if isinstance(plant, str) else ""
 
 
 Airframe = Config | LinearConfig
@@ -228,7 +228,7 @@ AirframeField = Annotated[
 
 
 def parse(data: dict[str, Any], source: str) -> Airframe:
-    """An ``[airframe]`` table as an aircraft of its kind; BadInput names ``source`` and the key."""
+    """Return an ``[airframe]`` table as an aircraft of its kind; BadInput names ``source`` and the key."""
     return build(_Table, {"airframe": data}, source).airframe
 
 
@@ -237,7 +237,7 @@ class _Table(Settings):
 
 
 def read(path: Path) -> Airframe:
-    """The ``[airframe]`` table of the aircraft.toml at ``path``; BadInput when it cannot be used."""
+    """Return the ``[airframe]`` table of the aircraft.toml at ``path``; BadInput when it cannot be used."""
     data = read_toml(path)
     if "airframe" not in data:
         raise BadInput(f"{path}: airframe: table is missing")

@@ -40,23 +40,23 @@ class BaseModel:
 
     @property
     def propeller(self) -> bool:
-        """Whether propellers pull it."""
+        """True if propellers pull it."""
         return self.blade_angles_deg is not None
 
     def kind(self, mass_kg: float) -> Kind:
-        """Which assumed figures fit it: light (propellers, up to 8618 kg: 19 000 lb, 14 CFR 23), fighter, transport."""
+        """Return whose assumed figures fit it: light (propellers, up to 8618 kg, 14 CFR 23), fighter, transport."""
         if self.propeller and mass_kg <= LIGHTEST_TRANSPORT_KG:
             return "light"
         return "fighter" if self.augmented else "transport"
 
 
 def names() -> list[str]:
-    """The aircraft of the installed JSBSim."""
+    """Return the aircraft of the installed JSBSim."""
     return actuated.base_models(_root())
 
 
 def read(name: str) -> BaseModel:
-    """The model of that name; BadInput: there is none, it has no engine, or a surface is not to be found."""
+    """Return the model of that name; BadInput: none, without an engine, or a surface is not to be found."""
     root = _root()
     model = actuated.model_file(name, root)
     tree = ET.parse(model).getroot()
@@ -66,7 +66,7 @@ def read(name: str) -> BaseModel:
     if not engines:
         raise BadInput(f"airframe.base_model: {name} has no engine; the rig flies aircraft with engines")
     positions = {surface: position(name, surface, reads) for surface in SURFACES}
-    stops = {surface: found for surface in SURFACES if (found := _stops(control, surface, positions[surface]))}
+    stops = {surface: limits for surface in SURFACES if (limits := _stops(control, surface, positions[surface]))}
     parts = list(actuated.part_files(tree, root, model.parent))
     engine = next((kind for part in parts for kind in _ENGINES if part.tag.startswith(kind)), "turbine")
     augmented = any(_number(part, "augmented") == 1.0 for part in parts)
@@ -75,41 +75,41 @@ def read(name: str) -> BaseModel:
 
 
 def position(model: str, surface: str, reads: list[str]) -> str:
-    """The property of ``reads`` that is a surface's position, in rad before any other; BadInput when there is none."""
-    found = [
+    """Return the property of ``reads`` that is a surface's position, in rad first; BadInput: none."""
+    ranked = [
         (rank, words, not read.endswith("-rad"), "left" not in read, read)
         for words, word in enumerate((surface, *_ALSO[surface]))
         for read in reads
         if word in read and "mag-" not in read and (rank := _rank(read)) is not None
     ]
-    if not found:
-        known = ", ".join(reads) or "none"
-        raise BadInput(f"airframe.{surface}: {model} reads no {surface} position; of fcs/ it reads: {known}")
-    return min(found)[-1]
+    if not ranked:
+        listed = ", ".join(reads) or "none"
+        raise BadInput(f"airframe.{surface}: {model} reads no {surface} position; of fcs/ it reads: {listed}")
+    return min(ranked)[-1]
 
 
 def _rank(read: str) -> int | None:
-    """How good a property is as a position: rad, of no said unit, normalised; None when it is none."""
+    """Rank a property as a position: rad, of no given unit, normalised; None when it is none."""
     if "pos" not in read or read.endswith("-deg"):
         return None
     return 0 if read.endswith("-rad") else 2 if read.endswith("-norm") else 1
 
 
 def _stops(control: Iterable[ET.Element], surface: str, position: str) -> tuple[float, float] | None:
-    """Low and high of the component that moves ``position``, else of one side of that surface, made symmetric."""
+    """Return the range of the component that moves ``position``, else of one side of the surface, symmetric."""
     components = [part for group in control for part in group.iter() if part.find("output") is not None]
     for part in components:
-        if position in _texts(part, "output") and (found := _range(part)) is not None:
-            return found
+        if position in _texts(part, "output") and (limits := _range(part)) is not None:
+            return limits
     for part in components:
-        if any(f"left-{surface}-pos-rad" in text for text in _texts(part, "output")) and (found := _range(part)):
-            reach = 0.5 * (found[1] - found[0])
+        if any(f"left-{surface}-pos-rad" in text for text in _texts(part, "output")) and (limits := _range(part)):
+            reach = 0.5 * (limits[1] - limits[0])
             return -reach, reach
     return None
 
 
 def _range(part: ET.Element) -> tuple[float, float] | None:
-    """What a scaling or an actuator can put out, within JSBSim's trim of -1 to 1; None when it does not say."""
+    """Return what a scaling or an actuator can put out, within JSBSim's trim of -1 to 1; None: not given."""
     limits = part.find("range") if part.find("range") is not None else part.find("clipto")
     if limits is None:
         return None
@@ -143,7 +143,7 @@ def _texts(part: ET.Element, tag: str) -> Iterator[str]:
 
 
 def _number(part: ET.Element, tag: str) -> float | None:
-    """The number in a child, None when there is none or it is a property's name."""
+    """Return the number in a child, None when there is none or it is a property's name."""
     text = (part.findtext(tag) or "").strip()
     try:
         return float(text)

@@ -33,12 +33,12 @@ _SIGMA_M_S: Final[dict[Turbulence, tuple[float, ...]]] = {
 
 
 def sigma(turbulence: Turbulence, altitude_m: float) -> float:
-    """Standard deviation [m/s] of each component."""
+    """Return the standard deviation [m/s] of each component."""
     return float(np.interp(altitude_m, _ALTITUDE_M, _SIGMA_M_S[turbulence]))
 
 
 def filters(sigma_m_s: float, airspeed_m_s: float, dt_s: float) -> tuple[Matrix, Matrix, Matrix]:
-    """(F, L, C) of z+ = F z + L n, wind = C z: (5, 5), (5, 5), (3, 5); n standard normal, wind along, across, down."""
+    """Return F, L, C of z+ = F z + L n, wind = C z: (5, 5), (5, 5), (3, 5); n normal, wind along, across, down."""
     time = LENGTH_M / airspeed_m_s
     first = np.array([[-1.0 / time]]), np.array([[sqrt(2.0 / time)]])
     second = np.array([[0.0, 1.0], [-1.0 / time**2, -2.0 / time]]), np.array([[0.0], [1.0]])
@@ -49,7 +49,7 @@ def filters(sigma_m_s: float, airspeed_m_s: float, dt_s: float) -> tuple[Matrix,
 
 
 def _discrete(a: Matrix, b: Matrix, dt_s: float) -> tuple[Matrix, Matrix]:
-    """The exact step of dz/dt = a z + b n, and the Cholesky factor of the noise it gathers (Van Loan 1978)."""
+    """Return the exact step of dz/dt = a z + b n, and the Cholesky factor of its noise (Van Loan 1978)."""
     n = len(a)
     step = np.asarray(expm(np.block([[-a, b @ b.T], [np.zeros((n, n)), a.T]]) * dt_s), np.float64)
     f = step[n:, n:].T
@@ -59,7 +59,7 @@ def _discrete(a: Matrix, b: Matrix, dt_s: float) -> tuple[Matrix, Matrix]:
 
 @kernel
 def stir(z, noise, k, f, gain, c, wind):
-    """One frame: moves ``z`` (5,) by row k of ``noise`` (n, 5) and writes ``wind`` (3,), along, across, down."""
+    """Move ``z`` (5,) by row k of ``noise`` (n, 5); write ``wind`` (3,), along, across, down."""
     size = len(z)
     for block, width in ((0, 1), (1, 2), (3, 2)):
         first, second = 0.0, 0.0

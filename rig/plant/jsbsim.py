@@ -1,10 +1,10 @@
-"""Fly one aircraft in JSBSim, frame by frame; with loading.py the only importer of JSBSim."""
+"""Fly one aircraft in JSBSim, frame by frame; or in the linear plant where its settings ask for that."""
 
 from __future__ import annotations
 
 import struct
 from math import inf
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import jsbsim
 import numpy as np
@@ -13,9 +13,12 @@ from rig.errors import RigError
 from rig.frame import SURFACES, Block, new_block
 from rig.kernels import bind
 from rig.plant import actuated, truth, wind
-from rig.plant.airframe import Airframe, FlightPoint
+from rig.plant.airframe import Airframe, FlightPoint, LinearConfig
 from rig.plant.imperial import FEET_PER_METRE
 from rig.plant.loading import jsbsim_airframe, load, log
+
+if TYPE_CHECKING:
+    from rig.plant.linear_plant import LinearPlant
 
 _FPS_PER_KNOT: Final = 1852.0 / 3600.0 * FEET_PER_METRE
 _TUSTIN: Final = 4  # JSBSim's number of its Dryden turbulence in Tustin form
@@ -57,7 +60,7 @@ class Plant:
         self.reset()
 
     def reset(self) -> None:
-        """Back to the first frame, on a fresh JSBSim: the same flight again, bit for bit."""
+        """Go back to the first frame, on a fresh JSBSim: the same flight again, bit for bit."""
         airframe = self._airframe
         fdm = load(airframe, self._flight_point, self._dt_s, self._wind.steady)
         _set_turbulence(fdm, self._severity, self._seed)
@@ -83,7 +86,7 @@ class Plant:
         self._write_row = bind(truth.write_row, new_block(1), 0, self._raw, self._fixed)
 
     def _stands_still(self) -> bool:
-        """Whether mass and wind are those of the first frame throughout the flight."""
+        """Return True if mass and wind are those of the first frame throughout the flight."""
         air = self._wind
         changes = air.steps or air.gusts or air.down_m_s or self._severity.exceedance_index
         return self._airframe.freeze_fuel and not changes
@@ -135,3 +138,20 @@ def _set_turbulence(fdm: jsbsim.FGFDMExec, severity: wind.Severity, seed: int) -
     milspec = "atmosphere/turbulence/milspec"
     fdm[f"{milspec}/windspeed_at_20ft_AGL-fps"] = severity.wind_at_20ft_knots * _FPS_PER_KNOT
     fdm[f"{milspec}/severity"] = severity.exceedance_index
+
+
+def plant(
+    airframe: Airframe,
+    flight_point: FlightPoint,
+    air: wind.Config,
+    turbulence: wind.Turbulence,
+    rate_hz: float,
+    steps_per_frame: int,
+    seed: int,
+) -> Plant | LinearPlant:
+    """Return the aircraft, trimmed at ``flight_point``; BadInput when it cannot be loaded or trimmed there."""
+    if isinstance(airframe, LinearConfig):
+        from rig.plant.linear_plant import LinearPlant  # scipy's linear algebra takes its time, and few fly it
+
+        return LinearPlant(airframe, flight_point, air, turbulence, rate_hz, steps_per_frame, seed)
+    return Plant(airframe, flight_point, air, turbulence, rate_hz, steps_per_frame, seed)

@@ -17,6 +17,7 @@ from rig.kernels import bind
 from rig.plant import dryden, small_motion, truth, wind
 from rig.plant.airframe import OUTPUTS, FlightPoint, LinearConfig
 from rig.plant.small_motion import ALTITUDE, PARAM
+from rig.settings import record
 from rig.units.atmosphere import speed_of_sound
 
 Matrix = NDArray[np.float64]
@@ -25,7 +26,7 @@ _S: Final = len(SURFACES)
 
 
 def matrices(airframe: LinearConfig, true: bool = False) -> tuple[Matrix, Matrix, Matrix]:
-    """A (n, n), B (n, 4) by frame.SURFACES, C (8, n) by airframe.OUTPUTS; rows and columns not given are zero.
+    """Return A (n, n), B (n, 4) by SURFACES, C (8, n) by OUTPUTS; rows and columns not given are zero.
 
     true : with ``a_factor`` and ``b_factor``, as the aircraft flies; else as its design knows it
     """
@@ -37,7 +38,7 @@ def matrices(airframe: LinearConfig, true: bool = False) -> tuple[Matrix, Matrix
 
 
 def discretise(a: Matrix, b: Matrix, lags_s: Matrix, dt_s: float) -> tuple[Matrix, Matrix]:
-    """(F, G) of x+ = F x + G c for airframe and actuators, x = [airframe, positions]; exact while c is held."""
+    """Return F, G of x+ = F x + G c, x = [airframe, actuator positions]; exact while c is held."""
     n, m = b.shape
     chain = np.zeros((n + 2 * m, n + 2 * m))
     chain[:n, :n], chain[:n, n : n + m] = a, b
@@ -85,17 +86,23 @@ class LinearPlant:
         return np.array([frame.elevator.lag_s, frame.aileron.lag_s, frame.rudder.lag_s, frame.throttle.lag_s])
 
     def _parameters(self, dt_s: float) -> NDArray[Any]:
-        frame, param = self._airframe, np.zeros(1, PARAM)
-        row = param[0]
-        row["dt"], row["airspeed"], row["pitch_angle"] = dt_s, self._speed, frame.trim.pitch_angle_rad
-        row["surface"], (row["low"], row["high"]) = self.trim, np.array(frame.surface_limits).T
+        frame = self._airframe
+        low, high = np.array(frame.surface_limits).T
         surfaces = (frame.elevator, frame.aileron, frame.rudder)
         rates = [*(surface.rate_limit_rad_s for surface in surfaces), frame.throttle.rate_limit_1_s]
-        row["reach"] = np.array(rates) * self._lags()
-        return param
+        return record(
+            PARAM,
+            dt=dt_s,
+            airspeed=self._speed,
+            pitch_angle=frame.trim.pitch_angle_rad,
+            surface=self.trim,
+            low=low,
+            high=high,
+            reach=np.array(rates) * self._lags(),
+        )
 
     def reset(self) -> None:
-        """Back to the first frame: the same flight again, bit for bit."""
+        """Go back to the first frame: the same flight again, bit for bit."""
         self._x = np.array([*self._airframe.model.initial, *([0.0] * _S)], float)
         self._place = np.zeros(4)
         self._place[ALTITUDE] = self._point.altitude_m
@@ -138,7 +145,7 @@ class LinearPlant:
         self._evaluate(*self._of_evaluate)
 
     def _move_air(self, time_s: float) -> None:
-        """The wind of the next frame; a change of it acts at once."""
+        """Set the wind of the next frame; a change of it acts at once."""
         if time_s >= self._air_changes_s:
             self._mean[:] = wind.added(self._wind, time_s)
             self._mean += self._steady

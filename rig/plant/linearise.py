@@ -24,7 +24,7 @@ from rig.plant.airframe import OUTPUTS, Airframe, Config, FlightPoint, LinearCon
 from rig.plant.imperial import METRES_PER_FOOT, PASCALS_PER_PSF_OF_GAINS
 from rig.plant.linear_plant import matrices
 from rig.plant.loading import load, turns_propellers
-from rig.units.atmosphere import GAS_CONSTANT, pressure, speed_of_sound, temperature
+from rig.units.atmosphere import density, speed_of_sound
 
 Matrix = NDArray[np.float64]
 
@@ -66,12 +66,12 @@ class Linear:
 
     @property
     def rolls(self) -> bool:
-        """Whether aileron and rudder move the aircraft at all."""
+        """True if aileron and rudder move the aircraft at all."""
         return bool(self.lateral_b.any())
 
 
 def linearise(airframe: Airframe, flight_point: FlightPoint) -> Linear:
-    """The small motions of ``airframe`` about trim at ``flight_point``; BadInput when it does not trim."""
+    """Return the small motions of ``airframe`` about trim at ``flight_point``; BadInput: it does not trim."""
     if isinstance(airframe, LinearConfig):
         return _given(airframe, flight_point)
     fdm = load(airframe, flight_point, _ANY_STEP_S)
@@ -94,12 +94,12 @@ def linearise(airframe: Airframe, flight_point: FlightPoint) -> Linear:
 
 
 def trimmed(airframe: Config, flight_point: FlightPoint) -> Trim:
-    """Level flight at ``flight_point``, nothing linearised; BadInput when it does not trim."""
+    """Trim level flight at ``flight_point``, nothing linearised; BadInput when it does not trim."""
     return _trim(load(airframe, flight_point, _ANY_STEP_S), airframe)
 
 
 def _given(airframe: LinearConfig, point: FlightPoint) -> Linear:
-    """A linear aircraft's own matrices, with its outputs as the states: A' = C A C^-1, B' = C B."""
+    """Return a linear aircraft's own matrices, its outputs as the states: A' = C A C^-1, B' = C B."""
     a, b, c = matrices(airframe)
     named = [OUTPUTS.index(name) for name in airframe.model.outputs]
     c = c[named]
@@ -108,12 +108,11 @@ def _given(airframe: LinearConfig, point: FlightPoint) -> Linear:
     system, drive = np.zeros((len(OUTPUTS), len(OUTPUTS))), np.zeros((len(OUTPUTS), len(SURFACES)))
     system[np.ix_(named, named)], drive[named] = c @ a @ np.linalg.inv(c), c @ b
     speed = point.mach * speed_of_sound(point.altitude_m)
-    density = pressure(point.altitude_m) / (GAS_CONSTANT * temperature(point.altitude_m))
     trim = airframe.trim
     return Linear(
         trim=Trim(
             airspeed_m_s=speed,
-            dynamic_pressure_pa=0.5 * density * speed**2,
+            dynamic_pressure_pa=0.5 * density(point.altitude_m) * speed**2,
             alpha_rad=trim.pitch_angle_rad,
             theta_rad=trim.pitch_angle_rad,
             elevator_rad=trim.elevator_rad,
@@ -138,7 +137,7 @@ def _system(fdm: jsbsim.FGFDMExec) -> tuple[Matrix, Matrix]:
 
 
 def _differenced(fdm: jsbsim.FGFDMExec) -> tuple[Matrix, Matrix]:
-    """The same by central differences, revolutions settled: JSBSim's may search a minute for those of a propeller."""
+    """Difference the system centrally, revolutions settled: JSBSim may search those of a propeller a minute."""
     rest = _states(fdm)
     columns: list[Matrix] = []
     for i, step in enumerate(_STATE_STEPS):
@@ -155,7 +154,7 @@ def _differenced(fdm: jsbsim.FGFDMExec) -> tuple[Matrix, Matrix]:
 
 
 def _states(fdm: jsbsim.FGFDMExec) -> Matrix:
-    """(8,) true airspeed [ft/s], alpha, q, theta, beta, p, r, phi."""
+    """Return (8,) true airspeed [ft/s], alpha, q, theta, beta, p, r, phi."""
     names = ("velocities/vt-fps", "aero/alpha-rad", "velocities/q-rad_sec", "attitude/theta-rad")
     names += ("aero/beta-rad", "velocities/p-rad_sec", "velocities/r-rad_sec", "attitude/phi-rad")
     return np.array([fdm[name] for name in names])
@@ -197,7 +196,7 @@ def _hold_still(fdm: jsbsim.FGFDMExec) -> None:
 
 
 def _difference(fdm: jsbsim.FGFDMExec, airframe: Config, command: str, step: float) -> Matrix:
-    """(8,) derivative of the state rates by the position that ``command`` moves."""
+    """Return (8,) derivative of the state rates by the position that ``command`` moves."""
     name = f"fcs/{command}-cmd-norm"
     position = name if command == "throttle" else getattr(airframe, command).position
     rest = fdm[name]
@@ -217,7 +216,7 @@ def _difference(fdm: jsbsim.FGFDMExec, airframe: Config, command: str, step: flo
 
 
 def _rates(fdm: jsbsim.FGFDMExec) -> Matrix:
-    """(8,) rates of the longitudinal and the lateral states."""
+    """Return (8,) rates of the longitudinal and the lateral states."""
     u, v, w = (fdm[f"velocities/{axis}-aero-fps"] for axis in "uvw")
     du, dv, dw = (fdm[f"accelerations/{axis}dot-ft_sec2"] for axis in "uvw")
     speed = np.sqrt(u * u + v * v + w * w)

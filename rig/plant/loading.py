@@ -43,7 +43,7 @@ class _Logger(jsbsim.FGLogger):
         self._text.append(message)
 
     def format(self, format: jsbsim.LogFormat) -> None:
-        """Colours mean nothing in a log."""
+        """Ignore colours: they mean nothing in a log."""
 
     def flush(self) -> None:
         text = " ".join("".join(self._text).split())
@@ -64,7 +64,7 @@ def _executive() -> jsbsim.FGFDMExec:
 
 
 def jsbsim_airframe(airframe: Airframe) -> Config:
-    """The aircraft itself when JSBSim flies it; BadInput for a linear one."""
+    """Return the aircraft itself when JSBSim flies it; BadInput for a linear one."""
     if not isinstance(airframe, Config):
         raise BadInput(f'airframe.plant: {airframe.base_model} is "linear", JSBSim does not fly it')
     return airframe
@@ -76,7 +76,7 @@ def load(
     dt_s: float,
     wind_m_s: wind.Velocity = wind.CALM,
 ) -> jsbsim.FGFDMExec:
-    """A fresh JSBSim trimmed in level flight at ``flight_point``, heading north.
+    """Return a fresh JSBSim trimmed in level flight at ``flight_point``, heading north.
 
     dt_s     : JSBSim's own step
     wind_m_s : steady wind, towards north and east; the trim holds in it (down is left out)
@@ -94,7 +94,7 @@ def load(
 
 
 def mass_kg(airframe: Config, point: FlightPoint) -> float:
-    """The mass with the fuel that the model begins with; nothing is trimmed."""
+    """Return the mass with the fuel that the model begins with; nothing is trimmed."""
     fdm, folder = _loaded(airframe, 0.01)
     _check_properties(fdm, airframe, actuated.reads(folder))
     _begin(fdm, airframe, point, wind.CALM)
@@ -102,13 +102,13 @@ def mass_kg(airframe: Config, point: FlightPoint) -> float:
 
 
 def undeclared(airframe: Config) -> list[str]:
-    """The properties that the model's equations read and nobody provides; the airframe's ``properties`` must."""
+    """Return what the model's equations read and nobody provides; the airframe's ``properties`` must."""
     fdm, folder = _loaded(airframe, 0.01)
     return _provide(fdm, actuated.reads(folder))
 
 
 def _loaded(airframe: Config, dt_s: float) -> tuple[jsbsim.FGFDMExec, Path]:
-    """JSBSim with the model and our actuators, and the folder that it was loaded from."""
+    """Return JSBSim with the model and our actuators, and the folder that it was loaded from."""
     fdm = _executive()
     for name in airframe.properties:
         if fdm.get_property_manager().hasNode(name):
@@ -128,7 +128,7 @@ def _loaded(airframe: Config, dt_s: float) -> tuple[jsbsim.FGFDMExec, Path]:
 
 
 def _provide(fdm: jsbsim.FGFDMExec, reads: list[str]) -> list[str]:
-    """What is read and not there; it is made, else JSBSim would abort the process even when it is discarded."""
+    """Make what is read and missing, else JSBSim aborts the process even when discarded; return the names."""
     has = fdm.get_property_manager().hasNode
     missing = [name for name in reads if not has(name)]
     for name in missing:
@@ -151,9 +151,9 @@ def _check_held(fdm: jsbsim.FGFDMExec, airframe: Config) -> None:
     has = fdm.get_property_manager().hasNode
     for name in airframe.held:
         if not has(name):
-            known = [line.split(" ")[0] for line in fdm.query_property_catalog("/").split("\n")]
+            names = [line.split(" ")[0] for line in fdm.query_property_catalog("/").split("\n")]
             wrong = f"{airframe.base_model} has no property {quoted(name)}"
-            raise BadInput(f"airframe.held: {wrong}; {choices(name, known)}")
+            raise BadInput(f"airframe.held: {wrong}; {choices(name, names)}")
 
 
 def _begin(fdm: jsbsim.FGFDMExec, airframe: Config, point: FlightPoint, wind_m_s: wind.Velocity) -> None:
@@ -172,7 +172,7 @@ def _begin(fdm: jsbsim.FGFDMExec, airframe: Config, point: FlightPoint, wind_m_s
 
 
 def _set_wind(fdm: jsbsim.FGFDMExec, north_fps: float, east_fps: float) -> None:
-    """Wind that leaves the airspeed as it is: JSBSim holds the ground speed while wind is set.
+    """Set wind that leaves the airspeed as it is: JSBSim holds the ground speed while wind is set.
 
     The order matters: without a magnitude JSBSim forgets the direction, which is where the air goes to.
     """
@@ -198,5 +198,5 @@ def _trim(fdm: jsbsim.FGFDMExec, airframe: Config, point: FlightPoint) -> None:
 
 
 def turns_propellers(fdm: jsbsim.FGFDMExec) -> bool:
-    """Whether the first engine drives a propeller."""
+    """Return True if the first engine drives a propeller."""
     return bool(fdm.get_property_manager().hasNode("propulsion/engine/propeller-rpm"))

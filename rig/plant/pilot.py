@@ -32,7 +32,7 @@ class _Timed(_Manoeuvre):
     duration_s: float = Field(gt=0)
 
     def inside(self, t: Times) -> NDArray[np.bool_]:
-        """Where the manoeuvre acts: start included, end excluded."""
+        """Return True where the manoeuvre acts: start included, end excluded."""
         return (t >= self.start_s) & (t < self.start_s + self.duration_s)
 
 
@@ -42,7 +42,7 @@ class Step(_Manoeuvre):
     kind: Literal["step"]
 
     def at(self, t: Times) -> Times:
-        """Deflection at times ``t`` (n,), s."""
+        """Return the deflection at times ``t`` (n,), s."""
         return np.where(t >= self.start_s, self.amplitude, 0.0)
 
 
@@ -52,7 +52,7 @@ class Hold(_Timed):
     kind: Literal["hold"]
 
     def at(self, t: Times) -> Times:
-        """Deflection at times ``t`` (n,), s."""
+        """Return the deflection at times ``t`` (n,), s."""
         return np.where(self.inside(t), self.amplitude, 0.0)
 
 
@@ -62,7 +62,7 @@ class Doublet(_Timed):
     kind: Literal["doublet"]
 
     def at(self, t: Times) -> Times:
-        """Deflection at times ``t`` (n,), s."""
+        """Return the deflection at times ``t`` (n,), s."""
         return _alternate(self, t, (1, 1))
 
 
@@ -72,7 +72,7 @@ class ThreeTwoOneOne(_Timed):
     kind: Literal["3-2-1-1"]
 
     def at(self, t: Times) -> Times:
-        """Deflection at times ``t`` (n,), s."""
+        """Return the deflection at times ``t`` (n,), s."""
         return _alternate(self, t, (3, 2, 1, 1))
 
 
@@ -84,14 +84,14 @@ class Sweep(_Timed):
     end_hz: float = Field(gt=0)
 
     def at(self, t: Times) -> Times:
-        """Deflection at times ``t`` (n,), s: A sin(2 pi (f0 tau + (f1 - f0) tau^2 / 2T))."""
+        """Return the deflection at times ``t`` (n,), s: A sin(2 pi (f0 tau + (f1 - f0) tau^2 / 2T))."""
         tau = t - self.start_s
         cycles = self.start_hz * tau + (self.end_hz - self.start_hz) * tau**2 / (2 * self.duration_s)
         return np.where(self.inside(t), self.amplitude * np.sin(2 * np.pi * cycles), 0.0)
 
 
 def _alternate(manoeuvre: _Timed, t: Times, parts: tuple[int, ...]) -> Times:
-    """+A and -A in turn, for as many equal parts of the duration as ``parts`` says."""
+    """Return +A and -A in turn, for as many equal parts of the duration as ``parts`` has."""
     edges = np.cumsum(parts) / sum(parts) * manoeuvre.duration_s
     pulse = np.searchsorted(edges, t - manoeuvre.start_s, side="right")
     return np.where(manoeuvre.inside(t), manoeuvre.amplitude * (1 - 2 * (pulse % 2)), 0.0)
@@ -136,7 +136,7 @@ class Pilot:
         block["discrete_truth"][:, DISCRETE_INDEX["autopilot_engaged"]] = self._engaged(t)
 
     def _engaged(self, t: Times) -> NDArray[np.bool_]:
-        """The switch: as at the start, then as the last of the two moments that has passed."""
+        """Return the switch: as at the start, then as the last of the two moments that has passed."""
         config = self._config
         engaged = np.full(len(t), config.autopilot_engaged)
         moments = [(config.engage_s, True), (config.disengage_s, False)]

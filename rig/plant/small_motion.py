@@ -18,7 +18,8 @@ from rig.frame import SURFACES
 from rig.kernels import kernel
 from rig.plant.airframe import OUTPUTS
 from rig.plant.imperial import METRES_PER_FOOT, PASCALS_PER_PSF
-from rig.units.atmosphere import GAS_CONSTANT, GRAVITY, pressure, speed_of_sound, temperature
+from rig.units.atmosphere import density, pressure, speed_of_sound
+from rig.units.constants import GRAVITY
 
 _SURFACES: Final = len(SURFACES)
 _OUTPUTS: Final = len(OUTPUTS)
@@ -38,7 +39,7 @@ PARAM: Final = np.dtype(
 
 @kernel
 def move(x, new, command, place, f, g, param, raw):
-    """One step: ``x`` (n + 4,) under ``command`` (4,), absolute; ``new`` (n + 4,) is workspace.
+    """Move ``x`` (n + 4,) one step under ``command`` (4,), absolute; ``new`` (n + 4,) is workspace.
 
     ``place`` (4,) goes half a step at the velocity of ``raw``; the other half is ``advance``, after ``evaluate``.
     """
@@ -76,7 +77,7 @@ def advance(place, dt, raw):
 
 @kernel
 def blow(x, mean, gust, wind, place, jump):
-    """The wind becomes ``mean`` and ``gust``: the flow changes with it at once, the flight path does not.
+    """Set the wind to ``mean`` and ``gust``: the flow changes with it at once, the flight path does not.
 
     mean, wind : (3,) north, east, down [m/s], wind in place; gust : (3,) along, across, down
     jump : (n, 3), what the model's states change by for each m/s along, across and down
@@ -93,7 +94,7 @@ def blow(x, mean, gust, wind, place, jump):
 
 @kernel
 def evaluate(x, place, wind, outputs, rates, y, dy, param, raw):
-    """``raw`` (1,) truth.RAW of the state; y, dy (8,) are workspace, wind (3,) is north, east, down [m/s]."""
+    """Write ``raw`` (1,) truth.RAW of the state; y, dy (8,) are workspace, wind (3,) is north, east, down [m/s]."""
     p, now = param[0], raw[0]
     for i in range(_OUTPUTS):
         y[i], dy[i] = 0.0, 0.0
@@ -116,7 +117,7 @@ def evaluate(x, place, wind, outputs, rates, y, dy, param, raw):
 
 @kernel
 def dynamics(speed, speed_rate, alpha_rate, beta_rate, wind, raw):
-    """Velocity over ground, and the force for each unit of mass that makes this motion.
+    """Write velocity over ground, and the force for each unit of mass that makes this motion.
 
         f = dv/dt + w x v - gravity,  v = V (cos a cos b, sin b, sin a cos b) in body axes
 
@@ -153,10 +154,9 @@ def dynamics(speed, speed_rate, alpha_rate, beta_rate, wind, raw):
 
 @kernel
 def air(speed, altitude, raw):
-    """Air data at ``speed`` [m/s] and ``altitude`` [m] in the standard atmosphere."""
+    """Write air data at ``speed`` [m/s] and ``altitude`` [m] in the standard atmosphere."""
     now, static = raw[0], pressure(altitude)
-    density = static / (GAS_CONSTANT * temperature(altitude))
     now["static_pressure_psf"] = static / PASCALS_PER_PSF
-    now["dynamic_pressure_psf"] = 0.5 * density * speed * speed / PASCALS_PER_PSF
+    now["dynamic_pressure_psf"] = 0.5 * density(altitude) * speed * speed / PASCALS_PER_PSF
     now["true_airspeed_fps"] = speed / METRES_PER_FOOT
     now["mach"] = speed / speed_of_sound(altitude)

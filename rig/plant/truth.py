@@ -13,11 +13,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import DISCRETE_INDEX, FLIGHT_INDEX, TWO_PI, Block, End, sig
+from rig.frame import DISCRETE_INDEX, FLIGHT_INDEX, Block, End, sig
 from rig.kernels import kernel
 from rig.plant.airframe import Airframe, Limits, Position
 from rig.plant.imperial import METRES_PER_FOOT, PASCALS_PER_PSF
-from rig.units.atmosphere import GRAVITY
+from rig.settings import record
+from rig.units.constants import GRAVITY, TWO_PI
 
 # What is read of JSBSim each frame: our name and its property, in this order.  The four surface
 # positions follow; their properties depend on the aircraft.
@@ -75,23 +76,22 @@ _FORCE = FLIGHT_INDEX["specific_force_forward_m_s2"]
 
 
 def fixed(airframe: Airframe, latitude_rad: float, longitude_rad: float) -> NDArray[Any]:
-    """The record of constants, shape (1,), for a flight that starts at this place.
+    """Return the record of constants, shape (1,), for a flight that starts at this place.
 
     North and east are counted along the WGS 84 ellipsoid's radii at the start, as on a flat map.
     """
-    values = {f"accelerometer_{key}": value for key, value in airframe.accelerometer}
-    values |= {key: inf if value is None else value for key, value in airframe.limits}
     flattening = 1.0 / 298.257223563
     eccentricity2 = flattening * (2.0 - flattening)
     w2 = 1.0 - eccentricity2 * sin(latitude_rad) ** 2
-    values["start_latitude_rad"] = latitude_rad
-    values["start_longitude_rad"] = longitude_rad
-    values["north_m_per_rad"] = 6_378_137.0 * (1.0 - eccentricity2) / w2**1.5
-    values["east_m_per_rad"] = 6_378_137.0 / w2**0.5 * cos(latitude_rad)
-    record = np.zeros(1, FIXED)
-    for name in FIXED.names or ():
-        record[name] = values[name]
-    return record
+    return record(
+        FIXED,
+        **{f"accelerometer_{axis}": value for axis, value in airframe.accelerometer},
+        **{name: inf if limit is None else limit for name, limit in airframe.limits},
+        start_latitude_rad=latitude_rad,
+        start_longitude_rad=longitude_rad,
+        north_m_per_rad=6_378_137.0 * (1.0 - eccentricity2) / w2**1.5,
+        east_m_per_rad=6_378_137.0 / w2**0.5 * cos(latitude_rad),
+    )
 
 
 @kernel
@@ -120,7 +120,7 @@ def write_row(block: Block, k: int, raw: NDArray[Any], constants: NDArray[Any]) 
 
 @kernel
 def _motion(truth: NDArray[np.float64], flight: NDArray[np.float64], now: Any, fixed: Any) -> None:
-    """Body rates, specific force F / m at the centre of gravity, and load factors at the accelerometers.
+    """Write body rates, specific force F / m at the centre of gravity, load factors at the accelerometers.
 
         f(r) = F / m + w_dot x r + w x (w x r)
 
@@ -145,7 +145,7 @@ def _motion(truth: NDArray[np.float64], flight: NDArray[np.float64], now: Any, f
 
 @kernel
 def _air_data(truth: NDArray[np.float64], now: Any) -> None:
-    """Angles of the true flow, wind and turbulence included; dynamic pressure is 0.5 rho V^2."""
+    """Write angles of the true flow, wind and turbulence included; dynamic pressure is 0.5 rho V^2."""
     truth[sig.ALPHA] = now["alpha_rad"]
     truth[sig.BETA] = now["beta_rad"]
     truth[sig.P_S] = now["static_pressure_psf"] * PASCALS_PER_PSF
@@ -154,7 +154,7 @@ def _air_data(truth: NDArray[np.float64], now: Any) -> None:
 
 @kernel
 def _attitude(truth: NDArray[np.float64], flight: NDArray[np.float64], now: Any) -> None:
-    """Roll in (-pi, pi], heading in [0, 2 pi); quaternion (w >= 0) from body axes to north-east-down."""
+    """Write roll in (-pi, pi], heading in [0, 2 pi), and the quaternion (w >= 0) from body to north-east-down."""
     theta, phi, psi = now["theta_rad"], now["phi_rad"], now["psi_rad"]
     if phi > pi:
         phi -= TWO_PI
@@ -178,7 +178,7 @@ def _attitude(truth: NDArray[np.float64], flight: NDArray[np.float64], now: Any)
 
 @kernel
 def _condition(flight: NDArray[np.float64], now: Any, fixed: Any) -> None:
-    """Where the aircraft is, how fast it goes, the wind around it and where its surfaces stand."""
+    """Write position, speeds, the wind around the aircraft and the positions of its surfaces."""
     flight[_ALTITUDE] = now["altitude_ft"] * METRES_PER_FOOT
     flight[_ALTITUDE + 1] = now["height_ft"] * METRES_PER_FOOT
     latitude, longitude = now["latitude_rad"], now["longitude_rad"]
@@ -202,7 +202,7 @@ def _condition(flight: NDArray[np.float64], now: Any, fixed: Any) -> None:
 
 @kernel
 def _end(truth: NDArray[np.float64], flight: NDArray[np.float64], ground_force: float, limits: Any) -> End:
-    """Why the flight ends with this row, the first reason in the order of frame.End; 0 while it goes on."""
+    """Return why the flight ends with this row, the first reason in the order of frame.End; 0: it goes on."""
     for value in truth:
         if not isfinite(value):
             return End.NOT_FINITE

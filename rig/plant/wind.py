@@ -80,7 +80,7 @@ class Config(Settings):
 
 
 def added(config: Config, time_s: float) -> Velocity:
-    """What is added to the steady horizontal wind at this time of the flight: down, steps and gusts."""
+    """Return what is added to the steady horizontal wind at this time of the flight: down, steps and gusts."""
     north, east, down = 0.0, 0.0, config.down_m_s
     for step in config.steps:
         if step.start_s <= time_s and (step.end_s is None or time_s < step.end_s):
@@ -98,7 +98,7 @@ def added(config: Config, time_s: float) -> Velocity:
 
 
 def next_change(config: Config, time_s: float) -> float:
-    """The earliest time from which ``added`` may differ from now: now itself within a gust, else inf."""
+    """Return the earliest time at which ``added`` may differ from now: now itself within a gust, else inf."""
     later = [inf]
     for gust in config.gusts:
         if gust.start_s <= time_s <= gust.start_s + gust.duration_s:

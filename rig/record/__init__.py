@@ -2,7 +2,7 @@
 
 event.py           one event
 events.py          what happened in which frame
+failures.py        which channel failed when, decided by whom; the seconds that show a decision
 flight_summary.py  how the flight went: digest, end, failed channels, peaks
-recorder.py        records a block in the loop, or on a thread while the next one is flown
-pace.py            when the next frame is due, in real time
+histogram.py       times of the wall clock, counted
 """

@@ -18,7 +18,6 @@ from rig.frame import (
     Law,
     Lie,
     Pattern,
-    Resolver,
     Source,
     State,
     Trust,
@@ -28,12 +27,13 @@ from rig.frame import (
 )
 from rig.kernels import kernel
 from rig.record.event import Event, Severity
+from rig.record.failures import COMPARISON, decided_by
 
 MISSED: Final = "unit missed"  # an event's name
 
 
 def not_executed(frame: int, missing: Sequence[tuple[str, str]]) -> list[Event]:
-    """What the end of a flight says of faults that did nothing: ``missing`` are their names and the reasons."""
+    """Return the events of faults that did nothing, at the end of a flight: ``missing``, names and reasons."""
     return [Event(frame, "warning", "fault not executed", f"{name}: {reason}") for name, reason in missing]
 
 
@@ -47,18 +47,18 @@ class EventFinder:
         mark_news(_words(new_block(1)), _words(new_block(1))[0], _PLACES, _CHANGED, _SET, np.zeros(1, bool))  # compiles
 
     def find(self, rows: Block) -> list[Event]:
-        """The events of ``rows``, which follow those of the last call, in order of time."""
+        """Return the events of ``rows``, which follow those of the last call, in order of time."""
         before, news = _before_the_first(rows) if self._last is None else self._last, np.zeros(len(rows), bool)
         mark_news(_words(rows), _words(before)[0], _PLACES, _CHANGED, _SET, news)
         self._last = rows[-1:].copy()
-        at = np.flatnonzero(news)
-        if not len(at):
+        places = np.flatnonzero(news)
+        if not len(places):
             return []
-        old, new = rows[at - 1], rows[at]
-        if at[0] == 0:
+        old, new = rows[places - 1], rows[places]
+        if places[0] == 0:
             old[0] = before[0]
-        found = [*self._fault_events(old, new), *_changes(old, new), *_refusals(old, new)]
-        return list(self._first_miss_only(sorted(found, key=lambda event: event.frame)))
+        events = [*self._fault_events(old, new), *_changes(old, new), *_refusals(old, new)]
+        return list(self._first_miss_only(sorted(events, key=lambda event: event.frame)))
 
     def _first_miss_only(self, events: list[Event]) -> Iterator[Event]:
         for event in events:
@@ -67,14 +67,14 @@ class EventFinder:
             self._missed = self._missed or event.name == MISSED
 
     def _fault_events(self, old: Block, new: Block) -> Iterator[Event]:
-        """Faults that begin or cease to act between rows of ``old`` and those of ``new``."""
+        """Yield faults that begin or cease to act between rows of ``old`` and those of ``new``."""
         before, now = (np.unpackbits(rows["acting"], axis=1, bitorder="little") for rows in (old, new))
         for k, i in np.argwhere(now != before):
             yield Event(int(new["frame"][k]), "info", "fault on" if now[k, i] else "fault off", self._faults[int(i)])
 
 
 def _before_the_first(rows: Block) -> Block:
-    """The row before a flight: as its first one, but nothing acts, has failed, is singular or over."""
+    """Return the row before a flight: as its first one, but nothing acts, has failed, is singular or over."""
     before = rows[:1].copy()
     before["acting"] = 0
     before["pattern"] = Pattern.NORMAL
@@ -88,7 +88,7 @@ def _before_the_first(rows: Block) -> Block:
 
 
 def _refusals(old: Block, new: Block) -> Iterator[Event]:
-    """Commands in rows ``new`` to readmit a channel that did not: failed in the row before, in ``old``, and still."""
+    """Yield commands in rows ``new`` that readmitted no channel: failed in the row before, in ``old``, and still."""
     for field, states, named in (("reset", "state", SIGNALS), ("discrete_reset", "discrete_state", DISCRETES)):
         for k, s in np.argwhere(new[field]):
             commanded = new[field][k, s] >> np.arange(CHANNELS) & 1 == 1
@@ -99,7 +99,7 @@ def _refusals(old: Block, new: Block) -> Iterator[Event]:
 
 
 def _bits(fields: Iterable[str]) -> NDArray[np.uint64]:
-    """The words of a row with all bits of ``fields`` set."""
+    """Return the words of a row with all bits of ``fields`` set."""
     row = np.zeros(FLAT.itemsize, np.uint8)
     for field in fields:
         row[offset(field) : offset(field) + FLAT[field].itemsize] = 255
@@ -107,7 +107,7 @@ def _bits(fields: Iterable[str]) -> NDArray[np.uint64]:
 
 
 def _words(rows: Block) -> NDArray[np.uint64]:
-    """``rows`` as (n, words): most blocks are settled by seeing that none of a few words has moved."""
+    """Return ``rows`` as (n, words): most blocks are settled by seeing that none of a few words has moved."""
     return rows.view(np.uint64).reshape(len(rows), -1)
 
 
@@ -120,36 +120,35 @@ def mark_news(words, before, places, changed, present, news):
     changed, present : (p,) bits of them that are news when they differ from the row before, when they are set
     """
     for k in range(words.shape[0]):
-        seen = np.uint64(0)
+        bits = np.uint64(0)
         for i in range(places.shape[0]):
             word = words[k, places[i]]
             last = words[k - 1, places[i]] if k > 0 else before[places[i]]
-            seen |= ((word ^ last) & changed[i]) | (word & present[i])
-        news[k] = seen != 0
+            bits |= ((word ^ last) & changed[i]) | (word & present[i])
+        news[k] = bits != 0
 
 
 def _changes(old: Block, new: Block) -> Iterator[Event]:
-    """Events of the rows ``new``, each beside the one before it in ``old``."""
+    """Yield events of the rows ``new``, each beside the one before it in ``old``."""
     for field, describe in _DESCRIBE.items():
         for k, *place in np.argwhere(new[field] != old[field]):
-            at = (k, *place)
-            event = describe(int(new["frame"][k]), int(old[field][at]), int(new[field][at]), *map(int, place), new[k])
+            before, now = int(old[field][(k, *place)]), int(new[field][(k, *place)])
+            event = describe(int(new["frame"][k]), before, now, *map(int, place), new[k])
             if event is not None:
                 yield event
 
 
 def _state(frame: int, old: int, new: int, s: int, c: int, row: Any) -> Event | None:
-    resolver = Resolver(row["resolver"][s]) if new == State.FAILED else Resolver.NONE
-    by = "comparison" if resolver in (Resolver.NONE, Resolver.UNRESOLVED) else resolver.name.lower()
-    return _standing(frame, old, new, f"{SIGNALS[s].name}.{c + 1}", by)
+    resolver = decided_by(row, s, c) if new == State.FAILED else ""
+    return _channel_state(frame, old, new, f"{SIGNALS[s].name}.{c + 1}", resolver)
 
 
 def _discrete_state(frame: int, old: int, new: int, d: int, c: int, row: Any) -> Event | None:
-    return _standing(frame, old, new, f"{DISCRETES[d].name}.{c + 1}", "comparison")
+    return _channel_state(frame, old, new, f"{DISCRETES[d].name}.{c + 1}", COMPARISON)
 
 
-def _standing(frame: int, old: int, new: int, channel: str, by: str) -> Event | None:
-    """A channel that is failed ``by`` someone, or readmitted."""
+def _channel_state(frame: int, old: int, new: int, channel: str, by: str) -> Event | None:
+    """Return the event of a channel that is failed, ``by`` whom, or readmitted."""
     if new == State.FAILED:
         return Event(frame, "warning", "channel failed", f"{channel} failed by {by}")
     if old == State.FAILED:
@@ -158,7 +157,7 @@ def _standing(frame: int, old: int, new: int, channel: str, by: str) -> Event | 
 
 
 def _discrete_voted(frame: int, old: int, new: int, d: int, row: Any) -> Event | None:
-    """A mode of the control law; that of the autopilot's engagement is an event of the law itself."""
+    """Return the event of a mode of the control law; the autopilot's engagement is one of the law itself."""
     modes = {"weight_on_wheels": ("air", "ground"), "gear_down": ("gear up", "gear down")}
     name = DISCRETES[d].name
     return Event(frame, "info", "mode", f"{name}: {modes[name][new]} mode") if name in modes else None
@@ -173,7 +172,7 @@ def _level(frame: int, old: int, new: int, s: int, row: Any) -> Event:
 
 
 def _channels_left(frame: int, old: int, new: int, name: str, lost: str = "") -> Event:
-    """A change in the number of channels in use; ``lost``: what is said besides when it is the last."""
+    """Return the event of another number of channels in use; ``lost``: added to the text of the last one's."""
     if new == 0:
         return Event(frame, "error", "signal lost", f"{name}: no channel left{lost}")
     return Event(frame, "warning", "level", f"{name}: {old} to {new} channels")
@@ -200,7 +199,7 @@ def _common(frame: int, old: int, new: int, s: int, row: Any) -> Event | None:
 
 
 def _source(frame: int, old: int, new: int, s: int, row: Any) -> Event:
-    """A signal that control takes from elsewhere; the switch is faded."""
+    """Return the event of a signal that control takes from elsewhere; the switch is faded."""
     taken = {Source.VOTED: "its vote again", Source.REFERENCE: "its reference", Source.DEGRADED: "its degraded mode"}
     level: Severity = "info" if new == Source.VOTED else "warning"
     return Event(frame, level, "source", f"{SIGNALS[s].name}: control goes on with {taken[Source(new)]}")
@@ -211,7 +210,7 @@ def _law(frame: int, old: int, new: int, row: Any) -> Event:
 
 
 def _trust(frame: int, old: int, new: int, row: Any) -> Event | None:
-    """What the fault-tolerant law flies its pitch angle on."""
+    """Return the event of another source of the fault-tolerant law's pitch angle."""
     if new == Trust.CORRECTED:
         return Event(frame, "warning", "sensor corrected", "pitch_angle: control goes on with its estimate")
     if old == Trust.CORRECTED:
@@ -230,14 +229,14 @@ def _lie(frame: int, old: int, new: int, row: Any) -> Event | None:
 
 
 def _unit(frame: int, old: int, new: int, row: Any) -> Event | None:
-    """What a unit under test did not do; that it missed a frame is told once a flight."""
-    said: dict[int, tuple[Severity, str, str]] = {
+    """Return the event of a unit's missing reply; that it missed a frame is kept once a flight."""
+    events: dict[int, tuple[Severity, str, str]] = {
         Unit.HELD: ("warning", MISSED, "no answer by the deadline: the last one is flown"),
         Unit.REFUSED: ("warning", "unit refused", "its answer is none that a unit may give: the last one is flown"),
         Unit.RESTARTED: ("warning", "unit restarted", "it was dead and has begun again, without its latches"),
         Unit.DEAD: ("error", "unit dead", "no more answers"),
     }
-    return Event(frame, *said[new]) if new in said else None
+    return Event(frame, *events[new]) if new in events else None
 
 
 def _end(frame: int, old: int, new: int, row: Any) -> Event:

@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import DISCRETES, FLIGHT_INDEX, INDEX, SIGNALS, Block, End, State, new_block, sig
+from rig.frame import FLIGHT_INDEX, INDEX, Block, End, new_block, sig
 from rig.kernels import kernel
-from rig.record.events import Event
+from rig.record.event import Event
+from rig.record.failures import failed_channels
 from rig.units.angles import wrap
 
 MOST_EVENTS = 10_000  # kept for the summary; all of them are in the log
@@ -87,10 +88,7 @@ class Verdict:
     @property
     def failed(self) -> dict[str, list[int]]:
         """Failed channels, numbered from 1, by signal or discrete."""
-        row = self._last[0]
-        named = [*zip(SIGNALS, row["state"], strict=True), *zip(DISCRETES, row["discrete_state"], strict=True)]
-        lists = {signal.name: (np.flatnonzero(state == State.FAILED) + 1).tolist() for signal, state in named}
-        return {name: channels for name, channels in lists.items() if channels}
+        return failed_channels(self._last[0])
 
     @property
     def peaks(self) -> Peaks:

@@ -14,7 +14,7 @@ from rig.recordings.clock import Floats
 from rig.recordings.delays import MAX_DELAY, bridged, delays, interpolated
 from rig.recordings.recording import Recording, Samples
 from rig.recordings.settings import RecordedSignal
-from rig.units.angles import TURN
+from rig.units.angles import into_range, short_way, unwrapped
 
 MIN_ROWS: Final = 256
 DEFAULT_S: Final = 6.0  # of the stretch from its begin on, when no end is given
@@ -92,9 +92,7 @@ def _valid(samples: Samples, settings: RecordedSignal) -> list[Floats]:
         if samples.valid is not None:
             good &= samples.valid[c] != 0
         column = np.where(good, raw, np.nan)
-        if settings.wraps and good.any():
-            column[good] = np.unwrap(column[good])
-        columns.append(column)
+        columns.append(unwrapped(column) if settings.wraps else column)
     return columns
 
 
@@ -107,7 +105,7 @@ def _offsets(columns: list[Floats], delay: Floats, trusted: NDArray[np.bool_], w
     at = np.arange(MAX_DELAY, len(columns[0]) - MAX_DELAY - 1)
     aligned = np.array([interpolated(columns[c], at + delay[c]) for c in inside])
     if wraps:
-        aligned = aligned[0] + ((aligned - aligned[0] + TURN / 2) % TURN - TURN / 2)
+        aligned = aligned[0] + short_way(aligned - aligned[0])
     offset[inside] = np.median(aligned - np.median(aligned, axis=0), axis=1)
     return offset
 
@@ -120,7 +118,7 @@ def _taken_off(
     columns: list[Floats] = []
     for column, correction in zip(_valid(samples, settings), corrections, strict=True):
         moved = interpolated(column, at + correction.delay_frames) - correction.offset
-        columns.append((moved - low) % TURN + low if settings.wraps else np.clip(moved, low, high))
+        columns.append(into_range(moved, low, high, settings.wraps))
     ilm = samples.ilm
     if ilm is not None:
         ilm = [flags[np.rint(at + c.delay_frames).astype(np.int64)] for flags, c in zip(ilm, corrections, strict=True)]

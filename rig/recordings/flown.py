@@ -11,7 +11,7 @@ import numpy as np
 
 from rig.errors import BadInput, BadLog
 from rig.flight.operator_keys import pressed
-from rig.log import Log, read_log
+from rig.log import Log, read_log, scenario_of
 from rig.scenario import Scenario, from_resolved
 from rig.util.trust import Trust
 
@@ -42,12 +42,9 @@ def recorded(path: Path | str, allow_code: bool = False) -> Recorded:
     """
     path = Path(path)
     log = read_log(path)
-    if not log.metadata.get("scenario"):
+    data = scenario_of(log.metadata, path)
+    if not data:
         raise BadLog(f"{path}: no scenario in its metadata")
-    try:
-        data = json.loads(log.metadata["scenario"])
-    except (ValueError, RecursionError):
-        raise BadLog(f"{path}: the scenario in its metadata is damaged") from None
     scenario = from_resolved(data, f"{path}: its scenario", Trust(str(path), allow_code))
     scenario = pressed(scenario, log.result, str(path))
     if len(log.rows) == 0:

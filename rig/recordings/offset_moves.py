@@ -14,7 +14,7 @@ import numpy as np
 from rig.recordings.clock import Floats
 from rig.recordings.recording import Recording, Samples
 from rig.recordings.settings import RecordedSignal
-from rig.units.angles import TURN
+from rig.units.angles import short_way
 
 PARTS: Final = 4
 MOST_SPREADS: Final = 1.0  # docs/vote.md says what healthy recordings have
@@ -47,7 +47,7 @@ def _of_signal(samples: Samples, settings: RecordedSignal, step: int) -> list[Of
     x[~((x >= low) & (x <= high))] = np.nan
     off = (x[:, None] - x[None]) if settings.wraps else np.empty(0)
     if settings.wraps:  # against the median of the differences, which has no jump
-        turned = (off + TURN / 2) % TURN - TURN / 2
+        turned = short_way(off)
         return [_move(_median(turned[c])) for c in range(len(x))]
     center = _median(x)
     return [_move(column - center) for column in x]

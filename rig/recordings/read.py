@@ -28,6 +28,7 @@ from rig.recordings.own_logs import read_ours
 from rig.recordings.recording import Recording, assemble, with_discretes
 from rig.recordings.settings import VoteConfig
 from rig.recordings.table import TABLES, Table
+from rig.util.files import reported
 
 ENDINGS: Final = (*TABLES, ".mcap")
 
@@ -57,12 +58,11 @@ def _read(path: Path, config: VoteConfig, repair: bool) -> Recording:
 
 
 def _is_folder(path: Path) -> bool:
-    try:
-        return S_ISDIR(path.stat().st_mode)
-    except FileNotFoundError:
-        raise BadInput(f"{path}: no such file") from None
-    except (OSError, ValueError) as error:
-        raise BadInput(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from None
+    with reported(path, BadInput, "cannot be read"):
+        try:
+            return S_ISDIR(path.stat().st_mode)
+        except FileNotFoundError:
+            raise BadInput(f"{path}: no such file") from None
 
 
 def _wanted(path: Path, config: VoteConfig) -> dict[str, set[str]]:

@@ -30,9 +30,10 @@ from rig.computer.redundancy.config import SignalConfig, bits
 from rig.computer.redundancy.discrete_config import DiscreteConfig
 from rig.computer.redundancy.managers import DEFAULT, MANAGERS, manager_kind
 from rig.errors import BadInput
-from rig.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS, TWO_PI
+from rig.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS
 from rig.settings import Settings, build, read_toml
 from rig.text import choices, nearest, quoted, shorten
+from rig.units.constants import TWO_PI
 
 ANY_NUMBER: Final = (-sys.float_info.max, sys.float_info.max)  # finite: infinity is never a sample
 TURN_SLACK: Final = 1e-3  # so that a turn may be written as 6.283

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from rig.frame import CHANNELS
 from rig.sensors import Sensor
-from rig.units.angles import TURN
+from rig.units.angles import step_sizes
 
 Floats = NDArray[np.float64]
 NOMINAL: Final = 0.1  # of all flights
@@ -43,8 +43,7 @@ def ends(sensor: Sensor, truth: Floats, wraps: bool, least: float = COUNTS_FROM)
 
     least : share of what all kinds of errors can do together from which a kind is drawn near its ends
     """
-    moved = np.abs(np.diff(truth))
-    moved = (np.minimum(moved, TURN - moved) if wraps else moved).max(initial=0.0)
+    moved = step_sizes(truth, wraps).max(initial=0.0)
     effects = np.array(
         [
             2.0 * sensor.bias_tolerance,

@@ -19,7 +19,7 @@ from rig.reliability.recorded import Recording
 from rig.scenario import Scenario
 from rig.sensors.kernel import MEMORY
 from rig.sensors.params import calibrate
-from rig.units.angles import TURN
+from rig.units.angles import step_sizes
 
 RUN_IN: Final = 12  # frames
 COUNTED: Final = 48
@@ -108,8 +108,7 @@ class Bench:
     def _doing(self) -> NDArray[np.float64]:
         """Return how far gain and skew set channels apart, long enough to fail one, by the first frame of a window."""
         truth, frames = self._series[0], min(int(self.params["persistence"]), COUNTED)
-        moved = np.abs(np.diff(truth))
-        moved = np.minimum(moved, TURN - moved) if self._wraps else moved
+        moved = step_sizes(truth, self._wraps)
         apart = 2.0 * self._sensor.scale_tolerance * np.abs(truth[1:]) + self._sensor.skew_frames * moved
         lasting = sliding_window_view(apart, frames).min(axis=-1)
         windows = sliding_window_view(lasting, COUNTED - frames + 1).max(axis=-1)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rig.errors import BadInput
 from rig.frame import Block
 from rig.log.columns import COLUMNS, Column
-from rig.units.angles import TURN
+from rig.units.angles import short_way
 
 Verdict = Literal["equal", "within", "different", "missing in A", "missing in B"]
 
@@ -137,4 +137,4 @@ def _equal(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
 def _distance(a: NDArray[Any], b: NDArray[Any], wraps: bool) -> NDArray[np.float64]:
     with np.errstate(invalid="ignore", over="ignore"):  # infinities
         off = np.abs(a.astype(float) - b.astype(float))
-        return np.abs((off + TURN / 2) % TURN - TURN / 2) if wraps else off
+        return np.abs(short_way(off)) if wraps else off

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from rig.frame import Block, State
 from rig.log.columns import COLUMNS, Column, label
 from rig.replay.compare import compare
+from rig.util.runs import runs
 
 FIELDS: Final = (
     *("state", "level", "pattern", "resolver", "reference_usable", "source"),
@@ -145,7 +146,7 @@ def history(rows: Block, fields: tuple[str, ...] = ALL) -> list[str]:
     found: list[tuple[int, str]] = []
     for column in decided(fields):
         values, name = column.of(rows), _name(column)
-        for k in np.flatnonzero(values[1:] != values[:-1]) + 1:
+        for k in runs(values)[1:, 0]:
             text = f"{name}: {label(column, int(values[k - 1]))} -> {label(column, int(values[k]))}"
             found.append((int(rows["frame"][k]), text))
     return [f"{frame} {text}" for frame, text in sorted(found, key=lambda entry: entry[0])]

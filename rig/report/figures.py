@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from rig.frame import FLIGHT_INDEX, INDEX, SIGNALS, SURFACES, Block
-from rig.log.series import Series, limits, near, series
 from rig.report.moments import Moment
 from rig.report.page import lay_out
+from rig.units.angles import near
 from rig.util.palette import CHANNELS, ORANGE, SERIES, SOFT, TRUTH, VOTE, faint, series_colour
+from rig.view.series import Series, limits, series
 
 Array = NDArray[np.float64]
 Look = tuple[str, float, str]  # colour, width, dash

@@ -16,15 +16,15 @@ from rig.assess.of_log import MOST_FRAMES, Scored, score_read
 from rig.assess.record import Yardstick
 from rig.errors import BadInput
 from rig.frame import INDEX, SIGNALS
-from rig.log import Log, read_log
-from rig.log.overrides import FILE, overrides
+from rig.log import Log, read_log, scenario_of
+from rig.log.info import FILE, overrides
 from rig.log.schema import SCHEMA_VERSION
-from rig.log.series import threshold
 from rig.report import figures as draw
 from rig.report.moments import Moment, affected, moment, signals_of
 from rig.report.page import DASH, write_page
 from rig.report.timeline import spans, timeline
 from rig.units.quantities import duration, seconds
+from rig.view.series import threshold
 
 MOST_SIGNALS: Final = 8  # that are drawn
 MOST_MOMENTS: Final = 4
@@ -67,7 +67,7 @@ def _figures(log: Log, scored: Scored, names: Sequence[str], moments: Sequence[M
 
 
 def _acting(log: Log, scored: Scored) -> dict[str, NDArray[np.bool_]]:
-    """(n,) whether a fault on a signal, or on its reference, acts; by the signal."""
+    """Return (n,) whether a fault on a signal, or on its reference, acts; by the signal."""
     acted = np.unpackbits(log.rows["acting"], axis=1, bitorder="little") != 0
     on: dict[str, list[int]] = {signal.name: [] for signal in SIGNALS}
     for fault in scored.score.faults:
@@ -94,7 +94,7 @@ def _about(log: Log, scored: Scored, names: Sequence[str], moments: Sequence[Mom
         "scored": scored,
         "score": score,
         "point": scenario.airframe.point(scenario.flight_point).name,
-        "sets": overrides(text, json.loads(log.metadata["scenario"])),
+        "sets": overrides(text, scenario_of(log.metadata, scored.log)),
         "unit": json.loads(log.metadata["unit"])["name"] if "unit" in log.metadata else None,
         "ended": seconds(score.flight.frames, rate_hz),
         "cards": _cards(scored, rate_hz),
@@ -118,7 +118,7 @@ def _said(one: Moment, rate_hz: float) -> str:
 
 
 def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:
-    """Big figures, what they are, and whether they are bad."""
+    """Return big figures, what they are, and whether they are bad."""
     score = scored.score
     detected = [fault for fault in score.faults if fault.outcome == "detected"]
     missed = sum(fault.outcome == "missed" for fault in score.faults)
@@ -136,7 +136,7 @@ def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:
 
 
 def _tables(scored: Scored, rate_hz: float) -> list[tuple[str, Sequence[str], list[cells.Row]]]:
-    """Title, heads and rows of the tables of the score; those without rows are left out."""
+    """Return title, heads and rows of the tables of the score; those without rows are left out."""
     score = scored.score
     found = [
         ("Faults", cells.FAULTS, [cells.fault_row(fault, scored.scenario) for fault in score.faults]),

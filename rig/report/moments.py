@@ -5,17 +5,14 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rig.assess.monitored import references_of
 from rig.assess.of_log import Scored
 from rig.assess.record import FaultScore
 from rig.frame import INDEX, SIGNALS, Block, Pattern, Source, State
+from rig.record.failures import became_failed, decisive_s
 from rig.scenario import Scenario
 
-BEFORE_S: Final = 0.5  # shown before the first frame that matters
-AFTER_S: Final = 1.0  # and after the isolation
-WITHOUT_S: Final = 2.0  # and after the first frame where nothing was isolated
 LATEST_S: Final = 30.0  # an isolation later than this is not that of the first frame
 TOGETHER_S: Final = 2.0  # a fault that begins so shortly before a pattern is shown with it
 
@@ -62,7 +59,7 @@ def moment(scored: Scored, rows: Block, name: str) -> Moment | None:
     begins = [fault.onset_frame if fault.exceeded_frame is None else fault.exceeded_frame for fault in faults]
     known = [frame for frame in begins if frame is not None]
     patterns = [episode.first_frame for episode in scored.score.episodes if episode.signal == name]
-    failures = _failures(rows["state"][:, INDEX[name]])
+    failures = became_failed(rows["state"][:, [INDEX[name]]])[:, 0].tolist()
     if patterns:
         known = [frame for frame in known if 0 <= patterns[0] - frame <= TOGETHER_S * rate_hz] + patterns[:1]
     if not known and not failures:
@@ -70,12 +67,6 @@ def moment(scored: Scored, rows: Block, name: str) -> Moment | None:
     first = min(known or failures)
     ends = [*failures, *(fault.failed_frame for fault in faults if fault.failed_frame is not None)]
     isolated = min((frame for frame in ends if first <= frame <= first + LATEST_S * rate_hz), default=None)
-    last = first + WITHOUT_S * rate_hz if isolated is None else isolated + AFTER_S * rate_hz
-    return Moment(name, first, isolated, max(0, first - round(BEFORE_S * rate_hz)), min(len(rows), round(last) + 1))
-
-
-def _failures(states: NDArray[np.uint8]) -> list[int]:
-    """Return the frames in which a channel of ``states`` (n, 4) becomes failed."""
-    failed = states == State.FAILED
-    new = failed & ~np.vstack([np.zeros((1, failed.shape[1]), bool), failed[:-1]])
-    return np.flatnonzero(new.any(axis=1)).tolist()
+    isolated_s = None if isolated is None else isolated / rate_hz
+    begin_s, end_s = decisive_s(first / rate_hz, isolated_s, (len(rows) - 1) / rate_hz)
+    return Moment(name, first, isolated, round(begin_s * rate_hz), round(end_s * rate_hz) + 1)

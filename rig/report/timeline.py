@@ -6,12 +6,12 @@ from collections.abc import Iterator, Sequence
 from html import escape
 from typing import Any, Final, NamedTuple
 
-import numpy as np
 import plotly.graph_objects as go
 
 from rig.frame import INDEX, Block
 from rig.report.page import lay_out
 from rig.util.palette import BLUE, INK, LIGHT_BLUE, MID_BLUE, ORANGE, QUIET, RED, VIOLET, YELLOW
+from rig.util.runs import runs
 from rig.view.lanes import LANES, Changes, Lane, changes, fault_path
 
 MOST_SPANS: Final = 6000  # that are drawn; of more, the shortest are left out
@@ -84,13 +84,12 @@ def _eventful(of: Sequence[Span]) -> bool:
 
 def _levels(rows: Block, rate_hz: float, name: str) -> list[Span]:
     levels = rows["level"][:, INDEX[name]]
-    begins = np.flatnonzero(np.diff(levels, prepend=255 - levels[:1]))
     words = {0: "no channel", 1: "1 channel"}
     return [
         Span(
             f"{name} level", begin / rate_hz, end / rate_hz, words.get(int(levels[begin]), f"{levels[begin]} channels")
         )
-        for begin, end in zip(begins, [*begins[1:], len(levels)], strict=True)
+        for begin, end in runs(levels)
     ]
 
 

@@ -63,13 +63,13 @@ class SensorClass(Settings):
 
 
 def kind(signal: str) -> str:
-    """Which figures of a class are those of ``signal``."""
+    """Return the kind of figures of a class that ``signal`` has."""
     group = next(s.group for s in SIGNALS if s.name == signal)
     return _KIND.get(signal, group.replace(" ", "_"))
 
 
-def under(below: dict[str, Any], above: dict[str, Any], known: dict[str, SensorClass], source: str) -> dict[str, Any]:
-    """The ``[sensors]`` table ``below`` as it must be for ``above`` to be laid over it.
+def under(below: dict[str, Any], above: dict[str, Any], classes: dict[str, SensorClass], source: str) -> dict[str, Any]:
+    """Return the ``[sensors]`` table ``below`` as it must be for ``above`` to be laid over it.
 
     Where ``above`` names a class, that class's figures are put in; where it names a noise file, the drawn noise is
     taken out.  BadInput: no such class, or none for that signal.
@@ -79,7 +79,7 @@ def under(below: dict[str, Any], above: dict[str, Any], known: dict[str, SensorC
         if signal not in INDEX or not isinstance(table, dict) or not isinstance(made.get(signal), dict):
             continue  # a discrete; all else is refused later, with its key
         if isinstance(table.get("class"), str):
-            figures = _figures(table["class"], signal, known, f"{source}: sensors.{signal}.class")
+            figures = _figures(table["class"], signal, classes, f"{source}: sensors.{signal}.class")
             kept = {key: value for key, value in made[signal].items() if key not in FILE_KEYS}
             made[signal] = {**kept, **figures}
         if isinstance(table.get("noise_file"), str):
@@ -87,10 +87,10 @@ def under(below: dict[str, Any], above: dict[str, Any], known: dict[str, SensorC
     return made
 
 
-def _figures(name: str, signal: str, known: dict[str, SensorClass], where: str) -> dict[str, Any]:
-    if name not in known:
-        raise BadInput(f"{where}: unknown class {quoted(name)}, {choices(name, map(repr, known), 'docs/sensors.md')}")
-    figures: Figures | None = getattr(known[name], kind(signal), None)
+def _figures(name: str, signal: str, classes: dict[str, SensorClass], where: str) -> dict[str, Any]:
+    if name not in classes:
+        raise BadInput(f"{where}: unknown class {quoted(name)}, {choices(name, map(repr, classes), 'docs/sensors.md')}")
+    figures: Figures | None = getattr(classes[name], kind(signal), None)
     if figures is None:
-        raise BadInput(f"{where}: {name!r} has no figures for {signal}, only for {', '.join(known[name].kinds)}")
+        raise BadInput(f"{where}: {name!r} has no figures for {signal}, only for {', '.join(classes[name].kinds)}")
     return figures.model_dump()

@@ -7,7 +7,6 @@ velocity is over ground.
 
 from __future__ import annotations
 
-from math import exp
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from pydantic import Field
 
 from rig.frame import FLIGHT_INDEX, INERTIAL, Block, nested, sig
 from rig.kernels import kernel
-from rig.settings import Settings
+from rig.settings import Settings, record, share_in_frame
 from rig.units.angles import limit
 
 QUANTITIES: Final = len(INERTIAL)
@@ -69,7 +68,7 @@ class InertialData(NamedTuple):
 
 
 def ranges() -> NDArray[np.float64]:
-    """(len(INERTIAL), 2) lowest and highest value of each quantity."""
+    """Return (len(INERTIAL), 2) lowest and highest value of each quantity."""
     full = [next(limit for unit, limit in _LIMITS.items() if name.endswith(unit)) for name in INERTIAL]
     return np.array([(-value, value) for value in full])
 
@@ -88,7 +87,7 @@ class Inertial:
 
     @property
     def data(self) -> InertialData:
-        """What ``sense`` needs besides the row; the same arrays until the next ``prepare``."""
+        """The data of ``sense`` besides the row; the same arrays until the next ``prepare``."""
         return InertialData(self.params, self._noise, self._force_noise, self.state)
 
     def prepare(self, block: Block) -> None:
@@ -107,27 +106,28 @@ class Inertial:
 
 
 def _params(config: Config, rate_hz: float, rng: Generator, force_rng: Generator) -> NDArray[np.void]:
-    """The (1,) PARAMS record; all errors are drawn, whatever their tolerance."""
-    params = np.zeros(1, PARAMS)
-    row = params[0]
+    """Return the (1,) PARAMS record; all errors are drawn, whatever their tolerance."""
     draw = rng.uniform(-1.0, 1.0, FORCES + 3)  # of rates and velocity, and three of the mounting
-    forces = force_rng.uniform(-1.0, 1.0, (2, QUANTITIES - FORCES))  # bias, scale
-    rates = np.arange(FORCES) < RATES
-    tolerance = np.where(rates, config.rate_bias_tolerance_rad_s, config.velocity_bias_tolerance_m_s)
-    row["bias"] = np.concatenate([tolerance * draw[:FORCES], config.force_bias_tolerance_m_s2 * forces[0]])
-    row["gain"] = np.concatenate([np.ones(FORCES), 1.0 + config.force_scale_tolerance * forces[1]])
-    row["noise_std"][:FORCES] = np.where(rates, config.rate_noise_std_rad_s, config.velocity_noise_std_m_s)
-    row["noise_std"][FORCES:] = config.force_noise_std_m_s2
-    row["low"], row["high"] = ranges().T
-    row["turn"] = config.misalignment_tolerance_rad * draw[FORCES:]
-    row["quantum"] = config.force_quantum_m_s2
-    row["blend"] = 1.0 if config.lag_s == 0 else 1.0 - exp(-1.0 / (rate_hz * config.lag_s))
-    return params
+    bias, scale = force_rng.uniform(-1.0, 1.0, (2, QUANTITIES - FORCES))
+    tolerances = np.repeat([config.rate_bias_tolerance_rad_s, config.velocity_bias_tolerance_m_s], RATES)
+    noise_std = [config.rate_noise_std_rad_s, config.velocity_noise_std_m_s, config.force_noise_std_m_s2]
+    low, high = ranges().T
+    return record(
+        PARAMS,
+        bias=np.concatenate([tolerances * draw[:FORCES], config.force_bias_tolerance_m_s2 * bias]),
+        gain=np.concatenate([np.ones(FORCES), 1.0 + config.force_scale_tolerance * scale]),
+        noise_std=np.repeat(noise_std, RATES),
+        low=low,
+        high=high,
+        turn=config.misalignment_tolerance_rad * draw[FORCES:],
+        quantum=config.force_quantum_m_s2,
+        blend=share_in_frame(config.lag_s, rate_hz),
+    )
 
 
 @kernel
 def sense(truth, bus, k, data):
-    """The inertial unit in row k of a block.
+    """Measure the inertial unit in row k of a block.
 
         x = (w - turn x w, v, f - turn x f);  y += blend (x - y);  sample = gain y + bias + noise, within its range
 
@@ -156,7 +156,7 @@ def sense(truth, bus, k, data):
 
 @kernel
 def misalign(x, y, z, turn, out, first):
-    """A vector of the aircraft's axes in those of the box, to ``out`` from ``first`` on: v - turn x v."""
+    """Write a vector of the aircraft's axes in those of the box to ``out`` from ``first`` on: v - turn x v."""
     out[first] = x - (turn[1] * z - turn[2] * y)
     out[first + 1] = y - (turn[2] * x - turn[0] * z)
     out[first + 2] = z - (turn[0] * y - turn[1] * x)

@@ -1,16 +1,23 @@
-"""One frame of all sensors: the truth of this frame and what the channels remember become samples."""
+"""The stage: the truth of a frame and what the channels remember become samples."""
 
 from __future__ import annotations
 
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.random import SFC64, Generator, SeedSequence
 from numpy.typing import NDArray
 
-from rig.frame import CHANNELS, Ilm
+from rig.frame import CHANNELS, Block, Ilm, S, nested
 from rig.kernels import kernel
+from rig.sensors.draws import PROCESSES, Alarms, Drift
+from rig.sensors.params import fixed
+from rig.sensors.settings import discrete_channels
+from rig.settings import Settings
 from rig.units.angles import difference, limit
 
+# The order is part of every recorded flight: append, never insert.
+STREAMS: Final = ("calibration", "noise", "misalignment", "g_sensitivity", *PROCESSES, "monitor")
 # What the sensors of one signal remember from frame to frame.
 MEMORY: Final = np.dtype(
     [
@@ -37,9 +44,44 @@ class SensorData(NamedTuple):
     alarms: NDArray[np.uint8]  # (n, S, CHANNELS), false alarms of in-line monitors
 
 
+class Sensors:
+    """Truth to channels.  ``seeds`` gives every purpose a stream of its own, so none shifts another."""
+
+    def __init__(self, suite: Settings, rate_hz: float, seeds: SeedSequence) -> None:
+        """Raise BadInput when a noise file cannot be used."""
+        streams: dict[str, SeedSequence] = dict(zip(STREAMS, seeds.spawn(len(STREAMS)), strict=True))
+        self.params = fixed(suite, rate_hz, streams)
+        self._drift = Drift(suite, rate_hz, streams)
+        self._alarms = Alarms(suite, rate_hz, streams["monitor"])
+        self._noise_rng = Generator(SFC64(streams["noise"]))  # the quickest of numpy's
+        self._noise = np.zeros((0, S, CHANNELS), np.float32)  # single precision draws in half the time
+        self._memory = np.zeros(S, MEMORY)
+        self._line = np.zeros((S, CHANNELS, int(self.params["delay"].max()) + 2))
+        self._discretes = discrete_channels(suite)
+
+    @property
+    def data(self) -> SensorData:
+        """The data of ``measure`` besides the row; the same arrays until the next ``prepare``."""
+        draws = self._noise, self._drift.rows
+        return SensorData(self.params, *draws, self._memory, self._line, self._discretes, self._alarms.rows)
+
+    def prepare(self, block: Block) -> None:
+        """Draw the noise of the rows of ``block``; the streams do not depend on the block's length."""
+        if len(self._noise) < len(block):
+            self._noise = np.zeros((len(block), S, CHANNELS), np.float32)
+        self._noise_rng.standard_normal(out=self._noise[: len(block)], dtype=np.float32)
+        self._drift.prepare(len(block))
+        self._alarms.prepare(len(block))
+
+    def step(self, block: Block, k: int) -> None:
+        """Write channels, valid and ilm of row k, of signals and discretes."""
+        row = nested(block)[k]
+        measure(row["truth"], row["bus"], k, self.data)
+
+
 @kernel
 def measure(truth, bus, k, data):
-    """All channels of row k of a block from the truth of this frame and the last.
+    """Measure all channels of row k of a block from the truth of this frame and the last.
 
     x = truth - skew (truth - last truth), truth with the cross-axis error;  y += blend (x - y)
     y -> low pass -> latency;  sample = round(gain y + bias + noise + drift), within its range
@@ -86,7 +128,7 @@ def measure(truth, bus, k, data):
 
 @kernel
 def switch(truth, bus, fitted):
-    """All channels of the discretes: each switch is where the truth is, valid, its monitor good.
+    """Write all channels of the discretes: each switch is where the truth is, valid, its monitor good.
 
     truth : (D,); fitted : (D,) channels of each; one that is not fitted is 0, not valid, without a monitor
     """
@@ -101,7 +143,7 @@ def switch(truth, bus, fitted):
 
 @kernel
 def cross_axis_error(p, m, truth, c):
-    """Cross-axis error of channel c: position error, misalignment, g-sensitivity.
+    """Return the cross-axis error of channel c: position error, misalignment, g-sensitivity.
 
     sum over the sources of share x truth, at the channel's moment of sampling; p PARAMS, m MEMORY, in place
     """
@@ -116,7 +158,7 @@ def cross_axis_error(p, m, truth, c):
 
 @kernel
 def filter_through(x, p, m, line, c):
-    """Low pass and latency of channel c; m MEMORY and ``line`` (frames,), the ring, in place.
+    """Pass channel c through low pass and latency; m MEMORY and ``line`` (frames,), the ring, in place.
 
     With the input held at x over the frame, e = y - x follows the free system: (e, y') <- transition (e, y').
     The latency lies between two frames of the ring, on the straight line between them.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import exp, floor, hypot, sqrt
+from math import cos, exp, floor, hypot, pi, sin, sqrt
 from typing import Any, Final
 
 import numpy as np
@@ -10,7 +10,6 @@ from numpy.random import Generator, SeedSequence
 from numpy.typing import NDArray
 
 from rig.frame import CHANNELS, SIGNALS, S, sig
-from rig.sensors.second_order import natural_frequency, transition
 from rig.sensors.settings import ACCELEROMETERS, GYROS, Sensor
 from rig.settings import Settings
 
@@ -44,7 +43,7 @@ PARAMS: Final = np.dtype(
 
 
 def fixed(suite: Settings, rate_hz: float, seeds: dict[str, SeedSequence]) -> NDArray[np.void]:
-    """The (S,) PARAMS records; every channel's errors are drawn whether it is fitted or not."""
+    """Return the (S,) PARAMS records; every channel's errors are drawn whether it is fitted or not."""
     rng = np.random.default_rng(seeds["calibration"])
     params = np.zeros(S, PARAMS)
     for signal, row in zip(SIGNALS, params, strict=True):
@@ -72,7 +71,7 @@ def calibrate(rows: Any, sensor: Sensor, draw: NDArray[np.float64]) -> None:
 
 
 def _dynamics(row: Any, sensor: Sensor, rate_hz: float) -> None:
-    """Low pass and latency."""
+    """Write low pass and latency."""
     row["filtered"] = sensor.bandwidth_hz > 0 or sensor.latency_s > 0
     row["low_pass"] = sensor.bandwidth_hz > 0
     if sensor.bandwidth_hz > 0:
@@ -83,7 +82,7 @@ def _dynamics(row: Any, sensor: Sensor, rate_hz: float) -> None:
 
 
 def _couple(params: NDArray[np.void], suite: Settings, turn: Generator, push: Generator) -> None:
-    """Which other truths each channel feels, and how much of them."""
+    """Draw each channel's cross-axis sensitivities."""
     turns, pushes = turn.uniform(-1.0, 1.0, (S, 2, CHANNELS)), push.uniform(-1.0, 1.0, (S, 3, CHANNELS))
     for s, signal in enumerate(SIGNALS):
         sensor = getattr(suite, signal.name)
@@ -103,3 +102,25 @@ def _share(row: Any, sources: Any, shares: NDArray[np.float64]) -> None:
     first, last = int(row["shares"]), int(row["shares"]) + len(sources)
     row["source"][first:last], row["share"][first:last] = sources, shares
     row["shares"] = last
+
+
+def transition(omega: float, damping: float, dt: float) -> NDArray[np.float64]:
+    """Return the (2, 2) step of (x, x') of x'' + 2 damping omega x' + omega^2 x = 0 over ``dt`` s, exactly."""
+    decay = damping * omega
+    inside = 1.0 - damping**2
+    if inside > 0:
+        turn = omega * sqrt(inside)
+        even, odd = exp(-decay * dt) * cos(turn * dt), exp(-decay * dt) * sin(turn * dt) / turn
+    elif inside < 0:
+        split = omega * sqrt(-inside)
+        slow, fast = exp((split - decay) * dt), exp((-split - decay) * dt)
+        even, odd = (slow + fast) / 2, (slow - fast) / (2 * split)
+    else:
+        even, odd = exp(-decay * dt), exp(-decay * dt) * dt
+    return np.array([[even + decay * odd, odd], [-(omega**2) * odd, even - decay * odd]])
+
+
+def natural_frequency(bandwidth_hz: float, damping: float) -> float:
+    """Return the rad/s of the low pass whose gain has fallen to 1/sqrt(2) at ``bandwidth_hz``."""
+    inside = 1.0 - 2.0 * damping**2
+    return 2.0 * pi * bandwidth_hz / sqrt(inside + sqrt(inside**2 + 1.0))

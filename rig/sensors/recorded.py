@@ -23,20 +23,21 @@ from rig.errors import BadInput
 from rig.frame import CHANNELS
 from rig.sensors.settings import Sensor
 from rig.text import shorten
-from rig.util.files import is_file
+from rig.util.files import is_file, reported
 
 
 class Recorded:
     """The rows of a noise file at the rate of the flight."""
 
     def __init__(self, sensor: Sensor, name: str, rate_hz: float, rng: Generator) -> None:
-        """BadInput when the file cannot be used, or is not the one that the scenario was loaded with."""
+        """Raise BadInput when the file cannot be used, or is not the one that the scenario was loaded with."""
         where = f"sensors.{name}.noise_file"
         path = Path(str(sensor.noise_file))
         data = _bytes(path, where)
-        found = hashlib.sha256(data).hexdigest()
-        if sensor.noise_sha256 not in (None, found):
-            raise BadInput(f"{where}: {path} is not the file it was: SHA-256 is {found}, must be {sensor.noise_sha256}")
+        sha256 = hashlib.sha256(data).hexdigest()
+        if sensor.noise_sha256 not in (None, sha256):
+            changed = f"SHA-256 is {sha256}, must be {sensor.noise_sha256}"
+            raise BadInput(f"{where}: {path} is not the file it was: {changed}")
         self._rows = _parse(data, path, where)
         self._step = float(sensor.noise_rate_hz or rate_hz) / rate_hz  # rows a frame
         self._start = int(rng.integers(len(self._rows)))
@@ -53,7 +54,7 @@ class Recorded:
 
 
 def pin(sensors: Any, folder: Path) -> Any:
-    """The ``[sensors]`` table with the place and SHA-256 of every noise file written in.
+    """Return the ``[sensors]`` table with the place and SHA-256 of every noise file written in.
 
     A file is looked for beside the scenario (``folder``), then from the present folder.  A SHA-256 that stands there
     already is kept.  BadInput when there is no such file.
@@ -69,21 +70,18 @@ def pin(sensors: Any, folder: Path) -> Any:
             if path is None:
                 raise BadInput(f"{where}: {shorten(file)}: no such file")
             path = path.resolve()
-            known = {"noise_sha256": hashlib.sha256(_bytes(path, where)).hexdigest()}
-            pinned[name] = {**known, **table, "noise_file": str(path)}
+            pinned_hash = {"noise_sha256": hashlib.sha256(_bytes(path, where)).hexdigest()}
+            pinned[name] = {**pinned_hash, **table, "noise_file": str(path)}
     return pinned
 
 
 def _bytes(path: Path, where: str) -> bytes:
-    try:
+    with reported(f"{where}: {path}", BadInput, "cannot be read"):
         return path.read_bytes()
-    except (OSError, ValueError) as error:
-        said = getattr(error, "strerror", None) or error
-        raise BadInput(f"{where}: {path}: cannot be read: {said}") from None
 
 
 def _parse(data: bytes, path: Path, where: str) -> NDArray[np.float64]:
-    """(rows, 4); a first line that is no number names the columns."""
+    """Return (rows, 4); a first line that is not numbers names the columns."""
     text = data.decode("utf-8", errors="replace")
     first = text.partition("\n")[0]
     if not text.strip():

@@ -79,13 +79,13 @@ class Sensor(Settings):
     noise_sha256: str | None = Field(default=None, pattern="^[0-9a-f]{64}$")  # written when a scenario is loaded
 
     def limits(self, signal: Signal) -> tuple[float, float]:
-        """Lowest and highest sample."""
+        """Return the lowest and highest sample."""
         low = signal.low if self.low is None else self.low
         return low, signal.high if self.high is None else self.high
 
     @model_validator(mode="after")
     def _pairs(self) -> Sensor:
-        """Keys that only mean something together."""
+        """Refuse keys that only mean something together."""
         if self.bias_instability_std > 0 and self.bias_correlation_s == 0:
             raise ValueError("bias_correlation_s: must be above 0 with bias_instability_std")
         if self.mode_rms > 0 and self.mode_frequency_hz == 0:
@@ -103,7 +103,7 @@ class Sensor(Settings):
 
     @model_serializer(mode="wrap")
     def _by_name(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """``class`` under the name that it is read by; Python keeps the word for itself."""
+        """Write ``class`` under the name that it is read by; Python keeps the word for itself."""
         return {"class" if key == "class_" else key: value for key, value in handler(self).items()}
 
 
@@ -146,15 +146,15 @@ Suite = create_model(
 
 
 def ranges(suite: Settings) -> NDArray[np.float64]:
-    """(S, 2) lowest and highest sample of each signal."""
+    """Return (S, 2) lowest and highest sample of each signal."""
     return np.array([getattr(suite, signal.name).limits(signal) for signal in SIGNALS])
 
 
 def channels(suite: Settings) -> NDArray[np.int64]:
-    """(S,) number of channels of each signal."""
+    """Return (S,) number of channels of each signal."""
     return np.array([getattr(suite, signal.name).channels for signal in SIGNALS])
 
 
 def discrete_channels(suite: Settings) -> NDArray[np.int64]:
-    """(D,) number of channels of each discrete."""
+    """Return (D,) number of channels of each discrete."""
     return np.array([getattr(suite, discrete.name).channels for discrete in DISCRETES])

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 
 from rig.frame import CHANNELS
-from rig.units.angles import TURN
+from rig.units.angles import near
 
 Floats = NDArray[np.float64]
 DUPLEX: Final = 2
@@ -66,7 +66,7 @@ def exceeded_each(samples: Floats, frames: Sequence[tuple[int, int]], wraps: boo
 
 
 def _exceeded(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool) -> Iterator[Floats]:
-    chosen = near(samples) if wraps else samples
+    chosen = near_first(samples) if wraps else samples
     if len(chosen) == DUPLEX:
         apart = _apart(chosen)
         yield from (sliding_minimum(apart, singular) for _, singular in frames)
@@ -82,12 +82,12 @@ def _exceeded(samples: Floats, frames: Sequence[tuple[int, int]], wraps: bool) -
         yield largest
 
 
-def near(samples: Floats) -> Floats:
+def near_first(samples: Floats) -> Floats:
     """Unwrap angles (C, n), rad, to within half a turn of the first channel of their frame that has a sample."""
     base = samples[0].copy()
     for column in samples[1:]:
         np.copyto(base, column, where=np.isnan(base))
-    return base + (samples - base + TURN / 2) % TURN - TURN / 2
+    return near(samples, base)
 
 
 def nearest(samples: Floats) -> list[Floats]:
@@ -124,12 +124,8 @@ def middle_gap(samples: Floats) -> Floats:
 
 
 def sliding_minimum(series: Floats, frames: int) -> Floats:
-    """Return (n,) the least of the last ``frames`` values, 0 before so many have been."""
-    if frames > len(series):
-        return np.zeros(len(series))
-    least = minimum_filter1d(series, frames, origin=(frames - 1) // 2)  # of the window that ends with the frame
-    least[: frames - 1] = 0.0
-    return least
+    """Return (n,) the least of the last ``frames`` values, none of them negative; 0 before so many have been."""
+    return minimum_filter1d(series, frames, mode="constant", cval=0.0, origin=(frames - 1) // 2)
 
 
 def invalid_runs(samples: Floats, frames: int) -> Sequence[int]:

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from rig.frame import CHANNELS
 from rig.thresholds.design import Flight
-from rig.thresholds.distances import invalid_runs, middle_two, near, nearest, sliding_minimum
-from rig.units.angles import TURN
+from rig.thresholds.distances import invalid_runs, middle_two, near_first, nearest, sliding_minimum
+from rig.util.runs import runs
 
 Floats = NDArray[np.float64]
 HOLD_S: Final = 1.0
@@ -87,8 +87,9 @@ def _alone(flight: Flight, longest: int) -> Iterator[tuple[int, str]]:
 
 def _repeats(column: Floats, hold: int) -> int | None:
     """Return the frame from which one value is repeated ``hold`` times, if there is one."""
-    runs = np.flatnonzero(sliding_minimum((np.diff(column) == 0).astype(np.float64), hold))
-    return int(runs[0]) - hold + 1 if len(runs) else None
+    spans = runs(column)
+    long = spans[spans[:, 1] - spans[:, 0] > hold]
+    return int(long[0, 0]) if len(long) else None
 
 
 def _distances(flights: Sequence[Flight], wraps: bool) -> tuple[Floats, Floats, float]:
@@ -96,7 +97,7 @@ def _distances(flights: Sequence[Flight], wraps: bool) -> tuple[Floats, Floats, 
     held, at, usual = [], [], []
     for flight in flights:
         hold = round(HOLD_S * flight.rate_hz)
-        every = nearest(near(flight.samples) if wraps else flight.samples)
+        every = nearest(near_first(flight.samples) if wraps else flight.samples)
         least = [sliding_minimum(np.where(np.isfinite(distance), distance, 0.0), hold) for distance in every]
         held.append([distance.max() for distance in least])
         at.append([max(int(distance.argmax()) - hold + 1, 0) / flight.rate_hz for distance in least])
@@ -112,11 +113,11 @@ def envelope(flights: Sequence[Flight], wraps: bool) -> Envelope:
 
 
 def _of(flight: Flight, wraps: bool) -> tuple[Floats, Floats, Floats]:
-    samples = near(flight.samples) if wraps else flight.samples
+    samples = near_first(flight.samples) if wraps else flight.samples
     centre = middle(samples)
     centre = centre[np.isfinite(centre)]
     if wraps:
-        centre = np.unwrap(centre, period=TURN)
+        centre = np.unwrap(centre)
     step = max(round(SMOOTH_S * flight.rate_hz), 1)
     sums = np.cumsum(np.concatenate([[0.0], centre]))
     smooth = (sums[step:] - sums[:-step]) / step
@@ -146,9 +147,8 @@ def beyond(design: Mapping[str, Envelope], monitored: Mapping[str, Envelope]) ->
     """Return a line for each signal that moves by more than BEYOND times the design data."""
     lines: list[str] = []
     for name in (name for name in design if name in monitored):
-        for unit, own, other in zip(
-            ("", " a second"), design[name], monitored[name], strict=False
-        ):  # without the noise
+        of_motion = zip(("", " a second"), design[name], monitored[name], strict=False)  # their noise is left out
+        for unit, own, other in of_motion:
             if other > BEYOND * own:
                 moves = f"{100 * SHARE:g} % of its motion is {other:.3g}{unit}, of the design data {own:.3g}"
                 lines.append(f"{name}: {moves}: the thresholds are not made for it")

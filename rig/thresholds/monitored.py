@@ -18,6 +18,7 @@ from rig.computer.redundancy.managers import Manager
 from rig.frame import CHANNELS, Ilm, rows
 from rig.kernels import long_kernel
 from rig.recordings.settings import RecordedSignal
+from rig.util.runs import cluster_starts
 
 Floats = NDArray[np.float64]
 Frames = NDArray[np.int64]
@@ -46,7 +47,7 @@ def isolations(samples: Floats, settings: RecordedSignal, rate_hz: float, gap: i
     found = np.zeros(len(samples), np.uint8)
     _restarted(_four(samples), _blank_row(), Manager(MANAGERS[0], params).data, new_state(params), found)
     at = np.flatnonzero(found)
-    return at[np.diff(at, prepend=-gap - 1) > gap]
+    return at[cluster_starts(at, gap)]
 
 
 def low_passed(samples: Floats, settings: RecordedSignal, rate_hz: float) -> Floats:

@@ -22,6 +22,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.util.runs import cluster_starts
+
 Floats = NDArray[np.float64]
 GAP_S: Final = 0.5  # between clusters
 CLUSTERS: Final = 40  # that u leaves at least
@@ -86,7 +88,7 @@ def _clusters(
     """Find the peaks of values above ``u`` in frames ``at``; a new cluster begins after more than ``gap`` frames."""
     if len(values) == 0:
         return Peaks(float(u), values, block, hours)
-    starts = np.concatenate([[0], np.flatnonzero(np.diff(at) > gap) + 1])
+    starts = cluster_starts(at, gap)
     excess = np.maximum.reduceat(values, starts) - u
     order = np.argsort(excess, kind="stable")
     return Peaks(float(u), excess[order], block[starts][order], hours)

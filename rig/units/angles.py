@@ -1,39 +1,40 @@
-"""Angles on the circle and the ends of a sensor's range: what sensors, faults and voter share.
+"""Angles on the circle and the ends of a sensor's range: what sensors, faults, voter and assessments share.
 
-``unwrap`` and ``into_range`` do the same for whole arrays, for a manager written in plain numpy.
+The short way round has one formula, once for kernels (``wrap``) and once for arrays (``short_way``), to the same bits.
 """
 
 from __future__ import annotations
 
 from math import pi
-from typing import Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import TWO_PI
 from rig.kernels import kernel
+from rig.units.constants import TWO_PI
 
-TURN: Final = TWO_PI
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_] | bool
 
 
 @kernel
 def wrap(angle):
-    """``angle`` (rad) the short way round, in [-pi, pi); NaN stays NaN."""
-    return (angle + pi) % TURN - pi
+    """Return ``angle`` (rad) the short way round, in [-pi, pi); NaN stays NaN."""
+    return (angle + pi) % TWO_PI - pi
 
 
 @kernel
 def difference(a, b, wraps):
-    """``a - b``; the short way round when the signal ``wraps`` (rad)."""
+    """Return ``a - b``; the short way round when the signal ``wraps`` (rad)."""
     return wrap(a - b) if wraps != 0 else a - b
 
 
 @kernel
 def limit(x, low, high, wraps):
-    """``x`` within [low, high]: an angle goes round the circle, anything else saturates; NaN stays NaN."""
+    """Return ``x`` within [low, high]: an angle goes round the circle, anything else saturates; NaN stays NaN."""
     if wraps != 0:
-        return (x - low) % TURN + low
+        return (x - low) % TWO_PI + low
     if x < low:
         return low
     if x > high:
@@ -41,7 +42,41 @@ def limit(x, low, high, wraps):
     return x
 
 
-def unwrap(samples: NDArray[np.float64], vote: NDArray[np.float64], wraps: NDArray[np.uint8]) -> NDArray[np.float64]:
+def short_way(angles: Floats, half_turn: float = pi) -> Floats:
+    """Return ``angles`` the short way round, in [-half_turn, half_turn); NaN where there is no number."""
+    with np.errstate(invalid="ignore"):
+        return (angles + half_turn) % (2.0 * half_turn) - half_turn
+
+
+def differences(a: Floats, b: Floats, wraps: Flags) -> Floats:
+    """Return ``a - b``, the short way round where the signal ``wraps``: one flag, or one for each of the last axis."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        apart = np.asarray(a - b)
+    if np.any(wraps):
+        apart[..., wraps] = short_way(apart[..., wraps])
+    return apart
+
+
+def near(angles: Floats, base: Floats) -> Floats:
+    """Return ``angles`` (rad) moved by whole turns to within half a turn of ``base``."""
+    with np.errstate(invalid="ignore"):
+        return base + (angles - base + pi) % TWO_PI - pi
+
+
+def unwrapped(angles: Floats) -> Floats:
+    """Return ``angles`` (n,), rad, without jumps of a turn; the first number stays, and what is no number."""
+    out, finite = angles.copy(), np.isfinite(angles)
+    out[finite] = np.unwrap(angles[finite])
+    return out
+
+
+def step_sizes(series: Floats, wraps: bool) -> Floats:
+    """Return how far each of ``series`` (n,) is from the one before, (n - 1,); the short way round for angles."""
+    moved = np.abs(np.diff(series))
+    return np.minimum(moved, TWO_PI - moved) if wraps else moved
+
+
+def unwrap(samples: Floats, vote: Floats, wraps: NDArray[np.uint8]) -> Floats:
     """Return ``samples`` with those of angles moved by whole turns to within half a turn of the last vote.
 
     So they can be compared, sorted and averaged as plain numbers.
@@ -50,12 +85,10 @@ def unwrap(samples: NDArray[np.float64], vote: NDArray[np.float64], wraps: NDArr
     """
     first = samples[np.arange(len(samples)), np.argmax(np.isfinite(samples), axis=1)]
     base = np.where(np.isfinite(vote), vote, first)[:, None]
-    near = base + (samples - base + pi) % TURN - pi
-    return np.where(wraps[:, None] != 0, near, samples)
+    return np.where(wraps[:, None] != 0, near(samples, base), samples)
 
 
-def into_range(
-    votes: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64], wraps: NDArray[np.uint8]
-) -> NDArray[np.float64]:
-    """Return ``votes`` within the sensors' ranges: angles by whole turns, all others saturated.  All are (S,)."""
-    return np.where(wraps != 0, (votes - low) % TURN + low, np.clip(votes, low, high))
+def into_range(values: Floats, low: Floats | float, high: Floats | float, wraps: NDArray[Any] | bool) -> Floats:
+    """Return ``values`` within the sensors' ranges: angles by whole turns, all others saturated."""
+    with np.errstate(invalid="ignore"):
+        return np.where(wraps, (values - low) % TWO_PI + low, np.clip(values, low, high))

@@ -27,12 +27,12 @@ def number(value: float | None, unit: str = "", signed: bool = False) -> str:
     """Return ``value``, in the SI ``unit``, as a number in ``unit_shown(unit)``: three digits; "" for None."""
     if value is None:
         return ""
-    told = value * scale_shown(unit)
-    if not isfinite(told):
-        return f"{told}"
-    size = abs(told)
+    shown = value * scale_shown(unit)
+    if not isfinite(shown):
+        return f"{shown}"
+    size = abs(shown)
     digits = ".0f" if size >= _WHOLE else ".2e" if 0.0 < size < _SMALL else ".3g"
-    return format(told, f"+{digits}" if signed else digits)
+    return format(shown, f"+{digits}" if signed else digits)
 
 
 def quantity(value: float, unit: str, signed: bool = False) -> str:

@@ -24,7 +24,7 @@ class Screen(Console):
         super().__init__(stderr=stderr, width=width, markup=False, emoji=False, highlight=False)
 
     def render_str(self, text: str, **options: Any) -> Text:
-        """Every string comes through here: printed ones and a table's cells."""
+        """Return any string, printed or in a table's cell, as plain text."""
         return super().render_str(plain(text), **options)
 
     def table(self, heads: Iterable[str], rows: Iterable[Iterable[RenderableType]]) -> None:
@@ -36,11 +36,11 @@ class Screen(Console):
 
 
 def console(stderr: bool = False) -> Screen:
-    """Standard output (or error)."""
+    """Return the console of standard output (or error)."""
     screen = Screen(stderr=stderr)
     return screen if screen.is_terminal else Screen(stderr=stderr, width=PIPE_WIDTH)
 
 
 def styled(*parts: str | tuple[str, str]) -> Text:
-    """Text of parts, each plain or with its style: ``styled(("survived", "green"), ": duration flown")``."""
+    """Return text of parts, each plain or with its style: ``styled(("survived", "green"), ": duration flown")``."""
     return Text.assemble(*(plain(part) if isinstance(part, str) else (plain(part[0]), part[1]) for part in parts))

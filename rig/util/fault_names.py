@@ -9,14 +9,14 @@ _CLOSED: Final = {"pitot": "dynamic_pressure"}  # any other closed line corrupts
 
 
 def place(fault: Mapping[str, Any]) -> str:
-    """The signal, surface, reference or quantity that a fault acts on; all signals that the environment corrupts."""
+    """Return the signal, surface, reference or quantity that a fault acts on; all that the environment corrupts."""
     if "blocked" in fault:
         return _CLOSED.get(fault["blocked"], "static_pressure+dynamic_pressure")
     return "+".join(fault["vanes"]) if "vanes" in fault else fault["signal"]
 
 
 def label(fault: Mapping[str, Any]) -> str:
-    """A fault's name in events, tables and the viewer: its id, else its kind and where it acts."""
+    """Return a fault's name in events, tables and the viewer: its id, else its kind and where it acts."""
     if fault.get("id"):
         return fault["id"]
     where = fault.get("blocked") or place(fault)

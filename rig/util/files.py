@@ -28,12 +28,12 @@ def bundled(kind: str) -> Path:
 
 
 def is_file(path: Path) -> bool:
-    """Whether a regular file is there; no for a name that no file can have."""
+    """Return True if a regular file is there; False for a name that no file can have."""
     return os.path.isfile(path)  # noqa: PTH113 # Path.is_file raises for a name that is too long
 
 
 def is_pipe(path: Path) -> bool:
-    """Whether opening ``path`` would wait for a writer; no for a name that no file can have."""
+    """Return True if opening ``path`` would wait for a writer; False for a name that no file can have."""
     try:
         return path.is_fifo()
     except OSError:
@@ -42,16 +42,31 @@ def is_pipe(path: Path) -> bool:
 
 @contextmanager
 def reported(where: Path | str, kind: type[RigError] = RigError, what: str = "cannot be written") -> Iterator[None]:
-    """Say in one line, as ``kind``, what the system refuses in the block: ``where``, ``what`` and the reason."""
+    """Raise what the system refuses in the block as one line of ``kind``: ``where``, ``what`` and the reason."""
     try:
         yield
-    except OSError as error:
-        raise kind(f"{where}: {what}: {error.strerror}") from None
+    except (OSError, ValueError) as error:  # a name that no file can have is a ValueError
+        raise kind(f"{where}: {what}: {getattr(error, 'strerror', None) or error}") from None
+
+
+def read_bytes(path: Path, most: int) -> bytes:
+    """Return a file's bytes; BadInput: missing, a pipe, unreadable, or more than ``most`` bytes."""
+    with reported(path, BadInput, "cannot be read"):
+        try:
+            if path.is_fifo():  # opening one waits for a writer
+                raise BadInput(f"{path}: is a pipe, no file")
+            with path.open("rb") as file:
+                data = file.read(most + 1)  # a device may never end
+        except FileNotFoundError:
+            raise BadInput(f"{path}: no such file") from None
+    if len(data) > most:
+        raise BadInput(f"{path}: larger than {most >> 20} MiB")
+    return data
 
 
 @contextmanager
 def draft(path: Path) -> Iterator[Path]:
-    """A new empty file beside ``path``, under a name that nobody else has; it is removed at the end.
+    """Yield a new empty file beside ``path``, under a name of its own; it is removed at the end.
 
     BadInput: ``path`` is a folder or a device, cannot be a file's name, or its folder is not there or not writable.
     """
@@ -67,7 +82,7 @@ def draft(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def replaced(path: Path) -> Iterator[Path]:
-    """A draft to write to, which becomes ``path`` when the block ends well; after an error ``path`` is as before.
+    """Yield a draft, which becomes ``path`` when the block ends well; after an error ``path`` is as before.
 
     A link at ``path`` is replaced, not followed.  BadInput as of ``draft``; RigError when it cannot be renamed.
     """
@@ -84,7 +99,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def numbered(folder: Path, stem: str, ending: str) -> Iterator[Path]:
-    """The free names of stem.ending, stem_2.ending, stem_3.ending and so on; somebody may be faster to take one."""
+    """Yield the free names of stem.ending, stem_2.ending, stem_3.ending; another process may take one first."""
     for number in count(1):
         path = folder / (f"{stem}{ending}" if number == 1 else f"{stem}_{number}{ending}")
         if not os.path.lexists(path):  # a link to nowhere is taken too
@@ -108,16 +123,14 @@ def publish(made: Path, paths: Iterable[Path]) -> Path:
 
 
 def _check(path: Path) -> None:
-    """BadInput unless a regular file is at ``path``, or none."""
-    try:
-        mode = path.stat().st_mode
-    except FileNotFoundError:
-        if not path.parent.is_dir():
-            raise BadInput(f"{path}: no such folder: {path.parent}") from None
-        return
-    except (OSError, ValueError) as error:
-        said = error.strerror if isinstance(error, OSError) else error
-        raise BadInput(f"{path}: cannot be written: {said}") from None
+    """Raise BadInput unless a regular file is at ``path``, or none."""
+    with reported(path, BadInput):
+        try:
+            mode = path.stat().st_mode
+        except FileNotFoundError:
+            if not path.parent.is_dir():
+                raise BadInput(f"{path}: no such folder: {path.parent}") from None
+            return
     if stat.S_ISDIR(mode):
         raise BadInput(f"{path}: is a folder")
     if not stat.S_ISREG(mode):

@@ -27,13 +27,13 @@ class Stop:
 
     @property
     def terminated(self) -> bool:
-        """Whether nobody is there to press Ctrl-C once more."""
+        """True if SIGTERM or SIGHUP asked for the end: nobody will press Ctrl-C again."""
         return self.signal in TERMINATIONS
 
 
 @contextmanager
 def interruptible(*, again: bool = False) -> Iterator[Stop]:
-    """The first Ctrl-C, and every SIGTERM or SIGHUP, sets ``requested``; a second Ctrl-C is Python's own.
+    """Set ``requested`` at the first Ctrl-C and at SIGTERM or SIGHUP; a second Ctrl-C is Python's own.
 
     again : the second Ctrl-C sets ``insisted``, and the third is Python's own
     Only a process's main thread can be asked; elsewhere the request is never made.
@@ -62,7 +62,7 @@ def interruptible(*, again: bool = False) -> Iterator[Stop]:
 
 
 def end_cleanly() -> None:
-    """From here on SIGTERM and SIGHUP end the process by SystemExit, so that what is half written is cleared away.
+    """End the process by SystemExit at SIGTERM or SIGHUP, so that what is half written is removed.
 
     Exit code 128 + signal.  The first one counts: timeout(1) and closed terminals send two.
     """
@@ -77,5 +77,5 @@ def end_cleanly() -> None:
 
 
 def _heeded() -> list[signal.Signals]:
-    """The terminations that are not ignored."""
+    """Return the terminations that are not ignored."""
     return [number for number in TERMINATIONS if signal.getsignal(number) is not signal.SIG_IGN]

@@ -13,12 +13,12 @@ PACKAGES = ("jsbsim-rig", "jsbsim", "numpy", "numba", "mcap", "rerun-sdk")
 
 @cache
 def versions() -> dict[str, str]:
-    """Package versions, Python, machine type and, in a checkout, the git commit."""
-    found = {f"version {name}": _version(name) for name in PACKAGES}
-    found["version python"] = platform.python_version()
-    found["machine"] = platform.machine()
+    """Return package versions, Python, machine type and, in a checkout, the git commit."""
+    texts = {f"version {name}": _version(name) for name in PACKAGES}
+    texts["version python"] = platform.python_version()
+    texts["machine"] = platform.machine()
     commit = _commit()
-    return {**found, "git commit": commit} if commit else found
+    return {**texts, "git commit": commit} if commit else texts
 
 
 def _version(name: str) -> str:
@@ -29,12 +29,12 @@ def _version(name: str) -> str:
 
 
 def _commit() -> str:
-    """The checkout's commit, with ``+`` when files differ from it; empty when this is no checkout."""
+    """Return the checkout's commit, with ``+`` when files differ from it; empty outside a checkout."""
     root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return ""
     try:
-        says = subprocess.run(
+        answer = subprocess.run(
             ["git", "describe", "--always", "--abbrev=40", "--dirty=+", "--exclude=*"],
             cwd=root,
             capture_output=True,
@@ -44,4 +44,4 @@ def _commit() -> str:
         )
     except (OSError, subprocess.TimeoutExpired):
         return ""
-    return says.stdout.strip()
+    return answer.stdout.strip()

@@ -10,24 +10,32 @@ import rerun.blueprint as rrb
 
 from rig.errors import BadInput
 from rig.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Discrete, Signal
-from rig.view import charts, derived, lanes, times
+from rig.record.failures import decisive_s
+from rig.units.quantities import unit_shown
+from rig.view import charts, columns, derived, lanes
 from rig.view.facts import Layout, Shown
-from rig.view.panels import (
+from rig.view.plots import (
+    Axes,
+    Line,
     about,
     attitude,
+    chart,
     events,
     histogram,
     legend,
+    list_series,
     map_view,
     margin,
     numbers,
+    over_time,
     path,
+    plot,
+    state_lanes,
+    status_lanes,
     status_now,
     track,
 )
-from rig.view.plots import Axes, Line, chart, list_series, over_time, plot, state_lanes, status_lanes
 from rig.view.scene import TIMELINE
-from rig.view.story import zoom
 from rig.view.style import CHANNEL_COLORS, FAULT, PALETTE, REFERENCE, THRESHOLD, TRUTH, VOTED, plain
 
 OVERVIEW: Final = "overview"  # the first tab
@@ -40,14 +48,14 @@ _MARGIN: Final = 0.033  # of a column, left of its lanes
 
 
 def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
-    """The layout for the flights ``layout.shown``, open at ``layout.tab``; BadInput: no such tab.
+    """Build the layout for the flights ``layout.shown``, open at ``layout.tab``; BadInput: no such tab.
 
     The overview has the first signal that a fault sits on, else pitch rate.  With ``map_tiles`` there is a map
     beside the track, for which the viewer fetches tiles from the internet.
     """
     shown, tab, map_tiles = layout
     require_tab(tab)
-    tested = [one for one in shown if one.facts.unit]
+    tested = [flight for flight in shown if flight.facts.unit]
     if tab == UNIT and not tested:
         raise BadInput(f"no tab {tab!r}: no unit under test was flown")
     tabs = {
@@ -70,21 +78,21 @@ def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
 
 
 def require_tab(tab: str) -> None:
-    """BadInput when there is no such tab."""
+    """Raise BadInput when there is no such tab."""
     if tab not in TABS:
         raise BadInput(f"no tab {tab!r}; there are: {', '.join(TABS)}")
 
 
 def main_signal(shown: Sequence[Shown]) -> Signal:
-    """The signal of the overview: that of the decisive fault, else of the first one; of the flight on top first."""
-    seen = [one.facts.seen.main for one in reversed(shown) if one.facts.seen is not None]
-    faulted = [one.facts.first_faulted for one in reversed(shown)]
+    """Return the signal of the overview: of the decisive fault, else of the first one; of the flight on top first."""
+    seen = [flight.facts.seen.main for flight in reversed(shown) if flight.facts.seen is not None]
+    faulted = [flight.facts.first_faulted for flight in reversed(shown)]
     return SIGNALS[INDEX[next(filter(None, (*seen, *faulted)), MAIN)]]
 
 
 def _overview(signal: Signal, shown: Sequence[Shown]) -> rrb.Container:
-    """The whole flight on the left, its decisive seconds beside it, the state at the cursor on the right."""
-    top, span = shown[-1], decisive_s(shown)
+    """Build the overview: whole flight, beside it its decisive seconds, the state at the cursor on the right."""
+    top, span = shown[-1], decisive_span(shown)
     whole = rrb.Vertical(
         _difference_plot(signal, shown),
         *([] if span is not None else [_signal_plot(signal, shown)]),
@@ -97,7 +105,7 @@ def _overview(signal: Signal, shown: Sequence[Shown]) -> rrb.Container:
         parts.append(_decisive(signal, shown, span))
         shares.append(9)
     else:
-        parts.append(rrb.Vertical(*(chart(one, shown) for one in charts.SURFACE)))
+        parts.append(rrb.Vertical(*(chart(content, shown) for content in charts.SURFACE)))
         shares.append(6)
     now = rrb.Vertical(status_now(top), numbers(top), events(shown), row_shares=[10, 3, 4])
     below = rrb.Horizontal(*parts, now, column_shares=[*shares, 6])
@@ -116,20 +124,20 @@ def _decisive(signal: Signal, shown: Sequence[Shown], span: tuple[float, float])
     )
 
 
-def decisive_s(shown: Sequence[Shown]) -> tuple[float, float] | None:
-    """The decisive seconds of the flight on top that has any; of one under way, those after its first fault begins."""
-    for one in reversed(shown):
-        if one.facts.seen is not None:
-            if one.facts.seen.zoom_s is not None:
-                return one.facts.seen.zoom_s
-        elif (start := one.facts.first_start_s) is not None:
-            return zoom(start, None, inf)
+def decisive_span(shown: Sequence[Shown]) -> tuple[float, float] | None:
+    """Return the decisive seconds of the topmost flight that has any; under way, those after its first fault begins."""
+    for flight in reversed(shown):
+        if flight.facts.seen is not None:
+            if flight.facts.seen.zoom_s is not None:
+                return flight.facts.seen.zoom_s
+        elif (start := flight.facts.first_start_s) is not None:
+            return decisive_s(start, None, inf)
     return None
 
 
 def status_shown(shown: Sequence[Shown]) -> list[lanes.Lane]:
-    """The lanes of the overview: of all signals; of several flights, of those where something was not ok."""
-    noted = {name for one in shown if one.facts.seen is not None for name in one.facts.seen.noted}
+    """Return the lanes of the overview: of all signals; of several flights, of those where something was not ok."""
+    noted = {name for flight in shown if flight.facts.seen is not None for name in flight.facts.seen.noted}
     some = [lane for lane in lanes.STATUS if lane.path[1:] in noted][: len(SIGNALS) // len(shown)]
     return list(lanes.STATUS) if len(shown) == 1 or not some else some
 
@@ -148,18 +156,18 @@ def _group_tab(group: str, signals: Sequence[Signal], shown: Sequence[Shown]) ->
 
 
 def _signal_plot(signal: Signal, shown: Sequence[Shown], span: tuple[float, float] | None = None) -> Any:
-    """The signal in the unit that people read; in its decisive seconds, on a scale of their own."""
+    """Draw the signal in the unit that people read; in its decisive seconds, on a scale of their own."""
     lines = _lines(signal, "", ("low", "high", "voted", *_CHANNELS, "reference", "truth"))
     key = signal.name if span is None else "zoom"
-    ranges = [seen.ranges[key] for one in shown if (seen := one.facts.seen) is not None and key in seen.ranges]
+    ranges = [seen.ranges[key] for flight in shown if (seen := flight.facts.seen) is not None and key in seen.ranges]
     values = (min(low for low, _ in ranges), max(high for _, high in ranges)) if ranges else None
-    name = f"{plain(signal.name)}, {derived.unit(signal.unit)}"
+    name = ", ".join(filter(None, (plain(signal.name), unit_shown(signal.unit))))
     return over_time(_zoomed(name, span), list_series(derived.NAMES, lines, shown), shown, Axes(span, values))
 
 
 def _difference_plot(signal: Signal, shown: Sequence[Shown], span: tuple[float, float] | None = None) -> Any:
-    """Channels and truth less the vote, in thresholds; without a threshold, less truth."""
-    if not any(signal.name in one.facts.thresholds for one in shown):
+    """Draw channels and truth less the vote, in thresholds; without a threshold, less truth."""
+    if not any(signal.name in flight.facts.thresholds for flight in shown):
         return _deviation_plot(signal, shown)
     lines = _lines(signal, "apart_", ("fault", "low", "high", "truth", *_CHANNELS))
     name = f"{plain(signal.name)} less the vote, in monitor thresholds; beyond {derived.LIMIT:g}: at the edge"
@@ -173,8 +181,8 @@ def _zoomed(name: str, span: tuple[float, float] | None) -> str:
 
 def _deviation_plot(signal: Signal, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
     lines = _lines(signal, "off_", ("voted", *_CHANNELS))
-    name = f"{plain(signal.name)} less truth, {derived.unit(signal.unit)}; channels in use"
-    return over_time(name, list_series(derived.NAMES, lines, shown), shown)
+    name = ", ".join(filter(None, (f"{plain(signal.name)} less truth", unit_shown(signal.unit))))
+    return over_time(f"{name}; channels in use", list_series(derived.NAMES, lines, shown), shown)
 
 
 _CHANNELS: Final = tuple(f"ch_{c + 1}" for c in range(CHANNELS))
@@ -190,7 +198,7 @@ _LOOKS: Final = {  # of a line: colour, width, whether flights below another sho
 
 
 def _lines(signal: Signal, prefix: str, names: Sequence[str]) -> list[Line]:
-    """Lines of the derived list of ``signal``, by their names without ``prefix``."""
+    """Return lines of the derived list of ``signal``, by their names without ``prefix``."""
     lines = []
     for name in names:
         color, width, below = _LOOKS[name]
@@ -227,32 +235,32 @@ def _discrete_plot(discrete: Discrete, shown: Sequence[Shown]) -> rrb.TimeSeries
 
 
 def _surfaces_tab(shown: Sequence[Shown]) -> rrb.Container:
-    """What control asks, what reaches the actuator (another only while a fault is between), where it truly is."""
-    return rrb.Grid(*(chart(one, shown) for one in charts.SURFACE), grid_columns=2, name="surfaces")
+    """Draw command, actuator input (another only while a fault is between) and true position of each surface."""
+    return rrb.Grid(*(chart(content, shown) for content in charts.SURFACE), grid_columns=2, name="surfaces")
 
 
 def _control_tab(shown: Sequence[Shown]) -> rrb.Container:
     states = state_lanes("faults, control law", [lanes.LAW], shown, faults="")
-    return rrb.Grid(*(chart(one, shown) for one in charts.CONTROL), states, grid_columns=3, name="control")
+    return rrb.Grid(*(chart(content, shown) for content in charts.CONTROL), states, grid_columns=3, name="control")
 
 
 def _flight_tab(shown: Sequence[Shown], map_tiles: bool) -> rrb.Container:
     figures = rrb.Vertical(attitude(shown), *map(numbers, shown), row_shares=[5, *[2] * len(shown)])
     above = rrb.Horizontal(path(shown), track(shown), *([map_view(shown)] if map_tiles else []), figures)
     below = rrb.Horizontal(
-        *(chart(one, shown) for one in charts.FLOWN),
+        *(chart(content, shown) for content in charts.FLOWN),
         events(shown),
     )
     return rrb.Vertical(above, below, row_shares=[3, 2], name="flight")
 
 
 def _unit_tab(shown: Sequence[Shown]) -> rrb.Container:
-    """How long the unit took, how old the answers are that were flown; histograms up to the cursor."""
-    clock = Line(times.PATH, times.ARCHETYPE, "reply_us", "reply time", VOTED)
+    """Draw the unit's reply times and the age of the answers that were flown; histograms up to the cursor."""
+    clock = Line(columns.CLOCK, columns.CLOCK_TYPE, "reply_us", "reply time", VOTED)
     age = Line("/control", "rig.Control", "unit_age", "age", PALETTE[0], 3.0)
-    late = Line(times.PATH, times.ARCHETYPE, "late_us", "lateness", PALETTE[0])
-    paced = [one for one in shown if one.facts.paced]
-    bars = [histogram(times.REPLIES, shown), *([histogram(times.LATENESS, paced)] if paced else [])]
+    late = Line(columns.CLOCK, columns.CLOCK_TYPE, "late_us", "lateness", PALETTE[0])
+    paced = [flight for flight in shown if flight.facts.paced]
+    bars = [histogram(columns.REPLIES, shown), *([histogram(columns.LATENESS, paced)] if paced else [])]
     return rrb.Vertical(
         plot("reply time and lateness, µs" if paced else "reply time, µs", [clock, *([late] if paced else [])], shown),
         plot("age of the answer that was flown, frames", [age], shown),

@@ -69,17 +69,17 @@ _TABLES: Final = {"command": COMMANDS, "surface": SURFACES, "actuator": SURFACES
 
 
 def ranges(rows: Block) -> dict[str, tuple[float, float]]:
-    """What the axis of each chart shows for ``rows``, by its name."""
+    """Return the axis range of each chart for ``rows``, by its name."""
     turned = degrees(rows)
-    found = {}
+    ranges_by_name = {}
     for chart in CHARTS:
         columns = [turned[:, DEGREE_NAMES.index(n)] if n in DEGREE_NAMES else _column(rows, n) for n in chart.names]
-        found[chart.name] = spanned(np.concatenate(columns), chart.span)
-    return found
+        ranges_by_name[chart.name] = spanned(np.concatenate(columns), chart.span)
+    return ranges_by_name
 
 
 def spanned(values: NDArray[np.float64], span: float) -> tuple[float, float]:
-    """The range of the finite ``values`` and a tenth of it either side, but not less than ``span``."""
+    """Return the range of the finite ``values`` and a tenth of it either side, but not less than ``span``."""
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
     middle, half = (low + high) / 2, max(0.6 * (high - low), span / 2)

@@ -7,7 +7,13 @@ the stream and the opened log:
     /control, /demand, /flight         rig.Control:message, ...
     /pose, /position, /events          Transform3D, GeoPoints, TextLog
 
-and, for the viewer alone, what derived.py, lanes.py, matrix.py and scene.py make of the rows.  What derived.py makes
+and, for the viewer alone, of the wall clock of a flight with a unit under test
+
+    /timing                            rig.Timing:message, one struct a frame
+    /timing/replies                    how many reply times lie in each bin, from the begin of the flight to the cursor
+    /timing/lateness                   the same of the lateness; of paced flights alone
+
+and what derived.py, lanes.py, matrix.py and scene.py make of the rows.  What derived.py makes
 of a signal goes with it, as one more component of its entity: each entity costs the viewer a clock and a name of
 every row.
 
@@ -16,27 +22,67 @@ Each field of FRAME has one place in one struct, so a signal or a command added 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import IntEnum
 from functools import cache, lru_cache
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
-from rig.frame import Block, End
+from rig.frame import TIMING, Block, End
 from rig.frame.fields import FIELD, places
 from rig.log.schema import TOPICS_OF_ROWS, Topic
 from rig.record.event import Event
+from rig.record.histogram import BINS, EDGES_US, binned
 from rig.view import derived, lanes, matrix
 from rig.view.facts import UNKNOWN, Facts
 from rig.view.scene import Scene, time_column
-from rig.view.style import OVER, VOTED, Color
-from rig.view.times import Times
+from rig.view.style import OVER, PALETTE, VOTED, Color
 
+CLOCK: Final = "/timing"
+CLOCK_TYPE: Final = "rig.Timing"
 _LEVELS: Final = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
+
+
+class Bars(NamedTuple):
+    """A histogram."""
+
+    path: str
+    field: str  # of TIMING
+    name: str
+
+
+REPLIES: Final = Bars(f"{CLOCK}/replies", "reply_us", "reply times: frames over log10 of µs")
+LATENESS: Final = Bars(f"{CLOCK}/lateness", "late_us", "lateness: frames over log10 of µs")
+# Where the bars stand: the middle of each bin, and half a decade beyond the last edge.
+_ABSCISSA: Final = np.array(
+    [np.log10(high) - 0.15 for high in EDGES_US] + [np.log10(EDGES_US[-1]) + 0.15], dtype=np.float64
+)
+
+
+class Times:
+    """Sends the timing of one flight, block after block."""
+
+    def __init__(self, send: Callable[[str, Any, Any], None]) -> None:
+        """Begin to count; ``send``: path, time columns, columns."""
+        self._send = send
+        self._counts = {bars: np.zeros(BINS, np.int64) for bars in (REPLIES, LATENESS)}
+
+    def send(self, timing: NDArray[Any], nanoseconds: NDArray[np.float64]) -> None:
+        """Send ``timing`` (n,) of TIMING at these times of the flight, and histograms so far at the last of them."""
+        arrays = {name: pa.array(np.ascontiguousarray(timing[name])) for name in TIMING.names or ()}
+        fields = [pa.field(name, pa.float64(), nullable=False) for name in arrays]
+        structs = pa.StructArray.from_arrays(list(arrays.values()), fields=fields)
+        columns = rr.DynamicArchetype.columns(archetype=CLOCK_TYPE, components={"message": structs})
+        self._send(CLOCK, [time_column(nanoseconds)], columns)
+        for bars, counts in self._counts.items():
+            counts += binned(timing[bars.field])
+            if timing[bars.field].any():
+                drawn = rr.BarChart.columns(values=[counts], abscissa=[_ABSCISSA], color=[PALETTE[0]])
+                self._send(bars.path, [time_column(nanoseconds[-1:])], drawn)
 
 
 class Columns:
@@ -80,7 +126,7 @@ class Columns:
                 components.append(_values(derived.VALUES, values[topic.item]))
             if topic.message == "rig.Control":
                 components.append(_values(derived.DEGREES, derived.degrees(rows)))
-            self._columns(topic.name, time, [column for one in components for column in one])
+            self._columns(topic.name, time, [column for component in components for column in component])
         for change in lanes.changes(rows, self._before, self._facts.faults):
             states = rr.StateChange.columns(state=change.states)
             self._columns(change.path, [time_column(nanoseconds[change.rows])], states)
@@ -126,24 +172,24 @@ class Columns:
 
 
 def _message(archetype: str, structs: pa.StructArray) -> rr.ComponentColumnList:
-    """One struct a row as the component <archetype>:message."""
+    """Return one struct a row as the component <archetype>:message."""
     return rr.DynamicArchetype.columns(archetype=archetype, components={"message": structs})
 
 
 def _values(archetype: str, values: NDArray[Any]) -> rr.ComponentColumnList:
-    """One list a row, from ``values`` (n, m), as the component <archetype>:values."""
+    """Return one list a row, from ``values`` (n, m), as the component <archetype>:values."""
     flat = pa.array(np.ascontiguousarray(values).ravel())
     columns = rr.DynamicArchetype.columns(archetype=archetype, components={"values": flat})
     return columns.partition(np.full(len(values), values.shape[1]))
 
 
 def words(event: Event) -> str:
-    """An event in words; that of a fault says only which."""
+    """Return an event in words; that of a fault says only which."""
     return f"{event.name}: {event.text}" if event.name.startswith("fault") else event.text
 
 
 def struct(rows: Block, topic: Topic) -> pa.StructArray:
-    """The fields of a topic's message in every row, one struct each."""
+    """Return the fields of a topic's message in every row, one struct each."""
     item = () if topic.item is None else (topic.item,)
     shown = places(topic.message)
     arrays = [_array(place.field, rows[place.field][(slice(None), *item, *place.index)]) for place in shown]
@@ -174,7 +220,7 @@ def _unchanging(enum: type[IntEnum], value: int, rows: int) -> pa.StructArray:
 
 @cache
 def _enum_table(enum: type[IntEnum]) -> pa.StructArray:
-    """What the importer makes of each of the 256 values that a u1 can hold; no name where the enum has none."""
+    """Return the importer's struct of each of the 256 values of a u1; no name where the enum has none."""
     names = {member.value: member.name for member in enum}
     return pa.StructArray.from_arrays(
         [pa.array([names.get(i) for i in range(256)]), pa.array(range(256), pa.int32())], names=["name", "value"]

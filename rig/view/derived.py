@@ -22,7 +22,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import CHANNELS, COMMANDS, DEMANDS, FLIGHT_INDEX, SIGNALS, SURFACES, TWO_PI, Block, S, State
+from rig.frame import CHANNELS, COMMANDS, DEMANDS, FLIGHT_INDEX, SIGNALS, SURFACES, Block, S, State
+from rig.units.angles import differences, short_way
+from rig.units.quantities import scale_shown
 from rig.view.facts import Facts
 from rig.view.lanes import acting
 
@@ -36,23 +38,11 @@ NAMES: Final = (
     *(f"apart_{name}" for name in ("fault", "low", "high", "truth", *_CH)),
 )
 _AT: Final = {name: i for i, name in enumerate(NAMES)}
-_DEG: Final = 180.0 / np.pi
 _WRAPS: Final = np.array([signal.wraps for signal in SIGNALS])
-_PEOPLE: Final = {"rad": ("deg", _DEG), "rad/s": ("deg/s", _DEG)}
-_SCALE: Final = np.array([_PEOPLE.get(signal.unit, ("", 1.0))[1] for signal in SIGNALS])
+_SCALE: Final = np.array([scale_shown(signal.unit) for signal in SIGNALS])
 
 _Floats = NDArray[np.float64]
 _Singles = NDArray[np.float32]
-
-
-def unit(si: str) -> str:
-    """The unit that people read a number in ``si`` in."""
-    return _PEOPLE.get(si, (si, 1.0))[0]
-
-
-def scale(index: int) -> float:
-    """What a number of signal ``index`` is multiplied by to be in that unit."""
-    return float(_SCALE[index])
 
 
 class Derived:
@@ -65,38 +55,38 @@ class Derived:
         self._last: tuple[_Floats, _Floats] | None = None  # of angles that wrap: truth as it was, without jumps
 
     def values(self, rows: Block) -> NDArray[np.float32]:
-        """The numbers of NAMES of all signals: (S, n, m), in single precision, for they are drawn."""
-        found = np.empty((S, len(rows), len(NAMES)), np.float32)
-        by_row = found.swapaxes(0, 1)
+        """Return the numbers of NAMES of all signals: (S, n, m), in single precision, for they are drawn."""
+        values = np.empty((S, len(rows), len(NAMES)), np.float32)
+        by_row = values.swapaxes(0, 1)
         with np.errstate(invalid="ignore", over="ignore"):  # a flight that ends not finite
             voted, truth, acts = rows["voted"], rows["truth"], self._acts(rows)
             every = np.concatenate([voted[..., None], rows["channels"], rows["reference"][..., None]], axis=2)
-            off = _short(every - truth[..., None])  # from the truth
-            apart = _short(rows["channels"] - voted[..., None])  # from the vote
+            off = differences(every.swapaxes(1, 2), truth[:, None], _WRAPS).swapaxes(1, 2)  # from the truth
+            apart = differences(rows["channels"].swapaxes(1, 2), voted[:, None], _WRAPS).swapaxes(1, 2)  # from the vote
             self._shown(by_row[..., : _AT["off_voted"]], self._turned(truth), off, acts)
             self._deviation(by_row[..., _AT["off_voted"] : _AT["apart_fault"]], rows, off, apart)
             self._difference(by_row[..., _AT["apart_fault"] :], apart, off[..., 0], acts)
-        return found
+        return values
 
     def _acts(self, rows: Block) -> NDArray[np.bool_]:
-        """Whether a fault on each signal acts: (n, S)."""
-        acts, found = acting(rows, len(self._facts.faults)), np.zeros((len(rows), S), bool)
+        """Return (n, S) whether a fault on each signal acts."""
+        acts, on_signal = acting(rows, len(self._facts.faults)), np.zeros((len(rows), S), bool)
         for i, numbers in enumerate(self._on):
             if numbers:
-                found[:, i] = acts[:, numbers].any(axis=1)
-        return found
+                on_signal[:, i] = acts[:, numbers].any(axis=1)
+        return on_signal
 
     def _turned(self, truth: _Floats) -> _Floats:
-        """``truth`` (n, S) without the jumps of angles on the circle, through all blocks."""
+        """Return ``truth`` (n, S) without the jumps of angles on the circle, through all blocks."""
         angles = truth[:, _WRAPS]
         last, turned = self._last if self._last is not None else (np.nan_to_num(angles[0]), np.nan_to_num(angles[0]))
-        known = _carried(np.concatenate([last[None], angles]))
-        steps = np.diff(known, axis=0)
-        whole = turned + np.cumsum(np.nan_to_num(steps - TWO_PI * np.rint(steps / TWO_PI)), axis=0)
-        self._last = known[-1], whole[-1]
-        found = truth.copy()
-        found[:, _WRAPS] = np.where(np.isfinite(angles), whole, np.nan)
-        return found
+        finite = _carried(np.concatenate([last[None], angles]))
+        steps = np.diff(finite, axis=0)
+        whole = turned + np.cumsum(np.nan_to_num(short_way(steps)), axis=0)
+        self._last = finite[-1], whole[-1]
+        out = truth.copy()
+        out[:, _WRAPS] = np.where(np.isfinite(angles), whole, np.nan)
+        return out
 
     def _shown(self, to: _Singles, truth: _Floats, off: _Floats, acts: NDArray[np.bool_]) -> None:
         """Write fault .. truth; ``off`` (n, S, 6) are vote, channels and reference less truth."""
@@ -122,19 +112,12 @@ class Derived:
 
 
 def _carried(values: _Floats) -> _Floats:
-    """``values`` (n, m) with what is not finite replaced by the last that was, in its column."""
+    """Return ``values`` (n, m) with what is not finite replaced by the last that was, in its column."""
     finite = np.isfinite(values)
     if finite.all():
         return values
     rows = np.maximum.accumulate(np.where(finite, np.arange(len(values))[:, None], 0), axis=0)
     return np.take_along_axis(values, rows, axis=0)
-
-
-def _short(apart: _Floats) -> _Floats:
-    """Differences (n, S, m), the short way round where the signal wraps."""
-    around = apart[:, _WRAPS]
-    apart[:, _WRAPS] = around - TWO_PI * np.rint(around / TWO_PI)
-    return apart
 
 
 # Of control: what is an angle or a rate, in the order of its list.
@@ -151,7 +134,7 @@ _ROUND: Final = [DEGREE_NAMES.index("command_heading_rad")]
 
 
 def degrees(rows: Block) -> _Floats:
-    """The numbers of DEGREE_NAMES in deg or deg/s: (n, m); the commanded heading within 180 deg of north."""
+    """Return the numbers of DEGREE_NAMES in deg or deg/s: (n, m); the commanded heading within 180 deg of north."""
     parts = [
         rows["command"][:, _COMMANDS],
         rows["demand"][:, _DEMANDS],
@@ -159,7 +142,6 @@ def degrees(rows: Block) -> _Floats:
         rows["actuator"][:, _SURFACES],
         rows["flight"][:, _POSITIONS],
     ]
-    found = np.concatenate(parts, axis=1) * _DEG
-    with np.errstate(invalid="ignore"):
-        found[:, _ROUND] -= 360.0 * np.rint(found[:, _ROUND] / 360.0)
-    return found
+    numbers = np.concatenate(parts, axis=1) * scale_shown("rad")
+    numbers[:, _ROUND] = short_way(numbers[:, _ROUND], 180.0)
+    return numbers

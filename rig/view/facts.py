@@ -11,9 +11,11 @@ from dataclasses import dataclass, field, replace
 from math import isfinite, nan
 from typing import Any, Final, NamedTuple
 
+from rig.errors import BadLog
 from rig.frame import INDEX, MOST_FAULTS, SIGNALS
-from rig.log.series import threshold
+from rig.log import scenario_of
 from rig.util import fault_names
+from rig.view.series import threshold
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,9 +32,14 @@ class FaultFact:
     channels: tuple[int, ...] = ()
     start_s: float = nan
 
+    @property
+    def places(self) -> list[str]:
+        """The places one by one."""
+        return self.place.split("+")
+
     def acts_on(self, signal: str, channel: int) -> bool:
-        """Whether it acts on ``channel``, numbered from 1, of ``signal``."""
-        return signal in self.place.split("+") and (not self.channels or channel in self.channels)
+        """Return True if it acts on ``channel``, numbered from 1, of ``signal``."""
+        return signal in self.places and (not self.channels or channel in self.channels)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,17 +75,17 @@ class Facts:
     seen: Seen | None = None  # of a flight that is over
 
     def threshold(self, index: int) -> float:
-        """Of signal ``index``; NaN when it is not known."""
+        """Return the threshold of signal ``index``; NaN when the scenario has none."""
         return self.thresholds.get(SIGNALS[index].name, nan)
 
     def faults_on(self, signal: str) -> list[int]:
-        """The faults that sit on ``signal``, as numbers from 0."""
-        return [i for i, fault in enumerate(self.faults) if signal in fault.place.split("+")]
+        """Return the faults that sit on ``signal``, as numbers from 0."""
+        return [i for i, fault in enumerate(self.faults) if signal in fault.places]
 
     @property
     def first_faulted(self) -> str | None:
         """The signal that the first fault on any signal sits on."""
-        places = [place for fault in self.faults for place in fault.place.split("+")]
+        places = (place for fault in self.faults for place in fault.places)
         return next((place for place in places if place in INDEX), None)
 
     @property
@@ -111,10 +118,10 @@ class Shown(NamedTuple):
 
 
 def together(facts: Sequence[Facts]) -> list[Shown]:
-    """Flights that lie over each other, as A, B, .., the last on top; one alone needs no letter."""
+    """Return flights that lie over each other, as A, B, .., the last on top; one alone needs no letter."""
     if len(facts) == 1:
         return [Shown(facts=facts[0])]
-    return [Shown(len(facts) - 1 - i, f"/{TAGS[i]}", TAGS[i], one) for i, one in enumerate(facts)]
+    return [Shown(len(facts) - 1 - i, f"/{TAGS[i]}", TAGS[i], each) for i, each in enumerate(facts)]
 
 
 class Layout(NamedTuple):
@@ -126,7 +133,7 @@ class Layout(NamedTuple):
 
 
 def of_resolved(scenario: Mapping[str, Any]) -> Facts:
-    """The facts of a scenario as plain data, with its defaults written out; KeyError when something is missing."""
+    """Return the facts of a scenario as plain data, with its defaults written out; KeyError: one is missing."""
     return Facts(
         scenario.get("title") or scenario["aircraft"],
         {signal.name: threshold(scenario, signal.name) for signal in SIGNALS},
@@ -145,16 +152,16 @@ def _fault(fault: Mapping[str, Any]) -> FaultFact:
 
 
 def of_log(metadata: Mapping[str, str]) -> Facts:
-    """The facts of the scenario in a log's metadata; UNKNOWN when there is none that can be read.
+    """Return the facts of the scenario in a log's metadata; UNKNOWN when there is none that can be read.
 
     As plain data: a scenario's checks take half a second to be imported, and it has passed them when it was flown.
     """
     try:
-        return replace(of_resolved(json.loads(metadata["scenario"])), unit=_unit(metadata))
-    except (AttributeError, KeyError, TypeError, ValueError, RecursionError):
+        return replace(of_resolved(scenario_of(metadata, "log")), unit=_unit(metadata))
+    except (AttributeError, BadLog, KeyError, TypeError, ValueError, RecursionError):
         return UNKNOWN
 
 
 def _unit(metadata: Mapping[str, str]) -> str:
-    """The name of the unit under test that a log was flown with."""
+    """Return the name of the unit under test that a log was flown with."""
     return str(json.loads(metadata["unit"])["name"]) if "unit" in metadata else ""

@@ -44,10 +44,10 @@ class Changes(NamedTuple):
 
 
 def _lane(path: str, field: str, at: tuple[int, ...], looks: Looks, before: str = "") -> Lane:
-    """A lane of ``field``; ``before`` every label, and in the names of the states, which a view shares."""
-    known = {int(member): f"{before}{member.name}" for member in FIELD[field].enum or ()}
+    """Return a lane of ``field``; ``before`` every label, and in the names of the states, which a view shares."""
+    states = {int(member): f"{before}{member.name}" for member in FIELD[field].enum or ()}
     named = {f"{before}{name}": (f"{before}{label}", color) for name, (label, color) in looks.items()}
-    return Lane(path, field, at, known, named)
+    return Lane(path, field, at, states, named)
 
 
 def _channels(home: str, field: str, index: int, channels: int) -> list[Lane]:
@@ -57,7 +57,7 @@ def _channels(home: str, field: str, index: int, channels: int) -> list[Lane]:
 
 
 def of_signal(signal: Signal) -> list[Lane]:
-    """The lanes of one signal: its channels, its pattern, who resolved it, where control takes it from."""
+    """Return the lanes of one signal: its channels, its pattern, who resolved it, where control takes it from."""
     s, home = SIGNALS.index(signal), f"/{signal.name}"
     return [
         *_channels(home, "state", s, signal.channels),
@@ -68,37 +68,37 @@ def of_signal(signal: Signal) -> list[Lane]:
 
 
 def of_discrete(discrete: Discrete) -> list[Lane]:
-    """The lanes of one discrete: its channels."""
+    """Return the lanes of one discrete: its channels."""
     return _channels(f"/{discrete.name}", "discrete_state", DISCRETES.index(discrete), discrete.channels)
 
 
 def status(signal: Signal) -> Lane:
-    """The lane of all channels of one signal together."""
+    """Return the lane of all channels of one signal together."""
     s = SIGNALS.index(signal)
     return Lane(f"/{signal.name}", "state", (s,), dict(enumerate(_together())), _together())
 
 
 @cache
 def _together() -> Looks:
-    """Four states as one: what is said of them, in the order of their code in base four, and how it looks."""
+    """Return label and colour of four states together, in the order of their code in base four."""
     looks: Looks = {}
     for states in product(State, repeat=CHANNELS):
-        looks["".join(str(int(state)) for state in states)] = _said(states)
+        looks["".join(str(int(state)) for state in states)] = _label_of(states)
     return looks
 
 
-def _said(states: Sequence[State]) -> tuple[str, tuple[int, int, int]]:
-    """Channels that are not ok, by their numbers; the colour of the worst of them."""
+def _label_of(states: Sequence[State]) -> tuple[str, tuple[int, int, int]]:
+    """Return channels that are not ok, by their numbers; the colour of the worst of them."""
     fitted = [state for state in states if state != State.ABSENT]
-    said = []
+    texts = []
     for state in (State.FAILED, State.SUSPECT):
-        which = [str(c + 1) for c, one in enumerate(states) if one == state]
+        which = [str(c + 1) for c, each in enumerate(states) if each == state]
         if which:
             all_of = len(which) == len(fitted)
-            said.append(f"{'all channels' if all_of else 'channel ' + ', '.join(which)} {state.name.lower()}")
+            texts.append(f"{'all channels' if all_of else 'channel ' + ', '.join(which)} {state.name.lower()}")
     worst = max(fitted, default=State.OK)
     color = FAULT_LANE if fitted and min(fitted) == State.FAILED else STATE_LOOKS[worst.name][1]
-    return "; ".join(said) or "ok", color
+    return "; ".join(texts) or "ok", color
 
 
 LAW: Final = _lane("/control_law", "law", (), attention(Law, Law.AUTOPILOT))
@@ -114,28 +114,28 @@ ENDS: Final[Looks] = {
 
 
 def title(signal: Signal) -> str:
-    """What the lanes of a signal are called."""
+    """Return the title of a signal's lanes."""
     return f"{plain(signal.name)}: faults, channels, pattern, resolver, source"
 
 
 def fault_path(number: int) -> str:
-    """The lane of fault ``number`` of a scenario, which counts from 0 as everywhere but on the screen."""
+    """Return the lane of fault ``number`` of a scenario, which counts from 0 as everywhere but on the screen."""
     return f"/fault_{number + 1}"
 
 
 def acting(rows: Block, faults: int) -> NDArray[np.uint8]:
-    """Whether each of the first ``faults`` faults acts in each row: (n, faults), 0 or 1."""
+    """Return (n, faults) whether each of the first ``faults`` faults acts in each row, 0 or 1."""
     return np.unpackbits(rows["acting"], axis=1, count=faults, bitorder="little")
 
 
 def codes(states: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Four states each as one number: (n, S, 4) to (n, S)."""
+    """Return four states each as one number: (n, S, 4) to (n, S)."""
     a, b, c, d = np.moveaxis(states, 2, 0)
     return a << 6 | b << 4 | c << 2 | d
 
 
 def changes(rows: Block, before: Block | None, faults: Sequence[Any]) -> Iterator[Changes]:
-    """What changes in ``rows`` on any lane, after the row ``before`` (1,); None: all lanes begin here."""
+    """Yield the changes in ``rows`` of any lane, after the row ``before`` (1,); None: all lanes begin here."""
     for field, lanes in _BY_FIELD.items():
         values, last = rows[field], None if before is None else before[field]
         if last is not None and (values == last).all():
@@ -152,7 +152,7 @@ def changes(rows: Block, before: Block | None, faults: Sequence[Any]) -> Iterato
 
 
 def _together_changes(values: NDArray[np.uint8], last: NDArray[np.uint8] | None) -> Iterator[Changes]:
-    """Of the lanes of all channels of each signal: ``values`` (n, S) of codes."""
+    """Yield the changes of the lanes of all channels of each signal: ``values`` (n, S) of codes."""
     for s, lane in enumerate(STATUS):
         yield from _changes(lane.path, lane.states, values[:, s], None if last is None else last[:, s])
 
@@ -164,13 +164,13 @@ def _changes(path: str, states: dict[int, str], values: NDArray[Any], last: NDAr
 
 
 def ends(how: str, faults: Sequence[Any]) -> Iterator[tuple[str, str]]:
-    """The last state of every lane of a flight that ends before the picture does; ``how`` of ENDS."""
+    """Yield the last state of every lane of a flight that ends before the picture does; ``how`` of ENDS."""
     yield from ((lane.path, how) for lane in (*LANES, *STATUS))
     yield from ((fault_path(i), "") for i in range(len(faults)))
 
 
 def _where(values: NDArray[Any], last: NDArray[Any] | None) -> NDArray[np.intp]:
-    """The rows whose value is not the one before; with no ``last`` (1,) the first row is such a one."""
+    """Return the rows whose value is not the one before; with no ``last`` (1,) the first row is such a one."""
     moved = np.empty(len(values), bool)
     moved[0] = last is None or values[0] != last[0]
     np.not_equal(values[1:], values[:-1], out=moved[1:])

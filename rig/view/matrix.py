@@ -47,7 +47,7 @@ _LINES: Final = (
 
 
 def cells() -> list[NDArray[np.float64]]:
-    """A stroke for each channel, signal by signal."""
+    """Return a stroke for each channel, signal by signal."""
     return [
         np.array([[x, s + 2.0], [x + 1.2, s + 2.0]])
         for s in range(S)
@@ -56,12 +56,12 @@ def cells() -> list[NDArray[np.float64]]:
 
 
 def colors(states: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The colours of the cells (n, S * 4, 3) for ``states`` (n, S, 4)."""
+    """Return the colours of the cells (n, S * 4, 3) for ``states`` (n, S, 4)."""
     return _COLORS[np.minimum(states, State.ABSENT)].reshape(len(states), -1, 3).astype(np.uint8)
 
 
 def changed(rows: Block, before: Block | None) -> NDArray[np.intp]:
-    """The rows in which any state is not the one of the row before; all begins with the first row of a flight."""
+    """Return the rows in which a state is not that of the row before; the first row of a flight is one."""
     moved = np.empty(len(rows), bool)
     states = rows["state"]
     moved[0] = before is None or bool((states[0] != before["state"][0]).any())
@@ -70,7 +70,7 @@ def changed(rows: Block, before: Block | None) -> NDArray[np.intp]:
 
 
 def columns(rows: Block, at: NDArray[np.intp]) -> Any:
-    """The cells as they are in the rows ``at``."""
+    """Return the cells as they are in the rows ``at``."""
     shades = colors(rows["state"][at])
     packed = [rgb for row in shades for rgb in row]
     strokes = rr.LineStrips2D.columns(
@@ -80,7 +80,7 @@ def columns(rows: Block, at: NDArray[np.intp]) -> Any:
 
 
 def names() -> rr.Points2D:
-    """The words beside the cells."""
+    """Return the words beside the cells."""
     words: list[tuple[float, float, str, Color]] = [
         (4.3, s + 1.4, plain(signal.name), TRUTH) for s, signal in enumerate(SIGNALS)
     ]
@@ -91,7 +91,7 @@ def names() -> rr.Points2D:
 
 
 def legend() -> rr.Points2D:
-    """What the colours of lines mean, in a strip."""
+    """Build the legend of the colours of lines, in a strip."""
     channels = [(f"channel {c + 1}", color) for c, color in enumerate(CHANNEL_COLORS)]
     named = [*channels, *_LINES]
     step = STRIP / len(named)
@@ -99,7 +99,7 @@ def legend() -> rr.Points2D:
 
 
 def _written(words: Sequence[tuple[float, float, str, Color]]) -> rr.Points2D:
-    """Words (x, y, text, colour)."""
+    """Return words (x, y, text, colour) as labels."""
     return rr.Points2D(
         [[x, y] for x, y, _, _ in words],
         labels=[label for _, _, label, _ in words],

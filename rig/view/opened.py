@@ -5,7 +5,6 @@ Rerun opens our .mcap by itself too, but without a layout, and dates the flight 
 
 from __future__ import annotations
 
-import json
 import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -15,12 +14,12 @@ from pathlib import Path
 from typing import Final
 
 from rig.errors import BadInput, BadLog, RigError
-from rig.log import Log, read_log
+from rig.log import Log, read_log, scenario_of
 from rig.util.files import replaced
 from rig.view import viewer
 from rig.view.facts import TAGS, Facts, Layout, of_log, together
-from rig.view.seen import look
 from rig.view.sink import SERVER_MEMORY, About, Sink, open_sink
+from rig.view.story import look
 
 BATCH: Final = 6000  # frames that are sent at once
 FLUSH_S: Final = 60.0
@@ -49,7 +48,7 @@ class Opened:
 
 
 def read(paths: Sequence[Path], tab: str = "overview", map_tiles: bool = False) -> Opened:
-    """The logs at ``paths``, the last of which is on top where they lie over each other.
+    """Read the logs at ``paths``, the last of which is on top where they lie over each other.
 
     BadInput: too many; BadLog, in one line: one that is missing, foreign, cut, damaged or empty.
     """
@@ -59,25 +58,25 @@ def read(paths: Sequence[Path], tab: str = "overview", map_tiles: bool = False) 
     for path, log in zip(paths, logs, strict=True):
         if not len(log.rows):
             raise BadLog(f"{path}: has no frames")
-    looked = [_looked(log) for log in logs]
-    shown, names = together([facts for facts, _ in looked]), _names(paths)
+    facts_and_headlines = [_looked(log) for log in logs]
+    shown, names = together([facts for facts, _ in facts_and_headlines]), _names(paths)
     mark = "#" if len(logs) == 1 else "##"
     lines = [
-        f"{mark} {one.prefix}{headline}\n\n{_words(one.prefix + name, log)}"
-        for one, (_, headline), name, log in zip(shown, looked, names, logs, strict=True)
+        f"{mark} {flight.prefix}{headline}\n\n{_words(flight.prefix + name, log)}"
+        for flight, (_, headline), name, log in zip(shown, facts_and_headlines, names, logs, strict=True)
     ]
-    title = ", ".join(one.prefix + name for one, name in zip(shown, names, strict=True))
+    title = ", ".join(flight.prefix + name for flight, name in zip(shown, names, strict=True))
     return Opened(logs, About(title, "\n\n".join(lines), Layout(shown, tab, map_tiles)))
 
 
 def _looked(log: Log) -> tuple[Facts, str]:
-    """What the viewer must know of a log, and its headline."""
+    """Return the facts of a log, and its headline."""
     facts = replace(of_log(log.metadata), paced=bool(log.timing["late_us"].any()))
-    return look(facts, log.rows, log.events, log.rate_hz, log.result is not None)
+    return look(facts, log.rows, log.rate_hz, log.result is not None)
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
-    """The files' names, with as many of their folders as it takes to tell them apart."""
+    """Return the files' names, with as many of their folders as it takes to tell them apart."""
     depth = 1
     whole = [path.resolve().parts for path in paths]
     while depth < max(map(len, whole)) and len({parts[-depth:] for parts in whole}) < len(set(whole)):
@@ -86,16 +85,16 @@ def _names(paths: Sequence[Path]) -> list[str]:
 
 
 def _words(name: str, log: Log) -> str:
-    """Which flight a log holds, in Markdown."""
+    """Return a line of Markdown that says which flight a log holds."""
     result = log.result or {}
-    scenario = json.loads(log.metadata.get("scenario", "{}"))
-    said = [
+    scenario = scenario_of(log.metadata, name)
+    parts = [
         scenario.get("title") or scenario.get("aircraft", ""),
         f"seed {log.metadata['seed']}" if "seed" in log.metadata else "",
         f"{len(log.rows) / log.rate_hz:g} s at {log.rate_hz:g} Hz",
         result.get("end_reason", "not finished"),
     ]
-    return f"**{name}** " + "; ".join(filter(None, said))
+    return f"**{name}** " + "; ".join(filter(None, parts))
 
 
 def send(opened: Opened, sink: Sink) -> None:
@@ -133,7 +132,7 @@ def serve(opened: Opened) -> Sink:
 
 @contextmanager
 def as_file(opened: Opened) -> Iterator[Path]:
-    """An .rrd of the flights that is there for a while: a viewer loads it much faster than what it is sent."""
+    """Write a temporary .rrd of the flights: a viewer loads it much faster than what it is sent."""
     with tempfile.TemporaryDirectory(prefix="rig-view-") as folder:
         rrd = Path(folder) / "flights.rrd"
         save(opened, rrd)
@@ -142,7 +141,7 @@ def as_file(opened: Opened) -> Iterator[Path]:
 
 @contextmanager
 def window(opened: Opened, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
-    """A viewer's window with the flights; it is closed at the end.  ``arguments`` are for the viewer program.
+    """Open a viewer's window with the flights, closed at the end.  ``arguments`` are for the viewer program.
 
     It is started first, to get itself ready while the file is written.  RigError: it did not take the file.
     """

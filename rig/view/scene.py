@@ -35,12 +35,12 @@ _MARK: Final[Any] = rr.Radius.ui_points(6.0)
 
 
 def time_column(nanoseconds: NDArray[Any]) -> rr.TimeColumn:
-    """Simulation time, as the log has it."""
+    """Return simulation time as a column, as the log has it."""
     return rr.TimeColumn(TIMELINE, duration=nanoseconds.astype("timedelta64[ns]"))
 
 
 def send_about(recording: rr.RecordingStream, text: str, time_s: float = 0.0, *, static: bool = False) -> None:
-    """Say in words, Markdown, which flights are shown and how they went; from ``time_s`` on unless ``static``."""
+    """Send a Markdown text of which flights are shown and how they went; from ``time_s`` on unless ``static``."""
     document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
     if static:
         rr.log(ABOUT, document, static=True, recording=recording)
@@ -83,7 +83,7 @@ class Scene:
         self._log("/map", time, rr.GeoLineStrings.columns(line_strings=[self._path[:, 3:]], **drawn))
 
     def _begin(self) -> None:
-        """A stick figure of an aircraft, 15 m long: x forward, y left, z up; and a mark of one size at any distance."""
+        """Send a stick figure of an aircraft, 15 m long, x forward, y left, z up; and a mark of constant size."""
         strips = [
             [[8, 0, 0], [-7, 0, 0]],  # fuselage
             [[-2, 5, 0], [1, 0, 0], [-2, -5, 0]],  # wing
@@ -99,7 +99,7 @@ class Scene:
         self._static("/path", rr.CoordinateFrame(WORLD))
 
     def _pose(self, rows: Block, places: NDArray[np.float64], nanoseconds: NDArray[np.float64]) -> None:
-        """Pose, in a world of x east, y north, z up; and position."""
+        """Send pose, in a world of x east, y north, z up; and position."""
         quaternion = rows["flight"][:, [FLIGHT_INDEX[f"quaternion_{axis}"] for axis in "wxyz"]]
         attitude = east_north_up(quaternion)
         pose = rr.Transform3D.columns(
@@ -150,7 +150,7 @@ class Scene:
 
 
 def _places(rows: Block) -> NDArray[np.float64]:
-    """East, north, altitude in m, latitude and longitude in deg: (n, 5)."""
+    """Return (n, 5) east, north, altitude in m, latitude and longitude in deg."""
     names = ("east_m", "north_m", "altitude_m", "latitude_rad", "longitude_rad")
     places = rows["flight"][:, [FLIGHT_INDEX[name] for name in names]]
     places[:, 3:] = np.degrees(places[:, 3:])
@@ -158,7 +158,7 @@ def _places(rows: Block) -> NDArray[np.float64]:
 
 
 def _compass() -> tuple[rr.LineStrips3D, ...]:
-    """The horizon as a circle with its four directions named."""
+    """Return the horizon as a circle with its four directions named."""
     turn = np.linspace(0.0, 2 * np.pi, 73)
     circle = 12.0 * np.column_stack([np.sin(turn), np.cos(turn), 0 * turn])
     spokes = [np.array([0.85 * circle[i], circle[i]]) for i in (0, 18, 36, 54)]
@@ -174,12 +174,12 @@ def _compass() -> tuple[rr.LineStrips3D, ...]:
 
 
 def position(latitude: float, longitude: float) -> str:
-    """Degrees as people read them: 36.1234° N 115.0000° W."""
+    """Return degrees as people read them: 36.1234° N 115.0000° W."""
     return f"{abs(latitude):.4f}° {'S' if latitude < 0 else 'N'} {abs(longitude):.4f}° {'W' if longitude < 0 else 'E'}"
 
 
 def numbers(rows: Block) -> list[str]:
-    """The true flight condition in figures, a Markdown text for each row."""
+    """Return the true flight condition in figures, a Markdown text for each row."""
     names = ("pitch_angle", "roll_angle", "heading", "angle_of_attack", "angle_of_sideslip")
     angles = np.degrees(rows["truth"][:, [INDEX[name] for name in names]])
     angles[:, 2] %= 360.0
@@ -194,7 +194,7 @@ def numbers(rows: Block) -> list[str]:
 
 
 def east_north_up(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Attitude of an aircraft with forward-left-up axes in an east-north-up world, (n, 4) as x, y, z, w.
+    """Return attitude of an aircraft with forward-left-up axes in an east-north-up world, (n, 4) as x, y, z, w.
 
         q_enu_flu = q_enu_ned * q_ned_frd * q_frd_flu,  q_enu_ned = (0, 1, 1, 0)/sqrt 2,  q_frd_flu = (0, 1, 0, 0)
 

@@ -50,7 +50,7 @@ def screenshot(opened: Opened, png: Path, time_s: float | None = None) -> Shot:
 
 @contextmanager
 def headless() -> Iterator[Callable[[], ViewerClient]]:
-    """A viewer without a window, on a port of its own: a call that waits until it is ready, and drives it."""
+    """Start a viewer without a window, on its own port; yield a call that waits until it is ready, and drives it."""
     port = viewer.free_port()
     process = viewer.launch(["--headless", "--hide-welcome-screen", "--port", str(port)])
 

@@ -31,7 +31,7 @@ _ADDRESS: Final = re.compile(r"rerun\+http://(?:127\.0\.0\.1|localhost):(\d{1,5}
 
 
 def check_where(where: str) -> None:
-    """BadInput unless ``where`` is one of WORDS or the address of a viewer that listens on this machine.
+    """Raise BadInput unless ``where`` is one of WORDS or the address of a viewer that listens on this machine.
 
     A viewer to be spawned needs a display.  Called before anything is written.
     """
@@ -65,7 +65,7 @@ class Sink:
         connect: Callable[[], None] | None = None,
         also: Callable[[], None] | None = None,
     ) -> None:
-        """``connect`` is called first of all, ``also`` last."""
+        """Keep the recording; ``connect`` is called first of all, ``also`` last."""
         self.where = where
         self.browser = browser
         self._recording = recording
@@ -107,20 +107,20 @@ class Sink:
             self._columns[flight] = columns
         columns.send(rows, events, timing)
         if self._live is not None and len(rows):
-            self._tell(self._live, rows, rate_hz, events)
+            self._tell(self._live, rows, rate_hz)
 
-    def _tell(self, facts: Facts, rows: Block, rate_hz: float, events: Sequence[Event]) -> None:
-        """The headline of a flight that is under way, when it has changed."""
+    def _tell(self, facts: Facts, rows: Block, rate_hz: float) -> None:
+        """Send the headline of a flight that is under way, when it has changed."""
         from rig.view.scene import send_about
 
         if self._story is None:
             self._story = Story(facts, rate_hz)
-        if self._story.add(rows, events):
+        if self._story.add(rows):
             text = f"# {self._story.headline('IN FLIGHT')}\n\n{self._about.text}"
             send_about(self._recording, text, int(rows["frame"][-1]) / rate_hz)
 
     def end(self, flight: int) -> None:
-        """Say in the lanes of ``flight`` that it is over, where another goes on."""
+        """End the lanes of ``flight`` where another goes on."""
         columns = self._columns[flight]
         if columns is not None:
             columns.end()
@@ -137,7 +137,7 @@ class Sink:
 
 
 def open_sink(where: str, about: About, out_path: Path, server_memory: str = SERVER_MEMORY) -> Sink:
-    """The sink that ``where`` (checked, not "off") asks for; BadInput or RigError when it cannot be had.
+    """Open the sink of ``where`` (checked, not "off"); BadInput or RigError when that is not possible.
 
     out_path : the file of "save", which is replaced
     """
@@ -169,10 +169,8 @@ def _save(recording: rr.RecordingStream, layout: rrb.Blueprint, path: Path, abou
 
 
 def _serve(recording: rr.RecordingStream, layout: rrb.Blueprint, about: About, server_memory: str) -> Sink:
-    from rig.view.web import WebViewer
-
     try:
-        web = WebViewer(WEB_PORT)
+        web = viewer.WebViewer(WEB_PORT)
     except OSError as error:
         raise RigError(f"the viewer's page cannot be served: {error}") from None
     try:

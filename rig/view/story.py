@@ -1,136 +1,179 @@
-"""The headline of a flight: survived or lost, which channel failed when, how long after the onset, by what.
+"""The story of a flight: its headline, its decisive seconds, and the ranges that its plots are made for.
 
-Found from the events and the rows, block after block, so that a stream has it as soon as a log.
+The headline says: survived or lost, which channel failed when, how long after the onset, by what.  Found from the
+rows, block after block, so that a stream has it as soon as a log.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import groupby
 from typing import Final, NamedTuple
 
-from rig.frame import SIGNALS, Block, End
-from rig.record.event import Event
-from rig.view.facts import Facts
+import numpy as np
+
+from rig.frame import CHANNELS, INDEX, SIGNALS, Block, End, State
+from rig.record.failures import Failure, decisive_s, failures
+from rig.units.angles import near, unwrapped
+from rig.units.quantities import duration, scale_shown, seconds
+from rig.view import charts
+from rig.view.facts import Facts, Seen
 from rig.view.lanes import acting
 from rig.view.style import plain
 
-_FAILED: Final = re.compile(r"(\w+)\.(\d) failed by (\w+)")
 _MOST_GROUPS: Final = 3  # of failures in a headline
-_MARGIN_S: Final = (0.5, 1.0)  # of the zoom: before the fault, after the isolation
-_UNSEEN_S: Final = 2.0  # of the zoom, after a fault that nobody isolated
+_ROOM: Final = 2.0  # thresholds either side of vote and truth
 
 
-class Failure(NamedTuple):
-    """A channel that was failed; ``onset``: the first frame in which a fault acted on it, None: none has."""
+class Isolation(NamedTuple):
+    """A failure, and the first frame in which a fault acted on the channel; None: none has."""
 
-    place: str
-    channel: int
-    frame: int
-    by: str
+    failure: Failure
     onset: int | None
 
 
+class Decisive(NamedTuple):
+    """The fault that decided a flight: its signal, onset and isolation in s; None: it was not isolated."""
+
+    signal: str
+    onset_s: float
+    isolated_s: float | None
+
+
 class Story:
-    """What a flight has come to so far."""
+    """A flight so far: which faults acted, which channels failed, how it ended."""
 
     def __init__(self, facts: Facts, rate_hz: float) -> None:
         self._facts = facts
         self._rate_hz = rate_hz
         self._onsets: list[int | None] = [None] * len(facts.faults)
-        self.failures: list[Failure] = []
+        self._before: Block | None = None
+        self.isolations: list[Isolation] = []
         self.end = End.FLYING
         self.last = 0  # frame
 
-    def add(self, rows: Block, events: Sequence[Event]) -> bool:
-        """Take in the next rows and their events; whether the headline may have changed."""
+    def add(self, rows: Block) -> bool:
+        """Take in the next rows; return True if the headline may have changed."""
         acts = acting(rows, len(self._facts.faults))
-        known = list(self._onsets)
+        onsets_before = list(self._onsets)
         for i, onset in enumerate(self._onsets):
             if onset is None and acts[:, i].any():
                 self._onsets[i] = int(rows["frame"][acts[:, i].argmax()])
-        found = [self._failure(event, match) for event in events if (match := _FAILED.fullmatch(event.text))]
-        self.failures += found
+        new = [Isolation(failure, self._onset(failure)) for failure in failures(rows, self._before)]
+        self.isolations += new
+        self._before = rows[-1:].copy()
         self.end, self.last = End(rows["end"][-1]), int(rows["frame"][-1])
-        return bool(found) or known != self._onsets or self.end != End.FLYING
+        return bool(new) or onsets_before != self._onsets or self.end != End.FLYING
 
-    def _failure(self, event: Event, match: re.Match[str]) -> Failure:
-        place, channel = match[1], int(match[2])
+    def _onset(self, failure: Failure) -> int | None:
+        """Return the onset of the first fault that has acted on a failed channel."""
         onsets = [
             onset
             for fault, onset in zip(self._facts.faults, self._onsets, strict=True)
-            if onset is not None and onset <= event.frame and fault.acts_on(place, channel)
+            if onset is not None and onset <= failure.frame and fault.acts_on(failure.place, failure.channel)
         ]
-        return Failure(place, channel, event.frame, match[3], min(onsets, default=None))
+        return min(onsets, default=None)
 
     def headline(self, outcome: str) -> str:
-        """One line: the outcome and what failed, e.g. that of a single channel.
+        """Return one line: the outcome and what failed, e.g. that of a single channel.
 
         SURVIVED: pitch rate, channel 3, failed at 20.07 s, 70 ms after the onset, by comparison
         """
         if self.end != End.FLYING:
-            outcome = f"LOST at {self._seconds(self.last)}, {self.end.label}"
-        return f"{outcome}: {self._failed()}"
+            outcome = f"LOST at {seconds(self.last, self._rate_hz)}, {self.end.label}"
+        return f"{outcome}: {self._failed() if self.isolations else self._acted()}"
 
     def _failed(self) -> str:
-        if self.failures:
-            groups = [list(group) for _, group in groupby(self.failures, lambda f: (f.frame, f.by))]
-            more = len(groups) - _MOST_GROUPS
-            told = [self._group(group) for group in groups[:_MOST_GROUPS]]
-            return "; ".join([*told, *([f"and {more} times more"] if more > 0 else [])])
-        acted = [
-            fault.label for fault, onset in zip(self._facts.faults, self._onsets, strict=True) if onset is not None
-        ]
-        first = min((onset for onset in self._onsets if onset is not None), default=0)
-        return f"no channel failed; {', '.join(acted)} from {self._seconds(first)}" if acted else "no channel failed"
+        """Return the failures, those of one frame and resolver together."""
+        grouped = groupby(self.isolations, lambda each: (each.failure.frame, each.failure.resolver))
+        groups = [list(group) for _, group in grouped]
+        more = len(groups) - _MOST_GROUPS
+        texts = [self._group(group) for group in groups[:_MOST_GROUPS]]
+        return "; ".join([*texts, *([f"and {more} times more"] if more > 0 else [])])
 
-    def _group(self, group: Sequence[Failure]) -> str:
-        """Channels that were failed in one frame by the same."""
-        frame, by = group[0].frame, group[0].by
-        onsets = {failure.onset for failure in group}
+    def _acted(self) -> str:
+        """Return the faults that acted in a flight without a failure."""
+        onsets = [onset for onset in self._onsets if onset is not None]
+        if not onsets:
+            return "no channel failed"
+        pairs = zip(self._facts.faults, self._onsets, strict=True)
+        labels = ", ".join(fault.label for fault, onset in pairs if onset is not None)
+        return f"no channel failed; {labels} from {seconds(min(onsets), self._rate_hz)}"
+
+    def _group(self, group: Sequence[Isolation]) -> str:
+        """Return a text of channels that were failed in one frame by the same."""
+        frame, by = group[0].failure.frame, group[0].failure.resolver
+        onsets = {isolation.onset for isolation in group}
         [onset] = onsets if len(onsets) == 1 else [None]
-        after = f", {self._delay(frame - onset)} after the onset" if onset is not None else ""
+        after = f", {duration(frame - onset, self._rate_hz)} after the onset" if onset is not None else ""
         free = " with no fault on it" if onsets == {None} and self._facts.thresholds else ""
-        return f"{_named(group)} failed at {self._seconds(frame)}{after}, by {by}{free}"
-
-    def _seconds(self, frame: int) -> str:
-        return f"{frame / self._rate_hz:.2f} s"
-
-    def _delay(self, frames: int) -> str:
-        seconds = frames / self._rate_hz
-        return f"{seconds * 1000:.0f} ms" if seconds < 1 else f"{seconds:.2f} s"
+        return f"{_named(group)} failed at {seconds(frame, self._rate_hz)}{after}, by {by}{free}"
 
     @property
-    def decisive(self) -> tuple[str, float, float | None] | None:
-        """The signal, onset and isolation (s; None: it was not isolated) of the first failure with a fault on it.
-
-        Without one: of the first fault on a signal; None when no fault on a signal acted.
-        """
-        names = {signal.name for signal in SIGNALS}
-        for failure in self.failures:
-            if failure.onset is not None and failure.place in names:
-                return failure.place, failure.onset / self._rate_hz, failure.frame / self._rate_hz
+    def decisive(self) -> Decisive | None:
+        """The first failure with a fault on it; without one, the first fault on a signal; None: none acted."""
+        for failure, onset in self.isolations:
+            if onset is not None and failure.place in INDEX:
+                return Decisive(failure.place, onset / self._rate_hz, failure.frame / self._rate_hz)
         for fault, onset in zip(self._facts.faults, self._onsets, strict=True):
-            on = [place for place in fault.place.split("+") if place in names]
-            if on and onset is not None:
-                return on[0], onset / self._rate_hz, None
+            signals = [place for place in fault.places if place in INDEX]
+            if signals and onset is not None:
+                return Decisive(signals[0], onset / self._rate_hz, None)
         return None
 
 
-def _named(group: Sequence[Failure]) -> str:
-    """Pitch rate, channel 3; or how many channels of which signals, when there are many."""
-    places = {place: [f.channel for f in of_it] for place, of_it in groupby(group, lambda f: f.place)}
+def _named(group: Sequence[Isolation]) -> str:
+    """Return ``pitch rate, channel 3,``; or how many channels of how many signals, when there are many."""
+    by_place = groupby((isolation.failure for isolation in group), lambda failure: failure.place)
+    places = {place: [failure.channel for failure in of_place] for place, of_place in by_place}
     if len(places) > _MOST_GROUPS:
         return f"{len(group)} channels of {len(places)} signals"
     return " and ".join(
-        f"{plain(place)}, channel{'s' if len(which) > 1 else ''} {', '.join(map(str, which))},"
-        for place, which in places.items()
+        f"{plain(place)}, channel{'s' if len(channels) > 1 else ''} {', '.join(map(str, channels))},"
+        for place, channels in places.items()
     )
 
 
-def zoom(onset_s: float, isolated_s: float | None, end_s: float) -> tuple[float, float]:
-    """From half a second before the fault to one second after the isolation, within the flight, all in s."""
-    before, after = _MARGIN_S
-    last = onset_s + _UNSEEN_S if isolated_s is None else isolated_s + after
-    return max(onset_s - before, 0.0), min(last, end_s)
+def look(facts: Facts, rows: Block, rate_hz: float, ended: bool) -> tuple[Facts, str]:
+    """Return ``facts`` with what a whole flight has shown, and its headline; ``ended``: its loop has ended it."""
+    story = Story(facts, rate_hz)
+    story.add(rows)
+    lost = story.end != End.FLYING
+    ranges = charts.ranges(rows) | {signal.name: signal_range(facts, rows, i) for i, signal in enumerate(SIGNALS)}
+    end_s, decisive = story.last / rate_hz, story.decisive
+    survived = not lost if ended or lost else None
+    seen = Seen(survived, end_s, noted=_noted(facts, rows), ranges=ranges)
+    if decisive is not None:
+        span_s = decisive_s(decisive.onset_s, decisive.isolated_s, end_s)
+        first, last = (int(np.searchsorted(rows["frame"], s * rate_hz)) for s in span_s)
+        ranges["zoom"] = signal_range(facts, rows, INDEX[decisive.signal], slice(first, last + 1))
+        seen = replace(seen, isolated_s=decisive.isolated_s, zoom_s=span_s, main=decisive.signal)
+    return replace(facts, seen=seen), story.headline("SURVIVED" if ended else "NOT FINISHED")
+
+
+def signal_range(facts: Facts, rows: Block, index: int, part: slice = slice(None)) -> tuple[float, float]:
+    """Return the axis of a plot of signal ``index``: vote and truth with room, in the unit that people read.
+
+    A channel that has run away leaves the picture; without a threshold, all of them are within.
+    """
+    signal, threshold = SIGNALS[index], facts.threshold(index)
+    truth, drawn = rows["truth"][:, index], [rows["voted"][part, index]]
+    if not np.isfinite(threshold):
+        drawn += list(rows["channels"][part, index].T)
+    if signal.wraps:
+        truth = unwrapped(truth)
+        drawn = [near(values, truth[part]) for values in drawn]
+    values = np.concatenate([truth[part], *drawn]) * scale_shown(signal.unit)
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
+    room = _ROOM * threshold * scale_shown(signal.unit) if np.isfinite(threshold) else 0.0
+    room = max(room, 0.05 * (high - low)) or 1e-3
+    return low - room, high + room
+
+
+def _noted(facts: Facts, rows: Block) -> tuple[str, ...]:
+    """Return the signals with a fault on them or a channel that was not ok."""
+    states = rows["state"][:, :, :CHANNELS]
+    not_ok = ((states == State.SUSPECT) | (states == State.FAILED)).any(axis=(0, 2))
+    return tuple(signal.name for i, signal in enumerate(SIGNALS) if not_ok[i] or facts.faults_on(signal.name))

@@ -54,7 +54,7 @@ class StreamReport:
 def open_stream(
     where: str, title: str, rate_hz: float, out_path: Path, facts: Facts = UNKNOWN, text: str = ""
 ) -> Stream | None:
-    """The stream that ``where`` asks for, None for "off".
+    """Open the stream of ``where``; None for "off".
 
     where : off | save | serve | spawn | rerun+http://127.0.0.1:PORT/proxy
     out_path : the log's; "save" writes beside it, with the suffix .rrd
@@ -141,7 +141,7 @@ class Stream:
         self._try(self._sink.close)
 
     def _next(self) -> _Item | None:
-        """The next block, as soon as there is one; None when there will be no more."""
+        """Wait for the next block; None when there will be no more."""
         with self._changed:
             self._changed.wait_for(lambda: self._queue or self._closing)
             return self._queue.popleft() if self._queue else None

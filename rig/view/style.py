@@ -35,18 +35,18 @@ _SHADES: Final = (1.0, 0.55, 0.4, 0.3)
 
 
 def plain(name: str) -> str:
-    """A name of a table as words: pitch_rate as pitch rate."""
+    """Return a name of a table as words: pitch_rate as pitch rate."""
     return name.replace("_", " ")
 
 
 def shade(color: Color, below: int) -> Color:
-    """``color`` for a flight with ``below`` others over it: darker the deeper it lies."""
+    """Return ``color`` for a flight with ``below`` others over it: darker the deeper it lies."""
     red, green, blue = (round(value * _SHADES[below]) for value in color)
     return red, green, blue
 
 
 def attention(enum: type[IntEnum], quiet: IntEnum) -> Looks:
-    """A look for each member; the one that needs no attention stays in the background."""
+    """Return a look for each member; the one that needs no attention stays in the background."""
     return {
         member.name: (
             getattr(member, "label", member.name.lower()),

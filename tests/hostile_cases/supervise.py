@@ -24,7 +24,7 @@ LIMIT_S: Final = 20.0
 _RECORDED: Final = ("rig.recordings.align", "rig.bench.vote_summary", "rig.bench.vote", "rig.bench.write_votes")
 _CAMPAIGN: Final = ("rig.campaign.campaign_page", "rig.campaign.run", "rig.campaign.estimate")
 _OTHERS: Final = (
-    *("rig.replay.verify", "rig.replay.what_if", "rig.assess.of_log", "rig.view.watch.played"),
+    *("rig.replay.verify", "rig.replay.what_if", "rig.assess.of_log", "rig.view.watch.live"),
     "rig.flight.frame_cost",
 )
 _IMPORTED: Final = (

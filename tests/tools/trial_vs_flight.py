@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.assess.monitored import allowed_frames, lingers
-from rig.assess.transients import difference
 from rig.bench.trials import NEVER, Trials
 from rig.frame import INDEX, SIGNALS, Block, State, new_block
 from rig.loop import fly_rows
@@ -19,6 +18,7 @@ from rig.reliability.tally import SECOND, TESTED
 from rig.reliability.trials import fly_trials, off_votes
 from rig.scenario import Scenario
 from rig.sensors import Sensors
+from rig.units.angles import differences
 
 
 class TrialVsFlight(NamedTuple):
@@ -51,7 +51,7 @@ def trial_vs_flight(scenario: Scenario) -> TrialVsFlight:
 def _kept(rows: Block, s: int, trials: Trials) -> bool:
     """Return True if a flight kept its vote on signal ``s``, by what counts in a trial."""
     rows = rows[int(trials.counted_from[0]) :]
-    error = difference(rows["voted"][:, s], rows["truth"][:, s], SIGNALS[s].wraps)
+    error = differences(rows["voted"][:, s], rows["truth"][:, s], SIGNALS[s].wraps)
     off = ~(np.abs(error) <= trials.threshold)
     return not (off[-1] or off.sum() > trials.allowed or (rows["level"][:, s] == 0).any())
 

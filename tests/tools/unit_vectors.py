@@ -3,7 +3,7 @@
     python tests/tools/unit_vectors.py [FILE]      rig/unit/vectors.npz when not given
 
 Each case is named by what it tests and holds sixteen independent signals that reach it, drawn with fixed seeds; the
-answers are those of tests/oracle.py, oracle_resets.py and oracle_boxes.py.  What no oracle knows is switched off: the
+answers are those of tests/oracle.py and oracle_boxes.py.  What no oracle knows is switched off: the
 fade after a change of level and the trend-weighted mean.
 """
 

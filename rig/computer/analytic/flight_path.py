@@ -22,7 +22,8 @@ import numpy as np
 
 from rig.frame import sig
 from rig.kernels import kernel
-from rig.units.atmosphere import GRAVITY
+from rig.units.atmosphere import air_density
+from rig.units.constants import GRAVITY
 
 SLOWEST: Final = 30.0  # m/s; divisions by airspeed take at least this
 CROSSOVER_RAD_S: Final = 0.4  # of the climb rate: below it barometric, above it inertial
@@ -43,17 +44,6 @@ PATH_SIGNALS: Final = (
     *("angle_of_attack", "angle_of_sideslip", "roll_angle", "static_pressure", "dynamic_pressure"),
     *("normal_load_factor", "lateral_load_factor", "longitudinal_load_factor"),
 )
-
-
-@kernel
-def air_density(static_pressure):
-    """Return the density [kg/m3] of the International Standard Atmosphere where it has ``static_pressure`` [Pa].
-
-    T = 288.15 (p / 101325)^0.190263, not below 216.65 K;  rho = p / (287.05287 T)    (ISO 2533, up to 20 km)
-    """
-    pressure = max(static_pressure, 1000.0)
-    temperature = max(288.15 * math.pow(pressure / 101_325.0, 0.190263), 216.65)
-    return pressure / (287.05287 * temperature)
 
 
 @kernel

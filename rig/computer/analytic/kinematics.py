@@ -27,7 +27,7 @@ from rig.computer.analytic.pitch_filter import begin, follow_path, learn_yaw_dri
 from rig.frame import INERTIAL, sig
 from rig.kernels import kernel
 from rig.units.angles import wrap
-from rig.units.atmosphere import GRAVITY
+from rig.units.constants import GRAVITY
 
 _FIRST_PITCH_RAD: Final = 0.05  # sigma of level flight as a first guess
 _DRAWN_S: Final = 10.0  # longer than a slip, shorter than the gyros need to drift off

@@ -15,12 +15,13 @@ import math
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from rig.computer.analytic.flight_path import PATH_SIGNALS, VERTICAL, pitching
 from rig.frame import sig
 from rig.kernels import kernel
-from rig.settings import Settings
+from rig.settings import Settings, record
 from rig.units.angles import wrap
 
 
@@ -82,12 +83,17 @@ _FIRST_PATH_RAD: Final = 0.008
 _STEEP_BANK_RAD: Final = 1.0  # beyond it the heading says little of the yaw rate
 
 
-def fill(row: Any, noise: Noise, rate_hz: float) -> None:
-    """Write ``noise`` into a PARAM record."""
-    row["dt"] = 1.0 / rate_hz
-    row["rate_density"], row["drift_density"] = noise.rate_noise_rad_sqrt_s**2, noise.drift_walk_rad_s_sqrt_s**2
-    row["path_density"] = noise.path_walk_rad_sqrt_s**2
-    row["drift_variance"], row["scale_variance"] = noise.drift_sigma_rad_s**2, noise.scale_sigma**2
+def parameters(noise: Noise, rate_hz: float) -> NDArray[Any]:
+    """Return the PARAM record of a ``noise``."""
+    return record(
+        PARAM,
+        dt=1.0 / rate_hz,
+        rate_density=noise.rate_noise_rad_sqrt_s**2,
+        drift_density=noise.drift_walk_rad_s_sqrt_s**2,
+        path_density=noise.path_walk_rad_sqrt_s**2,
+        drift_variance=noise.drift_sigma_rad_s**2,
+        scale_variance=noise.scale_sigma**2,
+    )
 
 
 @kernel

@@ -19,12 +19,14 @@ from numpy.typing import NDArray
 
 from rig.computer.analytic import inertial_unit, kinematics, pitch_filter, strapdown
 from rig.computer.analytic.designed import COLUMNS, FILTERS, Designed
-from rig.computer.analytic.flight_path import SLOWEST, air_density
+from rig.computer.analytic.flight_path import SLOWEST
 from rig.computer.analytic.sources import PARTNERS, Config, second, source
 from rig.computer.gain_schedule import look_up
 from rig.frame import INDEX, INERTIAL, SIGNALS, Pattern, Resolver, S, sig
 from rig.kernels import kernel
+from rig.settings import record
 from rig.units.angles import difference
+from rig.units.atmosphere import air_density
 
 PARAM: Final = np.dtype(
     [
@@ -93,8 +95,7 @@ class References:
     """
 
     def __init__(self, config: Config, designed: Designed, rate_hz: float, monitored: bool = True) -> None:
-        self.param = _parameters(config, designed, rate_hz)
-        self.param["monitored"] = monitored
+        self.param = _parameters(config, designed, rate_hz, monitored)
         self.pressures, self.table = designed.table()
         for name in FILTERS:  # a time constant becomes the share of a new sample that passes in one frame
             column = self.table[:, COLUMNS.index(name)]
@@ -107,19 +108,24 @@ class References:
         return ReferenceData(self.pressures, self.table, self.param, self.state)
 
 
-def _parameters(config: Config, designed: Designed, rate_hz: float) -> NDArray[Any]:
-    param = np.zeros(1, PARAM)
-    row = param[0]
-    pitch_filter.fill(row["pitch_filter"], pitch_filter.Noise(), rate_hz)
-    row["rate_hz"], row["lead_frames"] = rate_hz, config.inertial_lead_s * rate_hz
-    row["lead_s"] = config.inertial_lead_s
-    row["accelerometer"] = designed.accelerometer_x_m, designed.accelerometer_y_m, designed.accelerometer_z_m
-    for s, signal in enumerate(SIGNALS):
-        row["source"][s], row["partners"][s] = _coded(signal.name, source(config, signal.name))
-        row["second"][s], row["second_partners"][s] = _coded(signal.name, second(config, signal.name))
+def _parameters(config: Config, designed: Designed, rate_hz: float, monitored: bool) -> NDArray[Any]:
+    codes, partners = zip(*(_coded(signal.name, source(config, signal.name)) for signal in SIGNALS), strict=True)
+    second_codes, second_partners = zip(*(_coded(s.name, second(config, s.name)) for s in SIGNALS), strict=True)
     of_attitude = [sig.PHI, sig.THETA, sig.PSI, sig.ALPHA, sig.BETA]
-    row["strapdown"] = any((row[field][of_attitude] == _INERTIAL).any() for field in ("source", "second"))
-    return param
+    return record(
+        PARAM,
+        rate_hz=rate_hz,
+        lead_s=config.inertial_lead_s,
+        lead_frames=config.inertial_lead_s * rate_hz,
+        accelerometer=(designed.accelerometer_x_m, designed.accelerometer_y_m, designed.accelerometer_z_m),
+        source=codes,
+        partners=partners,
+        second=second_codes,
+        second_partners=second_partners,
+        pitch_filter=pitch_filter.parameters(pitch_filter.Noise(), rate_hz)[0],
+        strapdown=any(_INERTIAL in (codes[s], second_codes[s]) for s in of_attitude),
+        monitored=monitored,
+    )
 
 
 def _coded(signal: str, chosen: str) -> tuple[int, int]:

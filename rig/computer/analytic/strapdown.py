@@ -29,9 +29,10 @@ from typing import Final
 
 import numpy as np
 
-from rig.frame import INERTIAL, TWO_PI, sig
+from rig.frame import INERTIAL, sig
 from rig.kernels import kernel
 from rig.units.angles import wrap
+from rig.units.constants import GRAVITY, TWO_PI
 
 STATE: Final = np.dtype(
     [
@@ -51,7 +52,6 @@ LEVEL_S: Final = 60.0  # memory of what level is
 # the heading, where a vote says more.
 _FIRST_S: Final = 5.0
 _FIRST_HEADING_S: Final = 0.2
-_GRAVITY: Final = 9.80665  # m/s2
 _FAR: Final = 0.2  # rad; a vote that far off is not learned from
 _WORST_DRIFT: Final = 0.005  # rad/s; a unit that was wrong for a while has not taught more
 _ANGLES: Final = np.array([sig.PHI, sig.THETA, sig.PSI])
@@ -156,8 +156,8 @@ def correct(unit, last, around, rate_hz, e):
     x, y, z = unit[_F], unit[_F + 1], unit[_F + 2]
     north, east, down = r11 * x + r12 * y + r13 * z, r21 * x + r22 * y + r23 * z, r31 * x + r32 * y + r33 * z
     s_n, s_e = (unit[_V] - last[_V]) * rate_hz, (unit[_V + 1] - last[_V + 1]) * rate_hz
-    s_d = (unit[_V + 2] - last[_V + 2]) * rate_hz - _GRAVITY
-    size = max(x * x + y * y + z * z, _GRAVITY * _GRAVITY)
+    s_d = (unit[_V + 2] - last[_V + 2]) * rate_hz - GRAVITY
+    size = max(x * x + y * y + z * z, GRAVITY * GRAVITY)
     e_n, e_e = (east * s_d - down * s_e) / size, (down * s_n - north * s_d) / size
     level = min(e["frames"], frames_of(LEVEL_S, rate_hz))
     ahead = frames_of(_FIRST_S, rate_hz) - frames_of(_FIRST_HEADING_S, rate_hz)

@@ -23,7 +23,7 @@ from rig.computer.analytic.flight_path import SLOWEST
 from rig.frame import INERTIAL, sig
 from rig.kernels import kernel
 from rig.units.angles import wrap
-from rig.units.atmosphere import GRAVITY
+from rig.units.constants import GRAVITY
 
 UNIT: Final = np.dtype(
     [

@@ -7,34 +7,10 @@ tropopause); dynamic pressure here is rho V^2 / 2 = 0.7 p M^2, not the impact pr
 from __future__ import annotations
 
 import math
-from typing import Final
 
 from rig.kernels import kernel
-from rig.units.atmosphere import (
-    GAS_CONSTANT,
-    GRAVITY,
-    LAPSE_RATE,
-    SEA_LEVEL_DENSITY,
-    SEA_LEVEL_PRESSURE,
-    SEA_LEVEL_TEMPERATURE,
-    TROPOPAUSE_ALTITUDE,
-)
-
-TROPOPAUSE_TEMPERATURE: Final = SEA_LEVEL_TEMPERATURE - LAPSE_RATE * TROPOPAUSE_ALTITUDE
-EXPONENT: Final = GAS_CONSTANT * LAPSE_RATE / GRAVITY  # of pressure to temperature, 0.190263
-TROPOPAUSE_PRESSURE: Final = SEA_LEVEL_PRESSURE * (TROPOPAUSE_TEMPERATURE / SEA_LEVEL_TEMPERATURE) ** (1.0 / EXPONENT)
-SCALE_HEIGHT: Final = GAS_CONSTANT * TROPOPAUSE_TEMPERATURE / GRAVITY  # m, above the tropopause
-LOWEST_PRESSURE: Final = 1_000.0  # Pa; below it (31 km) the static pressure is taken as this
-
-
-@kernel
-def pressure_altitude(static_pressure: float) -> float:
-    """Return the altitude [m, geopotential] at which the standard atmosphere has ``static_pressure`` [Pa]."""
-    p = max(static_pressure, LOWEST_PRESSURE)
-    if p >= TROPOPAUSE_PRESSURE:
-        ratio = math.pow(p / SEA_LEVEL_PRESSURE, EXPONENT)
-        return SEA_LEVEL_TEMPERATURE / LAPSE_RATE * (1.0 - ratio)
-    return TROPOPAUSE_ALTITUDE + SCALE_HEIGHT * math.log(TROPOPAUSE_PRESSURE / p)
+from rig.units.atmosphere import LOWEST_PRESSURE
+from rig.units.constants import GAS_CONSTANT, HEAT_RATIO, SEA_LEVEL_DENSITY
 
 
 @kernel
@@ -46,7 +22,7 @@ def mach_number(static_pressure: float, dynamic_pressure: float) -> float:
 @kernel
 def true_airspeed(mach: float, air_temperature: float) -> float:
     """Return the true airspeed [m/s] at ``mach`` in air of ``air_temperature`` [K]: V = M sqrt(1.4 R T)."""
-    return mach * math.sqrt(1.4 * GAS_CONSTANT * air_temperature)
+    return mach * math.sqrt(HEAT_RATIO * GAS_CONSTANT * air_temperature)
 
 
 @kernel

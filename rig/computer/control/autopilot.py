@@ -10,7 +10,6 @@ right, so a negative sideslip).  Surfaces are absolute positions in the signs of
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any, Final, Literal
 
@@ -25,7 +24,7 @@ from rig.computer.fdi.state import STATE as FDI_STATE
 from rig.computer.fdi.state import Config as Tolerant
 from rig.computer.fdi.state import parameters as fdi_parameters
 from rig.frame import SURFACES, Block, nested
-from rig.settings import Settings
+from rig.settings import Settings, record, share_in_frame
 
 _VERTICAL: Final = {"stick": STICK, "pitch": ANGLE, "altitude": PATH}
 _LATERAL: Final = {"stick": STICK, "roll": ANGLE, "heading": PATH}
@@ -102,28 +101,23 @@ class Control:
 def _parameters(
     config: Config, gains: Gains, rate_hz: float, surface_limits: Sequence[tuple[float, float]]
 ) -> NDArray[Any]:
-    param = np.zeros(1, PARAM)
-    row = param[0]
-    row["dt"] = 1.0 / rate_hz
-    row["max_bank"], row["max_climb_angle"] = config.max_bank_rad, config.max_climb_angle_rad
-    row["max_load_change"] = config.max_load_factor_change
-    row["max_load_factor"], row["min_load_factor"] = gains.max_load_factor, gains.min_load_factor
-    row["max_alpha"] = gains.max_alpha_rad
-    row["schedule_share"] = 1.0 - math.exp(-1.0 / (rate_hz * config.schedule_filter_s))
-    row["airspeed_share"] = 1.0 - math.exp(-1.0 / (rate_hz * config.airspeed_filter_s))
-    row["climb_crossover"] = config.climb_crossover_rad_s
-    row["max_yaw"] = config.max_yaw_correction_rad_s
-    row["gear_max_bank"] = min(config.max_bank_rad, config.gear_down_max_bank_rad)
-    row["gear_max_load_factor"] = min(gains.max_load_factor, config.gear_down_max_load_factor)
-    row["gear_min_load_factor"] = max(gains.min_load_factor, config.gear_down_min_load_factor)
-    row["fade_frames"] = round(config.source_fade_s * rate_hz)
-    row["attitude_rates"], row["attitude_filter"] = config.rates_from_attitude, config.attitude_filter_s
-    row["erection_s"] = config.attitude_erection_s
-    row["learning_share"] = 1.0 - math.exp(-1.0 / (rate_hz * config.learning_s))
-    row["rate_bandwidth"] = config.rate_bandwidth_rad_s
-    row["lag"] = gains.elevator_lag_s, gains.aileron_lag_s, gains.rudder_lag_s
-    row["backup_load_change"], row["backup_path"] = config.backup_load_factor_change, config.backup_path_rad_s
-    row["low"], row["high"] = np.array(surface_limits, float).T
-    row["vertical"], row["lateral"] = _VERTICAL[config.vertical], _LATERAL[config.lateral]
-    row["speed"] = config.speed == "airspeed"
-    return param
+    low, high = np.array(surface_limits, float).T
+    return record(
+        PARAM,
+        config,
+        gains,
+        dt=1.0 / rate_hz,
+        schedule_share=share_in_frame(config.schedule_filter_s, rate_hz),
+        airspeed_share=share_in_frame(config.airspeed_filter_s, rate_hz),
+        learning_share=share_in_frame(config.learning_s, rate_hz),
+        gear_max_bank_rad=min(config.max_bank_rad, config.gear_down_max_bank_rad),
+        gear_max_load_factor=min(gains.max_load_factor, config.gear_down_max_load_factor),
+        gear_min_load_factor=max(gains.min_load_factor, config.gear_down_min_load_factor),
+        fade_frames=round(config.source_fade_s * rate_hz),
+        lag_s=(gains.elevator_lag_s, gains.aileron_lag_s, gains.rudder_lag_s),
+        low=low,
+        high=high,
+        vertical=_VERTICAL[config.vertical],
+        lateral=_LATERAL[config.lateral],
+        speed=config.speed == "airspeed",
+    )

@@ -25,7 +25,7 @@ from rig.computer.control.source import carry
 from rig.computer.control.state import ANGLE, PATH
 from rig.frame import COMMANDS, Law, Source, sig
 from rig.kernels import kernel
-from rig.units.atmosphere import GRAVITY
+from rig.units.constants import GRAVITY
 
 NOT_NEEDED, LOAD, ALPHA, BLIND = 0, 1, 2, 3  # what the back-up law flies on
 _C_Q: Final = COMMANDS.index("pitch_rate_rad_s")
@@ -38,7 +38,8 @@ def needed(source, param):
     """Return what the back-up law must fly on; NOT_NEEDED while the pitch rate can be had."""
     if source[sig.Q] != Source.DEGRADED:
         return NOT_NEEDED
-    if param[0]["attitude_rates"] != 0 and source[sig.THETA] != Source.DEGRADED and source[sig.PHI] != Source.DEGRADED:
+    attitude = source[sig.THETA] != Source.DEGRADED and source[sig.PHI] != Source.DEGRADED
+    if attitude and param[0]["rates_from_attitude"] != 0:
         return NOT_NEEDED
     if source[sig.N_Z] != Source.DEGRADED:
         return LOAD
@@ -77,7 +78,7 @@ def elevator(sensor, law, param, state, gain, measured, command):
         g[laws.ALPHA_ALPHA] * a + g[laws.ALPHA_Q] * q + g[laws.ALPHA_ELEVATOR] * e + g[k + 3] * correct
     )
     s["backup_pitch_rate"] += dt * (g[laws.Q_ALPHA] * a + g[laws.Q_Q] * q + g[laws.Q_ELEVATOR] * e + g[k + 4] * correct)
-    s["backup_elevator"] = e + dt / c["lag"][0] * (s["surface"][0] - integral - e)
+    s["backup_elevator"] = e + dt / c["lag_s"][0] * (s["surface"][0] - integral - e)
     if sensor == BLIND:
         s["backup_alpha"], s["backup_pitch_rate"] = a - dt / _RELEASE_S * a, q - dt / _RELEASE_S * q
     s["backup"] = sensor
@@ -94,7 +95,7 @@ def wanted_load(law, param, state, measured, command):
     """
     s, c = state[0], param[0]
     speed = max(s["airspeed"], SLOWEST)
-    theta, phi, most, w = measured[sig.THETA], measured[sig.PHI], c["backup_load_change"], c["backup_path"]
+    theta, phi, most, w = measured[sig.THETA], measured[sig.PHI], c["backup_load_factor_change"], c["backup_path_rad_s"]
     upright = math.cos(theta) * math.cos(phi)
     turn = speed / GRAVITY * laws.turn_pitch_rate(phi, theta, speed)
     change = speed / GRAVITY * command[_C_Q] - turn

@@ -29,7 +29,7 @@ from rig.computer.control.source import carry, put
 from rig.frame import COMMANDS, Source, sig
 from rig.kernels import kernel
 from rig.units.angles import wrap
-from rig.units.atmosphere import GRAVITY
+from rig.units.constants import GRAVITY
 
 _C_P, _C_BETA, _C_PSI, _C_GAMMA = (
     COMMANDS.index(name) for name in ("roll_rate_rad_s", "sideslip_rad", "heading_rad", "flight_path_angle_rad")
@@ -88,14 +88,15 @@ def body_rates(fcc, param, state, gain):
     source, reference, s = fcc["source"], fcc["reference"], state[0]
     if source[sig.Q] == Source.VOTED and source[sig.P] == Source.VOTED and source[sig.R] == Source.VOTED:
         return
-    measured, tau = s["measured"], param[0]["attitude_filter"] + param[0]["dt"]
+    measured, tau = s["measured"], param[0]["attitude_filter_s"] + param[0]["dt"]
     theta, phi, speed = measured[sig.THETA], measured[sig.PHI], max(s["airspeed"], SLOWEST)
     rate_of_pitch = (theta - s["smooth_pitch_angle"]) / tau
     rolling = wrap(phi - s["smooth_roll_angle"]) / tau
     turning = wrap(measured[sig.PSI] - s["smooth_heading"]) / tau
     if source[sig.PSI] == Source.DEGRADED:
         turning = GRAVITY / speed * math.sin(phi) / max(math.cos(phi), _FLATTEST)
-    if source[sig.THETA] == Source.DEGRADED or source[sig.PHI] == Source.DEGRADED or param[0]["attitude_rates"] == 0:
+    attitude = source[sig.THETA] != Source.DEGRADED and source[sig.PHI] != Source.DEGRADED
+    if not attitude or param[0]["rates_from_attitude"] == 0:
         rate_of_pitch = math.nan
     pitch, yaw = pitch_rate_of(rate_of_pitch, turning, theta, phi), yaw_rate_of(rate_of_pitch, turning, theta, phi)
     roll = roll_rate_of(rolling, turning, theta) + 0.0 * rate_of_pitch
@@ -128,8 +129,8 @@ def estimate(i, other, source, param, state, gain):
         deflection[i] = surface[i]
         bias[i] = -model - gain[k + 2] * deflection[i]
     model += gain[k + 2] * deflection[i] + bias[i]
-    deflection[i] += min(c["dt"] / c["lag"][i], 1.0) * (surface[i] - deflection[i])
-    w = c["rate_bandwidth"]
+    deflection[i] += min(c["dt"] / c["lag_s"][i], 1.0) * (surface[i] - deflection[i])
+    w = c["rate_bandwidth_rad_s"]
     if math.isfinite(other):
         bias[i] += c["dt"] * w * w * (other - x)
         model += 2.0 * w * (other - x)
@@ -150,7 +151,7 @@ def pitch_angle(source, param, state):
     theta = measured[sig.THETA]
     if not math.isfinite(theta):
         return drawn
-    return theta + c["dt"] * (rate + (drawn - theta) / c["erection_s"])
+    return theta + c["dt"] * (rate + (drawn - theta) / c["attitude_erection_s"])
 
 
 @kernel
@@ -170,7 +171,7 @@ def roll_angle(source, param, state):
     rate = measured[sig.P]
     if math.isfinite(theta):
         rate += (measured[sig.Q] * math.sin(phi) + measured[sig.R] * math.cos(phi)) * math.tan(clamp(theta, -1.0, 1.0))
-    erection = c["erection_s"] * (_HASTE if source[sig.P] == Source.DEGRADED else 1.0)
+    erection = c["attitude_erection_s"] * (_HASTE if source[sig.P] == Source.DEGRADED else 1.0)
     return phi + c["dt"] * (rate + wrap(bank - phi) / erection)
 
 
@@ -224,7 +225,7 @@ def static_pressure(param, state):
 def follow(param, state):
     """Filter the attitude, whose rates may be needed in the next frame."""
     s, c = state[0], param[0]
-    measured, share = s["measured"], c["dt"] / (c["attitude_filter"] + c["dt"])
+    measured, share = s["measured"], c["dt"] / (c["attitude_filter_s"] + c["dt"])
     first = s["started"] == 0
     if first:
         s["smooth_pitch_angle"], s["smooth_roll_angle"] = measured[sig.THETA], measured[sig.PHI]

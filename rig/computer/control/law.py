@@ -11,7 +11,6 @@ from rig.computer.control.airdata import (
     equivalent_airspeed,
     flight_path_angle,
     mach_number,
-    pressure_altitude,
     true_airspeed,
 )
 from rig.computer.control.laws import clamp, move
@@ -19,10 +18,11 @@ from rig.computer.control.source import select
 from rig.computer.control.state import PATH, STICK
 from rig.computer.fdi.monitor import monitor_pitch_angle
 from rig.computer.gain_schedule import look_up
-from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, SURFACES, TWO_PI, Law, S, Source, sig
+from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, SURFACES, Law, S, Source, sig
 from rig.kernels import kernel
 from rig.units.angles import wrap
-from rig.units.atmosphere import GRAVITY, temperature
+from rig.units.atmosphere import pressure_altitude, temperature
+from rig.units.constants import GRAVITY, TWO_PI
 
 _ENGAGED: Final = DISCRETE_INDEX["autopilot_engaged"]
 _WHEELS, _GEAR = DISCRETE_INDEX["weight_on_wheels"], DISCRETE_INDEX["gear_down"]
@@ -124,7 +124,7 @@ def filter_slow(param, state, measured, command, first):
     """Filter dynamic pressure, airspeed and vertical motion; at the start take the sample itself."""
     s, c = state[0], param[0]
     speed, pressure, altitude = command[_C_SPEED], measured[sig.Q_BAR], command[_C_PRESSURE_ALTITUDE]
-    laws.vertical_motion(altitude, vertical_acceleration(measured), c["climb_crossover"], c["dt"], state)
+    laws.vertical_motion(altitude, vertical_acceleration(measured), c["climb_crossover_rad_s"], c["dt"], state)
     if first:
         s["airspeed"], s["schedule_pressure"] = speed, pressure
         s["altitude_estimate"], s["acceleration_error"] = altitude, 0.0
@@ -186,7 +186,7 @@ def outer(param, state, gain, measured, command, law):
         command[_C_ALTITUDE] += demand[2]
         command[_C_PSI] = (command[_C_PSI] + demand[3]) % TWO_PI
         command[_C_SPEED] += demand[4]
-        bank = c["max_bank"] if s["approach"] == 0 else c["gear_max_bank"]
+        bank = c["max_bank_rad"] if s["approach"] == 0 else c["gear_max_bank_rad"]
         if lateral == PATH:
             error = command[_C_PSI] - measured[sig.PSI]
             command[_C_PHI] = laws.bank_for_heading(error, gain[laws.HEADING], speed, bank)
@@ -195,8 +195,8 @@ def outer(param, state, gain, measured, command, law):
         if holds:
             command[_C_THETA], command[_C_PHI] = held_pitch, held_roll
         elif vertical == PATH:
-            steepest = c["max_climb_angle"]
-            acceleration = _BRAKING * c["max_load_change"] * GRAVITY
+            steepest = c["max_climb_angle_rad"]
+            acceleration = _BRAKING * c["max_load_factor_change"] * GRAVITY
             capture_gain = 0.5 * gain[laws.PATH_ALTITUDE] / gain[laws.PATH_CLIMB]
             highest = speed * math.sin(steepest)
             laws.approach(command[_C_ALTITUDE], capture_gain, highest, acceleration, c["dt"], state)
@@ -220,10 +220,10 @@ def pitch_rate(param, state, gain, measured, command, vertical, speed):
         rate = per_load * (stick * most if stick > 0.0 else -stick * least)
     else:
         error = command[_C_THETA] - measured[sig.THETA]
-        limit = per_load * c["max_load_change"]
+        limit = per_load * c["max_load_factor_change"]
         rate = clamp(gain[laws.PITCH_ANGLE] * error, -limit, limit)
     rate += laws.turn_pitch_rate(measured[sig.PHI], measured[sig.THETA], speed)
-    allowed = _ALPHA_APPROACH_1_S * (c["max_alpha"] - measured[sig.ALPHA])
+    allowed = _ALPHA_APPROACH_1_S * (c["max_alpha_rad"] - measured[sig.ALPHA])
     command[_C_Q] = min(clamp(rate, per_load * least, per_load * most), allowed)
 
 
@@ -251,7 +251,7 @@ def inner(param, state, gain, measured, command, source, law, fresh):
     yaw = laws.turn_yaw_rate(measured[sig.PHI], measured[sig.THETA], speed) + command[_C_P] * math.tan(alpha)
     if law == Law.AUTOPILOT and c["lateral"] == PATH:
         turn = g[laws.HEADING_YAW] * wrap(command[_C_PSI] - measured[sig.PSI])
-        yaw += clamp(turn, -c["max_yaw"], c["max_yaw"])
+        yaw += clamp(turn, -c["max_yaw_correction_rad_s"], c["max_yaw_correction_rad_s"])
     p = measured[sig.P] - command[_C_P]
     r = measured[sig.R] - yaw
     beta = measured[sig.BETA] - command[_C_BETA]

@@ -15,7 +15,7 @@ from typing import Final
 from rig.computer.control.gains import COLUMNS
 from rig.kernels import kernel
 from rig.units.angles import wrap
-from rig.units.atmosphere import GRAVITY
+from rig.units.constants import GRAVITY
 
 (
     TRIM_ALPHA,

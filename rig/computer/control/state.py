@@ -17,28 +17,28 @@ STICK, ANGLE, PATH = 0, 1, 2  # what an axis follows: stick; pitch or roll attit
 PARAM: Final = np.dtype(
     [
         ("dt", "f8"),
-        ("max_bank", "f8"),
-        ("max_climb_angle", "f8"),
-        ("max_load_change", "f8"),
+        ("max_bank_rad", "f8"),
+        ("max_climb_angle_rad", "f8"),
+        ("max_load_factor_change", "f8"),
         ("max_load_factor", "f8"),
         ("min_load_factor", "f8"),
-        ("max_alpha", "f8"),
+        ("max_alpha_rad", "f8"),
         ("schedule_share", "f8"),  # of a new sample that passes the filter in one frame
         ("airspeed_share", "f8"),
-        ("climb_crossover", "f8"),
-        ("max_yaw", "f8"),
-        ("gear_max_bank", "f8"),  # with the gear down
+        ("climb_crossover_rad_s", "f8"),
+        ("max_yaw_correction_rad_s", "f8"),
+        ("gear_max_bank_rad", "f8"),  # with the gear down
         ("gear_max_load_factor", "f8"),
         ("gear_min_load_factor", "f8"),
-        ("attitude_filter", "f8"),  # s, on attitudes that become rates
-        ("erection_s", "f8"),  # how fast an estimated attitude returns to what the path says
+        ("attitude_filter_s", "f8"),  # on attitudes that become rates
+        ("attitude_erection_s", "f8"),  # how fast an estimated attitude returns to what the path says
         ("learning_share", "f8"),  # of what a substitute is wrong by, learned in one frame while it is not needed
-        ("backup_load_change", "f8"),
-        ("backup_path", "f8"),  # rad/s
-        ("lag", "f8", (3,)),  # s, of elevator, aileron and rudder
-        ("rate_bandwidth", "f8"),  # rad/s, of the estimate of a rate that is not measured
+        ("backup_load_factor_change", "f8"),
+        ("backup_path_rad_s", "f8"),
+        ("lag_s", "f8", (3,)),  # of elevator, aileron and rudder
+        ("rate_bandwidth_rad_s", "f8"),  # of the estimate of a rate that is not measured
         ("fade_frames", "i8"),
-        ("attitude_rates", "i8"),  # whether rates may be taken from attitudes
+        ("rates_from_attitude", "i8"),  # whether rates may be taken from attitudes
         ("low", "f8", (len(SURFACES),)),
         ("high", "f8", (len(SURFACES),)),
         ("vertical", "i8"),

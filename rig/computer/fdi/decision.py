@@ -38,11 +38,12 @@ def innovate(c, w, measured, x):
     c, w : a PARAM and a STATE record; x : (S,) signals
     """
     e, dt = w["filter"], c["filter"]["dt"]
-    w["turning"] += min(dt / c["lag"], 1.0) * (abs(x[sig.Q]) + abs(x[sig.R]) - w["turning"])
+    w["turning"] += min(dt / c["lag_s"], 1.0) * (abs(x[sig.Q]) + abs(x[sig.R]) - w["turning"])
     turn_error = c["turn_error"] + rate_bias.bank_error(w, x)
-    timing, turning = e["rate"] * c["timing"], w["turning"] * turn_error * c["lag"]
+    timing, turning = e["rate"] * c["timing_s"], w["turning"] * turn_error * c["lag_s"]
     w["innovation"], w["second_innovation"] = measured - e["theta"], measured - w["second"]["theta"]
-    w["sigma"] = math.sqrt(e["p"][0, 0] + c["floor"] * c["floor"] + timing * timing + turning * turning)
+    floor = c["innovation_floor_rad"]
+    w["sigma"] = math.sqrt(e["p"][0, 0] + floor * floor + timing * timing + turning * turning)
 
 
 @kernel
@@ -66,7 +67,7 @@ def decide(rates_voted, path_voted, c, w, measured, path):
             w["trust"] = Trust.TRUSTED
     elif not rates_voted:  # nothing can test it: follow the sensor
         w["jump_frames"], w["cusum"], e["theta"] = 0, 0.0, measured
-        forget(c["filter"], e, c["floor"])
+        forget(c["filter"], e, c["innovation_floor_rad"])
     else:
         w["jump_frames"] = w["jump_frames"] + 1 if size > c["jump_sigma"] else 0
         w["cusum"] = max(0.0, w["cusum"] + (min(size, c["jump_sigma"]) - c["ramp_sigma"]) * dt)
@@ -113,13 +114,14 @@ def clear_or_withdraw(c, w, measured):
     e = w["filter"]
     margin = max(_ARBITER_LEAST_RAD, _ARBITER_SIGMA * math.sqrt(e["gust_variance"]))
     w["worst"] = max(w["worst"], abs(w["recent"]))
-    near = min(c["near"], _RETURN_SHARE * w["worst"])  # a small fault that has not gone away is not a sensor come back
-    back = abs(w["recent"]) < near and abs(w["innovation"]) < _STRAY * c["near"]
+    # A small fault that has not gone away is not a sensor that is good again.
+    near = min(c["return_rad"], _RETURN_SHARE * w["worst"])
+    back = abs(w["recent"]) < near and abs(w["innovation"]) < _STRAY * c["return_rad"]
     w["agreed"] = w["agreed"] + 1 if back else 0
     if abs(w["theta_off_path"]) > abs(w["sensor_off_path"]) + margin:
         revert(c, w, measured, Trust.WITHDRAWN)
         e["theta"], e["drift"] = measured, 0.0
-        forget(c["filter"], e, c["floor"])
+        forget(c["filter"], e, c["innovation_floor_rad"])
     elif w["agreed"] >= c["return_frames"]:
         revert(c, w, measured, Trust.TRUSTED)
 

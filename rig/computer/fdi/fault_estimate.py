@@ -51,7 +51,7 @@ def learn(c, w, measured):
     p, dt, theta = w["fault_covariance"], c["filter"]["dt"], w["filter"]["theta"]
     off = measured - w["effectiveness"] * theta - w["offset"]
     w["misfit"] += dt / (_MISFIT_S + dt) * (off - w["misfit"])
-    if abs(w["misfit"]) > _SURE * c["floor"]:
+    if abs(w["misfit"]) > _SURE * c["innovation_floor_rad"]:
         reopen(w)
     p[0] += dt * _WALK_EFFECTIVENESS * _WALK_EFFECTIVENESS
     p[1] += dt * _WALK_OFFSET_RAD * _WALK_OFFSET_RAD

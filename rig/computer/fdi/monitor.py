@@ -67,7 +67,7 @@ def all_voted(source):
 def flown_pitch_angle(c, w, measured):
     """Return the pitch angle that the law flies on: ``measured``, or the estimate within the bound."""
     if w["trust"] == Trust.CORRECTED or (w["jump_frames"] > 0 and rate_bias.confirmed(w)):
-        return measured + min(max(w["filter"]["theta"] - measured, -c["most"]), c["most"])
+        return measured + min(max(w["filter"]["theta"] - measured, -c["max_correction_rad"]), c["max_correction_rad"])
     if w["fade_left"] > 0:
         w["fade_left"] -= 1
         return measured + w["fade"] * w["fade_left"] / c["fade_frames"]

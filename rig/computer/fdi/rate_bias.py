@@ -67,7 +67,7 @@ def turn(c, w, rates_voted, heading_voted, inertial, x, gyros):
     if valid and rates_voted:
         compare(c, w, rate - other)
     bank_effect = pitching(u["pitch_rate"], u["yaw_rate"], bank) - other
-    w["bank_effect"] += dt * (bank_effect - w["bank_effect"] / max(c["lag"], dt))
+    w["bank_effect"] += dt * (bank_effect - w["bank_effect"] / max(c["lag_s"], dt))
     last = m["rate"] if e["frames"] > 0 else other
     carry(dt, m, other, last, dt * math.cos(phi), dt * math.cos(phi) * u["pitch_rate"])
     m["rate"] = other

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from rig.computer.analytic import pitch_filter
-from rig.computer.analytic.pitch_filter import MEAN, Noise, fill
+from rig.computer.analytic.pitch_filter import MEAN, Noise
 from rig.computer.analytic.unit_bank import UNIT
-from rig.settings import Settings
+from rig.settings import Settings, record
 
 
 class Config(Settings):
@@ -38,16 +38,16 @@ PARAM: Final = np.dtype(
     [
         ("filter", pitch_filter.PARAM),
         ("on", "i8"),  # whether the fault-tolerant law flies
-        ("lag", "f8"),  # s, of the estimate behind a trusted sensor
+        ("lag_s", "f8"),  # of the estimate behind a trusted sensor
         ("sensor_variance", "f8"),  # rad^2 of one sample that gives this lag
-        ("floor", "f8"),  # rad
-        ("timing", "f8"),  # s
+        ("innovation_floor_rad", "f8"),
+        ("timing_s", "f8"),
         ("turn_error", "f8"),
         ("jump_sigma", "f8"),
         ("ramp_sigma", "f8"),
         ("ramp_s", "f8"),
-        ("most", "f8"),  # rad
-        ("near", "f8"),  # rad
+        ("max_correction_rad", "f8"),
+        ("return_rad", "f8"),
         ("persistence", "i8"),
         ("return_frames", "i8"),
         ("fade_frames", "i8"),
@@ -96,16 +96,13 @@ STATE: Final = np.dtype(
 
 def parameters(config: Config, on: bool, rate_hz: float) -> NDArray[Any]:
     """Return the PARAM record; ``on`` when the fault-tolerant law flies."""
-    param = np.zeros(1, PARAM)
-    row, dt = param[0], 1.0 / rate_hz
-    row["on"], row["lag"] = on, config.lag_s
-    fill(row["filter"], config.noise, rate_hz)
-    # The steady gain sqrt(rate_density dt / R) a frame is dt / lag for this R.
-    row["sensor_variance"] = (config.noise.rate_noise_rad_sqrt_s * config.lag_s) ** 2 / dt
-    row["floor"], row["timing"], row["turn_error"] = config.innovation_floor_rad, config.timing_s, config.turn_error
-    row["jump_sigma"], row["persistence"] = config.jump_sigma, config.persistence
-    row["ramp_sigma"], row["ramp_s"] = config.ramp_sigma, config.ramp_s
-    row["most"], row["near"] = config.max_correction_rad, config.return_rad
-    row["return_frames"] = max(1, round(config.return_s * rate_hz))
-    row["fade_frames"] = round(config.return_fade_s * rate_hz)
-    return param
+    return record(
+        PARAM,
+        config,
+        on=on,
+        filter=pitch_filter.parameters(config.noise, rate_hz)[0],
+        # The steady gain sqrt(rate_density dt / R) a frame is dt / lag for this R.
+        sensor_variance=(config.noise.rate_noise_rad_sqrt_s * config.lag_s) ** 2 / (1.0 / rate_hz),
+        return_frames=max(1, round(config.return_s * rate_hz)),
+        fade_frames=round(config.return_fade_s * rate_hz),
+    )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, create_model, field_validator, model_validator
 
+from rig import settings
 from rig.computer.analytic.references import Config as References
 from rig.computer.redundancy.discrete_config import PERSISTENCE, DiscreteConfigs
 from rig.computer.redundancy.durations import in_frames, refuse_both
@@ -183,23 +184,31 @@ def parameters(
 def fill(
     row: Any, config: SignalConfig, limits: tuple[float, float], channels: int, wraps: bool, rate_hz: float
 ) -> None:
-    """Write one signal's settings into its PARAMS record."""
-    row["threshold"] = config.threshold
-    row["threshold_triplex"] = config.threshold_triplex or config.threshold
-    row["threshold_duplex"] = config.threshold_duplex or config.threshold
-    for name in ("outlier_threshold", "outlier_threshold_triplex"):
-        row[name] = getattr(config, name) or 0.0
-    row["filter_gain"] = gain(config.filter_s, rate_hz)
-    row["reference_threshold"] = config.reference_threshold or config.threshold
-    row["second_threshold"], row["common_persistence"] = config.threshold, 1
-    row["low"], row["high"] = limits
-    row["persistence"] = in_frames(config.persistence, config.persistence_s, rate_hz)
-    row["singular_persistence"] = in_frames(config.singular_persistence, config.singular_persistence_s, rate_hz)
-    row["trend_frames"], row["readmit_frames"] = config.trend_frames, config.readmit_frames
-    row["fade_frames"] = round(config.fade_s * rate_hz)
-    row["deviation"] = config.selection_deviation or 2.5 * config.threshold
-    row["deviation_frames"] = (config.selection_integral_s or 5.0 * config.threshold) * rate_hz
-    row["fitted"], row["wraps"] = channels, wraps
-    row["weighted"] = config.mean == "trend-weighted"
-    for place, name in enumerate(config.resolvers):
-        row["resolvers"][place] = Resolver[name.upper()]
+    """Write one signal's settings into its PARAMS record, without what its references and common mode add."""
+    threshold = config.threshold
+    resolvers = [Resolver[name.upper()] for name in config.resolvers]
+    settings.fill(
+        row,
+        config,
+        threshold_triplex=config.threshold_triplex or threshold,
+        threshold_duplex=config.threshold_duplex or threshold,
+        outlier_threshold=config.outlier_threshold or 0.0,
+        outlier_threshold_triplex=config.outlier_threshold_triplex or 0.0,
+        filter_gain=gain(config.filter_s, rate_hz),
+        reference_threshold=config.reference_threshold or threshold,
+        reference_airspeed_m_s=0.0,
+        second_threshold=threshold,
+        common_persistence=1,
+        common_fails=0,
+        low=limits[0],
+        high=limits[1],
+        persistence=in_frames(config.persistence, config.persistence_s, rate_hz),
+        singular_persistence=in_frames(config.singular_persistence, config.singular_persistence_s, rate_hz),
+        fade_frames=round(config.fade_s * rate_hz),
+        deviation=config.selection_deviation or 2.5 * threshold,
+        deviation_frames=(config.selection_integral_s or 5.0 * threshold) * rate_hz,
+        fitted=channels,
+        resolvers=resolvers + [0] * (len(row["resolvers"]) - len(resolvers)),
+        wraps=wraps,
+        weighted=config.mean == "trend-weighted",
+    )

@@ -10,7 +10,7 @@ from pydantic import Field, create_model, model_validator
 
 from rig.computer.redundancy.durations import in_frames, refuse_both
 from rig.frame import DISCRETES, D
-from rig.settings import Settings
+from rig.settings import Settings, fill
 
 PERSISTENCE: Final = 8  # frames, of a discrete that has none of its own
 
@@ -62,6 +62,10 @@ def fill_discrete(
     row: Any, config: DiscreteConfig, fail_safe: int, channels: int, persistence: int, rate_hz: float
 ) -> None:
     """Write one discrete's settings into its record; ``fail_safe`` and ``persistence`` where it gives none."""
-    row["fitted"], row["readmit_frames"] = channels, config.readmit_frames
-    row["fail_safe"] = fail_safe if config.fail_safe is None else config.fail_safe
-    row["persistence"] = in_frames(config.persistence or persistence, config.persistence_s, rate_hz)
+    fill(
+        row,
+        config,
+        fitted=channels,
+        fail_safe=fail_safe if config.fail_safe is None else config.fail_safe,
+        persistence=in_frames(config.persistence or persistence, config.persistence_s, rate_hz),
+    )

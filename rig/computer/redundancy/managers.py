@@ -18,7 +18,7 @@ from rig.kernels import kernel
 
 
 class ManagerKind(NamedTuple):
-    """What a manager does, for whoever runs it or judges what it did."""
+    """What a manager does, for whoever runs it or assesses what it did."""
 
     name: str
     kernel: Any = None  # of a row: bus, fcc, ManagerData; None: the user's own

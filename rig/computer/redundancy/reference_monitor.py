@@ -1,4 +1,4 @@
-"""References as witnesses: their threshold, their own monitor, the last channel, two of them against all channels.
+"""References: their threshold, their own monitor, the last channel, two of them against all channels.
 
 Source: Zhang 2023, section 7 (a reference is no channel, and is compared to know whether it is usable).
 Ours: the threshold by airspeed, 'The last channel' and 'Two references against all channels' of docs/redundancy.md.
@@ -15,10 +15,10 @@ from rig.computer.redundancy.compare import is_singular
 from rig.frame import Ilm, Pattern, Resolver
 from rig.kernels import kernel
 from rig.units.angles import difference
+from rig.units.constants import DENSITY_PRINTED
 
 # With 1.0 reference thresholds healthy last channels were failed in 11 of 384 flights, with 1.5 in none.
 REFERENCE_MARGIN: Final = 1.5
-SEA_LEVEL_DENSITY: Final = 1.225  # kg/m3; International Standard Atmosphere, ISO 2533
 
 
 @kernel
@@ -31,7 +31,7 @@ def reference_threshold(reference, p):
     Source: docs/references.md, 'Measured errors'.  NaN has the constant.
     """
     if p["reference_airspeed_m_s"] > 0.0 and reference > 0.0:
-        of_wind = p["reference_airspeed_m_s"] * math.sqrt(2.0 * SEA_LEVEL_DENSITY * reference)
+        of_wind = p["reference_airspeed_m_s"] * math.sqrt(2.0 * DENSITY_PRINTED * reference)
         return min(of_wind, p["reference_threshold"])
     return p["reference_threshold"]
 
@@ -50,7 +50,7 @@ def monitor_reference(vote, reference, n, p, st):
 
 @kernel
 def check_last(ilm, reference, p, st):
-    """Judge the last channel by its own monitor and its reference, as nobody is left to compare it with (ours).
+    """Check the last channel by its own monitor and its reference, as nobody is left to compare it with (ours).
 
     While either speaks against it the reference votes if it is usable, else the last vote holds.  Returns resolver and
     vote.

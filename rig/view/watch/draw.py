@@ -24,10 +24,10 @@ class Drawer(Protocol):
     """Draws the page of one row (1,) after another."""
 
     def draw(self, row: Block | None, rate_hz: float, events: Sequence[Event]) -> None:
-        """The page of a row, with these events too; without a row they are for the next page."""
+        """Draw the page of a row, with these events too; without a row they are for the next page."""
 
     def close(self) -> None:
-        """No more pages; the last one stays."""
+        """End; the last page stays."""
 
 
 class OnTerminal:

@@ -17,11 +17,11 @@ class Pressable(Protocol):
     """What the keys go to."""
 
     def press(self, key: str) -> None:
-        """One key."""
+        """Take one key."""
 
 
 def keyboard(enabled: bool) -> Callable[[Pressable], AbstractContextManager[None]] | None:
-    """What flight.fly is to be given as ``live``; None when not enabled or nobody sits at a terminal."""
+    """Return the argument ``live`` of a flight; None when not enabled or standard input is no terminal."""
     return pressing if enabled and sys.stdin.isatty() else None
 
 
@@ -39,22 +39,22 @@ def pressing(keys: Pressable) -> Iterator[None]:
         before = termios.tcgetattr(fd)
     except (ImportError, OSError, ValueError) as error:
         raise BadInput(f"keys: standard input is no terminal ({error})") from None
-    over, told = os.pipe()
-    thread = threading.Thread(target=_listen, args=(fd, over, keys), name="keyboard", daemon=True)
+    ended, end = os.pipe()
+    thread = threading.Thread(target=_listen, args=(fd, ended, keys), name="keyboard", daemon=True)
     try:
         tty.setcbreak(fd)
         thread.start()
         yield
     finally:
-        os.write(told, b"q")
+        os.write(end, b"q")
         thread.join()
         termios.tcsetattr(fd, termios.TCSADRAIN, before)
-        os.close(over)
-        os.close(told)
+        os.close(ended)
+        os.close(end)
 
 
-def _listen(fd: int, over: int, keys: Pressable) -> None:
-    while over not in (ready := select.select([fd, over], [], [])[0]):
+def _listen(fd: int, ended: int, keys: Pressable) -> None:
+    while ended not in (ready := select.select([fd, ended], [], [])[0]):
         if fd in ready:
             data = os.read(fd, 64)
             if not data:

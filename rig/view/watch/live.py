@@ -1,4 +1,6 @@
-"""The page while a flight is flown: the recorder hands over a block and goes on.
+"""The page while a flight is flown, and of a log, played at a speed.
+
+While a flight is flown, the recorder hands over a block and goes on.
 
 A thread picks the frames to be drawn, ten a second: of a paced block (half a second) those that were flown by then, one
 block late; of a flight that is as fast as it can be, the latest.  A process of its own draws them, so that
@@ -10,21 +12,25 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Final
 
-from rig.frame import Block
+from rich.console import Console
+
+from rig.errors import BadInput
+from rig.frame import Block, to_frame
+from rig.log import Log
 from rig.record.event import Event
 from rig.util.console import Screen
-from rig.view.watch.draw import Drawer, InPipe, InProcess
+from rig.view.watch.draw import Drawer, InPipe, InProcess, OnTerminal
 
 UPDATE_S: Final = 0.1
 
 
 @contextmanager
 def watching(enabled: bool, realtime_factor: float | None) -> Iterator[Watch | None]:
-    """What flight.fly is to be given as ``watch``; None when not enabled.
+    """Yield the argument ``watch`` of a flight; None when not enabled.
 
     On a terminal the page, which stays when the flight is over; else a line an event, and the page of the last
     frame.  On standard error, for standard output has the verdict.
@@ -96,7 +102,7 @@ class Watch:
         self.drawn += 1
 
     def _take(self) -> list[tuple[Block, float, Sequence[Event]]] | None:
-        """All blocks that wait, as soon as there is one; None when there will be no more."""
+        """Wait for blocks and take all of them; None when there will be no more."""
         with self._changed:
             self._changed.wait_for(lambda: self._queue or self._closing)
             taken = list(self._queue)
@@ -106,3 +112,38 @@ class Watch:
     def _waiting(self) -> bool:
         with self._changed:
             return bool(self._queue) or self._closing
+
+
+def play(
+    log: Log,
+    title: str,
+    screen: Console,
+    speed: float = 1.0,
+    from_s: float = 0.0,
+    clock: Callable[[], float] = time.monotonic,
+    sleep: Callable[[float], None] = time.sleep,
+) -> None:
+    """Show the log from ``from_s`` on, ``speed`` times as fast as it was flown; the last page stays.
+
+    In a pipe: its events from there on, a line each, and the page of its last frame.
+    BadInput: the log ends before ``from_s``.
+    """
+    first, last = to_frame(from_s, log.rate_hz), len(log.rows) - 1
+    if first > last:
+        raise BadInput(f"--from {from_s:g}: the log ends at {last / log.rate_hz:g} s")
+    if not screen.is_terminal:
+        page = InPipe(screen, title)
+        page.draw(log.rows[-1:], log.rate_hz, [event for event in log.events if event.frame >= first])
+        page.close()
+        return
+    page, began, shown = OnTerminal(screen, title), clock(), -1
+    try:
+        while shown < last:
+            k = min(first + int((clock() - began) * speed * log.rate_hz), last)
+            page.draw(log.rows[k : k + 1], log.rate_hz, [e for e in log.events if shown < e.frame <= k])
+            shown = k
+            sleep(UPDATE_S)
+    except KeyboardInterrupt:
+        return
+    finally:
+        page.close()  # the terminal is as before, whatever ended it

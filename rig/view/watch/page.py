@@ -42,7 +42,7 @@ class Page:
         self._events.extend((event.frame / rate_hz, event) for event in events)
 
     def draw(self, row: Any, rate_hz: float) -> RenderableType:
-        """The page of one row of a block."""
+        """Draw the page of one row of a block."""
         table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
         table.add_column("signal")
         for name in _NUMBERS:
@@ -70,7 +70,7 @@ class Page:
 
 
 def event_line(time_s: float, event: Event) -> Text:
-    """An event as one line."""
+    """Return an event as one line."""
     text = plain(f"{time_s:9.2f} s  {event.name:17} {event.text}")
     return Text(text, style=_LEVELS.get(event.level, ""), no_wrap=True)
 
@@ -90,7 +90,7 @@ def _signal(row: Any, s: int) -> list[RenderableType]:
 
 
 def _notes(row: Any, s: int) -> Iterator[str]:
-    """Who decided a pattern without a majority, and where control takes the signal from if not from the vote."""
+    """Yield who decided a pattern without a majority, and control's source where it is not the vote."""
     resolver, source = Resolver(row["resolver"][s]), Source(row["source"][s])
     if resolver != Resolver.NONE:
         yield resolver.name.lower()
@@ -99,7 +99,7 @@ def _notes(row: Any, s: int) -> Iterator[str]:
 
 
 def _name(name: str, unit: str) -> Text:
-    """What a narrow terminal cuts first."""
+    """Return name and unit; a narrow terminal cuts them first."""
     return Text.assemble(name, (f", {unit}", "dim"), no_wrap=True, overflow="ellipsis")
 
 
@@ -119,7 +119,7 @@ def _channel(value: Any, state: Any, write: Callable[[Any], str]) -> Text:
 
 
 def _number(value: float) -> str:
-    """Five digits, in the same width whatever the size."""
+    """Return five digits, in the same width for any size."""
     if not np.isfinite(value):
         return "nan"
     return f"{value:.0f}" if abs(value) >= 10_000 else f"{value:.4f}"[:8]

@@ -148,9 +148,12 @@ def outcome_of(flight: Try) -> Table:
 
 
 def second(w: Any, row: Any) -> list[float]:
-    """Return voted bank less the unit's, `tilt`, `apart` less its usual value; whether both rates are in order."""
+    """Return voted bank less the unit's, its effect, rate difference less the usual; whether both are in order."""
     bank = wrap(row["voted"][PHI] - bank_by(w["unit"]))
-    return [abs(float(x)) for x in (bank, w["tilt"], w["apart"] - w["usual"], w["rates"] == BOTH)]
+    return [
+        abs(float(x))
+        for x in (bank, w["bank_effect"], w["rate_difference"] - w["usual_rate_difference"], w["rates"] == BOTH)
+    ]
 
 
 def declared(flight: Block, onset: int, rate_hz: float) -> Table:

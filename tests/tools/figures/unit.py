@@ -25,7 +25,7 @@ import rig
 from figures import table
 from rig import loop
 from rig.flight.unit_loop import fly_rows as fly_unit
-from rig.flight.unit_loop import put
+from rig.flight.unit_loop import unit_computer
 from rig.frame import Block
 from rig.frame import Unit as Answer
 from rig.replay.vote_again import OUTPUTS, vote_again
@@ -99,9 +99,7 @@ def frame_us(scenario: Scenario, unit: UnitUnderTest | None) -> tuple[float, flo
 
     Other load on the machine takes few frames and makes them long: the mean has it, the median has not.
     """
-    flight = loop.Rig(scenario)
-    if unit is not None:
-        put(unit, flight, scenario)
+    flight = loop.Rig(scenario, None if unit is None else unit_computer(unit))
     frames: list[float] = []
     began = time.perf_counter()
     for _, timing in loop.frames(flight, scenario):

@@ -1,8 +1,9 @@
-"""What drifts in flight, drawn a block at a time: bias instability, random walk, structural mode.
+"""Drift and false alarms, drawn a block at a time: bias instability, random walk, structural mode, alarms.
 
     bias instability   b <- exp(-dt / T) b + std sqrt(1 - exp(-2 dt / T)) w     from its stationary spread
     rate random walk   b <- b + K sqrt(dt) w                                    from 0
     structural mode    x'' + 2 damping omega x' + omega^2 x = white noise, sampled exactly; one for all channels
+    false alarm        of an in-line monitor: memoryless, each of a given length
 
 w is standard normal.  Every process of every signal has a stream of its own, so that one more shifts no other,
 and the draws do not depend on the length of the blocks.
@@ -18,15 +19,16 @@ import numpy as np
 from numpy.random import SFC64, Generator, SeedSequence
 from numpy.typing import NDArray
 
-from rig.frame import CHANNELS, SIGNALS, S
+from rig.frame import CHANNELS, SIGNALS, S, to_frame
 from rig.kernels import kernel
+from rig.sensors.params import transition
 from rig.sensors.recorded import Recorded
-from rig.sensors.second_order import transition
 from rig.sensors.settings import Sensor
 from rig.settings import Settings
 
 Floats = NDArray[np.float64]
 Process = Callable[[Any], None]  # adds its next rows to an (n, 4) array
+_NEVER: Final = int(np.iinfo(np.int64).max)
 PROCESSES: Final = ("bias_instability", "random_walk", "mode", "recorded")
 
 
@@ -34,7 +36,7 @@ class Drift:
     """The drifting part of every signal; ``seeds`` has a sequence for each of PROCESSES."""
 
     def __init__(self, suite: Settings, rate_hz: float, seeds: dict[str, SeedSequence]) -> None:
-        """BadInput when a noise file cannot be used."""
+        """Raise BadInput when a noise file cannot be used."""
         self._processes: list[tuple[int, Process]] = []
         for s, signal in enumerate(SIGNALS):
             sensor, own = getattr(suite, signal.name), _Streams(seeds, s)
@@ -63,18 +65,18 @@ class _Streams:
 
 
 def _processes(sensor: Sensor, name: str, rate_hz: float, rngs: _Streams) -> list[Process]:
-    """What one signal's sensor has of them."""
-    found: list[Process] = []
+    """Return the processes that one signal's sensor has."""
+    processes: list[Process] = []
     if sensor.bias_instability_std > 0:
-        found.append(_bias_instability(sensor, rate_hz, rngs["bias_instability"]))
+        processes.append(_bias_instability(sensor, rate_hz, rngs["bias_instability"]))
     if sensor.rate_random_walk > 0:
         drive = sensor.rate_random_walk / sqrt(rate_hz)
-        found.append(_first_order(1.0, drive, np.zeros(CHANNELS), rngs["random_walk"]))
+        processes.append(_first_order(1.0, drive, np.zeros(CHANNELS), rngs["random_walk"]))
     if sensor.mode_rms > 0:
-        found.append(_mode(sensor, rate_hz, rngs["mode"]))
+        processes.append(_mode(sensor, rate_hz, rngs["mode"]))
     if sensor.noise_file is not None:
-        found.append(Recorded(sensor, name, rate_hz, rngs["recorded"]).add)
-    return found
+        processes.append(Recorded(sensor, name, rate_hz, rngs["recorded"]).add)
+    return processes
 
 
 def _bias_instability(sensor: Sensor, rate_hz: float, rng: Generator) -> Process:
@@ -91,14 +93,14 @@ def _first_order(keep: float, drive: float, state: Floats, rng: Generator) -> Pr
 
 
 def _mode(sensor: Sensor, rate_hz: float, rng: Generator) -> Process:
-    """In x / rms and x' / (omega rms) both have unit variance, so the noise of a frame is what the transition loses."""
+    """Scale x by rms and x' by omega rms to unit variance: the noise of a frame is what the transition loses."""
     omega = 2.0 * pi * sensor.mode_frequency_hz
     step = transition(omega, sensor.mode_damping, 1.0 / rate_hz) * np.array([[1.0, omega], [1.0 / omega, 1.0]])
     lost = [1.0 - step[0, 0] ** 2 - step[0, 1] ** 2, 1.0 - step[1, 0] ** 2 - step[1, 1] ** 2]
     both = -(step[0, 0] * step[1, 0] + step[0, 1] * step[1, 1])
-    one = sqrt(max(lost[0], 0.0))
-    two = both / one if one > 0 else 0.0
-    push = np.array([[one, 0.0], [two, sqrt(max(lost[1] - two**2, 0.0))]])
+    first = sqrt(max(lost[0], 0.0))
+    second = both / first if first > 0 else 0.0
+    push = np.array([[first, 0.0], [second, sqrt(max(lost[1] - second**2, 0.0))]])
     state = rng.standard_normal(2)
 
     def add(out: Any) -> None:
@@ -125,3 +127,51 @@ def ring(w, step, push, state, rms, out):
         state[0], state[1] = x, rate
         for c in range(CHANNELS):
             out[k, c] += rms * x
+
+
+class Alarms:
+    """``rows`` (n, S, 4): whether the monitor of each channel raises a false alarm, each from a stream of its own."""
+
+    def __init__(self, suite: Settings, rate_hz: float, seeds: SeedSequence) -> None:
+        self._channels: list[_Channel] = []
+        for s, (signal, child) in enumerate(zip(SIGNALS, seeds.spawn(S), strict=True)):
+            monitor = getattr(suite, signal.name).monitor
+            if monitor is not None and monitor.false_alarm_per_hour > 0:
+                chance = 1.0 - exp(-monitor.false_alarm_per_hour / (3600.0 * rate_hz))
+                length = max(1, to_frame(monitor.false_alarm_s, rate_hz))
+                streams = map(np.random.default_rng, child.spawn(CHANNELS))
+                self._channels += [_Channel(s, c, chance, length, rng) for c, rng in enumerate(streams)]
+        self.rows = np.zeros((0, S, CHANNELS), np.uint8)
+        self._frame = 0
+        self._next = min((channel.begin for channel in self._channels), default=_NEVER)
+        self._dirty = False
+
+    def prepare(self, frames: int) -> None:
+        """Draw the next ``frames`` rows; what is drawn does not depend on the length of the blocks."""
+        if len(self.rows) < frames and self._channels:
+            self.rows, self._dirty = np.zeros((frames, S, CHANNELS), np.uint8), False
+        if self._dirty:
+            self.rows[:] = 0
+        first, self._frame = self._frame, self._frame + frames
+        self._dirty = self._next < self._frame
+        if self._dirty:
+            for channel in self._channels:
+                channel.mark(self.rows, first, self._frame)
+            self._next = min(channel.begin for channel in self._channels)
+
+
+class _Channel:
+    """When the monitor of channel c of signal s raises its next false alarm."""
+
+    def __init__(self, s: int, c: int, chance: float, length: int, rng: Generator) -> None:
+        self._place, self._chance, self._length, self._rng = (s, c), chance, length, rng
+        self.begin = int(rng.geometric(chance)) - 1
+
+    def mark(self, rows: np.ndarray, first: int, last: int) -> None:
+        """Write the alarms of the frames from ``first`` to before ``last``."""
+        while self.begin < last:
+            end = self.begin + self._length
+            rows[(slice(max(self.begin - first, 0), min(end, last) - first), *self._place)] = 1
+            if end > last:
+                return
+            self.begin = end + int(self._rng.geometric(self._chance)) - 1

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.managers import manager_kind
-from rig.frame import INDEX, SIGNALS, TWO_PI, Block, State
+from rig.frame import INDEX, SIGNALS, Block, State
+from rig.units.angles import near, unwrapped
 from rig.units.quantities import scale_shown, unit_shown
 
 ROOM: Final = 3.0  # thresholds above and below vote and truth
@@ -44,19 +45,6 @@ def series(rows: Block, rate_hz: float, name: str) -> Series:
     return Series(name, unit_shown(signal.unit), scale, rows["frame"] / rate_hz, *values)
 
 
-def unwrapped(angle: Array) -> Array:
-    """Return angles (n,), rad, without jumps of a turn; the first stays, and what is no number."""
-    out, known = angle.copy(), np.isfinite(angle)
-    out[known] = np.unwrap(angle[known])
-    return out
-
-
-def near(angle: Array, base: Array) -> Array:
-    """Return angles, rad, moved by whole turns to within half a turn of ``base``."""
-    with np.errstate(invalid="ignore"):
-        return base + (angle - base + np.pi) % TWO_PI - np.pi
-
-
 def limits(shown: Series, threshold: float) -> tuple[float, float]:
     """Return the lowest and highest value to draw: vote and truth with ROOM thresholds (SI), channels in use and NEAR.
 
@@ -66,9 +54,9 @@ def limits(shown: Series, threshold: float) -> tuple[float, float]:
     with np.errstate(invalid="ignore"):
         close = shown.used & (np.abs(shown.channels - shown.voted[:, None]) <= NEAR * unit)
     drawn = [shown.voted - ROOM * unit, shown.voted + ROOM * unit, shown.truth - ROOM * unit, shown.truth + ROOM * unit]
-    known = np.concatenate([*drawn, shown.channels[close] - unit, shown.channels[close] + unit])
-    known = known[np.isfinite(known)]
-    return (float(known.min()), float(known.max())) if len(known) else (-1.0, 1.0)
+    values = np.concatenate([*drawn, shown.channels[close] - unit, shown.channels[close] + unit])
+    values = values[np.isfinite(values)]
+    return (float(values.min()), float(values.max())) if len(values) else (-1.0, 1.0)
 
 
 def threshold(resolved: Mapping[str, Any], name: str) -> float:
