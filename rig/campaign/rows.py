@@ -27,7 +27,7 @@ OUTCOMES: Final = {outcome: outcome.replace(" ", "_") for outcome in get_args(Ou
 
 
 def run_row(number: int, flown: CampaignFlight, scored: Score) -> Row:
-    """The row of table ``runs``."""
+    """Return the row of table ``runs``."""
     scenario, verdict = flown.scenario, flown.verdict
     outcomes, transients = [fault.outcome for fault in scored.faults], scored.flight.transients
     return {

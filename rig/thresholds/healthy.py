@@ -147,9 +147,8 @@ def beyond(design: Mapping[str, Envelope], monitored: Mapping[str, Envelope]) ->
     """Return a line for each signal that moves by more than BEYOND times the design data."""
     lines: list[str] = []
     for name in (name for name in design if name in monitored):
-        for unit, own, other in zip(
-            ("", " a second"), design[name], monitored[name], strict=False
-        ):  # without the noise
+        of_motion = zip(("", " a second"), design[name], monitored[name], strict=False)  # their noise is left out
+        for unit, own, other in of_motion:
             if other > BEYOND * own:
                 moves = f"{100 * SHARE:g} % of its motion is {other:.3g}{unit}, of the design data {own:.3g}"
                 lines.append(f"{name}: {moves}: the thresholds are not made for it")
