@@ -165,17 +165,18 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
 def is_quiet(n, p, st):
     """Return True if all channels of the signal agree, and nothing of earlier frames is pending.
 
-    Then nobody is suspected, counted, blamed or faded, which is nearly every frame of a flight.  The gaps between
-    neighbours in rank are no larger than the spread: rounding keeps that order.
+    Then nobody is suspected, counted, blamed or faded, which is nearly every frame of a flight.
     """
     if n < 2 or n != p["fitted"] or n != st["level"] or st["pattern"] != Pattern.NORMAL or not st["started"]:
         return False
     if p["filter_gain"] > 0.0 or st["singular_run"] != 0 or st["freeze"] != 0 or st["fade_left"] != 0:
         return False
-    x, order, outlier = st["x"], st["order"], outlier_threshold(n, p)
-    spread, within = x[order[n - 1]] - x[order[0]], threshold(n, p)
-    if not spread <= within or (outlier > 0.0 and not spread <= outlier):
-        return False
+    x, order, within, outlier = st["x"], st["order"], threshold(n, p), outlier_threshold(n, p)
+    if outlier > 0.0:
+        within = min(within, outlier)
+    for i in range(n - 1):
+        if not x[order[i + 1]] - x[order[i]] <= within:  # True for NaN, of an angle near the largest number
+            return False
     pending = False
     for c in range(CHANNELS):
         pending |= st["count"][c] != 0 or st["miscomparing"][c] != 0 or st["blamed"][c] != 0
