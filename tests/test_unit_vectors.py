@@ -47,8 +47,9 @@ def by_our_manager(case: Case) -> NDArray[Any]:
     rows, config = new_block(len(case.inputs)), case.config
     for name in set(INPUT.names or ()) & set(FLAT.names or ()):
         rows[name] = case.inputs[name]
-    boxes = {name: int(config[name][0]) for name in ("box_signals", "box_persistence")}
-    manager = Manager("cross-channel", params(config, "signal", PARAMS), **boxes)
+    signals, frames = int(config["box_signals"][0]), int(config["box_persistence"][0])
+    records = params(config, "signal", PARAMS)
+    manager = Manager("cross-channel", records, box_signals=signals, box_persistence=frames)
     voter = DiscreteVoter(params(config, "discrete", DISCRETE_PARAMS))
     with np.errstate(invalid="ignore"):  # of an infinite angle, when the kernels are not compiled
         for k in range(len(rows)):
