@@ -65,7 +65,7 @@ class KernelCache(FunctionCache):
             draft.unlink(missing_ok=True)
 
     def _path(self, sig: Any, codegen: Any) -> Path:
-        """The file of the kernel for a signature on this kind of processor."""
+        """Return the file of the kernel for a signature on this kind of processor."""
         parts = (reach(self._py_func), str(sig), str(codegen.magic_tuple()), self._options)
         key = hashlib.sha256("\0".join(parts).encode()).hexdigest()
         return self._folder / key[:2] / f"{self._py_func.__name__}-{key[2:34]}"
@@ -73,7 +73,7 @@ class KernelCache(FunctionCache):
 
 @cache
 def reach(function: Callable[..., object]) -> str:
-    """A hash of a function and of all that it reaches, of the same bits in every process."""
+    """Return a hash of a function and of all that it reaches, of the same bits in every process."""
     digest = hashlib.sha256(f"{numba.__version__} {np.__version__} {sys.version_info[:2]}".encode())
     for line in _reached(function):
         digest.update(line.encode() + b"\0")
@@ -94,7 +94,7 @@ def _reached(function: Any) -> Iterator[str]:
 
 @cache
 def _own_parts(function: Any) -> tuple[tuple[str, ...], tuple[Any, ...]]:
-    """What a function is made of without the functions that it calls, and those."""
+    """Describe a function without the functions that it calls; return its parts, and those."""
     described: list[str] = [function.__module__, function.__qualname__, repr(function.__defaults__)]
     called: list[Any] = []
     codes = [function.__code__]
@@ -131,7 +131,7 @@ def _describe(name: str, value: Any, names: tuple[str, ...], described: list[str
 
 
 def _words(value: Any) -> str:
-    """A value as text that is the same in every process."""
+    """Return a value as text that is the same in every process."""
     if isinstance(value, _PLAIN):
         return f"{type(value).__qualname__} {value!r}"
     if isinstance(value, FunctionType | BuiltinFunctionType | ModuleType | np.ufunc):
@@ -155,7 +155,7 @@ def _words(value: Any) -> str:
 
 @cache
 def _all_sources() -> str:
-    """A hash of all our sources."""
+    """Return a hash of all our sources."""
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(path.read_bytes())
@@ -163,6 +163,6 @@ def _all_sources() -> str:
 
 
 def folder(root: Path) -> Path:
-    """The folder of compiled kernels below ``root``; NUMBA_CACHE_DIR overrides it."""
+    """Return the folder of compiled kernels below ``root``; NUMBA_CACHE_DIR overrides it."""
     named = os.environ.get("NUMBA_CACHE_DIR")
     return Path(named) if named else root / "kernels"

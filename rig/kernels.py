@@ -49,7 +49,7 @@ def _compiled(function: F, *, nogil: bool) -> F:
 
 
 def bind(function: F, *arguments: object) -> F:
-    """``function`` compiled for the types of ``arguments``, without numba's look-up of types at every call.
+    """Compile ``function`` for the types of ``arguments``, without numba's look-up of types at every call.
 
     That look-up costs more than most kernels.  The caller promises the same types ever after: a block of
     any length, the arrays that it keeps.  With ``NUMBA_DISABLE_JIT=1`` it is ``function`` itself.
@@ -69,7 +69,7 @@ _bound: dict[tuple[Any, Any], Any] = {}  # entry points, by function and kinds o
 
 
 def _kind(argument: Any) -> Any:
-    """What decides the type of an argument: numba's own answer costs a flight a millisecond."""
+    """Return the key of an argument's type: numba's own answer costs a flight a millisecond."""
     if isinstance(argument, tuple):
         return type(argument), *map(_kind, argument)  # the class alone does not tell what a named tuple holds
     if isinstance(argument, np.ndarray):

@@ -43,7 +43,7 @@ def inject(
     seed: int = 0,
     source: str = "inject",
 ) -> Injection:
-    """The recording with ``faults``, tables as in ``[[faults]]``, on its channels; the given one stays as it is.
+    """Return the recording with ``faults``, tables as in ``[[faults]]``, on its channels; the given one stays as it is.
 
     signals, discretes : settings of those that are voted, as ``VoteConfig.signals`` gives them: range, wraps, threshold
     seed : what random faults draw depends on it and on the fault's name alone
@@ -140,20 +140,20 @@ class _Run:
                 self.valid[name][c][part], self.ilm[name][c][part] = rows[valid][:, i, c], rows[ilm][:, i, c]
 
     def _place(self, name: str) -> tuple[tuple[str, str, str], int]:
-        """The frame's fields of samples, validity and in-line monitors, and the row in them."""
+        """Return the frame's fields of samples, validity and in-line monitors, and the row in them."""
         if name in self.at.signals:
             return ("channels", "valid", "ilm"), INDEX[self.at.signals[name]]
         return ("discrete_channels", "discrete_valid", "discrete_ilm"), DISCRETE_INDEX[self.at.discretes[name]]
 
     def _number(self, name: str, column: Floats) -> Floats:
-        """A column as the kernel takes it: NaN where a signal's sample is not usable, 0 where a discrete's is not."""
+        """Return a column as the kernel takes it: NaN where a signal's sample is not usable, 0 for a discrete's."""
         if name in self.at.discretes:
             return np.nan_to_num(column)
         low, high = self.limits[name]
         return np.where((column >= low) & (column <= high), column, np.nan)
 
     def result(self, faults: Sequence[Fault]) -> Recording:
-        """The recording with what came back for the channels that have faults."""
+        """Return the recording with what came back for the channels that have faults."""
         touched = {(point.place, point.channel) for fault in faults for point in fault.points}
         changed = {name: self._changed(name, touched) for name in self.before}
         signals, discretes = (
@@ -180,7 +180,7 @@ class _Run:
         return replace(before, channels=columns, ilm=ilm or before.ilm, valid=flags or before.valid)
 
     def _column(self, name: str, c: int, column: Floats) -> tuple[Floats, Bytes]:
-        """A channel and its validity flags; what was not usable stays as it was where the fault leaves it so."""
+        """Return a channel and its validity flags; what was not usable stays as it was where the fault leaves it so."""
         new, valid = self.samples[name][c], self.valid[name][c]
         if name in self.at.discretes:
             empty = np.isnan(column)

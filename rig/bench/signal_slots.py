@@ -36,11 +36,11 @@ class Slots:
     discretes: dict[str, str]
 
     def recorded(self, place: str) -> str:
-        """The recorded name of a place of the frame."""
+        """Return the recorded name of a place of the frame."""
         return next(name for name, taken in {**self.signals, **self.discretes}.items() if taken == place)
 
     def descriptors(self, settings: Mapping[str, RecordedSignal]) -> list[Signal]:
-        """The frame's signals (S,) with the names of the recorded ones and whether those wrap."""
+        """Return the frame's signals (S,) with the names of the recorded ones and whether those wrap."""
         found = list(SIGNALS)
         for name, place in self.signals.items():
             found[INDEX[place]] = replace(found[INDEX[place]], name=name, wraps=settings[name].wraps)
@@ -86,7 +86,7 @@ def translated(
     recording: Recording,
     source: str,
 ) -> list[Fault]:
-    """The faults as those of a flight, with ids in recorded names; BadInput, one line, names ``source``."""
+    """Return the faults as those of a flight, with ids in recorded names; BadInput, one line, names ``source``."""
     places = {**at.signals, **at.discretes}
     tables = [_moved(fault, places, float(recording.time_s[0])) for fault in faults]
     counts = {place: {**fitted.discretes, **fitted.signals}[name] for name, place in places.items()}
@@ -104,7 +104,7 @@ def translated(
 
 
 def _moved(fault: Table, places: Mapping[str, str], first_s: float) -> dict[str, Any]:
-    """The table with places of the frame, and times since the first row (which the rows then replace)."""
+    """Return the table with places of the frame, and times since the first row (which the rows then replace)."""
     moved: dict[str, Any] = {
         key: places.get(str(fault[key]), fault[key]) for key in ("signal", "source") if key in fault
     }

@@ -51,7 +51,7 @@ class Particles(NamedTuple):
     failed: NDArray[np.int64]  # (P,) channels failed
 
     def taken(self, places: NDArray[np.int64] | slice) -> Particles:
-        """Some of them, or some several times; copies but of a slice."""
+        """Return some of them, or some several times; copies but of a slice."""
         return Particles._make(of[places] for of in self)
 
 

@@ -156,7 +156,7 @@ def _with_pause(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any
 
 
 def _foreign(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -> str:
-    """A FRAME of a session that never began goes before frame 1; the answers must be those without it."""
+    """Send a FRAME of a session that never began before frame 1; the answers must be those without it."""
     expected = answers(tested, config, inputs[:3])
     tested.begin(config.copy())
     found = np.zeros(3, OUTPUT)
@@ -236,7 +236,7 @@ def _bits(tested: UnitUnderTest, cases: list[Case]) -> list[Requirement]:
 
 
 def _ours(case: Case) -> NDArray[Any]:
-    """What our own manager says to a case: (n,) rows of the frame."""
+    """Return our own manager's answers to a case: (n,) rows of the frame."""
     config, rows = case.config[0], new_block(len(case.inputs))
     for name in (*REFERENCES, *(field.name for field in FIELDS if field.part == "bus")):
         rows[name] = case.inputs[name]

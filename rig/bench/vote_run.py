@@ -102,7 +102,7 @@ def _by_config(recorded: Path, config: Path, options: Options) -> _Asked:
 
 
 def _by_scenario(path: Path, options: Options) -> _Asked:
-    """A flight by its own settings.  BadInput: a recording that has none needs a configuration."""
+    """Read a flight with its own settings.  BadInput: a recording that has none needs a configuration."""
     if path.suffix != ".mcap" or not is_flight(path):
         raise BadInput(f"{path}: --config is needed: only the log of a flight holds the settings of its signals")
     flown = recorded(path, options.allow_code)

@@ -88,7 +88,7 @@ def _channel(signal: Voted | VotedDiscrete, c: int) -> dict[str, Any]:
 
 
 def show(screen: Screen, found: dict[str, Any]) -> None:
-    """The summary as tables, how long each step took, and where the votes are."""
+    """Print the summary as tables, how long each step took, and where the votes are."""
     first, last = found["time_s"]
     screen.print(f"{found['rows']} rows from {first:g} to {last:g} s, {found['rate_hz']:g} a second")
     for repair in found["repaired"]:

@@ -33,7 +33,7 @@ RESOLVERS: Final = tuple(resolver.name.lower() for resolver in Resolver)
 
 @contextmanager
 def output(path: Path, recorded: Path | None = None) -> Iterator[Path]:
-    """A file beside ``path`` to write to, which becomes ``path`` at the end, or nothing when that is not reached.
+    """Yield a file beside ``path`` to write to, which becomes ``path`` at the end, or nothing when that is not reached.
 
     BadInput before anything is done: an unknown ending, a folder that is not there or not writable, the input itself.
     RigError when it cannot be renamed.
@@ -58,7 +58,7 @@ def write(part: Path, path: Path, recording: Recording, voted: Result) -> None:
 
 
 def table(recording: Recording, voted: Result) -> pl.DataFrame:
-    """The columns of OUTPUT, ``time_s`` first."""
+    """Return the columns of OUTPUT, ``time_s`` first."""
     columns: dict[str, Any] = {TIME: recording.time_s}
     for name, signal in voted.signals.items():
         columns[f"{name}.voted"] = signal.voted

@@ -41,7 +41,7 @@ def align(
     start_s: float | None = None,
     end_s: float | None = None,
 ) -> tuple[Recording, Corrections]:
-    """The recording with the delays and offsets found between ``start_s`` and ``end_s`` taken off everywhere.
+    """Return the recording with the delays and offsets found between ``start_s`` and ``end_s`` taken off everywhere.
 
     Delays are against the channel in the middle, whose samples stay as they are; offsets against the median.
     Rows in which a delayed channel has no sample are cut off at both ends; discretes stay as they are.
@@ -72,7 +72,7 @@ def _stretch(time_s: Floats, start_s: float | None, end_s: float | None) -> slic
 
 
 def _correct(columns: list[Floats], settings: RecordedSignal, rate_hz: float) -> list[Correction]:
-    """The delay and offset of every channel of a signal."""
+    """Return the delay and offset of every channel of a signal."""
     delay, trusted, best = delays(columns)
     if not trusted.any():  # nothing but noise: no delay can be seen in it, an offset can
         trusted = np.array([bool(np.isfinite(column).all()) for column in columns])
@@ -84,7 +84,7 @@ def _correct(columns: list[Floats], settings: RecordedSignal, rate_hz: float) ->
 
 
 def _valid(samples: Samples, settings: RecordedSignal) -> list[Floats]:
-    """The channels with NaN for each sample that is flagged or out of range; angles without their jumps."""
+    """Return the channels with NaN for each sample that is flagged or out of range; angles without their jumps."""
     low, high = max(settings.limits[0], -_LARGEST), min(settings.limits[1], _LARGEST)
     columns: list[Floats] = []
     for c, raw in enumerate(samples.channels):
@@ -113,7 +113,7 @@ def _offsets(columns: list[Floats], delay: Floats, trusted: NDArray[np.bool_], w
 def _taken_off(
     samples: Samples, corrections: list[Correction], settings: RecordedSignal, at: NDArray[np.int64]
 ) -> Samples:
-    """A signal's samples at the rows ``at`` without delay and offset; invalid ones are NaN."""
+    """Return a signal's samples at the rows ``at`` without delay and offset; invalid ones are NaN."""
     low, high = settings.limits
     columns: list[Floats] = []
     for column, correction in zip(_valid(samples, settings), corrections, strict=True):

@@ -44,7 +44,7 @@ def take_off_matrices(
     triads: Mapping[str, Sequence[str]],
     stretch: tuple[float, float],
 ) -> tuple[Recording, list[Matrix]]:
-    """The recording with every recorder turned and scaled, and the matrices found between the times of ``stretch``.
+    """Return the recording with every recorder turned and scaled, and the matrices found within ``stretch``.
 
     BadInput: no triads, or axes with different numbers of channels.
     """

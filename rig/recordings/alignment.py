@@ -61,7 +61,7 @@ def run_alignment(
     triads: Mapping[str, Sequence[str]],
     injected: Sequence[Injected] = (),
 ) -> tuple[Recording, Alignment]:
-    """The recording with what the stretch shows taken off everywhere. BadInput: too few rows, no triads."""
+    """Return the recording with what the stretch shows taken off everywhere. BadInput: too few rows, no triads."""
     start, end = stretch(recording, options)
     rows = int(np.searchsorted(recording.time_s, end, "right") - np.searchsorted(recording.time_s, start))
     moved, corrections = align(recording, settings, start, end)

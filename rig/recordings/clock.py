@@ -41,7 +41,7 @@ class Clock:
     repair: Repair | None = None
 
     def of(self, column: NDArray[Any]) -> NDArray[Any]:
-        """The rows of a column that are kept."""
+        """Return the rows of a column that are kept."""
         return column if self.kept is None else column[self.kept]
 
 

@@ -36,7 +36,7 @@ def delays(columns: list[Floats]) -> tuple[Floats, NDArray[np.bool_], Floats]:
 
 
 def bridged(column: Floats) -> Floats:
-    """A channel with straight lines across the samples it lacks; all NaN when it has none."""
+    """Return a channel with straight lines across the samples it lacks; all NaN when it has none."""
     good = np.isfinite(column)
     if good.all() or not good.any():
         return column
@@ -89,7 +89,7 @@ def _correlation(a: Floats, b: Floats) -> float:
 
 
 def _filter(a: Floats, b: Floats, lag: int, segment: int) -> Floats:
-    """A symmetric filter (segment - 1,) whose squared gain is the weight of each frequency."""
+    """Return a symmetric filter (segment - 1,) whose squared gain is the weight of each frequency."""
     window = np.hanning(segment + 1)[:-1]
     starts = np.arange(MAX_DELAY, len(a) - segment - MAX_DELAY + 1, segment // 2)
 
@@ -132,7 +132,7 @@ def _costs(a: Floats, b: Floats, near: int) -> Floats:
 
 
 def _least(costs: Floats) -> float:
-    """The lag of the least cost; a spline of fifth degree between whole lags."""
+    """Return the lag of the least cost; a spline of fifth degree between whole lags."""
     lags = np.arange(-(MAX_DELAY + _MARGIN), MAX_DELAY + _MARGIN + 1)
     inner = slice(_MARGIN, -_MARGIN)
     coarse = lags[inner][int(np.argmin(costs[inner]))]

@@ -37,7 +37,7 @@ class InjectionFile(Settings):
 
 
 def read_injection(name: str) -> tuple[InjectionFile, str]:
-    """The faults and the seed of the file, or of the bundled scenario, ``name``, and its path; BadInput in one line."""
+    """Return faults and seed of the file, or of the bundled scenario, ``name``, and its path; BadInput in one line."""
     path = find(name)
     data = read_toml(path)
     for key in data:
@@ -108,7 +108,7 @@ class Fitted:
 
 
 def _check_monitor(i: int, fault: Table, recording: Recording) -> None:
-    """A fault that speaks of in-line monitors needs some."""
+    """Refuse a fault that speaks of in-line monitors where there are none."""
     if fault.get("kind") != "ilm" and not fault.get("seen_by_ilm"):
         return
     name = fault.get("signal")
@@ -119,7 +119,7 @@ def _check_monitor(i: int, fault: Table, recording: Recording) -> None:
 
 
 def _check_times(i: int, fault: Table, recording: Recording) -> None:
-    """``start_s`` and ``end_s`` are times of the recording, which may be those of a calendar."""
+    """Check ``start_s`` and ``end_s``, times of the recording, which may be those of a calendar."""
     first, last = float(recording.time_s[0]), float(recording.time_s[-1])
     start, end = number(fault, "start_s"), number(fault, "end_s")
     if start is not None and not 0.0 <= start <= last:
@@ -129,7 +129,7 @@ def _check_times(i: int, fault: Table, recording: Recording) -> None:
 
 
 def number(fault: Table, key: str) -> float | None:
-    """A finite number of the table, None when there is none (what else is there the model refuses)."""
+    """Return a finite number of the table, None when there is none (what else is there the model refuses)."""
     value = fault.get(key)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         return None

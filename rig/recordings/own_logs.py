@@ -26,7 +26,7 @@ _FIELDS: Final = {
 
 
 def read_ours(path: Path, repair: bool = False) -> Recording:
-    """A log of a flight, or the output of an earlier vote; BadInput in one line when it is neither."""
+    """Return a log of a flight, or the output of an earlier vote; BadInput in one line when it is neither."""
     topics = _topics(path)
     if "/flight" in topics:
         return _flown(path, repair)
@@ -62,7 +62,7 @@ def of_log(log: Log, path: Path, repair: bool = False) -> Recording:
 
 
 def _recorded(rows: Block, kind: str, i: int) -> Samples:
-    """The fitted channels of signal or discrete ``i``, whose fields begin with ``kind``."""
+    """Return the fitted channels of signal or discrete ``i``, whose fields begin with ``kind``."""
     fitted = range(int((rows[f"{kind}state"][0, i] != State.ABSENT).sum()))
     ilm, valid = ([rows[f"{kind}{name}"][:, i, c].copy() for c in fitted] for name in ("ilm", "valid"))
     channels = [rows[f"{kind}channels"][:, i, c].astype(np.float64) for c in fitted]
@@ -86,7 +86,7 @@ def _voted(path: Path, topics: Mapping[str, str], repair: bool) -> Recording:
 
 
 def _samples(where: str, source: Source) -> Samples:
-    """The fields of ``rig.Signal`` or ``rig.Discrete`` as samples; BadInput when a code is not one of the rig's."""
+    """Return the fields of ``rig.Signal`` or ``rig.Discrete`` as samples; BadInput: a code is not the rig's."""
     fields = source.fields
     states = [_codes(where, fields, f"st_{c}", State)[0] for c in range(1, CHANNELS + 1)]
     fitted = [c for c, state in enumerate(states, 1) if state != State.ABSENT]

@@ -34,7 +34,7 @@ ENDINGS: Final = (*TABLES, ".mcap")
 
 
 def read(path: Path, config: VoteConfig, repair: bool = False) -> Recording:
-    """The recording at ``path``, with ``repair`` without rows whose time repeats or steps back.
+    """Return the recording at ``path``, with ``repair`` without rows whose time repeats or steps back.
 
     BadInput in one line when it cannot be used.
     """
@@ -66,7 +66,7 @@ def _is_folder(path: Path) -> bool:
 
 
 def _wanted(path: Path, config: VoteConfig) -> dict[str, set[str]]:
-    """The fields of each source that the mapping names, the source of the rows first."""
+    """Return the fields of each source that the mapping names, the source of the rows first."""
     if not config.mapping:
         raise BadInput(f"{path}: a folder: CONFIG needs a [mapping] of columns to its files")
     wanted: dict[str, set[str]] = {}
@@ -105,7 +105,7 @@ def _folder(path: Path, wanted: Mapping[str, set[str]], time_column: str) -> dic
 
 
 def _joined(path: Path, config: VoteConfig, sources: Mapping[str, Source], repair: bool) -> Recording:
-    """The columns of the mapping on the rows of the first source."""
+    """Return the columns of the mapping on the rows of the first source."""
     clocks = {name: clock(f"{path}: {name}", source.time_s, repair) for name, source in sources.items()}
     first = next(iter(clocks.values()))
     nearest = {name: nearest_rows(first.time_s, own.time_s) for name, own in clocks.items()}

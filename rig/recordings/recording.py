@@ -29,7 +29,7 @@ class Samples:
     second_reference: Floats | None = None  # of a flight
 
     def of(self, rows: slice | NDArray[np.int64]) -> Samples:
-        """The samples of these rows."""
+        """Return the samples of these rows."""
 
         def those(columns: list[Bytes] | None) -> list[Bytes] | None:
             return None if columns is None else [column[rows] for column in columns]
@@ -51,7 +51,7 @@ class Recording:
     discretes: dict[str, Samples] = field(default_factory=dict)  # 0, 1 or NaN
 
     def row(self, k: int) -> int:
-        """The row of the input, counted from 1, that became row ``k``, counted from 0."""
+        """Return the row of the input, counted from 1, that became row ``k``, counted from 0."""
         k += self.first_row
         return (k if self.kept is None else int(self.kept[k])) + 1
 
@@ -62,7 +62,7 @@ class Recording:
 
 
 def assemble(source: str, names: Iterable[str], column: Callable[[str], Floats], repair: bool = False) -> Recording:
-    """A recording of the columns ``<signal>.1``, ``<signal>.ilm.1``, ``<signal>.ref`` and ``time_s``.
+    """Return a recording of the columns ``<signal>.1``, ``<signal>.ilm.1``, ``<signal>.ref`` and ``time_s``.
 
     ``column`` gives an array (n,), NaN where a cell is empty; ``repair`` drops rows as in clock.py.
     BadInput names ``source``.
@@ -88,7 +88,7 @@ def assemble(source: str, names: Iterable[str], column: Callable[[str], Floats],
 
 
 def on_clock(accepted: Clock, signals: dict[str, Samples], discretes: dict[str, Samples] | None = None) -> Recording:
-    """The recording of samples of all rows of the input, in the rows that were accepted."""
+    """Return the recording of samples of all rows of the input, in the rows that were accepted."""
     all_of = [signals, discretes or {}]
     if (kept := accepted.kept) is not None:
         all_of = [{name: samples.of(kept) for name, samples in some.items()} for some in all_of]
@@ -97,7 +97,7 @@ def on_clock(accepted: Clock, signals: dict[str, Samples], discretes: dict[str, 
 
 
 def with_discretes(source: str, recording: Recording, names: Collection[str]) -> Recording:
-    """The recording with the signals ``names`` as discretes; BadInput names ``source`` and the row."""
+    """Return the recording with the signals ``names`` as discretes; BadInput names ``source`` and the row."""
     mine = {name: samples for name, samples in recording.signals.items() if name in names}
     for name, samples in mine.items():
         if samples.reference is not None:

@@ -99,7 +99,7 @@ class VoteConfig(Settings):
     box_persistence: int = Field(default=8, ge=1)
 
     def signals(self, present: Collection[str], source: str) -> dict[str, RecordedSignal]:
-        """Settings of the signals to be voted, those of ``present`` that a table or the default names."""
+        """Return settings of the signals to be voted, those of ``present`` that a table or the default names."""
         asked = [*self.signal, *(reset.signal for reset in self.resets if reset.signal not in self.discrete)]
         for name in asked:
             if name not in present:
@@ -113,7 +113,7 @@ class VoteConfig(Settings):
         return found
 
     def discretes(self, present: Collection[str], source: str) -> dict[str, RecordedDiscrete]:
-        """Settings of the discretes, each with its fail-safe value; all of them must be ``present``."""
+        """Return settings of the discretes, each with its fail-safe value; all of them must be ``present``."""
         found: dict[str, RecordedDiscrete] = {}
         for name, given in self.discrete.items():
             if name not in present:
@@ -163,7 +163,7 @@ def _check_triad(where: str, axes: list[str], settings: dict[str, RecordedSignal
 
 
 def read_config(path: Path) -> VoteConfig:
-    """The CONFIG at ``path``; BadInput names the file and the key."""
+    """Return the CONFIG at ``path``; BadInput names the file and the key."""
     config = build(VoteConfig, read_toml(path), str(path))
     _check_axes(path, config.triads)
     for name in config.discrete:

@@ -38,7 +38,7 @@ class Table:
         self.names: list[str] = self._table.column_names
 
     def column(self, name: str) -> Floats:
-        """The column ``name``, which must be one of ``names``."""
+        """Return the column ``name``, which must be one of ``names``."""
         column = self._table.column(name)
         if column.type != pa.float64():
             try:

@@ -81,7 +81,7 @@ def cell(plan: Plan, number: int) -> Cell:
 
 
 def _varied(plan: Plan, number: int) -> dict[tuple[int, str], Vary]:
-    """What varies in the combination of a run, by fault and key."""
+    """Return the varied settings in the combination of a run, by fault and key."""
     campaign, choice = plan.campaign, plan.choices[number]
     cases = [case for group, all_of in campaign.cases.items() for case in all_of if case.name == choice[group]]
     found: dict[tuple[int, str], Vary] = {}

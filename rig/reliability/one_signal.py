@@ -35,7 +35,7 @@ class OneSignal(NamedTuple):
 
 
 def one_signal(scenario: Scenario, name: str) -> OneSignal:
-    """The tested signal of a scenario.  BadInput: a manager or sensor that open-loop trials do not know."""
+    """Return the tested signal of a scenario.  BadInput: a manager or sensor that open-loop trials do not know."""
     s, chosen = INDEX[name], scenario.redundancy.manager
     if chosen not in MANAGERS:
         raise BadInput(f"redundancy.manager: {chosen!r}: open-loop trials run {', '.join(MANAGERS)}")
@@ -56,7 +56,7 @@ def one_signal(scenario: Scenario, name: str) -> OneSignal:
 
 
 def faults_of(scenario: Scenario, name: str) -> Faults:
-    """The faults of a scenario on one signal alone, at their first frame.  BadInput: one sits elsewhere, or waits."""
+    """Return a scenario's faults on one signal alone, at the first frame.  BadInput: one sits elsewhere, or waits."""
     made = loop.faults(scenario)
     for fault in scenario.faults:
         if fault.signal != name or {point.place for point in fault.points} != {name}:

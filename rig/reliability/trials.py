@@ -75,7 +75,7 @@ class Flight:
         return Tally(key, tallied(made, trials, results), healthy, failed, made.scenario.rate_hz)
 
     def _recording(self, unit: Unit, made: Cell, condition: str) -> Recording:
-        """The healthy flight of a unit; whatever of its scenario is no fault decides it."""
+        """Return the healthy flight of a unit; whatever of its scenario is no fault decides it."""
         flown = {key: value for key, value in self._plan.data(unit.number).items() if key not in ("faults", "title")}
         key = json.dumps([unit.seed, condition, flown], sort_keys=True, default=str)
         if key not in self._recordings:
@@ -85,7 +85,7 @@ class Flight:
 
 @lru_cache(maxsize=4)
 def _cell(plan: Plan, number: int) -> tuple[Cell, tuple[str, int, str, str, str], str]:
-    """What the units of a combination have in common, made once in each process."""
+    """Return the common part of a combination's units, made once in each process."""
     choice, made = plan.choices[number], cell(plan, number)
     good, design = planned(plan, number)
     fault = made.scenario.faults[made.tested]
@@ -112,13 +112,13 @@ def leaves_two_good(good: int, design: str) -> bool:
 
 
 def recording_seed(seed: int, condition: str) -> int:
-    """The seed of the healthy flight of a condition."""
+    """Return the seed of the healthy flight of a condition."""
     state = SeedSequence(seed, spawn_key=(_RECORDING, *condition.encode())).generate_state(1, np.uint64)
     return int(state[0]) >> 1
 
 
 def shared_out(plan: Plan, runs: int, seed: int, good: Sequence[int] = GOOD) -> list[Unit]:
-    """``runs`` trials shared out over the combinations with ``good`` channels, by SHARES.  BadInput: none is left."""
+    """Share out ``runs`` trials over the combinations with ``good`` channels, by SHARES.  BadInput: none is left."""
     flown = sorted(set(good) - set(GOOD))
     if flown:
         raise BadInput(
@@ -142,7 +142,7 @@ def shared_out(plan: Plan, runs: int, seed: int, good: Sequence[int] = GOOD) -> 
 
 
 def combinations(plan: Plan) -> list[int]:
-    """The first run of every combination of cases."""
+    """Return the first run of every combination of cases."""
     firsts: dict[tuple[Any, ...], int] = {}
     for number, choice in enumerate(plan.choices):
         firsts.setdefault(tuple(choice[group] for group in plan.campaign.cases), number)
@@ -189,7 +189,7 @@ def _scratch(made: Cell, trials: Trials) -> Scratch:
 
 
 def tallied(made: Cell, trials: Trials, results: NDArray[Any]) -> NDArray[np.int64]:
-    """Counts by good channels before, see Tally; a trial whose channels were out already does not count."""
+    """Return counts by good channels before, see Tally; a trial whose channels were out already does not count."""
     counted_faults = [made.tested] if made.second is None else [made.tested, made.second]
     columns = made.faults.targets[np.isin(made.faults.targets["fault"], counted_faults)]["column"]
     failed_at = results["failed_at"][:, columns]
@@ -210,7 +210,7 @@ def off_votes(made: Cell, results: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def added_up(tallies: Sequence[Tally], manager: str) -> Cells:
-    """The cells of all units."""
+    """Return the cells of all units."""
     rows: dict[tuple[Any, ...], NDArray[np.int64]] = {}
     hours: dict[str, NDArray[np.int64]] = {}
     for tally in tallies:
@@ -236,7 +236,7 @@ def added_up(tallies: Sequence[Tally], manager: str) -> Cells:
 
 
 def _row(place: tuple[Any, ...], found: NDArray[np.int64], rate_hz: float) -> tuple[Any, ...]:
-    """A row of COUNTS; nobody flew, so no aircraft can have been lost."""
+    """Return a row of COUNTS; nobody flew, so no aircraft can have been lost."""
     trials, known, bad, settled, frames = found.tolist()
     mean = frames / settled / rate_hz if settled else None
     return (*place, trials, trials - known - bad, known, bad, None, None, settled, mean)

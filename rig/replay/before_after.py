@@ -36,7 +36,7 @@ class Side:
 
 
 def side(path: Path | str) -> Side:
-    """The file at ``path``; BadLog in one line when it is none of ours."""
+    """Return the file at ``path``; BadLog in one line when it is none of ours."""
     path = Path(path)
     if _is_voted(path):
         return _voted(path)
@@ -57,7 +57,7 @@ def _is_voted(path: Path) -> bool:
 
 
 def _voted(path: Path) -> Side:
-    """A vote: of a flight's log by its own scenario only what the flight has too, else all fields of all signals."""
+    """Read a vote: of a flight's log by its own scenario only what the flight has too, else all fields."""
     of_flight = foreign.fields(path)
     wanted = {
         topic: {field.name for field in MESSAGES[schema].fields if not of_flight or field.source in of_flight[topic]}
@@ -108,12 +108,12 @@ def _remarks(a: Side, b: Side) -> list[str]:
 
 
 def _notes(a: dict[str, str], b: dict[str, str]) -> list[str]:
-    """What both logs say of how they came to be, and not alike."""
+    """Return the origins of both logs that are not alike."""
     told = [key for key in a if key in b and (key in _SAID or key.startswith("version "))]
     differ = [key for key in told if a[key] != b[key]]
     return ["the scenarios differ" if key == "scenario" else f"{key}: {a[key]} and {b[key]}" for key in differ]
 
 
 def of_replay(old: dict[str, str], new: dict[str, str]) -> list[str]:
-    """The versions that replay a log, where they are not those that flew it."""
+    """Return the versions that replay a log, where they are not those that flew it."""
     return _notes(old, new)

@@ -73,7 +73,7 @@ class Tolerances:
     patterns: tuple[tuple[str, float], ...] = ()
 
     def of(self, name: str) -> float:
-        """The tolerance of a field."""
+        """Return the tolerance of a field."""
         return next((allowed for pattern, allowed in reversed(self.patterns) if fnmatchcase(name, pattern)), 0.0)
 
 
@@ -97,7 +97,7 @@ def tolerances(texts: Sequence[str], names: Iterable[str]) -> Tolerances:
 
 
 def compare(a: Block, b: Block, columns: Sequence[Column] = COLUMNS, allowed: Tolerances | None = None) -> list[Field]:
-    """The ``columns`` of the rows that both flights have."""
+    """Compare the ``columns`` of the rows that both flights have."""
     n = min(len(a), len(b))
     frames, allowed = a["frame"][:n], allowed or Tolerances()
     return [

@@ -72,7 +72,7 @@ class Decisions:
 
 
 def decided(fields: tuple[str, ...]) -> list[Column]:
-    """The columns that hold decisions."""
+    """Return the columns that hold decisions."""
     return [column for column in COLUMNS if column.field in fields]
 
 
@@ -111,7 +111,7 @@ def _decision(column: Column) -> str:
 
 
 def decisions(old: Block, new: Block) -> Decisions:
-    """What moved from ``old`` to ``new``: decisions, failures, and how far the votes are apart."""
+    """Return the moves from ``old`` to ``new``: decisions, failures, and how far the votes are apart."""
     return Decisions(moved(old, new), _failures(old, new), _votes(old, new))
 
 

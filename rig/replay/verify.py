@@ -52,7 +52,7 @@ def verify(recording: Recorded, fly: bool = False, unit: UnitUnderTest | None = 
 
 
 def _of_unit(recording: Recorded, unit: UnitUnderTest | None) -> list[str]:
-    """What is to be known of the unit then and now."""
+    """Return notes on the unit then and now."""
     if unit is None:
         return []
     then, now = recording.unit, unit.unit.about()

@@ -30,7 +30,7 @@ COMMANDED: Final = ("surface", "law")  # by a unit in the form of a flight compu
 
 
 def vote_again(rows: Block, scenario: Scenario, unit: UnitUnderTest | None = None) -> Block:
-    """A copy of ``rows`` with OUTPUTS as the redundancy stage of ``scenario`` writes them over the same channels.
+    """Copy ``rows``, with OUTPUTS as the redundancy stage of ``scenario`` writes them over the same channels.
 
     Faults on references act again, in the frames in which they did.  Open loop: truth, channels, commands and all
     else stay those of ``rows``.  BadInput: the user's manager.
@@ -69,7 +69,7 @@ def _decide(again: Block, scenario: Scenario, stage: Redundancy, unit: UnitUnder
 
 
 def outputs(unit: UnitUnderTest | None) -> tuple[str, ...]:
-    """What a replay writes."""
+    """Return the fields that a replay writes."""
     return OUTPUTS if unit is None or unit.form is Form.REDUNDANCY else (*OUTPUTS, *COMMANDED)
 
 

@@ -41,7 +41,7 @@ class WhatIf:
 
 
 def changed(recording: Recorded, file: Path | None, sets: Sequence[str]) -> Scenario:
-    """The recorded scenario with another [redundancy]: of a TOML file, then of ``redundancy.key=value``.
+    """Return the recorded scenario with another [redundancy]: of a TOML file, then of ``redundancy.key=value``.
 
     The file has a [redundancy] table, or the keys of one at its top.  BadInput: any other key.
     """

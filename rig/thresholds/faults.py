@@ -61,7 +61,7 @@ def stuck() -> Fault:
 
 
 def own(pieces: Floats, channel: Numbers) -> Floats:
-    """The samples (R, n) of the channel of each piece."""
+    """Return the samples (R, n) of the channel of each piece."""
     return pieces[np.arange(len(pieces)), :, channel]
 
 

@@ -39,7 +39,7 @@ def failures(samples: Floats, settings: RecordedSignal, rate_hz: float) -> Frame
 
 
 def isolations(samples: Floats, settings: RecordedSignal, rate_hz: float, gap: int) -> Frames:
-    """The frames of a whole flight (n, C) in which somebody is failed while all channels are in use.
+    """Return the frames of a whole flight (n, C) in which somebody is failed while all channels are in use.
 
     After each the flight goes on with all channels in use again; those within ``gap`` frames of the last are one.
     """
@@ -51,7 +51,7 @@ def isolations(samples: Floats, settings: RecordedSignal, rate_hz: float, gap: i
 
 
 def low_passed(samples: Floats, settings: RecordedSignal, rate_hz: float) -> Floats:
-    """The channels (C, n) as the comparison sees them behind the filter of ``settings``."""
+    """Return the channels (C, n) as the comparison sees them behind the filter of ``settings``."""
     if settings.filter_s == 0.0:
         return samples
     found = np.empty_like(samples)
@@ -60,7 +60,7 @@ def low_passed(samples: Floats, settings: RecordedSignal, rate_hz: float) -> Flo
 
 
 def _four(samples: Floats) -> Floats:
-    """The samples with the channels that a signal of fewer than four does not have."""
+    """Return the samples with the channels that a signal of fewer than four does not have."""
     if samples.shape[-1] == CHANNELS:
         return np.ascontiguousarray(samples)
     padded = np.full((*samples.shape[:-1], CHANNELS), np.nan)

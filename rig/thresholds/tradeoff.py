@@ -87,7 +87,7 @@ def pieces(flights: Sequence[Flight], count: int = PIECES) -> Pieces | None:
 
 
 def tradeoff(cut: Pieces, design: Design, given: RecordedSignal, motion: float) -> Tradeoff:
-    """What ``design`` finds in the pieces; ``motion`` is the size of the signal, in its unit."""
+    """Evaluate ``design`` on the pieces; ``motion`` is the size of the signal, in its unit."""
     settings, short = design.settings(given), cut.short()
     kinds: dict[str, Found] = {}
     for share in SHARES:
@@ -118,7 +118,7 @@ def inject(cut: Pieces, settings: RecordedSignal, fault: Fault, within_s: float)
 
 
 def _smallest(cut: Pieces, settings: RecordedSignal, threshold: float) -> float | None:
-    """The smallest of the sizes threshold / 4 * 1.1^i that is found in FOUND of the pieces, as all larger ones are."""
+    """Return the smallest size threshold / 4 * 1.1^i that is found in FOUND of the pieces, as all larger ones are."""
     low, high = -1, _STEPS  # a size that is not found often enough, one that is
 
     def enough(step: int) -> bool:
@@ -134,7 +134,7 @@ def _smallest(cut: Pieces, settings: RecordedSignal, threshold: float) -> float 
 
 
 def best(designs: Sequence[Design], found: Sequence[Tradeoff]) -> int:
-    """The place of the design that finds the largest share rightly; of equals the shortest persistence and filter."""
+    """Return the design that finds the largest share rightly; of equals the shortest persistence and filter."""
 
     def order(i: int) -> tuple[float, int, float]:
         return -round(found[i].share, 9), designs[i].persistence, designs[i].filter_s
