@@ -10,19 +10,20 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rig.public.fault import fault
     from rig.public.flight import Flight, fly
     from rig.public.log import Log, read_log
+    from rig.public.results import score, vote, write_report
     from rig.scenario import Scenario, load
 
-__all__ = ["Flight", "Log", "Scenario", "fly", "load", "read_log"]
 _HOME = {
-    "Flight": "rig.public.flight",
-    "fly": "rig.public.flight",
-    "Log": "rig.public.log",
-    "read_log": "rig.public.log",
-    "Scenario": "rig.scenario",
-    "load": "rig.scenario",
+    **dict.fromkeys(("Flight", "fly"), "rig.public.flight"),
+    **dict.fromkeys(("Log", "read_log"), "rig.public.log"),
+    **dict.fromkeys(("Scenario", "load"), "rig.scenario"),
+    **dict.fromkeys(("score", "vote", "write_report"), "rig.public.results"),
+    "fault": "rig.public.fault",
 }
+__all__ = ["Flight", "Log", "Scenario", "fault", "fly", "load", "read_log", "score", "vote", "write_report"]
 
 
 def __getattr__(name: str) -> Any:

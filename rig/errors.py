@@ -4,6 +4,7 @@ RigError                  a failure of ours or of the machine: exit code 1
 ├── ManagerFailed         a manager class of the user's own raised in a frame
 │   └── UnitDead          a unit under test does not answer any more
 └── BadInput              what the user gave cannot be used: one line, exit code 2
+    ├── PointFault        a flight point at which an aircraft cannot be designed
     ├── UnitRefused       a unit under test that will not fly, or must not
     └── BadLog            a file that is no log, or a damaged one
 """
@@ -41,6 +42,14 @@ class BadInput(RigError):
 
     The message is one line: file, key, what is wrong, what is allowed.
     """
+
+
+class PointFault(BadInput):
+    """A flight point at which an aircraft cannot be designed or flown: ``point`` is its name."""
+
+    def __init__(self, message: str = "", point: str = "") -> None:
+        super().__init__(message)
+        self.point = point
 
 
 class UnitDead(ManagerFailed):

@@ -3,8 +3,9 @@
 numba's own cache looks at the file of a kernel alone, not at kernels that it calls from other files.  Here the key of
 a kernel is a hash of its bytecode and constants and, recursively, of all that its names lead to: other kernels,
 constants, record types, enums.  An edit compiles again what it reaches and nothing else; checkouts share what is
-equal.  One file holds one kernel with one signature and replaces the old one whole, so that processes which compile
-the same kernel do not disturb each other (numba keeps one index file for all signatures, which they overwrite).
+equal.  One file holds one kernel with one signature and replaces the old one whole (numba keeps one index file for
+all signatures, which processes overwrite).  Of processes that need the same kernel one compiles it and the others wait
+(kernel_locks.py).
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ import pickle
 import sys
 import uuid
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import is_dataclass
 from enum import Enum
 from functools import cache
@@ -26,6 +29,8 @@ import numba
 import numpy as np
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.serialize import dumps
+
+from rig.kernel_locks import give_back, take
 
 # Modules of which no edit is expected: their version, or that of Python, stands for them.
 _FOREIGN: Final = frozenset({"numpy", "numba", "scipy", "llvmlite", *sys.stdlib_module_names})
@@ -46,23 +51,33 @@ class KernelCache(FunctionCache):
     def _load_overload(self, sig: Any, target_context: Any) -> Any:
         if not self._enabled:
             return None
+        path = self._path(sig, target_context.codegen())
+        made = self._read(path, target_context)
+        if made is None and (tell := _listener.get()) is not None:
+            tell(self._py_func, path)
+            made = self._read(path, target_context)
+        if made is None and take(self._folder, path.name):
+            made = self._read(path, target_context)  # of who had the lock before
+            if made is not None:
+                give_back(path.name)
+        return made
+
+    def _read(self, path: Path, target_context: Any) -> Any:
         try:
-            data = pickle.loads(self._path(sig, target_context.codegen()).read_bytes())
+            data = pickle.loads(path.read_bytes())
         except (OSError, EOFError, pickle.UnpicklingError, ImportError, AttributeError):
             return None  # not compiled yet, damaged, or of a type that has moved: it is compiled now
         return self._impl.rebuild(target_context, data)
 
     def _save_overload(self, sig: Any, data: Any) -> None:
-        if not self._enabled or data.library.has_dynamic_globals or not all(lifted.can_cache for lifted in data.lifted):
-            return  # an address is of this process alone
+        if not self._enabled:
+            return
         path = self._path(sig, data.codegen)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        draft = path.with_name(f"{path.name}.{uuid.uuid4().hex[:16]}")
         try:
-            draft.write_bytes(dumps(self._impl.reduce(data)))
-            draft.replace(path)
+            if not data.library.has_dynamic_globals and all(lifted.can_cache for lifted in data.lifted):
+                _replace(path, dumps(self._impl.reduce(data)))  # else an address in it is of this process alone
         finally:
-            draft.unlink(missing_ok=True)
+            give_back(path.name)
 
     def _path(self, sig: Any, codegen: Any) -> Path:
         """Return the file of the kernel for a signature on this kind of processor."""
@@ -71,25 +86,49 @@ class KernelCache(FunctionCache):
         return self._folder / key[:2] / f"{self._py_func.__name__}-{key[2:34]}"
 
 
+def _replace(path: Path, data: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_name(f"{path.name}.{uuid.uuid4().hex[:16]}")
+    try:
+        draft.write_bytes(data)
+        draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+Missing = Callable[[Callable[..., object], Path], None]  # a function, the file that it is not in
+_listener: ContextVar[Missing | None] = ContextVar("listener", default=None)
+
+
+@contextmanager
+def before_compiling(tell: Missing) -> Iterator[None]:
+    """Call ``tell`` with each function before it is compiled, and the file that is missing; it may be made then."""
+    before = _listener.set(tell)
+    try:
+        yield
+    finally:
+        _listener.reset(before)
+
+
 @cache
 def reach(function: Callable[..., object]) -> str:
     """Return a hash of a function and of all that it reaches, of the same bits in every process."""
     digest = hashlib.sha256(f"{numba.__version__} {np.__version__} {sys.version_info[:2]}".encode())
-    for line in _reached(function):
-        digest.update(line.encode() + b"\0")
+    for part in reached(function):
+        for line in _own_parts(part)[0]:
+            digest.update(line.encode() + b"\0")
     return digest.hexdigest()
 
 
-def _reached(function: Any) -> Iterator[str]:
-    """Every function that ``function`` reaches, once, in the order in which it is met."""
-    queue, met = [function], {function}
-    while queue:
-        some = queue.pop(0)
-        lines, others = _own_parts(some)
-        yield from lines
-        fresh = [other for other in dict.fromkeys(others) if other not in met]
-        met.update(fresh)
+def reached(function: Any) -> list[Any]:
+    """Return ``function`` and every function that it reaches, each once, in the order in which they are met."""
+    met = {function: None}
+    queue = list(met)
+    for some in queue:
+        fresh = [other for other in dict.fromkeys(_own_parts(some)[1]) if other not in met]
+        met.update(dict.fromkeys(fresh))
         queue.extend(fresh)
+    return queue
 
 
 @cache

@@ -7,15 +7,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from functools import cached_property, update_wrapper
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
 import numpy as np
+from numba.core import config
 from numba.core.types import BaseTuple, NamedTuple
 
 from rig.kernel_cache import KernelCache, folder
+from rig.kernel_locks import give_all_back
 
+_config: Any = config
 F = TypeVar("F", bound=Callable[..., object])
 
 
@@ -25,6 +29,49 @@ def cache_root() -> Path:
     if named:
         return Path(named)
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jsbsim-rig"
+
+
+class Kernel:
+    """A compiled function, in two forms, each with its cache.
+
+    Kernels call the one that has no wrappers for Python and C, which would be an eighth of the work of compiling;
+    Python calls the other, which is compiled for the few kernels that Python calls at all.
+    """
+
+    def __init__(self, function: Callable[..., object], *, nogil: bool) -> None:
+        update_wrapper(self, function)
+        self.py_func: Any = function
+        self._nogil = nogil
+
+    @property
+    def _numba_type_(self) -> Any:
+        """What numba takes this for where a kernel names it."""
+        return self.inner._numba_type_
+
+    @cached_property
+    def inner(self) -> Any:
+        """The dispatcher of the form that kernels call; from Python it must not be called."""
+        return _dispatcher(self.py_func, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+    @cached_property
+    def outer(self) -> Any:
+        """The dispatcher of the form that Python calls."""
+        return _dispatcher(self.py_func, nogil=self._nogil, no_cfunc_wrapper=True)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it from Python, compiled for what the arguments are."""
+        try:
+            return self.outer(*arguments)
+        except BaseException:  # it did not compile
+            give_all_back()
+            raise
+
+
+def _dispatcher(function: Callable[..., object], **more: bool) -> Any:
+    options: dict[str, Any] = {"error_model": "numpy", "_nrt": False, **more}
+    made: Any = numba.njit(**options)(function)
+    made._cache = KernelCache(function, folder(cache_root()), repr(options))
+    return made
 
 
 def kernel(function: F) -> F:
@@ -41,10 +88,7 @@ def long_kernel(function: F) -> F:
 
 
 def _compiled(function: F, *, nogil: bool) -> F:
-    options: dict[str, Any] = {"error_model": "numpy", "_nrt": False, "nogil": nogil}
-    made: Any = numba.njit(**options)(function)
-    if hasattr(made, "py_func"):
-        made._cache = KernelCache(function, folder(cache_root()), repr(options))
+    made: Any = function if _config.DISABLE_JIT else Kernel(function, nogil=nogil)
     return made
 
 
@@ -54,15 +98,29 @@ def bind(function: F, *arguments: object) -> F:
     That look-up costs more than most kernels.  The caller promises the same types ever after: a block of
     any length, the arrays that it keeps.  With ``NUMBA_DISABLE_JIT=1`` it is ``function`` itself.
     """
-    if not hasattr(function, "overloads"):
+    dispatcher: Any = getattr(function, "outer", function)
+    if not hasattr(dispatcher, "overloads"):
         return function
     key = function, _kind(arguments)
     if key not in _bound:
-        types = tuple(map(_typeof, arguments))
-        dispatcher: Any = function
-        dispatcher.compile(types)
-        _bound[key] = dispatcher.overloads[types].entry_point
+        _bound[key] = _compile(dispatcher, arguments).entry_point
     return _bound[key]
+
+
+def compile_inner(function: Callable[..., object], *arguments: object) -> None:
+    """Compile the form of ``function`` that kernels call, for the types of ``arguments``."""
+    if isinstance(function, Kernel):
+        _compile(function.inner, arguments)
+
+
+def _compile(dispatcher: Any, arguments: tuple[object, ...]) -> Any:
+    types = tuple(map(_typeof, arguments))
+    try:
+        dispatcher.compile(types)
+    except BaseException:
+        give_all_back()
+        raise
+    return dispatcher.overloads[types]
 
 
 _bound: dict[tuple[Any, Any], Any] = {}  # entry points, by function and kinds of arguments

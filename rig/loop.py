@@ -22,22 +22,24 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rig import sensors
+from rig.actuators.output import put_out
+from rig.actuators.stage import ActuatorData
 from rig.computer.control.autopilot import Control
 from rig.computer.control.law import control_law
 from rig.computer.control.state import ControlData
-from rig.computer.redundancy import Redundancy, RedundancyData, conclude, refer, vote_signals
+from rig.computer.redundancy import RedundancyData, conclude, refer, vote_signals
 from rig.computer.redundancy.config import command
 from rig.computer.redundancy.own import OwnManager
 from rig.errors import ManagerFailed
-from rig.faults import Coils, FaultData, Faults, actuate, corrupt, corrupt_reference
-from rig.frame import FLAT, SIGNALS, TIMING, Block, Nested, nested, new_block
+from rig.faults import FaultData, corrupt, corrupt_reference
+from rig.frame import FLAT, TIMING, Block, LaneBlock, Nested, nested, new_block
 from rig.kernels import bind, kernel
 from rig.plant.jsbsim import plant
 from rig.plant.pilot import Pilot
 from rig.scenario import Scenario
-from rig.sensors import SensorData, Sensors, inertial, measure
+from rig.sensors import SensorData, Sensors, measure
 from rig.sensors.inertial import Inertial, InertialData, sense
+from rig.stages import faults, redundancy, servos
 from rig.util.interrupt import Stop
 
 # A killed flight loses no more than a second: the block being filled and, paced, the one being recorded.
@@ -54,6 +56,7 @@ class StageData(NamedTuple):
     faults: FaultData
     redundancy: RedundancyData
     control: ControlData
+    actuators: ActuatorData | None  # None: the plant's own lag moves the surfaces
 
 
 # Fly row k of a block from its truth to its actuators; return how long an answer from outside took, us.
@@ -84,6 +87,7 @@ class Rig:
             rate_hz,
             scenario.steps_per_frame,
             int(seeds["plant"].generate_state(1)[0]) & 0x7FFFFFFF,
+            scenario.actuators.model == "servo",
         )
         self.sensors = Sensors(suite, rate_hz, seeds["sensors"])
         self.inertial = Inertial(scenario.inertial, rate_hz, seeds["inertial"])
@@ -91,6 +95,7 @@ class Rig:
         self.redundancy = redundancy(scenario)
         self.control = Control(scenario.control, scenario.gains, rate_hz, frame.surface_limits)
         self.control.reset(self.plant.trim)
+        self.actuators = servos(scenario, self.plant)
         self.data = self._gather()
         self.computer_step = bind_computer(self.data, self.redundancy.own) if computer is None else computer(self)
 
@@ -101,7 +106,13 @@ class Rig:
         self.sensors.prepare(block)
         self.inertial.prepare(block)
         self.faults.prepare(block)
+        if self.actuators is not None:
+            self.actuators.prepare(int(block["frame"][0]), len(block))
         self.data = self._gather()
+
+    def lanes(self, count: int) -> tuple[LaneBlock] | tuple[()]:
+        """Return the first ``count`` rows of the servos in the block that was flown last; () without servos."""
+        return () if self.actuators is None else (self.actuators.data.rows[:count],)
 
     def _gather(self) -> StageData:
         """Return the parameters and states of the stages."""
@@ -111,34 +122,8 @@ class Rig:
             faults=self.faults.data,
             redundancy=self.redundancy.data,
             control=self.control.data,
+            actuators=None if self.actuators is None else self.actuators.data,
         )
-
-
-def faults(scenario: Scenario, keep_clean: int = 0) -> Faults:
-    """Return the faults of a scenario, at their first frame; a replay runs those on references again."""
-    ranges = sensors.ranges(scenario.sensors)
-    places = np.vstack([ranges, inertial.ranges(), ranges, scenario.airframe.surface_limits])  # as in faults.PLACES
-    seeds, monitored = scenario.streams()["faults"], scenario.redundancy.signals
-    thresholds = np.array([getattr(monitored, signal.name).threshold for signal in SIGNALS])
-    monitors = {signal.name: getattr(scenario.sensors, signal.name).monitor for signal in SIGNALS}
-    coils = {name: Coils(m.coverage, m.tolerance, m.frames) for name, m in monitors.items() if m is not None}
-    return Faults(
-        scenario.faults,
-        places,
-        scenario.rate_hz,
-        seeds,
-        thresholds=thresholds,
-        coils=coils,
-        keep_clean=keep_clean,
-    )
-
-
-def redundancy(scenario: Scenario) -> Redundancy:
-    """Return the redundancy stage of a scenario, at its first frame.  BadInput: the user's manager."""
-    suite = scenario.sensors
-    ranges, channels, discretes = sensors.ranges(suite), sensors.channels(suite), sensors.discrete_channels(suite)
-    settings, references, rate_hz = scenario.redundancy, scenario.references, scenario.rate_hz
-    return Redundancy(settings, ranges, channels, references, rate_hz, discretes, scenario.trust)
 
 
 def bind_computer(data: StageData, own: OwnManager | None) -> ComputerStep:
@@ -173,7 +158,7 @@ def compute(block, k, data):
 
 @kernel
 def before(block, k, data):
-    """Fill all that the manager reads of row k: channels and references, with their faults."""
+    """Fill the inputs of the manager in row k: channels and references, with their faults."""
     row = block[k]
     truth, bus = row["truth"], row["bus"]
     measure(truth, bus, k, data.sensors)
@@ -197,15 +182,7 @@ def after(block, k, data):
     bus, fcc = row["bus"], row["fcc"]
     conclude(bus, fcc, data.redundancy)
     control_law(bus, fcc, data.control)
-    command_actuators(fcc["surface"], row["actuation"]["actuator"])
-    actuate(row, data.faults)
-
-
-@kernel
-def command_actuators(surface, actuator):
-    """Pass the surfaces that the computer commands on to the actuators; a fault may then come between."""
-    for i in range(len(surface)):
-        actuator[i] = surface[i]
+    put_out(row, k, data.control.param[0]["still"], data.faults, data.actuators)
 
 
 class Pacing(Protocol):
@@ -221,8 +198,11 @@ class Pacing(Protocol):
 class Recorder(Protocol):
     """Whoever keeps rows: log, stream, summary."""
 
-    def record(self, rows: Block, timing: NDArray[np.void]) -> None:
-        """Take the next rows and their TIMING, which stay as they are until the next call has returned."""
+    def record(self, rows: Block, timing: NDArray[np.void], lanes: LaneBlock | None = None) -> None:
+        """Take the next rows and their TIMING, which stay as they are until the next call has returned.
+
+        lanes : (n,) of a flight with servo actuators
+        """
         ...
 
 
@@ -240,8 +220,9 @@ def fly(
 ) -> None:
     """Fly to the end of the flight; each recorder takes every block in turn.  The rest as for ``frames``."""
     for rows, timing in frames(rig, rig.scenario, pace, stop, memory, before_row):
+        lanes = rig.lanes(len(rows))
         for recorder in recorders:
-            recorder.record(rows, timing)
+            recorder.record(rows, timing, *lanes)
 
 
 def frames(

@@ -6,8 +6,8 @@ resolved scenario holds everything (airframe, sensors, gains too), so that a log
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
@@ -17,6 +17,8 @@ from numpy.random import SeedSequence
 from pydantic import Field, PrivateAttr, model_validator
 
 from rig import aircraft
+from rig.actuators.config import Config as Actuators
+from rig.actuators.config import refuse_unfit
 from rig.computer.analytic.designed import Designed
 from rig.computer.control.autopilot import Config as Control
 from rig.computer.control.gains import Gains
@@ -24,7 +26,9 @@ from rig.computer.redundancy import Config as Redundancy
 from rig.errors import BadInput
 from rig.faults import Fault, check
 from rig.faults.fault import LiveFault, distinct_keys
+from rig.faults.places import OF_SERVOS, site
 from rig.frame import DISCRETES, MOST_FAULTS, SIGNALS
+from rig.overrides import Overrides, named_manager, override, override_texts, parse_set, plain_data
 from rig.plant.airframe import AirframeField
 from rig.plant.pilot import Config as Pilot
 from rig.plant.wind import Config as Wind
@@ -32,17 +36,14 @@ from rig.plant.wind import Turbulence
 from rig.sensors import Suite
 from rig.sensors.inertial import Config as Inertial
 from rig.sensors.recorded import pin
-from rig.settings import DEEPEST, NotToml, Settings, build, parse_toml, read_toml
-from rig.text import nearest, quoted, shorten
+from rig.settings import Settings, build, read_toml
+from rig.text import nearest, quoted
 from rig.util.files import bundled, is_file
 from rig.util.trust import Trust
 
 DEFAULT: Final = "f16_pitch_rate_hardover.toml"
-EVERY: Final = "*"  # in a key of --set: all items of a list, all signals of a table of signals
-_OF_SIGNALS: Final = ("redundancy.signals", "sensors")
-_DIGITS: Final = re.compile("[0-9]{1,9}")
 # The order is part of every recorded flight: append, never insert.
-STREAMS: Final = ("plant", "sensors", "faults", "inertial")
+STREAMS: Final = ("plant", "sensors", "faults", "inertial", "actuators")
 
 
 class Scenario(Settings):
@@ -63,6 +64,7 @@ class Scenario(Settings):
     faults: list[Fault] = Field(default=[], max_length=MOST_FAULTS)
     live: list[LiveFault] = []  # that a key begins and ends (rig fly --watch)
     control: Control = Control()
+    actuators: Actuators = Actuators()
     airframe: AirframeField
     sensors: Suite  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
     inertial: Inertial
@@ -89,6 +91,8 @@ class Scenario(Settings):
                 f"flight_point: {self.aircraft} has no {self.flight_point!r}, allowed: {', '.join(points)}; "
                 f"for example --set flight_point={points[0]}"
             )
+        refuse_unfit(self.actuators, self.airframe)
+        self._servos_for_their_faults()
         fitted = {named.name: getattr(self.sensors, named.name).channels for named in (*SIGNALS, *DISCRETES)}
         check(self.faults, fitted)
         labels = {fault.label for fault in self.faults}
@@ -98,6 +102,16 @@ class Scenario(Settings):
         check([*self.faults, *waiting], fitted)
         distinct_keys(self.live)
         return self
+
+    def _servos_for_their_faults(self) -> None:
+        for i, fault in enumerate(self.faults):
+            if not self.has_servos and site(fault.signal) in OF_SERVOS:
+                raise ValueError(f'faults.{i}.signal: {fault.signal} needs servos: [actuators] model = "servo"')
+
+    @property
+    def has_servos(self) -> bool:
+        """Whether servo actuators move the surfaces."""
+        return self.actuators.model == "servo"
 
     @property
     def frames(self) -> int:
@@ -160,30 +174,52 @@ def names() -> list[str]:
     return sorted(path.stem for path in bundled("faults").glob("*.toml"))
 
 
-def load(
-    name: str | Path | None = None,
-    overrides: Sequence[str] = (),
-    seed: int | None = None,
-    *,
-    allow_code: bool = False,
-) -> Scenario:
-    """Load the scenario of a file with ``key=value`` overrides laid over it; BadInput says what is wrong.
+Given = str | Path | Mapping[str, Any] | Scenario | None  # a file, a bundled name, the keys of a file, one loaded
 
+
+def load(
+    name: Given = None, overrides: Overrides = (), seed: int | None = None, *, allow_code: bool = False
+) -> Scenario:
+    """Load a scenario with overrides laid over it; BadInput says which key is wrong.
+
+    name       : a file or a bundled name, the default one if not given; a table with the keys of such a file, whose
+                 faults may be made by ``rig.fault``; or a scenario that is loaded already
+    overrides  : texts ``key=value`` as of ``--set``, or a table of dotted keys: ``{"faults.0.offset": 0.01}``
     allow_code : a manager class that the file names may be run; one that an override names may be in any case
     """
-    path = find(name)
-    data = read_toml(path)
-    for text in overrides:
-        data = override(data, text)
-    if seed is not None:
-        data["seed"] = seed
-    source = str(path) if not overrides else f"{path} with --set"
+    sets = override_texts(overrides)
+    if isinstance(name, Scenario):
+        return _changed(name, sets, seed, allow_code)
+    if isinstance(name, Mapping):
+        data, source, home = plain_data(name, "scenario"), "scenario", Path()
+    else:
+        path = find(name)
+        data, source, home = read_toml(path), str(path), path.parent
+    data = _overridden(data, sets, seed)
+    within = source if not sets else f"{source} with --set"
     chosen = data.get("aircraft", "f16")
     if not isinstance(chosen, str):
-        raise BadInput(f"{source}: aircraft: must be a name, got {quoted(chosen)}")
-    merged = aircraft.lay_over(aircraft.tables(aircraft.located(chosen, path.parent)), data, source)
-    made = build(Scenario, {**merged, "sensors": pin(merged.get("sensors"), path.parent)}, source)
-    return made.trusted(Trust(str(path), allow_code, named_manager(map(parse_set, overrides))))
+        raise BadInput(f"{within}: aircraft: must be a name, got {quoted(chosen)}")
+    merged = aircraft.lay_over(aircraft.tables(aircraft.located(chosen, home)), data, within)
+    made = build(Scenario, {**merged, "sensors": pin(merged.get("sensors"), home)}, within)
+    return made.trusted(Trust(source, allow_code, named_manager(map(parse_set, sets))))
+
+
+def _overridden(data: dict[str, Any], sets: Iterable[str], seed: int | None) -> dict[str, Any]:
+    for text in sets:
+        data = override(data, text)
+    return data if seed is None else {**data, "seed": seed}
+
+
+def _changed(scenario: Scenario, sets: Sequence[str], seed: int | None, allow_code: bool) -> Scenario:
+    """Return a loaded scenario with overrides laid over all of its settings."""
+    trust = scenario.trust.allowing(allow_code)
+    if not sets and seed is None:
+        return scenario.trusted(trust)
+    if any(parse_set(text)[0] == "aircraft" for text in sets):
+        raise BadInput("aircraft: a loaded scenario has one already: load it again with this aircraft")
+    made = build(Scenario, _overridden(scenario.resolved(), sets, seed), "scenario with overrides")
+    return made.trusted(replace(trust, named=named_manager(map(parse_set, sets)) or trust.named))
 
 
 # What scenarios of older logs lack and files must give, as those flights had it: an inertial unit without forces.
@@ -203,72 +239,3 @@ def from_resolved(data: dict[str, Any], source: str, trust: Trust | None = None)
     trust : whether a manager class that it names may be run; it may not when not given
     """
     return build(Scenario, aircraft.merge(OLDER, data), source).trusted(trust or Trust(source))
-
-
-def named_manager(sets: Iterable[tuple[str, Any]]) -> str | None:
-    """Return the ``redundancy.manager`` that dotted keys with their values name, if any: permission in itself."""
-    data: dict[str, Any] = {}
-    for key, value in sets:
-        data = set_key(data, key, value, f"--set {key}")
-    table = data.get("redundancy")
-    name = table.get("manager") if isinstance(table, dict) else None
-    return name if isinstance(name, str) else None
-
-
-def override(data: dict[str, Any], text: str) -> dict[str, Any]:
-    """Return ``data`` with one ``dotted.key=value`` set; a number in the key counts into a list from 0."""
-    key, value = parse_set(text)
-    return set_key(data, key, value, f"--set {shorten(text)}")
-
-
-def parse_set(text: str) -> tuple[str, Any]:
-    """Return key and value of ``dotted.key=value``."""
-    key, equals, value = text.partition("=")
-    if not equals or not key.strip():
-        raise BadInput(f"--set {shorten(text)}: must be key=value")
-    return key.strip(), _parse(value.strip(), f"--set {shorten(key.strip())}")
-
-
-def set_key(data: dict[str, Any], key: str, value: Any, source: str) -> dict[str, Any]:
-    """Return ``data`` with one dotted key set; BadInput names ``source``.
-
-    A number in the key counts into a list from 0; ``*`` is every item of a list, or every signal of a table of signals.
-    """
-    keys = key.split(".")
-    if len(keys) > DEEPEST:
-        raise BadInput(f"{source}: {quoted(key)}: a key of more than {DEEPEST} parts")
-    return _set(data, keys, value, source)
-
-
-def _set(node: Any, keys: list[str], value: Any, source: str, within: str = "") -> Any:
-    if not keys:
-        return value
-    key, rest = keys[0], keys[1:]
-    if key == EVERY:
-        return _set_every(node, rest, value, source, within)
-    if isinstance(node, list):
-        if not _DIGITS.fullmatch(key) or int(key) >= len(node):
-            allowed = f"must be an index from 0 to {len(node) - 1}" if node else "counts into an empty list"
-            raise BadInput(f"{source}: {quoted(key)} {allowed}")
-        return [_set(item, rest, value, source) if i == int(key) else item for i, item in enumerate(node)]
-    table = node if isinstance(node, dict) else {}
-    return {**table, key: _set(table.get(key), rest, value, source, f"{within}.{key}" if within else key)}
-
-
-def _set_every(node: Any, rest: list[str], value: Any, source: str, within: str) -> Any:
-    """Set ``rest`` in all items of a list, or in the tables of all signals."""
-    if isinstance(node, list) and node:
-        return [_set(item, rest, value, source) for item in node]
-    if within not in _OF_SIGNALS:
-        allowed = ", ".join((*(f"{table}.*" for table in _OF_SIGNALS), "lists that are not empty"))
-        raise BadInput(f"{source}: {within or 'the file'}: * stands for every item; allowed: {allowed}")
-    table = node if isinstance(node, dict) else {}
-    return {**table, **{signal.name: _set(table.get(signal.name), rest, value, source) for signal in SIGNALS}}
-
-
-def _parse(value: str, source: str) -> Any:
-    """Return a TOML value; anything else is taken as a bare string."""
-    try:
-        return parse_toml(f"value = {value}", source)["value"]
-    except NotToml:
-        return value

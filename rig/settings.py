@@ -130,10 +130,13 @@ def refuse_what_is_no_setting(data: Any, source: str, key: str = "") -> None:
         refuse_what_is_no_setting(value, source, f"{key}.{name}" if key else str(name))
 
 
-def build(model: type[M], data: dict[str, Any], source: str) -> M:
-    """Return ``data`` as a ``model``; BadInput names ``source`` and the first offending key."""
+def build(model: type[M], data: dict[str, Any], source: str, context: object = None) -> M:
+    """Return ``data`` as a ``model``; BadInput names ``source`` and the first offending key.
+
+    context : what its validators are given besides
+    """
     try:
-        return model.model_validate(data)
+        return model.model_validate(data, context=context)
     except ValidationError as error:
         raise BadInput(f"{source}: {_first_line(model, error, data)}") from None
 
@@ -215,6 +218,12 @@ def record(dtype: np.dtype[Any], *models: BaseModel, **derived: Any) -> NDArray[
     made = np.zeros(1, dtype)
     fill(made[0], *models, **derived)
     return made
+
+
+def numbers(model: type[BaseModel]) -> list[tuple[str, str]]:
+    """Return the fields of a record for all numbers and flags of a settings model, as ``record`` fills them."""
+    types = {float: "f8", int: "i8", bool: "i8"}
+    return [(name, types[f.annotation]) for name, f in model.model_fields.items() if f.annotation in types]
 
 
 def fill(row: Any, *models: BaseModel, **derived: Any) -> None:

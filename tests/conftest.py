@@ -15,8 +15,8 @@ from hypothesis import settings
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.config import PARAMS, SignalConfig, fill
-from rig.computer.redundancy.managers import Manager
-from rig.frame import CHANNELS, Block, State, new_block
+from rig.computer.redundancy.managers import Manager, vote_signals
+from rig.frame import CHANNELS, Block, State, nested, new_block
 
 FEWER = int(os.environ.get("RIG_FEWER_EXAMPLES", "1"))  # a mutation run divides the number of examples by it
 # The first example may compile, on a busy machine.
@@ -107,8 +107,8 @@ def vote_samples(
     for frame, channel in resets:
         block["reset"][frame, 0] |= 1 << (channel - 1)
     stage = Manager(manager, params)
-    for k in range(len(block)):
-        stage.step(block, k)
+    for row in nested(block):
+        vote_signals(row["bus"], row["fcc"], stage.data)
     return Voted(block)
 
 

@@ -9,11 +9,15 @@ from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
 from rig.computer.analytic import references
+from rig.computer.redundancy.discrete import DiscreteVoter, vote_discretes
+from rig.computer.redundancy.managers import Manager, vote_signals
+from rig.faults import Faults, corrupt
 from rig.frame import CHANNELS, INDEX, SIGNALS, Block, S, nested, new_block
 from rig.kernels import kernel
 from rig.plant.jsbsim import Plant
 from rig.plant.linear_plant import LinearPlant
-from rig.sensors import Sensors, Suite, measure
+from rig.sensors import Sensors, Suite, inertial, measure
+from rig.sensors.inertial import Inertial
 
 ERRORS = ("noise_std", "bias_tolerance", "scale_tolerance", "lag_s", "quantum", "skew_frames")
 IDEAL: dict[str, Any] = dict.fromkeys(ERRORS, 0.0)
@@ -31,6 +35,22 @@ def truths(frames: int, **per_signal: Any) -> NDArray[np.float64]:
     for name, values in per_signal.items():
         truth[:, INDEX[name]] = values
     return truth
+
+
+def step_stage(stage: Sensors | Inertial | Faults | Manager | DiscreteVoter, block: Block, k: int) -> None:
+    """Row k through one stage of a frame; of faults those on channels and inertial unit."""
+    row = nested(block)[k]
+    match stage:
+        case Sensors():
+            measure(row["truth"], row["bus"], k, stage.data)
+        case Inertial():
+            inertial.sense(row["truth"], row["bus"], k, stage.data)
+        case Faults():
+            corrupt(row, k, stage.data)
+        case Manager():
+            vote_signals(row["bus"], row["fcc"], stage.data)
+        case DiscreteVoter():
+            vote_discretes(row["bus"], row["fcc"], stage.data)
 
 
 @kernel

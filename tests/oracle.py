@@ -95,7 +95,8 @@ class Oracle:
             return None
         last, near = self.memory.get(key), self.s.near
         if self.s.filter_share and last is not None:
-            x = near(last + self.s.filter_share * (near(x, last) - last), self.base)
+            step = min(max(near(x, last) - last, -3.0 * self.s.threshold), 3.0 * self.s.threshold)
+            x = near(last + self.s.filter_share * step, self.base)
         self.memory[key] = x
         return x
 

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,12 +13,12 @@ from rig.assess import score
 from rig.assess.conclusion import conclusion, next_commands
 from rig.assess.context import agreement, channels, last_run
 from rig.assess.flight_outcome import columns
-from rig.assess.of_log import MOST_FRAMES, conclude
+from rig.assess.of_log import MOST_FRAMES, FlightConclusion
 from rig.assess.outcome_records import EPISODE
 from rig.assess.record import Yardstick
 from rig.assess.scoring import monitor
 from rig.faults import CLEAN
-from rig.frame import INDEX, Ilm, State, Unit
+from rig.frame import INDEX, Ilm, State, UnitStatus
 from rig.units.quantities import quantity
 
 
@@ -98,7 +99,7 @@ def test_two_alike_that_are_not_found_name_each_other():
 )
 def test_what_a_unit_does_not_fail_is_not_explained_by_our_comparison(state: State, expected: str):
     which, rows = flight([offset([2], 0.2, 0.2)], 100, exact=True)
-    rows["unit"], rows["state"] = Unit.ANSWERED, state
+    rows["unit"], rows["state"] = UnitStatus.ANSWERED, state
     rows["level"] = 0 if state == State.ABSENT else rows["level"]
     fault, end = conclusion(which, score(which, rows))
     assert f"above the threshold of 2.86 deg/s for 800 ms at most, and {expected};" in fault
@@ -107,7 +108,7 @@ def test_what_a_unit_does_not_fail_is_not_explained_by_our_comparison(state: Sta
 
 def test_a_channel_that_a_unit_fails_is_told_without_a_count():
     which, rows = flight([offset([2], 0.2, 0.2)], 100, exact=True)
-    rows["unit"] = Unit.ANSWERED
+    rows["unit"] = UnitStatus.ANSWERED
     fault = conclusion(which, score(which, rows))[0]
     assert "; it was failed 70 ms later;" in fault and "miscompared" not in fault
 
@@ -228,15 +229,21 @@ def test_channels_are_listed_as_in_a_sentence():
     ]
 
 
-def test_the_next_commands_can_be_pasted():
-    assert next_commands(Path("my logs/x.mcap")) == [
-        f"rig {name} 'my logs/x.mcap'" for name in ("score", "view", "replay")
-    ]
+@pytest.mark.parametrize(
+    ("manager", "unit_file", "again"),
+    [("mean", "", ""), ("mine:Mid", "", " --allow-code"), ("mean", "my units/u.toml", " --unit 'my units/u.toml'")],
+)
+def test_the_next_commands_can_be_pasted(manager: str, unit_file: str, again: str):
+    scenario: Any = SimpleNamespace(redundancy=SimpleNamespace(manager=manager))
+    flight: Any = SimpleNamespace(log=Path("my logs/x.mcap"), unit_file=unit_file, scenario=scenario)
+    log = "'my logs/x.mcap'"
+    assert next_commands(flight) == [f"rig score {log}{again}", f"rig view {log}", f"rig replay {log}{again}"]
 
 
-def test_a_log_that_cannot_be_scored_ends_in_one_sentence(tmp_path: Path):
-    assert conclude(tmp_path / "none.mcap", 10)[0].startswith("not scored: ")
-    assert conclude(tmp_path / "none.mcap", MOST_FRAMES + 1) == [
+def test_a_flight_that_cannot_be_scored_ends_in_one_sentence(tmp_path: Path):
+    none = FlightConclusion()
+    assert none.sentences(tmp_path / "none.mcap", 10)[0].startswith("not scored: ")
+    assert none.sentences(tmp_path / "none.mcap", MOST_FRAMES + 1) == [
         f"{MOST_FRAMES + 1} frames are not scored here: rig score {tmp_path / 'none.mcap'}"
     ]
 

@@ -66,10 +66,9 @@ def test_more_failures_than_the_list_has_room_for_are_all_listed():
 @pytest.mark.parametrize("name", CASES)
 def test_flight_score_campaign_and_log_say_the_same_of_each_fault(name: str, tmp_path: Path):
     which = scenario.load(name)
-    gathered = FlightConclusion()
-    flown = fly(which, out=tmp_path, outcome=gathered)
+    flown = fly(which, out=tmp_path, outcome=FlightConclusion())
     scored = score(which, flown.rows)
-    assert gathered.sentences(flown.log, flown.frames) == conclusion(which, scored)
+    assert list(flown.conclusion) == conclusion(which, scored)
     in_memory = fly_in_memory(which)
     kept = score(which, in_memory.rows, clean=in_memory.clean)
     assert kept.faults == scored.faults and kept.as_dict() == scored.as_dict()

@@ -11,6 +11,7 @@ import numpy as np
 import polars as pl
 import pytest
 import tomli_w
+from one_stage import step_stage
 
 from rig.bench.vote import VotedDiscrete, vote_discretes
 from rig.computer.redundancy.discrete import DiscreteVoter
@@ -131,7 +132,7 @@ def test_the_discretes_of_a_log_vote_as_in_flight(tmp_path: Path):
     fitted = np.full(len(DISCRETES), 4)
     voter = DiscreteVoter(discrete_parameters(DiscreteConfigs(), fitted, 8, 100.0))
     for k in range(600):
-        voter.step(block, k)
+        step_stage(voter, block, k)
     with LogWriter(tmp_path / "log.mcap", 100.0, {}) as writer:
         writer.write(block, np.zeros(600, TIMING))
     config = VoteConfig(discrete={discrete.name: RecordedDiscrete() for discrete in DISCRETES})

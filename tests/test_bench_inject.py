@@ -105,6 +105,15 @@ def test_an_offset_of_an_angle_goes_round_the_circle():
     assert found[200:] == pytest.approx(4.0 - 2 * np.pi)
 
 
+def test_a_file_has_faults_on_any_number_of_signals():
+    names = [f"gyro_{i}" for i in range(20)]
+    into = recording(**{name: [column + i for column in NOISE] for i, name in enumerate(names)})
+    found = put(*({**OFFSET, "signal": name} for name in names), into=into)
+    assert [one.signal for one in found.injected] == names
+    for i, name in enumerate(names):
+        assert (columns(found, name)[1, 200:] == (NOISE[1] + i)[200:] + 3.0).all()
+
+
 def test_magnitudes_in_thresholds_are_those_of_the_configuration():
     sized = {"kind": "offset", "signal": "gyro", "channels": [2], "start_s": 7.0, "offset_thresholds": 4.0}
     config = VoteConfig(default={**SETTINGS, "threshold": 0.75})

@@ -31,7 +31,7 @@ def voted(*faults: dict[str, Any], samples: list[Any] | None = None, **settings:
     into = recording(flat() if samples is None else samples)
     chosen = VoteConfig(default={**SETTINGS, **settings}).signals(["x"], "c")
     found = inject(into, [{"kind": "offset", "signal": "x", **fault} for fault in faults], chosen)
-    return score(found.injected, found.recording, Result(vote(found.recording, chosen, [])))
+    return score(found, found.recording, Result(vote(found.recording, chosen, [])))
 
 
 def test_the_faulty_channel_is_failed_rightly_after_eight_rows():
@@ -73,8 +73,8 @@ def test_the_onset_of_an_aligned_channel_is_moved_by_its_delay():
     into = recording(flat())
     chosen = VoteConfig(default=SETTINGS).signals(["x"], "c")
     fault = {"kind": "offset", "signal": "x", "channels": [3], "start_s": 1.0, "offset": 5.0}
-    injected = inject(into, [fault], chosen).injected
+    found = inject(into, [fault], chosen)
     corrections = {"x": [Correction(True, delay, delay / 100, 0.0, 1.0) for delay in (0.0, 0.0, 3.5, 0.0)]}
     cut = Recording(into.time_s[2:], into.signals, first_row=2)
-    [one] = score(injected, cut, Result(vote(into, chosen, [])), corrections)
+    [one] = score(found, cut, Result(vote(cut, chosen, [])), corrections)
     assert one.onset_s == pytest.approx(0.96)  # row 96.5: the first row that reads a sample of row 100

@@ -120,13 +120,13 @@ def test_a_cell_without_a_number_is_an_invalid_sample(written: str, tmp_path: Pa
     config = VoteConfig(default=SETTINGS)
     recording = read(tmp_path / "a.csv", config)
     out = vote(recording, config.signals(recording.signals, ""), [])["x"]
-    assert [(f.channel, f.frame, f.why) for f in out.failures] == [(2, 8, "comparison")]
+    assert [(f.channel, f.frame, f.why) for f in out.failures] == [(2, 8, "invalid")]
     assert (out.voted == 0.1).all() and out.invalid == [0, 30, 0, 0]
 
 
 def test_a_sample_out_of_range_is_invalid(run: Any):
     table, found = run(columns(constant(0, 0.2, 0.1, 5)), {**SETTINGS, "threshold": 9.0, "range": [-1.0, 1.0]})
-    assert failed(found) == {4: (8, "comparison")}
+    assert failed(found) == {4: (8, "invalid")}
     assert found["signals"]["x"]["channels"][3]["invalid_samples"] == 30
     assert found["signals"]["x"]["spread"]["max"] == pytest.approx(0.2)
     assert table["x.voted"][0] == 0.1

@@ -2,14 +2,16 @@
 
 import json
 import re
-import subprocess
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import outside
+import polars as pl
 import pytest
+from browser import visit
 
-from rig.campaign.campaign_page import delay_curves, magnitude_shown, magnitude_unit, report
+from rig.campaign.campaign_page import delay_curves, level_shown, magnitude_shown, magnitude_unit, report
 from rig.campaign.config import from_what
 from rig.campaign.folder import Folder, open_folder
 from rig.campaign.plan import Plan
@@ -192,9 +194,10 @@ def test_a_report_holds_everything_and_asks_for_nothing(folder: Folder, tmp_path
     assert "constructed" in text and "killed by signal 6 (SIGABRT)" in text
     figures = json.loads(re.search(r'id="figures">(.*?)</script>', text, re.DOTALL).group(1))  # type: ignore[union-attr]
     assert set(figures) == {"map-0", "delay-0", "delay-1"}
-    detected, never = figures["map-0"]["data"]
-    assert (detected["x"], detected["z"], detected["text"]) == (["5.73"], [[0.8]], [["24/30"]])  # 0.1 rad/s
-    assert (never["x"], never["text"], never["showscale"]) == (["0.573"], [["(10)"]], False)
+    detected, never, counts = figures["map-0"]["data"]
+    assert detected["x"] == never["x"] == ["0.573", "5.73"]  # 0.01 and 0.1 rad/s
+    assert (detected["z"], never["z"], never["showscale"]) == ([[None, 0.8]], [[0.0, None]], False)
+    assert dict(zip(counts["x"], counts["text"], strict=True)) == {"0.573": "(10)", "5.73": "24/30"}
     assert figures["map-0"]["layout"]["xaxis"]["title"]["text"] == "magnitude, deg/s"
 
 
@@ -232,6 +235,21 @@ def test_a_magnitude_is_shown_with_the_unit_of_its_setting(signal: str, kind: st
     assert (magnitude_shown(0.2, signal, kind), magnitude_unit(signal, kind)) == shown
 
 
+@pytest.mark.parametrize(
+    ("key", "level", "shown"),
+    [
+        ("faults.0.offset", 0.01261914688960386, "0.723 deg/s"),
+        ("faults.0.rate_per_s", 0.2, "11.5 deg/s/s"),
+        ("faults.1.offset", 0.01261914688960386, "0.0126"),  # acted on two signals
+        ("faults.0.start_s", 3.14159, "3.14"),
+        ("flight_point", "20000ft_m06", "20000ft_m06"),
+    ],
+)
+def test_what_varies_is_rounded_and_in_the_unit_of_the_map(key: str, level: float | str, shown: str):
+    acted_on = {"fault": [0, 0, 1, 1], "signal": ["pitch_rate", "pitch_rate", "pitch_rate", "heading"]}
+    assert level_shown(key, level, pl.DataFrame(acted_on)) == shown
+
+
 def test_a_title_cannot_end_the_page(tmp_path: Path):
     rows: Rows = {"runs": [flown(0)], "faults": [], "alarms": [], "episodes": []}
     out = tmp_path / "report.html"
@@ -249,21 +267,30 @@ def test_nothing_flown_is_nothing_to_report(tmp_path: Path):
 
 
 @outside.needs("chromium")
-def test_the_report_opens_in_a_browser_without_a_network_and_its_console_is_silent(folder: Folder, tmp_path: Path):
-    out = tmp_path / "report.html"
-    report(folder, out)
-    flags = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
-    flags += " --disable-component-update --disable-sync --enable-logging=stderr --virtual-time-budget=10000 --dump-dom"
-    flags += " --proxy-server=127.0.0.1:9"  # whatever is asked of a network fails
-    command = [str(outside.chromium()), *flags.split(), f"--user-data-dir={tmp_path / 'profile'}", out.as_uri()]
-    ran = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    said = [
-        line
-        for line in ran.stderr.splitlines()
-        if ":CONSOLE" in line and "chrome://" not in line and "chrome.t" not in line
+@pytest.mark.parametrize("width", [1280, 390])
+def test_in_a_browser_each_count_of_a_map_stands_on_its_cell(tmp_path: Path, width: int):
+    detected = {0.01: None, 0.02: None, 0.1: 1, 0.2: 4, 0.4: 7, 0.8: 10}  # of ten; none could be of the first two
+    faults = [
+        fault(n, size, "undetectable" if count is None else "detected" if n < count else "missed")
+        for size, count in detected.items()
+        for n in range(10)
     ]
-    assert said == []
-    assert ran.stdout.count('class="main-svg"') >= 3  # every figure is drawn
+    rows: Rows = {"runs": [flown(n) for n in range(10)], "faults": faults, "alarms": [], "episodes": []}
+    out = tmp_path / "report.html"
+    report(made(tmp_path / "campaign", rows), out)
+    seen = visit(out, tmp_path, width)
+    assert seen.console == [] and seen.right <= width
+    ticks = seen.of("map-0", "xtick")
+    counts = {
+        min(ticks, key=lambda tick: abs(tick.middle[0] - text.middle[0])).text: text.text
+        for text in seen.of("map-0", "textpoint")
+    }
+    shown = [magnitude_shown(size, "pitch_rate", "offset") for size in detected]
+    assert counts == dict(zip(shown, ["(10)", "(10)", "1/10", "4/10", "7/10", "10/10"], strict=True))
+    middles = {text.text: text.middle[0] for text in ticks}
+    apart = min(b - a for a, b in pairwise(sorted(middles.values())))
+    for text in seen.of("map-0", "textpoint"):
+        assert min(abs(text.middle[0] - x) for x in middles.values()) < 0.25 * apart
 
 
 def test_reply_times_of_a_unit_are_added_up_over_the_runs(tmp_path: Path):

@@ -14,7 +14,7 @@ from rig.cli import complete
 from rig.cli.catalogue import of_file
 from rig.errors import BadInput
 from rig.log.info import overrides
-from rig.log.of_flight import LONGEST_TAG, tag
+from rig.log.of_flight import LONGEST_TAG, named, new_log, tag
 from rig.scenario import find, load
 from rig.util.files import bundled
 
@@ -27,18 +27,33 @@ from rig.util.files import bundled
         (["seed=3", "redundancy.manager=mean"], "manager-mean"),
         (["duration_s=2.5", "faults=[]"], "duration_s-2.5_faults-none"),
         (["redundancy.signals.pitch_rate.persistence=4"], "pitch_rate_persistence-4"),
-        (["title=a/b ../c"], "title-ab..c"),
+        (["faults.0.start_s=1.0", "redundancy.manager=mine:Mid"], "start_s-1_manager-mine_Mid"),
+        (["faults=[{kind='offset', signal='pitch_rate', channels=[1], offset=0.1, start_s=0}]"], "offset-pitch_rate"),
+        ([f"redundancy.box_signals={i}" for i in range(1, 6)], "box_signals-1_box_signals-2_and-3"),
+        ([f"title={'x' * 60}"], f"title-{'x' * 34}"),
+        (["title=a/b ../c"], "title-a_b_c"),
     ],
 )
 def test_a_tag_names_the_overrides(sets, says):
     assert tag(sets) == says
 
 
-def test_long_overrides_end_in_a_hash_that_tells_them_apart():
-    one, other = ([f"sensors.pitch_rate.noise_std={size}", *["redundancy.manager=mean"] * 3] for size in (0.1, 0.2))
-    assert len(tag(one)) <= LONGEST_TAG and len(tag(other)) <= LONGEST_TAG
-    assert tag(one) != tag(other) and tag(one) == tag(list(one))
-    assert tag(["a.b=ééé"]) != tag(["a.b=èèè"])
+def test_logs_of_settings_that_the_name_does_not_tell_apart_are_numbered(tmp_path: Path):
+    flown = load(None, ["duration_s=1"])
+    long = [[f"title={'x' * LONGEST_TAG}{end}"] for end in ("a", "b")]
+    assert tag(long[0]) == tag(long[1])
+    logs = []
+    for each in long:
+        with new_log(tmp_path, "s", flown, "", overrides=each) as writer:
+            logs.append(writer.path.name)
+    assert logs == [f"s_seed1_{tag(long[0])}.mcap", f"s_seed1_{tag(long[0])}_2.mcap"]
+
+
+def test_a_log_of_an_own_aircraft_says_which():
+    assert (
+        named("hardover", "../my_c172") == "my_c172_hardover" and named("my_c172_gust", "../my_c172") == "my_c172_gust"
+    )
+    assert named("mine", "f16") == named("mine", ".") == "mine"
 
 
 def test_overrides_are_told_from_the_file_and_what_was_flown():

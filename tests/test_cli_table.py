@@ -4,9 +4,11 @@ from typing import NamedTuple
 
 import pytest
 
+from rig.cli import table as module
 from rig.cli.common import Align, comma_list, whole_numbers
 from rig.cli.table import Column, columns, counts, field, line, rest, rough_duration, share, table
 from rig.errors import BadInput
+from rig.util.console import Screen
 
 
 class Point(NamedTuple):
@@ -43,6 +45,62 @@ def test_lines_are_text_with_their_label_before_them(capsys: pytest.CaptureFixtu
     line()
     line("y" * 300)
     assert capsys.readouterr().out == f"result   survived: [red]x\\u001b\n\n{'y' * 300}\n"
+
+
+WIDE = (
+    *(Column("name", 0), Column("less", 1, worth=2), Column("least", 2, worth=1), Column("alike", 3, worth=2)),
+    Column("kept", 4),
+)
+ROW = tuple(letter * 10 for letter in "abcde")
+
+
+@pytest.mark.parametrize(
+    ("width", "shown", "gone"),
+    [
+        (60, ["name", "less", "least", "alike", "kept"], ""),
+        (59, ["name", "less", "alike", "kept"], "least"),
+        (47, ["name", "less", "kept"], "least, alike"),
+        (30, ["name", "kept"], "less, least, alike"),
+        (20, ["name", "kept"], "less, least, alike"),
+    ],
+)
+def test_a_narrow_table_is_without_the_columns_that_are_worth_least(width, shown, gone, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", str(width))
+    table([ROW], WIDE)
+    head, *rest = capsys.readouterr().out.splitlines()
+    assert head.split() == shown and max(map(len, (head, rest[0]))) <= max(width, 24)
+    assert ("".join(rest[-1:]).strip() == f"left out at {width} columns, all with --json: {gone}") == bool(gone)
+
+
+def test_long_text_is_folded_at_words_and_loses_nothing(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "50")
+    table([("short", "0.227 deg/s " * 8)], columns("a", "b"))
+    said = capsys.readouterr().out
+    assert said.count("0.227") == 8 and said.count("deg/s") == 8 and max(map(len, said.splitlines())) <= 50
+
+
+class Terminal(Screen):
+    """A terminal of 40 columns."""
+
+    def __init__(self) -> None:
+        super().__init__(width=40)
+        self._force_terminal, self._color_system = True, None
+
+
+def test_on_a_terminal_lines_are_folded_at_words_but_commands_are_not(monkeypatch, capsys):
+    monkeypatch.setattr(module, "console", Terminal)
+    field("peaks", "load factor 0.99 to 1.00 g, altitude off by 0.2 m")
+    line("  a sentence with two spaces before it, folded under itself")
+    field("next", f"rig score {'x' * 40} --allow-code", fold=False)
+    field("log", "y" * 60)
+    assert capsys.readouterr().out.splitlines() == [
+        "peaks    load factor 0.99 to 1.00 g,",
+        "         altitude off by 0.2 m",
+        "  a sentence with two spaces before it,",
+        "  folded under itself",
+        f"next     rig score {'x' * 40} --allow-code",
+        f"log      {'y' * 60}",
+    ]
 
 
 def test_numbers_are_written_for_a_reader():

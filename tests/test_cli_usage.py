@@ -1,8 +1,11 @@
 """A command line that is wrong: one line, as for any other bad input."""
 
+import re
 import sys
+from typing import Any
 
 import pytest
+from typer.main import get_command
 
 from rig.cli import main as cli
 
@@ -26,6 +29,48 @@ def test_a_wrong_command_line_is_one_printable_line(arguments, said, monkeypatch
     assert said in answer
     assert answer.startswith("error: ") and answer.endswith("--help\n")
     assert answer[:-1].isprintable() and len(answer) < 600
+
+
+def test_a_missing_argument_is_named_in_one_sentence(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["rig", "aircraft", "new"])
+    with pytest.raises(SystemExit):
+        cli.main()
+    assert capsys.readouterr().err == "error: Missing argument 'NAME'; see: rig aircraft new --help\n"
+
+
+@pytest.mark.parametrize(
+    "arguments", [["-v", "aircraft", "list"], ["aircraft", "list", "-v"], ["aircraft", "-v", "list"]]
+)
+def test_verbose_may_stand_before_or_after_the_command(arguments, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["rig", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert not ended.value.code and "f16" in capsys.readouterr().out
+
+
+def commands(group, path=()) -> list[tuple[str, ...]]:
+    """Every command of ours."""
+    inside = getattr(group, "commands", None)
+    return [path] if inside is None else [one for name, part in inside.items() for one in commands(part, (*path, name))]
+
+
+ALL = commands(get_command(cli.app))
+
+
+@pytest.mark.parametrize("command", ALL, ids=" ".join)
+def test_help_has_no_types_of_python_and_names_every_value(command, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr(sys, "argv", ["rig", *command, "--help"])
+    with pytest.raises(SystemExit):
+        cli.main()
+    said = capsys.readouterr().out
+    assert re.search(r"<(str|bool|int|float|path|list)|\b(TEXT|INTEGER|FLOAT|PATH)\b", said) is None
+    assert ("--allow-code" in said and "--set names" in said) == ("--allow-code" in said and "KEY=VALUE" in said)
+    group: Any = get_command(cli.app)
+    for name in command:
+        group = group.commands[name]
+    unnamed = [p.opts for p in group.params if p.param_type_name == "option" and not p.is_flag and p.metavar is None]
+    assert unnamed == []
 
 
 def test_a_group_without_a_command_shows_its_help(monkeypatch, capsys):

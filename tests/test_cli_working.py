@@ -1,6 +1,7 @@
 """Progress of commands: on a terminal alone, on standard error; elsewhere one line when kernels are compiled."""
 
 import io
+import signal
 from typing import Any, cast
 
 import numpy as np
@@ -10,6 +11,7 @@ from rich.progress import Progress, Task
 from rig.cli import working as module
 from rig.cli.working import COMPILING, working
 from rig.util.console import Screen
+from rig.util.interrupt import interruptible
 from rig.util.progress import listening, tell
 
 
@@ -73,13 +75,32 @@ def _tasks(terminal: list[Terminal]) -> list[Task]:
     return cast("Progress", live._get_renderable.__self__).tasks  # pyright: ignore
 
 
-def test_in_a_pipe_one_plain_line_says_that_kernels_are_compiled(capsys: pytest.CaptureFixture[str]):
+def test_in_a_pipe_one_plain_line_says_that_kernels_are_compiled_when_it_takes_a_while(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
     with working("starting"):
-        tell("flying", 1, 2)
         compiled("two")
         compiled("three")
+    assert capsys.readouterr() == ("", "")  # a moment is not worth a line
+    monkeypatch.setattr(module, "PATIENCE_S", 0.0)
+    with working("starting"):
+        tell("flying", 1, 2)
+        compiled("four")
+        compiled("five")
+        compiled("six")
     said = capsys.readouterr()
     assert said.out == "" and said.err == f"{COMPILING}\n"
+
+
+def test_a_signal_ends_a_compilation_although_a_flight_would_only_be_asked_to_end(monkeypatch: pytest.MonkeyPatch):
+    pressed = lambda self, count: signal.raise_signal(signal.SIGTERM)  # noqa: E731 # while a kernel is compiled
+    monkeypatch.setattr(module._Line, "here", pressed)
+    with interruptible() as stop:
+        before = signal.getsignal(signal.SIGTERM)
+        with pytest.raises(SystemExit) as end, working("starting"):
+            compiled("seven")
+        assert end.value.code == 143 and not stop.requested
+        assert signal.getsignal(signal.SIGTERM) is before
 
 
 def test_in_a_pipe_nothing_is_said_when_nothing_is_compiled(capsys: pytest.CaptureFixture[str]):
@@ -91,7 +112,7 @@ def test_in_a_pipe_nothing_is_said_when_nothing_is_compiled(capsys: pytest.Captu
 def test_where_one_json_object_is_asked_for_nothing_is_said(capsys: pytest.CaptureFixture[str]):
     with working("starting", enabled=False):
         tell("flying", 1, 2)
-        compiled("four")
+        compiled("eight")
     assert capsys.readouterr() == ("", "")
 
 

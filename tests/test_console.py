@@ -53,8 +53,11 @@ def test_a_style_is_asked_for_by_name_and_not_by_the_text(terminal: Screen):
     assert printed(terminal, styled("a ", ("[red]", "bold"), " b")) == "a \x1b[1m[red]\x1b[0m b\n"
 
 
-def test_lines_in_a_pipe_are_not_folded_at_the_terminals_width():
-    assert console().width == 240 or console().is_terminal
+def test_a_pipe_is_as_wide_as_columns_says(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.delenv("COLUMNS", raising=False)
+    assert console().width == 120 or console().is_terminal
+    monkeypatch.setenv("COLUMNS", "77")
+    assert console().width == 77
 
 
 def command(

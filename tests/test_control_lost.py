@@ -10,9 +10,9 @@ from interpreted import printed
 from test_control_flight import AIRCRAFT, DEGREE, NOISE, RATE_HZ, flight, sizes, truth
 
 from rig.computer.control import backup, gains
-from rig.computer.control.autopilot import Config, Control
+from rig.computer.control.autopilot import PARAM, Config, Control
 from rig.computer.control.source import put
-from rig.computer.control.state import PARAM, STATE
+from rig.computer.control.state import STATE
 from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, SIGNALS, Block, Law, S, Source, new_block
 from rig.plant import airframe, wind
 from rig.plant.jsbsim import Plant

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,9 +10,11 @@ import pytest
 from test_control_autopilot import ENGAGED, fly, level_flight
 
 from rig.computer.control.autopilot import Config
+from rig.computer.control.modes import LATERAL, LAWS, SPEED, VERTICAL, Mode
 from rig.frame import COMMANDS, DEMANDS, DISCRETE_INDEX, INDEX, Block
 from rig.units.constants import GRAVITY
 
+ROOT = Path(__file__).parents[1]
 WHEELS, GEAR = DISCRETE_INDEX["weight_on_wheels"], DISCRETE_INDEX["gear_down"]
 INTEGRALS = [f"{name}_integral" for name in ("elevator", "aileron", "rudder", "throttle", "altitude")]
 
@@ -141,3 +144,17 @@ def test_the_backup_laws_integrator_stands_still_too():
         shorter = block[:100].copy()
         moved.append(integrals(block)[0] - integrals(shorter)[0])
     assert moved[0] != 0.0 and moved[1] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("key", "modes"), [("vertical", VERTICAL), ("lateral", LATERAL), ("speed", SPEED), ("law", LAWS)]
+)
+def test_every_mode_can_be_chosen_is_bounded_by_settings_and_stands_in_the_docs(key: str, modes: tuple[Mode, ...]):
+    page = (ROOT / "docs" / "control.md").read_text()
+    for mode in modes:
+        assert getattr(Config.model_validate({key: mode.name}), key) == mode.name
+        assert set(mode.limits) <= Config.model_fields.keys()
+        limits = ", ".join(f"`{limit}`" for limit in mode.limits)
+        assert f'| `{key} = "{mode.name}"` | {mode.description} | {limits} |' in page
+    with pytest.raises(ValueError, match=" or ".join(repr(mode.name) for mode in modes[-2:])):
+        Config.model_validate({key: "level"})

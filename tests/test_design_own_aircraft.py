@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import tomllib
 from itertools import pairwise
@@ -16,16 +17,20 @@ from rig import aircraft
 from rig.cli import aircraft as aircraft_commands
 from rig.cli import main as cli
 from rig.cli import show_aircraft
+from rig.computer.analytic import designed as designed_references
 from rig.computer.control import gains as gains_file
-from rig.computer.control.gains import Margin
-from rig.design import backup, new_aircraft, propose, references, requirements
+from rig.computer.control.gains import Gains, Margin
+from rig.design import backup, first_design, new_aircraft, propose, references, requirements
 from rig.design import gains as design_gains
 from rig.design.check import check
 from rig.design.requirements import Requirements, short_of
-from rig.errors import BadInput, RigError
+from rig.errors import BadInput, PointFault, RigError
 from rig.plant import airframe, base_model, linearise
-from rig.plant.airframe import flight_point_at
-from rig.plant.loading import load
+from rig.plant.airframe import FlightPoint, flight_point_at
+from rig.plant.level import evaluate
+from rig.plant.loading import load, mass_kg
+from rig.units.atmosphere import density, speed_of_sound
+from rig.units.constants import GRAVITY
 
 BUNDLED = Path(__file__).parents[1] / "aircraft"
 
@@ -67,15 +72,193 @@ def test_what_the_replaced_flight_control_moved_is_declared():
     assert (kind, table["throttle"]["full_position"]) == ("fighter", 2.0)
 
 
-def test_a_constant_speed_propeller_is_held_at_one_blade_angle():
-    table, _ = propose.airframe_table(base_model.read("c310"))
-    assert table["held"]["propulsion/engine[1]/blade-angle"] == pytest.approx(11 + 0.375 * (27 - 11))
-    assert table["held"]["propulsion/engine[1]/constant-speed-mode"] == 0.0
+def test_a_governed_propeller_turns_at_seven_tenths_of_its_way_from_least_to_most():
+    """p51d: 756 to 1260 a minute."""
+    made = new_aircraft.propose("mine", "p51d", new_aircraft.Answers(), [(2438.4, 0.3)], 1)
+    fdm = load(made.airframe, made.found[0].point, 0.01)
+    assert fdm["propulsion/engine/propeller-rpm"] == pytest.approx(756 + 0.7 * (1260 - 756), rel=1e-6)
 
 
-def test_a_model_that_trims_nowhere_says_where_it_was_tried():
-    with pytest.raises(BadInput, match=r"X15: no level trim .* at \d+ points up to 9144 m at Mach .* --point"):
-        new_aircraft.propose("mine", "X15", new_aircraft.Answers(), [], 2)
+# A trainer, a warbird, a tail-dragger, thrust vectoring, an airliner with afterburners, turboprops, two jets.
+FLOWN = ("c172p", "pa28", "p51d", "dr1", "f22", "Concorde", "pc7", "pogo-jsbsim", "T38", "t6texan2")
+
+
+@pytest.mark.parametrize("base", FLOWN)
+def test_a_model_of_every_kind_trims_by_default_and_flies_level_hands_off(base: str):
+    made = new_aircraft.propose("mine", base, new_aircraft.Answers(), [], 1)
+    fdm = load(made.airframe, made.found[0].point, 0.01)
+    speed, height = fdm["velocities/vt-fps"], fdm["position/h-sl-ft"]
+    for _ in range(300):
+        fdm.run()
+    assert fdm["velocities/vt-fps"] == pytest.approx(speed, abs=0.1)
+    assert fdm["position/h-sl-ft"] == pytest.approx(height, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("base", "says"),
+    [
+        ("X15", r"throttle at its stop in (\d+) of \1 points \(.*Mach .*\); try .* --point ALTITUDE_M:MACH"),
+        ("C130", r"throttle at its stop in (\d+) of \1 points"),
+        ("x24b", r"stall: angle of attack at its limit in \d+ of \d+ points"),
+    ],
+)
+def test_a_model_that_trims_nowhere_says_what_stands_in_the_way_and_what_to_try(base: str, says: str):
+    with pytest.raises(BadInput, match=says):
+        new_aircraft.propose("mine", base, new_aircraft.Answers(), [], 2)
+
+
+def test_a_point_of_ones_own_that_does_not_trim_says_how_much_thrust_is_there():
+    with pytest.raises(BadInput, match=r"Mach 0.23\): throttle at its stop: full throttle gives \d\d% of the thrust"):
+        new_aircraft.propose("mine", "c172p", new_aircraft.Answers(), [(1500.0, 0.23)], 2)
+
+
+def test_points_leave_room_for_the_pull_up_of_the_healthy_flights():
+    """A fighter pulls 1 + 0.21 x 9 g: at most a lift coefficient of 1.25 there."""
+    made = new_aircraft.propose("mine", "f22", new_aircraft.Answers(), [], 2)
+    weight = mass_kg(made.airframe, made.found[0].point) * GRAVITY
+    lifts = [weight / (each.trim.dynamic_pressure_pa * made.base.wing_area_m2) for each in made.found]
+    assert max(lifts) * (1 + 0.21 * 9) < 1.3
+
+
+@pytest.fixture
+def quick_gains(monkeypatch: pytest.MonkeyPatch) -> Gains:
+    """The gains of a bundled aircraft in place of every design, and its references."""
+    gains = gains_file.read(BUNDLED / "f16" / "gains.toml")
+
+    def design(plane: airframe.Config) -> Gains:
+        at = plane.flight_points[0]
+        pressure = 0.5 * density(at.altitude_m) * (at.mach * speed_of_sound(at.altitude_m)) ** 2
+        point = gains.points[0].model_copy(update={"name": at.name, "dynamic_pressure_pa": pressure})
+        return gains.model_copy(update={"points": [point]})
+
+    monkeypatch.setattr(first_design, "design", design)
+    monkeypatch.setattr(first_design.references, "design", lambda *_: None)
+    return gains
+
+
+@pytest.mark.usefixtures("quick_gains")
+def test_a_point_at_which_the_aircraft_is_lost_gives_way_to_another(
+    proposed: new_aircraft.NewAircraft, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    (tmp_path / "mine").mkdir()
+    first = proposed.found[0].point.name
+
+    def try_out(name: str, gains: Gains, point: FlightPoint) -> None:
+        if point.name == first:
+            raise PointFault("mine: lost", first)
+
+    monkeypatch.setattr(first_design.references, "try_out", try_out)
+    made, *_ = first_design.designed(proposed, tmp_path / "mine")
+    assert made.found and first not in [each.point.name for each in made.found]
+    assert [fault.point for fault in made.left_out] == [first]
+    assert airframe.read(tmp_path / "mine" / "aircraft.toml") == made.airframe
+
+
+@pytest.mark.usefixtures("quick_gains")
+def test_a_second_point_for_which_nothing_serves_is_done_without(
+    proposed: new_aircraft.NewAircraft, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    (tmp_path / "mine").mkdir()
+    first = proposed.found[0].point.name
+
+    def try_out(name: str, gains: Gains, point: FlightPoint) -> None:
+        if point.name != first:
+            raise PointFault("mine: lost", point.name)
+
+    monkeypatch.setattr(first_design.references, "try_out", try_out)
+    made, gains, _ = first_design.designed(proposed, tmp_path / "mine")
+    assert [each.point.name for each in made.found] == [first] and len(gains.points) == 1
+
+
+@pytest.mark.usefixtures("quick_gains")
+def test_a_point_that_is_lost_while_the_references_are_measured_gives_way_too(
+    proposed: new_aircraft.NewAircraft, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    (tmp_path / "mine").mkdir()
+    last = proposed.found[-1].point.name
+
+    def measure(name: str, gains: Gains) -> None:
+        if last in (tmp_path / "mine" / "aircraft.toml").read_text():
+            raise PointFault("mine: lost", last)
+
+    monkeypatch.setattr(first_design.references, "try_out", lambda *_: None)
+    monkeypatch.setattr(first_design.references, "design", measure)
+    made, *_ = first_design.designed(proposed, tmp_path / "mine")
+    assert made.found and last not in [each.point.name for each in made.found]
+
+
+def test_the_angle_of_attack_is_limited_where_full_elevator_no_longer_pitches_down():
+    """f22, its nozzles fixed: by its tables from 0.49 rad; 35 deg is what a fighter is assumed to have."""
+    made = new_aircraft.propose("mine", "f22", new_aircraft.Answers(), [(9144.0, 0.69)], 1)
+    limit = made.airframe.limits.angle_of_attack_max_rad
+    fdm = load(made.airframe, made.found[0].point, 0.01)
+
+    def pitches(alpha: float) -> float:
+        fdm["ic/alpha-rad"], fdm["fcs/elevator-cmd-norm"] = alpha, made.airframe.elevator.max_rad
+        evaluate(fdm)
+        return fdm["accelerations/qdot-rad_sec2"]
+
+    assert pitches(limit) < 0.0 < pitches(limit / 0.7 + 0.01)
+    assert "from which full elevator no longer pitches" in new_aircraft.render(made)
+    other = new_aircraft.propose("mine", "f15", new_aircraft.Answers(), [(9144.0, 0.7)], 1)
+    assert other.airframe.limits.angle_of_attack_max_rad == 0.61
+
+
+def test_when_no_point_serves_each_is_named_with_its_fault(
+    proposed: new_aircraft.NewAircraft, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def no_design(plane: airframe.Config) -> None:
+        raise PointFault(f"lost at {plane.flight_points[0].name}", plane.flight_points[0].name)
+
+    (tmp_path / "mine").mkdir()
+    monkeypatch.setattr(first_design, "design", no_design)
+    with pytest.raises(BadInput, match=r"no flight point serves: lost at 8000ft_m\w+; lost at .*--point"):
+        first_design.designed(proposed, tmp_path / "mine")
+
+
+@pytest.mark.parametrize("coefficient", ["side_slope_1_pa", "lift_slope_1_pa"])
+def test_a_coefficient_that_references_cannot_work_with_is_named_with_its_flight_point(coefficient: str):
+    fixed = dict.fromkeys(designed_references.COLUMNS[:7], 1.0) | {"dynamic_pressure_pa": 1e3, "side_slope_1_pa": -1.0}
+    fixed[coefficient] *= -1.0
+    with pytest.raises(PointFault, match=rf"references of any: {coefficient}: input should be") as fault:
+        references._point(POINT, fixed, 0.1)
+    assert fault.value.point == "any"
+
+
+def test_where_the_rudders_force_hides_the_sideslips_the_references_take_the_bodys():
+    """pa28: with the rudder that holds it, sideslip pushes the other way; Y_beta V / (g q_bar) is left."""
+    made = new_aircraft.propose("mine", "pa28", new_aircraft.Answers(), [(2438.4, 0.18)], 1)
+    linear = linearise.linearise(made.airframe, made.found[0].point)
+    found = references.coefficients(linear)
+    body = linear.lateral_a[0, 0] * linear.trim.airspeed_m_s / GRAVITY / linear.trim.dynamic_pressure_pa
+    assert found["side_slope_1_pa"] == pytest.approx(body, rel=1e-5)
+    assert (found["roll_arm_m"], found["yaw_arm_m"]) == (0.0, 0.0)
+
+
+def test_a_failed_design_leaves_no_folder_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    def lost(*_: object) -> None:
+        raise PointFault("mine 8000ft_m018: lost", "8000ft_m018")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(first_design, "designed", lost)
+    assert command("aircraft", "new", "mine", "--base", "c172x", "--points", "1") == 2
+    assert "mine 8000ft_m018: lost" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_scenario_and_so_its_log_are_named_by_the_aircraft(proposed: new_aircraft.NewAircraft, tmp_path: Path):
+    new_aircraft.write(proposed, tmp_path / "mine")
+    assert {path.name for path in (tmp_path / "mine").iterdir()} == {"aircraft.toml", "mine_hardover.toml"}
+
+
+def test_a_normalised_position_is_told_in_norm_and_moves_by_the_assumed_rate():
+    """T38 reads the elevator's share of full deflection, taken as 0.35 rad: 60 deg/s are 2.99 norm/s."""
+    made = new_aircraft.propose("mine", "T38", new_aircraft.Answers(), [(6096.0, 0.6)], 1)
+    assert made.airframe.elevator.rate_limit_rad_s == pytest.approx(1.047 / 0.35, abs=1e-3)
+    text = new_aircraft.render(made)
+    assert "norm and norm/s here" in text and re.search(r"elevator [+-]0\.\d{3} norm,", text)
 
 
 def test_the_written_file_reads_back_as_what_was_proposed(proposed: new_aircraft.NewAircraft, tmp_path: Path):
@@ -201,7 +384,7 @@ def test_c172x_is_made_accepted_and_flown_from_the_users_folder(tmp_path: Path, 
     assert aircraft.own_names() == ["mine"]
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
-    flight = rig.fly(tmp_path / "mine" / "hardover.toml", overrides=["duration_s=25"], out=tmp_path / "logs")
+    flight = rig.fly(tmp_path / "mine" / "mine_hardover.toml", overrides=["duration_s=25"], out=tmp_path / "logs")
     assert flight.survived and flight.failed == {"pitch_rate": [3]}
     assert "gains_below_requirement" not in flight.summary()
 

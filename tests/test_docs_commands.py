@@ -23,19 +23,13 @@ TUTORIALS = ("first-flight", "own-scenario", "own-voter", "own-unit", "own-aircr
 PAGES = [README, *(ROOT / "docs" / "tutorials" / f"{name}.md" for name in (*TUTORIALS, "reliability"))]
 # How a command begins: why it is only parsed here, by its --help.
 PARSED = {
-    "rig aircraft design": "minutes of design, tests/test_design_*.py",
     "rig aircraft new": "minutes of design, tests/test_design_own_aircraft.py",
     "rig aircraft check": "needs what `rig aircraft new` made, or linearises for 20 s; tests/test_design_margins.py",
     "rig fly my_c172/": "needs what `rig aircraft new` made",
-    "rig bench": "takes a minute, tests/test_flight_frame_cost.py",
     "rig campaign run reliability": "2640 flights, tests/test_reliability_run.py",
-    "rig fly --rerun": "serves until Ctrl-C, tests/test_cli_serve.py",
-    "rig fly --watch": "draws on a terminal, tests/test_view_watch.py",
     "rig reliability run": "needs the campaign `reliability`, tests/test_reliability_run.py",
     "rig reliability trials": "needs hours, tests/test_reliability_trials.py",
-    "rig study": "minutes, tests/test_studies_*.py",
     "rig view": "a window or a picture, tests/test_view_*.py",
-    "rig watch": "plays on a terminal, tests/test_view_watch.py",
 }
 OTHERS = {  # not commands of ours
     "make fly": "`rig fly`, after setup",

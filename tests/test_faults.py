@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from one_stage import step_stage
 from pydantic import TypeAdapter, ValidationError
 
 from rig.faults import Fault, Faults
@@ -17,7 +18,7 @@ def corrupted(*faults: dict, healthy: float = 0.25, frames: int = 40, ilm: int =
     block["channels"], block["valid"], block["ilm"] = healthy, 1, ilm
     stage = Faults([PARSE.validate_python({**BASE, **fault}) for fault in faults], RANGES, RATE)
     for k in range(frames):
-        stage.step(block, k)
+        step_stage(stage, block, k)
     return block
 
 

@@ -12,7 +12,7 @@ from interpreted import printed
 from rig import scenario
 from rig.errors import BadInput
 from rig.flight.recorder import event_finder
-from rig.frame import FLIGHT_INDEX, INDEX, Block, Lie, Trust
+from rig.frame import FLIGHT_INDEX, INDEX, Block, SensorFault, Trust
 from rig.loop import Rig, frames
 from rig.record.events import EventFinder
 
@@ -59,7 +59,7 @@ def test_without_a_fault_it_flies_as_the_plain_law_does_bit_for_bit(aircraft: st
     tolerant, plain = flown(aircraft=aircraft), flown(aircraft=aircraft, law="autopilot")
     for field in ("truth", "voted", "command", "surface", "law"):
         assert tolerant[field].tobytes() == plain[field].tobytes(), field
-    assert (tolerant["trust"] == Trust.TRUSTED).all() and (tolerant["lie"] == Lie.NONE).all()
+    assert (tolerant["trust"] == Trust.TRUSTED).all() and (tolerant["lie"] == SensorFault.NONE).all()
     assert (plain["trust"] == Trust.NONE).all() and not plain["estimate"].any()
 
 
@@ -104,8 +104,8 @@ def test_the_plain_law_holds_twice_the_angle():
 def test_effectiveness_and_offset_are_told_apart_once_the_flight_pitches():
     scaled, shifted = flown(HALF, aircraft="b747"), flown(fault("offset", offset=0.05), aircraft="b747")
     before = slice(FAULT_FRAME + 10, 2900)
-    assert (scaled["lie"][before] == Lie.UNDETERMINED).all()
-    assert scaled["lie"][-1] == Lie.EFFECTIVENESS and shifted["lie"][-1] == Lie.OFFSET
+    assert (scaled["lie"][before] == SensorFault.UNDETERMINED).all()
+    assert scaled["lie"][-1] == SensorFault.EFFECTIVENESS and shifted["lie"][-1] == SensorFault.OFFSET
     assert scaled["estimate"][-1, 1] == pytest.approx(0.5, abs=0.1)
     assert shifted["estimate"][-1, 2] == pytest.approx(0.05, abs=0.01)
 
@@ -139,8 +139,8 @@ def test_with_biased_gyros_it_flies_as_the_plain_law_does_bit_for_bit(aircraft: 
     lie = fault("offset", signal='"pitch_rate"', offset=bias, channels=channels)
     rows, plain = flown(lie, aircraft=aircraft), flown(lie, aircraft=aircraft, law="autopilot")
     assert rows["actuator"].tobytes() == plain["actuator"].tobytes()
-    assert 0 < np.flatnonzero(rows["lie"] == Lie.RATE_BIAS)[0] - FAULT_FRAME < 300
-    assert (rows["trust"] == Trust.TRUSTED).all() and set(rows["lie"]) == {Lie.NONE, Lie.RATE_BIAS}
+    assert 0 < np.flatnonzero(rows["lie"] == SensorFault.RATE_BIAS)[0] - FAULT_FRAME < 300
+    assert (rows["trust"] == Trust.TRUSTED).all() and set(rows["lie"]) == {SensorFault.NONE, SensorFault.RATE_BIAS}
 
 
 @pytest.mark.requirement("fault-tolerant", "rates, bank angle or heading halved: not the sensor")
@@ -148,7 +148,7 @@ def test_with_biased_gyros_it_flies_as_the_plain_law_does_bit_for_bit(aircraft: 
 def test_what_it_integrates_may_be_halved_in_a_turn_and_is_not_blamed_on_the_sensor(signal: str):
     turn = 'pilot={manoeuvres=[{kind="hold",axis="heading",start_s=15.0,duration_s=20.0,amplitude=0.5}]}'
     rows = flown(fault("scale", signal=f'"{signal}"', factor=0.5), turn)
-    assert (rows["trust"] == Trust.TRUSTED).all() and set(rows["lie"]) <= {Lie.NONE, Lie.RATE_BIAS}
+    assert (rows["trust"] == Trust.TRUSTED).all() and set(rows["lie"]) <= {SensorFault.NONE, SensorFault.RATE_BIAS}
 
 
 def test_a_unit_that_runs_away_changes_nothing():

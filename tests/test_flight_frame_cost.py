@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from rig import scenario
+from rig.computer.redundancy.managers import vote_signals
 from rig.computer.redundancy.own import OwnManager
 from rig.flight.frame_cost import pieces
 from rig.frame import Block, nested, new_block
@@ -57,7 +58,9 @@ def in_stretches(rig: Rig):
 
 def around_ours(rig: Rig):
     """Our own manager in the place of a user's."""
-    think = bind_computer(rig.data, OwnManager("ours", rig.redundancy.manager.vote))
+    ours = rig.redundancy.manager.data
+    own = OwnManager("ours", lambda bus, fcc, k, frame: vote_signals(bus[k], fcc[k], ours), ours.params["fitted"])
+    think = bind_computer(rig.data, own)
     return lambda rows, k: think(rows, k, rig.data)
 
 

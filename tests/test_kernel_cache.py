@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from rig.kernel_cache import reach
+from rig.kernel_locks import give_all_back, give_back, take
 
 _MODULE = """
 from rig.kernels import kernel
@@ -97,6 +98,64 @@ def test_a_file_that_is_cut_short_is_compiled_again(tmp_path: Path):
         path.write_bytes(path.read_bytes()[:100])
     assert _run(tmp_path) == ([3.0, 3.0], {"apart"})
     assert _run(tmp_path) == ([3.0, 3.0], set())
+
+
+def test_of_processes_that_need_the_same_kernels_each_is_compiled_by_one(tmp_path: Path):
+    (tmp_path / "module.py").write_text(_MODULE)
+    (tmp_path / "helper.py").write_text(_HELPER)
+    env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    env.pop("NUMBA_DISABLE_JIT", None)
+    command = [sys.executable, "-c", _RUN, str(tmp_path)]
+    begun = [subprocess.Popen(command, env=env, stdout=subprocess.PIPE) for _ in range(3)]
+    said = [json.loads(process.communicate(timeout=300)[0]) for process in begun]
+    assert [results for results, _ in said] == [[3.0, 3.0]] * 3
+    assert sorted(name for _, compiled in said for name in compiled) == ["apart", "inner", "other", "outer"]
+
+
+def test_python_may_call_a_kernel_that_another_has_had_compiled(tmp_path: Path):
+    calls = "import module, helper; print(module.outer(1.0), helper.inner(1.0), helper.inner(2), module.outer(2.0))"
+    for _ in range(2):  # compiled, then loaded
+        _run(tmp_path)
+        env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+        said = subprocess.run([sys.executable, "-c", calls], env=env, capture_output=True, check=True, text=True)
+        assert said.stdout.split() == ["3.0", "4.0", "8.0", "8.0"]
+
+
+def test_a_lock_excludes_another_process_and_ends_with_its_own_however_that_ends(tmp_path: Path):
+    code = "import sys; from pathlib import Path; from rig.kernel_locks import take; "
+    code += "print(take(Path(sys.argv[1]), sys.argv[2], wait=False), flush=True); input()"
+
+    def other(name: str) -> tuple[bool, subprocess.Popen[bytes]]:
+        command = [sys.executable, "-c", code, str(tmp_path), name]
+        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        assert process.stdout is not None
+        return process.stdout.readline() == b"True\n", process
+
+    taken, process = other("one")
+    assert taken and not take(tmp_path, "one", wait=False) and take(tmp_path, "two", wait=False)
+    process.kill()
+    process.communicate()
+    assert take(tmp_path, "one")
+    for name, free in (("one", False), ("two", False), ("three", True)):
+        taken, process = other(name)
+        process.communicate(b"\n")
+        assert taken == free
+    give_back("one")
+    taken, process = other("one")
+    process.communicate(b"\n")
+    assert taken
+    give_all_back()
+
+
+def test_what_does_not_compile_keeps_nobody_waiting(tmp_path: Path):
+    bad = _MODULE.replace("x * 3.0", "x * 3.0 + len([x])")
+    (tmp_path / "module.py").write_text(bad)
+    (tmp_path / "helper.py").write_text(_HELPER)
+    code = "import module\ntry:\n    module.apart(1.0)\nexcept Exception: pass\n"
+    code += "from rig.kernel_locks import _held\nprint(len(_held))"
+    env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+    said = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, check=True, text=True)
+    assert said.stdout == "0\n"
 
 
 @pytest.mark.parametrize("constant", [1, 1.0, "one", (1, 2.0), None])

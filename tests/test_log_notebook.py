@@ -37,9 +37,9 @@ def test_the_table_is_the_one_of_rig_export(flight: rig.Flight, tmp_path: Path):
 def test_a_plot_follows_the_vote_and_not_the_hardover(flight: rig.Flight):
     (axes,) = flight.plot("pitch_rate").axes
     labels = [line.get_label() for line in axes.get_lines()]
-    assert labels == ["channel 1", "channel 2", "channel 3", "channel 4", "vote", "truth"]
+    assert labels == ["vote", "truth", "channel 1", "channel 2", "channel 3", "channel 4"]
     assert axes.get_ylabel() == "pitch_rate, deg/s" and axes.get_ylim()[1] < 10.0
-    assert np.max(np.asarray(axes.get_lines()[2].get_ydata())) == pytest.approx(np.degrees(1.5))
+    assert np.max(np.asarray(axes.get_lines()[4].get_ydata())) == pytest.approx(np.degrees(1.5))
     with pytest.raises(KeyError, match="unknown signal"):
         flight.plot("pich_rate")
 

@@ -2,8 +2,10 @@
 
 tests/logs/flight_schema_2.mcap: the default scenario, seed 3, 0.6 s, the hardover at 0.2 s, flown by version 0.1.0;
 vote_schema_2.mcap: its pitch rate through ``rig vote`` of that version, threshold 0.05.
+flight_schema_4.mcap: the same flight for 0.4 s, by the last version that wrote a chunk frame by frame.
 """
 
+import json
 import shutil
 from pathlib import Path
 from typing import Any
@@ -16,7 +18,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from rig.cli import main as cli
 from rig.errors import BadLog
-from rig.frame import DISCRETES, INDEX, SIGNALS, Ilm, State, Trust, Unit
+from rig.frame import DISCRETES, INDEX, SIGNALS, Ilm, State, Trust, UnitStatus
 from rig.log import read_log, recover, schema
 from rig.log.columns import COLUMNS
 from rig.recordings.flown import recorded
@@ -24,6 +26,7 @@ from rig.recordings.own_logs import read_ours
 from rig.replay.vote_again import vote_again
 
 LOGS = Path(__file__).parent / "logs"
+ROWWISE = LOGS / "flight_schema_4.mcap"
 FLOWN, VOTED = LOGS / "flight_schema_2.mcap", LOGS / "vote_schema_2.mcap"
 NEW = {"second_reference", "common_mode", "reset", "unit", "unit_age"}  # names in messages that schema 2 lacks
 FORCES = {f"specific_force_{axis}_m_s2" for axis in ("forward", "right", "down")}
@@ -78,7 +81,7 @@ def test_what_it_does_not_say_is_no_number_and_a_discrete_without_a_monitor():
     assert np.isnan(rows["second_reference"]).all() and np.isnan(rows["inertial"][:, 6:]).all()
     assert np.isnan(rows["flight"][:, -3:]).all() and np.isfinite(rows["flight"][:, :-3]).all()
     assert (rows["discrete_valid"] == 1).all() and (rows["discrete_ilm"] == Ilm.ABSENT).all()
-    assert not rows["reset"].any() and (rows["unit"] == Unit.NONE).all() and not rows["common_mode"].any()
+    assert not rows["reset"].any() and (rows["unit"] == UnitStatus.NONE).all() and not rows["common_mode"].any()
     assert (log.timing["reply_us"] == 0).all() and (log.timing["frame_us"] > 0).all()
 
 
@@ -98,7 +101,7 @@ def test_the_commands_work_on_it(run: Any, tmp_path: Path):
     assert code in (0, 1) and "8 different" in out  # references that version did not have
     code, out, _ = run("score", log)
     assert code == 0 and "detected" in out
-    assert run("report", log)[0] == 0 and "schema 2 (this rig writes 4)" in log.with_suffix(".html").read_text()
+    assert run("report", log)[0] == 0 and "schema 2 (this rig writes 5)" in log.with_suffix(".html").read_text()
     assert run("export", log, "--to", "npz")[0] == 0
     assert run("view", log, "--save", tmp_path / "a.rrd")[0] == 0 and (tmp_path / "a.rrd").stat().st_size > 10_000
     assert run("replay", log, "--set", "redundancy.signals.pitch_rate.persistence=4")[0] in (0, 1)
@@ -107,9 +110,31 @@ def test_the_commands_work_on_it(run: Any, tmp_path: Path):
 def test_a_cut_one_is_said_to_be_mended_by_its_own_version(tmp_path: Path):
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(FLOWN.read_bytes()[:-100])
-    with pytest.raises(BadLog, match="schema version 2; only logs of version 4 are mended"):
+    with pytest.raises(BadLog, match="schema version 2; logs are mended from version 4 on"):
         recover(cut, tmp_path / "mended.mcap")
     assert not (tmp_path / "mended.mcap").exists()
+
+
+def test_a_log_frame_by_frame_is_read_replayed_and_counted(run: Any, tmp_path: Path):
+    log = Path(shutil.copy(ROWWISE, tmp_path))
+    rows = read_log(log).rows
+    assert rows["frame"].tolist() == list(range(40)) and rows["state"][-1, INDEX["pitch_rate"], 2] == State.FAILED
+    with log.open("rb") as file:
+        decoded = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages("/signal/pitch_rate")
+        assert [message.voted for _, _, _, message in decoded] == rows["voted"][:, INDEX["pitch_rate"]].tolist()
+    assert run("replay", log)[0] == 0
+    code, out, _ = run("info", log, "--json")
+    topics = json.loads(out)["topics"]
+    assert code == 0 and topics["/flight"] == topics["/pose"] == 40
+
+
+def test_a_cut_log_frame_by_frame_is_mended(tmp_path: Path):
+    (tmp_path / "cut.mcap").write_bytes(ROWWISE.read_bytes()[:-100])
+    assert recover(tmp_path / "cut.mcap", tmp_path / "mended.mcap").frames == 40
+    assert read_log(tmp_path / "mended.mcap").rows.tobytes() == read_log(ROWWISE).rows.tobytes()
+    with (tmp_path / "mended.mcap").open("rb") as file:
+        poses = list(make_reader(file, validate_crcs=True).iter_messages("/pose"))
+    assert [message.sequence for _, _, message in poses] == list(range(40))
 
 
 def test_what_rig_vote_wrote_is_voted_again():

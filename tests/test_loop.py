@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 from interpreted import printed
+from one_stage import step_stage
 
 from rig import loop, scenario
 from rig.computer.redundancy import conclude, refer, vote_signals
+from rig.faults import actuate, corrupt_reference
 from rig.frame import INDEX, End, nested, new_block
 from rig.loop import Rig, frames
 
@@ -45,21 +47,21 @@ def test_truth_never_reaches_redundancy_or_control():
         rig.prepare(block)
         for k in range(len(block)):
             assert rig.plant.read(block, k) == 0
-            rig.sensors.step(block, k)
-            rig.inertial.step(block, k)
-            rig.faults.step(block, k)
+            step_stage(rig.sensors, block, k)
+            step_stage(rig.inertial, block, k)
+            step_stage(rig.faults, block, k)
             kept = block["truth"][k].copy(), block["flight"][k].copy(), block["discrete_truth"][k].copy()
             if rig is blind:
                 block["truth"][k], block["flight"][k], block["discrete_truth"][k] = np.nan, np.nan, 77
             row, data = nested(block)[k], rig.data.redundancy
             refer(row["bus"], row["fcc"], data.references)
-            rig.faults.refer(block, k)
+            corrupt_reference(row, k, rig.faults.data)
             vote_signals(row["bus"], row["fcc"], data.manager)
             conclude(row["bus"], row["fcc"], data)
             rig.control.step(block, k)
             block["truth"][k], block["flight"][k], block["discrete_truth"][k] = kept
             block["actuator"][k] = block["surface"][k]
-            rig.faults.actuate(block, k)
+            actuate(row, rig.faults.data)
             rig.plant.step(block, k)
     assert same(a, b)
 
@@ -119,8 +121,8 @@ class Frames:
     def __init__(self) -> None:
         self.numbers: list[int] = []
 
-    def record(self, rows: np.ndarray, timing: np.ndarray) -> None:
-        assert len(rows) == len(timing)
+    def record(self, rows: np.ndarray, timing: np.ndarray, lanes: np.ndarray | None = None) -> None:
+        assert len(rows) == len(timing) and lanes is None
         self.numbers += rows["frame"].tolist()
 
 

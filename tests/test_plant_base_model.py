@@ -62,10 +62,15 @@ def test_rad_comes_before_other_units_and_left_before_right():
     assert base_model.position("x", "aileron", reads) == "fcs/left-aileron-pos-rad"
 
 
-def test_propellers_up_to_the_commuter_limit_are_light():
+def test_aircraft_up_to_the_commuter_limit_are_light():
     assert base_model.read("c310").kind(8618.0) == "light"
     assert base_model.read("c310").kind(8619.0) == "transport"
+    assert base_model.read("t6texan2").kind(3000.0) == "light"
+
+
+def test_afterburners_make_a_fighter_but_for_a_bombers_mass():
     assert base_model.read("f16").kind(9000.0) == "fighter"
+    assert base_model.read("Concorde").kind(100_000.0) == "transport"
 
 
 @pytest.mark.parametrize(

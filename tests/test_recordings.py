@@ -71,10 +71,10 @@ BAD_TABLES = {
     "no signal": ("time_s\n0\n", "no signal"),
     "no rows": (HEAD, "no rows"),
     "nothing": ("", "no column 'time_s'"),
-    "a short last row": (HEAD + "0,1,1,1\n0.1,1,1", "Row #3: Expected 4 columns, got 3"),
-    "a short row": (HEAD + "0,1,1,1\n0.1,1\n0.2,1,1,1\n", "Row #3: Expected 4 columns, got 2"),
-    "a word for a number": (HEAD + "0,1,1,one\n", "invalid value 'one'"),
-    "bytes": ("\x00\x01PNG,\x00\n\x02", "Expected 2 columns, got 1"),
+    "a short last row": (HEAD + "0,1,1,1\n0.1,1,1", "row 2 has 3 cells, the header 4; a cut file, or"),
+    "a short row": (HEAD + "0,1,1,1\n0.1,1\n0.2,1,1,1\n", "row 2 has 2 cells, the header 4"),
+    "a word for a number": (HEAD + "0,1,1,one\n", "row 1, column 'x.3': 'one' is not a number"),
+    "bytes": ("\x00\x01PNG,\x00\n\x02", "row 1 has 1 cells, the header 2"),
 }
 
 
@@ -107,7 +107,10 @@ BAD_CONFIGS = {
         "a whole turn in rad",
     ),
     "no signal": ({}, "no signal to vote"),
-    "mapping of nothing": ({**ONE, "mapping": {"x.1": "a", "x.2": "b"}}, "no column 'time_s', which CONFIG names"),
+    "mapping of nothing": (
+        {**ONE, "mapping": {"x.1": "a", "x.2": "b"}},
+        "no column 'time_s', which CONFIG names (time_column, [mapping]); there are: t, x.1, x.2",
+    ),
 }
 
 
@@ -190,7 +193,7 @@ def test_all_formats_hold_the_same(ending: str, rig: Any):
         assert table[f"{name}.level"].to_list() == signal.level.tolist()
     assert table.columns[:5] == ["time_s", "x.voted", "x.level", "x.pattern", "x.resolver"]
     assert list(found["signals"]) == ["x", "gyro.left"] and found["rows"] == 40
-    assert found["signals"]["x"]["channels"][1]["failed"] == [{"frame": 13, "time_s": 0.24, "why": "comparison"}]
+    assert found["signals"]["x"]["channels"][1]["failed"] == [{"frame": 13, "time_s": 0.24, "why": "invalid"}]
 
 
 def test_a_row_number_a_time_and_a_reason_are_on_the_terminal(rig: Any):
@@ -198,7 +201,7 @@ def test_a_row_number_a_time_and_a_reason_are_on_the_terminal(rig: Any):
     as_frame(recording()).write_csv("in.csv")
     code, said, _ = rig("in.csv", "--config", "c.toml", "--out", "o.csv")
     (line,) = [line for line in said.splitlines() if line.strip().startswith("x.2")]
-    assert code == 0 and line.split() == ["x.2", "failed", "13", "0.24", "s", "comparison", "35"]
+    assert code == 0 and line.split() == ["x.2", "failed", "13", "0.24", "s", "invalid", "35"]
     assert "not voted, as CONFIG does not name them: gyro.left" in said
 
 

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from one_stage import step_stage
 
 from rig.computer.redundancy.config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.managers import Manager
@@ -31,7 +32,7 @@ def fly(
     block["reference"] = np.nan if reference is None else reference
     manager = Manager("cross-channel", params, box_signals=box_signals, box_persistence=box_persistence)
     for k in range(FRAMES):
-        manager.step(block, k)
+        step_stage(manager, block, k)
     return block
 
 
@@ -120,7 +121,7 @@ def test_a_transient_on_all_signals_is_no_box():
     block["channels"][10:17, :, 1] = 5.0  # seven frames
     manager = Manager("cross-channel", params, box_signals=4, box_persistence=8)
     for k in range(FRAMES):
-        manager.step(block, k)
+        step_stage(manager, block, k)
     assert not (block["state"] == State.FAILED).any()
 
 

@@ -9,6 +9,7 @@ import pytest
 from conftest import FEWER
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from one_stage import step_stage
 from oracle import DiscreteOracle, DiscreteSettings
 from pydantic import ValidationError
 
@@ -43,7 +44,7 @@ def vote(
         block["discrete_reset"][frame, d] |= 1 << (channel - 1)
     stage = DiscreteVoter(discrete_parameters(config, fitted, 8, 100.0))
     for k in range(len(block)):
-        stage.step(block, k)
+        step_stage(stage, block, k)
     return block
 
 

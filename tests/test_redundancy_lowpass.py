@@ -57,6 +57,27 @@ def test_an_offset_is_seen_when_the_filtered_one_leaves_the_threshold():
 
 
 @pytest.mark.requirement("redundancy", "comparisons behind a filter, the vote without it")
+@pytest.mark.parametrize("size", [2.9, 50.0, 900.0])
+@pytest.mark.parametrize("filter_s", [0.005, 0.02, 0.1, 1.0])
+def test_one_bad_sample_however_large_is_seen_for_one_frame_at_most(size: float, filter_s: float):
+    samples = constant(*ALIKE, frames=60)
+    samples[20, 2] = size
+    out = vote_samples(samples, filter_s=filter_s, persistence=2)
+    assert out.failed_at() == [None] * 4
+    assert np.count_nonzero(out.pattern != Pattern.NORMAL) == (min(size, 3.0) * gain(filter_s, RATE_HZ) > 1.0)
+
+
+@pytest.mark.requirement("redundancy", "comparisons behind a filter, the vote without it")
+def test_a_hardover_behind_a_filter_is_seen_when_its_limited_steps_have_left_the_threshold():
+    filter_s, persistence = 0.1, 8
+    samples = constant(*ALIKE, frames=60)
+    samples[10:, 1] = 900.0
+    first = 10 + int(np.floor(1.0 / (3.0 * gain(filter_s, RATE_HZ)))) + 1  # counted from 1
+    out = vote_samples(samples, filter_s=filter_s, persistence=persistence)
+    assert out.failed_at() == [None, first + persistence - 1, None, None]
+
+
+@pytest.mark.requirement("redundancy", "comparisons behind a filter, the vote without it")
 def test_vibration_fails_nobody_behind_a_filter_and_is_voted_as_it_is():
     samples = constant(*ALIKE, frames=200)
     samples[1:, 2] = 3.0 * np.where(np.arange(199) % 4 < 2, 1.0, -1.0)  # two samples a side: 2 (3 - 0) gain < threshold

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from conftest import FEWER, Voted, vote_samples
 from hypothesis import example, given, settings
+from one_stage import step_stage
 from oracle import Frame, Oracle
 from oracle_answers import Settings
 from oracle_boxes import SIGNALS, BoxFlight, BoxOracle, seeded_boxes
@@ -182,7 +183,7 @@ def run_boxes(flight: BoxFlight) -> list[Voted]:
     block["valid"] = 1
     manager = Manager("cross-channel", params, box_signals=flight.box_signals, box_persistence=flight.box_persistence)
     for k in range(len(block)):
-        manager.step(block, k)
+        step_stage(manager, block, k)
     return [Voted(block, i) for i in range(SIGNALS)]
 
 

@@ -77,12 +77,45 @@ vote = numba.njit(first_valid)
 
 @numba.njit
 def raising(bus, fcc, k, params, state):
+    fcc[k]["level"][0] = 4
     if k == 3:
         raise ValueError("compiled")
 
 @numba.njit
 def unknown_field(bus, fcc, k, params, state):
     fcc[k]["truth"][0] = 1.0
+"""
+FRAMES = """
+import numba
+import numpy as np
+
+class Counting:
+    def __init__(self, params):
+        pass
+
+    def step(self, bus, fcc, k, frame):
+        fcc[k]["voted"][:] = bus[k]["channels"][:, 0]
+        fcc[k]["level"][:] = 4
+        fcc[k]["trend_high"][:] = frame // 100
+        fcc[k]["trend_low"][:] = frame % 100
+
+@numba.njit
+def counting(bus, fcc, k, params, state, frame):
+    fcc[k]["voted"][:] = bus[k]["channels"][:, 0]
+    fcc[k]["level"][:] = 4
+    fcc[k]["trend_high"][:] = frame // 100
+    fcc[k]["trend_low"][:] = frame % 100
+
+class Silent:
+    def __init__(self, params):
+        pass
+
+    def step(self, bus, fcc, k):
+        fcc[k]["voted"][:] = bus[k]["channels"][:, 0]
+
+class Failing(Silent):
+    def step(self, bus, fcc, k):
+        fcc[k]["state"][:] = 2
 """
 ALLOWED = Trust(allow_code=True)
 
@@ -139,6 +172,24 @@ def test_what_a_compiled_function_raises_names_it_and_the_frame(tmp_path: Path, 
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ManagerFailed, match=r"'compiled_manager:raising' raised in frame 3: ValueError: compiled"):
         rows_of("redundancy.manager=compiled_manager:raising")
+
+
+@pytest.mark.parametrize("name", ["Counting", "counting"])
+def test_who_takes_a_frame_is_given_its_number_and_not_the_row_of_the_block(name: str, tmp_path: Path, monkeypatch):
+    (tmp_path / "frame_manager.py").write_text(FRAMES)
+    monkeypatch.chdir(tmp_path)
+    flown = rows_of(f"redundancy.manager=frame_manager:{name}")
+    assert (100 * flown["trend_high"][:, 0] + flown["trend_low"][:, 0]).tolist() == list(range(250))
+
+
+def test_a_manager_that_writes_no_level_is_told_so_in_its_first_frame(tmp_path: Path, monkeypatch):
+    (tmp_path / "frame_manager.py").write_text(FRAMES)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(
+        ManagerFailed, match=r"'frame_manager:Silent' wrote no level in frame 0: of every signal it must"
+    ):
+        rows_of("redundancy.manager=frame_manager:Silent")
+    assert (rows_of("redundancy.manager=frame_manager:Failing")["level"] == 0).all()  # it says so itself
 
 
 @pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")

@@ -11,7 +11,7 @@ from rig.reliability.chain import transitions
 from rig.reliability.model import Given, after_flights, one_flight, perfect, rates
 from rig.reliability.outcomes import OUTCOMES, outcomes
 from rig.reliability.rates import Layer, SignalRates
-from rig.reliability.result import cases, in_series, results, settle_s
+from rig.reliability.result import Estimate, against, cases, in_series, results, settle_s
 from rig.reliability.tally import Cells
 
 LAMBDA, TAU_H = 1e-3, 0.1 / 3600.0
@@ -209,7 +209,17 @@ def test_the_requirement_is_met_by_the_upper_end():
     [few] = run(table(trials=100))
     [many] = run(table(trials=100_000))
     assert few.requirement == {"military": False, "civil": False}
+    assert few.standing == {"military": "not shown", "civil": "not shown"}  # nothing was seen: more trials decide
     assert many.requirement["military"] and not many.requirement["civil"]
+    assert many.standing == {"military": "met", "civil": "not shown"}
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "says"),
+    [(1e-9, 9e-8, "met"), (1e-8, 2e-7, "not shown"), (None, 2e-7, "not shown"), (2e-7, 3e-7, "not met")],
+)
+def test_a_target_is_met_or_not_by_the_whole_interval(low, high, says):
+    assert against(Estimate(1e-7, low, high), 1e-7) == says
 
 
 def test_a_trial_that_told_nothing_of_the_aircraft_gives_no_probability_of_its_loss():

@@ -22,7 +22,7 @@ from rig.reliability.cells import cells
 from rig.reliability.drawn import Drawn, cell, draw, records, refill
 from rig.reliability.one_signal import faults_of
 from rig.reliability.recorded import recording
-from rig.reliability.trials import SHARES, Flight, Tally, Unit, added_up, combinations, planned, shared_out
+from rig.reliability.trials import SHARES, Batch, Tally, TrialRunner, added_up, combinations, planned, shared_out
 from rig.reliability.trials import fly_trials as run_trials
 from rig.reliability.trials_folder import fly_trials
 
@@ -133,18 +133,18 @@ def test_units_share_out_all_trials_over_every_combination(bundled: Plan):
 
 def test_neither_order_nor_company_decides_what_a_unit_draws(bundled: Plan):
     numbers = [of_form(bundled, form, design) for form in ("noise", "hardover") for design in ("single 4", "alike 4")]
-    units = [Unit(number, chunk, 40, 3) for number in numbers for chunk in (0, 1)]
-    one = added_up([*map(Flight(bundled), units)], "m")
-    other = Flight(plan())
+    units = [Batch(number, chunk, 40, 3) for number in numbers for chunk in (0, 1)]
+    one = added_up([*map(TrialRunner(bundled), units)], "m")
+    other = TrialRunner(plan())
     two = added_up([other(unit) for unit in reversed(units)], "m")
     assert one.counts.equals(two.counts) and one.false_isolations.equals(two.false_isolations)
     assert one.counts["trials"].sum() == 320
-    different = added_up([Flight(bundled)(Unit(u.number, u.chunk, 40, 4)) for u in units], "m")
+    different = added_up([TrialRunner(bundled)(Batch(u.number, u.chunk, 40, 4)) for u in units], "m")
     assert not different.counts.equals(one.counts)
 
 
 def test_hardovers_with_four_good_are_out_after_eight_frames_and_the_vote_is_kept(bundled: Plan):
-    found = added_up([Flight(bundled)(Unit(of_form(bundled, "hardover", "single 4"), 0, 200, 1))], "m")
+    found = added_up([TrialRunner(bundled)(Batch(of_form(bundled, "hardover", "single 4"), 0, 200, 1))], "m")
     (row,) = found.counts.to_dicts()
     assert (row["good_before"], row["trials"], row["kept"]) == (4, 200, 200)
     assert row["settle_s_mean"] == pytest.approx(0.07) and row["lost_aircraft_bad"] is None
@@ -154,7 +154,9 @@ def test_hardovers_with_four_good_are_out_after_eight_frames_and_the_vote_is_kep
 
 def test_a_mean_is_bad_after_a_hardover():
     made = plan(redundancy__manager="mean")
-    (row,) = added_up([Flight(made)(Unit(of_form(made, "hardover", "single 4"), 0, 50, 1))], "mean").counts.to_dicts()
+    (row,) = added_up(
+        [TrialRunner(made)(Batch(of_form(made, "hardover", "single 4"), 0, 50, 1))], "mean"
+    ).counts.to_dicts()
     assert (row["bad_vote"], row["kept"], row["settle_s_mean"]) == (50, 0, None)
 
 

@@ -133,7 +133,10 @@ BAD_SETS = [
     # Long values and new lines; the nearest name and where the others are
     ("faults.0.kind=" + "x" * 100_000, "unknown kind 'xxx"),
     ("a\nb=1", "a b: unknown key"),
-    ("duratoin_s=5", "unknown key; nearest: duration_s, gains, rate_hz; all keys: docs/scenario.md, rig scenario show"),
+    (
+        "duratoin_s=5",
+        "unknown key; nearest: duration_s, gains, actuators; all keys: docs/scenario.md",
+    ),
     ("faults.0.strat_s=5.0", "faults.0.strat_s: unknown key; nearest: start_s"),
     ("sensors.pitch_rate.noise_sdt=5.0", "unknown key; nearest: noise_std"),
     ("faults.0.signal=pitchrate", "nearest: pitch_rate, pitch_angle, "),

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from numpy.random import SeedSequence
+from one_stage import step_stage
 from pydantic import ValidationError
 
 from rig import sensors
@@ -26,7 +27,7 @@ def measured(truth, seed=0, split=None, **per_signal):
         block["truth"] = truth[first : first + len(block), None]
         stage.prepare(block)
         for k in range(len(block)):
-            stage.step(block, k)
+            step_stage(stage, block, k)
         parts.append(block)
     return np.concatenate(parts)
 
@@ -106,7 +107,7 @@ def test_discretes_pass_to_every_channel():
     block = new_block(1)
     block["discrete_truth"][0] = [1, 0, 1]
     stage.prepare(block)
-    stage.step(block, 0)
+    step_stage(stage, block, 0)
     assert np.array_equal(block["discrete_channels"][0], np.repeat([[1], [0], [1]], 4, axis=1))
     assert D == 3
 
@@ -117,7 +118,7 @@ def test_a_discrete_channel_that_is_not_fitted_says_nothing():
     block = new_block(1)
     block["discrete_truth"][0] = 1
     stage.prepare(block)
-    stage.step(block, 0)
+    step_stage(stage, block, 0)
     row = block[0]
     assert row["discrete_channels"].tolist() == row["discrete_valid"].tolist() == [[1] * 4, [1] * 3 + [0], [1] * 4]
     assert row["discrete_ilm"].tolist() == [[1] * 4, [1] * 3 + [2], [1] * 4]

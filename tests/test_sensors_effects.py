@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from interpreted import printed
 from numpy.random import SeedSequence
-from one_stage import WIDE, sense, suite, truths
+from one_stage import WIDE, sense, step_stage, suite, truths
 from pydantic import ValidationError
 
 from rig.frame import INDEX, new_block
@@ -215,5 +215,5 @@ def test_a_block_of_one_row_is_measured_like_any_other():
     stage, block = Sensors(suite(pitch_rate={"latency_s": 0.01}), 100.0, SeedSequence(0)), new_block(1)
     block["truth"][0, Q] = 0.5
     stage.prepare(block)
-    stage.step(block, 0)
+    step_stage(stage, block, 0)
     assert (block["channels"][0, Q] == 0.5).all()

@@ -3,6 +3,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.random import SeedSequence
+from one_stage import step_stage
 from pydantic import TypeAdapter, ValidationError
 
 from rig import scenario
@@ -55,7 +56,7 @@ def sensed(
         rows = block[part[0] : part[-1] + 1]
         unit.prepare(rows)
         for k in range(len(rows)):
-            unit.step(rows, k)
+            step_stage(unit, rows, k)
     return block["inertial"]
 
 
@@ -156,7 +157,7 @@ def corrupted(**fault):
     block = new_block(40)
     block["channels"], block["inertial"], block["valid"] = 0.25, 0.5, 1
     for k in range(len(block)):
-        stage.step(block, k)
+        step_stage(stage, block, k)
     return block
 
 

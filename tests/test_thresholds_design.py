@@ -8,24 +8,23 @@ import numpy as np
 import pytest
 
 from rig.recordings.settings import RecordedSignal
-from rig.thresholds import faults
 from rig.thresholds.data import Data
-from rig.thresholds.design import Design, Flight, Grid, Threshold, designs, rounded_up
+from rig.thresholds.design import DataBlock, Design, Grid, Threshold, designs, rounded_up
 from rig.thresholds.healthy import BEYOND, Envelope, beyond, envelope, suspects
 from rig.thresholds.holdout import Count, count, holdout
 from rig.thresholds.run import design
-from rig.thresholds.tradeoff import Found, Tradeoff, best, inject, pieces, tradeoff
+from rig.thresholds.tradeoff import Found, Kind, Tradeoff, best, faulty, inject, pieces, tradeoff
 
 GIVEN = RecordedSignal(threshold=1.0)
 RATE = 100.0
 
 
-def flight(seed: int, seconds: float = 60.0, channels: int = 4, swing: float = 3.0) -> Flight:
+def flight(seed: int, seconds: float = 60.0, channels: int = 4, swing: float = 3.0) -> DataBlock:
     """A common motion of period 5 s with white noise of 1 on each channel."""
     n = round(seconds * RATE)
     rng = np.random.default_rng(seed)
     motion = swing * np.sin(2 * np.pi * np.arange(n) / RATE / 5.0)
-    return Flight(f"flight {seed}", motion + rng.normal(size=(channels, n)), RATE)
+    return DataBlock(f"flight {seed}", motion + rng.normal(size=(channels, n)), RATE)
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +86,7 @@ def test_signals_of_three_channels_have_two_levels():
 
 
 def test_nothing_is_designed_from_channels_that_do_not_differ():
-    same = Flight("same", np.ones((4, 5000)), RATE)
+    same = DataBlock("same", np.ones((4, 5000)), RATE)
     assert designs([same] * 3, GIVEN, Grid(10.0, (4,), (4,), (0.0,))) == []
 
 
@@ -115,7 +114,7 @@ def test_a_faulty_channel_of_one_flight_is_told():
 def test_a_channel_that_stands_out_in_a_flight_of_ours_without_faults_is_kept():
     flights = [flight(seed, 20.0) for seed in range(10)]
     flights[3].samples[1, 500:] += 15.0
-    named = [Flight(f"flight {i}", one.samples, one.rate_hz) for i, one in enumerate(flights)]
+    named = [DataBlock(f"flight {i}", one.samples, one.rate_hz) for i, one in enumerate(flights)]
     settings, grid = RecordedSignal(threshold=1.0), Grid(20.0, (4,), (4,), (0.0,))
     data = Data([one.name for one in named], 100.0, 1.0, {"x": named}, {"x": settings})
     known = replace(data, healthy={one.name for one in named})
@@ -125,7 +124,7 @@ def test_a_channel_that_stands_out_in_a_flight_of_ours_without_faults_is_kept():
 
 def test_the_envelope_of_a_sine_is_that_of_a_sine():
     """95 % of |sin| stay within sin(0.95 pi / 2), of its rate within 2 pi f times it."""
-    clean = Flight("sine", np.tile(10.0 * np.sin(2 * np.pi * np.arange(100_000) / RATE / 4.0), (4, 1)), RATE)
+    clean = DataBlock("sine", np.tile(10.0 * np.sin(2 * np.pi * np.arange(100_000) / RATE / 4.0), (4, 1)), RATE)
     found = envelope([clean], wraps=False)
     share = np.sin(0.95 * np.pi / 2)
     assert found.value == pytest.approx(10.0 * share, rel=0.01)
@@ -146,24 +145,24 @@ def test_data_that_move_more_are_told():
 def test_faults_are_what_they_are_called():
     cut = pieces([flight(k, 20.0) for k in range(3)], 8)
     assert cut is not None and cut.samples.shape == (8, 901, 4) and cut.onset == 100
-    healthy, after = faults.own(cut.samples, cut.channel), slice(cut.onset, None)
+    healthy, after = cut.samples[np.arange(8), :, cut.channel], slice(cut.onset, None)
 
-    def change(fault: faults.Fault):
-        faulty = fault(cut.samples, cut.channel, cut.onset)
-        assert np.array_equal(faulty[:, : cut.onset], healthy[:, : cut.onset])
-        return faulty[:, after], healthy[:, after]
+    def change(kind: Kind, size: float):
+        found = faulty(cut, kind, size)
+        assert np.array_equal(found[:, : cut.onset], healthy[:, : cut.onset])
+        return found[:, after], healthy[:, after]
 
-    faulty, was = change(faults.offset(2.0))
-    assert np.abs(faulty - was) == pytest.approx(2.0) and len(np.unique(np.sign(faulty - was))) == 2
-    faulty, was = change(faults.ramp(3.0, RATE))
-    assert np.abs(faulty - was)[:, 200] == pytest.approx(6.0)
-    faulty, was = change(faults.gain(0.5))
-    assert faulty == pytest.approx(0.5 * was)
-    faulty, was = change(faults.stuck())
-    assert (faulty == healthy[:, cut.onset - 1 : cut.onset]).all()
-    faulty, was = change(faults.noise(10.0))
+    found, was = change("offset", 2.0)
+    assert np.abs(found - was) == pytest.approx(2.0) and len(np.unique(np.sign(found - was))) == 2
+    found, was = change("ramp", 3.0)
+    assert np.abs(found - was)[:, 200] == pytest.approx(6.0)
+    found, was = change("gain", 0.5)
+    assert found == pytest.approx(0.5 * was)
+    found, was = change("stuck", 0.0)
+    assert (found == healthy[:, cut.onset - 1 : cut.onset]).all()
+    found, was = change("noise", 10.0)
     middle = np.median(cut.samples, axis=2)[:, after]
-    assert faulty - middle == pytest.approx(10.0 * (was - middle))
+    assert found - middle == pytest.approx(10.0 * (was - middle))
 
 
 def test_a_large_offset_is_found_and_a_small_one_is_not(made: list[Design]):
@@ -171,10 +170,10 @@ def test_a_large_offset_is_found_and_a_small_one_is_not(made: list[Design]):
     assert cut is not None
     found = tradeoff(cut, made[1], GIVEN, 50.0)
     assert found.kinds["offset 1"].right >= 46 and found.kinds["offset 1"].delay_s == pytest.approx(0.03)
-    assert inject(cut, made[1].settings(GIVEN), faults.offset(0.1), 1.0).right == 0
+    assert inject(cut, made[1].settings(GIVEN), "offset", 0.1).right == 0
     assert found.smallest_offset is not None
-    exact = inject(cut.short(), made[1].settings(GIVEN), faults.offset(found.smallest_offset), 1.0)
-    less = inject(cut.short(), made[1].settings(GIVEN), faults.offset(found.smallest_offset / 1.1), 1.0)
+    exact = inject(cut.short(), made[1].settings(GIVEN), "offset", found.smallest_offset)
+    less = inject(cut.short(), made[1].settings(GIVEN), "offset", found.smallest_offset / 1.1)
     assert exact.right >= 0.95 * 48 > less.right
     assert 0.0 < found.share < 1.0
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rig.assess.outcome import NEVER
 from rig.bench.vote import vote
 from rig.recordings.recording import Recording, Samples
 from rig.recordings.settings import RecordedSignal
@@ -21,7 +22,7 @@ from rig.thresholds.distances import (
     nearest,
     sliding_minimum,
 )
-from rig.thresholds.monitored import NEVER, failures, isolations, low_passed
+from rig.thresholds.monitored import isolations, low_passed, outcomes
 
 RATE = 100.0
 FOUR = (0, 1, 2, 3)
@@ -152,7 +153,8 @@ def test_pieces_are_failed_as_rig_vote_fails_them(count: int):
     )
     every = np.stack([one_off(seed, 400, count) + 0.4 * walk(rng, 400) for seed in range(6)])
     every[2, 0, 100:120] = np.nan
-    found = failures(np.ascontiguousarray(every.transpose(0, 2, 1)), settings, recorded(every[0]).rate_hz)
+    pieces, rate_hz = np.ascontiguousarray(every.transpose(0, 2, 1)), recorded(every[0]).rate_hz
+    found = outcomes(pieces, np.zeros(6, np.int64), 400, settings, rate_hz)["failed_at"][:, :count]
     for piece, frames in zip(every, found, strict=True):
         recording = recorded(piece)
         wanted = np.full(count, NEVER)

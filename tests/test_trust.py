@@ -17,7 +17,8 @@ from rig.computer.redundancy.config import PARAMS
 from rig.computer.redundancy.own import load_manager
 from rig.errors import BadInput
 from rig.loop import Rig
-from rig.scenario import from_resolved, named_manager
+from rig.overrides import named_manager
+from rig.scenario import from_resolved
 from rig.util.trust import Trust
 
 OWN = """

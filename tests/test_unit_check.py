@@ -37,6 +37,7 @@ WRONG = {
     "a session after another begins as if it were the first": ("", "out->voted[0] = kept;"),
     "from new twice, the same bytes": (OPENING, "out->voted[0] = (double)(size_t)malloc(1) + called;"),
     "fills what its form needs, with values of the enums": (OPENING, "out->state[3][1] = 9;"),
+    "ends without failing": (OPENING + " atexit(abort);", ""),
     "answers every frame": (OPENING, "if (in->frame == 5) return 1;"),
     "answers NaN, infinities, denormals, all invalid, every monitor value": (
         OPENING,
@@ -93,3 +94,38 @@ def test_a_flight_computer_is_asked_for_its_surfaces(tmp_path: Path):
     unit(tmp_path, "autopilot", form="flight-computer")
     found = check(tmp_path / "unit.toml")
     assert found.passed and found.grade == "seam"
+
+
+CLASSES = """
+import numpy as np
+
+class First:
+    def __init__(self, params):
+        pass
+
+    def step(self, bus, fcc, k):
+        fcc[k]["voted"][:] = np.nan_to_num(bus[k]["channels"][:, 0])
+        fcc[k]["level"][:] = 4
+
+class Silent(First):
+    def step(self, bus, fcc, k):
+        fcc[k]["voted"][:] = np.nan_to_num(bus[k]["channels"][:, 0])
+"""
+
+
+def of_class(folder: Path, name: str, *, seam_only: bool) -> Checked:
+    file = folder / "unit.toml"
+    file.write_text(f'name = "mine"\ncarrier = "python"\nmanager = "checked_classes:{name}"\n')
+    return check(file, seam_only=seam_only)
+
+
+def test_of_a_class_is_tested_what_it_writes_and_what_it_decides(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "checked_classes.py").write_text(CLASSES)
+    monkeypatch.syspath_prepend(tmp_path)
+    seam = of_class(tmp_path, "First", seam_only=True)
+    assert seam.grade == "seam" and [one.part for one in seam.requirements] == ["seam", "seam"]
+    decided = of_class(tmp_path, "First", seam_only=False)
+    wrong = [one for one in decided.requirements if not one.passed]
+    assert not decided.passed and wrong and all(one.part == "decisions" for one in wrong)
+    (silent,) = of_class(tmp_path, "Silent", seam_only=False).requirements
+    assert not silent.passed and "wrote no level in frame 0" in silent.detail

@@ -16,10 +16,9 @@ from rig.assess.of_log import score_log
 from rig.assess.record import Yardstick
 from rig.errors import BadInput, RigError
 from rig.flight.pace import realtime
-from rig.frame import Law, State
-from rig.frame import Unit as Answer
+from rig.frame import Law, State, UnitStatus
 from rig.log.info import info
-from rig.unit import session
+from rig.unit import startup
 from rig.unit.links import SocketLink
 from rig.unit.settings import Unit
 
@@ -57,7 +56,7 @@ def test_the_monitor_in_c_flies_the_bits_of_ours_by_every_carrier(tmp_path: Path
     flights = [fly(tmp_path, tested) for tested in carriers]
     assert len({flight.digest for flight in flights}) == 1
     rows = flights[0].rows
-    assert (rows["unit"] == Answer.ANSWERED).all() and (rows["unit_age"] == 0).all()
+    assert (rows["unit"] == UnitStatus.ANSWERED).all() and (rows["unit_age"] == 0).all()
     differ = {
         name for name in rows.dtype.names or () if not np.array_equal(rows[name], ours[name], equal_nan=name[0] != "_")
     }
@@ -110,7 +109,7 @@ def test_a_dead_unit_ends_the_flight_in_one_line_with_a_whole_log(tmp_path: Path
 
 
 def test_a_child_that_is_slow_to_start_is_still_heard_when_it_refuses(tmp_path: Path, monkeypatch):
-    monkeypatch.setattr(session, "_AGAIN_S", 0.001)
+    monkeypatch.setattr(startup, "_AGAIN_S", 0.001)
     monkeypatch.setenv("FAULT", "open")
     with pytest.raises(BadInput, match="refuses the flight: rig_unit_open returned 7"):
         fly(tmp_path, unit(tmp_path, "faulty"))
@@ -121,7 +120,7 @@ def test_a_library_in_this_process_that_fails_is_not_called_again(tmp_path: Path
     with pytest.raises(RigError, match="faulty, frame 50: failed: rig_unit_step returned 5"):
         fly(tmp_path, unit(tmp_path, "faulty", isolate=False))
     held = fly(tmp_path, unit(tmp_path, "faulty", isolate=False, on_dead="hold"))
-    assert held.rows["unit"].tolist() == [Answer.ANSWERED] * 50 + [Answer.DEAD] * 150
+    assert held.rows["unit"].tolist() == [UnitStatus.ANSWERED] * 50 + [UnitStatus.DEAD] * 150
     assert (held.recorded.timing["reply_us"][:50] > 0).all()
 
 
@@ -161,7 +160,7 @@ def test_a_dead_unit_may_leave_the_flight_to_others(tmp_path: Path, monkeypatch,
     monkeypatch.setenv("FAULT_FRAME", "150")
     flight = fly(tmp_path, unit(tmp_path, "faulty", on_dead=then))
     rows = flight.rows
-    assert flight.survived and len(rows) == 200 and rows["unit"][-1] == Answer.DEAD
+    assert flight.survived and len(rows) == 200 and rows["unit"][-1] == UnitStatus.DEAD
     assert flight.unit is not None and flight.unit["dead_frame"] == 150
     assert [event.name for event in flight.events if event.name.startswith("unit")] == ["unit dead"]
     if then == "hold":
@@ -175,8 +174,8 @@ def test_a_unit_that_ends_is_started_again(tmp_path: Path):
     mark = tmp_path / "died"
     flight = fly(tmp_path, udp(tmp_path, [["die", 60, 60, str(mark)]], on_dead="restart"))
     assert flight.unit is not None and flight.unit["restarts"] == 1 and not flight.unit["reproducible"]
-    assert np.flatnonzero(flight.rows["unit"] == Answer.RESTARTED).tolist() == [60]
-    assert flight.rows["unit"][-1] == Answer.ANSWERED and flight.survived
+    assert np.flatnonzero(flight.rows["unit"] == UnitStatus.RESTARTED).tolist() == [60]
+    assert flight.rows["unit"][-1] == UnitStatus.ANSWERED and flight.survived
 
 
 def test_what_a_unit_prints_is_kept_and_shown(tmp_path: Path, monkeypatch):
@@ -188,8 +187,8 @@ def test_a_state_out_of_its_enum_is_refused_and_the_last_answer_flown(tmp_path: 
     monkeypatch.setenv("FAULT", "state")
     flight = fly(tmp_path, unit(tmp_path, "faulty"))
     rows = flight.rows
-    assert np.flatnonzero(rows["unit"] != Answer.ANSWERED).tolist() == [50]
-    assert rows["unit"][50] == Answer.REFUSED and rows["unit_age"][50] == 1
+    assert np.flatnonzero(rows["unit"] != UnitStatus.ANSWERED).tolist() == [50]
+    assert rows["unit"][50] == UnitStatus.REFUSED and rows["unit_age"][50] == 1
     assert np.array_equal(rows["voted"][50], rows["voted"][49])
     assert flight.unit is not None and flight.unit["refused"] == 1
 
@@ -258,7 +257,9 @@ def test_a_command_that_is_no_unit_is_refused_in_one_line(tmp_path: Path):
     with pytest.raises(BadInput, match=r"u did not send READY within start_s = 0.3 s"):
         fly(tmp_path, silent)
     missing = written(tmp_path, {"name": "u", "carrier": "udp", "command": ["no-such-program"]})
-    with pytest.raises(BadInput, match="u exited with status 1 before it was ready: no-such-program: No such file"):
+    with pytest.raises(
+        BadInput, match="u: command: no-such-program: no such program, neither beside the unit file nor"
+    ):
         fly(tmp_path, missing)
 
 
@@ -271,7 +272,7 @@ def test_paced_misses_are_held_and_told_apart(tmp_path: Path):
     flight = fly(tmp_path, tested, "rate_hz=50", "duration_s=4", realtime_factor=1.0)
     found, rows = flight.unit, flight.rows
     assert found is not None and flight.survived
-    held = set(np.flatnonzero(rows["unit"] == Answer.HELD).tolist())
+    held = set(np.flatnonzero(rows["unit"] == UnitStatus.HELD).tolist())
     assert {50, 51, 52, 80, 81, 82, 83, 84, 120} <= held
     assert (found["requests_lost"], found["replies_lost"]) == (3, 5)
     assert found["late"] == found["missed"] - 8 >= 1, "what came too late was never flown"
@@ -299,7 +300,7 @@ def test_an_answer_that_the_rig_itself_reads_too_late_is_not_flown(tmp_path: Pat
     monkeypatch.setattr(SocketLink, "receive", slow)
     flight = fly(tmp_path, tested, "rate_hz=50", realtime_factor=1.0)
     assert flight.unit is not None and due
-    assert flight.rows["unit"][30] == Answer.HELD
+    assert flight.rows["unit"][30] == UnitStatus.HELD
     assert flight.unit["late"] == flight.unit["missed"] >= 1
     assert flight.unit["replies_lost"] == flight.unit["requests_lost"] == flight.unit["discarded"] == 0
 
@@ -329,7 +330,9 @@ def test_a_python_class_is_a_carrier_too(tmp_path: Path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "mine_unit.py").write_text(
         "class Mine:\n    def __init__(self, params): pass\n"
-        "    def step(self, bus, fcc, k): fcc[k]['voted'][:] = bus[k]['channels'][:, 1]\n"
+        "    def step(self, bus, fcc, k):\n"
+        "        fcc[k]['voted'][:] = bus[k]['channels'][:, 1]\n"
+        "        fcc[k]['level'][:] = 4\n"
     )
     flight = fly(tmp_path, written(tmp_path, {"name": "m", "carrier": "python", "manager": "mine_unit:Mine"}))
     assert np.array_equal(flight.rows["voted"], flight.rows["channels"][:, :, 1])

@@ -22,7 +22,7 @@ import rig
 from rig.bench.unit_check import check
 from rig.campaign.worker import flown_with
 from rig.errors import BadInput, RigError
-from rig.frame import Unit as Answer
+from rig.frame import UnitStatus
 from rig.kernels import cache_root
 from rig.unit import fmu as fmu_carrier
 from rig.unit.fmu import TOKEN, Version, variables
@@ -148,7 +148,7 @@ def test_the_monitor_as_an_fmu_flies_the_bits_of_the_library(tmp_path: Path):
     flights += [fly(tmp_path, unit_of(tmp_path, fmu(version))) for version in VERSIONS]
     assert len({flight.digest for flight in flights}) == 1
     for flight, said in zip(flights, ("library", "FMI 2.0", "FMI 3.0"), strict=True):
-        assert (flight.rows["unit"] == Answer.ANSWERED).all() and flight.failed == {"pitch_rate": [3]}
+        assert (flight.rows["unit"] == UnitStatus.ANSWERED).all() and flight.failed == {"pitch_rate": [3]}
         assert flight.unit is not None and flight.unit["said"] == said and flight.unit["reproducible"]
 
 
@@ -170,8 +170,8 @@ def test_a_discarded_step_is_refused_and_the_last_answer_flown(tmp_path: Path, m
     monkeypatch.setenv("FAULT", "discard")
     flight = fly(tmp_path, unit_of(tmp_path, faulty(version), timeout_s=60))
     rows = flight.rows
-    assert np.flatnonzero(rows["unit"] != Answer.ANSWERED).tolist() == [50]
-    assert rows["unit"][50] == Answer.REFUSED and rows["unit_age"][50] == 1
+    assert np.flatnonzero(rows["unit"] != UnitStatus.ANSWERED).tolist() == [50]
+    assert rows["unit"][50] == UnitStatus.REFUSED and rows["unit_age"][50] == 1
     assert np.array_equal(rows["voted"][50], rows["voted"][49])
     assert flight.unit is not None and flight.unit["refused"] == 1
 
@@ -220,7 +220,7 @@ def test_an_fmu_that_dies_is_started_again(tmp_path: Path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     shutil.copy(packed("2", SOURCES / "fmi2.c", HERE / "faulty.c"), tmp_path / "unit.fmu")
     flight = fly(tmp_path, unit_of(tmp_path, Path("unit.fmu"), on_dead="restart"))
-    assert np.flatnonzero(flight.rows["unit"] == Answer.RESTARTED).tolist() == [50]
+    assert np.flatnonzero(flight.rows["unit"] == UnitStatus.RESTARTED).tolist() == [50]
     assert flight.unit is not None and flight.unit["restarts"] == 1 and flight.survived
 
 
@@ -349,3 +349,34 @@ def test_a_worker_that_ends_leaves_no_folder(tmp_path: Path):
     worker.start()
     worker.join(120.0)
     assert worker.exitcode == 0 and list(tmp_path.glob("rig-fmu-*")) == []
+
+
+def _archive(path: Path, *entries: tuple[str | zipfile.ZipInfo, bytes]) -> Path:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in entries:
+            archive.writestr(name, data)
+    return path
+
+
+def _link() -> zipfile.ZipInfo:
+    entry = zipfile.ZipInfo("resources/passwd")
+    entry.external_attr = 0o120777 << 16
+    return entry
+
+
+BEYOND: dict[str, tuple[list[tuple[str | zipfile.ZipInfo, bytes]], str]] = {
+    "large": ([(f"{i}", bytes(64 << 20)) for i in range(8)], "it unpacks to 512 MiB, at most 500 are allowed"),
+    "many": ([(f"{i}", b"") for i in range(10_001)], "it has 10001 files, at most 10000 are allowed"),
+    "outside": ([("../outside", b"")], "'../outside' is a path outside of it"),
+    "absolute": ([("/etc/outside", b"")], "'/etc/outside' is a path outside of it"),
+    "link": ([(_link(), b"/etc/passwd")], "'resources/passwd' is a link"),
+}
+
+
+@pytest.mark.parametrize("name", BEYOND)
+def test_an_archive_beyond_the_limits_is_not_unpacked(tmp_path: Path, name: str):
+    entries, said = BEYOND[name]
+    _archive(tmp_path / "u.fmu", *entries)
+    tested = written(tmp_path, {"name": "u", "carrier": "fmu", "path": "u.fmu"})
+    with pytest.raises(BadInput, match=re.escape(f"u.fmu is not unpacked: {said}")):
+        fmu_carrier.child(tested, 0)

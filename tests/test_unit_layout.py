@@ -11,10 +11,22 @@ import pytest
 from unit_files import COMPILER, ROOT, needs_a_compiler
 from unit_files import SOURCES as EXAMPLES
 
+from rig.frame import DEMANDS, DISCRETES, INERTIAL, SIGNALS, SURFACES
 from rig.frame.fields import BASES, FIELD, FIELDS
 from rig.unit import header
 from rig.unit.host import HEAD
-from rig.unit.layout import ANSWERS, ENUMS, HELLO, INPUT, OUTPUT, RECORDS, described, place
+from rig.unit.layout import (
+    ANSWERS,
+    DISCRETE_CONFIG,
+    ENUMS,
+    HELLO,
+    INPUT,
+    OUTPUT,
+    RECORDS,
+    SIGNAL_CONFIG,
+    described,
+    place,
+)
 
 
 @needs_a_compiler
@@ -40,6 +52,24 @@ def test_the_committed_header_and_tables_are_those_of_the_frame():
     assert (EXAMPLES / "rig_unit.h").read_text() == header.header()
     page = (ROOT / "docs/unit-records.md").read_text()
     assert header.markdown() in page
+
+
+def test_every_field_is_explained_and_every_index_named():
+    page = (ROOT / "docs/unit-records.md").read_text()
+    rows = [[cell.strip() for cell in line.strip("| \n").split(" | ")] for line in page.splitlines() if line[:1] == "|"]
+    fields = [row for row in rows if row[0].isdecimal()]
+    assert len(fields) == sum(len(dtype.names or ()) for dtype in RECORDS.values())
+    assert [row for row in fields if len(row) < 4 or not row[3]] == []
+    units = {
+        row[1]: row[3] for row in fields if row[1] in (*(SIGNAL_CONFIG.names or ()), *(DISCRETE_CONFIG.names or ()))
+    }
+    known = ("unit of the signal", "frames", "1:", "m/s", "channels", "bits", "0 or 1", "in their order", "zero")
+    assert [name for name, text in units.items() if not any(word in text for word in known)] == []
+    for items in (SIGNALS, DISCRETES):
+        for i, item in enumerate(items):
+            assert any(row[0] == item.name and row[1].split(",")[0] == str(i) for row in rows), item.name
+    for i, name in [*enumerate(DEMANDS), *enumerate(SURFACES), *enumerate(INERTIAL)]:
+        assert [name, str(i)] in rows
 
 
 def test_records_follow_the_table_of_fields():

@@ -5,7 +5,7 @@ import socket
 import numpy as np
 import pytest
 
-from rig.frame import Unit
+from rig.frame import UnitStatus
 from rig.unit import compiled_exchange as compiled
 from rig.unit.host import LOOKS
 from rig.unit.layout import FROM_UNIT, OUTPUT, Form, Kind, blank
@@ -32,7 +32,8 @@ def test_what_the_rig_starts_is_told_how_often_to_look(looks: int):
 
 
 @pytest.mark.parametrize(
-    ("until_ns", "status", "left"), [(compiled.FOREVER_NS, Unit.ANSWERED, 0), (1, compiled.PENDING, OUTPUT.itemsize)]
+    ("until_ns", "status", "left"),
+    [(compiled.FOREVER_NS, UnitStatus.ANSWERED, 0), (1, compiled.PENDING, OUTPUT.itemsize)],
 )
 def test_an_answer_that_is_there_after_the_deadline_is_left_to_be_counted(until_ns: int, status: int, left: int):
     rig, unit = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)

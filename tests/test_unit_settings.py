@@ -10,6 +10,7 @@ from rig.errors import BadInput
 from rig.unit.settings import read_unit
 
 LIBRARY = 'name = "u"\npath = "u.so"\n'
+NOBODY = "nobody listens at 127.0.0.1:9 (port unreachable)"
 UDP = 'name = "u"\ncarrier = "udp"\n'
 WRONG = {
     LIBRARY + 'on_miss = "wait"\n': "on_miss: input should be 'hold', 'fault' or 'end'",
@@ -58,5 +59,8 @@ def test_an_address_may_be_in_use_by_nobody(tmp_path: Path, rig_command):
     """Nobody answers there: refused within the time that the file allows, nothing written."""
     (tmp_path / "unit.toml").write_text(UDP + 'address = "127.0.0.1:9"\nstart_s = 0.2\n')
     code, out, err = rig_command("fly", "--unit", "unit.toml", "--set", "duration_s=1")
-    assert (code, out) == (2, "") and err == "error: unit.toml: u did not send READY within start_s = 0.2 s\n"
+    assert (code, out) == (
+        2,
+        "",
+    ) and err == f"error: unit.toml: u did not send READY within start_s = 0.2 s: {NOBODY}\n"
     assert not (tmp_path / "logs").exists() or not list((tmp_path / "logs").iterdir())

@@ -3,6 +3,7 @@
 import signal
 import socket
 import subprocess
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -63,8 +64,8 @@ class Peer:
         assert record["length"] == place(dtype, "length")[1]
         return record
 
-    def greet(self) -> Any:
-        self.send(self.head(np.zeros(1, HELLO), Kind.HELLO))
+    def greet(self, session: int = SESSION) -> Any:
+        self.send(self.head(np.zeros(1, HELLO), Kind.HELLO, session=session))
         return self.receive(READY)
 
     def configure(self, record: np.ndarray, order: tuple[int, ...] = (2, 0, 3, 0, 1)) -> Any:
@@ -97,7 +98,7 @@ def peer(program: Path) -> Iterator[Peer]:
 def test_a_flight_over_udp_has_the_same_bits(peer: Peer):
     for flight in range(2):  # one process, two sessions
         record, rows = random_flight((7, flight))
-        assert peer.greet()["session"] == SESSION
+        assert peer.greet()["session"] == 0
         assert peer.configure(record)["kind"] == Kind.READY
         outputs = np.zeros(len(rows), OUTPUT)
         for k, frame in enumerate(inputs(rows)):
@@ -132,13 +133,41 @@ def test_a_frame_that_is_not_of_this_session_and_layout_is_not_answered(peer: Pe
     assert (answer["frame"], answer["stepped"]) == (5, 1)
 
 
-def test_a_frame_after_the_end_is_not_answered(peer: Peer):
+def test_a_frame_after_the_end_is_not_stepped(peer: Peer):
     record, rows = quiet(1)
     peer.greet()
     peer.configure(record)
     peer.send(peer.head(np.zeros(1, HELLO), Kind.END))
     peer.send(peer.head(inputs(rows), Kind.FRAME))
-    assert peer.greet()["kind"] == Kind.READY  # and nothing before it
+    said = peer.receive(READY)
+    assert (said["kind"], said["session"]) == (Kind.READY, 0)
+
+
+def test_hello_and_config_that_come_again_change_nothing(peer: Peer):
+    record, rows = quiet(3)
+    peer.greet()
+    peer.configure(record)
+    peer.send(peer.head(inputs(rows)[:1], Kind.FRAME))
+    assert peer.receive(OUTPUT)["stepped"] == 1
+    assert peer.greet()["session"] == 0
+    assert peer.configure(record, order=(2,))["session"] == SESSION
+    peer.send(peer.head(inputs(rows)[1:2], Kind.FRAME))
+    assert peer.receive(OUTPUT)["stepped"] == 2
+
+
+def test_a_unit_that_is_restarted_says_so(program: Path):
+    peer = Peer()
+    unit = subprocess.Popen([program, "--rig", f"127.0.0.1:{peer.socket.getsockname()[1]}"])
+    try:
+        peer.receive(READY)
+        peer.greet()
+        unit.send_signal(signal.SIGHUP)
+        said = peer.receive(READY)
+        assert (said["kind"], said["session"]) == (Kind.READY, 0)
+    finally:
+        unit.kill()
+        unit.wait()
+        peer.socket.close()
 
 
 def test_a_unit_ends_when_its_rig_is_gone(program: Path):
@@ -157,18 +186,26 @@ def test_a_unit_ends_when_its_rig_is_gone(program: Path):
         unit.wait()
 
 
-def test_a_listening_unit_answers_whoever_says_hello(program: Path):
+def test_a_listening_unit_serves_one_rig_until_its_end_or_silence(program: Path):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     unit = subprocess.Popen([program, "--listen", f"127.0.0.1:{port}"])
     try:
-        for _ in range(2):
-            peer = Peer()
+        first, second = Peer(), Peer()
+        for peer in (first, second):
             peer.address = ("127.0.0.1", port)
             peer.socket.settimeout(0.2)
-            assert until_it_listens(peer)["text"] == b"monitor"
-            peer.socket.close()
+        assert until_it_listens(first)["text"] == b"monitor"
+        refused = second.greet(SESSION + 1)
+        assert (refused["kind"], refused["session"]) == (Kind.REFUSED, SESSION + 1)
+        assert refused["text"] == b"busy with session %d" % SESSION
+        first.send(first.head(np.zeros(1, HELLO), Kind.END))
+        assert second.greet(SESSION + 1)["kind"] == Kind.READY
+        second.socket.close()
+        time.sleep(4.1)  # in which the second is silent
+        assert first.greet()["kind"] == Kind.READY
+        first.socket.close()
     finally:
         unit.kill()
         unit.wait()

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import unit_vectors
 from numpy.typing import NDArray
+from one_stage import step_stage
 from unit_defects import DEFECTS, Defect
 from unit_files import SOURCES as EXAMPLES
 from unit_files import compiled, needs_a_compiler
@@ -53,8 +54,8 @@ def by_our_manager(case: Case) -> NDArray[Any]:
     voter = DiscreteVoter(params(config, "discrete", DISCRETE_PARAMS))
     with np.errstate(invalid="ignore"):  # of an infinite angle, when the kernels are not compiled
         for k in range(len(rows)):
-            manager.step(rows, k)
-            voter.step(rows, k)
+            step_stage(manager, rows, k)
+            step_stage(voter, rows, k)
     said = np.zeros(len(rows), OUTPUT)
     for name in set(OUTPUT.names or ()) & set(FLAT.names or ()):
         said[name] = rows[name]

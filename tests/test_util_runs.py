@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.util.runs import begins, cluster_starts, runs, runs_where
+from rig.util.runs import cluster_starts, runs, runs_where
 
 
 def test_runs_of_nothing_are_none():
@@ -24,10 +24,6 @@ def test_runs_cover_all_rows_once_and_neighbours_differ(numbers):
 
 def test_a_run_of_true_ends_before_its_second_number():
     assert runs_where(np.array([1, 1, 0, 1, 0, 0, 1], bool)).tolist() == [[0, 2], [3, 4], [6, 7]]
-
-
-def test_what_is_true_in_the_first_row_begins_there():
-    assert begins(np.array([[1, 0], [1, 1], [0, 1], [1, 1]], bool)).tolist() == [[1, 0], [0, 1], [0, 0], [1, 0]]
 
 
 def test_a_cluster_begins_after_more_than_the_gap():

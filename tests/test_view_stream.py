@@ -268,7 +268,7 @@ def test_a_lane_keeps_its_own_look_where_another_of_the_view_shows_the_same_stat
     assert view.contents == [lane.path for lane in lanes]
     [shared] = view.defaults
     states = shared.values.as_arrow_array().to_pylist()
-    assert {"channel 2: OK", "channel 2: SUSPECT", "channel 2: FAILED", "OVER", "GROUND_CONTACT"} <= set(states)
+    assert {"OK", "SUSPECT", "FAILED", "OVER", "GROUND_CONTACT"} <= set(states)
     assert len(set(states)) == len(states)
 
 

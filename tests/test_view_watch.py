@@ -67,13 +67,14 @@ def test_a_page_says_what_each_channel_and_signal_is() -> None:
     assert lines[0].split() == ["a", "flight", "1.50", "s", "law", "autopilot", "2", "faults", "acting"]
     [pitch] = [line for line in lines if line.startswith("pitch_rate")]
     assert pitch.split() == [
-        *("pitch_rate,", "rad/s", "0.1000", "0.9000x", "0.3000?", "-0.1250", "0.2000", "2", "2:2", "reference"),
+        *("pitch_rate", "deg/s", "5.730", "51.566x", "17.189?", "-7.162", "11.459", "2", "2:2", "reference"),
     ]
     [heading] = [line for line in lines if line.startswith("heading")]
     assert heading.split() == [
-        *("heading,", "rad", "nan", "nan", "nan", "nan", "0.0000", "0", "lost", "control:", "reference"),
+        *("heading", "deg", "nan", "nan", "nan", "nan", "0.000", "0", "lost", "control:", "reference"),
     ]
-    names = [line.split(",")[0] for line in lines]
+    assert any(line.startswith("? suspect, x failed, - not fitted") for line in lines)
+    names = [line.split(" ")[0] for line in lines]
     assert [name for name in names if name in {signal.name for signal in SIGNALS}] == [s.name for s in SIGNALS]
     assert lines[-EVENTS:][:2] == [
         "     1.00 s  fault on          offset pitch_rate.2",
@@ -83,9 +84,19 @@ def test_a_page_says_what_each_channel_and_signal_is() -> None:
 
 def test_channels_are_coloured_by_their_state() -> None:
     html = drawn(flown()[150]).export_html(inline_styles=True)
-    for value, color in (("0.1000", "008000"), ("0.9000x", "800000"), ("0.3000?", "808000")):
+    for value, color in (("5.730", "008000"), ("51.566x", "800000"), ("17.189?", "808000")):
         before = html[: html.index(value)]
         assert f"color: #{color}" in before[before.rindex("<span") :], value
+
+
+def test_angles_around_north_are_read_together() -> None:
+    rows = flown(1)
+    rows["channels"][:, 15], rows["voted"][:, 15] = np.radians([359.75, 0.5, 0.25, 359.5]), np.radians(359.75)
+    rows["channels"][:, 14], rows["voted"][:, 14] = np.radians([-0.5, 0.0, 0.25, -0.25]), np.radians(-0.125)
+    lines = [line.split() for line in drawn(rows[0]).export_text().splitlines()]
+    heading, roll = (next(line for line in lines if line[:1] == [name]) for name in ("heading", "roll_angle"))
+    assert heading[2:7] == ["359.75", "360.50", "360.25", "359.50", "359.75"]
+    assert roll[2:7] == ["-0.500", "0.000", "0.250", "-0.250", "-0.125"]
 
 
 def test_a_page_fits_eighty_columns_and_keeps_its_height() -> None:
@@ -93,7 +104,7 @@ def test_a_page_fits_eighty_columns_and_keeps_its_height() -> None:
     screen.print(page.draw(row, RATE_HZ))
     bare = screen.export_text().splitlines()
     assert max(map(len, bare)) <= 80
-    assert any("0.9000x" in line and "-0.1250" in line for line in bare)
+    assert any("51.566x" in line and "-7.162" in line for line in bare)
     for count in (1, EVENTS, EVENTS + 5):
         page = Page()
         page.note([Event(i, "error", "level", f"event {i}") for i in range(count)], RATE_HZ)
@@ -167,7 +178,7 @@ def test_on_a_terminal_another_process_draws_the_page(monkeypatch: pytest.Monkey
         while part := os.read(ours, 65536):
             text += part.decode()
     os.close(ours)
-    for said in ("1.50 s", "0.9000x", "offset pitch_rate.2", "it failed"):
+    for said in ("1.50 s", "51.566x", "offset pitch_rate.2", "it failed"):
         assert said in text
 
 
@@ -190,7 +201,7 @@ def test_in_a_pipe_events_are_lines_and_the_page_comes_once_at_the_end() -> None
         "     1.00 s  fault on          offset pitch_rate.2",
         "     1.10 s  channel failed    it failed",
     ]
-    assert sum("pitch_rate, rad/s" in line for line in lines) == 1
+    assert sum(line.startswith("pitch_rate ") for line in lines) == 1
     assert "\x1b" not in screen.file.getvalue()  # type: ignore[attr-defined]
 
 

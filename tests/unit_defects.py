@@ -244,6 +244,7 @@ LEVELS_AND_FILTER = [
         "pattern = RIG_PATTERN_ISOLATED;",
     ),
     Defect("no filter", "if (p->filter_gain > 0.0) {", "if (p->filter_gain > 1.0) {"),
+    Defect("a step of the filter not limited", "fabs(step) > limit", "fabs(step) > (1e9 * limit)"),
     Defect(
         "the filter goes on over a gap",
         "s->smooth[c] = there ? compare_follow(s->smooth[c], near_base(f->samples[c], f, p), f, p) : (double)NAN;",

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
+from one_stage import step_stage
 
 from rig.computer.redundancy.config import PARAMS
 from rig.computer.redundancy.discrete import DiscreteVoter
@@ -137,6 +138,6 @@ def vote(rows: Block, params: NDArray[Any], discretes: NDArray[Any], box_signals
     manager = Manager("cross-channel", params, box_signals=box_signals, box_persistence=box_persistence)
     voter = DiscreteVoter(discretes)
     for k in range(len(rows)):
-        manager.step(rows, k)
-        voter.step(rows, k)
+        step_stage(manager, rows, k)
+        step_stage(voter, rows, k)
     return manager

@@ -7,9 +7,8 @@ Made from the score alone, so that every command that shows a flight prints the 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from shlex import quote
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +23,12 @@ from rig.scenario import Scenario
 from rig.units.angles import differences
 from rig.units.quantities import duration, quantity, seconds
 
+if TYPE_CHECKING:
+    from rig.flight.result import Flight
+
 _APART_S: Final = 1.0  # episodes of one signal that follow each other sooner are told as one
 _NAMES: Final = {"ilm": "in-line monitors"}
 _OUTCOMES: Final = {"right": "correctly", "wrong": "wrongly: a healthy channel was failed"}
-NEXT: Final = ("score", "view", "replay")  # commands that take a log
 
 
 def conclusion(scenario: Scenario, score: Score) -> list[str]:
@@ -43,9 +44,17 @@ def conclusion(scenario: Scenario, score: Score) -> list[str]:
     ]
 
 
-def next_commands(log: Path) -> list[str]:
-    """Return the commands that show more of a log, as they are typed."""
-    return [f"rig {command} {quote(str(log))}" for command in NEXT]
+def next_commands(flight: Flight) -> list[str]:
+    """Return the commands that show more of a flight, as they are typed: score, view, replay.
+
+    Those that vote again name the unit under test, or allow the code, that voted.
+    """
+    log, again = quote(str(flight.log)), ""
+    if flight.unit_file:
+        again = f" --unit {quote(flight.unit_file)}"
+    elif ":" in flight.scenario.redundancy.manager:
+        again = " --allow-code"
+    return [f"rig score {log}{again}", f"rig view {log}", f"rig replay {log}{again}"]
 
 
 def _healthy(found: Sequence[Isolation], although: str, about: Context) -> list[str]:
@@ -190,4 +199,4 @@ def _lies(row: Any, used: NDArray[np.intp], off: NDArray[np.float64], limit: flo
     if halves and off[order[half - 1]] >= 0:
         return f"on the side of {channels(low)}, below {channels(high)}"
     near = (used[np.abs(off) <= limit] + 1).tolist()
-    return f"{'between the halves, ' if halves else ''}within its threshold of {shown} of {channels(near)}"
+    return f"{'between the halves, ' if halves else ''}within its reference threshold of {shown} of {channels(near)}"

@@ -94,7 +94,7 @@ def _late(fault: FaultScore, about: Context, from_frame: int) -> str:
     if from_frame - exceeded <= int(_params(fault, about)["persistence"]):
         return ""
     return (
-        f"left its threshold of {_threshold(fault, about)} at {seconds(exceeded, about.rate_hz)}, but "
+        f"left its {_threshold(fault, about)} at {seconds(exceeded, about.rate_hz)}, but "
         f"{_near(fault, about, exceeded, from_frame)} until {seconds(from_frame, about.rate_hz)}, then "
     )
 
@@ -114,7 +114,7 @@ def _missed(fault: FaultScore, about: Context) -> str:
     if fault.channel is None or fault.exceeded_frame is None:
         return "was not found: its reference was used on"
     longest = duration(fault.exceeded_run_frames, about.rate_hz)
-    said = f"was not found: its error was above the threshold{_of(fault, about)} for {longest} at most"
+    said = f"was not found: its error was above the {_threshold(fault, about)} for {longest} at most"
     if fault.tolerated:
         return f"{said}, shorter than the persistence"
     if about.silent(fault.signal):
@@ -130,7 +130,7 @@ def _undetectable(fault: FaultScore, about: Context) -> str:
         return "changed no sample, so there was nothing to fail"
     if fault.signal.startswith("surface."):
         return "could not be found: no monitor watches surfaces"
-    return f"could not be found: its error stayed below the threshold{_of(fault, about)}"
+    return f"could not be found: its error stayed below the {_threshold(fault, about)}"
 
 
 def _moved(fault: FaultScore) -> str:
@@ -152,17 +152,19 @@ def _vote(fault: FaultScore, about: Context) -> str:
     until = f" until the next fault at {seconds(window.end_frame, about.rate_hz)}" if ends else ""
     if window.above_threshold_s == 0:
         return f"the vote stayed within {off} of the truth{until}"
-    return f"the vote was wrong by up to {off}, above the threshold for {window.above_threshold_s:g} s{until}"
-
-
-def _of(fault: FaultScore, about: Context) -> str:
-    threshold = _threshold(fault, about)
-    return f" of {threshold}" if threshold else ""
+    limit = ""
+    if fault.signal in INDEX:
+        limit = f" of {quantity(float(_params(fault, about)['threshold']), about.unit(fault))}"
+    return f"the vote was wrong by up to {off}, above the threshold{limit} for {window.above_threshold_s:g} s{until}"
 
 
 def _threshold(fault: FaultScore, about: Context) -> str:
+    """Return what the monitor allows, by name and figure: ``outlier threshold of 0.63 deg/s``."""
     value = about.threshold(fault)
-    return "" if value is None else quantity(value, about.unit(fault))
+    if value is None:
+        return "threshold"
+    outlier = value != _params(fault, about)["threshold"]
+    return f"{'outlier ' if outlier else ''}threshold of {quantity(value, about.unit(fault))}"
 
 
 def _params(fault: FaultScore, about: Context) -> Any:

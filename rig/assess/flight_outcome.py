@@ -1,4 +1,4 @@
-"""The outcome of one flight, added up block by block while it is flown, or from its rows afterwards."""
+"""The outcome of a flight or a recording, added up block by block while it is flown, or from its rows afterwards."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.assess.monitored import discrete_records, fault_records, monitor, signal_records
+from rig.assess.monitored import Monitored, fault_records, of_scenario
 from rig.assess.outcome import LEVELS, NEVER, VOTE
 from rig.assess.outcome_records import EPISODE, FAILURE, FLIGHT, PATTERNS, ROOM, SPAN, Outcomes
 from rig.assess.outcome_rows import add_rows
+from rig.assess.words import Cause, FaultWord, fault_word
 from rig.errors import BadInput
 from rig.faults import CLEAN
-from rig.frame import CHANNELS, SIGNALS, Block, S, new_block
+from rig.faults.places import FLIGHT as FLIGHT_PLACES
+from rig.frame import CHANNELS, SIGNALS, Block, new_block
 from rig.scenario import Scenario
 
 # One signal's fields that a sentence looks at again, frame by frame.
@@ -22,38 +24,33 @@ COLUMNS: Final = np.dtype([("channels", "f8", (CHANNELS,)), ("valid", "u1", (CHA
 Columns = Callable[[int], NDArray[Any]]  # (n,) COLUMNS of a signal
 
 
-class FlightOutcome:
-    """What became of the faults of a scenario: records of outcome_records.py, in bounded memory.
+class Outcome:
+    """What became of faults: records of outcome_records.py, in bounded memory.
 
-    window_s : after an onset, for which the load factor is looked at
-    keep : whether the channels of the signals with a fault are kept, 40 bytes a frame
+    window : frames after an onset, for which the load factor is looked at
     """
 
-    def __init__(self, scenario: Scenario, window_s: float, *, keep: bool = False) -> None:
-        self.scenario, self.params = scenario, monitor(scenario)
+    def __init__(self, monitored: Monitored, faults: NDArray[Any], window: int = 0) -> None:
+        count, room = len(monitored.signals), ROOM * (len(monitored.signals) + len(monitored.discretes))
         self._failures: list[NDArray[Any]] = []
         self._episodes: list[NDArray[Any]] = []
-        signals, discretes = signal_records(self.params), discrete_records(scenario)
-        faults = fault_records(scenario, signals, discretes)
+        self.params = monitored.params
         self.records = Outcomes(
-            params=self.params,
-            flight=_blank_flight(scenario, window_s),
+            params=monitored.params,
+            flight=_blank_flight(count, monitored.box_signals, window),
             faults=faults,
-            signals=signals,
-            discretes=discretes,
-            votes=np.zeros((S, 2), VOTE),
-            spans=np.zeros(S + 2 * len(faults), SPAN),
-            failures=np.zeros(ROOM, FAILURE),
-            episodes=np.zeros(ROOM, EPISODE),
-            going_on=np.zeros(S, EPISODE),
-            patterns=np.zeros((S, PATTERNS, PATTERNS), np.int64),
-            levels=np.zeros((S, LEVELS, LEVELS), np.int64),
+            signals=monitored.signals,
+            discretes=monitored.discretes,
+            votes=np.zeros((count, 2), VOTE),
+            spans=np.zeros(count + 2 * len(faults), SPAN),
+            failures=np.zeros(room, FAILURE),
+            episodes=np.zeros(room, EPISODE),
+            going_on=np.zeros(count, EPISODE),
+            patterns=np.zeros((count, PATTERNS, PATTERNS), np.int64),
+            levels=np.zeros((count, LEVELS, LEVELS), np.int64),
         )
-        self.records.signals["span"] = self.records.spans["signal"][:S] = np.arange(S)
+        self.records.signals["span"] = self.records.spans["signal"][:count] = np.arange(count)
         self.records.going_on["first"] = NEVER
-        on_signals = faults[(faults["signal"] >= 0) & (faults["discrete"] == 0)]
-        self._kept: dict[int, list[NDArray[Any]]] = {s: [] for s in on_signals["signal"].tolist() if keep}
-        self.add(new_block(0), np.zeros(0, CLEAN))  # compiles before the first frame
 
     @property
     def frames(self) -> int:
@@ -62,18 +59,10 @@ class FlightOutcome:
 
     def add(self, rows: Block, clean: NDArray[Any]) -> None:
         """Add the next rows; clean : (n,) CLEAN.  BadInput when no fault can have made a sample that differs."""
-        if self.frames == 0 and len(rows):
-            on = self.records.faults["signal"], self.records.faults["channel"]
-            here = (on[0] >= 0) & (self.records.faults["discrete"] == 0)
-            self.records.faults["sample"][here] = rows["channels"][0][on[0][here], on[1][here]]
         done = 0
         while done < len(rows):
             done = int(add_rows(rows, clean, done, self.records))
             self._empty()
-        if not len(rows):
-            add_rows(rows, clean, 0, self.records)
-        for s, kept in self._kept.items():
-            kept.append(columns(rows, s))
 
     def _empty(self) -> None:
         """Take the lists out of their arrays; refuse samples that the sensors cannot have given."""
@@ -102,6 +91,59 @@ class FlightOutcome:
         listed = np.concatenate([*self._episodes, going_on])
         return listed[np.lexsort((listed["signal"], listed["first"]))]
 
+    def wrong_isolations(self, fault: Any) -> NDArray[Any]:
+        """Return the (n,) FAILURE of healthy channels that were failed for a fault: up to the next onset on its signal.
+
+        fault : a FAULT record; of one that never began, or of a discrete, to the end
+        """
+        failures, first, end = self.failures, 0, self.frames
+        if fault["onset"] != NEVER and not fault["discrete"]:
+            first, end = int(fault["onset"]), self.next_onset(fault)
+        here = (failures["signal"] == fault["signal"]) & (failures["discrete"] == fault["discrete"])
+        within = (first <= failures["frame"]) & (failures["frame"] < end)
+        return failures[here & within & (failures["cause"] == Cause.WRONG_ISOLATION)]
+
+    def next_onset(self, fault: Any) -> int:
+        """Return the frame in which the next fault on the same signal begins; else the number of frames."""
+        faults = self.records.faults
+        onsets = faults["onset"][(faults["signal"] == fault["signal"]) & (faults["discrete"] == fault["discrete"])]
+        return min((int(other) for other in onsets if other > fault["onset"]), default=self.frames)
+
+    def word(self, fault: Any, kept: bool | None = None) -> FaultWord:
+        """Return what became of a fault, a FAULT record.
+
+        kept : the vote up to the next onset, which decides where a manager takes its failures back; None: it does not
+        """
+        wrong = len(self.wrong_isolations(fault)) > 0 if kept is None else not kept
+        failed, exceeded = fault["failed_at"] != NEVER, fault["exceeded_at"] != NEVER
+        return fault_word(bool(fault["executed"]), failed, exceeded, wrong)
+
+
+class FlightOutcome(Outcome):
+    """What became of the faults of a scenario.
+
+    window_s : after an onset, for which the load factor is looked at
+    keep : whether the channels of the signals with a fault are kept, 40 bytes a frame
+    """
+
+    def __init__(self, scenario: Scenario, window_s: float, *, keep: bool = False) -> None:
+        self.scenario, monitored = scenario, of_scenario(scenario)
+        faults = fault_records(scenario.faults, monitored, FLIGHT_PLACES, scenario.redundancy)
+        super().__init__(monitored, faults, round(window_s * scenario.rate_hz))
+        on_signals = faults[(faults["signal"] >= 0) & (faults["discrete"] == 0)]
+        self._kept: dict[int, list[NDArray[Any]]] = {s: [] for s in on_signals["signal"].tolist() if keep}
+        add_rows(new_block(0), np.zeros(0, CLEAN), 0, self.records)  # compiles before the first frame
+
+    def add(self, rows: Block, clean: NDArray[Any]) -> None:
+        """Add the next rows, and keep what is to be kept of them."""
+        if self.frames == 0 and len(rows):
+            faults = self.records.faults
+            here = (faults["signal"] >= 0) & (faults["discrete"] == 0)
+            faults["sample"][here] = rows["channels"][0][faults["signal"][here], faults["channel"][here]]
+        super().add(rows, clean)
+        for s, kept in self._kept.items():
+            kept.append(columns(rows, s))
+
     def columns(self, s: int) -> NDArray[Any]:
         """Return what was kept of a signal with a fault, (frames,) COLUMNS."""
         return np.concatenate(self._kept[s])
@@ -115,9 +157,9 @@ def columns(rows: Block, s: int) -> NDArray[Any]:
     return kept
 
 
-def _blank_flight(scenario: Scenario, window_s: float) -> NDArray[Any]:
+def _blank_flight(signals: int, box_signals: int, window: int) -> NDArray[Any]:
     flight = np.zeros(1, FLIGHT)
-    flight["spans"], flight["unexplained"], flight["acted_from"] = S, NEVER, NEVER
-    flight["box_signals"], flight["window"] = scenario.redundancy.box_signals, round(window_s * scenario.rate_hz)
+    flight["spans"], flight["unexplained"], flight["acted_from"] = signals, NEVER, NEVER
+    flight["box_signals"], flight["window"] = box_signals, window
     flight["low"], flight["high"] = np.inf, -np.inf
     return flight

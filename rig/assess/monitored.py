@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from rig.computer.redundancy.config import parameters
 from rig.computer.redundancy.discrete_config import discrete_parameters
 from rig.computer.redundancy.managers import manager_kind
 from rig.faults import Fault
-from rig.faults.places import number, site
+from rig.faults.places import Places, number, site
 from rig.frame import INDEX, INERTIAL
 from rig.scenario import Scenario
 
@@ -46,21 +46,38 @@ def allowed_frames(p: NDArray[np.void]) -> int:
     return int(p["persistence"]) + int(p["singular_persistence"]) + MARGIN
 
 
-def signal_records(params: NDArray[np.void]) -> NDArray[Any]:
-    """Return (S,) SIGNAL, blank; a single channel of four is measured by the outlier threshold where there is one."""
-    outlier = params["outlier_threshold"]
-    return _blank(np.where(outlier > 0.0, outlier, params["threshold"]), params["fitted"], lingers(params))
+class Monitored(NamedTuple):
+    """Those who watch the places, of a flight or of a recording: settings, and blank records of what they see."""
+
+    params: NDArray[np.void]  # (S,) config.PARAMS
+    signals: NDArray[Any]  # (S,) SIGNAL
+    discretes: NDArray[Any]  # (D,) SIGNAL
+    box_signals: int
+
+    @classmethod
+    def of(cls, params: NDArray[np.void], discretes: NDArray[np.void], box_signals: int) -> Monitored:
+        """Return the blank records; params, discretes : config.PARAMS and DISCRETE_PARAMS.
+
+        A single channel of four is measured by the outlier threshold where there is one.
+        """
+        outlier = params["outlier_threshold"]
+        signals = blank_records(
+            np.where(outlier > 0.0, outlier, params["threshold"]), params["fitted"], lingers(params)
+        )
+        watched = blank_records(np.full(len(discretes), _HALF), discretes["fitted"], discretes["persistence"])
+        return cls(params, signals, watched, box_signals)
 
 
-def discrete_records(scenario: Scenario) -> NDArray[Any]:
-    """Return (D,) SIGNAL of the flight's discretes, blank."""
+def of_scenario(scenario: Scenario) -> Monitored:
+    """Return what is monitored in a flight."""
     fitted, config = sensors.discrete_channels(scenario.sensors), scenario.redundancy
-    params = discrete_parameters(config.discretes, fitted, config.discrete_persistence, scenario.rate_hz)
-    return _blank(np.full(len(params), _HALF), fitted, params["persistence"])
+    discretes = discrete_parameters(config.discretes, fitted, config.discrete_persistence, scenario.rate_hz)
+    return Monitored.of(monitor(scenario), discretes, config.box_signals)
 
 
-def _blank(threshold: NDArray[Any], fitted: Any, linger: NDArray[Any]) -> NDArray[Any]:
-    records = np.zeros(len(threshold), SIGNAL)
+def blank_records(threshold: Any, fitted: Any, linger: NDArray[Any]) -> NDArray[Any]:
+    """Return (n,) SIGNAL before the first row; threshold of a single channel, channels fitted, linger in frames."""
+    records = np.zeros(len(linger), SIGNAL)
     records["threshold"], records["fitted"], records["level"], records["linger"] = threshold, fitted, fitted, linger
     records["failed_at"] = NEVER
     for field in ("wrong_at", "error_at", "disturbed", "reference_at"):
@@ -68,29 +85,31 @@ def _blank(threshold: NDArray[Any], fitted: Any, linger: NDArray[Any]) -> NDArra
     return records
 
 
-def fault_records(scenario: Scenario, signals: NDArray[Any], discretes: NDArray[Any]) -> NDArray[Any]:
-    """Return (F,) FAULT, blank: each fault at each of its channels, or once where it sits on none."""
-    places = [
-        (i, name, channel)
-        for i, fault in enumerate(scenario.faults)
-        for name, channel in channels_of(fault) or [("", 0)]
-    ]
-    records = np.zeros(len(places), FAULT)
+def fault_records(
+    faults: Sequence[Fault], monitored: Monitored, places: Places, config: Config | None = None
+) -> NDArray[Any]:
+    """Return (F,) FAULT, blank: each fault at each of its channels, or once where it sits on none.
+
+    config : of the flight, whose references faults may change; None: a recording
+    """
+    on = [(i, name, channel) for i, fault in enumerate(faults) for name, channel in channels_of(fault) or [("", 0)]]
+    records = np.zeros(len(on), FAULT)
     for field in ("signal", "channel", "surface", "reference", "onset", "exceeded_at", "failed_at"):
         records[field] = NEVER
     records["acted_at"] = records["beyond_at"] = LONG_AGO
     records["peak"] = records["sample"] = records["load_factor_change"] = np.nan
-    for record, (i, name, channel) in zip(records, places, strict=True):
-        fault = scenario.faults[i]
+    for record, (i, name, channel) in zip(records, on, strict=True):
+        fault = faults[i]
         record["number"] = i
-        record["either"] = _bits(references_of(fault, scenario.redundancy, second_too=True))
+        if config is not None:
+            record["either"] = _bits(references_of(fault, config, second_too=True))
         if name:
-            discrete = site(name) == "discrete"
-            record["signal"], record["channel"], record["discrete"] = number(name), channel - 1, discrete
+            discrete, at = places.site(name) == "discrete", places.number(name)
+            record["signal"], record["channel"], record["discrete"] = at, channel - 1, discrete
             record["changes"] = discrete or fault.changes_samples  # a discrete that says bad of itself is not voted
-            record["threshold"] = (discretes if discrete else signals)[number(name)]["threshold"]
+            record["threshold"] = (monitored.discretes if discrete else monitored.signals)[at]["threshold"]
             continue
-        read = references_of(fault, scenario.redundancy)
+        read = [] if config is None else references_of(fault, config)
         record["references"], record["reference"] = _bits(read), read[0] if read else NEVER
         record["surface"] = number(fault.signal) if site(fault.signal) == "surface" else NEVER
     return records

@@ -18,17 +18,18 @@ from rig.assess.transients import fly_twin
 from rig.computer.redundancy.managers import manager_kind
 from rig.errors import BadInput
 from rig.flight.operator_keys import pressed
-from rig.frame import Block, Unit
-from rig.log import Log, read_log, scenario_of
+from rig.frame import Block, UnitStatus
+from rig.log import Log, read_log, scenario_of, unit_of
 from rig.record.histogram import of_timing
 from rig.scenario import Scenario, from_resolved
+from rig.unit.settings import voter
 from rig.unit.unit import UnitUnderTest
 from rig.util.progress import tell
 from rig.util.runs import runs_where
 from rig.util.trust import Trust
 
 MOST_FRAMES: Final = 100_000  # 200 MB of rows
-_UNANSWERED: Final = (Unit.HELD, Unit.LATE, Unit.DEAD, Unit.REFUSED)
+_UNANSWERED: Final = (UnitStatus.HELD, UnitStatus.LATE, UnitStatus.DEAD, UnitStatus.REFUSED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +52,11 @@ class Scored(NamedTuple):
     times: dict[str, dict[str, int]]  # histograms of the wall clock
     misses: list[Miss]  # of a unit whose file calls them faults
     conclusion: list[str]  # sentences
+    voter: str  # the manager or the unit that voted
+
+    def __repr__(self) -> str:
+        """Return the conclusion: a sentence a line."""
+        return "\n".join(self.conclusion)
 
     def as_dict(self) -> dict[str, Any]:
         """As ``rig score --json`` prints it."""
@@ -67,25 +73,16 @@ def score_log(
     twin: bool = True,
     allow_code: bool = False,
     unit: UnitUnderTest | None = None,
+    log: Log | None = None,
 ) -> Scored:
     """Score the flight at ``path``; ``twin`` flies it again without its faults to compare with.
 
     allow_code : a manager class that the log names may be run, in the flight of the twin
     unit : under test, that flew it and flies the twin
+    log : what has been read from ``path`` already
     BadInput, one line, when it is no log of a flight, has no verdict, or was flown with other sensors.
     """
-    return score_read(read_log(path), path, yardstick, twin, allow_code, unit)
-
-
-def score_read(
-    log: Log,
-    path: Path,
-    yardstick: Yardstick,
-    twin: bool = True,
-    allow_code: bool = False,
-    unit: UnitUnderTest | None = None,
-) -> Scored:
-    """Score a log that has been read from ``path``, which messages name; else as ``score_log``."""
+    log = read_log(path) if log is None else log
     scenario = _scenario(path, log, allow_code)
     if log.result is None:
         raise BadInput(f"{path}: the flight has no verdict (cut off, recovered or still being flown): not scored")
@@ -101,11 +98,12 @@ def score_read(
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
     exchanges = json.loads(log.result["unit"]) if "unit" in log.result else None
-    on_miss = json.loads(log.metadata.get("unit", "{}")).get("on_miss")
+    on_miss = unit_of(log.metadata).get("on_miss")
     missed = missed_frames(log.rows) if on_miss == "fault" else []
     sentences = conclusion(scenario, scored)
     digest = log.result.get("digest", "")
-    return Scored(path, scenario, digest, scored, exchanges, of_timing(log.timing), missed, sentences)
+    voted_by = voter(scenario.redundancy.manager, unit_of(log.metadata).get("name"))
+    return Scored(path, scenario, digest, scored, exchanges, of_timing(log.timing), missed, sentences, voted_by)
 
 
 class FlightConclusion:
@@ -146,25 +144,12 @@ def _too_long(frames: int, log: Path | str) -> str:
     return f"{frames} frames are not scored here: rig score {log}"
 
 
-def conclude(log: Path, frames: int) -> list[str]:
-    """Return the conclusion of the log that a flight has just written, without a fault-free run; never raises.
-
-    frames : of the flight; one that is too long for memory is left to ``rig score``
-    """
-    if frames > MOST_FRAMES:
-        return [_too_long(frames, log)]
-    try:
-        return score_log(log, Yardstick(), twin=False).conclusion
-    except BadInput as error:
-        return [f"not scored: {error}"]
-
-
-def conclude_read(log: Log) -> list[str]:
-    """Return the conclusion of a log that has been read, as ``conclude``."""
+def conclude(log: Log) -> list[str]:
+    """Return the conclusion of a log that has been read, without a fault-free run; never raises."""
     if len(log.rows) > MOST_FRAMES:
         return [_too_long(len(log.rows), "LOG")]
     try:
-        return score_read(log, Path("log"), Yardstick(), twin=False).conclusion
+        return score_log(Path("log"), Yardstick(), twin=False, log=log).conclusion
     except BadInput as error:
         return [f"not scored: {error}"]
 
@@ -182,6 +167,6 @@ def missed_frames(rows: Block) -> list[Miss]:
     missed = np.isin(rows["unit"], _UNANSWERED)
     frames, status = rows["frame"], rows["unit"]
     return [
-        Miss(int(frames[first]), int(frames[end - 1]), Unit(status[first]).name.lower())
+        Miss(int(frames[first]), int(frames[end - 1]), UnitStatus(status[first]).name.lower())
         for first, end in runs_where(missed).tolist()
     ]

@@ -45,6 +45,7 @@ SIGNAL: Final = np.dtype(
         ("span", "i8"),  # that goes on
         ("lost", "i8"),  # frames at level 0
         ("unresolved", "i8"),  # frames
+        ("wrong_votes", "i8"),  # frames, of a discrete
         ("healthy_frames", "i8", (LEVELS,)),  # of healthy channels in use, undisturbed, by the level of the row before
         ("false_isolations", "i8", (LEVELS,)),  # of them failed
     ],

@@ -98,7 +98,7 @@ def begin(row, fault, frame, out):
         return
     fault["sample"] = row["channels"][s, c]
     signal = out.signals[s]
-    if out.spans[signal["span"]]["begin"] != frame or signal["span"] < S:
+    if out.spans[signal["span"]]["begin"] != frame or signal["span"] < len(out.signals):
         n = flight["spans"]
         flight["spans"] += 1
         signal["span"] = n

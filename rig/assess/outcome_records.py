@@ -7,11 +7,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import CHANNELS, D, Pattern, S, sig
+from rig.frame import CHANNELS, Pattern, sig
 
 COMPARISON: Final = 0  # who failed a channel: this, or a Resolver
 PATTERNS: Final = len(Pattern)
-ROOM: Final = 4 * CHANNELS * (S + D)  # of the arrays that are emptied
+ROOM: Final = 4 * CHANNELS  # a signal, of the arrays that are emptied
 EXTREMES: Final = (sig.N_Z, sig.Q, sig.THETA, sig.PHI, sig.ALPHA)  # of the truth
 FAULT: Final = np.dtype(
     [
@@ -95,7 +95,6 @@ FLIGHT: Final = np.dtype(
         ("low", "f8", (len(EXTREMES),)),
         ("high", "f8", (len(EXTREMES),)),
         ("load_factor", "f8"),  # in the row before
-        ("wrong_votes", "i8", (D,)),
         ("acted_from", "i8"),  # first frame in which any fault acted, or NEVER
         ("onsets", "u1"),  # whether any has begun
         ("corrupted", "u1"),  # whether a sample was wrong in the row before
@@ -109,15 +108,15 @@ FLIGHT: Final = np.dtype(
 class Outcomes(NamedTuple):
     """Settings and what is added up; see the types."""
 
-    params: NDArray[Any]  # (S,) config.PARAMS
+    params: NDArray[Any]  # (S,) config.PARAMS; S: those of the flight or recording
     flight: NDArray[Any]  # (1,) FLIGHT
     faults: NDArray[Any]  # (F,) FAULT
     signals: NDArray[Any]  # (S,) SIGNAL
     discretes: NDArray[Any]  # (D,) SIGNAL
     votes: NDArray[Any]  # (S, 2) VOTE, from the truth and from the vote of healthy channels
     spans: NDArray[Any]  # (S + 2 F,) SPAN; the first S begin with the flight
-    failures: NDArray[Any]  # (ROOM,) FAILURE
-    episodes: NDArray[Any]  # (ROOM,) EPISODE
+    failures: NDArray[Any]  # (ROOM * (S + D),) FAILURE
+    episodes: NDArray[Any]  # (ROOM * (S + D),) EPISODE
     going_on: NDArray[Any]  # (S,) EPISODE
     patterns: NDArray[Any]  # (S, 7, 7) frames, by pattern before and now
     levels: NDArray[Any]  # (S, 5, 5) the same of levels

@@ -1,4 +1,4 @@
-"""The one kernel that decides what became of the faults of a flight, row by row, in bounded memory.
+"""The one kernel that decides what became of the faults in rows, of a flight or of a recording, in bounded memory.
 
 docs/score.md defines every number.  What is listed is taken out of its array by who adds the rows (flight_outcome.py).
 """
@@ -11,10 +11,10 @@ import numpy as np
 
 from rig.assess.outcome import LEVELS, NEVER, channel_bits, count_healthy, count_vote, mark_failed, mark_wrong
 from rig.assess.outcome_faults import follow_faults, is_singular, mark_acting, watch_faults
-from rig.assess.outcome_records import COMPARISON, EXTREMES, PATTERNS, ROOM
+from rig.assess.outcome_records import COMPARISON, EXTREMES, PATTERNS
 from rig.assess.unfaulted import injected, middle, same
 from rig.assess.words import Cause
-from rig.frame import CHANNELS, D, Ilm, Resolver, S, State, Unit, sig
+from rig.frame import CHANNELS, Ilm, Resolver, State, UnitStatus, sig
 from rig.kernels import kernel, long_kernel
 from rig.units.angles import difference
 
@@ -26,9 +26,9 @@ def add_rows(rows, clean, first, out):
     clean : (n,) faults.CLEAN; out : Outcomes
     It stops when a list is full, or at a wrong sample though no fault has acted: ``unexplained``.
     """
-    flight = out.flight[0]
+    flight, most = out.flight[0], CHANNELS * (len(out.signals) + len(out.discretes))
     for k in range(first, len(rows)):
-        if max(flight["failures"], flight["episodes"]) + CHANNELS * (S + D) > ROOM:
+        if max(flight["failures"], flight["episodes"]) + most > len(out.failures):
             return k
         row = rows[k]
         acting = 0
@@ -42,15 +42,15 @@ def add_rows(rows, clean, first, out):
         add_discrete_errors(row, out)
         if acting != 0:
             mark_acting(row["acting"], frame, out)
-        for s in range(S):
+        for s in range(len(out.signals)):
             add_wrong(frame, out.signals[s])
-        for d in range(D):
+        for d in range(len(out.discretes)):
             add_wrong(frame, out.discretes[d])
         if acting != 0:
             follow_faults(row, frame, out)
-        for s in range(S):
+        for s in range(len(out.signals)):
             add_signal(row, clean[k], s, frame, out)
-        for d in range(D):
+        for d in range(len(out.discretes)):
             add_discrete(row, d, frame, out)
         if flight["onsets"] != 0:
             watch_faults(row, frame, out)
@@ -65,7 +65,7 @@ def add_errors(row, clean, out):
     corrupted = not same(row["channels"], clean["channels"]) or not same(row["valid"], clean["valid"])
     if not corrupted and flight["corrupted"] == 0:
         return True
-    for s in range(S):
+    for s in range(len(out.signals)):
         signal = out.signals[s]
         for c in range(signal["fitted"]):
             error = injected(row, clean, s, c, out.params[s]["wraps"]) if corrupted else 0.0
@@ -80,7 +80,7 @@ def add_errors(row, clean, out):
 @kernel
 def add_discrete_errors(row, out):
     """Write the errors of the discretes, 0 or 1; a sample is lost when it is flagged, or its own monitor says bad."""
-    for d in range(D):
+    for d in range(len(out.discretes)):
         for c in range(CHANNELS):
             error = 1.0 if row["discrete_channels"][d, c] != row["discrete_truth"][d] else 0.0
             if row["discrete_valid"][d, c] == 0 or row["discrete_ilm"][d, c] == Ilm.BAD:
@@ -133,7 +133,7 @@ def add_discrete(row, d, frame, out):
         if (became >> c) & 1:
             add_failure(row, d, c, True, COMPARISON, frame, out)
     signal["acting"] = 0
-    out.flight[0]["wrong_votes"][d] += row["discrete_voted"][d] != row["discrete_truth"][d]
+    signal["wrong_votes"] += row["discrete_voted"][d] != row["discrete_truth"][d]
 
 
 @kernel
@@ -181,7 +181,7 @@ def cause_of(signal, s, c, resolver, frame, discrete, out):
         return Cause.OWN_FAULT.value
     if not discrete and resolver == Resolver.BOX:
         faulty = 0
-        for other in range(S):
+        for other in range(len(out.signals)):
             faulty += out.signals[other]["wrong_at"][c] >= frame - out.signals[other]["linger"]
         if faulty >= max(out.flight[0]["box_signals"], 1):
             return Cause.WITH_ITS_BOX.value
@@ -253,6 +253,6 @@ def add_flight(row, flight):
         if math.isfinite(value):
             flight["low"][i], flight["high"][i] = min(flight["low"][i], value), max(flight["high"][i], value)
     flight["load_factor"] = truth[sig.N_Z]
-    flight["unit"] |= row["unit"] != Unit.NONE
+    flight["unit"] |= row["unit"] != UnitStatus.NONE
     flight["end"] = row["end"]
     flight["frames"] += 1

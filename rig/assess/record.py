@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from rig.assess.words import IsolationKind
+from rig.assess.words import FaultWord, IsolationKind
 from rig.settings import Settings
 
 Outcome = Literal["detected", "missed", "undetectable", "not executed"]
@@ -64,6 +64,7 @@ class FaultScore:
     exceeded_run_frames: int  # longest run of frames above the threshold
     tolerated: bool  # missed, and above the threshold for fewer frames in a row than the persistence
     index: int  # of the fault in the scenario
+    word: FaultWord  # its outcome, with what became of healthy channels; not in JSON
     window: Window | None = None  # None where it never began, or sits on no channel of a signal
     load_factor_change: float | None = None  # largest, of the truth since the frame before the onset; None: no number
     load_factor_change_s: float | None = None  # how long after the onset was looked at; None where it never began
@@ -237,7 +238,7 @@ class Score:
         plain = asdict(replace(self, evidence=None))  # pyright: ignore[reportArgumentType]  # left out
         del plain["evidence"]
         for fault in plain["faults"]:
-            del fault["sample"], fault["pattern"]
+            del fault["sample"], fault["pattern"], fault["word"]
         for episode in plain["episodes"]:
             del episode["last"]
         return plain

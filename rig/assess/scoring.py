@@ -28,6 +28,7 @@ from rig.assess.record import (
 from rig.assess.transients import flight_score, transients
 from rig.assess.unfaulted import checked, measured_again
 from rig.assess.words import PUBLIC, Cause, FaultWord, fault_word
+from rig.computer.redundancy.managers import manager_kind
 from rig.frame import DISCRETES, INDEX, SIGNALS, Block, Pattern, Resolver
 from rig.scenario import Scenario
 
@@ -88,7 +89,7 @@ def score_of(
         flight=flight_score(scenario, records.flight[0], measured),
         coverage=coverage(records.patterns, records.levels, records.params["fitted"]),
         wrong_votes_s=dict(
-            zip(_DISCRETE_NAMES, (records.flight["wrong_votes"][0] / scenario.rate_hz).tolist(), strict=True)
+            zip(_DISCRETE_NAMES, (records.discretes["wrong_votes"] / scenario.rate_hz).tolist(), strict=True)
         ),
         evidence=Evidence(outcome.params, bool(records.flight["unit"][0]), frozenset(names), kept or outcome.columns),
     )
@@ -97,14 +98,15 @@ def score_of(
 def _faults(outcome: FlightOutcome) -> list[FaultScore]:
     """Return one entry for each fault and channel, or for the fault where it sits on none, in order of the scenario."""
     scored = []
-    faults = outcome.scenario.faults
+    faults, takes_back = outcome.scenario.faults, manager_kind(outcome.scenario.redundancy.manager).takes_back
     places = [place for fault in faults for place in channels_of(fault) or [(fault.signal, None)]]
     for record, (place, channel) in zip(outcome.records.faults, places, strict=True):
         number = int(record["number"])
         fault, (onset, exceeded, failed) = faults[number], (_frame(record[name]) for name in _FRAMES)
         executed = bool(record["executed"])
-        word = fault_word(executed, failed is not None, exceeded is not None)
-        run = int(record["longest_run"])
+        window, run = _window(outcome, record), int(record["longest_run"])
+        word = outcome.word(record, window.kept if window is not None and takes_back else None)
+        of_its_own = fault_word(executed, failed is not None, exceeded is not None)  # whatever became of healthy ones
         scored.append(
             FaultScore(
                 id=fault.label,
@@ -114,15 +116,16 @@ def _faults(outcome: FlightOutcome) -> list[FaultScore]:
                 onset_frame=onset,
                 exceeded_frame=exceeded,
                 failed_frame=failed,
-                outcome=OUTCOMES[word],
+                outcome=OUTCOMES[of_its_own],
                 delay_from_onset_frames=None if failed is None or onset is None else failed - onset,
                 delay_from_exceeded_frames=None if failed is None or exceeded is None else failed - exceeded,
                 resolver=None if failed is None else resolver_name(record["resolver"]),
                 peak_error=_number(record["peak"]),
                 exceeded_run_frames=run,
-                tolerated=word == "missed" and run < _persistence(outcome, record),
+                tolerated=of_its_own == "missed" and run < _persistence(outcome, record),
                 index=number,
-                window=_window(outcome, record),
+                word=word,
+                window=window,
                 load_factor_change=_number(record["load_factor_change"]),
                 load_factor_change_s=_looked_at_s(outcome, onset),
                 sample=_number(record["sample"]),
@@ -177,8 +180,7 @@ def _window(outcome: FlightOutcome, record: np.void) -> Window | None:
     if record["onset"] == NEVER or record["signal"] == NEVER or record["discrete"]:
         return None
     records, onset, rate_hz = outcome.records, int(record["onset"]), outcome.scenario.rate_hz
-    on_signal = records.faults[(records.faults["signal"] == record["signal"]) & (records.faults["discrete"] == 0)]
-    end = min((int(other) for other in on_signal["onset"] if other > onset), default=outcome.frames)
+    end = outcome.next_onset(record)
     spans = records.spans[: records.flight["spans"][0]]
     within = (spans["signal"] == record["signal"]) & (spans["begin"] >= onset) & (spans["begin"] < end)
     spans = spans[within & (np.arange(len(spans)) >= len(SIGNALS))]

@@ -38,7 +38,13 @@ PUBLIC: Final[dict[str, dict[str, str]]] = {
         "no effect": "none",
         "not executed": "none",
     },
-    "injection": {"isolated": "right", "wrong channel": "wrong", "missed": "missed", "not executed": "none"},
+    "injection": {
+        "isolated": "right",
+        "wrong channel": "wrong",
+        "missed": "missed",
+        "no effect": "missed",
+        "not executed": "none",
+    },
     "reliability": {"kept": "kept", "lost and announced": "known loss", "bad and silent": "bad vote"},
 }
 PRIOR: Final = "prior"  # of an injected fault: its signal had failed a channel before it began

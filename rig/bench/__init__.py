@@ -3,7 +3,7 @@
 run.py                   the one driver: the stages of a frame, each of which can be left out
 sources.py               recorded channels as rows, and the answers out of them
 vote.py                  the manager over a recording, or over the log of a flight by its own scenario
-inject.py                faults on recorded channels; signal_slots.py puts their names in the places of the frame
+inject.py                faults on recorded channels; injection_score.py: what became of them
 trials.py, splitting.py  one signal over a recorded truth, many times: for reliability
 unit_check.py            a unit under test against the requirement and against our own manager
 vote_run.py              one ``rig vote``: read, inject, align, vote, write (write_votes.py), sum up (vote_summary.py)

@@ -1,6 +1,6 @@
 """Faults of the flight on recorded channels, by the flight's own kernel: a recording becomes a test.
 
-The rows are frames of the flight with the concerned signals in them.  A fault begins in the first row at or after its
+The rows have the recording's own signals and discretes.  A fault begins in the first row at or after its
 ``start_s``, a time of the recording; durations are counted in rows at the recording's rate.  Samples that are no number
 or out of range are NaN to a fault, and stay as they are where the fault leaves NaN.
 """
@@ -9,29 +9,50 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
-from rig.bench.run import ROWS, Stages, run
-from rig.bench.signal_slots import Slots, slots, translated
+from rig.bench.run import Stages, run
+from rig.bench.sources import blocks, put, put_discrete
 from rig.errors import BadInput
-from rig.faults import Fault, Faults
-from rig.frame import DISCRETE_INDEX, INDEX, Block, Ilm, nested, new_block
+from rig.faults import Fault, Faults, Places, Point, check
+from rig.faults.effects import Act
+from rig.frame import Block, rows
 from rig.recordings.clock import Floats
 from rig.recordings.injection_file import Fitted, Injected, Table, number
 from rig.recordings.recording import Bytes, Recording, Samples
-from rig.recordings.settings import RecordedDiscrete, RecordedSignal
+from rig.recordings.settings import ANY_NUMBER, RecordedDiscrete, RecordedSignal
+from rig.settings import LONGEST_S, Settings, build
+from rig.util import fault_names
+
+_FIELDS: Final = ("channels", "valid", "ilm")  # of a row, as in After
+
+
+class _Faults(Settings):
+    faults: list[Fault]
+
+
+class After(NamedTuple):
+    """One channel behind the faults, (n,) each; NaN where a sample is not usable."""
+
+    samples: Floats
+    valid: Bytes
+    ilm: Bytes
 
 
 @dataclass(frozen=True, slots=True)
 class Injection:
-    """A recording with faults, and where they are."""
+    """A recording with faults, where they are, and what they were put into."""
 
     recording: Recording
     injected: list[Injected]
+    before: Recording
+    faults: list[Fault]
+    places: Places
+    acting: NDArray[np.uint8]  # (n, bytes) by fault, as in a row
 
 
 def inject(
@@ -49,155 +70,167 @@ def inject(
     seed : what random faults draw depends on it and on the fault's name alone
     BadInput, one line, names ``source``, the fault and the key: what a recording has not, what does not fit it.
     """
-    fitted = _fitted(recording, signals, discretes or {})
-    try:
-        for i, fault in enumerate(faults):
-            fitted.check(i, fault, recording)
-    except ValueError as error:
-        raise BadInput(f"{source}: {error}") from None
-    at = slots(faults, fitted, source)
-    flown = translated(faults, at, fitted, signals, recording, source)
+    places = Places({name: chosen.wraps for name, chosen in signals.items()}, discretes or {})
+    settled = _checked(recording, faults, signals, places, source)
     stage = Faults(
-        flown,
-        at.ranges(signals),
+        settled,
+        np.array([chosen.limits for chosen in signals.values()]).reshape(-1, 2),
         float(f"{recording.rate_hz:.9g}"),  # k / 100 has differences of 0.01 but for a rounding
         SeedSequence(seed),
-        thresholds=at.thresholds(signals),
-        signals=at.descriptors(signals),
+        thresholds=np.array([chosen.threshold for chosen in signals.values()]),
+        places=places,
     )
-    _schedule(stage, flown, faults, recording.time_s)
-    through = _Run(recording, at, signals)
-    acted = through.through(stage, len(flown))
-    return Injection(through.result(flown), _injected(flown, at, acted))
-
-
-def _fitted(
-    recording: Recording, signals: Mapping[str, RecordedSignal], discretes: Mapping[str, RecordedDiscrete]
-) -> Fitted:
-    return Fitted(
-        {name: len(recording.signals[name].channels) for name in signals},
-        {name: len(recording.discretes[name].channels) for name in discretes},
+    for i, table in enumerate(faults):  # each begins and ends in the first row at or after its time
+        for key, happens in (("start_s", stage.arm), ("end_s", stage.end)):
+            if (time_s := number(table, key)) is not None:
+                happens(i, int(np.searchsorted(recording.time_s, time_s)))
+    acting, after = _through(stage, settled, places, recording, signals)
+    injected = [_injected(i, fault, point, acting) for i, fault in enumerate(settled) for point in fault.points]
+    faulty = {name: _changed(name, recording, after, signals) for name in {point.place for point in after}}
+    with_faults = replace(
+        recording,
+        signals={name: faulty.get(name, samples) for name, samples in recording.signals.items()},
+        discretes={name: faulty.get(name, samples) for name, samples in recording.discretes.items()},
     )
+    return Injection(with_faults, injected, recording, settled, places, acting)
 
 
-def _schedule(stage: Faults, flown: Sequence[Fault], tables: Sequence[Table], time_s: Floats) -> None:
-    """Begin and end each fault in the first row at or after its time."""
-    for i in range(len(flown)):
-        if (start := number(tables[i], "start_s")) is not None:
-            stage.arm(i, int(np.searchsorted(time_s, start)))
-        if (end := number(tables[i], "end_s")) is not None:
-            stage.end(i, int(np.searchsorted(time_s, end)))
-
-
-class _Run:
-    """The concerned samples of a recording, as they go through the frames."""
-
-    def __init__(self, recording: Recording, at: Slots, settings: Mapping[str, RecordedSignal]) -> None:
-        self.recording, self.at = recording, at
-        self.limits = {name: settings[name].limits for name in at.signals}
-        named = [*((name, recording.signals[name]) for name in at.signals)]
-        named += [(name, recording.discretes[name]) for name in at.discretes]
-        self.before = dict(named)
-        n = len(recording.time_s)
-        self.samples = {name: [np.empty(n) for _ in samples.channels] for name, samples in named}
-        self.valid = {name: [np.empty(n, np.uint8) for _ in samples.channels] for name, samples in named}
-        self.ilm = {name: [np.empty(n, np.uint8) for _ in samples.channels] for name, samples in named}
-
-    def through(self, stage: Faults, faults: int) -> list[tuple[int | None, int | None]]:
-        """All rows through the kernel; the first and last row in which each fault acts."""
-        n = len(self.recording.time_s)
-        acted: list[tuple[int | None, int | None]] = [(None, None)] * faults
-        block = new_block(ROWS)
-        for start in range(0, n, ROWS):
-            part = slice(start, min(start + ROWS, n))
-            rows = block[: part.stop - start]
-            self._put(rows, part)
-            stage.prepare(rows)
-            run(nested(rows), Stages(faults=stage.data))
-            self._take(rows, part)
-            acted = [_seen(rows, i, start, was) for i, was in enumerate(acted)]
-        return acted
-
-    def _put(self, rows: Block, part: slice) -> None:
-        rows["frame"], rows["acting"], rows["valid"] = np.arange(part.start, part.stop), 0, 1
-        rows["ilm"] = rows["discrete_ilm"] = Ilm.ABSENT
-        for name, samples in self.before.items():
-            (field, valid, ilm), i = self._place(name)
-            for c, column in enumerate(samples.channels):
-                rows[field][:, i, c] = self._number(name, column[part])
-                if name in self.at.discretes:
-                    rows[valid][:, i, c] = ~np.isnan(column[part])
-            for c, flags in enumerate(samples.valid or ()):
-                rows[valid][:, i, c] &= flags[part] != 0
-            for c, flags in enumerate(samples.ilm or ()):
-                rows[ilm][:, i, c] = flags[part]
-
-    def _take(self, rows: Block, part: slice) -> None:
-        for name, columns in self.samples.items():
-            (field, valid, ilm), i = self._place(name)
-            for c, column in enumerate(columns):
-                column[part] = rows[field][:, i, c]
-                self.valid[name][c][part], self.ilm[name][c][part] = rows[valid][:, i, c], rows[ilm][:, i, c]
-
-    def _place(self, name: str) -> tuple[tuple[str, str, str], int]:
-        """Return the frame's fields of samples, validity and in-line monitors, and the row in them."""
-        if name in self.at.signals:
-            return ("channels", "valid", "ilm"), INDEX[self.at.signals[name]]
-        return ("discrete_channels", "discrete_valid", "discrete_ilm"), DISCRETE_INDEX[self.at.discretes[name]]
-
-    def _number(self, name: str, column: Floats) -> Floats:
-        """Return a column as the kernel takes it: NaN where a signal's sample is not usable, 0 for a discrete's."""
-        if name in self.at.discretes:
-            return np.nan_to_num(column)
-        low, high = self.limits[name]
-        return np.where((column >= low) & (column <= high), column, np.nan)
-
-    def result(self, faults: Sequence[Fault]) -> Recording:
-        """Return the recording with what came back for the channels that have faults."""
-        touched = {(point.place, point.channel) for fault in faults for point in fault.points}
-        changed = {name: self._changed(name, touched) for name in self.before}
-        signals, discretes = (
-            {name: changed[name] if name in concerned else samples for name, samples in all_of.items()}
-            for all_of, concerned in (
-                (self.recording.signals, self.at.signals),
-                (self.recording.discretes, self.at.discretes),
-            )
+def _checked(
+    recording: Recording,
+    tables: Sequence[Table],
+    signals: Mapping[str, RecordedSignal],
+    places: Places,
+    source: str,
+) -> list[Fault]:
+    """Return the tables as faults, times since the first row (which the rows then replace), each with a name."""
+    channels = {
+        name: len(of[name].channels)
+        for name, of in (
+            *((name, recording.signals) for name in places.names["channel"]),
+            *((name, recording.discretes) for name in places.names["discrete"]),
         )
-        return replace(self.recording, signals=signals, discretes=discretes)
-
-    def _changed(self, name: str, touched: set[tuple[str, int | None]]) -> Samples:
-        before, place = self.before[name], {**self.at.signals, **self.at.discretes}[name]
-        columns, flags, ilm = list(before.channels), list(before.valid or ()), list(before.ilm or ())
-        for c, column in enumerate(before.channels):
-            if (place, c + 1) not in touched:
-                continue
-            columns[c], own = self._column(name, c, column)
-            if flags or not own.all():
-                flags = flags or [np.ones(len(column), np.uint8) for _ in columns]
-                flags[c] = own
-            if ilm:
-                ilm[c] = self.ilm[name][c]
-        return replace(before, channels=columns, ilm=ilm or before.ilm, valid=flags or before.valid)
-
-    def _column(self, name: str, c: int, column: Floats) -> tuple[Floats, Bytes]:
-        """Return a channel and its validity flags; what was not usable stays as it was where the fault leaves it so."""
-        new, valid = self.samples[name][c], self.valid[name][c]
-        if name in self.at.discretes:
-            empty = np.isnan(column)
-            return np.where(empty & (valid == 0), column, new), np.where(empty, 1, valid).astype(np.uint8)
-        return np.where(np.isnan(new) & np.isnan(self._number(name, column)), column, new), valid
+    }
+    fitted = Fitted(*({name: channels[name] for name in places.names[site]} for site in ("channel", "discrete")))
+    try:
+        for i, table in enumerate(tables):
+            fitted.check(i, table, recording)
+        first_s = float(recording.time_s[0])
+        settled = build(_Faults, {"faults": [_since(table, first_s) for table in tables]}, source, places).faults
+        for i, fault in enumerate(settled):
+            _check_range(i, fault, signals)
+        settled = _named(settled)
+        check(settled, channels, places)
+    except BadInput:
+        raise
+    except ValueError as error:
+        raise BadInput(f"{source}: {error}") from None
+    return settled
 
 
-def _seen(rows: Any, i: int, start: int, was: tuple[int | None, int | None]) -> tuple[int | None, int | None]:
-    acts: NDArray[np.int64] = np.flatnonzero((rows["acting"][:, i >> 3] >> (i & 7)) & 1)
-    if len(acts) == 0:
-        return was
-    return start + int(acts[0]) if was[0] is None else was[0], start + int(acts[-1])
+def _since(table: Table, first_s: float) -> dict[str, Any]:
+    """Return the table with its times since the first row."""
+    given = {key: time_s for key in ("start_s", "end_s") if (time_s := number(table, key)) is not None}
+    return {**table, **{key: min(max(time_s - first_s, 0.0), LONGEST_S) for key, time_s in given.items()}}
 
 
-def _injected(faults: Sequence[Fault], at: Slots, acted: Sequence[tuple[int | None, int | None]]) -> list[Injected]:
-    return [
-        Injected(i, fault.label, fault.kind, at.recorded(point.place), point.channel or 0, *acted[i])
-        for i, fault in enumerate(faults)
+def _check_range(i: int, fault: Fault, signals: Mapping[str, RecordedSignal]) -> None:
+    for name, _ in fault.points if fault.effect.act == Act.RANGE_END else ():
+        if name in signals and signals[name].limits == ANY_NUMBER:
+            raise ValueError(f"faults.{i}: {name} has no range in CONFIG whose end it could be at")
+
+
+def _named(settled: Sequence[Fault]) -> list[Fault]:
+    """Return the faults, each with a name of its own as its id."""
+    labels: dict[str, int] = {}
+    named: list[Fault] = []
+    for fault in settled:
+        label = fault_names.label(dict(fault))
+        labels[label] = count = labels.get(label, 0) + 1
+        own = fault.id is not None or count == 1
+        named.append(fault.model_copy(update={"id": label if own else f"{label} ({count})"}))
+    return named
+
+
+def _through(
+    stage: Faults,
+    settled: Sequence[Fault],
+    places: Places,
+    recording: Recording,
+    signals: Mapping[str, RecordedSignal],
+) -> tuple[NDArray[np.uint8], dict[Point, After]]:
+    """Run all rows through the kernel; return which faults act in each, and the channels that they sit on."""
+    n, kind = len(recording.time_s), rows(*(len(places.names[site]) for site in ("channel", "discrete")))
+    after = {
+        point: After(np.empty(n), np.empty(n, np.uint8), np.empty(n, np.uint8))
+        for fault in settled
         for point in fault.points
-    ]
+    }
+    read = {point.place for fault in settled for point in (*fault.points, *fault.targets)}
+    read |= {fault.effect.source_place or fault.points[0].place for fault in settled}
+    acting = np.zeros((n, kind.flat["acting"].itemsize), np.uint8)
+    for part, block in blocks(kind, n):
+        for name in read:
+            _put(block, name, places, recording, signals, part)
+        stage.prepare(block)
+        run(kind.nested(block), Stages(faults=stage.data))
+        acting[part] = block["acting"]
+        for (name, channel), columns in after.items():
+            fields = _FIELDS if places.site(name) == "channel" else tuple(f"discrete_{field}" for field in _FIELDS)
+            for column, field in zip(columns, fields, strict=True):
+                column[part] = block[field][:, places.number(name), (channel or 1) - 1]
+    return acting, after
+
+
+def _put(
+    block: Block,
+    name: str,
+    places: Places,
+    recording: Recording,
+    signals: Mapping[str, RecordedSignal],
+    part: slice,
+) -> None:
+    """Write what a fault reads of a signal or discrete: NaN where a signal's sample is not usable."""
+    i = places.number(name)
+    if name not in signals:
+        put_discrete(block, i, recording.discretes[name], part)
+        return
+    put(block, i, recording.signals[name], part, second=False)
+    (low, high), samples = signals[name].limits, block["channels"][:, i]
+    samples[~((samples >= low) & (samples <= high))] = np.nan
+
+
+def _injected(i: int, fault: Fault, point: Point, acting: NDArray[np.uint8]) -> Injected:
+    acts = np.flatnonzero((acting[:, i >> 3] >> (i & 7)) & 1)
+    span = (int(acts[0]), int(acts[-1])) if len(acts) else (None, None)
+    return Injected(i, fault.label, fault.kind, point.place, point.channel or 0, *span)
+
+
+def _changed(
+    name: str, recording: Recording, after: Mapping[Point, After], signals: Mapping[str, RecordedSignal]
+) -> Samples:
+    """Return a signal or discrete with what came back for the channels that have faults."""
+    before = recording.signals[name] if name in signals else recording.discretes[name]
+    columns, flags, ilm = list(before.channels), list(before.valid or ()), list(before.ilm or ())
+    for (place, channel), behind in after.items():
+        if place != name or channel is None:
+            continue
+        c = channel - 1
+        columns[c], own = _column(before.channels[c], behind, signals[name].limits if name in signals else None)
+        if flags or not own.all():
+            flags = flags or [np.ones(len(own), np.uint8) for _ in columns]
+            flags[c] = own
+        if ilm:
+            ilm[c] = behind.ilm
+    return replace(before, channels=columns, ilm=ilm or before.ilm, valid=flags or before.valid)
+
+
+def _column(before: Floats, after: After, limits: tuple[float, float] | None) -> tuple[Floats, Bytes]:
+    """Return a channel and its validity flags; what was not usable stays as it was where the fault leaves it so.
+
+    limits : of a signal; None: a discrete
+    """
+    if limits is None:
+        empty = np.isnan(before)
+        return np.where(empty & (after.valid == 0), before, after.samples), np.where(empty, 1, after.valid)
+    usable = (before >= limits[0]) & (before <= limits[1])
+    return np.where(np.isnan(after.samples) & ~usable, before, after.samples), after.valid

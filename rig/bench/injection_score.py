@@ -1,30 +1,44 @@
-"""What the monitor made of each fault that was injected.
+"""What became of each fault that was injected, by the kernel that decides it in a flight (assess/outcome_rows.py).
 
-    right   the faulty channel was failed, and no healthy one of the signal from the onset to this row
-    wrong   a healthy channel of the signal was failed before it, or with it
-    missed  neither, to the end of the recording
-    prior   before the onset a channel of the signal had been failed without a fault, or this one by an earlier fault
-    none    the fault never began (a random trigger that did not fire)
+    right   isolated: its channel was failed for it
+    wrong   wrong channel: a healthy channel was failed for it, up to the next onset on the signal
+    missed  neither
+    prior   before the onset a healthy channel of the signal had been failed, or its own channel was out already
+    none    not executed: the fault never began (a random trigger that did not fire)
 
-A channel counts as healthy until the first row in which any injected fault acts on it.  Delay is from the onset to the
-row in which the channel was failed: of the faulty one if right, of the first healthy one if wrong.
+A recording has no truth: its samples before the injection take its place, and nothing is said of the vote.
+Delay is from the onset to the row in which the channel was failed: the faulty one if right, the first healthy one if
+wrong.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
-from math import floor
+from math import ceil
 from typing import Any, Final
 
-from rig.assess.words import PRIOR, PUBLIC, fault_word
-from rig.bench.vote import Result, Voted, VotedDiscrete
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.assess.flight_outcome import Outcome
+from rig.assess.monitored import Monitored, fault_records
+from rig.assess.scoring import resolver_name
+from rig.assess.words import PRIOR, PUBLIC, Cause
+from rig.bench.inject import Injection
+from rig.bench.sources import FIELDS, blocks, put
+from rig.bench.vote import Result, Voted, discrete_params, params_of, usable_samples
+from rig.faults.record import clean_of
+from rig.frame import Block, D, Ilm, S, State, rows
 from rig.recordings.align import Corrections
 from rig.recordings.injection_file import Injected
 from rig.recordings.recording import Recording
+from rig.units.angles import differences
 
 OUTCOMES: Final = ("right", "wrong", "missed", PRIOR, "none")
+_BITS: Final = (0.0, 1.0)  # range of a discrete
+_UNEXPECTED: Final = (Cause.FALSE_ALARM, Cause.WRONG_ISOLATION)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,11 +58,12 @@ class Scored:
 
 
 def score(
-    injected: Sequence[Injected], recording: Recording, voted: Result, corrections: Corrections | None = None
+    found: Injection, recording: Recording, voted: Result, corrections: Corrections | None = None, box_signals: int = 0
 ) -> list[Scored]:
     """Return the outcome of each fault on each of its channels; ``recording`` as voted upon, perhaps aligned."""
-    onsets = [_onset_s(fault, recording, corrections) for fault in injected]
-    return [_score(i, injected, onsets, {**voted.signals, **voted.discretes}) for i in range(len(injected))]
+    outcome = added_up(found, recording, voted, corrections or {}, box_signals)
+    pairs = zip(found.injected, outcome.records.faults, strict=True)
+    return [_scored(fault, record, outcome, recording, corrections or {}) for fault, record in pairs]
 
 
 def summary(scored: Sequence[Scored], file: str, seed: int) -> dict[str, Any]:
@@ -58,41 +73,119 @@ def summary(scored: Sequence[Scored], file: str, seed: int) -> dict[str, Any]:
     return {"file": file, "seed": seed, "outcomes": outcomes, "faults": [asdict(row) for row in scored]}
 
 
-def _onset_s(fault: Injected, recording: Recording, corrections: Corrections | None) -> float | None:
-    """Return when a fault reaches the rows voted upon: a delay d that was taken off shows row r in row r - d."""
-    if fault.first is None:
-        return None
-    by_channel = (corrections or {}).get(fault.signal)
-    delay = by_channel[fault.channel - 1].delay_frames if by_channel else 0.0
-    row = floor(fault.first - delay) - recording.first_row
-    return float(recording.time_s[min(max(row, 0), len(recording.time_s) - 1)])
-
-
-def _score(
-    i: int, injected: Sequence[Injected], onsets: Sequence[float | None], voted: dict[str, Voted | VotedDiscrete]
+def _scored(
+    fault: Injected, record: np.void, outcome: Outcome, recording: Recording, corrections: Corrections
 ) -> Scored:
-    fault, onset = injected[i], onsets[i]
-    injection = (fault.label, fault.kind, fault.signal, fault.channel, onset)
-    begun = _begun(fault.signal, injected, onsets)
-    failures = voted[fault.signal].failures if onset is not None else []
-    false = [failure for failure in failures if failure.time_s < begun.get(failure.channel, float("inf"))]
-    own = [failure for failure in failures if failure.channel == fault.channel and failure not in false]
-    if onset is None or any(f.time_s < onset for f in (*false, *own)):
-        word = PUBLIC["injection"]["not executed"] if onset is None else PRIOR
-        return Scored(*injection, word, None, None, None, None)
-    healthy_failed = bool(false) and not (own and own[0].time_s < false[0].time_s)
-    word = fault_word(True, bool(own), exceeded=True, healthy_failed=healthy_failed)
-    decisive = false[0] if healthy_failed else own[0] if own else None
-    if decisive is None:
-        return Scored(*injection, PUBLIC["injection"][word], None, None, None, None)
-    failed = (decisive.channel, decisive.time_s, decisive.time_s - onset, decisive.why)
-    return Scored(*injection, PUBLIC["injection"][word], *failed)
+    injection = (fault.label, fault.kind, fault.signal, fault.channel)
+    if fault.first is None:
+        return Scored(*injection, None, PUBLIC["injection"]["not executed"], None, None, None, None)
+    last = len(recording.time_s) - 1
+    row = min(max(fault.first - _later(fault.signal, fault.channel, recording, corrections), 0), last)
+    onset_s, failures = float(recording.time_s[row]), outcome.failures
+    here = failures[(failures["signal"] == record["signal"]) & (failures["discrete"] == record["discrete"])]
+    word = outcome.word(record)
+    if not record["executed"] or np.isin(here["cause"][here["frame"] < row], _UNEXPECTED).any():
+        return Scored(*injection, onset_s, PRIOR, None, None, None, None)
+    failed = None
+    if word == "wrong channel":
+        failed = outcome.wrong_isolations(record)[0]
+    elif word == "isolated":
+        failed = here[(here["frame"] == record["failed_at"]) & (here["channel"] == record["channel"])][0]
+    if failed is None:
+        return Scored(*injection, onset_s, PUBLIC["injection"][word], None, None, None, None)
+    at_s, by = float(recording.time_s[failed["frame"]]), resolver_name(failed["resolver"])
+    return Scored(*injection, onset_s, PUBLIC["injection"][word], int(failed["channel"]) + 1, at_s, at_s - onset_s, by)
 
 
-def _begun(signal: str, injected: Sequence[Injected], onsets: Sequence[float | None]) -> dict[int, float]:
-    """Return when the first fault of each channel of a signal begins."""
-    begun: dict[int, float] = {}
-    for fault, onset in zip(injected, onsets, strict=True):
-        if fault.signal == signal and onset is not None:
-            begun[fault.channel] = min(onset, begun.get(fault.channel, onset))
-    return begun
+def _later(name: str, channel: int, recording: Recording, corrections: Corrections) -> int:
+    """Return how many rows after a row as voted a channel was read: a delay d that was taken off shows r in r - d."""
+    delay = corrections[name][channel - 1].delay_frames if name in corrections else 0.0
+    return recording.first_row + ceil(delay)
+
+
+def added_up(
+    found: Injection, recording: Recording, voted: Result, corrections: Corrections, box_signals: int
+) -> Outcome:
+    """Return the outcome of all rows that were voted upon."""
+    signals = {name: of.settings for name, of in voted.signals.items()}
+    params = params_of(recording, signals)
+    discretes = discrete_params(recording, {name: of.settings for name, of in voted.discretes.items()})
+    monitored = Monitored.of(params, discretes, box_signals)
+    outcome = Outcome(monitored, fault_records(found.faults, monitored, found.places))
+    for block, clean in _rows(found, recording, voted, corrections):
+        outcome.add(block, clean)
+    return outcome
+
+
+def _rows(
+    found: Injection, recording: Recording, voted: Result, corrections: Corrections
+) -> Iterator[tuple[Block, NDArray[Any]]]:
+    """Yield the rows as voted and the samples before the faults; no truth, and discretes relative to before."""
+    n = len(recording.time_s)
+    later = [_later(fault.signal, fault.channel, recording, corrections) for fault in found.injected]
+    acting = _acting(found, n, later)
+    errors = [_shifted(_error(found, fault, voted), n, k) for fault, k in zip(found.injected, later, strict=True)]
+    usable = {name: usable_samples(recording.signals[name], of.settings.limits) for name, of in voted.signals.items()}
+    kind = rows(max(len(voted.signals), S), max(len(voted.discretes), D))  # the flight's, where there is room
+    for part, block in blocks(kind, n):
+        block["truth"], block["discrete_truth"], block["acting"] = np.nan, 0, acting[part]
+        block["state"] = block["discrete_state"] = State.ABSENT
+        block["discrete_channels"], block["discrete_valid"] = 0, 1
+        for i, (name, of) in enumerate(voted.signals.items()):
+            put(block, i, recording.signals[name], part, second=False)
+            _put_votes(block, i, of, usable[name], part)
+        for d, of in enumerate(voted.discretes.values()):
+            for c, column in enumerate(of.state):
+                block["discrete_state"][:, d, c] = column[part]
+        clean = np.zeros(len(block), clean_of(kind.signals))
+        clean["channels"], clean["valid"] = block["channels"], block["valid"]
+        for fault, error in zip(found.injected, errors, strict=True):
+            _take_off(block, clean, found, fault, error[part])
+        yield block, clean
+
+
+def _acting(found: Injection, n: int, later: Sequence[int]) -> NDArray[np.uint8]:
+    """Return (n, bytes) the faults that act in the rows as voted: each from its first channel on."""
+    acting = np.zeros((n, found.acting.shape[1]), np.uint8)
+    earliest: dict[int, int] = {}
+    for fault, rows_later in zip(found.injected, later, strict=True):
+        earliest[fault.fault] = max(rows_later, earliest.get(fault.fault, rows_later))
+    for i, rows_later in earliest.items():
+        acting[:, i >> 3] |= _shifted(found.acting[:, i >> 3], n, rows_later) & np.uint8(1 << (i & 7))
+    return acting
+
+
+def _put_votes(block: Block, i: int, of: Voted, usable: Sequence[NDArray[np.bool_]], part: slice) -> None:
+    """Write what the manager made of ``part``, and which samples it could use, as signal i of the block."""
+    for c, (column, good) in enumerate(zip(of.state, usable, strict=True)):
+        block["state"][:, i, c], block["valid"][:, i, c] = column[part], good[part]
+    for field in FIELDS:
+        block[field][:, i] = getattr(of, field)[part]
+
+
+def _take_off(block: Block, clean: Any, found: Injection, fault: Injected, error: NDArray[np.float64]) -> None:
+    """Write what a channel was before its fault; of a discrete whether it is another than before."""
+    i, c, lost = found.places.number(fault.signal), fault.channel - 1, np.isnan(error)
+    if found.places.site(fault.signal) == "discrete":
+        block["discrete_channels"][:, i, c], block["discrete_valid"][:, i, c] = error == 1.0, ~lost
+        return
+    before = block["channels"][:, i, c] - error
+    clean["channels"][:, i, c], clean["valid"][:, i, c] = np.where(lost, 0.0, before), block["valid"][:, i, c] | lost
+
+
+def _shifted(values: NDArray[Any], n: int, later: int) -> NDArray[Any]:
+    """Return (n,) the values of the rows ``later``, those at the ends again where there are none."""
+    return values[np.clip(np.arange(n) + later, 0, len(values) - 1)]
+
+
+def _error(found: Injection, fault: Injected, voted: Result) -> NDArray[np.float64]:
+    """Return (n,) what the injection made of a channel: the difference, NaN where a usable sample is lost by it."""
+    name, c, discrete = fault.signal, fault.channel - 1, fault.signal in voted.discretes
+    before, after = ((of.discretes if discrete else of.signals)[name] for of in (found.before, found.recording))
+    limits = _BITS if discrete else voted.signals[name].settings.limits
+    was, now = (usable_samples(samples, limits)[c] for samples in (before, after))
+    if discrete and before.ilm is not None and after.ilm is not None:
+        now &= (after.ilm[c] != Ilm.BAD) | (before.ilm[c] == Ilm.BAD)
+    wraps = not discrete and voted.signals[name].settings.wraps
+    error = differences(after.channels[c], before.channels[c], wraps)
+    return np.where(was, np.where(now, abs(error) if discrete else error, np.nan), 0.0)

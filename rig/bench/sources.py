@@ -24,7 +24,7 @@ def blocks(kind: Rows, n: int) -> Iterator[tuple[slice, Block]]:
     for start in range(0, n, size):
         part = slice(start, min(start + size, n))
         block = memory[: part.stop - start]
-        block["frame"] = np.arange(part.start, part.stop)
+        block["frame"], block["acting"] = np.arange(part.start, part.stop), 0
         block["channels"] = block["reference"] = block["second_reference"] = np.nan
         block["valid"] = 1
         block["ilm"] = block["discrete_ilm"] = Ilm.ABSENT
@@ -67,6 +67,17 @@ def put(block: Block, i: int, samples: Samples, part: slice, second: bool) -> No
         block["second_reference"][:, i] = samples.second_reference[part]
 
 
+def put_discrete(block: Block, d: int, samples: Samples, part: slice) -> None:
+    """Write the samples of ``part`` as discrete d of the block; an empty one is invalid."""
+    valid = block["discrete_valid"]
+    for c, column in enumerate(samples.channels):
+        block["discrete_channels"][:, d, c], valid[:, d, c] = column[part] == 1, ~np.isnan(column[part])
+    for c, flags in enumerate(samples.valid or ()):
+        valid[:, d, c] &= flags[part] != 0
+    for c, flags in enumerate(samples.ilm or ()):
+        block["discrete_ilm"][:, d, c] = flags[part]
+
+
 class DiscreteColumns:
     """Samples and results of one discrete."""
 
@@ -74,17 +85,10 @@ class DiscreteColumns:
         self.samples, self.reset = samples, reset
         self.voted, self.level = np.empty(n, np.uint8), np.empty(n, np.uint8)
         self.state = [np.empty(n, np.uint8) for _ in samples.channels]
-        self.invalid = [0] * len(samples.channels)
 
     def put(self, block: Block, d: int, part: slice) -> None:
-        """Write the samples of ``part`` as discrete d; an empty one is invalid."""
-        valid = block["discrete_valid"]
-        for c, column in enumerate(self.samples.channels):
-            block["discrete_channels"][:, d, c], valid[:, d, c] = column[part] == 1, ~np.isnan(column[part])
-        for c, flags in enumerate(self.samples.valid or ()):
-            valid[:, d, c] &= flags[part] != 0
-        for c, flags in enumerate(self.samples.ilm or ()):
-            block["discrete_ilm"][:, d, c] = flags[part]
+        """Write the samples of ``part`` as discrete d."""
+        put_discrete(block, d, self.samples, part)
         block["discrete_reset"][:, d] = self.reset[part]
 
     def take(self, block: Block, d: int, part: slice) -> None:
@@ -92,4 +96,3 @@ class DiscreteColumns:
         self.voted[part], self.level[part] = block["discrete_voted"][:, d], block["discrete_level"][:, d]
         for c, column in enumerate(self.state):
             column[part] = block["discrete_state"][:, d, c]
-            self.invalid[c] += int((block["discrete_valid"][:, d, c] == 0).sum())

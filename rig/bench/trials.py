@@ -13,9 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.assess.outcome import (
-    LONG_AGO,
-    NEVER,
-    SIGNAL,
     all_out,
     channel_bits,
     count_healthy,
@@ -87,14 +84,6 @@ class Scratch(NamedTuple):
     blank_manager: NDArray[Any]  # (1,)
     signal: NDArray[Any]  # (1,) assess.outcome.SIGNAL
     blank_signal: NDArray[Any]  # (1,)
-
-
-def blank_signal(fitted: int, linger: int) -> NDArray[Any]:
-    """Return the (1,) SIGNAL of a signal before its first frame."""
-    signal = np.zeros(1, SIGNAL)
-    signal["fitted"], signal["linger"] = fitted, linger
-    signal["failed_at"], signal["disturbed"] = NEVER, LONG_AGO
-    return signal
 
 
 @kernel

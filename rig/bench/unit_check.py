@@ -6,7 +6,7 @@ an independent reading, and *bits* (every byte of every answer) against our own 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import sleep
@@ -16,21 +16,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.bench.run import Stages, run
+from rig.bench.unit_long import FRAMES, MOST_FRAMES, TITLES, inputs_of
+from rig.bench.vote import by_class
 from rig.computer.redundancy.config import PARAMS
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
 from rig.computer.redundancy.managers import DEFAULT, Manager
-from rig.errors import BadInput
+from rig.computer.redundancy.own import load_manager
+from rig.errors import ManagerFailed
 from rig.frame import S, nested, new_block
 from rig.frame.fields import FIELDS
-from rig.unit.layout import ANSWERS, INPUT, OUTPUT, REFERENCES, Form, Said
+from rig.unit.layout import ANSWERS, FROM_UNIT, INPUT, OUTPUT, REFERENCES, Form, Kind, Said, blank
 from rig.unit.port import RECEIVED, is_allowed
 from rig.unit.settings import Unit, read_unit
 from rig.unit.unit import UnitUnderTest, running
 from rig.unit.vectors import Case, answers, ask, differences, load
+from rig.util.trust import Trust
 
 PAUSE_S: Final = 1.0
 HOSTILE_FRAMES: Final = 200
+VOTES: Final = ("voted", "state", "level")  # that a manager class must write
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,20 +75,37 @@ class Checked:
         }
 
 
-def check(file: Path | str, *, seam_only: bool = False) -> Checked:
+def check(file: Path | str, *, seam_only: bool = False, longest: bool = False) -> Checked:
     """Test the unit of a file.  BadInput: the file, or a unit that cannot be begun at all.
 
     seam_only : do not ask what it decides; so it is for a flight computer, whose votes are its own
+    longest : long sessions of unit_long.MOST_FRAMES frames, not of unit_long.FRAMES
     """
     unit, cases = read_unit(file), load()
     if unit.carrier == "python":
-        raise BadInput(f"{unit.source}: carrier python: a class has no records to keep to")
+        return Checked(unit.name, list(_of_class(unit, cases, seam_only)))
     found = list(_seam(unit, cases))
     if not seam_only and unit.form == "redundancy":
         with running(unit) as tested:
-            found += _decisions(tested, cases)
+            found += _decisions(tested, cases + long_cases(MOST_FRAMES if longest else FRAMES))
             found += _bits(tested, cases)
     return Checked(unit.name, found)
+
+
+def _of_class(unit: Unit, cases: list[Case], seam_only: bool) -> Iterator[Requirement]:
+    """Yield what can be tested of a manager class, which has no records of its own: its votes in our rows."""
+    trust = Trust(unit.source, named=unit.manager)
+    longest = max(cases, key=lambda case: len(case.inputs))
+    try:
+        first, again = (our_answers(longest.config, longest.inputs, unit.manager, trust) for _ in range(2))
+        yield _line("answers every frame, with a level", "seam", "")
+        same = all(first[name].tobytes() == again[name].tobytes() for name in VOTES)
+        yield _line("from new twice, the same votes", "seam", "" if same else "another vote, state or level")
+        said = lambda case: _output(our_answers(case.config, case.inputs, unit.manager, trust))  # noqa: E731
+        found = [] if seam_only else _counted((case, said(case)) for case in cases)
+        yield from found
+    except ManagerFailed as error:
+        yield _line("answers every frame, with a level", "seam", str(error))
 
 
 # The seam ----------------------------------------------------------------------------------------------------
@@ -104,6 +126,7 @@ def _seam(unit: Unit, cases: list[Case]) -> Iterator[Requirement]:
         yield _line("a pause between two frames changes nothing", "seam", _same(first, paused))
         yield _line("a frame of another session is not stepped", "seam", _foreign(tested, config, inputs))
         yield _times(tested, config, inputs)
+    yield _line("ends without failing", "seam", tested.end_wrong)
     with running(unit) as tested:
         yield _line("from new twice, the same bytes", "seam", _same(first, answers(tested, config, inputs)))
     with running(unit) as tested:
@@ -207,9 +230,13 @@ def _hostile(tested: UnitUnderTest, config: NDArray[Any]) -> str:
 
 def _decisions(tested: UnitUnderTest, cases: list[Case]) -> list[Requirement]:
     """One line a requirement; its cases count together."""
+    return _counted((case, answers(tested, case.config, case.inputs)) for case in cases)
+
+
+def _counted(answered: Iterable[tuple[Case, NDArray[Any]]]) -> list[Requirement]:
+    """Return one line a requirement of cases with their answers, (n,) OUTPUT."""
     found: dict[str, tuple[int, int, str]] = {}
-    for case in cases:
-        said, wrong = answers(tested, case.config, case.inputs), ""
+    for case, said in answered:
         wrong = next(differences(case, said), "")
         right, of, first = found.get(case.requirement, (0, 0, ""))
         found[case.requirement] = (right + (not wrong), of + 1, first or wrong)
@@ -223,7 +250,7 @@ def _bits(tested: UnitUnderTest, cases: list[Case]) -> list[Requirement]:
     """Every byte against our own manager."""
     frames = 0
     for case in cases:
-        ours, said = _ours(case), answers(tested, case.config, case.inputs)
+        ours, said = our_answers(case.config, case.inputs), answers(tested, case.config, case.inputs)
         frames += len(ours)
         for name, group in ANSWERS.items():
             if group == Said.SURFACE:
@@ -235,17 +262,48 @@ def _bits(tested: UnitUnderTest, cases: list[Case]) -> list[Requirement]:
     return [Requirement("every byte as our own manager", "bits", True, f"{frames} frames")]
 
 
-def _ours(case: Case) -> NDArray[Any]:
-    """Return our own manager's answers to a case: (n,) rows of the frame."""
-    config, rows = case.config[0], new_block(len(case.inputs))
+def _output(rows: NDArray[Any]) -> NDArray[Any]:
+    """Return rows of the frame as the answers of a unit that fills all that a manager does."""
+    outputs = np.zeros(len(rows), OUTPUT)
+    outputs["frame"] = np.arange(len(rows))
+    for name, group in ANSWERS.items():
+        if group != Said.SURFACE:
+            outputs[name] = rows[name]
+            outputs["said"] |= np.uint8(group)
+    return outputs
+
+
+def long_cases(frames: int) -> list[Case]:
+    """Return the long sessions with our own manager's answers."""
+    cases = []
+    for number, title in enumerate(TITLES):
+        config, inputs = inputs_of(number, frames)
+        expected, rows = blank(OUTPUT, FROM_UNIT, Kind.REPLY).repeat(frames), our_answers(config, inputs)
+        for name, group in ANSWERS.items():
+            if group != Said.SURFACE:
+                expected[name] = rows[name]
+                expected["said"] |= int(group)
+        cases.append(Case(title, config, inputs, expected))
+    return cases
+
+
+def our_answers(
+    config_record: NDArray[Any], inputs: NDArray[Any], manager: str | None = None, trust: Trust | None = None
+) -> NDArray[Any]:
+    """Return the answers to INPUT (n,) with CONFIG (1,): (n,) rows of the frame, of our manager or of a class."""
+    config, rows = config_record[0], new_block(len(inputs))
     for name in (*REFERENCES, *(field.name for field in FIELDS if field.part == "bus")):
-        rows[name] = case.inputs[name]
+        rows[name] = inputs[name]
     params, discretes = np.zeros(S, PARAMS), np.zeros(len(config["discrete"]), DISCRETE_PARAMS)
     for records, field in ((params, "signal"), (discretes, "discrete")):
         for name in records.dtype.names or ():
             records[name] = config[field][name]
-    signals, frames = int(config["box_signals"]), int(config["box_persistence"])
-    manager = Manager(DEFAULT, params, box_signals=signals, box_persistence=frames)
     voter = DiscreteVoter(discretes)
-    run(nested(rows), Stages(manager=manager.data, discretes=voter.data))
+    if manager is not None and trust is not None:
+        own = load_manager(manager, params, trust)
+        run(nested(rows), Stages(discretes=voter.data), decide=by_class(own, rows, nested(rows)))
+        return rows
+    signals, frames = int(config["box_signals"]), int(config["box_persistence"])
+    ours = Manager(DEFAULT, params, box_signals=signals, box_persistence=frames)
+    run(nested(rows), Stages(manager=ours.data, discretes=voter.data))
     return rows

@@ -14,7 +14,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig import loop
+from rig import loop, sensors
 from rig.bench.run import Decide, Stages, run, write_sources
 from rig.bench.sources import FIELDS, Columns, DiscreteColumns, blocks, put
 from rig.computer.redundancy.config import PARAMS, fill
@@ -22,26 +22,27 @@ from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS, PERSISTENCE, fill_discrete
 from rig.computer.redundancy.managers import MANAGERS, Manager, manager_kind
 from rig.computer.redundancy.own import OwnManager, load_manager
-from rig.frame import DISCRETES, SIGNALS, Block, D, Resolver, Rows, S, State, rows, to_frame
+from rig.frame import DISCRETES, SIGNALS, Block, D, Rows, S, State, rows, to_frame
 from rig.kernels import kernel
+from rig.record.failures import COMPARISON, became_failed, decider
 from rig.recordings.clock import Floats
 from rig.recordings.recording import Bytes, Recording, Samples
 from rig.recordings.settings import RecordedDiscrete, RecordedSignal, Reset, commands
 from rig.scenario import Scenario
 from rig.units.angles import difference
-from rig.util.runs import begins
 from rig.util.trust import Trust
 
+INVALID: Final = "invalid"  # a sample that is no number, flagged, or out of range
 _NO_CODE: Final = Trust("the configuration")
 
 
-class Failure(NamedTuple):
+class ChannelFailure(NamedTuple):
     """A channel that was failed: in which row, counted from 1, and by whom."""
 
     channel: int
     frame: int
     time_s: float
-    why: str  # comparison, or a resolver
+    why: str  # comparison, a resolver, or INVALID
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +60,7 @@ class Voted:
     state: list[Bytes]
     spread: Floats  # largest less smallest of the samples in use, NaN where there are none
     invalid: list[int]  # samples of each channel that were no number, flagged, or out of range
-    failures: list[Failure]
+    failures: list[ChannelFailure]
     of_flight: dict[str, Bytes] = field(default_factory=dict)  # FLIGHT_FIELDS, by the scenario of a flight
 
 
@@ -72,7 +73,7 @@ class VotedDiscrete:
     level: Bytes
     state: list[Bytes]
     invalid: list[int]  # samples of each channel that were empty or flagged
-    failures: list[Failure]
+    failures: list[ChannelFailure]
     reset: Bytes | None = None  # commands, of a flight voted by its scenario
 
 
@@ -120,12 +121,26 @@ def vote_discretes(
     recording: Recording, settings: dict[str, RecordedDiscrete], resets: list[Reset]
 ) -> dict[str, VotedDiscrete]:
     """Vote the discretes that have settings, whose fail-safe values are known."""
+    return _vote_discretes(recording, settings, resets, DiscreteVoter(discrete_params(recording, settings)))
+
+
+def params_of(recording: Recording, settings: Mapping[str, RecordedSignal]) -> NDArray[np.void]:
+    """Return (n,) config.PARAMS of the signals that have settings."""
+    params = np.zeros(len(settings), PARAMS)
+    for row, (name, chosen) in zip(params, settings.items(), strict=True):
+        fitted = len(recording.signals[name].channels)
+        fill(row, chosen, chosen.limits, fitted, chosen.wraps, recording.rate_hz)
+    return params
+
+
+def discrete_params(recording: Recording, settings: Mapping[str, RecordedDiscrete]) -> NDArray[np.void]:
+    """Return (n,) DISCRETE_PARAMS of the discretes that have settings."""
     params = np.zeros(len(settings), DISCRETE_PARAMS)
     for row, (name, chosen) in zip(params, settings.items(), strict=True):
         assert chosen.fail_safe is not None  # VoteConfig.discretes sees to it
         fitted = len(recording.discretes[name].channels)
         fill_discrete(row, chosen, chosen.fail_safe, fitted, PERSISTENCE, recording.rate_hz)
-    return _vote_discretes(recording, settings, resets, DiscreteVoter(params))
+    return params
 
 
 def of_flight(recording: Recording, scenario: Scenario) -> Result:
@@ -141,11 +156,12 @@ def of_flight(recording: Recording, scenario: Scenario) -> Result:
 def settings_of(scenario: Scenario) -> tuple[dict[str, RecordedSignal], dict[str, RecordedDiscrete]]:
     """Return the settings of a flight's signals and discretes as those of a recording."""
     redundancy, suite = scenario.redundancy, scenario.sensors
-    limits = loop.sensors.ranges(suite)
+    limits = sensors.ranges(suite)
     signals = {
         signal.name: RecordedSignal(
             **getattr(redundancy.signals, signal.name).model_dump(),
             range=[float(limits[i, 0]), float(limits[i, 1])],
+            unit=signal.unit,
             wraps=signal.wraps,
             manager=redundancy.manager,
         )
@@ -196,10 +212,7 @@ def _group(
     boxes: tuple[int, int],
     as_unit: bool = False,
 ) -> _Group:
-    params = np.zeros(len(names), PARAMS)
-    for row, name in zip(params, names, strict=True):
-        chosen, fitted = settings[name], len(recording.signals[name].channels)
-        fill(row, chosen, chosen.limits, fitted, chosen.wraps, recording.rate_hz)
+    params = params_of(recording, {name: settings[name] for name in names})
     manager = settings[names[0]].manager
     if manager not in MANAGERS:
         return _Group(names, load_manager(manager, params, trust), params)
@@ -245,8 +258,8 @@ def by_class(own: OwnManager, block: Block, nested: NDArray[Any]) -> Decide:
 
 
 def _voted(recording: Recording, samples: Samples, settings: RecordedSignal, out: Columns) -> Voted:
-    wrong = [~_usable(samples, settings, c) for c in range(len(samples.channels))]
-    failures = _failures(recording, out.states, out.fields["resolver"], wrong)
+    wrong = [~usable for usable in usable_samples(samples, settings.limits)]
+    failures = _failures(recording, out.states, wrong, out.fields["resolver"])
     fields = {name: out.fields[name] for name in FIELDS}
     extra = {name: column for name, column in out.fields.items() if name not in fields}
     invalid = [int(w.sum()) for w in wrong]
@@ -273,11 +286,11 @@ def spreads(rows, i, p, out):
         out[k] = high - low if high >= low else np.nan
 
 
-def _usable(samples: Samples, settings: RecordedSignal, c: int) -> NDArray[np.bool_]:
-    low, high = settings.limits
-    column = samples.channels[c]
-    usable = (column >= low) & (column <= high)
-    return usable if samples.valid is None else usable & (samples.valid[c] != 0)
+def usable_samples(samples: Samples, limits: tuple[float, float]) -> list[NDArray[np.bool_]]:
+    """Return (n,) of each channel whether a sample is a number in range that is not flagged."""
+    usable = [(column >= limits[0]) & (column <= limits[1]) for column in samples.channels]
+    flags = samples.valid or [np.ones(1, np.uint8)] * len(usable)
+    return [within & (flag != 0) for within, flag in zip(usable, flags, strict=True)]
 
 
 def _vote_discretes(
@@ -297,34 +310,29 @@ def _vote_discretes(
         for d, columns in enumerate(out.values()):
             columns.take(block, d, part)
     return {
-        name: VotedDiscrete(
-            settings[name],
-            answers.voted,
-            answers.level,
-            answers.state,
-            answers.invalid,
-            _failures(recording, answers.state),
-            answers.reset if flown else None,
-        )
+        name: _voted_discrete(recording, settings[name], answers, answers.reset if flown else None)
         for name, answers in out.items()
     }
+
+
+def _voted_discrete(
+    recording: Recording, settings: RecordedDiscrete, answers: DiscreteColumns, reset: Bytes | None
+) -> VotedDiscrete:
+    wrong = [~usable for usable in usable_samples(answers.samples, (0.0, 1.0))]
+    failures, invalid = _failures(recording, answers.state, wrong), [int(w.sum()) for w in wrong]
+    return VotedDiscrete(settings, answers.voted, answers.level, answers.state, invalid, failures, reset)
 
 
 def _failures(
     recording: Recording,
     states: Sequence[Bytes],
+    invalid: Sequence[NDArray[np.bool_]],
     resolvers: Bytes | None = None,
-    invalid: Sequence[NDArray[np.bool_]] = (),
-) -> list[Failure]:
-    """Return every change to failed: by the resolver of its row if the sample is valid and one decided, else by
-    comparison.
-    """
-    failures: list[Failure] = []
-    for c, state in enumerate(states):
-        for k in np.flatnonzero(begins(state == State.FAILED)):
-            why = "comparison"
-            if resolvers is not None and not invalid[c][k]:
-                resolver = Resolver(resolvers[k])
-                why = why if resolver in (Resolver.NONE, Resolver.UNRESOLVED) else resolver.name.lower()
-            failures.append(Failure(c + 1, recording.row(int(k)), float(recording.time_s[k]), why))
-    return sorted(failures, key=lambda failure: (failure.frame, failure.channel))
+) -> list[ChannelFailure]:
+    """Return every change to failed, in order of time: by an invalid sample, the resolver of its row, or comparison."""
+    failures: list[ChannelFailure] = []
+    for k, _, c in became_failed(np.column_stack(states)[:, None]).tolist():
+        why = COMPARISON if resolvers is None else decider(int(resolvers[k]), True)
+        why = INVALID if invalid[c][k] else why
+        failures.append(ChannelFailure(c + 1, recording.row(k), float(recording.time_s[k]), why))
+    return failures

@@ -7,20 +7,22 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
 
+import polars as pl
+
 from rig.bench.inject import inject
 from rig.bench.injection_score import score
 from rig.bench.injection_score import summary as scores
 from rig.bench.vote import Result, of_flight, settings_of, vote, vote_discretes
 from rig.bench.vote_summary import summary
-from rig.bench.write_votes import output, write
+from rig.bench.write_votes import output, table, write
 from rig.errors import BadInput
 from rig.recordings.alignment import AlignOptions, run_alignment
 from rig.recordings.flown import Recorded, recorded
 from rig.recordings.injection_file import read_injection
 from rig.recordings.own_logs import is_flight, of_log
-from rig.recordings.read import read
+from rig.recordings.read import load
 from rig.recordings.recording import Recording
-from rig.recordings.settings import RecordedDiscrete, RecordedSignal, VoteConfig, read_config
+from rig.recordings.settings import RecordedDiscrete, RecordedSignal, VoteConfig, config_of, read_config
 from rig.util.progress import tell
 from rig.util.trust import Trust
 
@@ -58,47 +60,88 @@ class _Asked(NamedTuple):
     config: VoteConfig  # empty for a flight voted by its own scenario
     flown: Recorded | None = None
 
+    @property
+    def box_signals(self) -> int:
+        """Faulty signals that fail a box."""
+        return self.config.box_signals if self.flown is None else self.flown.scenario.redundancy.box_signals
+
 
 def run(recorded: Path, config: Path | None, out: Path, options: Options) -> dict[str, Any]:
     """Vote ``recorded`` and write ``out``, which is there only when all went well; the summary.
 
     config : settings of the signals; None: those of the scenario in ``recorded``, the log of a flight
-    Faults are put into the recording as it was read, as a fault is in the sensor: alignment sees them.
     """
     lap = Laps()
     with output(out, recorded) as part:
-        test = None if options.faults is None else read_injection(options.faults)
-        asked = _by_scenario(recorded, options) if config is None else _by_config(recorded, config, options)
-        recording, signals, discretes = asked.recording, asked.signals, asked.discretes
-        lap("read")
-        injected = []
-        if test is not None:
-            file, source = test
-            injection = inject(recording, file.faults, signals, discretes, seed=file.seed, source=source)
-            recording, injected = injection.recording, injection.injected
-            lap("inject")
-        alignment = None
-        if options.align is not None:
-            recording, alignment = run_alignment(recording, signals, options.align, asked.config.triads, injected)
-            lap("align")
-        voted = _vote(asked, recording, config, options)
-        lap("vote")
-        write(part, out, recording, voted)
+        made = vote_file(recorded, config, options, lap)
+        write(part, out, made.recording, made.voted)
         lap("write")
-    about = {"out": str(out), **summary(recording, voted, alignment), "seconds": lap.seconds}
+    return {"out": str(out), **made.summary, "seconds": lap.seconds}
+
+
+class Votes(NamedTuple):
+    """What a recording was voted to: the recording as it was voted, votes by signal, and the summary."""
+
+    recording: Recording
+    voted: Result
+    summary: dict[str, Any]
+
+    def to_polars(self) -> pl.DataFrame:
+        """Return one row a frame, the columns those of ``rig vote``'s OUTPUT."""
+        return table(self.recording, self.voted)
+
+    def __repr__(self) -> str:
+        """Return one line: rows, signals, and the channels that are failed at the end."""
+        groups = {**self.summary["signals"], **self.summary["discretes"]}
+        failed = [
+            f"{name}.{c['channel']}" for name, g in groups.items() for c in g["channels"] if c["state"] == "failed"
+        ]
+        return f"<Votes {self.summary['rows']} rows of {', '.join(groups)}: failed {', '.join(failed) or 'no channel'}>"
+
+
+def vote_file(recorded: Path, config: Path | dict[str, Any] | None, options: Options, lap: Laps) -> Votes:
+    """Vote ``recorded``; BadInput: it or its settings.
+
+    config : settings of the signals, a file or its tables; None: those of the scenario in ``recorded``
+    Faults are put into the recording as it was read, as a fault is in the sensor: alignment sees them.
+    """
+    test = None if options.faults is None else read_injection(options.faults)
+    asked = _by_scenario(recorded, options) if config is None else _by_config(recorded, config, options)
+    recording, signals, discretes = asked.recording, asked.signals, asked.discretes
+    lap("read")
+    injection = None
+    if test is not None:
+        file, source = test
+        injection = inject(recording, file.faults, signals, discretes, seed=file.seed, source=source)
+        recording = injection.recording
+        lap("inject")
+    alignment = None
+    if options.align is not None:
+        injected = [] if injection is None else injection.injected
+        recording, alignment = run_alignment(recording, signals, options.align, asked.config.triads, injected)
+        lap("align")
+    voted = _vote(asked, recording, config, options)
+    lap("vote")
+    about = summary(recording, voted, alignment)
     if asked.flown is not None and asked.flown.unit:
         about["remark"] = "a unit under test voted in this flight; here the manager of its scenario does"
-    if test is not None:
+    if test is not None and injection is not None:
         corrections = None if alignment is None else alignment.corrections
-        about["injected"] = scores(score(injected, recording, voted, corrections), test[1], test[0].seed)
-    return about
+        scored = score(injection, recording, voted, corrections, asked.box_signals)
+        about["injected"] = scores(scored, test[1], test[0].seed)
+    return Votes(recording, voted, about)
 
 
-def _by_config(recorded: Path, config: Path, options: Options) -> _Asked:
-    settings = read_config(config)
-    recording = read(recorded, settings, options.repair)
-    signals = settings.signals(recording.signals, str(config))
-    return _Asked(recording, signals, settings.discretes(recording.discretes, str(config)), settings)
+def _named(config: Path | dict[str, Any] | None) -> str:
+    """Return the configuration as messages name it."""
+    return str(config) if isinstance(config, Path) else "config"
+
+
+def _by_config(recorded: Path, config: Path | dict[str, Any], options: Options) -> _Asked:
+    source = _named(config)
+    settings = read_config(config) if isinstance(config, Path) else config_of(config, Path(source))
+    recording, signals = load(recorded, settings, source, options.repair)
+    return _Asked(recording, signals, settings.discretes(recording.discretes, source), settings)
 
 
 def _by_scenario(path: Path, options: Options) -> _Asked:
@@ -110,10 +153,10 @@ def _by_scenario(path: Path, options: Options) -> _Asked:
     return _Asked(of_log(flown.log, path, options.repair), signals, discretes, VoteConfig(), flown)
 
 
-def _vote(asked: _Asked, recording: Recording, config: Path | None, options: Options) -> Result:
+def _vote(asked: _Asked, recording: Recording, config: Path | dict[str, Any] | None, options: Options) -> Result:
     settings = asked.config
     if asked.flown is not None:
         return of_flight(recording, asked.flown.scenario)
-    trust, boxes = Trust(str(config), options.allow_code), (settings.box_signals, settings.box_persistence)
+    trust, boxes = Trust(str(_named(config)), options.allow_code), (settings.box_signals, settings.box_persistence)
     signals = vote(recording, asked.signals, settings.resets, trust, settings.triads, boxes)
     return Result(signals, vote_discretes(recording, asked.discretes, settings.resets))

@@ -1,4 +1,4 @@
-"""What a vote came to: as one JSON object, and as tables for people."""
+"""What a vote came to, as one JSON object."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rig.frame import Pattern, State
 from rig.recordings.alignment import Alignment
 from rig.recordings.clock import Floats
 from rig.recordings.recording import Recording
-from rig.util.console import Screen
+from rig.recordings.settings import RecordedSignal
 
 _SINGULAR = [int(pattern) for pattern in Pattern if pattern.is_singular]
 
@@ -25,6 +25,8 @@ def summary(recording: Recording, voted: Result, alignment: Alignment | None = N
         "rate_hz": recording.rate_hz,
         "time_s": [float(recording.time_s[0]), float(recording.time_s[-1])],
         "repaired": [asdict(repair) for repair in recording.repairs],
+        "remarks": list(recording.remarks),
+        "warnings": list(recording.warnings),
         "not_voted": [name for name in recording.signals if name not in voted.signals],
         "signals": {name: _signal(signal) for name, signal in voted.signals.items()},
         "discretes": {name: _discrete(discrete) for name, discrete in voted.discretes.items()},
@@ -35,18 +37,24 @@ def summary(recording: Recording, voted: Result, alignment: Alignment | None = N
             for channel, took, move in zip(
                 signal["channels"], alignment.corrections[name], alignment.moves[name], strict=True
             ):
-                channel["alignment"] = {**asdict(took), **asdict(move)}
+                channel["alignment"] = _in_unit({**asdict(took), **asdict(move)}, voted.signals[name].settings)
     return found
 
 
+def _in_unit(alignment: dict[str, Any], settings: RecordedSignal) -> dict[str, Any]:
+    return {**alignment, **{key: settings.shown(alignment[key]) for key in ("offset", "offset_move", "spread")}}
+
+
 def _signal(signal: Voted) -> dict[str, Any]:
+    shown = signal.settings.shown
     return {
         "manager": signal.settings.manager,
-        "threshold": signal.settings.threshold,
+        "unit": signal.settings.unit,
+        "threshold": shown(signal.settings.threshold),
         "level": int(signal.level[-1]),
         "singular_share": float(np.isin(signal.pattern, _SINGULAR).mean()),
-        "spread": _spread(signal.spread),
-        "voted": _extremes(signal.voted),
+        "spread": _spread(shown(signal.spread)),
+        "voted": _extremes(shown(signal.voted)),
         "channels": [_channel(signal, c) for c in range(len(signal.state))],
     }
 
@@ -85,101 +93,3 @@ def _channel(signal: Voted | VotedDiscrete, c: int) -> dict[str, Any]:
         ],
         "invalid_samples": signal.invalid[c],
     }
-
-
-def show(screen: Screen, found: dict[str, Any]) -> None:
-    """Print the summary as tables, how long each step took, and where the votes are."""
-    first, last = found["time_s"]
-    screen.print(f"{found['rows']} rows from {first:g} to {last:g} s, {found['rate_hz']:g} a second")
-    for repair in found["repaired"]:
-        screen.print(_repaired(repair), soft_wrap=True)
-    if "alignment" in found:
-        _alignments(screen, found)
-    if found["signals"]:
-        _signals(screen, found)
-    if found["discretes"]:
-        _discretes(screen, found)
-    _failures(screen, found)
-    if "injected" in found:
-        _injected(screen, found["injected"])
-    if found["not_voted"]:
-        screen.print(f"not voted, as CONFIG does not name them: {', '.join(found['not_voted'])}")
-    screen.print(", ".join(f"{stage} {taken:.2f} s" for stage, taken in found["seconds"].items()))
-    screen.print(f"written  {found['out']}", soft_wrap=True)
-
-
-def _repaired(repair: dict[str, Any]) -> str:
-    rows = ", ".join(map(str, repair["first"])) + (", ..." if repair["dropped"] > len(repair["first"]) else "")
-    of = f"{repair['rows']} rows of {repair['source']}"
-    return f"dropped {repair['dropped']} of {of}, where time repeats or steps back: {rows}"
-
-
-def _signals(screen: Screen, found: dict[str, Any]) -> None:
-    rows = []
-    for name, signal in found["signals"].items():
-        spread = [_number(value) for value in signal["spread"].values()]
-        voted = [_number(value) for value in signal["voted"].values()]
-        rows.append((name, str(signal["level"]), f"{100 * signal['singular_share']:.3g} %", *spread, *voted))
-    screen.table(("signal", "level", "singular frames", "spread median", "95 %", "worst", "voted from", "to"), rows)
-
-
-def _discretes(screen: Screen, found: dict[str, Any]) -> None:
-    rows = []
-    for name, discrete in found["discretes"].items():
-        share = f"{100 * discrete['ones_share']:.3g} %"
-        rows.append((name, str(discrete["level"]), str(discrete["fail_safe"]), share, str(discrete["changes"])))
-    screen.table(("discrete", "level", "fail-safe", "voted 1", "changes"), rows)
-
-
-def _failures(screen: Screen, found: dict[str, Any]) -> None:
-    rows = []
-    for name, signal in {**found["signals"], **found["discretes"]}.items():
-        for channel in signal["channels"]:
-            times = [(str(f["frame"]), f"{f['time_s']:.6g} s", f["why"]) for f in channel["failed"]]
-            first, *again = times or [("never", "", "")]
-            rows.append((f"{name}.{channel['channel']}", channel["state"], *first, str(channel["invalid_samples"])))
-            rows += [("", "", *later, "") for later in again]
-    screen.table(("channel", "at the end", "failed in frame", "at", "by", "invalid samples"), rows)
-
-
-def _injected(screen: Screen, injected: dict[str, Any]) -> None:
-    rows = []
-    for one in injected["faults"]:
-        onset = "" if one["onset_s"] is None else f"{one['onset_s']:.6g} s"
-        failed = "" if one["failed_channel"] is None else f"{one['signal']}.{one['failed_channel']}"
-        delay = "" if one["delay_s"] is None else f"{one['delay_s']:.3f} s"
-        channel = f"{one['signal']}.{one['channel']}"
-        rows.append((one["fault"], channel, onset, one["outcome"], failed, delay, one["by"] or ""))
-    screen.table(("injected", "channel", "onset", "outcome", "failed", "delay", "by"), rows)
-
-
-def _alignments(screen: Screen, found: dict[str, Any]) -> None:
-    about = found["alignment"]
-    chosen = ", as no --align-to is given" if about["by_default"] else ""
-    screen.print(f"aligned by {about['rows']} rows from {about['from_s']:g} to {about['to_s']:g} s{chosen}")
-    rows = []
-    for name, signal in found["signals"].items():
-        for channel in signal["channels"]:
-            a = channel["alignment"]
-            note = "" if a["aligned"] else "left alone: like no other channel"
-            delay = (f"{a['delay_frames']:.2f}", f"{1e3 * a['delay_s']:.2f}")
-            rows.append((f"{name}.{channel['channel']}", *delay, _number(a["offset"]), f"{a['correlation']:.2f}", note))
-    screen.table(("channel", "delay in frames", "in ms", "offset", "correlation", ""), rows)
-    if about["matrices"]:
-        _matrices(screen, about["matrices"])
-    for warning in about["warnings"]:
-        screen.print(f"warning: {warning}", soft_wrap=True)
-
-
-def _matrices(screen: Screen, matrices: list[dict[str, Any]]) -> None:
-    rows = []
-    for one in matrices:
-        note = "" if one["applied"] else "left alone: no misalignment that can be believed"
-        gains = f"{one['gains'][-1]:.3f} to {one['gains'][0]:.3f}"
-        rms = (_number(one["rms_before"]), _number(one["rms_after"]))
-        rows.append((f"{one['triad']}, channel {one['channel']}", f"{one['rotation_deg']:.2f}", gains, *rms, note))
-    screen.table(("triad", "turned by, deg", "gains", "off before, rms", "after", ""), rows)
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.4g}"

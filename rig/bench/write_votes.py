@@ -1,4 +1,4 @@
-"""OUTPUT of ``rig vote``: one table, or an MCAP file with the messages of a flight's log.
+"""OUTPUT of ``rig vote``: one table, in the units of CONFIG, or an MCAP file as a flight's log, in SI units.
 
 Written beside and renamed: OUTPUT is there only when it is whole.
 """
@@ -58,10 +58,10 @@ def write(part: Path, path: Path, recording: Recording, voted: Result) -> None:
 
 
 def table(recording: Recording, voted: Result) -> pl.DataFrame:
-    """Return the columns of OUTPUT, ``time_s`` first."""
+    """Return the columns of OUTPUT, ``time_s`` first; votes in the unit of the signal."""
     columns: dict[str, Any] = {TIME: recording.time_s}
     for name, signal in voted.signals.items():
-        columns[f"{name}.voted"] = signal.voted
+        columns[f"{name}.voted"] = signal.settings.shown(signal.voted)
         columns[f"{name}.level"] = signal.level
         columns[f"{name}.pattern"] = _named(signal.pattern, PATTERNS)
         columns[f"{name}.resolver"] = _named(signal.resolver, RESOLVERS)

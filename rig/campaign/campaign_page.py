@@ -5,6 +5,7 @@ Magnitudes are shown in the unit of their signal, angles in degrees.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,9 +19,10 @@ from rig.faults.fault import KINDS
 from rig.frame import INDEX, SIGNALS
 from rig.report.page import DASH, lay_out, write_page
 from rig.units.quantities import number, unit_shown
-from rig.util.palette import LINE, SERIES, SHARE_SCALE, series_colour
+from rig.util.palette import INK, LINE, SERIES, SHARE_SCALE, series_colour
 
 MOST_MAPS: Final = 12  # heat maps of one report
+_LABELS_PX, _CELL_PX = 120, 46  # of a map: its flight points, a cell with its count
 _RATE: Final = "signal/s"  # units of settings, as the catalogue has them
 _SIGNAL: Final = ("signal", _RATE)
 Rows = list[dict[str, Any]]
@@ -34,9 +36,14 @@ def report(folder: Folder, out: Path) -> dict[str, Any]:
     maps = {f"map-{i}": figure for i, figure in enumerate(heat_maps(results["by_place"]))}
     delays = {f"delay-{i}": figure for i, figure in enumerate(delay_curves(acted(folder.tables)))}
     replies = {} if results["replies"] is None else {"replies-0": reply_times(results["replies"])}
-    filters = {"magnitude": lambda *of: magnitude_shown(*of) or DASH, "magnitude_unit": magnitude_unit}
+    filters = {
+        "magnitude": lambda *of: magnitude_shown(*of) or DASH,
+        "magnitude_unit": magnitude_unit,
+        "level": lambda row: level_shown(row["key"], row["level"], folder.tables["faults"]),
+    }
     figures = {**maps, **delays, **replies}
-    write_page(out, "campaign.html", figures, filters, results=results, maps=list(maps), delays=list(delays))
+    widths = {name: _LABELS_PX + _CELL_PX * len(figure.to_dict()["data"][0]["x"]) for name, figure in maps.items()}
+    write_page(out, "campaign.html", figures, filters, results=results, maps=widths, delays=list(delays))
     return results
 
 
@@ -51,35 +58,43 @@ def heat_maps(rows: Rows) -> list[go.Figure]:
 def _heat_map(signal: str, kind: str, rows: Rows) -> go.Figure:
     """Draw the share of the detectable faults as a colour; grey where the error of none left the threshold."""
     places = sorted({row["place"] or "" for row in rows}, reverse=True)
-    possible = [row for row in rows if row["detection"]["of"]]
-    sizes = [magnitude_shown(size, signal, kind) for size in sorted({row["size"] for row in rows})]
+    sizes, unit = sorted({row["size"] for row in rows}), magnitude_unit(signal, kind)
+    axes = {"x": [magnitude_shown(size, signal, kind) for size in sizes], "y": places, "xgap": 2, "ygap": 2}
+    hover = f"%{{y}}<br>magnitude %{{x}} {unit}<br>%{{customdata}}<extra></extra>"
+    shared = {**axes, "zmin": 0.0, "zmax": 1.0, "hovertemplate": hover, "hoverongaps": False}
+    cells = {(row["place"] or "", row["size"]): row for row in rows}
+    grid = [[cells.get((place, size)) for size in sizes] for place in places]
     scale = {"colorscale": SHARE_SCALE, "colorbar": {"title": "detected", "thickness": 12, "tickformat": ".0%"}}
-    bounds = {"zmin": 0.0, "zmax": 1.0, "xgap": 2, "ygap": 2, "texttemplate": "%{text}"}
-    figure = go.Figure(go.Heatmap(**_cells(possible, signal, kind), **bounds, **scale))
-    if len(possible) < len(rows):
-        never = _cells([row for row in rows if not row["detection"]["of"]], signal, kind)
-        figure.add_heatmap(**never, **bounds, colorscale=[[0.0, LINE], [1.0, LINE]], showscale=False)
+    figure = go.Figure(go.Heatmap(**_colours(grid, detectable=True), **shared, **scale))
+    grey = {"colorscale": [[0.0, LINE], [1.0, LINE]], "showscale": False}
+    figure.add_heatmap(**_colours(grid, detectable=False), **shared, **grey)
+    figure.add_scatter(**_counts(rows, signal, kind))
     lay_out(figure, f"{kind} of {signal}", 150 + 34 * len(places))
-    unit = magnitude_unit(signal, kind)
-    order: dict[str, Any] = {"type": "category", "categoryorder": "array"}
-    figure.update_xaxes(title=f"magnitude, {unit}" if unit else "magnitude", categoryarray=sizes, **order)
-    figure.update_yaxes(categoryarray=places, **order)
+    figure.update_xaxes(title=f"magnitude, {unit}" if unit else "magnitude", type="category")
+    figure.update_yaxes(type="category")
     return figure
 
 
-def _cells(rows: Rows, signal: str, kind: str) -> dict[str, Any]:
-    """Return places, colours and texts of the cells of a map."""
-    sizes, places = sorted({row["size"] for row in rows}), sorted({row["place"] or "" for row in rows}, reverse=True)
-    cells = {(row["place"] or "", row["size"]): row for row in rows}
-    grid = [[cells.get((place, size)) for size in sizes] for place in places]
-    drawn = [[None if cell is None else cell["detection"]["value"] or 0.0 for cell in line] for line in grid]
+def _colours(grid: Sequence[Sequence[dict[str, Any] | None]], detectable: bool) -> dict[str, Any]:
+    """Return shares and hover texts of the cells that are, or are not, ``detectable``; the others stay empty."""
+    kept = [[cell if cell and bool(cell["detection"]["of"]) == detectable else None for cell in line] for line in grid]
     return {
-        "x": [magnitude_shown(size, signal, kind) for size in sizes],
-        "y": places,
-        "z": drawn,
-        "text": [["" if cell is None else _counted(cell) for cell in line] for line in grid],
-        "customdata": [["" if cell is None else _hover_text(cell) for cell in line] for line in grid],
-        "hovertemplate": f"%{{y}}<br>magnitude %{{x}} {magnitude_unit(signal, kind)}<br>%{{customdata}}<extra></extra>",
+        "z": [[cell and (cell["detection"]["value"] or 0.0) for cell in line] for line in kept],
+        "customdata": [[cell and _hover_text(cell) for cell in line] for line in kept],
+    }
+
+
+def _counts(rows: Rows, signal: str, kind: str) -> dict[str, Any]:
+    """Return the counts as texts at the places of their cells; a heat map would leave out some of its own texts."""
+    dark = [bool(row["detection"]["of"]) and abs(row["detection"]["value"] - 0.5) > 0.3 for row in rows]
+    return {
+        "x": [magnitude_shown(row["size"], signal, kind) for row in rows],
+        "y": [row["place"] or "" for row in rows],
+        "text": [_counted(row) for row in rows],
+        "mode": "text",
+        "textfont": {"color": ["#ffffff" if each else INK for each in dark]},
+        "hoverinfo": "skip",
+        "showlegend": False,
     }
 
 
@@ -125,7 +140,7 @@ def _curves(detected: pl.DataFrame, column: str, title: str) -> go.Figure:
             name=f"{kind} of {signal} ({len(part)})",
             hovertemplate="%{x:.2f} s: %{y:.3f}<extra>%{fullData.name}</extra>",
         )
-    lay_out(figure, f"Delay {title}", 340, legend_y=-0.25)
+    lay_out(figure, f"Delay {title}", 340)
     figure.update_xaxes(title="delay, s", range=[begin, end or 1.0])  # room behind the last step
     figure.update_yaxes(title="share of detections", range=[0, 1.02])
     return figure
@@ -155,6 +170,23 @@ def magnitude_unit(signal: str, kind: str) -> str:
 def magnitude_shown(value: float | None, signal: str, kind: str) -> str:
     """Return a magnitude, SI, in ``magnitude_unit``; "" for None."""
     return number(value, _of_signal(signal) if _setting(kind) in _SIGNAL else "")
+
+
+def level_shown(key: str, level: Any, faults: pl.DataFrame) -> str:
+    """Return a level of what varies, rounded; the magnitude of a fault in the unit of the map of its signal.
+
+    faults : table of the campaign, which says on which signal the fault acted
+    """
+    if not isinstance(level, float):
+        return str(level)
+    parts = key.split(".")
+    if parts[0] == "faults" and len(parts) == 3:
+        kinds = [kind for kind, model in KINDS.items() if model.sizes and model.sizes[0] == parts[2]]
+        signals = faults.filter(pl.col("fault").cast(pl.String) == parts[1])["signal"].unique()
+        if kinds and len(signals) == 1:
+            unit = magnitude_unit(signals[0], kinds[0])
+            return f"{magnitude_shown(level, signals[0], kinds[0])} {unit}".rstrip()
+    return number(level)
 
 
 def _of_signal(signal: str) -> str:

@@ -14,7 +14,7 @@ from rig import loop
 from rig.errors import UnitDead
 from rig.flight.recorder import Findings, end_reason
 from rig.flight.unit_loop import unit_computer
-from rig.frame import TIMING, Block, new_block
+from rig.frame import TIMING, Block, LaneBlock, new_block
 from rig.log import LogWriter
 from rig.log.of_flight import metadata
 from rig.record.events import Event
@@ -36,6 +36,7 @@ class CampaignFlight:
     clean: NDArray[np.void]  # of the sensors before any fault
     verdict: Verdict
     ended: list[Event]  # that only the end shows: faults that did nothing
+    lanes: LaneBlock | None = None  # of servo actuators
     unit: dict[str, str] = field(default_factory=dict)  # metadata of its log on the unit under test
 
     @property
@@ -50,11 +51,24 @@ def fly(scenario: Scenario, tested: UnitUnderTest | None = None) -> CampaignFlig
     UnitDead, UnitRefused: the unit under test.
     """
     rig = loop.Rig(scenario, None if tested is None else unit_computer(tested), keep_clean=scenario.frames)
-    findings, (rows, timing) = Findings(scenario), loop.new_memory(scenario)
-    loop.fly(rig, [findings], memory=(rows, timing))
+    findings, servos, (rows, timing) = Findings(scenario), _Servos(), loop.new_memory(scenario)
+    loop.fly(rig, [findings, servos], memory=(rows, timing))
     flown = slice(findings.verdict.frames)
-    end = findings.verdict, findings.end(), ended_unit(tested)
+    lanes = np.concatenate(servos.blocks) if servos.blocks else None
+    end = findings.verdict, findings.end(), lanes, ended_unit(tested)
     return CampaignFlight(scenario, rows[flown], timing[flown], findings.events, rig.faults.clean[flown], *end)
+
+
+class _Servos:
+    """Keeps the rows of servo actuators, which are given for good."""
+
+    def __init__(self) -> None:
+        self.blocks: list[LaneBlock] = []
+
+    def record(self, rows: Block, timing: NDArray[Any], lanes: LaneBlock | None = None) -> None:
+        """Keep the next rows, if there are any."""
+        if lanes is not None:
+            self.blocks.append(lanes)
 
 
 def ended_unit(tested: UnitUnderTest | None) -> dict[str, str]:
@@ -72,13 +86,15 @@ def write_log(flight: CampaignFlight, path: Path) -> None:
     verdict, scenario, frames = flight.verdict, flight.scenario, [event.frame for event in flight.events]
     path.parent.mkdir(parents=True, exist_ok=True)
     about = {**metadata(scenario), **flight.unit}, [("scenario.toml", b"")]
+    kept: Any = {"chunk_frames": scenario.frames, "draft_of": path, "lanes": scenario.has_servos}
     with (
         replaced(path) as draft,
-        LogWriter(draft, scenario.rate_hz, *about, chunk_frames=scenario.frames, draft_of=path) as writer,
+        LogWriter(draft, scenario.rate_hz, *about, **kept) as writer,
     ):
         for first in range(0, verdict.frames, writer.chunk_frames):
             part = slice(first, first + writer.chunk_frames)
             events = flight.events[bisect_left(frames, part.start) : bisect_left(frames, part.stop)]
-            writer.write(flight.rows[part], flight.timing[part], events)
+            lanes = None if flight.lanes is None else flight.lanes[part]
+            writer.write(flight.rows[part], flight.timing[part], events, lanes)
         writer.write(new_block(0), np.zeros(0, TIMING), flight.ended)
         writer.close({"digest": verdict.digest, "end_reason": flight.end_reason, "survived": str(verdict.survived)})

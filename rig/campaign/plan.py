@@ -13,7 +13,8 @@ from rig import aircraft
 from rig.campaign.config import Campaign, Levels
 from rig.campaign.sampling import Choice, choices, seed_of
 from rig.errors import BadInput
-from rig.scenario import Scenario, set_key
+from rig.overrides import set_key
+from rig.scenario import Scenario
 from rig.settings import build
 from rig.util.trust import Trust
 from rig.util.versions import versions

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, get_args
 
 from rig.assess import FaultScore, Score
 from rig.assess.record import ISOLATIONS, Outcome
-from rig.assess.words import PUBLIC, fault_word
-from rig.computer.redundancy.managers import manager_kind
+from rig.assess.words import PUBLIC
 from rig.faults import Fault
 from rig.frame import CHANNELS, INDEX, SIGNALS
 from rig.record.histogram import binned
@@ -74,10 +73,10 @@ def channel_hours(scenario: Scenario, frames: int, scored: Score) -> float:
 
 def fault_rows(number: int, scenario: Scenario, scored: Score) -> list[Row]:
     """Return the rows of table ``faults``: one a fault and channel."""
-    return [_fault_row(number, scenario, fault, scored) for fault in scored.faults]
+    return [_fault_row(number, scenario, fault) for fault in scored.faults]
 
 
-def _fault_row(number: int, scenario: Scenario, fault: FaultScore, scored: Score) -> Row:
+def _fault_row(number: int, scenario: Scenario, fault: FaultScore) -> Row:
     period_s = 1.0 / scenario.rate_hz
     time_s = lambda frame: None if frame is None else frame * period_s  # noqa: E731 # a frame's time, where there is one
     return {
@@ -90,29 +89,10 @@ def _fault_row(number: int, scenario: Scenario, fault: FaultScore, scored: Score
         "failed_s": time_s(fault.failed_frame),
         "delay_from_onset_s": time_s(fault.delay_from_onset_frames),
         "delay_from_exceeded_s": time_s(fault.delay_from_exceeded_frames),
-        "isolation": _isolation(fault, scored, scenario.redundancy.manager),
+        "isolation": PUBLIC["campaign"][fault.word],
         "pattern": fault.pattern,
         **_followed(fault),
     }
-
-
-def _isolation(fault: FaultScore, scored: Score, manager: str) -> str:
-    """Return whether a healthy channel was failed for this fault: between its onset and the next one's on the signal.
-
-    Of a manager that takes its failures back the vote decides.
-    """
-    window, onset = fault.window, fault.onset_frame
-    if window is None or onset is None:
-        wrong = any(alarm.signal == fault.signal for alarm in scored.wrong_isolations)
-    elif manager_kind(manager).takes_back:
-        wrong = not window.kept
-    else:
-        frames = [alarm.frame for alarm in scored.wrong_isolations if alarm.signal == fault.signal]
-        wrong = any(onset <= frame < window.end_frame for frame in frames)
-    word = fault_word(
-        fault.outcome != "not executed", fault.failed_frame is not None, fault.exceeded_frame is not None, wrong
-    )
-    return PUBLIC["campaign"][word]
 
 
 def _followed(fault: FaultScore) -> Row:

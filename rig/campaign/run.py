@@ -16,6 +16,7 @@ from typing import Any, Final
 
 import polars as pl
 
+from rig.assess.of_log import FlightConclusion
 from rig.campaign import table
 from rig.campaign.folder import Folder
 from rig.campaign.plan import Plan, Run, rig_identity
@@ -159,7 +160,8 @@ def again(folder: Folder, number: int, out: Path, unit: Unit | None = None) -> t
         raise BadInput(f"--run {number}: must be from 0 to {len(folder.plan) - 1}")
     folder.require(unit)
     row = folder.tables["runs"].filter(pl.col("run") == number)
-    return fly(folder.plan[number].scenario(), out=out, unit=unit), row["digest"][0] if len(row) else None
+    flight = fly(folder.plan[number].scenario(), out=out, unit=unit, outcome=FlightConclusion())
+    return flight, row["digest"][0] if len(row) else None
 
 
 @dataclass

@@ -3,10 +3,22 @@
 The import is all that it does, so nothing else imports it.
 """
 
+import os
 from contextlib import suppress
 
+from rig.campaign.compile_ahead import Ahead
 from rig.campaign.worker import warm
 from rig.errors import RigError
+from rig.kernel_cache import before_compiling
 
-with suppress(RigError):  # a worker meets it again, and reports it
-    warm()
+_parent = os.getppid()
+
+
+def _end_with_parent(done: int, total: int) -> None:
+    """End this process when nobody needs its workers any more."""
+    if os.getppid() != _parent:
+        os._exit(1)
+
+
+with suppress(RigError), before_compiling(Ahead(_end_with_parent).compile_missing):
+    warm()  # a worker meets an error again, and reports it

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from math import degrees, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -17,8 +20,9 @@ from rig.errors import BadInput
 from rig.text import plain, quoted
 
 if TYPE_CHECKING:
+    from rig.computer.analytic.designed import Designed
     from rig.computer.control.gains import Gains
-    from rig.design.new_aircraft import Answers
+    from rig.design.new_aircraft import Answers, NewAircraft
 
 aircraft_app = Typer(help="Look at aircraft, make your own, design their control laws.", **GROUP)
 
@@ -30,7 +34,9 @@ Home = Annotated[
 
 @aircraft_app.command("list")
 def aircraft_list(
-    folders: Annotated[list[Path] | None, Argument(help="Folders of your own to list too.", show_default=False)] = None,
+    folders: Annotated[
+        list[Path] | None, Argument(metavar="DIR...", help="Folders of your own to list too.", show_default=False)
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """List the bundled aircraft, those in the present folder, and their flight points."""
@@ -58,24 +64,28 @@ def aircraft_show(name: Home, as_json: Json = False) -> None:
 
 @aircraft_app.command("new")
 def aircraft_new(
-    name: Annotated[str, Argument(help="Its name, and that of its folder.")],
-    base: Annotated[str, Option(help="An aircraft of the installed JSBSim, e.g. c172x.", show_default=False)],
-    out: Annotated[Path, Option(help="Where its folder is made.")] = Path(),
+    name: Annotated[str, Argument(metavar="NAME", help="Its name, and that of its folder.")],
+    base: Annotated[
+        str, Option(metavar="MODEL", help="An aircraft of the installed JSBSim, e.g. c172x.", show_default=False)
+    ],
+    out: Annotated[Path, Option(metavar="DIR", help="Where its folder is made.")] = Path(),
     point: Annotated[
         list[str] | None,
         Option(metavar="ALTITUDE_M:MACH", help="A flight point; repeatable. Else two that trim are proposed."),
     ] = None,
-    points: Annotated[int, Option(help="How many flight points to propose.", min=1, max=3)] = 2,
+    points: Annotated[int, Option(metavar="N", help="How many flight points to propose.", min=1, max=3)] = 2,
     lag_s: Annotated[
-        float | None, Option(help="Lag of the surfaces' actuators, s.", min=1e-4, max=1.0, show_default=False)
+        float | None, Option(metavar="S", help="Lag of the actuators.", min=1e-4, max=1.0, show_default=False)
     ] = None,
     rate_limit_rad_s: Annotated[
-        float | None, Option(help="Their rate limit, rad/s.", min=0.01, max=20.0, show_default=False)
+        float | None,
+        Option(metavar="RAD_S", help="Their rate limit.", min=0.01, max=20.0, show_default=False),
     ] = None,
     sensor_class: Annotated[
-        str | None, Option(help="Data-sheet class of the sensors that it measures.", show_default=False)
+        str | None,
+        Option(metavar="CLASS", help="Sensor class, e.g. 'tactical-grade MEMS': docs/sensors.md.", show_default=False),
     ] = None,
-    channels: Annotated[int, Option(help="Channels of every signal.", min=2, max=4)] = 4,
+    channels: Annotated[int, Option(metavar="N", help="Channels of every signal.", min=2, max=4)] = 4,
     design: Annotated[bool, Option(help="Design it too, some minutes; else: rig aircraft check.")] = True,
     as_json: Json = False,
 ) -> None:
@@ -89,16 +99,42 @@ def aircraft_new(
     folder = target(name, out)
     given = [_point(text) for text in point or ()]
     answers = Answers(lag_s, rate_limit_rad_s, sensor_class, channels)
-    made = propose(name, base, answers, given, points)
+    with working("trim", not as_json, steps=True):
+        made = propose(name, base, answers, given, points)
     if sys.stdin.isatty() and not as_json:
         made = propose(name, base, _ask(answers, made.kind), given, points)
     write(made, folder)
-    written = {"folder": str(folder), "airframe": made.airframe.model_dump(exclude_none=True), "kind": made.kind}
     if not as_json:
         show.proposed(made, folder)
+    written: dict[str, object] = {"folder": str(folder), "kind": made.kind}
     if design:
-        written |= _measured(str(folder), _gains(str(folder), accept=False, quiet=as_json), quiet=as_json)
+        with _removed_unless_done(folder):
+            made, gains, measured = _designed(made, folder, quiet=as_json)
+            written |= _written(gains, measured, folder / "gains.toml", quiet=as_json)
+    written["airframe"] = made.airframe.model_dump(exclude_none=True)
     emit(as_json, written, lambda: show.next_steps(made, folder, designed=design))
+
+
+def _designed(made: NewAircraft, folder: Path, *, quiet: bool) -> tuple[NewAircraft, Gains, Designed]:
+    """Design and fly a proposal; say which flight points gave way to others."""
+    from rig.cli import show_aircraft as show
+    from rig.design.first_design import designed
+
+    with working("gains, margins and references", not quiet, steps=True):
+        done, gains, measured = designed(made, folder)
+    if done.left_out and not quiet:
+        show.changed(done)
+    return done, gains, measured
+
+
+@contextmanager
+def _removed_unless_done(folder: Path) -> Iterator[None]:
+    """Remove a new folder when what is done within fails or is interrupted."""
+    try:
+        yield
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
 
 
 def _point(text: str) -> tuple[float, float]:
@@ -151,7 +187,7 @@ def aircraft_check(
     from rig.plant import airframe
 
     home = folder(name)
-    with working("trim", not as_json):
+    with working("trim", not as_json, steps=True):
         checked = check(airframe.read(home / "aircraft.toml"))
     result = {**checked.as_dict(), "accepted": accept}
     if not as_json:
@@ -169,7 +205,9 @@ def aircraft_check(
 @aircraft_app.command("design")
 def aircraft_design(
     name: Home,
-    out: Annotated[Path | None, Option(help="Where to write the gains.", show_default="<aircraft>/gains.toml")] = None,
+    out: Annotated[
+        Path | None, Option(metavar="FILE", help="Where to write the gains.", show_default="<aircraft>/gains.toml")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Design the control law at every flight point, then fly it to measure the references.
@@ -189,23 +227,30 @@ def _gains(name: str, *, accept: bool, quiet: bool) -> Gains:
     from rig.plant import airframe
 
     home = folder(name)
-    with working("gains and margins", not quiet):
+    with working("gains and margins", not quiet, steps=True):
         return design(airframe.read(home / "aircraft.toml"), accept=accept)
 
 
 def _measured(name: str, gains: Gains, out: Path | None = None, *, quiet: bool) -> dict[str, object]:
-    """Write the gains, fly them to measure the references, write these; return both as plain data."""
+    """Fly the gains to measure the references, write both; return them as plain data."""
     from rig.aircraft import folder
+    from rig.design import references
+
+    with working("references, over 72 healthy flights a flight point", not quiet, steps=True):
+        measured = references.design(name, gains)
+    return _written(gains, measured, out or folder(name) / "gains.toml", quiet=quiet)
+
+
+def _written(gains: Gains, measured: Designed, target: Path, *, quiet: bool) -> dict[str, object]:
+    """Write the gains, and beside them the references; return both as plain data."""
     from rig.cli import show_aircraft as show
     from rig.computer.control.gains import write
-    from rig.design import references as reference_design
+    from rig.design import references
 
-    target = out or folder(name) / "gains.toml"
     write(gains, target)
-    with working("references, over 72 healthy flights a flight point", not quiet):
-        references, beside = reference_design.design(name, gains), target.with_name("references.toml")
-    reference_design.write(references, beside)
+    beside = target.with_name("references.toml")
+    references.write(measured, beside)
     if not quiet:
-        show.design(references, target, beside)
+        show.design(measured, target, beside)
     written = {"file": str(target), "references_file": str(beside)}
-    return {**written, **gains.model_dump(), "references": references.model_dump()}
+    return {**written, **gains.model_dump(), "references": measured.model_dump()}

@@ -11,7 +11,7 @@ from typer import Argument, Exit, Option, Typer, echo
 from rig.cli import complete
 from rig.cli import show_campaign as show
 from rig.cli.catalogue import of_file
-from rig.cli.common import GROUP, AllowCode, Json, Logs, UnitFile, emit
+from rig.cli.common import GROUP, AllowCode, AllowCodeOrSet, Json, Logs, Sets, UnitFile, emit
 from rig.cli.fly import show_flight
 from rig.util.interrupt import CODE
 
@@ -27,22 +27,13 @@ File = Annotated[
     ),
 ]
 Dir = Annotated[Path, Argument(metavar="DIR", help="A campaign's output folder.", show_default=False)]
-Sets = Annotated[
-    list[str] | None,
-    Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help="A key of the scenario, the same in every run; repeatable.",
-        autocompletion=complete.sets,
-    ),
-]
 Runs = Annotated[int | None, Option(metavar="N", help="The first N runs only.", show_default="all")]
 
 
 def _plan(file: str, sets: list[str] | None, allow_code: bool) -> Any:
     from rig.campaign.config import find, read
     from rig.campaign.plan import Plan
-    from rig.scenario import named_manager, parse_set
+    from rig.overrides import named_manager, parse_set
     from rig.util.trust import Trust
 
     given, source = dict(map(parse_set, sets or ())), str(find(file))
@@ -57,7 +48,7 @@ def _unit(path: Path | None) -> Any:
 
 @app.command()
 def plan(
-    file: File, sets: Sets = None, runs: Runs = None, allow_code: AllowCode = False, as_json: Json = False
+    file: File, sets: Sets = None, runs: Runs = None, allow_code: AllowCodeOrSet = False, as_json: Json = False
 ) -> None:
     """List the runs before flying them, with an estimate of time and disk."""
     from rig.campaign.estimate import estimate
@@ -78,17 +69,19 @@ def run(
     ] = None,
     runs: Runs = None,
     scheduler: Annotated[
-        str | None, Option(help="A Dask scheduler, tcp://HOST:PORT, in place of processes.", show_default=False)
+        str | None,
+        Option(metavar="URL", help="A Dask scheduler, tcp://HOST:PORT, in place of processes.", show_default=False),
     ] = None,
     logs: Annotated[
-        str | None, Option(help="Logs to keep: all, failures, none, sample:N.", show_default="the file's")
+        str | None,
+        Option(metavar="WHICH", help="Logs to keep: all, failures, none, sample:N.", show_default="the file's"),
     ] = None,
     sets: Sets = None,
     unit: UnitFile = None,
-    allow_code: AllowCode = False,
+    allow_code: AllowCodeOrSet = False,
     as_json: Json = False,
 ) -> None:
-    """Fly what is missing of a campaign."""
+    """Fly the runs of a campaign that are not done yet: begin it, or go on."""
     from rig.campaign.pool import get_ready
 
     if scheduler is None:
@@ -124,16 +117,14 @@ def fly(
     as_json: Json = False,
 ) -> None:
     """Fly one run of a campaign again, with its full log, and compare its digest with the table's."""
-    from rig.assess.of_log import conclude
     from rig.campaign.folder import open_folder
     from rig.campaign.run import again
 
     flight, digest = again(open_folder(folder, allow_code), run, out, _unit(unit))
     same = None if digest is None else digest == flight.digest
-    sentences = conclude(flight.log, flight.frames)
-    data = {**flight.summary(), "run": run, "table_digest": digest, "same": same, "conclusion": sentences}
+    data = {**flight.summary(), "run": run, "table_digest": digest, "same": same, "conclusion": flight.conclusion}
     notes = {None: "not in the table yet", True: "the same digest as in the table", False: "NOT the table's digest"}
-    emit(as_json, data, lambda: show_flight(flight, sentences, f"{run}: {notes[same]}"))
+    emit(as_json, data, lambda: show_flight(flight, f"{run}: {notes[same]}"))
     if same is False:
         raise Exit(1)
 

@@ -79,10 +79,11 @@ def _kinds(entries: list[Entry]) -> None:
     shown = (
         Column("kind", "kind"),
         Column("what and why", lambda entry: entry.what.splitlines()[0]),
-        Column("on", lambda entry: ", ".join(entry.sites)),
+        Column("on", lambda entry: ", ".join(entry.sites), worth=7),
         Column(
             "keys of its own",
             lambda entry: ", ".join(p.name for p in entry.parameters if p.name not in ("signal", "channels")),
+            worth=8,
         ),
     )
     table(entries, shown)
@@ -115,8 +116,8 @@ def _parameters(title: str, parameters: Sequence[Parameter]) -> None:
     line()
     own = (
         Column("unit", "unit"),
-        Column("default", _default),
-        Column("allowed", "allowed"),
+        Column("default", _default, worth=7),
+        Column("allowed", "allowed", worth=8),
         Column("meaning", "meaning"),
     )
     table(parameters, (Column(title, "name"), *own))
@@ -137,7 +138,10 @@ def signals(
     emit(as_json, data, _markdown if markdown else lambda: table(signal_rows(), SIGNAL_COLUMNS))
 
 
-SIGNAL_COLUMNS: Final = columns("signal", "symbol", "unit", "range", "channels", "group", "topic")
+SIGNAL_COLUMNS: Final = columns(
+    *("signal", "symbol", "unit", "range", "channels", "group", "topic"),
+    worth={"topic": 4, "group": 5, "symbol": 6, "channels": 7},
+)
 
 
 def signal_rows() -> list[tuple[str, ...]]:

@@ -24,9 +24,16 @@ GROUP: Final[dict[str, Any]] = {
     "context_settings": {"help_option_names": ["-h", "--help"]},
 }
 AllowCode = Annotated[
-    bool,
-    Option("--allow-code", help="Run a manager that a file names (module:name), not only one of --set."),
+    bool, Option("--allow-code", help="Allow Python code that a file or log names as its manager (module:name).")
 ]
+AllowCodeOrSet = Annotated[
+    bool,
+    Option(
+        "--allow-code",
+        help="Allow Python code that a file names as its manager (module:name); what --set names is always allowed.",
+    ),
+]
+LogFile = Annotated[Path, Argument(metavar="LOG", help="The log of a flight.", show_default=False)]
 Json = Annotated[bool, Option("--json", help="Print one JSON object and nothing else.")]
 UnitFile = Annotated[
     Path | None,
@@ -52,6 +59,7 @@ Sets = Annotated[
         autocompletion=complete.sets,
     ),
 ]
+Seed = Annotated[int, Option(metavar="N", help="Seed of all random draws.", min=0, max=2**63 - 1)]
 Workers = Annotated[int, Option(metavar="N", help="Processes.", min=1, max=1024)]
 
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import groupby
 from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from typer import Option, echo
 
-from rig.cli.common import AllowCode, Json, Logs, ScenarioName, Sets, UnitFile, emit
+from rig.cli.common import AllowCodeOrSet, Json, Logs, ScenarioName, Sets, UnitFile, emit
 from rig.cli.table import MOST_LINES, Column, counts, field, line, rest, table
 from rig.cli.working import working
 from rig.errors import BadInput
@@ -20,12 +22,17 @@ from rig.util.progress import tell
 if TYPE_CHECKING:
     from rig.flight.assembly import Flight
     from rig.flight.frame_cost import Bench
+    from rig.record.event import Event
     from rig.util.interrupt import Stop
     from rig.view.stream import Stream
 
+FEW: Final = 3
 LOOK_S: Final = 0.1  # between two looks for a viewer, or for Ctrl-C
-Seed = Annotated[int | None, Option(metavar="N", help="Seed of all random draws.", min=0, show_default=False)]
-Rerun = Annotated[str, Option(metavar="WHERE", help="off, save, serve, spawn, or rerun+http://127.0.0.1:PORT/proxy.")]
+FlightSeed = Annotated[int | None, Option(metavar="N", help="Seed of all random draws.", min=0, show_default=False)]
+Rerun = Annotated[
+    str,
+    Option(metavar="WHERE", help="Show it in Rerun: off, save, serve, spawn, or rerun+http://127.0.0.1:PORT/proxy."),
+]
 Wait = Annotated[
     bool,
     Option(
@@ -45,7 +52,7 @@ Watch = Annotated[bool, Option("--watch", help="Show the redundancy page while i
 def fly(
     scenario: ScenarioName = None,
     sets: Sets = None,
-    seed: Seed = None,
+    seed: FlightSeed = None,
     out: Logs = Path("logs"),
     rerun: Rerun = "off",
     wait: Wait = True,
@@ -53,7 +60,7 @@ def fly(
     realtime: Realtime = False,
     watch: Watch = False,
     unit: UnitFile = None,
-    allow_code: AllowCode = False,
+    allow_code: AllowCodeOrSet = False,
     as_json: Json = False,
 ) -> None:
     """Fly one scenario, log every frame, print what happened."""
@@ -65,7 +72,6 @@ def fly(
 
     if watch and as_json:
         raise BadInput("--watch: not with --json, which prints one object and nothing else")
-    outcome = FlightConclusion()
     with watching(watch, realtime_factor) as page, working("starting", not (as_json or watch)):
         flight = fly_scenario(
             scenario,
@@ -81,11 +87,10 @@ def fly(
             unit=unit,
             realtime=realtime,
             live=keyboard(watch and (realtime or realtime_factor is not None)),
-            outcome=outcome,
+            outcome=FlightConclusion(),
         )
-        sentences = outcome.sentences(flight.log, flight.frames)
-    data = lambda: {**flight.summary(), "conclusion": sentences, "next": next_commands(flight.log)}  # noqa: E731
-    emit(as_json, data, lambda: show_flight(flight, sentences))
+    data = lambda: {**flight.summary(), "conclusion": flight.conclusion, "next": next_commands(flight)}  # noqa: E731
+    emit(as_json, data, lambda: show_flight(flight))
 
 
 class Watching:
@@ -115,20 +120,20 @@ class Watching:
             time.sleep(LOOK_S)
 
 
-def show_flight(flight: Flight, sentences: Sequence[str], run: str = "") -> None:
-    """Print the verdict of a flight, the ``sentences`` of its conclusion, and the next commands.
+def show_flight(flight: Flight, run: str = "") -> None:
+    """Print the verdict of a flight, the sentences of its conclusion, and the next commands.
 
     run : of a campaign, how it compares with the table
     """
     from rig.assess.conclusion import next_commands
 
     _verdict(flight)
-    conclusion(sentences)
+    conclusion(flight.conclusion)
     if run:
         field("run", run)
     notes = ("against the truth", "in Rerun", "run the manager over the log again")
-    for i, (command, note) in enumerate(zip(next_commands(flight.log), notes, strict=True)):
-        field("next" if i == 0 else "", f"{command}   # {note}")
+    for i, (command, note) in enumerate(zip(next_commands(flight), notes, strict=True)):
+        field("next" if i == 0 else "", f"{command}   # {note}", fold=False)
 
 
 def conclusion(sentences: Sequence[str]) -> None:
@@ -142,12 +147,13 @@ def conclusion(sentences: Sequence[str]) -> None:
 
 def _verdict(flight: Flight) -> None:
     scenario = flight.scenario
-    about = [f"seed {scenario.seed}", f"manager {scenario.redundancy.manager}", *flight.overrides]
+    about = [f"seed {scenario.seed}", flight.voter, *flight.overrides]
     line((scenario.title or scenario.aircraft, "bold"), f"  {', '.join(about)}")
-    for event in flight.events[:MOST_LINES]:
+    events = list(_events(flight.events))
+    for event in events[:MOST_LINES]:
         style = {"info": "", "warning": "yellow", "error": "red"}[event.level]
-        line(f"  {event.frame / scenario.rate_hz:9.2f} s  {event.name:17} {event.text}", style=style)
-    rest(len(flight.events), MOST_LINES, "  and {} more events, in the log")
+        line(f"  {event.frame / scenario.rate_hz:9.2f} s  {event.name:17} {event.text}", style=style, indent=32)
+    rest(len(events), MOST_LINES, "  and {} more events, in the log")
     verdict = ("survived", "green") if flight.survived else ("lost", "red")
     field("result", verdict, f": {flight.end_reason} ({flight.frames} frames, {flight.duration_s:g} s)")
     failed = (f"{name} channel {', '.join(map(str, numbers))}" for name, numbers in flight.failed.items())
@@ -165,7 +171,18 @@ def _verdict(flight: Flight) -> None:
         trouble = f", {s.error}" if s.error else ""
         field("stream", f"{s.where}: {s.sent_frames} frames sent, {s.dropped_frames} dropped{trouble}")
     field("digest", flight.digest)
-    field("log", str(flight.log))
+    field("log", str(flight.log), fold=False)
+
+
+def _events(events: Iterable[Event]) -> Iterator[Event]:
+    """Yield the events; more than FEW of one frame that say the same of several signals as one."""
+    for (about, *_), group in groupby(events, lambda event: (event.text.partition(": ")[2], event.frame, event.name)):
+        several = list(group)
+        if about and len(several) > FEW:
+            names = ", ".join(event.text.partition(": ")[0] for event in several[:FEW])
+            yield replace(several[0], text=f"{about}: {len(several)} signals, {names} ...")
+        else:
+            yield from several
 
 
 def _timing(flight: Flight) -> None:
@@ -209,7 +226,7 @@ def bench(
     scenario: ScenarioName = None,
     sets: Sets = None,
     repeats: Annotated[int, Option(metavar="N", help="Flights; the medians count.", min=1)] = 7,
-    allow_code: AllowCode = False,
+    allow_code: AllowCodeOrSet = False,
     as_json: Json = False,
 ) -> None:
     """Measure a frame, logging included, as a ratio to bare JSBSim in the same process."""

@@ -11,6 +11,7 @@ from importlib.metadata import version
 from typing import Annotated, Any, Final
 
 import typer
+from typer.core import TyperArgument, TyperOption
 
 from rig.cli.aircraft import aircraft_app
 from rig.cli.campaign import app as campaign_app
@@ -29,6 +30,7 @@ from rig.text import shorten
 from rig.util.interrupt import end_cleanly
 
 EXAMPLE: Final = "Example: rig fly f16_singular_2_2_level, then: rig score LOG, rig view LOG. Names: rig scenario list."
+VERBOSE: Final = ("--verbose", "-v")
 MOST_OF_A_WORD: Final = 400  # characters of a wrong command line that are repeated
 FLY, LOOK, SCORE, RECORDED, MANY, REFERENCE = "Fly", "Look", "Score", "Recorded data", "Many flights", "Reference"
 _GROUPS: Final = (
@@ -49,6 +51,9 @@ _COMMANDS: Final = {
 }
 _UsageError: Any = typer.BadParameter.__mro__[1]  # click's own; where click is, differs between versions of typer
 
+for _parameter in (TyperArgument, TyperOption):  # help shows the names that we give to values, no types of Python
+    setattr(_parameter, "display_type_rich", lambda self, ctx: self.metavar if isinstance(self, TyperOption) else None)  # noqa: B010
+
 app = typer.Typer(help="Fly redundant flight control against injected faults.", epilog=EXAMPLE, **GROUP)
 for name, group, panel in _GROUPS:
     app.add_typer(group, name=name, rich_help_panel=panel)
@@ -65,7 +70,9 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def _common(
-    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Show JSBSim's and our log messages.")] = False,
+    verbose: Annotated[
+        bool, typer.Option(*VERBOSE, help="Show JSBSim's and our log messages; before or after the command.")
+    ] = False,
     _: Annotated[
         bool, typer.Option("--version", help="Print the version and end.", callback=_version, is_eager=True)
     ] = False,
@@ -93,7 +100,7 @@ def main() -> None:
 def _command() -> int:
     """Run what the command line names; return its exit code."""
     try:
-        return app(standalone_mode=False) or 0
+        return app(_verbose_first(sys.argv[1:]), standalone_mode=False) or 0
     except typer.Abort:
         return 1
     except _UsageError as error:
@@ -101,7 +108,15 @@ def _command() -> int:
             error.show()
             return error.exit_code
         path = error.ctx.command_path if error.ctx else "rig"
-        raise BadInput(f"{shorten(error.format_message(), MOST_OF_A_WORD)}; see: {path} --help") from None
+        message = shorten(error.format_message().rstrip("."), MOST_OF_A_WORD)
+        raise BadInput(f"{message}; see: {path} --help") from None
+
+
+def _verbose_first(arguments: list[str]) -> list[str]:
+    """Return the arguments with --verbose before the command, where it is an option, wherever it was given."""
+    end = arguments.index("--") if "--" in arguments else len(arguments)
+    given = [word for word in arguments[:end] if word in VERBOSE]
+    return [*given, *(word for word in arguments[:end] if word not in VERBOSE), *arguments[end:]]
 
 
 if __name__ == "__main__":

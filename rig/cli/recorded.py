@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final
 from typer import Argument, Option
 
 from rig.cli.common import Align, AllowCode, Json, comma_list, emit, whole_numbers
-from rig.cli.table import Column, line, table
+from rig.cli.table import KEPT, Column, line, table
 from rig.cli.working import working
 from rig.errors import BadInput
 
@@ -17,8 +17,20 @@ MOST_FRAMES: Final = 10_000
 MOST_S: Final = 1e3  # of a filter
 _MARKED: Final = 100.0  # extrapolations beyond this are marked
 AlignFlag = Annotated[bool, Option("--align", help="Take constant delays and offsets off the channels.")]
-AlignFrom = Annotated[float | None, Option(help="Begin of the stretch to find them in, s.", show_default="first row")]
-AlignTo = Annotated[float | None, Option(help="Its end, s.", show_default="6 s after its begin")]
+AlignFrom = Annotated[
+    float | None, Option(metavar="S", help="Begin of the stretch to find them in.", show_default="first row")
+]
+AlignTo = Annotated[float | None, Option(metavar="S", help="Its end.", show_default="6 s after its begin")]
+Keep = Annotated[bool, Option("--keep", help="Also use flights in which one channel deviates from the others.")]
+Outlier = Annotated[bool, Option("--outlier", help="Write outlier_threshold, and keep the threshold that there is.")]
+Monitored = Annotated[
+    list[Path] | None,
+    Option(
+        metavar="FILE",
+        help="A recording on which they will be used; warns if it moves more than the design data. Repeatable.",
+        show_default=False,
+    ),
+]
 AlignMatrix = Annotated[bool, Option("--align-matrix", help="Take misalignments off the triads of CONFIG too.")]
 
 
@@ -47,13 +59,12 @@ def vote(
 ) -> None:
     """Vote on recorded channels with the redundancy manager of the flight."""
     from rig.bench.vote_run import Options, run
-    from rig.bench.vote_summary import show
-    from rig.util.console import console
+    from rig.cli import show_vote
 
     options = Options(Align(align, align_from, align_to, align_matrix).options(), inject, repair_time, allow_code)
     with working("reading", not as_json):
         summary = run(recorded, config, out, options)
-    emit(as_json, summary, lambda: show(console(), summary))
+    emit(as_json, summary, lambda: show_vote.vote(summary))
 
 
 def thresholds(
@@ -69,29 +80,24 @@ def thresholds(
         Path | None,
         Option(metavar="FILE", help="Settings of rig vote; logs of ours may do without.", show_default=False),
     ] = None,
-    persistence: Annotated[str, Option(help="Frames to try.")] = "8,12,24,48",
-    levels: Annotated[str, Option(help="Channels in use to design for.")] = "4,3,2",
-    filters: Annotated[str, Option("--filter", help="Low-pass of the comparison to try, s.")] = "0,0.1",
+    persistence: Annotated[str, Option(metavar="N,N...", help="Frames to try.")] = "8,12,24,48",
+    levels: Annotated[str, Option(metavar="N,N...", help="Channels in use to design for.")] = "4,3,2",
+    filters: Annotated[str, Option("--filter", metavar="S,S...", help="Low-pass of the comparison to try.")] = "0,0.1",
     align: AlignFlag = False,
     align_from: AlignFrom = None,
     align_to: AlignTo = None,
     align_matrix: AlignMatrix = False,
     repair_time: Annotated[bool, Option("--repair-time", help="Drop rows whose time repeats.")] = False,
-    keep: Annotated[bool, Option("--keep", help="Design with flights too in which a channel stands out.")] = False,
-    outlier: Annotated[
-        bool, Option("--outlier", help="Write them as outlier thresholds, beside the thresholds that there are.")
-    ] = False,
-    monitored: Annotated[
-        list[Path] | None,
-        Option(metavar="FILE", help="Data to be monitored: does it move more? Repeatable.", show_default=False),
-    ] = None,
+    keep: Keep = False,
+    outlier: Outlier = False,
+    monitored: Monitored = None,
     plot: Annotated[
         Path | None, Option(metavar="FILE", help="The trade-off as a page: .html.", show_default=False)
     ] = None,
-    seed: Annotated[int, Option(metavar="N", help="Of the bootstrap.", min=0)] = 0,
+    seed: Annotated[int, Option(metavar="N", help="Seed of the bootstrap.", min=0)] = 0,
     as_json: Json = False,
 ) -> None:
-    """Design thresholds from a budget of false isolations, by healthy data."""
+    """Compute thresholds from healthy recordings that keep false isolations within a budget an hour."""
     from rig.thresholds.design import Grid
     from rig.thresholds.design_run import Options, run
 
@@ -120,7 +126,7 @@ def _show(summary: dict[str, Any]) -> None:
     for name, signal in signals.items():
         if signal["designs"]:
             line()
-            line(f"{name}: threshold (95 % upper) and point estimate, unit of the signal")
+            line(f"{name}: threshold (95 % upper) and point estimate, {signal['unit'] or 'unit of the signal'}")
             table(_level_rows(signal), _LEVELS)
     _tradeoffs(signals)
     line(f"chosen (>): {summary['rule']}")
@@ -155,15 +161,16 @@ def _level_rows(signal: dict[str, Any]) -> list[dict[str, Any]]:
     return rows
 
 
-def _of_design(title: str, key: str, format: str = "", unit: str = "") -> Column:
+def _of_design(title: str, key: str, format: str = "", unit: str = "", worth: int = KEPT) -> Column:
     """Return a column of what a design has once."""
-    return Column(title, lambda row: row["design"].get(key), format, unit)
+    return Column(title, lambda row: row["design"].get(key), format, unit, worth=worth)
 
 
 _LEVELS: Final = (
     *(_of_design("", "chosen"), _of_design("filter", "filter_s", "g", "s"), _of_design("frames", "persistence")),
     *(Column("in use", "level"), Column("threshold", "threshold"), Column("point", "point", ".4g")),
-    *(Column("clusters", "clusters"), Column("shape", "shape", ".2f"), _of_design("extrapolation", "beyond")),
+    *(Column("clusters", "clusters", worth=6), Column("shape", "shape", ".2f", worth=5)),
+    _of_design("extrapolation", "beyond", worth=7),
 )
 _HOLD_OUT: Final = (
     *(Column("signal", 0), Column("in use", 1), Column("counted", lambda row: row[2]["counted"])),
@@ -172,7 +179,7 @@ _HOLD_OUT: Final = (
 )
 _MOTION: Final = (
     *(Column("signal", "signal"), Column("from its median", "value", ".4g"), Column("a second", "rate_per_s", ".4g")),
-    *(Column("between channels", "noise", ".4g"), Column("", lambda row: "at rest" if row["still"] else "")),
+    *(Column("between channels", "noise", ".4g", worth=7), Column("", lambda row: "at rest" if row["still"] else "")),
 )
 
 
@@ -186,11 +193,11 @@ def _tradeoffs(signals: dict[str, Any]) -> None:
     ]
     if not rows:
         return
-    faults = (Column(kind, lambda row, kind=kind: _right(row["faults"][kind])) for kind in rows[-1]["faults"])
+    faults = (Column(kind, lambda row, kind=kind: _right(row["faults"][kind]), worth=5) for kind in rows[-1]["faults"])
     shown = (
         *(Column("", "chosen"), Column("signal", "signal"), Column("filter", "filter_s", "g", "s")),
         *(Column("frames", "persistence"), Column("smallest offset", "smallest_offset", ".3g", empty="none")),
-        Column("delay at 2 T", "at_twice_the_threshold.delay_s", ".3g", "s", "none"),
+        Column("delay at 2 T", "at_twice_the_threshold.delay_s", ".3g", "s", "none", worth=7),
         *(*faults, Column("share", "found_rightly", ".3f")),
     )
     line()

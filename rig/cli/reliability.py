@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from typer import Argument, Option, Typer, echo
 
-from rig.cli.common import GROUP, Json, Workers, comma_list, emit, whole_numbers
+from rig.cli.common import GROUP, Json, Seed, Sets, Workers, comma_list, emit, whole_numbers
 from rig.cli.table import Column, line, table
 from rig.cli.working import working
 from rig.errors import BadInput
@@ -27,15 +27,17 @@ _TRIALS: Final = (
     Column("good before", "good_before"),
     Column("not kept, at most", lambda cell: f"{cell['chance']:.3g}" if cell["chance"] < 1.0 else "any"),
     Column("trials without one", "trials", ","),
-    Column("how", lambda cell: "open loop" if cell["open_loop"] else "flights"),
+    Column("how", lambda cell: "open loop" if cell["open_loop"] else "flights", worth=7),
     Column("here, one core", lambda cell: None if cell["seconds"] is None else f"{cell['seconds']:.3g} s"),
 )
 reliability_app = Typer(help="From rates and measured outcomes to a probability per flight hour.", **GROUP)
 RatesFile = Annotated[
     Path, Option("--rates", metavar="FILE", help="Rates with their sources, TOML.", show_default=False)
 ]
-Hours = Annotated[float, Option(metavar="X", help="Duration of a flight.", min=1e-3, max=1e3)]
-SignalName = Annotated[str | None, Option("--signal", help="Of the rates file; its only one.", show_default=False)]
+Hours = Annotated[float, Option(metavar="H", help="Duration of a flight, h.", min=1e-3, max=1e3)]
+SignalName = Annotated[
+    str | None, Option("--signal", metavar="SIGNAL", help="Of the rates file; its only one.", show_default=False)
+]
 
 
 @reliability_app.command()
@@ -58,14 +60,14 @@ def run(
     ],
     rates: RatesFile,
     hours: Hours = 1.0,
-    channels: Annotated[str, Option(help="Numbers of channels.")] = "1,2,3,4",
+    channels: Annotated[str, Option(metavar="N,N...", help="Numbers of channels.")] = "1,2,3,4",
     signal: SignalName = None,
     checks: Annotated[
         int, Option(metavar="N", help="Flights between two full checks, beside one.", min=1, max=1000)
     ] = 50,
     report: Annotated[
         Path | None,
-        Option("--report", "--plot", help="Write a page with the pictures, HTML.", show_default=False),
+        Option("--report", "--plot", metavar="FILE", help="Write a page with the pictures, HTML.", show_default=False),
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -92,7 +94,7 @@ def run(
 
 @reliability_app.command()
 def plan(
-    target: Annotated[float, Option(help="Probability per flight hour to be shown.", min=1e-15, max=1.0)],
+    target: Annotated[float, Option(metavar="P", help="Probability per flight hour to be shown.", min=1e-15, max=1.0)],
     rates: RatesFile,
     hours: Hours = 1.0,
     signal: SignalName = None,
@@ -123,20 +125,20 @@ def trials(
     ],
     out: Annotated[Path, Option(metavar="DIR", help="Folder for the counts, new or empty.", show_default=False)],
     runs: Annotated[int, Option(metavar="N", help="Trials in all.", min=1, max=10**9, show_default=False)],
-    seed: Annotated[int, Option(metavar="N", help="Of all draws.", min=0, max=2**63 - 1)] = 0,
-    good_before: Annotated[str, Option(help="Good channels before the fault, with commas: 4, 3.")] = "4,3",
+    seed: Seed = 0,
+    good_before: Annotated[str, Option(metavar="N,N...", help="Good channels before the fault: 4, 3.")] = "4,3",
     workers: Workers = 2,
-    set_: Annotated[list[str] | None, Option("--set", help="Lay KEY=VALUE over every run.")] = None,
+    sets: Sets = None,
     as_json: Json = False,
 ) -> None:
     """Count what the next fault does where it leaves two good channels, in open-loop trials on a recorded truth."""
     from rig.campaign.config import find, read
     from rig.campaign.plan import Plan
     from rig.frame import CHANNELS
+    from rig.overrides import parse_set
     from rig.reliability.trials_folder import fly_trials
-    from rig.scenario import parse_set
 
-    plan = Plan(read(campaign, dict(map(parse_set, set_ or []))), str(find(campaign)))
+    plan = Plan(read(campaign, dict(map(parse_set, sets or []))), str(find(campaign)))
     good = whole_numbers("--good-before", good_before, 1, CHANNELS, "numbers of channels")[::-1]
     with working("recording the healthy flights", not as_json):
         about = fly_trials(plan, out, runs, seed, workers, good, report=lambda done, count: tell("trials", done, count))
@@ -145,21 +147,27 @@ def trials(
 
 @reliability_app.command()
 def margin(
-    signal: Annotated[str, Argument(help="As in rig signals.", show_default=False)],
+    signal: Annotated[str, Argument(metavar="SIGNAL", help="As in rig signals.", show_default=False)],
     threshold: Annotated[
-        str | None, Option(help="Thresholds, with commas, unit of the signal.", show_default="the scenario's")
+        str | None,
+        Option(metavar="X,X...", help="Thresholds, unit of the signal.", show_default="the scenario's"),
     ] = None,
     target: Annotated[
-        float | None, Option(help="Find the threshold with so few an hour of a channel.", show_default=False)
+        float | None,
+        Option(metavar="P", help="Find the threshold with so few an hour of a channel.", show_default=False),
     ] = None,
-    scenario: Annotated[str, Option(help="Aircraft, sensors, manager, flight; its faults are left out.")] = SCENARIO,
+    scenario: Annotated[
+        str, Option(metavar="FILE|NAME", help="Aircraft, sensors, manager, flight; its faults are left out.")
+    ] = SCENARIO,
     persistence: Annotated[
         int | None,
-        Option(help="Frames until a channel is failed.", min=1, max=100, show_default="the scenario's"),
+        Option(metavar="N", help="Frames until a channel is failed.", min=1, max=100, show_default="the scenario's"),
     ] = None,
-    sets: Annotated[list[str] | None, Option("--set", metavar="KEY=VALUE", help="Override a key; repeatable.")] = None,
-    flights: Annotated[int, Option(help="Sets of sensor errors of a repetition.", min=50, max=10**6)] = 4000,
-    seed: Annotated[int, Option(help="Of all draws.", min=0, max=2**63 - 1)] = 0,
+    sets: Sets = None,
+    flights: Annotated[
+        int, Option(metavar="N", help="Sets of sensor errors of a repetition.", min=50, max=10**6)
+    ] = 4000,
+    seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
     """Count how often healthy channels are failed, down to 1e-12 an hour, by splitting."""
@@ -194,15 +202,16 @@ def _show_chain(solved: ChainResult) -> None:
 
 def _show_run(results: Sequence[Result], given: SignalRates, assumptions: Sequence[str]) -> None:
     """Print assumptions first, then the numbers, then what decides them."""
-    from rig.reliability.result import TITLES, decided_by
+    from rig.reliability.result import TARGETS_EXPLAINED, TITLES, decided_by
 
     line("This holds if:")
     for assumption in assumptions:
-        line(f"  - {assumption}")
+        line(f"  - {assumption}", indent=4)
     line()
     line(f"{results[0].signal}: probability per flight hour, median (95 %)")
     shown = [what for what in TITLES if any(what in result.estimates for result in results)]
     table(results, _numbers(shown))
+    line(TARGETS_EXPLAINED)
     line()
     decided = (Column("manager", "manager"), Column("channels", "case.channels"), Column("decided by", decided_by))
     first = (given.per_hour[0], given.beta[0], 1)  # one case of each manager and number of channels
@@ -214,19 +223,17 @@ def _numbers(shown: Sequence[str]) -> list[Column]:
     """Return the columns of a result: its case, the estimates ``shown``, perfect isolation, the targets."""
     from rig.reliability.result import TARGETS, TITLES, interval
 
-    def estimate(what: str) -> Column:
-        return Column(TITLES[what], lambda result: interval(result.estimates[what]) if what in result.estimates else "")
-
-    def target(name: str) -> Column:
-        return Column(name, lambda result: "met" if result.requirement[name] else "not met")
+    def estimate(what: str, worth: int) -> Column:
+        text: Callable[[Result], str] = lambda one: interval(one.estimates[what]) if what in one.estimates else ""  # noqa: E731
+        return Column(TITLES[what].partition(",")[0].removesuffix(" of the signal"), text, worth=worth)
 
     return [
         *(Column("manager", "manager"), Column("channels", "case.channels"), Column("per hour", "case.per_hour", "g")),
         Column("common", lambda result: f"{100 * result.case.beta:g} %"),
         Column("checks", _checks),
-        *map(estimate, shown),
-        Column("perfect", "perfect", ".2e"),
-        *map(target, TARGETS),
+        *(estimate(what, 8 - i) for i, what in enumerate(shown)),
+        Column("perfect", "perfect", ".2e", worth=5),
+        *(Column(name, f"standing.{name}") for name in TARGETS),
     ]
 
 

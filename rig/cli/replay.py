@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from typer import Argument, Exit, Option, echo
 
-from rig.cli import complete
-from rig.cli.common import AllowCode, Json, UnitFile, emit
+from rig.cli.common import AllowCodeOrSet, Json, LogFile, Sets, UnitFile, emit
 from rig.cli.table import MOST_LINES, Column, field, line, table
 from rig.cli.working import working
 from rig.errors import BadInput, BadLog
@@ -20,10 +19,13 @@ from rig.units.quantities import duration, moment, number, unit_shown
 if TYPE_CHECKING:
     from rig.recordings.flown import Recorded
     from rig.replay.compare import Comparison
-    from rig.replay.decisions import Decisions
+    from rig.replay.decisions import Decisions, Moved
 
 MOST_OVERRIDES: Final = 8  # of a log
-LogFile = Annotated[Path, Argument(metavar="LOG", help="A log of a flight.", show_default=False)]
+REFERENCE: Final = "reference_usable"  # a decision that follows from the manager, signal by signal
+AFTER: Final = ("pattern", "resolver", REFERENCE)  # decisions that are told after states, levels and sources
+FEW: Final = 3  # signals whose references are told one by one
+LAYOUTS: Final = ("foxglove",)
 
 
 def replay(
@@ -33,20 +35,12 @@ def replay(
         Path | None,
         Option(metavar="FILE", help="What if: a TOML file with another redundancy table.", show_default=False),
     ] = None,
-    sets: Annotated[
-        list[str] | None,
-        Option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="What if: redundancy.manager=mean; repeatable.",
-            autocompletion=complete.sets,
-        ),
-    ] = None,
+    sets: Sets = None,
     out: Annotated[
         Path | None, Option(metavar="FILE", help="Log of the what if.", show_default="<log>.what-if.mcap")
     ] = None,
     unit: UnitFile = None,
-    allow_code: AllowCode = False,
+    allow_code: AllowCodeOrSet = False,
     as_json: Json = False,
 ) -> None:
     """Run the recorded manager over the recorded channels and compare every frame.
@@ -137,7 +131,7 @@ def _comparison(result: Comparison, rate_hz: float | None) -> None:
         line(f"  {owner}: {count} fields {verdict}", style="yellow")
     unequal = [field for field in result.fields if field.verdict in ("within", "different")]
     first = Column("first", lambda f: moment(f.first_frame, rate_hz) if rate_hz else _frame(f.first_frame))
-    shown = (Column("field", "name"), Column("result", "verdict"), Column("frames", "frames"), first)
+    shown = (Column("field", "name"), Column("result", "verdict"), Column("frames", "frames", worth=7), first)
     order = sorted(unequal, key=lambda f: (f.verdict != "different", f.first_frame or 0))
     table(order, (*shown, *_difference(lambda f: f.name)), MOST_LINES)
     counted = ", ".join(f"{count} {name}" for name, count in result.counts().items() if count)
@@ -155,8 +149,16 @@ def _difference(name: Callable[[Any], str]) -> tuple[Column, Column]:
 
     return (
         Column("largest difference", lambda row: number(row.largest, unit_of(name(row)))),
-        Column("unit", lambda row: unit_shown(unit_of(name(row)))),
+        Column("unit", lambda row: unit_shown(unit_of(name(row))), worth=8),
     )
+
+
+def _by_worth(moved: Sequence[Moved]) -> tuple[list[Moved], list[str]]:
+    """Return what a reader wants, states and levels first; and the signals whose reference alone moved, if not few."""
+    signals = list(dict.fromkeys(one.signal for one in moved if one.decision == REFERENCE))
+    summed = signals if len(signals) > FEW else []
+    told = [one for one in moved if not summed or one.decision != REFERENCE]
+    return sorted(told, key=lambda one: one.decision in AFTER), summed
 
 
 def _decisions(moves: Decisions, rate_hz: float) -> None:
@@ -169,13 +171,21 @@ def _decisions(moves: Decisions, rate_hz: float) -> None:
     decisions = (
         Column("decision", lambda d: f"{d.signal}{'' if d.channel is None else f'.{d.channel}'} {d.decision}"),
         Column("from", lambda d: moment(d.first_frame, rate_hz)),
-        Column("for", lambda d: duration(d.last_frame - d.first_frame + 1, rate_hz)),
+        Column("for", lambda d: duration(d.last_frame - d.first_frame + 1, rate_hz), worth=7),
         *(Column("old", "old"), Column("new", "new")),
     )
     first = Column("first", lambda v: moment(v.first_frame, rate_hz))
-    votes = (Column("vote", "signal"), Column("frames", "frames"), first, *_difference(lambda v: f"{v.signal}.voted"))
+    votes = (
+        Column("vote", "signal"),
+        Column("frames", "frames", worth=7),
+        first,
+        *_difference(lambda v: f"{v.signal}.voted"),
+    )
+    told, references = _by_worth(moves.moved)
     table(moves.failures, failures)
-    table(moves.moved, decisions, MOST_LINES)
+    table(told, decisions, MOST_LINES)
+    if references:
+        line(f"  {REFERENCE} moved for {len(references)} signals: {', '.join(references)}")
     table(moves.votes, votes)
     if not moves.moved and not moves.votes:
         line("no decision and no vote moved")
@@ -192,9 +202,12 @@ def info(log: LogFile, as_json: Json = False) -> None:
 
 
 def _info(facts: dict[str, Any]) -> None:
+    from rig.unit.settings import voter
+
     result, sets = facts["result"] or {}, facts["overrides"]
     line((facts["title"] or facts["log"], "bold"), f"  {facts['aircraft']}, seed {facts['seed']}")
-    field("manager", facts["manager"] or "not said")
+    who, _, name = voter(facts["manager"] or "not said", facts["unit"]).partition(" ")
+    field(who, name)
     if sets:
         left = len(sets) - MOST_OVERRIDES
         field("set", ", ".join(sets[:MOST_OVERRIDES]) + (f" and {left} more, with --json" if left > 0 else ""))
@@ -215,7 +228,10 @@ def _info(facts: dict[str, Any]) -> None:
 
 def export(
     log: LogFile,
-    to: Annotated[str, Option(metavar="FORMAT", help="csv, parquet or npz.", show_default=False)],
+    to: Annotated[str | None, Option(metavar="FORMAT", help="csv, parquet or npz.", show_default=False)] = None,
+    layout: Annotated[
+        str | None, Option(metavar="VIEWER", help="Not a table, a layout to open the log with: foxglove.")
+    ] = None,
     signals: Annotated[
         str | None,
         Option(metavar="A,B", help="Signals, discretes, control, flight, inertial, demand.", show_default="all"),
@@ -224,11 +240,34 @@ def export(
     for_vote: Annotated[bool, Option("--for-vote", help="Only what rig vote reads.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Write a log as a table, its columns named as rig vote names them."""
+    """Write a log as a table, its columns named as rig vote names them; or a viewer's layout for it."""
+    if (to is None) == (layout is None):
+        raise BadInput("--to, --layout: one of them")
+    if out is not None and _same(out, log):
+        raise BadInput(f"--out {out}: is the log itself")
+    if layout is not None:
+        if signals is not None or for_vote:
+            raise BadInput("--signals, --for-vote: are for --to")
+        _export_layout(log, layout, out, as_json)
+    elif to is not None:
+        _export_table(
+            log, to, out, [part.strip() for part in (signals or "").split(",") if part.strip()], for_vote, as_json
+        )
+
+
+def _same(out: Path, log: Path) -> bool:
+    """Return True if both are the same file that is there."""
+    try:
+        return out.samefile(log)
+    except (OSError, ValueError):  # one of them is not there, or no file can have its name
+        return False
+
+
+def _export_table(log: Path, to: str, out: Path | None, owners: list[str], for_vote: bool, as_json: bool) -> None:
+    """Write the table and say what it has."""
     from rig.log import read_log
     from rig.log.export import export as write
 
-    owners = [part.strip() for part in (signals or "").split(",") if part.strip()]
     target = out or Path(f"{log.with_suffix('')}.{to}")
     with working("writing", not as_json):
         recording = read_log(log)
@@ -238,8 +277,24 @@ def export(
     emit(as_json, about, lambda: echo(plain(text)))
 
 
+def _export_layout(log: Path, viewer: str, out: Path | None, as_json: bool) -> None:
+    """Write the layout and say what it opens at."""
+    if viewer not in LAYOUTS:
+        raise BadInput(f"--layout {viewer}: allowed: {', '.join(LAYOUTS)}")
+    from rig.view import foxglove, opened
+
+    target = out or Path(f"{log.with_suffix('')}{foxglove.ENDING}")
+    with working("writing", not as_json):
+        recording = opened.read([log])
+        made = foxglove.write(recording, target)
+    about = {"log": str(log), "out": str(target), **made._asdict()}
+    zoom = "" if made.zoom_s is None else f", zoom {made.zoom_s[0]:.1f} to {made.zoom_s[1]:.1f} s"
+    text = f"{target}: {made.panels} panels, {made.signal.replace('_', ' ')}{zoom}"
+    emit(as_json, about, lambda: echo(plain(text)))
+
+
 def recover(
-    log: Annotated[Path, Argument(metavar="LOG", help="A log that was cut off.", show_default=False)],
+    log: LogFile,
     out: Annotated[
         Path | None,
         Option(metavar="FILE", help="Where to write the mended log.", show_default="<log>.recovered.mcap"),

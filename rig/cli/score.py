@@ -7,9 +7,9 @@ from math import degrees, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
-from typer import Argument, Option, echo
+from typer import Option, echo
 
-from rig.cli.common import AllowCode, Json, UnitFile, emit
+from rig.cli.common import AllowCode, Json, LogFile, UnitFile, emit
 from rig.cli.fly import conclusion
 from rig.cli.table import MOST_LINES, Column, columns, counts, field, line, rest, table
 from rig.cli.working import working
@@ -24,22 +24,29 @@ if TYPE_CHECKING:
     from rig.assess.record import Deviation, FlightScore, Isolation, Score, Transients
 
 WIDTH: Final = 18  # of the labels
+_FAULTS: Final = (  # of (outcome, *cells.fault_row)
+    *(Column("fault", 1), Column("on", 2, worth=2), Column("onset", 3, worth=4)),
+    *(Column("left threshold", 4, worth=1), Column("failed", 5, worth=7), Column("delay", 6)),
+    *(Column("from threshold", 7, worth=3), Column("by", 8)),
+    *(Column("peak error", lambda row: f"{row[9]} {row[10]}", worth=6), Column("outcome", 11)),
+)
+_WORTH: Final = {"at": 3, "RMS": 4, "after onset": 2, "due to faults, peak": 5, "asked": 3, "open": 4, "answered": 5}
 _STYLES: Final = {"detected": "green", "missed": "red", "undetectable": "", "not executed": "yellow"}
 
 
 def score(
-    log: Annotated[Path, Argument(metavar="LOG", help="The log of a flight.", show_default=False)],
+    log: LogFile,
     no_twin: Annotated[
         bool, Option("--no-twin", help="Do not fly the fault-free reference run: no transients.")
     ] = False,
     transient_load_factor: Annotated[
-        float, Option(metavar="X", help="Allowed of a failure transient, g.", min=1e-9)
+        float, Option(metavar="G", help="Largest change of load factor that a fault may cause.", min=1e-9)
     ] = 0.5,
     transient_pitch_rate_rad_s: Annotated[
-        float, Option(help="The same of body rates, rad/s.", min=1e-9, show_default="10 deg/s")
+        float, Option(metavar="RAD_S", help="The same of body rates.", min=1e-9, show_default="10 deg/s")
     ] = radians(10.0),
     transient_window_s: Annotated[
-        float, Option(metavar="X", help="Time after each onset that is scored.", min=1e-9)
+        float, Option(metavar="S", help="Time after each onset that is scored.", min=1e-9)
     ] = 2.0,
     unit: UnitFile = None,
     allow_code: AllowCode = False,
@@ -62,7 +69,7 @@ def score(
 
 
 def report(
-    log: Annotated[Path, Argument(metavar="LOG", help="The log of a flight.", show_default=False)],
+    log: LogFile,
     out: Annotated[Path | None, Option(metavar="FILE", help="The file to write.", show_default="<log>.html")] = None,
     as_json: Json = False,
 ) -> None:
@@ -85,20 +92,18 @@ def _show(scored: Scored) -> None:
     from rig.assess import cells
 
     score, scenario = scored.score, scored.scenario
-    line((scenario.title or scenario.aircraft, "bold"), f"  seed {scenario.seed}  {scored.log}")
+    line((scenario.title or scenario.aircraft, "bold"), f"  seed {scenario.seed}, {scored.voter}  {scored.log}")
     conclusion(scored.conclusion)
     if not score.faults:
         field("faults", "none in the scenario", width=WIDTH)
     faults = [(fault.outcome, *cells.fault_row(fault, scenario)) for fault in score.faults]
-    table(
-        faults, [Column(title, i + 1) for i, title in enumerate(cells.FAULTS)], MOST_LINES, lambda row: _STYLES[row[0]]
-    )
+    table(faults, _FAULTS, MOST_LINES, lambda row: _STYLES[row[0]])
     _isolations("false alarms", score.false_alarms, scenario.rate_hz)
     _isolations("wrong isolations", score.wrong_isolations, scenario.rate_hz)
     _isolations("failed with box", score.failed_with_box, scenario.rate_hz, by_design=True)
     _isolations("failed by rule", score.failed_by_rule, scenario.rate_hz, by_design=True)
     if score.episodes:
-        table(cells.resolver_rows(score), columns(*cells.RESOLVERS))
+        table(cells.resolver_rows(score), columns(*cells.RESOLVERS, worth=_WORTH))
         line(
             f"{len(score.episodes)} patterns without a majority, {score.unresolved} unresolved; "
             "answered = correct + wrong + open, open: the pattern went by before a channel was failed"
@@ -124,7 +129,7 @@ def _votes(scored: Scored) -> None:
     from rig.assess import cells
 
     score, rows = scored.score, cells.vote_rows(scored.score, scored.scenario.rate_hz)
-    table(rows, columns(*cells.VOTES))
+    table(rows, columns(*cells.VOTES, worth=_WORTH))
     for name, seconds in score.wrong_votes_s.items():
         if seconds > 0:
             field("vote", f"{name} voted wrong for {seconds:g} s", width=WIDTH)
@@ -154,10 +159,11 @@ def _transients(transients: Transients, rate_hz: float) -> None:
     peaks = (
         Column("load factor", lambda row: f"{row[1].load_factor:.3f} g"),
         Column("pitch rate", lambda row: f"{degrees(row[1].pitch_rate_rad_s):.2f} deg/s"),
-        Column("pitch", lambda row: f"{degrees(row[1].pitch_angle_rad):.2f} deg"),
-        Column("roll", lambda row: f"{degrees(row[1].roll_angle_rad):.2f} deg"),
+        Column("pitch", lambda row: f"{degrees(row[1].pitch_angle_rad):.2f} deg", worth=5),
+        Column("roll", lambda row: f"{degrees(row[1].roll_angle_rad):.2f} deg", worth=4),
     )
-    table(rows, (Column("against the fault-free run", 0), *peaks, Column(f"limits: {limits}", 2)))
+    line(f"against the fault-free run; limits: {limits}")
+    table(rows, (Column("after", 0), *peaks, Column("limits", 2)))
     rest(len(transients.windows), MOST_LINES)
 
 

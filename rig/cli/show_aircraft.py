@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 from rig.aircraft import folder, own_tables
 from rig.cli.table import Column, columns, field, line, table
-from rig.design.new_aircraft import SCENARIO
+from rig.design.new_aircraft import scenario_file
 from rig.errors import BadInput
 from rig.plant.airframe import parse
+from rig.plant.base_model import unit_of
 from rig.settings import read_toml
 from rig.util.files import is_file
 
@@ -20,25 +21,30 @@ if TYPE_CHECKING:
     from rig.design.check import Check
     from rig.design.new_aircraft import NewAircraft
 
-_TRIMS = (
-    *(Column("flight point", "point.name"), Column("altitude", "point.altitude_m", "g", "m")),
-    *(Column("Mach", "point.mach", "g"), Column("speed", "trim.airspeed_m_s", ".1f", "m/s")),
+_SEEN = (
+    *(Column("flight point", "point.name"), Column("altitude", "point.altitude_m", "g", "m", worth=5)),
+    *(Column("Mach", "point.mach", "g", worth=5), Column("speed", "trim.airspeed_m_s", ".1f", "m/s")),
     Column("alpha", lambda each: degrees(each.trim.alpha_rad), ".1f", "deg"),
-    *(Column("elevator", "trim.elevator_rad", "+.3f", "rad"), Column("throttle", "trim.throttle", ".2f")),
 )
 _MARGINS = (
     *(Column("flight point", "point"), Column("law", "law"), Column("actuator", "actuator")),
-    Column("gain up", "margin.gain_increase_db", ".1f", "dB"),
-    Column("gain down", "margin.gain_decrease_db", ".1f", "dB"),
-    Column("phase", "margin.phase_deg", ".1f", "deg"),
-    Column("crossover", "margin.crossover_rad_s", ".2f", "rad/s"),
+    Column("gain up", "margin.gain_increase_db", ".1f", "dB", worth=7),
+    Column("gain down", "margin.gain_decrease_db", ".1f", "dB", worth=7),
+    Column("phase", "margin.phase_deg", ".1f", "deg", worth=8),
+    Column("crossover", "margin.crossover_rad_s", ".2f", "rad/s", worth=5),
     Column("", lambda loop: "; ".join(loop.missed) or "kept"),
 )
 _REFERENCES = (
     *columns("signal", "reference from"),
-    *(Column("RMS", lambda row: row[2].rms, ".3g"), Column("99.9 %", lambda row: row[2].quantile_999, ".3g")),
+    Column("RMS", lambda row: row[2].rms, ".3g", worth=6),
+    Column("99.9 %", lambda row: row[2].quantile_999, ".3g", worth=5),
     *(Column("worst", lambda row: row[2].worst, ".3g"), Column("threshold", lambda row: row[2].threshold, ".3g")),
 )
+
+
+def _trims(unit: str) -> tuple[Column, ...]:
+    """Return the columns of trims, the elevator's position in rad or norm."""
+    return (*_SEEN, Column("elevator", "trim.elevator_rad", "+.3f", unit), Column("throttle", "trim.throttle", ".2f"))
 
 
 def flight_points(name: str) -> list[str]:
@@ -76,8 +82,15 @@ def proposed(made: NewAircraft, home: Path) -> None:
     line((f"{made.name} from JSBSim's {base.name}", "bold"), f"  a {made.kind} aircraft")
     field("surfaces", ", ".join(base.positions.values()))
     field("engines", f"{base.engines} {base.engine}")
-    table(made.found, _TRIMS)
+    table(made.found, _trims(unit_of(base.positions["elevator"])))
     field("written", f"{home / 'aircraft.toml'}; figures marked 'assumed' are of no data of this aircraft")
+
+
+def changed(made: NewAircraft) -> None:
+    """Print which flight points gave way to which."""
+    for fault in made.left_out:
+        line(f"left out: {fault}", style="yellow")
+    table(made.found, _trims(unit_of(made.base.positions["elevator"])))
 
 
 def next_steps(made: NewAircraft, home: Path, *, designed: bool) -> None:
@@ -92,8 +105,8 @@ def next_steps(made: NewAircraft, home: Path, *, designed: bool) -> None:
 
 def _fly_it(home: Path) -> None:
     """Print the command that flies the first scenario of an aircraft, when it has one."""
-    if is_file(home / SCENARIO):
-        field("next", f"rig fly {home / SCENARIO}")
+    if is_file(scenario_file(home)):
+        field("next", f"rig fly {scenario_file(home)}")
 
 
 def check(checked: Check, name: str) -> None:
@@ -106,7 +119,8 @@ def check(checked: Check, name: str) -> None:
     for point in checked.trims:
         if point.error:
             line(point.error, style="red")
-    table([point for point in checked.trims if point.trim is not None], _TRIMS)
+    position = next((item.name for item in checked.properties if "elevator" in item.key), "")
+    table([point for point in checked.trims if point.trim is not None], _trims(unit_of(position)))
     table(checked.loops, _MARGINS)
     if checked.gains is None:
         line("not designed: a property or a trim is missing", style="red")

@@ -27,14 +27,16 @@ _SHARES: Final = {
     "survival": "survival",
 }
 _RESOLVERS: Final = (
-    *(Column(name, name) for name in ("resolver", "pattern", "asked", "answered")),
-    *(Column("correct", "right"), Column("wrong", "wrong"), Column("open", "open")),
+    *(Column("resolver", "resolver"), Column("pattern", "pattern"), Column("asked", "asked", worth=4)),
+    *(Column("answered", "answered", worth=6), Column("correct", "right", worth=7), Column("wrong", "wrong", worth=8)),
+    Column("open", "open", worth=5),
     Column("correct of decided", lambda row: share(row["right_share"])),
 )
 _OUTCOMES: Final = (
     *(Column("outcome", "outcome"), Column("first", lambda row: share(row["first"]))),
-    *(Column("second", lambda row: share(row["second"])), Column("only first", "pairs.only_first")),
-    *(Column("only second", "pairs.only_second"), Column("p", "pairs.p_value", ".3g")),
+    Column("second", lambda row: share(row["second"])),
+    *(Column("only first", "pairs.only_first", worth=7), Column("only second", "pairs.only_second", worth=7)),
+    Column("p", "pairs.p_value", ".3g"),
 )
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from typer import Option, Typer
 
@@ -15,8 +16,11 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rig.studies.ding2015 import Study
+    from rig.studies.rate_bias import LawComparison
+    from rig.studies.servo import Compared, Response
     from rig.studies.tolerant import Summary
 
+HALF = 0.5
 study = Typer(help="Published results, computed again.", **GROUP)
 Seeds = Annotated[int, Option(metavar="N", help="Seeds of every case.", min=1, max=1000)]
 
@@ -26,7 +30,7 @@ def ding2015(
     out: Annotated[Path, Option(metavar="DIR", help="Folder of the figures, made when missing.")] = Path("logs"),
     as_json: Json = False,
 ) -> None:
-    """Compute the B707 with a lying pitch-angle sensor: printed numbers against ours, and the honest experiment."""
+    """Compute the B707 with a wrong pitch-angle sensor: the paper's numbers against ours, and the whole loop flown."""
     from rig.errors import BadInput
     from rig.studies import figures
     from rig.studies.ding2015 import study as compute
@@ -59,27 +63,100 @@ def rate_bias(
 ) -> None:
     """Fly biased rates and halved attitudes, by the plain and the fault-tolerant law: 1881 flights for each seed."""
     from rig.studies import rate_bias
-    from rig.util.console import console
 
     numbers = range(1, seeds + 1)
     random = [flight for seed in numbers for flight in rate_bias.drawn(drawn, seed)]
     flights = random or rate_bias.grid(numbers)
     with working(f"flying {len(flights)} flights", not as_json):
         flown = rate_bias.study(flights, workers)
-    emit(as_json, lambda: rate_bias.as_dict(flown), lambda: rate_bias.show(flown, console()))
+    emit(
+        as_json,
+        lambda: rate_bias.as_dict(flown),
+        lambda: _rate_bias(rate_bias.summarise(flown), rate_bias.worst(flown)),
+    )
+
+
+@study.command()
+def servo(
+    aircraft: Annotated[str, Option(metavar="NAME", help="Aircraft, by name or folder.")] = "f16",
+    surface: Annotated[str, Option(metavar="NAME", help="elevator, aileron or rudder.")] = "elevator",
+    rate: Annotated[float, Option(metavar="HZ", help="Frames a second of the step.", min=1, max=1000)] = 100.0,
+    step: Annotated[float, Option(metavar="RAD", help="Size of the step, rad.", min=1e-6, max=1.0)] = 0.01,
+    as_json: Json = False,
+) -> None:
+    """Move one surface's servo alone: its answer to a step (--json), and at six rates beside a lag."""
+    from rig.studies import servo as servos
+
+    if as_json:
+        emit(True, servos.step_response(aircraft, surface, rate, step).as_dict(), lambda: None)
+        return
+    with working("moving the servo", True):
+        compared = servos.compare(aircraft, surface)
+    _servo(compared, servos.step_response(aircraft, surface, rate, step), servos.FREQUENCIES_HZ)
+
+
+def _servo(compared: Sequence[Compared], answer: Response, frequencies_hz: Sequence[float]) -> None:
+    at = [(f"{hz:g} Hz", i) for i, hz in enumerate(frequencies_hz)]
+    shown = (
+        Column("frames a second", "rate_hz", "g"),
+        Column("later by", lambda row: 1e3 * row.shift_s, ".2f", "ms"),
+        Column("small step", lambda row: 1e2 * row.small_step, ".2f", "%"),
+        Column("large step", lambda row: degrees(row.large_step_rad), ".2f", "deg"),
+        Column("from JSBSim's", lambda row: degrees(row.large_step_jsbsim_rad), ".2f", "deg"),
+        *(Column(f"gain {name}", lambda row, i=i: row.gain[i], ".3f") for name, i in at),
+        *(Column(f"delay {name}", lambda row, i=i: 1e3 * row.delay_s[i], ".2f", "ms") for name, i in at),
+    )
+    line(f"{answer.aircraft}, {answer.surface}: servo beside a lag of the same lag_s and rate limit")
+    table(compared, shown)
+    line("small step: largest difference from the lag so much later, of the step; large: from the lag whose speed is")
+    line(
+        "limited, and from JSBSim's, whose limit stands behind the lag; gain over and delay behind the lag's, of a sine"
+    )
+    passed = next((t for t, x in zip(answer.time_s, answer.ram_rad, strict=True) if x >= HALF * answer.step_rad), None)
+    half = "not in a second" if passed is None else f"after {1e3 * passed:.1f} ms"
+    line(f"a step of {answer.step_rad:g} rad at {answer.rate_hz:g} Hz: half of it {half}; all of it: --json")
 
 
 def _laws(cases: Sequence[Summary], flights: int) -> None:
     shown = (
         *(Column("hold", "hold"), Column("fault", "fault"), Column("law", "law")),
-        Column("peak", lambda case: 1e3 * case.pitch_peak_rad, ".1f", "mrad"),
-        Column("steady", lambda case: 1e3 * case.pitch_steady_rad, ".1f", "mrad"),
-        *(Column("altitude lost", "altitude_loss_m", ".1f", "m"), Column("load factor", "load_factor_max", ".2f")),
-        Column("found", _detected),
+        Column("peak", lambda case: 1e3 * case.pitch_peak_rad, ".1f", "mrad", worth=6),
+        Column("steady", lambda case: 1e3 * case.pitch_steady_rad, ".1f", "mrad", worth=5),
+        Column("altitude lost", "altitude_loss_m", ".1f", "m", worth=7),
+        Column("load factor", "load_factor_max", ".2f", worth=4),
+        Column("found", _detected, worth=8),
         Column("survived", _survived),
     )
     table(cases, shown)
     line(f"{flights} flights; the worst of each case; intervals: exact, 95 %")
+
+
+_GROUPS: Final = (
+    *(
+        Column("fault", "kind"),
+        Column("aircraft", "aircraft"),
+        Column("within bounds", lambda row: _share(row["within"])),
+    ),
+    Column("sensor blamed", lambda row: _share(row["blamed"]), worth=7),
+    Column("rate biased, early", lambda row: f"{row['answered']}, {row['early']}", worth=4),
+    Column("identical", "identical", worth=3),
+    Column("lost: plain, tolerant", lambda row: f"{row['lost_plain']}, {row['lost_tolerant']}", worth=8),
+    Column("above plain", "most_above_plain_m", ".1f", "m", worth=6),
+)
+
+
+def _share(rate: dict[str, Any]) -> str:
+    return f"{rate['count']} of {rate['of']} ({rate['low']:.3f} to {rate['high']:.3f})"
+
+
+def _rate_bias(groups: Sequence[dict[str, Any]], worst: Sequence[LawComparison]) -> None:
+    """Print the table, and the worst flights with the commands that fly them again."""
+    table(groups, _GROUPS)
+    line("intervals: exact, 95 %; identical: both laws gave the same surface commands, bit for bit")
+    for pair in worst:
+        where = "within bounds" if pair.within else "out of bounds"
+        errors = f"plain {pair.plain_m:.1f} m, fault-tolerant {pair.tolerant_m:.1f} m"
+        line(f"{where}: {errors}: {pair.command}", fold=False)
 
 
 def _detected(case: Summary) -> str:

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
+from rich.cells import cell_len
 from rich.table import Table
 from rich.text import Text
 
+from rig.text import plain
 from rig.util.console import console, styled
 
 MOST_LINES: Final = 40  # of one kind on the terminal; --json has all
+KEPT: Final = 9  # worth of a column that is never left out
 _LABEL: Final = 9  # characters before what a line tells
+_PROSE: Final = 32  # a column with longer text is folded at words
+_WORD: Final = re.compile(r"\S+")
+_PADDING: Final = 2  # characters between two columns
 
 
 class Column(NamedTuple):
@@ -21,6 +28,7 @@ class Column(NamedTuple):
     format : of numbers, as Python's format() takes it; text is shown as it is
     unit : shown after the title
     empty : shown where there is no value
+    worth : up to KEPT; a table that is too wide is printed without the columns that are worth least
     """
 
     title: str
@@ -28,13 +36,19 @@ class Column(NamedTuple):
     format: str = ""
     unit: str = ""
     empty: str = ""
+    worth: int = KEPT
 
-    def cell(self, row: Any) -> str | Text:
+    @property
+    def head(self) -> str:
+        """The title with its unit."""
+        return f"{self.title}, {self.unit}".rstrip(", ")
+
+    def cell(self, row: Any) -> Text:
         """Return what the column shows of a row."""
         value = self.value(row) if callable(self.value) else _lookup(row, self.value)
-        if value is None:
-            return self.empty
-        return value if isinstance(value, str | Text) else format(value, self.format)
+        if isinstance(value, Text):
+            return value
+        return styled(self.empty if value is None else value if isinstance(value, str) else format(value, self.format))
 
 
 def _lookup(row: Any, name: str | int) -> Any:
@@ -46,15 +60,15 @@ def _lookup(row: Any, name: str | int) -> Any:
     return row
 
 
-def columns(*titles: str) -> list[Column]:
-    """Return the columns of rows that are tuples of text."""
-    return [Column(title, i) for i, title in enumerate(titles)]
+def columns(*titles: str, worth: Mapping[str, int] | None = None) -> list[Column]:
+    """Return the columns of rows that are tuples of text; ``worth`` of those that may be left out, by title."""
+    return [Column(title, i, worth=(worth or {}).get(title, KEPT)) for i, title in enumerate(titles)]
 
 
 def table(
     rows: Iterable[Any], columns: Sequence[Column], most: int | None = None, style: Callable[[Any], str] | None = None
 ) -> None:
-    """Print ``rows`` under the titles of ``columns``; nothing where there are none.
+    """Print ``rows`` under the titles of ``columns``, as many as the screen is wide for; nothing where there are none.
 
     most : rows that are printed; a line tells how many more there are
     style : of a row
@@ -62,12 +76,34 @@ def table(
     rows = list(rows)
     if not rows:
         return
-    printed = Table(*(f"{column.title}, {column.unit}".rstrip(", ") for column in columns), box=None)
-    for row in rows[:most]:
-        printed.add_row(*(column.cell(row) for column in columns), style=style(row) if style else None)
-    console().print(printed)
+    screen = console()
+    cells = [[column.cell(row) for row in rows[:most]] for column in columns]
+    widths = [
+        max(cell_len(plain(column.head)), *(cell.cell_len for cell in shown))
+        for column, shown in zip(columns, cells, strict=True)
+    ]
+    kept = _fitting(columns, widths, screen.width)
+    printed = Table(box=None)
+    for i in kept:
+        printed.add_column(columns[i].head, no_wrap=widths[i] <= _PROSE, overflow="fold")
+    for k, row in enumerate(rows[:most]):
+        printed.add_row(*(cells[i][k] for i in kept), style=style(row) if style else None)
+    screen.print(printed)
+    if gone := [column.title for i, column in enumerate(columns) if i not in kept]:
+        line(f"  left out at {screen.width} columns, all with --json: {', '.join(gone)}")
     if most is not None:
         rest(len(rows), most)
+
+
+def _fitting(columns: Sequence[Column], widths: Sequence[int], width: int) -> list[int]:
+    """Return which columns fit: all but those that are worth least, of equal ones the last."""
+    kept = list(range(len(columns)))
+    leaving = sorted((i for i in kept if columns[i].worth < KEPT), key=lambda i: (columns[i].worth, -i))
+    for i in leaving:
+        if sum(min(widths[k], _PROSE) + _PADDING for k in kept) <= width:
+            break
+        kept.remove(i)
+    return kept
 
 
 def rest(count: int, most: int, text: str = "  and {} more, with --json") -> None:
@@ -76,14 +112,36 @@ def rest(count: int, most: int, text: str = "  and {} more, with --json") -> Non
         line(text.format(count - most))
 
 
-def line(*parts: str | tuple[str, str], style: str = "") -> None:
-    """Print one line, not folded; each part is text, or text with its style."""
-    console().print(styled(*parts), style=style, soft_wrap=True)
+def line(*parts: str | tuple[str, str], style: str = "", fold: bool = True, indent: int | None = None) -> None:
+    """Print one line, each part text, or text with its style; on a terminal folded at words, in a pipe never.
+
+    fold : False for a command, which is to be copied
+    indent : of what follows the first fold; that of the line when not given
+    """
+    screen, text = console(), styled(*parts)
+    if not (fold and screen.is_terminal):
+        screen.print(text, style=style, soft_wrap=True)
+        return
+    start = len(text) - len(text.plain.lstrip(" ")) if indent is None else indent
+    begin, body = text[:start], text[start:]
+    for part in body.divide(_folds(body.plain, screen.width - start)):
+        part.rstrip()
+        screen.print(begin + part, style=style, soft_wrap=True)
+        begin = Text(" " * start)
 
 
-def field(label: str, *parts: str | tuple[str, str], style: str = "", width: int = _LABEL) -> None:
+def _folds(text: str, width: int) -> list[int]:
+    """Return where lines of ``width`` characters begin, but for the first: at words; a longer word stays whole."""
+    folds = [0]
+    for word in _WORD.finditer(text):
+        if word.end() - folds[-1] > width and word.start() > folds[-1]:
+            folds.append(word.start())
+    return folds[1:]
+
+
+def field(label: str, *parts: str | tuple[str, str], style: str = "", width: int = _LABEL, fold: bool = True) -> None:
     """Print one line that begins with its label."""
-    line(f"{label:{width}}", *parts, style=style)
+    line(f"{label:{width}}", *parts, style=style, fold=fold, indent=width)
 
 
 def counts(numbers: Mapping[str, Any], names: Iterable[str] | None = None) -> list[str]:

@@ -23,7 +23,10 @@ unit_app = Typer(help="Flight software under test: its records, its conformance.
 def header(
     ada: Annotated[bool, Option("--ada", help="Ada record clauses.")] = False,
     markdown: Annotated[bool, Option("--markdown", help="The tables of docs/unit-records.md.")] = False,
-    fmu: Annotated[Literal["2", "3"] | None, Option(help="modelDescription.xml of an FMU by FMI 2.0 or 3.0.")] = None,
+    fmu: Annotated[
+        Literal["2", "3"] | None,
+        Option(metavar="VERSION", help="modelDescription.xml of an FMU: 2 for FMI 2.0, 3 for FMI 3.0."),
+    ] = None,
 ) -> None:
     """Print the records as a C header, or in another form."""
     from rig.unit import fmu as in_fmi
@@ -47,14 +50,15 @@ def schema() -> None:
 @unit_app.command()
 def check(
     file: Annotated[Path, Argument(metavar="UNIT", help="A unit file.", show_default=False)],
-    seam: Annotated[bool, Option("--seam", help="How it answers, not what it decides.")] = False,
+    seam: Annotated[bool, Option("--seam", help="Test only the interface, not the voting decisions.")] = False,
+    longest: Annotated[bool, Option("--long", help="Long sessions of 70,000 frames, not of 5,000.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Test whether a unit keeps to the records and the requirement; exit code 1 when it fails one of them."""
+    """Test a unit against the interface and, without --seam, the voting rules.  Exit code 1: a test failed."""
     from rig.bench.unit_check import check as test
 
     with working("testing the unit", not as_json):
-        result = test(file, seam_only=seam)
+        result = test(file, seam_only=seam, longest=longest)
     emit(as_json, result.as_dict, lambda: _checked(result))
     if not result.passed:
         raise Exit(1)

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 from typer import Argument, Option, echo
 
 from rig.cli import complete
-from rig.cli.common import Json, emit
+from rig.cli.common import Json, LogFile, emit
 from rig.errors import BadInput, BadLog
 from rig.text import plain
 
@@ -30,7 +30,8 @@ def view(
         Path | None, Option(metavar="FILE.png", help="A picture, 1920 x 1080; needs no display.")
     ] = None,
     time_s: Annotated[
-        float | None, Option("--time", help="Where the cursor of the picture is, s.", show_default="last event")
+        float | None,
+        Option("--time", metavar="S", help="Where the cursor of the picture is.", show_default="last event"),
     ] = None,
     tab: Annotated[
         str, Option(metavar="NAME", help="The tab to open with.", autocompletion=complete.tabs)
@@ -140,9 +141,9 @@ def _emit(data: dict[str, Any], as_json: bool, text: str) -> None:
 
 
 def watch(
-    log: Annotated[Path, Argument(metavar="LOG", help="A log.", show_default=False)],
+    log: LogFile,
     speed: Annotated[float, Option(metavar="X", help="Times real time.", min=0.01, max=1000.0)] = 1.0,
-    from_s: Annotated[float, Option("--from", metavar="X", help="Where to begin, s.", min=0.0)] = 0.0,
+    from_s: Annotated[float, Option("--from", metavar="S", help="Where to begin.", min=0.0)] = 0.0,
 ) -> None:
     """Play the redundancy page of a log on the terminal; Ctrl-C ends."""
     from rig.log import read_log

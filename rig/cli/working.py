@@ -1,40 +1,45 @@
 """Progress of a command on standard error: a line with a bar on a terminal; in a pipe the compilation alone.
 
-The first command after an installation compiles the kernels, which takes most of a minute and is kept on disk.
+The first flight after an installation compiles its kernels, in processes of their own; other commands and later flights
+compile the few that are missing.  Either ends at once when it is interrupted.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any, Final
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, nullcontext
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
 from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from rig.util.console import Screen
 from rig.util.progress import listening
 
-COMPILING: Final = "compiling the kernels once, about 40 s"
+if TYPE_CHECKING:
+    from rig.campaign.compile_ahead import Ahead
+
+COMPILING: Final = "compiling kernels, kept for the next time"
+PATIENCE_S: Final = 3.0  # less is not worth a line
 _EVENT: Final = "numba:compile"  # of each kernel that is not in the cache
 
 
 @contextmanager
-def working(what: str, enabled: bool = True) -> Iterator[None]:
+def working(what: str, enabled: bool = True, *, steps: bool = False) -> Iterator[None]:
     """Show on standard error that a command is at ``what``, and how far; nothing when not ``enabled``.
 
     On a terminal a spinner with what is told (progress.tell) and the time.  Else one plain line, when kernels have
-    to be compiled.
+    to be compiled, and with ``steps`` one for each step of minutes of work.
     """
-    if not enabled:
-        yield
-        return
     with bar(enabled, SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()) as shown:
         if shown is None:
-            with _compilation(_print_once):
+            with listening(_Lines().step) if steps and enabled else nullcontext(), _compilation(_Line(enabled)):
                 yield
             return
         display = _Display(shown, what)
-        with listening(display.step), _compilation(display.compiled):
+        with listening(display.step), _compilation(display):
             yield
 
 
@@ -49,10 +54,37 @@ def bar(enabled: bool, *columns: ProgressColumn) -> Iterator[Progress | None]:
         yield shown
 
 
-def _print_once(count: int) -> None:
-    """Print that kernels are compiled, when the first one is."""
-    if count == 1:
-        Screen(stderr=True).print(COMPILING, soft_wrap=True)
+class _Line:
+    """One plain line for a compilation that takes a while."""
+
+    def __init__(self, enabled: bool) -> None:
+        self._due, self._began = enabled, 0.0
+
+    def ahead(self, done: int, total: int) -> None:
+        """Print the line: there is most of a flight to compile."""
+        if self._due:
+            Screen(stderr=True).print(COMPILING, soft_wrap=True)
+        self._due = False
+
+    def here(self, count: int) -> None:
+        """Print the line when the first kernel was begun some seconds ago."""
+        now = time.monotonic()
+        self._began = self._began or now
+        if now - self._began > PATIENCE_S:
+            self.ahead(count, 0)
+
+
+class _Lines:
+    """A line for each step that is new."""
+
+    def __init__(self) -> None:
+        self._last = ""
+
+    def step(self, what: str, done: int, total: int) -> None:
+        """Print the step, and which of how many it is where that is known."""
+        if what != self._last:
+            self._last = what
+            Screen(stderr=True).print(f"{what} ({done + 1} of {total})" if total else what, soft_wrap=True)
 
 
 class _Display:
@@ -65,7 +97,11 @@ class _Display:
         """Show the step; its share where it is known."""
         self._show(what, done, total or None)
 
-    def compiled(self, count: int) -> None:
+    def ahead(self, done: int, total: int) -> None:
+        """Show how many kernels of a flight are compiled."""
+        self._show(f"{COMPILING} ({done} of {total})", done, total)
+
+    def here(self, count: int) -> None:
         """Show that kernels are being compiled."""
         self._show(f"{COMPILING} ({count} begun)", 0, None)
 
@@ -75,19 +111,39 @@ class _Display:
 
 
 @contextmanager
-def _compilation(begun: Any) -> Iterator[None]:
-    """Call ``begun`` with 1, 2, ... whenever a kernel is compiled within."""
+def _compilation(shown: _Line | _Display) -> Iterator[None]:
+    """Have what a flight needs compiled ahead within; show it, and what is compiled in this process."""
     from numba.core import event
 
+    from rig.kernel_cache import before_compiling
+    from rig.util.interrupt import at_once
+
     class Listener(event.Listener):
-        count = 0
+        count, depth = 0, 0
+        until_done = ExitStack()
 
         def on_start(self, event: Any) -> None:
-            self.count += 1
-            begun(self.count)
+            if self.depth == 0:
+                self.until_done.enter_context(at_once())
+            self.count, self.depth = self.count + 1, self.depth + 1
+            shown.here(self.count)
 
         def on_end(self, event: Any) -> None:
-            """Do nothing: the next step or kernel is shown in its turn."""
+            self.depth -= 1
+            if self.depth == 0:
+                self.until_done.close()
 
-    with event.install_listener(_EVENT, Listener()):
+    with before_compiling(_ahead(shown.ahead)), event.install_listener(_EVENT, Listener()):
         yield
+
+
+def _ahead(show: Callable[[int, int], None]) -> Callable[[Callable[..., object], Path], None]:
+    """Return what compiles a flight's kernels when one is missing; a command that compiles nothing imports nothing."""
+
+    @cache
+    def ahead() -> Ahead:
+        from rig.campaign.compile_ahead import Ahead
+
+        return Ahead(show)
+
+    return lambda function, path: ahead().compile_missing(function, path)

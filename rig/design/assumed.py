@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from rig.plant.base_model import Kind
 
-STOP_RAD: Final = 0.35  # of a surface whose stops the model does not give
+STOP_RAD: Final = 0.35  # of a surface whose stops the model does not give, and of a normalised one at 1
 
 
 @dataclass(frozen=True)
@@ -89,19 +89,17 @@ FIGURES: Final[dict[Kind, Figures]] = {
     ),
 }
 MIXTURE: Final = 0.7  # best power near 1500 m in JSBSim's piston engine: 1.3 x 0.7 of stoichiometric at sea level
-BLADE_SHARE: Final = 0.375  # of the way from fine to coarse pitch
+REVOLUTIONS: Final = 0.7  # of a governed propeller, of the way from its least to its most: cruise
 
 
 def held(engines: int, engine: str, blade_angles_deg: tuple[float, float] | None) -> dict[str, float]:
-    """Return what is held of engines that more than a throttle moves: mixture and pitch of the blades."""
+    """Return the levers that are held beside the throttle: mixture, and revolutions of a governed propeller."""
     made: dict[str, float] = {}
     for i in range(engines):
         if engine == "piston":
             made[f"fcs/mixture-cmd-norm[{i}]"] = MIXTURE
         if blade_angles_deg and blade_angles_deg[1] > blade_angles_deg[0]:
-            fine, coarse = blade_angles_deg
-            made[f"propulsion/engine[{i}]/constant-speed-mode"] = 0.0
-            made[f"propulsion/engine[{i}]/blade-angle"] = fine + BLADE_SHARE * (coarse - fine)
+            made[f"fcs/advance-cmd-norm[{i}]"] = REVOLUTIONS
     return made
 
 

@@ -19,7 +19,7 @@ from rig.design.backup import Sensor
 from rig.design.loops import ACTUATORS, Plane
 from rig.design.point_gains import Shares, backup_gains, gains_at
 from rig.design.requirements import LAWS, Case, Requirements, met, missed, nearness, whole, with_margins
-from rig.errors import RigError
+from rig.errors import PointFault
 from rig.plant.airframe import Airframe
 from rig.plant.linearise import linearise
 from rig.util.progress import tell
@@ -41,7 +41,7 @@ _NEARNESS: Final = (1.0, 0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.6, 0.5, 0.4, 0.2)
 
 
 def design(airframe: Airframe, wanted: Requirements | None = None, *, accept: bool = False) -> Gains:
-    """Return gains for every flight point of ``airframe``; RigError when the margins cannot be had.
+    """Return gains for every flight point of ``airframe``; PointFault when the margins cannot be had.
 
     accept : take the gains that come nearest where none keeps the margins; ``Gains.below`` says which
     Pure: the same aircraft and requirements give the same numbers.
@@ -49,7 +49,8 @@ def design(airframe: Airframe, wanted: Requirements | None = None, *, accept: bo
     designed = design_points(airframe, wanted)
     below = [f"{item.point.name}: {line}" for item in designed for line in item.below]
     if below and not accept:
-        raise RigError(f"{airframe.base_model} {'; '.join(below[:MOST_SAID])}; rig aircraft check has all numbers")
+        lines = f"{airframe.base_model} {'; '.join(below[:MOST_SAID])}; rig aircraft check has all numbers"
+        raise PointFault(lines, next(item.point.name for item in designed if item.below))
     return whole(airframe, wanted or Requirements(), [item.point for item in designed], below)
 
 
@@ -69,7 +70,7 @@ def design_points(airframe: Airframe, wanted: Requirements | None = None) -> lis
     cases.sort(key=lambda case: case.linear.trim.dynamic_pressure_pa)
     designed: list[Designed] = []
     for case in cases:
-        tell(f"designing the gains of {case.point.name}", len(designed), len(cases))
+        tell(f"designing the gains of {case.point.name}", len(designed), len(cases) if len(cases) > 1 else 0)
         designed.append(_design_point(case))
     return designed
 

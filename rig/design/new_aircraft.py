@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import degrees
 from pathlib import Path
 from typing import Any, Final
@@ -13,22 +13,24 @@ from typing import Any, Final
 import tomli_w
 
 from rig.aircraft import names, sensor_classes
-from rig.design.assumed import FIGURES
-from rig.design.propose import Found, airframe_table, flight_points
-from rig.errors import BadInput
+from rig.design.assumed import FIGURES, REVOLUTIONS, STOP_RAD, limits
+from rig.design.propose import Found, airframe_table, flight_points, found_at, limits_at
+from rig.errors import BadInput, PointFault
 from rig.frame import CHANNELS, SIGNALS
 from rig.plant.airframe import Config, FlightPoint, flight_point_at
-from rig.plant.base_model import SURFACES, BaseModel, Kind, read
-from rig.plant.linearise import trimmed
+from rig.plant.base_model import SURFACES, BaseModel, Kind, read, unit_of
 from rig.sensors.classes import kind as kind_of_signal
 from rig.settings import build
 from rig.text import choices, quoted
 from rig.util.files import reported, write_text
 
 _NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,60}")
+_NORMALISED: Final = (
+    "The equations read this position as a share of full deflection (norm), not in rad: min_rad, max_rad and "
+    f"rate_limit_rad_s are norm and norm/s here, the assumed rate of a full deflection of {STOP_RAD:g} rad."
+)
 WIDTH: Final = 118  # of a comment line
 ASSUMED: Final = "assumed"
-SCENARIO: Final = "hardover.toml"
 _SCENARIO: Final = """\
 title = "{name} pitch-rate hardover"
 aircraft = "../{name}"  # from this file's folder
@@ -65,6 +67,9 @@ class NewAircraft:
     table: dict[str, Any]  # [airframe], flight points included
     found: list[Found]
     answers: Answers
+    most: int  # flight points that were asked for
+    given: bool = False  # whether they are the user's own
+    left_out: tuple[PointFault, ...] = ()  # of points that were proposed and do not serve
 
     @property
     def airframe(self) -> Config:
@@ -97,11 +102,17 @@ def propose(name: str, base_model: str, answers: Answers, points: list[tuple[flo
     for surface in SURFACES:
         own = {"lag_s": answers.lag_s, "rate_limit_rad_s": answers.rate_limit_rad_s}
         table[surface] |= {key: value for key, value in own.items() if value is not None}
-    trimmed_points = _own_points(table, base, points) if points else flight_points(table, base, most)
-    table["flight_points"] = [item.point.model_dump() for item in trimmed_points]
-    made = NewAircraft(name, base, kind, table, trimmed_points, answers)
+    found = _own_points(table, base, points) if points else flight_points(table, base, most)
+    made = at_points(NewAircraft(name, base, kind, table, [], answers, most, bool(points)), found)
     _ = made.airframe
     return made
+
+
+def at_points(new: NewAircraft, found: list[Found], left_out: tuple[PointFault, ...] = ()) -> NewAircraft:
+    """Return a proposal with these flight points."""
+    points = [item.point.model_dump() for item in found]
+    table = {**new.table, "flight_points": points, "limits": limits_at(limits(new.kind), found)}
+    return replace(new, table=table, found=found, left_out=left_out)
 
 
 def _check_class(name: str | None) -> None:
@@ -118,15 +129,25 @@ def _own_points(table: dict[str, Any], base: BaseModel, points: list[tuple[float
         made.append(flight_point_at(altitude_m, mach))
     dumped = [point.model_dump() for point in made]
     airframe = build(Config, {**table, "flight_points": dumped}, f"base model {base.name}")
-    return [Found(point, trimmed(airframe, point), 0.0) for point in made]
+    return [found_at(airframe, point) for point in made]
 
 
 def write(new: NewAircraft, folder: Path) -> None:
     """Make the folder with aircraft.toml and a first scenario; BadInput or RigError when it cannot be written."""
     with reported(folder, BadInput):
         folder.mkdir()
+    rewrite(new, folder)
+
+
+def rewrite(new: NewAircraft, folder: Path) -> None:
+    """Write the files of a proposal into a folder that is there."""
     write_text(folder / "aircraft.toml", render(new))
-    write_text(folder / SCENARIO, scenario(new))
+    write_text(scenario_file(folder), scenario(new))
+
+
+def scenario_file(folder: Path) -> Path:
+    """Return the file of an aircraft's first scenario; its name is that of the log, so it tells the aircraft."""
+    return folder / f"{folder.resolve().name}_hardover.toml"
 
 
 def scenario(new: NewAircraft) -> str:
@@ -142,12 +163,13 @@ def render(new: NewAircraft) -> str:
 
 
 def _head(new: NewAircraft) -> str:
-    points = []
+    points, unit = [], unit_of(new.base.positions["elevator"])
     for found in new.found:
         trim, point = found.trim, found.point
+        surfaces = f"elevator {trim.elevator_rad:+.3f} {unit}, throttle {trim.throttle:.2f}"
         points.append(
             f"    # trim: {trim.airspeed_m_s:.0f} m/s, {trim.dynamic_pressure_pa / 1e3:.1f} kPa, angle of attack "
-            f"{degrees(trim.alpha_rad):.1f} deg, elevator {trim.elevator_rad:+.3f}, throttle {trim.throttle:.2f}\n"
+            f"{degrees(trim.alpha_rad):.1f} deg, {surfaces}\n"
             f'    {{ name = "{point.name}", altitude_m = {point.altitude_m!r}, mach = {point.mach!r} }},'
         )
     intro = (
@@ -168,7 +190,7 @@ def _surface(new: NewAircraft, surface: str) -> str:
     given = own.lag_s is not None and own.rate_limit_rad_s is not None
     source = "Lag and rate limit as given." if given else f"Lag and rate limit {ASSUMED}: {figures.actuator_source}."
     stops = "Stops: of the base model." if surface in base.stops else f"Stops {ASSUMED}: the model gives none."
-    unit = " The position is normalised: 1 for rad throughout." if base.positions[surface].endswith("-norm") else ""
+    unit = f" {_NORMALISED}" if base.normalised(surface) else ""
     return f"{_comment(f'{source} {stops}{unit}')}\n{_table(f'airframe.{surface}', new.table[surface])}"
 
 
@@ -179,11 +201,13 @@ def _rest(new: NewAircraft) -> Iterator[str]:
     source = f"{ASSUMED}: close to the centre of gravity."
     yield f"{_comment(source)}\n{_table('airframe.accelerometer', new.table['accelerometer'])}"
     source = f"{ASSUMED}, beyond these it counts as lost. Loads: {figures.limits_source}; angles beyond stall."
+    if new.table["limits"] != limits(new.kind):
+        source += " Angle of attack: 0.7 of that from which full elevator no longer pitches the nose down."
     yield f"{_comment(source)}\n{_table('airframe.limits', new.table['limits'])}"
     if "held" in new.table:
         source = (
-            f"{ASSUMED}: mixture for best power near 1500 m; a constant-speed propeller is held at one blade angle, "
-            "for JSBSim's governor has no steady state that a trim could find."
+            f"{ASSUMED}: mixture for best power near 1500 m; the governor of a constant-speed propeller at "
+            f"{REVOLUTIONS:g} of the way from its least to its most revolutions."
         )
         yield f"{_comment(source)}\n{_table('airframe.held', new.table['held'])}"
     if "properties" in new.table:

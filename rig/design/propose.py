@@ -2,26 +2,36 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass
-from math import sqrt
+from math import inf, sqrt
 from typing import Any, Final
 
 from rig.design.assumed import FIGURES, STOP_RAD, held, limits
 from rig.errors import BadInput
 from rig.plant.airframe import Config, FlightPoint, flight_point_at
 from rig.plant.base_model import SURFACES, BaseModel, Kind
-from rig.plant.linearise import Trim, trimmed
-from rig.plant.loading import mass_kg, undeclared
+from rig.plant.level import alpha_held
+from rig.plant.linearise import Trim, trim_of
+from rig.plant.loading import NoTrim, load, mass_kg, undeclared
 from rig.settings import build
 from rig.units.atmosphere import density, speed_of_sound
 from rig.units.constants import GRAVITY
+from rig.util.progress import tell
 
 ALTITUDES_M: Final[dict[str, tuple[float, ...]]] = {"propeller": (1524.0, 2438.4), "jet": (3048.0, 6096.0, 9144.0)}
 LIFT_COEFFICIENTS: Final = (0.2, 0.25, 0.3, 0.35, 0.42, 0.5, 0.6, 0.75)  # slow to fast the other way round
 _CRUISE_LIFT: Final = 0.42  # nearest to it is the first flight point
+# The most lift coefficient in the pull-up of the healthy flights: of the first flight point, of any other.
+_PULL_LIFT, _MOST_PULL_LIFT = 1.0, 1.25
+_PULL: Final = 0.3 * 0.7  # its share of the load factor beyond 1 g that counts as lost: of the stick, of the envelope
 _SLOWER: Final = 0.72  # dynamic pressure of the second over that of the first
 _LEAST_APART: Final = 0.9  # nearer points have no schedule between them
 _FASTEST: Final = 0.85  # Mach number tried
+_HELD: Final = 0.7  # of the angle of attack from which full elevator no longer pitches down: the limit
+_ANY_STEP_S: Final = 0.01  # JSBSim's step; nothing flies
+_THROTTLES: Final = (0.1, 0.88)  # between which there is a reserve
 
 
 @dataclass(frozen=True)
@@ -30,7 +40,19 @@ class Found:
 
     point: FlightPoint
     trim: Trim
-    lift: float  # lift coefficient that it was sought at
+    alpha_held_rad: float  # up to which full elevator pitches the nose down; inf: to the limit
+
+
+def found_at(airframe: Config, point: FlightPoint) -> Found:
+    """Return a flight point with its trim and what its elevator holds; NoTrim when there is none."""
+    fdm = load(airframe, point, _ANY_STEP_S)
+    return Found(point, trim_of(fdm, airframe), alpha_held(fdm, airframe))
+
+
+def limits_at(given: dict[str, Any], found: list[Found]) -> dict[str, Any]:
+    """Return limits with an angle of attack that the elevator still pitches down from, at every flight point."""
+    held = _HELD * min((each.alpha_held_rad for each in found), default=inf)
+    return {**given, "angle_of_attack_max_rad": min(given["angle_of_attack_max_rad"], round(held, 3))}
 
 
 def airframe_table(base: BaseModel) -> tuple[dict[str, Any], Kind]:
@@ -49,10 +71,11 @@ def _table(base: BaseModel, kind: Kind) -> dict[str, Any]:
     figures = FIGURES[kind]
     table: dict[str, Any] = {"base_model": base.name}
     for surface in SURFACES:
-        low, high = base.stops.get(surface, (-STOP_RAD, STOP_RAD))
+        unit = STOP_RAD if base.normalised(surface) else 1.0  # rad in one unit of the position
+        low, high = base.stops.get(surface, (-STOP_RAD / unit, STOP_RAD / unit))
         table[surface] = {
             "lag_s": figures.lag_s,
-            "rate_limit_rad_s": figures.rate_limit_rad_s,
+            "rate_limit_rad_s": round(figures.rate_limit_rad_s / unit, 3),
             "min_rad": round(low, 4),
             "max_rad": round(high, 4),
             "position": base.positions[surface],
@@ -66,66 +89,116 @@ def _table(base: BaseModel, kind: Kind) -> dict[str, Any]:
     return {**table, **({"held": levers} if levers else {})}
 
 
-def flight_points(table: dict[str, Any], base: BaseModel, most: int = 2) -> list[Found]:
-    """Return up to ``most`` flight points that trim, cruise first; BadInput when none does.
+def flight_points(table: dict[str, Any], base: BaseModel, most: int = 2, without: Collection[str] = ()) -> list[Found]:
+    """Return up to ``most`` flight points that trim, cruise first; BadInput says why none does.
 
     At each altitude speeds are tried by their lift coefficient; a point counts when throttle, elevator and angle of
     attack keep a reserve.  The second is the one whose dynamic pressure is nearest to 0.72 of the first's.
+
+    without : names of points that are known not to serve
     """
     airframe = build(Config, {**table, "flight_points": [_ANYWHERE]}, f"base model {base.name}")
-    weight = mass_kg(airframe, FlightPoint(**_ANYWHERE)) * GRAVITY
-    tried: list[FlightPoint] = []
-    flyable: list[Found] = []
-    for altitude_m in ALTITUDES_M["propeller" if base.propeller else "jet"]:
-        for lift in LIFT_COEFFICIENTS:
-            point = _point(altitude_m, sqrt(2.0 * weight / (base.wing_area_m2 * lift)))
-            if point.mach > _FASTEST or point in tried:
-                continue
-            tried.append(point)
-            flyable += _flyable(airframe, point, lift)
-    if not flyable:
-        machs = [point.mach for point in tried] or [0.0]
-        where = f"{len(tried)} points up to {max(point.altitude_m for point in tried):.0f} m" if tried else "no point"
-        tail = f"at Mach {min(machs):g} to {max(machs):g}; try one of your own with --point ALTITUDE_M:MACH"
-        raise BadInput(f"{base.name}: no level trim with a reserve of throttle and elevator at {where} {tail}")
-    return _spread(flyable, most)
-
-
-def _point(altitude_m: float, root_speed: float) -> FlightPoint:
-    """Return the flight point at which this much sqrt(2 W / (S CL)) is flown, Mach to two digits."""
-    mach = round(root_speed / sqrt(density(altitude_m)) / speed_of_sound(altitude_m), 2)
-    return flight_point_at(altitude_m, max(mach, 0.01))
-
-
-def _flyable(airframe: Config, point: FlightPoint, lift: float) -> list[Found]:
-    try:
-        trim = trimmed(airframe, point)
-    except BadInput:
-        return []
-    limit, surface = airframe.limits, airframe.elevator
-    spare = min(trim.elevator_rad - surface.min_rad, surface.max_rad - trim.elevator_rad)
-    kept = (
-        0.1 <= trim.throttle <= 0.88,
-        0.5 * limit.angle_of_attack_min_rad < trim.alpha_rad < 0.5 * limit.angle_of_attack_max_rad,
-        spare > 0.1 * (surface.max_rad - surface.min_rad),
-    )
-    return [Found(point, trim, lift)] if all(kept) else []
-
-
-def _spread(flyable: list[Found], most: int) -> list[Found]:
-    """Return the cruise point and slower ones well apart in dynamic pressure, other altitudes first."""
-    chosen = [min(flyable, key=lambda item: (abs(item.lift - _CRUISE_LIFT), -item.point.altitude_m))]
-    while len(chosen) < most:
-        pressures = [item.trim.dynamic_pressure_pa for item in chosen]
-        altitudes = [item.point.altitude_m for item in chosen]
-        apart = [item for item in flyable if all(_apart(item.trim.dynamic_pressure_pa, other) for other in pressures)]
-        if not apart:
-            break
-        wanted = _SLOWER * pressures[-1]
-        chosen.append(
-            min(apart, key=lambda x: (x.point.altitude_m in altitudes, abs(x.trim.dynamic_pressure_pa - wanted)))
-        )
+    search = _Search(airframe, [each for each in _candidates(airframe, base) if each.point.name not in without])
+    chosen: list[Found] = []
+    while len(chosen) < most and (found := search.first(chosen)):
+        chosen.append(found)
+    if not chosen:
+        raise BadInput(f"{base.name}: {search.why_none()}")
     return chosen
+
+
+def _candidates(airframe: Config, base: BaseModel) -> list[_Candidate]:
+    """Return the points to try: each altitude at each lift coefficient, Mach to two digits, none too fast."""
+    weight = mass_kg(airframe, FlightPoint(**_ANYWHERE)) * GRAVITY
+    most_lift = _MOST_PULL_LIFT / _pull_load_factor(airframe)
+    made: dict[str, _Candidate] = {}
+    for altitude_m in ALTITUDES_M["propeller" if base.propeller else "jet"]:
+        for lift in (each for each in LIFT_COEFFICIENTS if each <= most_lift):
+            speed = sqrt(2.0 * weight / (base.wing_area_m2 * lift * density(altitude_m)))
+            point = flight_point_at(altitude_m, max(round(speed / speed_of_sound(altitude_m), 2), 0.01))
+            if point.mach <= _FASTEST:
+                made.setdefault(point.name, _Candidate(point, lift))
+    return list(made.values())
+
+
+def _pull_load_factor(airframe: Config) -> float:
+    """Return the load factor [g] of the pull-up that the references are measured in."""
+    return 1.0 + _PULL * (airframe.limits.load_factor_max - 1.0)
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A point to try; ``lift`` is the coefficient that it was sought at."""
+
+    point: FlightPoint
+    lift: float
+
+    @property
+    def pressure_pa(self) -> float:
+        """The dynamic pressure there."""
+        return 0.5 * density(self.point.altitude_m) * (self.point.mach * speed_of_sound(self.point.altitude_m)) ** 2
+
+
+class _Search:
+    """Points that are tried in order of worth, each once, and why those that do not serve do not."""
+
+    def __init__(self, airframe: Config, candidates: list[_Candidate]) -> None:
+        self._airframe, self._candidates = airframe, candidates
+        self._cruise_lift = min(_CRUISE_LIFT, _PULL_LIFT / _pull_load_factor(airframe))
+        self._found: dict[str, Found | str] = {}
+
+    def first(self, chosen: list[Found]) -> Found | None:
+        """Return the best point beside those that are chosen: the first is cruise, others slower and well apart."""
+        apart = [c for c in self._candidates if all(_apart(c.pressure_pa, f.trim.dynamic_pressure_pa) for f in chosen)]
+        for candidate in sorted(apart, key=lambda each: self._worth(each, chosen)):
+            tell(f"trimming {candidate.point.name}", len(self._found), len(self._candidates))
+            found = self._found.setdefault(candidate.point.name, _try(self._airframe, candidate))
+            if isinstance(found, Found):
+                return found
+        return None
+
+    def _worth(self, candidate: _Candidate, chosen: list[Found]) -> tuple[float, float]:
+        """Return how soon a point is tried: cruise lift, high; after the first, another altitude and less pressure."""
+        if not chosen:
+            return abs(candidate.lift - self._cruise_lift), -candidate.point.altitude_m
+        wanted = _SLOWER * chosen[-1].trim.dynamic_pressure_pa
+        return candidate.point.altitude_m in {f.point.altitude_m for f in chosen}, abs(candidate.pressure_pa - wanted)
+
+    def why_none(self) -> str:
+        """Return in one line why no point serves, the commonest reason first, and what to try."""
+        if not self._candidates:
+            return f"flies faster than Mach {_FASTEST:g} at every lift coefficient; give a --point ALTITUDE_M:MACH"
+        counted = Counter(str(reason) for reason in self._found.values()).most_common()
+        points = [each.point for each in self._candidates]
+        machs = [point.mach for point in points]
+        reasons = "; ".join(f"{reason} in {count} of {len(points)} points" for reason, count in counted)
+        where = f"{min(p.altitude_m for p in points):.0f} to {max(p.altitude_m for p in points):.0f} m"
+        tail = f"({where}, Mach {min(machs):g} to {max(machs):g}); try one of your own with --point ALTITUDE_M:MACH"
+        return f"no level trim: {reasons} {tail}"
+
+
+def _try(airframe: Config, candidate: _Candidate) -> Found | str:
+    """Return the trimmed point, or what it lacks."""
+    try:
+        found = found_at(airframe, candidate.point)
+    except NoTrim as error:
+        return error.limit
+    return _lacks(airframe, found) or found
+
+
+def _lacks(airframe: Config, found: Found) -> str:
+    """Return of what a trim has too little reserve to fly on; empty: of nothing."""
+    limit, surface, trim = airframe.limits, airframe.elevator, found.trim
+    spare = min(trim.elevator_rad - surface.min_rad, surface.max_rad - trim.elevator_rad)
+    if not _THROTTLES[0] <= trim.throttle <= _THROTTLES[1]:
+        return f"throttle beyond {_THROTTLES[0]:g} to {_THROTTLES[1]:g}"
+    if not 0.5 * limit.angle_of_attack_min_rad < trim.alpha_rad < 0.5 * limit.angle_of_attack_max_rad:
+        return "angle of attack beyond half of its limit"
+    if trim.alpha_rad > 0.5 * _HELD * found.alpha_held_rad:
+        return "elevator too weak to pitch the nose down from twice the angle of attack"
+    if spare <= 0.1 * (surface.max_rad - surface.min_rad):
+        return "elevator within a tenth of its stop"
+    return ""
 
 
 def _apart(pressure: float, other: float) -> bool:

@@ -22,8 +22,8 @@ from rig.computer.analytic.designed import FILTERS, Designed, Error, Point
 from rig.computer.analytic.references import References, refer, remember
 from rig.computer.analytic.sources import PARTNERS, REMEMBERED, Config, source
 from rig.computer.control.gains import Gains
-from rig.errors import RigError
-from rig.frame import INDEX, SIGNALS, Block
+from rig.errors import BadInput, PointFault, RigError
+from rig.frame import INDEX, SIGNALS, Block, End
 from rig.kernels import kernel
 from rig.loop import fly_rows
 from rig.plant.airframe import Airframe, FlightPoint, parse
@@ -130,7 +130,7 @@ def design(name: str, gains: Gains) -> Designed:
 
     Pure: the same aircraft and gains give the same numbers.  Some seconds for each flight point.
     """
-    tables = {**aircraft.own_tables(name), "aircraft": name, "gains": gains.model_dump()}
+    tables = _tables(name, gains)
     airframe = parse(tables["airframe"], f"aircraft {name}")
     measured: list[Measured] = []
     for point in airframe.flight_points:
@@ -138,6 +138,10 @@ def design(name: str, gains: Gains) -> Designed:
         measured.append(measure(tables, airframe, point))
     measured.sort(key=lambda item: item.point.dynamic_pressure_pa)
     return _designed(airframe, [item.point for item in measured], *split(_summary(measured)))
+
+
+def _tables(name: str, gains: Gains) -> dict[str, Any]:
+    return {**aircraft.own_tables(name), "aircraft": name, "gains": gains.model_dump()}
 
 
 def split(errors: Summary) -> tuple[Summary, Summary]:
@@ -170,6 +174,8 @@ def coefficients(linear: Linear) -> dict[str, float]:
     if linear.rolls:
         fins = np.linalg.solve(b_lateral[1:3].T, b_lateral[0])  # of aileron and rudder together, s
         side = a_lateral[0, 0] - fins @ a_lateral[1:3, 0]
+        if side >= 0.0:  # the fin's force hides the body's: the sideslip of this model says nothing without the rudder
+            fins, side = np.zeros(2), a_lateral[0, 0]
     values = {
         "dynamic_pressure_pa": pressure,
         "lift_slope_1_pa": lift_slope,
@@ -186,7 +192,7 @@ def coefficients(linear: Linear) -> dict[str, float]:
 def measure(tables: dict[str, Any], airframe: Airframe, flight_point: FlightPoint) -> Measured:
     """Fly one flight point, try every filter, keep the best."""
     fixed = coefficients(linearise(airframe, flight_point))
-    tried = [Point(name=flight_point.name, **fixed, **dict.fromkeys(FILTERS, filter_s)) for filter_s in FILTERS_S]
+    tried = [_point(flight_point, fixed, filter_s) for filter_s in FILTERS_S]
     designs = [_designed(airframe, [point], {}) for point in tried]
     by_filter: list[list[Errors]] = [[] for _ in tried]
     served = [key for keys in _SERVES.values() for key in keys]
@@ -202,6 +208,26 @@ def measure(tables: dict[str, Any], airframe: Airframe, flight_point: FlightPoin
     return Measured(tried[0].model_copy(update=filters), chosen)
 
 
+def _point(flight_point: FlightPoint, fixed: dict[str, float], filter_s: float) -> Point:
+    """Return the references of one flight point; PointFault names the coefficient that they cannot work with."""
+    data = {"name": flight_point.name, **fixed, **dict.fromkeys(FILTERS, filter_s)}
+    try:
+        return build(Point, data, f"design of the references of {flight_point.name}")
+    except BadInput as error:
+        raise PointFault(str(error), flight_point.name) from None
+
+
+def try_out(name: str, gains: Gains, point: FlightPoint) -> None:
+    """Fly each manoeuvre in each turbulence at a flight point; PointFault says in which it is lost."""
+    tell(f"trying out {point.name}")
+    tables = _tables(name, gains)
+    airframe = parse(tables["airframe"], f"aircraft {name}")
+    designed = _designed(airframe, [_point(point, coefficients(linearise(airframe, point)), FILTERS_S[0])], {})
+    for case in cases():
+        if case[-1] == SEEDS[0]:
+            _ = fly(tables, point, designed, case)
+
+
 def fly(tables: dict[str, Any], flight_point: FlightPoint, designed: Designed, case: Case) -> Block:
     """Return all rows of one flight; RigError when the healthy aircraft is lost."""
     flight, turbulence, seed = case
@@ -210,8 +236,9 @@ def fly(tables: dict[str, Any], flight_point: FlightPoint, designed: Designed, c
     scenario = build(Scenario, {**tables, **own}, f"aircraft {tables['aircraft']}")
     rows = fly_rows(scenario)
     if rows["end"][-1] != 0:
-        where = f"{tables['aircraft']} {flight_point.name}"
-        raise RigError(f"{where}: lost in the healthy flight {flight!r}, {turbulence} turbulence")
+        reason = End(int(rows["end"][-1])).label
+        where = f"in the healthy flight {flight!r}, {turbulence} turbulence, after {len(rows) / RATE_HZ:.1f} s"
+        raise PointFault(f"{tables['aircraft']} {flight_point.name}: lost {where}: {reason}", flight_point.name)
     return rows
 
 

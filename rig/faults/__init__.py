@@ -5,9 +5,9 @@ sensors at once (ice).  A trigger begins it.  Several faults on one value act in
 A kind is a class that declares all of itself (settings.Triggered); fault.KINDS has them all.
 """
 
-from rig.faults.corrupt import actuate, corrupt, corrupt_reference
+from rig.faults.corrupt import actuate, break_parts, corrupt, corrupt_reference
 from rig.faults.executed import Execution
 from rig.faults.fault import KINDS, Fault, check
-from rig.faults.places import PLACES, Point
+from rig.faults.places import Places, Point
 from rig.faults.record import CLEAN, FaultData
 from rig.faults.schedule import Coils, Faults

@@ -1,7 +1,7 @@
-"""The faults of a frame, in three places: channels (of signals, of discretes) and inertial unit, references, actuators.
+"""The faults of a frame, in turn: channels and inertial unit, references, parts of servos, surfaces.
 
 In each the faults act one after the other in the order of the scenario: what one leaves is what the next finds.
-All three kernels take the row, a FRAME record, its place k in the block, and the same FaultData.
+All take the row, a FRAME record, its place k in the block, and the same FaultData.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from rig.faults.effects import Act, Acting, corrupted, flagged, freeze, keep, measured
+from rig.faults.parts import Part
 from rig.faults.trigger import advance, watch
 from rig.frame import FLIGHT_INDEX
 from rig.kernels import kernel
@@ -21,7 +22,7 @@ _FIRST_SURFACE: Final = FLIGHT_INDEX["elevator_rad"]  # where the surfaces truly
 
 @kernel
 def corrupt(row, k, data):
-    """Find out which faults act in row k, and corrupt its channels and its inertial unit.
+    """Determine which faults act in row k, and corrupt its channels and its inertial unit.
 
     Writes channels, valid, ilm, the same of the discretes, inertial and acting; before, ``data.clean``, unless it
     has no rows.
@@ -121,6 +122,31 @@ def actuate(row, data):
             mark(row, target["fault"])
     if p["watches"] != 0:
         watch(row["fcc"], data.seen)
+
+
+@kernel
+def break_parts(row, parts, whole, data):
+    """Break the parts of servo actuators: (actuators, Part, channels), in this frame as in ``whole`` but for faults.
+
+    Writes parts and acting.
+    """
+    for i in range(parts.shape[0]):
+        for j in range(parts.shape[1]):
+            for c in range(parts.shape[2]):
+                parts[i, j, c] = whole[i, j, c]
+    p, targets, state, kept, memory = data.param[0], data.targets, data.state, data.kept, data.memory
+    for t in range(p["surfaces"], p["parts"]):
+        target = targets[t]
+        st, i, part, c = state[target["fault"]], target["row"], target["part"], target["column"]
+        if st["acts"] == 0:
+            continue
+        x = parts[i, part, c]
+        parts[i, part, c] = step(row["frame"], x, x, 0.0, Acting(target, st, kept[t], memory, p["dt_s"]))
+        if target["uncommanded"] != 0:
+            parts[i, Part.COMMANDED, c] = 0.0
+        if target["seen_by_wire"] != 0:
+            parts[i, Part.OPEN_SEEN, c] = 1.0
+        mark(row, target["fault"])
 
 
 @kernel

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Literal
 
-from pydantic import model_validator
+from pydantic import ValidationInfo, model_validator
 
 from rig.faults.effects import Act, Effect
 from rig.faults.kinds import WITH_SURFACE
-from rig.faults.places import PLACES, site
+from rig.faults.places import FLIGHT, Places, places_of
 from rig.faults.settings import Corrupted, Ramped, one_form, quantity, threshold_quantity
 from rig.faults.trigger import DutyCycle, Pulses
 
@@ -27,14 +27,14 @@ class Intermittent(Corrupted):
     in_gaps: Literal["last", "invalid", "no number", "high", "low"] = quantity("", "what is said in a gap", "last")
 
     @model_validator(mode="after")
-    def _of_a_discrete(self) -> Intermittent:
-        if site(self.signal) == "discrete" and self.in_gaps == "no number":
+    def _of_a_discrete(self, info: ValidationInfo) -> Intermittent:
+        if places_of(info).site(self.signal) == "discrete" and self.in_gaps == "no number":
             raise ValueError(f"in_gaps: {self.signal} is a discrete, allowed: last, invalid, high, low")
         return self
 
     @property
     def effect(self) -> Effect:
-        """What is read in a gap."""
+        """The value in a gap."""
         if self.in_gaps in ("high", "low"):
             return Effect(Act.RANGE_END, 1.0 if self.in_gaps == "high" else -1.0)
         if self.in_gaps == "last":
@@ -61,8 +61,8 @@ class Dropout(Corrupted):
     flagged: bool = quantity("", "marked invalid, the value stays; else no number", True)
 
     @model_validator(mode="after")
-    def _of_a_discrete(self) -> Dropout:
-        if site(self.signal) == "discrete" and not self.flagged:
+    def _of_a_discrete(self, info: ValidationInfo) -> Dropout:
+        if places_of(info).site(self.signal) == "discrete" and not self.flagged:
             raise ValueError(f"flagged: {self.signal} is a discrete, which is always 0 or 1; must be true")
         return self
 
@@ -125,10 +125,11 @@ class CrossTalk(Ramped):
         """From the source."""
         return self.sized(self.act, source_place=self.source)
 
-    def check_fitted(self, fitted: Mapping[str, int]) -> None:
+    def check_fitted(self, fitted: Mapping[str, int], places: Places = FLIGHT) -> None:
         """Raise ValueError, too, unless it comes from another place of the same sort, on channels a fitted one."""
-        super().check_fitted(fitted)
-        if self.source not in PLACES or site(self.source) != site(self.signal) or self.source == self.signal:
+        super().check_fitted(fitted, places)
+        alike = self.source in places.index and places.site(self.source) == places.site(self.signal)
+        if not alike or self.source == self.signal:
             raise ValueError(f"source: {self.source!r} must be another place of the sort of {self.signal}")
         beyond = [channel for channel in self.channels if channel > fitted[self.source]]
         if beyond:

@@ -1,4 +1,4 @@
-"""What a fault does to a value: the acts, what a kind says of its own as an Effect, and the kernels."""
+"""Effects of faults on a value: the acts, the Effect that a kind declares, and the kernels."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rig.units.constants import TWO_PI
 
 
 class Act(IntEnum):
-    """What a kernel does to a value."""
+    """Operation of a kernel on a value."""
 
     VALID_ONLY = 0  # nothing to the value; its validity or its in-line monitor are another matter
     ADD = 1
@@ -50,7 +50,7 @@ OF_A_COIL: Final = (
 
 
 class Flag(IntEnum):
-    """What a fault does to the in-line monitors of its channels."""
+    """Effect of a fault on the in-line monitors of its channels."""
 
     LEAVE = 0
     BAD = 1
@@ -60,7 +60,7 @@ class Flag(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """What a fault does to each of its values, as numbers for the kernel: the fields of record.TARGET that it gives."""
+    """Effect of a fault on each of its values, as fields of record.TARGET."""
 
     act: Act
     value: float = 0.0
@@ -71,6 +71,9 @@ class Effect:
     static_rate_pa_s: float = 0.0  # PITOT_STATIC_ICE; it or the pitot line's ``value`` NaN: that line is open
     source_place: str | None = None  # CROSS_TALK: the place that it comes from; PITOT_STATIC_ICE: the second pressure
     invalid: bool = False  # the sensor flags the sample
+    part: int = 0  # places.Part of a servo actuator
+    uncommanded: bool = False  # the coil's current is no longer the one asked for
+    seen_by_wire: bool = False  # the monitor of the coil's wire may see it, by its coverage
 
 
 class Acting(NamedTuple):

@@ -1,4 +1,4 @@
-"""Which faults did something: told from the rows of a flight alone."""
+"""Execution of faults, from the rows of a flight alone."""
 
 from __future__ import annotations
 

@@ -1,10 +1,13 @@
-"""Conditions of triggers: a small expression over voted and true quantities, read once, run by a kernel.
+"""Conditions over voted and true quantities: one grammar, parsed once into steps, which a kernel runs in each frame.
 
     "dynamic_pressure > 8000 and abs(roll_rate) > 0.2"      "not autopilot_engaged or true.mach >= 0.8"
 
-Numbers, ``+ - * /``, ``abs()``, comparisons (chained too), ``and``, ``or``, ``not``, brackets; nothing else, and
-nothing is ever evaluated as Python.  A plain name is the vote of the last frame, ``true.<name>`` the truth of this
-one, SI units as in rig/frame/signals.py.  It becomes a list of steps for a machine with a stack.
+    condition   condition and condition | condition or condition | not condition | discrete
+                | number < number (<=, >, >=, ==, !=; chained too)
+    number      constant | name | -number | number + number (-, *, /) | abs(number)
+
+Brackets and precedence are Python's, whose parser reads the text; nothing is ever evaluated as Python.  A plain name
+is the vote of the last frame, ``true.<name>`` the truth of this one, SI units as in rig/frame/signals.py.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ import ast
 import math
 import warnings
 from enum import IntEnum
+from itertools import accumulate
 from typing import Final
 
 import numpy as np
@@ -27,7 +31,7 @@ DEEPEST: Final = 32  # values on the stack
 
 
 class Op(IntEnum):
-    """Steps of a program: push a number or a quantity, or replace the uppermost by what comes of them."""
+    """Steps of a program: push a number or a quantity (to TRUE_DISCRETE), replace one value (to NOT), or two."""
 
     NUMBER = 0
     VOTED = 1
@@ -55,29 +59,21 @@ class Op(IntEnum):
 STEP: Final = np.dtype([("op", "i8"), ("place", "i8"), ("value", "f8")], align=True)
 Steps = list[tuple[Op, int, float]]
 
-VOTED: Final = {
+# Every name of the grammar: its step and its place there.
+QUANTITIES: Final[dict[str, tuple[Op, int]]] = {
     **{name: (Op.VOTED, i) for name, i in INDEX.items()},
     **{name: (Op.VOTED_DISCRETE, i) for name, i in DISCRETE_INDEX.items()},
+    **{f"true.{name}": (Op.FLIGHT, i) for name, i in FLIGHT_INDEX.items()},
+    **{f"true.{name}": (Op.TRUTH, i) for name, i in INDEX.items()},
+    **{f"true.{name}": (Op.TRUE_DISCRETE, i) for name, i in DISCRETE_INDEX.items()},
 }
-TRUE: Final = {
-    **{name: (Op.FLIGHT, i) for name, i in FLIGHT_INDEX.items()},
-    **{name: (Op.TRUTH, i) for name, i in INDEX.items()},
-    **{name: (Op.TRUE_DISCRETE, i) for name, i in DISCRETE_INDEX.items()},
+# Every operator: its step.
+_ARITHMETIC: Final = {ast.Add: Op.ADD, ast.Sub: Op.SUBTRACT, ast.Mult: Op.MULTIPLY, ast.Div: Op.DIVIDE}
+_COMPARE: Final = {
+    **{ast.Lt: Op.LESS, ast.LtE: Op.LESS_EQUAL, ast.Gt: Op.GREATER},
+    **{ast.GtE: Op.GREATER_EQUAL, ast.Eq: Op.EQUAL, ast.NotEq: Op.NOT_EQUAL},
 }
-_ARITHMETIC: Final[dict[type[ast.operator], Op]] = {
-    ast.Add: Op.ADD,
-    ast.Sub: Op.SUBTRACT,
-    ast.Mult: Op.MULTIPLY,
-    ast.Div: Op.DIVIDE,
-}
-_COMPARE: Final[dict[type[ast.cmpop], Op]] = {
-    ast.Lt: Op.LESS,
-    ast.LtE: Op.LESS_EQUAL,
-    ast.Gt: Op.GREATER,
-    ast.GtE: Op.GREATER_EQUAL,
-    ast.Eq: Op.EQUAL,
-    ast.NotEq: Op.NOT_EQUAL,
-}
+_JOIN: Final = {ast.And: Op.AND, ast.Or: Op.OR}
 
 
 def parse(text: str) -> NDArray[np.void]:
@@ -98,48 +94,37 @@ def parse(text: str) -> NDArray[np.void]:
 
 def _condition(node: ast.expr) -> Steps:
     """Return steps that leave 1 or 0."""
-    if isinstance(node, ast.BoolOp):
-        join = Op.AND if isinstance(node.op, ast.And) else Op.OR
-        first, *others = (_condition(value) for value in node.values)
-        return [*first, *(step for other in others for step in (*other, (join, 0, 0.0)))]
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
-        return [*_condition(node.operand), (Op.NOT, 0, 0.0)]
-    if isinstance(node, ast.Compare):
-        return _comparison(node)
-    name = _name(node)
-    if name is not None and (name in DISCRETE_INDEX or name.removeprefix("true.") in DISCRETE_INDEX):
-        return _quantity(name)
+    match node:
+        case ast.BoolOp(op=join, values=values):
+            return _joined([_condition(value) for value in values], _JOIN[type(join)])
+        case ast.UnaryOp(op=ast.Not(), operand=operand):
+            return [*_condition(operand), _step(Op.NOT)]
+        case ast.Compare(left=left, ops=compares, comparators=others):
+            sides = [_number(side) for side in (left, *others)]
+            if any(type(compare) not in _COMPARE for compare in compares):
+                raise ValueError(f"{ast.unparse(node)!r}: compare with <, <=, >, >=, == or !=")
+            pairs = zip(sides, sides[1:], compares, strict=False)  # a < b < c is a < b and b < c
+            return _joined([[*a, *b, _step(_COMPARE[type(compare)])] for a, b, compare in pairs], Op.AND)
+    if QUANTITIES.get(ast.unparse(node), (None,))[0] in (Op.VOTED_DISCRETE, Op.TRUE_DISCRETE):
+        return _quantity(node)
     raise ValueError(f"{ast.unparse(node)!r} is no condition; compare it: <, <=, >, >=, ==, !=")
-
-
-def _comparison(node: ast.Compare) -> Steps:
-    """Return steps for a comparison: ``a < b < c`` is ``a < b and b < c``, as nothing has side effects."""
-    sides = [_number(side) for side in (node.left, *node.comparators)]
-    steps: Steps = []
-    for i, compare in enumerate(node.ops):
-        if type(compare) not in _COMPARE:
-            raise ValueError(f"{ast.unparse(node)!r}: compare with <, <=, >, >=, == or !=")
-        steps += [*sides[i], *sides[i + 1], (_COMPARE[type(compare)], 0, 0.0)]
-        steps += [(Op.AND, 0, 0.0)] if i > 0 else []
-    return steps
 
 
 def _number(node: ast.expr) -> Steps:
     """Return steps that leave a number."""
-    if isinstance(node, ast.Constant):
-        return [(Op.NUMBER, 0, _finite(node))]
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
-        return [*_number(node.operand), (Op.NEGATE, 0, 0.0)]
-    if isinstance(node, ast.BinOp) and type(node.op) in _ARITHMETIC:
-        return [*_number(node.left), *_number(node.right), (_ARITHMETIC[type(node.op)], 0, 0.0)]
-    if isinstance(node, ast.Call):
-        called = ast.unparse(node.func)
-        if called != "abs" or len(node.args) != 1 or node.keywords:
-            raise ValueError(f"{called}() cannot be called, allowed: abs() of one number")
-        return [*_number(node.args[0]), (Op.ABS, 0, 0.0)]
-    name = _name(node)
-    if name is not None:
-        return _quantity(name)
+    match node:
+        case ast.Constant():
+            return [(Op.NUMBER, 0, _finite(node))]
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return [*_number(operand), _step(Op.NEGATE)]
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in _ARITHMETIC:
+            return [*_number(left), *_number(right), _step(_ARITHMETIC[type(op)])]
+        case ast.Call(func=ast.Name(id="abs"), args=[inner], keywords=[]):
+            return [*_number(inner), _step(Op.ABS)]
+        case ast.Call(func=called):
+            raise ValueError(f"{ast.unparse(called)}() cannot be called, allowed: abs() of one number")
+        case ast.Name() | ast.Attribute(value=ast.Name()):
+            return _quantity(node)
     raise ValueError(f"{ast.unparse(node)!r} is no number")
 
 
@@ -150,32 +135,30 @@ def _finite(node: ast.Constant) -> float:
     raise ValueError(f"{ast.unparse(node)!r} is no finite number")
 
 
-def _name(node: ast.expr) -> str | None:
-    """Return ``roll_rate`` or ``true.roll_rate``; None when it is neither of that form."""
-    if isinstance(node, ast.Name):
-        return node.id
-    if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-        return f"{node.value.id}.{node.attr}"
-    return None
-
-
-def _quantity(name: str) -> Steps:
-    known = {**VOTED, **{f"true.{true}": place for true, place in TRUE.items()}}
-    if name not in known:
-        of = TRUE if name.startswith("true.") else VOTED
-        names = [f"true.{true}" for true in TRUE] if of is TRUE else [*of, "true.<name>"]
+def _quantity(node: ast.expr) -> Steps:
+    """Return the step that pushes what a name stands for, ``roll_rate`` or ``true.roll_rate``."""
+    name = ast.unparse(node)
+    if name not in QUANTITIES:
+        true = name.startswith("true.")
+        names = [known for known in QUANTITIES if known.startswith("true.") == true] + ["true.<name>"] * (not true)
         raise ValueError(f"unknown name {quoted(name)}, {choices(name, names, 'docs/faults.md')}")
-    op, place = known[name]
-    return [(op, place, 0.0)]
+    return [(*QUANTITIES[name], 0.0)]
+
+
+def _step(op: Op) -> tuple[Op, int, float]:
+    return op, 0, 0.0
+
+
+def _joined(parts: list[Steps], join: Op) -> Steps:
+    """Return the steps of all parts, joined one after the other."""
+    first, *others = parts
+    return [*first, *(step for other in others for step in (*other, _step(join)))]
 
 
 def _depth(steps: Steps) -> int:
     """Return the most values that are on the stack at once."""
-    height = most = 0
-    for op, *_ in steps:
-        height += 1 if op < Op.NEGATE else 0 if op <= Op.NOT else -1
-        most = max(most, height)
-    return most
+    heights = accumulate(1 if op < Op.NEGATE else 0 if op <= Op.NOT else -1 for op, *_ in steps)
+    return max(heights)
 
 
 def reads_votes(program: NDArray[np.void]) -> bool:
@@ -223,7 +206,7 @@ def load(op, place, value, truth, seen):
 
 @kernel
 def of_one(op, a):
-    """Return what a step makes of the uppermost value."""
+    """Apply a unary operation to the top of the stack."""
     if op == Op.NEGATE:
         return -a
     if op == Op.ABS:
@@ -233,38 +216,32 @@ def of_one(op, a):
 
 @kernel
 def of_two(op, a, b):
-    """Return what a step makes of the two uppermost values."""
-    if op <= Op.DIVIDE:
-        return arithmetic(op, a, b)
-    if a != a or b != b:
-        return 0.0
-    true = False
-    if op == Op.LESS:
-        true = a < b
-    elif op == Op.LESS_EQUAL:
-        true = a <= b
-    elif op == Op.GREATER:
-        true = a > b
-    elif op == Op.GREATER_EQUAL:
-        true = a >= b
-    elif op == Op.EQUAL:
-        true = a == b
-    elif op == Op.NOT_EQUAL:
-        true = a != b
-    elif op == Op.AND:
-        true = a != 0.0 and b != 0.0
-    else:
-        true = a != 0.0 or b != 0.0
-    return 1.0 if true else 0.0
-
-
-@kernel
-def arithmetic(op, a, b):
-    """Return sum, difference, product or quotient."""
+    """Apply a binary operation to the two uppermost values of the stack."""
     if op == Op.ADD:
         return a + b
     if op == Op.SUBTRACT:
         return a - b
     if op == Op.MULTIPLY:
         return a * b
-    return a / b if b != 0.0 else math.nan
+    if op == Op.DIVIDE:
+        return a / b if b != 0.0 else math.nan
+    return 1.0 if a == a and b == b and compare(op, a, b) else 0.0
+
+
+@kernel
+def compare(op, a, b):
+    """Return True if a comparison, or the join of two conditions, holds; both are numbers."""
+    if op == Op.LESS:
+        return a < b
+    if op == Op.LESS_EQUAL:
+        return a <= b
+    if op == Op.GREATER:
+        return a > b
+    if op == Op.GREATER_EQUAL:
+        return a >= b
+    if op == Op.EQUAL:
+        return a == b
+    if op == Op.NOT_EQUAL:
+        return a != b
+    both = a != 0.0 and b != 0.0
+    return both if op == Op.AND else a != 0.0 or b != 0.0

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Union, get_args
 
 from pydantic import Field, field_validator, model_validator
 
-from rig.faults import data_path, kinds, systems
+from rig.faults import actuators, data_path, kinds, systems
+from rig.faults.places import FLIGHT, Places
 from rig.faults.settings import Triggered
 from rig.settings import LONGEST_S, Settings
 from rig.text import choices, quoted
@@ -16,7 +17,7 @@ from rig.text import choices, quoted
 # Every kind by its name, in the order of the catalogue: as the classes stand in their modules.
 KINDS: Final[dict[str, type[Triggered]]] = {
     get_args(model.model_fields["kind"].annotation)[0]: model
-    for module in (kinds, data_path, systems)
+    for module in (kinds, data_path, systems, actuators)
     for model in vars(module).values()
     if isinstance(model, type) and model.__module__ == module.__name__
     if issubclass(model, Triggered) and "kind" in model.model_fields
@@ -24,7 +25,7 @@ KINDS: Final[dict[str, type[Triggered]]] = {
 if TYPE_CHECKING:
 
     class Fault(Triggered):
-        """What a fault of any kind has."""
+        """A fault of any kind."""
 
         kind: str
         signal: str
@@ -35,7 +36,7 @@ RESET, PAUSE, END = "r", "p", "q"  # keys with a meaning of their own
 _TRIGGERS: Final = ("start_s", "when", "on", "after", "rate_per_hour", "end_s")
 
 
-def check(faults: Sequence[Fault], fitted: Mapping[str, int]) -> None:
+def check(faults: Sequence[Fault], fitted: Mapping[str, int], places: Places = FLIGHT) -> None:
     """Raise ValueError, one line, where faults do not fit the aircraft or each other.
 
     fitted : number of channels of each signal and discrete
@@ -43,7 +44,7 @@ def check(faults: Sequence[Fault], fitted: Mapping[str, int]) -> None:
     _check_labels(faults)
     for i, fault in enumerate(faults):
         try:
-            fault.check_fitted(fitted)
+            fault.check_fitted(fitted, places)
         except ValueError as error:
             raise ValueError(f"faults.{i}.{error}") from None
     order(faults)
@@ -76,8 +77,8 @@ def parent(faults: Sequence[Fault], i: int) -> int | None:
     labels = [fault.label for fault in faults]
     if after not in labels:
         others = [repr(label) for j, label in enumerate(labels) if j != i]
-        known = choices(after, others) if others else "allowed: none, there is no other"
-        raise ValueError(f"faults.{i}.after: no fault {quoted(after)}, {known}")
+        accepted = choices(after, others) if others else "allowed: none, there is no other"
+        raise ValueError(f"faults.{i}.after: no fault {quoted(after)}, {accepted}")
     if labels.count(after) > 1:
         raise ValueError(f"faults.{i}.after: {after!r} is the name of several faults; give the one an id")
     return labels.index(after)

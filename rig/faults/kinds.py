@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import Final, Literal
 
-from pydantic import model_validator
+from pydantic import ValidationInfo, model_validator
 
 from rig.faults.effects import Act, Effect
-from rig.faults.places import Site, site
+from rig.faults.places import Site, places_of
 from rig.faults.settings import Corrupted, Ramped, Size, one_form, quantity, require_one, threshold_quantity
 from rig.faults.trigger import DutyCycle, Pulses
 
@@ -95,7 +95,7 @@ class Scale(Ramped):
 
     @property
     def magnitude(self) -> Size:
-        """How far the factor is from 1."""
+        """The factor's distance from 1."""
         return Size(abs(1.0 - self.factor), False)
 
 
@@ -127,14 +127,14 @@ class Stuck(Ramped):
     )
 
     @model_validator(mode="after")
-    def _of_a_discrete(self) -> Stuck:
-        if site(self.signal) == "discrete" and self.value not in (None, 0.0, 1.0):
+    def _of_a_discrete(self, info: ValidationInfo) -> Stuck:
+        if places_of(info).site(self.signal) == "discrete" and self.value not in (None, 0.0, 1.0):
             raise ValueError(f"value: {self.signal} is a discrete, allowed: 0, 1; got {self.value:g}")
         return self
 
     @property
     def effect(self) -> Effect:
-        """Where it is, or at a given value."""
+        """Held in place, or at a given value."""
         return Effect(Act.HOLD) if self.value is None else Effect(Act.SET, self.value)
 
 

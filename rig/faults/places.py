@@ -1,27 +1,22 @@
-"""Where a fault can sit: channels of a signal or a discrete, the inertial unit, a reference, a surface's actuator."""
+"""Places of faults: channels of a signal or a discrete, inertial unit, reference, actuator of a surface."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from itertools import chain
 from typing import Final, Literal, NamedTuple
 
-from rig.frame import DISCRETE_INDEX, INDEX, INERTIAL, SURFACES
+from pydantic import ValidationInfo
+
+from rig.frame import DISCRETE_INDEX, INERTIAL, MOVED, SIGNALS, SURFACES, SYSTEMS
 from rig.text import choices
 
-Site = Literal["channel", "inertial", "reference", "surface", "discrete"]
+Site = Literal["channel", "inertial", "reference", "surface", "discrete", "actuator", "hydraulics"]
+OF_SERVOS: Final[tuple[Site, ...]] = ("actuator", "hydraulics")  # there with servo actuators alone
+_HEADS: Final[tuple[Site, ...]] = ("inertial", "reference", "surface", *OF_SERVOS)
 CHANNELLED: Final[tuple[Site, ...]] = ("channel", "discrete")  # where a fault sits on numbered channels
 WITH_THRESHOLD: Final[tuple[Site, ...]] = ("channel", "reference")  # where magnitudes may be given in thresholds
 SURFACE_NAMES: Final = tuple(name.removesuffix("_rad") for name in SURFACES)  # every aircraft has these
-# Each place by name, and its row in the table of ranges that the stage is made with: the signals, the quantities of
-# the inertial unit, the references in the order of the signals, the surfaces; behind that table the discretes.
-_NAMES: Final[dict[Site, list[str]]] = {
-    "channel": [*INDEX],
-    "inertial": [f"inertial.{name}" for name in INERTIAL],
-    "reference": [f"reference.{name}" for name in INDEX],
-    "surface": [f"surface.{name}" for name in SURFACE_NAMES],
-    "discrete": [*DISCRETE_INDEX],
-}
-PLACES: Final = {name: i for i, name in enumerate(chain(*_NAMES.values()))}
 
 
 class Point(NamedTuple):
@@ -31,25 +26,71 @@ class Point(NamedTuple):
     channel: int | None = None
 
 
-def site(place: str) -> Site:
-    """Return what kind of place it is."""
-    if place in DISCRETE_INDEX:
-        return "discrete"
-    head = place.partition(".")[0]
-    return head if head in ("inertial", "reference", "surface") else "channel"
+class Places:
+    """All places of a flight, or of a recording, which has channels of signals and discretes of its own names.
+
+    names : of each sort; index : each name's row in the table of ranges that the stage is made with, behind which
+    the discretes come; wraps : (signals,) whether they are angles on the circle
+    """
+
+    def __init__(
+        self,
+        signals: Mapping[str, bool],
+        discretes: Iterable[str],
+        inertial: Iterable[str] = (),
+        surfaces: Iterable[str] = (),
+        actuators: Iterable[str] = (),
+        systems: int = 0,
+    ) -> None:
+        of_unit = [f"inertial.{name}" for name in inertial]
+        self.names: dict[Site, list[str]] = {
+            "channel": [*signals],
+            "inertial": of_unit,
+            "reference": [f"reference.{name}" for name in signals] if of_unit else [],
+            "surface": [f"surface.{name}" for name in surfaces],
+            "discrete": [*discretes],
+            "actuator": [f"actuator.{name}" for name in actuators],
+            "hydraulics": [f"hydraulics.{system + 1}" for system in range(systems)],
+        }
+        self.index = {name: i for i, name in enumerate(chain(*self.names.values()))}
+        self.wraps = [*signals.values()]
+
+    def site(self, place: str) -> Site:
+        """Return what kind of place it is."""
+        if place in self.names["discrete"]:
+            return "discrete"
+        if place in self.names["channel"]:
+            return "channel"
+        found: Site = next((head for head in _HEADS if place.partition(".")[0] == head), "channel")
+        return found
+
+    def number(self, place: str) -> int:
+        """Return the index of a place among those of its kind."""
+        return self.index[place] - self.index[self.names[self.site(place)][0]]
+
+    def require(self, name: str) -> str:
+        """Return ``name`` if it is a place; ValueError says what is allowed there."""
+        if name in self.index:
+            return name
+        of = self.site(name)
+        if of in ("surface", *OF_SERVOS) and self.names[of]:
+            what = "hydraulic system" if of == "hydraulics" else of
+            raise ValueError(f"the aircraft has no such {what}, {choices(name, self.names[of])}")
+        known = self.index if of == "channel" else self.names[of]
+        raise ValueError(f"unknown signal, {choices(name, known, 'docs/faults.md')}")
 
 
-def number(place: str) -> int:
-    """Return the index of a place among those of its kind."""
-    return PLACES[place] - PLACES[_NAMES[site(place)][0]]
+FLIGHT: Final = Places(
+    {signal.name: signal.wraps for signal in SIGNALS}, DISCRETE_INDEX, INERTIAL, SURFACE_NAMES, MOVED, SYSTEMS
+)
+site, number = FLIGHT.site, FLIGHT.number
 
 
-def refuse_unknown(name: str) -> str:
+def places_of(info: ValidationInfo) -> Places:
+    """Return the places that settings are read for: the context of the validation, else those of a flight."""
+    return info.context or FLIGHT
+
+
+def refuse_unknown(name: str, info: ValidationInfo) -> str:
     """Return ``name`` if it is a place; ValueError says what is allowed there."""
-    if name in PLACES:
-        return name
-    of = site(name)
-    if of == "surface":
-        raise ValueError(f"the aircraft has no such surface, {choices(name, _NAMES[of])}")
-    known = PLACES if of == "channel" else _NAMES[of]
-    raise ValueError(f"unknown signal, {choices(name, known, 'docs/faults.md')}")
+    return places_of(info).require(name)

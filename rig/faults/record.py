@@ -1,4 +1,4 @@
-"""The faults of a flight as numbers: what the kernels read, and what they keep."""
+"""The faults of a flight as records: parameters and state of the kernels."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rig.frame import CHANNELS, FCC, D, S
 
 
 class Trigger(IntEnum):
-    """What makes a fault begin."""
+    """Trigger of a fault."""
 
     TIME = 0
     CONDITION = 1
@@ -30,7 +30,8 @@ PARAM: Final = np.dtype(
         ("samples", "i8"),  # the targets up to here are channels of signals and the inertial unit,
         ("discretes", "i8"),  # from there up to here channels of discretes,
         ("references", "i8"),  # from there up to here references,
-        ("surfaces", "i8"),  # from there up to here surfaces
+        ("surfaces", "i8"),  # from there up to here surfaces,
+        ("parts", "i8"),  # from there up to here parts of servo actuators
         ("watches", "u1"),  # whether a trigger needs the last frame's votes
     ],
     align=True,
@@ -78,7 +79,7 @@ STATE: Final = np.dtype(
     ],
     align=True,
 )
-# One record a value that a fault acts on, in the order of the scenario within each of the four sorts.
+# One record a value that a fault acts on, in the order of the scenario within each of the five sorts.
 TARGET: Final = np.dtype(
     [
         ("fault", "i8"),
@@ -86,7 +87,10 @@ TARGET: Final = np.dtype(
         ("remembers", "u1"),  # it needs the value while the fault does not act
         ("invalid", "u1"),
         ("wraps", "u1"),
-        ("row", "i8"),  # index of the signal or discrete; -1: the inertial unit
+        ("part", "u1"),  # places.Part
+        ("uncommanded", "u1"),
+        ("seen_by_wire", "u1"),
+        ("row", "i8"),  # index of the signal, discrete or actuator; -1: the inertial unit
         ("column", "i8"),  # channel; index of the quantity, the reference, the surface
         ("source", "i8"),  # cross-talk: index of the signal, quantity or reference; ice: the dynamic pressure
         ("low", "f8"),
@@ -148,12 +152,19 @@ SEEN: Final = np.dtype(
     ],
     align=True,
 )
+
+
 # Samples of the sensors before any fault, as the fields of BUS; kept for who scores a flight in memory.
-CLEAN: Final = np.dtype([("channels", "f8", (S, CHANNELS)), ("valid", "u1", (S, CHANNELS))], align=True)
+def clean_of(signals: int) -> np.dtype[Any]:
+    """Return the record of the samples of so many signals before any fault."""
+    return np.dtype([("channels", "f8", (signals, CHANNELS)), ("valid", "u1", (signals, CHANNELS))], align=True)
+
+
+CLEAN: Final = clean_of(S)
 
 
 class FaultData(NamedTuple):
-    """What the faults need besides the row; the draws and ``clean`` are those of a block of n rows."""
+    """Data of the faults besides the row; the draws and ``clean`` are those of a block of n rows."""
 
     param: NDArray[Any]  # (1,) PARAM
     schedule: NDArray[Any]  # (F,) SCHEDULE

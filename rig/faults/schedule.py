@@ -13,17 +13,16 @@ from numpy.random import Generator, SeedSequence
 from numpy.typing import NDArray
 
 from rig.faults import fault as together
-from rig.faults.corrupt import actuate, corrupt, corrupt_reference
 from rig.faults.effects import OF_A_COIL, REMEMBERING, Act, Effect
 from rig.faults.expression import DEEPEST, STEP, parse, reads_votes
 from rig.faults.fault import Fault
-from rig.faults.places import CHANNELLED, PLACES, Point, number, site
+from rig.faults.places import CHANNELLED, FLIGHT, OF_SERVOS, Places, Point
 from rig.faults.record import CLEAN, FOREVER, KEPT, PARAM, SCHEDULE, SEEN, STATE, TARGET, FaultData, Trigger
 from rig.faults.trigger import DutyCycle
-from rig.frame import SIGNALS, Block, D, S, Signal, nested, to_frame
+from rig.frame import Block, to_frame
 
 _COPIED: Final = tuple(field.name for field in fields(Effect) if field.name in (TARGET.names or ()))
-_SORTS: Final = (("channel", "inertial"), ("discrete",), ("reference",), ("surface",))
+_SORTS: Final = (("channel", "inertial"), ("discrete",), ("reference",), ("surface",), OF_SERVOS)
 
 
 class Coils(NamedTuple):
@@ -39,10 +38,11 @@ class Faults:
 
     faults : of the scenario, checked; ranges : (n, 2) lowest and highest value of every place but the discretes
     seeds  : of this stage; every fault draws from generators of its own, which its name gives
-    thresholds : (S,) of the signals' monitors, for magnitudes that are given in them
+    thresholds : (signals,) of the signals' monitors, for magnitudes that are given in them
     coils  : the in-line monitors that measure, by signal
     clean  : (keep_clean,) CLEAN, what the sensors gave before any fault in the last so many frames (``clean_of``)
-    signals : (S,) those whose samples the frame holds; a recording has others in the places of the flight's
+    wire_coverage : chance that the monitor of a coil's wire sees it open, drawn once a fault
+    places : those of a flight, or of a recording, whose rows have signals of its own
     All state is plain arrays and can be copied.
     """
 
@@ -56,11 +56,14 @@ class Faults:
         thresholds: NDArray[np.float64] | None = None,
         coils: Mapping[str, Coils] | None = None,
         keep_clean: int = 0,
-        signals: Sequence[Signal] = SIGNALS,
+        places: Places = FLIGHT,
+        wire_coverage: float = 1.0,
     ) -> None:
-        self._faults, self._rate_hz, self._signals = faults, rate_hz, signals
-        self._ranges = np.vstack([ranges, [(0.0, 1.0)] * D])
-        self._thresholds = np.full(S, np.nan) if thresholds is None else thresholds
+        self._faults, self._rate_hz, self._places = faults, rate_hz, places
+        discretes, servos = len(places.names["discrete"]), sum(len(places.names[site]) for site in OF_SERVOS)
+        self._ranges = np.array([*ranges, *[(0.0, 1.0)] * discretes, *[(-np.inf, np.inf)] * servos])
+        self._wire_coverage = wire_coverage
+        self._thresholds = np.full(len(places.wraps), np.nan) if thresholds is None else thresholds
         self._seeds = SeedSequence(0) if seeds is None else seeds
         self._coils = coils or {}
         self._uniform_from: list[Generator] = []
@@ -86,7 +89,7 @@ class Faults:
 
     @property
     def data(self) -> FaultData:
-        """What the kernels need besides the row; the same arrays until the next ``prepare``."""
+        """Data of the kernels besides the row; the same arrays until the next ``prepare``."""
         return FaultData(
             param=self.param,
             schedule=self.schedule,
@@ -116,18 +119,6 @@ class Faults:
         """Return what is kept of ``rows``, a whole block or its first rows; no rows where nothing is kept."""
         first = int(rows["frame"][0]) % len(self.clean) if len(self.clean) else 0
         return self.clean[first:][: len(rows)]
-
-    def step(self, block: Block, k: int) -> None:
-        """Decide who acts in row k; corrupt its channels and its inertial unit."""
-        corrupt(nested(block)[k], k, self.data)
-
-    def refer(self, block: Block, k: int) -> None:
-        """Corrupt the references of row k."""
-        corrupt_reference(nested(block)[k], k, self.data)
-
-    def actuate(self, block: Block, k: int) -> None:
-        """Corrupt what reaches the actuators in row k."""
-        actuate(nested(block)[k], self.data)
 
     def _frames(self, seconds: float | None, otherwise: int) -> int:
         """Return a time in frames, at least one."""
@@ -217,7 +208,7 @@ class Faults:
     def _targets(self) -> NDArray[np.void]:
         """Return a TARGET record for every value that a fault acts on, sorted by sort, then as in the scenario."""
         targets: list[NDArray[np.void]] = []
-        self._ends = []
+        self._ends, site = [], self._places.site
         for sites in _SORTS:
             for i, fault in enumerate(self._faults):
                 targets += [self._target(i, point) for point in fault.targets if site(point.place) in sites]
@@ -226,16 +217,20 @@ class Faults:
 
     def _target(self, i: int, point: Point) -> NDArray[np.void]:
         row = np.zeros((), TARGET)
-        effect, where, at = self._faults[i].effect, site(point.place), number(point.place)
+        places, effect = self._places, self._faults[i].effect
+        where, at = places.site(point.place), places.number(point.place)
         source = effect.source_place or point.place
         for name in _COPIED:
             row[name] = getattr(effect, name)
         row["fault"], row["remembers"] = i, effect.act in REMEMBERING
-        row["wraps"] = where in ("channel", "reference") and self._signals[at].wraps
+        row["wraps"] = where in ("channel", "reference") and places.wraps[at]
         row["row"], row["column"] = (at, (point.channel or 1) - 1) if where in CHANNELLED else (-1, at)
-        row["source"] = number(source)
-        row["low"], row["high"] = low, high = self._ranges[PLACES[point.place]]
-        row["source_low"], row["source_high"] = self._ranges[PLACES[source]]
+        if where in OF_SERVOS:
+            row["row"], row["column"] = (at, (point.channel or 1) - 1) if where == "actuator" else (0, at)
+            row["seen_by_wire"] = effect.seen_by_wire and self._generator(i, "wire").random() < self._wire_coverage
+        row["source"] = places.number(source)
+        row["low"], row["high"] = low, high = self._ranges[places.index[point.place]]
+        row["source_low"], row["source_high"] = self._ranges[places.index[source]]
         if effect.thresholds:
             row["value"] = effect.value * self._thresholds[at]
         row["ramp"] = getattr(self._faults[i], "ramp_s", 0.0) * self._rate_hz
@@ -251,8 +246,7 @@ class Faults:
         elif effect.act == Act.VALID_ONLY and where not in CHANNELLED:
             row["act"] = Act.NO_NUMBER  # there is no flag to set
         elif effect.act == Act.NOISE:
-            place = self._signals[at].name if where == "channel" else point.place
-            self._normal_from.append(self._generator(i, f"noise {place} {point.channel}"))
+            self._normal_from.append(self._generator(i, f"noise {point.place} {point.channel}"))
             row["draw"] = len(self._normal_from) - 1
         elif effect.act == Act.DELAY:
             frames = effect.value * self._rate_hz
@@ -273,7 +267,7 @@ class Faults:
         param = np.zeros(1, PARAM)
         row = param[0]
         row["dt_s"] = 1.0 / self._rate_hz
-        row["samples"], row["discretes"], row["references"], row["surfaces"] = self._ends
+        row["samples"], row["discretes"], row["references"], row["surfaces"], row["parts"] = self._ends
         voting = self.schedule["needs_votes"] != 0
         row["watches"] = voting.any() or (self.schedule["trigger"] == Trigger.TRANSITION).any()
         return param

@@ -1,4 +1,4 @@
-"""What every entry of ``[[faults]]`` has, and what every kind declares of itself.
+"""Settings of every entry of ``[[faults]]``, and the declarations of a kind.
 
 An entry has a name, a trigger, how long and how often it acts, where it sits.  A kind is a class with a ``kind`` in
 kinds.py, data_path.py or systems.py; all that anybody asks of a kind is declared there, see ``Triggered``.
@@ -7,14 +7,15 @@ A magnitude is given in the unit of the signal or in thresholds of its monitor, 
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Final, NamedTuple
 
-from pydantic import AfterValidator, Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
 from rig.faults.effects import Act, Effect, Flag
 from rig.faults.expression import parse
-from rig.faults.places import CHANNELLED, WITH_THRESHOLD, Point, Site, refuse_unknown, site
+from rig.faults.places import CHANNELLED, FLIGHT, WITH_THRESHOLD, Places, Point, Site, places_of, refuse_unknown
 from rig.faults.trigger import Pulses, Transition
 from rig.frame import CHANNELS
 from rig.settings import Settings
@@ -50,7 +51,7 @@ _TRIGGERS: Final = ("when", "on", "after", "rate_per_hour")
 
 
 class Size(NamedTuple):
-    """How large a fault is, as its settings say it."""
+    """Magnitude of a fault, as given in its settings."""
 
     value: float
     thresholds: bool  # in thresholds of the signal's monitor, else in the unit of its setting
@@ -132,9 +133,9 @@ class Triggered(Settings):
         return fault_names.label(dict(self))
 
     @property
+    @abstractmethod
     def points(self) -> list[Point]:
         """The values that it acts on."""
-        raise NotImplementedError(type(self).__name__)
 
     @property
     def targets(self) -> list[Point]:
@@ -143,7 +144,7 @@ class Triggered(Settings):
 
     @property
     def size(self) -> Size | None:
-        """How large it is; None for a kind without a size."""
+        """The size, with its sign; None for a kind without one."""
         for key in self.sizes:
             for name, thresholds in ((key, False), (in_thresholds(key), True)):
                 value = getattr(self, name, None)
@@ -153,12 +154,12 @@ class Triggered(Settings):
 
     @property
     def magnitude(self) -> Size | None:
-        """How large it is for tables: without its sign."""
+        """The size without its sign, for tables."""
         return None if self.size is None else self.size._replace(value=abs(self.size.value))
 
     @property
     def effect(self) -> Effect:
-        """What the kernel does: ``act``, by the size."""
+        """The effect for the kernel: ``act``, by the size."""
         return self.sized(self.act)
 
     def sized(self, act: Act, **more: Any) -> Effect:
@@ -168,18 +169,18 @@ class Triggered(Settings):
 
     @property
     def flag(self) -> Flag:
-        """What happens to the in-line monitors of its channels."""
+        """The effect on the in-line monitors of its channels."""
         return Flag.BAD if getattr(self, "seen_by_ilm", False) else Flag.LEAVE
 
     @property
     def pulses(self) -> Pulses:
-        """When within its time it acts: always."""
+        """The pulses in which it acts: always."""
         return Pulses()
 
-    def check_fitted(self, fitted: Mapping[str, int]) -> None:
+    def check_fitted(self, fitted: Mapping[str, int], places: Places = FLIGHT) -> None:
         """Raise ValueError where it names channels that are not ``fitted``: number by signal and discrete."""
         for place, channel in self.points:
-            if channel is not None and channel > fitted[place]:
+            if channel is not None and channel > fitted.get(place, CHANNELS):
                 raise ValueError(f"channels: {place} has {fitted[place]} channels, got [{channel}]")
         on = self.on
         if on is not None and on.signal is not None and on.channel is not None and on.channel > fitted[on.signal]:
@@ -190,21 +191,23 @@ class Placed(Triggered):
     """A fault on channels of one signal or discrete, or on one value of the inertial unit, a reference or a surface."""
 
     sites: ClassVar[tuple[Site, ...]] = ("channel", "inertial", "reference")
+    on_channels: ClassVar[bool | None] = None  # None: where the place has channels
 
     signal: Annotated[str, AfterValidator(refuse_unknown)] = quantity(
         "", "where it sits: <signal>, <discrete>, inertial.<quantity>, reference.<signal>, surface.<name>"
     )
-    channels: Channels = quantity("", "of a signal or discrete, counted from 1; nothing else has any", [])
+    channels: Channels = quantity("", "of a signal, a discrete or an actuator, from 1", [])
 
     @model_validator(mode="after")
-    def _placed(self) -> Placed:
-        where = site(self.signal)
+    def _placed(self, info: ValidationInfo) -> Placed:
+        where = places_of(info).site(self.signal)
         if where not in self.sites:
             on = f"{self.signal}, a discrete" if where == "discrete" else self.signal
             raise ValueError(f"signal: {dict(self)['kind']} cannot sit on {on}, allowed: {', '.join(self.sites)}")
-        if where in CHANNELLED and not self.channels:
+        channelled = where in CHANNELLED if self.on_channels is None else self.on_channels
+        if channelled and not self.channels:
             raise ValueError("channels: at least 1 is needed")
-        if where not in CHANNELLED and self.channels:
+        if not channelled and self.channels:
             raise ValueError(f"channels: {self.signal} has none, got {self.channels}")
         if where not in CHANNELLED and getattr(self, "seen_by_ilm", False):
             raise ValueError(f"seen_by_ilm: {self.signal} has no in-line monitor")
@@ -213,9 +216,10 @@ class Placed(Triggered):
         return self
 
     @model_validator(mode="after")
-    def _has_a_threshold(self) -> Placed:
+    def _has_a_threshold(self, info: ValidationInfo) -> Placed:
+        where = places_of(info).site(self.signal)
         for key in type(self).model_fields:
-            if "_thresholds" in key and getattr(self, key) is not None and site(self.signal) not in WITH_THRESHOLD:
+            if "_thresholds" in key and getattr(self, key) is not None and where not in WITH_THRESHOLD:
                 raise ValueError(f"{key}: {self.signal} has no threshold, give {key.replace('_thresholds', '')}")
         return self
 

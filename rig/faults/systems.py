@@ -60,7 +60,7 @@ class IlmFault(Placed):
 
     @property
     def flag(self) -> Flag:
-        """What happens to the in-line monitors of its channels."""
+        """The effect on the in-line monitors of its channels."""
         return _ILM.get(self.says, Flag.INVERT)
 
 

@@ -1,4 +1,4 @@
-"""When faults act: triggers, durations, repetition, pulses.
+"""Activity of faults: triggers, durations, repetition, pulses.
 
 A trigger reads the truth of this frame and the votes of the last one: this frame's votes are not there yet.
 A transition is seen in the frame after the one that voted it.
@@ -22,7 +22,7 @@ from rig.text import choices, quoted
 
 
 class DutyCycle(IntEnum):
-    """When a fault acts within its time: always, or in pulses."""
+    """Activity of a fault within its time: steady, or in pulses."""
 
     STEADY = 0
     TIMES = 1  # at given times
@@ -33,7 +33,7 @@ class DutyCycle(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Pulses:
-    """When within its time a fault acts; times in seconds, means of random ones."""
+    """Pulses of a fault within its time; times in seconds, means of random ones."""
 
     duty_cycle: DutyCycle = DutyCycle.STEADY
     on_s: float = 0.0  # 0: one frame
@@ -80,8 +80,8 @@ class Transition(Settings):
         if self.autopilot is not None:
             raise ValueError("autopilot: does not go with signal")
         if self.signal not in INDEX and self.signal not in DISCRETE_INDEX:
-            known = choices(self.signal, (*INDEX, *DISCRETE_INDEX), "rig signals")
-            raise ValueError(f"signal: unknown signal {quoted(self.signal)}, {known}")
+            accepted = choices(self.signal, (*INDEX, *DISCRETE_INDEX), "rig signals")
+            raise ValueError(f"signal: unknown signal {quoted(self.signal)}, {accepted}")
         if len(given) != 1:
             raise ValueError(f"must be {{ signal = ..., {_KEYS} }}")
         if self.signal in DISCRETE_INDEX and given[0] not in _OF_DISCRETE:
@@ -92,7 +92,7 @@ class Transition(Settings):
 
     @property
     def watched(self) -> Watched:
-        """What must change to what."""
+        """The number that must change, and the value to which it must."""
         if self.signal is None:
             return Watched(
                 code("discrete_voted", DISCRETE_INDEX["autopilot_engaged"]), int(self.autopilot == "engaged")
@@ -117,7 +117,7 @@ def _number(key: str, value: Any) -> int:
 
 @kernel
 def advance(row, k, data):
-    """Find out which faults act in this frame: ``acts``, ``fresh`` and ``elapsed`` of every STATE record.
+    """Determine which faults act in this frame: ``acts``, ``fresh`` and ``elapsed`` of every STATE record.
 
     row : frame k of its block; data : FaultData
     """
@@ -211,29 +211,22 @@ def watch(fcc, seen):
         s["voted"][i] = fcc["voted"][i]
     for i in range(D):
         s["discrete"][i] = fcc["discrete_voted"][i]
-    at = keep(fcc["level"], now, 0)
-    at = keep(fcc["pattern"], now, at)
-    at = keep(fcc["resolver"], now, at)
-    at = keep(fcc["source"], now, at)
-    at = keep_states(fcc["state"], now, at)
-    at = keep(fcc["discrete_voted"], now, at)
-    at = keep(fcc["discrete_level"], now, at)
-    keep_states(fcc["discrete_state"], now, at)
+    end = keep(fcc["level"], now, 0)  # in the order of record.WATCHED
+    end = keep(fcc["pattern"], now, end)
+    end = keep(fcc["resolver"], now, end)
+    end = keep(fcc["source"], now, end)
+    for i in range(S):
+        end = keep(fcc["state"][i], now, end)
+    end = keep(fcc["discrete_voted"], now, end)
+    end = keep(fcc["discrete_level"], now, end)
+    for i in range(D):
+        end = keep(fcc["discrete_state"][i], now, end)
     s["frames"] += 1
 
 
 @kernel
-def keep(values, codes, at):
-    """Copy ``values`` (n,) to ``codes`` from ``at`` on; where the next ones go."""
+def keep(values, codes, first):
+    """Copy ``values`` (n,) to ``codes`` from ``first`` on; return the place after them."""
     for i in range(len(values)):
-        codes[at + i] = values[i]
-    return at + len(values)
-
-
-@kernel
-def keep_states(states, codes, at):
-    """Copy ``states`` (n, 4) in the same way."""
-    for i in range(len(states)):
-        for c in range(CHANNELS):
-            codes[at + i * CHANNELS + c] = states[i, c]
-    return at + len(states) * CHANNELS
+        codes[first + i] = values[i]
+    return first + len(values)

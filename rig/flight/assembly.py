@@ -9,12 +9,13 @@ flight.signal("pitch_rate").voted         # (frames,) array, rad/s
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
+import tomli_w
 from numpy.typing import NDArray
 
 from rig import loop
@@ -27,8 +28,9 @@ from rig.flight.result import Flight
 from rig.flight.unit_loop import unit_computer
 from rig.frame import Block
 from rig.log.of_flight import new_log
+from rig.overrides import Overrides, override_texts, plain_data
 from rig.record.events import Event
-from rig.scenario import Scenario, find, load
+from rig.scenario import Given, Scenario, find, load
 from rig.unit.settings import Unit, read_unit
 from rig.unit.unit import UnitUnderTest, running
 from rig.util.interrupt import Stop, interruptible
@@ -60,12 +62,16 @@ class Outcome(Protocol):
     def add(self, rows: Block, clean: NDArray[Any]) -> None:
         """Take the next rows, and their (n,) CLEAN."""
 
+    def sentences(self, log: Path, frames: int) -> list[str]:
+        """Return the conclusion of the finished flight of so many ``frames``."""
+        ...
+
 
 def fly(
-    scenario: Scenario | str | Path | None = None,
+    scenario: Given = None,
     *,
     seed: int | None = None,
-    overrides: Sequence[str] = (),
+    overrides: Overrides = (),
     out: str | Path = "logs",
     rerun: str = "off",
     realtime_factor: float | None = None,
@@ -78,9 +84,10 @@ def fly(
     live: Callable[[Keys], AbstractContextManager[object]] | None = None,
     outcome: Outcome | None = None,
 ) -> Flight:
-    """Fly a scenario (a file, a bundled name, or one loaded already) and log every frame.
+    """Fly a scenario and log every frame.
 
-    seed, overrides : laid over the file, as ``--seed`` and ``--set key=value``; not for a loaded scenario
+    scenario : a file or a bundled name; a table with the keys of such a file; or what ``rig.load`` returned
+    seed, overrides : laid over it, as ``--seed`` and ``--set``: texts ``key=value``, or a table of dotted keys
     out             : folder of the log; rerun : see view.stream.open_stream
     realtime_factor : 1.0 paces frames by the wall clock; None flies as fast as it can
     watch : given every block while it is recorded; it must be quick, and copy the rows that it keeps
@@ -92,23 +99,30 @@ def fly(
     Raises BadInput before anything is written, RigError when the log cannot be written on or the user's own manager
     raises: the log is then finished.
     """
-    text, name = "", ""
-    if not isinstance(scenario, Scenario):
-        path = find(scenario)
-        scenario, text, name = load(path, overrides, seed), path.read_text(encoding="utf-8"), path.stem
-    scenario = scenario.trusted(scenario.trust.allowing(allow_code))
+    text, name, sets = *_file(scenario), override_texts(overrides)
+    scenario = load(scenario, sets, seed, allow_code=allow_code)
     pace = Pace(scenario.rate_hz, 1.0 if realtime and realtime_factor is None else realtime_factor)
     scenario = scenario if live is None else scenario.armed()
     tested = read_unit(unit) if isinstance(unit, str | Path) else unit
     if tested is not None and tested.carrier == "python":
         scenario, tested = managed(scenario, tested), None
-    destination = _Destination(name, text, Path(out), rerun, progress, viewer, watch, tuple(overrides), outcome)
+    destination = _Destination(name, text, Path(out), rerun, progress, viewer, watch, sets, outcome)
     with interruptible() as stop, running(tested) as under_test, real_time(realtime) as granted:
         keys = None if live is None else Keys(scenario, pace, stop)
         with nullcontext() if live is None or keys is None else live(keys):
             flight = _fly_and_record(scenario, destination, pace, stop, under_test, keys)
-    printed = "" if under_test is None else under_test.printed
-    return replace(flight, overrides=tuple(overrides), realtime=granted, printed=printed)
+    printed, file = ("", "") if under_test is None else (under_test.printed, under_test.unit.unit_file)
+    return replace(flight, overrides=sets, realtime=granted, printed=printed, unit_file=file)
+
+
+def _file(scenario: Given) -> tuple[str, str]:
+    """Return text and name of a scenario's file, for the log; empty for one that was loaded."""
+    if isinstance(scenario, Scenario):
+        return "", ""
+    if isinstance(scenario, Mapping):
+        return tomli_w.dumps(plain_data(scenario, "scenario")), ""
+    path = find(scenario)
+    return path.read_text(encoding="utf-8"), path.stem
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +181,8 @@ def _fly_and_record(
                 viewer.flown(stream, stop)
         finally:
             report = None if stream is None else stream.close(10.0)
-    return _result(records, path, reason, wall_s, report)
+    conclusion = () if outcome is None else outcome.sentences(path, records.verdict.frames)
+    return _result(records, path, reason, wall_s, report, tuple(conclusion))
 
 
 def _watchers(to: _Destination, scenario: Scenario, stream: Stream | None) -> list[Watcher]:
@@ -193,7 +208,14 @@ def _fly(rig: loop.Rig, records: FlightRecords, pace: Pace, stop: Stop, keys: Ke
     return None
 
 
-def _result(records: FlightRecords, path: Path, reason: str, wall_s: float, report: StreamReport | None) -> Flight:
+def _result(
+    records: FlightRecords,
+    path: Path,
+    reason: str,
+    wall_s: float,
+    report: StreamReport | None,
+    conclusion: tuple[str, ...],
+) -> Flight:
     """Return what the records of a finished flight come to."""
     verdict = records.verdict
     return Flight(
@@ -214,4 +236,6 @@ def _result(records: FlightRecords, path: Path, reason: str, wall_s: float, repo
         unit=records.unit_result(),
         printed="",
         realtime={},
+        coils_failed=records.actuators.failed_at(records.scenario.rate_hz),
+        conclusion=conclusion,
     )

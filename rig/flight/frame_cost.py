@@ -15,10 +15,11 @@ from statistics import median
 from typing import Any, Final
 
 from rig import loop
+from rig.actuators.output import put_out
 from rig.computer.control.law import control_law
 from rig.computer.redundancy import conclude, refer, vote_signals
 from rig.errors import BadInput, RigError
-from rig.faults import actuate, corrupt, corrupt_reference
+from rig.faults import corrupt, corrupt_reference
 from rig.flight.assembly import fly
 from rig.flight.recorder import INTERRUPTED, event_finder
 from rig.frame import nested, new_block
@@ -80,12 +81,11 @@ def control_of(rows, k, data):
 
 @kernel
 def surface_faults_of(rows, k, data):
-    """Compute row k of the surfaces on their way to the actuators."""
-    loop.command_actuators(rows[k]["fcc"]["surface"], rows[k]["actuation"]["actuator"])
-    actuate(rows[k], data)
+    """Compute row k of the surfaces on their way to the actuators; data : StageData."""
+    put_out(rows[k], k, data.control.param[0]["still"], data.faults, data.actuators)
 
 
-# A frame of the loop taken apart, in the order of loop.compute: each kernel by name, and whose data it takes.
+# A frame of the loop taken apart, in the order of loop.compute: each kernel by name, and whose data it takes ("": all).
 PIECES: Final = {
     "sensors": (sensors_of, "sensors"),
     "inertial": (inertial_of, "inertial"),
@@ -94,7 +94,7 @@ PIECES: Final = {
     "reference faults": (reference_faults_of, "faults"),
     "redundancy": (redundancy_of, "redundancy"),
     "control": (control_of, "control"),
-    "surface faults": (surface_faults_of, "faults"),
+    "surface faults": (surface_faults_of, ""),
 }
 STAGES = ("plant.read", *PIECES, "plant.step")
 PER_BLOCK = ("prepare", "events", "verdict", "log")
@@ -193,6 +193,6 @@ def pieces(data: loop.StageData) -> list[tuple[str, Callable[..., Any], Any]]:
     """Bind PIECES to the types of their arguments; return name, entry point, its data."""
     rows, bound = nested(new_block(2)), []
     for name, (piece, whose) in PIECES.items():
-        stage_data = attrgetter(whose)(data)
+        stage_data = attrgetter(whose)(data) if whose else data
         bound.append((name, bind(piece, rows, 0, stage_data), stage_data))
     return bound

@@ -20,9 +20,10 @@ from rig.errors import ManagerFailed
 from rig.faults import Execution
 from rig.flight.operator_keys import Keys
 from rig.flight.pace import JitterCounter, Pace, off_the_core
-from rig.frame import TIMING, Block, new_block
+from rig.frame import TIMING, Block, LaneBlock, new_block
 from rig.log import LogWriter
 from rig.loop import Recorder
+from rig.record.actuators import ActuatorFinder
 from rig.record.events import Event, EventFinder, not_executed
 from rig.record.flight_summary import Verdict
 from rig.record.histogram import Histogram
@@ -43,17 +44,25 @@ class Findings:
     def __init__(self, scenario: Scenario) -> None:
         self.verdict, self.events = Verdict(), list[Event]()
         self._finder, self.execution = event_finder(scenario), Execution(scenario.faults)
+        self.actuators = ActuatorFinder()
 
-    def record(self, rows: Block, timing: NDArray[Any]) -> None:
+    def record(self, rows: Block, timing: NDArray[Any], lanes: LaneBlock | None = None) -> None:
         """Take the next rows in and keep all of their events."""
-        self.events += self.add(rows)
+        self.events += self.add(rows, lanes)
 
-    def add(self, rows: Block) -> list[Event]:
+    def add(self, rows: Block, lanes: LaneBlock | None = None) -> list[Event]:
         """Take the next rows in; return their events."""
-        events = self._finder.find(rows)
-        self.verdict.add(rows, events)
+        events = self.found(rows, lanes)
+        self.verdict.add(rows, events, lanes)
         self.execution.add(rows)
         return events
+
+    def found(self, rows: Block, lanes: LaneBlock | None) -> list[Event]:
+        """Return the events of the next rows, in order of time."""
+        events = self._finder.find(rows)
+        if lanes is None:
+            return events
+        return sorted([*events, *self.actuators.find(lanes)], key=lambda event: event.frame)
 
     def end(self) -> list[Event]:
         """Return what only the end can tell: the faults that did nothing."""
@@ -79,13 +88,13 @@ class FlightRecords(Findings):
         self.jitter = None if pace.period_s is None else JitterCounter(pace.period_s)
         self._replies, self._pool = Histogram(), ThreadPoolExecutor(1, "verdict", off_the_core)
 
-    def record(self, rows: Block, timing: NDArray[Any]) -> None:
+    def record(self, rows: Block, timing: NDArray[Any], lanes: LaneBlock | None = None) -> None:
         """Record the next rows; watchers are given them when the log has them."""
-        events = self._finder.find(rows)
+        events = self.found(rows, lanes)
         if self._keys is not None:
             events = sorted([*self._keys.events_until(int(rows["frame"][-1])), *events], key=lambda event: event.frame)
-        summed_up = self._pool.submit(self._sum_up, rows, events)  # both leave the interpreter to each other
-        self._writer.write(rows, timing, events)
+        summed_up = self._pool.submit(self._sum_up, rows, events, lanes)  # both leave the interpreter to each other
+        self._writer.write(rows, timing, events, lanes)
         self.execution.add(rows)
         summed_up.result()
         if self.jitter is not None:
@@ -95,9 +104,9 @@ class FlightRecords(Findings):
         for watcher in self._watchers:
             watcher(rows, events, timing)
 
-    def _sum_up(self, rows: Block, events: Sequence[Event]) -> None:
+    def _sum_up(self, rows: Block, events: Sequence[Event], lanes: LaneBlock | None) -> None:
         """Take the next rows into the summary and the outcome, while the log is written."""
-        self.verdict.add(rows, events)
+        self.verdict.add(rows, events, lanes)
         if self._assess_rows is not None:
             self._assess_rows(rows)
 
@@ -143,13 +152,13 @@ class RecordingThread:
         self._pending: Future[None] | None = None
         self._switch_s = sys.getswitchinterval()
 
-    def record(self, rows: Block, timing: NDArray[Any]) -> None:
+    def record(self, rows: Block, timing: NDArray[Any], lanes: LaneBlock | None = None) -> None:
         """Begin to record ``rows`` as soon as the block before them is done.
 
         The arrays must stay as they are until the next call has returned.
         """
         self._wait()
-        self._pending = self._pool.submit(self._recorder.record, rows, timing)
+        self._pending = self._pool.submit(self._recorder.record, rows, timing, lanes)
 
     def _wait(self) -> None:
         pending, self._pending = self._pending, None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from rig.record.event import Event
 from rig.record.failures import failed_text
 from rig.record.flight_summary import Peaks
 from rig.scenario import Scenario
+from rig.unit.settings import voter
 from rig.view.stream import StreamReport
 
 if TYPE_CHECKING:
@@ -41,12 +42,21 @@ class Flight:
     unit: dict[str, Any] | None  # what became of the exchanges with a unit under test
     printed: str  # by the unit's process, its end
     realtime: dict[str, str]  # what was asked of the system and got; empty when nothing was
+    conclusion: tuple[str, ...]  # sentences, of a flight that was assessed
     overrides: tuple[str, ...] = ()  # ``key=value``, laid over the scenario's file
+    unit_file: str = ""  # of the unit under test
+    # Channels of servo actuators: by surface and channel from 1, time [s] and monitor.
+    coils_failed: dict[str, dict[int, tuple[float, str]]] = field(default_factory=dict)
 
     @property
     def duration_s(self) -> float:
         """Simulated time flown."""
         return self.frames / self.scenario.rate_hz
+
+    @property
+    def voter(self) -> str:
+        """Who voted: ``manager cross-channel``, or ``unit NAME`` under test."""
+        return voter(self.scenario.redundancy.manager, None if self.unit is None else self.unit["name"])
 
     @cached_property
     def recorded(self) -> Log:
@@ -101,4 +111,5 @@ class Flight:
             "stream": None if self.stream is None else asdict(self.stream),
             **({"gains_below_requirement": below} if (below := self.scenario.gains.below) else {}),
             **({} if self.unit is None else {"unit": self.unit}),
+            **({} if self.scenario.actuators.model == "lag" else {"coils_failed": self.coils_failed}),
         }

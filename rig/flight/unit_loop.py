@@ -17,16 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig import loop
+from rig.actuators.output import put_out
+from rig.actuators.stage import ActuatorData
 from rig.computer.analytic.references import ReferenceData, remember
 from rig.computer.control.law import control_law
 from rig.computer.control.state import ControlData
 from rig.computer.redundancy import Redundancy
 from rig.computer.redundancy.discrete import DiscreteData, vote_discretes
-from rig.faults import FaultData, actuate
+from rig.faults import FaultData
 from rig.flight.pace import Pace
-from rig.frame import FLIGHT_INDEX, SURFACES, Block, Nested, Unit, nested, new_block
+from rig.frame import FLIGHT_INDEX, SURFACES, Block, Nested, UnitStatus, nested, new_block
 from rig.kernels import bind, kernel
-from rig.loop import ComputerStep, Rig, StageData, before, command_actuators, compute
+from rig.loop import ComputerStep, Rig, StageData, before, compute
 from rig.scenario import Scenario
 from rig.sensors import SensorData
 from rig.sensors.inertial import InertialData
@@ -109,11 +111,12 @@ class _AroundUnit(NamedTuple):
     faults: FaultData
     redundancy: _Redundancy
     control: ControlData
+    actuators: ActuatorData | None
 
 
 def _without_manager(data: StageData) -> _AroundUnit:
     redundancy = _Redundancy(data.redundancy.references, data.redundancy.discretes)
-    return _AroundUnit(data.sensors, data.inertial, data.faults, redundancy, data.control)
+    return _AroundUnit(data.sensors, data.inertial, data.faults, redundancy, data.control, data.actuators)
 
 
 def _around_unit(unit: UnitUnderTest, data: StageData) -> ComputerStep:
@@ -123,7 +126,7 @@ def _around_unit(unit: UnitUnderTest, data: StageData) -> ComputerStep:
     whole = bind(with_unit, bound, raw, 0, around, port, compiled, 0)
     last = bind(after_unit, bound, raw, 0, around, port.back, 0)
     ours = bind(compute, bound, 0, data) if unit.unit.on_dead == "backup" else None
-    bound_data, exchange, replies, answered = data, unit.exchange, unit.replies, int(Unit.ANSWERED)
+    bound_data, exchange, replies, answered = data, unit.exchange, unit.replies, int(UnitStatus.ANSWERED)
 
     def step(block: Nested, k: int, data: StageData) -> float:
         nonlocal bound, raw, start, bound_data, around
@@ -133,7 +136,7 @@ def _around_unit(unit: UnitUnderTest, data: StageData) -> ComputerStep:
             bound_data, around = data, _without_manager(data)
         if ours is not None and unit.dead:
             ours(block, k, data)
-            block["actuation"]["unit"][k] = Unit.DEAD
+            block["actuation"]["unit"][k] = UnitStatus.DEAD
             return unit.reply_us
         usual = not (replies.run or unit.dead)
         until_ns = (unit.until_ns(start + k) if paced else FOREVER_NS) if usual else 0
@@ -171,16 +174,15 @@ def with_unit(block, raw, k, data, port, compiled, until_ns):
 
 @kernel
 def after_unit(block, raw, k, data, port, status):
-    """Fill all that follows from a unit's answer to row k; return what the frame came to, of frame.Unit."""
+    """Fill all that follows from a unit's answer to row k; return what the frame came to, of frame.UnitStatus."""
     status = take(raw, k, port, status)
     row, answer = block[k], port.records[FLOWN]
     bus, fcc = row["bus"], row["fcc"]
     conclude_unit(bus, fcc, answer["said"], data.redundancy)
     if port.form == _REDUNDANCY:
         control_law(bus, fcc, data.control)
-    command_actuators(fcc["surface"], row["actuation"]["actuator"])
     row["actuation"]["unit"], row["actuation"]["unit_age"] = status, row["frame"] - answer["frame"]
-    actuate(row, data.faults)
+    put_out(row, k, data.control.param[0]["still"], data.faults, data.actuators)
     return status
 
 

@@ -4,11 +4,25 @@ signals.py  which signals, discretes and other numbers there are
 enums.py    states, patterns, resolvers and what else has one byte
 fields.py   the one table of fields: part, shape, meaning, place in the log
 sig.py      the places of the signals by their symbols, for kernels
+lanes.py    the second row, of flights with servo actuators
 row.py      the row type of some signals; FRAME, that of a flight, nested by part; FLAT, the same by field; blocks
 """
 
-from rig.frame.enums import End, Ilm, Law, Lie, Pattern, Resolver, Source, State, Trust, Unit
+from rig.frame.enums import (
+    ActuatorMonitor,
+    End,
+    Ilm,
+    Law,
+    Pattern,
+    Resolver,
+    SensorFault,
+    Source,
+    State,
+    Trust,
+    UnitStatus,
+)
 from rig.frame.fields import MOST_FAULTS
+from rig.frame.lanes import ACTUATOR, LANE_FIELDS, LANES, MOVED, SYSTEMS, LaneBlock, lane_rows
 from rig.frame.row import (
     ACTUATION,
     BUS,

@@ -1,4 +1,4 @@
-"""What the one-byte fields of a frame mean; the members are used in kernels as they are."""
+"""Meanings of the one-byte fields of a frame; the members are used in kernels as they are."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class State(IntEnum):
 
 
 class Pattern(IntEnum):
-    """How the channels in use agree (Zhang 2023, sections 2 and 3)."""
+    """Agreement of the channels in use (Zhang 2023, sections 2 and 3)."""
 
     NORMAL = 0
     ISOLATED = 1
@@ -32,12 +32,12 @@ class Pattern(IntEnum):
 
     @property
     def is_singular(self) -> bool:
-        """Whether no majority exists."""
+        """True if no majority exists."""
         return Pattern.P2_2 <= self <= Pattern.P1_1
 
 
 class Resolver(IntEnum):
-    """Who decided a pattern without a majority."""
+    """Resolver of a pattern without a majority."""
 
     NONE = 0
     ILM = 1
@@ -59,7 +59,7 @@ class Ilm(IntEnum):
 
 
 class Source(IntEnum):
-    """Where the control law takes a signal from."""
+    """Source of a signal in the control law."""
 
     VOTED = 0
     REFERENCE = 1  # the signal is lost, its reference is usable
@@ -67,7 +67,7 @@ class Source(IntEnum):
 
 
 class Law(IntEnum):
-    """Which control law flew the frame."""
+    """Control law of the frame."""
 
     AUTOPILOT = 0
     STICK = 1
@@ -75,29 +75,29 @@ class Law(IntEnum):
     EXTERNAL = 3  # that of a unit under test
 
 
-class Unit(IntEnum):
-    """What the unit under test said to the frame."""
+class UnitStatus(IntEnum):
+    """Status of the unit's reply in this frame."""
 
     NONE = 0  # there is none: the rig's own flight computer answers
     ANSWERED = 1
-    HELD = 2  # no answer by the deadline: the last one flies on
+    HELD = 2  # no reply by the deadline: the last one is flown
     LATE = 3
     DEAD = 4
     RESTARTED = 5
-    REFUSED = 6  # its answer was none that a unit may give
+    REFUSED = 6  # invalid reply
 
 
 class Trust(IntEnum):
-    """What the fault-tolerant law holds of the pitch-angle sensor."""
+    """Trust of the fault-tolerant law in the pitch-angle sensor."""
 
-    NONE = 0  # another law flies: nobody tests it
+    NONE = 0  # another law flies, which does not test it
     TRUSTED = 1
-    CORRECTED = 2  # it lies: the law flies on the estimate
-    WITHDRAWN = 3  # the estimate was wrong, not the sensor: the law flies on the sensor again
+    CORRECTED = 2  # faulty: the law uses the estimate
+    WITHDRAWN = 3  # the estimate was wrong, not the sensor: the law uses the sensor again
 
 
-class Lie(IntEnum):
-    """How a pitch-angle sensor that is not trusted is off, as far as the flight has told."""
+class SensorFault(IntEnum):
+    """Fault identified by the fault-tolerant law, of the pitch-angle sensor or of a rate beside it."""
 
     NONE = 0
     UNDETERMINED = 1
@@ -108,7 +108,7 @@ class Lie(IntEnum):
 
 
 class End(IntEnum):
-    """Why a flight ended; FLYING while it goes on."""
+    """End of a flight; FLYING while it goes on."""
 
     FLYING = 0
     NOT_FINITE = 1
@@ -121,5 +121,16 @@ class End(IntEnum):
 
     @property
     def label(self) -> str:
-        """As a reader would say it."""
+        """Name for people."""
         return self.name.lower().replace("_", " ")
+
+
+class ActuatorMonitor(IntEnum):
+    """Who failed a channel of an actuator, in the order of asking."""
+
+    NONE = 0
+    CURRENT = 1  # asked and measured
+    CONTINUITY = 2  # of the coil's wire
+    SPOOL = 3  # its model and its sensor
+    POSITION = 4  # the ram's four sensors with each other
+    RAM = 5  # its model and its sensor

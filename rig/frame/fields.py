@@ -17,15 +17,16 @@ from enum import IntEnum
 from functools import cache
 from typing import Final, Literal
 
-from rig.frame.enums import End, Ilm, Law, Lie, Pattern, Resolver, Source, State, Trust, Unit
+from rig.frame.enums import End, Ilm, Law, Pattern, Resolver, SensorFault, Source, State, Trust, UnitStatus
 from rig.frame.signals import CHANNELS, COMMANDS, DEMANDS, ESTIMATES, FLIGHT, INERTIAL, SURFACES, D, S
 
 MOST_FAULTS: Final = 64  # of one scenario
 Part = Literal["truth", "bus", "fcc", "actuation"]
 PARTS: Final[tuple[Part, ...]] = ("truth", "bus", "fcc", "actuation")
-Kind = Literal["number", "enum", "flag", "small", "byte", "count"]
+Kind = Literal["number", "single", "enum", "flag", "small", "byte", "count"]
 BASES: Final[dict[Kind, str]] = {
     "number": "f8",
+    "single": "f4",
     "enum": "u1",
     "flag": "u1",  # 0 or 1
     "small": "u1",  # below 128
@@ -96,12 +97,12 @@ FIELDS: Final = (
     Field("acting", "actuation", (MOST_FAULTS // 8,), "byte", message=FLOWN),
     Field("law", "fcc", (), "enum", Law, message=CONTROL),
     Field("trust", "fcc", (), "enum", Trust, message=CONTROL),
-    Field("lie", "fcc", (), "enum", Lie, message=CONTROL),
+    Field("lie", "fcc", (), "enum", SensorFault, message=CONTROL),
     Field("end", "truth", (), "enum", End, message=FLOWN),
     # Channels that are commanded to be readmitted in this frame: bit 0 is channel 1.
     Field("reset", "bus", _SIGNALS, "small", since=4),
     Field("discrete_reset", "bus", _DISCRETES, "small", message=DISCRETE, stem="reset", since=4),
-    Field("unit", "actuation", (), "enum", Unit, message=CONTROL, since=4),
+    Field("unit", "actuation", (), "enum", UnitStatus, message=CONTROL, since=4),
     Field("unit_age", "actuation", (), "count", message=CONTROL, since=4),  # frames since the unit's last answer
 )
 FIELD: Final = {field.name: field for field in FIELDS}
@@ -120,8 +121,8 @@ class Place:
 @cache
 def places(message: str) -> tuple[Place, ...]:
     """All that a message holds, what came later last; the frame's number is not part of any."""
-    found = [place for field in FIELDS if field.message == message for place in _places(field)]
-    return tuple(sorted(found, key=lambda place: place.since))
+    of_message = [place for field in FIELDS if field.message == message for place in _places(field)]
+    return tuple(sorted(of_message, key=lambda place: place.since))
 
 
 def _places(field: Field) -> list[Place]:
@@ -133,3 +134,10 @@ def _places(field: Field) -> list[Place]:
     if not shape:
         return [Place(stem, field.name, (), field.since)]
     return [Place(f"{stem}_{i + 1}", field.name, (i,), field.since) for i in range(shape[0])]
+
+
+def elements(field: Field) -> list[tuple[str, tuple[int, ...]]]:
+    """Return name and index of every number of a field that is a message's own: none, or its elements from 1."""
+    if not field.shape:
+        return [(field.name, ())]
+    return [(f"{field.name}_{i + 1}", (i,)) for i in range(field.shape[0])]

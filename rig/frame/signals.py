@@ -1,4 +1,4 @@
-"""Which signals, discretes and other numbers a frame has: names, units, ranges.
+"""Signals, discretes and other numbers of a frame: names, units, ranges.
 
 SI units throughout; angles in rad, load factors in g (1), sticks normalised (-1 to 1).
 """
@@ -18,7 +18,7 @@ CHANNELS: Final = 4  # columns of every channel array; a signal may use fewer
 class Signal:
     """One redundant measured quantity.
 
-    ``low`` and ``high`` bound what its sensor can say (full scale); a value outside is invalid.
+    ``low`` and ``high`` bound the samples of its sensor (full scale); a value outside is invalid.
     A signal that ``wraps`` is an angle on the circle: differences are taken the short way round.
     """
 
@@ -33,13 +33,13 @@ class Signal:
 
     @property
     def topic(self) -> str:
-        """Where the log and the viewer keep this signal."""
+        """Topic of this signal in log and viewer."""
         return f"/signal/{self.name}"
 
 
 @dataclass(frozen=True, slots=True)
 class Discrete:
-    """One redundant yes/no quantity with the value that is safe when nobody agrees."""
+    """One redundant yes/no quantity with its fail-safe value."""
 
     name: str
     fail_safe: int
@@ -47,7 +47,7 @@ class Discrete:
 
     @property
     def topic(self) -> str:
-        """Where the log and the viewer keep this discrete."""
+        """Topic of this discrete in log and viewer."""
         return f"/discrete/{self.name}"
 
 

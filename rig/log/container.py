@@ -5,7 +5,7 @@
     Metadata...  DataEnd  Summary  Footer  magic
 
 Every byte before DataEnd counts in its CRC, every byte after it in the footer's.  What the summary needs
-of a chunk is kept in 64 bytes, 230 kB for an hour of flight at one chunk a second.
+of a chunk is kept in 80 bytes, 288 kB for an hour of flight at one chunk a second.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import os
 import struct
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache
 from itertools import chain
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -52,9 +51,14 @@ _INDEX_TAIL: Final = struct.Struct("<QI4sQQ")
 class Run(NamedTuple):
     """Messages of neighbouring channels in a chunk, as many of each and at the same times."""
 
-    first: int  # id of the first channel
     times: NDArray[np.uint64]  # (n,), ns
-    offsets: NDArray[np.int64]  # (channels, n) of each message's record in the chunk
+    indexes: NDArray[Any]  # (channels,), as ``message_indexes`` returns it
+
+    @property
+    def channels(self) -> range:
+        """The ids of its channels."""
+        first = int(self.indexes["channel"][0])
+        return range(first, first + len(self.indexes))
 
 
 class Packed(NamedTuple):
@@ -71,7 +75,7 @@ class Packed(NamedTuple):
         return min(int(run.times.min()) for run in self.runs), max(int(run.times.max()) for run in self.runs)
 
 
-MOST_RUNS: Final = 2
+MOST_RUNS: Final = 4  # of frames, poses, servo actuators, events
 _ENTRY: Final = np.dtype([("time", "<u8"), ("offset", "<u8")])
 
 
@@ -87,30 +91,35 @@ def _index_dtype(entries: int) -> np.dtype[Any]:
     )
 
 
-@lru_cache(maxsize=4)  # all chunks of a flight are of one length but the last
-def _blank(first: int, channels: int, entries: int) -> NDArray[Any]:
-    made = np.zeros(channels, _index_dtype(entries))
-    made["opcode"] = Opcode.MESSAGE_INDEX
-    made["length"] = 6 + 16 * entries
-    made["channel"] = np.arange(first, first + channels)
-    made["bytes"] = 16 * entries
-    return made
-
-
 def index_size(entries: int) -> int:
     """Return bytes of a message index record."""
     return _index_dtype(entries).itemsize
 
 
-def message_indexes(run: Run) -> NDArray[np.uint8]:
-    """Return the records that follow a chunk: for each channel of a run, time and offset of each message."""
-    made = _blank(run.first, *run.offsets.shape).copy()  # flights in other threads share the original
-    made["entries"]["time"], made["entries"]["offset"] = run.times, run.offsets
+def message_indexes(first: int, offsets: NDArray[np.int64]) -> NDArray[Any]:
+    """Return the records that follow a chunk, but for their times.
+
+    first : id of the first channel
+    offsets : (channels, n) of each message's record in the chunk
+    """
+    channels, entries = offsets.shape
+    made = np.zeros(channels, _index_dtype(entries))
+    made["opcode"] = Opcode.MESSAGE_INDEX
+    made["length"] = 6 + 16 * entries
+    made["channel"] = np.arange(first, first + channels)
+    made["bytes"] = 16 * entries
+    made["entries"]["offset"] = offsets
+    return made
+
+
+def _timed(run: Run) -> NDArray[np.uint8]:
+    made = run.indexes.copy()  # flights in other threads share the original
+    made["entries"]["time"] = run.times
     return made.view(np.uint8)
 
 
 class _Kept(NamedTuple):
-    """What is remembered of a chunk that has been written; eight integers of eight bytes."""
+    """What is remembered of a chunk that has been written; ten integers of eight bytes."""
 
     start: int  # ns
     end: int
@@ -120,18 +129,19 @@ class _Kept(NamedTuple):
     uncompressed: int
     run: int  # as _kept_run gives it; 0 where there is none
     second_run: int
+    third_run: int
+    fourth_run: int
 
     def runs(self) -> Iterator[tuple[range, int]]:
         """Yield the channels of each run, and the messages of each of them."""
-        for run in (self.run, self.second_run):
+        for run in (self.run, self.second_run, self.third_run, self.fourth_run):
             first, channels = run & 0xFFFF, run >> 16 & 0xFFFF
             yield range(first, first + channels), run >> 32
 
 
 def _kept_run(run: Run) -> int:
     """Return first channel, channels and messages of each, in 16, 16 and 32 bits."""
-    channels, messages = run.offsets.shape
-    return run.first | channels << 16 | messages << 32
+    return run.channels.start | len(run.channels) << 16 | len(run.times) << 32
 
 
 def encode(record: McapRecord) -> bytes:
@@ -218,7 +228,7 @@ class Container:
             len(packed.data),
         )
         offset = self._offset
-        self._put(head, packed.data, *map(message_indexes, packed.runs))
+        self._put(head, packed.data, *map(_timed, packed.runs))
         runs = [*map(_kept_run, packed.runs), *[0] * (MOST_RUNS - len(packed.runs))]
         self._chunks.extend(_Kept(start, end, offset, length, len(packed.data), packed.size, *runs))
         self._whole = (self._offset, self._crc)

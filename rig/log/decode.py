@@ -23,9 +23,10 @@ from numpy.typing import NDArray
 from zlib_ng.zlib_ng import crc32
 
 from rig.errors import BadLog
-from rig.frame import Block
-from rig.log.container import COMPRESSION
-from rig.log.layout import HEAD, MESSAGE_OPCODE, Layout
+from rig.frame import Block, LaneBlock
+from rig.log.container import COMPRESSION, Run
+from rig.log.layout import Layout, event_runs
+from rig.log.records import HEAD, MESSAGE_OPCODE
 from rig.log.schema import EVENT_CHANNEL, LEVELS
 from rig.record.event import Event, Severity
 
@@ -59,8 +60,9 @@ class Part(NamedTuple):
 
     rows: Block
     timing: NDArray[Any]
+    lanes: LaneBlock | None  # of servo actuators
     events: list[Event]
-    event_entries: list[tuple[int, int]]  # time in ns, offset in the chunk
+    runs: list[Run]  # of its messages
     chunk: Chunk
 
 
@@ -115,10 +117,9 @@ def decode(content: bytes, layout: Layout) -> Part:
         raise ValueError("the size of the chunk does not match")
     data = zstandard.ZstdDecompressor().decompress(chunk.data)
     same_crc("chunk", chunk.uncompressed_crc, crc32(data))
-    packed = layout.rows_in(np.frombuffer(data, np.uint8))
-    rows, timing = layout.unpack(packed)
-    events, entries = _events(data, packed.nbytes)
-    return Part(rows, timing, events, entries, chunk)
+    held = layout.read(np.frombuffer(data, np.uint8))
+    events, entries = _events(data, held.size)
+    return Part(held.rows, held.timing, held.lanes, events, [*held.runs, *event_runs(entries)], chunk)
 
 
 _LEVELS: Final[dict[Any, Severity]] = {code: level for level, code in LEVELS.items()}

@@ -8,9 +8,9 @@ from typing import Any, Final
 
 from rig import aircraft
 from rig.errors import BadInput
-from rig.log.reader import scenario_of
+from rig.log.reader import scenario_of, unit_of
 from rig.log.scan import RECOVERED, Contents, contents
-from rig.log.schema import EVENTS, FRAME_TOPICS
+from rig.log.schema import ALL_TOPICS, TOPICS
 from rig.scenario import Scenario
 from rig.settings import build, parse_toml
 
@@ -34,7 +34,7 @@ def info(path: Path | str) -> dict[str, Any]:
         "duration_s": log.frames / log.rate_hz,
         "last_frame": log.last_frame if log.frames else None,
         "events": dict(log.events.most_common()),
-        "topics": {topic.name: log.frames for topic in FRAME_TOPICS} | {EVENTS.name: log.events.total()},
+        "topics": {topic.name: log.messages[topic.name] for topic in (ALL_TOPICS if log.lanes else TOPICS)},
         "result": log.result,
         "attachments": {name: len(data) for name, data in log.attachments.items()},
         "health": _health(log),
@@ -50,6 +50,7 @@ def _flown(log: Contents, path: Path) -> dict[str, Any]:
         "title": scenario.get("title", ""),
         "aircraft": metadata.get("aircraft", ""),
         "manager": scenario.get("redundancy", {}).get("manager"),
+        "unit": unit_of(metadata).get("name"),
         "overrides": overrides(log.attachments.get(FILE, b"").decode(errors="replace"), scenario),
         "seed": scenario.get("seed"),
         "rate_hz": log.rate_hz,

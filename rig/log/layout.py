@@ -1,222 +1,162 @@
 """Where every byte of a chunk lies, and the way from there to frames; packing.py goes the other way.
 
 All fields of our messages are written, doubles and small integers have a fixed width, and the varints of time stamps
-are padded to one: so the message records of a frame always have the same length and the same constant bytes (opcodes,
-lengths, channel ids, protobuf tags): the ``TEMPLATE``.  What changes is moved between the frame and the
-template by ``MOVES``, tables of byte offsets.  A chunk is a run of such rows, then the records of its events.
+are padded to one: so the records of a topic always have the same length and the same constant bytes (opcode, length,
+channel id, protobuf tags), its template.  What changes is moved between the frame and the template by tables of byte
+offsets.  A chunk has the records of one topic after those of another: where neighbours are alike, it compresses better.
+
+    FRAMES, n records of each topic | POSES, every POSE_EVERY-th of them | SERVOS, n, where there are any | events
+
+Up to schema 4 it had a row of all topics for every frame, poses too, then the events.
 
 No kernels here: a log is read before they would be loaded.
 """
 
 from __future__ import annotations
 
-import struct
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Final
+from itertools import accumulate, pairwise
+from typing import Any, Final, NamedTuple
 
 import numpy as np
-from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
-from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
-from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
-from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
-from google.protobuf.message import Message
-from google.protobuf.timestamp_pb2 import Timestamp
 from numpy.typing import NDArray
 
-from rig.frame import FLAT, TIMING, Block, Ilm, State
+from rig.frame import FLAT, LANES, TIMING, Block, Ilm, LaneBlock, State, lane_rows
 from rig.frame.fields import FIELD
-from rig.log.container import Run
-from rig.log.schema import DOUBLE, EVENT_CHANNEL, FIXED32, FRAME_TOPICS, MESSAGES, TOPICS, Field, Topic
-
-WORLD: Final = "world"
-AIRCRAFT: Final = "aircraft"
-MESSAGE_OPCODE: Final = 5
-HEAD: Final = struct.Struct("<BQHIQQ")  # opcode, length, channel id, sequence, log time, publish time
-
-# What a row needs that is not in FLAT or TIMING.
-DERIVED: Final = np.dtype(
-    [
-        ("log_time", "<u8"),
-        ("sequence", "<u4"),
-        ("seconds", "u1", (5,)),  # varints
-        ("nanoseconds", "u1", (5,)),
-        ("translation", "<f8", (3,)),
-        ("rotation", "<f8", (4,)),  # x, y, z, w
-        ("position", "<f8", (3,)),  # latitude and longitude in degrees, altitude in m
-    ],
-    align=True,
+from rig.log.container import Run, message_indexes
+from rig.log.records import Value, record, size_of
+from rig.log.schema import (
+    ALL_TOPICS,
+    EVENT_CHANNEL,
+    FRAME_TOPICS,
+    LANE_MESSAGES,
+    LANE_TOPICS,
+    MESSAGES,
+    POSE_EVERY,
+    POSE_TOPICS,
+    Field,
+    Topic,
 )
 
-
-@dataclass(frozen=True, slots=True)
-class Value:
-    """``width`` bytes of a source, moved into ``room`` bytes of the row (the rest stay zero)."""
-
-    source: str
-    offset: int
-    width: int
-    room: int
+Messages = Mapping[str, Sequence[Field]]
+Moves = tuple[NDArray[np.uint64], NDArray[np.uint64]]  # of eight bytes, of one byte
 
 
-Pieces = list[bytes | Value]
-Marked = tuple[bytes, list[Value]]  # what stands in a message where values belong, and the values
+class Table:
+    """Records of topics that have theirs at the same frames; a row is one of each.
 
-WIRE: Final = {DOUBLE: 1, FIXED32: 5}  # protobuf wire types; all other kinds are varints of one byte, 0
+    In a chunk each topic's records stand together, or, if ``rowwise``, the records of each row.
+    template : a row but for its values
+    """
 
+    def __init__(self, topics: Sequence[Topic], messages: Messages, *, rowwise: bool = False) -> None:
+        self._first = ALL_TOPICS.index(topics[0]) + 1
+        records = [record(topic, messages.get(topic.message, ())) for topic in topics]
+        ends = list(accumulate(map(size_of, records)))
+        self._starts = np.array([0, *ends[:-1]])
+        # What repeats in a chunk: its begin in a row and its size.
+        self._blocks = [(0, ends[-1])] if rowwise else [(a, b - a) for a, b in pairwise([0, *ends])]
+        self._block_of = np.array(self._blocks * (len(topics) if rowwise else 1))
+        template = bytearray()
+        moved: dict[tuple[str, int], list[tuple[int, int, int]]] = defaultdict(list)
+        for number, piece in ((i, piece) for i, pieces in enumerate(records) for piece in pieces):
+            if isinstance(piece, Value):
+                width = 8 if piece.width == 8 else 1
+                steps = range(0, piece.width, width)
+                moved[piece.source, width] += [(piece.offset + i, len(template) + i, number) for i in steps]
+            template += bytes(piece.room) if isinstance(piece, Value) else piece
+        self._moved = moved
+        self.template = np.frombuffer(bytes(template), np.uint8)
+        self._openings = np.add.outer(self._starts, np.arange(_OPENING))
 
-def _size(pieces: Pieces) -> int:
-    return sum(len(piece) if isinstance(piece, bytes) else piece.room for piece in pieces)
+    def places(self, source: str, width: int) -> NDArray[np.intp]:
+        """Return (k, 3) of the values of ``width`` 8 or 1 bytes: place in ``source``, in a row, number of the topic."""
+        return np.array(self._moved[source, width], np.intp).reshape(-1, 3)
 
+    def moves(self, source: str, rows: int) -> Moves:
+        """Return (k, 3) of each width: place in ``source``, in ``rows`` rows, bytes from there to the next row's."""
+        words, octets = (self._moves(self.places(source, width), rows) for width in (8, 1))
+        return words, octets
 
-def tag(number: int, wire: int) -> bytes:
-    """Return the tag of a protobuf field: its number and its wire type."""
-    key = number << 3 | wire
-    return bytes([key]) if key < 128 else bytes([key & 127 | 128, key >> 7])
+    def _moves(self, places: NDArray[np.intp], rows: int) -> NDArray[np.uint64]:
+        start, size = self._block_of[places[:, 2]].T
+        return np.stack([places[:, 0], start * (rows - 1) + places[:, 1], size], axis=1).astype(np.uint64)
 
+    def indexes(self, rows: int, begin: int = 0) -> NDArray[Any]:
+        """Return the message indexes of ``rows`` rows, which begin at byte ``begin`` of the chunk."""
+        start, size = self._block_of.T
+        firsts = begin + self._starts + start * (rows - 1)
+        return message_indexes(self._first, firsts[:, None] + np.multiply.outer(size, np.arange(rows)))
 
-def place(dtype: np.dtype[Any], name: str) -> tuple[np.dtype[Any], int]:
-    """Return the dtype and the offset of a field of a structured dtype."""
-    fields: Any = dtype.fields
-    return fields[name][:2]
+    def blank(self, rows: int) -> NDArray[np.uint8]:
+        """Return the bytes of ``rows`` rows but for their values."""
+        return np.concatenate([np.tile(self.template[start : start + size], rows) for start, size in self._blocks])
 
+    def count(self, data: NDArray[np.uint8]) -> int:
+        """Return how many rows are at the beginning of a chunk."""
+        [_, size] = self._blocks[0]
+        whole = len(data) // size
+        heads = data[: whole * size].reshape(whole, size)[:, :_OPENING]
+        ours = (heads == self.template[:_OPENING]).all(axis=1)
+        return whole if ours.all() else int(ours.argmin())
 
-def _of(source: str, dtype: np.dtype[Any], name: str, index: int = 0, room: int | None = None) -> Value:
-    """Return element ``index`` (counted through all its axes) of a field of a structured dtype."""
-    column, offset = place(dtype, name)
-    width = column.base.itemsize
-    return Value(source, offset + index * width, width, room or width)
-
-
-def _derived(name: str, index: int = 0) -> Value:
-    return _of("derived", DERIVED, name, index)
-
-
-def _payload(topic: Topic, fields: Sequence[Field]) -> Pieces:
-    if topic.name == "/pose":
-        return _pose()
-    if topic.name == "/position":
-        return _position()
-    pieces: Pieces = []
-    for number, field in enumerate(fields, 1):
-        pieces += [tag(number, WIRE.get(field.kind, 0)), _element(topic, field)]
-    return pieces
-
-
-def _element(topic: Topic, field: Field) -> Value:
-    if topic.message == "rig.Timing":
-        return _of("timing", TIMING, field.source)
-    index = field.index if topic.item is None else (topic.item, *field.index)
-    flat = int(np.ravel_multi_index(index, FLAT[field.source].shape)) if index else 0
-    return _of("frame", FLAT, field.source, flat, 4 if field.kind == FIXED32 else None)
-
-
-def _doubles(name: str) -> list[Marked]:
-    """Return the elements of a field of DERIVED, for the numbers 1, 2, 3, ... in a message."""
-    return [(struct.pack("<d", i + 1.0), [_derived(name, i)]) for i in range(DERIVED[name].shape[0])]
-
-
-def _cut(message: Message, marks: Sequence[Marked]) -> Pieces:
-    """Return a message as protobuf writes it, with values in the places of its marks, which stand in this order."""
-    pieces: Pieces = []
-    rest = message.SerializeToString()
-    for mark, values in marks:
-        before, _, rest = rest.partition(mark)
-        pieces += [before, *values]
-    return [*pieces, rest]
-
-
-_STAMP: Final = Timestamp(seconds=1 << 34, nanos=1 << 30)  # both varints have five bytes
-_STAMPED: Final[list[Marked]] = [
-    (b"\x80\x80\x80\x80\x40", [_derived("seconds", i) for i in range(5)]),
-    (b"\x80\x80\x80\x80\x04", [_derived("nanoseconds", i) for i in range(5)]),
-]
+    def rows(self, data: NDArray[np.uint8], rows: int) -> NDArray[np.uint8]:
+        """Return the ``rows`` rows that ``data`` begins with as (rows, row); ValueError unless they are ours."""
+        packed = np.empty((rows, len(self.template)), np.uint8)
+        for start, size in self._blocks:
+            packed[:, start : start + size] = data[start * rows : (start + size) * rows].reshape(rows, size)
+        if (packed[:, self._openings] != self.template[self._openings]).any():
+            raise ValueError("not a chunk that the rig writes")
+        return packed
 
 
-def _pose() -> Pieces:
-    frames = {"parent_frame_id": WORLD, "child_frame_id": AIRCRAFT}
-    place, turn = Vector3(x=1, y=2, z=3), Quaternion(x=1, y=2, z=3, w=4)
-    message = FrameTransform(timestamp=_STAMP, **frames, translation=place, rotation=turn)
-    return _cut(message, [*_STAMPED, *_doubles("translation"), *_doubles("rotation")])
+class Decoded(NamedTuple):
+    """What a chunk holds but its events."""
 
-
-def _position() -> Pieces:
-    """Return two parts, the time first as in all logs: protobuf would put it last, and reads any order."""
-    when = _cut(LocationFix(timestamp=_STAMP, frame_id=AIRCRAFT), _STAMPED)
-    return [*when, *_cut(LocationFix(latitude=1, longitude=2, altitude=3), _doubles("position"))]
-
-
-def frame_record(topic: Topic, fields: Sequence[Field]) -> Pieces:
-    """Return the message record that a topic has in every frame; ``fields`` of its message, none of foxglove's."""
-    payload = _payload(topic, fields)
-    length = HEAD.size - 9 + _size(payload)
-    opening = struct.pack("<BQH", MESSAGE_OPCODE, length, TOPICS.index(topic) + 1)
-    times: Pieces = [_derived("log_time"), _derived("log_time")]
-    return [opening, _derived("sequence"), *times, *payload]
-
-
-Moves = tuple[NDArray[np.uint64], NDArray[np.uint64]]  # of eight bytes, of one byte: rows (in source, in row)
-
-
-def _moves(source: str, placed: list[tuple[int, Value]]) -> Moves:
-    words: list[tuple[int, int]] = []
-    octets: list[tuple[int, int]] = []
-    for at, value in placed:
-        if value.source == source and value.width == 8:
-            words.append((value.offset, at))
-        elif value.source == source:
-            octets += [(value.offset + i, at + i) for i in range(value.width)]
-    return (
-        np.array(words, np.uint64).reshape(-1, 2),
-        np.array(octets, np.uint64).reshape(-1, 2),
-    )
+    rows: Block  # FLAT
+    timing: NDArray[np.void]
+    lanes: LaneBlock | None  # of servo actuators
+    runs: list[Run]
+    size: int  # bytes
 
 
 class Layout:
-    """The rows of a chunk, for the fields that each of our messages has, in the order of their numbers.
+    """How a log has its frames, for the fields that each of our messages has, in the order of their numbers.
 
-    ``template``: a row but for its values; ``starts``: of each topic's record in it; ``moves``: of each source into it;
-    ``absent``: numbers of FLAT that the messages do not have, field and index
+    rowwise : as up to schema 4, poses at every frame
+    lanes : with those of servo actuators
+    absent : numbers of FLAT that the messages do not have, field and index
     """
 
-    def __init__(self, messages: Mapping[str, Sequence[Field]]) -> None:
-        template, placed = bytearray(), list[tuple[int, Value]]()
-        self.starts: list[int] = []
-        for topic in FRAME_TOPICS:
-            self.starts.append(len(template))
-            for piece in frame_record(topic, messages.get(topic.message, ())):
-                if isinstance(piece, bytes):
-                    template += piece
-                else:
-                    placed.append((len(template), piece))
-                    template += bytes(piece.room)
-        self.template = np.frombuffer(bytes(template), np.uint8)
-        self.moves = {source: _moves(source, placed) for source in ("frame", "timing", "derived")}
+    def __init__(self, messages: Messages, *, rowwise: bool = False, lanes: bool = False) -> None:
+        self._rowwise, self._lanes = rowwise, lanes
+        self.table = Table((*FRAME_TOPICS, *POSE_TOPICS) if rowwise else FRAME_TOPICS, messages, rowwise=rowwise)
         self.absent = [
             (field.source, field.index)
             for name, message in MESSAGES.items()
             for field in message.fields
             if field not in messages[name] and field.source in FIELD
         ]
-        self._of_frame, self._of_timing = self._origins("frame", FLAT), self._origins("timing", TIMING)
-        self._of_frame[: len(_SEQUENCE)] = _SEQUENCE
+        self._of_frame, self._of_timing = _origins(self.table, "frame", FLAT), _origins(self.table, "timing", TIMING)
 
-    def _origins(self, source: str, dtype: np.dtype[Any]) -> NDArray[np.intp]:
-        """Return for every byte of a record of ``dtype`` its place in a packed row; what has none comes from a zero."""
-        origins = np.full(dtype.itemsize, _ZERO, np.intp)
-        words, octets = self.moves[source]
-        for i in range(8):
-            origins[words[:, 0] + i] = words[:, 1] + i
-        origins[octets[:, 0]] = octets[:, 1]
-        return origins
-
-    def unpack(self, packed: NDArray[np.uint8]) -> tuple[Block, NDArray[np.void]]:
-        """Return the FLAT rows and their TIMING of ``packed`` (n, row), bit for bit what ``packing.pack`` was given."""
-        rows = _gathered(packed, self._of_frame, FLAT)
+    def read(self, data: NDArray[np.uint8]) -> Decoded:
+        """Return what a chunk holds, bit for bit what ``packing.pack`` was given.  ValueError: not a chunk of ours."""
+        packed = self.table.rows(data, self.table.count(data))
+        rows, timing = _gathered(packed, self._of_frame, FLAT), _gathered(packed, self._of_timing, TIMING)
         if self.absent:
             self._fill(rows)
-        return rows, _gathered(packed, self._of_timing, TIMING)
+        times = packed[:, _TIME].copy().view(np.uint64)[:, 0]
+        if self._rowwise or not len(times):
+            runs = [Run(times, self.table.indexes(len(times)))] if len(times) else []
+            return Decoded(rows, timing, lane_rows(0) if self._lanes else None, runs, packed.nbytes)
+        size = packed.nbytes + POSES.rows(data[packed.nbytes :], len(times[::POSE_EVERY])).nbytes
+        lanes = None
+        if self._lanes:
+            moved = SERVOS.rows(data[size:], len(times))
+            lanes, size = _gathered(moved, _origins(SERVOS, "lanes", LANES), LANES), size + moved.nbytes
+        return Decoded(rows, timing, lanes, frame_runs(times, self._lanes), size)
 
     def _fill(self, rows: Block) -> None:
         """Give ``rows`` what an older log does not say: no number; a discrete whose channels are valid, unmonitored."""
@@ -228,18 +168,20 @@ class Layout:
         if ("discrete_valid", (0,)) in self.absent:
             rows["discrete_valid"] = rows["discrete_state"] != State.ABSENT
 
-    def rows_in(self, data: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return the run of rows at the beginning of a chunk's bytes, as (n, row)."""
-        size = len(self.template)
-        whole = len(data) // size
-        candidates = data[: whole * size].reshape(whole, size)
-        ours = (candidates[:, :_OPENING] == self.template[:_OPENING]).all(axis=1)
-        return candidates[: whole if ours.all() else int(ours.argmin())]
+
+_OPENING: Final = 11  # bytes: opcode, length and channel of a record
+_TIME: Final = slice(15, 23)  # the time of a row's first record
+_ZERO: Final = 8  # the last byte of its length
 
 
-_OPENING: Final = 11  # bytes: opcode, length and channel of the first record, which mark a row
-_ZERO: Final = 8  # the last byte of that length
-_SEQUENCE: Final = range(11, 15)  # which is the frame's number
+def _origins(table: Table, source: str, dtype: np.dtype[Any]) -> NDArray[np.intp]:
+    """Return for every byte of a record of ``dtype`` its place in a row; what has none comes from a zero."""
+    origins = np.full(dtype.itemsize, _ZERO, np.intp)
+    for width in (8, 1):
+        place, at, _ = table.places(source, width).T
+        for i in range(width):
+            origins[place + i] = at + i
+    return origins
 
 
 def _gathered(packed: NDArray[np.uint8], origins: NDArray[np.intp], dtype: np.dtype[Any]) -> NDArray[np.void]:
@@ -250,8 +192,12 @@ def _gathered(packed: NDArray[np.uint8], origins: NDArray[np.intp], dtype: np.dt
 
 
 LAYOUT: Final = Layout({name: message.fields for name, message in MESSAGES.items()})  # of what we write
-TEMPLATE, STARTS, MOVES = LAYOUT.template, LAYOUT.starts, LAYOUT.moves
-ROW: Final = len(TEMPLATE)  # bytes of one frame before compression
+FRAMES: Final = LAYOUT.table
+SERVO_LAYOUT: Final = Layout({name: message.fields for name, message in MESSAGES.items()}, lanes=True)
+POSES: Final = Table(POSE_TOPICS, {})
+SERVOS: Final = Table(LANE_TOPICS, {name: message.fields for name, message in LANE_MESSAGES.items()})
+ROW: Final = len(FRAMES.template) + len(POSES.template)  # the most bytes of a frame before compression
+SERVO_ROW: Final = len(SERVOS.template)  # and those of its servo actuators
 
 
 def log_times(frames: NDArray[np.int64], rate_hz: float) -> NDArray[np.uint64]:
@@ -259,15 +205,22 @@ def log_times(frames: NDArray[np.int64], rate_hz: float) -> NDArray[np.uint64]:
     return np.rint(frames * 1e9 / rate_hz).astype(np.uint64)
 
 
-def runs_of(times: NDArray[np.uint64], events: Sequence[tuple[int, int]]) -> list[Run]:
-    """Return the runs of a chunk: rows at ``times`` [ns], then events, each with its time and its record's offset."""
-    runs = [Run(1, times, _offsets(len(times)))] if len(times) else []
-    if events:
-        event_times, offsets = np.array(events, np.uint64).T
-        runs.append(Run(EVENT_CHANNEL, event_times, offsets[None, :]))
-    return runs
+def frame_runs(times: NDArray[np.uint64], lanes: bool = False) -> list[Run]:
+    """Return the runs of a chunk of frames at ``times`` (n,), ns; ``lanes``: with those of servo actuators."""
+    if not len(times):
+        return []
+    frames, poses, servos = _indexes(len(times))
+    return [Run(times, frames), Run(times[::POSE_EVERY], poses), *([Run(times, servos)] if lanes else [])]
 
 
 @lru_cache(maxsize=4)  # all chunks of a flight are of one length but the last
-def _offsets(rows: int) -> NDArray[np.int64]:
-    return np.add.outer(STARTS, ROW * np.arange(rows))
+def _indexes(frames: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    poses, begin = len(range(0, frames, POSE_EVERY)), frames * len(FRAMES.template)
+    behind = begin + poses * len(POSES.template)
+    return FRAMES.indexes(frames), POSES.indexes(poses, begin), SERVOS.indexes(frames, behind)
+
+
+def event_runs(events: Sequence[tuple[int, int]]) -> list[Run]:
+    """Return the run of events, each with its time and its record's offset in the chunk; none without events."""
+    times, offsets = np.array(events, np.int64).reshape(-1, 2).T
+    return [Run(times.astype(np.uint64), message_indexes(EVENT_CHANNEL, offsets[None, :]))] if events else []

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from hashlib import sha256
+from itertools import accumulate
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
+from rig.aircraft import names
 from rig.errors import BadInput, RigError
 from rig.log.writer import LogWriter
+from rig.overrides import parse_set
 from rig.scenario import Scenario
 from rig.util.files import numbered, reported
 from rig.util.versions import versions
 
 LONGEST_TAG: Final = 40  # characters of the overrides in a log's name
-_HASH: Final = 6
 NAME_BYTES: Final = 160  # of a log's name; behind them come seed, overrides, number and ending
 
 
@@ -34,12 +36,20 @@ def new_log(
     with reported(out, BadInput, "logs cannot be kept there"):
         out.mkdir(parents=True, exist_ok=True)
     suffix = tag(overrides)
-    for path in numbered(out, f"{word_of(name)}_seed{scenario.seed}{f'_{suffix}' if suffix else ''}", ".mcap"):
+    for path in numbered(
+        out, f"{word_of(named(name, scenario.aircraft))}_seed{scenario.seed}{f'_{suffix}' if suffix else ''}", ".mcap"
+    ):
         with suppress(FileExistsError):  # another flight was faster
             attached = [("scenario.toml", text.encode())]
             described = {**metadata(scenario), **(about or {})}
-            return LogWriter(path, scenario.rate_hz, described, attached, new=True)
+            return LogWriter(path, scenario.rate_hz, described, attached, new=True, lanes=scenario.has_servos)
     raise RigError(f"{out}: no free name for a log")
+
+
+def named(name: str, aircraft: str) -> str:
+    """Return the name of a scenario, behind that of its aircraft where this is none of ours and not in it."""
+    own = Path(aircraft).name
+    return name if own in names() or own in name else f"{own}_{name}"
 
 
 def word_of(name: str) -> str:
@@ -49,25 +59,34 @@ def word_of(name: str) -> str:
 
 
 def tag(overrides: Sequence[str]) -> str:
-    """Return overrides for a file's name, at most LONGEST_TAG characters: ``manager-mean``; longer ones end in a hash.
+    """Return overrides for a file's name: ``manager-mean``, in LONGEST_TAG characters, and how many more: ``and-3``.
 
     The last part of a key names it, of a long key the last two; the seed has a place of its own.
     """
-    parts = [_part(text) for text in overrides if text.partition("=")[0].strip() != "seed"]
-    whole = "_".join(parts)
-    if len(whole) <= LONGEST_TAG:
-        return whole
-    digest = sha256("\n".join(overrides).encode()).hexdigest()[:_HASH]
-    return f"{whole[: LONGEST_TAG - _HASH - 1].rstrip('_.-')}_{digest}"
+    parts = [_part(*parse_set(text))[:LONGEST_TAG] for text in overrides if text.partition("=")[0].strip() != "seed"]
+    lengths = accumulate(len(part) + 1 for part in parts)
+    kept = [part for part, length in zip(parts, lengths, strict=True) if length <= LONGEST_TAG + 1]
+    left = [f"and-{len(parts) - len(kept)}"] if len(kept) < len(parts) else []
+    return "_".join((*kept, *left))
 
 
-def _part(text: str) -> str:
-    key, _, value = text.partition("=")
-    named = key.strip().split(".")
-    shown = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "" for c in value.strip())
-    if not shown:
-        shown = "none" if value.strip() in ("", "[]", "{}") else sha256(value.encode()).hexdigest()[:_HASH]
-    return f"{word_of('.'.join(named[-2:]) if len(named) > 2 else named[-1])}-{shown}"
+def _part(key: str, value: Any) -> str:
+    keys = [word_of(part) for part in key.split(".") if not part.isdigit()]
+    if keys == ["faults"] and value:
+        return _value(value)
+    return f"{'_'.join(keys[-2:] if len(keys) > 2 else keys[-1:])}-{_value(value)}"
+
+
+def _value(value: Any) -> str:
+    """Return a value as part of a file's name; of a fault its kind and where it sits."""
+    if isinstance(value, list):
+        return "-".join(map(_value, value)) or "none"
+    if isinstance(value, dict):
+        told = [value[key] for key in ("kind", "signal", "name") if key in value]
+        return "-".join(map(_value, told or value)) or "none"
+    if isinstance(value, bool | int | float):
+        return f"{value}".lower().removesuffix(".0")
+    return re.sub("_+", "_", word_of(str(value))).strip("_") or "none"
 
 
 def metadata(scenario: Scenario) -> dict[str, str]:

@@ -3,18 +3,45 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from functools import lru_cache
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import RigError
-from rig.frame import FLAT, FLIGHT_INDEX, Block
+from rig.frame import FLAT, FLIGHT_INDEX, Block, LaneBlock
 from rig.kernels import kernel
-from rig.log.layout import DERIVED, MOVES, TEMPLATE, WIRE, place
-from rig.log.schema import MESSAGES
+from rig.log.layout import FRAMES, POSES, SERVOS, Moves
+from rig.log.records import DERIVED, TIMES, WIRE, place
+from rig.log.schema import MESSAGES, POSE_EVERY
 
 _1, _2, _3, _4, _5, _6, _7 = (np.uint64(i) for i in range(1, 8))
+
+
+class Plan(NamedTuple):
+    """What all chunks of one number of frames have in common."""
+
+    blank: NDArray[np.uint8]  # their bytes but for what follows from the frames
+    moves: dict[str, Moves]  # by source, into the records of frames
+    begin: int  # of the poses
+    posed: Moves
+    behind: int  # the poses: records of servo actuators, if there are any
+    servos: dict[str, Moves]
+
+
+@lru_cache(maxsize=4)  # all chunks of a flight are of one length but the last
+def plan(frames: int, lanes: bool = False) -> Plan:
+    """Return the plan of chunks of ``frames`` frames; ``lanes``: with servo actuators."""
+    poses = len(range(0, frames, POSE_EVERY))
+    records, posed = FRAMES.blank(frames), POSES.blank(poses)
+    moves = {source: FRAMES.moves(source, frames) for source in ("frame", "timing", "times")}
+    blank, servos = np.concatenate([records, posed]), {}
+    behind = len(blank)
+    if lanes:
+        servos = {source: SERVOS.moves(source, frames) for source in ("lanes", "times")}
+        blank = np.concatenate([blank, SERVOS.blank(frames)])
+    return Plan(blank, moves, len(records), POSES.moves("derived", poses), behind, servos)
 
 
 @kernel
@@ -24,21 +51,25 @@ def move(
     words: NDArray[np.uint64],
     octets: NDArray[np.uint64],
 ) -> None:
-    """Copy bytes of every row of ``source`` (n, m) into the rows of ``target`` (n, m').
+    """Copy bytes of every row of ``source`` (n, m) into ``target`` (n',).
 
-    words, octets : (w, 2) offsets of runs of eight bytes and of single bytes, in ``source`` and in ``target``
+    words, octets : (w, 3) offsets of runs of eight bytes and of single bytes: in ``source``, in ``target`` for the
+    first row, from there to that of the next
     """
-    for k in range(source.shape[0]):
-        for i in range(words.shape[0]):
-            s = words[i, 0]
-            t = words[i, 1]
+    for i in range(words.shape[0]):
+        s, t, step = words[i]
+        for k in range(source.shape[0]):
             # Unsigned offsets, and all loads before all stores: it compiles to one move of eight bytes.
             x0, x1, x2, x3 = source[k, s], source[k, s + _1], source[k, s + _2], source[k, s + _3]
             x4, x5, x6, x7 = source[k, s + _4], source[k, s + _5], source[k, s + _6], source[k, s + _7]
-            target[k, t], target[k, t + _1], target[k, t + _2], target[k, t + _3] = x0, x1, x2, x3
-            target[k, t + _4], target[k, t + _5], target[k, t + _6], target[k, t + _7] = x4, x5, x6, x7
-        for i in range(octets.shape[0]):
-            target[k, octets[i, 1]] = source[k, octets[i, 0]]
+            target[t], target[t + _1], target[t + _2], target[t + _3] = x0, x1, x2, x3
+            target[t + _4], target[t + _5], target[t + _6], target[t + _7] = x4, x5, x6, x7
+            t += step
+    for i in range(octets.shape[0]):
+        s, t, step = octets[i]
+        for k in range(source.shape[0]):
+            target[t] = source[k, s]
+            t += step
 
 
 def _bytes(rows: NDArray[Any]) -> NDArray[np.uint8]:
@@ -79,23 +110,29 @@ def _refuse_large(rows: Block) -> None:
         raise RigError(f"frames {rows['frame'][0]} to {rows['frame'][-1]}: {named} above 127 cannot be logged")
 
 
-def empty_rows(frames: int) -> NDArray[np.uint8]:
-    """Return a buffer for ``pack``: (frames, ROW), every row the template."""
-    return np.tile(TEMPLATE, (frames, 1))
+def pack(
+    rows: Block,
+    timing: NDArray[Any],
+    times: NDArray[np.uint64],
+    out: NDArray[np.uint8],
+    lanes: LaneBlock | None = None,
+) -> None:
+    """Fill ``out``, which was ``plan(len(rows), lanes).blank``, with the records of ``rows``; ``times`` in ns.
 
-
-def pack(rows: Block, timing: NDArray[Any], times: NDArray[np.uint64], out: NDArray[np.uint8]) -> None:
-    """Fill ``out`` (n, ROW), made by ``empty_rows``, with the records of ``rows``; ``times`` in ns.
-
-    RigError when a one-byte field is above 127.
+    lanes : (n,) of servo actuators, if the log has them.  RigError when a one-byte field is above 127.
     """
     _refuse_large(rows)
-    for name, source in (("frame", rows), ("timing", timing), ("derived", _derive(rows, times))):
-        move(_bytes(source), out, *MOVES[name])
+    made = plan(len(rows), lanes is not None)
+    for name, source in (("frame", rows), ("timing", timing), ("times", times.view(TIMES))):
+        move(_bytes(source), out, *made.moves[name])
+    move(_bytes(_derive(rows, times)), out[made.begin :], *made.posed)
+    if lanes is not None:
+        for name, source in (("lanes", lanes), ("times", times.view(TIMES))):
+            move(_bytes(source), out[made.behind :], *made.servos[name])
 
 
 def _derive(rows: Block, times: NDArray[np.uint64]) -> NDArray[Any]:
-    derived = np.empty(len(rows), DERIVED)
+    derived = np.empty(len(range(0, len(rows), POSE_EVERY)), DERIVED)
     with np.errstate(all="ignore"):  # for interpreted kernels: a flight that ends not finite is logged as it is
         derive(rows, times, derived)
     return derived
@@ -111,14 +148,17 @@ _DEGREE: Final = 180.0 / math.pi
 
 @kernel
 def derive(rows: Block, times: NDArray[np.uint64], derived: NDArray[Any]) -> None:
-    """Fill ``derived`` (n,) DERIVED. Pose with z up, as 3-D viewers expect it: east-north-up, forward-left-up.
+    """Fill ``derived`` (n,) DERIVED of every POSE_EVERY-th row.
+
+    Pose with z up, as 3-D viewers expect it: east-north-up, forward-left-up.
 
         q_enu_flu = q_enu_ned * q_ned_frd * q_frd_flu,  q_enu_ned = (0, 1, 1, 0)/sqrt 2,  q_frd_flu = (0, 1, 0, 0)
 
     up to its sign; q_ned_frd is the quaternion of FLIGHT.
     """
-    for k in range(len(rows)):
-        row, flight = derived[k], rows[k]["flight"]
+    for i in range(len(derived)):
+        k = i * POSE_EVERY
+        row, flight = derived[i], rows[k]["flight"]
         row["log_time"], row["sequence"] = times[k], rows[k]["frame"]
         varint(times[k] // _SECOND, row["seconds"])
         varint(times[k] % _SECOND, row["nanoseconds"])

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import BadLog
-from rig.frame import DISCRETE_INDEX, FLAT, INDEX, TIMING, Block
+from rig.frame import DISCRETE_INDEX, FLAT, INDEX, LANES, TIMING, Block, LaneBlock
 from rig.log.scan import About, iter_parts
 from rig.record.event import Event
 
@@ -64,15 +64,18 @@ class Log:
     metadata: dict[str, str]
     result: dict[str, str] | None  # None when the flight was not ended by the loop
     attachments: dict[str, bytes]
+    lanes: LaneBlock | None = None  # (n,) of LANES, of a flight with servo actuators
 
     @classmethod
     def read(cls, path: Path | str) -> Self:
         """Read the flight at ``path``; see read_log."""
         about = About()
-        parts = [(part.rows, part.timing, part.events) for part in iter_parts(Path(path), about)]
+        parts = [(part.rows, part.timing, part.events, part.lanes) for part in iter_parts(Path(path), about)]
         rows, timing = _joined([part[0] for part in parts], FLAT), _joined([part[1] for part in parts], TIMING)
         events = [event for part in parts for event in part[2]]
-        return cls(about.rate_hz, rows, timing, events, about.metadata, about.result, about.attachments)
+        moved = [part[3] for part in parts if part[3] is not None]
+        lanes = _joined(moved, LANES) if about.lanes else None
+        return cls(about.rate_hz, rows, timing, events, about.metadata, about.result, about.attachments, lanes)
 
     @property
     def scenario_text(self) -> str | None:
@@ -131,6 +134,15 @@ def scenario_of(metadata: Mapping[str, str], where: object) -> dict[str, Any]:
     if not isinstance(scenario, dict):
         raise BadLog(f"{where}: the scenario in its metadata is damaged")
     return scenario
+
+
+def unit_of(metadata: Mapping[str, str]) -> dict[str, Any]:
+    """Return what a log keeps of the unit under test that flew it (settings.Unit.about); empty without one."""
+    try:
+        unit = json.loads(metadata.get("unit", "{}"))
+    except (ValueError, RecursionError):
+        unit = None
+    return unit if isinstance(unit, dict) else {}
 
 
 def _joined(parts: list[NDArray[Any]], dtype: np.dtype[Any]) -> NDArray[Any]:

@@ -23,14 +23,17 @@ from zlib_ng.zlib_ng import crc32
 from rig.errors import BadLog
 from rig.log.container import MAGIC, RECORD_HEAD, Container, Packed
 from rig.log.decode import Damaged, Decoder, Part, damage, same_crc
-from rig.log.layout import LAYOUT, Layout, log_times, runs_of
+from rig.log.layout import LAYOUT, SERVO_LAYOUT, Layout
 from rig.log.schema import (
+    ALL_TOPICS,
+    LANE_MESSAGES,
+    LANE_TOPICS,
     MESSAGES,
+    MESSAGES_SINCE,
     OLDEST,
     RESULT,
     RIG,
     SCHEMA_VERSION,
-    TOPICS,
     Field,
     channels,
     descriptors,
@@ -51,6 +54,7 @@ class About:
     result: dict[str, str] | None = None
     attachments: dict[str, bytes] = field(default_factory=dict)
     others: dict[str, dict[str, str]] = field(default_factory=dict)  # metadata records of other names
+    lanes: bool = False  # it has rows of servo actuators
 
     @property
     def rate_hz(self) -> float:
@@ -60,9 +64,10 @@ class About:
 
 @dataclass(slots=True)
 class Contents(About):
-    """A log that was gone through: its frames and events counted, and where it is damaged."""
+    """A log that was gone through: its frames, messages and events counted, and where it is damaged."""
 
     frames: int = 0
+    messages: Counter[str] = field(default_factory=Counter)  # by their topics
     last_frame: int = 0
     events: Counter[str] = field(default_factory=Counter)  # by their names
     damaged: Damaged | None = None
@@ -81,6 +86,9 @@ def contents(path: Path) -> Contents:
             counted.frames += len(part.rows)
             counted.last_frame = int(part.rows["frame"][-1]) if len(part.rows) else counted.last_frame
             counted.events.update(event.name for event in part.events)
+            for run in part.runs:
+                for channel in run.channels:
+                    counted.messages[ALL_TOPICS[channel - 1].name] += len(run.times)
     except Damaged as error:
         counted.damaged = error
     return counted
@@ -212,11 +220,13 @@ class _Descriptions:
                 raise BadLog(f"{self._path}: not a log of this rig (no metadata record {RIG!r})")
             newest = int(about.metadata["schema_version"]) == SCHEMA_VERSION
             fields_by_message: dict[str, tuple[Field, ...]] = {}
-            for ours in channels():
-                name = TOPICS[ours.id - 1].message
+            about.lanes = newest and any(c.topic == LANE_TOPICS[0].name for c in self._channels.values())
+            for ours in channels(about.lanes):
+                name = ALL_TOPICS[ours.id - 1].message
                 fields = self._fields(self._schema(ours), name, newest)
                 fields_by_message.setdefault(name, fields)
-            self._layout = LAYOUT if newest else Layout(fields_by_message)
+            ours_now = SERVO_LAYOUT if about.lanes else LAYOUT
+            self._layout = ours_now if newest else Layout(fields_by_message, rowwise=True)
         return self._layout
 
     def _schema(self, ours: Channel) -> Schema:
@@ -233,9 +243,10 @@ class _Descriptions:
         Those may be of another release: we write the fields that we know.
         """
         fields: tuple[Field, ...] | None = ()
-        if name in MESSAGES:
+        known = {**MESSAGES, **LANE_MESSAGES}
+        if name in known:
             described = FileDescriptorSet.FromString(schema.data)
-            fields = MESSAGES[name].fields if described == descriptors(name) else None if newest else older(described)
+            fields = known[name].fields if described == descriptors(name) else None if newest else older(described)
         if schema.name != name or fields is None:
             raise BadLog(f"{self._path}: the fields of {schema.name} are not those of this rig")
         return fields
@@ -262,7 +273,7 @@ def recover(path: Path | str, out: Path | str) -> Recovered:
     log, lost = contents(path), 0
     if log.damaged is not None:
         _check_mendable(path, log)
-        with replaced(out) as draft, reported(out), closing(Container(draft, opening())) as file:
+        with replaced(out) as draft, reported(out), closing(Container(draft, opening(log.lanes))) as file:
             _copy(path, file, log)
         lost = path.stat().st_size - log.damaged.at
     last_s = log.last_frame / log.rate_hz
@@ -273,8 +284,8 @@ def _check_mendable(path: Path, log: Contents) -> None:
     if not log.metadata:
         raise BadLog(f"{path}: {log.damage}, before its metadata: nothing can be recovered")
     version = log.metadata["schema_version"]
-    if int(version) != SCHEMA_VERSION:
-        raise BadLog(f"{path}: schema version {version}; only logs of version {SCHEMA_VERSION} are mended")
+    if int(version) < MESSAGES_SINCE:
+        raise BadLog(f"{path}: schema version {version}; logs are mended from version {MESSAGES_SINCE} on")
 
 
 def _copy(path: Path, file: Container, log: Contents) -> None:
@@ -283,14 +294,9 @@ def _copy(path: Path, file: Container, log: Contents) -> None:
         file.attachment(name, data)
     with suppress(Damaged):  # the damage that brought us here
         for part in iter_parts(path, About()):
-            file.chunk(_packed(part, log.rate_hz))
+            chunk = part.chunk
+            file.chunk(Packed(chunk.data, chunk.uncompressed_crc, chunk.uncompressed_size, part.runs))
     file.metadata(RECOVERED, {"damage": log.damage})
     if log.result is not None:
         file.metadata(RESULT, log.result)
     file.finish()
-
-
-def _packed(part: Part, rate_hz: float) -> Packed:
-    chunk = part.chunk
-    times = log_times(part.rows["frame"], rate_hz)
-    return Packed(chunk.data, chunk.uncompressed_crc, chunk.uncompressed_size, runs_of(times, part.event_entries))

@@ -26,23 +26,27 @@ from google.protobuf.descriptor_pb2 import (
 from mcap.records import Channel, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
 
-from rig.frame import DISCRETES, SIGNALS, TIMING
-from rig.frame.fields import FIELD, Kind, Place, places
+from rig.frame import DISCRETES, LANE_FIELDS, MOVED, SIGNALS, TIMING, SensorFault, UnitStatus
+from rig.frame.fields import FIELD, Kind, Place, elements, places
 from rig.log.container import Opening
 from rig.record.event import Severity
 
-SCHEMA_VERSION: Final = 4  # history in docs/log.md
+SCHEMA_VERSION: Final = 5  # history in docs/log.md
+MESSAGES_SINCE: Final = 4  # whose messages are the present ones
 OLDEST: Final = 2  # that is still read
 
 DOUBLE: Final = FieldDescriptorProto.TYPE_DOUBLE
+FLOAT: Final = FieldDescriptorProto.TYPE_FLOAT
 BOOL: Final = FieldDescriptorProto.TYPE_BOOL
 UINT32: Final = FieldDescriptorProto.TYPE_UINT32  # one byte: only for what stays below 128
 FIXED32: Final = FieldDescriptorProto.TYPE_FIXED32
 ENUM: Final = FieldDescriptorProto.TYPE_ENUM
 
 # How each kind of field is written; a fixed32 holds all of u1 and u4.
+_ENUM_NAMES: Final[dict[type[IntEnum], str]] = {SensorFault: "Lie", UnitStatus: "Unit"}  # others: the class's
 _WRITTEN: Final[dict[Kind, Any]] = {
     "number": DOUBLE,
+    "single": FLOAT,
     "enum": ENUM,
     "flag": BOOL,
     "small": UINT32,
@@ -90,6 +94,16 @@ MESSAGES: Final = {
     **{name: Message(name, tuple(map(_field, places(name)))) for name in _OF_FRAME},
     "rig.Timing": Message("rig.Timing", tuple(Field(name, DOUBLE, name) for name in TIMING.names or ())),
 }
+LANE_MESSAGES: Final = {
+    "rig.Actuator": Message(
+        "rig.Actuator",
+        tuple(
+            Field(name, _WRITTEN[field.kind], field.name, index, field.enum)
+            for field in LANE_FIELDS
+            for name, index in elements(field)
+        ),
+    )
+}
 FOXGLOVE: Final = {cls.DESCRIPTOR.full_name: cls for cls in (FrameTransform, LocationFix, FoxgloveLog)}
 
 # One message of each in every frame, in the order of their bytes.  Channel ids count from 1.
@@ -101,13 +115,16 @@ FRAME_TOPICS: Final = (
     Topic("/inertial", "rig.Inertial"),
     Topic("/flight", "rig.Flight"),
     Topic("/timing", "rig.Timing"),
-    Topic("/pose", "foxglove.FrameTransform"),
-    Topic("/position", "foxglove.LocationFix"),
 )
+# Drawn, never read back: one of each every POSE_EVERY frames of a chunk.
+POSE_TOPICS: Final = (Topic("/pose", "foxglove.FrameTransform"), Topic("/position", "foxglove.LocationFix"))
+POSE_EVERY: Final = 4
 TOPICS_OF_ROWS: Final = tuple(topic for topic in FRAME_TOPICS if topic.message in _OF_FRAME)
 EVENTS: Final = Topic("/events", "foxglove.Log")
-TOPICS: Final = (*FRAME_TOPICS, EVENTS)
-SCHEMA_NAMES: Final = tuple(dict.fromkeys(topic.message for topic in TOPICS))
+TOPICS: Final = (*FRAME_TOPICS, *POSE_TOPICS, EVENTS)
+# In the log of a flight with servo actuators too: one message of each in every frame.
+LANE_TOPICS: Final = tuple(Topic(f"/actuator/{name}", "rig.Actuator", i) for i, name in enumerate(MOVED))
+ALL_TOPICS: Final = (*TOPICS, *LANE_TOPICS)
 RIG: Final = "rig"  # names of the metadata records
 RESULT: Final = "result"
 EVENT_CHANNEL: Final = TOPICS.index(EVENTS) + 1
@@ -121,8 +138,8 @@ LEVELS: Final[dict[Severity, Any]] = {
 @cache
 def descriptors(name: str) -> FileDescriptorSet:
     """Return the descriptor of a message with all that it depends on, as the log embeds it."""
-    if name in MESSAGES:
-        return FileDescriptorSet(file=[_file(MESSAGES[name])])
+    if name in MESSAGES or name in LANE_MESSAGES:
+        return FileDescriptorSet(file=[_file({**MESSAGES, **LANE_MESSAGES}[name])])
     files: dict[str, FileDescriptorProto] = {}
 
     def collect(file: Any) -> None:
@@ -149,7 +166,7 @@ def older(described: FileDescriptorSet) -> tuple[Field, ...] | None:
         field = ours.get(theirs.name)
         if field is None or (theirs.number, theirs.type) != (number, field.kind):
             return None
-        if field.enum and not enums[field.enum.__name__] <= {(m.name, m.value) for m in field.enum}:
+        if field.enum and not enums[_enum_name(field.enum)] <= {(m.name, m.value) for m in field.enum}:
             return None
         fields.append(field)
     return tuple(fields)
@@ -166,7 +183,7 @@ def _file(message: Message) -> FileDescriptorProto:
                 number=number,
                 label=FieldDescriptorProto.LABEL_OPTIONAL,
                 type=field.kind,
-                type_name=f".{message.name}.{field.enum.__name__}.Value" if field.enum else None,
+                type_name=f".{message.name}.{_enum_name(field.enum)}.Value" if field.enum else None,
             )
         )
     name = f"{package}/{short}.proto"
@@ -176,20 +193,28 @@ def _file(message: Message) -> FileDescriptorProto:
 def _enum(enum: type[IntEnum]) -> DescriptorProto:
     """Return an enum in its own scope, so that names need no prefix: a viewer shows OK, SUSPECT, FAILED."""
     values = [EnumValueDescriptorProto(name=member.name, number=member.value) for member in enum]
-    return DescriptorProto(name=enum.__name__, enum_type=[EnumDescriptorProto(name="Value", value=values)])
+    return DescriptorProto(name=_enum_name(enum), enum_type=[EnumDescriptorProto(name="Value", value=values)])
+
+
+def _enum_name(enum: type[IntEnum]) -> str:
+    return _ENUM_NAMES.get(enum, enum.__name__)
 
 
 @cache
-def opening() -> Opening:
-    """Return the schema and the channel records, the same in every file."""
+def opening(lanes: bool = False) -> Opening:
+    """Return schema and channel records, the same in every file; ``lanes``: of a flight with servo actuators."""
     schemas = [
         Schema(i, descriptors(name).SerializeToString(), SchemaEncoding.Protobuf, name)
-        for i, name in enumerate(SCHEMA_NAMES, 1)
+        for i, name in enumerate(_schema_names(lanes), 1)
     ]
-    return Opening.of(schemas, channels())
+    return Opening.of(schemas, channels(lanes))
 
 
-def channels() -> list[Channel]:
+def _schema_names(lanes: bool) -> list[str]:
+    return list(dict.fromkeys(topic.message for topic in (ALL_TOPICS if lanes else TOPICS)))
+
+
+def channels(lanes: bool = False) -> list[Channel]:
     """Return the channel records, ids from 1; a signal's has its unit, symbol and range."""
     metadata = {
         signal.topic: {
@@ -201,8 +226,8 @@ def channels() -> list[Channel]:
         }
         for signal in SIGNALS
     }
-    schema_ids = {name: i for i, name in enumerate(SCHEMA_NAMES, 1)}
+    schema_ids = {name: i for i, name in enumerate(_schema_names(lanes), 1)}
     return [
         Channel(i, topic.name, MessageEncoding.Protobuf, metadata.get(topic.name, {}), schema_ids[topic.message])
-        for i, topic in enumerate(TOPICS, 1)
+        for i, topic in enumerate(ALL_TOPICS if lanes else TOPICS, 1)
     ]

@@ -19,8 +19,8 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from numpy.typing import NDArray
 from zlib_ng.zlib_ng import crc32
 
-from rig.log.container import Container, Opening, Packed, Run
-from rig.log.layout import HEAD, MESSAGE_OPCODE, WIRE, tag
+from rig.log.container import Container, Opening, Packed, Run, message_indexes
+from rig.log.records import HEAD, MESSAGE_OPCODE, WIRE, tag
 from rig.log.schema import DOUBLE, FIXED32, MESSAGES, SCHEMA_VERSION, Field, descriptors
 from rig.log.writer import CHUNK_BYTES
 
@@ -117,7 +117,9 @@ class _Group:
         raw: Any = rows.view(np.uint8).reshape(-1)
         starts = np.arange(len(self.columns)) * self.record.itemsize
         offsets = np.add.outer(starts, np.arange(len(rows)) * self.row_bytes)
-        return Packed(compressor.compress(raw), crc32(raw), len(raw), [Run(self.first, times, offsets)])
+        return Packed(
+            compressor.compress(raw), crc32(raw), len(raw), [Run(times, message_indexes(self.first, offsets))]
+        )
 
     def fill(self, rows: NDArray[Any], first: int, times: NDArray[np.uint64], part: slice) -> None:
         """Fill ``rows`` with the columns' rows ``part``."""

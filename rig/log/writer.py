@@ -14,17 +14,18 @@ from numpy.typing import NDArray
 from zlib_ng.zlib_ng import crc32
 
 from rig.errors import BadInput, RigError
-from rig.frame import TIMING, Block, new_block
+from rig.frame import TIMING, Block, LaneBlock, lane_rows, new_block
 from rig.log.container import Container, Packed
-from rig.log.layout import HEAD, MESSAGE_OPCODE, ROW, log_times, runs_of
-from rig.log.packing import empty_rows, pack
+from rig.log.layout import ROW, SERVO_ROW, event_runs, frame_runs, log_times
+from rig.log.packing import pack, plan
+from rig.log.records import HEAD, MESSAGE_OPCODE
 from rig.log.schema import EVENT_CHANNEL, LEVELS, RESULT, RIG, SCHEMA_VERSION, opening
 from rig.record.event import Event
 
-# Nearly all that repeats is in the row before, so a small table finds it: smaller files than those of
-# zstd's level 1, in less time.
+# Nearly all that repeats is in the record before, so a small table finds it: smaller files than those of
+# zstd's level 1, in less time.  A target length of 1 or more would leave what does not repeat as it is.
 COMPRESSION: Final = zstandard.ZstdCompressionParameters(
-    window_log=19, hash_log=12, chain_log=12, min_match=6, target_length=2, strategy=zstandard.STRATEGY_FAST
+    window_log=18, hash_log=12, chain_log=12, min_match=7, target_length=0, strategy=zstandard.STRATEGY_FAST
 )
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 CHUNK_BYTES: Final = 1 << 20  # before compression; at high rates a chunk is shorter than a second
@@ -38,6 +39,7 @@ class LogWriter:
     file first) must be enough to fly it again.  ``chunk_frames``: the most in a chunk, a second's unless said;
     with few events never more than CHUNK_BYTES.  ``new``: FileExistsError when there is a file at ``path``, else it is
     replaced.
+    ``lanes``: of a flight with servo actuators, whose rows are given too.
     ``draft_of``: the file that ``path`` will be renamed to; messages name it.  BadInput when the file cannot be made.
     """
 
@@ -51,19 +53,23 @@ class LogWriter:
         *,
         new: bool = False,
         draft_of: Path | None = None,
+        lanes: bool = False,
     ) -> None:
         self.path = Path(path)
         self._named = draft_of or self.path
         self._draft = draft_of is not None
         self._rate_hz = rate_hz
-        self.chunk_frames = max(1, min(chunk_frames or int(rate_hz), (CHUNK_BYTES - EVENT_BYTES) // ROW))
-        self._rows = empty_rows(self.chunk_frames)
+        self.chunk_frames = max(
+            1, min(chunk_frames or int(rate_hz), (CHUNK_BYTES - EVENT_BYTES) // (ROW + lanes * SERVO_ROW))
+        )
+        self._blank_lanes = lane_rows(1) if lanes else None
+        self._records = plan(self.chunk_frames, lanes).blank.copy()
         self._compressor = zstandard.ZstdCompressor(compression_params=COMPRESSION)
         self._last_time = 0
         self._file: Container | None = None
-        self._pack(new_block(1), np.zeros(1, TIMING), ())  # compiles the kernels before the first frame
+        self._pack(new_block(1), np.zeros(1, TIMING), (), self._blank_lanes)  # compiles before the first frame
         try:
-            self._file = Container(self.path, opening(), new=new)
+            self._file = Container(self.path, opening(lanes), new=new)
             about = {"schema_version": str(SCHEMA_VERSION), "rate_hz": repr(float(rate_hz))}
             self._file.metadata(RIG, {**metadata, **about})
             for name, data in attachments:
@@ -75,7 +81,9 @@ class LogWriter:
                 self._file.discard()
             raise BadInput(f"{self._named}: the log cannot be written: {error.strerror}") from None
 
-    def write(self, rows: Block, timing: NDArray[Any], events: Sequence[Event] = ()) -> None:
+    def write(
+        self, rows: Block, timing: NDArray[Any], events: Sequence[Event] = (), lanes: LaneBlock | None = None
+    ) -> None:
         """Append ``rows`` with their ``timing`` and the events found in them; on the disk when it returns.
 
         In chunks of at most ``chunk_frames``.  RigError when the disk is full: the log is then closed with
@@ -86,7 +94,8 @@ class LogWriter:
         starts = range(0, len(rows), self.chunk_frames) or range(1 if events else 0)
         for start in starts:
             part = slice(start, start + self.chunk_frames)
-            self._append(self._pack(rows[part], timing[part], events if start == starts[-1] else ()))
+            moved = None if self._blank_lanes is None else self._blank_lanes[:0] if lanes is None else lanes[part]
+            self._append(self._pack(rows[part], timing[part], events if start == starts[-1] else (), moved))
 
     def close(self, result: Mapping[str, str] | None = None) -> None:
         """Write ``result`` (how the flight ended) and the summary; a second call does nothing.
@@ -118,20 +127,23 @@ class LogWriter:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _pack(self, rows: Block, timing: NDArray[Any], events: Sequence[Event]) -> Packed:
+    def _pack(self, rows: Block, timing: NDArray[Any], events: Sequence[Event], lanes: LaneBlock | None) -> Packed:
         times = log_times(rows["frame"], self._rate_hz)
-        packed = self._rows[: len(rows)]
-        pack(rows, timing, times, packed)
-        data: Any = packed
+        made = plan(len(rows), lanes is not None)
+        if len(self._records) != len(made.blank):
+            self._records = made.blank.copy()
+        data: Any = self._records
+        pack(rows, timing, times, data, lanes)
         entries: list[tuple[int, int]] = []
         if events:
             event_times = log_times(np.array([event.frame for event in events]), self._rate_hz)
             records = [_event(event, int(time)) for event, time in zip(events, event_times, strict=True)]
-            offsets = packed.nbytes + np.cumsum([0, *map(len, records)])
+            offsets = data.nbytes + np.cumsum([0, *map(len, records)])
             entries = list(zip(event_times.tolist(), offsets[:-1].tolist(), strict=True))
-            data = b"".join([packed.tobytes(), *records])
+            data = b"".join([data.tobytes(), *records])
         size = memoryview(data).nbytes
-        return Packed(self._compressor.compress(data), crc32(data), size, runs_of(times, entries))
+        runs = [*frame_runs(times, lanes is not None), *event_runs(entries)]
+        return Packed(self._compressor.compress(data), crc32(data), size, runs)
 
     def _append(self, packed: Packed) -> None:
         if self._file is None:
@@ -140,9 +152,8 @@ class LogWriter:
             self._file.chunk(packed)
         except OSError as error:
             raise self._stopped(error) from None
-        for run in packed.runs:
-            if run.first != EVENT_CHANNEL:
-                self._last_time = int(run.times[-1])
+        if packed.runs and packed.runs[0].channels.start != EVENT_CHANNEL:
+            self._last_time = int(packed.runs[0].times[-1])
 
     def _stopped(self, error: OSError) -> RigError:
         """Close the log as well as the disk allows, and say what happened."""

@@ -7,6 +7,8 @@ aircraft's folder is copied from the installed JSBSim into the cache and there i
     command, rad  -> position limits -> lag -> rate limit -> position, rad
     throttle 0..1 -> limits          -> lag -> rate limit -> every engine
 
+With servos (rig/actuators/) the command is the position: lag and rate limit of the three surfaces are left out.
+
 JSBSim's normalised commands (``fcs/elevator-cmd-norm`` and so on) carry **radians** here, so that
 trim, linearisation and flight share one input.  With the copy goes a list of the properties that
 its equations read: JSBSim ends the whole process when one of them is missing.
@@ -38,18 +40,18 @@ _READERS = ("property", "p", "independentVar")
 _READS_FILE = "reads.txt"
 
 
-def folder(airframe: Config, root: Path) -> Path:
+def folder(airframe: Config, root: Path, servos: bool = False) -> Path:
     """Return the aircraft folder to give to JSBSim; make it when the cache has none.
 
-    root : the installed JSBSim's data (aircraft, engine, systems)
+    root : the installed JSBSim's data (aircraft, engine, systems);  servos : they move the surfaces
     Raises BadInput: no such base model, or one that our actuators do not fit.
     """
     model = model_file(airframe.base_model, root)
     source = model.parent
-    key = hashlib.sha256(_sources(source) + airframe.model_dump_json(include=_SHAPING).encode())
+    key = hashlib.sha256(_sources(source) + airframe.model_dump_json(include=_SHAPING).encode() + b"servos" * servos)
     target = cache_root() / "airframes" / key.hexdigest()[:24]
     if not (target / _READS_FILE).is_file():
-        tree = _actuated(ET.parse(model).getroot(), airframe)
+        tree = _actuated(ET.parse(model).getroot(), airframe, servos)
         reads = sorted(_reads(tree, root, source))
         _check_positions(airframe, reads)
         _publish(tree, reads, source, target)
@@ -111,7 +113,7 @@ def _publish(tree: ET.Element, reads: list[str], source: Path, target: Path) -> 
         raise RigError(f"{target.parent}: cannot be written: {error}") from None
 
 
-def _actuated(tree: ET.Element, airframe: Config) -> ET.Element:
+def _actuated(tree: ET.Element, airframe: Config, servos: bool) -> ET.Element:
     for child in [child for child in tree if child.tag in _DROPPED]:
         tree.remove(child)
     _shift_cg(tree, airframe.cg_x_shift_m)
@@ -119,7 +121,7 @@ def _actuated(tree: ET.Element, airframe: Config) -> ET.Element:
     if not engines:
         raise BadInput(f"airframe.base_model: {airframe.base_model} has no engine")
     places = [i for i, child in enumerate(tree) if child.tag == "aerodynamics"]
-    tree.insert(places[0] if places else len(tree), _flight_control(airframe, engines))
+    tree.insert(places[0] if places else len(tree), _flight_control(airframe, engines, servos))
     return tree
 
 
@@ -132,7 +134,7 @@ def _shift_cg(tree: ET.Element, shift_m: float) -> None:
     x.text = repr(float(x.text or 0.0) + shift_m / metres)
 
 
-def _flight_control(airframe: Config, engines: int) -> ET.Element:
+def _flight_control(airframe: Config, engines: int, servos: bool) -> ET.Element:
     control = ET.Element("flight_control", name="rig actuators")
     for name, value in airframe.properties.items():
         ET.SubElement(control, "property", value=repr(value)).text = name
@@ -140,7 +142,8 @@ def _flight_control(airframe: Config, engines: int) -> ET.Element:
     for name, axis in (("elevator", "pitch"), ("aileron", "roll"), ("rudder", "yaw")):
         surface: Surface = getattr(airframe, name)
         stops, lag = (surface.min_rad, surface.max_rad), (surface.lag_s, surface.rate_limit_rad_s)
-        _actuator(channel, name, "-rad", stops, lag, surface.position, f"fcs/{axis}-trim-cmd-norm")
+        trim, moved_by = f"fcs/{axis}-trim-cmd-norm", None if servos else lag
+        _actuator(channel, name, "-rad", stops, moved_by, surface.position, trim)
     throttle = airframe.throttle
     _actuator(channel, "throttle", "", (0.0, 1.0), (throttle.lag_s, throttle.rate_limit_1_s), THROTTLE_POSITION)
     for engine in range(engines):
@@ -156,11 +159,11 @@ def _actuator(
     name: str,
     unit: str,
     stops: tuple[float, float],
-    lag: tuple[float, float],
+    lag: tuple[float, float] | None,
     output: str,
     *trims: str,
 ) -> None:
-    """Add what moves one position; ``stops``: low and high, ``lag``: its time and the rate limit behind it."""
+    """Add what moves one position; ``stops``: low and high, ``lag``: its time and the rate limit behind it, if any."""
     # The limits come before the lag: the actuator does not wind up beyond its stop.
     wanted = ET.SubElement(channel, "summer", name=f"rig/{name}-wanted{unit}")
     for source in (f"fcs/{name}-cmd-norm", *trims):
@@ -168,6 +171,9 @@ def _actuator(
     limits = ET.SubElement(wanted, "clipto")
     for tag, stop in zip(("min", "max"), stops, strict=True):
         ET.SubElement(limits, tag).text = repr(stop)
+    if lag is None:
+        ET.SubElement(wanted, "output").text = output
+        return
     actuator = ET.SubElement(channel, "actuator", name=f"rig/{name}-actuator")
     ET.SubElement(actuator, "input").text = f"rig/{name}-wanted{unit}"
     ET.SubElement(actuator, "lag").text = repr(1.0 / lag[0])

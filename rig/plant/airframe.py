@@ -1,4 +1,4 @@
-"""What an aircraft is: the ``[airframe]`` table of its ``aircraft.toml``.
+"""The airframe of an aircraft: the ``[airframe]`` table of its ``aircraft.toml``.
 
 ``plant`` says who moves it.  "jsbsim" (the default): the base model comes from the installed JSBSim; the
 table says what we change in it (centre of gravity, actuators).  "linear": matrices of its small motions
@@ -83,7 +83,7 @@ class Limits(Settings):
 
 
 class Shared(Settings):
-    """What both kinds of aircraft have. Lengths in m, angles in rad, signs as JSBSim's ``fcs/*-pos-rad``."""
+    """Settings of both kinds of aircraft. Lengths in m, angles in rad, signs as JSBSim's ``fcs/*-pos-rad``."""
 
     base_model: str = Field(pattern=r"^[A-Za-z0-9_.-]+$")  # an aircraft of the installed JSBSim; else any name
     flight_points: list[FlightPoint] = Field(min_length=1)  # the first is the default

@@ -1,4 +1,4 @@
-"""What a model of the installed JSBSim tells of itself: surfaces, their stops, engines, what its equations read.
+"""Properties of a model of the installed JSBSim: surfaces, stops, engines, inputs of its equations.
 
 Read from the wheel at run time, for ``rig aircraft new`` and ``rig aircraft check``; nothing of it is kept here.
 """
@@ -18,7 +18,8 @@ from rig.plant import actuated
 from rig.plant.imperial import METRES_PER_FOOT
 
 Kind = Literal["light", "fighter", "transport"]
-LIGHTEST_TRANSPORT_KG: Final = 8618.0  # 19 000 lb
+LIGHTEST_TRANSPORT_KG: Final = 8618.0  # 19 000 lb, 14 CFR 23
+HEAVIEST_FIGHTER_KG: Final = 40_000.0  # afterburners on more than that push a bomber or an airliner
 SURFACES: Final = ("elevator", "aileron", "rudder")
 _ALSO: Final = {"elevator": ("elevon", "stabilator", "stab"), "aileron": ("elevon", "flaperon"), "rudder": ()}
 _ENGINES: Final = ("piston", "turbine", "turboprop", "electric", "brushless_dc_motor", "rocket")
@@ -44,10 +45,19 @@ class BaseModel:
         return self.blade_angles_deg is not None
 
     def kind(self, mass_kg: float) -> Kind:
-        """Return whose assumed figures fit it: light (propellers, up to 8618 kg, 14 CFR 23), fighter, transport."""
-        if self.propeller and mass_kg <= LIGHTEST_TRANSPORT_KG:
-            return "light"
-        return "fighter" if self.augmented else "transport"
+        """Return whose assumed figures fit it: an afterburner makes a fighter, unless it pushes a bomber's mass."""
+        if self.augmented and mass_kg <= HEAVIEST_FIGHTER_KG:
+            return "fighter"
+        return "light" if mass_kg <= LIGHTEST_TRANSPORT_KG else "transport"
+
+    def normalised(self, surface: str) -> bool:
+        """Return True if the equations read a surface's position as a share of full deflection, not in rad."""
+        return unit_of(self.positions[surface]) == "norm"
+
+
+def unit_of(position: str) -> str:
+    """Return the unit in which the equations read a surface's position: rad, or norm, 1 of which is all of it."""
+    return "norm" if position.endswith("-norm") else "rad"
 
 
 def names() -> list[str]:

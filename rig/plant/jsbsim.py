@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import jsbsim
 import numpy as np
+from numpy.typing import NDArray
 
 from rig.errors import RigError
 from rig.frame import SURFACES, Block, new_block
@@ -45,7 +46,10 @@ class Plant:
         rate_hz: float,
         steps_per_frame: int,
         seed: int,
+        *,
+        servos: bool = False,
     ) -> None:
+        """servos : they move the surfaces, ``moved_by`` says where to; else JSBSim's lag does."""
         self._airframe = jsbsim_airframe(airframe)
         self._flight_point = flight_point
         self._wind = air
@@ -53,6 +57,7 @@ class Plant:
         self._seed = seed
         self._rate_hz = rate_hz
         self._steps = range(steps_per_frame)
+        self._servos, self._positions = servos, np.zeros((0, 3))
         self._dt_s = 1.0 / (rate_hz * steps_per_frame)
         self._raw_bytes = bytearray(truth.RAW.itemsize)
         self._raw = np.frombuffer(self._raw_bytes, truth.RAW)  # the same memory, as one record
@@ -62,7 +67,7 @@ class Plant:
     def reset(self) -> None:
         """Go back to the first frame, on a fresh JSBSim: the same flight again, bit for bit."""
         airframe = self._airframe
-        fdm = load(airframe, self._flight_point, self._dt_s, self._wind.steady)
+        fdm = load(airframe, self._flight_point, self._dt_s, self._wind.steady, self._servos)
         _set_turbulence(fdm, self._severity, self._seed)
         surfaces = (airframe.elevator, airframe.aileron, airframe.rudder)
         positions = [*(surface.position for surface in surfaces), actuated.THROTTLE_POSITION]
@@ -85,6 +90,10 @@ class Plant:
         self._fixed = truth.fixed(airframe, fdm["position/lat-geod-rad"], fdm["position/long-gc-rad"])
         self._write_row = bind(truth.write_row, new_block(1), 0, self._raw, self._fixed)
 
+    def moved_by(self, positions: NDArray[np.float64]) -> None:
+        """Take the surfaces' positions in a frame's steps from ``positions`` (steps, 3), rad, at every ``step``."""
+        self._positions = positions
+
     def _stands_still(self) -> bool:
         """Return True if mass and wind are those of the first frame throughout the flight."""
         air = self._wind
@@ -103,18 +112,27 @@ class Plant:
         if block is not self._block:  # a field of a structured array is slow to look up
             self._block, self._actuator, self._frame = block, block["actuator"], block["frame"]
         elevator, aileron, rudder, throttle = self._actuator[k].tolist()
-        self._elevator(elevator)
-        self._aileron(aileron)
-        self._rudder(rudder)
         self._throttle(throttle)
+        if not self._servos:
+            self._place(elevator, aileron, rudder)
         if self._air_changes_s < inf:
             self._move_air((int(self._frame[k]) + 1) / self._rate_hz)
         try:
-            for _ in self._steps:
-                self._run()
+            if self._servos:
+                for positions in self._positions.tolist():
+                    self._place(*positions)
+                    self._run()
+            else:
+                for _ in self._steps:
+                    self._run()
         except jsbsim.BaseError as error:
             log.warning("frame %d: %s", self._frame[k], error)
             self._broken = True
+
+    def _place(self, elevator: float, aileron: float, rudder: float) -> None:
+        self._elevator(elevator)
+        self._aileron(aileron)
+        self._rudder(rudder)
 
     def _move_air(self, time_s: float) -> None:
         if time_s < self._air_changes_s:
@@ -148,10 +166,11 @@ def plant(
     rate_hz: float,
     steps_per_frame: int,
     seed: int,
+    servos: bool = False,
 ) -> Plant | LinearPlant:
     """Return the aircraft, trimmed at ``flight_point``; BadInput when it cannot be loaded or trimmed there."""
     if isinstance(airframe, LinearConfig):
         from rig.plant.linear_plant import LinearPlant  # scipy's linear algebra takes its time, and few fly it
 
         return LinearPlant(airframe, flight_point, air, turbulence, rate_hz, steps_per_frame, seed)
-    return Plant(airframe, flight_point, air, turbulence, rate_hz, steps_per_frame, seed)
+    return Plant(airframe, flight_point, air, turbulence, rate_hz, steps_per_frame, seed, servos=servos)

@@ -116,7 +116,7 @@ class LinearPlant:
         workspace, command, outputs = np.zeros_like(self._x), np.zeros(_S), np.zeros((2, len(OUTPUTS)))
         x, place, param, raw = self._x, self._place, self._param, self._raw
         moved: tuple[Any, ...] = (x, workspace, command, place, self._f, self._g, param, raw)
-        seen: tuple[Any, ...] = (x, place, self._blowing, self._outputs, self._rates, *outputs, param, raw)
+        seen: tuple[Any, ...] = (x, place, self._blowing, self._outputs, self._rates, outputs, param, raw)
         self._of_move, self._of_evaluate, self._command = moved, seen, command
         self._move = bind(small_motion.move, *moved)
         self._of_blow = (x, self._mean, self._gust, self._blowing, place, self._jump)

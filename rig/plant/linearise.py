@@ -22,8 +22,9 @@ from rig.errors import BadInput
 from rig.frame import SURFACES
 from rig.plant.airframe import OUTPUTS, Airframe, Config, FlightPoint, LinearConfig
 from rig.plant.imperial import METRES_PER_FOOT, PASCALS_PER_PSF_OF_GAINS
+from rig.plant.level import evaluate, settle, turns_propellers
 from rig.plant.linear_plant import matrices
-from rig.plant.loading import load, turns_propellers
+from rig.plant.loading import load
 from rig.units.atmosphere import density, speed_of_sound
 
 Matrix = NDArray[np.float64]
@@ -77,7 +78,7 @@ def linearise(airframe: Airframe, flight_point: FlightPoint) -> Linear:
     fdm = load(airframe, flight_point, _ANY_STEP_S)
     longitudinal_a, lateral_a = _differenced(fdm) if turns_propellers(fdm) else _system(fdm)
     fdm = load(airframe, flight_point, _ANY_STEP_S)
-    trim = _trim(fdm, airframe)
+    trim = trim_of(fdm, airframe)
     _hold_still(fdm)
     longitudinal, lateral = [], []
     for command, step in (("elevator", _STEP_RAD), ("throttle", _STEP_THROTTLE)):
@@ -95,7 +96,7 @@ def linearise(airframe: Airframe, flight_point: FlightPoint) -> Linear:
 
 def trimmed(airframe: Config, flight_point: FlightPoint) -> Trim:
     """Trim level flight at ``flight_point``, nothing linearised; BadInput when it does not trim."""
-    return _trim(load(airframe, flight_point, _ANY_STEP_S), airframe)
+    return trim_of(load(airframe, flight_point, _ANY_STEP_S), airframe)
 
 
 def _given(airframe: LinearConfig, point: FlightPoint) -> Linear:
@@ -168,14 +169,11 @@ def _set_states(fdm: jsbsim.FGFDMExec, states: Matrix) -> None:
     fdm["ic/v-fps"] = speed * sin(beta)
     fdm["ic/w-fps"] = speed * sin(alpha) * cos(beta)
     fdm["ic/p-rad_sec"], fdm["ic/q-rad_sec"], fdm["ic/r-rad_sec"] = p, q, r
-    fdm.set_trim_status(True)
-    fdm.run_ic()
-    fdm.get_propulsion().get_steady_state()
-    fdm.run_ic()
-    fdm.set_trim_status(False)
+    settle(fdm)
 
 
-def _trim(fdm: jsbsim.FGFDMExec, airframe: Config) -> Trim:
+def trim_of(fdm: jsbsim.FGFDMExec, airframe: Config) -> Trim:
+    """Return the level flight that ``fdm`` is trimmed in."""
     return Trim(
         airspeed_m_s=fdm["velocities/vt-fps"] * METRES_PER_FOOT,
         dynamic_pressure_pa=fdm["aero/qbar-psf"] * PASCALS_PER_PSF_OF_GAINS,
@@ -203,12 +201,10 @@ def _difference(fdm: jsbsim.FGFDMExec, airframe: Config, command: str, step: flo
     rates, positions = [], []
     for sign in (1.0, -1.0):
         fdm[name] = rest + sign * step
-        fdm.set_trim_status(True)  # actuators and engines follow at once
-        fdm.run_ic()
-        if command == "throttle" and turns_propellers(fdm):
-            fdm.get_propulsion().get_steady_state()  # revolutions are a state of their own, they follow now
-            fdm.run_ic()
-        fdm.set_trim_status(False)
+        if command == "throttle":
+            settle(fdm)  # revolutions are a state of their own, they follow now
+        else:
+            evaluate(fdm)
         rates.append(_rates(fdm))
         positions.append(fdm[position])
     fdm[name] = rest

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import logging
-from functools import cache
+from functools import cache, partial
 from math import atan2, degrees, hypot
 from pathlib import Path
+from typing import Final
 
 import jsbsim
 
 from rig.errors import BadInput, RigError
-from rig.plant import actuated, wind
+from rig.plant import actuated, level, wind
 from rig.plant.airframe import Airframe, Config, FlightPoint
 from rig.plant.imperial import FEET_PER_METRE, KILOGRAMS_PER_SLUG
+from rig.plant.level import turns_propellers
 from rig.text import choices, quoted
 
 log = logging.getLogger("rig.jsbsim")
@@ -53,6 +55,15 @@ class _Logger(jsbsim.FGLogger):
 
 
 _logger = cache(_Logger)
+_ANY_STEP_S: Final = 0.01  # JSBSim's step where nothing flies
+
+
+class NoTrim(BadInput):
+    """No level flight at a flight point; ``limit`` is what stands in the way, without figures."""
+
+    def __init__(self, message: str, limit: str) -> None:
+        super().__init__(message)
+        self.limit = limit
 
 
 def _executive() -> jsbsim.FGFDMExec:
@@ -75,46 +86,50 @@ def load(
     flight_point: FlightPoint,
     dt_s: float,
     wind_m_s: wind.Velocity = wind.CALM,
+    servos: bool = False,
 ) -> jsbsim.FGFDMExec:
     """Return a fresh JSBSim trimmed in level flight at ``flight_point``, heading north.
 
     dt_s     : JSBSim's own step
     wind_m_s : steady wind, towards north and east; the trim holds in it (down is left out)
+    servos   : commands of the surfaces are their positions
     The trim stays in ``fcs/elevator-cmd-norm``, ``aileron-``, ``rudder-`` (rad) and
     ``throttle-cmd-norm`` (0 to 1); the trim commands are zero.  Writes nothing but the cache.
-    Raises BadInput: a linear aircraft, unknown base model, undeclared property, or no trim at this point.
+    Raises BadInput: a linear aircraft, unknown base model, undeclared property; NoTrim: none at this point.
     """
     airframe = jsbsim_airframe(airframe)
-    fdm, folder = _loaded(airframe, dt_s)
-    _check_properties(fdm, airframe, actuated.reads(folder))
-    _check_held(fdm, airframe)
-    _begin(fdm, airframe, flight_point, wind_m_s)
-    _trim(fdm, airframe, flight_point)
+    begin = partial(_begun, airframe, flight_point, dt_s, wind_m_s, servos)
+    fdm = begin()
+    if turns_propellers(fdm):
+        level.fly(fdm, _found(airframe, flight_point, wind_m_s))
+    elif not _trimmed(fdm):  # where JSBSim's own trim finds nothing our search may, or says why not
+        found = _found(airframe, flight_point, wind_m_s)
+        fdm = begin()
+        level.fly(fdm, found)
+    fdm["propulsion/fuel_freeze"] = float(airframe.freeze_fuel)
     return fdm
 
 
 def mass_kg(airframe: Config, point: FlightPoint) -> float:
     """Return the mass with the fuel that the model begins with; nothing is trimmed."""
-    fdm, folder = _loaded(airframe, 0.01)
-    _check_properties(fdm, airframe, actuated.reads(folder))
-    _begin(fdm, airframe, point, wind.CALM)
+    fdm = _begun(airframe, point, _ANY_STEP_S, wind.CALM)
     return fdm["inertia/mass-slugs"] * KILOGRAMS_PER_SLUG
 
 
 def undeclared(airframe: Config) -> list[str]:
     """Return what the model's equations read and nobody provides; the airframe's ``properties`` must."""
-    fdm, folder = _loaded(airframe, 0.01)
+    fdm, folder = _loaded(airframe, _ANY_STEP_S)
     return _provide(fdm, actuated.reads(folder))
 
 
-def _loaded(airframe: Config, dt_s: float) -> tuple[jsbsim.FGFDMExec, Path]:
+def _loaded(airframe: Config, dt_s: float, servos: bool = False) -> tuple[jsbsim.FGFDMExec, Path]:
     """Return JSBSim with the model and our actuators, and the folder that it was loaded from."""
     fdm = _executive()
     for name in airframe.properties:
         if fdm.get_property_manager().hasNode(name):
             raise BadInput(f"airframe.properties: {name!r} is JSBSim's own and cannot be declared")
     root = Path(jsbsim.get_default_root_dir())
-    folder = actuated.folder(airframe, root)
+    folder = actuated.folder(airframe, root, servos)
     # Before loading: filters freeze the step that they are loaded with.
     fdm.set_dt(dt_s)
     paths = (str(folder), str(root / "engine"), str(root / "systems"))
@@ -156,19 +171,30 @@ def _check_held(fdm: jsbsim.FGFDMExec, airframe: Config) -> None:
             raise BadInput(f"airframe.held: {wrong}; {choices(name, names)}")
 
 
-def _begin(fdm: jsbsim.FGFDMExec, airframe: Config, point: FlightPoint, wind_m_s: wind.Velocity) -> None:
+def _begun(
+    airframe: Config, point: FlightPoint, dt_s: float, wind_m_s: wind.Velocity, servos: bool = False
+) -> jsbsim.FGFDMExec:
+    """Return JSBSim at the flight point with its engines running and what is held set; nothing is trimmed."""
+    fdm, folder = _loaded(airframe, dt_s, servos)
+    _check_properties(fdm, airframe, actuated.reads(folder))
+    _check_held(fdm, airframe)
     fdm["ic/h-sl-ft"] = point.altitude_m * FEET_PER_METRE
     fdm["ic/mach"] = point.mach
     fdm["ic/gamma-deg"] = 0.0
     _set_wind(fdm, wind_m_s[0] * FEET_PER_METRE, wind_m_s[1] * FEET_PER_METRE)
     fdm["gear/gear-cmd-norm"] = 0.0
     fdm["gear/gear-pos-norm"] = 0.0
-    fdm["propulsion/fuel_freeze"] = float(airframe.freeze_fuel)
-    fdm["propulsion/set-running"] = -1
-    fdm.run_ic()
-    fdm["propulsion/set-running"] = -1
+    fdm["propulsion/fuel_freeze"] = 1.0  # until the flight begins
+    if turns_propellers(fdm):  # JSBSim's own start settles their revolutions, at which some engines stall
+        fdm.run_ic()
+        level.start(fdm)
+    else:
+        fdm["propulsion/set-running"] = -1
+        fdm.run_ic()
+        fdm["propulsion/set-running"] = -1
     for name, value in airframe.held.items():  # after the start, which opens every lever
         fdm[name] = value
+    return fdm
 
 
 def _set_wind(fdm: jsbsim.FGFDMExec, north_fps: float, east_fps: float) -> None:
@@ -184,19 +210,31 @@ def _set_wind(fdm: jsbsim.FGFDMExec, north_fps: float, east_fps: float) -> None:
     fdm["ic/vw-dir-deg"] = degrees(atan2(east_fps, north_fps))
 
 
-def _trim(fdm: jsbsim.FGFDMExec, airframe: Config, point: FlightPoint) -> None:
+def _trimmed(fdm: jsbsim.FGFDMExec) -> bool:
+    """Trim by JSBSim's own search; return False if it finds nothing."""
     try:
         fdm.do_trim(int(jsbsim.TrimMode.FULL))
     except jsbsim.TrimFailureError:
-        raise BadInput(
-            f"flight_point: {airframe.base_model} has no level trim at {point.name!r} "
-            f"({point.altitude_m:g} m, Mach {point.mach:g})"
-        ) from None
+        return False
     for command, trim in (("elevator", "pitch"), ("aileron", "roll"), ("rudder", "yaw")):
         fdm[f"fcs/{command}-cmd-norm"] += fdm[f"fcs/{trim}-trim-cmd-norm"]
         fdm[f"fcs/{trim}-trim-cmd-norm"] = 0.0
+    return True
 
 
-def turns_propellers(fdm: jsbsim.FGFDMExec) -> bool:
-    """Return True if the first engine drives a propeller."""
-    return bool(fdm.get_property_manager().hasNode("propulsion/engine/propeller-rpm"))
+_searched: dict[str, level.Level | level.NoLevel] = {}
+
+
+def _found(airframe: Config, point: FlightPoint, wind_m_s: wind.Velocity) -> level.Level:
+    """Return level flight there, searched once in a process; NoTrim says why there is none."""
+    key = f"{airframe.model_dump_json()} {point.model_dump_json()} {wind_m_s}"
+    if key not in _searched:
+        try:
+            _searched[key] = level.find(_begun(airframe, point, _ANY_STEP_S, wind_m_s), airframe)
+        except level.NoLevel as error:
+            _searched[key] = error
+    found = _searched[key]
+    if isinstance(found, level.NoLevel):
+        where = f"no level trim at {point.name!r} ({point.altitude_m:g} m, Mach {point.mach:g})"
+        raise NoTrim(f"flight_point: {airframe.base_model} has {where}: {found}", found.limit)
+    return found

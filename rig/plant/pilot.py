@@ -111,7 +111,7 @@ class Config(Settings):
     @model_validator(mode="after")
     def _ordered(self) -> Config:
         if self.engage_s is not None and self.engage_s == self.disengage_s:
-            raise ValueError("engage_s and disengage_s are the same moment")
+            raise ValueError("engage_s and disengage_s must differ")
         return self
 
 

@@ -93,9 +93,9 @@ def blow(x, mean, gust, wind, place, jump):
 
 
 @kernel
-def evaluate(x, place, wind, outputs, rates, y, dy, param, raw):
-    """Write ``raw`` (1,) truth.RAW of the state; y, dy (8,) are workspace, wind (3,) is north, east, down [m/s]."""
-    p, now = param[0], raw[0]
+def evaluate(x, place, wind, outputs, rates, workspace, param, raw):
+    """Write ``raw`` (1,) truth.RAW of the state; wind : (3,) north, east, down [m/s]; workspace : (2, 8)."""
+    p, now, y, dy = param[0], raw[0], workspace[0], workspace[1]
     for i in range(_OUTPUTS):
         y[i], dy[i] = 0.0, 0.0
         for j in range(len(x)):

@@ -21,7 +21,7 @@ CALM: Final[Velocity] = (0.0, 0.0, 0.0)
 
 
 class Severity(NamedTuple):
-    """How JSBSim is told of a level of turbulence."""
+    """JSBSim's settings of one level of turbulence."""
 
     exceedance_index: int  # curve of MIL-F-8785C, figure 7; rules above 2000 ft
     wind_at_20ft_knots: float  # rules below 1000 ft

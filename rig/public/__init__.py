@@ -1,1 +1,1 @@
-"""The public package composed of its rooms: log and flight with figures, tables and the conclusion of their score."""
+"""The public package composed of its rooms: flights, logs, faults, scores and votes for programs and notebooks."""

@@ -30,14 +30,17 @@ class Flight(result.Flight):
 
     def _repr_html_(self) -> str:
         """Return a small table for a notebook: scenario, verdict, failed channels, conclusion, digest, log."""
-        return self.recorded._repr_html_(self.overrides, self.log)
+        return self.recorded._repr_html_(self.overrides, self.log, self.conclusion)
 
 
 def _shown(fly: Callable[P, result.Flight]) -> Callable[P, Flight]:
-    """Return ``fly`` with a result that a notebook can show."""
+    """Return ``fly`` with a result that a notebook can show, with its conclusion."""
 
     @wraps(fly)
     def flown(*args: P.args, **kwargs: P.kwargs) -> Flight:
+        from rig.assess.of_log import FlightConclusion
+
+        kwargs.setdefault("outcome", FlightConclusion())
         flight = fly(*args, **kwargs)
         return Flight(**{field.name: getattr(flight, field.name) for field in fields(flight)})
 

@@ -30,12 +30,14 @@ class Log(log.Log):
 
         return line(self)
 
-    def _repr_html_(self, overrides: Sequence[str] = (), path: Path | None = None) -> str:
+    def _repr_html_(
+        self, overrides: Sequence[str] = (), path: Path | None = None, conclusion: Sequence[str] | None = None
+    ) -> str:
         """Return a small table for a notebook: scenario, verdict, failed channels, conclusion, digest."""
-        from rig.assess.of_log import conclude_read
+        from rig.assess.of_log import conclude
         from rig.view.notebook import table
 
-        return table(self, conclude_read(self), overrides, path)
+        return table(self, conclude(self) if conclusion is None else conclusion, overrides, path)
 
 
 def read_log(path: Path | str) -> Log:

@@ -16,12 +16,12 @@ from rig.frame import (
     Block,
     End,
     Law,
-    Lie,
     Pattern,
+    SensorFault,
     Source,
     State,
     Trust,
-    Unit,
+    UnitStatus,
     new_block,
     offset,
 )
@@ -220,21 +220,29 @@ def _trust(frame: int, old: int, new: int, row: Any) -> Event | None:
 
 
 def _lie(frame: int, old: int, new: int, row: Any) -> Event | None:
-    if new == Lie.RATE_BIAS:
+    if new == SensorFault.RATE_BIAS:
         return Event(frame, "warning", "rate biased", "pitch_angle: the sensor is right, a rate of turn is biased")
-    if new in (Lie.NONE, Lie.UNDETERMINED):
+    if new in (SensorFault.NONE, SensorFault.UNDETERMINED):
         return None
-    what = {Lie.EFFECTIVENESS: "its effectiveness", Lie.OFFSET: "an offset", Lie.BOTH: "effectiveness and offset"}
-    return Event(frame, "info", "sensor fault", f"pitch_angle: {what[Lie(new)]}")
+    what = {
+        SensorFault.EFFECTIVENESS: "its effectiveness",
+        SensorFault.OFFSET: "an offset",
+        SensorFault.BOTH: "effectiveness and offset",
+    }
+    return Event(frame, "info", "sensor fault", f"pitch_angle: {what[SensorFault(new)]}")
 
 
 def _unit(frame: int, old: int, new: int, row: Any) -> Event | None:
     """Return the event of a unit's missing reply; that it missed a frame is kept once a flight."""
     events: dict[int, tuple[Severity, str, str]] = {
-        Unit.HELD: ("warning", MISSED, "no answer by the deadline: the last one is flown"),
-        Unit.REFUSED: ("warning", "unit refused", "its answer is none that a unit may give: the last one is flown"),
-        Unit.RESTARTED: ("warning", "unit restarted", "it was dead and has begun again, without its latches"),
-        Unit.DEAD: ("error", "unit dead", "no more answers"),
+        UnitStatus.HELD: ("warning", MISSED, "no answer by the deadline: the last one is flown"),
+        UnitStatus.REFUSED: (
+            "warning",
+            "unit refused",
+            "its answer is none that a unit may give: the last one is flown",
+        ),
+        UnitStatus.RESTARTED: ("warning", "unit restarted", "it was dead and has begun again, without its latches"),
+        UnitStatus.DEAD: ("error", "unit dead", "no more answers"),
     }
     return Event(frame, *events[new]) if new in events else None
 

@@ -47,11 +47,14 @@ def decided_by(row: Any, s: int, c: int) -> str:
 
     A channel that cannot be compared is not failed by a resolver, which weighs those that can.
     """
-    comparable = row["valid"][s, c] != 0 and np.isfinite(row["channels"][s, c])
-    resolver = Resolver(row["resolver"][s])
-    if comparable and resolver not in (Resolver.NONE, Resolver.UNRESOLVED):
-        return resolver.name.lower()
-    return COMPARISON
+    return decider(row["resolver"][s], bool(row["valid"][s, c] != 0 and np.isfinite(row["channels"][s, c])))
+
+
+def decider(code: int, comparable: bool) -> str:
+    """Return the name of the Resolver ``code`` of a row, if it decided on a ``comparable`` channel; else comparison."""
+    resolver = Resolver(code)
+    undecided = not comparable or resolver in (Resolver.NONE, Resolver.UNRESOLVED)
+    return COMPARISON if undecided else resolver.name.lower()
 
 
 def failures(rows: Block, before: Block | None = None) -> list[Failure]:

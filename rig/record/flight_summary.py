@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import FLIGHT_INDEX, INDEX, Block, End, new_block, sig
+from rig.frame import FLIGHT_INDEX, INDEX, Block, End, LaneBlock, new_block, sig
 from rig.kernels import kernel
 from rig.record.event import Event
 from rig.record.failures import failed_channels
@@ -55,8 +55,8 @@ def widen(rows, start, peaks):
 class Verdict:
     """Digest, end, failed channels, peaks and events of the frames seen so far.
 
-    The digest is SHA-256 over every row as it stands in memory: the same flight, bit for bit, has the
-    same digest.  Wall-clock timing is no part of a row.
+    The digest is SHA-256 over every row as it stands in memory, those of the servos too: the same flight, bit for bit,
+    has the same digest.  Wall-clock timing is no part of a row.
     """
 
     frames: int = 0
@@ -70,11 +70,13 @@ class Verdict:
         """Compile the kernel before the first frame."""
         widen(self._start, self._last, self._peaks)
 
-    def add(self, rows: Block, events: Sequence[Event]) -> None:
-        """Take in the next rows of the flight and their events."""
+    def add(self, rows: Block, events: Sequence[Event], lanes: LaneBlock | None = None) -> None:
+        """Take in the next rows of the flight and their events; ``lanes``: of its servos, if it has any."""
         if not len(self._start):
             self._start = rows[:1].copy()
         self._hash.update(rows.view(np.uint8).data)
+        if lanes is not None:
+            self._hash.update(lanes.view(np.uint8).data)
         self.frames += len(rows)
         self._last[:] = rows[-1:]
         widen(rows, self._start, self._peaks)

@@ -60,7 +60,8 @@ def take_off_matrices(
         center = np.nan_to_num(_median(x))
         for c in range(counts[0]):
             one = _fit(triad, c + 1, x[:, c, start:end], center[:, start:end])
-            found.append(one)
+            shown = settings[axes[0]].shown
+            found.append(replace(one, rms_before=shown(one.rms_before), rms_after=shown(one.rms_after)))
             if one.applied:
                 x[:, c] = _applied(np.array(one.matrix), x[:, c], center)
         for i, axis in enumerate(axes):

@@ -69,7 +69,7 @@ def run_alignment(
     if options.matrix:
         moved, matrices = take_off_matrices(moved, settings, triads, (start, end))
     moves = offset_moves(moved, settings)
-    warnings = [*_in_stretch(recording, injected, start, end), *_moved(moves)]
+    warnings = [*_in_stretch(recording, injected, start, end), *_moved(moves, settings)]
     return moved, Alignment(start, end, rows, options.to_s is None, corrections, moves, matrices, warnings)
 
 
@@ -88,11 +88,15 @@ def _in_stretch(recording: Recording, injected: Sequence[Injected], start: float
     return found
 
 
-def _moved(moves: dict[str, list[OffsetMove]]) -> list[str]:
-    return [
-        f"{name}.{c}: its offset differs by {move.offset_move:.4g} between quarters of the recording, its spread is "
-        f"{move.spread:.4g}: a fault, or a bias that is not constant; alignment needs a healthy stretch (--align-to)"
-        for name, channels in moves.items()
-        for c, move in enumerate(channels, 1)
-        if move.moved
-    ]
+def _moved(moves: dict[str, list[OffsetMove]], settings: Mapping[str, RecordedSignal]) -> list[str]:
+    told: list[str] = []
+    for name, channels in moves.items():
+        shown = settings[name].shown
+        told += [
+            f"{name}.{c}: its offset differs by {shown(move.offset_move):.4g} between quarters of the recording, its "
+            f"spread is {shown(move.spread):.4g}: a fault, or a bias that is not constant; alignment needs a healthy "
+            "stretch (--align-to)"
+            for c, move in enumerate(channels, 1)
+            if move.moved
+        ]
+    return told

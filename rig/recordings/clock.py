@@ -20,6 +20,9 @@ LATEST_S: Final = 9e9  # a log's time stamps are nanoseconds in 64 bits
 SHORTEST_S: Final = 1e-9
 NAMED: Final = 5  # rows that a message names
 OPTION: Final = "--repair-time"
+GAP: Final = 5.0  # periods from which a pause is told
+_UNITS_S: Final = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_LOWEST_HZ, _HIGHEST_HZ = 1.0, 10_000.0  # rates that a recorder has
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +42,7 @@ class Clock:
     time_s: Floats
     kept: NDArray[np.int64] | None = None  # (n,) counted from 0; None: all rows
     repair: Repair | None = None
+    source: str = ""
 
     def of(self, column: NDArray[Any]) -> NDArray[Any]:
         """Return the rows of a column that are kept."""
@@ -54,7 +58,7 @@ def clock(source: str, time_s: Floats, repair: bool = False) -> Clock:
     late = late_rows(time_s)
     if len(late) == 0:
         _check_interval(source, time_s)
-        return Clock(time_s)
+        return Clock(time_s, source=source)
     if not repair:
         raise BadInput(_refusal(source, time_s, late))
     if 2 * len(late) > len(time_s):
@@ -64,7 +68,32 @@ def clock(source: str, time_s: Floats, repair: bool = False) -> Clock:
         )
     kept = np.delete(np.arange(len(time_s)), late)
     _check_interval(source, time_s[kept])
-    return Clock(time_s[kept], kept, Repair(source, len(time_s), len(late), [int(k) + 1 for k in late[:NAMED]]))
+    repaired = Repair(source, len(time_s), len(late), [int(k) + 1 for k in late[:NAMED]])
+    return Clock(time_s[kept], kept, repaired, source)
+
+
+def gaps(source: str, time_s: Floats) -> list[str]:
+    """Return a line on the pauses of more than GAP periods in the rising ``time_s``; none: an empty list."""
+    steps = np.diff(time_s)
+    long = np.flatnonzero(steps > GAP * np.median(steps)) if len(steps) else np.empty(0, np.int64)
+    if len(long) == 0:
+        return []
+    largest = long[np.argmax(steps[long])]
+    longest = f"gap of {steps[largest]:.6g} s at {time_s[largest]:.6g} s"
+    told = longest if len(long) == 1 else f"{len(long)} gaps of more than {GAP:g} rows, the largest a {longest}"
+    return [f"{source}: {told}: the rows before and after count as consecutive"]
+
+
+def strange_rate(source: str, time_s: Floats) -> list[str]:
+    """Return a line on a rate that no recorder of flight data has, with the unit that time may be in."""
+    if len(time_s) < 2:
+        return []
+    rate_hz = 1.0 / float(np.median(np.diff(time_s)))
+    if _LOWEST_HZ < rate_hz <= _HIGHEST_HZ:
+        return []
+    likely = next((unit for unit, s in _UNITS_S.items() if _LOWEST_HZ < rate_hz / s <= _HIGHEST_HZ), "h")
+    other = f'if time is not in seconds, time_unit = "{likely}" or another in CONFIG'
+    return [f"{source}: {rate_hz:.4g} rows a second: {other}"]
 
 
 def late_rows(time_s: Floats) -> NDArray[np.int64]:
@@ -81,12 +110,15 @@ def _check_numbers(source: str, time_s: Floats) -> None:
     wrong = np.flatnonzero(np.abs(time_s) > LATEST_S)
     if len(wrong):
         got = time_s[wrong[0]]
-        raise BadInput(f"{source}: row {wrong[0] + 1}: {TIME} is in seconds, up to {LATEST_S:g}, got {got:g}")
+        raise BadInput(
+            f"{source}: row {wrong[0] + 1}: {TIME} is in seconds, up to {LATEST_S:g}, got {got:g}; "
+            'time_unit = "ms" or another in CONFIG'
+        )
 
 
 def _check_interval(source: str, time_s: Floats) -> None:
     if len(time_s) > 1 and (interval := float(np.median(np.diff(time_s)))) < SHORTEST_S:
-        raise BadInput(f"{source}: {TIME} rises by {interval:g} s a row; at least {SHORTEST_S:g}")
+        raise BadInput(f"{source}: {TIME} rises by {interval:g} s a row; at least {SHORTEST_S:g}; time_unit in CONFIG?")
 
 
 def _refusal(source: str, time_s: Floats, late: NDArray[np.int64]) -> str:

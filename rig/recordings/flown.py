@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 
 from rig.errors import BadInput, BadLog
 from rig.flight.operator_keys import pressed
-from rig.log import Log, read_log, scenario_of
+from rig.log import Log, read_log, scenario_of, unit_of
 from rig.scenario import Scenario, from_resolved
 from rig.util.trust import Trust
 
@@ -32,7 +31,7 @@ class Recorded:
     @property
     def unit(self) -> dict[str, Any]:
         """The unit under test that flew it, as ``settings.Unit.about`` said; empty when our own manager did."""
-        return json.loads(self.log.metadata.get("unit", "{}"))
+        return unit_of(self.log.metadata)
 
 
 def recorded(path: Path | str, allow_code: bool = False) -> Recorded:

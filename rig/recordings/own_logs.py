@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from enum import IntEnum
 from pathlib import Path
 from typing import Final
@@ -58,7 +59,8 @@ def of_log(log: Log, path: Path, repair: bool = False) -> Recording:
     rows = log.rows
     accepted = clock(str(path), rows["frame"] / log.rate_hz, repair)
     signals = {signal.name: _recorded(rows, "", i) for i, signal in enumerate(SIGNALS)}
-    return on_clock(accepted, signals, {one.name: _recorded(rows, "discrete_", i) for i, one in enumerate(DISCRETES)})
+    discretes = {one.name: _recorded(rows, "discrete_", i) for i, one in enumerate(DISCRETES)}
+    return replace(on_clock(accepted, signals, discretes), in_si=True)
 
 
 def _recorded(rows: Block, kind: str, i: int) -> Samples:
@@ -82,7 +84,7 @@ def _voted(path: Path, topics: Mapping[str, str], repair: bool) -> Recording:
     for topic, source in sources.items():
         name = topic.removeprefix("/signal/").removeprefix("/discrete/")
         of_kind[topics[topic]][name] = _samples(f"{path}: {topic}", source)
-    return on_clock(accepted, of_kind["rig.Signal"], of_kind["rig.Discrete"])
+    return replace(on_clock(accepted, of_kind["rig.Signal"], of_kind["rig.Discrete"]), in_si=True)
 
 
 def _samples(where: str, source: Source) -> Samples:

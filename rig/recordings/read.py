@@ -4,6 +4,8 @@
     [mapping] in CONFIG          "<column of ours>" = "<source>:<field>"; the source is a topic of an MCAP file, or
                                  a file in the folder INPUT; a single table needs no source: "<field>"
 
+Signals are read in the unit that CONFIG gives them and converted to SI (``load``).
+
 Sources have times of their own, which are checked or repaired first (clock.py).  The rows are those of the first
 source that the mapping names; of another, each row takes the sample nearest in time, or none when the nearest is
 more than its sampling interval away.
@@ -23,14 +25,34 @@ from numpy.typing import NDArray
 from rig.errors import BadInput
 from rig.log import foreign
 from rig.log.foreign import Source
-from rig.recordings.clock import TIME, Floats, clock
+from rig.recordings.clock import TIME, Floats, clock, gaps, strange_rate
+from rig.recordings.csv_file import TableFormat
+from rig.recordings.doubts import out_of_range
 from rig.recordings.own_logs import read_ours
 from rig.recordings.recording import Recording, assemble, with_discretes
-from rig.recordings.settings import VoteConfig
+from rig.recordings.settings import RecordedSignal, VoteConfig
 from rig.recordings.table import TABLES, Table
+from rig.text import shorten
 from rig.util.files import reported
 
 ENDINGS: Final = (*TABLES, ".mcap")
+
+
+def load(
+    path: Path, config: VoteConfig, source: str, repair: bool = False
+) -> tuple[Recording, dict[str, RecordedSignal]]:
+    """Return the recording at ``path`` and the settings of its signals, both in SI units, with what is doubtful told.
+
+    source : of ``config``, named in errors.  BadInput in one line: as ``read``, settings that do not fit the
+    recording, every channel of a signal out of a range that nobody gave.
+    """
+    recording = read(path, config, repair)
+    settings = config.signals(recording.signals, source)
+    if not recording.in_si:
+        converted = {name: recording.signals[name].times(one.scale) for name, one in settings.items() if one.scale != 1}
+        recording = replace(recording, signals={**recording.signals, **converted})
+    told = out_of_range(str(path), recording, settings)
+    return replace(recording, warnings=(*recording.warnings, *told)), settings
 
 
 def read(path: Path, config: VoteConfig, repair: bool = False) -> Recording:
@@ -43,18 +65,14 @@ def read(path: Path, config: VoteConfig, repair: bool = False) -> Recording:
 
 def _read(path: Path, config: VoteConfig, repair: bool) -> Recording:
     if _is_folder(path):
-        wanted = _wanted(path, config)
-        return _joined(path, config, _folder(path, wanted, config.time_column), repair)
+        return _joined(path, config, *_folder(path, _wanted(path, config), config.tables), repair)
     if path.suffix not in ENDINGS:
         raise BadInput(f"{path}: unknown ending; allowed: {', '.join(ENDINGS)}, or a folder of tables")
+    if path.suffix == ".mcap" and config.tables != TableFormat(config.time_column):
+        raise BadInput(f"{path}: time_unit, separator and decimal are those of tables; messages have their log time")
     if path.suffix == ".mcap" and config.mapping:
-        return _joined(path, config, foreign.read(path, _wanted(path, config)), repair)
-    if path.suffix == ".mcap":
-        return read_ours(path, repair)
-    if config.mapping:
-        return _mapped_table(path, config, repair)
-    table = Table(path)
-    return assemble(str(path), table.names, table.column, repair)
+        return _joined(path, config, foreign.read(path, _wanted(path, config)), [], repair)
+    return read_ours(path, repair) if path.suffix == ".mcap" else _table(path, config, repair)
 
 
 def _is_folder(path: Path) -> bool:
@@ -78,33 +96,52 @@ def _wanted(path: Path, config: VoteConfig) -> dict[str, set[str]]:
     return wanted
 
 
-def _mapped_table(path: Path, config: VoteConfig, repair: bool) -> Recording:
-    table = Table(path, {config.time_column, *config.mapping.values()}.__contains__)
-    renamed = {TIME: config.time_column, **config.mapping}
-    for name in renamed.values():
+def _table(path: Path, config: VoteConfig, repair: bool) -> Recording:
+    """Return the recording in one table, by the mapping if there is one."""
+    mapping, time = config.mapping, config.time_column
+    table = Table(path, {time, *mapping.values()}.__contains__ if mapping else lambda _: True, config.tables)
+    names = mapping or {name: name for name in table.names if name != time}
+    for name in (*([time] if mapping or time != TIME else []), *mapping.values()):
         _must_have(path, table, name)
-    return assemble(str(path), renamed, lambda name: table.column(renamed[name]), repair)
+    if time not in table.names:
+        return assemble(str(path), names, table.column)  # which refuses it
+    time_s, _ = table.time_s()
+    made = assemble(
+        str(path), [TIME, *names], lambda name: time_s if name == TIME else table.column(names[name]), repair
+    )
+    return replace(made, remarks=tuple(table.remarks), warnings=(*made.warnings, *strange_rate(str(path), made.time_s)))
 
 
 def _must_have(path: Path, table: Table, name: str) -> None:
     if name not in table.names:
-        raise BadInput(f"{path}: no column {name!r}, which CONFIG names")
+        there = shorten(", ".join(table.header))
+        raise BadInput(f"{path}: no column {name!r}, which CONFIG names (time_column, [mapping]); there are: {there}")
 
 
-def _folder(path: Path, wanted: Mapping[str, set[str]], time_column: str) -> dict[str, Source]:
+def _folder(path: Path, wanted: Mapping[str, set[str]], written: TableFormat) -> tuple[dict[str, Source], list[str]]:
+    """Return the sources in a folder, with time since the first row of the first, and what is told of them."""
     sources: dict[str, Source] = {}
+    remarks: list[str] = []
+    zero, time = None, written.time_column
     for name, fields in wanted.items():
         file = path / name
         if file.suffix not in TABLES:
             raise BadInput(f"{file}: a source in a folder is one of {', '.join(TABLES)}")
-        table = Table(file, {time_column, *fields}.__contains__)
-        for needed in (time_column, *sorted(fields)):
+        table = Table(file, {time, *fields}.__contains__, written)
+        for needed in (time, *sorted(fields)):
             _must_have(file, table, needed)
-        sources[name] = Source(table.column(time_column), {field: table.column(field) for field in fields})
-    return sources
+        time_s, own_zero = table.time_s(zero)
+        if sources and (zero is None) != (own_zero is None):
+            raise BadInput(f"{file}: {time} is a time of the calendar in one source and a number in another")
+        zero = own_zero
+        sources[name] = Source(time_s, {field: table.column(field) for field in fields})
+        remarks += table.remarks
+    return sources, remarks
 
 
-def _joined(path: Path, config: VoteConfig, sources: Mapping[str, Source], repair: bool) -> Recording:
+def _joined(
+    path: Path, config: VoteConfig, sources: Mapping[str, Source], remarks: list[str], repair: bool
+) -> Recording:
     """Return the columns of the mapping on the rows of the first source."""
     clocks = {name: clock(f"{path}: {name}", source.time_s, repair) for name, source in sources.items()}
     first = next(iter(clocks.values()))
@@ -118,7 +155,10 @@ def _joined(path: Path, config: VoteConfig, sources: Mapping[str, Source], repai
         return np.where(near, clocks[source].of(sources[source].fields[field])[rows], np.nan)
 
     repairs = tuple(own.repair for own in clocks.values() if own.repair is not None)
-    return replace(assemble(str(path), [TIME, *config.mapping], column), kept=first.kept, repairs=repairs)
+    told = [line for own in clocks.values() for line in gaps(own.source, own.time_s)]
+    told += strange_rate(first.source, first.time_s)
+    made = assemble(str(path), [TIME, *config.mapping], column)
+    return replace(made, kept=first.kept, repairs=repairs, remarks=tuple(remarks), warnings=tuple(told))
 
 
 def nearest_rows(time_s: Floats, own_s: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:

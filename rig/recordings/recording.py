@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from rig.errors import BadInput
 from rig.frame import CHANNELS, Ilm
-from rig.recordings.clock import TIME, Clock, Floats, Repair, clock
+from rig.recordings.clock import TIME, Clock, Floats, Repair, clock, gaps
+from rig.text import shorten
 
 Bytes = NDArray[np.uint8]
+WAY_OUT: Final = "name other columns by time_column and [mapping] in CONFIG: docs/vote.md"
 _COLUMN: Final = re.compile(r"(?P<signal>.+?)(?P<ilm>\.ilm)?\.(?P<channel>0|[1-9][0-9]{0,3})|(?P<referred>.+)\.ref")
 
 
@@ -27,6 +29,12 @@ class Samples:
     reference: Floats | None = None
     valid: list[Bytes] | None = None  # 0 where the sensor itself flags a sample that is a number
     second_reference: Floats | None = None  # of a flight
+
+    def times(self, factor: float) -> Samples:
+        """Return the samples in another unit, ``factor`` of which are one of this."""
+        reference, second = (None if of is None else of * factor for of in (self.reference, self.second_reference))
+        channels = [column * factor for column in self.channels]
+        return replace(self, channels=channels, reference=reference, second_reference=second)
 
     def of(self, rows: slice | NDArray[np.int64]) -> Samples:
         """Return the samples of these rows."""
@@ -49,6 +57,9 @@ class Recording:
     kept: NDArray[np.int64] | None = None  # rows of the input, from 0, before alignment cut any; None: all
     repairs: tuple[Repair, ...] = ()
     discretes: dict[str, Samples] = field(default_factory=dict)  # 0, 1 or NaN
+    remarks: tuple[str, ...] = ()  # how the input was read, where that is not plain
+    warnings: tuple[str, ...] = ()  # what makes it doubtful
+    in_si: bool = False  # a file of the rig, whatever unit CONFIG names
 
     def row(self, k: int) -> int:
         """Return the row of the input, counted from 1, that became row ``k``, counted from 0."""
@@ -69,7 +80,7 @@ def assemble(source: str, names: Iterable[str], column: Callable[[str], Floats],
     """
     names = list(names)
     if TIME not in names:
-        raise BadInput(f"{source}: no column {TIME!r}")
+        raise BadInput(f"{source}: no column {TIME!r}; there are: {shorten(', '.join(names))}; {WAY_OUT}")
     parsed = {name: _parse(source, name) for name in names if name != TIME}
     counts: dict[str, int] = {}
     for signal, kind, channel in parsed.values():
@@ -93,7 +104,14 @@ def on_clock(accepted: Clock, signals: dict[str, Samples], discretes: dict[str, 
     if (kept := accepted.kept) is not None:
         all_of = [{name: samples.of(kept) for name, samples in some.items()} for some in all_of]
     repairs = () if accepted.repair is None else (accepted.repair,)
-    return Recording(accepted.time_s, all_of[0], kept=accepted.kept, repairs=repairs, discretes=all_of[1])
+    return Recording(
+        accepted.time_s,
+        all_of[0],
+        kept=accepted.kept,
+        repairs=repairs,
+        discretes=all_of[1],
+        warnings=tuple(gaps(accepted.source, accepted.time_s)),
+    )
 
 
 def with_discretes(source: str, recording: Recording, names: Collection[str]) -> Recording:
@@ -122,7 +140,7 @@ def _parse(source: str, name: str) -> tuple[str, str, int]:
     if found is None:
         raise BadInput(
             f"{source}: unknown column {name!r}; allowed: {TIME}, <signal>.1 to .{CHANNELS}, "
-            f"<signal>.ref, <signal>.ilm.1 to .{CHANNELS}"
+            f"<signal>.ref, <signal>.ilm.1 to .{CHANNELS}; {WAY_OUT}"
         )
     if found["referred"]:
         return found["referred"], "reference", 0

@@ -8,8 +8,9 @@
     [[resets]]         # commands to readmit, as in a scenario
     box_signals        # signals that accuse a channel at once until it is failed on all; 0 when not given: never
     box_persistence    # frames for which they do
-    time_column        # of mapped tables, "time_s" when not given
+    time_column        # of tables, "time_s" when not given; time_unit: "s"; separator, decimal: found by looking
 
+Amounts in a signal's table have its ``unit``; in the settings that ``VoteConfig.signals`` gives they are SI.
 Everything is checked before a row is voted; errors name the file and the key.
 """
 
@@ -19,11 +20,11 @@ import sys
 from collections.abc import Collection
 from math import pi
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, field_validator
+from pydantic import Field, PrivateAttr, field_validator
 
 from rig.computer.redundancy.config import Reset as FlightReset
 from rig.computer.redundancy.config import SignalConfig, bits
@@ -31,12 +32,19 @@ from rig.computer.redundancy.discrete_config import DiscreteConfig
 from rig.computer.redundancy.managers import DEFAULT, MANAGERS, manager_kind
 from rig.errors import BadInput
 from rig.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS
+from rig.recordings.csv_file import TableFormat
 from rig.settings import Settings, build, read_toml
 from rig.text import choices, nearest, quoted, shorten
 from rig.units.constants import TWO_PI
+from rig.units.conversion import conversion
 
 ANY_NUMBER: Final = (-sys.float_info.max, sys.float_info.max)  # finite: infinity is never a sample
 TURN_SLACK: Final = 1e-3  # so that a turn may be written as 6.283
+AMOUNTS: Final = (  # settings of a signal that have its unit
+    *("threshold", "threshold_triplex", "threshold_duplex", "outlier_threshold", "outlier_threshold_triplex"),
+    *("reference_threshold", "selection_deviation", "selection_integral_s"),
+)
+V = TypeVar("V", float, NDArray[np.float64])
 MOST_ANGLE_RAD: Final = 1e6  # beyond it the fraction of a turn is lost to rounding
 
 
@@ -47,7 +55,8 @@ class RecordedSignal(SignalConfig):
     """
 
     range: list[float] | None = Field(default=None, min_length=2, max_length=2)  # a sample outside is invalid
-    wraps: bool = False  # an angle in rad
+    unit: str | None = None  # of the file and of the amounts here; None: that of a signal of the rig's, else unknown
+    wraps: bool = False  # an angle
     manager: str = DEFAULT  # one of rig.computer.redundancy.MANAGERS, or module:name
 
     @field_validator("manager")
@@ -56,6 +65,36 @@ class RecordedSignal(SignalConfig):
         if name not in MANAGERS and ":" not in name:
             raise ValueError(f"unknown manager, allowed: {', '.join(MANAGERS)} or module:name")
         return name
+
+    _scale: float = PrivateAttr(1.0)
+    _si: str = PrivateAttr("")
+    _range_is_assumed: bool = PrivateAttr(False)
+
+    @property
+    def scale(self) -> float:
+        """How many SI units one ``unit`` is."""
+        return self._scale
+
+    @property
+    def si(self) -> str:
+        """The SI unit of the quantity; "" where nobody said which it is."""
+        return self._si
+
+    @property
+    def range_is_assumed(self) -> bool:
+        """Whether the limits are those of flight, or of one turn, and not CONFIG's."""
+        return self._range_is_assumed
+
+    def shown(self, value: V) -> V:
+        """Return a value in SI units in ``unit``."""
+        return value / self._scale
+
+    def scaled(self, factor: float) -> RecordedSignal:
+        """Return these settings with every amount times ``factor``."""
+        given = {name: amount * factor for name in AMOUNTS if (amount := getattr(self, name)) is not None}
+        if self.range is not None:
+            given["range"] = [limit * factor for limit in self.range]
+        return self.model_copy(update=given)
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -94,9 +133,23 @@ class VoteConfig(Settings):
     triads: dict[str, list[str]] = {}
     mapping: dict[str, str] = {}
     time_column: str = "time_s"
+    time_unit: str = "s"
+    separator: str | None = Field(default=None, min_length=1, max_length=1)
+    decimal: Literal[".", ","] | None = None
     resets: list[Reset] = []
     box_signals: int = Field(default=0, ge=0)
     box_persistence: int = Field(default=8, ge=1)
+
+    @field_validator("time_unit")
+    @classmethod
+    def _of_time(cls, unit: str) -> str:
+        conversion(unit, "s")
+        return unit
+
+    @property
+    def tables(self) -> TableFormat:
+        """How tables are written."""
+        return TableFormat(self.time_column, self.time_unit, self.separator, self.decimal)
 
     def signals(self, present: Collection[str], source: str) -> dict[str, RecordedSignal]:
         """Return settings of the signals to be voted, those of ``present`` that a table or the default names."""
@@ -127,24 +180,51 @@ class VoteConfig(Settings):
         return found
 
     def _settings(self, name: str, source: str) -> RecordedSignal:
+        """Return the settings of one signal, in SI units."""
         own = self.signal.get(name, {})
-        table = f"signal.{name}" if own or self.default is None else "default"
+        where = f"{source}: {f'signal.{name}' if own or self.default is None else 'default'}"
         signal = SIGNALS[INDEX[name]] if name in INDEX else None
-        of_flight = {} if signal is None else {"range": [signal.low, signal.high], "wraps": signal.wraps}
-        merged = {**of_flight, **(self.default or {}), **own}
-        settings = build(RecordedSignal, merged, f"{source}: {table}")
-        low, high = settings.limits
-        if low >= high:
-            raise BadInput(f"{source}: {table}: range: low must be below high, got {[low, high]}")
-        if settings.wraps and high - low < TWO_PI - TURN_SLACK:
-            raise BadInput(
-                f"{source}: {table}: range: an angle that wraps needs a whole turn in rad, got {[low, high]}"
-            )
-        if settings.wraps and max(-low, high) > MOST_ANGLE_RAD:
-            raise BadInput(
-                f"{source}: {table}: range: an angle that wraps stays within {MOST_ANGLE_RAD:g} rad, got {[low, high]}"
-            )
-        return settings
+        given = {**({} if signal is None else {"wraps": signal.wraps}), **(self.default or {}), **own}
+        settings = build(RecordedSignal, given, where)
+        factor, si = _conversion(settings, None if signal is None else signal.unit, where)
+        known = settings.unit is not None or settings.wraps or (signal is not None and settings.range is None)
+        made = settings.scaled(factor).model_copy(update={"unit": settings.unit or (si if known else None)})
+        made._scale, made._si = factor, si
+        if made.range is None and signal is not None:
+            made = made.model_copy(update={"range": [signal.low, signal.high]})
+        made._range_is_assumed = settings.range is None and made.limits != ANY_NUMBER
+        _check_range(made, where)
+        return made
+
+
+def _conversion(settings: RecordedSignal, si: str | None, where: str) -> tuple[float, str]:
+    """Return the factor from the unit of a signal to SI and the name of that; BadInput: a unit that it cannot have."""
+    if settings.unit is None:
+        return 1.0, si or ("rad" if settings.wraps else "")
+    try:
+        return conversion(settings.unit, "rad" if settings.wraps else si)
+    except ValueError as error:
+        raise BadInput(f"{where}: unit: {error}") from None
+
+
+def _check_range(settings: RecordedSignal, where: str) -> None:
+    """BadInput unless the range, in SI units, is one, and of an angle that wraps one turn."""
+    low, high = settings.limits
+    shown = [float(f"{settings.shown(limit):.12g}") for limit in (low, high)]
+    unit = settings.unit or ("rad" if settings.wraps else "")
+    if low >= high:
+        raise BadInput(f"{where}: range: low must be below high, got {shown}")
+    if not settings.wraps:
+        return
+    if abs(high - low - TWO_PI) > TURN_SLACK:
+        turn = f"one turn in {unit} ({settings.shown(TWO_PI):.6g})"
+        degrees = '; is the file in degrees? unit = "deg"' if high - low > TWO_PI and unit == "rad" else ""
+        raise BadInput(
+            f"{where}: range: {shown[1] - shown[0]:g} is not {turn}; an angle that wraps needs a whole turn in {unit}, "
+            f"got {shown}{degrees}"
+        )
+    if max(-low, high) > MOST_ANGLE_RAD:
+        raise BadInput(f"{where}: range: an angle that wraps stays within {MOST_ANGLE_RAD:g} rad, got {shown} {unit}")
 
 
 def _check_triad(where: str, axes: list[str], settings: dict[str, RecordedSignal]) -> None:
@@ -152,6 +232,8 @@ def _check_triad(where: str, axes: list[str], settings: dict[str, RecordedSignal
     for axis in axes:
         if axis not in settings:
             raise BadInput(f"{where}: {quoted(axis)} is not voted; {choices(axis, settings)}")
+        if settings[axis].unit != settings[axes[0]].unit:
+            raise BadInput(f"{where}: unit: {axis} and {axes[0]} have different ones, the axes of a vector have one")
         if settings[axis].wraps:
             raise BadInput(f"{where}: {axis} is an angle that wraps, no axis of a vector")
     managers = {settings[axis].manager for axis in axes}
@@ -164,7 +246,12 @@ def _check_triad(where: str, axes: list[str], settings: dict[str, RecordedSignal
 
 def read_config(path: Path) -> VoteConfig:
     """Return the CONFIG at ``path``; BadInput names the file and the key."""
-    config = build(VoteConfig, read_toml(path), str(path))
+    return config_of(read_toml(path), path)
+
+
+def config_of(data: dict[str, Any], path: Path) -> VoteConfig:
+    """Return the tables of a CONFIG, checked; BadInput names ``path`` and the key."""
+    config = build(VoteConfig, data, str(path))
     _check_axes(path, config.triads)
     for name in config.discrete:
         if name in config.signal:

@@ -3,39 +3,43 @@
 from __future__ import annotations
 
 import csv
-from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.csv
 import pyarrow.parquet
 
 from rig.errors import BadInput
 from rig.log.export import TABLE_WRITERS
 from rig.log.messages import most_bytes
 from rig.recordings.clock import Floats
+from rig.recordings.csv_file import Read, TableFormat, once_each, read_csv
+from rig.units.conversion import conversion
 
 TABLES: Final = tuple(TABLE_WRITERS)
-_NO_VALUE: Final = ["", "nan", "NaN", "NAN"]
 _FAULTS: Final = (pa.ArrowException, OSError, ValueError, csv.Error)
 
 
 class Table:
     """The columns of one file; ``column`` gives each as (n,) f8, NaN where a cell is empty."""
 
-    def __init__(self, path: Path, wanted: Callable[[str], bool] = lambda _: True) -> None:
+    def __init__(
+        self, path: Path, wanted: Callable[[str], bool] = lambda _: True, written: TableFormat | None = None
+    ) -> None:
         """Read the ``wanted`` columns; BadInput in one line when the file is missing, cut or not of numbers."""
-        self.path = path
+        self.path, self.written = path, written or TableFormat()
+        self.remarks: list[str] = []  # what is told of how it was read
         try:
-            self._table = _csv(path, wanted) if path.suffix == ".csv" else _parquet(path, wanted)
+            self._table, self.header, found = _READERS[path.suffix](path, wanted, self.written)
         except FileNotFoundError:
             raise BadInput(f"{path}: no such file") from None
         except _FAULTS as error:
             raise BadInput(f"{path}: {_one_line(error)}") from None
         self.names: list[str] = self._table.column_names
+        if found:
+            self.remarks.append(f"{path}: {found}")
 
     def column(self, name: str) -> Floats:
         """Return the column ``name``, which must be one of ``names``."""
@@ -47,38 +51,47 @@ class Table:
                 raise BadInput(f"{self.path}: column {name!r} is not of numbers but of {column.type}") from None
         return np.ascontiguousarray(column.to_numpy())
 
-
-def _csv(path: Path, wanted: Callable[[str], bool]) -> Any:
-    with path.open(encoding="utf-8-sig", newline="") as file:
-        header = next(csv.reader(file), [])
-    _once_each(path, header)
-    numbers = dict.fromkeys(filter(wanted, header), pa.float64())
-    convert = pyarrow.csv.ConvertOptions(
-        column_types=numbers, include_columns=list(numbers), null_values=_NO_VALUE, check_utf8=False
-    )
-    if not numbers:
-        return pa.table({})
-    try:
-        return pyarrow.csv.read_csv(path, convert_options=convert)
-    except pa.ArrowInvalid:  # one thread knows the number of the row
-        slow = pyarrow.csv.ReadOptions(use_threads=False)
-        return pyarrow.csv.read_csv(path, read_options=slow, convert_options=convert)
-
-
-def _once_each(path: Path, names: list[str]) -> None:
-    twice = [name for name, count in Counter(names).items() if count > 1]
-    if twice:
-        raise BadInput(f"{path}: column {twice[0]!r} is there twice")
+    def time_s(self, zero_ns: int | None = None) -> tuple[Floats, int | None]:
+        """Return the column of time, s, and of a time of the calendar its zero: ``zero_ns``, or its first row."""
+        name = self.written.time_column
+        instants = self._table.column(name)
+        if not pa.types.is_temporal(instants.type):
+            return self.column(name) * conversion(self.written.time_unit, "s").factor, None
+        empty = np.asarray(instants.is_null())
+        if empty.all():
+            return np.full(len(empty), np.nan), zero_ns
+        try:
+            instants = instants.cast(_in_ns(instants.type))
+            at_ns = np.asarray(instants.cast(pa.int64()).fill_null(0))
+        except pa.ArrowException:
+            raise BadInput(f"{self.path}: column {name!r} of {instants.type} is no time") from None
+        first = int(np.argmin(empty))
+        if zero_ns is None:
+            zero_ns = int(at_ns[first])
+            began = str(instants[first].cast(pa.string())).replace(".000000000", "")
+            self.remarks.append(f"{self.path}: {name} in seconds since {began}, its first row")
+        return np.where(empty, np.nan, (at_ns - zero_ns) / 1e9), zero_ns
 
 
-def _parquet(path: Path, wanted: Callable[[str], bool]) -> Any:
+def _in_ns(kind: Any) -> Any:
+    """Return the type of nanoseconds to which a type of times is cast; a duration stays one."""
+    if pa.types.is_duration(kind):
+        return pa.duration("ns")
+    return pa.time64("ns") if pa.types.is_time(kind) else pa.timestamp("ns", getattr(kind, "tz", None))
+
+
+def _parquet(path: Path, wanted: Callable[[str], bool], _: TableFormat) -> Read:
     with pyarrow.parquet.ParquetFile(path) as file:
-        names = [name for name in file.schema_arrow.names if wanted(name)]
-        _once_each(path, names)
+        header = list(file.schema_arrow.names)
+        names = [name for name in header if wanted(name)]
+        once_each(path, names)
         needed, most = 8 * len(names) * file.metadata.num_rows, most_bytes(path.stat().st_size)
         if needed > most:
             raise BadInput(f"{path}: expands to {needed} bytes, more than the {most} that a file of its size may")
-        return file.read(columns=names)
+        return Read(file.read(columns=names), header, "")
+
+
+_READERS: Final = {".csv": read_csv, ".parquet": _parquet}
 
 
 def _one_line(error: Exception) -> str:

@@ -58,11 +58,11 @@ def measure() -> Cost:
     from rig.campaign.config import find, read
     from rig.campaign.estimate import estimate
     from rig.campaign.plan import Plan
-    from rig.reliability.trials import Flight, shared_out
+    from rig.reliability.trials import TrialRunner, shared_out
 
     plan = Plan(read(CAMPAIGN, {}), str(find(CAMPAIGN)))
     first, *units = shared_out(plan, TRIALS, 0, [4])[: UNITS + 1]
-    run = Flight(plan)
+    run = TrialRunner(plan)
     for unit in (first, *units):  # records the healthy flight of each condition
         run(replace(unit, trials=1))
     began = perf_counter()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import plotly.graph_objects as go
 
-from rig.reliability.result import TARGETS, TITLES, WHAT, Result, decided_by, interval
+from rig.reliability.result import TARGETS, TARGETS_EXPLAINED, TITLES, WHAT, Result, decided_by, interval
 from rig.report.page import lay_out, write_page
 from rig.util.palette import SERIES, SOFT
 
@@ -24,6 +24,7 @@ def write_report(results: Sequence[Result], assumptions: Sequence[str], path: Pa
         results=results,
         titles={name: title for name, title in TITLES.items() if any(name in each.estimates for each in results)},
         targets=TARGETS,
+        explained=TARGETS_EXPLAINED,
         assumptions=assumptions,
         pictures=list(pictures),
     )

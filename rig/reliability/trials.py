@@ -17,9 +17,9 @@ import polars as pl
 from numpy.random import SFC64, Generator, SeedSequence
 from numpy.typing import NDArray
 
-from rig.assess.monitored import allowed_frames
+from rig.assess.monitored import allowed_frames, blank_records, lingers
 from rig.assess.outcome import LEVELS, NEVER
-from rig.bench.trials import RESULT, Scratch, Trials, blank_signal, run_trials
+from rig.bench.trials import RESULT, Scratch, Trials, run_trials
 from rig.campaign.plan import Plan
 from rig.computer.redundancy.manager import new_state
 from rig.errors import BadInput
@@ -38,7 +38,7 @@ _RECORDING, _TRIALS = 0, 1  # spawn keys of the seed
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
+class Batch:
     """Some trials of one combination of cases: that of run ``number``."""
 
     number: int
@@ -49,7 +49,7 @@ class Unit:
 
 @dataclass(frozen=True, slots=True)
 class Tally:
-    """What a unit came to; sums of whole numbers, which are the same in any order."""
+    """Results of a batch; sums of whole numbers, which are the same in any order."""
 
     cell: tuple[str, int, str, str, str]
     counts: NDArray[np.int64]  # (5, 5): by good channels before: trials, known losses, bad votes, settled, their frames
@@ -58,14 +58,14 @@ class Tally:
     rate_hz: float
 
 
-class Flight:
-    """Runs units of a plan: what a worker is given."""
+class TrialRunner:
+    """Runs batches of a plan in a worker."""
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         self._recordings: dict[str, Recording] = {}
 
-    def __call__(self, unit: Unit) -> Tally:
+    def __call__(self, unit: Batch) -> Tally:
         """One unit."""
         made, key, condition = _cell(self._plan, unit.number)
         seeds = SeedSequence(unit.seed, spawn_key=(_TRIALS, unit.number, unit.chunk))
@@ -74,7 +74,7 @@ class Flight:
         results, healthy, failed = fly_trials(made, trials, lambda: refill(trials, noise, normal))
         return Tally(key, tallied(made, trials, results), healthy, failed, made.scenario.rate_hz)
 
-    def _recording(self, unit: Unit, made: Cell, condition: str) -> Recording:
+    def _recording(self, unit: Batch, made: Cell, condition: str) -> Recording:
         """Return the healthy flight of a unit; whatever of its scenario is no fault decides it."""
         flown = {key: value for key, value in self._plan.data(unit.number).items() if key not in ("faults", "title")}
         key = json.dumps([unit.seed, condition, flown], sort_keys=True, default=str)
@@ -117,7 +117,7 @@ def recording_seed(seed: int, condition: str) -> int:
     return int(state[0]) >> 1
 
 
-def shared_out(plan: Plan, runs: int, seed: int, good: Sequence[int] = GOOD) -> list[Unit]:
+def shared_out(plan: Plan, runs: int, seed: int, good: Sequence[int] = GOOD) -> list[Batch]:
     """Share out ``runs`` trials over the combinations with ``good`` channels, by SHARES.  BadInput: none is left."""
     flown = sorted(set(good) - set(GOOD))
     if flown:
@@ -134,10 +134,10 @@ def shared_out(plan: Plan, runs: int, seed: int, good: Sequence[int] = GOOD) -> 
         named = " or ".join(map(str, good))
         raise BadInput(f"{plan.source}: no case of it has {named} good channels and leaves two of them good")
     whole = sum(SHARES[place] for place in groups)
-    units: list[Unit] = []
+    units: list[Batch] = []
     for place, numbers in groups.items():
         each = int(np.ceil(runs * SHARES[place] / whole / len(numbers)))
-        units += [Unit(n, c, min(CHUNK, each - c * CHUNK), seed) for n in numbers for c in range(-(-each // CHUNK))]
+        units += [Batch(n, c, min(CHUNK, each - c * CHUNK), seed) for n in numbers for c in range(-(-each // CHUNK))]
     return units
 
 
@@ -170,7 +170,8 @@ def _scratch(made: Cell, trials: Trials) -> Scratch:
     data: FaultData = faults.data
     targets = trials.targets.shape[1]
     blank = FaultData(**{**data._asdict(), "kept": np.zeros(targets, KEPT), "clean": faults.clean[:0]})
-    signal = blank_signal(int(one.manager.params[0]["fitted"]), trials.linger)
+    params = one.manager.params
+    signal = blank_records(params["threshold"], params["fitted"], lingers(params))
     return Scratch(
         row=np.zeros(1, ROW),
         blank_memory=np.zeros_like(one.memory),

@@ -16,7 +16,7 @@ from rig.campaign.pool import each
 from rig.errors import BadInput, RigError
 from rig.reliability.cells import ABOUT, FORMAT, TABLES
 from rig.reliability.tally import Cells
-from rig.reliability.trials import Flight, Tally, Unit, added_up, shared_out
+from rig.reliability.trials import Batch, Tally, TrialRunner, added_up, shared_out
 from rig.util.files import replaced
 
 Report = Callable[[int, int], None]  # trials done, of how many
@@ -43,10 +43,10 @@ def fly_trials(
     return about
 
 
-def _tallies(plan: Plan, units: Sequence[Unit], workers: int) -> Iterator[Tally]:
+def _tallies(plan: Plan, units: Sequence[Batch], workers: int) -> Iterator[Tally]:
     """Return the units' tallies in their order, by ``workers`` processes or, for one, by this; Ctrl-C ends it."""
     if workers == 1:
-        return map(Flight(plan), units)
+        return map(TrialRunner(plan), units)
     return each(_fly, units, workers, 4, initializer=_begin, initargs=(plan.campaign.what(), plan.source))
 
 
@@ -54,13 +54,13 @@ def _begin(what: dict[str, Any], source: str) -> None:
     """Begin a worker; Ctrl-C is its parent's."""
     global _flight
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _flight = Flight(Plan(from_what(what, source), source))
+    _flight = TrialRunner(Plan(from_what(what, source), source))
 
 
-_flight: Callable[[Unit], Tally] | None = None  # of a worker
+_flight: Callable[[Batch], Tally] | None = None  # of a worker
 
 
-def _fly(unit: Unit) -> Tally:
+def _fly(unit: Batch) -> Tally:
     assert _flight is not None
     return _flight(unit)
 

@@ -17,10 +17,11 @@ from rig.errors import BadInput
 from rig.flight.recorder import Findings
 from rig.frame import Block
 from rig.log import LogWriter
+from rig.overrides import named_manager, override, parse_set
 from rig.recordings.flown import Recorded
 from rig.replay.decisions import Decisions, decisions
 from rig.replay.vote_again import vote_again
-from rig.scenario import Scenario, from_resolved, named_manager, override, parse_set
+from rig.scenario import Scenario, from_resolved
 from rig.settings import read_toml
 from rig.text import quoted
 from rig.util.files import draft, numbered, publish, replaced

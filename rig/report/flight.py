@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -12,18 +11,19 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from rig.assess import cells
-from rig.assess.of_log import MOST_FRAMES, Scored, score_read
+from rig.assess.of_log import MOST_FRAMES, Scored, score_log
 from rig.assess.record import Yardstick
+from rig.computer.redundancy.managers import manager_kind
 from rig.errors import BadInput
 from rig.frame import INDEX, SIGNALS
 from rig.log import Log, read_log, scenario_of
 from rig.log.info import FILE, overrides
 from rig.log.schema import SCHEMA_VERSION
 from rig.report import figures as draw
-from rig.report.moments import Moment, affected, moment, signals_of
+from rig.report.moments import Moment, affected, limit, moment, signals_of
 from rig.report.page import DASH, write_page
 from rig.report.timeline import spans, timeline
-from rig.units.quantities import duration, seconds
+from rig.units.quantities import duration, quantity, seconds
 from rig.view.series import threshold
 
 MOST_SIGNALS: Final = 8  # that are drawn
@@ -40,7 +40,7 @@ def report(path: Path, out: Path) -> dict[str, Any]:
     log = read_log(path)
     if len(log.rows) > MOST_FRAMES:
         raise BadInput(f"{path}: {len(log.rows)} frames: a report is of at most {MOST_FRAMES}")
-    scored = score_read(log, path, Yardstick(), twin=False)
+    scored = score_log(path, Yardstick(), twin=False, log=log)
     names = affected(scored, log.rows)
     moments = [found for name in names if (found := moment(scored, log.rows, name)) is not None][:MOST_MOMENTS]
     drawn = _figures(log, scored, names, moments)
@@ -57,8 +57,8 @@ def _figures(log: Log, scored: Scored, names: Sequence[str], moments: Sequence[M
     shown, acting = names[:MOST_SIGNALS], _acting(log, scored)
     found = {"timeline": timeline(lanes)} if (lanes := spans(rows, rate_hz, shown, labels)) else {}
     for one in moments:
-        limit = threshold(resolved, one.signal)
-        found[f"moment-{one.signal}"] = draw.of_moment(rows, rate_hz, one, limit, acting[one.signal])
+        about = one, limit(resolved, one.signal), acting[one.signal], _waits(scored, one.signal)
+        found[f"moment-{one.signal}"] = draw.of_moment(rows, rate_hz, *about)
     for name in shown:
         found[f"signal-{name}"] = draw.of_flight(rows, rate_hz, name, threshold(resolved, name), acting[name])
     found["votes"] = draw.vote_errors(rows, rate_hz, _thresholds(scored, shown))
@@ -85,6 +85,15 @@ def _thresholds(scored: Scored, names: Sequence[str]) -> dict[str, float]:
     return {name: limits[name] for name in names or ranked[:QUIETEST]}
 
 
+def _waits(scored: Scored, name: str) -> dict[str, int]:
+    """Return for how many frames the manager waits on a signal, by the setting's name; nothing where none compares."""
+    evidence = scored.score.evidence
+    if evidence.by_unit or not manager_kind(scored.scenario.redundancy.manager).compares:
+        return {}
+    p = evidence.params[INDEX[name]]
+    return {"persistence": int(p["persistence"]), "singular persistence": int(p["singular_persistence"])}
+
+
 def _about(log: Log, scored: Scored, names: Sequence[str], moments: Sequence[Moment]) -> dict[str, Any]:
     """Return what the page says beside its pictures."""
     scenario, score, rate_hz = scored.scenario, scored.score, log.rate_hz
@@ -95,12 +104,13 @@ def _about(log: Log, scored: Scored, names: Sequence[str], moments: Sequence[Mom
         "score": score,
         "point": scenario.airframe.point(scenario.flight_point).name,
         "sets": overrides(text, scenario_of(log.metadata, scored.log)),
-        "unit": json.loads(log.metadata["unit"])["name"] if "unit" in log.metadata else None,
+        "voter": scored.voter,
         "ended": seconds(score.flight.frames, rate_hz),
         "cards": _cards(scored, rate_hz),
         "moments": [(one, _said(one, rate_hz)) for one in moments],
         "signals": names[:MOST_SIGNALS],
         "left_out": names[MOST_SIGNALS:],
+        "limits": _limits(scored, names[:MOST_SIGNALS]),
         "tables": _tables(scored, rate_hz),
         "peaks": cells.peaks(score.flight),
         "events": [(seconds(one.frame, rate_hz), one.level, one.name, one.text) for one in log.events],
@@ -124,15 +134,39 @@ def _cards(scored: Scored, rate_hz: float) -> list[tuple[str, str, bool]]:
     missed = sum(fault.outcome == "missed" for fault in score.faults)
     wrong = len(score.false_alarms) + len(score.wrong_isolations)
     delays = [fault.delay_from_exceeded_frames for fault in detected if fault.delay_from_exceeded_frames is not None]
-    off = sum(error.above_threshold_s > 0 for error in score.vote_error.values())
+    off = [name for name, error in score.vote_error.items() if error.above_threshold_s > 0]
+    failed = [(fault.failed_frame or 0, fault.resolver) for fault in detected if fault.resolver]
+    failed += [(each.frame, each.resolver) for _, each in score.isolations]
+    deciders = dict.fromkeys(resolver for _, resolver in sorted(failed))
     lost = sum(signal.level_at_end == 0 for signal in score.signals.values())
     return [
         (f"{len(detected)} of {len(detected) + missed}", "detectable faults detected", missed > 0),
         (duration(max(delays), rate_hz) if delays else DASH, "longest delay from the threshold", False),
         (str(wrong), "healthy channels failed", wrong > 0),
-        (str(off), "signals whose vote was off by more than its threshold", off > 0),
+        (", ".join(deciders) or DASH, "decided which channels failed", False),
+        (str(len(off)), _off_by(scored, off), bool(off)),
         (str(lost), "signals without a channel at the end", lost > 0),
     ]
+
+
+def _off_by(scored: Scored, names: Sequence[str]) -> str:
+    """Return what the tile of wrong votes says: whose threshold, which is not the outlier threshold."""
+    limits = [
+        f"{name} {quantity(value, SIGNALS[INDEX[name]].unit)}" for name, value in _thresholds(scored, names).items()
+    ]
+    which = f": {', '.join(limits[:QUIETEST])}" if names else ""
+    return f"signals whose vote was off the truth by more than their threshold{which}"
+
+
+def _limits(scored: Scored, names: Sequence[str]) -> list[str]:
+    """Return the thresholds of the signals with an event, by name and with their figures."""
+    resolved = scored.scenario.resolved()
+    lines = []
+    for name, value in _thresholds(scored, names).items() if names else ():
+        monitor, unit = limit(resolved, name), SIGNALS[INDEX[name]].unit
+        own = f", {monitor.text}" if monitor.name != "threshold" else ""
+        lines.append(f"{name} threshold {quantity(value, unit)}{own}")
+    return lines
 
 
 def _tables(scored: Scored, rate_hz: float) -> list[tuple[str, Sequence[str], list[cells.Row]]]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -12,9 +13,31 @@ from rig.assess.record import FaultScore
 from rig.frame import INDEX, SIGNALS, Block, Pattern, Source, State
 from rig.record.failures import became_failed, decisive_s
 from rig.scenario import Scenario
+from rig.units.quantities import quantity
+from rig.view.series import threshold
 
 LATEST_S: Final = 30.0  # an isolation later than this is not that of the first frame
 TOGETHER_S: Final = 2.0  # a fault that begins so shortly before a pattern is shown with it
+
+
+class Limit(NamedTuple):
+    """How far a channel may be from the vote: ``value`` in SI, and which threshold of the signal that is."""
+
+    signal: str
+    name: str
+    value: float
+
+    @property
+    def text(self) -> str:
+        """Name and figure: ``outlier threshold 0.63 deg/s``."""
+        return f"{self.name} {quantity(self.value, SIGNALS[INDEX[self.signal]].unit)}"
+
+
+def limit(resolved: Mapping[str, Any], signal: str) -> Limit:
+    """Return the limit of a signal's monitor, by a scenario as plain data."""
+    value = threshold(resolved, signal)
+    other = value != resolved["redundancy"]["signals"][signal]["threshold"]
+    return Limit(signal, "outlier threshold" if other else "threshold", value)
 
 
 class Moment(NamedTuple):

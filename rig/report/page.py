@@ -22,17 +22,16 @@ LAYOUT: Final[dict[str, Any]] = {
     "margin": {"l": 10, "r": 10, "t": 40, "b": 10},
     "xaxis": {"automargin": True},
     "yaxis": {"automargin": True},
+    "showlegend": False,
 }
 DASH: Final = "–"  # noqa: RUF001 # in a table, where there is nothing
 
 
-def lay_out(figure: go.Figure, title: str, height: int, legend_y: float | None = None, **layout: Any) -> None:
-    """Give a figure the look of all reports; its legend below it, where ``legend_y`` says."""
-    if legend_y is not None:
-        below = {"orientation": "h", "yanchor": "top", "y": legend_y, "traceorder": "normal"}
-        layout |= {"legend": below, "showlegend": True}
+def lay_out(figure: go.Figure, title: str, height: int, **layout: Any) -> None:
+    """Give a figure the look of all reports; base.html writes its legend below it."""
     figure.update_layout(**LAYOUT)
-    figure.update_layout(height=height, **({"title_text": title} if title else {}), **layout)
+    head: dict[str, Any] = {"title_text": title} if title else {"margin_t": 10}
+    figure.update_layout(height=height, **head, **layout)
 
 
 def write_page(

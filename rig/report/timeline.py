@@ -13,6 +13,7 @@ from rig.report.page import lay_out
 from rig.util.palette import BLUE, INK, LIGHT_BLUE, MID_BLUE, ORANGE, QUIET, RED, VIOLET, YELLOW
 from rig.util.runs import runs
 from rig.view.lanes import LANES, Changes, Lane, changes, fault_path
+from rig.view.style import STATE_LOOKS
 
 MOST_SPANS: Final = 6000  # that are drawn; of more, the shortest are left out
 _NAMES: Final = {"resolver": "decided by"}
@@ -72,10 +73,10 @@ def _spans(name: str, change: Changes, lane: Lane | None, frames: int, rate_hz: 
 
 def _label(state: str | None, lane: Lane | None) -> str:
     """Return a state in words; "" for what is not drawn: a fault that does not act, a channel that is not fitted."""
-    if state is None or state.endswith("ABSENT"):
+    if state is None or state == "ABSENT":
         return ""
-    label = state.lower() if lane is None or state not in lane.looks else lane.looks[state][0]
-    return label.rpartition(": ")[2] if state.startswith("channel ") else label  # the lane has its number already
+    looks = STATE_LOOKS if state in STATE_LOOKS or lane is None else lane.looks
+    return looks[state][0] if state in looks else state.lower()
 
 
 def _eventful(of: Sequence[Span]) -> bool:
@@ -106,10 +107,9 @@ def timeline(found: Sequence[Span]) -> go.Figure:
     figure = go.Figure()
     for label in labels:
         figure.add_bar(**_bars([span for span in found if span.label == label], label))
-    lanes_px = 24 * len(lanes)
-    lay_out(figure, "", 140 + lanes_px, legend_y=-62 / (lanes_px + 20), barmode="overlay", bargap=0.25)
+    lay_out(figure, "", 60 + 24 * len(lanes), barmode="overlay", bargap=0.25)
     figure.update_xaxes(title="time, s")
-    figure.update_yaxes(type="category", categoryorder="array", categoryarray=lanes, autorange="reversed")
+    figure.update_yaxes(type="category", categoryorder="array", categoryarray=lanes, autorange="reversed", dtick=1)
     return figure
 
 

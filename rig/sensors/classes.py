@@ -27,7 +27,7 @@ _KIND: Final = {
 
 
 class Figures(Settings):
-    """What a data sheet says of one kind of sensor; the keys of settings.Sensor that belong to the box."""
+    """Data sheet of one kind of sensor: the keys of settings.Sensor that belong to the box."""
 
     noise_std: float = Field(default=0.0, ge=0)
     noise_density: float = Field(default=0.0, ge=0)

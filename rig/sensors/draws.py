@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import exp, pi, sqrt
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.random import SFC64, Generator, SeedSequence
@@ -29,18 +29,23 @@ from rig.settings import Settings
 Floats = NDArray[np.float64]
 Process = Callable[[Any], None]  # adds its next rows to an (n, 4) array
 _NEVER: Final = int(np.iinfo(np.int64).max)
-PROCESSES: Final = ("bias_instability", "random_walk", "mode", "recorded")
 
 
 class Drift:
-    """The drifting part of every signal; ``seeds`` has a sequence for each of PROCESSES."""
+    """The drifting part of every signal; ``seeds`` has a sequence for each of PROCESSES.
+
+    signals : (S,) True for each that drifts at all
+    """
 
     def __init__(self, suite: Settings, rate_hz: float, seeds: dict[str, SeedSequence]) -> None:
         """Raise BadInput when a noise file cannot be used."""
-        self._processes: list[tuple[int, Process]] = []
-        for s, signal in enumerate(SIGNALS):
-            sensor, own = getattr(suite, signal.name), _Streams(seeds, s)
-            self._processes += [(s, process) for process in _processes(sensor, signal.name, rate_hz, own)]
+        self._processes: list[tuple[int, Process]] = [
+            (s, effect.make(getattr(suite, signal.name), signal.name, rate_hz, _stream(seeds[name], s)))
+            for s, signal in enumerate(SIGNALS)
+            for name, effect in PROCESSES.items()
+            if getattr(getattr(suite, signal.name), effect.setting) not in (0.0, None)
+        ]
+        self.signals = np.isin(np.arange(S), [s for s, _ in self._processes])
         self.rows = np.zeros((0, S, CHANNELS))
 
     def prepare(self, frames: int) -> None:
@@ -53,36 +58,23 @@ class Drift:
             process(self.rows[:frames, s])
 
 
-class _Streams:
-    """The generators of signal ``s``, one for each of PROCESSES, made when asked for: most sensors ask for none."""
-
-    def __init__(self, seeds: dict[str, SeedSequence], s: int) -> None:
-        self._seeds, self._s = seeds, s
-
-    def __getitem__(self, name: str) -> Generator:
-        parent = self._seeds[name]  # its child number s, as SeedSequence.spawn makes it
-        return Generator(SFC64(SeedSequence(parent.entropy, spawn_key=(*parent.spawn_key, self._s))))
+def _stream(parent: SeedSequence, s: int) -> Generator:
+    """Return the generator of signal ``s``: the parent's child of that number, as SeedSequence.spawn makes it."""
+    return Generator(SFC64(SeedSequence(parent.entropy, spawn_key=(*parent.spawn_key, s))))
 
 
-def _processes(sensor: Sensor, name: str, rate_hz: float, rngs: _Streams) -> list[Process]:
-    """Return the processes that one signal's sensor has."""
-    processes: list[Process] = []
-    if sensor.bias_instability_std > 0:
-        processes.append(_bias_instability(sensor, rate_hz, rngs["bias_instability"]))
-    if sensor.rate_random_walk > 0:
-        drive = sensor.rate_random_walk / sqrt(rate_hz)
-        processes.append(_first_order(1.0, drive, np.zeros(CHANNELS), rngs["random_walk"]))
-    if sensor.mode_rms > 0:
-        processes.append(_mode(sensor, rate_hz, rngs["mode"]))
-    if sensor.noise_file is not None:
-        processes.append(Recorded(sensor, name, rate_hz, rngs["recorded"]).add)
-    return processes
-
-
-def _bias_instability(sensor: Sensor, rate_hz: float, rng: Generator) -> Process:
+def _bias_instability(sensor: Sensor, name: str, rate_hz: float, rng: Generator) -> Process:
     keep = exp(-1.0 / (rate_hz * sensor.bias_correlation_s))
     std = sensor.bias_instability_std
     return _first_order(keep, std * sqrt(1.0 - keep**2), std * rng.standard_normal(CHANNELS), rng)
+
+
+def _random_walk(sensor: Sensor, name: str, rate_hz: float, rng: Generator) -> Process:
+    return _first_order(1.0, sensor.rate_random_walk / sqrt(rate_hz), np.zeros(CHANNELS), rng)
+
+
+def _recorded(sensor: Sensor, name: str, rate_hz: float, rng: Generator) -> Process:
+    return Recorded(sensor, name, rate_hz, rng).add
 
 
 def _first_order(keep: float, drive: float, state: Floats, rng: Generator) -> Process:
@@ -92,7 +84,7 @@ def _first_order(keep: float, drive: float, state: Floats, rng: Generator) -> Pr
     return add
 
 
-def _mode(sensor: Sensor, rate_hz: float, rng: Generator) -> Process:
+def _mode(sensor: Sensor, name: str, rate_hz: float, rng: Generator) -> Process:
     """Scale x by rms and x' by omega rms to unit variance: the noise of a frame is what the transition loses."""
     omega = 2.0 * pi * sensor.mode_frequency_hz
     step = transition(omega, sensor.mode_damping, 1.0 / rate_hz) * np.array([[1.0, omega], [1.0 / omega, 1.0]])
@@ -107,6 +99,22 @@ def _mode(sensor: Sensor, rate_hz: float, rng: Generator) -> Process:
         ring(rng.standard_normal((len(out), 2)), step, push, state, sensor.mode_rms, out)
 
     return add
+
+
+class Drawn(NamedTuple):
+    """One drawn effect: the setting that asks for it, and what makes its process for one signal."""
+
+    setting: str  # of Sensor
+    make: Callable[[Sensor, str, float, Generator], Process]  # of sensor, signal, rate_hz and stream
+
+
+# To add one: its settings (settings.py), its row here; the order is part of every recorded flight: append only.
+PROCESSES: Final = {
+    "bias_instability": Drawn("bias_instability_std", _bias_instability),
+    "random_walk": Drawn("rate_random_walk", _random_walk),
+    "mode": Drawn("mode_rms", _mode),
+    "recorded": Drawn("noise_file", _recorded),
+}
 
 
 @kernel
@@ -144,24 +152,24 @@ class Alarms:
         self.rows = np.zeros((0, S, CHANNELS), np.uint8)
         self._frame = 0
         self._next = min((channel.begin for channel in self._channels), default=_NEVER)
-        self._dirty = False
+        self._marked = False
 
     def prepare(self, frames: int) -> None:
         """Draw the next ``frames`` rows; what is drawn does not depend on the length of the blocks."""
         if len(self.rows) < frames and self._channels:
-            self.rows, self._dirty = np.zeros((frames, S, CHANNELS), np.uint8), False
-        if self._dirty:
+            self.rows, self._marked = np.zeros((frames, S, CHANNELS), np.uint8), False
+        if self._marked:
             self.rows[:] = 0
         first, self._frame = self._frame, self._frame + frames
-        self._dirty = self._next < self._frame
-        if self._dirty:
+        self._marked = self._next < self._frame
+        if self._marked:
             for channel in self._channels:
                 channel.mark(self.rows, first, self._frame)
             self._next = min(channel.begin for channel in self._channels)
 
 
 class _Channel:
-    """When the monitor of channel c of signal s raises its next false alarm."""
+    """The next false alarm of the in-line monitor of channel c of signal s."""
 
     def __init__(self, s: int, c: int, chance: float, length: int, rng: Generator) -> None:
         self._place, self._chance, self._length, self._rng = (s, c), chance, length, rng

@@ -14,7 +14,7 @@ from numpy.random import Generator, SeedSequence
 from numpy.typing import NDArray
 from pydantic import Field
 
-from rig.frame import FLIGHT_INDEX, INERTIAL, Block, nested, sig
+from rig.frame import FLIGHT_INDEX, INERTIAL, Block, sig
 from rig.kernels import kernel
 from rig.settings import Settings, record, share_in_frame
 from rig.units.angles import limit
@@ -59,7 +59,7 @@ _FORCE: Final = FLIGHT_INDEX["specific_force_forward_m_s2"]
 
 
 class InertialData(NamedTuple):
-    """What the inertial unit needs besides the row; the draws, standard normal, are those of a block of n rows."""
+    """Data of the inertial unit besides the row; the draws, standard normal, are those of a block of n rows."""
 
     params: NDArray[Any]  # (1,) PARAMS
     noise: NDArray[np.float32]  # (n, 6) of rates and velocity
@@ -98,11 +98,6 @@ class Inertial:
             self._force_noise = np.zeros((rows, QUANTITIES - FORCES), np.float32)
         self._noise_rng.standard_normal(out=self._noise[:rows], dtype=np.float32)
         self._force_rng.standard_normal(out=self._force_noise[:rows], dtype=np.float32)
-
-    def step(self, block: Block, k: int) -> None:
-        """Write ``inertial`` of row k."""
-        row = nested(block)[k]
-        sense(row["truth"], row["bus"], k, self.data)
 
 
 def _params(config: Config, rate_hz: float, rng: Generator, force_rng: Generator) -> NDArray[np.void]:

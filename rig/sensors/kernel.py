@@ -8,7 +8,7 @@ import numpy as np
 from numpy.random import SFC64, Generator, SeedSequence
 from numpy.typing import NDArray
 
-from rig.frame import CHANNELS, Block, Ilm, S, nested
+from rig.frame import CHANNELS, Block, Ilm, S
 from rig.kernels import kernel
 from rig.sensors.draws import PROCESSES, Alarms, Drift
 from rig.sensors.params import fixed
@@ -33,7 +33,7 @@ MEMORY: Final = np.dtype(
 
 
 class SensorData(NamedTuple):
-    """What the sensors need besides the row; the draws are those of a block of n rows."""
+    """Data of the sensors besides the row; the draws are those of a block of n rows."""
 
     params: NDArray[Any]  # (S,) PARAMS
     noise: NDArray[np.float32]  # (n, S, CHANNELS), standard normal
@@ -52,6 +52,7 @@ class Sensors:
         streams: dict[str, SeedSequence] = dict(zip(STREAMS, seeds.spawn(len(STREAMS)), strict=True))
         self.params = fixed(suite, rate_hz, streams)
         self._drift = Drift(suite, rate_hz, streams)
+        self.params["drifts"] = self._drift.signals
         self._alarms = Alarms(suite, rate_hz, streams["monitor"])
         self._noise_rng = Generator(SFC64(streams["noise"]))  # the quickest of numpy's
         self._noise = np.zeros((0, S, CHANNELS), np.float32)  # single precision draws in half the time
@@ -72,11 +73,6 @@ class Sensors:
         self._noise_rng.standard_normal(out=self._noise[: len(block)], dtype=np.float32)
         self._drift.prepare(len(block))
         self._alarms.prepare(len(block))
-
-    def step(self, block: Block, k: int) -> None:
-        """Write channels, valid and ilm of row k, of signals and discretes."""
-        row = nested(block)[k]
-        measure(row["truth"], row["bus"], k, self.data)
 
 
 @kernel

@@ -30,7 +30,7 @@ PARAMS: Final = np.dtype(
         ("low_pass", "u1"),
         ("delayed", "u1"),
         ("alarms", "u1"),  # its in-line monitors may raise false ones
-        ("drifts", "u1"),  # something of drift.py or recorded.py is added
+        ("drifts", "u1"),  # a process of draws.py is added
         ("shares", "u1"),  # how many other signals have a cross-axis effect
         ("source", "i8", (MOST_SHARES,)),  # which
         ("share", "f8", (MOST_SHARES, CHANNELS)),  # and how much of their truth
@@ -54,12 +54,12 @@ def fixed(suite: Settings, rate_hz: float, seeds: dict[str, SeedSequence]) -> ND
         row["blend"] = 1.0 if sensor.lag_s == 0 else 1.0 - exp(-1.0 / (rate_hz * sensor.lag_s))
         row["quantum"] = sensor.quantum
         row["low"], row["high"] = sensor.limits(signal)
-        drawn = sensor.bias_instability_std > 0 or sensor.rate_random_walk > 0 or sensor.mode_rms > 0
-        row["drifts"] = drawn or sensor.noise_file is not None
         row["alarms"] = sensor.monitor is not None and sensor.monitor.false_alarm_per_hour > 0
         row["wraps"], row["channels"] = signal.wraps, sensor.channels
         _dynamics(row, sensor, rate_hz)
-    _couple(params, suite, np.random.default_rng(seeds["misalignment"]), np.random.default_rng(seeds["g_sensitivity"]))
+    _cross_axis(
+        params, suite, np.random.default_rng(seeds["misalignment"]), np.random.default_rng(seeds["g_sensitivity"])
+    )
     return params
 
 
@@ -81,7 +81,7 @@ def _dynamics(row: Any, sensor: Sensor, rate_hz: float) -> None:
     row["delayed"], row["delay"], row["delay_rest"] = frames > 0, floor(frames), frames - floor(frames)
 
 
-def _couple(params: NDArray[np.void], suite: Settings, turn: Generator, push: Generator) -> None:
+def _cross_axis(params: NDArray[np.void], suite: Settings, turn: Generator, push: Generator) -> None:
     """Draw each channel's cross-axis sensitivities."""
     turns, pushes = turn.uniform(-1.0, 1.0, (S, 2, CHANNELS)), push.uniform(-1.0, 1.0, (S, 3, CHANNELS))
     for s, signal in enumerate(SIGNALS):
@@ -98,7 +98,7 @@ def _couple(params: NDArray[np.void], suite: Settings, turn: Generator, push: Ge
 
 
 def _share(row: Any, sources: Any, shares: NDArray[np.float64]) -> None:
-    """Let a signal feel ``shares`` (n, 4) of ``sources`` (n,)."""
+    """Add ``shares`` (n, 4) of ``sources`` (n,) to the cross-axis error of a signal."""
     first, last = int(row["shares"]), int(row["shares"]) + len(sources)
     row["source"][first:last], row["share"][first:last] = sources, shares
     row["shares"] = last

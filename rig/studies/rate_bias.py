@@ -22,9 +22,9 @@ from rig import scenario
 from rig.aircraft import tables
 from rig.campaign.pool import each
 from rig.campaign.statistics import proportion
-from rig.frame import FLIGHT_INDEX, Block, End, Lie, Trust
+from rig.frame import FLIGHT_INDEX, Block, SensorFault, Trust
 from rig.loop import fly_rows
-from rig.util.console import Screen
+from rig.studies.tolerant import answered_after_s, survived
 
 AFTER_S: Final = 60.0  # flown after the onset
 POINTS: Final = {"f16": "20000ft_m06", "b747": "35000ft_m084", "b737": "30000ft_m074"}
@@ -40,7 +40,7 @@ FACTOR: Final = 1.5
 MORE_M: Final = 25.0
 LAWS: Final = ("autopilot", "fault-tolerant")
 _ALTITUDE: Final = FLIGHT_INDEX["altitude_m"]
-_LIES: Final = (Lie.EFFECTIVENESS, Lie.OFFSET, Lie.BOTH)
+_LIES: Final = (SensorFault.EFFECTIVENESS, SensorFault.OFFSET, SensorFault.BOTH)
 
 DRAWN: Final = {  # kinds of faults, of ten flights that are drawn
     "all four pitch rates, drawn": 5,
@@ -212,8 +212,6 @@ def measure(case: Case, fault: Fault, plain: Block, tolerant: Block, healthy: Bl
     rate_hz = len(healthy) / (case.onset_s + AFTER_S)
     onset = round(case.onset_s * rate_hz)
     errors = [error(rows, healthy, onset) for rows in (plain, tolerant)]
-    survived = [bool(rows["end"][-1] == End.FLYING) for rows in (plain, tolerant)]
-    answered = np.flatnonzero(tolerant["lie"][onset:] == Lie.RATE_BIAS)
     blamed = (tolerant["trust"] == Trust.CORRECTED) | np.isin(tolerant["lie"], _LIES)
     flags = [f"--set {quote(key)}" for key in settings(case, fault, LAWS[1])]
     return LawComparison(
@@ -221,15 +219,22 @@ def measure(case: Case, fault: Fault, plain: Block, tolerant: Block, healthy: Bl
         fault=fault,
         plain_m=errors[0],
         tolerant_m=errors[1],
-        plain_survived=survived[0],
-        tolerant_survived=survived[1],
-        within=survived[1] and errors[1] <= bound(errors[0]) if survived[0] else len(tolerant) >= len(plain),
+        plain_survived=survived(plain),
+        tolerant_survived=survived(tolerant),
+        within=_within(plain, tolerant, errors),
         blamed=bool(blamed.any()),
-        answered_after_s=float(answered[0]) / rate_hz if len(answered) else None,
-        early=bool((tolerant["lie"][:onset] == Lie.RATE_BIAS).any()),
+        answered_after_s=answered_after_s(tolerant["lie"][onset:] == SensorFault.RATE_BIAS, rate_hz),
+        early=bool((tolerant["lie"][:onset] == SensorFault.RATE_BIAS).any()),
         identical=plain["actuator"].tobytes() == tolerant["actuator"].tobytes(),
         command=" ".join(["rig fly", f"--seed {case.seed}", *flags]),
     )
+
+
+def _within(plain: Block, tolerant: Block, errors: Sequence[float]) -> bool:
+    """Return True if the fault-tolerant law kept its bound; if the plain one lost the aircraft, flew on longer."""
+    if not survived(plain):
+        return len(tolerant) >= len(plain)
+    return survived(tolerant) and errors[1] <= bound(errors[0])
 
 
 def error(rows: Block, healthy: Block, onset: int) -> float:
@@ -277,28 +282,3 @@ def worst(flown: Sequence[LawComparison], most: int = 5) -> list[LawComparison]:
 def as_dict(flown: Sequence[LawComparison]) -> dict[str, Any]:
     """Return the plain data of ``rig study rate-bias --json``."""
     return {"table": summarise(flown), "worst": list(map(asdict, worst(flown))), "rows": list(map(asdict, flown))}
-
-
-def show(flown: Sequence[LawComparison], screen: Screen) -> None:
-    """Print the table, and the worst flights with the commands that fly them again."""
-    heads = (
-        *("fault", "aircraft", "within bounds", "sensor blamed", "rate biased, early", "identical"),
-        *("lost: plain, tolerant", "above plain, m"),
-    )
-    screen.table(heads, [_line(group) for group in summarise(flown)])
-    screen.print("intervals: exact, 95 %; identical: both laws gave the same surface commands, bit for bit")
-    for pair in worst(flown):
-        where = "within bounds" if pair.within else "out of bounds"
-        errors = f"plain {pair.plain_m:.1f} m, fault-tolerant {pair.tolerant_m:.1f} m"
-        screen.print(f"{where}: {errors}: {pair.command}", soft_wrap=True)
-
-
-def _line(group: dict[str, Any]) -> tuple[str, ...]:
-    counts = (f"{group['answered']}, {group['early']}", str(group["identical"]))
-    lost = f"{group['lost_plain']}, {group['lost_tolerant']}"
-    above = f"{group['most_above_plain_m']:.1f}"
-    return group["kind"], group["aircraft"], _share(group["within"]), _share(group["blamed"]), *counts, lost, above
-
-
-def _share(rate: dict[str, Any]) -> str:
-    return f"{rate['count']} of {rate['of']} ({rate['low']:.3f} to {rate['high']:.3f})"

@@ -13,6 +13,7 @@ from itertools import product
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rig import scenario
 from rig.campaign.pool import each
@@ -140,7 +141,6 @@ def measure(case: Case, fault: str, law: str, rows: Block, healthy: Block) -> Fa
     both = min(len(rows), len(healthy))
     off = (rows["truth"][:both, _THETA] - healthy["truth"][:both, _THETA])[onset:]
     lost = (healthy["flight"][:both, _ALTITUDE] - rows["flight"][:both, _ALTITUDE])[onset:]
-    corrected = np.flatnonzero(rows["trust"][onset:] == Trust.CORRECTED)
     return FaultFlight(
         case=case,
         fault=fault,
@@ -149,9 +149,19 @@ def measure(case: Case, fault: str, law: str, rows: Block, healthy: Block) -> Fa
         pitch_steady_rad=float(abs(off[-last:].mean())),
         altitude_loss_m=float(max(lost.max(), 0.0)),
         load_factor_max=float(rows["truth"][onset:, _N_Z].max()),
-        detected_after_s=float(corrected[0]) / rate_hz if len(corrected) else None,
-        survived=bool(rows["end"][-1] == End.FLYING),
+        detected_after_s=answered_after_s(rows["trust"][onset:] == Trust.CORRECTED, rate_hz),
+        survived=survived(rows),
     )
+
+
+def answered_after_s(answers: NDArray[np.bool_], rate_hz: float) -> float | None:
+    """Return when the law's diagnosis first gives an answer after the onset, where ``answers`` (n,) begin."""
+    return float(answers.argmax()) / rate_hz if answers.any() else None
+
+
+def survived(rows: Block) -> bool:
+    """Return True if the aircraft was still flying in the last frame."""
+    return bool(rows["end"][-1] == End.FLYING)
 
 
 def summarise(flown: Sequence[FaultFlight]) -> list[Summary]:

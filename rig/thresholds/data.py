@@ -25,10 +25,11 @@ from rig.computer.redundancy.managers import KINDS
 from rig.errors import BadInput, BadLog
 from rig.log.scan import About, iter_parts
 from rig.recordings.alignment import AlignOptions, run_alignment
-from rig.recordings.read import ENDINGS, read
+from rig.recordings.read import ENDINGS
+from rig.recordings.read import load as load_one
 from rig.recordings.recording import Recording, Samples
 from rig.recordings.settings import RecordedSignal, VoteConfig
-from rig.thresholds.design import Flight
+from rig.thresholds.design import DataBlock
 
 MANAGER: Final = next(kind.name for kind in KINDS if kind.compares)
 SAME_RATE: Final = 0.02  # by which rates may differ
@@ -43,7 +44,7 @@ class Data:
     names: list[str]  # of the recordings
     rate_hz: float
     hours: float
-    signals: dict[str, list[Flight]]
+    signals: dict[str, list[DataBlock]]
     settings: dict[str, RecordedSignal]
     referenced: set[str] = field(default_factory=set)  # signals with a reference in the recording
     notes: list[str] = field(default_factory=list)
@@ -61,9 +62,10 @@ def load(
     data: Data | None = None
     for path in paths:
         ours = _without_faults(path)
-        recording = read(path, config, repair)
-        settings = _monitored(config.signals(recording.signals, source), source)
-        notes = [
+        recording, settings = load_one(path, config, source, repair)
+        settings = _monitored(settings, source)
+        notes = [*recording.remarks, *recording.warnings]
+        notes += [
             f"{repair.source}: {repair.dropped} rows dropped, where time repeats or steps back"
             for repair in recording.repairs
         ]
@@ -102,7 +104,7 @@ def _add(data: Data, path: Path, recording: Recording) -> None:
         samples = columns(recording.signals[name], data.settings[name])
         if flights and len(samples) != len(flights[0].samples):
             raise BadInput(f"{path}: {name} has {len(samples)} channels, in {data.names[0]} {len(flights[0].samples)}")
-        flights.append(Flight(str(path), samples, data.rate_hz))
+        flights.append(DataBlock(str(path), samples, data.rate_hz))
     data.names.append(str(path))
 
 

@@ -77,7 +77,7 @@ class Grid:
 
 
 @dataclass(frozen=True, slots=True)
-class Flight:
+class DataBlock:
     """One block: samples (C, n) of a signal, NaN where one is not comparable."""
 
     name: str
@@ -90,7 +90,7 @@ class Flight:
         return self.samples.shape[1] / self.rate_hz / 3600.0
 
 
-def designs(flights: Sequence[Flight], given: RecordedSignal, grid: Grid, number: int = 0) -> list[Design]:
+def designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, number: int = 0) -> list[Design]:
     """Yield the designs of every filter and persistence of the grid that the data can say something of.
 
     number : of the signal, for its random stream
@@ -98,7 +98,7 @@ def designs(flights: Sequence[Flight], given: RecordedSignal, grid: Grid, number
     return list(_designs(flights, given, grid, number))
 
 
-def _designs(flights: Sequence[Flight], given: RecordedSignal, grid: Grid, number: int) -> Iterator[Design]:
+def _designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, number: int) -> Iterator[Design]:
     fitted = len(flights[0].samples)
     levels = sorted({fitted, *(level for level in grid.levels if level < fitted)}, reverse=True)
     frames = [(count, _singular(given, count, flights[0].rate_hz)) for count in grid.persistence]
@@ -120,7 +120,7 @@ def _singular(given: RecordedSignal, frames: int, rate_hz: float) -> int:
 
 
 def _at_level(
-    flights: Sequence[Flight],
+    flights: Sequence[DataBlock],
     seen: Sequence[Floats],
     given: RecordedSignal,
     frames: Sequence[tuple[int, int]],

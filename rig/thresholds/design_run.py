@@ -49,7 +49,7 @@ def run(options: Options) -> dict[str, Any]:
         reading = (settings, str(options.config or options.inputs[0]), options.repair_time, options.align)
         data = load(options.inputs, *reading)
         read = perf_counter()
-        signals = design(data, options.grid, options.keep)
+        signals = {name: made.in_unit() for name, made in design(data, options.grid, options.keep).items()}
         if options.monitored:
             _note_motion(data, signals, load(options.monitored, *reading))
         result = summary(data, options.grid, signals)
@@ -61,14 +61,18 @@ def run(options: Options) -> dict[str, Any]:
 
 def _note_motion(data: Data, signals: Mapping[str, Signal], monitored: Data) -> None:
     """Note in ``data`` which signals move more in the data to be ``monitored``."""
-    motion = {name: envelope(flights, monitored.settings[name].wraps) for name, flights in monitored.signals.items()}
+    motion = {
+        name: envelope(flights, (given := monitored.settings[name]).wraps).in_unit(given.scale)
+        for name, flights in monitored.signals.items()
+    }
     data.notes.extend(beyond({name: signal.motion for name, signal in signals.items()}, motion))
 
 
 def _toml(options: Options, raw: dict[str, Any] | None, data: Data, signals: Mapping[str, Signal]) -> str:
     """Return OUT: CONFIG with the thresholds, or the tables of a scenario where there is no CONFIG."""
     chosen = {name: made for name, signal in signals.items() if (made := signal.design) is not None}
+    settings = {name: signal.settings for name, signal in signals.items()}
     head = remarks(data, options.grid, signals)
     if raw is None:
-        return scenario_toml(chosen, data.settings, head, options.outlier)
-    return recorded_toml(raw, chosen, data.settings, data.rate_hz, data.referenced, head, options.outlier)
+        return scenario_toml(chosen, settings, head, options.outlier)
+    return recorded_toml(raw, chosen, settings, data.rate_hz, data.referenced, head, options.outlier)

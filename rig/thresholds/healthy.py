@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.frame import CHANNELS
-from rig.thresholds.design import Flight
+from rig.thresholds.design import DataBlock
 from rig.thresholds.distances import invalid_runs, middle_two, near_first, nearest, sliding_minimum
 from rig.util.runs import runs
 
@@ -52,14 +52,18 @@ class Envelope(NamedTuple):
     rate_per_s: float
     noise: float  # 95 % of the difference of the first two channels from each other
 
+    def in_unit(self, scale: float) -> Envelope:
+        """Return the same in a unit that is ``scale`` of this."""
+        return Envelope(*(value / scale for value in self))
+
     @property
     def still(self) -> bool:
         """Return True if the signal does not move: channels differ by as much as it does."""
         return not self.value > STILL * self.noise
 
 
-def suspects(flights: Sequence[Flight], wraps: bool, longest: int) -> list[Suspect]:
-    """Return the channels of a signal that stand out; ``longest`` persistence, frames."""
+def suspects(flights: Sequence[DataBlock], wraps: bool, longest: int, scale: float = 1.0) -> list[Suspect]:
+    """Return the channels of a signal that stand out; ``longest`` persistence, frames; ``scale`` of what is told."""
     listed = [Suspect(f, c + 1, why) for f, flight in enumerate(flights) for c, why in _alone(flight, longest)]
     apart, at, usual = _distances(flights, wraps)
     everywhere = float(np.median(apart))
@@ -68,16 +72,16 @@ def suspects(flights: Sequence[Flight], wraps: bool, longest: int) -> list[Suspe
         if len(flights) > 1:
             rest.append(float(np.median(np.delete(apart[:, c], f))))
         if apart[f, c] > max(OUT * max(rest), APART * usual):
-            why = (
-                f"for {HOLD_S:g} s from {at[f, c]:.1f} s on it was at least {apart[f, c]:.3g} from every other channel"
-            )
-            listed.append(Suspect(f, c + 1, f"{why}; {max(rest):.3g} is the most of the others"))
+            since, least, most = at[f, c], apart[f, c] / scale, max(rest) / scale
+            why = f"for {HOLD_S:g} s from {since:.1f} s on it was at least {least:.3g} from every other channel"
+            listed.append(Suspect(f, c + 1, f"{why}; {most:.3g} is the most of the others"))
     return sorted(listed)
 
 
-def _alone(flight: Flight, longest: int) -> Iterator[tuple[int, str]]:
+def _alone(flight: DataBlock, longest: int) -> Iterator[tuple[int, str]]:
     for c in invalid_runs(flight.samples, longest):
-        yield c, f"{longest} samples or more in a row are not valid"
+        share = 100.0 * np.isnan(flight.samples[c]).mean()
+        yield c, f"{longest} samples or more in a row are not valid, {share:.3g} % of all: out of range or no numbers"
     hold = round(HOLD_S * flight.rate_hz)
     same = [_repeats(column, hold) for column in flight.samples]
     if sum(k is not None for k in same) == 1:
@@ -92,7 +96,7 @@ def _repeats(column: Floats, hold: int) -> int | None:
     return int(long[0, 0]) if len(long) else None
 
 
-def _distances(flights: Sequence[Flight], wraps: bool) -> tuple[Floats, Floats, float]:
+def _distances(flights: Sequence[DataBlock], wraps: bool) -> tuple[Floats, Floats, float]:
     """Return the largest distance held for HOLD_S and since when, s, by flight and channel; the usual distance."""
     held, at, usual = [], [], []
     for flight in flights:
@@ -106,13 +110,13 @@ def _distances(flights: Sequence[Flight], wraps: bool) -> tuple[Floats, Floats, 
     return np.array(held), np.array(at), float(np.median(values[np.isfinite(values)])) if len(values) else 0.0
 
 
-def envelope(flights: Sequence[Flight], wraps: bool) -> Envelope:
+def envelope(flights: Sequence[DataBlock], wraps: bool) -> Envelope:
     """Return the envelope of a signal over all flights, those of more frames counting more."""
     values, rates, noises = zip(*(_of(flight, wraps) for flight in flights), strict=True)
     return Envelope(*(_within(np.concatenate(parts)) for parts in (values, rates, noises)))
 
 
-def _of(flight: Flight, wraps: bool) -> tuple[Floats, Floats, Floats]:
+def _of(flight: DataBlock, wraps: bool) -> tuple[Floats, Floats, Floats]:
     samples = near_first(flight.samples) if wraps else flight.samples
     centre = middle(samples)
     centre = centre[np.isfinite(centre)]

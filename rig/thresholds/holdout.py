@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import poisson
 
 from rig.recordings.settings import RecordedSignal
-from rig.thresholds.design import FIELDS, Design, Flight, Grid, designs, rounded_up
+from rig.thresholds.design import FIELDS, DataBlock, Design, Grid, designs, rounded_up
 from rig.thresholds.distances import in_use
 from rig.thresholds.monitored import isolations
 from rig.thresholds.tail import GAP_S
@@ -41,7 +41,7 @@ class Count:
         return self.counted > 0 and bool(poisson.sf(self.counted - 1, self.expected) < OVER)
 
 
-def holdout(flights: Sequence[Flight], given: RecordedSignal, grid: Grid, chosen: Design) -> dict[int, Count] | None:
+def holdout(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, chosen: Design) -> dict[int, Count] | None:
     """Return counts by level of both halves, every second flight each; None where a half cannot be designed."""
     halves = (flights[0::2], flights[1::2])
     frames = sum(flight.samples.shape[1] for flight in flights)
@@ -61,7 +61,7 @@ def _sum(counts: Sequence[Count]) -> Count:
     return Count(sum(of.counted for of in counts), hours, counts[0].budget_per_h)
 
 
-def count(flights: Sequence[Flight], given: RecordedSignal, design: Design, budget_per_h: float) -> dict[int, Count]:
+def count(flights: Sequence[DataBlock], given: RecordedSignal, design: Design, budget_per_h: float) -> dict[int, Count]:
     """Count the false isolations of ``design`` in flights, by level, for each choice of channels in use."""
     settings = design.settings(given)
     counts: dict[int, Count] = {}

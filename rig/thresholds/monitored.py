@@ -1,4 +1,4 @@
-"""The flight's manager over many short pieces of one signal: in which frame each channel is failed.
+"""The flight's manager over many short pieces of one signal, and what became of the channel that is faulty in each.
 
 The rows of ``rig vote`` (bench/run.py), with one signal and without what is not voted.
 """
@@ -10,6 +10,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.assess.monitored import blank_records, lingers
+from rig.assess.outcome import channel_bits, count_healthy, mark_failed, mark_wrong
 from rig.bench.run import step
 from rig.computer.redundancy.config import MANAGERS, PARAMS, fill
 from rig.computer.redundancy.lowpass import follow
@@ -22,20 +24,21 @@ from rig.util.runs import cluster_starts
 
 Floats = NDArray[np.float64]
 Frames = NDArray[np.int64]
-NEVER: Final = -1
 _ROWS: Final = rows(1)
 
 
-def failures(samples: Floats, settings: RecordedSignal, rate_hz: float) -> Frames:
-    """(R, C) the frame in which each channel is failed, NEVER if it is not; every piece begins healthy.
+def outcomes(
+    samples: Floats, faulty: NDArray[np.int64], onset: int, settings: RecordedSignal, rate_hz: float
+) -> NDArray[Any]:
+    """Return (R,) assess.outcome.SIGNAL of pieces that all begin healthy.
 
-    samples : (R, n, C), NaN where a sample is not comparable
+    samples : (R, n, C), NaN where a sample is not comparable; faulty : (R,) the channel that is, from ``onset`` on
     """
-    pieces, _, count = samples.shape
-    params = _params(settings, count, rate_hz)
-    first, manager = np.full((pieces, CHANNELS), NEVER), Manager(MANAGERS[0], params)
-    _run(_four(samples), _blank_row(), manager.data, new_state(params), first)
-    return first[:, :count]
+    params = _params(settings, samples.shape[2], rate_hz)
+    signals = np.repeat(blank_records(params["threshold"], params["fitted"], lingers(params)), len(samples))
+    manager = Manager(MANAGERS[0], params)
+    _run(_four(samples), faulty, onset, _blank_row(), manager.data, new_state(params), signals)
+    return signals
 
 
 def isolations(samples: Floats, settings: RecordedSignal, rate_hz: float, gap: int) -> Frames:
@@ -51,11 +54,15 @@ def isolations(samples: Floats, settings: RecordedSignal, rate_hz: float, gap: i
 
 
 def low_passed(samples: Floats, settings: RecordedSignal, rate_hz: float) -> Floats:
-    """Return the channels (C, n) as the comparison sees them behind the filter of ``settings``."""
+    """Return the channels (C, n) as the comparison sees them behind the filter of ``settings``.
+
+    Its step is not limited: the threshold that limits it is what is sought, and without the limit channels differ more.
+    """
     if settings.filter_s == 0.0:
         return samples
-    found = np.empty_like(samples)
-    _follow(samples, _params(settings, len(samples), rate_hz), found)
+    found, params = np.empty_like(samples), _params(settings, len(samples), rate_hz)
+    params["threshold"] = np.inf
+    _follow(samples, params, found)
     return found
 
 
@@ -95,19 +102,23 @@ def _blank_row() -> NDArray[Any]:
 
 
 @long_kernel
-def _run(samples, rows, manager, fresh, first):
-    """Every piece through the manager, which begins again with each; writes ``first`` (R, 4)."""
-    p, row = manager.params[0], rows[0]
-    channels = row["bus"]["channels"]
+def _run(samples, faulty, onset, rows, manager, fresh, signals):
+    """Every piece through the manager, which begins again with each; adds up ``signals`` (R,) SIGNAL."""
+    row = rows[0]
+    channels, fcc = row["bus"]["channels"], row["fcc"]
     for r in range(len(samples)):
-        manager.state[0] = fresh[0]
+        manager.state[0], signal = fresh[0], signals[r]
+        healthy_frames, false_isolations = signal["healthy_frames"], signal["false_isolations"]
         for k in range(samples.shape[1]):
             for c in range(CHANNELS):
                 channels[0, c] = samples[r, k, c]
             step(row, row, k, None, None, None, manager, None)
-            for c in range(p["fitted"]):
-                if manager.state[0]["failed"][c] and first[r, c] < 0:
-                    first[r, c] = k
+            before = np.int64(signal["failed"])
+            if k >= onset:
+                mark_wrong(1 << faulty[r], k, signal)
+            became = mark_failed(channel_bits(fcc["state"][0]), k, signal)
+            count_healthy(became, before, signal["level"], signal, healthy_frames, false_isolations)
+            signal["level"] = fcc["level"][0]
 
 
 @long_kernel

@@ -49,6 +49,7 @@ def notes(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> list[str]:
 def _signal(signal: Signal, budget_per_h: float) -> dict[str, Any]:
     tradeoffs = [_tradeoff(tradeoff) for tradeoff in signal.found] or [None] * len(signal.designs)
     return {
+        "unit": signal.settings.unit,
         "flights": signal.flights,
         "hours": signal.hours,
         "left_out": [suspect._asdict() for suspect in signal.left_out],
@@ -101,5 +102,6 @@ def remarks(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> list[str]:
     for name, signal in signals.items():
         motion = signal.motion
         if signal.design is not None:
-            lines.append(f"motion {name}: {motion.value:.4g} from its median, {motion.rate_per_s:.4g} a second")
+            unit = f" {signal.settings.unit}" if signal.settings.unit else ""
+            lines.append(f"motion {name}: {motion.value:.4g}{unit} from its median, {motion.rate_per_s:.4g} a second")
     return lines + [f"note {line}" for line in notes(data, grid, signals)]

@@ -6,7 +6,7 @@ import os
 import zlib
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy as np
 from rig.errors import BadInput
 from rig.recordings.settings import RecordedSignal
 from rig.thresholds.data import Data
-from rig.thresholds.design import Design, Flight, Grid, designs
+from rig.thresholds.design import DataBlock, Design, Grid, designs
 from rig.thresholds.healthy import Envelope, Suspect, envelope, suspects
 from rig.thresholds.holdout import Count, holdout
 from rig.thresholds.tail import CLUSTERS
@@ -48,6 +48,26 @@ class Signal:
         """Return the chosen one."""
         return None if self.chosen is None else self.designs[self.chosen]
 
+    def in_unit(self) -> Signal:
+        """Return the same with every amount in the unit of CONFIG, in place of SI."""
+        shown = self.settings.shown
+        designs = [
+            replace(
+                design,
+                thresholds={
+                    level: replace(at, upper=shown(at.upper), point=shown(at.point))
+                    for level, at in design.thresholds.items()
+                },
+            )
+            for design in self.designs
+        ]
+        found = [
+            replace(one, smallest_offset=None if one.smallest_offset is None else shown(one.smallest_offset))
+            for one in self.found
+        ]
+        settings, motion = self.settings.scaled(1.0 / self.settings.scale), self.motion.in_unit(self.settings.scale)
+        return replace(self, settings=settings, motion=motion, designs=designs, found=found)
+
 
 def design(data: Data, grid: Grid, keep: bool = False) -> dict[str, Signal]:
     """Design every signal. BadInput: nothing can be said of any of them.
@@ -69,7 +89,7 @@ def _signal(name: str, data: Data, grid: Grid, keep: bool) -> Signal:
     flights, given = data.signals[name], data.settings[name]
     suspected = [
         suspect
-        for suspect in suspects(flights, given.wraps, max(grid.persistence))
+        for suspect in suspects(flights, given.wraps, max(grid.persistence), given.scale)
         if flights[suspect.flight].name not in data.healthy
     ]
     left_out = {suspect.flight for suspect in suspected} if not keep else set()
@@ -77,7 +97,7 @@ def _signal(name: str, data: Data, grid: Grid, keep: bool) -> Signal:
     notes = [_stands_out(name, flights[suspect.flight].name, suspect, keep) for suspect in suspected]
     motion, hours = envelope(used or flights, given.wraps), sum(flight.hours for flight in used)
     if not used:
-        notes.append(f"{name}: a channel stands out in every flight: correct it (--align), or leave out the signal")
+        notes.append(_nothing_left(name, flights, suspected[0]))
         return Signal(given, 0, 0.0, suspected, motion, notes=notes)
     blocks = _blocks(name, used, notes)
     made = designs(blocks, given, grid, zlib.crc32(name.encode()))
@@ -96,7 +116,7 @@ def _signal(name: str, data: Data, grid: Grid, keep: bool) -> Signal:
     return Signal(given, len(used), hours, suspected, motion, made, tradeoffs, chosen, held_out, notes)
 
 
-def _blocks(name: str, flights: list[Flight], notes: list[str]) -> Sequence[Flight]:
+def _blocks(name: str, flights: list[DataBlock], notes: list[str]) -> Sequence[DataBlock]:
     """Return the flights; a single one is cut into stretches, which differ less than flights do."""
     if len(flights) >= FEW:
         return flights
@@ -112,7 +132,7 @@ def _blocks(name: str, flights: list[Flight], notes: list[str]) -> Sequence[Flig
     )
     if count < 2:
         return flights
-    return [Flight(flight.name, part, flight.rate_hz) for part in np.array_split(flight.samples, count, axis=1)]
+    return [DataBlock(flight.name, part, flight.rate_hz) for part in np.array_split(flight.samples, count, axis=1)]
 
 
 def _stands_out(name: str, flight: str, suspect: Suspect, keep: bool) -> str:
@@ -120,7 +140,13 @@ def _stands_out(name: str, flight: str, suspect: Suspect, keep: bool) -> str:
     return f"{flight}: {name}.{suspect.channel} stands out: {suspect.why}; {what}"
 
 
-def _nothing(name: str, flights: Sequence[Flight], hours: float, motion: Envelope) -> str:
+def _nothing_left(name: str, flights: Sequence[DataBlock], suspect: Suspect) -> str:
+    first = f"{flights[suspect.flight].name}: {name}.{suspect.channel}: {suspect.why}"
+    correct = "unit or range in CONFIG, or --align" if "not valid" in suspect.why else "--align"
+    return f"{name}: a channel stands out in every flight, the first {first}; correct it ({correct}), or leave it out"
+
+
+def _nothing(name: str, flights: Sequence[DataBlock], hours: float, motion: Envelope) -> str:
     if motion.noise == 0.0:
         return f"{name}: its channels do not differ in {hours:.3g} h: there is nothing to measure a threshold by"
     return f"{name}: too few events in {hours:.3g} h of {len(flights)} flights to say anything: record more"

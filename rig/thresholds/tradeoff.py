@@ -8,18 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.assess.outcome import NEVER
+from rig.assess.words import fault_word
 from rig.recordings.settings import RecordedSignal
-from rig.thresholds import faults
-from rig.thresholds.design import Design, Flight
-from rig.thresholds.faults import Fault
-from rig.thresholds.monitored import NEVER, failures
+from rig.thresholds.design import DataBlock, Design
+from rig.thresholds.monitored import outcomes
 
 Floats = NDArray[np.float64]
+Kind = Literal["offset", "ramp", "noise", "gain", "stuck"]
 PIECES: Final = 48
 BEFORE_S: Final = 1.0  # healthy
 WITHIN_S: Final = 1.0  # for an offset
@@ -71,7 +72,7 @@ class Tradeoff:
         return sum(found.right for found in self.kinds.values()) / sum(sum(found[:3]) for found in self.kinds.values())
 
 
-def pieces(flights: Sequence[Flight], count: int = PIECES) -> Pieces | None:
+def pieces(flights: Sequence[DataBlock], count: int = PIECES) -> Pieces | None:
     """``count`` pieces spread evenly over the flights; None when the flights are all too short for one."""
     rate = flights[0].rate_hz
     onset, length = round(BEFORE_S * rate), round((BEFORE_S + LATER_S) * rate) + 1
@@ -91,30 +92,48 @@ def tradeoff(cut: Pieces, design: Design, given: RecordedSignal, motion: float) 
     settings, short = design.settings(given), cut.short()
     kinds: dict[str, Found] = {}
     for share in SHARES:
-        kinds[f"offset {share:g}"] = inject(cut, settings, faults.offset(share * motion), WITHIN_S)
-    kinds["ramp"] = inject(cut, settings, faults.ramp(SHARES[0] * motion, cut.rate_hz), LATER_S)
-    kinds["noise"] = inject(cut, settings, faults.noise(NOISE), LATER_S)
-    kinds["gain"] = inject(cut, settings, faults.gain(GAIN), LATER_S)
-    kinds["stuck"] = inject(cut, settings, faults.stuck(), LATER_S)
-    twice = inject(short, settings, faults.offset(2.0 * design.threshold.upper), WITHIN_S)
+        kinds[f"offset {share:g}"] = inject(cut, settings, "offset", share * motion)
+    sizes: dict[Kind, float] = {"ramp": SHARES[0] * motion, "noise": NOISE, "gain": GAIN, "stuck": 0.0}
+    for kind, size in sizes.items():
+        kinds[kind] = inject(cut, settings, kind, size)
+    twice = inject(short, settings, "offset", 2.0 * design.threshold.upper)
     return Tradeoff(_smallest(short, settings, design.threshold.upper), twice, kinds)
 
 
-def inject(cut: Pieces, settings: RecordedSignal, fault: Fault, within_s: float) -> Found:
-    """Vote all pieces with the fault in one channel of each."""
-    faulty = cut.samples.copy()
-    rows = np.arange(len(faulty))
-    faulty[rows, :, cut.channel] = fault(cut.samples, cut.channel, cut.onset)
-    first = failures(faulty, settings, cut.rate_hz)
-    mine = first[rows, cut.channel]
-    others = first.copy()
-    others[rows, cut.channel] = NEVER
-    wrong = (others != NEVER).any(axis=1) | ((mine != NEVER) & (mine < cut.onset))
-    delay = (mine - cut.onset) / cut.rate_hz
-    right = ~wrong & (mine != NEVER) & (delay <= within_s)
-    delays = delay[right]
+def inject(cut: Pieces, settings: RecordedSignal, kind: Kind, size: float) -> Found:
+    """Vote all pieces with a fault of a ``kind`` and ``size``, in the unit of the signal, in one channel of each."""
+    samples, pieces = cut.samples.copy(), np.arange(len(cut.samples))
+    samples[pieces, :, cut.channel] = faulty(cut, kind, size)
+    signals = outcomes(samples, cut.channel, cut.onset, settings, cut.rate_hz)
+    failed_at = signals["failed_at"][pieces, cut.channel]
+    wrong = np.asarray((signals["false_isolations"] > 0).any(axis=1))
+    delay = (failed_at - cut.onset) / cut.rate_hz
+    failed = (failed_at != NEVER) & (delay <= (WITHIN_S if kind == "offset" else LATER_S))
+    words = [fault_word(True, *flags) for flags in zip(failed, [True] * len(failed), wrong, strict=True)]
+    delays = delay[[word == "isolated" for word in words]]
     quantiles = (float(q) for q in np.quantile(delays, [0.5, 0.95])) if len(delays) else (None, None)
-    return Found(int(right.sum()), int(wrong.sum()), int((~right & ~wrong).sum()), *quantiles)
+    return Found(*(words.count(word) for word in ("isolated", "wrong channel", "missed")), *quantiles)
+
+
+def faulty(cut: Pieces, kind: Kind, size: float) -> Floats:
+    """Return (R, n) the samples of the channel of each piece with a fault from the onset on.
+
+    offset, ramp : ``size``, or so much a second, is added, in turn to both sides; gain : the samples times ``size``
+    noise : what the channel has of its own, its difference from the median of all, times ``size``; stuck : the last one
+    """
+    own, frames = cut.samples[np.arange(len(cut.samples)), :, cut.channel], np.arange(cut.samples.shape[1]) - cut.onset
+    sides = np.where(np.arange(len(own)) // cut.samples.shape[2] % 2 == 0, 1.0, -1.0)[:, None]
+    if kind == "offset":
+        after = own + sides * size
+    elif kind == "ramp":
+        after = own + sides * (size * frames / cut.rate_hz)
+    elif kind == "noise":
+        lost = np.all(np.isnan(cut.samples), axis=2, keepdims=True)
+        middle = np.nanmedian(np.where(lost, 0.0, cut.samples), axis=2)
+        after = middle + size * (own - middle)
+    else:
+        after = size * own if kind == "gain" else own[:, cut.onset - 1 : cut.onset]
+    return np.where(frames < 0, own, after)
 
 
 def _smallest(cut: Pieces, settings: RecordedSignal, threshold: float) -> float | None:
@@ -122,7 +141,7 @@ def _smallest(cut: Pieces, settings: RecordedSignal, threshold: float) -> float 
     low, high = -1, _STEPS  # a size that is not found often enough, one that is
 
     def enough(step: int) -> bool:
-        found = inject(cut, settings, faults.offset(threshold / 4.0 * _STEP**step), WITHIN_S)
+        found = inject(cut, settings, "offset", threshold / 4.0 * _STEP**step)
         return found.right >= FOUND * len(cut.samples)
 
     if not enough(high):

@@ -20,12 +20,12 @@ from numba.core import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from rig.frame import Unit
+from rig.frame import UnitStatus
 from rig.kernels import kernel
 from rig.unit.layout import FROM_UNIT, INPUT, OUTPUT, Kind, blank, place
 from rig.unit.port import PLAIN, RECEIVED, Port, copy_bytes
 
-PENDING: Final = -1  # no status of frame.Unit: Python goes on with this frame
+PENDING: Final = -1  # no status of frame.UnitStatus: Python goes on with this frame
 FOREVER_NS: Final = np.iinfo(np.int64).max
 _CLOCK: Final = getattr(time, "CLOCK_UPTIME_RAW", getattr(time, "CLOCK_MONOTONIC", 0))  # of perf_counter
 _AT_ONCE: Final = int(getattr(socket, "MSG_DONTWAIT", 0))
@@ -159,7 +159,7 @@ def try_exchange(port, exchange, until_ns):
     else:
         answered = send(state) and await_answer(port, exchange, state, began + state["spin_ns"], until_ns)
     state["took_ns"] = now(state) - began
-    return Unit.ANSWERED.value if answered else PENDING
+    return UnitStatus.ANSWERED.value if answered else PENDING
 
 
 @kernel

@@ -11,6 +11,8 @@ child        an FMU unpacked, its description compared, and the process started 
 from __future__ import annotations
 
 import json
+import re
+import stat
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -39,6 +41,7 @@ Version = Literal["2", "3"]  # of FMI
 IDENTIFIER: Final = "rig_unit"  # how the library in an FMU is called
 TOKEN: Final = f"rig-unit-{LAYOUT:016x}"  # guid or instantiationToken: other records, another one
 PLAN: Final = "rig-unit.json"  # beside what was in the FMU: what the child sets and gets
+_MOST_BYTES, _MOST_FILES = 500 << 20, 10_000  # of an FMU unpacked
 _DAMAGED: Final = (zipfile.BadZipFile, OSError, RuntimeError, ValueError, EOFError, zlib.error)
 
 
@@ -207,10 +210,11 @@ class FmuLink(SocketLink):
         super().__init__(*links.hosted("fmu", Path(folder.name), unit.file.parent, looks))
         self._folder = folder
 
-    def close(self) -> None:
+    def close(self) -> str:
         """End the child and remove the folder."""
-        super().close()
+        wrong = super().close()
         self._folder.cleanup()
+        return wrong
 
 
 def child(unit: Unit, looks: int) -> FmuLink:
@@ -235,6 +239,9 @@ def _unpacked(file: Path, folder: Path, named: str) -> ElementTree.Element:
     """
     try:
         with zipfile.ZipFile(file) as archive:
+            wrong = _beyond(archive.infolist())
+            if wrong:
+                raise BadInput(f"{named} is not unpacked: {wrong}")
             archive.extractall(folder)
         return ElementTree.parse(folder / "modelDescription.xml").getroot()
     except ElementTree.ParseError as error:
@@ -243,6 +250,22 @@ def _unpacked(file: Path, folder: Path, named: str) -> ElementTree.Element:
         raise BadInput(f"{named} is no FMU: it has no modelDescription.xml") from None
     except _DAMAGED as error:
         raise BadInput(f"{named} is no FMU: {error}") from None
+
+
+def _beyond(entries: list[zipfile.ZipInfo]) -> str:
+    """Return what is beyond the limits of an archive; of a file no more is unpacked than its entry states."""
+    if len(entries) > _MOST_FILES:
+        return f"it has {len(entries)} files, at most {_MOST_FILES} are allowed"
+    size = sum(entry.file_size for entry in entries)
+    if size > _MOST_BYTES:
+        return f"it unpacks to {size >> 20} MiB, at most {_MOST_BYTES >> 20} are allowed"
+    for entry in entries:
+        name = entry.filename.replace("\\", "/")
+        if name.startswith("/") or ".." in name.split("/") or re.match("[A-Za-z]:", name):
+            return f"{entry.filename!r} is a path outside of it"
+        if stat.S_ISLNK(entry.external_attr >> 16):
+            return f"{entry.filename!r} is a link"
+    return ""
 
 
 def _plan(description: ElementTree.Element, named: str) -> dict[str, Any]:

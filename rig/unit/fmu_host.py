@@ -1,6 +1,6 @@
 """The child process in which an FMU is stepped: messages of a socket to the functions of FMI and back.
 
-    python -I fmu_host.py fmu PARENT FD FOLDER BLANK NAME=SIZE ...   (processes.py starts it)
+    python -I guard.py PARENT fmu_host.py FD FOLDER BLANK NAME=SIZE ...   (processes.py starts it)
 
 FOLDER has the FMU unpacked and the plan that fmu.py has written.  Arrays of value references and of values are made
 once a session and kept, and FMPy's raw functions are called with them: several times as fast as its methods with lists.
@@ -26,7 +26,7 @@ from fmpy.fmi3 import FMU3Slave
 
 if __name__ == "__main__":
     sys.path.append(str(Path(__file__).parents[2]))  # python -I looks for the rig only where it is installed
-from rig.unit.host import REFUSED, Host, Refused, ReplyChannel, end_with_the_rig, serve
+from rig.unit.host import REFUSED, Host, Refused, ReplyChannel, serve
 
 DISCARD, FATAL = 2, 4
 STATUS: Final = ("ok", "warning", "discard", "error", "fatal", "pending")
@@ -252,5 +252,4 @@ def load(folder: str, layout: int) -> Any:
 
 if __name__ == "__main__":
     sys.stdout.reconfigure(line_buffering=True)  # type: ignore[union-attr] # the FMU's log is there when it dies
-    end_with_the_rig(int(sys.argv[2]))
-    serve(sys.argv[3:], load, FmuHost)
+    serve(sys.argv[1:], load, FmuHost)

@@ -42,6 +42,59 @@ _MEANINGS: Final = {
     "reference": "of each signal, from the last votes; NaN where there is none",
     "second_reference": "of other physics; NaN where there is none",
     "law": "that flew the frame; EXTERNAL",
+    "text": "UTF-8, ends with NUL: name of the unit, or the reason",
+    # CONFIG
+    "rate_hz": "frames a second",
+    "form": "of Form",
+    "box_signals": "signals on which a channel is accused at once until it is failed on all; 0: never",
+    "box_persistence": "frames in a row of that",
+    "trim_surface": "rad, throttle 0 to 1: of the first frame; index of a surface",
+    "surface_low": "the same, least position",
+    "surface_high": "the same, largest position",
+    "signal": "index of a signal",
+    "discrete": "index of a discrete",
+    "aircraft": "its name, ends with NUL",
+    "flight_point": "its name, ends with NUL",
+    "part": "from 0",
+    "parts": "how many",
+    "bytes": "of config from part times 1024 on; zero behind its end",
+    # of a signal or discrete
+    "threshold": "unit of the signal: two of four samples agree within it",
+    "threshold_triplex": "unit of the signal: two of three samples",
+    "threshold_duplex": "unit of the signal: two samples",
+    "outlier_threshold": "unit of the signal: the narrower one for four samples that all agree; 0: none",
+    "outlier_threshold_triplex": "unit of the signal: the same for three; 0: none",
+    "filter_gain": "1: share of a new sample in the low-pass before the comparison; 0: no filter",
+    "reference_threshold": "unit of the signal: a sample and the reference agree within it",
+    "reference_airspeed_m_s": "m/s: error of a reference that is a dynamic pressure, as an airspeed; 0: of none",
+    "second_threshold": "unit of the signal: as reference_threshold, of the second reference",
+    "common_persistence": "frames in a row of two references against all channels until it is a common mode",
+    "common_fails": "1: a common mode fails all channels; 0: it is reported",
+    "low": "unit of the signal: least sample of the sensor; of an angle that wraps where its circle begins",
+    "high": "unit of the signal: largest sample of the sensor",
+    "persistence": "frames in a row of miscompare until a channel is failed",
+    "singular_persistence": "frames until a pattern without a majority is settled",
+    "trend_frames": "bits of a trend byte, 1 to 8",
+    "readmit_frames": "frames in a row of agreement before a reset readmits a failed channel",
+    "fade_frames": "frames in which the vote fades after a change of level; 0: none",
+    "deviation": "unit of the signal: tolerated deviation from the mean; manager selection alone",
+    "deviation_frames": "unit of the signal times frames: integral of what exceeds it; manager selection alone",
+    "fitted": "channels that there are, the first ones",
+    "resolvers": "in their order, of Resolver; 0 behind the last",
+    "wraps": "1: an angle in rad on the circle, differences go the short way",
+    "weighted": "1: the mean of the middle samples is weighted by their trend",
+    "fail_safe": "0 or 1: vote without a majority",
+    # INPUT
+    "demand": "of the pilot; index of a demand",
+    "channels": "unit of the signal: samples by signal and channel",
+    "inertial": "of the inertial unit; index of a quantity",
+    "valid": "1: the sensor does not flag the sample",
+    "ilm": "in-line monitor, of Ilm",
+    "discrete_channels": "0 or 1, by discrete and channel; any other number is 1",
+    "discrete_valid": "as valid",
+    "discrete_ilm": "as ilm",
+    "reset": "by signal: channels commanded to be readmitted, bit 0 is channel 1",
+    "discrete_reset": "by discrete: the same",
 }
 _OPENING: Final = """\
 /* The records between the rig and a unit under test.
@@ -224,9 +277,19 @@ def markdown() -> str:
     for name, dtype in RECORDS.items():
         lines += [f"`struct rig_{name}`, {dtype.itemsize} bytes: {_COMMENTS[name]}.", ""]
         lines += ["| at | field | type | what |", "|---|---|---|---|", *map(_table_row, walk(dtype)), ""]
+    for name, names in _indices().items():
+        lines += [f"| {name} | index, unit |", "|---|---|", *(f"| {text} | {i}{unit} |" for i, text, unit in names), ""]
     lines += ["| enum | values |", "|---|---|"]
     lines += [f"| {enum.__name__} | {', '.join(f'{m.name} {m.value}' for m in enum)} |" for enum in ENUMS]
     return "\n".join(lines) + "\n"
+
+
+def _indices() -> dict[str, list[tuple[int, str, str]]]:
+    """Return the names behind the indices of the records: index, name, unit where the name has none."""
+    named = {"demand": DEMANDS, "surface": SURFACES, "inertial": INERTIAL}
+    indices = {"signal": [(i, one.name, f", {one.unit}") for i, one in enumerate(SIGNALS)]}
+    indices["discrete"] = [(i, one.name, "") for i, one in enumerate(DISCRETES)]
+    return indices | {key: [(i, text, "") for i, text in enumerate(names)] for key, names in named.items()}
 
 
 def _table_row(field: Entry) -> str:
@@ -235,6 +298,8 @@ def _table_row(field: Entry) -> str:
 
 
 def _meaning(name: str) -> str:
+    if name.startswith("pad_"):
+        return "zero"
     if name in _MEANINGS:
         return _MEANINGS[name]
     field = FIELD.get(name)

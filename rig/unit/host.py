@@ -1,17 +1,14 @@
 """The child process in which a library runs: messages of a socket to its three functions and back.
 
-    python -I host.py library PARENT FD PATH BLANK NAME=SIZE ...   (processes.py starts it)
-    python -I host.py exec PARENT COMMAND ...
+    python -I guard.py PARENT host.py FD PATH BLANK NAME=SIZE ...   (processes.py starts it)
 
-The second replaces itself by a command that ends with the rig, whatever ends the rig.  Nothing heavy is imported: a
-child must answer within a fifth of a second.
+Nothing heavy is imported: a child must answer within a fifth of a second.
 """
 
 from __future__ import annotations
 
 import ctypes
 import os
-import signal
 import socket
 import struct
 import sys
@@ -23,7 +20,6 @@ from pathlib import Path
 HEAD = struct.Struct("<IHHQQqd")  # magic, version, kind, layout, session, frame, time_s
 USUAL_BYTES = 24  # magic to session: the same in all frames of a session
 HELLO, CONFIG, FRAME, END, READY, REFUSED = range(1, 7)
-_PR_SET_PDEATHSIG = 1
 AT_ONCE = getattr(socket, "MSG_DONTWAIT", 0)
 LOOKS = "RIG_UNIT_LOOKS"  # in the environment of what the rig starts
 LOOKS_PER_LOOK = 4  # what one of Python takes is as long as so many of compiled code
@@ -84,10 +80,11 @@ class ReplyChannel:
         """``blank``: an answer with nothing in it but its head and length."""
         self.socket, self.blank, self.sizes = connection, blank, sizes
 
-    def reply(self, kind: int, request: bytes | memoryview, text: str) -> None:
-        """Send READY or REFUSED to ``request``."""
+    def reply(self, kind: int, request: bytes | memoryview, text: str, greeting: bool = False) -> None:
+        """Send READY or REFUSED to ``request``; a greeting has no session: it says 'I am here'."""
         magic, layout = struct.unpack_from("<I4xQ", self.blank)
         _, version, _, _, session, frame, time_s = HEAD.unpack_from(request)
+        session = 0 if greeting else session
         head = HEAD.pack(magic, version, kind, layout, session, frame, time_s)
         body = text.encode()[: self.sizes["text"] - 1].ljust(self.sizes["text"], b"\0")
         self.socket.send(head + body + struct.pack("<II", len(head) + len(body), 0))
@@ -130,7 +127,7 @@ class Host:
         kind = message[6] | message[7] << 8
         if kind == HELLO:
             self._usual[:] = bytes(message[:6]) + FRAME.to_bytes(2, "little") + bytes(message[8:USUAL_BYTES])
-            self._channel.reply(READY, message, self._library.kind)
+            self._channel.reply(READY, message, self._library.kind, greeting=True)
         elif kind == CONFIG:
             self._configure(message)
         elif kind == END:
@@ -205,26 +202,6 @@ def _address(buffer: bytearray) -> int:
 _held: list[object] = []
 
 
-def end_with_the_rig(parent: int) -> None:
-    """Have the kernel end this process when the one that started it is gone."""
-    with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:
-        raise SystemExit(1)
-
-
-def main(arguments: list[str]) -> None:
-    """Serve a library, or become a command; see the head of this file."""
-    kind, parent, *rest = arguments
-    end_with_the_rig(int(parent))
-    if kind == "exec":
-        try:
-            os.execvp(rest[0], rest)
-        except OSError as error:
-            sys.exit(f"{rest[0]}: {error.strerror}")
-    serve(rest, Library, LibraryHost)
-
-
 def serve(arguments: list[str], load: Callable[[str, int], Library], host: type[Host] = Host) -> None:
     """Answer for what ``load`` finds at the path of ``arguments``, until the other side is gone.  fmu_host.py too."""
     fd, path, blank, *sizes = arguments
@@ -241,4 +218,4 @@ def serve(arguments: list[str], load: Callable[[str, int], Library], host: type[
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    serve(sys.argv[1:], Library, LibraryHost)

@@ -1,30 +1,21 @@
-"""Messages to a unit and back: a socket to a child or a box, or calls into a library of this process.
-
-Also the process that the rig starts for a unit, what it printed and how it ended; nothing is left behind.
-"""
+"""Messages to a unit and back: a socket to a child or a box, or calls into a library of this process."""
 
 from __future__ import annotations
 
 import ctypes
 import os
 import select
-import signal
+import shutil
 import socket
 import struct
-import subprocess
-import sys
-import tempfile
 import time
-from collections.abc import Iterable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from rig.errors import BadInput
-from rig.text import one_line
-from rig.unit.host import LOOKS, Library, Refused
+from rig.unit.host import Library, Refused
 from rig.unit.layout import (
     CONFIG,
     FROM_UNIT,
@@ -38,13 +29,13 @@ from rig.unit.layout import (
     Kind,
     blank,
 )
+from rig.unit.messages import UnitStopped, read_ready
+from rig.unit.processes import UnitProcess
 from rig.unit.settings import Unit
+from rig.util.files import is_file
 
 LOOK_S: Final = 0.1  # how long a wait without a deadline lasts before the unit's process and Ctrl-C are looked at
 MOST_BYTES: Final = max(PART.itemsize, INPUT.itemsize, READY.itemsize, OUTPUT.itemsize) + 8
-MOST_OUTPUT: Final = 4096  # bytes of what a process printed that are shown
-END_S: Final = 1.0  # to end by itself when it is told that the session is over
-_HOSTS: Final = {"library": "host.py", "exec": "host.py", "fmu": "fmu_host.py"}
 clock = time.perf_counter
 
 
@@ -52,87 +43,14 @@ class Disconnected(Exception):
     """The unit is no longer there, and what is known of its end."""
 
 
-class UnitProcess:
-    """A process of the unit: the host of a library, or a command."""
-
-    def __init__(
-        self,
-        kind: str,
-        arguments: Iterable[str],
-        fds: tuple[int, ...] = (),
-        folder: Path | None = None,
-        looks: int = 0,
-    ) -> None:
-        """Start the host of ``kind`` with ``arguments``; BadInput when the system cannot.
-
-        fds : that it inherits; folder : in which it runs; looks : for a message, before it sleeps
-        """
-        self._is_command = kind == "exec"
-        self._output = tempfile.TemporaryFile()  # noqa: SIM115 # lives as long as the process
-        host = str(Path(__file__).with_name(_HOSTS[kind]))
-        command = [sys.executable, "-I", host, kind, str(os.getpid()), *arguments]
-        try:
-            self._process = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=self._output,
-                stderr=subprocess.STDOUT,
-                pass_fds=fds,
-                cwd=folder,
-                env={**os.environ, LOOKS: str(looks)},
-                start_new_session=True,  # a Ctrl-C is the rig's
-            )
-        except OSError as error:
-            raise BadInput(f"the unit's process cannot be started: {error.strerror}") from None
-
-    def how_it_ended(self, wait_s: float = 0.0) -> str | None:
-        """Return how it ended, None while it runs."""
-        try:
-            code = self._process.wait(wait_s) if wait_s else self._process.poll()
-        except subprocess.TimeoutExpired:
-            return None
-        if code is None:
-            return None
-        if code < 0:
-            return f"killed by signal {-code} ({signal.Signals(-code).name})"
-        return f"exited with status {code}"
-
-    def stop(self) -> None:
-        """End it, and all that it has started in its session.
-
-        The host of a library sees that its socket is closed; a command that waits for a datagram does not.
-        """
-        if self._is_command:
-            self._signal(signal.SIGTERM)
-        self.how_it_ended(END_S)
-        self._signal(signal.SIGKILL)
-        self._process.wait()
-
-    def _signal(self, number: signal.Signals) -> None:
-        with suppress(ProcessLookupError):
-            os.killpg(self._process.pid, number)
-
-    def printed(self) -> str:
-        """Return the end of what it has written to its standard output and error."""
-        size = self._output.seek(0, os.SEEK_END)
-        self._output.seek(max(0, size - MOST_OUTPUT))
-        return self._output.read().decode(errors="replace")
-
-    def forget(self) -> None:
-        """Let go of what it printed."""
-        self._output.close()
-
-    def last_line(self) -> str:
-        """Return the last line that it printed, for a message."""
-        lines = [line for line in self.printed().splitlines() if line.strip()]
-        return one_line(lines[-1]) if lines else ""
-
-
 class SocketLink:
     """Messages through a socket: to the host of a library, to a command that the rig has started, to a box."""
 
-    def __init__(self, talk: socket.socket, process: UnitProcess | None) -> None:
-        self._talk, self.process = talk, process
+    opened = False  # a session, ever
+    trouble = ""  # of the last message
+
+    def __init__(self, talk: socket.socket, process: UnitProcess | None, peer: str = "") -> None:
+        self._talk, self.process, self.peer = talk, process, peer
         self.fd, self.reliable = talk.fileno(), talk.type != socket.SOCK_DGRAM  # reliable: no message is lost
         self._limit_wait(LOOK_S)
 
@@ -143,8 +61,10 @@ class SocketLink:
 
     def send(self, message: memoryview) -> None:
         """Hand a message over.  What nobody takes is lost; ``receive`` raises it, after the unit's last messages."""
-        with suppress(OSError):
+        try:
             self._talk.send(message)
+        except OSError as error:
+            self._note(error)
 
     def receive(self, into: memoryview, until_s: float) -> int:
         """Return the bytes of the next message; 0: none for LOOK_S or until ``until_s`` of ``clock``.  Disconnected."""
@@ -157,13 +77,20 @@ class SocketLink:
             return 0
         except ConnectionResetError:  # comes before what it has still sent
             return self.receive(into, until_s)
-        except OSError:  # nobody listens there now
+        except OSError as error:  # nobody listens there now
+            self._note(error)
             self._require(LOOK_S)
             return 0
         if count == 0 and self.reliable:
             self._require(2.0)
-            raise Disconnected("its process has closed the connection")
+            raise Disconnected("has closed the connection, and its process runs on")
+        self.trouble = "" if count else f"an empty message has come from {self.peer}"
         return count
+
+    def _note(self, error: OSError) -> None:
+        """Keep why a message did not get through; of nobody there the system hears by ICMP, a message later."""
+        nobody = f"nobody listens at {self.peer} (port unreachable)"
+        self.trouble = nobody if isinstance(error, ConnectionRefusedError) else f"{self.peer}: {error.strerror}"
 
     def _ready(self, until_s: float) -> bool:
         left = max(0.0, until_s - clock())
@@ -174,11 +101,10 @@ class SocketLink:
         if ended is not None:
             raise Disconnected(ended)
 
-    def close(self) -> None:
-        """Close the socket and end the process, if it is the rig's."""
+    def close(self) -> str:
+        """Close the socket and end the process, if it is the rig's; return how it ended if that was wrong."""
         self._talk.close()
-        if self.process is not None:
-            self.process.stop()
+        return "" if self.process is None else self.process.stop()
 
 
 def child(unit: Unit, looks: int) -> SocketLink:
@@ -206,6 +132,7 @@ def hosted(kind: str, path: Path, folder: Path, looks: int) -> tuple[socket.sock
 
 def udp(unit: Unit, looks: int) -> SocketLink:
     """Connect to a unit by UDP: started by the rig, or at its address.  BadInput.  looks : as ``child``"""
+    command = [] if unit.command is None else _command(unit)
     talk = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     if unit.command is None:
         try:
@@ -213,14 +140,12 @@ def udp(unit: Unit, looks: int) -> SocketLink:
         except OSError as error:
             talk.close()
             raise BadInput(f"{unit.source}: address {unit.address}: {error.strerror or error}") from None
-        return SocketLink(talk, None)
+        return SocketLink(talk, None, str(unit.address))
     talk.bind(("127.0.0.1", 0))
-    host, port = talk.getsockname()
-    program, *rest = unit.command
-    named = [str(unit.file) if unit.file.is_file() else program, *rest]
-    command = [part.replace("{address}", f"{host}:{port}") for part in named]
-    process = UnitProcess("exec", command, folder=unit.folder, looks=looks)
-    link = SocketLink(talk, process)
+    own = "{}:{}".format(*talk.getsockname())
+    named = [part.replace("{address}", own) for part in command]
+    process = UnitProcess("exec", named, folder=unit.folder, looks=looks)
+    link = SocketLink(talk, process, own)
     try:
         _await_first(talk, process, unit)
     except BadInput:
@@ -230,26 +155,51 @@ def udp(unit: Unit, looks: int) -> SocketLink:
     return link
 
 
+def _command(unit: Unit) -> list[str]:
+    """Return the command with its program found.  BadInput: there is none that can be run."""
+    program, *rest = unit.command or [""]
+    where, found = unit.file, shutil.which(program)
+    if is_file(where):
+        if not os.access(where, os.X_OK):
+            raise BadInput(f"{unit.source}: command: {program} is not executable (chmod +x)")
+        return [str(where), *rest]
+    if where.is_dir() or (unit.folder / program).is_dir():
+        raise BadInput(f"{unit.source}: command: {program} is a folder, must be a program")
+    if found is None:
+        place = "no such file" if "/" in program else "no such program, neither beside the unit file nor in PATH"
+        raise BadInput(f"{unit.source}: command: {program}: {place}")
+    return [program, *rest]
+
+
 def _await_first(talk: socket.socket, process: UnitProcess, unit: Unit) -> None:
-    """Wait for the unit's first message, from any port, and connect to its sender alone."""
-    until = clock() + unit.start_s
+    """Wait for the unit's first message, from any port, and connect to its sender alone.  BadInput."""
+    until, heard = clock() + unit.start_s, ""
     while clock() < until:
         ended = process.how_it_ended()
         if ended is not None:
             text = process.last_line()
-            raise BadInput(f"{unit.source} {ended} before it was ready" + (f": {text}" if text else ""))
+            raise BadInput(f"{unit.source} {ended} before READY" + (f"; it printed: {text}" if text else ""))
         if not select.select([talk], [], [], LOOK_S)[0]:
             continue
         message, sender = talk.recvfrom(MOST_BYTES)
-        if len(message) == READY.itemsize and _is_from_unit(message):
+        try:
+            heard = read_ready(message).wrong
+        except UnitStopped as other:
+            raise BadInput(f"{unit.source} {other}") from None
+        if not heard:
             talk.connect(sender)
             return
-    raise BadInput(f"{unit.source} did not send READY within start_s = {unit.start_s:g} s")
+    own = "{}:{}".format(*talk.getsockname())
+    cause = f"last received: {heard}" if heard else _silence(unit, process, own)
+    raise BadInput(f"{unit.source} did not send READY within start_s = {unit.start_s:g} s: {cause}")
 
 
-def _is_from_unit(message: bytes) -> bool:
-    magic, _, kind = struct.unpack_from("<IHH", message)
-    return magic == FROM_UNIT and kind in (Kind.READY, Kind.REFUSED)
+def _silence(unit: Unit, process: UnitProcess, own: str) -> str:
+    """Return what is known of a program that runs and sends nothing."""
+    unsaid = not any("{address}" in part for part in unit.command or [])
+    text = process.last_line()
+    where = "its command has no {address} to send it to" if unsaid else f"it runs, and has sent nothing to {own}"
+    return where + (f"; it printed: {text}" if text else "")
 
 
 class LibraryLink:
@@ -274,9 +224,10 @@ class LibraryLink:
         """Begin a session; Refused."""
         self._library.open(config.ctypes.data)
 
-    def close(self) -> None:
-        """End the session."""
+    def close(self) -> str:
+        """End the session; nothing can be wrong with its end that this process would survive."""
         self._library.close()
+        return ""
 
 
 class Environment:

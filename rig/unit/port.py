@@ -15,7 +15,7 @@ from numba.core.errors import TypingError
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from rig.frame import FLAT, SURFACES, State, Unit
+from rig.frame import FLAT, SURFACES, State, UnitStatus
 from rig.frame.fields import FIELD, FIELDS
 from rig.kernels import kernel
 from rig.unit.layout import (
@@ -162,9 +162,9 @@ def take(raw, k, port, status):
     Return the status that the frame comes to: REFUSED in place of ANSWERED for an answer that no unit may give.
     port : Inbound
     """
-    answers = status == Unit.ANSWERED or status == Unit.RESTARTED
+    answers = status == UnitStatus.ANSWERED or status == UnitStatus.RESTARTED
     if answers and not is_allowed(port):
-        status = Unit.REFUSED.value
+        status = UnitStatus.REFUSED.value
     elif answers:
         accept(port)
     move(port.bytes[FLOWN], raw[k], _VOTES)

@@ -1,10 +1,9 @@
-"""A session with a unit: HELLO, what the flight is flown with, READY; then which message is the answer to a frame."""
+"""A session with a unit: what the flight is flown with, and which message is the answer to a frame."""
 
 from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -18,9 +17,6 @@ from rig.unit.layout import (
     HELLO,
     LAYOUT,
     OUTPUT,
-    PART,
-    PART_BYTES,
-    READY,
     TO_UNIT,
     VERSION,
     Form,
@@ -28,10 +24,9 @@ from rig.unit.layout import (
     blank,
     place,
 )
-from rig.unit.links import MOST_BYTES, SocketLink, clock
+from rig.unit.links import SocketLink
+from rig.unit.messages import UnitStopped, read_ready, sealed
 
-_AGAIN_S: Final = 0.5  # after which an unanswered HELLO or CONFIG is repeated: a box may have lost it
-REBUILD: Final = "write the header again ('rig unit header') and rebuild"
 _TAIL: Final = struct.Struct("<II")
 _BODY: Final = OUTPUT.itemsize - _TAIL.size
 _USUAL_TAIL: Final = _TAIL.pack(_BODY, 0)
@@ -40,78 +35,9 @@ _STEPPED: Final = struct.Struct("<Q")
 _STEPPED_AT: Final = place(OUTPUT, "stepped")[1]
 
 
-class UnitStopped(Exception):
-    """The unit will not answer, and why."""
-
-
-def open_session(link: SocketLink, config: NDArray[Any], start_s: float, stopped: Callable[[], bool]) -> str:
-    """Send HELLO and CONFIG, each until it is answered; return the unit's own text.  UnitStopped, Disconnected.
-
-    config : (1,) CONFIG with its session; start_s : for each of both
-    """
-    session = int(config["session"][0])
-    hello = blank(HELLO, TO_UNIT, Kind.HELLO, session)
-    _send_until_ready(link, [hello.view(np.uint8).data], session, start_s, stopped)
-    return _send_until_ready(link, _parts(config, session), session, start_s, stopped)
-
-
-def _send_until_ready(
-    link: SocketLink, messages: list[memoryview], session: int, start_s: float, stopped: Callable[[], bool]
-) -> str:
-    """Send until READY to the last one of ``messages``.
-
-    What cannot be lost is sent once: the READY to a second HELLO would be taken for that to CONFIG.
-    """
-    until, into = clock() + start_s, memoryview(bytearray(MOST_BYTES))
-    while clock() < until and not stopped():
-        for message in messages:
-            link.send(message)
-        again = until if link.reliable else min(until, clock() + _AGAIN_S)
-        while clock() < again and not stopped():
-            if link.receive(into, again) != READY.itemsize:
-                continue
-            kind, text = read_ready(into, session)
-            if kind == Kind.REFUSED:
-                raise UnitStopped(f"refuses the flight: {text}")
-            if kind == Kind.READY:
-                return text
-    raise UnitStopped(f"did not send READY within start_s = {start_s:g} s")
-
-
-def read_ready(message: memoryview, session: int) -> tuple[int, str]:
-    """Return kind and text of a READY or REFUSED of this session; 0 for any other.  UnitStopped: of other records.
-
-    A unit that cannot be flown at all sends REFUSED before it has a session.
-    """
-    magic, version, kind, layout, of_session, *_ = HEAD.unpack_from(message)
-    if magic != FROM_UNIT or kind not in (Kind.READY, Kind.REFUSED):
-        return 0, ""
-    if version != VERSION or layout != LAYOUT:
-        built = f"layout {layout:016x}, version {version}"
-        raise UnitStopped(f"was built for {built}, this rig has {LAYOUT:016x}, version {VERSION}: {REBUILD}")
-    if of_session != session and not (of_session == 0 and kind == Kind.REFUSED):
-        return 0, ""
-    first = place(READY, "text")[1]
-    return kind, bytes(message[first : READY.itemsize - 8]).split(b"\0")[0].decode(errors="replace")
-
-
 def end_session(link: SocketLink, session: int) -> None:
     """Tell the unit that the flight is over."""
-    link.send(blank(HELLO, TO_UNIT, Kind.END, session).view(np.uint8).data)
-
-
-def _parts(config: NDArray[Any], session: int) -> list[memoryview]:
-    """Return CONFIG in messages that fit into an Ethernet frame."""
-    whole = config.view(np.uint8)
-    count = -(-len(whole) // PART_BYTES)
-    messages = []
-    for i in range(count):
-        part = blank(PART, TO_UNIT, Kind.CONFIG, session)
-        data = whole[i * PART_BYTES : (i + 1) * PART_BYTES]
-        part["part"], part["parts"] = i, count
-        part["bytes"][0, : len(data)] = data
-        messages.append(part.view(np.uint8).data)
-    return messages
+    link.send(sealed(blank(HELLO, TO_UNIT, Kind.END, session)))
 
 
 def configuration(
@@ -175,6 +101,7 @@ class ReplyCheck:
     last_frame: int = -1  # that was answered
     _reply: bytes = b""  # how an answer begins
     _stepped: int = 0  # by the unit, as its last answer said
+    restarted: bool = False  # it has said since its last answer that it is there, in no session
     _open: set[int] = field(default_factory=set)  # missed frames whose answer may still come
 
     def __post_init__(self) -> None:
@@ -201,8 +128,12 @@ class ReplyCheck:
                     self._open.discard(of_frame)
                     self.counts.late += 1
                     return False
+            if (magic, version, kind, layout) == (FROM_UNIT, VERSION, Kind.READY, LAYOUT):
+                self.restarted |= session == 0  # or it answers a HELLO once more: then it goes on to answer frames
+                if session in (0, self.session):
+                    return False
             if ours and kind == Kind.REFUSED and of_frame == frame:
-                raise UnitStopped(f"failed: {read_ready(message, self.session)[1]}")
+                raise UnitStopped(f"failed: {read_ready(message).text}")
         self.counts.discarded += 1
         return False
 
@@ -215,7 +146,7 @@ class ReplyCheck:
             self.counts.requests_lost += lost
             self.counts.replies_lost += unanswered - lost
         self._open.clear()
-        self._stepped, self.last_frame = stepped, frame
+        self._stepped, self.last_frame, self.restarted = stepped, frame, False
 
     def catch_up(self, frame: int, stepped: int) -> None:
         """Note that compiled code had answers to all frames up to ``frame``."""
@@ -238,7 +169,7 @@ class ReplyCheck:
 
     def begin_again(self) -> None:
         """Begin with a unit that has been started again."""
-        self.run, self.last_frame, self._stepped = 0, -1, 0
+        self.run, self.last_frame, self._stepped, self.restarted = 0, -1, 0, False
         self._open.clear()
 
 

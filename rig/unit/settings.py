@@ -15,6 +15,7 @@ from rig.util.files import is_file
 
 LOOPBACK: Final = re.compile(r"127\.\d+\.\d+\.\d+|localhost")
 _ADDRESS: Final = re.compile(r"([\w.-]+):(\d{1,5})")
+_IS: Final = {"library": "a library", "fmu": "an FMU, one file"}
 _NEEDS: Final = {"library": "path", "fmu": "path", "python": "manager"}
 
 
@@ -41,7 +42,16 @@ class Unit(Settings):
     on_dead: Literal["end", "hold", "backup", "restart"] = "end"
     reuse: bool = True  # a campaign flies one session after the other with the same process
     _folder: Path = PrivateAttr(default=Path())  # of the unit file
-    _source: str = PrivateAttr(default="the unit")
+    _source: str = PrivateAttr(default="")  # the unit file as it was named
+
+    @field_validator("path", "command")
+    @classmethod
+    def _without_nul(cls, value: str | list[str] | None) -> str | list[str] | None:
+        if "\0" in "".join(value or ()):
+            raise ValueError("must not contain the character NUL")
+        if value is not None and not value[0]:
+            raise ValueError("must not be empty")
+        return value
 
     @field_validator("address")
     @classmethod
@@ -75,12 +85,17 @@ class Unit(Settings):
     @property
     def source(self) -> str:
         """The unit file and the unit, as messages name them."""
-        return f"{self._source}: {self.name}"
+        return f"{self._source or 'the unit'}: {self.name}"
 
     @property
     def folder(self) -> Path:
         """Of the unit file."""
         return self._folder
+
+    @property
+    def unit_file(self) -> str:
+        """The unit file as it was named; empty for settings that were read from none."""
+        return self._source
 
     @property
     def file(self) -> Path:
@@ -106,11 +121,17 @@ class Unit(Settings):
         return {**self.model_dump(exclude_none=True), "sha256": self.sha256()}
 
 
+def voter(manager: str, unit: str | None = None) -> str:
+    """Return who voted a flight, as every command names it: the ``unit`` under test of this name, else the manager."""
+    return f"manager {manager}" if unit is None else f"unit {unit}"
+
+
 def read_unit(path: Path | str) -> Unit:
     """Read the settings of a unit file; BadInput says what is wrong with them."""
     path = Path(path)
     unit = build(Unit, read_toml(path), str(path))
     unit._folder, unit._source = path.resolve().parent, str(path)
     if unit.path is not None and not is_file(unit.file):
-        raise BadInput(f"{path}: path: {unit.path}: no such file")
+        what = f"is a folder, must be {_IS[unit.carrier]}" if unit.file.is_dir() else "no such file"
+        raise BadInput(f"{path}: path: {unit.path}: {what}")
     return unit

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import BadInput, RigError, UnitDead, UnitRefused
-from rig.frame import Unit as Answer
+from rig.frame import UnitStatus
 from rig.kernels import bind
 from rig.unit import fmu, links
 from rig.unit.compiled_exchange import (
@@ -30,14 +30,17 @@ from rig.unit.compiled_exchange import (
 from rig.unit.host import Refused
 from rig.unit.layout import Form
 from rig.unit.links import MOST_BYTES, Disconnected, LibraryLink, SocketLink, clock
+from rig.unit.messages import UnitStopped
 from rig.unit.port import RECEIVED, Port, new_port
-from rig.unit.session import Counts, ReplyCheck, UnitStopped, end_session, open_session
+from rig.unit.session import Counts, ReplyCheck, end_session
 from rig.unit.settings import Unit, read_unit
+from rig.unit.startup import open_session
 from rig.util.interrupt import Stop
 
 _MOST_RESTARTS: Final = 10
-_ANSWERED, _HELD, _DEAD = Answer.ANSWERED.value, Answer.HELD.value, Answer.DEAD.value  # used in every frame
+_ANSWERED, _HELD, _DEAD = UnitStatus.ANSWERED.value, UnitStatus.HELD.value, UnitStatus.DEAD.value  # used in every frame
 _FORMS: Final = {"redundancy": Form.REDUNDANCY, "flight-computer": Form.FLIGHT_COMPUTER}
+_AFTER_RESTART_S: Final = 0.2  # in which an answer still shows that it has not restarted: its READY was old
 _NO_FRAME: Final = -(2**63) - 1  # beyond what a message can hold: none answers it
 _FOREVER: Final = float("inf")
 Deadline = Callable[[int, float], float]  # the time of ``clock`` at which a share of a frame is over
@@ -57,6 +60,7 @@ class UnitUnderTest:
         """
         self.unit, self.form, self._patience = unit, _FORMS[unit.form], patience(crowded)
         self.said, self.printed = "", ""  # its text about itself; its standard output, known when it is closed
+        self.end_wrong, self._begun = "", False  # how it ended if not as it was told to, known then, too
         self._took_ns = memoryview(bytearray(8)).cast("q")  # of the last frame
         self.dead = False
         self._link: SocketLink | LibraryLink = _reach(unit, self._patience.looks)
@@ -79,6 +83,7 @@ class UnitUnderTest:
         self._sent, self._received = out.sent_bytes.data, back.bytes[RECEIVED].data
         try:
             self._open()
+            self._begun = True
         except (Disconnected, UnitStopped, Refused) as reason:
             raise UnitRefused(f"{self.unit.source} {self._explained(str(reason))}") from None
 
@@ -105,12 +110,14 @@ class UnitUnderTest:
             raise RigError(f"{self.unit.source} changed the rounding of this process: its flight does not count")
 
     def close(self) -> None:
-        """End the unit; no process of it is left behind."""
+        """End the unit; no process of it is left behind.  What went wrong in its end goes with what it printed."""
         process = self._link.process
-        self._link.close()
+        self.end_wrong = self._link.close()
         if process is not None:
             self.printed += process.printed()
             process.forget()
+        if self.end_wrong and not self.dead and self._begun:
+            self.printed += f"\n(the unit {self.end_wrong} after the end of its session)\n"
 
     @property
     def paced(self) -> bool:
@@ -148,7 +155,7 @@ class UnitUnderTest:
 
     def count_status(self, status: int) -> None:
         """Count what a frame came to; not needed when it and the one before were answered."""
-        self.replies.flown(status in (Answer.ANSWERED, Answer.RESTARTED), status == Answer.REFUSED)
+        self.replies.flown(status in (UnitStatus.ANSWERED, UnitStatus.RESTARTED), status == UnitStatus.REFUSED)
 
     def _step(self, frame: int) -> int:
         if self.replies.run >= self.unit.max_missed:
@@ -175,6 +182,8 @@ class UnitUnderTest:
                 return _HELD
             if not count and clock() >= until:
                 return self._missed(frame)
+            if self.replies.restarted and not self._has_deadline:
+                until = min(until, clock() + _AFTER_RESTART_S) if count else until
             count = 0
 
     def _call(self, state: Any) -> int:
@@ -200,8 +209,11 @@ class UnitUnderTest:
 
     def _missed(self, frame: int, too_late: memoryview | None = None) -> int:
         """Count a missed deadline of ``frame``; return the status.  too_late : the message that came after it"""
+        if self.replies.restarted:
+            raise UnitStopped("has restarted by itself: it says READY in no session, and answers no frame")
         if not self._has_deadline:
-            raise UnitStopped(f"has not answered within timeout_s = {self.unit.timeout_s:g} s")
+            trouble = "" if isinstance(self._link, LibraryLink) or not self._link.trouble else f": {self._link.trouble}"
+            raise UnitStopped(f"has not answered within timeout_s = {self.unit.timeout_s:g} s{trouble}")
         self.replies.missed(frame)
         if too_late is not None:
             self.replies.is_answer(too_late, _NO_FRAME)
@@ -230,7 +242,7 @@ class UnitUnderTest:
         self.replies.begin_again()
         self._open()
         status = self._step(frame)
-        return Answer.RESTARTED.value if status == Answer.ANSWERED else status
+        return UnitStatus.RESTARTED.value if status == UnitStatus.ANSWERED else status
 
     def _explained(self, reason: str) -> str:
         """Return ``reason`` with the last line that its process printed."""

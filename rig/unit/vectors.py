@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import ManagerFailed, RigError
-from rig.frame import SIGNALS
-from rig.frame import Unit as Answer
+from rig.frame import DISCRETES, SIGNALS, UnitStatus
 from rig.unit.layout import ANSWERS, CONFIG, HELLO, INPUT, LAYOUT, OUTPUT, Said
 from rig.unit.port import RECEIVED
 from rig.unit.unit import UnitUnderTest
@@ -97,16 +96,18 @@ def ask(tested: UnitUnderTest, record: Any, k: int) -> bool:
     except ManagerFailed:
         return False
     tested.count_status(status)
-    return status == Answer.ANSWERED
+    return status == UnitStatus.ANSWERED
 
 
 def differences(case: Case, outputs: NDArray[Any]) -> Iterator[str]:
-    """Yield where ``outputs`` (n,) are not those of the case; votes may be off by VOTES_WITHIN of the range."""
+    """Yield where ``outputs`` (n,) are not those of the case, the earliest first; of each field the first frame.
+
+    Votes may be off by VOTES_WITHIN of the range.
+    """
     ranges = case.config["signal"][0]
     allowed = VOTES_WITHIN * (ranges["high"] - ranges["low"])
     unanswered = outputs["frame"] < 0
-    for k in np.flatnonzero(unanswered)[:1]:
-        yield f"frame {k}: no answer"
+    found = [(int(k), "no answer") for k in np.flatnonzero(unanswered)[:1]]
     for name, group in ANSWERS.items():
         expected, answered = case.expected[name], outputs[name]
         counts = (case.expected["said"] & group != 0) & ~unanswered
@@ -115,6 +116,13 @@ def differences(case: Case, outputs: NDArray[Any]) -> Iterator[str]:
         off = ~(np.abs(expected - answered) <= allowed) if group == Said.VOTED else expected != answered
         for place in np.argwhere((off | unfilled) & counts)[:1]:
             where: tuple[int, ...] = tuple(place.tolist())
-            of_signals = expected.shape[1:2] == (len(SIGNALS),)
-            named = f" {SIGNALS[where[1]].name}" if of_signals else ""
-            yield f"frame {where[0]}: {name}{named} is {answered[where]}, must be {expected[where]}"
+            text = f"{name}{_named(where[1:], expected.shape)} is {answered[where]}, must be {expected[where]}"
+            found.append((where[0], text))
+    yield from (f"frame {k}: {text}" for k, text in sorted(found, key=lambda one: one[0]))
+
+
+def _named(index: tuple[int, ...], shape: tuple[int, ...]) -> str:
+    """Return which signal or discrete, and which channel, an element of a field is of."""
+    items = {len(SIGNALS): SIGNALS, len(DISCRETES): DISCRETES}.get(shape[1] if len(shape) > 1 else 0)
+    named = f" {items[index[0]].name}" if items else ""
+    return named + (f" channel {index[1] + 1}" if len(index) > 1 else "")

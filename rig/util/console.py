@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import os
 from typing import Any
 
-from rich.console import Console, RenderableType
-from rich.table import Table
+from rich.console import Console
 from rich.text import Text
 
 from rig.text import plain
 
-PIPE_WIDTH = 240  # lines are not folded in a pipe
+PIPE_WIDTH = 120  # of tables in a pipe, where the variable COLUMNS says nothing; lines are not folded there
 
 
 class Screen(Console):
@@ -27,18 +26,11 @@ class Screen(Console):
         """Return any string, printed or in a table's cell, as plain text."""
         return super().render_str(plain(text), **options)
 
-    def table(self, heads: Iterable[str], rows: Iterable[Iterable[RenderableType]]) -> None:
-        """Print rows of cells under their heads."""
-        table = Table(*heads, box=None)
-        for row in rows:
-            table.add_row(*row)
-        self.print(table)
-
 
 def console(stderr: bool = False) -> Screen:
     """Return the console of standard output (or error)."""
     screen = Screen(stderr=stderr)
-    return screen if screen.is_terminal else Screen(stderr=stderr, width=PIPE_WIDTH)
+    return screen if screen.is_terminal or "COLUMNS" in os.environ else Screen(stderr=stderr, width=PIPE_WIDTH)
 
 
 def styled(*parts: str | tuple[str, str]) -> Text:

@@ -61,6 +61,22 @@ def interruptible(*, again: bool = False) -> Iterator[Stop]:
             signal.signal(number, handler)
 
 
+@contextmanager
+def at_once() -> Iterator[None]:
+    """End what is within by KeyboardInterrupt or SystemExit, also where a flight would be asked to end."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.getsignal(number) or signal.SIG_DFL for number in (signal.SIGINT, *_heeded())}
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    end_cleanly()
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 def end_cleanly() -> None:
     """End the process by SystemExit at SIGTERM or SIGHUP, so that what is half written is removed.
 

@@ -1,4 +1,4 @@
-"""Runs of equal values, beginnings of what lasts, clusters of frames: arithmetic that assessments and tables share."""
+"""Runs of equal values, clusters of frames: arithmetic that assessments and tables share."""
 
 from __future__ import annotations
 
@@ -19,13 +19,6 @@ def runs_where(mask: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Return (m, 2) the first row and the row after the last of every run in which ``mask`` (n,) is true."""
     every = runs(mask)
     return every[mask[every[:, 0]]]
-
-
-def begins(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return where ``mask`` (n, ...) becomes true: the rows in which it is and in the row before was not."""
-    new = mask.copy()
-    new[1:] &= ~mask[:-1]
-    return new
 
 
 def cluster_starts(frames: NDArray[np.integer[Any]], gap: int = 1) -> NDArray[np.intp]:

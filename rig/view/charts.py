@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rig.frame import COMMANDS, DEMANDS, FLIGHT_INDEX, SURFACES, Block
 from rig.view.derived import DEGREE_NAMES, degrees
+from rig.view.style import plain
 
 
 class Chart(NamedTuple):
@@ -66,6 +67,16 @@ FLOWN: Final = (
 )
 CHARTS: Final = (*CONTROL, *SURFACE, *FLOWN)
 _TABLES: Final = {"command": COMMANDS, "surface": SURFACES, "actuator": SURFACES, "demand": DEMANDS}
+
+
+def label(name: str, chart: Chart) -> str:
+    """Return a name of a chart in words, without its unit and what the chart's name says."""
+    where, _, field = name.partition("_")
+    if where in ("surface", "actuator", "position") or chart.name == "throttle":
+        return {"surface": "command", "actuator": "actuator input"}.get(where, "position")
+    for unit in ("_rad_s", "_m_s", "_rad", "_m"):
+        field = field.removesuffix(unit)
+    return plain(field)
 
 
 def ranges(rows: Block) -> dict[str, tuple[float, float]]:

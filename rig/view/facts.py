@@ -5,7 +5,6 @@ A stream has it from the scenario that is flown, a log from the scenario that wa
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite, nan
@@ -13,7 +12,7 @@ from typing import Any, Final, NamedTuple
 
 from rig.errors import BadLog
 from rig.frame import INDEX, MOST_FAULTS, SIGNALS
-from rig.log import scenario_of
+from rig.log import scenario_of, unit_of
 from rig.util import fault_names
 from rig.view.series import threshold
 
@@ -157,11 +156,6 @@ def of_log(metadata: Mapping[str, str]) -> Facts:
     As plain data: a scenario's checks take half a second to be imported, and it has passed them when it was flown.
     """
     try:
-        return replace(of_resolved(scenario_of(metadata, "log")), unit=_unit(metadata))
+        return replace(of_resolved(scenario_of(metadata, "log")), unit=str(unit_of(metadata).get("name", "")))
     except (AttributeError, BadLog, KeyError, TypeError, ValueError, RecursionError):
         return UNKNOWN
-
-
-def _unit(metadata: Mapping[str, str]) -> str:
-    """Return the name of the unit under test that a log was flown with."""
-    return str(json.loads(metadata["unit"])["name"]) if "unit" in metadata else ""

@@ -22,7 +22,10 @@ from numpy.typing import NDArray
 
 from rig.frame import CHANNELS, DISCRETES, SIGNALS, Block, Discrete, End, Law, Pattern, Resolver, Signal, Source, State
 from rig.frame.fields import FIELD
-from rig.view.style import ACTING, ENDED, FAULT_LANE, OVER, STATE_LOOKS, Looks, attention, plain
+from rig.view.style import ACTING, ALL_FAILED, ENDED, OVER, STATE_LOOKS, Looks, attention, plain
+
+# A suspect is one for some frames, where there is room for one letter.
+_SHORT_LOOKS: Final[Looks] = {**STATE_LOOKS, "SUSPECT": ("?", STATE_LOOKS["SUSPECT"][1])}
 
 
 class Lane(NamedTuple):
@@ -43,17 +46,12 @@ class Changes(NamedTuple):
     states: list[str]
 
 
-def _lane(path: str, field: str, at: tuple[int, ...], looks: Looks, before: str = "") -> Lane:
-    """Return a lane of ``field``; ``before`` every label, and in the names of the states, which a view shares."""
-    states = {int(member): f"{before}{member.name}" for member in FIELD[field].enum or ()}
-    named = {f"{before}{name}": (f"{before}{label}", color) for name, (label, color) in looks.items()}
-    return Lane(path, field, at, states, named)
+def _lane(path: str, field: str, at: tuple[int, ...], looks: Looks) -> Lane:
+    return Lane(path, field, at, {int(member): member.name for member in FIELD[field].enum or ()}, looks)
 
 
 def _channels(home: str, field: str, index: int, channels: int) -> list[Lane]:
-    return [
-        _lane(f"{home}/channel_{c + 1}", field, (index, c), STATE_LOOKS, f"channel {c + 1}: ") for c in range(channels)
-    ]
+    return [_lane(f"{home}/channel_{c + 1}", field, (index, c), _SHORT_LOOKS) for c in range(channels)]
 
 
 def of_signal(signal: Signal) -> list[Lane]:
@@ -95,9 +93,9 @@ def _label_of(states: Sequence[State]) -> tuple[str, tuple[int, int, int]]:
         which = [str(c + 1) for c, each in enumerate(states) if each == state]
         if which:
             all_of = len(which) == len(fitted)
-            texts.append(f"{'all channels' if all_of else 'channel ' + ', '.join(which)} {state.name.lower()}")
+            texts.append(f"{'all' if all_of else 'channel ' + ', '.join(which)} {state.name.lower()}")
     worst = max(fitted, default=State.OK)
-    color = FAULT_LANE if fitted and min(fitted) == State.FAILED else STATE_LOOKS[worst.name][1]
+    color = ALL_FAILED if fitted and min(fitted) == State.FAILED else STATE_LOOKS[worst.name][1]
     return "; ".join(texts) or "ok", color
 
 
@@ -115,7 +113,7 @@ ENDS: Final[Looks] = {
 
 def title(signal: Signal) -> str:
     """Return the title of a signal's lanes."""
-    return f"{plain(signal.name)}: faults, channels, pattern, resolver, source"
+    return f"{plain(signal.name)}: faults, channels (?: suspect), pattern, resolver, source"
 
 
 def fault_path(number: int) -> str:

@@ -82,7 +82,7 @@ def columns(rows: Block, at: NDArray[np.intp]) -> Any:
 def names() -> rr.Points2D:
     """Return the words beside the cells."""
     words: list[tuple[float, float, str, Color]] = [
-        (4.3, s + 1.4, plain(signal.name), TRUTH) for s, signal in enumerate(SIGNALS)
+        (4.3, s + 1.4, plain(signal.name), VOTED) for s, signal in enumerate(SIGNALS)
     ]
     words += [(_LEFT + 0.6 + _STEP * c, -0.2, str(c + 1), CHANNEL_COLORS[c]) for c in range(CHANNELS)]
     words += [(4.0 + 4.0 * i, S + 2.0, label, color) for i, (label, color) in enumerate(STATE_LOOKS.values())]

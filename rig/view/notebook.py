@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import BadLog
-from rig.log import Log, scenario_of
+from rig.log import Log, scenario_of, unit_of
 from rig.record.failures import failed_channels, failed_text
+from rig.unit.settings import voter
 from rig.util import fault_names
-from rig.util.palette import CHANNELS, LINE, PALE_RED, VOTE
+from rig.util.palette import CHANNELS, DASHES, LINE, ORANGE, TRUTH, VOTE
 from rig.view.lanes import acting
 from rig.view.series import Series, limits, series, threshold
 
@@ -22,7 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-TRUTH, FAULT, BAND = "#000000", PALE_RED, LINE
+ACTING: Final[dict[str, Any]] = {"color": ORANGE, "alpha": 0.16, "linewidth": 0}
+STYLES: Final = dict(zip(DASHES, ("-", "--", "-.", ":"), strict=True))  # plotly's names in matplotlib's
 
 
 def line(log: Log) -> str:
@@ -36,8 +38,8 @@ def line(log: Log) -> str:
 def table(log: Log, conclusion: Sequence[str], overrides: Sequence[str] = (), path: Path | None = None) -> str:
     """Return HTML: what was flown, verdict, failed channels, conclusion, digest; no frames."""
     scenario = _scenario(log)
-    manager = scenario.get("redundancy", {}).get("manager", "")
-    flown = (f"seed {scenario.get('seed', '')}", f"manager {manager}" if manager else "", *overrides)
+    manager, unit = scenario.get("redundancy", {}).get("manager", ""), unit_of(log.metadata).get("name")
+    flown = (f"seed {scenario.get('seed', '')}", voter(manager, unit) if manager else "", *overrides)
     cells = [
         ("scenario", f"{scenario.get('title') or scenario.get('aircraft', '')}, {', '.join(filter(None, flown))}"),
         ("verdict", _verdict(log)),
@@ -83,8 +85,8 @@ def plot(log: Log, name: str) -> Figure:
     shown, allowed = series(log.rows, log.rate_hz, name), _threshold(log, name)
     figure = Figure(figsize=(9.0, 3.6), layout="constrained")
     axes = figure.add_subplot(xlabel="time, s", ylabel=f"{name}, {shown.unit}" if shown.unit else name)
-    axes.fill_between(shown.time_s, 0, 1, where=_acting(log, name), color=FAULT, transform=axes.get_xaxis_transform())
-    _lines(axes, shown, allowed)
+    axes.fill_between(shown.time_s, 0, 1, where=_acting(log, name), **ACTING, transform=axes.get_xaxis_transform())
+    lines(axes, shown, allowed)
     low, high = limits(shown, allowed)
     if low < high:
         axes.set_ylim(low, high)
@@ -93,14 +95,16 @@ def plot(log: Log, name: str) -> Figure:
     return figure
 
 
-def _lines(axes: Axes, shown: Series, allowed: float) -> None:
+def lines(axes: Axes, shown: Series, allowed: float) -> None:
+    """Draw the vote with the band ``allowed`` (SI) about it, truth and channels."""
     if allowed > 0.0:
         off = allowed * shown.scale
-        axes.fill_between(shown.time_s, shown.voted - off, shown.voted + off, color=BAND, label="threshold")
+        axes.fill_between(shown.time_s, shown.voted - off, shown.voted + off, color=LINE, label="threshold")
+    axes.plot(shown.time_s, shown.voted, color=VOTE, linewidth=2.2, label="vote")
+    axes.plot(shown.time_s, shown.truth, color=TRUTH, linewidth=1.2, label="truth")
     for c in range(shown.channels.shape[1]):
-        axes.plot(shown.time_s, shown.channels[:, c], color=CHANNELS[c], linewidth=0.8, label=f"channel {c + 1}")
-    axes.plot(shown.time_s, shown.voted, color=VOTE, linewidth=1.4, label="vote")
-    axes.plot(shown.time_s, shown.truth, color=TRUTH, linewidth=1.0, linestyle="--", label="truth")
+        look: dict[str, Any] = {"color": CHANNELS[c], "linewidth": 1.1, "linestyle": STYLES[DASHES[c]]}
+        axes.plot(shown.time_s, shown.channels[:, c], **look, label=f"channel {c + 1}")
 
 
 def _threshold(log: Log, name: str) -> float:

@@ -15,13 +15,13 @@ from rerun.blueprint.components import LinkAxis
 from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
 from rig.view import matrix
-from rig.view.charts import Chart
+from rig.view.charts import Chart, label
 from rig.view.columns import Bars
 from rig.view.derived import DEGREE_NAMES, DEGREES
 from rig.view.facts import Shown
 from rig.view.lanes import ENDS, Lane, fault_path
 from rig.view.scene import ABOUT, HORIZON, MARGIN, NUMBERS, TIMELINE, WORLD
-from rig.view.style import ACTING, COLOR_NAMES, FAULT_LANE, PALETTE, QUIET, Color, Looks, plain, shade
+from rig.view.style import ACTING, COLOR_NAMES, FAULT_LANE, PALETTE, QUIET, Color, Looks, shade
 
 
 class Line(NamedTuple):
@@ -131,7 +131,7 @@ def time_axis(shown: Sequence[Shown], span_s: tuple[float, float] | None = None)
 def chart(content: Chart, shown: Sequence[Shown]) -> rrb.TimeSeriesView:
     """Draw numbers of one unit; the colours are named in the title."""
     lines = [
-        Line(*_place(name), _label(name, content), PALETTE[i % len(PALETTE)], 1.5 if i else 3.0)
+        Line(*_place(name), label(name, content), PALETTE[i % len(PALETTE)], 1.5 if i else 3.0)
         for i, name in enumerate(content.names)
     ]
     listed = [line for line in lines if line.archetype == DEGREES]
@@ -157,21 +157,11 @@ def _place(name: str) -> tuple[str, str, str]:
     return topics.get(where, ("/control", "rig.Control", name))
 
 
-def _label(name: str, content: Chart) -> str:
-    """Return a name of a chart in words, without its unit and what the chart's name says."""
-    where, _, field = name.partition("_")
-    if where in ("surface", "actuator", "position") or content.name == "throttle":
-        return {"surface": "command", "actuator": "actuator input"}.get(where, "position")
-    for unit in ("_rad_s", "_m_s", "_rad", "_m"):
-        field = field.removesuffix(unit)
-    return plain(field)
-
-
 def status_lanes(lanes: Sequence[Lane], shown: Sequence[Shown]) -> rrb.StateTimelineView:
     """Build a lane for each signal, of all its channels; of several flights, those of a signal together."""
     looks = {**ENDS, **lanes[0].looks}
     return rrb.StateTimelineView(
-        name="channels of each signal: blue ok, yellow suspect, orange failed, dark red all failed",
+        name="channels of each signal: blue ok, yellow suspect, red failed, dark red all",
         origin="/",
         contents=[flight.root + lane.path for lane in lanes for flight in shown],
         defaults=[_configuration(looks)],

@@ -5,9 +5,10 @@ A Vulkan driver is needed; Mesa's software one will do (Debian: mesa-vulkan-driv
 
 from __future__ import annotations
 
+import subprocess
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -21,7 +22,9 @@ from rig.view.scene import TIMELINE
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
 
+ENDS_S: Final = 2.0  # for a viewer that does not answer
 LOADED_S: Final = 30.0  # patience with the viewer
+_NEEDS: Final = "a picture needs a Vulkan driver, a software one will do (Debian: apt-get install mesa-vulkan-drivers)"
 SETTLE_S: Final = 0.5  # it draws what it has been told in the next few of its frames
 
 
@@ -55,12 +58,15 @@ def headless() -> Iterator[Callable[[], ViewerClient]]:
     process = viewer.launch(["--headless", "--hide-welcome-screen", "--port", str(port)])
 
     def connect() -> ViewerClient:
-        viewer.await_port(process, port)
+        viewer.await_port(process, port, needs=_NEEDS)
         return viewer.connect(port)
 
     try:
         yield connect
     except (RuntimeError, OSError) as error:
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(ENDS_S)
+            raise RigError(f"the Rerun viewer ended at once (exit code {process.returncode}): {_NEEDS}") from None
         raise RigError(f"the viewer: {str(error).splitlines()[0]}") from None
     finally:
         viewer.stop(process)

@@ -15,15 +15,14 @@ import numpy as np
 
 from rig.frame import CHANNELS, INDEX, SIGNALS, Block, End, State
 from rig.record.failures import Failure, decisive_s, failures
-from rig.units.angles import near, unwrapped
-from rig.units.quantities import duration, scale_shown, seconds
+from rig.units.quantities import duration, seconds
 from rig.view import charts
 from rig.view.facts import Facts, Seen
 from rig.view.lanes import acting
+from rig.view.series import limits, series
 from rig.view.style import plain
 
 _MOST_GROUPS: Final = 3  # of failures in a headline
-_ROOM: Final = 2.0  # thresholds either side of vote and truth
 
 
 class Isolation(NamedTuple):
@@ -153,23 +152,15 @@ def look(facts: Facts, rows: Block, rate_hz: float, ended: bool) -> tuple[Facts,
 
 
 def signal_range(facts: Facts, rows: Block, index: int, part: slice = slice(None)) -> tuple[float, float]:
-    """Return the axis of a plot of signal ``index``: vote and truth with room, in the unit that people read.
+    """Return the axis of a plot of signal ``index``, in the unit that people read, by the rule of ``series.limits``.
 
-    A channel that has run away leaves the picture; without a threshold, all of them are within.
+    Without a threshold, all channels are within.
     """
-    signal, threshold = SIGNALS[index], facts.threshold(index)
-    truth, drawn = rows["truth"][:, index], [rows["voted"][part, index]]
-    if not np.isfinite(threshold):
-        drawn += list(rows["channels"][part, index].T)
-    if signal.wraps:
-        truth = unwrapped(truth)
-        drawn = [near(values, truth[part]) for values in drawn]
-    values = np.concatenate([truth[part], *drawn]) * scale_shown(signal.unit)
-    finite = values[np.isfinite(values)]
-    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
-    room = _ROOM * threshold * scale_shown(signal.unit) if np.isfinite(threshold) else 0.0
-    room = max(room, 0.05 * (high - low)) or 1e-3
-    return low - room, high + room
+    whole, threshold = series(rows, 1.0, SIGNALS[index].name), facts.threshold(index)
+    shown = whole._replace(**{name: getattr(whole, name)[part] for name in ("channels", "used", "voted", "truth")})
+    if np.isfinite(threshold):
+        return limits(shown, threshold)
+    return charts.spanned(np.concatenate([shown.truth, shown.voted, *shown.channels.T]), 2e-3)
 
 
 def _noted(facts: Facts, rows: Block) -> tuple[str, ...]:

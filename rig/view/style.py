@@ -1,6 +1,7 @@
-"""Colours, labels and names: what means the same in every view of every flight.
+"""Colours, labels and names: what means the same in every view of every flight, on the viewer's dark ground.
 
-Okabe and Ito's palette, which people with any colour vision can tell apart, on the viewer's dark ground.
+The hues are those of rig/util/palette.py: red is for what failed, orange for a fault that acts, yellow for a suspect.
+No line of a channel, of the vote or of the reference has one of these.
 """
 
 from __future__ import annotations
@@ -11,20 +12,22 @@ from typing import Final
 Color = tuple[int, int, int]
 Looks = dict[str, tuple[str, Color]]  # member of an enum: label, colour
 
-CHANNEL_COLORS: Final[tuple[Color, ...]] = ((86, 180, 233), (230, 159, 0), (0, 158, 115), (204, 121, 167))
-VOTED: Final[Color] = (240, 228, 66)
-TRUTH: Final[Color] = (255, 255, 255)
-REFERENCE: Final[Color] = (213, 94, 0)
-THRESHOLD: Final[Color] = (150, 142, 52)  # the vote's colour, dimmed
-FAULT: Final[Color] = (128, 40, 26)  # the ground under the vote while a fault acts
-FAULT_LANE: Final[Color] = (168, 50, 30)
+CHANNEL_COLORS: Final[tuple[Color, ...]] = ((86, 180, 233), (60, 190, 110), (165, 140, 255), (190, 135, 85))
+VOTED: Final[Color] = (255, 255, 255)
+TRUTH: Final[Color] = (128, 136, 144)
+REFERENCE: Final[Color] = (240, 80, 180)
+THRESHOLD: Final[Color] = (70, 130, 140)  # the vote and so much
+FAULT: Final[Color] = (110, 66, 10)  # the ground under the vote while a fault acts
+FAULT_LANE: Final[Color] = (200, 115, 0)
+FAILED: Final[Color] = (214, 50, 50)
+ALL_FAILED: Final[Color] = (140, 20, 30)
 PALETTE: Final[tuple[Color, ...]] = (*CHANNEL_COLORS, VOTED, REFERENCE, (0, 114, 178), (170, 170, 170))
-COLOR_NAMES: Final = ("sky blue", "orange", "green", "pink", "yellow", "vermilion", "blue", "grey")  # of PALETTE
+COLOR_NAMES: Final = ("sky blue", "green", "violet", "brown", "white", "magenta", "blue", "grey")  # of PALETTE
 QUIET: Final[Color] = (70, 76, 82)  # a state that needs no attention
 STATE_LOOKS: Final[Looks] = {
     "OK": ("ok", (0, 114, 178)),
-    "SUSPECT": ("suspect", VOTED),
-    "FAILED": ("failed", REFERENCE),
+    "SUSPECT": ("suspect", (240, 228, 66)),
+    "FAILED": ("failed", FAILED),
 }
 ACTING: Final = "ACTING"
 ENDED: Final[Color] = (36, 36, 40)  # the rest of a lane whose flight has ended
@@ -50,7 +53,7 @@ def attention(enum: type[IntEnum], quiet: IntEnum) -> Looks:
     return {
         member.name: (
             getattr(member, "label", member.name.lower()),
-            QUIET if member == quiet else FAULT_LANE if member.name == "LOST" else PALETTE[member.value % len(PALETTE)],
+            QUIET if member == quiet else ALL_FAILED if member.name == "LOST" else PALETTE[member.value % len(PALETTE)],
         )
         for member in enum
     }

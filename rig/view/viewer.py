@@ -134,12 +134,14 @@ def launch(arguments: Sequence[str], *, stay: bool = False) -> subprocess.Popen[
     )
 
 
-def await_port(process: subprocess.Popen[bytes], port: int, timeout_s: float = 15.0) -> None:
-    """Wait until the viewer listens on ``port``; RigError when it ends, or, ended by us, does not in time."""
+def await_port(
+    process: subprocess.Popen[bytes], port: int, timeout_s: float = 15.0, needs: str = "no usable display?"
+) -> None:
+    """Wait until the viewer listens on ``port``; RigError when it ends, with what it ``needs``, or not in time."""
     deadline = time.monotonic() + timeout_s
     while not listening(port):
         if process.poll() is not None:
-            raise RigError(f"the Rerun viewer ended at once (exit code {process.returncode}): no usable display?")
+            raise RigError(f"the Rerun viewer ended at once (exit code {process.returncode}): {needs}")
         if time.monotonic() > deadline:
             stop(process)
             raise RigError(f"the Rerun viewer did not start within {timeout_s:g} s")

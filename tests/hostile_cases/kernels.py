@@ -44,8 +44,8 @@ def _check(manager: str, wraps: bool, rng: Random) -> int:
 def _sequence(manager: str, wraps: bool, rng: Random) -> str:
     """What broke in one sequence of random samples, or nothing."""
     from rig.computer.redundancy.config import PARAMS, SignalConfig, fill
-    from rig.computer.redundancy.managers import Manager
-    from rig.frame import new_block
+    from rig.computer.redundancy.managers import Manager, vote_signals
+    from rig.frame import nested, new_block
 
     fitted, fade_s = rng.choice([2, 3, 4, 4]), rng.choice([0.0, 0.0, 0.05])
     limits = (
@@ -67,8 +67,8 @@ def _sequence(manager: str, wraps: bool, rng: Random) -> str:
     for _ in range(rng.choice([0, 5])):
         block["valid"][rng.randrange(_FRAMES), 0, rng.randrange(4)] = 0
     stage = Manager(manager, params)
-    for k in range(_FRAMES):
-        stage.step(block, k)
+    for row in nested(block):
+        vote_signals(row["bus"], row["fcc"], stage.data)
     return _broken(block, manager, limits, fitted, wraps, fade_s, settings)
 
 

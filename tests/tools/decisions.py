@@ -27,13 +27,14 @@ from numpy.typing import NDArray
 
 import rig
 from rig.aircraft import bundled
-from rig.frame import CHANNELS, DISCRETES, SIGNALS, Block, End, Law, Lie, Pattern, Resolver, Source, State, Trust
+from rig.frame import CHANNELS, DISCRETES, SIGNALS, Block, Pattern, Resolver, Source, State
+from rig.frame.fields import FIELD
 
 DECIDED: Final = (
     *("frame", "state", "level", "pattern", "resolver", "reference_usable", "common_mode", "source"),
     *("discrete_state", "discrete_level", "discrete_voted", "law", "trust", "lie", "end"),
 )
-OF_FLIGHT: Final = {"law": Law, "trust": Trust, "lie": Lie, "end": End}
+OF_FLIGHT: Final = {name: FIELD[name].enum for name in ("law", "trust", "lie", "end")}
 SHOWN: Final = 4  # entries of one decision
 Track = tuple[str, str, NDArray[Any], Callable[[int], str]]  # whose, what, a value each row, a row's value in words
 Entries = dict[tuple[str, str], list[tuple[int, str]]]  # (whose, what): the frames in which it changes, and to what

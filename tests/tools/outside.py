@@ -6,7 +6,7 @@ python tests/tools/outside.py [--every] [--if-possible]
 --if-possible  what cannot be installed is said in one line and is no failure; without it the exit code is 1
 
 Chromium, a software Vulkan driver and GNAT are installed from Debian's packages, which takes root, Foxglove's packages
-by npm into the environment, .venv: nobody else's files lie among ours.  A test says what it needs by
+by npm and pip into the environment, .venv: nobody else's files lie among ours.  A test says what it needs by
 ``@outside.needs("chromium")``.
 """
 
@@ -26,6 +26,7 @@ import pytest
 
 TESTS: Final = Path(__file__).parents[1]
 FOXGLOVE: Final = TESTS.parent / ".venv/foxglove"
+FOXGLOVE_SDK: Final = "foxglove-sdk==0.30.3"
 INSTALLING_S: Final = 600.0  # for one command; one that takes longer is given up
 _APT: Final = ("apt-get", "-q", "-o", "Acquire::Retries=1", "-o", "Acquire::http::Timeout=20")
 _NPM: Final = (
@@ -60,6 +61,11 @@ def foxglove() -> bool:
     """Whether Node and Foxglove's packages are there."""
     packages = (node_modules() / "@mcap" / name for name in ("core", "support", "nodejs"))
     return shutil.which("node") is not None and all(package.is_dir() for package in packages)
+
+
+def layouts_module() -> Path:
+    """Where Foxglove's library of layouts is: one file of its Python package, which is never imported as a whole."""
+    return FOXGLOVE / "python/foxglove/layouts/__init__.py"
 
 
 @dataclass(frozen=True)
@@ -99,11 +105,18 @@ def _foxglove() -> str:
     return ("" if node() else _debian("nodejs", "npm")) or _ran(("npm", "install", "--prefix", str(FOXGLOVE), *_NPM))
 
 
+def _layouts() -> str:
+    """Install Foxglove's Python package in a folder of its own: the rig does not depend on it."""
+    pip = (sys.executable, "-m", "pip", "install", "--no-deps", "--quiet", "--disable-pip-version-check")
+    return _ran((*pip, "--target", str(FOXGLOVE / "python"), FOXGLOVE_SDK))
+
+
 PROGRAMS: Final = {
     "chromium": Program("Chromium", chromium, lambda: _debian("chromium")),
     "vulkan": Program("a Vulkan driver", vulkan, lambda: _debian("mesa-vulkan-drivers", "libvulkan1")),
     "ada": Program("an Ada compiler", lambda: shutil.which("gnat") is not None, lambda: _debian("gnat")),
     "foxglove": Program("Node with Foxglove's packages", foxglove, _foxglove),
+    "foxglove layouts": Program("Foxglove's Python package", lambda: layouts_module().is_file(), _layouts),
 }
 
 

@@ -102,7 +102,10 @@ def main() -> None:
         except ConnectionRefusedError:
             return
         kind = message[6]
-        if kind == 1 or (kind == 2 and unit.configure(message)):
+        if kind == 1:
+            old = any(entry[0] == "old start" for entry in PLAN)  # READY of the session to both
+            talk.send(unit.ready(message if old else HEAD.pack(*HEAD.unpack_from(message)[:4], 0, 0, 0.0), 5))
+        elif kind == 2 and unit.configure(message):
             talk.send(unit.ready(message, 5))
         elif kind == 3:
             frame = HEAD.unpack_from(message)[5]

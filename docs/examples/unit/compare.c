@@ -3,6 +3,7 @@
 
 #include "monitor.h"
 
+#define LARGEST_STEP 3.0         /* thresholds: what one sample may tell the low-pass */
 #define SEA_LEVEL_DENSITY 1.225 /* kg/m3; International Standard Atmosphere */
 
 /* ---- Which samples are compared, and their ranks: sections 2 and 3 ---- */
@@ -93,7 +94,12 @@ double compare_follow(double last, double x, const struct frame *f, params *p)
     if (isnan(last)) {
         return x;
     }
-    const double y = near_base(last + (p->filter_gain * difference(x, last, p)), f, p);
+    const double limit = LARGEST_STEP * p->threshold;
+    double step = difference(x, last, p);
+    if (isfinite(step) && fabs(step) > limit) {
+        step = copysign(limit, step);
+    }
+    const double y = near_base(last + (p->filter_gain * step), f, p);
     return isfinite(y) ? y : x;
 }
 

@@ -4,18 +4,22 @@
  *     ./monitor_udp --listen PORT                 waits for a HELLO and answers whoever sent it
  *     ./monitor_udp --listen ADDRESS:PORT         the same at one address of this machine
  *
- * One message in, at most one out; no thread, no clock, no time limit: the rig alone steps the unit.
+ * One message in, at most one out; no thread, no time limit: the rig alone steps the unit.  HELLO and CONFIG may come
+ * again, as datagrams are lost: they are answered again and change nothing.  SIGHUP restarts it, as a power cut would.
  */
 #define _POSIX_C_SOURCE 200809L
 #include <arpa/inet.h>
 #include <errno.h>
 #include <netinet/in.h>
+#include <inttypes.h>
 #include <sched.h>
+#include <signal.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
+#include <time.h>
 
 #include "rig_unit.h"
 
@@ -23,6 +27,7 @@
 #define UNIT_NAME "unit"
 #endif
 #define PART_BYTES 1024
+#define SILENCE_S 3 /* after which another rig may have the unit */
 #define PARTS ((sizeof(struct rig_config) + PART_BYTES - 1) / PART_BYTES)
 
 union message {
@@ -35,30 +40,32 @@ union message {
 static int fd;
 static int looks;              /* for a message before it sleeps: to be woken takes longer than a frame of the rig */
 static bool connected;         /* to one rig, by --rig */
-static struct sockaddr_in rig; /* whom to answer */
+static struct sockaddr_in rig; /* whom to answer: of the session */
 static uint64_t session;       /* 0: none */
+static time_t heard_at;        /* when it last sent a message of it */
+static volatile sig_atomic_t restart;
 static uint8_t config[PARTS * PART_BYTES];
 static bool here[PARTS]; /* the parts of CONFIG that have come */
 static bool opened;
 static bool gone; /* the rig that we are connected to */
 
-static void answer(const void *record, size_t size)
+static void answer(const struct sockaddr_in *whom, const void *record, size_t size)
 {
-    const struct sockaddr *to = connected ? NULL : (const struct sockaddr *)&rig;
-    if (sendto(fd, record, size, 0, to, connected ? 0 : sizeof rig) < 0 && connected && errno == ECONNREFUSED) {
+    const struct sockaddr *to = connected ? NULL : (const struct sockaddr *)whom;
+    if (sendto(fd, record, size, 0, to, connected ? 0 : sizeof *whom) < 0 && connected && errno == ECONNREFUSED) {
         gone = true; /* any other loss is the rig's to notice */
     }
 }
 
-static void say(uint16_t kind, const char *text, int64_t frame)
+static void say(const struct sockaddr_in *whom, uint16_t kind, uint64_t of, const char *text, int64_t frame)
 {
     struct rig_ready ready = {.magic = RIG_MAGIC_OUTPUT, .version = RIG_UNIT_VERSION, .kind = kind};
     ready.layout = RIG_UNIT_LAYOUT;
-    ready.session = session;
+    ready.session = of;
     ready.frame = frame;
     ready.length = offsetof(struct rig_ready, length);
     snprintf(ready.text, sizeof ready.text, "%s", text);
-    answer(&ready, sizeof ready);
+    answer(whom, &ready, sizeof ready);
 }
 
 static void begin_session(uint64_t number)
@@ -71,11 +78,15 @@ static void begin_session(uint64_t number)
     session = number;
 }
 
-/* Keep one part; with the last of them open the unit. */
+/* Keep one part; with the last of them open the unit.  A part that comes again finds it open. */
 static void configure(const struct rig_config_part *part)
 {
     struct rig_config whole;
     if (part->parts != PARTS || part->part >= PARTS) {
+        return;
+    }
+    if (opened) {
+        say(&rig, RIG_KIND_READY, session, UNIT_NAME, 0);
         return;
     }
     memcpy(config + part->part * PART_BYTES, part->bytes, PART_BYTES);
@@ -88,7 +99,11 @@ static void configure(const struct rig_config_part *part)
     memcpy(&whole, config, sizeof whole);
     begin_session(session);
     opened = rig_unit_open(&whole) == 0;
-    say(opened ? RIG_KIND_READY : RIG_KIND_REFUSED, opened ? UNIT_NAME : UNIT_NAME " cannot fly with this CONFIG", 0);
+    if (opened) {
+        say(&rig, RIG_KIND_READY, session, UNIT_NAME, 0);
+    } else {
+        say(&rig, RIG_KIND_REFUSED, session, UNIT_NAME " cannot fly with this CONFIG", 0);
+    }
 }
 
 static void step(const struct rig_input *input)
@@ -103,13 +118,13 @@ static void step(const struct rig_input *input)
         return;
     }
     if (rig_unit_step(input, &output) == 0) {
-        answer(&output, sizeof output);
+        answer(&rig, &output, sizeof output);
     } else {
-        say(RIG_KIND_REFUSED, UNIT_NAME " cannot step", input->frame);
+        say(&rig, RIG_KIND_REFUSED, session, UNIT_NAME " cannot step", input->frame);
     }
 }
 
-/* Whether these bytes are a whole message of this layout and, unless it begins one, of this session. */
+/* Whether these bytes are a whole message of this layout. */
 static bool sound(const union message *m, size_t size)
 {
     size_t wanted = sizeof m->head;
@@ -121,17 +136,52 @@ static bool sound(const union message *m, size_t size)
         return false;
     }
     memcpy(&length, m->bytes + size - 2 * sizeof length, sizeof length);
-    return length == size - 2 * sizeof length &&
-           (m->head.kind == RIG_KIND_HELLO || (session != 0 && m->head.session == session));
+    return length == size - 2 * sizeof length;
+}
+
+static time_t now(void)
+{
+    struct timespec time;
+    clock_gettime(CLOCK_MONOTONIC, &time);
+    return time.tv_sec;
+}
+
+static bool same(const struct sockaddr_in *a, const struct sockaddr_in *b)
+{
+    return a->sin_addr.s_addr == b->sin_addr.s_addr && a->sin_port == b->sin_port;
+}
+
+/* READY of no session means 'I am here'.  One rig at a time: another waits for END, or for SILENCE_S. */
+static void greet(uint64_t number, const struct sockaddr_in *from)
+{
+    char text[sizeof((struct rig_ready *)0)->text];
+    if (session != 0 && !same(from, &rig) && now() - heard_at < SILENCE_S) {
+        snprintf(text, sizeof text, "busy with session %" PRIu64, session);
+        say(from, RIG_KIND_REFUSED, number, text, 0);
+        return;
+    }
+    if (number != session) {
+        rig = *from;
+        begin_session(number);
+        heard_at = now();
+    }
+    say(&rig, RIG_KIND_READY, 0, UNIT_NAME, 0);
 }
 
 static void handle(const union message *m, const struct sockaddr_in *from)
 {
     if (m->head.kind == RIG_KIND_HELLO) {
-        rig = *from;
-        begin_session(m->head.session);
-        say(RIG_KIND_READY, UNIT_NAME, 0);
-    } else if (m->head.kind == RIG_KIND_CONFIG) {
+        greet(m->head.session, from);
+        return;
+    }
+    if (session == 0 && m->head.kind == RIG_KIND_FRAME) { /* it has restarted, and the rig does not know */
+        say(from, RIG_KIND_READY, 0, UNIT_NAME, 0);
+    }
+    if (session == 0 || m->head.session != session) {
+        return;
+    }
+    heard_at = now();
+    if (m->head.kind == RIG_KIND_CONFIG) {
         configure(&m->part);
     } else if (m->head.kind == RIG_KIND_FRAME) {
         step(&m->input);
@@ -163,6 +213,13 @@ static int serve(void)
     bool heard = false;
     while (!gone) {
         struct sockaddr_in from;
+        if (restart) {
+            restart = 0;
+            begin_session(0);
+            if (connected) {
+                say(&rig, RIG_KIND_READY, 0, UNIT_NAME, 0);
+            }
+        }
         const ssize_t size = receive(&m, &from);
         if (size >= (ssize_t)sizeof m.head && sound(&m, (size_t)size)) {
             heard = true;
@@ -176,6 +233,12 @@ static int serve(void)
     }
     begin_session(0);
     return heard ? EXIT_SUCCESS : EXIT_FAILURE;
+}
+
+static void ask_restart(int number)
+{
+    (void)number;
+    restart = 1;
 }
 
 /* ADDRESS:PORT, or PORT alone for every address of this machine. */
@@ -207,8 +270,10 @@ int main(int argc, char **argv)
         perror(UNIT_NAME);
         return EXIT_FAILURE;
     }
+    const struct sigaction on_hangup = {.sa_handler = ask_restart}; /* without SA_RESTART: recvfrom ends with EINTR */
+    sigaction(SIGHUP, &on_hangup, NULL);
     if (connected) {
-        say(RIG_KIND_READY, UNIT_NAME, 0);
+        say(&rig, RIG_KIND_READY, 0, UNIT_NAME, 0);
     }
     return serve();
 }

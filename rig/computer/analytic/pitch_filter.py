@@ -26,7 +26,7 @@ from rig.units.angles import wrap
 
 
 class Noise(Settings):
-    """What the filter counts with: noise of the voted signals and what is not known at the start."""
+    """Assumed noise of the voted signals, and uncertainty of the filter's states at the start."""
 
     rate_noise_rad_sqrt_s: float = Field(default=6.3e-5, gt=0.0, le=1e3)  # random walk of the integrated rates
     drift_sigma_rad_s: float = Field(default=0.003, ge=0.0, le=1e3)  # of the pitch gyros' vote, at the start

@@ -80,7 +80,7 @@ _KIND, _AXIS = (np.array([_OF_UNIT.get(s, (_AIR, 0))[part] for s in range(S)]) f
 
 
 class ReferenceData(NamedTuple):
-    """What the references need besides the row."""
+    """Data of the references besides the row."""
 
     pressures: NDArray[np.float64]  # (P,) dynamic pressures of the flight points
     table: NDArray[np.float64]  # (P, C) designed coefficients there
@@ -104,7 +104,7 @@ class References:
 
     @property
     def data(self) -> ReferenceData:
-        """What ``refer`` and ``remember`` need besides the row."""
+        """Data of ``refer`` and ``remember`` besides the row."""
         return ReferenceData(self.pressures, self.table, self.param, self.state)
 
 

@@ -1,4 +1,4 @@
-"""Where each reference comes from, and what it reads: the ``[redundancy.references]`` table."""
+"""Sources of the references, and the signals that each reads: the ``[redundancy.references]`` table."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rig.settings import Settings
 
 
 class Config(Settings):
-    """The ``[redundancy.references]`` table: where each reference comes from."""
+    """The ``[redundancy.references]`` table: the source of each reference."""
 
     pitch_rate: Literal["angle_of_attack", "attitude", "inertial", "none"] = "attitude"
     roll_rate: Literal["attitude", "inertial", "none"] = "inertial"
@@ -33,37 +33,35 @@ class Config(Settings):
 _TURNING: Final = ("roll_rate", "pitch_rate", "yaw_rate")
 _ATTITUDE: Final = ("pitch_angle", "roll_angle", "heading")
 _AIR: Final = ("dynamic_pressure", "static_pressure")
-# What each source reads of the votes.
+# The sources of each signal beside the inertial unit, and the votes that each reads; the last is the second reference
+# of a signal whose first is the unit.
+_BY_VOTES: Final[dict[str, dict[str, tuple[str, ...]]]] = {
+    "pitch_rate": {
+        "angle_of_attack": (
+            *("angle_of_attack", "angle_of_sideslip", "roll_rate", "yaw_rate"),
+            *("pitch_angle", "roll_angle", *_AIR),
+        ),
+        "attitude": _ATTITUDE,
+    },
+    "roll_rate": {"attitude": _ATTITUDE},
+    "yaw_rate": {"attitude": _ATTITUDE},
+    "normal_load_factor": {"angle_of_attack": ("angle_of_attack", "longitudinal_load_factor", *_TURNING, *_AIR)},
+    "lateral_load_factor": {"angle_of_sideslip": ("angle_of_sideslip", *_TURNING, "dynamic_pressure")},
+    "longitudinal_load_factor": {},
+    "angle_of_attack": {"load_factor": ("normal_load_factor", "longitudinal_load_factor", *_TURNING, *_AIR)},
+    "angle_of_sideslip": {"lateral_load_factor": ("lateral_load_factor", *_TURNING, "dynamic_pressure")},
+    "static_pressure": {},
+    "dynamic_pressure": {},
+    "pitch_angle": {"kinematic": pitch_filter.PARTNERS},
+    "roll_angle": {"body_rates": (*_TURNING, "angle_of_attack", "lateral_load_factor", "pitch_angle", *_AIR)},
+    "heading": {},
+}
+_WITH_UNIT: Final = {"dynamic_pressure": ("static_pressure",)}  # votes that the source ``inertial`` reads
+# Every signal and source, with the votes that it reads.
 PARTNERS: Final[dict[tuple[str, str], tuple[str, ...]]] = {
-    ("pitch_rate", "angle_of_attack"): (
-        *("angle_of_attack", "angle_of_sideslip", "roll_rate", "yaw_rate"),
-        *("pitch_angle", "roll_angle", *_AIR),
-    ),
-    ("pitch_rate", "attitude"): _ATTITUDE,
-    ("pitch_rate", "inertial"): (),
-    ("roll_rate", "attitude"): _ATTITUDE,
-    ("roll_rate", "inertial"): (),
-    ("yaw_rate", "attitude"): _ATTITUDE,
-    ("yaw_rate", "inertial"): (),
-    ("normal_load_factor", "angle_of_attack"): ("angle_of_attack", "longitudinal_load_factor", *_TURNING, *_AIR),
-    ("normal_load_factor", "inertial"): (),
-    ("lateral_load_factor", "angle_of_sideslip"): ("angle_of_sideslip", *_TURNING, "dynamic_pressure"),
-    ("lateral_load_factor", "inertial"): (),
-    ("longitudinal_load_factor", "inertial"): (),
-    ("angle_of_attack", "load_factor"): ("normal_load_factor", "longitudinal_load_factor", *_TURNING, *_AIR),
-    ("angle_of_attack", "inertial"): (),
-    ("angle_of_sideslip", "lateral_load_factor"): ("lateral_load_factor", *_TURNING, "dynamic_pressure"),
-    ("angle_of_sideslip", "inertial"): (),
-    ("static_pressure", "inertial"): (),
-    ("dynamic_pressure", "inertial"): ("static_pressure",),
-    ("pitch_angle", "kinematic"): pitch_filter.PARTNERS,
-    ("pitch_angle", "inertial"): (),
-    ("roll_angle", "body_rates"): (
-        *(*_TURNING, "angle_of_attack", "lateral_load_factor", "pitch_angle"),
-        *_AIR,
-    ),
-    ("roll_angle", "inertial"): (),
-    ("heading", "inertial"): (),
+    (signal, name): read
+    for signal, sources in _BY_VOTES.items()
+    for name, read in {**sources, "inertial": _WITH_UNIT.get(signal, ())}.items()
 }
 # The signals that a source remembers from when their channels agreed (strapdown.py): no partners, it goes on
 # without them.
@@ -74,25 +72,8 @@ REMEMBERED: Final[dict[tuple[str, str], tuple[str, ...]]] = {
 }
 # The second reference of a signal, beside the one that is chosen: what that one reads, this one does not.
 SECOND: Final[dict[tuple[str, str], str]] = {
-    ("pitch_rate", "attitude"): "inertial",
-    ("pitch_rate", "angle_of_attack"): "inertial",
-    ("pitch_rate", "inertial"): "attitude",
-    ("roll_rate", "attitude"): "inertial",
-    ("roll_rate", "inertial"): "attitude",
-    ("yaw_rate", "attitude"): "inertial",
-    ("yaw_rate", "inertial"): "attitude",
-    ("normal_load_factor", "angle_of_attack"): "inertial",
-    ("normal_load_factor", "inertial"): "angle_of_attack",
-    ("lateral_load_factor", "angle_of_sideslip"): "inertial",
-    ("lateral_load_factor", "inertial"): "angle_of_sideslip",
-    ("angle_of_attack", "load_factor"): "inertial",
-    ("angle_of_attack", "inertial"): "load_factor",
-    ("angle_of_sideslip", "lateral_load_factor"): "inertial",
-    ("angle_of_sideslip", "inertial"): "lateral_load_factor",
-    ("pitch_angle", "kinematic"): "inertial",
-    ("pitch_angle", "inertial"): "kinematic",
-    ("roll_angle", "body_rates"): "inertial",
-    ("roll_angle", "inertial"): "body_rates",
+    **{key: "inertial" for key in PARTNERS if key[1] != "inertial"},
+    **{(signal, "inertial"): [*sources][-1] for signal, sources in _BY_VOTES.items() if sources},
 }
 _RATES, _VELOCITIES, _FORCES = INERTIAL[:3], INERTIAL[3:6], INERTIAL[6:]
 # What the source ``inertial`` of each signal reads of the inertial unit.

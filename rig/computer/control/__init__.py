@@ -2,6 +2,7 @@
 
     autopilot     the stage: settings, state, one kernel call a frame
     law           that kernel: signals, outer loops, inner loops, surfaces
+    modes         what each axis follows, one row each; the outer loops
     source        each signal from its vote, its reference or its degraded mode
     degraded      what replaces a lost signal
     backup        the elevator without a pitch rate

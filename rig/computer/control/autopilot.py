@@ -11,7 +11,7 @@ right, so a negative sideslip).  Surfaces are absolute positions in the signs of
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,24 +19,22 @@ from pydantic import Field
 
 from rig.computer.control.gains import COLUMNS, Gains
 from rig.computer.control.law import control_law
-from rig.computer.control.state import ANGLE, PARAM, PATH, STATE, STICK, ControlData
+from rig.computer.control.modes import LATERAL, LAWS, SPEED, VERTICAL, Lateral, LawName, Speed, Vertical, names
+from rig.computer.control.state import STATE, ControlData
 from rig.computer.fdi.state import STATE as FDI_STATE
 from rig.computer.fdi.state import Config as Tolerant
 from rig.computer.fdi.state import parameters as fdi_parameters
 from rig.frame import SURFACES, Block, nested
-from rig.settings import Settings, record, share_in_frame
-
-_VERTICAL: Final = {"stick": STICK, "pitch": ANGLE, "altitude": PATH}
-_LATERAL: Final = {"stick": STICK, "roll": ANGLE, "heading": PATH}
+from rig.settings import Settings, numbers, record, share_in_frame
 
 
 class Config(Settings):
     """The ``[control]`` table of a scenario: what the autopilot holds and how hard it may fly."""
 
-    law: Literal["autopilot", "fault-tolerant"] = "autopilot"  # the latter tests the pitch-angle sensor
-    vertical: Literal["stick", "pitch", "altitude"] = "altitude"
-    lateral: Literal["stick", "roll", "heading"] = "heading"
-    speed: Literal["off", "airspeed"] = "airspeed"
+    law: LawName = "autopilot"  # these four: modes.py
+    vertical: Vertical = "altitude"
+    lateral: Lateral = "heading"
+    speed: Speed = "airspeed"
     max_bank_rad: float = Field(default=0.5236, gt=0.0, le=1.05)
     max_climb_angle_rad: float = Field(default=0.0873, gt=0.0, le=0.35)
     max_load_factor_change: float = Field(default=0.5, gt=0.0, le=3.0)  # by the autopilot, from level flight
@@ -58,6 +56,32 @@ class Config(Settings):
     tolerant: Tolerant = Tolerant()
 
 
+PARAM: Final = np.dtype(
+    [
+        ("dt", "f8"),
+        *numbers(Config),
+        ("max_load_factor", "f8"),  # these three of Gains
+        ("min_load_factor", "f8"),
+        ("max_alpha_rad", "f8"),
+        ("schedule_share", "f8"),  # of a new sample that passes the filter in one frame
+        ("airspeed_share", "f8"),
+        ("learning_share", "f8"),  # of what a substitute is wrong by, learned in one frame while it is not needed
+        ("gear_max_bank_rad", "f8"),  # with the gear down
+        ("gear_max_load_factor", "f8"),
+        ("gear_min_load_factor", "f8"),
+        ("lag_s", "f8", (3,)),  # of elevator, aileron and rudder
+        ("fade_frames", "i8"),
+        ("low", "f8", (len(SURFACES),)),
+        ("high", "f8", (len(SURFACES),)),
+        ("vertical", "i8"),  # places in the tables of modes.py
+        ("lateral", "i8"),
+        ("speed", "i8"),
+        ("still", "u1", (len(SURFACES),)),  # surfaces that nobody moves, as the actuators say: no integrator runs
+    ],
+    align=True,
+)
+
+
 class Control:
     """Voted signals to surface positions.
 
@@ -75,7 +99,7 @@ class Control:
         self.pressures, self.table = gains.table()
         self.gain = np.zeros(len(COLUMNS))
         self.state: NDArray[Any] = np.zeros(1, STATE)
-        self.fdi_param = fdi_parameters(config.tolerant, config.law == "fault-tolerant", rate_hz)
+        self.fdi_param = fdi_parameters(config.tolerant, names(LAWS).index(config.law) != 0, rate_hz)
         self.fdi: NDArray[Any] = np.zeros(1, FDI_STATE)
         self.reset(np.zeros(len(SURFACES)))
 
@@ -88,7 +112,7 @@ class Control:
 
     @property
     def data(self) -> ControlData:
-        """What ``control_law`` needs besides the row."""
+        """Data of ``control_law`` besides the row."""
         fdi = (self.fdi_param, self.fdi)
         return ControlData(self.pressures, self.table, self.param, self.state, self.gain, *fdi)
 
@@ -117,7 +141,8 @@ def _parameters(
         lag_s=(gains.elevator_lag_s, gains.aileron_lag_s, gains.rudder_lag_s),
         low=low,
         high=high,
-        vertical=_VERTICAL[config.vertical],
-        lateral=_LATERAL[config.lateral],
-        speed=config.speed == "airspeed",
+        vertical=names(VERTICAL).index(config.vertical),
+        lateral=names(LATERAL).index(config.lateral),
+        speed=names(SPEED).index(config.speed),
+        still=np.zeros(len(SURFACES)),
     )

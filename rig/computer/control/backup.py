@@ -21,14 +21,14 @@ from rig.computer.analytic.flight_path import SLOWEST
 from rig.computer.control import laws
 from rig.computer.control.degraded import lift_angle
 from rig.computer.control.laws import clamp, move
+from rig.computer.control.modes import ALTITUDE, PITCH
 from rig.computer.control.source import carry
-from rig.computer.control.state import ANGLE, PATH
-from rig.frame import COMMANDS, Law, Source, sig
+from rig.computer.control.state import C_Q
+from rig.frame import Law, Source, sig
 from rig.kernels import kernel
 from rig.units.constants import GRAVITY
 
 NOT_NEEDED, LOAD, ALPHA, BLIND = 0, 1, 2, 3  # what the back-up law flies on
-_C_Q: Final = COMMANDS.index("pitch_rate_rad_s")
 _DAMPING: Final = 0.9  # of the altitude loop
 _RELEASE_S: Final = 0.5  # how fast a blind law lets the elevator go to its integral
 
@@ -98,10 +98,10 @@ def wanted_load(law, param, state, measured, command):
     theta, phi, most, w = measured[sig.THETA], measured[sig.PHI], c["backup_load_factor_change"], c["backup_path_rad_s"]
     upright = math.cos(theta) * math.cos(phi)
     turn = speed / GRAVITY * laws.turn_pitch_rate(phi, theta, speed)
-    change = speed / GRAVITY * command[_C_Q] - turn
-    if law == Law.AUTOPILOT and c["vertical"] == PATH:
+    change = speed / GRAVITY * command[C_Q] - turn
+    if law == Law.AUTOPILOT and c["vertical"] == ALTITUDE:
         change = 2.0 * _DAMPING * w * (s["altitude_rate"] - s["climb_rate"])
         change = (change + w * w * (s["altitude_reference"] - s["altitude_estimate"])) / GRAVITY
-    elif law == Law.AUTOPILOT and c["vertical"] == ANGLE:
+    elif law == Law.AUTOPILOT and c["vertical"] == PITCH:
         change = -2.0 * _DAMPING * w * s["climb_rate"] / GRAVITY
     return upright + turn + clamp(change, -most, most), upright

@@ -26,14 +26,12 @@ from rig.computer.control import laws
 from rig.computer.control.airdata import flight_path_angle
 from rig.computer.control.laws import clamp
 from rig.computer.control.source import carry, put
-from rig.frame import COMMANDS, Source, sig
+from rig.computer.control.state import C_GAMMA, C_PSI
+from rig.frame import Source, sig
 from rig.kernels import kernel
 from rig.units.angles import wrap
 from rig.units.constants import GRAVITY
 
-_C_P, _C_BETA, _C_PSI, _C_GAMMA = (
-    COMMANDS.index(name) for name in ("roll_rate_rad_s", "sideslip_rad", "heading_rad", "flight_path_angle_rad")
-)
 _FLATTEST: Final = 0.5  # cosine; divisions by the cosine of an attitude take at least this
 _HASTE: Final = 0.3  # of the time in which an estimated bank is erected, when the roll rate is the model's alone
 # Pitch, roll and yaw rate are signals 0, 1 and 2, and so are the surfaces that move them.
@@ -62,7 +60,7 @@ def substitute(fcc, param, state, gain):
     if source[sig.PHI] == Source.DEGRADED:
         carry(sig.PHI, roll_angle(source, param, state), Source.DEGRADED, state)
     if source[sig.PSI] == Source.DEGRADED:
-        put(sig.PSI, command[_C_PSI], Source.DEGRADED, param, state)
+        put(sig.PSI, command[C_PSI], Source.DEGRADED, param, state)
     if source[sig.ALPHA] == Source.DEGRADED:
         put(sig.ALPHA, angle_of_attack(source, gain, state), Source.DEGRADED, param, state)
     if source[sig.BETA] == Source.DEGRADED:
@@ -243,7 +241,7 @@ def learn(param, state, gain, command):
     measured = s["measured"]
     lift = measured[sig.ALPHA] - lift_angle(measured[sig.N_Z], gain)
     turn = turn_sine(state) - math.sin(measured[sig.PHI])
-    path = command[_C_GAMMA] - s["climb_rate"] / max(s["airspeed"], SLOWEST)
+    path = command[C_GAMMA] - s["climb_rate"] / max(s["airspeed"], SLOWEST)
     s["lift_error"] += share * (lift - s["lift_error"])
     s["turn_error"] += share * (turn - s["turn_error"])
     s["path_error"] += share * (path - s["path_error"])

@@ -20,7 +20,7 @@ BACKUP: Final = ("feedback_alpha", "feedback_pitch_rate_s", "integral_1_s", "obs
 
 
 class Margin(Settings):
-    """How far one actuator's command may be off, all other loops closed, before the loop is unstable.
+    """Stability margins at one actuator's command, all other loops closed.
 
     Increase and decrease are both positive numbers; a margin that is not found within 40 dB or 120 degrees is that.
     """

@@ -177,10 +177,12 @@ def integrate(integral, change, proportional, low, high):
 def move(integral, change, proportional, i, limits, surface, fresh):
     """Return the integrator of surface ``i``; set ``surface[i]`` = integral - proportional, within its stops.
 
-    When ``fresh`` the surface stays and the integrator becomes what keeps it there.
+    It stands still where nobody moves the surface.  When ``fresh`` the surface stays and the integrator becomes what
+    keeps it there.
     """
     if fresh:
         return surface[i] + proportional
+    change = 0.0 if limits["still"][i] != 0 else change
     low, high = limits["low"][i], limits["high"][i]
     integral = integrate(integral, change, proportional, low, high)
     surface[i] = clamp(integral - proportional, low, high)

@@ -1,4 +1,4 @@
-"""Where each signal comes from: its vote, else its reference, else its degraded mode.
+"""Source of each signal: its vote, else its reference, else its degraded mode.
 
 A signal is lost when the redundancy manager has no channel of it left (level 0).  Every change of
 source is faded: the jump between the last value and the new one is taken out over ``fade_frames``.

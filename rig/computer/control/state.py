@@ -1,4 +1,4 @@
-"""What the control law keeps: its fixed parameters and its state, one record each.
+"""Parameters and state of the control law, one record each.
 
 Plain records, so that copying the state copies the law: for a replay, or to try what would happen.
 """
@@ -12,41 +12,11 @@ from numpy.typing import NDArray
 
 from rig.frame import COMMANDS, DEMANDS, SURFACES, S
 
-STICK, ANGLE, PATH = 0, 1, 2  # what an axis follows: stick; pitch or roll attitude; altitude or heading
+# Places of ``command``.
+(
+    C_Q, C_P, C_BETA, C_THETA, C_PHI, C_ALTITUDE, C_PSI, C_SPEED, C_PRESSURE_ALTITUDE, C_EAS, C_GAMMA
+) = range(len(COMMANDS))  # fmt: skip
 
-PARAM: Final = np.dtype(
-    [
-        ("dt", "f8"),
-        ("max_bank_rad", "f8"),
-        ("max_climb_angle_rad", "f8"),
-        ("max_load_factor_change", "f8"),
-        ("max_load_factor", "f8"),
-        ("min_load_factor", "f8"),
-        ("max_alpha_rad", "f8"),
-        ("schedule_share", "f8"),  # of a new sample that passes the filter in one frame
-        ("airspeed_share", "f8"),
-        ("climb_crossover_rad_s", "f8"),
-        ("max_yaw_correction_rad_s", "f8"),
-        ("gear_max_bank_rad", "f8"),  # with the gear down
-        ("gear_max_load_factor", "f8"),
-        ("gear_min_load_factor", "f8"),
-        ("attitude_filter_s", "f8"),  # on attitudes that become rates
-        ("attitude_erection_s", "f8"),  # how fast an estimated attitude returns to what the path says
-        ("learning_share", "f8"),  # of what a substitute is wrong by, learned in one frame while it is not needed
-        ("backup_load_factor_change", "f8"),
-        ("backup_path_rad_s", "f8"),
-        ("lag_s", "f8", (3,)),  # of elevator, aileron and rudder
-        ("rate_bandwidth_rad_s", "f8"),  # of the estimate of a rate that is not measured
-        ("fade_frames", "i8"),
-        ("rates_from_attitude", "i8"),  # whether rates may be taken from attitudes
-        ("low", "f8", (len(SURFACES),)),
-        ("high", "f8", (len(SURFACES),)),
-        ("vertical", "i8"),
-        ("lateral", "i8"),
-        ("speed", "i8"),
-    ],
-    align=True,
-)
 # What evolves from frame to frame; the captured values change at engagement only.
 DYNAMIC: Final = (
     "elevator_integral",
@@ -95,11 +65,11 @@ STATE: Final = np.dtype(
 
 
 class ControlData(NamedTuple):
-    """What the control law needs besides the row."""
+    """Data of the control law besides the row."""
 
     pressures: NDArray[np.float64]  # (P,) dynamic pressures of the gain schedule
     table: NDArray[np.float64]  # (P, G) gains there
-    param: NDArray[Any]  # (1,) PARAM
+    param: NDArray[Any]  # (1,) autopilot.PARAM
     state: NDArray[Any]  # (1,) STATE, in place
     gain: NDArray[np.float64]  # (G,) workspace: the gains of this frame
     fdi_param: NDArray[Any]  # of the fault-tolerant law (fdi/state.py)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rig.frame import Lie
+from rig.frame import SensorFault
 from rig.kernels import kernel
 
 _FIRST_EFFECTIVENESS: Final = 0.6  # sigma of what is not known at the start
@@ -66,14 +66,14 @@ def learn(c, w, measured):
 
 @kernel
 def name(w):
-    """Return a ``frame.Lie``: which of the two is off for certain."""
+    """Return a ``frame.SensorFault``: which of the two is off for certain."""
     p = w["fault_covariance"]
     if p[0] <= 0.0 or p[1] <= 0.0:
-        return Lie.NONE
+        return SensorFault.NONE
     scaled = abs(w["effectiveness"] - 1.0) > _SURE * math.sqrt(p[0])
     shifted = abs(w["offset"]) > _SURE * math.sqrt(p[1])
     if scaled and shifted:
-        return Lie.BOTH
+        return SensorFault.BOTH
     if scaled:
-        return Lie.EFFECTIVENESS
-    return Lie.OFFSET if shifted else Lie.UNDETERMINED
+        return SensorFault.EFFECTIVENESS
+    return SensorFault.OFFSET if shifted else SensorFault.UNDETERMINED

@@ -9,7 +9,7 @@ from rig.computer.analytic.flight_path import PATH_SIGNALS, climb, path_pitch_an
 from rig.computer.analytic.pitch_filter import begin, correct, follow_path, learn_yaw_drift, move
 from rig.computer.fdi import fault_estimate, rate_bias
 from rig.computer.fdi.decision import decide, innovate
-from rig.frame import INDEX, Lie, Source, Trust, sig
+from rig.frame import INDEX, SensorFault, Source, Trust, sig
 from rig.kernels import kernel
 
 _PATH: Final = tuple(INDEX[name] for name in PATH_SIGNALS)
@@ -82,4 +82,4 @@ def write_status(fcc, w):
     estimate[3], estimate[4] = math.sqrt(max(p[0], 0.0)), math.sqrt(max(p[1], 0.0))
     estimate[5], estimate[6] = w["innovation"], w["sigma"]
     estimate[7], estimate[8] = e["drift"], e["path"]
-    fcc["trust"], fcc["lie"] = w["trust"], Lie.RATE_BIAS if rate_bias.biased(w) else fault_estimate.name(w)
+    fcc["trust"], fcc["lie"] = w["trust"], SensorFault.RATE_BIAS if rate_bias.biased(w) else fault_estimate.name(w)

@@ -11,7 +11,7 @@ from pydantic import Field
 from rig.computer.analytic import pitch_filter
 from rig.computer.analytic.pitch_filter import MEAN, Noise
 from rig.computer.analytic.unit_bank import UNIT
-from rig.settings import Settings, record
+from rig.settings import Settings, numbers, record
 
 
 class Config(Settings):
@@ -38,17 +38,8 @@ PARAM: Final = np.dtype(
     [
         ("filter", pitch_filter.PARAM),
         ("on", "i8"),  # whether the fault-tolerant law flies
-        ("lag_s", "f8"),  # of the estimate behind a trusted sensor
-        ("sensor_variance", "f8"),  # rad^2 of one sample that gives this lag
-        ("innovation_floor_rad", "f8"),
-        ("timing_s", "f8"),
-        ("turn_error", "f8"),
-        ("jump_sigma", "f8"),
-        ("ramp_sigma", "f8"),
-        ("ramp_s", "f8"),
-        ("max_correction_rad", "f8"),
-        ("return_rad", "f8"),
-        ("persistence", "i8"),
+        *numbers(Config),
+        ("sensor_variance", "f8"),  # rad^2 of one sample that gives the lag of the estimate
         ("return_frames", "i8"),
         ("fade_frames", "i8"),
     ],

@@ -22,7 +22,7 @@ from rig.util.trust import Trust
 
 
 class RedundancyData(NamedTuple):
-    """What the stage needs besides the row, part by part."""
+    """Data of the stage besides the row, part by part."""
 
     references: ReferenceData
     manager: ManagerData
@@ -67,7 +67,7 @@ class Redundancy:
 
     @property
     def data(self) -> RedundancyData:
-        """What ``refer``, ``decide`` and ``conclude`` need besides the row."""
+        """Data of ``refer``, ``decide`` and ``conclude`` besides the row."""
         return RedundancyData(self.references.data, self.manager.data, self.discretes.data)
 
 

@@ -24,7 +24,7 @@ ResolverName = Literal["ilm", "reference", "trend", "extremes", "middle"]
 
 
 class SignalConfig(Settings):
-    """How one signal is monitored and voted: a ``[redundancy.signals.<name>]`` table."""
+    """Monitor and vote of one signal: a ``[redundancy.signals.<name>]`` table."""
 
     threshold: float = Field(gt=0)  # two samples agree within this, unit of the signal
     threshold_triplex: float | None = Field(
@@ -90,9 +90,9 @@ class Reset(Settings):
     @field_validator("signal")
     @classmethod
     def _known(cls, name: str) -> str:
-        known = (*INDEX, *DISCRETE_INDEX)
-        if name not in known:
-            raise ValueError(f"unknown signal, {choices(name, known, 'rig signals')}")
+        names = (*INDEX, *DISCRETE_INDEX)
+        if name not in names:
+            raise ValueError(f"unknown signal, {choices(name, names, 'rig signals')}")
         return name
 
     @field_validator("channels")

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.persistence import readmit
-from rig.frame import CHANNELS, Block, Ilm, State, nested
+from rig.frame import CHANNELS, Ilm, State
 from rig.kernels import kernel
 
 STATE: Final = np.dtype(
@@ -26,7 +26,7 @@ STATE: Final = np.dtype(
 
 
 class DiscreteData(NamedTuple):
-    """What the voter of the discretes needs besides the row."""
+    """Data of the voter of the discretes besides the row."""
 
     params: NDArray[Any]  # one discrete_config.DISCRETE_PARAMS record for each discrete
     state: NDArray[Any]  # one STATE record for each, in place
@@ -44,13 +44,8 @@ class DiscreteVoter:
 
     @property
     def data(self) -> DiscreteData:
-        """What ``vote_discretes`` needs besides the row."""
+        """Data of ``vote_discretes`` besides the row."""
         return DiscreteData(self.params, self.state)
-
-    def step(self, block: Block, k: int) -> None:
-        """Write discrete_voted, discrete_state and discrete_level of row k."""
-        row = nested(block)[k]
-        vote_discretes(row["bus"], row["fcc"], self.data)
 
 
 @kernel

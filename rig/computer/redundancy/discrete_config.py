@@ -16,7 +16,7 @@ PERSISTENCE: Final = 8  # frames, of a discrete that has none of its own
 
 
 class DiscreteConfig(Settings):
-    """How one discrete is monitored and voted: a ``[redundancy.discretes.<name>]`` table."""
+    """Monitor and vote of one discrete: a ``[redundancy.discretes.<name>]`` table."""
 
     persistence: int | None = Field(default=None, ge=1)  # frames; ``discrete_persistence`` when not given
     persistence_s: float | None = Field(default=None, gt=0)  # the same in seconds

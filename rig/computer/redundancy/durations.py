@@ -1,4 +1,4 @@
-"""How long something must last until it counts: a number of frames, or a time that holds at every rate."""
+"""Durations in frames, or in seconds, which hold at every frame rate."""
 
 from __future__ import annotations
 

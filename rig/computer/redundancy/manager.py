@@ -72,7 +72,7 @@ STATE: Final = np.dtype(
 
 
 class ManagerData(NamedTuple):
-    """What a manager needs besides the row: one record a signal where nothing else is said."""
+    """Data of a manager besides the row: one record a signal unless said otherwise."""
 
     choice: int  # place in managers.KINDS
     params: NDArray[Any]  # (S,) config.PARAMS

@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 from rig.computer.redundancy.baselines import average, cross_voter, plain_median, select, select_unit
 from rig.computer.redundancy.box import BOXES
 from rig.computer.redundancy.manager import ManagerData, manage, new_state
-from rig.frame import Block, nested
 from rig.kernels import kernel
 
 
 class ManagerKind(NamedTuple):
-    """What a manager does, for whoever runs it or assesses what it did."""
+    """Traits of a manager, for what runs it and what assesses it."""
 
     name: str
     kernel: Any = None  # of a row: bus, fcc, ManagerData; None: the user's own
@@ -71,17 +70,8 @@ class Manager:
 
     @property
     def data(self) -> ManagerData:
-        """What ``vote_signals`` needs besides the row."""
+        """Data of ``vote_signals`` besides the row."""
         return ManagerData(self.choice, self.params, self.state, self.boxes)
-
-    def step(self, block: Block, k: int) -> None:
-        """Vote and monitor every signal of row k."""
-        rows = nested(block)
-        self.vote(rows["bus"], rows["fcc"], k)
-
-    def vote(self, bus: Any, fcc: Any, k: int) -> None:
-        """Vote row k of a block's parts."""
-        vote_signals(bus[k], fcc[k], self.data)
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""What one resolver answers when no majority exists: in-line monitor, trend or reference.
+"""Answers of single resolvers when no majority exists: in-line monitor, trend, reference.
 
 Of two halves an answer is a set of sides to be failed, as bits: HIGH_SIDE the larger half of the samples,
 LOW_SIDE the smaller.  Where nobody agrees with anybody it is the one channel to be kept.  NO_ANSWER when a

@@ -1,20 +1,22 @@
 """A manager of the user's own, named ``module:name`` in ``redundancy.manager``: a class, or a compiled function.
 
 A class is made with the (S,) config.PARAMS records and has ``step(bus, fcc, k)``; a function, which numba may have
-compiled, is called as ``vote(bus, fcc, k, params, state)``.
+compiled, is called as ``vote(bus, fcc, k, params, state)``.  Either may take one argument more, ``frame``.
 
-bus, fcc : BUS and FCC records of a block; of row k both read ``channels``, ``valid``, ``ilm``, ``reset`` and
-``reference``, and write ``voted``, ``state``, ``level`` and what else they can say (docs/redundancy.md has one of each)
+bus, fcc : BUS and FCC records of a block of rows, which is used again and again; of row k both read ``channels``,
+``valid``, ``ilm``, ``reset`` and ``reference``, and must write ``voted`` and ``level``, and ``state`` of channels that
+they fail, in every frame (docs/redundancy.md has one of each)
 state : (S,) records of the module's dtype ``STATE``, or of one number; zeros at first, kept from frame to frame
+frame : number of the frame in the flight, from 0, where ``k`` is but a row of the block
 
-Whatever they raise becomes one line.
+Whatever they raise becomes one line, and so does a first frame without a level.
 """
 
 from __future__ import annotations
 
 import inspect
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from types import ModuleType
 from typing import Any, Final
@@ -23,33 +25,54 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import BadInput, ManagerFailed
-from rig.frame import Block, nested, new_block
+from rig.frame import Block, State, nested, new_block
 from rig.kernels import bind
 from rig.util.trust import Trust
 
-Step = Callable[[Any, Any, int], object]
+Step = Callable[[Any, Any, int, int], object]  # bus, fcc, row, frame
 _PLAIN_STATE: Final = np.dtype([("value", "f8")])
 _STEP: Final = ("bus", "fcc", "k")
 _VOTE: Final = (*_STEP, "params", "state")
+_FRAME: Final = "frame"  # the last argument of who wants it
 
 
 class OwnManager:
     """A manager of the user's own, at its first frame."""
 
-    def __init__(self, name: str, step: Step) -> None:
+    def __init__(self, name: str, step: Step, fitted: NDArray[Any]) -> None:
         self.name = name
-        self._step = step
+        self._step, self._fitted, self._began = step, fitted, False
 
     def step(self, rows: Block, bus: Any, fcc: Any, k: int) -> None:
         """Vote and monitor every signal of row k of the parts of ``rows``; ManagerFailed names who, when and what."""
+        frame = int(rows["frame"][k])
         try:
-            self._step(bus, fcc, k)
+            self._step(bus, fcc, k, frame)
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            frame = int(rows["frame"][k])
-            message = f"redundancy.manager: {self.name!r} raised in frame {frame}: {_in_words(error)}"
-            raise ManagerFailed(message, k, frame) from error
+            raise self._failure(f"raised in frame {frame}: {_in_words(error)}", k, frame) from error
+        if not self._began:
+            self._began = True
+            if _wrote_no_level(bus[k], fcc[k], self._fitted):
+                raise self._failure(
+                    f"wrote no level in frame {frame}: of every signal it must write voted, level (channels in use), "
+                    f"and state of the channels that it fails: docs/tutorials/own-voter.md",
+                    k,
+                    frame,
+                )
+
+    def _failure(self, what: str, k: int, frame: int) -> ManagerFailed:
+        return ManagerFailed(f"redundancy.manager: {self.name!r} {what}", k, frame)
+
+
+def _wrote_no_level(bus: Any, fcc: Any, fitted: NDArray[Any]) -> bool:
+    """Return True if no signal has a level although channels are good and none was failed; fitted : (S,) channels."""
+    signals, channels = len(fitted), np.arange(bus["valid"].shape[-1])
+    of = channels < fitted[:, None]
+    good = of & (bus["valid"][:signals] == 1) & np.isfinite(bus["channels"][:signals])
+    failed = of & (fcc["state"][:signals] != State.OK)
+    return bool(good.any() and not failed.any() and not fcc["level"][:signals].any())
 
 
 def load_manager(name: str, params: NDArray[np.void], trust: Trust) -> OwnManager:
@@ -73,7 +96,7 @@ def load_manager(name: str, params: NDArray[np.void], trust: Trust) -> OwnManage
         raise
     except BaseException as error:  # noqa: BLE001 # whatever the user's module raises, SystemExit too
         raise BadInput(f"redundancy.manager: {name!r} cannot be made: {_in_words(error)}") from None
-    return OwnManager(name, step)
+    return OwnManager(name, step, params["fitted"].copy())
 
 
 def _of_class(name: str, manager: Any, params: NDArray[np.void]) -> Step:
@@ -82,19 +105,30 @@ def _of_class(name: str, manager: Any, params: NDArray[np.void]) -> Step:
     if not callable(step):
         raise BadInput(f"redundancy.manager: {name!r} has no step(bus, fcc, k)")
     taken = list(inspect.signature(step).parameters)
+    if _takes(taken, (*_STEP, _FRAME)):
+        return step
     if len(taken) != len(_STEP):
         raise BadInput(f"redundancy.manager: {name!r} has step({', '.join(taken)}), now it is step(bus, fcc, k)")
-    return step
+    return lambda bus, fcc, k, _: step(bus, fcc, k)
+
+
+def _takes(taken: Sequence[str], names: Sequence[str]) -> bool:
+    return len(taken) == len(names) and taken[-1] == names[-1]
 
 
 def _of_function(name: str, manager: Any, module: ModuleType, params: NDArray[np.void]) -> Step:
     """Return a function with its own state; one that numba has compiled is bound to its arguments' types."""
-    if not callable(manager) or len(inspect.signature(getattr(manager, "py_func", manager)).parameters) != len(_VOTE):
+    taken = list(inspect.signature(getattr(manager, "py_func", manager)).parameters) if callable(manager) else []
+    wants_frame = _takes(taken, (*_VOTE, _FRAME))
+    if len(taken) != len(_VOTE) and not wants_frame:
         raise BadInput(f"redundancy.manager: {name!r} is neither a class nor a function of {', '.join(_VOTE)}")
     state = np.zeros(len(params), getattr(module, "STATE", _PLAIN_STATE))
     rows = nested(new_block(2))  # one row alone would count as contiguous, which the parts of a block are not
-    vote = bind(manager, rows["bus"], rows["fcc"], 0, params, state)
-    return lambda bus, fcc, k: vote(bus, fcc, k, params, state)
+    last = (0,) if wants_frame else ()
+    vote = bind(manager, rows["bus"], rows["fcc"], 0, params, state, *last)
+    if wants_frame:
+        return lambda bus, fcc, k, frame: vote(bus, fcc, k, params, state, frame)
+    return lambda bus, fcc, k, _: vote(bus, fcc, k, params, state)
 
 
 def _in_words(error: BaseException) -> str:

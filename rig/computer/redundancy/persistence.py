@@ -1,4 +1,4 @@
-"""What persists: counts of miscompares, the failures that they latch, readmission by command.
+"""Persistence: miscompare counters, latched failures, readmission by command.
 
 Source: Zhang 2023, section 2 (a failure is a miscompare that outlasts the time threshold).
 Ours: how long counts stand still for patterns without a majority, readmission.
@@ -32,7 +32,7 @@ def count_miscompares(n, ranked, p, st):
 
 @kernel
 def counts_stand_still(n, p, st):
-    """Return True if the counts of comparable samples wait in this frame (ours).
+    """Return True if persistence counters hold in this frame (ours).
 
     They do during a singular run and, after it, for as long as it was, ``singular_persistence`` at most: noise that
     splits the good pair of a 2:2 must not let the comparison fail it.  What disputes a last channel needs no majority.
@@ -51,7 +51,7 @@ def counts_stand_still(n, p, st):
 
 @kernel
 def latch(p, st):
-    """Fail what has persisted: single miscompares (section 2), and whom the answer to a singular pattern blames."""
+    """Latch failures that persisted: miscompares (section 2), and channels blamed in a singular pattern."""
     settled = st["pattern_frames"] >= p["singular_persistence"]
     level = 0
     for c in range(p["fitted"]):

@@ -18,7 +18,7 @@ from rig.kernels import kernel
 
 
 class Compared(NamedTuple):
-    """What is compared: the samples, or what the low-pass makes of them."""
+    """Values to compare: the samples, or the low-pass outputs."""
 
     values: Any  # (4,) by channel
     order: Any  # (4,) channels by ascending value

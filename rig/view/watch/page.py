@@ -17,6 +17,8 @@ from rich.text import Text
 from rig.frame import DISCRETES, SIGNALS, End, Law, Pattern, Resolver, Source, State
 from rig.record.event import Event
 from rig.text import plain
+from rig.units.angles import short_way
+from rig.units.quantities import scale_shown, unit_shown
 
 EVENTS: Final = 6  # shown, of those so far
 # How a channel, its mark and what needs attention look.
@@ -28,6 +30,7 @@ _STATES: Final = {
 }
 _LEVELS: Final = {"info": "", "warning": "yellow", "error": "bold red"}
 _NUMBERS: Final = ("ch 1 ", "ch 2 ", "ch 3 ", "ch 4 ", "vote", "level")
+_LEGEND: Final = "? suspect, x failed, - not fitted; by: who decided, or control's other source"
 
 
 class Page:
@@ -44,10 +47,11 @@ class Page:
     def draw(self, row: Any, rate_hz: float) -> RenderableType:
         """Draw the page of one row of a block."""
         table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
-        table.add_column("signal")
+        table.add_column("signal")  # the one that a narrow terminal cuts
+        table.add_column("unit", no_wrap=True, style="dim")
         for name in _NUMBERS:
             table.add_column(name, justify="right", no_wrap=True)
-        for name in ("pattern", "by, or control's source"):
+        for name in ("pattern", "by"):
             table.add_column(name, no_wrap=True)
         for s in range(len(SIGNALS)):
             table.add_row(*_signal(row, s))
@@ -56,7 +60,7 @@ class Page:
         lines = [event_line(time_s, event) for time_s, event in self._events]
         blank = [Text("")] * (EVENTS - len(lines))  # or the page would jump
         foot = [Text("events", style="dim"), *lines, *blank] if lines else []
-        return Group(self._head(row, rate_hz), table, *foot)
+        return Group(self._head(row, rate_hz), table, Text(_LEGEND, style="dim"), *foot)
 
     def _head(self, row: Any, rate_hz: float) -> Text:
         acting = int(np.unpackbits(row["acting"]).sum())
@@ -78,11 +82,17 @@ def event_line(time_s: float, event: Event) -> Text:
 def _signal(row: Any, s: int) -> list[RenderableType]:
     signal = SIGNALS[s]
     pattern = Pattern(row["pattern"][s])
-    values, states = row["channels"][s], row["state"][s]
+    vote, states = float(row["voted"][s]), row["state"][s]
+    values = np.append(row["channels"][s], vote)
+    if signal.wraps:  # as one reads a heading: 0.3 beside 359.7 is 360.3
+        turned = signal.low + (vote - signal.low) % (2.0 * np.pi)
+        values = turned + np.append(short_way(row["channels"][s] - vote), 0.0)
+    shown = values * scale_shown(signal.unit)
     return [
-        _name(signal.name, signal.unit),
-        *(_channel(values[c], states[c], _number) for c in range(4)),
-        Text(_number(row["voted"][s])),
+        _name(signal.name),
+        unit_shown(signal.unit),
+        *(_channel(shown[c], states[c], _number) for c in range(4)),
+        Text(_number(shown[4])),
         _level(int(row["level"][s]), signal.channels),
         Text(pattern.label, style="dim" if pattern == Pattern.NORMAL else "bold yellow"),
         Text("; ".join(_notes(row, s)), style="yellow"),
@@ -98,15 +108,15 @@ def _notes(row: Any, s: int) -> Iterator[str]:
         yield f"control: {source.name.lower()}"
 
 
-def _name(name: str, unit: str) -> Text:
-    """Return name and unit; a narrow terminal cuts them first."""
-    return Text.assemble(name, (f", {unit}", "dim"), no_wrap=True, overflow="ellipsis")
+def _name(name: str) -> Text:
+    return Text(name, no_wrap=True, overflow="ellipsis")
 
 
 def _discrete(row: Any, d: int) -> list[RenderableType]:
     values, states = row["discrete_channels"][d], row["discrete_state"][d]
     return [
-        _name(DISCRETES[d].name, "0 or 1"),
+        _name(DISCRETES[d].name),
+        "",
         *(_channel(values[c], states[c], lambda value: f"{int(value)}") for c in range(4)),
         Text(str(int(row["discrete_voted"][d]))),
         _level(int(row["discrete_level"][d]), DISCRETES[d].channels),
@@ -119,10 +129,10 @@ def _channel(value: Any, state: Any, write: Callable[[Any], str]) -> Text:
 
 
 def _number(value: float) -> str:
-    """Return five digits, in the same width for any size."""
+    """Return a number with what the sensors resolve: three decimals below 100, none above 10,000."""
     if not np.isfinite(value):
         return "nan"
-    return f"{value:.0f}" if abs(value) >= 10_000 else f"{value:.4f}"[:8]
+    return f"{value:.{0 if abs(value) >= 10_000 else 1 if abs(value) >= 1_000 else 2 if abs(value) >= 100 else 3}f}"
 
 
 def _level(level: int, channels: int) -> Text:

@@ -95,7 +95,7 @@ def outcome(raw: Recording, aligned: bool, axis: str, channel: int, offset: floa
     if aligned:
         recording, corrections = align(recording, settings, end_s=6.0)
     voted = Result(vote(recording, settings, [], triads=TRIADS))
-    result = score(injection.injected, recording, voted, corrections)[0]
+    result = score(injection, recording, voted, corrections)[0]
     return result.outcome, result.delay_s
 
 

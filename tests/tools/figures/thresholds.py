@@ -8,6 +8,7 @@ the first to be failed after that, wrong when another is, prior when one had bee
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any, Final
@@ -19,39 +20,43 @@ from scipy.stats import poisson
 
 from figures import table
 from figures.quadrotor import AXES, SELECTION, TRIADS, config
+from rig.assess.outcome import NEVER
 from rig.bench.vote import vote
 from rig.recordings.alignment import AlignOptions
 from rig.recordings.recording import Recording, Samples
 from rig.recordings.settings import RecordedSignal
-from rig.thresholds import faults
 from rig.thresholds.data import Data, load
-from rig.thresholds.design import Design, Flight, Grid, designs
+from rig.thresholds.design import DataBlock, Design, Grid, designs
 from rig.thresholds.healthy import envelope
 from rig.thresholds.holdout import OVER, Count, count
-from rig.thresholds.monitored import NEVER, failures
+from rig.thresholds.monitored import outcomes
 from rig.thresholds.run import STRETCHES, design
-from rig.thresholds.tradeoff import best, pieces, tradeoff
+from rig.thresholds.tradeoff import Pieces, best, faulty, pieces, tradeoff
 
 Floats = NDArray[np.float64]
-Signals = dict[str, list[Flight]]
+Signals = dict[str, list[DataBlock]]
 BUDGETS: Final = (30.0, 10.0, 3.0, 1.0)
 FIXED: Final = ((10.0, 8), (5.0, 24))  # deg/s, frames
 FOLDS: Final = 5
 RATE_HZ: Final = 120.0
 EARLIEST: Final = 800  # frames: after the stretch of the alignment
 GIVEN: Final = RecordedSignal(threshold=1.0)
-FAULTS: Final[dict[str, Callable[[Floats, NDArray[np.int64], int], Floats]]] = {
-    **{f"offset {size}": faults.offset(float(size)) for size in (10, 20, 30, 60, 100)},
-    "ramp 5/s": faults.ramp(5.0, RATE_HZ),
-    "stuck": faults.stuck(),
-    "hardover 250": lambda p, c, k: np.where(np.arange(p.shape[1]) < k, faults.own(p, c), 250.0),
-    "nan 0.5 s": lambda p, c, k: np.where(np.abs(np.arange(p.shape[1]) - k - 30) < 30, np.nan, faults.own(p, c)),
-    "noise x10": faults.noise(10.0),
-    "gain 0.5": faults.gain(0.5),
+FAULTS: Final[dict[str, Callable[[Pieces], Floats]]] = {
+    **{f"offset {size}": partial(faulty, kind="offset", size=float(size)) for size in (10, 20, 30, 60, 100)},
+    "ramp 5/s": partial(faulty, kind="ramp", size=5.0),
+    "stuck": partial(faulty, kind="stuck", size=0.0),
+    "hardover 250": lambda cut: np.where(_frames(cut) < 0, faulty(cut, "gain", 1.0), 250.0),
+    "nan 0.5 s": lambda cut: np.where(np.abs(_frames(cut) - 30) < 30, np.nan, faulty(cut, "gain", 1.0)),
+    "noise x10": partial(faulty, kind="noise", size=10.0),
+    "gain 0.5": partial(faulty, kind="gain", size=0.5),
 }
 
 
-def faulted(flight: Flight, axis: int) -> tuple[Floats, int, int]:
+def _frames(cut: Pieces) -> NDArray[np.int64]:
+    return np.arange(cut.samples.shape[1]) - cut.onset
+
+
+def faulted(flight: DataBlock, axis: int) -> tuple[Floats, int, int]:
     """Return the samples (fault, n, 4) with each fault in one channel from the onset on; the channel, the onset."""
     rng = np.random.default_rng([0, axis, *flight.name.encode()])
     samples = np.ascontiguousarray(flight.samples.T)[None]
@@ -60,25 +65,25 @@ def faulted(flight: Flight, axis: int) -> tuple[Floats, int, int]:
     channel = rng.integers(4, size=1)
     every = np.repeat(samples, len(FAULTS), axis=0)
     for row, fault in enumerate(FAULTS.values()):
-        every[row, :, channel[0]] = fault(samples, channel, onset)[0]
+        every[row, :, channel[0]] = fault(Pieces(samples, channel, onset, RATE_HZ))[0]
     return every, int(channel[0]), onset
 
 
-def monitored(flight: Flight, axis: int, settings: RecordedSignal) -> dict[str, str]:
+def monitored(flight: DataBlock, axis: int, settings: RecordedSignal) -> dict[str, str]:
     """Return what becomes of each fault: right, wrong, missed or prior; ``+`` when a healthy channel is lost later."""
     every, channel, onset = faulted(flight, axis)
-    failed_at = failures(every, settings, flight.rate_hz)
+    failed_at = outcomes(every, np.repeat(channel, len(every)), onset, settings, flight.rate_hz)["failed_at"]
     return {name: _outcome(first, channel, onset) for name, first in zip(FAULTS, failed_at, strict=True)}
 
 
-def selected(unit: Sequence[Flight], axis: int) -> dict[str, str]:
+def selected(unit: Sequence[DataBlock], axis: int) -> dict[str, str]:
     """Return the same by PX4's rule, to which the three axes of ``unit`` are one sensor each."""
     every, channel, onset = faulted(unit[axis], axis)
     first = [_distrusted(unit, axis, samples) for samples in every]
     return {name: _outcome(frames, channel, onset) for name, frames in zip(FAULTS, first, strict=True)}
 
 
-def _distrusted(unit: Sequence[Flight], axis: int, samples: Floats) -> NDArray[np.int64]:
+def _distrusted(unit: Sequence[DataBlock], axis: int, samples: Floats) -> NDArray[np.int64]:
     """Return (4,) the first row in which each sensor is distrusted, with ``samples`` (n, 4) on one of its axes."""
     n = min(len(samples), *(flight.samples.shape[1] for flight in unit))
     columns = [samples.T if k == axis else flight.samples for k, flight in enumerate(unit)]
@@ -134,7 +139,9 @@ def fixed(signals: Signals, threshold: float, frames: int) -> list[str]:
     settings = RecordedSignal(threshold=threshold, persistence=frames)
     places = [(axis, flight) for axis, of in enumerate(signals.values()) for flight in of]
     healthy = (np.ascontiguousarray(flight.samples.T)[None] for _, flight in places)
-    hit = sum(bool((failures(rows, settings, places[0][1].rate_hz) >= 0).any()) for rows in healthy)
+    nobody, rate_hz = np.zeros(1, np.int64), places[0][1].rate_hz
+    watched = [outcomes(rows, nobody, rows.shape[1], settings, rate_hz) for rows in healthy]
+    hit = sum(bool((of["failed_at"] != NEVER).any()) for of in watched)
     runs = [monitored(flight, axis, settings) for axis, flight in places]
     return row(f"{threshold:g} deg/s, {frames} frames", f"in {hit} of {len(places)}", runs)
 
@@ -193,14 +200,14 @@ KINDS: Final[dict[str, Callable[[np.random.Generator, int], Any]]] = {
 }
 
 
-def noise(kind: str, hours: float, seed: int) -> list[Flight]:
+def noise(kind: str, hours: float, seed: int) -> list[DataBlock]:
     """Return flights of a quarter of an hour."""
     rng = np.random.default_rng([seed, *kind.encode()])
     n = round(900 * SYNTHETIC_HZ)
-    return [Flight(f"{kind} {k}", KINDS[kind](rng, n), SYNTHETIC_HZ) for k in range(round(4 * hours))]
+    return [DataBlock(f"{kind} {k}", KINDS[kind](rng, n), SYNTHETIC_HZ) for k in range(round(4 * hours))]
 
 
-def _counted(train: list[Flight], test: list[Flight], frames: int, budget: float) -> str:
+def _counted(train: list[DataBlock], test: list[DataBlock], frames: int, budget: float) -> str:
     made = designs(train, GIVEN, Grid(budget, (frames,), (4,), (0.0,)))[0]
     events = count(test, GIVEN, made, budget)[4]
     rate = events.counted / events.hours
@@ -217,7 +224,7 @@ def thresholds_synthetic(hours: str = "40") -> None:
                 for f in noise(kind, DESIGN_H, 1)
                 for part in np.array_split(f.samples, STRETCHES // 8, 1)
             ]
-            train, test = [Flight(name, part, SYNTHETIC_HZ) for name, part in parts], noise(kind, float(hours), 2)
+            train, test = [DataBlock(name, part, SYNTHETIC_HZ) for name, part in parts], noise(kind, float(hours), 2)
             for frames in (8, 24):
                 yield [f"{kind}, {frames} frames", *(_counted(train, test, frames, b) for b in NOISE_BUDGETS)]
 
@@ -226,13 +233,13 @@ def thresholds_synthetic(hours: str = "40") -> None:
 
 def recorded(rows: int, signals: int) -> Data:
     """Return white noise on a common motion, in ten flights."""
-    of_signals: dict[str, list[Flight]] = {}
+    of_signals: dict[str, list[DataBlock]] = {}
     names = [f"flight {k}" for k in range(10)]
     for s in range(signals):
         motion = 5.0 * np.sin(np.arange(rows) / 300.0 + s)
         samples = motion + np.random.default_rng(s).normal(size=(4, rows))
         parts = zip(names, np.array_split(samples, 10, axis=1), strict=True)
-        of_signals[f"signal_{s}"] = [Flight(name, np.ascontiguousarray(p), SYNTHETIC_HZ) for name, p in parts]
+        of_signals[f"signal_{s}"] = [DataBlock(name, np.ascontiguousarray(p), SYNTHETIC_HZ) for name, p in parts]
     settings = dict.fromkeys(of_signals, RecordedSignal(threshold=1.0))
     return Data(names, SYNTHETIC_HZ, rows / SYNTHETIC_HZ / 3600.0, of_signals, settings)
 

@@ -21,7 +21,7 @@ from rig.campaign.pool import each
 from rig.campaign.statistics import poisson
 from rig.computer.analytic.unit_bank import bank_by
 from rig.computer.fdi.state import BOTH
-from rig.frame import ESTIMATES, INDEX, Block, Lie, Trust
+from rig.frame import ESTIMATES, INDEX, Block, SensorFault, Trust
 from rig.loop import Rig, frames
 from rig.studies.rate_bias import AFTER_S, ALL_CHANNELS, POINTS, TURBULENCE, Case, Fault, settings
 from rig.units.angles import wrap
@@ -158,7 +158,7 @@ def second(w: Any, row: Any) -> list[float]:
 
 def declared(flight: Block, onset: int, rate_hz: float) -> Table:
     """Return sensor faults and biased rates."""
-    corrected, biased = flight["trust"] == Trust.CORRECTED, flight["lie"] == Lie.RATE_BIAS
+    corrected, biased = flight["trust"] == Trust.CORRECTED, flight["lie"] == SensorFault.RATE_BIAS
     after = np.flatnonzero(corrected[onset:])
     trips = int(np.count_nonzero(np.diff(corrected.astype(int), prepend=0) == 1))
     first_s = float(after[0]) / rate_hz if len(after) else None

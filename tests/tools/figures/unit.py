@@ -26,8 +26,7 @@ from figures import table
 from rig import loop
 from rig.flight.unit_loop import fly_rows as fly_unit
 from rig.flight.unit_loop import unit_computer
-from rig.frame import Block
-from rig.frame import Unit as Answer
+from rig.frame import Block, UnitStatus
 from rig.replay.vote_again import OUTPUTS, vote_again
 from rig.scenario import Scenario, load, names
 from rig.unit.settings import Unit
@@ -203,7 +202,7 @@ def planned(frames: int, period_s: float) -> list[Any]:
 
 def counted(flight: rig.Flight, plan: list[Any]) -> str:
     """Return what was lost, discarded and held, each against its plan."""
-    unit, held = flight.unit or {}, flight.rows["unit"] == Answer.HELD
+    unit, held = flight.unit or {}, flight.rows["unit"] == UnitStatus.HELD
     frames = {kind: [k for name, a, b, *_ in plan if name == kind for k in range(a, b + 1)] for kind, *_ in plan}
     lost = frames["lost-request"] + frames["lost-reply"]
     return (

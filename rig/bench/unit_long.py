@@ -1,0 +1,148 @@
+"""Long sessions for the conformance test of a unit: what needs thousands of frames to go wrong.
+
+Counters of eight and sixteen bits, memories that are cleared, a fade or weights that are forgotten, a second reference
+that is ignored after a while.  The inputs are drawn from seeds with every setting away from its default; the answers
+are our own manager's, which tests compare with the independent reading over the same inputs.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from rig.frame import CHANNELS, SURFACES, D, Ilm, Resolver, S
+from rig.unit.layout import CONFIG, INPUT, TO_UNIT, Form, Kind, blank
+from rig.units.constants import TWO_PI
+
+RATE_HZ: Final = 100.0
+FRAMES: Final = 5000
+MOST_FRAMES: Final = 70_000  # more than a counter of sixteen bits has
+TITLES: Final = (
+    "long session, short memories",
+    "long session, counts beyond eight bits",
+    "long session, boxes and angles",
+)
+_HERE: Final = np.array([0.0] * 14 + [0.25, -0.25])  # offsets in thresholds: of a healthy channel,
+_GONE: Final = np.array([3.0, -3.0, 6.0, -6.0, 9.5, np.nan])  # and of one with a fault
+_OFF: Final = np.array([0.0] * 6 + [0.5, 3.0, -3.0, np.nan, np.nan])  # of a reference
+_SLOPES: Final = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.125, -0.125, 0.375])  # thresholds a frame, there and back
+_WORD: Final = 1 << 16
+_BUMP: Final = 24  # frames there, and as many back: at rest a signal that is lost finds its held vote again
+
+
+def inputs_of(number: int, frames: int = FRAMES) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return CONFIG (1,) and INPUT (frames,) of a long session; number : of TITLES."""
+    draw = np.random.default_rng((number, 2))
+    config, inputs = _config(draw, number), blank(INPUT, TO_UNIT, Kind.FRAME).repeat(frames)
+    inputs["frame"], rare = np.arange(frames), (70, 24, 90)[number]
+    inputs["time_s"] = inputs["frame"] / RATE_HZ
+    for i, row in enumerate(config["signal"][0]):
+        _give_signal(draw, inputs, i, row, rare)
+    _give_discretes(draw, inputs)
+    _give_patience(inputs, config["signal"][0, -1], (_WORD, 1000, 256)[number])
+    return config, inputs
+
+
+def _config(draw: Generator, number: int) -> NDArray[Any]:
+    """Return settings, none at its default; counts beyond eight bits but in the first session."""
+    config = blank(CONFIG, TO_UNIT, Kind.CONFIG)
+    config["rate_hz"], config["form"] = RATE_HZ, Form.REDUNDANCY
+    config["box_signals"], config["box_persistence"] = ((0, 1), (3, 12), (6, 20))[number]
+    config["surface_low"], config["surface_high"] = -0.5, [*[0.5] * (len(SURFACES) - 1), 1.0]
+    signal, counts = config["signal"][0], (1, 40, 7)[number]
+    beside = 1.0 / 1024  # no distance is exactly a threshold, where rounding would decide
+    for name, low, high in (("persistence", 3, 9), ("singular_persistence", 4, 12), ("fade_frames", 3, 9)):
+        signal[name] = draw.integers(low, high, S) * counts
+    signal["common_persistence"] = draw.integers(4, 9, S) * counts
+    signal["readmit_frames"] = draw.integers(60, 90, S) * draw.choice(([1], [4, 4, 15], [2])[number], S)
+    signal["trend_frames"], signal["weighted"] = draw.integers(1, 9, S), draw.random(S) < 0.7
+    signal["common_fails"], signal["fitted"] = draw.random(S) < 0.5, draw.choice([4, 4, 4, 3], S)
+    signal["threshold"] = 1.0 + beside
+    for name in ("threshold_triplex", "threshold_duplex", "reference_threshold", "second_threshold"):
+        signal[name] = draw.choice([0.75, 1.5, 2.0], S) + beside
+    for name in ("outlier_threshold", "outlier_threshold_triplex"):
+        signal[name] = draw.choice([0.0, 0.625], S) * signal["threshold"]
+    signal["low"], signal["high"] = -1e4, 1e4
+    signal["deviation"], signal["deviation_frames"] = 2.5, 500.0
+    if number == 2:
+        _turn(signal, draw)
+    signal["readmit_frames"][-1] = 200  # of _give_patience
+    for row in signal:
+        order = draw.permutation([Resolver.ILM, Resolver.REFERENCE, Resolver.TREND])
+        row["resolvers"] = [*order, Resolver.EXTREMES, Resolver.MIDDLE]
+    discrete = config["discrete"][0]
+    discrete["fitted"], discrete["fail_safe"] = draw.integers(3, 5, D), [1, 0, 1]
+    discrete["persistence"], discrete["readmit_frames"] = 5 * counts, 60 * counts
+    return config
+
+
+def _turn(signal: NDArray[Any], draw: Generator) -> None:
+    """Make half of the signals angles, and some others compared behind a filter."""
+    half = slice(0, S, 2)
+    for name in (name for name in signal.dtype.names or () if "threshold" in name):
+        signal[name][half] *= 0.02
+    signal["wraps"][half], signal["low"][half], signal["high"][half] = 1, 0.0, TWO_PI
+    signal["filter_gain"][1::4] = draw.choice([0.1, 0.5])
+
+
+def _episodes(
+    draw: Generator, frames: int, shape: tuple[int, ...], choices: NDArray[Any], length: float
+) -> NDArray[Any]:
+    """Return (frames, *shape) of ``choices``, each for ``length`` frames on the average."""
+    fresh, changes = draw.choice(choices, (frames, *shape)), draw.random((frames, *shape)) < 1.0 / length
+    changes[0] = True
+    numbers = np.arange(frames).reshape(-1, *[1] * len(shape))
+    since = np.maximum.accumulate(np.where(changes, numbers, 0), axis=0)
+    return np.take_along_axis(fresh, since, axis=0)
+
+
+def _give_signal(draw: Generator, inputs: NDArray[Any], i: int, row: NDArray[Any], rare: int) -> None:
+    """Write the samples, monitors, references and resets of one signal; one channel of ``rare`` is wrong."""
+    frames, threshold = len(inputs), float(row["threshold"])
+    length = 1.2 * float(row["persistence"]) + 8.0
+    bumps = np.repeat(draw.choice(_SLOPES, frames // (2 * _BUMP) + 1), 2 * _BUMP)[:frames]
+    there = np.arange(frames) % (2 * _BUMP)
+    truth = threshold * bumps * np.minimum(there, 2 * _BUMP - there)
+    wrong = _episodes(draw, frames, (CHANNELS,), np.arange(rare), length) == 0
+    all_off = _episodes(draw, frames, (), np.array([0.0] * (rare // 2) + [5.0]), length)
+    here = _episodes(draw, frames, (CHANNELS,), _HERE, 25.0)
+    gone = _episodes(draw, frames, (CHANNELS,), _GONE, length)
+    channels = truth[:, None] + threshold * (np.where(wrong, gone, here) + all_off[:, None])
+    inputs["channels"][:, i] = _in_range(channels, row)
+    inputs["valid"][:, i] = _episodes(draw, frames, (CHANNELS,), np.arange(3 * rare) != 0, 4.0)
+    says = np.array([*[Ilm.ABSENT] * 3, *[Ilm.GOOD] * 3, Ilm.BAD])
+    inputs["ilm"][:, i] = _episodes(draw, frames, (CHANNELS,), says, length)
+    for name, beside in (("reference", 1 / 512), ("second_reference", 1 / 256)):
+        off = _episodes(draw, frames, (), _OFF, 2.0 * length) + beside
+        inputs[name][:, i] = _in_range(truth + threshold * off, row)
+    commanded = draw.random(frames) < 4.0 / float(row["readmit_frames"])
+    inputs["reset"][:, i] = np.where(commanded, draw.integers(1, 16, frames), 0)
+
+
+def _give_patience(inputs: NDArray[Any], row: NDArray[Any], frames: int) -> None:
+    """Have the last signal at rest: a channel fails, agrees for longer than ``frames``, and is then readmitted."""
+    last, back = S - 1, 100 + 2 * int(row["persistence"])
+    inputs["channels"][:, last], inputs["valid"][:, last], inputs["reset"][:, last] = 0.0, 1, 0
+    inputs["channels"][100:back, last, 0] = 4.0 * float(row["threshold"])
+    inputs["reset"][back + frames + int(row["readmit_frames"]) // 2 :, last] = 1
+
+
+def _in_range(values: NDArray[np.float64], row: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the same, angles on their circle."""
+    low = float(row["low"])
+    return (values - low) % TWO_PI + low if row["wraps"] else values
+
+
+def _give_discretes(draw: Generator, inputs: NDArray[Any]) -> None:
+    frames, each = len(inputs), (D, CHANNELS)
+    truth = _episodes(draw, frames, (D, 1), np.array([0, 1]), 90.0)
+    wrong = _episodes(draw, frames, each, np.arange(40) == 0, 20.0)
+    inputs["discrete_channels"] = truth ^ wrong
+    inputs["discrete_valid"] = _episodes(draw, frames, each, np.array([1] * 20 + [0]), 20.0)
+    says = np.array([*[Ilm.GOOD] * 8, Ilm.ABSENT, Ilm.ABSENT, Ilm.BAD])
+    inputs["discrete_ilm"] = _episodes(draw, frames, each, says, 3.0)
+    commanded = draw.random((frames, D)) < 0.01
+    inputs["discrete_reset"] = np.where(commanded, draw.integers(1, 16, (frames, D)), 0)

@@ -1,0 +1,153 @@
+"""Compile what a flight needs in processes of their own: two where two cores are free.
+
+Before, decide and after of a frame (loop.py) cost about a third each, and each kernel is compiled by one process alone
+(kernel_locks.py): one process takes them in the order of a frame, the other begins with the last.  The process that
+asks for it loads what they made.  While it waits it heeds a signal at once, which it could not while LLVM is at work.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+from rig import loop
+from rig.assess.of_log import FlightConclusion
+from rig.assess.outcome_rows import add_rows
+from rig.kernel_cache import folder, reached
+from rig.kernel_locks import give_back, take
+from rig.kernels import cache_root, compile_inner
+from rig.log import LogWriter
+from rig.plant.truth import write_row
+from rig.scenario import load
+from rig.unit.compiled_exchange import cores
+from rig.util.interrupt import at_once
+
+Show = Callable[[int, int], None]  # kernels that are compiled, of how many
+_CHILD: Final = "from rig.campaign.compile_ahead import run_child; run_child()"
+_LOCK: Final = "compile ahead"  # one pair of processes for all that share a cache
+
+
+class Ahead:
+    """Has all kernels of a flight compiled when the first is missing; what then is missing the caller compiles.
+
+    ``compile_missing`` is for ``kernel_cache.before_compiling``.
+    """
+
+    def __init__(self, show: Show) -> None:
+        self._show, self._tried = show, False
+
+    def compile_missing(self, function: Callable[..., object], path: Path) -> None:
+        """Have ``path``, the compiled ``function``, made with all others if it belongs to a flight; once."""
+        if self._tried or _name(function) not in _of_flight():
+            return
+        self._tried, kernels = True, folder(cache_root())
+        with at_once():
+            self._show(0, len(_of_flight()))
+            if not take(kernels, _LOCK):
+                return  # nothing can be locked there
+            try:
+                if not path.exists():  # made by another pair, for which this process has waited
+                    _compile(self._show)
+            finally:
+                give_back(_LOCK)
+
+
+@cache
+def _of_flight() -> dict[str, Callable[..., object]]:
+    """Return what the frames, the plant and the outcome of a flight reach, by name."""
+    roots: tuple[Any, ...] = (loop.compute, write_row, add_rows)
+    return {_name(function): function for root in roots for function in reached(root.py_func)}
+
+
+def _name(function: Callable[..., object]) -> str:
+    return f"{function.__module__}:{function.__qualname__}"
+
+
+def _compile(show: Show) -> None:
+    """Start the processes; show what they have done until they have ended."""
+    wanted, done = _of_flight(), set[str]()
+    parts = PARTS if cores() > 1 else PARTS[:1]
+    with ExitStack() as stack:
+        reading, writing = os.pipe()
+        told = stack.enter_context(open(reading))  # noqa: PTH123 # a descriptor, no path
+        try:
+            for part in parts:
+                stack.enter_context(_child(part, writing))
+        finally:
+            os.close(writing)  # the children have it: without them the pipe is at its end
+        for line in told:
+            if (function := wanted.get(line.strip())) is not None:
+                done.update(map(_name, reached(function)))
+                show(len(done), len(wanted))
+
+
+@contextmanager
+def _child(part: str, told: int) -> Iterator[None]:
+    """Run a process that compiles a part; it prints nothing and ends with this one, or when this leaves."""
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-c", _CHILD, part, str(told)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        pass_fds=[told],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
+    )
+    try:
+        yield
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def run_child() -> None:
+    """Compile the part that the command line names; tell each kernel that is compiled."""
+    from numba.core import event
+
+    part, told = sys.argv[1], int(sys.argv[2])
+
+    class Teller(event.Listener):
+        def on_start(self, event: Any) -> None:
+            """Do nothing: it is told when it is compiled."""
+
+        def on_end(self, event: Any) -> None:
+            os.write(told, f"{_name(event.data['dispatcher'].py_func)}\n".encode())
+
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    with event.install_listener("numba:compile", Teller()):
+        _PART[part]()
+
+
+def _end_with_parent() -> None:
+    sys.stdin.buffer.read()  # nothing ever comes: it ends with the parent, in whatever way that ends
+    os._exit(1)
+
+
+def _in_order() -> None:
+    """Compile all that a flight and its score need, in the order of a flight."""
+    from rig.campaign.worker import warm
+
+    warm()
+    LogWriter(os.devnull, 1.0, {})
+
+
+def _from_the_end() -> None:
+    """Compile the last stretch of a frame, the outcome, then what the other process may have left."""
+    scenario = load(None, ["duration_s=0.01", "faults=[]"])
+    rig, rows = loop.Rig(scenario, lambda rig: lambda rows, k, data: None, keep_clean=1), loop.new_block(1)
+    rig.prepare(rows)
+    compile_inner(loop.after, loop.nested(rows), 0, rig.data)
+    outcome = FlightConclusion()
+    outcome.begin(scenario)
+    outcome.add(rows, rig.faults.clean_of(rows))
+    compile_inner(loop.decide, loop.nested(rows), 0, rig.data)
+
+
+_PART: Final = {"in order": _in_order, "from the end": _from_the_end}
+PARTS: Final = tuple(_PART)

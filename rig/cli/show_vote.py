@@ -1,0 +1,105 @@
+"""How ``rig vote`` prints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from rig.cli.table import Column, line, table
+
+_SIGNALS = (
+    *(Column("signal", "name"), Column("level", "level")),
+    Column("singular frames", lambda row: f"{100 * row['singular_share']:.3g} %", worth=6),
+    *(Column("spread median", "spread.median", ".4g", worth=5), Column("95 %", "spread.p95", ".4g", worth=3)),
+    *(Column("worst", "spread.max", ".4g", worth=4), Column("voted from", "voted.min", ".4g", worth=7)),
+    *(Column("to", "voted.max", ".4g", worth=7), Column("unit", "unit", worth=8)),
+)
+_DISCRETES = (
+    *(Column("discrete", "name"), Column("level", "level"), Column("fail-safe", "fail_safe", worth=4)),
+    Column("voted 1", lambda row: f"{100 * row['ones_share']:.3g} %"),
+    Column("changes", "changes", worth=5),
+)
+_CHANNELS = (
+    *(Column("channel", "name"), Column("at the end", "state"), Column("failed in frame", "frame", worth=5)),
+    *(Column("at", "at"), Column("by", "why"), Column("invalid samples", "invalid", worth=6)),
+)
+_INJECTED = (
+    Column("injected", "fault"),
+    Column("channel", lambda one: f"{one['signal']}.{one['channel']}"),
+    Column("onset", lambda one: None if one["onset_s"] is None else f"{one['onset_s']:.6g} s", worth=5),
+    Column("outcome", "outcome"),
+    Column("failed", lambda one: one["failed_channel"] and f"{one['signal']}.{one['failed_channel']}"),
+    Column("delay", lambda one: None if one["delay_s"] is None else f"{one['delay_s']:.3f} s", worth=7),
+    Column("by", "by", worth=6),
+)
+_ALIGNED = (
+    *(Column("channel", "name"), Column("delay in frames", "delay_frames", ".2f", worth=5)),
+    *(Column("in ms", lambda row: f"{1e3 * row['delay_s']:.2f}"), Column("offset", "offset", ".4g")),
+    Column("correlation", "correlation", ".2f", worth=6),
+    Column("", lambda row: "" if row["aligned"] else "left alone: like no other channel"),
+)
+_MATRICES = (
+    Column("triad", lambda one: f"{one['triad']}, channel {one['channel']}"),
+    Column("turned by", "rotation_deg", ".2f", "deg"),
+    Column("gains", lambda one: f"{one['gains'][-1]:.3f} to {one['gains'][0]:.3f}", worth=5),
+    *(Column("off before, rms", "rms_before", ".4g", worth=6), Column("after", "rms_after", ".4g", worth=6)),
+    Column("", lambda one: "" if one["applied"] else "left alone: no misalignment that can be believed"),
+)
+
+
+def vote(found: dict[str, Any]) -> None:
+    """Print the summary as tables, how long each step took, and where the votes are."""
+    first, last = found["time_s"]
+    line(f"{found['rows']} rows from {first:g} to {last:g} s, {found['rate_hz']:g} a second")
+    for remark in found["remarks"]:
+        line(remark)
+    for repair in found["repaired"]:
+        line(_repaired(repair))
+    if "alignment" in found:
+        _alignments(found)
+    table(_named(found["signals"]), _SIGNALS)
+    table(_named(found["discretes"]), _DISCRETES)
+    table(_channels(found), _CHANNELS)
+    table(found.get("injected", {}).get("faults", ()), _INJECTED)
+    if found["not_voted"]:
+        line(f"not voted, as CONFIG does not name them: {', '.join(found['not_voted'])}")
+    for warning in found["warnings"]:
+        line(f"warning: {warning}")
+    line(", ".join(f"{stage} {taken:.2f} s" for stage, taken in found["seconds"].items()))
+    line(f"written  {found['out']}")
+
+
+def _named(groups: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    return ({"name": name, **group} for name, group in groups.items())
+
+
+def _repaired(repair: dict[str, Any]) -> str:
+    rows = ", ".join(map(str, repair["first"])) + (", ..." if repair["dropped"] > len(repair["first"]) else "")
+    of = f"{repair['rows']} rows of {repair['source']}"
+    return f"dropped {repair['dropped']} of {of}, where time repeats or steps back: {rows}"
+
+
+def _channels(found: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield a row for each channel, and one more each time that it failed again."""
+    for name, signal in {**found["signals"], **found["discretes"]}.items():
+        for channel in signal["channels"]:
+            times = [{"frame": f["frame"], "at": f"{f['time_s']:.6g} s", "why": f["why"]} for f in channel["failed"]]
+            first, *again = times or [{"frame": "never", "at": "", "why": ""}]
+            about = {"name": f"{name}.{channel['channel']}", "state": channel["state"]}
+            yield {**about, **first, "invalid": channel["invalid_samples"]}
+            yield from ({"name": "", "state": "", **later, "invalid": ""} for later in again)
+
+
+def _alignments(found: dict[str, Any]) -> None:
+    about = found["alignment"]
+    chosen = ", as no --align-to is given" if about["by_default"] else ""
+    line(f"aligned by {about['rows']} rows from {about['from_s']:g} to {about['to_s']:g} s{chosen}")
+    aligned = [
+        {"name": f"{name}.{channel['channel']}", **channel["alignment"]}
+        for name, signal in found["signals"].items()
+        for channel in signal["channels"]
+    ]
+    table(aligned, _ALIGNED)
+    table(about["matrices"] or (), _MATRICES)
+    for warning in about["warnings"]:
+        line(f"warning: {warning}")

@@ -1,0 +1,32 @@
+"""Parts of servo actuators that faults change, and what they are while nothing is broken."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.frame import CHANNELS, MOVED
+
+
+class Part(IntEnum):
+    """Part of a servo actuator: a number a channel, or in the place of the first one for all."""
+
+    COMMANDED = 0  # 1: the coil's current is the one asked for,
+    ADDED = 1  # and this is added
+    OPEN_SEEN = 2  # 1: the monitor of its wire sees that the coil is open
+    OFFSET = 3  # of the position sensor, rad
+    FACTOR = 4
+    STUCK = 5  # 1: the position sensor stays at its last value
+    VALVE_STUCK = 6
+    JAMMED = 7  # 1: the spool stays where it is
+    LEFT = 8  # share of the flow that no leak takes
+    PRESSURE = 9  # share of each hydraulic system's, in the record of the first actuator
+
+
+def whole_parts() -> NDArray[np.float64]:
+    """Return (actuators, parts, channels): every part as it is while nothing is broken."""
+    parts = np.zeros((len(MOVED), len(Part), CHANNELS))
+    parts[:, [Part.COMMANDED, Part.FACTOR, Part.LEFT, Part.PRESSURE]] = 1.0
+    return parts

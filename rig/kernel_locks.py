@@ -1,0 +1,65 @@
+"""Of processes that need the same kernel one compiles it: each kernel's lock is a byte of one file in the cache.
+
+A lock ends with its process, however that ends, and the system refuses one by which processes would wait in a circle.
+Where files cannot be locked, and on systems without such locks, a kernel may be compiled twice.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+_held: dict[str, tuple[int, int]] = {}  # by name: the file and the byte in it
+
+
+def take(folder: Path, name: str, *, wait: bool = True) -> bool:
+    """Lock ``name`` among the processes that use ``folder``, True; without ``wait`` False when another one has it.
+
+    False also where it cannot be locked.  A process that has it takes it again; its threads do not exclude each other.
+    """
+    if (fcntl := _fcntl()) is None:
+        return False
+    try:
+        file, byte = _file(folder, os.getpid()), _byte(name)
+        fcntl.lockf(file, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB, 1, byte)
+    except OSError:  # another has it, no right to write, no locks on this file system, or a circle of waiting
+        return False
+    _held[name] = file, byte
+    return True
+
+
+def give_back(name: str) -> None:
+    """Unlock ``name``; nothing happens when this process does not have it."""
+    held = _held.pop(name, None)
+    if held is not None and (fcntl := _fcntl()) is not None:
+        fcntl.lockf(held[0], fcntl.LOCK_UN, 1, held[1])
+
+
+def give_all_back() -> None:
+    """Unlock all that this process has: what fails to compile is never saved."""
+    for name in list(_held):
+        give_back(name)
+
+
+@cache
+def _fcntl() -> ModuleType | None:
+    """Import the locks of POSIX; None on Windows."""
+    try:
+        import fcntl
+    except ImportError:
+        return None
+    return fcntl
+
+
+@cache
+def _file(folder: Path, process: int) -> int:
+    """Open the file of locks, once in each process: to close any other of its descriptors would end all locks."""
+    folder.mkdir(parents=True, exist_ok=True)
+    return os.open(folder / "locks", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+
+
+def _byte(name: str) -> int:
+    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:7])  # below 2^56, which every file system takes

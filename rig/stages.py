@@ -1,0 +1,63 @@
+"""Stages of a scenario that take settings of several tables, each at its first frame; replays build them too."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rig import sensors
+from rig.actuators.stage import Actuators
+from rig.computer.redundancy import Redundancy
+from rig.faults import Coils, Faults
+from rig.frame import MOVED, SIGNALS
+from rig.plant.jsbsim import Plant
+from rig.scenario import Scenario
+from rig.sensors import inertial
+
+if TYPE_CHECKING:
+    from rig.plant.linear_plant import LinearPlant
+
+
+def servos(scenario: Scenario, plant: Plant | LinearPlant) -> Actuators | None:
+    """Return the servos that move the surfaces of ``plant``; None where its own lag does."""
+    if not scenario.has_servos or not isinstance(plant, Plant):
+        return None
+    made = Actuators(
+        scenario.actuators,
+        {name: getattr(scenario.airframe, name) for name in MOVED},
+        plant.trim[: len(MOVED)],
+        scenario.rate_hz,
+        scenario.steps_per_frame,
+        scenario.streams()["actuators"],
+    )
+    plant.moved_by(made.data.positions)
+    return made
+
+
+def faults(scenario: Scenario, keep_clean: int = 0) -> Faults:
+    """Return the faults of a scenario, at their first frame; a replay runs those on references again."""
+    ranges = sensors.ranges(scenario.sensors)
+    places = np.vstack([ranges, inertial.ranges(), ranges, scenario.airframe.surface_limits])  # as in faults.Places
+    seeds, monitored = scenario.streams()["faults"], scenario.redundancy.signals
+    thresholds = np.array([getattr(monitored, signal.name).threshold for signal in SIGNALS])
+    monitors = {signal.name: getattr(scenario.sensors, signal.name).monitor for signal in SIGNALS}
+    coils = {name: Coils(m.coverage, m.tolerance, m.frames) for name, m in monitors.items() if m is not None}
+    return Faults(
+        scenario.faults,
+        places,
+        scenario.rate_hz,
+        seeds,
+        thresholds=thresholds,
+        coils=coils,
+        keep_clean=keep_clean,
+        wire_coverage=scenario.actuators.continuity.coverage,
+    )
+
+
+def redundancy(scenario: Scenario) -> Redundancy:
+    """Return the redundancy stage of a scenario, at its first frame.  BadInput: the user's manager."""
+    suite = scenario.sensors
+    ranges, channels, discretes = sensors.ranges(suite), sensors.channels(suite), sensors.discrete_channels(suite)
+    settings, references, rate_hz = scenario.redundancy, scenario.references, scenario.rate_hz
+    return Redundancy(settings, ranges, channels, references, rate_hz, discretes, scenario.trust)

@@ -1,0 +1,101 @@
+"""The process that the rig starts for a unit: what it printed and how it ended; nothing is left behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from rig.errors import BadInput
+from rig.text import one_line
+from rig.unit.guard import END_S
+from rig.unit.host import LOOKS
+
+MOST_OUTPUT: Final = 4096  # bytes of what a process printed that are shown
+_HERE: Final = Path(__file__).parent
+_HOSTS: Final = {"library": "host.py", "fmu": "fmu_host.py"}
+_AS_TOLD: Final = ("exited with status 0", "killed by signal 15 (SIGTERM)")
+_AFTER_END_S: Final = 0.05  # in which a command that has been told of the end may still go wrong
+
+
+class UnitProcess:
+    """A process of the unit behind its guard (guard.py): the host of a library, or a command."""
+
+    def __init__(
+        self,
+        kind: str,
+        arguments: Iterable[str],
+        fds: tuple[int, ...] = (),
+        folder: Path | None = None,
+        looks: int = 0,
+    ) -> None:
+        """Start the host of ``kind`` or, by "exec", the command ``arguments``; BadInput when the system cannot.
+
+        fds : that it inherits; folder : in which it runs; looks : for a message, before it sleeps
+        """
+        self._is_command = kind == "exec"
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115 # lives as long as the process
+        what = kind if self._is_command else str(_HERE / _HOSTS[kind])
+        command = [sys.executable, "-I", str(_HERE / "guard.py"), str(os.getpid()), what, *arguments]
+        try:
+            self._process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=self._output,
+                stderr=subprocess.STDOUT,
+                pass_fds=fds,
+                cwd=folder,
+                env={**os.environ, LOOKS: str(looks)},
+                start_new_session=True,  # a Ctrl-C is the rig's
+            )
+        except OSError as error:
+            raise BadInput(f"the unit's process cannot be started: {error.strerror}") from None
+
+    def how_it_ended(self, wait_s: float = 0.0) -> str | None:
+        """Return how it ended, None while it runs."""
+        try:
+            code = self._process.wait(wait_s) if wait_s else self._process.poll()
+        except subprocess.TimeoutExpired:
+            return None
+        if code is None:
+            return None
+        if code < 0:
+            return f"killed by signal {-code} ({signal.Signals(-code).name})"
+        return f"exited with status {code}"
+
+    def stop(self) -> str:
+        """End it and all that it has started; return how it ended if not as it was told to, else an empty text.
+
+        The host of a library sees that its socket is closed; a command that waits for a datagram does not.
+        """
+        ended = self.how_it_ended(_AFTER_END_S if self._is_command else END_S)
+        if ended is None:
+            self._process.terminate()  # its guard kills it, and all below it, after END_S
+            ended = self.how_it_ended(3 * END_S)
+            if not self._is_command or ended is None or "SIGKILL" in ended:
+                ended = f"did not end within {END_S:g} s and was killed"
+        with suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)  # where no guard could look for them
+        self._process.wait()
+        return "" if ended in _AS_TOLD else ended
+
+    def printed(self) -> str:
+        """Return the end of what it has written to its standard output and error."""
+        size = self._output.seek(0, os.SEEK_END)
+        self._output.seek(max(0, size - MOST_OUTPUT))
+        return self._output.read().decode(errors="replace")
+
+    def forget(self) -> None:
+        """Let go of what it printed."""
+        self._output.close()
+
+    def last_line(self) -> str:
+        """Return the last line that it printed, for a message."""
+        lines = [line for line in self.printed().splitlines() if line.strip()]
+        return one_line(lines[-1]) if lines else ""

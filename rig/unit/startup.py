@@ -1,0 +1,122 @@
+"""How a session begins: HELLO until READY of session 0, CONFIG until READY of the session.
+
+What may be lost is repeated, and both sides take a repetition for what it is: HELLO goes with every repetition of
+CONFIG, as a unit may have restarted meanwhile.  Each cause of not starting has its own line, with what was received
+last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.unit.layout import HELLO, PART, PART_BYTES, TO_UNIT, Kind, blank
+from rig.unit.links import MOST_BYTES, Disconnected, SocketLink, clock
+from rig.unit.messages import Ready, UnitStopped, read_ready, sealed
+
+_AGAIN_S: Final = 0.2  # after which an unanswered HELLO or CONFIG is repeated: a box may have lost it
+_BUSY: Final = "busy"  # how REFUSED begins while another session is open: it ends with END, or after a silence
+
+
+def open_session(link: SocketLink, config: NDArray[Any], start_s: float, stopped: Callable[[], bool]) -> str:
+    """Send HELLO and CONFIG, each until it is answered; return the unit's own text.  UnitStopped.
+
+    config : (1,) CONFIG with its session; start_s : for each of both
+    """
+    session = int(config["session"][0])
+    hello = sealed(blank(HELLO, TO_UNIT, Kind.HELLO, session))
+    start = _Start(link, session, start_s, stopped)
+    here = start.send_until_ready([hello], [hello], (0, session), "while it was loaded")
+    parts = _parts(config, session)
+    again = [hello, *parts] if here.session == 0 else parts  # version 1 has READY of the session for both
+    ready = start.send_until_ready(parts, again, (session,), "while it began the session")
+    link.opened = True
+    return ready.text
+
+
+class _Start:
+    """The messages of one start, and what was heard that was no answer to them."""
+
+    def __init__(self, link: SocketLink, session: int, start_s: float, stopped: Callable[[], bool]) -> None:
+        self._link, self._session, self._start_s, self._stopped = link, session, start_s, stopped
+        self._into = memoryview(bytearray(MOST_BYTES))
+        self._heard, self._greeted, self._sent = "", False, 0
+
+    def send_until_ready(
+        self, first: list[memoryview], again: list[memoryview], sessions: tuple[int, ...], when: str
+    ) -> Ready:
+        """Send ``first``, then ``again`` and again until READY of one of ``sessions``.  UnitStopped.
+
+        What cannot be lost is sent once, to a library that may take long.  when : it must have ended, if it has
+        """
+        until = clock() + self._start_s
+        self._sent = 0
+        try:
+            while clock() < until and not self._stopped():
+                self._send(again if self._sent else first)
+                ready = self._await_ready(until if self._link.reliable else min(until, clock() + _AGAIN_S), sessions)
+                if ready is not None:
+                    self._greeted = True
+                    return ready
+        except Disconnected as ended:
+            when = "after the flight before" if self._link.opened else when if self._link.reliable else "before READY"
+            raise UnitStopped(f"{ended} {when}") from None
+        raise UnitStopped(f"did not send READY within start_s = {self._start_s:g} s: {self._cause()}")
+
+    def _send(self, messages: list[memoryview]) -> None:
+        self._sent += 1
+        for message in messages:
+            self._link.send(message)
+
+    def _await_ready(self, until: float, sessions: tuple[int, ...]) -> Ready | None:
+        while clock() < until and not self._stopped():
+            count = self._link.receive(self._into, until)
+            if not count:
+                continue
+            ready = read_ready(self._into[:count])
+            if ready.kind == Kind.READY and ready.session in sessions:
+                return ready
+            self._note(ready)
+        return None
+
+    def _note(self, ready: Ready) -> None:
+        """Keep what the message says of the cause.  UnitStopped: the unit refuses."""
+        if ready.wrong:
+            self._heard = f"last received: {ready.wrong}"
+        elif ready.kind == Kind.REFUSED and ready.session in (0, self._session):
+            if not ready.text.startswith(_BUSY):
+                raise UnitStopped(f"refuses the flight: {ready.text}")
+            self._heard = f"it is {ready.text}"
+        elif ready.session not in (0, self._session):
+            name = Kind(ready.kind).name
+            self._heard = f"last received: {name} of session {ready.session}, this flight has {self._session}"
+
+    def _cause(self) -> str:
+        """Return why there was no READY, as far as it is known."""
+        reliable = self._link.reliable
+        if self._heard or self._link.trouble:
+            return self._heard or self._link.trouble
+        if self._greeted:
+            return (
+                "it has been loaded and still begins the session"
+                if reliable
+                else (f"it has answered HELLO, and CONFIG not once in {self._sent} times")
+            )
+        return "it is still being loaded" if reliable else f"nothing has come from {self._link.peer}"
+
+
+def _parts(config: NDArray[Any], session: int) -> list[memoryview]:
+    """Return CONFIG in messages that fit into an Ethernet frame."""
+    whole = config.view(np.uint8)
+    count = -(-len(whole) // PART_BYTES)
+    messages = []
+    for i in range(count):
+        part = blank(PART, TO_UNIT, Kind.CONFIG, session)
+        data = whole[i * PART_BYTES : (i + 1) * PART_BYTES]
+        part["part"], part["parts"] = i, count
+        part["bytes"][0, : len(data)] = data
+        messages.append(sealed(part))
+    return messages

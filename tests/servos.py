@@ -1,0 +1,53 @@
+"""One set of servo actuators without an aircraft, moved frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.random import SeedSequence
+from numpy.typing import NDArray
+
+from rig.actuators.config import Config
+from rig.actuators.stage import ActuatorData, Actuators, move_surfaces
+from rig.frame import MOVED
+from rig.kernels import bind
+from rig.plant.airframe import Actuator
+
+LAG_S, RATE_LIMIT, STOP = 0.05, 1.0, 0.4
+SURFACE = Actuator(lag_s=LAG_S, rate_limit_rad_s=RATE_LIMIT, min_rad=-STOP, max_rad=STOP)
+EXACT: dict[str, Any] = dict.fromkeys(
+    (
+        "lvdt_bias_tolerance",
+        "lvdt_scale_tolerance",
+        "lvdt_noise_std",
+        "coil_tolerance",
+        "rate_tolerance",
+        "spool_tolerance",
+    ),
+    0.0,
+)
+Broken = Callable[[ActuatorData, int], None]
+
+
+def moved(
+    asked: NDArray[np.float64] | list[float],
+    broken: Broken | None = None,
+    rate_hz: float = 100.0,
+    trim: float = 0.0,
+    seed: int = 0,
+    **settings: Any,
+) -> NDArray[Any]:
+    """The records (n, 3) ACTUATOR of all frames; every surface is asked for ``asked`` (n,), rad."""
+    config = Config(model="servo", **(EXACT | settings))
+    servos = Actuators(config, dict.fromkeys(MOVED, SURFACE), np.full(3, trim), rate_hz, 1, SeedSequence(seed))
+    servos.prepare(0, len(asked))
+    surface, out = np.zeros(4), np.zeros(4)
+    step = bind(move_surfaces, surface, out, 0, servos.data)
+    for k, wanted in enumerate(asked):
+        if broken is not None:
+            broken(servos.data, k)
+        surface[:3] = wanted
+        step(surface, out, k, servos.data)
+    return servos.data.rows["actuator"].copy()

@@ -1,0 +1,241 @@
+"""The long sessions of the conformance test: our manager answers as the independent reading; slow defects are found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from oracle import DiscreteOracle, DiscreteSettings
+from oracle_answers import Settings
+from oracle_boxes import ResettableOracle
+from test_unit_vectors import Library, objects, with_defect
+from unit_defects import Defect
+from unit_files import compiled, needs_a_compiler, written
+
+from rig.bench.unit_check import check, long_cases, our_answers
+from rig.bench.unit_long import FRAMES, MOST_FRAMES, TITLES, inputs_of
+from rig.frame import CHANNELS, Block, D, Ilm, Pattern, Resolver, S, State
+from rig.unit.layout import ANSWERS
+from rig.unit.vectors import VOTES_WITHIN, differences
+
+assert objects  # the fixture
+PATTERNS = {pattern.label: int(pattern) for pattern in Pattern}
+
+
+def settings(row: NDArray[Any]) -> Settings:
+    """The oracle's settings of a CONFIG record of one signal."""
+    number = {name: float(row[name]) for name in row.dtype.names or () if row[name].ndim == 0}
+    return Settings(
+        threshold=number["threshold"],
+        threshold_triplex=number["threshold_triplex"],
+        threshold_duplex=number["threshold_duplex"],
+        reference_threshold=number["reference_threshold"],
+        second_threshold=number["second_threshold"],
+        persistence=int(row["persistence"]),
+        singular_persistence=int(row["singular_persistence"]),
+        trend_frames=int(row["trend_frames"]),
+        outlier=float(row["outlier_threshold"]) or None,
+        outlier_triplex=float(row["outlier_threshold_triplex"]) or None,
+        filter_share=float(row["filter_gain"]),
+        common_persistence=int(row["common_persistence"]),
+        common_fails=bool(row["common_fails"]),
+        resolvers=tuple(Resolver(one).name.lower() for one in row["resolvers"] if one),
+        channels=int(row["fitted"]),
+        turn=2 * np.pi if row["wraps"] else 0.0,
+    )
+
+
+class FadingOracle(ResettableOracle):
+    """With the two things that the short vectors leave off: the trend-weighted mean, and the fade after it.
+
+    Section 4: while both ranks move the same way, the one whose change is nearer to the vote's last change weighs more.
+    The fade begins in the frame after a change of level, at the vote that was said before, and ends after its frames;
+    a change of level ends one that is under way.  A readmission begins the count of a common mode anew.
+    """
+
+    weighted, fade_frames, low = False, 0, 0.0
+    rise = said = off = 0.0
+    left, level = 0, 0
+
+    def decide(self, view: Any, disputed_by: str) -> tuple[str, float, set[int]]:
+        resolver, vote, wrong = super().decide(view, disputed_by)
+        plain = resolver == "none" and len(view.x) > 1 and not self.singular and vote == sum(view.ranks) / 2
+        if self.weighted and plain and self.rises[0] * self.rises[1] > 0:
+            high, low = (abs(rise - self.rise) for rise in self.rises)
+            share = low / (high + low) if high + low else 0.5
+            above, below = max(view.ranks), min(view.ranks)
+            vote = below + share * (above - below)
+        return resolver, vote, wrong
+
+    def contradict(self, view: Any, vote: float, second: float | None) -> bool:
+        readmitted = self.s.channels - len(self.failed) > self.level
+        return not readmitted and super().contradict(view, vote, second)
+
+    def circle(self, x: float) -> float:
+        return self.low + (x - self.low) % self.s.turn if self.s.turn else x
+
+    def say(self, *given: Any) -> tuple[Any, float]:
+        """A frame and the vote that is said."""
+        before = self.vote
+        frame = self.step(*given)
+        self.vote = self.circle(frame.voted)
+        self.rise = 0.0 if before is None else self.s.near(frame.voted, before) - before
+        if self.left == self.fade_frames:
+            self.off = self.s.near(self.said, self.vote) - self.vote
+        fading = 0 < self.left <= self.fade_frames and frame.level == self.level
+        self.said = self.circle(self.vote + self.off * self.left / (self.fade_frames + 1)) if fading else self.vote
+        self.left = self.fade_frames if frame.level != self.level else max(self.left - 1, 0)
+        self.level = frame.level
+        return frame, self.said
+
+
+def expected(config: NDArray[Any], inputs: NDArray[Any], i: int, rows: Block) -> str:
+    """Where our answers of signal ``i`` are not the oracle's, or an empty text."""
+    row = config["signal"][0, i]
+    oracle = FadingOracle(settings(row), readmit_frames=int(row["readmit_frames"]))
+    oracle.weighted, oracle.fade_frames, oracle.low = bool(row["weighted"]), int(row["fade_frames"]), float(row["low"])
+    oracle.level, fitted = int(row["fitted"]), int(row["fitted"])
+    within = VOTES_WITHIN * float(row["high"] - row["low"])
+    for k, given in enumerate(inputs):
+        there = (given["valid"][i] != 0) & np.isfinite(given["channels"][i])
+        samples = [
+            float(x) if ok and c < fitted else None
+            for c, (x, ok) in enumerate(zip(given["channels"][i], there, strict=True))
+        ]
+        ilm = [Ilm(int(one)).name.lower() for one in given["ilm"][i]]
+        references = [
+            None if np.isnan(given[name][i]) else float(given[name][i]) for name in ("reference", "second_reference")
+        ]
+        commanded = {c for c in range(fitted) if given["reset"][i] >> c & 1}
+        oracle.command(commanded)
+        frame, said = oracle.say(samples, ilm, *references)
+        answer, states = rows[k], [State[name.upper()] for name in frame.states] + [State.ABSENT] * (CHANNELS - fitted)
+        ours = (answer["state"][i].tolist(), answer["level"][i], answer["pattern"][i], answer["resolver"][i])
+        theirs = (states, frame.level, PATTERNS[frame.pattern], Resolver[frame.resolver.upper()])
+        flags = (
+            answer["trend_high"][i],
+            answer["trend_low"][i],
+            answer["reference_usable"][i],
+            answer["common_mode"][i],
+        )
+        if ours != theirs or flags != (*frame.trend, frame.usable, frame.common):
+            return f"signal {i}, frame {k}: {ours} {flags}, the oracle says {theirs} {frame}"
+        if not abs(answer["voted"][i] - said) <= within:
+            return f"signal {i}, frame {k}: vote {answer['voted'][i]}, the oracle says {said}"
+    return ""
+
+
+@pytest.mark.parametrize("number", range(len(TITLES)), ids=TITLES)
+def test_our_manager_answers_the_long_sessions_as_the_oracle(number: int):
+    """Boxes apart, which join the signals: the C monitor and the short vectors have them."""
+    config, inputs = inputs_of(number)
+    config["box_signals"] = 0
+    rows = our_answers(config, inputs)
+    assert [text for i in range(S) if (text := expected(config, inputs, i, rows))] == []
+
+
+@pytest.mark.parametrize("number", range(len(TITLES)), ids=TITLES)
+def test_so_are_the_discretes(number: int):
+    config, inputs = inputs_of(number)
+    rows = our_answers(config, inputs)
+    for d in range(D):
+        row = config["discrete"][0, d]
+        names = ("fail_safe", "persistence", "readmit_frames")
+        oracle = DiscreteOracle(DiscreteSettings(*(int(row[name]) for name in names), channels=int(row["fitted"])))
+        for k, given in enumerate(inputs):
+            good = (given["discrete_valid"][d] != 0) & (given["discrete_ilm"][d] != Ilm.BAD)
+            samples = [bool(x) if ok else None for x, ok in zip(given["discrete_channels"][d], good, strict=True)]
+            vote, states, level = oracle.step(
+                samples, {c for c in range(CHANNELS) if given["discrete_reset"][d] >> c & 1}
+            )
+            said = (rows["discrete_voted"][k, d], rows["discrete_level"][k, d], rows["discrete_state"][k, d].tolist())
+            assert said == (vote, level, [State[name.upper()] for name in states]), (d, k)
+
+
+def test_the_sessions_go_through_all_levels_and_back():
+    cases = long_cases(FRAMES)
+    for case in cases:
+        levels = case.expected["level"].astype(int)
+        assert (np.diff(levels, axis=0) > 0).sum() >= 5 and (levels == 0).any()
+    patterns = np.concatenate([case.expected["pattern"].ravel() for case in cases])
+    assert {Pattern.NORMAL, Pattern.ISOLATED, Pattern.P1_1, Pattern.LOST} <= set(patterns.tolist())
+    assert all(case.expected["common_mode"].any() for case in cases)
+
+
+SLOW = [
+    Defect("no fade", "if ((left > 0) && (left <= p->fade_frames)) {", "if (false) {"),
+    Defect(
+        "no weighting", "(p->weighted != 0) ? trend_weight(f, s) : 0.5", "(p->weighted > 1) ? trend_weight(f, s) : 0.5"
+    ),
+    Defect(
+        "a readmission is forgotten after 1,000 frames",
+        "agrees ? (s->latches.agreed[c] + 1) : 0;",
+        "agrees && (s->latches.agreed[c] < 1000) ? (s->latches.agreed[c] + 1) : 0;",
+    ),
+    Defect(
+        "counts of eight bits",
+        "(s->latches.count[c] >= p->persistence)",
+        "((uint8_t)s->latches.count[c] >= p->persistence)",
+    ),
+    Defect("agreement of eight bits", "int64_t agreed[RIG_CHANNELS]; /*", "uint8_t agreed[RIG_CHANNELS]; /*"),
+    Defect(
+        "the second reference ignored",
+        "(apart <= (f->reference_threshold",
+        "(stepped < 400U) && (apart <= (f->reference_threshold",
+    ),
+    Defect("the fade of eight bits", "int64_t fade_left; /*", "int8_t fade_left; /*"),
+    Defect("a common mode of eight bits", "int64_t common_run;", "int8_t common_run;"),
+    Defect(
+        "a reference set aside is never trusted again",
+        "s->reference_usable = agrees;",
+        "s->reference_usable = agrees && (stepped < 1000U);",
+    ),
+    Defect(
+        "a memory cleared every 256 frames",
+        "    accused[i] = accuse(&f, p, s);",
+        "    accused[i] = accuse(&f, p, s);\n"
+        "    memset(s->latches.count, 0, ((stepped % 256U) == 255U) ? sizeof s->latches.count : 0U);",
+    ),
+    Defect(
+        "the last change of the vote forgotten",
+        "s->rise_vote = s->started ? difference(raw, s->vote, p) : 0.0;",
+        "s->rise_vote = 0.0;",
+    ),
+]
+WORD = Defect("agreement of sixteen bits", "int64_t agreed[RIG_CHANNELS]; /*", "uint16_t agreed[RIG_CHANNELS]; /*")
+
+
+@needs_a_compiler
+def test_the_monitor_in_c_says_the_same_bits(objects: dict[str, Path], tmp_path: Path):
+    monitor = Library(compiled([*objects.values()], tmp_path / "libmonitor.so"))
+    for case in long_cases(FRAMES):
+        said = monitor.said(case)
+        names = [name for name in ANSWERS if name not in ("surface", "law")]
+        assert [name for name in names if said[name].tobytes() != case.expected[name].tobytes()] == []
+
+
+@needs_a_compiler
+@pytest.mark.parametrize("defect", SLOW, ids=[defect.name for defect in SLOW])
+def test_a_slow_defect_is_found(defect: Defect, objects: dict[str, Path], tmp_path: Path):
+    monitor = with_defect(defect, objects, tmp_path)
+    assert any(list(differences(case, monitor.said(case))) for case in long_cases(FRAMES))
+
+
+@needs_a_compiler
+def test_a_counter_of_sixteen_bits_is_found_by_the_longest(objects: dict[str, Path], tmp_path: Path):
+    monitor = with_defect(WORD, objects, tmp_path)
+    assert not any(list(differences(case, monitor.said(case))) for case in long_cases(FRAMES))
+    found = [text for case in long_cases(MOST_FRAMES)[:1] for text in differences(case, monitor.said(case))]
+    assert "heading channel 1 is" in found[0] and int(found[0].split()[1].strip(":")) > 65_536
+
+
+@needs_a_compiler
+def test_the_check_names_signal_frame_and_field(objects: dict[str, Path], tmp_path: Path):
+    with_defect(SLOW[2], objects, tmp_path)
+    written(tmp_path, {"name": "forgetful", "path": "libdefect.so"})
+    found = check(tmp_path / "unit.toml")
+    (wrong,) = [one for one in found.requirements if not one.passed and one.part == "decisions"]
+    assert wrong.name == TITLES[1] and "1 of 1 cases; frame " in wrong.detail and "must be" in wrong.detail
