@@ -19,6 +19,7 @@ from rig.computer.redundancy.managers import Manager, vote_signals
 from rig.frame import CHANNELS, Block, State, nested, new_block
 
 FEWER = int(os.environ.get("RIG_FEWER_EXAMPLES", "1"))  # a mutation run divides the number of examples by it
+os.environ.pop("COLUMNS", None)  # workers of pytest have one: tables are as wide as in a pipe without it
 # The first example may compile, on a busy machine.
 settings.register_profile("rig", deadline=None, max_examples=max(1, 100 // FEWER))
 settings.load_profile("rig")

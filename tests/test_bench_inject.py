@@ -107,7 +107,7 @@ def test_an_offset_of_an_angle_goes_round_the_circle():
 
 def test_a_file_has_faults_on_any_number_of_signals():
     names = [f"gyro_{i}" for i in range(20)]
-    into = recording(**{name: [column + i for column in NOISE] for i, name in enumerate(names)})
+    into = recording(5.0, **{name: [column + i for column in NOISE] for i, name in enumerate(names)})
     found = put(*({**OFFSET, "signal": name} for name in names), into=into)
     assert [one.signal for one in found.injected] == names
     for i, name in enumerate(names):

@@ -409,10 +409,10 @@ def test_a_second_rig_is_told_that_the_box_is_busy(tmp_path: Path, listening: tu
     from rig.bench.unit_check import load
     from rig.unit.unit import running
 
-    tested = written(tmp_path, {"name": "u", "carrier": "udp", "address": listening[0], "start_s": 0.6})
+    tested = written(tmp_path, {"name": "u", "carrier": "udp", "address": listening[0]})
     with running(tested) as first:
-        first.begin(load()[0].config.copy())
-        assert "it is busy with session " in refused(tmp_path, tested)
+        first.begin(load()[0].config.copy())  # waits where the end of an earlier session was lost
+        assert "it is busy with session " in refused(tmp_path, tested.model_copy(update={"start_s": 0.6}))
         first.end()
     assert rig.fly(overrides=SHORT, out=tmp_path, unit=tested).survived
 

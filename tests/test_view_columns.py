@@ -96,6 +96,8 @@ def test_the_importer_makes_the_same_components_of_our_log(files: tuple[Path, Pa
     assert {key[0] for key in theirs} - {key[0] for key in compared} == {"/timing"}
     for key in compared:
         (our_times, our_values), (their_times, their_values) = ours[key], theirs[key]
+        if key[0] in ("/pose", "/position"):  # in the log at every fourth frame
+            our_times, our_values = our_times[::4], our_values[::4]
         assert our_times.equals(their_times), key
         assert our_values.type == their_values.type, key
         if pa.types.is_struct(our_values.type.value_type):
@@ -108,6 +110,7 @@ def test_attitude_is_the_one_in_the_log_up_to_its_sign(files: tuple[Path, Path])
         np.array(components(chunks)[key][1].to_pylist()).reshape(-1, 4)
         for chunks in (RrdReader(files[1]).stream(), imported(files[0]))
     )
+    ours = ours[::4]  # the log has every fourth
     np.testing.assert_allclose(np.abs((ours * theirs).sum(1)), (theirs**2).sum(1), rtol=1e-6)
 
 

@@ -13,7 +13,9 @@ from rig.text import choices
 
 Site = Literal["channel", "inertial", "reference", "surface", "discrete", "actuator", "hydraulics"]
 OF_SERVOS: Final[tuple[Site, ...]] = ("actuator", "hydraulics")  # there with servo actuators alone
-_HEADS: Final[tuple[Site, ...]] = ("inertial", "reference", "surface", *OF_SERVOS)
+_HEADS: Final[dict[str, Site]] = {
+    head: head for head in ("inertial", "reference", "surface", *OF_SERVOS)
+}  # before the dot
 CHANNELLED: Final[tuple[Site, ...]] = ("channel", "discrete")  # where a fault sits on numbered channels
 WITH_THRESHOLD: Final[tuple[Site, ...]] = ("channel", "reference")  # where magnitudes may be given in thresholds
 SURFACE_NAMES: Final = tuple(name.removesuffix("_rad") for name in SURFACES)  # every aircraft has these
@@ -61,8 +63,7 @@ class Places:
             return "discrete"
         if place in self.names["channel"]:
             return "channel"
-        found: Site = next((head for head in _HEADS if place.partition(".")[0] == head), "channel")
-        return found
+        return _HEADS.get(place.partition(".")[0], "channel")
 
     def number(self, place: str) -> int:
         """Return the index of a place among those of its kind."""

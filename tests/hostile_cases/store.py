@@ -145,7 +145,8 @@ def _everything() -> dict[str, Any]:
         faults.append({**fault, "start_s": 0.1, "id": f"a_{kind}"})
     data = read_toml(find("f16_pitch_rate_offset_in_manoeuvre"))
     resets = [{"at_s": 0.3, "signal": "pitch_rate", "channels": [2]}]
-    return {**data, "duration_s": 0.5, "faults": faults, "redundancy": {"resets": resets}}
+    servos = {"model": "servo"}  # or their faults are refused
+    return {**data, "duration_s": 0.5, "faults": faults, "redundancy": {"resets": resets}, "actuators": servos}
 
 
 def _foreign() -> int:
