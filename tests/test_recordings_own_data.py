@@ -378,3 +378,13 @@ def test_settings_of_tables_are_refused_for_messages(vote: Any):
     assert vote("in.csv", "in.mcap", **PITCH)[0] == 0
     code, error, _ = vote("in.mcap", time_unit="ms", **PITCH)
     assert code == 2 and "in.mcap: time_unit, separator and decimal are those of tables" in error
+
+
+def test_a_heading_counted_from_north_is_told_its_range(vote: Any):
+    frame(HEADINGS).write_csv("in.csv")
+    wrong = {"signal": {"hdg": {"threshold": 2.0, "wraps": True, "unit": "deg"}}}
+    code, error, _ = vote("in.csv", **wrong)
+    assert code == 2 and error.endswith("give the range that it has, in CONFIG: range = [0, 360]\n")
+    wrong["signal"]["hdg"]["range"] = [0.0, 360.0]
+    code, _, found = vote("in.csv", **wrong)
+    assert code == 0 and [c["state"] for c in found["signals"]["hdg"]["channels"]] == ["ok"] * 4

@@ -28,7 +28,8 @@ def out_of_range(source: str, recording: Recording, settings: Mapping[str, Recor
     for name, chosen in settings.items():
         shares = _shares(recording.signals[name], chosen)
         if chosen.range_is_assumed and min(outside for outside, _ in shares) > SHARE:
-            raise BadInput(f"{source}: {_line(name, 'every channel', shares, 0, chosen)}")
+            way_out = _whole_turn(recording.signals[name], chosen)
+            raise BadInput(f"{source}: {_line(name, 'every channel', shares, 0, chosen)}{way_out}")
         told += [f"{source}: {line}" for kind in (0, 1) for line in _lines(name, shares, kind, chosen)]
     return told
 
@@ -65,3 +66,12 @@ def _way_out(settings: RecordedSignal) -> str:
     usual = next(iter(USUAL.get(settings.si, ())), "")
     likely = f'if the file is in {usual}, unit = "{usual}"; else ' if usual and settings.scale == 1.0 else ""
     return f"{likely}give the range that it has, in CONFIG"
+
+
+def _whole_turn(samples: Samples, settings: RecordedSignal) -> str:
+    """Return the range of an angle that is counted from zero, as a heading is; "" of other samples."""
+    turn = 2.0 * np.pi
+    found = np.concatenate(samples.channels)
+    if not settings.wraps or not (np.nanmin(found) >= 0.0 and np.nanmax(found) <= turn):
+        return ""
+    return f": range = [0, {settings.shown(turn):.6g}]"
