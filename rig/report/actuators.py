@@ -132,7 +132,7 @@ def _acts(acting: NDArray[np.uint8], scored: Scored, surface: str) -> NDArray[np
         if (where := site(fault.signal)) == "hydraulics"
         or (where == "actuator" and number(fault.signal) == MOVED.index(surface))
     ]
-    return acting[:, of].any(axis=1)
+    return np.asarray(acting[:, of].any(axis=1))
 
 
 def _mark(figure: go.Figure, scored: Scored, one: Happened, acts: NDArray[np.bool_], time_s: Array) -> None:
