@@ -154,7 +154,7 @@ def test_two_coils_that_run_away_lose_the_aircraft_without_monitors_alone():
         ),
         (['faults=[{kind="coil_open", signal="actuator.elevator", channels=[1], start_s=1.0}]'], "needs servos"),
         ([SERVO, "actuators.spool_rad_s=50"], "at least 4"),
-        ([SERVO, "actuators.curent.threshold=0.2"], "actuators.curent: unknown key; nearest: current"),
+        ([SERVO, "actuators.sppool.threshold=0.2"], "actuators.sppool: unknown key; nearest: spool"),
         ([SERVO, "actuators.current.treshold=0.2"], "actuators.current.treshold: unknown key; nearest: threshold"),
         (["aircraft=b707", "flight_point=35000ft_m08", "faults=[]", SERVO], "a linear aircraft has no servos"),
     ],
