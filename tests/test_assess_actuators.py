@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from rig import scenario
 from rig.assess import score
@@ -15,6 +16,7 @@ from rig.assess.of_log import FlightConclusion, score_log
 from rig.assess.record import Score, Yardstick
 from rig.assess.scoring import score_of
 from rig.assess.unfaulted import measured_again
+from rig.cli.main import app
 from rig.flight.assembly import fly
 from rig.frame import MOVED, ActuatorMonitor
 from rig.loop import Rig, frames
@@ -164,6 +166,13 @@ def test_rows_without_those_of_the_servos_are_not_scored():
     which, rows, _ = flown(HARDOVER)
     scored = score(which, rows)
     assert scored.actuators == {} and "was not looked at" in conclusion(which, scored)[0]
+
+
+def test_the_command_lists_the_channels_of_actuators_among_the_failed(tmp_path: Path):
+    sets = [part for text in given((HARDOVER,)) for part in ("--set", text)]
+    result = CliRunner().invoke(app, ["fly", *sets, "--out", str(tmp_path)])
+    assert result.exit_code == 0 and "failed   elevator actuator channel 2\n" in result.stdout
+    assert "it was found by current after 40 ms" in result.stdout
 
 
 def test_a_flight_and_its_log_have_one_conclusion(tmp_path: Path):
