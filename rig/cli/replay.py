@@ -43,7 +43,7 @@ def replay(
     allow_code: AllowCodeOrSet = False,
     as_json: Json = False,
 ) -> None:
-    """Run the recorded manager over the recorded channels and compare every frame.
+    """Run the recorded manager, and monitors of actuators, over what was recorded and compare every frame.
 
     Exit code 0 when all is identical to the bit, 1 when not.  A what if compares decisions, and ends with 0.
     """
@@ -234,7 +234,11 @@ def export(
     ] = None,
     signals: Annotated[
         str | None,
-        Option(metavar="A,B", help="Signals, discretes, control, flight, inertial, demand.", show_default="all"),
+        Option(
+            metavar="A,B",
+            help="Signals, discretes, control, flight, inertial, demand, actuator.elevator.",
+            show_default="all",
+        ),
     ] = None,
     out: Annotated[Path | None, Option(metavar="FILE", help="The file to write.", show_default="<log>.<to>")] = None,
     for_vote: Annotated[bool, Option("--for-vote", help="Only what rig vote reads.")] = False,

@@ -26,7 +26,7 @@ from rig.flight.pace import realtime as real_time
 from rig.flight.recorder import FlightRecords, RecordingThread, Watcher
 from rig.flight.result import Flight
 from rig.flight.unit_loop import unit_computer
-from rig.frame import Block
+from rig.frame import Block, LaneBlock
 from rig.log.of_flight import new_log
 from rig.overrides import Overrides, override_texts, plain_data
 from rig.record.events import Event
@@ -59,8 +59,8 @@ class Outcome(Protocol):
     def begin(self, scenario: Scenario) -> None:
         """Take the scenario as it is flown; the first frame comes next."""
 
-    def add(self, rows: Block, clean: NDArray[Any]) -> None:
-        """Take the next rows, and their (n,) CLEAN."""
+    def add(self, rows: Block, clean: NDArray[Any], lanes: LaneBlock | None = None) -> None:
+        """Take the next rows, their (n,) CLEAN, and the (n,) ``lanes`` of a flight with servo actuators."""
 
     def sentences(self, log: Path, frames: int) -> list[str]:
         """Return the conclusion of the finished flight of so many ``frames``."""
@@ -160,7 +160,7 @@ def _fly_and_record(
     assess_rows = None
     if (outcome := to.outcome) is not None:
         outcome.begin(scenario)
-        assess_rows = lambda rows: outcome.add(rows, rig.faults.clean_of(rows))  # noqa: E731 # every block
+        assess_rows = lambda rows, lanes: outcome.add(rows, rig.faults.clean_of(rows), lanes)  # noqa: E731 # every block
     named, about = to.name or scenario.title or scenario.aircraft, {} if unit is None else unit.metadata()
     with new_log(to.out, named, scenario, to.text, about, to.overrides) as writer:
         path, viewer = writer.path, to.viewer

@@ -80,7 +80,7 @@ class FlightRecords(Findings):
         unit: UnitUnderTest | None = None,
         keys: Keys | None = None,
         watchers: Sequence[Watcher] = (),
-        assess_rows: Callable[[Block], None] | None = None,
+        assess_rows: Callable[[Block, LaneBlock | None], None] | None = None,
     ) -> None:
         super().__init__(scenario)
         self.scenario, self._writer, self._unit, self._keys, self._watchers = scenario, writer, unit, keys, watchers
@@ -108,7 +108,7 @@ class FlightRecords(Findings):
         """Take the next rows into the summary and the outcome, while the log is written."""
         self.verdict.add(rows, events, lanes)
         if self._assess_rows is not None:
-            self._assess_rows(rows)
+            self._assess_rows(rows, lanes)
 
     def unit_result(self) -> dict[str, Any] | None:
         """Return what became of the exchanges with a unit under test, and how long they took."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rig.errors import BadInput, RigError
 from rig.frame import SIGNALS, Block
 from rig.log import Log
-from rig.log.columns import OWNERS, TIME, Column, chosen, name, of_columns
+from rig.log.columns import LANE_OWNERS, OWNERS, TIME, Column, chosen, chosen_lanes, name, of_columns
 from rig.text import choices, quoted
 from rig.util.files import replaced
 
@@ -36,25 +36,32 @@ def export(log: Log, to: str, out: Path, owners: Sequence[str] = (), for_vote: b
     """
     if to not in ENDINGS:
         raise BadInput(f"--to {to}: allowed: {', '.join(ENDINGS)}")
-    wanted = _chosen(log.rows, owners, for_vote)
-    columns = {TIME: log.time_s}
-    for column in wanted:
-        columns[name(column)] = _values(log.rows, column, for_vote)
+    wanted = _chosen(log, owners, for_vote)
+    columns = {TIME: log.time_s, **{name(column): _values(log.rows, column, for_vote) for column in wanted}}
+    described = {name(column): column for column in wanted}
+    if log.lanes is not None and not for_vote:
+        of_servos = {name(column): column for column in chosen_lanes(owners)}
+        columns |= {key: column.of(log.lanes) for key, column in of_servos.items()}
+        described |= of_servos
     with replaced(out) as part:
         try:
-            _write(part, to, columns, {name(column): column for column in wanted})
+            _write(part, to, columns, described)
         except (OSError, pl.exceptions.PolarsError) as error:
             raise RigError(f"{out}: cannot be written: {' '.join(str(error).split())[:200]}") from None
     return list(columns)
 
 
-def _chosen(rows: Block, owners: Sequence[str], for_vote: bool) -> list[Column]:
-    """Return the columns of the owners, without channels that are not fitted."""
-    accepted = [signal.name for signal in SIGNALS] if for_vote else OWNERS
+def _chosen(log: Log, owners: Sequence[str], for_vote: bool) -> list[Column]:
+    """Return the columns of the owners in FLAT, without channels that are not fitted."""
+    accepted = (
+        [signal.name for signal in SIGNALS] if for_vote else [*OWNERS, *(LANE_OWNERS if log.lanes is not None else ())]
+    )
     for owner in owners:
+        if log.lanes is None and owner in LANE_OWNERS:
+            raise BadInput(f"--signals {owner}: the flight had no servo actuators")
         if owner not in accepted:
             raise BadInput(f"--signals: unknown {quoted(owner)}, {choices(owner, accepted, 'rig signals')}")
-    return chosen(rows, owners or accepted, _FOR_VOTE if for_vote else ())
+    return chosen(log.rows, owners or accepted, _FOR_VOTE if for_vote else ())
 
 
 def _values(rows: Block, column: Column, for_vote: bool) -> NDArray[Any]:

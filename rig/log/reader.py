@@ -104,11 +104,12 @@ class Log:
     def to_polars(self, *owners: str) -> pl.DataFrame:
         """Return one row a frame, the columns named as in ``rig export``; SI units, enums as words.
 
-        owners : signals, discretes, topics (control, flight, ...); all if none.  KeyError: one that does not exist.
+        owners : signals, discretes, topics (control, flight, ...), actuators like ``actuator.elevator``; all if none.
+        KeyError: one that does not exist.
         """
         from rig.log.columns import dataframe
 
-        return dataframe(self.rows, self.time_s, owners)
+        return dataframe(self.rows, self.time_s, owners, self.lanes)
 
 
 def _place(index: dict[str, int], name: str, kind: str) -> int:
