@@ -47,6 +47,10 @@ LAWS: Final = r"^ hold|^ pitch +(F 0\.2|offset \+|.* over).* (plain|fault-tolera
 FIGURES: Final = {  # name: its module
     **dict.fromkeys(("detectability", "undetected"), "offsets"),
     **dict.fromkeys(("quad_isolations", "quad_selection"), "quadrotor"),
+    **dict.fromkeys(
+        ("servo_response", "servo_picture", "servo_healthy", "servo_single", "servo_row", "servo_lost", "servo_cost"),
+        "actuators",
+    ),
     **dict.fromkeys(("thresholds_quad", "thresholds_synthetic", "thresholds_speed"), "thresholds"),
     **dict.fromkeys(("unit_identity", "unit_cost", "unit_stopped", "unit_paced"), "unit"),
     **{name: name for name in ("references", "resolvers", "throughput", "tolerant", "unit_failures")},
@@ -132,6 +136,22 @@ PAGES: Final = {
                 ],
                 r"^table|^\|",
             ),
+        ],
+    ),
+    "actuators": Page(
+        "Servo actuators: beside a lag, healthy, with every fault, and their cost",
+        [
+            Section("Beside a lag", [f"{SHOW} servo_response", f"{SHOW} servo_picture"]),
+            Section("Healthy: full-stick doublets in severe turbulence", [f"{SHOW} servo_healthy"]),
+            Section("One channel", [f"{SHOW} servo_single"]),
+            Section("Two and three channels run away, 3 s apart", [f"{SHOW} servo_row"]),
+            Section("What no monitor saves", [f"{SHOW} servo_lost"]),
+            Section(
+                "At random",
+                ["rig campaign run actuators --out {folder}/actuators", "rig campaign report {folder}/actuators"],
+                r"^(table|survival|false)|^ +(fault of|coil_|leak|lvdt|osc|sov|spool)",
+            ),
+            Section("Cost, in pairs of flights", [f"{SHOW} servo_cost"]),
         ],
     ),
     "patterns": Page(
