@@ -48,7 +48,7 @@ FIGURES: Final = {  # name: its module
     **dict.fromkeys(("detectability", "undetected"), "offsets"),
     **dict.fromkeys(("quad_isolations", "quad_selection"), "quadrotor"),
     **dict.fromkeys(
-        ("servo_response", "servo_picture", "servo_healthy", "servo_single", "servo_row", "servo_lost", "servo_cost"),
+        ("servo_response", "servo_picture", "servo_healthy", "servo_single", "servo_several", "servo_cost"),
         "actuators",
     ),
     **dict.fromkeys(("thresholds_quad", "thresholds_synthetic", "thresholds_speed"), "thresholds"),
@@ -143,9 +143,7 @@ PAGES: Final = {
         [
             Section("Beside a lag", [f"{SHOW} servo_response", f"{SHOW} servo_picture"]),
             Section("Healthy: full-stick doublets in severe turbulence", [f"{SHOW} servo_healthy"]),
-            Section("One channel", [f"{SHOW} servo_single"]),
-            Section("Two and three channels run away, 3 s apart", [f"{SHOW} servo_row"]),
-            Section("What no monitor saves", [f"{SHOW} servo_lost"]),
+            Section("Faults from 5 s on; later ones 3 s apart", [f"{SHOW} servo_single", f"{SHOW} servo_several"]),
             Section(
                 "At random",
                 ["rig campaign run actuators --out {folder}/actuators", "rig campaign report {folder}/actuators"],

@@ -61,12 +61,11 @@ def on(surface: str, kind: str, start_s: float = ONSET_S, channels: str = "", mo
 
 
 def servo_response() -> None:
-    """Print steps and sines of the F-16's elevator at six rates, and of all surfaces at 100 Hz."""
+    """Print steps and sines of the F-16's elevator at six rates, and of the surfaces with most lag and speed."""
     heads = ["surface", "Hz", "later by, ms", "small step, %", "large step, deg", "from JSBSim's, deg"]
     heads += [f"{what} {hz:g} Hz" for what in ("gain", "delay, ms") for hz in FREQUENCIES_HZ]
     rows = [("f16 elevator", row) for row in compare("f16", "elevator", RATES_HZ)]
-    others = [(name, surface) for name, surface in product(AIRCRAFT, MOVED) if (name, surface) != ("f16", "elevator")]
-    rows += [(f"{name} {surface}", row) for name, surface in others for row in compare(name, surface, [100.0])]
+    rows += [(f"{name} rudder", row) for name in ("f16", "b747") for row in compare(name, "rudder", [100.0])]
     table(heads, (_response(*row) for row in rows))
 
 
@@ -209,24 +208,23 @@ def _single(actuator: Actuator) -> list[Fault]:
 
 
 def servo_single() -> None:
-    """Print what one channel's fault does, in flights beside the one without it."""
-    table(["aircraft", "surface", "channel 2", "", "found by", "after, s", "g", "deg/s"], _singles())
+    """Print what one channel's fault does, beside the flight without it: who found it, after how long; transient."""
+    survived: list[bool] = []
+    names = [fault.name for fault in _single(load(BASE).airframe.elevator)]
+    table(["aircraft", "surface", *names], (_singles(*case, survived) for case in product(AIRCRAFT, MOVED)))
+    print(f"survived: {sum(survived)} of {len(survived)}")
 
 
-def _singles() -> Iterator[list[str]]:
-    survived = []
-    for name in AIRCRAFT:
-        clean = flown(name, "duration_s=20", "faults=[]")
-        for surface in MOVED:
-            for fault in _single(getattr(clean.scenario.airframe, surface)):
-                sets = f"actuators.continuity.coverage={fault.coverage}", "duration_s=20"
-                flight = flown(name, *sets, faults(on(surface, fault.kind, channels="2", more=fault.more)))
-                survived.append(flight.verdict.survived)
-                at_s, monitor = flight.coils_failed.get(surface, {}).get(2, (np.nan, "nobody"))
-                g, rate = transient(flight, clean)
-                after = f"{at_s - ONSET_S:.2f}" if np.isfinite(at_s) else ""
-                yield [name, surface, fault.name, _yes(flight), monitor, after, f"{g:.3f}", f"{rate:.2f}"]
-    yield ["all", "", "", f"{sum(survived)} of {len(survived)}", "", "", "", ""]
+def _singles(name: str, surface: str, survived: list[bool]) -> list[str]:
+    clean, cells = flown(name, "duration_s=20", "faults=[]"), [name, surface]
+    for fault in _single(getattr(clean.scenario.airframe, surface)):
+        sets = f"actuators.continuity.coverage={fault.coverage}", "duration_s=20"
+        flight = flown(name, *sets, faults(on(surface, fault.kind, channels="2", more=fault.more)))
+        survived.append(flight.verdict.survived)
+        found = flight.coils_failed.get(surface, {}).get(2)
+        by = "nobody" if found is None else f"{found[1]} {found[0] - ONSET_S:.2f} s"
+        cells.append("{}: {:.3f} g, {:.2f} deg/s".format(by, *transient(flight, clean)))
+    return cells
 
 
 def transient(flight: CampaignFlight, clean: CampaignFlight) -> tuple[float, float]:
@@ -239,74 +237,42 @@ def transient(flight: CampaignFlight, clean: CampaignFlight) -> tuple[float, flo
     return float(off[:2].max()), float(np.degrees(off[2:].max()))
 
 
-def servo_row() -> None:
-    """Print flights in which two and three channels of a surface run away in a row, with the monitors and without."""
-    heads = [
-        "aircraft",
-        "surface",
-        "channels",
-        "with monitors",
-        "shut off",
-        "without",
-        "with monitors, opposite",
-        "without",
-    ]
-    table(heads, (_in_a_row(*case) for case in product(AIRCRAFT, MOVED, (2, 3))))
-
-
-def _in_a_row(name: str, surface: str, channels: int) -> list[str]:
-    told = []
-    for ways in ("high high high", "high low high"):
-        given = [
-            on(surface, "coil_hardover", ONSET_S + 3.0 * c, str(c + 1), f", direction='{way}'")
-            for c, way in zip(range(channels), ways.split(), strict=False)
-        ]
-        flights = [
-            flown(name, "duration_s=40", f"actuators.monitors={watched}", faults(*given))
-            for watched in ("true", "false")
-        ]
-        shut = ", ".join(f"{c} {by}" for c, (_, by) in flights[0].coils_failed.get(surface, {}).items())
-        told.append([_yes(flights[0]), shut, _yes(flights[1])])
-    return [name, surface, str(channels), *told[0], told[1][0], told[1][2]]
-
-
-def servo_lost() -> None:
-    """Print what becomes of a jam, of a bypass, of both pressures, and of a channel that cannot be shut off."""
+def servo_several() -> None:
+    """Print flights of a surface with several faults, or one of what its channels share, and without a pressure."""
+    heads = ["two run away", "unwatched", "three", "unwatched", "spool jams", "bypass", "one, its valve stuck"]
+    table(["aircraft", "surface", *heads], (_several(*case) for case in product(AIRCRAFT, MOVED)))
     both = [f"kind='hydraulic_loss', signal='hydraulics.{n}', start_s={ONSET_S}" for n in (1, 2)]
-    table(["aircraft", "surface", "fault", "level flight", "pull-up and roll", "channels shut off"], _lost(both))
+    print(f"both pressures: {'; '.join(f'{name} {_in_level_flight_and_by_hand(name, both)}' for name in AIRCRAFT)}")
 
 
-def _lost(both: Sequence[str]) -> Iterator[list[str]]:
-    for name in AIRCRAFT:
-        for surface in MOVED:
-            for what, given in (
-                ("spool jams", [on(surface, "spool_jam")]),
-                ("all flow leaks", [on(surface, "leak", more=", share=1.0")]),
-                (
-                    "runs away, valve stuck",
-                    [on(surface, "coil_hardover", channels="2"), on(surface, "sov_stuck", 1.0, "2")],
-                ),
-            ):
-                yield [name, surface, what, *_becomes(name, surface, given)]
-        yield [name, "all", "both pressures", *_becomes(name, "elevator", both)]
+def _several(name: str, surface: str) -> list[str]:
+    in_a_row = [on(surface, "coil_hardover", ONSET_S + 3.0 * c, str(c + 1)) for c in range(3)]
+    runs = [
+        _became(flown(name, "duration_s=60", f"actuators.monitors={watched}", faults(*in_a_row[:channels])))
+        for channels, watched in product((2, 3), ("true", "false"))
+    ]
+    shared = (
+        [on(surface, "spool_jam")],
+        [on(surface, "leak", more=", share=1.0")],
+        [on(surface, "coil_hardover", channels="2"), on(surface, "sov_stuck", 1.0, "2")],
+    )
+    return [name, surface, *runs, *(_in_level_flight_and_by_hand(name, given) for given in shared)]
 
 
-def _becomes(name: str, surface: str, given: Sequence[str]) -> list[str]:
+def _in_level_flight_and_by_hand(name: str, given: Sequence[str]) -> str:
     doublets = (
         f"{{kind='doublet', axis='{axis}', start_s=4.0, duration_s=3.0, amplitude=0.4}}"
         for axis in ("stick_pitch", "stick_roll")
     )
     by_hand = BY_HAND, f"pilot.manoeuvres=[{', '.join(doublets)}]"
-    flights = [flown(name, "duration_s=60", faults(*given), *sets) for sets in ((), by_hand)]
-    shut = (f"{c} {by}" for c, (_, by) in flights[0].coils_failed.get(surface, {}).items())
-    return [*(_yes(flight) for flight in flights), ", ".join(shut) or "none"]
+    told = [_became(flown(name, "duration_s=60", faults(*given), *sets)) for sets in ((), by_hand)]
+    return f"{told[0]}, {told[1]}"
 
 
-def _yes(flight: CampaignFlight) -> str:
-    """Return whether a flight survived, else how long after its first fault it was lost, and how."""
-    if flight.verdict.survived:
-        return "survived"
-    return f"lost after {flight.verdict.frames / flight.scenario.rate_hz - ONSET_S:.1f} s: {flight.end_reason}"
+def _became(flight: CampaignFlight) -> str:
+    """Return whether a flight survived, else how long after its first fault it was lost."""
+    lost_s = flight.verdict.frames / flight.scenario.rate_hz - ONSET_S
+    return "flies" if flight.verdict.survived else f"lost {lost_s:.1f} s"
 
 
 # Cost.
