@@ -163,12 +163,14 @@ def look(facts: Facts, rows: Block, rate_hz: float, ended: bool, moved: LaneBloc
     story.add(rows, moved)
     lost = story.end != End.FLYING
     ranges = charts.ranges(rows) | {signal.name: signal_range(facts, rows, i) for i, signal in enumerate(SIGNALS)}
-    ranges |= {} if moved is None else servos.ranges(moved)
     end_s, decisive = story.last / rate_hz, story.decisive
     survived = not lost if ended or lost else None
     seen = Seen(survived, end_s, noted=_noted(facts, rows), ranges=ranges)
     if (coils := story.coils_s) is not None:
         seen = replace(seen, isolated_s=coils[1], coils_s=decisive_s(*coils, end_s))
+    if moved is not None:
+        first, last = (round(s * rate_hz) for s in seen.coils_s or (0.0, end_s))
+        ranges |= servos.ranges(moved[first : last + 1])
     if decisive is not None:
         span_s = decisive_s(decisive.onset_s, decisive.isolated_s, end_s)
         first, last = (int(np.searchsorted(rows["frame"], s * rate_hz)) for s in span_s)

@@ -141,15 +141,19 @@ PAGES: Final = {
     "actuators": Page(
         "Servo actuators: beside a lag, healthy, with every fault, and their cost",
         [
-            Section("Beside a lag", [f"{SHOW} servo_response", f"{SHOW} servo_picture"]),
-            Section("Healthy: full-stick doublets in severe turbulence", [f"{SHOW} servo_healthy"]),
-            Section("Faults from 5 s on; later ones 3 s apart", [f"{SHOW} servo_single", f"{SHOW} servo_several"]),
             Section(
-                "At random",
-                ["rig campaign run actuators --out {folder}/actuators", "rig campaign report {folder}/actuators"],
-                r"^(table|survival|false)|^ +(fault of|coil_|leak|lvdt|osc|sov|spool)",
+                "Without a fault: beside a lag, full-stick doublets in severe turbulence, cost in pairs of flights",
+                [f"{SHOW} servo_{name}" for name in ("response", "picture", "healthy", "cost")],
             ),
-            Section("Cost, in pairs of flights", [f"{SHOW} servo_cost"]),
+            Section(
+                "Faults from 5 s on, later ones 3 s apart; at random",
+                [
+                    *(f"{SHOW} servo_{name}" for name in ("single", "several")),
+                    "rig campaign run actuators --out {folder}/actuators",
+                    "rig campaign report {folder}/actuators",
+                ],
+                r"^\||^table|^survival|^ +(fault of|coil_|leak|lvdt|osc|sov|spool)",
+            ),
         ],
     ),
     "patterns": Page(

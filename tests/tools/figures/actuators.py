@@ -10,7 +10,7 @@ from itertools import count, product
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
-from time import perf_counter
+from time import process_time
 from typing import Any, Final, NamedTuple
 
 import matplotlib as mpl
@@ -22,7 +22,6 @@ from figures import table
 from figures.patterns import SMALL
 from rig import loop
 from rig.campaign.flying import CampaignFlight, fly
-from rig.campaign.statistics import proportion
 from rig.flight.assembly import fly as fly_logged
 from rig.frame import INDEX, MOVED
 from rig.plant.airframe import Actuator
@@ -61,11 +60,11 @@ def on(surface: str, kind: str, start_s: float = ONSET_S, channels: str = "", mo
 
 
 def servo_response() -> None:
-    """Print steps and sines of the F-16's elevator at six rates, and of the surfaces with most lag and speed."""
+    """Print steps and sines of the F-16's elevator at six rates, and of its rudder, which is fastest."""
     heads = ["surface", "Hz", "later by, ms", "small step, %", "large step, deg", "from JSBSim's, deg"]
     heads += [f"{what} {hz:g} Hz" for what in ("gain", "delay, ms") for hz in FREQUENCIES_HZ]
     rows = [("f16 elevator", row) for row in compare("f16", "elevator", RATES_HZ)]
-    rows += [(f"{name} rudder", row) for name in ("f16", "b747") for row in compare(name, "rudder", [100.0])]
+    rows += [("f16 rudder", row) for row in compare("f16", "rudder", [100.0])]
     table(heads, (_response(*row) for row in rows))
 
 
@@ -112,23 +111,10 @@ def servo_healthy(flights: str = "200", duration_s: str = "12") -> None:
     """Print the largest statistic of each monitor in healthy flights, beside its threshold; any trip."""
     cases = [(*case, seed) for case, seed in zip(_cases(), range(int(flights)), strict=False)]
     found = [_healthy(*case, duration_s) for case in cases]
-    heads = [
-        "Hz",
-        "flights",
-        "lost",
-        "channels shut off",
-        "current",
-        "spool",
-        "position, of the stroke",
-        "ram, of the stroke",
-    ]
-    table(heads, (_worst(rate, [each for each in found if rate in (each[0], 0.0)]) for rate in (*RATES_HZ, 0.0)))
     config = load(BASE).actuators
-    limits = (config.current, config.spool, config.position, config.ram)
-    print(f"thresholds: {', '.join(f'{limit.threshold:g} for {limit.persistence_s:g} s' for limit in limits)}")
-    tripped = sum(bool(each[2]) for each in found)
-    high = proportion(tripped, len(found)).high
-    print(f"flights with a channel shut off: {tripped} of {len(found)}, with 95 % below {high:.3g}")
+    limits = {name: getattr(config, name).threshold for name in ("current", "spool", "position", "ram")}
+    heads = ["Hz", "flights", "lost", "channels shut off", *(f"{name}, of {limit:g}" for name, limit in limits.items())]
+    table(heads, (_worst(rate, [each for each in found if rate in (each[0], 0.0)]) for rate in (*RATES_HZ, 0.0)))
 
 
 def _cases() -> Iterator[tuple[str, float]]:
@@ -208,23 +194,27 @@ def _single(actuator: Actuator) -> list[Fault]:
 
 
 def servo_single() -> None:
-    """Print what one channel's fault does, beside the flight without it: who found it, after how long; transient."""
-    survived: list[bool] = []
+    """Print what one channel's fault does, beside the flight without it: who found it, the worst of three surfaces."""
     names = [fault.name for fault in _single(load(BASE).airframe.elevator)]
-    table(["aircraft", "surface", *names], (_singles(*case, survived) for case in product(AIRCRAFT, MOVED)))
-    print(f"survived: {sum(survived)} of {len(survived)}")
+    table(["aircraft", *names, "survived"], map(_singles, AIRCRAFT))
 
 
-def _singles(name: str, surface: str, survived: list[bool]) -> list[str]:
-    clean, cells = flown(name, "duration_s=20", "faults=[]"), [name, surface]
-    for fault in _single(getattr(clean.scenario.airframe, surface)):
-        sets = f"actuators.continuity.coverage={fault.coverage}", "duration_s=20"
-        flight = flown(name, *sets, faults(on(surface, fault.kind, channels="2", more=fault.more)))
-        survived.append(flight.verdict.survived)
-        found = flight.coils_failed.get(surface, {}).get(2)
-        by = "nobody" if found is None else f"{found[1]} {found[0] - ONSET_S:.2f} s"
-        cells.append("{}: {:.3f} g, {:.2f} deg/s".format(by, *transient(flight, clean)))
-    return cells
+def _singles(name: str) -> list[str]:
+    clean = flown(name, "duration_s=20", "faults=[]")
+    cells, survived = [], []
+    for row in zip(*(_single(getattr(clean.scenario.airframe, surface)) for surface in MOVED), strict=True):
+        found, moved = [], []
+        for surface, fault in zip(MOVED, row, strict=True):
+            sets = f"actuators.continuity.coverage={fault.coverage}", "duration_s=20"
+            flight = flown(name, *sets, faults(on(surface, fault.kind, channels="2", more=fault.more)))
+            survived.append(flight.verdict.survived)
+            at_s, by = flight.coils_failed.get(surface, {}).get(2, (ONSET_S, "nobody"))
+            found.append((by, at_s - ONSET_S))
+            moved.append(transient(flight, clean))
+        monitors, after_s = ", ".join(sorted({by for by, _ in found})), max(after for _, after in found)
+        g, rate = np.max(moved, axis=0)
+        cells.append(f"{monitors}, {after_s:.2f} s: {g:.3f} g, {rate:.2f} deg/s")
+    return [name, *cells, f"{sum(survived)} of {len(survived)}"]
 
 
 def transient(flight: CampaignFlight, clean: CampaignFlight) -> tuple[float, float]:
@@ -239,10 +229,8 @@ def transient(flight: CampaignFlight, clean: CampaignFlight) -> tuple[float, flo
 
 def servo_several() -> None:
     """Print flights of a surface with several faults, or one of what its channels share, and without a pressure."""
-    heads = ["two run away", "unwatched", "three", "unwatched", "spool jams", "bypass", "one, its valve stuck"]
+    heads = ["two run away", "unwatched", "three", "unwatched", "spool jams", "bypass", "valve stuck", "both pressures"]
     table(["aircraft", "surface", *heads], (_several(*case) for case in product(AIRCRAFT, MOVED)))
-    both = [f"kind='hydraulic_loss', signal='hydraulics.{n}', start_s={ONSET_S}" for n in (1, 2)]
-    print(f"both pressures: {'; '.join(f'{name} {_in_level_flight_and_by_hand(name, both)}' for name in AIRCRAFT)}")
 
 
 def _several(name: str, surface: str) -> list[str]:
@@ -255,6 +243,7 @@ def _several(name: str, surface: str) -> list[str]:
         [on(surface, "spool_jam")],
         [on(surface, "leak", more=", share=1.0")],
         [on(surface, "coil_hardover", channels="2"), on(surface, "sov_stuck", 1.0, "2")],
+        [f"kind='hydraulic_loss', signal='hydraulics.{n}', start_s={ONSET_S}" for n in (1, 2)],
     )
     return [name, surface, *runs, *(_in_level_flight_and_by_hand(name, given) for given in shared)]
 
@@ -286,9 +275,9 @@ def servo_cost(pairs: str = "15", duration_s: str = "30") -> None:
         sizes = [_logged(each, Path(folder))[1] for each in scenarios]  # and compile
         logged = [[_logged(each, Path(folder))[0] for each in scenarios] for _ in range(int(pairs))]
     bare = [[_bare(each) for each in scenarios] for _ in range(int(pairs))]
-    heads = ["", "lag, us a frame", "servo", "servo over lag", "lowest", "highest"]
-    table(heads, [["without a log", *_ratio(bare)], ["with its log", *_ratio(logged)]])
-    print(f"bytes a frame: lag {sizes[0]:.0f}, servo {sizes[1]:.0f}, {sizes[1] - sizes[0]:.0f} more")
+    rows = [["CPU us a frame, no log", *_ratio(bare)], ["CPU us a frame, log", *_ratio(logged)]]
+    size = ["bytes a frame", *(f"{each:.0f}" for each in sizes), f"{sizes[1] / sizes[0]:.3f}", "", ""]
+    table(["", "lag", "servo", "servo over lag", "lowest", "highest"], [*rows, size])
 
 
 def _ratio(costs: Sequence[Sequence[float]]) -> list[str]:
@@ -298,16 +287,17 @@ def _ratio(costs: Sequence[Sequence[float]]) -> list[str]:
 
 
 def _logged(scenario: Scenario, folder: Path) -> tuple[float, float]:
-    """Fly with a log; return microseconds and bytes a frame."""
+    """Fly with a log, preparations included; return microseconds of the processor and bytes a frame."""
+    began = process_time()
     flight = fly_logged(scenario, out=folder)
-    size = flight.log.stat().st_size / flight.frames
+    used_s, size = process_time() - began, flight.log.stat().st_size
     flight.log.unlink()
-    return flight.us_per_frame, size
+    return used_s / flight.frames * 1e6, size / flight.frames
 
 
 def _bare(scenario: Scenario) -> float:
-    """Fly without any recorder; return microseconds a frame."""
+    """Fly without any recorder; return microseconds of the processor a frame."""
     rig, memory = loop.Rig(scenario), loop.new_memory(scenario)
-    began = perf_counter()
+    began = process_time()
     loop.fly(rig, memory=memory)
-    return (perf_counter() - began) / scenario.frames * 1e6
+    return (process_time() - began) / scenario.frames * 1e6
