@@ -35,7 +35,8 @@ INTERRUPTED: Final = "interrupted"  # an end reason
 # A recording spends most of its time outside the interpreter's lock (hash, checksum, compression,
 # write); it must get the lock back quickly in between, or the frames would wait for it in the end.
 SWITCH_S: Final = 2e-4
-Watcher = Callable[[Block, Sequence[Event], NDArray[Any]], None]  # given each block with its events and TIMING
+# Given each block with its events and TIMING, and LANES of a flight with servos, which stay as they are.
+Watcher = Callable[[Block, Sequence[Event], NDArray[Any], LaneBlock | None], None]
 
 
 class Findings:
@@ -102,7 +103,7 @@ class FlightRecords(Findings):
         if self._unit is not None:
             self._replies.add(timing["reply_us"])
         for watcher in self._watchers:
-            watcher(rows, events, timing)
+            watcher(rows, events, timing, lanes)
 
     def _sum_up(self, rows: Block, events: Sequence[Event], lanes: LaneBlock | None) -> None:
         """Take the next rows into the summary and the outcome, while the log is written."""
