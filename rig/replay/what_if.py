@@ -72,12 +72,10 @@ def changed(recording: Recorded, file: Path | None, sets: Sequence[str]) -> Scen
 def what_if(recording: Recorded, scenario: Scenario, out: Path | None = None, changes: Sequence[str] = ()) -> WhatIf:
     """Vote the recorded channels by ``scenario``; write the result to ``out``, or beside the recording, numbered.
 
-    ``changes`` says in the new log what is not as it was.  BadInput when ``out`` is the recording or cannot be made.
+    ``changes`` says in the new log what is not as it was.  BadInput when ``out`` cannot be made.
     """
     stem = f"{recording.path.stem}.what-if"
     path = out or recording.path.with_name(f"{stem}.mcap")
-    if path.exists() and path.samefile(recording.path):
-        raise BadInput(f"{path}: is the recording")
     with draft(path) if out is None else replaced(path) as part:
         rows = vote_again(recording.log.rows, scenario)
         metadata, attached = _metadata(recording, scenario, changes), recording.log.attachments.items()

@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 
 from rig.frame import CHANNELS, DISCRETES, SIGNALS, Discrete, Signal
 from rig.log.columns import unit_of
-from rig.log.layout import AIRCRAFT, WORLD
+from rig.log.records import AIRCRAFT, WORLD
 from rig.log.schema import EVENTS, MESSAGES, POSE_TOPICS, TOPICS_OF_ROWS
 from rig.units.quantities import scale_shown, unit_shown
 from rig.util.files import write_text
