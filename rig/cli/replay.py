@@ -257,16 +257,14 @@ def export(
 
 def _export_table(log: Path, to: str, out: Path | None, owners: list[str], for_vote: bool, as_json: bool) -> None:
     """Write the table and say what it has."""
-    from rig.log import read_log
     from rig.log.export import export as write
 
     target = out or Path(f"{log.with_suffix('')}.{to}")
     require_apart({"--out": target}, [log])
     with working("writing", not as_json):
-        recording = read_log(log)
-        names = write(recording, to, target, owners, for_vote)
-    about = {"log": str(log), "out": str(target), "rows": len(recording.rows), "columns": names}
-    text = f"{target}: {len(recording.rows)} rows, {len(names)} columns"
+        names, rows = write(log, to, target, owners, for_vote)
+    about = {"log": str(log), "out": str(target), "rows": rows, "columns": names}
+    text = f"{target}: {rows} rows, {len(names)} columns"
     emit(as_json, about, lambda: echo(plain(text)))
 
 

@@ -153,6 +153,19 @@ def _joined(parts: list[NDArray[Any]], dtype: np.dtype[Any]) -> NDArray[Any]:
     return joined
 
 
+def iter_blocks(path: Path, about: About, frames: int = 10_000) -> Iterator[Block]:
+    """Yield all rows of a log, ``frames`` or somewhat more at a time, and fill ``about``: bounded memory; BadLog."""
+    held, count = [], 0
+    for part in iter_parts(path, about):
+        held.append(part.rows)
+        count += len(part.rows)
+        if count >= frames:
+            yield _joined(held, FLAT)
+            held, count = [], 0
+    if count:
+        yield _joined(held, FLAT)
+
+
 def iter_chunks(path: Path | str) -> Iterator[tuple[Block, NDArray[Any], list[Event]]]:
     """Yield rows, timing and events of each chunk, about a second: bounded memory.
 
