@@ -210,8 +210,8 @@ def test_the_command_writes_it_beside_the_log_or_where_it_is_told(hardover, layo
         (["--to", "csv", "--layout", "foxglove"], "--to, --layout: one of them"),
         (["--layout", "plotjuggler"], "--layout plotjuggler: allowed: foxglove"),
         (["--layout", "foxglove", "--signals", "heading"], "--signals, --for-vote: are for --to"),
-        (["--layout", "foxglove", "--out", "flight.mcap"], "--out flight.mcap: is the log itself"),
-        (["--to", "csv", "--out", "flight.mcap"], "--out flight.mcap: is the log itself"),
+        (["--layout", "foxglove", "--out", "flight.mcap"], "--out flight.mcap: is the input"),
+        (["--to", "csv", "--out", "flight.mcap"], "--out flight.mcap: is the input"),
         (["--layout", "foxglove", "--out", "nowhere/a.json"], "no such folder"),
     ],
 )

@@ -16,6 +16,7 @@ from rig.cli.working import working
 from rig.text import plain
 from rig.units.quantities import moment
 from rig.util.console import styled
+from rig.util.outputs import require_apart
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -77,6 +78,7 @@ def report(
     from rig.report.flight import report as write
 
     target = out or log.with_suffix(".html")
+    require_apart({"--out": target}, [log])
     with working("reading the log", not as_json):
         facts = write(log, target)
 

@@ -87,12 +87,10 @@ def _of_monitors(text: str) -> bool:
 def what_if(recording: Recorded, scenario: Scenario, out: Path | None = None, changes: Sequence[str] = ()) -> WhatIf:
     """Vote the recorded channels by ``scenario``; write the result to ``out``, or beside the recording, numbered.
 
-    ``changes`` says in the new log what is not as it was.  BadInput when ``out`` is the recording or cannot be made.
+    ``changes`` says in the new log what is not as it was.  BadInput when ``out`` cannot be made.
     """
     stem = f"{recording.path.stem}.what-if"
     path = out or recording.path.with_name(f"{stem}.mcap")
-    if path.exists() and path.samefile(recording.path):
-        raise BadInput(f"{path}: is the recording")
     with draft(path) if out is None else replaced(path) as part:
         rows, lanes = vote_again(recording.log.rows, scenario), watch_again(recording.log.lanes, scenario)
         metadata, attached = _metadata(recording, scenario, changes), recording.log.attachments.items()
