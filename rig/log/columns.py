@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from rig.frame import FLAT, INDEX, SIGNALS, Block, Ilm, Pattern, State
 from rig.frame.fields import FIELD
 from rig.log.schema import MESSAGES, TOPICS_OF_ROWS, Field, Topic
+from rig.units.quantities import unit_of_name
 
 if TYPE_CHECKING:
     import polars as pl
@@ -64,7 +65,6 @@ def _column(topic: Topic, field: Field) -> Column:
 
 
 COLUMNS: Final = tuple(_column(topic, field) for topic in TOPICS_OF_ROWS for field in MESSAGES[topic.message].fields)
-_UNITS: Final = {"_rad_s": "rad/s", "_rad": "rad", "_m_s2": "m/s2", "_m_s": "m/s", "_m": "m"}  # by end of a name
 _OF_SIGNALS: Final = {
     field.name for field in MESSAGES["rig.Signal"].fields if field.source in FIELD and FIELD[field.source].unit
 }
@@ -75,7 +75,7 @@ def unit_of(path: str) -> str:
     owner, _, name = path.partition(".")
     if owner in INDEX:
         return SIGNALS[INDEX[owner]].unit if name in _OF_SIGNALS else ""
-    return next((unit for end, unit in _UNITS.items() if name.endswith(end)), "")
+    return unit_of_name(name)
 
 
 def label(column: Column, value: int) -> str:

@@ -35,6 +35,12 @@ _TYPES: Final = {"BYTE": ctypes.c_uint8, "SIGNED": ctypes.c_int64, "UNSIGNED": c
 _NAMES: Final = {"BYTE": "UInt8", "SIGNED": "Int64", "UNSIGNED": "UInt64", "REAL": "Float64"}
 _INT: Final = np.iinfo(np.intc)
 _NO_BYTE: Final = 255  # in no enum: what an integer becomes that no byte can hold
+_TYPES_2: Final = {"Real": ("Real", ctypes.c_double), "Boolean": ("Boolean", ctypes.c_int)}  # all others: Integer
+_TYPES_3: Final = {
+    **{f"{sign}Int{n}": f"c_{sign.lower()}int{n}" for sign in ("", "U") for n in (8, 16, 32, 64)},
+    **{"Float64": "c_double", "Float32": "c_float", "Boolean": "c_bool"},
+}  # by name in FMI the type in ctypes; Enumeration: Int64
+_SAME_STEP: Final = 1e-6  # of a step
 Call = Callable[[], Any]
 
 
@@ -67,6 +73,10 @@ class Fmu(ABC):
         """Return what sets or gets the variables of ``run`` in the record at ``address``."""
 
     @abstractmethod
+    def _raw(self, kind: str, count: int, verb: str, references: Any) -> tuple[Call, Any]:
+        """Return what sets or gets ``count`` values of the FMI type ``kind``, and where they are: a ctypes array."""
+
+    @abstractmethod
     def _do_step(self, time_s: float) -> None:
         """Make one step from ``time_s`` on."""
 
@@ -89,6 +99,7 @@ class Fmu(ABC):
         if self._fatal:
             raise Refused("the FMU has had a fatal error")
         self._step_s = 1.0 / ctypes.c_double.from_address(config + self._plan["rate_hz"]).value
+        self._require_step()
         try:
             self.fmu.instantiate(loggingOn=True)
         except Exception as error:  # noqa: BLE001 # FMPy's own
@@ -99,6 +110,16 @@ class Fmu(ABC):
             raise Refused(self._failed(error)) from None
         self._puts, self._gets = self._calls(INPUT, self._input, "Set"), self._calls(OUTPUT, self._output, "Get")
         self._runs = True
+
+    def _require_step(self) -> None:
+        """Refused: its steps do not make a frame."""
+        inner, only, frame = self._plan["inner_step_s"], self._plan["only_step_s"], f"a frame has {self._step_s:g} s"
+        if only > 0.0 and abs(only - self._step_s) > _SAME_STEP * only:
+            why = "canHandleVariableCommunicationStepSize is false"
+            raise Refused(f"the FMU can only be asked for steps of {only:g} s ({why}), {frame}")
+        steps = round(self._step_s / inner) if inner > 0.0 else 1
+        if inner > 0.0 and abs(steps * inner - self._step_s) > _SAME_STEP * inner:
+            raise Refused(f"the FMU makes steps of {inner:g} s (fixedInternalStepSize), {frame}, no multiple of it")
 
     def _initialize(self, parameters: list[Call]) -> None:
         """Set the parameters of a new instance and bring it to its first step."""
@@ -139,7 +160,46 @@ class Fmu(ABC):
         return f"{error.function} returned {STATUS[error.status] if error.status < len(STATUS) else error.status}"
 
     def _calls(self, record: int, address: int, verb: str) -> list[Call]:
+        if "runs" not in self._plan:
+            return self._mapped(record, address, verb)
         return [self._call(run, address, verb) for run in self._plan["runs"] if run["record"] == record]
+
+    def _mapped(self, record: int, address: int, verb: str) -> list[Call]:
+        """Return the calls of a mapping (fmu_mapping.py); the last one of OUTPUT writes what no variable says."""
+        if record == CONFIG:
+            return []
+        size = self._plan["bytes"][str(record)]
+        reals = np.ctypeslib.as_array((ctypes.c_double * (size // 8)).from_address(address))
+        flags = np.ctypeslib.as_array((ctypes.c_uint8 * size).from_address(address))
+        runs = self._plan["inputs" if record == INPUT else "outputs"]
+        calls = [self._mapped_call(run, reals, flags, verb) for run in runs]
+        if record == INPUT:
+            return calls
+        at, values = (np.array(column) for column in zip(*self._plan["constants"], strict=True))
+        return [*calls, partial(flags.__setitem__, at, values)]
+
+    def _mapped_call(self, run: dict[str, Any], reals: Any, flags: Any, verb: str) -> Call:
+        """Return what moves variables of one type; reals, flags : the whole record as numbers and as bytes."""
+        references = (ctypes.c_uint * len(run["references"]))(*run["references"])
+        call, held = self._raw(run["type"], len(run["start"]), verb, references)
+        values, pairs = np.ctypeslib.as_array(held), run["pairs"]
+        values[:] = run["start"]
+        at, first, factor = (np.array([pair[i] for pair in pairs if pair[3]]) for i in range(3))
+        flags_at, flags_first = (np.array([pair[i] for pair in pairs if not pair[3]], int) for i in range(2))
+        at, first, is_flag = at.astype(int), first.astype(int) // 8, run["type"] == "Boolean"
+
+        def put() -> None:
+            values[at] = reals[first] / factor
+            values[flags_at] = flags[flags_first] != 0 if is_flag else flags[flags_first]
+            call()
+
+        def get() -> None:
+            call()
+            reals[first] = values[at] * factor
+            said = values[flags_at].astype(float)
+            flags[flags_first] = np.where((said >= 0) & (said < _NO_BYTE), np.rint(said), _NO_BYTE)
+
+        return put if verb == "Set" else get
 
     def _text(self, run: dict[str, Any], address: int) -> Any:
         """Return the texts of a run, which all have the same room."""
@@ -191,6 +251,12 @@ class Fmi2(Fmu):
 
         return put if verb == "Set" else get
 
+    def _raw(self, kind: str, count: int, verb: str, references: Any) -> tuple[Call, Any]:
+        name, held = _TYPES_2.get(kind, ("Integer", ctypes.c_int))
+        values = (held * count)()
+        function = self._function(verb + name)
+        return partial(function, self.fmu.component, references, len(references), values), values
+
     def _do_step(self, time_s: float) -> None:
         self.fmu.fmi2DoStep(self.fmu.component, time_s, self._step_s, 1)
 
@@ -221,6 +287,12 @@ class Fmi3(Fmu):
             values = (_TYPES[kind] * ((run["end"] - run["first"]) // width)).from_address(address + run["first"])
         function = self._function(verb + _NAMES.get(kind, "String"))
         return partial(function, self.fmu.component, references, count, values, len(values))
+
+    def _raw(self, kind: str, count: int, verb: str, references: Any) -> tuple[Call, Any]:
+        name = kind if kind in _TYPES_3 else "Int64"
+        values = (getattr(ctypes, _TYPES_3[name]) * count)()
+        function = self._function(verb + name)
+        return partial(function, self.fmu.component, references, len(references), values, count), values
 
     def _do_step(self, time_s: float) -> None:
         event, end, early = self._flags
