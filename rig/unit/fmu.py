@@ -19,9 +19,9 @@ from xml.etree import ElementTree
 
 from rig.errors import BadInput
 from rig.unit import links
-from rig.unit.fmu_description import IDENTIFIER, TOKEN, Place, Version, variables
+from rig.unit.fmu_description import IDENTIFIER, OLD_TOKEN, TOKEN, Place, Version, variables
 from rig.unit.fmu_mapping import Described, described, mapped
-from rig.unit.layout import CONFIG, INPUT, OUTPUT, place
+from rig.unit.layout import CONFIG, INPUT, OUTPUT, SINCE_2, place
 from rig.unit.links import SocketLink
 from rig.unit.settings import Unit
 
@@ -106,7 +106,7 @@ def _plan(description: ElementTree.Element, unit: Unit, named: str) -> dict[str,
     co_simulation = description.find("CoSimulation")
     if co_simulation is None:
         raise BadInput(f"{named} has no co-simulation")
-    if unit.fmu is None and token != TOKEN:
+    if unit.fmu is None and token not in (TOKEN, OLD_TOKEN):
         raise BadInput(
             f"{named} was built for layout {token!r}, this rig has {TOKEN!r}: write its modelDescription.xml again"
             f" ('rig unit header --fmu {version}') and rebuild, or map its variables in [fmu.inputs] and [fmu.outputs]"
@@ -121,7 +121,11 @@ def _plan(description: ElementTree.Element, unit: Unit, named: str) -> dict[str,
         "said": place(OUTPUT, "said")[1],
         "bytes": {Place.INPUT: INPUT.itemsize, Place.OUTPUT: OUTPUT.itemsize},
         **_steps(description, co_simulation, named),
-        **({"runs": _runs(version, known, named)} if unit.fmu is None else mapped(unit, known, named)),
+        **(
+            {"runs": _runs(version, known, token == OLD_TOKEN, named)}
+            if unit.fmu is None
+            else mapped(unit, known, named)
+        ),
     }
 
 
@@ -137,10 +141,12 @@ def _steps(description: ElementTree.Element, co_simulation: ElementTree.Element,
         raise BadInput(f"{named}: its step size is no number: {error}") from None
 
 
-def _runs(version: Version, known: dict[str, Described], named: str) -> list[dict[str, Any]]:
+def _runs(version: Version, known: dict[str, Described], old: bool, named: str) -> list[dict[str, Any]]:
     """Return runs of variables of one type that lie side by side in a record: each is one call of FMI."""
     runs: list[dict[str, Any]] = []
     for variable in variables(version):
+        if old and re.split(r"\[", variable.name)[0] in SINCE_2:
+            continue
         found = known.get(variable.name)
         if found is None or found.type != variable.type(version):
             raise BadInput(f"{named} has no variable {variable.name} of type {variable.type(version)}")

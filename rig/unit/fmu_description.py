@@ -2,7 +2,7 @@
 
 CONFIG becomes fixed parameters, INPUT inputs, OUTPUT outputs.  FMI 2.0 has a scalar for each element, FMI 3.0 arrays.
 A value reference says where the variable is, so that a unit needs no table of them: from the lowest bit 14 bits first
-byte, 10 bits elements, 2 bits type (Base), 2 bits record (Place).
+byte, 10 bits elements, 2 bits type (Base), 2 bits record (Place), 1 bit more of the type.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from rig.frame import DISCRETES, SIGNALS, SURFACES, S
+from rig.frame import DISCRETES, SIGNALS, SURFACES, D, S
 from rig.frame.fields import FIELD
-from rig.unit.layout import CONFIG, HELLO, INPUT, LAYOUT, OUTPUT, RECORDS, place, walk
+from rig.unit.layout import CONFIG, HELLO, INPUT, LAYOUT, OLD_SEAM, OUTPUT, RECORDS, place, walk
 
 Version = Literal["2", "3"]  # of FMI
 IDENTIFIER: Final = "rig_unit"  # how the library in an FMU is called
 TOKEN: Final = f"rig-unit-{LAYOUT:016x}"  # guid or instantiationToken: other records, another one
+OLD_TOKEN: Final = f"rig-unit-{OLD_SEAM.layout:016x}"
 
 
 class Place(IntEnum):
@@ -41,12 +42,29 @@ class Base(IntEnum):
     SIGNED = 1
     UNSIGNED = 2
     REAL = 3
+    SHORT = 4
+    WORD = 5
 
 
 _RECORDS: Final = {Place.CONFIG: CONFIG, Place.INPUT: INPUT, Place.OUTPUT: OUTPUT}
 _CAUSALITY: Final = {Place.CONFIG: "parameter", Place.INPUT: "input", Place.OUTPUT: "output"}
-_BASES: Final = {"f8": Base.REAL, "u1": Base.BYTE, "i8": Base.SIGNED, "u8": Base.UNSIGNED}
-_TYPES_3: Final = {Base.REAL: "Float64", Base.BYTE: "UInt8", Base.SIGNED: "Int64", Base.UNSIGNED: "UInt64"}
+_BASES: Final[dict[str, Base]] = {
+    "f8": Base.REAL,
+    "u1": Base.BYTE,
+    "i8": Base.SIGNED,
+    "u8": Base.UNSIGNED,
+    "u2": Base.SHORT,
+    "u4": Base.WORD,
+}
+_WIDTHS: Final = {Base.BYTE: 1, Base.SHORT: 2, Base.WORD: 4}  # bytes; of others 8
+_TYPES_3: Final[dict[Base, str]] = {
+    Base.REAL: "Float64",
+    Base.BYTE: "UInt8",
+    Base.SIGNED: "Int64",
+    Base.UNSIGNED: "UInt64",
+    Base.SHORT: "UInt16",
+    Base.WORD: "UInt32",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +87,12 @@ class Variable:
     @property
     def reference(self) -> int:
         """Its value reference."""
-        return self.record << 26 | self.base << 24 | self.count << 14 | self.first
+        return self.base >> 2 << 28 | self.record << 26 | (self.base & 3) << 24 | self.count << 14 | self.first
 
     @property
     def width(self) -> int:
         """Bytes of an element."""
-        return 1 if self.base is Base.BYTE else 8
+        return _WIDTHS.get(self.base, 8)
 
     def type(self, version: Version) -> str:
         """Return the element of the description."""
@@ -130,7 +148,8 @@ def _about(name: str, shape: tuple[int, ...], index: tuple[int, ...]) -> str:
         return field.elements[index[0]]
     if name in ("trim_surface", "surface_low", "surface_high"):
         return SURFACES[index[0]]
-    item = (SIGNALS if shape[0] == S else DISCRETES)[index[0]].name
+    items = {S: SIGNALS, D: DISCRETES}.get(shape[0])
+    item = str(index[0] + 1) if items is None else items[index[0]].name
     return item if len(index) == 1 else f"{item}, channel {index[1] + 1}"
 
 

@@ -12,7 +12,7 @@ import ctypes
 import json
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -31,8 +31,22 @@ from rig.unit.host import REFUSED, Host, Refused, ReplyChannel, serve
 DISCARD, FATAL = 2, 4
 STATUS: Final = ("ok", "warning", "discard", "error", "fatal", "pending")
 CONFIG, INPUT, OUTPUT = range(3)  # records of a run
-_TYPES: Final = {"BYTE": ctypes.c_uint8, "SIGNED": ctypes.c_int64, "UNSIGNED": ctypes.c_uint64, "REAL": ctypes.c_double}
-_NAMES: Final = {"BYTE": "UInt8", "SIGNED": "Int64", "UNSIGNED": "UInt64", "REAL": "Float64"}
+_TYPES: Final[dict[str, Any]] = {
+    "BYTE": ctypes.c_uint8,
+    "SIGNED": ctypes.c_int64,
+    "UNSIGNED": ctypes.c_uint64,
+    "REAL": ctypes.c_double,
+    "SHORT": ctypes.c_uint16,
+    "WORD": ctypes.c_uint32,
+}
+_NAMES: Final = {
+    "BYTE": "UInt8",
+    "SIGNED": "Int64",
+    "UNSIGNED": "UInt64",
+    "REAL": "Float64",
+    "SHORT": "UInt16",
+    "WORD": "UInt32",
+}
 _INT: Final = np.iinfo(np.intc)
 _NO_BYTE: Final = 255  # in no enum: what an integer becomes that no byte can hold
 _TYPES_2: Final = {"Real": ("Real", ctypes.c_double), "Boolean": ("Boolean", ctypes.c_int)}  # all others: Integer
@@ -44,6 +58,12 @@ _SAME_STEP: Final = 1e-6  # of a step
 Call = Callable[[], Any]
 
 
+def _whole(said: Any, dtype: Any) -> Any:
+    """Return what a variable of any type says as numbers of ``dtype``; the largest, in no enum, where it has none."""
+    most, numbers = np.iinfo(dtype).max, np.asarray(said, float)
+    return np.where((numbers >= 0) & (numbers < most), np.rint(numbers), most)
+
+
 class Fmu(ABC):
     """An FMU with what the host calls of a library: ``open``, ``step``, ``close``."""
 
@@ -52,9 +72,9 @@ class Fmu(ABC):
     prefix: str  # of its functions
     slave: Any  # FMPy's class
 
-    def __init__(self, folder: Path, plan: dict[str, Any]) -> None:
+    def __init__(self, folder: Path, plan: dict[str, Any], layout: int) -> None:
         """Refused: no library for this machine, or one that lacks functions."""
-        self._plan, self._runs, self._fatal = plan, False, False
+        self._plan, self._runs, self._fatal, self.layout = plan, False, False, layout
         path = folder / "binaries" / self.machine / (plan["identifier"] + fmpy.sharedLibraryExtension)
         if not path.is_file():
             raise Refused(f"the FMU has no library for this machine: {path.relative_to(folder)}")
@@ -169,35 +189,38 @@ class Fmu(ABC):
         if record == CONFIG:
             return []
         size = self._plan["bytes"][str(record)]
-        reals = np.ctypeslib.as_array((ctypes.c_double * (size // 8)).from_address(address))
-        flags = np.ctypeslib.as_array((ctypes.c_uint8 * size).from_address(address))
+        views = {
+            base: np.ctypeslib.as_array((kind * (size // ctypes.sizeof(kind))).from_address(address))
+            for base, kind in _TYPES.items()
+        }
         runs = self._plan["inputs" if record == INPUT else "outputs"]
-        calls = [self._mapped_call(run, reals, flags, verb) for run in runs]
+        calls = [self._mapped_call(run, views, verb) for run in runs]
         if record == INPUT:
             return calls
         at, values = (np.array(column) for column in zip(*self._plan["constants"], strict=True))
-        return [*calls, partial(flags.__setitem__, at, values)]
+        return [*calls, partial(views["BYTE"].__setitem__, at, values)]
 
-    def _mapped_call(self, run: dict[str, Any], reals: Any, flags: Any, verb: str) -> Call:
-        """Return what moves variables of one type; reals, flags : the whole record as numbers and as bytes."""
+    def _mapped_call(self, run: dict[str, Any], views: dict[str, Any], verb: str) -> Call:
+        """Return what moves variables of one type; views : the whole record as numbers of each base."""
         references = (ctypes.c_uint * len(run["references"]))(*run["references"])
         call, held = self._raw(run["type"], len(run["start"]), verb, references)
-        values, pairs = np.ctypeslib.as_array(held), run["pairs"]
+        values, moves = np.ctypeslib.as_array(held), []
         values[:] = run["start"]
-        at, first, factor = (np.array([pair[i] for pair in pairs if pair[3]]) for i in range(3))
-        flags_at, flags_first = (np.array([pair[i] for pair in pairs if not pair[3]], int) for i in range(2))
-        at, first, is_flag = at.astype(int), first.astype(int) // 8, run["type"] == "Boolean"
+        for base in {pair[3] for pair in run["pairs"]}:
+            at, first, factor = (np.array([pair[i] for pair in run["pairs"] if pair[3] == base]) for i in range(3))
+            moves.append((at, views[base], first // views[base].itemsize, factor))
 
         def put() -> None:
-            values[at] = reals[first] / factor
-            values[flags_at] = flags[flags_first] != 0 if is_flag else flags[flags_first]
+            for at, view, first, factor in moves:
+                given = view[first]
+                is_flag = run["type"] == "Boolean"
+                values[at] = given / factor if view.dtype == float else given != 0 if is_flag else given
             call()
 
         def get() -> None:
             call()
-            reals[first] = values[at] * factor
-            said = values[flags_at].astype(float)
-            flags[flags_first] = np.where((said >= 0) & (said < _NO_BYTE), np.rint(said), _NO_BYTE)
+            for at, view, first, factor in moves:
+                view[first] = values[at] * factor if view.dtype == float else _whole(values[at], view.dtype)
 
         return put if verb == "Set" else get
 
@@ -272,8 +295,8 @@ class Fmi3(Fmu):
 
     kind, machine, prefix, slave = "FMI 3.0", fmpy.platform_tuple, "fmi3", FMU3Slave
 
-    def __init__(self, folder: Path, plan: dict[str, Any]) -> None:
-        super().__init__(folder, plan)
+    def __init__(self, folder: Path, plan: dict[str, Any], layout: int) -> None:
+        super().__init__(folder, plan, layout)
         self._flags = [ctypes.c_bool() for _ in ("event", "end", "early return")]
         self._reached = ctypes.c_double()
 
@@ -316,10 +339,10 @@ class FmuHost(Host):
             self._channel.reply(REFUSED, message, str(reason))
 
 
-def load(folder: str, layout: int) -> Any:
-    """Load the FMU that was unpacked into ``folder``; Refused.  Its token has been compared with ``layout`` before."""
+def load(folder: str, layouts: Sequence[int]) -> Any:
+    """Load the FMU that was unpacked into ``folder``; Refused.  Its token has been compared before."""
     plan = json.loads(Path(folder, "rig-unit.json").read_text())
-    return (Fmi2 if plan["version"] == "2" else Fmi3)(Path(folder), plan)
+    return (Fmi2 if plan["version"] == "2" else Fmi3)(Path(folder), plan, layouts[0])
 
 
 if __name__ == "__main__":

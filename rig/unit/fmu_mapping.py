@@ -42,7 +42,7 @@ class Element(NamedTuple):
 
     field: str
     first: int  # byte in its record
-    is_real: bool  # or a byte
+    base: Base
     unit: str  # SI
 
 
@@ -164,8 +164,7 @@ def _elements(record: Place) -> dict[str, Element]:
         for scalar in variable.scalars():
             items = scalar.about.split(", channel ") if scalar.about else []
             if variable.name not in ("stepped", "said"):
-                real = variable.base is Base.REAL
-                found = Element(variable.name, scalar.first, real, _unit(variable.name, items))
+                found = Element(variable.name, scalar.first, variable.base, _unit(variable.name, items))
                 elements[".".join([variable.name, *items])] = found
     return elements
 
@@ -174,7 +173,7 @@ def _unit(field: str, items: list[str]) -> str:
     """Return the SI unit of an element."""
     if field in _OF_SIGNALS:
         return SIGNALS[INDEX[items[0]]].unit
-    return (unit_of_name(items[0]) if items and FIELD[field].elements else "") or "1"
+    return (unit_of_name(items[0]) if items and field in FIELD and FIELD[field].elements else "") or "1"
 
 
 def _pair(element: Element, name: str, allowed: tuple[str, ...], known: dict[str, Described], where: str) -> Pair:
@@ -183,7 +182,7 @@ def _pair(element: Element, name: str, allowed: tuple[str, ...], known: dict[str
     variable = known[base]
     if variable.causality not in allowed:
         raise BadInput(f"{where}: {name} is of causality {variable.causality}, must be {' or '.join(allowed)}")
-    types = _REAL if element.is_real else _REAL + _WHOLE
+    types = _REAL if element.base is Base.REAL else _REAL + _WHOLE
     if variable.type not in types:
         raise BadInput(f"{where}: {name} is of type {variable.type}, must be {', '.join(types)}")
     if not variable.unit:
@@ -240,7 +239,7 @@ def _calls(pairs: dict[str, Pair], known: dict[str, Described]) -> list[dict[str
         own = [pair for pair in pairs.values() if known[pair.variable].type == kind]
         names = list(dict.fromkeys(pair.variable for pair in own))
         begins = dict(zip(names, accumulate((len(known[name].start) for name in names), initial=0), strict=False))
-        at = [[begins[one.variable] + one.at, one.element.first, one.factor, one.element.is_real] for one in own]
+        at = [[begins[one.variable] + one.at, one.element.first, one.factor, one.element.base.name] for one in own]
         call = {"type": kind, "references": [known[name].reference for name in names]}
         calls.append({**call, "start": [number for name in names for number in known[name].start], "pairs": at})
     return calls
