@@ -6,8 +6,12 @@ import os
 import re
 import shutil
 import signal
+import socket
+import subprocess
 import zipfile
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any, cast
@@ -15,6 +19,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from test_unit_fmu import FOLDERS, needs_fmpy
+from test_unit_manners import Network
 from unit_files import HERE, SOURCES, build, compiled, library, needs_a_compiler, written
 
 import rig
@@ -24,7 +29,7 @@ from rig.frame import SIGNALS, Law, UnitStatus
 from rig.kernels import cache_root
 from rig.unit.crc import crc32
 from rig.unit.fmu_description import OLD_TOKEN, TOKEN, description
-from rig.unit.layout import INPUT, LAYOUT, OLD_SEAM, OUTPUT, SEAM, SINCE_2, described, place
+from rig.unit.layout import INPUT, LAYOUT, OLD_SEAM, OUTPUT, SEAM, SINCE_2, Kind, described, place
 from rig.unit.links import SocketLink
 from rig.unit.settings import Unit
 from rig.unit.unit import UnitUnderTest
@@ -189,6 +194,53 @@ def test_a_unit_of_version_1_flies_the_bits_of_our_own_manager(tmp_path: Path, n
         assert flight.unit is not None and flight.unit["status"] == "ready" and flight.unit["discarded"] == 0
         digests.add(flight.digest)
     assert len(digests) == 1
+
+
+@contextmanager
+def listening(program: Path) -> Iterator[str]:
+    """The address of a running unit."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{free.getsockname()[1]}"
+    process = subprocess.Popen([program, "--listen", address])
+    try:
+        yield address
+    finally:
+        process.kill()
+        process.wait()
+
+
+def test_a_box_of_version_1_at_an_address_is_greeted_in_its_own(tmp_path: Path):
+    with listening(old_process()) as address:
+        tested = written(tmp_path, {"name": "u", "carrier": "udp", "address": address})
+        for _ in range(2):
+            assert rig.fly(overrides=SHORT, out=tmp_path, unit=tested).survived
+
+
+class Ear(Network):
+    """Loses nothing and keeps all frames."""
+
+    frames: list[bytes]
+
+    def copies(self, message: bytes) -> int:
+        if message[6] == Kind.FRAME:
+            self.frames.append(message)
+        return 1
+
+
+def test_every_request_of_a_flight_has_its_checksum(tmp_path: Path):
+    Ear.frames = []
+    with listening(box()) as address:
+        network = Ear(address, 0)
+        near = f"127.0.0.1:{network.near.getsockname()[1]}"
+        try:
+            rig.fly(
+                overrides=SHORT, out=tmp_path, unit=written(tmp_path, {"name": "u", "carrier": "udp", "address": near})
+            )
+        finally:
+            network.stop()
+    sums = [int.from_bytes(message[-4:], "little") for message in Ear.frames]
+    assert len(sums) == 200 and sums == [zlib.crc32(message[:-8]) for message in Ear.frames]
 
 
 @needs_fmpy
