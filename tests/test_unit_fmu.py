@@ -25,7 +25,7 @@ from rig.errors import BadInput, RigError
 from rig.frame import UnitStatus
 from rig.kernels import cache_root
 from rig.unit import fmu as fmu_carrier
-from rig.unit.fmu import TOKEN, Version, variables
+from rig.unit.fmu_description import TOKEN, Version, description, variables
 from rig.unit.layout import CONFIG, HELLO, INPUT, LAYOUT, OUTPUT
 from rig.unit.settings import Unit
 
@@ -61,7 +61,7 @@ def packed(version: Version, *sources: Path) -> Path:
     files = [*sources, SOURCES / "fmu.c"]
     library = compiled(files, named.with_suffix(".so"), f"-DFMI={version}", f"-I{SOURCES}")
     with zipfile.ZipFile(named.with_suffix(".fmu"), "w") as archive:
-        archive.writestr("modelDescription.xml", fmu_carrier.description(version))
+        archive.writestr("modelDescription.xml", description(version))
         archive.write(library, f"binaries/{FOLDERS[version]}/rig_unit.so")
     return named.with_suffix(".fmu")
 
@@ -119,7 +119,7 @@ def test_fmpy_finds_no_fault_with_the_description(tmp_path: Path, version: Versi
     from fmpy import read_model_description
 
     path = tmp_path / "modelDescription.xml"
-    path.write_text(fmu_carrier.description(version))
+    path.write_text(description(version))
     strict = {"validate": True, "validate_variable_names": True, "validate_model_structure": True}
     found = read_model_description(str(path), **strict)
     named = {variable.name: variable for variable in found.modelVariables}
@@ -133,7 +133,7 @@ def test_fmpy_finds_no_fault_with_the_description(tmp_path: Path, version: Versi
 def test_rig_unit_header_prints_the_description(rig_command):
     for version in VERSIONS:
         code, out, _ = rig_command("unit", "header", "--fmu", version)
-        assert code == 0 and out == fmu_carrier.description(version)
+        assert code == 0 and out == description(version)
     code, _, err = rig_command("unit", "header", "--fmu", "1")
     assert code == 2 and "'1' is not one of '2', '3'" in err
 
@@ -259,7 +259,7 @@ def _elsewhere(folder: Path) -> Path:
 def _library(folder: Path, library: Path) -> Path:
     path = folder / "library.fmu"
     with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("modelDescription.xml", fmu_carrier.description("2"))
+        archive.writestr("modelDescription.xml", description("2"))
         archive.write(library, "binaries/linux64/rig_unit.so")
     return path
 

@@ -110,6 +110,16 @@ def test_a_flight_over_udp_has_the_same_bits(peer: Peer):
         peer.send(peer.head(np.zeros(1, HELLO), Kind.END))
 
 
+def test_a_request_with_a_wrong_checksum_is_not_stepped(peer: Peer):
+    record, rows = random_flight((7, 0))
+    peer.greet()
+    peer.configure(record)
+    (frame, *_) = inputs(rows)
+    for crc in (1, 0):
+        peer.send(peer.head(frame.reshape(1), Kind.FRAME, crc=crc))
+    assert peer.receive(OUTPUT)["stepped"] == 1
+
+
 def test_a_configuration_that_cannot_be_flown_is_refused_with_a_reason(peer: Peer):
     record, _ = quiet(1)
     record["signal"]["fitted"] = 9

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rig.frame import FLAT, Block
 from rig.kernels import cache_root
 from rig.unit.header import header
-from rig.unit.layout import ANSWERS, CONFIG, INPUT, LAYOUT, OUTPUT, PART, READY, Said
+from rig.unit.layout import ANSWERS, CONFIG, INPUT, LAYOUT, OUTPUT, PART, READY, VERSION, Said
 from rig.unit.settings import Unit, read_unit
 
 SOURCES = Path(__file__).parents[1] / "docs" / "examples" / "unit"
@@ -146,6 +146,6 @@ def udp(folder: Path, plan: list[Any], name: str | Path = "first_valid", **keys:
     """A library, by its name or path, behind tests/units/udp.py with a plan of what goes wrong."""
     path = library(name) if isinstance(name, str) else name.resolve()
     sizes = {"input": INPUT, "output": OUTPUT, "config": CONFIG, "part": PART, "ready": READY}
-    known = json.dumps({**{key: dtype.itemsize for key, dtype in sizes.items()}, "layout": LAYOUT})
+    known = json.dumps({**{key: dtype.itemsize for key, dtype in sizes.items()}, "layout": LAYOUT, "version": VERSION})
     command = [sys.executable, str(HERE / "udp.py"), str(path), "{address}", json.dumps(plan), known]
     return written(folder, {"name": "planned", "carrier": "udp", "command": command, **keys})

@@ -206,6 +206,8 @@ def _unit(flight: Flight) -> None:
     wrong = counts(unit, names)
     if unit["dead_frame"] is not None:
         wrong.append(f"dead from {moment(unit['dead_frame'], flight.scenario.rate_hz)} on")
+    if unit["status"] != "ready" or unit["fault_word"]:
+        wrong.append(f"last {unit['status']}, fault word {unit['fault_word']:#010x}")
     text = ", ".join([f"{unit['answered']} frames answered", *wrong])
     field("unit", f"{unit['name']}: {text}", style="yellow" if wrong else "")
     reply = unit["reply"]

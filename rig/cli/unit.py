@@ -29,13 +29,12 @@ def header(
     ] = None,
 ) -> None:
     """Print the records as a C header, or in another form."""
-    from rig.unit import fmu as in_fmi
-    from rig.unit import header
+    from rig.unit import fmu_description, header
 
     if ada + markdown + (fmu is not None) > 1:
         raise BadInput("--ada, --markdown, --fmu: one of them")
     if fmu is not None:
-        echo(in_fmi.description(fmu), nl=False)
+        echo(fmu_description.description(fmu), nl=False)
         return
     text = header.ada if ada else header.markdown if markdown else header.header
     echo(text(), nl=False)

@@ -92,6 +92,9 @@ class FlightRecords(Findings):
     def record(self, rows: Block, timing: NDArray[Any], lanes: LaneBlock | None = None) -> None:
         """Record the next rows; watchers are given them when the log has them."""
         events = self.found(rows, lanes)
+        if self._unit is not None:
+            news = self._unit.news.until(int(rows["frame"][-1]))
+            events = sorted([*events, *news], key=lambda event: event.frame) if news else events
         if self._keys is not None:
             events = sorted([*self._keys.events_until(int(rows["frame"][-1])), *events], key=lambda event: event.frame)
         summed_up = self._pool.submit(self._sum_up, rows, events, lanes)  # both leave the interpreter to each other

@@ -26,7 +26,7 @@ from rig.computer.redundancy import Redundancy
 from rig.computer.redundancy.discrete import DiscreteData, vote_discretes
 from rig.faults import FaultData
 from rig.flight.pace import Pace
-from rig.frame import FLIGHT_INDEX, SURFACES, Block, LaneBlock, Nested, UnitStatus, nested, new_block
+from rig.frame import FLIGHT_INDEX, SURFACES, Block, LaneBlock, Law, Nested, UnitStatus, nested, new_block
 from rig.kernels import bind, kernel
 from rig.loop import ComputerStep, Rig, StageData, before, compute
 from rig.scenario import Scenario
@@ -34,7 +34,7 @@ from rig.sensors import SensorData
 from rig.sensors.inertial import InertialData
 from rig.unit.compiled_exchange import FOREVER_NS, PENDING, try_exchange
 from rig.unit.layout import Form
-from rig.unit.port import FLOWN, ON_DISCRETES, fill, take
+from rig.unit.port import BLANK, FLOWN, ON_DISCRETES, STARTING, fill, take
 from rig.unit.session import configuration
 from rig.unit.unit import UnitUnderTest
 from rig.util.interrupt import Stop
@@ -187,11 +187,21 @@ def after_unit(block, raw, k, data, port, status):
     row, answer = block[k], port.records[FLOWN]
     bus, fcc = row["bus"], row["fcc"]
     conclude_unit(bus, fcc, answer["said"], data.redundancy)
-    if port.form == _REDUNDANCY:
+    if port.counts[STARTING] > 0:
+        fly_trim(fcc, port.records[BLANK]["surface"])
+    elif port.form == _REDUNDANCY:
         control_law(bus, fcc, data.control)
     row["actuation"]["unit"], row["actuation"]["unit_age"] = status, row["frame"] - answer["frame"]
     put_out(row, k, data.control.param[0]["still"], data.faults, data.actuators)
     return status
+
+
+@kernel
+def fly_trim(fcc, trim):
+    """Hold the surfaces where the flight began, while the unit tests itself."""
+    for i in range(len(trim)):
+        fcc["surface"][i] = trim[i]
+    fcc["law"] = _EXTERNAL
 
 
 @kernel
@@ -202,4 +212,4 @@ def conclude_unit(bus, fcc, said, data):
         vote_discretes(bus, fcc, data.discretes)
 
 
-_REDUNDANCY = int(Form.REDUNDANCY)
+_REDUNDANCY, _EXTERNAL = int(Form.REDUNDANCY), Law.EXTERNAL.value

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from rig.frame import FLAT, INDEX, LANE_FIELDS, SIGNALS, Block, Ilm, LaneBlock, Pattern, State
 from rig.frame.fields import FIELD
 from rig.log.schema import LANE_MESSAGES, LANE_TOPICS, MESSAGES, TOPICS_OF_ROWS, Field, Topic
+from rig.units.quantities import unit_of_name
 
 if TYPE_CHECKING:
     import polars as pl
@@ -79,9 +80,7 @@ LANE_COLUMNS: Final = tuple(
     for i, topic in enumerate(LANE_TOPICS)
     for field in LANE_MESSAGES[topic.message].fields
 )
-_LANE_UNITS: Final = {column.path: f.unit for column in LANE_COLUMNS for f in LANE_FIELDS if f.name == column.field}
-_UNITS: Final = {"_rad_s": "rad/s", "_rad": "rad", "_m_s2": "m/s2", "_m_s": "m/s", "_m": "m"}  # by end of a name
-_OF_SIGNALS: Final = {
+_LANE_OF_SIGNALS: Final = {
     field.name for field in MESSAGES["rig.Signal"].fields if field.source in FIELD and FIELD[field.source].unit
 }
 
@@ -93,7 +92,7 @@ def unit_of(path: str) -> str:
     owner, _, name = path.partition(".")
     if owner in INDEX:
         return SIGNALS[INDEX[owner]].unit if name in _OF_SIGNALS else ""
-    return next((unit for end, unit in _UNITS.items() if name.endswith(end)), "")
+    return unit_of_name(name)
 
 
 def label(column: Column, value: int) -> str:

@@ -10,6 +10,7 @@ startup.py   how a session begins; messages.py what is wrong with a READY
 session.py   what a flight is flown with; what arrived and what did not
 unit.py      all of them, for one flight; compiled_exchange.py what a frame nearly always is
 host.py      the child in which a library runs; exchange_llvm.py its frames, compiled
-fmu.py       an FMU: variables, description, link; fmu_host.py the child in which it is stepped
+fmu.py       an FMU: its link; fmu_description.py the records as its variables; fmu_mapping.py variables of other names
+fmu_host.py  the child in which it is stepped
 vectors.py   what a monitor must answer (bench/unit_check.py asks it)
 """

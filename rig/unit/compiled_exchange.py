@@ -22,25 +22,26 @@ from numpy.typing import NDArray
 
 from rig.frame import UnitStatus
 from rig.kernels import kernel
-from rig.unit.layout import FROM_UNIT, INPUT, OUTPUT, Kind, blank, place
+from rig.unit.crc import crc32
+from rig.unit.layout import FROM_UNIT, OUTPUT, SEAM, Kind, Seam, blank, place
 from rig.unit.port import PLAIN, RECEIVED, Port, copy_bytes
 
 PENDING: Final = -1  # no status of frame.UnitStatus: Python goes on with this frame
 FOREVER_NS: Final = np.iinfo(np.int64).max
 _CLOCK: Final = getattr(time, "CLOCK_UPTIME_RAW", getattr(time, "CLOCK_MONOTONIC", 0))  # of perf_counter
 _AT_ONCE: Final = int(getattr(socket, "MSG_DONTWAIT", 0))
-_SENT_BYTES: Final = INPUT.itemsize
-_BYTES: Final = OUTPUT.itemsize
+_CRC: Final = 4  # bytes, the last ones of a record
 _WORD: Final = ir.IntType(64)
 _HEAD: Final = place(OUTPUT, "frame")[1]  # what a session keeps of it, then the frame and its time
 _FRAME_END: Final = place(OUTPUT, "time_s")[1]
 _TIME_END: Final = _FRAME_END + 8
-_BODY: Final = place(OUTPUT, "length")[1]
+_TAIL: Final = 8
 
 _NAMES: Final = (
     *("step", "send", "receive", "give_way", "clock"),  # addresses of functions; step is 0 for a socket
     *("sent_at", "received_at", "into_at", "into_bytes", "now_at"),  # addresses of records
-    *("fd", "spin_ns"),
+    *("fd", "spin_ns", "sums"),  # sums: requests have a checksum
+    *("sent_bytes", "answer_bytes", "known_bytes"),  # of the records, in the version of the unit
     *("now_s", "now_ns"),  # struct timespec
     *("sent", "code", "count"),  # of a PENDING frame: handed over, what step returned, bytes in ``into``
     *("frame", "stepped", "took_ns"),  # of the last answer through a socket; of the last frame
@@ -68,16 +69,17 @@ class CompiledExchange(NamedTuple):
     template: NDArray[np.uint8]  # an answer with nothing in it but its head and length
 
 
-def new_exchange(port: Port, session: int, into: NDArray[np.uint8]) -> CompiledExchange:
+def new_exchange(port: Port, session: int, into: NDArray[np.uint8], seam: Seam = SEAM) -> CompiledExchange:
     """Return the exchange of one flight, for ``to_library`` or ``to_socket`` to complete."""
     state, library = np.zeros(1, STATE), ctypes.CDLL(None)
     functions = {"send": "send", "receive": "recv", "give_way": "sched_yield", "clock": "clock_gettime"}
     for name, called in functions.items():
         state[name] = _address(getattr(library, called))
     state["sent_at"], state["into_at"], state["into_bytes"] = port.out.sent.ctypes.data, into.ctypes.data, len(into)
+    state["sent_bytes"], state["answer_bytes"], state["known_bytes"] = seam[2:]
     state["received_at"] = port.back.bytes[RECEIVED].ctypes.data
     state["now_at"], state["frame"] = state.ctypes.data + place(STATE, "now_s")[1], -1
-    return CompiledExchange(state, into, blank(OUTPUT, FROM_UNIT, Kind.REPLY, session).view(np.uint8))
+    return CompiledExchange(state, into, blank(OUTPUT, FROM_UNIT, Kind.REPLY, session, seam).view(np.uint8))
 
 
 def to_library(exchange: CompiledExchange, step: Any) -> None:
@@ -85,9 +87,13 @@ def to_library(exchange: CompiledExchange, step: Any) -> None:
     exchange.state["step"] = _address(step)
 
 
-def to_socket(exchange: CompiledExchange, fd: int, spin_ns: int) -> None:
-    """Hand frames over through the socket ``fd``, from the first on or after the unit was started again."""
+def to_socket(exchange: CompiledExchange, fd: int, spin_ns: int, sums: bool = False) -> None:
+    """Hand frames over through the socket ``fd``, from the first on or after the unit was started again.
+
+    sums : with a checksum
+    """
     state = exchange.state
+    state["sums"] = sums
     state["step"], state["fd"], state["frame"], state["stepped"], state["spin_ns"] = 0, fd, -1, 0, spin_ns
     clear(exchange)
 
@@ -157,7 +163,7 @@ def try_exchange(port, exchange, until_ns):
     if state["step"] != 0:
         answered = call_step(port, exchange, state)
     else:
-        answered = send(state) and await_answer(port, exchange, state, began + state["spin_ns"], until_ns)
+        answered = send(port.out, state) and await_answer(port, exchange, state, began + state["spin_ns"], until_ns)
     state["took_ns"] = now(state) - began
     return UnitStatus.ANSWERED.value if answered else PENDING
 
@@ -173,17 +179,24 @@ def now(state):
 def call_step(port, exchange, state):
     """Call the library between the two records."""
     received = port.back.bytes[RECEIVED]
-    copy_bytes(received, 0, exchange.template, 0, _BYTES)
+    copy_bytes(received, 0, exchange.template, 0, state["answer_bytes"])
     copy_bytes(received, _HEAD, port.out.sent_bytes, _HEAD, _TIME_END - _HEAD)
     state["code"] = int_of_two(state["step"], state["sent_at"], state["received_at"])
+    for i in range(state["known_bytes"], len(received)):  # the tail of an older version
+        received[i] = 0
     state["sent"] = state["code"] != 0
     return state["code"] == 0
 
 
 @kernel
-def send(state):
-    """Return True if the socket took the record."""
-    state["sent"] = long_of_four(state["send"], state["fd"], state["sent_at"], _SENT_BYTES, _AT_ONCE) == _SENT_BYTES
+def send(port, state):
+    """Return True if the socket took the record; port : Outbound."""
+    count = state["sent_bytes"]
+    if state["sums"]:
+        crc = crc32(port.sent_bytes, count - _TAIL)
+        for i in range(_CRC):
+            port.sent_bytes[count - _CRC + i] = crc >> (8 * i) & 0xFF
+    state["sent"] = long_of_four(state["send"], state["fd"], state["sent_at"], count, _AT_ONCE) == count
     return state["sent"] != 0
 
 
@@ -199,23 +212,24 @@ def await_answer(port, exchange, state, patient_ns, until_ns):
             int_of_two(state["give_way"], 0, 0)
         count = long_of_four(state["receive"], state["fd"], state["into_at"], state["into_bytes"], _AT_ONCE)
     in_time = until_ns == FOREVER_NS or now(state) < until_ns
-    if count != _BYTES or not in_time or not is_usual(exchange.into, port.out.sent_bytes, exchange.template):
+    usual = count == state["answer_bytes"] and is_usual(exchange, port.out.sent_bytes, count)
+    if not in_time or not usual:
         state["count"] = max(count, 0)
         return False
-    copy_bytes(port.back.bytes[RECEIVED], 0, exchange.into, 0, _BYTES)
+    copy_bytes(port.back.bytes[RECEIVED], 0, exchange.into, 0, state["known_bytes"])
     record = port.back.records[RECEIVED]
     state["frame"], state["stepped"], state["sent"] = record["frame"], record["stepped"], 0
     return True
 
 
 @kernel
-def is_usual(message, sent, template):
-    """Return True if it has head and tail of all answers of the session, and the frame that was sent."""
-    usual = True
+def is_usual(exchange, sent, count):
+    """Return True if the message has head and tail of all answers of the session, and the frame that was sent."""
+    message, template, usual = exchange.into, exchange.template, True
     for i in range(_HEAD):
         usual = usual and message[i] == template[i]
     for i in range(_HEAD, _FRAME_END):
         usual = usual and message[i] == sent[i]
-    for i in range(_BODY, _BYTES):
+    for i in range(count - _TAIL, count):
         usual = usual and message[i] == template[i]
     return usual

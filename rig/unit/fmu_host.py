@@ -12,7 +12,7 @@ import ctypes
 import json
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -31,11 +31,37 @@ from rig.unit.host import REFUSED, Host, Refused, ReplyChannel, serve
 DISCARD, FATAL = 2, 4
 STATUS: Final = ("ok", "warning", "discard", "error", "fatal", "pending")
 CONFIG, INPUT, OUTPUT = range(3)  # records of a run
-_TYPES: Final = {"BYTE": ctypes.c_uint8, "SIGNED": ctypes.c_int64, "UNSIGNED": ctypes.c_uint64, "REAL": ctypes.c_double}
-_NAMES: Final = {"BYTE": "UInt8", "SIGNED": "Int64", "UNSIGNED": "UInt64", "REAL": "Float64"}
+_TYPES: Final[dict[str, Any]] = {
+    "BYTE": ctypes.c_uint8,
+    "SIGNED": ctypes.c_int64,
+    "UNSIGNED": ctypes.c_uint64,
+    "REAL": ctypes.c_double,
+    "SHORT": ctypes.c_uint16,
+    "WORD": ctypes.c_uint32,
+}
+_NAMES: Final = {
+    "BYTE": "UInt8",
+    "SIGNED": "Int64",
+    "UNSIGNED": "UInt64",
+    "REAL": "Float64",
+    "SHORT": "UInt16",
+    "WORD": "UInt32",
+}
 _INT: Final = np.iinfo(np.intc)
 _NO_BYTE: Final = 255  # in no enum: what an integer becomes that no byte can hold
+_TYPES_2: Final = {"Real": ("Real", ctypes.c_double), "Boolean": ("Boolean", ctypes.c_int)}  # all others: Integer
+_TYPES_3: Final = {
+    **{f"{sign}Int{n}": f"c_{sign.lower()}int{n}" for sign in ("", "U") for n in (8, 16, 32, 64)},
+    **{"Float64": "c_double", "Float32": "c_float", "Boolean": "c_bool"},
+}  # by name in FMI the type in ctypes; Enumeration: Int64
+_SAME_STEP: Final = 1e-6  # of a step
 Call = Callable[[], Any]
+
+
+def _whole(said: Any, dtype: Any) -> Any:
+    """Return what a variable of any type says as numbers of ``dtype``; the largest, in no enum, where it has none."""
+    most, numbers = np.iinfo(dtype).max, np.asarray(said, float)
+    return np.where((numbers >= 0) & (numbers < most), np.rint(numbers), most)
 
 
 class Fmu(ABC):
@@ -46,9 +72,9 @@ class Fmu(ABC):
     prefix: str  # of its functions
     slave: Any  # FMPy's class
 
-    def __init__(self, folder: Path, plan: dict[str, Any]) -> None:
+    def __init__(self, folder: Path, plan: dict[str, Any], layout: int) -> None:
         """Refused: no library for this machine, or one that lacks functions."""
-        self._plan, self._runs, self._fatal = plan, False, False
+        self._plan, self._runs, self._fatal, self.layout = plan, False, False, layout
         path = folder / "binaries" / self.machine / (plan["identifier"] + fmpy.sharedLibraryExtension)
         if not path.is_file():
             raise Refused(f"the FMU has no library for this machine: {path.relative_to(folder)}")
@@ -65,6 +91,10 @@ class Fmu(ABC):
     @abstractmethod
     def _call(self, run: dict[str, Any], address: int, verb: str) -> Call:
         """Return what sets or gets the variables of ``run`` in the record at ``address``."""
+
+    @abstractmethod
+    def _raw(self, kind: str, count: int, verb: str, references: Any) -> tuple[Call, Any]:
+        """Return what sets or gets ``count`` values of the FMI type ``kind``, and where they are: a ctypes array."""
 
     @abstractmethod
     def _do_step(self, time_s: float) -> None:
@@ -89,6 +119,7 @@ class Fmu(ABC):
         if self._fatal:
             raise Refused("the FMU has had a fatal error")
         self._step_s = 1.0 / ctypes.c_double.from_address(config + self._plan["rate_hz"]).value
+        self._require_step()
         try:
             self.fmu.instantiate(loggingOn=True)
         except Exception as error:  # noqa: BLE001 # FMPy's own
@@ -99,6 +130,16 @@ class Fmu(ABC):
             raise Refused(self._failed(error)) from None
         self._puts, self._gets = self._calls(INPUT, self._input, "Set"), self._calls(OUTPUT, self._output, "Get")
         self._runs = True
+
+    def _require_step(self) -> None:
+        """Refused: its steps do not make a frame."""
+        inner, only, frame = self._plan["inner_step_s"], self._plan["only_step_s"], f"a frame has {self._step_s:g} s"
+        if only > 0.0 and abs(only - self._step_s) > _SAME_STEP * only:
+            why = "canHandleVariableCommunicationStepSize is false"
+            raise Refused(f"the FMU can only be asked for steps of {only:g} s ({why}), {frame}")
+        steps = round(self._step_s / inner) if inner > 0.0 else 1
+        if inner > 0.0 and abs(steps * inner - self._step_s) > _SAME_STEP * inner:
+            raise Refused(f"the FMU makes steps of {inner:g} s (fixedInternalStepSize), {frame}, no multiple of it")
 
     def _initialize(self, parameters: list[Call]) -> None:
         """Set the parameters of a new instance and bring it to its first step."""
@@ -139,7 +180,49 @@ class Fmu(ABC):
         return f"{error.function} returned {STATUS[error.status] if error.status < len(STATUS) else error.status}"
 
     def _calls(self, record: int, address: int, verb: str) -> list[Call]:
+        if "runs" not in self._plan:
+            return self._mapped(record, address, verb)
         return [self._call(run, address, verb) for run in self._plan["runs"] if run["record"] == record]
+
+    def _mapped(self, record: int, address: int, verb: str) -> list[Call]:
+        """Return the calls of a mapping (fmu_mapping.py); the last one of OUTPUT writes what no variable says."""
+        if record == CONFIG:
+            return []
+        size = self._plan["bytes"][str(record)]
+        views = {
+            base: np.ctypeslib.as_array((kind * (size // ctypes.sizeof(kind))).from_address(address))
+            for base, kind in _TYPES.items()
+        }
+        runs = self._plan["inputs" if record == INPUT else "outputs"]
+        calls = [self._mapped_call(run, views, verb) for run in runs]
+        if record == INPUT:
+            return calls
+        at, values = (np.array(column) for column in zip(*self._plan["constants"], strict=True))
+        return [*calls, partial(views["BYTE"].__setitem__, at, values)]
+
+    def _mapped_call(self, run: dict[str, Any], views: dict[str, Any], verb: str) -> Call:
+        """Return what moves variables of one type; views : the whole record as numbers of each base."""
+        references = (ctypes.c_uint * len(run["references"]))(*run["references"])
+        call, held = self._raw(run["type"], len(run["start"]), verb, references)
+        values, moves = np.ctypeslib.as_array(held), []
+        values[:] = run["start"]
+        for base in {pair[3] for pair in run["pairs"]}:
+            at, first, factor = (np.array([pair[i] for pair in run["pairs"] if pair[3] == base]) for i in range(3))
+            moves.append((at, views[base], first // views[base].itemsize, factor))
+
+        def put() -> None:
+            for at, view, first, factor in moves:
+                given = view[first]
+                is_flag = run["type"] == "Boolean"
+                values[at] = given / factor if view.dtype == float else given != 0 if is_flag else given
+            call()
+
+        def get() -> None:
+            call()
+            for at, view, first, factor in moves:
+                view[first] = values[at] * factor if view.dtype == float else _whole(values[at], view.dtype)
+
+        return put if verb == "Set" else get
 
     def _text(self, run: dict[str, Any], address: int) -> Any:
         """Return the texts of a run, which all have the same room."""
@@ -191,6 +274,12 @@ class Fmi2(Fmu):
 
         return put if verb == "Set" else get
 
+    def _raw(self, kind: str, count: int, verb: str, references: Any) -> tuple[Call, Any]:
+        name, held = _TYPES_2.get(kind, ("Integer", ctypes.c_int))
+        values = (held * count)()
+        function = self._function(verb + name)
+        return partial(function, self.fmu.component, references, len(references), values), values
+
     def _do_step(self, time_s: float) -> None:
         self.fmu.fmi2DoStep(self.fmu.component, time_s, self._step_s, 1)
 
@@ -206,8 +295,8 @@ class Fmi3(Fmu):
 
     kind, machine, prefix, slave = "FMI 3.0", fmpy.platform_tuple, "fmi3", FMU3Slave
 
-    def __init__(self, folder: Path, plan: dict[str, Any]) -> None:
-        super().__init__(folder, plan)
+    def __init__(self, folder: Path, plan: dict[str, Any], layout: int) -> None:
+        super().__init__(folder, plan, layout)
         self._flags = [ctypes.c_bool() for _ in ("event", "end", "early return")]
         self._reached = ctypes.c_double()
 
@@ -221,6 +310,12 @@ class Fmi3(Fmu):
             values = (_TYPES[kind] * ((run["end"] - run["first"]) // width)).from_address(address + run["first"])
         function = self._function(verb + _NAMES.get(kind, "String"))
         return partial(function, self.fmu.component, references, count, values, len(values))
+
+    def _raw(self, kind: str, count: int, verb: str, references: Any) -> tuple[Call, Any]:
+        name = kind if kind in _TYPES_3 else "Int64"
+        values = (getattr(ctypes, _TYPES_3[name]) * count)()
+        function = self._function(verb + name)
+        return partial(function, self.fmu.component, references, len(references), values, count), values
 
     def _do_step(self, time_s: float) -> None:
         event, end, early = self._flags
@@ -244,10 +339,10 @@ class FmuHost(Host):
             self._channel.reply(REFUSED, message, str(reason))
 
 
-def load(folder: str, layout: int) -> Any:
-    """Load the FMU that was unpacked into ``folder``; Refused.  Its token has been compared with ``layout`` before."""
+def load(folder: str, layouts: Sequence[int]) -> Any:
+    """Load the FMU that was unpacked into ``folder``; Refused.  Its token has been compared before."""
     plan = json.loads(Path(folder, "rig-unit.json").read_text())
-    return (Fmi2 if plan["version"] == "2" else Fmi3)(Path(folder), plan)
+    return (Fmi2 if plan["version"] == "2" else Fmi3)(Path(folder), plan, layouts[0])
 
 
 if __name__ == "__main__":

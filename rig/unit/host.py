@@ -12,7 +12,7 @@ import os
 import socket
 import struct
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -40,8 +40,8 @@ class Library:
 
     kind = "library"  # its text about itself
 
-    def __init__(self, path: str, layout: int) -> None:
-        """Refused: no library, without its functions, or built for other records."""
+    def __init__(self, path: str, layouts: Sequence[int]) -> None:
+        """Refused: no library, without its functions, or built for other records than ``layouts``, the newest first."""
         try:
             self._library = ctypes.CDLL(str(Path(path).resolve()))
         except OSError as error:
@@ -49,11 +49,13 @@ class Library:
         missing = [name for name in FUNCTIONS if not hasattr(self._library, name)]
         if missing:
             raise Refused(f"{path} has no function {missing[0]}; a unit has {', '.join(FUNCTIONS)}")
+        self.layout = layouts[0]
         with suppress(ValueError):  # not every language writes it
-            built = ctypes.c_uint64.in_dll(self._library, "rig_unit_layout").value
-            if built != layout:
+            self.layout = ctypes.c_uint64.in_dll(self._library, "rig_unit_layout").value
+            if self.layout not in layouts:
+                built, ours = f"{self.layout:016x}", f"{layouts[0]:016x}"
                 again = "write the header again ('rig unit header') and rebuild"
-                raise Refused(f"{path} was built for layout {built:016x}, this rig has {layout:016x}: {again}")
+                raise Refused(f"{path} was built for layout {built}, this rig has {ours}: {again}")
         self._open, self.step, self._close = (getattr(self._library, name) for name in FUNCTIONS)
         self._open.argtypes, self.step.argtypes = (ctypes.c_void_p,), (ctypes.c_void_p, ctypes.c_void_p)
         self._close.restype = None
@@ -82,8 +84,8 @@ class ReplyChannel:
 
     def reply(self, kind: int, request: bytes | memoryview, text: str, greeting: bool = False) -> None:
         """Send READY or REFUSED to ``request``; a greeting has no session: it says 'I am here'."""
-        magic, layout = struct.unpack_from("<I4xQ", self.blank)
-        _, version, _, _, session, frame, time_s = HEAD.unpack_from(request)
+        magic, version, _, layout, *_ = HEAD.unpack_from(self.blank)
+        *_, session, frame, time_s = HEAD.unpack_from(request)
         session = 0 if greeting else session
         head = HEAD.pack(magic, version, kind, layout, session, frame, time_s)
         body = text.encode()[: self.sizes["text"] - 1].ljust(self.sizes["text"], b"\0")
@@ -126,7 +128,6 @@ class Host:
     def _handle(self, message: memoryview) -> None:
         kind = message[6] | message[7] << 8
         if kind == HELLO:
-            self._usual[:] = bytes(message[:6]) + FRAME.to_bytes(2, "little") + bytes(message[8:USUAL_BYTES])
             self._channel.reply(READY, message, self._library.kind, greeting=True)
         elif kind == CONFIG:
             self._configure(message)
@@ -159,6 +160,7 @@ class Host:
             return
         self._output[:] = self._channel.blank
         try:
+            self._usual[:] = bytes(message[:6]) + FRAME.to_bytes(2, "little") + bytes(message[8:USUAL_BYTES])
             self._library.open(self._with)
             self._state[0] = 0
             self._channel.reply(READY, message, self._library.kind)
@@ -202,17 +204,20 @@ def _address(buffer: bytearray) -> int:
 _held: list[object] = []
 
 
-def serve(arguments: list[str], load: Callable[[str, int], Library], host: type[Host] = Host) -> None:
+def serve(arguments: list[str], load: Callable[[str, Sequence[int]], Library], host: type[Host] = Host) -> None:
     """Answer for what ``load`` finds at the path of ``arguments``, until the other side is gone.  fmu_host.py too."""
     fd, path, blank, *sizes = arguments
     named = {name: int(size) for name, _, size in (text.partition("=") for text in sizes)}
-    channel = ReplyChannel(socket.socket(fileno=int(fd)), bytes.fromhex(blank), named)
+    blanks = {HEAD.unpack_from(one)[3]: one for one in map(bytes.fromhex, blank.split(","))}  # by layout
+    channel = ReplyChannel(socket.socket(fileno=int(fd)), next(iter(blanks.values())), named)
     try:
-        library = load(path, HEAD.unpack_from(channel.blank)[3])
+        library = load(path, [*blanks])
     except Refused as reason:
         channel.reply(REFUSED, channel.blank, str(reason))
         channel.socket.recv(1)  # wait until it has been read
         return
+    if blanks[library.layout] is not channel.blank:
+        channel.blank, channel.sizes["input"] = blanks[library.layout], named["old_input"]
     channel.reply(READY, channel.blank, library.kind)
     host(channel, library).serve()
 

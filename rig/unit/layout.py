@@ -2,6 +2,8 @@
 
 Little-endian, IEEE 754, naturally aligned, every gap a field of its own (``pad_...``), sizes a multiple of eight bytes.
 All carriers move the same bytes; docs/unit-records.md has the tables.
+
+Version 2 begins with the fields of version 1 where they were: a unit that was built for that is still flown (SEAMS).
 """
 
 from __future__ import annotations
@@ -15,10 +17,10 @@ import numpy as np
 
 from rig.computer.redundancy.config import PARAMS
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
-from rig.frame import DISCRETES, SIGNALS, SURFACES, D, Ilm, Law, Pattern, Resolver, S, State
+from rig.frame import CHANNELS, DISCRETES, SIGNALS, SURFACES, D, Ilm, Law, Pattern, Resolver, S, State
 from rig.frame.fields import BASES, FIELD, FIELDS
 
-VERSION: Final = 1  # of the seam; a change of a field changes LAYOUT alone
+VERSION: Final = 2  # of the seam; a change of a field changes LAYOUT alone
 TO_UNIT, FROM_UNIT = 0x49474952, 0x4F474952  # "RIGI", "RIGO" as little-endian words
 PART_BYTES: Final = 1024  # of CONFIG in one message that must fit into an Ethernet frame
 NAME_BYTES, TEXT_BYTES = 64, 192
@@ -54,6 +56,16 @@ class Form(IntEnum):
     FLIGHT_COMPUTER = 1  # surfaces out
 
 
+class Status(IntEnum):
+    """Status that a unit reports of itself; one that reports none is ready."""
+
+    READY = 0
+    DEGRADED = 1
+    FAILED = 2
+    SELF_TEST = 3  # from here on its answers are not flown
+    POWER_UP = 4
+
+
 # Besides BUS: what the rig computes from the unit's last votes, NaN where there is none.
 REFERENCES: Final = ("reference", "second_reference")
 ANSWERS: Final[dict[str, Said]] = {
@@ -72,7 +84,7 @@ ANSWERS: Final[dict[str, Said]] = {
     "discrete_level": Said.DISCRETES,
     "law": Said.SURFACE,
 }
-ENUMS: Final[tuple[type[IntEnum] | type[IntFlag], ...]] = (Kind, Form, Said, Ilm, State, Pattern, Resolver, Law)
+ENUMS: Final[tuple[type[IntEnum] | type[IntFlag], ...]] = (Kind, Form, Said, Ilm, State, Pattern, Resolver, Law, Status)
 
 _Entry = tuple[str, Any, tuple[int, ...]]
 _HEAD: Final[list[_Entry]] = [
@@ -154,10 +166,12 @@ CONFIG: Final = _packed(
 PART: Final = _packed(
     [*_HEAD, ("part", "<u4", ()), ("parts", "<u4", ()), ("bytes", "u1", (PART_BYTES,)), *_TAIL]
 )  # of CONFIG
-INPUT: Final = _packed(
-    [*_HEAD, *_of_frame([*REFERENCES, *(field.name for field in FIELDS if field.part == "bus")]), *_TAIL]
-)
-OUTPUT: Final = _packed([*_HEAD, ("stepped", "<u8", ()), *_of_frame([*ANSWERS]), ("said", "u1", ()), *_TAIL])
+_ASKED: Final = [*_HEAD, *_of_frame([*REFERENCES, *(field.name for field in FIELDS if field.part == "bus")])]
+_ANSWERED: Final = [*_HEAD, ("stepped", "<u8", ()), *_of_frame([*ANSWERS]), ("said", "u1", ())]
+_OF_ITSELF: Final = [("fault_word", "<u4", ()), ("status", "<u2", ()), ("output_discretes", "u1", (8,))]
+INPUT: Final = _packed([*_ASKED, ("age_us", "<u2", (S, CHANNELS)), *_TAIL])
+OUTPUT: Final = _packed([*_ANSWERED, *_OF_ITSELF, *_TAIL])
+SINCE_2: Final = ("age_us", *(name for name, _, _ in _OF_ITSELF))
 RECORDS: Final[dict[str, np.dtype[Any]]] = {
     "hello": HELLO,
     "ready": READY,
@@ -189,22 +203,44 @@ def walk(dtype: np.dtype[Any]) -> Iterator[Entry]:
         yield Entry(name, kind.base, record, kind.shape, offset, kind.itemsize)
 
 
-def blank(dtype: np.dtype[Any], magic: int, kind: Kind, session: int = 0) -> np.ndarray[Any, Any]:
-    """Return a record (1,) of a session with nothing in it but its head and length."""
-    record = np.zeros(1, dtype)
-    record["magic"], record["version"], record["kind"] = magic, VERSION, kind
-    record["layout"], record["session"], record["length"] = LAYOUT, session, place(dtype, "length")[1]
-    return record
-
-
-def described() -> str:
+def described(version: int = VERSION) -> str:
     """Return every name, type, shape and offset that both sides must agree on: LAYOUT is the hash of this text."""
-    lines = [f"version {VERSION}", *(signal.name for signal in (*SIGNALS, *DISCRETES))]
-    for record, dtype in RECORDS.items():
+    lines = [f"version {version}", *(signal.name for signal in (*SIGNALS, *DISCRETES))]
+    older = {"input": _INPUT_1, "output": _OUTPUT_1} if version == 1 else {}
+    for record, dtype in (RECORDS | older).items():
         lines.append(f"{record} {dtype.itemsize}")
         lines += [f"  {e.offset} {e.name} {e.record or e.base.str} {e.shape}" for e in walk(dtype)]
-    lines += [f"{enum.__name__}.{member.name} {member.value}" for enum in ENUMS for member in enum]
+    enums = (enum for enum in ENUMS if version > 1 or enum is not Status)
+    lines += [f"{enum.__name__}.{member.name} {member.value}" for enum in enums for member in enum]
     return "\n".join(lines)
 
 
-LAYOUT: Final = int.from_bytes(hashlib.sha256(described().encode()).digest()[:8], "little")
+def _layout(version: int) -> int:
+    return int.from_bytes(hashlib.sha256(described(version).encode()).digest()[:8], "little")
+
+
+class Seam(NamedTuple):
+    """A version of the records that is flown: the first bytes of ours, with a tail of its own."""
+
+    version: int
+    layout: int
+    input_bytes: int
+    output_bytes: int
+    known_bytes: int  # of OUTPUT that are its fields
+
+
+_INPUT_1, _OUTPUT_1 = _packed([*_ASKED, *_TAIL]), _packed([*_ANSWERED, *_TAIL])
+LAYOUT: Final = _layout(VERSION)
+SEAM: Final = Seam(VERSION, LAYOUT, INPUT.itemsize, OUTPUT.itemsize, OUTPUT.itemsize)
+OLD_SEAM: Final = Seam(1, _layout(1), _INPUT_1.itemsize, _OUTPUT_1.itemsize, place(OUTPUT, SINCE_2[1])[1])
+SEAMS: Final = {(seam.version, seam.layout): seam for seam in (SEAM, OLD_SEAM)}
+
+
+def blank(dtype: np.dtype[Any], magic: int, kind: Kind, session: int = 0, seam: Seam = SEAM) -> np.ndarray[Any, Any]:
+    """Return a record (1,) of a session with nothing in it but its head and length, where ``seam`` has that."""
+    record = np.zeros(1, dtype)
+    record["magic"], record["version"], record["kind"] = magic, seam.version, kind
+    record["layout"], record["session"] = seam.layout, session
+    size = {INPUT: seam.input_bytes, OUTPUT: seam.output_bytes}.get(dtype, dtype.itemsize)
+    record.view("u1")[size - 8 : size - 4] = np.frombuffer((size - 8).to_bytes(4, "little"), "u1")
+    return record

@@ -20,13 +20,16 @@ from rig.unit.layout import (
     CONFIG,
     FROM_UNIT,
     INPUT,
-    LAYOUT,
+    OLD_SEAM,
     OUTPUT,
     PART,
     PART_BYTES,
     READY,
+    SEAM,
+    SEAMS,
     TEXT_BYTES,
     Kind,
+    Seam,
     blank,
 )
 from rig.unit.messages import UnitStopped, read_ready
@@ -47,6 +50,7 @@ class SocketLink:
     """Messages through a socket: to the host of a library, to a command that the rig has started, to a box."""
 
     opened = False  # a session, ever
+    seam: Seam | None = None  # that the unit was built for, once it has said so
     trouble = ""  # of the last message
 
     def __init__(self, talk: socket.socket, process: UnitProcess | None, peer: str = "") -> None:
@@ -120,13 +124,14 @@ def hosted(kind: str, path: Path, folder: Path, looks: int) -> tuple[socket.sock
         "part": PART_BYTES,
         "text": TEXT_BYTES,
         "input": INPUT.itemsize,
+        "old_input": OLD_SEAM.input_bytes,
         "message": MOST_BYTES,
     }
     arguments = [f"{name}={size}" for name, size in sizes.items()]
-    template = blank(OUTPUT, FROM_UNIT, Kind.REPLY).tobytes().hex()
+    templates = (blank(OUTPUT, FROM_UNIT, Kind.REPLY, 0, s).tobytes()[: s.output_bytes].hex() for s in (SEAM, OLD_SEAM))
     with theirs:
         fd = theirs.fileno()
-        process = UnitProcess(kind, [str(fd), str(path), template, *arguments], (fd,), folder, looks)
+        process = UnitProcess(kind, [str(fd), str(path), ",".join(templates), *arguments], (fd,), folder, looks)
     return ours, process
 
 
@@ -147,7 +152,7 @@ def udp(unit: Unit, looks: int) -> SocketLink:
     process = UnitProcess("exec", named, folder=unit.folder, looks=looks)
     link = SocketLink(talk, process, own)
     try:
-        _await_first(talk, process, unit)
+        link.seam = _await_first(talk, process, unit)
     except BadInput:
         link.close()
         process.forget()
@@ -171,8 +176,8 @@ def _command(unit: Unit) -> list[str]:
     return [program, *rest]
 
 
-def _await_first(talk: socket.socket, process: UnitProcess, unit: Unit) -> None:
-    """Wait for the unit's first message, from any port, and connect to its sender alone.  BadInput."""
+def _await_first(talk: socket.socket, process: UnitProcess, unit: Unit) -> Seam:
+    """Wait for the unit's first message, from any port, and connect to its sender alone; return its seam.  BadInput."""
     until, heard = clock() + unit.start_s, ""
     while clock() < until:
         ended = process.how_it_ended()
@@ -183,12 +188,13 @@ def _await_first(talk: socket.socket, process: UnitProcess, unit: Unit) -> None:
             continue
         message, sender = talk.recvfrom(MOST_BYTES)
         try:
-            heard = read_ready(message).wrong
+            ready = read_ready(message)
+            heard = ready.wrong
         except UnitStopped as other:
             raise BadInput(f"{unit.source} {other}") from None
         if not heard:
             talk.connect(sender)
-            return
+            return ready.seam
     own = "{}:{}".format(*talk.getsockname())
     cause = f"last received: {heard}" if heard else _silence(unit, process, own)
     raise BadInput(f"{unit.source} did not send READY within start_s = {unit.start_s:g} s: {cause}")
@@ -210,10 +216,11 @@ class LibraryLink:
     def __init__(self, unit: Unit) -> None:
         """BadInput: no library, or not one of ours."""
         try:
-            self._library = Library(str(unit.file), LAYOUT)
+            self._library = Library(str(unit.file), [layout for _, layout in SEAMS])
         except Refused as reason:
             raise BadInput(f"{unit.source}: {reason}") from None
         self.environment = Environment()
+        self.seam = next(seam for seam in SEAMS.values() if seam.layout == self._library.layout)
 
     @property
     def step(self) -> Any:
@@ -222,6 +229,7 @@ class LibraryLink:
 
     def open(self, config: np.ndarray[Any, Any]) -> None:
         """Begin a session; Refused."""
+        config["version"], config["layout"] = self.seam.version, self.seam.layout
         self._library.open(config.ctypes.data)
 
     def close(self) -> str:

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from rig.unit.host import HEAD
-from rig.unit.layout import FROM_UNIT, LAYOUT, READY, TO_UNIT, VERSION, Kind, place
+from rig.unit.layout import FROM_UNIT, LAYOUT, READY, SEAM, SEAMS, TO_UNIT, VERSION, Kind, Seam, place
 
 REBUILD: Final = "write the header again ('rig unit header') and rebuild"
 _TEXT_AT: Final = place(READY, "text")[1]
@@ -26,6 +26,7 @@ class Ready(NamedTuple):
     session: int
     text: str
     wrong: str = ""
+    seam: Seam = SEAM  # that the unit was built for
 
 
 def read_ready(message: bytes | memoryview) -> Ready:
@@ -33,9 +34,9 @@ def read_ready(message: bytes | memoryview) -> Ready:
     wrong = _wrong(bytes(message))
     if wrong:
         return Ready(0, 0, "", wrong)
-    _, _, kind, _, session, _, _ = HEAD.unpack_from(message)
+    _, version, kind, layout, session, _, _ = HEAD.unpack_from(message)
     text = bytes(message[_TEXT_AT:_BODY]).split(b"\0")[0].decode(errors="replace")
-    return Ready(kind, session, text)
+    return Ready(kind, session, text, seam=SEAMS[version, layout])
 
 
 def _wrong(message: bytes) -> str:
@@ -52,7 +53,7 @@ def _wrong(message: bytes) -> str:
     if len(message) < HEAD.size:
         return f"{len(message)} bytes, fewer than the head of a record"
     _, version, kind, layout, *_ = HEAD.unpack_from(message)
-    if layout != LAYOUT or version != VERSION:
+    if (version, layout) not in SEAMS:
         built = f"layout {layout:016x}, version {version}"
         raise UnitStopped(f"was built for {built}, this rig has {LAYOUT:016x}, version {VERSION}: {REBUILD}")
     if kind not in (Kind.READY, Kind.REFUSED):
@@ -75,6 +76,10 @@ def _wrong_size(message: bytes, name: str) -> str:
 
 def sealed(record: np.ndarray[Any, Any]) -> memoryview:
     """Write the checksum of a record (1,) into it; return its bytes."""
-    data = record.view(np.uint8)
-    record["crc"] = zlib.crc32(data[:-8].data)
-    return data.data
+    return summed(record.view(np.uint8).data)
+
+
+def summed(message: memoryview) -> memoryview:
+    """Write the checksum of a message into its last bytes; return it."""
+    message[-4:] = zlib.crc32(message[:-8]).to_bytes(4, "little")
+    return message

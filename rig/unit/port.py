@@ -6,6 +6,7 @@ What a frame means does not depend on the carrier: all of them move the bytes th
 from __future__ import annotations
 
 from enum import IntEnum
+from math import ceil
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -24,10 +25,13 @@ from rig.unit.layout import (
     INPUT,
     OUTPUT,
     REFERENCES,
+    SEAM,
     TO_UNIT,
     Form,
     Kind,
     Said,
+    Seam,
+    Status,
     blank,
     place,
     walk,
@@ -38,6 +42,8 @@ _OWN_CONTROL: Final = ("surface", "law")  # the rig's in the redundancy form, wh
 Moves = NDArray[np.int64]  # (m, 4): group of Said or 0, first byte there, first byte here, bytes
 PLAIN: Final[bool] = bool(numba_config.DISABLE_JIT)  # pyright: ignore[reportAttributeAccessIssue]
 # Places in the records of an answer.
+ACCEPTED, NOT_FINITE, STARTING, CHANGES = range(4)  # places in Inbound.counts
+MOST_CHANGES: Final = 1000  # that are kept
 RECEIVED, BLANK, FLOWN = 0, 1, 2  # just now; what stands for groups that are not filled; the oldest that was accepted
 
 
@@ -54,7 +60,10 @@ class Inbound(NamedTuple):
 
     records: NDArray[Any]  # (3 + latency_frames,) OUTPUT: RECEIVED, BLANK, FLOWN and those that will be
     bytes: NDArray[np.uint8]  # the same, (records, bytes)
-    counts: NDArray[np.int64]  # (2,): answers accepted, surfaces that were no finite number
+    counts: NDArray[np.int64]  # (4,): answers accepted, surfaces that were no finite number, frames in a row in which
+    # it was starting, changes of what it says of itself
+    changes: NDArray[np.int64]  # (MOST_CHANGES, 4): frame, status, fault word, output discretes a byte each
+    start_frames: int  # that it may be starting
     form: int  # of Form
     needed: int  # groups that an answer must fill
 
@@ -66,16 +75,29 @@ class Port(NamedTuple):
     back: Inbound
 
 
-def new_port(form: Form, session: int, latency_frames: int, trim: NDArray[np.float64], rate_hz: float) -> Port:
+def new_port(
+    form: Form,
+    session: int,
+    latency_frames: int,
+    trim: NDArray[np.float64],
+    rate_hz: float,
+    start_s: float = 0.0,
+    seam: Seam = SEAM,
+) -> Port:
     """Return the port of one flight; trim : (4,) surfaces that are flown until the unit has filled others."""
-    sent = blank(INPUT, TO_UNIT, Kind.FRAME, session)
+    sent = blank(INPUT, TO_UNIT, Kind.FRAME, session, seam)
     records = np.repeat(blank(OUTPUT, FROM_UNIT, Kind.REPLY, session), 3 + latency_frames)
     records["voted"], records["state"], records["surface"], records["frame"] = np.nan, State.ABSENT, trim, -1
     needed = Said.SURFACE if form is Form.FLIGHT_COMPUTER else Said.VOTED
-    counts = np.zeros(2, np.int64)
+    counts, changes, start_frames = (
+        np.zeros(4, np.int64),
+        np.zeros((MOST_CHANGES, 4), np.int64),
+        ceil(start_s * rate_hz),
+    )
+    whole = records.view(np.uint8).reshape(len(records), -1)
     return Port(
         Outbound(sent, sent.view(np.uint8), rate_hz),
-        Inbound(records, records.view(np.uint8).reshape(len(records), -1), counts, int(form), int(needed)),
+        Inbound(records, whole, counts, changes, start_frames, int(form), int(needed)),
     )
 
 
@@ -115,6 +137,8 @@ _CONTROL: Final = _moves(dict.fromkeys(_OWN_CONTROL, 0), OUTPUT, FLAT)
 _LIMITS: Final = _limits()
 _WITH_SURFACES: Final = int(Form.FLIGHT_COMPUTER)
 _SURFACES: Final = len(SURFACES)
+_SELF_TEST, _LAST_STATUS = Status.SELF_TEST.value, max(Status).value
+_OUTPUTS: Final = 8  # output discretes
 
 
 @intrinsic
@@ -163,7 +187,11 @@ def take(raw, k, port, status):
     port : Inbound
     """
     answers = status == UnitStatus.ANSWERED or status == UnitStatus.RESTARTED
-    if answers and not is_allowed(port):
+    if answers:
+        note_status(port)
+    if answers and port.counts[STARTING] > 0:
+        status = status if port.counts[STARTING] <= port.start_frames else UnitStatus.REFUSED.value
+    elif answers and not is_allowed(port):
         status = UnitStatus.REFUSED.value
     elif answers:
         accept(port)
@@ -174,10 +202,35 @@ def take(raw, k, port, status):
 
 
 @kernel
+def is_starting(status):
+    """Return True for a unit whose answers are not flown yet."""
+    return _SELF_TEST <= status <= _LAST_STATUS
+
+
+@kernel
+def note_status(port):
+    """Keep what the answer says of the unit itself, if it is not what it said last, and count frames of its start."""
+    received, kept = port.records[RECEIVED], port.counts[CHANGES]
+    last = port.changes[min(kept, MOST_CHANGES) - 1]  # all zero as long as there is none: ready
+    outputs = np.int64(0)
+    for i in range(_OUTPUTS):
+        outputs |= np.int64(received["output_discretes"][i]) << (8 * i)
+    if received["status"] != last[1] or received["fault_word"] != last[2] or outputs != last[3]:
+        if kept < MOST_CHANGES:
+            change = port.changes[kept]
+            change[0], change[1] = received["frame"], received["status"]
+            change[2], change[3] = received["fault_word"], outputs
+        port.counts[CHANGES] += 1
+    port.counts[STARTING] = port.counts[STARTING] + 1 if is_starting(received["status"]) else 0
+
+
+@kernel
 def is_allowed(port):
     """Return True if the answer fills what its form needs, and every state, level and pattern of it is one."""
     said, received = port.records[RECEIVED]["said"], port.bytes[RECEIVED]
-    allowed = said & port.needed == port.needed
+    if is_starting(port.records[RECEIVED]["status"]):
+        return True
+    allowed = said & port.needed == port.needed and port.records[RECEIVED]["status"] <= _LAST_STATUS
     for n in range(_LIMITS.shape[0]):
         if said & _LIMITS[n, 0]:
             for i in range(_LIMITS[n, 2]):
@@ -200,14 +253,14 @@ def accept(port):
     newest = port.records[last]
     for s in range(_SURFACES):
         if not np.isfinite(received["surface"][s]):  # that surface stays where it was
-            port.counts[1] += (received["said"] & ON_SURFACES) != 0
+            port.counts[NOT_FINITE] += (received["said"] & ON_SURFACES) != 0
             received["surface"][s] = newest["surface"][s]
     for m in range(_GROUPS.shape[0]):
         group, first = _GROUPS[m, 0], _GROUPS[m, 1]
         source = port.bytes[RECEIVED] if group == 0 or received["said"] & group != 0 else port.bytes[BLANK]
         copy_bytes(port.bytes[last], first, source, first, _GROUPS[m, 3])
     newest["frame"] = received["frame"]
-    if port.counts[0] == 0:
+    if port.counts[ACCEPTED] == 0:
         for j in range(FLOWN, last):
             copy(port.bytes, last, j)
-    port.counts[0] += 1
+    port.counts[ACCEPTED] += 1

@@ -15,12 +15,12 @@ from rig.unit.layout import (
     CONFIG,
     FROM_UNIT,
     HELLO,
-    LAYOUT,
     OUTPUT,
+    SEAM,
     TO_UNIT,
-    VERSION,
     Form,
     Kind,
+    Seam,
     blank,
     place,
 )
@@ -28,8 +28,6 @@ from rig.unit.links import SocketLink
 from rig.unit.messages import UnitStopped, read_ready, sealed
 
 _TAIL: Final = struct.Struct("<II")
-_BODY: Final = OUTPUT.itemsize - _TAIL.size
-_USUAL_TAIL: Final = _TAIL.pack(_BODY, 0)
 _BEGIN: Final = struct.Struct("<24sq")  # all of the head that a session keeps, and the frame
 _STEPPED: Final = struct.Struct("<Q")
 _STEPPED_AT: Final = place(OUTPUT, "stepped")[1]
@@ -37,7 +35,7 @@ _STEPPED_AT: Final = place(OUTPUT, "stepped")[1]
 
 def end_session(link: SocketLink, session: int) -> None:
     """Tell the unit that the flight is over."""
-    link.send(sealed(blank(HELLO, TO_UNIT, Kind.END, session)))
+    link.send(sealed(blank(HELLO, TO_UNIT, Kind.END, session, link.seam or SEAM)))
 
 
 def configuration(
@@ -97,20 +95,23 @@ class ReplyCheck:
 
     session: int
     counts: Counts
+    seam: Seam = SEAM
     run: int = 0  # frames in a row without an answer that was flown
     last_frame: int = -1  # that was answered
     _reply: bytes = b""  # how an answer begins
+    _tail: bytes = b""  # and ends
     _stepped: int = 0  # by the unit, as its last answer said
     restarted: bool = False  # it has said since its last answer that it is there, in no session
     _open: set[int] = field(default_factory=set)  # missed frames whose answer may still come
 
     def __post_init__(self) -> None:
         """Work out how an answer of this session begins."""
-        self._reply = HEAD.pack(FROM_UNIT, VERSION, Kind.REPLY, LAYOUT, self.session, 0, 0.0)[:24]
+        self._reply = HEAD.pack(FROM_UNIT, self.seam.version, Kind.REPLY, self.seam.layout, self.session, 0, 0.0)[:24]
+        self._tail = _TAIL.pack(self.seam.output_bytes - _TAIL.size, 0)
 
     def is_answer(self, message: memoryview, frame: int) -> bool:
         """Return True if ``message`` answers ``frame``; count any other.  UnitStopped: the unit reports a failure."""
-        usual = len(message) == OUTPUT.itemsize and message[_BODY:] == _USUAL_TAIL
+        usual = len(message) == self.seam.output_bytes and message[-_TAIL.size :] == self._tail
         if usual and _BEGIN.unpack_from(message) == (self._reply, frame):
             self._note_answer(message, frame)
             return True
@@ -119,8 +120,8 @@ class ReplyCheck:
     def _is_unusual_answer(self, message: memoryview, frame: int) -> bool:
         if len(message) >= HEAD.size:
             magic, version, kind, layout, session, of_frame, _ = HEAD.unpack_from(message)
-            ours = (magic, version, layout, session) == (FROM_UNIT, VERSION, LAYOUT, self.session)
-            if ours and kind == Kind.REPLY and _whole(message):
+            ours = (magic, version, layout, session) == (FROM_UNIT, *self.seam[:2], self.session)
+            if ours and kind == Kind.REPLY and _whole(message, self.seam):
                 if of_frame == frame:
                     self._note_answer(message, frame)
                     return True
@@ -128,7 +129,7 @@ class ReplyCheck:
                     self._open.discard(of_frame)
                     self.counts.late += 1
                     return False
-            if (magic, version, kind, layout) == (FROM_UNIT, VERSION, Kind.READY, LAYOUT):
+            if (magic, version, layout, kind) == (FROM_UNIT, *self.seam[:2], Kind.READY):
                 self.restarted |= session == 0  # or it answers a HELLO once more: then it goes on to answer frames
                 if session in (0, self.session):
                     return False
@@ -173,9 +174,9 @@ class ReplyCheck:
         self._open.clear()
 
 
-def _whole(message: memoryview) -> bool:
+def _whole(message: memoryview, seam: Seam) -> bool:
     """Return True if an answer has its length, states it, and has the right checksum if it has one."""
-    if len(message) != OUTPUT.itemsize:
+    if len(message) != seam.output_bytes:
         return False
-    length, crc = _TAIL.unpack_from(message, _BODY)
-    return length == _BODY and crc in (0, zlib.crc32(message[:length]) if crc else 0)
+    length, crc = _TAIL.unpack_from(message, len(message) - _TAIL.size)
+    return length == len(message) - _TAIL.size and crc in (0, zlib.crc32(message[:length]) if crc else 0)

@@ -19,6 +19,15 @@ _IS: Final = {"library": "a library", "fmu": "an FMU, one file"}
 _NEEDS: Final = {"library": "path", "fmu": "path", "python": "manager"}
 
 
+class FmuMapping(Settings):
+    """Which variable of an FMU each element of the records is: addresses like ``channels.pitch_rate.1``."""
+
+    keys_are_in: ClassVar[str] = "docs/unit.md"
+
+    inputs: dict[str, str] = Field(default_factory=dict)
+    outputs: dict[str, str] = Field(min_length=1)
+
+
 class Unit(Settings):
     """The settings of one unit under test; times in s, counts in frames."""
 
@@ -40,6 +49,7 @@ class Unit(Settings):
     on_miss: Literal["hold", "fault", "end"] = "hold"
     max_missed: int = Field(default=10, ge=1)  # frames in a row; then it is dead
     on_dead: Literal["end", "hold", "backup", "restart"] = "end"
+    fmu: FmuMapping | None = None  # of an FMU that has not our variables
     reuse: bool = True  # a campaign flies one session after the other with the same process
     _folder: Path = PrivateAttr(default=Path())  # of the unit file
     _source: str = PrivateAttr(default="")  # the unit file as it was named
@@ -72,6 +82,8 @@ class Unit(Settings):
             )
         if self.address is not None and not self.remote and not LOOPBACK.fullmatch(self.host_and_port[0]):
             raise ValueError(f"address: {self.address} is not of this machine; remote = true permits it")
+        if self.fmu is not None and self.carrier != "fmu":
+            raise ValueError(f"fmu: the carrier {self.carrier} has no variables to map")
         if self.on_dead == "restart" and (self.address is not None or self.carrier == "python" or not self.isolate):
             raise ValueError("on_dead: the rig can restart only what it has started itself")
         return self

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.unit.layout import HELLO, PART, PART_BYTES, TO_UNIT, Kind, blank
+from rig.unit.layout import HELLO, OLD_SEAM, PART, PART_BYTES, SEAM, TO_UNIT, Kind, Seam, blank
 from rig.unit.links import MOST_BYTES, Disconnected, SocketLink, clock
 from rig.unit.messages import Ready, UnitStopped, read_ready, sealed
 
@@ -24,15 +24,17 @@ _BUSY: Final = "busy"  # how REFUSED begins while another session is open: it en
 def open_session(link: SocketLink, config: NDArray[Any], start_s: float, stopped: Callable[[], bool]) -> str:
     """Send HELLO and CONFIG, each until it is answered; return the unit's own text.  UnitStopped.
 
-    config : (1,) CONFIG with its session; start_s : for each of both
+    config : (1,) CONFIG with its session; start_s : for each of both.  link.seam is then the unit's
     """
     session = int(config["session"][0])
-    hello = sealed(blank(HELLO, TO_UNIT, Kind.HELLO, session))
+    hellos = {seam: sealed(blank(HELLO, TO_UNIT, Kind.HELLO, session, seam)) for seam in (SEAM, OLD_SEAM)}
+    asked = hellos if link.seam is None else {link.seam: hellos[link.seam]}  # who has said nothing may be an old one
     start = _Start(link, session, start_s, stopped)
-    here = start.send_until_ready([hello], [hello], (0, session), "while it was loaded")
-    parts = _parts(config, session)
-    again = [hello, *parts] if here.session == 0 else parts  # version 1 has READY of the session for both
-    ready = start.send_until_ready(parts, again, (session,), "while it began the session")
+    here = start.send_until_ready([[hello] for hello in asked.values()], (0, session), "while it was loaded")
+    link.seam = here.seam
+    parts = _parts(config, session, here.seam)
+    again = [hellos[here.seam], *parts] if here.session == 0 else parts  # once READY of the session was for both
+    ready = start.send_until_ready([parts, again], (session,), "while it began the session")
     link.opened = True
     return ready.text
 
@@ -43,12 +45,10 @@ class _Start:
     def __init__(self, link: SocketLink, session: int, start_s: float, stopped: Callable[[], bool]) -> None:
         self._link, self._session, self._start_s, self._stopped = link, session, start_s, stopped
         self._into = memoryview(bytearray(MOST_BYTES))
-        self._heard, self._greeted, self._sent = "", False, 0
+        self._heard, self._greeted, self._sent, self._may_refuse = "", False, 0, True
 
-    def send_until_ready(
-        self, first: list[memoryview], again: list[memoryview], sessions: tuple[int, ...], when: str
-    ) -> Ready:
-        """Send ``first``, then ``again`` and again until READY of one of ``sessions``.  UnitStopped.
+    def send_until_ready(self, messages: list[list[memoryview]], sessions: tuple[int, ...], when: str) -> Ready:
+        """Send ``messages`` by turns until READY of one of ``sessions``.  UnitStopped.
 
         What cannot be lost is sent once, to a library that may take long.  when : it must have ended, if it has
         """
@@ -56,7 +56,10 @@ class _Start:
         self._sent = 0
         try:
             while clock() < until and not self._stopped():
-                self._send(again if self._sent else first)
+                self._send(messages[self._sent % len(messages)])
+                self._may_refuse = (
+                    self._greeted or self._link.reliable or self._sent >= len(messages)
+                )  # or it was built for another version than was asked
                 ready = self._await_ready(until if self._link.reliable else min(until, clock() + _AGAIN_S), sessions)
                 if ready is not None:
                     self._greeted = True
@@ -87,9 +90,9 @@ class _Start:
         if ready.wrong:
             self._heard = f"last received: {ready.wrong}"
         elif ready.kind == Kind.REFUSED and ready.session in (0, self._session):
-            if not ready.text.startswith(_BUSY):
+            if not ready.text.startswith(_BUSY) and self._may_refuse:
                 raise UnitStopped(f"refuses the flight: {ready.text}")
-            self._heard = f"it is {ready.text}"
+            self._heard = f"it says {ready.text!r}" if not ready.text.startswith(_BUSY) else f"it is {ready.text}"
         elif ready.session not in (0, self._session):
             name = Kind(ready.kind).name
             self._heard = f"last received: {name} of session {ready.session}, this flight has {self._session}"
@@ -108,13 +111,14 @@ class _Start:
         return "it is still being loaded" if reliable else f"nothing has come from {self._link.peer}"
 
 
-def _parts(config: NDArray[Any], session: int) -> list[memoryview]:
+def _parts(config: NDArray[Any], session: int, seam: Seam) -> list[memoryview]:
     """Return CONFIG in messages that fit into an Ethernet frame."""
+    config["version"], config["layout"] = seam.version, seam.layout
     whole = config.view(np.uint8)
     count = -(-len(whole) // PART_BYTES)
     messages = []
     for i in range(count):
-        part = blank(PART, TO_UNIT, Kind.CONFIG, session)
+        part = blank(PART, TO_UNIT, Kind.CONFIG, session, seam)
         data = whole[i * PART_BYTES : (i + 1) * PART_BYTES]
         part["part"], part["parts"] = i, count
         part["bytes"][0, : len(data)] = data

@@ -28,10 +28,11 @@ from rig.unit.compiled_exchange import (
     try_exchange,
 )
 from rig.unit.host import Refused
-from rig.unit.layout import Form
+from rig.unit.layout import SEAM, Form, Seam
 from rig.unit.links import MOST_BYTES, Disconnected, LibraryLink, SocketLink, clock
-from rig.unit.messages import UnitStopped
-from rig.unit.port import RECEIVED, Port, new_port
+from rig.unit.messages import UnitStopped, summed
+from rig.unit.news import News
+from rig.unit.port import ACCEPTED, NOT_FINITE, RECEIVED, STARTING, Port, new_port
 from rig.unit.session import Counts, ReplyCheck, end_session
 from rig.unit.settings import Unit, read_unit
 from rig.unit.startup import open_session
@@ -74,31 +75,44 @@ class UnitUnderTest:
         """
         self.dead, self._deadline, self._stop, self._config = False, deadline, stop or Stop(), config
         config["session"] = secrets.randbits(63) + 1
-        trim, rate_hz = config["trim_surface"][0], float(config["rate_hz"][0])
-        self.port = new_port(self.form, self._session, self.unit.latency_frames, trim, rate_hz)
-        self.replies = ReplyCheck(self._session, Counts())
-        self.compiled = new_exchange(self.port, self._session, self._message)
-        self._took_ns = self.compiled.state["took_ns"].data
-        out, back = self.port
-        self._sent, self._received = out.sent_bytes.data, back.bytes[RECEIVED].data
         try:
-            self._open()
+            self._prepare(self._open())
             self._begun = True
         except (Disconnected, UnitStopped, Refused) as reason:
             raise UnitRefused(f"{self.unit.source} {self._explained(str(reason))}") from None
+
+    def _prepare(self, seam: Seam) -> None:
+        """Make what the flight is exchanged with; seam : that the unit was built for."""
+        config, unit = self._config[0], self.unit
+        trim, rate_hz = config["trim_surface"], float(config["rate_hz"])
+        self.port = new_port(self.form, self._session, unit.latency_frames, trim, rate_hz, unit.start_s, seam)
+        self.replies = ReplyCheck(self._session, Counts(), seam)
+        self.compiled = new_exchange(self.port, self._session, self._message, seam)
+        self._took_ns, self.news = self.compiled.state["took_ns"].data, News(self.port.back)
+        out, back = self.port
+        self._sent = out.sent_bytes.data[: seam.input_bytes]
+        self._received = back.bytes[RECEIVED].data[: seam.known_bytes]
+        self._connect()
 
     @property
     def _session(self) -> int:
         return int(self._config["session"][0])
 
-    def _open(self) -> None:
+    def _open(self) -> Seam:
+        """Begin the session; return the version of the records that the unit was built for."""
         if isinstance(self._link, LibraryLink):
             self._link.open(self._config)
+            return self._link.seam
+        self.said = open_session(self._link, self._config, self.unit.start_s, lambda: self._stop.requested)
+        return self._link.seam or SEAM
+
+    def _connect(self) -> None:
+        """Have compiled code reach the unit."""
+        if isinstance(self._link, LibraryLink):
             to_library(self.compiled, self._link.step)
             self._try = bind(try_exchange, self.port, self.compiled, 0)
-            return
-        to_socket(self.compiled, self._link.fd, self._patience.spin_ns)
-        self.said = open_session(self._link, self._config, self.unit.start_s, lambda: self._stop.requested)
+        else:
+            to_socket(self.compiled, self._link.fd, self._patience.spin_ns, sums=not self._link.reliable)
 
     def end(self) -> None:
         """End the session.  RigError: a library in this process has changed how it calculates."""
@@ -151,7 +165,7 @@ class UnitUnderTest:
         if not isinstance(self._link, LibraryLink):
             sent = self.port.out.sent.copy()
             sent["session"] ^= 1
-            self._link.send(sent.view("u1").data)
+            self._link.send(summed(sent.view("u1").data[: len(self._sent)]))
 
     def count_status(self, status: int) -> None:
         """Count what a frame came to; not needed when it and the one before were answered."""
@@ -160,7 +174,8 @@ class UnitUnderTest:
     def _step(self, frame: int) -> int:
         if self.replies.run >= self.unit.max_missed:
             raise UnitStopped(
-                f"gave no answer that can be flown for max_missed = {self.unit.max_missed} frames in a row"
+                self.news.still_starting(self.unit.start_s)
+                or (f"gave no answer that can be flown for max_missed = {self.unit.max_missed} frames in a row")
             )
         link, (state,) = self._link, self.compiled.state
         if isinstance(link, LibraryLink):
@@ -169,14 +184,14 @@ class UnitUnderTest:
         clear(self.compiled)
         self.replies.catch_up(*last)
         if not sent:
-            link.send(self._sent)
+            link.send(self._sent if link.reliable else summed(self._sent))
         until, into = self._until(frame), self._into
         while True:
             count = count or link.receive(into, until)
             if count and self._has_deadline and clock() >= until:  # the machine was late, or the unit
                 return self._missed(frame, into[:count])
             if count and self.replies.is_answer(into[:count], frame):
-                self._received[:] = into[:count]
+                self._received[:] = into[: len(self._received)]
                 return _ANSWERED
             if self._stop.requested:
                 return _HELD
@@ -240,7 +255,10 @@ class UnitUnderTest:
         self.replies.counts.restarts += 1
         self._link = _reach(self.unit, self._patience.looks)
         self.replies.begin_again()
-        self._open()
+        if self._open() != self.replies.seam:
+            raise UnitStopped("has another version of the records")
+        self.port.back.counts[STARTING] = 0
+        self._connect()
         status = self._step(frame)
         return UnitStatus.RESTARTED.value if status == UnitStatus.ANSWERED else status
 
@@ -256,8 +274,9 @@ class UnitUnderTest:
     def result(self) -> dict[str, Any]:
         """Return what became of the exchanges of a flight."""
         counts = self.replies.counts
-        counts.answered, counts.not_finite = map(int, self.port.back.counts)
-        return {"said": self.said, **asdict(counts), "reproducible": counts.reproducible}
+        counts.answered, counts.not_finite = map(int, self.port.back.counts[[ACCEPTED, NOT_FINITE]])
+        of_itself = self.news.result()
+        return {"said": self.said, **asdict(counts), **of_itself, "reproducible": counts.reproducible}
 
 
 @overload

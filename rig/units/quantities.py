@@ -9,6 +9,7 @@ from math import ceil, degrees, isfinite, log10
 from typing import Final
 
 _PLAIN: Final = {"rad": "deg", "rad/s": "deg/s", "1": ""}  # by SI unit; any other stays
+_UNITS: Final = {"_rad_s": "rad/s", "_rad": "rad", "_m_s2": "m/s2", "_m_s": "m/s", "_m": "m"}  # by end of a name
 _WHOLE: Final = 999.5  # from here on without decimals
 _SMALL: Final = 1e-4  # below it with an exponent
 
@@ -21,6 +22,11 @@ def unit_shown(unit: str) -> str:
 def scale_shown(unit: str) -> float:
     """Return what a quantity of the SI ``unit`` is multiplied by to be in ``unit_shown(unit)``."""
     return degrees(1.0) if unit.startswith("rad") else 1.0
+
+
+def unit_of_name(name: str) -> str:
+    """Return the SI unit at the end of a setting's or field's ``name``; "" where it has none."""
+    return next((unit for end, unit in _UNITS.items() if name.endswith(end)), "")
 
 
 def number(value: float | None, unit: str = "", signed: bool = False) -> str:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 HEAD = struct.Struct("<IHHQQqd")
-SIZES = json.loads(sys.argv[4])  # input, output, config, part, ready
+SIZES = json.loads(sys.argv[4])  # input, output, config, part, ready, layout, version
 PLAN = json.loads(sys.argv[3])
 
 
@@ -95,7 +95,7 @@ def main() -> None:
     talk.connect((host, int(port)))
     unit = Unit()
     layout = SIZES["layout"]
-    talk.send(unit.ready(HEAD.pack(0, 1, 0, layout, 0, 0, 0.0), 5))
+    talk.send(unit.ready(HEAD.pack(0, SIZES["version"], 0, layout, 0, 0, 0.0), 5))
     while True:
         try:
             message = talk.recv(4096)

@@ -4,6 +4,7 @@
  * modelDescription.xml beside it.  A frame is one fmi2DoStep: inputs before it, outputs after it.
  */
 #include <stdio.h>
+#include <string.h>
 
 #include "fmu.h"
 
@@ -163,11 +164,8 @@ int fmi2SetInteger(void *instance, const unsigned references[], size_t count, co
         if (!find_one(references[i], &to, false)) {
             return fail("fmi2SetInteger: reference", (int)references[i]);
         }
-        if (to.base == BASE_BYTE) {
-            *to.at = (uint8_t)values[i];
-        } else {
-            *(int64_t *)(void *)to.at = values[i];
-        }
+        const int64_t value = values[i];
+        memcpy(to.at, &value, fmu_width(to.base)); /* little-endian */
     }
     return STATUS_OK;
 }
@@ -180,7 +178,9 @@ int fmi2GetInteger(void *instance, const unsigned references[], size_t count, in
         if (!find_one(references[i], &from, false)) {
             return fail("fmi2GetInteger: reference", (int)references[i]);
         }
-        values[i] = (from.base == BASE_BYTE) ? *from.at : (int)(*(const int64_t *)(const void *)from.at & 0x7fffffff);
+        uint64_t value = 0;
+        memcpy(&value, from.at, fmu_width(from.base)); /* little-endian */
+        values[i] = (int)(from.base == BASE_WORD ? (int32_t)value : (int32_t)(value & 0x7fffffff));
     }
     return STATUS_OK;
 }

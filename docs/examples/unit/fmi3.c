@@ -111,7 +111,7 @@ enum direction { TO_UNIT, FROM_UNIT };
 static int copy(const uint32_t references[], size_t count, void *values, size_t room, enum base base,
                 enum direction direction)
 {
-    const size_t width = (base == BASE_BYTE) ? 1U : 8U;
+    const size_t width = fmu_width(base);
     uint8_t *next = values;
     for (size_t i = 0; i < count; i++) {
         struct variable found;
@@ -142,6 +142,8 @@ VALUES(Float64, double, BASE_REAL)
 VALUES(UInt8, uint8_t, BASE_BYTE)
 VALUES(Int64, int64_t, BASE_SIGNED)
 VALUES(UInt64, uint64_t, BASE_UNSIGNED)
+VALUES(UInt16, uint16_t, BASE_SHORT)
+VALUES(UInt32, uint32_t, BASE_WORD)
 
 int fmi3SetString(void *instance, const uint32_t references[], size_t count, const char *const values[], size_t n)
 {
@@ -215,8 +217,6 @@ CANNOT(fmi3GetNumberOfVariableDependencies)
 CANNOT(fmi3GetOutputDerivatives)
 CANNOT(fmi3GetShiftDecimal)
 CANNOT(fmi3GetShiftFraction)
-CANNOT(fmi3GetUInt16)
-CANNOT(fmi3GetUInt32)
 CANNOT(fmi3GetVariableDependencies)
 CANNOT(fmi3SerializeFMUState)
 CANNOT(fmi3SerializedFMUStateSize)
@@ -234,6 +234,4 @@ CANNOT(fmi3SetIntervalFraction)
 CANNOT(fmi3SetShiftDecimal)
 CANNOT(fmi3SetShiftFraction)
 CANNOT(fmi3SetTime)
-CANNOT(fmi3SetUInt16)
-CANNOT(fmi3SetUInt32)
 CANNOT(fmi3UpdateDiscreteStates)

@@ -1,7 +1,7 @@
 /* The records of a unit in an FMU, and where its variables are in them.
  *
  * A value reference says where a variable is, see `rig unit header --fmu`: from the lowest bit 14 bits first byte,
- * 10 bits elements, 2 bits type, 2 bits record.  The unit is one for the whole process, as its three functions are.
+ * 10 bits elements, 2 bits type, 2 bits record, 1 bit more of the type.  The unit is one for the whole process, as its three functions are.
  */
 #include "fmu.h"
 
@@ -23,17 +23,23 @@ static const struct {
     size_t bytes;
 } records[] = {{&config, sizeof config}, {&input, sizeof input}, {&output, sizeof output}};
 
+size_t fmu_width(enum base base)
+{
+    static const size_t widths[] = {1, 8, 8, 8, 2, 4, 0, 0}; /* by enum base; the last two are none */
+    return widths[base & 7];
+}
+
 bool fmu_find(uint32_t reference, struct variable *found)
 {
-    const size_t first = reference & 0x3fffU, record = reference >> 26;
+    const size_t first = reference & 0x3fffU, record = (reference >> 26) & 3U;
     const size_t count = (reference >> 14) & 0x3ffU;
-    found->base = (enum base)((reference >> 24) & 3U);
+    found->base = (enum base)(((reference >> 24) & 3U) | ((reference >> 26) & 4U));
     found->count = count;
-    if (record >= sizeof records / sizeof records[0] || count == 0) {
+    if (record >= sizeof records / sizeof records[0] || count == 0 || fmu_width(found->base) == 0) {
         return false;
     }
     found->at = (uint8_t *)records[record].at + first;
-    return first + (count * ((found->base == BASE_BYTE) ? 1U : 8U)) <= records[record].bytes;
+    return first + (count * fmu_width(found->base)) <= records[record].bytes;
 }
 
 bool fmu_is_ours(const char *token)

@@ -10,7 +10,7 @@
 enum status { STATUS_OK = 0, STATUS_WARNING = 1, STATUS_DISCARD = 2, STATUS_ERROR = 3, STATUS_FATAL = 4 };
 
 /* What the elements of a variable are. */
-enum base { BASE_BYTE = 0, BASE_SIGNED = 1, BASE_UNSIGNED = 2, BASE_REAL = 3 };
+enum base { BASE_BYTE = 0, BASE_SIGNED = 1, BASE_UNSIGNED = 2, BASE_REAL = 3, BASE_SHORT = 4, BASE_WORD = 5 };
 
 /* A variable: elements side by side in one of the records. */
 struct variable {
@@ -18,6 +18,9 @@ struct variable {
     size_t count;
     enum base base;
 };
+
+/* Bytes of an element. */
+size_t fmu_width(enum base base);
 
 /* The variable of a value reference; false when there is none. */
 bool fmu_find(uint32_t reference, struct variable *found);

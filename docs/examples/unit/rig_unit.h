@@ -25,8 +25,8 @@ extern "C" {
 #define RIG_ASSERT(condition) _Static_assert(condition, #condition)
 #endif
 
-#define RIG_UNIT_VERSION 1
-#define RIG_UNIT_LAYOUT UINT64_C(0xbaec0c917febb05e)
+#define RIG_UNIT_VERSION 2
+#define RIG_UNIT_LAYOUT UINT64_C(0xaa2239075c20abdd)
 #define RIG_MAGIC_INPUT UINT32_C(0x49474952)
 #define RIG_MAGIC_OUTPUT UINT32_C(0x4f474952)
 #define RIG_CHANNELS 4
@@ -97,6 +97,14 @@ enum rig_law {
     RIG_LAW_STICK = 1,
     RIG_LAW_BACKUP = 2,
     RIG_LAW_EXTERNAL = 3,
+};
+
+enum rig_status {
+    RIG_STATUS_READY = 0,
+    RIG_STATUS_DEGRADED = 1,
+    RIG_STATUS_FAILED = 2,
+    RIG_STATUS_SELF_TEST = 3,
+    RIG_STATUS_POWER_UP = 4,
 };
 
 enum rig_signal_index {
@@ -369,11 +377,12 @@ struct rig_input {
     uint8_t reset[16];
     uint8_t discrete_reset[3];
     uint8_t pad_1[1];
+    uint16_t age_us[16][4];
     uint32_t length;
     uint32_t crc;
 };
 
-RIG_ASSERT(sizeof(struct rig_input) == 1112);
+RIG_ASSERT(sizeof(struct rig_input) == 1240);
 RIG_ASSERT(offsetof(struct rig_input, magic) == 0);
 RIG_ASSERT(offsetof(struct rig_input, version) == 4);
 RIG_ASSERT(offsetof(struct rig_input, kind) == 6);
@@ -394,8 +403,9 @@ RIG_ASSERT(offsetof(struct rig_input, discrete_ilm) == 1072);
 RIG_ASSERT(offsetof(struct rig_input, reset) == 1084);
 RIG_ASSERT(offsetof(struct rig_input, discrete_reset) == 1100);
 RIG_ASSERT(offsetof(struct rig_input, pad_1) == 1103);
-RIG_ASSERT(offsetof(struct rig_input, length) == 1104);
-RIG_ASSERT(offsetof(struct rig_input, crc) == 1108);
+RIG_ASSERT(offsetof(struct rig_input, age_us) == 1104);
+RIG_ASSERT(offsetof(struct rig_input, length) == 1232);
+RIG_ASSERT(offsetof(struct rig_input, crc) == 1236);
 
 /* one frame from the unit */
 struct rig_output {
@@ -422,12 +432,15 @@ struct rig_output {
     uint8_t discrete_level[3];
     uint8_t law;
     uint8_t said;
-    uint8_t pad_1[4];
+    uint32_t fault_word;
+    uint16_t status;
+    uint8_t output_discretes[8];
+    uint8_t pad_1[6];
     uint32_t length;
     uint32_t crc;
 };
 
-RIG_ASSERT(sizeof(struct rig_output) == 416);
+RIG_ASSERT(sizeof(struct rig_output) == 432);
 RIG_ASSERT(offsetof(struct rig_output, magic) == 0);
 RIG_ASSERT(offsetof(struct rig_output, version) == 4);
 RIG_ASSERT(offsetof(struct rig_output, kind) == 6);
@@ -451,9 +464,12 @@ RIG_ASSERT(offsetof(struct rig_output, discrete_state) == 387);
 RIG_ASSERT(offsetof(struct rig_output, discrete_level) == 399);
 RIG_ASSERT(offsetof(struct rig_output, law) == 402);
 RIG_ASSERT(offsetof(struct rig_output, said) == 403);
-RIG_ASSERT(offsetof(struct rig_output, pad_1) == 404);
-RIG_ASSERT(offsetof(struct rig_output, length) == 408);
-RIG_ASSERT(offsetof(struct rig_output, crc) == 412);
+RIG_ASSERT(offsetof(struct rig_output, fault_word) == 404);
+RIG_ASSERT(offsetof(struct rig_output, status) == 408);
+RIG_ASSERT(offsetof(struct rig_output, output_discretes) == 410);
+RIG_ASSERT(offsetof(struct rig_output, pad_1) == 418);
+RIG_ASSERT(offsetof(struct rig_output, length) == 424);
+RIG_ASSERT(offsetof(struct rig_output, crc) == 428);
 
 /* Which records a library was built for: the rig reads it before it calls anything. */
 #if defined(__GNUC__)

@@ -124,19 +124,33 @@ static void step(const struct rig_input *input)
     }
 }
 
-/* Whether these bytes are a whole message of this layout. */
+/* CRC-32 of IEEE 802.3, four bits at a time. */
+static uint32_t crc32_of(const uint8_t *bytes, size_t count)
+{
+    static const uint32_t table[16] = {0x00000000, 0x1db71064, 0x3b6e20c8, 0x26d930ac, 0x76dc4190, 0x6b6b51f4,
+                                       0x4db26158, 0x5005713c, 0xedb88320, 0xf00f9344, 0xd6d6a3e8, 0xcb61b38c,
+                                       0x9b64c2b0, 0x86d3d2d4, 0xa00ae278, 0xbdbdf21c};
+    uint32_t crc = UINT32_MAX;
+    for (size_t i = 0; i < count; i++) {
+        crc = table[(crc ^ bytes[i]) & 15U] ^ (crc >> 4);
+        crc = table[(crc ^ (uint32_t)(bytes[i] >> 4)) & 15U] ^ (crc >> 4);
+    }
+    return ~crc;
+}
+
+/* Whether these bytes are a whole message of this layout, with its checksum. */
 static bool sound(const union message *m, size_t size)
 {
     size_t wanted = sizeof m->head;
-    uint32_t length = 0;
+    uint32_t tail[2] = {0, 0}; /* length, crc */
     if (m->head.kind == RIG_KIND_CONFIG || m->head.kind == RIG_KIND_FRAME) {
         wanted = m->head.kind == RIG_KIND_CONFIG ? sizeof m->part : sizeof m->input;
     }
     if (size != wanted || m->head.magic != RIG_MAGIC_INPUT || m->head.layout != RIG_UNIT_LAYOUT) {
         return false;
     }
-    memcpy(&length, m->bytes + size - 2 * sizeof length, sizeof length);
-    return length == size - 2 * sizeof length;
+    memcpy(tail, m->bytes + size - sizeof tail, sizeof tail);
+    return tail[0] == size - sizeof tail && (tail[1] == 0 || tail[1] == crc32_of(m->bytes, tail[0]));
 }
 
 static time_t now(void)

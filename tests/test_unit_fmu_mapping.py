@@ -1,0 +1,181 @@
+"""FMUs of other tools, with variables of their own names, that a unit file maps to the records."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from test_unit_fmu import _nothing_is_left_behind, changed, needs_fmpy  # noqa: F401 # a fixture of this file, too
+from unit_files import HERE
+
+import rig
+from rig.errors import BadInput, UnitRefused
+from rig.frame import SIGNALS, UnitStatus
+from rig.kernels import cache_root
+from rig.unit.settings import read_unit
+
+TOOLS = {"2": "pythonfmu", "3": "pythonfmu3"}
+VERSIONS = tuple(TOOLS)
+OVERRIDES = ("duration_s=1", "faults.0.start_s=0.3")
+NAMES = ["rate_q", "rate_p", "rate_r", "n_z", "n_y", "n_x", "alpha", "beta"]
+NAMES += ["p_static", "p_dynamic", "stick_x", "stick_y", "pedals", "theta", "phi", "psi"]
+
+
+@cache
+def made(version: str) -> Path:
+    """The median voter of tests/units, packed by the tool of this version of FMI."""
+    pytest.importorskip(TOOLS[version])
+    pytest.importorskip("fmpy")
+    folder = cache_root() / "test-units" / f"{TOOLS[version]}-{os.getpid()}"
+    folder.mkdir(parents=True, exist_ok=True)
+    command = [sys.executable, "-m", TOOLS[version], "build", "-f", str(HERE / f"median_fmi{version}.py")]
+    subprocess.run([*command, "-d", str(folder)], check=True, capture_output=True, text=True)
+    return folder / "Median.fmu"
+
+
+def tables(version: str) -> tuple[dict[str, str], dict[str, str]]:
+    """Inputs and outputs of the mapping."""
+    inputs, outputs = {}, {}
+    for i, signal in enumerate(SIGNALS):
+        own = f"{NAMES[i]}_*" if version == "2" else f"samples[{i + 1},*]"
+        inputs[f"channels.{signal.name}.*"] = own
+        outputs[f"voted.{signal.name}"] = NAMES[i] if version == "2" else f"votes[{i + 1}]"
+    return inputs, outputs
+
+
+def unit_of(folder: Path, path: Path, inputs: dict[str, str], outputs: dict[str, str], form: str = "redundancy") -> Any:
+    lines = ['name = "median"', 'carrier = "fmu"', f'form = "{form}"', f'path = "{path}"', "[fmu.inputs]"]
+    lines += [f'"{key}" = "{value}"' for key, value in inputs.items()]
+    lines += ["[fmu.outputs]", *(f'"{key}" = "{value}"' for key, value in outputs.items())]
+    (folder / "unit.toml").write_text("\n".join(lines))
+    return read_unit(folder / "unit.toml")
+
+
+def fly(folder: Path, path: Path, version: str) -> rig.Flight:
+    return rig.fly(overrides=OVERRIDES, out=folder, unit=unit_of(folder, path, *tables(version)))
+
+
+@needs_fmpy
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_median_voter_of_another_tool_flies_by_its_own_names(tmp_path: Path, version: str):
+    flight = fly(tmp_path, made(version), version)
+    rows = flight.rows
+    assert (rows["unit"] == UnitStatus.ANSWERED).all() and len(rows) == 100
+    assert np.array_equal(rows["voted"], np.median(rows["channels"], axis=2))
+    assert flight.survived and flight.unit is not None and flight.unit["reproducible"]
+
+
+@needs_fmpy
+def test_degrees_are_converted_both_ways(tmp_path: Path):
+    """A voter that sees degrees per second votes as one that sees radians, but for rounding."""
+    degrees = changed(made("2"), tmp_path, r'(name="rate_q[^>]*>\s*<Real)', r'\1 unit="deg/s"')
+    feet = changed(degrees.rename(tmp_path / "degrees.fmu"), tmp_path, r'(name="n_z_[^>]*>\s*<Real)', r'\1 unit="m/s2"')
+    rows = fly(tmp_path, feet, "2").rows
+    expected = np.median(rows["channels"], axis=2)
+    assert np.allclose(rows["voted"][:, 0], expected[:, 0], rtol=1e-14, atol=0.0)
+    assert np.allclose(rows["voted"][:, 3], expected[:, 3] * 9.80665, rtol=1e-14, atol=0.0), "its output has no unit"
+
+
+def _without(table: dict[str, str], key: str) -> dict[str, str]:
+    return {name: value for name, value in table.items() if name != key}
+
+
+INPUTS, OUTPUTS = tables("2")
+CHANNEL = "channels.pitch_rate.*"
+WRONG = {
+    "no such variable": (
+        {**INPUTS, CHANNEL: "rate_x_*"},
+        OUTPUTS,
+        "fmu.inputs: channels.pitch_rate.1: the FMU has no variable rate_x_1; nearest: rate_",
+    ),
+    "no such element": (
+        {**INPUTS, "channels.pich_rate.1": "rate_q_1"},
+        OUTPUTS,
+        "fmu.inputs: channels.pich_rate.1: no such element; nearest: channels.pitch_rate.1, ",
+    ),
+    "stars": ({**INPUTS, CHANNEL: "rate_q"}, OUTPUTS, "'rate_q' must have as many * as its key, 1"),
+    "twice": ({**INPUTS, "channels.pitch_rate.2": "rate_q_1"}, OUTPUTS, "fmu.inputs: rate_q_1 is mapped 2 times"),
+    "an output as input": (
+        {**INPUTS, "channels.pitch_rate.2": "rate_q"},
+        OUTPUTS,
+        "fmu.inputs: channels.pitch_rate.2: rate_q is of causality output, must be input",
+    ),
+    "a vote less": (
+        INPUTS,
+        _without(OUTPUTS, "voted.heading"),
+        "fmu.outputs: voted.heading not mapped: form redundancy needs it",
+    ),
+    "a group in parts": (
+        INPUTS,
+        {**OUTPUTS, "level.*": "rate_q*"},
+        "fmu.outputs: level.pitch_rate: the FMU has no variable rate_qpitch_rate; nearest: ",
+    ),
+    "half a group": (
+        INPUTS,
+        {**OUTPUTS, "level.pitch_rate": "rate_q"},
+        "fmu.outputs: state.pitch_rate.1 and 78 more not mapped: others of its group are",
+    ),
+}
+
+
+@needs_fmpy
+@pytest.mark.parametrize("case", WRONG)
+def test_what_does_not_fit_is_refused_in_one_line(tmp_path: Path, case: str):
+    inputs, outputs, said = WRONG[case]
+    with pytest.raises(BadInput) as error:
+        rig.fly(overrides=OVERRIDES, out=tmp_path, unit=unit_of(tmp_path, made("2"), inputs, outputs))
+    text = str(error.value)
+    assert said in text and text.startswith(f"{tmp_path}/unit.toml: median: ") and "\n" not in text
+    assert list(tmp_path.glob("*.mcap")) == []
+
+
+STEP = "canHandleVariableCommunicationStepSize"
+OTHERS = {
+    "a unit of another quantity": (
+        "2",
+        (r'(name="rate_q_1"[^>]*>\s*<Real)', r'\1 unit="m"'),
+        "channels.pitch_rate.1: rate_q_1 is in m: 'm' is not a unit of this quantity; allowed: rad/s, deg/s, rpm",
+    ),
+    "an unknown unit": ("3", ('name="samples"', 'name="samples" unit="furlong?"'), "samples[1,1] is in furlong?: "),
+    "a text": ("2", ('(name="rate_q_1".*?<)Real', r"\1String"), "rate_q_1 is of type String, must be Real, Float64"),
+    "only smaller steps": (
+        "2",
+        (f'{STEP}="true"(.*?)<LogCat', rf'{STEP}="false"\1<DefaultExperiment stepSize="0.001"/><LogCat'),
+        f"the FMU can only be asked for steps of 0.001 s ({STEP} is false), a frame has 0.01 s",
+    ),
+    "larger steps inside": (
+        "3",
+        (f'{STEP}="true"', f'{STEP}="true" fixedInternalStepSize="0.02"'),
+        "the FMU makes steps of 0.02 s (fixedInternalStepSize), a frame has 0.01 s, no multiple of it",
+    ),
+}
+
+
+@needs_fmpy
+@pytest.mark.parametrize("case", OTHERS)
+def test_an_fmu_of_another_kind_is_refused_in_one_line(tmp_path: Path, case: str):
+    version, (pattern, text), said = OTHERS[case]
+    with pytest.raises((BadInput, UnitRefused)) as error:
+        fly(tmp_path, changed(made(version), tmp_path, pattern, text), version)
+    assert said in str(error.value) and "\n" not in str(error.value)
+    assert list(tmp_path.glob("*.mcap")) == []
+
+
+@needs_fmpy
+def test_an_fmu_that_makes_several_steps_a_frame_flies(tmp_path: Path):
+    several = changed(made("3"), tmp_path, f'{STEP}="true"', f'{STEP}="true" fixedInternalStepSize="1e-3"')
+    assert fly(tmp_path, several, "3").survived
+
+
+def test_a_mapping_is_of_the_carrier_fmu_alone(tmp_path: Path):
+    unit_of(tmp_path, Path(__file__), {}, OUTPUTS)
+    path = tmp_path / "unit.toml"
+    path.write_text(path.read_text().replace('"fmu"', '"library"', 1))
+    with pytest.raises(BadInput, match="fmu: the carrier library has no variables to map"):
+        read_unit(path)

@@ -1,0 +1,259 @@
+"""What a unit says of itself, and units of version 1 of the records, which say nothing."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from test_unit_fmu import FOLDERS, needs_fmpy
+from test_unit_manners import Network
+from unit_files import HERE, SOURCES, build, compiled, library, needs_a_compiler, written
+
+import rig
+from rig.bench.unit_check import check
+from rig.errors import RigError
+from rig.frame import SIGNALS, Law, UnitStatus
+from rig.kernels import cache_root
+from rig.unit.crc import crc32
+from rig.unit.fmu_description import OLD_TOKEN, TOKEN, description
+from rig.unit.layout import INPUT, LAYOUT, OLD_SEAM, OUTPUT, SEAM, SINCE_2, Kind, described, place
+from rig.unit.links import SocketLink
+from rig.unit.settings import Unit
+from rig.unit.unit import UnitUnderTest
+
+pytestmark = needs_a_compiler
+FOLDER = cache_root() / "test-units" / f"{LAYOUT:016x}-status"
+SHORT = ("duration_s=2", "faults.0.start_s=1")
+START_FRAMES = 50  # of docs/examples/unit/box.c at 100 Hz: 20 of power-up, 30 of self-test
+REBOOT = 120
+AN_OFF_PITCH_RATE = 1  # its fault word
+
+
+@cache
+def box() -> Path:
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    return build(FOLDER, "box_udp")
+
+
+def as_box(folder: Path, **keys: Any) -> Unit:
+    return written(folder, {"name": "box", "carrier": "udp", "command": [str(box()), "--rig", "{address}"], **keys})
+
+
+def as_library(folder: Path, **keys: Any) -> Unit:
+    return written(folder, {"name": "box", "path": str(library("box")), **keys})
+
+
+# Status ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("carrier", [as_box, as_library])
+def test_trim_is_flown_until_the_box_is_ready_and_its_fault_word_is_told(tmp_path: Path, carrier: Any):
+    flight = rig.fly(overrides=SHORT, out=tmp_path, unit=carrier(tmp_path))
+    rows, found = flight.rows, flight.unit
+    starting, flown = rows[:START_FRAMES], rows[START_FRAMES:]
+    assert (rows["unit"] == UnitStatus.ANSWERED).all() and found is not None
+    assert (starting["law"] == Law.EXTERNAL).all() and np.ptp(starting["surface"], axis=0).max() == 0.0
+    assert np.isnan(starting["voted"]).all() and (starting["unit_age"] == np.arange(1, START_FRAMES + 1)).all()
+    plain = [not signal.wraps for signal in SIGNALS]
+    assert np.array_equal(flown["voted"][:, plain], np.median(flown["channels"], axis=2)[:, plain])
+    assert (flown["law"] == Law.AUTOPILOT).all() and (flown["unit_age"] == 0).all() and flight.survived
+    news = [(event.frame, event.name, event.text) for event in flight.events if event.name.startswith("unit")]
+    assert news[:3] == [
+        (0, "unit status", "power-up"),
+        (20, "unit status", "power-up to self-test"),
+        (50, "unit status", "self-test to ready"),
+    ]
+    off = next(frame for frame, name, _ in news if name == "unit fault word")
+    spread = np.ptp(rows["channels"][:, 0], axis=1)
+    assert spread[off] > spread[50:off].max() and off >= 100
+    assert [text for frame, _, text in news if frame == off] == [
+        "ready to degraded",
+        "0x00000000 to 0x00000001",
+        "0 0 0 0 0 0 0 0 to 1 0 0 0 0 0 0 0",
+    ]
+    assert (found["status"], found["fault_word"], found["status_changes"]) == ("degraded", AN_OFF_PITCH_RATE, 4)
+    assert found["output_discretes"] == [1, 0, 0, 0, 0, 0, 0, 0]
+
+
+def test_a_box_that_tests_itself_for_longer_than_start_s_is_dead(tmp_path: Path):
+    with pytest.raises(RigError, match=r"box, frame 40: is in self-test after start_s = 0\.3 s"):
+        rig.fly(overrides=SHORT, out=tmp_path, unit=as_library(tmp_path, start_s=0.3))
+
+
+def test_a_box_that_is_rebooted_in_flight_starts_again_and_trim_is_flown(tmp_path: Path, monkeypatch):
+    """By SIGHUP: it says READY in no session, and the rig starts it again."""
+    step = UnitUnderTest._step
+
+    def rebooted(self: UnitUnderTest, frame: int) -> int:
+        if frame == REBOOT and not self.replies.counts.restarts:
+            process = cast("SocketLink", self._link).process
+            assert process is not None
+            os.kill(int(process.last_line()), signal.SIGHUP)
+        return step(self, frame)
+
+    monkeypatch.setattr(UnitUnderTest, "_step", rebooted)
+    monkeypatch.setattr("rig.flight.unit_loop.FOREVER_NS", 0)  # every frame goes by _step
+    command = ["sh", "-c", f"echo $$; exec {box()} --rig {{address}}"]
+    tested = written(tmp_path, {"name": "box", "carrier": "udp", "command": command, "on_dead": "restart"})
+    flight = rig.fly(overrides=("duration_s=2", "faults=[]"), out=tmp_path, unit=tested)
+    rows = flight.rows
+    assert flight.unit is not None and flight.unit["restarts"] == 1 and flight.survived
+    (again,) = np.flatnonzero(rows["unit"] == UnitStatus.RESTARTED).tolist()
+    assert again - REBOOT in (0, 1), "the signal may come after the answer"
+    starting = rows[again : again + START_FRAMES]
+    assert (starting["surface"] == rows["surface"][0]).all() and (starting["law"] == Law.EXTERNAL).all()
+    assert (rows["law"][again + START_FRAMES :] == Law.AUTOPILOT).all()
+    news = [event.text for event in flight.events if event.frame == again and event.name == "unit status"]
+    assert news == ["ready to power-up"]
+
+
+def test_the_checksum_of_compiled_code_is_that_of_zlib():
+    draw = np.random.default_rng(0)
+    for size in (8, 104, 1104, 1232):
+        data = draw.integers(0, 256, size, np.uint8)
+        assert crc32(data, size) == zlib.crc32(data.tobytes())
+
+
+# Version 1 ---------------------------------------------------------------------------------------------------
+
+
+def test_version_1_is_the_beginning_of_version_2():
+    assert OLD_SEAM.layout == 0xBAEC0C917FEBB05E, "of the header in tests/units: units that were built with it"
+    header = (HERE / "rig_unit_1.h").read_text()
+    for record, dtype in (("input", INPUT), ("output", OUTPUT)):
+        offsets = re.findall(rf"offsetof\(struct rig_{record}, (\w+)\) == (\d+)", header)
+        fields = {name: int(at) for name, at in offsets if name not in ("length", "crc") and not name.startswith("pad")}
+        assert all(place(dtype, name)[1] == at for name, at in fields.items())
+        own = {name for name in dtype.names or () if not name.startswith("pad") and name not in ("length", "crc")}
+        assert own - set(fields) <= set(SINCE_2)
+    assert described(1) != described(2) and (OLD_SEAM.input_bytes, OLD_SEAM.output_bytes) == (1112, 416)
+
+
+def old_sources(*names: str) -> list[Path]:
+    """Examples beside the header of version 1."""
+    folder = FOLDER / "old"
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.copy(HERE / "rig_unit_1.h", folder / "rig_unit.h")
+    for name in ("fmu.h", "monitor.h", *names):
+        shutil.copy(SOURCES / name, folder)
+    return [folder / name for name in names]
+
+
+MONITOR = ("monitor.c", "compare.c", "resolvers.c", "discretes.c")
+
+
+@cache
+def old_library() -> Path:
+    return compiled(old_sources(*MONITOR), FOLDER / "libold.so", f"-I{FOLDER}/old")
+
+
+@cache
+def old_process() -> Path:
+    return compiled(old_sources("udp_main.c", *MONITOR), FOLDER / "old_udp", f"-I{FOLDER}/old", "-fPIE", "-pie")
+
+
+@cache
+def old_fmu(version: Any) -> Path:
+    """As `rig unit header --fmu` of version 1 described it."""
+    made = compiled(old_sources(f"fmi{version}.c", "fmu.c", *MONITOR), FOLDER / f"old{version}.so", f"-DFMI={version}")
+    text = description(version).replace(TOKEN, OLD_TOKEN)
+    text = "\n".join(line for line in text.splitlines() if not re.search(rf'name="({"|".join(SINCE_2)})', line))
+    path = FOLDER / f"old{version}.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("modelDescription.xml", text)
+        archive.write(made, f"binaries/{FOLDERS[version]}/rig_unit.so")
+    return path
+
+
+def old_units(folder: Path) -> dict[str, dict[str, Any]]:
+    return {
+        "library": {"path": str(old_library())},
+        "in process": {"path": str(old_library()), "isolate": False},
+        "udp": {"carrier": "udp", "command": [str(old_process()), "--rig", "{address}"]},
+    }
+
+
+@pytest.mark.parametrize("name", ["library", "in process", "udp"])
+def test_a_unit_of_version_1_flies_the_bits_of_our_own_manager(tmp_path: Path, name: str):
+    digests = set()
+    for keys in ({"path": str(library("monitor"))}, old_units(tmp_path)[name]):
+        flight = rig.fly(overrides=SHORT, out=tmp_path, unit=written(tmp_path, {"name": "u", **keys}))
+        assert flight.unit is not None and flight.unit["status"] == "ready" and flight.unit["discarded"] == 0
+        digests.add(flight.digest)
+    assert len(digests) == 1
+
+
+@contextmanager
+def listening(program: Path) -> Iterator[str]:
+    """The address of a running unit."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{free.getsockname()[1]}"
+    process = subprocess.Popen([program, "--listen", address])
+    try:
+        yield address
+    finally:
+        process.kill()
+        process.wait()
+
+
+def test_a_box_of_version_1_at_an_address_is_greeted_in_its_own(tmp_path: Path):
+    with listening(old_process()) as address:
+        tested = written(tmp_path, {"name": "u", "carrier": "udp", "address": address})
+        for _ in range(2):
+            assert rig.fly(overrides=SHORT, out=tmp_path, unit=tested).survived
+
+
+class Ear(Network):
+    """Loses nothing and keeps all frames."""
+
+    frames: list[bytes]
+
+    def copies(self, message: bytes) -> int:
+        if message[6] == Kind.FRAME:
+            self.frames.append(message)
+        return 1
+
+
+def test_every_request_of_a_flight_has_its_checksum(tmp_path: Path):
+    Ear.frames = []
+    with listening(box()) as address:
+        network = Ear(address, 0)
+        near = f"127.0.0.1:{network.near.getsockname()[1]}"
+        try:
+            rig.fly(
+                overrides=SHORT, out=tmp_path, unit=written(tmp_path, {"name": "u", "carrier": "udp", "address": near})
+            )
+        finally:
+            network.stop()
+    sums = [int.from_bytes(message[-4:], "little") for message in Ear.frames]
+    assert len(sums) == 200 and sums == [zlib.crc32(message[:-8]) for message in Ear.frames]
+
+
+@needs_fmpy
+@pytest.mark.parametrize("version", ["2", "3"])
+def test_an_fmu_of_version_1_flies(tmp_path: Path, version: str):
+    tested = written(tmp_path, {"name": "u", "carrier": "fmu", "path": str(old_fmu(version))})
+    assert rig.fly(overrides=SHORT, out=tmp_path, unit=tested).failed == {SIGNALS[0].name: [3]}
+
+
+def test_a_unit_of_version_1_meets_the_conformance_test(tmp_path: Path):
+    written(tmp_path, {"name": "u", **old_units(tmp_path)["udp"]})
+    assert [one for one in check(tmp_path / "unit.toml", seam_only=True).requirements if not one.passed] == []
+
+
+def test_seams_differ_in_layout():
+    assert SEAM.layout == LAYOUT != OLD_SEAM.layout
