@@ -80,7 +80,8 @@ LANE_COLUMNS: Final = tuple(
     for i, topic in enumerate(LANE_TOPICS)
     for field in LANE_MESSAGES[topic.message].fields
 )
-_LANE_OF_SIGNALS: Final = {
+_LANE_UNITS: Final = {column.path: f.unit for column in LANE_COLUMNS for f in LANE_FIELDS if f.name == column.field}
+_OF_SIGNALS: Final = {
     field.name for field in MESSAGES["rig.Signal"].fields if field.source in FIELD and FIELD[field.source].unit
 }
 
