@@ -123,7 +123,7 @@ def manage(bus, fcc, data):
     accusing = 0
     for s in range(len(params)):
         p, st = params[s], state[s]
-        readmit(reset[s], p, st)
+        readmit_anew(reset[s], p, st)
         resolvers[s] = manage_signal(channels[s], valid[s], ilm[s], reference[s], second[s], p, st)
         voted[s], levels[s], patterns[s] = st["output"], st["level"], st["pattern"]
         usable[s] = 0 if not np.isfinite(reference[s]) else st["reference_usable"]
@@ -136,6 +136,20 @@ def manage(bus, fcc, data):
         fail_boxes(fcc, params, state, box)
     else:
         box["count"][:] = 0
+
+
+@kernel
+def readmit_anew(commanded, p, st):
+    """Readmit ``commanded`` channels, bits, that have agreed long enough, each without a bias."""
+    if commanded == 0:
+        return
+    out = 0
+    for c in range(p["fitted"]):
+        out |= np.int64(st["failed"][c]) << c
+    readmit(commanded, p, st)
+    for c in range(p["fitted"]):
+        if (out >> c) & 1 and not st["failed"][c]:
+            st["bias"][c] = 0.0
 
 
 @kernel
