@@ -253,11 +253,21 @@ def frames(
 
 
 def fly_rows(
-    scenario: Scenario, frames_at_most: int | None = None, computer: Callable[[Rig], ComputerStep] | None = None
+    scenario: Scenario,
+    frames_at_most: int | None = None,
+    computer: Callable[[Rig], ComputerStep] | None = None,
+    lanes: list[LaneBlock] | None = None,
 ) -> Block:
-    """Return all rows of a flight in memory, no more than ``frames_at_most``; two kilobytes a frame."""
+    """Return all rows of a flight in memory, no more than ``frames_at_most``; two kilobytes a frame.
+
+    lanes : the rows of its servo actuators are added to it, block by block
+    """
     rig, (rows, timing) = Rig(scenario, computer), new_memory(scenario, frames_at_most)
-    count = sum(len(block) for block, _ in frames(rig, scenario, memory=(rows, timing)))
+    count = 0
+    for block, _ in frames(rig, scenario, memory=(rows, timing)):
+        count += len(block)
+        if lanes is not None:
+            lanes += rig.lanes(len(block))
     return rows[:count]
 
 

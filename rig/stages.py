@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rig import sensors
-from rig.actuators.stage import Actuators
+from rig.actuators.monitors import MonitorData, monitors
+from rig.actuators.servo import LONGEST_SUBSTEP_S
+from rig.actuators.stage import Actuators, as_designed, stops_of
 from rig.computer.redundancy import Redundancy
 from rig.faults import Coils, Faults
 from rig.frame import MOVED, SIGNALS
+from rig.plant.airframe import Actuator
 from rig.plant.jsbsim import Plant
 from rig.scenario import Scenario
 from rig.sensors import inertial
@@ -25,7 +29,7 @@ def servos(scenario: Scenario, plant: Plant | LinearPlant) -> Actuators | None:
         return None
     made = Actuators(
         scenario.actuators,
-        {name: getattr(scenario.airframe, name) for name in MOVED},
+        _surfaces(scenario),
         plant.trim[: len(MOVED)],
         scenario.rate_hz,
         scenario.steps_per_frame,
@@ -33,6 +37,20 @@ def servos(scenario: Scenario, plant: Plant | LinearPlant) -> Actuators | None:
     )
     plant.moved_by(made.data.positions)
     return made
+
+
+def actuator_monitors(scenario: Scenario) -> tuple[NDArray[Any], MonitorData]:
+    """Return the servos as their monitors hold them to be, (3,) SERVO, and the monitors at the first frame.
+
+    They need no plant: a monitor asks a servo for its gain alone, whatever the sub-step.
+    """
+    surfaces = _surfaces(scenario)
+    designed = as_designed(scenario.actuators, surfaces, LONGEST_SUBSTEP_S)
+    return designed, monitors(scenario.actuators, stops_of(surfaces), scenario.rate_hz)
+
+
+def _surfaces(scenario: Scenario) -> dict[str, Actuator]:
+    return {name: getattr(scenario.airframe, name) for name in MOVED}
 
 
 def faults(scenario: Scenario, keep_clean: int = 0) -> Faults:

@@ -31,7 +31,7 @@ def test_one_kernel_decides_what_became_of_a_fault():
     writers = {path.relative_to(RIG).as_posix() for path in RIG.rglob("*.py") if written.search(path.read_text())}
     trials = {path for path in writers if path.startswith("bench/")}
     assert writers - trials <= {
-        f"assess/{name}.py" for name in ("outcome", "outcome_faults", "outcome_rows", "monitored")
+        f"assess/{name}.py" for name in ("outcome", "outcome_actuators", "outcome_faults", "outcome_rows", "monitored")
     }
     words = re.compile(r'"(detected|undetectable|right|known loss)" if ')
     assert [path.name for path in RIG.rglob("*.py") if words.search(path.read_text())] == ["patterns.py"]  # a resolver

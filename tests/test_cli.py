@@ -13,6 +13,7 @@ import pytest
 from rig.cli import main as cli
 
 SHORT = ["--set", "duration_s=2", "--set", "faults=[]"]
+SERVO = ["fly", "--set", 'actuators.model="servo"', "--set"]
 
 
 def rig(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -41,6 +42,23 @@ def rig(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess
         (
             ["fly", "--set", 'airframe.flight_points=[{name="20000ft_m06",altitude_m=24000.0,mach=0.1}]', *SHORT],
             "no level trim",
+        ),
+        (
+            [*SERVO, 'faults=[{kind="spool_jam",signal="actuator.elevator",channels=[1],start_s=1}]'],
+            "spool_jam sits on what the channels of actuator.elevator share, give none, got [1]",
+        ),
+        (
+            [*SERVO, 'faults=[{kind="coil_open",signal="actuator.elevator",channels=[5],start_s=1}]'],
+            "channels are different numbers from 1 to 4, got [5]",
+        ),
+        (
+            [*SERVO, 'faults=[{kind="coil_open",signal="actuator.elevatr",channels=[1],start_s=1}]'],
+            "no such actuator, allowed: actuator.elevator, actuator.aileron, actuator.rudder, got 'actuator.elevatr'",
+        ),
+        ([*SERVO, "actuators.spool_rad_s=50"], "allowed: at least 4, which is 80.8 rad/s"),
+        (
+            [*SERVO, "aircraft=b707", "--set", "flight_point=35000ft_m08", "--set", "faults=[]"],
+            "a linear aircraft has no",
         ),
     ],
 )

@@ -1,7 +1,9 @@
 """A command line that is wrong: one line, as for any other bad input."""
 
 import re
+import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -79,3 +81,13 @@ def test_a_group_without_a_command_shows_its_help(monkeypatch, capsys):
         cli.main()
     said = capsys.readouterr()
     assert "Usage: rig campaign" in said.out + said.err and "compare" in said.out + said.err
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no device that is always full")
+@pytest.mark.parametrize("arguments", [["signals"], ["signals", "--json"], ["faults", "list"], ["--help"]])
+def test_a_full_standard_output_is_one_line_and_exit_code_1(arguments):
+    with Path("/dev/full").open("w") as full:
+        ran = subprocess.run(
+            [sys.executable, "-m", "rig", *arguments], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert (ran.returncode, ran.stderr) == (1, "failed: standard output: cannot be written: No space left on device\n")

@@ -138,11 +138,14 @@ def test_two_coils_that_run_away_lose_the_aircraft_without_monitors_alone():
 @pytest.mark.parametrize(
     ("sets", "message"),
     [
-        (['faults=[{kind="spool_jam", signal="actuator.elevator", channels=[1], start_s=1.0}]', SERVO], "channels"),
+        (
+            ['faults=[{kind="spool_jam", signal="actuator.elevator", channels=[1], start_s=1.0}]', SERVO],
+            "channels: spool_jam sits on what the channels of actuator.elevator share, give none, got",
+        ),
         (['faults=[{kind="coil_open", signal="actuator.elevator", channels=[5], start_s=1.0}]', SERVO], "1 to 4"),
         (
             ['faults=[{kind="coil_open", signal="actuator.elevato", channels=[1], start_s=1.0}]', SERVO],
-            "no such actuator",
+            "no such actuator, allowed: actuator.elevator, actuator.aileron, actuator.rudder, got 'actuator.elevato'",
         ),
         (['faults=[{kind="hydraulic_loss", signal="hydraulics.3", start_s=1.0}]', SERVO], "no such hydraulic system"),
         (
@@ -151,6 +154,8 @@ def test_two_coils_that_run_away_lose_the_aircraft_without_monitors_alone():
         ),
         (['faults=[{kind="coil_open", signal="actuator.elevator", channels=[1], start_s=1.0}]'], "needs servos"),
         ([SERVO, "actuators.spool_rad_s=50"], "at least 4"),
+        ([SERVO, "actuators.sppool.threshold=0.2"], "actuators.sppool: unknown key; nearest: spool"),
+        ([SERVO, "actuators.current.treshold=0.2"], "actuators.current.treshold: unknown key; nearest: threshold"),
         (["aircraft=b707", "flight_point=35000ft_m08", "faults=[]", SERVO], "a linear aircraft has no servos"),
     ],
 )
@@ -158,3 +163,8 @@ def test_what_cannot_be_flown_is_refused_in_one_line(sets: list[str], message: s
     with pytest.raises(BadInput, match=message) as refused:
         scenario.load(None, sets)
     assert "\n" not in str(refused.value)
+
+
+def test_one_key_of_a_limit_leaves_its_other_key_as_it_was():
+    limit = scenario.load(None, [SERVO, "actuators.ram.threshold=0.05"]).actuators.ram
+    assert (limit.threshold, limit.persistence_s) == (0.05, 0.1)

@@ -13,9 +13,11 @@ from rig.cli import main as cli
 from rig.errors import BadInput
 from rig.flight.assembly import fly
 from rig.frame import INDEX, Pattern, State
+from rig.log import export as module
 from rig.log.columns import COLUMNS
 from rig.log.export import export
 from rig.log.info import info
+from rig.log.reader import iter_blocks
 
 Q = INDEX["pitch_rate"]
 # A channel flagged invalid for a while, then a hardover: what rig vote has to see in the table too.
@@ -42,7 +44,7 @@ def run(capsys, monkeypatch, *arguments: object) -> tuple[int, str, str]:
 @pytest.mark.parametrize("to", ["csv", "parquet", "npz"])
 def test_numbers_come_back_bit_for_bit(flown, tmp_path, to):
     log, out = rig.read_log(flown), tmp_path / f"a.{to}"
-    names = export(log, to, out)
+    names = export(log, to, out).columns
     read = {"csv": pl.read_csv, "parquet": pl.read_parquet, "npz": np.load}[to]
     table = read(out)
     assert len(names) == len(set(names)) == len(COLUMNS) + 1
@@ -104,7 +106,7 @@ def config(recording) -> str:
 
 def test_an_export_for_vote_leaves_flagged_samples_empty(flown, tmp_path):
     log = rig.read_log(flown)
-    names = export(log, "csv", tmp_path / "a.csv", ["pitch_rate"], for_vote=True)
+    names = export(log, "csv", tmp_path / "a.csv", ["pitch_rate"], for_vote=True).columns
     assert names == [
         "time_s",
         *(f"pitch_rate.{c}" for c in range(1, 5)),
@@ -115,6 +117,39 @@ def test_an_export_for_vote_leaves_flagged_samples_empty(flown, tmp_path):
     assert np.flatnonzero(np.isnan(second)).tolist() == [50, 51]
     export(log, "csv", tmp_path / "a.csv", ["pitch_rate"])
     assert pl.read_csv(tmp_path / "a.csv")["pitch_rate.valid.2"].to_numpy().tolist().count(0) == 2
+
+
+@pytest.mark.parametrize("to", ["csv", "parquet", "npz"])
+@pytest.mark.parametrize("for_vote", [True, False])
+def test_a_file_read_block_by_block_gives_the_same_bytes(flown, tmp_path, monkeypatch, to, for_vote):
+    log, sizes = rig.read_log(flown), []
+
+    def blocks(path, about):
+        for rows, lanes in iter_blocks(path, about, frames=150):
+            sizes.append(len(rows))
+            yield rows, lanes
+
+    monkeypatch.setattr(module, "iter_blocks", blocks)
+    of_log = export(log, to, tmp_path / f"log.{to}", for_vote=for_vote)
+    assert export(flown, to, tmp_path / f"file.{to}", for_vote=for_vote) == of_log and of_log.rows == 300
+    assert (tmp_path / f"file.{to}").read_bytes() == (tmp_path / f"log.{to}").read_bytes()
+    assert len(sizes) > 1 and sum(sizes) == 300
+
+
+def test_a_log_without_frames_is_a_table_without_rows(flown, tmp_path):
+    log = rig.read_log(flown)
+    with rig.log.LogWriter(tmp_path / "a.mcap", log.rate_hz, log.metadata, log.attachments.items()) as writer:
+        writer.close({})
+    assert export(tmp_path / "a.mcap", "csv", tmp_path / "a.csv", ["pitch_rate"]).rows == 0
+    assert pl.read_csv(tmp_path / "a.csv").height == 0
+
+
+def test_a_damaged_log_is_no_table(flown, tmp_path):
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(flown.read_bytes()[:-5000])
+    with pytest.raises(BadInput, match=r"cut\.mcap"):
+        export(cut, "csv", tmp_path / "a.csv")
+    assert list(tmp_path.iterdir()) == [cut]
 
 
 def test_only_what_is_asked_for_is_written(flown, tmp_path, capsys, monkeypatch):

@@ -161,3 +161,16 @@ def test_states_are_in_the_order_of_the_file(tmp_path: Path):
     path.write_text(f'hours = 1.0\nstart = "z"\ntransitions = [{rows}]\n')
     found = solve_file(path)
     assert list(found.probability) == names and found.death == ["x"]
+
+
+@pytest.mark.parametrize("ways", [1, 5])
+def test_rates_beyond_all_sums_are_refused_in_one_line(rig_command, ways: int):
+    way = '{ from = "a", to = "b", per_hour = 1e308 }'
+    Path("c.toml").write_text(f'hours = 1.0\nstart = "a"\ntransitions = [{", ".join([way] * ways)}]\n')
+    code, said, error = rig_command("reliability", "chain", "c.toml")
+    assert (code, said, error.count("\n")) == (2, "", 1) and "per_hour" in error and "1e+30" in error
+
+
+def test_the_largest_rate_ends_in_the_death_state_at_once(rig_command):
+    Path("c.toml").write_text('hours = 1e12\nstart = "a"\ntransitions = [{ from = "a", to = "b", per_hour = 1e30 }]\n')
+    assert solve_file(Path("c.toml")).probability == {"a": 0.0, "b": 1.0}

@@ -162,8 +162,9 @@ BAD: dict[str, tuple[Any, dict[str, Any], list[str], str]] = {
     "another manager": (None, {"default": {"manager": "mean"}}, [], 'no signal with the manager "cross-channel"'),
     "an empty folder": (lambda: Path("data").mkdir(), {}, [], "data: no recording in it: neither a file of .csv"),
     "nothing there": (lambda: None, {}, [], "data: no such file"),
-    "no budget": (None, {}, ["--budget", "0"], "--budget: false isolations an hour, above 0, got 0.0"),
-    "a budget of nan": (None, {}, ["--budget", "nan"], "--budget: false isolations an hour, above 0, got nan"),
+    "no budget": (None, {}, ["--budget", "0"], "--budget: false isolations an hour, 1e-12 or more, got 0.0"),
+    "a budget beyond numbers": (None, {}, ["--budget", "5e-324"], "--budget: false isolations an hour, 1e-12 or more"),
+    "a budget of nan": (None, {}, ["--budget", "nan"], "--budget: false isolations an hour, 1e-12 or more, got nan"),
     "no frames": (None, {}, ["--persistence", "8,0"], "--persistence: whole numbers from 1 to 10000"),
     "a level of one": (None, {}, ["--levels", "4,1"], "--levels: whole numbers from 2 to 4"),
     "a filter of words": (None, {}, ["--filter", "long"], "--filter: seconds from 0 to 1000"),
@@ -368,3 +369,14 @@ def test_a_design_on_real_flights_is_met_by_others(capsys: pytest.CaptureFixture
             voted = vote(moved, chosen.signals(moved.signals, ""), [])
             failed[name] += sum(len(signal.failures) for signal in voted.values())
     assert failed["designed"] <= 1 < failed["10 deg/s, 8"]
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_signal_without_a_valid_sample_is_one_line_and_no_warning(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    rows = {"time_s": np.arange(3000) / 100.0, **{f"gyro.{c}": np.full(3000, np.nan) for c in range(1, 5)}}
+    pl.DataFrame(rows).write_parquet("n.parquet")
+    config()
+    code, said, error = run(capsys, monkeypatch, "n.parquet", "--config", "c.toml", "--budget", "3", "--out", "o.toml")
+    assert (code, said, error.count("\n")) == (2, "", 1) and "gyro" in error and not Path("o.toml").exists()

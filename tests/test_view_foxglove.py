@@ -93,7 +93,7 @@ def test_every_panel_stands_in_one_place_and_every_place_has_a_panel(layout):
     assert sorted(placed) == sorted(configs) and len(set(placed)) == len(placed)
     assert {name.split("!")[0] for name in configs} == KINDS
     assert {"globalVariables", "userNodes", "playbackConfig"} <= set(layout)
-    assert list(tabs(layout)) == [tab for tab in blueprint.TABS if tab != blueprint.UNIT]
+    assert list(tabs(layout)) == [tab for tab in blueprint.TABS if tab not in (blueprint.SERVOS, blueprint.UNIT)]
     json.dumps(layout, allow_nan=False)
 
 
@@ -210,8 +210,8 @@ def test_the_command_writes_it_beside_the_log_or_where_it_is_told(hardover, layo
         (["--to", "csv", "--layout", "foxglove"], "--to, --layout: one of them"),
         (["--layout", "plotjuggler"], "--layout plotjuggler: allowed: foxglove"),
         (["--layout", "foxglove", "--signals", "heading"], "--signals, --for-vote: are for --to"),
-        (["--layout", "foxglove", "--out", "flight.mcap"], "--out flight.mcap: is the log itself"),
-        (["--to", "csv", "--out", "flight.mcap"], "--out flight.mcap: is the log itself"),
+        (["--layout", "foxglove", "--out", "flight.mcap"], "--out flight.mcap: is the input"),
+        (["--to", "csv", "--out", "flight.mcap"], "--out flight.mcap: is the input"),
         (["--layout", "foxglove", "--out", "nowhere/a.json"], "no such folder"),
     ],
 )

@@ -46,7 +46,7 @@ class FakeSink:
     def begin(self) -> None:
         self.gate.wait()
 
-    def send(self, rows: Block, rate_hz: float, events: Sequence[Any], timing: Any = None) -> None:
+    def send(self, rows: Block, rate_hz: float, events: Sequence[Any], timing: Any = None, moved: Any = None) -> None:
         self.gate.wait()
         if self.broken:
             raise ValueError("no luck\nwith this one")

@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -148,7 +149,7 @@ def test_what_draws_may_hang_and_does_not_hold_the_flight_up() -> None:
     class Stuck(InPipe):
         gate = threading.Event()
 
-        def draw(self, row: Block | None, rate_hz: float, events: Sequence[Event]) -> None:
+        def draw(self, row: Any, rate_hz: float, events: Sequence[Event], moved: Any = None) -> None:
             self.gate.wait()
 
     watch = Watch(Stuck(pipe()), None)

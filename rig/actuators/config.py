@@ -7,9 +7,10 @@ Tolerances and thresholds: docs/actuators.md.
 
 from __future__ import annotations
 
-from typing import Final, Literal
+from collections.abc import Mapping
+from typing import Any, Final, Literal
 
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
 
 from rig.plant.airframe import Actuator, Airframe, LinearConfig
 from rig.settings import Settings
@@ -58,6 +59,13 @@ class Config(Settings):
     position: Limit = Limit(threshold=0.03, persistence_s=0.05)  # sensors of the ram with each other, of the stroke
     ram: Limit = Limit(threshold=0.08, persistence_s=0.1)  # the ram's model and its sensor, of the stroke
     valve: Agreement = Agreement()  # shut-off valve: commanded and sensed; an event only
+
+    @field_validator("current", "spool", "position", "ram", mode="before")
+    @classmethod
+    def _over_its_own(cls, given: Any, info: ValidationInfo) -> Any:
+        """Lay what is given of a limit over its own defaults: one key of it may stand alone."""
+        own: Limit = cls.model_fields[info.field_name or ""].default
+        return {**own.model_dump(), **given} if isinstance(given, Mapping) else given
 
 
 def refuse_unfit(config: Config, airframe: Airframe) -> None:

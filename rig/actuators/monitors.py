@@ -23,7 +23,7 @@ from rig.computer.redundancy.config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.durations import in_frames
 from rig.computer.redundancy.manager import manage_signal, new_state
 from rig.frame import CHANNELS, MOVED, ActuatorMonitor, Ilm
-from rig.kernels import kernel
+from rig.kernels import kernel, long_kernel
 
 LIMITS: Final = np.dtype(
     [
@@ -89,6 +89,14 @@ def monitors(config: Config, stops_rad: NDArray[np.float64], rate_hz: float) -> 
     watch = np.zeros(len(MOVED), WATCH)
     watch["valid"], watch["ilm"] = 1, Ilm.ABSENT
     return MonitorData(limits, watch, params, new_state(params))
+
+
+@long_kernel
+def watch_rows(lanes, designed, data):
+    """Monitor every row of ``lanes`` (n,) LANES, whose valve, valve_differs and failed_by are written; see below."""
+    for k in range(len(lanes)):
+        for i in range(len(designed)):
+            watch_surface(lanes[k]["actuator"][i], designed[i], i, data)
 
 
 @kernel

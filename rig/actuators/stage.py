@@ -88,7 +88,6 @@ class Actuators:
         calibration, self._noise_rng = map(np.random.default_rng, seeds.spawn(2))
         step_s = 1.0 / (rate_hz * steps_per_frame)
         count = substeps(step_s)
-        stops = np.array([(surfaces[name].min_rad, surfaces[name].max_rad) for name in MOVED])
         built, designed, parts = _draw(config, surfaces, step_s / count, calibration)
         self.data = ActuatorData(
             built=built,
@@ -97,7 +96,7 @@ class Actuators:
             broken=whole_parts(),
             whole=whole_parts(),
             state=_at_rest(trim_rad),
-            monitors=monitors(config, stops, rate_hz),
+            monitors=monitors(config, stops_of(surfaces), rate_hz),
             noise=np.zeros((0, len(MOVED), CHANNELS), np.float32),
             rows=lane_rows(0),
             positions=np.tile(trim_rad, (steps_per_frame, 1)),
@@ -116,7 +115,7 @@ def _draw(
     config: Config, surfaces: Mapping[str, Actuator], substep_s: float, rng: Generator
 ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Return (3,) SERVO as built and as designed, and (3,) PARTS; all errors are drawn, whatever their tolerance."""
-    built, designed, parts = (np.zeros(len(MOVED), dtype) for dtype in (SERVO, SERVO, PARTS))
+    built, parts = (np.zeros(len(MOVED), dtype) for dtype in (SERVO, PARTS))
     for i, name in enumerate(MOVED):
         surface, stops = surfaces[name], (surfaces[name].min_rad, surfaces[name].max_rad)
         stroke = stops[1] - stops[0]
@@ -124,14 +123,29 @@ def _draw(
         bypass, spool = (config.bypass_s, config.bypass_rad), (config.spool_rad_s, config.spool_damping)
         actual = tuple(np.array(spool) * (1 + config.spool_tolerance * np.array([frequency, damping])))
         lag_s, limit = surface.lag_s, surface.rate_limit_rad_s
-        describe(designed[i], lag_s, limit, stops, spool, bypass, substep_s)
         describe(built[i], lag_s, limit, stops, actual, bypass, substep_s)
         built[i]["rate_limit"] = limit * (1 + config.rate_tolerance * rate)
         parts[i]["lvdt_bias"] = config.lvdt_bias_tolerance * stroke * bias
         parts[i]["lvdt_scale"] = config.lvdt_scale_tolerance * scale
         parts[i]["lvdt_noise"], parts[i]["middle"] = config.lvdt_noise_std * stroke, sum(stops) / 2
         parts[i]["coil"] = 1 + config.coil_tolerance * coil
-    return built, designed, parts
+    return built, as_designed(config, surfaces, substep_s), parts
+
+
+def as_designed(config: Config, surfaces: Mapping[str, Actuator], substep_s: float) -> NDArray[Any]:
+    """Return (3,) SERVO without any tolerance; surfaces : by the names of MOVED."""
+    designed = np.zeros(len(MOVED), SERVO)
+    for row, name in zip(designed, MOVED, strict=True):
+        surface = surfaces[name]
+        spool, bypass = (config.spool_rad_s, config.spool_damping), (config.bypass_s, config.bypass_rad)
+        lag_s, limit, stops = surface.lag_s, surface.rate_limit_rad_s, (surface.min_rad, surface.max_rad)
+        describe(row, lag_s, limit, stops, spool, bypass, substep_s)
+    return designed
+
+
+def stops_of(surfaces: Mapping[str, Actuator]) -> NDArray[np.float64]:
+    """Return (3, 2) of each surface, rad."""
+    return np.array([(surfaces[name].min_rad, surfaces[name].max_rad) for name in MOVED])
 
 
 def _at_rest(trim_rad: NDArray[np.float64]) -> NDArray[Any]:

@@ -2,6 +2,7 @@
 
 outcome.py         kernels over one signal's fields: who is healthy, who was failed and when, how far the vote is off
 outcome_rows.py    the one kernel over rows: with outcome_faults.py it fills the records of outcome_records.py
+outcome_actuators.py  the same over the rows of servo actuators; actuator_outcome.py, actuator_sentence.py
 flight_outcome.py  adds blocks of a flight, while it is flown or afterwards; its clean channels: unfaulted.py
 words.py           the vocabulary, and the public names of each word
 scoring.py         the score (record.py): tables over the records; patterns.py, transients.py against the twin

@@ -18,6 +18,7 @@ FAULTS: Final = (
 )
 RESOLVERS: Final = ("pattern", "resolver", "asked", "answered", "correct", "wrong", "open")
 VOTES: Final = ("vote error", "unit", "peak", "at", "RMS", "above threshold", "after onset", "due to faults, peak")
+ACTUATORS: Final = ("actuator", "channel", "shut off", "by", "for")
 ISOLATIONS: Final = ("what", "channel", "at", "by")
 ROUNDING: Final = 1e-12  # of angles, which are voted near another angle
 
@@ -63,6 +64,19 @@ def isolation_rows(score: Score, rate_hz: float) -> list[Row]:
         (kind, channel(each.signal, each.channel), moment(each.frame, rate_hz), each.resolver)
         for kind, each in score.isolations
     ]
+
+
+def actuator_rows(score: Score, rate_hz: float) -> list[Row]:
+    """Return the channels of actuators that were shut off, and the surfaces bypassed, under the heads ACTUATORS."""
+    rows = []
+    for name, one in score.actuators.items():
+        rows += [
+            (name, str(each.channel), moment(each.frame, rate_hz), each.monitor, each.cause) for each in one.failures
+        ]
+        rows += [(name, str(c), moment(frame, rate_hz), "valve", "differs") for c, frame in one.valves_differ.items()]
+        if one.bypassed_frame is not None:
+            rows.append((name, "all", moment(one.bypassed_frame, rate_hz), "", "bypassed"))
+    return rows
 
 
 def peaks(flight: FlightScore) -> str:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.assess.actuator_sentence import bypassed
 from rig.assess.context import Context, channel, channels, comparable
 from rig.assess.fault_sentence import fault_sentences
 from rig.assess.record import Episode, Isolation, Score
@@ -86,6 +87,8 @@ def _flight(about: Context) -> str:
     lost = [name for name, one in score.signals.items() if one.level_at_end == 0 and not about.silent(name)]
     if lost:
         head += f"; no channel left of {', '.join(lost)}"
+    if nobody := bypassed(about):
+        head += f"; {nobody}"
     return f"{head}; {_counted(about)}"
 
 

@@ -78,9 +78,15 @@ def error_unit(fault: FaultScore, scenario: Scenario) -> str:
     return SIGNALS[read[0]].unit if read else ""
 
 
+def place(name: str) -> str:
+    """Return a place as it is written: of ``actuator.elevator`` elevator, of ``hydraulics.1`` hydraulic system 1."""
+    head, _, rest = name.partition(".")
+    return {"actuator": rest, "hydraulics": f"hydraulic system {rest}"}.get(head, name)
+
+
 def channel(name: str, number_from_1: int | None) -> str:
     """Return a channel as it is written: ``pitch_rate channel 3``."""
-    return name if number_from_1 is None else f"{name} channel {number_from_1}"
+    return place(name) if number_from_1 is None else f"{place(name)} channel {number_from_1}"
 
 
 def channels(numbers_from_1: list[int]) -> str:

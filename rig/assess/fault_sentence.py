@@ -7,7 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from rig.assess.context import Agreement, Context, agreement, channels, last_run
+from rig.assess.actuator_sentence import actuator_result, on_servos
+from rig.assess.context import Agreement, Context, agreement, channels, last_run, place
 from rig.assess.record import FaultScore
 from rig.faults import KINDS
 from rig.faults.settings import Triggered
@@ -38,7 +39,7 @@ def fault_sentences(about: Context) -> list[str]:
 
 def _sentence(faults: Sequence[FaultScore], about: Context, result: str) -> str:
     first, numbers = faults[0], [fault.channel for fault in faults if fault.channel is not None]
-    where = f"{first.signal} {channels(numbers)}" if numbers else first.signal
+    where = f"{place(first.signal)} {channels(numbers)}" if numbers else place(first.signal)
     if first.outcome == "not executed":
         return f"{first.id} on {where} was not executed: {result}"
     return f"{_did(faults, where, about)}; {'it' if len(faults) == 1 else 'each'} {result}"
@@ -48,6 +49,8 @@ def _result(fault: FaultScore, about: Context) -> str:
     """Return how the monitor took it, what that did to aircraft and vote."""
     if fault.outcome == "not executed":
         return "its trigger never fired" if fault.onset_frame is None else "the channel had been failed before"
+    if on_servos(fault):
+        return "; ".join(part for part in (actuator_result(fault, about), _moved(fault)) if part)
     decided = {"detected": _detected, "missed": _missed, "undetectable": _undetectable}[fault.outcome]
     parts = (decided(fault, about), _moved(fault), _vote(fault, about))
     return "; ".join(part for part in parts if part)

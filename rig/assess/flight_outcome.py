@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.assess.actuator_outcome import ActuatorOutcome
 from rig.assess.monitored import Monitored, fault_records, of_scenario
 from rig.assess.outcome import LEVELS, NEVER, VOTE
 from rig.assess.outcome_records import EPISODE, FAILURE, FLIGHT, PATTERNS, ROOM, SPAN, Outcomes
@@ -16,7 +17,7 @@ from rig.assess.words import Cause, FaultWord, fault_word
 from rig.errors import BadInput
 from rig.faults import CLEAN
 from rig.faults.places import FLIGHT as FLIGHT_PLACES
-from rig.frame import CHANNELS, SIGNALS, Block, new_block
+from rig.frame import CHANNELS, SIGNALS, Block, LaneBlock, new_block
 from rig.scenario import Scenario
 
 # One signal's fields that a sentence looks at again, frame by frame.
@@ -132,6 +133,7 @@ class FlightOutcome(Outcome):
         super().__init__(monitored, faults, round(window_s * scenario.rate_hz))
         on_signals = faults[(faults["signal"] >= 0) & (faults["discrete"] == 0)]
         self._kept: dict[int, list[NDArray[Any]]] = {s: [] for s in on_signals["signal"].tolist() if keep}
+        self.actuators = ActuatorOutcome(scenario, self.records.faults) if scenario.has_servos else None
         add_rows(new_block(0), np.zeros(0, CLEAN), 0, self.records)  # compiles before the first frame
 
     def add(self, rows: Block, clean: NDArray[Any]) -> None:
@@ -143,6 +145,11 @@ class FlightOutcome(Outcome):
         super().add(rows, clean)
         for s, kept in self._kept.items():
             kept.append(columns(rows, s))
+
+    def add_lanes(self, rows: Block, lanes: LaneBlock | None) -> None:
+        """Add ``lanes`` (n,) of servos, of ``rows`` (n,) that have been added or will be; None: there are none."""
+        if self.actuators is not None and lanes is not None:
+            self.actuators.add(rows, lanes)
 
     def columns(self, s: int) -> NDArray[Any]:
         """Return what was kept of a signal with a fault, (frames,) COLUMNS."""

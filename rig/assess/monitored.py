@@ -17,7 +17,7 @@ from rig.computer.redundancy.config import parameters
 from rig.computer.redundancy.discrete_config import discrete_parameters
 from rig.computer.redundancy.managers import manager_kind
 from rig.faults import Fault
-from rig.faults.places import Places, number, site
+from rig.faults.places import CHANNELLED, Places, number, site
 from rig.frame import INDEX, INERTIAL
 from rig.scenario import Scenario
 
@@ -103,7 +103,7 @@ def fault_records(
         record["number"] = i
         if config is not None:
             record["either"] = _bits(references_of(fault, config, second_too=True))
-        if name:
+        if name and places.site(name) in CHANNELLED:
             discrete, at = places.site(name) == "discrete", places.number(name)
             record["signal"], record["channel"], record["discrete"] = at, channel - 1, discrete
             record["changes"] = discrete or fault.changes_samples  # a discrete that says bad of itself is not voted

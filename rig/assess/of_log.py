@@ -18,7 +18,7 @@ from rig.assess.transients import fly_twin
 from rig.computer.redundancy.managers import manager_kind
 from rig.errors import BadInput
 from rig.flight.operator_keys import pressed
-from rig.frame import Block, UnitStatus
+from rig.frame import Block, LaneBlock, UnitStatus
 from rig.log import Log, read_log, scenario_of, unit_of
 from rig.record.histogram import of_timing
 from rig.scenario import Scenario, from_resolved
@@ -94,7 +94,7 @@ def score_log(
         tell("flying the fault-free run")
         other = fly_twin(scenario, len(log.rows), unit) if twin else None
         tell("scoring")
-        scored = score(scenario, log.rows, other, yardstick)
+        scored = score(scenario, log.rows, other, yardstick, lanes=log.lanes)
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
     exchanges = json.loads(log.result["unit"]) if "unit" in log.result else None
@@ -121,13 +121,14 @@ class FlightConclusion:
         compares = manager_kind(scenario.redundancy.manager).compares
         self._outcome = FlightOutcome(scenario, Yardstick().window_s, keep=compares)
 
-    def add(self, rows: Block, clean: NDArray[Any]) -> None:
-        """Take the next rows; clean : (n,) CLEAN."""
+    def add(self, rows: Block, clean: NDArray[Any], lanes: LaneBlock | None = None) -> None:
+        """Take the next rows; clean : (n,) CLEAN; lanes : (n,) of a flight with servo actuators."""
         if self._outcome is None or self._outcome.frames + len(rows) > MOST_FRAMES:
             self._outcome = None
             return
         try:
             self._outcome.add(rows, clean)
+            self._outcome.add_lanes(rows, lanes)
         except BadInput as error:
             self._outcome, self._refused = None, str(error)
 

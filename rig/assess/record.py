@@ -70,6 +70,8 @@ class FaultScore:
     load_factor_change_s: float | None = None  # how long after the onset was looked at; None where it never began
     sample: float | None = None  # of the channel when it was failed, else at the onset; not in JSON, as the next
     pattern: str | None = None  # how the channels stood before it was failed, else the worst
+    bypassed: tuple[str, ...] = ()  # surfaces that it cost, with servo actuators,
+    bypassed_frame: int | None = None  # and the first frame of that
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +82,25 @@ class Isolation:
     channel: int
     frame: int
     resolver: str
+
+
+@dataclass(frozen=True, slots=True)
+class ActuatorFailure:
+    """A channel of a servo actuator that was shut off."""
+
+    channel: int  # from 1
+    frame: int
+    monitor: str  # current, continuity, spool, position, ram
+    cause: str  # "own fault", of its own or of what all channels share; else words.IsolationKind
+
+
+@dataclass(frozen=True, slots=True)
+class ActuatorScore:
+    """The servo actuator of one surface."""
+
+    failures: list[ActuatorFailure]  # in order of time
+    valves_differ: dict[int, int]  # channel, and the first frame in which its shut-off valve was not as commanded
+    bypassed_frame: int | None  # the first in which nobody moved it
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,6 +247,7 @@ class Score:
     flight: FlightScore
     coverage: dict[str, Coverage]  # by signal, and "overall"
     wrong_votes_s: dict[str, float]  # of each discrete, time in which its vote was not the truth
+    actuators: dict[str, ActuatorScore]  # by surface; empty without servos
     evidence: Evidence = field(compare=False, repr=False)
 
     @property

@@ -8,9 +8,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.assess.actuator_outcome import finder
 from rig.assess.flight_outcome import Columns, FlightOutcome, columns
 from rig.assess.monitored import allowed_frames, channels_of, monitor
 from rig.assess.outcome import NEVER
+from rig.assess.outcome_actuators import MONITORS
 from rig.assess.outcome_records import COMPARISON
 from rig.assess.patterns import by_pattern, coverage, episodes, tally
 from rig.assess.record import (
@@ -27,9 +29,9 @@ from rig.assess.record import (
 )
 from rig.assess.transients import flight_score, transients
 from rig.assess.unfaulted import checked, measured_again
-from rig.assess.words import PUBLIC, Cause, FaultWord, fault_word
+from rig.assess.words import PUBLIC, Cause, FaultWord, IsolationKind, fault_word
 from rig.computer.redundancy.managers import manager_kind
-from rig.frame import DISCRETES, INDEX, SIGNALS, Block, Pattern, Resolver
+from rig.frame import DISCRETES, INDEX, SIGNALS, Block, LaneBlock, Pattern, Resolver
 from rig.scenario import Scenario
 
 __all__ = ["monitor", "score", "score_of"]
@@ -46,10 +48,12 @@ def score(
     twin: Block | None = None,
     yardstick: Yardstick = _YARDSTICK,
     clean: NDArray[np.void] | None = None,
+    lanes: LaneBlock | None = None,
 ) -> Score:
     """Score a flight of ``scenario`` against the truth in its ``rows`` (n,) of FRAME, from frame 0 on.
 
     twin : rows of the same flight without faults (``fly_twin``); without it there are no transients
+    lanes : (n,) of its servo actuators, if it has any; without them nothing is said of these
     clean : (n,) what ``Faults.clean`` kept in flight; without it the sensors are run again over the recorded truth
     BadInput when these sensors cannot have given the rows, or the twin is that of another flight.
     """
@@ -57,6 +61,7 @@ def score(
     outcome = FlightOutcome(scenario, yardstick.window_s)
     for part, kept in [(rows, clean)] if clean is not None else measured_again(scenario, rows):
         outcome.add(part, kept)
+    outcome.add_lanes(rows, lanes)
     return score_of(outcome, lambda s: columns(rows, s), (rows, twin, yardstick) if twin is not None else None)
 
 
@@ -91,6 +96,7 @@ def score_of(
         wrong_votes_s=dict(
             zip(_DISCRETE_NAMES, (records.discretes["wrong_votes"] / scenario.rate_hz).tolist(), strict=True)
         ),
+        actuators={} if outcome.actuators is None else outcome.actuators.scores(),
         evidence=Evidence(outcome.params, bool(records.flight["unit"][0]), frozenset(names), kept or outcome.columns),
     )
 
@@ -132,7 +138,9 @@ def _faults(outcome: FlightOutcome) -> list[FaultScore]:
                 pattern=_pattern(record),
             )
         )
-    return scored
+    if (servos := outcome.actuators) is None:
+        return scored
+    return [servos.completed(n, fault) for n, fault in enumerate(scored)]
 
 
 def _frame(value: int) -> int | None:
@@ -144,7 +152,9 @@ def _number(value: float) -> float | None:
 
 
 def resolver_name(code: int) -> str:
-    """Return who failed a channel, as the kernel writes it."""
+    """Return who failed a channel, as the kernels write it."""
+    if code >= MONITORS:
+        return finder(int(code))
     return "comparison" if code == COMPARISON else Resolver(code).name.lower()
 
 
@@ -196,8 +206,9 @@ def _window(outcome: FlightOutcome, record: np.void) -> Window | None:
     )
 
 
-def _isolations(outcome: FlightOutcome, kind: str) -> list[Isolation]:
-    """Return the healthy channels that were failed so: those of signals, then of discretes, each in order of time."""
+def _isolations(outcome: FlightOutcome, kind: IsolationKind) -> list[Isolation]:
+    """Return the healthy channels that were failed so, in order of time: of signals, then discretes, then actuators."""
+    of_servos = [] if outcome.actuators is None else outcome.actuators.isolations(kind)
     failures = sorted(outcome.failures, key=lambda failure: int(failure["discrete"]))
     return [
         Isolation(
@@ -208,7 +219,7 @@ def _isolations(outcome: FlightOutcome, kind: str) -> list[Isolation]:
         )
         for each in failures
         if Cause(each["cause"]).kind == kind
-    ]
+    ] + of_servos
 
 
 def _vote_errors(outcome: FlightOutcome) -> dict[str, VoteError]:

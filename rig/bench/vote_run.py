@@ -72,7 +72,7 @@ def run(recorded: Path, config: Path | None, out: Path, options: Options) -> dic
     config : settings of the signals; None: those of the scenario in ``recorded``, the log of a flight
     """
     lap = Laps()
-    with output(out, recorded) as part:
+    with output(out, [recorded, config, options.faults]) as part:
         made = vote_file(recorded, config, options, lap)
         write(part, out, made.recording, made.voted)
         lap("write")

@@ -5,7 +5,7 @@ Written beside and renamed: OUTPUT is there only when it is whole.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from enum import IntEnum
 from pathlib import Path
@@ -24,6 +24,7 @@ from rig.recordings.clock import TIME
 from rig.recordings.recording import Bytes, Recording
 from rig.recordings.table import TABLES
 from rig.util.files import replaced
+from rig.util.outputs import require_apart
 
 ENDINGS: Final = (*TABLES, ".mcap")
 STATES: Final = ("ok", "suspect", "failed")
@@ -32,17 +33,16 @@ RESOLVERS: Final = tuple(resolver.name.lower() for resolver in Resolver)
 
 
 @contextmanager
-def output(path: Path, recorded: Path | None = None) -> Iterator[Path]:
+def output(path: Path, inputs: Iterable[Path | str | None] = ()) -> Iterator[Path]:
     """Yield a file beside ``path`` to write to, which becomes ``path`` at the end, or nothing when that is not reached.
 
-    BadInput before anything is done: an unknown ending, a folder that is not there or not writable, the input itself.
+    BadInput before anything is done: an unknown ending, a folder that is not there or not writable, an input.
     RigError when it cannot be renamed.
     """
     if path.suffix not in ENDINGS:
         raise BadInput(f"{path}: unknown ending; allowed: {', '.join(ENDINGS)}")
+    require_apart({"--out": path}, inputs)
     with replaced(path) as part:
-        if recorded is not None and path.exists() and recorded.exists() and path.samefile(recorded):
-            raise BadInput(f"{path}: is the input")
         yield part
 
 

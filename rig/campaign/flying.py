@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig import loop
+from rig.campaign.servos import Coils
 from rig.errors import UnitDead
 from rig.flight.recorder import Findings, end_reason
 from rig.flight.unit_loop import unit_computer
@@ -37,6 +38,7 @@ class CampaignFlight:
     verdict: Verdict
     ended: list[Event]  # that only the end shows: faults that did nothing
     lanes: LaneBlock | None = None  # of servo actuators
+    coils_failed: Coils = field(default_factory=dict)
     unit: dict[str, str] = field(default_factory=dict)  # metadata of its log on the unit under test
 
     @property
@@ -55,7 +57,8 @@ def fly(scenario: Scenario, tested: UnitUnderTest | None = None) -> CampaignFlig
     loop.fly(rig, [findings, servos], memory=(rows, timing))
     flown = slice(findings.verdict.frames)
     lanes = np.concatenate(servos.blocks) if servos.blocks else None
-    end = findings.verdict, findings.end(), lanes, ended_unit(tested)
+    coils = findings.actuators.failed_at(scenario.rate_hz)
+    end = findings.verdict, findings.end(), lanes, coils, ended_unit(tested)
     return CampaignFlight(scenario, rows[flown], timing[flown], findings.events, rig.faults.clean[flown], *end)
 
 

@@ -29,9 +29,9 @@ from rig.campaign.rows import TABLES, Rows
 from rig.errors import BadInput, RigError
 from rig.unit.settings import Unit
 from rig.util.files import DRAFT, is_file, replaced, reported
+from rig.util.outputs import CAMPAIGN
 from rig.util.trust import Trust
 
-_ABOUT: Final = "campaign.json"
 _FORMAT: Final = 1
 _REMEDY: Final = "take it from a copy, or fly into another folder"
 _FLAGS: Final = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)  # no child process inherits what os.open gives
@@ -57,7 +57,7 @@ class Folder:
 
         BadInput: the folder is another campaign's, or something else's; the difference is named.
         """
-        folder, about = cls(path, plan, unit), path / _ABOUT
+        folder, about = cls(path, plan, unit), path / CAMPAIGN
         if is_file(about):
             differs = difference(_read(about), folder.about())
             if differs:
@@ -75,7 +75,7 @@ class Folder:
 
     def require(self, unit: Unit | None) -> None:
         """Raise BadInput when the campaign was flown with another unit than ``unit``, or another build of it."""
-        was = _read(self.path / _ABOUT).get("unit")
+        was = _read(self.path / CAMPAIGN).get("unit")
         if was is None and unit is not None:
             raise BadInput(f"{self.path}: was flown without a unit under test")
         if was is not None and (unit is None or unit.sha256() != was.get("sha256")):
@@ -87,8 +87,8 @@ class Folder:
         """Make the folder when there is none, and hold it alone; before and after, what was half written is removed."""
         with locked(self.path):
             self._sweep()
-            if not is_file(self.path / _ABOUT):
-                self._write(self.path / _ABOUT, json.dumps(self.about(), indent=1).encode())
+            if not is_file(self.path / CAMPAIGN):
+                self._write(self.path / CAMPAIGN, json.dumps(self.about(), indent=1).encode())
             yield
             self._sweep()  # a worker that died leaves its draft
 
@@ -154,9 +154,9 @@ def open_folder(path: Path, allow_code: bool = False) -> Folder:
 
     allow_code : a manager class that it names may be run
     """
-    about = path / _ABOUT
+    about = path / CAMPAIGN
     if not is_file(about):
-        raise BadInput(f"{path}: no campaign's folder: {_ABOUT} is missing")
+        raise BadInput(f"{path}: no campaign's folder: {CAMPAIGN} is missing")
     return Folder(
         path, Plan(from_what(_read(about)["campaign"], str(about)), str(about), Trust(str(about), allow_code))
     )

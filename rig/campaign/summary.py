@@ -12,6 +12,7 @@ import numpy as np
 import polars as pl
 
 from rig.assess.words import BY_DESIGN
+from rig.campaign import servos
 from rig.campaign.folder import Folder, difference
 from rig.campaign.plan import Plan
 from rig.campaign.statistics import detectable, mcnemar, poisson, proportion
@@ -62,6 +63,7 @@ def summary(folder: Folder) -> dict[str, Any]:
         "detectable": smallest(faults),
         "resolvers": resolvers(tables["episodes"]),
         "coverage": coverage(tables["runs"]),
+        "servos": servos.by_kind(tables["faults"]),
         "replies": replies(tables["runs"]),
         "worst": worst(folder),
     }

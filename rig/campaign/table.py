@@ -18,6 +18,7 @@ from typing import Any, Final
 
 import polars as pl
 
+from rig.campaign import servos
 from rig.campaign.plan import Plan
 from rig.campaign.rows import OUTCOMES, TABLES, Row
 from rig.frame import CHANNELS
@@ -25,7 +26,8 @@ from rig.record.flight_summary import Peaks
 
 WALL_CLOCK: Final = ("wall_s", "replies")  # no part of what must be the same in every run of a campaign
 COUNTED: Final = ("failed_with_box", "failed_by_rule")  # in ``alarms`` too, which are hashed
-ADDED: Final = ("replies", *COUNTED)  # columns that parts of older versions lack; they are then empty
+OF_SERVOS: Final = (*servos.RUNS, *servos.FAULTS)  # in ``digest`` too
+ADDED: Final = ("replies", *COUNTED, *OF_SERVOS)  # columns that parts of older versions lack; they are then empty
 
 RUNS: Final[dict[str, Any]] = {
     "run": pl.Int64,
@@ -52,6 +54,7 @@ RUNS: Final[dict[str, Any]] = {
     "wall_s": pl.Float64,
     "replies": pl.List(pl.Int64),  # reply times of a unit under test in each bin of record.histogram; empty without one
     **dict.fromkeys(COUNTED, pl.Int64),  # healthy channels, for a fault elsewhere
+    **servos.RUNS,
 }
 FAULTS: Final[dict[str, Any]] = {
     "run": pl.Int64,
@@ -76,6 +79,7 @@ FAULTS: Final[dict[str, Any]] = {
     "vote_error_max": pl.Float64,
     "vote_kept": pl.Boolean,
     "lost_s": pl.Float64,
+    **servos.FAULTS,
 }
 ALARMS: Final[dict[str, Any]] = {
     "run": pl.Int64,
@@ -164,10 +168,10 @@ def joined(table: str, frames: Sequence[pl.DataFrame]) -> pl.DataFrame:
 
 
 def sha256(tables: dict[str, pl.DataFrame]) -> str:
-    """Compute one hash of all tables: sorted rows, every number exactly, no wall-clock column, none of COUNTED."""
+    """Compute one hash of all tables: sorted rows, every number exactly; no wall clock, COUNTED, OF_SERVOS."""
     digest = hashlib.sha256()
     for name in TABLES:
-        plain = tables[name].drop(*WALL_CLOCK, *COUNTED, strict=False)
+        plain = tables[name].drop(*WALL_CLOCK, *COUNTED, *OF_SERVOS, strict=False)
         digest.update(json.dumps([name, plain.columns, [str(t) for t in plain.dtypes]]).encode())
         for row in plain.iter_rows():
             digest.update(json.dumps(row, allow_nan=False).encode())

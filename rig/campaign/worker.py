@@ -90,7 +90,7 @@ def fly_run(run: Run, orders: Orders) -> Rows:
         with _limit(orders.timeout_s), flown_with(orders.unit) as tested:
             flight = fly(run.scenario(_tables(run.aircraft)), tested)
             twin = fly_twin(flight.scenario, unit=tested) if orders.twin else None
-            scored = score(flight.scenario, flight.rows, twin, clean=flight.clean)
+            scored = score(flight.scenario, flight.rows, twin, clean=flight.clean, lanes=flight.lanes)
         rows = _rows(run.number, flight, scored)
     except (UnitDead, UnitRefused) as error:
         return not_flown(run, "unit dead" if isinstance(error, UnitDead) else "unit refused", str(error))
@@ -106,7 +106,7 @@ def fly_run(run: Run, orders: Orders) -> Rows:
 def _rows(number: int, flight: CampaignFlight, scored: Score) -> Rows:
     return {
         "runs": [run_row(number, flight, scored)],
-        "faults": fault_rows(number, flight.scenario, scored),
+        "faults": fault_rows(number, flight.scenario, scored, flight.coils_failed),
         "alarms": alarm_rows(number, flight.scenario, scored),
         "episodes": episode_rows(number, flight.scenario, scored),
         "signals": signal_rows(number, scored),
@@ -141,7 +141,7 @@ def warm() -> None:
     """Compile the kernels, or load them, before the first clock runs."""
     short = load(None, ["duration_s=0.01", "faults=[]"])
     flight = fly(short)
-    score(short, flight.rows, clean=flight.clean)
+    score(short, flight.rows, clean=flight.clean, lanes=flight.lanes)
     gc.collect()
     gc.freeze()  # what stays is not searched for rubbish again and again: tens of milliseconds each time
 

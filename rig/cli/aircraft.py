@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from math import degrees, radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 from typer import Argument, Exit, Option, Typer, echo
@@ -18,12 +18,15 @@ from rig.cli.common import GROUP, Json, emit
 from rig.cli.working import working
 from rig.errors import BadInput
 from rig.text import plain, quoted
+from rig.util.outputs import require_apart
 
 if TYPE_CHECKING:
     from rig.computer.analytic.designed import Designed
     from rig.computer.control.gains import Gains
     from rig.design.new_aircraft import Answers, NewAircraft
 
+GAINS: Final = "gains.toml"
+REFERENCES: Final = "references.toml"
 aircraft_app = Typer(help="Look at aircraft, make your own, design their control laws.", **GROUP)
 
 Home = Annotated[
@@ -110,7 +113,7 @@ def aircraft_new(
     if design:
         with _removed_unless_done(folder):
             made, gains, measured = _designed(made, folder, quiet=as_json)
-            written |= _written(gains, measured, folder / "gains.toml", quiet=as_json)
+            written |= _written(gains, measured, folder / GAINS, quiet=as_json)
     written["airframe"] = made.airframe.model_dump(exclude_none=True)
     emit(as_json, written, lambda: show.next_steps(made, folder, designed=design))
 
@@ -216,8 +219,19 @@ def aircraft_design(
     """
     if out is not None and not out.parent.is_dir():
         raise BadInput(f"--out {out}: no such folder")
+    _require_apart(name, out)
     summary = _measured(name, _gains(name, accept=False, quiet=as_json), out, quiet=as_json)
     emit(as_json, summary, lambda: None)
+
+
+def _require_apart(name: str, out: Path | None) -> None:
+    """Raise BadInput where gains or references would replace what the aircraft is made from, or one another."""
+    from rig.aircraft import folder
+
+    home = folder(name)
+    target = out or home / GAINS
+    made_from = (path for path in home.rglob("*") if path.name not in (GAINS, REFERENCES))
+    require_apart({"--out": target, "the references": target.with_name(REFERENCES)}, made_from)
 
 
 def _gains(name: str, *, accept: bool, quiet: bool) -> Gains:
@@ -238,7 +252,7 @@ def _measured(name: str, gains: Gains, out: Path | None = None, *, quiet: bool) 
 
     with working("references, over 72 healthy flights a flight point", not quiet, steps=True):
         measured = references.design(name, gains)
-    return _written(gains, measured, out or folder(name) / "gains.toml", quiet=quiet)
+    return _written(gains, measured, out or folder(name) / GAINS, quiet=quiet)
 
 
 def _written(gains: Gains, measured: Designed, target: Path, *, quiet: bool) -> dict[str, object]:
@@ -248,7 +262,7 @@ def _written(gains: Gains, measured: Designed, target: Path, *, quiet: bool) -> 
     from rig.design import references
 
     write(gains, target)
-    beside = target.with_name("references.toml")
+    beside = target.with_name(REFERENCES)
     references.write(measured, beside)
     if not quiet:
         show.design(measured, target, beside)

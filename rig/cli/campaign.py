@@ -14,6 +14,7 @@ from rig.cli.catalogue import of_file
 from rig.cli.common import GROUP, AllowCode, AllowCodeOrSet, Json, Logs, Sets, UnitFile, emit
 from rig.cli.fly import show_flight
 from rig.util.interrupt import CODE
+from rig.util.outputs import require_apart
 
 app = Typer(help="Fly many flights of one plan, and say what they show.", **GROUP)
 
@@ -142,6 +143,7 @@ def report(
     from rig.campaign.folder import open_folder
 
     target = out or folder / "report.html"
+    require_apart({"--out": target}, [folder])
     summary = write(open_folder(folder), target)
     emit(as_json, {"report": str(target), **summary}, lambda: show.report(summary, target))
 

@@ -156,7 +156,8 @@ def _verdict(flight: Flight) -> None:
     rest(len(events), MOST_LINES, "  and {} more events, in the log")
     verdict = ("survived", "green") if flight.survived else ("lost", "red")
     field("result", verdict, f": {flight.end_reason} ({flight.frames} frames, {flight.duration_s:g} s)")
-    failed = (f"{name} channel {', '.join(map(str, numbers))}" for name, numbers in flight.failed.items())
+    coils = {f"{name} actuator": list(channels) for name, channels in flight.coils_failed.items()}
+    failed = (f"{name} channel {', '.join(map(str, numbers))}" for name, numbers in {**flight.failed, **coils}.items())
     field("failed", "; ".join(failed) or "no channel")
     if below := scenario.gains.below:
         field("gains", f"below the requirement, accepted: {'; '.join(below)}", style="yellow")

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import logging
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from typing import Annotated, Any, Final
 
@@ -88,13 +90,30 @@ def main() -> None:
     """Run the command ``rig``; errors are one line on stderr and an exit code."""
     end_cleanly()
     try:
-        sys.exit(_command())
+        with _standard_output():
+            code = _command()
+        sys.exit(code)
     except BadInput as error:
         typer.echo(f"error: {error}", err=True)
         sys.exit(2)
     except RigError as error:
         typer.echo(f"failed: {error}", err=True)
         sys.exit(1)
+
+
+@contextmanager
+def _standard_output() -> Iterator[None]:
+    """Raise RigError where what the block prints cannot be written: a full disk, a closed pipe."""
+    try:
+        yield
+        sys.stdout.flush()
+    except OSError as error:
+        if error.filename is not None:  # of a file, which its writer should have reported
+            raise
+        with suppress(OSError):
+            sys.stdout.close()  # or Python would write the rest when it ends, and fail again
+        sys.stdout = None
+        raise RigError(f"standard output: cannot be written: {error.strerror}") from None
 
 
 def _command() -> int:

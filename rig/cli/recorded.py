@@ -14,6 +14,7 @@ from rig.cli.working import working
 from rig.errors import BadInput
 
 MOST_FRAMES: Final = 10_000
+LEAST_BUDGET: Final = 1e-12  # false isolations an hour
 MOST_S: Final = 1e3  # of a filter
 _MARKED: Final = 100.0  # extrapolations beyond this are marked
 AlignFlag = Annotated[bool, Option("--align", help="Take constant delays and offsets off the channels.")]
@@ -101,8 +102,8 @@ def thresholds(
     from rig.thresholds.design import Grid
     from rig.thresholds.design_run import Options, run
 
-    if not (isfinite(budget) and budget > 0):
-        raise BadInput(f"--budget: false isolations an hour, above 0, got {budget}")
+    if not (isfinite(budget) and budget >= LEAST_BUDGET):
+        raise BadInput(f"--budget: false isolations an hour, {LEAST_BUDGET:g} or more, got {budget}")
     frames = whole_numbers("--persistence", persistence, 1, MOST_FRAMES)
     counts = whole_numbers("--levels", levels, 2, 4)
     grid = Grid(budget, frames, counts, _seconds("--filter", filters), seed)

@@ -14,6 +14,7 @@ from rig.cli.common import GROUP, Json, Seed, Sets, Workers, comma_list, emit, w
 from rig.cli.table import Column, line, table
 from rig.cli.working import working
 from rig.errors import BadInput
+from rig.util.outputs import require_apart
 from rig.util.progress import tell
 
 if TYPE_CHECKING:
@@ -77,6 +78,7 @@ def run(
     from rig.reliability.run import assumptions
     from rig.reliability.run import run as reckon
 
+    require_apart({"--report": report}, [*folders, rates])
     read = read_rates(rates)
     name, given = read.of(signal, str(rates))
     with working("reading the cells", not as_json):

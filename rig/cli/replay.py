@@ -15,6 +15,7 @@ from rig.cli.working import working
 from rig.errors import BadInput, BadLog
 from rig.text import plain
 from rig.units.quantities import duration, moment, number, unit_shown
+from rig.util.outputs import require_apart
 
 if TYPE_CHECKING:
     from rig.recordings.flown import Recorded
@@ -43,7 +44,7 @@ def replay(
     allow_code: AllowCodeOrSet = False,
     as_json: Json = False,
 ) -> None:
-    """Run the recorded manager over the recorded channels and compare every frame.
+    """Run the recorded manager, and monitors of actuators, over what was recorded and compare every frame.
 
     Exit code 0 when all is identical to the bit, 1 when not.  A what if compares decisions, and ends with 0.
     """
@@ -56,6 +57,7 @@ def replay(
         raise BadInput("--out is where a what if is written: it needs --redundancy or --set")
     if asks and unit is not None:
         raise BadInput("--unit replays what was recorded: it cannot be joined with --redundancy or --set")
+    require_apart({"--out": out}, [log, redundancy])
     with working("reading the log", not as_json):
         recording = recorded(log, allow_code)
     if asks:
@@ -234,7 +236,11 @@ def export(
     ] = None,
     signals: Annotated[
         str | None,
-        Option(metavar="A,B", help="Signals, discretes, control, flight, inertial, demand.", show_default="all"),
+        Option(
+            metavar="A,B",
+            help="Signals, discretes, control, flight, inertial, demand, actuator.elevator.",
+            show_default="all",
+        ),
     ] = None,
     out: Annotated[Path | None, Option(metavar="FILE", help="The file to write.", show_default="<log>.<to>")] = None,
     for_vote: Annotated[bool, Option("--for-vote", help="Only what rig vote reads.")] = False,
@@ -243,8 +249,6 @@ def export(
     """Write a log as a table, its columns named as rig vote names them; or a viewer's layout for it."""
     if (to is None) == (layout is None):
         raise BadInput("--to, --layout: one of them")
-    if out is not None and _same(out, log):
-        raise BadInput(f"--out {out}: is the log itself")
     if layout is not None:
         if signals is not None or for_vote:
             raise BadInput("--signals, --for-vote: are for --to")
@@ -255,25 +259,16 @@ def export(
         )
 
 
-def _same(out: Path, log: Path) -> bool:
-    """Return True if both are the same file that is there."""
-    try:
-        return out.samefile(log)
-    except (OSError, ValueError):  # one of them is not there, or no file can have its name
-        return False
-
-
 def _export_table(log: Path, to: str, out: Path | None, owners: list[str], for_vote: bool, as_json: bool) -> None:
     """Write the table and say what it has."""
-    from rig.log import read_log
     from rig.log.export import export as write
 
     target = out or Path(f"{log.with_suffix('')}.{to}")
+    require_apart({"--out": target}, [log])
     with working("writing", not as_json):
-        recording = read_log(log)
-        names = write(recording, to, target, owners, for_vote)
-    about = {"log": str(log), "out": str(target), "rows": len(recording.rows), "columns": names}
-    text = f"{target}: {len(recording.rows)} rows, {len(names)} columns"
+        names, rows = write(log, to, target, owners, for_vote)
+    about = {"log": str(log), "out": str(target), "rows": rows, "columns": names}
+    text = f"{target}: {rows} rows, {len(names)} columns"
     emit(as_json, about, lambda: echo(plain(text)))
 
 
@@ -284,6 +279,7 @@ def _export_layout(log: Path, viewer: str, out: Path | None, as_json: bool) -> N
     from rig.view import foxglove, opened
 
     target = out or Path(f"{log.with_suffix('')}{foxglove.ENDING}")
+    require_apart({"--out": target}, [log])
     with working("writing", not as_json):
         recording = opened.read([log])
         made = foxglove.write(recording, target)
@@ -307,6 +303,7 @@ def recover(
     from rig.log import recover as mend
 
     target = out or log.with_suffix(".recovered.mcap")
+    require_apart({"--out": target}, [log])
     mended = mend(log, target)
     content = f"{mended.frames} frames, the last at {mended.last_time_s:g} s"
     if mended.complete:

@@ -16,6 +16,7 @@ from rig.cli.working import working
 from rig.text import plain
 from rig.units.quantities import moment
 from rig.util.console import styled
+from rig.util.outputs import require_apart
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -77,6 +78,7 @@ def report(
     from rig.report.flight import report as write
 
     target = out or log.with_suffix(".html")
+    require_apart({"--out": target}, [log])
     with working("reading the log", not as_json):
         facts = write(log, target)
 
@@ -102,6 +104,7 @@ def _show(scored: Scored) -> None:
     _isolations("wrong isolations", score.wrong_isolations, scenario.rate_hz)
     _isolations("failed with box", score.failed_with_box, scenario.rate_hz, by_design=True)
     _isolations("failed by rule", score.failed_by_rule, scenario.rate_hz, by_design=True)
+    table(cells.actuator_rows(score, scenario.rate_hz), columns(*cells.ACTUATORS, worth=_WORTH), MOST_LINES)
     if score.episodes:
         table(cells.resolver_rows(score), columns(*cells.RESOLVERS, worth=_WORTH))
         line(

@@ -32,6 +32,11 @@ _RESOLVERS: Final = (
     Column("open", "open", worth=5),
     Column("correct of decided", lambda row: share(row["right_share"])),
 )
+_SERVOS: Final = (
+    *(Column("fault of an actuator", "kind"), Column("acted", "acted", worth=4)),
+    *(Column("a channel shut off", lambda row: share(row["found"])), Column("by", "by", worth=7)),
+    *(Column("median s", "median_s", ".3f", worth=6), Column("longest s", "longest_s", ".3f", worth=5)),
+)
 _OUTCOMES: Final = (
     *(Column("outcome", "outcome"), Column("first", lambda row: share(row["first"]))),
     Column("second", lambda row: share(row["second"])),
@@ -123,6 +128,7 @@ def report(summary: dict[str, Any], target: Path) -> None:
         if head.get(column):
             field(column.replace("_", " "), f"{head[column]}: healthy channels, for a fault elsewhere", width=_WIDTH)
     table(summary["resolvers"], _RESOLVERS)
+    table(summary["servos"], _SERVOS)
     field("report", str(target), width=_WIDTH)
 
 

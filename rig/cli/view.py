@@ -18,6 +18,7 @@ from rig.cli import complete
 from rig.cli.common import Json, LogFile, emit
 from rig.errors import BadInput, BadLog
 from rig.text import plain
+from rig.util.outputs import require_apart
 
 
 def view(
@@ -45,6 +46,7 @@ def view(
         raise BadInput("--save, --serve, --screenshot: one of them at a time")
     if time_s is not None and screenshot is None:
         raise BadInput("--time: is for --screenshot")
+    require_apart({"--save": save, "--screenshot": screenshot}, logs)
     if save is None and not serve and screenshot is None:
         _require_display()
     with _without_collection():

@@ -208,7 +208,9 @@ class Placed(Triggered):
         if channelled and not self.channels:
             raise ValueError("channels: at least 1 is needed")
         if not channelled and self.channels:
-            raise ValueError(f"channels: {self.signal} has none, got {self.channels}")
+            kind, shared = dict(self)["kind"], f"what the channels of {self.signal} share"
+            why = f"{kind} sits on {shared}, give none" if where == "actuator" else f"{self.signal} has none"
+            raise ValueError(f"channels: {why}, got {self.channels}")
         if where not in CHANNELLED and getattr(self, "seen_by_ilm", False):
             raise ValueError(f"seen_by_ilm: {self.signal} has no in-line monitor")
         if where == "discrete" and getattr(self, "ramp_s", 0.0) > 0:

@@ -9,7 +9,7 @@ flight.signal("pitch_rate").voted         # (frames,) array, rad/s
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,10 +26,9 @@ from rig.flight.pace import realtime as real_time
 from rig.flight.recorder import FlightRecords, RecordingThread, Watcher
 from rig.flight.result import Flight
 from rig.flight.unit_loop import unit_computer
-from rig.frame import Block
+from rig.frame import Block, LaneBlock
 from rig.log.of_flight import new_log
 from rig.overrides import Overrides, override_texts, plain_data
-from rig.record.events import Event
 from rig.scenario import Given, Scenario, find, load
 from rig.unit.settings import Unit, read_unit
 from rig.unit.unit import UnitUnderTest, running
@@ -40,7 +39,7 @@ from rig.view.sink import check_where
 from rig.view.stream import Stream, StreamReport, open_stream
 
 Progress = Callable[[int, int], None]  # frames flown, frames in all
-Watch = Callable[[Block, float, Sequence[Event]], None]  # a block, its rate in Hz, its events
+Watch = Callable[..., None]  # a block, its rate in Hz, its events; of a flight with servos, their rows too
 
 
 class Viewer(Protocol):
@@ -59,8 +58,8 @@ class Outcome(Protocol):
     def begin(self, scenario: Scenario) -> None:
         """Take the scenario as it is flown; the first frame comes next."""
 
-    def add(self, rows: Block, clean: NDArray[Any]) -> None:
-        """Take the next rows, and their (n,) CLEAN."""
+    def add(self, rows: Block, clean: NDArray[Any], lanes: LaneBlock | None = None) -> None:
+        """Take the next rows, their (n,) CLEAN, and the (n,) ``lanes`` of a flight with servo actuators."""
 
     def sentences(self, log: Path, frames: int) -> list[str]:
         """Return the conclusion of the finished flight of so many ``frames``."""
@@ -160,7 +159,7 @@ def _fly_and_record(
     assess_rows = None
     if (outcome := to.outcome) is not None:
         outcome.begin(scenario)
-        assess_rows = lambda rows: outcome.add(rows, rig.faults.clean_of(rows))  # noqa: E731 # every block
+        assess_rows = lambda rows, lanes: outcome.add(rows, rig.faults.clean_of(rows), lanes)  # noqa: E731 # every block
     named, about = to.name or scenario.title or scenario.aircraft, {} if unit is None else unit.metadata()
     with new_log(to.out, named, scenario, to.text, about, to.overrides) as writer:
         path, viewer = writer.path, to.viewer
@@ -189,11 +188,15 @@ def _watchers(to: _Destination, scenario: Scenario, stream: Stream | None) -> li
     """Return who is given every block with its events when the log has it."""
     watchers: list[Watcher] = []
     if stream is not None:
-        watchers.append(lambda rows, events, timing: stream.put(rows.copy(), events, timing.copy()))
+        watchers.append(lambda rows, events, timing, moved: stream.put(rows.copy(), events, timing.copy(), moved))
     if (watch := to.watch) is not None:
-        watchers.append(lambda rows, events, timing: watch(rows, scenario.rate_hz, events))
+        watchers.append(
+            lambda rows, events, timing, moved: watch(
+                rows, scenario.rate_hz, events, *(() if moved is None else (moved,))
+            )
+        )
     if (progress := to.progress) is not None:
-        watchers.append(lambda rows, events, timing: progress(int(rows["frame"][-1]) + 1, scenario.frames))
+        watchers.append(lambda rows, *_: progress(int(rows["frame"][-1]) + 1, scenario.frames))
     return watchers
 
 

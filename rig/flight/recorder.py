@@ -35,7 +35,8 @@ INTERRUPTED: Final = "interrupted"  # an end reason
 # A recording spends most of its time outside the interpreter's lock (hash, checksum, compression,
 # write); it must get the lock back quickly in between, or the frames would wait for it in the end.
 SWITCH_S: Final = 2e-4
-Watcher = Callable[[Block, Sequence[Event], NDArray[Any]], None]  # given each block with its events and TIMING
+# Given each block with its events and TIMING, and LANES of a flight with servos, which stay as they are.
+Watcher = Callable[[Block, Sequence[Event], NDArray[Any], LaneBlock | None], None]
 
 
 class Findings:
@@ -80,7 +81,7 @@ class FlightRecords(Findings):
         unit: UnitUnderTest | None = None,
         keys: Keys | None = None,
         watchers: Sequence[Watcher] = (),
-        assess_rows: Callable[[Block], None] | None = None,
+        assess_rows: Callable[[Block, LaneBlock | None], None] | None = None,
     ) -> None:
         super().__init__(scenario)
         self.scenario, self._writer, self._unit, self._keys, self._watchers = scenario, writer, unit, keys, watchers
@@ -102,13 +103,13 @@ class FlightRecords(Findings):
         if self._unit is not None:
             self._replies.add(timing["reply_us"])
         for watcher in self._watchers:
-            watcher(rows, events, timing)
+            watcher(rows, events, timing, lanes)
 
     def _sum_up(self, rows: Block, events: Sequence[Event], lanes: LaneBlock | None) -> None:
         """Take the next rows into the summary and the outcome, while the log is written."""
         self.verdict.add(rows, events, lanes)
         if self._assess_rows is not None:
-            self._assess_rows(rows)
+            self._assess_rows(rows, lanes)
 
     def unit_result(self) -> dict[str, Any] | None:
         """Return what became of the exchanges with a unit under test, and how long they took."""

@@ -26,7 +26,7 @@ from rig.computer.redundancy import Redundancy
 from rig.computer.redundancy.discrete import DiscreteData, vote_discretes
 from rig.faults import FaultData
 from rig.flight.pace import Pace
-from rig.frame import FLIGHT_INDEX, SURFACES, Block, Nested, UnitStatus, nested, new_block
+from rig.frame import FLIGHT_INDEX, SURFACES, Block, LaneBlock, Nested, UnitStatus, nested, new_block
 from rig.kernels import bind, kernel
 from rig.loop import ComputerStep, Rig, StageData, before, compute
 from rig.scenario import Scenario
@@ -53,11 +53,19 @@ def unit_computer(
     return begin
 
 
-def fly_rows(scenario: Scenario, frames_at_most: int | None = None, unit: UnitUnderTest | None = None) -> Block:
-    """Return all rows of a flight in memory, no more than ``frames_at_most``, of a unit or of our own computer."""
+def fly_rows(
+    scenario: Scenario,
+    frames_at_most: int | None = None,
+    unit: UnitUnderTest | None = None,
+    lanes: list[LaneBlock] | None = None,
+) -> Block:
+    """Return all rows of a flight in memory, no more than ``frames_at_most``, of a unit or of our own computer.
+
+    lanes : the rows of its servo actuators are added to it, block by block
+    """
     if unit is None:
-        return loop.fly_rows(scenario, frames_at_most)
-    rows = loop.fly_rows(scenario, frames_at_most, unit_computer(unit))
+        return loop.fly_rows(scenario, frames_at_most, lanes=lanes)
+    rows = loop.fly_rows(scenario, frames_at_most, unit_computer(unit), lanes)
     unit.end()
     return rows
 

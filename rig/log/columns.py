@@ -8,6 +8,7 @@ The table has a row a frame, its columns named as ``rig vote`` names its own:
     <signal>.truth .valid.1 ..  .reference_usable .source                             what only a flight has
     <discrete>.1 ..  .truth .voted .state.1 ..  .level .valid.1 ..  .ilm.1 ..
     control.*, inertial.*, flight.*, demand.*         the fields of these topics
+    actuator.<surface>.ram .asked.1 ..                of a flight with servo actuators
 
 Enums are words.
 """
@@ -22,9 +23,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import FLAT, INDEX, SIGNALS, Block, Ilm, Pattern, State
+from rig.frame import FLAT, INDEX, LANE_FIELDS, SIGNALS, Block, Ilm, LaneBlock, Pattern, State
 from rig.frame.fields import FIELD
-from rig.log.schema import MESSAGES, TOPICS_OF_ROWS, Field, Topic
+from rig.log.schema import LANE_MESSAGES, LANE_TOPICS, MESSAGES, TOPICS_OF_ROWS, Field, Topic
 
 if TYPE_CHECKING:
     import polars as pl
@@ -56,6 +57,15 @@ class Column:
         return rows[self.field][(slice(None), *self.index)]
 
 
+@dataclass(frozen=True, slots=True)
+class LaneColumn(Column):
+    """One number of the rows of servo actuators; its owner is like ``actuator.elevator``."""
+
+    def of(self, rows: LaneBlock) -> NDArray[Any]:
+        """Return the column of ``rows`` (n,) LANES, a view."""
+        return rows["actuator"][self.field][(slice(None), *self.index)]
+
+
 def _column(topic: Topic, field: Field) -> Column:
     index = field.index if topic.item is None else (topic.item, *field.index)
     angle = topic.message == "rig.Signal" and SIGNALS[topic.item or 0].wraps
@@ -64,6 +74,12 @@ def _column(topic: Topic, field: Field) -> Column:
 
 
 COLUMNS: Final = tuple(_column(topic, field) for topic in TOPICS_OF_ROWS for field in MESSAGES[topic.message].fields)
+LANE_COLUMNS: Final = tuple(
+    LaneColumn(topic.name[1:].replace("/", "."), field.name, field.source, (i, *field.index), field.enum, False)
+    for i, topic in enumerate(LANE_TOPICS)
+    for field in LANE_MESSAGES[topic.message].fields
+)
+_LANE_UNITS: Final = {column.path: f.unit for column in LANE_COLUMNS for f in LANE_FIELDS if f.name == column.field}
 _UNITS: Final = {"_rad_s": "rad/s", "_rad": "rad", "_m_s2": "m/s2", "_m_s": "m/s", "_m": "m"}  # by end of a name
 _OF_SIGNALS: Final = {
     field.name for field in MESSAGES["rig.Signal"].fields if field.source in FIELD and FIELD[field.source].unit
@@ -72,6 +88,8 @@ _OF_SIGNALS: Final = {
 
 def unit_of(path: str) -> str:
     """Return the SI unit of the number that the log names ``path``, like ``pitch_rate.ch_1``; "" where it has none."""
+    if path in _LANE_UNITS:
+        return _LANE_UNITS[path]
     owner, _, name = path.partition(".")
     if owner in INDEX:
         return SIGNALS[INDEX[owner]].unit if name in _OF_SIGNALS else ""
@@ -88,12 +106,15 @@ def label(column: Column, value: int) -> str:
 
 TIME: Final = "time_s"
 OWNERS: Final = tuple(dict.fromkeys(column.owner for column in COLUMNS))
+LANE_OWNERS: Final = tuple(dict.fromkeys(column.owner for column in LANE_COLUMNS))
 _OWN: Final = {"trend_high": "trend.high", "trend_low": "trend.low", "reference": "ref"}
 _NUMBERED: Final = {"channels": "", "discrete_channels": "", "state": ".state", "discrete_state": ".state"}
 
 
 def name(column: Column) -> str:
     """Return the column's name in a table."""
+    if isinstance(column, LaneColumn):
+        return ".".join([column.owner, column.field, *(str(i + 1) for i in column.index[1:])])
     if column.field in _NUMBERED:
         return f"{column.owner}{_NUMBERED[column.field]}.{column.channel}"
     if column.field.removeprefix("discrete_") in ("ilm", "valid"):
@@ -118,16 +139,27 @@ def _fitted(rows: Block, column: Column) -> bool:
     return bool(rows[field][0][column.index] != State.ABSENT)
 
 
-def dataframe(rows: Block, time_s: NDArray[np.float64], owners: Sequence[str] = ()) -> pl.DataFrame:
+def chosen_lanes(owners: Sequence[str]) -> list[LaneColumn]:
+    """Return the columns of ``owners`` of servo actuators; all if none."""
+    return [column for column in LANE_COLUMNS if not owners or column.owner in owners]
+
+
+def dataframe(
+    rows: Block, time_s: NDArray[np.float64], owners: Sequence[str] = (), lanes: LaneBlock | None = None
+) -> pl.DataFrame:
     """Return the table of ``rows`` (n,) at ``time_s`` (n,), s; SI units, enums as words.
 
-    KeyError: an owner that is no signal, discrete or topic.
+    lanes : (n,) of its servo actuators, if there are any
+    KeyError: an owner that is no signal, discrete, topic or actuator.
     """
+    allowed = OWNERS if lanes is None else OWNERS + LANE_OWNERS
     for owner in owners:
-        if owner not in OWNERS:
-            raise KeyError(f"unknown {owner!r}, allowed: {', '.join(OWNERS)}")
-    columns = chosen(rows, owners)
-    return of_columns({TIME: time_s, **{name(c): c.of(rows) for c in columns}}, {name(c): c for c in columns})
+        if owner not in allowed:
+            raise KeyError(f"unknown {owner!r}, allowed: {', '.join(allowed)}")
+    values = {column: column.of(rows) for column in chosen(rows, owners)}
+    if lanes is not None:
+        values |= {column: column.of(lanes) for column in chosen_lanes(owners)}
+    return of_columns({TIME: time_s, **{name(c): v for c, v in values.items()}}, {name(c): c for c in values})
 
 
 def of_columns(values: dict[str, NDArray[Any]], columns: dict[str, Column]) -> pl.DataFrame:

@@ -6,17 +6,20 @@ Enums are words in CSV and Parquet and numbers in npz.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import chain
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
 from rig.errors import BadInput, RigError
-from rig.frame import SIGNALS, Block
+from rig.frame import FLAT, SIGNALS, Block, LaneBlock
 from rig.log import Log
-from rig.log.columns import OWNERS, TIME, Column, chosen, name, of_columns
+from rig.log.columns import LANE_OWNERS, OWNERS, TIME, Column, LaneColumn, chosen, chosen_lanes, name, of_columns
+from rig.log.reader import iter_blocks
+from rig.log.scan import About
 from rig.text import choices, quoted
 from rig.util.files import replaced
 
@@ -28,37 +31,68 @@ TABLE_WRITERS: Final[dict[str, Callable[[pl.DataFrame, Path], None]]] = {
 }
 
 
-def export(log: Log, to: str, out: Path, owners: Sequence[str] = (), for_vote: bool = False) -> list[str]:
-    """Write the columns of ``owners`` (signals, discretes, topics; all when empty) to ``out``; their names.
+class Exported(NamedTuple):
+    """What was written: the names of the columns, and how many rows."""
 
+    columns: list[str]
+    rows: int
+
+
+def export(log: Log | Path, to: str, out: Path, owners: Sequence[str] = (), for_vote: bool = False) -> Exported:
+    """Write the columns of ``owners`` (signals, discretes, topics; all when empty) to ``out``.
+
+    log      : read, or its path; a file is read block by block, and only what is written is held
     for_vote : only what ``rig vote`` reads, samples that the sensor flags left empty
-    BadInput: an unknown owner or ending, a folder that is not there; RigError when the disk does not take it.
+    BadInput: an unknown owner or ending, a folder that is not there; BadLog; RigError when the disk does not take it.
     """
     if to not in ENDINGS:
         raise BadInput(f"--to {to}: allowed: {', '.join(ENDINGS)}")
-    wanted = _chosen(log.rows, owners, for_vote)
-    columns = {TIME: log.time_s}
-    for column in wanted:
-        columns[name(column)] = _values(log.rows, column, for_vote)
     with replaced(out) as part:
+        described, columns = _read(log, owners, for_vote)
         try:
-            _write(part, to, columns, {name(column): column for column in wanted})
+            _write(part, to, columns, described)
         except (OSError, pl.exceptions.PolarsError) as error:
             raise RigError(f"{out}: cannot be written: {' '.join(str(error).split())[:200]}") from None
-    return list(columns)
+    return Exported(list(columns), len(columns[TIME]))
 
 
-def _chosen(rows: Block, owners: Sequence[str], for_vote: bool) -> list[Column]:
+def _read(log: Log | Path, owners: Sequence[str], for_vote: bool) -> tuple[dict[str, Column], dict[str, NDArray[Any]]]:
+    """Return the wanted columns by their names in the table, and their values, time first."""
+    about = About()
+    blocks = iter_blocks(log, about) if isinstance(log, Path) else iter([(log.rows, log.lanes)])
+    first = next(blocks, (np.empty(0, FLAT), None))
+    described = {name(column): column for column in _chosen(*first, owners, for_vote)}
+    held = [_narrowed(rows, lanes, described, for_vote) for rows, lanes in chain([first], blocks)]
+    rate_hz = about.rate_hz if isinstance(log, Path) else log.rate_hz
+    values = {key: np.concatenate([rows[key] for rows in held]) for key in (TIME, *described)}
+    return described, {**values, TIME: values[TIME] / rate_hz}
+
+
+def _narrowed(rows: Block, lanes: LaneBlock | None, described: dict[str, Column], for_vote: bool) -> Block:
+    """Return the wanted columns of a block, which are few of it; ``time_s`` is the frame's number yet."""
+    columns = {key: _values(rows, lanes, column, for_vote) for key, column in described.items()}
+    columns = {TIME: rows["frame"], **columns}
+    narrow = np.empty(len(rows), [(key, values.dtype) for key, values in columns.items()])
+    for key, values in columns.items():
+        narrow[key] = values
+    return narrow
+
+
+def _chosen(rows: Block, lanes: LaneBlock | None, owners: Sequence[str], for_vote: bool) -> list[Column]:
     """Return the columns of the owners, without channels that are not fitted."""
-    accepted = [signal.name for signal in SIGNALS] if for_vote else OWNERS
+    of_servos = () if lanes is None or for_vote else LANE_OWNERS
+    accepted = [signal.name for signal in SIGNALS] if for_vote else [*OWNERS, *of_servos]
     for owner in owners:
+        if lanes is None and owner in LANE_OWNERS:
+            raise BadInput(f"--signals {owner}: the flight had no servo actuators")
         if owner not in accepted:
             raise BadInput(f"--signals: unknown {quoted(owner)}, {choices(owner, accepted, 'rig signals')}")
-    return chosen(rows, owners or accepted, _FOR_VOTE if for_vote else ())
+    wanted = chosen(rows, owners or accepted, _FOR_VOTE if for_vote else ())
+    return [*wanted, *(chosen_lanes(owners) if of_servos else ())]
 
 
-def _values(rows: Block, column: Column, for_vote: bool) -> NDArray[Any]:
-    values = np.ascontiguousarray(column.of(rows))
+def _values(rows: Block, lanes: LaneBlock | None, column: Column, for_vote: bool) -> NDArray[Any]:
+    values = column.of(lanes if isinstance(column, LaneColumn) and lanes is not None else rows)
     if for_vote and column.field == "channels":
         return np.where(rows["valid"][(slice(None), *column.index)] != 0, values, np.nan)
     return values

@@ -36,9 +36,8 @@ def new_log(
     with reported(out, BadInput, "logs cannot be kept there"):
         out.mkdir(parents=True, exist_ok=True)
     suffix = tag(overrides)
-    for path in numbered(
-        out, f"{word_of(named(name, scenario.aircraft))}_seed{scenario.seed}{f'_{suffix}' if suffix else ''}", ".mcap"
-    ):
+    stem = f"{word_of(named(name, scenario.aircraft))}_seed{scenario.seed}{f'_{suffix}' if suffix else ''}"
+    for path in numbered(out, stem, ".mcap", beside=".rrd"):
         with suppress(FileExistsError):  # another flight was faster
             attached = [("scenario.toml", text.encode())]
             described = {**metadata(scenario), **(about or {})}

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rig.errors import BadLog
 from rig.frame import DISCRETE_INDEX, FLAT, INDEX, LANES, TIMING, Block, LaneBlock
+from rig.log.decode import Part
 from rig.log.scan import About, iter_parts
 from rig.record.event import Event
 
@@ -104,11 +105,12 @@ class Log:
     def to_polars(self, *owners: str) -> pl.DataFrame:
         """Return one row a frame, the columns named as in ``rig export``; SI units, enums as words.
 
-        owners : signals, discretes, topics (control, flight, ...); all if none.  KeyError: one that does not exist.
+        owners : signals, discretes, topics (control, flight, ...), actuators like ``actuator.elevator``; all if none.
+        KeyError: one that does not exist.
         """
         from rig.log.columns import dataframe
 
-        return dataframe(self.rows, self.time_s, owners)
+        return dataframe(self.rows, self.time_s, owners, self.lanes)
 
 
 def _place(index: dict[str, int], name: str, kind: str) -> int:
@@ -151,6 +153,26 @@ def _joined(parts: list[NDArray[Any]], dtype: np.dtype[Any]) -> NDArray[Any]:
     if parts:
         np.concatenate([part.view(np.uint8) for part in parts], out=joined.view(np.uint8))
     return joined
+
+
+def iter_blocks(path: Path, about: About, frames: int = 10_000) -> Iterator[tuple[Block, LaneBlock | None]]:
+    """Yield all rows of a log, ``frames`` or somewhat more at a time, and fill ``about``: bounded memory; BadLog.
+
+    With each block its rows of servo actuators, None where there are none.
+    """
+    held: list[Part] = []
+    for part in iter_parts(path, about):
+        held.append(part)
+        if sum(len(one.rows) for one in held) >= frames:
+            yield _block(held)
+            held = []
+    if held:
+        yield _block(held)
+
+
+def _block(parts: list[Part]) -> tuple[Block, LaneBlock | None]:
+    lanes = [part.lanes for part in parts if part.lanes is not None]
+    return _joined([part.rows for part in parts], FLAT), _joined(lanes, LANES) if lanes else None
 
 
 def iter_chunks(path: Path | str) -> Iterator[tuple[Block, NDArray[Any], list[Event]]]:

@@ -15,6 +15,7 @@ from rig.recordings.alignment import AlignOptions
 from rig.scenario import plain_data
 from rig.settings import build
 from rig.unit.unit import running
+from rig.util.outputs import require_apart
 
 
 def score(
@@ -49,6 +50,7 @@ def write_report(flight: Flight | Path | str, out: Path | str | None = None) -> 
 
     log = _log(flight)
     target = log.with_suffix(".html") if out is None else Path(out)
+    require_apart({"out": target}, [log])
     report(log, target)
     return target
 
@@ -77,7 +79,8 @@ def vote(
     path = Path(recorded)
     if out is None:
         return vote_file(path, settings, options, Laps())
-    with output(Path(out), path) as part:
+    files = [path, settings if isinstance(settings, Path) else None, faults]
+    with output(Path(out), files) as part:
         votes = vote_file(path, settings, options, Laps())
         write(part, Path(out), votes.recording, votes.voted)
     return votes

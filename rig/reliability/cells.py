@@ -21,15 +21,15 @@ from rig.errors import BadInput
 from rig.frame import CHANNELS
 from rig.reliability.tally import CELL, COUNTS, DESIGNS, FALSE_ISOLATIONS, SECOND, TESTED, Cells, counted
 from rig.util.files import is_file
+from rig.util.outputs import TRIALS
 
-ABOUT: Final = "trials.json"  # in a folder of trials
 FORMAT: Final = 1
 TABLES: Final = {"cells": COUNTS, "false_isolations": FALSE_ISOLATIONS}
 
 
 def cells(folder: Path) -> Cells:
     """Count a flown campaign `reliability`, or read a folder of trials; BadInput says in one line why it is neither."""
-    return read_trials(folder) if is_file(folder / ABOUT) else of_tables(open_folder(folder).tables, str(folder))
+    return read_trials(folder) if is_file(folder / TRIALS) else of_tables(open_folder(folder).tables, str(folder))
 
 
 def of_tables(tables: dict[str, pl.DataFrame], source: str) -> Cells:
@@ -110,11 +110,11 @@ def _false_isolations(signals: pl.DataFrame) -> pl.DataFrame:
 def read_trials(folder: Path) -> Cells:
     """Read the cells of a folder of trials.  BadInput names the file that is damaged or missing."""
     try:
-        about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+        about = json.loads((folder / TRIALS).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
-        raise BadInput(f"{folder / ABOUT}: cannot be read: {' '.join(str(error).split())}") from None
+        raise BadInput(f"{folder / TRIALS}: cannot be read: {' '.join(str(error).split())}") from None
     if not isinstance(about, dict) or about.get("format") != FORMAT or not isinstance(about.get("manager"), str):
-        raise BadInput(f"{folder / ABOUT}: is damaged, or not of this version of the rig")
+        raise BadInput(f"{folder / TRIALS}: is damaged, or not of this version of the rig")
     return Cells(about["manager"], *(_table(folder / f"{name}.parquet", columns) for name, columns in TABLES.items()))
 
 

@@ -101,7 +101,7 @@ class Transition(Settings):
 
     from_: str = Field(alias="from", min_length=1)
     to: str = Field(min_length=1)
-    per_hour: float = Field(ge=0)
+    per_hour: float = Field(ge=0, le=1e30)  # sums of them are numbers still
 
     @model_validator(mode="after")
     def _elsewhere(self) -> Transition:

@@ -14,10 +14,11 @@ from rig.campaign.config import from_what
 from rig.campaign.plan import Plan, rig_identity
 from rig.campaign.pool import each
 from rig.errors import BadInput, RigError
-from rig.reliability.cells import ABOUT, FORMAT, TABLES
+from rig.reliability.cells import FORMAT, TABLES
 from rig.reliability.tally import Cells
 from rig.reliability.trials import Batch, Tally, TrialRunner, added_up, shared_out
 from rig.util.files import replaced
+from rig.util.outputs import TRIALS
 
 Report = Callable[[int, int], None]  # trials done, of how many
 
@@ -86,7 +87,7 @@ def _write(out: Path, cells: Cells, about: dict[str, Any]) -> None:
             table.write_parquet(memory)
             with replaced(out / f"{name}.parquet") as draft:
                 draft.write_bytes(memory.getvalue())
-        with replaced(out / ABOUT) as draft:
+        with replaced(out / TRIALS) as draft:
             draft.write_text(json.dumps(about, indent=1), encoding="utf-8")
     except OSError as error:
         raise RigError(f"--out {out}: cannot be written: {error.strerror}") from None

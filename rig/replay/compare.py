@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import BadInput
-from rig.frame import Block
+from rig.frame import Block, LaneBlock
 from rig.log.columns import COLUMNS, Column
 from rig.units.angles import short_way
 
+Rows = Block | LaneBlock  # whose the columns are
 Verdict = Literal["equal", "within", "different", "missing in A", "missing in B"]
 
 
@@ -96,8 +97,8 @@ def tolerances(texts: Sequence[str], names: Iterable[str]) -> Tolerances:
     return Tolerances(tuple(patterns))
 
 
-def compare(a: Block, b: Block, columns: Sequence[Column] = COLUMNS, allowed: Tolerances | None = None) -> list[Field]:
-    """Compare the ``columns`` of the rows that both flights have."""
+def compare(a: Rows, b: Rows, columns: Sequence[Column] = COLUMNS, allowed: Tolerances | None = None) -> list[Field]:
+    """Compare the ``columns`` of the rows, or of the rows of servo actuators, that both flights have."""
     n = min(len(a), len(b))
     frames, allowed = a["frame"][:n], allowed or Tolerances()
     return [
@@ -131,7 +132,8 @@ def _equal(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
     if a.dtype.kind != "f" or b.dtype.kind != "f":
         return a == b
     a, b = np.ascontiguousarray(a), np.ascontiguousarray(b)
-    return (a.view(np.uint64) == b.view(np.uint64)) | (np.isnan(a) & np.isnan(b))
+    bits = f"u{a.itemsize}"
+    return (a.view(bits) == b.view(bits)) | (np.isnan(a) & np.isnan(b))
 
 
 def _distance(a: NDArray[Any], b: NDArray[Any], wraps: bool) -> NDArray[np.float64]:

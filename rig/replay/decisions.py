@@ -6,21 +6,23 @@ frames are compared decision by decision; frames in a row with the same old and 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import Block, State
-from rig.log.columns import COLUMNS, Column, label
-from rig.replay.compare import compare
+from rig.frame import ActuatorMonitor, Block, LaneBlock, State
+from rig.log.columns import COLUMNS, LANE_COLUMNS, Column, label
+from rig.replay.compare import Rows, compare
 from rig.util.runs import runs
 
 FIELDS: Final = (
     *("state", "level", "pattern", "resolver", "reference_usable", "source"),
     *("discrete_state", "discrete_level", "discrete_voted"),
 )
+LANE_FIELDS: Final = ("failed_by", "valve_differs")  # of servo actuators
 ALL: Final = (*FIELDS, "law", "end")  # with those that follow from the flight: commands, and how it ended
 _FLIGHT: Final = {"law": "control law", "end": "end"}
 
@@ -84,7 +86,7 @@ def moved(old: Block, new: Block, fields: tuple[str, ...] = FIELDS) -> list[Move
     return sorted(found, key=lambda entry: entry.first_frame)
 
 
-def _moved(column: Column, old: Block, new: Block, frames: NDArray[np.int64]) -> list[Moved]:
+def _moved(column: Column, old: Rows, new: Rows, frames: NDArray[np.int64]) -> list[Moved]:
     before, after = column.of(old), column.of(new)
     at = np.flatnonzero(before != after)
     if not len(at):
@@ -110,18 +112,38 @@ def _decision(column: Column) -> str:
     return _FLIGHT.get(column.field, column.field.removeprefix("discrete_"))
 
 
-def decisions(old: Block, new: Block) -> Decisions:
-    """Return the moves from ``old`` to ``new``: decisions, failures, and how far the votes are apart."""
-    return Decisions(moved(old, new), _failures(old, new), _votes(old, new))
+def decisions(
+    old: Block, new: Block, old_lanes: LaneBlock | None = None, new_lanes: LaneBlock | None = None
+) -> Decisions:
+    """Return the moves from ``old`` to ``new``: decisions, failures, and how far the votes are apart.
+
+    old_lanes, new_lanes : (n,) of servo actuators, if both have them
+    """
+    states = decided(("state", "discrete_state"))
+    found = Decisions(moved(old, new), _failures(old, new, states), _votes(old, new))
+    if old_lanes is None or new_lanes is None:
+        return found
+    n = min(len(old_lanes), len(new_lanes))
+    rows = old_lanes[:n], new_lanes[:n]
+    told = [one for c in LANE_COLUMNS if c.field in LANE_FIELDS for one in _moved(c, *rows, old_lanes["frame"][:n])]
+    order = sorted([*found.moved, *told], key=lambda one: one.first_frame)
+    by = [column for column in LANE_COLUMNS if column.field == "failed_by"]
+    return Decisions(order, [*found.failures, *_failures(*rows, by)], found.votes)
 
 
-def _failures(old: Block, new: Block) -> list[Failed]:
+def _failures(old: Rows, new: Rows, columns: Sequence[Column]) -> list[Failed]:
+    """Return the channels that fail at another time, by ``columns`` of states or of who failed them."""
     found: list[Failed] = []
-    for column in decided(("state", "discrete_state")):
-        before, after = (_first(column.of(rows) == State.FAILED, rows["frame"]) for rows in (old, new))
+    for column in columns:
+        before, after = (_first(_failed(column, rows), rows["frame"]) for rows in (old, new))
         if before != after:
             found.append(Failed(column.owner, column.channel or 0, before, after))
     return found
+
+
+def _failed(column: Column, rows: Rows) -> NDArray[np.bool_]:
+    values = column.of(rows)
+    return values != ActuatorMonitor.NONE if column.field == "failed_by" else values == State.FAILED
 
 
 def _first(there: NDArray[np.bool_], frames: NDArray[np.int64]) -> int | None:

@@ -1,4 +1,5 @@
-"""What if: another threshold, resolver order or manager over the channels that were recorded.
+"""What if: another threshold, resolver order or manager over the channels that were recorded, or other limits of
+the monitors of servo actuators.
 
 Open loop: the flight stays that of the recording, truth and commands with it.  What the new votes would have
 done to the aircraft only a flight can say.
@@ -15,12 +16,13 @@ from typing import Any, Final
 from rig.aircraft import merge, without_outliers
 from rig.errors import BadInput
 from rig.flight.recorder import Findings
-from rig.frame import Block
+from rig.frame import Block, LaneBlock
 from rig.log import LogWriter
 from rig.overrides import named_manager, override, parse_set
 from rig.recordings.flown import Recorded
 from rig.replay.decisions import Decisions, decisions
 from rig.replay.vote_again import vote_again
+from rig.replay.watch_again import watch_again
 from rig.scenario import Scenario, from_resolved
 from rig.settings import read_toml
 from rig.text import quoted
@@ -28,6 +30,7 @@ from rig.util.files import draft, numbered, publish, replaced
 from rig.util.versions import versions
 
 KEY: Final = "redundancy"
+MONITORS: Final = ("monitors", "current", "continuity", "spool", "position", "ram", "valve")  # keys of [actuators]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +62,14 @@ def changed(recording: Recorded, file: Path | None, sets: Sequence[str]) -> Scen
         trust = replace(trust, source=str(file)) if "manager" in table else trust
     above = given
     for text in sets:
+        if _of_monitors(text):
+            if not recording.scenario.has_servos:
+                raise BadInput(f"--set {text}: the flight had no servo actuators")
+            continue
         if not text.startswith(f"{KEY}."):
-            raise BadInput(f"--set {text}: only redundancy.* can be changed without flying")
+            raise BadInput(
+                f"--set {text}: only redundancy.* and the monitors in actuators.* can be changed without flying"
+            )
         above = override(above, text)
     data = merge(without_outliers(data, above), given)
     for text in sets:
@@ -69,32 +78,39 @@ def changed(recording: Recorded, file: Path | None, sets: Sequence[str]) -> Scen
     return from_resolved(data, source, replace(trust, named=named_manager(map(parse_set, sets))))
 
 
+def _of_monitors(text: str) -> bool:
+    """Return whether ``key=value`` sets a monitor of an actuator, and not what it watches."""
+    keys = parse_set(text)[0].split(".")
+    return keys[0] == "actuators" and keys[1:2] != [] and keys[1] in MONITORS and keys[1:] != ["continuity", "coverage"]
+
+
 def what_if(recording: Recorded, scenario: Scenario, out: Path | None = None, changes: Sequence[str] = ()) -> WhatIf:
     """Vote the recorded channels by ``scenario``; write the result to ``out``, or beside the recording, numbered.
 
-    ``changes`` says in the new log what is not as it was.  BadInput when ``out`` is the recording or cannot be made.
+    ``changes`` says in the new log what is not as it was.  BadInput when ``out`` cannot be made.
     """
     stem = f"{recording.path.stem}.what-if"
     path = out or recording.path.with_name(f"{stem}.mcap")
-    if path.exists() and path.samefile(recording.path):
-        raise BadInput(f"{path}: is the recording")
     with draft(path) if out is None else replaced(path) as part:
-        rows = vote_again(recording.log.rows, scenario)
+        rows, lanes = vote_again(recording.log.rows, scenario), watch_again(recording.log.lanes, scenario)
         metadata, attached = _metadata(recording, scenario, changes), recording.log.attachments.items()
-        with LogWriter(part, recording.log.rate_hz, metadata, attached, draft_of=path) as writer:
-            events = _write(writer, recording, scenario, rows)
+        with LogWriter(
+            part, recording.log.rate_hz, metadata, attached, draft_of=path, lanes=lanes is not None
+        ) as writer:
+            events = _write(writer, recording, scenario, rows, lanes)
         if out is None:
             path = publish(part, numbered(path.parent, stem, ".mcap"))
-    return WhatIf(path, scenario, rows, decisions(recording.log.rows, rows), events)
+    return WhatIf(path, scenario, rows, decisions(recording.log.rows, rows, recording.log.lanes, lanes), events)
 
 
-def _write(writer: LogWriter, recording: Recorded, scenario: Scenario, rows: Block) -> int:
+def _write(writer: LogWriter, recording: Recorded, scenario: Scenario, rows: Block, lanes: LaneBlock | None) -> int:
     """Write the whole log; how many events it has."""
     log, findings, count = recording.log, Findings(scenario), 0
-    for rows_s, timing in _seconds(rows, log.timing, int(log.rate_hz)):
-        events = findings.add(rows_s)
+    for part in _seconds(len(rows), int(log.rate_hz)):
+        moved = None if lanes is None else lanes[part]
+        events = findings.add(rows[part], moved)
         count += len(events)
-        writer.write(rows_s, timing, events)
+        writer.write(rows[part], log.timing[part], events, moved)
     last = findings.end()
     writer.write(rows[:0], log.timing[:0], last)
     writer.close({**(log.result or {}), "digest": findings.verdict.digest})
@@ -111,6 +127,6 @@ def _metadata(recording: Recorded, scenario: Scenario, changes: Sequence[str]) -
     return {**recording.log.metadata, **versions(), **own}
 
 
-def _seconds(rows: Block, timing: Any, size: int) -> Iterator[tuple[Block, Any]]:
-    for start in range(0, len(rows), max(1, size)):
-        yield rows[start : start + size], timing[start : start + size]
+def _seconds(frames: int, size: int) -> Iterator[slice]:
+    for start in range(0, frames, max(1, size)):
+        yield slice(start, start + size)

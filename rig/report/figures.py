@@ -38,9 +38,9 @@ from rig.view.series import Series, limits, series
 Array = NDArray[np.float64]
 Look = tuple[str, float, str]  # colour, width, dash
 MOST_POINTS: Final = 2000  # of one line; of more, the smallest and largest of each stretch are drawn
-_BAND, _ACTING = faint(INK, 0.1), faint(ORANGE, 0.16)
+_BAND, ACTING = faint(INK, 0.1), faint(ORANGE, 0.16)
 _VOTE, _TRUTH, _REFERENCE = (VOTE, 3.0, "solid"), (TRUTH, 1.8, "solid"), (REFERENCE, 1.2, "solid")
-_DOTTED: Final = {"color": SOFT, "width": 1, "dash": "dot"}
+DOTTED: Final = {"color": SOFT, "width": 1, "dash": "dot"}
 _LEAST_SPANS: Final = {"throttle": 0.1}  # of an axis: smaller motion is not blown up
 _LEAST_DEG: Final = 2.0
 _MOST_THRESHOLDS: Final = 20.0  # drawn of a vote's error
@@ -61,7 +61,7 @@ def of_moment(
     values = reference(rows[cut], moment.signal) * shown.scale
     if np.isfinite(values).any():
         name = f"reference{_off_scale(values, low, high, shown.unit)}"
-        _line(figure, shown.time_s, values, name, _REFERENCE)
+        draw_line(figure, shown.time_s, values, name, _REFERENCE)
     _signal(figure, shown, (low, high), f"{moment.signal}, the decision", 480)
     _counts(figure, rows[cut], shown.time_s, INDEX[moment.signal], waits)
     _shade(figure, shown.time_s, acts[cut])
@@ -95,12 +95,12 @@ def _band(figure: go.Figure, shown: Series, limit: Limit) -> None:
 
 
 def _signal(figure: go.Figure, shown: Series, ends: tuple[float, float], title: str, height: int) -> None:
-    _line(figure, shown.time_s, shown.voted, "vote", _VOTE)
-    _line(figure, shown.time_s, shown.truth, "truth", _TRUTH)
+    draw_line(figure, shown.time_s, shown.voted, "vote", _VOTE)
+    draw_line(figure, shown.time_s, shown.truth, "truth", _TRUTH)
     for c, values in enumerate(shown.channels.T):
         if np.isfinite(values).any():
             name = f"channel {c + 1}{_off_scale(values, *ends, shown.unit)}"
-            _line(figure, shown.time_s, values, name, (CHANNELS[c], 1.5, DASHES[c]))
+            draw_line(figure, shown.time_s, values, name, (CHANNELS[c], 1.5, DASHES[c]))
     lay_out(figure, title, height)
     figure.update_xaxes(title="time, s")
     figure.update_yaxes(title=f"{shown.name}, {shown.unit}".rstrip(", "), range=list(ends))
@@ -120,10 +120,10 @@ def _counts(figure: go.Figure, rows: Block, time_s: Array, s: int, waits: Mappin
     for name, (mask, look) in found.items():
         lasted = in_a_row(mask)
         most = max(most, float(lasted.max()))
-        _line(figure, time_s, lasted, f"frames, {name}", look, yaxis="y2", line_shape="hv")
+        draw_line(figure, time_s, lasted, f"frames, {name}", look, yaxis="y2", line_shape="hv")
     for side, (name, frames) in zip(("left", "right"), waits.items(), strict=False):
         anchor = "top" if frames < max(waits.values()) else "bottom"  # away from the other line
-        figure.add_shape(type="line", xref="paper", x0=0, x1=1, yref="y2", y0=frames, y1=frames, line=_DOTTED)
+        figure.add_shape(type="line", xref="paper", x0=0, x1=1, yref="y2", y0=frames, y1=frames, line=DOTTED)
         place: dict[str, Any] = {"xref": "paper", "xanchor": side, "x": float(side == "right"), "yref": "y2"}
         figure.add_annotation(text=f"{name} {frames}", **place, y=frames, yanchor=anchor, showarrow=False)
     end = 1.45 * max(most if most < 100.0 else 0.0, *waits.values(), 2)
@@ -151,7 +151,8 @@ def _off_scale(values: Array, low: float, high: float, unit: str) -> str:
     return f" (to {beyond:+.3g} {unit})".replace(" )", ")") if not low <= beyond <= high else ""
 
 
-def _line(figure: go.Figure, time_s: Array, values: Array, name: str, look: Look, **panel: Any) -> None:
+def draw_line(figure: go.Figure, time_s: Array, values: Array, name: str, look: Look, **panel: Any) -> None:
+    """Draw ``values`` (n,) over ``time_s`` (n,) as one line, thinned; ``panel``: of the figure."""
     line = dict(zip(("color", "width", "dash"), look, strict=True))
     figure.add_scatter(**_points(time_s, values), mode="lines", name=name, line=line, **panel)
 
@@ -173,13 +174,13 @@ def thinned(values: Array) -> NDArray[np.intp]:
 
 def _shade(figure: go.Figure, time_s: Array, acts: NDArray[np.bool_], most: int = 200) -> None:
     """Shade the first ``most`` stretches in which a fault acts."""
-    shape = {"type": "rect", "yref": "y domain", "y0": 0, "y1": 1, "fillcolor": _ACTING, "line_width": 0}
+    shape = {"type": "rect", "yref": "y domain", "y0": 0, "y1": 1, "fillcolor": ACTING, "line_width": 0}
     for a, b in runs_where(acts)[:most]:
         figure.add_shape(**shape, layer="below", x0=float(time_s[a]), x1=float(time_s[b - 1]))
 
 
 def _mark(figure: go.Figure, at_s: float, text: str, side: str) -> None:
-    figure.add_vline(x=at_s, line=_DOTTED, annotation_text=f"{text} {at_s:.2f} s", annotation_position=f"top {side}")
+    figure.add_vline(x=at_s, line=DOTTED, annotation_text=f"{text} {at_s:.2f} s", annotation_position=f"top {side}")
 
 
 def vote_errors(rows: Block, rate_hz: float, thresholds: Mapping[str, float]) -> go.Figure:
@@ -189,9 +190,9 @@ def vote_errors(rows: Block, rate_hz: float, thresholds: Mapping[str, float]) ->
         error = errors(rows, name) / threshold
         peak = max(peak, float(np.nanmax(np.abs(error), initial=0.0)))
         label = f"{name}, threshold {quantity(threshold, SIGNALS[INDEX[name]].unit)}"
-        _line(figure, time_s, error, label, (series_colour(i), 1.2, "solid"))
+        draw_line(figure, time_s, error, label, (series_colour(i), 1.2, "solid"))
     for level in (-1.0, 1.0):
-        figure.add_hline(y=level, line=_DOTTED)
+        figure.add_hline(y=level, line=DOTTED)
     end = 1.15 * min(peak, _MOST_THRESHOLDS)
     lay_out(figure, "vote less truth", 300)
     figure.update_xaxes(title="time, s")
@@ -219,7 +220,7 @@ def surfaces(rows: Block, rate_hz: float) -> go.Figure:
             lines.insert(1, ("at the actuator", actuated, MAGENTA, "dot"))
         drawn = [values * (degrees(1.0) if unit else 1.0) for _, values, _, _ in lines]
         for values, (what, _, colour, dash) in zip(drawn, lines, strict=True):
-            _line(figure, time_s, values, what, (colour, 1.2, dash), row=i + 1, col=1)
+            draw_line(figure, time_s, values, what, (colour, 1.2, dash), row=i + 1, col=1)
         title = f"{name}, {unit}".rstrip(", ")
         figure.update_yaxes(title=title, range=spanned(drawn, _LEAST_SPANS.get(name, _LEAST_DEG)), row=i + 1, col=1)
     lay_out(figure, "surfaces and throttle", 600)

@@ -20,6 +20,7 @@ from rig.log import Log, read_log, scenario_of
 from rig.log.info import FILE, overrides
 from rig.log.schema import SCHEMA_VERSION
 from rig.report import figures as draw
+from rig.report.actuators import happened, of_actuator
 from rig.report.moments import Moment, affected, limit, moment, signals_of
 from rig.report.page import DASH, write_page
 from rig.report.timeline import spans, timeline
@@ -61,6 +62,9 @@ def _figures(log: Log, scored: Scored, names: Sequence[str], moments: Sequence[M
         found[f"moment-{one.signal}"] = draw.of_moment(rows, rate_hz, *about)
     for name in shown:
         found[f"signal-{name}"] = draw.of_flight(rows, rate_hz, name, threshold(resolved, name), acting[name])
+    if log.lanes is not None:
+        acted = np.unpackbits(rows["acting"], axis=1, bitorder="little")
+        found |= {f"actuator-{one.surface}": of_actuator(log.lanes, acted, scored, one) for one in happened(scored)}
     found["votes"] = draw.vote_errors(rows, rate_hz, _thresholds(scored, shown))
     found["surfaces"] = draw.surfaces(rows, rate_hz)
     return found
@@ -108,6 +112,7 @@ def _about(log: Log, scored: Scored, names: Sequence[str], moments: Sequence[Mom
         "ended": seconds(score.flight.frames, rate_hz),
         "cards": _cards(scored, rate_hz),
         "moments": [(one, _said(one, rate_hz)) for one in moments],
+        "actuators": happened(scored) if log.lanes is not None else [],
         "signals": names[:MOST_SIGNALS],
         "left_out": names[MOST_SIGNALS:],
         "limits": _limits(scored, names[:MOST_SIGNALS]),
@@ -174,6 +179,7 @@ def _tables(scored: Scored, rate_hz: float) -> list[tuple[str, Sequence[str], li
     score = scored.score
     found = [
         ("Faults", cells.FAULTS, [cells.fault_row(fault, scored.scenario) for fault in score.faults]),
+        ("Channels of actuators", cells.ACTUATORS, cells.actuator_rows(score, rate_hz)),
         ("Healthy channels that were failed", cells.ISOLATIONS, cells.isolation_rows(score, rate_hz)),
         ("Patterns without a majority", cells.RESOLVERS, cells.resolver_rows(score)),
         ("Votes", cells.VOTES, cells.vote_rows(score, rate_hz)),

@@ -14,6 +14,7 @@ from plotly.subplots import make_subplots
 
 from rig.studies.ding2015 import FAULT_S, Matrix, Study
 from rig.util.files import replaced, reported
+from rig.util.outputs import require_apart
 
 _GREY, _BLUE, _RED, _ORANGE, _BLACK = "#9aa5b1", "#1f6fb4", "#c0392b", "#e08e0b", "#333333"
 _TITLES: Final = ("Attitude: pitch angle", "Control: elevator", "Tracking: the output that the loop brings to 1")
@@ -63,6 +64,7 @@ def _panels(study: Study) -> list[list[_Line]]:
 def write(study: Study, folder: Path) -> list[Path]:
     """Write ding2015.html (needs no network) and ding2015.png in ``folder``, which exists; RigError when that fails."""
     page, picture = folder / "ding2015.html", folder / "ding2015.png"
+    require_apart({page.name: page, picture.name: picture})
     refused = reported(folder, what="the figures cannot be written")
     with replaced(page) as of_page, replaced(picture) as of_picture, refused:
         _page(study).write_html(of_page, include_plotlyjs=True, div_id="ding2015")

@@ -30,10 +30,10 @@ from rig.recordings.read import load as load_one
 from rig.recordings.recording import Recording, Samples
 from rig.recordings.settings import RecordedSignal, VoteConfig
 from rig.thresholds.design import DataBlock
+from rig.util.outputs import CAMPAIGN
 
 MANAGER: Final = next(kind.name for kind in KINDS if kind.compares)
 SAME_RATE: Final = 0.02  # by which rates may differ
-CAMPAIGN: Final = "campaign.json"
 LOGS: Final = "logs"
 
 

@@ -107,7 +107,8 @@ def _distances(flights: Sequence[DataBlock], wraps: bool) -> tuple[Floats, Float
         at.append([max(int(distance.argmax()) - hold + 1, 0) / flight.rate_hz for distance in least])
         usual.append(np.concatenate([d[:: max(len(d) * len(every) // _MOST_DISTANCES, 1)] for d in every]))
     values = np.concatenate(usual)
-    return np.array(held), np.array(at), float(np.median(values[np.isfinite(values)])) if len(values) else 0.0
+    finite = values[np.isfinite(values)]
+    return np.array(held), np.array(at), float(np.median(finite)) if len(finite) else 0.0
 
 
 def envelope(flights: Sequence[DataBlock], wraps: bool) -> Envelope:

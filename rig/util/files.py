@@ -98,12 +98,15 @@ def write_text(path: Path, text: str) -> None:
         made.write_text(text, encoding="utf-8", newline="\n")
 
 
-def numbered(folder: Path, stem: str, ending: str) -> Iterator[Path]:
-    """Yield the free names of stem.ending, stem_2.ending, stem_3.ending; another process may take one first."""
+def numbered(folder: Path, stem: str, ending: str, beside: str = "") -> Iterator[Path]:
+    """Yield the free names of stem.ending, stem_2.ending, stem_3.ending; another process may take one first.
+
+    beside : the ending of a file that may be written with it, whose name must be free too
+    """
     for number in count(1):
-        path = folder / (f"{stem}{ending}" if number == 1 else f"{stem}_{number}{ending}")
-        if not os.path.lexists(path):  # a link to nowhere is taken too
-            yield path
+        name = stem if number == 1 else f"{stem}_{number}"
+        if not any(os.path.lexists(folder / f"{name}{each}") for each in (ending, beside or ending)):
+            yield folder / f"{name}{ending}"  # of a name that is no link to nowhere either
 
 
 def publish(made: Path, paths: Iterable[Path]) -> Path:

@@ -36,13 +36,15 @@ from rig.view.plots import (
     track,
 )
 from rig.view.scene import TIMELINE
+from rig.view.servo_tab import tab as servo_tab
 from rig.view.style import CHANNEL_COLORS, FAULT, PALETTE, REFERENCE, THRESHOLD, TRUTH, VOTED, plain
 
 OVERVIEW: Final = "overview"  # the first tab
 MAIN: Final = "pitch_rate"  # what it shows of a flight without faults
 GROUPS: Final = tuple(dict.fromkeys(signal.group for signal in SIGNALS))
+SERVOS: Final = "actuators"  # of flights with servos alone
 UNIT: Final = "unit"  # the last tab, of flights with a unit under test alone
-TABS: Final = (OVERVIEW, *GROUPS, "discretes", "surfaces", "control", "flight", UNIT)
+TABS: Final = (OVERVIEW, *GROUPS, "discretes", "surfaces", SERVOS, "control", "flight", UNIT)
 LAYOUT: Final = Layout()
 _MARGIN: Final = 0.033  # of a column, left of its lanes
 
@@ -56,13 +58,17 @@ def blueprint(layout: Layout = LAYOUT) -> rrb.Blueprint:
     shown, tab, map_tiles = layout
     require_tab(tab)
     tested = [flight for flight in shown if flight.facts.unit]
+    moved = [flight for flight in shown if flight.facts.servos]
     if tab == UNIT and not tested:
         raise BadInput(f"no tab {tab!r}: no unit under test was flown")
+    if tab == SERVOS and not moved:
+        raise BadInput(f'no tab {tab!r}: no flight had [actuators] model = "servo"')
     tabs = {
         OVERVIEW: _overview(main_signal(shown), shown),
         **{group: _group_tab(group, [s for s in SIGNALS if s.group == group], shown) for group in GROUPS},
         "discretes": _discretes_tab(shown),
         "surfaces": _surfaces_tab(shown),
+        **({SERVOS: servo_tab(SERVOS, moved)} if moved else {}),
         "control": _control_tab(shown),
         "flight": _flight_tab(shown, map_tiles),
         **({UNIT: _unit_tab(tested)} if tested else {}),

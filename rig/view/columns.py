@@ -6,6 +6,7 @@ the stream and the opened log:
     /signal/<name>, /discrete/<name>   rig.Signal:message, rig.Discrete:message    one struct a frame
     /control, /demand, /flight         rig.Control:message, ...
     /pose, /position, /events          Transform3D, GeoPoints, TextLog
+    /actuator/<surface>                rig.Actuator:message, of flights with servos
 
 and, for the viewer alone, of the wall clock of a flight with a unit under test
 
@@ -13,7 +14,7 @@ and, for the viewer alone, of the wall clock of a flight with a unit under test
     /timing/replies                    how many reply times lie in each bin, from the begin of the flight to the cursor
     /timing/lateness                   the same of the lateness; of paced flights alone
 
-and what derived.py, lanes.py, matrix.py and scene.py make of the rows.  What derived.py makes
+and what derived.py, lanes.py, servos.py, matrix.py and scene.py make of the rows.  What derived.py makes
 of a signal goes with it, as one more component of its entity: each entity costs the viewer a clock and a name of
 every row.
 
@@ -22,7 +23,7 @@ Each field of FRAME has one place in one struct, so a signal or a command added 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from enum import IntEnum
 from functools import cache, lru_cache
 from typing import Any, Final, NamedTuple
@@ -32,12 +33,12 @@ import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
-from rig.frame import TIMING, Block, End
-from rig.frame.fields import FIELD, places
+from rig.frame import MOVED, TIMING, Block, End, LaneBlock
+from rig.frame.fields import FIELD, Field, places
 from rig.log.schema import TOPICS_OF_ROWS, Topic
 from rig.record.event import Event
 from rig.record.histogram import BINS, EDGES_US, binned
-from rig.view import derived, lanes, matrix
+from rig.view import derived, lanes, matrix, servos
 from rig.view.facts import UNKNOWN, Facts
 from rig.view.scene import Scene, time_column
 from rig.view.style import OVER, PALETTE, VOTED, Color
@@ -106,14 +107,21 @@ class Columns:
         self._facts = facts
         self._root = root
         self._before: Block | None = None
+        self._moved: LaneBlock | None = None  # the last row of the servos
         self._derived = derived.Derived(facts)
         self._scene = Scene(recording, root, color)
         self._times = Times(self._columns) if facts.unit else None
 
-    def send(self, rows: Block, events: Sequence[Event] = (), timing: NDArray[Any] | None = None) -> None:
+    def send(
+        self,
+        rows: Block,
+        events: Sequence[Event] = (),
+        timing: NDArray[Any] | None = None,
+        moved: LaneBlock | None = None,
+    ) -> None:
         """Send every row of ``rows`` and the events among them, one batch an entity.
 
-        timing : (n,) of TIMING, shown of a flight with a unit under test
+        timing : (n,) of TIMING, shown of a flight with a unit under test;  moved : (n,) of LANES, with servos
         """
         if not len(rows):
             return
@@ -130,6 +138,8 @@ class Columns:
         for change in lanes.changes(rows, self._before, self._facts.faults):
             states = rr.StateChange.columns(state=change.states)
             self._columns(change.path, [time_column(nanoseconds[change.rows])], states)
+        if moved is not None:
+            self._servos(moved, nanoseconds)
         self._matrix(rows, nanoseconds)
         self._scene.send(rows, nanoseconds)
         if self._times is not None and timing is not None:
@@ -138,6 +148,18 @@ class Columns:
         self._before = rows[-1:].copy()
         if rows["end"][-1] != End.FLYING:
             self._ends(End(rows["end"][-1]).name, rows["frame"][-1:])
+
+    def _servos(self, moved: LaneBlock, nanoseconds: NDArray[np.float64]) -> None:
+        if self._moved is None:
+            rr.log(servos.LEGEND, matrix.strip(servos.LEGEND_LINES), static=True, recording=self._recording)
+        for i, surface in enumerate(MOVED):
+            message, numbers = _struct(servos.columns(moved, i)), servos.values(moved, i).astype(np.float32)
+            components = [*_message(servos.MESSAGE, message), *_values(servos.VALUES, numbers)]
+            self._columns(servos.topic(surface), [time_column(nanoseconds)], components)
+        for change in servos.changes(moved, self._moved):
+            states = rr.StateChange.columns(state=change.states)
+            self._columns(change.path, [time_column(nanoseconds[change.rows])], states)
+        self._moved = moved[-1:].copy()
 
     def _matrix(self, rows: Block, nanoseconds: NDArray[np.float64]) -> None:
         if self._before is None:
@@ -153,7 +175,9 @@ class Columns:
 
     def _ends(self, how: str, frame: NDArray[Any]) -> None:
         time = [time_column(np.rint(frame * (1e9 / self._rate_hz)))]
-        for path, state in lanes.ends(how, self._facts.faults):
+        ends = list(lanes.ends(how, self._facts.faults))
+        ends += [(lane.path, how) for lane in servos.LANES if self._moved is not None]
+        for path, state in ends:
             self._columns(path, time, rr.StateChange.columns(state=[state]))
 
     def _events(self, events: Sequence[Event]) -> None:
@@ -191,20 +215,24 @@ def words(event: Event) -> str:
 def struct(rows: Block, topic: Topic) -> pa.StructArray:
     """Return the fields of a topic's message in every row, one struct each."""
     item = () if topic.item is None else (topic.item,)
-    shown = places(topic.message)
-    arrays = [_array(place.field, rows[place.field][(slice(None), *item, *place.index)]) for place in shown]
-    fields = [pa.field(p.name, array.type, nullable=False) for p, array in zip(shown, arrays, strict=True)]
-    return pa.StructArray.from_arrays(arrays, fields=fields)
+    values = lambda place: rows[place.field][(slice(None), *item, *place.index)]  # noqa: E731 # of one number
+    return _struct((place.name, FIELD[place.field], values(place)) for place in places(topic.message))
 
 
-def _array(source: str, values: NDArray[Any]) -> pa.Array:
+def _struct(columns: Iterable[tuple[str, Field, NDArray[Any]]]) -> pa.StructArray:
+    """Return one struct a row of its numbers: name, field, values (n,)."""
+    arrays = {name: _array(field, values) for name, field, values in columns}
+    fields = [pa.field(name, array.type, nullable=False) for name, array in arrays.items()]
+    return pa.StructArray.from_arrays(list(arrays.values()), fields=fields)
+
+
+def _array(field: Field, values: NDArray[Any]) -> pa.Array:
     values = np.ascontiguousarray(values)
-    enum = FIELD[source].enum
-    if enum is not None:
-        return _members(enum, values)
-    if FIELD[source].kind == "flag":
+    if field.enum is not None:
+        return _members(field.enum, values)
+    if field.kind == "flag":
         return pa.array(values != 0)
-    return pa.array(values if values.dtype == np.float64 else values.astype(np.uint32))
+    return pa.array(values if values.dtype.kind == "f" else values.astype(np.uint32))
 
 
 def _members(enum: type[IntEnum], values: NDArray[np.uint8]) -> pa.StructArray:

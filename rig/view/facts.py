@@ -49,6 +49,7 @@ class Seen:
     isolated_s : when the decisive fault was isolated; None: it was not
     zoom_s     : from half a second before the decisive fault to one second after the isolation; None: no fault acted
     main       : the signal of that fault; empty: none
+    coils_s    : as zoom_s, about the first channel of a servo that was shut off; None: none was
     noted      : signals with a fault or a channel that was not ok, by their names
     ranges     : lowest and highest value of what is drawn, by its name, in the unit in which it is drawn
     """
@@ -57,6 +58,7 @@ class Seen:
     end_s: float = 0.0
     isolated_s: float | None = None
     zoom_s: tuple[float, float] | None = None
+    coils_s: tuple[float, float] | None = None
     main: str = ""
     noted: tuple[str, ...] = ()
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -71,6 +73,7 @@ class Facts:
     faults: tuple[FaultFact, ...] = ()
     unit: str = ""  # under test, by its name; empty: our own manager
     paced: bool = False  # by the clock
+    servos: bool = False  # move the surfaces
     seen: Seen | None = None  # of a flight that is over
 
     def threshold(self, index: int) -> float:
@@ -137,6 +140,7 @@ def of_resolved(scenario: Mapping[str, Any]) -> Facts:
         scenario.get("title") or scenario["aircraft"],
         {signal.name: threshold(scenario, signal.name) for signal in SIGNALS},
         tuple(map(_fault, scenario["faults"])),
+        servos=scenario.get("actuators", {}).get("model") == "servo",
     )
 
 

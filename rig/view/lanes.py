@@ -140,22 +140,23 @@ def changes(rows: Block, before: Block | None, faults: Sequence[Any]) -> Iterato
             continue  # nearly always, and at once for all its lanes
         for lane in lanes:
             at = (slice(None), *lane.at)
-            yield from _changes(lane.path, lane.states, values[at], None if last is None else last[at])
+            yield from changed(lane.path, lane.states, values[at], None if last is None else last[at])
         if field == "state":
             yield from _together_changes(codes(values), None if last is None else codes(last))
     acts, last_acts = acting(rows, len(faults)), None if before is None else acting(before, len(faults))
     for i in range(len(faults)):
         last = np.zeros(1, np.uint8) if last_acts is None else last_acts[:, i]
-        yield from _changes(fault_path(i), {0: "", 1: ACTING}, acts[:, i], last)
+        yield from changed(fault_path(i), {0: "", 1: ACTING}, acts[:, i], last)
 
 
 def _together_changes(values: NDArray[np.uint8], last: NDArray[np.uint8] | None) -> Iterator[Changes]:
     """Yield the changes of the lanes of all channels of each signal: ``values`` (n, S) of codes."""
     for s, lane in enumerate(STATUS):
-        yield from _changes(lane.path, lane.states, values[:, s], None if last is None else last[:, s])
+        yield from changed(lane.path, lane.states, values[:, s], None if last is None else last[:, s])
 
 
-def _changes(path: str, states: dict[int, str], values: NDArray[Any], last: NDArray[Any] | None) -> Iterator[Changes]:
+def changed(path: str, states: dict[int, str], values: NDArray[Any], last: NDArray[Any] | None) -> Iterator[Changes]:
+    """Yield the changes in ``values`` (n,) of one lane after ``last`` (1,), if there are any."""
     where = _where(values, last)
     if len(where):
         yield Changes(path, where, [states.get(int(value), "?") for value in values[where]])

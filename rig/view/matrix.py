@@ -92,8 +92,12 @@ def names() -> rr.Points2D:
 
 def legend() -> rr.Points2D:
     """Build the legend of the colours of lines, in a strip."""
-    channels = [(f"channel {c + 1}", color) for c, color in enumerate(CHANNEL_COLORS)]
-    named = [*channels, *_LINES]
+    return strip(_LINES)
+
+
+def strip(others: Sequence[tuple[str, Color]]) -> rr.Points2D:
+    """Return a legend of the channels and of ``others``."""
+    named = [*((f"channel {c + 1}", color) for c, color in enumerate(CHANNEL_COLORS)), *others]
     step = STRIP / len(named)
     return _written([(step * (i + 0.5), -0.6, label, color) for i, (label, color) in enumerate(named)])
 

@@ -248,12 +248,12 @@ def status_now(flight: Shown) -> rrb.Spatial2DView:
     )
 
 
-def legend() -> rrb.Spatial2DView:
-    """Build the legend of the colours of lines, in a strip."""
+def legend(path: str = matrix.LEGEND) -> rrb.Spatial2DView:
+    """Build the legend of the colours of lines, in a strip; ``path``: of its words."""
     return rrb.Spatial2DView(
         name="legend",
         origin="/",
-        contents=[matrix.LEGEND],
+        contents=[path],
         visual_bounds=rrb.VisualBounds2D(x_range=(0.0, matrix.STRIP), y_range=(-1.0, 1.0)),
         titlebar=False,
     )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from numpy.typing import NDArray
 
 from rig.errors import BadInput, RigError
-from rig.frame import Block
+from rig.frame import Block, LaneBlock
 from rig.record.event import Event
 from rig.view import viewer
 from rig.view.facts import Facts, Layout
@@ -94,9 +94,10 @@ class Sink:
         rate_hz: float,
         events: Sequence[Event],
         timing: NDArray[Any] | None = None,
+        moved: LaneBlock | None = None,
         flight: int = 0,
     ) -> None:
-        """Hand rows, events and timing of ``flight``, a number into the layout's ``shown``, to Rerun."""
+        """Hand rows, events, timing and servos of ``flight``, a number into the layout's ``shown``, to Rerun."""
         from rig.view.columns import Columns
         from rig.view.style import FLIGHT_COLORS
 
@@ -105,17 +106,17 @@ class Sink:
             shown = self._about.layout.shown[flight]
             columns = Columns(self._recording, rate_hz, shown.facts, shown.root, FLIGHT_COLORS[shown.below])
             self._columns[flight] = columns
-        columns.send(rows, events, timing)
+        columns.send(rows, events, timing, moved)
         if self._live is not None and len(rows):
-            self._tell(self._live, rows, rate_hz)
+            self._tell(self._live, rows, rate_hz, moved)
 
-    def _tell(self, facts: Facts, rows: Block, rate_hz: float) -> None:
+    def _tell(self, facts: Facts, rows: Block, rate_hz: float, moved: LaneBlock | None) -> None:
         """Send the headline of a flight that is under way, when it has changed."""
         from rig.view.scene import send_about
 
         if self._story is None:
             self._story = Story(facts, rate_hz)
-        if self._story.add(rows):
+        if self._story.add(rows, moved):
             text = f"# {self._story.headline('IN FLIGHT')}\n\n{self._about.text}"
             send_about(self._recording, text, int(rows["frame"][-1]) / rate_hz)
 

@@ -13,15 +13,17 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from rig.frame import CHANNELS, INDEX, SIGNALS, Block, End, State
+from rig.frame import CHANNELS, INDEX, SIGNALS, Block, End, LaneBlock, State
+from rig.record.actuators import ActuatorFinder
 from rig.record.failures import Failure, decisive_s, failures
 from rig.units.quantities import duration, seconds
-from rig.view import charts
+from rig.view import charts, servos
 from rig.view.facts import Facts, Seen
 from rig.view.lanes import acting
 from rig.view.series import limits, series
 from rig.view.style import plain
 
+ACTUATOR: Final = "actuator."  # before a surface, as a place of faults
 _MOST_GROUPS: Final = 3  # of failures in a headline
 
 
@@ -48,22 +50,35 @@ class Story:
         self._rate_hz = rate_hz
         self._onsets: list[int | None] = [None] * len(facts.faults)
         self._before: Block | None = None
+        self._servos = ActuatorFinder()
         self.isolations: list[Isolation] = []
         self.end = End.FLYING
         self.last = 0  # frame
 
-    def add(self, rows: Block) -> bool:
-        """Take in the next rows; return True if the headline may have changed."""
+    def add(self, rows: Block, moved: LaneBlock | None = None) -> bool:
+        """Take in the next rows, ``moved`` of servos; return True if the headline may have changed."""
         acts = acting(rows, len(self._facts.faults))
         onsets_before = list(self._onsets)
         for i, onset in enumerate(self._onsets):
             if onset is None and acts[:, i].any():
                 self._onsets[i] = int(rows["frame"][acts[:, i].argmax()])
-        new = [Isolation(failure, self._onset(failure)) for failure in failures(rows, self._before)]
+        found = [*failures(rows, self._before), *([] if moved is None else self._coils(moved))]
+        new = [Isolation(failure, self._onset(failure)) for failure in sorted(found, key=lambda each: each.frame)]
         self.isolations += new
         self._before = rows[-1:].copy()
         self.end, self.last = End(rows["end"][-1]), int(rows["frame"][-1])
         return bool(new) or onsets_before != self._onsets or self.end != End.FLYING
+
+    def _coils(self, moved: LaneBlock) -> list[Failure]:
+        """Return the channels of servos that are shut off in ``moved``."""
+        before = {surface: set(channels) for surface, channels in self._servos.failed.items()}
+        self._servos.find(moved)
+        return [
+            Failure(frame, f"{ACTUATOR}{surface}", channel, monitor)
+            for surface, channels in self._servos.failed.items()
+            for channel, (frame, monitor) in channels.items()
+            if channel not in before.get(surface, ())
+        ]
 
     def _onset(self, failure: Failure) -> int | None:
         """Return the onset of the first fault that has acted on a failed channel."""
@@ -121,6 +136,14 @@ class Story:
                 return Decisive(signals[0], onset / self._rate_hz, None)
         return None
 
+    @property
+    def coils_s(self) -> tuple[float, float] | None:
+        """Onset of its fault, else its failure, and failure of the first servo channel that failed; None: none did."""
+        for failure, onset in self.isolations:
+            if failure.place.startswith(ACTUATOR):
+                return (failure.frame if onset is None else onset) / self._rate_hz, failure.frame / self._rate_hz
+        return None
+
 
 def _named(group: Sequence[Isolation]) -> str:
     """Return ``pitch rate, channel 3,``; or how many channels of how many signals, when there are many."""
@@ -134,15 +157,20 @@ def _named(group: Sequence[Isolation]) -> str:
     )
 
 
-def look(facts: Facts, rows: Block, rate_hz: float, ended: bool) -> tuple[Facts, str]:
+def look(facts: Facts, rows: Block, rate_hz: float, ended: bool, moved: LaneBlock | None = None) -> tuple[Facts, str]:
     """Return ``facts`` with what a whole flight has shown, and its headline; ``ended``: its loop has ended it."""
     story = Story(facts, rate_hz)
-    story.add(rows)
+    story.add(rows, moved)
     lost = story.end != End.FLYING
     ranges = charts.ranges(rows) | {signal.name: signal_range(facts, rows, i) for i, signal in enumerate(SIGNALS)}
     end_s, decisive = story.last / rate_hz, story.decisive
     survived = not lost if ended or lost else None
     seen = Seen(survived, end_s, noted=_noted(facts, rows), ranges=ranges)
+    if (coils := story.coils_s) is not None:
+        seen = replace(seen, isolated_s=coils[1], coils_s=decisive_s(*coils, end_s))
+    if moved is not None:
+        first, last = (round(s * rate_hz) for s in seen.coils_s or (0.0, end_s))
+        ranges |= servos.ranges(moved[first : last + 1])
     if decisive is not None:
         span_s = decisive_s(decisive.onset_s, decisive.isolated_s, end_s)
         first, last = (int(np.searchsorted(rows["frame"], s * rate_hz)) for s in span_s)

@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 
 from numpy.typing import NDArray
 
-from rig.frame import Block
+from rig.frame import Block, LaneBlock
 from rig.record.event import Event
 from rig.view import viewer
 from rig.view.facts import UNKNOWN, Facts, Layout, Shown
@@ -34,7 +34,12 @@ class SinkLike(Protocol):
 
     def begin(self) -> None: ...  # noqa: D102
     def send(  # noqa: D102
-        self, rows: Block, rate_hz: float, events: Sequence[Event], timing: NDArray[Any] | None = None
+        self,
+        rows: Block,
+        rate_hz: float,
+        events: Sequence[Event],
+        timing: NDArray[Any] | None = None,
+        moved: LaneBlock | None = None,
     ) -> None: ...
     def flush(self, timeout_s: float) -> None: ...  # noqa: D102
     def close(self) -> None: ...  # noqa: D102
@@ -68,7 +73,7 @@ def open_stream(
     return Stream(open_sink(where, about, out_path.with_suffix(".rrd")), rate_hz)
 
 
-_Item = tuple[Block, "Sequence[Event]", NDArray[Any] | None]
+_Item = tuple[Block, "Sequence[Event]", NDArray[Any] | None, LaneBlock | None]
 
 
 class Stream:
@@ -90,12 +95,18 @@ class Stream:
         self._worker = threading.Thread(target=self._run, name="rerun stream", daemon=True)
         self._worker.start()
 
-    def put(self, rows: Block, events: Sequence[Event] = (), timing: NDArray[Any] | None = None) -> None:
-        """Queue ``rows``, which the caller no longer touches, their events and TIMING.  Never waits for the sink."""
+    def put(
+        self,
+        rows: Block,
+        events: Sequence[Event] = (),
+        timing: NDArray[Any] | None = None,
+        moved: LaneBlock | None = None,
+    ) -> None:
+        """Queue ``rows``, which the caller no longer touches, events, TIMING and LANES.  Never waits for the sink."""
         with self._changed:
             self._frames += len(rows)
             if not self._closing and (self._pending + len(rows)) * rows.itemsize <= self._queue_bytes:
-                self._queue.append((rows, events, timing))
+                self._queue.append((rows, events, timing, moved))
                 self._pending += len(rows)
                 self._changed.notify_all()
 
@@ -131,8 +142,8 @@ class Stream:
     def _run(self) -> None:
         self._try(self._sink.begin)
         while (item := self._next()) is not None:
-            rows, events, timing = item
-            sent = self._try(lambda: self._sink.send(rows, self._rate_hz, events, timing))  # noqa: B023 # called at once
+            rows, events, timing, moved = item
+            sent = self._try(lambda: self._sink.send(rows, self._rate_hz, events, timing, moved))  # noqa: B023 # called at once
             with self._changed:
                 self._pending -= len(rows)
                 self._sent += len(rows) if sent else 0

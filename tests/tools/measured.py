@@ -47,6 +47,10 @@ LAWS: Final = r"^ hold|^ pitch +(F 0\.2|offset \+|.* over).* (plain|fault-tolera
 FIGURES: Final = {  # name: its module
     **dict.fromkeys(("detectability", "undetected"), "offsets"),
     **dict.fromkeys(("quad_isolations", "quad_selection"), "quadrotor"),
+    **dict.fromkeys(
+        ("servo_response", "servo_picture", "servo_healthy", "servo_single", "servo_several", "servo_cost"),
+        "actuators",
+    ),
     **dict.fromkeys(("thresholds_quad", "thresholds_synthetic", "thresholds_speed"), "thresholds"),
     **dict.fromkeys(("unit_identity", "unit_cost", "unit_stopped", "unit_paced"), "unit"),
     **{name: name for name in ("references", "resolvers", "throughput", "tolerant", "unit_failures")},
@@ -131,6 +135,24 @@ PAGES: Final = {
                     *(f"{SHOW} detectability {{folder}}/offsets", f"{SHOW} undetected"),
                 ],
                 r"^table|^\|",
+            ),
+        ],
+    ),
+    "actuators": Page(
+        "Servo actuators: beside a lag, healthy, with every fault, and their cost",
+        [
+            Section(
+                "Without a fault: beside a lag, full-stick doublets in severe turbulence, cost in pairs of flights",
+                [f"{SHOW} servo_{name}" for name in ("response", "picture", "healthy", "cost")],
+            ),
+            Section(
+                "Faults from 5 s on, later ones 3 s apart; at random",
+                [
+                    *(f"{SHOW} servo_{name}" for name in ("single", "several")),
+                    "rig campaign run actuators --out {folder}/actuators",
+                    "rig campaign report {folder}/actuators",
+                ],
+                r"^\||^table|^survival|^ +(fault of|coil_|leak|lvdt|osc|sov|spool)",
             ),
         ],
     ),

@@ -14,16 +14,16 @@ from typing import IO, Protocol
 from rich.console import Console
 from rich.live import Live
 
-from rig.frame import Block
+from rig.frame import Block, LaneBlock
 from rig.record.event import Event
 from rig.util.console import Screen
 from rig.view.watch.page import Page, event_line
 
 
 class Drawer(Protocol):
-    """Draws the page of one row (1,) after another."""
+    """Draws the page of one row (1,) after another, with that of its servos, if it has any."""
 
-    def draw(self, row: Block | None, rate_hz: float, events: Sequence[Event]) -> None:
+    def draw(self, row: Block | None, rate_hz: float, events: Sequence[Event], moved: LaneBlock | None = None) -> None:
         """Draw the page of a row, with these events too; without a row they are for the next page."""
 
     def close(self) -> None:
@@ -38,11 +38,11 @@ class OnTerminal:
         self._live = Live(console=screen, auto_refresh=False)
         self._live.start()
 
-    def draw(self, row: Block | None, rate_hz: float, events: Sequence[Event]) -> None:
+    def draw(self, row: Block | None, rate_hz: float, events: Sequence[Event], moved: LaneBlock | None = None) -> None:
         """Draw now, if there is a row."""
         self._page.note(events, rate_hz)
         if row is not None:
-            self._live.update(self._page.draw(row[0], rate_hz), refresh=True)
+            self._live.update(self._page.draw(row[0], rate_hz, moved), refresh=True)
 
     def close(self) -> None:
         """Leave the last page on the terminal."""
@@ -55,18 +55,19 @@ class InPipe:
     def __init__(self, screen: Console, title: str = "") -> None:
         self._screen = screen
         self._page = Page(title)
-        self._last: tuple[Block, float] | None = None
+        self._last: tuple[Block, float, LaneBlock | None] | None = None
 
-    def draw(self, row: Block | None, rate_hz: float, events: Sequence[Event]) -> None:
+    def draw(self, row: Block | None, rate_hz: float, events: Sequence[Event], moved: LaneBlock | None = None) -> None:
         """Print the events, keep the row."""
         for event in events:
             self._screen.print(event_line(event.frame / rate_hz, event), soft_wrap=True)
-        self._last = self._last if row is None else (row, rate_hz)
+        self._last = self._last if row is None else (row, rate_hz, moved)
 
     def close(self) -> None:
         """Print the page."""
         if self._last is not None:
-            self._screen.print(self._page.draw(self._last[0][0], self._last[1]))
+            row, rate_hz, moved = self._last
+            self._screen.print(self._page.draw(row[0], rate_hz, moved))
 
 
 class InProcess:
@@ -75,11 +76,11 @@ class InProcess:
     def __init__(self) -> None:
         self._process = subprocess.Popen([sys.executable, "-P", "-m", "rig.view.watch.draw"], stdin=subprocess.PIPE)
 
-    def draw(self, row: Block | None, rate_hz: float, events: Sequence[Event]) -> None:
+    def draw(self, row: Block | None, rate_hz: float, events: Sequence[Event], moved: LaneBlock | None = None) -> None:
         """Pass it on, if there is anything."""
         if row is not None or events:
             with suppress(OSError):
-                pickle.dump((row, rate_hz, events), self._pipe)
+                pickle.dump((row, rate_hz, events, moved), self._pipe)
                 self._pipe.flush()
 
     def close(self) -> None:

@@ -14,12 +14,12 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Final
+from typing import Final, NamedTuple
 
 from rich.console import Console
 
 from rig.errors import BadInput
-from rig.frame import Block, to_frame
+from rig.frame import Block, LaneBlock, to_frame
 from rig.log import Log
 from rig.record.event import Event
 from rig.util.console import Screen
@@ -46,22 +46,34 @@ def watching(enabled: bool, realtime_factor: float | None) -> Iterator[Watch | N
         watch.close()
 
 
+class _Flown(NamedTuple):
+    """A block with the rows of its servos, if it has any."""
+
+    rows: Block
+    moved: LaneBlock | None
+
+    def part(self, k: int) -> _Flown:
+        """Return row ``k`` (1,)."""
+        end = k + 1 or None
+        return _Flown(self.rows[k:end], None if self.moved is None else self.moved[k:end])
+
+
 class Watch:
     """Takes blocks and has the pages of some of their frames drawn."""
 
     def __init__(self, drawer: Drawer, realtime_factor: float | None) -> None:
         self._drawer = drawer
         self._factor = realtime_factor
-        self._queue: deque[tuple[Block, float, Sequence[Event]]] = deque()
+        self._queue: deque[tuple[_Flown, float, Sequence[Event]]] = deque()
         self._changed = threading.Condition()  # guards the queue and _closing
         self._closing = False
         self.drawn = 0  # pages
         self._thread = threading.Thread(target=self._run, name="watch", daemon=True)
         self._thread.start()
 
-    def __call__(self, rows: Block, rate_hz: float, events: Sequence[Event]) -> None:
+    def __call__(self, rows: Block, rate_hz: float, events: Sequence[Event], moved: LaneBlock | None = None) -> None:
         """Take a block; never waits for the terminal."""
-        kept = rows.copy() if self._factor else rows[-1:].copy()
+        kept = _Flown(rows.copy(), moved) if self._factor else _Flown(rows[-1:].copy(), moved).part(-1)
         with self._changed:
             self._queue.append((kept, rate_hz, events))
             self._changed.notify()
@@ -74,34 +86,34 @@ class Watch:
         self._thread.join(timeout_s)
 
     def _run(self) -> None:
-        last: Block | None = None
+        last: _Flown | None = None
         rate_hz = 1.0
         while (blocks := self._take()) is not None:
-            rows, rate_hz, _ = blocks[-1]
-            self._play(rows, rate_hz, [event for _, _, events in blocks for event in events])
-            last = rows[-1:]
+            flown, rate_hz, _ = blocks[-1]
+            self._play(flown, rate_hz, [event for _, _, events in blocks for event in events])
+            last = flown.part(-1)
         if last is not None:
             self._draw(last, rate_hz, ())
         self._drawer.close()
 
-    def _play(self, rows: Block, rate_hz: float, events: Sequence[Event]) -> None:
+    def _play(self, flown: _Flown, rate_hz: float, events: Sequence[Event]) -> None:
         """Draw frames of a block as they were flown, until it is over or others wait."""
         pace_hz = rate_hz * (self._factor or float("inf"))
-        began, k = time.monotonic(), -1
+        rows, began, k = flown.rows, time.monotonic(), -1
         while k < len(rows) - 1 and (k < 0 or not self._waiting()):
             k = int(min((time.monotonic() - began + UPDATE_S) * pace_hz, len(rows) - 1))
             due = [event for event in events if event.frame <= rows["frame"][k]]
             events = events[len(due) :]
-            self._draw(rows[k : k + 1], rate_hz, due)
+            self._draw(flown.part(k), rate_hz, due)
             with self._changed:
                 self._changed.wait_for(lambda: self._closing, UPDATE_S)
         self._drawer.draw(None, rate_hz, events)  # of frames that were not drawn
 
-    def _draw(self, row: Block, rate_hz: float, events: Sequence[Event]) -> None:
-        self._drawer.draw(row, rate_hz, events)
+    def _draw(self, flown: _Flown, rate_hz: float, events: Sequence[Event]) -> None:
+        self._drawer.draw(flown.rows, rate_hz, events, flown.moved)
         self.drawn += 1
 
-    def _take(self) -> list[tuple[Block, float, Sequence[Event]]] | None:
+    def _take(self) -> list[tuple[_Flown, float, Sequence[Event]]] | None:
         """Wait for blocks and take all of them; None when there will be no more."""
         with self._changed:
             self._changed.wait_for(lambda: self._queue or self._closing)
@@ -131,16 +143,18 @@ def play(
     first, last = to_frame(from_s, log.rate_hz), len(log.rows) - 1
     if first > last:
         raise BadInput(f"--from {from_s:g}: the log ends at {last / log.rate_hz:g} s")
+    flown = _Flown(log.rows, log.lanes)
     if not screen.is_terminal:
-        page = InPipe(screen, title)
-        page.draw(log.rows[-1:], log.rate_hz, [event for event in log.events if event.frame >= first])
+        page, end = InPipe(screen, title), flown.part(-1)
+        page.draw(end.rows, log.rate_hz, [event for event in log.events if event.frame >= first], end.moved)
         page.close()
         return
     page, began, shown = OnTerminal(screen, title), clock(), -1
     try:
         while shown < last:
             k = min(first + int((clock() - began) * speed * log.rate_hz), last)
-            page.draw(log.rows[k : k + 1], log.rate_hz, [e for e in log.events if shown < e.frame <= k])
+            now, due = flown.part(k), [e for e in log.events if shown < e.frame <= k]
+            page.draw(now.rows, log.rate_hz, due, now.moved)
             shown = k
             sleep(UPDATE_S)
     except KeyboardInterrupt:

@@ -14,7 +14,21 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from rig.frame import DISCRETES, SIGNALS, End, Law, Pattern, Resolver, Source, State
+from rig.frame import (
+    CHANNELS,
+    DISCRETES,
+    MOVED,
+    SIGNALS,
+    ActuatorMonitor,
+    End,
+    LaneBlock,
+    Law,
+    Pattern,
+    Resolver,
+    Source,
+    State,
+)
+from rig.record.actuators import monitor_name
 from rig.record.event import Event
 from rig.text import plain
 from rig.units.angles import short_way
@@ -44,8 +58,8 @@ class Page:
         """Keep events for the foot of the page."""
         self._events.extend((event.frame / rate_hz, event) for event in events)
 
-    def draw(self, row: Any, rate_hz: float) -> RenderableType:
-        """Draw the page of one row of a block."""
+    def draw(self, row: Any, rate_hz: float, moved: LaneBlock | None = None) -> RenderableType:
+        """Draw the page of one row of a block; ``moved`` (1,): of its servos, whose sensors and ram are shown."""
         table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
         table.add_column("signal")  # the one that a narrow terminal cuts
         table.add_column("unit", no_wrap=True, style="dim")
@@ -57,6 +71,8 @@ class Page:
             table.add_row(*_signal(row, s))
         for d in range(len(DISCRETES)):
             table.add_row(*_discrete(row, d))
+        for surface, servo in () if moved is None else zip(MOVED, moved["actuator"][0], strict=True):
+            table.add_row(*_servo(surface, servo))
         lines = [event_line(time_s, event) for time_s, event in self._events]
         blank = [Text("")] * (EVENTS - len(lines))  # or the page would jump
         foot = [Text("events", style="dim"), *lines, *blank] if lines else []
@@ -120,6 +136,22 @@ def _discrete(row: Any, d: int) -> list[RenderableType]:
         *(_channel(values[c], states[c], lambda value: f"{int(value)}") for c in range(4)),
         Text(str(int(row["discrete_voted"][d]))),
         _level(int(row["discrete_level"][d]), DISCRETES[d].channels),
+    ]
+
+
+def _servo(surface: str, servo: Any) -> list[RenderableType]:
+    """Return position sensors, ram, channels that move it, and who shut the others off."""
+    scale, failed_by = scale_shown("rad"), servo["failed_by"]
+    states = [State.OK if by == ActuatorMonitor.NONE else State.FAILED for by in failed_by]
+    notes = (f"{c + 1} {monitor_name(by)}" for c, by in enumerate(failed_by) if by != ActuatorMonitor.NONE)
+    return [
+        _name(f"{surface} servo"),
+        unit_shown("rad"),
+        *(_channel(servo["lvdt"][c] * scale, states[c], _number) for c in range(CHANNELS)),
+        Text(_number(servo["ram"] * scale)),
+        _level(states.count(State.OK), CHANNELS),
+        Text("bypassed" if servo["bypassed"] else "", style="bold red"),
+        Text("; ".join(notes), style="yellow"),
     ]
 
 

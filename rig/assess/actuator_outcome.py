@@ -1,0 +1,139 @@
+"""The outcome of a flight's servo actuators, added up block by block beside that of its signals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.assess.monitored import MARGIN, channels_of
+from rig.assess.outcome import LONG_AGO, NEVER
+from rig.assess.outcome_actuators import MONITORS, PLACED, SERVO, VALVE, ActuatorOutcomes, add_lanes
+from rig.assess.record import ActuatorFailure, ActuatorScore, FaultScore, Isolation
+from rig.assess.words import Cause, IsolationKind
+from rig.faults import Fault
+from rig.faults.parts import Part
+from rig.faults.places import OF_SERVOS, number, site
+from rig.frame import MOVED, Block, LaneBlock, lane_rows, new_block
+from rig.record.actuators import monitor_name
+from rig.scenario import Scenario
+from rig.stages import actuator_monitors
+
+_ALL: Final = (1 << len(MOVED)) - 1
+_FRAMES: Final = ("failed_at", "differs_at", "bypassed_at")
+
+
+class ActuatorOutcome:
+    """What became of the faults of servos and of their channels: records of outcome_actuators.py, in bounded memory.
+
+    faults : (F,) outcome_records.FAULT of the flight, in which what was found of those on servos is noted too
+    """
+
+    def __init__(self, scenario: Scenario, faults: NDArray[Any]) -> None:
+        designed, monitors = actuator_monitors(scenario)
+        limits = monitors.limits
+        waits = [limits[name] for name in limits.dtype.names or () if name.endswith("_frames")]
+        self.persistence = int(max(np.max(waits), monitors.params["persistence"].max()))
+        self.records = ActuatorOutcomes(
+            faults=faults,
+            placed=_placed(scenario.faults),
+            servos=_blank_servos(),
+            designed=designed,
+            monitors=monitors,
+            linger=np.array([self.persistence + MARGIN]),
+        )
+        self._seen = False
+        add_lanes(new_block(0), lane_rows(0), lane_rows(0), self.records)  # compiles before the first frame
+
+    def add(self, rows: Block, lanes: LaneBlock) -> None:
+        """Add the next ``rows`` (n,) with their ``lanes`` (n,)."""
+        add_lanes(rows, lanes, lanes.copy(), self.records)
+        self._seen = self._seen or len(lanes) > 0
+
+    def completed(self, n: int, fault: FaultScore) -> FaultScore:
+        """Return what became of the fault of the ``n``-th FAULT record: as it is, unless it sits on servos."""
+        for placed in self.records.placed[self.records.placed["fault"] == n]:
+            wrong, surfaces = self._wrongly_failed(fault.onset_frame, int(placed["surfaces"])), int(placed["bypassed"])
+            return replace(
+                fault,
+                peak_error=None,
+                tolerated=fault.outcome == "missed" and fault.exceeded_run_frames < self.persistence,
+                word="wrong channel" if wrong else fault.word,
+                bypassed=tuple(_named(surfaces)),
+                bypassed_frame=int(placed["bypassed_at"]) if surfaces else None,
+            )
+        return fault
+
+    def _wrongly_failed(self, onset: int | None, surfaces: int) -> bool:
+        """Return whether a healthy channel of the ``surfaces``, bits, was failed for another's fault since."""
+        scores = self.scores()
+        failures = [failure for name in _named(surfaces) if name in scores for failure in scores[name].failures]
+        return onset is not None and any(one.cause == "wrong isolation" and one.frame >= onset for one in failures)
+
+    def scores(self) -> dict[str, ActuatorScore]:
+        """Return what became of every surface that a servo moves; of none, when no rows of servos were added."""
+        return (
+            {}
+            if not self._seen
+            else {name: _score(servo) for name, servo in zip(MOVED, self.records.servos, strict=True)}
+        )
+
+    def isolations(self, kind: IsolationKind) -> list[Isolation]:
+        """Return the healthy channels that were failed, of one kind."""
+        return [
+            Isolation(f"actuator.{name}", failure.channel, failure.frame, failure.monitor)
+            for name, score in self.scores().items()
+            for failure in score.failures
+            if failure.cause == kind
+        ]
+
+
+def finder(code: int) -> str:
+    """Return which monitor found a fault, as the kernel writes it: from MONITORS on."""
+    return "valve" if code == VALVE else monitor_name(code - MONITORS)
+
+
+def _named(surfaces: int) -> list[str]:
+    return [name for i, name in enumerate(MOVED) if surfaces >> i & 1]
+
+
+def _score(servo: Any) -> ActuatorScore:
+    failed, differs = (np.flatnonzero(servo[name] != NEVER).tolist() for name in ("failed_at", "differs_at"))
+    failures = [
+        ActuatorFailure(c + 1, int(servo["failed_at"][c]), monitor_name(servo["failed_by"][c]), _cause(servo, c))
+        for c in sorted(failed, key=lambda c: (servo["failed_at"][c], c))
+    ]
+    bypassed = int(servo["bypassed_at"])
+    return ActuatorScore(
+        failures=failures,
+        valves_differ={c + 1: int(servo["differs_at"][c]) for c in differs},
+        bypassed_frame=None if bypassed == NEVER else bypassed,
+    )
+
+
+def _cause(servo: Any, c: int) -> str:
+    return Cause(servo["cause"][c]).kind or "own fault"
+
+
+def _placed(faults: list[Fault]) -> NDArray[Any]:
+    """Return (A,) PLACED of the faults on servos: each of its channels, or once on what they share."""
+    on = [(i, fault, channel) for i, fault in enumerate(faults) for _, channel in channels_of(fault) or [("", 0)]]
+    records = np.zeros(len(on), PLACED)
+    records["channel"] = records["bypassed_at"] = NEVER
+    records["acted_at"] = LONG_AGO
+    for n, (record, (i, fault, channel)) in enumerate(zip(records, on, strict=True)):
+        where = site(fault.signal)
+        record["fault"], record["number"], record["valve"] = n, i, fault.effect.part == Part.VALVE_STUCK
+        record["surfaces"] = 1 << number(fault.signal) if where == "actuator" else _ALL
+        record["channel"] = channel - 1 if where == "actuator" and channel else NEVER
+    return records[[site(fault.signal) in OF_SERVOS for _, fault, _ in on]]
+
+
+def _blank_servos() -> NDArray[Any]:
+    servos = np.zeros(len(MOVED), SERVO)
+    servos["acted_at"] = servos["shared_at"] = LONG_AGO
+    for name in _FRAMES:
+        servos[name] = NEVER
+    return servos

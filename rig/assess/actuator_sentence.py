@@ -1,0 +1,78 @@
+"""What became of a fault of servo actuators, in words: who found it when, and whether it cost a surface."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from rig.assess.context import Context, channels
+from rig.assess.record import FaultScore
+from rig.faults.places import OF_SERVOS, site
+from rig.units.quantities import duration, seconds
+
+_NAMES: Final = {"valve": "the valve's switch"}
+
+
+def on_servos(fault: FaultScore) -> bool:
+    """Return True if a fault sits on a servo actuator or its hydraulics."""
+    return site(fault.signal) in OF_SERVOS
+
+
+def actuator_result(fault: FaultScore, about: Context) -> str:
+    """Return what became of a fault on servos: ``was found by current after 50 ms; elevator bypassed at once``."""
+    if not about.score.actuators:
+        return "was not looked at: the rows of the servos are missing"
+    found = {"detected": _found, "missed": _missed, "undetectable": _silent}[fault.outcome]
+    return "; ".join((found(fault, about), *_cost(fault, about)))
+
+
+def _found(fault: FaultScore, about: Context) -> str:
+    after = duration(fault.delay_from_onset_frames, about.rate_hz)
+    on = "" if fault.channel is not None else f" on {_failed_for(fault, about)}"
+    return f"was found by {_NAMES.get(fault.resolver or '', fault.resolver)} after {after}{on}"
+
+
+def _failed_for(fault: FaultScore, about: Context) -> str:
+    """Return the channels of a surface, failed in the frame in which what they share was found to be broken."""
+    named = [
+        f"{name} {channels(numbers)}"
+        for name, score in about.score.actuators.items()
+        if (numbers := [one.channel for one in score.failures if one.frame == fault.failed_frame])
+    ]
+    return " and ".join(named)
+
+
+def _missed(fault: FaultScore, about: Context) -> str:
+    if not about.scenario.actuators.monitors:
+        return "was not found: the monitors are switched off"
+    longest = duration(fault.exceeded_run_frames, about.rate_hz)
+    why = ", shorter than the persistence" if fault.tolerated else ""
+    return f"was not found: a threshold of its monitors was left for {longest} at most{why}"
+
+
+def _silent(fault: FaultScore, about: Context) -> str:
+    if fault.kind == "sov_stuck":
+        return "was not found: nobody shut the channel off"
+    return "was not found: no monitor left its threshold"
+
+
+def _cost(fault: FaultScore, about: Context) -> Iterator[str]:
+    """Yield the surfaces that it cost."""
+    if fault.bypassed_frame is not None:
+        frames = fault.bypassed_frame - (fault.onset_frame or 0)
+        when = f"{duration(frames, about.rate_hz)} after it" if frames else "at once"
+        yield f"{listed(fault.bypassed)} bypassed {when}"
+
+
+def bypassed(about: Context) -> str:
+    """Return the surfaces that nobody moved at some time, with the time: ``elevator bypassed from 5.30 s on``."""
+    told = {name: score.bypassed_frame for name, score in about.score.actuators.items()}
+    return ", ".join(
+        f"{name} bypassed from {seconds(frame, about.rate_hz)} on" for name, frame in told.items() if frame is not None
+    )
+
+
+def listed(names: tuple[str, ...]) -> str:
+    """Return names as people list them: ``elevator, aileron and rudder``."""
+    *most, last = names
+    return f"{', '.join(most)} and {last}" if most else last

@@ -1,0 +1,182 @@
+"""What became of faults of servo actuators: who found them when, who was failed wrongly, what it cost."""
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from rig import scenario
+from rig.assess import score
+from rig.assess.conclusion import conclusion
+from rig.assess.flight_outcome import FlightOutcome
+from rig.assess.of_log import FlightConclusion, score_log
+from rig.assess.record import Score, Yardstick
+from rig.assess.scoring import score_of
+from rig.assess.unfaulted import measured_again
+from rig.cli.main import app
+from rig.flight.assembly import fly
+from rig.frame import MOVED, ActuatorMonitor
+from rig.loop import Rig, frames
+from rig.scenario import Scenario
+
+ONSET_S, RATE_HZ = 1.0, 100.0
+ONSET = int(ONSET_S * RATE_HZ)
+HARDOVER = 'kind="coil_hardover", signal="actuator.elevator", channels=[2]'
+JAM = 'kind="spool_jam", signal="actuator.elevator"'
+PULL = "pilot.stick_pitch=[{time_s=1.1,value=0.5}]"
+
+
+def given(faults: tuple[str, ...], sets: tuple[str, ...] = (), seconds: float = 2.0) -> list[str]:
+    tables = ", ".join(f"{{{fault}{'' if 'start_s' in fault else f', start_s={ONSET_S}'}}}" for fault in faults)
+    return ['actuators.model="servo"', f"duration_s={seconds}", f"faults=[{tables}]", *sets]
+
+
+@cache
+def flown(*faults: str, sets: tuple[str, ...] = (), seconds: float = 2.0) -> tuple[Scenario, Any, Any]:
+    """The scenario, rows and lanes of an F-16 in level flight with ``faults``; never to be written."""
+    which = scenario.load(None, given(faults, sets, seconds))
+    rig, rows, lanes = Rig(which), [], []
+    for block, _ in frames(rig, which):
+        rows.append(block.copy())
+        lanes += rig.lanes(len(block))
+    return which, np.concatenate(rows), np.concatenate(lanes)
+
+
+def scored_flight(*faults: str, **more: Any) -> tuple[Score, list[str]]:
+    which, rows, lanes = flown(*faults, **more)
+    scored = score(which, rows, lanes=lanes)
+    return scored, conclusion(which, scored)
+
+
+def test_a_runaway_coil_is_found_by_its_current_when_the_persistence_is_over():
+    scored, told = scored_flight(HARDOVER)
+    (fault,) = scored.faults
+    # wrong from the onset on, for five frames, the onset's counted
+    assert (fault.outcome, fault.resolver, fault.exceeded_frame, fault.failed_frame) == (
+        "detected", "current", ONSET, ONSET + 4,
+    )  # fmt: skip
+    (failure,) = scored.actuators["elevator"].failures
+    assert (failure.channel, failure.frame, failure.monitor, failure.cause) == (2, ONSET + 4, "current", "own fault")
+    assert told[0].startswith(
+        "elevator channel 2 had the full current from 1.00 s on; it was found by current after 40 ms; "
+    )
+    assert "1 of 1 detectable faults detected, no healthy channel failed" in told[-1]
+
+
+def test_a_fault_of_a_channel_of_an_actuator_is_none_of_a_signal():
+    scored, told = scored_flight(HARDOVER)
+    assert scored.faults[0].window is None and "the vote" not in told[0]
+
+
+def test_a_loss_of_pressure_is_not_found_since_the_models_know_the_pressures():
+    scored, told = scored_flight('kind="hydraulic_loss", signal="hydraulics.1"')
+    assert scored.faults[0].outcome == "undetectable"
+    assert "hydraulic system 1 lost pressure from 1.00 s on; it was not found: no monitor left its" in told[0]
+
+
+def test_both_hydraulic_systems_cost_every_surface_at_once():
+    scored, told = scored_flight(*(f'kind="hydraulic_loss", signal="hydraulics.{n}"' for n in (1, 2)))
+    assert all(one.bypassed_frame == ONSET for one in scored.actuators.values())
+    assert scored.faults[0].bypassed == MOVED and "elevator, aileron and rudder bypassed at once" in told[0]
+    assert "elevator bypassed from 1.00 s on, aileron bypassed" in told[-1]
+
+
+def test_a_jam_fails_all_channels_and_costs_the_surface_when_the_last_one_is_shut_off():
+    which, rows, lanes = flown(JAM, sets=('turbulence="severe"',), seconds=5.0)
+    scored = score(which, rows, lanes=lanes)
+    by = lanes["actuator"]["failed_by"][:, 0]
+    failed = [int(np.argmax(by[:, c] != 0)) for c in range(4)]
+    assert by[-1].all() and scored.faults[0].failed_frame == min(failed)
+    assert scored.faults[0].bypassed_frame == scored.actuators["elevator"].bypassed_frame == max(failed)
+    assert [one.cause for one in scored.actuators["elevator"].failures] == ["own fault"] * 4
+    assert not scored.false_alarms and not scored.wrong_isolations
+
+
+def test_a_stuck_valve_is_found_when_the_channel_is_to_be_shut_off():
+    stuck = 'kind="sov_stuck", signal="actuator.elevator", channels=[2]'
+    alone, said = scored_flight(stuck)
+    assert alone.faults[0].outcome == "undetectable" and "nobody shut the channel off" in said[0]
+    scored, told = scored_flight(stuck, HARDOVER)
+    valve, coil = scored.faults
+    assert (coil.resolver, coil.failed_frame) == ("current", ONSET + 4)
+    # sensed from the next frame on, then for five frames
+    assert (valve.resolver, valve.failed_frame) == ("valve", ONSET + 9)
+    assert "found by the valve's switch after 90 ms" in told[0]
+    assert scored.actuators["elevator"].valves_differ == {2: ONSET + 9}
+
+
+def test_without_monitors_nobody_finds_anything_and_that_is_said():
+    scored, told = scored_flight(HARDOVER, sets=("actuators.monitors=false",))
+    assert scored.faults[0].outcome == "missed" and not scored.faults[0].tolerated
+    assert "it was not found: the monitors are switched off" in told[0]
+    assert "0 of 1 detectable faults detected" in told[-1]
+
+
+def test_a_fault_shorter_than_the_persistence_is_tolerated():
+    scored, told = scored_flight(f"{HARDOVER}, duration_s=0.03")
+    # three frames by its current, and one by the spool, which shows what was before
+    assert scored.faults[0].tolerated and scored.faults[0].exceeded_run_frames == 4
+    assert "a threshold of its monitors was left for 40 ms at most, shorter than the persistence" in told[0]
+
+
+@pytest.mark.parametrize(
+    ("surface", "kind", "field", "words"),
+    [
+        (0, "wrong isolation", "wrong_isolations", "although another channel was the faulty one"),
+        (1, "false alarm", "false_alarms", "although no channel of it was faulty"),
+    ],
+)
+def test_a_healthy_channel_that_is_shut_off_is_told(surface: int, kind: str, field: str, words: str):
+    which, rows, lanes = flown(HARDOVER)
+    tampered = lanes.copy()
+    tampered["actuator"]["failed_by"][ONSET + 12 :, surface, 2] = ActuatorMonitor.RAM
+    scored, name = score(which, rows, lanes=tampered), MOVED[surface]
+    (one,) = getattr(scored, field)
+    assert (one.signal, one.channel, one.frame, one.resolver) == (f"actuator.{name}", 3, ONSET + 12, "ram")
+    assert scored.actuators[name].failures[-1].cause == kind
+    told = conclusion(which, scored)
+    assert f"{name} channel 3 was healthy and was failed at 1.12 s by ram, {words}" in told
+    assert "1 healthy channel failed" in told[-1]
+    assert scored.faults[0].word == ("wrong channel" if surface == 0 else "isolated")
+
+
+def test_a_threshold_that_noise_leaves_gives_false_alarms_of_a_flight_without_faults():
+    scored, told = scored_flight(sets=("actuators.ram.threshold=1e-5",))
+    assert len(scored.false_alarms) == 12 and {one.resolver for one in scored.false_alarms} == {"ram"}
+    assert "no fault was in the scenario, 12 healthy channels failed" in told[-1]
+
+
+def test_blocks_of_rows_give_what_the_whole_flight_gives():
+    which, rows, lanes = flown(JAM, HARDOVER, sets=('turbulence="severe"',), seconds=5.0)
+    outcome = FlightOutcome(which, 2.0)
+    done = 0
+    for part, clean in measured_again(which, rows):
+        outcome.add(part, clean)
+        outcome.add_lanes(part, lanes[done : done + len(part)])
+        done += len(part)
+    whole = score(which, rows, lanes=lanes)
+    again = score_of(outcome)
+    assert done == len(rows) and again.actuators == whole.actuators and again.faults == whole.faults
+
+
+def test_rows_without_those_of_the_servos_are_not_scored():
+    which, rows, _ = flown(HARDOVER)
+    scored = score(which, rows)
+    assert scored.actuators == {} and "was not looked at" in conclusion(which, scored)[0]
+
+
+def test_the_command_lists_the_channels_of_actuators_among_the_failed(tmp_path: Path):
+    sets = [part for text in given((HARDOVER,)) for part in ("--set", text)]
+    result = CliRunner().invoke(app, ["fly", *sets, "--out", str(tmp_path)])
+    assert result.exit_code == 0 and "failed   elevator actuator channel 2\n" in result.stdout
+    assert "it was found by current after 40 ms" in result.stdout
+
+
+def test_a_flight_and_its_log_have_one_conclusion(tmp_path: Path):
+    flight = fly(None, overrides=given((HARDOVER,)), out=tmp_path, outcome=FlightConclusion())
+    scored = score_log(flight.log, Yardstick(), twin=False)
+    assert list(flight.conclusion) == scored.conclusion and "found by current after 40 ms" in flight.conclusion[0]
+    assert scored.as_dict()["actuators"]["elevator"]["failures"][0]["monitor"] == "current"

@@ -1,0 +1,61 @@
+"""Tables of a campaign with servo actuators: which monitor found which fault, and how soon."""
+
+from __future__ import annotations
+
+import polars as pl
+import pytest
+
+from rig.assess import score
+from rig.campaign.flying import CampaignFlight, fly
+from rig.campaign.rows import Row, fault_rows, run_row
+from rig.campaign.servos import FAULTS, by_kind, run_columns
+from rig.scenario import load
+
+BASE = "f16_elevator_coil_hardover"
+COIL = "{kind='coil_hardover', signal='actuator.elevator', channels=[2], start_s=1.0}"
+OPEN = "{kind='coil_open', signal='actuator.rudder', channels=[4], start_s=0.5}"
+LOSS = "{kind='hydraulic_loss', signal='hydraulics.1', start_s=1.0}"
+
+
+@pytest.fixture(scope="module")
+def flight() -> CampaignFlight:
+    return fly(load(BASE, ["duration_s=2", "actuators.continuity.coverage=1.0", f"faults=[{COIL}, {OPEN}, {LOSS}]"]))
+
+
+@pytest.fixture(scope="module")
+def rows(flight: CampaignFlight) -> list[Row]:
+    return fault_rows(0, flight.scenario, score(flight.scenario, flight.rows), flight.coils_failed)
+
+
+def test_a_fault_of_a_channel_has_the_monitor_that_found_it_and_the_delay(rows: list[Row]) -> None:
+    coil, wire, loss = rows
+    assert (coil["shut_off_by"], wire["shut_off_by"]) == ("current", "continuity")
+    assert 0.04 <= coil["shut_off_after_s"] <= 0.06  # its persistence, 0.05 s
+    assert 0.01 <= wire["shut_off_after_s"] <= 0.03  # 0.02 s
+    assert not FAULTS.keys() & loss.keys()  # a pressure is no channel
+
+
+def test_a_run_counts_channels_that_were_shut_off_and_those_without_a_fault(flight: CampaignFlight) -> None:
+    row = run_row(0, flight, score(flight.scenario, flight.rows))
+    assert (row["coils_failed"], row["healthy_coils_failed"]) == (2, 0)
+    others = {"elevator": {1: (1.5, "spool"), 2: (1.04, "current")}}
+    assert run_columns(flight.scenario, others) == {"coils_failed": 2, "healthy_coils_failed": 1}
+
+
+def test_a_flight_without_servos_has_none_of_the_columns(flight: CampaignFlight) -> None:
+    assert run_columns(load(None), {}) == {}
+
+
+def test_a_report_counts_kinds_by_their_monitors() -> None:
+    faults = pl.DataFrame(
+        {
+            "kind": ["lvdt", "lvdt", "lvdt", "offset"],
+            "signal": ["actuator.rudder"] * 3 + ["pitch_rate"],
+            "onset_s": [1.0, 1.0, 1.0, 1.0],
+            "shut_off_by": ["position", "ram", None, None],
+            "shut_off_after_s": [0.1, 0.3, None, None],
+        }
+    )
+    [row] = by_kind(faults)
+    assert (row["kind"], row["acted"], row["found"]["count"], row["longest_s"]) == ("lvdt", 3, 2, 0.3)
+    assert set(row["by"].split(", ")) == {"position 1", "ram 1"}

@@ -1,0 +1,48 @@
+"""The actuators in the report of a flight: what was shut off, when, by whom, and what its monitors compared."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from test_assess_actuators import HARDOVER, ONSET, given
+
+from rig.assess.of_log import score_log
+from rig.assess.record import Yardstick
+from rig.flight.assembly import fly
+from rig.flight.result import Flight
+from rig.report.actuators import happened, of_actuator
+from rig.report.flight import report
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
+    return fly(None, overrides=given((HARDOVER,)), out=tmp_path_factory.mktemp("logs"))
+
+
+def test_the_page_has_the_surface_with_channel_time_and_monitor(flight: Flight, tmp_path: Path):
+    report(flight.log, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    assert "<b>elevator</b>: channel 2 shut off at 1.04 s by current." in page
+    assert 'id="actuator-elevator"' in page and 'id="actuator-rudder"' not in page
+
+
+def test_the_picture_shows_the_channel_leave_its_threshold_and_end(flight: Flight):
+    log, scored = flight.recorded, score_log(flight.log, Yardstick(), twin=False)
+    (one,) = happened(scored)
+    assert (one.surface, one.begin) == ("elevator", ONSET - 50)
+    assert log.lanes is not None
+    acting = np.unpackbits(log.rows["acting"], axis=1, bitorder="little")
+    figure: Any = of_actuator(log.lanes, acting, scored, one)
+    currents = {line.name: np.array(line.y) for line in figure.data if line.yaxis == "y2"}
+    beyond = {name: int((np.abs(values) > 0.25).sum()) for name, values in currents.items()}
+    assert beyond == {"channel 1": 0, "channel 2": 5, "channel 3": 0, "channel 4": 0}
+    assert np.isnan(currents["channel 2"][56:]).all() and not np.isnan(currents["channel 1"]).any()
+    levels = {shape.y0 for shape in figure.layout.shapes if shape.yref == "y2"}
+    assert levels == {-0.25, 0.25}
+
+
+def test_a_flight_without_servos_has_no_such_section(tmp_path: Path):
+    plain = fly(None, overrides=["duration_s=0.5"], out=tmp_path)
+    report(plain.log, tmp_path / "page.html")
+    assert "<h2>Actuators</h2>" not in (tmp_path / "page.html").read_text()

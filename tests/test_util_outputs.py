@@ -1,0 +1,220 @@
+"""No command writes over an input, a campaign's own file or its other output, however the name is spelled."""
+
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+from rig.aircraft import folder as aircraft_folder
+from rig.cli.main import app
+from rig.errors import BadInput
+from rig.util.files import bundled
+from rig.util.outputs import require_apart
+
+THRESHOLDS = ["thresholds", "in.csv", "--config", "c.toml", "--budget", "3", "--monitored", "m.csv"]
+VOTE = ["vote", "in.csv", "--config", "c.csv", "--inject", "f.csv"]
+REPLAY = ["replay", "q.mcap", "--redundancy", "r.mcap"]
+OWN = ("C/campaign.json", "C/lock", "C/runs/000000-000003.parquet", "C/logs/run_000000.mcap")
+# A command without the option that names its output, that option, and what it must not be.
+COMMANDS: tuple[tuple[list[str], str, tuple[str, ...]], ...] = (
+    (["report", "q.mcap"], "--out", ("q.mcap", OWN[0])),
+    (["export", "q.mcap", "--to", "csv"], "--out", ("q.mcap", OWN[0])),
+    (["export", "q.mcap", "--to", "parquet"], "--out", ("q.mcap",)),
+    (["export", "q.mcap", "--to", "npz"], "--out", ("q.mcap",)),
+    (["export", "q.mcap", "--layout", "foxglove"], "--out", ("q.mcap", OWN[0])),
+    (["recover", "q.mcap"], "--out", ("q.mcap", *OWN)),
+    (REPLAY, "--out", ("q.mcap", "r.mcap", OWN[0])),
+    (VOTE, "--out", ("in.csv", "c.csv", "f.csv", OWN[2])),
+    (["vote", "T", "--config", "c.csv"], "--out", ("T/cells.parquet",)),
+    (["vote", "D", "--config", "c.csv"], "--out", ("D/in.csv",)),
+    (THRESHOLDS, "--out", ("in.csv", "c.toml", "m.csv", OWN[0])),
+    ([*THRESHOLDS, "--out", "o.toml"], "--plot", ("in.csv", "c.toml", "m.csv", OWN[0])),
+    (["thresholds", "D", "--budget", "3"], "--out", ("D/in.csv",)),
+    (["view", "q.mcap", "b.mcap"], "--save", ("q.mcap", "b.mcap", OWN[0])),
+    (["view", "q.mcap", "b.mcap"], "--screenshot", ("q.mcap", "b.mcap", OWN[0])),
+    (["campaign", "report", "C"], "--out", OWN),
+    (["reliability", "run", "C", "T", "--rates", "r.toml"], "--report", ("r.toml", OWN[0], "T/trials.json")),
+    (["aircraft", "design", "f16_own"], "--out", ("f16_own/aircraft.toml",)),
+)
+# These write under new names in a folder.
+FOLDERS: tuple[list[str], ...] = (
+    ["fly", "s.toml"],
+    ["campaign", "run", "s.toml"],
+    ["aircraft", "new", "mine", "--base", "c172x"],
+    ["reliability", "trials", "reliability", "--runs", "1"],
+    ["study", "ding2015"],
+)
+FILES = ("q.mcap", "b.mcap", "r.mcap", "in.csv", "m.csv", "c.csv", "f.csv", "c.toml", "r.toml", "D/in.csv")
+
+
+def linked(path: str) -> str:
+    link = f"link{Path(path).suffix}"
+    Path(link).symlink_to(Path(path).absolute())
+    return link
+
+
+def hard_linked(path: str) -> str:
+    link = f"hard{Path(path).suffix}"
+    Path(link).hardlink_to(path)
+    return link
+
+
+def through_a_link(path: str) -> str:
+    Path("here").symlink_to(Path.cwd())
+    return f"here/{path}"
+
+
+SPELLINGS: dict[str, Callable[[str], str]] = {
+    "same": str,
+    "dot": lambda path: f"./{path}",
+    "detour": lambda path: f"D/../{path}",
+    "absolute": lambda path: str(Path(path).absolute()),
+    "link": linked,
+    "hard link": hard_linked,
+    "link to the folder": through_a_link,
+}
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with inputs: what is in them does not matter, they are not read."""
+    monkeypatch.chdir(tmp_path)
+    for name in (*FILES, *OWN, "T/trials.json", "T/cells.parquet"):
+        path = Path(name)
+        path.parent.mkdir(exist_ok=True, parents=True)
+        path.write_text(f"this is {name}")
+    shutil.copytree(aircraft_folder("f16"), "f16_own")
+    return tmp_path
+
+
+def everything(folder: Path) -> dict[str, bytes]:
+    """All files below a folder, and what is in them."""
+    found = (Path(at) / name for at, _, names in os.walk(folder) for name in names)
+    return {str(path): path.read_bytes() for path in found}
+
+
+def _cases() -> Iterator[Any]:
+    """Every command with each file that it must not write to, by each of its names.
+
+    A hard link of what a campaign keeps is replaced and not written to: where the folder is no input, no file is lost.
+    """
+    for command, option, paths in COMMANDS:
+        for path, spelled in product(paths, SPELLINGS):
+            if spelled != "hard link" or path not in OWN or ("C" in command and path != "C/lock"):
+                yield pytest.param(command, option, path, spelled, id=f"{' '.join(command)} {option} {path}, {spelled}")
+
+
+@pytest.mark.parametrize(("command", "option", "precious", "spelled"), list(_cases()))
+def test_no_command_writes_over_what_it_reads(rig_command, here, command, option, precious, spelled):
+    out = SPELLINGS[spelled](precious)
+    before = everything(here)
+    code, said, error = rig_command(*command, option, out)
+    assert (code, said, error.count("\n")) == (2, "", 1), error
+    assert error.startswith("error: ") and option in error
+    assert any(why in error for why in ("is the input", "is among the data", "of the folder's own"))
+    assert everything(here) == before
+
+
+@pytest.mark.parametrize(
+    ("spelled", "there"),
+    [(name, there) for name in SPELLINGS for there in (True, False) if there or name not in ("link", "hard link")],
+)
+def test_two_outputs_are_two_files(rig_command, here, spelled, there):
+    if there:
+        Path("both.toml").write_text("precious")
+    plot = SPELLINGS[spelled]("both.toml")
+    before = everything(here)
+    code, _, error = rig_command(*THRESHOLDS, "--out", "both.toml", "--plot", plot)
+    assert (code, error) == (2, f"error: --plot {Path(plot)}: is --out too\n") and everything(here) == before
+
+
+@pytest.mark.parametrize("out", ["references.toml", "./references.toml", "runs/../references.toml"])
+def test_gains_and_references_are_two_files(rig_command, here, monkeypatch, out):
+    monkeypatch.chdir("f16_own")
+    Path("runs").mkdir()
+    before = everything(here)
+    code, _, error = rig_command("aircraft", "design", str(here / "f16_own"), "--out", out)
+    assert code == 2 and "references.toml: is --out too" in error and everything(here) == before
+
+
+@pytest.mark.parametrize(
+    ("command", "log"),
+    [(["report"], "a.html"), (["export", "--to", "csv"], "a.csv"), (["export", "--layout", "foxglove"], None)],
+)
+def test_the_name_that_is_not_given_is_not_the_input_either(rig_command, here, command, log):
+    log = log or "a.foxglove.json"
+    Path(log).write_text("a log may have any name")
+    if log.endswith("json"):
+        Path("a").symlink_to(log)  # its layout would be a.foxglove.json
+        log = "a"
+    before = everything(here)
+    code, _, error = rig_command(command[0], log, *command[1:])
+    assert code == 2 and "is the input" in error and everything(here) == before
+
+
+@pytest.mark.parametrize("command", FOLDERS, ids=lambda command: " ".join(command[:2]))
+def test_a_folder_for_outputs_is_not_the_input(rig_command, here, command):
+    shutil.copy(bundled("faults") / "f16_pitch_rate_hardover.toml", "s.toml")
+    if command[0] == "campaign":
+        Path("s.toml").write_text('title = "two"\nruns = 2\nbase = "f16_pitch_rate_hardover"\n')
+    before = everything(here)
+    code, said, error = rig_command(*command, "--out", "s.toml")
+    assert (code, said, error.count("\n")) == (2, "", 1) and "s.toml" in error, error
+    assert everything(here) == before
+
+
+@pytest.mark.parametrize("link", [os.symlink, os.link])
+def test_the_recording_of_a_flight_takes_no_name_that_is_taken(rig_command, here, link):
+    scenario = 'title = "short"\naircraft = "f16"\nduration_s = 0.5\n'
+    Path("s.toml").write_text(scenario)
+    Path("logs").mkdir()
+    link(here / "s.toml", here / "logs" / "s_seed1.rrd")
+    code, _, error = rig_command("fly", "s.toml", "--seed", "1", "--rerun", "save", "--json")
+    assert code == 0, error
+    assert Path("s.toml").read_text() == scenario and Path("logs/s_seed1.rrd").samefile("s.toml")
+    assert sorted(path.name for path in Path("logs").iterdir()) == ["s_seed1.rrd", "s_seed1_2.mcap", "s_seed1_2.rrd"]
+
+
+def test_what_harms_nothing_is_allowed(here):
+    page, table, layout = Path("C/report.html"), Path("C/logs/run_000000.csv"), Path("C/thresholds.toml")
+    for path in (page, table, layout):
+        path.write_text("from an earlier time")
+    require_apart({"--out": page}, ["C"])
+    require_apart({"--out": layout, "--plot": page}, ["C"])
+    require_apart({"--out": Path("D/voted.csv")}, ["D"])
+    require_apart({"--out": table}, ["C/logs/run_000000.mcap"])
+    require_apart({"--out": Path("C/logs/run_000000.what-if.mcap"), "--plot": None}, ["C/logs/run_000000.mcap", None])
+    require_apart({"--out": Path("runs/000000-000003.parquet")}, ["bundled_name", "n" * 300, "a\0b"])
+
+
+def test_a_name_that_no_file_can_have_is_one_line():
+    with pytest.raises(BadInput, match="null byte"):
+        require_apart({"--out": Path("a\0b")})
+
+
+def test_every_option_that_names_an_output_is_in_the_tables():
+    found = {(path, option) for path, option in _outputs(typer.main.get_command(app), ())}
+    listed = {(_of(command), option) for command, option, _ in COMMANDS}
+    listed |= {(_of(command), "--out") for command in FOLDERS} | {(("campaign", "fly"), "--out")}  # a new log
+    assert found == listed
+
+
+OPTIONS = ("--out", "--save", "--screenshot", "--plot", "--report")
+GROUPS = ("campaign", "reliability", "aircraft", "study")
+
+
+def _of(command: list[str]) -> tuple[str, ...]:
+    return tuple(command[: 2 if command[0] in GROUPS else 1])
+
+
+def _outputs(command: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], str]]:
+    for name, inner in getattr(command, "commands", {}).items():
+        yield from _outputs(inner, (*path, name))
+    for parameter in command.params:
+        older = "--plot" if "--report" in parameter.opts else ""  # its older name
+        yield from ((path, option) for option in parameter.opts if option in OPTIONS and option != older)
