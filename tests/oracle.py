@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from oracle_answers import Settings, View, first_answer
+from oracle_lasting import Lasting
 
 LAST_CHANNEL = 1.5  # reference thresholds
 
@@ -54,6 +55,9 @@ class Oracle:
     accused: set[int] = field(default_factory=set)
     rules: set[str] = field(default_factory=set)
 
+    def __post_init__(self) -> None:
+        self.lasting = Lasting(self.s)
+
     def step(
         self, samples: list[float | None], ilm: Sequence[str], reference: float | None, second: float | None = None
     ) -> Frame:
@@ -62,6 +66,9 @@ class Oracle:
         disputed_by = self.disputed_by(view)
         view.lonely = set(view.use) if disputed_by else self.miscomparing(view.seen) or self.outliers(view.seen)
         self.name(view)
+        stale = self.lasting.stale(samples) & set(view.use)
+        self.reached("stale in the middle", stale and stale & set(view.middle_two) and not view.lonely)
+        view.lonely = view.lonely | stale
         self.remember(view)
         view.pattern, view.bits = self.pattern, self.bits
         resolver, vote, wrong = self.decide(view, disputed_by)
@@ -69,7 +76,7 @@ class Oracle:
         resolver = self.compare_references(view, vote, second, resolver)
         self.accused = self.evidence(view, resolver, wrong)
         self.count(view)
-        self.fail(view, resolver, wrong)
+        resolver = self.fail_and_learn(view, resolver, wrong)
         self.vote = vote
         states = [self.state(c, view, wrong) for c in range(self.s.channels)]
         high, low = (sum(bit << i for i, bit in enumerate(reversed(byte))) for byte in self.bits)
@@ -84,9 +91,10 @@ class Oracle:
         here = {c: None if x is None else near(x, base) for c, x in enumerate(samples)}
         smooth = {c: self.smooth(c, x) for c, x in here.items()}
         use = {c: x for c, x in here.items() if x is not None and c not in self.failed}
-        seen = {c: x for c, x in smooth.items() if x is not None and c in use}
+        beside = {c: x for c, x in smooth.items() if x is not None and c in use}
+        seen = {c: x - self.lasting.bias[c] for c, x in beside.items()}
         reference = None if reference is None else near(reference, base)
-        return View(self.s, use, seen, ilm, reference, self.smooth("reference", reference), self.trusted)
+        return View(self.s, use, seen, beside, ilm, reference, self.smooth("reference", reference), self.trusted)
 
     def smooth(self, key: str | int, x: float | None) -> float | None:
         """The next value behind the filter: a share of the way to ``x``; it begins with ``x``, after a gap too."""
@@ -178,6 +186,22 @@ class Oracle:
             self.reached(f"{self.pattern} settled by {resolver}", wrong)
             self.failed |= wrong
 
+    def fail_and_learn(self, view: View, resolver: str, wrong: set[int]) -> str:
+        """Latch, those of small deviations too; what is summed begins again then, else biases move."""
+        view.trusted = self.trusted  # as this frame left it
+        before = set(self.failed) if resolver != "common" else set()
+        slow = self.lasting.summed(view) if resolver != "common" else set()
+        self.reached("slow", slow)
+        self.reached("ranked by the bias", len(view.use) > 1 and view.by_seen != view.ascending)
+        self.failed |= slow
+        self.fail(view, resolver, wrong)
+        if self.failed != before:
+            self.lasting.sums.clear()
+        else:
+            self.reached("bias learned", self.s.bias_bound and len(view.use) > 1 and self.pattern == "normal")
+            self.lasting.learn(view, view.lonely | wrong | {c for c in view.use if self.counts[c]})
+        return "slow" if slow else resolver
+
     # Section 2, and the trend bytes of section 4.
 
     def name(self, view: View) -> None:
@@ -216,18 +240,16 @@ class Oracle:
 
     def decide(self, view: View, disputed_by: str) -> tuple[str, float, set[int]]:
         """Resolver, vote and who is wrong."""
-        x, n = view.x, len(view.x)
+        n = len(view.x)
         if not n:
             return "none", self.vote if self.vote is not None else 0.0, set()
         if disputed_by:
             return self.instead_of_the_last(view, disputed_by)
         if self.singular:
             return self.resolve(view)
-        if n == 4 and view.ascending[2] in view.lonely:
-            return "none", x[1], set()
-        if n == 4 and view.ascending[1] in view.lonely:
-            return "none", x[2], set()
-        return "none", sum(view.ranks) / 2, set()
+        voting = view.ascending[(n - 1) // 2 : n // 2 + 1]
+        sound = [view.use[c] for c in voting if c not in view.lonely] or [view.use[c] for c in voting]
+        return "none", sum(sound) / len(sound), set()
 
     def instead_of_the_last(self, view: View, disputed_by: str) -> tuple[str, float, set[int]]:
         """While the last channel miscompares: the reference if usable, else the last vote."""

@@ -20,6 +20,11 @@ class Settings:
     outlier: float | None = None  # of four samples that agree within the threshold, and of three; none where not given
     outlier_triplex: float | None = None
     filter_share: float = 0.0  # of a new sample in what is compared; 0: the sample itself
+    bias_bound: float = 0.0
+    bias_share: float = 0.0  # of what is left, a frame
+    slow_allowance: float = 0.0
+    slow_limit: float = 0.0  # unit times frames
+    stale_frames: int = 0
     persistence: int = 8
     singular_persistence: int = 10
     resolvers: tuple[str, ...] = ("ilm", "reference", "trend", "extremes", "middle")
@@ -58,6 +63,7 @@ class View:
     s: Settings
     use: dict[int, float]
     seen: dict[int, float]
+    beside: dict[int, float]  # what stands beside the reference: as seen, with the learned bias
     ilm: Sequence[str]
     reference: float | None  # finite
     seen_reference: float | None
@@ -112,15 +118,17 @@ def by_reference(view: View) -> Answer | None:
         return None
     if view.pattern in PAIRS:
         return triplex(view, reference)
-    within = [c for c in view.seen if view.s.apart(view.seen[c], reference) <= view.s.reference_threshold]
+    within = [c for c in view.seen if view.s.apart(view.beside[c], reference) <= view.s.reference_threshold]
     if len(within) != 1:
         return None
     return view.use[within[0]], set(view.use) - set(within)
 
 
-def triplex(view: View, reference: float) -> Answer:
-    """Section 4.3: the middle, and who fails for it."""
-    (above, below), (low, high) = (view.seen[c] for c in view.middle_two), view.halves
+def triplex(view: View, reference: float) -> Answer | None:
+    """Section 4.3: the middle, and who fails for it; nothing where the bias alone tells the halves apart."""
+    (above, below), (low, high) = (view.beside[c] for c in view.middle_two), view.halves
+    if below > above:
+        return None
     vote = sorted([*(view.use[c] for c in view.middle_two), view.reference or 0.0])[1]
     if reference >= above:
         return vote, low

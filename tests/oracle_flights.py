@@ -112,6 +112,31 @@ def filtered(flight: Flight, pick: Pick) -> Flight:
     )
 
 
+def lasting(flight: Flight, pick: Pick) -> Flight:
+    """The same for longer and with biases, which are learned, summed, or neither; samples may not repeat for ever."""
+    s = flight.settings
+    more = {
+        "bias_bound": pick([0.0, 0.3, 0.9]),
+        "bias_share": pick([0.05, 0.3]),
+        "slow_allowance": pick([0.10037, 0.30171]),
+        "slow_limit": pick([0.0, 0.30713, 1.11131]),
+        "stale_frames": pick([0, 3, 12]),
+    }
+    beside = {name: getattr(s, name) + 1 / 1024 for name in ("threshold", "reference_threshold", "second_threshold")}
+    longer = [k for k in range(len(flight.samples)) for _ in range(pick([1, 1, 4, 9]))]
+    biases = [pick([0.0, 0.0, 0.203125, 0.453125, -0.453125]) for _ in range(4)]
+    samples, ilm, references, seconds = (
+        [column[k] for k in longer] for column in (flight.samples, flight.ilm, flight.references, flight.seconds)
+    )
+    calm = pick([0, 12, 40])  # frames before all that
+    rest = [3.0 if c < s.channels else None for c in range(4)]
+    samples, ilm = [rest] * calm + samples, [("good",) * 4] * calm + ilm
+    references, seconds = [pick([None, 3.0])] * calm + references, [None] * calm + seconds
+    samples = [[None if x is None else x + bias for x, bias in zip(row, biases, strict=True)] for row in samples]
+    references = [None if x is None else x + 1 / 2048 for x in references]
+    return Flight(replace(s, **more, **beside), samples, ilm, references, seconds)
+
+
 @st.composite
 def flights(draw: Any, turn: bool = False) -> Flight:
     return build(lambda choices: draw(st.sampled_from(choices)), turn)

@@ -14,7 +14,7 @@ from one_stage import step_stage
 from oracle import Frame, Oracle
 from oracle_answers import Settings
 from oracle_boxes import SIGNALS, BoxFlight, BoxOracle, seeded_boxes
-from oracle_flights import Flight, Pick, by_level, filtered, flights, seeded, with_outliers
+from oracle_flights import Flight, Pick, by_level, filtered, flights, lasting, seeded, with_outliers
 
 from rig.computer.redundancy.config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.managers import Manager
@@ -47,6 +47,11 @@ def run(flight: Flight) -> Voted:
         outlier_threshold=s.outlier,
         outlier_threshold_triplex=s.outlier_triplex,
         filter_s=-1.0 / (100.0 * log1p(-s.filter_share)) if s.filter_share else 0.0,
+        bias_bound=s.bias_bound,
+        bias_s=1.0 / (100.0 * s.bias_share) if s.bias_share else 10.0,
+        slow_allowance=s.slow_allowance if s.slow_limit else None,
+        slow_limit=s.slow_limit / 100.0 if s.slow_limit else None,
+        stale_frames=s.stale_frames,
     )
 
 
@@ -113,7 +118,7 @@ def test_and_of_an_angle_on_the_circle(flight: Flight):
 
 
 @pytest.mark.parametrize("turn", [False, True])
-@pytest.mark.parametrize("change", [by_level, with_outliers, filtered])
+@pytest.mark.parametrize("change", [by_level, with_outliers, filtered, lasting])
 def test_so_are_those_with_thresholds_by_level_and_scale_and_behind_a_filter(
     change: Callable[[Flight, Pick], Flight], turn: bool
 ):
@@ -137,6 +142,19 @@ def test_these_flights_have_outliers_with_and_without_a_majority():
             oracle.step(*given_in_frame)
             reached.update(oracle.rules)
     assert reached["outlier"] > 50 and reached["outlier: no two are close"] > 20
+
+
+@pytest.mark.skipif(FEWER > 1, reason="a part of the flights need not reach every rule")
+def test_these_flights_learn_sum_and_repeat():
+    reached: Counter[str] = Counter()
+    for seed in range(300):
+        flight = lasting(seeded(seed), Random(seed).choice)
+        oracle = Oracle(flight.settings)
+        for given_in_frame in in_frames(flight):
+            oracle.step(*given_in_frame)
+            reached.update(oracle.rules)
+    wanted = ("slow", "bias learned", "stale in the middle", "ranked by the bias")
+    assert {rule: reached[rule] for rule in wanted if reached[rule] < 8} == {}
 
 
 RULES = (

@@ -24,6 +24,7 @@ _RESOLVERS: Final = {
     "middle": "for not being the middle one",
     "box": "with its whole box",
     "common": "with all channels: two references agreed against them",
+    "slow": "by the sum of its small deviations",
 }
 
 

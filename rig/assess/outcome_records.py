@@ -7,10 +7,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import CHANNELS, Pattern, sig
+from rig.frame import CHANNELS, Pattern, Resolver, sig
 
 COMPARISON: Final = 0  # who failed a channel: this, or a Resolver
 PATTERNS: Final = len(Pattern)
+RESOLVERS: Final = len(Resolver)
 ROOM: Final = 4 * CHANNELS  # a signal, of the arrays that are emptied
 EXTREMES: Final = (sig.N_Z, sig.Q, sig.THETA, sig.PHI, sig.ALPHA)  # of the truth
 FAULT: Final = np.dtype(

@@ -11,7 +11,7 @@ import numpy as np
 
 from rig.assess.outcome import LEVELS, NEVER, channel_bits, count_healthy, count_vote, mark_failed, mark_wrong
 from rig.assess.outcome_faults import follow_faults, is_singular, mark_acting, watch_faults
-from rig.assess.outcome_records import COMPARISON, EXTREMES, PATTERNS
+from rig.assess.outcome_records import COMPARISON, EXTREMES, PATTERNS, RESOLVERS
 from rig.assess.unfaulted import injected, middle, same
 from rig.assess.words import Cause
 from rig.frame import CHANNELS, Ilm, Resolver, State, UnitStatus, sig
@@ -144,7 +144,7 @@ def add_failures(row, s, became, frame, signal, out):
         if (became >> c) & 1:
             resolver = np.int64(row["resolver"][s])
             comparable = row["valid"][s, c] != 0 and math.isfinite(row["channels"][s, c])
-            if not comparable or resolver == Resolver.UNRESOLVED or resolver > Resolver.COMMON.value:
+            if not comparable or resolver == Resolver.UNRESOLVED or resolver >= RESOLVERS:
                 resolver = COMPARISON
             cause = add_failure(row, s, c, False, resolver, frame, out)
             excused |= (cause == Cause.WITH_ITS_BOX or cause == Cause.BY_RULE) << c
@@ -236,7 +236,7 @@ def keep_last(row, s, before, frame, episode):
     """Keep what the resolvers of an episode have to go by in its last row."""
     resolver = row["resolver"][s]
     episode["last"], episode["resolver"], episode["failed"] = frame, resolver, before
-    episode["resolvers"] |= 1 << (resolver if resolver <= Resolver.COMMON.value else Resolver.NONE.value)
+    episode["resolvers"] |= 1 << (resolver if resolver < RESOLVERS else Resolver.NONE.value)
     for c in range(CHANNELS):
         episode["channels"][c], episode["valid"][c] = row["channels"][s, c], row["valid"][s, c]
         episode["ilm"][c] = row["ilm"][s, c]

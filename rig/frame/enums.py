@@ -48,6 +48,7 @@ class Resolver(IntEnum):
     UNRESOLVED = 6
     BOX = 7  # the channel is out on several signals: its box has died
     COMMON = 8  # all channels agree, and two references agree against them
+    SLOW = 9  # small deviations of a channel, summed over seconds
 
 
 class Ilm(IntEnum):

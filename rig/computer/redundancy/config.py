@@ -44,6 +44,16 @@ class SignalConfig(Settings):
     resolvers: list[ResolverName] = ["ilm", "reference", "trend", "extremes", "middle"]  # the last two close the order
     trend_frames: int = Field(default=8, ge=1, le=8)
     reference_threshold: float | None = Field(default=None, gt=0)  # as threshold when not given
+    # What lasts (lasting.py); each 0 or not given: off.
+    bias_bound: float = Field(
+        default=0.0, ge=0
+    )  # largest difference of a healthy channel that is learned, and compared without
+    bias_s: float = Field(default=10.0, gt=0)  # time constant of the learning
+    slow_allowance: float | None = Field(default=None, gt=0)  # what a deviation may be for ever
+    slow_limit: float | None = Field(
+        default=None, gt=0
+    )  # sum of what exceeds it that fails a channel, unit times seconds
+    stale_frames: int = Field(default=0, ge=0)  # a sample repeated so often miscompares
     mean: Literal["plain", "trend-weighted"] = "plain"
     readmit_frames: int = Field(default=100, ge=1)  # agreement needed before a reset readmits
     fade_s: float = Field(default=0.0, ge=0)  # after a change of level
@@ -64,6 +74,19 @@ class SignalConfig(Settings):
             limit = getattr(self, f"outlier_threshold{level}")
             if limit is not None and limit > most:
                 raise ValueError(f"outlier_threshold{level}: at most threshold{level}, {most:g}, got {limit:g}")
+        return self
+
+    @model_validator(mode="after")
+    def _bias_within(self) -> SignalConfig:
+        least = min(x for x in (self.threshold, self.threshold_triplex, self.threshold_duplex) if x is not None)
+        if self.bias_bound > least:
+            raise ValueError(f"bias_bound: at most the threshold of every level, {least:g}, got {self.bias_bound:g}")
+        return self
+
+    @model_validator(mode="after")
+    def _sum_of_both(self) -> SignalConfig:
+        if (self.slow_allowance is None) != (self.slow_limit is None):
+            raise ValueError("slow_allowance, slow_limit: both or neither")
         return self
 
     @field_validator("resolvers")
@@ -133,6 +156,11 @@ PARAMS: Final = np.dtype(
         ("outlier_threshold", "f8"),  # 0: none
         ("outlier_threshold_triplex", "f8"),
         ("filter_gain", "f8"),  # share of a new sample in the low-pass of the comparison (lowpass.py); 0: none
+        ("bias_bound", "f8"),  # 0: no bias is learned (lasting.py)
+        ("bias_gain", "f8"),  # share of a new residual
+        ("slow_allowance", "f8"),
+        ("slow_limit", "f8"),  # unit times frames; 0: no sums
+        ("stale_frames", "i8"),  # 0: any sample may repeat
         ("reference_threshold", "f8"),
         ("reference_airspeed_m_s", "f8"),  # of a wind, equivalent; 0 where none (reference_monitor.py)
         ("second_threshold", "f8"),
@@ -195,6 +223,9 @@ def fill(
         outlier_threshold=config.outlier_threshold or 0.0,
         outlier_threshold_triplex=config.outlier_threshold_triplex or 0.0,
         filter_gain=gain(config.filter_s, rate_hz),
+        bias_gain=min(1.0, 1.0 / (config.bias_s * rate_hz)),
+        slow_allowance=config.slow_allowance or 0.0,
+        slow_limit=(config.slow_limit or 0.0) * rate_hz,
         reference_threshold=config.reference_threshold or threshold,
         reference_airspeed_m_s=0.0,
         second_threshold=threshold,

@@ -15,6 +15,16 @@ from numpy.typing import NDArray
 from rig.computer.redundancy import vote
 from rig.computer.redundancy.box import accused, fail_boxes
 from rig.computer.redundancy.compare import comparable, is_singular, outlier_threshold, pattern_of, rank, threshold
+from rig.computer.redundancy.lasting import (
+    NOBODY,
+    begin_sums,
+    count_repeats,
+    is_stale,
+    learn_bias,
+    mark_stale,
+    take_bias_off,
+    watch_sums,
+)
 from rig.computer.redundancy.lowpass import follow, smooth_channels
 from rig.computer.redundancy.opinions import update_trend
 from rig.computer.redundancy.persistence import count_miscompares, latch, readmit, watch_failed
@@ -43,6 +53,14 @@ STATE: Final = np.dtype(
         ("smooth_order", "i8", (CHANNELS,)),
         ("smooth_reference", "f8"),
         ("smooth_vote", "f8"),
+        # What lasts (lasting.py), each where it is on.
+        ("bias", "f8", (CHANNELS,)),
+        ("compared", "f8", (CHANNELS,)),
+        ("compared_order", "i8", (CHANNELS,)),
+        ("above", "f8", (CHANNELS,)),  # sums of residuals, unit times frames
+        ("below", "f8", (CHANNELS,)),
+        ("last_sample", "f8", (CHANNELS,)),
+        ("repeats", "i8", (CHANNELS,)),
         ("count", "i8", (CHANNELS,)),  # miscomparing frames in a row
         ("excess", "f8", (CHANNELS,)),  # integrated deviation, for the manager "selection"
         ("agreed", "i8", (CHANNELS,)),  # frames in a row that a failed channel agreed with the vote
@@ -85,7 +103,7 @@ def new_state(params: NDArray[np.void]) -> NDArray[np.void]:
     state = np.zeros(len(params), STATE)
     state["reference_usable"] = 1
     state["level"] = params["fitted"]
-    for name in ("smooth", "smooth_reference", "smooth_vote"):
+    for name in ("smooth", "smooth_reference", "smooth_vote", "last_sample"):
         state[name] = np.nan
     return state
 
@@ -105,7 +123,7 @@ def manage(bus, fcc, data):
     accusing = 0
     for s in range(len(params)):
         p, st = params[s], state[s]
-        readmit(reset[s], p, st)
+        readmit_anew(reset[s], p, st)
         resolvers[s] = manage_signal(channels[s], valid[s], ilm[s], reference[s], second[s], p, st)
         voted[s], levels[s], patterns[s] = st["output"], st["level"], st["pattern"]
         usable[s] = 0 if not np.isfinite(reference[s]) else st["reference_usable"]
@@ -121,29 +139,41 @@ def manage(bus, fcc, data):
 
 
 @kernel
+def readmit_anew(commanded, p, st):
+    """Readmit ``commanded`` channels, bits, that have agreed long enough, each without a bias."""
+    if commanded == 0:
+        return
+    out = 0
+    for c in range(p["fitted"]):
+        out |= np.int64(st["failed"][c]) << c
+    readmit(commanded, p, st)
+    for c in range(p["fitted"]):
+        if (out >> c) & 1 and not st["failed"][c]:
+            st["bias"][c] = 0.0
+
+
+@kernel
 def manage_signal(samples, valid, ilm, reference, second, p, st):
     """Monitor and vote one signal in one frame; return the resolver that decided (Zhang 2023, sections 2 to 8)."""
     x, order = st["x"], st["order"]
     base = anchor(samples, valid, p, st)
     n = rank(samples, valid, base, p, st)
-    if is_quiet(n, p, st):
-        return vote_quiet(reference, second, base, n, p, st)
+    count_repeats(samples, p, st)
     reference = unwrapped(reference, base, p["wraps"])
+    second = unwrapped(second, base, p["wraps"])
+    compared = to_compare(samples, valid, reference, base, n, p, st)
+    if is_quiet(compared.values, compared.order, n, p, st):
+        return vote_quiet(reference, second, n, p, st)
     st["reference_threshold"] = reference_threshold(reference, p)
     st["threshold"] = threshold(n, p)
-    compared = Compared(x, order, reference)
-    if p["filter_gain"] > 0.0:
-        smooth_channels(samples, valid, base, n, p, st)
-        st["smooth_reference"] = follow(st["smooth_reference"], reference, base, p)
-        compared = Compared(st["smooth"], st["smooth_order"], st["smooth_reference"])
     pattern = pattern_of(compared.values, compared.order, n, st["threshold"], p, st["miscomparing"])
+    mark_stale(n, p, st)
     st["pattern_frames"] = st["pattern_frames"] + 1 if pattern == st["pattern"] else 1
     st["pattern"] = pattern
     # Without a sample the ranks are leftovers, and nobody reads what comes of them.
     update_trend(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p["trend_frames"], p["wraps"])
     resolver, vote_before_fade = decide(ilm, reference, compared, n, p, st)
     monitor_reference(vote_before_fade, reference, n, p, st)
-    second = unwrapped(second, base, p["wraps"])
     resolver = watch_common(resolver, n, vote_before_fade, reference, second, p, st)
     if p["filter_gain"] > 0.0:
         followed = vote_before_fade if np.isfinite(vote_before_fade) else st["vote"]
@@ -156,38 +186,68 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
         ranked |= 1 << order[i]
     st["accused"] = accused(resolver, ranked, p, st)
     count_miscompares(n, ranked, p, st)
-    latch(p, st)
+    resolver = latch_all(resolver, n, reference, p, st)
     publish(vote_before_fade, p, st)
     return resolver
 
 
 @kernel
-def is_quiet(n, p, st):
+def to_compare(samples, valid, reference, base, n, p, st):
+    """Return what is compared of ``n`` ranked samples, as Compared: behind the low-pass, without bias, if on."""
+    values, order = st["x"], st["order"]
+    if p["filter_gain"] > 0.0:
+        smooth_channels(samples, valid, base, n, p, st)
+        st["smooth_reference"] = follow(st["smooth_reference"], reference, base, p)
+        values, order, reference = st["smooth"], st["smooth_order"], st["smooth_reference"]
+    if p["bias_bound"] <= 0.0:
+        return Compared(values, order, values, reference)
+    take_bias_off(values, order, n, st)
+    return Compared(st["compared"], st["compared_order"], values, reference)
+
+
+@kernel
+def latch_all(resolver, n, reference, p, st):
+    """Latch what has persisted and what the sums of small deviations fail, and learn; return the resolver."""
+    level = st["level"]
+    if resolver != Resolver.COMMON:
+        slow = watch_sums(n, reference, p, st)
+        if slow != NOBODY:
+            st["failed"][slow], resolver = True, Resolver.SLOW.value
+    latch(p, st)
+    if st["level"] != level:
+        begin_sums(st)
+    else:
+        learn_bias(n, reference, p, st)
+    return resolver
+
+
+@kernel
+def is_quiet(values, order, n, p, st):
     """Return True if all channels of the signal agree, and nothing of earlier frames is pending.
 
     Then nobody is suspected, counted, blamed or faded, which is nearly every frame of a flight.
+    values, order : as Compared
     """
     if n < 2 or n != p["fitted"] or n != st["level"] or st["pattern"] != Pattern.NORMAL or not st["started"]:
         return False
     if p["filter_gain"] > 0.0 or st["singular_run"] != 0 or st["freeze"] != 0 or st["fade_left"] != 0:
         return False
-    x, order, within, outlier = st["x"], st["order"], threshold(n, p), outlier_threshold(n, p)
+    within, outlier = threshold(n, p), outlier_threshold(n, p)
     if outlier > 0.0:
         within = min(within, outlier)
     for i in range(n - 1):
-        if not x[order[i + 1]] - x[order[i]] <= within:  # True for NaN, of an angle near the largest number
+        if not values[order[i + 1]] - values[order[i]] <= within:  # True for NaN, of an angle near the largest number
             return False
     pending = False
     for c in range(CHANNELS):
-        pending |= st["count"][c] != 0 or st["miscomparing"][c] != 0 or st["blamed"][c] != 0
+        pending |= st["count"][c] != 0 or st["miscomparing"][c] != 0 or st["blamed"][c] != 0 or is_stale(c, p, st)
     return not pending
 
 
 @kernel
-def vote_quiet(reference, second, base, n, p, st):
+def vote_quiet(reference, second, n, p, st):
     """Vote a quiet signal, the rest of ``manage_signal`` without what nobody gave a reason for; same bits."""
     x, order, wraps = st["x"], st["order"], p["wraps"]
-    reference, second = unwrapped(reference, base, wraps), unwrapped(second, base, wraps)
     st["reference_threshold"], st["threshold"] = reference_threshold(reference, p), threshold(n, p)
     st["pattern_frames"] += 1
     update_trend(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p["trend_frames"], wraps)
@@ -196,8 +256,8 @@ def vote_quiet(reference, second, base, n, p, st):
     monitor_reference(voted, reference, n, p, st)
     resolver = watch_common(Resolver.NONE.value, n, voted, reference, second, p, st)
     st["accused"] = 0
-    if resolver != Resolver.NONE:
-        latch(p, st)
+    if resolver != Resolver.NONE or p["bias_bound"] > 0.0 or p["slow_limit"] > 0.0:
+        resolver = latch_all(resolver, n, reference, p, st)
     publish(voted, p, st)
     return resolver
 

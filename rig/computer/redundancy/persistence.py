@@ -7,6 +7,7 @@ Ours: how long counts stand still for patterns without a majority, readmission.
 from __future__ import annotations
 
 from rig.computer.redundancy.compare import is_singular
+from rig.computer.redundancy.lasting import is_stale
 from rig.kernels import kernel
 from rig.units.angles import difference
 
@@ -69,7 +70,8 @@ def watch_failed(samples, valid, vote, p, st):
     if st["level"] == p["fitted"]:
         return
     for c in range(p["fitted"]):
-        near = valid[c] and abs(difference(samples[c], vote, p["wraps"])) <= p["threshold"]
+        off = difference(samples[c], vote, p["wraps"]) - st["bias"][c]
+        near = valid[c] and abs(off) <= p["threshold"] and not is_stale(c, p, st)
         st["agreed"][c] = st["agreed"][c] + 1 if st["failed"][c] and near else 0
 
 

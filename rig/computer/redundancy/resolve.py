@@ -18,10 +18,11 @@ from rig.kernels import kernel
 
 
 class Compared(NamedTuple):
-    """Values to compare: the samples, or the low-pass outputs."""
+    """Values to compare: the samples, or the low-pass outputs, each less its channel's bias where that is learned."""
 
     values: Any  # (4,) by channel
     order: Any  # (4,) channels by ascending value
+    with_bias: Any  # (4,) what stands beside the reference, which has no part in what the channels differ by
     reference: Any
 
 
@@ -40,7 +41,7 @@ def resolve(ilm, reference, compared, n, p, st):
 def resolve_two_camps(ilm, reference, compared, n, p, st):
     """Resolve 2:2 and 1:1: which half is right (sections 2, 6 and 7; figures 7 and 8)."""
     x, resolvers = st["x"], p["resolvers"]
-    y, order, near = compared.values, compared.order, compared.reference
+    y, order, near = compared.with_bias, compared.order, compared.reference
     half = n // 2
     low, high = order[half - 1], order[half]
     for place in range(len(resolvers)):
@@ -65,7 +66,7 @@ def resolve_two_camps(ilm, reference, compared, n, p, st):
 def resolve_all_apart(ilm, compared, n, p, st):
     """Resolve 1:1:1:1 and 1:1:1: at most one channel is right (section 8; monitors and reference before it: ours)."""
     resolvers = p["resolvers"]
-    y, order, near = compared.values, compared.order, compared.reference
+    y, order, near = compared.with_bias, compared.order, compared.reference
     for place in range(len(resolvers)):
         name = resolvers[place]
         good = opinions.NO_ANSWER

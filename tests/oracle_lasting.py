@@ -1,0 +1,58 @@
+"""The oracle's rules of what lasts: learned bias, sums of small deviations, samples that repeat."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from oracle_answers import Settings, View
+
+
+@dataclass
+class Lasting:
+    """Memory of one signal beside the oracle's; channels are keys."""
+
+    s: Settings
+    bias: dict[int, float] = field(default_factory=lambda: dict.fromkeys(range(4), 0.0))
+    sums: dict[tuple[int, int], float] = field(default_factory=dict)  # by channel and sign
+    last: dict[int, float | None] = field(default_factory=dict)
+    repeats: dict[int, int] = field(default_factory=dict)
+
+    def stale(self, samples: list[float | None]) -> set[int]:
+        """Channels whose sample is that of ``stale_frames`` frames ago and of all between."""
+        for c, x in enumerate(samples):
+            same = x is not None and self.last.get(c) == x
+            self.repeats[c] = self.repeats.get(c, 0) + 1 if same else 0
+            self.last[c] = x
+        return {c for c, times in self.repeats.items() if self.s.stale_frames and times >= self.s.stale_frames}
+
+    def residuals(self, view: View) -> dict[int, float]:
+        """How far each sample is from the middle, in which a usable reference may stand between two halves."""
+        above, below = view.ranks
+        middle = (above + below) / 2
+        if len(view.x) % 2 == 0 and view.usable_reference is not None:
+            middle = sorted([above, below, view.usable_reference])[1]
+        return {c: x - middle for c, x in view.use.items()}
+
+    def summed(self, view: View) -> set[int]:
+        """The channel with the largest sum above the limit, while most are below half of it."""
+        if not self.s.slow_limit or len(view.use) < 3 or view.pattern != "normal":
+            return set()
+        reached: dict[int, float] = {}
+        for c, r in self.residuals(view).items():
+            for sign in (1, -1):
+                step = sign * (r - self.bias[c]) - self.s.slow_allowance
+                step = min(step, self.s.slow_limit / (self.s.persistence - 0.5))
+                self.sums[c, sign] = max(0.0, self.sums.get((c, sign), 0.0) + step)
+            reached[c] = max(self.sums[c, 1], self.sums[c, -1])
+        worst = max(view.ascending, key=lambda c: reached[c])  # of equals the least sample
+        calm = sum(x < self.s.slow_limit / 2 for x in reached.values())
+        return {worst} if reached[worst] > self.s.slow_limit and calm > len(reached) / 2 else set()
+
+    def learn(self, view: View, suspected: set[int]) -> None:
+        """Move the biases of who is not suspected by a share of what is left, within the bound."""
+        if not self.s.bias_bound or len(view.use) < 2 or view.pattern != "normal":
+            return
+        for c, r in self.residuals(view).items():
+            if c not in suspected:
+                moved = self.bias[c] + self.s.bias_share * (r - self.bias[c])
+                self.bias[c] = max(-self.s.bias_bound, min(self.s.bias_bound, moved))
