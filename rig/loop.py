@@ -4,12 +4,12 @@ plant --truth--> sensors --bus--> faults --bus--> computer --fcc--> faults --act
 
 Between two looks at the plant a frame has three stretches, each written once:
 
-    before   sensors, inertial unit, faults on both, references, faults on references
-    decide   the manager: votes, states and levels of the continuous signals
-    after    what it keeps of the votes, discretes, control law, surfaces to the actuators, faults on the way
+    before   sensors, inertial unit, faults on both
+    think    the computer: references with their faults, votes, discretes, control law (lanes/think.py)
+    after    surfaces to the actuators, faults on the way
 
-A class of the user's own takes the place of ``decide``; a unit under test (flight/unit_loop.py) that of ``decide``, or
-of ``decide`` and control law.
+Within ``think`` a class of the user's own takes the place of the manager; a unit under test (flight/unit_loop.py) that
+of the manager, or of manager and control law.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from numpy.typing import NDArray
 from rig.actuators.output import put_out
 from rig.actuators.stage import ActuatorData
 from rig.computer.control.autopilot import Control
-from rig.computer.control.law import control_law
 from rig.computer.control.state import ControlData
-from rig.computer.redundancy import RedundancyData, conclude, refer, vote_signals
+from rig.computer.redundancy import RedundancyData
 from rig.computer.redundancy.config import command
 from rig.computer.redundancy.own import OwnManager
 from rig.errors import ManagerFailed
-from rig.faults import FaultData, corrupt, corrupt_reference
+from rig.faults import FaultData, corrupt
 from rig.frame import FLAT, TIMING, Block, LaneBlock, Nested, nested, new_block
 from rig.kernels import bind, kernel
+from rig.lanes.think import ComputerData, follow_votes, give_references, think_lane
 from rig.plant.jsbsim import plant
 from rig.plant.pilot import Pilot
 from rig.scenario import Scenario
@@ -133,8 +133,8 @@ def bind_computer(data: StageData, own: OwnManager | None) -> ComputerStep:
 
 
 def _around_manager(rows: Nested, data: StageData, own: OwnManager) -> ComputerStep:
-    """Do what ``compute`` does, with the user's manager in the place of ``decide``."""
-    first, last = bind(before, rows, 0, data), bind(after, rows, 0, data)
+    """Do what ``compute`` does, with the user's manager in the place of ours."""
+    first, last = bind(before_votes, rows, 0, data), bind(after_votes, rows, 0, data)
     bound, bus, fcc = rows, rows["bus"], rows["fcc"]
 
     def step(block: Nested, k: int, data: StageData) -> None:
@@ -152,37 +152,47 @@ def _around_manager(rows: Nested, data: StageData, own: OwnManager) -> ComputerS
 def compute(block, k, data):
     """Compute row k of ``block``, FRAME records, from its truth to its actuators; data : StageData."""
     before(block, k, data)
-    decide(block, k, data)
+    think(block, k, data)
     after(block, k, data)
 
 
 @kernel
 def before(block, k, data):
-    """Fill the inputs of the manager in row k: channels and references, with their faults."""
+    """Fill all that the computer reads of row k, with its faults."""
     row = block[k]
     truth, bus = row["truth"], row["bus"]
     measure(truth, bus, k, data.sensors)
     sense(truth, bus, k, data.inertial)
     corrupt(row, k, data.faults)
-    refer(bus, row["fcc"], data.redundancy.references)
-    corrupt_reference(row, k, data.faults)
 
 
 @kernel
-def decide(block, k, data):
-    """Vote and monitor the continuous signals of row k."""
+def think(block, k, data):
+    """Fill all that the computer writes of row k."""
     row = block[k]
-    vote_signals(row["bus"], row["fcc"], data.redundancy.manager)
+    think_lane(row, row["bus"], row["fcc"], k, ComputerData(data.redundancy, data.control, data.faults))
 
 
 @kernel
 def after(block, k, data):
-    """Fill all that follows from the votes of row k: what is kept of them, discretes, surfaces and their faults."""
+    """Pass the surfaces of row k on to the actuators."""
+    put_out(block[k], k, data.control.param[0]["still"], data.faults, data.actuators)
+
+
+@kernel
+def before_votes(block, k, data):
+    """Fill the inputs of a manager in row k: channels and references, with their faults."""
+    before(block, k, data)
     row = block[k]
-    bus, fcc = row["bus"], row["fcc"]
-    conclude(bus, fcc, data.redundancy)
-    control_law(bus, fcc, data.control)
-    put_out(row, k, data.control.param[0]["still"], data.faults, data.actuators)
+    give_references(row, row["bus"], row["fcc"], k, data.redundancy.references, data.faults)
+
+
+@kernel
+def after_votes(block, k, data):
+    """Fill all that follows from the votes of row k: discretes, surfaces, actuators."""
+    row = block[k]
+    follow_votes(row["bus"], row["fcc"], ComputerData(data.redundancy, data.control, data.faults))
+    after(block, k, data)
 
 
 class Pacing(Protocol):

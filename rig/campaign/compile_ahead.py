@@ -138,15 +138,15 @@ def _in_order() -> None:
 
 
 def _from_the_end() -> None:
-    """Compile the last stretch of a frame, the outcome, then what the other process may have left."""
+    """Compile the end of a frame, the outcome, then what the other process may have left."""
     scenario = load(None, ["duration_s=0.01", "faults=[]"])
     rig, rows = loop.Rig(scenario, lambda rig: lambda rows, k, data: None, keep_clean=1), loop.new_block(1)
     rig.prepare(rows)
-    compile_inner(loop.after, loop.nested(rows), 0, rig.data)
+    compile_inner(loop.after_votes, loop.nested(rows), 0, rig.data)
     outcome = FlightConclusion()
     outcome.begin(scenario)
     outcome.add(rows, rig.faults.clean_of(rows))
-    compile_inner(loop.decide, loop.nested(rows), 0, rig.data)
+    compile_inner(loop.think, loop.nested(rows), 0, rig.data)
 
 
 _PART: Final = {"in order": _in_order, "from the end": _from_the_end}

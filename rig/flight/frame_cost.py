@@ -63,7 +63,7 @@ def references_of(rows, k, data):
 @kernel
 def reference_faults_of(rows, k, data):
     """Compute row k of the faults on references."""
-    corrupt_reference(rows[k], k, data)
+    corrupt_reference(rows[k], rows[k]["fcc"]["reference"], k, data)
 
 
 @kernel
