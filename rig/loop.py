@@ -5,7 +5,7 @@ plant --truth--> sensors --bus--> faults --bus--> computer --fcc--> faults --act
 Between two looks at the plant a frame has three stretches, each written once:
 
     before   sensors, inertial unit, faults on both
-    think    the computer: references with their faults, votes, discretes, control law (lanes/think.py)
+    think    the computers: references with their faults, votes, discretes, control law (lanes/think.py)
     after    surfaces to the actuators, faults on the way
 
 Within ``think`` a class of the user's own takes the place of the manager; a unit under test (flight/unit_loop.py) that
@@ -29,11 +29,12 @@ from rig.computer.control.state import ControlData
 from rig.computer.redundancy import RedundancyData
 from rig.computer.redundancy.config import command
 from rig.computer.redundancy.own import OwnManager
-from rig.errors import ManagerFailed
+from rig.errors import BadInput, ManagerFailed
 from rig.faults import FaultData, corrupt
-from rig.frame import FLAT, TIMING, Block, LaneBlock, Nested, nested, new_block
+from rig.frame import FLAT, TIMING, Block, LaneBlock, Nested, lane_rows, nested, new_block
 from rig.kernels import bind, kernel
-from rig.lanes.think import ComputerData, follow_votes, give_references, think_lane
+from rig.lanes.stage import LaneData, Lanes, commands, think_all
+from rig.lanes.think import ComputerData, follow_votes, give_references
 from rig.plant.jsbsim import plant
 from rig.plant.pilot import Pilot
 from rig.scenario import Scenario
@@ -57,6 +58,7 @@ class StageData(NamedTuple):
     redundancy: RedundancyData
     control: ControlData
     actuators: ActuatorData | None  # None: the plant's own lag moves the surfaces
+    lanes: LaneData | None  # None: one computer
 
 
 # Fly row k of a block from its truth to its actuators; return how long an answer from outside took, us.
@@ -96,6 +98,8 @@ class Rig:
         self.control = Control(scenario.control, scenario.gains, rate_hz, frame.surface_limits)
         self.control.reset(self.plant.trim)
         self.actuators = servos(scenario, self.plant)
+        self.computers = self._several(computer is not None)
+        self._lanes: LaneBlock | None = None  # of the present block
         self.data = self._gather()
         self.computer_step = bind_computer(self.data, self.redundancy.own) if computer is None else computer(self)
 
@@ -106,13 +110,26 @@ class Rig:
         self.sensors.prepare(block)
         self.inertial.prepare(block)
         self.faults.prepare(block)
-        if self.actuators is not None:
-            self.actuators.prepare(int(block["frame"][0]), len(block))
+        if parts := self.scenario.lane_parts:
+            self._lanes = lane_rows(len(block), parts, int(block["frame"][0]))
+            for part, stage in (("actuator", self.actuators), ("computer", self.computers)):
+                if stage is not None:
+                    stage.prepare(self._lanes[part])
         self.data = self._gather()
 
     def lanes(self, count: int) -> tuple[LaneBlock] | tuple[()]:
-        """Return the first ``count`` rows of the servos in the block that was flown last; () without servos."""
-        return () if self.actuators is None else (self.actuators.data.rows[:count],)
+        """Return the first ``count`` rows of servos and lanes in the block that was flown last; () without any."""
+        return () if self._lanes is None else (self._lanes[:count],)
+
+    def _several(self, other: bool) -> Lanes | None:
+        """Return the lanes of several computers, None for one; BadInput: another computer or manager than our own."""
+        count = self.scenario.computers.count
+        if count == 1:
+            return None
+        if other or self.redundancy.own is not None:
+            whose = "a unit under test" if other else f"the manager {self.scenario.redundancy.manager!r}"
+            raise BadInput(f"computers.count: {count} computers fly by the rig's own managers; with {whose} allowed: 1")
+        return Lanes(count, ComputerData(self.redundancy.data, self.control.data, self.faults.data))
 
     def _gather(self) -> StageData:
         """Return the parameters and states of the stages."""
@@ -123,6 +140,7 @@ class Rig:
             redundancy=self.redundancy.data,
             control=self.control.data,
             actuators=None if self.actuators is None else self.actuators.data,
+            lanes=None if self.computers is None else self.computers.data,
         )
 
 
@@ -169,14 +187,13 @@ def before(block, k, data):
 @kernel
 def think(block, k, data):
     """Fill all that the computer writes of row k."""
-    row = block[k]
-    think_lane(row, row["bus"], row["fcc"], k, ComputerData(data.redundancy, data.control, data.faults))
+    think_all(block[k], k, ComputerData(data.redundancy, data.control, data.faults), data.lanes)
 
 
 @kernel
 def after(block, k, data):
     """Pass the surfaces of row k on to the actuators."""
-    put_out(block[k], k, data.control.param[0]["still"], data.faults, data.actuators)
+    put_out(block[k], k, data.control.param[0]["still"], data.faults, data.actuators, commands(data.lanes))
 
 
 @kernel
@@ -211,7 +228,7 @@ class Recorder(Protocol):
     def record(self, rows: Block, timing: NDArray[np.void], lanes: LaneBlock | None = None) -> None:
         """Take the next rows and their TIMING, which stay as they are until the next call has returned.
 
-        lanes : (n,) of a flight with servo actuators
+        lanes : (n,) of a flight with servo actuators or several computers
         """
         ...
 

@@ -111,11 +111,12 @@ class _AroundUnit(NamedTuple):
     redundancy: _Redundancy
     control: ControlData
     actuators: ActuatorData | None
+    lanes: None  # a unit flies alone
 
 
 def _without_manager(data: StageData) -> _AroundUnit:
     redundancy = _Redundancy(data.redundancy.references, data.redundancy.discretes)
-    return _AroundUnit(data.sensors, data.inertial, data.faults, redundancy, data.control, data.actuators)
+    return _AroundUnit(data.sensors, data.inertial, data.faults, redundancy, data.control, data.actuators, None)
 
 
 def _around_unit(unit: UnitUnderTest, data: StageData) -> ComputerStep:

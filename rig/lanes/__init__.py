@@ -1,4 +1,6 @@
-"""The computers of a flight: what one of them thinks in a frame.
+"""The computers of a flight: one, or several lanes that do the same.
 
-think.py   one computer, from its BUS record to its FCC record
+config.py    the ``[computers]`` table
+think.py     one frame of one computer, from its BUS record to its FCC record
+stage.py     several of them: state and records of each lane, and who leads
 """

@@ -27,6 +27,8 @@ class ActuatorFinder:
 
     def find(self, lanes: LaneBlock) -> list[Event]:
         """Return the events of ``lanes``, which follow those of the last call, in order of time."""
+        if "actuator" not in (lanes.dtype.names or ()):
+            return []
         before, self._last = self._last, lanes[-1:].copy()
         found = [*self._failures(before, lanes), *_valves(before, lanes), *_bypassed(before, lanes)]
         return sorted(found, key=lambda event: event.frame)
