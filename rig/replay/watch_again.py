@@ -14,7 +14,7 @@ OUTPUTS: Final = ("valve", "valve_differs", "failed_by")  # what the monitors wr
 
 
 def watch_again(lanes: LaneBlock | None, scenario: Scenario) -> LaneBlock | None:
-    """Copy the servos of ``lanes`` (n,), with OUTPUTS as the monitors of ``scenario`` write them again; None without servos.
+    """Copy the servos of ``lanes`` (n,), with OUTPUTS as the monitors of ``scenario`` write them; None without servos.
 
     Open loop: a channel that was shut off in flight has no current afterwards, whatever the monitors say now.
     """
