@@ -4,12 +4,12 @@ plant --truth--> sensors --bus--> faults --bus--> computer --fcc--> faults --act
 
 Between two looks at the plant a frame has three stretches, each written once:
 
-    before   sensors, inertial unit, faults on both, references, faults on references
-    decide   the manager: votes, states and levels of the continuous signals
-    after    what it keeps of the votes, discretes, control law, surfaces to the actuators, faults on the way
+    before   sensors, inertial unit, faults on both
+    think    the computers: references with their faults, votes, discretes, control law (lanes/think.py)
+    after    surfaces to the actuators, faults on the way
 
-A class of the user's own takes the place of ``decide``; a unit under test (flight/unit_loop.py) that of ``decide``, or
-of ``decide`` and control law.
+Within ``think`` a class of the user's own takes the place of the manager; a unit under test (flight/unit_loop.py) that
+of the manager, or of manager and control law.
 """
 
 from __future__ import annotations
@@ -25,21 +25,22 @@ from numpy.typing import NDArray
 from rig.actuators.output import put_out
 from rig.actuators.stage import ActuatorData
 from rig.computer.control.autopilot import Control
-from rig.computer.control.law import control_law
 from rig.computer.control.state import ControlData
-from rig.computer.redundancy import RedundancyData, conclude, refer, vote_signals
+from rig.computer.redundancy import RedundancyData
 from rig.computer.redundancy.config import command
 from rig.computer.redundancy.own import OwnManager
 from rig.errors import ManagerFailed
-from rig.faults import FaultData, corrupt, corrupt_reference
-from rig.frame import FLAT, TIMING, Block, LaneBlock, Nested, nested, new_block
+from rig.faults import FaultData, corrupt
+from rig.frame import FLAT, TIMING, Block, LaneBlock, Nested, lane_rows, nested, new_block
 from rig.kernels import bind, kernel
+from rig.lanes.stage import LaneData, commands, think_all
+from rig.lanes.think import ComputerData, follow_votes, give_references
 from rig.plant.jsbsim import plant
 from rig.plant.pilot import Pilot
 from rig.scenario import Scenario
 from rig.sensors import SensorData, Sensors, measure
 from rig.sensors.inertial import Inertial, InertialData, sense
-from rig.stages import faults, redundancy, servos
+from rig.stages import faults, redundancy, servos, several
 from rig.util.interrupt import Stop
 
 # A killed flight loses no more than a second: the block being filled and, paced, the one being recorded.
@@ -57,6 +58,7 @@ class StageData(NamedTuple):
     redundancy: RedundancyData
     control: ControlData
     actuators: ActuatorData | None  # None: the plant's own lag moves the surfaces
+    lanes: LaneData | None  # None: one computer
 
 
 # Fly row k of a block from its truth to its actuators; return how long an answer from outside took, us.
@@ -96,6 +98,10 @@ class Rig:
         self.control = Control(scenario.control, scenario.gains, rate_hz, frame.surface_limits)
         self.control.reset(self.plant.trim)
         self.actuators = servos(scenario, self.plant)
+        stages = ComputerData(self.redundancy.data, self.control.data, self.faults.data)
+        own = f"the manager {scenario.redundancy.manager!r}" if self.redundancy.own else ""
+        self.computers = several(scenario, stages, "a unit under test" if computer else own)
+        self._lanes: LaneBlock | None = None  # of the present block
         self.data = self._gather()
         self.computer_step = bind_computer(self.data, self.redundancy.own) if computer is None else computer(self)
 
@@ -106,13 +112,16 @@ class Rig:
         self.sensors.prepare(block)
         self.inertial.prepare(block)
         self.faults.prepare(block)
-        if self.actuators is not None:
-            self.actuators.prepare(int(block["frame"][0]), len(block))
+        if parts := self.scenario.lane_parts:
+            self._lanes = lane_rows(len(block), parts, int(block["frame"][0]))
+            for part, stage in (("actuator", self.actuators), ("computer", self.computers)):
+                if stage is not None:
+                    stage.prepare(self._lanes[part])
         self.data = self._gather()
 
     def lanes(self, count: int) -> tuple[LaneBlock] | tuple[()]:
-        """Return the first ``count`` rows of the servos in the block that was flown last; () without servos."""
-        return () if self.actuators is None else (self.actuators.data.rows[:count],)
+        """Return the first ``count`` rows of servos and lanes in the block that was flown last; () without any."""
+        return () if self._lanes is None else (self._lanes[:count],)
 
     def _gather(self) -> StageData:
         """Return the parameters and states of the stages."""
@@ -123,6 +132,7 @@ class Rig:
             redundancy=self.redundancy.data,
             control=self.control.data,
             actuators=None if self.actuators is None else self.actuators.data,
+            lanes=None if self.computers is None else self.computers.data,
         )
 
 
@@ -133,8 +143,8 @@ def bind_computer(data: StageData, own: OwnManager | None) -> ComputerStep:
 
 
 def _around_manager(rows: Nested, data: StageData, own: OwnManager) -> ComputerStep:
-    """Do what ``compute`` does, with the user's manager in the place of ``decide``."""
-    first, last = bind(before, rows, 0, data), bind(after, rows, 0, data)
+    """Do what ``compute`` does, with the user's manager in the place of ours."""
+    first, last = bind(before_votes, rows, 0, data), bind(after_votes, rows, 0, data)
     bound, bus, fcc = rows, rows["bus"], rows["fcc"]
 
     def step(block: Nested, k: int, data: StageData) -> None:
@@ -152,37 +162,46 @@ def _around_manager(rows: Nested, data: StageData, own: OwnManager) -> ComputerS
 def compute(block, k, data):
     """Compute row k of ``block``, FRAME records, from its truth to its actuators; data : StageData."""
     before(block, k, data)
-    decide(block, k, data)
+    think(block, k, data)
     after(block, k, data)
 
 
 @kernel
 def before(block, k, data):
-    """Fill the inputs of the manager in row k: channels and references, with their faults."""
+    """Fill all that the computer reads of row k, with its faults."""
     row = block[k]
     truth, bus = row["truth"], row["bus"]
     measure(truth, bus, k, data.sensors)
     sense(truth, bus, k, data.inertial)
     corrupt(row, k, data.faults)
-    refer(bus, row["fcc"], data.redundancy.references)
-    corrupt_reference(row, k, data.faults)
 
 
 @kernel
-def decide(block, k, data):
-    """Vote and monitor the continuous signals of row k."""
-    row = block[k]
-    vote_signals(row["bus"], row["fcc"], data.redundancy.manager)
+def think(block, k, data):
+    """Fill all that the computer writes of row k."""
+    think_all(block[k], k, ComputerData(data.redundancy, data.control, data.faults), data.lanes)
 
 
 @kernel
 def after(block, k, data):
-    """Fill all that follows from the votes of row k: what is kept of them, discretes, surfaces and their faults."""
+    """Pass the surfaces of row k on to the actuators."""
+    put_out(block[k], k, data.control.param[0]["still"], data.faults, data.actuators, commands(data.lanes))
+
+
+@kernel
+def before_votes(block, k, data):
+    """Fill the inputs of a manager in row k: channels and references, with their faults."""
+    before(block, k, data)
     row = block[k]
-    bus, fcc = row["bus"], row["fcc"]
-    conclude(bus, fcc, data.redundancy)
-    control_law(bus, fcc, data.control)
-    put_out(row, k, data.control.param[0]["still"], data.faults, data.actuators)
+    give_references(row, row["bus"], row["fcc"], k, data.redundancy.references, data.faults)
+
+
+@kernel
+def after_votes(block, k, data):
+    """Fill all that follows from the votes of row k: discretes, surfaces, actuators."""
+    row = block[k]
+    follow_votes(row["bus"], row["fcc"], ComputerData(data.redundancy, data.control, data.faults))
+    after(block, k, data)
 
 
 class Pacing(Protocol):
@@ -201,7 +220,7 @@ class Recorder(Protocol):
     def record(self, rows: Block, timing: NDArray[np.void], lanes: LaneBlock | None = None) -> None:
         """Take the next rows and their TIMING, which stay as they are until the next call has returned.
 
-        lanes : (n,) of a flight with servo actuators
+        lanes : (n,) of a flight with servo actuators or several computers
         """
         ...
 

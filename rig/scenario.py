@@ -27,13 +27,14 @@ from rig.errors import BadInput
 from rig.faults import Fault, check
 from rig.faults.fault import LiveFault, distinct_keys
 from rig.faults.places import OF_SERVOS, site
-from rig.frame import DISCRETES, MOST_FAULTS, SIGNALS
+from rig.frame import CHANNELS, DISCRETES, MOST_FAULTS, SIGNALS, LanePart, LaneParts
+from rig.lanes.config import Config as Computers
 from rig.overrides import Overrides, named_manager, override, override_texts, parse_set, plain_data
 from rig.plant.airframe import AirframeField
 from rig.plant.pilot import Config as Pilot
 from rig.plant.wind import Config as Wind
 from rig.plant.wind import Turbulence
-from rig.sensors import Suite
+from rig.sensors import Suite, fitted
 from rig.sensors.inertial import Config as Inertial
 from rig.sensors.recorded import pin
 from rig.settings import Settings, build, read_toml
@@ -65,6 +66,7 @@ class Scenario(Settings):
     live: list[LiveFault] = []  # that a key begins and ends (rig fly --watch)
     control: Control = Control()
     actuators: Actuators = Actuators()
+    computers: Computers = Computers()
     airframe: AirframeField
     sensors: Suite  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
     inertial: Inertial
@@ -72,6 +74,19 @@ class Scenario(Settings):
     gains: Gains
     references: Designed
     _trust: Trust = PrivateAttr(default=Trust())  # no setting: no file can grant it
+
+    @model_validator(mode="after")
+    def _a_channel_a_lane(self) -> Scenario:
+        """Fit no channel whose lane is not: of three computers nobody reads the fourth."""
+        count = self.computers.count
+        if count == 1:
+            return self
+        if count < CHANNELS and self.has_servos:
+            raise ValueError(
+                f"computers.count: {count} with servo actuators, each of whose four channels has a computer of its "
+                f"own; allowed: 1, {CHANNELS}"
+            )
+        return self.model_copy(update={"sensors": fitted(self.sensors, count)})
 
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:
@@ -112,6 +127,12 @@ class Scenario(Settings):
     def has_servos(self) -> bool:
         """Whether servo actuators move the surfaces."""
         return self.actuators.model == "servo"
+
+    @property
+    def lane_parts(self) -> LaneParts:
+        """Parts of the rows beside the frame's that a flight has."""
+        there: dict[LanePart, bool] = {"actuator": self.has_servos, "computer": self.computers.count > 1}
+        return tuple(part for part, is_there in there.items() if is_there)
 
     @property
     def frames(self) -> int:

@@ -12,8 +12,11 @@ from rig.actuators.monitors import MonitorData, monitors
 from rig.actuators.servo import LONGEST_SUBSTEP_S
 from rig.actuators.stage import Actuators, as_designed, stops_of
 from rig.computer.redundancy import Redundancy
+from rig.errors import BadInput
 from rig.faults import Coils, Faults
 from rig.frame import MOVED, SIGNALS
+from rig.lanes.stage import Lanes
+from rig.lanes.think import ComputerData
 from rig.plant.airframe import Actuator
 from rig.plant.jsbsim import Plant
 from rig.scenario import Scenario
@@ -71,6 +74,17 @@ def faults(scenario: Scenario, keep_clean: int = 0) -> Faults:
         keep_clean=keep_clean,
         wire_coverage=scenario.actuators.continuity.coverage,
     )
+
+
+def several(scenario: Scenario, computer: ComputerData, other: str) -> Lanes | None:
+    """Return the lanes of several computers, None for one.  BadInput: several, and not by our own managers.
+
+    computer : what one computer's stages keep; other : who votes in the place of our managers, "" when they do
+    """
+    count = scenario.computers.count
+    if count > 1 and other:
+        raise BadInput(f"computers.count: {count} computers fly by the rig's own managers; with {other} allowed: 1")
+    return Lanes(count, computer) if count > 1 else None
 
 
 def redundancy(scenario: Scenario) -> Redundancy:

@@ -67,7 +67,7 @@ def corrupt_all(rows, data):
     """All rows through the faults of every place; rows : FRAME records."""
     for k in range(len(rows)):
         corrupt(rows[k], k, data)
-        corrupt_reference(rows[k], k, data)
+        corrupt_reference(rows[k], rows[k]["fcc"]["reference"], k, data)
         actuate(rows[k], data)
 
 

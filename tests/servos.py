@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rig.actuators.config import Config
 from rig.actuators.stage import ActuatorData, Actuators, move_surfaces
-from rig.frame import MOVED
+from rig.frame import MOVED, lane_rows
 from rig.kernels import bind
 from rig.plant.airframe import Actuator
 
@@ -42,12 +42,12 @@ def moved(
     """The records (n, 3) ACTUATOR of all frames; every surface is asked for ``asked`` (n,), rad."""
     config = Config(model="servo", **(EXACT | settings))
     servos = Actuators(config, dict.fromkeys(MOVED, SURFACE), np.full(3, trim), rate_hz, 1, SeedSequence(seed))
-    servos.prepare(0, len(asked))
-    surface, out = np.zeros(4), np.zeros(4)
-    step = bind(move_surfaces, surface, out, 0, servos.data)
+    servos.prepare(lane_rows(len(asked))["actuator"])
+    by_channel, out = servos.data.asked, np.zeros(4)
+    step = bind(move_surfaces, by_channel, out, 0, servos.data)
     for k, wanted in enumerate(asked):
         if broken is not None:
             broken(servos.data, k)
-        surface[:3] = wanted
-        step(surface, out, k, servos.data)
-    return servos.data.rows["actuator"].copy()
+        by_channel[:, :3] = wanted
+        step(by_channel, out, k, servos.data)
+    return servos.data.rows.copy()

@@ -17,7 +17,7 @@ from rig import kernel_cache, kernel_locks
 from rig.campaign import compile_ahead
 from rig.campaign.compile_ahead import PARTS, Ahead
 from rig.computer.redundancy.compare import sort
-from rig.loop import after
+from rig.lanes.think import follow_votes
 
 pytestmark = pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")
 
@@ -30,7 +30,7 @@ def started(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
     @contextmanager
     def child(part: str, told: int) -> Iterator[None]:
         parts.append(part)
-        os.write(told, b"rig.loop:after\nnobody:nothing\n")
+        os.write(told, b"rig.lanes.think:follow_votes\nnobody:nothing\n")
         yield
 
     monkeypatch.setattr(compile_ahead, "_child", child)
@@ -45,7 +45,7 @@ def test_two_processes_compile_where_there_are_two_cores(
     monkeypatch.setattr(compile_ahead, "cores", lambda: count)
     ahead = Ahead(lambda done, total: None)
     for _ in range(2):  # what they leave out is compiled here
-        ahead.compile_missing(after.py_func, tmp_path / "none")  # pyright: ignore
+        ahead.compile_missing(follow_votes.py_func, tmp_path / "none")  # pyright: ignore
     assert tuple(started) == parts
 
 
@@ -62,15 +62,15 @@ def test_what_another_pair_has_made_meanwhile_starts_none(started: list[str], tm
 
 def test_a_kernel_that_is_compiled_counts_with_all_that_it_reaches(started: list[str], tmp_path: Path):
     shown: list[tuple[int, int]] = []
-    Ahead(lambda done, total: shown.append((done, total))).compile_missing(after.py_func, tmp_path / "none")  # pyright: ignore
-    count = len(kernel_cache.reached(after.py_func))  # pyright: ignore
+    Ahead(lambda done, total: shown.append((done, total))).compile_missing(follow_votes.py_func, tmp_path / "none")  # pyright: ignore
+    count = len(kernel_cache.reached(follow_votes.py_func))  # pyright: ignore
     assert shown[0][0] == 0 and shown[1][0] == count and 100 < count < shown[1][1] == len(compile_ahead._of_flight())
 
 
 def test_processes_that_fail_leave_the_work_to_the_caller(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.setattr(compile_ahead, "_CHILD", "raise SystemExit(1)")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    Ahead(lambda done, total: None).compile_missing(after.py_func, tmp_path / "none")  # pyright: ignore
+    Ahead(lambda done, total: None).compile_missing(follow_votes.py_func, tmp_path / "none")  # pyright: ignore
     assert [path.name for path in tmp_path.iterdir()] == ["locks"] and not kernel_locks._held
 
 

@@ -9,7 +9,7 @@ from rig.computer.redundancy.own import OwnManager
 from rig.flight.frame_cost import pieces
 from rig.frame import Block, nested, new_block
 from rig.kernels import bind
-from rig.loop import Rig, after, before, bind_computer, decide
+from rig.loop import Rig, after, before, bind_computer, think
 
 FRAMES = 300
 ALL_PLACES = [  # each of the three kernels of faults has something to do
@@ -25,10 +25,10 @@ def flown(step, *sets: str) -> Block:
     rig, block = Rig(which), new_block(FRAMES)
     block["reference"] = block["second_reference"] = np.nan
     rig.prepare(block)
-    rows, think = nested(block), step(rig)
+    rows, fly_row = nested(block), step(rig)
     for k in range(FRAMES):
         assert rig.plant.read(block, k) == 0
-        think(rows, k)
+        fly_row(rows, k)
         rig.plant.step(block, k)
     return block
 
@@ -38,30 +38,30 @@ def at_once(rig: Rig):
 
 
 def in_pieces(rig: Rig):
-    def think(rows, k):
+    def fly_row(rows, k):
         for _, entry, data in pieces(rig.data):
             entry(rows, k, data)
 
-    return think
+    return fly_row
 
 
 def in_stretches(rig: Rig):
     rows = nested(new_block(2))
-    bound = [bind(part, rows, 0, rig.data) for part in (before, decide, after)]
+    bound = [bind(part, rows, 0, rig.data) for part in (before, think, after)]
 
-    def think(rows, k):
+    def fly_row(rows, k):
         for part in bound:
             part(rows, k, rig.data)
 
-    return think
+    return fly_row
 
 
 def around_ours(rig: Rig):
     """Our own manager in the place of a user's."""
     ours = rig.redundancy.manager.data
     own = OwnManager("ours", lambda bus, fcc, k, frame: vote_signals(bus[k], fcc[k], ours), ours.params["fitted"])
-    think = bind_computer(rig.data, own)
-    return lambda rows, k: think(rows, k, rig.data)
+    fly_row = bind_computer(rig.data, own)
+    return lambda rows, k: fly_row(rows, k, rig.data)
 
 
 @pytest.mark.parametrize("step", [in_pieces, in_stretches, around_ours])

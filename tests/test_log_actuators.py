@@ -23,6 +23,8 @@ from rig.recordings.flown import recorded
 from rig.replay.before_after import diff, side
 from rig.replay.verify import verify
 
+OF_SERVOS = [column for column in LANE_COLUMNS if column.part == "actuator"]
+
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -34,7 +36,7 @@ def test_a_table_has_the_columns_of_the_servos(log: Path, tmp_path: Path, to: st
     out, whole = tmp_path / f"x.{to}", read_log(log)
     names = export(whole, to, out, ["actuator.elevator"]).columns
     assert {"actuator.elevator.asked.1", "actuator.elevator.ram", "actuator.elevator.pressure.2"} <= set(names)
-    assert not [name for name in names if "rudder" in name] and len(names) == 1 + len(LANE_COLUMNS) // 3
+    assert not [name for name in names if "rudder" in name] and len(names) == 1 + len(OF_SERVOS) // 3
     assert whole.lanes is not None
     expected = whole.lanes["actuator"]["lvdt"][:, 0, 2]
     if to == "npz":
@@ -50,9 +52,9 @@ def test_a_table_has_the_columns_of_the_servos(log: Path, tmp_path: Path, to: st
 def test_all_owners_are_exported_and_a_vote_reads_none_of_the_servos(log: Path, tmp_path: Path):
     whole = read_log(log)
     of_all, of_vote = (export(whole, "csv", tmp_path / f"{v}.csv", for_vote=v).columns for v in (False, True))
-    assert len([name for name in of_all if name.startswith("actuator.")]) == len(LANE_COLUMNS)
+    assert len([name for name in of_all if name.startswith("actuator.")]) == len(OF_SERVOS)
     assert not [name for name in of_vote if name.startswith("actuator.")]
-    assert whole.to_polars("actuator.rudder").width == 1 + len(LANE_COLUMNS) // 3
+    assert whole.to_polars("actuator.rudder").width == 1 + len(OF_SERVOS) // 3
 
 
 def test_owners_that_are_not_there_are_refused_with_the_nearest(log: Path, tmp_path: Path):
@@ -80,7 +82,7 @@ def test_logs_are_compared_by_the_servos_too(log: Path, tmp_path: Path):
     assert named["actuator.elevator.lvdt_1"] == "different" and named["actuator.elevator.pressure_1"] == "equal"
     plain = fly(None, overrides=["duration_s=0.2"], out=tmp_path).log
     missing = {one.name for one in diff(side(log), side(plain)).fields if one.verdict == "missing in B"}
-    assert missing == {column.path for column in LANE_COLUMNS}
+    assert missing == {column.path for column in OF_SERVOS}
 
 
 def test_what_a_log_says_of_itself_counts_the_messages_of_the_servos(log: Path):

@@ -6,9 +6,9 @@ from interpreted import printed
 from one_stage import step_stage
 
 from rig import loop, scenario
-from rig.computer.redundancy import conclude, refer, vote_signals
-from rig.faults import actuate, corrupt_reference
+from rig.faults import actuate
 from rig.frame import INDEX, End, nested, new_block
+from rig.lanes.think import ComputerData, think_lane
 from rig.loop import Rig, frames
 
 
@@ -53,12 +53,8 @@ def test_truth_never_reaches_redundancy_or_control():
             kept = block["truth"][k].copy(), block["flight"][k].copy(), block["discrete_truth"][k].copy()
             if rig is blind:
                 block["truth"][k], block["flight"][k], block["discrete_truth"][k] = np.nan, np.nan, 77
-            row, data = nested(block)[k], rig.data.redundancy
-            refer(row["bus"], row["fcc"], data.references)
-            corrupt_reference(row, k, rig.faults.data)
-            vote_signals(row["bus"], row["fcc"], data.manager)
-            conclude(row["bus"], row["fcc"], data)
-            rig.control.step(block, k)
+            row, data = nested(block)[k], rig.data
+            think_lane(row, row["bus"], row["fcc"], k, ComputerData(data.redundancy, data.control, data.faults))
             block["truth"][k], block["flight"][k], block["discrete_truth"][k] = kept
             block["actuator"][k] = block["surface"][k]
             actuate(row, rig.faults.data)

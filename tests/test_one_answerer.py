@@ -26,7 +26,7 @@ HOME = Path(rig.__file__).parent
 # The kernels that decide on a row, and the files that may call them besides their own room.
 DECIDES = {"vote_signals", "manage", "manage_signal"}
 CALLERS = {
-    "loop.py",  # a flight
+    "lanes/think.py",  # a flight
     "bench/run.py",  # all rows that are not being flown
     "flight/frame_cost.py",  # times the stages of a flight one by one
     "actuators/monitors.py",  # position sensors of a ram, no signal of a row
@@ -46,7 +46,7 @@ def _calls(names: set[str]) -> Iterator[str]:
 def test_the_managers_kernel_is_called_by_the_loop_and_the_bench_alone():
     called = list(_calls(DECIDES))
     assert set(called) == CALLERS
-    assert called.count("bench/run.py") == called.count("loop.py") == 1
+    assert called.count("bench/run.py") == called.count("lanes/think.py") == 1
 
 
 def test_all_drivers_of_the_bench_go_through_one_step():

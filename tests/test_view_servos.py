@@ -44,7 +44,7 @@ def moved() -> LaneBlock:
 @pytest.fixture(scope="module")
 def log(moved: LaneBlock, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path, rows = tmp_path_factory.mktemp("servos") / "flight.mcap", new_block(FRAMES)
-    with LogWriter(path, HZ, {}, lanes=True) as writer:
+    with LogWriter(path, HZ, {}, lanes=("actuator",)) as writer:
         writer.write(rows, np.zeros(FRAMES, TIMING), [], moved)
     return path
 

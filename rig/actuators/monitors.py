@@ -92,11 +92,11 @@ def monitors(config: Config, stops_rad: NDArray[np.float64], rate_hz: float) -> 
 
 
 @long_kernel
-def watch_rows(lanes, designed, data):
-    """Monitor every row of ``lanes`` (n,) LANES, whose valve, valve_differs and failed_by are written; see below."""
-    for k in range(len(lanes)):
+def watch_rows(rows, designed, data):
+    """Monitor ``rows`` (n, 3) ACTUATOR, whose valve, valve_differs and failed_by are written; see below."""
+    for k in range(len(rows)):
         for i in range(len(designed)):
-            watch_surface(lanes[k]["actuator"][i], designed[i], i, data)
+            watch_surface(rows[k, i], designed[i], i, data)
 
 
 @kernel

@@ -8,10 +8,11 @@ from rig.kernels import kernel
 
 
 @kernel
-def put_out(row, k, still, faults, actuators):
-    """Pass the surfaces that the computer of row k commands on to the actuators, which move; a fault comes between.
+def put_out(row, k, still, faults, actuators, lanes):
+    """Pass the surfaces that the computers of row k command on to the actuators, which move; a fault comes between.
 
     still : of the control law, the surfaces that nobody moves;  actuators : None where the plant's own lag moves them
+    lanes : (4,) FCC records of four computers, each of which asks its own channel; None: the row's asks all
     """
     surface, actuator = row["fcc"]["surface"], row["actuation"]["actuator"]
     if actuators is None:
@@ -20,8 +21,19 @@ def put_out(row, k, still, faults, actuators):
         actuate(row, faults)
     else:
         break_parts(row, actuators.broken, actuators.whole, faults)
-        move_surfaces(surface, actuator, k, actuators)
+        ask(surface, actuators.asked, lanes)
+        move_surfaces(actuators.asked, actuator, k, actuators)
+        throttle = len(actuators.state)
+        actuator[throttle] = surface[throttle]
         actuate(row, faults)
         shift_positions(actuator, k, actuators)
         for i in range(len(actuators.state)):
-            still[i] = actuators.rows[k]["actuator"][i]["bypassed"]
+            still[i] = actuators.rows[k, i]["bypassed"]
+
+
+@kernel
+def ask(surface, asked, lanes):
+    """Write what each channel is asked for, (4, 4), by its own lane if there are lanes."""
+    for c in range(asked.shape[0]):
+        for i in range(asked.shape[1]):
+            asked[c, i] = surface[i] if lanes is None else lanes[c]["surface"][i]

@@ -23,7 +23,7 @@ from rig.actuators.servo import (
 )
 from rig.computer.control.laws import clamp
 from rig.faults.parts import Part, whole_parts
-from rig.frame import CHANNELS, MOVED, SYSTEMS, LaneBlock, lane_rows
+from rig.frame import CHANNELS, MOVED, SURFACES, SYSTEMS, lane_rows
 from rig.kernels import kernel
 from rig.plant.airframe import Actuator
 
@@ -66,7 +66,8 @@ class ActuatorData(NamedTuple):
     state: NDArray[Any]  # (3,) STATE, in place
     monitors: MonitorData
     noise: NDArray[np.float32]  # (n, 3, 4) of a block's rows, standard normal
-    rows: LaneBlock  # (n,) LANES of a block's rows
+    rows: NDArray[Any]  # (n, 3) ACTUATOR of a block's rows
+    asked: NDArray[np.float64]  # (4, 4) workspace: what each channel is asked for, surface by surface
     positions: NDArray[np.float64]  # (steps, 3) rad, for each step of the plant in this frame
     substeps: int  # of a step of the plant
 
@@ -98,16 +99,15 @@ class Actuators:
             state=_at_rest(trim_rad),
             monitors=monitors(config, stops_of(surfaces), rate_hz),
             noise=np.zeros((0, len(MOVED), CHANNELS), np.float32),
-            rows=lane_rows(0),
+            rows=lane_rows(2)["actuator"],  # of two: of one the view would count as contiguous
+            asked=np.zeros((CHANNELS, len(SURFACES))),
             positions=np.tile(trim_rad, (steps_per_frame, 1)),
             substeps=count,
         )
 
-    def prepare(self, first_frame: int, frames: int) -> None:
-        """Draw the noise of the next rows; the stream does not depend on their number."""
-        noise = self._noise_rng.standard_normal((frames, len(MOVED), CHANNELS), np.float32)
-        rows = lane_rows(frames)
-        rows["frame"] = np.arange(first_frame, first_frame + frames)
+    def prepare(self, rows: NDArray[Any]) -> None:
+        """Take the next rows to write, (n, 3) ACTUATOR, and draw their noise, whose stream is the same for any n."""
+        noise = self._noise_rng.standard_normal((len(rows), len(MOVED), CHANNELS), np.float32)
         self.data = self.data._replace(noise=noise, rows=rows)
 
 
@@ -157,29 +157,28 @@ def _at_rest(trim_rad: NDArray[np.float64]) -> NDArray[Any]:
 
 
 @kernel
-def move_surfaces(surface, actuator, k, data):
-    """Sense, monitor and move all three surfaces for a frame, and pass the throttle on.
+def move_surfaces(asked, actuator, k, data):
+    """Sense, monitor and move all three surfaces for a frame.
 
-    surface : (4,) what the computer asks every channel for;  actuator : (4,) where they are at the end of the frame
+    asked : (4, 4) what each channel is asked for;  actuator : (4,) where they are at the end of the frame
     Writes row k of ``data.rows`` and ``data.positions``;  data : ActuatorData
     """
     for i in range(len(data.state)):
-        row = data.rows[k]["actuator"][i]
+        row = data.rows[k, i]
         for c in range(CHANNELS):
-            row["asked"][c] = surface[i]
+            row["asked"][c] = asked[c, i]
         wire(i, data.noise[k, i], data)
         sense(row, i, data)
         watch_surface(row, data.designed[i], i, data.monitors)
         fly_frame(row, i, data)
         actuator[i] = row["ram"]
-    actuator[len(data.state)] = surface[len(data.state)]
 
 
 @kernel
 def shift_positions(actuator, k, data):
     """Move all positions of the frame by what a fault behind the actuators has added to the last; (4,) ``actuator``."""
     for i in range(len(data.state)):
-        added = actuator[i] - data.rows[k]["actuator"][i]["ram"]
+        added = actuator[i] - data.rows[k, i]["ram"]
         for step in range(len(data.positions)):
             data.positions[step, i] += added
 

@@ -45,11 +45,11 @@ class ActuatorOutcome:
             linger=np.array([self.persistence + MARGIN]),
         )
         self._seen = False
-        add_lanes(new_block(0), lane_rows(0), lane_rows(0), self.records)  # compiles before the first frame
+        self.add(new_block(0), lane_rows(0))  # compiles before the first frame
 
     def add(self, rows: Block, lanes: LaneBlock) -> None:
         """Add the next ``rows`` (n,) with their ``lanes`` (n,)."""
-        add_lanes(rows, lanes, lanes.copy(), self.records)
+        add_lanes(rows, lanes["actuator"], lanes.copy()["actuator"], self.records)
         self._seen = self._seen or len(lanes) > 0
 
     def completed(self, n: int, fault: FaultScore) -> FaultScore:

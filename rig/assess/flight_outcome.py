@@ -17,7 +17,7 @@ from rig.assess.words import Cause, FaultWord, fault_word
 from rig.errors import BadInput
 from rig.faults import CLEAN
 from rig.faults.places import FLIGHT as FLIGHT_PLACES
-from rig.frame import CHANNELS, SIGNALS, Block, LaneBlock, new_block
+from rig.frame import CHANNELS, SIGNALS, Block, LaneBlock, has_part, new_block
 from rig.scenario import Scenario
 
 # One signal's fields that a sentence looks at again, frame by frame.
@@ -148,7 +148,7 @@ class FlightOutcome(Outcome):
 
     def add_lanes(self, rows: Block, lanes: LaneBlock | None) -> None:
         """Add ``lanes`` (n,) of servos, of ``rows`` (n,) that have been added or will be; None: there are none."""
-        if self.actuators is not None and lanes is not None:
+        if self.actuators is not None and has_part(lanes, "actuator"):
             self.actuators.add(rows, lanes)
 
     def columns(self, s: int) -> NDArray[Any]:

@@ -61,17 +61,17 @@ class ActuatorOutcomes(NamedTuple):
 
 
 @long_kernel
-def add_lanes(rows, lanes, again, out):
-    """Add ``rows`` (n,) FLAT with their ``lanes`` (n,) LANES; ``again`` is a copy of these, which the monitors write.
+def add_lanes(rows, actuators, again, out):
+    """Add ``rows`` (n,) FLAT with their ``actuators`` (n, 3); ``again`` is a copy of these, which the monitors write.
 
     out : ActuatorOutcomes
     """
-    for k in range(len(lanes)):
-        frame = lanes[k]["frame"]
+    for k in range(len(actuators)):
+        frame = rows[k]["frame"]
         mark_acting(rows[k]["acting"], frame, out)
         for i in range(len(out.servos)):
-            watch_surface(again[k]["actuator"][i], out.designed[i], i, out.monitors)
-            see(lanes[k]["actuator"][i], frame, i, out)
+            watch_surface(again[k, i], out.designed[i], i, out.monitors)
+            see(actuators[k, i], frame, i, out)
         for f in range(len(out.placed)):
             follow(out.placed[f], frame, out)
 

@@ -18,14 +18,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from rig.computer.analytic.references import ReferenceData, refer, remember
+from rig.computer.analytic.references import ReferenceData, remember
 from rig.computer.control.source import source_of
 from rig.computer.redundancy import vote_signals
 from rig.computer.redundancy.discrete import DiscreteData, vote_discretes
 from rig.computer.redundancy.manager import ManagerData
-from rig.faults import FaultData, actuate, corrupt, corrupt_reference
+from rig.faults import FaultData, actuate, corrupt
 from rig.frame import Nested
 from rig.kernels import kernel, long_kernel
+from rig.lanes.think import give_references
 from rig.sensors import SensorData, measure
 
 ROWS: Final = 256  # of a block of flight rows: half a megabyte, which stays in the cache
@@ -96,9 +97,7 @@ def before(row, flown, k, sensors, faults, references):
     if faults is not None:
         corrupt(flown, k, faults)
     if references is not None:
-        refer(row["bus"], row["fcc"], references)
-        if faults is not None:
-            corrupt_reference(row, k, faults)
+        give_references(row, row["bus"], row["fcc"], k, references, faults)
 
 
 @kernel

@@ -23,6 +23,7 @@ from rig.assess.outcome_rows import add_rows
 from rig.kernel_cache import folder, reached
 from rig.kernel_locks import give_back, take
 from rig.kernels import cache_root, compile_inner
+from rig.lanes.think import ComputerData, follow_votes
 from rig.log import LogWriter
 from rig.plant.truth import write_row
 from rig.scenario import load
@@ -138,15 +139,17 @@ def _in_order() -> None:
 
 
 def _from_the_end() -> None:
-    """Compile the last stretch of a frame, the outcome, then what the other process may have left."""
+    """Compile the end of a frame, the outcome, then what the other process may have left."""
     scenario = load(None, ["duration_s=0.01", "faults=[]"])
     rig, rows = loop.Rig(scenario, lambda rig: lambda rows, k, data: None, keep_clean=1), loop.new_block(1)
     rig.prepare(rows)
-    compile_inner(loop.after, loop.nested(rows), 0, rig.data)
+    row, data = loop.nested(rows)[0], rig.data
+    compile_inner(follow_votes, row["bus"], row["fcc"], ComputerData(data.redundancy, data.control, data.faults))
+    compile_inner(loop.after, loop.nested(rows), 0, data)
     outcome = FlightConclusion()
     outcome.begin(scenario)
     outcome.add(rows, rig.faults.clean_of(rows))
-    compile_inner(loop.decide, loop.nested(rows), 0, rig.data)
+    compile_inner(loop.think, loop.nested(rows), 0, data)
 
 
 _PART: Final = {"in order": _in_order, "from the end": _from_the_end}

@@ -37,7 +37,7 @@ class CampaignFlight:
     clean: NDArray[np.void]  # of the sensors before any fault
     verdict: Verdict
     ended: list[Event]  # that only the end shows: faults that did nothing
-    lanes: LaneBlock | None = None  # of servo actuators
+    lanes: LaneBlock | None = None
     coils_failed: Coils = field(default_factory=dict)
     unit: dict[str, str] = field(default_factory=dict)  # metadata of its log on the unit under test
 
@@ -53,17 +53,17 @@ def fly(scenario: Scenario, tested: UnitUnderTest | None = None) -> CampaignFlig
     UnitDead, UnitRefused: the unit under test.
     """
     rig = loop.Rig(scenario, None if tested is None else unit_computer(tested), keep_clean=scenario.frames)
-    findings, servos, (rows, timing) = Findings(scenario), _Servos(), loop.new_memory(scenario)
-    loop.fly(rig, [findings, servos], memory=(rows, timing))
+    findings, beside, (rows, timing) = Findings(scenario), _Lanes(), loop.new_memory(scenario)
+    loop.fly(rig, [findings, beside], memory=(rows, timing))
     flown = slice(findings.verdict.frames)
-    lanes = np.concatenate(servos.blocks) if servos.blocks else None
+    lanes = np.concatenate(beside.blocks) if beside.blocks else None
     coils = findings.actuators.failed_at(scenario.rate_hz)
     end = findings.verdict, findings.end(), lanes, coils, ended_unit(tested)
     return CampaignFlight(scenario, rows[flown], timing[flown], findings.events, rig.faults.clean[flown], *end)
 
 
-class _Servos:
-    """Keeps the rows of servo actuators, which are given for good."""
+class _Lanes:
+    """Keeps the rows of lanes, which are given for good."""
 
     def __init__(self) -> None:
         self.blocks: list[LaneBlock] = []
@@ -89,7 +89,7 @@ def write_log(flight: CampaignFlight, path: Path) -> None:
     verdict, scenario, frames = flight.verdict, flight.scenario, [event.frame for event in flight.events]
     path.parent.mkdir(parents=True, exist_ok=True)
     about = {**metadata(scenario), **flight.unit}, [("scenario.toml", b"")]
-    kept: Any = {"chunk_frames": scenario.frames, "draft_of": path, "lanes": scenario.has_servos}
+    kept: Any = {"chunk_frames": scenario.frames, "draft_of": path, "lanes": scenario.lane_parts}
     with (
         replaced(path) as draft,
         LogWriter(draft, scenario.rate_hz, *about, **kept) as writer,

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rig.studies.ding2015 import Study
+    from rig.studies.exchange import Row
     from rig.studies.rate_bias import LawComparison
     from rig.studies.servo import Compared, Response
     from rig.studies.tolerant import Summary
@@ -42,6 +43,33 @@ def ding2015(
         result = compute()
         files = [str(path) for path in figures.write(result, out)]
     emit(as_json, {**result.as_dict(), "figures": files}, lambda: _ding2015(result, files))
+
+
+@study.command()
+def exchange(as_json: Json = False) -> None:
+    """Pass samples between four lanes under all faulty lanes and all that these may say, with one and two rounds."""
+    from rig.studies import exchange as exchanges
+
+    with working("passing samples", not as_json):
+        rows = exchanges.study()
+    emit(as_json, lambda: exchanges.as_dict(rows), lambda: _exchange(rows))
+
+
+def _exchange(rows: Sequence[Row]) -> None:
+    shown = (
+        Column("rounds", "rounds"),
+        Column("faulty lanes", lambda row: row.faults or "none"),
+        Column("placings", "placings"),
+        Column("hold", "hold"),
+        Column("behaviours", "behaviours"),
+        Column("agreement broken", "agreement_broken"),
+        Column("validity broken", "validity_broken"),
+    )
+    table(rows, shown)
+    line("a asymmetric, s symmetric, b benign, o omissive; two rounds hold while 4 > 2 a + 2 s + b + 1, omissive apart")
+    for row in rows:
+        if row.counterexample:
+            line(f"{row.rounds} rounds, {row.faults}: {row.counterexample}")
 
 
 @study.command("fault-tolerant")

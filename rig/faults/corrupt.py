@@ -85,12 +85,12 @@ def corrupt_discrete(row, fault, flag):
 
 
 @kernel
-def corrupt_reference(row, k, data):
-    """Corrupt the references of the row, between their making and their use; where there is none, nothing acts.
+def corrupt_reference(row, reference, k, data):
+    """Corrupt a computer's references in row k, between their making and their use; where there is none, nothing acts.
 
-    Writes reference and acting.
+    reference : (S,), in place; data : FaultData, whose kept and memory are the computer's own.  Writes acting.
     """
-    p, reference = data.param[0], row["fcc"]["reference"]
+    p = data.param[0]
     targets, state, kept, memory = data.targets, data.state, data.kept, data.memory
     for t in range(p["discretes"], p["references"]):
         target = targets[t]

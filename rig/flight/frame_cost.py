@@ -63,7 +63,7 @@ def references_of(rows, k, data):
 @kernel
 def reference_faults_of(rows, k, data):
     """Compute row k of the faults on references."""
-    corrupt_reference(rows[k], k, data)
+    corrupt_reference(rows[k], rows[k]["fcc"]["reference"], k, data)
 
 
 @kernel
@@ -82,7 +82,7 @@ def control_of(rows, k, data):
 @kernel
 def surface_faults_of(rows, k, data):
     """Compute row k of the surfaces on their way to the actuators; data : StageData."""
-    put_out(rows[k], k, data.control.param[0]["still"], data.faults, data.actuators)
+    put_out(rows[k], k, data.control.param[0]["still"], data.faults, data.actuators, None)
 
 
 # A frame of the loop taken apart, in the order of loop.compute: each kernel by name, and whose data it takes ("": all).

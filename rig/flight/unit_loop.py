@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig import loop
-from rig.actuators.output import put_out
 from rig.actuators.stage import ActuatorData
 from rig.computer.analytic.references import ReferenceData, remember
 from rig.computer.control.law import control_law
@@ -28,7 +27,7 @@ from rig.faults import FaultData
 from rig.flight.pace import Pace
 from rig.frame import FLIGHT_INDEX, SURFACES, Block, LaneBlock, Law, Nested, UnitStatus, nested, new_block
 from rig.kernels import bind, kernel
-from rig.loop import ComputerStep, Rig, StageData, before, compute
+from rig.loop import ComputerStep, Rig, StageData, after, before_votes, compute
 from rig.scenario import Scenario
 from rig.sensors import SensorData
 from rig.sensors.inertial import InertialData
@@ -120,11 +119,12 @@ class _AroundUnit(NamedTuple):
     redundancy: _Redundancy
     control: ControlData
     actuators: ActuatorData | None
+    lanes: None  # a unit flies alone
 
 
 def _without_manager(data: StageData) -> _AroundUnit:
     redundancy = _Redundancy(data.redundancy.references, data.redundancy.discretes)
-    return _AroundUnit(data.sensors, data.inertial, data.faults, redundancy, data.control, data.actuators)
+    return _AroundUnit(data.sensors, data.inertial, data.faults, redundancy, data.control, data.actuators, None)
 
 
 def _around_unit(unit: UnitUnderTest, data: StageData) -> ComputerStep:
@@ -165,7 +165,7 @@ def _bytes(rows: Block) -> NDArray[np.uint8]:
 @kernel
 def before_unit(block, raw, k, data, port):
     """Fill all that a unit reads of row k, and its record from it; raw : (n, bytes) the same rows."""
-    before(block, k, data)
+    before_votes(block, k, data)
     fill(raw, k, block[k]["frame"], port)
 
 
@@ -192,7 +192,7 @@ def after_unit(block, raw, k, data, port, status):
     elif port.form == _REDUNDANCY:
         control_law(bus, fcc, data.control)
     row["actuation"]["unit"], row["actuation"]["unit_age"] = status, row["frame"] - answer["frame"]
-    put_out(row, k, data.control.param[0]["still"], data.faults, data.actuators)
+    after(block, k, data)
     return status
 
 

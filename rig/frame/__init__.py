@@ -4,7 +4,7 @@ signals.py  which signals, discretes and other numbers there are
 enums.py    states, patterns, resolvers and what else has one byte
 fields.py   the one table of fields: part, shape, meaning, place in the log
 sig.py      the places of the signals by their symbols, for kernels
-lanes.py    the second row, of flights with servo actuators
+lanes.py    the second row, of flights with servo actuators or several computers
 row.py      the row type of some signals; FRAME, that of a flight, nested by part; FLAT, the same by field; blocks
 """
 
@@ -22,7 +22,23 @@ from rig.frame.enums import (
     UnitStatus,
 )
 from rig.frame.fields import MOST_FAULTS
-from rig.frame.lanes import ACTUATOR, LANE_FIELDS, LANES, MOVED, SYSTEMS, LaneBlock, lane_rows
+from rig.frame.lanes import (
+    ACTUATOR,
+    COMPUTER,
+    COMPUTER_FIELDS,
+    COMPUTERS,
+    INTEGRATED,
+    LANE_FIELDS,
+    LANE_PARTS,
+    MOVED,
+    SYSTEMS,
+    LaneBlock,
+    LanePart,
+    LaneParts,
+    has_part,
+    lane_rows,
+    parts_of,
+)
 from rig.frame.row import (
     ACTUATION,
     BUS,

@@ -17,6 +17,8 @@ from enum import IntEnum
 from functools import cache
 from typing import Final, Literal
 
+import numpy as np
+
 from rig.frame.enums import End, Ilm, Law, Pattern, Resolver, SensorFault, Source, State, Trust, UnitStatus
 from rig.frame.signals import CHANNELS, COMMANDS, DEMANDS, ESTIMATES, FLIGHT, INERTIAL, SURFACES, D, S
 
@@ -137,7 +139,8 @@ def _places(field: Field) -> list[Place]:
 
 
 def elements(field: Field) -> list[tuple[str, tuple[int, ...]]]:
-    """Return name and index of every number of a field that is a message's own: none, or its elements from 1."""
+    """Return name and index of every number of a field that is a message's own; without names they count from 1."""
     if not field.shape:
         return [(field.name, ())]
-    return [(f"{field.name}_{i + 1}", (i,)) for i in range(field.shape[0])]
+    names = field.elements or tuple(f"{field.name}_{i + 1}" for i in range(field.shape[0]))
+    return list(zip(names, np.ndindex(field.shape), strict=True))

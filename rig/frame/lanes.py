@@ -1,19 +1,25 @@
-"""The second row of a frame: what each channel of the servo actuators saw and did.  Only flights with servos have it.
+"""The second row of a frame, of flights with servo actuators or several computers; others have none.
 
-LANES holds one ACTUATOR record for elevator, aileron and rudder.  Its measured numbers are what converters deliver,
-in single precision; monitors see them so, and so does who repeats their decisions from a log.
+Its parts, by name:
+
+    actuator  an ACTUATOR record for elevator, aileron and rudder: what the channels of their servos saw and did
+    computer  a COMPUTER record for each of the lanes A to D: what it decided and commanded
+
+Measured numbers are what converters deliver, in single precision; monitors see them so, and so does who repeats their
+decisions from a log.
 """
 
 from __future__ import annotations
 
-from typing import Any, Final
+from collections.abc import Sequence
+from typing import Any, Final, Literal, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame.enums import ActuatorMonitor
+from rig.frame.enums import ActuatorMonitor, Pattern, Resolver, State
 from rig.frame.fields import BASES, Field
-from rig.frame.signals import CHANNELS, SURFACES
+from rig.frame.signals import CHANNELS, SIGNALS, SURFACES, S
 
 MOVED: Final = tuple(name.removesuffix("_rad") for name in SURFACES[:3])  # by servos; the throttle never is
 SYSTEMS: Final = 2  # hydraulic
@@ -37,13 +43,72 @@ LANE_FIELDS: Final = (
     Field("failed_by", "actuation", _EACH, "enum", ActuatorMonitor, message=_MESSAGE),
     Field("bypassed", "actuation", (), "flag", message=_MESSAGE),  # no channel or no pressure moves the ram
 )
-ACTUATOR: Final = np.dtype(
-    sorted(((f.name, BASES[f.kind], f.shape) for f in LANE_FIELDS), key=lambda f: -np.dtype(f[1]).itemsize), align=True
+COMPUTERS: Final = ("A", "B", "C", "D")  # lane i has channel i
+INTEGRATED: Final = ("elevator_rad", "aileron_rad", "rudder_rad", "throttle")
+_COMPUTER: Final = "rig.Computer"
+_NAMES: Final = tuple(signal.name for signal in SIGNALS)
+
+
+def _of_signals(prefix: str) -> tuple[str, ...]:
+    return tuple(f"{prefix}_{name}" for name in _NAMES)
+
+
+COMPUTER_FIELDS: Final = (
+    Field("voted", "fcc", (S,), unit="signal", message=_COMPUTER, elements=_of_signals("voted")),
+    Field(
+        "state",
+        "fcc",
+        (S, CHANNELS),
+        "enum",
+        State,
+        message=_COMPUTER,
+        elements=tuple(f"state_{name}_{c + 1}" for name in _NAMES for c in range(CHANNELS)),
+    ),
+    Field("level", "fcc", (S,), "small", message=_COMPUTER, elements=_of_signals("level")),
+    Field("pattern", "fcc", (S,), "enum", Pattern, message=_COMPUTER, elements=_of_signals("pattern")),
+    Field("resolver", "fcc", (S,), "enum", Resolver, message=_COMPUTER, elements=_of_signals("resolver")),
+    Field(
+        "surface", "fcc", (len(SURFACES),), message=_COMPUTER, elements=tuple(f"surface_{name}" for name in SURFACES)
+    ),
+    Field(  # of the control law
+        "integral",
+        "fcc",
+        (len(INTEGRATED),),
+        message=_COMPUTER,
+        elements=tuple(f"integral_{name}" for name in INTEGRATED),
+    ),
 )
-LANES: Final = np.dtype([("frame", "i8"), ("actuator", ACTUATOR, (len(MOVED),))], align=True)
-LaneBlock = NDArray[Any]  # (n,) LANES
 
 
-def lane_rows(frames: int) -> LaneBlock:
-    """Return ``frames`` blank rows."""
-    return np.zeros(frames, LANES)
+def _record(fields: Sequence[Field]) -> np.dtype[Any]:
+    """Return the record of some fields, the widest first."""
+    described = [(f.name, BASES[f.kind], f.shape) for f in fields]
+    return np.dtype(sorted(described, key=lambda f: -np.dtype(f[1]).itemsize), align=True)
+
+
+ACTUATOR: Final = _record(LANE_FIELDS)
+COMPUTER: Final = _record(COMPUTER_FIELDS)
+LanePart = Literal["actuator", "computer"]
+LaneParts = tuple[LanePart, ...]  # in the order of LANE_PARTS
+LaneBlock = NDArray[Any]  # (n,), frame and the parts that the flight has
+LANE_PARTS: Final[dict[LanePart, np.dtype[Any]]] = {
+    "actuator": np.dtype((ACTUATOR, (len(MOVED),))),
+    "computer": np.dtype((COMPUTER, (len(COMPUTERS),))),
+}
+
+
+def parts_of(lanes: LaneBlock | None) -> LaneParts:
+    """Return the parts that rows of lanes have."""
+    return () if lanes is None else tuple(part for part in LANE_PARTS if part in (lanes.dtype.names or ()))
+
+
+def has_part(lanes: LaneBlock | None, part: LanePart) -> TypeGuard[LaneBlock]:
+    """Return True if there are rows of lanes, with a ``part``."""
+    return part in parts_of(lanes)
+
+
+def lane_rows(frames: int, parts: LaneParts = ("actuator",), first_frame: int = 0) -> LaneBlock:
+    """Return blank rows with some parts, numbered from ``first_frame``."""
+    rows = np.zeros(frames, np.dtype([("frame", "i8"), *((part, LANE_PARTS[part]) for part in parts)], align=True))
+    rows["frame"] = np.arange(first_frame, first_frame + frames)
+    return rows

@@ -9,6 +9,7 @@ The table has a row a frame, its columns named as ``rig vote`` names its own:
     <discrete>.1 ..  .truth .voted .state.1 ..  .level .valid.1 ..  .ilm.1 ..
     control.*, inertial.*, flight.*, demand.*         the fields of these topics
     actuator.<surface>.ram .asked.1 ..                of a flight with servo actuators
+    computer.<A to D>.voted_<signal> ..               of a flight with several computers
 
 Enums are words.
 """
@@ -23,7 +24,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import FLAT, INDEX, LANE_FIELDS, SIGNALS, Block, Ilm, LaneBlock, Pattern, State
+from rig.frame import FLAT, INDEX, LANE_FIELDS, SIGNALS, Block, Ilm, LaneBlock, LanePart, Pattern, State, parts_of
 from rig.frame.fields import FIELD
 from rig.log.schema import LANE_MESSAGES, LANE_TOPICS, MESSAGES, TOPICS_OF_ROWS, Field, Topic
 from rig.units.quantities import unit_of_name
@@ -60,11 +61,13 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class LaneColumn(Column):
-    """One number of the rows of servo actuators; its owner is like ``actuator.elevator``."""
+    """One number of the rows of servos and computers; its owner is like ``actuator.elevator`` or ``computer.A``."""
+
+    part: LanePart
 
     def of(self, rows: LaneBlock) -> NDArray[Any]:
-        """Return the column of ``rows`` (n,) LANES, a view."""
-        return rows["actuator"][self.field][(slice(None), *self.index)]
+        """Return the column of ``rows`` (n,) that have the part, a view."""
+        return rows[self.part][self.field][(slice(None), *self.index)]
 
 
 def _column(topic: Topic, field: Field) -> Column:
@@ -76,8 +79,9 @@ def _column(topic: Topic, field: Field) -> Column:
 
 COLUMNS: Final = tuple(_column(topic, field) for topic in TOPICS_OF_ROWS for field in MESSAGES[topic.message].fields)
 LANE_COLUMNS: Final = tuple(
-    LaneColumn(topic.name[1:].replace("/", "."), field.name, field.source, (i, *field.index), field.enum, False)
-    for i, topic in enumerate(LANE_TOPICS)
+    LaneColumn(topic.name[1:].replace("/", "."), field.name, field.source, (i, *field.index), field.enum, False, part)
+    for part, topics in LANE_TOPICS.items()
+    for i, topic in enumerate(topics)
     for field in LANE_MESSAGES[topic.message].fields
 )
 _LANE_UNITS: Final = {column.path: f.unit for column in LANE_COLUMNS for f in LANE_FIELDS if f.name == column.field}
@@ -113,7 +117,7 @@ _NUMBERED: Final = {"channels": "", "discrete_channels": "", "state": ".state", 
 
 def name(column: Column) -> str:
     """Return the column's name in a table."""
-    if isinstance(column, LaneColumn):
+    if isinstance(column, LaneColumn) and column.part == "actuator":
         return ".".join([column.owner, column.field, *(str(i + 1) for i in column.index[1:])])
     if column.field in _NUMBERED:
         return f"{column.owner}{_NUMBERED[column.field]}.{column.channel}"
@@ -139,9 +143,15 @@ def _fitted(rows: Block, column: Column) -> bool:
     return bool(rows[field][0][column.index] != State.ABSENT)
 
 
-def chosen_lanes(owners: Sequence[str]) -> list[LaneColumn]:
-    """Return the columns of ``owners`` of servo actuators; all if none."""
-    return [column for column in LANE_COLUMNS if not owners or column.owner in owners]
+def chosen_lanes(lanes: LaneBlock | None, owners: Sequence[str] = ()) -> list[LaneColumn]:
+    """Return the columns of ``owners`` of servos and computers that ``lanes`` have; all of them if none."""
+    of = parts_of(lanes)
+    return [column for column in LANE_COLUMNS if column.part in of and (not owners or column.owner in owners)]
+
+
+def lane_owners(lanes: LaneBlock | None) -> list[str]:
+    """Return whose columns ``lanes`` have."""
+    return list(dict.fromkeys(column.owner for column in chosen_lanes(lanes)))
 
 
 def dataframe(
@@ -149,16 +159,16 @@ def dataframe(
 ) -> pl.DataFrame:
     """Return the table of ``rows`` (n,) at ``time_s`` (n,), s; SI units, enums as words.
 
-    lanes : (n,) of its servo actuators, if there are any
-    KeyError: an owner that is no signal, discrete, topic or actuator.
+    lanes : (n,) of its servos and computers, if there are any
+    KeyError: an owner that is no signal, discrete, topic, actuator or computer of the flight.
     """
-    allowed = OWNERS if lanes is None else OWNERS + LANE_OWNERS
+    allowed = [*OWNERS, *lane_owners(lanes)]
     for owner in owners:
         if owner not in allowed:
             raise KeyError(f"unknown {owner!r}, allowed: {', '.join(allowed)}")
     values = {column: column.of(rows) for column in chosen(rows, owners)}
     if lanes is not None:
-        values |= {column: column.of(lanes) for column in chosen_lanes(owners)}
+        values |= {column: column.of(lanes) for column in chosen_lanes(lanes, owners)}
     return of_columns({TIME: time_s, **{name(c): v for c, v in values.items()}}, {name(c): c for c in values})
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import os
 import struct
 from array import array
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
@@ -75,7 +76,7 @@ class Packed(NamedTuple):
         return min(int(run.times.min()) for run in self.runs), max(int(run.times.max()) for run in self.runs)
 
 
-MOST_RUNS: Final = 4  # of frames, poses, servo actuators, events
+MOST_RUNS: Final = 4  # of frames, poses, lanes, events
 _ENTRY: Final = np.dtype([("time", "<u8"), ("offset", "<u8")])
 
 
@@ -290,7 +291,7 @@ class Container:
 
     def _statistics(self) -> Statistics:
         start, end, chunks = 0, 0, 0
-        counts = [0] * (self._opening.channel_count + 1)
+        counts = Counter[int]()  # by channel, whose numbers may have gaps
         for kept in self._kept():
             start = min(start, kept.start) if chunks else kept.start
             end = max(end, kept.end)
@@ -301,9 +302,9 @@ class Container:
         return Statistics(
             attachment_count=len(self._attachments),
             channel_count=self._opening.channel_count,
-            channel_message_counts={i: count for i, count in enumerate(counts) if count},
+            channel_message_counts={channel: counts[channel] for channel in sorted(counts)},
             chunk_count=chunks,
-            message_count=sum(counts),
+            message_count=counts.total(),
             message_start_time=start,
             message_end_time=end,
             metadata_count=len(self._metadata),

@@ -60,7 +60,7 @@ class Part(NamedTuple):
 
     rows: Block
     timing: NDArray[Any]
-    lanes: LaneBlock | None  # of servo actuators
+    lanes: LaneBlock | None
     events: list[Event]
     runs: list[Run]  # of its messages
     chunk: Chunk

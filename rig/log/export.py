@@ -17,7 +17,18 @@ from numpy.typing import NDArray
 from rig.errors import BadInput, RigError
 from rig.frame import FLAT, SIGNALS, Block, LaneBlock
 from rig.log import Log
-from rig.log.columns import LANE_OWNERS, OWNERS, TIME, Column, LaneColumn, chosen, chosen_lanes, name, of_columns
+from rig.log.columns import (
+    LANE_OWNERS,
+    OWNERS,
+    TIME,
+    Column,
+    LaneColumn,
+    chosen,
+    chosen_lanes,
+    lane_owners,
+    name,
+    of_columns,
+)
 from rig.log.reader import iter_blocks
 from rig.log.scan import About
 from rig.text import choices, quoted
@@ -80,15 +91,16 @@ def _narrowed(rows: Block, lanes: LaneBlock | None, described: dict[str, Column]
 
 def _chosen(rows: Block, lanes: LaneBlock | None, owners: Sequence[str], for_vote: bool) -> list[Column]:
     """Return the columns of the owners, without channels that are not fitted."""
-    of_servos = () if lanes is None or for_vote else LANE_OWNERS
-    accepted = [signal.name for signal in SIGNALS] if for_vote else [*OWNERS, *of_servos]
+    of_lanes = [] if for_vote else lane_owners(lanes)
+    accepted = [signal.name for signal in SIGNALS] if for_vote else [*OWNERS, *of_lanes]
     for owner in owners:
-        if lanes is None and owner in LANE_OWNERS:
-            raise BadInput(f"--signals {owner}: the flight had no servo actuators")
+        if owner in LANE_OWNERS and owner not in of_lanes and not for_vote:
+            had = "no servo actuators" if owner.startswith("actuator") else "one computer"
+            raise BadInput(f"--signals {owner}: the flight had {had}")
         if owner not in accepted:
             raise BadInput(f"--signals: unknown {quoted(owner)}, {choices(owner, accepted, 'rig signals')}")
     wanted = chosen(rows, owners or accepted, _FOR_VOTE if for_vote else ())
-    return [*wanted, *(chosen_lanes(owners) if of_servos else ())]
+    return [*wanted, *(chosen_lanes(lanes, owners) if of_lanes else ())]
 
 
 def _values(rows: Block, lanes: LaneBlock | None, column: Column, for_vote: bool) -> NDArray[Any]:

@@ -10,7 +10,7 @@ from rig import aircraft
 from rig.errors import BadInput
 from rig.log.reader import scenario_of, unit_of
 from rig.log.scan import RECOVERED, Contents, contents
-from rig.log.schema import ALL_TOPICS, TOPICS
+from rig.log.schema import topics
 from rig.scenario import Scenario
 from rig.settings import build, parse_toml
 
@@ -34,7 +34,7 @@ def info(path: Path | str) -> dict[str, Any]:
         "duration_s": log.frames / log.rate_hz,
         "last_frame": log.last_frame if log.frames else None,
         "events": dict(log.events.most_common()),
-        "topics": {topic.name: log.messages[topic.name] for topic in (ALL_TOPICS if log.lanes else TOPICS)},
+        "topics": {topic.name: log.messages[topic.name] for topic in topics(log.lanes)},
         "result": log.result,
         "attachments": {name: len(data) for name, data in log.attachments.items()},
         "health": _health(log),

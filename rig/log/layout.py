@@ -5,7 +5,7 @@ are padded to one: so the records of a topic always have the same length and the
 channel id, protobuf tags), its template.  What changes is moved between the frame and the template by tables of byte
 offsets.  A chunk has the records of one topic after those of another: where neighbours are alike, it compresses better.
 
-    FRAMES, n records of each topic | POSES, every POSE_EVERY-th of them | SERVOS, n, where there are any | events
+    FRAMES, n records of each topic | POSES, every POSE_EVERY-th of them | LANES, n, where there are any | events
 
 Up to schema 4 it had a row of all topics for every frame, poses too, then the events.
 
@@ -16,14 +16,14 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import accumulate, pairwise
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import FLAT, LANES, TIMING, Block, Ilm, LaneBlock, State, lane_rows
+from rig.frame import FLAT, LANE_PARTS, TIMING, Block, Ilm, LaneBlock, LanePart, LaneParts, State, lane_rows
 from rig.frame.fields import FIELD
 from rig.log.container import Run, message_indexes
 from rig.log.records import Value, record, size_of
@@ -117,7 +117,7 @@ class Decoded(NamedTuple):
 
     rows: Block  # FLAT
     timing: NDArray[np.void]
-    lanes: LaneBlock | None  # of servo actuators
+    lanes: LaneBlock | None
     runs: list[Run]
     size: int  # bytes
 
@@ -126,11 +126,11 @@ class Layout:
     """How a log has its frames, for the fields that each of our messages has, in the order of their numbers.
 
     rowwise : as up to schema 4, poses at every frame
-    lanes : with those of servo actuators
+    lanes : which parts of them it has
     absent : numbers of FLAT that the messages do not have, field and index
     """
 
-    def __init__(self, messages: Messages, *, rowwise: bool = False, lanes: bool = False) -> None:
+    def __init__(self, messages: Messages, *, rowwise: bool = False, lanes: LaneParts = ()) -> None:
         self._rowwise, self._lanes = rowwise, lanes
         self.table = Table((*FRAME_TOPICS, *POSE_TOPICS) if rowwise else FRAME_TOPICS, messages, rowwise=rowwise)
         self.absent = [
@@ -150,12 +150,15 @@ class Layout:
         times = packed[:, _TIME].copy().view(np.uint64)[:, 0]
         if self._rowwise or not len(times):
             runs = [Run(times, self.table.indexes(len(times)))] if len(times) else []
-            return Decoded(rows, timing, lane_rows(0) if self._lanes else None, runs, packed.nbytes)
+            return Decoded(rows, timing, lane_rows(0, self._lanes) if self._lanes else None, runs, packed.nbytes)
         size = packed.nbytes + POSES.rows(data[packed.nbytes :], len(times[::POSE_EVERY])).nbytes
-        lanes = None
-        if self._lanes:
-            moved = SERVOS.rows(data[size:], len(times))
-            lanes, size = _gathered(moved, _origins(SERVOS, "lanes", LANES), LANES), size + moved.nbytes
+        lanes = lane_rows(len(times), self._lanes) if self._lanes else None
+        if lanes is not None:
+            lanes["frame"] = rows["frame"]
+            for part in self._lanes:
+                table, kind = LANES[part], LANE_PARTS[part]
+                moved = table.rows(data[size:], len(times))
+                lanes[part], size = _gathered(moved, _origins(table, part, kind), kind), size + moved.nbytes
         return Decoded(rows, timing, lanes, frame_runs(times, self._lanes), size)
 
     def _fill(self, rows: Block) -> None:
@@ -186,18 +189,30 @@ def _origins(table: Table, source: str, dtype: np.dtype[Any]) -> NDArray[np.intp
 
 def _gathered(packed: NDArray[np.uint8], origins: NDArray[np.intp], dtype: np.dtype[Any]) -> NDArray[np.void]:
     rows = np.empty(len(packed), dtype)
-    to = rows.view(np.uint8).reshape(len(packed), dtype.itemsize)
+    to = rows.reshape(-1).view(np.uint8).reshape(len(packed), dtype.itemsize)
     np.take(packed, origins, axis=1, out=to, mode="clip")  # "raise" would copy; the interpreter is free meanwhile
     return rows
 
 
 LAYOUT: Final = Layout({name: message.fields for name, message in MESSAGES.items()})  # of what we write
 FRAMES: Final = LAYOUT.table
-SERVO_LAYOUT: Final = Layout({name: message.fields for name, message in MESSAGES.items()}, lanes=True)
 POSES: Final = Table(POSE_TOPICS, {})
-SERVOS: Final = Table(LANE_TOPICS, {name: message.fields for name, message in LANE_MESSAGES.items()})
 ROW: Final = len(FRAMES.template) + len(POSES.template)  # the most bytes of a frame before compression
-SERVO_ROW: Final = len(SERVOS.template)  # and those of its servo actuators
+LANES: Final[dict[LanePart, Table]] = {
+    part: Table(topics, {name: message.fields for name, message in LANE_MESSAGES.items()})
+    for part, topics in LANE_TOPICS.items()
+}
+
+
+@cache
+def layout_of(lanes: LaneParts) -> Layout:
+    """Return the layout of what we write, with these parts of lanes."""
+    return Layout({name: message.fields for name, message in MESSAGES.items()}, lanes=lanes) if lanes else LAYOUT
+
+
+def row_bytes(lanes: LaneParts) -> int:
+    """Return the most bytes of a frame before compression, with these parts of lanes."""
+    return ROW + sum(len(LANES[part].template) for part in lanes)
 
 
 def log_times(frames: NDArray[np.int64], rate_hz: float) -> NDArray[np.uint64]:
@@ -205,19 +220,23 @@ def log_times(frames: NDArray[np.int64], rate_hz: float) -> NDArray[np.uint64]:
     return np.rint(frames * 1e9 / rate_hz).astype(np.uint64)
 
 
-def frame_runs(times: NDArray[np.uint64], lanes: bool = False) -> list[Run]:
-    """Return the runs of a chunk of frames at ``times`` (n,), ns; ``lanes``: with those of servo actuators."""
+def frame_runs(times: NDArray[np.uint64], lanes: LaneParts = ()) -> list[Run]:
+    """Return the runs of a chunk of frames at ``times`` (n,), ns, with these parts of lanes."""
     if not len(times):
         return []
-    frames, poses, servos = _indexes(len(times))
-    return [Run(times, frames), Run(times[::POSE_EVERY], poses), *([Run(times, servos)] if lanes else [])]
+    frames, poses, *of_lanes = _indexes(len(times), lanes)
+    beside = [Run(times, np.concatenate(of_lanes))] if lanes else []  # the topics of all parts are neighbours
+    return [Run(times, frames), Run(times[::POSE_EVERY], poses), *beside]
 
 
 @lru_cache(maxsize=4)  # all chunks of a flight are of one length but the last
-def _indexes(frames: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+def _indexes(frames: int, lanes: LaneParts) -> list[NDArray[Any]]:
     poses, begin = len(range(0, frames, POSE_EVERY)), frames * len(FRAMES.template)
-    behind = begin + poses * len(POSES.template)
-    return FRAMES.indexes(frames), POSES.indexes(poses, begin), SERVOS.indexes(frames, behind)
+    found, behind = [FRAMES.indexes(frames), POSES.indexes(poses, begin)], begin + poses * len(POSES.template)
+    for part in lanes:
+        found.append(LANES[part].indexes(frames, behind))
+        behind += frames * len(LANES[part].template)
+    return found
 
 
 def event_runs(events: Sequence[tuple[int, int]]) -> list[Run]:

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import RigError
-from rig.frame import FLAT, FLIGHT_INDEX, Block, LaneBlock
+from rig.frame import FLAT, FLIGHT_INDEX, Block, LaneBlock, LanePart, LaneParts, parts_of
 from rig.kernels import kernel
-from rig.log.layout import FRAMES, POSES, SERVOS, Moves
+from rig.log.layout import FRAMES, LANES, POSES, Moves
 from rig.log.records import DERIVED, TIMES, WIRE, place
 from rig.log.schema import MESSAGES, POSE_EVERY
 
@@ -26,22 +26,21 @@ class Plan(NamedTuple):
     moves: dict[str, Moves]  # by source, into the records of frames
     begin: int  # of the poses
     posed: Moves
-    behind: int  # the poses: records of servo actuators, if there are any
-    servos: dict[str, Moves]
+    lanes: dict[LanePart, tuple[int, dict[str, Moves]]]  # behind the poses: where each part begins, and its moves
 
 
 @lru_cache(maxsize=4)  # all chunks of a flight are of one length but the last
-def plan(frames: int, lanes: bool = False) -> Plan:
-    """Return the plan of chunks of ``frames`` frames; ``lanes``: with servo actuators."""
+def plan(frames: int, lanes: LaneParts = ()) -> Plan:
+    """Return the plan of chunks of ``frames`` frames, with these parts of lanes."""
     poses = len(range(0, frames, POSE_EVERY))
     records, posed = FRAMES.blank(frames), POSES.blank(poses)
     moves = {source: FRAMES.moves(source, frames) for source in ("frame", "timing", "times")}
-    blank, servos = np.concatenate([records, posed]), {}
-    behind = len(blank)
-    if lanes:
-        servos = {source: SERVOS.moves(source, frames) for source in ("lanes", "times")}
-        blank = np.concatenate([blank, SERVOS.blank(frames)])
-    return Plan(blank, moves, len(records), POSES.moves("derived", poses), behind, servos)
+    blank, of_lanes = np.concatenate([records, posed]), {}
+    for part in lanes:
+        sources = (part, "frame", "times")
+        of_lanes[part] = len(blank), {source: LANES[part].moves(source, frames) for source in sources}
+        blank = np.concatenate([blank, LANES[part].blank(frames)])
+    return Plan(blank, moves, len(records), POSES.moves("derived", poses), of_lanes)
 
 
 @kernel
@@ -73,7 +72,8 @@ def move(
 
 
 def _bytes(rows: NDArray[Any]) -> NDArray[np.uint8]:
-    return np.ascontiguousarray(rows).view(np.uint8).reshape(len(rows), rows.dtype.itemsize)
+    size = rows.dtype.itemsize * math.prod(rows.shape[1:])
+    return np.ascontiguousarray(rows).reshape(-1).view(np.uint8).reshape(len(rows), size)
 
 
 _SMALL: Final = sorted({f.source for m in MESSAGES.values() for f in m.fields if f.kind not in WIRE})  # in one byte
@@ -117,18 +117,19 @@ def pack(
     out: NDArray[np.uint8],
     lanes: LaneBlock | None = None,
 ) -> None:
-    """Fill ``out``, which was ``plan(len(rows), lanes).blank``, with the records of ``rows``; ``times`` in ns.
+    """Fill ``out``, which was the plan's ``blank``, with the records of ``rows``; ``times`` in ns.
 
-    lanes : (n,) of servo actuators, if the log has them.  RigError when a one-byte field is above 127.
+    lanes : (n,), if the log has them.  RigError when a one-byte field is above 127.
     """
     _refuse_large(rows)
-    made = plan(len(rows), lanes is not None)
+    made = plan(len(rows), parts_of(lanes))
     for name, source in (("frame", rows), ("timing", timing), ("times", times.view(TIMES))):
         move(_bytes(source), out, *made.moves[name])
     move(_bytes(_derive(rows, times)), out[made.begin :], *made.posed)
     if lanes is not None:
-        for name, source in (("lanes", lanes), ("times", times.view(TIMES))):
-            move(_bytes(source), out[made.behind :], *made.servos[name])
+        for part, (begin, moves) in made.lanes.items():
+            for name, source in ((part, lanes[part]), ("frame", rows), ("times", times.view(TIMES))):
+                move(_bytes(source), out[begin:], *moves[name])
 
 
 def _derive(rows: Block, times: NDArray[np.uint64]) -> NDArray[Any]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import BadLog
-from rig.frame import DISCRETE_INDEX, FLAT, INDEX, LANES, TIMING, Block, LaneBlock
+from rig.frame import DISCRETE_INDEX, FLAT, INDEX, TIMING, Block, LaneBlock, lane_rows
 from rig.log.decode import Part
 from rig.log.scan import About, iter_parts
 from rig.record.event import Event
@@ -65,7 +65,7 @@ class Log:
     metadata: dict[str, str]
     result: dict[str, str] | None  # None when the flight was not ended by the loop
     attachments: dict[str, bytes]
-    lanes: LaneBlock | None = None  # (n,) of LANES, of a flight with servo actuators
+    lanes: LaneBlock | None = None  # (n,), ``actuator`` of servos, ``computer`` of several computers
 
     @classmethod
     def read(cls, path: Path | str) -> Self:
@@ -75,7 +75,7 @@ class Log:
         rows, timing = _joined([part[0] for part in parts], FLAT), _joined([part[1] for part in parts], TIMING)
         events = [event for part in parts for event in part[2]]
         moved = [part[3] for part in parts if part[3] is not None]
-        lanes = _joined(moved, LANES) if about.lanes else None
+        lanes = _joined(moved, lane_rows(0, about.lanes).dtype) if about.lanes else None
         return cls(about.rate_hz, rows, timing, events, about.metadata, about.result, about.attachments, lanes)
 
     @property
@@ -172,7 +172,7 @@ def iter_blocks(path: Path, about: About, frames: int = 10_000) -> Iterator[tupl
 
 def _block(parts: list[Part]) -> tuple[Block, LaneBlock | None]:
     lanes = [part.lanes for part in parts if part.lanes is not None]
-    return _joined([part.rows for part in parts], FLAT), _joined(lanes, LANES) if lanes else None
+    return _joined([part.rows for part in parts], FLAT), _joined(lanes, lanes[0].dtype) if lanes else None
 
 
 def iter_chunks(path: Path | str) -> Iterator[tuple[Block, NDArray[Any], list[Event]]]:

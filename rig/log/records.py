@@ -15,13 +15,13 @@ from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from rig.frame import ACTUATOR, FLAT, LANES, TIMING
+from rig.frame import FLAT, LANE_PARTS, TIMING
 from rig.log.schema import (
     ALL_TOPICS,
     DOUBLE,
     FIXED32,
     FLOAT,
-    LANE_TOPICS,
+    PART_OF,
     POSE_TOPICS,
     Field,
     Topic,
@@ -106,10 +106,11 @@ def _payload(topic: Topic, fields: Sequence[Field]) -> Pieces:
 def _element(topic: Topic, field: Field) -> Value:
     if topic.message == "rig.Timing":
         return _of("timing", TIMING, field.source)
-    if topic in LANE_TOPICS:
-        value = _of("lanes", ACTUATOR, field.source, *field.index)
-        begin = place(LANES, "actuator")[1] + (topic.item or 0) * ACTUATOR.itemsize
-        return Value(value.source, begin + value.offset, value.width, value.room)
+    if (part := PART_OF.get(topic)) is not None:
+        of = LANE_PARTS[part].base
+        shape = place(of, field.source)[0].shape
+        value = _of(part, of, field.source, int(np.ravel_multi_index(field.index, shape)) if shape else 0)
+        return Value(part, (topic.item or 0) * of.itemsize + value.offset, value.width, value.room)
     index = field.index if topic.item is None else (topic.item, *field.index)
     flat = int(np.ravel_multi_index(index, FLAT[field.source].shape)) if index else 0
     return _of("frame", FLAT, field.source, flat, 4 if field.kind == FIXED32 else None)
@@ -155,7 +156,6 @@ def record(topic: Topic, fields: Sequence[Field]) -> Pieces:
     payload = _payload(topic, fields)
     opening = struct.pack("<BQH", MESSAGE_OPCODE, HEAD.size - 9 + size_of(payload), ALL_TOPICS.index(topic) + 1)
     posed = topic in POSE_TOPICS
-    rows = "lanes" if topic in LANE_TOPICS else "frame"
-    sequence = _derived("sequence") if posed else Value(rows, 0, 4, 4)  # the first field, which is the number
+    sequence = _derived("sequence") if posed else Value("frame", 0, 4, 4)  # the first field, which is the number
     time = _derived("log_time") if posed else _of("times", TIMES, "log_time")
     return [opening, sequence, time, time, *payload]

@@ -21,9 +21,10 @@ from mcap.records import Attachment, Channel, DataEnd, Footer, Metadata, Schema
 from zlib_ng.zlib_ng import crc32
 
 from rig.errors import BadLog
+from rig.frame import LaneParts
 from rig.log.container import MAGIC, RECORD_HEAD, Container, Packed
 from rig.log.decode import Damaged, Decoder, Part, damage, same_crc
-from rig.log.layout import LAYOUT, SERVO_LAYOUT, Layout
+from rig.log.layout import Layout, layout_of
 from rig.log.schema import (
     ALL_TOPICS,
     LANE_MESSAGES,
@@ -54,7 +55,7 @@ class About:
     result: dict[str, str] | None = None
     attachments: dict[str, bytes] = field(default_factory=dict)
     others: dict[str, dict[str, str]] = field(default_factory=dict)  # metadata records of other names
-    lanes: bool = False  # it has rows of servo actuators
+    lanes: LaneParts = ()  # of servo actuators, of several computers
 
     @property
     def rate_hz(self) -> float:
@@ -220,13 +221,13 @@ class _Descriptions:
                 raise BadLog(f"{self._path}: not a log of this rig (no metadata record {RIG!r})")
             newest = int(about.metadata["schema_version"]) == SCHEMA_VERSION
             fields_by_message: dict[str, tuple[Field, ...]] = {}
-            about.lanes = newest and any(c.topic == LANE_TOPICS[0].name for c in self._channels.values())
+            named = {channel.topic for channel in self._channels.values()} if newest else set[str]()
+            about.lanes = tuple(part for part, topics in LANE_TOPICS.items() if topics[0].name in named)
             for ours in channels(about.lanes):
                 name = ALL_TOPICS[ours.id - 1].message
                 fields = self._fields(self._schema(ours), name, newest)
                 fields_by_message.setdefault(name, fields)
-            ours_now = SERVO_LAYOUT if about.lanes else LAYOUT
-            self._layout = ours_now if newest else Layout(fields_by_message, rowwise=True)
+            self._layout = layout_of(about.lanes) if newest else Layout(fields_by_message, rowwise=True)
         return self._layout
 
     def _schema(self, ours: Channel) -> Schema:

@@ -26,7 +26,19 @@ from google.protobuf.descriptor_pb2 import (
 from mcap.records import Channel, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
 
-from rig.frame import DISCRETES, LANE_FIELDS, MOVED, SIGNALS, TIMING, SensorFault, UnitStatus
+from rig.frame import (
+    COMPUTER_FIELDS,
+    COMPUTERS,
+    DISCRETES,
+    LANE_FIELDS,
+    MOVED,
+    SIGNALS,
+    TIMING,
+    LanePart,
+    LaneParts,
+    SensorFault,
+    UnitStatus,
+)
 from rig.frame.fields import FIELD, Kind, Place, elements, places
 from rig.log.container import Opening
 from rig.record.event import Severity
@@ -95,14 +107,15 @@ MESSAGES: Final = {
     "rig.Timing": Message("rig.Timing", tuple(Field(name, DOUBLE, name) for name in TIMING.names or ())),
 }
 LANE_MESSAGES: Final = {
-    "rig.Actuator": Message(
-        "rig.Actuator",
+    message: Message(
+        message,
         tuple(
             Field(name, _WRITTEN[field.kind], field.name, index, field.enum)
-            for field in LANE_FIELDS
+            for field in fields
             for name, index in elements(field)
         ),
     )
+    for message, fields in {"rig.Actuator": LANE_FIELDS, "rig.Computer": COMPUTER_FIELDS}.items()
 }
 FOXGLOVE: Final = {cls.DESCRIPTOR.full_name: cls for cls in (FrameTransform, LocationFix, FoxgloveLog)}
 
@@ -122,9 +135,13 @@ POSE_EVERY: Final = 4
 TOPICS_OF_ROWS: Final = tuple(topic for topic in FRAME_TOPICS if topic.message in _OF_FRAME)
 EVENTS: Final = Topic("/events", "foxglove.Log")
 TOPICS: Final = (*FRAME_TOPICS, *POSE_TOPICS, EVENTS)
-# In the log of a flight with servo actuators too: one message of each in every frame.
-LANE_TOPICS: Final = tuple(Topic(f"/actuator/{name}", "rig.Actuator", i) for i, name in enumerate(MOVED))
-ALL_TOPICS: Final = (*TOPICS, *LANE_TOPICS)
+# In the log of a flight with servo actuators, or several computers, too: one message of each in every frame.
+LANE_TOPICS: Final[dict[LanePart, tuple[Topic, ...]]] = {
+    "actuator": tuple(Topic(f"/actuator/{name}", "rig.Actuator", i) for i, name in enumerate(MOVED)),
+    "computer": tuple(Topic(f"/computer/{name}", "rig.Computer", i) for i, name in enumerate(COMPUTERS)),
+}
+PART_OF: Final[dict[Topic, LanePart]] = {topic: part for part, topics in LANE_TOPICS.items() for topic in topics}
+ALL_TOPICS: Final = (*TOPICS, *PART_OF)
 RIG: Final = "rig"  # names of the metadata records
 RESULT: Final = "result"
 EVENT_CHANNEL: Final = TOPICS.index(EVENTS) + 1
@@ -201,8 +218,14 @@ def _enum_name(enum: type[IntEnum]) -> str:
 
 
 @cache
-def opening(lanes: bool = False) -> Opening:
-    """Return schema and channel records, the same in every file; ``lanes``: of a flight with servo actuators."""
+def topics(lanes: LaneParts = ()) -> tuple[Topic, ...]:
+    """Return the topics of a log with these parts of lanes."""
+    return (*TOPICS, *(topic for part in lanes for topic in LANE_TOPICS[part]))
+
+
+@cache
+def opening(lanes: LaneParts = ()) -> Opening:
+    """Return schema and channel records, the same in every file with these parts of lanes."""
     schemas = [
         Schema(i, descriptors(name).SerializeToString(), SchemaEncoding.Protobuf, name)
         for i, name in enumerate(_schema_names(lanes), 1)
@@ -210,12 +233,12 @@ def opening(lanes: bool = False) -> Opening:
     return Opening.of(schemas, channels(lanes))
 
 
-def _schema_names(lanes: bool) -> list[str]:
-    return list(dict.fromkeys(topic.message for topic in (ALL_TOPICS if lanes else TOPICS)))
+def _schema_names(lanes: LaneParts) -> list[str]:
+    return list(dict.fromkeys(topic.message for topic in topics(lanes)))
 
 
-def channels(lanes: bool = False) -> list[Channel]:
-    """Return the channel records, ids from 1; a signal's has its unit, symbol and range."""
+def channels(lanes: LaneParts = ()) -> list[Channel]:
+    """Return the channel records, ids by the place in ALL_TOPICS, from 1; a signal's has its unit, symbol and range."""
     metadata = {
         signal.topic: {
             "unit": signal.unit,
@@ -228,6 +251,12 @@ def channels(lanes: bool = False) -> list[Channel]:
     }
     schema_ids = {name: i for i, name in enumerate(_schema_names(lanes), 1)}
     return [
-        Channel(i, topic.name, MessageEncoding.Protobuf, metadata.get(topic.name, {}), schema_ids[topic.message])
-        for i, topic in enumerate(ALL_TOPICS if lanes else TOPICS, 1)
+        Channel(
+            ALL_TOPICS.index(topic) + 1,
+            topic.name,
+            MessageEncoding.Protobuf,
+            metadata.get(topic.name, {}),
+            schema_ids[topic.message],
+        )
+        for topic in topics(lanes)
     ]

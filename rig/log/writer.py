@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from zlib_ng.zlib_ng import crc32
 
 from rig.errors import BadInput, RigError
-from rig.frame import TIMING, Block, LaneBlock, lane_rows, new_block
+from rig.frame import TIMING, Block, LaneBlock, LaneParts, lane_rows, new_block
 from rig.log.container import Container, Packed
-from rig.log.layout import ROW, SERVO_ROW, event_runs, frame_runs, log_times
-from rig.log.packing import pack, plan
+from rig.log.layout import event_runs, frame_runs, log_times, row_bytes
+from rig.log.packing import pack, parts_of, plan
 from rig.log.records import HEAD, MESSAGE_OPCODE
 from rig.log.schema import EVENT_CHANNEL, LEVELS, RESULT, RIG, SCHEMA_VERSION, opening
 from rig.record.event import Event
@@ -39,7 +39,7 @@ class LogWriter:
     file first) must be enough to fly it again.  ``chunk_frames``: the most in a chunk, a second's unless said;
     with few events never more than CHUNK_BYTES.  ``new``: FileExistsError when there is a file at ``path``, else it is
     replaced.
-    ``lanes``: of a flight with servo actuators, whose rows are given too.
+    ``lanes``: the parts of the flight's rows of lanes, which are given too.
     ``draft_of``: the file that ``path`` will be renamed to; messages name it.  BadInput when the file cannot be made.
     """
 
@@ -53,16 +53,15 @@ class LogWriter:
         *,
         new: bool = False,
         draft_of: Path | None = None,
-        lanes: bool = False,
+        lanes: LaneParts = (),
     ) -> None:
         self.path = Path(path)
         self._named = draft_of or self.path
         self._draft = draft_of is not None
         self._rate_hz = rate_hz
-        self.chunk_frames = max(
-            1, min(chunk_frames or int(rate_hz), (CHUNK_BYTES - EVENT_BYTES) // (ROW + lanes * SERVO_ROW))
-        )
-        self._blank_lanes = lane_rows(1) if lanes else None
+        most = (CHUNK_BYTES - EVENT_BYTES) // row_bytes(lanes)
+        self.chunk_frames = max(1, min(chunk_frames or int(rate_hz), most))
+        self._blank_lanes = lane_rows(1, lanes) if lanes else None
         self._records = plan(self.chunk_frames, lanes).blank.copy()
         self._compressor = zstandard.ZstdCompressor(compression_params=COMPRESSION)
         self._last_time = 0
@@ -129,7 +128,7 @@ class LogWriter:
 
     def _pack(self, rows: Block, timing: NDArray[Any], events: Sequence[Event], lanes: LaneBlock | None) -> Packed:
         times = log_times(rows["frame"], self._rate_hz)
-        made = plan(len(rows), lanes is not None)
+        made = plan(len(rows), parts_of(lanes))
         if len(self._records) != len(made.blank):
             self._records = made.blank.copy()
         data: Any = self._records
@@ -142,7 +141,7 @@ class LogWriter:
             entries = list(zip(event_times.tolist(), offsets[:-1].tolist(), strict=True))
             data = b"".join([data.tobytes(), *records])
         size = memoryview(data).nbytes
-        runs = [*frame_runs(times, lanes is not None), *event_runs(entries)]
+        runs = [*frame_runs(times, parts_of(lanes)), *event_runs(entries)]
         return Packed(self._compressor.compress(data), crc32(data), size, runs)
 
     def _append(self, packed: Packed) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rig.frame import MOVED, ActuatorMonitor, LaneBlock, lane_rows
+from rig.frame import MOVED, ActuatorMonitor, LaneBlock, has_part, lane_rows
 from rig.record.event import Event
 
 FAILED, VALVE, BYPASSED = "actuator channel failed", "shut-off valve", "surface bypassed"  # names of events
@@ -27,6 +27,8 @@ class ActuatorFinder:
 
     def find(self, lanes: LaneBlock) -> list[Event]:
         """Return the events of ``lanes``, which follow those of the last call, in order of time."""
+        if not has_part(lanes, "actuator"):
+            return []
         before, self._last = self._last, lanes[-1:].copy()
         found = [*self._failures(before, lanes), *_valves(before, lanes), *_bypassed(before, lanes)]
         return sorted(found, key=lambda event: event.frame)

@@ -55,8 +55,8 @@ def widen(rows, start, peaks):
 class Verdict:
     """Digest, end, failed channels, peaks and events of the frames seen so far.
 
-    The digest is SHA-256 over every row as it stands in memory, those of the servos too: the same flight, bit for bit,
-    has the same digest.  Wall-clock timing is no part of a row.
+    The digest is SHA-256 over every row as it stands in memory, those of servos and lanes too: the same flight, bit for
+    bit, has the same digest.  Wall-clock timing is no part of a row.
     """
 
     frames: int = 0
@@ -71,7 +71,7 @@ class Verdict:
         widen(self._start, self._last, self._peaks)
 
     def add(self, rows: Block, events: Sequence[Event], lanes: LaneBlock | None = None) -> None:
-        """Take in the next rows of the flight and their events; ``lanes``: of its servos, if it has any."""
+        """Take in the next rows of the flight and their events; ``lanes``: beside them, if it has any."""
         if not len(self._start):
             self._start = rows[:1].copy()
         self._hash.update(rows.view(np.uint8).data)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rig.errors import BadLog
 from rig.frame import INDEX, SIGNALS
 from rig.log import foreign, read_log
-from rig.log.columns import COLUMNS, LANE_COLUMNS
+from rig.log.columns import COLUMNS, chosen_lanes
 from rig.log.schema import MESSAGES
 from rig.replay.compare import Comparison, Field, of_column, tolerances
 from rig.util.files import is_pipe
@@ -43,7 +43,7 @@ def side(path: Path | str) -> Side:
     log = read_log(path)
     columns = {column.path: (column.of(log.rows), column.wraps) for column in COLUMNS}
     if (lanes := log.lanes) is not None:
-        columns |= {column.path: (column.of(lanes), False) for column in LANE_COLUMNS}
+        columns |= {column.path: (column.of(lanes), False) for column in chosen_lanes(lanes)}
     return Side(path, log.rate_hz, log.rows["frame"], columns, log.metadata)
 
 

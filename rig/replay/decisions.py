@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.frame import ActuatorMonitor, Block, LaneBlock, State
-from rig.log.columns import COLUMNS, LANE_COLUMNS, Column, label
+from rig.log.columns import COLUMNS, Column, chosen_lanes, label
 from rig.replay.compare import Rows, compare
 from rig.util.runs import runs
 
@@ -125,9 +125,14 @@ def decisions(
         return found
     n = min(len(old_lanes), len(new_lanes))
     rows = old_lanes[:n], new_lanes[:n]
-    told = [one for c in LANE_COLUMNS if c.field in LANE_FIELDS for one in _moved(c, *rows, old_lanes["frame"][:n])]
+    told = [
+        one
+        for c in chosen_lanes(new_lanes)
+        if c.field in LANE_FIELDS
+        for one in _moved(c, *rows, old_lanes["frame"][:n])
+    ]
     order = sorted([*found.moved, *told], key=lambda one: one.first_frame)
-    by = [column for column in LANE_COLUMNS if column.field == "failed_by"]
+    by = [column for column in chosen_lanes(new_lanes) if column.field == "failed_by"]
     return Decisions(order, [*found.failures, *_failures(*rows, by)], found.votes)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from rig.errors import BadInput
 from rig.flight.unit_loop import fly_rows
 from rig.frame import LaneBlock
-from rig.log.columns import COLUMNS, LANE_COLUMNS
+from rig.log.columns import COLUMNS, chosen_lanes
 from rig.recordings.flown import Recorded
 from rig.replay.before_after import of_replay
 from rig.replay.compare import Comparison, compare
@@ -52,7 +52,7 @@ def verify(recording: Recorded, fly: bool = False, unit: UnitUnderTest | None = 
     columns = [column for column in COLUMNS if fly or column.field in (*outputs(unit), "acting")]
     fields = compare(rows, again, columns)
     if lanes is not None and lanes_again is not None:
-        fields += compare(lanes, lanes_again, LANE_COLUMNS if fly else written())
+        fields += compare(lanes, lanes_again, chosen_lanes(lanes) if fly else written())
     lengths = [f"recorded {len(rows)} frames, flown again {len(again)}"] if len(rows) != len(again) else []
     notes = [*of_replay(recording.log.metadata, versions()), *_of_unit(recording, unit)]
     found = Comparison(min(len(rows), len(again)), fields, lengths, notes)

@@ -16,7 +16,7 @@ from typing import Any, Final
 from rig.aircraft import merge, without_outliers
 from rig.errors import BadInput
 from rig.flight.recorder import Findings
-from rig.frame import Block, LaneBlock
+from rig.frame import Block, LaneBlock, parts_of
 from rig.log import LogWriter
 from rig.overrides import named_manager, override, parse_set
 from rig.recordings.flown import Recorded
@@ -94,9 +94,7 @@ def what_if(recording: Recorded, scenario: Scenario, out: Path | None = None, ch
     with draft(path) if out is None else replaced(path) as part:
         rows, lanes = vote_again(recording.log.rows, scenario), watch_again(recording.log.lanes, scenario)
         metadata, attached = _metadata(recording, scenario, changes), recording.log.attachments.items()
-        with LogWriter(
-            part, recording.log.rate_hz, metadata, attached, draft_of=path, lanes=lanes is not None
-        ) as writer:
+        with LogWriter(part, recording.log.rate_hz, metadata, attached, draft_of=path, lanes=parts_of(lanes)) as writer:
             events = _write(writer, recording, scenario, rows, lanes)
         if out is None:
             path = publish(part, numbered(path.parent, stem, ".mcap"))

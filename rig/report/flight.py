@@ -15,7 +15,7 @@ from rig.assess.of_log import MOST_FRAMES, Scored, score_log
 from rig.assess.record import Yardstick
 from rig.computer.redundancy.managers import manager_kind
 from rig.errors import BadInput
-from rig.frame import INDEX, SIGNALS
+from rig.frame import INDEX, SIGNALS, has_part
 from rig.log import Log, read_log, scenario_of
 from rig.log.info import FILE, overrides
 from rig.log.schema import SCHEMA_VERSION
@@ -62,7 +62,7 @@ def _figures(log: Log, scored: Scored, names: Sequence[str], moments: Sequence[M
         found[f"moment-{one.signal}"] = draw.of_moment(rows, rate_hz, *about)
     for name in shown:
         found[f"signal-{name}"] = draw.of_flight(rows, rate_hz, name, threshold(resolved, name), acting[name])
-    if log.lanes is not None:
+    if has_part(log.lanes, "actuator"):
         acted = np.unpackbits(rows["acting"], axis=1, bitorder="little")
         found |= {f"actuator-{one.surface}": of_actuator(log.lanes, acted, scored, one) for one in happened(scored)}
     found["votes"] = draw.vote_errors(rows, rate_hz, _thresholds(scored, shown))
@@ -112,7 +112,7 @@ def _about(log: Log, scored: Scored, names: Sequence[str], moments: Sequence[Mom
         "ended": seconds(score.flight.frames, rate_hz),
         "cards": _cards(scored, rate_hz),
         "moments": [(one, _said(one, rate_hz)) for one in moments],
-        "actuators": happened(scored) if log.lanes is not None else [],
+        "actuators": happened(scored) if has_part(log.lanes, "actuator") else [],
         "signals": names[:MOST_SIGNALS],
         "left_out": names[MOST_SIGNALS:],
         "limits": _limits(scored, names[:MOST_SIGNALS]),

@@ -158,3 +158,10 @@ def channels(suite: Settings) -> NDArray[np.int64]:
 def discrete_channels(suite: Settings) -> NDArray[np.int64]:
     """Return (D,) number of channels of each discrete."""
     return np.array([getattr(suite, discrete.name).channels for discrete in DISCRETES])
+
+
+def fitted(suite: Settings, most: int) -> Settings:
+    """Return the suite with ``most`` channels at most of every signal and discrete."""
+    kept = {named.name: getattr(suite, named.name) for named in (*SIGNALS, *DISCRETES)}
+    fewer = {name: one.model_copy(update={"channels": min(one.channels, most)}) for name, one in kept.items()}
+    return suite.model_copy(update=fewer)

@@ -22,7 +22,7 @@ from rig.actuators.servo import LONGEST_SUBSTEP_S
 from rig.actuators.stage import Actuators, move_surfaces
 from rig.aircraft import own_tables
 from rig.errors import BadInput
-from rig.frame import MOVED
+from rig.frame import MOVED, lane_rows
 from rig.kernels import bind
 from rig.plant.airframe import Actuator, parse
 from rig.text import choices, quoted
@@ -172,11 +172,11 @@ def _move(
     parts = max(1, int(np.ceil(1.0 / (rate_hz * LONGEST_SUBSTEP_S) - 1e-9)))
     frames = int(np.ceil(duration_s * rate_hz))
     servos = Actuators(_EXACT, dict.fromkeys(MOVED, actuator), np.zeros(3), rate_hz, parts, SeedSequence(0))
-    servos.prepare(0, frames)
+    servos.prepare(lane_rows(frames)["actuator"])
     asked, moved, ram = asked_rad(np.arange(frames) / rate_hz), np.zeros(4), np.empty((frames, parts))
-    step, surface = bind(move_surfaces, moved, moved, 0, servos.data), np.zeros(4)
+    step = bind(move_surfaces, servos.data.asked, moved, 0, servos.data)
     for k in range(frames):
-        surface[:3] = asked[k]
-        step(surface, moved, k, servos.data)
+        servos.data.asked[:, :3] = asked[k]
+        step(servos.data.asked, moved, k, servos.data)
         ram[k] = servos.data.positions[:, 0]
     return np.arange(1, frames * parts + 1) / (rate_hz * parts), ram.ravel()

@@ -33,7 +33,7 @@ import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
-from rig.frame import MOVED, TIMING, Block, End, LaneBlock
+from rig.frame import MOVED, TIMING, Block, End, LaneBlock, has_part
 from rig.frame.fields import FIELD, Field, places
 from rig.log.schema import TOPICS_OF_ROWS, Topic
 from rig.record.event import Event
@@ -138,7 +138,7 @@ class Columns:
         for change in lanes.changes(rows, self._before, self._facts.faults):
             states = rr.StateChange.columns(state=change.states)
             self._columns(change.path, [time_column(nanoseconds[change.rows])], states)
-        if moved is not None:
+        if has_part(moved, "actuator"):
             self._servos(moved, nanoseconds)
         self._matrix(rows, nanoseconds)
         self._scene.send(rows, nanoseconds)

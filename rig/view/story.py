@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from rig.frame import CHANNELS, INDEX, SIGNALS, Block, End, LaneBlock, State
+from rig.frame import CHANNELS, INDEX, SIGNALS, Block, End, LaneBlock, State, has_part
 from rig.record.actuators import ActuatorFinder
 from rig.record.failures import Failure, decisive_s, failures
 from rig.units.quantities import duration, seconds
@@ -62,7 +62,7 @@ class Story:
         for i, onset in enumerate(self._onsets):
             if onset is None and acts[:, i].any():
                 self._onsets[i] = int(rows["frame"][acts[:, i].argmax()])
-        found = [*failures(rows, self._before), *([] if moved is None else self._coils(moved))]
+        found = [*failures(rows, self._before), *(self._coils(moved) if has_part(moved, "actuator") else [])]
         new = [Isolation(failure, self._onset(failure)) for failure in sorted(found, key=lambda each: each.frame)]
         self.isolations += new
         self._before = rows[-1:].copy()
@@ -168,7 +168,7 @@ def look(facts: Facts, rows: Block, rate_hz: float, ended: bool, moved: LaneBloc
     seen = Seen(survived, end_s, noted=_noted(facts, rows), ranges=ranges)
     if (coils := story.coils_s) is not None:
         seen = replace(seen, isolated_s=coils[1], coils_s=decisive_s(*coils, end_s))
-    if moved is not None:
+    if has_part(moved, "actuator"):
         first, last = (round(s * rate_hz) for s in seen.coils_s or (0.0, end_s))
         ranges |= servos.ranges(moved[first : last + 1])
     if decisive is not None:

@@ -27,6 +27,7 @@ from rig.frame import (
     Resolver,
     Source,
     State,
+    has_part,
 )
 from rig.record.actuators import monitor_name
 from rig.record.event import Event
@@ -71,7 +72,7 @@ class Page:
             table.add_row(*_signal(row, s))
         for d in range(len(DISCRETES)):
             table.add_row(*_discrete(row, d))
-        for surface, servo in () if moved is None else zip(MOVED, moved["actuator"][0], strict=True):
+        for surface, servo in zip(MOVED, moved["actuator"][0], strict=True) if has_part(moved, "actuator") else ():
             table.add_row(*_servo(surface, servo))
         lines = [event_line(time_s, event) for time_s, event in self._events]
         blank = [Text("")] * (EVENTS - len(lines))  # or the page would jump

@@ -1,0 +1,7 @@
+"""The computers of a flight: one, or several lanes that do the same.
+
+config.py    the ``[computers]`` table
+think.py     one frame of one computer, from its BUS record to its FCC record
+stage.py     several of them: state and records of each lane, and who leads
+exchange.py  what each lane holds of another's word, after one round or two (no flight has a link yet)
+"""

@@ -1,0 +1,46 @@
+"""One frame of one computer, from its BUS record to its FCC record: references, votes, control law.
+
+It reads nothing else of the row; faults on references mark there that they act.  Who votes in the place of the manager,
+a class of the user's own or a unit under test, stands between ``give_references`` and ``follow_votes``.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from rig.computer.control.law import control_law
+from rig.computer.control.state import ControlData
+from rig.computer.redundancy import RedundancyData, conclude, refer, vote_signals
+from rig.faults import FaultData, corrupt_reference
+from rig.kernels import kernel
+
+
+class ComputerData(NamedTuple):
+    """What one computer needs besides its records."""
+
+    redundancy: RedundancyData
+    control: ControlData
+    faults: FaultData  # those on references, with the computer's own memory of them
+
+
+@kernel
+def think_lane(row, bus, fcc, k, data):
+    """Fill the FCC record of one computer in row k from its BUS record; row : FRAME record, data : ComputerData."""
+    give_references(row, bus, fcc, k, data.redundancy.references, data.faults)
+    vote_signals(bus, fcc, data.redundancy.manager)
+    follow_votes(bus, fcc, data)
+
+
+@kernel
+def give_references(row, bus, fcc, k, references, faults):
+    """Write the references of a computer, with the faults on them; faults : FaultData, None for none."""
+    refer(bus, fcc, references)
+    if faults is not None:
+        corrupt_reference(row, fcc["reference"], k, faults)
+
+
+@kernel
+def follow_votes(bus, fcc, data):
+    """Write all that follows from a computer's votes: what it keeps of them, discretes, surfaces."""
+    conclude(bus, fcc, data.redundancy)
+    control_law(bus, fcc, data.control)

@@ -1,0 +1,170 @@
+"""Several computers: with nothing that fails in them they decide what one decides, each on memory of its own."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from equal_lanes import compared
+from interpreted import printed
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+
+from rig import scenario
+from rig.errors import BadInput
+from rig.flight.assembly import fly
+from rig.frame import COMPUTERS, INDEX, State
+from rig.log import read_log
+from rig.log.info import info
+from rig.log.scan import recover
+from rig.loop import Rig, fly_rows, frames
+
+SERVO = 'actuators.model="servo"'
+SOON = [  # one for each kind of memory that faults on references have, and a lost channel
+    '{kind="stuck",signal="reference.roll_rate",start_s=0.3}',
+    '{kind="delay",signal="reference.pitch_rate",latency_s=0.035,start_s=0.3}',
+    '{kind="duplicate_frame",signal="reference.yaw_rate",every_s=0.05,start_s=0.3}',
+    '{kind="offset",signal="pitch_rate",channels=[3],offset=0.2,start_s=0.5}',
+    '{kind="offset",signal="surface.elevator",offset=0.01,start_s=0.9}',
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "sets"),
+    [
+        (None, [f"faults=[{','.join(SOON)}]", "turbulence=light"]),
+        (None, [SERVO, f"faults=[{','.join(SOON[3:])}]"]),
+        ("b707_pitch_sensor_half", ["faults.0.start_s=0.5"]),
+        ("b737_roll_rate_scale", ["faults.0.start_s=0.5", "redundancy.manager=selection"]),
+    ],
+)
+def test_equal_lanes_fly_what_one_computer_flies(name: str | None, sets: list[str]):
+    found = compared(name, "duration_s=2", *sets)
+    assert found.frames == 200 and not found.differing
+
+
+def lanes_of(rig: Rig) -> np.ndarray:
+    """All rows of a flight's lanes."""
+
+    blocks = (rig.lanes(len(rows)) for rows, _ in frames(rig, rig.scenario))
+    return np.concatenate([lanes for block in blocks for lanes in block])
+
+
+def test_each_lane_asks_its_own_channel_of_every_servo():
+    """A lane whose integrator begins elsewhere: the lane that leads flies on without it."""
+    four = scenario.load(None, [SERVO, "duration_s=0.5", "faults=[]", "computers.count=4"])
+    rig = Rig(four)
+    assert rig.computers is not None
+    rig.computers.data.control["surface"][2] += 0.02
+    rig.computers.data.control["elevator_integral"][2] += 0.02
+    lanes = lanes_of(rig)
+    asked, told = lanes["actuator"]["asked"], lanes["computer"]["surface"]
+    assert (asked == told[:, :, :3].transpose(0, 2, 1)).all()
+    assert (asked[:, :, 0] == asked[:, :, 1]).all() and (asked[:, 0, 0] != asked[:, 0, 2]).all()
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_channels_whose_lane_is_not_fitted_are_not_fitted(count: int):
+    rows = fly_rows(scenario.load(None, ["duration_s=0.2", "faults=[]", f"computers.count={count}"]))
+    assert (rows["state"][:, :, count:] == State.ABSENT).all() and (rows["level"] == count).all()
+    assert (rows["discrete_level"] == count).all()
+
+
+@pytest.mark.parametrize(
+    ("sets", "told"),
+    [
+        (["computers.count=5"], "computers.count: input should be less than or equal to 4, got 5"),
+        (["computers.count=3"], r"faults.0.channels: pitch_rate has 3 channels, got \[4\]"),
+        ([SERVO, "computers.count=2", "faults=[]"], "computers.count: 2 with servo actuators.*allowed: 1, 4"),
+    ],
+)
+def test_what_does_not_go_together_is_one_line(sets: list[str], told: str):
+    with pytest.raises(BadInput, match=told):
+        scenario.load(None, ["faults.0.channels=[4]", *sets])
+
+
+OWN = """
+class Silent:
+    def __init__(self, params): pass
+    def step(self, bus, fcc, k): pass
+"""
+
+
+@pytest.mark.parametrize("whose", ["manager", "unit"])
+def test_a_manager_or_a_unit_of_the_users_own_flies_alone(whose: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "silent_manager.py").write_text(OWN)
+    monkeypatch.syspath_prepend(tmp_path)
+    own = ["redundancy.manager=silent_manager:Silent"] if whose == "manager" else []
+    given = scenario.load(None, ["computers.count=4", *own])
+    told = "the manager 'silent_manager:Silent'" if own else "a unit under test"
+    with pytest.raises(BadInput, match=f"computers.count: 4 computers fly.*with {told} allowed: 1"):
+        Rig(given, None if own else lambda rig: lambda rows, k, data: None)
+    if own:
+        with pytest.raises(BadInput):
+            fly(given, out=tmp_path / "logs")
+        assert not (tmp_path / "logs").exists()
+
+
+@pytest.fixture(scope="module", params=[[], [SERVO]], ids=["lag", "servo"])
+def logged(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory):
+    """A flight of four computers with its log."""
+    sets = ["duration_s=2.5", f"faults=[{SOON[3]}]", "computers.count=4", *request.param]
+    return fly(None, overrides=sets, out=tmp_path_factory.mktemp("lanes"))
+
+
+def test_the_log_has_what_the_lanes_decided(logged):
+    log = read_log(logged.log)
+    assert log.lanes is not None and len(log.lanes) == 250
+    parts = ["actuator"] if logged.scenario.has_servos else []
+    assert log.lanes.dtype.names == ("frame", *parts, "computer")
+    assert (log.lanes["frame"] == log.rows["frame"]).all()
+    flown = lanes_of(Rig(logged.scenario))
+    for part in (*parts, "computer"):
+        for name in flown[part].dtype.names or ():
+            assert log.lanes[part][name].tobytes() == flown[part][name].tobytes(), name
+    assert (log.lanes["computer"]["state"][-1, :, INDEX["pitch_rate"], 2] == State.FAILED).all()
+
+
+def test_the_log_tells_the_topics_and_a_cut_one_is_mended(logged, tmp_path):
+    counts = {name: count for name, count in info(logged.log)["topics"].items() if name.startswith("/computer/")}
+    assert counts == dict.fromkeys([f"/computer/{name}" for name in COMPUTERS], 250)
+    cut, mended = tmp_path / "cut.mcap", tmp_path / "mended.mcap"
+    cut.write_bytes(logged.log.read_bytes()[:-2000])
+    assert not recover(cut, mended).complete
+    saved, whole = read_log(mended), read_log(logged.log)
+    assert saved.lanes is not None and whole.lanes is not None and len(saved.lanes) == len(saved.rows) >= 100
+    assert (saved.lanes["computer"]["voted"] == whole.lanes["computer"]["voted"][: len(saved.lanes)]).all()
+
+
+def test_a_reader_that_knows_nothing_of_ours_reads_the_lanes(logged):
+    lanes = lanes_of(Rig(logged.scenario))["computer"]
+    signal, frames_read = INDEX["pitch_rate"], 0
+    with logged.log.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        summary = reader.get_summary()
+        for _, channel, message, decoded in reader.iter_decoded_messages(["/computer/B"]):
+            k = message.sequence
+            assert channel.topic == "/computer/B" and decoded.voted_pitch_rate == lanes["voted"][k, 1, signal]
+            assert decoded.state_pitch_rate_3 == lanes["state"][k, 1, signal, 2]
+            assert decoded.integral_throttle == lanes["integral"][k, 1, 3]
+            frames_read += 1
+    assert frames_read == 250 and summary is not None and summary.statistics is not None
+    assert summary.statistics.message_count == sum(summary.statistics.channel_message_counts.values())
+
+
+def test_the_digest_has_the_lanes(logged, tmp_path):
+    """It is the same every time, and not that of one computer."""
+    again = fly(logged.scenario, out=tmp_path)
+    alone = fly(logged.scenario, overrides=["computers.count=1"], out=tmp_path)
+    assert again.digest == logged.digest != alone.digest
+    assert (again.rows["voted"] == alone.rows["voted"]).all()
+
+
+def test_compiled_and_interpreted_lanes_decide_the_same_bits():
+    program = (
+        "import hashlib\nfrom rig import scenario\nfrom rig.loop import Rig, frames\n"
+        "rig = Rig(scenario.load(None, ['duration_s=0.2', 'computers.count=3', 'faults=[]']))\n"
+        "lanes = [rig.lanes(len(rows))[0]['computer'] for rows, _ in frames(rig, rig.scenario)]\n"
+        "fields = (part[name] for part in lanes for name in part.dtype.names)\n"
+        "print(hashlib.sha256(b''.join(field.tobytes() for field in fields)).hexdigest())\n"
+    )
+    assert printed(program, interpreted=True) == printed(program, interpreted=False)
