@@ -355,3 +355,10 @@ def test_a_system_that_refuses_is_quoted(monkeypatch):
         assert got["scheduling"] == "refused: Operation not permitted"
     with realtime(False) as got:
         assert got == {}
+
+
+@pytest.mark.parametrize("key", ["bias_bound=0.001", "stale_frames=50"])
+def test_a_setting_that_its_records_have_not_is_refused_in_one_line(tmp_path: Path, key: str):
+    with pytest.raises(BadInput, match=f"^redundancy.signals.pitch_rate.{key.split('=')[0]}: no unit under test"):
+        fly(tmp_path, unit(tmp_path), f"redundancy.signals.pitch_rate.{key}")
+    assert not list(tmp_path.glob("*.mcap"))

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rig.bench.run import Stages, run
 from rig.bench.unit_long import FRAMES, MOST_FRAMES, TITLES, inputs_of
 from rig.bench.vote import by_class
-from rig.computer.redundancy.config import PARAMS
+from rig.computer.redundancy.config import LASTING, PARAMS
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
 from rig.computer.redundancy.managers import DEFAULT, Manager
@@ -296,7 +296,7 @@ def our_answers(
         rows[name] = inputs[name]
     params, discretes = np.zeros(S, PARAMS), np.zeros(len(config["discrete"]), DISCRETE_PARAMS)
     for records, field in ((params, "signal"), (discretes, "discrete")):
-        for name in records.dtype.names or ():
+        for name in set(records.dtype.names or ()) - set(LASTING):  # which are off
             records[name] = config[field][name]
     voter = DiscreteVoter(discretes)
     if manager is not None and trust is not None:

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from rig.frame import CHANNELS, DEMANDS, DISCRETES, INERTIAL, SIGNALS, SURFACES, D, S
 from rig.frame.fields import FIELD
-from rig.unit.layout import ANSWERS, ENUMS, FROM_UNIT, LAYOUT, RECORDS, TO_UNIT, VERSION, Entry, walk
+from rig.unit.layout import ANSWERS, ENUMS, FROM_UNIT, LAYOUT, RECORDS, TO_UNIT, VERSION, Entry, members, walk
 
 _TYPES: Final = {  # in C and in Ada
     "<f8": ("double", "IEEE_Float_64"),
@@ -153,7 +153,7 @@ def header() -> str:
     """Return the text of ``rig_unit.h``."""
     lists = {"SIGNAL": _names(SIGNALS), "DISCRETE": _names(DISCRETES)}
     lists |= {"DEMAND": list(DEMANDS), "SURFACE": list(SURFACES), "INERTIAL": list(INERTIAL)}
-    enums = [_enum(enum.__name__, "", ((member.name, member.value) for member in enum)) for enum in ENUMS]
+    enums = [_enum(enum.__name__, "", ((member.name, member.value) for member in members(enum))) for enum in ENUMS]
     enums += [_enum(name, "_index", ((text, i) for i, text in enumerate(names))) for name, names in lists.items()]
     return "\n".join([_OPENING, _constants(), *enums, *map(_struct, RECORDS), _CLOSING])
 
@@ -210,10 +210,8 @@ def ada() -> str:
     """
     arrays = sorted({_ada_element(field) for dtype in RECORDS.values() for field in walk(dtype)})
     arrays = [(element, shape) for element, shape in arrays if shape]
-    enums = [
-        [*(f"   {enum.__name__}_{str(m.name).capitalize()} : constant Unsigned_8 := {m.value};" for m in enum), ""]
-        for enum in ENUMS
-    ]
+    value = "   {}_{} : constant Unsigned_8 := {};".format
+    enums = [[*(value(e.__name__, str(m.name).capitalize(), m.value) for m in members(e)), ""] for e in ENUMS]
     lines = [
         "--  The records between the rig and a unit under test, written by 'rig unit header --ada': do not edit.",
         "--  Little-endian; docs/unit.md explains them.",
@@ -284,7 +282,7 @@ def markdown() -> str:
     for name, names in _indices().items():
         lines += [f"| {name} | index, unit |", "|---|---|", *(f"| {text} | {i}{unit} |" for i, text, unit in names), ""]
     lines += ["| enum | values |", "|---|---|"]
-    lines += [f"| {enum.__name__} | {', '.join(f'{m.name} {m.value}' for m in enum)} |" for enum in ENUMS]
+    lines += [f"| {enum.__name__} | {', '.join(f'{m.name} {m.value}' for m in members(enum))} |" for enum in ENUMS]
     return "\n".join(lines) + "\n"
 
 

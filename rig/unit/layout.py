@@ -9,13 +9,13 @@ Version 2 begins with the fields of version 1 where they were: a unit that was b
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from enum import IntEnum, IntFlag
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from rig.computer.redundancy.config import PARAMS
+from rig.computer.redundancy.config import LASTING, PARAMS
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
 from rig.frame import CHANNELS, DISCRETES, SIGNALS, SURFACES, D, Ilm, Law, Pattern, Resolver, S, State
 from rig.frame.fields import BASES, FIELD, FIELDS
@@ -86,6 +86,12 @@ ANSWERS: Final[dict[str, Said]] = {
 }
 ENUMS: Final[tuple[type[IntEnum] | type[IntFlag], ...]] = (Kind, Form, Said, Ilm, State, Pattern, Resolver, Law, Status)
 
+
+def members(enum: type[IntEnum] | type[IntFlag]) -> list[IntEnum | IntFlag]:
+    """Return the values of an enum that a unit may read or write."""
+    return [member for member in enum if member is not Resolver.SLOW]  # by what lasts, which no unit is asked for
+
+
 _Entry = tuple[str, Any, tuple[int, ...]]
 _HEAD: Final[list[_Entry]] = [
     ("magic", "<u4", ()),
@@ -130,9 +136,9 @@ def _alignment(dtype: np.dtype[Any]) -> int:
     return 1 if dtype.kind == "S" else dtype.itemsize
 
 
-def _little(dtype: np.dtype[Any]) -> np.dtype[Any]:
+def _little(dtype: np.dtype[Any], without: Collection[str] = ()) -> np.dtype[Any]:
     """Return a record of our own settings as one of the seam: the widest fields first."""
-    kinds = {name: place(dtype, name)[0] for name in dtype.names or ()}
+    kinds = {name: place(dtype, name)[0] for name in dtype.names or () if name not in without}
     return _packed(_widest_first([(name, kind.base.newbyteorder("<"), kind.shape) for name, kind in kinds.items()]))
 
 
@@ -142,7 +148,7 @@ def place(dtype: np.dtype[Any], name: str) -> tuple[np.dtype[Any], int]:
     return fields[name][0], fields[name][1]
 
 
-SIGNAL_CONFIG: Final = _little(PARAMS)
+SIGNAL_CONFIG: Final = _little(PARAMS, without=LASTING)  # those are refused with a unit (session.py)
 DISCRETE_CONFIG: Final = _little(DISCRETE_PARAMS)
 HELLO: Final = _packed([*_HEAD, *_TAIL])  # END too
 READY: Final = _packed([*_HEAD, ("text", f"S{TEXT_BYTES}", ()), *_TAIL])  # REFUSED too
@@ -211,7 +217,7 @@ def described(version: int = VERSION) -> str:
         lines.append(f"{record} {dtype.itemsize}")
         lines += [f"  {e.offset} {e.name} {e.record or e.base.str} {e.shape}" for e in walk(dtype)]
     enums = (enum for enum in ENUMS if version > 1 or enum is not Status)
-    lines += [f"{enum.__name__}.{member.name} {member.value}" for enum in enums for member in enum]
+    lines += [f"{enum.__name__}.{member.name} {member.value}" for enum in enums for member in members(enum)]
     return "\n".join(lines)
 
 

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.computer.redundancy.config import LASTING
 from rig.unit.host import HEAD
 from rig.unit.layout import (
     CONFIG,
@@ -55,7 +56,7 @@ def configuration(
     """
     config = blank(CONFIG, TO_UNIT, Kind.CONFIG)
     for part, records in (("signal", params), ("discrete", discretes)):
-        for name in records.dtype.names or ():
+        for name in set(records.dtype.names or ()) - set(LASTING):
             config[0][part][name] = records[name]
     config["rate_hz"], config["form"] = rate_hz, form
     config["box_signals"], config["box_persistence"] = boxes["signals"][0], boxes["persistence"][0]

@@ -183,6 +183,8 @@ PARAMS: Final = np.dtype(
     align=True,
 )
 
+LASTING: Final = ("bias_bound", "bias_gain", "slow_allowance", "slow_limit", "stale_frames")  # of lasting.py
+
 
 def command(rows: Block, resets: Sequence[Reset], rate_hz: float) -> None:
     """Add the reset commands to ``rows``, whose frames follow each other: each to the first frame not before it."""
