@@ -247,10 +247,7 @@ def fly_frame(row, i, data):
         for _ in range(data.substeps):
             total, stray = drive(row["asked"], row["valve"], servo["gain"], state)
             move_models(row["asked"], row["valve"], share, stray, pressure, state, data.designed[i])
-            if jammed:
-                opened = moves[SPOOL] * servo["substep_s"]
-            else:
-                opened = move_spool(moves, servo["transition"], total)
+            opened = moves[SPOOL] * servo["substep_s"] if jammed else move_spool(moves, servo["transition"], total)
             move_ram(moves, servo, opened, pressure * left)
         positions[step, i] = moves[RAM]
     row["ram"], row["bypassed"] = moves[RAM], pressure * left <= 0.0
