@@ -94,8 +94,7 @@ STICKING = breaking(commanded=(1, 0.0), added=(1, 1.0), valve_stuck=(1, 1))
 
 
 def test_the_models_know_what_a_stuck_valve_lets_through():
-    tight = {"spool": {"threshold": 1e-3}, "ram": {"threshold": 1e-2}}
-    rows = moved([0.0] * 200, STICKING, **tight)
+    rows = moved([0.0] * 200, STICKING, spool={"threshold": 1e-3}, ram={"threshold": 1e-2})
     assert found(rows) == {2: (ActuatorMonitor.CURRENT, 5)}
     last = rows[-1, 0]
     good = [0, 2, 3]
