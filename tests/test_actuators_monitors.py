@@ -90,6 +90,41 @@ def test_a_shut_off_valve_that_sticks_is_told_and_fails_nobody_else():
     assert rows["ram"][-1, 0] == pytest.approx(LAG_S * RATE_LIMIT / 3, rel=1e-5)
 
 
+STICKING = breaking(commanded=(1, 0.0), added=(1, 1.0), valve_stuck=(1, 1))
+
+
+def test_the_models_know_what_a_stuck_valve_lets_through():
+    rows = moved([0.0] * 200, STICKING, spool={"threshold": 1e-3}, ram={"threshold": 1e-2})
+    assert found(rows) == {2: (ActuatorMonitor.CURRENT, 5)}
+    last = rows[-1, 0]
+    good = [0, 2, 3]
+    # Three currents balance the full one; without it in the models the spool would be a quarter open.
+    assert last["current"] == pytest.approx([-1 / 3, 1, -1 / 3, -1 / 3], rel=1e-5)
+    assert last["spool_model"][good] == pytest.approx(0.0, abs=1e-5) and last["spool"] == pytest.approx(0.0, abs=1e-5)
+    assert last["ram_model"][good] == pytest.approx(LAG_S * RATE_LIMIT / 3, rel=1e-5)
+
+
+def test_three_channels_move_the_ram_against_a_stuck_valve_from_stop_to_stop():
+    asked = np.repeat([0.0, -2.0, 2.0, -2.0], 200) * STOP
+    rows = moved(asked, STICKING)
+    assert found(rows) == {2: (ActuatorMonitor.CURRENT, 5)}
+    ram = rows["ram"][:, 0]
+    assert [ram[399], ram[599], ram[799]] == [-STOP, STOP, -STOP]
+    assert np.diff(ram[206:216]) == pytest.approx((1 - 3) / 4 * RATE_LIMIT / RATE_HZ, rel=1e-5)
+
+
+def test_a_jam_behind_a_stuck_valve_is_found_by_the_spool():
+    def broken(data, k):
+        STICKING(data, k)
+        if k == 120:
+            data.broken[0, Part.JAMMED] = 1.0
+
+    at = np.arange(200)
+    rows = moved(np.where(at < 120, 0.0, STOP), broken)
+    by = rows["failed_by"][-1, 0]
+    assert list(by) == [ActuatorMonitor.SPOOL, ActuatorMonitor.CURRENT, ActuatorMonitor.SPOOL, ActuatorMonitor.SPOOL]
+
+
 def test_without_monitors_nobody_is_failed():
     rows = moved([0.0] * 100, breaking(commanded=(1, 0.0), added=(1, 1.0)), monitors=False)
     assert found(rows) == {}

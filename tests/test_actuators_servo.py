@@ -4,6 +4,7 @@ from math import exp, sqrt
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from servos import LAG_S, RATE_LIMIT, STOP, moved
 
 from rig.actuators.servo import RAM, SPEED, SPOOL, move_spool, substeps, transition
@@ -26,6 +27,22 @@ def test_a_spool_follows_a_step_as_a_second_order_system_does(damping: float, su
     assert moves[SPEED] == pytest.approx(fade * w**2 / damped * np.sin(damped * t), rel=1e-6, abs=1e-6)
     assert opened == pytest.approx(t - (moves[SPEED] + 2 * damping * w * x) / w**2)  # its equation, integrated once
     assert moves[RAM] == 0.0
+
+
+@pytest.mark.parametrize("damping", [0.1, 0.7, 1.0, 1.0 + 1e-9, 1.9])
+@pytest.mark.parametrize("spool_rad_s", [50.0, 500.0, 5000.0])
+def test_the_transition_is_the_exponential_of_the_spools_equation(spool_rad_s: float, damping: float):
+    a = np.zeros((4, 4))  # spool, speed, its integral, input
+    a[0, 1], a[1, 0], a[1, 1], a[1, 3], a[2, 0] = (
+        1.0,
+        -(spool_rad_s**2),
+        -2 * damping * spool_rad_s,
+        spool_rad_s**2,
+        1.0,
+    )
+    expected = expm(a * 1e-3)[:3][:, (0, 1, 3)]
+    scale = np.outer((1.0, spool_rad_s, 1e-3), (1.0, 1.0 / spool_rad_s, 1.0))
+    assert np.abs((transition(spool_rad_s, damping, 1e-3) - expected) / scale).max() < 1e-11
 
 
 def test_substeps_are_whole_and_no_longer_than_a_millisecond():

@@ -8,31 +8,39 @@ import pytest
 from rig.assess import score
 from rig.campaign.flying import CampaignFlight, fly
 from rig.campaign.rows import Row, fault_rows, run_row
-from rig.campaign.servos import FAULTS, by_kind, run_columns
+from rig.campaign.servos import by_kind, run_columns
 from rig.scenario import load
 
 BASE = "f16_elevator_coil_hardover"
 COIL = "{kind='coil_hardover', signal='actuator.elevator', channels=[2], start_s=1.0}"
 OPEN = "{kind='coil_open', signal='actuator.rudder', channels=[4], start_s=0.5}"
+STUCK = "{kind='sov_stuck', signal='actuator.elevator', channels=[2], start_s=0.2}"
 LOSS = "{kind='hydraulic_loss', signal='hydraulics.1', start_s=1.0}"
 
 
 @pytest.fixture(scope="module")
 def flight() -> CampaignFlight:
-    return fly(load(BASE, ["duration_s=2", "actuators.continuity.coverage=1.0", f"faults=[{COIL}, {OPEN}, {LOSS}]"]))
+    return fly(
+        load(BASE, ["duration_s=2", "actuators.continuity.coverage=1.0", f"faults=[{COIL}, {OPEN}, {LOSS}, {STUCK}]"])
+    )
 
 
 @pytest.fixture(scope="module")
 def rows(flight: CampaignFlight) -> list[Row]:
-    return fault_rows(0, flight.scenario, score(flight.scenario, flight.rows), flight.coils_failed)
+    return fault_rows(0, flight.scenario, score(flight.scenario, flight.rows, lanes=flight.lanes))
 
 
 def test_a_fault_of_a_channel_has_the_monitor_that_found_it_and_the_delay(rows: list[Row]) -> None:
-    coil, wire, loss = rows
-    assert (coil["shut_off_by"], wire["shut_off_by"]) == ("current", "continuity")
-    assert 0.04 <= coil["shut_off_after_s"] <= 0.06  # its persistence, 0.05 s
-    assert 0.01 <= wire["shut_off_after_s"] <= 0.03  # 0.02 s
-    assert not FAULTS.keys() & loss.keys()  # a pressure is no channel
+    coil, wire, loss, _ = rows
+    assert (coil["resolver"], wire["resolver"], loss["resolver"]) == ("current", "continuity", None)
+    assert 0.04 <= coil["delay_from_onset_s"] <= 0.06  # its persistence, 0.05 s
+    assert 0.01 <= wire["delay_from_onset_s"] <= 0.03  # 0.02 s
+
+
+def test_a_stuck_valve_is_found_by_its_own_monitor_once_the_channel_is_shut_off(rows: list[Row]) -> None:
+    coil, *_, valve = rows
+    assert (valve["kind"], valve["resolver"]) == ("sov_stuck", "valve")
+    assert 0.04 <= valve["failed_s"] - coil["failed_s"] <= 0.06  # its persistence, 0.05 s
 
 
 def test_a_run_counts_channels_that_were_shut_off_and_those_without_a_fault(flight: CampaignFlight) -> None:
@@ -52,8 +60,8 @@ def test_a_report_counts_kinds_by_their_monitors() -> None:
             "kind": ["lvdt", "lvdt", "lvdt", "offset"],
             "signal": ["actuator.rudder"] * 3 + ["pitch_rate"],
             "onset_s": [1.0, 1.0, 1.0, 1.0],
-            "shut_off_by": ["position", "ram", None, None],
-            "shut_off_after_s": [0.1, 0.3, None, None],
+            "resolver": ["position", "ram", None, None],
+            "delay_from_onset_s": [0.1, 0.3, None, None],
         }
     )
     [row] = by_kind(faults)

@@ -7,7 +7,8 @@
     ram         the ram's model, moved by the channel's command and the pressures, and its position sensor
     valve       commanded and sensed; tells, and fails nobody
 
-Each reads the recorded row alone, so a log gives the same decisions again.
+Both models take in the measured current of channels that are shut off but whose valve has stuck.  Each monitor reads
+the recorded row alone, so a log gives the same decisions again.
 """
 
 from __future__ import annotations

@@ -50,6 +50,7 @@ STATE: Final = np.dtype(
         ("shift", "f8", (CHANNELS,)),  # rad
         ("coil", "f8", (CHANNELS,)),
         ("driven", "f8", (CHANNELS,)),
+        ("current", "f8", (CHANNELS,)),  # in this sub-step
     ],
     align=True,
 )
@@ -233,38 +234,50 @@ def coil_current(asked, ram, c, gain, state):
 def fly_frame(row, i, data):
     """Move valves, spool, ram and models of surface ``i`` through all steps of the plant in this frame."""
     state, broken, servo, positions = data.state[i], data.broken[i], data.built[i], data.positions
-    shut, held = state["shut"], 0
+    shut, held, share = state["shut"], 0, 0.0
     for c in range(CHANNELS):
         if broken[Part.VALVE_STUCK, c] == 0.0:
             shut[c] = row["valve"][c]
         held += shut[c] == 0
+        share += (row["valve"][c] == 0) / CHANNELS
     pressure = (row["pressure"][0] + row["pressure"][1]) / SYSTEMS if held > 0 else 0.0
-    asked, moves, left, jammed = row["asked"], state["moves"], broken[Part.LEFT, 0], broken[Part.JAMMED, 0] != 0.0
+    moves, left, jammed = state["moves"], broken[Part.LEFT, 0], broken[Part.JAMMED, 0] != 0.0
     for step in range(len(positions)):
         for _ in range(data.substeps):
-            total = drive(asked, held, pressure, servo["gain"], state, data.designed[i])
-            if jammed:
-                opened = moves[SPOOL] * servo["substep_s"]
-            else:
-                opened = move_spool(moves, servo["transition"], total / CHANNELS)
+            total, stray = drive(row["asked"], row["valve"], servo["gain"], state)
+            move_models(row["asked"], row["valve"], share, stray, pressure, state, data.designed[i])
+            opened = moves[SPOOL] * servo["substep_s"] if jammed else move_spool(moves, servo["transition"], total)
             move_ram(moves, servo, opened, pressure * left)
         positions[step, i] = moves[RAM]
     row["ram"], row["bypassed"] = moves[RAM], pressure * left <= 0.0
 
 
 @kernel
-def drive(asked, held, pressure, gain, state, design):
-    """Move all models of a surface by a sub-step; return the sum of the currents in its coils.
+def drive(asked, valve, gain, state):
+    """Find the currents of a surface's coils; return their input to the spool, and what of it no command accounts for.
 
-    held : channels that are not shut off;  pressure : mean of the systems', which the models know, but of no leak
+    That is what flows behind valves that are commanded to be shut and have stuck.
     """
-    ram, shut, models, valve_models = state["moves"][RAM], state["shut"], state["model"], state["valve_model"]
-    transition, share, total = design["transition"], held / CHANNELS, 0.0
+    ram, shut, current, total, stray = state["moves"][RAM], state["shut"], state["current"], 0.0, 0.0
     for c in range(CHANNELS):
-        if shut[c] == 0:
-            current = coil_current(asked[c], ram, c, gain, state)
-            total += current
-            move_spool(valve_models[c], transition, share * current)
-            ideal = share * asked_current(asked[c], models[c, RAM], design)
+        current[c] = coil_current(asked[c], ram, c, gain, state) if shut[c] == 0 else 0.0
+        total += current[c]
+        stray += current[c] if valve[c] != 0 else 0.0
+    return total / CHANNELS, stray / CHANNELS
+
+
+@kernel
+def move_models(asked, valve, share, stray, pressure, state, design):
+    """Move the models of a surface's channels by a sub-step, each as if all others did as it does.
+
+    share : of the channels that are not shut off;  stray : what those drive that should be, which is measured
+    pressure : mean of the systems', which the models know, but of no leak
+    """
+    models, valve_models, current, transition = (
+        state["model"], state["valve_model"], state["current"], design["transition"]
+    )  # fmt: skip
+    for c in range(CHANNELS):
+        if valve[c] == 0:
+            move_spool(valve_models[c], transition, share * current[c] + stray)
+            ideal = share * asked_current(asked[c], models[c, RAM], design) + stray
             move_ram(models[c], design, move_spool(models[c], transition, ideal), pressure)
-    return total

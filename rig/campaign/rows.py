@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, get_args
 from rig.assess import FaultScore, Score
 from rig.assess.record import ISOLATIONS, Outcome
 from rig.assess.words import PUBLIC
-from rig.campaign.servos import Coils, fault_columns, run_columns
+from rig.campaign.servos import run_columns
 from rig.faults import Fault
 from rig.frame import CHANNELS, INDEX, SIGNALS
 from rig.record.histogram import binned
@@ -73,12 +73,9 @@ def channel_hours(scenario: Scenario, frames: int, scored: Score) -> float:
     return (channels * frames - faulty) / scenario.rate_hz / 3600.0
 
 
-def fault_rows(number: int, scenario: Scenario, scored: Score, coils: Coils | None = None) -> list[Row]:
-    """Return the rows of table ``faults``: one a fault and channel; ``coils``: of servos, shut off."""
-    return [
-        _fault_row(number, scenario, fault) | fault_columns(fault, coils or {}, scenario.rate_hz)
-        for fault in scored.faults
-    ]
+def fault_rows(number: int, scenario: Scenario, scored: Score) -> list[Row]:
+    """Return the rows of table ``faults``: one a fault and channel."""
+    return [_fault_row(number, scenario, fault) for fault in scored.faults]
 
 
 def _fault_row(number: int, scenario: Scenario, fault: FaultScore) -> Row:

@@ -26,7 +26,7 @@ from rig.record.flight_summary import Peaks
 
 WALL_CLOCK: Final = ("wall_s", "replies")  # no part of what must be the same in every run of a campaign
 COUNTED: Final = ("failed_with_box", "failed_by_rule")  # in ``alarms`` too, which are hashed
-OF_SERVOS: Final = (*servos.RUNS, *servos.FAULTS)  # in ``digest`` too
+OF_SERVOS: Final = tuple(servos.RUNS)  # in ``digest`` too
 ADDED: Final = ("replies", *COUNTED, *OF_SERVOS)  # columns that parts of older versions lack; they are then empty
 
 RUNS: Final[dict[str, Any]] = {
@@ -79,7 +79,6 @@ FAULTS: Final[dict[str, Any]] = {
     "vote_error_max": pl.Float64,
     "vote_kept": pl.Boolean,
     "lost_s": pl.Float64,
-    **servos.FAULTS,
 }
 ALARMS: Final[dict[str, Any]] = {
     "run": pl.Int64,

@@ -106,7 +106,7 @@ def fly_run(run: Run, orders: Orders) -> Rows:
 def _rows(number: int, flight: CampaignFlight, scored: Score) -> Rows:
     return {
         "runs": [run_row(number, flight, scored)],
-        "faults": fault_rows(number, flight.scenario, scored, flight.coils_failed),
+        "faults": fault_rows(number, flight.scenario, scored),
         "alarms": alarm_rows(number, flight.scenario, scored),
         "episodes": episode_rows(number, flight.scenario, scored),
         "signals": signal_rows(number, scored),

@@ -34,7 +34,7 @@ _RESOLVERS: Final = (
 )
 _SERVOS: Final = (
     *(Column("fault of an actuator", "kind"), Column("acted", "acted", worth=4)),
-    *(Column("a channel shut off", lambda row: share(row["found"])), Column("by", "by", worth=7)),
+    *(Column("found", lambda row: share(row["found"])), Column("by", "by", worth=7)),
     *(Column("median s", "median_s", ".3f", worth=6), Column("longest s", "longest_s", ".3f", worth=5)),
 )
 _OUTCOMES: Final = (
