@@ -72,6 +72,13 @@ def test_every_key_of_the_json_is_on_the_page(flight: Flight):
     assert {key for key in named if f"`{key}`" not in page} == set()
 
 
+def test_a_score_in_small_blocks_is_that_of_the_whole_log(flight: Flight, monkeypatch: pytest.MonkeyPatch):
+    whole = score_log(flight.log, Yardstick()).as_dict()
+    assert whole["flight"]["transients"] is not None and "miscompared for" in whole["conclusion"][0]
+    monkeypatch.setattr("rig.util.blocks.ROWS", 7)
+    assert score_log(flight.log, Yardstick()).as_dict() == whole
+
+
 def test_without_the_twin_there_are_no_transients(flight: Flight):
     out = run(str(flight.log), "--json", "--no-twin")
     assert json.loads(out.stdout)["flight"]["transients"] is None

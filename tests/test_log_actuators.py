@@ -32,7 +32,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("to", ["csv", "parquet", "npz"])
 def test_a_table_has_the_columns_of_the_servos(log: Path, tmp_path: Path, to: str):
     out, whole = tmp_path / f"x.{to}", read_log(log)
-    names = export(whole, to, out, ["actuator.elevator"])
+    names = export(whole, to, out, ["actuator.elevator"]).columns
     assert {"actuator.elevator.asked.1", "actuator.elevator.ram", "actuator.elevator.pressure.2"} <= set(names)
     assert not [name for name in names if "rudder" in name] and len(names) == 1 + len(LANE_COLUMNS) // 3
     assert whole.lanes is not None
@@ -49,8 +49,10 @@ def test_a_table_has_the_columns_of_the_servos(log: Path, tmp_path: Path, to: st
 
 def test_all_owners_are_exported_and_a_vote_reads_none_of_the_servos(log: Path, tmp_path: Path):
     whole = read_log(log)
-    assert len([n for n in export(whole, "csv", tmp_path / "x.csv") if n.startswith("actuator.")]) == len(LANE_COLUMNS)
-    assert not [n for n in export(whole, "csv", tmp_path / "y.csv", for_vote=True) if n.startswith("actuator.")]
+    names = export(whole, "csv", tmp_path / "x.csv").columns
+    assert len([n for n in names if n.startswith("actuator.")]) == len(LANE_COLUMNS)
+    names = export(whole, "csv", tmp_path / "y.csv", for_vote=True).columns
+    assert not [n for n in names if n.startswith("actuator.")]
     assert whole.to_polars("actuator.rudder").width == 1 + len(LANE_COLUMNS) // 3
 
 

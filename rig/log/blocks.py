@@ -42,6 +42,7 @@ class LogFile:
     events: list[Event]
     frames: int
     complete: bool  # the frames' numbers count from 0 on
+    lanes: bool  # it has rows of servo actuators
 
     @classmethod
     def open(cls, path: Path | str) -> Self:
@@ -52,7 +53,8 @@ class LogFile:
             complete = complete and np.array_equal(part.rows["frame"], expected)
             frames += len(part.rows)
             events += part.events
-        return cls(Path(path), about.rate_hz, about.metadata, about.result, about.attachments, events, frames, complete)
+        said = about.metadata, about.result, about.attachments
+        return cls(Path(path), about.rate_hz, *said, events, frames, complete, about.lanes)
 
     def blocks(self) -> Iterator[Frames]:
         """Yield all frames in blocks of util.blocks.ROWS; BadLog when the file has become another."""

@@ -13,18 +13,24 @@ from rig.stages import actuator_monitors
 OUTPUTS: Final = ("valve", "valve_differs", "failed_by")  # what the monitors write of a row
 
 
-def watch_again(lanes: LaneBlock | None, scenario: Scenario) -> LaneBlock | None:
-    """Copy ``lanes`` (n,), with OUTPUTS as the monitors of ``scenario`` write them again; None of None.
+class WatchAgain:
+    """The monitors of ``scenario`` over the recorded rows of its servos, which are given in their order.
 
     Open loop: a channel that was shut off in flight has no current afterwards, whatever the monitors say now.
     """
-    if lanes is None:
-        return None
-    again = lanes.copy()
-    for name in OUTPUTS:
-        again["actuator"][name] = 0
-    watch_rows(again, *actuator_monitors(scenario))
-    return again
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._designed, self._monitors = actuator_monitors(scenario)
+
+    def add(self, lanes: LaneBlock | None) -> LaneBlock | None:
+        """Copy the next ``lanes`` (n,), with OUTPUTS as the monitors write them again; None of None."""
+        if lanes is None:
+            return None
+        again = lanes.copy()
+        for name in OUTPUTS:
+            again["actuator"][name] = 0
+        watch_rows(again, self._designed, self._monitors)
+        return again
 
 
 def written() -> list[LaneColumn]:
