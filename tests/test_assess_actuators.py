@@ -15,7 +15,7 @@ from rig.assess.flight_outcome import FlightOutcome
 from rig.assess.of_log import FlightConclusion, score_log
 from rig.assess.record import Score, Yardstick
 from rig.assess.scoring import score_of
-from rig.assess.unfaulted import measured_again
+from rig.assess.unfaulted import MeasuredAgain
 from rig.cli.main import app
 from rig.flight.assembly import fly
 from rig.frame import MOVED, ActuatorMonitor
@@ -153,7 +153,7 @@ def test_blocks_of_rows_give_what_the_whole_flight_gives():
     which, rows, lanes = flown(JAM, HARDOVER, sets=('turbulence="severe"',), seconds=5.0)
     outcome = FlightOutcome(which, 2.0)
     done = 0
-    for part, clean in measured_again(which, rows):
+    for part, clean in MeasuredAgain(which).of(rows):
         outcome.add(part, clean)
         outcome.add_lanes(part, lanes[done : done + len(part)])
         done += len(part)

@@ -12,7 +12,7 @@ from test_assess_parts import Q, flight, offset
 from rig.assess import score
 from rig.assess.conclusion import conclusion, next_commands
 from rig.assess.context import agreement, channels, last_run
-from rig.assess.flight_outcome import columns
+from rig.assess.kept import columns
 from rig.assess.of_log import MOST_FRAMES, FlightConclusion
 from rig.assess.outcome_records import EPISODE
 from rig.assess.record import Yardstick

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from rig import scenario
 from rig.assess import Yardstick, fly_rows, fly_twin, score, score_log
-from rig.assess.unfaulted import measured_again
+from rig.assess.unfaulted import MeasuredAgain
 from rig.campaign.flying import fly as fly_in_memory
 from rig.cli.main import app
 from rig.errors import BadInput, BadLog
@@ -70,6 +70,13 @@ def test_every_key_of_the_json_is_on_the_page(flight: Flight):
     assert set(found["wrong_votes_s"]) == set(DISCRETE_INDEX)
     named = keys({**found, **of_one, "wrong_votes_s": 0.0})
     assert {key for key in named if f"`{key}`" not in page} == set()
+
+
+def test_a_score_in_small_blocks_is_that_of_the_whole_log(flight: Flight, monkeypatch: pytest.MonkeyPatch):
+    whole = score_log(flight.log, Yardstick()).as_dict()
+    assert whole["flight"]["transients"] is not None and "miscompared for" in whole["conclusion"][0]
+    monkeypatch.setattr("rig.util.blocks.ROWS", 7)
+    assert score_log(flight.log, Yardstick()).as_dict() == whole
 
 
 def test_without_the_twin_there_are_no_transients(flight: Flight):
@@ -181,7 +188,7 @@ def test_clean_channels_kept_in_flight_are_those_computed_again(name: str):
     onset_s = min([fault.start_s for fault in short.faults if fault.start_s is not None], default=0.0)
     short = short.model_copy(update={"duration_s": min(short.duration_s, onset_s + 5.0)})
     flown = fly_in_memory(short)
-    again = np.concatenate([clean.copy() for _, clean in measured_again(short, flown.rows)])
+    again = np.concatenate([clean.copy() for _, clean in MeasuredAgain(short).of(flown.rows)])
     for field in ("channels", "valid"):
         np.testing.assert_array_equal(flown.clean[field], again[field])
     corrupted = any((flown.rows[field] != again[field]).any() for field in ("channels", "valid"))

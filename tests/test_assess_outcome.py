@@ -14,7 +14,7 @@ from rig.assess.flight_outcome import FlightOutcome
 from rig.assess.of_log import FlightConclusion
 from rig.assess.outcome import LEVELS, NEVER, SIGNAL, all_out, count_healthy, mark_failed, mark_wrong
 from rig.assess.scoring import score_of
-from rig.assess.unfaulted import measured_again
+from rig.assess.unfaulted import MeasuredAgain
 from rig.assess.words import PUBLIC, Cause, fault_word, vote_word
 from rig.campaign.flying import fly as fly_in_memory
 from rig.campaign.rows import OUTCOMES, fault_rows
@@ -48,8 +48,8 @@ def test_every_word_has_its_public_names():
 @pytest.mark.parametrize("size", [1, 7, 100])
 def test_rows_added_in_parts_give_the_score_of_all_at_once(size: int):
     which, rows = flight([offset([2], 0.2, 0.3), offset([3, 4], 0.4, 0.2, 0.7), offset([2], 0.6, 0.1)], 100)
-    (whole, clean), *_ = measured_again(which, rows)
-    outcome = FlightOutcome(which, 2.0, keep=True)
+    (whole, clean), *_ = MeasuredAgain(which).of(rows)
+    outcome = FlightOutcome(which, 2.0)
     for first in range(0, len(rows), size):
         outcome.add(whole[first : first + size], clean[first : first + size])
     in_parts, at_once = score_of(outcome), score(which, rows)
@@ -85,8 +85,8 @@ def _word(public: str) -> str:
 def test_a_flight_with_a_manager_that_fails_and_takes_back_is_gathered_as_it_is_scored():
     which = scenario.load(None, ["duration_s=3", "redundancy.manager=selection"])
     rows = fly_rows(which)
-    outcome = FlightOutcome(which, 2.0, keep=True)
-    for part, clean in measured_again(which, rows):
+    outcome = FlightOutcome(which, 2.0)
+    for part, clean in MeasuredAgain(which).of(rows):
         outcome.add(part, clean)
     assert score_of(outcome) == score(which, rows)
 

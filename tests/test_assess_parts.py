@@ -59,9 +59,9 @@ def outcomes(found: Score) -> list[tuple[str, int | None, int | None, int | None
 
 def test_the_clean_channels_are_the_recorded_ones_bit_for_bit_where_no_fault_acts():
     which, rows = flight([offset([3], 0.5, 0.2)])
-    from rig.assess.unfaulted import measured_again
+    from rig.assess.unfaulted import MeasuredAgain
 
-    clean = np.concatenate([kept["channels"].copy() for _, kept in measured_again(which, rows)])
+    clean = np.concatenate([kept["channels"].copy() for _, kept in MeasuredAgain(which).of(rows)])
     error = rows["channels"] - clean
     corrupted = np.zeros_like(error, bool)
     corrupted[50:, Q, 2] = True

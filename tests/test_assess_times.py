@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from rig.assess.of_log import Miss, missed_frames
+from rig.assess.of_log import Miss, Misses
 from rig.frame import TIMING, new_block
-from rig.record.histogram import keyed, of_timing
+from rig.record.histogram import BINS, Times, binned, keyed
 
 
 def test_a_time_on_an_edge_is_not_below_it():
-    found = keyed(np.array([0.0, 9.99, 10.0, 19.0, 2e5, 100_000.0, 99_999.0]))
+    found = keyed(binned(np.array([0.0, 9.99, 10.0, 19.0, 2e5, 100_000.0, 99_999.0])))
     assert {name: count for name, count in found.items() if count} == {
         "below_1_us": 1,
         "below_10_us": 1,
@@ -21,14 +21,23 @@ def test_a_time_on_an_edge_is_not_below_it():
 
 def test_a_flight_without_clock_or_unit_has_no_times():
     timing = np.zeros(3, TIMING)
-    assert of_timing(timing) == {}
+    times = Times()
+    times.add(timing)
+    assert times.as_dict() == {}
     timing["reply_us"] = 12.0
-    assert of_timing(timing) == {"replies": {**keyed(np.zeros(0)), "below_20_us": 3}}
+    times.add(timing)
+    assert times.as_dict() == {"replies": {**keyed(np.zeros(BINS, int)), "below_1_us": 3, "below_20_us": 3}}
 
 
 def test_misses_are_told_by_their_frames_and_first_status():
     rows = new_block(10, 5)
     rows["unit"] = [1, 2, 2, 1, 6, 4, 5, 1, 1, 2]
-    assert missed_frames(rows) == [Miss(6, 7, "held"), Miss(9, 10, "refused"), Miss(14, 14, "held")]
+    for size in (1, 3, 10):  # a miss that goes on in the next block is one
+        misses = Misses()
+        for first in range(0, 10, size):
+            misses.add(rows[first : first + size])
+        assert misses.all() == [Miss(6, 7, "held"), Miss(9, 10, "refused"), Miss(14, 14, "held")]
     rows["unit"] = 0
-    assert missed_frames(rows) == []
+    misses = Misses()
+    misses.add(rows)
+    assert misses.all() == []

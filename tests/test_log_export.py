@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from pyarrow.parquet import ParquetFile
 
 import rig
 from rig.cli import main as cli
@@ -14,10 +15,11 @@ from rig.errors import BadInput
 from rig.flight.assembly import fly
 from rig.frame import INDEX, Pattern, State
 from rig.log import export as module
+from rig.log.blocks import iter_blocks
 from rig.log.columns import COLUMNS
 from rig.log.export import export
 from rig.log.info import info
-from rig.log.reader import iter_blocks
+from rig.log.scan import About
 
 Q = INDEX["pitch_rate"]
 # A channel flagged invalid for a while, then a hardover: what rig vote has to see in the table too.
@@ -122,18 +124,23 @@ def test_an_export_for_vote_leaves_flagged_samples_empty(flown, tmp_path):
 @pytest.mark.parametrize("to", ["csv", "parquet", "npz"])
 @pytest.mark.parametrize("for_vote", [True, False])
 def test_a_file_read_block_by_block_gives_the_same_bytes(flown, tmp_path, monkeypatch, to, for_vote):
-    log, sizes = rig.read_log(flown), []
-
-    def blocks(path, about):
-        for rows, lanes in iter_blocks(path, about, frames=150):
-            sizes.append(len(rows))
-            yield rows, lanes
-
-    monkeypatch.setattr(module, "iter_blocks", blocks)
+    log = rig.read_log(flown)
     of_log = export(log, to, tmp_path / f"log.{to}", for_vote=for_vote)
+    monkeypatch.setattr("rig.util.blocks.ROWS", 70)
+    assert [len(block.rows) for block in iter_blocks(flown, About())] == [70, 70, 70, 70, 20]
     assert export(flown, to, tmp_path / f"file.{to}", for_vote=for_vote) == of_log and of_log.rows == 300
     assert (tmp_path / f"file.{to}").read_bytes() == (tmp_path / f"log.{to}").read_bytes()
-    assert len(sizes) > 1 and sum(sizes) == 300
+
+
+def test_a_table_written_group_by_group_is_the_same_table(flown, tmp_path, monkeypatch):
+    whole = {to: export(flown, to, tmp_path / f"whole.{to}") for to in ("csv", "parquet")}
+    monkeypatch.setattr(module, "GROUP_BYTES", 100_000)  # some thirty frames
+    for to, of_whole in whole.items():
+        assert export(flown, to, tmp_path / f"groups.{to}") == of_whole
+    assert (tmp_path / "groups.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
+    groups, at_once = (pl.read_parquet(tmp_path / f"{name}.parquet") for name in ("groups", "whole"))
+    assert groups.schema == at_once.schema and groups.equals(at_once)
+    assert ParquetFile(tmp_path / "groups.parquet").num_row_groups > 5
 
 
 def test_a_log_without_frames_is_a_table_without_rows(flown, tmp_path):

@@ -120,7 +120,7 @@ def comparable(samples: NDArray[np.float64], valid: Bools, out: Bools, p: NDArra
 def agreement(columns: NDArray[Any], c: int, first: int, end: int, p: NDArray[np.void]) -> Agreement:
     """Compare channel ``c`` (from 0) of a signal with the others in the frames ``first`` to ``end`` (excluded).
 
-    columns : (n,) flight_outcome.COLUMNS of the signal; p : its config.PARAMS
+    columns : (n,) kept.COLUMNS of the signal; p : its config.PARAMS
     """
     samples, valid = columns["channels"][first:end], columns["valid"][first:end] != 0
     before = columns["state"][np.maximum(np.arange(first, end) - 1, 0)]  # failed in this frame: compared in it

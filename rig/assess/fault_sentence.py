@@ -14,6 +14,7 @@ from rig.faults import KINDS
 from rig.faults.settings import Triggered
 from rig.frame import INDEX
 from rig.units.quantities import duration, quantity, seconds
+from rig.util.blocks import cuts
 
 COMPARISON: Final = "comparison"
 _OTHER: Final = Triggered.sentence  # of a kind that says nothing of its own
@@ -176,5 +177,12 @@ def _params(fault: FaultScore, about: Context) -> Any:
 
 
 def _agreement(fault: FaultScore, about: Context, first: int, end: int) -> Agreement:
-    columns = about.score.evidence.columns(INDEX[fault.signal])
-    return agreement(columns, (fault.channel or 1) - 1, first, end, _params(fault, about))
+    """Compare the faulty channel with the others in the frames ``first`` to ``end`` (excluded), block by block."""
+    columns, p = about.score.evidence.columns, _params(fault, about)
+    s, c = INDEX[fault.signal], (fault.channel or 1) - 1
+    found = []
+    for part in cuts(end - first):
+        begin = max(first + part.start - 1, 0)  # with the frame before
+        kept = columns(s, begin, first + part.stop)
+        found.append(agreement(kept, c, first + part.start - begin, len(kept), p))
+    return Agreement(*map(np.concatenate, zip(*found, strict=True)))

@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig.assess.actuator_outcome import ActuatorOutcome
+from rig.assess.kept import KeptColumns
 from rig.assess.monitored import Monitored, fault_records, of_scenario
 from rig.assess.outcome import LEVELS, NEVER, VOTE
 from rig.assess.outcome_records import EPISODE, FAILURE, FLIGHT, PATTERNS, ROOM, SPAN, Outcomes
 from rig.assess.outcome_rows import add_rows
 from rig.assess.words import Cause, FaultWord, fault_word
+from rig.computer.redundancy.managers import manager_kind
 from rig.errors import BadInput
 from rig.faults import CLEAN
 from rig.faults.places import FLIGHT as FLIGHT_PLACES
 from rig.frame import CHANNELS, SIGNALS, Block, LaneBlock, has_part, new_block
 from rig.scenario import Scenario
-
-# One signal's fields that a sentence looks at again, frame by frame.
-COLUMNS: Final = np.dtype([("channels", "f8", (CHANNELS,)), ("valid", "u1", (CHANNELS,)), ("state", "u1", (CHANNELS,))])
-Columns = Callable[[int], NDArray[Any]]  # (n,) COLUMNS of a signal
 
 
 class Outcome:
@@ -124,15 +121,17 @@ class FlightOutcome(Outcome):
     """What became of the faults of a scenario.
 
     window_s : after an onset, for which the load factor is looked at
-    keep : whether the channels of the signals with a fault are kept, 40 bytes a frame
+    kept : the channels of the signals with a fault, of a manager that compares them
     """
 
-    def __init__(self, scenario: Scenario, window_s: float, *, keep: bool = False) -> None:
+    def __init__(self, scenario: Scenario, window_s: float) -> None:
         self.scenario, monitored = scenario, of_scenario(scenario)
         faults = fault_records(scenario.faults, monitored, FLIGHT_PLACES, scenario.redundancy)
         super().__init__(monitored, faults, round(window_s * scenario.rate_hz))
         on_signals = faults[(faults["signal"] >= 0) & (faults["discrete"] == 0)]
-        self._kept: dict[int, list[NDArray[Any]]] = {s: [] for s in on_signals["signal"].tolist() if keep}
+        self.kept = KeptColumns(
+            on_signals["signal"].tolist() if manager_kind(scenario.redundancy.manager).compares else ()
+        )
         self.actuators = ActuatorOutcome(scenario, self.records.faults) if scenario.has_servos else None
         add_rows(new_block(0), np.zeros(0, CLEAN), 0, self.records)  # compiles before the first frame
 
@@ -142,26 +141,14 @@ class FlightOutcome(Outcome):
             faults = self.records.faults
             here = (faults["signal"] >= 0) & (faults["discrete"] == 0)
             faults["sample"][here] = rows["channels"][0][faults["signal"][here], faults["channel"][here]]
+        first = self.frames
         super().add(rows, clean)
-        for s, kept in self._kept.items():
-            kept.append(columns(rows, s))
+        self.kept.add(rows, first, self.records.faults)
 
     def add_lanes(self, rows: Block, lanes: LaneBlock | None) -> None:
         """Add ``lanes`` (n,) of servos, of ``rows`` (n,) that have been added or will be; None: there are none."""
         if self.actuators is not None and has_part(lanes, "actuator"):
             self.actuators.add(rows, lanes)
-
-    def columns(self, s: int) -> NDArray[Any]:
-        """Return what was kept of a signal with a fault, (frames,) COLUMNS."""
-        return np.concatenate(self._kept[s])
-
-
-def columns(rows: Block, s: int) -> NDArray[Any]:
-    """Return (n,) COLUMNS of one signal of ``rows``."""
-    kept = np.empty(len(rows), COLUMNS)
-    for field in COLUMNS.names or ():
-        kept[field] = rows[field][:, s]
-    return kept
 
 
 def _blank_flight(signals: int, box_signals: int, window: int) -> NDArray[Any]:

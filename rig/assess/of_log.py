@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 
 from rig.assess.conclusion import conclusion
 from rig.assess.flight_outcome import FlightOutcome
 from rig.assess.record import Score, Yardstick
-from rig.assess.scoring import score, score_of
-from rig.assess.transients import fly_twin
-from rig.computer.redundancy.managers import manager_kind
+from rig.assess.scoring import Scoring, score_of
+from rig.assess.transients import twin_blocks
 from rig.errors import BadInput
 from rig.flight.operator_keys import pressed
 from rig.frame import Block, LaneBlock, UnitStatus
-from rig.log import Log, read_log, scenario_of, unit_of
-from rig.record.histogram import of_timing
+from rig.log import Log, LogFile, scenario_of, unit_of
+from rig.record.histogram import Times
 from rig.scenario import Scenario, from_resolved
 from rig.unit.settings import voter
 from rig.unit.unit import UnitUnderTest
@@ -73,16 +75,16 @@ def score_log(
     twin: bool = True,
     allow_code: bool = False,
     unit: UnitUnderTest | None = None,
-    log: Log | None = None,
+    log: Log | LogFile | None = None,
 ) -> Scored:
     """Score the flight at ``path``; ``twin`` flies it again without its faults to compare with.
 
     allow_code : a manager class that the log names may be run, in the flight of the twin
     unit : under test, that flew it and flies the twin
-    log : what has been read from ``path`` already
+    log : what has been read from ``path`` already; otherwise it is gone through block by block
     BadInput, one line, when it is no log of a flight, has no verdict, or was flown with other sensors.
     """
-    log = read_log(path) if log is None else log
+    log = LogFile.open(path) if log is None else log
     scenario = _scenario(path, log, allow_code)
     if log.result is None:
         raise BadInput(f"{path}: the flight has no verdict (cut off, recovered or still being flown): not scored")
@@ -90,20 +92,35 @@ def score_log(
         scenario.trust.require(scenario.redundancy.manager)
         if "unit" in log.metadata and unit is None:
             raise BadInput(f"{path}: a unit under test flew it: its twin needs --unit FILE, or --no-twin")
+    misses = Misses(unit_of(log.metadata).get("on_miss") == "fault")
     try:
-        tell("flying the fault-free run")
-        other = fly_twin(scenario, len(log.rows), unit) if twin else None
-        tell("scoring")
-        scored = score(scenario, log.rows, other, yardstick, lanes=log.lanes)
+        scored, times = _added_up(log, scenario, yardstick, misses, _twin(log, scenario, unit) if twin else None)
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
     exchanges = json.loads(log.result["unit"]) if "unit" in log.result else None
-    on_miss = unit_of(log.metadata).get("on_miss")
-    missed = missed_frames(log.rows) if on_miss == "fault" else []
     sentences = conclusion(scenario, scored)
     digest = log.result.get("digest", "")
     voted_by = voter(scenario.redundancy.manager, unit_of(log.metadata).get("name"))
-    return Scored(path, scenario, digest, scored, exchanges, of_timing(log.timing), missed, sentences, voted_by)
+    return Scored(path, scenario, digest, scored, exchanges, times.as_dict(), misses.all(), sentences, voted_by)
+
+
+def _twin(log: Log | LogFile, scenario: Scenario, unit: UnitUnderTest | None) -> Iterator[Block]:
+    tell("flying the fault-free run")
+    return twin_blocks(scenario, log.frames, unit)
+
+
+def _added_up(
+    log: Log | LogFile, scenario: Scenario, yardstick: Yardstick, misses: Misses, twin: Iterator[Block] | None
+) -> tuple[Score, Times]:
+    """Go through the log, and beside it through the twin, block by block."""
+    scoring, times, done = Scoring(scenario, yardstick, twin=twin is not None), Times(), 0
+    for block, other in zip_longest(log.blocks(), twin or ()):
+        scoring.add(block.rows, block.lanes, other)
+        misses.add(block.rows)
+        times.add(block.timing)
+        done += len(block.rows)
+        tell("scoring", done, log.frames)
+    return scoring.score(), times
 
 
 class FlightConclusion:
@@ -118,8 +135,7 @@ class FlightConclusion:
 
     def begin(self, scenario: Scenario) -> None:
         """Take the scenario as it is flown."""
-        compares = manager_kind(scenario.redundancy.manager).compares
-        self._outcome = FlightOutcome(scenario, Yardstick().window_s, keep=compares)
+        self._outcome = FlightOutcome(scenario, Yardstick().window_s)
 
     def add(self, rows: Block, clean: NDArray[Any], lanes: LaneBlock | None = None) -> None:
         """Take the next rows; clean : (n,) CLEAN; lanes : (n,) of a flight with servo actuators."""
@@ -155,7 +171,7 @@ def conclude(log: Log) -> list[str]:
         return [f"not scored: {error}"]
 
 
-def _scenario(path: Path, log: Log, allow_code: bool) -> Scenario:
+def _scenario(path: Path, log: Log | LogFile, allow_code: bool) -> Scenario:
     resolved = scenario_of(log.metadata, path)
     if not resolved:
         raise BadInput(f"{path}: holds no scenario, so there is no truth to score against; only logs of rig fly do")
@@ -163,11 +179,24 @@ def _scenario(path: Path, log: Log, allow_code: bool) -> Scenario:
     return pressed(scenario, log.result, str(path))
 
 
-def missed_frames(rows: Block) -> list[Miss]:
-    """Return all misses of a flight, in the order of time."""
-    missed = np.isin(rows["unit"], _UNANSWERED)
-    frames, status = rows["frame"], rows["unit"]
-    return [
-        Miss(int(frames[first]), int(frames[end - 1]), UnitStatus(status[first]).name.lower())
-        for first, end in runs_where(missed).tolist()
-    ]
+class Misses:
+    """The frames of a flight that a unit did not answer, of one whose file calls them ``faults``."""
+
+    def __init__(self, faults: bool = True) -> None:
+        self._faults, self._rows = faults, list[Block]()
+
+    def add(self, rows: Block) -> None:
+        """Take the next ``rows`` (n,)."""
+        if self._faults:
+            self._rows.append(repack_fields(rows[["frame", "unit"]]))
+
+    def all(self) -> list[Miss]:
+        """Return all misses, in the order of time."""
+        if not self._rows:
+            return []
+        rows = np.concatenate(self._rows)
+        frames, status = rows["frame"], rows["unit"]
+        return [
+            Miss(int(frames[first]), int(frames[end - 1]), UnitStatus(status[first]).name.lower())
+            for first, end in runs_where(np.isin(status, _UNANSWERED)).tolist()
+        ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from math import radians
 from typing import Any, Final, Literal, NamedTuple
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from rig.assess.kept import Columns
 from rig.assess.words import FaultWord, IsolationKind
 from rig.settings import Settings
 
@@ -226,7 +226,7 @@ class Evidence(NamedTuple):
     params: NDArray[np.void]  # (S,) config.PARAMS of its manager
     by_unit: bool  # a unit under test flew it
     silent: frozenset[str]  # signals of whose channels nothing was ever said
-    columns: Callable[[int], NDArray[Any]]  # (n,) flight_outcome.COLUMNS of a signal with a fault
+    columns: Columns  # of a signal with a fault
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.assess.actuator_outcome import finder
-from rig.assess.flight_outcome import Columns, FlightOutcome, columns
+from rig.assess.flight_outcome import FlightOutcome
 from rig.assess.monitored import allowed_frames, channels_of, monitor
 from rig.assess.outcome import NEVER
 from rig.assess.outcome_actuators import MONITORS
@@ -27,19 +27,58 @@ from rig.assess.record import (
     Window,
     Yardstick,
 )
-from rig.assess.transients import flight_score, transients
-from rig.assess.unfaulted import checked, measured_again
+from rig.assess.transients import Deviations, flight_score, transients
+from rig.assess.unfaulted import MeasuredAgain, laid_out
 from rig.assess.words import PUBLIC, Cause, FaultWord, IsolationKind, fault_word
 from rig.computer.redundancy.managers import manager_kind
+from rig.errors import BadInput
 from rig.frame import DISCRETES, INDEX, SIGNALS, Block, LaneBlock, Pattern, Resolver
 from rig.scenario import Scenario
 
-__all__ = ["monitor", "score", "score_of"]
+__all__ = ["Scoring", "monitor", "score", "score_of"]
 _YARDSTICK = Yardstick()
 _DISCRETE_NAMES = [discrete.name for discrete in DISCRETES]
 _SIGNAL_NAMES = [signal.name for signal in SIGNALS]
+_FROM_0 = "a flight is scored from its frame 0 on"
 _FRAMES = ("onset", "exceeded_at", "failed_at")
 OUTCOMES: Final[Mapping[FaultWord, Outcome]] = PUBLIC["score"]  # pyright: ignore[reportAssignmentType]
+
+
+class Scoring:
+    """The score of a flight of ``scenario`` against the truth in its rows, added up block by block.
+
+    twin : whether the same flight without faults is compared with it; without that there are no transients
+    """
+
+    def __init__(self, scenario: Scenario, yardstick: Yardstick = _YARDSTICK, *, twin: bool = False) -> None:
+        self._outcome, self._again = FlightOutcome(scenario, yardstick.window_s), MeasuredAgain(scenario)
+        self._off = Deviations(yardstick) if twin else None
+
+    def add(
+        self,
+        rows: Block,
+        lanes: LaneBlock | None = None,
+        twin: Block | None = None,
+        clean: NDArray[np.void] | None = None,
+    ) -> None:
+        """Add the next ``rows`` (n,), from frame 0 on; twin : as many of the other flight, fewer where it ends.
+
+        lanes, clean : as of ``score``.  BadInput when the sensors cannot have given the rows.
+        """
+        rows, outcome = laid_out(rows), self._outcome
+        if outcome.frames == 0 and len(rows) and rows["frame"][0] != 0:
+            raise BadInput(_FROM_0)
+        for part, kept in [(rows, clean)] if clean is not None else self._again.of(rows):
+            outcome.add(part, kept)
+        outcome.add_lanes(rows, lanes)
+        if self._off is not None:
+            self._off.add(rows, twin)
+
+    def score(self) -> Score:
+        """Return the score of what was added; BadInput: nothing was, or the twin is that of another flight."""
+        if self._outcome.frames == 0:
+            raise BadInput(_FROM_0)
+        return score_of(self._outcome, self._off)
 
 
 def score(
@@ -57,31 +96,19 @@ def score(
     clean : (n,) what ``Faults.clean`` kept in flight; without it the sensors are run again over the recorded truth
     BadInput when these sensors cannot have given the rows, or the twin is that of another flight.
     """
-    rows = checked(rows)
-    outcome = FlightOutcome(scenario, yardstick.window_s)
-    for part, kept in [(rows, clean)] if clean is not None else measured_again(scenario, rows):
-        outcome.add(part, kept)
-    outcome.add_lanes(rows, lanes)
-    return score_of(outcome, lambda s: columns(rows, s), (rows, twin, yardstick) if twin is not None else None)
+    whole = Scoring(scenario, yardstick, twin=twin is not None)
+    whole.add(rows, lanes, twin, clean)
+    return whole.score()
 
 
-def score_of(
-    outcome: FlightOutcome, kept: Columns | None = None, against: tuple[Block, Block, Yardstick] | None = None
-) -> Score:
-    """Return the score of the flight that was added up.
-
-    kept : gives the channels of a signal, those that the outcome kept if not given
-    against : rows of the flight, of its twin, and what the transients are measured by
-    """
+def score_of(outcome: FlightOutcome, off: Deviations | None = None) -> Score:
+    """Return the score of the flight that was added up; off : from its twin, for the transients."""
     scenario, records = outcome.scenario, outcome.records
     names = [name for name, signal in zip(_SIGNAL_NAMES, records.signals, strict=True) if not signal["reported"]]
     faults, listed = _faults(outcome), episodes(outcome)
     isolations = {field: _isolations(outcome, kind) for kind, field in ISOLATIONS.items()}
-    measured = (
-        None
-        if against is None
-        else transients(*against, faults, int(records.flight["acted_from"][0]), scenario.rate_hz)
-    )
+    acted_from = int(records.flight["acted_from"][0])
+    measured = None if off is None else transients(off, faults, acted_from, scenario.rate_hz)
     return Score(
         faults=faults,
         **isolations,
@@ -97,7 +124,7 @@ def score_of(
             zip(_DISCRETE_NAMES, (records.discretes["wrong_votes"] / scenario.rate_hz).tolist(), strict=True)
         ),
         actuators={} if outcome.actuators is None else outcome.actuators.scores(),
-        evidence=Evidence(outcome.params, bool(records.flight["unit"][0]), frozenset(names), kept or outcome.columns),
+        evidence=Evidence(outcome.params, bool(records.flight["unit"][0]), frozenset(names), outcome.kept.of),
     )
 
 

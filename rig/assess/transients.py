@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -33,6 +33,13 @@ def fly_twin(scenario: Scenario, frames: int | None = None, unit: UnitUnderTest 
     return fly_rows(scenario.model_copy(update={"faults": []}), frames, unit)
 
 
+def twin_blocks(scenario: Scenario, frames: int, unit: UnitUnderTest | None = None) -> Iterator[Block]:
+    """Fly the twin as ``fly_twin`` does, and yield its rows in blocks of util.blocks.ROWS."""
+    from rig.flight.unit_loop import fly_blocks
+
+    return (rows for rows, _ in fly_blocks(scenario.model_copy(update={"faults": []}), frames, unit))
+
+
 def flight_score(scenario: Scenario, flight: np.void, measured: Transients | None) -> FlightScore:
     """Return the flight and its peaks; flight : FLIGHT; an extreme is 0 where there was no number."""
     end, frames = End(flight["end"]), int(flight["frames"])
@@ -61,35 +68,50 @@ def _reason(end: End, frames: int, scenario: Scenario) -> str:
     return "duration flown" if frames >= scenario.frames else "interrupted"
 
 
-def transients(
-    rows: Block,
-    twin: Block,
-    yardstick: Yardstick,
-    faults: Sequence[FaultScore],
-    acted_from: int,
-    rate_hz: float,
-) -> Transients:
-    """Compare a flight with its twin; BadInput when that is none of this flight.
+class Deviations:
+    """How far a flight is from its twin, added up block by block: 32 bytes a frame."""
+
+    def __init__(self, yardstick: Yardstick) -> None:
+        self.yardstick, self.frames, self.lost = yardstick, 0, False
+        self.first_difference: int | None = None
+        self._off: list[NDArray[np.float64]] = []
+
+    def add(self, rows: Block, twin: Block | None) -> None:
+        """Add the next ``rows`` (n,) and those of the twin, which has fewer where it has ended."""
+        n = 0 if twin is None else min(len(rows), len(twin))
+        if twin is not None:
+            truth, other = np.ascontiguousarray(rows["truth"][:n]), np.ascontiguousarray(twin["truth"][:n])
+            differs = np.flatnonzero((truth != other).any(axis=1))
+            if self.first_difference is None and len(differs):
+                self.first_difference = self.frames + int(differs[0])
+            self._off.append(np.abs(differences(truth, other, WRAPS))[:, _COMPARED])
+        if len(rows):
+            self.frames, self.lost = self.frames + len(rows), rows["end"][-1] != End.FLYING
+
+    @property
+    def off(self) -> NDArray[np.float64]:
+        """(n, 4) of the frames that both have, _COMPARED."""
+        return np.concatenate([np.empty((0, len(_COMPARED))), *self._off])
+
+
+def transients(found: Deviations, faults: Sequence[FaultScore], acted_from: int, rate_hz: float) -> Transients:
+    """Judge how far a flight was from its twin; BadInput when that is none of this flight.
 
     acted_from : first frame in which any fault acted, or NEVER
     """
-    n = min(len(rows), len(twin))
-    truth, other = np.ascontiguousarray(rows["truth"][:n]), np.ascontiguousarray(twin["truth"][:n])
-    differs = np.flatnonzero((truth != other).any(axis=1))
-    if len(differs) and (acted_from == NEVER or differs[0] <= acted_from):
+    first, off, yardstick = found.first_difference, found.off, found.yardstick
+    if first is not None and (acted_from == NEVER or first <= acted_from):
         raise BadInput(
-            f"the fault-free twin leaves the flight in frame {differs[0]}, before any fault can have moved the "
+            f"the fault-free twin leaves the flight in frame {first}, before any fault can have moved the "
             "aircraft: other versions flew it; without the twin (--no-twin) it can be scored"
         )
-    off = np.abs(differences(truth, other, WRAPS))[:, _COMPARED]
     limits = np.array([yardstick.load_factor, yardstick.pitch_rate_rad_s])
     beyond = np.any(~(off[:, :2] <= limits), axis=1)
     window = round(yardstick.window_s * rate_hz)
-    lost = rows["end"][-1] != End.FLYING
     windows = []
     for onset, ids in _onsets(faults).items():
-        part = slice(onset, min(onset + window + 1, n))
-        ended = lost and len(rows) <= onset + window + 1
+        part = slice(onset, min(onset + window + 1, len(off)))
+        ended = found.lost and found.frames <= onset + window + 1
         within = not np.any(beyond[part]) and not ended
         windows.append(Transient(ids, onset, max(part.stop - onset, 0), _peaks(off[part]), bool(within)))
     return Transients(
@@ -98,7 +120,7 @@ def transients(
         overall=_peaks(off),
         out_of_limits_s=float(beyond.sum() / rate_hz),
         within_limits=all(window.within_limits for window in windows),
-        first_difference_frame=int(differs[0]) if len(differs) else None,
+        first_difference_frame=first,
     )
 
 

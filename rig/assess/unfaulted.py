@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.vote import mean
-from rig.errors import BadInput
 from rig.faults import CLEAN
 from rig.frame import FLAT, Block, nested, new_block
 from rig.kernels import kernel
@@ -24,25 +23,28 @@ from rig.units.angles import difference, limit
 ROWS: Final = 256  # of the clean block: half a megabyte, which stays in the cache
 
 
-def measured_again(scenario: Scenario, rows: Block) -> Iterator[tuple[Block, NDArray[Any]]]:
-    """Run the sensors over the recorded truth; yield ``rows`` part by part, with the (n,) CLEAN of each."""
-    sensors = Sensors(scenario.sensors, scenario.rate_hz, scenario.streams()["sensors"])
-    block, kept = new_block(min(ROWS, len(rows))), np.zeros(ROWS, CLEAN)
-    for first in range(0, len(rows), ROWS):
-        recorded = rows[first : first + ROWS]
-        again, clean = block[: len(recorded)], kept[: len(recorded)]
-        again.view(np.uint8)[:] = recorded.view(np.uint8)
-        sensors.prepare(again)
-        measure_again(nested(again), sensors.data)
-        for field in CLEAN.names or ():
-            clean[field] = again[field]
-        yield recorded, clean
+class MeasuredAgain:
+    """The sensors of a flight, run over the recorded truth of its rows, which are given in their order."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._sensors = Sensors(scenario.sensors, scenario.rate_hz, scenario.streams()["sensors"])
+        self._block, self._kept = new_block(ROWS), np.zeros(ROWS, CLEAN)
+
+    def of(self, rows: Block) -> Iterator[tuple[Block, NDArray[Any]]]:
+        """Yield the next ``rows`` part by part, with the (n,) CLEAN of each."""
+        for first in range(0, len(rows), ROWS):
+            recorded = rows[first : first + ROWS]
+            again, clean = self._block[: len(recorded)], self._kept[: len(recorded)]
+            again.view(np.uint8)[:] = recorded.view(np.uint8)
+            self._sensors.prepare(again)
+            measure_again(nested(again), self._sensors.data)
+            for field in CLEAN.names or ():
+                clean[field] = again[field]
+            yield recorded, clean
 
 
-def checked(rows: Block) -> Block:
-    """Return ``rows`` in memory as FLAT lies; BadInput unless they are a flight from its first frame on."""
-    if len(rows) == 0 or rows["frame"][0] != 0:
-        raise BadInput("a flight is scored from its frame 0 on")
+def laid_out(rows: Block) -> Block:
+    """Return ``rows`` in memory as FLAT lies."""
     if rows.dtype == FLAT and rows.flags.c_contiguous and rows.flags.aligned and rows.flags.writeable:
         return rows
     whole: NDArray[Any] = np.zeros(len(rows), FLAT)

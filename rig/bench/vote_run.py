@@ -16,6 +16,7 @@ from rig.bench.vote import Result, of_flight, settings_of, vote, vote_discretes
 from rig.bench.vote_summary import summary
 from rig.bench.write_votes import output, table, write
 from rig.errors import BadInput
+from rig.log import read_log
 from rig.recordings.alignment import AlignOptions, run_alignment
 from rig.recordings.flown import Recorded, recorded
 from rig.recordings.injection_file import read_injection
@@ -150,7 +151,7 @@ def _by_scenario(path: Path, options: Options) -> _Asked:
         raise BadInput(f"{path}: --config is needed: only the log of a flight holds the settings of its signals")
     flown = recorded(path, options.allow_code)
     signals, discretes = settings_of(flown.scenario)
-    return _Asked(of_log(flown.log, path, options.repair), signals, discretes, VoteConfig(), flown)
+    return _Asked(of_log(read_log(path), path, options.repair), signals, discretes, VoteConfig(), flown)
 
 
 def _vote(asked: _Asked, recording: Recording, config: Path | dict[str, Any] | None, options: Options) -> Result:

@@ -10,7 +10,7 @@ Python goes on with ``exchange`` and ``after_unit``.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,6 +37,7 @@ from rig.unit.layout import Form
 from rig.unit.port import BLANK, FLOWN, ON_DISCRETES, STARTING, fill, take
 from rig.unit.session import configuration
 from rig.unit.unit import UnitUnderTest
+from rig.util.blocks import in_blocks
 from rig.util.interrupt import Stop
 
 
@@ -68,6 +69,26 @@ def fly_rows(
     rows = loop.fly_rows(scenario, frames_at_most, unit_computer(unit), lanes)
     unit.end()
     return rows
+
+
+def fly_blocks(
+    scenario: Scenario, frames_at_most: int, unit: UnitUnderTest | None = None
+) -> Iterator[tuple[Block, LaneBlock | None]]:
+    """Fly as ``fly_rows`` does, and yield rows and lanes in blocks of util.blocks.ROWS: memory for these alone."""
+    yield from map(tuple, in_blocks(_flown(scenario, frames_at_most, unit)))  # pyright: ignore[reportReturnType]
+    if unit is not None:
+        unit.end()
+
+
+def _flown(scenario: Scenario, left: int, unit: UnitUnderTest | None) -> Iterator[tuple[Block, LaneBlock | None]]:
+    """Yield the blocks of a flight as the loop flies them, ``left`` frames at most."""
+    rig = Rig(scenario, None if unit is None else unit_computer(unit))
+    for rows, _ in loop.frames(rig, scenario):
+        lanes = rig.lanes(len(rows))
+        yield rows[:left], lanes[0][:left] if lanes else None
+        left -= len(rows)
+        if left <= 0:
+            return
 
 
 def config_of(scenario: Scenario, redundancy: Redundancy, trim: NDArray[np.float64], form: Form) -> NDArray[Any]:

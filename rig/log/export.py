@@ -5,7 +5,7 @@ Enums are words in CSV and Parquet and numbers in npz.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -13,10 +13,12 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from pyarrow.parquet import ParquetWriter
 
 from rig.errors import BadInput, RigError
-from rig.frame import FLAT, SIGNALS, Block, LaneBlock
+from rig.frame import FLAT, SIGNALS, TIMING, Block, LaneBlock
 from rig.log import Log
+from rig.log.blocks import Frames, iter_blocks
 from rig.log.columns import (
     LANE_OWNERS,
     OWNERS,
@@ -29,13 +31,15 @@ from rig.log.columns import (
     name,
     of_columns,
 )
-from rig.log.reader import iter_blocks
 from rig.log.scan import About
 from rig.text import choices, quoted
+from rig.util.blocks import in_blocks
 from rig.util.files import replaced
 
 _FOR_VOTE: Final = ("channels", "ilm", "reference")
 ENDINGS: Final = ("csv", "parquet", "npz")
+GROUP_BYTES: Final = 1 << 24  # of columns that are written at once
+Group = dict[str, NDArray[Any]]  # (n,) columns by name, time first
 TABLE_WRITERS: Final[dict[str, Callable[[pl.DataFrame, Path], None]]] = {
     ".csv": pl.DataFrame.write_csv,
     ".parquet": pl.DataFrame.write_parquet,
@@ -52,31 +56,38 @@ class Exported(NamedTuple):
 def export(log: Log | Path, to: str, out: Path, owners: Sequence[str] = (), for_vote: bool = False) -> Exported:
     """Write the columns of ``owners`` (signals, discretes, topics; all when empty) to ``out``.
 
-    log      : read, or its path; a file is read block by block, and only what is written is held
+    log      : read, or its path; a file is read and written block by block, but for npz, whose columns are held
     for_vote : only what ``rig vote`` reads, samples that the sensor flags left empty
     BadInput: an unknown owner or ending, a folder that is not there; BadLog; RigError when the disk does not take it.
     """
     if to not in ENDINGS:
         raise BadInput(f"--to {to}: allowed: {', '.join(ENDINGS)}")
     with replaced(out) as part:
-        described, columns = _read(log, owners, for_vote)
+        described, groups = _read(log, owners, for_vote)
         try:
-            _write(part, to, columns, described)
+            rows = _WRITERS[to](part, groups, described)
         except (OSError, pl.exceptions.PolarsError) as error:
             raise RigError(f"{out}: cannot be written: {' '.join(str(error).split())[:200]}") from None
-    return Exported(list(columns), len(columns[TIME]))
+    return Exported([TIME, *described], rows)
 
 
-def _read(log: Log | Path, owners: Sequence[str], for_vote: bool) -> tuple[dict[str, Column], dict[str, NDArray[Any]]]:
-    """Return the wanted columns by their names in the table, and their values, time first."""
+def _read(log: Log | Path, owners: Sequence[str], for_vote: bool) -> tuple[dict[str, Column], Iterator[Group]]:
+    """Return the wanted columns by their names in the table, and their values, time first, group by group."""
     about = About()
-    blocks = iter_blocks(log, about) if isinstance(log, Path) else iter([(log.rows, log.lanes)])
-    first = next(blocks, (np.empty(0, FLAT), None))
-    described = {name(column): column for column in _chosen(*first, owners, for_vote)}
-    held = [_narrowed(rows, lanes, described, for_vote) for rows, lanes in chain([first], blocks)]
+    blocks = iter_blocks(log, about) if isinstance(log, Path) else log.blocks()
+    first = next(blocks, Frames(np.empty(0, FLAT), np.empty(0, TIMING)))
+    described = {name(column): column for column in _chosen(first.rows, first.lanes, owners, for_vote)}
     rate_hz = about.rate_hz if isinstance(log, Path) else log.rate_hz
-    values = {key: np.concatenate([rows[key] for rows in held]) for key in (TIME, *described)}
-    return described, {**values, TIME: values[TIME] / rate_hz}
+    held = (_narrowed(block.rows, block.lanes, described, for_vote) for block in chain([first], blocks))
+    return described, _groups(held, rate_hz)
+
+
+def _groups(held: Iterator[NDArray[Any]], rate_hz: float) -> Iterator[Group]:
+    """Yield narrow blocks as columns, as many rows as GROUP_BYTES hold; one group without rows of a log without."""
+    first = next(held)
+    narrow = in_blocks(([block] for block in chain([first], held)), max(GROUP_BYTES // first.dtype.itemsize, 1))
+    for (block,) in chain([next(narrow, [first])], narrow):
+        yield {**{key: block[key] for key in block.dtype.names or ()}, TIME: block[TIME] / rate_hz}
 
 
 def _narrowed(rows: Block, lanes: LaneBlock | None, described: dict[str, Column], for_vote: bool) -> Block:
@@ -110,9 +121,37 @@ def _values(rows: Block, lanes: LaneBlock | None, column: Column, for_vote: bool
     return values
 
 
-def _write(path: Path, to: str, columns: dict[str, NDArray[Any]], described: dict[str, Column]) -> None:
-    if to == "npz":
-        with path.open("wb") as file:
-            np.savez_compressed(file, **columns)  # pyright: ignore[reportArgumentType]  # names are ours
-    else:
-        TABLE_WRITERS[f".{to}"](of_columns(columns, described), path)
+def _write_csv(path: Path, groups: Iterator[Group], described: dict[str, Column]) -> int:
+    rows = 0
+    with path.open("wb") as file:
+        for group in groups:
+            of_columns(group, described).write_csv(file, include_header=file.tell() == 0)
+            rows += len(group[TIME])
+    return rows
+
+
+def _write_parquet(path: Path, groups: Iterator[Group], described: dict[str, Column]) -> int:
+    """Write a row group for each group; of a single one by polars, which cannot append."""
+    first, second = next(groups), next(groups, None)
+    table, rows = of_columns(first, described), len(first[TIME])
+    if second is None:
+        table.write_parquet(path)
+        return rows
+    with ParquetWriter(path, table.to_arrow().schema, compression="zstd") as file:
+        file.write_table(table.to_arrow())
+        for group in chain([second], groups):
+            file.write_table(of_columns(group, described).to_arrow())
+            rows += len(group[TIME])
+    return rows
+
+
+def _write_npz(path: Path, groups: Iterator[Group], described: dict[str, Column]) -> int:
+    """Write whole columns, which are held: an array of the file has its length at its begin."""
+    held = list(groups)
+    columns = {key: np.concatenate([group[key] for group in held]) for key in (TIME, *described)}
+    with path.open("wb") as file:
+        np.savez_compressed(file, **columns)  # pyright: ignore[reportArgumentType]  # names are ours
+    return len(columns[TIME])
+
+
+_WRITERS: Final = {"csv": _write_csv, "parquet": _write_parquet, "npz": _write_npz}

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from rig.errors import BadLog
 from rig.frame import DISCRETE_INDEX, FLAT, INDEX, TIMING, Block, LaneBlock, lane_rows
-from rig.log.decode import Part
+from rig.log.blocks import Frames
 from rig.log.scan import About, iter_parts
 from rig.record.event import Event
+from rig.util.blocks import cuts
 
 if TYPE_CHECKING:
     import polars as pl
@@ -85,6 +86,16 @@ class Log:
         return None if first is None else first.decode("utf-8")
 
     @property
+    def frames(self) -> int:
+        """How many frames were flown."""
+        return len(self.rows)
+
+    def blocks(self) -> Iterator[Frames]:
+        """Yield all frames in blocks of util.blocks.ROWS: views, as LogFile gives them from the disk."""
+        for part in cuts(self.frames):
+            yield Frames(self.rows[part], self.timing[part], None if self.lanes is None else self.lanes[part])
+
+    @property
     def time_s(self) -> NDArray[np.float64]:
         """(n,) simulation time of the rows."""
         return self.rows["frame"] / self.rate_hz
@@ -122,7 +133,7 @@ def _place(index: dict[str, int], name: str, kind: str) -> int:
 def read_log(path: Path | str) -> Log:
     """Read the flight at ``path``; BadLog in one line when it is missing, foreign, cut or damaged.
 
-    Two kilobytes of memory a frame, twice that while reading; ``iter_chunks`` reads long logs.
+    Two kilobytes of memory a frame, twice that while reading; ``LogFile`` and ``iter_chunks`` read long logs.
     """
     return Log.read(path)
 
@@ -153,26 +164,6 @@ def _joined(parts: list[NDArray[Any]], dtype: np.dtype[Any]) -> NDArray[Any]:
     if parts:
         np.concatenate([part.view(np.uint8) for part in parts], out=joined.view(np.uint8))
     return joined
-
-
-def iter_blocks(path: Path, about: About, frames: int = 10_000) -> Iterator[tuple[Block, LaneBlock | None]]:
-    """Yield all rows of a log, ``frames`` or somewhat more at a time, and fill ``about``: bounded memory; BadLog.
-
-    With each block its rows of servo actuators, None where there are none.
-    """
-    held: list[Part] = []
-    for part in iter_parts(path, about):
-        held.append(part)
-        if sum(len(one.rows) for one in held) >= frames:
-            yield _block(held)
-            held = []
-    if held:
-        yield _block(held)
-
-
-def _block(parts: list[Part]) -> tuple[Block, LaneBlock | None]:
-    lanes = [part.lanes for part in parts if part.lanes is not None]
-    return _joined([part.rows for part in parts], FLAT), _joined(lanes, lanes[0].dtype) if lanes else None
 
 
 def iter_chunks(path: Path | str) -> Iterator[tuple[Block, NDArray[Any], list[Event]]]:

@@ -26,16 +26,29 @@ def names() -> list[str]:
     return [f"below {EDGES_US[0]}", *inner, f"{EDGES_US[-1]} and more"]
 
 
-def keyed(times_us: NDArray[np.float64]) -> dict[str, int]:
-    """Return the bins of ``times_us`` by their JSON keys; ``more`` is the last one."""
+def keyed(counts: NDArray[np.int64]) -> dict[str, int]:
+    """Return ``counts`` (BINS,) by their JSON keys; ``more`` is the last one."""
     keys = *(f"below_{edge}_us" for edge in EDGES_US), "more"
-    return dict(zip(keys, binned(times_us).tolist(), strict=True))
+    return dict(zip(keys, counts.tolist(), strict=True))
 
 
-def of_timing(timing: NDArray[Any]) -> dict[str, dict[str, int]]:
-    """Return the bins of lateness and of reply times, each when the flight has any; timing (n,) of TIMING."""
-    fields = {"lateness": "late_us", "replies": "reply_us"}
-    return {name: keyed(timing[field]) for name, field in fields.items() if timing[field].any()}
+class Times:
+    """The bins of lateness and of reply times of a flight, added up block by block."""
+
+    def __init__(self) -> None:
+        self._fields = {"lateness": "late_us", "replies": "reply_us"}
+        self._counts = {name: np.zeros(BINS, np.int64) for name in self._fields}
+        self._any = dict.fromkeys(self._fields, False)
+
+    def add(self, timing: NDArray[Any]) -> None:
+        """Count the next rows (n,) of TIMING."""
+        for name, field in self._fields.items():
+            self._counts[name] += binned(timing[field])
+            self._any[name] |= bool(timing[field].any())
+
+    def as_dict(self) -> dict[str, dict[str, int]]:
+        """Return the bins by their keys, of what the flight has."""
+        return {name: keyed(self._counts[name]) for name, there in self._any.items() if there}
 
 
 class Histogram:

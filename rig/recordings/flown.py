@@ -6,21 +6,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from rig.errors import BadInput, BadLog
 from rig.flight.operator_keys import pressed
-from rig.log import Log, read_log, scenario_of, unit_of
+from rig.log import LogFile, scenario_of, unit_of
 from rig.scenario import Scenario, from_resolved
 from rig.util.trust import Trust
 
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """A log and the scenario in it."""
+    """A log, which stays on the disk, and the scenario in it."""
 
     path: Path
-    log: Log
+    log: LogFile
     scenario: Scenario
 
     @property
@@ -35,19 +33,19 @@ class Recorded:
 
 
 def recorded(path: Path | str, allow_code: bool = False) -> Recorded:
-    """Read the log at ``path`` from its first frame on; BadInput or BadLog in one line when it cannot be replayed.
+    """Go through the log at ``path``; BadInput or BadLog in one line when it cannot be replayed.
 
     allow_code : a manager class that the log names may be run
     """
     path = Path(path)
-    log = read_log(path)
+    log = LogFile.open(path)
     data = scenario_of(log.metadata, path)
     if not data:
         raise BadLog(f"{path}: no scenario in its metadata")
     scenario = from_resolved(data, f"{path}: its scenario", Trust(str(path), allow_code))
     scenario = pressed(scenario, log.result, str(path))
-    if len(log.rows) == 0:
+    if log.frames == 0:
         raise BadInput(f"{path}: no frames")
-    if (log.rows["frame"] != np.arange(len(log.rows))).any():
+    if not log.complete:
         raise BadInput(f"{path}: frames are missing; a replay needs all of them from the first on")
     return Recorded(path, log, scenario)

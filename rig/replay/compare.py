@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from fnmatch import fnmatchcase
 from typing import Any, Literal
 
@@ -105,6 +105,16 @@ def compare(a: Rows, b: Rows, columns: Sequence[Column] = COLUMNS, allowed: Tole
         of_column(column.path, column.of(a[:n]), column.of(b[:n]), frames, allowed.of(column.path), column.wraps)
         for column in columns
     ]
+
+
+def joined(first: Field, then: Field) -> Field:
+    """Return one number over frames and those that follow them."""
+    if "equal" in (first.verdict, then.verdict):
+        return then if first.verdict == "equal" else first
+    sizes = [one.largest for one in (first, then) if one.largest is not None]
+    worse = then if then.verdict == "different" != first.verdict else first
+    frames = first.frames + then.frames if first.verdict == then.verdict else worse.frames
+    return replace(worse, frames=frames, largest=max(sizes, default=None))
 
 
 def of_column(

@@ -7,7 +7,7 @@ frames are compared decision by decision; frames in a row with the same old and 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rig.frame import ActuatorMonitor, Block, LaneBlock, State
 from rig.log.columns import COLUMNS, Column, chosen_lanes, label
-from rig.replay.compare import Rows, compare
+from rig.replay.compare import Field, Rows, compare, joined
 from rig.util.runs import runs
 
 FIELDS: Final = (
@@ -24,6 +24,7 @@ FIELDS: Final = (
 )
 LANE_FIELDS: Final = ("failed_by", "valve_differs")  # of servo actuators
 ALL: Final = (*FIELDS, "law", "end")  # with those that follow from the flight: commands, and how it ended
+_VOTES: Final = tuple(column for column in COLUMNS if column.field == "voted")
 _FLIGHT: Final = {"law": "control law", "end": "end"}
 
 
@@ -78,14 +79,6 @@ def decided(fields: tuple[str, ...]) -> list[Column]:
     return [column for column in COLUMNS if column.field in fields]
 
 
-def moved(old: Block, new: Block, fields: tuple[str, ...] = FIELDS) -> list[Moved]:
-    """Every decision that is not the same in both, in the order of time; rows that only one has do not count."""
-    n = min(len(old), len(new))
-    frames = old["frame"][:n]
-    found = [entry for column in decided(fields) for entry in _moved(column, old[:n], new[:n], frames)]
-    return sorted(found, key=lambda entry: entry.first_frame)
-
-
 def _moved(column: Column, old: Rows, new: Rows, frames: NDArray[np.int64]) -> list[Moved]:
     before, after = column.of(old), column.of(new)
     at = np.flatnonzero(before != after)
@@ -119,31 +112,63 @@ def decisions(
 
     old_lanes, new_lanes : (n,) of servo actuators, if both have them
     """
-    states = decided(("state", "discrete_state"))
-    found = Decisions(moved(old, new), _failures(old, new, states), _votes(old, new))
-    if old_lanes is None or new_lanes is None:
-        return found
-    n = min(len(old_lanes), len(new_lanes))
-    rows = old_lanes[:n], new_lanes[:n]
-    told = [
-        one
-        for c in chosen_lanes(new_lanes)
-        if c.field in LANE_FIELDS
-        for one in _moved(c, *rows, old_lanes["frame"][:n])
-    ]
-    order = sorted([*found.moved, *told], key=lambda one: one.first_frame)
-    by = [column for column in chosen_lanes(new_lanes) if column.field == "failed_by"]
-    return Decisions(order, [*found.failures, *_failures(*rows, by)], found.votes)
+    moves = Moves()
+    moves.add(old, new, old_lanes, new_lanes)
+    return moves.decisions()
 
 
-def _failures(old: Rows, new: Rows, columns: Sequence[Column]) -> list[Failed]:
-    """Return the channels that fail at another time, by ``columns`` of states or of who failed them."""
-    found: list[Failed] = []
-    for column in columns:
-        before, after = (_first(_failed(column, rows), rows["frame"]) for rows in (old, new))
-        if before != after:
-            found.append(Failed(column.owner, column.channel or 0, before, after))
-    return found
+class Moves:
+    """The decisions that move from an old flight to a new one, gathered block by block."""
+
+    def __init__(self) -> None:
+        self._moved: dict[Column, list[Moved]] = {}
+        self._failed: dict[Column, tuple[int | None, int | None]] = {}  # first frame in the old flight, in the new
+        self._votes: list[Field] = []
+
+    def add(
+        self, old: Block, new: Block, old_lanes: LaneBlock | None = None, new_lanes: LaneBlock | None = None
+    ) -> None:
+        """Take the next rows of both, (n,), and of their servo actuators, if both have them."""
+        votes = compare(old, new, _VOTES)
+        self._votes = [joined(*pair) for pair in zip(self._votes, votes, strict=True)] if self._votes else votes
+        self._add(old, new, decided(FIELDS), decided(("state", "discrete_state")))
+        if old_lanes is not None and new_lanes is not None:
+            told = [column for column in chosen_lanes(new_lanes) if column.field in LANE_FIELDS]
+            n = min(len(old_lanes), len(new_lanes))
+            self._add(old_lanes[:n], new_lanes[:n], told, [one for one in told if one.field == "failed_by"])
+
+    def _add(self, old: Rows, new: Rows, told: Sequence[Column], failing: Sequence[Column]) -> None:
+        n = min(len(old), len(new))
+        for column in told:
+            _extend(self._moved.setdefault(column, []), _moved(column, old[:n], new[:n], old["frame"][:n]))
+        for column in failing:
+            known = self._failed.get(column, (None, None))
+            before, after = (_first(_failed(column, rows), rows["frame"]) for rows in (old, new))
+            self._failed[column] = before if known[0] is None else known[0], after if known[1] is None else known[1]
+
+    def decisions(self) -> Decisions:
+        """Return what moved: decisions in the order of time, failures at another time, votes."""
+        moved = sorted((one for found in self._moved.values() for one in found), key=lambda one: one.first_frame)
+        failures = [
+            Failed(column.owner, column.channel or 0, *frames)
+            for column, frames in self._failed.items()
+            if frames[0] != frames[1]
+        ]
+        votes = [
+            VoteMoved(column.owner, field.frames, field.first_frame or 0, field.largest)
+            for column, field in zip(_VOTES, self._votes, strict=bool(self._votes))
+            if field.verdict != "equal"
+        ]
+        return Decisions(moved, failures, votes)
+
+
+def _extend(found: list[Moved], then: list[Moved]) -> None:
+    """Add the moves of the next rows; one that goes on is one."""
+    if found and then and found[-1].last_frame + 1 == then[0].first_frame:
+        last, goes_on = found[-1], then[0]
+        if (last.old, last.new) == (goes_on.old, goes_on.new):
+            found[-1], then = replace(last, last_frame=goes_on.last_frame), then[1:]
+    found += then
 
 
 def _failed(column: Column, rows: Rows) -> NDArray[np.bool_]:
@@ -153,16 +178,6 @@ def _failed(column: Column, rows: Rows) -> NDArray[np.bool_]:
 
 def _first(there: NDArray[np.bool_], frames: NDArray[np.int64]) -> int | None:
     return int(frames[there.argmax()]) if there.any() else None
-
-
-def _votes(old: Block, new: Block) -> list[VoteMoved]:
-    votes = [column for column in COLUMNS if column.field == "voted"]
-    owners = {column.path: column.owner for column in votes}
-    return [
-        VoteMoved(owners[field.name], field.frames, field.first_frame or 0, field.largest)
-        for field in compare(old, new, votes)
-        if field.verdict != "equal"
-    ]
 
 
 def history(rows: Block, fields: tuple[str, ...] = ALL) -> list[str]:

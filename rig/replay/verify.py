@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Any
 
-import numpy as np
-
 from rig.errors import BadInput
-from rig.flight.unit_loop import fly_rows
-from rig.frame import LaneBlock
+from rig.flight.unit_loop import fly_blocks
+from rig.frame import Block, LaneBlock
+from rig.log.blocks import Frames
 from rig.log.columns import COLUMNS, chosen_lanes
 from rig.recordings.flown import Recorded
 from rig.replay.before_after import of_replay
-from rig.replay.compare import Comparison, compare
-from rig.replay.decisions import Decisions, decisions
-from rig.replay.vote_again import outputs, vote_again
-from rig.replay.watch_again import watch_again, written
+from rig.replay.compare import Comparison, Field, compare, joined
+from rig.replay.decisions import Decisions, Moves
+from rig.replay.vote_again import VoteAgain, outputs
+from rig.replay.watch_again import WatchAgain, written
 from rig.unit.unit import UnitUnderTest
 from rig.util.versions import versions
 
@@ -40,23 +41,36 @@ def verify(recording: Recorded, fly: bool = False, unit: UnitUnderTest | None = 
     a unit under test flew it and none is given.
     unit : that votes in the place of the recorded manager
     """
-    rows, scenario = recording.log.rows, recording.scenario
+    scenario, log = recording.scenario, recording.log
     if fly and recording.what_if is not None:
         raise BadInput(f"{recording.path}: is a what if ({recording.what_if}); it was never flown")
     if recording.unit and unit is None:
         name = recording.unit.get("name")
         raise BadInput(f"{recording.path}: the unit under test {name!r} flew it: replay it with --unit FILE")
-    lanes, flown = recording.log.lanes, list[LaneBlock]()
-    again = fly_rows(scenario, len(rows), unit, flown) if fly else vote_again(rows, scenario, unit)
-    lanes_again = (np.concatenate(flown) if flown else None) if fly else watch_again(lanes, scenario)
+    again = fly_blocks(scenario, log.frames, unit) if fly else _replayed(recording, unit)
+    fields, moves, frames = list[Field](), Moves(), 0
+    for old, new in zip_longest(log.blocks(), again):
+        rows, lanes = new or (old.rows[:0], None if old.lanes is None else old.lanes[:0])
+        found = _compared(old, rows, lanes, fly, unit)
+        fields = [joined(*pair) for pair in zip(fields, found, strict=True)] if fields else found
+        moves.add(old.rows, rows, old.lanes, lanes)
+        frames += len(rows)
+    lengths = [f"recorded {log.frames} frames, flown again {frames}"] if log.frames != frames else []
+    notes = [*of_replay(log.metadata, versions()), *_of_unit(recording, unit)]
+    return Verified(Comparison(min(log.frames, frames), fields, lengths, notes), moves.decisions())
+
+
+def _replayed(recording: Recorded, unit: UnitUnderTest | None) -> Iterator[tuple[Block, LaneBlock | None]]:
+    vote, watch = VoteAgain(recording.scenario, unit), WatchAgain(recording.scenario)
+    return ((vote.add(block.rows), watch.add(block.lanes)) for block in recording.log.blocks())
+
+
+def _compared(old: Frames, rows: Block, lanes: LaneBlock | None, fly: bool, unit: UnitUnderTest | None) -> list[Field]:
     columns = [column for column in COLUMNS if fly or column.field in (*outputs(unit), "acting")]
-    fields = compare(rows, again, columns)
-    if lanes is not None and lanes_again is not None:
-        fields += compare(lanes, lanes_again, chosen_lanes(lanes) if fly else written())
-    lengths = [f"recorded {len(rows)} frames, flown again {len(again)}"] if len(rows) != len(again) else []
-    notes = [*of_replay(recording.log.metadata, versions()), *_of_unit(recording, unit)]
-    found = Comparison(min(len(rows), len(again)), fields, lengths, notes)
-    return Verified(found, decisions(rows, again, lanes, lanes_again))
+    fields = compare(old.rows, rows, columns)
+    if old.lanes is None or lanes is None:
+        return fields
+    return fields + compare(old.lanes, lanes, chosen_lanes(lanes) if fly else written())
 
 
 def _of_unit(recording: Recorded, unit: UnitUnderTest | None) -> list[str]:

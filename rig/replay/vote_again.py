@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -9,7 +10,6 @@ import numpy as np
 from rig import loop
 from rig.bench.run import Decide, Stages, run, write_sources
 from rig.bench.vote import by_class
-from rig.computer.redundancy import Redundancy
 from rig.computer.redundancy.config import command
 from rig.faults import Fault
 from rig.faults.places import site
@@ -30,42 +30,52 @@ COMMANDED: Final = ("surface", "law")  # by a unit in the form of a flight compu
 
 
 def vote_again(rows: Block, scenario: Scenario, unit: UnitUnderTest | None = None) -> Block:
-    """Copy ``rows``, with OUTPUTS as the redundancy stage of ``scenario`` writes them over the same channels.
+    """Copy all ``rows`` of a flight, with OUTPUTS as VoteAgain writes them."""
+    return VoteAgain(scenario, unit).add(rows)
+
+
+class VoteAgain:
+    """The redundancy stage of ``scenario`` over the channels of recorded rows, which are given in their order.
 
     Faults on references act again, in the frames in which they did.  Open loop: truth, channels, commands and all
-    else stay those of ``rows``.  BadInput: the user's manager.
+    else stay those of the rows.  BadInput: the user's manager.
 
     unit : that votes in the place of the manager; one in the form of a flight computer writes SURFACES too
     """
-    again = _copy(rows)
-    for name in outputs(unit):
-        again[name] = np.nan if name.endswith("reference") else 0
-    again["reset"], again["discrete_reset"] = 0, 0
-    command(again, scenario.redundancy.resets, scenario.rate_hz)  # a log of an older schema has none
-    on_references = [i for i, fault in enumerate(scenario.faults) if _sites(fault) & {"reference"}]
-    for i in on_references:
-        again["acting"][:, i // 8] &= 255 ^ (1 << i % 8)
-    stage = loop.redundancy(scenario)
-    faults = loop.faults(scenario if on_references else scenario.model_copy(update={"faults": []}))
-    faults.prepare(again)
-    flown = nested(_copy(rows) if on_references else again)
-    stages = Stages(
-        faults=faults.data,
-        references=stage.data.references,
-        manager=stage.data.manager,
-        discretes=stage.data.discretes,
-    )
-    run(nested(again), stages, flown, _decide(again, scenario, stage, unit))
-    write_sources(nested(again))
-    return again
 
+    def __init__(self, scenario: Scenario, unit: UnitUnderTest | None = None) -> None:
+        self._scenario, self._unit, self._stage = scenario, unit, loop.redundancy(scenario)
+        self._voter: UnitVoter | None = None
+        self._on_references = [i for i, fault in enumerate(scenario.faults) if _sites(fault) & {"reference"}]
+        flown = scenario if self._on_references else scenario.model_copy(update={"faults": []})
+        self._faults, data = loop.faults(flown), self._stage.data
+        self._stages = Stages(
+            faults=self._faults.data, references=data.references, manager=data.manager, discretes=data.discretes
+        )
 
-def _decide(again: Block, scenario: Scenario, stage: Redundancy, unit: UnitUnderTest | None) -> Decide | None:
-    """Return what votes in the place of the manager: a unit, a user's class, or None."""
-    if unit is None:
-        return None if stage.own is None else by_class(stage.own, again, nested(again))
-    voter = UnitVoter(unit, scenario, stage, again)
-    return lambda _, k: bool(voter.step(again, k) & ON_DISCRETES)
+    def add(self, rows: Block) -> Block:
+        """Copy the next ``rows`` (n,), with OUTPUTS written again."""
+        again, scenario = _copy(rows), self._scenario
+        for name in outputs(self._unit):
+            again[name] = np.nan if name.endswith("reference") else 0
+        again["reset"], again["discrete_reset"] = 0, 0
+        command(again, scenario.redundancy.resets, scenario.rate_hz)  # a log of an older schema has none
+        for i in self._on_references:
+            again["acting"][:, i // 8] &= 255 ^ (1 << i % 8)
+        self._faults.prepare(again)
+        flown = nested(_copy(rows) if self._on_references else again)
+        run(nested(again), replace(self._stages, faults=self._faults.data), flown, self._decide(again))
+        write_sources(nested(again))
+        return again
+
+    def _decide(self, again: Block) -> Decide | None:
+        """Return what votes in the place of the manager: a unit, a user's class, or None."""
+        if self._unit is None:
+            return None if self._stage.own is None else by_class(self._stage.own, again, nested(again))
+        if self._voter is None:
+            self._voter = UnitVoter(self._unit, self._scenario, self._stage, again)
+        voter = self._voter
+        return lambda _, k: bool(voter.step(again, k) & ON_DISCRETES)
 
 
 def outputs(unit: UnitUnderTest | None) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from rig.actuators.monitors import watch_rows
-from rig.frame import LaneBlock, has_part, lane_rows
+from rig.frame import ACTUATOR, LaneBlock, has_part, lane_rows
 from rig.log.columns import LANE_COLUMNS, LaneColumn
 from rig.scenario import Scenario
 from rig.stages import actuator_monitors
@@ -13,20 +13,25 @@ from rig.stages import actuator_monitors
 OUTPUTS: Final = ("valve", "valve_differs", "failed_by")  # what the monitors write of a row
 
 
-def watch_again(lanes: LaneBlock | None, scenario: Scenario) -> LaneBlock | None:
-    """Copy the servos of ``lanes`` (n,), with OUTPUTS as the monitors of ``scenario`` write them; None without servos.
+class WatchAgain:
+    """The monitors of ``scenario`` over the recorded rows of its servos, which are given in their order.
 
     Open loop: a channel that was shut off in flight has no current afterwards, whatever the monitors say now.
     """
-    if not has_part(lanes, "actuator"):
-        return None
-    again = lane_rows(len(lanes))
-    for name in ("frame", "actuator"):
-        again[name] = lanes[name]
-    for name in OUTPUTS:
-        again["actuator"][name] = 0
-    watch_rows(again["actuator"], *actuator_monitors(scenario))
-    return again
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._designed, self._monitors = actuator_monitors(scenario)
+
+    def add(self, lanes: LaneBlock | None) -> LaneBlock | None:
+        """Copy the servos of the next ``lanes`` (n,), with OUTPUTS as the monitors write them; None without servos."""
+        if not has_part(lanes, "actuator"):
+            return None
+        again = lane_rows(len(lanes))
+        again["frame"] = lanes["frame"]
+        for name in set(ACTUATOR.names or ()) - set(OUTPUTS):  # padding, which is part of the digest, stays zero
+            again["actuator"][name] = lanes["actuator"][name]
+        watch_rows(again["actuator"], self._designed, self._monitors)
+        return again
 
 
 def written() -> list[LaneColumn]:

@@ -13,19 +13,23 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from rig.aircraft import merge, without_outliers
 from rig.errors import BadInput
 from rig.flight.recorder import Findings
-from rig.frame import Block, LaneBlock, parts_of
+from rig.frame import TIMING, LaneParts, new_block
 from rig.log import LogWriter
+from rig.log.blocks import Frames
 from rig.overrides import named_manager, override, parse_set
 from rig.recordings.flown import Recorded
-from rig.replay.decisions import Decisions, decisions
-from rig.replay.vote_again import vote_again
-from rig.replay.watch_again import watch_again
+from rig.replay.decisions import Decisions, Moves
+from rig.replay.vote_again import VoteAgain
+from rig.replay.watch_again import WatchAgain
 from rig.scenario import Scenario, from_resolved
 from rig.settings import read_toml
 from rig.text import quoted
+from rig.util.blocks import in_blocks
 from rig.util.files import draft, numbered, publish, replaced
 from rig.util.versions import versions
 
@@ -35,11 +39,10 @@ MONITORS: Final = ("monitors", "current", "continuity", "spool", "position", "ra
 
 @dataclass(frozen=True, slots=True)
 class WhatIf:
-    """The answer: the rows and their log, and which decisions moved."""
+    """The answer: its log, and which decisions moved."""
 
     path: Path
     scenario: Scenario
-    rows: Block
     moved: Decisions
     events: int
 
@@ -91,26 +94,35 @@ def what_if(recording: Recorded, scenario: Scenario, out: Path | None = None, ch
     """
     stem = f"{recording.path.stem}.what-if"
     path = out or recording.path.with_name(f"{stem}.mcap")
+    moves, log = Moves(), recording.log
     with draft(path) if out is None else replaced(path) as part:
-        rows, lanes = vote_again(recording.log.rows, scenario), watch_again(recording.log.lanes, scenario)
-        metadata, attached = _metadata(recording, scenario, changes), recording.log.attachments.items()
-        with LogWriter(part, recording.log.rate_hz, metadata, attached, draft_of=path, lanes=parts_of(lanes)) as writer:
-            events = _write(writer, recording, scenario, rows, lanes)
+        metadata, attached = _metadata(recording, scenario, changes), log.attachments.items()
+        parts: LaneParts = ("actuator",) if "actuator" in log.lanes else ()  # lanes are not flown again
+        with LogWriter(part, log.rate_hz, metadata, attached, draft_of=path, lanes=parts) as writer:
+            events = _write(writer, recording, scenario, _voted(recording, scenario, moves))
         if out is None:
             path = publish(part, numbered(path.parent, stem, ".mcap"))
-    return WhatIf(path, scenario, rows, decisions(recording.log.rows, rows, recording.log.lanes, lanes), events)
+    return WhatIf(path, scenario, moves.decisions(), events)
 
 
-def _write(writer: LogWriter, recording: Recorded, scenario: Scenario, rows: Block, lanes: LaneBlock | None) -> int:
-    """Write the whole log; how many events it has."""
+def _voted(recording: Recorded, scenario: Scenario, moves: Moves) -> Iterator[Frames]:
+    """Yield the recorded frames as ``scenario`` votes and monitors them."""
+    vote, watch = VoteAgain(scenario), WatchAgain(scenario)
+    for block in recording.log.blocks():
+        rows, lanes = vote.add(block.rows), watch.add(block.lanes)
+        moves.add(block.rows, rows, block.lanes, lanes)
+        yield Frames(rows, block.timing, lanes)
+
+
+def _write(writer: LogWriter, recording: Recorded, scenario: Scenario, frames: Iterator[Frames]) -> int:
+    """Write the whole log, a second at a time as in flight; how many events it has."""
     log, findings, count = recording.log, Findings(scenario), 0
-    for part in _seconds(len(rows), int(log.rate_hz)):
-        moved = None if lanes is None else lanes[part]
-        events = findings.add(rows[part], moved)
+    for rows, timing, lanes in in_blocks(frames, max(1, int(log.rate_hz))):
+        events = findings.add(rows, lanes)
         count += len(events)
-        writer.write(rows[part], log.timing[part], events, moved)
+        writer.write(rows, timing, events, lanes)
     last = findings.end()
-    writer.write(rows[:0], log.timing[:0], last)
+    writer.write(new_block(0), np.zeros(0, TIMING), last)
     writer.close({**(log.result or {}), "digest": findings.verdict.digest})
     return count + len(last)
 
@@ -123,8 +135,3 @@ def _metadata(recording: Recorded, scenario: Scenario, changes: Sequence[str]) -
         "what if of digest": (recording.log.result or {}).get("digest", ""),
     }
     return {**recording.log.metadata, **versions(), **own}
-
-
-def _seconds(frames: int, size: int) -> Iterator[slice]:
-    for start in range(0, frames, max(1, size)):
-        yield slice(start, start + size)

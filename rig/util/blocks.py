@@ -1,0 +1,45 @@
+"""Arrays of many rows in blocks: a long flight is gone through in the memory of one block."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+ROWS: Final = 4_000  # of a block: eight megabytes of a flight's rows
+Arrays = Sequence[NDArray[Any] | None]  # (n,) beside each other, contiguous; None: there are none of a kind
+
+
+def cuts(rows: int) -> Iterator[slice]:
+    """Yield the blocks of so many ``rows``."""
+    for first in range(0, rows, ROWS):
+        yield slice(first, min(first + ROWS, rows))
+
+
+def in_blocks(parts: Iterable[Arrays], size: int | None = None) -> Iterator[list[Any]]:
+    """Yield the rows of ``parts``, which follow each other, ``size`` at a time (ROWS if not given), the last fewer.
+
+    Copies: a part may change when the next is asked for.
+    """
+    size, made, held = size or ROWS, list[Any](), 0
+    for part in parts:
+        rows, first = len(part[0] if part[0] is not None else ()), 0
+        while first < rows:
+            made = made or [None if array is None else np.empty(size, array.dtype) for array in part]
+            count = min(rows - first, size - held)
+            _copy(part, first, made, held, count)
+            first, held = first + count, held + count
+            if held == size:
+                yield made
+                made, held = [], 0
+    if held:
+        yield [None if array is None else array[:held] for array in made]
+
+
+def _copy(part: Arrays, first: int, made: Arrays, at: int, count: int) -> None:
+    """Copy the bytes: an assignment of structured arrays goes field by field and promises no padding."""
+    for array, whole in zip(part, made, strict=True):
+        if array is not None and whole is not None:
+            whole[at : at + count].view(np.uint8)[:] = array[first : first + count].view(np.uint8)
