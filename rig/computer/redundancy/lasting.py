@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from rig.computer.redundancy import opinions, vote
-from rig.computer.redundancy.compare import sort
+from rig.computer.redundancy.compare import outlier_threshold, sort
 from rig.frame import Pattern
 from rig.kernels import kernel
 
@@ -42,7 +42,10 @@ def take_bias_off(values, order, n, st):
 
 @kernel
 def learn_bias(n, reference, p, st):
-    """Move each channel's bias towards its residual, within the bound; nobody's who is suspected."""
+    """Move each channel's bias towards its residual, within the bound; nobody's who is suspected.
+
+    The bias is the mean of the residuals for as many frames as the time constant has, then it follows.
+    """
     if p["bias_bound"] <= 0.0 or n < 2 or st["pattern"] != Pattern.NORMAL:
         return
     x, order, bias, bound = st["x"], st["order"], st["bias"], p["bias_bound"]
@@ -51,7 +54,27 @@ def learn_bias(n, reference, p, st):
         c = order[i]
         if st["miscomparing"][c] or st["blamed"][c] or st["count"][c] != 0:
             continue
-        bias[c] = min(max(bias[c] + p["bias_gain"] * (x[c] - m - bias[c]), -bound), bound)
+        gain = max(p["bias_gain"], 1.0 / (st["learned"][c] + 1.0))
+        bias[c] = min(max(bias[c] + gain * (x[c] - m - bias[c]), -bound), bound)
+        st["learned"][c] += 1
+
+
+@kernel
+def has_learned(n, p, st):
+    """Return True if the bias of each of the ``n`` ranked channels is a mean over the time constant, or none is on."""
+    if p["bias_bound"] <= 0.0:
+        return True
+    learned = True
+    for i in range(n):
+        learned &= (st["learned"][st["order"][i]] + 0.5) * p["bias_gain"] >= 1.0
+    return learned
+
+
+@kernel
+def outlier_limit(n, p, st):
+    """Return the outlier threshold of ``n`` samples; 0, none, until it can be kept to without the biases."""
+    limit = outlier_threshold(n, p)
+    return limit if limit > 0.0 and has_learned(n, p, st) else 0.0
 
 
 @kernel
