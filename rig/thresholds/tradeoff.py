@@ -17,6 +17,7 @@ from rig.assess.outcome import NEVER
 from rig.assess.words import fault_word
 from rig.recordings.settings import RecordedSignal
 from rig.thresholds.design import DataBlock, Design
+from rig.thresholds.lasting import begun
 from rig.thresholds.monitored import outcomes
 
 Floats = NDArray[np.float64]
@@ -51,11 +52,12 @@ class Pieces:
     channel: NDArray[np.int64]
     onset: int
     rate_hz: float
+    before: Sequence[Floats] = ()  # (C, m) each: the flight before the piece, of which biases are learned
 
     def short(self) -> Pieces:
         """Only what an offset needs."""
         end = self.onset + round(WITHIN_S * self.rate_hz) + 1
-        return Pieces(self.samples[:, :end], self.channel, self.onset, self.rate_hz)
+        return Pieces(self.samples[:, :end], self.channel, self.onset, self.rate_hz, self.before)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +86,8 @@ def pieces(flights: Sequence[DataBlock], count: int = PIECES) -> Pieces | None:
     start = at - (np.cumsum(room) - room)[flight]
     cut = [flights[f].samples[:, k : k + length].T for f, k in zip(flight, start, strict=True)]
     samples = np.ascontiguousarray(cut)
-    return Pieces(samples, np.arange(count) % samples.shape[2], onset, rate)
+    before = [flights[f].samples[:, :k] for f, k in zip(flight, start, strict=True)]
+    return Pieces(samples, np.arange(count) % samples.shape[2], onset, rate, before)
 
 
 def tradeoff(cut: Pieces, design: Design, given: RecordedSignal, motion: float) -> Tradeoff:
@@ -96,15 +99,16 @@ def tradeoff(cut: Pieces, design: Design, given: RecordedSignal, motion: float) 
     sizes: dict[Kind, float] = {"ramp": SHARES[0] * motion, "noise": NOISE, "gain": GAIN, "stuck": 0.0}
     for kind, size in sizes.items():
         kinds[kind] = inject(cut, settings, kind, size)
-    twice = inject(short, settings, "offset", 2.0 * design.threshold.upper)
-    return Tradeoff(_smallest(short, settings, design.threshold.upper), twice, kinds)
+    twice = inject(short, settings, "offset", 2.0 * design.single.upper)
+    return Tradeoff(_smallest(short, settings, design.single.upper), twice, kinds)
 
 
 def inject(cut: Pieces, settings: RecordedSignal, kind: Kind, size: float) -> Found:
     """Vote all pieces with a fault of a ``kind`` and ``size``, in the unit of the signal, in one channel of each."""
     samples, pieces = cut.samples.copy(), np.arange(len(cut.samples))
     samples[pieces, :, cut.channel] = faulty(cut, kind, size)
-    signals = outcomes(samples, cut.channel, cut.onset, settings, cut.rate_hz)
+    learned = begun(cut.before, settings, samples.shape[2], cut.rate_hz) if cut.before else None
+    signals = outcomes(samples, cut.channel, cut.onset, settings, cut.rate_hz, learned)
     failed_at = signals["failed_at"][pieces, cut.channel]
     wrong = np.asarray((signals["false_isolations"] > 0).any(axis=1))
     delay = (failed_at - cut.onset) / cut.rate_hz
@@ -153,9 +157,11 @@ def _smallest(cut: Pieces, settings: RecordedSignal, threshold: float) -> float 
 
 
 def best(designs: Sequence[Design], found: Sequence[Tradeoff]) -> int:
-    """Return the design that finds the largest share rightly; of equals the shortest persistence and filter."""
+    """Return the design that finds the largest share rightly; of equals the shortest persistence and filter, and
+    without a learned bias and sums."""
 
-    def order(i: int) -> tuple[float, int, float]:
-        return -round(found[i].share, 9), designs[i].persistence, designs[i].filter_s
+    def order(i: int) -> tuple[float, int, float, bool, float]:
+        one = designs[i]
+        return -round(found[i].share, 9), one.persistence, one.filter_s, bool(one.outliers), one.spreads
 
     return min(range(len(designs)), key=order)
