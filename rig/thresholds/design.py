@@ -53,6 +53,11 @@ class Design:
         return self.thresholds[max(self.thresholds)]
 
     @property
+    def lasts(self) -> bool:
+        """Return True if biases are learned or small deviations summed."""
+        return bool(self.outliers) or self.spreads > 0.0
+
+    @property
     def single(self) -> Threshold:
         """Return that by which one of all channels is found: behind a learned bias its outlier threshold."""
         return self.outliers.get(max(self.thresholds), self.threshold)

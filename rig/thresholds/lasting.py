@@ -1,7 +1,7 @@
-"""What healthy flights say of the manager's rules of what lasts (docs/redundancy.md): three designs beside thresholds.
+"""What healthy flights say of the manager's rules of what lasts (docs/redundancy.md): designs beside thresholds.
 
-bias    ``bias_bound`` is the largest mean over a flight of a channel's residual: one value a flight, and of ten clusters
-        or more the tail's upper value for the budget (tail.py), else the largest that was seen
+bias    ``bias_bound`` is the largest mean over a flight of a channel's residual: one value a flight, and of ten
+        clusters or more the tail's upper value for the budget (tail.py), else the largest that was seen
 slow    the series of sums is, in each frame, the largest allowance with which they fail somebody; its tail gives
         ``slow_allowance``, for a limit of so many spreads of the residuals times frames
 stale   MARGIN times the longest run of repeats: of runs with a geometric law, a longer one comes once in as many
@@ -106,7 +106,7 @@ def unbiased(samples: Floats, seen: Floats, settings: RecordedSignal, rate_hz: f
 
 
 def begun(before: Sequence[Floats], settings: RecordedSignal, count: int, rate_hz: float) -> NDArray[Any]:
-    """Return (R,) the manager's state of a signal of ``count`` channels that has learned from each ``before`` (C, n)."""
+    """Return (R,) the manager's states of ``count`` channels that have learned from each ``before`` (C, n)."""
     params = _params(settings, np.empty((count, 0)), rate_hz)
     state = np.repeat(new_state(params), len(before))
     if settings.bias_bound > 0.0:

@@ -51,7 +51,8 @@ def outcomes(
 def isolations(samples: Floats, settings: RecordedSignal, rate_hz: float, gap: int) -> Frames:
     """Return the frames of a whole flight (n, C) in which somebody is failed while all channels are in use.
 
-    After each the flight goes on with all channels in use again, and what was learned of them; those within ``gap`` frames of the last are one.
+    After each the flight goes on with all channels in use again, and what was learned of them; those within ``gap``
+    frames of the last are one.
     """
     params = parameters(settings, samples.shape[1], rate_hz)
     found = np.zeros(len(samples), np.uint8)
