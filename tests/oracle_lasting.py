@@ -36,7 +36,7 @@ class Lasting:
 
     def summed(self, view: View) -> set[int]:
         """The channel with the largest sum above the limit, while most are below half of it."""
-        if not self.s.slow_limit or len(view.use) < 3 or view.pattern != "normal":
+        if not self.s.slow_limit or len(view.use) < 3 or ":" in view.pattern:
             return set()
         reached: dict[int, float] = {}
         for c, r in self.residuals(view).items():

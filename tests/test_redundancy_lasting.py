@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from rig.computer.redundancy.config import SignalConfig
-from rig.frame import Resolver, State
+from rig.frame import Pattern, Resolver, State
 
 RATE_HZ = 100.0  # of vote_samples
 RNG = np.random.default_rng(5)
@@ -141,3 +141,17 @@ def test_what_lasts_less_than_the_persistence_fails_nobody(c: int, frames: int, 
 def test_settings_that_contradict_each_other_are_refused(settings: dict[str, Any], says: str):
     with pytest.raises(ValidationError, match=says):
         SignalConfig.model_validate({"threshold": 0.2, **settings})
+
+
+@pytest.mark.parametrize(("pair", "failed"), [(0.02, [None] * 4), (-0.02, [1310, 1310, None, None])])
+def test_halves_that_the_bias_alone_tells_apart_are_not_settled_by_the_reference(pair: float, failed: list[int | None]):
+    """Learned are 0.1 and -0.1: with +-0.02 the halves are 0.16 or 0.24 apart, beyond 0.15, but in the first case the
+    half that is smaller without its bias has the larger samples, and the reference beside it says nothing."""
+    sides = np.array([1.0, 1.0, -1.0, -1.0])
+    samples = np.concatenate([np.tile(size * sides, (frames, 1)) for size, frames in ((0.07, 300), (0.1, 1000))])
+    samples = np.concatenate([samples, np.tile(pair * sides, (30, 1))])
+    reference = np.where(np.arange(len(samples)) < 1300, 0.0, 0.03)
+    learning = {"threshold": 0.15, "bias_bound": 0.12, "bias_s": 1.0, "resolvers": ["reference"]}
+    out = vote(samples, **learning, reference=reference)
+    assert out.pattern[1299] == Pattern.NORMAL and (out.pattern[1300:1310] == Pattern.P2_2).all()
+    assert out.failed_at() == failed

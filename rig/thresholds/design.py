@@ -165,9 +165,10 @@ def _biased(
 ) -> Design | None:
     """Return ``plain`` with learned biases and outlier thresholds behind them; None where those are not lower.
 
-    The bound is at most the least threshold: what is hidden by a bias stays below what two samples may be apart.
+    Who has a larger bias than the bound would be an outlier for all of a flight, so none is cut; no threshold is below
+    it: what is hidden by a bias stays within what two samples may be apart.
     """
-    bound = rounded_up(min(bound, *(at.upper for at in plain.thresholds.values())))
+    bound = rounded_up(bound)
     learning = given.model_copy(update={"bias_bound": bound})
     frames, outliers = [(plain.persistence, plain.singular)], {}
     for level, before in plain.thresholds.items():
@@ -183,7 +184,10 @@ def _biased(
         if found is not None and found.upper < before.upper:
             outliers[level] = found
     lasting = {"bias_bound": bound, "bias_s": given.bias_s}
-    return replace(plain, outliers=outliers, lasting=lasting) if max(plain.thresholds) in outliers else None
+    if max(plain.thresholds) not in outliers:
+        return None
+    thresholds = {level: replace(at, upper=max(at.upper, bound)) for level, at in plain.thresholds.items()}
+    return replace(plain, thresholds=thresholds, outliers=outliers, lasting=lasting)
 
 
 def with_sums(

@@ -44,7 +44,7 @@ OFF: Final[dict[Rule, dict[str, float | None]]] = {
     "stale": {"stale_frames": 0},
 }
 LIMITS: Final = (24.0, 60.0, 120.0)  # of the sums: spreads times frames
-ALLOWANCES: Final = 2.0 ** np.arange(-3.0, 3.25, 0.25)  # spreads
+ALLOWANCES: Final = 2.0 ** np.linspace(-6.0, 2.0, 25)  # spreads
 MARGIN: Final = 3
 LEAST_FRAMES: Final = 10  # of ``stale_frames``
 STILL_S: Final = 1.0  # repeats of a healthy channel from which there are none

@@ -21,7 +21,7 @@ from rig.thresholds.lasting import begun
 from rig.thresholds.monitored import outcomes
 
 Floats = NDArray[np.float64]
-Kind = Literal["offset", "ramp", "noise", "gain", "stuck"]
+Kind = Literal["offset", "small", "ramp", "noise", "gain", "stuck"]
 PIECES: Final = 48
 BEFORE_S: Final = 1.0  # healthy
 WITHIN_S: Final = 1.0  # for an offset
@@ -29,6 +29,7 @@ LATER_S: Final = 8.0  # for what begins small, or shows only in motion
 SHARES: Final = (0.1, 0.2, 0.5, 1.0, 2.0)  # of the signal's motion: offsets; a ramp grows by the first a second
 NOISE: Final = 10.0
 GAIN: Final = 0.5
+SMALL: Final = (0.02, 0.05)  # offsets that may take LATER_S
 FOUND: Final = 0.95
 _STEP: Final = 1.1  # of the search for the smallest offset
 _STEPS: Final = 64
@@ -96,6 +97,8 @@ def tradeoff(cut: Pieces, design: Design, given: RecordedSignal, motion: float) 
     kinds: dict[str, Found] = {}
     for share in SHARES:
         kinds[f"offset {share:g}"] = inject(cut, settings, "offset", share * motion)
+    for share in SMALL:
+        kinds[f"small {share:g}"] = inject(cut, settings, "small", share * motion)
     sizes: dict[Kind, float] = {"ramp": SHARES[0] * motion, "noise": NOISE, "gain": GAIN, "stuck": 0.0}
     for kind, size in sizes.items():
         kinds[kind] = inject(cut, settings, kind, size)
@@ -122,12 +125,13 @@ def inject(cut: Pieces, settings: RecordedSignal, kind: Kind, size: float) -> Fo
 def faulty(cut: Pieces, kind: Kind, size: float) -> Floats:
     """Return (R, n) the samples of the channel of each piece with a fault from the onset on.
 
-    offset, ramp : ``size``, or so much a second, is added, in turn to both sides; gain : the samples times ``size``
+    offset, small, ramp : ``size``, or so much a second, is added, in turn to both sides
+    gain : the samples times ``size``
     noise : what the channel has of its own, its difference from the median of all, times ``size``; stuck : the last one
     """
     own, frames = cut.samples[np.arange(len(cut.samples)), :, cut.channel], np.arange(cut.samples.shape[1]) - cut.onset
     sides = np.where(np.arange(len(own)) // cut.samples.shape[2] % 2 == 0, 1.0, -1.0)[:, None]
-    if kind == "offset":
+    if kind in ("offset", "small"):
         after = own + sides * size
     elif kind == "ramp":
         after = own + sides * (size * frames / cut.rate_hz)

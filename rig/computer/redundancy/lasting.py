@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from rig.computer.redundancy import opinions, vote
-from rig.computer.redundancy.compare import outlier_threshold, sort
+from rig.computer.redundancy.compare import is_singular, outlier_threshold, sort
 from rig.frame import Pattern
 from rig.kernels import kernel
 
@@ -84,7 +84,7 @@ def watch_sums(n, reference, p, st):
     Page 1954, with a step of at most limit / (persistence - 1/2): what lasts less than the persistence fails nobody,
     however large.  At most one channel a frame, and none without a strict majority that is calm.
     """
-    if p["slow_limit"] <= 0.0 or n < 3 or st["pattern"] != Pattern.NORMAL:
+    if p["slow_limit"] <= 0.0 or n < 3 or is_singular(st["pattern"]):
         return NOBODY
     limit, m, worst, calm, largest = p["slow_limit"], middle(n, reference, st), NOBODY, 0, p["slow_limit"]
     for i in range(n):
