@@ -123,10 +123,12 @@ def _signal(name: str, data: Data, grid: Grid, keep: bool) -> Signal:
         return Signal(given, len(used), hours, suspected, motion, made, [], 0, None, notes)
     size = max(motion.value, motion.noise)
     tradeoffs = [tradeoff(cut, design, given, size) for design in made]
-    for design in _summed(blocks, given, made[best(made, tradeoffs)], grid, number):
+    chosen = best(made, tradeoffs)
+    for design in _summed(blocks, given, made[chosen], grid, number):
         made.append(design)
         tradeoffs.append(tradeoff(cut, design, given, size))
-    chosen = best(made, tradeoffs)
+        if tradeoffs[-1].share_with_small > tradeoffs[chosen].share_with_small:
+            chosen = len(made) - 1
     held_out = holdout(blocks, given, grid, made[chosen])
     if made[chosen].lasts and held_out and any(count.over for count in held_out.values()):
         notes.append(f"{name}: no learned bias, no sums: with them the hold-out had more than the budget allows")

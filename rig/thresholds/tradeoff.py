@@ -7,7 +7,7 @@ Sizes follow the motion of the signal, not the design, so all designs of a signa
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
@@ -68,11 +68,21 @@ class Tradeoff:
     smallest_offset: float | None  # found in FOUND of the pieces within WITHIN_S
     at_twice: Found  # an offset of twice the threshold
     kinds: dict[str, Found]
+    small: dict[str, Found] = field(default_factory=dict)  # offsets that may take LATER_S, which sums are for
 
     @property
     def share(self) -> float:
         """Faults found rightly, of all that were injected."""
-        return sum(found.right for found in self.kinds.values()) / sum(sum(found[:3]) for found in self.kinds.values())
+        return _share(self.kinds)
+
+    @property
+    def share_with_small(self) -> float:
+        """The same with the small offsets."""
+        return _share({**self.kinds, **self.small})
+
+
+def _share(kinds: dict[str, Found]) -> float:
+    return sum(found.right for found in kinds.values()) / sum(sum(found[:3]) for found in kinds.values())
 
 
 def pieces(flights: Sequence[DataBlock], count: int = PIECES) -> Pieces | None:
@@ -97,13 +107,12 @@ def tradeoff(cut: Pieces, design: Design, given: RecordedSignal, motion: float) 
     kinds: dict[str, Found] = {}
     for share in SHARES:
         kinds[f"offset {share:g}"] = inject(cut, settings, "offset", share * motion)
-    for share in SMALL:
-        kinds[f"small {share:g}"] = inject(cut, settings, "small", share * motion)
+    small = {f"small {share:g}": inject(cut, settings, "small", share * motion) for share in SMALL}
     sizes: dict[Kind, float] = {"ramp": SHARES[0] * motion, "noise": NOISE, "gain": GAIN, "stuck": 0.0}
     for kind, size in sizes.items():
         kinds[kind] = inject(cut, settings, kind, size)
     twice = inject(short, settings, "offset", 2.0 * design.single.upper)
-    return Tradeoff(_smallest(short, settings, design.single.upper), twice, kinds)
+    return Tradeoff(_smallest(short, settings, design.single.upper), twice, kinds, small)
 
 
 def inject(cut: Pieces, settings: RecordedSignal, kind: Kind, size: float) -> Found:
@@ -162,10 +171,10 @@ def _smallest(cut: Pieces, settings: RecordedSignal, threshold: float) -> float 
 
 def best(designs: Sequence[Design], found: Sequence[Tradeoff]) -> int:
     """Return the design that finds the largest share rightly; of equals the shortest persistence and filter, and
-    without a learned bias and sums."""
+    without a learned bias."""
 
-    def order(i: int) -> tuple[float, int, float, bool, float]:
+    def order(i: int) -> tuple[float, int, float, bool]:
         one = designs[i]
-        return -round(found[i].share, 9), one.persistence, one.filter_s, bool(one.outliers), one.spreads
+        return -round(found[i].share, 9), one.persistence, one.filter_s, bool(one.outliers)
 
     return min(range(len(designs)), key=order)
