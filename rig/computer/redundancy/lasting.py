@@ -54,7 +54,9 @@ def learn_bias(n, reference, p, st):
         c = order[i]
         if st["miscomparing"][c] or st["blamed"][c] or st["count"][c] != 0:
             continue
-        gain = max(p["bias_gain"], 1.0 / (st["learned"][c] + 1.0))
+        gain = p["bias_gain"]
+        if st["learned"][c] * gain < 1.0:
+            gain = max(gain, 1.0 / (st["learned"][c] + 1.0))
         bias[c] = min(max(bias[c] + gain * (x[c] - m - bias[c]), -bound), bound)
         st["learned"][c] += 1
 
@@ -87,11 +89,12 @@ def watch_sums(n, reference, p, st):
     if p["slow_limit"] <= 0.0 or n < 3 or is_singular(st["pattern"]):
         return NOBODY
     limit, m, worst, calm, largest = p["slow_limit"], middle(n, reference, st), NOBODY, 0, p["slow_limit"]
+    most, allowance = limit / (p["persistence"] - 0.5), p["slow_allowance"]
     for i in range(n):
         c = st["order"][i]
         residual = st["x"][c] - st["bias"][c] - m
-        st["above"][c] = _sum(st["above"][c], residual, p)
-        st["below"][c] = _sum(st["below"][c], -residual, p)
+        st["above"][c] = _sum(st["above"][c], residual - allowance, most)
+        st["below"][c] = _sum(st["below"][c], -residual - allowance, most)
         reached = max(st["above"][c], st["below"][c])
         calm += reached < _CALM * limit
         if reached > largest:
@@ -100,8 +103,8 @@ def watch_sums(n, reference, p, st):
 
 
 @kernel
-def _sum(last, deviation, p):
-    step = min(deviation - p["slow_allowance"], p["slow_limit"] / (p["persistence"] - 0.5))
+def _sum(last, excess, most):
+    step = min(excess, most)
     return max(last + step, 0.0) if np.isfinite(step) else 0.0
 
 
