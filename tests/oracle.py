@@ -131,6 +131,9 @@ class Oracle:
         agree = all(above - below <= self.s.within(len(use)) for below, above in pairwise(ranked))
         if limit is None or not agree:
             return set()
+        self.reached("outlier: biases not learned", not self.lasting.settled(use))
+        if not self.lasting.settled(use):
+            return set()
         close = {c for c in use for d in use if d != c and abs(use[c] - use[d]) <= limit}
         self.reached("outlier", close and len(close) < len(use))
         self.reached("outlier: no two are close", not close)

@@ -13,6 +13,7 @@ class Lasting:
 
     s: Settings
     bias: dict[int, float] = field(default_factory=lambda: dict.fromkeys(range(4), 0.0))
+    learned: dict[int, int] = field(default_factory=lambda: dict.fromkeys(range(4), 0))  # frames
     sums: dict[tuple[int, int], float] = field(default_factory=dict)  # by channel and sign
     last: dict[int, float | None] = field(default_factory=dict)
     repeats: dict[int, int] = field(default_factory=dict)
@@ -35,7 +36,7 @@ class Lasting:
 
     def summed(self, view: View) -> set[int]:
         """The channel with the largest sum above the limit, while most are below half of it."""
-        if not self.s.slow_limit or len(view.use) < 3 or view.pattern != "normal":
+        if not self.s.slow_limit or len(view.use) < 3 or ":" in view.pattern:
             return set()
         reached: dict[int, float] = {}
         for c, r in self.residuals(view).items():
@@ -54,5 +55,11 @@ class Lasting:
             return
         for c, r in self.residuals(view).items():
             if c not in suspected:
-                moved = self.bias[c] + self.s.bias_share * (r - self.bias[c])
+                self.learned[c] += 1
+                share = max(self.s.bias_share, 1.0 / self.learned[c])
+                moved = self.bias[c] + share * (r - self.bias[c])
                 self.bias[c] = max(-self.s.bias_bound, min(self.s.bias_bound, moved))
+
+    def settled(self, use: dict[int, float]) -> bool:
+        """Whether the bias of each is a mean over the whole time constant."""
+        return not self.s.bias_bound or all(self.learned[c] >= round(1.0 / self.s.bias_share) for c in use)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from rig.computer.redundancy.config import SignalConfig
-from rig.frame import Resolver, State
+from rig.frame import Pattern, Resolver, State
 
 RATE_HZ = 100.0  # of vote_samples
 RNG = np.random.default_rng(5)
@@ -26,17 +26,34 @@ def vote(samples: Any, **settings: Any) -> Voted:
 
 
 def test_a_bias_is_learned_with_its_time_constant():
+    samples = np.zeros((1000, 4))
+    samples[400:, 0] = 0.09  # 4 s later it is learned but for exp(-2)
+    left = 0.09 * (1.0 - 1.0 / 200.0) ** 400
+    for size, failed in ((0.2 - left - 1e-6, None), (0.2 - left + 1e-6, 808)):
+        samples[800:, 0] = 0.09 + size
+        assert vote(samples, **LEARNING).failed_at()[0] == failed
+        assert vote(samples, **{**LEARNING, "bias_bound": 0.0}).failed_at()[0] == 808
+
+
+def test_what_is_there_from_the_first_frame_is_learned_as_a_mean():
     biases = np.array([0.06, 0.02, -0.02, -0.07])  # the middle is zero
-    fault = np.zeros((600, 4))
-    fault[400:, 0] = 0.19  # with its bias beyond 0.2 of the nearest, of which the bias is learned too
-    without = vote(biases + fault, **{**LEARNING, "bias_bound": 0.0})
-    assert without.failed_at()[0] == 408
-    # After 4 s at 2 s the bias is learned but for exp(-2): then the fault shows with 0.19 + 0.04 exp(-2) < 0.2 left.
-    assert vote(biases + fault, **LEARNING).failed_at() == [None] * 4
-    left = 0.04 * (1.0 - 1.0 / 200.0) ** 400
-    for size, failed in ((0.2 - left - 1e-6, None), (0.2 - left + 1e-6, 408)):
-        fault[400:, 0] = size
-        assert vote(biases + fault, **LEARNING).failed_at()[0] == failed
+    samples = np.tile(biases, (100, 1))
+    samples[1, 0] += 0.02  # of the first two frames the mean is 0.07
+    for size, failed in ((0.2 + 0.01 - 1e-6, None), (0.2 + 0.01 + 1e-6, 10)):
+        samples[2:, 0] = biases[0] + size
+        assert vote(samples, **LEARNING, persistence=8).failed_at()[0] == failed
+
+
+def test_outlier_thresholds_wait_until_the_biases_are_learned():
+    """Channel 1 stands 0.08 apart from the first frame on: a bias, as 0.08 later on is not."""
+    samples = NOISE[:1000] * 0.1 + np.array([0.09, 0.01, -0.01, 0.0])
+    settings = {**LEARNING, "outlier_threshold": 0.03}
+    assert vote(samples, **{**settings, "bias_bound": 0.0}).failed_at()[0] == 8
+    assert vote(samples, **settings).failed_at() == [None] * 4
+    for onset, failed in ((100, None), (300, 308)):
+        later = samples.copy()
+        later[onset:, 1] += 0.05
+        assert vote(later, **{**settings, "bias_s": 2.0}).failed_at()[1] == failed
 
 
 def test_no_vote_is_moved_by_a_learned_bias():
@@ -124,3 +141,17 @@ def test_what_lasts_less_than_the_persistence_fails_nobody(c: int, frames: int, 
 def test_settings_that_contradict_each_other_are_refused(settings: dict[str, Any], says: str):
     with pytest.raises(ValidationError, match=says):
         SignalConfig.model_validate({"threshold": 0.2, **settings})
+
+
+@pytest.mark.parametrize(("pair", "failed"), [(0.02, [None] * 4), (-0.02, [1310, 1310, None, None])])
+def test_halves_that_the_bias_alone_tells_apart_are_not_settled_by_the_reference(pair: float, failed: list[int | None]):
+    """Learned are 0.1 and -0.1: with +-0.02 the halves are 0.16 or 0.24 apart, beyond 0.15, but in the first case the
+    half that is smaller without its bias has the larger samples, and the reference beside it says nothing."""
+    sides = np.array([1.0, 1.0, -1.0, -1.0])
+    samples = np.concatenate([np.tile(size * sides, (frames, 1)) for size, frames in ((0.07, 300), (0.1, 1000))])
+    samples = np.concatenate([samples, np.tile(pair * sides, (30, 1))])
+    reference = np.where(np.arange(len(samples)) < 1300, 0.0, 0.03)
+    learning = {"threshold": 0.15, "bias_bound": 0.12, "bias_s": 1.0, "resolvers": ["reference"]}
+    out = vote(samples, **learning, reference=reference)
+    assert out.pattern[1299] == Pattern.NORMAL and (out.pattern[1300:1310] == Pattern.P2_2).all()
+    assert out.failed_at() == failed

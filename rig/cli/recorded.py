@@ -12,6 +12,7 @@ from rig.cli.common import Align, AllowCode, Json, comma_list, emit, whole_numbe
 from rig.cli.table import KEPT, Column, line, table
 from rig.cli.working import working
 from rig.errors import BadInput
+from rig.text import quoted
 
 MOST_FRAMES: Final = 10_000
 LEAST_BUDGET: Final = 1e-12  # false isolations an hour
@@ -84,6 +85,9 @@ def thresholds(
     persistence: Annotated[str, Option(metavar="N,N...", help="Frames to try.")] = "8,12,24,48",
     levels: Annotated[str, Option(metavar="N,N...", help="Channels in use to design for.")] = "4,3,2",
     filters: Annotated[str, Option("--filter", metavar="S,S...", help="Low-pass of the comparison to try.")] = "0,0.1",
+    lasting: Annotated[
+        str, Option(metavar="RULE,RULE...", help="What lasts, to try: bias, slow, stale, or none.")
+    ] = "bias,slow,stale",
     align: AlignFlag = False,
     align_from: AlignFrom = None,
     align_to: AlignTo = None,
@@ -106,7 +110,8 @@ def thresholds(
         raise BadInput(f"--budget: false isolations an hour, {LEAST_BUDGET:g} or more, got {budget}")
     frames = whole_numbers("--persistence", persistence, 1, MOST_FRAMES)
     counts = whole_numbers("--levels", levels, 2, 4)
-    grid = Grid(budget, frames, counts, _seconds("--filter", filters), seed)
+    rules = () if outlier else _rules(lasting)  # beside thresholds that are kept there is only one kind of design
+    grid = Grid(budget, frames, counts, _seconds("--filter", filters), seed, rules)
     stretch = Align(align, align_from, align_to, align_matrix).options()
     options = Options(inputs, config, out, plot, grid, repair_time, stretch, keep, outlier, monitored or [])
     with working("reading", not as_json):
@@ -117,6 +122,18 @@ def thresholds(
 def _seconds(option: str, text: str) -> list[float]:
     seconds = comma_list(option, text, f"seconds from 0 to {MOST_S:.0f}", float, lambda value: 0.0 <= value <= MOST_S)
     return sorted(set(seconds))
+
+
+def _rules(text: str) -> list[Any]:
+    """Return the rules of what lasts that ``text`` names."""
+    from rig.thresholds.lasting import RULES
+
+    if text.strip() == "none":
+        return []
+    named = {name.strip() for name in text.split(",")}
+    if unknown := sorted(named.difference(RULES)):
+        raise BadInput(f"--lasting: none, or of {', '.join(RULES)}, got {quoted(unknown[0])}")
+    return [rule for rule in RULES if rule in named]
 
 
 def _show(summary: dict[str, Any]) -> None:
@@ -147,7 +164,8 @@ def _show(summary: dict[str, Any]) -> None:
 
 def _chosen(signal: dict[str, Any], design: dict[str, Any]) -> str:
     chosen = signal["chosen"]
-    same = chosen and all(chosen[key] == design[key] for key in ("persistence", "filter_s"))
+    keys = ("persistence", "filter_s", "bias_bound", "slow_limit")
+    same = chosen and all(chosen.get(key) == design[key] for key in keys)
     return ">" if same else ""
 
 
@@ -159,6 +177,8 @@ def _level_rows(signal: dict[str, Any]) -> list[dict[str, Any]]:
         for i, (level, at) in enumerate(design["levels"].items()):
             once = {**design, "chosen": _chosen(signal, design), "beyond": f"{design['extrapolation']:.3g}{mark}"}
             rows.append({**at, "level": level, "threshold": f"{at['upper']:.4g}{mark}", "design": {} if i else once})
+        for level, at in design["outlier_levels"].items():
+            rows.append({**at, "level": f"{level}, outlier", "threshold": f"{at['upper']:.4g}{mark}", "design": {}})
     return rows
 
 
@@ -169,6 +189,7 @@ def _of_design(title: str, key: str, format: str = "", unit: str = "", worth: in
 
 _LEVELS: Final = (
     *(_of_design("", "chosen"), _of_design("filter", "filter_s", "g", "s"), _of_design("frames", "persistence")),
+    _of_design("bias", "bias_bound", ".3g", worth=8),
     *(Column("in use", "level"), Column("threshold", "threshold"), Column("point", "point", ".4g")),
     *(Column("clusters", "clusters", worth=6), Column("shape", "shape", ".2f", worth=5)),
     _of_design("extrapolation", "beyond", worth=7),
@@ -197,7 +218,8 @@ def _tradeoffs(signals: dict[str, Any]) -> None:
     faults = (Column(kind, lambda row, kind=kind: _right(row["faults"][kind]), worth=5) for kind in rows[-1]["faults"])
     shown = (
         *(Column("", "chosen"), Column("signal", "signal"), Column("filter", "filter_s", "g", "s")),
-        *(Column("frames", "persistence"), Column("smallest offset", "smallest_offset", ".3g", empty="none")),
+        *(Column("frames", "persistence"), Column("bias", "bias_bound", ".3g"), Column("sum", "slow_limit", ".3g")),
+        *(Column("stale", "stale_frames", worth=8), Column("smallest offset", "smallest_offset", ".3g", empty="none")),
         Column("delay at 2 T", "at_twice_the_threshold.delay_s", ".3g", "s", "none", worth=7),
         *(*faults, Column("share", "found_rightly", ".3f")),
     )

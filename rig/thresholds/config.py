@@ -44,12 +44,12 @@ def recorded_toml(
 
     Signals in ``referenced`` keep the threshold of their reference, which by default is that of the channels.
     """
-    tables = dict(raw)
+    tables, replaced = dict(raw), {"persistence_s", *(key for design in chosen.values() for key in design.lasting)}
     if (default := raw.get("default")) is not None:
-        tables["default"] = _in_frames(default, rate_hz)
+        tables["default"] = {k: v for k, v in _in_frames(default, rate_hz).items() if k not in replaced}
     signals = {name: dict(table) for name, table in raw.get("signal", {}).items()}
     for name, design in chosen.items():
-        own = {key: value for key, value in signals.get(name, {}).items() if key != "persistence_s"}
+        own = {key: value for key, value in signals.get(name, {}).items() if key not in replaced}
         before = {**tables.get("default", {}), **own}
         if outlier and "threshold" not in before:
             raise BadInput(f"signal.{name}: --outlier needs the threshold beside which it is written")
@@ -82,6 +82,9 @@ def _new(design: Design, given: RecordedSignal, outlier: bool) -> dict[str, Any]
     keys = dict(design.keys())
     if "singular_persistence" in given.model_fields_set or given.singular_persistence_s is not None:
         keys.pop("singular_persistence")
+    for name in ("bias_bound", "stale_frames"):
+        if design.lasting.get(name) == 0 and getattr(given, name):
+            keys[name] = 0  # what the flights were flown with is not asked for any more
     return _beside(keys, given) if outlier else _in_place(keys, given)
 
 
@@ -89,7 +92,7 @@ def _in_place(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
     """Return the designed thresholds in place of those of ``given``, whose outlier thresholds then ask nothing more."""
     for level in ("", "_triplex"):
         if getattr(given, f"outlier_threshold{level}") is not None:
-            keys[f"outlier_threshold{level}"] = keys.get(f"threshold{level}", keys["threshold"])
+            keys.setdefault(f"outlier_threshold{level}", keys.get(f"threshold{level}", keys["threshold"]))
     return keys
 
 

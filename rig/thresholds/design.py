@@ -6,19 +6,21 @@ it is not known which channels will be left.  Written is the upper value of the 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig.recordings.settings import RecordedSignal
-from rig.thresholds.distances import exceeded_each, in_use
+from rig.thresholds.distances import DUPLEX, exceeded_each, in_use
+from rig.thresholds.lasting import ALLOWANCES, OFF, Rule, alarms, bias_bound, residuals, stale_frames, unbiased
 from rig.thresholds.monitored import low_passed
 from rig.thresholds.tail import LEAST, Peaks, draws, peaks, point, upper
 
 Floats = NDArray[np.float64]
+EXACT: Final = ("bias_s", "stale_frames")  # keys that are not rounded
 FIELDS: Final = {4: "threshold", 3: "threshold_triplex", 2: "threshold_duplex"}  # by channels in use
 
 
@@ -41,24 +43,41 @@ class Design:
     persistence: int
     singular: int
     thresholds: dict[int, Threshold]
+    outliers: dict[int, Threshold] = field(default_factory=dict)  # behind a learned bias, below ``thresholds``
+    lasting: dict[str, float | None] = field(default_factory=dict)  # keys of what was asked for; falsy: off
+    spreads: float = 0.0  # limit of the sums, spreads times frames
 
     @property
     def threshold(self) -> Threshold:
         """Return the threshold with all channels in use."""
         return self.thresholds[max(self.thresholds)]
 
+    @property
+    def lasts(self) -> bool:
+        """Return True if biases are learned or small deviations summed."""
+        return bool(self.outliers) or self.spreads > 0.0
+
+    @property
+    def single(self) -> Threshold:
+        """Return that by which one of all channels is found: behind a learned bias its outlier threshold."""
+        return self.outliers.get(max(self.thresholds), self.threshold)
+
     def settings(self, given: RecordedSignal) -> RecordedSignal:
         """Return the settings of a signal with this design in them."""
         none = ("persistence_s", "singular_persistence_s", "outlier_threshold", "outlier_threshold_triplex")
-        return given.model_copy(update={**self.keys(), **dict.fromkeys(none)})
+        return given.model_copy(update={**dict.fromkeys(none), **self.lasting, **self.keys()})
 
     def keys(self) -> dict[str, float | int]:
         """Return its keys of a table of CONFIG; a level that was not designed has the threshold of the one above."""
         largest = max(self.thresholds)
         of_level = {FIELDS[level]: rounded_up(threshold.upper) for level, threshold in self.thresholds.items()}
         of_level["threshold"] = rounded_up(self.thresholds[largest].upper)
+        for level, threshold in self.outliers.items():
+            name = FIELDS[level]
+            of_level[f"outlier_{name}"] = min(rounded_up(threshold.upper), of_level.get(name, of_level["threshold"]))
         return {
             **of_level,
+            **{key: value if key in EXACT else rounded_up(value) for key, value in self.lasting.items() if value},
             "persistence": self.persistence,
             "singular_persistence": self.singular,
             "filter_s": self.filter_s,
@@ -74,6 +93,7 @@ class Grid:
     levels: Sequence[int] = (4, 3, 2)
     filters_s: Sequence[float] = (0.0, 0.1)
     seed: int = 0
+    lasting: Sequence[Rule] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,21 +115,107 @@ def designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, num
 
     number : of the signal, for its random stream
     """
-    return list(_designs(flights, given, grid, number))
+    made = list(_designs(flights, given, grid, number))
+    off = {key: value for rule in grid.lasting for key, value in OFF[rule].items()}
+    if "stale" in grid.lasting and made:
+        off["stale_frames"] = stale_frames([flight.samples for flight in flights], flights[0].rate_hz)
+    return [replace(design, lasting={**off, **design.lasting}) for design in made]
 
 
 def _designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, number: int) -> Iterator[Design]:
     fitted = len(flights[0].samples)
     levels = sorted({fitted, *(level for level in grid.levels if level < fitted)}, reverse=True)
+    bound = _bound(flights, given, grid, number)
     frames = [(count, _singular(given, count, flights[0].rate_hz)) for count in grid.persistence]
     for f, filter_s in enumerate(grid.filters_s):
         filtered = given.model_copy(update={"filter_s": filter_s})
         seen = [low_passed(flight.samples, filtered, flight.rate_hz) for flight in flights]
-        at = {level: _at_level(flights, seen, given, frames, level, (grid, number, f)) for level in levels}
+
+        def compared(channels: tuple[int, ...], seen: Sequence[Floats] = seen) -> list[Floats]:
+            return [samples[list(channels)] for samples in seen]
+
+        at = {level: _at_level(flights, compared, given.wraps, frames, level, (grid, number, f)) for level in levels}
         for i, (persistence, singular) in enumerate(frames):
             thresholds = {level: threshold for level in levels if (threshold := at[level][i]) is not None}
-            if fitted in thresholds:
-                yield Design(filter_s, persistence, singular, thresholds)
+            if fitted not in thresholds:
+                continue
+            plain = Design(filter_s, persistence, singular, thresholds)
+            yield plain
+            if bound > 0.0 and (biased := _biased(flights, seen, plain, filtered, bound, (grid, number, f))):
+                yield biased
+
+
+def _bound(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, number: int) -> float:
+    """Return the bound of biases by the data, 0 if none is asked for."""
+    if "bias" not in grid.lasting:
+        return 0.0
+    stream = np.random.SeedSequence(grid.seed, spawn_key=(number, 0, 0, 1))
+    means = residuals([flight.samples for flight in flights], given.wraps).means
+    hours = [flight.hours for flight in flights]
+    return bias_bound(means, hours, grid.budget_per_h, np.random.default_rng(stream))
+
+
+def _biased(
+    flights: Sequence[DataBlock],
+    seen: Sequence[Floats],
+    plain: Design,
+    given: RecordedSignal,
+    bound: float,
+    asked: tuple[Grid, int, int],
+) -> Design | None:
+    """Return ``plain`` with learned biases and outlier thresholds behind them; None where those are not lower.
+
+    Who has a larger bias than the bound would be an outlier for all of a flight, so none is cut; no threshold is below
+    it: what is hidden by a bias stays within what two samples may be apart.
+    """
+    bound = rounded_up(bound)
+    learning = given.model_copy(update={"bias_bound": bound})
+    frames, outliers = [(plain.persistence, plain.singular)], {}
+    for level, before in plain.thresholds.items():
+        if level == DUPLEX:
+            continue
+
+        def compared(channels: tuple[int, ...]) -> list[Floats]:
+            chosen = list(channels)
+            pairs = zip(flights, seen, strict=True)
+            return [unbiased(flight.samples[chosen], x[chosen], learning, flight.rate_hz) for flight, x in pairs]
+
+        (found,) = _at_level(flights, compared, given.wraps, frames, level, asked)
+        if found is not None and found.upper < before.upper:
+            outliers[level] = found
+    lasting = {"bias_bound": bound, "bias_s": given.bias_s}
+    if max(plain.thresholds) not in outliers:
+        return None
+    thresholds = {level: replace(at, upper=max(at.upper, bound)) for level, at in plain.thresholds.items()}
+    return replace(plain, thresholds=thresholds, outliers=outliers, lasting=lasting)
+
+
+def with_sums(
+    flights: Sequence[DataBlock], given: RecordedSignal, design: Design, spreads: float, grid: Grid, number: int = 0
+) -> Design | None:
+    """Return ``design`` with a limit of the sums of ``spreads`` times frames; None where the data do not say which.
+
+    The allowance is that of the level that needs the largest, for the whole budget.
+    """
+    spread, rate_hz = residuals([flight.samples for flight in flights], given.wraps).spread, flights[0].rate_hz
+    asked = {"slow_limit": rounded_up(spreads * spread / rate_hz), "slow_allowance": spread}
+    settings, allowances = design.settings(given).model_copy(update=asked), ALLOWANCES * spread
+    found: list[Threshold | None] = []
+    for level in (level for level in design.thresholds if level > DUPLEX):
+        largest: list[Threshold | None] = []
+        for choice, channels in enumerate(in_use(len(flights[0].samples), level)):
+            series = [alarms(flight.samples[list(channels)], settings, rate_hz, allowances) for flight in flights]
+            tail = peaks(series, [flight.rate_hz for flight in flights], grid.budget_per_h)
+            stream = np.random.SeedSequence(grid.seed, spawn_key=(number, int(spreads), 1, level, choice))
+            few = tail.clusters < LEAST
+            rng = np.random.default_rng(stream)
+            largest.append(None if few else _threshold(tail, grid.budget_per_h, level, rng))
+        found += largest
+    uppers = [0.0 if at is None else at.upper for at in found]
+    if not uppers or min(uppers) <= 0.0:
+        return None
+    asked["slow_allowance"] = max(uppers)
+    return replace(design, lasting={**design.lasting, **asked}, spreads=spreads)
 
 
 def _singular(given: RecordedSignal, frames: int, rate_hz: float) -> int:
@@ -121,19 +227,25 @@ def _singular(given: RecordedSignal, frames: int, rate_hz: float) -> int:
 
 def _at_level(
     flights: Sequence[DataBlock],
-    seen: Sequence[Floats],
-    given: RecordedSignal,
+    compared: Callable[[tuple[int, ...]], list[Floats]],
+    wraps: bool,
     frames: Sequence[tuple[int, int]],
     level: int,
     asked: tuple[Grid, int, int],
 ) -> list[Threshold | None]:
-    """Return the threshold at a level for each of ``frames``; None where too few clusters are left to say anything."""
+    """Return the threshold at a level for each of ``frames``; None where too few clusters are left to say anything.
+
+    compared : what is compared of some channels, a series a flight
+    """
     grid, *place = asked
-    rates = [flight.rate_hz for flight in flights]
     largest: list[Threshold | None] = [None] * len(frames)
     few = [False] * len(frames)
-    for choice, channels in enumerate(in_use(len(seen[0]), level)):
-        series = [exceeded_each(samples[list(channels)], frames, given.wraps) for samples in seen]
+    for choice, channels in enumerate(in_use(len(flights[0].samples), level)):
+        parts = [(samples, f.rate_hz) for samples, f in zip(compared(channels), flights, strict=True) if samples.size]
+        if not parts:
+            return [None] * len(frames)
+        series = [exceeded_each(samples, frames, wraps) for samples, _ in parts]
+        rates = [rate_hz for _, rate_hz in parts]
         for i, (persistence, _) in enumerate(frames):
             tail = peaks([of_flight[i] for of_flight in series], rates, grid.budget_per_h)
             few[i] |= tail.clusters < LEAST

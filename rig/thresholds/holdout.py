@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import poisson
 
 from rig.recordings.settings import RecordedSignal
-from rig.thresholds.design import FIELDS, DataBlock, Design, Grid, designs, rounded_up
+from rig.thresholds.design import FIELDS, DataBlock, Design, Grid, designs, rounded_up, with_sums
 from rig.thresholds.distances import in_use
 from rig.thresholds.monitored import isolations
 from rig.thresholds.tail import GAP_S
@@ -49,11 +49,21 @@ def holdout(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, cho
     own = replace(grid, persistence=(chosen.persistence,), filters_s=(chosen.filter_s,), levels=levels)
     counts: list[dict[int, Count]] = []
     for design_on, test_on in (halves, halves[::-1]):
-        made = designs(design_on, given, own) if design_on and test_on else []
-        if not made:
+        again = _again(design_on, given, own, chosen) if design_on and test_on else None
+        if again is None:
             return None
-        counts.append(count(test_on, given, made[0], grid.budget_per_h))
+        counts.append(count(test_on, given, again, grid.budget_per_h))
     return {level: _sum([of_level, counts[1][level]]) for level, of_level in counts[0].items() if level in counts[1]}
+
+
+def _again(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, chosen: Design) -> Design | None:
+    """Return the design of ``flights`` with what ``chosen`` has, as far as they can say anything."""
+    made = designs(flights, given, grid)
+    if not made:
+        return None
+    again = next((design for design in made if bool(design.outliers) == bool(chosen.outliers)), made[0])
+    summed = with_sums(flights, given, again, chosen.spreads, grid) if chosen.spreads else None
+    return summed or again
 
 
 def _sum(counts: Sequence[Count]) -> Count:

@@ -28,27 +28,36 @@ _ROWS: Final = rows(1)
 
 
 def outcomes(
-    samples: Floats, faulty: NDArray[np.int64], onset: int, settings: RecordedSignal, rate_hz: float
+    samples: Floats,
+    faulty: NDArray[np.int64],
+    onset: int,
+    settings: RecordedSignal,
+    rate_hz: float,
+    begun: NDArray[Any] | None = None,
 ) -> NDArray[Any]:
     """Return (R,) assess.outcome.SIGNAL of pieces that all begin healthy.
 
     samples : (R, n, C), NaN where a sample is not comparable; faulty : (R,) the channel that is, from ``onset`` on
+    begun : (R,) the manager's states at first; as at the start of a flight when not given
     """
-    params = _params(settings, samples.shape[2], rate_hz)
+    params = parameters(settings, samples.shape[2], rate_hz)
     signals = np.repeat(blank_records(params["threshold"], params["fitted"], lingers(params)), len(samples))
     manager = Manager(MANAGERS[0], params)
-    _run(_four(samples), faulty, onset, _blank_row(), manager.data, new_state(params), signals)
+    fresh = np.repeat(new_state(params), len(samples)) if begun is None else begun
+    _run(four(samples), faulty, onset, _blank_row(), manager.data, fresh, signals)
     return signals
 
 
 def isolations(samples: Floats, settings: RecordedSignal, rate_hz: float, gap: int) -> Frames:
     """Return the frames of a whole flight (n, C) in which somebody is failed while all channels are in use.
 
-    After each the flight goes on with all channels in use again; those within ``gap`` frames of the last are one.
+    After each the flight goes on with all channels in use again, and what was learned of them; those within ``gap``
+    frames of the last are one.
     """
-    params = _params(settings, samples.shape[1], rate_hz)
+    params = parameters(settings, samples.shape[1], rate_hz)
     found = np.zeros(len(samples), np.uint8)
-    _restarted(_four(samples), _blank_row(), Manager(MANAGERS[0], params).data, new_state(params), found)
+    fresh, kept = new_state(params), new_state(params)
+    _restarted(four(samples), _blank_row(), Manager(MANAGERS[0], params).data, fresh, kept, found)
     at = np.flatnonzero(found)
     return at[cluster_starts(at, gap)]
 
@@ -60,13 +69,13 @@ def low_passed(samples: Floats, settings: RecordedSignal, rate_hz: float) -> Flo
     """
     if settings.filter_s == 0.0:
         return samples
-    found, params = np.empty_like(samples), _params(settings, len(samples), rate_hz)
+    found, params = np.empty_like(samples), parameters(settings, len(samples), rate_hz)
     params["threshold"] = np.inf
     _follow(samples, params, found)
     return found
 
 
-def _four(samples: Floats) -> Floats:
+def four(samples: Floats) -> Floats:
     """Return the samples with the channels that a signal of fewer than four does not have."""
     if samples.shape[-1] == CHANNELS:
         return np.ascontiguousarray(samples)
@@ -75,7 +84,8 @@ def _four(samples: Floats) -> Floats:
     return padded
 
 
-def _params(settings: RecordedSignal, count: int, rate_hz: float) -> NDArray[Any]:
+def parameters(settings: RecordedSignal, count: int, rate_hz: float) -> NDArray[Any]:
+    """Return (1,) the PARAMS of a signal of ``count`` channels."""
     params = np.zeros(1, PARAMS)
     fill(params[0], settings, settings.limits, count, settings.wraps, rate_hz)
     return params
@@ -107,7 +117,7 @@ def _run(samples, faulty, onset, rows, manager, fresh, signals):
     row = rows[0]
     channels, fcc = row["bus"]["channels"], row["fcc"]
     for r in range(len(samples)):
-        manager.state[0], signal = fresh[0], signals[r]
+        manager.state[0], signal = fresh[r], signals[r]
         healthy_frames, false_isolations = signal["healthy_frames"], signal["false_isolations"]
         for k in range(samples.shape[1]):
             for c in range(CHANNELS):
@@ -122,7 +132,7 @@ def _run(samples, faulty, onset, rows, manager, fresh, signals):
 
 
 @long_kernel
-def _restarted(samples, rows, manager, fresh, found):
+def _restarted(samples, rows, manager, fresh, kept, found):
     """One flight through the manager, which begins again after each failure; marks the frames of failures."""
     p, row = manager.params[0], rows[0]
     channels = row["bus"]["channels"]
@@ -132,4 +142,8 @@ def _restarted(samples, rows, manager, fresh, found):
         step(row, row, k, None, None, None, manager, None)
         if manager.state[0]["level"] < p["fitted"]:
             found[k] = 1
+            kept[0] = manager.state[0]
             manager.state[0] = fresh[0]
+            for c in range(CHANNELS):
+                manager.state[0]["bias"][c] = kept[0]["bias"][c]
+                manager.state[0]["learned"][c] = kept[0]["learned"][c]

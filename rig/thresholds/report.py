@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 from rig.thresholds.data import Data
 from rig.thresholds.design import Design, Grid, rounded_up
@@ -11,6 +11,8 @@ from rig.thresholds.healthy import SHARE
 from rig.thresholds.holdout import Count, total
 from rig.thresholds.run import MARKED, RULE, Signal, extrapolation
 from rig.thresholds.tradeoff import Tradeoff
+
+LASTING: Final = ("bias_bound", "bias_s", "slow_allowance", "slow_limit", "stale_frames")  # None: off
 
 
 def summary(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> dict[str, Any]:
@@ -64,17 +66,22 @@ def _signal(signal: Signal, budget_per_h: float) -> dict[str, Any]:
 
 
 def _design(design: Design, budget_per_h: float, hours: float) -> dict[str, Any]:
-    fields = ("upper", "point", "clusters", "shape")
-    levels = {
-        str(level): {"threshold": rounded_up(of.upper), **{name: getattr(of, name) for name in fields}}
-        for level, of in design.thresholds.items()
-    }
+    fields, keys = ("upper", "point", "clusters", "shape"), design.keys()
+    levels, outliers = (
+        {
+            str(level): {"threshold": rounded_up(of.upper), **{name: getattr(of, name) for name in fields}}
+            for level, of in thresholds.items()
+        }
+        for thresholds in (design.thresholds, design.outliers)
+    )
     return {
         "filter_s": design.filter_s,
         "persistence": design.persistence,
         "singular_persistence": design.singular,
+        **{key: keys.get(key) for key in LASTING},
         "extrapolation": extrapolation(budget_per_h, hours),
         "levels": levels,
+        "outlier_levels": outliers,
     }
 
 
@@ -82,7 +89,7 @@ def _tradeoff(tradeoff: Tradeoff) -> dict[str, Any]:
     return {
         "smallest_offset": tradeoff.smallest_offset,
         "at_twice_the_threshold": tradeoff.at_twice._asdict(),
-        "faults": {name: of_kind._asdict() for name, of_kind in tradeoff.kinds.items()},
+        "faults": {name: of_kind._asdict() for name, of_kind in {**tradeoff.kinds, **tradeoff.small}.items()},
         "found_rightly": tradeoff.share,
     }
 

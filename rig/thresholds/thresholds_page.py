@@ -24,11 +24,11 @@ def _pictures(signals: dict[str, Any]) -> Iterator[tuple[str, go.Figure]]:
     """Yield two pictures a signal, a line a filter: threshold and smallest offset, and the share of faults isolated."""
     for name, signal in signals.items():
         sizes, shares = go.Figure(), go.Figure()
-        for i, filter_s in enumerate(dict.fromkeys(design["filter_s"] for design in signal["designs"])):
-            designs = [design for design in signal["designs"] if design["filter_s"] == filter_s]
+        for i, kind in enumerate(dict.fromkeys(map(_kind, signal["designs"]))):
+            designs = [design for design in signal["designs"] if _kind(design) == kind]
             frames, tradeoffs = [each["persistence"] for each in designs], [each["tradeoff"] or {} for each in designs]
-            upper = [next(iter(each["levels"].values()))["upper"] for each in designs]
-            line, label = {"mode": "lines+markers", "line_color": series_colour(i)}, f"filter {filter_s:g} s"
+            upper = [next(iter((each["outlier_levels"] or each["levels"]).values()))["upper"] for each in designs]
+            line, label = {"mode": "lines+markers", "line_color": series_colour(i)}, kind
             sizes.add_scatter(x=frames, y=upper, name=f"threshold, {label}", **line)
             offsets = [each.get("smallest_offset") for each in tradeoffs]
             sizes.add_scatter(x=frames, y=offsets, name=f"smallest offset, {label}", line_dash="dash", **line)
@@ -38,3 +38,11 @@ def _pictures(signals: dict[str, Any]) -> Iterator[tuple[str, go.Figure]]:
                 lay_out(figure, f"{name}: {what}", 340)
                 figure.update_xaxes(title="persistence, frames")
                 yield f"{name}: {what}", figure
+
+
+def _kind(design: dict[str, Any]) -> str:
+    """Return what a line is of: filter, learned bias, sums."""
+    words = [f"filter {design['filter_s']:g} s"]
+    words += ["learned bias"] if design["bias_bound"] else []
+    words += [f"sums to {design['slow_limit']:.3g}"] if design["slow_limit"] else []
+    return ", ".join(words)

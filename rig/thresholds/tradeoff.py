@@ -7,7 +7,7 @@ Sizes follow the motion of the signal, not the design, so all designs of a signa
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
@@ -17,10 +17,11 @@ from rig.assess.outcome import NEVER
 from rig.assess.words import fault_word
 from rig.recordings.settings import RecordedSignal
 from rig.thresholds.design import DataBlock, Design
+from rig.thresholds.lasting import begun
 from rig.thresholds.monitored import outcomes
 
 Floats = NDArray[np.float64]
-Kind = Literal["offset", "ramp", "noise", "gain", "stuck"]
+Kind = Literal["offset", "small", "ramp", "noise", "gain", "stuck"]
 PIECES: Final = 48
 BEFORE_S: Final = 1.0  # healthy
 WITHIN_S: Final = 1.0  # for an offset
@@ -28,6 +29,7 @@ LATER_S: Final = 8.0  # for what begins small, or shows only in motion
 SHARES: Final = (0.1, 0.2, 0.5, 1.0, 2.0)  # of the signal's motion: offsets; a ramp grows by the first a second
 NOISE: Final = 10.0
 GAIN: Final = 0.5
+SMALL: Final = (0.02, 0.05)  # offsets that may take LATER_S
 FOUND: Final = 0.95
 _STEP: Final = 1.1  # of the search for the smallest offset
 _STEPS: Final = 64
@@ -51,11 +53,12 @@ class Pieces:
     channel: NDArray[np.int64]
     onset: int
     rate_hz: float
+    before: Sequence[Floats] = ()  # (C, m) each: the flight before the piece, of which biases are learned
 
     def short(self) -> Pieces:
         """Only what an offset needs."""
         end = self.onset + round(WITHIN_S * self.rate_hz) + 1
-        return Pieces(self.samples[:, :end], self.channel, self.onset, self.rate_hz)
+        return Pieces(self.samples[:, :end], self.channel, self.onset, self.rate_hz, self.before)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,11 +68,21 @@ class Tradeoff:
     smallest_offset: float | None  # found in FOUND of the pieces within WITHIN_S
     at_twice: Found  # an offset of twice the threshold
     kinds: dict[str, Found]
+    small: dict[str, Found] = field(default_factory=dict)  # offsets that may take LATER_S, which sums are for
 
     @property
     def share(self) -> float:
         """Faults found rightly, of all that were injected."""
-        return sum(found.right for found in self.kinds.values()) / sum(sum(found[:3]) for found in self.kinds.values())
+        return _share(self.kinds)
+
+    @property
+    def share_with_small(self) -> float:
+        """The same with the small offsets."""
+        return _share({**self.kinds, **self.small})
+
+
+def _share(kinds: dict[str, Found]) -> float:
+    return sum(found.right for found in kinds.values()) / sum(sum(found[:3]) for found in kinds.values())
 
 
 def pieces(flights: Sequence[DataBlock], count: int = PIECES) -> Pieces | None:
@@ -84,7 +97,8 @@ def pieces(flights: Sequence[DataBlock], count: int = PIECES) -> Pieces | None:
     start = at - (np.cumsum(room) - room)[flight]
     cut = [flights[f].samples[:, k : k + length].T for f, k in zip(flight, start, strict=True)]
     samples = np.ascontiguousarray(cut)
-    return Pieces(samples, np.arange(count) % samples.shape[2], onset, rate)
+    before = [flights[f].samples[:, :k] for f, k in zip(flight, start, strict=True)]
+    return Pieces(samples, np.arange(count) % samples.shape[2], onset, rate, before)
 
 
 def tradeoff(cut: Pieces, design: Design, given: RecordedSignal, motion: float) -> Tradeoff:
@@ -93,18 +107,20 @@ def tradeoff(cut: Pieces, design: Design, given: RecordedSignal, motion: float) 
     kinds: dict[str, Found] = {}
     for share in SHARES:
         kinds[f"offset {share:g}"] = inject(cut, settings, "offset", share * motion)
+    small = {f"small {share:g}": inject(cut, settings, "small", share * motion) for share in SMALL}
     sizes: dict[Kind, float] = {"ramp": SHARES[0] * motion, "noise": NOISE, "gain": GAIN, "stuck": 0.0}
     for kind, size in sizes.items():
         kinds[kind] = inject(cut, settings, kind, size)
-    twice = inject(short, settings, "offset", 2.0 * design.threshold.upper)
-    return Tradeoff(_smallest(short, settings, design.threshold.upper), twice, kinds)
+    twice = inject(short, settings, "offset", 2.0 * design.single.upper)
+    return Tradeoff(_smallest(short, settings, design.single.upper), twice, kinds, small)
 
 
 def inject(cut: Pieces, settings: RecordedSignal, kind: Kind, size: float) -> Found:
     """Vote all pieces with a fault of a ``kind`` and ``size``, in the unit of the signal, in one channel of each."""
     samples, pieces = cut.samples.copy(), np.arange(len(cut.samples))
     samples[pieces, :, cut.channel] = faulty(cut, kind, size)
-    signals = outcomes(samples, cut.channel, cut.onset, settings, cut.rate_hz)
+    learned = begun(cut.before, settings, samples.shape[2], cut.rate_hz) if cut.before else None
+    signals = outcomes(samples, cut.channel, cut.onset, settings, cut.rate_hz, learned)
     failed_at = signals["failed_at"][pieces, cut.channel]
     wrong = np.asarray((signals["false_isolations"] > 0).any(axis=1))
     delay = (failed_at - cut.onset) / cut.rate_hz
@@ -118,12 +134,13 @@ def inject(cut: Pieces, settings: RecordedSignal, kind: Kind, size: float) -> Fo
 def faulty(cut: Pieces, kind: Kind, size: float) -> Floats:
     """Return (R, n) the samples of the channel of each piece with a fault from the onset on.
 
-    offset, ramp : ``size``, or so much a second, is added, in turn to both sides; gain : the samples times ``size``
+    offset, small, ramp : ``size``, or so much a second, is added, in turn to both sides
+    gain : the samples times ``size``
     noise : what the channel has of its own, its difference from the median of all, times ``size``; stuck : the last one
     """
     own, frames = cut.samples[np.arange(len(cut.samples)), :, cut.channel], np.arange(cut.samples.shape[1]) - cut.onset
     sides = np.where(np.arange(len(own)) // cut.samples.shape[2] % 2 == 0, 1.0, -1.0)[:, None]
-    if kind == "offset":
+    if kind in ("offset", "small"):
         after = own + sides * size
     elif kind == "ramp":
         after = own + sides * (size * frames / cut.rate_hz)
@@ -153,9 +170,11 @@ def _smallest(cut: Pieces, settings: RecordedSignal, threshold: float) -> float 
 
 
 def best(designs: Sequence[Design], found: Sequence[Tradeoff]) -> int:
-    """Return the design that finds the largest share rightly; of equals the shortest persistence and filter."""
+    """Return the design that finds the largest share rightly; of equals the shortest persistence and filter, and
+    without a learned bias."""
 
-    def order(i: int) -> tuple[float, int, float]:
-        return -round(found[i].share, 9), designs[i].persistence, designs[i].filter_s
+    def order(i: int) -> tuple[float, int, float, bool]:
+        one = designs[i]
+        return -round(found[i].share, 9), one.persistence, one.filter_s, bool(one.outliers)
 
     return min(range(len(designs)), key=order)

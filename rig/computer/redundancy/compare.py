@@ -83,14 +83,14 @@ def exchange(x, order, i, j):
 
 
 @kernel
-def pattern_of(x, order, n, within, p, miscomparing):
+def pattern_of(x, order, n, within, limit, miscomparing):
     """Return the pattern of ``n`` ranked samples, outliers included; ``miscomparing`` as of ``classify``.
 
     Where all agree ``within`` they are compared once more by the outlier threshold, which a single channel must keep
     to while the others show a majority: without one at that scale nobody is blamed (ours: 'Outliers' in docs).
+    limit : the outlier threshold, 0 for none
     """
     pattern = classify(x, order, n, within, miscomparing)
-    limit = outlier_threshold(n, p)
     if pattern != Pattern.NORMAL or limit <= 0.0:
         return pattern
     if classify(x, order, n, limit, miscomparing) == Pattern.ISOLATED:

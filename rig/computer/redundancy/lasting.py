@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from rig.computer.redundancy import opinions, vote
-from rig.computer.redundancy.compare import sort
+from rig.computer.redundancy.compare import is_singular, outlier_threshold, sort
 from rig.frame import Pattern
 from rig.kernels import kernel
 
@@ -42,7 +42,10 @@ def take_bias_off(values, order, n, st):
 
 @kernel
 def learn_bias(n, reference, p, st):
-    """Move each channel's bias towards its residual, within the bound; nobody's who is suspected."""
+    """Move each channel's bias towards its residual, within the bound; nobody's who is suspected.
+
+    The bias is the mean of the residuals for as many frames as the time constant has, then it follows.
+    """
     if p["bias_bound"] <= 0.0 or n < 2 or st["pattern"] != Pattern.NORMAL:
         return
     x, order, bias, bound = st["x"], st["order"], st["bias"], p["bias_bound"]
@@ -51,7 +54,29 @@ def learn_bias(n, reference, p, st):
         c = order[i]
         if st["miscomparing"][c] or st["blamed"][c] or st["count"][c] != 0:
             continue
-        bias[c] = min(max(bias[c] + p["bias_gain"] * (x[c] - m - bias[c]), -bound), bound)
+        gain = p["bias_gain"]
+        if st["learned"][c] * gain < 1.0:
+            gain = max(gain, 1.0 / (st["learned"][c] + 1.0))
+        bias[c] = min(max(bias[c] + gain * (x[c] - m - bias[c]), -bound), bound)
+        st["learned"][c] += 1
+
+
+@kernel
+def has_learned(n, p, st):
+    """Return True if the bias of each of the ``n`` ranked channels is a mean over the time constant, or none is on."""
+    if p["bias_bound"] <= 0.0:
+        return True
+    learned = True
+    for i in range(n):
+        learned &= (st["learned"][st["order"][i]] + 0.5) * p["bias_gain"] >= 1.0
+    return learned
+
+
+@kernel
+def outlier_limit(n, p, st):
+    """Return the outlier threshold of ``n`` samples; 0, none, until it can be kept to without the biases."""
+    limit = outlier_threshold(n, p)
+    return limit if limit > 0.0 and has_learned(n, p, st) else 0.0
 
 
 @kernel
@@ -61,14 +86,15 @@ def watch_sums(n, reference, p, st):
     Page 1954, with a step of at most limit / (persistence - 1/2): what lasts less than the persistence fails nobody,
     however large.  At most one channel a frame, and none without a strict majority that is calm.
     """
-    if p["slow_limit"] <= 0.0 or n < 3 or st["pattern"] != Pattern.NORMAL:
+    if p["slow_limit"] <= 0.0 or n < 3 or is_singular(st["pattern"]):
         return NOBODY
     limit, m, worst, calm, largest = p["slow_limit"], middle(n, reference, st), NOBODY, 0, p["slow_limit"]
+    most, allowance = limit / (p["persistence"] - 0.5), p["slow_allowance"]
     for i in range(n):
         c = st["order"][i]
         residual = st["x"][c] - st["bias"][c] - m
-        st["above"][c] = _sum(st["above"][c], residual, p)
-        st["below"][c] = _sum(st["below"][c], -residual, p)
+        st["above"][c] = _sum(st["above"][c], residual - allowance, most)
+        st["below"][c] = _sum(st["below"][c], -residual - allowance, most)
         reached = max(st["above"][c], st["below"][c])
         calm += reached < _CALM * limit
         if reached > largest:
@@ -77,8 +103,8 @@ def watch_sums(n, reference, p, st):
 
 
 @kernel
-def _sum(last, deviation, p):
-    step = min(deviation - p["slow_allowance"], p["slow_limit"] / (p["persistence"] - 0.5))
+def _sum(last, excess, most):
+    step = min(excess, most)
     return max(last + step, 0.0) if np.isfinite(step) else 0.0
 
 

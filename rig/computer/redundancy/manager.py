@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rig.computer.redundancy import vote
 from rig.computer.redundancy.box import accused, fail_boxes
-from rig.computer.redundancy.compare import comparable, is_singular, outlier_threshold, pattern_of, rank, threshold
+from rig.computer.redundancy.compare import comparable, is_singular, pattern_of, rank, threshold
 from rig.computer.redundancy.lasting import (
     NOBODY,
     begin_sums,
@@ -22,6 +22,7 @@ from rig.computer.redundancy.lasting import (
     is_stale,
     learn_bias,
     mark_stale,
+    outlier_limit,
     take_bias_off,
     watch_sums,
 )
@@ -55,6 +56,7 @@ STATE: Final = np.dtype(
         ("smooth_vote", "f8"),
         # What lasts (lasting.py), each where it is on.
         ("bias", "f8", (CHANNELS,)),
+        ("learned", "i8", (CHANNELS,)),  # frames that the bias is of
         ("compared", "f8", (CHANNELS,)),
         ("compared_order", "i8", (CHANNELS,)),
         ("above", "f8", (CHANNELS,)),  # sums of residuals, unit times frames
@@ -149,7 +151,7 @@ def readmit_anew(commanded, p, st):
     readmit(commanded, p, st)
     for c in range(p["fitted"]):
         if (out >> c) & 1 and not st["failed"][c]:
-            st["bias"][c] = 0.0
+            st["bias"][c] = st["learned"][c] = 0
 
 
 @kernel
@@ -166,7 +168,8 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
         return vote_quiet(reference, second, n, p, st)
     st["reference_threshold"] = reference_threshold(reference, p)
     st["threshold"] = threshold(n, p)
-    pattern = pattern_of(compared.values, compared.order, n, st["threshold"], p, st["miscomparing"])
+    limit = outlier_limit(n, p, st)
+    pattern = pattern_of(compared.values, compared.order, n, st["threshold"], limit, st["miscomparing"])
     mark_stale(n, p, st)
     st["pattern_frames"] = st["pattern_frames"] + 1 if pattern == st["pattern"] else 1
     st["pattern"] = pattern
@@ -232,7 +235,7 @@ def is_quiet(values, order, n, p, st):
         return False
     if p["filter_gain"] > 0.0 or st["singular_run"] != 0 or st["freeze"] != 0 or st["fade_left"] != 0:
         return False
-    within, outlier = threshold(n, p), outlier_threshold(n, p)
+    within, outlier = threshold(n, p), outlier_limit(n, p, st)
     if outlier > 0.0:
         within = min(within, outlier)
     for i in range(n - 1):

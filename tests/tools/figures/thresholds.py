@@ -27,11 +27,11 @@ from rig.recordings.recording import Recording, Samples
 from rig.recordings.settings import RecordedSignal
 from rig.thresholds.data import Data, load
 from rig.thresholds.design import DataBlock, Design, Grid, designs
-from rig.thresholds.healthy import envelope
 from rig.thresholds.holdout import OVER, Count, count
+from rig.thresholds.lasting import RULES
 from rig.thresholds.monitored import outcomes
 from rig.thresholds.run import STRETCHES, design
-from rig.thresholds.tradeoff import Pieces, best, faulty, pieces, tradeoff
+from rig.thresholds.tradeoff import Pieces, faulty
 
 Floats = NDArray[np.float64]
 Signals = dict[str, list[DataBlock]]
@@ -109,13 +109,10 @@ def _outcome(first: NDArray[np.int64], channel: int, onset: int) -> str:
 
 def chosen(train: Signals, grid: Grid) -> dict[str, Design]:
     """Return the design of each signal that ``rig thresholds`` would choose."""
-    picked: dict[str, Design] = {}
-    for name, healthy in train.items():
-        made, cut, motion = designs(healthy, GIVEN, grid), pieces(healthy), envelope(healthy, False)
-        assert cut is not None
-        size = max(motion.value, motion.noise)
-        picked[name] = made[best(made, [tradeoff(cut, each, GIVEN, size) for each in made])]
-    return picked
+    names, rate_hz = [flight.name for flight in next(iter(train.values()))], RATE_HZ
+    hours = sum(flight.hours for flight in next(iter(train.values())))
+    made = design(Data(names, rate_hz, hours, train, dict.fromkeys(train, GIVEN)), grid, keep=True)
+    return {name: of.design for name, of in made.items() if of.design is not None}
 
 
 def splits(number: int) -> list[tuple[list[int], list[int]]]:
@@ -160,7 +157,8 @@ def designed(signals: Signals, grid: Grid) -> list[str]:
     hours, counted = sum(c.hours for c in counts), sum(c.counted for c in counts)
     allowed = Count(counted, hours, grid.budget_per_h).expected
     said = f"{counted} in {hours:.3f} h, allowed {allowed:.1f}; folds over {over} of {FOLDS}"
-    return row(f"budget {grid.budget_per_h:g}/h", said, runs)
+    lasting = ", what lasts" if grid.lasting else ""
+    return row(f"budget {grid.budget_per_h:g}/h{lasting}", said, runs)
 
 
 def thresholds_quad(folder: str) -> None:
@@ -170,7 +168,7 @@ def thresholds_quad(folder: str) -> None:
     units = list(zip(*signals.values(), strict=True))
 
     def rows() -> Iterator[list[str]]:
-        yield from (designed(signals, Grid(budget)) for budget in BUDGETS)
+        yield from (designed(signals, Grid(budget, lasting=rules)) for budget in BUDGETS for rules in ((), RULES))
         yield from (fixed(signals, *settings) for settings in FIXED)
         yield row("PX4's rule", "", [selected(unit, k) for k in range(len(AXES)) for unit in units])
 
