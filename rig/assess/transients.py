@@ -95,7 +95,7 @@ class Deviations:
 
 
 def transients(found: Deviations, faults: Sequence[FaultScore], acted_from: int, rate_hz: float) -> Transients:
-    """Judge how far a flight was from its twin; BadInput when that is none of this flight.
+    """Return how far a flight was from its twin; BadInput when that is none of this flight.
 
     acted_from : first frame in which any fault acted, or NEVER
     """

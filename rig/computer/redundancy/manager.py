@@ -125,7 +125,7 @@ def manage(bus, fcc, data):
     accusing = 0
     for s in range(len(params)):
         p, st = params[s], state[s]
-        readmit_anew(reset[s], p, st)
+        readmit_unbiased(reset[s], p, st)
         resolvers[s] = manage_signal(channels[s], valid[s], ilm[s], reference[s], second[s], p, st)
         voted[s], levels[s], patterns[s] = st["output"], st["level"], st["pattern"]
         usable[s] = 0 if not np.isfinite(reference[s]) else st["reference_usable"]
@@ -141,7 +141,7 @@ def manage(bus, fcc, data):
 
 
 @kernel
-def readmit_anew(commanded, p, st):
+def readmit_unbiased(commanded, p, st):
     """Readmit ``commanded`` channels, bits, that have agreed long enough, each without a bias."""
     if commanded == 0:
         return
