@@ -29,18 +29,18 @@ from rig.computer.control.state import ControlData
 from rig.computer.redundancy import RedundancyData
 from rig.computer.redundancy.config import command
 from rig.computer.redundancy.own import OwnManager
-from rig.errors import BadInput, ManagerFailed
+from rig.errors import ManagerFailed
 from rig.faults import FaultData, corrupt
 from rig.frame import FLAT, TIMING, Block, LaneBlock, Nested, lane_rows, nested, new_block
 from rig.kernels import bind, kernel
-from rig.lanes.stage import LaneData, Lanes, commands, think_all
+from rig.lanes.stage import LaneData, commands, sample, think_all
 from rig.lanes.think import ComputerData, follow_votes, give_references
 from rig.plant.jsbsim import plant
 from rig.plant.pilot import Pilot
 from rig.scenario import Scenario
 from rig.sensors import SensorData, Sensors, measure
 from rig.sensors.inertial import Inertial, InertialData, sense
-from rig.stages import faults, redundancy, servos
+from rig.stages import computers, faults, redundancy, servos
 from rig.util.interrupt import Stop
 
 # A killed flight loses no more than a second: the block being filled and, paced, the one being recorded.
@@ -98,7 +98,9 @@ class Rig:
         self.control = Control(scenario.control, scenario.gains, rate_hz, frame.surface_limits)
         self.control.reset(self.plant.trim)
         self.actuators = servos(scenario, self.plant)
-        self.computers = self._several(computer is not None)
+        alone = ComputerData(self.redundancy.data, self.control.data, self.faults.data)
+        own = "a unit under test" if computer is not None else self.redundancy.own
+        self.computers = computers(scenario, alone, self.sensors, own)
         self._lanes: LaneBlock | None = None  # of the present block
         self.data = self._gather()
         self.computer_step = bind_computer(self.data, self.redundancy.own) if computer is None else computer(self)
@@ -120,16 +122,6 @@ class Rig:
     def lanes(self, count: int) -> tuple[LaneBlock] | tuple[()]:
         """Return the first ``count`` rows of servos and lanes in the block that was flown last; () without any."""
         return () if self._lanes is None else (self._lanes[:count],)
-
-    def _several(self, other: bool) -> Lanes | None:
-        """Return the lanes of several computers, None for one; BadInput: another computer or manager than our own."""
-        count = self.scenario.computers.count
-        if count == 1:
-            return None
-        if other or self.redundancy.own is not None:
-            whose = "a unit under test" if other else f"the manager {self.scenario.redundancy.manager!r}"
-            raise BadInput(f"computers.count: {count} computers fly by the rig's own managers; with {whose} allowed: 1")
-        return Lanes(count, ComputerData(self.redundancy.data, self.control.data, self.faults.data))
 
     def _gather(self) -> StageData:
         """Return the parameters and states of the stages."""
@@ -179,6 +171,7 @@ def before(block, k, data):
     """Fill all that the computer reads of row k, with its faults."""
     row = block[k]
     truth, bus = row["truth"], row["bus"]
+    sample(data.sensors.params, data.lanes)
     measure(truth, bus, k, data.sensors)
     sense(truth, bus, k, data.inertial)
     corrupt(row, k, data.faults)

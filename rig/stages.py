@@ -12,12 +12,16 @@ from rig.actuators.monitors import MonitorData, monitors
 from rig.actuators.servo import LONGEST_SUBSTEP_S
 from rig.actuators.stage import Actuators, as_designed, stops_of
 from rig.computer.redundancy import Redundancy
+from rig.computer.redundancy.own import OwnManager
+from rig.errors import BadInput
 from rig.faults import Coils, Faults
 from rig.frame import MOVED, SIGNALS
+from rig.lanes.stage import Lanes
+from rig.lanes.think import ComputerData
 from rig.plant.airframe import Actuator
 from rig.plant.jsbsim import Plant
 from rig.scenario import Scenario
-from rig.sensors import inertial
+from rig.sensors import Sensors, inertial
 
 if TYPE_CHECKING:
     from rig.plant.linear_plant import LinearPlant
@@ -37,6 +41,22 @@ def servos(scenario: Scenario, plant: Plant | LinearPlant) -> Actuators | None:
     )
     plant.moved_by(made.data.positions)
     return made
+
+
+def computers(scenario: Scenario, alone: ComputerData, sensors: Sensors, own: OwnManager | str | None) -> Lanes | None:
+    """Return the lanes of several computers, None for one.  BadInput: another computer or manager than the rig's own.
+
+    alone : what one computer has at its first frame;  own : a manager of the user's, or who computes in its place
+    """
+    count, whose = scenario.computers.count, own
+    if count == 1:
+        return None
+    if isinstance(own, OwnManager):
+        whose = f"the manager {scenario.redundancy.manager!r}"
+    if whose is not None:
+        raise BadInput(f"computers.count: {count} computers fly by the rig's own managers; with {whose} allowed: 1")
+    seeds = scenario.streams()["computers"]
+    return Lanes(scenario.computers, alone, sensors.params["skew"], scenario.rate_hz, seeds)
 
 
 def actuator_monitors(scenario: Scenario) -> tuple[NDArray[Any], MonitorData]:

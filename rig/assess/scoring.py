@@ -53,13 +53,13 @@ def score(
     """Score a flight of ``scenario`` against the truth in its ``rows`` (n,) of FRAME, from frame 0 on.
 
     twin : rows of the same flight without faults (``fly_twin``); without it there are no transients
-    lanes : (n,) of its servo actuators, if it has any; without them nothing is said of these
+    lanes : (n,) of its servo actuators and computers, if it has any; without them nothing is said of these
     clean : (n,) what ``Faults.clean`` kept in flight; without it the sensors are run again over the recorded truth
     BadInput when these sensors cannot have given the rows, or the twin is that of another flight.
     """
     rows = checked(rows)
     outcome = FlightOutcome(scenario, yardstick.window_s)
-    for part, kept in [(rows, clean)] if clean is not None else measured_again(scenario, rows):
+    for part, kept in [(rows, clean)] if clean is not None else measured_again(scenario, rows, lanes):
         outcome.add(part, kept)
     outcome.add_lanes(rows, lanes)
     return score_of(outcome, lambda s: columns(rows, s), (rows, twin, yardstick) if twin is not None else None)

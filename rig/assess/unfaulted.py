@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from rig.computer.redundancy.vote import mean
 from rig.errors import BadInput
 from rig.faults import CLEAN
-from rig.frame import FLAT, Block, nested, new_block
+from rig.frame import CHANNELS, FLAT, Block, LaneBlock, has_part, nested, new_block
 from rig.kernels import kernel
+from rig.lanes.clock import sample_early
 from rig.scenario import Scenario
 from rig.sensors import Sensors, measure
 from rig.units.angles import difference, limit
@@ -24,16 +25,24 @@ from rig.units.angles import difference, limit
 ROWS: Final = 256  # of the clean block: half a megabyte, which stays in the cache
 
 
-def measured_again(scenario: Scenario, rows: Block) -> Iterator[tuple[Block, NDArray[Any]]]:
-    """Run the sensors over the recorded truth; yield ``rows`` part by part, with the (n,) CLEAN of each."""
+def measured_again(
+    scenario: Scenario, rows: Block, lanes: LaneBlock | None = None
+) -> Iterator[tuple[Block, NDArray[Any]]]:
+    """Run the sensors over the recorded truth; yield ``rows`` part by part, with the (n,) CLEAN of each.
+
+    lanes : (n,) whose clocks say when each of several computers has sampled
+    """
     sensors = Sensors(scenario.sensors, scenario.rate_hz, scenario.streams()["sensors"])
+    skew, lead = sensors.params["skew"].copy(), np.zeros((len(rows), CHANNELS))
+    if has_part(lanes, "computer"):
+        lead[:] = lanes["computer"]["clock_lead"]
     block, kept = new_block(min(ROWS, len(rows))), np.zeros(ROWS, CLEAN)
     for first in range(0, len(rows), ROWS):
         recorded = rows[first : first + ROWS]
         again, clean = block[: len(recorded)], kept[: len(recorded)]
         again.view(np.uint8)[:] = recorded.view(np.uint8)
         sensors.prepare(again)
-        measure_again(nested(again), sensors.data)
+        measure_again(nested(again), sensors.data, skew, lead[first:])
         for field in CLEAN.names or ():
             clean[field] = again[field]
         yield recorded, clean
@@ -51,9 +60,13 @@ def checked(rows: Block) -> Block:
 
 
 @kernel
-def measure_again(clean, data):
-    """Fill the channels of ``clean`` (n,) FRAME from its truth; data : SensorData."""
+def measure_again(clean, data, skew, lead):
+    """Fill the channels of ``clean`` (n,) FRAME from its truth; data : SensorData; the rest as of ``sample_early``.
+
+    lead : (n, 4)
+    """
     for k in range(len(clean)):
+        sample_early(data.params, skew, lead[k])
         measure(clean[k]["truth"], clean[k]["bus"], k, data)
 
 

@@ -11,8 +11,9 @@ from rig.bench.run import Decide, Stages, run, write_sources
 from rig.bench.vote import by_class
 from rig.computer.redundancy import Redundancy
 from rig.computer.redundancy.config import command
+from rig.errors import BadInput
 from rig.faults import Fault
-from rig.faults.places import site
+from rig.faults.places import OF_LANES, site
 from rig.flight.unit_loop import UnitVoter
 from rig.frame import FLAT, Block, nested
 from rig.scenario import Scenario
@@ -33,10 +34,11 @@ def vote_again(rows: Block, scenario: Scenario, unit: UnitUnderTest | None = Non
     """Copy ``rows``, with OUTPUTS as the redundancy stage of ``scenario`` writes them over the same channels.
 
     Faults on references act again, in the frames in which they did.  Open loop: truth, channels, commands and all
-    else stay those of ``rows``.  BadInput: the user's manager.
+    else stay those of ``rows``.  BadInput: the user's manager, or lanes whose link matters.
 
     unit : that votes in the place of the manager; one in the form of a flight computer writes SURFACES too
     """
+    _refuse_link(scenario)
     again = _copy(rows)
     for name in outputs(unit):
         again[name] = np.nan if name.endswith("reference") else 0
@@ -58,6 +60,15 @@ def vote_again(rows: Block, scenario: Scenario, unit: UnitUnderTest | None = Non
     run(nested(again), stages, flown, _decide(again, scenario, stage, unit))
     write_sources(nested(again))
     return again
+
+
+def _refuse_link(scenario: Scenario) -> None:
+    """BadInput when a lane need not have what was sampled: the exchange is not run again."""
+    computers = scenario.computers
+    broken = next((fault.signal for fault in scenario.faults if site(fault.signal) in OF_LANES), None)
+    if broken is not None or (computers.count > 1 and not computers.synchronised):
+        why = f"a fault of {broken}" if broken else "clocks that run free"
+        raise BadInput(f"the exchange of {computers.count} computers is not run again, and this flight has {why}")
 
 
 def _decide(again: Block, scenario: Scenario, stage: Redundancy, unit: UnitUnderTest | None) -> Decide | None:
