@@ -33,14 +33,14 @@ from rig.errors import ManagerFailed
 from rig.faults import FaultData, corrupt
 from rig.frame import FLAT, TIMING, Block, LaneBlock, Nested, lane_rows, nested, new_block
 from rig.kernels import bind, kernel
-from rig.lanes.stage import LaneData, commands, think_all
+from rig.lanes.stage import LaneData, commands, sample, think_all
 from rig.lanes.think import ComputerData, follow_votes, give_references
 from rig.plant.jsbsim import plant
 from rig.plant.pilot import Pilot
 from rig.scenario import Scenario
 from rig.sensors import SensorData, Sensors, measure
 from rig.sensors.inertial import Inertial, InertialData, sense
-from rig.stages import faults, redundancy, servos, several
+from rig.stages import computers, faults, redundancy, servos
 from rig.util.interrupt import Stop
 
 # A killed flight loses no more than a second: the block being filled and, paced, the one being recorded.
@@ -98,9 +98,9 @@ class Rig:
         self.control = Control(scenario.control, scenario.gains, rate_hz, frame.surface_limits)
         self.control.reset(self.plant.trim)
         self.actuators = servos(scenario, self.plant)
-        stages = ComputerData(self.redundancy.data, self.control.data, self.faults.data)
-        own = f"the manager {scenario.redundancy.manager!r}" if self.redundancy.own else ""
-        self.computers = several(scenario, stages, "a unit under test" if computer else own)
+        alone = ComputerData(self.redundancy.data, self.control.data, self.faults.data)
+        own = "a unit under test" if computer is not None else self.redundancy.own
+        self.computers = computers(scenario, alone, self.sensors, own)
         self._lanes: LaneBlock | None = None  # of the present block
         self.data = self._gather()
         self.computer_step = bind_computer(self.data, self.redundancy.own) if computer is None else computer(self)
@@ -171,6 +171,7 @@ def before(block, k, data):
     """Fill all that the computer reads of row k, with its faults."""
     row = block[k]
     truth, bus = row["truth"], row["bus"]
+    sample(data.sensors.params, data.lanes)
     measure(truth, bus, k, data.sensors)
     sense(truth, bus, k, data.inertial)
     corrupt(row, k, data.faults)

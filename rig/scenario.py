@@ -26,9 +26,10 @@ from rig.computer.redundancy import Config as Redundancy
 from rig.errors import BadInput
 from rig.faults import Fault, check
 from rig.faults.fault import LiveFault, distinct_keys
-from rig.faults.places import OF_SERVOS, site
-from rig.frame import CHANNELS, DISCRETES, MOST_FAULTS, SIGNALS, LanePart, LaneParts
+from rig.faults.places import OF_LANES, OF_SERVOS, lanes_of, site
+from rig.frame import CHANNELS, COMPUTERS, DISCRETES, MOST_FAULTS, SIGNALS, LanePart, LaneParts
 from rig.lanes.config import Config as Computers
+from rig.lanes.config import refuse_long_offsets
 from rig.overrides import Overrides, named_manager, override, override_texts, parse_set, plain_data
 from rig.plant.airframe import AirframeField
 from rig.plant.pilot import Config as Pilot
@@ -44,7 +45,7 @@ from rig.util.trust import Trust
 
 DEFAULT: Final = "f16_pitch_rate_hardover.toml"
 # The order is part of every recorded flight: append, never insert.
-STREAMS: Final = ("plant", "sensors", "faults", "inertial", "actuators")
+STREAMS: Final = ("plant", "sensors", "faults", "inertial", "actuators", "computers")
 
 
 class Scenario(Settings):
@@ -108,6 +109,8 @@ class Scenario(Settings):
             )
         refuse_unfit(self.actuators, self.airframe)
         self._servos_for_their_faults()
+        refuse_long_offsets(self.computers, self.rate_hz)
+        self._lanes_for_their_faults()
         fitted = {named.name: getattr(self.sensors, named.name).channels for named in (*SIGNALS, *DISCRETES)}
         check(self.faults, fitted)
         labels = {fault.label for fault in self.faults}
@@ -122,6 +125,14 @@ class Scenario(Settings):
         for i, fault in enumerate(self.faults):
             if not self.has_servos and site(fault.signal) in OF_SERVOS:
                 raise ValueError(f'faults.{i}.signal: {fault.signal} needs servos: [actuators] model = "servo"')
+
+    def _lanes_for_their_faults(self) -> None:
+        count = self.computers.count
+        for i, fault in enumerate(self.faults):
+            if site(fault.signal) in OF_LANES and max(lanes_of(fault.signal)) >= count:
+                there = f"lanes A to {COMPUTERS[count - 1]}" if count > 1 else "no lanes"
+                what = f"{fault.signal} has a lane that is not there"
+                raise ValueError(f"faults.{i}.signal: {what}: [computers] count = {count}, {there}")
 
     @property
     def has_servos(self) -> bool:

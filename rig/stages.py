@@ -12,6 +12,7 @@ from rig.actuators.monitors import MonitorData, monitors
 from rig.actuators.servo import LONGEST_SUBSTEP_S
 from rig.actuators.stage import Actuators, as_designed, stops_of
 from rig.computer.redundancy import Redundancy
+from rig.computer.redundancy.own import OwnManager
 from rig.errors import BadInput
 from rig.faults import Coils, Faults
 from rig.frame import MOVED, SIGNALS
@@ -20,7 +21,7 @@ from rig.lanes.think import ComputerData
 from rig.plant.airframe import Actuator
 from rig.plant.jsbsim import Plant
 from rig.scenario import Scenario
-from rig.sensors import inertial
+from rig.sensors import Sensors, inertial
 
 if TYPE_CHECKING:
     from rig.plant.linear_plant import LinearPlant
@@ -40,6 +41,22 @@ def servos(scenario: Scenario, plant: Plant | LinearPlant) -> Actuators | None:
     )
     plant.moved_by(made.data.positions)
     return made
+
+
+def computers(scenario: Scenario, alone: ComputerData, sensors: Sensors, own: OwnManager | str | None) -> Lanes | None:
+    """Return the lanes of several computers, None for one.  BadInput: another computer or manager than the rig's own.
+
+    alone : what one computer has at its first frame;  own : a manager of the user's, or who computes in its place
+    """
+    count, whose = scenario.computers.count, own
+    if count == 1:
+        return None
+    if isinstance(own, OwnManager):
+        whose = f"the manager {scenario.redundancy.manager!r}"
+    if whose is not None:
+        raise BadInput(f"computers.count: {count} computers fly by the rig's own managers; with {whose} allowed: 1")
+    seeds = scenario.streams()["computers"]
+    return Lanes(scenario.computers, alone, sensors.params["skew"], scenario.rate_hz, seeds)
 
 
 def actuator_monitors(scenario: Scenario) -> tuple[NDArray[Any], MonitorData]:
@@ -74,17 +91,6 @@ def faults(scenario: Scenario, keep_clean: int = 0) -> Faults:
         keep_clean=keep_clean,
         wire_coverage=scenario.actuators.continuity.coverage,
     )
-
-
-def several(scenario: Scenario, computer: ComputerData, other: str) -> Lanes | None:
-    """Return the lanes of several computers, None for one.  BadInput: several, and not by our own managers.
-
-    computer : what one computer's stages keep; other : who votes in the place of our managers, "" when they do
-    """
-    count = scenario.computers.count
-    if count > 1 and other:
-        raise BadInput(f"computers.count: {count} computers fly by the rig's own managers; with {other} allowed: 1")
-    return Lanes(count, computer) if count > 1 else None
 
 
 def redundancy(scenario: Scenario) -> Redundancy:

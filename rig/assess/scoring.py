@@ -68,7 +68,7 @@ class Scoring:
         rows, outcome = laid_out(rows), self._outcome
         if outcome.frames == 0 and len(rows) and rows["frame"][0] != 0:
             raise BadInput(_FROM_0)
-        for part, kept in [(rows, clean)] if clean is not None else self._again.of(rows):
+        for part, kept in [(rows, clean)] if clean is not None else self._again.of(rows, lanes):
             outcome.add(part, kept)
         outcome.add_lanes(rows, lanes)
         if self._off is not None:
@@ -92,7 +92,7 @@ def score(
     """Score a flight of ``scenario`` against the truth in its ``rows`` (n,) of FRAME, from frame 0 on.
 
     twin : rows of the same flight without faults (``fly_twin``); without it there are no transients
-    lanes : (n,) of its servo actuators, if it has any; without them nothing is said of these
+    lanes : (n,) of its servo actuators and computers, if it has any; without them nothing is said of these
     clean : (n,) what ``Faults.clean`` kept in flight; without it the sensors are run again over the recorded truth
     BadInput when these sensors cannot have given the rows, or the twin is that of another flight.
     """

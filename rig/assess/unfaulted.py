@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from rig.computer.redundancy.vote import mean
 from rig.faults import CLEAN
-from rig.frame import FLAT, Block, nested, new_block
+from rig.frame import CHANNELS, FLAT, Block, LaneBlock, has_part, nested, new_block
 from rig.kernels import kernel
+from rig.lanes.clock import sample_early
 from rig.scenario import Scenario
 from rig.sensors import Sensors, measure
 from rig.units.angles import difference, limit
@@ -28,16 +29,23 @@ class MeasuredAgain:
 
     def __init__(self, scenario: Scenario) -> None:
         self._sensors = Sensors(scenario.sensors, scenario.rate_hz, scenario.streams()["sensors"])
+        self._skew = self._sensors.params["skew"].copy()
         self._block, self._kept = new_block(ROWS), np.zeros(ROWS, CLEAN)
 
-    def of(self, rows: Block) -> Iterator[tuple[Block, NDArray[Any]]]:
-        """Yield the next ``rows`` part by part, with the (n,) CLEAN of each."""
+    def of(self, rows: Block, lanes: LaneBlock | None = None) -> Iterator[tuple[Block, NDArray[Any]]]:
+        """Yield the next ``rows`` part by part, with the (n,) CLEAN of each.
+
+        lanes : (n,) whose clocks say when each of several computers has sampled
+        """
+        lead = np.zeros((len(rows), CHANNELS))
+        if has_part(lanes, "computer"):
+            lead[:] = lanes["computer"]["clock_lead"]
         for first in range(0, len(rows), ROWS):
             recorded = rows[first : first + ROWS]
             again, clean = self._block[: len(recorded)], self._kept[: len(recorded)]
             again.view(np.uint8)[:] = recorded.view(np.uint8)
             self._sensors.prepare(again)
-            measure_again(nested(again), self._sensors.data)
+            measure_again(nested(again), self._sensors.data, self._skew, lead[first:])
             for field in CLEAN.names or ():
                 clean[field] = again[field]
             yield recorded, clean
@@ -53,9 +61,13 @@ def laid_out(rows: Block) -> Block:
 
 
 @kernel
-def measure_again(clean, data):
-    """Fill the channels of ``clean`` (n,) FRAME from its truth; data : SensorData."""
+def measure_again(clean, data, skew, lead):
+    """Fill the channels of ``clean`` (n,) FRAME from its truth; data : SensorData; the rest as of ``sample_early``.
+
+    lead : (n, 4)
+    """
     for k in range(len(clean)):
+        sample_early(data.params, skew, lead[k])
         measure(clean[k]["truth"], clean[k]["bus"], k, data)
 
 

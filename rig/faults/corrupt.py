@@ -1,4 +1,4 @@
-"""The faults of a frame, in turn: channels and inertial unit, references, parts of servos, surfaces.
+"""The faults of a frame, in turn: channels and inertial unit, links, references, parts of servos, surfaces.
 
 In each the faults act one after the other in the order of the scenario: what one leaves is what the next finds.
 All take the row, a FRAME record, its place k in the block, and the same FaultData.
@@ -147,6 +147,28 @@ def break_parts(row, parts, whole, data):
         if target["seen_by_wire"] != 0:
             parts[i, Part.OPEN_SEEN, c] = 1.0
         mark(row, target["fault"])
+
+
+@kernel
+def break_links(row, parts, data):
+    """Break the links between lanes: (LinkPart, receivers, senders), in this frame; return True if one is broken.
+
+    Writes parts and acting.
+    """
+    p, targets, state, kept, memory = data.param[0], data.targets, data.state, data.kept, data.memory
+    broken = False
+    if p["links"] > p["parts"]:
+        parts[:] = 0.0
+    for t in range(p["parts"], p["links"]):
+        target = targets[t]
+        st, part, receiver, sender = state[target["fault"]], target["part"], target["column"], target["row"]
+        if st["acts"] == 0:
+            continue
+        x = parts[part, receiver, sender]
+        parts[part, receiver, sender] = step(row["frame"], x, x, 0.0, Acting(target, st, kept[t], memory, p["dt_s"]))
+        mark(row, target["fault"])
+        broken = True
+    return broken
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""Parts of servo actuators that faults change, and what they are while nothing is broken."""
+"""Parts of servo actuators and of links between lanes that faults change, and what they are while nothing is broken."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame import CHANNELS, MOVED
+from rig.frame import CHANNELS, COMPUTERS, MOVED
 
 
 class Part(IntEnum):
@@ -30,3 +30,17 @@ def whole_parts() -> NDArray[np.float64]:
     parts = np.zeros((len(MOVED), len(Part), CHANNELS))
     parts[:, [Part.COMMANDED, Part.FACTOR, Part.LEFT, Part.PRESSURE]] = 1.0
     return parts
+
+
+class LinkPart(IntEnum):
+    """Part of a one-way link between two lanes."""
+
+    SILENT = 0  # 1: nothing arrives
+    FROZEN = 1  # 1: the last message arrives again, with its frame number
+    DAMAGED = 2  # 1: the checksum is wrong
+    LIE = 3  # added to every sample that is told, in thresholds of its signal's monitor; the checksum is right
+
+
+def whole_links() -> NDArray[np.float64]:
+    """Return (parts, receivers, senders): every part as it is while nothing is broken."""
+    return np.zeros((len(LinkPart), len(COMPUTERS), len(COMPUTERS)))

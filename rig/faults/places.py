@@ -1,23 +1,32 @@
-"""Places of faults: channels of a signal or a discrete, inertial unit, reference, actuator of a surface."""
+"""Places of faults: channels of signals and discretes, inertial unit, references, actuators, links between lanes."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from itertools import chain
+from itertools import chain, permutations
 from typing import Final, Literal, NamedTuple
 
 from pydantic import ValidationInfo
 
-from rig.frame import DISCRETE_INDEX, INERTIAL, MOVED, SIGNALS, SURFACES, SYSTEMS
+from rig.frame import COMPUTERS, DISCRETE_INDEX, INERTIAL, MOVED, SIGNALS, SURFACES, SYSTEMS
 from rig.text import choices
 
-Site = Literal["channel", "inertial", "reference", "surface", "discrete", "actuator", "hydraulics"]
+Site = Literal["channel", "inertial", "reference", "surface", "discrete", "actuator", "hydraulics", "ccdl"]
 OF_SERVOS: Final[tuple[Site, ...]] = ("actuator", "hydraulics")  # there with servo actuators alone
+OF_LANES: Final[tuple[Site, ...]] = ("ccdl",)  # with several computers alone
 _HEADS: Final[dict[str, Site]] = {
-    head: head for head in ("inertial", "reference", "surface", *OF_SERVOS)
+    head: head for head in ("inertial", "reference", "surface", *OF_SERVOS, *OF_LANES)
 }  # before the dot
 CHANNELLED: Final[tuple[Site, ...]] = ("channel", "discrete")  # where a fault sits on numbered channels
-WITH_THRESHOLD: Final[tuple[Site, ...]] = ("channel", "reference")  # where magnitudes may be given in thresholds
+WITH_THRESHOLD: Final[tuple[Site, ...]] = (
+    "channel",
+    "reference",
+    "ccdl",
+)  # may have magnitudes in thresholds
+# One-way links of the lanes, from A to B first, and all that leave a lane, its node.
+LINKS: Final = tuple(permutations(range(len(COMPUTERS)), 2))  # sender, receiver
+_WAYS: Final = tuple(f"ccdl.{COMPUTERS[sender]}-{COMPUTERS[receiver]}" for sender, receiver in LINKS)
+LINK_NAMES: Final = (*_WAYS, *(f"ccdl.{name}" for name in COMPUTERS))
 SURFACE_NAMES: Final = tuple(name.removesuffix("_rad") for name in SURFACES)  # every aircraft has these
 
 
@@ -43,6 +52,7 @@ class Places:
         surfaces: Iterable[str] = (),
         actuators: Iterable[str] = (),
         systems: int = 0,
+        links: Iterable[str] = (),
     ) -> None:
         of_unit = [f"inertial.{name}" for name in inertial]
         self.names: dict[Site, list[str]] = {
@@ -53,6 +63,7 @@ class Places:
             "discrete": [*discretes],
             "actuator": [f"actuator.{name}" for name in actuators],
             "hydraulics": [f"hydraulics.{system + 1}" for system in range(systems)],
+            "ccdl": [*links],
         }
         self.index = {name: i for i, name in enumerate(chain(*self.names.values()))}
         self.wraps = [*signals.values()]
@@ -74,6 +85,8 @@ class Places:
         if name in self.index:
             return name
         of = self.site(name)
+        if of == "ccdl" and self.names[of]:
+            raise ValueError(f"no such link between two lanes, {choices(name, self.names[of], 'docs/faults.md')}")
         if of in ("surface", *OF_SERVOS) and self.names[of]:
             what = "hydraulic system" if of == "hydraulics" else of
             raise ValueError(f"the aircraft has no such {what}, {choices(name, self.names[of])}")
@@ -82,9 +95,26 @@ class Places:
 
 
 FLIGHT: Final = Places(
-    {signal.name: signal.wraps for signal in SIGNALS}, DISCRETE_INDEX, INERTIAL, SURFACE_NAMES, MOVED, SYSTEMS
+    {signal.name: signal.wraps for signal in SIGNALS},
+    DISCRETE_INDEX,
+    INERTIAL,
+    SURFACE_NAMES,
+    MOVED,
+    SYSTEMS,
+    LINK_NAMES,
 )
 site, number = FLIGHT.site, FLIGHT.number
+
+
+def one_way_links(place: str) -> list[str]:
+    """Return the links that a fault on ``place`` acts on: that link, or all that leave the node."""
+    return [way for way in _WAYS if way == place or way.startswith(f"{place}-")]
+
+
+def lanes_of(place: str) -> list[int]:
+    """Return the lanes that a place of the lanes is about."""
+    at = number(place)
+    return [*LINKS[at]] if at < len(LINKS) else [at - len(LINKS)]
 
 
 def places_of(info: ValidationInfo) -> Places:

@@ -31,7 +31,8 @@ PARAM: Final = np.dtype(
         ("discretes", "i8"),  # from there up to here channels of discretes,
         ("references", "i8"),  # from there up to here references,
         ("surfaces", "i8"),  # from there up to here surfaces,
-        ("parts", "i8"),  # from there up to here parts of servo actuators
+        ("parts", "i8"),  # from there up to here parts of servo actuators,
+        ("links", "i8"),  # from there up to here links between lanes
         ("watches", "u1"),  # whether a trigger needs the last frame's votes
     ],
     align=True,
@@ -79,7 +80,7 @@ STATE: Final = np.dtype(
     ],
     align=True,
 )
-# One record a value that a fault acts on, in the order of the scenario within each of the five sorts.
+# One record a value that a fault acts on, in the order of the scenario within each of the sorts.
 TARGET: Final = np.dtype(
     [
         ("fault", "i8"),
@@ -87,11 +88,11 @@ TARGET: Final = np.dtype(
         ("remembers", "u1"),  # it needs the value while the fault does not act
         ("invalid", "u1"),
         ("wraps", "u1"),
-        ("part", "u1"),  # places.Part
+        ("part", "u1"),  # parts.Part, or LinkPart
         ("uncommanded", "u1"),
         ("seen_by_wire", "u1"),
-        ("row", "i8"),  # index of the signal, discrete or actuator; -1: the inertial unit
-        ("column", "i8"),  # channel; index of the quantity, the reference, the surface
+        ("row", "i8"),  # index of the signal, discrete or actuator, sender of a link; -1: the inertial unit
+        ("column", "i8"),  # channel; index of the quantity, the reference, the surface; receiver of a link
         ("source", "i8"),  # cross-talk: index of the signal, quantity or reference; ice: the dynamic pressure
         ("low", "f8"),
         ("high", "f8"),

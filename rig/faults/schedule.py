@@ -16,13 +16,13 @@ from rig.faults import fault as together
 from rig.faults.effects import OF_A_COIL, REMEMBERING, Act, Effect
 from rig.faults.expression import DEEPEST, STEP, parse, reads_votes
 from rig.faults.fault import Fault
-from rig.faults.places import CHANNELLED, FLIGHT, OF_SERVOS, Places, Point
+from rig.faults.places import CHANNELLED, FLIGHT, LINKS, OF_LANES, OF_SERVOS, Places, Point
 from rig.faults.record import CLEAN, FOREVER, KEPT, PARAM, SCHEDULE, SEEN, STATE, TARGET, FaultData, Trigger
 from rig.faults.trigger import DutyCycle
 from rig.frame import Block, to_frame
 
 _COPIED: Final = tuple(field.name for field in fields(Effect) if field.name in (TARGET.names or ()))
-_SORTS: Final = (("channel", "inertial"), ("discrete",), ("reference",), ("surface",), OF_SERVOS)
+_SORTS: Final = (("channel", "inertial"), ("discrete",), ("reference",), ("surface",), OF_SERVOS, OF_LANES)
 
 
 class Coils(NamedTuple):
@@ -60,8 +60,8 @@ class Faults:
         wire_coverage: float = 1.0,
     ) -> None:
         self._faults, self._rate_hz, self._places = faults, rate_hz, places
-        discretes, servos = len(places.names["discrete"]), sum(len(places.names[site]) for site in OF_SERVOS)
-        self._ranges = np.array([*ranges, *[(0.0, 1.0)] * discretes, *[(-np.inf, np.inf)] * servos])
+        discretes, others = len(places.names["discrete"]), sum(len(places.names[s]) for s in (*OF_SERVOS, *OF_LANES))
+        self._ranges = np.array([*ranges, *[(0.0, 1.0)] * discretes, *[(-np.inf, np.inf)] * others])
         self._wire_coverage = wire_coverage
         self._thresholds = np.full(len(places.wraps), np.nan) if thresholds is None else thresholds
         self._seeds = SeedSequence(0) if seeds is None else seeds
@@ -228,6 +228,10 @@ class Faults:
         if where in OF_SERVOS:
             row["row"], row["column"] = (at, (point.channel or 1) - 1) if where == "actuator" else (0, at)
             row["seen_by_wire"] = effect.seen_by_wire and self._generator(i, "wire").random() < self._wire_coverage
+        if where == "ccdl":
+            row["row"], row["column"] = LINKS[at]
+            if effect.different and row["column"] % 2:
+                row["value"] = -effect.value
         row["source"] = places.number(source)
         row["low"], row["high"] = low, high = self._ranges[places.index[point.place]]
         row["source_low"], row["source_high"] = self._ranges[places.index[source]]
@@ -242,7 +246,7 @@ class Faults:
             if row["wraps"]:
                 row["act"], row["value"] = Act.ADD_ANGLE, pi if up else -pi
         elif effect.act == Act.SET:
-            row["value"] = np.clip(effect.value, low, high)
+            row["value"] = np.clip(row["value"], low, high)
         elif effect.act == Act.VALID_ONLY and where not in CHANNELLED:
             row["act"] = Act.NO_NUMBER  # there is no flag to set
         elif effect.act == Act.NOISE:
@@ -267,7 +271,7 @@ class Faults:
         param = np.zeros(1, PARAM)
         row = param[0]
         row["dt_s"] = 1.0 / self._rate_hz
-        row["samples"], row["discretes"], row["references"], row["surfaces"], row["parts"] = self._ends
+        row["samples"], row["discretes"], row["references"], row["surfaces"], row["parts"], row["links"] = self._ends
         voting = self.schedule["needs_votes"] != 0
         row["watches"] = voting.any() or (self.schedule["trigger"] == Trigger.TRANSITION).any()
         return param

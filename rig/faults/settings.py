@@ -194,7 +194,7 @@ class Placed(Triggered):
     on_channels: ClassVar[bool | None] = None  # None: where the place has channels
 
     signal: Annotated[str, AfterValidator(refuse_unknown)] = quantity(
-        "", "where it sits: <signal>, <discrete>, inertial.<quantity>, reference.<signal>, surface.<name>"
+        "", "where it sits: <signal>, <discrete>, inertial.<quantity>, reference.<signal>, surface.<name> and so on"
     )
     channels: Channels = quantity("", "of a signal, a discrete or an actuator, from 1", [])
 

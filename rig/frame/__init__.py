@@ -13,6 +13,7 @@ from rig.frame.enums import (
     End,
     Ilm,
     Law,
+    LinkState,
     Pattern,
     Resolver,
     SensorFault,

@@ -135,3 +135,13 @@ class ActuatorMonitor(IntEnum):
     SPOOL = 3  # its model and its sensor
     POSITION = 4  # the ram's four sensors with each other
     RAM = 5  # its model and its sensor
+
+
+class LinkState(IntEnum):
+    """What a lane has of another's message in a frame."""
+
+    ABSENT = 0  # it is the lane itself, or not fitted
+    FRESH = 1
+    OLD = 2  # of a frame before
+    MISSING = 3  # damaged, or older than it may be
+    FAILED = 4  # nothing good has come for long

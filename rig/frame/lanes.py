@@ -17,7 +17,7 @@ from typing import Any, Final, Literal, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame.enums import ActuatorMonitor, Pattern, Resolver, State
+from rig.frame.enums import ActuatorMonitor, LinkState, Pattern, Resolver, State
 from rig.frame.fields import BASES, Field
 from rig.frame.signals import CHANNELS, SIGNALS, SURFACES, S
 
@@ -45,12 +45,17 @@ LANE_FIELDS: Final = (
 )
 COMPUTERS: Final = ("A", "B", "C", "D")  # lane i has channel i
 INTEGRATED: Final = ("elevator_rad", "aileron_rad", "rudder_rad", "throttle")
+_BY_LANE: Final = (len(COMPUTERS),)
 _COMPUTER: Final = "rig.Computer"
 _NAMES: Final = tuple(signal.name for signal in SIGNALS)
 
 
 def _of_signals(prefix: str) -> tuple[str, ...]:
     return tuple(f"{prefix}_{name}" for name in _NAMES)
+
+
+def _of_lanes(prefix: str) -> tuple[str, ...]:
+    return tuple(f"{prefix}_{name}" for name in COMPUTERS)
 
 
 COMPUTER_FIELDS: Final = (
@@ -77,6 +82,11 @@ COMPUTER_FIELDS: Final = (
         message=_COMPUTER,
         elements=tuple(f"integral_{name}" for name in INTEGRATED),
     ),
+    Field("clock_lead", "fcc", (), message=_COMPUTER),  # it samples so many frames before the plant's instant
+    # By sender of what it receives.
+    Field("link", "fcc", _BY_LANE, "enum", LinkState, message=_COMPUTER, elements=_of_lanes("link")),
+    Field("silent", "fcc", _BY_LANE, "small", message=_COMPUTER, elements=_of_lanes("silent")),  # frames, to 127
+    Field("outvoted", "fcc", _BY_LANE, "flag", message=_COMPUTER, elements=_of_lanes("outvoted")),  # by relays
 )
 
 

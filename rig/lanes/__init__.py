@@ -3,5 +3,7 @@
 config.py    the ``[computers]`` table
 think.py     one frame of one computer, from its BUS record to its FCC record
 stage.py     several of them: state and records of each lane, and who leads
-exchange.py  what each lane holds of another's word, after one round or two (no flight has a link yet)
+clock.py     when each lane samples, and how their clocks are kept together
+link.py      what each lane's BUS has of the others' channels
+exchange.py  what each lane holds of another's word, after one round or two
 """

@@ -4,7 +4,8 @@ Each lane thinks as one computer does (think.py), with the same kernels and para
 leading lane's FCC is the row's: triggers, score and all who read the row see what it decided.  All arrays have four
 lanes; how many think is the bound of a loop.
 
-Still to come: the link between the lanes and what can fail in them; until then all lanes are equal, bit for bit.
+Each samples its own channel, by its own clock (clock.py), and has the others' by the link (link.py).  While the lanes
+hold the same samples they are equal, bit for bit.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
 from rig.computer.analytic.references import ReferenceData
@@ -22,11 +24,15 @@ from rig.computer.redundancy.manager import ManagerData
 from rig.faults import FaultData
 from rig.frame import BUS, CHANNELS, COMPUTERS, FCC, SURFACES, S, lane_rows
 from rig.kernels import kernel
+from rig.lanes.clock import ClockData, clocks, run_on, sample_early
+from rig.lanes.config import Config
+from rig.lanes.link import LinkData, links, share_samples
 from rig.lanes.think import ComputerData, think_lane
 
 _LANES: Final = len(COMPUTERS)
 _LEADING: Final = 0  # the first lane that is engaged, and all are
 _SURFACES: Final = len(SURFACES)
+_MOST_NOTED: Final = 127
 
 
 class LaneData(NamedTuple):
@@ -44,16 +50,21 @@ class LaneData(NamedTuple):
     fdi: NDArray[Any]
     kept: NDArray[Any]  # of faults on references
     memory: NDArray[np.float64]
+    clocks: ClockData
+    links: LinkData
     rows: NDArray[Any]  # (n, 4) COMPUTER of a block's rows
 
 
 class Lanes:
     """The lanes of a flight at their first frame; ``one`` : a computer at its own, from which all begin."""
 
-    def __init__(self, count: int, one: ComputerData) -> None:
+    def __init__(
+        self, config: Config, one: ComputerData, skew: NDArray[np.float64], rate_hz: float, seeds: SeedSequence
+    ) -> None:
+        """skew : (S, 4) frames, of the sensors without the lanes' clocks."""
         redundancy, control, faults = one.redundancy, one.control, one.faults
         self.data = LaneData(
-            fitted=count,
+            fitted=config.count,
             bus=np.zeros(_LANES, BUS),
             fcc=np.zeros(_LANES, FCC),
             references=_of_each(redundancy.references.state),
@@ -65,6 +76,8 @@ class Lanes:
             fdi=_of_each(control.fdi),
             kept=_of_each(faults.kept),
             memory=_of_each(faults.memory),
+            clocks=clocks(config, rate_hz, skew, seeds),
+            links=links(config, rate_hz, redundancy.manager.params),
             rows=lane_rows(2, ("computer",))["computer"],  # of two: of one the view would count as contiguous
         )
 
@@ -87,10 +100,14 @@ def think_all(row, k, data, lanes):
     if lanes is None:
         think_lane(row, row["bus"], row["fcc"], k, data)
     else:
+        clock = lanes.clocks.clock[0]
+        share_samples(row, lanes.bus, clock["lead"], data.faults, lanes.links)
         for i in range(lanes.fitted):
-            lanes.bus[i], lanes.fcc[i] = row["bus"], row["fcc"]
+            lanes.fcc[i] = row["fcc"]
             think_lane(row, lanes.bus[i], lanes.fcc[i], k, of_lane(i, data, lanes))
             note(lanes.rows[k, i], lanes.fcc[i], lanes.control[i, 0])
+            note_link(lanes.rows[k, i], i, lanes)
+        run_on(clock, lanes.links.silent)
         row["fcc"] = lanes.fcc[_LEADING]
 
 
@@ -124,6 +141,22 @@ def note(out, fcc, law):
     integral = out["integral"]
     integral[0], integral[1] = law["elevator_integral"], law["aileron_integral"]
     integral[2], integral[3] = law["rudder_integral"], law["throttle_integral"]
+
+
+@kernel
+def note_link(out, i, lanes):
+    """Write what lane i has of its clock and of its links into its COMPUTER record; before the clocks run on."""
+    out["clock_lead"] = lanes.clocks.clock[0]["lead"][i]
+    for j in range(lanes.fitted):
+        out["link"][j], out["outvoted"][j] = lanes.links.state[i, j], lanes.links.outvoted[i, j]
+        out["silent"][j] = min(lanes.links.silent[i, j], _MOST_NOTED)
+
+
+@kernel
+def sample(sensors, lanes):
+    """Let the sensors sample when the lanes' clocks say; sensors : (S,) PARAMS, lanes : LaneData or None."""
+    if lanes is not None:
+        sample_early(sensors, lanes.clocks.skew, lanes.clocks.clock[0]["lead"])
 
 
 @kernel
