@@ -245,7 +245,8 @@ def test_names_of_patterns_and_resolvers_are_those_of_the_table():
     from rig.bench.write_votes import PATTERNS, RESOLVERS, STATES
 
     assert PATTERNS == ("normal", "isolated", "2:2", "1:1:1:1", "1:1:1", "1:1", "lost")
-    assert RESOLVERS == ("none", "ilm", "trend", "reference", "extremes", "middle", "unresolved", "box", "common")
+    ours = ("box", "common", "slow")
+    assert RESOLVERS == ("none", "ilm", "trend", "reference", "extremes", "middle", "unresolved", *ours)
     assert [State[name.upper()] for name in STATES] == [0, 1, 2]
     assert len(PATTERNS) == len(Pattern) and len(RESOLVERS) == len(Resolver)
 

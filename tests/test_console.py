@@ -131,7 +131,7 @@ def test_campaign_titles_are_text(tmp_path: Path, capsys: pytest.CaptureFixture[
     head = dict.fromkeys(("detection", "right_isolation", "wrong_isolation", "survival", "false_alarms"), rate)
     counts = dict.fromkeys(("faults", "not_executed", "undetectable"), 0)
     show.report(
-        {"title": MARKUP + ACTS, "headline": {"done": 1, **counts, **head}, "runs": 1, "resolvers": []},
+        {"title": MARKUP + ACTS, "headline": {"done": 1, **counts, **head}, "runs": 1, "resolvers": [], "servos": []},
         tmp_path / "[/x]",
     )
     out = capsys.readouterr().out

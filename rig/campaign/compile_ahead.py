@@ -20,6 +20,9 @@ from typing import Any, Final
 from rig import loop
 from rig.assess.of_log import FlightConclusion
 from rig.assess.outcome_rows import add_rows
+from rig.computer.redundancy.baselines import select_unit
+from rig.computer.redundancy.manager import ManagerData
+from rig.computer.redundancy.managers import KINDS
 from rig.kernel_cache import folder, reached
 from rig.kernel_locks import give_back, take
 from rig.kernels import cache_root, compile_inner
@@ -149,7 +152,15 @@ def _from_the_end() -> None:
     outcome = FlightConclusion()
     outcome.begin(scenario)
     outcome.add(rows, rig.faults.clean_of(rows))
+    _managers_from_the_last(row, data.redundancy.manager)
     compile_inner(loop.think, loop.nested(rows), 0, data)
+
+
+def _managers_from_the_last(row: Any, data: ManagerData) -> None:
+    """Compile the managers while the other process is at the first one; a flight can be flown by any."""
+    compile_inner(select_unit, row["bus"], row["fcc"], 0, len(data.params), data)
+    for kind in reversed(KINDS):
+        compile_inner(kind.kernel, row["bus"], row["fcc"], data)
 
 
 _PART: Final = {"in order": _in_order, "from the end": _from_the_end}

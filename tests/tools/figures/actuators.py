@@ -213,7 +213,8 @@ def _singles(name: str) -> list[str]:
             moved.append(transient(flight, clean))
         monitors, after_s = ", ".join(sorted({by for by, _ in found})), max(after for _, after in found)
         g, rate = np.max(moved, axis=0)
-        cells.append(f"{monitors}, {after_s:.2f} s: {g:.3f} g, {rate:.2f} deg/s")
+        found_by = monitors if monitors == "nobody" else f"{monitors}, {after_s:.2f} s"
+        cells.append(f"{found_by}: {g:.3f} g, {rate:.2f} deg/s")
     return [name, *cells, f"{sum(survived)} of {len(survived)}"]
 
 
