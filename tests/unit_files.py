@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from rig.computer.redundancy.config import LASTING
 from rig.frame import FLAT, Block
 from rig.kernels import cache_root
 from rig.unit.header import header
@@ -40,7 +41,7 @@ def config(params: NDArray[Any], discretes: NDArray[Any], boxes: NDArray[Any]) -
     """The CONFIG record, one element, of the records that the rig's own manager and voter are made from."""
     record = np.zeros(1, CONFIG)
     for field, given in (("signal", params), ("discrete", discretes)):
-        for name in given.dtype.names or ():
+        for name in set(given.dtype.names or ()) - set(LASTING):
             record[field][0][name] = given[name]
     record["box_signals"], record["box_persistence"] = boxes["signals"], boxes["persistence"]
     record["layout"] = LAYOUT
