@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+import rig
 from rig import scenario
 from rig.assess.of_log import score_log
 from rig.assess.record import Yardstick
@@ -220,9 +221,13 @@ def test_a_log_is_scored_with_the_clocks_of_its_lanes(logged):
     assert [fault.outcome for fault in scored.faults][:1] == ["detected"] and not scored.false_alarms
 
 
-def test_a_replay_that_would_need_the_exchange_is_refused(logged):
-    with pytest.raises(BadInput, match=r"the exchange of 4 computers is not run again, and this flight has a fault of"):
+def test_a_replay_or_a_vote_that_would_need_the_exchange_is_refused(logged, tmp_path):
+    told = r"^the exchange of 4 computers is not run again, and this flight has a fault of ccdl.A-B"
+    with pytest.raises(BadInput, match=told):
         vote_again(read_log(logged.log).rows, logged.scenario)
+    with pytest.raises(BadInput, match=told):
+        rig.vote(logged.log, out=tmp_path / "voted.mcap")
+    assert not (tmp_path / "voted.mcap").exists()
 
 
 LOSS = 'faults=[{{kind="link_loss", signal="{}", start_s=1.0}}]'

@@ -18,7 +18,7 @@ from rig.bench.write_votes import output, table, write
 from rig.errors import BadInput
 from rig.log import read_log
 from rig.recordings.alignment import AlignOptions, run_alignment
-from rig.recordings.flown import Recorded, recorded
+from rig.recordings.flown import Recorded, recorded, refuse_link
 from rig.recordings.injection_file import read_injection
 from rig.recordings.own_logs import is_flight, of_log
 from rig.recordings.read import load
@@ -150,6 +150,7 @@ def _by_scenario(path: Path, options: Options) -> _Asked:
     if path.suffix != ".mcap" or not is_flight(path):
         raise BadInput(f"{path}: --config is needed: only the log of a flight holds the settings of its signals")
     flown = recorded(path, options.allow_code)
+    refuse_link(flown.scenario)
     signals, discretes = settings_of(flown.scenario)
     return _Asked(of_log(read_log(path), path, options.repair), signals, discretes, VoteConfig(), flown)
 

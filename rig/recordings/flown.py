@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rig.errors import BadInput, BadLog
+from rig.faults.places import OF_LANES, site
 from rig.flight.operator_keys import pressed
 from rig.log import LogFile, scenario_of, unit_of
 from rig.scenario import Scenario, from_resolved
@@ -30,6 +31,15 @@ class Recorded:
     def unit(self) -> dict[str, Any]:
         """The unit under test that flew it, as ``settings.Unit.about`` said; empty when our own manager did."""
         return unit_of(self.log.metadata)
+
+
+def refuse_link(scenario: Scenario) -> None:
+    """BadInput when a computer need not have voted what was sampled: the exchange of several is not run again."""
+    computers = scenario.computers
+    broken = next((fault.signal for fault in scenario.faults if site(fault.signal) in OF_LANES), None)
+    if broken is not None or (computers.count > 1 and not computers.synchronised):
+        why = f"a fault of {broken}" if broken else "clocks that run free"
+        raise BadInput(f"the exchange of {computers.count} computers is not run again, and this flight has {why}")
 
 
 def recorded(path: Path | str, allow_code: bool = False) -> Recorded:

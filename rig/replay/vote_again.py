@@ -11,11 +11,11 @@ from rig import loop
 from rig.bench.run import Decide, Stages, run, write_sources
 from rig.bench.vote import by_class
 from rig.computer.redundancy.config import command
-from rig.errors import BadInput
 from rig.faults import Fault
-from rig.faults.places import OF_LANES, site
+from rig.faults.places import site
 from rig.flight.unit_loop import UnitVoter
 from rig.frame import FLAT, Block, nested
+from rig.recordings.flown import refuse_link
 from rig.scenario import Scenario
 from rig.unit.layout import Form
 from rig.unit.port import ON_DISCRETES
@@ -45,7 +45,7 @@ class VoteAgain:
     """
 
     def __init__(self, scenario: Scenario, unit: UnitUnderTest | None = None) -> None:
-        _refuse_link(scenario)
+        refuse_link(scenario)
         self._scenario, self._unit, self._stage = scenario, unit, loop.redundancy(scenario)
         self._voter: UnitVoter | None = None
         self._on_references = [i for i, fault in enumerate(scenario.faults) if _sites(fault) & {"reference"}]
@@ -78,15 +78,6 @@ class VoteAgain:
             self._voter = UnitVoter(self._unit, self._scenario, self._stage, again)
         voter = self._voter
         return lambda _, k: bool(voter.step(again, k) & ON_DISCRETES)
-
-
-def _refuse_link(scenario: Scenario) -> None:
-    """BadInput when a lane need not have what was sampled: the exchange is not run again."""
-    computers = scenario.computers
-    broken = next((fault.signal for fault in scenario.faults if site(fault.signal) in OF_LANES), None)
-    if broken is not None or (computers.count > 1 and not computers.synchronised):
-        why = f"a fault of {broken}" if broken else "clocks that run free"
-        raise BadInput(f"the exchange of {computers.count} computers is not run again, and this flight has {why}")
 
 
 def outputs(unit: UnitUnderTest | None) -> tuple[str, ...]:
