@@ -8,11 +8,12 @@ from the quantity, with its variance.  In a frame
 2. the quantity, of which nothing is known before (flat), is estimated from all members, each freed of its estimate;
 3. the set is weighed by the likelihood of what is left, and the estimates follow it.
 
-Member i reads x_i = quantity + b_i + noise; healthy: b_i a constant, N(0, bias), of the reference N(0, a third of its
-threshold), which is its noise too; faulty: b_i jumps at the onset and walks, and the noise is that of a fault.  The
-correlation that the common quantity makes between the estimates is left out, and so is a second form of fault.  Bounded
-(ours): the likelihood of a set is at least so much of the best that persistence frames bring a fault from its onset to
-the limit, and a set that is held by that learns nothing; the limit must be exceeded for the persistence.
+Member i reads x_i = quantity + b_i + noise.  Healthy: b_i is a constant, N(0, bias); that of the reference wanders
+(Gauss and Markov, first order) with a third of its threshold, which is its noise too.  Faulty: b_i jumps at the onset and
+walks, and the noise is that of a fault.  The correlation that the common quantity makes between the estimates is left
+out.  Bounded (ours): the likelihood of a set is at least so much of the best that the persistence brings a fault from
+its onset to the limit, in a set that is held by that the healthy learn nothing, and the limit must be exceeded for the
+persistence.
 
 Sources: Magill 1965, Optimal adaptive estimation of sampled stochastic processes (the bank, without switching); Blom
 and Bar-Shalom 1988, The interacting multiple model algorithm (step 1).  Amounts are in thresholds of the signal.
@@ -126,6 +127,7 @@ def onsets(part, p, st):
             for i in range(MEMBERS):
                 if (part >> i) & 1 == 1:
                     mix(a, i, stays / total, p["onset_per_frame"] / total, p, st)
+        forget(a, p, st)
         st["chance"][a] = total
 
 
@@ -152,6 +154,16 @@ def mix(a, i, stays, onset, p, st):
 
 
 @kernel
+def forget(a, p, st):
+    """Let the reference, where it is healthy, forget a share of its error."""
+    if (a >> CHANNELS) & 1 == 0:
+        kept = 1.0 - 1.0 / p["reference_frames"]
+        st["read"][a, CHANNELS] *= kept
+        before = st["variance"][a, CHANNELS]
+        st["variance"][a, CHANNELS] = kept * kept * before + (1.0 - kept * kept) * st["healthy_variance"][CHANNELS]
+
+
+@kernel
 def noise_of(a, i, p, st):
     """Return the variance of the noise of member i in set ``a``; a fault never makes it less."""
     healthy = st["healthy_variance"][i]
@@ -160,7 +172,7 @@ def noise_of(a, i, p, st):
 
 @kernel
 def weigh(bank, p, st):
-    """Write the log likelihood and the quantity of each set; let the estimates follow, but of a set that is held."""
+    """Write the log likelihood and the quantity of each set; its estimates follow, those of the faulty always."""
     best = -math.inf
     for a in range(SETS):
         if a & bank.part == a:
@@ -170,10 +182,10 @@ def weigh(bank, p, st):
     for a in range(SETS):
         if a & bank.part != a:
             continue
-        if st["likelihood"][a] < least:
+        held = st["likelihood"][a] < least
+        if held:
             st["likelihood"][a] = least
-        else:
-            follow(a, bank.here, p, st)
+        follow(a, a if held else bank.part, bank.here, p, st)
         st["likelihood"][a] -= best
 
 
@@ -205,14 +217,14 @@ def likelihood(a, here, p, st):
 
 
 @kernel
-def follow(a, here, p, st):
-    """Move the estimates of set ``a`` by what is left of this frame's readings."""
+def follow(a, learning, here, p, st):
+    """Move the estimates of the members ``learning``, bits, of set ``a`` by what is left of this frame's readings."""
     read, variance, weights = st["read"], st["variance"], 0.0
     for i in range(MEMBERS):
         if (here >> i) & 1 == 1:
             weights += 1.0 / (variance[a, i] + noise_of(a, i, p, st))
     for i in range(MEMBERS):
-        if (here >> i) & 1 == 1:
+        if (here & learning) >> i & 1 == 1:
             before = variance[a, i]
             gain = before / (before + noise_of(a, i, p, st))
             read[a, i] += gain * (st["y"][i] - read[a, i] - st["quantity"][a])

@@ -66,7 +66,7 @@ def blamed(at, st):
     for i in range(at.n):
         if statistic[order[i]] > statistic[worst]:
             worst = order[i]
-    if not at.usable or at.n % 2 == 1 or not even_split(at, statistic[worst], st):
+    if not at.usable or not even_split(at, statistic[worst], st):
         return worst
     half, low, high = at.n // 2, st["x"][order[0]], st["x"][order[at.n - 1]]
     near_low = abs(at.reference - low) < abs(at.reference - high)

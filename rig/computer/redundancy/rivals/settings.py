@@ -95,6 +95,7 @@ class Bayes(Rival):
     fault_noise: float = Field(default=4.0, gt=0)  # of a faulty one, spreads
     jump: float = Field(default=2.0, ge=0)  # of a fault at its onset, biases
     walk: float = Field(default=0.05, ge=0)  # of a fault in a frame, spreads
+    reference_frames: int = Field(default=100, ge=1)  # correlation of a reference's error
     onset_per_frame: float = Field(default=1e-7, gt=0, lt=1)  # chance of a member
 
 
@@ -149,6 +150,7 @@ RIVAL_PARAMS: Final = (
     ("jump", "f8"),
     ("walk", "f8"),
     ("onset_per_frame", "f8"),
+    ("reference_frames", "f8"),
 )
 
 
@@ -192,4 +194,5 @@ def _tell(row: Any, chosen: Rival) -> None:
 def _tell_bayes(row: Any, chosen: Bayes) -> None:
     noise = (chosen.noise * chosen.spread, chosen.fault_noise * chosen.spread)
     row["bias"], row["noise"], row["jump"] = chosen.bias / 3.0, noise, chosen.jump * chosen.bias
+    row["reference_frames"] = chosen.reference_frames
     row["walk"], row["onset_per_frame"] = chosen.walk * chosen.spread, chosen.onset_per_frame

@@ -113,18 +113,15 @@ def isolate(at, worst, p, st):
 
 @kernel
 def even_split(at, largest, st):
-    """Return True if as many samples lie above as below, all that are compared, each with a statistic as large.
+    """Return True if the upper and the lower half of the samples are apart, each sample with a statistic as large.
 
     largest : the largest statistic; half of it is as large
     """
-    above, below = 0, 0
+    order, half = st["order"], at.n // 2
     for i in range(at.n):
-        c = st["order"][i]
-        if st["statistic"][c] < _ALIKE * largest:
+        if st["statistic"][order[i]] < _ALIKE * largest:
             return False
-        above += st["x"][c] > at.middle
-        below += st["x"][c] < at.middle
-    return 2 * above == at.n and 2 * below == at.n
+    return at.n % 2 == 0 and st["x"][order[half - 1]] < st["x"][order[half]]
 
 
 @kernel
