@@ -8,12 +8,12 @@ from the quantity, with its variance.  In a frame
 2. the quantity, of which nothing is known before (flat), is estimated from all members, each freed of its estimate;
 3. the set is weighed by the likelihood of what is left, and the estimates follow it.
 
-Member i reads x_i = quantity + b_i + noise.  Healthy: b_i is a constant, N(0, bias); that of the reference wanders
-(Gauss and Markov, first order) with a third of its threshold, which is its noise too.  Faulty: b_i jumps at the onset and
-walks, and the noise is that of a fault.  The correlation that the common quantity makes between the estimates is left
-out.  Bounded (ours): the likelihood of a set is at least so much of the best that the persistence brings a fault from
-its onset to the limit, in a set that is held by that the healthy learn nothing, and the limit must be exceeded for the
-persistence.
+Member i reads x_i = quantity + b_i + noise. Healthy: b_i is a constant, N(0, bias); that of the reference varies
+(Gauss and Markov, first order) with a third of its threshold, which is its noise too. Faulty: b_i jumps at the onset
+and walks, and the noise is that of a fault. The correlation that the common quantity makes between the estimates is
+left out. Bounded (ours): the likelihood of a set is at least so much of the best that the persistence brings a fault
+from its onset to the limit, in a set that is held by that the healthy learn nothing, and the limit must be exceeded
+for the persistence.
 
 Sources: Magill 1965, Optimal adaptive estimation of sampled stochastic processes (the bank, without switching); Blom
 and Bar-Shalom 1988, The interacting multiple model algorithm (step 1).  Amounts are in thresholds of the signal.
