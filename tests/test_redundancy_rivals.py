@@ -191,6 +191,20 @@ def test_bad_settings_are_one_line(rig_command: Any, set_to: str, said: str):
     assert (code, out, err.count("\n")) == (2, "", 1) and said in err
 
 
+@pytest.mark.parametrize("rival", ["cusum", "bayes"])
+def test_a_unit_under_test_is_told_what_it_would_be_with_our_manager(rival: str):
+    from rig import scenario
+    from rig.flight.unit_loop import config_of
+    from rig.loop import redundancy
+    from rig.unit.layout import Form
+
+    told = []
+    for manager in ("cross-channel", rival):
+        which = scenario.load("f16_pitch_rate_hardover", [f"redundancy.manager={manager}"])
+        told.append(config_of(which, redundancy(which), np.zeros(4), next(iter(Form))))
+    assert told[0].tobytes() == told[1].tobytes()
+
+
 @pytest.mark.parametrize("rival", RIVALS)
 def test_a_flight_and_its_lanes_vote_alike(rival: str):
     """Four computers with whole links have what one has."""

@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.managers import Manager, vote_signals
+from rig.bench.run import step
+from rig.computer.redundancy.managers import Manager
 from rig.frame import CHANNELS, Nested
 from rig.kernels import long_kernel
 
@@ -37,7 +38,7 @@ def statistics(rows: Nested, rival: str, params: NDArray[np.void]) -> Statistics
 @long_kernel
 def _watch(rows, manager, statistic, alarm):
     for k in range(len(rows)):
-        vote_signals(rows[k]["bus"], rows[k]["fcc"], manager)
+        step(rows[k], rows[k], k, None, None, None, manager, None)
         for s in range(len(manager.state)):
             state = manager.state[s]
             alarm[k, s] = state["alarm"]

@@ -1,8 +1,7 @@
 """The managers of the rig: what each is, and which one votes the continuous signals (own.py: a manager of the user's).
 
-To add one: its kernel (baselines.py), its row in ``KINDS`` and its branch in ``vote_own``.  A rival (rivals/) has its
-state and settings in its row too, and its line in ``Chosen`` and ``vote_rival``: none of it is compiled for a flight
-that it does not vote.
+To add one: its kernel (baselines.py), its row in ``KINDS`` and its branch in ``vote_chosen``.  A rival (rivals/) has
+state and settings in its row too, and a line in ``Chosen`` and ``vote_rival``; it is compiled when it is first flown.
 """
 
 from __future__ import annotations
@@ -139,11 +138,26 @@ def vote_signals(bus, fcc, data):
 
 @kernel
 def vote_chosen(bus, fcc, data, rival):
-    """Vote a row by a manager of KINDS that is no rival, or, of which alone the rest is compiled, by ``rival``."""
-    if rival is None:
-        vote_own(bus, fcc, data)
-    else:
+    """Vote a row by the chosen manager, its place in KINDS, or by ``rival``: the other branch is not compiled.
+
+    numba calls no kernel that a table holds.  rival : Chosen or None
+    """
+    if rival is not None:
         vote_rival(bus, fcc, data, rival)
+    else:
+        choice = data.choice
+        if choice == _CROSS_CHANNEL:
+            manage(bus, fcc, data)
+        elif choice == _MEAN:
+            average(bus, fcc, data)
+        elif choice == _MEDIAN:
+            plain_median(bus, fcc, data)
+        elif choice == _CROSS_VOTER:
+            cross_voter(bus, fcc, data)
+        elif choice == _SELECTION:
+            select(bus, fcc, data)
+        elif choice == _UNIT:
+            select_unit(bus, fcc, 0, len(data.params), data)
 
 
 @kernel
@@ -155,21 +169,3 @@ def vote_rival(bus, fcc, data, rival):
     bayes(bus, fcc, data, rival.bayes)
     innovation(bus, fcc, data, rival.innovation)
     weighted(bus, fcc, data, rival.weighted)
-
-
-@kernel
-def vote_own(bus, fcc, data):
-    """Vote a row by the chosen manager, its place in KINDS; numba calls no kernel that a table holds."""
-    choice = data.choice
-    if choice == _CROSS_CHANNEL:
-        manage(bus, fcc, data)
-    elif choice == _MEAN:
-        average(bus, fcc, data)
-    elif choice == _MEDIAN:
-        plain_median(bus, fcc, data)
-    elif choice == _CROSS_VOTER:
-        cross_voter(bus, fcc, data)
-    elif choice == _SELECTION:
-        select(bus, fcc, data)
-    elif choice == _UNIT:
-        select_unit(bus, fcc, 0, len(data.params), data)
