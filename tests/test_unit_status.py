@@ -148,11 +148,11 @@ def old_sources(*names: str) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copy(HERE / "rig_unit_1.h", folder / "rig_unit.h")
     for name in ("fmu.h", "monitor.h", *names):
-        shutil.copy(SOURCES / name, folder)
+        shutil.copy(HERE / name if name == "lasting_off.c" else SOURCES / name, folder)
     return [folder / name for name in names]
 
 
-MONITOR = ("monitor.c", "compare.c", "resolvers.c", "discretes.c")
+MONITOR = ("monitor.c", "compare.c", "lasting_off.c", "resolvers.c", "discretes.c")
 
 
 @cache
