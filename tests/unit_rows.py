@@ -59,7 +59,10 @@ def random_params(draw: Generator) -> NDArray[Any]:
 def _give_lasting(draw: Generator, params: NDArray[Any]) -> None:
     """Learned biases, sums and stale samples, each on in half of the signals."""
     least = np.min([params[name] for name in ("threshold", "threshold_triplex", "threshold_duplex")], axis=0)
-    params["bias_bound"], params["bias_gain"] = least * draw.choice([0.0, 0.3, 1.0], S), draw.choice([0.05, 0.3, 1.0], S)
+    params["bias_bound"], params["bias_gain"] = (
+        least * draw.choice([0.0, 0.3, 1.0], S),
+        draw.choice([0.05, 0.3, 1.0], S),
+    )
     params["slow_allowance"] = params["threshold"] * draw.choice([0.05, 0.2, 0.5], S)
     params["slow_limit"] = params["threshold"] * draw.choice([0.0, 0.0, 0.5, 2.0], S)
     params["stale_frames"] = draw.choice([0, 0, 2, 9], S)

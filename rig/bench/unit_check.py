@@ -87,8 +87,9 @@ def check(file: Path | str, *, seam_only: bool = False, longest: bool = False) -
     found = list(_seam(unit, cases))
     if not seam_only and unit.form == "redundancy":
         with running(unit) as tested:
-            found += _decisions(tested, cases + long_cases(MOST_FRAMES if longest else FRAMES))
-            found += _bits(tested, cases)
+            told = _told(tested, cases)
+            found += _decisions(tested, told + _told(tested, long_cases(MOST_FRAMES if longest else FRAMES)))
+            found += _bits(tested, told)
     return Checked(unit.name, found)
 
 
@@ -229,9 +230,15 @@ def _hostile(tested: UnitUnderTest, config: NDArray[Any]) -> str:
 
 
 def _decisions(tested: UnitUnderTest, cases: list[Case]) -> list[Requirement]:
-    """One line a requirement; its cases count together.  What a version of the records has no field for is not asked."""
-    told = [case for case in cases if tested.seam == SEAM or not asked_since_2(case.config)]
-    return _counted((case, answers(tested, case.config, case.inputs)) for case in told)
+    """One line a requirement; its cases count together."""
+    return _counted((case, answers(tested, case.config, case.inputs)) for case in cases)
+
+
+def _told(tested: UnitUnderTest, cases: list[Case]) -> list[Case]:
+    """Return the cases with settings that its version of the records has fields for."""
+    tested.begin(cases[0].config.copy())  # from here on it is known
+    tested.end()
+    return [case for case in cases if tested.seam == SEAM or not asked_since_2(case.config)]
 
 
 def _counted(answered: Iterable[tuple[Case, NDArray[Any]]]) -> list[Requirement]:

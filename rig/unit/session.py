@@ -69,7 +69,7 @@ def configuration(
 
 
 def settings_of(config: NDArray[Any]) -> tuple[NDArray[np.void], NDArray[np.void]]:
-    """Return the settings in a (1,) CONFIG: (S,) PARAMS and (D,) DISCRETE_PARAMS, with which our own manager is made."""
+    """Return the settings in a (1,) CONFIG, of which our own manager is made: (S,) PARAMS, (D,) DISCRETE_PARAMS."""
     params, discretes = np.zeros(S, PARAMS), np.zeros(D, DISCRETE_PARAMS)
     for part, key, records in _settings(params, discretes):
         records[key] = config[0][part][key]

@@ -66,8 +66,7 @@ static double middle(const struct frame *f, const struct signal *s)
     return mean(f->low, f->high, 0.5);
 }
 
-/* Move each bias towards its channel's residual, within the bound; it begins as the mean of the residuals. */
-static void learn(const struct frame *f, struct signal *s)
+void lasting_learn(const struct frame *f, struct signal *s)
 {
     struct lasting *const l = &s->lasting;
     const double bound = l->set->bias_bound;
@@ -126,8 +125,6 @@ static int watch(const struct frame *f, params *p, struct signal *s)
     return ((2 * calm) > f->n) ? worst : NOBODY;
 }
 
-/* ---- Both, at the end of a frame ---- */
-
 void lasting_watch(struct frame *f, params *p, struct signal *s)
 {
     const int slow = (f->resolver == RIG_RESOLVER_COMMON) ? NOBODY : watch(f, p, s);
@@ -137,12 +134,8 @@ void lasting_watch(struct frame *f, params *p, struct signal *s)
     }
 }
 
-void lasting_learn(const struct frame *f, bool same_level, struct signal *s)
+void lasting_begin_sums(struct lasting *l)
 {
-    if (same_level) {
-        learn(f, s);
-    } else { /* another number of channels has another middle */
-        memset(s->lasting.above, 0, sizeof s->lasting.above);
-        memset(s->lasting.below, 0, sizeof s->lasting.below);
-    }
+    memset(l->above, 0, sizeof l->above);
+    memset(l->below, 0, sizeof l->below);
 }

@@ -227,6 +227,7 @@ static void fail_all(unsigned condemned, int i, struct rig_output *output)
             s->latches.failed[c] = true;
             s->level--;
             s->fade_left = config.signal[i].fade_frames;
+            lasting_begin_sums(&s->lasting);
             output->state[i][c] = RIG_STATE_FAILED;
             output->level[i] = (uint8_t)s->level;
             output->resolver[i] = RIG_RESOLVER_BOX;
@@ -346,7 +347,11 @@ static void monitor_signal(const struct rig_input *input, int i, struct rig_outp
     const int64_t level = s->level;
     lasting_watch(&f, p, s);
     latch(&f, p, s);
-    lasting_learn(&f, s->level == level, s);
+    if (s->level == level) {
+        lasting_learn(&f, s);
+    } else {
+        lasting_begin_sums(&s->lasting);
+    }
     publish(&f, p, s);
     report(&f, i, input->reference[i], output);
 }

@@ -167,8 +167,11 @@ bool lasting_is_learned(const struct frame *f, const struct lasting *l);
 /* Move the sums and fail whom they fail. */
 void lasting_watch(struct frame *f, params *p, struct signal *s);
 
-/* Learn the biases, or where the level has changed begin the sums again. */
-void lasting_learn(const struct frame *f, bool same_level, struct signal *s);
+/* Move each bias towards its channel's residual, within the bound; it begins as the mean of the residuals. */
+void lasting_learn(const struct frame *f, struct signal *s);
+
+/* Begin all sums again: another number of channels has another middle. */
+void lasting_begin_sums(struct lasting *l);
 
 /* ---- resolvers.c ---- */
 
