@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.computer.redundancy.managers import RIVALS
 from rig.errors import BadInput
 from rig.league.entrants import BIASED, Entrant, Level, OfSignal, designed_values, levels, manager
 from rig.league.healthy import Flight, Healthy
@@ -27,7 +28,7 @@ from rig.thresholds.tail import CLUSTERS, GAP_S, LEAST, peaks
 from rig.util.runs import cluster_starts
 
 Floats = NDArray[np.float64]
-WIDE: Final = 2.0 ** np.arange(-6.0, 7.0)  # of a level's default
+WIDE: Final = 2.0 ** np.arange(-9.0, 7.0)  # of a level's default
 FINE: Final = 24  # levels of the fine grid
 
 
@@ -173,11 +174,14 @@ def _events(series: Floats, at: float, signal: OfSignal) -> int:
 def _series(entrant: Entrant, signal: OfSignal, level: Level, flight: Flight, grid: Floats) -> Floats:
     """Return (n,) the least level of ``grid`` (rising) that fails nobody in each frame; 0 where none does.
 
+    An even split counts as a failure, whatever ``ties`` says: a reference may settle it against the good half.
     A level with which nobody is failed in a flight ends the search: one that is larger fails nobody either.
     """
     found, above = np.zeros(len(flight.samples)), np.append(grid[1:], grid[-1] * grid[-1] / grid[-2])
     for value, following in zip(grid, above, strict=True):
         made = manager(entrant, signal, {level.name: float(value)}, level.channels)
+        if entrant.manager in RIVALS:
+            made.params["holds_ties"] = 0
         at = failures(flight.samples, flight.references, made)
         if not len(at):
             break

@@ -25,7 +25,7 @@ import polars as pl
 from rig.campaign.config import from_what
 from rig.campaign.folder import difference, locked, write_whole
 from rig.campaign.plan import Plan, rig_identity
-from rig.campaign.pool import each, leave_interrupts_to_parent
+from rig.campaign.pool import context, each, leave_interrupts_to_parent
 from rig.campaign.statistics import poisson
 from rig.errors import BadInput
 from rig.league.calibration import Calibrated, calibrate, isolations, require_time
@@ -205,7 +205,8 @@ def _flown(plan: Plan, told: Told, units: Sequence[Batch], workers: int) -> Iter
     """Return the units' rows in their order, by ``workers`` processes or, for one, by this."""
     if workers == 1 or len(units) < 2:
         return map(Runner(plan, told), units)
-    return each(_fly, units, workers, initializer=_begin, initargs=(plan.campaign.what(), plan.source, told))
+    begin = {"initializer": _begin, "initargs": (plan.campaign.what(), plan.source, told), "mp_context": context()}
+    return each(_fly, units, workers, **begin)
 
 
 def _begin(what: dict[str, Any], source: str, told: Told) -> None:
