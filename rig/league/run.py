@@ -142,7 +142,7 @@ def _calibration(
             except BadInput:
                 pool.shutdown(cancel_futures=True)
                 raise
-            tell(f"calibrated {entrant.name}, {signal.name}", len(found), len(pairs))
+            tell(f"calibrated {entrant.name}, {signal.name}", len(found) - 1, len(pairs))
     counts: list[dict[str, Any]] = []
     if second is not None:
         told = {(each.entrant, each.signal): each for each in found}
