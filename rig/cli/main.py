@@ -50,8 +50,8 @@ _COMMANDS: Final = {
     LOOK: (view, report, watch, info),
     SCORE: (score, replay, diff),
     RECORDED: (vote, thresholds, export, recover),
-    MANY: (league,),
     REFERENCE: (signals, bench),
+    MANY: (league,),
 }
 _UsageError: Any = typer.BadParameter.__mro__[1]  # click's own; where click is, differs between versions of typer
 
