@@ -63,8 +63,8 @@ def run(plan: Plan, asked: Asked, out: Path, workers: int = 1) -> dict[str, Any]
     """
     if not (isfinite(asked.budget_per_h) and asked.budget_per_h > 0.0):
         raise BadInput(f"--budget: false isolations an hour and signal, above 0, got {asked.budget_per_h:g}")
-    aircraft, signals = of_signals(plan)
     _require_ours(out)
+    aircraft, signals = of_signals(plan)
     tell("reading the healthy flights")
     healthy = read(asked.healthy, aircraft, signals)
     require_time(asked.budget_per_h, healthy.hours)
