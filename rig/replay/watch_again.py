@@ -6,6 +6,7 @@ from typing import Final
 
 from rig.actuators.monitors import watch_rows
 from rig.frame import ACTUATOR, LaneBlock, has_part, lane_rows
+from rig.lanes.health import shut_off
 from rig.log.columns import LANE_COLUMNS, LaneColumn
 from rig.scenario import Scenario
 from rig.stages import actuator_monitors
@@ -30,7 +31,7 @@ class WatchAgain:
         again["frame"] = lanes["frame"]
         for name in set(ACTUATOR.names or ()) - set(OUTPUTS):  # padding, which is part of the digest, stays zero
             again["actuator"][name] = lanes["actuator"][name]
-        watch_rows(again["actuator"], self._designed, self._monitors)
+        watch_rows(again["actuator"], self._designed, shut_off(lanes), self._monitors)
         return again
 
 
