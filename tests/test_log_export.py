@@ -2,6 +2,7 @@
 
 import json
 import sys
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -141,6 +142,24 @@ def test_a_table_written_group_by_group_is_the_same_table(flown, tmp_path, monke
     groups, at_once = (pl.read_parquet(tmp_path / f"{name}.parquet") for name in ("groups", "whole"))
     assert groups.schema == at_once.schema and groups.equals(at_once)
     assert ParquetFile(tmp_path / "groups.parquet").num_row_groups > 5
+
+
+@pytest.mark.parametrize("to", ["csv", "parquet"])
+def test_a_group_that_is_written_is_not_held(flown, tmp_path, monkeypatch, to):
+    """The memory of an export: the group that is made and the one that is written."""
+    made, most = [], []
+    in_blocks = module.in_blocks
+
+    def counted(*arguments):
+        for block in in_blocks(*arguments):
+            made.append(weakref.ref(block[0]))
+            most.append(sum(one() is not None for one in made))
+            yield block
+
+    monkeypatch.setattr(module, "in_blocks", counted)
+    monkeypatch.setattr(module, "GROUP_BYTES", 100_000)
+    export(flown, to, tmp_path / f"groups.{to}")
+    assert len(made) > 5 and max(most) <= 2
 
 
 def test_a_log_without_frames_is_a_table_without_rows(flown, tmp_path):

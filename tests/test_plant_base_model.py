@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
 import pytest
 
 from rig.errors import BadInput
-from rig.plant import airframe, base_model, loading
+from rig.plant import actuated, airframe, base_model, loading
 from rig.plant.airframe import Config, FlightPoint
 
 POINT = FlightPoint(name="any", altitude_m=1500.0, mach=0.16)
@@ -101,3 +104,23 @@ def test_a_held_property_that_is_not_there_is_refused_with_the_nearest():
         BadInput, match=r"airframe.held: c172x has no property 'fcs/mixture-cmd-nrm'; .*mixture-cmd-norm"
     ):
         loading.load(light({"fcs/mixture-cmd-nrm": 0.7}), POINT, 0.01)
+
+
+@pytest.mark.parametrize(
+    "text", [b"", b"junk", b"<a><b></a>", b"<a>\xe9</a>", b'<?xml version="1.0" encoding="none-such"?><a/>']
+)
+def test_a_model_that_is_no_xml_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: bytes):
+    model = tmp_path / "aircraft" / "own" / "own.xml"
+    model.parent.mkdir(parents=True)
+    model.write_bytes(text)
+    monkeypatch.setattr(base_model, "_root", lambda: tmp_path)
+    with pytest.raises(BadInput, match=r"airframe\.base_model: .*own\.xml cannot be read: ") as error:
+        base_model.read("own")
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(("unit", "x"), [("PARSEC", "1.0"), ("IN", "far")])
+def test_a_centre_of_gravity_that_is_no_place_is_one_line(unit: str, x: str):
+    tree = ET.fromstring(f'<a><mass_balance><location name="CG" unit="{unit}"><x>{x}</x></location></mass_balance></a>')
+    with pytest.raises(BadInput, match="the CG location of its mass balance cannot be read: "):
+        actuated._shift_cg(tree, 0.0)

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from reliability_cases import CHAINS, Case, binomial, chain_of, channels_fail, k_of_n
 
+from rig.reliability import chain
 from rig.reliability.chain import probabilities, solve_file
+from rig.util.progress import listening
 
 
 @pytest.mark.parametrize("case", CHAINS, ids=lambda case: case.name)
@@ -174,3 +176,15 @@ def test_rates_beyond_all_sums_are_refused_in_one_line(rig_command, ways: int):
 def test_the_largest_rate_ends_in_the_death_state_at_once(rig_command):
     Path("c.toml").write_text('hours = 1e12\nstart = "a"\ntransitions = [{ from = "a", to = "b", per_hour = 1e30 }]\n')
     assert solve_file(Path("c.toml")).probability == {"a": 0.0, "b": 1.0}
+
+
+def test_a_large_chain_tells_how_far_it_is(monkeypatch: pytest.MonkeyPatch):
+    """A rate of 8 an hour, 16th parts of it in a step: seven doublings."""
+    rates, told = np.zeros((4, 4)), list[tuple[str, int, int]]()
+    rates[0, 1] = 8.0
+    with listening(lambda *step: told.append(step)):
+        probabilities(rates, 0, 1.0)
+        assert told == []
+        monkeypatch.setattr(chain, "LARGE", 4)
+        probabilities(rates, 0, 1.0)
+    assert told == [("doubling the time of the chain", done, 7) for done in range(7)]

@@ -13,6 +13,7 @@ from rig.flight.assembly import fly
 from rig.flight.result import Flight
 from rig.report.actuators import happened, of_actuator
 from rig.report.flight import report
+from rig.report.gathered import Kept
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +33,8 @@ def test_the_picture_shows_the_channel_leave_its_threshold_and_end(flight: Fligh
     (one,) = happened(scored)
     assert (one.surface, one.begin) == ("elevator", ONSET - 50)
     assert log.lanes is not None
-    acting = np.unpackbits(log.rows["acting"], axis=1, bitorder="little")
-    figure: Any = of_actuator(log.lanes, acting, scored, one)
+    kept = Kept(log.rows[one.begin : one.end], log.lanes[one.begin : one.end])
+    figure: Any = of_actuator(kept, scored, one)
     currents = {line.name: np.array(line.y) for line in figure.data if line.yaxis == "y2"}
     beyond = {name: int((np.abs(values) > 0.25).sum()) for name, values in currents.items()}
     assert beyond == {"channel 1": 0, "channel 2": 5, "channel 3": 0, "channel 4": 0}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -18,11 +19,15 @@ import rig
 from rig.errors import BadInput, UnitRefused
 from rig.frame import SIGNALS, UnitStatus
 from rig.kernels import cache_root
+from rig.unit import header
+from rig.unit.fmu_mapping import OF_ITS_SIGNAL
+from rig.unit.layout import SIGNAL_CONFIG
 from rig.unit.settings import read_unit
 
 TOOLS = {"2": "pythonfmu", "3": "pythonfmu3"}
 VERSIONS = tuple(TOOLS)
 OVERRIDES = ("duration_s=1", "faults.0.start_s=0.3")
+SHORT = ("duration_s=0.2", "faults=[]")
 NAMES = ["rate_q", "rate_p", "rate_r", "n_z", "n_y", "n_x", "alpha", "beta"]
 NAMES += ["p_static", "p_dynamic", "stick_x", "stick_y", "pedals", "theta", "phi", "psi"]
 
@@ -49,10 +54,11 @@ def tables(version: str) -> tuple[dict[str, str], dict[str, str]]:
     return inputs, outputs
 
 
-def unit_of(folder: Path, path: Path, inputs: dict[str, str], outputs: dict[str, str], form: str = "redundancy") -> Any:
-    lines = ['name = "median"', 'carrier = "fmu"', f'form = "{form}"', f'path = "{path}"', "[fmu.inputs]"]
-    lines += [f'"{key}" = "{value}"' for key, value in inputs.items()]
-    lines += ["[fmu.outputs]", *(f'"{key}" = "{value}"' for key, value in outputs.items())]
+def unit_of(folder: Path, path: Path, inputs: dict[str, str], outputs: dict[str, str], **more: dict[str, Any]) -> Any:
+    """The unit of a file; more : tables of other names."""
+    lines = ['name = "median"', 'carrier = "fmu"', f'path = "{path}"']
+    for name, table in {"inputs": inputs, "outputs": outputs, **more}.items():
+        lines += [f"[fmu.{name}]", *(f'"{key}" = {json.dumps(value)}' for key, value in table.items())]
     (folder / "unit.toml").write_text("\n".join(lines))
     return read_unit(folder / "unit.toml")
 
@@ -82,6 +88,128 @@ def test_degrees_are_converted_both_ways(tmp_path: Path):
     assert np.allclose(rows["voted"][:, 3], expected[:, 3] * 9.80665, rtol=1e-14, atol=0.0), "its output has no unit"
 
 
+def of_config(flight: rig.Flight, name: str, key: str) -> float:
+    return flight.scenario.resolved()["redundancy"]["signals"][name][key]
+
+
+@needs_fmpy
+def test_config_and_constants_reach_an_fmu_of_fmi_2(tmp_path: Path):
+    """A real parameter in degrees, a whole one, constants of a parameter and of an input."""
+    path = changed(made("2"), tmp_path, r'(name="bias"[^>]*>\s*<Real)', r'\1 unit="deg/s"')
+    inputs, outputs = tables("2")
+    parameters = {"signal.pitch_rate.threshold": "bias", "signal.heading.persistence": "turns"}
+    given = {"parameters": parameters, "constants": {"gain": 1.5, "shift": 0.01}}
+    flight = rig.fly(overrides=SHORT, out=tmp_path, unit=unit_of(tmp_path, path, inputs, outputs, **given))
+    expected = np.median(flight.rows["channels"], axis=2)
+    expected[:, 0] += np.degrees(of_config(flight, "pitch_rate", "threshold"))
+    expected[:, 3] *= 1.5
+    expected[:, 13] += 0.01
+    expected[:, 15] += 1e-3 * of_config(flight, "heading", "persistence")
+    assert len(expected) == 20
+    np.testing.assert_allclose(flight.rows["voted"], expected, rtol=1e-12, atol=1e-12)
+
+
+@needs_fmpy
+def test_config_and_constants_reach_an_array_of_fmi_3(tmp_path: Path):
+    inputs, outputs = tables("3")
+    parameters = {"signal.pitch_rate.threshold": "bias[1]", "trim_surface.elevator_rad": "bias[3]"}
+    given = {"parameters": parameters, "constants": {"bias[14]": 0.02}}
+    flight = rig.fly(overrides=SHORT, out=tmp_path, unit=unit_of(tmp_path, made("3"), inputs, outputs, **given))
+    added = flight.rows["voted"][0] - np.median(flight.rows["channels"][0], axis=1)
+    assert added[0] == pytest.approx(of_config(flight, "pitch_rate", "threshold"))
+    assert added[13] == pytest.approx(0.02) and 0.0 < abs(added[2]) < 0.5
+    assert np.flatnonzero(added).tolist() == [0, 2, 13]
+
+
+def test_units_of_config_are_those_of_the_page():
+    page = {name for name, text in header._MEANINGS.items() if text.startswith("unit of the signal")}
+    assert page & set(SIGNAL_CONFIG.names or ()) == set(OF_ITS_SIGNAL)
+
+
+BAD_PARAMETERS = {
+    "no such variable": (
+        {"parameters": {"rate_hz": "fs"}},
+        "fmu.parameters: rate_hz: the FMU has no variable fs; nearest: ",
+    ),
+    "no such element": (
+        {"parameters": {"signal.pitch_rate.treshold": "bias"}},
+        "fmu.parameters: signal.pitch_rate.treshold: no such element; nearest: signal.pitch_rate.threshold, ",
+    ),
+    "a text": ({"parameters": {"aircraft": "bias"}}, "fmu.parameters: aircraft: no such element; "),
+    "an output": (
+        {"parameters": {"rate_hz": "rate_q"}},
+        "fmu.parameters: rate_hz: rate_q is of causality output, must be parameter or input",
+    ),
+    "no whole number": (
+        {"parameters": {"signal.heading.threshold": "turns"}},
+        "signal.heading.threshold: turns is of type Integer, must be Real, Float64, Float32",
+    ),
+    "two for one": (
+        {"parameters": {"signal.heading.threshold": "bias", "signal.pitch_rate.threshold": "bias"}},
+        "fmu: bias is mapped 2 times",
+    ),
+    "a constant as well": (
+        {"parameters": {"signal.heading.threshold": "bias"}, "constants": {"bias": 1}},
+        "fmu: bias is mapped 2 times",
+    ),
+    "an input of every frame": (
+        {"constants": {"rate_q_1": 0.5}},
+        "fmu: rate_q_1 is mapped 2 times",
+    ),
+    "a constant without a variable": (
+        {"constants": {"gian": 2.0}},
+        "fmu.constants: the FMU has no variable gian; nearest: gain",
+    ),
+    "a constant of another type": (
+        {"constants": {"turns": 2.5}},
+        "fmu.constants: turns is of type Integer, which 2.5 is not",
+    ),
+    "a constant out of range": (
+        {"constants": {"turns": 3e9}},
+        "fmu.constants: turns is of type Integer, which 3e+09 is not",
+    ),
+    "a constant output": (
+        {"constants": {"rate_q": 1.0}},
+        "fmu.constants: rate_q is of causality output, must be parameter or input",
+    ),
+}
+
+
+@needs_fmpy
+@pytest.mark.parametrize("case", BAD_PARAMETERS)
+def test_a_parameter_that_does_not_fit_is_refused_in_one_line(tmp_path: Path, case: str):
+    given, said = BAD_PARAMETERS[case]
+    with pytest.raises(BadInput) as error:
+        rig.fly(overrides=SHORT, out=tmp_path, unit=unit_of(tmp_path, made("2"), *tables("2"), **given))
+    text = str(error.value)
+    assert said in text and text.startswith(f"{tmp_path}/unit.toml: median: ") and "\n" not in text
+    assert list(tmp_path.glob("*.mcap")) == []
+
+
+@needs_fmpy
+def test_a_parameter_in_another_unit_or_array_is_refused_in_one_line(tmp_path: Path):
+    metres = changed(made("2"), tmp_path, r'(name="bias"[^>]*>\s*<Real)', r'\1 unit="m"')
+    given = {"parameters": {"signal.pitch_rate.threshold": "bias"}}
+    with pytest.raises(BadInput, match=r"threshold: bias is in m: 'm' is not a unit of this quantity; allowed: rad/s"):
+        rig.fly(overrides=SHORT, out=tmp_path, unit=unit_of(tmp_path, metres, *tables("2"), **given))
+    inputs, outputs = tables("3")
+    first = inputs.pop("channels.heading.*").replace("*", "1")
+    with pytest.raises(BadInput, match=r"fmu\.parameters: samples is in fmu\.inputs, which sets it in each frame"):
+        given = {"parameters": {"rate_hz": first}}
+        rig.fly(overrides=SHORT, out=tmp_path, unit=unit_of(tmp_path, made("3"), inputs, outputs, **given))
+
+
+@needs_fmpy
+def test_a_number_of_config_that_the_variable_cannot_have_ends_the_start_in_one_line(tmp_path: Path):
+    """A count of frames beyond a Boolean."""
+    flag = changed(made("2"), tmp_path, r'(name="turns".*?<)Integer', r"\1Boolean")
+    given = {"parameters": {"signal.heading.persistence": "turns"}}
+    said = r"signal\.heading\.persistence is \d+, of type Boolean it can be 0 to 1"
+    with pytest.raises(UnitRefused, match=said) as error:
+        rig.fly(overrides=SHORT, out=tmp_path, unit=unit_of(tmp_path, flag, *tables("2"), **given))
+    assert "\n" not in str(error.value) and list(tmp_path.glob("*.mcap")) == []
+
+
 def _without(table: dict[str, str], key: str) -> dict[str, str]:
     return {name: value for name, value in table.items() if name != key}
 
@@ -100,7 +228,7 @@ WRONG = {
         "fmu.inputs: channels.pich_rate.1: no such element; nearest: channels.pitch_rate.1, ",
     ),
     "stars": ({**INPUTS, CHANNEL: "rate_q"}, OUTPUTS, "'rate_q' must have as many * as its key, 1"),
-    "twice": ({**INPUTS, "channels.pitch_rate.2": "rate_q_1"}, OUTPUTS, "fmu.inputs: rate_q_1 is mapped 2 times"),
+    "twice": ({**INPUTS, "channels.pitch_rate.2": "rate_q_1"}, OUTPUTS, "fmu: rate_q_1 is mapped 2 times"),
     "an output as input": (
         {**INPUTS, "channels.pitch_rate.2": "rate_q"},
         OUTPUTS,
@@ -179,3 +307,9 @@ def test_a_mapping_is_of_the_carrier_fmu_alone(tmp_path: Path):
     path.write_text(path.read_text().replace('"fmu"', '"library"', 1))
     with pytest.raises(BadInput, match="fmu: the carrier library has no variables to map"):
         read_unit(path)
+
+
+@pytest.mark.parametrize("value", ["x", True, [1]])
+def test_a_constant_is_a_number(tmp_path: Path, value: object):
+    with pytest.raises(BadInput, match=r"unit\.toml: fmu\.constants\.gain: input should be a valid number"):
+        unit_of(tmp_path, Path(__file__), {}, OUTPUTS, constants={"gain": value})

@@ -121,6 +121,23 @@ def test_no_command_writes_over_what_it_reads(rig_command, here, command, option
 
 
 @pytest.mark.parametrize(
+    "command",
+    [
+        *(["report", "a.mcap", "--out"], ["campaign", "report", "C", "--out"]),
+        ["reliability", "run", "C", "--rates", "rates.toml", "--report"],
+        ["thresholds", "d.csv", "--config", "v.toml", "--budget", "3", "--out", "w.toml", "--plot"],
+    ],
+    ids=lambda command: command[0],
+)
+def test_a_page_for_a_browser_ends_with_html(rig_command, here, command):
+    before = everything(here)
+    code, out, err = rig_command(*command, "page.txt")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert f"{command[-1]} page.txt: is a page for a browser: its name must end with .html" in err
+    assert everything(here) == before
+
+
+@pytest.mark.parametrize(
     ("spelled", "there"),
     [(name, there) for name in SPELLINGS for there in (True, False) if there or name not in ("link", "hard link")],
 )

@@ -30,7 +30,6 @@ from rig.util.progress import tell
 from rig.util.runs import runs_where
 from rig.util.trust import Trust
 
-MOST_FRAMES: Final = 100_000  # 200 MB of rows
 _UNANSWERED: Final = (UnitStatus.HELD, UnitStatus.LATE, UnitStatus.DEAD, UnitStatus.REFUSED)
 
 
@@ -126,7 +125,7 @@ def _added_up(
 class FlightConclusion:
     """The conclusion of a flight, gathered while it is flown: ``outcome`` of ``rig.flight.assembly.fly``.
 
-    It never raises; a flight that is too long for memory is left to ``rig score``.
+    It never raises.
     """
 
     def __init__(self) -> None:
@@ -139,8 +138,7 @@ class FlightConclusion:
 
     def add(self, rows: Block, clean: NDArray[Any], lanes: LaneBlock | None = None) -> None:
         """Take the next rows; clean : (n,) CLEAN; lanes : (n,) of a flight with servo actuators."""
-        if self._outcome is None or self._outcome.frames + len(rows) > MOST_FRAMES:
-            self._outcome = None
+        if self._outcome is None:
             return
         try:
             self._outcome.add(rows, clean)
@@ -150,21 +148,13 @@ class FlightConclusion:
 
     def sentences(self, log: Path, frames: int) -> list[str]:
         """Return the sentences; log, frames : of the flight."""
-        if frames > MOST_FRAMES:
-            return [_too_long(frames, log)]
         if self._outcome is None or not frames:
             return [f"not scored: {log}: {self._refused}"]
         return conclusion(self._outcome.scenario, score_of(self._outcome))
 
 
-def _too_long(frames: int, log: Path | str) -> str:
-    return f"{frames} frames are not scored here: rig score {log}"
-
-
 def conclude(log: Log) -> list[str]:
     """Return the conclusion of a log that has been read, without a fault-free run; never raises."""
-    if len(log.rows) > MOST_FRAMES:
-        return [_too_long(len(log.rows), "LOG")]
     try:
         return score_log(Path("log"), Yardstick(), twin=False, log=log).conclusion
     except BadInput as error:

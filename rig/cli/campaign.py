@@ -14,7 +14,7 @@ from rig.cli.catalogue import of_file
 from rig.cli.common import GROUP, AllowCode, AllowCodeOrSet, Json, Logs, Sets, UnitFile, emit
 from rig.cli.fly import show_flight
 from rig.util.interrupt import CODE
-from rig.util.outputs import require_apart
+from rig.util.outputs import require_apart, require_page
 
 app = Typer(help="Fly many flights of one plan, and say what they show.", **GROUP)
 
@@ -144,6 +144,7 @@ def report(
 
     target = out or folder / "report.html"
     require_apart({"--out": target}, [folder])
+    require_page("--out", out)
     summary = write(open_folder(folder), target)
     emit(as_json, {"report": str(target), **summary}, lambda: show.report(summary, target))
 

@@ -14,7 +14,7 @@ from rig.cli.common import GROUP, Json, Seed, Sets, Workers, comma_list, emit, w
 from rig.cli.table import Column, line, table
 from rig.cli.working import working
 from rig.errors import BadInput
-from rig.util.outputs import require_apart
+from rig.util.outputs import require_apart, require_page
 from rig.util.progress import tell
 
 if TYPE_CHECKING:
@@ -49,7 +49,8 @@ def chain(
     """Print the probability of every state of a chain that is given as rates."""
     from rig.reliability.chain import solve_file
 
-    solved = solve_file(file)
+    with working("solving the chain", not as_json, steps=True):
+        solved = solve_file(file)
     emit(as_json, lambda: {**solved._asdict(), "death_probability": solved.of_death}, lambda: _show_chain(solved))
 
 
@@ -79,6 +80,7 @@ def run(
     from rig.reliability.run import run as reckon
 
     require_apart({"--report": report}, [*folders, rates])
+    require_page("--report", report)
     read = read_rates(rates)
     name, given = read.of(signal, str(rates))
     with working("reading the cells", not as_json):

@@ -16,7 +16,7 @@ from rig.cli.working import working
 from rig.text import plain
 from rig.units.quantities import moment
 from rig.util.console import styled
-from rig.util.outputs import require_apart
+from rig.util.outputs import require_apart, require_page
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -79,6 +79,7 @@ def report(
 
     target = out or log.with_suffix(".html")
     require_apart({"--out": target}, [log])
+    require_page("--out", out)
     with working("reading the log", not as_json):
         facts = write(log, target)
 

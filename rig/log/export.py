@@ -6,7 +6,7 @@ Enums are words in CSV and Parquet and numbers in npz.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -85,9 +85,15 @@ def _read(log: Log | Path, owners: Sequence[str], for_vote: bool) -> tuple[dict[
 def _groups(held: Iterator[NDArray[Any]], rate_hz: float) -> Iterator[Group]:
     """Yield narrow blocks as columns, as many rows as GROUP_BYTES hold; one group without rows of a log without."""
     first = next(held)
-    narrow = in_blocks(([block] for block in chain([first], held)), max(GROUP_BYTES // first.dtype.itemsize, 1))
-    for (block,) in chain([next(narrow, [first])], narrow):
-        yield {**{key: block[key] for key in block.dtype.names or ()}, TIME: block[TIME] / rate_hz}
+    size = max(GROUP_BYTES // first.dtype.itemsize, 1)
+    for (block,) in in_blocks(([block] for block in chain([first], held)), size):
+        yield _group(block, rate_hz)
+    if not len(first):
+        yield _group(first, rate_hz)
+
+
+def _group(block: NDArray[Any], rate_hz: float) -> Group:
+    return {**{key: block[key] for key in block.dtype.names or ()}, TIME: block[TIME] / rate_hz}
 
 
 def _narrowed(rows: Block, lanes: LaneBlock | None, described: dict[str, Column], for_vote: bool) -> Block:
@@ -132,16 +138,15 @@ def _write_csv(path: Path, groups: Iterator[Group], described: dict[str, Column]
 
 def _write_parquet(path: Path, groups: Iterator[Group], described: dict[str, Column]) -> int:
     """Write a row group for each group; of a single one by polars, which cannot append."""
-    first, second = next(groups), next(groups, None)
-    table, rows = of_columns(first, described), len(first[TIME])
-    if second is None:
-        table.write_parquet(path)
-        return rows
-    with ParquetWriter(path, table.to_arrow().schema, compression="zstd") as file:
-        file.write_table(table.to_arrow())
-        for group in chain([second], groups):
-            file.write_table(of_columns(group, described).to_arrow())
-            rows += len(group[TIME])
+    tables = (of_columns(group, described) for group in groups)
+    held, rows = list(islice(tables, 2)), 0
+    if len(held) == 1:
+        held[0].write_parquet(path)
+        return len(held[0])
+    with ParquetWriter(path, held[0].to_arrow().schema, compression="zstd") as file:
+        while (table := held.pop(0) if held else next(tables, None)) is not None:
+            file.write_table(table.to_arrow())
+            rows += len(table)
     return rows
 
 

@@ -51,7 +51,7 @@ def folder(airframe: Config, root: Path, servos: bool = False) -> Path:
     key = hashlib.sha256(_sources(source) + airframe.model_dump_json(include=_SHAPING).encode() + b"servos" * servos)
     target = cache_root() / "airframes" / key.hexdigest()[:24]
     if not (target / _READS_FILE).is_file():
-        tree = _actuated(ET.parse(model).getroot(), airframe, servos)
+        tree = _actuated(parsed(model), airframe, servos)
         reads = sorted(_reads(tree, root, source))
         _check_positions(airframe, reads)
         _publish(tree, reads, source, target)
@@ -71,6 +71,14 @@ def model_file(base_model: str, root: Path) -> Path:
         allowed = choices(base_model, base_models(root))
         raise BadInput(f"airframe.base_model: JSBSim has no aircraft {quoted(base_model)}; {allowed}")
     return model
+
+
+def parsed(path: Path) -> ET.Element:
+    """Return the root of a file of a model; BadInput: it is no XML."""
+    try:
+        return ET.parse(path).getroot()
+    except (ET.ParseError, ValueError, LookupError) as error:  # of the text, of its encoding
+        raise BadInput(f"airframe.base_model: {path} cannot be read: {error}") from None
 
 
 def read_by_equations(tree: ET.Element, root: Path, source: Path) -> list[str]:
@@ -130,8 +138,10 @@ def _shift_cg(tree: ET.Element, shift_m: float) -> None:
     x = None if location is None else location.find("x")
     if location is None or x is None:
         raise BadInput("airframe.base_model: its mass balance names no CG location")
-    metres = _METRES[location.get("unit", "IN")]
-    x.text = repr(float(x.text or 0.0) + shift_m / metres)
+    try:
+        x.text = repr(float(x.text or 0.0) + shift_m / _METRES[location.get("unit", "IN")])
+    except (KeyError, ValueError) as error:  # another unit; no number
+        raise BadInput(f"airframe.base_model: the CG location of its mass balance cannot be read: {error}") from None
 
 
 def _flight_control(airframe: Config, engines: int, servos: bool) -> ET.Element:
@@ -207,5 +217,5 @@ def part_files(tree: ET.Element, root: Path, source: Path) -> Iterator[ET.Elemen
     for name in {element.get("file") for element in tree.iter() if element.get("file")}:
         for path in (place / f"{name}.xml" for place in places):
             if path.is_file():
-                yield ET.parse(path).getroot()
+                yield parsed(path)
                 break

@@ -69,7 +69,7 @@ def read(name: str) -> BaseModel:
     """Return the model of that name; BadInput: none, without an engine, or a surface is not to be found."""
     root = _root()
     model = actuated.model_file(name, root)
-    tree = ET.parse(model).getroot()
+    tree = actuated.parsed(model)
     control = [child for child in tree if child.tag in ("flight_control", "autopilot", "system")]
     reads = [read for read in actuated.read_by_equations(tree, root, model.parent) if read.startswith("fcs/")]
     engines = len(tree.findall("propulsion/engine"))

@@ -28,11 +28,13 @@ from pydantic import Field, field_validator, model_validator
 
 from rig.settings import Settings, build, read_toml
 from rig.text import choices, quoted
+from rig.util.progress import tell
 
 Floats = NDArray[np.float64]
 LEFT: Final = 1.0 / 16.0  # of a state in one step, at most
 TERMS: Final = 60  # of the series at most: (1 / 16)^60 / 60! is below the smallest double
 SPARSE: Final = 64  # states from which a chain is taken to have few transitions beside its states squared
+LARGE: Final = 1000  # states from which a doubling takes so long that it is told
 MOST_STATES: Final = 4000  # of a file: a matrix of them takes 128 MB
 
 
@@ -61,7 +63,9 @@ def transitions(rates: Floats, hours: float, rows: Sequence[int] | None = None) 
     if halvings == 0:
         return _series(rates * step, leaving * step, wanted)
     after_step = _series(rates * step, leaving * step, np.arange(rates.shape[-1]))
-    for _ in range(halvings):
+    for done in range(halvings):
+        if rates.shape[-1] >= LARGE:
+            tell("doubling the time of the chain", done, halvings)
         after_step = _distributions(after_step @ after_step)
     return after_step[..., wanted, :]
 

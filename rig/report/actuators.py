@@ -13,9 +13,10 @@ from plotly.subplots import make_subplots
 from rig.assess.of_log import Scored
 from rig.assess.record import ActuatorFailure, ActuatorScore
 from rig.faults.places import number, site
-from rig.frame import MOVED, LaneBlock
+from rig.frame import MOVED
 from rig.record.failures import decisive_s
 from rig.report.figures import ACTING, DOTTED, draw_line
+from rig.report.gathered import Kept
 from rig.report.page import lay_out
 from rig.stages import actuator_monitors
 from rig.units.quantities import scale_shown, seconds
@@ -76,13 +77,14 @@ def _for(failure: ActuatorFailure) -> str:
     return "" if failure.cause == "own fault" else f": {failure.cause}"
 
 
-def of_actuator(lanes: LaneBlock, acting: NDArray[np.uint8], scored: Scored, one: Happened) -> go.Figure:
+def of_actuator(kept: Kept, scored: Scored, one: Happened) -> go.Figure:
     """Draw a surface's actuator: positions, then what its monitors compare, with their thresholds.
 
-    lanes : (n,) of the flight; acting : (n, faults) bits of its rows
+    kept : the rows of ``one``, of a flight with servo actuators
     """
-    i, cut = MOVED.index(one.surface), slice(one.begin, one.end)
-    rows, time_s = lanes["actuator"][cut, i], lanes["frame"][cut] / scored.scenario.rate_hz
+    i = MOVED.index(one.surface)
+    rows, time_s = kept.lanes["actuator"][:, i], kept.rows["frame"] / scored.scenario.rate_hz
+    acting = np.unpackbits(kept.rows["acting"], axis=1, bitorder="little")
     figure = make_subplots(rows=4, cols=1, shared_xaxes=True, vertical_spacing=0.04)
     _positions(figure, rows, time_s)
     for panel, (title, values, limit) in enumerate(_compared(rows, i, scored), 2):
@@ -90,7 +92,7 @@ def of_actuator(lanes: LaneBlock, acting: NDArray[np.uint8], scored: Scored, one
         for level in (-limit, limit):
             figure.add_hline(y=level, line=DOTTED, row=panel, col=1)  # pyright: ignore[reportArgumentType]
         figure.update_yaxes(title=title, row=panel, col=1)
-    _mark(figure, scored, one, _acts(acting[cut], scored, one.surface), time_s)
+    _mark(figure, scored, one, _acts(acting, scored, one.surface), time_s)
     lay_out(figure, f"{one.surface}, the actuator", _HEIGHT)
     figure.update_xaxes(title="time, s", row=4, col=1)
     return figure

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
-from math import degrees
 from typing import Any, Final
 
 import numpy as np
@@ -13,11 +11,13 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from rig.assess.patterns import SINGULAR
-from rig.frame import FLIGHT_INDEX, INDEX, SIGNALS, SURFACES, Block, Pattern, State
+from rig.frame import INDEX, SIGNALS, SURFACES, Block, Pattern, State
+from rig.report.gathered import SignalLines, SurfaceLines, signal_lines
+from rig.report.lines import Array, Line, line
 from rig.report.moments import Limit, Moment
 from rig.report.page import lay_out
 from rig.units.angles import near, unwrapped
-from rig.units.quantities import quantity
+from rig.units.quantities import quantity, unit_shown
 from rig.util.palette import (
     CHANNELS,
     DASHES,
@@ -35,9 +35,7 @@ from rig.util.palette import (
 from rig.util.runs import runs_where
 from rig.view.series import Series, limits, series
 
-Array = NDArray[np.float64]
 Look = tuple[str, float, str]  # colour, width, dash
-MOST_POINTS: Final = 2000  # of one line; of more, the smallest and largest of each stretch are drawn
 _BAND, ACTING = faint(INK, 0.1), faint(ORANGE, 0.16)
 _VOTE, _TRUTH, _REFERENCE = (VOTE, 3.0, "solid"), (TRUTH, 1.8, "solid"), (REFERENCE, 1.2, "solid")
 DOTTED: Final = {"color": SOFT, "width": 1, "dash": "dot"}
@@ -52,30 +50,28 @@ def of_moment(
 ) -> go.Figure:
     """Draw a signal while it was decided: the band about the vote, the reference; below, the counts of frames.
 
-    rows : (n,) of the flight; acts : (n,) whether a fault on the signal acts; waits : persistences, frames, by name
+    rows : (n,) of the moment; acts : (n,) whether a fault on the signal acts; waits : persistences, frames, by name
     """
-    cut = slice(moment.begin, moment.end)
-    shown, figure = series(rows[cut], rate_hz, moment.signal), go.Figure()
+    shown, figure = series(rows, rate_hz, moment.signal), go.Figure()
     low, high = limits(shown, limit.value)
     _band(figure, shown, limit)
-    values = reference(rows[cut], moment.signal) * shown.scale
-    if np.isfinite(values).any():
-        name = f"reference{_off_scale(values, low, high, shown.unit)}"
-        draw_line(figure, shown.time_s, values, name, _REFERENCE)
-    _signal(figure, shown, (low, high), f"{moment.signal}, the decision", 480)
-    _counts(figure, rows[cut], shown.time_s, INDEX[moment.signal], waits)
-    _shade(figure, shown.time_s, acts[cut])
+    values = line(shown.time_s, reference(rows, moment.signal) * shown.scale)
+    if values.drawn:
+        _draw(figure, values, f"reference{_off_scale(values, low, high, shown.unit)}", _REFERENCE)
+    _signal(figure, signal_lines(shown, (low, high)), moment.signal, f"{moment.signal}, the decision", 480)
+    _counts(figure, rows, shown.time_s, INDEX[moment.signal], waits)
+    _shade(figure, runs_where(acts) + moment.begin, rate_hz)
     _mark(figure, moment.first / rate_hz, "first", "left")
     if moment.isolated is not None:
         _mark(figure, moment.isolated / rate_hz, "failed", "right")
     return figure
 
 
-def of_flight(rows: Block, rate_hz: float, name: str, threshold: float, acts: NDArray[np.bool_]) -> go.Figure:
-    """Draw a signal over the whole flight; threshold : SI; other arguments as of ``of_moment``."""
-    shown, figure = series(rows, rate_hz, name), go.Figure()
-    _signal(figure, shown, limits(shown, threshold), f"{name}, the whole flight", 340)
-    _shade(figure, shown.time_s, acts)
+def of_flight(shown: SignalLines, rate_hz: float, name: str, acts: NDArray[np.bool_]) -> go.Figure:
+    """Draw a signal over the whole flight; acts : (n,) whether a fault on it acts."""
+    figure = go.Figure()
+    _signal(figure, shown, name, f"{name}, the whole flight", 340)
+    _shade(figure, runs_where(acts), rate_hz)
     return figure
 
 
@@ -89,21 +85,22 @@ def reference(rows: Block, name: str) -> Array:
 def _band(figure: go.Figure, shown: Series, limit: Limit) -> None:
     off = limit.value * shown.scale
     hidden: dict[str, Any] = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip"}
-    figure.add_scatter(**_points(shown.time_s, shown.voted - off), **hidden, showlegend=False)
+    figure.add_scatter(**_points(line(shown.time_s, shown.voted - off)), **hidden, showlegend=False)
     filled = {"fill": "tonexty", "fillcolor": _BAND, "name": f"vote ± {limit.text}"}
-    figure.add_scatter(**_points(shown.time_s, shown.voted + off), **hidden, **filled)
+    figure.add_scatter(**_points(line(shown.time_s, shown.voted + off)), **hidden, **filled)
 
 
-def _signal(figure: go.Figure, shown: Series, ends: tuple[float, float], title: str, height: int) -> None:
-    draw_line(figure, shown.time_s, shown.voted, "vote", _VOTE)
-    draw_line(figure, shown.time_s, shown.truth, "truth", _TRUTH)
-    for c, values in enumerate(shown.channels.T):
-        if np.isfinite(values).any():
-            name = f"channel {c + 1}{_off_scale(values, *ends, shown.unit)}"
-            draw_line(figure, shown.time_s, values, name, (CHANNELS[c], 1.5, DASHES[c]))
+def _signal(figure: go.Figure, shown: SignalLines, name: str, title: str, height: int) -> None:
+    _draw(figure, shown.voted, "vote", _VOTE)
+    _draw(figure, shown.truth, "truth", _TRUTH)
+    unit = unit_shown(SIGNALS[INDEX[name]].unit)
+    for c, values in enumerate(shown.channels):
+        if values.drawn:
+            label = f"channel {c + 1}{_off_scale(values, *shown.ends, unit)}"
+            _draw(figure, values, label, (CHANNELS[c], 1.5, DASHES[c]))
     lay_out(figure, title, height)
     figure.update_xaxes(title="time, s")
-    figure.update_yaxes(title=f"{shown.name}, {shown.unit}".rstrip(", "), range=list(ends))
+    figure.update_yaxes(title=f"{name}, {unit}".rstrip(", "), range=list(shown.ends))
 
 
 def _counts(figure: go.Figure, rows: Block, time_s: Array, s: int, waits: Mapping[str, int]) -> None:
@@ -144,53 +141,45 @@ def in_a_row(mask: NDArray[np.bool_]) -> Array:
     return (rows - np.maximum.accumulate(np.where(mask, -1, rows))).astype(float)
 
 
-def _off_scale(values: Array, low: float, high: float, unit: str) -> str:
+def _off_scale(values: Line, low: float, high: float, unit: str) -> str:
     """Return the remark of a legend on a line that leaves the picture."""
-    finite = values[np.isfinite(values)]
-    beyond = finite[np.argmax(np.maximum(finite - high, low - finite))]
+    beyond = values.most if values.most - high >= low - values.least else values.least
     return f" (to {beyond:+.3g} {unit})".replace(" )", ")") if not low <= beyond <= high else ""
 
 
 def draw_line(figure: go.Figure, time_s: Array, values: Array, name: str, look: Look, **panel: Any) -> None:
     """Draw ``values`` (n,) over ``time_s`` (n,) as one line, thinned; ``panel``: of the figure."""
-    line = dict(zip(("color", "width", "dash"), look, strict=True))
-    figure.add_scatter(**_points(time_s, values), mode="lines", name=name, line=line, **panel)
+    _draw(figure, line(time_s, values), name, look, **panel)
 
 
-def _points(time_s: Array, values: Array) -> dict[str, Any]:
-    chosen = thinned(values)
+def _draw(figure: go.Figure, drawn: Line, name: str, look: Look, **panel: Any) -> None:
+    style = dict(zip(("color", "width", "dash"), look, strict=True))
+    figure.add_scatter(**_points(drawn), mode="lines", name=name, line=style, **panel)
+
+
+def _points(drawn: Line) -> dict[str, Any]:
     with np.errstate(over="ignore"):  # a flight that ends not finite
-        return {"x": np.round(time_s[chosen], 6), "y": values[chosen].astype(np.float32)}
+        return {"x": np.round(drawn.time_s, 6), "y": drawn.values.astype(np.float32)}
 
 
-def thinned(values: Array) -> NDArray[np.intp]:
-    """Return which of ``values`` (n,) are drawn: all, or the extremes of each of MOST_POINTS / 2 stretches."""
-    if len(values) <= MOST_POINTS:
-        return np.arange(len(values))
-    edges = np.linspace(0, len(values), MOST_POINTS // 2 + 1).astype(np.intp)
-    low, high = np.nan_to_num(values, nan=np.inf), np.nan_to_num(values, nan=-np.inf)
-    return np.unique([[a + low[a:b].argmin(), a + high[a:b].argmax()] for a, b in pairwise(edges)])
-
-
-def _shade(figure: go.Figure, time_s: Array, acts: NDArray[np.bool_], most: int = 200) -> None:
-    """Shade the first ``most`` stretches in which a fault acts."""
+def _shade(figure: go.Figure, stretches: NDArray[np.intp], rate_hz: float, most: int = 200) -> None:
+    """Shade the first ``most`` stretches (n, 2) of frames in which a fault acts."""
     shape = {"type": "rect", "yref": "y domain", "y0": 0, "y1": 1, "fillcolor": ACTING, "line_width": 0}
-    for a, b in runs_where(acts)[:most]:
-        figure.add_shape(**shape, layer="below", x0=float(time_s[a]), x1=float(time_s[b - 1]))
+    for a, b in stretches[:most].tolist():
+        figure.add_shape(**shape, layer="below", x0=a / rate_hz, x1=(b - 1) / rate_hz)
 
 
 def _mark(figure: go.Figure, at_s: float, text: str, side: str) -> None:
     figure.add_vline(x=at_s, line=DOTTED, annotation_text=f"{text} {at_s:.2f} s", annotation_position=f"top {side}")
 
 
-def vote_errors(rows: Block, rate_hz: float, thresholds: Mapping[str, float]) -> go.Figure:
+def vote_errors(found: Mapping[str, Line], thresholds: Mapping[str, float]) -> go.Figure:
     """Draw how far the votes are from the truth, in thresholds; ``thresholds`` SI, by signal."""
-    figure, time_s, peak = go.Figure(), rows["frame"] / rate_hz, 1.0
-    for i, (name, threshold) in enumerate(thresholds.items()):
-        error = errors(rows, name) / threshold
-        peak = max(peak, float(np.nanmax(np.abs(error), initial=0.0)))
-        label = f"{name}, threshold {quantity(threshold, SIGNALS[INDEX[name]].unit)}"
-        draw_line(figure, time_s, error, label, (series_colour(i), 1.2, "solid"))
+    figure, peak = go.Figure(), 1.0
+    for i, (name, error) in enumerate(found.items()):
+        peak = max(peak, float(np.nanmax(np.abs(error.values), initial=0.0)))
+        label = f"{name}, threshold {quantity(thresholds[name], SIGNALS[INDEX[name]].unit)}"
+        _draw(figure, error, label, (series_colour(i), 1.2, "solid"))
     for level in (-1.0, 1.0):
         figure.add_hline(y=level, line=DOTTED)
     end = 1.15 * min(peak, _MOST_THRESHOLDS)
@@ -200,38 +189,26 @@ def vote_errors(rows: Block, rate_hz: float, thresholds: Mapping[str, float]) ->
     return figure
 
 
-def errors(rows: Block, name: str) -> Array:
-    """Return vote less truth (n,) of a signal, SI, angles the short way round; NaN where either is no number."""
-    voted, truth = rows["voted"][:, INDEX[name]], rows["truth"][:, INDEX[name]]
-    with np.errstate(invalid="ignore"):
-        return (near(voted, truth) if SIGNALS[INDEX[name]].wraps else voted) - truth
-
-
-def surfaces(rows: Block, rate_hz: float) -> go.Figure:
+def surfaces(found: Sequence[SurfaceLines]) -> go.Figure:
     """Draw commands and positions of the surfaces, degrees, and of the throttle; no axis blows up small motion."""
     figure = make_subplots(rows=len(SURFACES), cols=1, shared_xaxes=True, vertical_spacing=0.05)
-    time_s = rows["frame"] / rate_hz
-    for i, field in enumerate(SURFACES):
+    for i, (field, surface) in enumerate(zip(SURFACES, found, strict=True)):
         name, unit = field.removesuffix("_rad"), "deg" if field.endswith("_rad") else ""
-        command, actuated = rows["surface"][:, i], rows["actuator"][:, i]
-        position = rows["flight"][:, FLIGHT_INDEX[field]]
-        lines = [("command", command, SERIES[0], "solid"), ("position", position, INK, "dash")]
-        if not np.array_equal(command, actuated, equal_nan=True):  # a fault changed it
-            lines.insert(1, ("at the actuator", actuated, MAGENTA, "dot"))
-        drawn = [values * (degrees(1.0) if unit else 1.0) for _, values, _, _ in lines]
-        for values, (what, _, colour, dash) in zip(drawn, lines, strict=True):
-            draw_line(figure, time_s, values, what, (colour, 1.2, dash), row=i + 1, col=1)
-        title = f"{name}, {unit}".rstrip(", ")
-        figure.update_yaxes(title=title, range=spanned(drawn, _LEAST_SPANS.get(name, _LEAST_DEG)), row=i + 1, col=1)
+        lines = [("command", surface.command, SERIES[0], "solid"), ("position", surface.position, INK, "dash")]
+        if surface.changed:
+            lines.insert(1, ("at the actuator", surface.actuated, MAGENTA, "dot"))
+        for what, drawn, colour, dash in lines:
+            _draw(figure, drawn, what, (colour, 1.2, dash), row=i + 1, col=1)
+        ends = spanned([drawn for _, drawn, _, _ in lines], _LEAST_SPANS.get(name, _LEAST_DEG))
+        figure.update_yaxes(title=f"{name}, {unit}".rstrip(", "), range=ends, row=i + 1, col=1)
     lay_out(figure, "surfaces and throttle", 600)
     figure.update_xaxes(title="time, s", row=len(SURFACES), col=1)
     return figure
 
 
-def spanned(lines: Sequence[Array], least: float) -> list[float]:
-    """Return the ends of an axis for lines (n,): their extremes with room, ``least`` apart at least."""
-    values = np.concatenate(lines)
-    values = values[np.isfinite(values)]
-    low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 0.0)
+def spanned(lines: Sequence[Line], least: float) -> list[float]:
+    """Return the ends of an axis for lines: their extremes with room, ``least`` apart at least."""
+    low, high = min(drawn.least for drawn in lines), max(drawn.most for drawn in lines)
+    low, high = (low, high) if low <= high else (0.0, 0.0)
     middle, half = (low + high) / 2.0, max((high - low) * 0.55, least / 2.0)
     return [middle - half, middle + half]

@@ -11,20 +11,22 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from rig.assess import cells
-from rig.assess.of_log import MOST_FRAMES, Scored, score_log
+from rig.assess.of_log import Scored, score_log
 from rig.assess.record import Yardstick
 from rig.computer.redundancy.managers import manager_kind
-from rig.errors import BadInput
-from rig.frame import INDEX, SIGNALS, has_part
-from rig.log import Log, read_log, scenario_of
+from rig.frame import INDEX, SIGNALS
+from rig.log import LogFile, scenario_of
 from rig.log.info import FILE, overrides
 from rig.log.schema import SCHEMA_VERSION
 from rig.report import figures as draw
 from rig.report.actuators import happened, of_actuator
+from rig.report.course import Course
+from rig.report.gathered import Gathered, Gathering, Stretch
 from rig.report.moments import Moment, affected, limit, moment, signals_of
 from rig.report.page import DASH, write_page
 from rig.report.timeline import spans, timeline
 from rig.units.quantities import duration, quantity, seconds
+from rig.util.progress import tell
 from rig.view.series import threshold
 
 MOST_SIGNALS: Final = 8  # that are drawn
@@ -36,48 +38,73 @@ QUIETEST: Final = 4  # signals whose vote's error is drawn where nothing happene
 def report(path: Path, out: Path) -> dict[str, Any]:
     """Write the report of the log at ``path`` to ``out``; what it says as plain data.
 
-    BadInput or BadLog, one line: no log of ``rig fly``, no verdict, too long.
+    The log is gone through block by block, as often as is asked of it.  BadInput or BadLog, one line: no log of
+    ``rig fly``, no verdict.
     """
-    log = read_log(path)
-    if len(log.rows) > MOST_FRAMES:
-        raise BadInput(f"{path}: {len(log.rows)} frames: a report is of at most {MOST_FRAMES}")
+    log = LogFile.open(path)
     scored = score_log(path, Yardstick(), twin=False, log=log)
-    names = affected(scored, log.rows)
-    moments = [found for name in names if (found := moment(scored, log.rows, name)) is not None][:MOST_MOMENTS]
-    drawn = _figures(log, scored, names, moments)
+    course = _course(log, len(scored.scenario.faults))
+    names = affected(scored, course)
+    moments = [found for name in names if (found := moment(scored, course, name)) is not None][:MOST_MOMENTS]
+    drawn = _figures(log, scored, course, names[:MOST_SIGNALS], moments)
     about = _about(log, scored, names, moments)
     write_page(out, "flight.html", drawn, {}, drawn=list(drawn), **about)
     told = {"shown": names, "moments": [one._asdict() for one in moments], "overrides": about["sets"]}
     return {"report": str(out), **told, **scored.as_dict()}
 
 
-def _figures(log: Log, scored: Scored, names: Sequence[str], moments: Sequence[Moment]) -> dict[str, go.Figure]:
+def _course(log: LogFile, faults: int) -> Course:
+    course = Course(faults)
+    for block in log.blocks():
+        course.add(block.rows)
+        tell("looking for what happened", course.frames, log.frames)
+    return course
+
+
+def _gathered(log: LogFile, scored: Scored, shown: Sequence[str], stretches: Sequence[Stretch]) -> Gathered:
+    """Gather what the pictures show of the log."""
+    resolved = scored.scenario.resolved()
+    limits = {name: threshold(resolved, name) for name in shown}
+    gathering = Gathering(log.frames, log.rate_hz, limits, _thresholds(scored, shown), stretches)
+    for block in log.blocks():
+        gathering.add(block.rows, block.lanes)
+        tell("drawing", gathering.frames, log.frames)
+    return gathering.gathered()
+
+
+def _figures(
+    log: LogFile, scored: Scored, course: Course, shown: Sequence[str], moments: Sequence[Moment]
+) -> dict[str, go.Figure]:
     """Draw the pictures, by the id of their element, in the order of the page."""
-    rows, rate_hz, resolved = log.rows, log.rate_hz, scored.scenario.resolved()
-    labels = [fault.label for fault in scored.scenario.faults]
-    shown, acting = names[:MOST_SIGNALS], _acting(log, scored)
-    found = {"timeline": timeline(lanes)} if (lanes := spans(rows, rate_hz, shown, labels)) else {}
+    rate_hz, resolved = log.rate_hz, scored.scenario.resolved()
+    surfaces = happened(scored) if "actuator" in log.lanes else []
+    gathered = _gathered(log, scored, shown, [(one.begin, one.end) for one in (*moments, *surfaces)])
+    labels, acting = [fault.label for fault in scored.scenario.faults], _acting(course, scored)
+    found = {"timeline": timeline(lanes)} if (lanes := spans(course, rate_hz, shown, labels)) else {}
     for one in moments:
-        about = one, limit(resolved, one.signal), acting[one.signal], _waits(scored, one.signal)
+        rows, acts = gathered.stretches[one.begin, one.end].rows, acting[one.signal][one.begin : one.end]
+        about = one, limit(resolved, one.signal), acts, _waits(scored, one.signal)
         found[f"moment-{one.signal}"] = draw.of_moment(rows, rate_hz, *about)
     for name in shown:
-        found[f"signal-{name}"] = draw.of_flight(rows, rate_hz, name, threshold(resolved, name), acting[name])
-    if has_part(log.lanes, "actuator"):
-        acted = np.unpackbits(rows["acting"], axis=1, bitorder="little")
-        found |= {f"actuator-{one.surface}": of_actuator(log.lanes, acted, scored, one) for one in happened(scored)}
-    found["votes"] = draw.vote_errors(rows, rate_hz, _thresholds(scored, shown))
-    found["surfaces"] = draw.surfaces(rows, rate_hz)
+        found[f"signal-{name}"] = draw.of_flight(gathered.signals[name], rate_hz, name, acting[name])
+    for one in surfaces:
+        found[f"actuator-{one.surface}"] = of_actuator(gathered.stretches[one.begin, one.end], scored, one)
+    found["votes"] = draw.vote_errors(gathered.errors, _thresholds(scored, shown))
+    found["surfaces"] = draw.surfaces(gathered.surfaces)
     return found
 
 
-def _acting(log: Log, scored: Scored) -> dict[str, NDArray[np.bool_]]:
+def _acting(course: Course, scored: Scored) -> dict[str, NDArray[np.bool_]]:
     """Return (n,) whether a fault on a signal, or on its reference, acts; by the signal."""
-    acted = np.unpackbits(log.rows["acting"], axis=1, bitorder="little") != 0
     on: dict[str, list[int]] = {signal.name: [] for signal in SIGNALS}
     for fault in scored.score.faults:
         for name in signals_of(fault, scored.scenario):
             on[name].append(fault.index)
-    return {name: np.asarray(acted[:, numbers].any(axis=1)) for name, numbers in on.items()}
+    acting, faults = course.acting, np.zeros((len(SIGNALS), 8 * course.acting.shape[1]), np.uint8)
+    for s, numbers in enumerate(on.values()):
+        faults[s, numbers] = 1
+    masks = np.packbits(faults, axis=1, bitorder="little")
+    return {name: (acting & masks[s]).any(axis=1) for s, name in enumerate(on)}
 
 
 def _thresholds(scored: Scored, names: Sequence[str]) -> dict[str, float]:
@@ -98,7 +125,7 @@ def _waits(scored: Scored, name: str) -> dict[str, int]:
     return {"persistence": int(p["persistence"]), "singular persistence": int(p["singular_persistence"])}
 
 
-def _about(log: Log, scored: Scored, names: Sequence[str], moments: Sequence[Moment]) -> dict[str, Any]:
+def _about(log: LogFile, scored: Scored, names: Sequence[str], moments: Sequence[Moment]) -> dict[str, Any]:
     """Return what the page says beside its pictures."""
     scenario, score, rate_hz = scored.scenario, scored.score, log.rate_hz
     text = log.attachments.get(FILE, b"").decode(errors="replace")
@@ -112,7 +139,7 @@ def _about(log: Log, scored: Scored, names: Sequence[str], moments: Sequence[Mom
         "ended": seconds(score.flight.frames, rate_hz),
         "cards": _cards(scored, rate_hz),
         "moments": [(one, _said(one, rate_hz)) for one in moments],
-        "actuators": happened(scored) if has_part(log.lanes, "actuator") else [],
+        "actuators": happened(scored) if "actuator" in log.lanes else [],
         "signals": names[:MOST_SIGNALS],
         "left_out": names[MOST_SIGNALS:],
         "limits": _limits(scored, names[:MOST_SIGNALS]),

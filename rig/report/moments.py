@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
-import numpy as np
-
 from rig.assess.monitored import references_of
 from rig.assess.of_log import Scored
 from rig.assess.record import FaultScore
-from rig.frame import INDEX, SIGNALS, Block, Pattern, Source, State
-from rig.record.failures import became_failed, decisive_s
+from rig.frame import INDEX, SIGNALS
+from rig.record.failures import decisive_s
+from rig.report.course import Course
 from rig.scenario import Scenario
 from rig.units.quantities import quantity
 from rig.view.series import threshold
@@ -50,18 +49,13 @@ class Moment(NamedTuple):
     end: int  # the first that is not shown
 
 
-def affected(scored: Scored, rows: Block) -> list[str]:
+def affected(scored: Scored, course: Course) -> list[str]:
     """Return the signals with a fault, a failed channel, a pattern or another source than the vote, the first first."""
-    first: dict[str, int] = {}
+    first = dict(course.odd)
     for fault in scored.score.faults:
         for name in signals_of(fault, scored.scenario):
             if fault.onset_frame is not None:
-                first[name] = min(first.get(name, len(rows)), fault.onset_frame)
-    for s, signal in enumerate(SIGNALS):
-        failed = (rows["state"][:, s] == State.FAILED).any(axis=1)
-        odd = failed | (rows["pattern"][:, s] != Pattern.NORMAL) | (rows["source"][:, s] != Source.VOTED)
-        if odd.any():
-            first[signal.name] = min(first.get(signal.name, len(rows)), int(np.argmax(odd)))
+                first[name] = min(first.get(name, course.frames), fault.onset_frame)
     return sorted(first, key=lambda name: (first[name], INDEX[name]))
 
 
@@ -72,17 +66,14 @@ def signals_of(fault: FaultScore, scenario: Scenario) -> list[str]:
     return [SIGNALS[s].name for s in references_of(scenario.faults[fault.index], scenario.redundancy)]
 
 
-def moment(scored: Scored, rows: Block, name: str) -> Moment | None:
-    """Return the moment of a signal: of its first pattern without a majority, else of its first fault; None: neither.
-
-    rows : (n,) of the flight
-    """
+def moment(scored: Scored, course: Course, name: str) -> Moment | None:
+    """Return the moment of a signal: its first pattern without a majority, else its first fault; None: neither."""
     rate_hz = scored.scenario.rate_hz
     faults = [fault for fault in scored.score.faults if name in signals_of(fault, scored.scenario)]
     begins = [fault.onset_frame if fault.exceeded_frame is None else fault.exceeded_frame for fault in faults]
     known = [frame for frame in begins if frame is not None]
     patterns = [episode.first_frame for episode in scored.score.episodes if episode.signal == name]
-    failures = became_failed(rows["state"][:, [INDEX[name]]])[:, 0].tolist()
+    failures = course.failed(name)
     if patterns:
         known = [frame for frame in known if 0 <= patterns[0] - frame <= TOGETHER_S * rate_hz] + patterns[:1]
     if not known and not failures:
@@ -91,5 +82,5 @@ def moment(scored: Scored, rows: Block, name: str) -> Moment | None:
     ends = [*failures, *(fault.failed_frame for fault in faults if fault.failed_frame is not None)]
     isolated = min((frame for frame in ends if first <= frame <= first + LATEST_S * rate_hz), default=None)
     isolated_s = None if isolated is None else isolated / rate_hz
-    begin_s, end_s = decisive_s(first / rate_hz, isolated_s, (len(rows) - 1) / rate_hz)
+    begin_s, end_s = decisive_s(first / rate_hz, isolated_s, (course.frames - 1) / rate_hz)
     return Moment(name, first, isolated, round(begin_s * rate_hz), round(end_s * rate_hz) + 1)

@@ -8,11 +8,11 @@ from typing import Any, Final, NamedTuple
 
 import plotly.graph_objects as go
 
-from rig.frame import INDEX, Block
+from rig.frame import INDEX
+from rig.report.course import Course, level_path
 from rig.report.page import lay_out
 from rig.util.palette import BLUE, INK, LIGHT_BLUE, MID_BLUE, ORANGE, QUIET, RED, VIOLET, YELLOW
-from rig.util.runs import runs
-from rig.view.lanes import LANES, Changes, Lane, changes, fault_path
+from rig.view.lanes import LANES, Changes, Lane, fault_path
 from rig.view.style import STATE_LOOKS
 
 MOST_SPANS: Final = 6000  # that are drawn; of more, the shortest are left out
@@ -35,23 +35,24 @@ class Span(NamedTuple):
     label: str
 
 
-def spans(rows: Block, rate_hz: float, signals: Sequence[str], faults: Sequence[str]) -> list[Span]:
-    """Return the states of ``rows`` (n,) lane by lane: faults, then the signals, discretes and law with an event.
+def spans(course: Course, rate_hz: float, signals: Sequence[str], faults: Sequence[str]) -> list[Span]:
+    """Return the states of a flight lane by lane: faults, then the signals, discretes and law with an event.
 
     faults : their labels, in the order of the scenario
     """
     lanes = {lane.path: lane for lane in LANES}
     found: dict[str, list[Span]] = {}
     named = {fault_path(i): f"fault {escape(label)}" for i, label in enumerate(faults)}  # plotly reads tags
-    named |= {path: _named(path) for path in lanes}
-    for change in changes(rows, None, faults):
-        if change.path in named:  # and not the channels of a signal together
-            found[change.path] = list(_spans(named[change.path], change, lanes.get(change.path), len(rows), rate_hz))
+    named |= {path: _named(path) for path in (*lanes, *map(level_path, signals))}
+    for path, change in course.lanes().items():
+        if path in named:  # and not the channels of a signal together
+            found[path] = list(_spans(named[path], change, lanes.get(path), course.frames, rate_hz))
     kept = [span for i in range(len(faults)) for span in found.get(fault_path(i), []) if span.label]
     for name in signals:
-        of = [path for path in found if path.startswith(f"/{name}/")]
+        level = level_path(name)
+        of = [path for path in found if path.startswith(f"/{name}/") and path != level]
         kept += [span for path in of if "/channel_" in path or _eventful(found[path]) for span in found[path]]
-        kept += _levels(rows, rate_hz, name)
+        kept += found[level]
     others = [lane.path for lane in LANES if lane.path.split("/")[1] not in INDEX]
     kept += [span for path in others if _eventful(found[path]) for span in found[path] if span.label != "absent"]
     return _most([span for span in kept if span.label])
@@ -81,17 +82,6 @@ def _label(state: str | None, lane: Lane | None) -> str:
 
 def _eventful(of: Sequence[Span]) -> bool:
     return any(span.label and span.label not in _QUIET for span in of)
-
-
-def _levels(rows: Block, rate_hz: float, name: str) -> list[Span]:
-    levels = rows["level"][:, INDEX[name]]
-    words = {0: "no channel", 1: "1 channel"}
-    return [
-        Span(
-            f"{name} level", begin / rate_hz, end / rate_hz, words.get(int(levels[begin]), f"{levels[begin]} channels")
-        )
-        for begin, end in runs(levels)
-    ]
 
 
 def _most(found: list[Span]) -> list[Span]:

@@ -19,7 +19,7 @@ from rig.thresholds.healthy import beyond, envelope
 from rig.thresholds.report import remarks, summary
 from rig.thresholds.run import Signal, design
 from rig.util.files import replaced, write_text
-from rig.util.outputs import require_apart
+from rig.util.outputs import require_apart, require_page
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,7 @@ def run(options: Options) -> dict[str, Any]:
     """Read, design, write; return the summary, and the seconds of each step."""
     page = options.page
     require_apart({"--out": options.out, "--plot": page}, [*options.inputs, options.config, *options.monitored])
+    require_page("--plot", page)
     with replaced(options.out) as part, replaced(page) if page else nullcontext() as page_part:
         began = perf_counter()
         if options.config is None:

@@ -20,7 +20,8 @@ from xml.etree import ElementTree
 from rig.errors import BadInput
 from rig.unit import links
 from rig.unit.fmu_description import IDENTIFIER, OLD_TOKEN, TOKEN, Place, Version, variables
-from rig.unit.fmu_mapping import Described, described, mapped
+from rig.unit.fmu_mapping import mapped
+from rig.unit.fmu_variables import Described, described
 from rig.unit.layout import CONFIG, INPUT, OUTPUT, SINCE_2, place
 from rig.unit.links import SocketLink
 from rig.unit.settings import Unit
@@ -119,7 +120,7 @@ def _plan(description: ElementTree.Element, unit: Unit, named: str) -> dict[str,
         "rate_hz": place(CONFIG, "rate_hz")[1],
         "time_s": place(INPUT, "time_s")[1],
         "said": place(OUTPUT, "said")[1],
-        "bytes": {Place.INPUT: INPUT.itemsize, Place.OUTPUT: OUTPUT.itemsize},
+        "bytes": {Place.CONFIG: CONFIG.itemsize, Place.INPUT: INPUT.itemsize, Place.OUTPUT: OUTPUT.itemsize},
         **_steps(description, co_simulation, named),
         **(
             {"runs": _runs(version, known, token == OLD_TOKEN, named)}

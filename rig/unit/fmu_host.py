@@ -26,19 +26,12 @@ from fmpy.fmi3 import FMU3Slave
 
 if __name__ == "__main__":
     sys.path.append(str(Path(__file__).parents[2]))  # python -I looks for the rig only where it is installed
+from rig.unit.fmu_moves import TYPES, Call, Views, moving, views_of
 from rig.unit.host import REFUSED, Host, Refused, ReplyChannel, serve
 
 DISCARD, FATAL = 2, 4
 STATUS: Final = ("ok", "warning", "discard", "error", "fatal", "pending")
 CONFIG, INPUT, OUTPUT = range(3)  # records of a run
-_TYPES: Final[dict[str, Any]] = {
-    "BYTE": ctypes.c_uint8,
-    "SIGNED": ctypes.c_int64,
-    "UNSIGNED": ctypes.c_uint64,
-    "REAL": ctypes.c_double,
-    "SHORT": ctypes.c_uint16,
-    "WORD": ctypes.c_uint32,
-}
 _NAMES: Final = {
     "BYTE": "UInt8",
     "SIGNED": "Int64",
@@ -55,13 +48,6 @@ _TYPES_3: Final = {
     **{"Float64": "c_double", "Float32": "c_float", "Boolean": "c_bool"},
 }  # by name in FMI the type in ctypes; Enumeration: Int64
 _SAME_STEP: Final = 1e-6  # of a step
-Call = Callable[[], Any]
-
-
-def _whole(said: Any, dtype: Any) -> Any:
-    """Return what a variable of any type says as numbers of ``dtype``; the largest, in no enum, where it has none."""
-    most, numbers = np.iinfo(dtype).max, np.asarray(said, float)
-    return np.where((numbers >= 0) & (numbers < most), np.rint(numbers), most)
 
 
 class Fmu(ABC):
@@ -125,7 +111,7 @@ class Fmu(ABC):
         except Exception as error:  # noqa: BLE001 # FMPy's own
             raise Refused(f"the FMU was not instantiated, is its library of this layout? {error}") from None
         try:
-            self._initialize(self._calls(CONFIG, config, "Set"))
+            self._initialize(config)
         except FMICallException as error:
             raise Refused(self._failed(error)) from None
         self._puts, self._gets = self._calls(INPUT, self._input, "Set"), self._calls(OUTPUT, self._output, "Get")
@@ -141,11 +127,14 @@ class Fmu(ABC):
         if inner > 0.0 and abs(steps * inner - self._step_s) > _SAME_STEP * inner:
             raise Refused(f"the FMU makes steps of {inner:g} s (fixedInternalStepSize), {frame}, no multiple of it")
 
-    def _initialize(self, parameters: list[Call]) -> None:
-        """Set the parameters of a new instance and bring it to its first step."""
-        for set_parameters in parameters:
-            set_parameters()
+    def _initialize(self, config: int) -> None:
+        """Set the parameters of a new instance by CONFIG at ``config``, and bring it to its first step."""
+        mapped = "runs" not in self._plan
+        for put in self._once("parameter", config) if mapped else self._calls(CONFIG, config, "Set"):
+            put()
         self.fmu.enterInitializationMode()
+        for put in self._once("input", config) if mapped else ():
+            put()
         self.fmu.exitInitializationMode()
 
     def close(self) -> None:
@@ -186,43 +175,21 @@ class Fmu(ABC):
 
     def _mapped(self, record: int, address: int, verb: str) -> list[Call]:
         """Return the calls of a mapping (fmu_mapping.py); the last one of OUTPUT writes what no variable says."""
-        if record == CONFIG:
-            return []
-        size = self._plan["bytes"][str(record)]
-        views = {
-            base: np.ctypeslib.as_array((kind * (size // ctypes.sizeof(kind))).from_address(address))
-            for base, kind in _TYPES.items()
-        }
-        runs = self._plan["inputs" if record == INPUT else "outputs"]
-        calls = [self._mapped_call(run, views, verb) for run in runs]
+        views = views_of(address, self._plan["bytes"][str(record)])
+        calls = [self._mapped_call(run, views, verb) for run in self._plan[("", "inputs", "outputs")[record]]]
         if record == INPUT:
             return calls
-        at, values = (np.array(column) for column in zip(*self._plan["constants"], strict=True))
+        at, values = (np.array(column) for column in zip(*self._plan["filled in"], strict=True))
         return [*calls, partial(views["BYTE"].__setitem__, at, values)]
 
-    def _mapped_call(self, run: dict[str, Any], views: dict[str, Any], verb: str) -> Call:
-        """Return what moves variables of one type; views : the whole record as numbers of each base."""
+    def _mapped_call(self, run: dict[str, Any], views: Views, verb: str) -> Call:
         references = (ctypes.c_uint * len(run["references"]))(*run["references"])
-        call, held = self._raw(run["type"], len(run["start"]), verb, references)
-        values, moves = np.ctypeslib.as_array(held), []
-        values[:] = run["start"]
-        for base in {pair[3] for pair in run["pairs"]}:
-            at, first, factor = (np.array([pair[i] for pair in run["pairs"] if pair[3] == base]) for i in range(3))
-            moves.append((at, views[base], first // views[base].itemsize, factor))
+        return moving(run, views, *self._raw(run["type"], len(run["start"]), verb, references), verb)
 
-        def put() -> None:
-            for at, view, first, factor in moves:
-                given = view[first]
-                is_flag = run["type"] == "Boolean"
-                values[at] = given / factor if view.dtype == float else given != 0 if is_flag else given
-            call()
-
-        def get() -> None:
-            call()
-            for at, view, first, factor in moves:
-                view[first] = values[at] * factor if view.dtype == float else _whole(values[at], view.dtype)
-
-        return put if verb == "Set" else get
+    def _once(self, causality: str, config: int) -> list[Call]:
+        """Return the calls of a mapping that set variables of a ``causality`` by CONFIG at ``config``, or constants."""
+        views = views_of(config, self._plan["bytes"][str(CONFIG)])
+        return [self._mapped_call(run, views, "Set once") for run in self._plan.get(f"{causality}s once", ())]
 
     def _text(self, run: dict[str, Any], address: int) -> Any:
         """Return the texts of a run, which all have the same room."""
@@ -236,9 +203,9 @@ class Fmi2(Fmu):
 
     kind, machine, prefix, slave = "FMI 2.0", fmpy.platform, "fmi2", FMU2Slave
 
-    def _initialize(self, parameters: list[Call]) -> None:
+    def _initialize(self, config: int) -> None:
         self.fmu.setupExperiment(startTime=0.0)
-        super()._initialize(parameters)
+        super()._initialize(config)
 
     def _call(self, run: dict[str, Any], address: int, verb: str) -> Call:
         count, kind = len(run["references"]), run["kind"]
@@ -247,7 +214,7 @@ class Fmi2(Fmu):
         call = partial(self._function(verb + name), self.fmu.component, references, count)
         if kind == "text":
             return partial(call, self._text(run, address))
-        values = (_TYPES[kind] * count).from_address(address + run["first"])
+        values = (TYPES[kind] * count).from_address(address + run["first"])
         if kind == "REAL":
             return partial(call, values)
         return self._integers(call, np.ctypeslib.as_array(values), verb)
@@ -277,7 +244,7 @@ class Fmi2(Fmu):
     def _raw(self, kind: str, count: int, verb: str, references: Any) -> tuple[Call, Any]:
         name, held = _TYPES_2.get(kind, ("Integer", ctypes.c_int))
         values = (held * count)()
-        function = self._function(verb + name)
+        function = self._function(verb[:3] + name)
         return partial(function, self.fmu.component, references, len(references), values), values
 
     def _do_step(self, time_s: float) -> None:
@@ -306,15 +273,15 @@ class Fmi3(Fmu):
         if kind == "text":
             values = self._text(run, address)
         else:
-            width = ctypes.sizeof(_TYPES[kind])
-            values = (_TYPES[kind] * ((run["end"] - run["first"]) // width)).from_address(address + run["first"])
+            width = ctypes.sizeof(TYPES[kind])
+            values = (TYPES[kind] * ((run["end"] - run["first"]) // width)).from_address(address + run["first"])
         function = self._function(verb + _NAMES.get(kind, "String"))
         return partial(function, self.fmu.component, references, count, values, len(values))
 
     def _raw(self, kind: str, count: int, verb: str, references: Any) -> tuple[Call, Any]:
         name = kind if kind in _TYPES_3 else "Int64"
         values = (getattr(ctypes, _TYPES_3[name]) * count)()
-        function = self._function(verb + name)
+        function = self._function(verb[:3] + name)
         return partial(function, self.fmu.component, references, len(references), values, count), values
 
     def _do_step(self, time_s: float) -> None:

@@ -4,6 +4,10 @@
     "channels.pitch_rate.*" = "q[*]"     # a * on the left is any name or channel; it stands for the same on the right
     [fmu.outputs]
     "voted.*" = "median_*"
+    [fmu.parameters]
+    "signal.*.threshold" = "limit_*"     # of CONFIG, set once a session
+    [fmu.constants]
+    gain = 2.5                           # a variable of the FMU, in its own unit
 
 An address is field.item.channel, of the tables of docs/unit-records.md, channels from 1.  Units are compared with those
 that the FMU declares, and converted.
@@ -13,48 +17,43 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Iterable, Mapping
 from functools import cache
 from itertools import accumulate
-from math import prod
 from typing import Any, Final, NamedTuple
-from xml.etree import ElementTree
 
 from rig.errors import BadInput
 from rig.frame import INDEX, SIGNALS, Law
 from rig.frame.fields import FIELD
 from rig.text import choices
-from rig.unit.fmu_description import Base, Place, Version, of_record
+from rig.unit.fmu_description import Base, Place, of_record
+from rig.unit.fmu_moves import REAL, range_of
+from rig.unit.fmu_variables import WHOLE, Described, find
 from rig.unit.layout import ANSWERS, OUTPUT, REFERENCES, Said, place
 from rig.unit.settings import Unit
 from rig.units.conversion import conversion
 from rig.units.quantities import unit_of_name
 
-_REAL: Final = ("Real", "Float64", "Float32")
-_WHOLE: Final = ("Integer", "Boolean", "Enumeration", *(f"{sign}Int{n}" for sign in ("", "U") for n in (8, 16, 32, 64)))
-_CAUSALITIES: Final = {"inputs": ("input",), "outputs": ("output", "local")}
+_SET: Final = ("parameter", "input")
+_CAUSALITIES: Final = {"inputs": ("input",), "outputs": ("output", "local"), "parameters": _SET, "constants": _SET}
 _OF_SIGNALS: Final = ("channels", "voted", *REFERENCES)
+_OF_SURFACES: Final = ("trim_surface", "surface_low", "surface_high")
+OF_ITS_SIGNAL: Final = (  # fields of a signal's CONFIG that have its unit
+    *("threshold", "threshold_triplex", "threshold_duplex", "outlier_threshold", "outlier_threshold_triplex"),
+    *("reference_threshold", "second_threshold", "low", "high", "deviation", "deviation_frames"),
+)
 _NEEDED: Final = {"redundancy": Said.VOTED, "flight-computer": Said.SURFACE}
-_ELEMENT: Final = re.compile(r"(.+)\[(\d+(?:,\d+)*)\]")
+_OF_CONFIG: Final = re.compile(r"(signal|discrete)\[\d+\]\.(\w+)(?:\[(\d+)\])?")
 
 
 class Element(NamedTuple):
-    """An element of INPUT or OUTPUT."""
+    """An element of CONFIG, INPUT or OUTPUT."""
 
+    address: str
     field: str
     first: int  # byte in its record
     base: Base
     unit: str  # SI
-
-
-class Described(NamedTuple):
-    """A variable as modelDescription.xml has it."""
-
-    reference: int
-    type: str
-    causality: str
-    unit: str  # empty: not said
-    shape: tuple[int, ...]
-    start: list[float]  # of all elements
 
 
 class Pair(NamedTuple):
@@ -66,68 +65,72 @@ class Pair(NamedTuple):
     factor: float  # SI units of one unit of the variable
 
 
-# What the description says -----------------------------------------------------------------------------------
-
-
-def described(description: ElementTree.Element, version: Version, named: str) -> dict[str, Described]:
-    """Return the variables of an FMU by name.  BadInput: one that is none."""
-    declared = {
-        one.get("name", ""): inner.get("unit", "")
-        for one in description.findall("TypeDefinitions/*")
-        for inner in ([one, *one] if version == "2" else [one])
-    }
-    nodes = {node.get("valueReference", ""): node for node in description.findall("ModelVariables/*")}
-    try:
-        return {
-            node.get("name", ""): _described(node, version, declared, nodes)
-            for node in description.findall("ModelVariables/*")
-        }
-    except ValueError as error:
-        raise BadInput(f"{named}: a variable of its modelDescription.xml cannot be read: {error}") from None
-
-
-def _described(
-    node: ElementTree.Element, version: Version, declared: dict[str, str], nodes: dict[str, ElementTree.Element]
-) -> Described:
-    """Return one variable; ValueError: what should be a number is none."""
-    kind = next((inner for inner in node if inner.tag in _REAL + _WHOLE or inner.tag == "String"), node)
-    kind = kind if version == "2" else node
-    shape = tuple(_extent(inner, nodes) for inner in node.findall("Dimension"))
-    unit = kind.get("unit", declared.get(kind.get("declaredType", ""), ""))
-    numbers = kind.tag in _REAL + _WHOLE
-    texts = kind.get("start", "").replace("true", "1").replace("false", "0").split() if numbers else []
-    start = [float(text) for text in texts] or [0.0]
-    start = start if len(start) == prod(shape) else start[:1] * prod(shape)
-    return Described(int(node.get("valueReference", "")), kind.tag, node.get("causality", "local"), unit, shape, start)
-
-
-def _extent(dimension: ElementTree.Element, nodes: dict[str, ElementTree.Element]) -> int:
-    """Return the elements of a dimension: a number, or the start of a structural parameter."""
-    given = dimension.get("start")
-    if given is None:
-        node = nodes.get(dimension.get("valueReference", ""))
-        given = "" if node is None else node.get("start", "")
-    return int(given)
-
-
-# What the unit file says -------------------------------------------------------------------------------------
-
-
 def mapped(unit: Unit, known: dict[str, Described], named: str) -> dict[str, Any]:
     """Return what the child needs of a mapping.  BadInput.  known : variables of the FMU; named : it, for messages"""
     assert unit.fmu is not None
     inputs = _pairs("inputs", unit.fmu.inputs, Place.INPUT, known, unit, named)
     outputs = _pairs("outputs", unit.fmu.outputs, Place.OUTPUT, known, unit, named)
-    twice = Counter((pair.variable, pair.at) for pair in inputs.values()).most_common(1)
-    if twice and twice[0][1] > 1:
-        raise BadInput(f"{named}: fmu.inputs: {twice[0][0][0]} is mapped {twice[0][1]} times")
+    parameters = _pairs("parameters", unit.fmu.parameters, Place.CONFIG, known, unit, named)
+    constants = _constants(unit.fmu.constants, known, named)
+    _require_once([*inputs.values(), *parameters.values()], constants, named)
+    _require_apart(inputs.values(), parameters.values(), named)
+    known = _with(constants, known)
+    names = [*(pair.variable for pair in parameters.values()), *(name for name, _ in constants)]
     said = _said(set(outputs), unit)
-    constants = [] if "law" in outputs else [(place(OUTPUT, "law")[1], int(Law.EXTERNAL))]
+    law = [] if "law" in outputs else [(place(OUTPUT, "law")[1], int(Law.EXTERNAL))]
     return {
-        "inputs": _calls(inputs, known),
-        "outputs": _calls(outputs, known),
-        "constants": [*constants, (place(OUTPUT, "said")[1], int(said))],
+        **{f"{causality}s once": _once(causality, names, parameters.values(), known) for causality in _SET},
+        "inputs": _calls([pair.variable for pair in inputs.values()], inputs.values(), known),
+        "outputs": _calls([pair.variable for pair in outputs.values()], outputs.values(), known),
+        "filled in": [*law, (place(OUTPUT, "said")[1], int(said))],
     }
+
+
+def _once(
+    causality: str, names: Iterable[str], pairs: Iterable[Pair], known: dict[str, Described]
+) -> list[dict[str, Any]]:
+    """Return the calls for those variables of a ``causality`` that are set once: FMI has a time for each."""
+    of = [name for name in names if known[name].causality == causality]
+    return _calls(of, [pair for pair in pairs if pair.variable in of], known)
+
+
+def _constants(given: Mapping[str, float], known: dict[str, Described], named: str) -> dict[tuple[str, int], float]:
+    """Return constants by variable and index in it.  BadInput: no such variable, or one that cannot have the value."""
+    found: dict[tuple[str, int], float] = {}
+    for name, value in given.items():
+        where = f"{named}: fmu.constants"
+        base, at = find(name, known, where)
+        _require_causality(name, known[base], "constants", where)
+        if known[base].type not in REAL + WHOLE:
+            raise BadInput(f"{where}: {name} is of type {known[base].type}, which no number is")
+        low, high = range_of(known[base].type)
+        if not low <= value <= high or (known[base].type in WHOLE and value != int(value)):
+            raise BadInput(f"{where}: {name} is of type {known[base].type}, which {value:g} is not")
+        found[base, at] = float(value)
+    return found
+
+
+def _require_once(pairs: Iterable[Pair], constants: Iterable[tuple[str, int]], named: str) -> None:
+    """BadInput: a variable that is set by two."""
+    counts = Counter([*((pair.variable, pair.at) for pair in pairs), *constants])
+    twice = counts.most_common(1)
+    if twice and twice[0][1] > 1:
+        raise BadInput(f"{named}: fmu: {twice[0][0][0]} is mapped {twice[0][1]} times")
+
+
+def _require_apart(inputs: Iterable[Pair], parameters: Iterable[Pair], named: str) -> None:
+    """BadInput: a variable that is set once and, as an array is set whole, in each frame again."""
+    both = {pair.variable for pair in inputs} & {pair.variable for pair in parameters}
+    if both:
+        raise BadInput(f"{named}: fmu.parameters: {min(both)} is in fmu.inputs, which sets it in each frame")
+
+
+def _with(constants: Mapping[tuple[str, int], float], known: dict[str, Described]) -> dict[str, Described]:
+    """Return the variables with ``constants`` as what they start with."""
+    starts = {name: list(known[name].start) for name, _ in constants}
+    for (name, at), value in constants.items():
+        starts[name][at] = value
+    return {name: one._replace(start=starts.get(name, one.start)) for name, one in known.items()}
 
 
 def _pairs(
@@ -140,7 +143,7 @@ def _pairs(
         for address, name in _expanded(key, variable, _elements(record), where):
             if address not in found:
                 said = f"{named}: fmu.{table}: {address}"
-                found[address] = _pair(_elements(record)[address], name, _CAUSALITIES[table], known, said)
+                found[address] = _pair(_elements(record)[address], name, table, known, said)
     return found
 
 
@@ -162,27 +165,38 @@ def _elements(record: Place) -> dict[str, Element]:
     elements = {}
     for variable in of_record(record):
         for scalar in variable.scalars():
-            items = scalar.about.split(", channel ") if scalar.about else []
-            if variable.name not in ("stepped", "said"):
-                found = Element(variable.name, scalar.first, variable.base, _unit(variable.name, items))
-                elements[".".join([variable.name, *items])] = found
+            if variable.name not in ("stepped", "said") and not variable.text:
+                field, address, unit = _named(scalar.name, variable.name, scalar.about)
+                elements[address] = Element(address, field, scalar.first, variable.base, unit)
     return elements
+
+
+def _named(name: str, variable: str, about: str) -> tuple[str, str, str]:
+    """Return field, address and SI unit of an element ``name`` of a ``variable``."""
+    of = _OF_CONFIG.fullmatch(name)
+    if of is not None:  # of a signal or discrete in CONFIG
+        unit = SIGNALS[INDEX[about]].unit if of[1] == "signal" and of[2] in OF_ITS_SIGNAL else unit_of_name(of[2])
+        return of[2], ".".join([of[1], about, *filter(None, of.groups()[1:])]), unit or "1"
+    items = about.split(", channel ") if about else []
+    return variable, ".".join([variable, *items]), _unit(variable, items)
 
 
 def _unit(field: str, items: list[str]) -> str:
     """Return the SI unit of an element."""
     if field in _OF_SIGNALS:
         return SIGNALS[INDEX[items[0]]].unit
-    return (unit_of_name(items[0]) if items and field in FIELD and FIELD[field].elements else "") or "1"
+    if field == "rate_hz":
+        return "Hz"
+    named = field in _OF_SURFACES or (field in FIELD and FIELD[field].elements)
+    return (unit_of_name(items[0]) if items and named else "") or "1"
 
 
-def _pair(element: Element, name: str, allowed: tuple[str, ...], known: dict[str, Described], where: str) -> Pair:
+def _pair(element: Element, name: str, table: str, known: dict[str, Described], where: str) -> Pair:
     """Return what an element is paired with.  BadInput: no such variable, or one that does not fit."""
-    base, index = _found(name, known, where)
+    base, index = find(name, known, where)
     variable = known[base]
-    if variable.causality not in allowed:
-        raise BadInput(f"{where}: {name} is of causality {variable.causality}, must be {' or '.join(allowed)}")
-    types = _REAL if element.base is Base.REAL else _REAL + _WHOLE
+    _require_causality(name, variable, table, where)
+    types = REAL if element.base is Base.REAL else REAL + WHOLE
     if variable.type not in types:
         raise BadInput(f"{where}: {name} is of type {variable.type}, must be {', '.join(types)}")
     if not variable.unit:
@@ -193,22 +207,10 @@ def _pair(element: Element, name: str, allowed: tuple[str, ...], known: dict[str
         raise BadInput(f"{where}: {name} is in {variable.unit}: {error}") from None
 
 
-def _found(name: str, known: dict[str, Described], where: str) -> tuple[str, int]:
-    """Return a variable and the index of its element, which ``name`` may end with: from 1, of FMI 3.0.  BadInput."""
-    if name in known and not known[name].shape:
-        return name, 0
-    parts = _ELEMENT.fullmatch(name)
-    base = name if parts is None else parts[1]
-    shape = known[base].shape if base in known else ()
-    indices = [] if parts is None else [int(text) - 1 for text in parts[2].split(",")]
-    if len(indices) == len(shape) > 0 and all(0 <= i < n for i, n in zip(indices, shape, strict=True)):
-        return base, sum(i * prod(shape[n + 1 :]) for n, i in enumerate(indices))
-    raise BadInput(f"{where}: the FMU has no variable {name}; {choices(name, _names(known))}")
-
-
-def _names(known: dict[str, Described]) -> list[str]:
-    """Return the names of variables, of an array with its extent."""
-    return [name + (f"[{','.join(map(str, one.shape))}]" if one.shape else "") for name, one in known.items()]
+def _require_causality(name: str, variable: Described, table: str, where: str) -> None:
+    if variable.causality not in _CAUSALITIES[table]:
+        allowed = " or ".join(_CAUSALITIES[table])
+        raise BadInput(f"{where}: {name} is of causality {variable.causality}, must be {allowed}")
 
 
 def _usual(unit: str) -> str:
@@ -232,14 +234,17 @@ def _said(addresses: set[str], unit: Unit) -> Said:
     return said
 
 
-def _calls(pairs: dict[str, Pair], known: dict[str, Described]) -> list[dict[str, Any]]:
+def _calls(variables: Iterable[str], pairs: Iterable[Pair], known: dict[str, Described]) -> list[dict[str, Any]]:
     """Return a call of FMI for each type: variables whole, and which of their elements are which of the record."""
-    calls = []
-    for kind in dict.fromkeys(known[pair.variable].type for pair in pairs.values()):
-        own = [pair for pair in pairs.values() if known[pair.variable].type == kind]
-        names = list(dict.fromkeys(pair.variable for pair in own))
+    calls, every, pairs = [], list(dict.fromkeys(variables)), list(pairs)
+    for kind in dict.fromkeys(known[name].type for name in every):
+        names = [name for name in every if known[name].type == kind]
         begins = dict(zip(names, accumulate((len(known[name].start) for name in names), initial=0), strict=False))
-        at = [[begins[one.variable] + one.at, one.element.first, one.factor, one.element.base.name] for one in own]
+        own = [pair for pair in pairs if pair.variable in begins]
+        at = [
+            [begins[one.variable] + one.at, one.element.first, one.factor, one.element.base.name, one.element.address]
+            for one in own
+        ]
         call = {"type": kind, "references": [known[name].reference for name in names]}
         calls.append({**call, "start": [number for name in names for number in known[name].start], "pairs": at})
     return calls

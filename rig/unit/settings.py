@@ -24,6 +24,8 @@ class FmuMapping(Settings):
 
     keys_are_in: ClassVar[str] = "docs/unit.md"
 
+    parameters: dict[str, str] = Field(default_factory=dict)  # elements of CONFIG
+    constants: dict[str, float] = Field(default_factory=dict)  # by variable, in its own unit
     inputs: dict[str, str] = Field(default_factory=dict)
     outputs: dict[str, str] = Field(min_length=1)
 

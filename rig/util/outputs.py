@@ -37,6 +37,12 @@ def require_apart(outputs: Mapping[str, Path | None], inputs: Iterable[Path | st
             raise BadInput(f"{second} {b}: is {first} too")
 
 
+def require_page(option: str, path: Path | None) -> None:
+    """Raise BadInput where the name of a page does not end with .html: a browser would show its text."""
+    if path is not None and path.suffix.lower() not in (".html", ".htm"):
+        raise BadInput(f"{option} {path}: is a page for a browser: its name must end with .html")
+
+
 def _require_no_input(what: str, path: Path, inputs: Iterable[Path]) -> None:
     places = {Path(os.path.realpath(path)), Path(os.path.realpath(path.parent), path.name)}  # a link, and its end
     for given in inputs:
