@@ -94,7 +94,9 @@ class _OfOneSurface(_OnComputer):
         needs = {"offset": ("offset",), "oscillation": ("amplitude", "frequency_hz")}.get(self.does, ())
         for name in ("offset", "amplitude", "frequency_hz"):
             if (getattr(self, name) is not None) != (name in needs):
-                raise ValueError(f"{name}: {'is needed for' if name in needs else 'does not go with'} does = {self.does!r}")
+                raise ValueError(
+                    f"{name}: {'is needed for' if name in needs else 'does not go with'} does = {self.does!r}"
+                )
         return self
 
     @property
@@ -220,7 +222,9 @@ class Adc(_OfItsChannels):
         needed = {"scale": "factor", "offset": "offset"}.get(self.says)
         for name in ("factor", "offset"):
             if (getattr(self, name) is not None) != (name == needed):
-                raise ValueError(f"{name}: {'is needed for' if name == needed else 'does not go with'} says = {self.says!r}")
+                raise ValueError(
+                    f"{name}: {'is needed for' if name == needed else 'does not go with'} says = {self.says!r}"
+                )
         return self
 
     @property

@@ -23,7 +23,15 @@ from rig.faults.trigger import DutyCycle
 from rig.frame import Block, LaneTest, to_frame
 
 _COPIED: Final = tuple(field.name for field in fields(Effect) if field.name in (TARGET.names or ()))
-_SORTS: Final = (("channel", "inertial"), ("discrete",), ("reference",), ("surface",), OF_SERVOS, ("ccdl",), ("computer",))
+_SORTS: Final = (
+    ("channel", "inertial"),
+    ("discrete",),
+    ("reference",),
+    ("surface",),
+    OF_SERVOS,
+    ("ccdl",),
+    ("computer",),
+)
 _ENDS: Final = ("samples", "discretes", "references", "surfaces", "parts", "links", "computers")
 _OF_SURFACES: Final = (ComputerPart.COMMAND, ComputerPart.OUTPUT)
 
@@ -240,7 +248,11 @@ class Faults:
         if where == "computer":
             row["row"], row["column"] = at, (point.channel or 1) - 1
             row["seen_by_test"] = self._seen_by_test(i, effect.seen_by_test)
-        ranged = places.names["surface"][row["column"]] if effect.part in _OF_SURFACES and where == "computer" else point.place
+        ranged = (
+            places.names["surface"][row["column"]]
+            if effect.part in _OF_SURFACES and where == "computer"
+            else point.place
+        )
         row["source"] = places.number(source)
         row["low"], row["high"] = low, high = self._ranges[places.index[ranged]]
         row["source_low"], row["source_high"] = self._ranges[places.index[source]]

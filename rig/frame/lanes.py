@@ -91,12 +91,32 @@ COMPUTER_FIELDS: Final = (
     Field("outvoted", "fcc", _BY_LANE, "flag", message=_COMPUTER, elements=_of_lanes("outvoted")),  # by relays
     # What it puts out behind the vote of all lanes' commands, as its converters give it, and how that vote was found.
     Field("output", "fcc", (len(SURFACES),), message=_COMPUTER, elements=_of_surfaces("output")),
-    Field("command_pattern", "fcc", (len(SURFACES),), "enum", Pattern, message=_COMPUTER, elements=_of_surfaces("command_pattern")),
-    Field("command_resolver", "fcc", (len(SURFACES),), "enum", Resolver, message=_COMPUTER, elements=_of_surfaces("command_resolver")),
+    Field(
+        "command_pattern",
+        "fcc",
+        (len(SURFACES),),
+        "enum",
+        Pattern,
+        message=_COMPUTER,
+        elements=_of_surfaces("command_pattern"),
+    ),
+    Field(
+        "command_resolver",
+        "fcc",
+        (len(SURFACES),),
+        "enum",
+        Resolver,
+        message=_COMPUTER,
+        elements=_of_surfaces("command_resolver"),
+    ),
     Field("health", "fcc", (), "enum", Health, message=_COMPUTER),
     Field("failed_for", "fcc", (), "enum", LaneTest, message=_COMPUTER),
-    Field("accuses", "fcc", _BY_LANE, "enum", LaneTest, message=_COMPUTER, elements=_of_lanes("accuses")),  # and for what
-    Field("leads", "fcc", (), "flag", message=_COMPUTER),  # its votes and commands are the frame's; nobody: the back-up's
+    Field(
+        "accuses", "fcc", _BY_LANE, "enum", LaneTest, message=_COMPUTER, elements=_of_lanes("accuses")
+    ),  # and for what
+    Field(
+        "leads", "fcc", (), "flag", message=_COMPUTER
+    ),  # its votes and commands are the frame's; nobody: the back-up's
 )
 
 

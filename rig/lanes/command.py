@@ -152,7 +152,7 @@ def vote_commands(i, lead, fcc, links, health, data):
 
 @kernel
 def ask_lanes(fcc, health, fitted, data):
-    """Write what the lanes' own tests say of each; where all are content, who votes the signals as the majority does."""
+    """Write what the lanes' own tests say of each; if nothing, who votes the signals as the majority does."""
     ilm, content = data.ilm, True
     for j in range(fitted):
         good = is_content(health.lane[j])

@@ -90,7 +90,6 @@ class Config(Settings):
             raise ValueError(f"clock_offsets_s: {len(COMPUTERS)} times of 0 or more, one a lane, got {given}")
         return self
 
-
     @model_validator(mode="after")
     def _commands_to_lanes(self) -> Config:
         there = COMPUTERS[: self.count] if self.count > 1 else ()

@@ -213,7 +213,7 @@ def obey(order, data):
 
 @kernel
 def find_leading(data):
-    """Find the first engaged lane, of those that run if there are; where there is none, or the back-up is commanded, the back-up takes over."""
+    """Find the first engaged lane, of those that run if there are; else, or by command, the back-up takes over."""
     system, leading = data.system[0], NOBODY
     for i in range(data.limits[0]["fitted"]):
         if is_engaged(data.lane[i]) and (leading == NOBODY or data.lane[leading]["running"] < data.lane[i]["running"]):
@@ -307,7 +307,7 @@ def suspect(data):
 
 
 def shut_off(lanes: LaneBlock) -> NDArray[np.uint8]:
-    """Return (n, 4): the servo channels that their computers shut off in recorded rows, none while the back-up flies."""
+    """Return (n, 4): servo channels that their computers shut off in recorded rows, none while the back-up flies."""
     if not has_part(lanes, "computer"):
         return np.zeros((len(lanes), _LANES), np.uint8)
     computer = lanes["computer"]

@@ -3,7 +3,7 @@
 A frame of theirs, each part in a file of its own:
 
     engage    who is engaged, stops, starts again and leads                                 health.py
-    share     each samples its own channel and has the others' by the link                  link.py, exchange.py, clock.py
+    share     each samples its own channel and has the others' by the link                  link.py, exchange.py
     think     as one computer does, with the same kernels, on its own BUS and FCC           think.py
     command   each tells its command, votes all, and puts out what is voted                 command.py
     test      each tests itself and accuses others                                          health.py
@@ -207,7 +207,8 @@ def take_over(i, j, lanes):
     copy(lanes.control, i, j)
     copy(lanes.fdi, i, j)
     copy(lanes.kept, i, j)
-    lanes.gain[i], lanes.memory[i] = lanes.gain[j], lanes.memory[j]
+    copy(lanes.gain, i, j)
+    copy(lanes.memory, i, j)
 
 
 @kernel
