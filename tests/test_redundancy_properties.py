@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from rig.computer.redundancy.config import MANAGERS
+from rig.computer.redundancy.managers import MANAGERS, manager_kind
 from rig.frame import Pattern, Resolver, State
 from rig.units.angles import difference
 from rig.units.constants import TWO_PI
@@ -117,7 +117,7 @@ def test_the_vote_is_finite_and_within_the_comparable_samples(samples, valid, ma
     with np.errstate(all="ignore"):  # interpreted kernels warn where compiled ones overflow in silence
         out = vote_samples(samples, valid=valid, manager=manager, limits=(low, high), wraps=wraps, **chosen)
     assert np.isfinite(out.voted).all()
-    latches = manager in ("cross-channel", "cross-voter")
+    latches = manager_kind(manager).latches
     for k in range(len(samples)):
         failed = out.state[k - 1] == State.FAILED if latches and k else np.zeros(4, bool)
         use = samples[k][~failed & (valid[k] == 1) & (samples[k] >= low) & (samples[k] <= high)]

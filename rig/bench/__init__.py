@@ -4,6 +4,7 @@ run.py                   the one driver: the stages of a frame, each of which ca
 sources.py               recorded channels as rows, and the answers out of them
 vote.py                  the manager over a recording, or over the log of a flight by its own scenario
 inject.py                faults on recorded channels; injection_score.py: what became of them
+rival_statistics.py      what a rival computes of rows without failing anybody: for a calibration
 trials.py, splitting.py  one signal over a recorded truth, many times: for reliability
 unit_check.py            a unit under test against the requirement and against our own manager
 vote_run.py              one ``rig vote``: read, inject, align, vote, write (write_votes.py), sum up (vote_summary.py)

@@ -20,8 +20,9 @@ from rig.bench.sources import FIELDS, Columns, DiscreteColumns, blocks, put
 from rig.computer.redundancy.config import PARAMS, fill
 from rig.computer.redundancy.discrete import DiscreteVoter
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS, PERSISTENCE, fill_discrete
-from rig.computer.redundancy.managers import MANAGERS, Manager, manager_kind
+from rig.computer.redundancy.managers import MANAGERS, Manager, manager_kind, with_settings
 from rig.computer.redundancy.own import OwnManager, load_manager
+from rig.computer.redundancy.rivals.settings import Rivals
 from rig.frame import DISCRETES, SIGNALS, Block, D, Rows, S, State, rows, to_frame
 from rig.kernels import kernel
 from rig.record.failures import COMPARISON, became_failed, decider
@@ -34,6 +35,7 @@ from rig.util.trust import Trust
 
 INVALID: Final = "invalid"  # a sample that is no number, flagged, or out of range
 _NO_CODE: Final = Trust("the configuration")
+_BY_DEFAULT: Final = Rivals()
 
 
 class ChannelFailure(NamedTuple):
@@ -102,15 +104,17 @@ def vote(
     trust: Trust = _NO_CODE,
     triads: Mapping[str, Sequence[str]] | None = None,
     boxes: tuple[int, int] = (0, 1),
+    rivals: Rivals = _BY_DEFAULT,
 ) -> dict[str, Voted]:
     """Vote the signals that have settings; BadInput: a manager class that ``trust`` does not permit.
 
     triads : by name, signals that are the axes of one unit: "selection" chooses one channel for all three
     boxes : signals and frames as ``box_signals`` and ``box_persistence`` of a flight; 0 signals: never
+    rivals : settings of the rivals among the managers
     """
     for chosen in settings.values():
         trust.require(chosen.manager)
-    grouped = _groups(recording, settings, trust, triads or {}, boxes)
+    grouped = _groups(recording, settings, trust, triads or {}, boxes, rivals)
     voted: dict[str, Voted] = {}
     for group in grouped:
         voted |= _vote_group(recording, group, settings, resets)
@@ -190,17 +194,18 @@ def _groups(
     trust: Trust,
     triads: Mapping[str, Sequence[str]],
     boxes: tuple[int, int],
+    rivals: Rivals,
 ) -> list[_Group]:
     """Return who votes together: all signals of a manager, the axes of a unit; a user's manager votes each alone."""
     units = [
         tuple(axes) for axes in triads.values() if all(manager_kind(settings[a].manager).chooses_units for a in axes)
     ]
     others = [name for name in settings if not any(name in axes for axes in units)]
-    groups = [_group(recording, axes, settings, trust, boxes, as_unit=True) for axes in units]
+    groups = [_group(recording, axes, settings, trust, boxes, rivals, as_unit=True) for axes in units]
     for manager in dict.fromkeys(settings[name].manager for name in others):
         names = tuple(name for name in others if settings[name].manager == manager)
         for some in [names] if manager in MANAGERS else [(name,) for name in names]:
-            groups.append(_group(recording, some, settings, trust, boxes))
+            groups.append(_group(recording, some, settings, trust, boxes, rivals))
     return groups
 
 
@@ -210,13 +215,15 @@ def _group(
     settings: Mapping[str, RecordedSignal],
     trust: Trust,
     boxes: tuple[int, int],
+    rivals: Rivals,
     as_unit: bool = False,
 ) -> _Group:
     params = params_of(recording, {name: settings[name] for name in names})
     manager = settings[names[0]].manager
     if manager not in MANAGERS:
         return _Group(names, load_manager(manager, params, trust), params)
-    made = Manager(manager, params, box_signals=boxes[0], box_persistence=boxes[1], as_unit=as_unit)
+    told = with_settings(params, manager, rivals, names)
+    made = Manager(manager, told, box_signals=boxes[0], box_persistence=boxes[1], as_unit=as_unit)
     return _Group(names, made, params)
 
 

@@ -160,5 +160,5 @@ def _vote(asked: _Asked, recording: Recording, config: Path | dict[str, Any] | N
     if asked.flown is not None:
         return of_flight(recording, asked.flown.scenario)
     trust, boxes = Trust(str(_named(config)), options.allow_code), (settings.box_signals, settings.box_persistence)
-    signals = vote(recording, asked.signals, settings.resets, trust, settings.triads, boxes)
+    signals = vote(recording, asked.signals, settings.resets, trust, settings.triads, boxes, settings.rivals)
     return Result(signals, vote_discretes(recording, asked.discretes, settings.resets))

@@ -160,7 +160,8 @@ def _managers_from_the_last(row: Any, data: ManagerData) -> None:
     """Compile the managers while the other process is at the first one; a flight can be flown by any."""
     compile_inner(select_unit, row["bus"], row["fcc"], 0, len(data.params), data)
     for kind in reversed(KINDS):
-        compile_inner(kind.kernel, row["bus"], row["fcc"], data)
+        if kind.settings is None:
+            compile_inner(kind.kernel, row["bus"], row["fcc"], data)
 
 
 _PART: Final = {"in order": _in_order, "from the end": _from_the_end}

@@ -22,6 +22,7 @@ from rig.computer.analytic.references import ReferenceData, remember
 from rig.computer.control.law import control_law
 from rig.computer.control.state import ControlData
 from rig.computer.redundancy import Redundancy
+from rig.computer.redundancy.config import PARAMS
 from rig.computer.redundancy.discrete import DiscreteData, vote_discretes
 from rig.errors import BadInput
 from rig.faults import FaultData
@@ -105,7 +106,7 @@ def config_of(scenario: Scenario, redundancy: Redundancy, trim: NDArray[np.float
     return configuration(
         scenario.rate_hz,
         form,
-        redundancy.manager.data.params,
+        redundancy.manager.data.params[list(PARAMS.names or ())],  # without what a rival is told
         redundancy.discretes.params,
         redundancy.manager.data.boxes,
         trim,

@@ -6,6 +6,7 @@
     [triads]           # three signals that are the axes of one vector: gyro = ["gyro_x", "gyro_y", "gyro_z"]
     [mapping]          # columns of a foreign recording: "gyro.1" = "/imu1:angular_velocity.x"
     [[resets]]         # commands to readmit, as in a scenario
+    [rivals.<name>]    # of a manager that is a rival of ours; as [redundancy.rivals.<name>] of a flight
     box_signals        # signals that accuse a channel at once until it is failed on all; 0 when not given: never
     box_persistence    # frames for which they do
     time_column        # of tables, "time_s" when not given; time_unit: "s"; separator, decimal: found by looking
@@ -30,6 +31,7 @@ from rig.computer.redundancy.config import Reset as FlightReset
 from rig.computer.redundancy.config import SignalConfig, bits
 from rig.computer.redundancy.discrete_config import DiscreteConfig
 from rig.computer.redundancy.managers import DEFAULT, MANAGERS, manager_kind
+from rig.computer.redundancy.rivals.settings import Rivals
 from rig.errors import BadInput
 from rig.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS
 from rig.recordings.csv_file import TableFormat
@@ -132,6 +134,7 @@ class VoteConfig(Settings):
     signal: dict[str, dict[str, Any]] = {}
     discrete: dict[str, RecordedDiscrete] = {}
     triads: dict[str, list[str]] = {}
+    rivals: Rivals = Rivals()
     mapping: dict[str, str] = {}
     time_column: str = "time_s"
     time_unit: str = "s"
@@ -161,6 +164,10 @@ class VoteConfig(Settings):
         chosen = [name for name in present if name in self.signal or self.default is not None]
         if not chosen and not self.discrete:
             raise BadInput(f"{source}: no signal to vote: add [signal.<name>], [discrete.<name>] or [default]")
+        try:
+            self.rivals.refuse_others(present)
+        except ValueError as error:
+            raise BadInput(f"{source}: {error}") from None
         found = {name: self._settings(name, source) for name in chosen}
         for triad, axes in self.triads.items():
             _check_triad(f"{source}: triads.{shorten(triad)}", axes, found)

@@ -10,7 +10,6 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from rig.bench.splitting import Held, Particles, Windows
-from rig.computer.redundancy.manager import new_state
 from rig.errors import BadInput
 from rig.frame import INDEX, SIGNALS, D
 from rig.reliability.channel_errors import COUNTS_FROM, Ends, ends
@@ -38,9 +37,9 @@ class Bench:
 
     def __init__(self, scenario: Scenario, signal: str, recorded: Recording) -> None:
         self._one = one_signal(scenario, signal)
-        if not self._one.latches:
+        if not self._one.latches or self._one.manager.rival is not None:
             manager = scenario.redundancy.manager
-            raise BadInput(f"redundancy.manager: {manager!r}: only cross-channel and cross-voter isolate for good")
+            raise BadInput(f"redundancy.manager: {manager!r}: only cross-channel and cross-voter count to a failure")
         s = INDEX[signal]
         self.signal, self.scenario = signal, scenario
         self._sensor = getattr(scenario.sensors, signal)
@@ -86,7 +85,7 @@ class Bench:
             sensors=sensors[:, None],
             manager=self._one.manager.data,
             row=np.zeros(1, ROW),
-            blank_manager=new_state(self._one.manager.params),
+            blank_manager=self._one.manager.new_state(),
             blank_memory=np.zeros(1, MEMORY),
             no_drift=np.zeros((0, 0, 0)),
             no_alarms=np.zeros((0, 0, 0), np.uint8),

@@ -21,7 +21,6 @@ from rig.assess.monitored import allowed_frames, blank_records, lingers
 from rig.assess.outcome import LEVELS, NEVER
 from rig.bench.trials import RESULT, Scratch, Trials, run_trials
 from rig.campaign.plan import Plan
-from rig.computer.redundancy.manager import new_state
 from rig.errors import BadInput
 from rig.faults.record import KEPT, FaultData
 from rig.frame import CHANNELS, D
@@ -183,7 +182,7 @@ def _scratch(made: Cell, trials: Trials) -> Scratch:
         faults=blank,
         blank_kept=np.zeros(1, KEPT),
         manager=one.manager.data,
-        blank_manager=new_state(one.manager.params),
+        blank_manager=one.manager.new_state(),
         signal=signal.copy(),
         blank_signal=signal,
     )

@@ -14,7 +14,7 @@ from rig.computer.redundancy.config import Config, SignalConfig, parameters
 from rig.computer.redundancy.discrete import DiscreteData, DiscreteVoter, vote_discretes
 from rig.computer.redundancy.discrete_config import discrete_parameters
 from rig.computer.redundancy.manager import ManagerData
-from rig.computer.redundancy.managers import DEFAULT, MANAGERS, Manager, manager_kind, vote_signals
+from rig.computer.redundancy.managers import DEFAULT, MANAGERS, Manager, manager_kind, vote_signals, with_settings
 from rig.computer.redundancy.own import OwnManager, load_manager
 from rig.frame import CHANNELS, SIGNALS, D
 from rig.kernels import kernel
@@ -51,13 +51,13 @@ class Redundancy:
         measured_thresholds(params, config, designed)
         params["common_persistence"], params["common_fails"] = config.common_persistence, config.common_mode == "fail"
         kind = manager_kind(config.manager)
-        self.references = References(config.references, designed, rate_hz, kind.compares)
+        self.references = References(config.references, designed, rate_hz, kind.refers)
         own = kind.kernel is None
         self.own: OwnManager | None = load_manager(config.manager, params, trust or Trust()) if own else None
         name = DEFAULT if own else config.manager
         self.manager = Manager(
             name,
-            params,
+            with_settings(params, name, config.rivals, [signal.name for signal in SIGNALS]),
             box_signals=config.box_signals,
             box_persistence=config.box_persistence,
         )

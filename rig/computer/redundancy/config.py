@@ -16,6 +16,7 @@ from rig.computer.redundancy.discrete_config import PERSISTENCE, DiscreteConfigs
 from rig.computer.redundancy.durations import in_frames, refuse_both
 from rig.computer.redundancy.lowpass import gain
 from rig.computer.redundancy.managers import DEFAULT, MANAGERS
+from rig.computer.redundancy.rivals.settings import Rivals
 from rig.frame import CHANNELS, DISCRETE_INDEX, INDEX, SIGNALS, Block, Resolver, S, to_frame
 from rig.settings import Settings
 from rig.text import choices
@@ -139,6 +140,7 @@ class Config(Settings):
     resets: list[Reset] = []
     references: References = References()
     signals: SignalConfigs  # pyright: ignore[reportInvalidTypeForm]  # made from the frame's table
+    rivals: Rivals = Rivals()  # what the rivals among MANAGERS are told, each when it is the manager
 
     @field_validator("manager")
     @classmethod
@@ -146,6 +148,12 @@ class Config(Settings):
         if name not in MANAGERS and not re.fullmatch(r"[\w.]+:\w+", name):
             raise ValueError(f"unknown manager, allowed: {', '.join(MANAGERS)} or module:name")
         return name
+
+    @field_validator("rivals")
+    @classmethod
+    def _of_known_signals(cls, rivals: Rivals) -> Rivals:
+        rivals.refuse_others(INDEX)
+        return rivals
 
 
 PARAMS: Final = np.dtype(

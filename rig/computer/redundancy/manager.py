@@ -98,6 +98,7 @@ class ManagerData(NamedTuple):
     params: NDArray[Any]  # (S,) config.PARAMS
     state: NDArray[Any]  # (S,) STATE, in place
     boxes: NDArray[Any]  # (1,) box.BOXES, in place
+    rival: Any = None  # managers.Chosen; None: no rival
 
 
 def new_state(params: NDArray[np.void]) -> NDArray[np.void]:

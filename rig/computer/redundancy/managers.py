@@ -1,10 +1,12 @@
 """The managers of the rig: what each is, and which one votes the continuous signals (own.py: a manager of the user's).
 
-To add one: its kernel (baselines.py), its row in ``KINDS`` and its branch in ``vote_signals``.
+To add one: its kernel (baselines.py), its row in ``KINDS`` and its branch in ``vote_chosen``.  A rival (rivals/) has
+state and settings in its row too, and a line in ``Chosen`` and ``vote_rival``; it is compiled when it is first flown.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -13,6 +15,13 @@ from numpy.typing import NDArray
 from rig.computer.redundancy.baselines import average, cross_voter, plain_median, select, select_unit
 from rig.computer.redundancy.box import BOXES
 from rig.computer.redundancy.manager import ManagerData, manage, new_state
+from rig.computer.redundancy.rivals import settings as of_rivals
+from rig.computer.redundancy.rivals.bayes import BAYES_STATE, bayes
+from rig.computer.redundancy.rivals.glr import GLR_STATE, glr
+from rig.computer.redundancy.rivals.parity import parity
+from rig.computer.redundancy.rivals.step import NOBODY, RIVAL_STATE
+from rig.computer.redundancy.rivals.sums import CUSUM_STATE, cusum, innovation
+from rig.computer.redundancy.rivals.weighted import weighted
 from rig.kernels import kernel
 
 
@@ -20,24 +29,45 @@ class ManagerKind(NamedTuple):
     """Traits of a manager, for what runs it and what assesses it."""
 
     name: str
-    kernel: Any = None  # of a row: bus, fcc, ManagerData; None: the user's own
+    kernel: Any = None  # of a row: bus, fcc, ManagerData, of a rival one more; None: the user's own
     compares: bool = False  # channels with each other: by outlier thresholds too, with references and boxes
     latches: bool = False  # keeps a channel that it has failed out for good
     takes_back: bool = False  # fails a channel only for as long as it distrusts it, which it integrates over time
     chooses_units: bool = False  # one channel for all signals that are axes of one unit
+    refers: bool = False  # to references
+    settings: type[of_rivals.Rival] | None = None  # of a rival; its ``levels`` are what a calibration chooses
+    state: tuple[Any, ...] = ()  # of a rival: fields of its record besides STATE and RIVAL_STATE
 
 
 KINDS: Final = (
-    ManagerKind("cross-channel", manage, compares=True, latches=True),
+    ManagerKind("cross-channel", manage, compares=True, latches=True, refers=True),
     ManagerKind("mean", average),
     ManagerKind("median", plain_median),
     ManagerKind("cross-voter", cross_voter, latches=True),
     ManagerKind("selection", select, takes_back=True, chooses_units=True),
+    ManagerKind("cusum", cusum, latches=True, refers=True, settings=of_rivals.Cusum, state=CUSUM_STATE),
+    ManagerKind("glr", glr, latches=True, refers=True, settings=of_rivals.Glr, state=GLR_STATE),
+    ManagerKind("parity", parity, latches=True, refers=True, settings=of_rivals.Parity),
+    ManagerKind("bayes", bayes, latches=True, refers=True, settings=of_rivals.Bayes, state=BAYES_STATE),
+    ManagerKind("innovation", innovation, latches=True, refers=True, settings=of_rivals.Innovation),
+    ManagerKind("weighted", weighted, settings=of_rivals.Weighted),
 )
 MANAGERS: Final = tuple(kind.name for kind in KINDS)
+RIVALS: Final = tuple(kind.name for kind in KINDS if kind.settings is not None)
 DEFAULT: Final = MANAGERS[0]
-_CROSS_CHANNEL, _MEAN, _MEDIAN, _CROSS_VOTER, _SELECTION = range(len(KINDS))
+_CROSS_CHANNEL, _MEAN, _MEDIAN, _CROSS_VOTER, _SELECTION = range(len(KINDS) - len(RIVALS))
 _UNIT: Final = len(KINDS)  # "selection", with all signals the axes of one unit
+
+
+class Chosen(NamedTuple):
+    """Which rival votes: its place has a number, all others None, so that they are not compiled."""
+
+    cusum: int | None = None
+    glr: int | None = None
+    parity: int | None = None
+    bayes: int | None = None
+    innovation: int | None = None
+    weighted: int | None = None
 
 
 def manager_kind(name: str) -> ManagerKind:
@@ -45,12 +75,24 @@ def manager_kind(name: str) -> ManagerKind:
     return KINDS[MANAGERS.index(name)] if name in MANAGERS else ManagerKind(name)
 
 
+def with_settings(
+    params: NDArray[np.void], name: str, rivals: of_rivals.Rivals | None = None, signals: Sequence[str] = ()
+) -> NDArray[np.void]:
+    """Return (S,) config.PARAMS with what a rival is told of each signal; as they are for another manager.
+
+    rivals : its settings, by default when not given; signals : names of the records
+    """
+    names = signals or [""] * len(params)
+    return of_rivals.with_rival(params, name, rivals or of_rivals.Rivals(), names) if name in RIVALS else params
+
+
 class Manager:
     """A manager of the house; ``state`` is plain data and can be copied.
 
-    name : of KINDS; params : (S,) config.PARAMS
+    name : of KINDS; params : (S,) config.PARAMS, those of a rival as ``with_settings`` makes them, else its defaults
     box_signals, box_persistence : as in config.Config; 0 signals: no channel is failed as a box
     as_unit : the signals are the axes of one unit, of which "selection" selects one channel
+    watches : a rival computes its statistics, and fails nobody by them
     """
 
     def __init__(
@@ -61,32 +103,69 @@ class Manager:
         box_signals: int = 0,
         box_persistence: int = 1,
         as_unit: bool = False,
+        watches: bool = False,
     ) -> None:
         self.choice = _UNIT if as_unit else MANAGERS.index(name)
-        self.params = params
-        self.state = new_state(params)
+        told = "watches" in (params.dtype.names or ())
+        self.params = params if told else with_settings(params, name)
+        self.rival = Chosen(**{name: 1}) if name in RIVALS else None
+        if watches:
+            self.params["watches"] = 1
+        self.state = self.new_state()
         self.boxes = np.zeros(1, BOXES)
         self.boxes["signals"], self.boxes["persistence"] = box_signals, box_persistence
+
+    def new_state(self) -> NDArray[np.void]:
+        """Return (S,) records of the state at the first frame."""
+        blank = new_state(self.params)
+        if self.rival is None:
+            return blank
+        state = of_rivals.extended(blank, (*RIVAL_STATE, *KINDS[self.choice].state))
+        state["run_of"] = NOBODY
+        return state
 
     @property
     def data(self) -> ManagerData:
         """Data of ``vote_signals`` besides the row."""
-        return ManagerData(self.choice, self.params, self.state, self.boxes)
+        return ManagerData(self.choice, self.params, self.state, self.boxes, self.rival)
 
 
 @kernel
 def vote_signals(bus, fcc, data):
-    """Vote a row by the chosen manager, its place in KINDS; numba calls no kernel that a table holds."""
-    choice = data.choice
-    if choice == _CROSS_CHANNEL:
-        manage(bus, fcc, data)
-    elif choice == _MEAN:
-        average(bus, fcc, data)
-    elif choice == _MEDIAN:
-        plain_median(bus, fcc, data)
-    elif choice == _CROSS_VOTER:
-        cross_voter(bus, fcc, data)
-    elif choice == _SELECTION:
-        select(bus, fcc, data)
-    elif choice == _UNIT:
-        select_unit(bus, fcc, 0, len(data.params), data)
+    """Vote a row by the chosen manager."""
+    vote_chosen(bus, fcc, data, data.rival)
+
+
+@kernel
+def vote_chosen(bus, fcc, data, rival):
+    """Vote a row by the chosen manager, its place in KINDS, or by ``rival``: the other branch is not compiled.
+
+    numba calls no kernel that a table holds.  rival : Chosen or None
+    """
+    if rival is not None:
+        vote_rival(bus, fcc, data, rival)
+    else:
+        choice = data.choice
+        if choice == _CROSS_CHANNEL:
+            manage(bus, fcc, data)
+        elif choice == _MEAN:
+            average(bus, fcc, data)
+        elif choice == _MEDIAN:
+            plain_median(bus, fcc, data)
+        elif choice == _CROSS_VOTER:
+            cross_voter(bus, fcc, data)
+        elif choice == _SELECTION:
+            select(bus, fcc, data)
+        elif choice == _UNIT:
+            select_unit(bus, fcc, 0, len(data.params), data)
+
+
+@kernel
+def vote_rival(bus, fcc, data, rival):
+    """Vote a row by a rival; rival : Chosen."""
+    cusum(bus, fcc, data, rival.cusum)
+    glr(bus, fcc, data, rival.glr)
+    parity(bus, fcc, data, rival.parity)
+    bayes(bus, fcc, data, rival.bayes)
+    innovation(bus, fcc, data, rival.innovation)
+    weighted(bus, fcc, data, rival.weighted)
