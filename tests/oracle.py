@@ -192,15 +192,12 @@ class Oracle:
     def fail_and_learn(self, view: View, resolver: str, wrong: set[int]) -> str:
         """Latch, those of small deviations too; what is summed begins again then, else biases move."""
         view.trusted = self.trusted  # as this frame left it
-        before = set(self.failed) if resolver != "common" else set()
         slow = self.lasting.summed(view) if resolver != "common" else set()
         self.reached("slow", slow)
         self.reached("ranked by the bias", len(view.use) > 1 and view.by_seen != view.ascending)
         self.failed |= slow
         self.fail(view, resolver, wrong)
-        if self.failed != before:
-            self.lasting.sums.clear()
-        else:
+        if not self.lasting.level_changed(self.failed):
             self.reached("bias learned", self.s.bias_bound and len(view.use) > 1 and self.pattern == "normal")
             self.lasting.learn(view, view.lonely | wrong | {c for c in view.use if self.counts[c]})
         return "slow" if slow else resolver

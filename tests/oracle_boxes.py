@@ -62,6 +62,7 @@ class BoxOracle:
         self.rules.add(f"{len(dead)} failed as boxes")
         self.rules.add("failed where it was silent" if now & one.accused else "failed where nothing spoke against it")
         one.failed |= now
+        one.lasting.level_changed(one.failed)
         states = ["failed" if c in one.failed else state for c, state in enumerate(frame.states)]
         return Frame(
             frame.voted, states, frame.level - len(now), frame.pattern, "box", frame.trend, frame.usable, frame.common
@@ -117,6 +118,7 @@ class ResettableOracle(Oracle):
             if self.agreed[c] >= self.readmit_frames:
                 self.failed.remove(c)
                 self.counts[c] = self.agreed[c] = 0
+                self.lasting.forget(c)
 
     def step(
         self, samples: list[float | None], ilm: Sequence[str], reference: float | None, second: float | None = None
@@ -125,6 +127,10 @@ class ResettableOracle(Oracle):
         frame = super().step(samples, ilm, reference, second)
         voted = self.smooth("vote", frame.voted) or 0.0
         for c, x in enumerate(samples):
-            agrees = x is not None and self.s.apart(self.memory[c], voted) <= self.s.threshold
+            agrees = (
+                x is not None
+                and self.s.apart(self.memory[c] - self.lasting.bias[c], voted) <= self.s.threshold
+                and not self.lasting.repeats_for_too_long(c)
+            )
             self.agreed[c] = self.agreed[c] + 1 if c in out and agrees else 0
         return frame

@@ -17,6 +17,22 @@ class Lasting:
     sums: dict[tuple[int, int], float] = field(default_factory=dict)  # by channel and sign
     last: dict[int, float | None] = field(default_factory=dict)
     repeats: dict[int, int] = field(default_factory=dict)
+    out: int = 0  # channels that were failed when the sums last began, or since
+
+    def level_changed(self, failed: set[int]) -> bool:
+        """Whether as many channels are failed as before; if not, the sums begin again."""
+        changed = len(failed) != self.out
+        if changed:
+            self.out = len(failed)
+            self.sums.clear()
+        return changed
+
+    def forget(self, c: int) -> None:
+        """A channel is readmitted."""
+        self.bias[c], self.learned[c] = 0.0, 0
+
+    def repeats_for_too_long(self, c: int) -> bool:
+        return 0 < self.s.stale_frames <= self.repeats.get(c, 0)
 
     def stale(self, samples: list[float | None]) -> set[int]:
         """Channels whose sample is that of ``stale_frames`` frames ago and of all between."""
@@ -24,7 +40,7 @@ class Lasting:
             same = x is not None and self.last.get(c) == x
             self.repeats[c] = self.repeats.get(c, 0) + 1 if same else 0
             self.last[c] = x
-        return {c for c, times in self.repeats.items() if self.s.stale_frames and times >= self.s.stale_frames}
+        return {c for c in self.repeats if self.repeats_for_too_long(c)}
 
     def residuals(self, view: View) -> dict[int, float]:
         """How far each sample is from the middle, in which a usable reference may stand between two halves."""

@@ -357,8 +357,21 @@ def test_a_system_that_refuses_is_quoted(monkeypatch):
         assert got == {}
 
 
-@pytest.mark.parametrize("key", ["bias_bound=0.001", "stale_frames=50"])
-def test_a_setting_that_its_records_have_not_is_refused_in_one_line(tmp_path: Path, key: str):
-    with pytest.raises(BadInput, match=f"^redundancy.signals.pitch_rate.{key.split('=')[0]}: no unit under test"):
-        fly(tmp_path, unit(tmp_path), f"redundancy.signals.pitch_rate.{key}")
-    assert not list(tmp_path.glob("*.mcap"))
+WHAT_LASTS = (
+    ["outlier_threshold=0.002", "bias_bound=0.001", "bias_s=0.2"],
+    ["slow_allowance=0.002", "slow_limit=0.0002"],
+    ["stale_frames=2"],
+)  # of pitch rate
+
+
+@needs_a_compiler
+@pytest.mark.parametrize("settings", WHAT_LASTS, ids=["bias", "slow", "stale"])
+def test_the_monitor_in_c_is_told_what_lasts_and_flies_the_bits_of_ours(tmp_path: Path, settings: list[str]):
+    keys = [f"redundancy.signals.pitch_rate.{one}" for one in settings]
+    flights = [
+        fly(tmp_path, tested, *sets) for tested, sets in ((None, keys), (unit(tmp_path, "monitor"), keys), (None, []))
+    ]
+    ours, theirs, off = (
+        [flight.rows[field].tobytes() for field in ("state", "resolver", "voted")] for flight in flights
+    )
+    assert ours == theirs != off

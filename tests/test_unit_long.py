@@ -25,8 +25,8 @@ assert objects  # the fixture
 PATTERNS = {pattern.label: int(pattern) for pattern in Pattern}
 
 
-def settings(row: NDArray[Any]) -> Settings:
-    """The oracle's settings of a CONFIG record of one signal."""
+def settings(row: NDArray[Any], lasting: NDArray[Any]) -> Settings:
+    """The oracle's settings of the CONFIG records of one signal."""
     number = {name: float(row[name]) for name in row.dtype.names or () if row[name].ndim == 0}
     return Settings(
         threshold=number["threshold"],
@@ -45,6 +45,11 @@ def settings(row: NDArray[Any]) -> Settings:
         resolvers=tuple(Resolver(one).name.lower() for one in row["resolvers"] if one),
         channels=int(row["fitted"]),
         turn=2 * np.pi if row["wraps"] else 0.0,
+        bias_bound=float(lasting["bias_bound"]),
+        bias_share=float(lasting["bias_gain"]),
+        slow_allowance=float(lasting["slow_allowance"]),
+        slow_limit=float(lasting["slow_limit"]),
+        stale_frames=int(lasting["stale_frames"]),
     )
 
 
@@ -95,7 +100,7 @@ class FadingOracle(ResettableOracle):
 def expected(config: NDArray[Any], inputs: NDArray[Any], i: int, rows: Block) -> str:
     """Where our answers of signal ``i`` are not the oracle's, or an empty text."""
     row = config["signal"][0, i]
-    oracle = FadingOracle(settings(row), readmit_frames=int(row["readmit_frames"]))
+    oracle = FadingOracle(settings(row, config["lasting"][0, i]), readmit_frames=int(row["readmit_frames"]))
     oracle.weighted, oracle.fade_frames, oracle.low = bool(row["weighted"]), int(row["fade_frames"]), float(row["low"])
     oracle.level, fitted = int(row["fitted"]), int(row["fitted"])
     within = VOTES_WITHIN * float(row["high"] - row["low"])
@@ -203,6 +208,33 @@ SLOW = [
         "the last change of the vote forgotten",
         "s->rise_vote = s->started ? difference(raw, s->vote, p) : 0.0;",
         "s->rise_vote = 0.0;",
+    ),
+    Defect("a bias not held within its bound", ", -bound, bound);", ", -9.0 * bound, 9.0 * bound);"),
+    Defect(
+        "a bias that does not begin as a mean",
+        "const double gain = begins ? first",
+        "const double gain = (begins && (seen < 0.0)) ? first",
+    ),
+    Defect("the bias of a readmitted channel kept", "s->lasting.bias[c] = 0.0;", ""),
+    Defect(
+        "outlier thresholds before the biases are learned",
+        "lasting_is_learned(&f, &s->lasting) ? outlier_threshold(f.n, p) : 0.0",
+        "outlier_threshold(f.n, p)",
+    ),
+    Defect("learned frames of eight bits", "int64_t learned[RIG_CHANNELS]; /*", "uint8_t learned[RIG_CHANNELS]; /*"),
+    Defect(
+        "sums that go on when the level changes",
+        "{\n    memset(l->above, 0, sizeof l->above);\n    memset(l->below, 0, sizeof l->below);\n}",
+        "{\n    (void)l;\n}",
+    ),
+    Defect("the step of a sum not limited", "step = (most < excess) ? most : excess;", "step = excess + (0.0 * most);"),
+    Defect("a sum that fails a channel among others", "((2 * calm) > f->n) ? worst", "(calm >= 0) ? worst"),
+    Defect("the count of repeats forgotten", "(l->repeats[c] + 1) : 0;", "1 : 0;"),
+    Defect("repeats of eight bits", "int64_t repeats[RIG_CHANNELS]; /*", "uint8_t repeats[RIG_CHANNELS]; /*"),
+    Defect(
+        "a stale sample that counts as agreement",
+        "<= p->threshold) && !lasting_is_stale(c, &s->lasting);",
+        "<= p->threshold);",
     ),
 ]
 WORD = Defect("agreement of sixteen bits", "int64_t agreed[RIG_CHANNELS]; /*", "uint16_t agreed[RIG_CHANNELS]; /*")

@@ -13,6 +13,7 @@ from rig import scenario
 from rig.frame import INDEX, Block, Ilm, Law, Pattern, Resolver, State
 from rig.loop import fly_rows, redundancy
 from rig.unit.layout import Form, Said, members
+from rig.unit.session import settings_of
 
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler is installed")
 
@@ -84,6 +85,18 @@ def test_the_random_rows_reach_every_pattern_resolver_state_and_readmission():
     expected += [(name, one) for name in ("state", "discrete_state") for one in State]
     counts = {one: seen[one] for one in (*expected, "common mode", "readmitted", "discrete readmitted")}
     assert min(counts.values()) >= 10, counts
+
+
+@pytest.mark.parametrize("name", ["bias_bound", "slow_limit", "stale_frames"])
+def test_each_part_of_what_lasts_decides_in_the_random_rows(name: str):
+    differ = 0
+    for flight in range(RANDOM_FLIGHTS):
+        record, rows = random_flight((0, flight))
+        params, discretes = settings_of(record)
+        params[name], again = 0, rows.copy()
+        vote(again, params, discretes, int(record["box_signals"][0]), int(record["box_persistence"][0]))
+        differ += int((rows["state"] != again["state"]).any(axis=(0, 2)).sum())
+    assert differ > 20  # of sixteen signals a flight
 
 
 def quiet(frames: int) -> tuple[np.ndarray, Block]:

@@ -24,7 +24,8 @@ from unit_files import HERE, SOURCES, build, compiled, library, needs_a_compiler
 
 import rig
 from rig.bench.unit_check import check
-from rig.errors import RigError
+from rig.bench.unit_long import LASTING, TITLES
+from rig.errors import RigError, UnitRefused
 from rig.frame import SIGNALS, Law, UnitStatus
 from rig.kernels import cache_root
 from rig.unit.crc import crc32
@@ -148,11 +149,11 @@ def old_sources(*names: str) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copy(HERE / "rig_unit_1.h", folder / "rig_unit.h")
     for name in ("fmu.h", "monitor.h", *names):
-        shutil.copy(SOURCES / name, folder)
+        shutil.copy(HERE / name if name == "lasting_off.c" else SOURCES / name, folder)
     return [folder / name for name in names]
 
 
-MONITOR = ("monitor.c", "compare.c", "resolvers.c", "discretes.c")
+MONITOR = ("monitor.c", "compare.c", "lasting_off.c", "resolvers.c", "discretes.c")
 
 
 @cache
@@ -253,6 +254,27 @@ def test_an_fmu_of_version_1_flies(tmp_path: Path, version: str):
 def test_a_unit_of_version_1_meets_the_conformance_test(tmp_path: Path):
     written(tmp_path, {"name": "u", **old_units(tmp_path)["udp"]})
     assert [one for one in check(tmp_path / "unit.toml", seam_only=True).requirements if not one.passed] == []
+
+
+@pytest.mark.parametrize("name", ["library", "in process", "udp"])
+@pytest.mark.parametrize("key", ["bias_bound=0.001", "slow_limit=1.0", "stale_frames=20"])
+def test_version_1_cannot_be_told_what_lasts(tmp_path: Path, name: str, key: str):
+    tested = written(tmp_path, {"name": "u", **old_units(tmp_path)[name]})
+    more = ["slow_allowance=0.01"] if key.startswith("slow") else []
+    keys = [f"redundancy.signals.yaw_rate.{one}" for one in (key, *more)]
+    with pytest.raises(UnitRefused) as refused:
+        rig.fly(overrides=[*SHORT, *keys], out=tmp_path, unit=tested)
+    said, named = str(refused.value), key.split("=")[0]
+    assert f"built for version 1 of the records, which has no redundancy.signals.yaw_rate.{named}: " in said
+    assert "\n" not in said
+
+
+def test_nor_is_it_asked_for_it_by_the_conformance_test(tmp_path: Path):
+    written(tmp_path, {"name": "u", **old_units(tmp_path)["library"]})
+    found = check(tmp_path / "unit.toml")
+    assert found.passed and found.grade == "bits"
+    assert TITLES[0] in {one.name for one in found.requirements}
+    assert TITLES[LASTING] not in {one.name for one in found.requirements}
 
 
 def test_seams_differ_in_layout():

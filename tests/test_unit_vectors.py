@@ -16,15 +16,14 @@ from unit_defects import DEFECTS, Defect
 from unit_files import SOURCES as EXAMPLES
 from unit_files import compiled, needs_a_compiler
 
-from rig.computer.redundancy.config import LASTING, PARAMS
 from rig.computer.redundancy.discrete import DiscreteVoter
-from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
 from rig.computer.redundancy.managers import Manager
 from rig.frame import FLAT, Pattern, Resolver, State, new_block
 from rig.unit.layout import CONFIG, INPUT, OUTPUT, members
+from rig.unit.session import settings_of
 from rig.unit.vectors import Case, differences, load
 
-SOURCES = ("monitor.c", "compare.c", "resolvers.c", "discretes.c")
+SOURCES = ("monitor.c", "compare.c", "lasting.c", "resolvers.c", "discretes.c")
 FILES = [*(EXAMPLES / name for name in SOURCES), EXAMPLES / "monitor.h"]
 OWN = f"-I{EXAMPLES}"
 CASES = load()
@@ -35,23 +34,15 @@ def found(case: Case, said: NDArray[Any]) -> list[str]:
     return [f"{case.requirement}: {line}" for line in differences(case, said)]
 
 
-def params(config: NDArray[Any], name: str, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """The records that our own manager is made with."""
-    records = np.zeros(config[name].shape[1], dtype)
-    for field in set(dtype.names or ()) - set(LASTING):
-        records[field] = config[name][0][field]
-    return records
-
-
 def by_our_manager(case: Case) -> NDArray[Any]:
     """What our own manager says, in OUTPUT records."""
     rows, config = new_block(len(case.inputs)), case.config
     for name in set(INPUT.names or ()) & set(FLAT.names or ()):
         rows[name] = case.inputs[name]
     signals, frames = int(config["box_signals"][0]), int(config["box_persistence"][0])
-    records = params(config, "signal", PARAMS)
+    records, discretes = settings_of(config)
     manager = Manager("cross-channel", records, box_signals=signals, box_persistence=frames)
-    voter = DiscreteVoter(params(config, "discrete", DISCRETE_PARAMS))
+    voter = DiscreteVoter(discretes)
     with np.errstate(invalid="ignore"):  # of an infinite angle, when the kernels are not compiled
         for k in range(len(rows)):
             step_stage(manager, rows, k)

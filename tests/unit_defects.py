@@ -21,8 +21,8 @@ SAMPLES = [
     Defect("a sample that is no number compared", IN_RANGE, f"(isnan(f->samples[c]) || ({IN_RANGE}))"),
     Defect(
         "two samples a threshold apart disagree",
-        "!((f->y[f->by[i]] - f->y[f->by[i - 1]]) <= within)",
-        "!((f->y[f->by[i]] - f->y[f->by[i - 1]]) < within)",
+        "!((f->z[f->by[i]] - f->z[f->by[i - 1]]) <= within)",
+        "!((f->z[f->by[i]] - f->z[f->by[i - 1]]) < within)",
     ),
     Defect(
         "an angle compared as a plain number",

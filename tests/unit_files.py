@@ -16,11 +16,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.config import LASTING
 from rig.frame import FLAT, Block
 from rig.kernels import cache_root
 from rig.unit.header import header
-from rig.unit.layout import ANSWERS, CONFIG, INPUT, LAYOUT, OUTPUT, PART, READY, VERSION, Said
+from rig.unit.layout import ANSWERS, CONFIG, INPUT, LAYOUT, OUTPUT, PART, READY, SETTINGS, VERSION, Said
 from rig.unit.settings import Unit, read_unit
 
 SOURCES = Path(__file__).parents[1] / "docs" / "examples" / "unit"
@@ -40,9 +39,9 @@ def build(folder: Path, target: str, flags: str = "", **variables: str) -> Path:
 def config(params: NDArray[Any], discretes: NDArray[Any], boxes: NDArray[Any]) -> NDArray[Any]:
     """The CONFIG record, one element, of the records that the rig's own manager and voter are made from."""
     record = np.zeros(1, CONFIG)
-    for field, given in (("signal", params), ("discrete", discretes)):
-        for name in set(given.dtype.names or ()) - set(LASTING):
-            record[field][0][name] = given[name]
+    for part, fields in SETTINGS.items():
+        for name in fields:
+            record[part][0][name] = (discretes if part == "discrete" else params)[name]
     record["box_signals"], record["box_persistence"] = boxes["signals"], boxes["persistence"]
     record["layout"] = LAYOUT
     return record

@@ -49,10 +49,23 @@ def random_params(draw: Generator) -> NDArray[Any]:
     for name, level in (("outlier_threshold", "threshold"), ("outlier_threshold_triplex", "threshold_triplex")):
         params[name] = params[level] * draw.choice([0.0, 0.0, 0.2, 0.5, 1.0], S)
     params["filter_gain"] = draw.choice([0.0, 0.0, 0.1, 0.5, 0.95], S)
+    _give_lasting(draw, params)
     for row in params:
         chosen = draw.permutation(5)[: draw.integers(0, 6)] + 1
         row["resolvers"][: len(chosen)] = chosen
     return params
+
+
+def _give_lasting(draw: Generator, params: NDArray[Any]) -> None:
+    """Learned biases, sums and stale samples, each on in half of the signals."""
+    least = np.min([params[name] for name in ("threshold", "threshold_triplex", "threshold_duplex")], axis=0)
+    params["bias_bound"], params["bias_gain"] = (
+        least * draw.choice([0.0, 0.3, 1.0], S),
+        draw.choice([0.05, 0.3, 1.0], S),
+    )
+    params["slow_allowance"] = params["threshold"] * draw.choice([0.05, 0.2, 0.5], S)
+    params["slow_limit"] = params["threshold"] * draw.choice([0.0, 0.0, 0.5, 2.0], S)
+    params["stale_frames"] = draw.choice([0, 0, 2, 9], S)
 
 
 def random_discretes(draw: Generator) -> NDArray[Any]:

@@ -16,6 +16,7 @@ from oracle import DiscreteOracle, DiscreteSettings, Frame
 from oracle_answers import Settings
 from oracle_boxes import ResettableOracle
 from oracle_flights import SLOPES, Flight, build, by_level, filtered, with_outliers
+from oracle_flights import lasting as with_lasting
 
 FRAMES = 30  # of a case
 RANGE = 250.0  # thresholds, either way, of a signal that is no angle
@@ -154,6 +155,12 @@ def smoothed(seed: int) -> Flown:
     """A random signal that is compared behind a filter."""
     draw = random.Random(f"filter {seed}")
     return Flown(filtered(lasting(build(draw.choice)), draw.choice))
+
+
+def biased(seed: int) -> Flown:
+    """A random signal whose channels differ by what lasts."""
+    draw = random.Random(f"lasting {seed}")
+    return Flown(lasting(with_lasting(build(draw.choice), draw.choice)))
 
 
 def smoothed_with_resets(seed: int) -> Flown:

@@ -118,6 +118,8 @@ def configure(row: Any, flown: Flown) -> None:
         row[name] = getattr(s, name)
     row["threshold_triplex"], row["threshold_duplex"], row["filter_gain"] = s.within(3), s.within(2), s.filter_share
     row["outlier_threshold"], row["outlier_threshold_triplex"] = s.outlier or 0.0, s.outlier_triplex or 0.0
+    row["bias_bound"], row["bias_gain"], row["stale_frames"] = s.bias_bound, s.bias_share, s.stale_frames
+    row["slow_allowance"], row["slow_limit"] = s.slow_allowance, s.slow_limit
     row["reference_airspeed_m_s"] = flown.airspeed_m_s
     row["low"], row["high"], row["readmit_frames"] = flown.low, flown.high, flown.readmit_frames
     row["deviation"], row["deviation_frames"] = 2.5 * s.threshold, 5.0 * s.threshold * RATE_HZ

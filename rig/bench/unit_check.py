@@ -18,16 +18,16 @@ from numpy.typing import NDArray
 from rig.bench.run import Stages, run
 from rig.bench.unit_long import FRAMES, MOST_FRAMES, TITLES, inputs_of
 from rig.bench.vote import by_class
-from rig.computer.redundancy.config import LASTING, PARAMS
 from rig.computer.redundancy.discrete import DiscreteVoter
-from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
 from rig.computer.redundancy.managers import DEFAULT, Manager
 from rig.computer.redundancy.own import load_manager
 from rig.errors import ManagerFailed
-from rig.frame import S, nested, new_block
+from rig.frame import nested, new_block
 from rig.frame.fields import FIELDS
-from rig.unit.layout import ANSWERS, FROM_UNIT, INPUT, OUTPUT, REFERENCES, Form, Kind, Said, blank
+from rig.unit.layout import ANSWERS, FROM_UNIT, INPUT, OUTPUT, REFERENCES, SEAM, Form, Kind, Said, blank
+from rig.unit.messages import asked_since_2
 from rig.unit.port import RECEIVED, is_allowed
+from rig.unit.session import settings_of
 from rig.unit.settings import Unit, read_unit
 from rig.unit.unit import UnitUnderTest, running
 from rig.unit.vectors import Case, answers, ask, differences, load
@@ -87,8 +87,9 @@ def check(file: Path | str, *, seam_only: bool = False, longest: bool = False) -
     found = list(_seam(unit, cases))
     if not seam_only and unit.form == "redundancy":
         with running(unit) as tested:
-            found += _decisions(tested, cases + long_cases(MOST_FRAMES if longest else FRAMES))
-            found += _bits(tested, cases)
+            told = _told(tested, cases)
+            found += _decisions(tested, told + _told(tested, long_cases(MOST_FRAMES if longest else FRAMES)))
+            found += _bits(tested, told)
     return Checked(unit.name, found)
 
 
@@ -233,6 +234,13 @@ def _decisions(tested: UnitUnderTest, cases: list[Case]) -> list[Requirement]:
     return _counted((case, answers(tested, case.config, case.inputs)) for case in cases)
 
 
+def _told(tested: UnitUnderTest, cases: list[Case]) -> list[Case]:
+    """Return the cases with settings that its version of the records has fields for."""
+    tested.begin(cases[0].config.copy())  # from here on it is known
+    tested.end()
+    return [case for case in cases if tested.seam == SEAM or not asked_since_2(case.config)]
+
+
 def _counted(answered: Iterable[tuple[Case, NDArray[Any]]]) -> list[Requirement]:
     """Return one line a requirement of cases with their answers, (n,) OUTPUT."""
     found: dict[str, tuple[int, int, str]] = {}
@@ -294,10 +302,7 @@ def our_answers(
     config, rows = config_record[0], new_block(len(inputs))
     for name in (*REFERENCES, *(field.name for field in FIELDS if field.part == "bus")):
         rows[name] = inputs[name]
-    params, discretes = np.zeros(S, PARAMS), np.zeros(len(config["discrete"]), DISCRETE_PARAMS)
-    for records, field in ((params, "signal"), (discretes, "discrete")):
-        for name in set(records.dtype.names or ()) - set(LASTING):  # which are off
-            records[name] = config[field][name]
+    params, discretes = settings_of(config_record)
     voter = DiscreteVoter(discretes)
     if manager is not None and trust is not None:
         own = load_manager(manager, params, trust)

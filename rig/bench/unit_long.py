@@ -24,7 +24,9 @@ TITLES: Final = (
     "long session, short memories",
     "long session, counts beyond eight bits",
     "long session, boxes and angles",
+    "long session, what lasts",
 )
+LASTING: Final = 3  # of them: the session with learned biases, sums and stale samples
 _HERE: Final = np.array([0.0] * 14 + [0.25, -0.25])  # offsets in thresholds: of a healthy channel,
 _GONE: Final = np.array([3.0, -3.0, 6.0, -6.0, 9.5, np.nan])  # and of one with a fault
 _OFF: Final = np.array([0.0] * 6 + [0.5, 3.0, -3.0, np.nan, np.nan])  # of a reference
@@ -37,12 +39,14 @@ def inputs_of(number: int, frames: int = FRAMES) -> tuple[NDArray[Any], NDArray[
     """Return CONFIG (1,) and INPUT (frames,) of a long session; number : of TITLES."""
     draw = np.random.default_rng((number, 2))
     config, inputs = _config(draw, number), blank(INPUT, TO_UNIT, Kind.FRAME).repeat(frames)
-    inputs["frame"], rare = np.arange(frames), (70, 24, 90)[number]
+    inputs["frame"], rare = np.arange(frames), (70, 24, 90, 90)[number]
     inputs["time_s"] = inputs["frame"] / RATE_HZ
     for i, row in enumerate(config["signal"][0]):
         _give_signal(draw, inputs, i, row, rare)
+        if number == LASTING:
+            _give_lasting(draw, inputs, i, row, config["lasting"][0, i])
     _give_discretes(draw, inputs)
-    _give_patience(inputs, config["signal"][0, -1], (_WORD, 1000, 256)[number])
+    _give_patience(inputs, config["signal"][0, -1], (_WORD, 1000, 256, 256)[number])
     return config, inputs
 
 
@@ -50,14 +54,14 @@ def _config(draw: Generator, number: int) -> NDArray[Any]:
     """Return settings, none at its default; counts beyond eight bits but in the first session."""
     config = blank(CONFIG, TO_UNIT, Kind.CONFIG)
     config["rate_hz"], config["form"] = RATE_HZ, Form.REDUNDANCY
-    config["box_signals"], config["box_persistence"] = ((0, 1), (3, 12), (6, 20))[number]
+    config["box_signals"], config["box_persistence"] = ((0, 1), (3, 12), (6, 20), (0, 1))[number]
     config["surface_low"], config["surface_high"] = -0.5, [*[0.5] * (len(SURFACES) - 1), 1.0]
-    signal, counts = config["signal"][0], (1, 40, 7)[number]
+    signal, counts = config["signal"][0], (1, 40, 7, 3)[number]
     beside = 1.0 / 1024  # no distance is exactly a threshold, where rounding would decide
     for name, low, high in (("persistence", 3, 9), ("singular_persistence", 4, 12), ("fade_frames", 3, 9)):
         signal[name] = draw.integers(low, high, S) * counts
     signal["common_persistence"] = draw.integers(4, 9, S) * counts
-    signal["readmit_frames"] = draw.integers(60, 90, S) * draw.choice(([1], [4, 4, 15], [2])[number], S)
+    signal["readmit_frames"] = draw.integers(60, 90, S) * draw.choice(([1], [4, 4, 15], [2], [1])[number], S)
     signal["trend_frames"], signal["weighted"] = draw.integers(1, 9, S), draw.random(S) < 0.7
     signal["common_fails"], signal["fitted"] = draw.random(S) < 0.5, draw.choice([4, 4, 4, 3], S)
     signal["threshold"] = 1.0 + beside
@@ -68,7 +72,11 @@ def _config(draw: Generator, number: int) -> NDArray[Any]:
     signal["low"], signal["high"] = -1e4, 1e4
     signal["deviation"], signal["deviation_frames"] = 2.5, 500.0
     if number == 2:
-        _turn(signal, draw)
+        _turn(signal)
+    if number >= 2:
+        signal["filter_gain"][1::4] = draw.choice([0.1, 0.5])
+    if number == LASTING:
+        _last(config["lasting"][0], signal, draw)
     signal["readmit_frames"][-1] = 200  # of _give_patience
     for row in signal:
         order = draw.permutation([Resolver.ILM, Resolver.REFERENCE, Resolver.TREND])
@@ -79,13 +87,23 @@ def _config(draw: Generator, number: int) -> NDArray[Any]:
     return config
 
 
-def _turn(signal: NDArray[Any], draw: Generator) -> None:
-    """Make half of the signals angles, and some others compared behind a filter."""
+def _turn(signal: NDArray[Any]) -> None:
+    """Make half of the signals angles."""
     half = slice(0, S, 2)
     for name in (name for name in signal.dtype.names or () if "threshold" in name):
         signal[name][half] *= 0.02
     signal["wraps"][half], signal["low"][half], signal["high"][half] = 1, 0.0, TWO_PI
-    signal["filter_gain"][1::4] = draw.choice([0.1, 0.5])
+
+
+def _last(lasting: NDArray[Any], signal: NDArray[Any], draw: Generator) -> None:
+    """Turn on what lasts, each part on most signals; the last signal is at rest, and may repeat its samples."""
+    threshold = signal["threshold"]
+    lasting["bias_bound"] = threshold * draw.choice([0.0, 0.2007, 0.3007], S)
+    lasting["bias_gain"] = 1.0 / draw.choice([60.5, 300.5, 800.5], S)
+    lasting["slow_allowance"] = 0.1003 * threshold
+    lasting["slow_limit"] = threshold * draw.choice([0.0, 10.007, 30.007], S)
+    lasting["stale_frames"] = draw.choice([0, 20, 300], S)
+    lasting["stale_frames"][-1] = 0
 
 
 def _episodes(
@@ -120,6 +138,20 @@ def _give_signal(draw: Generator, inputs: NDArray[Any], i: int, row: NDArray[Any
         inputs[name][:, i] = _in_range(truth + threshold * off, row)
     commanded = draw.random(frames) < 4.0 / float(row["readmit_frames"])
     inputs["reset"][:, i] = np.where(commanded, draw.integers(1, 16, frames), 0)
+
+
+def _give_lasting(draw: Generator, inputs: NDArray[Any], i: int, row: NDArray[Any], lasting: NDArray[Any]) -> None:
+    """Have the samples of one signal dither, differ by biases, drift apart for a while, and stick."""
+    frames, channels = len(inputs), inputs["channels"][:, i]
+    each, numbers = (CHANNELS,), np.arange(frames)[:, None]
+    biases = draw.choice([0.0, 0.125, 0.25, -0.375], CHANNELS)
+    drifts = _episodes(draw, frames, each, np.array([0.0] * 12 + [0.5, -0.5]), 150.0)
+    dither = draw.integers(-8, 9, channels.shape) / 1024.0
+    channels = channels + float(row["threshold"]) * (biases + drifts + dither)
+    stuck = _episodes(draw, frames, each, np.arange(60) == 0, 1.5 * float(lasting["stale_frames"]) + 20.0)
+    since = np.maximum.accumulate(np.where(stuck, 0, numbers), axis=0)
+    inputs["channels"][:, i] = _in_range(np.take_along_axis(channels, since, axis=0), row)
+    inputs["valid"][:, i] = 1
 
 
 def _give_patience(inputs: NDArray[Any], row: NDArray[Any], frames: int) -> None:

@@ -24,10 +24,9 @@ from rig.computer.control.state import ControlData
 from rig.computer.redundancy import Redundancy
 from rig.computer.redundancy.config import PARAMS
 from rig.computer.redundancy.discrete import DiscreteData, vote_discretes
-from rig.errors import BadInput
 from rig.faults import FaultData
 from rig.flight.pace import Pace
-from rig.frame import FLIGHT_INDEX, SIGNALS, SURFACES, Block, LaneBlock, Law, Nested, UnitStatus, nested, new_block
+from rig.frame import FLIGHT_INDEX, SURFACES, Block, LaneBlock, Law, Nested, UnitStatus, nested, new_block
 from rig.kernels import bind, kernel
 from rig.loop import ComputerStep, Rig, StageData, after, before_votes, compute
 from rig.scenario import Scenario
@@ -93,15 +92,10 @@ def _flown(scenario: Scenario, left: int, unit: UnitUnderTest | None) -> Iterato
 
 
 def config_of(scenario: Scenario, redundancy: Redundancy, trim: NDArray[np.float64], form: Form) -> NDArray[Any]:
-    """Return the (1,) CONFIG of a scenario.  BadInput: a setting that it has no field for.
+    """Return the (1,) CONFIG of a scenario.
 
     trim : (4,) surfaces of its first frame
     """
-    for signal, on in zip(SIGNALS, redundancy.manager.data.params, strict=True):
-        for name in ("bias_bound", "slow_limit", "stale_frames"):
-            if on[name] > 0:
-                key = f"redundancy.signals.{signal.name}.{name}"
-                raise BadInput(f"{key}: no unit under test is told of it; allowed: off")
     frame = scenario.airframe
     return configuration(
         scenario.rate_hz,

@@ -181,7 +181,7 @@ def _take_learned_off(rows, seen, valid, params, state, out):
         for i in range(n):
             c = st["order"][i]
             out[k, c] = st["compared"][c]
-        learn_bias(n, np.nan, p, st)
+        learn_bias(middle(n, np.nan, st), n, p, st)
     return begin if begin >= 0 else len(rows)
 
 
@@ -191,7 +191,7 @@ def _sum_up(rows, valid, params, state, out):
         p, st = params[j], state[j]
         for k in range(len(rows)):
             n = _ranked(rows[k], valid, p, st)
-            if watch_sums(n, np.nan, p, st) != NOBODY:
+            if watch_sums(middle(n, np.nan, st), n, p, st) != NOBODY:
                 out[k] = max(out[k], p["slow_allowance"])
                 begin_sums(st)
-            learn_bias(n, np.nan, p, st)
+            learn_bias(middle(n, np.nan, st), n, p, st)

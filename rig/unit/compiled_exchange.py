@@ -76,7 +76,8 @@ def new_exchange(port: Port, session: int, into: NDArray[np.uint8], seam: Seam =
     for name, called in functions.items():
         state[name] = _address(getattr(library, called))
     state["sent_at"], state["into_at"], state["into_bytes"] = port.out.sent.ctypes.data, into.ctypes.data, len(into)
-    state["sent_bytes"], state["answer_bytes"], state["known_bytes"] = seam[2:]
+    state["sent_bytes"], state["answer_bytes"] = seam.input_bytes, seam.output_bytes
+    state["known_bytes"] = seam.known_bytes
     state["received_at"] = port.back.bytes[RECEIVED].ctypes.data
     state["now_at"], state["frame"] = state.ctypes.data + place(STATE, "now_s")[1], -1
     return CompiledExchange(state, into, blank(OUTPUT, FROM_UNIT, Kind.REPLY, session, seam).view(np.uint8))

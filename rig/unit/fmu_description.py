@@ -131,7 +131,7 @@ def _fields(
         if name.startswith("pad_") or name in (HELLO.names or ()):
             continue
         if field.record:
-            items = SIGNALS if field.record == "signal_config" else DISCRETES
+            items = DISCRETES if field.record == "discrete_config" else SIGNALS
             for i, item in enumerate(items):
                 inner = RECORDS[field.record]
                 yield from _fields(record, inner, f"{name}[{i + 1}].", first + i * inner.itemsize, item.name)

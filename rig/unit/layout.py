@@ -9,7 +9,7 @@ Version 2 begins with the fields of version 1 where they were: a unit that was b
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Iterator
+from collections.abc import Iterable, Iterator
 from enum import IntEnum, IntFlag
 from typing import Any, Final, NamedTuple
 
@@ -87,9 +87,9 @@ ANSWERS: Final[dict[str, Said]] = {
 ENUMS: Final[tuple[type[IntEnum] | type[IntFlag], ...]] = (Kind, Form, Said, Ilm, State, Pattern, Resolver, Law, Status)
 
 
-def members(enum: type[IntEnum] | type[IntFlag]) -> list[IntEnum | IntFlag]:
-    """Return the values of an enum that a unit may read or write."""
-    return [member for member in enum if member is not Resolver.SLOW]  # by what lasts, which no unit is asked for
+def members(enum: type[IntEnum] | type[IntFlag], version: int = VERSION) -> list[IntEnum | IntFlag]:
+    """Return the values of an enum that a unit of a version of the records may read or write."""
+    return [member for member in enum if version > 1 or member is not Resolver.SLOW]
 
 
 _Entry = tuple[str, Any, tuple[int, ...]]
@@ -136,9 +136,9 @@ def _alignment(dtype: np.dtype[Any]) -> int:
     return 1 if dtype.kind == "S" else dtype.itemsize
 
 
-def _little(dtype: np.dtype[Any], without: Collection[str] = ()) -> np.dtype[Any]:
-    """Return a record of our own settings as one of the seam: the widest fields first."""
-    kinds = {name: place(dtype, name)[0] for name in dtype.names or () if name not in without}
+def _little(dtype: np.dtype[Any], names: Iterable[str]) -> np.dtype[Any]:
+    """Return fields of a record of our own settings as a record of the seam: the widest first."""
+    kinds = {name: place(dtype, name)[0] for name in names}
     return _packed(_widest_first([(name, kind.base.newbyteorder("<"), kind.shape) for name, kind in kinds.items()]))
 
 
@@ -148,27 +148,32 @@ def place(dtype: np.dtype[Any], name: str) -> tuple[np.dtype[Any], int]:
     return fields[name][0], fields[name][1]
 
 
-SIGNAL_CONFIG: Final = _little(PARAMS, without=LASTING)  # those are refused with a unit (session.py)
-DISCRETE_CONFIG: Final = _little(DISCRETE_PARAMS)
+# Fields of CONFIG that hold our own settings, and which of them.
+SETTINGS: Final[dict[str, tuple[str, ...]]] = {
+    "signal": tuple(name for name in PARAMS.names or () if name not in LASTING),
+    "lasting": LASTING,
+    "discrete": DISCRETE_PARAMS.names or (),
+}
+SIGNAL_CONFIG: Final = _little(PARAMS, SETTINGS["signal"])
+LASTING_CONFIG: Final = _little(PARAMS, SETTINGS["lasting"])
+DISCRETE_CONFIG: Final = _little(DISCRETE_PARAMS, SETTINGS["discrete"])
 HELLO: Final = _packed([*_HEAD, *_TAIL])  # END too
 READY: Final = _packed([*_HEAD, ("text", f"S{TEXT_BYTES}", ()), *_TAIL])  # REFUSED too
-CONFIG: Final = _packed(
-    [
-        *_HEAD,
-        ("rate_hz", "<f8", ()),
-        ("form", "<i8", ()),
-        ("box_signals", "<i8", ()),
-        ("box_persistence", "<i8", ()),
-        ("trim_surface", "<f8", (len(SURFACES),)),
-        ("surface_low", "<f8", (len(SURFACES),)),
-        ("surface_high", "<f8", (len(SURFACES),)),
-        ("signal", SIGNAL_CONFIG, (S,)),
-        ("discrete", DISCRETE_CONFIG, (D,)),
-        ("aircraft", f"S{NAME_BYTES}", ()),
-        ("flight_point", f"S{NAME_BYTES}", ()),
-        *_TAIL,
-    ]
-)
+_CONFIGURED: Final[list[_Entry]] = [
+    *_HEAD,
+    ("rate_hz", "<f8", ()),
+    ("form", "<i8", ()),
+    ("box_signals", "<i8", ()),
+    ("box_persistence", "<i8", ()),
+    ("trim_surface", "<f8", (len(SURFACES),)),
+    ("surface_low", "<f8", (len(SURFACES),)),
+    ("surface_high", "<f8", (len(SURFACES),)),
+    ("signal", SIGNAL_CONFIG, (S,)),
+    ("discrete", DISCRETE_CONFIG, (D,)),
+    ("aircraft", f"S{NAME_BYTES}", ()),
+    ("flight_point", f"S{NAME_BYTES}", ()),
+]
+CONFIG: Final = _packed([*_CONFIGURED, ("lasting", LASTING_CONFIG, (S,)), *_TAIL])
 PART: Final = _packed(
     [*_HEAD, ("part", "<u4", ()), ("parts", "<u4", ()), ("bytes", "u1", (PART_BYTES,)), *_TAIL]
 )  # of CONFIG
@@ -177,12 +182,13 @@ _ANSWERED: Final = [*_HEAD, ("stepped", "<u8", ()), *_of_frame([*ANSWERS]), ("sa
 _OF_ITSELF: Final = [("fault_word", "<u4", ()), ("status", "<u2", ()), ("output_discretes", "u1", (8,))]
 INPUT: Final = _packed([*_ASKED, ("age_us", "<u2", (S, CHANNELS)), *_TAIL])
 OUTPUT: Final = _packed([*_ANSWERED, *_OF_ITSELF, *_TAIL])
-SINCE_2: Final = ("age_us", *(name for name, _, _ in _OF_ITSELF))
+SINCE_2: Final = ("age_us", *(name for name, _, _ in _OF_ITSELF), "lasting")
 RECORDS: Final[dict[str, np.dtype[Any]]] = {
     "hello": HELLO,
     "ready": READY,
     "signal_config": SIGNAL_CONFIG,
     "discrete_config": DISCRETE_CONFIG,
+    "lasting_config": LASTING_CONFIG,
     "config": CONFIG,
     "config_part": PART,
     "input": INPUT,
@@ -212,12 +218,15 @@ def walk(dtype: np.dtype[Any]) -> Iterator[Entry]:
 def described(version: int = VERSION) -> str:
     """Return every name, type, shape and offset that both sides must agree on: LAYOUT is the hash of this text."""
     lines = [f"version {version}", *(signal.name for signal in (*SIGNALS, *DISCRETES))]
-    older = {"input": _INPUT_1, "output": _OUTPUT_1} if version == 1 else {}
-    for record, dtype in (RECORDS | older).items():
+    records = RECORDS
+    if version == 1:
+        older = {"config": _CONFIG_1, "input": _INPUT_1, "output": _OUTPUT_1}
+        records = {name: dtype for name, dtype in (RECORDS | older).items() if name != "lasting_config"}
+    for record, dtype in records.items():
         lines.append(f"{record} {dtype.itemsize}")
         lines += [f"  {e.offset} {e.name} {e.record or e.base.str} {e.shape}" for e in walk(dtype)]
     enums = (enum for enum in ENUMS if version > 1 or enum is not Status)
-    lines += [f"{enum.__name__}.{member.name} {member.value}" for enum in enums for member in members(enum)]
+    lines += [f"{enum.__name__}.{member.name} {member.value}" for enum in enums for member in members(enum, version)]
     return "\n".join(lines)
 
 
@@ -230,15 +239,18 @@ class Seam(NamedTuple):
 
     version: int
     layout: int
+    config_bytes: int
     input_bytes: int
     output_bytes: int
     known_bytes: int  # of OUTPUT that are its fields
 
 
-_INPUT_1, _OUTPUT_1 = _packed([*_ASKED, *_TAIL]), _packed([*_ANSWERED, *_TAIL])
+_CONFIG_1, _INPUT_1, _OUTPUT_1 = (_packed([*entries, *_TAIL]) for entries in (_CONFIGURED, _ASKED, _ANSWERED))
 LAYOUT: Final = _layout(VERSION)
-SEAM: Final = Seam(VERSION, LAYOUT, INPUT.itemsize, OUTPUT.itemsize, OUTPUT.itemsize)
-OLD_SEAM: Final = Seam(1, _layout(1), _INPUT_1.itemsize, _OUTPUT_1.itemsize, place(OUTPUT, SINCE_2[1])[1])
+SEAM: Final = Seam(VERSION, LAYOUT, CONFIG.itemsize, INPUT.itemsize, OUTPUT.itemsize, OUTPUT.itemsize)
+OLD_SEAM: Final = Seam(
+    1, _layout(1), _CONFIG_1.itemsize, _INPUT_1.itemsize, _OUTPUT_1.itemsize, place(OUTPUT, SINCE_2[1])[1]
+)
 SEAMS: Final = {(seam.version, seam.layout): seam for seam in (SEAM, OLD_SEAM)}
 
 
@@ -247,6 +259,6 @@ def blank(dtype: np.dtype[Any], magic: int, kind: Kind, session: int = 0, seam: 
     record = np.zeros(1, dtype)
     record["magic"], record["version"], record["kind"] = magic, seam.version, kind
     record["layout"], record["session"] = seam.layout, session
-    size = {INPUT: seam.input_bytes, OUTPUT: seam.output_bytes}.get(dtype, dtype.itemsize)
+    size = {CONFIG: seam.config_bytes, INPUT: seam.input_bytes, OUTPUT: seam.output_bytes}.get(dtype, dtype.itemsize)
     record.view("u1")[size - 8 : size - 4] = np.frombuffer((size - 8).to_bytes(4, "little"), "u1")
     return record

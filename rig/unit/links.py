@@ -32,7 +32,7 @@ from rig.unit.layout import (
     Seam,
     blank,
 )
-from rig.unit.messages import UnitStopped, read_ready
+from rig.unit.messages import UnitStopped, config_for, read_ready
 from rig.unit.processes import UnitProcess
 from rig.unit.settings import Unit
 from rig.util.files import is_file
@@ -228,9 +228,9 @@ class LibraryLink:
         return self._library.step
 
     def open(self, config: np.ndarray[Any, Any]) -> None:
-        """Begin a session; Refused."""
-        config["version"], config["layout"] = self.seam.version, self.seam.layout
-        self._library.open(config.ctypes.data)
+        """Begin a session; Refused, UnitStopped."""
+        self._config = config_for(self.seam, config)  # the library may keep its address
+        self._library.open(self._config.ctypes.data)
 
     def close(self) -> str:
         """End the session; nothing can be wrong with its end that this process would survive."""

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.config import LASTING
+from rig.computer.redundancy.config import PARAMS
+from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
+from rig.frame import D, S
 from rig.unit.host import HEAD
 from rig.unit.layout import (
     CONFIG,
@@ -18,6 +21,7 @@ from rig.unit.layout import (
     HELLO,
     OUTPUT,
     SEAM,
+    SETTINGS,
     TO_UNIT,
     Form,
     Kind,
@@ -55,14 +59,28 @@ def configuration(
     trim (4,), limits (4, 2) : of the surfaces; names : of aircraft and flight point
     """
     config = blank(CONFIG, TO_UNIT, Kind.CONFIG)
-    for part, records in (("signal", params), ("discrete", discretes)):
-        for name in set(records.dtype.names or ()) - set(LASTING):
-            config[0][part][name] = records[name]
+    for part, key, records in _settings(params, discretes):
+        config[0][part][key] = records[key]
     config["rate_hz"], config["form"] = rate_hz, form
     config["box_signals"], config["box_persistence"] = boxes["signals"][0], boxes["persistence"][0]
     config["trim_surface"], config["surface_low"], config["surface_high"] = trim, limits[:, 0], limits[:, 1]
     config["aircraft"], config["flight_point"] = (name.encode()[:63] for name in names)
     return config
+
+
+def settings_of(config: NDArray[Any]) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    """Return the settings in a (1,) CONFIG, of which our own manager is made: (S,) PARAMS, (D,) DISCRETE_PARAMS."""
+    params, discretes = np.zeros(S, PARAMS), np.zeros(D, DISCRETE_PARAMS)
+    for part, key, records in _settings(params, discretes):
+        records[key] = config[0][part][key]
+    return params, discretes
+
+
+def _settings(params: NDArray[np.void], discretes: NDArray[np.void]) -> Iterator[tuple[str, str, NDArray[np.void]]]:
+    """Yield each setting of ours that CONFIG has: in which part of it, its name, and our records."""
+    for part, keys in SETTINGS.items():
+        for key in keys:
+            yield part, key, discretes if part == "discrete" else params
 
 
 # Frames -------------------------------------------------------------------------------------------------------

@@ -10,12 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final
 
-import numpy as np
 from numpy.typing import NDArray
 
 from rig.unit.layout import HELLO, OLD_SEAM, PART, PART_BYTES, SEAM, TO_UNIT, Kind, Seam, blank
 from rig.unit.links import MOST_BYTES, Disconnected, SocketLink, clock
-from rig.unit.messages import Ready, UnitStopped, read_ready, sealed
+from rig.unit.messages import Ready, UnitStopped, config_for, read_ready, sealed
 
 _AGAIN_S: Final = 0.2  # after which an unanswered HELLO or CONFIG is repeated: a box may have lost it
 _BUSY: Final = "busy"  # how REFUSED begins while another session is open: it ends with END, or after a silence
@@ -113,8 +112,7 @@ class _Start:
 
 def _parts(config: NDArray[Any], session: int, seam: Seam) -> list[memoryview]:
     """Return CONFIG in messages that fit into an Ethernet frame."""
-    config["version"], config["layout"] = seam.version, seam.layout
-    whole = config.view(np.uint8)
+    whole = config_for(seam, config)
     count = -(-len(whole) // PART_BYTES)
     messages = []
     for i in range(count):

@@ -102,9 +102,9 @@ class UnitUnderTest:
         """Begin the session; return the version of the records that the unit was built for."""
         if isinstance(self._link, LibraryLink):
             self._link.open(self._config)
-            return self._link.seam
+            return self.seam
         self.said = open_session(self._link, self._config, self.unit.start_s, lambda: self._stop.requested)
-        return self._link.seam or SEAM
+        return self.seam
 
     def _connect(self) -> None:
         """Have compiled code reach the unit."""
@@ -132,6 +132,11 @@ class UnitUnderTest:
             process.forget()
         if self.end_wrong and not self.dead and self._begun:
             self.printed += f"\n(the unit {self.end_wrong} after the end of its session)\n"
+
+    @property
+    def seam(self) -> Seam:
+        """Version of the records that it was built for, once a session has begun."""
+        return self._link.seam or SEAM
 
     @property
     def paced(self) -> bool:

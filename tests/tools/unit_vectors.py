@@ -28,6 +28,7 @@ from vector_flights import (
     angle,
     at_airspeed,
     at_the_limits,
+    biased,
     discrete,
     lasting,
     levelled,
@@ -172,6 +173,19 @@ def by_outlier_of_three(flown: Flown) -> bool:
 
 def behind_filter(flown: Flown) -> bool:
     return flown.hangs_on(filter_share=0.0)
+
+
+def by_bias(flown: Flown) -> bool:
+    return flown.hangs_on(bias_bound=0.0)
+
+
+def by_bound(flown: Flown) -> bool:
+    """A bias is held within its bound: a wider one gives other answers."""
+    return flown.settings.bias_bound > 0.0 and flown.hangs_on(bias_bound=100.0)
+
+
+def by_repeats(flown: Flown) -> bool:
+    return flown.hangs_on(stale_frames=0)
 
 
 def anything(_: Flown) -> bool:
@@ -415,6 +429,11 @@ def sessions() -> Iterator[Session]:
     wanted = [by_outlier, by_outlier_of_three, *reached("outlier: no two are close")]
     yield of_signals("an outlier of channels that agree", with_limits, wanted)
     yield of_signals("comparisons behind a filter", smoothed, [behind_filter, *reached(*FILTERED)])
+    yield of_signals("biases are learned, within their bound, and compared without", biased, [by_bias, by_bound])
+    for number in range(2):
+        title = f"small deviations are summed until they fail a channel, {number + 1}"
+        yield of_signals(title, lambda seed, n=number: biased(2000 * n + seed), reached("slow"))
+    yield of_signals("a sample that repeats for too long miscompares", biased, [by_repeats])
     yield of_signals(
         "a reset behind a filter", smoothed_with_resets, [lambda flown: readmitted(flown) and behind_filter(flown)]
     )

@@ -103,7 +103,7 @@ double compare_follow(double last, double x, const struct frame *f, params *p)
     return isfinite(y) ? y : x;
 }
 
-/* What is compared: the samples and the reference, or where there is a filter what it makes of them. */
+/* What is compared: samples and reference, or where there is a filter what it makes of them, less learned biases. */
 static void look(struct frame *f, params *p, struct signal *s)
 {
     memcpy(f->y, f->x, sizeof f->y);
@@ -118,6 +118,14 @@ static void look(struct frame *f, params *p, struct signal *s)
         f->seen_reference = s->smooth_reference;
         memcpy(f->y, s->smooth, sizeof f->y);
         sort(f->y, f->by, f->n);
+    }
+    bool biased = false;
+    for (int c = 0; c < RIG_CHANNELS; c++) {
+        f->z[c] = f->y[c] - s->lasting.bias[c];
+        biased = biased || (s->lasting.bias[c] != 0.0);
+    }
+    if (biased) {
+        sort(f->z, f->by, f->n);
     }
 }
 
@@ -157,9 +165,10 @@ struct frame compare_samples(const struct rig_input *input, int signal, params *
     f.second = seen(input->second_reference[signal], &f, p);
     f.reference_threshold = reference_threshold(f.reference, p);
     rank(&f, p, s);
+    lasting_count(f.samples, p, &s->lasting);
     look(&f, p, s);
     f.threshold = threshold(f.n, p);
-    f.outlier_threshold = outlier_threshold(f.n, p);
+    f.outlier_threshold = lasting_is_learned(&f, &s->lasting) ? outlier_threshold(f.n, p) : 0.0;
     return f;
 }
 
@@ -192,7 +201,7 @@ static uint8_t classify(struct frame *f, double within)
     bool apart[RIG_CHANNELS + 1] = {true, true, true, true, true}; /* apart[i]: ranks i - 1 and i */
     int count = 0;
     for (int i = 1; i < f->n; i++) {
-        apart[i] = !((f->y[f->by[i]] - f->y[f->by[i - 1]]) <= within);
+        apart[i] = !((f->z[f->by[i]] - f->z[f->by[i - 1]]) <= within);
         count += apart[i] ? 1 : 0;
     }
     for (int i = 0; (i < f->n) && (count > 0); i++) {
@@ -212,6 +221,9 @@ void compare_pattern(struct frame *f, struct signal *s)
             memset(f->alone, 0, sizeof f->alone);
             pattern = RIG_PATTERN_NORMAL;
         }
+    }
+    for (int i = 0; i < f->n; i++) {
+        f->alone[f->order[i]] = f->alone[f->order[i]] || lasting_is_stale(f->order[i], &s->lasting);
     }
     s->pattern_frames = (pattern == s->pattern) ? (s->pattern_frames + 1) : 1;
     s->pattern = pattern;

@@ -117,7 +117,8 @@ static void watch_failed(const struct frame *f, params *p, struct signal *s)
         return;
     }
     for (int c = 0; c < p->fitted; c++) {
-        const bool near = fabs(difference(samples[c], vote, p)) <= p->threshold;
+        const double off = difference(samples[c], vote, p) - s->lasting.bias[c];
+        const bool near = (fabs(off) <= p->threshold) && !lasting_is_stale(c, &s->lasting);
         const bool agrees = s->latches.failed[c] && (f->valid[c] != 0) && near;
         s->latches.agreed[c] = agrees ? (s->latches.agreed[c] + 1) : 0;
     }
@@ -226,6 +227,7 @@ static void fail_all(unsigned condemned, int i, struct rig_output *output)
             s->latches.failed[c] = true;
             s->level--;
             s->fade_left = config.signal[i].fade_frames;
+            lasting_begin_sums(&s->lasting);
             output->state[i][c] = RIG_STATE_FAILED;
             output->level[i] = (uint8_t)s->level;
             output->resolver[i] = RIG_RESOLVER_BOX;
@@ -330,7 +332,9 @@ static void monitor_signal(const struct rig_input *input, int i, struct rig_outp
 {
     params *const p = &config.signal[i];
     struct signal *const s = &signals[i];
+    const struct latches before = s->latches;
     monitor_readmit(&s->latches, input->reset[i], p->fitted, p->readmit_frames);
+    lasting_readmit(before.failed, s);
     struct frame f = compare_samples(input, i, p, s);
     compare_pattern(&f, s);
     compare_trend(&f, p, s);
@@ -340,7 +344,14 @@ static void monitor_signal(const struct rig_input *input, int i, struct rig_outp
     watch_failed(&f, p, s);
     accused[i] = accuse(&f, p, s);
     count_miscompares(&f, p, s);
+    const int64_t level = s->level;
+    lasting_watch(&f, p, s);
     latch(&f, p, s);
+    if (s->level == level) {
+        lasting_learn(&f, s);
+    } else {
+        lasting_begin_sums(&s->lasting);
+    }
     publish(&f, p, s);
     report(&f, i, input->reference[i], output);
 }
@@ -375,6 +386,7 @@ int rig_unit_open(const struct rig_config *wanted)
         for (int c = 0; c < RIG_CHANNELS; c++) {
             signals[i].smooth[c] = (double)NAN;
         }
+        lasting_open(&config, i, &signals[i].lasting);
         signals[i].smooth_reference = (double)NAN;
         signals[i].smooth_vote = (double)NAN;
         signals[i].reference_usable = true;

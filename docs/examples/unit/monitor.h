@@ -2,6 +2,7 @@
  *
  * monitor.c    the interface, and one signal's frame from the samples to the answer
  * compare.c    which samples are compared, their ranks, pattern, trend and median
+ * lasting.c    learned biases, sums of small deviations, samples that repeat
  * resolvers.c  patterns without a majority
  * discretes.c  the voter of the discretes
  *
@@ -29,6 +30,17 @@ struct latches {
     int64_t agreed[RIG_CHANNELS]; /* frames in a row that a failed channel agreed with the vote */
 };
 
+/* What lasts of the channels of one signal; each part where it is on. */
+struct lasting {
+    const struct rig_lasting_config *set;
+    double bias[RIG_CHANNELS];
+    int64_t learned[RIG_CHANNELS]; /* frames that the bias is of */
+    double above[RIG_CHANNELS];    /* sums of residuals, unit times frames */
+    double below[RIG_CHANNELS];
+    double last_sample[RIG_CHANNELS];
+    int64_t repeats[RIG_CHANNELS]; /* frames in a row in which it was the last one again */
+};
+
 /* One signal in one frame. */
 struct frame {
     const double *samples;      /* by channel, as are valid and ilm */
@@ -45,11 +57,12 @@ struct frame {
     double x[RIG_CHANNELS];     /* their values, by channel */
     double seen_reference;      /* what is compared: behind the filter, if there is one */
     double y[RIG_CHANNELS];     /* the same of the channels, */
-    int by[RIG_CHANNELS];       /* and the channels by ascending y */
+    double z[RIG_CHANNELS];     /* less what each is biased by, if that is learned, */
+    int by[RIG_CHANNELS];       /* and the channels by ascending z */
     unsigned ranked;            /* their channels, bits */
     double low, high;           /* the two voting ranks, */
     double rise_low, rise_high; /* and their changes since the last frame */
-    bool alone[RIG_CHANNELS];   /* agrees with no other channel */
+    bool alone[RIG_CHANNELS];   /* agrees with no other channel, or repeats its sample */
     bool blamed[RIG_CHANNELS];  /* would be failed by the answer to a pattern without a majority */
     uint8_t resolver;           /* who decided */
     double vote;                /* before the fade */
@@ -58,6 +71,7 @@ struct frame {
 /* One signal, from frame to frame. */
 struct signal {
     struct latches latches;
+    struct lasting lasting;
     double smooth[RIG_CHANNELS]; /* behind the filter; NaN: begins with the next value */
     double smooth_reference;
     double smooth_vote;
@@ -124,7 +138,7 @@ struct frame compare_samples(const struct rig_input *input, int signal, params *
 /* redundancy.md 'A filter before the comparison': the next value after `last`, which is NaN at the beginning. */
 double compare_follow(double last, double x, const struct frame *f, params *p);
 
-/* Name the pattern, mark who agrees with nobody, and count for how many frames the pattern has lasted. */
+/* Name the pattern, mark who agrees with nobody or is stale, and count for how many frames the pattern has lasted. */
 void compare_pattern(struct frame *f, struct signal *s);
 
 /* Section 6 and table 1: shift this frame's bits into the trend bytes. */
@@ -132,6 +146,32 @@ void compare_trend(struct frame *f, params *p, struct signal *s);
 
 /* Sections 4 and 5: the vote with a majority. */
 double compare_median(const struct frame *f, params *p, const struct signal *s);
+
+/* ---- lasting.c ---- */
+
+/* Begin with a signal of `config`, which stays where it is. */
+void lasting_open(const struct rig_config *config, int signal, struct lasting *l);
+
+/* Forget the bias of the channels that were `failed` and are no longer. */
+void lasting_readmit(const bool failed[RIG_CHANNELS], struct signal *s);
+
+/* Count the frames in a row in which each channel's sample was the last one again. */
+void lasting_count(const double *samples, params *p, struct lasting *l);
+
+/* Whether a channel's sample has repeated for long enough to miscompare. */
+bool lasting_is_stale(int c, const struct lasting *l);
+
+/* Whether the bias of each channel with a sample is a mean over the time constant, or none is learned. */
+bool lasting_is_learned(const struct frame *f, const struct lasting *l);
+
+/* Move the sums and fail whom they fail. */
+void lasting_watch(struct frame *f, params *p, struct signal *s);
+
+/* Move each bias towards its channel's residual, within the bound; it begins as the mean of the residuals. */
+void lasting_learn(const struct frame *f, struct signal *s);
+
+/* Begin all sums again: another number of channels has another middle. */
+void lasting_begin_sums(struct lasting *l);
 
 /* ---- resolvers.c ---- */
 

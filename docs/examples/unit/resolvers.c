@@ -1,7 +1,7 @@
 /* Patterns without a majority: 2:2, 1:1, 1:1:1:1 and 1:1:1, each settled by the resolvers of its signal.
  *
  * Sections 6 to 8; redundancy.md 'Patterns without a majority' and 'Nobody answers'.  Who stands on which side is told by
- * what is compared, `y` and `by`; the vote is made of the samples.
+ * what is compared, `by` and the reference beside `y`; the vote is made of the samples.
  */
 #include "monitor.h"
 
@@ -39,7 +39,7 @@ static int by_reference(const struct frame *f)
     const double reference = f->seen_reference;
     const double above = f->y[f->by[f->n / 2]];
     const double below = f->y[f->by[(f->n - 1) / 2]];
-    if (isnan(reference)) {
+    if (isnan(reference) || (below > above)) { /* the halves are told apart by less than they are biased */
         return NO_ANSWER;
     }
     if (reference >= above) {
@@ -100,7 +100,7 @@ static void blame_all_but(int one, int other, struct frame *f)
     }
 }
 
-/* The plain mean of two values, whose ranks say a <= b but behind a filter. */
+/* The plain mean of two values, whose ranks say a <= b but behind a filter or without biases. */
 static double halfway(double a, double b)
 {
     return (a > b) ? mean(b, a, 0.5) : mean(a, b, 0.5);

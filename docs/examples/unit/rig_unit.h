@@ -26,7 +26,7 @@ extern "C" {
 #endif
 
 #define RIG_UNIT_VERSION 2
-#define RIG_UNIT_LAYOUT UINT64_C(0xaa2239075c20abdd)
+#define RIG_UNIT_LAYOUT UINT64_C(0x4d75e2cca0f8866c)
 #define RIG_MAGIC_INPUT UINT32_C(0x49474952)
 #define RIG_MAGIC_OUTPUT UINT32_C(0x4f474952)
 #define RIG_CHANNELS 4
@@ -90,6 +90,7 @@ enum rig_resolver {
     RIG_RESOLVER_UNRESOLVED = 6,
     RIG_RESOLVER_BOX = 7,
     RIG_RESOLVER_COMMON = 8,
+    RIG_RESOLVER_SLOW = 9,
 };
 
 enum rig_law {
@@ -279,6 +280,22 @@ RIG_ASSERT(offsetof(struct rig_discrete_config, fail_safe) == 8);
 RIG_ASSERT(offsetof(struct rig_discrete_config, persistence) == 16);
 RIG_ASSERT(offsetof(struct rig_discrete_config, readmit_frames) == 24);
 
+/* what lasts: how long and how much of it a signal bears; each off at 0 */
+struct rig_lasting_config {
+    double bias_bound;
+    double bias_gain;
+    double slow_allowance;
+    double slow_limit;
+    int64_t stale_frames;
+};
+
+RIG_ASSERT(sizeof(struct rig_lasting_config) == 40);
+RIG_ASSERT(offsetof(struct rig_lasting_config, bias_bound) == 0);
+RIG_ASSERT(offsetof(struct rig_lasting_config, bias_gain) == 8);
+RIG_ASSERT(offsetof(struct rig_lasting_config, slow_allowance) == 16);
+RIG_ASSERT(offsetof(struct rig_lasting_config, slow_limit) == 24);
+RIG_ASSERT(offsetof(struct rig_lasting_config, stale_frames) == 32);
+
 /* what a flight is flown with */
 struct rig_config {
     uint32_t magic;
@@ -299,11 +316,12 @@ struct rig_config {
     struct rig_discrete_config discrete[3];
     char aircraft[64];
     char flight_point[64];
+    struct rig_lasting_config lasting[16];
     uint32_t length;
     uint32_t crc;
 };
 
-RIG_ASSERT(sizeof(struct rig_config) == 3728);
+RIG_ASSERT(sizeof(struct rig_config) == 4368);
 RIG_ASSERT(offsetof(struct rig_config, magic) == 0);
 RIG_ASSERT(offsetof(struct rig_config, version) == 4);
 RIG_ASSERT(offsetof(struct rig_config, kind) == 6);
@@ -322,8 +340,9 @@ RIG_ASSERT(offsetof(struct rig_config, signal) == 168);
 RIG_ASSERT(offsetof(struct rig_config, discrete) == 3496);
 RIG_ASSERT(offsetof(struct rig_config, aircraft) == 3592);
 RIG_ASSERT(offsetof(struct rig_config, flight_point) == 3656);
-RIG_ASSERT(offsetof(struct rig_config, length) == 3720);
-RIG_ASSERT(offsetof(struct rig_config, crc) == 3724);
+RIG_ASSERT(offsetof(struct rig_config, lasting) == 3720);
+RIG_ASSERT(offsetof(struct rig_config, length) == 4360);
+RIG_ASSERT(offsetof(struct rig_config, crc) == 4364);
 
 /* a part of config where one message must fit into an Ethernet frame */
 struct rig_config_part {

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from rig.computer.redundancy.compare import is_singular
+from rig.computer.redundancy.lasting import begin_sums
 from rig.frame import CHANNELS, Resolver, State
 from rig.kernels import kernel
 
@@ -70,4 +71,5 @@ def fail_all(channels, fcc, s, p, st):
             st["failed"][c] = True
             st["level"] -= 1
             st["fade_left"] = p["fade_frames"]
+            begin_sums(st)
             fcc["state"][s, c], fcc["level"][s], fcc["resolver"][s] = State.FAILED, st["level"], Resolver.BOX

@@ -17,7 +17,13 @@ from rig.frame import Pattern
 from rig.kernels import kernel
 
 NOBODY: Final = -1
-_CALM: Final = 0.5  # of the limit: what a strict majority must be below, or the sums cannot tell who is right
+CALM: Final = 0.5  # of the limit: what a strict majority must be below, or the sums cannot tell who is right
+
+
+@kernel
+def lasts(p):
+    """Return True if residuals of a signal are learned or summed."""
+    return p["bias_bound"] > 0.0 or p["slow_limit"] > 0.0
 
 
 @kernel
@@ -41,24 +47,30 @@ def take_bias_off(values, order, n, st):
 
 
 @kernel
-def learn_bias(n, reference, p, st):
-    """Move each channel's bias towards its residual, within the bound; nobody's who is suspected.
+def learn_bias(m, n, p, st):
+    """Move the biases of the ``n`` ranked channels towards their residuals; nobody's who is suspected.
 
-    The bias is the mean of the residuals for as many frames as the time constant has, then it follows.
+    m : the middle of the samples
     """
     if p["bias_bound"] <= 0.0 or n < 2 or st["pattern"] != Pattern.NORMAL:
         return
-    x, order, bias, bound = st["x"], st["order"], st["bias"], p["bias_bound"]
-    m = middle(n, reference, st)
     for i in range(n):
-        c = order[i]
-        if st["miscomparing"][c] or st["blamed"][c] or st["count"][c] != 0:
-            continue
-        gain = p["bias_gain"]
-        if st["learned"][c] * gain < 1.0:
-            gain = max(gain, 1.0 / (st["learned"][c] + 1.0))
-        bias[c] = min(max(bias[c] + gain * (x[c] - m - bias[c]), -bound), bound)
-        st["learned"][c] += 1
+        c = st["order"][i]
+        if not st["miscomparing"][c] and not st["blamed"][c] and st["count"][c] == 0:
+            learn_one(c, m, p, st)
+
+
+@kernel
+def learn_one(c, m, p, st):
+    """Move a channel's bias towards its residual, within the bound.
+
+    It is the mean of the residuals for as many frames as the time constant has, then it follows.
+    """
+    bias, bound, gain, learned = st["bias"], p["bias_bound"], p["bias_gain"], st["learned"]
+    if learned[c] * gain < 1.0:
+        gain = max(gain, 1.0 / (learned[c] + 1.0))
+    bias[c] = min(max(bias[c] + gain * (st["x"][c] - m - bias[c]), -bound), bound)
+    learned[c] += 1
 
 
 @kernel
@@ -80,32 +92,48 @@ def outlier_limit(n, p, st):
 
 
 @kernel
-def watch_sums(n, reference, p, st):
+def watch_sums(m, n, p, st):
     """Sum what each residual exceeds the allowance by, upwards and downwards; return whom that fails, or NOBODY.
 
     Page 1954, with a step of at most limit / (persistence - 1/2): what lasts less than the persistence fails nobody,
     however large.  At most one channel a frame, and none without a strict majority that is calm.
+    m : the middle of the ``n`` ranked samples
     """
-    if p["slow_limit"] <= 0.0 or n < 3 or is_singular(st["pattern"]):
+    limit = p["slow_limit"]
+    if limit <= 0.0 or n < 3 or is_singular(st["pattern"]):
         return NOBODY
-    limit, m, worst, calm, largest = p["slow_limit"], middle(n, reference, st), NOBODY, 0, p["slow_limit"]
-    most, allowance = limit / (p["persistence"] - 0.5), p["slow_allowance"]
+    calm, most = 0, limit / (p["persistence"] - 0.5)
     for i in range(n):
-        c = st["order"][i]
-        residual = st["x"][c] - st["bias"][c] - m
-        st["above"][c] = _sum(st["above"][c], residual - allowance, most)
-        st["below"][c] = _sum(st["below"][c], -residual - allowance, most)
-        reached = max(st["above"][c], st["below"][c])
-        calm += reached < _CALM * limit
-        if reached > largest:
-            worst, largest = c, reached
-    return worst if 2 * calm > n else NOBODY
+        calm += sum_one(st["order"][i], m, most, p, st) < CALM * limit
+    return largest_sum(n, limit, st) if 2 * calm > n else NOBODY
+
+
+@kernel
+def sum_one(c, m, most, p, st):
+    """Move the two sums of a channel by a frame; return the larger one."""
+    above, below, allowance = st["above"], st["below"], p["slow_allowance"]
+    residual = st["x"][c] - st["bias"][c] - m
+    above[c] = _sum(above[c], residual - allowance, most)
+    below[c] = _sum(below[c], -residual - allowance, most)
+    return max(above[c], below[c])
 
 
 @kernel
 def _sum(last, excess, most):
     step = min(excess, most)
     return max(last + step, 0.0) if np.isfinite(step) else 0.0
+
+
+@kernel
+def largest_sum(n, limit, st):
+    """Return the channel with the largest sum beyond the limit, or NOBODY; of equals that of the least sample."""
+    worst = NOBODY
+    for i in range(n):
+        c = st["order"][i]
+        reached = max(st["above"][c], st["below"][c])
+        if reached > limit:
+            worst, limit = c, reached
+    return worst
 
 
 @kernel
@@ -117,12 +145,18 @@ def begin_sums(st):
 
 @kernel
 def count_repeats(samples, p, st):
-    """Count the frames in a row in which each channel's sample was the last one again, bit for bit."""
-    if p["stale_frames"] == 0:
-        return
+    """Count the frames in a row in which each channel's sample was the last one again, bit for bit.
+
+    Returns True if a channel is stale.
+    """
+    frames, repeats, last, stale = p["stale_frames"], st["repeats"], st["last_sample"], False
+    if frames == 0:
+        return False
     for c in range(p["fitted"]):
-        st["repeats"][c] = st["repeats"][c] + 1 if samples[c] == st["last_sample"][c] else 0
-        st["last_sample"][c] = samples[c]
+        repeats[c] = (repeats[c] + 1) * (samples[c] == last[c])
+        last[c] = samples[c]
+        stale |= repeats[c] >= frames
+    return stale
 
 
 @kernel

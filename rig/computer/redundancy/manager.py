@@ -19,9 +19,10 @@ from rig.computer.redundancy.lasting import (
     NOBODY,
     begin_sums,
     count_repeats,
-    is_stale,
+    lasts,
     learn_bias,
     mark_stale,
+    middle,
     outlier_limit,
     take_bias_off,
     watch_sums,
@@ -29,6 +30,7 @@ from rig.computer.redundancy.lasting import (
 from rig.computer.redundancy.lowpass import follow, smooth_channels
 from rig.computer.redundancy.opinions import update_trend
 from rig.computer.redundancy.persistence import count_miscompares, latch, readmit, watch_failed
+from rig.computer.redundancy.quiet import is_quiet, last_quiet
 from rig.computer.redundancy.reference_monitor import check_last, monitor_reference, reference_threshold, watch_common
 from rig.computer.redundancy.resolve import Compared, resolve
 from rig.frame import CHANNELS, Pattern, Resolver, State
@@ -161,12 +163,12 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     x, order = st["x"], st["order"]
     base = anchor(samples, valid, p, st)
     n = rank(samples, valid, base, p, st)
-    count_repeats(samples, p, st)
+    stale = count_repeats(samples, p, st)
     reference = unwrapped(reference, base, p["wraps"])
     second = unwrapped(second, base, p["wraps"])
-    compared = to_compare(samples, valid, reference, base, n, p, st)
-    if is_quiet(compared.values, compared.order, n, p, st):
+    if not stale and is_quiet(n, p, st):
         return vote_quiet(reference, second, n, p, st)
+    compared = to_compare(samples, valid, reference, base, n, p, st)
     st["reference_threshold"] = reference_threshold(reference, p)
     st["threshold"] = threshold(n, p)
     limit = outlier_limit(n, p, st)
@@ -190,7 +192,9 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
         ranked |= 1 << order[i]
     st["accused"] = accused(resolver, ranked, p, st)
     count_miscompares(n, ranked, p, st)
-    resolver = latch_all(resolver, n, reference, p, st)
+    m = middle(n, reference, st) if lasts(p) and n >= 2 else 0.0
+    slow = watch_sums(m, n, p, st) if resolver != Resolver.COMMON else NOBODY
+    resolver = latch_all(resolver, slow, m, n, p, st)
     publish(vote_before_fade, p, st)
     return resolver
 
@@ -210,42 +214,20 @@ def to_compare(samples, valid, reference, base, n, p, st):
 
 
 @kernel
-def latch_all(resolver, n, reference, p, st):
-    """Latch what has persisted and what the sums of small deviations fail, and learn; return the resolver."""
+def latch_all(resolver, slow, m, n, p, st):
+    """Latch what has persisted and whom the sums fail, and learn; return the resolver.
+
+    slow : channel that the sums of small deviations fail, or NOBODY; m : the middle of the samples
+    """
     level = st["level"]
-    if resolver != Resolver.COMMON:
-        slow = watch_sums(n, reference, p, st)
-        if slow != NOBODY:
-            st["failed"][slow], resolver = True, Resolver.SLOW.value
+    if slow != NOBODY:
+        st["failed"][slow], resolver = True, Resolver.SLOW.value
     latch(p, st)
     if st["level"] != level:
         begin_sums(st)
     else:
-        learn_bias(n, reference, p, st)
+        learn_bias(m, n, p, st)
     return resolver
-
-
-@kernel
-def is_quiet(values, order, n, p, st):
-    """Return True if all channels of the signal agree, and nothing of earlier frames is pending.
-
-    Then nobody is suspected, counted, blamed or faded, which is nearly every frame of a flight.
-    values, order : as Compared
-    """
-    if n < 2 or n != p["fitted"] or n != st["level"] or st["pattern"] != Pattern.NORMAL or not st["started"]:
-        return False
-    if p["filter_gain"] > 0.0 or st["singular_run"] != 0 or st["freeze"] != 0 or st["fade_left"] != 0:
-        return False
-    within, outlier = threshold(n, p), outlier_limit(n, p, st)
-    if outlier > 0.0:
-        within = min(within, outlier)
-    for i in range(n - 1):
-        if not values[order[i + 1]] - values[order[i]] <= within:  # True for NaN, of an angle near the largest number
-            return False
-    pending = False
-    for c in range(CHANNELS):
-        pending |= st["count"][c] != 0 or st["miscomparing"][c] != 0 or st["blamed"][c] != 0 or is_stale(c, p, st)
-    return not pending
 
 
 @kernel
@@ -260,8 +242,11 @@ def vote_quiet(reference, second, n, p, st):
     monitor_reference(voted, reference, n, p, st)
     resolver = watch_common(Resolver.NONE.value, n, voted, reference, second, p, st)
     st["accused"] = 0
-    if resolver != Resolver.NONE or p["bias_bound"] > 0.0 or p["slow_limit"] > 0.0:
-        resolver = latch_all(resolver, n, reference, p, st)
+    if lasts(p) or resolver != Resolver.NONE:
+        m = middle(n, reference, st)
+        slow = last_quiet(m, n, p, st) if resolver == Resolver.NONE else NOBODY
+        if resolver != Resolver.NONE or slow != NOBODY:
+            resolver = latch_all(resolver, slow, m, n, p, st)
     publish(voted, p, st)
     return resolver
 

@@ -1,0 +1,141 @@
+/* What lasts: a bias that is learned, small deviations summed over seconds, samples that repeat.
+ *
+ * redundancy.md of that name.  The residual of a channel is its sample less the middle of those in use.  Nothing here
+ * moves a vote: it changes who is compared with whom, and who is failed.
+ */
+#include <string.h>
+
+#include "monitor.h"
+
+#define NOBODY (-1)
+#define CALM 0.5 /* of the limit: what most must be below, or the sums cannot tell who is right */
+
+void lasting_open(const struct rig_config *config, int signal, struct lasting *l)
+{
+    memset(l, 0, sizeof *l);
+    l->set = &config->lasting[signal];
+    for (int c = 0; c < RIG_CHANNELS; c++) {
+        l->last_sample[c] = (double)NAN;
+    }
+}
+
+void lasting_readmit(const bool failed[RIG_CHANNELS], struct signal *s)
+{
+    for (int c = 0; c < RIG_CHANNELS; c++) {
+        if (failed[c] && !s->latches.failed[c]) {
+            s->lasting.bias[c] = 0.0;
+            s->lasting.learned[c] = 0;
+        }
+    }
+}
+
+/* ---- Stale samples ---- */
+
+void lasting_count(const double *samples, params *p, struct lasting *l)
+{
+    if (l->set->stale_frames > 0) {
+        for (int c = 0; c < p->fitted; c++) {
+            l->repeats[c] = (samples[c] == l->last_sample[c]) ? (l->repeats[c] + 1) : 0;
+            l->last_sample[c] = samples[c];
+        }
+    }
+}
+
+bool lasting_is_stale(int c, const struct lasting *l)
+{
+    return (l->set->stale_frames > 0) && (l->repeats[c] >= l->set->stale_frames);
+}
+
+/* ---- Learned bias ---- */
+
+bool lasting_is_learned(const struct frame *f, const struct lasting *l)
+{
+    bool learned = true;
+    for (int i = 0; (i < f->n) && (l->set->bias_bound > 0.0); i++) {
+        learned = learned && ((((double)l->learned[f->order[i]] + 0.5) * l->set->bias_gain) >= 1.0);
+    }
+    return learned;
+}
+
+/* The median, or of an even number the usable reference between the two in the middle, else the mean of those. */
+static double middle(const struct frame *f, const struct signal *s)
+{
+    if (((f->n % 2) == 0) && s->reference_usable && !isnan(f->reference)) {
+        return clamp(f->reference, f->low, f->high);
+    }
+    return mean(f->low, f->high, 0.5);
+}
+
+void lasting_learn(const struct frame *f, struct signal *s)
+{
+    struct lasting *const l = &s->lasting;
+    const double bound = l->set->bias_bound;
+    if ((bound <= 0.0) || (f->n < 2) || (s->pattern != RIG_PATTERN_NORMAL)) {
+        return;
+    }
+    const double m = middle(f, s);
+    for (int i = 0; i < f->n; i++) {
+        const int c = f->order[i];
+        if (!f->alone[c] && !f->blamed[c] && (s->latches.count[c] == 0)) {
+            const double seen = (double)l->learned[c];
+            const double first = 1.0 / (seen + 1.0);
+            const bool begins = ((seen * l->set->bias_gain) < 1.0) && (first > l->set->bias_gain);
+            const double gain = begins ? first : l->set->bias_gain;
+            l->bias[c] = clamp(l->bias[c] + (gain * ((f->x[c] - m) - l->bias[c])), -bound, bound);
+            l->learned[c]++;
+        }
+    }
+}
+
+/* ---- Sums of small deviations ---- */
+
+/* The next sum: what exceeds the allowance, `most` of it; what is no number begins it again. */
+static double sum(double last, double excess, double most)
+{
+    const double step = (most < excess) ? most : excess;
+    const double next = last + step;
+    return (isfinite(step) && (next > 0.0)) ? next : 0.0;
+}
+
+/* Sum both ways of each channel; the channel with the largest sum above the limit, while most are calm. */
+static int watch(const struct frame *f, params *p, struct signal *s)
+{
+    struct lasting *const l = &s->lasting;
+    const double limit = l->set->slow_limit;
+    if ((limit <= 0.0) || (f->n < 3) || is_singular(s->pattern)) {
+        return NOBODY;
+    }
+    const double m = middle(f, s);
+    const double most = limit / ((double)p->persistence - 0.5);
+    double largest = limit;
+    int worst = NOBODY;
+    int calm = 0;
+    for (int i = 0; i < f->n; i++) {
+        const int c = f->order[i];
+        const double residual = (f->x[c] - l->bias[c]) - m;
+        l->above[c] = sum(l->above[c], residual - l->set->slow_allowance, most);
+        l->below[c] = sum(l->below[c], -residual - l->set->slow_allowance, most);
+        const double reached = (l->below[c] > l->above[c]) ? l->below[c] : l->above[c];
+        calm += (reached < (CALM * limit)) ? 1 : 0;
+        if (reached > largest) {
+            worst = c;
+            largest = reached;
+        }
+    }
+    return ((2 * calm) > f->n) ? worst : NOBODY;
+}
+
+void lasting_watch(struct frame *f, params *p, struct signal *s)
+{
+    const int slow = (f->resolver == RIG_RESOLVER_COMMON) ? NOBODY : watch(f, p, s);
+    if (slow != NOBODY) {
+        s->latches.failed[slow] = true;
+        f->resolver = RIG_RESOLVER_SLOW;
+    }
+}
+
+void lasting_begin_sums(struct lasting *l)
+{
+    memset(l->above, 0, sizeof l->above);
+    memset(l->below, 0, sizeof l->below);
+}
