@@ -1,4 +1,4 @@
-"""What became of several computers: events of lanes and links, who failed which lane for what, why the back-up flies."""
+"""What became of several computers: events of lanes and links, who failed which lane, why the back-up flies."""
 
 from __future__ import annotations
 
@@ -153,8 +153,9 @@ class ComputerFinder:
         engaged, first = is_engaged(both), int(both["frame"][1])
         for frame, do, lane in self._orders:
             k = frame - first
-            here = do == "readmit" and lane is not None and 0 <= k < len(both) - 1
-            if here and not engaged[k : k + 2, lane].any():
+            if lane is None or do != "readmit" or not 0 <= k < len(both) - 1:
+                continue
+            if not engaged[k : k + 2, lane].any():
                 text = f"{COMPUTERS[lane]}: has not agreed with the leading lane for long enough"
                 yield Event(frame, "warning", REFUSED, text)
 
