@@ -119,7 +119,7 @@ def _of(scored: Any, *names: str) -> Row:
 def magnitude(fault: Fault, scenario: Scenario) -> float | None:
     """Return how large a fault is, without its sign: by its setting, of a scale its distance from 1.
 
-    A size in thresholds is told in the unit of the signal, as any other; that of a link, which is of all signals, is not.
+    A size in thresholds is told in the unit of the signal, as any other; not that of a link, which is of all signals.
     """
     size = fault.magnitude
     if size is None or not size.thresholds or site(fault.signal) == "ccdl":

@@ -238,21 +238,9 @@ class Faults:
         row["fault"], row["remembers"] = i, effect.act in REMEMBERING
         row["wraps"] = where in ("channel", "reference") and places.wraps[at]
         row["row"], row["column"] = (at, (point.channel or 1) - 1) if where in CHANNELLED else (-1, at)
-        if where in OF_SERVOS:
-            row["row"], row["column"] = (at, (point.channel or 1) - 1) if where == "actuator" else (0, at)
-            row["seen_by_wire"] = effect.seen_by_wire and self._generator(i, "wire").random() < self._wire_coverage
-        if where == "ccdl":
-            row["row"], row["column"] = LINKS[at]
-            if effect.different and row["column"] % 2:
-                row["value"] = -effect.value
-        if where == "computer":
-            row["row"], row["column"] = at, (point.channel or 1) - 1
-            row["seen_by_test"] = self._seen_by_test(i, effect.seen_by_test)
-        ranged = (
-            places.names["surface"][row["column"]]
-            if effect.part in _OF_SURFACES and where == "computer"
-            else point.place
-        )
+        self._part(row, i, point, effect)
+        of_surface = where == "computer" and effect.part in _OF_SURFACES
+        ranged = places.names["surface"][row["column"]] if of_surface else point.place
         row["source"] = places.number(source)
         row["low"], row["high"] = low, high = self._ranges[places.index[ranged]]
         row["source_low"], row["source_high"] = self._ranges[places.index[source]]
@@ -281,6 +269,20 @@ class Faults:
             row["memory"], row["length"] = self._memory, floor(row["value"]) + 2
             self._memory += int(row["length"])
         return row
+
+    def _part(self, row: Any, i: int, point: Point, effect: Effect) -> None:
+        """Say which part of a servo, of a link or of a computer a fault changes, and what may see it."""
+        where, at = self._places.site(point.place), self._places.number(point.place)
+        if where in OF_SERVOS:
+            row["row"], row["column"] = (at, (point.channel or 1) - 1) if where == "actuator" else (0, at)
+            row["seen_by_wire"] = effect.seen_by_wire and self._generator(i, "wire").random() < self._wire_coverage
+        elif where == "ccdl":
+            row["row"], row["column"] = LINKS[at]
+            if effect.different and row["column"] % 2:
+                row["value"] = -effect.value
+        elif where == "computer":
+            row["row"], row["column"] = at, (point.channel or 1) - 1
+            row["seen_by_test"] = self._seen_by_test(i, effect.seen_by_test)
 
     def _seen_by_test(self, i: int, test: int) -> int:
         """Return the computer's test if the draw for this fault lets it see."""

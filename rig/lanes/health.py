@@ -146,7 +146,7 @@ def engage(frame, data):
     start_and_stop(frame, data)
     for m in range(len(data.orders)):
         if data.orders[m]["frame"] == frame:
-            obey(data.orders[m], data)
+            carry_out(data.orders[m], data)
     find_leading(data)
 
 
@@ -196,7 +196,7 @@ def start_and_stop(frame, data):
 
 
 @kernel
-def obey(order, data):
+def carry_out(order, data):
     """Do what the pilot commands; a readmission waits for no one: a lane that has not agreed so long stays out."""
     if order["does"] == _BACK_UP:
         data.system[0]["backup"] = 1
