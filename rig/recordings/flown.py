@@ -39,9 +39,8 @@ def refuse_link(scenario: Scenario) -> None:
     broken = next((fault.signal for fault in scenario.faults if site(fault.signal) in OF_LANES), None)
     if broken is not None or (computers.count > 1 and not computers.synchronised):
         why = f"a fault of {broken}" if broken else "clocks that run free"
-        raise BadInput(
-            f"one computer votes here, not the exchange of {computers.count}, and this flight has {why}; rig replay runs all again"
-        )
+        votes = f"one computer votes here, not the exchange of {computers.count}"
+        raise BadInput(f"{votes}, and this flight has {why}; rig replay runs all again")
 
 
 def recorded(path: Path | str, allow_code: bool = False) -> Recorded:
