@@ -50,8 +50,9 @@ def lanes_of(rig: Rig) -> np.ndarray:
 
 
 def test_each_lane_asks_its_own_channel_of_every_servo():
-    """A lane whose integrator begins elsewhere: the lane that leads flies on without it."""
-    four = scenario.load(None, [SERVO, "duration_s=0.5", "faults=[]", "computers.count=4"])
+    """A lane whose integrator begins elsewhere, each on its own: the lane that leads flies on without it."""
+    apart = ["computers.output=own", "computers.equalise=false", "computers.command_threshold=1.0"]
+    four = scenario.load(None, [SERVO, "duration_s=0.5", "faults=[]", "computers.count=4", *apart])
     rig = Rig(four)
     assert rig.computers is not None
     rig.computers.data.control["surface"][2] += 0.02

@@ -13,9 +13,9 @@ from rig.errors import BadInput
 from rig.flight.assembly import fly
 from rig.frame import INDEX, LinkState, State
 from rig.lanes.clock import CLOCK, run_on
-from rig.log import read_log
 from rig.loop import Rig, frames
-from rig.replay.vote_again import vote_again
+from rig.recordings.flown import recorded
+from rig.replay.verify import verify
 
 Q = INDEX["pitch_rate"]
 ONSET = 10
@@ -177,6 +177,9 @@ def test_a_lane_samples_as_early_as_its_clock_is_ahead():
         assert sampled(flight, lane)[1:] == pytest.approx(truth[1:] - ahead * np.diff(truth), abs=1e-12)
 
 
+ALL, WHOLE = np.ones(4, np.uint8), np.zeros(4)  # whose clocks count; drift of faults
+
+
 def clock(lead: list[float], gain: float, drift: float = 0.0) -> Any:
     made = np.zeros(1, CLOCK)
     made["fitted"], made["gain"], made["lead"] = 4, gain, lead
@@ -186,24 +189,32 @@ def clock(lead: list[float], gain: float, drift: float = 0.0) -> Any:
 
 def test_clocks_move_by_a_share_towards_the_mean_of_the_middle_two():
     one = clock([0.0, 0.1, 0.2, 0.8], 0.5)
-    run_on(one, np.zeros((4, 4), np.int64))
+    run_on(one, np.zeros((4, 4), np.int64), ALL, WHOLE)
     moved = np.array([0.0, 0.1, 0.2, 0.8]) + 0.5 * (0.15 - np.array([0.0, 0.1, 0.2, 0.8]))
     assert one["lead"] == pytest.approx(moved - moved.min())
+
+
+def test_the_clock_of_a_lane_that_is_not_engaged_is_not_measured():
+    """Lane D is 0.9 frames ahead and counts for nobody; it goes its own way, by the drift of its fault too."""
+    one, engaged = clock([0.0, 0.1, 0.2, 0.9], 1.0), np.array([1, 1, 1, 0], np.uint8)
+    run_on(one, np.zeros((4, 4), np.int64), engaged, np.array([0.0, 0.0, 0.0, 0.05]))
+    assert one["lead"][:3] == pytest.approx([0.0] * 3)
+    assert one["lead"][3] == pytest.approx(0.05 + 0.05)  # the mean of B and C, and its own drift, ahead of the last
 
 
 def test_a_clock_that_runs_away_does_not_take_the_others_along_and_one_that_is_not_heard_is_not_measured():
     one, deaf = clock([0.0] * 4, 0.5, drift=0.01), np.zeros((4, 4), np.int64)
     for _ in range(200):
-        run_on(one, deaf)
+        run_on(one, deaf, ALL, WHOLE)
     assert one["lead"][:3] == pytest.approx(0.0) and one["lead"][3] == pytest.approx(0.02)  # drift / gain
     one, deaf[:, 3] = clock([0.0, 0.1, 0.2, 0.9], 1.0), 1
-    run_on(one, deaf)
+    run_on(one, deaf, ALL, WHOLE)
     assert one["lead"][:3] == pytest.approx([0.0] * 3)
 
 
 def test_free_clocks_keep_their_offsets():
     one = clock([0.0, 0.3, 0.6, 0.9], 0.0)
-    run_on(one, np.zeros((4, 4), np.int64))
+    run_on(one, np.zeros((4, 4), np.int64), ALL, WHOLE)
     assert one["lead"] == pytest.approx([0.0, 0.3, 0.6, 0.9])
 
 
@@ -221,10 +232,9 @@ def test_a_log_is_scored_with_the_clocks_of_its_lanes(logged):
     assert [fault.outcome for fault in scored.faults][:1] == ["detected"] and not scored.false_alarms
 
 
-def test_a_replay_or_a_vote_that_would_need_the_exchange_is_refused(logged, tmp_path):
-    told = r"^the exchange of 4 computers is not run again, and this flight has a fault of ccdl.A-B"
-    with pytest.raises(BadInput, match=told):
-        vote_again(read_log(logged.log).rows, logged.scenario)
+def test_a_replay_runs_the_exchange_again_and_a_vote_that_would_need_it_is_refused(logged, tmp_path):
+    assert verify(recorded(logged.log)).comparison.identical
+    told = r"^one computer votes here, not the exchange of 4, and this flight has a fault of ccdl.A-B; rig replay runs"
     with pytest.raises(BadInput, match=told):
         rig.vote(logged.log, out=tmp_path / "voted.mcap")
     assert not (tmp_path / "voted.mcap").exists()

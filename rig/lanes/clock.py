@@ -62,21 +62,30 @@ def sample_early(sensors, skew, lead):
 
 
 @kernel
-def run_on(clock, silent):
+def run_on(clock, silent, counted, drift):
     """Run the clocks on to the next frame; clock : CLOCK, in place.
 
     silent : (lanes, lanes) frames, receiver by sender, in which no message came: of those nobody is measured
+    counted : (lanes,) whose clocks count: those of engaged lanes;  drift : (lanes,) frames a frame, of faults
     """
-    lead, after, measured, last = clock["lead"], clock["next"], clock["measured"], 0.0
+    lead, after, measured, first = clock["lead"], clock["next"], clock["measured"], np.inf
     for i in range(clock["fitted"]):
         n = 0
         for j in range(clock["fitted"]):
-            if silent[i, j] == 0:
+            if silent[i, j] == 0 and (counted[j] or i == j):
                 insert(measured, n, lead[j] - lead[i])
                 n += 1
         midpoint = 0.5 * (measured[n // 2] + measured[(n - 1) // 2])
-        after[i] = lead[i] + clock["gain"] * midpoint + clock["drift"][i]
-        last = after[i] if i == 0 else min(last, after[i])
+        after[i] = lead[i] + clock["gain"] * midpoint + (clock["drift"][i] + drift[i])
+        if counted[i]:
+            first = min(first, after[i])
+    if first == np.inf:
+        first = after[0]
+    last = first
+    for i in range(clock["fitted"]):
+        if not counted[i]:
+            after[i] = first + (after[i] - first) - np.floor(after[i] - first + 0.5)  # half a frame apart at most
+        last = min(last, after[i])
     for i in range(clock["fitted"]):
         ahead = after[i] - last
         lead[i] = ahead - np.floor(ahead)
