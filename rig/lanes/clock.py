@@ -2,7 +2,8 @@
 
 A lane measures how far the others whose messages arrive are ahead of it.  It moves by a share, ``sync_gain``, of the
 fault-tolerant midpoint: the mean of the middle two of what it measured, its own 0 included; the middle one of three.
-One clock that runs away has no part in it.  The last lane gives the plant's instant.
+One clock that runs away has no part in it.  The last lane that is engaged, or in step with those, gives the plant's
+instant: a lane that is a hair later than the plant would sample a whole frame earlier.
 Source: Lundelius Welch and Lynch 1988, A new fault-tolerant algorithm for clock synchronization.
 """
 
@@ -19,6 +20,7 @@ from rig.kernels import kernel
 from rig.lanes.config import Config
 
 _LANES: Final = len(COMPUTERS)
+_IN_STEP: Final = 0.01  # frames
 CLOCK: Final = np.dtype(
     [
         ("fitted", "i8"),
@@ -81,6 +83,10 @@ def run_on(clock, silent, counted, drift):
             last = min(last, after[i])
     if last == np.inf:
         last = after[0]
+    engaged = last
+    for i in range(clock["fitted"]):
+        if engaged - after[i] < _IN_STEP:
+            last = min(last, after[i])
     for i in range(clock["fitted"]):
         ahead = after[i] - last
         lead[i] = ahead - np.floor(ahead)
