@@ -148,7 +148,7 @@ class FlightOutcome(Outcome):
         self.kept.add(rows, first, self.records.faults)
 
     def add_lanes(self, rows: Block, lanes: LaneBlock | None) -> None:
-        """Add ``lanes`` (n,) of servos and computers beside ``rows`` (n,), before or after these; None: there are none."""
+        """Add ``lanes`` (n,) of servos and computers, which stand beside ``rows`` (n,); None: there are none."""
         if self.actuators is not None and has_part(lanes, "actuator"):
             self.actuators.add(rows, lanes)
         if self.computers is not None and lanes is not None:
