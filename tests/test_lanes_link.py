@@ -1,9 +1,10 @@
 """The data link between the lanes in flight: what each lane's BUS has of what was sampled, and when it was sampled."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
+from lanes_flown import FOUR, ONSET, Flown, flown
 
 import rig
 from rig import scenario
@@ -13,47 +14,15 @@ from rig.errors import BadInput
 from rig.flight.assembly import fly
 from rig.frame import INDEX, LinkState, State
 from rig.lanes.clock import CLOCK, run_on
-from rig.loop import Rig, frames
 from rig.recordings.flown import recorded
 from rig.replay.verify import verify
 
 Q = INDEX["pitch_rate"]
-ONSET = 10
-FOUR = "computers.count=4"
 FREE = ("computers.synchronised=false", "computers.exchange_rounds=1", "computers.clock_drift_ppm=0")
 EXACT = ("noise_std", "noise_density", "bias_tolerance", "scale_tolerance", "lag_s", "skew_frames", "quantum")
 EXACT += ("bias_instability_std", "rate_random_walk", "misalignment_tolerance_rad", "g_sensitivity_tolerance")
+ALL, STEADY = np.ones(4, np.uint8), np.zeros(4)  # lanes whose clocks count; drift of faults
 ONE_ROUND = ("computers.exchange_rounds=1",)
-
-
-class Flown(NamedTuple):
-    """All frames of a flight."""
-
-    rows: Any
-    lanes: Any  # COMPUTER
-    bus: Any  # (frames, 4) BUS of the lanes
-    fcc: Any  # (frames, 4) FCC
-    rig: Rig
-
-
-def flown(*faults: str, seconds: float = 0.3, sets: tuple[str, ...] = ()) -> Flown:
-    """An F-16 in light turbulence with four computers and ``faults`` from frame ONSET on."""
-    tables = ", ".join(f"{{{fault}, start_s={ONSET / 100}}}" for fault in faults)
-    given = scenario.load(None, [f"duration_s={seconds}", f"faults=[{tables}]", FOUR, 'turbulence="light"', *sets])
-    rig, rows, lanes, bus, fcc = Rig(given), [], [], [], []
-    step, computers = rig.computer_step, rig.computers
-    assert computers is not None
-
-    def watched(block: Any, k: int, data: Any) -> None:
-        step(block, k, data)
-        bus.append(computers.data.bus.copy())
-        fcc.append(computers.data.fcc.copy())
-
-    rig.computer_step = watched
-    for block, _ in frames(rig, given):
-        rows.append(block.copy())
-        lanes += rig.lanes(len(block))
-    return Flown(np.concatenate(rows), np.concatenate(lanes)["computer"], np.array(bus), np.array(fcc), rig)
 
 
 def sampled(flight: Flown, lane: int) -> Any:
@@ -177,9 +146,6 @@ def test_a_lane_samples_as_early_as_its_clock_is_ahead():
         assert sampled(flight, lane)[1:] == pytest.approx(truth[1:] - ahead * np.diff(truth), abs=1e-12)
 
 
-ALL, WHOLE = np.ones(4, np.uint8), np.zeros(4)  # whose clocks count; drift of faults
-
-
 def clock(lead: list[float], gain: float, drift: float = 0.0) -> Any:
     made = np.zeros(1, CLOCK)
     made["fitted"], made["gain"], made["lead"] = 4, gain, lead
@@ -189,32 +155,24 @@ def clock(lead: list[float], gain: float, drift: float = 0.0) -> Any:
 
 def test_clocks_move_by_a_share_towards_the_mean_of_the_middle_two():
     one = clock([0.0, 0.1, 0.2, 0.8], 0.5)
-    run_on(one, np.zeros((4, 4), np.int64), ALL, WHOLE)
+    run_on(one, np.zeros((4, 4), np.int64), ALL, STEADY)
     moved = np.array([0.0, 0.1, 0.2, 0.8]) + 0.5 * (0.15 - np.array([0.0, 0.1, 0.2, 0.8]))
     assert one["lead"] == pytest.approx(moved - moved.min())
-
-
-def test_the_clock_of_a_lane_that_is_not_engaged_is_not_measured():
-    """Lane D is 0.9 frames ahead and counts for nobody; it goes its own way, by the drift of its fault too."""
-    one, engaged = clock([0.0, 0.1, 0.2, 0.9], 1.0), np.array([1, 1, 1, 0], np.uint8)
-    run_on(one, np.zeros((4, 4), np.int64), engaged, np.array([0.0, 0.0, 0.0, 0.05]))
-    assert one["lead"][:3] == pytest.approx([0.0] * 3)
-    assert one["lead"][3] == pytest.approx(0.05 + 0.05)  # the mean of B and C, and its own drift, ahead of the last
 
 
 def test_a_clock_that_runs_away_does_not_take_the_others_along_and_one_that_is_not_heard_is_not_measured():
     one, deaf = clock([0.0] * 4, 0.5, drift=0.01), np.zeros((4, 4), np.int64)
     for _ in range(200):
-        run_on(one, deaf, ALL, WHOLE)
+        run_on(one, deaf, ALL, STEADY)
     assert one["lead"][:3] == pytest.approx(0.0) and one["lead"][3] == pytest.approx(0.02)  # drift / gain
     one, deaf[:, 3] = clock([0.0, 0.1, 0.2, 0.9], 1.0), 1
-    run_on(one, deaf, ALL, WHOLE)
+    run_on(one, deaf, ALL, STEADY)
     assert one["lead"][:3] == pytest.approx([0.0] * 3)
 
 
 def test_free_clocks_keep_their_offsets():
     one = clock([0.0, 0.3, 0.6, 0.9], 0.0)
-    run_on(one, np.zeros((4, 4), np.int64), ALL, WHOLE)
+    run_on(one, np.zeros((4, 4), np.int64), ALL, STEADY)
     assert one["lead"] == pytest.approx([0.0, 0.3, 0.6, 0.9])
 
 

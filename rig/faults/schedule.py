@@ -250,6 +250,12 @@ class Faults:
             row["value"] = effect.value * (high - low)
         row["ramp"] = getattr(self._faults[i], "ramp_s", 0.0) * self._rate_hz
         self._measure(row, i, point)
+        self._act(row, i, point, effect)
+        return row
+
+    def _act(self, row: Any, i: int, point: Point, effect: Effect) -> None:
+        """Write how the effect acts on a target whose range is written."""
+        low, high, where = row["low"], row["high"], self._places.site(point.place)
         if effect.act == Act.RANGE_END:
             either = self._generator(i, "direction").random() < 0.5
             up = effect.value > (-0.5 if either else 0.5)
@@ -268,7 +274,6 @@ class Faults:
             row["value"] = self._frames(effect.value, 1) if effect.whole_frames else frames
             row["memory"], row["length"] = self._memory, floor(row["value"]) + 2
             self._memory += int(row["length"])
-        return row
 
     def _part(self, row: Any, i: int, point: Point, effect: Effect) -> None:
         """Say which part of a servo, of a link or of a computer a fault changes, and what may see it."""

@@ -1,9 +1,10 @@
 """The vote of the lanes' commands: every lane tells its own, votes all, and puts out what is voted.
 
 Each surface is voted as a signal is, by the same manager: four commands, a threshold as a share of the stroke, and the
-lanes' own tests as the only resolver.  Where no test speaks, a 2:2 or 1:1 goes to the lanes whose votes of the signals
-are the majority's.  Commands go round once: of three equal good ones the median is right whatever a fourth lane tells
-whom.  Before they think, the lanes bring their integrators together, which has no effect while they agree.
+lanes' own tests as the only resolver.  Where no test speaks, a tie goes to the largest group of lanes whose votes of
+the signals are the same, if that is one of its sides.  Commands go round once: of three equal good ones the median is
+right whatever a fourth lane tells whom.  Before they think, the lanes bring their integrators together, which has no
+effect while they agree.
 """
 
 from __future__ import annotations
@@ -152,7 +153,10 @@ def vote_commands(i, lead, fcc, links, health, data):
 
 @kernel
 def ask_lanes(fcc, health, fitted, data):
-    """Write what the lanes' own tests say of each; if nothing, who votes the signals as the majority does."""
+    """Write what the lanes' own tests say of each; if nothing, who votes the signals as most lanes do.
+
+    Most is the one largest group whose votes are the same: more than half of four could settle no 2:2.
+    """
     ilm, content = data.ilm, True
     for j in range(fitted):
         good = is_content(health.lane[j])
@@ -160,17 +164,17 @@ def ask_lanes(fcc, health, fitted, data):
         content &= good
     if not content or all_tell_the_same(health, fitted, data):
         return
-    engaged, majority = 0, False
+    most, like_most, same = 0, 0, data.valid
     for j in range(fitted):
-        engaged += is_engaged(health.lane[j])
-    for j in range(fitted):
-        same = 0
+        same[j] = 0
         for other in range(fitted):
-            same += is_engaged(health.lane[other]) and votes_alike(fcc[j], fcc[other])
-        data.valid[j] = 2 * same > engaged
-        majority |= data.valid[j] != 0
+            if is_engaged(health.lane[j]) and is_engaged(health.lane[other]):
+                same[j] += votes_alike(fcc[j], fcc[other])
+        most = max(most, same[j])
     for j in range(fitted):
-        if majority and data.valid[j] == 0:
+        like_most += same[j] == most
+    for j in range(fitted):
+        if like_most == most and same[j] != most:  # else two groups are as large
             ilm[j] = Ilm.BAD.value
 
 

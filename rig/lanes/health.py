@@ -146,7 +146,7 @@ def engage(frame, data):
     start_and_stop(frame, data)
     for m in range(len(data.orders)):
         if data.orders[m]["frame"] == frame:
-            carry_out(data.orders[m], data)
+            execute(data.orders[m], data)
     find_leading(data)
 
 
@@ -163,9 +163,10 @@ def fail_accused(data):
                 accusers += lane[i]["accuses"][j] != LaneTest.NONE
         if is_engaged(lane[j]) and 2 * accusers > others:
             accused |= 1 << j
+            lane[j]["failed_for"] = first_accusation(j, data)  # before anybody is out: they may accuse each other
     for j in range(fitted):
         if (accused >> j) & 1:
-            fail(lane[j], first_accusation(j, data))
+            fail(lane[j], lane[j]["failed_for"])
 
 
 @kernel
@@ -193,10 +194,12 @@ def start_and_stop(frame, data):
         lane["running"] = runs
         if lane["joins"] and lane["health"] == Health.FAILED:
             lane["health"] = Health.RESTARTING.value
+        elif not runs and lane["health"] == Health.RESTARTING:
+            lane["health"] = Health.FAILED.value  # it stopped again
 
 
 @kernel
-def carry_out(order, data):
+def execute(order, data):
     """Do what the pilot commands; a readmission waits for no one: a lane that has not agreed so long stays out."""
     if order["does"] == _BACK_UP:
         data.system[0]["backup"] = 1
