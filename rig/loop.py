@@ -33,7 +33,7 @@ from rig.errors import ManagerFailed
 from rig.faults import FaultData, corrupt
 from rig.frame import FLAT, TIMING, Block, LaneBlock, Nested, lane_rows, nested, new_block
 from rig.kernels import bind, kernel
-from rig.lanes.stage import LaneData, commands, sample, think_all
+from rig.lanes.stage import LaneData, orders, sample, think_all
 from rig.lanes.think import ComputerData, follow_votes, give_references
 from rig.plant.jsbsim import plant
 from rig.plant.pilot import Pilot
@@ -186,7 +186,7 @@ def think(block, k, data):
 @kernel
 def after(block, k, data):
     """Pass the surfaces of row k on to the actuators."""
-    put_out(block[k], k, data.control.param[0]["still"], data.faults, data.actuators, commands(data.lanes))
+    put_out(block[k], k, data.control.param[0]["still"], data.faults, data.actuators, orders(data.lanes))
 
 
 @kernel

@@ -26,7 +26,7 @@ from rig.computer.redundancy import Config as Redundancy
 from rig.errors import BadInput
 from rig.faults import Fault, check
 from rig.faults.fault import LiveFault, distinct_keys
-from rig.faults.places import OF_LANES, OF_SERVOS, lanes_of, site
+from rig.faults.places import OF_LANES, OF_SERVOS, needed_lanes, site
 from rig.frame import CHANNELS, COMPUTERS, DISCRETES, MOST_FAULTS, SIGNALS, LanePart, LaneParts
 from rig.lanes.config import Config as Computers
 from rig.lanes.config import refuse_long_offsets
@@ -129,7 +129,7 @@ class Scenario(Settings):
     def _lanes_for_their_faults(self) -> None:
         count = self.computers.count
         for i, fault in enumerate(self.faults):
-            if site(fault.signal) in OF_LANES and max(lanes_of(fault.signal)) >= count:
+            if site(fault.signal) in OF_LANES and (count == 1 or max(needed_lanes(fault.signal)) >= count):
                 there = f"lanes A to {COMPUTERS[count - 1]}" if count > 1 else "no lanes"
                 what = f"{fault.signal} has a lane that is not there"
                 raise ValueError(f"faults.{i}.signal: {what}: [computers] count = {count}, {there}")

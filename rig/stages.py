@@ -16,6 +16,7 @@ from rig.computer.redundancy.own import OwnManager
 from rig.errors import BadInput
 from rig.faults import Coils, Faults
 from rig.frame import MOVED, SIGNALS
+from rig.lanes.health import coverage
 from rig.lanes.stage import Lanes
 from rig.lanes.think import ComputerData
 from rig.plant.airframe import Actuator
@@ -90,6 +91,7 @@ def faults(scenario: Scenario, keep_clean: int = 0) -> Faults:
         coils=coils,
         keep_clean=keep_clean,
         wire_coverage=scenario.actuators.continuity.coverage,
+        test_coverage=coverage(scenario.computers),
     )
 
 

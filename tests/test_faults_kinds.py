@@ -284,7 +284,7 @@ def test_two_vanes_freeze_together():
 
 
 def test_every_kind_has_an_expectation_here():
-    others = ("test_faults_discretes.py", "test_faults_actuators.py", "test_lanes_link.py")
+    others = ("test_faults_discretes.py", "test_faults_actuators.py", "test_lanes_link.py", "test_faults_computers.py")
     text = "".join(Path(__file__).with_name(name).read_text() for name in (Path(__file__).name, *others))
     assert [kind for kind in KINDS if f'"{kind}"' not in text] == []
 

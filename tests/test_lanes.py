@@ -49,17 +49,19 @@ def lanes_of(rig: Rig) -> np.ndarray:
     return np.concatenate([lanes for block in blocks for lanes in block])
 
 
-def test_each_lane_asks_its_own_channel_of_every_servo():
-    """A lane whose integrator begins elsewhere: the lane that leads flies on without it."""
-    four = scenario.load(None, [SERVO, "duration_s=0.5", "faults=[]", "computers.count=4"])
-    rig = Rig(four)
+@pytest.mark.parametrize("output", ["own", "voted"])
+def test_each_lane_asks_its_own_channel_of_every_servo(output: str):
+    """A lane whose integrator begins elsewhere; each drives its coils with its own command, or all with the median."""
+    sets = [SERVO, "duration_s=0.5", "faults=[]", "computers.count=4", f"computers.output={output}"]
+    rig = Rig(scenario.load(None, [*sets, "computers.equalise=false"]))
     assert rig.computers is not None
     rig.computers.data.control["surface"][2] += 0.02
     rig.computers.data.control["elevator_integral"][2] += 0.02
     lanes = lanes_of(rig)
     asked, told = lanes["actuator"]["asked"], lanes["computer"]["surface"]
-    assert (asked == told[:, :, :3].transpose(0, 2, 1)).all()
-    assert (asked[:, :, 0] == asked[:, :, 1]).all() and (asked[:, 0, 0] != asked[:, 0, 2]).all()
+    put = told if output == "own" else np.median(told, axis=1)[:, None]
+    assert (asked == put[:, :, :3].transpose(0, 2, 1)).all()
+    assert (told[:, 0, 0] == told[:, 1, 0]).all() and (told[:, 0, 0] != told[:, 2, 0]).all()
 
 
 @pytest.mark.parametrize("count", [2, 3])

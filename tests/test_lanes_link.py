@@ -1,9 +1,10 @@
 """The data link between the lanes in flight: what each lane's BUS has of what was sampled, and when it was sampled."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
+from lanes_flown import FOUR, ONSET, Flown, flown
 
 import rig
 from rig import scenario
@@ -13,47 +14,15 @@ from rig.errors import BadInput
 from rig.flight.assembly import fly
 from rig.frame import INDEX, LinkState, State
 from rig.lanes.clock import CLOCK, run_on
-from rig.log import read_log
-from rig.loop import Rig, frames
-from rig.replay.vote_again import vote_again
+from rig.recordings.flown import recorded
+from rig.replay.verify import verify
 
 Q = INDEX["pitch_rate"]
-ONSET = 10
-FOUR = "computers.count=4"
 FREE = ("computers.synchronised=false", "computers.exchange_rounds=1", "computers.clock_drift_ppm=0")
 EXACT = ("noise_std", "noise_density", "bias_tolerance", "scale_tolerance", "lag_s", "skew_frames", "quantum")
 EXACT += ("bias_instability_std", "rate_random_walk", "misalignment_tolerance_rad", "g_sensitivity_tolerance")
+ALL, STEADY = np.ones(4, np.uint8), np.zeros(4)  # lanes whose clocks count; drift of faults
 ONE_ROUND = ("computers.exchange_rounds=1",)
-
-
-class Flown(NamedTuple):
-    """All frames of a flight."""
-
-    rows: Any
-    lanes: Any  # COMPUTER
-    bus: Any  # (frames, 4) BUS of the lanes
-    fcc: Any  # (frames, 4) FCC
-    rig: Rig
-
-
-def flown(*faults: str, seconds: float = 0.3, sets: tuple[str, ...] = ()) -> Flown:
-    """An F-16 in light turbulence with four computers and ``faults`` from frame ONSET on."""
-    tables = ", ".join(f"{{{fault}, start_s={ONSET / 100}}}" for fault in faults)
-    given = scenario.load(None, [f"duration_s={seconds}", f"faults=[{tables}]", FOUR, 'turbulence="light"', *sets])
-    rig, rows, lanes, bus, fcc = Rig(given), [], [], [], []
-    step, computers = rig.computer_step, rig.computers
-    assert computers is not None
-
-    def watched(block: Any, k: int, data: Any) -> None:
-        step(block, k, data)
-        bus.append(computers.data.bus.copy())
-        fcc.append(computers.data.fcc.copy())
-
-    rig.computer_step = watched
-    for block, _ in frames(rig, given):
-        rows.append(block.copy())
-        lanes += rig.lanes(len(block))
-    return Flown(np.concatenate(rows), np.concatenate(lanes)["computer"], np.array(bus), np.array(fcc), rig)
 
 
 def sampled(flight: Flown, lane: int) -> Any:
@@ -186,7 +155,7 @@ def clock(lead: list[float], gain: float, drift: float = 0.0) -> Any:
 
 def test_clocks_move_by_a_share_towards_the_mean_of_the_middle_two():
     one = clock([0.0, 0.1, 0.2, 0.8], 0.5)
-    run_on(one, np.zeros((4, 4), np.int64))
+    run_on(one, np.zeros((4, 4), np.int64), ALL, STEADY)
     moved = np.array([0.0, 0.1, 0.2, 0.8]) + 0.5 * (0.15 - np.array([0.0, 0.1, 0.2, 0.8]))
     assert one["lead"] == pytest.approx(moved - moved.min())
 
@@ -194,16 +163,16 @@ def test_clocks_move_by_a_share_towards_the_mean_of_the_middle_two():
 def test_a_clock_that_runs_away_does_not_take_the_others_along_and_one_that_is_not_heard_is_not_measured():
     one, deaf = clock([0.0] * 4, 0.5, drift=0.01), np.zeros((4, 4), np.int64)
     for _ in range(200):
-        run_on(one, deaf)
+        run_on(one, deaf, ALL, STEADY)
     assert one["lead"][:3] == pytest.approx(0.0) and one["lead"][3] == pytest.approx(0.02)  # drift / gain
     one, deaf[:, 3] = clock([0.0, 0.1, 0.2, 0.9], 1.0), 1
-    run_on(one, deaf)
+    run_on(one, deaf, ALL, STEADY)
     assert one["lead"][:3] == pytest.approx([0.0] * 3)
 
 
 def test_free_clocks_keep_their_offsets():
     one = clock([0.0, 0.3, 0.6, 0.9], 0.0)
-    run_on(one, np.zeros((4, 4), np.int64))
+    run_on(one, np.zeros((4, 4), np.int64), ALL, STEADY)
     assert one["lead"] == pytest.approx([0.0, 0.3, 0.6, 0.9])
 
 
@@ -221,10 +190,9 @@ def test_a_log_is_scored_with_the_clocks_of_its_lanes(logged):
     assert [fault.outcome for fault in scored.faults][:1] == ["detected"] and not scored.false_alarms
 
 
-def test_a_replay_or_a_vote_that_would_need_the_exchange_is_refused(logged, tmp_path):
-    told = r"^the exchange of 4 computers is not run again, and this flight has a fault of ccdl.A-B"
-    with pytest.raises(BadInput, match=told):
-        vote_again(read_log(logged.log).rows, logged.scenario)
+def test_a_replay_runs_the_exchange_again_and_a_vote_that_would_need_it_is_refused(logged, tmp_path):
+    assert verify(recorded(logged.log)).comparison.identical
+    told = r"^one computer votes here, not the exchange of 4, and this flight has a fault of ccdl.A-B; rig replay runs"
     with pytest.raises(BadInput, match=told):
         rig.vote(logged.log, out=tmp_path / "voted.mcap")
     assert not (tmp_path / "voted.mcap").exists()

@@ -30,6 +30,7 @@ CALLERS = {
     "bench/run.py",  # all rows that are not being flown
     "flight/frame_cost.py",  # times the stages of a flight one by one
     "actuators/monitors.py",  # position sensors of a ram, no signal of a row
+    "lanes/command.py",  # commands of several computers, no signal either
 }
 
 
@@ -65,7 +66,8 @@ def test_one_kernel_over_rows_and_one_word_decide_what_became_of_a_fault():
     assert set(_calls({"add_rows"})) == {"assess/flight_outcome.py"}
     inner = {"mark_failed", "mark_wrong", "count_healthy"}
     assert set(_calls(inner)) == {"assess/outcome_rows.py", "bench/trials.py", "thresholds/monitored.py"}
-    assert set(_calls({"fault_word"})) == {"assess/flight_outcome.py", "assess/scoring.py", "thresholds/tradeoff.py"}
+    of_faults = {f"assess/{name}.py" for name in ("flight_outcome", "lane_outcome", "scoring")}
+    assert set(_calls({"fault_word"})) == {*of_faults, "thresholds/tradeoff.py"}
 
 
 CASES = {  # a fault of the pitch rate, from 1 s on: its word

@@ -76,8 +76,7 @@ def test_every_bundled_scenario_replays_and_flies_again_identically(name, tmp_pa
     short = [f"duration_s={long_enough_s(which)}"]
     recording = recorded(fly(name, overrides=short, out=tmp_path).log)
     assert recording.log.events or not which.faults
-    of_link = any(fault.signal.startswith("ccdl.") for fault in which.faults)  # whose exchange is not run again
-    for again in (True,) if of_link else (False, True):
+    for again in (False, True):
         found = verify(recording, again)
         assert found.comparison.identical, found.decisions.moved[:5]
 

@@ -53,6 +53,8 @@ WATCH: Final = np.dtype(
         ("valid", "u1", (CHANNELS,)),
         ("ilm", "u1", (CHANNELS,)),
         ("failed_by", "u1", (CHANNELS,)),  # ActuatorMonitor
+        ("off", "u1", (CHANNELS,)),  # shut off by its computer,
+        ("shut", "u1", (CHANNELS,)),  # and in the frame before
     ],
     align=True,
 )
@@ -93,32 +95,47 @@ def monitors(config: Config, stops_rad: NDArray[np.float64], rate_hz: float) -> 
 
 
 @long_kernel
-def watch_rows(rows, designed, data):
-    """Monitor ``rows`` (n, 3) ACTUATOR, whose valve, valve_differs and failed_by are written; see below."""
+def watch_rows(rows, designed, off, data):
+    """Monitor ``rows`` (n, 3) ACTUATOR, whose valve, valve_differs and failed_by are written; see below.
+
+    off : (n, 4) channels that their computers shut off
+    """
     for k in range(len(rows)):
         for i in range(len(designed)):
-            watch_surface(rows[k, i], designed[i], i, data)
+            watch_surface(rows[k, i], designed[i], i, off[k], data)
 
 
 @kernel
-def watch_surface(row, servo, i, data):
+def watch_surface(row, servo, i, off, data):
     """Monitor the channels of surface ``i`` in one frame.
 
     row : its ACTUATOR record; reads what was asked and measured, writes valve, valve_differs and failed_by
-    servo : its SERVO record, nominal;  data : MonitorData
+    servo : its SERVO record, nominal;  off : (4,) channels that their computers shut off;  data : MonitorData
     """
     limits, seen = data.limits[i], data.watch[i]
+    for c in range(CHANNELS):
+        seen["off"][c] = off[c]
     currents_differ = watch_currents(row, servo, limits, seen)
     watch_positions(row, data.params[i], data.state[i], seen)
     failed, in_state = seen["failed_by"], data.state[i]["failed"]
     for c in range(CHANNELS):
-        seen["valve"][c] = seen["valve"][c] + 1 if row["valve_sensed"][c] != (failed[c] != 0) else 0
+        shut = failed[c] != 0 or seen["shut"][c] != 0
+        seen["valve"][c] = seen["valve"][c] + 1 if row["valve_sensed"][c] != shut else 0
         row["valve_differs"][c] = seen["valve"][c] >= limits["valve_frames"]
-        if failed[c] == 0:
+        if off[c] != 0:
+            forget(c, seen)
+        elif failed[c] == 0:
             watch_models(row, c, not currents_differ, limits, seen)
             if limits["enabled"] != 0:
                 failed[c] = verdict(c, in_state[c], limits, seen)
-        row["failed_by"][c], row["valve"][c] = failed[c], failed[c] != 0
+        row["failed_by"][c], row["valve"][c] = failed[c], failed[c] != 0 or off[c] != 0
+        seen["shut"][c] = off[c]
+
+
+@kernel
+def forget(c, seen):
+    """Begin the counts of channel ``c`` again when its computer is engaged again."""
+    seen["current"][c] = seen["open_coil"][c] = seen["spool"][c] = seen["ram"][c] = 0
 
 
 @kernel
@@ -126,7 +143,7 @@ def watch_currents(row, servo, limits, seen):
     """Count frames of currents that are not as asked and of wires that are open; return True if a current is not."""
     differ = False
     for c in range(CHANNELS):
-        if seen["failed_by"][c] != 0:
+        if seen["failed_by"][c] != 0 or seen["off"][c] != 0:
             continue
         asked = asked_current(row["asked"][c], row["lvdt"][c], servo)
         wrong = abs(asked - row["current"][c]) > limits["current"]

@@ -69,6 +69,7 @@ class ActuatorData(NamedTuple):
     noise: NDArray[np.float32]  # (n, 3, 4) of a block's rows, standard normal
     rows: NDArray[Any]  # (n, 3) ACTUATOR of a block's rows
     asked: NDArray[np.float64]  # (4, 4) workspace: what each channel is asked for, surface by surface
+    off: NDArray[np.uint8]  # (4,) channels that their computers shut off
     positions: NDArray[np.float64]  # (steps, 3) rad, for each step of the plant in this frame
     substeps: int  # of a step of the plant
 
@@ -102,6 +103,7 @@ class Actuators:
             noise=np.zeros((0, len(MOVED), CHANNELS), np.float32),
             rows=lane_rows(2)["actuator"],  # of two: of one the view would count as contiguous
             asked=np.zeros((CHANNELS, len(SURFACES))),
+            off=np.zeros(CHANNELS, np.uint8),
             positions=np.tile(trim_rad, (steps_per_frame, 1)),
             substeps=count,
         )
@@ -170,7 +172,7 @@ def move_surfaces(asked, actuator, k, data):
             row["asked"][c] = asked[c, i]
         wire(i, data.noise[k, i], data)
         sense(row, i, data)
-        watch_surface(row, data.designed[i], i, data.monitors)
+        watch_surface(row, data.designed[i], i, data.off, data.monitors)
         fly_frame(row, i, data)
         actuator[i] = row["ram"]
 
@@ -236,6 +238,8 @@ def fly_frame(row, i, data):
     state, broken, servo, positions = data.state[i], data.broken[i], data.built[i], data.positions
     shut, held, share = state["shut"], 0, 0.0
     for c in range(CHANNELS):
+        if shut[c] != 0 and row["valve"][c] == 0:
+            start_models(c, state)
         if broken[Part.VALVE_STUCK, c] == 0.0:
             shut[c] = row["valve"][c]
         held += shut[c] == 0
@@ -250,6 +254,13 @@ def fly_frame(row, i, data):
             move_ram(moves, servo, opened, pressure * left)
         positions[step, i] = moves[RAM]
     row["ram"], row["bypassed"] = moves[RAM], pressure * left <= 0.0
+
+
+@kernel
+def start_models(c, state):
+    """Let the models of channel ``c``, whose computer is engaged again, begin where everything is."""
+    for part in range(len(state["moves"])):
+        state["model"][c, part] = state["valve_model"][c, part] = state["moves"][part]
 
 
 @kernel

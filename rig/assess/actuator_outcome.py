@@ -17,6 +17,7 @@ from rig.faults import Fault
 from rig.faults.parts import Part
 from rig.faults.places import OF_SERVOS, number, site
 from rig.frame import MOVED, Block, LaneBlock, lane_rows, new_block
+from rig.lanes.health import shut_off
 from rig.record.actuators import monitor_name
 from rig.scenario import Scenario
 from rig.stages import actuator_monitors
@@ -49,7 +50,7 @@ class ActuatorOutcome:
 
     def add(self, rows: Block, lanes: LaneBlock) -> None:
         """Add the next ``rows`` (n,) with their ``lanes`` (n,)."""
-        add_lanes(rows, lanes["actuator"], lanes.copy()["actuator"], self.records)
+        add_lanes(rows, lanes["actuator"], lanes.copy()["actuator"], shut_off(lanes), self.records)
         self._seen = self._seen or len(lanes) > 0
 
     def completed(self, n: int, fault: FaultScore) -> FaultScore:

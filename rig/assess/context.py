@@ -81,7 +81,8 @@ def error_unit(fault: FaultScore, scenario: Scenario) -> str:
 def place(name: str) -> str:
     """Return a place as it is written: of ``actuator.elevator`` elevator, of ``hydraulics.1`` hydraulic system 1."""
     head, _, rest = name.partition(".")
-    return {"actuator": rest, "hydraulics": f"hydraulic system {rest}"}.get(head, name)
+    named = {"actuator": rest, "hydraulics": f"hydraulic system {rest}", "bus": f"bus {rest}", "ccdl": f"link {rest}"}
+    return {**named, "computer": "all computers" if rest == "all" else f"computer {rest}"}.get(head, name)
 
 
 def channel(name: str, number_from_1: int | None) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from rig.assess.actuator_sentence import actuator_result, on_servos
 from rig.assess.context import Agreement, Context, agreement, channels, last_run, place
+from rig.assess.lane_sentence import lane_result, on_lanes
 from rig.assess.record import FaultScore
 from rig.faults import KINDS
 from rig.faults.settings import Triggered
@@ -31,11 +32,11 @@ _RESOLVERS: Final = {
 
 def fault_sentences(about: Context) -> list[str]:
     """Return what a person would say of each fault: one sentence for all its channels that fared alike."""
-    alike: dict[tuple[int, str, str], list[FaultScore]] = {}
+    alike: dict[tuple[int, str, str, str], list[FaultScore]] = {}
     for fault in about.score.faults:
         value = _sample(fault, about) if "{value}" in KINDS[fault.kind].sentence else ""
-        alike.setdefault((fault.index, value, _result(fault, about)), []).append(fault)
-    return [_sentence(faults, about, result) for (_, _, result), faults in alike.items()]
+        alike.setdefault((fault.index, fault.signal, value, _result(fault, about)), []).append(fault)
+    return [_sentence(faults, about, result) for (*_, result), faults in alike.items()]
 
 
 def _sentence(faults: Sequence[FaultScore], about: Context, result: str) -> str:
@@ -52,6 +53,8 @@ def _result(fault: FaultScore, about: Context) -> str:
         return "its trigger never fired" if fault.onset_frame is None else "the channel had been failed before"
     if on_servos(fault):
         return "; ".join(part for part in (actuator_result(fault, about), _moved(fault)) if part)
+    if on_lanes(fault):
+        return "; ".join(part for part in (lane_result(fault, about), _moved(fault)) if part)
     decided = {"detected": _detected, "missed": _missed, "undetectable": _undetectable}[fault.outcome]
     parts = (decided(fault, about), _moved(fault), _vote(fault, about))
     return "; ".join(part for part in parts if part)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from rig.assess.actuator_outcome import ActuatorOutcome
 from rig.assess.kept import KeptColumns
+from rig.assess.lane_outcome import LaneOutcome
 from rig.assess.monitored import Monitored, fault_records, of_scenario
 from rig.assess.outcome import LEVELS, NEVER, VOTE
 from rig.assess.outcome_records import EPISODE, FAILURE, FLIGHT, PATTERNS, ROOM, SPAN, Outcomes
@@ -133,6 +134,7 @@ class FlightOutcome(Outcome):
             on_signals["signal"].tolist() if manager_kind(scenario.redundancy.manager).compares else ()
         )
         self.actuators = ActuatorOutcome(scenario, self.records.faults) if scenario.has_servos else None
+        self.computers = LaneOutcome(scenario) if scenario.computers.count > 1 else None
         add_rows(new_block(0), np.zeros(0, CLEAN), 0, self.records)  # compiles before the first frame
 
     def add(self, rows: Block, clean: NDArray[Any]) -> None:
@@ -146,9 +148,11 @@ class FlightOutcome(Outcome):
         self.kept.add(rows, first, self.records.faults)
 
     def add_lanes(self, rows: Block, lanes: LaneBlock | None) -> None:
-        """Add ``lanes`` (n,) of servos, of ``rows`` (n,) that have been added or will be; None: there are none."""
+        """Add ``lanes`` (n,) of servos and computers, which stand beside ``rows`` (n,); None: there are none."""
         if self.actuators is not None and has_part(lanes, "actuator"):
             self.actuators.add(rows, lanes)
+        if self.computers is not None and lanes is not None:
+            self.computers.add(lanes)
 
 
 def _blank_flight(signals: int, box_signals: int, window: int) -> NDArray[Any]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig import sensors
+from rig.assess.lane_outcome import columns_of
 from rig.assess.outcome import LONG_AGO, NEVER, SIGNAL
 from rig.assess.outcome_records import FAULT
 from rig.computer.analytic.sources import FROM_UNIT, second, source
@@ -100,7 +101,7 @@ def fault_records(
     records["peak"] = records["sample"] = records["load_factor_change"] = np.nan
     for record, (i, name, channel) in zip(records, on, strict=True):
         fault = faults[i]
-        record["number"] = i
+        record["number"], record["columns"] = i, columns_of(fault)
         if config is not None:
             record["either"] = _bits(references_of(fault, config, second_too=True))
         if name and places.site(name) in CHANNELLED:

@@ -61,16 +61,16 @@ class ActuatorOutcomes(NamedTuple):
 
 
 @long_kernel
-def add_lanes(rows, actuators, again, out):
+def add_lanes(rows, actuators, again, off, out):
     """Add ``rows`` (n,) FLAT with their ``actuators`` (n, 3); ``again`` is a copy of these, which the monitors write.
 
-    out : ActuatorOutcomes
+    off : (n, 4) channels that their computers shut off;  out : ActuatorOutcomes
     """
     for k in range(len(actuators)):
         frame = rows[k]["frame"]
         mark_acting(rows[k]["acting"], frame, out)
         for i in range(len(out.servos)):
-            watch_surface(again[k, i], out.designed[i], i, out.monitors)
+            watch_surface(again[k, i], out.designed[i], i, off[k], out.monitors)
             see(actuators[k, i], frame, i, out)
         for f in range(len(out.placed)):
             follow(out.placed[f], frame, out)

@@ -28,6 +28,11 @@ def mark_acting(acting, frame, out):
         if fault["signal"] >= 0 and fault["changes"] != 0:
             signals = out.discretes if fault["discrete"] != 0 else out.signals
             signals[fault["signal"]]["acting"] |= 1 << fault["channel"]
+        if fault["columns"] != 0:
+            for s in range(len(out.signals)):
+                out.signals[s]["acting"] |= fault["columns"]
+            for d in range(len(out.discretes)):
+                out.discretes[d]["acting"] |= fault["columns"]
         for s in range(S if fault["either"] != 0 else 0):
             if (fault["either"] >> s) & 1:
                 out.signals[s]["reference_at"] = frame

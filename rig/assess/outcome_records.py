@@ -26,6 +26,7 @@ FAULT: Final = np.dtype(
         ("reference", "i8"),  # the first signal whose reference it can change; -1: none
         ("references", "i8"),  # all of them, bits
         ("either", "i8"),  # those of which it can change one of the two references, bits
+        ("columns", "i8"),  # channels of all signals that it takes away, bits
         ("threshold", "f8"),  # of its error on a channel
         # What became of it; frames from 0, or NEVER.
         ("onset", "i8"),

@@ -106,7 +106,7 @@ def score_of(outcome: FlightOutcome, off: Deviations | None = None) -> Score:
     scenario, records = outcome.scenario, outcome.records
     names = [name for name, signal in zip(_SIGNAL_NAMES, records.signals, strict=True) if not signal["reported"]]
     faults, listed = _faults(outcome), episodes(outcome)
-    isolations = {field: _isolations(outcome, kind) for kind, field in ISOLATIONS.items()}
+    isolations = {field: _isolations(outcome, kind, faults) for kind, field in ISOLATIONS.items()}
     acted_from = int(records.flight["acted_from"][0])
     measured = None if off is None else transients(off, faults, acted_from, scenario.rate_hz)
     return Score(
@@ -165,9 +165,11 @@ def _faults(outcome: FlightOutcome) -> list[FaultScore]:
                 pattern=_pattern(record),
             )
         )
-    if (servos := outcome.actuators) is None:
-        return scored
-    return [servos.completed(n, fault) for n, fault in enumerate(scored)]
+    if (servos := outcome.actuators) is not None:
+        scored = [servos.completed(n, fault) for n, fault in enumerate(scored)]
+    if (lanes := outcome.computers) is not None:
+        scored = [lanes.completed(fault) for fault in scored]
+    return scored
 
 
 def _frame(value: int) -> int | None:
@@ -233,9 +235,11 @@ def _window(outcome: FlightOutcome, record: np.void) -> Window | None:
     )
 
 
-def _isolations(outcome: FlightOutcome, kind: IsolationKind) -> list[Isolation]:
-    """Return the healthy channels that were failed so, in order of time: of signals, then discretes, then actuators."""
+def _isolations(outcome: FlightOutcome, kind: IsolationKind, faults: list[FaultScore]) -> list[Isolation]:
+    """Return the healthy channels that were failed so, of signals, discretes, actuators, then lanes."""
     of_servos = [] if outcome.actuators is None else outcome.actuators.isolations(kind)
+    lanes, scenario = outcome.computers, outcome.scenario
+    of_lanes = [] if lanes is None else lanes.isolations(kind, faults, scenario.faults)
     failures = sorted(outcome.failures, key=lambda failure: int(failure["discrete"]))
     return [
         Isolation(
@@ -246,7 +250,7 @@ def _isolations(outcome: FlightOutcome, kind: IsolationKind) -> list[Isolation]:
         )
         for each in failures
         if Cause(each["cause"]).kind == kind
-    ] + of_servos
+    ] + [*of_servos, *of_lanes]
 
 
 def _vote_errors(outcome: FlightOutcome) -> dict[str, VoteError]:

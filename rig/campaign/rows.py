@@ -13,6 +13,7 @@ from rig.assess.record import ISOLATIONS, Outcome
 from rig.assess.words import PUBLIC
 from rig.campaign.servos import run_columns
 from rig.faults import Fault
+from rig.faults.places import site
 from rig.frame import CHANNELS, INDEX, SIGNALS
 from rig.record.histogram import binned
 from rig.scenario import Scenario
@@ -118,10 +119,10 @@ def _of(scored: Any, *names: str) -> Row:
 def magnitude(fault: Fault, scenario: Scenario) -> float | None:
     """Return how large a fault is, without its sign: by its setting, of a scale its distance from 1.
 
-    A size in thresholds is told in the unit of the signal, as any other.
+    A size in thresholds is told in the unit of the signal, as any other; not that of a link, which is of all signals.
     """
     size = fault.magnitude
-    if size is None or not size.thresholds:
+    if size is None or not size.thresholds or site(fault.signal) == "ccdl":
         return None if size is None else size.value
     return size.value * getattr(scenario.redundancy.signals, fault.signal.removeprefix("reference.")).threshold
 

@@ -158,7 +158,8 @@ def _verdict(flight: Flight) -> None:
     field("result", verdict, f": {flight.end_reason} ({flight.frames} frames, {flight.duration_s:g} s)")
     coils = {f"{name} actuator": list(channels) for name, channels in flight.coils_failed.items()}
     failed = (f"{name} channel {', '.join(map(str, numbers))}" for name, numbers in {**flight.failed, **coils}.items())
-    field("failed", "; ".join(failed) or "no channel")
+    lanes = (f"lane {name} at {at_s:.2f} s" for name, at_s in flight.lanes_failed.items())
+    field("failed", "; ".join([*lanes, *failed]) or "no channel")
     if below := scenario.gains.below:
         field("gains", f"below the requirement, accepted: {'; '.join(below)}", style="yellow")
     if flight.not_executed:

@@ -1,12 +1,20 @@
 """Faults: what goes wrong where, when and how, as entries of ``[[faults]]``; docs/faults.md is the catalogue.
 
 A fault sits on channels of a signal or a discrete, on the inertial unit, a reference or a surface, on several
-sensors at once (ice), on parts of servo actuators or on the link between lanes.  A trigger begins it.  Several faults
-on one value act in the order of the scenario.
+sensors at once (ice), on parts of servo actuators, on computers or on the link between them.  A trigger begins it.
+Several faults on one value act in the order of the scenario.
 A kind is a class that declares all of itself (settings.Triggered); fault.KINDS has them all.
 """
 
-from rig.faults.corrupt import actuate, break_links, break_parts, corrupt, corrupt_reference
+from rig.faults.corrupt import (
+    actuate,
+    break_computers,
+    break_links,
+    break_parts,
+    corrupt,
+    corrupt_commands,
+    corrupt_reference,
+)
 from rig.faults.executed import Execution
 from rig.faults.fault import KINDS, Fault, check
 from rig.faults.places import Places, Point

@@ -1,4 +1,4 @@
-"""The faults of a frame, in turn: channels and inertial unit, links, references, parts of servos, surfaces.
+"""The faults of a frame, in turn: channels and inertial unit, computers, links, references, parts of servos, surfaces.
 
 In each the faults act one after the other in the order of the scenario: what one leaves is what the next finds.
 All take the row, a FRAME record, its place k in the block, and the same FaultData.
@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from rig.faults.effects import Act, Acting, corrupted, flagged, freeze, keep, measured
-from rig.faults.parts import Part
+from rig.faults.parts import ComputerPart, Part
 from rig.faults.trigger import advance, watch
 from rig.frame import FLIGHT_INDEX
 from rig.kernels import kernel
@@ -157,7 +157,7 @@ def break_links(row, parts, data):
     """
     p, targets, state, kept, memory = data.param[0], data.targets, data.state, data.kept, data.memory
     broken = False
-    if p["links"] > p["parts"]:
+    if p["computers"] > p["parts"]:
         parts[:] = 0.0
     for t in range(p["parts"], p["links"]):
         target = targets[t]
@@ -169,6 +169,47 @@ def break_links(row, parts, data):
         mark(row, target["fault"])
         broken = True
     return broken
+
+
+@kernel
+def break_computers(row, parts, seen, data):
+    """Break the parts of computers in this frame, but what they compute and put out: that is ``corrupt_commands``.
+
+    Writes parts (ComputerPart, lanes), seen (LaneTest, lanes), which tests see a fault, and acting.
+    """
+    p, targets, state, kept, memory = data.param[0], data.targets, data.state, data.kept, data.memory
+    if p["computers"] == p["links"]:
+        return
+    parts[:], seen[:] = 0.0, 0
+    parts[ComputerPart.CODE] = 1.0
+    for t in range(p["links"], p["computers"]):
+        target = targets[t]
+        st, part, lane = state[target["fault"]], target["part"], target["row"]
+        if st["acts"] == 0:
+            continue
+        if part not in (ComputerPart.COMMAND, ComputerPart.OUTPUT):
+            x = parts[part, lane]
+            parts[part, lane] = step(row["frame"], x, x, 0.0, Acting(target, st, kept[t], memory, p["dt_s"]))
+        seen[target["seen_by_test"], lane] = 1
+        mark(row, target["fault"])
+
+
+@kernel
+def corrupt_commands(row, commands, part, running, data):
+    """Corrupt what the lanes command, (lanes, surfaces), where they compute it or put it out.
+
+    part : ComputerPart;  running : (lanes,), of the others nothing changes
+    """
+    p, targets, state, kept, memory = data.param[0], data.targets, data.state, data.kept, data.memory
+    for t in range(p["links"], p["computers"]):
+        target = targets[t]
+        if target["part"] != part:
+            continue
+        i, s = target["row"], target["column"]
+        if running[i] == 0:
+            continue
+        fault = Acting(target, state[target["fault"]], kept[t], memory, p["dt_s"])
+        commands[i, s] = step(row["frame"], commands[i, s], commands[i, s], 0.0, fault)
 
 
 @kernel

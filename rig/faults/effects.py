@@ -71,10 +71,12 @@ class Effect:
     static_rate_pa_s: float = 0.0  # PITOT_STATIC_ICE; it or the pitot line's ``value`` NaN: that line is open
     source_place: str | None = None  # CROSS_TALK: the place that it comes from; PITOT_STATIC_ICE: the second pressure
     invalid: bool = False  # the sensor flags the sample
-    part: int = 0  # parts.Part of a servo actuator, or LinkPart of a link
+    part: int = 0  # parts.Part of a servo actuator, LinkPart of a link, ComputerPart of a computer
     different: bool = False  # of a link: the sign alternates from receiver to receiver
     uncommanded: bool = False  # the coil's current is no longer the one asked for
     seen_by_wire: bool = False  # the monitor of the coil's wire may see it, by its coverage
+    seen_by_test: int = 0  # LaneTest of a computer's own that may see it, by its coverage
+    of_range: bool = False  # ``value`` is a share of the sensor's range
 
 
 class Acting(NamedTuple):

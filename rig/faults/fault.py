@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Union, get_args
 
 from pydantic import Field, field_validator, model_validator
 
-from rig.faults import actuators, data_path, kinds, links, systems
+from rig.faults import actuators, computers, data_path, kinds, links, systems
 from rig.faults.places import FLIGHT, Places
 from rig.faults.settings import Triggered
 from rig.settings import LONGEST_S, Settings
@@ -17,7 +17,7 @@ from rig.text import choices, quoted
 # Every kind by its name, in the order of the catalogue: as the classes stand in their modules.
 KINDS: Final[dict[str, type[Triggered]]] = {
     get_args(model.model_fields["kind"].annotation)[0]: model
-    for module in (kinds, data_path, systems, actuators, links)
+    for module in (kinds, data_path, systems, actuators, links, computers)
     for model in vars(module).values()
     if isinstance(model, type) and model.__module__ == module.__name__
     if issubclass(model, Triggered) and "kind" in model.model_fields

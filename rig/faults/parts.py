@@ -44,3 +44,22 @@ class LinkPart(IntEnum):
 def whole_links() -> NDArray[np.float64]:
     """Return (parts, receivers, senders): every part as it is while nothing is broken."""
     return np.zeros((len(LinkPart), len(COMPUTERS), len(COMPUTERS)))
+
+
+class ComputerPart(IntEnum):
+    """Part of a computer: what a fault changes, and which test of its own may see it."""
+
+    STOPPED = 0  # 1: it computes nothing; its watchdog
+    DRIFT = 1  # of its clock, frames a frame
+    CODE = 2  # factor on its commands: a damaged program; the checksum
+    COMMAND = 3  # its command of a surface
+    OUTPUT = 4  # the same behind its output converter; the wrap-around
+    INPUT = 5  # 1: its input converter gives nothing, or the last again; the wrap-around
+    SCALE = 6  # 1: its input converter is off; the reference voltage
+
+
+def whole_computers() -> NDArray[np.float64]:
+    """Return (parts, lanes): every part as it is while nothing is broken."""
+    parts = np.zeros((len(ComputerPart), len(COMPUTERS)))
+    parts[ComputerPart.CODE] = 1.0
+    return parts

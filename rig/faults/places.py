@@ -1,4 +1,4 @@
-"""Places of faults: channels of signals and discretes, inertial unit, references, actuators, links between lanes."""
+"""Places of faults: channels of signals and discretes, inertial unit, references, actuators, computers, their links."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ from pydantic import ValidationInfo
 from rig.frame import COMPUTERS, DISCRETE_INDEX, INERTIAL, MOVED, SIGNALS, SURFACES, SYSTEMS
 from rig.text import choices
 
-Site = Literal["channel", "inertial", "reference", "surface", "discrete", "actuator", "hydraulics", "ccdl"]
+Site = Literal[
+    "channel", "inertial", "reference", "surface", "discrete", "actuator", "hydraulics", "ccdl", "computer", "bus"
+]
 OF_SERVOS: Final[tuple[Site, ...]] = ("actuator", "hydraulics")  # there with servo actuators alone
-OF_LANES: Final[tuple[Site, ...]] = ("ccdl",)  # with several computers alone
+OF_LANES: Final[tuple[Site, ...]] = ("ccdl", "computer", "bus")  # with several computers alone
 _HEADS: Final[dict[str, Site]] = {
     head: head for head in ("inertial", "reference", "surface", *OF_SERVOS, *OF_LANES)
 }  # before the dot
@@ -27,6 +29,8 @@ WITH_THRESHOLD: Final[tuple[Site, ...]] = (
 LINKS: Final = tuple(permutations(range(len(COMPUTERS)), 2))  # sender, receiver
 _WAYS: Final = tuple(f"ccdl.{COMPUTERS[sender]}-{COMPUTERS[receiver]}" for sender, receiver in LINKS)
 LINK_NAMES: Final = (*_WAYS, *(f"ccdl.{name}" for name in COMPUTERS))
+COMPUTER_NAMES: Final = (*(f"computer.{name}" for name in COMPUTERS), "computer.all")
+BUSES: Final = 2  # of electrical power: the first feeds lanes A and C, the second B and D
 SURFACE_NAMES: Final = tuple(name.removesuffix("_rad") for name in SURFACES)  # every aircraft has these
 
 
@@ -53,6 +57,8 @@ class Places:
         actuators: Iterable[str] = (),
         systems: int = 0,
         links: Iterable[str] = (),
+        computers: Iterable[str] = (),
+        buses: int = 0,
     ) -> None:
         of_unit = [f"inertial.{name}" for name in inertial]
         self.names: dict[Site, list[str]] = {
@@ -64,6 +70,8 @@ class Places:
             "actuator": [f"actuator.{name}" for name in actuators],
             "hydraulics": [f"hydraulics.{system + 1}" for system in range(systems)],
             "ccdl": [*links],
+            "computer": [*computers],
+            "bus": [f"bus.{bus + 1}" for bus in range(buses)],
         }
         self.index = {name: i for i, name in enumerate(chain(*self.names.values()))}
         self.wraps = [*signals.values()]
@@ -87,6 +95,9 @@ class Places:
         of = self.site(name)
         if of == "ccdl" and self.names[of]:
             raise ValueError(f"no such link between two lanes, {choices(name, self.names[of], 'docs/faults.md')}")
+        if of in ("computer", "bus") and self.names[of]:
+            what = "bus of electrical power" if of == "bus" else "computer"
+            raise ValueError(f"no such {what}, {choices(name, self.names[of], 'docs/faults.md')}")
         if of in ("surface", *OF_SERVOS) and self.names[of]:
             what = "hydraulic system" if of == "hydraulics" else of
             raise ValueError(f"the aircraft has no such {what}, {choices(name, self.names[of])}")
@@ -102,6 +113,8 @@ FLIGHT: Final = Places(
     MOVED,
     SYSTEMS,
     LINK_NAMES,
+    COMPUTER_NAMES,
+    BUSES,
 )
 site, number = FLIGHT.site, FLIGHT.number
 
@@ -113,8 +126,17 @@ def one_way_links(place: str) -> list[str]:
 
 def lanes_of(place: str) -> list[int]:
     """Return the lanes that a place of the lanes is about."""
-    at = number(place)
+    at, where = number(place), site(place)
+    if where == "bus":
+        return [*range(at, len(COMPUTERS), BUSES)]
+    if where == "computer":
+        return [at] if at < len(COMPUTERS) else [*range(len(COMPUTERS))]
     return [*LINKS[at]] if at < len(LINKS) else [at - len(LINKS)]
+
+
+def needed_lanes(place: str) -> list[int]:
+    """Return those of them that must be there: of a link both ends, of what several lanes share the first."""
+    return lanes_of(place)[:1] if place in ("computer.all", *FLIGHT.names["bus"]) else lanes_of(place)
 
 
 def places_of(info: ValidationInfo) -> Places:

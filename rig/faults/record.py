@@ -32,7 +32,8 @@ PARAM: Final = np.dtype(
         ("references", "i8"),  # from there up to here references,
         ("surfaces", "i8"),  # from there up to here surfaces,
         ("parts", "i8"),  # from there up to here parts of servo actuators,
-        ("links", "i8"),  # from there up to here links between lanes
+        ("links", "i8"),  # from there up to here links between lanes,
+        ("computers", "i8"),  # from there up to here computers
         ("watches", "u1"),  # whether a trigger needs the last frame's votes
     ],
     align=True,
@@ -88,10 +89,11 @@ TARGET: Final = np.dtype(
         ("remembers", "u1"),  # it needs the value while the fault does not act
         ("invalid", "u1"),
         ("wraps", "u1"),
-        ("part", "u1"),  # parts.Part, or LinkPart
+        ("part", "u1"),  # parts.Part, LinkPart or ComputerPart
         ("uncommanded", "u1"),
         ("seen_by_wire", "u1"),
-        ("row", "i8"),  # index of the signal, discrete or actuator, sender of a link; -1: the inertial unit
+        ("seen_by_test", "u1"),  # LaneTest that sees it
+        ("row", "i8"),  # index of the signal, discrete or actuator, sender of a link, lane; -1: the inertial unit
         ("column", "i8"),  # channel; index of the quantity, the reference, the surface; receiver of a link
         ("source", "i8"),  # cross-talk: index of the signal, quantity or reference; ice: the dynamic pressure
         ("low", "f8"),

@@ -16,13 +16,24 @@ from rig.faults import fault as together
 from rig.faults.effects import OF_A_COIL, REMEMBERING, Act, Effect
 from rig.faults.expression import DEEPEST, STEP, parse, reads_votes
 from rig.faults.fault import Fault
+from rig.faults.parts import ComputerPart
 from rig.faults.places import CHANNELLED, FLIGHT, LINKS, OF_LANES, OF_SERVOS, Places, Point
 from rig.faults.record import CLEAN, FOREVER, KEPT, PARAM, SCHEDULE, SEEN, STATE, TARGET, FaultData, Trigger
 from rig.faults.trigger import DutyCycle
-from rig.frame import Block, to_frame
+from rig.frame import Block, LaneTest, to_frame
 
 _COPIED: Final = tuple(field.name for field in fields(Effect) if field.name in (TARGET.names or ()))
-_SORTS: Final = (("channel", "inertial"), ("discrete",), ("reference",), ("surface",), OF_SERVOS, OF_LANES)
+_SORTS: Final = (
+    ("channel", "inertial"),
+    ("discrete",),
+    ("reference",),
+    ("surface",),
+    OF_SERVOS,
+    ("ccdl",),
+    ("computer",),
+)
+_ENDS: Final = ("samples", "discretes", "references", "surfaces", "parts", "links", "computers")
+_OF_SURFACES: Final = (ComputerPart.COMMAND, ComputerPart.OUTPUT)
 
 
 class Coils(NamedTuple):
@@ -42,6 +53,7 @@ class Faults:
     coils  : the in-line monitors that measure, by signal
     clean  : (keep_clean,) CLEAN, what the sensors gave before any fault in the last so many frames (``clean_of``)
     wire_coverage : chance that the monitor of a coil's wire sees it open, drawn once a fault
+    test_coverage : the same of a computer's own tests
     places : those of a flight, or of a recording, whose rows have signals of its own
     All state is plain arrays and can be copied.
     """
@@ -58,11 +70,12 @@ class Faults:
         keep_clean: int = 0,
         places: Places = FLIGHT,
         wire_coverage: float = 1.0,
+        test_coverage: Mapping[LaneTest, float] | None = None,
     ) -> None:
         self._faults, self._rate_hz, self._places = faults, rate_hz, places
         discretes, others = len(places.names["discrete"]), sum(len(places.names[s]) for s in (*OF_SERVOS, *OF_LANES))
         self._ranges = np.array([*ranges, *[(0.0, 1.0)] * discretes, *[(-np.inf, np.inf)] * others])
-        self._wire_coverage = wire_coverage
+        self._wire_coverage, self._test_coverage = wire_coverage, test_coverage or {}
         self._thresholds = np.full(len(places.wraps), np.nan) if thresholds is None else thresholds
         self._seeds = SeedSequence(0) if seeds is None else seeds
         self._coils = coils or {}
@@ -217,7 +230,7 @@ class Faults:
 
     def _target(self, i: int, point: Point) -> NDArray[np.void]:
         row = np.zeros((), TARGET)
-        places, effect = self._places, self._faults[i].effect
+        places, effect = self._places, self._faults[i].effect_on(point)
         where, at = places.site(point.place), places.number(point.place)
         source = effect.source_place or point.place
         for name in _COPIED:
@@ -225,20 +238,24 @@ class Faults:
         row["fault"], row["remembers"] = i, effect.act in REMEMBERING
         row["wraps"] = where in ("channel", "reference") and places.wraps[at]
         row["row"], row["column"] = (at, (point.channel or 1) - 1) if where in CHANNELLED else (-1, at)
-        if where in OF_SERVOS:
-            row["row"], row["column"] = (at, (point.channel or 1) - 1) if where == "actuator" else (0, at)
-            row["seen_by_wire"] = effect.seen_by_wire and self._generator(i, "wire").random() < self._wire_coverage
-        if where == "ccdl":
-            row["row"], row["column"] = LINKS[at]
-            if effect.different and row["column"] % 2:
-                row["value"] = -effect.value
+        self._part(row, i, point, effect)
+        of_surface = where == "computer" and effect.part in _OF_SURFACES
+        ranged = places.names["surface"][row["column"]] if of_surface else point.place
         row["source"] = places.number(source)
-        row["low"], row["high"] = low, high = self._ranges[places.index[point.place]]
+        row["low"], row["high"] = low, high = self._ranges[places.index[ranged]]
         row["source_low"], row["source_high"] = self._ranges[places.index[source]]
         if effect.thresholds:
             row["value"] = effect.value * self._thresholds[at]
+        if effect.of_range:
+            row["value"] = effect.value * (high - low)
         row["ramp"] = getattr(self._faults[i], "ramp_s", 0.0) * self._rate_hz
         self._measure(row, i, point)
+        self._act(row, i, point, effect)
+        return row
+
+    def _act(self, row: Any, i: int, point: Point, effect: Effect) -> None:
+        """Write how the effect acts on a target whose range is written."""
+        low, high, where = row["low"], row["high"], self._places.site(point.place)
         if effect.act == Act.RANGE_END:
             either = self._generator(i, "direction").random() < 0.5
             up = effect.value > (-0.5 if either else 0.5)
@@ -257,7 +274,25 @@ class Faults:
             row["value"] = self._frames(effect.value, 1) if effect.whole_frames else frames
             row["memory"], row["length"] = self._memory, floor(row["value"]) + 2
             self._memory += int(row["length"])
-        return row
+
+    def _part(self, row: Any, i: int, point: Point, effect: Effect) -> None:
+        """Say which part of a servo, of a link or of a computer a fault changes, and what may see it."""
+        where, at = self._places.site(point.place), self._places.number(point.place)
+        if where in OF_SERVOS:
+            row["row"], row["column"] = (at, (point.channel or 1) - 1) if where == "actuator" else (0, at)
+            row["seen_by_wire"] = effect.seen_by_wire and self._generator(i, "wire").random() < self._wire_coverage
+        elif where == "ccdl":
+            row["row"], row["column"] = LINKS[at]
+            if effect.different and row["column"] % 2:
+                row["value"] = -effect.value
+        elif where == "computer":
+            row["row"], row["column"] = at, (point.channel or 1) - 1
+            row["seen_by_test"] = self._seen_by_test(i, effect.seen_by_test)
+
+    def _seen_by_test(self, i: int, test: int) -> int:
+        """Return the computer's test if the draw for this fault lets it see."""
+        coverage = self._test_coverage.get(LaneTest(test), 1.0)
+        return test if test and self._generator(i, "test").random() < coverage else 0
 
     def _measure(self, row: Any, i: int, point: Point) -> None:
         """Let the monitor of a stick's coils see a fault of a coil, if the draw puts it ahead of the sum."""
@@ -271,7 +306,8 @@ class Faults:
         param = np.zeros(1, PARAM)
         row = param[0]
         row["dt_s"] = 1.0 / self._rate_hz
-        row["samples"], row["discretes"], row["references"], row["surfaces"], row["parts"], row["links"] = self._ends
+        for name, end in zip(_ENDS, self._ends, strict=True):
+            row[name] = end
         voting = self.schedule["needs_votes"] != 0
         row["watches"] = voting.any() or (self.schedule["trigger"] == Trigger.TRANSITION).any()
         return param

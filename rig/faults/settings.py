@@ -162,6 +162,10 @@ class Triggered(Settings):
         """The effect for the kernel: ``act``, by the size."""
         return self.sized(self.act)
 
+    def effect_on(self, point: Point) -> Effect:
+        """Return the effect on one of its ``targets``: the same on all."""
+        return self.effect
+
     def sized(self, act: Act, **more: Any) -> Effect:
         """Return the effect of the size that is given, with what else ``act`` needs."""
         size = self.size

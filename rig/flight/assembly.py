@@ -240,5 +240,6 @@ def _result(
         printed="",
         realtime={},
         coils_failed=records.actuators.failed_at(records.scenario.rate_hz),
+        lanes_failed=records.computers.failed_at(),
         conclusion=conclusion,
     )

@@ -18,12 +18,14 @@ from numpy.typing import NDArray
 
 from rig.errors import ManagerFailed
 from rig.faults import Execution
+from rig.faults.places import OF_LANES, lanes_of, site
 from rig.flight.operator_keys import Keys
 from rig.flight.pace import JitterCounter, Pace, off_the_core
-from rig.frame import TIMING, Block, LaneBlock, new_block
+from rig.frame import COMPUTERS, TIMING, Block, LaneBlock, new_block, to_frame
 from rig.log import LogWriter
 from rig.loop import Recorder
 from rig.record.actuators import ActuatorFinder
+from rig.record.computers import ComputerFinder, Order
 from rig.record.events import Event, EventFinder, not_executed
 from rig.record.flight_summary import Verdict
 from rig.record.histogram import Histogram
@@ -45,7 +47,7 @@ class Findings:
     def __init__(self, scenario: Scenario) -> None:
         self.verdict, self.events = Verdict(), list[Event]()
         self._finder, self.execution = event_finder(scenario), Execution(scenario.faults)
-        self.actuators = ActuatorFinder()
+        self.actuators, self.computers = ActuatorFinder(), computer_finder(scenario)
 
     def record(self, rows: Block, timing: NDArray[Any], lanes: LaneBlock | None = None) -> None:
         """Take the next rows in and keep all of their events."""
@@ -63,7 +65,8 @@ class Findings:
         events = self._finder.find(rows)
         if lanes is None:
             return events
-        return sorted([*events, *self.actuators.find(lanes)], key=lambda event: event.frame)
+        beside = [*self.computers.find(lanes, rows), *self.actuators.find(lanes)]
+        return sorted([*events, *beside], key=lambda event: event.frame)
 
     def end(self) -> list[Event]:
         """Return what only the end can tell: the faults that did nothing."""
@@ -185,6 +188,17 @@ class RecordingThread:
 def event_finder(scenario: Scenario) -> EventFinder:
     """Return what finds the events of a flight of this scenario."""
     return EventFinder([fault.label for fault in scenario.faults])
+
+
+def computer_finder(scenario: Scenario) -> ComputerFinder:
+    """Return what finds the events of the lanes of a flight of this scenario."""
+    rate_hz, config = scenario.rate_hz, scenario.computers
+    orders = [
+        Order(to_frame(each.at_s, rate_hz), each.do, None if each.lane is None else COMPUTERS.index(each.lane))
+        for each in config.commands
+    ]
+    lanes = [lanes_of(fault.signal) if site(fault.signal) in OF_LANES else [] for fault in scenario.faults]
+    return ComputerFinder(rate_hz, orders, [tuple(i for i in each if i < config.count) for each in lanes])
 
 
 def end_reason(verdict: Verdict, stop: Stop, scenario: Scenario) -> str:

@@ -47,6 +47,7 @@ class Flight:
     unit_file: str = ""  # of the unit under test
     # Channels of servo actuators: by surface and channel from 1, time [s] and monitor.
     coils_failed: dict[str, dict[int, tuple[float, str]]] = field(default_factory=dict)
+    lanes_failed: dict[str, float] = field(default_factory=dict)  # of several computers: when first, s
 
     @property
     def duration_s(self) -> float:
@@ -112,4 +113,5 @@ class Flight:
             **({"gains_below_requirement": below} if (below := self.scenario.gains.below) else {}),
             **({} if self.unit is None else {"unit": self.unit}),
             **({} if self.scenario.actuators.model == "lag" else {"coils_failed": self.coils_failed}),
+            **({} if self.scenario.computers.count == 1 else {"lanes_failed": self.lanes_failed}),
         }

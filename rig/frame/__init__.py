@@ -11,7 +11,9 @@ row.py      the row type of some signals; FRAME, that of a flight, nested by par
 from rig.frame.enums import (
     ActuatorMonitor,
     End,
+    Health,
     Ilm,
+    LaneTest,
     Law,
     LinkState,
     Pattern,

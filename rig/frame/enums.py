@@ -145,3 +145,28 @@ class LinkState(IntEnum):
     OLD = 2  # of a frame before
     MISSING = 3  # damaged, or older than it may be
     FAILED = 4  # nothing good has come for long
+
+
+class Health(IntEnum):
+    """A lane, as the others and its own tests have it; engaged and suspect ones drive their servo channels."""
+
+    ABSENT = 0  # not fitted
+    ENGAGED = 1
+    SUSPECT = 2  # accused, or a test of its own miscompares
+    FAILED = 3
+    RESTARTING = 4  # it runs again after a stop
+    OFF = 5  # disengaged by command
+
+
+class LaneTest(IntEnum):
+    """What a lane was failed for; the first three by a majority of the others, the next four by itself."""
+
+    NONE = 0
+    COMMANDS = 1
+    LINK = 2
+    CLOCK = 3
+    WRAP_AROUND = 4  # what its converters put out, read back
+    REFERENCE_VOLTAGE = 5  # read by its input converter
+    CHECKSUM = 6  # of its program
+    WATCHDOG = 7
+    COMMANDED = 8  # by the pilot

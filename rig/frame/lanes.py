@@ -17,7 +17,7 @@ from typing import Any, Final, Literal, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.frame.enums import ActuatorMonitor, LinkState, Pattern, Resolver, State
+from rig.frame.enums import ActuatorMonitor, Health, LaneTest, LinkState, Pattern, Resolver, State
 from rig.frame.fields import BASES, Field
 from rig.frame.signals import CHANNELS, SIGNALS, SURFACES, S
 
@@ -58,6 +58,10 @@ def _of_lanes(prefix: str) -> tuple[str, ...]:
     return tuple(f"{prefix}_{name}" for name in COMPUTERS)
 
 
+def _of_surfaces(prefix: str) -> tuple[str, ...]:
+    return tuple(f"{prefix}_{name}" for name in SURFACES)
+
+
 COMPUTER_FIELDS: Final = (
     Field("voted", "fcc", (S,), unit="signal", message=_COMPUTER, elements=_of_signals("voted")),
     Field(
@@ -72,9 +76,7 @@ COMPUTER_FIELDS: Final = (
     Field("level", "fcc", (S,), "small", message=_COMPUTER, elements=_of_signals("level")),
     Field("pattern", "fcc", (S,), "enum", Pattern, message=_COMPUTER, elements=_of_signals("pattern")),
     Field("resolver", "fcc", (S,), "enum", Resolver, message=_COMPUTER, elements=_of_signals("resolver")),
-    Field(
-        "surface", "fcc", (len(SURFACES),), message=_COMPUTER, elements=tuple(f"surface_{name}" for name in SURFACES)
-    ),
+    Field("surface", "fcc", (len(SURFACES),), message=_COMPUTER, elements=_of_surfaces("surface")),
     Field(  # of the control law
         "integral",
         "fcc",
@@ -87,6 +89,34 @@ COMPUTER_FIELDS: Final = (
     Field("link", "fcc", _BY_LANE, "enum", LinkState, message=_COMPUTER, elements=_of_lanes("link")),
     Field("silent", "fcc", _BY_LANE, "small", message=_COMPUTER, elements=_of_lanes("silent")),  # frames, to 127
     Field("outvoted", "fcc", _BY_LANE, "flag", message=_COMPUTER, elements=_of_lanes("outvoted")),  # by relays
+    # What it puts out behind the vote of all lanes' commands, as its converters give it, and how that vote was found.
+    Field("output", "fcc", (len(SURFACES),), message=_COMPUTER, elements=_of_surfaces("output")),
+    Field(
+        "command_pattern",
+        "fcc",
+        (len(SURFACES),),
+        "enum",
+        Pattern,
+        message=_COMPUTER,
+        elements=_of_surfaces("command_pattern"),
+    ),
+    Field(
+        "command_resolver",
+        "fcc",
+        (len(SURFACES),),
+        "enum",
+        Resolver,
+        message=_COMPUTER,
+        elements=_of_surfaces("command_resolver"),
+    ),
+    Field("health", "fcc", (), "enum", Health, message=_COMPUTER),
+    Field("failed_for", "fcc", (), "enum", LaneTest, message=_COMPUTER),
+    Field(
+        "accuses", "fcc", _BY_LANE, "enum", LaneTest, message=_COMPUTER, elements=_of_lanes("accuses")
+    ),  # and for what
+    Field(
+        "leads", "fcc", (), "flag", message=_COMPUTER
+    ),  # its votes and commands are the frame's; nobody: the back-up's
 )
 
 

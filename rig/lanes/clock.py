@@ -2,7 +2,8 @@
 
 A lane measures how far the others whose messages arrive are ahead of it.  It moves by a share, ``sync_gain``, of the
 fault-tolerant midpoint: the mean of the middle two of what it measured, its own 0 included; the middle one of three.
-One clock that runs away has no part in it.  The last lane gives the plant's instant.
+One clock that runs away has no part in it.  The last lane that is engaged, or in step with those, gives the plant's
+instant: a lane that is a hair later than the plant would sample a whole frame earlier.
 Source: Lundelius Welch and Lynch 1988, A new fault-tolerant algorithm for clock synchronization.
 """
 
@@ -19,6 +20,7 @@ from rig.kernels import kernel
 from rig.lanes.config import Config
 
 _LANES: Final = len(COMPUTERS)
+_IN_STEP: Final = 0.01  # frames
 CLOCK: Final = np.dtype(
     [
         ("fitted", "i8"),
@@ -62,21 +64,29 @@ def sample_early(sensors, skew, lead):
 
 
 @kernel
-def run_on(clock, silent):
+def run_on(clock, silent, counted, drift):
     """Run the clocks on to the next frame; clock : CLOCK, in place.
 
     silent : (lanes, lanes) frames, receiver by sender, in which no message came: of those nobody is measured
+    counted : (lanes,) whose clocks count: those of engaged lanes;  drift : (lanes,) frames a frame, of faults
     """
-    lead, after, measured, last = clock["lead"], clock["next"], clock["measured"], 0.0
+    lead, after, measured, last = clock["lead"], clock["next"], clock["measured"], np.inf
     for i in range(clock["fitted"]):
         n = 0
         for j in range(clock["fitted"]):
-            if silent[i, j] == 0:
+            if silent[i, j] == 0 and (counted[j] or i == j):
                 insert(measured, n, lead[j] - lead[i])
                 n += 1
         midpoint = 0.5 * (measured[n // 2] + measured[(n - 1) // 2])
-        after[i] = lead[i] + clock["gain"] * midpoint + clock["drift"][i]
-        last = after[i] if i == 0 else min(last, after[i])
+        after[i] = lead[i] + clock["gain"] * midpoint + (clock["drift"][i] + drift[i])
+        if counted[i]:
+            last = min(last, after[i])
+    if last == np.inf:
+        last = after[0]
+    engaged = last
+    for i in range(clock["fitted"]):
+        if engaged - after[i] < _IN_STEP:
+            last = min(last, after[i])
     for i in range(clock["fitted"]):
         ahead = after[i] - last
         lead[i] = ahead - np.floor(ahead)

@@ -99,13 +99,15 @@ def _fresh(count: int) -> NDArray[np.uint8]:
 
 
 @kernel
-def share_samples(row, each, lead, faults, data):
+def share_samples(row, each, lead, running, faults, data):
     """Write the BUS records of all lanes from what was sampled in ``row``, with the faults of links.
 
-    each : (4,) BUS;  lead : (4,) frames by which each samples early;  data : LinkData
+    each : (4,) BUS;  lead : (4,) frames by which each samples early;  running : (4,) lanes that say something
+    data : LinkData
     """
     link, bus = data.link[0], row["bus"]
     broken = break_links(row, data.parts, faults)
+    broken |= silence(running, data.parts, link["fitted"])
     for i in range(link["fitted"]):
         each[i] = bus
         data.before[i] = data.now[i]
@@ -127,6 +129,17 @@ def share_samples(row, each, lead, faults, data):
         tell(j, data)
         exchange(j, data.words, data.said, link["rounds"], data.held)
         hold(j, each, data)
+
+
+@kernel
+def silence(running, parts, fitted):
+    """Let nothing come from lanes that are not ``running``; return True if there are some."""
+    some = False
+    for j in range(fitted):
+        if running[j] == 0:
+            parts[LinkPart.SILENT, :, j] = 1.0
+            some = True
+    return some
 
 
 @kernel

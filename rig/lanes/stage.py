@@ -1,11 +1,16 @@
 """The computers of a flight with several: lanes A to D, each with records and state of its own, at their first frame.
 
-Each lane thinks as one computer does (think.py), with the same kernels and parameters, on its own BUS and FCC.  The
-leading lane's FCC is the row's: triggers, score and all who read the row see what it decided.  All arrays have four
-lanes; how many think is the bound of a loop.
+A frame of theirs, each part in a file of its own:
 
-Each samples its own channel, by its own clock (clock.py), and has the others' by the link (link.py).  While the lanes
-hold the same samples they are equal, bit for bit.
+    engage    who is engaged, stops, starts again and leads                                 health.py
+    share     each samples its own channel and has the others' by the link                  link.py, exchange.py
+    think     as one computer does, with the same kernels, on its own BUS and FCC           think.py
+    command   each tells its command, votes all, and puts out what is voted                 command.py
+    test      each tests itself and accuses others                                          health.py
+    lead      the first engaged lane's FCC is the row's; where none is, the back-up's       backup.py
+
+Triggers, score and all who read the row see what the leading lane decided.  All arrays have four lanes; how many think
+is the bound of a loop.  While the lanes hold the same samples they are equal, bit for bit.
 """
 
 from __future__ import annotations
@@ -21,26 +26,58 @@ from rig.computer.control.state import ControlData
 from rig.computer.redundancy import RedundancyData
 from rig.computer.redundancy.discrete import DiscreteData
 from rig.computer.redundancy.manager import ManagerData
-from rig.faults import FaultData
-from rig.frame import BUS, CHANNELS, COMPUTERS, FCC, SURFACES, S, lane_rows
+from rig.faults import FaultData, break_computers, corrupt_commands
+from rig.faults.parts import ComputerPart
+from rig.frame import BUS, CHANNELS, COMPUTERS, FCC, INTEGRATED, SURFACES, S, lane_rows
 from rig.kernels import kernel
+from rig.lanes.backup import PLACE, fly_backup
 from rig.lanes.clock import ClockData, clocks, run_on, sample_early
+from rig.lanes.command import (
+    CommandData,
+    agree,
+    commands,
+    equalise,
+    keep_integrals,
+    middle_of_engaged,
+    note_unresolved,
+    rejoin,
+    vote_commands,
+)
 from rig.lanes.config import Config
+from rig.lanes.health import (
+    NOBODY,
+    HealthData,
+    accuse,
+    drawn,
+    engage,
+    health,
+    is_engaged,
+    suspect,
+    test_itself,
+    watch_clocks,
+)
 from rig.lanes.link import LinkData, links, share_samples
 from rig.lanes.think import ComputerData, think_lane
 
 _LANES: Final = len(COMPUTERS)
-_LEADING: Final = 0  # the first lane that is engaged, and all are
 _SURFACES: Final = len(SURFACES)
 _MOST_NOTED: Final = 127
 
 
+class Orders(NamedTuple):
+    """What the actuators are told by several computers."""
+
+    asked: NDArray[np.float64]  # (4, 4) of each servo channel, lane by surface
+    given: NDArray[np.float64]  # (4,) where there are no servos: the median of the engaged lanes'
+    off: NDArray[np.uint8]  # (4,) lanes whose channels are shut off
+
+
 class LaneData(NamedTuple):
-    """What the lanes have of their own; ``[i]`` of an array is what one computer has."""
+    """What the lanes have of their own; ``[i]`` of an array is what one computer has, the last the back-up's."""
 
     fitted: int  # lanes that think
     bus: NDArray[Any]  # (4,) BUS
-    fcc: NDArray[Any]  # (4,) FCC
+    fcc: NDArray[Any]  # (5,) FCC
     references: NDArray[Any]  # and so on: states, in place
     manager: NDArray[Any]
     boxes: NDArray[Any]
@@ -52,6 +89,11 @@ class LaneData(NamedTuple):
     memory: NDArray[np.float64]
     clocks: ClockData
     links: LinkData
+    health: HealthData
+    commands: CommandData
+    orders: Orders
+    running: NDArray[np.uint8]  # (4,) workspace
+    counted: NDArray[np.uint8]  # (4,) workspace
     rows: NDArray[Any]  # (n, 4) COMPUTER of a block's rows
 
 
@@ -63,10 +105,18 @@ class Lanes:
     ) -> None:
         """skew : (S, 4) frames, of the sensors without the lanes' clocks."""
         redundancy, control, faults = one.redundancy, one.control, one.faults
+        law = control.param[0]
+        limits = np.stack([law["low"], law["high"]], axis=1)
+        drift, alarms = seeds, seeds.spawn(1)[0]
+        self._alarms = np.random.default_rng(alarms)
+        made = commands(config, limits, rate_hz)
+        made.integral[:] = [control.state[0][f"{name.removesuffix('_rad')}_integral"] for name in INTEGRATED]
+        for told in (made.told, made.before, made.meant, made.put):
+            told[:] = control.state[0]["surface"]
         self.data = LaneData(
             fitted=config.count,
             bus=np.zeros(_LANES, BUS),
-            fcc=np.zeros(_LANES, FCC),
+            fcc=np.zeros(_LANES + 1, FCC),
             references=_of_each(redundancy.references.state),
             manager=_of_each(redundancy.manager.state),
             boxes=_of_each(redundancy.manager.boxes),
@@ -76,19 +126,24 @@ class Lanes:
             fdi=_of_each(control.fdi),
             kept=_of_each(faults.kept),
             memory=_of_each(faults.memory),
-            clocks=clocks(config, rate_hz, skew, seeds),
+            clocks=clocks(config, rate_hz, skew, drift),
             links=links(config, rate_hz, redundancy.manager.params),
+            health=health(config, limits[:, 1] - limits[:, 0], rate_hz),
+            commands=made,
+            orders=Orders(np.zeros((_LANES, _SURFACES)), np.zeros(_SURFACES), np.zeros(_LANES, np.uint8)),
+            running=np.zeros(_LANES, np.uint8),
+            counted=np.zeros(_LANES, np.uint8),
             rows=lane_rows(2, ("computer",))["computer"],  # of two: of one the view would count as contiguous
         )
 
     def prepare(self, rows: NDArray[Any]) -> None:
-        """Take the next rows to write, (n, 4) COMPUTER."""
-        self.data = self.data._replace(rows=rows)
+        """Take the next rows to write, (n, 4) COMPUTER, and draw for them."""
+        self.data = self.data._replace(rows=rows, health=drawn(self.data.health, len(rows), self._alarms))
 
 
 def _of_each(state: NDArray[Any]) -> NDArray[Any]:
-    """Return what one computer has for each lane."""
-    return np.stack([state] * _LANES)
+    """Return what one computer has for each lane and for the back-up."""
+    return np.stack([state] * (_LANES + 1))
 
 
 @kernel
@@ -100,15 +155,142 @@ def think_all(row, k, data, lanes):
     if lanes is None:
         think_lane(row, row["bus"], row["fcc"], k, data)
     else:
-        clock = lanes.clocks.clock[0]
-        share_samples(row, lanes.bus, clock["lead"], data.faults, lanes.links)
+        break_computers(row, lanes.health.parts, lanes.health.seen, data.faults)
+        engage(row["frame"], lanes.health)
+        join(lanes)
+        share_samples(row, lanes.bus, lanes.clocks.clock[0]["lead"], lanes.running, data.faults, lanes.links)
+        think_apart(row, k, data, lanes)
+        command(row, lanes, data.faults)
+        watch(row["frame"], k, lanes)
+        lead(row, k, data, lanes)
+        give_orders(row["fcc"]["surface"], lanes)
         for i in range(lanes.fitted):
+            note(lanes.rows[k, i], i, lanes)
+        run_on(lanes.clocks.clock[0], lanes.links.silent, lanes.counted, lanes.health.parts[ComputerPart.DRIFT])
+
+
+@kernel
+def join(lanes):
+    """Let lanes that start again or are readmitted, and the back-up, take over what the leading lane has."""
+    system = lanes.health.system[0]
+    for i in range(lanes.fitted):
+        lane = lanes.health.lane[i]
+        lanes.running[i], lanes.counted[i] = lane["running"], is_engaged(lane)
+        if lane["joins"] != 0:
+            leader = other_engaged(i, lanes)
+            if leader != NOBODY:
+                take_over(i, leader, lanes)
+            if is_engaged(lane):
+                rejoin(i, leader, lanes.commands)
+    if system["taken_over"] != 0:
+        take_over(PLACE, system["led"], lanes)
+
+
+@kernel
+def other_engaged(i, lanes):
+    """Return the first engaged lane that runs on, but i; NOBODY if there is none."""
+    for j in range(lanes.fitted):
+        lane = lanes.health.lane[j]
+        if j != i and is_engaged(lane) and lane["running"] != 0 and lane["joins"] == 0:
+            return j
+    return NOBODY
+
+
+@kernel
+def take_over(i, j, lanes):
+    """Give computer i all that computer j has."""
+    lanes.fcc[i] = lanes.fcc[j]
+    copy(lanes.references, i, j)
+    copy(lanes.manager, i, j)
+    copy(lanes.boxes, i, j)
+    copy(lanes.discretes, i, j)
+    copy(lanes.control, i, j)
+    copy(lanes.fdi, i, j)
+    copy(lanes.kept, i, j)
+    copy(lanes.gain, i, j)
+    copy(lanes.memory, i, j)
+
+
+@kernel
+def copy(states, i, j):
+    """Copy what computer j has of ``states``, (5, n) records, to computer i."""
+    for n in range(states.shape[1]):
+        states[i, n] = states[j, n]
+
+
+@kernel
+def think_apart(row, k, data, lanes):
+    """Let every lane that runs think on its own BUS."""
+    for i in range(lanes.fitted):
+        if lanes.running[i] != 0:
+            equalise(i, lanes.control[i, 0], lanes.links, lanes.health, lanes.commands)
+    for i in range(lanes.fitted):
+        if lanes.running[i] != 0:
             lanes.fcc[i] = row["fcc"]
             think_lane(row, lanes.bus[i], lanes.fcc[i], k, of_lane(i, data, lanes))
-            note(lanes.rows[k, i], lanes.fcc[i], lanes.control[i, 0])
-            note_link(lanes.rows[k, i], i, lanes)
-        run_on(clock, lanes.links.silent)
-        row["fcc"] = lanes.fcc[_LEADING]
+            keep_integrals(i, lanes.control[i, 0], lanes.commands)
+
+
+@kernel
+def command(row, lanes, faults):
+    """Let every lane that runs tell its commands, vote all, and put out what is voted, each with its faults."""
+    data, running, code = lanes.commands, lanes.running, lanes.health.parts[ComputerPart.CODE]
+    for i in range(lanes.fitted):
+        for s in range(_SURFACES):
+            data.before[i, s] = data.told[i, s]
+            if running[i] != 0:
+                data.told[i, s] = code[i] * lanes.fcc[i]["surface"][s]
+    corrupt_commands(row, data.told, ComputerPart.COMMAND, running, faults)
+    for i in range(lanes.fitted):
+        if running[i] != 0:
+            for s in range(_SURFACES):
+                lanes.fcc[i]["surface"][s] = data.meant[i, s] = data.told[i, s]
+            if is_engaged(lanes.health.lane[i]):
+                vote_commands(i, lanes.clocks.clock[0]["lead"], lanes.fcc, lanes.links, lanes.health, data)
+    note_unresolved(lanes.health, data)
+    for i in range(lanes.fitted):
+        for s in range(_SURFACES):
+            data.put[i, s] = data.meant[i, s]
+    corrupt_commands(row, data.put, ComputerPart.OUTPUT, running, faults)
+
+
+@kernel
+def watch(frame, k, lanes):
+    """Let the lanes test what they put out, watch each other, and accuse."""
+    data, limits = lanes.health, lanes.health.limits[0]
+    for i in range(lanes.fitted):
+        off = False
+        for s in range(_SURFACES):
+            off |= abs(lanes.commands.put[i, s] - lanes.commands.meant[i, s]) > limits["wrap_tolerance"][s]
+        test_itself(i, k, frame, off, data)
+    watch_clocks(frame, lanes.clocks.clock[0]["lead"], lanes.links.silent, data)
+    for i in range(lanes.fitted):
+        agree(i, lanes.links, data, lanes.commands)
+        accuse(i, lanes.commands.differs[i], lanes.links.state[i], data)
+    suspect(data)
+
+
+@kernel
+def lead(row, k, data, lanes):
+    """Write the FCC record of the row: the leading lane's, or the back-up's."""
+    system = lanes.health.system[0]
+    if system["leading"] != NOBODY:
+        row["fcc"] = lanes.fcc[system["leading"]]
+    else:
+        row["fcc"] = lanes.fcc[system["led"]]
+        fly_backup(row, row["fcc"], k, lanes.commands.samples, of_lane(PLACE, data, lanes))
+
+
+@kernel
+def give_orders(surface, lanes):
+    """Write what the actuators are told; surface : (4,) of the row, which is the back-up's where no lane leads."""
+    orders, backup = lanes.orders, lanes.health.system[0]["leading"] == NOBODY
+    for c in range(lanes.fitted):
+        orders.off[c] = not backup and not is_engaged(lanes.health.lane[c])
+        for s in range(_SURFACES):
+            orders.asked[c, s] = surface[s] if backup else lanes.commands.put[c, s]
+    for s in range(_SURFACES):
+        orders.given[s] = surface[s] if backup else middle_of_engaged(s, orders.given[s], lanes.health, lanes.commands)
 
 
 @kernel
@@ -127,8 +309,24 @@ def of_lane(i, data, lanes):
 
 
 @kernel
-def note(out, fcc, law):
-    """Write a lane's COMPUTER record from its FCC and from the state of its control law."""
+def note(out, i, lanes):
+    """Write the COMPUTER record of lane i; before the clocks run on."""
+    note_votes(out, lanes.fcc[i])
+    health, commands = lanes.health.lane[i], lanes.commands
+    for s in range(_SURFACES):
+        out["surface"][s], out["output"][s] = lanes.fcc[i]["surface"][s], commands.put[i, s]
+        out["integral"][s] = commands.integral[i, s]
+        out["command_pattern"][s], out["command_resolver"][s] = commands.state[i, s]["pattern"], commands.resolver[i, s]
+    out["clock_lead"], out["leads"] = lanes.clocks.clock[0]["lead"][i], lanes.health.system[0]["leading"] == i
+    out["health"], out["failed_for"] = health["health"], health["failed_for"]
+    for j in range(lanes.fitted):
+        out["link"][j], out["outvoted"][j] = lanes.links.state[i, j], lanes.links.outvoted[i, j]
+        out["silent"][j], out["accuses"][j] = min(lanes.links.silent[i, j], _MOST_NOTED), health["accuses"][j]
+
+
+@kernel
+def note_votes(out, fcc):
+    """Write what a lane decided on the signals, an FCC record, into its COMPUTER record."""
     voted, state, level, pattern, resolver = out["voted"], out["state"], out["level"], out["pattern"], out["resolver"]
     for s in range(S):
         voted[s], level[s], pattern[s], resolver[s] = (
@@ -136,20 +334,6 @@ def note(out, fcc, law):
         )  # fmt: skip
         for c in range(CHANNELS):
             state[s, c] = fcc["state"][s, c]
-    for i in range(_SURFACES):
-        out["surface"][i] = fcc["surface"][i]
-    integral = out["integral"]
-    integral[0], integral[1] = law["elevator_integral"], law["aileron_integral"]
-    integral[2], integral[3] = law["rudder_integral"], law["throttle_integral"]
-
-
-@kernel
-def note_link(out, i, lanes):
-    """Write what lane i has of its clock and of its links into its COMPUTER record; before the clocks run on."""
-    out["clock_lead"] = lanes.clocks.clock[0]["lead"][i]
-    for j in range(lanes.fitted):
-        out["link"][j], out["outvoted"][j] = lanes.links.state[i, j], lanes.links.outvoted[i, j]
-        out["silent"][j] = min(lanes.links.silent[i, j], _MOST_NOTED)
 
 
 @kernel
@@ -160,6 +344,6 @@ def sample(sensors, lanes):
 
 
 @kernel
-def commands(lanes):
-    """Return the (4,) FCC records whose lanes command the actuators; None for one computer; lanes : LaneData."""
-    return None if lanes is None else lanes.fcc
+def orders(lanes):
+    """Return the Orders of several computers; None for one; lanes : LaneData."""
+    return None if lanes is None else lanes.orders

@@ -34,12 +34,13 @@ class Recorded:
 
 
 def refuse_link(scenario: Scenario) -> None:
-    """BadInput when a computer need not have voted what was sampled: the exchange of several is not run again."""
+    """BadInput when a computer need not have voted what was sampled: one computer votes, there is no exchange."""
     computers = scenario.computers
     broken = next((fault.signal for fault in scenario.faults if site(fault.signal) in OF_LANES), None)
     if broken is not None or (computers.count > 1 and not computers.synchronised):
         why = f"a fault of {broken}" if broken else "clocks that run free"
-        raise BadInput(f"the exchange of {computers.count} computers is not run again, and this flight has {why}")
+        votes = f"one computer votes here, not the exchange of {computers.count}"
+        raise BadInput(f"{votes}, and this flight has {why}; rig replay runs all again")
 
 
 def recorded(path: Path | str, allow_code: bool = False) -> Recorded:

@@ -1,5 +1,6 @@
 """Ask a log again: replay its decisions, ask what if, compare two flights.
 
+again.py         computers and monitors of a flight over its recorded frames
 vote_again.py    the recorded channels through the redundancy stage of a scenario, or flown from the first frame
 watch_again.py   the recorded rows of servo actuators through their monitors
 verify.py        are the decisions, or the flight, the same to the bit?

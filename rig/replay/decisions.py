@@ -22,7 +22,7 @@ FIELDS: Final = (
     *("state", "level", "pattern", "resolver", "reference_usable", "source"),
     *("discrete_state", "discrete_level", "discrete_voted"),
 )
-LANE_FIELDS: Final = ("failed_by", "valve_differs")  # of servo actuators
+LANE_FIELDS: Final = ("failed_by", "valve_differs", "health", "failed_for", "leads")  # of servo actuators, computers
 ALL: Final = (*FIELDS, "law", "end")  # with those that follow from the flight: commands, and how it ended
 _VOTES: Final = tuple(column for column in COLUMNS if column.field == "voted")
 _FLIGHT: Final = {"law": "control law", "end": "end"}

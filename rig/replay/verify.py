@@ -13,11 +13,10 @@ from rig.frame import Block, LaneBlock
 from rig.log.blocks import Frames
 from rig.log.columns import COLUMNS, chosen_lanes
 from rig.recordings.flown import Recorded
+from rig.replay.again import Again
 from rig.replay.before_after import of_replay
 from rig.replay.compare import Comparison, Field, compare, joined
 from rig.replay.decisions import Decisions, Moves
-from rig.replay.vote_again import VoteAgain, outputs
-from rig.replay.watch_again import WatchAgain, written
 from rig.unit.unit import UnitUnderTest
 from rig.util.versions import versions
 
@@ -35,7 +34,7 @@ class Verified:
 
 
 def verify(recording: Recorded, fly: bool = False, unit: UnitUnderTest | None = None) -> Verified:
-    """Replay redundancy stage and monitors of actuators over what was recorded, or ``fly`` the scenario again.
+    """Replay the computers and the monitors of actuators over what was recorded, or ``fly`` the scenario again.
 
     A replay compares what these write; a flight compares the whole frame.  BadInput: a what if was never flown,
     a unit under test flew it and none is given.
@@ -47,11 +46,12 @@ def verify(recording: Recorded, fly: bool = False, unit: UnitUnderTest | None = 
     if recording.unit and unit is None:
         name = recording.unit.get("name")
         raise BadInput(f"{recording.path}: the unit under test {name!r} flew it: replay it with --unit FILE")
-    again = fly_blocks(scenario, log.frames, unit) if fly else _replayed(recording, unit)
+    computer = Again(scenario, unit)
+    again = fly_blocks(scenario, log.frames, unit) if fly else _replayed(recording, computer)
     fields, moves, frames = list[Field](), Moves(), 0
     for old, new in zip_longest(log.blocks(), again):
         rows, lanes = new or (old.rows[:0], None if old.lanes is None else old.lanes[:0])
-        found = _compared(old, rows, lanes, fly, unit)
+        found = _compared(old, rows, lanes, None if fly else computer)
         fields = [joined(*pair) for pair in zip(fields, found, strict=True)] if fields else found
         moves.add(old.rows, rows, old.lanes, lanes)
         frames += len(rows)
@@ -60,17 +60,20 @@ def verify(recording: Recorded, fly: bool = False, unit: UnitUnderTest | None = 
     return Verified(Comparison(min(log.frames, frames), fields, lengths, notes), moves.decisions())
 
 
-def _replayed(recording: Recorded, unit: UnitUnderTest | None) -> Iterator[tuple[Block, LaneBlock | None]]:
-    vote, watch = VoteAgain(recording.scenario, unit), WatchAgain(recording.scenario)
-    return ((vote.add(block.rows), watch.add(block.lanes)) for block in recording.log.blocks())
+def _replayed(recording: Recorded, computer: Again) -> Iterator[tuple[Block, LaneBlock | None]]:
+    for block in recording.log.blocks():
+        frames = computer.add(block)
+        yield frames.rows, frames.lanes
 
 
-def _compared(old: Frames, rows: Block, lanes: LaneBlock | None, fly: bool, unit: UnitUnderTest | None) -> list[Field]:
-    columns = [column for column in COLUMNS if fly or column.field in (*outputs(unit), "acting")]
+def _compared(old: Frames, rows: Block, lanes: LaneBlock | None, again: Again | None) -> list[Field]:
+    """Compare what is written ``again``; all fields of a flight."""
+    columns = [column for column in COLUMNS if again is None or column.field in (*again.outputs, "acting")]
     fields = compare(old.rows, rows, columns)
     if old.lanes is None or lanes is None:
         return fields
-    return fields + compare(old.lanes, lanes, chosen_lanes(lanes) if fly else written())
+    chosen = [column for column in chosen_lanes(lanes) if again is None or column in again.lane_columns]
+    return fields + compare(old.lanes, lanes, chosen)
 
 
 def _of_unit(recording: Recorded, unit: UnitUnderTest | None) -> list[str]:

@@ -5,17 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-import numpy as np
-
 from rig import loop
+from rig.bench.lanes_again import blank, copied, places_of
 from rig.bench.run import Decide, Stages, run, write_sources
 from rig.bench.vote import by_class
-from rig.computer.redundancy.config import command
-from rig.faults import Fault
-from rig.faults.places import site
 from rig.flight.unit_loop import UnitVoter
-from rig.frame import FLAT, Block, nested
-from rig.recordings.flown import refuse_link
+from rig.frame import Block, nested
 from rig.scenario import Scenario
 from rig.unit.layout import Form
 from rig.unit.port import ON_DISCRETES
@@ -39,16 +34,15 @@ class VoteAgain:
     """The redundancy stage of ``scenario`` over the channels of recorded rows, which are given in their order.
 
     Faults on references act again, in the frames in which they did.  Open loop: truth, channels, commands and all
-    else stay those of the rows.  BadInput: the user's manager, or lanes whose link matters.
+    else stay those of the rows.  BadInput: the user's manager.
 
     unit : that votes in the place of the manager; one in the form of a flight computer writes SURFACES too
     """
 
     def __init__(self, scenario: Scenario, unit: UnitUnderTest | None = None) -> None:
-        refuse_link(scenario)
         self._scenario, self._unit, self._stage = scenario, unit, loop.redundancy(scenario)
         self._voter: UnitVoter | None = None
-        self._on_references = [i for i, fault in enumerate(scenario.faults) if _sites(fault) & {"reference"}]
+        self._on_references = [i for i, fault in enumerate(scenario.faults) if "reference" in places_of(fault)]
         flown = scenario if self._on_references else scenario.model_copy(update={"faults": []})
         self._faults, data = loop.faults(flown), self._stage.data
         self._stages = Stages(
@@ -57,15 +51,9 @@ class VoteAgain:
 
     def add(self, rows: Block) -> Block:
         """Copy the next ``rows`` (n,), with OUTPUTS written again."""
-        again, scenario = _copy(rows), self._scenario
-        for name in outputs(self._unit):
-            again[name] = np.nan if name.endswith("reference") else 0
-        again["reset"], again["discrete_reset"] = 0, 0
-        command(again, scenario.redundancy.resets, scenario.rate_hz)  # a log of an older schema has none
-        for i in self._on_references:
-            again["acting"][:, i // 8] &= 255 ^ (1 << i % 8)
+        again = blank(rows, self._scenario, outputs(self._unit), self._on_references)
         self._faults.prepare(again)
-        flown = nested(_copy(rows) if self._on_references else again)
+        flown = nested(copied(rows) if self._on_references else again)
         run(nested(again), replace(self._stages, faults=self._faults.data), flown, self._decide(again))
         write_sources(nested(again))
         return again
@@ -83,15 +71,3 @@ class VoteAgain:
 def outputs(unit: UnitUnderTest | None) -> tuple[str, ...]:
     """Return the fields that a replay writes."""
     return OUTPUTS if unit is None or unit.form is Form.REDUNDANCY else (*OUTPUTS, *COMMANDED)
-
-
-def _copy(rows: Block) -> Block:
-    """Field by field: the padding between them is part of the digest, and zero."""
-    made = np.zeros(len(rows), FLAT)
-    for name in FLAT.names or ():
-        made[name] = rows[name]
-    return made
-
-
-def _sites(fault: Fault) -> set[str]:
-    return {site(point.place) for point in fault.points}

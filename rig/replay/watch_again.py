@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from rig.actuators.monitors import watch_rows
-from rig.frame import ACTUATOR, LaneBlock, has_part, lane_rows
-from rig.log.columns import LANE_COLUMNS, LaneColumn
+from rig.frame import LaneBlock, has_part, lane_rows, parts_of
+from rig.lanes.health import shut_off
 from rig.scenario import Scenario
 from rig.stages import actuator_monitors
 
@@ -23,17 +23,15 @@ class WatchAgain:
         self._designed, self._monitors = actuator_monitors(scenario)
 
     def add(self, lanes: LaneBlock | None) -> LaneBlock | None:
-        """Copy the servos of the next ``lanes`` (n,), with OUTPUTS as the monitors write them; None without servos."""
+        """Copy the next ``lanes`` (n,), of servos with OUTPUTS as the monitors write them."""
         if not has_part(lanes, "actuator"):
-            return None
-        again = lane_rows(len(lanes))
+            return lanes
+        again = lane_rows(len(lanes), parts_of(lanes))
         again["frame"] = lanes["frame"]
-        for name in set(ACTUATOR.names or ()) - set(OUTPUTS):  # padding, which is part of the digest, stays zero
-            again["actuator"][name] = lanes["actuator"][name]
-        watch_rows(again["actuator"], self._designed, self._monitors)
+        for part in parts_of(lanes):
+            for name in lanes[part].dtype.names or ():  # padding, which is part of the digest, stays zero
+                again[part][name] = lanes[part][name]
+        for name in OUTPUTS:
+            again["actuator"][name] = 0
+        watch_rows(again["actuator"], self._designed, shut_off(lanes), self._monitors)
         return again
-
-
-def written() -> list[LaneColumn]:
-    """Return the columns of OUTPUTS."""
-    return [column for column in LANE_COLUMNS if column.part == "actuator" and column.field in OUTPUTS]

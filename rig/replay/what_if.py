@@ -18,14 +18,13 @@ import numpy as np
 from rig.aircraft import merge, without_outliers
 from rig.errors import BadInput
 from rig.flight.recorder import Findings
-from rig.frame import TIMING, LaneParts, new_block
+from rig.frame import TIMING, new_block
 from rig.log import LogWriter
 from rig.log.blocks import Frames
 from rig.overrides import named_manager, override, parse_set
 from rig.recordings.flown import Recorded
+from rig.replay.again import Again
 from rig.replay.decisions import Decisions, Moves
-from rig.replay.vote_again import VoteAgain
-from rig.replay.watch_again import WatchAgain
 from rig.scenario import Scenario, from_resolved
 from rig.settings import read_toml
 from rig.text import quoted
@@ -97,8 +96,7 @@ def what_if(recording: Recorded, scenario: Scenario, out: Path | None = None, ch
     moves, log = Moves(), recording.log
     with draft(path) if out is None else replaced(path) as part:
         metadata, attached = _metadata(recording, scenario, changes), log.attachments.items()
-        parts: LaneParts = ("actuator",) if "actuator" in log.lanes else ()  # lanes are not flown again
-        with LogWriter(part, log.rate_hz, metadata, attached, draft_of=path, lanes=parts) as writer:
+        with LogWriter(part, log.rate_hz, metadata, attached, draft_of=path, lanes=log.lanes) as writer:
             events = _write(writer, recording, scenario, _voted(recording, scenario, moves))
         if out is None:
             path = publish(part, numbered(path.parent, stem, ".mcap"))
@@ -106,12 +104,12 @@ def what_if(recording: Recorded, scenario: Scenario, out: Path | None = None, ch
 
 
 def _voted(recording: Recorded, scenario: Scenario, moves: Moves) -> Iterator[Frames]:
-    """Yield the recorded frames as ``scenario`` votes and monitors them."""
-    vote, watch = VoteAgain(scenario), WatchAgain(scenario)
+    """Yield the recorded frames as the computers and monitors of ``scenario`` answer them."""
+    again = Again(scenario)
     for block in recording.log.blocks():
-        rows, lanes = vote.add(block.rows), watch.add(block.lanes)
-        moves.add(block.rows, rows, block.lanes, lanes)
-        yield Frames(rows, block.timing, lanes)
+        voted = again.add(block)
+        moves.add(block.rows, voted.rows, block.lanes, voted.lanes)
+        yield voted
 
 
 def _write(writer: LogWriter, recording: Recorded, scenario: Scenario, frames: Iterator[Frames]) -> int:

@@ -141,7 +141,7 @@ def _everything() -> dict[str, Any]:
     faults = []
     for kind, name in EXAMPLES.items():
         fault = next(f for f in read_toml(find(name))["faults"] if f["kind"] == kind)
-        if fault.get("signal", "").startswith("ccdl."):
+        if fault.get("signal", "").startswith(("ccdl.", "computer.", "bus.")):
             continue  # needs several computers, of which nothing is replayed
         fault = {key: value for key, value in fault.items() if key not in ("when", "while", "until")}
         faults.append({**fault, "start_s": 0.1, "id": f"a_{kind}"})

@@ -1,0 +1,105 @@
+"""The outcome of a flight's computers: who found each fault of a lane, link or bus, and lanes failed without one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from rig.assess.record import FaultScore, Isolation
+from rig.assess.words import IsolationKind, fault_word
+from rig.faults import Fault
+from rig.faults.places import OF_LANES, lanes_of, site
+from rig.frame import COMPUTERS, LaneBlock, has_part
+from rig.record.computers import ComputerFinder, test_name
+from rig.scenario import Scenario
+
+LINK: Final = "link"  # the receivers have had no message for long
+RELAYS: Final = "relays"  # other lanes told another word than came directly
+
+
+def columns_of(fault: Fault) -> int:
+    """Return the channels, bits, that a fault of a computer or of a link takes away from all signals for the others."""
+    if fault.kind != "computer_stop" and site(fault.signal) != "ccdl":
+        return 0
+    return sum(1 << lane for lane in _senders(fault.signal))
+
+
+def _senders(place: str) -> list[int]:
+    """Return the lanes whose words a fault there changes: of a link the one that sends."""
+    return lanes_of(place)[:1] if site(place) == "ccdl" else lanes_of(place)
+
+
+class LaneOutcome:
+    """What became of the faults of computers, links and buses, added up block by block."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._finder = ComputerFinder(scenario.rate_hz)
+        self._outvoted: dict[tuple[int, int], list[int]] = {}  # frames, by receiver and sender
+        self._seen = False
+
+    def add(self, lanes: LaneBlock) -> None:
+        """Add the next ``lanes`` (n,)."""
+        if not has_part(lanes, "computer") or not len(lanes):
+            return
+        self._seen = True
+        self._finder.find(lanes)
+        outvoted = lanes["computer"]["outvoted"] != 0
+        for i, j in zip(*np.nonzero(outvoted.any(axis=0)), strict=True):
+            first = int(lanes["frame"][outvoted[:, i, j].argmax()])
+            self._outvoted.setdefault((int(i), int(j)), []).append(first)
+
+    def completed(self, fault: FaultScore) -> FaultScore:
+        """Return what became of a fault: as it is, unless it sits on a computer or a link and its rows were seen."""
+        onset = fault.onset_frame
+        if fault.channel is not None or site(fault.signal) not in OF_LANES or onset is None or not self._seen:
+            return fault
+        found = min(self._found(fault.signal, onset), default=None)
+        if found is None:
+            return replace(fault, outcome="missed", word=fault_word(True, False, True), peak_error=None)
+        return replace(
+            fault,
+            outcome="detected",
+            word=fault_word(True, True, True),
+            failed_frame=found[0],
+            delay_from_onset_frames=found[0] - onset,
+            resolver=found[1],
+            peak_error=None,
+        )
+
+    def _found(self, place: str, onset: int) -> Iterator[tuple[int, str]]:
+        """Yield (frame, by whom) of all that speaks against a place from ``onset`` on."""
+        suspects = _senders(place)
+        receivers = lanes_of(place)[1:] or [*range(len(COMPUTERS))]
+        for failure in self._finder.failures:
+            if failure.lane in suspects and failure.frame >= onset:
+                yield failure.frame, test_name(failure.test)
+        if site(place) != "ccdl":
+            return
+        for link in self._finder.links:
+            if link.sender in suspects and link.receiver in receivers and link.frame >= onset:
+                yield link.frame, LINK
+        for (receiver, sender), frames in self._outvoted.items():
+            if sender in suspects and receiver in receivers:
+                yield from ((frame, RELAYS) for frame in frames if frame >= onset)
+
+    def isolations(self, kind: IsolationKind, faults: list[FaultScore], of: list[Fault]) -> list[Isolation]:
+        """Return the lanes that were failed without a fault on them, of one kind; each owns its channel.
+
+        faults : of the score, whose onsets are known;  of : those of the scenario
+        """
+        begun = [(one.onset_frame, _senders(of[one.index].signal)) for one in faults if _on_lanes(of[one.index])]
+        wrong = []
+        for failure in self._finder.failures:
+            before = [lanes for onset, lanes in begun if onset is not None and onset <= failure.frame]
+            found: IsolationKind = "wrong isolation" if before else "false alarm"
+            if not any(failure.lane in lanes for lanes in before) and found == kind:
+                name = f"computer.{COMPUTERS[failure.lane]}"
+                wrong.append(Isolation(name, failure.lane + 1, failure.frame, test_name(failure.test)))
+        return wrong
+
+
+def _on_lanes(fault: Fault) -> bool:
+    return site(fault.signal) in OF_LANES

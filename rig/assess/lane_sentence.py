@@ -1,0 +1,41 @@
+"""What became of a fault of a computer or of a link, in words."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from rig.assess.context import Context
+from rig.assess.lane_outcome import LINK, RELAYS
+from rig.assess.record import FaultScore
+from rig.faults.places import OF_LANES, site
+from rig.units.quantities import duration
+
+_BY: Final = {
+    LINK: "the receivers, who had no message for so long",
+    RELAYS: "the relays, which outvoted it",
+    "vote of commands": "the vote of commands",
+    "clock": "the other lanes, for its clock",
+}
+
+
+def on_lanes(fault: FaultScore) -> bool:
+    """Return True if a fault sits on a computer, a link or a bus, and on no channel."""
+    return fault.channel is None and site(fault.signal) in OF_LANES
+
+
+def lane_result(fault: FaultScore, about: Context) -> str:
+    """Return what became of a fault on lanes: ``was found by its watchdog after 10 ms``."""
+    if fault.outcome != "detected":
+        return f"was not found: {_why(fault)}"
+    after = duration(fault.delay_from_onset_frames, about.rate_hz)
+    return f"was found by {_BY.get(fault.resolver or '', f'its own {fault.resolver}')} after {after}"
+
+
+def _why(fault: FaultScore) -> str:
+    if fault.kind == "software":
+        return "all lanes computed the same, and nobody compares what all do alike"
+    if fault.kind == "clock_drift":
+        return "its clock was kept within the window, or the clocks run free"
+    if fault.kind in ("dac", "checksum"):
+        return "the test of its own did not see it, by its coverage, or it was within the tolerance"
+    return "nothing left its threshold for long enough"

@@ -1,0 +1,137 @@
+"""Several computers over recorded frames: exchange, every lane's thinking, vote of commands, health and back-up again.
+
+Open loop: plant, sensors and servos are replaced by rows that are there already.  What acts again, in the frames in
+which it did, are the faults of references, links and computers; those of channels are in the recorded samples.  The
+first frame's surfaces, which are those of the trim, start the control law; surfaces that no servo moved in the frame
+before, as recorded, stop its integrators.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.computer.control.autopilot import Control
+from rig.computer.redundancy.config import command
+from rig.faults import Fault, actuate, corrupt
+from rig.faults.places import Site, site
+from rig.frame import (
+    FCC,
+    FLAT,
+    FLIGHT_INDEX,
+    MOVED,
+    SURFACES,
+    Block,
+    LaneBlock,
+    has_part,
+    lane_rows,
+    nested,
+)
+from rig.kernels import kernel, long_kernel
+from rig.lanes.stage import Lanes, think_all
+from rig.lanes.think import ComputerData
+from rig.scenario import Scenario
+from rig.sensors import Sensors
+from rig.stages import computers, faults, redundancy
+
+OUTPUTS: Final = tuple(FCC.names or ())  # what the computers write of a row
+_THOUGHT: Final[set[Site]] = {"reference", "ccdl", "computer"}  # where faults act within ``think``
+_FIRST: Final = FLIGHT_INDEX[SURFACES[0]]  # where the surfaces truly are, in the order of SURFACES
+
+
+class LanesAgain:
+    """The computers of ``scenario`` over the rows of a flight of theirs, which are given in their order."""
+
+    def __init__(self, scenario: Scenario, own: str | None = None) -> None:
+        """own : who computes in their place, which they refuse as in flight.  BadInput: the user's manager."""
+        rate_hz, limits = scenario.rate_hz, scenario.airframe.surface_limits
+        self._scenario, self._own = scenario, own
+        self._redundancy, self._faults = redundancy(scenario), faults(scenario)
+        self._sensors = Sensors(scenario.sensors, rate_hz, scenario.streams()["sensors"])
+        self._control = Control(scenario.control, scenario.gains, rate_hz, limits)
+        self._again = [i for i, fault in enumerate(scenario.faults) if places_of(fault) <= _THOUGHT]
+        self._lanes: Lanes | None = None
+
+    def add(self, rows: Block, recorded: LaneBlock) -> tuple[Block, LaneBlock]:
+        """Copy the next ``rows`` (n,) with FCC, and their COMPUTER rows, written again.
+
+        recorded : (n,) rows of lanes and servos, of which the servos are copied
+        """
+        lanes = self._lanes = self._lanes or self._begin(rows[0])
+        again, flown = blank(rows, self._scenario, OUTPUTS, self._again), copied(rows)
+        self._faults.prepare(again)
+        made = lane_rows(max(2, len(rows)), self._scenario.lane_parts)  # of one row the view would be another type
+        lanes.prepare(made["computer"][: len(rows)])
+        data = lanes.data._replace(rows=made["computer"])
+        common = ComputerData(self._redundancy.data, self._control.data, self._faults.data)
+        think_rows(nested(again), nested(flown), bypassed(recorded), common, data)
+        made = made[: len(rows)]
+        made["frame"] = recorded["frame"]
+        if has_part(recorded, "actuator"):
+            for name in recorded["actuator"].dtype.names or ():
+                made["actuator"][name] = recorded["actuator"][name]
+        return again, made
+
+    def _begin(self, first: Any) -> Lanes:
+        """Return the lanes at the ``first`` row of the flight.  BadInput: another computer or manager."""
+        self._control.reset(first["flight"][_FIRST : _FIRST + len(SURFACES)])
+        alone = ComputerData(self._redundancy.data, self._control.data, self._faults.data)
+        lanes = computers(self._scenario, alone, self._sensors, self._own or self._redundancy.own)
+        assert lanes is not None  # of one computer nobody asks
+        return lanes
+
+
+def places_of(fault: Fault) -> set[Site]:
+    """Return the sorts of all places that a fault acts on."""
+    return {site(point.place) for point in fault.targets}
+
+
+def bypassed(recorded: LaneBlock) -> NDArray[np.uint8]:
+    """Return (n, 3): surfaces that no servo moved in a frame; none without servos."""
+    if not has_part(recorded, "actuator"):
+        return np.zeros((len(recorded), len(MOVED)), np.uint8)
+    return np.ascontiguousarray(recorded["actuator"]["bypassed"])
+
+
+def blank(rows: Block, scenario: Scenario, names: Sequence[str], again: Sequence[int]) -> Block:
+    """Copy ``rows`` with the fields ``names`` blank, the scenario's commands, and no mark of the faults ``again``."""
+    made = copied(rows)
+    for name in names:
+        made[name] = np.nan if name.endswith("reference") else 0
+    made["reset"], made["discrete_reset"] = 0, 0
+    command(made, scenario.redundancy.resets, scenario.rate_hz)  # a log of an older schema has none
+    for i in again:
+        made["acting"][:, i // 8] &= 255 ^ (1 << i % 8)
+    return made
+
+
+def copied(rows: Block) -> Block:
+    """Copy field by field: the padding between them is part of the digest, and zero."""
+    made = np.zeros(len(rows), FLAT)
+    for name in FLAT.names or ():
+        made[name] = rows[name]
+    return made
+
+
+@long_kernel
+def think_rows(rows, flown, still, data, lanes):
+    """Let the lanes think in all ``rows`` (n,).
+
+    flown : (n,) rows as recorded, whose truth and votes trigger faults;  still : (n, 3) surfaces that nobody moved
+    data : ComputerData of what the lanes have in common;  lanes : LaneData
+    """
+    for k in range(len(rows)):
+        corrupt(flown[k], k, data.faults)
+        think_all(rows[k], k, data, lanes)
+        actuate(flown[k], data.faults)
+        keep_still(still[k], data.control.param[0]["still"])
+
+
+@kernel
+def keep_still(now, still):
+    """Note for the next frame which surfaces nobody moves, (3,) of all ``still``."""
+    for i in range(len(now)):
+        still[i] = now[i]
