@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.stats import binom
 from scipy.stats import poisson as poisson_law
 
-from rig.campaign.statistics import detectable, mcnemar, poisson, proportion
+from rig.campaign.statistics import detectable, mcnemar, paired_difference, poisson, proportion
 
 
 @pytest.mark.parametrize(
@@ -110,3 +110,17 @@ def test_the_paired_test_is_the_published_one():
 def test_equal_outcomes_have_no_difference():
     same = np.array([True, False])
     assert mcnemar(same, same).p_value == 1.0
+
+
+@pytest.mark.parametrize(("both", "first", "second", "neither"), [(40, 20, 5, 35), (0, 3, 0, 60), (50, 0, 0, 2)])
+def test_a_paired_difference_is_wald_of_the_table_with_half_a_trial_more_in_each_cell(both, first, second, neither):
+    counts = np.array([both, first, second, neither])
+    scores = np.repeat([0, 1, -1, 0], counts)  # first less second of each trial
+    pairs = [np.repeat(column, counts).astype(bool) for column in ([1, 1, 0, 0], [1, 0, 1, 0])]
+    found = paired_difference(*pairs)
+    shares = (counts + 0.5) / (counts.sum() + 2.0)
+    mean = shares @ np.array([0, 1, -1, 0])
+    half = 1.959964 * np.sqrt((shares @ np.array([0, 1, 1, 0]) - mean**2) / (counts.sum() + 2.0))
+    assert found.value == pytest.approx(scores.mean())
+    assert (found.low, found.high) == (pytest.approx(mean - half), pytest.approx(mean + half))
+    assert found.low < found.value < found.high or found.value == 0.0

@@ -47,6 +47,7 @@ FOLDERS: tuple[list[str], ...] = (
     ["campaign", "run", "s.toml"],
     ["aircraft", "new", "mine", "--base", "c172x"],
     ["reliability", "trials", "reliability", "--runs", "1"],
+    ["league", "reliability", "--healthy", "C"],
     ["study", "ding2015"],
 )
 FILES = ("q.mcap", "b.mcap", "r.mcap", "in.csv", "m.csv", "c.csv", "f.csv", "c.toml", "r.toml", "D/in.csv")

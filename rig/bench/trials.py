@@ -34,6 +34,7 @@ RESULT: Final = np.dtype(
         ("above", "i8"),  # frames from the last onset on in which the vote was off by more than its threshold
         ("off", "u1"),  # whether it was in the last frame
         ("lost", "u1"),  # whether the signal was at level 0 from the last onset on, its vote kept until then
+        ("peak", "f8"),  # largest vote error from then on, unit of the signal
         ("frames", "i8"),
         ("good_before", "i8"),  # channels without a fault and not failed, in the frame before the tested onset
         ("in_use", "i8"),  # of the tested channels, those not failed then
@@ -115,6 +116,7 @@ def begin(trials, j, scratch, result):
     for t in range(len(scratch.faults.kept)):
         scratch.faults.kept[t] = scratch.blank_kept[0]
     result["above"], result["off"], result["lost"], result["frames"] = 0, 0, 0, 0
+    result["peak"] = 0.0
     result["good_before"], result["in_use"] = 0, 0
     scratch.signal[0] = scratch.blank_signal[0]
 
@@ -150,9 +152,11 @@ def run_trial(trials, j, at, scratch, result, healthy, failed):
         if frame - signal["disturbed"] > signal["linger"]:
             count_healthy(became, before, level, signal, healthy, failed)
         level = np.int64(fcc["level"][0])
-        off = not abs(difference(fcc["voted"][0], trials.truth[frame], wraps)) <= trials.threshold
+        error = abs(difference(fcc["voted"][0], trials.truth[frame], wraps))
+        off = not error <= trials.threshold
         if frame >= trials.counted_from[j]:
             result["above"] += off
+            result["peak"] = error if error > result["peak"] else result["peak"]
             result["lost"] |= level == 0 and result["above"] <= trials.allowed
         result["off"], result["frames"] = off, k + 1
         if trials.early != 0 and frame >= trials.counted_from[j] and not off and all_out(frame, signal):

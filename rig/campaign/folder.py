@@ -88,7 +88,7 @@ class Folder:
         with locked(self.path):
             self._sweep()
             if not is_file(self.path / CAMPAIGN):
-                self._write(self.path / CAMPAIGN, json.dumps(self.about(), indent=1).encode())
+                write_whole(self.path / CAMPAIGN, json.dumps(self.about(), indent=1).encode())
             yield
             self._sweep()  # a worker that died leaves its draft
 
@@ -115,19 +115,7 @@ class Folder:
         for kind in sorted(TABLES, key=lambda kind: kind == "runs"):
             memory = io.BytesIO()
             table.frame(self.plan, kind, rows[kind]).write_parquet(memory)
-            self._write(self.path / kind / name, memory.getvalue())
-
-    def _write(self, path: Path, data: bytes) -> None:
-        """Write beside, onto the disk, and rename: after any interruption all of it is there or nothing."""
-        try:
-            with reported(path):
-                path.parent.mkdir(exist_ok=True)
-                with replaced(path) as draft, draft.open("wb") as file:
-                    file.write(data)
-                    file.flush()
-                    os.fsync(file.fileno())
-        except BadInput as error:
-            raise RigError(str(error)) from None
+            write_whole(self.path / kind / name, memory.getvalue())
 
     @cached_property
     def tables(self) -> dict[str, pl.DataFrame]:
@@ -177,6 +165,19 @@ def _read(path: Path) -> dict[str, Any]:
     return about
 
 
+def write_whole(path: Path, data: bytes) -> None:
+    """Write beside, onto the disk, and rename: after any interruption all of it is there or nothing.  RigError."""
+    try:
+        with reported(path):
+            path.parent.mkdir(exist_ok=True)
+            with replaced(path) as draft, draft.open("wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+    except BadInput as error:
+        raise RigError(str(error)) from None
+
+
 def difference(was: dict[str, Any], now: dict[str, Any]) -> list[str]:
     """Return what two identities differ in, a line each."""
     before, after = dict(_flat(was)), dict(_flat(now))
@@ -205,9 +206,10 @@ def _flat(data: Any, above: str = "") -> Iterator[tuple[str, Any]]:
 
 
 @contextmanager
-def locked(folder: Path) -> Iterator[None]:
+def locked(folder: Path, who: str = "rig campaign run is flying") -> Iterator[None]:
     """Make the folder and hold its file ``lock``, which is not written to, and not followed when it is a link.
 
+    who : holds it, in the words of a message to another
     The system releases the lock of a process that ends, whatever ends it.
     BadInput: another process holds the lock, it is a link, or the folder is not writable.
     """
@@ -216,7 +218,7 @@ def locked(folder: Path) -> Iterator[None]:
         try:
             _lock(file, hold=True)
         except OSError:
-            raise BadInput(f"--out {folder}: another rig campaign run is flying into it") from None
+            raise BadInput(f"--out {folder}: another {who} into it") from None
         try:
             yield
         finally:

@@ -142,13 +142,19 @@ def each(
 ) -> Iterator[Result]:
     """Yield ``function`` of every item, in their order, from several processes; an interruption begins no more of them.
 
-    begin : ``initializer`` and ``initargs`` of a worker, as of ProcessPoolExecutor
+    begin : ``initializer``, ``initargs`` and ``mp_context`` of a worker, as of ProcessPoolExecutor
     """
     with ProcessPoolExecutor(workers, **begin) as executor:
         try:
             yield from executor.map(function, items, chunksize=chunk)
         finally:
             executor.shutdown(cancel_futures=True)
+
+
+def context() -> Any:
+    """Return how workers are started that must not inherit a lock which a thread of this process holds, as polars'."""
+    get_ready()
+    return multiprocessing.get_context(_METHOD)
 
 
 def leave_interrupts_to_parent() -> None:

@@ -20,6 +20,7 @@ from rig.cli.campaign import app as campaign_app
 from rig.cli.catalogue import faults_app, scenario_app, signals
 from rig.cli.common import GROUP
 from rig.cli.fly import bench, fly
+from rig.cli.league import league
 from rig.cli.recorded import thresholds, vote
 from rig.cli.reliability import reliability_app
 from rig.cli.replay import diff, export, info, recover, replay
@@ -50,6 +51,7 @@ _COMMANDS: Final = {
     SCORE: (score, replay, diff),
     RECORDED: (vote, thresholds, export, recover),
     REFERENCE: (signals, bench),
+    MANY: (league,),
 }
 _UsageError: Any = typer.BadParameter.__mro__[1]  # click's own; where click is, differs between versions of typer
 

@@ -64,14 +64,19 @@ class Cell(NamedTuple):
     earlier: list[int]
 
 
-def cell(plan: Plan, number: int) -> Cell:
-    """Of the combination of run ``number``.  BadInput: open-loop trials do not know what it has."""
+def cell(plan: Plan, number: int, named: bool = True) -> Cell:
+    """Of the combination of run ``number``.  BadInput: open-loop trials do not know what it has.
+
+    named : the tested fault must say so by its id; else, where none does, it is the first
+    """
     run = plan[number]
     scenario = run.scenario(_tables(run.aircraft))
     labels = [fault.label for fault in scenario.faults]
-    if TESTED not in labels:
-        raise BadInput(f"{plan.source}: run {number}: no fault with id = {TESTED!r}")
-    tested, second = labels.index(TESTED), labels.index(SECOND) if SECOND in labels else None
+    if TESTED not in labels and (named or not labels):
+        wanted = f" with id = {TESTED!r}" if named else " to detect"
+        raise BadInput(f"{plan.source}: run {number}: no fault{wanted}")
+    tested = labels.index(TESTED) if TESTED in labels else 0
+    second = labels.index(SECOND) if SECOND in labels else None
     name = scenario.faults[tested].signal
     made = faults_of(scenario, name)
     if np.isin(made.schedule["duty_cycle"], (DutyCycle.RANDOM, DutyCycle.TELEGRAPH)).any():

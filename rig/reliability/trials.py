@@ -57,29 +57,37 @@ class Tally:
     rate_hz: float
 
 
+class Recordings:
+    """Healthy flights of a plan's combinations, each flown once."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+        self._flown: dict[str, Recording] = {}
+
+    def __call__(self, unit: Batch, made: Cell, condition: str) -> Recording:
+        """Return that of a unit; whatever of its scenario is no fault decides it."""
+        given = {key: value for key, value in self._plan.data(unit.number).items() if key not in ("faults", "title")}
+        key = json.dumps([unit.seed, condition, given], sort_keys=True, default=str)
+        if key not in self._flown:
+            self._flown[key] = recording(made.scenario, recording_seed(unit.seed, condition))
+        return self._flown[key]
+
+
 class TrialRunner:
     """Runs batches of a plan in a worker."""
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
-        self._recordings: dict[str, Recording] = {}
+        self._recordings = Recordings(plan)
 
     def __call__(self, unit: Batch) -> Tally:
         """One unit."""
         made, key, condition = _cell(self._plan, unit.number)
         seeds = SeedSequence(unit.seed, spawn_key=(_TRIALS, unit.number, unit.chunk))
         drawing, noise, normal = (Generator(SFC64(child)) for child in seeds.spawn(3))
-        trials = draw(made, unit.trials, self._recording(unit, made, condition), drawing)
+        trials = draw(made, unit.trials, self._recordings(unit, made, condition), drawing)
         results, healthy, failed = fly_trials(made, trials, lambda: refill(trials, noise, normal))
         return Tally(key, tallied(made, trials, results), healthy, failed, made.scenario.rate_hz)
-
-    def _recording(self, unit: Batch, made: Cell, condition: str) -> Recording:
-        """Return the healthy flight of a unit; whatever of its scenario is no fault decides it."""
-        flown = {key: value for key, value in self._plan.data(unit.number).items() if key not in ("faults", "title")}
-        key = json.dumps([unit.seed, condition, flown], sort_keys=True, default=str)
-        if key not in self._recordings:
-            self._recordings[key] = recording(made.scenario, recording_seed(unit.seed, condition))
-        return self._recordings[key]
 
 
 @lru_cache(maxsize=4)

@@ -61,7 +61,7 @@ def load(
     paths = recordings(inputs, config)
     data: Data | None = None
     for path in paths:
-        ours = _without_faults(path)
+        ours = without_faults(path)
         recording, settings = load_one(path, config, source, repair)
         settings = _monitored(settings, source)
         notes = [*recording.remarks, *recording.warnings]
@@ -119,7 +119,7 @@ def columns(samples: Samples, settings: RecordedSignal) -> Any:
     return values
 
 
-def _without_faults(path: Path) -> bool:
+def without_faults(path: Path) -> bool:
     """Return True if it is the log of a flight of ours; BadInput when its scenario has faults."""
     scenario = _scenario(path)
     if scenario.get("faults"):

@@ -209,7 +209,7 @@ def with_sums(
             stream = np.random.SeedSequence(grid.seed, spawn_key=(number, int(spreads), 1, level, choice))
             few = tail.clusters < LEAST
             rng = np.random.default_rng(stream)
-            largest.append(None if few else _threshold(tail, grid.budget_per_h, level, rng))
+            largest.append(None if few else from_tail(tail, grid.budget_per_h, level, rng))
         found += largest
     uppers = [0.0 if at is None else at.upper for at in found]
     if not uppers or min(uppers) <= 0.0:
@@ -252,12 +252,13 @@ def _at_level(
             if few[i]:
                 continue
             stream = np.random.SeedSequence(grid.seed, spawn_key=(*place, persistence, level, choice))
-            threshold, before = _threshold(tail, grid.budget_per_h, level, np.random.default_rng(stream)), largest[i]
+            threshold, before = from_tail(tail, grid.budget_per_h, level, np.random.default_rng(stream)), largest[i]
             largest[i] = threshold if before is None or threshold.upper > before.upper else before
     return [None if lost else threshold for threshold, lost in zip(largest, few, strict=True)]
 
 
-def _threshold(tail: Peaks, budget_per_h: float, level: int, rng: np.random.Generator) -> Threshold:
+def from_tail(tail: Peaks, budget_per_h: float, level: int, rng: np.random.Generator) -> Threshold:
+    """Return the threshold of a tail, at ``level``: the upper value of the bootstrap, and the point estimate."""
     middle, shape = point(tail, budget_per_h)
     most = upper(draws(tail, budget_per_h, rng))
     return Threshold(level, max(most, middle), middle, tail.clusters, shape)

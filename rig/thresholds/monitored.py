@@ -54,12 +54,21 @@ def isolations(samples: Floats, settings: RecordedSignal, rate_hz: float, gap: i
     After each the flight goes on with all channels in use again, and what was learned of them; those within ``gap``
     frames of the last are one.
     """
-    params = parameters(settings, samples.shape[1], rate_hz)
-    found = np.zeros(len(samples), np.uint8)
-    fresh, kept = new_state(params), new_state(params)
-    _restarted(four(samples), _blank_row(), Manager(MANAGERS[0], params).data, fresh, kept, found)
-    at = np.flatnonzero(found)
+    manager = Manager(MANAGERS[0], parameters(settings, samples.shape[1], rate_hz))
+    at = failures(samples, None, manager)
     return at[cluster_starts(at, gap)]
+
+
+def failures(samples: Floats, references: Floats | None, manager: Manager) -> Frames:
+    """Return the frames of a whole flight (n, C) in which ``manager``, of one signal, fails somebody.
+
+    references : (n, 2), the first and the second; None: there are none
+    After each the flight goes on with all channels in use again, and what was learned of them.
+    """
+    found = np.zeros(len(samples), np.uint8)
+    given = np.full((len(samples), 2), np.nan) if references is None else references
+    _restarted(four(samples), given, _blank_row(), manager.data, manager.new_state(), manager.new_state(), found)
+    return np.flatnonzero(found)
 
 
 def low_passed(samples: Floats, settings: RecordedSignal, rate_hz: float) -> Floats:
@@ -132,15 +141,17 @@ def _run(samples, faulty, onset, rows, manager, fresh, signals):
 
 
 @long_kernel
-def _restarted(samples, rows, manager, fresh, kept, found):
+def _restarted(samples, references, rows, manager, fresh, kept, found):
     """One flight through the manager, which begins again after each failure; marks the frames of failures."""
-    p, row = manager.params[0], rows[0]
-    channels = row["bus"]["channels"]
+    row = rows[0]
+    channels, fcc = row["bus"]["channels"], row["fcc"]
+    manager.state[0] = fresh[0]
     for k in range(len(samples)):
         for c in range(CHANNELS):
             channels[0, c] = samples[k, c]
+        fcc["reference"][0], fcc["second_reference"][0] = references[k, 0], references[k, 1]
         step(row, row, k, None, None, None, manager, None)
-        if manager.state[0]["level"] < p["fitted"]:
+        if channel_bits(fcc["state"][0]) != 0:
             found[k] = 1
             kept[0] = manager.state[0]
             manager.state[0] = fresh[0]

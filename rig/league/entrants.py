@@ -1,0 +1,149 @@
+"""Who takes part in a league, and which of its settings a calibration chooses.
+
+Ours is there three times: ``cross-channel`` with the thresholds that ``rig thresholds`` designs, the same with learned
+biases, and as shipped.  Amounts are in thresholds of the signal, those of the campaign's scenario.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.computer.redundancy.config import PARAMS, fill
+from rig.computer.redundancy.managers import DEFAULT, MANAGERS, RIVALS, Manager, manager_kind, with_settings
+from rig.computer.redundancy.rivals.settings import Rivals
+from rig.errors import BadInput
+from rig.frame import CHANNELS
+from rig.recordings.settings import RecordedSignal
+from rig.text import choices
+
+OURS: Final = DEFAULT
+BIASED, SHIPPED = f"{OURS} bias", f"{OURS} shipped"
+INTEGRAL_S: Final = 2.0  # of "selection": its integral, in deviations times seconds
+_DESIGNED: Final = tuple(
+    name
+    for name in PARAMS.names or ()
+    if name.startswith(("threshold", "outlier_threshold", "bias_", "slow_", "filter_", "persistence", "singular"))
+)
+Values = Mapping[str, float]  # of settings by name
+
+
+class Level(NamedTuple):
+    """A setting that a calibration chooses, for so many channels in use, in thresholds or as the rival has it."""
+
+    name: str
+    channels: int
+    default: float
+    least: float = 0.0  # that the setting may have
+
+
+class Entrant(NamedTuple):
+    """One row of the league."""
+
+    name: str
+    manager: str
+
+    @property
+    def is_ours(self) -> bool:
+        """Return True for each of our rows."""
+        return self.manager == OURS
+
+    @property
+    def designed(self) -> bool:
+        """Return True if ``rig thresholds`` designs it."""
+        return self.is_ours and self.name != SHIPPED
+
+
+class OfSignal(NamedTuple):
+    """A signal of the campaign: how it is monitored before any calibration."""
+
+    name: str
+    params: NDArray[np.void]  # (1,) config.PARAMS
+    given: RecordedSignal
+    rivals: Rivals
+    rate_hz: float
+
+    @property
+    def threshold(self) -> float:
+        """Return the threshold that amounts are in, unit of the signal."""
+        return float(self.params["threshold"][0])
+
+    @property
+    def fitted(self) -> int:
+        """Return the number of its channels."""
+        return int(self.params["fitted"][0])
+
+
+def entrants(managers: str) -> list[Entrant]:
+    """Return the rows for names with commas between, ours always the first.  BadInput: a name, or one twice."""
+    names = [name.strip() for name in managers.split(",") if name.strip()]
+    for name in names:
+        if name not in MANAGERS:
+            raise BadInput(f"--managers: unknown manager, {choices(name, MANAGERS)}")
+        if names.count(name) > 1:
+            raise BadInput(f"--managers: {name}: given more than once")
+    others = [Entrant(name, name) for name in names if name != OURS]
+    if not others:
+        raise BadInput(f"--managers: name one or more besides {OURS}, of {', '.join(MANAGERS[1:])}")
+    return [*(Entrant(name, OURS) for name in (OURS, BIASED, SHIPPED)), *others]
+
+
+def levels(entrant: Entrant, signal: OfSignal) -> list[Level]:
+    """Return the settings to calibrate by false isolations, empty for ours and for who fails nobody."""
+    if entrant.manager == "selection":
+        return [Level("deviation", CHANNELS, 2.5)]
+    if entrant.manager == "cross-voter":
+        return [Level("threshold", CHANNELS, 1.0)]
+    if entrant.manager not in RIVALS:
+        return []
+    kind = manager_kind(entrant.manager).settings
+    assert kind is not None
+    chosen = getattr(signal.rivals, entrant.manager).of(signal.name)
+    first = float(getattr(chosen, kind.levels[0])) if kind.levels else 0.0
+    return [
+        Level(name, CHANNELS - i, getattr(chosen, name) or first, _least(kind.model_fields[name].metadata))
+        for i, name in enumerate(kind.levels)
+        if CHANNELS - i <= signal.fitted
+    ]
+
+
+def _least(bounds: Sequence[object]) -> float:
+    return max((float(getattr(bound, "ge", 0.0)) for bound in bounds), default=0.0)
+
+
+def fails_nobody(entrant: Entrant, signal: OfSignal) -> bool:
+    """Return True for a manager without a threshold: it is compared by the error of its vote alone."""
+    return not entrant.is_ours and not levels(entrant, signal)
+
+
+def manager(entrant: Entrant, signal: OfSignal, values: Values, channels: int | None = None) -> Manager:
+    """Return an entrant with calibrated ``values``, for ``channels`` of the signal.
+
+    values : as ``levels`` names them; of ours fields of PARAMS, unit of the signal
+    """
+    params = signal.params.copy()
+    params["fitted"] = channels or signal.fitted
+    if entrant.manager in RIVALS:
+        own = getattr(signal.rivals, entrant.manager).of(signal.name).model_copy(update=dict(values))
+        told = signal.rivals.model_copy(update={entrant.manager: own.model_copy(update={"signals": {}})})
+        return Manager(entrant.manager, with_settings(params, entrant.manager, told, [signal.name]))
+    for name, value in values.items():
+        if entrant.manager == "selection":
+            params["deviation"] = value * signal.threshold
+            params["deviation_frames"] = INTEGRAL_S * signal.rate_hz * params["deviation"]
+        elif entrant.manager == "cross-voter":
+            for field in ("threshold", "threshold_triplex", "threshold_duplex"):
+                params[field] = value * signal.threshold
+        else:
+            params[name] = value
+    return Manager(entrant.manager, params)
+
+
+def designed_values(signal: OfSignal, settings: RecordedSignal) -> dict[str, float]:
+    """Return what a design of ours changes of PARAMS; references and all else stay the scenario's."""
+    made = np.zeros(1, PARAMS)
+    fill(made[0], settings, settings.limits, signal.fitted, settings.wraps, signal.rate_hz)
+    return {name: made[name][0].item() for name in _DESIGNED}

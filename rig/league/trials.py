@@ -1,0 +1,175 @@
+"""The same draws of faults for every entrant: open-loop trials of a campaign's combinations, and what became of each.
+
+Trials are those of reliability/trials.py, with three differences: each begins with the flight, so that what learns has
+learned; it lasts for AFTER frames from the last onset on, whoever is isolated, so that all entrants see the same
+samples; and a combination needs no groups of that name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import polars as pl
+from numpy.random import SFC64, Generator, SeedSequence
+from numpy.typing import NDArray
+
+from rig.assess.outcome import NEVER
+from rig.assess.words import PRIOR
+from rig.bench.trials import Trials
+from rig.bench.vote import settings_of
+from rig.campaign.plan import Plan
+from rig.errors import BadInput
+from rig.faults import KINDS
+from rig.league.calibration import Calibrated
+from rig.league.entrants import Entrant, OfSignal, manager
+from rig.reliability.drawn import ROWS, Cell, cell, draw, refill
+from rig.reliability.trials import CHUNK, Batch, Recordings, combinations, fly_trials
+
+AFTER: Final = 1000  # frames from the last onset on
+STATES: Final = ("as flown", "absent")  # of the reference
+OUTCOMES: Final = ("isolated", "wrong channel", "missed", PRIOR)
+SCHEMA: Final[dict[str, Any]] = {
+    "combination": pl.Int64,
+    "trial": pl.Int64,  # of the combination
+    "signal": pl.String,
+    "kind": pl.String,
+    "faults": pl.Int64,  # on the signal, the tested one counted
+    "size": pl.Float64,  # thresholds, or a second of them; null for a kind without one
+    "reference": pl.String,
+    "entrant": pl.String,
+    "outcome": pl.String,
+    "delay_s": pl.Float64,  # from the onset to the last isolation, of the isolated
+    "peak": pl.Float64,  # largest vote error from the last onset on, thresholds
+}
+
+
+class Told(NamedTuple):
+    """What a worker needs to know of the calibration."""
+
+    entrants: list[Entrant]
+    calibrated: dict[tuple[str, str], Calibrated]  # by entrant and signal
+
+
+def of_signals(plan: Plan) -> tuple[str, list[OfSignal]]:
+    """Return the aircraft and the tested signals of a campaign.  BadInput: nothing to detect, several aircraft."""
+    found: dict[str, OfSignal] = {}
+    aircraft: set[str] = set()
+    for number in combinations(plan):
+        made = cell(plan, number, named=False)
+        aircraft.add(made.scenario.aircraft)
+        fault = made.scenario.faults[made.tested]
+        found.setdefault(fault.signal, _of_signal(made, fault.signal))
+    if len(aircraft) > 1:
+        raise BadInput(f"{plan.source}: flies {', '.join(sorted(aircraft))}: a league is of one aircraft")
+    return aircraft.pop(), list(found.values())
+
+
+def _of_signal(made: Cell, name: str) -> OfSignal:
+    scenario = made.scenario
+    settings, _ = settings_of(scenario)
+    redundancy = scenario.redundancy
+    return OfSignal(name, made.one.manager.params, settings[name], redundancy.rivals, scenario.rate_hz)
+
+
+def shared_out(plan: Plan, trials: int, seed: int) -> list[Batch]:
+    """Return the units: ``trials`` of each combination, in chunks."""
+    return [
+        Batch(number, chunk, min(CHUNK, trials - chunk * CHUNK), seed)
+        for number in combinations(plan)
+        for chunk in range(-(-trials // CHUNK))
+    ]
+
+
+class Runner:
+    """Runs units in a worker."""
+
+    def __init__(self, plan: Plan, told: Told) -> None:
+        self._plan, self._told, self._recordings = plan, told, Recordings(plan)
+
+    def __call__(self, unit: Batch) -> pl.DataFrame:
+        """Return a row for each trial, state of the reference and entrant."""
+        made = cell(self._plan, unit.number, named=False)
+        signal = _of_signal(made, made.scenario.faults[made.tested].signal)
+        condition = str(self._plan.choices[unit.number].get("condition", ""))
+        streams = SeedSequence(unit.seed, spawn_key=(unit.number, unit.chunk)).spawn(3)
+        drawing = Generator(SFC64(streams[0]))
+        trials = _whole(draw(made, unit.trials, self._recordings(unit, made, condition), drawing))
+        frames: list[pl.DataFrame] = []
+        for state in STATES:
+            seen = _with_reference(trials, state)
+            for entrant in self._told.entrants:
+                values = self._told.calibrated[entrant.name, signal.name].values
+                told = made._replace(one=made.one._replace(manager=manager(entrant, signal, values)))
+                noise, normal = (Generator(SFC64(child)) for child in streams[1:])  # again from their beginning
+                results, _, _ = fly_trials(told, seen, lambda n=noise, m=normal: refill(trials, n, m))
+                columns = {"reference": state, "entrant": entrant.name, **became(made, trials, results)}
+                frames.append(_frame(made, unit, trials, columns))
+        return pl.concat(frames)
+
+
+def _whole(trials: Trials) -> Trials:
+    """Return trials that begin with the flight and are as long for everybody."""
+    first = np.zeros_like(trials.first)
+    last = np.minimum(trials.counted_from + AFTER, len(trials.truth))
+    rows = max(ROWS, int(last.max()))
+    noise, normal = (np.empty((rows, *old.shape[1:]), old.dtype) for old in (trials.noise, trials.normal))
+    return trials._replace(first=first, last=last, early=0, noise=noise, normal=normal)
+
+
+def _with_reference(trials: Trials, state: str) -> Trials:
+    if state == STATES[0]:
+        return trials
+    absent = np.full_like(trials.reference, np.nan)
+    return trials._replace(reference=absent, second=absent)
+
+
+def became(made: Cell, trials: Trials, results: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    """Return outcome, delay_s and peak of (T,) bench.trials.RESULT."""
+    targets, failed_at, onset = made.faults.targets, results["failed_at"], trials.onset[:, None]
+    of_test = np.isin(targets["fault"], [i for i in (made.tested, made.second) if i is not None])
+    healthy = np.setdiff1d(np.arange(made.one.manager.params["fitted"][0]), targets["column"])
+    tested = np.unique(targets["column"][of_test])
+    failed = failed_at != NEVER
+    before = (failed & (failed_at < onset))[:, [*healthy, *tested]].any(axis=1)
+    wrong, right = failed[:, healthy].any(axis=1), failed[:, tested].all(axis=1)
+    outcome = np.select([before, wrong, right], [PRIOR, "wrong channel", "isolated"], "missed")
+    delay = (failed_at[:, tested].max(axis=1) - trials.onset) / made.scenario.rate_hz
+    return {
+        "outcome": outcome,
+        "delay_s": np.where(outcome == "isolated", delay, np.nan),
+        "peak": results["peak"] / made.one.threshold,
+    }
+
+
+def _frame(made: Cell, unit: Batch, trials: Trials, columns: dict[str, Any]) -> pl.DataFrame:
+    fault = made.scenario.faults[made.tested]
+    common = {
+        "combination": unit.number,
+        "trial": unit.chunk * CHUNK + np.arange(len(trials.onset)),
+        "signal": fault.signal,
+        "kind": fault.kind,
+        "faults": len(made.scenario.faults),
+        "size": _sizes(made, trials),
+    }
+    return (
+        pl.DataFrame({**common, **columns})
+        .cast(pl.Schema(SCHEMA))
+        .select(list(SCHEMA))
+        .with_columns(pl.col("size", "delay_s").fill_nan(None))
+    )
+
+
+def _sizes(made: Cell, trials: Trials) -> NDArray[np.float64]:
+    """Return the size of the tested fault in thresholds, without its sign; NaN for a kind without one."""
+    fault = made.scenario.faults[made.tested]
+    if not KINDS[fault.kind].sizes:
+        return np.full(len(trials.onset), np.nan)
+    mine = int(np.flatnonzero(made.faults.targets["fault"] == made.tested)[0])
+    return np.abs(trials.targets["value"][:, mine]) / made.one.threshold
+
+
+def joined(frames: Sequence[pl.DataFrame]) -> pl.DataFrame:
+    """Return all units as one table."""
+    return pl.concat(frames) if frames else pl.DataFrame(schema=SCHEMA)

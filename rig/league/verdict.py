@@ -1,0 +1,92 @@
+"""The verdict of a league in words: who keeps the price, and where ours loses and wins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
+
+from scipy.stats import poisson
+
+from rig.league.entrants import BIASED, OURS, SHIPPED
+from rig.league.outcomes import ALL
+from rig.thresholds.holdout import OVER
+
+Row = dict[str, Any]
+_OURS: Final = (OURS, BIASED, SHIPPED)
+
+
+def verdict(
+    table: Sequence[Row], differences: Sequence[Row], second: Sequence[Row], silent: Sequence[str]
+) -> list[str]:
+    """Return the sentences, the losses of ours first.
+
+    second : counts in a second healthy campaign; silent : entrants that fail nobody
+    A loss or a lead is one whose 95 % interval leaves out zero.
+    """
+    rivals = [row for row in differences if row["entrant"] not in (*silent, *_OURS)]
+    among = [row for row in differences if row["entrant"] in _OURS and row["ours"] == OURS]
+    lines: list[str] = []
+    for ours in (OURS, BIASED):
+        lines += _losses([row for row in rivals if row["ours"] == ours], ours)
+    lines += _leads([row for row in rivals if row["kind"] == ALL])
+    lines += _among(among)
+    return [*lines, *_wrong(table, silent), *_votes(differences, silent), *_over_budget(second)]
+
+
+def _where(row: Row) -> str:
+    count = f"{row['faults']} fault{'s' if row['faults'] > 1 else ''}"
+    kind = "all kinds" if row["kind"] == ALL else row["kind"]
+    return f"{row['signal']}, {kind}, {count}, reference {row['reference']}"
+
+
+def _points(row: Row) -> str:
+    return f"{100 * row['value']:+.1f} points ({100 * row['low']:.1f} to {100 * row['high']:.1f})"
+
+
+def _losses(rows: Sequence[Row], ours: str) -> Iterator[str]:
+    """Yield each group in which a rival isolates more, the worst first."""
+    lost = [row for row in rows if row["low"] > 0.0]
+    for row in sorted(lost, key=lambda row: -row["value"]):
+        yield f"{ours} LOSES to {row['entrant']}: {_where(row)}: it isolates {_points(row)}"
+    if rows and not lost:
+        yield f"{ours} loses in no group: no rival isolates significantly more"
+
+
+def _leads(rows: Sequence[Row]) -> Iterator[str]:
+    for row in rows:
+        if row["high"] < 0.0:
+            yield f"{row['ours']} is ahead of {row['entrant']}: {_where(row)}: it isolates {_points(row)}"
+
+
+def _among(rows: Sequence[Row]) -> Iterator[str]:
+    """Yield how ours as shipped and with learned biases differ from ours as designed."""
+    for row in rows:
+        if row["kind"] == ALL:
+            yield f"{row['entrant']} against {OURS}: {_where(row)}: it isolates {_points(row)}"
+
+
+def _wrong(table: Sequence[Row], silent: Sequence[str]) -> Iterator[str]:
+    for row in table:
+        if row["kind"] == ALL and row["wrong channel"] and row["entrant"] not in silent:
+            share = 100 * row["wrong channel"] / row["trials"]
+            yield f"{row['entrant']} fails a healthy channel for the fault in {share:.2g} % of {_where(row)}"
+
+
+def _votes(rows: Sequence[Row], silent: Sequence[str]) -> Iterator[str]:
+    """Yield how those that fail nobody vote, against ours as designed."""
+    for row in rows:
+        if row["kind"] == ALL and row["entrant"] in silent and row["ours"] == OURS:
+            smaller, larger = (100 * row[name] / row["trials"] for name in ("peak_smaller", "peak_larger"))
+            yield (
+                f"{row['entrant']} fails nobody: its largest vote error is smaller than that of {OURS} in "
+                f"{smaller:.0f} %, larger in {larger:.0f} % of {_where(row)}"
+            )
+
+
+def _over_budget(second: Sequence[Row]) -> Iterator[str]:
+    for row in second:
+        if row["counted"] and poisson.sf(row["counted"] - 1, row["expected"]) < OVER:
+            yield (
+                f"{row['entrant']} DOES NOT KEEP THE BUDGET: {row['signal']}: {row['counted']} false isolations "
+                f"in the second campaign, {row['expected']:.2g} are allowed"
+            )

@@ -1,0 +1,83 @@
+"""Levels for a budget, against what is known of white noise; and what cannot be calibrated."""
+
+import numpy as np
+import pytest
+from league_flights import RATE_HZ, white, white_signal
+from scipy.stats import chi2
+
+from rig.errors import BadInput
+from rig.league.calibration import calibrate, isolations, require_time
+from rig.league.entrants import BIASED, OURS, Entrant, entrants, fails_nobody, levels
+
+
+def test_the_parity_limits_of_white_noise_are_those_of_chi_square_with_a_degree_less_than_samples():
+    budget, sigma = 30.0, 0.1
+    healthy = white(sigma, 10, 18_000)  # half an hour
+    found = calibrate(Entrant("parity", "parity"), white_signal(), healthy, budget).values
+    for name, samples in (("limit", 4), ("limit_triplex", 3), ("limit_duplex", 2)):
+        expected = sigma**2 * chi2.isf(budget / 3600.0 / RATE_HZ, samples - 1)
+        assert 0.9 * expected < found[name] < 1.35 * expected  # the upper end of 95 %, of the worst choice of channels
+
+
+@pytest.mark.parametrize("name", ["cusum", "cross-voter", "selection"])
+def test_a_calibrated_manager_keeps_the_budget_in_other_flights_and_three_quarters_of_its_level_do_not(name: str):
+    budget, entrant, signal = 20.0, Entrant(name, name), white_signal()
+    found = calibrate(entrant, signal, white(0.1, 10, 18_000), budget)
+    others = white(0.1, 10, 18_000, seed=2).flights["pitch_rate"]
+    smaller = {key: 0.75 * value for key, value in found.values.items()}
+    assert isolations(entrant, signal, found.values, others) <= 20  # 10 are allowed in half an hour
+    assert isolations(entrant, signal, smaller, others) > 25
+
+
+def test_a_learned_bias_lets_ours_see_less_where_channels_differ_by_constants():
+    healthy = white(0.01, 10, 6000)
+    biases = np.random.default_rng(3).uniform(-0.3, 0.3, (10, 4))
+    flights = [f._replace(samples=f.samples + b) for f, b in zip(healthy.flights["pitch_rate"], biases, strict=True)]
+    healthy = healthy._replace(flights={"pitch_rate": flights})
+    signal = white_signal(8)
+    plain, biased = (calibrate(Entrant(name, OURS), signal, healthy, 20.0) for name in (OURS, BIASED))
+    assert biased.shown["outlier_threshold"] < 0.3 * plain.shown["threshold"]
+    assert plain.seen is not None and biased.seen is not None
+    assert plain.seen + biased.seen <= 6  # 3.3 each are allowed in ten minutes
+
+
+def test_a_budget_that_no_level_reaches_is_told_with_what_was_counted():
+    healthy = white(0.1, 4, 6000)
+    for flight in healthy.flights["pitch_rate"]:
+        flight.samples[1000:1500, 2] = 1e6
+    with pytest.raises(BadInput, match=r"--budget 1: cross-voter: pitch_rate: no threshold reaches it: at 64 .* 4 "):
+        calibrate(Entrant("cross-voter", "cross-voter"), white_signal(), healthy, 1.0)
+
+
+def test_too_little_healthy_time_says_how_much_is_needed():
+    require_time(0.01, 1.0)
+    with pytest.raises(BadInput, match=r"--healthy: 0.5 h is too little for a budget of 0.01 an hour: 1 h are needed"):
+        require_time(0.01, 0.5)
+
+
+def test_flights_in_which_nothing_happens_are_too_few_events():
+    healthy = white(0.0, 2, 6000)
+    with pytest.raises(BadInput, match=r"--healthy: cusum: pitch_rate: 0 events in 0.0333 h, of 10 at least"):
+        calibrate(Entrant("cusum", "cusum"), white_signal(), healthy, 10.0)
+
+
+def test_only_managers_that_fail_somebody_have_levels():
+    signal = white_signal()
+    asked = entrants("median,weighted,mean,parity,cusum")
+    assert {e.name for e in asked if fails_nobody(e, signal)} == {"median", "weighted", "mean"}
+    assert [(level.name, level.channels) for level in levels(asked[-2], signal)] == [
+        ("limit", 4), ("limit_triplex", 3), ("limit_duplex", 2),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("cussum", "--managers: unknown manager"),
+        ("cusum,cusum", "--managers: cusum: given more than once"),
+        ("cross-channel", "--managers: name one or more besides cross-channel"),
+    ],
+)
+def test_managers_that_cannot_take_part_are_refused(given: str, said: str):
+    with pytest.raises(BadInput, match=said):
+        entrants(given)

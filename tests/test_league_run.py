@@ -1,0 +1,115 @@
+"""One league: the same bytes with one and two workers and after an interruption; what it refuses."""
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+from league_flights import CAMPAIGN, HEALTHY, plan
+from typer.testing import CliRunner
+
+from rig.campaign.config import read
+from rig.campaign.plan import Plan
+from rig.campaign.run import run as fly
+from rig.cli.main import app
+from rig.errors import BadInput
+from rig.league.entrants import entrants
+from rig.league.run import Asked, run
+from rig.util.progress import listening
+
+
+@pytest.fixture(scope="module")
+def healthy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("league") / "healthy"
+    campaign = read(HEALTHY, {"duration_s": 30.0}).model_copy(update={"runs": 12})
+    fly(Plan(campaign, str(HEALTHY)), folder, workers=1)
+    return folder
+
+
+def asked(healthy: Path, **more: Any) -> Asked:
+    return Asked(entrants("cusum,median"), 1.0, healthy, **{"trials": 4, **more})
+
+
+@pytest.fixture(scope="module")
+def whole(healthy: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    out = tmp_path_factory.mktemp("league") / "whole"
+    return out, run(plan(), asked(healthy, second=healthy), out)
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_two_workers_write_the_same_bytes(whole: tuple[Path, Any], healthy: Path, tmp_path: Path):
+    run(plan(), asked(healthy, second=healthy), tmp_path / "two", workers=2)
+    assert content(tmp_path / "two") == content(whole[0])
+
+
+def test_an_interrupted_league_goes_on_to_the_same_bytes(whole: tuple[Path, Any], healthy: Path, tmp_path: Path):
+    def interrupt(what: str, done: int, total: int) -> None:
+        if what == "trials" and done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), listening(interrupt):
+        run(plan(), asked(healthy, second=healthy), tmp_path / "cut")
+    assert len(list((tmp_path / "cut" / "units").iterdir())) == 3 and not (tmp_path / "cut" / "result.json").exists()
+    run(plan(), asked(healthy, second=healthy), tmp_path / "cut")
+    assert content(tmp_path / "cut") == content(whole[0])
+
+
+def test_every_trial_has_one_outcome_for_each_entrant_and_all_kinds_add_up(whole: tuple[Path, dict[str, Any]]):
+    table = whole[1]["table"]
+    for row in table:
+        assert row["isolated"] + row["wrong channel"] + row["missed"] + row["prior"] == row["trials"]
+    one = [row for row in table if (row["reference"], row["faults"], row["entrant"]) == ("as flown", 1, "cusum")]
+    kinds, together = [row for row in one if row["kind"] != "all"], next(row for row in one if row["kind"] == "all")
+    assert sum(row["isolated"] for row in kinds) == together["isolated"]
+    assert together["trials"] == 4 * 6  # six forms, of which two are offsets
+    assert whole[1]["silent"] == ["median"]
+    assert json.loads((whole[0] / "result.json").read_text())["table"] == table
+
+
+def test_the_second_campaign_is_counted_for_those_that_can_fail_somebody(whole: tuple[Path, dict[str, Any]]):
+    counted = {row["entrant"]: row for row in whole[1]["second"]}
+    assert set(counted) == {"cross-channel", "cross-channel bias", "cross-channel shipped", "cusum"}
+    assert all(row["expected"] == pytest.approx(row["hours"]) for row in counted.values())  # one an hour
+
+
+def test_another_league_in_the_folder_is_refused_and_left_alone(whole: tuple[Path, Any], healthy: Path, tmp_path: Path):
+    out = shutil.copytree(whole[0], tmp_path / "copy")
+    with pytest.raises(BadInput, match=r"--out .*: holds another league: seed was 0, is 7"):
+        run(plan(), asked(healthy, second=healthy, seed=7), out)
+    assert content(out) == content(whole[0])
+
+
+def test_a_damaged_unit_is_named_with_its_remedy(whole: tuple[Path, Any], healthy: Path, tmp_path: Path):
+    out = shutil.copytree(whole[0], tmp_path / "copy")
+    unit = sorted((out / "units").iterdir())[2]
+    unit.write_bytes(b"no parquet")
+    with pytest.raises(BadInput, match=rf"{unit.name}: cannot be read .*remove it"):
+        run(plan(), asked(healthy, second=healthy), out)
+    unit.unlink()
+    run(plan(), asked(healthy, second=healthy), out)
+    assert content(out) == content(whole[0])
+
+
+def test_what_is_not_a_league_or_too_short_is_refused_before_anything_is_written(healthy: Path, tmp_path: Path):
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "mine.txt").write_text("x")
+    with pytest.raises(BadInput, match="is no league's folder, and not empty"):
+        run(plan(), asked(healthy), tmp_path / "full")
+    for budget, said in ((1e-4, "is too little for a budget of 0.0001 an hour: 100 h are needed"), (0.0, "--budget")):
+        with pytest.raises(BadInput, match=said):
+            run(plan(), Asked(entrants("cusum"), budget, healthy), tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+def test_the_command_prints_levels_the_table_and_where_ours_loses(whole: tuple[Path, Any], healthy: Path):
+    command = ["league", str(CAMPAIGN), "--managers", "cusum,median", "--budget", "1", "--healthy", str(healthy)]
+    command += ["--second", str(healthy), "--out", str(whole[0]), "--trials", "4", "--workers", "1"]
+    shown = CliRunner().invoke(app, command)
+    assert shown.exit_code == 0 and "calibrated to 1 false isolations an hour and signal, on 0.1 h" in shown.output
+    assert "microseconds a signal and frame" in shown.output
+    data = json.loads(CliRunner().invoke(app, [*command, "--json"]).stdout)
+    assert data["verdict"] == whole[1]["verdict"] and all(sentence in shown.output for sentence in data["verdict"])

@@ -1,0 +1,74 @@
+"""The same faults for all: what one entrant sees does not depend on the others; outcomes of made results."""
+
+import numpy as np
+import polars as pl
+import pytest
+from league_flights import plan
+
+from rig.bench.trials import RESULT
+from rig.errors import BadInput
+from rig.league.calibration import Calibrated
+from rig.league.entrants import Entrant
+from rig.league.trials import Runner, Told, became, of_signals, shared_out
+from rig.reliability.drawn import cell
+
+CUSUM, MEDIAN = Entrant("cusum", "cusum"), Entrant("median", "median")
+
+
+def rows(*entrants: Entrant, unit: int = 0) -> pl.DataFrame:
+    told = Told(list(entrants), {(e.name, "pitch_rate"): Calibrated(e.name, "pitch_rate") for e in entrants})
+    return Runner(plan(), told)(shared_out(plan(), 6, 5)[unit])
+
+
+def test_what_an_entrant_sees_does_not_depend_on_who_else_takes_part_or_in_which_order():
+    alone, first, last = rows(CUSUM), rows(CUSUM, MEDIAN), rows(MEDIAN, CUSUM)
+    for others in (first, last):
+        assert others.filter(pl.col("entrant") == "cusum").equals(alone)
+    assert first.filter(pl.col("entrant") == "median").equals(last.filter(pl.col("entrant") == "median"))
+    twin = rows(MEDIAN, MEDIAN._replace(name="again"))
+    halves = [twin.filter(pl.col("entrant") == name).drop("entrant") for name in ("median", "again")]
+    assert halves[0].equals(halves[1])
+
+
+def test_who_fails_nobody_misses_everything_and_an_offset_moves_its_median_by_less_than_its_size():
+    found = rows(MEDIAN)
+    assert (found["kind"] == "offset").all() and (found["outcome"] == "missed").all()
+    assert found["size"].is_between(0.1, 3.0).all() and found["size"].n_unique() == 6
+    assert (found["peak"] < 0.5).all()
+
+
+def made(*failed_at: list[int]) -> np.ndarray:
+    found = np.zeros(len(failed_at), RESULT)
+    found["failed_at"] = failed_at
+    return found
+
+
+def test_outcomes_by_who_was_failed_when():
+    of = cell(plan(), 0, named=False)  # channel 2 alone
+    results = made([-1, 1510, -1, -1], [-1, 1400, -1, -1], [1600, 1510, -1, -1], [-1, -1, 1499, -1], [-1] * 4)
+    trials = _Onset(np.full(5, 1500))
+    found = became(of, trials, results)  # pyright: ignore[reportArgumentType]  # of trials only the onset counts
+    prior = "prior"
+    assert found["outcome"].tolist() == ["isolated", prior, "wrong channel", prior, "missed"]
+    assert found["delay_s"][0] == pytest.approx(0.1) and np.isnan(found["delay_s"][1:]).all()
+
+
+class _Onset:
+    def __init__(self, onset: np.ndarray) -> None:
+        self.onset = onset
+
+
+def test_an_earlier_fault_that_was_isolated_is_no_isolation_before_the_onset():
+    after = next(n for n in range(len(plan())) if plan().choices[n]["design"] == "after another")
+    of = cell(plan(), after, named=False)  # channel 2 after channel 4
+    found = became(of, _Onset(np.array([1500])), made([-1, 1510, -1, 1480]))  # pyright: ignore[reportArgumentType]
+    assert found["outcome"].tolist() == ["isolated"]
+
+
+def test_a_campaign_without_a_fault_to_detect_is_refused():
+    from rig.campaign.config import read
+    from rig.campaign.plan import Plan
+
+    healthy = Plan(read("docs/examples/league_healthy.toml"), "healthy.toml")
+    with pytest.raises(BadInput, match=r"healthy.toml: run \d+: no fault to detect"):
+        of_signals(healthy)
