@@ -116,8 +116,8 @@ def test_equal_outcomes_have_no_difference():
 def test_a_paired_difference_is_wald_of_the_table_with_half_a_trial_more_in_each_cell(both, first, second, neither):
     counts = np.array([both, first, second, neither])
     scores = np.repeat([0, 1, -1, 0], counts)  # first less second of each trial
-    pairs = [np.repeat(column, counts).astype(bool) for column in ([1, 1, 0, 0], [1, 0, 1, 0])]
-    found = paired_difference(*pairs)
+    first_kept, second_kept = (np.repeat(column, counts).astype(bool) for column in ([1, 1, 0, 0], [1, 0, 1, 0]))
+    found = paired_difference(first_kept, second_kept)
     shares = (counts + 0.5) / (counts.sum() + 2.0)
     mean = shares @ np.array([0, 1, -1, 0])
     half = 1.959964 * np.sqrt((shares @ np.array([0, 1, 1, 0]) - mean**2) / (counts.sum() + 2.0))
