@@ -123,11 +123,7 @@ _ORDER: Final = {
 
 def varied_columns(plan: Plan) -> dict[str, Any]:
     """Return the columns of what varies: a key of the scenario or a group of cases each, typed by all their values."""
-    values: dict[str, set[type]] = {}
-    for choice in plan.choices:
-        for key, value in choice.items():
-            values.setdefault(key, set()).add(type(value))
-    return {key: _type(types) for key, types in values.items() if key not in RUNS}
+    return {key: _type(types) for key, types in plan.value_types().items() if key not in RUNS}
 
 
 def _type(types: set[type]) -> Any:
