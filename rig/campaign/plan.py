@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rig import aircraft
+from rig.assess.requirements import Requirement
 from rig.campaign.config import Campaign, Levels
 from rig.campaign.sampling import Choice, choices, seed_of
 from rig.errors import BadInput
@@ -53,6 +54,7 @@ class Plan:
     """A campaign's runs, each made when asked for."""
 
     of_one_draw = 1  # runs that share a seed
+    requirements: tuple[Requirement, ...] = ()  # measured on each flight
 
     def __init__(self, campaign: Campaign, source: str, trust: Trust | None = None) -> None:
         """Raise BadInput, naming ``source``: a ``[set]`` key that cannot be laid over the base.

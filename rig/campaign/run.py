@@ -32,7 +32,8 @@ AHEAD: Final = 2  # batches handed out for each worker: one it flies, one that w
 NOT_FLOWN: Final = ("crashed", "timed out", "failed", "unit dead", "unit refused")
 PATIENCE: Final = 10  # workers that may die in a row without a single batch coming in
 
-Task = tuple[Callable[[Sequence[Run], Orders], Rows], list[int]]
+Batch = Callable[[Sequence[Run], Orders], Rows]
+Task = tuple[Batch, list[int]]
 
 
 @dataclass
@@ -145,6 +146,7 @@ def orders_of(folder: Folder, logs: str | None = None) -> Orders:
         rig=rig_identity(),
         unit=unit,
         unit_sha256="" if unit is None else unit.sha256(),
+        requirements=plan.requirements,
     )
 
 
@@ -185,11 +187,12 @@ class Flying:
     progress: Progress
     out: dict[Future[Rows], list[int]] = field(default_factory=dict)  # handed out
     deaths: int = 0  # of workers, since a batch last came in
+    batch: Batch = fly_batch
 
     def fly(self, missing: Sequence[int], size: int, stop: Stop, report: Report | None) -> None:
         """Hand out and take in until nothing waits, or, asked to stop, nothing is under way, or at once."""
         waiting: deque[Task] = deque(
-            (fly_batch, list(missing[first : first + size])) for first in range(0, len(missing), size)
+            (self.batch, list(missing[first : first + size])) for first in range(0, len(missing), size)
         )
         while (self.out or (waiting and not stop.requested)) and not stop.insisted:
             if stop.requested:

@@ -138,7 +138,13 @@ def schema(plan: Plan, table: str) -> dict[str, Any]:
     if table != "runs":
         return COLUMNS[table]
     first = {"run": RUNS["run"], "seed": RUNS["seed"]}
-    return {**first, **varied_columns(plan), **{k: v for k, v in RUNS.items() if k not in first}}
+    measured = {name: kind for each in plan.requirements for name, kind in of_requirement(each.id).items()}
+    return {**first, **varied_columns(plan), **measured, **{k: v for k, v in RUNS.items() if k not in first}}
+
+
+def of_requirement(name: str) -> dict[str, Any]:
+    """Return the columns of a requirement in ``runs``: its verdict over all signals, and the least margin."""
+    return {f"verdict {name}": pl.String, f"margin {name}": pl.Float64}
 
 
 def frame(plan: Plan, table: str, rows: Sequence[Row]) -> pl.DataFrame:
@@ -146,10 +152,10 @@ def frame(plan: Plan, table: str, rows: Sequence[Row]) -> pl.DataFrame:
     columns = schema(plan, table)
     if table == "runs":
         rows = [{**plan.choices[row["run"]], **row} for row in rows]
-    return pl.DataFrame([{n: _cell(row.get(n), kind) for n, kind in columns.items()} for row in rows], schema=columns)
+    return pl.DataFrame([{n: cell(row.get(n), kind) for n, kind in columns.items()} for row in rows], schema=columns)
 
 
-def _cell(value: Any, kind: Any) -> Any:
+def cell(value: Any, kind: Any) -> Any:
     """Convert a value of a column; one that varies may be of several kinds, and is then written as JSON."""
     as_it_is = value is None or isinstance(value, str) or kind != pl.String
     return value if as_it_is else json.dumps(value, sort_keys=True)

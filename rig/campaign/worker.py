@@ -31,10 +31,20 @@ from typing import IO, Any, Final
 
 from rig import aircraft
 from rig.assess import Score, fly_twin, score
+from rig.assess.requirements import Requirement, check_rows
 from rig.campaign.flying import CampaignFlight, fly, write_log
 from rig.campaign.plan import Run, rig_identity
 from rig.campaign.pool import leave_interrupts_to_parent
-from rig.campaign.rows import TABLES, Rows, alarm_rows, episode_rows, fault_rows, run_row, signal_rows
+from rig.campaign.rows import (
+    TABLES,
+    Rows,
+    alarm_rows,
+    episode_rows,
+    fault_rows,
+    requirement_row,
+    run_row,
+    signal_rows,
+)
 from rig.errors import RigError, UnitDead, UnitRefused
 from rig.scenario import load
 from rig.unit.settings import Unit
@@ -60,6 +70,7 @@ class Orders:
     rig: str  # sources and packages that fly; a worker with others refuses
     unit: Unit | None = None  # under test, and the hash of its build
     unit_sha256: str = ""
+    requirements: tuple[Requirement, ...] = ()  # measured on each flight
 
 
 def fly_batch(runs: Sequence[Run], orders: Orders) -> Rows:
@@ -91,7 +102,10 @@ def fly_run(run: Run, orders: Orders) -> Rows:
             flight = fly(run.scenario(_tables(run.aircraft)), tested)
             twin = fly_twin(flight.scenario, unit=tested) if orders.twin else None
             scored = score(flight.scenario, flight.rows, twin, clean=flight.clean, lanes=flight.lanes)
+            asked = orders.requirements
+            verdicts = check_rows(flight.rows, flight.scenario, asked) if asked else ()
         rows = _rows(run.number, flight, scored)
+        rows["runs"][0] |= requirement_row(verdicts)
     except (UnitDead, UnitRefused) as error:
         return not_flown(run, "unit dead" if isinstance(error, UnitDead) else "unit refused", str(error))
     except (Exception, SystemExit) as error:  # noqa: BLE001 # whatever a flight raises is its own failure

@@ -89,8 +89,10 @@ class ConfirmPlan(Plan):
 
     def __init__(self, search: SearchPlan) -> None:
         super().__init__(search.campaign, search.source, search.trust)
+        self.requirements = search.requirements
         self.choices: list[Choice] = []
-        self._identity = {**search.identity(), "confirms": True}
+        made = search.identity()
+        self._identity = {**made, SEARCH: {**made[SEARCH], "confirms": True}}
 
     def __len__(self) -> int:
         return MOST_CONFIRMING

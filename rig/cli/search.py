@@ -1,0 +1,112 @@
+"""``rig search``: the worst case that a campaign's space holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+from typer import Argument, Exit, Option, echo
+
+from rig.cli import complete
+from rig.cli.common import AllowCodeOrSet, Json, Seed, Sets, Workers, emit
+from rig.cli.table import field, line
+from rig.cli.working import working
+from rig.errors import BadInput
+from rig.util.interrupt import CODE
+
+if TYPE_CHECKING:
+    from rig.search.plan import SearchPlan
+    from rig.search.run import Ended
+
+_METHODS: Final = ("cma", "random")
+_WIDTH: Final = 11
+
+
+def search(
+    campaign: Annotated[
+        str,
+        Argument(
+            metavar="FILE|NAME",
+            help="A campaign: its ranges within each combination of cases are searched.",
+            show_default=False,
+            autocompletion=complete.campaigns,
+        ),
+    ],
+    requirement: Annotated[
+        list[str], Option(metavar="ID", help="What is to be violated; repeatable: any of them.", show_default=False)
+    ],
+    flights: Annotated[int, Option(metavar="N", help="Flights of the search, a tenth at random.", min=1, max=10**6)],
+    out: Annotated[
+        Path, Option(metavar="DIR", help="Folder of the search; a begun one is continued.", show_default=False)
+    ],
+    method: Annotated[str, Option(metavar="cma|random", help="How flights are chosen after the random ones.")] = "cma",
+    against: Annotated[
+        str | None,
+        Option(metavar="KEY=VALUE", help="Fly each draw with this too: what one violates, the other meets.",
+               show_default=False),
+    ] = None,
+    requirements: Annotated[
+        list[str] | None,
+        Option(metavar="NAME|FILE", help="Where the ids are; repeatable.", show_default="all bundled sets"),
+    ] = None,
+    bench: Annotated[bool, Option("--bench", help="Open loop: one signal over the truth of a healthy flight.")] = False,
+    scheduler: Annotated[
+        str | None,
+        Option(metavar="URL", help="A Dask scheduler, tcp://HOST:PORT, in place of processes.", show_default=False),
+    ] = None,
+    seed: Seed = 0,
+    workers: Workers = 2,
+    sets: Sets = None,
+    allow_code: AllowCodeOrSet = False,
+    as_json: Json = False,
+) -> None:  # fmt: skip
+    """Search for the worst case: the flight that violates a requirement by most, confirmed and made simple."""
+    from rig.campaign.pool import get_ready
+
+    if scheduler is None:
+        get_ready()  # beside what follows, which takes a second to be imported and read
+    from rig.search.plan import Asked
+    from rig.search.run import run
+
+    if method not in _METHODS:
+        raise BadInput(f"--method {method}: must be one of {', '.join(_METHODS)}")
+    asked = Asked(tuple(dict.fromkeys(requirement)), flights, method, against, seed, bench)  # type: ignore[arg-type]
+    plan = _plan(campaign, asked, requirements or [], sets or [], allow_code)
+    with working("the search", not as_json, steps=True):
+        ended = run(plan, out, workers=workers, scheduler=scheduler)
+    if ended.interrupted:
+        echo(f"stopped: {ended.flights} of {flights} flights; the same command goes on", err=True)
+        raise Exit(CODE + ended.signal)
+    emit(as_json, ended.figures, lambda: _show(ended, out))
+
+
+def _plan(campaign: str, asked: Any, files: list[str], sets: list[str], allow_code: bool) -> SearchPlan:
+    from rig.campaign.config import find, read
+    from rig.overrides import named_manager, parse_set
+    from rig.search.objective import VOTE, chosen
+    from rig.search.plan import SearchPlan
+    from rig.util.trust import Trust
+
+    given = dict(map(parse_set, sets))
+    source, read_from = str(find(campaign)), read(campaign, given)
+    named = named_manager([*given.items(), *([] if asked.against is None else [parse_set(asked.against)])])
+    requirements = chosen(asked.requirements, files)
+    plan = SearchPlan(read_from, source, asked, Trust(source, allow_code, named))
+    plan.requirements = (*requirements, VOTE)
+    return plan
+
+
+def _show(ended: Ended, out: Path) -> None:
+    """Print what was found, how sure it is, and where it is."""
+    found = ended.figures
+    at_random, worst, confirmed = found["random"], found["worst"], found["confirmed"]
+    field("flights", f"{found['flights']}, {found['violated']} violate; least margin {found['least_margin']:.4g}", width=_WIDTH)
+    bound = f"at most {100 * at_random['upper_95']:.3g} % (95 %)"
+    field("at random", f"{at_random['violated']} of {at_random['flights']} draws violate: {bound}", width=_WIDTH)
+    again = f"{worst['confirmed'][0]} of {worst['confirmed'][1]} new seeds violate"
+    field("worst", f"run {worst['run']}, {worst['arm']}: {again}, median margin {worst['median_margin']:.4g}", width=_WIDTH)
+    if found["scenario"]:
+        field("simplest", f"{found['scenario']}: {confirmed[0]} of {confirmed[1]} other seeds violate", width=_WIDTH)
+    else:
+        line("no new seed violates: no scenario was written")
+    field("folder", f"{out}, table {ended.table_sha256}, {ended.wall_s:.1f} s", width=_WIDTH)
