@@ -100,11 +100,19 @@ def _show(ended: Ended, out: Path) -> None:
     """Print what was found, how sure it is, and where it is."""
     found = ended.figures
     at_random, worst, confirmed = found["random"], found["worst"], found["confirmed"]
-    field("flights", f"{found['flights']}, {found['violated']} violate; least margin {found['least_margin']:.4g}", width=_WIDTH)
+    field(
+        "flights",
+        f"{found['flights']}, {found['violated']} violate; least margin {found['least_margin']:.4g}",
+        width=_WIDTH,
+    )
     bound = f"at most {100 * at_random['upper_95']:.3g} % (95 %)"
     field("at random", f"{at_random['violated']} of {at_random['flights']} draws violate: {bound}", width=_WIDTH)
     again = f"{worst['confirmed'][0]} of {worst['confirmed'][1]} new seeds violate"
-    field("worst", f"run {worst['run']}, {worst['arm']}: {again}, median margin {worst['median_margin']:.4g}", width=_WIDTH)
+    field(
+        "worst",
+        f"run {worst['run']}, {worst['arm']}: {again}, median margin {worst['median_margin']:.4g}",
+        width=_WIDTH,
+    )
     if found["scenario"]:
         field("simplest", f"{found['scenario']}: {confirmed[0]} of {confirmed[1]} other seeds violate", width=_WIDTH)
     else:

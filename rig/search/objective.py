@@ -48,9 +48,7 @@ def measured(rows: Sequence[dict[str, Any]], ids: Iterable[str]) -> Measured:
     margins = [_least(row, ids) for row in rows]
     violated = [any(row.get(f"verdict {name}") == "violated" for name in ids) for row in rows]
     votes = [_least(row, [VOTE.id]) for row in rows]
-    return Measured(
-        margins[0] - sum(margins[1:]), votes[0] - sum(votes[1:]), violated[0] and not any(violated[1:])
-    )
+    return Measured(margins[0] - sum(margins[1:]), votes[0] - sum(votes[1:]), violated[0] and not any(violated[1:]))
 
 
 def _least(row: dict[str, Any], ids: list[str]) -> float:

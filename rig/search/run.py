@@ -18,10 +18,10 @@ from typing import Any, Final
 
 from rig.campaign import table
 from rig.campaign.folder import write_whole
-from rig.campaign.run import Batch, pool_of
+from rig.campaign.run import pool_of
 from rig.campaign.worker import fly_batch
 from rig.overrides import parse_set, set_key
-from rig.search import picture, result
+from rig.search import bench, picture, result
 from rig.search.confirm import SEEDS, Confirmed, Table, confirm, least_apart, new_seeds, worst
 from rig.search.flown import Flown, Interrupted, flown
 from rig.search.objective import Measured, measured
@@ -52,16 +52,18 @@ def run(plan: SearchPlan, out: Path, *, workers: int | None = None, scheduler: s
 
     BadInput before anything is written; RigError when the disk is full or workers keep dying.
     """
-    began, batch = perf_counter(), _batch(plan)
+    began, batch = perf_counter(), bench.run_batch if plan.asked.bench else fly_batch
     pool, kill = pool_of(plan, workers, scheduler), True
     try:
         plan.check()
+        if plan.asked.bench:
+            bench.check(plan)
         with interruptible(again=True) as stop:
             with flown(plan, out, pool, stop, batch) as flights:
                 found, figures = None, {}
                 try:
                     found = _searched(plan, flights)
-                    with flown(ConfirmPlan(plan), out / CONFIRMED, pool, stop, batch) as others:
+                    with flown(ConfirmPlan(plan), out / CONFIRMED, pool, stop) as others:  # open loop or not
                         figures = _finished(plan, found, others, out)
                 except Interrupted:
                     pass
@@ -71,14 +73,6 @@ def run(plan: SearchPlan, out: Path, *, workers: int | None = None, scheduler: s
             return Ended(figures, table.sha256(tables), len(tables["runs"]), perf_counter() - began, *end)
     finally:
         pool.close(kill)
-
-
-def _batch(plan: SearchPlan) -> Batch:
-    if not plan.asked.bench:
-        return fly_batch
-    from rig.search.bench import run_batch
-
-    return run_batch
 
 
 def _searched(plan: SearchPlan, flights: Flown) -> list[Measured]:
@@ -94,7 +88,7 @@ def _searched(plan: SearchPlan, flights: Flown) -> list[Measured]:
         new = [measured(rows[i : i + together], ids) for i in range(0, len(rows), together)]
         results += new
         least = min(result.margin for result in results)
-        tell(f"{len(plan.choices)} flights, least margin {least:.3g}", len(plan.choices), len(plan))
+        tell(f"{len(plan.choices)} flights, least margin {least:.3g}", len(plan.choices) - 1, len(plan))
         try:
             asked = coming.send([each.value for each in new])
         except StopIteration:
