@@ -8,7 +8,6 @@ from typing import Any, Final
 
 from rig.campaign.config import Campaign
 from rig.campaign.plan import Plan
-from rig.campaign.sampling import Choice
 from rig.errors import BadInput
 from rig.overrides import parse_set
 from rig.search.schedule import Draw, Method, random_count, random_draws
@@ -47,7 +46,7 @@ class SearchPlan(Plan):
         self.asked, self.of_one_draw, self.arms = asked, asked.of_one_draw, arms(campaign, source)
         self._against = {} if asked.against is None else dict([_against(asked.against, campaign)])
         self.draws: list[Draw] = []
-        self.choices: list[Choice] = []
+        self.choices = []
         self.add(random_draws(self.arms, random_count(self.arms, self.most_draws, asked.method), asked.seed))
         self.random = len(self.draws)
 
@@ -90,7 +89,7 @@ class ConfirmPlan(Plan):
     def __init__(self, search: SearchPlan) -> None:
         super().__init__(search.campaign, search.source, search.trust)
         self.requirements = search.requirements
-        self.choices: list[Choice] = []
+        self.choices = []
         made = search.identity()
         self._identity = {**made, SEARCH: {**made[SEARCH], "confirms": True}}
 

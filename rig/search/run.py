@@ -29,7 +29,7 @@ from rig.search.plan import ConfirmPlan, SearchPlan
 from rig.search.schedule import schedule
 from rig.search.shrink import SEEDS as SHRINK_SEEDS
 from rig.search.shrink import shrink
-from rig.util.interrupt import Stop, interruptible
+from rig.util.interrupt import interruptible
 from rig.util.progress import tell
 
 CONFIRMED: Final = "confirmed"
