@@ -80,7 +80,7 @@ class SearchPlan(Plan):
 
     def identity(self) -> dict[str, Any]:
         """Return all that decides the table."""
-        return {**super().identity(), SEARCH: asdict(self.asked)}
+        return {**super().identity(), SEARCH: {**asdict(self.asked), "requirements": list(self.asked.requirements)}}
 
 
 class ConfirmPlan(Plan):
