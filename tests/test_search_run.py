@@ -13,7 +13,6 @@ from rig.campaign.config import from_what
 from rig.campaign.folder import open_folder
 from rig.campaign.run import again
 from rig.errors import BadInput
-from rig.flight.assembly import fly
 from rig.scenario import load
 from rig.search import run as running
 from rig.search import shrink as shrinking
@@ -179,6 +178,6 @@ def test_what_open_loop_trials_do_not_have_is_refused(tmp_path: Path):
     made = plan(bench=True)
     made.requirements = (made.requirements[0].model_copy(update={"id": "x", "formula": "departure >= 0.2"}), VOTE)
     with pytest.raises(
-        BadInput, match="^--bench: .*x: formula: column 1: 'departure': an open-loop trial has no departure"
+        BadInput, match=r"^--bench: .*x: formula: column 1: 'departure': an open-loop trial has no departure"
     ):
         run(made, tmp_path / "s", workers=1)

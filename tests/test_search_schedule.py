@@ -101,11 +101,11 @@ def test_points_stay_within_the_cube():
 
 
 def test_a_schedule_depends_on_its_seed_alone():
-    np.random.seed(3)  # noqa: NPY002 # numpy's global generator, which the package would share
-    before = np.random.get_state()[1].copy()  # noqa: NPY002
+    np.random.seed(3)  # numpy's global generator, which the package would share
+    before = np.random.get_state()[1].copy()
     runs = [searched(cube(2), 200, lambda draw: float((draw.point**2).sum()), seed) for seed in (0, 0, 1)]
     assert runs[0][1] == runs[1][1] != runs[2][1]
-    assert np.array_equal(before, np.random.get_state()[1])  # noqa: NPY002
+    assert np.array_equal(before, np.random.get_state()[1])
 
 
 def test_a_search_of_one_number_is_possible():
@@ -134,7 +134,7 @@ def needle(seed: int) -> tuple[Callable[[Draw], float], float]:
 
 
 def test_of_twenty_needles_with_a_slope_eighteen_are_found_in_600_flights():
-    found = {method: 0 for method in ("cma", "random")}
+    found = dict.fromkeys(("cma", "random"), 0)
     for seed in range(20):
         value, share = needle(seed)
         assert share < 1e-3
