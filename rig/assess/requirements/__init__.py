@@ -26,9 +26,19 @@ _HOME = {
     **dict.fromkeys(("Subject", "of_flight", "of_recording"), "subject"),
 }
 __all__ = [
-    *("Requirement", "RequirementsRecorder", "Subject", "Verdict"),
-    *("check_log", "check_rows", "find_requirements", "fly_requirements", "load_requirements", "names_twin"),
-    *("of_flight", "of_recording", "recorder_of"),
+    "Requirement",
+    "RequirementsRecorder",
+    "Subject",
+    "Verdict",
+    "check_log",
+    "check_rows",
+    "find_requirements",
+    "fly_requirements",
+    "load_requirements",
+    "names_twin",
+    "of_flight",
+    "of_recording",
+    "recorder_of",
 ]
 
 
