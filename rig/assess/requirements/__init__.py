@@ -4,6 +4,7 @@ requirement.py  what a file says of one; bundled sets: faults/requirements/
 formula.py      its tree, within bounds, by the grammar of triggers (rig/faults/grammar.py)
 subject.py      what there is to measure: signals, thresholds, faults, limits; columns.py: taken out of rows
 margins.py      verdict and margin of a tree over frames, by sliding minima
+along.py        beside the conclusion of a flight while it is flown; verdicts as plain data
 recorder.py     blocks of rows in, verdicts out; measure.py: of flights, logs and rows
 
 docs/margins.md defines every quantity.
@@ -14,21 +15,37 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rig.assess.requirements.along import MeasuredConclusion, measure_scored, plain, violated
     from rig.assess.requirements.measure import check_log, check_rows, fly_requirements, names_twin, recorder_of
     from rig.assess.requirements.recorder import RequirementsRecorder, Verdict
     from rig.assess.requirements.requirement import Requirement, find_requirements, load_requirements
     from rig.assess.requirements.subject import Subject, of_flight, of_recording
 
 _HOME = {
+    **dict.fromkeys(("MeasuredConclusion", "measure_scored", "plain", "violated"), "along"),
     **dict.fromkeys(("check_log", "check_rows", "fly_requirements", "names_twin", "recorder_of"), "measure"),
     **dict.fromkeys(("RequirementsRecorder", "Verdict"), "recorder"),
     **dict.fromkeys(("Requirement", "find_requirements", "load_requirements"), "requirement"),
     **dict.fromkeys(("Subject", "of_flight", "of_recording"), "subject"),
 }
 __all__ = [
-    *("Requirement", "RequirementsRecorder", "Subject", "Verdict"),
-    *("check_log", "check_rows", "find_requirements", "fly_requirements", "load_requirements", "names_twin"),
-    *("of_flight", "of_recording", "recorder_of"),
+    "MeasuredConclusion",
+    "Requirement",
+    "RequirementsRecorder",
+    "Subject",
+    "Verdict",
+    "check_log",
+    "check_rows",
+    "find_requirements",
+    "fly_requirements",
+    "load_requirements",
+    "measure_scored",
+    "names_twin",
+    "of_flight",
+    "of_recording",
+    "plain",
+    "recorder_of",
+    "violated",
 ]
 
 

@@ -141,9 +141,10 @@ class _Departure:
             _share(-truth[:, n_z], -trim[n_z], -limits.load_factor_min),
         ]
         for key, names in _SYMMETRIC:
-            bound = getattr(limits, key)
-            for place in () if bound is None else map(INDEX.__getitem__, names):
-                found.append(_share(np.abs(truth[:, place]), abs(trim[place]), bound))
+            bound: float | None = getattr(limits, key)
+            if bound is not None:
+                places = [INDEX[name] for name in names]
+                found += [_share(np.abs(truth[:, place]), abs(trim[place]), bound) for place in places]
         least = np.min(found, axis=0)
         not_flown = 1.0 - (rows["frame"] + 1.0) / self._subject.frames
         return np.where(rows["end"] != End.FLYING, np.minimum(least, -not_flown), least)

@@ -22,6 +22,7 @@ YES_NO: Final = ("failed", "healthy", "lost", "unit.late")
 OTHERS: Final = ("departure", "lost", "unit.late")
 TWIN: Final = "twin."
 SIGNAL: Final = "{signal}"
+CHANNEL: Final = "{channel}"  # of a signal; a formula holds for each that is fitted
 _WINDOWS: Final = (Op.ALWAYS, Op.EVENTUALLY, Op.ONCE, Op.UNTIL)
 COMPARISONS: Final = (Op.LESS, Op.LESS_EQUAL, Op.GREATER, Op.GREATER_EQUAL, Op.EQUAL, Op.NOT_EQUAL)
 _UNARY: Final = (Op.NEGATE, Op.ABS, Op.NOT, Op.ALWAYS, Op.EVENTUALLY, Op.ONCE)
@@ -170,4 +171,7 @@ def unknown_family(name: str) -> str:
 
 def check_formula(text: str) -> None:
     """Refuse a formula that no flight or recording could be measured by: Refused, with its column."""
-    read_formula(text.replace(SIGNAL, "signal"), lambda name: split(name) is not None, _may_hold, unknown_family)
+    if CHANNEL in text and SIGNAL not in text:
+        raise Refused(f"{CHANNEL} goes with {SIGNAL}", text.index(CHANNEL) + 1)
+    text = text.replace(SIGNAL, "signal").replace(CHANNEL, "1")
+    read_formula(text, lambda name: split(name) is not None, _may_hold, unknown_family)

@@ -23,7 +23,7 @@ from rig.util.trust import Trust
 
 def names_twin(requirements: Sequence[Requirement]) -> bool:
     """Return True if a formula names the twin, which must then be flown."""
-    return any("twin." in each.formula for each in requirements)
+    return any(each.names_twin for each in requirements)
 
 
 def recorder_of(
@@ -85,11 +85,16 @@ def check_rows(
 
 
 def check_log(
-    path: Path | str, requirements: Sequence[Requirement], unit: UnitUnderTest | None = None, allow_code: bool = False
+    path: Path | str,
+    requirements: Sequence[Requirement],
+    unit: UnitUnderTest | None = None,
+    allow_code: bool = False,
+    twin: bool = True,
 ) -> tuple[Verdict, ...]:
     """Measure requirements on the flight in a log, block by block; return the verdicts.  BadInput names the log.
 
-    unit : under test, that flew it and flies the twin; allow_code : a manager class that the log names may be run
+    twin : False: it is not flown, whatever names it; unit : under test, that flew it and flies the twin
+    allow_code : a manager class that the log names may be run
     """
     path = Path(path)
     log = LogFile.open(path)
@@ -99,12 +104,12 @@ def check_log(
     scenario = pressed(
         from_resolved(resolved, f"{path}: scenario", Trust(str(path), allow_code)), log.result, str(path)
     )
-    if names_twin(requirements):
+    if twin and names_twin(requirements):
         scenario.trust.require(scenario.redundancy.manager)
         if "unit" in log.metadata and unit is None:
             raise BadInput(f"{path}: a unit under test flew it: its twin needs --unit FILE")
     try:
-        recorder = recorder_of(scenario, requirements, unit=unit)
+        recorder = recorder_of(scenario, requirements, twin, unit)
         for block in log.blocks():
             recorder.record(block.rows)
     except BadInput as error:

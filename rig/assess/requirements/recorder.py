@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.assess.requirements.columns import Columns, TwinColumns, acting_bits
-from rig.assess.requirements.formula import SIGNAL, Formula, read_formula
+from rig.assess.requirements.formula import CHANNEL, SIGNAL, Formula, read_formula
 from rig.assess.requirements.margins import Held, decisive, frames_reach, refuse_empty_windows, values
 from rig.assess.requirements.requirement import Requirement
 from rig.assess.requirements.subject import Quantity, Subject, holds, lookup, unknown_of
@@ -32,6 +32,11 @@ class Verdict(NamedTuple):
     margin: float  # NaN where it is not applicable
     instant_s: float  # whose numbers give the margin
     values: dict[str, tuple[float, str]]  # quantities of the formula at that instant, with their SI units
+
+
+def not_applicable(requirement: str, signal: str = "") -> Verdict:
+    """Return the verdict where nothing was there to decide on."""
+    return Verdict(requirement, signal, "not applicable", np.nan, np.nan, {})
 
 
 @dataclass(slots=True)
@@ -66,6 +71,7 @@ class RequirementsRecorder:
         twin : the rows of the same flight without faults; required where a formula names ``twin.``
         """
         self.subject, quantities = subject, dict[str, Quantity]()
+        self.requirements = tuple(requirements)
         self.measured = [one for each in requirements for one in _bind(each, subject, quantities)]
         own = [q for q in quantities.values() if not q.parts.twin]
         of_twin = [q for q in quantities.values() if q.parts.twin]
@@ -108,7 +114,14 @@ class RequirementsRecorder:
         """Return the verdicts: the flight is over, whatever windows reach beyond its end."""
         for one in self.measured:
             self._measure(one, list(one.pending), (self._end, self._lost))
-        return tuple(self._verdict(one) for one in self.measured)
+        least: dict[tuple[str, str], Measured] = {}  # of the channels
+        for one in self.measured:
+            key = one.requirement.id, one.signal
+            least[key] = min(least.get(key, one), one, key=lambda each: each.least)
+        found = {each.id: list[Verdict]() for each in self.requirements}
+        for (id_, _), one in least.items():
+            found[id_].append(self._verdict(one))
+        return tuple(one for id_, all_of in found.items() for one in all_of or [not_applicable(id_)])
 
     def _room(self, n: int) -> NDArray[np.float64]:
         """Return memory for the next ``n`` frames behind those that are held."""
@@ -139,20 +152,21 @@ class RequirementsRecorder:
         """Return what became of a formula."""
         margin, verdict = one.least
         if one.instant < 0:
-            return Verdict(one.requirement.id, one.signal, "not applicable", np.nan, np.nan, {})
+            return not_applicable(one.requirement.id, one.signal)
         numbers = {
             name: (value, self.quantities[place].unit)
             for name, place, value in zip(one.formula.names, one.places, one.numbers, strict=True)
         }
         status: Status = "met" if verdict > 0.0 else "violated"
-        return Verdict(one.requirement.id, one.signal, status, margin, one.instant / self.subject.rate_hz, numbers)
+        at_s = one.instant / self.subject.rate_hz
+        return Verdict(one.requirement.id, one.signal, status, margin + 0.0, at_s, numbers)  # 0.0, never -0.0
 
 
 def _bind(requirement: Requirement, subject: Subject, quantities: dict[str, Quantity]) -> list[Measured]:
     """Return the formulas of a requirement on the subject's signals; their ``quantities`` are added."""
     measured: list[Measured] = []
-    for signal in _signals(requirement, subject):
-        formula = _formula(requirement, signal, subject)
+    for signal, text in _texts(requirement, subject):
+        formula = _formula(requirement, text, subject)
         found = {name: lookup(name, subject) for name in formula.names}
         quantities |= {name: quantity for name, quantity in found.items() if quantity is not None}
         try:
@@ -177,8 +191,16 @@ def _signals(requirement: Requirement, subject: Subject) -> list[str]:
     return named if SIGNAL in requirement.formula else [""]
 
 
-def _formula(requirement: Requirement, signal: str, subject: Subject) -> Formula:
-    text = requirement.formula.replace(SIGNAL, signal)
+def _texts(requirement: Requirement, subject: Subject) -> Iterator[tuple[str, str]]:
+    """Yield signal and text of the formulas of a requirement: of each signal, and of each of its channels."""
+    fitted = {watched.name: watched.channels for watched in subject.signals}
+    for signal in _signals(requirement, subject):
+        text = requirement.formula.replace(SIGNAL, signal)
+        for channel in range(1, fitted[signal] + 1) if CHANNEL in text else (0,):
+            yield signal, text.replace(CHANNEL, str(channel))
+
+
+def _formula(requirement: Requirement, text: str, subject: Subject) -> Formula:
     try:
         return read_formula(
             text,

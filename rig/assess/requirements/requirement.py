@@ -42,6 +42,11 @@ class Requirement(Settings):
         return formula
 
     @property
+    def names_twin(self) -> bool:
+        """Whether the formula names the same flight without faults."""
+        return "twin." in self.formula
+
+    @property
     def where(self) -> str:
         """File and id, for messages."""
         return f"{self._file}: {self.id}" if self._file else f"requirement {self.id}"

@@ -154,4 +154,5 @@ def unknown_of(name: str, subject: Subject) -> str:
         return f"{quoted(name)}: {parts.of} has channels 1 to {fitted}"
     if parts.of in listed:
         return f"{quoted(name)}: a discrete has no {parts.family}"
-    return f"{quoted(name)}: {subject.called} has no signal {quoted(parts.of)}, {choices(parts.of, listed)}"
+    known = [*listed, *(FLIGHT_INDEX if parts.family == "truth" and "flight" in subject.offers else ())]
+    return f"{quoted(name)}: {subject.called} has no signal {quoted(parts.of)}, {choices(parts.of, known)}"
