@@ -133,7 +133,7 @@ def test_the_runs_of_a_search_are_flown_again_as_those_of_a_campaign(whole: tupl
     number = whole[1].figures["worst"]["run"]
     flight, digest = again(folder, number, tmp_path)
     assert flight.digest == digest and number > 0
-    assert folder.status()["done"] == whole[1].flights
+    assert folder.status()["done"] == whole[1].flights and folder.status()["table_sha256"] == whole[1].table_sha256
     with pytest.raises(BadInput, match="confirming flights"):
         open_folder(whole[0] / "confirmed")
 

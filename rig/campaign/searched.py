@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import polars as pl
 
 from rig.campaign import table
-from rig.campaign.config import Campaign, Levels
+from rig.campaign.config import Campaign, Levels, Range
 from rig.campaign.plan import Plan
 from rig.errors import BadInput
 from rig.overrides import parse_set
@@ -29,10 +29,10 @@ class SearchedPlan(Plan):
         against = search.get("against")
         self._against = {} if against is None else dict([parse_set(against)])
         self.of_one_draw = 2 if self._against else 1
-        self._types = super().value_types() | {key: {type(value)} for key, value in self._against.items()}
+        self._types = types_of(campaign, self._against)
 
     def value_types(self) -> dict[str, set[type]]:
-        """Return the types of the campaign's own draws, and of what every second flight has."""
+        """Return the types of all values that a search may choose."""
         return self._types
 
     def choose(self, runs: pl.DataFrame) -> None:
@@ -46,6 +46,16 @@ class SearchedPlan(Plan):
             {key: _value(row[key], listed.get(key, ()), kinds[key]) for key in row if row[key] is not None}
             for row in ({key: flown[number][key] for key in keys} if number in flown else {} for number in range(most))
         ]
+
+
+def types_of(campaign: Campaign, against: Mapping[str, Any]) -> dict[str, set[type]]:
+    """Return the types of each key's values in the order of the campaign, then of what every second flight has."""
+    types: dict[str, set[type]] = {group: {str} for group in campaign.cases}
+    for key, vary in campaign.varied():
+        listed = {*map(type, vary.values)} if isinstance(vary, Levels) else set()
+        number = {int if isinstance(vary, Range) and vary.whole else float}
+        types[key] = types.get(key, set()) | (listed or number)
+    return types | {key: {type(value)} for key, value in against.items()}
 
 
 def _value(held: Any, listed: Sequence[Any], kind: Any) -> Any:

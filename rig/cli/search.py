@@ -84,12 +84,12 @@ def _plan(campaign: str, asked: Any, files: list[str], sets: list[str], allow_co
     from rig.campaign.config import find, read
     from rig.overrides import named_manager, parse_set
     from rig.search.objective import VOTE, chosen
-    from rig.search.plan import SearchPlan
+    from rig.search.plan import SearchPlan, parse_against
     from rig.util.trust import Trust
 
     given = dict(map(parse_set, sets))
     source, read_from = str(find(campaign)), read(campaign, given)
-    named = named_manager([*given.items(), *([] if asked.against is None else [parse_set(asked.against)])])
+    named = named_manager([*given.items(), *([] if asked.against is None else [parse_against(asked.against)])])
     requirements = chosen(asked.requirements, files)
     plan = SearchPlan(read_from, source, asked, Trust(source, allow_code, named))
     plan.requirements = (*requirements, VOTE)

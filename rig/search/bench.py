@@ -52,7 +52,7 @@ _places: dict[str, Place] = {}  # of this worker, the last few
 def run_batch(runs: Sequence[Run], orders: Orders) -> Rows:
     """Run trials one after the other, as ``campaign.worker.fly_batch`` flies.  RigError: another version of the rig."""
     check_rig(orders)
-    return {**{table: [] for table in TABLES}, "runs": [_row(each, orders.requirements) for each in runs]}
+    return {**{table: [] for table in TABLES}, "runs": [trial_row(each, orders.requirements) for each in runs]}
 
 
 def check(plan: Plan) -> None:
@@ -69,7 +69,8 @@ def check(plan: Plan) -> None:
             raise BadInput(f"--bench: {error}") from None
 
 
-def _row(each: Run, requirements: Sequence[Requirement]) -> dict[str, Any]:
+def trial_row(each: Run, requirements: Sequence[Requirement]) -> dict[str, Any]:
+    """Return the row of one trial in ``runs``."""
     key = _common(each.data)
     if key not in _places:
         for old in list(_places)[: max(0, len(_places) - _MOST_PLACES)]:

@@ -14,9 +14,9 @@ TIE: Final = 1e-6  # of the margin of the vote, which is at most 1000: less than
 NONE: Final = 1000.0  # margin where no requirement applies, or nothing was flown
 VOTE: Final = Requirement(
     id="vote-of-search",
-    text="Ties: the vote stays within the threshold of the truth",
+    text="Ties: the vote stays within the threshold of the truth, or the signal is lost",
     at="each onset",
-    formula="always[0, 60] abs(error.{signal}) <= threshold.{signal}",
+    formula="always[0, 60] (abs(error.{signal}) <= threshold.{signal} or 1000 * level.{signal} < 500)",
 )
 
 

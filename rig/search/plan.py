@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from rig.campaign.config import Campaign
 from rig.campaign.plan import Plan
+from rig.campaign.searched import types_of
 from rig.errors import BadInput
 from rig.overrides import parse_set
 from rig.search.schedule import Draw, Method, random_count, random_draws
@@ -44,7 +45,10 @@ class SearchPlan(Plan):
         drawn = campaign.model_copy(update={"sampling": "random", "runs": asked.flights, "seed": asked.seed})
         super().__init__(drawn, source, trust)
         self.asked, self.of_one_draw, self.arms = asked, asked.of_one_draw, arms(campaign, source)
-        self._against = {} if asked.against is None else dict([_against(asked.against, campaign)])
+        self._against = {} if asked.against is None else dict([parse_against(asked.against)])
+        for key in self._against:
+            if key in dict(campaign.varied()) or key in campaign.cases:
+                raise BadInput(f"--against {key}: varies in the campaign: only what all flights share is set against")
         self.draws: list[Draw] = []
         self.choices = []
         self.add(random_draws(self.arms, random_count(self.arms, self.most_draws, asked.method), asked.seed))
@@ -66,6 +70,10 @@ class SearchPlan(Plan):
             self.choices += [choice, {**choice, **self._against}][: self.of_one_draw]
         self.draws += draws
         return list(range(before, len(self.choices)))
+
+    def value_types(self) -> dict[str, set[type]]:
+        """Return the types of all values that may be chosen."""
+        return types_of(self.campaign, self._against)
 
     def check(self) -> None:
         """Build the scenarios of all random flights; BadInput names the file, or the option, and the key."""
@@ -119,12 +127,9 @@ class ConfirmPlan(Plan):
         return self._identity
 
 
-def _against(text: str, campaign: Campaign) -> tuple[str, Any]:
+def parse_against(text: str) -> tuple[str, Any]:
     """Return key and value of ``--against``."""
     try:
-        key, value = parse_set(text)
+        return parse_set(text)
     except BadInput as error:
         raise BadInput(str(error).replace("--set", "--against", 1)) from None
-    if key in dict(campaign.varied()) or key in campaign.cases:
-        raise BadInput(f"--against {key}: varies in the campaign: only what all flights share can be set against it")
-    return key, value
