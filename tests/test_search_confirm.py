@@ -34,7 +34,7 @@ def test_a_flight_that_tells_nothing_is_never_the_worst():
 
 def test_against_another_setting_the_difference_counts_and_the_other_must_meet():
     worse = measured([row(-2.0, "violated"), row(1.0, "met", 0.7)], ["a"])
-    assert worse == Measured(-3.0, pytest.approx(-0.2), True)
+    assert worse == (-3.0, pytest.approx(-0.2), True)
     assert not measured([row(-2.0, "violated"), row(-0.5, "violated")], ["a"]).violated
 
 

@@ -22,44 +22,52 @@ _METHODS: Final = ("cma", "random")
 _WIDTH: Final = 11
 
 
+Space = Annotated[
+    str,
+    Argument(
+        metavar="FILE|NAME",
+        help="A campaign: its ranges within each combination of cases are searched.",
+        show_default=False,
+        autocompletion=complete.campaigns,
+    ),
+]
+Ids = Annotated[
+    list[str], Option(metavar="ID", help="What is to be violated; repeatable: any of them.", show_default=False)
+]
+Flights = Annotated[int, Option(metavar="N", help="Flights of the search, a tenth at random.", min=1, max=10**6)]
+Out = Annotated[Path, Option(metavar="DIR", help="Folder of the search; a begun one is continued.", show_default=False)]
+Method = Annotated[str, Option(metavar="cma|random", help="How flights are chosen after the random ones.")]
+Against = Annotated[
+    str | None,
+    Option(metavar="KEY=VALUE", help="Find what violates and, with this set too, does not.", show_default=False),
+]
+Sources = Annotated[
+    list[str] | None,
+    Option(metavar="NAME|FILE", help="Where the ids are; repeatable.", show_default="all bundled sets"),
+]
+Bench = Annotated[bool, Option("--bench", help="Search open loop: one signal over the truth of a healthy flight.")]
+Scheduler = Annotated[
+    str | None,
+    Option(metavar="URL", help="A Dask scheduler, tcp://HOST:PORT, in place of processes.", show_default=False),
+]
+
+
 def search(
-    campaign: Annotated[
-        str,
-        Argument(
-            metavar="FILE|NAME",
-            help="A campaign: its ranges within each combination of cases are searched.",
-            show_default=False,
-            autocompletion=complete.campaigns,
-        ),
-    ],
-    requirement: Annotated[
-        list[str], Option(metavar="ID", help="What is to be violated; repeatable: any of them.", show_default=False)
-    ],
-    flights: Annotated[int, Option(metavar="N", help="Flights of the search, a tenth at random.", min=1, max=10**6)],
-    out: Annotated[
-        Path, Option(metavar="DIR", help="Folder of the search; a begun one is continued.", show_default=False)
-    ],
-    method: Annotated[str, Option(metavar="cma|random", help="How flights are chosen after the random ones.")] = "cma",
-    against: Annotated[
-        str | None,
-        Option(metavar="KEY=VALUE", help="Fly each draw with this too: what one violates, the other meets.",
-               show_default=False),
-    ] = None,
-    requirements: Annotated[
-        list[str] | None,
-        Option(metavar="NAME|FILE", help="Where the ids are; repeatable.", show_default="all bundled sets"),
-    ] = None,
-    bench: Annotated[bool, Option("--bench", help="Open loop: one signal over the truth of a healthy flight.")] = False,
-    scheduler: Annotated[
-        str | None,
-        Option(metavar="URL", help="A Dask scheduler, tcp://HOST:PORT, in place of processes.", show_default=False),
-    ] = None,
+    campaign: Space,
+    requirement: Ids,
+    flights: Flights,
+    out: Out,
+    method: Method = "cma",
+    against: Against = None,
+    requirements: Sources = None,
+    bench: Bench = False,
+    scheduler: Scheduler = None,
     seed: Seed = 0,
     workers: Workers = 2,
     sets: Sets = None,
     allow_code: AllowCodeOrSet = False,
     as_json: Json = False,
-) -> None:  # fmt: skip
+) -> None:
     """Search for the worst case: the flight that violates a requirement by most, confirmed and made simple."""
     from rig.campaign.pool import get_ready
 
