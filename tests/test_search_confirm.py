@@ -1,5 +1,6 @@
 """What becomes of the least margins: candidates apart, the worst by violations, made simple while it violates."""
 
+import json
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,12 +17,14 @@ from rig.search.shrink import MOST, TRIES, shrink
 SEEDS = (11, 12, 13, 14, 15)
 
 
-def row(margin: float | None, verdict: str, vote: float = 0.5) -> dict[str, object]:
-    return {"margin a": margin, "verdict a": verdict, f"margin {VOTE.id}": vote}
+def row(margin: float | None, status: str, vote: float = 0.5, **others: float) -> dict[str, object]:
+    told = [("a", margin, status), (VOTE.id, vote, "met"), *((name, more, "met") for name, more in others.items())]
+    keys = ("requirement", "margin", "status")
+    return {"requirements": json.dumps([dict(zip(keys, each, strict=True)) for each in told])}
 
 
 def test_the_least_requirement_counts_and_the_vote_settles_ties():
-    both = {**row(-1.0, "violated", 0.4), "margin b": 2.0, "verdict b": "met"}
+    both = row(-1.0, "violated", 0.4, b=2.0)
     assert measured([both], ["a", "b"]) == Measured(-1.0, 0.4, True)
     closer, farther = measured([row(1.0, "met", 0.1)], ["a"]), measured([row(1.0, "met", 0.9)], ["a"])
     assert closer.value < farther.value < measured([row(1.001, "met", -1.0)], ["a"]).value

@@ -22,14 +22,12 @@ from typing import Any, Final
 
 import polars as pl
 
-from rig.assess.requirements import Requirement
 from rig.campaign import parts, table
 from rig.campaign.config import from_what
 from rig.campaign.plan import Plan, rig_identity
 from rig.campaign.rows import TABLES, Rows
 from rig.campaign.searched import SearchedPlan
 from rig.errors import BadInput, RigError
-from rig.settings import build
 from rig.unit.settings import Unit
 from rig.util.files import DRAFT, is_file, replaced, reported
 from rig.util.outputs import CAMPAIGN
@@ -74,9 +72,7 @@ class Folder:
     def about(self) -> dict[str, Any]:
         """Return the content of ``campaign.json``."""
         unit = {} if self.unit is None else {"unit": self.unit.about()}
-        measured = [each.model_dump(mode="json", exclude_none=True) for each in self.plan.requirements]
-        asked = {"requirements": measured} if measured else {}
-        return {"format": _FORMAT, "rig": rig_identity(), **self.plan.identity(), **asked, **unit}
+        return {"format": _FORMAT, "rig": rig_identity(), **self.plan.identity(), **unit}
 
     def require(self, unit: Unit | None) -> None:
         """Raise BadInput when the campaign was flown with another unit than ``unit``, or another build of it."""
@@ -155,7 +151,6 @@ def open_folder(path: Path, allow_code: bool = False) -> Folder:
     search = held.get("search")
     if search is not None:
         plan = SearchedPlan(plan.campaign, str(about), trust, search)
-    plan.requirements = tuple(build(Requirement, each, str(about)) for each in held.get("requirements", ()))
     folder = Folder(path, plan)
     if isinstance(plan, SearchedPlan):
         plan.choose(folder.tables["runs"])

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rig import aircraft
-from rig.assess.requirements import Requirement
+from rig.assess.requirements import Requirement, recorder_of
 from rig.campaign.config import Campaign, Levels
 from rig.campaign.sampling import Choice, choices, seed_of
 from rig.errors import BadInput
@@ -24,7 +24,7 @@ CHECKED: Final = 5_000  # runs whose scenario is built before the first flight; 
 # What looks at flights, or hands them out, decides nothing in them.
 ROOMS = ("bench", "campaign", "cli", "design", "public", "recordings", "reliability", "replay", "studies", "view")
 BESIDE = (*ROOMS, "league", "search", "flight/frame_cost.py", "__main__.py", "faults/catalogue.py")
-FLIES = ("campaign/flying.py", "campaign/rows.py", "campaign/worker.py")
+FLIES = ("campaign/flying.py", "campaign/requirements.py", "campaign/rows.py", "campaign/worker.py")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,6 @@ class Plan:
     """A campaign's runs, each made when asked for."""
 
     of_one_draw = 1  # runs that share a seed
-    requirements: tuple[Requirement, ...] = ()  # measured on each flight
 
     def __init__(self, campaign: Campaign, source: str, trust: Trust | None = None) -> None:
         """Raise BadInput, naming ``source``: a ``[set]`` key that cannot be laid over the base.
@@ -76,6 +75,12 @@ class Plan:
 
     def __len__(self) -> int:
         return len(self.choices)
+
+    @cached_property
+    def requirements(self) -> tuple[Requirement, ...]:
+        """Return what every run is measured by.  BadInput: a folder's that is no requirement any more."""
+        given = self.campaign.requirements or []
+        return tuple(build(Requirement, each, f"{self.source}: requirements") for each in given)
 
     def count(self, runs: int | None) -> int:
         """Return how many runs ``--runs`` asks for; BadInput when the plan has not so many."""
@@ -131,6 +136,11 @@ class Plan:
             reason = str(error).removeprefix(f"run {run.number}: ")
             raise BadInput(f"{self.source}: run {run.number}: {reason}") from None
         self.trust.require(scenario.redundancy.manager)
+        if self.requirements and run.number in self._combinations:
+            try:
+                recorder_of(scenario, self.requirements, iter(()))
+            except BadInput as error:
+                raise BadInput(f"{self.source}: run {run.number}: {error}") from None
 
     def identity(self) -> dict[str, Any]:
         """Return all that decides the table: the campaign, and the tables of every aircraft in it."""

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Final, get_args
 
 from rig.assess import FaultScore, Score
 from rig.assess.record import ISOLATIONS, Outcome
-from rig.assess.requirements import Verdict as RequirementVerdict
 from rig.assess.words import PUBLIC
 from rig.campaign.servos import run_columns
 from rig.faults import Fault
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
 Row = dict[str, Any]
 Rows = dict[str, list[Row]]  # by table
 TABLES: Final[tuple[str, ...]] = ("runs", "faults", "alarms", "episodes", "signals")  # columns: table.py
-_WORST: Final = ("violated", "met", "not applicable")
 OUTCOMES: Final = {outcome: outcome.replace(" ", "_") for outcome in get_args(Outcome)}  # and their columns in ``runs``
 
 
@@ -56,18 +54,6 @@ def run_row(number: int, flown: CampaignFlight, scored: Score) -> Row:
         **run_columns(scenario, flown.coils_failed),
         "replies": binned(flown.timing["reply_us"]).tolist() if flown.unit else None,
     }
-
-
-def requirement_row(verdicts: Sequence[RequirementVerdict]) -> Row:
-    """Return the columns of the requirements in ``runs``: the worst verdict and the least margin over all signals."""
-    row: Row = {}
-    for each in verdicts:
-        verdict, margin = f"verdict {each.requirement}", f"margin {each.requirement}"
-        status = row.setdefault(verdict, each.status)
-        row[verdict] = each.status if _WORST.index(each.status) < _WORST.index(status) else status
-        if each.status != "not applicable":
-            row[margin] = min(each.margin, row.get(margin, math.inf))
-    return row
 
 
 def _coverage(scored: Score) -> str:

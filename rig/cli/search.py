@@ -91,17 +91,15 @@ def search(
 def _plan(campaign: str, asked: Any, files: list[str], sets: list[str], allow_code: bool) -> SearchPlan:
     from rig.campaign.config import find, read
     from rig.overrides import named_manager, parse_set
-    from rig.search.objective import VOTE, chosen
+    from rig.search.objective import chosen
     from rig.search.plan import SearchPlan, parse_against
     from rig.util.trust import Trust
 
     given = dict(map(parse_set, sets))
     source, read_from = str(find(campaign)), read(campaign, given)
     named = named_manager([*given.items(), *([] if asked.against is None else [parse_against(asked.against)])])
-    requirements = chosen(asked.requirements, files)
-    plan = SearchPlan(read_from, source, asked, Trust(source, allow_code, named))
-    plan.requirements = (*requirements, VOTE)
-    return plan
+    requirements = chosen(asked.requirements, files, read_from.requirements or [])
+    return SearchPlan(read_from, source, asked, requirements, Trust(source, allow_code, named))
 
 
 def _show(ended: Ended, out: Path) -> None:

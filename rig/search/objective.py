@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Sequence
 from typing import Any, Final, NamedTuple
 
@@ -33,24 +34,29 @@ class Measured(NamedTuple):
         return self.margin + TIE * self.vote
 
 
-def chosen(ids: Sequence[str], files: Sequence[str] = ()) -> tuple[Requirement, ...]:
-    """Return the requirements of these ids, in ``files`` or else in the bundled sets.  BadInput: unknown id."""
+def chosen(ids: Sequence[str], files: Sequence[str] = (), own: Sequence[dict[str, Any]] = ()) -> list[Requirement]:
+    """Return the requirements of these ids: of ``files``, else a campaign's ``own`` before the bundled sets.
+
+    BadInput: unknown id.
+    """
     known = {each.id: each for each in load_requirements(list(files) or [*map(find_requirements, names())])}
+    if not files:
+        known |= {each["id"]: Requirement.model_validate(each) for each in own}
     for name in ids:
         if name not in known:
             raise BadInput(f"--requirement {quoted(name)}: unknown, {choices(name, list(known))}")
-    return tuple(known[name] for name in dict.fromkeys(ids))
+    return [known[name] for name in dict.fromkeys(ids)]
 
 
 def measured(rows: Sequence[dict[str, Any]], ids: Iterable[str]) -> Measured:
     """Return what a draw is worth, by its rows of ``runs``: one, or two with the other setting's behind."""
-    ids = list(ids)
-    margins = [_least(row, ids) for row in rows]
-    violated = [any(row.get(f"verdict {name}") == "violated" for name in ids) for row in rows]
-    votes = [_least(row, [VOTE.id]) for row in rows]
+    ids = set(ids)
+    told = [json.loads(row.get("requirements") or "[]") for row in rows]
+    margins, votes = [_least(each, ids) for each in told], [_least(each, {VOTE.id}) for each in told]
+    violated = [any(one["status"] == "violated" for one in each if one["requirement"] in ids) for each in told]
     return Measured(margins[0] - sum(margins[1:]), votes[0] - sum(votes[1:]), violated[0] and not any(violated[1:]))
 
 
-def _least(row: dict[str, Any], ids: list[str]) -> float:
-    found = [row.get(f"margin {name}") for name in ids]
-    return min((margin for margin in found if margin is not None), default=NONE)
+def _least(told: Sequence[dict[str, Any]], ids: set[str]) -> float:
+    margins = [one["margin"] for one in told if one["requirement"] in ids]
+    return min((margin for margin in margins if margin is not None), default=NONE)

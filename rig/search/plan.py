@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
+from rig.assess.requirements import Requirement
 from rig.campaign.config import Campaign
 from rig.campaign.plan import Plan
 from rig.campaign.searched import types_of
 from rig.errors import BadInput
 from rig.overrides import parse_set
+from rig.search.objective import VOTE
 from rig.search.schedule import Draw, Method, random_count, random_draws
 from rig.search.space import arms
 from rig.util.trust import Trust
@@ -40,9 +43,21 @@ class Asked:
 class SearchPlan(Plan):
     """The runs that are drawn so far: the random ones to begin with."""
 
-    def __init__(self, campaign: Campaign, source: str, asked: Asked, trust: Trust | None = None) -> None:
-        """BadInput: a space without a number, too few flights, a key of ``against`` that varies."""
-        drawn = campaign.model_copy(update={"sampling": "random", "runs": asked.flights, "seed": asked.seed})
+    def __init__(
+        self,
+        campaign: Campaign,
+        source: str,
+        asked: Asked,
+        requirements: Sequence[Requirement],
+        trust: Trust | None = None,
+    ) -> None:
+        """BadInput: a space without a number, too few flights, a key of ``against`` that varies.
+
+        requirements : those that are asked for; VOTE is measured too
+        """
+        tables = [each.model_dump(exclude_none=True) for each in (*requirements, VOTE)]
+        own = {"sampling": "random", "runs": asked.flights, "seed": asked.seed, "requirements": tables}
+        drawn = campaign.model_copy(update=own)
         super().__init__(drawn, source, trust)
         self.asked, self.of_one_draw, self.arms = asked, asked.of_one_draw, arms(campaign, source)
         self._against = {} if asked.against is None else dict([parse_against(asked.against)])
@@ -96,7 +111,6 @@ class ConfirmPlan(Plan):
 
     def __init__(self, search: SearchPlan) -> None:
         super().__init__(search.campaign, search.source, search.trust)
-        self.requirements = search.requirements
         self.choices = []
         made = search.identity()
         self._identity = {**made, SEARCH: {**made[SEARCH], "confirms": True}}

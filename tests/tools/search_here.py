@@ -12,7 +12,7 @@ from typing import Any, Final
 from rig.campaign.config import Campaign, from_what
 from rig.campaign.plan import Run
 from rig.search.bench import trial_row
-from rig.search.objective import VOTE, Measured, chosen, measured
+from rig.search.objective import Measured, chosen, measured
 from rig.search.plan import Asked, SearchPlan
 from rig.search.schedule import Method, schedule
 
@@ -56,9 +56,8 @@ def _case(kind: str, signal: str, faults: int) -> dict[str, Any]:
 
 def plan_of(campaign: Campaign, flights: int, method: Method = "cma", seed: int = 0) -> SearchPlan:
     """Return the plan of a search for a violated vote."""
-    plan = SearchPlan(campaign, campaign.title, Asked((REQUIREMENT,), flights, method, seed=seed, bench=True))
-    plan.requirements = (*chosen([REQUIREMENT]), VOTE)
-    return plan
+    asked = Asked((REQUIREMENT,), flights, method, seed=seed, bench=True)
+    return SearchPlan(campaign, campaign.title, asked, chosen([REQUIREMENT]))
 
 
 def search_here(plan: SearchPlan) -> list[Measured]:

@@ -70,13 +70,14 @@ def check_rows(
     subject: Scenario | Subject,
     requirements: Sequence[Requirement],
     twin: Block | bool | None = None,
+    unit: UnitUnderTest | None = None,
 ) -> tuple[Verdict, ...]:
     """Measure requirements on all rows of a flight, a recording or a bench; return the verdicts.
 
-    subject : the scenario of a flight, or what a recording has; twin : as of ``recorder_of``
+    subject : the scenario of a flight, or what a recording has; twin, unit : as of ``recorder_of``
     """
     if isinstance(subject, Scenario):
-        recorder = recorder_of(subject, requirements, twin)
+        recorder = recorder_of(subject, requirements, twin, unit)
     else:
         recorder = RequirementsRecorder(requirements, subject)
     for part in cuts(len(rows)):
