@@ -9,6 +9,8 @@ from typing import Any, Final
 import tomli_w
 from scipy.stats import beta
 
+from rig.assess.requirements import load_requirements
+from rig.assess.requirements.requirement import names
 from rig.campaign.folder import write_whole
 from rig.search.confirm import SEEDS, Confirmed
 from rig.search.objective import Measured
@@ -56,12 +58,22 @@ def figures(
 
 
 def write_scenario(path: Path, plan: SearchPlan, shrunk: Confirmed) -> None:
-    """Write the scenario of a worst case, with a seed that violates."""
+    """Write the scenario of a worst case, with a seed that violates, and the bundled sets of its requirements."""
     asked = plan.asked
+    requirements = [each for each in plan.requirements if each.id in asked.requirements]
     base = plan.campaign.title or str(shrunk.table.get("title", plan.source))
     violated = f"violated in {shrunk.violations} of {len(shrunk.seeds)} seeds"
     other = "" if asked.against is None else f", and met with {asked.against}"
-    texts = [f"#   {each.id}: {each.formula}" for each in plan.requirements if each.id in asked.requirements]
-    head = "\n".join([f"# Found by rig search, {violated}{other}; requirement:", *texts])
-    title = f"{base}: {', '.join(asked.requirements)} {violated}"
-    write_whole(path, f"{head}\n{tomli_w.dumps({**shrunk.table, 'title': title, 'seed': shrunk.seed})}".encode())
+    texts = [f"#   {each.id}: {' '.join(each.formula.split())}" for each in requirements]
+    head = "\n".join([f"# Found by rig search, {violated}{other}. Requirement:", *texts])
+    table = {**shrunk.table, "title": f"{base}: {', '.join(asked.requirements)} {violated}", "seed": shrunk.seed}
+    sets = [name for name in names() if any(each in requirements for each in load_requirements([name]))]
+    if sets:
+        table["requirements"] = sets
+    write_whole(path, f"{head}\n{tomli_w.dumps(_simple_first(table))}".encode())
+
+
+def _simple_first(table: dict[str, Any]) -> dict[str, Any]:
+    """Return a table with its title first, and all that are tables themselves last."""
+    nested = {key: value for key, value in table.items() if isinstance(value, dict) or key == "faults"}
+    return {"title": table["title"], **{key: value for key, value in table.items() if key not in nested}, **nested}
