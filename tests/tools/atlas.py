@@ -123,7 +123,10 @@ def main() -> None:
             name = " ".join(str(found[key]) for key in ("manager", "aircraft", "signal", "faults"))
             done[name] = found
             given.results.write_text(json.dumps(done, indent=1))
-            print(f"{len(done)}/{len(CELLS)} {name}: {found['margin']:.2f} {found['flown_violated']} of {SEEDS}", flush=True)
+            print(
+                f"{len(done)}/{len(CELLS)} {name}: {found['margin']:.2f} {found['flown_violated']} of {SEEDS}",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":
