@@ -181,10 +181,8 @@ def _compared(case: str, decided: list[str], reference: dict[str, list[str]] | N
 
 def difference(before: list[str], after: list[str]) -> list[str]:
     """Return what is decided no more, ``-``, and what is decided now, ``+``."""
-    return [
-        *(f"- {line}" for line in before if line not in after),
-        *(f"+ {line}" for line in after if line not in before),
-    ]
+    gone, new = ([line for line in one if line not in other] for one, other in ((before, after), (after, before)))
+    return [*(f"- {line}" for line in gone), *(f"+ {line}" for line in new)]
 
 
 def _command(case: Case, names: list[str], unit: Unit | None) -> str:

@@ -112,12 +112,9 @@ class Suite:
         beside = self.path.parent / name
         if is_file(beside):
             return beside
+        find = {"scenario": find_scenario, "campaign": config.find, "log": _find_log}[case.kind]
         try:
-            if case.kind == "log":
-                if not is_file(Path(name)):
-                    raise BadInput(f"{name}: no such log")
-                return Path(name)
-            return find_scenario(name) if case.kind == "scenario" else config.find(name)
+            return find(name)
         except BadInput as error:
             raise BadInput(f"{self.path}: cases: {case.kind}: {error}") from None
 
@@ -134,6 +131,12 @@ class Suite:
     def keep(self, decisions: dict[str, list[str]]) -> None:
         """Write the reference decisions."""
         write_text(self.decisions_file, tomli_w.dumps(decisions))
+
+
+def _find_log(name: str) -> Path:
+    if not is_file(Path(name)):
+        raise BadInput(f"{name}: no such log")
+    return Path(name)
 
 
 def read_suite(name: Path | str) -> Suite:
