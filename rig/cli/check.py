@@ -85,7 +85,7 @@ def _show(suite: Suite, results: list[CaseResult], moved: dict[str, list[str]], 
             line(f"  {name}: {text}")
         rest(len(lines), MOST_LINES, "  and {} more")
     if update:
-        field("reference", f"{suite.decisions_file}: {len(moved)} of {len(results)} cases moved")
+        field("kept", f"{suite.decisions_file}: {len(moved)} of {len(results)} cases moved")
     counts = {
         result: sum(one.result == result for one in tests) for result in dict.fromkeys(one.result for one in tests)
     }

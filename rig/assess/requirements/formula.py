@@ -122,6 +122,13 @@ def reach(node: Node) -> tuple[float, float]:
     return back_s, ahead_s + (node.window[1] if node.op in _WINDOWS else 0.0)
 
 
+def body(node: Node) -> Node:
+    """Return what a formula says of each frame: without the windows around it."""
+    while node.op in (Op.ALWAYS, Op.EVENTUALLY):
+        node = node.parts[0]
+    return node
+
+
 @dataclass(frozen=True, slots=True)
 class Name:
     """The parts of a quantity's name: ``twin.failed.X.N`` is family failed, of X, channel N of the twin."""
