@@ -85,6 +85,7 @@ def score(
 def report(
     log: LogFile,
     out: Annotated[Path | None, Option(metavar="FILE", help="The file to write.", show_default="<log>.html")] = None,
+    requirements: Requirements = None,
     as_json: Json = False,
 ) -> None:
     """Write one HTML file of one flight, which opens offline and prints: what happened, when and why."""
@@ -94,7 +95,7 @@ def report(
     require_apart({"--out": target}, [log])
     require_page("--out", out)
     with working("reading the log", not as_json):
-        facts = write(log, target)
+        facts = write(log, target, requirements or ())
 
     def text() -> None:
         conclusion(facts["conclusion"])

@@ -15,14 +15,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rig.assess.requirements.along import MeasuredConclusion, measure_scored, plain, violated
+    from rig.assess.requirements.along import MeasuredConclusion, events, measure_scored, plain, violated
     from rig.assess.requirements.measure import check_log, check_rows, fly_requirements, names_twin, recorder_of
     from rig.assess.requirements.recorder import RequirementsRecorder, Verdict
     from rig.assess.requirements.requirement import Requirement, find_requirements, load_requirements
     from rig.assess.requirements.subject import Subject, of_flight, of_recording
 
 _HOME = {
-    **dict.fromkeys(("MeasuredConclusion", "measure_scored", "plain", "violated"), "along"),
+    **dict.fromkeys(("MeasuredConclusion", "events", "measure_scored", "plain", "violated"), "along"),
     **dict.fromkeys(("check_log", "check_rows", "fly_requirements", "names_twin", "recorder_of"), "measure"),
     **dict.fromkeys(("RequirementsRecorder", "Verdict"), "recorder"),
     **dict.fromkeys(("Requirement", "find_requirements", "load_requirements"), "requirement"),
@@ -36,6 +36,7 @@ __all__ = [
     "Verdict",
     "check_log",
     "check_rows",
+    "events",
     "find_requirements",
     "fly_requirements",
     "load_requirements",

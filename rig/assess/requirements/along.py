@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from numpy.typing import NDArray
 
@@ -15,8 +15,12 @@ from rig.assess.requirements.recorder import RequirementsRecorder, Verdict
 from rig.assess.requirements.requirement import Requirement, load_requirements
 from rig.errors import BadInput
 from rig.frame import Block, LaneBlock
+from rig.record.event import Event
 from rig.scenario import Scenario
 from rig.unit.unit import UnitUnderTest
+from rig.units.quantities import quantity
+
+VIOLATED: Final = "requirement violated"  # name of an event
 
 
 class MeasuredConclusion(FlightConclusion):
@@ -91,6 +95,16 @@ def measure_scored(
 def violated(verdicts: Sequence[Verdict]) -> list[Verdict]:
     """Return the verdicts that are violated, the least margin first."""
     return sorted((one for one in verdicts if one.status == "violated"), key=lambda one: one.margin)
+
+
+def events(verdicts: Sequence[Verdict], rate_hz: float) -> list[Event]:
+    """Return an event where each violated verdict is decided, in order of time."""
+    found = []
+    for one in violated(verdicts):
+        there = ", ".join(f"{name} {quantity(value, unit)}" for name, (value, unit) in one.values.items())
+        text = f"{f'{one.requirement} {one.signal}'.rstrip()}: margin {one.margin:.3g}; {there}"
+        found.append(Event(round(one.instant_s * rate_hz), "error", VIOLATED, text))
+    return sorted(found, key=lambda event: event.frame)
 
 
 def plain(verdict: Verdict) -> dict[str, Any]:

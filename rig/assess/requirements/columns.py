@@ -51,8 +51,9 @@ class Columns:
                 return _of_field("channels", channels)
             case "flight" | "surface":
                 return _of_field(family, [q.element for q in of])
-            case "error":
-                voted, truth = _of_field("voted", places), _of_field("truth", places)
+            case "error" | "channel error":
+                voted = _of_field("voted", places) if family == "error" else _of_field("channels", channels)
+                truth = _of_field("truth", places)
                 wraps = np.array([each.wraps for each in watched])
                 return lambda rows: differences(voted(rows).T, truth(rows).T, wraps).T
             case "threshold":

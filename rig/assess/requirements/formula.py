@@ -18,6 +18,7 @@ LONGEST_S: Final = 60.0
 LONGEST: Final = 8_000  # characters
 OF_SIGNALS: Final = ("truth", "true", "voted", "reference", "error", "threshold", "level")  # NAME.X
 OF_CHANNELS: Final = ("channel", "count", "failed", "healthy")  # NAME.X.N
+CHANNEL_ERROR: Final = "channel error"  # error.X.N
 YES_NO: Final = ("failed", "healthy", "lost", "unit.late")
 OTHERS: Final = ("departure", "lost", "unit.late")
 TWIN: Final = "twin."
@@ -121,6 +122,13 @@ def reach(node: Node) -> tuple[float, float]:
     return back_s, ahead_s + (node.window[1] if node.op in _WINDOWS else 0.0)
 
 
+def body(node: Node) -> Node:
+    """Return what a formula says of each frame: without the windows around it."""
+    while node.op in (Op.ALWAYS, Op.EVENTUALLY):
+        node = node.parts[0]
+    return node
+
+
 @dataclass(frozen=True, slots=True)
 class Name:
     """The parts of a quantity's name: ``twin.failed.X.N`` is family failed, of X, channel N of the twin."""
@@ -140,9 +148,11 @@ def split(name: str) -> Name | None:
         return Name(inner, twin=twin)
     if inner in FLIGHT_INDEX:
         return Name("flight", inner, twin=twin)
+    of, _, channel = rest.rpartition(".")
     if family in OF_CHANNELS:
-        of, _, channel = rest.rpartition(".")
         return Name(family, of, int(channel), twin) if of and channel.isdigit() else None
+    if family == "error" and of and channel.isdigit():
+        return Name(CHANNEL_ERROR, of, int(channel), twin)
     if (family not in OF_SIGNALS and family != "surface") or not rest:
         return None
     if family in ("truth", "true") and rest in FLIGHT_INDEX:
@@ -165,7 +175,14 @@ def _is_signal(name: Name) -> bool:
 def unknown_family(name: str) -> str:
     """Return what to say of a name that is no quantity whatever the signals are."""
     forms = [*(f"{family}.<signal>" for family in OF_SIGNALS), *(f"{family}.<signal>.<N>" for family in OF_CHANNELS)]
-    known = [*forms, *OTHERS, "surface.<name>", "twin.<quantity>", *(f"truth.{name}" for name in FLIGHT_INDEX)]
+    known = [
+        *forms,
+        "error.<signal>.<N>",
+        *OTHERS,
+        "surface.<name>",
+        "twin.<quantity>",
+        *(f"truth.{name}" for name in FLIGHT_INDEX),
+    ]
     return f"unknown quantity {quoted(name)}, {choices(name, known, 'docs/margins.md')}"
 
 

@@ -31,10 +31,12 @@ def recorder_of(
     requirements: Sequence[Requirement],
     twin: Iterator[Block] | Block | bool | None = None,
     unit: UnitUnderTest | None = None,
+    lines: bool = False,
 ) -> RequirementsRecorder:
     """Return what measures requirements on a flight of ``scenario``.
 
     twin : its rows, in blocks or whole; True or None: flown where a formula names it; False: there is none
+    lines : as of RequirementsRecorder
     """
     blocks: Iterator[Block] | None = None
     if isinstance(twin, bool) or twin is None:
@@ -42,7 +44,7 @@ def recorder_of(
             blocks = _late(scenario, unit)
     else:
         blocks = twin if isinstance(twin, Iterator) else (twin[part] for part in cuts(len(twin)))
-    return RequirementsRecorder(requirements, of_flight(scenario), blocks)
+    return RequirementsRecorder(requirements, of_flight(scenario), blocks, lines)
 
 
 def _late(scenario: Scenario, unit: UnitUnderTest | None) -> Iterator[Block]:

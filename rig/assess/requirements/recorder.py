@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.assess.requirements.columns import Columns, TwinColumns, acting_bits
-from rig.assess.requirements.formula import CHANNEL, SIGNAL, Formula, read_formula
+from rig.assess.requirements.formula import CHANNEL, SIGNAL, Formula, body, read_formula
 from rig.assess.requirements.margins import Held, decisive, frames_reach, refuse_empty_windows, values
 from rig.assess.requirements.requirement import Requirement
 from rig.assess.requirements.subject import Quantity, Subject, holds, lookup, unknown_of
@@ -54,6 +54,8 @@ class Measured:
     least: tuple[float, float] = (np.inf, 1.0)  # margin and verdict
     instant: int = -1
     numbers: list[float] = field(default_factory=list)
+    drawn: int = 0  # frames whose margins are in ``line``
+    line: list[NDArray[np.float64]] = field(default_factory=list)
 
     def held(self, columns: NDArray[np.float64], first: int, rate_hz: float, end: tuple[int | None, bool]) -> Held:
         """Return the columns as this formula reads them."""
@@ -64,12 +66,18 @@ class RequirementsRecorder:
     """Measures requirements on rows that are given block after block: a recorder of ``rig.loop.fly``."""
 
     def __init__(
-        self, requirements: Sequence[Requirement], subject: Subject, twin: Iterator[Block] | None = None
+        self,
+        requirements: Sequence[Requirement],
+        subject: Subject,
+        twin: Iterator[Block] | None = None,
+        lines: bool = False,
     ) -> None:
         """BadInput: a requirement asks for what the subject does not have.
 
         twin : the rows of the same flight without faults; required where a formula names ``twin.``
+        lines : keep the margin of each frame too, 8 bytes for each formula
         """
+        self._lines = lines
         self.subject, quantities = subject, dict[str, Quantity]()
         self.requirements = tuple(requirements)
         self.measured = [one for each in requirements for one in _bind(each, subject, quantities)]
@@ -107,13 +115,15 @@ class RequirementsRecorder:
         self._lost = bool(rows["end"][-1] != End.FLYING)
         for one in self.measured:
             self._measure(one, [k for k in one.pending if k + one.ahead < self._end], (None, False))
-        needed = min(min(one.pending, default=self._end) - one.back for one in self.measured)
+            self._draw(one, None, False)
+        needed = min(min([*one.pending, self._needed(one)]) - one.back for one in self.measured)
         self._start, self._first = self._start + max(needed - self._first, 0), max(self._first, needed)
 
     def finish(self) -> tuple[Verdict, ...]:
         """Return the verdicts: the flight is over, whatever windows reach beyond its end."""
         for one in self.measured:
             self._measure(one, list(one.pending), (self._end, self._lost))
+            self._draw(one, self._end, self._lost)
         least: dict[tuple[str, str], Measured] = {}  # of the channels
         for one in self.measured:
             key = one.requirement.id, one.signal
@@ -147,6 +157,30 @@ class RequirementsRecorder:
             if not np.isnan(margin) and (margin, verdict) < one.least:
                 one.least, one.instant = (float(margin), float(verdict)), decisive(one.formula.root, k, held)
                 one.numbers = columns[one.places, one.instant - self._first].tolist()
+
+    def _needed(self, one: Measured) -> int:
+        return one.drawn if self._lines else self._end
+
+    def _draw(self, one: Measured, frames: int | None, lost: bool) -> None:
+        """Add the margins of the frames that can be told: of what the formula says of each frame."""
+        node = body(one.formula.root)
+        end = self._end if frames is not None else self._end - frames_reach(node, self.subject.rate_hz)[1]
+        if self._lines and end > one.drawn:
+            columns = self._memory[:, self._start : self._start + self._end - self._first]
+            held = one.held(columns, self._first, self.subject.rate_hz, (frames, lost))
+            one.line.append(values(node, one.drawn, end - 1, held)[1])
+            one.drawn = end
+
+    def lines(self) -> dict[tuple[str, str], NDArray[np.float64]]:
+        """Return the margins (n,) of each frame by requirement and signal, once finished; of channels the least.
+
+        They are of what a formula says of each frame, without the windows around it; NaN where nothing was flown.
+        """
+        found: dict[tuple[str, str], NDArray[np.float64]] = {}
+        for one in self.measured:
+            key, line = (one.requirement.id, one.signal), np.concatenate([np.empty(0), *one.line])
+            found[key] = np.fmin(found[key], line) if key in found else line
+        return found
 
     def _verdict(self, one: Measured) -> Verdict:
         """Return what became of a formula."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
 from rig.assess.monitored import channels_of, of_scenario
-from rig.assess.requirements.formula import OF_CHANNELS, YES_NO, Name, split, unknown_family
+from rig.assess.requirements.formula import CHANNEL_ERROR, OF_CHANNELS, YES_NO, Name, split, unknown_family
 from rig.faults.places import SURFACE_NAMES
 from rig.frame import CHANNELS, DISCRETES, FLIGHT_INDEX, SIGNALS
 from rig.plant.airframe import Limits
@@ -16,8 +16,11 @@ from rig.text import choices, quoted
 from rig.units.quantities import unit_of_name
 
 OF_RECORDINGS: Final = frozenset(("voted", "channel", "reference", "threshold", "level", "count", "failed"))
-WITH_TRUTH: Final = frozenset((*OF_RECORDINGS, "truth", "error"))
+WITH_TRUTH: Final = frozenset((*OF_RECORDINGS, "truth", "error", CHANNEL_ERROR))
 EVERYTHING: Final = frozenset((*WITH_TRUTH, "healthy", "surface", "flight", "departure", "lost", "unit.late"))
+
+_SAMPLED: Final = ("channel", CHANNEL_ERROR)
+_NOT_OF_DISCRETES: Final = ("reference", "error", "threshold", *_SAMPLED)
 
 
 class Watched(NamedTuple):
@@ -60,7 +63,7 @@ class Quantity(NamedTuple):
     def measured(self) -> bool:
         """Whether its unit is that of its signal."""
         return self.signal >= 0 and self.parts.family in (
-            *("truth", "voted", "reference", "error", "threshold", "channel"),
+            *("truth", "voted", "reference", "error", CHANNEL_ERROR, "threshold", "channel"),
         )
 
 
@@ -120,10 +123,10 @@ def _of_signal(name: str, parts: Name, subject: Subject) -> Quantity | None:
         if parts.of not in places:
             continue
         watched = listed[places[parts.of]]
-        if field_name == "discrete" and parts.family in ("reference", "error", "threshold", "channel"):
+        if field_name == "discrete" and parts.family in _NOT_OF_DISCRETES:
             return None
-        most = watched.channels if parts.family == "channel" else CHANNELS
-        if parts.family in OF_CHANNELS and not 1 <= parts.channel <= most:
+        most = watched.channels if parts.family in _SAMPLED else CHANNELS
+        if parts.family in (*OF_CHANNELS, CHANNEL_ERROR) and not 1 <= parts.channel <= most:
             return None
         unit = "" if parts.family in ("level", "count", "failed", "healthy") else watched.unit
         made: dict[str, Any] = {field_name: places[parts.of]}
@@ -149,8 +152,8 @@ def unknown_of(name: str, subject: Subject) -> str:
     if parts.family == "surface":
         return f"unknown surface {quoted(parts.of)}, {choices(parts.of, SURFACE_NAMES)}"
     listed = {watched.name: watched for watched in (*subject.signals, *subject.discretes)}
-    if parts.of in listed and parts.family in OF_CHANNELS:
-        fitted = listed[parts.of].channels if parts.family == "channel" else CHANNELS
+    if parts.of in listed and parts.family in (*OF_CHANNELS, CHANNEL_ERROR):
+        fitted = listed[parts.of].channels if parts.family in _SAMPLED else CHANNELS
         return f"{quoted(name)}: {parts.of} has channels 1 to {fitted}"
     if parts.of in listed:
         return f"{quoted(name)}: a discrete has no {parts.family}"
