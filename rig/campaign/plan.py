@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rig import aircraft
+from rig.assess.requirements import Requirement, recorder_of
 from rig.campaign.config import Campaign, Levels
 from rig.campaign.sampling import Choice, choices, seed_of
 from rig.errors import BadInput
@@ -23,7 +24,7 @@ CHECKED: Final = 5_000  # runs whose scenario is built before the first flight; 
 # What looks at flights, or hands them out, decides nothing in them.
 ROOMS = ("bench", "campaign", "cli", "design", "public", "recordings", "reliability", "replay", "studies", "view")
 BESIDE = (*ROOMS, "league", "flight/frame_cost.py", "__main__.py", "faults/catalogue.py")
-FLIES = ("campaign/flying.py", "campaign/rows.py", "campaign/worker.py")
+FLIES = ("campaign/flying.py", "campaign/requirements.py", "campaign/rows.py", "campaign/worker.py")
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +74,12 @@ class Plan:
     def __len__(self) -> int:
         return len(self.choices)
 
+    @cached_property
+    def requirements(self) -> tuple[Requirement, ...]:
+        """Return what every run is measured by.  BadInput: a folder's that is no requirement any more."""
+        given = self.campaign.requirements or []
+        return tuple(build(Requirement, each, f"{self.source}: requirements") for each in given)
+
     def count(self, runs: int | None) -> int:
         """Return how many runs ``--runs`` asks for; BadInput when the plan has not so many."""
         count = len(self) if runs is None else runs
@@ -115,6 +122,11 @@ class Plan:
             reason = str(error).removeprefix(f"run {run.number}: ")
             raise BadInput(f"{self.source}: run {run.number}: {reason}") from None
         self.trust.require(scenario.redundancy.manager)
+        if self.requirements and run.number in self._combinations:
+            try:
+                recorder_of(scenario, self.requirements, iter(()))
+            except BadInput as error:
+                raise BadInput(f"{self.source}: run {run.number}: {error}") from None
 
     def identity(self) -> dict[str, Any]:
         """Return all that decides the table: the campaign, and the tables of every aircraft in it."""

@@ -123,6 +123,7 @@ def run(
             rig=rig_identity(),
             unit=unit,
             unit_sha256="" if unit is None else unit.sha256(),
+            requirements=plan.requirements,
         )
         with folder.held(), interruptible(again=True) as stop:
             done = folder.done()

@@ -18,6 +18,7 @@ from typer.core import TyperArgument, TyperOption
 from rig.cli.aircraft import aircraft_app
 from rig.cli.campaign import app as campaign_app
 from rig.cli.catalogue import faults_app, scenario_app, signals
+from rig.cli.check import check
 from rig.cli.common import GROUP
 from rig.cli.fly import bench, fly
 from rig.cli.league import league
@@ -51,7 +52,7 @@ _COMMANDS: Final = {
     SCORE: (score, replay, diff),
     RECORDED: (vote, thresholds, export, recover),
     REFERENCE: (signals, bench),
-    MANY: (league,),
+    MANY: (check, league),
 }
 _UsageError: Any = typer.BadParameter.__mro__[1]  # click's own; where click is, differs between versions of typer
 
