@@ -11,7 +11,7 @@ import numpy as np
 from rig.assess.record import FaultScore, Isolation
 from rig.assess.words import IsolationKind, fault_word
 from rig.faults import Fault
-from rig.faults.places import OF_LANES, lanes_of, site
+from rig.faults.places import OF_LANES, lanes_of, senders, site
 from rig.frame import COMPUTERS, LaneBlock, has_part
 from rig.record.computers import ComputerFinder, test_name
 from rig.scenario import Scenario
@@ -24,12 +24,7 @@ def columns_of(fault: Fault) -> int:
     """Return the channels, bits, that a fault of a computer or of a link takes away from all signals for the others."""
     if fault.kind != "computer_stop" and site(fault.signal) != "ccdl":
         return 0
-    return sum(1 << lane for lane in _senders(fault.signal))
-
-
-def _senders(place: str) -> list[int]:
-    """Return the lanes whose words a fault there changes: of a link the one that sends."""
-    return lanes_of(place)[:1] if site(place) == "ccdl" else lanes_of(place)
+    return sum(1 << lane for lane in senders(fault.signal))
 
 
 class LaneOutcome:
@@ -71,7 +66,7 @@ class LaneOutcome:
 
     def _found(self, place: str, onset: int) -> Iterator[tuple[int, str]]:
         """Yield (frame, by whom) of all that speaks against a place from ``onset`` on."""
-        suspects = _senders(place)
+        suspects = senders(place)
         receivers = lanes_of(place)[1:] or [*range(len(COMPUTERS))]
         for failure in self._finder.failures:
             if failure.lane in suspects and failure.frame >= onset:
@@ -90,7 +85,7 @@ class LaneOutcome:
 
         faults : of the score, whose onsets are known;  of : those of the scenario
         """
-        begun = [(one.onset_frame, _senders(of[one.index].signal)) for one in faults if _on_lanes(of[one.index])]
+        begun = [(one.onset_frame, senders(of[one.index].signal)) for one in faults if _on_lanes(of[one.index])]
         wrong = []
         for failure in self._finder.failures:
             before = [lanes for onset, lanes in begun if onset is not None and onset <= failure.frame]

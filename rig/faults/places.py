@@ -133,6 +133,11 @@ def lanes_of(place: str) -> list[int]:
     return [*LINKS[at]] if at < len(LINKS) else [at - len(LINKS)]
 
 
+def senders(place: str) -> list[int]:
+    """Return the lanes whose words a fault on a place of the lanes changes: of a link the one that sends."""
+    return lanes_of(place)[:1] if site(place) == "ccdl" else lanes_of(place)
+
+
 def needed_lanes(place: str) -> list[int]:
     """Return those of them that must be there: of a link both ends, of what several lanes share the first."""
     return lanes_of(place)[:1] if place in ("computer.all", *FLIGHT.names["bus"]) else lanes_of(place)

@@ -62,7 +62,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class LaneColumn(Column):
-    """One number of the rows of servos and computers; its owner: like ``actuator.elevator``, ``computer.A`` or ``ccdl``."""
+    """One number of the rows of servos and computers; owners: ``actuator.elevator``, ``computer.A``, ``ccdl`` ...."""
 
     part: LanePart
 

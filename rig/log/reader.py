@@ -78,7 +78,7 @@ class Log:
     metadata: dict[str, str]
     result: dict[str, str] | None  # None when the flight was not ended by the loop
     attachments: dict[str, bytes]
-    # (n,): ``actuator`` (3,) of servos; ``computer`` (4,) and ``link`` (4, 4), receiver by sender, of several computers.
+    # (n,): ``actuator`` (3,) of servos; ``computer`` (4,) and ``link`` (4, 4), receiver by sender, of computers.
     lanes: LaneBlock | None = None
 
     @classmethod

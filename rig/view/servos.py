@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 from rig.frame import CHANNELS, LANE_FIELDS, MOVED, ActuatorMonitor, LaneBlock
 from rig.frame.fields import Field, elements
 from rig.units.quantities import scale_shown
+from rig.view.beside import Beside, Entity
 from rig.view.charts import spanned
-from rig.view.lanes import Changes, Lane, changed
+from rig.view.lanes import Lane
 from rig.view.style import (
     ALL_FAILED,
     CHANNEL_COLORS,
+    CHANNEL_NAMES,
     FAILED,
     PALETTE,
     QUIET,
@@ -66,7 +68,8 @@ PLOTS: Final = (
 )
 PRESSURE: Final = Plot("pressure: 1 sky blue, 2 green", ("pressure",), (-0.1, 1.1))
 LEGEND: Final = "/legend/servos"
-LEGEND_LINES: Final = (  # beside the channels
+LEGEND_LINES: Final = (
+    *CHANNEL_NAMES,
     ("ram, spool", VOTED),
     ("asked", REFERENCE),
     ("models: darker", shade(VOTED, 1)),
@@ -122,11 +125,10 @@ def of_surface(surface: str) -> list[Lane]:
 LANES: Final = tuple(lane for surface in MOVED for lane in of_surface(surface))
 
 
-def changes(servos: LaneBlock, before: LaneBlock | None) -> Iterator[Changes]:
-    """Yield the changes in ``servos`` of any lane, after the row ``before`` (1,); None: all lanes begin here."""
-    for lane in LANES:
-        last = None if before is None else _codes(before, lane)
-        yield from changed(lane.path, lane.states, _codes(servos, lane), last)
+def entities(servos: LaneBlock) -> Iterator[Entity]:
+    """Yield what is drawn of each surface."""
+    for i, surface in enumerate(MOVED):
+        yield Entity(topic(surface), VALUES, values(servos, i), MESSAGE, columns(servos, i))
 
 
 def _codes(servos: LaneBlock, lane: Lane) -> NDArray[Any]:
@@ -136,3 +138,6 @@ def _codes(servos: LaneBlock, lane: Lane) -> NDArray[Any]:
         return rows[lane.field][(slice(None), *lane.at)]
     held = (rows["failed_by"][:, lane.at[0]] == ActuatorMonitor.NONE).sum(axis=1)
     return np.where(rows["bypassed"][:, lane.at[0]] != 0, _BYPASSED, held)
+
+
+SHOWN: Final = Beside("actuator", LEGEND, LEGEND_LINES, LANES, _codes, entities)
