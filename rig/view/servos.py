@@ -43,7 +43,8 @@ _BYPASSED: Final = CHANNELS + 1
 _MONITORS: Final[Looks] = {
     monitor.name: (f"shut off by {monitor.name.lower()}", FAILED) if monitor else ("engaged", QUIET)
     for monitor in ActuatorMonitor
-}
+} | {"WITH_COMPUTER": ("shut off with its computer", FAILED)}
+_WITH_COMPUTER: Final = 1 + max(ActuatorMonitor)
 _HELD: Final[Looks] = {
     "HELD_0": ("no channel", ALL_FAILED),
     "HELD_1": ("1 channel", STATE_LOOKS["SUSPECT"][1]),
@@ -117,7 +118,7 @@ def columns(servos: LaneBlock, i: int) -> Iterator[tuple[str, Field, NDArray[Any
 def of_surface(surface: str) -> list[Lane]:
     """Return the lanes of a surface: its channels, and how many of them move it."""
     i = MOVED.index(surface)
-    monitors = {int(monitor): monitor.name for monitor in ActuatorMonitor}
+    monitors = {int(monitor): monitor.name for monitor in ActuatorMonitor} | {_WITH_COMPUTER: "WITH_COMPUTER"}
     channels = [Lane(f"/{surface}/channel_{c + 1}", "failed_by", (i, c), monitors, _MONITORS) for c in range(CHANNELS)]
     return [*channels, Lane(f"/{surface}/moved_by", "", (i,), dict(enumerate(_HELD)), _HELD)]
 
@@ -133,11 +134,13 @@ def entities(servos: LaneBlock) -> Iterator[Entity]:
 
 def _codes(servos: LaneBlock, lane: Lane) -> NDArray[Any]:
     """Return what a lane shows in each row."""
-    rows = servos["actuator"]
+    rows = servos["actuator"][:, lane.at[0]]
+    by, shut = rows["failed_by"], rows["valve"] != 0
     if lane.field:
-        return rows[lane.field][(slice(None), *lane.at)]
-    held = (rows["failed_by"][:, lane.at[0]] == ActuatorMonitor.NONE).sum(axis=1)
-    return np.where(rows["bypassed"][:, lane.at[0]] != 0, _BYPASSED, held)
+        c = lane.at[1]
+        return np.where(shut[:, c] & (by[:, c] == ActuatorMonitor.NONE), _WITH_COMPUTER, by[:, c])
+    held = ((by == ActuatorMonitor.NONE) & ~shut).sum(axis=1)
+    return np.where(rows["bypassed"] != 0, _BYPASSED, held)
 
 
 SHOWN: Final = Beside("actuator", LEGEND, LEGEND_LINES, LANES, _codes, entities)
