@@ -95,10 +95,7 @@ def _command(name: str, lanes: Any, s: int, states: list[State], leads: int) -> 
     return [
         cells.name(f"{name.removesuffix('_rad')} command"),
         unit_shown(unit),
-        *(
-            cells.channel(lane["surface"][s] * scale, state, cells.number)
-            for lane, state in zip(lanes, states, strict=True)
-        ),
+        *(cells.channel(lane["surface"][s] * scale, state, cells.number) for lane, state in each),
         Text("" if leads == _NOBODY else cells.number(whose["output"][s] * scale)),
         _engaged(states),
         Text(pattern.label if leads != _NOBODY else "", style="dim" if quiet else "bold yellow"),
