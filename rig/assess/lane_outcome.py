@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from rig.assess.record import FaultScore, Isolation
+from rig.assess.record import ComputersScore, FaultScore, Isolation, LaneFailed
 from rig.assess.words import IsolationKind, fault_word
 from rig.faults import Fault
 from rig.faults.places import OF_LANES, lanes_of, senders, site
@@ -45,6 +45,19 @@ class LaneOutcome:
         for i, j in zip(*np.nonzero(outvoted.any(axis=0)), strict=True):
             first = int(lanes["frame"][outvoted[:, i, j].argmax()])
             self._outvoted.setdefault((int(i), int(j)), []).append(first)
+
+    def score(self) -> ComputersScore | None:
+        """Return what became of computers and links; None: their rows were not seen."""
+        if not self._seen:
+            return None
+        finder, links = self._finder, dict[str, int]()
+        for link in finder.links:
+            links.setdefault(f"{COMPUTERS[link.sender]}-{COMPUTERS[link.receiver]}", link.frame)
+        failures = [
+            LaneFailed(COMPUTERS[one.lane], one.frame, test_name(one.test), tuple(COMPUTERS[i] for i in one.accusers))
+            for one in finder.failures
+        ]
+        return ComputersScore(failures, links, *(finder.backup or (None, "")))
 
     def completed(self, fault: FaultScore) -> FaultScore:
         """Return what became of a fault: as it is, unless it sits on a computer or a link and its rows were seen."""

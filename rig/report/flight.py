@@ -214,6 +214,7 @@ def _tables(scored: Scored, rate_hz: float) -> list[tuple[str, Sequence[str], li
     found = [
         ("Faults", cells.FAULTS, [cells.fault_row(fault, scored.scenario) for fault in score.faults]),
         ("Channels of actuators", cells.ACTUATORS, cells.actuator_rows(score, rate_hz)),
+        ("Computers and links", cells.COMPUTERS, cells.computer_rows(score, rate_hz)),
         ("Healthy channels that were failed", cells.ISOLATIONS, cells.isolation_rows(score, rate_hz)),
         ("Patterns without a majority", cells.RESOLVERS, cells.resolver_rows(score)),
         ("Votes", cells.VOTES, cells.vote_rows(score, rate_hz)),
